@@ -1,0 +1,1 @@
+//! What cell software links: send commanded joint targets, take corrected ones.

@@ -1,0 +1,1 @@
+//! One cycle without I/O: predict, solve, bound, judge health.

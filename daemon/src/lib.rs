@@ -1,0 +1,1 @@
+//! Threads, shared memory, time, health, reload and black box of trued run.

@@ -1,0 +1,1 @@
+//! Files in and out: models, recordings, mappings, cell configuration, the black box.

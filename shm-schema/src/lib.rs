@@ -1,0 +1,1 @@
+//! The bytes that both sides share, their versions and their service names.

@@ -1,0 +1,1 @@
+//! Windows, transforms, floors, peaks and verdicts on vibration.

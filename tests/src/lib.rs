@@ -1,0 +1,1 @@
+//! A simulated cell around a real daemon.

@@ -1,0 +1,1 @@
+//! The robot, the instrument and the cutter, run forward: deterministic by seed.
