@@ -62,12 +62,7 @@ impl Place {
         let start = floor_boundary(kept, span.start);
         let end = floor_boundary(kept, span.end).max(start);
         let column = text.get(..floor_boundary(text, span.start)).unwrap_or_default();
-        Self {
-            line,
-            column: column.chars().count() + 1,
-            text: kept.to_owned(),
-            span: start..end,
-        }
+        Self { line, column: column.chars().count() + 1, text: kept.to_owned(), span: start..end }
     }
 }
 
@@ -164,8 +159,13 @@ impl Faults {
 
     /// Adds a fault; beyond [`FAULTS_MAX`] it is only counted.
     pub fn push(&mut self, fault: Fault) {
+        self.push_with(|| fault);
+    }
+
+    /// Adds a fault that is costly to describe; beyond [`FAULTS_MAX`] it is only counted.
+    pub fn push_with(&mut self, fault: impl FnOnce() -> Fault) {
         if self.list.len() < FAULTS_MAX {
-            self.list.push(fault);
+            self.list.push(fault());
         } else {
             self.left_out += 1;
         }

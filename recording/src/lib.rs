@@ -6,5 +6,7 @@
 
 pub mod faults;
 pub mod files;
+pub mod mapping;
+pub mod series;
 pub mod unit;
 mod walk;

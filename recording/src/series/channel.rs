@@ -147,15 +147,16 @@ impl Channel {
     #[must_use]
     pub fn unit_in(self, units: FileUnits, motion: Motion) -> Option<Unit> {
         let length = if units.millimetres { "mm" } else { "m" };
-        let name = match (self, motion) {
-            (Self::Command(_) | Self::Motor(_) | Self::Link(_), Motion::Turns) => {
-                if units.degrees { "deg" } else { "rad" }
-            }
-            (Self::Command(_) | Self::Motor(_) | Self::Link(_), Motion::Slides) => length,
-            (Self::Position(_) | Self::Target(..), _) => length,
-            (Self::Torque(_), Motion::Slides) => "N",
-            _ => self.units().first()?,
-        };
+        let name =
+            match (self, motion) {
+                (Self::Command(_) | Self::Motor(_) | Self::Link(_), Motion::Turns) => {
+                    if units.degrees { "deg" } else { "rad" }
+                }
+                (Self::Command(_) | Self::Motor(_) | Self::Link(_), Motion::Slides) => length,
+                (Self::Position(_) | Self::Target(..), _) => length,
+                (Self::Torque(_), Motion::Slides) => "N",
+                _ => self.units().first()?,
+            };
         Unit::named(name)
     }
 

@@ -7,20 +7,20 @@
 mod about;
 mod build;
 mod channel;
-mod csv;
 mod table;
 #[cfg(test)]
 mod tests;
+mod text;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub use about::{About, Approach, Cut, Frame, Heldout, Input, Kind};
-pub use channel::{Channel, FileUnits, JOINTS_MAX, Motion, TARGETS_MAX};
-pub use csv::{read, read_text, write};
 pub(crate) use build::Builder;
 pub(crate) use channel::Column;
+pub use channel::{Channel, FileUnits, JOINTS_MAX, Motion, TARGETS_MAX};
 pub(crate) use table::{Dialect, RawTable};
+pub use text::{read, read_text, write};
 
 use crate::faults::{Fault, Faults};
 

@@ -30,7 +30,7 @@ pub(crate) struct RawTable<'s> {
     separator: u8,
     decimal_comma: bool,
     header_line: usize,
-    skipped: usize,
+    body_start: usize,
 }
 
 impl<'s> RawTable<'s> {
@@ -51,7 +51,7 @@ impl<'s> RawTable<'s> {
             separator,
             decimal_comma: dialect.decimal_comma.unwrap_or(separator == b';'),
             header_line: 0,
-            skipped: dialect.skip_lines,
+            body_start,
         };
         if dialect.separator.is_none() && separator != b',' {
             let name = if separator == b';' { "semicolons" } else { "tabulators" };
@@ -112,18 +112,16 @@ impl<'s> RawTable<'s> {
         }
     }
 
-    fn judge_lengths(&mut self, faults: &mut Faults) {
+    fn judge_lengths(&self, faults: &mut Faults) {
         let width = self.header.len();
-        let mut wrong = Vec::new();
-        for row in &self.rows {
-            if row.len() != width {
-                let fault = Fault::new("", format!("this row has {} fields", row.len()));
-                wrong.push((self.line_of(row), fault.expected(format!("{width}, as the header"))));
-            }
-        }
-        for (line, fault) in wrong {
-            let text = self.line_text(line);
-            faults.push(fault.at(Place::in_line(line, text, &(0..text.len()))));
+        for row in self.rows.iter().filter(|row| row.len() != width) {
+            faults.push_with(|| {
+                let line = self.line_of(row);
+                let text = self.line_text(line);
+                Fault::new("", format!("this row has {} fields", row.len()))
+                    .expected(format!("{width}, as the header"))
+                    .at(Place::in_line(line, text, &(0..text.len())))
+            });
         }
     }
 
@@ -160,9 +158,14 @@ impl<'s> RawTable<'s> {
         fault.at(Place::in_line(self.header_line, text, &self.field_span(text, column)))
     }
 
+    /// Line of a record, from 1. Counted here: the reader's own count is one behind after CRLF.
     fn line_of(&self, record: &StringRecord) -> usize {
-        let line = record.position().map_or(0, csv::Position::line);
-        usize::try_from(line).unwrap_or(usize::MAX).saturating_add(self.skipped)
+        let byte = record.position().map_or(0, csv::Position::byte);
+        let start = usize::try_from(byte).unwrap_or(usize::MAX).saturating_add(self.body_start);
+        let bytes = self.source.as_bytes();
+        let ends = |byte: &u8| matches!(byte, b'\n' | b'\r');
+        let at = (start..bytes.len()).find(|at| !ends(&bytes[*at])).unwrap_or(bytes.len());
+        bytes[..at].iter().filter(|byte| **byte == b'\n').count() + 1
     }
 
     fn line_text(&self, line: usize) -> &'s str {

@@ -4,6 +4,10 @@
 //! noted. A table that is closed tells its unknown keys (the nearest known one, or the same name
 //! with the right unit) and its missing ones. Never panics, whatever the text.
 
+#[cfg(test)]
+mod tests;
+mod words;
+
 use std::cell::RefCell;
 use std::ops::{Bound, Range, RangeBounds};
 
@@ -11,7 +15,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::faults::{Fault, Faults, Place, nearest};
-use crate::unit::Unit;
+use words::{describe, unknown_key};
 
 /// A parsed TOML text and the faults found in it so far.
 pub(crate) struct Document<'s> {
@@ -62,8 +66,8 @@ pub(crate) struct Table<'d, 's> {
     table: &'d DeTable<'s>,
     path: String,
     span: Range<usize>,
-    asked: RefCell<Vec<&'static str>>,
-    required: RefCell<Vec<(&'static str, &'static str)>>,
+    asked: RefCell<Vec<String>>,
+    required: RefCell<Vec<(String, String)>>,
 }
 
 impl<'d, 's> Table<'d, 's> {
@@ -96,18 +100,18 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// Whether the key stands in the table (it counts as asked for).
-    pub(crate) fn has(&self, key: &'static str) -> bool {
+    pub(crate) fn has(&self, key: &str) -> bool {
         self.raw(key).is_some()
     }
 
     /// Says that a key must be there; told when the table is closed.
-    pub(crate) fn require(&self, key: &'static str, expected: &'static str) {
-        self.required.borrow_mut().push((key, expected));
+    pub(crate) fn require(&self, key: &str, expected: &str) {
+        self.required.borrow_mut().push((key.to_owned(), expected.to_owned()));
     }
 
     /// A key's raw value.
-    pub(crate) fn raw(&self, key: &'static str) -> Option<&'d Value<'s>> {
-        self.asked.borrow_mut().push(key);
+    pub(crate) fn raw(&self, key: &str) -> Option<&'d Value<'s>> {
+        self.asked.borrow_mut().push(key.to_owned());
         self.table.get(key)
     }
 
@@ -122,7 +126,7 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// A string.
-    pub(crate) fn text(&self, key: &'static str) -> Option<&'d str> {
+    pub(crate) fn text(&self, key: &str) -> Option<&'d str> {
         let value = self.raw(key)?;
         let text = value.get_ref().as_str();
         if text.is_none() {
@@ -132,7 +136,7 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// True or false.
-    pub(crate) fn flag(&self, key: &'static str) -> Option<bool> {
+    pub(crate) fn flag(&self, key: &str) -> Option<bool> {
         let value = self.raw(key)?;
         let flag = value.get_ref().as_bool();
         if flag.is_none() {
@@ -142,11 +146,7 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// A finite number within a range.
-    pub(crate) fn number(
-        &self,
-        key: &'static str,
-        range: impl RangeBounds<f64>,
-    ) -> Option<f64> {
+    pub(crate) fn number(&self, key: &str, range: impl RangeBounds<f64>) -> Option<f64> {
         let value = self.raw(key)?;
         self.number_in(key, value, &range)
     }
@@ -171,11 +171,12 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// A whole number within a range.
-    pub(crate) fn whole(&self, key: &'static str, range: Range<i64>) -> Option<i64> {
+    pub(crate) fn whole(&self, key: &str, range: Range<i64>) -> Option<i64> {
         let value = self.raw(key)?;
-        let number = value.get_ref().as_integer().and_then(|number| {
-            i64::from_str_radix(number.as_str(), number.radix()).ok()
-        });
+        let number = value
+            .get_ref()
+            .as_integer()
+            .and_then(|number| i64::from_str_radix(number.as_str(), number.radix()).ok());
         if let Some(number) = number.filter(|number| range.contains(number)) {
             return Some(number);
         }
@@ -189,11 +190,7 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// A list of numbers of any length, each within a range.
-    pub(crate) fn numbers(
-        &self,
-        key: &'static str,
-        range: impl RangeBounds<f64>,
-    ) -> Option<Vec<f64>> {
+    pub(crate) fn numbers(&self, key: &str, range: impl RangeBounds<f64>) -> Option<Vec<f64>> {
         let value = self.raw(key)?;
         let Some(list) = value.get_ref().as_array() else {
             self.wrong_type(key, value, "a list of numbers");
@@ -203,7 +200,7 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// A list of exactly so many numbers.
-    pub(crate) fn vector<const N: usize>(&self, key: &'static str) -> Option<[f64; N]> {
+    pub(crate) fn vector<const N: usize>(&self, key: &str) -> Option<[f64; N]> {
         let list = self.numbers(key, ..)?;
         let length = list.len();
         let vector = list.try_into().ok();
@@ -214,7 +211,7 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// Rows of numbers: a list of lists.
-    pub(crate) fn rows(&self, key: &'static str) -> Option<Vec<Vec<f64>>> {
+    pub(crate) fn rows(&self, key: &str) -> Option<Vec<Vec<f64>>> {
         let value = self.raw(key)?;
         let Some(list) = value.get_ref().as_array() else {
             self.wrong_type(key, value, "a list of lists of numbers");
@@ -231,7 +228,7 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// A list of whole numbers, each within a range.
-    pub(crate) fn wholes(&self, key: &'static str, range: Range<i64>) -> Option<Vec<i64>> {
+    pub(crate) fn wholes(&self, key: &str, range: Range<i64>) -> Option<Vec<i64>> {
         let list = self.numbers(key, range.start as f64..range.end as f64)?;
         if let Some(broken) = list.iter().find(|number| number.fract() != 0.0) {
             self.fault(key, format!("holds {broken}"), "whole numbers");
@@ -241,7 +238,7 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// A list of strings.
-    pub(crate) fn texts(&self, key: &'static str) -> Option<Vec<&'d str>> {
+    pub(crate) fn texts(&self, key: &str) -> Option<Vec<&'d str>> {
         let value = self.raw(key)?;
         let texts = value.get_ref().as_array().and_then(|list| {
             list.iter().map(|item| item.get_ref().as_str()).collect::<Option<Vec<_>>>()
@@ -253,12 +250,12 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// One of several words, each standing for a value.
-    pub(crate) fn choice<T: Copy>(&self, key: &'static str, of: &[(&str, T)]) -> Option<T> {
+    pub(crate) fn choice<T: Copy>(&self, key: &str, of: &[(&str, T)]) -> Option<T> {
         let word = self.text(key)?;
         let found = of.iter().find(|(name, _)| *name == word).map(|(_, value)| *value);
         if found.is_none() {
             let words: Vec<String> = of.iter().map(|(name, _)| format!("\"{name}\"")).collect();
-            let near = nearest(word, of.iter().map(|(name, _)| *name));
+            let near = nearest(word, of.iter().map(|(name, _)| *name)).filter(|_| of.len() > 1);
             let hint = near.map(|name| format!(", perhaps \"{name}\"")).unwrap_or_default();
             self.fault(key, format!("is \"{word}\""), format!("{}{hint}", words.join(" or ")));
         }
@@ -266,7 +263,7 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// The table under a key.
-    pub(crate) fn table(&self, key: &'static str) -> Option<Table<'d, 's>> {
+    pub(crate) fn table(&self, key: &str) -> Option<Table<'d, 's>> {
         let value = self.raw(key)?;
         let Some(table) = value.get_ref().as_table() else {
             self.wrong_type(key, value, "a table");
@@ -276,7 +273,7 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// The tables of an array of tables; paths count from 1, as joints do.
-    pub(crate) fn tables(&self, key: &'static str) -> Vec<Table<'d, 's>> {
+    pub(crate) fn tables(&self, key: &str) -> Vec<Table<'d, 's>> {
         let Some(value) = self.raw(key) else { return Vec::new() };
         let Some(list) = value.get_ref().as_array() else {
             self.wrong_type(key, value, &format!("tables, each headed [[{}]]", self.path_of(key)));
@@ -296,7 +293,7 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// A free table (`[meta]`), where anything may stand.
-    pub(crate) fn free_table(&self, key: &'static str) -> Option<&'d DeTable<'s>> {
+    pub(crate) fn free_table(&self, key: &str) -> Option<&'d DeTable<'s>> {
         let value = self.raw(key)?;
         let table = value.get_ref().as_table();
         if table.is_none() {
@@ -308,62 +305,25 @@ impl<'d, 's> Table<'d, 's> {
     /// Tells unknown keys and missing ones. To be called once, when all keys were asked for.
     pub(crate) fn close(self) {
         let asked = self.asked.borrow();
+        let asked: Vec<&str> = asked.iter().map(String::as_str).collect();
+        let is_missing = |known: &&str| !self.table.contains_key(*known);
+        let missing: Vec<&str> = asked.iter().copied().filter(is_missing).collect();
         let mut found_otherwise = Vec::new();
-        for (key, _) in self.table.iter() {
+        for key in self.table.keys() {
             let name = key.get_ref().as_ref();
-            if asked.contains(&name) {
-                continue;
+            if !asked.contains(&name) {
+                let (fault, meant) = unknown_key(self.path_of(name), name, &missing, &asked);
+                found_otherwise.extend(meant);
+                self.document.note(fault, &key.span());
             }
-            let missing: Vec<&str> =
-                asked.iter().copied().filter(|known| !self.table.contains_key(*known)).collect();
-            let (fault, meant) = self.unknown(name, &missing, &asked);
-            found_otherwise.extend(meant);
-            self.document.note(fault, &key.span());
         }
         for (key, expected) in self.required.borrow().iter() {
-            if !self.table.contains_key(*key) && !found_otherwise.contains(key) {
-                let fault = Fault::new(self.path_of(key), "is missing").expected(*expected);
+            let otherwise = found_otherwise.contains(&key.as_str());
+            if !self.table.contains_key(key.as_str()) && !otherwise {
+                let fault = Fault::new(self.path_of(key), "is missing").expected(expected);
                 self.document.note(fault, &self.span);
             }
         }
-    }
-
-    fn unknown<'k>(
-        &self,
-        name: &str,
-        missing: &[&'k str],
-        asked: &[&'k str],
-    ) -> (Fault, Option<&'k str>) {
-        let (base, unit) = Unit::split(name);
-        let same_base = |known: &&&str| Unit::split(known).0 == base;
-        let path = self.path_of(name);
-        if let Some(meant) = missing.iter().find(same_base).copied() {
-            let found = unit.map_or("no unit".to_owned(), |unit| format!("the unit {}", unit.name));
-            let fault = Fault::new(path, format!("has {found}, which is not the one of this key"))
-                .expected(format!("`{meant}`"))
-                .help(conversion(unit, meant));
-            return (fault, Some(meant));
-        }
-        let fault = Fault::new(path, "is an unknown key");
-        match nearest(name, asked.iter().copied()) {
-            Some(meant) => (fault.help(format!("did you mean `{meant}`?")), Some(meant)),
-            None if asked.is_empty() => (fault, None),
-            None => {
-                let mut known = asked.to_vec();
-                known.sort_unstable();
-                known.dedup();
-                (fault.expected("a known key").help(format!("known: {}", known.join(", "))), None)
-            }
-        }
-    }
-}
-
-fn conversion(found: Option<Unit>, meant: &str) -> String {
-    match (found, Unit::split(meant).1) {
-        (Some(a), Some(b)) if a.quantity == b.quantity => {
-            format!("write `{meant}`, its value times {}", a.si / b.si)
-        }
-        _ => format!("write `{meant}`"),
     }
 }
 
@@ -375,20 +335,6 @@ pub(crate) fn number_of(value: &DeValue<'_>) -> Option<f64> {
         }
         DeValue::Float(float) => float.as_str().parse().ok(),
         _ => None,
-    }
-}
-
-fn describe(range: &impl RangeBounds<f64>) -> String {
-    match (range.start_bound(), range.end_bound()) {
-        (Bound::Included(a), Bound::Included(b)) => format!("a number from {a} to {b}"),
-        (Bound::Included(a), Bound::Excluded(b)) => format!("a number from {a} to below {b}"),
-        (Bound::Excluded(a), Bound::Included(b)) => format!("a number above {a}, at most {b}"),
-        (Bound::Excluded(a), Bound::Excluded(b)) => format!("a number above {a} and below {b}"),
-        (Bound::Included(a), Bound::Unbounded) => format!("a number of {a} or more"),
-        (Bound::Excluded(a), Bound::Unbounded) => format!("a number above {a}"),
-        (Bound::Unbounded, Bound::Included(b)) => format!("a number of at most {b}"),
-        (Bound::Unbounded, Bound::Excluded(b)) => format!("a number below {b}"),
-        (Bound::Unbounded, Bound::Unbounded) => "a finite number".to_owned(),
     }
 }
 
