@@ -43,13 +43,24 @@ impl Effect for SpindleGrowth {
     }
 
     fn fitted(&self) -> &'static [Parameter] {
-        match self.heat.cause {
+        let law: &[Parameter; 2] = match self.heat.cause {
             Cause::Spindle => &[BY_SPEED, LAG],
             _ => &[BY_TEMPERATURE, LAG],
-        }
+        };
+        &law[..self.heat.count]
     }
 
-    of_robot!();
+    fn joint(&self) -> Option<usize> {
+        None
+    }
+
+    fn values(&self) -> &[f64] {
+        &self.values[..self.heat.count]
+    }
+
+    fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values[..self.heat.count]
+    }
 
     fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution {
         self.grown(self.heat.level(self.values, signals.inputs, memory))
