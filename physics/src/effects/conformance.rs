@@ -58,11 +58,15 @@ fn place(contribution: &Contribution) -> Option<ActsOn> {
     })
 }
 
-/// The inputs at each end of the path's steps, the first one settled in the positive direction.
 fn path(start: &Inputs) -> Vec<Inputs> {
-    let mut inputs = Inputs { direction: [1.0; JOINTS_MAX], ..*start };
+    path_towards(start, 1.0)
+}
+
+/// The inputs at each end of the path's steps, or of its mirror image, the first one settled.
+fn path_towards(start: &Inputs, sign: f64) -> Vec<Inputs> {
+    let mut inputs = Inputs { direction: [sign; JOINTS_MAX], ..*start };
     let mut all = vec![inputs];
-    for step in PATH {
+    for step in PATH.map(|step| sign * step) {
         inputs.q_before = inputs.q;
         inputs.q = inputs.q.map(|q| q + step);
         inputs.direction = [step.signum(); JOINTS_MAX];
@@ -153,8 +157,8 @@ fn every_contribution_has_the_place_that_its_spec_says() {
 
 #[test]
 fn derivatives_agree_with_finite_differences_along_a_path() {
-    for sample in samples() {
-        let (arm, path) = (&sample.scene.arm, path(&sample.scene.inputs));
+    for (sample, sign) in samples().iter().flat_map(|s| [(s, 1.0), (s, -1.0)]) {
+        let (arm, path) = (&sample.scene.arm, path_towards(&sample.scene.inputs, sign));
         let (_, centre, slopes) = run(&sample.effect, arm, &path);
         let whole = numbers(&centre).iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         for (k, slope) in slopes.iter().enumerate() {
