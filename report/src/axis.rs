@@ -9,13 +9,14 @@ pub struct Axis {
     pub(crate) unit: String,
     pub(crate) log: bool,
     pub(crate) range: Option<(f64, f64)>,
+    pub(crate) captioned: bool,
 }
 
 impl Axis {
     /// An axis by label and unit; an empty unit for what has none.
     #[must_use]
     pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
-        Self { label: label.into(), unit: unit.into(), log: false, range: None }
+        Self { label: label.into(), unit: unit.into(), log: false, range: None, captioned: true }
     }
 
     /// Logarithmic spacing; values of zero and below are then left out.
@@ -40,8 +41,15 @@ impl Axis {
         (from < to && span.low == from && span.high == to).then_some(span)
     }
 
+    pub(crate) fn is_named_like(&self, other: &Self) -> bool {
+        self.label == other.label && self.unit == other.unit
+    }
+
     /// Label and unit as they stand beside the axis, e.g. `Time (s)`; ticks that share a power of ten name it here.
     pub(crate) fn caption(&self, power: &str) -> String {
+        if !self.captioned {
+            return String::new();
+        }
         match (self.unit.as_str(), power) {
             ("", "") => self.label.clone(),
             (unit, "") => format!("{} ({unit})", self.label),

@@ -3,7 +3,7 @@
 use crate::axis::Axis;
 use crate::canvas::{Anchor, Area, Canvas, Svg, WIDTH_PX, shortened, text_width};
 use crate::legend::{self, Entry, Swatch};
-use crate::number::{quantity, significant};
+use crate::number::{common_decimals, fixed, quantity, significant};
 use crate::scale::{Scale, Span, drawable, ticks};
 use crate::series::colour_class;
 
@@ -143,8 +143,16 @@ impl Bars {
             canvas.line("whisker", (high, middle - 3.5), (high, middle + 3.5));
             end = end.max(high);
         }
-        let number = significant(bar.value, 3);
+        let number = self.number(bar.value);
         canvas.text("tick", (end + 7.0, top + BAR_PX / 2.0 + 4.0), Anchor::Start, &number);
+    }
+
+    /// The value with the decimals that all bars share.
+    fn number(&self, value: f64) -> String {
+        let bars = self.rows.iter().flat_map(|row| &row.1);
+        let values: Vec<f64> = bars.map(|bar| bar.value).collect();
+        common_decimals(&values, 3)
+            .map_or_else(|| significant(value, 3), |decimals| fixed(value, decimals))
     }
 
     fn worded(&self, place: usize, bar: Bar) -> String {

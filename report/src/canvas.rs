@@ -9,7 +9,7 @@ use crate::escape::escape;
 /// The width of every drawing, in its own pixels: the width of a page's text.
 pub(crate) const WIDTH_PX: f64 = 832.0;
 /// What a character of small text takes, generously.
-pub(crate) const CHARACTER_PX: f64 = 6.8;
+pub(crate) const CHARACTER_PX: f64 = 7.3;
 
 /// A finished drawing: well-formed, self-described, to be put on a [`crate::Page`].
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -174,6 +174,6 @@ mod tests {
 
     #[test]
     fn long_labels_are_shortened() {
-        assert_eq!(shortened("joint compliance of joint 2", 80.0), "joint comp…");
+        assert_eq!(shortened("joint compliance of joint 2", 85.0), "joint comp…");
     }
 }

@@ -61,7 +61,7 @@ pub(crate) fn inside(outer: Area, y: Span) -> Area {
 }
 
 fn y_ticks(span: Span, height: f64) -> Ticks {
-    ticks(span, (height / 44.0) as usize)
+    ticks(span, (height / 44.0).max(3.0) as usize)
 }
 
 fn x_axis(canvas: &mut Canvas, frame: &Frame, axis: &Axis) {
@@ -79,7 +79,7 @@ fn x_axis(canvas: &mut Canvas, frame: &Frame, axis: &Axis) {
 
 /// As many ticks as have room beside each other.
 fn spaced(span: Span, width: f64) -> Ticks {
-    let mut wanted = ((width / 80.0) as usize).clamp(2, 10);
+    let mut wanted = ((width / 72.0) as usize).clamp(4, 10);
     loop {
         let found = ticks(span, wanted);
         let widest = found.marks.iter().map(|(_, label)| text_width(label)).fold(0.0, f64::max);

@@ -1,5 +1,6 @@
 //! Small multiples: the same plot several times, once per joint or channel, on the same scales.
 
+use crate::axis::Axis;
 use crate::canvas::{Anchor, Area, Canvas, Svg, WIDTH_PX};
 use crate::legend;
 use crate::plot::Plot;
@@ -45,7 +46,7 @@ impl Multiples {
         let entries = self.plots.first().map(Plot::legend).unwrap_or_default();
         let top = legend::draw(&mut canvas, &entries);
         let width = (WIDTH_PX - GAP_PX * (self.columns - 1) as f64) / self.columns as f64;
-        let height = 150.0 + 70.0 / self.columns as f64;
+        let height = 160.0 + 80.0 / self.columns as f64;
         let shared = self.shared();
         let mut description = String::new();
         for (i, plot) in self.plots.iter().enumerate() {
@@ -55,12 +56,28 @@ impl Multiples {
             canvas.text("heading", (left, cell_top + 12.0), Anchor::Start, &plot.title);
             let (x, y) = shared.unwrap_or((plot.span_x(), plot.span_y()));
             let y = if self.own_y { plot.span_y() } else { y };
-            plot.draw(&mut canvas, Area { left, top: cell_top + HEADING_PX, width, height }, x, y);
+            let area = Area { left, top: cell_top + HEADING_PX, width, height };
+            let (x_axis, y_axis) = self.captioned_once(i);
+            plot.draw(&mut canvas, area, (&x_axis, x), (&y_axis, y));
             description += &format!("{}: {} ", plot.title, plot.describe(x, y));
         }
         let rows = self.plots.len().div_ceil(self.columns);
         let total = top + rows as f64 * (height + HEADING_PX + GAP_PX);
         canvas.finish(total.max(20.0), &self.title, description.trim_end())
+    }
+
+    /// The axes of a plot without the captions that a neighbour to its left or below it repeats.
+    fn captioned_once(&self, i: usize) -> (Axis, Axis) {
+        let (mut x, mut y) = (self.plots[i].x.clone(), self.plots[i].y.clone());
+        let left = (!i.is_multiple_of(self.columns)).then(|| &self.plots[i - 1]);
+        let below = self.plots.get(i + self.columns);
+        if left.is_some_and(|left| !self.own_y && left.y.is_named_like(&y)) {
+            y.captioned = false;
+        }
+        if below.is_some_and(|below| below.x.is_named_like(&x)) {
+            x.captioned = false;
+        }
+        (x, y)
     }
 
     /// The ranges that hold all plots, where their axes are spaced alike.

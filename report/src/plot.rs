@@ -2,11 +2,11 @@
 
 use crate::axis::Axis;
 use crate::canvas::{Area, Canvas, Px, Svg, WIDTH_PX};
-use crate::frame::{self, Frame, Mark};
+use crate::frame::{self, Frame, Mark, Ranged};
 use crate::legend::{self, Entry, Swatch};
 use crate::number::quantity;
 use crate::scale::Span;
-use crate::series::{Series, Shape};
+use crate::series::{Series, Shape, classes};
 use crate::thin::{self, Spot};
 
 /// A plot of one or more series.
@@ -38,7 +38,7 @@ impl Plot {
         }
     }
 
-    /// Adds a series; it takes the next colour.
+    /// Adds a series; it takes the next colour, unless it is muted.
     #[must_use]
     pub fn series(mut self, series: Series) -> Self {
         self.series.push(series);
@@ -83,17 +83,17 @@ impl Plot {
         if self.equal_scale && !x.log && !y.log {
             (x, y) = equalised(x, y, frame::inside(outer, y));
         }
-        self.draw(&mut canvas, outer, x, y);
+        self.draw(&mut canvas, outer, (&self.x, x), (&self.y, y));
         canvas.finish(top + self.height_px, &self.title, &self.describe(x, y))
     }
 
-    pub(crate) fn draw(&self, canvas: &mut Canvas, outer: Area, x: Span, y: Span) {
-        let frame = frame::draw(canvas, outer, (&self.x, x), (&self.y, y));
+    pub(crate) fn draw(&self, canvas: &mut Canvas, outer: Area, x: Ranged<'_>, y: Ranged<'_>) {
+        let frame = frame::draw(canvas, outer, x, y);
         let inner = frame.inner;
         let air = Area { top: inner.top - 2.0, height: inner.height + 3.0, ..inner };
         canvas.clipped(air, |canvas| {
-            for (place, series) in self.series.iter().enumerate() {
-                draw_series(canvas, &frame, series, place);
+            for (class, series) in classes(&self.series).iter().zip(&self.series) {
+                draw_series(canvas, &frame, series, class);
             }
         });
         frame::mark_x(canvas, &frame, &self.marks_x);
@@ -101,12 +101,12 @@ impl Plot {
     }
 
     pub(crate) fn legend(&self) -> Vec<Entry> {
-        let entry = |(place, series): (usize, &Series)| Entry {
-            class: series.class(place),
+        let entry = |(class, series): (String, &Series)| Entry {
+            class,
             swatch: if series.shape == Shape::Line { Swatch::Line } else { Swatch::Dot },
             name: series.name.clone(),
         };
-        self.series.iter().enumerate().map(entry).collect()
+        classes(&self.series).into_iter().zip(&self.series).map(entry).collect()
     }
 
     pub(crate) fn span_x(&self) -> Span {
@@ -167,10 +167,9 @@ fn equalised(x: Span, y: Span, inner: Area) -> (Span, Span) {
     (grown(x, inner.width), grown(y, inner.height))
 }
 
-fn draw_series(canvas: &mut Canvas, frame: &Frame, series: &Series, place: usize) {
+fn draw_series(canvas: &mut Canvas, frame: &Frame, series: &Series, class: &str) {
     let spots: Vec<Spot> =
         series.points.iter().map(|(x, y)| frame.x.at(*x).zip(frame.y.at(*y))).collect();
-    let class = series.class(place);
     match series.shape {
         Shape::Line => canvas.path(&format!("line {class}"), &line_data(&thin::line(&spots))),
         Shape::Dots => canvas.path(&format!("dots {class}"), &dots_data(&thin::dots(&spots))),

@@ -124,9 +124,9 @@ fn linear_ticks(span: Span, wanted: usize) -> Ticks {
     let raw = (span.high - span.low) / wanted as f64;
     let mut magnitude = raw.log10().floor() as i32;
     let factor = match raw / 10f64.powi(magnitude) {
-        f if f <= 1.001 => 1.0,
-        f if f <= 2.001 => 2.0,
-        f if f <= 5.001 => 5.0,
+        f if f <= 1.5 => 1.0,
+        f if f <= 3.5 => 2.0,
+        f if f <= 7.5 => 5.0,
         _ => {
             magnitude += 1;
             1.0

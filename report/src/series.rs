@@ -49,16 +49,38 @@ impl Series {
     fn new(name: String, points: Vec<(f64, f64)>, shape: Shape) -> Self {
         Self { name, points, shape, muted: false, dashed: false }
     }
+}
 
-    /// Classes of the stylesheet for the series at this place in its plot.
-    pub(crate) fn class(&self, place: usize) -> String {
-        let dash = if self.dashed { " dash" } else { "" };
-        if self.muted { format!("c0{dash}") } else { format!("{}{dash}", colour_class(place)) }
-    }
+/// Classes of the stylesheet for each series of a plot; muted ones take no colour.
+pub(crate) fn classes(series: &[Series]) -> Vec<String> {
+    let mut coloured = 0;
+    let class = |series: &Series| {
+        let dash = if series.dashed { " dash" } else { "" };
+        if series.muted {
+            return format!("c0{dash}");
+        }
+        coloured += 1;
+        format!("{}{dash}", colour_class(coloured - 1))
+    };
+    series.iter().map(class).collect()
 }
 
 /// Eight colours, then the same again, dashed.
 pub(crate) fn colour_class(place: usize) -> String {
     let again = if place >= 8 { " dash" } else { "" };
     format!("c{}{again}", place % 8 + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_muted_takes_no_colour() {
+        let series = || Series::line("", []);
+        assert_eq!(
+            classes(&[series().muted(), series(), series().dashed()]),
+            ["c0", "c1", "c2 dash"]
+        );
+    }
 }
