@@ -1,6 +1,8 @@
 //! The robot, the instrument and the cutter, run forward: deterministic by seed.
 
 pub mod cutter;
+pub mod draw;
+pub mod extras;
 pub mod ik;
 pub mod joint_path;
 pub mod path;
