@@ -1,1 +1,25 @@
-//! How a correction may change in time: angle, rate and jerk, the same rule on both sides of the shared memory.
+//! How a correction may change in time: angle, rate and jerk, the same rule on both sides of the
+//! shared memory.
+//!
+//! The daemon's corrector bounds each joint's correction with a [`Limiter`]; the client library
+//! ramps the last correction out with the same one when the daemon is gone. One joint each; joint
+//! units are rad for a revolute, m for a prismatic joint.
+//!
+//! What it promises, whatever `wanted` does and however the cycle jitters:
+//! - `|c| ≤ angle` at every output, `|Δc|/dt ≤ rate` between two, and the third divided difference
+//!   of any four in a row (`Δ³c/dt³` at an even pace) at most `jerk`, all to rounding;
+//! - the output is `wanted` bit for bit, without lag, while `wanted` stays inside the limits with
+//!   room to stop (see [`Limiter::step`]);
+//! - after a jump it is back on `wanted` in about the time that half the jerk needs for it.
+//!
+//! What it never does: read a clock, allocate, log, panic.
+#![no_std]
+
+mod limiter;
+mod limits;
+mod motion;
+mod plan;
+mod track;
+
+pub use limiter::Limiter;
+pub use limits::{Limits, LimitsError};

@@ -1,13 +1,13 @@
-//! Where every axis and the tool are, for given joint positions: the product of rotations (thesis 3.1 to 3.4).
+//! Where every axis and the tool are, for given joint positions: the product of rotations (thesis equations 3.1 to 3.4).
 //!
 //! Promises: [`Chain::nominal`] is the controller's own geometry; [`Chain::real`] is the same product with a
 //! [`Deviation`] put in; both agree to the bit where the deviation is zero in every entry.
 //! Never: a load or an effect.
 
-use crate::deviation::Deviation;
-use crate::frame::{rotation_about, rotation_from_vector};
+use crate::deviation::{Deviation, LinkDeviation};
+use crate::frame::{Twist, rotation_about, rotation_from_vector};
 use crate::{Arm, Frame, JOINTS_MAX, Joint, JointKind, Joints};
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use nalgebra::SMatrix;
 
 /// How the TCP moves per unit of each joint: rows are linear (m) then angular (rad) in base axes; columns are
@@ -45,12 +45,12 @@ impl Chain {
         let mut chain = Self::empty(arm);
         let mut carried = Frame::new(rotation_from_vector(deviation.base_turn), DVec3::ZERO);
         for (i, joint) in arm.joints().iter().enumerate() {
-            carried = carried.after(&deviation.links[i].frame());
-            let (axis, point) = deviated_axis(joint, deviation, i);
+            carried = carried_by(carried, &deviation.links[i]);
+            let (axis, point) = deviated_axis(joint, &deviation.axes[i]);
             let position = q[i] + deviation.joints[i];
             carried = chain.place(i, &carried, axis, point, joint.kind, position);
         }
-        carried = carried.after(&deviation.links[arm.count()].frame());
+        carried = carried_by(carried, &deviation.links[arm.count()]);
         let tool = Frame::new(arm.tool.base_from_tool, arm.tool.tcp);
         let shifted = Frame::new(rotation_from_vector(deviation.tool_turn), deviation.tool_shift);
         chain.base_from_tool = carried.after(&tool).after(&shifted);
@@ -109,12 +109,15 @@ impl Chain {
     }
 }
 
-/// Joint `i`'s axis and point at the zero configuration with the deviation of the axis alone.
-fn deviated_axis(joint: &Joint, deviation: &Deviation, i: usize) -> (DVec3, DVec3) {
-    let axis = &deviation.axes[i];
-    if axis.turn == DVec3::ZERO {
+/// A joint's axis and point at the zero configuration with the deviation of the axis alone.
+fn deviated_axis(joint: &Joint, axis: &Twist) -> (DVec3, DVec3) {
+    if *axis == Twist::default() {
         return (joint.axis, joint.point);
     }
-    let turn: DMat3 = rotation_from_vector(axis.turn);
-    (turn * joint.axis, axis.pivot(joint.point))
+    let moved = axis.frame();
+    (moved.rotation * joint.axis, moved.point(joint.point))
+}
+
+fn carried_by(carried: Frame, link: &LinkDeviation) -> Frame {
+    if *link == LinkDeviation::default() { carried } else { carried.after(&link.frame()) }
 }

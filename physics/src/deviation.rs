@@ -3,7 +3,7 @@
 //! Promises: contributions add up in any order (to rounding); a deviation of all zeros changes nothing.
 //! Never: a judgement whether a deviation is small.
 
-use crate::frame::rotation_from_vector;
+use crate::frame::Twist;
 use crate::{Frame, JOINTS_MAX, Joints, Wrench};
 use glam::DVec3;
 
@@ -79,8 +79,15 @@ pub enum Contribution {
         /// First moment `m c` with `c` the centre at the zero configuration, base frame, kg m.
         first_moment: DVec3,
     },
-    /// A correction of the measured wrench at the TCP, base axes.
-    Wrench(Wrench),
+    /// What the force sensor reads wrong, tool axes: truth `= R(turn) (reading − bias) / (1 + scale)`, axis by axis.
+    Sensor {
+        /// What it reads too much.
+        bias: Wrench,
+        /// How much too large it reads, as a part of one.
+        scale: Wrench,
+        /// Rotation vector of the sensor's mounting, rad.
+        turn: DVec3,
+    },
     /// What the drive of joint `joint` has to exert besides the rigid body's need, Nm or N.
     DriveTorque {
         /// 0-based joint.
@@ -111,10 +118,12 @@ impl Contribution {
                 *mass *= factor;
                 *first_moment *= factor;
             }
-            Self::Wrench(wrench) | Self::ToolForce(wrench) => {
-                wrench.force *= factor;
-                wrench.moment *= factor;
+            Self::Sensor { bias, scale, turn } => {
+                *bias = bias.times(factor);
+                *scale = scale.times(factor);
+                *turn *= factor;
             }
+            Self::ToolForce(wrench) => *wrench = wrench.times(factor),
             Self::DriveTorque { torque, .. } => *torque *= factor,
         }
         scaled
@@ -142,10 +151,12 @@ impl Contribution {
                 *mass -= m;
                 *first_moment -= *s;
             }
-            (Self::Wrench(a), Self::Wrench(b)) | (Self::ToolForce(a), Self::ToolForce(b)) => {
-                a.force -= b.force;
-                a.moment -= b.moment;
+            (Self::Sensor { bias, scale, turn }, Self::Sensor { bias: b, scale: s, turn: t }) => {
+                *bias = bias.plus(&b.times(-1.0));
+                *scale = scale.plus(&s.times(-1.0));
+                *turn -= *t;
             }
+            (Self::ToolForce(a), Self::ToolForce(b)) => *a = a.plus(&b.times(-1.0)),
             (Self::DriveTorque { torque, .. }, Self::DriveTorque { torque: b, .. }) => *torque -= b,
             _ => return Self::None,
         }
@@ -153,54 +164,19 @@ impl Contribution {
     }
 }
 
-/// The deviation of one axis alone.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct AxisDeviation {
-    /// Rotation vector, rad.
-    pub turn: DVec3,
-    /// `Σ turn × pivot`, so that turns about several pivots add up.
-    moment: DVec3,
-}
-
-impl AxisDeviation {
-    fn add(&mut self, turn: DVec3, pivot: DVec3) {
-        self.turn += turn;
-        self.moment += turn.cross(pivot);
-    }
-
-    /// Where a point of the untouched axis stands afterwards, to first order in the turn: exact where all
-    /// turns share their pivot, up to a move along the axis, which a rotation does not see.
-    pub fn pivot(&self, point: DVec3) -> DVec3 {
-        point + self.turn.cross(point) - self.moment
-    }
-}
-
-/// The deviation of one link: a turn about a pivot, then (nearer to the tool) a shift.
+/// The deviation of one link: turns about pivots, then (nearer to the tool) a shift.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LinkDeviation {
-    /// Rotation vector, rad.
-    pub turn: DVec3,
-    /// Shift, m.
+    /// Turns, base axes and frame at the zero configuration.
+    pub twist: Twist,
+    /// Shift, base axes at the zero configuration, m.
     pub shift: DVec3,
-    moment: DVec3,
 }
 
 impl LinkDeviation {
-    fn add_turn(&mut self, turn: DVec3, pivot: DVec3) {
-        self.turn += turn;
-        self.moment += turn.cross(pivot);
-    }
-
     /// The motion that this deviation puts in.
     pub fn frame(&self) -> Frame {
-        let square = self.turn.length_squared();
-        if square == 0.0 {
-            return Frame::translation(self.shift);
-        }
-        // The point of the screw's axis nearest to the origin; what is left along the axis is second order.
-        let pivot = self.moment.cross(self.turn) / square;
-        let turned = Frame::about(pivot, rotation_from_vector(self.turn));
-        turned.after(&Frame::translation(self.shift))
+        self.twist.frame().after(&Frame::translation(self.shift))
     }
 }
 
@@ -209,8 +185,8 @@ impl LinkDeviation {
 pub struct Deviation {
     /// Actual minus commanded per joint, rad or m.
     pub joints: Joints,
-    /// Axes alone.
-    pub axes: [AxisDeviation; JOINTS_MAX],
+    /// Axes alone: where each is moved to, base axes and frame at the zero configuration.
+    pub axes: [Twist; JOINTS_MAX],
     /// Links 0 (base) to `n` (flange).
     pub links: [LinkDeviation; JOINTS_MAX + 1],
     /// The whole robot about the base origin: rotation vector, rad.
@@ -225,7 +201,7 @@ impl Default for Deviation {
     fn default() -> Self {
         Self {
             joints: [0.0; JOINTS_MAX],
-            axes: [AxisDeviation::default(); JOINTS_MAX],
+            axes: [Twist::default(); JOINTS_MAX],
             links: [LinkDeviation::default(); JOINTS_MAX + 1],
             base_turn: DVec3::ZERO,
             tool_shift: DVec3::ZERO,
@@ -240,7 +216,7 @@ impl Deviation {
         match *contribution {
             Contribution::Joint { joint, delta } => self.joints[joint] += delta,
             Contribution::Axis { joint, turn, pivot } => self.axes[joint].add(turn, pivot),
-            Contribution::LinkTurn { link, turn, pivot } => self.links[link].add_turn(turn, pivot),
+            Contribution::LinkTurn { link, turn, pivot } => self.links[link].twist.add(turn, pivot),
             Contribution::LinkShift { link, shift } => self.links[link].shift += shift,
             Contribution::BaseTurn { turn } => self.base_turn += turn,
             Contribution::Tool { shift, turn } => {

@@ -11,7 +11,7 @@
 
 use crate::deviation::Contribution;
 use crate::signals::Signals;
-use crate::spec::{Count, Place, Range, Role, Spec};
+use crate::spec::{Count, Parameter, Place, Range, Role, Spec};
 use crate::{Arm, JOINTS_MAX, JointKind};
 use glam::DVec3;
 use thiserror::Error;
@@ -37,7 +37,15 @@ pub trait Effect: Copy + Sized {
     /// The 0-based joint that it belongs to; none for the whole robot.
     fn joint(&self) -> Option<usize>;
 
-    /// The parameters that a fit may change, SI, in the order of the spec, lists laid out flat.
+    /// The parameters whose numbers [`Effect::values`] are, in that order: the spec's without its settings, but for
+    /// effects that follow one of several laws.
+    fn fitted(&self) -> &'static [Parameter] {
+        let parameters = Self::SPEC.parameters;
+        let count = parameters.iter().take_while(|p| p.role != Role::Setting).count();
+        &parameters[..count]
+    }
+
+    /// The parameters that a fit may change, SI, in the order of [`Effect::fitted`], lists laid out flat.
     fn values(&self) -> &[f64];
 
     /// The same, to be changed.
@@ -46,8 +54,9 @@ pub trait Effect: Copy + Sized {
     /// What it adds, for these signals and this memory.
     fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution;
 
-    /// The derivative of [`Effect::predict`] by value `k` at fixed memory: exact where the value enters linearly,
-    /// else a central difference unless the effect knows better.
+    /// The derivative of [`Effect::predict`] by value `k`, for a memory that was settled or advanced with the same
+    /// values (what memory owes to them it carries along). Exact where the value enters linearly, else a central
+    /// difference unless the effect knows better.
     fn derivative(&self, k: usize, signals: &Signals<'_>, memory: &Memory) -> Contribution {
         derivative_of(self, k, signals, memory)
     }
@@ -243,6 +252,7 @@ fn check_place(spec: &Spec, arm: &Arm, joint: Option<usize>) -> Result<usize, Bu
     match (spec.place, joint) {
         (Place::Robot, None) => Ok(0),
         (Place::Robot, Some(_)) => Err(BuildError::TakesNoJoint),
+        (Place::JointOrBase, None) => Ok(0),
         (_, None) => Err(BuildError::NeedsJoint),
         (place, Some(joint)) => {
             let Some(found) = arm.joints().get(joint) else {
@@ -265,9 +275,9 @@ fn derivative_of<E: Effect>(
     memory: &Memory,
 ) -> Contribution {
     let mut probe = *effect;
-    if role_of::<E>(effect, k) == Role::Linear {
+    if role_of(effect, k) == Role::Linear {
         for j in 0..probe.values().len() {
-            if role_of::<E>(effect, j) == Role::Linear {
+            if role_of(effect, j) == Role::Linear {
                 probe.values_mut()[j] = if j == k { 1.0 } else { 0.0 };
             }
         }
@@ -285,8 +295,7 @@ fn derivative_of<E: Effect>(
 /// The role of flat value `k`: the spec's fit parameters, each as long as the effect carries it.
 fn role_of<E: Effect>(effect: &E, k: usize) -> Role {
     let mut first = 0;
-    let fitted = E::SPEC.parameters.iter().filter(|p| p.role != Role::Setting);
-    for parameter in fitted {
+    for parameter in effect.fitted() {
         let length = match parameter.count {
             Count::One => 1,
             Count::Exactly(n) => n,

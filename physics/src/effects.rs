@@ -7,7 +7,7 @@ use crate::Arm;
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Given, Memory, Site};
 use crate::signals::Signals;
-use crate::spec::Spec;
+use crate::spec::{Parameter, Spec};
 
 /// The three accessors of an effect that keeps `joint: usize` and `values: [f64; N]`.
 macro_rules! of_joint {
@@ -78,6 +78,11 @@ macro_rules! effects {
                 match self { $(Self::$Kind(effect) => effect.joint()),+ }
             }
 
+            /// See [`Effect::fitted`].
+            pub fn fitted(&self) -> &'static [Parameter] {
+                match self { $(Self::$Kind(effect) => effect.fitted()),+ }
+            }
+
             /// See [`Effect::values`].
             pub fn values(&self) -> &[f64] {
                 match self { $(Self::$Kind(effect) => effect.values()),+ }
@@ -118,9 +123,19 @@ macro_rules! effects {
 
 effects! {
     joint_offset::JointOffset,
+    joint_ratio::JointRatio,
+    joint_polynomial::JointPolynomial,
+    transmission_error::TransmissionError,
     backlash::Backlash,
+    gravity_compliance::GravityCompliance,
+    gravity_sag::GravitySag,
+    load_compliance::LoadCompliance,
     joint_compliance::JointCompliance,
+    base_compliance::BaseCompliance,
     axis_tilt::AxisTilt,
+    axis_shift::AxisShift,
+    tool_offset::ToolOffset,
+    thermal_growth::ThermalGrowth,
 }
 
 #[cfg(test)]

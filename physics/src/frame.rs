@@ -63,6 +63,41 @@ impl Frame {
     }
 }
 
+/// A sum of small turns about pivots, kept so that the sum does not depend on the order: a screw's rate,
+/// `x ↦ turn × x + velocity`, run for unit time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Twist {
+    /// Rotation vector, rad.
+    pub turn: DVec3,
+    /// How the origin moves, m.
+    pub velocity: DVec3,
+}
+
+impl Twist {
+    /// Adds the turn `turn` (rotation vector, rad) about `pivot` (m).
+    pub fn add(&mut self, turn: DVec3, pivot: DVec3) {
+        self.turn += turn;
+        self.velocity += pivot.cross(turn);
+    }
+
+    /// The motion: the exponential of the twist. Turns about one pivot give exactly the rotation about it; turns
+    /// that cancel about different pivots leave the shift that they are.
+    pub fn frame(&self) -> Frame {
+        let (turn, velocity) = (self.turn, self.velocity);
+        let angle = sqrt(turn.length_squared());
+        let half_sin = libm::sin(0.5 * angle);
+        let (first, second) = if angle > 1e-3 {
+            let cube = angle * angle * angle;
+            (2.0 * half_sin * half_sin / (angle * angle), (angle - libm::sin(angle)) / cube)
+        } else {
+            (0.5 - angle * angle / 24.0, 1.0 / 6.0 - angle * angle / 120.0)
+        };
+        let across = turn.cross(velocity);
+        let origin = velocity + across * first + turn.cross(across) * second;
+        Frame { rotation: rotation_from_vector(turn), origin }
+    }
+}
+
 /// The rotation by `angle_rad` about the unit vector `axis` (Rodrigues).
 pub fn rotation_about(axis: DVec3, angle_rad: f64) -> DMat3 {
     let (sin, cos) = sincos(angle_rad);
@@ -154,6 +189,26 @@ mod tests {
             let back = motion.inverse().point(motion.point(point));
             prop_assert!((back - point).length() < 1e-13);
             prop_assert!((motion.point(pivot) - pivot).length() < 1e-14);
+        }
+
+        #[test]
+        fn a_twist_about_one_pivot_is_the_rotation_about_it(turn in vector(), pivot in vector(), share in 0.0..1.0, exponent in -9..1, point in vector()) {
+            let turn = turn * libm::pow(10.0, f64::from(exponent));
+            let mut twist = Twist::default();
+            twist.add(turn * share, pivot);
+            twist.add(turn * (1.0 - share), pivot);
+            let wanted = Frame::about(pivot, rotation_from_vector(turn)).point(point);
+            prop_assert!((twist.frame().point(point) - wanted).length() < 1e-12);
+        }
+
+        #[test]
+        fn turns_that_cancel_about_two_pivots_leave_their_shift(turn in vector(), a in vector(), b in vector(), point in vector()) {
+            let turn = turn * 1e-3;
+            let mut twist = Twist::default();
+            twist.add(turn, a);
+            twist.add(-turn, b);
+            let moved = twist.frame().point(point) - point;
+            prop_assert!((moved - turn.cross(b - a)).length() < 1e-15);
         }
 
         #[test]

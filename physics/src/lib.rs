@@ -18,6 +18,7 @@ pub mod deviation;
 pub mod effect;
 pub mod effects;
 pub mod frame;
+mod heat;
 pub mod loads;
 pub mod model;
 pub mod signals;

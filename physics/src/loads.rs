@@ -7,7 +7,7 @@
 use crate::deviation::Contribution;
 use crate::frame::rotation_from_vector;
 use crate::{Arm, Chain, JOINTS_MAX, JointKind, Joints, Wrench};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 /// Force and moment that all beyond a joint exerts at the joint's point, base axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,7 +53,9 @@ pub struct LoadChange {
     mass: f64,
     first_moment: DVec3,
     joints: Joints,
-    wrench: Wrench,
+    sensor_bias: Wrench,
+    sensor_scale: Wrench,
+    sensor_turn: DVec3,
 }
 
 impl LoadChange {
@@ -66,11 +68,30 @@ impl LoadChange {
                 self.mass += mass;
                 self.first_moment += first_moment;
             }
-            Contribution::Wrench(wrench) => {
-                self.wrench.force += wrench.force;
-                self.wrench.moment += wrench.moment;
+            Contribution::Sensor { bias, scale, turn } => {
+                self.sensor_bias = self.sensor_bias.plus(&bias);
+                self.sensor_scale = self.sensor_scale.plus(&scale);
+                self.sensor_turn += turn;
             }
             _ => {}
+        }
+    }
+
+    /// The wrench that acts where the sensor says `read`; both about the TCP, base axes.
+    fn truth(&self, read: Wrench, base_from_tool: &DMat3) -> Wrench {
+        let untouched = self.sensor_bias == Wrench::ZERO && self.sensor_scale == Wrench::ZERO;
+        if untouched && self.sensor_turn == DVec3::ZERO {
+            return read;
+        }
+        let tool_from_base = base_from_tool.transpose();
+        let mounting = rotation_from_vector(self.sensor_turn);
+        let truth = |read: DVec3, bias: DVec3, scale: DVec3| {
+            let reading = tool_from_base * read;
+            *base_from_tool * (mounting * ((reading - bias) / (DVec3::ONE + scale)))
+        };
+        Wrench {
+            force: truth(read.force, self.sensor_bias.force, self.sensor_scale.force),
+            moment: truth(read.moment, self.sensor_bias.moment, self.sensor_scale.moment),
         }
     }
 }
@@ -81,10 +102,10 @@ impl Loads {
         Self::changed(arm, chain, wrench, &LoadChange::default())
     }
 
-    /// The same, with what effects change.
+    /// The same, with what effects change; `wrench` is then what the sensor reads.
     pub fn changed(arm: &Arm, chain: &Chain, wrench: Wrench, change: &LoadChange) -> Self {
-        let mut loads =
-            Self::none(turned(arm.gravity, change.gravity_turn), added(wrench, change.wrench));
+        let wrench = change.truth(wrench, &chain.base_from_tool.rotation);
+        let mut loads = Self::none(turned(arm.gravity, change.gravity_turn), wrench);
         loads.carry_gravity(arm, chain, change);
         loads.carry_wrench(arm, chain);
         for (torque, load) in loads.gravity_torque.iter_mut().zip(change.joints) {
@@ -160,8 +181,4 @@ fn along(axis: DVec3, kind: JointKind, load: &PivotLoad) -> f64 {
 
 fn turned(gravity: DVec3, turn: DVec3) -> DVec3 {
     if turn == DVec3::ZERO { gravity } else { rotation_from_vector(turn).transpose() * gravity }
-}
-
-fn added(a: Wrench, b: Wrench) -> Wrench {
-    Wrench { force: a.force + b.force, moment: a.moment + b.moment }
 }

@@ -18,6 +18,16 @@ pub struct Wrench {
 impl Wrench {
     /// No wrench.
     pub const ZERO: Self = Self { force: DVec3::ZERO, moment: DVec3::ZERO };
+
+    /// The sum of two wrenches about the same point.
+    pub fn plus(&self, other: &Self) -> Self {
+        Self { force: self.force + other.force, moment: self.moment + other.moment }
+    }
+
+    /// This wrench times a number.
+    pub fn times(&self, factor: f64) -> Self {
+        Self { force: self.force * factor, moment: self.moment * factor }
+    }
 }
 
 /// One sample of what goes into the robot.

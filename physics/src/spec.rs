@@ -5,6 +5,7 @@
 //! Never: a value.
 
 use crate::JointKind;
+use core::fmt;
 
 /// The unit of a parameter in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +42,7 @@ pub enum Unit {
     MicrometrePerNewton,
     /// `_um_per_K`.
     MicrometrePerKelvin,
-    /// `_um_per_krpm`.
+    /// `_per_krpm`, of µm: its stem ends in `_um`, so that it differs from the stem of a growth by temperature.
     MicrometrePerKrpm,
     /// `_mrad_per_K`; on a prismatic joint `_mm_per_K`.
     MilliradianPerKelvin,
@@ -59,6 +60,18 @@ pub enum Unit {
     NewtonPerMetre,
     /// `_C`.
     Celsius,
+    /// `_kgm2`.
+    KilogramSquareMetre,
+    /// `_kgm`.
+    KilogramMetre,
+    /// `_per_m`.
+    PerMetre,
+    /// `_N_per_mm`.
+    NewtonPerMillimetre,
+    /// `_N_per_mm2`.
+    NewtonPerSquareMillimetre,
+    /// A word in quotes, no suffix: no number at all.
+    Word,
 }
 
 impl Unit {
@@ -67,7 +80,7 @@ impl Unit {
         use core::f64::consts::{PI, TAU};
         let slides = kind == JointKind::Prismatic;
         match self {
-            Self::One => ("", 1.0),
+            Self::One | Self::Word => ("", 1.0),
             Self::Milliradian if slides => ("_mm", 1e-3),
             Self::Milliradian | Self::TurnMilliradian => ("_mrad", 1e-3),
             Self::PhaseRadian => ("_rad", 1.0),
@@ -84,7 +97,7 @@ impl Unit {
             Self::CubicCompliance => ("_mrad_per_kNm3", 1e-12),
             Self::MicrometrePerNewton => ("_um_per_N", 1e-6),
             Self::MicrometrePerKelvin => ("_um_per_K", 1e-6),
-            Self::MicrometrePerKrpm => ("_um_per_krpm", 1e-9),
+            Self::MicrometrePerKrpm => ("_per_krpm", 1e-9),
             Self::MilliradianPerKelvin if slides => ("_mm_per_K", 1e-3),
             Self::MilliradianPerKelvin => ("_mrad_per_K", 1e-3),
             Self::CyclesPerRevolution if slides => ("_per_m", TAU),
@@ -95,6 +108,11 @@ impl Unit {
             Self::Kilogram => ("_kg", 1.0),
             Self::NewtonPerMetre => ("_N_per_m", 1.0),
             Self::Celsius => ("_C", 1.0),
+            Self::KilogramSquareMetre => ("_kgm2", 1.0),
+            Self::KilogramMetre => ("_kgm", 1.0),
+            Self::PerMetre => ("_per_m", 1.0),
+            Self::NewtonPerMillimetre => ("_N_per_mm", 1e3),
+            Self::NewtonPerSquareMillimetre => ("_N_per_mm2", 1e6),
         }
     }
 }
@@ -141,7 +159,7 @@ impl Range {
 /// One entry of an effect in a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {
-    /// The key without its unit's suffix.
+    /// The key without its unit's suffix; no two entries of one effect share it.
     pub stem: &'static str,
     /// Its unit in a file.
     pub unit: Unit,
@@ -191,6 +209,35 @@ impl Parameter {
     pub const fn optional(self) -> Self {
         Self { required: false, ..self }
     }
+
+    /// The same, but an effect cannot be without it.
+    pub const fn needed(self) -> Self {
+        Self { required: true, ..self }
+    }
+
+    /// Its key in a file for a joint of this kind; effects of the whole robot take `Revolute`.
+    pub fn key(&self, kind: JointKind) -> Key {
+        Key { stem: self.stem, suffix: self.unit.suffix_and_si(kind).0 }
+    }
+}
+
+/// A key in a file: stem and unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Key {
+    stem: &'static str,
+    suffix: &'static str,
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{}", self.stem, self.suffix)
+    }
+}
+
+impl PartialEq<str> for Key {
+    fn eq(&self, other: &str) -> bool {
+        other.strip_prefix(self.stem) == Some(self.suffix)
+    }
 }
 
 /// Whether an effect belongs to a joint or to the whole robot.
@@ -200,6 +247,8 @@ pub enum Place {
     Joint,
     /// A revolute joint.
     RevoluteJoint,
+    /// A joint, or the base where `axis` is given instead.
+    JointOrBase,
     /// The whole robot.
     Robot,
 }
@@ -253,7 +302,7 @@ pub struct Spec {
     pub needs: &'static [Need],
     /// Whether it remembers.
     pub has_memory: bool,
-    /// Its entries in a file: parameters that a fit may change first, in the order of
-    /// [`crate::Effect::values`], then settings.
+    /// Its entries in a file: parameters that a fit may change first, then settings. Which of them an effect
+    /// carries: [`crate::Effect::fitted`].
     pub parameters: &'static [Parameter],
 }

@@ -1,0 +1,231 @@
+//! Hard bounds whatever is wanted; exactness inside them; return after a jump.
+
+use super::*;
+use proptest::prelude::*;
+use std::vec::Vec;
+
+extern crate std;
+
+const DT_S: f64 = 1e-3;
+
+fn limits() -> Limits {
+    Limits::new(2e-3, 0.02, 5.0).expect("positive")
+}
+
+/// Third divided difference of four samples, times 6: Newton's scheme, written anew.
+fn jerk_of(samples: &[(f64, f64)]) -> f64 {
+    let mut d: Vec<f64> = samples.iter().map(|(_, x)| *x).collect();
+    for order in 1..4 {
+        for i in 0..4 - order {
+            d[i] = (d[i + 1] - d[i]) / (samples[i + order].0 - samples[i].0);
+        }
+    }
+    6.0 * d[0]
+}
+
+/// Everything that a wanted signal may do wrong, in one value.
+#[derive(Clone, Debug)]
+struct Signal {
+    jumps: Vec<(usize, f64)>,
+    sine: (f64, f64),
+    slope: f64,
+    noise: f64,
+}
+
+impl Signal {
+    fn at(&self, k: usize, t_s: f64) -> f64 {
+        let jumped: f64 = self.jumps.iter().filter(|(from, _)| *from <= k).map(|(_, by)| by).sum();
+        let hash = (k as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 11;
+        let noise = self.noise * (hash as f64 / (1u64 << 52) as f64 - 1.0);
+        jumped + self.sine.0 * libm::sin(self.sine.1 * t_s) + self.slope * t_s + noise
+    }
+}
+
+fn signal() -> impl Strategy<Value = Signal> {
+    (
+        prop::collection::vec((0..600_usize, -6e-3..6e-3_f64), 0..5),
+        (0.0..5e-3_f64, 0.1..600.0_f64),
+        prop_oneof![Just(0.0), -0.05..0.05_f64],
+        prop_oneof![Just(0.0), 1e-9..1e-3_f64],
+    )
+        .prop_map(|(jumps, sine, slope, noise)| Signal { jumps, sine, slope, noise })
+}
+
+/// Uneven steps: jitter, with a pause or a burst now and then.
+fn steps_s() -> impl Strategy<Value = Vec<f64>> {
+    prop::collection::vec(
+        prop_oneof![20 => 0.5e-3..1.5e-3_f64, 1 => 1e-5..1e-4_f64, 1 => 0.01..0.3_f64],
+        600,
+    )
+}
+
+fn run(limiter: &mut Limiter, wanted: &[f64], steps_s: &[f64]) -> Vec<(f64, f64)> {
+    let mut t = 0.0;
+    let mut outputs = Vec::new();
+    for (w, dt) in wanted.iter().zip(steps_s) {
+        t += dt;
+        outputs.push((t, limiter.step(*w, &limits(), *dt)));
+    }
+    outputs
+}
+
+fn assert_bounded(outputs: &[(f64, f64)]) -> Result<(), TestCaseError> {
+    let limits = limits();
+    for (t, c) in outputs {
+        prop_assert!(c.abs() <= limits.angle(), "angle {c} at {t}");
+    }
+    for pair in outputs.windows(2) {
+        let rate = (pair[1].1 - pair[0].1) / (pair[1].0 - pair[0].0);
+        prop_assert!(rate.abs() <= limits.rate() * (1.0 + 1e-9), "rate {rate} at {}", pair[1].0);
+    }
+    for four in outputs.windows(4) {
+        let shortest = four.windows(2).map(|w| w[1].0 - w[0].0).fold(f64::INFINITY, f64::min);
+        let rounding = 4e-18 / (shortest * shortest * shortest);
+        let jerk = jerk_of(four);
+        prop_assert!(
+            jerk.abs() <= limits.jerk() * (1.0 + 1e-6) + rounding,
+            "jerk {jerk} at {}",
+            four[3].0
+        );
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1500))]
+
+    #[test]
+    fn angle_rate_and_jerk_hold_whatever_is_wanted(signal in signal(), steps_s in steps_s()) {
+        let mut t = 0.0;
+        let wanted: Vec<f64> =
+            steps_s.iter().enumerate().map(|(k, dt)| { t += dt; signal.at(k, t) }).collect();
+        assert_bounded(&run(&mut Limiter::at_rest(), &wanted, &steps_s))?;
+    }
+
+    #[test]
+    fn not_a_number_and_infinity_change_nothing_in_the_bounds(
+        wanted in prop::collection::vec(
+            prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(f64::MAX), -1e-2..1e-2_f64], 300),
+        steps_s in steps_s(),
+    ) {
+        assert_bounded(&run(&mut Limiter::at_rest(), &wanted, &steps_s[..300]))?;
+    }
+
+    #[test]
+    fn what_stays_inside_the_limits_is_followed_bit_for_bit(
+        share in 0.01..0.9_f64, phase in 0.0..6.3_f64, rad_s in 0.1..40.0_f64,
+        jitter in prop::collection::vec(0.6e-3..1.4e-3_f64, 500),
+    ) {
+        let l = limits();
+        let amplitude = share
+            * l.angle().min(l.rate() / rad_s).min(l.jerk() / (rad_s * rad_s * rad_s));
+        let (sin, cos) = libm::sincos(phase);
+        let (v, a) = (amplitude * rad_s * cos, -amplitude * rad_s * rad_s * sin);
+        let mut limiter = Limiter::from_motion(amplitude * sin, v, a);
+        let mut t = 0.0;
+        for dt in jitter {
+            t += dt;
+            let wanted = amplitude * libm::sin(rad_s * t + phase);
+            let output = limiter.step(wanted, &l, dt);
+            prop_assert_eq!(output.to_bits(), wanted.to_bits());
+            prop_assert!(limiter.is_following());
+        }
+    }
+
+    #[test]
+    fn a_jump_is_absorbed_in_the_time_that_half_the_jerk_needs(
+        from in -1.9e-3..1.9e-3_f64, to in -1.9e-3..1.9e-3_f64,
+        sine_share in 0.0..0.25_f64, rad_s in 0.1..20.0_f64,
+    ) {
+        let l = limits();
+        let sine = sine_share
+            * (l.angle() - to.abs()).min(l.rate() / rad_s).min(l.jerk() / (rad_s * rad_s * rad_s));
+        let distance = (to - from).abs() + sine;
+        let mut limiter = Limiter::from_motion(from, 0.0, 0.0);
+        // By jerk alone, or cruising at the rate that the moving target leaves; and a few samples.
+        let ramp_s = libm::cbrt(32.0 * distance / (PLANNED_JERK * l.jerk()));
+        let cruise_s = distance / ((PLANNED_RATE - 0.25) * l.rate());
+        let bound_s = 1.3 * ramp_s + cruise_s + 12.0 * DT_S;
+        let mut followed = 0;
+        for k in 1..1500 {
+            let t = k as f64 * DT_S;
+            let wanted = to + sine * libm::sin(rad_s * t);
+            let output = limiter.step(wanted, &l, DT_S);
+            prop_assert!(output.abs() <= l.angle());
+            if t > bound_s {
+                prop_assert_eq!(output.to_bits(), wanted.to_bits(), "at {} s of {} s", t, bound_s);
+                followed += 1;
+            }
+        }
+        prop_assert!(followed > 100);
+    }
+
+    #[test]
+    fn a_step_between_resting_values_never_overshoots(
+        from in -2e-3..2e-3_f64, to in -2e-3..2e-3_f64,
+        steps_s in prop::collection::vec(0.5e-3..1.5e-3_f64, 800),
+    ) {
+        let mut limiter = Limiter::from_motion(from, 0.0, 0.0);
+        let mut last = from;
+        for dt in steps_s {
+            let output = limiter.step(to, &limits(), dt);
+            prop_assert!((output - last) * (to - from) >= 0.0, "turned back at {output}");
+            last = output;
+        }
+        prop_assert_eq!(last.to_bits(), to.to_bits());
+    }
+
+    #[test]
+    fn noise_beyond_the_jerk_is_smoothed_and_not_amplified(
+        noise in 1e-6..1e-4_f64, slope in -2e-3..2e-3_f64,
+    ) {
+        let signal = Signal { jumps: Vec::new(), sine: (0.0, 1.0), slope, noise };
+        let wanted: Vec<f64> = (0..900).map(|k| signal.at(k, k as f64 * DT_S)).collect();
+        let outputs = run(&mut Limiter::at_rest(), &wanted, &[DT_S; 900]);
+        // Behind a ramp by the way that a stop from it takes, at most.
+        let lag = slope.abs() * libm::sqrt(slope.abs() / (PLANNED_JERK * limits().jerk()));
+        for (k, (t, output)) in outputs.iter().enumerate().skip(300) {
+            let error = output - slope * k as f64 * DT_S;
+            prop_assert!(error.abs() < 2.0 * noise + 1.5 * lag, "{error} at {t}, noise {noise}");
+        }
+    }
+
+    #[test]
+    fn limits_that_shrink_bind_again(
+        from in -2e-3..2e-3_f64, rate in -0.01..0.01_f64, wanted in -2e-3..2e-3_f64,
+    ) {
+        let mut limiter = Limiter::from_motion(from, rate, 0.0);
+        let small = Limits::new(5e-4, 5e-3, 1.0).expect("positive");
+        for _ in 0..2000 {
+            limiter.step(wanted, &small, DT_S);
+        }
+        prop_assert_eq!(limiter.value(), wanted.clamp(-small.angle(), small.angle()));
+    }
+}
+
+#[test]
+fn nothing_wanted_is_followed_by_a_smooth_way_to_zero() {
+    let mut limiter = Limiter::from_motion(1e-3, 0.0, 0.0);
+    for _ in 0..400 {
+        let output = limiter.step(f64::NAN, &limits(), DT_S);
+        assert!((0.0..=1e-3).contains(&output) && !limiter.is_following());
+    }
+    assert_eq!(limiter.value(), 0.0);
+}
+
+#[test]
+fn no_time_no_change() {
+    let mut limiter = Limiter::from_motion(1e-3, 0.0, 0.0);
+    for dt in [0.0, -1e-3, f64::NAN, f64::INFINITY] {
+        assert_eq!(limiter.step(0.0, &limits(), dt), 1e-3);
+    }
+}
+
+#[test]
+fn a_settled_pose_is_taken_at_once() {
+    let mut limiter = Limiter::from_motion(1e-3, 0.01, -0.5);
+    limiter.jump(-1.5e-3);
+    assert_eq!((limiter.value(), limiter.rate()), (-1.5e-3, 0.0));
+    assert_eq!(limiter.step(-1.5e-3, &limits(), DT_S), -1.5e-3);
+    assert!(limiter.is_following());
+}

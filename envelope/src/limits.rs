@@ -1,0 +1,71 @@
+//! The three bounds of one joint's correction.
+//!
+//! Promises: a [`Limits`] holds positive, finite numbers. Never clamps a wrong one silently.
+
+/// Bounds on one joint's correction. Joint units: rad, or m for a prismatic joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    angle: f64,
+    rate: f64,
+    jerk: f64,
+}
+
+/// A bound that is not a positive, finite number.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "envelope: {bound} is {value}, expected a finite number above 0 (rad, rad/s, rad/s³; m for a \
+     prismatic joint); check the `envelope` table of the cell's configuration"
+)]
+pub struct LimitsError {
+    /// Which bound: `angle`, `rate` or `jerk`.
+    pub bound: &'static str,
+    /// What was given.
+    pub value: f64,
+}
+
+impl Limits {
+    /// `angle` (rad or m), `rate` (per s), `jerk` (per s³), each finite and above 0.
+    ///
+    /// # Errors
+    /// Names the first bound that is not.
+    pub fn new(angle: f64, rate: f64, jerk: f64) -> Result<Self, LimitsError> {
+        for (bound, value) in [("angle", angle), ("rate", rate), ("jerk", jerk)] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(LimitsError { bound, value });
+            }
+        }
+        Ok(Self { angle, rate, jerk })
+    }
+
+    /// The largest correction, rad or m.
+    #[must_use]
+    pub fn angle(&self) -> f64 {
+        self.angle
+    }
+
+    /// The fastest change, rad/s or m/s.
+    #[must_use]
+    pub fn rate(&self) -> f64 {
+        self.rate
+    }
+
+    /// The largest third derivative, rad/s³ or m/s³.
+    #[must_use]
+    pub fn jerk(&self) -> f64 {
+        self.jerk
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bound_that_bounds_nothing_is_refused_by_name() {
+        assert_eq!(Limits::new(0.0, 1.0, 1.0).map_err(|e| e.bound), Err("angle"));
+        assert_eq!(Limits::new(1.0, -1.0, 1.0).map_err(|e| e.bound), Err("rate"));
+        assert_eq!(Limits::new(1.0, 1.0, f64::NAN).map_err(|e| e.bound), Err("jerk"));
+        assert_eq!(Limits::new(1.0, 1.0, f64::INFINITY).map_err(|e| e.bound), Err("jerk"));
+        assert!(Limits::new(1e-3, 1e-2, 1.0).is_ok());
+    }
+}

@@ -1,0 +1,71 @@
+//! Value, rate and acceleration at an instant, and the stop from there.
+//!
+//! Promises: [`Motion::stops_inside`] is true exactly where the fastest stop at full jerk keeps
+//! angle and rate at all times. That set is closed under its own stop: who is inside has a way out
+//! that stays inside, at any pace of sampling. Never looks at a sample; time is continuous here.
+
+use crate::Limits;
+use crate::plan::Ramp;
+
+/// Where a joint's correction is and how it moves, in continuous time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Motion {
+    pub(crate) value: f64,
+    pub(crate) rate: f64,
+    pub(crate) acceleration: f64,
+}
+
+impl Motion {
+    pub(crate) const fn at_rest(value: f64) -> Self {
+        Self { value, rate: 0.0, acceleration: 0.0 }
+    }
+
+    /// After `dt_s` at constant `jerk`.
+    pub(crate) fn after(self, dt_s: f64, jerk: f64) -> Self {
+        let Self { value, rate, acceleration } = self;
+        Self {
+            value: value + dt_s * (rate + dt_s * (acceleration / 2.0 + dt_s * jerk / 6.0)),
+            rate: rate + dt_s * (acceleration + dt_s * jerk / 2.0),
+            acceleration: acceleration + dt_s * jerk,
+        }
+    }
+
+    pub(crate) fn minus(self, other: Self) -> Self {
+        Self {
+            value: self.value - other.value,
+            rate: self.rate - other.rate,
+            acceleration: self.acceleration - other.acceleration,
+        }
+    }
+
+    /// The rate that is left when the acceleration is taken out at `jerk`.
+    pub(crate) fn coasting_rate(self, jerk: f64) -> f64 {
+        self.rate + self.acceleration * self.acceleration.abs() / (2.0 * jerk)
+    }
+
+    /// Whether the fastest stop from here, at full jerk, stays within angle and rate.
+    ///
+    /// The stop's rate is extreme now or where its acceleration first vanishes; its value where the
+    /// rate changes sign (at most once, in the first segment) or at its end.
+    pub(crate) fn stops_inside(self, limits: &Limits) -> bool {
+        let stop = Ramp::to_rate(self, 0.0, limits.jerk());
+        let turn = self.turning_point(stop.first_jerk());
+        let end = stop.end_of(self);
+        self.value.abs() <= limits.angle()
+            && end.value.abs() <= limits.angle()
+            && turn.abs() <= limits.angle()
+            && self.rate.abs() <= limits.rate()
+            && self.coasting_rate(limits.jerk()).abs() <= limits.rate()
+    }
+
+    /// The value where the rate vanishes under the stop's first jerk; the value now where it does not.
+    fn turning_point(self, jerk: f64) -> f64 {
+        let towards = self.rate * self.acceleration < 0.0 && self.acceleration * jerk < 0.0;
+        let square = self.acceleration * self.acceleration - 2.0 * jerk * self.rate;
+        if !(towards && square >= 0.0) {
+            return self.value;
+        }
+        let reach = self.acceleration.abs() + libm::sqrt(square);
+        self.after(2.0 * self.rate.abs() / reach, jerk).value
+    }
+}

@@ -1,0 +1,169 @@
+//! The fastest motion to rest at zero under a jerk and a rate bound, in continuous time.
+//!
+//! Full jerk towards zero for some time, then the fastest stop: the longer the push, the further the
+//! stop ends, so that the push which ends at zero is found by bisection. Where it would pass the rate
+//! bound: a ramp to that rate, a cruise, a stop. Source: time-optimal control of the triple
+//! integrator; cf. Haschke, Weitnauer, Ritter, "On-line planning of time-optimal, jerk-limited
+//! trajectories", IROS 2008.
+//!
+//! Promises: a plan ends exactly at zero. Never exceeds its jerk.
+
+use crate::motion::Motion;
+
+/// Halvings that take the length of a push from its longest to its last bit.
+const BISECTIONS: u32 = 60;
+
+/// A change of rate that ends without acceleration: one jerk, then its opposite.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Ramp {
+    jerk: f64,
+    first_s: f64,
+    second_s: f64,
+}
+
+impl Ramp {
+    pub(crate) fn to_rate(from: Motion, rate: f64, jerk: f64) -> Self {
+        let sign = if rate >= from.coasting_rate(jerk) { 1.0 } else { -1.0 };
+        let acceleration = sign * from.acceleration;
+        let square = jerk * sign * (rate - from.rate) + acceleration * acceleration / 2.0;
+        let peak = libm::sqrt(square.max(0.0));
+        Self {
+            jerk: sign * jerk,
+            first_s: ((peak - acceleration) / jerk).max(0.0),
+            second_s: peak / jerk,
+        }
+    }
+
+    /// To no acceleration at once, whatever the rate then is.
+    fn coasting(from: Motion, jerk: f64) -> Self {
+        let first_s = from.acceleration.abs() / jerk;
+        Self { jerk: -jerk.copysign(from.acceleration), first_s, second_s: 0.0 }
+    }
+
+    pub(crate) fn first_jerk(&self) -> f64 {
+        self.jerk
+    }
+
+    pub(crate) fn end_of(&self, from: Motion) -> Motion {
+        from.after(self.first_s, self.jerk).after(self.second_s, -self.jerk)
+    }
+
+    /// `dt_s` into the ramp; beyond its end the rate stays.
+    pub(crate) fn after(&self, from: Motion, dt_s: f64) -> Motion {
+        let first_s = dt_s.min(self.first_s);
+        let second_s = (dt_s - first_s).min(self.second_s);
+        let rest_s = dt_s - first_s - second_s;
+        let end = from.after(first_s, self.jerk).after(second_s, -self.jerk);
+        if rest_s > 0.0 { Motion { acceleration: 0.0, ..end }.after(rest_s, 0.0) } else { end }
+    }
+
+    fn segments(&self) -> [(f64, f64); 2] {
+        [(self.first_s, self.jerk), (self.second_s, -self.jerk)]
+    }
+}
+
+/// A motion in five segments of constant jerk that ends at rest at zero.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plan {
+    start: Motion,
+    /// Duration in s, jerk.
+    segments: [(f64, f64); 5],
+    elapsed_s: f64,
+}
+
+impl Plan {
+    /// The fastest way from `start` to rest at zero; cruises within `rates` (lowest below 0, highest
+    /// above 0), or as fast as it came where that was faster.
+    pub(crate) fn to_zero(start: Motion, rates: (f64, f64), jerk: f64) -> Self {
+        let direct = Ramp::to_rate(start, 0.0, jerk).end_of(start).value;
+        let (push, bound) = if direct > 0.0 { (-jerk, rates.0) } else { (jerk, rates.1) };
+        let speed_up = if (bound - start.coasting_rate(jerk)) * push > 0.0 {
+            Ramp::to_rate(start, bound, jerk)
+        } else {
+            Ramp::coasting(start, jerk)
+        };
+        let cruise = Motion { acceleration: 0.0, ..speed_up.end_of(start) };
+        let slow_down = Ramp::to_rate(cruise, 0.0, jerk);
+        let short_by = -slow_down.end_of(cruise).value;
+        let segments = if short_by * push >= 0.0 {
+            let ([a, b], [d, e]) = (speed_up.segments(), slow_down.segments());
+            [a, b, (short_by / cruise.rate, 0.0), d, e]
+        } else {
+            let longest_s = if speed_up.jerk * push > 0.0 { speed_up.first_s } else { 0.0 };
+            let pushed_s = push_time(start, push, longest_s);
+            let [b, c] = Ramp::to_rate(start.after(pushed_s, push), 0.0, jerk).segments();
+            [(pushed_s, push), b, c, (0.0, 0.0), (0.0, 0.0)]
+        };
+        Self { start, segments, elapsed_s: 0.0 }
+    }
+
+    /// The motion `dt_s` further on; at rest at zero once the plan is over.
+    pub(crate) fn advance(&mut self, dt_s: f64) -> Motion {
+        self.elapsed_s += dt_s;
+        let mut motion = self.start;
+        let mut left_s = self.elapsed_s;
+        for (duration_s, jerk) in self.segments {
+            if left_s < duration_s {
+                return motion.after(left_s, jerk);
+            }
+            motion = motion.after(duration_s, jerk);
+            left_s -= duration_s;
+        }
+        Motion::default()
+    }
+}
+
+/// How long to push so that the stop after it ends at zero; the longest push ends beyond zero.
+fn push_time(start: Motion, push: f64, longest_s: f64) -> f64 {
+    let (mut low_s, mut high_s) = (0.0, longest_s);
+    for _ in 0..BISECTIONS {
+        let middle_s = (low_s + high_s) / 2.0;
+        let pushed = start.after(middle_s, push);
+        let end = Ramp::to_rate(pushed, 0.0, push.abs()).end_of(pushed).value;
+        if end * push > 0.0 { high_s = middle_s } else { low_s = middle_s }
+    }
+    low_s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn motion() -> impl Strategy<Value = Motion> {
+        (-1.0..1.0_f64, -1.0..1.0_f64, -1.0..1.0_f64)
+            .prop_map(|(value, rate, acceleration)| Motion { value, rate, acceleration })
+    }
+
+    #[test]
+    fn a_jump_from_rest_takes_the_time_that_the_triple_integrator_allows() {
+        let (distance, jerk) = (1e-3, 25.0);
+        let plan = Plan::to_zero(Motion::at_rest(distance), (-1.0, 1.0), jerk);
+        let total_s: f64 = plan.segments.iter().map(|(duration_s, _)| duration_s).sum();
+        let optimal_s = libm::cbrt(32.0 * distance / jerk);
+        assert!((total_s - optimal_s).abs() < 1e-9, "{total_s} against {optimal_s}");
+    }
+
+    proptest! {
+        #[test]
+        fn a_plan_is_continuous_and_ends_at_rest_at_zero(start in motion(), jerk in 0.1..10.0_f64) {
+            let plan = Plan::to_zero(start, (-0.7, 0.4), jerk);
+            let end = plan.segments.iter().fold(start, |m, (s, j)| m.after(*s, *j));
+            prop_assert!(end.value.abs() < 1e-9, "{end:?}");
+            prop_assert!(end.rate.abs() < 1e-9 && end.acceleration.abs() < 1e-9, "{end:?}");
+            prop_assert!(plan.segments.iter().all(|(s, _)| *s >= 0.0));
+        }
+
+        #[test]
+        fn following_a_plan_and_planning_anew_on_the_way_agree(
+            start in motion(), jerk in 0.5..5.0_f64, at_s in 0.0..2.0_f64,
+        ) {
+            let mut whole = Plan::to_zero(start, (-3.0, 3.0), jerk);
+            let middle = whole.advance(at_s);
+            let mut again = Plan::to_zero(middle, (-3.0, 3.0), jerk);
+            let (a, b) = (whole.advance(0.3), again.advance(0.3));
+            prop_assert!((a.value - b.value).abs() < 1e-7, "{a:?} {b:?}");
+            prop_assert!((a.rate - b.rate).abs() < 1e-6, "{a:?} {b:?}");
+        }
+    }
+}
