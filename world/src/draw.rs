@@ -8,7 +8,7 @@
 
 use crate::extras::{Extra, ExtraSize, draw_extras};
 use crate::random::{Purpose, stream};
-use physics::spec::{Count, Parameter, Range, Role};
+use physics::spec::{Count, Range};
 use physics::{AnyEffect, BuildError, Joints, Model, ModelError};
 use rand::RngExt;
 use rand_distr::StandardNormal;
@@ -47,7 +47,9 @@ pub enum DrawError {
         expected: usize,
     },
     /// A list that does not fit its effect.
-    #[error("effect {effect}: {found} uncertainties for {expected} values, expected one each or none")]
+    #[error(
+        "effect {effect}: {found} uncertainties for {expected} values, expected one each or none"
+    )]
     Count {
         /// Place of the effect in the model.
         effect: usize,
@@ -57,7 +59,9 @@ pub enum DrawError {
         expected: usize,
     },
     /// An uncertainty that is none.
-    #[error("effect {effect}, value {value}: its uncertainty is {sigma}, expected a finite number, 0 or above")]
+    #[error(
+        "effect {effect}, value {value}: its uncertainty is {sigma}, expected a finite number, 0 or above"
+    )]
     Sigma {
         /// Place of the effect in the model.
         effect: usize,
@@ -67,7 +71,9 @@ pub enum DrawError {
         sigma: f64,
     },
     /// No effects of the asked size were found that the calibrated model lacks.
-    #[error("found no {count} effects of {least_m} to {largest_m} m at the TCP that the model lacks")]
+    #[error(
+        "found no {count} effects of {least_m} to {largest_m} m at the TCP that the model lacks"
+    )]
     NoExtras {
         /// How many were asked for.
         count: usize,
@@ -150,13 +156,12 @@ fn move_effect(
 /// The range of flat value `k`: the entries that a fit may change, each as long as the effect carries it.
 fn range_of(effect: &AnyEffect, k: usize) -> Range {
     let mut first = 0;
-    let length = |parameter: &Parameter, first: usize| match parameter.count {
-        Count::One => 1,
-        Count::Exactly(n) => n,
-        Count::UpTo(_) | Count::ThreePerCarriedBody => effect.values().len() - first,
-    };
-    for parameter in effect.spec().parameters.iter().filter(|p| p.role != Role::Setting) {
-        first += length(parameter, first);
+    for parameter in effect.fitted() {
+        first += match parameter.count {
+            Count::One => 1,
+            Count::Exactly(n) => n,
+            Count::UpTo(_) | Count::ThreePerCarriedBody => effect.values().len() - first,
+        };
         if k < first {
             return parameter.range;
         }
@@ -186,11 +191,11 @@ mod tests {
     fn poses() -> Vec<Joints> {
         let pose = |k: i32| {
             let mut q = [0.0; JOINTS_MAX];
-            let s = 0.1 * (f64::from(k) * 0.05).sin();
+            let s = 0.1 * (f64::from(k) * 0.2).sin();
             q[..6].copy_from_slice(&[s, 0.2 + s, 0.3 - s, 0.5 * s, 1.1 + s, -s]);
             q
         };
-        (0..200).map(pose).collect()
+        (0..50).map(pose).collect()
     }
 
     const NONE: ExtraSize = ExtraSize { count: 0, least_m: 0.0, largest_m: 0.0 };
@@ -238,9 +243,8 @@ mod tests {
             let size = crate::extras::size(&model, &truth.model, &poses(), truth.ambient_celsius);
             assert!((20e-6..=60e-6).contains(&size.rms_m), "seed {seed}: {size:?}");
             for (extra, effect) in truth.extras.iter().zip(truth.model.effects().skip(5)) {
-                let same = |e: &&AnyEffect| {
-                    e.spec().kind == extra.kind && e.joint() == effect.joint()
-                };
+                let same =
+                    |e: &&AnyEffect| e.spec().kind == extra.kind && e.joint() == effect.joint();
                 assert_eq!(model.effects().find(same), None, "{}", extra.words);
                 kinds.insert((extra.kind, effect.joint()));
             }
@@ -253,7 +257,8 @@ mod tests {
         let model = calibrated();
         let sigmas = vec![vec![1e-7]; 5];
         let calibration = Calibration { model: &model, sigmas: &sigmas };
-        let truth = |seed| draw(&calibration, &ExtraSize::default(), &poses(), seed).expect("found");
+        let truth =
+            |seed| draw(&calibration, &ExtraSize::default(), &poses(), seed).expect("found");
         assert_eq!(truth(11), truth(11));
         assert_ne!(truth(11).model, truth(12).model);
     }

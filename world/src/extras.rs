@@ -132,7 +132,9 @@ pub(crate) fn draw_extras(
     }
     for _ in 0..1000 {
         let total = rng.random_range(asked.least_m..=asked.largest_m);
-        let Some((model, extras)) = attempt(truth, asked.count, total, poses, rng)? else { continue };
+        let Some((model, extras)) = attempt(truth, asked.count, total, poses, rng)? else {
+            continue;
+        };
         let together = size(&truth.model, &model, poses, truth.ambient_celsius).rms_m;
         if (asked.least_m..=asked.largest_m).contains(&together) {
             truth.model = model;
@@ -184,7 +186,8 @@ fn candidate(model: &Model, extras: &[Extra], rng: &mut ChaCha8Rng) -> Option<Ca
     if taken || !lacks(model, entry.kind, joint) || (entry.of_joint && !revolute) {
         return None;
     }
-    let (mut low, mut high) = if i + 3 < arm.count() || !entry.of_joint { entry.main } else { entry.wrist };
+    let (mut low, mut high) =
+        if i + 3 < arm.count() || !entry.of_joint { entry.main } else { entry.wrist };
     let mut rest = Vec::new();
     let mut sign = 1.0;
     match entry.kind {
@@ -195,6 +198,9 @@ fn candidate(model: &Model, extras: &[Extra], rng: &mut ChaCha8Rng) -> Option<Ca
         "joint_ratio" => sign = if rng.random() { 1.0 } else { -1.0 },
         "thermal_growth" => {
             let link = (arm.next_point(i) - arm.joints()[i].point).length();
+            if link < 1e-3 {
+                return None;
+            }
             (low, high) = (low * link, high * link);
         }
         _ => {}
@@ -245,12 +251,13 @@ fn build(arm: &Arm, candidate: &Candidate, amplitude: f64) -> Result<AnyEffect, 
 fn words(arm: &Arm, candidate: &Candidate, effect: &AnyEffect, size: TcpSize) -> String {
     let kind = candidate.joint.map_or(JointKind::Revolute, |i| arm.joints()[i].kind);
     let amplitude = candidate.entry.amplitude;
-    let numbers = core::iter::once((amplitude, effect.values()[0])).chain(candidate.rest.iter().copied());
+    let numbers =
+        core::iter::once((amplitude, effect.values()[0])).chain(candidate.rest.iter().copied());
     let mut said = Vec::new();
     for (stem, value) in numbers {
         if let Some(parameter) = effect.spec().parameters.iter().find(|p| p.stem == stem) {
-            let (suffix, si) = parameter.unit.suffix_and_si(kind);
-            said.push(format!("{stem}{suffix} {:.4}", value / si));
+            let si = parameter.unit.suffix_and_si(kind).1;
+            said.push(format!("{} {:.4}", parameter.key(kind), value / si));
         }
     }
     let place = candidate.joint.map_or(String::new(), |i| format!(" on joint {}", i + 1));

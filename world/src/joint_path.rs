@@ -134,10 +134,9 @@ mod tests {
 
     #[test]
     fn every_command_puts_the_controllers_tool_where_it_is_wanted() {
-        for (arm, start) in [
-            (irb1600(), DVec3::new(0.8, 0.0, 0.4)),
-            (seven_joints(), DVec3::new(0.5, 0.0, 0.3)),
-        ] {
+        for (arm, start) in
+            [(irb1600(), DVec3::new(0.8, 0.0, 0.4)), (seven_joints(), DVec3::new(0.5, 0.0, 0.3))]
+        {
             let path = quick(&arm, start).expect("within reach");
             for sample in &path.samples {
                 let reached = Chain::nominal(&arm, &sample.q).base_from_tool;

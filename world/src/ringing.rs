@@ -48,7 +48,11 @@ impl Chatter {
     /// Amplitude `in_cut_s` after the cut began, N; zero before it starts.
     pub fn amplitude_n(&self, in_cut_s: f64) -> f64 {
         let grown = in_cut_s - self.after_s;
-        if grown < 0.0 { 0.0 } else { (self.seed_n * exp2(grown / self.doubling_s)).min(self.limit_n) }
+        if grown < 0.0 {
+            0.0
+        } else {
+            (self.seed_n * exp2(grown / self.doubling_s)).min(self.limit_n)
+        }
     }
 
     /// Force on the tool `in_cut_s` after its cut began, base axes, N.
