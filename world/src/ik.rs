@@ -100,9 +100,8 @@ fn error(wanted: &Frame, now: &Frame) -> (DVec3, DVec3) {
 
 fn step(arm: &Arm, chain: &Chain, position: DVec3, angle: DVec3, q: &mut Joints) {
     let jacobian = chain.jacobian(arm);
-    let error = SVector::<f64, 6>::new(
-        position.x, position.y, position.z, angle.x, angle.y, angle.z,
-    );
+    let error =
+        SVector::<f64, 6>::new(position.x, position.y, position.z, angle.x, angle.y, angle.z);
     let damping = 0.5 * error.norm_squared() + 1e-18;
     let square = jacobian * jacobian.transpose() + SMatrix::<f64, 6, 6>::identity() * damping;
     let Some(factor) = Cholesky::new(square) else { return };
@@ -178,7 +177,8 @@ mod tests {
     fn what_is_out_of_reach_is_said_with_the_distance_left() {
         let arm = irb1600();
         let wanted = Frame::new(arm.tool.base_from_tool, DVec3::new(3.0, 0.0, 0.5));
-        let Err(IkError::OutOfReach { position_m, .. }) = solve(&arm, &wanted, &seed(&arm, 0)) else {
+        let Err(IkError::OutOfReach { position_m, .. }) = solve(&arm, &wanted, &seed(&arm, 0))
+        else {
             panic!("expected out of reach");
         };
         assert!((1.0..2.5).contains(&position_m), "{position_m}");
