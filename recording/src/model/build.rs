@@ -5,7 +5,6 @@ use physics::effects::SPECS;
 use physics::spec::{ActsOn, Count, Need, Role, Spec};
 use physics::{AnyEffect, Arm, Body, Given, Joint, JointKind, Model, Tool};
 
-use super::effects::key_of;
 use super::{BodyEntry, EffectEntry, JointEntry, ModelFile, Numbers, Parameter, RobotModel};
 use crate::faults::Fault;
 use crate::files::content_hash;
@@ -133,7 +132,7 @@ fn effect(entry: &EffectEntry, spec: &Spec, arm: &Arm) -> Result<AnyEffect, Stri
     let kind = kind_at(entry, arm);
     let mut given = Vec::new();
     for parameter in &entry.parameters {
-        let Some(known) = spec.parameters.iter().find(|p| key_of(p, kind) == parameter.key) else {
+        let Some(known) = spec.parameters.iter().find(|p| p.key(kind) == *parameter.key) else {
             return Err(format!("`{}` is no parameter of this effect", parameter.key));
         };
         let si = known.unit.suffix_and_si(kind).1;
@@ -161,7 +160,7 @@ impl EffectEntry {
     fn sigma_si(&self, spec: &Spec, kind: JointKind, count: usize) -> Vec<f64> {
         let mut flat = Vec::new();
         for known in spec.parameters.iter().filter(|p| p.role != Role::Setting) {
-            let key = key_of(known, kind);
+            let key = known.key(kind).to_string();
             let si = known.unit.suffix_and_si(kind).1;
             match self.parameters.iter().find(|p| p.key == key) {
                 Some(parameter) => {
@@ -204,7 +203,7 @@ impl EffectEntry {
                 _ => Numbers::List(list.iter().map(|value| value / si).collect()),
             };
             entries.push(Parameter {
-                key: key_of(known, joint_kind),
+                key: known.key(joint_kind).to_string(),
                 value: numbers(values),
                 sigma: sigma.map(numbers),
             });

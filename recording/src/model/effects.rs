@@ -27,14 +27,6 @@ pub(super) fn read_effect(table: &Table<'_, '_>, joints: &[JointKind]) -> Option
         let carried = joint.map_or(0, |joint| joints.len() + 1 - joint);
         parameters.extend(parameter(table, spec, joint_kind, carried));
     }
-    if kind.name == "flexible_mode" && table.has("axis") {
-        let axis = table.vector::<3>("axis").map(|axis| Numbers::List(axis.to_vec()));
-        parameters.extend(axis.map(|value| Parameter {
-            key: "axis".to_owned(),
-            value,
-            sigma: None,
-        }));
-    }
     sigmas(table, &mut parameters);
     table.close();
     if table.fault_count() > before {
@@ -69,8 +61,8 @@ fn joint(table: &Table<'_, '_>, kind: &Kind, count: usize) -> Option<usize> {
             }
             None
         }
-        Place::Joint | Place::RevoluteJoint => {
-            if !(kind.name == "flexible_mode" && table.has("axis")) {
+        Place::Joint | Place::RevoluteJoint | Place::JointOrBase => {
+            if !(kind.place == Place::JointOrBase && table.has("axis")) {
                 table.require("joint", "the number of a joint, from 1");
             }
             let joint = table.whole("joint", 1..count as i64 + 1)?;
@@ -79,18 +71,13 @@ fn joint(table: &Table<'_, '_>, kind: &Kind, count: usize) -> Option<usize> {
     }
 }
 
-/// The key of a parameter at a joint of this kind.
-pub(super) fn key_of(spec: &Spec, kind: JointKind) -> String {
-    format!("{}{}", spec.stem, spec.unit.suffix_and_si(kind).0)
-}
-
 fn parameter(
     table: &Table<'_, '_>,
     spec: &Spec,
     joint_kind: JointKind,
     carried: usize,
 ) -> Option<Parameter> {
-    let key = key_of(spec, joint_kind);
+    let key = spec.key(joint_kind).to_string();
     if spec.required {
         table.require(&key, describe(spec.count));
     }

@@ -159,7 +159,7 @@ const OTHERS: &[Kind] = &[
             ROBOT,
             &[
                 any("growth", Unit::MicrometrePerKelvin).optional(),
-                any("growth", Unit::MicrometrePerKrpm).optional(),
+                any("growth_um", Unit::MicrometrePerKrpm).optional(),
                 LAG,
                 REFERENCE,
             ],
@@ -170,12 +170,13 @@ const OTHERS: &[Kind] = &[
     kind("servo_lag", JOINT, &[positive("time_constant", Unit::Millisecond)]),
     kind(
         "flexible_mode",
-        JOINT,
+        Place::JointOrBase,
         &[
             positive("frequency", Unit::Hertz),
             not_negative("damping_ratio", Unit::One),
             any("participation", Unit::One).optional(),
             not_negative("dynamic_compliance", Unit::Compliance).optional(),
+            any("axis", Unit::One).of(THREE).optional(),
         ],
     ),
     kind(

@@ -7,6 +7,8 @@
 mod build;
 mod effects;
 mod kinds;
+#[cfg(test)]
+mod preset_tests;
 pub mod presets;
 mod read;
 #[cfg(test)]
