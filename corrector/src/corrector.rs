@@ -13,7 +13,7 @@ use envelope::{Limiter, Limits};
 use physics::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Memories, Model, Wrench};
 
 /// Share of the envelope's angle in limited mode.
-const LIMITED_SHARE: f64 = 0.25;
+const LIMITED_SHARE: f64 = 0.1;
 /// The most time that one bound step may take, ns: after a pause the correction goes on as if it had been this short.
 const STEP_NS_MAX: u64 = 20_000_000;
 
