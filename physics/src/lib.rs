@@ -31,7 +31,7 @@ pub use effect::{BuildError, Effect, Given, Memory};
 pub use effects::AnyEffect;
 pub use frame::Frame;
 pub use loads::Loads;
-pub use model::{Evaluation, Memories, Model, ModelError};
+pub use model::{Beyond, Evaluation, Memories, Model, ModelError};
 pub use signals::{Inputs, Signals, Wrench};
 
 /// The most joints an arm may have.

@@ -7,6 +7,7 @@
 pub mod faults;
 pub mod files;
 pub mod mapping;
+pub mod model;
 pub mod series;
 pub mod unit;
 mod walk;

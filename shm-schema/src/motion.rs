@@ -100,6 +100,10 @@ plain_struct! {
         pub q: [f64; JOINTS_MAX],
         /// What of `q` is correction, within the envelope.
         pub correction: [f64; JOINTS_MAX],
+        /// How fast `correction` changes, per s: with it, whoever takes over goes on without a step.
+        pub correction_rate: [f64; JOINTS_MAX],
+        /// How fast that changes, per s².
+        pub correction_acceleration: [f64; JOINTS_MAX],
         /// What the model asks for, before the envelope; in shadow mode `correction` is zero, this is not.
         pub wanted: [f64; JOINTS_MAX],
         /// Undamped residual of the solution, position, m.
