@@ -257,10 +257,33 @@ fn words(arm: &Arm, candidate: &Candidate, effect: &AnyEffect, size: TcpSize) ->
     for (stem, value) in numbers {
         if let Some(parameter) = effect.spec().parameters.iter().find(|p| p.stem == stem) {
             let si = parameter.unit.suffix_and_si(kind).1;
-            said.push(format!("{} {:.4}", parameter.key(kind), value / si));
+            said.push(format!("{} {}", parameter.key(kind), three_digits(value / si)));
         }
     }
     let place = candidate.joint.map_or(String::new(), |i| format!(" on joint {}", i + 1));
     let at_tcp = 1e6 * size.rms_m;
     format!("{}{place}: {}; {at_tcp:.0} µm at the TCP", candidate.entry.kind, said.join(", "))
+}
+
+/// Three significant digits: `0.0831`, `12.3`, `2`, `3.51e-5`.
+fn three_digits(x: f64) -> String {
+    let magnitude = libm::floor(libm::log10(x.abs()));
+    if x == libm::rint(x) {
+        format!("{x}")
+    } else if magnitude < -3.0 {
+        format!("{x:.2e}")
+    } else {
+        format!("{x:.*}", (2.0 - magnitude).max(0.0) as usize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_said_with_three_digits() {
+        let said = [0.083_12, 12.345, 2.0, 3.512e-5, -0.5, 1234.5, 0.0].map(three_digits);
+        assert_eq!(said, ["0.0831", "12.3", "2", "3.51e-5", "-0.500", "1234", "0"]);
+    }
 }

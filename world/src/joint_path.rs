@@ -133,6 +133,22 @@ mod tests {
     }
 
     #[test]
+    fn the_commands_are_the_path_at_their_times_from_start_to_end() {
+        let arm = irb1600();
+        let start = DVec3::new(0.8, 0.0, 0.4);
+        let rotation = tool_along(-DVec3::Z, arm.tool.base_from_tool);
+        let path = Slots::quick(start).tool_path(rotation).expect("a sound path");
+        let plan = JointPath::plan(&arm, &path, 1e-3, None).expect("within reach");
+        assert!((plan.duration_s() - path.duration_s()).abs() <= 1e-3);
+        for (k, sample) in plan.samples.iter().enumerate() {
+            assert_eq!(sample.t_s, k as f64 * 1e-3);
+            assert_eq!(sample.wanted, path.at(sample.t_s));
+        }
+        let end = plan.samples.last().expect("samples").wanted.base_from_tool.origin;
+        assert!((end - start - DVec3::new(0.015, 0.0, 2e-3)).length() < 1e-12);
+    }
+
+    #[test]
     fn every_command_puts_the_controllers_tool_where_it_is_wanted() {
         for (arm, start) in
             [(irb1600(), DVec3::new(0.8, 0.0, 0.4)), (seven_joints(), DVec3::new(0.5, 0.0, 0.3))]

@@ -4,7 +4,7 @@
 //! stream of its own ([`random`]).
 //! Never: IPC, a clock, a file, a correction.
 //!
-//! Read in this order: [`path`] and [`slots`] (where the tool shall go), [`ik`] and [`joint_path`] (the commands for it),
+//! Read in this order: [`path`] and [`slots`] (where the tool shall go, [`workplace`]: where there), [`ik`] and [`joint_path`] (the commands for it),
 //! [`draw`] (a true robot for a calibrated model), [`robot`] (where its tool really goes), [`cutter`] and
 //! [`ringing`] (what the cut exerts), [`cell`] (all of it, tick by tick). [`contact`] closes the loop over a stiff
 //! surface; [`tracker`] is the instrument.
@@ -25,6 +25,7 @@ pub mod ringing;
 pub mod robot;
 pub mod slots;
 pub mod tracker;
+pub mod workplace;
 
 #[cfg(test)]
 mod test_arm;

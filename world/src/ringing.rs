@@ -151,6 +151,16 @@ mod tests {
     }
 
     #[test]
+    fn two_half_steps_are_one_whole_step() {
+        let (mut once, mut twice) = (Mode::at_72_hz(), Mode::at_72_hz());
+        for force in [DVec3::new(6.0, -2.0, 0.5), DVec3::ZERO, DVec3::new(-1.0, 3.0, 0.0)] {
+            let whole = once.step(force, 2e-3);
+            twice.step(force, 1e-3);
+            assert!((twice.step(force, 1e-3) - whole).length() < 1e-20);
+        }
+    }
+
+    #[test]
     fn a_steady_force_bends_a_mode_by_its_compliance() {
         let mut mode = Mode::at_72_hz();
         let mut at = DVec3::ZERO;
