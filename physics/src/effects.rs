@@ -175,4 +175,4 @@ pub fn is_modelled(spec: &Spec) -> bool {
 }
 
 #[cfg(test)]
-mod conformance;
+pub(crate) mod conformance;

@@ -6,7 +6,7 @@ mod keys;
 mod samples;
 mod scene;
 
-pub(crate) use scene::{scene, seen, sliding_scene, with_inputs};
+pub(crate) use scene::{Scene, scene, seen, sliding_scene, with_inputs};
 
 use crate::deviation::Contribution;
 use crate::effects::{AnyEffect, SPECS};
