@@ -1,1 +1,45 @@
-//! The robot as equations: geometry, and one file per physical effect behind one trait.
+//! The robot as equations: its geometry, its loads, and one file per physical effect behind one trait.
+//!
+//! Promises: pure functions of what is passed in; the same input gives the same bits on every machine of
+//! one kind (all transcendental functions come from `libm`, not from the system's C library).
+//! Never: a clock, input or output, shared memory, a heap, a panic on finite input.
+//!
+//! Read in this order: [`arm`] (what the controller believes), [`chain`] (where every axis and the tool
+//! are), [`loads`] (what pulls at each joint), [`effect`] (THE seam: what one physical effect is),
+//! [`model`] (the sum of the effects: where the tool really goes).
+//!
+//! Units are SI throughout: rad (m for a prismatic joint), N, Nm, kg, s; temperatures in °C.
+//! Vectors are in base axes unless a name says otherwise (`shift_tool`).
+#![cfg_attr(not(test), no_std)]
+
+pub mod arm;
+pub mod chain;
+pub mod deviation;
+pub mod effect;
+pub mod effects;
+pub mod frame;
+mod heat;
+pub mod loads;
+pub mod model;
+pub mod signals;
+pub mod spec;
+
+pub use arm::{Arm, ArmError, Body, Joint, JointKind, Tool};
+pub use chain::{Chain, Jacobian};
+pub use deviation::{Contribution, Deviation};
+pub use effect::{BuildError, Effect, Given, Memory};
+pub use effects::AnyEffect;
+pub use frame::Frame;
+pub use loads::Loads;
+pub use model::{Evaluation, Memories, Model, ModelError};
+pub use signals::{Inputs, Signals, Wrench};
+
+/// The most joints an arm may have.
+pub const JOINTS_MAX: usize = 16;
+
+/// The most effects a model may have.
+pub const EFFECTS_MAX: usize = 128;
+
+/// One number per joint: rad or rad-like for a revolute joint, m for a prismatic one.
+/// Entries beyond the arm's joint count are zero and never read.
+pub type Joints = [f64; JOINTS_MAX];

@@ -1,1 +1,12 @@
 //! Files in and out: models, recordings, mappings, cell configuration, the black box.
+//!
+//! Every parser of foreign input of the house stands here. Promise: no input makes it panic; a bad
+//! file gives all its faults at once, with file, line, key or column, what was expected and what
+//! to do; a file that is written appears whole or not at all. Inside the code all values are SI.
+
+pub mod faults;
+pub mod files;
+pub mod mapping;
+pub mod series;
+pub mod unit;
+mod walk;

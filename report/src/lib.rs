@@ -1,1 +1,48 @@
 //! One look for every HTML page and SVG plot.
+//!
+//! Promises: the same input gives the same bytes; every text is escaped; no value that is not finite reaches a
+//! drawing; a page is one file that asks nothing of the network; long series are thinned to a bounded size.
+//! Never: physics, files, clocks, or knowledge of who asks.
+//!
+//! ```
+//! use report::{Axis, Number, Page, Plot, Series};
+//!
+//! let error_mm = (0..500).map(|i| (f64::from(i) * 0.01, f64::from(i).sin().abs()));
+//! let plot = Plot::new("Tool error over time", Axis::new("Time", "s"), Axis::new("Tool error", "mm"))
+//!     .series(Series::line("with correction", error_mm))
+//!     .render();
+//! let html = Page::new("Correction run")
+//!     .numbers([Number::new("Mean tool error", 0.12, "mm")])
+//!     .figure("The tool's distance from the commanded path.", &plot)
+//!     .render();
+//! assert!(html.starts_with("<!DOCTYPE html>"));
+//! ```
+
+mod axis;
+mod bars;
+mod canvas;
+mod escape;
+mod frame;
+mod heat;
+mod histogram;
+mod legend;
+mod multiples;
+mod number;
+mod page;
+mod plot;
+mod scale;
+mod series;
+mod table;
+mod thin;
+
+pub use axis::Axis;
+pub use bars::{Bar, Bars};
+pub use canvas::Svg;
+pub use heat::HeatMap;
+pub use histogram::Histogram;
+pub use multiples::Multiples;
+pub use number::{duration, fixed, quantity, significant};
+pub use page::{Number, Page, Tone};
+pub use plot::Plot;
+pub use series::Series;
+pub use table::{Cell, Column, Table};

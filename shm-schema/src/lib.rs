@@ -1,1 +1,52 @@
-//! The bytes that both sides share, their versions and their service names.
+//! The bytes that both sides share, their versions, their service names, and the life of a domain.
+//!
+//! Promise: what is read on one side is what was written on the other, or it is refused with a
+//! message that names both versions. No process that dies, at whatever moment, can keep the other
+//! side from going on within a second. Nobody outside this crate sees the transport (iceoryx2).
+//! Never: physics, a blocking send, a wait without a time limit, a log of its own.
+//!
+//! | service | payload | from, to | kept |
+//! | --- | --- | --- | --- |
+//! | `/command` | [`Command`] | cell to daemon | the newest |
+//! | `/corrected` | [`Corrected`] | daemon to cell | the newest |
+//! | `/force` | [`ForceBlock`] | force source to daemon | 64 blocks, then the sender discards and counts |
+//! | `/state` | [`RobotState`] | cell to daemon | the newest |
+//! | `/vibration` | [`Verdict`] | daemon to all | the last 8, also for late joiners |
+//! | `/status` | [`Status`] | daemon to all | the last one, also for late joiners |
+//! | `/control` | [`Request`], [`Response`] | all to daemon and back | one at a time per client |
+
+mod clock;
+mod codes;
+mod control;
+mod domain;
+mod force;
+mod layout;
+mod motion;
+mod port;
+mod robot;
+mod services;
+mod status;
+mod text;
+mod vibration;
+
+pub use clock::{monotonic_ns, new_session};
+pub use codes::UnknownCode;
+pub use control::{Answer, Operation, PATH_BYTES_MAX, Request, Response};
+pub use domain::{
+    Cell, Contract, Current, DaemonPorts, DaemonSide, DomainError, JoinError, Joined,
+    RUNTIME_DIR_ENV, Role, Seat, Supervision, sweep,
+};
+pub use force::{FORCE_CHANNELS_MAX, FORCE_SAMPLES_MAX, ForceBlock};
+pub use layout::{Malformed, Payload};
+pub use motion::{Command, Corrected, CorrectionStatus, Reason, WrenchGate};
+pub use port::{
+    ControlClient, ControlServer, Pending, PortError, Publisher, SendOutcome, Subscriber,
+};
+pub use robot::RobotState;
+pub use services::{CONTRACT_HASH, CONTRACT_VERSION, Topic};
+pub use status::{Health, JointBounds, Mode, RecorderState, Status};
+pub use text::Text;
+pub use vibration::{Advice, SensorFault, Verdict, VibrationClass, VibrationState};
+
+/// Most joints of one robot.
+pub const JOINTS_MAX: usize = 16;

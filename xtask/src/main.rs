@@ -1,3 +1,36 @@
-//! The chores of the house.
+//! The chores of the house. Every figure that a document quotes comes from one of these commands.
+//!
+//! Never part of the product: nothing depends on it.
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "a chore talks to the person who ran it"
+)]
 
-fn main() {}
+mod seeds;
+
+use std::process::ExitCode;
+
+const HELP: &str = "\
+cargo xtask seeds [COUNT] [--full]   the demo over COUNT seeds (20): tool error with over without, per seed, middle and worst
+";
+
+fn main() -> ExitCode {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    let done = match words.as_slice() {
+        ["seeds", rest @ ..] => seeds::run(rest),
+        _ => {
+            print!("{HELP}");
+            return ExitCode::from(2);
+        }
+    };
+    match done {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::from(1),
+        Err(why) => {
+            eprintln!("xtask: {why}");
+            ExitCode::from(3)
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! Latency of the cycle, counted by the cycle and read by the supervisor.
+//!
+//! Promises: recording is two relaxed atomic operations; a quantile is right to 1/16 of its value (log-linear buckets).
+//! Never: a lock or an allocation after [`Latency::default`].
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+/// Buckets in each doubling of the value.
+const PER_OCTAVE: u64 = 16;
+/// Doublings covered: up to 2⁴⁰ ns, about 18 minutes.
+const OCTAVES: u64 = 40;
+
+/// A histogram of durations in ns.
+#[derive(Debug)]
+pub struct Latency {
+    buckets: Box<[AtomicU64]>,
+    worst_ns: AtomicU64,
+}
+
+/// What a person wants to know of it, ns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Quantiles {
+    /// The middle.
+    pub p50_ns: u64,
+    /// 99 %.
+    pub p99_ns: u64,
+    /// 99.9 %.
+    pub p999_ns: u64,
+    /// The worst, exact.
+    pub max_ns: u64,
+    /// How many were counted.
+    pub count: u64,
+}
+
+impl Default for Latency {
+    fn default() -> Self {
+        let buckets = (0..PER_OCTAVE * OCTAVES).map(|_| AtomicU64::new(0)).collect();
+        Self { buckets, worst_ns: AtomicU64::new(0) }
+    }
+}
+
+impl Latency {
+    /// Counts one duration. One thread records.
+    pub fn record(&self, duration_ns: u64) {
+        if let Some(bucket) = self.buckets.get(index_of(duration_ns)) {
+            bucket.fetch_add(1, Relaxed);
+        }
+        self.worst_ns.fetch_max(duration_ns, Relaxed);
+    }
+
+    /// The quantiles so far; zeros where nothing was counted.
+    pub fn quantiles(&self) -> Quantiles {
+        let counts: Vec<u64> = self.buckets.iter().map(|bucket| bucket.load(Relaxed)).collect();
+        let count: u64 = counts.iter().sum();
+        let max_ns = self.worst_ns.load(Relaxed);
+        let at = |share: f64| {
+            let rank = (share * count as f64).ceil().max(1.0) as u64;
+            let mut seen = 0;
+            let found = counts.iter().position(|n| {
+                seen += n;
+                seen >= rank
+            });
+            found.map_or(0, |index| upper_edge_ns(index as u64).min(max_ns))
+        };
+        Quantiles { p50_ns: at(0.5), p99_ns: at(0.99), p999_ns: at(0.999), max_ns, count }
+    }
+}
+
+/// Values below 16 have a bucket each; above, 16 buckets to a doubling.
+fn index_of(value: u64) -> usize {
+    if value < PER_OCTAVE {
+        return value as usize;
+    }
+    let octave = u64::from(value.ilog2() - PER_OCTAVE.ilog2());
+    let within = (value >> octave) - PER_OCTAVE;
+    let index = (octave + 1) * PER_OCTAVE + within;
+    index.min(PER_OCTAVE * OCTAVES - 1) as usize
+}
+
+fn upper_edge_ns(index: u64) -> u64 {
+    if index < PER_OCTAVE {
+        return index;
+    }
+    let octave = index / PER_OCTAVE - 1;
+    ((index % PER_OCTAVE + PER_OCTAVE + 1) << octave) - 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_right_to_a_sixteenth() {
+        let latency = Latency::default();
+        (1..=100_000).for_each(|ns| latency.record(ns));
+        let q = latency.quantiles();
+        assert_eq!((q.count, q.max_ns), (100_000, 100_000));
+        for (found, truth) in [(q.p50_ns, 50_000.0), (q.p99_ns, 99_000.0), (q.p999_ns, 99_900.0)] {
+            let found = found as f64;
+            assert!(found >= truth && found <= truth * (1.0 + 1.0 / 16.0), "{found} for {truth}");
+        }
+    }
+
+    #[test]
+    fn buckets_follow_each_other_without_a_hole() {
+        let mut last = 0;
+        for value in 0..100_000_u64 {
+            let index = index_of(value);
+            assert!(index == last || index == last + 1, "{value} jumps from {last} to {index}");
+            assert!(upper_edge_ns(index as u64) >= value);
+            last = index;
+        }
+    }
+
+    #[test]
+    fn a_duration_beyond_the_last_bucket_is_still_counted() {
+        let latency = Latency::default();
+        latency.record(u64::MAX);
+        assert_eq!(latency.quantiles().count, 1);
+        assert_eq!(latency.quantiles().max_ns, u64::MAX);
+    }
+}

@@ -1,0 +1,76 @@
+//! Real-time manners of a thread: policy, core, locked memory.
+//!
+//! Promises: what was asked and refused is told, with the fix; whether that ends the daemon is the configuration's word
+//! (`[realtime] enforce`). Never: a policy for the whole process, which its helper threads would inherit.
+
+use rustix::mm::{MlockAllFlags, mlockall};
+use rustix::thread::{CpuSet, sched_setaffinity};
+use thread_priority::{
+    RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
+    set_thread_priority_and_policy, thread_native_id,
+};
+
+/// What the machine refused.
+#[derive(Debug, thiserror::Error)]
+pub enum Refused {
+    /// SCHED_FIFO.
+    #[error(
+        "SCHED_FIFO priority {priority} was refused: {why}; give the service LimitRTPRIO={priority} or more, \
+         or set `[realtime] policy = \"other\"`"
+    )]
+    Policy {
+        /// 1 to 99.
+        priority: u8,
+        /// The system's word.
+        why: String,
+    },
+    /// Pinning to a core.
+    #[error("pinning to core {core} was refused: {why}; choose a core that this process may use")]
+    Core {
+        /// 0-based.
+        core: usize,
+        /// The system's word.
+        why: std::io::Error,
+    },
+    /// Locking memory.
+    #[error("locking memory was refused: {why}; give the service LimitMEMLOCK=infinity, or set `[realtime] lock_memory = false`")]
+    Memory {
+        /// The system's word.
+        why: std::io::Error,
+    },
+}
+
+/// Locks all memory of the process, present and future, into RAM.
+///
+/// # Errors
+/// Where the system refuses.
+pub fn lock_memory() -> Result<(), Refused> {
+    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE)
+        .map_err(|why| Refused::Memory { why: why.into() })
+}
+
+/// Gives the calling thread SCHED_FIFO at `priority` (1 to 99).
+///
+/// # Errors
+/// Where the system refuses.
+pub fn set_fifo(priority: u8) -> Result<(), Refused> {
+    let refused = |why: String| Refused::Policy { priority, why };
+    let value = ThreadPriorityValue::try_from(priority).map_err(|why| refused(why.to_owned()))?;
+    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(value), policy)
+        .map_err(|why| refused(format!("{why:?}")))
+}
+
+/// Pins the calling thread to one core.
+///
+/// # Errors
+/// Where the system refuses, or the core does not exist.
+pub fn pin_to(core: usize) -> Result<(), Refused> {
+    if core >= CpuSet::MAX_CPU {
+        let why = std::io::Error::from(std::io::ErrorKind::InvalidInput);
+        return Err(Refused::Core { core, why });
+    }
+    let mut set = CpuSet::new();
+    set.set(core);
+    sched_setaffinity(None, &set).map_err(|why| Refused::Core { core, why: why.into() })
+}

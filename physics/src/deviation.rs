@@ -1,0 +1,229 @@
+//! What effects add to the controller's geometry, and where they add it.
+//!
+//! Promises: contributions add up in any order (to rounding); a deviation of all zeros changes nothing.
+//! Never: a judgement whether a deviation is small.
+
+use crate::frame::Twist;
+use crate::{Frame, JOINTS_MAX, Joints, Wrench};
+use glam::DVec3;
+
+/// What one effect adds, at the one place where it acts. Joints and links are 0-based.
+///
+/// Link `k` is what stands between joint `k − 1` and joint `k`: link 0 is the base, link `n` the flange.
+/// A derivative of an effect by a parameter is a contribution too, since all of these add up linearly.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Contribution {
+    /// Nothing.
+    #[default]
+    None,
+    /// Joint `joint` takes this much more, rad or m.
+    Joint {
+        /// 0-based joint.
+        joint: usize,
+        /// Actual minus commanded, rad or m.
+        delta: f64,
+    },
+    /// Joint `joint`'s axis alone turns about `pivot`; the rest of the zero configuration stays.
+    Axis {
+        /// 0-based joint.
+        joint: usize,
+        /// Rotation vector, zero configuration, base axes, rad.
+        turn: DVec3,
+        /// A point on the axis, zero configuration, base frame, m.
+        pivot: DVec3,
+    },
+    /// All that link `link` carries turns about `pivot`.
+    LinkTurn {
+        /// 0-based link.
+        link: usize,
+        /// Rotation vector, base axes as carried from the zero configuration, rad.
+        turn: DVec3,
+        /// Fixed point, base frame at the zero configuration, m.
+        pivot: DVec3,
+    },
+    /// All that link `link` carries, and the joint after it, is shifted.
+    LinkShift {
+        /// 0-based link.
+        link: usize,
+        /// Shift, base axes at the zero configuration, m.
+        shift: DVec3,
+    },
+    /// The whole robot turns about the base frame's origin.
+    BaseTurn {
+        /// Rotation vector, base axes, rad.
+        turn: DVec3,
+    },
+    /// The TCP is elsewhere, the tool turned.
+    Tool {
+        /// Shift of the TCP, tool axes, m.
+        shift: DVec3,
+        /// Rotation vector, tool axes, rad.
+        turn: DVec3,
+    },
+    /// A load on joint `joint`, Nm or N, besides gravity and wrench.
+    JointLoad {
+        /// 0-based joint.
+        joint: usize,
+        /// Positive in the joint's positive sense.
+        load: f64,
+    },
+    /// Gravity as the base sees it is turned by this rotation vector, base axes, rad.
+    GravityTurn {
+        /// Rotation vector of the robot's stand: gravity becomes `Rᵀ g`.
+        turn: DVec3,
+    },
+    /// A mass at the flange that the arm does not know.
+    Mass {
+        /// kg.
+        mass: f64,
+        /// First moment `m c` with `c` the centre at the zero configuration, base frame, kg m.
+        first_moment: DVec3,
+    },
+    /// What the force sensor reads wrong, tool axes: truth `= R(turn) (reading − bias) / (1 + scale)`, axis by axis.
+    Sensor {
+        /// What it reads too much.
+        bias: Wrench,
+        /// How much too large it reads, as a part of one.
+        scale: Wrench,
+        /// Rotation vector of the sensor's mounting, rad.
+        turn: DVec3,
+    },
+    /// What the drive of joint `joint` has to exert besides the rigid body's need, Nm or N.
+    DriveTorque {
+        /// 0-based joint.
+        joint: usize,
+        /// Positive in the joint's positive sense.
+        torque: f64,
+    },
+    /// A force on the tool besides the modelled one, at the TCP, base axes.
+    ToolForce(Wrench),
+}
+
+impl Contribution {
+    /// This contribution times a number.
+    pub fn times(&self, factor: f64) -> Self {
+        let mut scaled = *self;
+        match &mut scaled {
+            Self::None => {}
+            Self::Joint { delta, .. } => *delta *= factor,
+            Self::Axis { turn, .. } | Self::LinkTurn { turn, .. } => *turn *= factor,
+            Self::LinkShift { shift, .. } => *shift *= factor,
+            Self::BaseTurn { turn } | Self::GravityTurn { turn } => *turn *= factor,
+            Self::Tool { shift, turn } => {
+                *shift *= factor;
+                *turn *= factor;
+            }
+            Self::JointLoad { load, .. } => *load *= factor,
+            Self::Mass { mass, first_moment } => {
+                *mass *= factor;
+                *first_moment *= factor;
+            }
+            Self::Sensor { bias, scale, turn } => {
+                *bias = bias.times(factor);
+                *scale = scale.times(factor);
+                *turn *= factor;
+            }
+            Self::ToolForce(wrench) => *wrench = wrench.times(factor),
+            Self::DriveTorque { torque, .. } => *torque *= factor,
+        }
+        scaled
+    }
+
+    /// The difference of two contributions of the same effect, which act at the same place; where one of them
+    /// is nothing, the other one alone. Contributions at different places have no difference: nothing.
+    pub fn minus(&self, other: &Self) -> Self {
+        let mut difference = *self;
+        match (&mut difference, other) {
+            (_, Self::None) => {}
+            (Self::None, _) => return other.times(-1.0),
+            (Self::Joint { delta, .. }, Self::Joint { delta: b, .. }) => *delta -= b,
+            (Self::Axis { turn, .. }, Self::Axis { turn: b, .. })
+            | (Self::LinkTurn { turn, .. }, Self::LinkTurn { turn: b, .. })
+            | (Self::BaseTurn { turn }, Self::BaseTurn { turn: b })
+            | (Self::GravityTurn { turn }, Self::GravityTurn { turn: b }) => *turn -= *b,
+            (Self::LinkShift { shift, .. }, Self::LinkShift { shift: b, .. }) => *shift -= *b,
+            (Self::Tool { shift, turn }, Self::Tool { shift: s, turn: t }) => {
+                *shift -= *s;
+                *turn -= *t;
+            }
+            (Self::JointLoad { load, .. }, Self::JointLoad { load: b, .. }) => *load -= b,
+            (Self::Mass { mass, first_moment }, Self::Mass { mass: m, first_moment: s }) => {
+                *mass -= m;
+                *first_moment -= *s;
+            }
+            (Self::Sensor { bias, scale, turn }, Self::Sensor { bias: b, scale: s, turn: t }) => {
+                *bias = bias.plus(&b.times(-1.0));
+                *scale = scale.plus(&s.times(-1.0));
+                *turn -= *t;
+            }
+            (Self::ToolForce(a), Self::ToolForce(b)) => *a = a.plus(&b.times(-1.0)),
+            (Self::DriveTorque { torque, .. }, Self::DriveTorque { torque: b, .. }) => *torque -= b,
+            _ => return Self::None,
+        }
+        difference
+    }
+}
+
+/// The deviation of one link: turns about pivots, then (nearer to the tool) a shift.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LinkDeviation {
+    /// Turns, base axes and frame at the zero configuration.
+    pub twist: Twist,
+    /// Shift, base axes at the zero configuration, m.
+    pub shift: DVec3,
+}
+
+impl LinkDeviation {
+    /// The motion that this deviation puts in.
+    pub fn frame(&self) -> Frame {
+        self.twist.frame().after(&Frame::translation(self.shift))
+    }
+}
+
+/// The sum of all contributions to the geometry.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Deviation {
+    /// Actual minus commanded per joint, rad or m.
+    pub joints: Joints,
+    /// Axes alone: where each is moved to, base axes and frame at the zero configuration.
+    pub axes: [Twist; JOINTS_MAX],
+    /// Links 0 (base) to `n` (flange).
+    pub links: [LinkDeviation; JOINTS_MAX + 1],
+    /// The whole robot about the base origin: rotation vector, rad.
+    pub base_turn: DVec3,
+    /// Shift of the TCP, tool axes, m.
+    pub tool_shift: DVec3,
+    /// Turn of the tool, tool axes, rad.
+    pub tool_turn: DVec3,
+}
+
+impl Default for Deviation {
+    fn default() -> Self {
+        Self {
+            joints: [0.0; JOINTS_MAX],
+            axes: [Twist::default(); JOINTS_MAX],
+            links: [LinkDeviation::default(); JOINTS_MAX + 1],
+            base_turn: DVec3::ZERO,
+            tool_shift: DVec3::ZERO,
+            tool_turn: DVec3::ZERO,
+        }
+    }
+}
+
+impl Deviation {
+    /// Adds a contribution to the geometry; contributions to loads and torques are not geometry and pass by.
+    pub fn add(&mut self, contribution: &Contribution) {
+        match *contribution {
+            Contribution::Joint { joint, delta } => self.joints[joint] += delta,
+            Contribution::Axis { joint, turn, pivot } => self.axes[joint].add(turn, pivot),
+            Contribution::LinkTurn { link, turn, pivot } => self.links[link].twist.add(turn, pivot),
+            Contribution::LinkShift { link, shift } => self.links[link].shift += shift,
+            Contribution::BaseTurn { turn } => self.base_turn += turn,
+            Contribution::Tool { shift, turn } => {
+                self.tool_shift += shift;
+                self.tool_turn += turn;
+            }
+            _ => {}
+        }
+    }
+}

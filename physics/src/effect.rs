@@ -1,0 +1,310 @@
+//! THE seam of the house: what one physical effect is.
+//!
+//! Correction sums effects, simulation runs them forward, diagnosis fits their parameters: all through this trait.
+//! An effect is parameters (kept in it, SI) apart from state (a [`Memory`], kept by whoever runs it), so that one
+//! set of parameters serves many runs. It adds one [`Contribution`] at one place: position, load, torque or force.
+//!
+//! Promises of every effect, held by the conformance suite (`effects/conformance.rs`): zero parameters do nothing;
+//! derivatives agree with finite differences; a contribution has the place that its [`Spec`] says; memory settles
+//! to the same state whatever was before; nothing panics on finite input.
+//! Never: a clock, a heap, a look at another effect.
+
+use crate::deviation::Contribution;
+use crate::signals::Signals;
+use crate::spec::{Count, Parameter, Place, Range, Role, Spec};
+use crate::{Arm, JOINTS_MAX, JointKind};
+use glam::DVec3;
+use thiserror::Error;
+
+/// The most numbers that an effect has.
+pub const VALUES_MAX: usize = 3 * JOINTS_MAX;
+
+/// What an effect remembers between samples. All zeros before anything happened.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Memory(pub [f64; 4]);
+
+/// One physical effect with its parameters.
+pub trait Effect: Copy + Sized {
+    /// What it says of itself.
+    const SPEC: Spec;
+
+    /// The effect with the given numbers at the given site; the generic checks of [`Site::checked`] are done.
+    ///
+    /// # Errors
+    /// What only this effect knows to be wrong.
+    fn build(site: &Site<'_>) -> Result<Self, BuildError>;
+
+    /// The 0-based joint that it belongs to; none for the whole robot.
+    fn joint(&self) -> Option<usize>;
+
+    /// The parameters whose numbers [`Effect::values`] are, in that order: the spec's without its settings, but for
+    /// effects that follow one of several laws.
+    fn fitted(&self) -> &'static [Parameter] {
+        let parameters = Self::SPEC.parameters;
+        let count = parameters.iter().take_while(|p| p.role != Role::Setting).count();
+        &parameters[..count]
+    }
+
+    /// The parameters that a fit may change, SI, in the order of [`Effect::fitted`], lists laid out flat.
+    fn values(&self) -> &[f64];
+
+    /// The same, to be changed.
+    fn values_mut(&mut self) -> &mut [f64];
+
+    /// What it adds, for these signals and this memory.
+    fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution;
+
+    /// The derivative of [`Effect::predict`] by value `k`, for a memory that was settled or advanced with the same
+    /// values (what memory owes to them it carries along). Exact where the value enters linearly, else a central
+    /// difference unless the effect knows better.
+    fn derivative(&self, k: usize, signals: &Signals<'_>, memory: &Memory) -> Contribution {
+        derivative_of(self, k, signals, memory)
+    }
+
+    /// Brings the memory to where it stands after a long move that ended in `inputs.direction`.
+    fn settle(&self, _signals: &Signals<'_>, _memory: &mut Memory) {}
+
+    /// Lets the memory follow one sample, the motor going from `inputs.q_before` to `inputs.q`.
+    fn advance(&self, _signals: &Signals<'_>, _memory: &mut Memory) {}
+
+    /// The inverse: lets the memory follow one sample in which the LINK shall go from `inputs.q_before` to
+    /// `inputs.q`, the motor doing what that takes. The corrector asks this.
+    fn follow(&self, signals: &Signals<'_>, memory: &mut Memory) {
+        self.advance(signals, memory);
+    }
+}
+
+/// Where an effect is to be built, and the numbers given for it.
+#[derive(Clone, Copy, Debug)]
+pub struct Site<'a> {
+    /// The arm.
+    pub arm: &'a Arm,
+    /// 0-based joint; 0 for effects of the whole robot.
+    pub joint: usize,
+    given: Given<'a>,
+}
+
+/// The numbers given for an effect: stems of [`crate::spec::Parameter`] with values in SI.
+#[derive(Clone, Copy, Debug)]
+pub struct Given<'a>(pub &'a [(&'a str, &'a [f64])]);
+
+impl<'a> Given<'a> {
+    /// The numbers of one entry.
+    pub fn list(&self, stem: &str) -> Option<&'a [f64]> {
+        self.0.iter().find(|(name, _)| *name == stem).map(|(_, values)| *values)
+    }
+}
+
+/// Why an effect cannot be built. Joints are 1-based here, as in files; values are SI.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum BuildError {
+    /// No effect of this name is modelled.
+    #[error("no effect of this kind is modelled")]
+    UnknownKind,
+    /// The effect belongs to a joint and none was given.
+    #[error("this effect belongs to a joint: `joint` is missing")]
+    NeedsJoint,
+    /// The effect belongs to the whole robot and a joint was given.
+    #[error("this effect belongs to the whole robot: it takes no `joint`")]
+    TakesNoJoint,
+    /// The joint does not exist.
+    #[error("joint {joint} does not exist, the arm has {count}")]
+    NoSuchJoint {
+        /// 1-based.
+        joint: usize,
+        /// How many the arm has.
+        count: usize,
+    },
+    /// The effect needs a revolute joint.
+    #[error("this effect needs a revolute joint")]
+    NeedsRevolute,
+    /// A needed entry is missing.
+    #[error("`{stem}` is missing")]
+    Missing {
+        /// Stem of the entry.
+        stem: &'static str,
+    },
+    /// An entry that the effect does not have.
+    #[error("an entry that this effect does not have")]
+    Unknown {
+        /// Its place in [`Given`].
+        index: usize,
+    },
+    /// A list of the wrong length.
+    #[error("`{stem}` has {found} numbers, expected {expected:?}")]
+    WrongCount {
+        /// Stem of the entry.
+        stem: &'static str,
+        /// Numbers found.
+        found: usize,
+        /// Numbers expected.
+        expected: Count,
+    },
+    /// A value out of its range.
+    #[error("`{stem}` is {value} (SI), expected {range:?}")]
+    OutOfRange {
+        /// Stem of the entry.
+        stem: &'static str,
+        /// The value, SI.
+        value: f64,
+        /// The range, SI.
+        range: Range,
+    },
+    /// A pivot that is not on the joint's axis (to 1e-6 m).
+    #[error("`pivot` is {distance_m} m off the joint's axis, it must lie on it")]
+    PivotOffAxis {
+        /// Distance, m.
+        distance_m: f64,
+    },
+    /// Two points coincide and no direction was given.
+    #[error("the two points that set the direction coincide: `direction` is needed")]
+    NeedsDirection,
+    /// Entries that exclude each other, or of which one is needed.
+    #[error("expected {0}")]
+    Combination(&'static str),
+}
+
+impl<'a> Site<'a> {
+    /// A site whose numbers fit the spec: names, counts, ranges, joint.
+    ///
+    /// # Errors
+    /// The first thing that does not fit.
+    pub fn checked(
+        spec: &Spec,
+        arm: &'a Arm,
+        joint: Option<usize>,
+        given: Given<'a>,
+    ) -> Result<Self, BuildError> {
+        let joint = check_place(spec, arm, joint)?;
+        for (index, (name, _)) in given.0.iter().enumerate() {
+            if !spec.parameters.iter().any(|p| p.stem == *name) {
+                return Err(BuildError::Unknown { index });
+            }
+        }
+        for parameter in spec.parameters {
+            let stem = parameter.stem;
+            let Some(values) = given.list(stem) else {
+                if parameter.required {
+                    return Err(BuildError::Missing { stem });
+                }
+                continue;
+            };
+            let fits = match parameter.count {
+                Count::One => values.len() == 1,
+                Count::Exactly(n) => values.len() == n,
+                Count::UpTo(n) => (1..=n).contains(&values.len()),
+                Count::ThreePerCarriedBody => values.len() == 3 * (arm.count() - joint),
+            };
+            if !fits {
+                let (found, expected) = (values.len(), parameter.count);
+                return Err(BuildError::WrongCount { stem, found, expected });
+            }
+            if let Some(&value) = values.iter().find(|v| !parameter.range.holds(**v)) {
+                return Err(BuildError::OutOfRange { stem, value, range: parameter.range });
+            }
+        }
+        Ok(Self { arm, joint, given })
+    }
+
+    /// A number that the spec requires; zero where the spec does not require it and it is not there.
+    pub fn one(&self, stem: &str) -> f64 {
+        self.maybe(stem).unwrap_or(0.0)
+    }
+
+    /// A number that may be missing.
+    pub fn maybe(&self, stem: &str) -> Option<f64> {
+        self.given.list(stem).and_then(|values| values.first().copied())
+    }
+
+    /// The numbers of an entry; empty where it is missing.
+    pub fn list(&self, stem: &str) -> &'a [f64] {
+        self.given.list(stem).unwrap_or(&[])
+    }
+
+    /// The first `N` numbers of an entry; zeros where it is missing or shorter.
+    pub fn array<const N: usize>(&self, stem: &str) -> [f64; N] {
+        let mut values = [0.0; N];
+        for (slot, value) in values.iter_mut().zip(self.list(stem)) {
+            *slot = *value;
+        }
+        values
+    }
+
+    /// A vector that may be missing.
+    pub fn vector(&self, stem: &str) -> Option<DVec3> {
+        self.given.list(stem).map(|_| DVec3::from_array(self.array(stem)))
+    }
+
+    /// The joint's pivot: its point, or `pivot` where given.
+    ///
+    /// # Errors
+    /// A pivot that is not on the axis.
+    pub fn pivot(&self) -> Result<DVec3, BuildError> {
+        let joint = &self.arm.joints()[self.joint];
+        let Some(pivot) = self.vector("pivot") else { return Ok(joint.point) };
+        let off = (pivot - joint.point).cross(joint.axis);
+        let distance_m = libm::sqrt(off.length_squared());
+        if distance_m > 1e-6 { Err(BuildError::PivotOffAxis { distance_m }) } else { Ok(pivot) }
+    }
+}
+
+fn check_place(spec: &Spec, arm: &Arm, joint: Option<usize>) -> Result<usize, BuildError> {
+    match (spec.place, joint) {
+        (Place::Robot, None) => Ok(0),
+        (Place::Robot, Some(_)) => Err(BuildError::TakesNoJoint),
+        (Place::JointOrBase, None) => Ok(0),
+        (_, None) => Err(BuildError::NeedsJoint),
+        (place, Some(joint)) => {
+            let Some(found) = arm.joints().get(joint) else {
+                return Err(BuildError::NoSuchJoint { joint: joint + 1, count: arm.count() });
+            };
+            if place == Place::RevoluteJoint && found.kind != JointKind::Revolute {
+                return Err(BuildError::NeedsRevolute);
+            }
+            Ok(joint)
+        }
+    }
+}
+
+/// Exact for a linear value (the effect with that value one and its other linear values zero), a central
+/// difference for a nonlinear one.
+fn derivative_of<E: Effect>(
+    effect: &E,
+    k: usize,
+    signals: &Signals<'_>,
+    memory: &Memory,
+) -> Contribution {
+    let mut probe = *effect;
+    if role_of(effect, k) == Role::Linear {
+        for j in 0..probe.values().len() {
+            if role_of(effect, j) == Role::Linear {
+                probe.values_mut()[j] = if j == k { 1.0 } else { 0.0 };
+            }
+        }
+        return probe.predict(signals, memory);
+    }
+    let value = effect.values()[k];
+    let step = 1e-6 * libm::fabs(value).max(1e-3);
+    probe.values_mut()[k] = value + step;
+    let above = probe.predict(signals, memory);
+    probe.values_mut()[k] = value - step;
+    let below = probe.predict(signals, memory);
+    above.minus(&below).times(0.5 / step)
+}
+
+/// The role of flat value `k`: the spec's fit parameters, each as long as the effect carries it.
+fn role_of<E: Effect>(effect: &E, k: usize) -> Role {
+    let mut first = 0;
+    for parameter in effect.fitted() {
+        let length = match parameter.count {
+            Count::One => 1,
+            Count::Exactly(n) => n,
+            Count::UpTo(_) | Count::ThreePerCarriedBody => effect.values().len() - first,
+        };
+        if k < first + length {
+            return parameter.role;
+        }
+        first += length;
+    }
+    Role::Nonlinear
+}

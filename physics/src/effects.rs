@@ -1,0 +1,142 @@
+//! The closed list of effects. Adding one is a file beside the others and a line here.
+//!
+//! Promises: whoever asks for "all effects" (files, corrector, simulation, diagnosis, the conformance suite) asks this list.
+//! Never: a heap or a virtual table; an effect is a value that can be copied.
+
+use crate::Arm;
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Given, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{Parameter, Spec};
+
+/// The three accessors of an effect that keeps `joint: usize` and `values: [f64; N]`.
+macro_rules! of_joint {
+    () => {
+        fn joint(&self) -> Option<usize> {
+            Some(self.joint)
+        }
+        of_robot!(@values);
+    };
+}
+
+/// The same for an effect of the whole robot, which keeps `values: [f64; N]`.
+macro_rules! of_robot {
+    () => {
+        fn joint(&self) -> Option<usize> {
+            None
+        }
+        of_robot!(@values);
+    };
+    (@values) => {
+        fn values(&self) -> &[f64] {
+            &self.values
+        }
+        fn values_mut(&mut self) -> &mut [f64] {
+            &mut self.values
+        }
+    };
+}
+
+macro_rules! effects {
+    ($($module:ident :: $Kind:ident),+ $(,)?) => {
+        $(pub mod $module;)+
+
+        /// Any one effect.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub enum AnyEffect {
+            $(#[doc = concat!("See [`", stringify!($module), "`].")] $Kind($module::$Kind)),+
+        }
+
+        /// What every effect says of itself.
+        pub static SPECS: &[Spec] = &[$($module::$Kind::SPEC),+];
+
+        impl AnyEffect {
+            /// An effect by its name in the contract, with its numbers in SI; `joint` is 0-based.
+            ///
+            /// # Errors
+            /// What does not fit, see [`BuildError`].
+            pub fn build(
+                kind: &str,
+                arm: &Arm,
+                joint: Option<usize>,
+                given: Given<'_>,
+            ) -> Result<Self, BuildError> {
+                $(if kind == $module::$Kind::SPEC.kind {
+                    let site = Site::checked(&$module::$Kind::SPEC, arm, joint, given)?;
+                    return $module::$Kind::build(&site).map(Self::$Kind);
+                })+
+                Err(BuildError::UnknownKind)
+            }
+
+            /// What it says of itself.
+            pub fn spec(&self) -> &'static Spec {
+                match self { $(Self::$Kind(_) => const { &$module::$Kind::SPEC }),+ }
+            }
+
+            /// See [`Effect::joint`].
+            pub fn joint(&self) -> Option<usize> {
+                match self { $(Self::$Kind(effect) => effect.joint()),+ }
+            }
+
+            /// See [`Effect::fitted`].
+            pub fn fitted(&self) -> &'static [Parameter] {
+                match self { $(Self::$Kind(effect) => effect.fitted()),+ }
+            }
+
+            /// See [`Effect::values`].
+            pub fn values(&self) -> &[f64] {
+                match self { $(Self::$Kind(effect) => effect.values()),+ }
+            }
+
+            /// See [`Effect::values_mut`].
+            pub fn values_mut(&mut self) -> &mut [f64] {
+                match self { $(Self::$Kind(effect) => effect.values_mut()),+ }
+            }
+
+            /// See [`Effect::predict`].
+            pub fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution {
+                match self { $(Self::$Kind(effect) => effect.predict(signals, memory)),+ }
+            }
+
+            /// See [`Effect::derivative`].
+            pub fn derivative(&self, k: usize, signals: &Signals<'_>, memory: &Memory) -> Contribution {
+                match self { $(Self::$Kind(effect) => effect.derivative(k, signals, memory)),+ }
+            }
+
+            /// See [`Effect::settle`].
+            pub fn settle(&self, signals: &Signals<'_>, memory: &mut Memory) {
+                match self { $(Self::$Kind(effect) => effect.settle(signals, memory)),+ }
+            }
+
+            /// See [`Effect::advance`].
+            pub fn advance(&self, signals: &Signals<'_>, memory: &mut Memory) {
+                match self { $(Self::$Kind(effect) => effect.advance(signals, memory)),+ }
+            }
+
+            /// See [`Effect::follow`].
+            pub fn follow(&self, signals: &Signals<'_>, memory: &mut Memory) {
+                match self { $(Self::$Kind(effect) => effect.follow(signals, memory)),+ }
+            }
+        }
+    };
+}
+
+effects! {
+    joint_offset::JointOffset,
+    joint_ratio::JointRatio,
+    joint_polynomial::JointPolynomial,
+    transmission_error::TransmissionError,
+    backlash::Backlash,
+    gravity_compliance::GravityCompliance,
+    gravity_sag::GravitySag,
+    load_compliance::LoadCompliance,
+    joint_compliance::JointCompliance,
+    base_compliance::BaseCompliance,
+    axis_tilt::AxisTilt,
+    axis_shift::AxisShift,
+    tool_offset::ToolOffset,
+    thermal_growth::ThermalGrowth,
+}
+
+#[cfg(test)]
+mod conformance;

@@ -1,0 +1,39 @@
+//! A drive train that winds up under the weight that its joint carries.
+//!
+//! `δθᵢ = C τ_grav,i`, `τ_grav,i = −∂V/∂qᵢ`    C: `compliance`, rad/Nm or m/N, ≥ 0 · V: potential of the known
+//! masses and of counterbalance springs. Source: contract `effects.md`. Linear; needs the arm's masses, without them it does nothing.
+
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+
+/// `gravity_compliance`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GravityCompliance {
+    joint: usize,
+    values: [f64; 1],
+}
+
+impl Effect for GravityCompliance {
+    const SPEC: Spec = Spec {
+        kind: "gravity_compliance",
+        place: Place::Joint,
+        acts_on: ActsOn::JointPosition,
+        needs: &[Need::Masses],
+        has_memory: false,
+        parameters: &[Parameter::linear("compliance", Unit::Compliance, Range::NotNegative)],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        Ok(Self { joint: site.joint, values: [site.one("compliance")] })
+    }
+
+    of_joint!();
+
+    fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [compliance] = self.values;
+        let delta = compliance * signals.loads.gravity_torque[self.joint];
+        Contribution::Joint { joint: self.joint, delta }
+    }
+}

@@ -1,0 +1,38 @@
+//! A gear ratio that is not what the controller believes.
+//!
+//! `δθᵢ = k qᵢ`    k: `ratio`, a plain number, any sign · qᵢ: commanded position, rad or m. Source: contract
+//! `effects.md`; thesis equation 3.5 (its k₂, printed k₁). Memoryless; holds over the whole range.
+
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+
+/// `joint_ratio`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JointRatio {
+    joint: usize,
+    values: [f64; 1],
+}
+
+impl Effect for JointRatio {
+    const SPEC: Spec = Spec {
+        kind: "joint_ratio",
+        place: Place::Joint,
+        acts_on: ActsOn::JointPosition,
+        needs: &[],
+        has_memory: false,
+        parameters: &[Parameter::linear("ratio", Unit::One, Range::Any)],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        Ok(Self { joint: site.joint, values: [site.one("ratio")] })
+    }
+
+    of_joint!();
+
+    fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [ratio] = self.values;
+        Contribution::Joint { joint: self.joint, delta: ratio * signals.inputs.q[self.joint] }
+    }
+}

@@ -1,0 +1,47 @@
+//! A tool that is not where, or not turned as, the controller believes.
+//!
+//! `base_from_tool' = base_from_tool · (exp(turn), shift)`    `shift`: m, tool axes · `turn`: rotation vector, rad, tool axes;
+//! at least one of the two, the other one is zero. Source: contract `effects.md`. Exact for any shift and turn.
+
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
+use glam::DVec3;
+
+/// `tool_offset`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolOffset {
+    values: [f64; 6],
+}
+
+impl Effect for ToolOffset {
+    const SPEC: Spec = Spec {
+        kind: "tool_offset",
+        place: Place::Robot,
+        acts_on: ActsOn::Geometry,
+        needs: &[],
+        has_memory: false,
+        parameters: &[
+            Parameter::linear("shift", Unit::Millimetre, Range::Any).of(Count::Exactly(3)).optional(),
+            Parameter::linear("turn", Unit::TurnMilliradian, Range::Any)
+                .of(Count::Exactly(3))
+                .optional(),
+        ],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        if site.vector("shift").is_none() && site.vector("turn").is_none() {
+            return Err(BuildError::Combination("`shift` or `turn`, or both"));
+        }
+        let ([x, y, z], [a, b, c]) = (site.array("shift"), site.array("turn"));
+        Ok(Self { values: [x, y, z, a, b, c] })
+    }
+
+    of_robot!();
+
+    fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [x, y, z, a, b, c] = self.values;
+        Contribution::Tool { shift: DVec3::new(x, y, z), turn: DVec3::new(a, b, c) }
+    }
+}

@@ -1,0 +1,53 @@
+//! An error that comes back with every turn of a wheel: an eccentric gear, mesh, or resolver.
+//!
+//! `δθᵢ = A sin(n qᵢ + φ)`    A: `amplitude`, rad or m · n: `cycles` per revolution of the joint, > 0 (prismatic: the
+//! term is `sin(2π n q + φ)`, n per metre; inside, n is in radians of phase per unit of joint) · φ: `phase`, rad.
+//! Source: contract `effects.md`; thesis equation 3.5. Memoryless.
+
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+
+/// `transmission_error`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransmissionError {
+    joint: usize,
+    values: [f64; 3],
+}
+
+impl Effect for TransmissionError {
+    const SPEC: Spec = Spec {
+        kind: "transmission_error",
+        place: Place::Joint,
+        acts_on: ActsOn::JointPosition,
+        needs: &[],
+        has_memory: false,
+        parameters: &[
+            Parameter::linear("amplitude", Unit::Milliradian, Range::Any),
+            Parameter::nonlinear("cycles", Unit::CyclesPerRevolution, Range::Positive),
+            Parameter::nonlinear("phase", Unit::PhaseRadian, Range::Any),
+        ],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        let values = [site.one("amplitude"), site.one("cycles"), site.one("phase")];
+        Ok(Self { joint: site.joint, values })
+    }
+
+    of_joint!();
+
+    fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [amplitude, cycles, phase] = self.values;
+        let delta = amplitude * libm::sin(cycles * signals.inputs.q[self.joint] + phase);
+        Contribution::Joint { joint: self.joint, delta }
+    }
+
+    fn derivative(&self, k: usize, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [amplitude, cycles, phase] = self.values;
+        let q = signals.inputs.q[self.joint];
+        let (sin, cos) = libm::sincos(cycles * q + phase);
+        let delta = [sin, amplitude * q * cos, amplitude * cos][k];
+        Contribution::Joint { joint: self.joint, delta }
+    }
+}

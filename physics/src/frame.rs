@@ -1,0 +1,240 @@
+//! Rigid placements: where a body stands and how it is turned.
+//!
+//! Promises: rotations stay orthonormal to rounding over an arm's length of products.
+//! Never: Euler angles.
+
+use glam::{DMat3, DVec3};
+use libm::{atan2, sincos, sqrt};
+
+/// A rigid motion `x ↦ R x + p`.
+///
+/// For a body it maps a point's base coordinates at the zero configuration to its base coordinates now;
+/// for the tool it maps tool coordinates to base coordinates (`base_from_tool`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// The rotation `R`.
+    pub rotation: DMat3,
+    /// The translation `p`, m.
+    pub origin: DVec3,
+}
+
+impl Default for Frame {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
+impl Frame {
+    /// No motion.
+    pub const IDENTITY: Self = Self { rotation: DMat3::IDENTITY, origin: DVec3::ZERO };
+
+    /// A frame from its rotation and translation.
+    pub const fn new(rotation: DMat3, origin: DVec3) -> Self {
+        Self { rotation, origin }
+    }
+
+    /// A pure translation, m.
+    pub const fn translation(shift: DVec3) -> Self {
+        Self { rotation: DMat3::IDENTITY, origin: shift }
+    }
+
+    /// The rotation `rotation` about the fixed point `pivot`.
+    pub fn about(pivot: DVec3, rotation: DMat3) -> Self {
+        Self { rotation, origin: pivot - rotation * pivot }
+    }
+
+    /// This motion after `first`.
+    pub fn after(&self, first: &Self) -> Self {
+        Self {
+            rotation: self.rotation * first.rotation,
+            origin: self.rotation * first.origin + self.origin,
+        }
+    }
+
+    /// Moves a point.
+    pub fn point(&self, point: DVec3) -> DVec3 {
+        self.rotation * point + self.origin
+    }
+
+    /// The motion back.
+    pub fn inverse(&self) -> Self {
+        let back = self.rotation.transpose();
+        Self { rotation: back, origin: -(back * self.origin) }
+    }
+}
+
+/// A sum of small turns about pivots, kept so that the sum does not depend on the order: a screw's rate,
+/// `x ↦ turn × x + velocity`, run for unit time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Twist {
+    /// Rotation vector, rad.
+    pub turn: DVec3,
+    /// How the origin moves, m.
+    pub velocity: DVec3,
+}
+
+impl Twist {
+    /// Adds the turn `turn` (rotation vector, rad) about `pivot` (m).
+    pub fn add(&mut self, turn: DVec3, pivot: DVec3) {
+        self.turn += turn;
+        self.velocity += pivot.cross(turn);
+    }
+
+    /// The motion: the exponential of the twist. Turns about one pivot give exactly the rotation about it; turns
+    /// that cancel about different pivots leave the shift that they are.
+    pub fn frame(&self) -> Frame {
+        let (turn, velocity) = (self.turn, self.velocity);
+        let angle = sqrt(turn.length_squared());
+        let half_sin = libm::sin(0.5 * angle);
+        let (first, second) = if angle > 1e-3 {
+            let cube = angle * angle * angle;
+            (2.0 * half_sin * half_sin / (angle * angle), (angle - libm::sin(angle)) / cube)
+        } else {
+            (0.5 - angle * angle / 24.0, 1.0 / 6.0 - angle * angle / 120.0)
+        };
+        let across = turn.cross(velocity);
+        let origin = velocity + across * first + turn.cross(across) * second;
+        Frame { rotation: rotation_from_vector(turn), origin }
+    }
+}
+
+/// The rotation by `angle_rad` about the unit vector `axis` (Rodrigues).
+pub fn rotation_about(axis: DVec3, angle_rad: f64) -> DMat3 {
+    let (sin, cos) = sincos(angle_rad);
+    let (x, y, z) = (axis.x, axis.y, axis.z);
+    let rest = 1.0 - cos;
+    DMat3::from_cols(
+        DVec3::new(cos + x * x * rest, x * y * rest + z * sin, x * z * rest - y * sin),
+        DVec3::new(x * y * rest - z * sin, cos + y * y * rest, y * z * rest + x * sin),
+        DVec3::new(x * z * rest + y * sin, y * z * rest - x * sin, cos + z * z * rest),
+    )
+}
+
+/// The rotation by a rotation vector: its direction is the axis, its length the angle in rad.
+pub fn rotation_from_vector(turn: DVec3) -> DMat3 {
+    let angle = sqrt(turn.length_squared());
+    if angle == 0.0 { DMat3::IDENTITY } else { rotation_about(turn / angle, angle) }
+}
+
+/// The rotation vector of a rotation, rad; its length is at most π.
+///
+/// Holds its precision for small angles (`atan2` of the antisymmetric part). Within 1e-7 rad of a half
+/// turn the direction is taken from the symmetric part and its sign is arbitrary.
+pub fn vector_from_rotation(rotation: &DMat3) -> DVec3 {
+    let (c0, c1, c2) = (rotation.x_axis, rotation.y_axis, rotation.z_axis);
+    let twice_sin = DVec3::new(c1.z - c2.y, c2.x - c0.z, c0.y - c1.x);
+    let length = sqrt(twice_sin.length_squared());
+    let twice_cos = c0.x + c1.y + c2.z - 1.0;
+    let angle = atan2(length, twice_cos);
+    if length > 1e-7 {
+        return twice_sin * (angle / length);
+    }
+    if twice_cos > 0.0 {
+        return twice_sin * 0.5;
+    }
+    let square = DVec3::new(c0.x + 1.0, c1.y + 1.0, c2.z + 1.0) * 0.5;
+    let column = if square.x >= square.y && square.x >= square.z {
+        DVec3::new(square.x, (c0.y + c1.x) * 0.25, (c0.z + c2.x) * 0.25)
+    } else if square.y >= square.z {
+        DVec3::new((c0.y + c1.x) * 0.25, square.y, (c1.z + c2.y) * 0.25)
+    } else {
+        DVec3::new((c0.z + c2.x) * 0.25, (c1.z + c2.y) * 0.25, square.z)
+    };
+    column * (angle / sqrt(column.length_squared()))
+}
+
+/// Two unit vectors normal to the unit vector `axis`, by the contract's rule (`effects.md`): the base axis
+/// `k` with the smallest `|k·e|` (ties to 1e-9: x, then y, then z), `n1 = unit(k − (k·e)e)`, `n2 = e × n1`.
+pub fn normals(axis: DVec3) -> (DVec3, DVec3) {
+    let along = axis.abs();
+    let least = along.min_element();
+    let k = if along.x <= least + 1e-9 {
+        DVec3::X
+    } else if along.y <= least + 1e-9 {
+        DVec3::Y
+    } else {
+        DVec3::Z
+    };
+    let across = k - axis * k.dot(axis);
+    let n1 = across / sqrt(across.length_squared());
+    (n1, axis.cross(n1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn vector() -> impl Strategy<Value = DVec3> {
+        (-2.0..2.0, -2.0..2.0, -2.0..2.0).prop_map(|(x, y, z)| DVec3::new(x, y, z))
+    }
+
+    proptest! {
+        #[test]
+        fn a_rotation_vector_survives_the_round_trip(turn in vector().prop_filter("below a half turn", |t| t.length() < 3.1)) {
+            let back = vector_from_rotation(&rotation_from_vector(turn));
+            prop_assert!((back - turn).length() < 1e-11, "{turn} became {back}");
+        }
+
+        #[test]
+        fn tiny_rotations_keep_their_relative_precision(turn in vector(), exponent in -12..-3) {
+            let tiny = turn * libm::pow(10.0, f64::from(exponent));
+            let back = vector_from_rotation(&rotation_from_vector(tiny));
+            prop_assert!((back - tiny).length() <= 1e-9 * tiny.length() + 1e-17);
+        }
+
+        #[test]
+        fn a_motion_and_its_inverse_cancel(turn in vector(), pivot in vector(), point in vector()) {
+            let motion = Frame::about(pivot, rotation_from_vector(turn));
+            let back = motion.inverse().point(motion.point(point));
+            prop_assert!((back - point).length() < 1e-13);
+            prop_assert!((motion.point(pivot) - pivot).length() < 1e-14);
+        }
+
+        #[test]
+        fn a_twist_about_one_pivot_is_the_rotation_about_it(turn in vector(), pivot in vector(), share in 0.0..1.0, exponent in -9..1, point in vector()) {
+            let turn = turn * libm::pow(10.0, f64::from(exponent));
+            let mut twist = Twist::default();
+            twist.add(turn * share, pivot);
+            twist.add(turn * (1.0 - share), pivot);
+            let wanted = Frame::about(pivot, rotation_from_vector(turn)).point(point);
+            prop_assert!((twist.frame().point(point) - wanted).length() < 1e-12);
+        }
+
+        #[test]
+        fn turns_that_cancel_about_two_pivots_leave_their_shift(turn in vector(), a in vector(), b in vector(), point in vector()) {
+            let turn = turn * 1e-3;
+            let mut twist = Twist::default();
+            twist.add(turn, a);
+            twist.add(-turn, b);
+            let moved = twist.frame().point(point) - point;
+            prop_assert!((moved - turn.cross(b - a)).length() < 1e-15);
+        }
+
+        #[test]
+        fn the_normals_make_a_right_handed_frame(axis in vector().prop_filter("not null", |a| a.length() > 1e-3)) {
+            let e = axis / axis.length();
+            let (n1, n2) = normals(e);
+            prop_assert!(e.dot(n1).abs() < 1e-14 && e.dot(n2).abs() < 1e-14);
+            prop_assert!((n1.cross(n2) - e).length() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn a_half_turn_is_found_about_any_axis() {
+        for axis in
+            [DVec3::X, DVec3::Y, DVec3::Z, DVec3::new(0.6, 0.0, 0.8), DVec3::ONE.normalize()]
+        {
+            let turn = vector_from_rotation(&rotation_about(axis, core::f64::consts::PI));
+            assert!((turn.length() - core::f64::consts::PI).abs() < 1e-12);
+            assert!(turn.normalize().dot(axis).abs() > 1.0 - 1e-12);
+        }
+    }
+
+    #[test]
+    fn the_normals_follow_the_contract_for_the_base_axes() {
+        assert_eq!(normals(DVec3::Z), (DVec3::X, DVec3::Y));
+        assert_eq!(normals(DVec3::X), (DVec3::Y, DVec3::Z));
+        assert_eq!(normals(DVec3::Y), (DVec3::X, -DVec3::Z));
+    }
+}

@@ -1,0 +1,132 @@
+//! Warmth as a cause: a temperature (or a spindle's speed) followed with a lag, or the time since the start.
+//!
+//! `level = k x̃`, `dx̃/dt = (x − x̃)/lag`, x: `T − T₀` in K or the speed in rev/min, held between samples; or `A (1 − e^(−t/t₀))`.
+//! Promises: a cause that is unknown (NaN) does nothing, or what it did last where a lag remembers it.
+//! Never: a judgement which of the two a recording has; that is the file's.
+//!
+//! Memory: `[x̃, dx̃/dlag, 1 once x was known]`.
+
+use crate::effect::{BuildError, Memory, Site};
+use crate::signals::Inputs;
+use crate::spec::{Parameter, Range, Unit};
+use libm::exp;
+
+/// First-order lag, s.
+pub(crate) const LAG: Parameter =
+    Parameter::nonlinear("lag", Unit::Second, Range::NotNegative).optional();
+/// Time constant of a warm-up, s.
+pub(crate) const TIME_CONSTANT: Parameter =
+    Parameter::nonlinear("time_constant", Unit::Second, Range::Positive).optional();
+/// Temperature at which the geometry is right, °C.
+pub(crate) const REFERENCE: Parameter = Parameter::setting("reference", Unit::Celsius, Range::Any);
+
+const REFERENCE_C: f64 = 20.0;
+
+/// What warms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Cause {
+    /// A joint's own temperature, or the ambient one.
+    Joint(usize),
+    /// The ambient temperature.
+    Ambient,
+    /// The spindle's speed.
+    Spindle,
+    /// Time since the start.
+    WarmUp,
+}
+
+/// A law of warmth; its two numbers are kept by the effect: amount per cause and lag, or amplitude and time constant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Heat {
+    pub(crate) cause: Cause,
+    reference_celsius: f64,
+}
+
+impl Heat {
+    pub(crate) fn new(site: &Site<'_>, cause: Cause) -> Self {
+        Self { cause, reference_celsius: site.maybe("reference").unwrap_or(REFERENCE_C) }
+    }
+
+    /// The law of an effect of a joint: `per_kelvin` with `lag`, or `amplitude` with `time_constant`.
+    pub(crate) fn of_joint(
+        site: &Site<'_>,
+        per_kelvin: &str,
+    ) -> Result<(Self, [f64; 2]), BuildError> {
+        let given = |stem| site.maybe(stem).is_some();
+        let by_temperature = given(per_kelvin);
+        let by_time = given("amplitude") && given("time_constant");
+        let mixed = given("amplitude") || given("time_constant");
+        match (by_temperature, by_time) {
+            (true, false) if !mixed => Ok((
+                Self::new(site, Cause::Joint(site.joint)),
+                [site.one(per_kelvin), site.one("lag")],
+            )),
+            (false, true) if !given("lag") => {
+                let values = [site.one("amplitude"), site.one("time_constant")];
+                Ok((Self::new(site, Cause::WarmUp), values))
+            }
+            _ => Err(BuildError::Combination(
+                "either an amount per kelvin (with `lag`), or `amplitude` with `time_constant`",
+            )),
+        }
+    }
+
+    /// The level now.
+    pub(crate) fn level(&self, values: [f64; 2], inputs: &Inputs, memory: &Memory) -> f64 {
+        values[0] * self.slope([1.0, values[1]], 0, inputs, memory)
+    }
+
+    /// How the level changes with number `k`.
+    pub(crate) fn slope(
+        &self,
+        values: [f64; 2],
+        k: usize,
+        inputs: &Inputs,
+        memory: &Memory,
+    ) -> f64 {
+        let [amount, time] = values;
+        if self.cause == Cause::WarmUp {
+            let passed = inputs.time_s.max(0.0) / time;
+            let rest = exp(-passed);
+            return if k == 0 { 1.0 - rest } else { -amount * rest * passed / time };
+        }
+        let [followed, by_lag, known, _] = memory.0;
+        let lags = time > 0.0 && known != 0.0;
+        match k {
+            0 if lags => followed,
+            0 => Some(self.input(inputs)).filter(|x| !x.is_nan()).unwrap_or(0.0),
+            _ if lags => amount * by_lag,
+            _ => 0.0,
+        }
+    }
+
+    /// Warmed through: the lag has nothing left to follow.
+    pub(crate) fn settle(&self, inputs: &Inputs, memory: &mut Memory) {
+        let x = self.input(inputs);
+        *memory = if x.is_nan() { Memory::default() } else { Memory([x, 0.0, 1.0, 0.0]) };
+    }
+
+    /// One sample later.
+    pub(crate) fn advance(&self, values: [f64; 2], inputs: &Inputs, memory: &mut Memory) {
+        let (x, lag) = (self.input(inputs), values[1]);
+        let [followed, by_lag, known, _] = memory.0;
+        if x.is_nan() {
+            return;
+        }
+        if known == 0.0 || lag <= 0.0 {
+            return self.settle(inputs, memory);
+        }
+        let passed = inputs.dt_s.max(0.0) / lag;
+        let (gap, rest) = (followed - x, exp(-passed));
+        memory.0 = [x + gap * rest, (by_lag + gap * passed / lag) * rest, 1.0, 0.0];
+    }
+
+    fn input(&self, inputs: &Inputs) -> f64 {
+        match self.cause {
+            Cause::Joint(joint) => inputs.celsius(joint) - self.reference_celsius,
+            Cause::Ambient => inputs.ambient_celsius - self.reference_celsius,
+            Cause::Spindle => inputs.spindle_rpm,
+            Cause::WarmUp => f64::NAN,
+        }
+    }
+}

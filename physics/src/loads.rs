@@ -1,0 +1,184 @@
+//! What pulls at each joint: gravity, the wrench on the tool, and what else an effect says.
+//!
+//! Promises: `gravity_torque[i] = −∂V/∂q_i` and `wrench_torque[i] = (JᵀW)_i` on the geometry of the chain that is
+//! passed in, which is the controller's own: the loads of an arm bent by a milliradian differ by a thousandth.
+//! Never: inertia unless the caller says speeds and accelerations (see [`crate::signals::Inputs`]).
+
+use crate::deviation::Contribution;
+use crate::frame::rotation_from_vector;
+use crate::{Arm, Chain, JOINTS_MAX, JointKind, Joints, Wrench};
+use glam::{DMat3, DVec3};
+
+/// Force and moment that all beyond a joint exerts at the joint's point, base axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PivotLoad {
+    /// N.
+    pub force: DVec3,
+    /// Nm, about the joint's point.
+    pub moment: DVec3,
+}
+
+impl PivotLoad {
+    /// The moment about another point, Nm, where this load's point is `from`.
+    pub fn moment_about(&self, from: DVec3, to: DVec3) -> DVec3 {
+        self.moment + (from - to).cross(self.force)
+    }
+}
+
+/// The loads at one configuration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Loads {
+    /// Gravity, base axes, m/s².
+    pub gravity: DVec3,
+    /// The wrench at the TCP, base axes.
+    pub wrench: Wrench,
+    /// What gravity exerts at each joint's point.
+    pub gravity_at: [PivotLoad; JOINTS_MAX],
+    /// What the wrench exerts at each joint's point.
+    pub wrench_at: [PivotLoad; JOINTS_MAX],
+    /// `−∂V/∂q_i`, Nm or N, with what effects say of springs.
+    pub gravity_torque: Joints,
+    /// `(JᵀW)_i`, Nm or N.
+    pub wrench_torque: Joints,
+    /// `−(M q̈ + C q̇)_i`, Nm or N; zero for an arm taken as at rest.
+    pub inertia_torque: Joints,
+    /// Moment of gravity and wrench about the base frame's origin, Nm.
+    pub base_moment: DVec3,
+}
+
+/// What effects change of the loads before these are taken.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LoadChange {
+    gravity_turn: DVec3,
+    mass: f64,
+    first_moment: DVec3,
+    joints: Joints,
+    sensor_bias: Wrench,
+    sensor_scale: Wrench,
+    sensor_turn: DVec3,
+}
+
+impl LoadChange {
+    /// Adds a contribution to the loads; contributions to the geometry pass by.
+    pub fn add(&mut self, contribution: &Contribution) {
+        match *contribution {
+            Contribution::JointLoad { joint, load } => self.joints[joint] += load,
+            Contribution::GravityTurn { turn } => self.gravity_turn += turn,
+            Contribution::Mass { mass, first_moment } => {
+                self.mass += mass;
+                self.first_moment += first_moment;
+            }
+            Contribution::Sensor { bias, scale, turn } => {
+                self.sensor_bias = self.sensor_bias.plus(&bias);
+                self.sensor_scale = self.sensor_scale.plus(&scale);
+                self.sensor_turn += turn;
+            }
+            _ => {}
+        }
+    }
+
+    /// The wrench that acts where the sensor says `read`; both about the TCP, base axes.
+    fn truth(&self, read: Wrench, base_from_tool: &DMat3) -> Wrench {
+        let untouched = self.sensor_bias == Wrench::ZERO && self.sensor_scale == Wrench::ZERO;
+        if untouched && self.sensor_turn == DVec3::ZERO {
+            return read;
+        }
+        let tool_from_base = base_from_tool.transpose();
+        let mounting = rotation_from_vector(self.sensor_turn);
+        let truth = |read: DVec3, bias: DVec3, scale: DVec3| {
+            let reading = tool_from_base * read;
+            *base_from_tool * (mounting * ((reading - bias) / (DVec3::ONE + scale)))
+        };
+        Wrench {
+            force: truth(read.force, self.sensor_bias.force, self.sensor_scale.force),
+            moment: truth(read.moment, self.sensor_bias.moment, self.sensor_scale.moment),
+        }
+    }
+}
+
+impl Loads {
+    /// The loads on `chain` from the arm's own masses and `wrench` at the TCP (base axes).
+    pub fn on(arm: &Arm, chain: &Chain, wrench: Wrench) -> Self {
+        Self::changed(arm, chain, wrench, &LoadChange::default())
+    }
+
+    /// The same, with what effects change; `wrench` is then what the sensor reads.
+    pub fn changed(arm: &Arm, chain: &Chain, wrench: Wrench, change: &LoadChange) -> Self {
+        let wrench = change.truth(wrench, &chain.base_from_tool.rotation);
+        let mut loads = Self::none(turned(arm.gravity, change.gravity_turn), wrench);
+        loads.carry_gravity(arm, chain, change);
+        loads.carry_wrench(arm, chain);
+        for (torque, load) in loads.gravity_torque.iter_mut().zip(change.joints) {
+            *torque += load;
+        }
+        loads
+    }
+
+    /// The torque (or force) that bends joint `i`: gravity, wrench and inertia.
+    pub fn torque(&self, i: usize) -> f64 {
+        self.gravity_torque[i] + self.wrench_torque[i] + self.inertia_torque[i]
+    }
+
+    fn none(gravity: DVec3, wrench: Wrench) -> Self {
+        Self {
+            gravity,
+            wrench,
+            gravity_at: [PivotLoad::default(); JOINTS_MAX],
+            wrench_at: [PivotLoad::default(); JOINTS_MAX],
+            gravity_torque: [0.0; JOINTS_MAX],
+            wrench_torque: [0.0; JOINTS_MAX],
+            inertia_torque: [0.0; JOINTS_MAX],
+            base_moment: DVec3::ZERO,
+        }
+    }
+
+    /// From the tool back to the base: mass and first moment of all that a joint carries.
+    fn carry_gravity(&mut self, arm: &Arm, chain: &Chain, change: &LoadChange) {
+        let last = arm.count() - 1;
+        let (mut mass, mut first_moment) = (0.0, DVec3::ZERO);
+        if change.mass != 0.0 || change.first_moment != DVec3::ZERO {
+            let flange = &chain.bodies[last];
+            mass = change.mass;
+            first_moment = flange.rotation * change.first_moment + flange.origin * change.mass;
+        }
+        if let Some(tool) = &arm.tool.body {
+            mass += tool.mass;
+            first_moment += chain.bodies[last].point(tool.centre) * tool.mass;
+        }
+        for i in (0..arm.count()).rev() {
+            let joint = &arm.joints()[i];
+            if let Some(link) = &joint.link {
+                mass += link.mass;
+                first_moment += chain.bodies[i].point(link.centre) * link.mass;
+            }
+            let lever = first_moment - chain.points[i] * mass;
+            let load = PivotLoad { force: self.gravity * mass, moment: lever.cross(self.gravity) };
+            self.gravity_torque[i] = along(chain.axes[i], joint.kind, &load);
+            self.gravity_at[i] = load;
+        }
+        self.base_moment += first_moment.cross(self.gravity);
+    }
+
+    fn carry_wrench(&mut self, arm: &Arm, chain: &Chain) {
+        let tcp = chain.base_from_tool.origin;
+        for (i, joint) in arm.joints().iter().enumerate() {
+            let lever = tcp - chain.points[i];
+            let moment = self.wrench.moment + lever.cross(self.wrench.force);
+            let load = PivotLoad { force: self.wrench.force, moment };
+            self.wrench_torque[i] = along(chain.axes[i], joint.kind, &load);
+            self.wrench_at[i] = load;
+        }
+        self.base_moment += self.wrench.moment + tcp.cross(self.wrench.force);
+    }
+}
+
+fn along(axis: DVec3, kind: JointKind, load: &PivotLoad) -> f64 {
+    match kind {
+        JointKind::Revolute => axis.dot(load.moment),
+        JointKind::Prismatic => axis.dot(load.force),
+    }
+}
+
+fn turned(gravity: DVec3, turn: DVec3) -> DVec3 {
+    if turn == DVec3::ZERO { gravity } else { rotation_from_vector(turn).transpose() * gravity }
+}

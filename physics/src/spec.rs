@@ -1,0 +1,308 @@
+//! What an effect says of itself: its name, its parameters with unit, range and sign, what it needs, where it acts.
+//!
+//! Promises: the names are those of the contract (`effects.md`); a key in a file is a parameter's stem followed by
+//! its unit's suffix, and the suffix follows the kind of joint (`offset_mrad`, on a prismatic joint `offset_mm`).
+//! Never: a value.
+
+use crate::JointKind;
+use core::fmt;
+
+/// The unit of a parameter in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// A plain number, no suffix.
+    One,
+    /// Small angle, `_mrad`; on a prismatic joint `_mm`.
+    Milliradian,
+    /// The direction of an axis, a body or a tool: `_mrad` on every kind of joint, since it stays an angle.
+    TurnMilliradian,
+    /// Angle of a phase, `_rad` on every kind of joint.
+    PhaseRadian,
+    /// Joint position, `_deg`; on a prismatic joint `_mm`.
+    JointDegree,
+    /// Angle, `_deg` on every kind of joint.
+    Degree,
+    /// `_mm`.
+    Millimetre,
+    /// `_um`.
+    Micrometre,
+    /// `_Nm`; on a prismatic joint `_N`.
+    NewtonMetre,
+    /// `_Nm` on every kind of joint.
+    Moment,
+    /// `_N`.
+    Newton,
+    /// `_mrad_per_kNm`; on a prismatic joint `_mm_per_kN`.
+    Compliance,
+    /// `_mrad_per_kNm` on every kind of joint: a tilt under a moment.
+    TurnCompliance,
+    /// `_mrad_per_kNm3`; on a prismatic joint `_mm_per_kN3`.
+    CubicCompliance,
+    /// `_um_per_N`.
+    MicrometrePerNewton,
+    /// `_um_per_K`.
+    MicrometrePerKelvin,
+    /// `_per_krpm`, of µm: its stem ends in `_um`, so that it differs from the stem of a growth by temperature.
+    MicrometrePerKrpm,
+    /// `_mrad_per_K`; on a prismatic joint `_mm_per_K`.
+    MilliradianPerKelvin,
+    /// `_per_rev`; on a prismatic joint `_per_m`. Inside: radians of phase per rad or m of joint.
+    CyclesPerRevolution,
+    /// `_s`.
+    Second,
+    /// `_ms`.
+    Millisecond,
+    /// `_Hz`.
+    Hertz,
+    /// `_kg`.
+    Kilogram,
+    /// `_N_per_m`.
+    NewtonPerMetre,
+    /// `_C`.
+    Celsius,
+    /// `_kgm2`.
+    KilogramSquareMetre,
+    /// `_kgm`.
+    KilogramMetre,
+    /// `_per_m`.
+    PerMetre,
+    /// `_N_per_mm`.
+    NewtonPerMillimetre,
+    /// `_N_per_mm2`.
+    NewtonPerSquareMillimetre,
+    /// A word in quotes, no suffix: no number at all.
+    Word,
+}
+
+impl Unit {
+    /// The suffix of a key in a file, and the value in SI of one such unit.
+    pub fn suffix_and_si(self, kind: JointKind) -> (&'static str, f64) {
+        use core::f64::consts::{PI, TAU};
+        let slides = kind == JointKind::Prismatic;
+        match self {
+            Self::One | Self::Word => ("", 1.0),
+            Self::Milliradian if slides => ("_mm", 1e-3),
+            Self::Milliradian | Self::TurnMilliradian => ("_mrad", 1e-3),
+            Self::PhaseRadian => ("_rad", 1.0),
+            Self::JointDegree if slides => ("_mm", 1e-3),
+            Self::JointDegree | Self::Degree => ("_deg", PI / 180.0),
+            Self::Millimetre => ("_mm", 1e-3),
+            Self::Micrometre => ("_um", 1e-6),
+            Self::NewtonMetre if slides => ("_N", 1.0),
+            Self::NewtonMetre | Self::Moment => ("_Nm", 1.0),
+            Self::Newton => ("_N", 1.0),
+            Self::Compliance if slides => ("_mm_per_kN", 1e-6),
+            Self::Compliance | Self::TurnCompliance => ("_mrad_per_kNm", 1e-6),
+            Self::CubicCompliance if slides => ("_mm_per_kN3", 1e-12),
+            Self::CubicCompliance => ("_mrad_per_kNm3", 1e-12),
+            Self::MicrometrePerNewton => ("_um_per_N", 1e-6),
+            Self::MicrometrePerKelvin => ("_um_per_K", 1e-6),
+            Self::MicrometrePerKrpm => ("_per_krpm", 1e-9),
+            Self::MilliradianPerKelvin if slides => ("_mm_per_K", 1e-3),
+            Self::MilliradianPerKelvin => ("_mrad_per_K", 1e-3),
+            Self::CyclesPerRevolution if slides => ("_per_m", TAU),
+            Self::CyclesPerRevolution => ("_per_rev", 1.0),
+            Self::Second => ("_s", 1.0),
+            Self::Millisecond => ("_ms", 1e-3),
+            Self::Hertz => ("_Hz", 1.0),
+            Self::Kilogram => ("_kg", 1.0),
+            Self::NewtonPerMetre => ("_N_per_m", 1.0),
+            Self::Celsius => ("_C", 1.0),
+            Self::KilogramSquareMetre => ("_kgm2", 1.0),
+            Self::KilogramMetre => ("_kgm", 1.0),
+            Self::PerMetre => ("_per_m", 1.0),
+            Self::NewtonPerMillimetre => ("_N_per_mm", 1e3),
+            Self::NewtonPerSquareMillimetre => ("_N_per_mm2", 1e6),
+        }
+    }
+}
+
+/// How many numbers a parameter has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Count {
+    /// One number.
+    One,
+    /// A list of exactly this many.
+    Exactly(usize),
+    /// A list of 1 to this many.
+    UpTo(usize),
+    /// Three for every body that the joint carries, its own first.
+    ThreePerCarriedBody,
+}
+
+/// Which values make sense. Bounds are in SI.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    /// Any finite number.
+    Any,
+    /// Zero or above.
+    NotNegative,
+    /// Above zero.
+    Positive,
+    /// Strictly between the two.
+    Between(f64, f64),
+}
+
+impl Range {
+    /// Whether a value lies in the range.
+    pub fn holds(&self, value: f64) -> bool {
+        value.is_finite()
+            && match *self {
+                Self::Any => true,
+                Self::NotNegative => value >= 0.0,
+                Self::Positive => value > 0.0,
+                Self::Between(low, high) => value > low && value < high,
+            }
+    }
+}
+
+/// One entry of an effect in a file.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameter {
+    /// The key without its unit's suffix; no two entries of one effect share it.
+    pub stem: &'static str,
+    /// Its unit in a file.
+    pub unit: Unit,
+    /// How many numbers.
+    pub count: Count,
+    /// Which values make sense.
+    pub range: Range,
+    /// Whether an effect cannot be without it.
+    pub required: bool,
+    /// What role it plays in a fit.
+    pub role: Role,
+}
+
+/// What a fit may do with an entry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// The contribution is linear in it.
+    Linear,
+    /// A fit may change it; the contribution is not linear in it.
+    Nonlinear,
+    /// A person or an instrument states it; no fit changes it (a pivot, a reference temperature).
+    Setting,
+}
+
+impl Parameter {
+    /// A required linear parameter of one number.
+    pub const fn linear(stem: &'static str, unit: Unit, range: Range) -> Self {
+        Self { stem, unit, count: Count::One, range, required: true, role: Role::Linear }
+    }
+
+    /// A required nonlinear parameter of one number.
+    pub const fn nonlinear(stem: &'static str, unit: Unit, range: Range) -> Self {
+        Self { role: Role::Nonlinear, ..Self::linear(stem, unit, range) }
+    }
+
+    /// An optional setting of one number.
+    pub const fn setting(stem: &'static str, unit: Unit, range: Range) -> Self {
+        Self { required: false, role: Role::Setting, ..Self::linear(stem, unit, range) }
+    }
+
+    /// The same with another count.
+    pub const fn of(self, count: Count) -> Self {
+        Self { count, ..self }
+    }
+
+    /// The same, but an effect can be without it.
+    pub const fn optional(self) -> Self {
+        Self { required: false, ..self }
+    }
+
+    /// The same, but an effect cannot be without it.
+    pub const fn needed(self) -> Self {
+        Self { required: true, ..self }
+    }
+
+    /// Its key in a file for a joint of this kind; effects of the whole robot take `Revolute`.
+    pub fn key(&self, kind: JointKind) -> Key {
+        Key { stem: self.stem, suffix: self.unit.suffix_and_si(kind).0 }
+    }
+}
+
+/// A key in a file: stem and unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Key {
+    stem: &'static str,
+    suffix: &'static str,
+}
+
+impl fmt::Display for Key {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{}", self.stem, self.suffix)
+    }
+}
+
+impl PartialEq<str> for Key {
+    fn eq(&self, other: &str) -> bool {
+        other.strip_prefix(self.stem) == Some(self.suffix)
+    }
+}
+
+/// Whether an effect belongs to a joint or to the whole robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// A joint of either kind.
+    Joint,
+    /// A revolute joint.
+    RevoluteJoint,
+    /// A joint, or the base where `axis` is given instead.
+    JointOrBase,
+    /// The whole robot.
+    Robot,
+}
+
+/// Where an effect acts; in the order in which effects are taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ActsOn {
+    /// The loads, before compliances feel them.
+    Loads,
+    /// A joint's position.
+    JointPosition,
+    /// The geometry between joints, the base or the tool.
+    Geometry,
+    /// What a drive has to exert.
+    DriveTorque,
+    /// The force on the tool.
+    ToolForce,
+}
+
+/// A signal that an effect looks at, besides the joints' positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Need {
+    /// The sign of the joint's last motion, or its path.
+    Direction,
+    /// Masses of links or tool.
+    Masses,
+    /// The wrench on the tool.
+    Wrench,
+    /// A temperature.
+    Temperature,
+    /// Time since the segment began.
+    Time,
+    /// Spindle speed.
+    SpindleSpeed,
+    /// Joint speed.
+    Velocity,
+    /// Joint acceleration.
+    Acceleration,
+}
+
+/// What an effect says of itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spec {
+    /// The name in files and findings.
+    pub kind: &'static str,
+    /// Joint or robot.
+    pub place: Place,
+    /// Where it acts.
+    pub acts_on: ActsOn,
+    /// What it looks at.
+    pub needs: &'static [Need],
+    /// Whether it remembers.
+    pub has_memory: bool,
+    /// Its entries in a file: parameters that a fit may change first, then settings. Which of them an effect
+    /// carries: [`crate::Effect::fitted`].
+    pub parameters: &'static [Parameter],
+}

@@ -1,0 +1,329 @@
+//! What is wrong with a file: every fault of it at once, each with its place.
+//!
+//! A fault owns the line it points at, so that it can be shown after the file is gone. Nothing
+//! here reads files or prints; `Display` is the plain rendering, [`Faults::styled`] the coloured.
+
+use std::fmt;
+use std::ops::Range;
+
+use annotate_snippets::{AnnotationKind, Group, Level, Origin, Renderer, Snippet};
+
+/// At most this many faults are kept of one file; more are counted.
+pub const FAULTS_MAX: usize = 50;
+
+/// At most this many characters of a line are kept and shown.
+const LINE_MAX: usize = 400;
+
+/// One fault: where it is, what is wrong, what was expected, what to do.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Fault {
+    /// Place in the file, where one can be named.
+    pub place: Option<Place>,
+    /// Path of the key (`joint[2].axis`) or name of the column (`q3_deg`); may be empty.
+    pub key: String,
+    /// What is wrong.
+    pub message: String,
+    /// What was expected instead; may be empty.
+    pub expected: String,
+    /// What to do about it; may be empty.
+    pub help: String,
+}
+
+/// A span within one line of a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Place {
+    /// Line, from 1.
+    pub line: usize,
+    /// Column in characters, from 1.
+    pub column: usize,
+    /// The line itself, without its end, cut at a sensible length.
+    pub text: String,
+    /// The marked bytes within `text`.
+    pub span: Range<usize>,
+}
+
+impl Place {
+    /// The place of a byte span in a source text; a span over several lines is cut to its first.
+    #[must_use]
+    pub fn of_span(source: &str, span: &Range<usize>) -> Self {
+        let start = floor_boundary(source, span.start);
+        let before = source.get(..start).unwrap_or_default();
+        let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+        let rest = source.get(line_start..).unwrap_or_default();
+        let text = rest.lines().next().unwrap_or_default();
+        let line = before.matches('\n').count() + 1;
+        Self::in_line(line, text, &(start - line_start..span.end.saturating_sub(line_start)))
+    }
+
+    /// A span of bytes within a given line (`line` counts from 1).
+    #[must_use]
+    pub fn in_line(line: usize, text: &str, span: &Range<usize>) -> Self {
+        let kept = text.get(..floor_boundary(text, LINE_MAX)).unwrap_or_default();
+        let start = floor_boundary(kept, span.start);
+        let end = floor_boundary(kept, span.end).max(start);
+        let column = text.get(..floor_boundary(text, span.start)).unwrap_or_default();
+        Self { line, column: column.chars().count() + 1, text: kept.to_owned(), span: start..end }
+    }
+}
+
+/// The largest character boundary of `text` that is not beyond `at`.
+fn floor_boundary(text: &str, at: usize) -> usize {
+    let mut at = at.min(text.len());
+    while !text.is_char_boundary(at) {
+        at -= 1;
+    }
+    at
+}
+
+impl Fault {
+    /// A fault without a place.
+    #[must_use]
+    pub fn new(key: impl Into<String>, message: impl Into<String>) -> Self {
+        Self {
+            place: None,
+            key: key.into(),
+            message: message.into(),
+            expected: String::new(),
+            help: String::new(),
+        }
+    }
+
+    /// The same fault at a place.
+    #[must_use]
+    pub fn at(mut self, place: Place) -> Self {
+        self.place = Some(place);
+        self
+    }
+
+    /// The same fault, saying what was expected.
+    #[must_use]
+    pub fn expected(mut self, expected: impl Into<String>) -> Self {
+        self.expected = expected.into();
+        self
+    }
+
+    /// The same fault, saying what to do.
+    #[must_use]
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = help.into();
+        self
+    }
+
+    fn title(&self) -> String {
+        if self.key.is_empty() {
+            self.message.clone()
+        } else {
+            format!("`{}`: {}", self.key, self.message)
+        }
+    }
+
+    fn report<'a>(&'a self, file: &'a str) -> Group<'a> {
+        let title = Level::ERROR.primary_title(self.title());
+        let mut group = match &self.place {
+            None => Group::with_title(title).element(Origin::path(file)),
+            Some(place) => {
+                let label =
+                    (!self.expected.is_empty()).then(|| format!("expected {}", self.expected));
+                let mark = AnnotationKind::Primary.span(place.span.clone()).label(label);
+                let snippet = Snippet::source(place.text.as_str())
+                    .line_start(place.line)
+                    .path(file)
+                    .annotation(mark);
+                Group::with_title(title).element(snippet)
+            }
+        };
+        if self.place.is_none() && !self.expected.is_empty() {
+            group = group.element(Level::NOTE.message(format!("expected {}", self.expected)));
+        }
+        if !self.help.is_empty() {
+            group = group.element(Level::HELP.message(self.help.as_str()));
+        }
+        group
+    }
+}
+
+/// All faults of one file, in the order of their lines.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Faults {
+    file: String,
+    list: Vec<Fault>,
+    left_out: usize,
+}
+
+impl Faults {
+    /// No faults yet, of the file with this name.
+    #[must_use]
+    pub fn of(file: impl Into<String>) -> Self {
+        Self { file: file.into(), list: Vec::new(), left_out: 0 }
+    }
+
+    /// Adds a fault; beyond [`FAULTS_MAX`] it is only counted.
+    pub fn push(&mut self, fault: Fault) {
+        self.push_with(|| fault);
+    }
+
+    /// Adds a fault that is costly to describe; beyond [`FAULTS_MAX`] it is only counted.
+    pub fn push_with(&mut self, fault: impl FnOnce() -> Fault) {
+        if self.list.len() < FAULTS_MAX {
+            self.list.push(fault());
+        } else {
+            self.left_out += 1;
+        }
+    }
+
+    /// `value` where there are no faults, else all of them, sorted by line.
+    ///
+    /// # Errors
+    /// The faults themselves.
+    pub fn or<T>(mut self, value: Option<T>) -> Result<T, Self> {
+        match value {
+            Some(value) if self.list.is_empty() => Ok(value),
+            _ => {
+                if self.list.is_empty() {
+                    self.push(Fault::new("", "the file could not be read as a whole"));
+                }
+                let line = |fault: &Fault| fault.place.as_ref().map(|p| (p.line, p.column));
+                self.list.sort_by_key(line);
+                Err(self)
+            }
+        }
+    }
+
+    /// Name of the file.
+    #[must_use]
+    pub fn file(&self) -> &str {
+        &self.file
+    }
+
+    /// The faults, at most [`FAULTS_MAX`].
+    #[must_use]
+    pub fn list(&self) -> &[Fault] {
+        &self.list
+    }
+
+    /// Whether nothing is wrong.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    /// Number of faults, those left out included.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.list.len() + self.left_out
+    }
+
+    /// All faults with line and caret, in colour (ANSI escapes).
+    #[must_use]
+    pub fn styled(&self) -> String {
+        self.render(&Renderer::styled())
+    }
+
+    /// All faults with line and caret, without colour.
+    #[must_use]
+    pub fn plain(&self) -> String {
+        self.render(&Renderer::plain())
+    }
+
+    fn render(&self, renderer: &Renderer) -> String {
+        let shown = self.list.iter().map(|fault| renderer.render(&[fault.report(&self.file)]));
+        let mut text = shown.collect::<Vec<_>>().join("\n\n");
+        if self.left_out > 0 {
+            text.push_str(&format!("\n\nand {} more faults in {}", self.left_out, self.file));
+        }
+        text
+    }
+}
+
+impl fmt::Display for Faults {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.plain())
+    }
+}
+
+impl std::error::Error for Faults {}
+
+/// The nearest of `known` to `name`, if it is near enough to be meant.
+#[must_use]
+pub fn nearest<'k>(name: &str, known: impl IntoIterator<Item = &'k str>) -> Option<&'k str> {
+    let near = |k: &'k str| (distance(name, k), k);
+    let (steps, found) = known.into_iter().map(near).min_by_key(|(steps, _)| *steps)?;
+    let length = name.chars().count().max(found.chars().count());
+    (steps > 0 && steps * 3 <= length.max(3)).then_some(found)
+}
+
+/// Number of single-character edits (insert, delete, replace, swap of neighbours).
+fn distance(a: &str, b: &str) -> usize {
+    let a: Vec<char> = a.chars().take(64).collect();
+    let b: Vec<char> = b.chars().take(64).collect();
+    let mut rows = vec![vec![0_usize; b.len() + 1]; a.len() + 1];
+    for i in 0..=a.len() {
+        for j in 0..=b.len() {
+            if i == 0 || j == 0 {
+                rows[i][j] = i + j;
+                continue;
+            }
+            let replace = usize::from(a[i - 1] != b[j - 1]);
+            let mut best = (rows[i - 1][j] + 1).min(rows[i][j - 1] + 1);
+            best = best.min(rows[i - 1][j - 1] + replace);
+            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                best = best.min(rows[i - 2][j - 2] + 1);
+            }
+            rows[i][j] = best;
+        }
+    }
+    rows[a.len()][b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_shows_its_line_and_a_caret() {
+        let source = "a = 1\nanlge = 2\n";
+        let mut faults = Faults::of("cell.toml");
+        let place = Place::of_span(source, &(6..11));
+        faults.push(
+            Fault::new("anlge", "unknown key")
+                .at(place)
+                .expected("one of the known keys")
+                .help("did you mean `angle`?"),
+        );
+        insta::assert_snapshot!(faults, @r"
+        error: `anlge`: unknown key
+         --> cell.toml:2:1
+          |
+        2 | anlge = 2
+          | ^^^^^ expected one of the known keys
+          |
+          = help: did you mean `angle`?
+        ");
+        assert!(faults.styled().contains('\u{1b}'));
+    }
+
+    #[test]
+    fn a_swapped_letter_is_near_and_another_word_is_not() {
+        assert_eq!(nearest("anlge", ["angle", "rate"]), Some("angle"));
+        assert_eq!(nearest("stiffness", ["angle", "rate"]), None);
+        assert_eq!(nearest("angle", ["angle"]), None);
+    }
+
+    #[test]
+    fn faults_beyond_the_limit_are_counted() {
+        let mut faults = Faults::of("x");
+        for _ in 0..FAULTS_MAX + 7 {
+            faults.push(Fault::new("k", "m"));
+        }
+        assert_eq!((faults.list().len(), faults.len()), (FAULTS_MAX, FAULTS_MAX + 7));
+        assert!(faults.plain().ends_with("and 7 more faults in x"));
+    }
+
+    #[test]
+    fn a_span_beyond_its_text_or_inside_a_character_is_cut() {
+        let place = Place::of_span("größe", &(3..900));
+        assert_eq!((place.line, place.column), (1, 3));
+        let empty = Place::of_span("", &(7..9));
+        assert_eq!(empty.span, 0..0);
+    }
+}

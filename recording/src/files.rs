@@ -1,0 +1,127 @@
+//! Reading whole files and writing them so that they appear whole or not at all.
+//!
+//! Contract: a file under its final name is never half written, whatever fails or dies between.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use crate::faults::{Fault, Faults, Place};
+
+/// Why a file could not be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum FileError {
+    /// The operating system refused.
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io {
+        /// What was tried: `read`, `write`.
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+    /// The file was read, and its content is wrong.
+    #[error(transparent)]
+    Content(#[from] Faults),
+}
+
+impl FileError {
+    pub(crate) fn io(action: &'static str, path: &Path) -> impl Fn(io::Error) -> Self {
+        move |source| Self::Io { action, path: path.to_owned(), source }
+    }
+}
+
+/// The text of a file, without a byte-order mark.
+///
+/// # Errors
+/// The file cannot be read, or is not UTF-8.
+pub fn read_text(path: &Path) -> Result<String, FileError> {
+    let bytes = fs::read(path).map_err(FileError::io("read", path))?;
+    Ok(text_of(&path.display().to_string(), bytes)?)
+}
+
+/// Bytes as text, without a byte-order mark.
+///
+/// # Errors
+/// The bytes are not UTF-8; the fault names the line.
+pub fn text_of(name: &str, bytes: Vec<u8>) -> Result<String, Faults> {
+    match String::from_utf8(bytes) {
+        Ok(text) => Ok(text.strip_prefix('\u{feff}').map_or_else(|| text.clone(), str::to_owned)),
+        Err(error) => {
+            let good = error.utf8_error().valid_up_to();
+            let head = String::from_utf8_lossy(error.as_bytes().get(..good).unwrap_or_default());
+            let place = Place::of_span(&head, &(good..good));
+            let mut faults = Faults::of(name);
+            faults.push(
+                Fault::new("", format!("byte {good} is not UTF-8 text"))
+                    .at(place)
+                    .expected("UTF-8 text")
+                    .help("save the file as UTF-8 (a spreadsheet: \"CSV UTF-8\")"),
+            );
+            Err(faults)
+        }
+    }
+}
+
+/// Writes a file whole: into a temporary file beside it, synced, then renamed over `path`.
+///
+/// # Errors
+/// The system refused; nothing then stands under `path` that did not stand there before.
+pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    let error = FileError::io("write", path);
+    let name = path.file_name().ok_or_else(|| error(io::ErrorKind::InvalidFilename.into()))?;
+    let mut hidden = std::ffi::OsString::from(".");
+    hidden.push(name);
+    hidden.push(format!(".{}.part", std::process::id()));
+    let part = path.with_file_name(hidden);
+    let written = File::create(&part)
+        .and_then(|mut file| file.write_all(bytes).and_then(|()| file.sync_all()))
+        .and_then(|()| fs::rename(&part, path));
+    written.map_err(|source| {
+        // The first error is the one to tell; a temporary file that stays is only litter.
+        let _ = fs::remove_file(&part);
+        error(source)
+    })
+}
+
+/// A hash of content (FNV-1a, 64 bit): tells versions apart, and is no proof against forgery.
+#[must_use]
+pub fn content_hash(bytes: &[u8]) -> u64 {
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_no_litter() {
+        let dir = std::env::temp_dir().join(format!("trued-files-{}", std::process::id()));
+        fs::create_dir_all(&dir).unwrap();
+        let path = dir.join("a.toml");
+        write_atomic(&path, b"old").unwrap();
+        write_atomic(&path, b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        let blocked = dir.join("taken");
+        fs::create_dir_all(blocked.join("inside")).unwrap();
+        assert!(write_atomic(&blocked, b"x").is_err());
+        assert_eq!(fs::read_dir(&dir).unwrap().count(), 2);
+        fs::remove_dir_all(&dir).unwrap();
+    }
+
+    #[test]
+    fn the_hash_is_fnv_1a() {
+        assert_eq!(content_hash(b""), 0xcbf2_9ce4_8422_2325);
+        assert_eq!(content_hash(b"a"), 0xaf63_dc4c_8601_ec8c);
+    }
+
+    #[test]
+    fn text_that_is_not_utf8_is_told_with_its_line() {
+        let faults = text_of("x.csv", b"t_s,q1_deg\n1,\xff\n".to_vec()).unwrap_err();
+        assert_eq!(faults.list()[0].place.as_ref().unwrap().line, 2);
+        assert_eq!(text_of("x", b"\xef\xbb\xbfa".to_vec()).unwrap(), "a");
+    }
+}

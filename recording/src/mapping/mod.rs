@@ -1,0 +1,79 @@
+//! Mappings: how the table of another program becomes a recording.
+//!
+//! Contract: docs/mapping.md (`trued.mapping/1`). A mapping that was read names only columns of
+//! ours that exist, with units that fit; whether theirs are there is judged on the file.
+
+mod apply;
+mod read;
+#[cfg(test)]
+mod tests;
+
+use std::path::{Path, PathBuf};
+
+use crate::faults::Faults;
+use crate::files::{FileError, read_text};
+use crate::series::{About, Dialect};
+use crate::unit::Unit;
+
+/// Name of the format.
+pub(crate) const SCHEMA: &str = "trued.mapping/1";
+
+/// How a foreign table is to be read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mapping {
+    pub(crate) dialect: Dialect,
+    pub(crate) about: Option<About>,
+    columns: Vec<MappedColumn>,
+    keep: Vec<(String, Vec<String>)>,
+    drop_repeated: bool,
+}
+
+/// One column of ours and where it comes from.
+#[derive(Debug, Clone, PartialEq)]
+struct MappedColumn {
+    /// Our name, with our unit.
+    name: String,
+    from: Source,
+    /// Their unit, where it differs from that of our name.
+    unit: Option<Unit>,
+    /// Ours = `scale` · theirs + `offset`, in the unit of our name; the sign is in the scale.
+    scale: f64,
+    offset: f64,
+}
+
+/// Where the values of a column come from.
+#[derive(Debug, Clone, PartialEq)]
+enum Source {
+    /// A column of theirs, by name, or by its number where there is no header.
+    Column(String),
+    /// A column of theirs whose different texts are numbered in the order in which they appear.
+    Labels(String),
+    /// The same value in each row.
+    Constant(f64),
+    /// The row's number times this.
+    Row(f64),
+}
+
+impl Mapping {
+    /// Reads a mapping.
+    ///
+    /// # Errors
+    /// The file cannot be read, or all its faults.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        Ok(Self::parse(&path.display().to_string(), &read_text(path)?)?)
+    }
+
+    /// Reads a mapping from a text.
+    ///
+    /// # Errors
+    /// All faults of the text.
+    pub fn parse(name: &str, text: &str) -> Result<Self, Faults> {
+        read::parse(name, text)
+    }
+}
+
+/// The mapping that belongs to a recording: `NAME.mapping.toml` beside it.
+#[must_use]
+pub fn mapping_path(recording: &Path) -> PathBuf {
+    recording.with_extension("mapping.toml")
+}

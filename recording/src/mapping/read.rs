@@ -1,0 +1,236 @@
+//! Reading a mapping: patterns unfolded, units checked, all faults at once.
+
+use toml::de::DeValue;
+
+use super::{MappedColumn, Mapping, SCHEMA, Source};
+use crate::faults::Faults;
+use crate::series::{About, Column, Dialect, JOINTS_MAX};
+use crate::unit::Unit;
+use crate::walk::{Document, Table};
+
+pub(super) fn parse(name: &str, text: &str) -> Result<Mapping, Faults> {
+    let document = Document::parse(name, text)?;
+    let mapping = read(document.root());
+    document.finish(mapping)
+}
+
+fn read(root: Table<'_, '_>) -> Option<Mapping> {
+    root.require("schema", "schema = \"trued.mapping/1\"");
+    root.choice("schema", &[(SCHEMA, ())]);
+    root.require("columns", "a table of columns");
+    let joints = root.whole("joints", 1..JOINTS_MAX as i64 + 1);
+    let joints = joints.and_then(|joints| usize::try_from(joints).ok());
+    let dialect = dialect(&root);
+    let keep = root.table("keep").map(keep).unwrap_or_default();
+    let drop_repeated =
+        root.choice("repeated_time", &[("fault", false), ("drop", true)]).unwrap_or_default();
+    let about = root.table("recording").map(About::from_table);
+    let columns = root.table("columns").map(|table| columns(table, joints));
+    root.close();
+    Some(Mapping { dialect, about, columns: columns?, keep, drop_repeated })
+}
+
+fn dialect(root: &Table<'_, '_>) -> Dialect {
+    let separators = [(",", b','), (";", b';'), ("tab", b'\t'), ("space", b' '), ("|", b'|')];
+    let skip = root.whole("skip_rows", 0..100_000).unwrap_or(0);
+    let comment = root.text("comment");
+    if let Some(text) = comment.filter(|text| text.len() != 1) {
+        root.fault("comment", format!("is \"{text}\""), "one ASCII character");
+    }
+    Dialect {
+        separator: root.choice("separator", &separators),
+        decimal_comma: root.choice("decimal", &[(".", false), (",", true)]),
+        comment: comment.and_then(|text| text.bytes().next()),
+        skip_lines: usize::try_from(skip).unwrap_or(0),
+        no_header: root.flag("header").is_some_and(|header| !header),
+    }
+}
+
+fn keep(table: Table<'_, '_>) -> Vec<(String, Vec<String>)> {
+    let mut keep = Vec::new();
+    for name in table.keys() {
+        if let Some(texts) = table.texts(name) {
+            keep.push((name.to_owned(), texts.into_iter().map(str::to_owned).collect()));
+        }
+    }
+    table.close();
+    keep
+}
+
+fn columns(table: Table<'_, '_>, joints: Option<usize>) -> Vec<MappedColumn> {
+    let mut columns = Vec::new();
+    for pattern in table.keys() {
+        let Some(entry) = table.table(pattern) else { continue };
+        if let Some(found) = column(&table, pattern, &entry, joints) {
+            columns.extend(found);
+        }
+        entry.close();
+    }
+    table.close();
+    columns
+}
+
+/// The columns of one entry: one, or for a name with `*` one per joint.
+fn column(
+    table: &Table<'_, '_>,
+    pattern: &str,
+    entry: &Table<'_, '_>,
+    joints: Option<usize>,
+) -> Option<Vec<MappedColumn>> {
+    let order = entry.wholes("order", 1..1000);
+    let unit = unit(entry);
+    let names = sources(entry);
+    let starred = pattern.contains('*');
+    let listed = names.as_ref().filter(|_| starred).and_then(Names::count);
+    let count = listed.or(order.as_ref().map(Vec::len)).or(joints).filter(|_| starred);
+    if starred && count.is_none() {
+        table.fault(pattern, "runs over the joints", "`joints = N` at the top, or `order` here");
+        return None;
+    }
+    let count = count.unwrap_or(1).min(JOINTS_MAX);
+    let scale = factors(entry, "scale", count, 1.0)?;
+    let sign = factors(entry, "sign", count, 1.0)?;
+    let offset = factors(entry, "offset", count, 0.0)?;
+    let names = names?;
+    let mut found = Vec::new();
+    for at in 0..count {
+        let name = pattern.replacen('*', &(at + 1).to_string(), 1);
+        let theirs = order.as_ref().and_then(|order| order.get(at).copied());
+        let theirs = theirs.unwrap_or(at as i64 + 1);
+        if !fits(table, pattern, &name, entry, unit) {
+            return None;
+        }
+        let from = names.source(at, theirs)?;
+        found.push(MappedColumn {
+            name,
+            from,
+            unit,
+            scale: scale[at] * sign[at],
+            offset: offset[at],
+        });
+    }
+    Some(found)
+}
+
+fn unit(entry: &Table<'_, '_>) -> Option<Unit> {
+    let name = entry.text("unit")?;
+    let unit = Unit::named(name);
+    if unit.is_none() {
+        let known: Vec<&str> = crate::unit::UNITS.iter().map(|unit| unit.name).collect();
+        entry.fault("unit", format!("is \"{name}\""), format!("one of {}", known.join(" ")));
+    }
+    unit
+}
+
+/// Whether our name is a column, and their unit measures the same.
+fn fits(
+    table: &Table<'_, '_>,
+    pattern: &str,
+    name: &str,
+    entry: &Table<'_, '_>,
+    theirs: Option<Unit>,
+) -> bool {
+    let ours = match Column::named(name) {
+        Ok(Column::Channel(_, unit)) => unit,
+        Ok(Column::Time) => Unit::named("s"),
+        Ok(Column::Segment) => None,
+        Ok(Column::Unknown) => {
+            table.fault(pattern, "is no column of a recording", "names as q1_deg, x_mm, t_s");
+            return false;
+        }
+        Err(expected) => {
+            table.fault(pattern, "has a unit that does not fit", expected);
+            return false;
+        }
+    };
+    match (ours, theirs) {
+        (_, None) => true,
+        (Some(ours), Some(theirs)) if ours.quantity == theirs.quantity => true,
+        (_, Some(theirs)) => {
+            let expected = format!("a unit that measures the same as `{name}`");
+            entry.fault("unit", format!("is \"{}\"", theirs.name), expected);
+            false
+        }
+    }
+}
+
+fn factors(entry: &Table<'_, '_>, key: &str, count: usize, default: f64) -> Option<Vec<f64>> {
+    let is_list = entry.raw(key).is_some_and(|value| value.get_ref().is_array());
+    let list = if is_list {
+        entry.numbers(key, ..)?
+    } else {
+        vec![if entry.has(key) { entry.number(key, ..)? } else { default }; count]
+    };
+    if list.len() != count {
+        entry.fault(key, format!("has {} numbers", list.len()), format!("{count}, one per joint"));
+        return None;
+    }
+    if key == "sign" && list.iter().any(|sign| sign.abs() != 1.0) {
+        entry.fault(key, "is no sign", "1 or -1");
+        return None;
+    }
+    Some(list)
+}
+
+/// What an entry's source says, before joints are unfolded.
+enum Names {
+    Pattern(String, bool),
+    List(Vec<String>),
+    Constant(f64),
+    Row(f64),
+}
+
+impl Names {
+    fn count(&self) -> Option<usize> {
+        match self {
+            Self::List(names) => Some(names.len()),
+            _ => None,
+        }
+    }
+
+    /// The source of our joint `at` (from 0), which is their number `theirs`.
+    fn source(&self, at: usize, theirs: i64) -> Option<Source> {
+        Some(match self {
+            Self::Pattern(name, labels) => {
+                let name = name.replacen('*', &theirs.to_string(), 1);
+                if *labels { Source::Labels(name) } else { Source::Column(name) }
+            }
+            Self::List(names) => Source::Column(names.get(at)?.clone()),
+            Self::Constant(value) => Source::Constant(*value),
+            Self::Row(step) => Source::Row(*step),
+        })
+    }
+}
+
+fn sources(entry: &Table<'_, '_>) -> Option<Names> {
+    let labels = entry.flag("labels").unwrap_or_default();
+    let constant = entry.number("constant", ..);
+    let step = entry.number("per_row", ..);
+    let from = match entry.raw("from").map(toml::Spanned::get_ref) {
+        None => None,
+        Some(DeValue::Array(list)) => {
+            let names: Option<Vec<String>> = list.iter().map(|v| name_of(v.get_ref())).collect();
+            names.map(Names::List)
+        }
+        Some(value) => name_of(value).map(|name| Names::Pattern(name, labels)),
+    };
+    if entry.has("from") && from.is_none() {
+        entry.fault("from", "names no column", "a name, a number from 1, or a list of them");
+        return None;
+    }
+    let given: Vec<Names> =
+        [from, constant.map(Names::Constant), step.map(Names::Row)].into_iter().flatten().collect();
+    if given.len() != 1 {
+        let message = format!("has {} sources", given.len());
+        entry.fault_here(message, "give exactly one of `from`, `constant`, `per_row`");
+    }
+    given.into_iter().next()
+}
+
+fn name_of(value: &DeValue<'_>) -> Option<String> {
+    match value {
+        DeValue::String(name) => Some(name.to_string()),
+        DeValue::Integer(number) => Some(number.as_str().to_owned()),
+        _ => None,
+    }
+}

@@ -1,0 +1,313 @@
+//! From named columns to a consistent [`Recording`]: every check of the contract.
+//!
+//! Contract: contract/recording.md, "Bad input". Every fault is told, with row and column.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::about::{About, Approach, Heldout};
+use super::channel::{Channel, Column, FileUnits, Motion, motion_of};
+use super::table::RawTable;
+use super::{Need, Recording};
+use crate::faults::{Fault, Faults, nearest};
+use crate::unit::Unit;
+
+/// A column on its way: what it is, where it came from, its values in the unit of its name.
+struct Source {
+    name: String,
+    /// Index of the column in the foreign table, where it has one.
+    from: Option<usize>,
+}
+
+/// Collects columns and faults, then judges them together.
+pub(crate) struct Builder<'t, 's> {
+    table: &'t RawTable<'s>,
+    faults: Faults,
+    time: Option<Vec<f64>>,
+    segment: Option<Vec<i64>>,
+    columns: BTreeMap<Channel, Vec<f64>>,
+    sources: BTreeMap<Channel, Source>,
+    motions: BTreeMap<usize, Motion>,
+    other: Vec<(String, Vec<String>)>,
+    degrees: bool,
+    millimetres: bool,
+}
+
+impl<'t, 's> Builder<'t, 's> {
+    pub(crate) fn new(table: &'t RawTable<'s>, faults: Faults) -> Self {
+        Self {
+            table,
+            faults,
+            time: None,
+            segment: None,
+            columns: BTreeMap::new(),
+            sources: BTreeMap::new(),
+            motions: BTreeMap::new(),
+            other: Vec::new(),
+            degrees: false,
+            millimetres: false,
+        }
+    }
+
+    pub(crate) fn fault(&mut self, fault: Fault) {
+        self.faults.push(fault);
+    }
+
+    /// The numbers of a column of the foreign table; faults are noted, the values stay in place.
+    pub(crate) fn numbers(&mut self, from: usize) -> Vec<f64> {
+        let name = self.table.header.get(from).cloned().unwrap_or_default();
+        let mut numbers = Vec::with_capacity(self.table.rows.len());
+        for (row, record) in self.table.rows.iter().enumerate() {
+            let cell = record.get(from).unwrap_or("");
+            let number = self.table.number(cell);
+            let fault = match number {
+                None => {
+                    Some(Fault::new(&name, format!("`{cell}` is no number")).expected("a number"))
+                }
+                Some(number) if number.is_infinite() => {
+                    Some(Fault::new(&name, "is infinite").expected("a finite number, or nothing"))
+                }
+                Some(_) => None,
+            };
+            if let Some(fault) = fault {
+                self.faults.push_with(|| self.table.cell_fault(row, from, fault));
+            }
+            numbers.push(number.unwrap_or(f64::NAN));
+        }
+        numbers
+    }
+
+    /// Takes a column of ours. `values` are in the unit of its name.
+    pub(crate) fn take(&mut self, name: &str, from: Option<usize>, values: Vec<f64>) {
+        match Column::named(name) {
+            Ok(Column::Time) => self.time = Some(values),
+            Ok(Column::Segment) => self.take_segment(from, &values),
+            Ok(Column::Channel(channel, unit)) => {
+                self.take_channel(channel, unit, Source { name: name.to_owned(), from }, values);
+            }
+            Ok(Column::Unknown) | Err(_) => {}
+        }
+    }
+
+    /// Takes a column that is not ours, as text.
+    pub(crate) fn keep(&mut self, from: usize) {
+        let name = self.table.header.get(from).cloned().unwrap_or_default();
+        let cells = self.table.rows.iter();
+        let cells = cells.map(|row| row.get(from).unwrap_or("").to_owned()).collect();
+        self.other.push((name, cells));
+    }
+
+    fn take_segment(&mut self, from: Option<usize>, values: &[f64]) {
+        let whole = |value: &f64| value.fract() == 0.0 && value.abs() < 9e15;
+        if let Some(row) = values.iter().position(|value| !whole(value)) {
+            let fault = Fault::new("segment", "is no whole number").expected("a whole number");
+            self.cell_fault(row, from, fault);
+        }
+        self.segment = Some(values.iter().map(|value| *value as i64).collect());
+    }
+
+    fn take_channel(
+        &mut self,
+        channel: Channel,
+        unit: Option<Unit>,
+        source: Source,
+        values: Vec<f64>,
+    ) {
+        if let Some(before) = self.sources.get(&channel) {
+            let message = format!("is the same quantity as `{}`", before.name);
+            let fault = Fault::new(&source.name, message).help("keep one of the two columns");
+            self.header_fault(source.from, fault);
+            return;
+        }
+        if let (Some(joint), Some(motion)) = (channel.joint(), motion_of(channel, unit)) {
+            let known = *self.motions.entry(joint).or_insert(motion);
+            if known != motion {
+                let message = format!("turns joint {} into one of the other kind", joint + 1);
+                let fault = Fault::new(&source.name, message).expected(
+                    "all columns of a joint in units of one kind: angle and Nm, or length and N",
+                );
+                self.header_fault(source.from, fault);
+            }
+        }
+        self.degrees |= unit.is_some_and(|unit| unit.name == "deg");
+        self.millimetres |= unit.is_some_and(|unit| unit.name == "mm");
+        let si = values.into_iter().map(|v| unit.map_or(v, |unit| unit.to_si(v))).collect();
+        self.columns.insert(channel, si);
+        self.sources.insert(channel, source);
+    }
+
+    fn cell_fault(&mut self, row: usize, from: Option<usize>, fault: Fault) {
+        self.faults.push_with(|| match from {
+            Some(from) => self.table.cell_fault(row, from, fault),
+            None => fault.help(format!("in row {} of the data", row + 1)),
+        });
+    }
+
+    fn header_fault(&mut self, from: Option<usize>, fault: Fault) {
+        let fault = match from {
+            Some(from) => self.table.header_fault(from, fault),
+            None => fault,
+        };
+        self.faults.push(fault);
+    }
+
+    /// The recording, or every fault.
+    pub(crate) fn finish(mut self, about: About, need: Need) -> Result<Recording, Faults> {
+        let rows = self.table.rows.len();
+        if rows == 0 {
+            self.faults.push(Fault::new("", "the table has no rows"));
+        }
+        self.judge_time(rows);
+        self.judge_values();
+        self.judge_groups(&about, need);
+        self.judge_about(&about);
+        let mut notes = self.table.notes.clone();
+        notes.extend(unknown_columns(&self.other));
+        let recording = Recording {
+            file: self.faults.file().into(),
+            t_s: self.time.unwrap_or_default(),
+            segment: self.segment.unwrap_or_else(|| vec![0; rows]),
+            about,
+            units: FileUnits { degrees: self.degrees, millimetres: self.millimetres },
+            other: self.other,
+            notes,
+            columns: self.columns,
+            motions: self.motions,
+        };
+        self.faults.or(Some(recording))
+    }
+
+    fn judge_time(&mut self, rows: usize) {
+        let Some(time) = self.time.clone() else {
+            let near = nearest("t_s", self.table.header.iter().map(String::as_str));
+            let help = near.map(|name| format!("is it `{name}`? ")).unwrap_or_default();
+            let help = format!("{help}rename the column, or give a mapping");
+            self.faults.push(Fault::new("t_s", "is missing").expected("time in s").help(help));
+            return;
+        };
+        let from = self.table.position("t_s");
+        let mut last: BTreeMap<i64, f64> = BTreeMap::new();
+        for (row, t) in time.iter().enumerate().take(rows) {
+            let segment = self.segment.as_ref().and_then(|s| s.get(row)).copied().unwrap_or(0);
+            let before = last.get(&segment).copied();
+            if !t.is_finite() {
+                let fault = Fault::new("t_s", "is empty").expected("a time in every row");
+                self.cell_fault(row, from, fault);
+            } else if before.is_some_and(|before| before >= *t) {
+                let before = before.unwrap_or_default();
+                let message = format!("runs back: {t} after {before}");
+                let fault = Fault::new("t_s", message)
+                    .expected("times that increase strictly within a segment");
+                self.cell_fault(row, from, fault);
+                // One jump is one fault: go on from where the time stands now.
+                last.insert(segment, *t);
+            } else {
+                last.insert(segment, *t);
+            }
+        }
+    }
+
+    fn judge_values(&mut self) {
+        let mut found = Vec::new();
+        for (channel, values) in &self.columns {
+            if let Channel::Direction(_) = channel {
+                let good = |v: &f64| v.is_nan() || [-1.0, 0.0, 1.0].contains(v);
+                if let Some(row) = values.iter().position(|value| !good(value)) {
+                    let message = format!("is {}", values[row]);
+                    found.push((
+                        row,
+                        *channel,
+                        Fault::new(channel.base(), message).expected("-1, 0 or 1"),
+                    ));
+                }
+            }
+        }
+        if let Some((row, norm)) = self.bad_quaternion() {
+            let fault = Fault::new("ow", format!("the quaternion's length is {norm}"))
+                .expected("unit length to 1e-3");
+            found.push((row, Channel::Orientation(0), fault));
+        }
+        for (row, channel, fault) in found {
+            let from = self.sources.get(&channel).and_then(|source| source.from);
+            self.cell_fault(row, from, fault);
+        }
+    }
+
+    fn bad_quaternion(&self) -> Option<(usize, f64)> {
+        let part = |part| self.columns.get(&Channel::Orientation(part));
+        let (w, x, y, z) = (part(0)?, part(1)?, part(2)?, part(3)?);
+        let norm = |row: usize| {
+            let squares = [w, x, y, z].map(|part| part.get(row).map_or(f64::NAN, |v| v * v));
+            squares.iter().sum::<f64>().sqrt()
+        };
+        (0..w.len()).map(|row| (row, norm(row))).find(|(_, norm)| (norm - 1.0).abs() > 1e-3)
+    }
+
+    fn judge_groups(&mut self, about: &About, need: Need) {
+        let has = |wanted: fn(&Channel) -> bool| self.columns.keys().any(wanted);
+        let inputs = has(|c| matches!(c, Channel::Command(_) | Channel::Motor(_)));
+        let forces = has(|c| matches!(c, Channel::Wrench(_) | Channel::Acceleration(_)));
+        let both =
+            has(|c| matches!(c, Channel::Command(_))) && has(|c| matches!(c, Channel::Motor(_)));
+        let measured = both
+            || forces
+            || has(|c| {
+                matches!(
+                    c,
+                    Channel::Link(_)
+                        | Channel::Position(_)
+                        | Channel::Target(..)
+                        | Channel::Orientation(_)
+                        | Channel::Torque(_)
+                        | Channel::Current(_)
+                )
+            });
+        let quaternion = (0..4).filter(|p| self.columns.contains_key(&Channel::Orientation(*p)));
+        if !matches!(quaternion.count(), 0 | 4) {
+            let fault = Fault::new("ow, ox, oy, oz", "some of them are missing");
+            self.faults.push(fault.expected("all four parts of a quaternion"));
+        }
+        if !inputs && (need == Need::Path || !forces) {
+            let fault = Fault::new("q1_deg", "no joint position is there");
+            self.faults.push(fault.expected("`q1_deg` …, or `qa1_deg` …").help(MAPPING_HELP));
+        } else if need == Need::Measurement && !measured {
+            let fault = Fault::new("", "nothing was measured besides the inputs");
+            self.faults
+                .push(fault.expected("x_mm, target1_x_mm, ql1_deg, tau1_Nm, fx_N or the like"));
+        }
+        if about.approach == Approach::Columns && !has(|c| matches!(c, Channel::Direction(_))) {
+            let fault = Fault::new("approach", "is \"columns\", and there is no column `d1`");
+            self.faults.push(fault.expected("columns `d1` …, or approach = \"sequence\""));
+        }
+    }
+
+    fn judge_about(&mut self, about: &About) {
+        let highest = |c: &Channel| match c {
+            Channel::Current(joint) => Some(joint + 1),
+            _ => None,
+        };
+        let currents = self.columns.keys().filter_map(highest).max().unwrap_or(0);
+        if currents > about.torque_per_ampere.len() {
+            let found = about.torque_per_ampere.len();
+            self.faults.push(
+                Fault::new("torque_per_ampere", format!("has {found} numbers"))
+                    .expected(format!("{currents}, one per joint up to `i{currents}_A`"))
+                    .help("give them in the TOML beside the recording"),
+            );
+        }
+        if let (Heldout::Segments(wanted), segments) = (&about.heldout, &self.segment) {
+            let there: BTreeSet<i64> = segments.iter().flatten().copied().collect();
+            for segment in wanted.iter().filter(|s| !there.contains(s)) {
+                let fault = Fault::new("heldout", format!("segment {segment} is not there"));
+                self.faults.push(fault.expected("segments of this recording"));
+            }
+        }
+    }
+}
+
+const MAPPING_HELP: &str = "name the columns so, or give a mapping (--mapping FILE)";
+
+/// One warning for all columns that are not ours.
+fn unknown_columns(other: &[(String, Vec<String>)]) -> Option<String> {
+    let names: Vec<&str> = other.iter().map(|(name, _)| name.as_str()).collect();
+    (!names.is_empty()).then(|| format!("columns kept and not used: {}", names.join(", ")))
+}

@@ -1,0 +1,197 @@
+//! Recordings: `trued.recording/1` in memory, SI inside.
+//!
+//! Contract: contract/recording.md. A [`Recording`] that exists is consistent: equally long
+//! columns, finite strictly increasing times within each segment, no infinite value, unit
+//! quaternions, joints that either turn or slide. NaN stands for a sample that was not taken.
+
+mod about;
+mod build;
+mod channel;
+mod table;
+#[cfg(test)]
+mod tests;
+mod text;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+pub use about::{About, Approach, Cut, Frame, Heldout, Input, Kind};
+pub(crate) use build::Builder;
+pub(crate) use channel::Column;
+pub use channel::{Channel, FileUnits, JOINTS_MAX, Motion, TARGETS_MAX};
+pub(crate) use table::{Dialect, RawTable};
+pub use text::{read, read_text, write};
+
+use crate::faults::{Fault, Faults};
+
+/// What a reader of a recording needs to find in it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Need {
+    /// Inputs and at least one measured group: for calibration and diagnosis.
+    Measurement,
+    /// Joint positions alone: for replay and correction of paths.
+    Path,
+}
+
+/// A recording: columns of equal length over time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recording {
+    /// The file it came from, for messages; empty where it was made.
+    pub file: PathBuf,
+    /// Time, s.
+    pub t_s: Vec<f64>,
+    /// Segment of each row.
+    pub segment: Vec<i64>,
+    /// What the TOML beside it says.
+    pub about: About,
+    /// Units in which positions were read, and will be written.
+    pub units: FileUnits,
+    /// Columns that are not ours, as text: kept, otherwise ignored.
+    pub other: Vec<(String, Vec<String>)>,
+    /// What was noticed while reading and is no fault, one sentence each.
+    pub notes: Vec<String>,
+    columns: BTreeMap<Channel, Vec<f64>>,
+    motions: BTreeMap<usize, Motion>,
+}
+
+impl Recording {
+    /// A recording with times alone, in one segment, SI units in its file.
+    #[must_use]
+    pub fn new(t_s: Vec<f64>) -> Self {
+        Self {
+            file: PathBuf::new(),
+            segment: vec![0; t_s.len()],
+            t_s,
+            about: About::default(),
+            units: FileUnits::SI,
+            other: Vec::new(),
+            notes: Vec::new(),
+            columns: BTreeMap::new(),
+            motions: BTreeMap::new(),
+        }
+    }
+
+    /// Number of rows.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.t_s.len()
+    }
+
+    /// Whether it has no rows.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.t_s.is_empty()
+    }
+
+    /// A column's samples, SI; NaN where none was taken.
+    #[must_use]
+    pub fn column(&self, channel: Channel) -> Option<&[f64]> {
+        self.columns.get(&channel).map(Vec::as_slice)
+    }
+
+    /// The columns that are there, in order.
+    pub fn channels(&self) -> impl Iterator<Item = Channel> + '_ {
+        self.columns.keys().copied()
+    }
+
+    /// Puts a column in or replaces it. A column of another length is cut or filled with NaN.
+    pub fn set(&mut self, channel: Channel, mut samples: Vec<f64>) {
+        samples.resize(self.len(), f64::NAN);
+        self.columns.insert(channel, samples);
+    }
+
+    /// Takes a column out.
+    pub fn remove(&mut self, channel: Channel) -> Option<Vec<f64>> {
+        self.columns.remove(&channel)
+    }
+
+    /// Whether a joint turns or slides, as far as its columns say; joints of unknown kind turn.
+    #[must_use]
+    pub fn motion(&self, joint: usize) -> Motion {
+        self.motions.get(&joint).copied().unwrap_or(Motion::Turns)
+    }
+
+    /// Says that a joint turns or slides, for made recordings.
+    pub fn set_motion(&mut self, joint: usize, motion: Motion) {
+        self.motions.insert(joint, motion);
+    }
+
+    /// One more than the highest joint that any column names.
+    #[must_use]
+    pub fn joint_count(&self) -> usize {
+        let joints = self.columns.keys().filter_map(|channel| channel.joint());
+        joints.max().map_or(0, |highest| highest + 1)
+    }
+
+    /// One more than the highest target that any column names.
+    #[must_use]
+    pub fn target_count(&self) -> usize {
+        let target = |channel: &Channel| match channel {
+            Channel::Target(target, _) => Some(target + 1),
+            _ => None,
+        };
+        self.columns.keys().filter_map(target).max().unwrap_or(0)
+    }
+
+    /// The column that is the input of a joint: `q` or `qa`, as the TOML or the default says.
+    #[must_use]
+    pub fn input(&self, joint: usize) -> Option<&[f64]> {
+        match self.input_kind() {
+            Input::Command => self.column(Channel::Command(joint)),
+            Input::Motor => self.column(Channel::Motor(joint)),
+        }
+    }
+
+    /// Which group is the input: what the TOML says, else `q` where it is there, else `qa`.
+    #[must_use]
+    pub fn input_kind(&self) -> Input {
+        let commands = self.columns.keys().any(|channel| matches!(channel, Channel::Command(_)));
+        self.about.input.unwrap_or(if commands { Input::Command } else { Input::Motor })
+    }
+
+    /// Standard uncertainty of a column, SI, where the TOML gives it.
+    #[must_use]
+    pub fn sigma(&self, channel: Channel) -> Option<f64> {
+        self.about.sigma.get(&channel).copied()
+    }
+
+    /// Checks that the input covers exactly the joints of a model, each of the right kind.
+    ///
+    /// # Errors
+    /// Every joint that is missing, too many, or of the other kind.
+    pub fn check_joints(&self, motions: &[Motion]) -> Result<(), Faults> {
+        let mut faults = Faults::of(self.file.display().to_string());
+        for (joint, motion) in motions.iter().enumerate() {
+            if self.input(joint).is_none() {
+                let name = Channel::Command(joint).name(None);
+                faults.push(
+                    Fault::new(name, "is missing: the model has this joint")
+                        .expected(format!("the positions of all {} joints", motions.len())),
+                );
+            } else if self.motions.get(&joint).is_some_and(|found| found != motion) {
+                let unit = if *motion == Motion::Turns { "`_deg` or `_rad`" } else { "`_mm`" };
+                faults.push(
+                    Fault::new(Channel::Command(joint).base(), "has the unit of the other kind")
+                        .expected(format!("{unit}, as the model's joint {}", joint + 1)),
+                );
+            }
+        }
+        if self.joint_count() > motions.len() {
+            faults.push(Fault::new(
+                Channel::Command(motions.len()).base(),
+                format!(
+                    "the recording has {} joints and the model {}",
+                    self.joint_count(),
+                    motions.len()
+                ),
+            ));
+        }
+        if faults.is_empty() { Ok(()) } else { faults.or(None) }
+    }
+}
+
+/// The name of the TOML that belongs to a recording: `NAME.toml` beside `NAME.csv`.
+#[must_use]
+pub fn about_path(recording: &Path) -> PathBuf {
+    recording.with_extension("toml")
+}

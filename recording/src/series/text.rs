@@ -1,0 +1,157 @@
+//! Recordings as CSV: read with all faults, written whole or not at all.
+//!
+//! Contract: contract/recording.md. What is written in SI units reads back to the same bits; in
+//! degrees and millimetres what was read in them does.
+
+use std::path::Path;
+
+use csv::WriterBuilder;
+
+use super::about::About;
+use super::build::Builder;
+use super::channel::{Channel, Column};
+use super::table::{Dialect, RawTable};
+use super::{Need, Recording, about_path};
+use crate::faults::{Fault, Faults};
+use crate::files::{FileError, read_text as read_file, write_atomic};
+use crate::mapping::{Mapping, mapping_path};
+
+/// Reads a recording, with the TOML beside it and a mapping where there is one.
+///
+/// A mapping is `mapping` where given, else `NAME.mapping.toml` beside the file, else none.
+///
+/// # Errors
+/// A file cannot be read, or every fault of the first file that has any.
+pub fn read(path: &Path, mapping: Option<&Path>, need: Need) -> Result<Recording, FileError> {
+    let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+    if extension == "parquet" || extension == "mcap" {
+        return Err(other_format(path, &extension.to_string_lossy()).into());
+    }
+    let beside = mapping_path(path);
+    let mapping = mapping.or_else(|| beside.is_file().then_some(beside.as_path()));
+    let mapping = mapping.map(Mapping::read).transpose()?;
+    let about = about_path(path);
+    let about = if about.is_file() {
+        Some(About::parse(&about.display().to_string(), &read_file(&about)?)?)
+    } else {
+        None
+    };
+    let source = read_file(path)?;
+    Ok(read_text(&path.display().to_string(), &source, mapping.as_ref(), about, need)?)
+}
+
+fn other_format(path: &Path, extension: &str) -> Faults {
+    let mut faults = Faults::of(path.display().to_string());
+    let fault = if extension == "parquet" {
+        Fault::new("", "this build does not read Parquet yet").help("export it as CSV")
+    } else {
+        Fault::new("", "this is a black box, not a table").help("convert it first: `trued convert`")
+    };
+    faults.push(fault.expected("a CSV file"));
+    faults
+}
+
+/// Reads a recording from a text. `about` wins over what a mapping says of the recording.
+///
+/// # Errors
+/// Every fault of the text.
+pub fn read_text(
+    name: &str,
+    source: &str,
+    mapping: Option<&Mapping>,
+    about: Option<About>,
+    need: Need,
+) -> Result<Recording, Faults> {
+    let source = source.strip_prefix('\u{feff}').unwrap_or(source);
+    let mut faults = Faults::of(name);
+    let dialect = mapping.map_or_else(Dialect::default, |mapping| mapping.dialect.clone());
+    let table = RawTable::cut(source, &dialect, &mut faults);
+    match mapping {
+        Some(mapping) => mapping.apply(table, faults, about, need),
+        None => {
+            let mut builder = Builder::new(&table, faults);
+            take_own_columns(&table, &mut builder);
+            builder.finish(about.unwrap_or_default(), need)
+        }
+    }
+}
+
+fn take_own_columns(table: &RawTable<'_>, builder: &mut Builder<'_, '_>) {
+    for (at, name) in table.header.iter().enumerate() {
+        if table.position(name) != Some(at) {
+            let fault = Fault::new(name, "stands twice in the header");
+            builder.fault(table.header_fault(at, fault));
+            continue;
+        }
+        match Column::named(name) {
+            Ok(Column::Unknown) => builder.keep(at),
+            Ok(_) => {
+                let numbers = builder.numbers(at);
+                builder.take(name, Some(at), numbers);
+            }
+            Err(expected) => {
+                let fault = Fault::new(name, "has a unit that does not fit").expected(expected);
+                builder.fault(table.header_fault(at, fault));
+            }
+        }
+    }
+}
+
+impl Recording {
+    /// The recording as CSV, in the units of [`Recording::units`].
+    #[must_use]
+    pub fn to_csv(&self) -> Vec<u8> {
+        let several = self.segment.iter().any(|segment| Some(segment) != self.segment.first());
+        let segments = several || self.segment.first().is_some_and(|first| *first != 0);
+        let mut header = vec!["t_s".to_owned()];
+        header.extend(segments.then(|| "segment".to_owned()));
+        let columns: Vec<_> = self.channels().map(|channel| self.file_column(channel)).collect();
+        header.extend(columns.iter().map(|column| column.name.clone()));
+        header.extend(self.other.iter().map(|(name, _)| name.clone()));
+        let mut writer = WriterBuilder::new().from_writer(Vec::new());
+        // Writing into memory cannot fail; a field count that differs is what `flexible` forbids.
+        let _ = writer.write_record(&header);
+        for row in 0..self.len() {
+            let mut fields = vec![number_text(self.t_s[row])];
+            fields.extend(segments.then(|| self.segment[row].to_string()));
+            fields.extend(columns.iter().map(|column| column.text(row)));
+            let other = self.other.iter().map(|(_, cells)| cells.get(row).cloned());
+            fields.extend(other.map(Option::unwrap_or_default));
+            let _ = writer.write_record(&fields);
+        }
+        writer.into_inner().unwrap_or_default()
+    }
+
+    fn file_column(&self, channel: Channel) -> FileColumn<'_> {
+        let motion = self.motion(channel.joint().unwrap_or(0));
+        let unit = channel.unit_in(self.units, motion);
+        let samples = self.column(channel).unwrap_or_default();
+        FileColumn { name: channel.name(unit), unit, samples }
+    }
+}
+
+struct FileColumn<'r> {
+    name: String,
+    unit: Option<crate::unit::Unit>,
+    samples: &'r [f64],
+}
+
+impl FileColumn<'_> {
+    fn text(&self, row: usize) -> String {
+        let si = self.samples.get(row).copied().unwrap_or(f64::NAN);
+        number_text(self.unit.map_or(si, |unit| unit.from_si(si)))
+    }
+}
+
+/// The shortest text that reads back to the same bits; nothing for NaN.
+fn number_text(value: f64) -> String {
+    if value.is_nan() { String::new() } else { format!("{value:?}") }
+}
+
+/// Writes a recording as CSV, whole or not at all. The TOML beside it is the caller's.
+///
+/// # Errors
+/// The file cannot be written; then nothing has changed.
+pub fn write(path: &Path, recording: &Recording) -> Result<(), FileError> {
+    write_atomic(path, &recording.to_csv())
+}

@@ -1,0 +1,179 @@
+//! The only place that writes SVG: elements with finite coordinates and escaped text.
+//!
+//! Colours come from the page's stylesheet by class, so that one drawing serves light, dark and print.
+
+use std::fmt;
+
+use crate::escape::escape;
+
+/// The width of every drawing, in its own pixels: the width of a page's text.
+pub(crate) const WIDTH_PX: f64 = 832.0;
+/// What a character of small text takes, generously.
+pub(crate) const CHARACTER_PX: f64 = 7.3;
+
+/// A finished drawing: well-formed, self-described, to be put on a [`crate::Page`].
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Svg(String);
+
+impl Svg {
+    /// The `<svg>` element; it takes its colours from the stylesheet of the page.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+/// A coordinate: to a tenth of a pixel, and finite whatever comes in.
+pub(crate) struct Px(pub(crate) f64);
+
+impl fmt::Display for Px {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let value = if self.0.is_nan() { 0.0 } else { self.0.clamp(-1e5, 1e5) };
+        let tenths = (value * 10.0).round() as i64;
+        let sign = if tenths < 0 { "-" } else { "" };
+        let (whole, tenth) = (tenths.abs() / 10, tenths.abs() % 10);
+        match tenth {
+            0 => write!(f, "{sign}{whole}"),
+            _ => write!(f, "{sign}{whole}.{tenth}"),
+        }
+    }
+}
+
+/// A rectangle, in pixels from the top left.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Area {
+    pub(crate) left: f64,
+    pub(crate) top: f64,
+    pub(crate) width: f64,
+    pub(crate) height: f64,
+}
+
+impl Area {
+    pub(crate) fn right(&self) -> f64 {
+        self.left + self.width
+    }
+
+    pub(crate) fn bottom(&self) -> f64 {
+        self.top + self.height
+    }
+}
+
+/// Which end of a text stands at its point.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Anchor {
+    Start,
+    Middle,
+    End,
+}
+
+/// A drawing in the making.
+#[derive(Debug, Default)]
+pub(crate) struct Canvas {
+    body: String,
+}
+
+impl Canvas {
+    pub(crate) fn line(&mut self, class: &str, from: (f64, f64), to: (f64, f64)) {
+        self.body.push_str(&format!(
+            "<line class=\"{class}\" x1=\"{}\" y1=\"{}\" x2=\"{}\" y2=\"{}\"/>",
+            Px(from.0),
+            Px(from.1),
+            Px(to.0),
+            Px(to.1)
+        ));
+    }
+
+    /// A filled rectangle; its hint is shown on hovering and read aloud.
+    pub(crate) fn bar(&mut self, class: &str, area: Area, hint: &str) {
+        self.body.push_str(&format!(
+            "<rect class=\"{class}\" x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" rx=\"1.5\"><title>{}</title></rect>",
+            Px(area.left),
+            Px(area.top),
+            Px(area.width.max(0.0)),
+            Px(area.height.max(0.0)),
+            escape(hint)
+        ));
+    }
+
+    pub(crate) fn text(&mut self, class: &str, at: (f64, f64), anchor: Anchor, text: &str) {
+        let anchor = match anchor {
+            Anchor::Start => "",
+            Anchor::Middle => " text-anchor=\"middle\"",
+            Anchor::End => " text-anchor=\"end\"",
+        };
+        self.body.push_str(&format!(
+            "<text class=\"{class}\" x=\"{}\" y=\"{}\"{anchor}>{}</text>",
+            Px(at.0),
+            Px(at.1),
+            escape(text)
+        ));
+    }
+
+    /// A path; `data` is written with [`Px`] alone.
+    pub(crate) fn path(&mut self, class: &str, data: &str) {
+        if !data.is_empty() {
+            self.body.push_str(&format!("<path class=\"{class}\" d=\"{data}\"/>"));
+        }
+    }
+
+    /// A path of one given colour, without soft edges.
+    pub(crate) fn cells(&mut self, colour: &str, data: &str) {
+        if !data.is_empty() {
+            self.body.push_str(&format!("<path class=\"cell\" fill=\"{colour}\" d=\"{data}\"/>"));
+        }
+    }
+
+    /// Draws with what lies outside the area cut off. Coordinates stay those of the whole drawing.
+    pub(crate) fn clipped(&mut self, area: Area, draw: impl FnOnce(&mut Self)) {
+        let (x, y, width, height) = (Px(area.left), Px(area.top), Px(area.width), Px(area.height));
+        self.body.push_str(&format!(
+            "<svg x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" viewBox=\"{x} {y} {width} {height}\">"
+        ));
+        draw(self);
+        self.body.push_str("</svg>");
+    }
+
+    /// The whole element, with its name and its description in words.
+    pub(crate) fn finish(self, height: f64, title: &str, description: &str) -> Svg {
+        Svg(format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" role=\"img\" viewBox=\"0 0 {} {}\">\
+             <title>{}</title><desc>{}</desc>{}</svg>",
+            Px(WIDTH_PX),
+            Px(height),
+            escape(title),
+            escape(description),
+            self.body
+        ))
+    }
+}
+
+/// About how wide a small text is.
+pub(crate) fn text_width(text: &str) -> f64 {
+    text.chars().count() as f64 * CHARACTER_PX
+}
+
+/// The text, shortened with an ellipsis to fit so many pixels.
+pub(crate) fn shortened(text: &str, width_px: f64) -> String {
+    let room = (width_px / CHARACTER_PX).max(1.0) as usize;
+    if text.chars().count() <= room {
+        return text.to_owned();
+    }
+    text.chars().take(room.saturating_sub(1)).chain(std::iter::once('…')).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn coordinates_are_short_and_finite() {
+        let written: Vec<String> =
+            [1.0, -0.04, 2.26, f64::NAN, f64::INFINITY, -3.55].map(|v| Px(v).to_string()).into();
+        assert_eq!(written, ["1", "0", "2.3", "0", "100000", "-3.6"]);
+    }
+
+    #[test]
+    fn long_labels_are_shortened() {
+        assert_eq!(shortened("joint compliance of joint 2", 85.0), "joint comp…");
+    }
+}

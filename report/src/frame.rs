@@ -1,0 +1,121 @@
+//! Axes with ticks, grid and captions around an area of data; marks across it.
+
+use crate::axis::Axis;
+use crate::canvas::{Anchor, Area, Canvas, shortened, text_width};
+use crate::scale::{Scale, Span, Ticks, ticks};
+
+/// What a frame leaves for the data, and how values lie on it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Frame {
+    pub(crate) inner: Area,
+    pub(crate) x: Scale,
+    pub(crate) y: Scale,
+}
+
+/// A value worth a line across the plot.
+#[derive(Debug, Clone)]
+pub(crate) struct Mark {
+    pub(crate) value: f64,
+    pub(crate) label: String,
+}
+
+const CAPTION_PX: f64 = 24.0;
+const BELOW_PX: f64 = 42.0;
+const RIGHT_PX: f64 = 14.0;
+
+/// An axis with the range it shows.
+pub(crate) type Ranged<'a> = (&'a Axis, Span);
+
+/// Draws grid, ticks and captions into `outer`, and says where the data belongs.
+pub(crate) fn draw(canvas: &mut Canvas, outer: Area, x: Ranged<'_>, y: Ranged<'_>) -> Frame {
+    let inner = inside(outer, y.1);
+    let frame = Frame {
+        inner,
+        x: Scale { span: x.1, from_px: inner.left, to_px: inner.right() },
+        y: Scale { span: y.1, from_px: inner.bottom(), to_px: inner.top },
+    };
+    let y_ticks = y_ticks(y.1, inner.height);
+    for (value, label) in &y_ticks.marks {
+        let at = frame.y.held(*value);
+        canvas.line("grid", (inner.left, at), (inner.right(), at));
+        canvas.text("tick", (inner.left - 8.0, at + 4.0), Anchor::End, label);
+    }
+    let caption = shortened(&y.0.caption(&y_ticks.power), outer.width);
+    canvas.text("axis", (outer.left, outer.top + 11.0), Anchor::Start, &caption);
+    x_axis(canvas, &frame, x.0);
+    frame
+}
+
+/// The area of data that the frame leaves inside `outer`, where `y` has this range.
+pub(crate) fn inside(outer: Area, y: Span) -> Area {
+    let height = (outer.height - CAPTION_PX - BELOW_PX).max(10.0);
+    let labels = y_ticks(y, height).marks;
+    let widest = labels.iter().map(|(_, label)| text_width(label)).fold(0.0, f64::max);
+    let left = (widest + 10.0).clamp(28.0, outer.width / 2.0);
+    Area {
+        left: outer.left + left,
+        top: outer.top + CAPTION_PX,
+        width: (outer.width - left - RIGHT_PX).max(10.0),
+        height,
+    }
+}
+
+fn y_ticks(span: Span, height: f64) -> Ticks {
+    ticks(span, (height / 44.0).max(3.0) as usize)
+}
+
+fn x_axis(canvas: &mut Canvas, frame: &Frame, axis: &Axis) {
+    let inner = frame.inner;
+    let x_ticks = spaced(frame.x.span, inner.width);
+    canvas.line("rule", (inner.left, inner.bottom()), (inner.right(), inner.bottom()));
+    for (value, label) in &x_ticks.marks {
+        let at = frame.x.held(*value);
+        canvas.line("rule", (at, inner.bottom()), (at, inner.bottom() + 4.0));
+        canvas.text("tick", (at, inner.bottom() + 18.0), Anchor::Middle, label);
+    }
+    let caption = shortened(&axis.caption(&x_ticks.power), inner.width);
+    canvas.text("axis", (inner.right(), inner.bottom() + 36.0), Anchor::End, &caption);
+}
+
+/// As many ticks as have room beside each other.
+fn spaced(span: Span, width: f64) -> Ticks {
+    let mut wanted = ((width / 72.0) as usize).clamp(4, 10);
+    loop {
+        let found = ticks(span, wanted);
+        let widest = found.marks.iter().map(|(_, label)| text_width(label)).fold(0.0, f64::max);
+        if wanted <= 2 || (widest + 12.0) * found.marks.len() as f64 <= width {
+            return found;
+        }
+        wanted -= 1;
+    }
+}
+
+/// Upright marks with their labels at the top, on three levels so that neighbours stay readable.
+pub(crate) fn mark_x(canvas: &mut Canvas, frame: &Frame, marks: &[Mark]) {
+    let inner = frame.inner;
+    for (i, mark) in marks.iter().filter(|mark| shown(mark, frame.x.span)).enumerate() {
+        let at = frame.x.held(mark.value);
+        canvas.line("mark", (at, inner.top), (at, inner.bottom()));
+        let level = inner.top + 11.0 + 15.0 * (i % 3) as f64;
+        let fits = at + 6.0 + text_width(&mark.label) <= inner.right();
+        let (x, anchor) = if fits { (at + 5.0, Anchor::Start) } else { (at - 5.0, Anchor::End) };
+        canvas.text("note", (x, level), anchor, &shortened(&mark.label, inner.width * 0.6));
+    }
+}
+
+/// Level marks with their labels at the right end.
+pub(crate) fn mark_y(canvas: &mut Canvas, frame: &Frame, marks: &[Mark]) {
+    let inner = frame.inner;
+    for mark in marks.iter().filter(|mark| shown(mark, frame.y.span)) {
+        let at = frame.y.held(mark.value);
+        canvas.line("mark", (inner.left, at), (inner.right(), at));
+        let below = at - inner.top < 14.0;
+        let level = if below { at + 14.0 } else { at - 5.0 };
+        let label = shortened(&mark.label, inner.width * 0.6);
+        canvas.text("note", (inner.right(), level), Anchor::End, &label);
+    }
+}
+
+fn shown(mark: &Mark, span: Span) -> bool {
+    (span.low..=span.high).contains(&mark.value)
+}

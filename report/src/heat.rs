@@ -1,0 +1,209 @@
+//! Values over a plane by colour: waterfalls of spectra, maps of where an error stands.
+//!
+//! Promises: bounded size. A grid finer than 208 × 104 is pooled, each cell then shows the LARGEST of its values, so
+//! that a narrow line stays visible. Colours are of even lightness steps (viridis), readable without colour vision.
+
+use crate::axis::Axis;
+use crate::canvas::{Anchor, Area, Canvas, Px, Svg, WIDTH_PX};
+use crate::frame::{self, Frame};
+use crate::number::quantity;
+use crate::scale::{Scale, Span, drawable, ticks};
+
+const COLUMNS_MAX: usize = 208;
+const ROWS_MAX: usize = 104;
+const HEIGHT_PX: f64 = 340.0;
+const KEY_PX: f64 = 84.0;
+const LEVELS: usize = 32;
+/// The viridis colour map (van der Walt and Smith, CC0), every tenth of it.
+const VIRIDIS: [[u8; 3]; 11] = [
+    [0x44, 0x01, 0x54],
+    [0x48, 0x24, 0x75],
+    [0x41, 0x44, 0x87],
+    [0x35, 0x5f, 0x8d],
+    [0x2a, 0x78, 0x8e],
+    [0x21, 0x91, 0x8c],
+    [0x22, 0xa8, 0x84],
+    [0x44, 0xbf, 0x70],
+    [0x7a, 0xd1, 0x51],
+    [0xbd, 0xdf, 0x26],
+    [0xfd, 0xe7, 0x25],
+];
+
+/// A grid of values drawn as colours; x and y are linear.
+#[derive(Debug, Clone)]
+pub struct HeatMap {
+    title: String,
+    x: Axis,
+    y: Axis,
+    value: Axis,
+    columns: usize,
+    rows: usize,
+    values: Vec<f64>,
+}
+
+impl HeatMap {
+    /// An empty map. The ranges of x and y are those of the grid's outer edges (0 to its number of cells unless set);
+    /// the value's axis may be logarithmic.
+    #[must_use]
+    pub fn new(title: impl Into<String>, x: Axis, y: Axis, value: Axis) -> Self {
+        let (columns, rows, values) = (0, 0, Vec::new());
+        Self { title: title.into(), x, y, value, columns, rows, values }
+    }
+
+    /// The cells, row by row from the lowest y, each row from the lowest x. A row that is not whole is left out; a
+    /// value that cannot be drawn leaves its cell empty.
+    #[must_use]
+    pub fn cells(mut self, columns: usize, values: Vec<f64>) -> Self {
+        self.columns = columns;
+        self.rows = values.len().checked_div(columns).unwrap_or(0);
+        self.values = values;
+        self
+    }
+
+    /// Draws it.
+    #[must_use]
+    pub fn render(&self) -> Svg {
+        let mut canvas = Canvas::default();
+        let outer = Area { left: 0.0, top: 0.0, width: WIDTH_PX - KEY_PX, height: HEIGHT_PX };
+        let edges = |axis: &Axis, cells: usize| {
+            let linear = Axis { log: false, ..axis.clone() };
+            let all = Span { low: 0.0, high: cells.max(1) as f64, log: false };
+            linear.fixed_span().unwrap_or(all)
+        };
+        let (x, y) = (edges(&self.x, self.columns), edges(&self.y, self.rows));
+        let seen = self.values.iter().copied();
+        let found = self.value.fixed_span().or_else(|| Span::of(seen, self.value.log));
+        let value = found.unwrap_or(Span::unit(self.value.log));
+        let frame = frame::draw(&mut canvas, outer, (&self.x, x), (&self.y, y));
+        self.draw_cells(&mut canvas, &frame, value);
+        self.draw_key(&mut canvas, frame.inner, value);
+        canvas.finish(HEIGHT_PX, &self.title, &self.describe(value))
+    }
+
+    fn draw_cells(&self, canvas: &mut Canvas, frame: &Frame, value: Span) {
+        let inner = frame.inner;
+        let (columns, rows) = (self.columns.min(COLUMNS_MAX), self.rows.min(ROWS_MAX));
+        let mut levels = vec![String::new(); LEVELS];
+        for row in 0..rows {
+            let edge = |row: usize| inner.bottom() - inner.height * row as f64 / rows as f64;
+            let (top, bottom) = (edge(row + 1), edge(row));
+            let shades: Vec<_> = (0..columns)
+                .map(|column| shade(self.pooled((column, columns), (row, rows), value.log), value))
+                .collect();
+            let mut column = 0;
+            while column < columns {
+                let run = shades[column..].iter().take_while(|s| **s == shades[column]).count();
+                let at = |column: usize| inner.left + inner.width * column as f64 / columns as f64;
+                if let Some(level) = shades[column] {
+                    let (left, right) = (Px(at(column)), Px(at(column + run)));
+                    let (top, bottom) = (Px(top), Px(bottom));
+                    levels[level] += &format!("M{left} {top}H{right}V{bottom}H{left}z");
+                }
+                column += run;
+            }
+        }
+        for (level, data) in levels.iter().enumerate() {
+            canvas.cells(&colour(level), data);
+        }
+    }
+
+    /// The largest value that falls into one drawn cell, given as (place, of how many).
+    fn pooled(&self, column: (usize, usize), row: (usize, usize), log: bool) -> Option<f64> {
+        let reach = |(place, of): (usize, usize), all: usize| {
+            let first = place * all / of;
+            first..((place + 1) * all / of).max(first + 1)
+        };
+        let inside = reach(row, self.rows)
+            .flat_map(|row| reach(column, self.columns).map(move |column| (row, column)))
+            .map(|(row, column)| self.values[row * self.columns + column]);
+        inside.filter(|value| drawable(*value, log)).reduce(f64::max)
+    }
+
+    fn draw_key(&self, canvas: &mut Canvas, beside: Area, value: Span) {
+        let (left, right) = (beside.right() + 24.0, beside.right() + 36.0);
+        let step = beside.height / LEVELS as f64;
+        for level in 0..LEVELS {
+            let (low, high) = (
+                beside.bottom() - step * level as f64,
+                beside.bottom() - step * (level + 1) as f64,
+            );
+            let (left, right, low, high) = (Px(left), Px(right), Px(low), Px(high));
+            canvas.cells(&colour(level), &format!("M{left} {low}H{right}V{high}H{left}z"));
+        }
+        let scale = Scale { span: value, from_px: beside.bottom(), to_px: beside.top };
+        let found = ticks(value, 6);
+        for (at, label) in &found.marks {
+            canvas.text("tick", (right + 6.0, scale.held(*at) + 4.0), Anchor::Start, label);
+        }
+        let caption = self.value.caption(&found.power);
+        canvas.text("axis", (WIDTH_PX, beside.top - 13.0), Anchor::End, &caption);
+    }
+
+    fn describe(&self, value: Span) -> String {
+        let unit = &self.value.unit;
+        let (low, high) = (quantity(value.low, unit), quantity(value.high, unit));
+        let pooled = self.columns > COLUMNS_MAX || self.rows > ROWS_MAX;
+        let thinned =
+            if pooled { ", pooled for drawing, the largest value of each cell shown" } else { "" };
+        format!(
+            "{} by colour, from {low} to {high}, over {} and {}; {} by {} cells{thinned}.",
+            self.value.label, self.x.label, self.y.label, self.columns, self.rows
+        )
+    }
+}
+
+fn shade(value: Option<f64>, span: Span) -> Option<usize> {
+    let scale = Scale { span, from_px: 0.0, to_px: LEVELS as f64 };
+    value.map(|value| (scale.held(value) as usize).min(LEVELS - 1))
+}
+
+fn colour(level: usize) -> String {
+    let place = level as f64 / (LEVELS - 1) as f64 * (VIRIDIS.len() - 1) as f64;
+    let below = (place as usize).min(VIRIDIS.len() - 2);
+    let share = place - below as f64;
+    let mix = |part: usize| {
+        let (low, high) = (f64::from(VIRIDIS[below][part]), f64::from(VIRIDIS[below + 1][part]));
+        (low + (high - low) * share).round() as u8
+    };
+    format!("#{:02x}{:02x}{:02x}", mix(0), mix(1), mix(2))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn axis(label: &str) -> Axis {
+        Axis::new(label, "")
+    }
+
+    #[test]
+    fn one_hot_cell_in_a_large_grid_is_still_drawn_hot() {
+        let mut values = vec![0.0; 2000 * 1000];
+        values[777 * 2000 + 1234] = 1.0;
+        let svg = HeatMap::new("t", axis("x"), axis("y"), axis("v")).cells(2000, values).render();
+        let hot = format!("fill=\"{}\" d=\"M", colour(LEVELS - 1));
+        assert_eq!(svg.as_str().matches(&hot).count(), 2, "the cell and the key");
+    }
+
+    #[test]
+    fn noise_on_a_large_grid_stays_of_bounded_size() {
+        let mut state = 1u32;
+        let values = std::iter::repeat_with(|| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(state >> 8)
+        });
+        let values = values.take(600 * 400).collect();
+        let svg = HeatMap::new("t", axis("x"), axis("y"), axis("v")).cells(600, values).render();
+        assert!(svg.as_str().len() < 700_000, "{}", svg.as_str().len());
+    }
+
+    #[test]
+    fn a_grid_without_whole_rows_is_empty_but_drawn() {
+        let svg =
+            HeatMap::new("t", axis("x"), axis("y"), axis("v")).cells(5, vec![1.0; 3]).render();
+        assert!(svg.as_str().ends_with("</svg>"));
+        let svg =
+            HeatMap::new("t", axis("x"), axis("y"), axis("v")).cells(0, vec![1.0; 3]).render();
+        assert!(svg.as_str().ends_with("</svg>"));
+    }
+}

@@ -1,0 +1,179 @@
+//! How often which value: overlapping distributions as shares, so that runs of different length compare.
+
+use crate::axis::Axis;
+use crate::canvas::{Area, Canvas, Px, Svg, WIDTH_PX};
+use crate::frame::{self, Frame, Mark};
+use crate::legend::{self, Entry, Swatch};
+use crate::number::quantity;
+use crate::plot::breathing;
+use crate::scale::{Scale, Span, drawable};
+use crate::series::colour_class;
+
+const HEIGHT_PX: f64 = 280.0;
+
+#[derive(Debug, Clone)]
+struct Sample {
+    name: String,
+    counted: Vec<(f64, u64)>,
+}
+
+/// A histogram of one or more named samples.
+#[derive(Debug, Clone)]
+pub struct Histogram {
+    title: String,
+    x: Axis,
+    samples: Vec<Sample>,
+    marks: Vec<Mark>,
+    bins: usize,
+    log_share: bool,
+}
+
+impl Histogram {
+    /// An empty histogram over this axis, of 64 bins.
+    #[must_use]
+    pub fn new(title: impl Into<String>, x: Axis) -> Self {
+        let (samples, marks) = (Vec::new(), Vec::new());
+        Self { title: title.into(), x, samples, marks, bins: 64, log_share: false }
+    }
+
+    /// Adds values; those that are not finite are left out.
+    #[must_use]
+    pub fn values(self, name: impl Into<String>, values: impl IntoIterator<Item = f64>) -> Self {
+        self.counted(name, values.into_iter().map(|value| (value, 1)))
+    }
+
+    /// Adds values that were counted already: `(value, how often)`.
+    #[must_use]
+    pub fn counted(
+        mut self,
+        name: impl Into<String>,
+        values: impl IntoIterator<Item = (f64, u64)>,
+    ) -> Self {
+        let log = self.x.log;
+        let drawn = values.into_iter().filter(|(value, count)| drawable(*value, log) && *count > 0);
+        self.samples.push(Sample { name: name.into(), counted: drawn.collect() });
+        self
+    }
+
+    /// An upright line at `value`, in the unit of x, e.g. a percentile or a bound.
+    #[must_use]
+    pub fn mark(mut self, value: f64, label: impl Into<String>) -> Self {
+        self.marks.push(Mark { value, label: label.into() });
+        self
+    }
+
+    /// So many bins (held within 2 to 400).
+    #[must_use]
+    pub fn bins(mut self, bins: usize) -> Self {
+        self.bins = bins.clamp(2, 400);
+        self
+    }
+
+    /// Shares on a logarithmic axis, where the rare tail is what matters.
+    #[must_use]
+    pub fn log_share(mut self) -> Self {
+        self.log_share = true;
+        self
+    }
+
+    /// Draws it.
+    #[must_use]
+    pub fn render(&self) -> Svg {
+        let mut canvas = Canvas::default();
+        let entries: Vec<Entry> = self.samples.iter().enumerate().map(entry).collect();
+        let top = legend::draw(&mut canvas, &entries);
+        let values = self.samples.iter().flat_map(|sample| &sample.counted).map(|pair| pair.0);
+        let x = self.x.fixed_span().or_else(|| Span::of(values, self.x.log));
+        let x = x.unwrap_or(Span::unit(self.x.log));
+        let shares: Vec<Vec<f64>> =
+            self.samples.iter().map(|s| self.shares(&s.counted, x)).collect();
+        let y = self.span_y(&shares);
+        let y_axis = Axis::new("Share of samples", "%");
+        let outer = Area { left: 0.0, top, width: WIDTH_PX, height: HEIGHT_PX };
+        let frame = frame::draw(&mut canvas, outer, (&self.x, x), (&y_axis, y));
+        for (place, shares) in shares.iter().enumerate() {
+            let (steps, colour) = (outline(&frame, shares), colour_class(place));
+            canvas.path(&format!("area {colour}"), &steps);
+            canvas.path(&format!("line {colour}"), &steps);
+        }
+        frame::mark_x(&mut canvas, &frame, &self.marks);
+        canvas.finish(top + HEIGHT_PX, &self.title, &self.describe())
+    }
+
+    fn span_y(&self, shares: &[Vec<f64>]) -> Span {
+        let seen = shares.iter().flatten().copied().filter(|share| *share > 0.0);
+        let span = Span::of(seen, self.log_share).unwrap_or(Span::unit(self.log_share));
+        if self.log_share {
+            return Span { low: span.low / 2.0, high: span.high * 1.5, log: true };
+        }
+        breathing(Span { low: 0.0, ..span })
+    }
+
+    /// The share of each bin, in %; what lies outside a fixed range counts, but has no bin.
+    fn shares(&self, sample: &[(f64, u64)], x: Span) -> Vec<f64> {
+        let scale = Scale { span: x, from_px: 0.0, to_px: self.bins as f64 };
+        let total = sample.iter().map(|pair| pair.1 as f64).sum::<f64>().max(1.0);
+        let mut shares = vec![0.0; self.bins];
+        for (value, count) in sample {
+            let inside = (x.low..=x.high).contains(value);
+            if let Some(at) = scale.at(*value).filter(|_| inside) {
+                shares[(at as usize).min(self.bins - 1)] += *count as f64 / total * 100.0;
+            }
+        }
+        shares
+    }
+
+    fn describe(&self) -> String {
+        let mut words = format!("Distribution of {}.", self.x.label);
+        for Sample { name, counted } in &self.samples {
+            let count = counted.iter().fold(0u64, |sum, pair| sum.saturating_add(pair.1));
+            let (low, high) = counted.iter().fold((f64::NAN, f64::NAN), |(low, high), pair| {
+                (pair.0.min(low), pair.0.max(high))
+            });
+            let (low, high) = (quantity(low, &self.x.unit), quantity(high, &self.x.unit));
+            words += &format!(" {name}: {count} samples from {low} to {high}.");
+        }
+        for mark in &self.marks {
+            words += &format!(" {}: {}.", mark.label, quantity(mark.value, &self.x.unit));
+        }
+        words
+    }
+}
+
+fn entry((place, sample): (usize, &Sample)) -> Entry {
+    Entry { class: colour_class(place), swatch: Swatch::Block, name: sample.name.clone() }
+}
+
+fn outline(frame: &Frame, shares: &[f64]) -> String {
+    let inner = frame.inner;
+    let width = inner.width / shares.len().max(1) as f64;
+    let ground = inner.bottom();
+    let mut data = format!("M{} {}", Px(inner.left), Px(ground));
+    for (i, share) in shares.iter().enumerate() {
+        let top = if *share > 0.0 { frame.y.held(*share) } else { ground };
+        data += &format!("V{}H{}", Px(top), Px(inner.left + width * (i + 1) as f64));
+    }
+    data + &format!("V{}", Px(ground))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_of_all_bins_make_the_whole() {
+        let histogram = Histogram::new("", Axis::new("Error", "mm"));
+        let sample: Vec<(f64, u64)> = (0..1000).map(|i| (f64::from(i).sqrt(), 3)).collect();
+        let x = Span { low: 0.0, high: 999f64.sqrt(), log: false };
+        assert!((histogram.shares(&sample, x).iter().sum::<f64>() - 100.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn counted_values_are_the_same_as_repeated_ones() {
+        let axis = || Axis::new("Latency", "ns").log();
+        let counted = Histogram::new("t", axis()).counted("a", [(100.0, 3), (2000.0, 1)]).render();
+        let repeated =
+            Histogram::new("t", axis()).values("a", [100.0, 100.0, 100.0, 2000.0]).render();
+        assert_eq!(counted, repeated);
+    }
+}

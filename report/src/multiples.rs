@@ -1,0 +1,94 @@
+//! Small multiples: the same plot several times, once per joint or channel, on the same scales.
+
+use crate::axis::Axis;
+use crate::canvas::{Anchor, Area, Canvas, Svg, WIDTH_PX};
+use crate::legend;
+use crate::plot::Plot;
+use crate::scale::Span;
+
+const GAP_PX: f64 = 20.0;
+const HEADING_PX: f64 = 20.0;
+
+/// A grid of plots; each plot's title is its heading, the first plot's names are the legend.
+#[derive(Debug, Clone)]
+pub struct Multiples {
+    title: String,
+    columns: usize,
+    plots: Vec<Plot>,
+    own_y: bool,
+}
+
+impl Multiples {
+    /// An empty grid of so many columns (held within 1 to 4).
+    #[must_use]
+    pub fn new(title: impl Into<String>, columns: usize) -> Self {
+        Self { title: title.into(), columns: columns.clamp(1, 4), plots: Vec::new(), own_y: false }
+    }
+
+    /// Adds a plot; its height and `equal_scale` are ignored here.
+    #[must_use]
+    pub fn plot(mut self, plot: Plot) -> Self {
+        self.plots.push(plot);
+        self
+    }
+
+    /// Gives each plot a y range of its own; without, all share one and can be compared.
+    #[must_use]
+    pub fn own_y(mut self) -> Self {
+        self.own_y = true;
+        self
+    }
+
+    /// Draws it.
+    #[must_use]
+    pub fn render(&self) -> Svg {
+        let mut canvas = Canvas::default();
+        let entries = self.plots.first().map(Plot::legend).unwrap_or_default();
+        let top = legend::draw(&mut canvas, &entries);
+        let width = (WIDTH_PX - GAP_PX * (self.columns - 1) as f64) / self.columns as f64;
+        let height = 160.0 + 80.0 / self.columns as f64;
+        let shared = self.shared();
+        let mut description = String::new();
+        for (i, plot) in self.plots.iter().enumerate() {
+            let (row, column) = (i / self.columns, i % self.columns);
+            let left = column as f64 * (width + GAP_PX);
+            let cell_top = top + row as f64 * (height + HEADING_PX + GAP_PX);
+            canvas.text("heading", (left, cell_top + 12.0), Anchor::Start, &plot.title);
+            let (x, y) = shared.unwrap_or((plot.span_x(), plot.span_y()));
+            let y = if self.own_y { plot.span_y() } else { y };
+            let area = Area { left, top: cell_top + HEADING_PX, width, height };
+            let (x_axis, y_axis) = self.captioned_once(i);
+            plot.draw(&mut canvas, area, (&x_axis, x), (&y_axis, y));
+            description += &format!("{}: {} ", plot.title, plot.describe(x, y));
+        }
+        let rows = self.plots.len().div_ceil(self.columns);
+        let total = top + rows as f64 * (height + HEADING_PX + GAP_PX);
+        canvas.finish(total.max(20.0), &self.title, description.trim_end())
+    }
+
+    /// The axes of a plot without the captions that a neighbour to its left or below it repeats.
+    fn captioned_once(&self, i: usize) -> (Axis, Axis) {
+        let (mut x, mut y) = (self.plots[i].x.clone(), self.plots[i].y.clone());
+        let left = (!i.is_multiple_of(self.columns)).then(|| &self.plots[i - 1]);
+        let below = self.plots.get(i + self.columns);
+        if left.is_some_and(|left| !self.own_y && left.y.is_named_like(&y)) {
+            y.captioned = false;
+        }
+        if below.is_some_and(|below| below.x.is_named_like(&x)) {
+            x.captioned = false;
+        }
+        (x, y)
+    }
+
+    /// The ranges that hold all plots, where their axes are spaced alike.
+    fn shared(&self) -> Option<(Span, Span)> {
+        let first = self.plots.first()?;
+        let alike = |plot: &Plot| plot.x.log == first.x.log && plot.y.log == first.y.log;
+        if !self.plots.iter().all(alike) {
+            return None;
+        }
+        let x = self.plots.iter().map(Plot::span_x).reduce(Span::union)?;
+        let y = self.plots.iter().map(Plot::span_y).reduce(Span::union)?;
+        Some((x, y))
+    }
+}

@@ -1,0 +1,219 @@
+//! Lines and dots over two axes: signals, spectra, paths, scatter.
+
+use crate::axis::Axis;
+use crate::canvas::{Area, Canvas, Px, Svg, WIDTH_PX};
+use crate::frame::{self, Frame, Mark, Ranged};
+use crate::legend::{self, Entry, Swatch};
+use crate::number::quantity;
+use crate::scale::Span;
+use crate::series::{Series, Shape, classes};
+use crate::thin::{self, Spot};
+
+/// A plot of one or more series.
+#[derive(Debug, Clone)]
+pub struct Plot {
+    pub(crate) title: String,
+    pub(crate) x: Axis,
+    pub(crate) y: Axis,
+    pub(crate) series: Vec<Series>,
+    marks_x: Vec<Mark>,
+    marks_y: Vec<Mark>,
+    equal_scale: bool,
+    height_px: f64,
+}
+
+impl Plot {
+    /// An empty plot; the title is read aloud, not drawn (on a page the caption speaks).
+    #[must_use]
+    pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
+        Self {
+            title: title.into(),
+            x,
+            y,
+            series: Vec::new(),
+            marks_x: Vec::new(),
+            marks_y: Vec::new(),
+            equal_scale: false,
+            height_px: 300.0,
+        }
+    }
+
+    /// Adds a series; it takes the next colour, unless it is muted.
+    #[must_use]
+    pub fn series(mut self, series: Series) -> Self {
+        self.series.push(series);
+        self
+    }
+
+    /// An upright line at `value`, in the unit of x, e.g. an event; not drawn outside the range.
+    #[must_use]
+    pub fn mark_x(mut self, value: f64, label: impl Into<String>) -> Self {
+        self.marks_x.push(Mark { value, label: label.into() });
+        self
+    }
+
+    /// A level line at `value`, in the unit of y, e.g. a bound; the range grows to show it.
+    #[must_use]
+    pub fn mark_y(mut self, value: f64, label: impl Into<String>) -> Self {
+        self.marks_y.push(Mark { value, label: label.into() });
+        self
+    }
+
+    /// One unit is as long on both axes: for paths in the plane. Ignored where an axis is logarithmic.
+    #[must_use]
+    pub fn equal_scale(mut self) -> Self {
+        self.equal_scale = true;
+        self
+    }
+
+    /// The height of the plot without its legend, in pixels of 832 to the width; held within 120 to 900.
+    #[must_use]
+    pub fn height(mut self, height_px: f64) -> Self {
+        self.height_px = if height_px.is_nan() { 300.0 } else { height_px.clamp(120.0, 900.0) };
+        self
+    }
+
+    /// Draws it.
+    #[must_use]
+    pub fn render(&self) -> Svg {
+        let mut canvas = Canvas::default();
+        let top = legend::draw(&mut canvas, &self.legend());
+        let outer = Area { left: 0.0, top, width: WIDTH_PX, height: self.height_px };
+        let (mut x, mut y) = (self.span_x(), self.span_y());
+        if self.equal_scale && !x.log && !y.log {
+            (x, y) = equalised(x, y, frame::inside(outer, y));
+        }
+        self.draw(&mut canvas, outer, (&self.x, x), (&self.y, y));
+        canvas.finish(top + self.height_px, &self.title, &self.describe(x, y))
+    }
+
+    pub(crate) fn draw(&self, canvas: &mut Canvas, outer: Area, x: Ranged<'_>, y: Ranged<'_>) {
+        let frame = frame::draw(canvas, outer, x, y);
+        let inner = frame.inner;
+        let air = Area { top: inner.top - 2.0, height: inner.height + 3.0, ..inner };
+        canvas.clipped(air, |canvas| {
+            for (class, series) in classes(&self.series).iter().zip(&self.series) {
+                draw_series(canvas, &frame, series, class);
+            }
+        });
+        frame::mark_x(canvas, &frame, &self.marks_x);
+        frame::mark_y(canvas, &frame, &self.marks_y);
+    }
+
+    pub(crate) fn legend(&self) -> Vec<Entry> {
+        let entry = |(class, series): (String, &Series)| Entry {
+            class,
+            swatch: if series.shape == Shape::Line { Swatch::Line } else { Swatch::Dot },
+            name: series.name.clone(),
+        };
+        classes(&self.series).into_iter().zip(&self.series).map(entry).collect()
+    }
+
+    pub(crate) fn span_x(&self) -> Span {
+        let values = self.series.iter().flat_map(|series| &series.points).map(|point| point.0);
+        let found = || Span::of(values, self.x.log).unwrap_or(Span::unit(self.x.log));
+        let dotted = self.series.iter().any(|series| series.shape == Shape::Dots);
+        let air = if dotted || self.equal_scale { 0.03 } else { 0.0 };
+        self.x.fixed_span().unwrap_or_else(|| found().padded(air))
+    }
+
+    pub(crate) fn span_y(&self) -> Span {
+        let data = self.series.iter().flat_map(|series| &series.points).map(|point| point.1);
+        let marks = self.marks_y.iter().map(|mark| mark.value);
+        let found = || Span::of(data.chain(marks), self.y.log).unwrap_or(Span::unit(self.y.log));
+        self.y.fixed_span().unwrap_or_else(|| breathing(found()))
+    }
+
+    pub(crate) fn describe(&self, x: Span, y: Span) -> String {
+        let range = |axis: &Axis, span: Span| {
+            let (low, high) = (quantity(span.low, &axis.unit), quantity(span.high, &axis.unit));
+            format!("{} from {low} to {high}", axis.label)
+        };
+        let mut words = format!("{}; {}.", range(&self.x, x), range(&self.y, y));
+        for series in self.series.iter().filter(|series| !series.name.is_empty()) {
+            let values =
+                series.points.iter().map(|point| point.1).filter(|value| value.is_finite());
+            let (low, high) =
+                values.fold((f64::NAN, f64::NAN), |(low, high), v| (v.min(low), v.max(high)));
+            let unit = &self.y.unit;
+            words +=
+                &format!(" {}: {} to {}", series.name, quantity(low, unit), quantity(high, unit));
+            if series.points.len() > thin::POINTS_MAX {
+                words += &format!(", {} points, thinned for drawing", series.points.len());
+            }
+            words.push('.');
+        }
+        words
+    }
+}
+
+/// A range of data with air around it, on the ground where it is a range of sizes.
+pub(crate) fn breathing(span: Span) -> Span {
+    let grounded = span.grounded_if_near();
+    let padded = grounded.padded(0.05);
+    if !grounded.log && grounded.low >= 0.0 {
+        Span { low: padded.low.max(0.0), ..padded }
+    } else {
+        padded
+    }
+}
+
+fn equalised(x: Span, y: Span, inner: Area) -> (Span, Span) {
+    let per_px = ((x.high - x.low) / inner.width).max((y.high - y.low) / inner.height);
+    let grown = |span: Span, px: f64| {
+        let extra = (per_px * px - (span.high - span.low)) / 2.0;
+        Span { low: span.low - extra, high: span.high + extra, log: false }
+    };
+    (grown(x, inner.width), grown(y, inner.height))
+}
+
+fn draw_series(canvas: &mut Canvas, frame: &Frame, series: &Series, class: &str) {
+    let spots: Vec<Spot> =
+        series.points.iter().map(|(x, y)| frame.x.at(*x).zip(frame.y.at(*y))).collect();
+    match series.shape {
+        Shape::Line => canvas.path(&format!("line {class}"), &line_data(&thin::line(&spots))),
+        Shape::Dots => canvas.path(&format!("dots {class}"), &dots_data(&thin::dots(&spots))),
+    }
+}
+
+fn line_data(spots: &[Spot]) -> String {
+    let mut data = String::with_capacity(spots.len() * 12);
+    let mut command = 'M';
+    for (i, spot) in spots.iter().enumerate() {
+        let Some((x, y)) = spot else {
+            command = 'M';
+            continue;
+        };
+        data.push_str(&format!("{command}{} {}", Px(*x), Px(*y)));
+        let alone = command == 'M' && spots.get(i + 1).copied().flatten().is_none();
+        if alone {
+            data.push_str("h0");
+        }
+        command = 'L';
+    }
+    data
+}
+
+fn dots_data(spots: &[Spot]) -> String {
+    spots.iter().flatten().map(|(x, y)| format!("M{} {}h0", Px(*x), Px(*y))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_value_that_is_no_number_breaks_the_line() {
+        let spots = [Some((0.0, 1.0)), None, Some((2.0, 1.0)), Some((3.0, 1.0))];
+        assert_eq!(line_data(&spots), "M0 1h0M2 1L3 1");
+    }
+
+    #[test]
+    fn equal_scales_are_equal() {
+        let unit = |high| Span { low: 0.0, high, log: false };
+        let inner = Area { left: 0.0, top: 0.0, width: 800.0, height: 300.0 };
+        let (x, y) = equalised(unit(100.0), unit(100.0), inner);
+        assert!(((x.high - x.low) / 800.0 - (y.high - y.low) / 300.0).abs() < 1e-12);
+        assert!(x.low <= 0.0 && x.high >= 100.0 && y.low <= 0.0 && y.high >= 100.0);
+    }
+}

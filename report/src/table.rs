@@ -1,0 +1,157 @@
+//! Tables of text and numbers: the numbers of a column share their decimals, and stand under each other.
+
+use crate::escape::escape;
+use crate::number::{common_decimals, fixed, significant};
+
+/// A column's head, and how its numbers are written.
+#[derive(Debug, Clone)]
+pub struct Column {
+    head: String,
+    digits: usize,
+}
+
+impl Column {
+    /// A column; the unit belongs into the head, e.g. `Mean (mm)`. Its largest number shows three digits.
+    #[must_use]
+    pub fn new(head: impl Into<String>) -> Self {
+        Self { head: head.into(), digits: 3 }
+    }
+
+    /// So many significant digits for the column's largest number.
+    #[must_use]
+    pub fn digits(mut self, digits: usize) -> Self {
+        self.digits = digits;
+        self
+    }
+}
+
+impl<T: Into<String>> From<T> for Column {
+    fn from(head: T) -> Self {
+        Self::new(head)
+    }
+}
+
+/// What stands in a cell.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Cell {
+    /// Words, to the left.
+    Text(String),
+    /// A number, to the right; `–` where it is not finite.
+    Number(f64),
+}
+
+impl From<&str> for Cell {
+    fn from(text: &str) -> Self {
+        Self::Text(text.to_owned())
+    }
+}
+
+impl From<String> for Cell {
+    fn from(text: String) -> Self {
+        Self::Text(text)
+    }
+}
+
+impl From<f64> for Cell {
+    fn from(value: f64) -> Self {
+        Self::Number(value)
+    }
+}
+
+/// A table with a caption.
+#[derive(Debug, Clone)]
+pub struct Table {
+    caption: String,
+    columns: Vec<Column>,
+    rows: Vec<Vec<Cell>>,
+}
+
+impl Table {
+    /// A table by its caption and its columns.
+    #[must_use]
+    pub fn new<T: Into<Column>>(
+        caption: impl Into<String>,
+        columns: impl IntoIterator<Item = T>,
+    ) -> Self {
+        let columns = columns.into_iter().map(Into::into).collect();
+        Self { caption: caption.into(), columns, rows: Vec::new() }
+    }
+
+    /// Adds a row; cells that are missing stay empty, cells without a column are left out.
+    #[must_use]
+    pub fn row(mut self, cells: impl IntoIterator<Item = Cell>) -> Self {
+        self.rows.push(cells.into_iter().collect());
+        self
+    }
+
+    pub(crate) fn html(&self) -> String {
+        let decimals: Vec<_> = (0..self.columns.len()).map(|i| self.decimals(i)).collect();
+        let head: String = (0..self.columns.len()).map(|i| self.head(i)).collect();
+        let body: String = self.rows.iter().map(|row| self.html_row(row, &decimals)).collect();
+        format!(
+            "<div class=\"wide\"><table><caption>{}</caption><thead><tr>{head}</tr></thead>\
+             <tbody>{body}</tbody></table></div>\n",
+            escape(&self.caption)
+        )
+    }
+
+    fn head(&self, i: usize) -> String {
+        let class = if self.numbers(i).is_empty() { "" } else { " class=\"number\"" };
+        format!("<th scope=\"col\"{class}>{}</th>", escape(&self.columns[i].head))
+    }
+
+    fn html_row(&self, row: &[Cell], decimals: &[Option<usize>]) -> String {
+        let cells =
+            self.columns.iter().zip(decimals).enumerate().map(|(i, (column, decimals))| match row
+                .get(i)
+            {
+                None => "<td></td>".to_owned(),
+                Some(Cell::Text(text)) if i == 0 => {
+                    format!("<th scope=\"row\">{}</th>", escape(text))
+                }
+                Some(Cell::Text(text)) => format!("<td>{}</td>", escape(text)),
+                Some(Cell::Number(value)) => {
+                    let each = || significant(*value, column.digits);
+                    let text = decimals.map_or_else(each, |decimals| fixed(*value, decimals));
+                    format!("<td class=\"number\">{text}</td>")
+                }
+            });
+        format!("<tr>{}</tr>", cells.collect::<String>())
+    }
+
+    fn numbers(&self, column: usize) -> Vec<f64> {
+        let number = |row: &Vec<Cell>| match row.get(column) {
+            Some(Cell::Number(value)) => Some(*value),
+            _ => None,
+        };
+        self.rows.iter().filter_map(number).collect()
+    }
+
+    fn decimals(&self, column: usize) -> Option<usize> {
+        let numbers = self.numbers(column);
+        if numbers.iter().all(|value| value.fract() == 0.0 && value.abs() < 1e9) {
+            return Some(0);
+        }
+        common_decimals(&numbers, self.columns[column].digits)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_a_column_share_their_decimals() {
+        let table = Table::new("", ["Path", "Mean (mm)"])
+            .row(["slot 1".into(), 0.8432.into()])
+            .row(["slot 2".into(), 0.1.into()]);
+        let html = table.html();
+        assert!(html.contains(">0.843<") && html.contains(">0.100<"), "{html}");
+    }
+
+    #[test]
+    fn counts_are_whole() {
+        let html = Table::new("", ["n"]).row([12_345.0.into()]).row([3.0.into()]).html();
+        assert!(html.contains(">12\u{202f}345<") && html.contains(">3<"), "{html}");
+    }
+}

@@ -1,0 +1,67 @@
+//! Closed lists that travel as `u32`: what another process wrote is checked before it becomes an enum.
+//!
+//! Promise: a code keeps its number for ever; new codes are added at the end. An unknown number is
+//! an error that names the list, never undefined behaviour.
+
+/// A number that is in no list of this version.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{list}: code {code} is unknown here, expected one of 0 to {last}; bring both sides to one version"
+)]
+pub struct UnknownCode {
+    /// Which list.
+    pub list: &'static str,
+    /// The number received.
+    pub code: u32,
+    /// The largest number known.
+    pub last: u32,
+}
+
+macro_rules! codes {
+    ($(#[$meta:meta])* pub enum $name:ident {
+        $($(#[$variant_meta:meta])* $variant:ident = $code:literal $text:literal,)*
+    }) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+        #[repr(u32)]
+        pub enum $name { $($(#[$variant_meta])* $variant = $code,)* }
+
+        impl $name {
+            /// All codes in the order of their numbers.
+            pub const ALL: &'static [Self] = &[$(Self::$variant,)*];
+
+            /// The number that travels.
+            #[must_use]
+            pub const fn code(self) -> u32 {
+                self as u32
+            }
+
+            /// The word used in recordings, reports and JSON.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self { $(Self::$variant => $text,)* }
+            }
+        }
+
+        impl TryFrom<u32> for $name {
+            type Error = $crate::codes::UnknownCode;
+            fn try_from(code: u32) -> Result<Self, Self::Error> {
+                match code {
+                    $($code => Ok(Self::$variant),)*
+                    _ => Err($crate::codes::UnknownCode {
+                        list: stringify!($name),
+                        code,
+                        last: Self::ALL.len() as u32 - 1,
+                    }),
+                }
+            }
+        }
+
+        impl core::fmt::Display for $name {
+            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+    };
+}
+pub(crate) use codes;

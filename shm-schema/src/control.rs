@@ -1,0 +1,119 @@
+//! What a client may ask of the daemon (`/control`), and the answer.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::codes::{UnknownCode, codes};
+use crate::layout::{Payload, payload, plain_struct};
+use crate::text::Text;
+
+/// Most bytes of a path in a request.
+pub const PATH_BYTES_MAX: usize = 256;
+
+plain_struct! {
+    /// One request.
+    pub struct Request = "trued.Request/1" {
+        /// From 1, plus 1 with each request of this sender.
+        pub seq: u64,
+        /// Names this run of the sender.
+        pub session: u64,
+        /// When it was sent, `CLOCK_MONOTONIC`.
+        pub t_ns: u64,
+        /// Spindle speed, 1/min, for [`Operation::ProcessState`]; NaN where unknown.
+        pub spindle_rpm: f64,
+        /// Feed, mm/s, for [`Operation::ProcessState`]; NaN where unknown.
+        pub feed_mm_s: f64,
+        /// Layout version.
+        pub layout: u32,
+        /// An [`Operation`].
+        pub operation: u32,
+        /// 1 on, 0 off, for [`Operation::Bypass`] and [`Operation::Arm`].
+        pub on: u32,
+        /// Teeth of the cutter for [`Operation::ProcessState`]; 0 where unknown.
+        pub teeth: u32,
+        /// The model for [`Operation::Reload`], absolute; empty: the one loaded now, read again.
+        pub path: Text<PATH_BYTES_MAX>,
+    }
+}
+payload!(Request = "trued.Request/1", layout 1, check |_| Ok(()));
+
+impl Request {
+    /// What is asked.
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the client is of a later version.
+    pub fn operation(&self) -> Result<Operation, UnknownCode> {
+        self.operation.try_into()
+    }
+}
+
+plain_struct! {
+    /// The answer to one request.
+    pub struct Response = "trued.Response/1" {
+        /// The request's `seq`.
+        pub seq: u64,
+        /// The request's `session`.
+        pub session: u64,
+        /// When it was made, `CLOCK_MONOTONIC`.
+        pub t_ns: u64,
+        /// Layout version.
+        pub layout: u32,
+        /// An [`Answer`].
+        pub answer: u32,
+        /// What was done, or where and why not and what was expected.
+        pub message: Text<256>,
+    }
+}
+payload!(Response = "trued.Response/1", layout 1, check |_| Ok(()));
+
+impl Response {
+    /// The answer to `request`.
+    #[must_use]
+    pub fn to(request: &Request, answer: Answer, message: &str) -> Self {
+        Self {
+            seq: request.seq,
+            session: request.session,
+            t_ns: crate::clock::monotonic_ns(),
+            layout: Self::LAYOUT,
+            answer: answer.code(),
+            message: Text::new(message),
+        }
+    }
+
+    /// What was answered.
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the daemon is of a later version.
+    pub fn answer(&self) -> Result<Answer, UnknownCode> {
+        self.answer.try_into()
+    }
+}
+
+codes! {
+    /// What may be asked.
+    pub enum Operation {
+        /// Answer, nothing else.
+        Ping = 0 "ping",
+        /// Load a model and swap it in between two cycles.
+        Reload = 1 "reload",
+        /// Ramp the correction out, or in again.
+        Bypass = 2 "bypass",
+        /// Leave shadow mode, or go back to it.
+        Arm = 3 "arm",
+        /// Tell what the process does: spindle, teeth, feed.
+        ProcessState = 4 "process_state",
+    }
+}
+
+codes! {
+    /// What became of a request.
+    pub enum Answer {
+        /// Done.
+        Done = 0 "done",
+        /// Refused; the message says why.
+        Refused = 1 "refused",
+        /// The request cannot be read.
+        Malformed = 2 "malformed",
+        /// The daemon failed in doing it; the message says where.
+        Failed = 3 "failed",
+    }
+}

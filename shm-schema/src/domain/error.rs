@@ -1,0 +1,159 @@
+//! What can go wrong in making and joining a domain: where, what, what was expected, what to do.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::current::Contract;
+use crate::port::PortError;
+use crate::services::ServiceError;
+
+/// The daemon's domain could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum DomainError {
+    /// The cell's name cannot be.
+    #[error("cell name {name:?}: expected 1 to 24 of a-z, 0-9 and '-'")]
+    BadName {
+        /// The name given.
+        name: String,
+    },
+    /// The cell's directory cannot be.
+    #[error("{}: expected an absolute path of at most {limit} bytes of UTF-8; set TRUED_RUNTIME_DIR to a shorter one", dir.display())]
+    BadPlace {
+        /// The directory.
+        dir: PathBuf,
+        /// Most bytes.
+        limit: usize,
+    },
+    /// The directory is on a disk.
+    #[error("{}: expected a directory in memory (tmpfs), as what is left there must not outlive a reboot; set TRUED_RUNTIME_DIR to one", dir.display())]
+    NotInMemory {
+        /// The directory.
+        dir: PathBuf,
+    },
+    /// The directory is not ours alone.
+    #[error("{}: belongs to user {owner} with mode {mode:o}, expected user {me} and mode 700; run daemon and clients as one user, or remove it", dir.display())]
+    WrongOwner {
+        /// The directory.
+        dir: PathBuf,
+        /// Its user.
+        owner: u32,
+        /// This process's user.
+        me: u32,
+        /// Its mode.
+        mode: u32,
+    },
+    /// Another daemon serves this cell.
+    #[error("cell {cell:?}: already served by process {}; stop it, or give this cell another name", pid_text(*.pid))]
+    AlreadyServed {
+        /// The cell.
+        cell: String,
+        /// The other daemon's process, as far as known.
+        pid: Option<u32>,
+    },
+    /// The system refused.
+    #[error("could not {step} {}: {source}", path.display())]
+    Io {
+        /// What was tried.
+        step: &'static str,
+        /// On what.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// The transport could not be started.
+    #[error("cell {cell:?}: the transport could not be started: {cause}; is shared memory full?")]
+    Transport {
+        /// The cell.
+        cell: String,
+        /// What the transport said.
+        cause: String,
+    },
+    /// A service could not be created.
+    #[error(transparent)]
+    Service(#[from] ServiceError),
+}
+
+impl DomainError {
+    pub(crate) fn io(step: &'static str, path: &Path, source: io::Error) -> Self {
+        Self::Io { step, path: path.to_owned(), source }
+    }
+}
+
+/// A client could not join.
+#[derive(Debug, thiserror::Error)]
+pub enum JoinError {
+    /// The cell's name or place cannot be.
+    #[error(transparent)]
+    Cell(#[from] DomainError),
+    /// No daemon serves the cell.
+    #[error("cell {cell:?}: no daemon has announced itself in {}; start `trued run` as this user", dir.display())]
+    NoDaemon {
+        /// The cell.
+        cell: String,
+        /// Where it was looked for.
+        dir: PathBuf,
+    },
+    /// The daemon that announced itself is dead.
+    #[error("cell {cell:?}: the daemon (process {pid}) is dead; start `trued run` again")]
+    DaemonDied {
+        /// The cell.
+        cell: String,
+        /// The daemon's last process.
+        pid: u32,
+    },
+    /// The domain is another user's.
+    #[error("{}: belongs to user {owner}, this process is user {me}; run both as one user", dir.display())]
+    WrongUser {
+        /// The directory.
+        dir: PathBuf,
+        /// Its user.
+        owner: u32,
+        /// This process's user.
+        me: u32,
+    },
+    /// Both sides were built against different contracts.
+    #[error("the daemon is {theirs}, this client is {ours}; bring both to one version")]
+    VersionMismatch {
+        /// The daemon's.
+        theirs: Contract,
+        /// This build's.
+        ours: Contract,
+    },
+    /// The announcement makes no sense.
+    #[error("{}: not an announcement that this version can read; restart the daemon", path.display())]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Another process has this role.
+    #[error("the role `{role}` is taken by process {}; a cell has one of each", pid_text(*.pid))]
+    RoleTaken {
+        /// The role.
+        role: &'static str,
+        /// The other process, as far as known.
+        pid: Option<u32>,
+    },
+    /// The transport refused.
+    #[error("epoch {epoch:016x}: {cause}; trying again helps where the daemon has just restarted")]
+    Transport {
+        /// The epoch.
+        epoch: u64,
+        /// What the transport said.
+        cause: String,
+    },
+    /// A port could not be made.
+    #[error(transparent)]
+    Port(#[from] PortError),
+}
+
+impl JoinError {
+    /// Whether trying again a moment later may help.
+    #[must_use]
+    pub fn is_passing(&self) -> bool {
+        !matches!(self, Self::Cell(_) | Self::WrongUser { .. } | Self::VersionMismatch { .. })
+    }
+}
+
+fn pid_text(pid: Option<u32>) -> String {
+    pid.map_or_else(|| "(unknown)".to_owned(), |pid| pid.to_string())
+}

@@ -1,0 +1,45 @@
+//! The life of a domain: one per cell, one epoch per start of the daemon.
+//!
+//! A process killed while it creates a service jams that service for good, and a killed peer leaves
+//! its places taken. So nothing of an earlier life is ever used again: each start makes a new epoch
+//! (directory and prefix), announces it by one atomic rename, and removes the older ones whole.
+//! Only the daemon creates services, and only the daemon cleans up after dead clients. A client that
+//! still cannot get in knocks, and gets a new epoch.
+
+mod current;
+mod daemon;
+mod error;
+mod lock;
+mod peer;
+mod place;
+
+pub use current::{Contract, Current};
+pub use daemon::{DaemonPorts, DaemonSide, Supervision, sweep};
+pub use error::{DomainError, JoinError};
+pub use peer::{Joined, Role, Seat};
+pub use place::{Cell, RUNTIME_DIR_ENV};
+
+use iceoryx2::node::{Node, NodeBuilder};
+use iceoryx2::prelude::{Config, FileName, Path, SemanticString, Service, SignalHandlingMode};
+
+/// How long the transport waits for a half-made resource.
+const CREATION_TIMEOUT: core::time::Duration = core::time::Duration::from_millis(100);
+
+/// Joins an epoch as a process: the transport's node, quiet, without signal handlers, cleaning nothing.
+fn node<S: Service>(cell: &Cell, epoch: u64) -> Result<Node<S>, String> {
+    let mut config = Config::default();
+    let dir = cell.epoch_dir(epoch);
+    let root = Path::new(dir.to_string_lossy().as_bytes()).map_err(|e| format!("{e:?}"))?;
+    config.global.set_root_path(&root);
+    config.global.prefix =
+        FileName::new(cell.epoch_prefix(epoch).as_bytes()).map_err(|e| format!("{e:?}"))?;
+    config.global.creation_timeout = CREATION_TIMEOUT;
+    config.global.node.cleanup_dead_nodes_on_creation = false;
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
+    config.global.service.cleanup_dead_nodes_on_open = false;
+    NodeBuilder::new()
+        .config(&config)
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .create::<S>()
+        .map_err(|e| format!("{e:?}"))
+}

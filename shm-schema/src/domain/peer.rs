@@ -1,0 +1,162 @@
+//! A client's side of a domain: take a seat, join the epoch that is announced.
+
+use std::fs;
+use std::sync::Arc;
+use std::time::Duration;
+
+use iceoryx2::node::Node;
+use iceoryx2::prelude::ipc_threadsafe;
+
+use super::current::{Contract, Current};
+use super::error::JoinError;
+use super::lock::{Lock, LockError, is_held};
+use super::place::Cell;
+use crate::port::{ControlClient, PortError, Publisher, Subscriber};
+use crate::services::{Services, Topic, Way};
+
+/// A client's ports may move between threads, at the price of an uncontended lock per call.
+type Transport = ipc_threadsafe::Service;
+
+/// What a client does in the cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Role {
+    /// Sends commands and takes corrected targets: one per cell.
+    Cell,
+    /// Sends force blocks: one per cell.
+    Force,
+    /// Looks and asks: several.
+    Monitor,
+}
+
+impl Role {
+    const fn lock_name(self) -> Option<(&'static str, &'static str)> {
+        match self {
+            Self::Cell => Some(("cell", "cell.lock")),
+            Self::Force => Some(("force", "force.lock")),
+            Self::Monitor => None,
+        }
+    }
+}
+
+/// A role in a cell, held against all other processes until it is dropped.
+#[derive(Debug)]
+pub struct Seat {
+    cell: Cell,
+    role: Role,
+    lock: Option<Lock>,
+}
+
+/// An epoch, joined: makes the ports.
+#[derive(Debug, Clone)]
+pub struct Joined {
+    // The services before the node, which outlives them.
+    services: Arc<Services<Transport>>,
+    _node: Arc<Node<Transport>>,
+    current: Current,
+}
+
+impl Seat {
+    /// A seat for that role; it is taken with the first [`join`](Self::join).
+    #[must_use]
+    pub fn new(cell: &Cell, role: Role) -> Self {
+        Self { cell: cell.clone(), role, lock: None }
+    }
+
+    /// The cell.
+    #[must_use]
+    pub fn cell(&self) -> &Cell {
+        &self.cell
+    }
+
+    /// Whether a daemon lives, and with which epoch announced. Some microseconds and system calls.
+    ///
+    /// # Errors
+    /// [`JoinError`] as [`Current::read`], or [`JoinError::DaemonDied`].
+    pub fn look(&self) -> Result<Current, JoinError> {
+        let current = Current::read(&self.cell)?;
+        if !is_held(&self.cell.file("daemon.lock")) {
+            let cell = self.cell.name().to_owned();
+            return Err(JoinError::DaemonDied { cell, pid: current.pid });
+        }
+        Ok(current)
+    }
+
+    /// Joins the announced epoch: one try, bounded by the transport's 100 ms per half-made resource.
+    ///
+    /// # Errors
+    /// See [`JoinError`]; [`JoinError::is_passing`] tells whether to try again.
+    pub fn join(&mut self) -> Result<Joined, JoinError> {
+        let current = self.look()?;
+        let ours = Contract::ours();
+        if !current.contract.fits(&ours) {
+            return Err(JoinError::VersionMismatch { theirs: current.contract, ours });
+        }
+        self.take()?;
+        let epoch = current.epoch;
+        let transport = |cause| JoinError::Transport { epoch, cause };
+        let node = super::node(&self.cell, epoch).map_err(transport)?;
+        let services = Services::make(&node, Way::Open).map_err(|e| transport(e.to_string()))?;
+        Ok(Joined { services: Arc::new(services), _node: Arc::new(node), current })
+    }
+
+    /// Asks the daemon for a new epoch, as `epoch` cannot be joined although this seat is ours.
+    pub fn knock(&self, epoch: u64) {
+        let _ = fs::write(self.cell.file("knock"), format!("{epoch:016x}\n"));
+    }
+
+    fn take(&mut self) -> Result<(), JoinError> {
+        let Some((role, file)) = self.role.lock_name() else { return Ok(()) };
+        if self.lock.as_ref().is_some_and(Lock::holds) {
+            return Ok(());
+        }
+        self.lock = None;
+        let path = self.cell.file(file);
+        match Lock::take(&path, Duration::ZERO) {
+            Ok(lock) => self.lock = Some(lock),
+            Err(LockError::Held(pid)) => return Err(JoinError::RoleTaken { role, pid }),
+            Err(LockError::Io(e)) => {
+                return Err(super::error::DomainError::io("lock", &path, e).into());
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Seat {
+    fn drop(&mut self) {
+        self.lock = None;
+        self.cell.leave();
+    }
+}
+
+impl Joined {
+    /// What was joined.
+    #[must_use]
+    pub fn current(&self) -> &Current {
+        &self.current
+    }
+
+    /// A sender.
+    ///
+    /// # Errors
+    /// [`PortError::Occupied`] while a dead forerunner's place is not cleaned up.
+    pub fn publisher<T: Topic>(&self) -> Result<Publisher<T, Transport>, PortError> {
+        Publisher::new(&self.services)
+    }
+
+    /// A receiver.
+    ///
+    /// # Errors
+    /// As [`publisher`](Self::publisher).
+    pub fn subscriber<T: Topic>(&self) -> Result<Subscriber<T, Transport>, PortError> {
+        Subscriber::new(&self.services)
+    }
+
+    /// The end of `/control` that asks.
+    ///
+    /// # Errors
+    /// As [`publisher`](Self::publisher).
+    pub fn control(&self) -> Result<ControlClient<Transport>, PortError> {
+        ControlClient::new(&self.services)
+    }
+}

@@ -1,0 +1,162 @@
+//! Where a cell's domain lives: one directory on tmpfs, and names in `/dev/shm` that start alike.
+//!
+//! ```text
+//! /dev/shm/trued-CELL/            or $TRUED_RUNTIME_DIR/trued-CELL/    0700, the daemon's user
+//!     current                     which epoch to join, and both sides' versions
+//!     daemon.lock                 held by the daemon while it lives
+//!     cell.lock  force.lock       held by the one client of that role
+//!     knock                       a client cannot get in: the daemon is asked for a new epoch
+//!     EPOCH/                      the transport's files of one epoch
+//! /dev/shm/trued.CELL.PLACE.EPOCH.*    the transport's memory of one epoch
+//! ```
+
+use std::fs;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::path::{Path, PathBuf};
+
+use super::error::DomainError;
+use crate::layout::hash_text;
+
+/// Environment variable: another directory on tmpfs instead of `/dev/shm`.
+pub const RUNTIME_DIR_ENV: &str = "TRUED_RUNTIME_DIR";
+
+const SHARED_MEMORY: &str = "/dev/shm";
+/// Longest directory: the transport bounds a path to 255 bytes, its own names included.
+const DIR_BYTES_MAX: usize = 110;
+const NAME_BYTES_MAX: usize = 24;
+const TMPFS_MAGIC: i64 = 0x0102_1994;
+const RAMFS_MAGIC: i64 = 0x8584_58f6;
+
+/// A cell installation: its name and its place.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Cell {
+    name: String,
+    dir: PathBuf,
+}
+
+impl Cell {
+    /// The cell of that name, under `$TRUED_RUNTIME_DIR` or `/dev/shm`.
+    ///
+    /// # Errors
+    /// [`DomainError::BadName`] unless the name is 1 to 24 of `a-z 0-9 -`;
+    /// [`DomainError::BadPlace`] where the directory's path is relative or too long.
+    pub fn new(name: &str) -> Result<Self, DomainError> {
+        let root = std::env::var_os(RUNTIME_DIR_ENV).unwrap_or_else(|| SHARED_MEMORY.into());
+        Self::at(Path::new(&root), name)
+    }
+
+    /// The cell of that name under `root`, which must be on tmpfs.
+    ///
+    /// # Errors
+    /// As [`Cell::new`].
+    pub fn at(root: &Path, name: &str) -> Result<Self, DomainError> {
+        let allowed = |b: u8| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'-';
+        if name.is_empty() || name.len() > NAME_BYTES_MAX || !name.bytes().all(allowed) {
+            return Err(DomainError::BadName { name: name.to_owned() });
+        }
+        let dir = root.join(format!("trued-{name}"));
+        let length = dir.as_os_str().len();
+        if !root.is_absolute() || length > DIR_BYTES_MAX || dir.to_str().is_none() {
+            return Err(DomainError::BadPlace { dir, limit: DIR_BYTES_MAX });
+        }
+        Ok(Self { name: name.to_owned(), dir })
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its directory.
+    #[must_use]
+    pub fn dir(&self) -> &Path {
+        &self.dir
+    }
+
+    pub(crate) fn file(&self, name: &str) -> PathBuf {
+        self.dir.join(name)
+    }
+
+    pub(crate) fn epoch_dir(&self, epoch: u64) -> PathBuf {
+        self.dir.join(format!("{epoch:016x}"))
+    }
+
+    /// How all of this cell's names in `/dev/shm` start; the directory takes part, as two
+    /// installations may use one name in two directories.
+    #[must_use]
+    pub fn shared_memory_prefix(&self) -> String {
+        let place = hash_text(&self.dir.to_string_lossy()) as u32;
+        format!("trued.{}.{place:08x}.", self.name)
+    }
+
+    pub(crate) fn epoch_prefix(&self, epoch: u64) -> String {
+        format!("{}{epoch:016x}.", self.shared_memory_prefix())
+    }
+
+    /// Makes the directory, and checks that it is ours, private and in memory.
+    pub(crate) fn make_dir(&self) -> Result<(), DomainError> {
+        let io = |source| DomainError::io("create the directory", &self.dir, source);
+        match fs::DirBuilder::new().mode(0o700).create(&self.dir) {
+            Ok(()) => {}
+            Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
+            Err(e) => return Err(io(e)),
+        }
+        self.check_owner()?;
+        let fs_type = rustix::fs::statfs(&self.dir).map_err(|e| io(e.into()))?.f_type as i64;
+        if fs_type != TMPFS_MAGIC && fs_type != RAMFS_MAGIC {
+            return Err(DomainError::NotInMemory { dir: self.dir.clone() });
+        }
+        Ok(())
+    }
+
+    /// Checks that the directory is a directory of this user, closed to all others.
+    pub(crate) fn check_owner(&self) -> Result<(), DomainError> {
+        let meta = fs::symlink_metadata(&self.dir)
+            .map_err(|e| DomainError::io("look at the directory", &self.dir, e))?;
+        let me = rustix::process::geteuid().as_raw();
+        if !meta.is_dir() || meta.uid() != me || meta.mode() & 0o077 != 0 {
+            return Err(DomainError::WrongOwner {
+                dir: self.dir.clone(),
+                owner: meta.uid(),
+                me,
+                mode: meta.mode() & 0o7777,
+            });
+        }
+        Ok(())
+    }
+
+    /// Removes the directory if nothing is left in it.
+    pub(crate) fn leave(&self) {
+        let _ = fs::remove_dir(&self.dir);
+    }
+
+    /// Removes every epoch but `keep`: its directory and its memory, both or none.
+    /// Processes that still have them mapped keep what they have; they can only no longer be joined.
+    pub(crate) fn sweep_epochs(&self, keep: Option<u64>) {
+        let kept_dir = keep.map(|epoch| self.epoch_dir(epoch));
+        let kept_prefix = keep.map(|epoch| self.epoch_prefix(epoch));
+        for (name, path) in entries(&self.dir) {
+            let is_epoch = name.len() == 16 && u64::from_str_radix(&name, 16).is_ok();
+            if is_epoch && Some(&path) != kept_dir.as_ref() {
+                let _ = fs::remove_dir_all(&path);
+            }
+        }
+        let prefix = self.shared_memory_prefix();
+        for (name, path) in entries(Path::new(SHARED_MEMORY)) {
+            let kept = kept_prefix.as_ref().is_some_and(|p| name.starts_with(p.as_str()));
+            if name.starts_with(&prefix) && !kept {
+                let _ = fs::remove_file(&path);
+            }
+        }
+    }
+}
+
+/// Names and paths in a directory; what cannot be read is left out.
+fn entries(dir: &Path) -> impl Iterator<Item = (String, PathBuf)> {
+    fs::read_dir(dir)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .filter_map(|e| Some((e.file_name().into_string().ok()?, e.path())))
+}

@@ -1,0 +1,163 @@
+//! What makes a struct a payload: fixed layout, no padding, a hash that tells one layout from another.
+//!
+//! Promise: two programs whose hashes agree read the same number at the same byte. The hash is
+//! made at compile time from names, offsets and types of all fields, so it cannot be forgotten.
+//! Never: data that is not plain numbers.
+
+use core::fmt;
+
+/// One message of a service: plain numbers, `repr(C)`, without padding.
+pub trait Payload:
+    Copy + fmt::Debug + iceoryx2::prelude::ZeroCopySend + Send + Sync + 'static
+{
+    /// Name of the type on the wire, with its layout version.
+    const NAME: &'static str;
+    /// Layout version; it is written into each message as `layout`.
+    const LAYOUT: u32;
+    /// FNV-1a over the names, offsets and types of all fields.
+    const LAYOUT_HASH: u64;
+
+    /// Checks what makes the message readable: its layout version and its counts.
+    ///
+    /// What another process wrote is a claim. Physical ranges are not checked here.
+    ///
+    /// # Errors
+    /// [`Malformed`] names the first field that cannot be.
+    fn check(&self) -> Result<(), Malformed>;
+}
+
+/// A message whose counts or codes cannot be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{payload}: field `{field}` is {value}, expected {expected}; \
+     the sender is broken or was built against another layout"
+)]
+pub struct Malformed {
+    /// Wire name of the payload.
+    pub payload: &'static str,
+    /// The field at fault.
+    pub field: &'static str,
+    /// What it held.
+    pub value: u64,
+    /// What it may hold.
+    pub expected: &'static str,
+}
+
+/// A type that may stand in a payload.
+pub(crate) trait Field: Copy {
+    /// All bytes zero.
+    const ZERO: Self;
+    /// Identity of the type for the layout hash.
+    const TYPE_HASH: u64;
+}
+
+const FNV_OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
+const FNV_PRIME: u64 = 0x0000_0100_0000_01b3;
+
+/// FNV-1a of a text.
+pub(crate) const fn hash_text(text: &str) -> u64 {
+    mix_bytes(FNV_OFFSET, text.as_bytes())
+}
+
+/// Goes on with a hash over a number (little endian).
+pub(crate) const fn mix(hash: u64, number: u64) -> u64 {
+    mix_bytes(hash, &number.to_le_bytes())
+}
+
+const fn mix_bytes(mut hash: u64, bytes: &[u8]) -> u64 {
+    let mut i = 0;
+    while i < bytes.len() {
+        hash = (hash ^ bytes[i] as u64).wrapping_mul(FNV_PRIME);
+        i += 1;
+    }
+    hash
+}
+
+macro_rules! plain_fields {
+    ($($t:ident = $zero:expr),*) => { $(
+        impl Field for $t {
+            const ZERO: Self = $zero;
+            const TYPE_HASH: u64 = hash_text(stringify!($t));
+        }
+    )* };
+}
+plain_fields!(u8 = 0, i8 = 0, u32 = 0, u64 = 0, f64 = 0.0);
+
+impl<T: Field, const N: usize> Field for [T; N] {
+    const ZERO: Self = [T::ZERO; N];
+    const TYPE_HASH: u64 = mix(T::TYPE_HASH, N as u64);
+}
+
+/// Declares a payload or a part of one: struct, hash, zero value, and the proof that no byte is padding.
+macro_rules! plain_struct {
+    ($(#[$meta:meta])* pub struct $name:ident = $wire:tt {
+        $($(#[$field_meta:meta])* pub $field:ident: $type:ty,)*
+    }) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+        #[type_name($wire)]
+        #[repr(C)]
+        pub struct $name { $($(#[$field_meta])* pub $field: $type,)* }
+
+        impl $crate::layout::Field for $name {
+            const ZERO: Self = Self { $($field: <$type as $crate::layout::Field>::ZERO,)* };
+            const TYPE_HASH: u64 = {
+                let hash = $crate::layout::hash_text($wire);
+                $(
+                    let hash = $crate::layout::mix(hash, $crate::layout::hash_text(stringify!($field)));
+                    let hash = $crate::layout::mix(hash, core::mem::offset_of!($name, $field) as u64);
+                    let hash = $crate::layout::mix(hash, <$type as $crate::layout::Field>::TYPE_HASH);
+                )*
+                hash
+            };
+        }
+
+        const _: () = assert!(
+            core::mem::size_of::<$name>() == 0 $(+ core::mem::size_of::<$type>())*,
+            "a payload has no padding: order its fields by size"
+        );
+    };
+}
+pub(crate) use plain_struct;
+
+/// Makes a [`plain_struct`] with a field `layout` a [`Payload`]; the closure checks all but the layout.
+macro_rules! payload {
+    ($name:ident = $wire:literal, layout $layout:literal, check $check:expr) => {
+        impl $crate::layout::Payload for $name {
+            const NAME: &'static str = $wire;
+            const LAYOUT: u32 = $layout;
+            const LAYOUT_HASH: u64 = <$name as $crate::layout::Field>::TYPE_HASH;
+
+            fn check(&self) -> Result<(), $crate::layout::Malformed> {
+                $crate::layout::within::<Self>(
+                    "layout",
+                    u64::from(self.layout),
+                    $layout..=$layout,
+                    concat!("layout version ", stringify!($layout)),
+                )?;
+                let check: fn(&$name) -> Result<(), $crate::layout::Malformed> = $check;
+                check(self)
+            }
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { layout: $layout, ..<Self as $crate::layout::Field>::ZERO }
+            }
+        }
+    };
+}
+pub(crate) use payload;
+
+/// Checks one count of a payload against its range.
+pub(crate) fn within<P: Payload>(
+    field: &'static str,
+    value: u64,
+    range: core::ops::RangeInclusive<u64>,
+    expected: &'static str,
+) -> Result<(), Malformed> {
+    if range.contains(&value) {
+        return Ok(());
+    }
+    Err(Malformed { payload: P::NAME, field, value, expected })
+}

@@ -1,0 +1,219 @@
+//! The command that comes in and the corrected target that goes out.
+//!
+//! SI: joints in rad (m where prismatic), forces N, moments N·m, temperatures °C, times ns.
+//! Only the first `joints` entries of a joint array hold; the rest is zero.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::JOINTS_MAX;
+use crate::codes::{UnknownCode, codes};
+use crate::layout::{Malformed, payload, plain_struct, within};
+
+plain_struct! {
+    /// One commanded joint target, from the robot's side to the daemon (`/command`).
+    pub struct Command = "trued.Command/1" {
+        /// From 1, plus 1 with each message of this sender.
+        pub seq: u64,
+        /// Names this run of the sender: another number means that `seq` starts anew.
+        pub session: u64,
+        /// When the target holds: `CLOCK_MONOTONIC` live, the recording's time in a replay.
+        pub t_ns: u64,
+        /// When it was sent, `CLOCK_MONOTONIC`.
+        pub sent_ns: u64,
+        /// Layout version.
+        pub layout: u32,
+        /// How many joints, 1 to 16.
+        pub joints: u32,
+        /// What else the message holds: the constants of [`Command`].
+        pub flags: u32,
+        /// Directions of approach, −1, 0 or 1 each, where `HAS_DIRECTION` is set.
+        pub direction: [i8; JOINTS_MAX],
+        /// Zero.
+        pub reserved: u32,
+        /// Commanded joint angles or lengths.
+        pub q: [f64; JOINTS_MAX],
+        /// Force then moment at the TCP, where `HAS_WRENCH` is set: what acts on the robot.
+        pub wrench: [f64; 6],
+        /// Ambient, then one per joint, °C, where `HAS_TEMPERATURE` is set; NaN where unknown.
+        pub temperature_c: [f64; JOINTS_MAX + 1],
+    }
+}
+payload!(Command = "trued.Command/1", layout 1, check |c| joint_count::<Command>(c.joints));
+
+impl Command {
+    /// `wrench` holds; in the tool's axes unless `WRENCH_IN_BASE` is set too.
+    pub const HAS_WRENCH: u32 = 1;
+    /// `wrench` stands in the base's axes, still at the TCP.
+    pub const WRENCH_IN_BASE: u32 = 1 << 1;
+    /// A pose at rest: without rate or jerk bound. Honoured only in a lockstep replay.
+    pub const SETTLED: u32 = 1 << 2;
+    /// `direction` holds.
+    pub const HAS_DIRECTION: u32 = 1 << 3;
+    /// `temperature_c` holds.
+    pub const HAS_TEMPERATURE: u32 = 1 << 4;
+
+    /// Whether all bits of `flag` are set.
+    #[must_use]
+    pub const fn has(&self, flag: u32) -> bool {
+        self.flags & flag == flag
+    }
+
+    /// The commanded joints, at most [`JOINTS_MAX`] whatever the message claims.
+    #[must_use]
+    pub fn joints(&self) -> &[f64] {
+        &self.q[..(self.joints as usize).min(JOINTS_MAX)]
+    }
+}
+
+plain_struct! {
+    /// One joint target to publish, from the daemon to the robot's side (`/corrected`).
+    ///
+    /// `q` is the command's joints plus `correction`, always: whatever the status, `q` may be published.
+    pub struct Corrected = "trued.Corrected/1" {
+        /// From 1, plus 1 with each message of this daemon's epoch.
+        pub seq: u64,
+        /// The `seq` of the command that it answers; 0 where there is none yet.
+        pub command_seq: u64,
+        /// The `session` of that command.
+        pub command_session: u64,
+        /// The `t_ns` of that command.
+        pub t_ns: u64,
+        /// When the daemon took that command, `CLOCK_MONOTONIC`.
+        pub received_ns: u64,
+        /// When this answer was made, `CLOCK_MONOTONIC`.
+        pub made_ns: u64,
+        /// Which model made it: plus 1 with each swap.
+        pub model_epoch: u64,
+        /// Layout version.
+        pub layout: u32,
+        /// How many joints, 1 to 16.
+        pub joints: u32,
+        /// A [`CorrectionStatus`].
+        pub status: u32,
+        /// A [`Reason`].
+        pub reason: u32,
+        /// A [`WrenchGate`].
+        pub wrench_gate: u32,
+        /// Newton steps spent.
+        pub iterations: u32,
+        /// The target.
+        pub q: [f64; JOINTS_MAX],
+        /// What of `q` is correction, within the envelope.
+        pub correction: [f64; JOINTS_MAX],
+        /// What the model asks for, before the envelope; in shadow mode `correction` is zero, this is not.
+        pub wanted: [f64; JOINTS_MAX],
+        /// Undamped residual of the solution, position, m.
+        pub residual_m: f64,
+        /// Undamped residual of the solution, orientation, rad.
+        pub residual_rad: f64,
+    }
+}
+payload!(Corrected = "trued.Corrected/1", layout 1, check |c| joint_count::<Corrected>(c.joints));
+
+impl Corrected {
+    /// How it was made.
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the daemon is of a later version.
+    pub fn status(&self) -> Result<CorrectionStatus, UnknownCode> {
+        self.status.try_into()
+    }
+
+    /// Why it was made so.
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the daemon is of a later version.
+    pub fn reason(&self) -> Result<Reason, UnknownCode> {
+        self.reason.try_into()
+    }
+
+    /// The target's joints, at most [`JOINTS_MAX`] whatever the message claims.
+    #[must_use]
+    pub fn joints(&self) -> &[f64] {
+        &self.q[..(self.joints as usize).min(JOINTS_MAX)]
+    }
+}
+
+codes! {
+    /// How a corrected target was made.
+    pub enum CorrectionStatus {
+        /// By the model, for this command.
+        Corrected = 0 "corrected",
+        /// The last correction stands.
+        Held = 1 "held",
+        /// The correction is on its way to another state, or to zero.
+        Ramping = 2 "ramping",
+        /// By order, nothing is corrected.
+        Bypassed = 3 "bypassed",
+        /// The command was refused; `q` is the last target that was good.
+        Rejected = 4 "rejected",
+        /// The command itself; `wanted` tells what would have been.
+        Shadow = 5 "shadow",
+    }
+}
+
+codes! {
+    /// Why a corrected target was made as it was.
+    pub enum Reason {
+        /// Nothing to say.
+        None = 0 "none",
+        /// The command holds a number that is none.
+        NotFinite = 1 "not_finite",
+        /// The command is outside the joint limits.
+        OutOfLimits = 2 "out_of_limits",
+        /// The command is older than its forerunner.
+        OutOfOrder = 3 "out_of_order",
+        /// No fresh command.
+        Stale = 4 "stale",
+        /// The same command again.
+        Duplicate = 5 "duplicate",
+        /// The command has another number of joints than the model.
+        WrongJointCount = 6 "wrong_joint_count",
+        /// The solution did not converge (singular pose, or a correction too large).
+        NotConverged = 7 "not_converged",
+        /// The envelope bounds the correction.
+        Envelope = 8 "envelope",
+        /// Bypass was asked for.
+        Bypass = 9 "bypass",
+        /// The model was swapped; its change is ramped.
+        ModelChanged = 10 "model_changed",
+        /// The daemon starts.
+        Starting = 11 "starting",
+        /// No command has come yet.
+        NoCommand = 12 "no_command",
+        /// Time of the commands jumped.
+        TimeJump = 13 "time_jump",
+        /// The message cannot be read: layout, counts, flags.
+        Malformed = 14 "malformed",
+        /// The command jumped further than a robot can move.
+        CommandJump = 15 "command_jump",
+        /// The daemon stands in shadow mode.
+        ShadowMode = 16 "shadow_mode",
+        /// The joint limits cut the correction.
+        JointLimit = 17 "joint_limit",
+        /// The wrench is not used (stale, or its loop gain is too high).
+        WrenchGated = 18 "wrench_gated",
+    }
+}
+
+codes! {
+    /// Whether the measured wrench takes part in the correction.
+    pub enum WrenchGate {
+        /// No wrench has come.
+        Absent = 0 "absent",
+        /// It takes part.
+        Open = 1 "open",
+        /// It is being faded in or out.
+        Ramping = 2 "ramping",
+        /// Its loop gain is too high, so it is taken as zero.
+        GainTooHigh = 3 "gain_too_high",
+        /// It is stale, so it is taken as zero.
+        Stale = 4 "stale",
+        /// It is switched off in the configuration.
+        Off = 5 "off",
+    }
+}
+
+fn joint_count<P: crate::Payload>(joints: u32) -> Result<(), Malformed> {
+    within::<P>("joints", u64::from(joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
+}

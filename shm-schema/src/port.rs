@@ -1,0 +1,227 @@
+//! Typed ports: what a thread sends into and takes out of.
+//!
+//! Promise: a send never blocks and never fails loudly; it tells whether the message was handed
+//! over. A take never blocks. Neither makes a system call nor allocates, but for the one block that
+//! the transport allocates per sent message. Ports of the daemon stay in the thread that made them.
+
+use iceoryx2::port::client::Client as IoxClient;
+use iceoryx2::port::publisher::{Publisher as IoxPublisher, PublisherCreateError};
+use iceoryx2::port::server::Server as IoxServer;
+use iceoryx2::port::subscriber::{Subscriber as IoxSubscriber, SubscriberCreateError};
+use iceoryx2::prelude::{BackpressureStrategy, PortFactory as _, Service, ipc};
+
+use crate::services::{Services, Topic};
+use crate::{Request, Response};
+
+/// A port could not be made.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum PortError {
+    /// Another process, or one that died a moment ago, has the only place.
+    #[error(
+        "service `/{service}`: the place of the {port} is taken; another process holds it, or the daemon has not cleaned up yet: try again"
+    )]
+    Occupied {
+        /// Which service.
+        service: &'static str,
+        /// Publisher, subscriber, client or server.
+        port: &'static str,
+    },
+    /// The transport refused.
+    #[error("service `/{service}`: no {port} could be made ({cause}); is shared memory full?")]
+    Refused {
+        /// Which service.
+        service: &'static str,
+        /// Publisher, subscriber, client or server.
+        port: &'static str,
+        /// What the transport said.
+        cause: String,
+    },
+}
+
+/// What became of a message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SendOutcome {
+    /// Handed over.
+    Delivered,
+    /// Nobody listens.
+    NoReader,
+    /// The reader is too slow, or the transport failed: the message is lost, and counted.
+    Lost,
+}
+
+/// Sends one payload.
+#[derive(Debug)]
+pub struct Publisher<T: Topic, S: Service = ipc::Service> {
+    port: IoxPublisher<S, T, ()>,
+    service: std::sync::Arc<Services<S>>,
+    lost: u64,
+}
+
+impl<T: Topic, S: Service> Publisher<T, S> {
+    pub(crate) fn new(services: &std::sync::Arc<Services<S>>) -> Result<Self, PortError> {
+        let port = T::factory(services)
+            .publisher_builder()
+            .max_loaned_samples(1)
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(|e| match e {
+                PublisherCreateError::ExceedsMaxSupportedPublishers => occupied::<T>("publisher"),
+                e => refused::<T>("publisher", &e),
+            })?;
+        Ok(Self { port, service: services.clone(), lost: 0 })
+    }
+
+    /// Sends a copy; never blocks.
+    pub fn send(&mut self, message: &T) -> SendOutcome {
+        match self.port.send_copy(*message) {
+            Ok(0) if !self.has_reader() => SendOutcome::NoReader,
+            Ok(0) | Err(_) => {
+                self.lost += 1;
+                SendOutcome::Lost
+            }
+            Ok(_) => SendOutcome::Delivered,
+        }
+    }
+
+    /// Messages lost at this port so far.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// Whether somebody has joined to read. A reader that was killed counts until it is cleaned up.
+    #[must_use]
+    pub fn has_reader(&self) -> bool {
+        T::factory(&self.service).dynamic_config().number_of_subscribers() > 0
+    }
+}
+
+/// Takes one payload.
+#[derive(Debug)]
+pub struct Subscriber<T: Topic, S: Service = ipc::Service> {
+    port: IoxSubscriber<S, T, ()>,
+    failures: u64,
+}
+
+impl<T: Topic, S: Service> Subscriber<T, S> {
+    pub(crate) fn new(services: &Services<S>) -> Result<Self, PortError> {
+        let port = T::factory(services)
+            .subscriber_builder()
+            .buffer_size(T::KEEPING.buffer)
+            .history_request(T::KEEPING.history)
+            .create()
+            .map_err(|e| match e {
+                SubscriberCreateError::ExceedsMaxSupportedSubscribers => {
+                    occupied::<T>("subscriber")
+                }
+                e => refused::<T>("subscriber", &e),
+            })?;
+        Ok(Self { port, failures: 0 })
+    }
+
+    /// The oldest message not yet taken.
+    pub fn take_next(&mut self) -> Option<T> {
+        match self.port.receive() {
+            Ok(sample) => sample.map(|s| *s.payload()),
+            Err(_) => {
+                self.failures += 1;
+                None
+            }
+        }
+    }
+
+    /// The newest message; older ones are dropped. Bounded by the service's buffer.
+    pub fn take_newest(&mut self) -> Option<T> {
+        let mut newest = None;
+        for _ in 0..=T::KEEPING.buffer {
+            match self.take_next() {
+                Some(message) => newest = Some(message),
+                None => break,
+            }
+        }
+        newest
+    }
+
+    /// How often the transport failed in handing over.
+    #[must_use]
+    pub fn failures(&self) -> u64 {
+        self.failures
+    }
+}
+
+/// The daemon's end of `/control`.
+#[derive(Debug)]
+pub struct ControlServer<S: Service = ipc::Service> {
+    port: IoxServer<S, Request, (), Response, ()>,
+}
+
+impl<S: Service> ControlServer<S> {
+    pub(crate) fn new(services: &Services<S>) -> Result<Self, PortError> {
+        let port = services
+            .control
+            .server_builder()
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(|e| control_refused("server", &e))?;
+        Ok(Self { port })
+    }
+
+    /// Answers one waiting request, if there is one. Allocates: not for the cycle.
+    pub fn serve(&mut self, answer: impl FnOnce(&Request) -> Response) -> bool {
+        let Ok(Some(request)) = self.port.receive() else { return false };
+        let response = answer(request.payload());
+        // A client that has gone meanwhile does not want its answer.
+        let _ = request.send_copy(response);
+        true
+    }
+}
+
+/// A client's end of `/control`.
+#[derive(Debug)]
+pub struct ControlClient<S: Service = ipc::Service> {
+    port: IoxClient<S, Request, (), Response, ()>,
+}
+
+/// An answer on its way.
+#[derive(Debug)]
+pub struct Pending<S: Service = ipc::Service> {
+    pending: iceoryx2::pending_response::PendingResponse<S, Request, (), Response, ()>,
+}
+
+impl<S: Service> ControlClient<S> {
+    pub(crate) fn new(services: &Services<S>) -> Result<Self, PortError> {
+        let port = services
+            .control
+            .client_builder()
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+            .map_err(|e| control_refused("client", &e))?;
+        Ok(Self { port })
+    }
+
+    /// Sends a request; the answer is to be asked for. `None` where the daemon cannot take it now.
+    pub fn ask(&mut self, request: &Request) -> Option<Pending<S>> {
+        let pending = self.port.send_copy(*request).ok()?;
+        (pending.number_of_server_connections() > 0).then_some(Pending { pending })
+    }
+}
+
+impl<S: Service> Pending<S> {
+    /// The answer, once it is there.
+    #[must_use]
+    pub fn answer(&self) -> Option<Response> {
+        self.pending.receive().ok().flatten().map(|response| *response.payload())
+    }
+}
+
+fn occupied<T: Topic>(port: &'static str) -> PortError {
+    PortError::Occupied { service: T::SERVICE, port }
+}
+
+fn refused<T: Topic>(port: &'static str, cause: &dyn core::fmt::Debug) -> PortError {
+    PortError::Refused { service: T::SERVICE, port, cause: format!("{cause:?}") }
+}
+
+fn control_refused(port: &'static str, cause: &dyn core::fmt::Debug) -> PortError {
+    PortError::Refused { service: "control", port, cause: format!("{cause:?}") }
+}

@@ -1,0 +1,198 @@
+//! The services of an epoch: names, how many may take part, how much is kept.
+//!
+//! Promise: the daemon creates them all; everybody else only opens. Each carries the layout hash of
+//! its payload as an attribute, as the transport compares only type names and sizes.
+
+use core::fmt::Debug;
+
+use iceoryx2::node::Node;
+use iceoryx2::prelude::{
+    AttributeSpecifier, AttributeVerifier, IceoryxSend, Service, ZeroCopySend,
+};
+use iceoryx2::service::port_factory::{publish_subscribe, request_response};
+
+use crate::layout::{Payload, hash_text, mix};
+use crate::{Command, Corrected, ForceBlock, Request, Response, RobotState, Status, Verdict};
+
+/// Version of services and payloads as a whole: changes with any change of meaning.
+pub const CONTRACT_VERSION: u32 = 1;
+
+/// Layout hash of all payloads together.
+pub const CONTRACT_HASH: u64 = {
+    let hash = hash_text("trued.contract");
+    let hash = mix(hash, Command::LAYOUT_HASH);
+    let hash = mix(hash, Corrected::LAYOUT_HASH);
+    let hash = mix(hash, ForceBlock::LAYOUT_HASH);
+    let hash = mix(hash, RobotState::LAYOUT_HASH);
+    let hash = mix(hash, Verdict::LAYOUT_HASH);
+    let hash = mix(hash, Status::LAYOUT_HASH);
+    let hash = mix(hash, Request::LAYOUT_HASH);
+    mix(hash, Response::LAYOUT_HASH)
+};
+
+/// The version of the transport; two of them do not mix on one domain.
+pub(crate) const TRANSPORT_VERSION: &str = "0.10.0";
+
+/// Most processes in one epoch: daemon, cell, force source, monitors, and the dead not yet cleaned.
+const NODES_MAX: usize = 32;
+/// Readers of `/vibration` and `/status`, and clients of `/control`.
+pub(crate) const MONITORS_MAX: usize = 16;
+
+/// How a service keeps and hands over its messages.
+#[derive(Debug, Clone, Copy)]
+pub struct Keeping {
+    pub(crate) subscribers: usize,
+    pub(crate) buffer: usize,
+    pub(crate) history: usize,
+    pub(crate) overflow: bool,
+}
+
+const NEWEST: Keeping = Keeping { subscribers: 1, buffer: 1, history: 0, overflow: true };
+
+/// A payload with a service of its own. Sealed: the services are a closed list.
+pub trait Topic: Payload + located::Located {
+    /// Name of its service.
+    const SERVICE: &'static str;
+    /// How the service keeps messages.
+    const KEEPING: Keeping;
+}
+
+pub(crate) mod located {
+    use super::{IceoryxSend, PubSub, Service, Services, ZeroCopySend};
+    /// Where a payload's factory stands among the services.
+    pub trait Located: IceoryxSend + ZeroCopySend + core::fmt::Debug + Sized + 'static {
+        #[doc(hidden)]
+        fn factory<S: Service>(services: &Services<S>) -> &PubSub<S, Self>;
+    }
+}
+
+macro_rules! topics {
+    ($($payload:ident = $field:ident $name:literal $keeping:expr;)*) => { $(
+        impl Topic for $payload {
+            const SERVICE: &'static str = $name;
+            const KEEPING: Keeping = $keeping;
+        }
+        impl located::Located for $payload {
+            fn factory<S: Service>(services: &Services<S>) -> &PubSub<S, Self> {
+                &services.$field
+            }
+        }
+    )* };
+}
+topics! {
+    Command = command "command" NEWEST;
+    Corrected = corrected "corrected" NEWEST;
+    ForceBlock = force "force" Keeping { subscribers: 1, buffer: 64, history: 0, overflow: false };
+    RobotState = state "state" NEWEST;
+    Verdict = vibration "vibration"
+        Keeping { subscribers: MONITORS_MAX, buffer: 16, history: 8, overflow: true };
+    Status = status "status"
+        Keeping { subscribers: MONITORS_MAX, buffer: 1, history: 1, overflow: true };
+}
+
+/// A service could not be created or opened.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("service `/{service}`: {cause}")]
+pub struct ServiceError {
+    /// Which.
+    pub service: &'static str,
+    /// What the transport said.
+    pub cause: String,
+}
+
+pub(crate) type PubSub<S, T> = publish_subscribe::PortFactory<S, T, ()>;
+pub(crate) type Control<S> = request_response::PortFactory<S, Request, (), Response, ()>;
+
+/// All services of one epoch.
+#[derive(Debug)]
+pub struct Services<S: Service> {
+    command: PubSub<S, Command>,
+    corrected: PubSub<S, Corrected>,
+    force: PubSub<S, ForceBlock>,
+    state: PubSub<S, RobotState>,
+    vibration: PubSub<S, Verdict>,
+    status: PubSub<S, Status>,
+    pub(crate) control: Control<S>,
+}
+
+/// Who makes a service: the daemon creates, all others open.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Way {
+    Create,
+    Open,
+}
+
+impl<S: Service> Services<S> {
+    pub(crate) fn make(node: &Node<S>, way: Way) -> Result<Self, ServiceError> {
+        Ok(Self {
+            command: pub_sub(node, way)?,
+            corrected: pub_sub(node, way)?,
+            force: pub_sub(node, way)?,
+            state: pub_sub(node, way)?,
+            vibration: pub_sub(node, way)?,
+            status: pub_sub(node, way)?,
+            control: control(node, way)?,
+        })
+    }
+}
+
+fn pub_sub<S: Service, T: Topic>(node: &Node<S>, way: Way) -> Result<PubSub<S, T>, ServiceError> {
+    let fault =
+        |cause: &dyn Debug| ServiceError { service: T::SERVICE, cause: format!("{cause:?}") };
+    let name = T::SERVICE.try_into().map_err(|e| fault(&e))?;
+    let builder = node.service_builder(&name).publish_subscribe::<T>();
+    if way == Way::Open {
+        let attributes = required(T::LAYOUT_HASH).map_err(|e| fault(&e))?;
+        return builder.open_with_attributes(&attributes).map_err(|e| fault(&e));
+    }
+    builder
+        .max_publishers(1)
+        .max_subscribers(T::KEEPING.subscribers)
+        .max_nodes(NODES_MAX)
+        .subscriber_max_buffer_size(T::KEEPING.buffer)
+        .subscriber_max_borrowed_samples(2)
+        .history_size(T::KEEPING.history)
+        .enable_safe_overflow(T::KEEPING.overflow)
+        .create_with_attributes(&defined(T::LAYOUT_HASH).map_err(|e| fault(&e))?)
+        .map_err(|e| fault(&e))
+}
+
+fn control<S: Service>(node: &Node<S>, way: Way) -> Result<Control<S>, ServiceError> {
+    let fault =
+        |cause: &dyn Debug| ServiceError { service: "control", cause: format!("{cause:?}") };
+    let name = "control".try_into().map_err(|e| fault(&e))?;
+    let builder = node.service_builder(&name).request_response::<Request, Response>();
+    let hash = mix(Request::LAYOUT_HASH, Response::LAYOUT_HASH);
+    if way == Way::Open {
+        let attributes = required(hash).map_err(|e| fault(&e))?;
+        return builder.open_with_attributes(&attributes).map_err(|e| fault(&e));
+    }
+    builder
+        .max_servers(1)
+        .max_clients(MONITORS_MAX)
+        .max_nodes(NODES_MAX)
+        .max_active_requests_per_client(2)
+        .max_response_buffer_size(2)
+        .enable_safe_overflow_for_requests(true)
+        .enable_safe_overflow_for_responses(true)
+        .create_with_attributes(&defined(hash).map_err(|e| fault(&e))?)
+        .map_err(|e| fault(&e))
+}
+
+type AttributeFault = Box<dyn Debug>;
+
+fn boxed<E: Debug + 'static>(e: E) -> AttributeFault {
+    Box::new(e)
+}
+
+fn defined(hash: u64) -> Result<AttributeSpecifier, AttributeFault> {
+    let key = "layout".try_into().map_err(boxed)?;
+    let value = format!("{hash:016x}").as_str().try_into().map_err(boxed)?;
+    AttributeSpecifier::new().define(&key, &value).map_err(boxed)
+}
+
+fn required(hash: u64) -> Result<AttributeVerifier, AttributeFault> {
+    let key = "layout".try_into().map_err(boxed)?;
+    let value = format!("{hash:016x}").as_str().try_into().map_err(boxed)?;
+    AttributeVerifier::new().require(&key, &value).map_err(boxed)
+}

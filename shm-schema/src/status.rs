@@ -1,0 +1,171 @@
+//! How the daemon is (`/status`): about 20 times a second, from a thread that is not real-time.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::JOINTS_MAX;
+use crate::codes::{UnknownCode, codes};
+use crate::layout::{payload, plain_struct, within};
+use crate::text::Text;
+
+plain_struct! {
+    /// What bounds the published joint targets; the client ramps by the same rule when the daemon is gone.
+    pub struct JointBounds = "trued.JointBounds/1" {
+        /// Lower joint limits, rad or m.
+        pub min: [f64; JOINTS_MAX],
+        /// Upper joint limits, rad or m.
+        pub max: [f64; JOINTS_MAX],
+        /// Largest correction, rad or m.
+        pub angle: [f64; JOINTS_MAX],
+        /// Largest rate of the correction, rad/s or m/s.
+        pub rate: [f64; JOINTS_MAX],
+        /// Largest jerk of the correction, rad/s³ or m/s³.
+        pub jerk: [f64; JOINTS_MAX],
+    }
+}
+
+plain_struct! {
+    /// The daemon's own account of itself. The first one is published before the epoch is announced.
+    pub struct Status = "trued.Status/1" {
+        /// From 1, plus 1 with each message of this daemon's epoch.
+        pub seq: u64,
+        /// When it was made, `CLOCK_MONOTONIC`.
+        pub t_ns: u64,
+        /// When the daemon started, `CLOCK_MONOTONIC`.
+        pub started_ns: u64,
+        /// Plus 1 with each swap of the model.
+        pub model_epoch: u64,
+        /// Identity of the model.
+        pub model_hash: u64,
+        /// Cycles run.
+        pub cycles: u64,
+        /// Cycles that came too late.
+        pub missed_cycles: u64,
+        /// Commands taken.
+        pub commands: u64,
+        /// Commands refused.
+        pub rejected: u64,
+        /// Targets with the last correction held.
+        pub held: u64,
+        /// Times that the commands fell silent.
+        pub stale: u64,
+        /// Commands that never came, by their numbers.
+        pub commands_lost: u64,
+        /// Targets that could not be handed over.
+        pub corrected_lost: u64,
+        /// Force blocks taken.
+        pub force_blocks: u64,
+        /// Force blocks that never came, by their numbers.
+        pub force_gaps: u64,
+        /// Messages that could not be read.
+        pub malformed: u64,
+        /// Entries that the black box dropped.
+        pub recorder_dropped: u64,
+        /// From the command's sending to its answer: the middle, ns.
+        pub latency_p50_ns: u64,
+        /// The same at 99 %.
+        pub latency_p99_ns: u64,
+        /// The same at 99.9 %.
+        pub latency_p999_ns: u64,
+        /// The worst.
+        pub latency_max_ns: u64,
+        /// Loop gain of the wrench correction as estimated (dimensionless; NaN where unknown).
+        pub wrench_loop_gain: f64,
+        /// Frequency of the loudest line that stands above the floor, Hz (NaN where none).
+        pub vibration_hz: f64,
+        /// Its amplitude, N or N·m (NaN where none).
+        pub vibration_amplitude: f64,
+        /// Layout version.
+        pub layout: u32,
+        /// The daemon's process.
+        pub pid: u32,
+        /// A [`Health`].
+        pub health: u32,
+        /// A [`Mode`].
+        pub mode: u32,
+        /// 1 where bypassed.
+        pub bypassed: u32,
+        /// How many joints the model has, 1 to 16.
+        pub joints: u32,
+        /// A [`crate::WrenchGate`].
+        pub wrench_gate: u32,
+        /// A [`RecorderState`].
+        pub recorder: u32,
+        /// A [`crate::VibrationState`].
+        pub vibration: u32,
+        /// A channel of 0 to 5.
+        pub vibration_axis: u32,
+        /// Effects in the model that the cycle does not correct.
+        pub uncompensated_effects: u32,
+        /// Zero.
+        pub reserved: u32,
+        /// Limits of joints and correction.
+        pub bounds: JointBounds,
+        /// What a person should know, in words.
+        pub message: Text<128>,
+    }
+}
+payload!(Status = "trued.Status/1", layout 1, check |s| {
+    within::<Status>("joints", u64::from(s.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
+});
+
+impl Status {
+    /// How the daemon is.
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the daemon is of a later version.
+    pub fn health(&self) -> Result<Health, UnknownCode> {
+        self.health.try_into()
+    }
+
+    /// How much the daemon may correct.
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the daemon is of a later version.
+    pub fn mode(&self) -> Result<Mode, UnknownCode> {
+        self.mode.try_into()
+    }
+}
+
+codes! {
+    /// How the daemon is.
+    pub enum Health {
+        /// It starts.
+        Starting = 0 "starting",
+        /// It stands ready; no command comes.
+        Idle = 1 "idle",
+        /// It corrects.
+        Running = 2 "running",
+        /// It goes on, with something missing; `message` says what.
+        Degraded = 3 "degraded",
+        /// It corrects nothing; `message` says why.
+        Fault = 4 "fault",
+        /// It ends.
+        Stopping = 5 "stopping",
+    }
+}
+
+codes! {
+    /// How much the daemon may correct.
+    pub enum Mode {
+        /// It computes and reports, and corrects nothing.
+        Shadow = 0 "shadow",
+        /// It corrects within a narrow envelope.
+        Limited = 1 "limited",
+        /// It corrects within the whole envelope.
+        Full = 2 "full",
+    }
+}
+
+codes! {
+    /// How the black box is.
+    pub enum RecorderState {
+        /// It is switched off.
+        Off = 0 "off",
+        /// It writes.
+        Recording = 1 "recording",
+        /// It drops: the disk is too slow or full.
+        Dropping = 2 "dropping",
+        /// It cannot write.
+        Failed = 3 "failed",
+    }
+}

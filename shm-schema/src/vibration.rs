@@ -1,0 +1,147 @@
+//! What the vibration watch has to say (`/vibration`).
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::codes::{UnknownCode, codes};
+use crate::layout::{payload, plain_struct};
+
+plain_struct! {
+    /// One verdict on one line of the force spectrum. What is unknown is NaN.
+    pub struct Verdict = "trued.Verdict/1" {
+        /// From 1, plus 1 with each verdict of this daemon's epoch.
+        pub seq: u64,
+        /// Time of the last force sample that took part.
+        pub t_ns: u64,
+        /// When the verdict was made, `CLOCK_MONOTONIC`.
+        pub made_ns: u64,
+        /// Names one ringing from its first warning to its end.
+        pub event: u64,
+        /// Frequency, Hz.
+        pub frequency_hz: f64,
+        /// Amplitude (peak) on `axis`, N or N·m.
+        pub amplitude: f64,
+        /// Level above the learned floor, dB.
+        pub above_floor_db: f64,
+        /// Rate of growth of the amplitude, 1/s.
+        pub growth_per_s: f64,
+        /// Nearest mode of the structure, Hz.
+        pub nearest_mode_hz: f64,
+        /// Distance to it, Hz.
+        pub mode_distance_hz: f64,
+        /// Nearest spindle or tooth-passing harmonic, Hz.
+        pub nearest_harmonic_hz: f64,
+        /// Distance to it, Hz.
+        pub harmonic_distance_hz: f64,
+        /// Nearest alias of a known line, Hz.
+        pub nearest_alias_hz: f64,
+        /// Distance to it, Hz.
+        pub alias_distance_hz: f64,
+        /// Layout version.
+        pub layout: u32,
+        /// A [`VibrationState`].
+        pub state: u32,
+        /// A [`VibrationClass`].
+        pub class: u32,
+        /// Classes not ruled out: bit `n` is the class of code `n`.
+        pub rivals: u32,
+        /// Channel: 0 to 5 for `Fx Fy Fz Mx My Mz`.
+        pub axis: u32,
+        /// 1 where the line may stand above half the sampling rate in truth.
+        pub suspect_alias: u32,
+        /// An [`Advice`].
+        pub advice: u32,
+        /// A [`SensorFault`].
+        pub sensor_fault: u32,
+    }
+}
+payload!(Verdict = "trued.Verdict/1", layout 1, check |v| {
+    crate::layout::within::<Verdict>("axis", u64::from(v.axis), 0..=5, "an axis of 0 to 5")
+});
+
+impl Verdict {
+    /// How far the ringing has come.
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the daemon is of a later version.
+    pub fn state(&self) -> Result<VibrationState, UnknownCode> {
+        self.state.try_into()
+    }
+
+    /// What kind of ringing it is.
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the daemon is of a later version.
+    pub fn class(&self) -> Result<VibrationClass, UnknownCode> {
+        self.class.try_into()
+    }
+}
+
+codes! {
+    /// How far a ringing has come.
+    pub enum VibrationState {
+        /// It has ended, or there is none.
+        Over = 0 "over",
+        /// A line stands above the floor.
+        Warn = 1 "warn",
+        /// It lasts or grows.
+        Alarm = 2 "alarm",
+        /// Its class is known too.
+        Confirmed = 3 "confirmed",
+    }
+}
+
+codes! {
+    /// What kind of ringing it is.
+    pub enum VibrationClass {
+        /// Not decided.
+        Unknown = 0 "unknown",
+        /// Driven by the spindle or its teeth.
+        Forced = 1 "forced",
+        /// Regenerative chatter.
+        Chatter = 2 "chatter",
+        /// Mode-coupling chatter.
+        ModeCoupling = 3 "mode_coupling",
+        /// A gear's meshing.
+        Gear = 4 "gear",
+        /// A structural mode, excited from outside.
+        Structural = 5 "structural",
+        /// Mains or inverter.
+        Electrical = 6 "electrical",
+    }
+}
+
+codes! {
+    /// What would help.
+    pub enum Advice {
+        /// Nothing to advise.
+        None = 0 "none",
+        /// Change the spindle's speed.
+        ChangeSpindleSpeed = 1 "change_spindle_speed",
+        /// Take less depth.
+        ReduceDepth = 2 "reduce_depth",
+        /// Change the direction of feed, or the pose.
+        ChangeDirection = 3 "change_direction",
+        /// Check the force sensor.
+        CheckSensor = 4 "check_sensor",
+        /// Sample faster, or filter: the line may be an alias.
+        SampleFaster = 5 "sample_faster",
+    }
+}
+
+codes! {
+    /// What is wrong with the force signal itself.
+    pub enum SensorFault {
+        /// Nothing.
+        None = 0 "none",
+        /// A channel stands at its end of range.
+        Saturated = 1 "saturated",
+        /// A channel does not move at all.
+        Stuck = 2 "stuck",
+        /// A channel holds numbers that are none.
+        NotFinite = 3 "not_finite",
+        /// Blocks are missing.
+        Gaps = 4 "gaps",
+        /// The rate is not what the blocks say.
+        WrongRate = 5 "wrong_rate",
+    }
+}

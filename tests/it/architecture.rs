@@ -1,0 +1,201 @@
+//! The rules of the house that a program can check: room sizes, arrows between crates, where `unsafe` may stand.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use syn::spanned::Spanned;
+use syn::visit::{self, Visit};
+
+const FILE_LINES_MAX: usize = 400;
+const FUNCTION_LINES_MAX: usize = 70;
+
+/// Who may name whom (docs: ARCHITECTURE.md). A crate that is not listed here may name all.
+const ARROWS: &[(&str, &[&str])] = &[
+    ("physics", &[]),
+    ("spectrum", &[]),
+    ("shm-schema", &[]),
+    ("report", &[]),
+    ("envelope", &[]),
+    ("corrector", &["physics", "envelope"]),
+    ("recording", &["physics"]),
+    ("world", &["physics", "spectrum"]),
+    ("client", &["shm-schema", "envelope"]),
+    ("daemon", &["corrector", "physics", "envelope", "spectrum", "recording", "shm-schema"]),
+    ("xtask", &[]),
+];
+
+#[test]
+fn crates_name_only_whom_they_may() {
+    let house = folders_of_packages();
+    let mut faults = Vec::new();
+    for (folder, may_name) in ARROWS {
+        for named in dependencies(folder) {
+            let Some(target) = house.get(&named) else { continue };
+            if !may_name.contains(&target.as_str()) {
+                faults.push(format!("{folder} names {target}"));
+            }
+        }
+    }
+    for folder in house.values() {
+        let others = ["trued", "tests"].contains(&folder.as_str());
+        if !others && dependencies(folder).iter().any(|d| d == "trued" || d == "tests") {
+            faults.push(format!("{folder} names trued or tests, which nothing may"));
+        }
+    }
+    assert!(faults.is_empty(), "arrows against the plan:\n{}", faults.join("\n"));
+}
+
+#[test]
+fn files_and_functions_fit_into_a_room() {
+    let mut faults = Vec::new();
+    for path in sources() {
+        let text = fs::read_to_string(&path).unwrap();
+        let lines = text.lines().count();
+        if lines > FILE_LINES_MAX {
+            faults.push(format!("{}: {lines} lines", shown(&path)));
+        }
+        let file = syn::parse_file(&text).unwrap_or_else(|e| panic!("{}: {e}", shown(&path)));
+        let mut long = LongFunctions { path: shown(&path), found: Vec::new() };
+        long.visit_file(&file);
+        faults.extend(long.found);
+    }
+    assert!(faults.is_empty(), "too large for one room:\n{}", faults.join("\n"));
+}
+
+#[test]
+fn every_file_says_what_it_is_for() {
+    let faults: Vec<_> = sources()
+        .filter(|path| !fs::read_to_string(path).unwrap().trim_start().starts_with("//!"))
+        .map(|path| shown(&path))
+        .collect();
+    assert!(faults.is_empty(), "without a module header:\n{}", faults.join("\n"));
+}
+
+#[test]
+fn unsafe_stands_in_shm_schema_alone() {
+    let faults: Vec<_> = sources()
+        .filter(|path| !shown(path).starts_with("shm-schema/"))
+        .filter(|path| {
+            let file = syn::parse_file(&fs::read_to_string(path).unwrap()).unwrap();
+            let mut finder = Unsafe { found: false };
+            finder.visit_file(&file);
+            finder.found
+        })
+        .map(|path| shown(&path))
+        .collect();
+    assert!(faults.is_empty(), "unsafe outside shm-schema:\n{}", faults.join("\n"));
+}
+
+#[test]
+fn the_crates_that_compute_know_no_clock_no_file_and_no_thread() {
+    let forbidden = ["std::time", "std::fs", "std::net", "std::thread", "std::process", "std::env"];
+    let mut faults = Vec::new();
+    for path in sources() {
+        let shown = shown(&path);
+        let computes = ["physics/src", "envelope/src", "corrector/src", "spectrum/src"];
+        if !computes.iter().any(|folder| shown.starts_with(folder)) || is_test_code(&shown) {
+            continue;
+        }
+        let text = fs::read_to_string(&path).unwrap();
+        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+        faults.extend(
+            forbidden.iter().filter(|f| code.contains(*f)).map(|f| format!("{shown}: {f}")),
+        );
+    }
+    assert!(faults.is_empty(), "computing crates reach outside:\n{}", faults.join("\n"));
+}
+
+fn is_test_code(shown: &str) -> bool {
+    shown.ends_with("tests.rs") || shown.contains("/tests/") || shown.ends_with("conformance.rs")
+}
+
+struct LongFunctions {
+    path: String,
+    found: Vec<String>,
+}
+
+impl LongFunctions {
+    fn check(&mut self, name: &syn::Ident, span: proc_macro2::Span) {
+        let lines = span.end().line + 1 - span.start().line;
+        if lines > FUNCTION_LINES_MAX {
+            self.found.push(format!("{}: fn {name} has {lines} lines", self.path));
+        }
+    }
+}
+
+impl<'ast> Visit<'ast> for LongFunctions {
+    fn visit_item_fn(&mut self, item: &'ast syn::ItemFn) {
+        self.check(&item.sig.ident, item.sig.span().join(item.block.span()).unwrap_or(item.span()));
+        visit::visit_item_fn(self, item);
+    }
+    fn visit_impl_item_fn(&mut self, item: &'ast syn::ImplItemFn) {
+        self.check(&item.sig.ident, item.sig.span().join(item.block.span()).unwrap_or(item.span()));
+        visit::visit_impl_item_fn(self, item);
+    }
+}
+
+struct Unsafe {
+    found: bool,
+}
+
+impl<'ast> Visit<'ast> for Unsafe {
+    fn visit_expr_unsafe(&mut self, _: &'ast syn::ExprUnsafe) {
+        self.found = true;
+    }
+    fn visit_item_impl(&mut self, item: &'ast syn::ItemImpl) {
+        self.found |= item.unsafety.is_some();
+        visit::visit_item_impl(self, item);
+    }
+    fn visit_signature(&mut self, signature: &'ast syn::Signature) {
+        self.found |= signature.unsafety.is_some();
+    }
+}
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().to_path_buf()
+}
+
+fn shown(path: &Path) -> String {
+    path.strip_prefix(root()).unwrap().display().to_string()
+}
+
+/// Package name → folder, for every member of the workspace.
+fn folders_of_packages() -> BTreeMap<String, String> {
+    let workspace = manifest(&root());
+    let members = workspace["workspace"]["members"].as_array().unwrap().clone();
+    let folder = |member: &toml::Value| member.as_str().unwrap().to_owned();
+    members
+        .iter()
+        .map(folder)
+        .map(|f| (manifest(&root().join(&f))["package"]["name"].as_str().unwrap().to_owned(), f))
+        .collect()
+}
+
+fn dependencies(folder: &str) -> Vec<String> {
+    let manifest = manifest(&root().join(folder));
+    let table = manifest.get("dependencies").and_then(toml::Value::as_table);
+    table.map(|t| t.keys().cloned().collect()).unwrap_or_default()
+}
+
+fn manifest(folder: &Path) -> toml::Table {
+    let text = fs::read_to_string(folder.join("Cargo.toml")).unwrap();
+    toml::from_str(&text).unwrap()
+}
+
+/// Every Rust source of the workspace's members.
+fn sources() -> impl Iterator<Item = PathBuf> {
+    let mut found = Vec::new();
+    let mut folders: Vec<PathBuf> =
+        folders_of_packages().values().map(|f| root().join(f)).collect();
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()) {
+            if entry.is_dir() && !entry.ends_with("target") {
+                folders.push(entry);
+            } else if entry.extension().is_some_and(|e| e == "rs") {
+                found.push(entry);
+            }
+        }
+    }
+    found.sort();
+    found.into_iter()
+}

@@ -1,0 +1,3 @@
+//! The program, for the tests of real processes.
+
+fn main() {}

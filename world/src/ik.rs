@@ -1,0 +1,194 @@
+//! Joint positions for a wanted placement of the tool, on the controller's own geometry.
+//!
+//! Damped Newton: `Δq = Jᵀ (J Jᵀ + λ² I)⁻¹ e` with `λ² = ½ |e|²`, which fades as the error does (Sugihara, IEEE T-RO
+//! 27(5), 2011); a redundant arm takes the least step. e: placement error, m and rad.
+//!
+//! Promises: what is returned closes to 1e-12 m and rad on [`Chain::nominal`] and lies within the joint limits.
+//! Never: an effect; correcting for those is the corrector's. Not for hard real time.
+
+use glam::DVec3;
+use nalgebra::{Cholesky, SMatrix, SVector};
+use physics::frame::vector_from_rotation;
+use physics::{Arm, Chain, Frame, JOINTS_MAX, JointKind, Joints};
+use thiserror::Error;
+
+const ITERATIONS: usize = 200;
+const TOLERANCE: f64 = 1e-12;
+const STEP_MAX: f64 = 0.3;
+const SEEDS: u32 = 96;
+
+/// Why there are no joint positions.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum IkError {
+    /// An arm of fewer than six joints cannot hold a placement.
+    #[error("the arm has {0} joints, a placement of the tool needs at least 6")]
+    TooFewJoints(usize),
+    /// The placement is out of reach, or the pose is singular.
+    #[error(
+        "the placement is out of reach: {position_m:.6} m and {angle_rad:.6} rad are left; move the work nearer"
+    )]
+    OutOfReach {
+        /// Distance left, m.
+        position_m: f64,
+        /// Angle left, rad.
+        angle_rad: f64,
+    },
+    /// A joint (1-based) would have to leave its limits.
+    #[error("joint {joint} would have to stand at {position:.4} (rad or m), out of its limits")]
+    Limits {
+        /// 1-based.
+        joint: usize,
+        /// rad or m.
+        position: f64,
+    },
+}
+
+/// Joint positions that put the tool at `wanted` (base frame), found from the pose `near`.
+///
+/// # Errors
+/// See [`IkError`].
+pub fn solve(arm: &Arm, wanted: &Frame, near: &Joints) -> Result<Joints, IkError> {
+    if arm.count() < 6 {
+        return Err(IkError::TooFewJoints(arm.count()));
+    }
+    let mut q = *near;
+    for _ in 0..ITERATIONS {
+        let chain = Chain::nominal(arm, &q);
+        let (position, angle) = error(wanted, &chain.base_from_tool);
+        if position.length() < TOLERANCE && angle.length() < TOLERANCE {
+            return within_limits(arm, q);
+        }
+        step(arm, &chain, position, angle, &mut q);
+    }
+    let left = error(wanted, &Chain::nominal(arm, &q).base_from_tool);
+    Err(IkError::OutOfReach { position_m: left.0.length(), angle_rad: left.1.length() })
+}
+
+/// Joint positions for `wanted` without a pose before: of the solutions from many fixed starts, the one nearest to the zero
+/// configuration among those that are well clear of singular poses.
+///
+/// # Errors
+/// What the last start ended in, where none succeeded.
+pub fn start_pose(arm: &Arm, wanted: &Frame) -> Result<Joints, IkError> {
+    let mut found: Vec<(f64, f64, Joints)> = Vec::new();
+    let mut failure = IkError::TooFewJoints(arm.count());
+    for k in 0..SEEDS {
+        match solve(arm, wanted, &seed(arm, k)) {
+            Ok(q) => {
+                let far: f64 = q.iter().map(|x| x * x).sum();
+                found.push((manipulability(arm, &q), far, q));
+            }
+            Err(error) => failure = error,
+        }
+    }
+    let best = found.iter().map(|(m, ..)| *m).fold(0.0, f64::max);
+    let clear = found.iter().filter(|(m, ..)| *m >= 0.2 * best);
+    clear.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(.., q)| *q).ok_or(failure)
+}
+
+/// `sqrt(det(J Jᵀ))` (Yoshikawa 1985), in mixed units: only good to compare poses of one arm.
+pub fn manipulability(arm: &Arm, q: &Joints) -> f64 {
+    let jacobian = Chain::nominal(arm, q).jacobian(arm);
+    let square: SMatrix<f64, 6, 6> = jacobian * jacobian.transpose();
+    libm::sqrt(square.determinant().max(0.0))
+}
+
+fn error(wanted: &Frame, now: &Frame) -> (DVec3, DVec3) {
+    let turn = wanted.rotation * now.rotation.transpose();
+    (wanted.origin - now.origin, vector_from_rotation(&turn))
+}
+
+fn step(arm: &Arm, chain: &Chain, position: DVec3, angle: DVec3, q: &mut Joints) {
+    let jacobian = chain.jacobian(arm);
+    let error = SVector::<f64, 6>::new(
+        position.x, position.y, position.z, angle.x, angle.y, angle.z,
+    );
+    let damping = 0.5 * error.norm_squared() + 1e-18;
+    let square = jacobian * jacobian.transpose() + SMatrix::<f64, 6, 6>::identity() * damping;
+    let Some(factor) = Cholesky::new(square) else { return };
+    let delta: SVector<f64, JOINTS_MAX> = jacobian.transpose() * factor.solve(&error);
+    let scale = (STEP_MAX / delta.amax().max(STEP_MAX)).min(1.0);
+    for (q, delta) in q.iter_mut().zip(delta.iter()).take(arm.count()) {
+        *q += scale * delta;
+    }
+}
+
+/// Whole turns are taken off where that brings a joint back within its limits.
+fn within_limits(arm: &Arm, mut q: Joints) -> Result<Joints, IkError> {
+    for (i, joint) in arm.joints().iter().enumerate() {
+        let (low, high) = joint.limits;
+        if joint.kind == JointKind::Revolute && !(low..=high).contains(&q[i]) {
+            let turn = core::f64::consts::TAU;
+            q[i] -= turn * libm::ceil((q[i] - high) / turn);
+        }
+        if !(low..=high).contains(&q[i]) {
+            return Err(IkError::Limits { joint: i + 1, position: q[i] });
+        }
+    }
+    Ok(q)
+}
+
+/// Fixed starts spread over the joints' ranges (a Kronecker sequence; a revolute range is cut to ±half a turn).
+fn seed(arm: &Arm, k: u32) -> Joints {
+    let mut q = [0.0; JOINTS_MAX];
+    for (i, joint) in arm.joints().iter().enumerate() {
+        let (mut low, mut high) = joint.limits;
+        if joint.kind == JointKind::Revolute {
+            (low, high) = (low.max(-core::f64::consts::PI), high.min(core::f64::consts::PI));
+        }
+        let prime = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0][i % 8];
+        let spread = (0.5 + f64::from(k) * libm::sqrt(prime)) % 1.0;
+        q[i] = low + (high - low) * spread;
+    }
+    q
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_arm::{irb1600, seven_joints};
+    use proptest::prelude::*;
+
+    fn closes(arm: &Arm, wanted: &Frame, q: &Joints) -> bool {
+        let reached = Chain::nominal(arm, q).base_from_tool;
+        let (position, angle) = error(wanted, &reached);
+        position.length() < 1e-12 && angle.length() < 1e-12 && arm.within_limits(q)
+    }
+
+    proptest! {
+        #[test]
+        fn the_solution_closes_on_the_forward_kinematics(
+            x in 0.6..0.9_f64, y in -0.3..0.3_f64, z in 0.3..0.6_f64, tilt in -0.3..0.3_f64,
+        ) {
+            for (arm, scale) in [(irb1600(), 1.0), (seven_joints(), 0.7)] {
+                let direction = DVec3::new(libm::sin(tilt), 0.0, -libm::cos(tilt));
+                let rotation = crate::path::tool_along(direction, arm.tool.base_from_tool);
+                let wanted = Frame::new(rotation, DVec3::new(x, y, z) * scale);
+                let q = start_pose(&arm, &wanted).expect("within reach");
+                prop_assert!(closes(&arm, &wanted, &q));
+                let moved = Frame::new(rotation, wanted.origin + DVec3::new(1e-3, -2e-3, 5e-4));
+                let near = solve(&arm, &moved, &q).expect("a step away");
+                prop_assert!(closes(&arm, &moved, &near));
+                prop_assert!((0..arm.count()).all(|i| (near[i] - q[i]).abs() < 0.1));
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_out_of_reach_is_said_with_the_distance_left() {
+        let arm = irb1600();
+        let wanted = Frame::new(arm.tool.base_from_tool, DVec3::new(3.0, 0.0, 0.5));
+        let Err(IkError::OutOfReach { position_m, .. }) = solve(&arm, &wanted, &seed(&arm, 0)) else {
+            panic!("expected out of reach");
+        };
+        assert!((1.0..2.5).contains(&position_m), "{position_m}");
+    }
+
+    #[test]
+    fn an_arm_of_five_joints_is_refused() {
+        let arm = irb1600();
+        let five = Arm::new(&arm.joints()[..5], arm.tool, arm.gravity).expect("a sound arm");
+        let refused = start_pose(&five, &Frame::IDENTITY);
+        assert_eq!(refused, Err(IkError::TooFewJoints(5)));
+    }
+}
