@@ -152,6 +152,10 @@ impl Corrector {
         let (q, correction, cut) = clamped(&model.arm, &inputs.q, &bounded);
         outcome.q = Some(q);
         outcome.correction = correction;
+        for (i, limiter) in self.limiters.iter().enumerate() {
+            outcome.correction_rate[i] = limiter.rate();
+            outcome.correction_acceleration[i] = limiter.acceleration();
+        }
         self.name(&mut outcome, follows, cut);
         outcome
     }

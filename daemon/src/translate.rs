@@ -37,6 +37,8 @@ pub fn corrected(outcome: &Outcome, joints: usize) -> Corrected {
         wrench_gate: gate(outcome.gate).code(),
         iterations: outcome.steps,
         correction: outcome.correction,
+        correction_rate: outcome.correction_rate,
+        correction_acceleration: outcome.correction_acceleration,
         wanted: outcome.wanted,
         residual_m: outcome.residual.m,
         residual_rad: outcome.residual.rad,
