@@ -92,6 +92,14 @@ impl Follower {
         }
     }
 
+    /// Another epoch was joined: its correction starts anew, however soon it speaks.
+    pub(crate) fn rejoined(&mut self) {
+        if self.stage == Stage::Following {
+            self.take_over();
+            self.stage = Stage::Blending;
+        }
+    }
+
     fn source(&self) -> Source {
         match self.stage {
             Stage::Plain => Source::Plain,
@@ -155,12 +163,8 @@ impl Follower {
 
     /// The daemon is silent: ramp out.
     fn miss(&mut self, dt_s: f64) {
-        if let (Stage::Following, Some(used)) = (self.stage, self.used) {
-            for i in 0..JOINTS_MAX {
-                let (rate, acceleration) =
-                    (used.correction_rate[i], used.correction_acceleration[i]);
-                self.limiters[i] = Limiter::from_motion(self.correction[i], rate, acceleration);
-            }
+        if self.stage == Stage::Following {
+            self.take_over();
         }
         if self.stage != Stage::Plain {
             self.stage = Stage::Ramping;
@@ -172,11 +176,21 @@ impl Follower {
         }
     }
 
+    /// The limiters go on from the motion that the daemon had last.
+    fn take_over(&mut self) {
+        let Some(used) = self.used else { return };
+        for (i, limiter) in self.limiters.iter_mut().enumerate() {
+            let (rate, acceleration) = (used.correction_rate[i], used.correction_acceleration[i]);
+            *limiter = Limiter::from_motion(self.correction[i], rate, acceleration);
+        }
+    }
+
     fn step(&mut self, wanted: &[f64; JOINTS_MAX], dt_s: f64) {
-        for i in 0..JOINTS_MAX {
+        let joints = self.limiters.iter_mut().zip(&self.limits).zip(&mut self.correction);
+        for (((limiter, limits), correction), wanted) in joints.zip(wanted) {
             // Without bounds from the daemon there has been no correction to move.
-            if let Some(limits) = &self.limits[i] {
-                self.correction[i] = self.limiters[i].step(wanted[i], limits, dt_s);
+            if let Some(limits) = limits {
+                *correction = limiter.step(*wanted, limits, dt_s);
             }
         }
     }
