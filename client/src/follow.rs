@@ -11,6 +11,10 @@ use crate::{Source, Target};
 
 /// A daemon's answer counts this long, unless told otherwise.
 pub(crate) const FRESH_NS: u64 = 10_000_000;
+/// A correction that stays this near (rad or m) for so many answers is taken as caught up with: one
+/// that moves, stamped with jitter, is never met exactly, and jumps no less itself.
+const NEAR: f64 = 1e-6;
+const NEAR_ANSWERS: u32 = 50;
 /// Longest time that one step of a ramp may cover.
 const STEP_S_MAX: f64 = 0.1;
 
@@ -33,6 +37,8 @@ pub(crate) struct Follower {
     /// The answer used last.
     used: Option<Corrected>,
     last_ns: Option<u64>,
+    /// Answers in a row that the blended correction was near to.
+    near_answers: u32,
     pub(crate) fresh_ns: u64,
 }
 
@@ -46,6 +52,7 @@ impl Follower {
             range: [(f64::NEG_INFINITY, f64::INFINITY); JOINTS_MAX],
             used: None,
             last_ns: None,
+            near_answers: 0,
             fresh_ns: FRESH_NS,
         }
     }
@@ -156,7 +163,12 @@ impl Follower {
         self.stage = Stage::Blending;
         self.step(&answer.correction, daemon_dt_s.min(STEP_S_MAX));
         let joints = answer.joints as usize;
-        if self.correction[..joints] == answer.correction[..joints] {
+        let (mine, its) = (&self.correction[..joints], &answer.correction[..joints]);
+        let is_near = mine.iter().zip(its).all(|(a, b)| (a - b).abs() <= NEAR);
+        self.near_answers = if is_near { self.near_answers + 1 } else { 0 };
+        if mine == its || self.near_answers > NEAR_ANSWERS {
+            self.near_answers = 0;
+            self.correction = answer.correction;
             self.stage = Stage::Following;
         }
     }
