@@ -167,7 +167,9 @@ impl Console {
         });
         match told {
             Err(error) if error.kind() == ErrorKind::BrokenPipe => self.reader_left = true,
-            told => told.map_err(Failure::system)?,
+            told => {
+                told.map_err(|error| Failure::system(format!("cannot write the result: {error}")))?;
+            }
         }
         Ok(())
     }
