@@ -126,11 +126,11 @@ impl Corrector {
             Follows::After(dt_ns) => dt_ns,
         });
         let inputs = self.follow(model, command, world, follows, dt_ns);
-        let (inputs, gate) = self.with_wrench(model, inputs, world, dt_ns);
+        let settled = command.settled && self.settings.lockstep;
+        let (inputs, gate) = self.with_wrench(model, inputs, world, (dt_ns, settled));
         self.inputs = Some(inputs);
         let reach = self.reach();
         let solution = solve(model, &inputs, &self.memories, &self.settings.task, &reach);
-        let settled = command.settled && self.settings.lockstep;
         self.wanted(&inputs, &solution, Wanted { gate, dt_ns, settled, ..Wanted::nothing(dt_ns) })
     }
 
@@ -221,7 +221,7 @@ impl Corrector {
         };
         directions.moved_to(&command.q, self.settings.reversal);
         inputs.direction = command.direction.unwrap_or(*directions.signs());
-        if before.is_none() || command.settled {
+        if before.is_none() || (command.settled && self.settings.lockstep) {
             if before.is_none() {
                 self.memories = Memories::default();
             }
@@ -237,7 +237,7 @@ impl Corrector {
         model: &Model,
         mut inputs: Inputs,
         world: &World,
-        dt_ns: u64,
+        (dt_ns, settled): (u64, bool),
     ) -> (Inputs, Gate) {
         let measured = world.wrench.map(|sample| {
             let axes = if sample.in_base {
@@ -248,7 +248,11 @@ impl Corrector {
             let w = sample.wrench;
             (Wrench { force: axes * w.force, moment: axes * w.moment }, sample.age_ns)
         });
-        let (wrench, gate) = self.wrench.step(&self.settings.wrench, measured, seconds(dt_ns));
+        let (wrench, gate) = if settled {
+            self.wrench.settled(&self.settings.wrench, measured)
+        } else {
+            self.wrench.step(&self.settings.wrench, measured, seconds(dt_ns))
+        };
         inputs.wrench_base = wrench;
         if self.settings.wrench.process_stiffness.is_some() && measured.is_some() {
             self.wrench.probe(model, &inputs, &self.memories);
