@@ -12,7 +12,7 @@ use recording::faults::{Fault, Faults};
 use recording::files::{FileError, read_text};
 use recording::mapping::Mapping;
 use recording::model::RobotModel;
-use recording::series::{self, About, Kind, Need, Recording};
+use recording::series::{self, About, Channel, Kind, Need, Recording};
 use serde::Serialize;
 
 use crate::exit::{Answer, Failure, Outcome};
@@ -229,7 +229,7 @@ fn tell_recording(found: &mut Found, recording: &Recording) {
     let mut segments = recording.segment.clone();
     segments.sort_unstable();
     segments.dedup();
-    let columns: Vec<String> = recording.channels().map(|channel| channel.base()).collect();
+    let columns: Vec<String> = recording.channels().map(Channel::base).collect();
     found.summary = format!(
         "{kind}, {}, {}, columns {}",
         count(recording.len(), "row"),

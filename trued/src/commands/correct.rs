@@ -28,7 +28,7 @@ use crate::{atomic, lockstep};
 ///
 /// Takes the commanded joints (temperatures, wrench, directions) of a recording row by row through the same corrector as
 /// the daemon's. With kind = "poses" in the TOML beside it each row is the settled solution; a path keeps the envelope's
-/// rate and jerk. The table has the recording's columns, the corrected joints c1_deg … (c1_mm) and the status.
+/// rate and jerk. The table has the recording's columns, the corrected joints `c1_deg` … (`c1_mm`) and the status.
 #[derive(Debug, Args)]
 pub(crate) struct Correct {
     #[command(flatten)]

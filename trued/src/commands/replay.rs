@@ -38,7 +38,7 @@ const DIGITS: u8 = 3;
 pub(crate) struct Replay {
     #[command(flatten)]
     reading: Reading,
-    /// Write the answers: the recording's columns, c1_deg … (c1_mm), status
+    /// Write the answers: the recording's columns, `c1_deg` … (`c1_mm`), `status`
     #[arg(long, value_name = "FILE.csv")]
     corrections: Option<PathBuf>,
     /// At the recording's own pace; else as fast as it goes
