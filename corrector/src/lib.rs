@@ -1,1 +1,26 @@
-//! One cycle without I/O: predict, solve, bound, judge health.
+//! One cycle without I/O: judge the command, say what is wanted, bound it.
+//!
+//! ```text
+//! let wanted  = corrector.correct(&model, &command, &world, now_ns);
+//! let allowed = corrector.bound(&model, &wanted);
+//! ```
+//!
+//! Promises, whatever comes in: `allowed.q` is finite, inside the joint limits, and no further from the last good command than
+//! the envelope allows; the correction changes no faster than the envelope allows; the same sequence of inputs gives the same bits.
+//! Never: a clock (time comes with the call), a heap, a log, a panic.
+#![cfg_attr(not(test), no_std)]
+
+mod corrector;
+mod direction;
+mod judge;
+mod outcome;
+mod settings;
+mod solve;
+mod wrench;
+
+pub use crate::corrector::{Corrector, Wanted};
+pub use judge::{Command, Judge};
+pub use outcome::{Gate, Outcome, Reason, Residual, Status};
+pub use settings::{Mode, Settings, Task, WrenchSettings};
+pub use solve::{Solution, solve};
+pub use wrench::{World, WrenchSample};

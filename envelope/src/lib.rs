@@ -10,7 +10,8 @@
 //!   of any four in a row (`Δ³c/dt³` at an even pace) at most `jerk`, all to rounding;
 //! - the output is `wanted` bit for bit, without lag, while `wanted` stays inside the limits with
 //!   room to stop (see [`Limiter::step`]);
-//! - after a jump it is back on `wanted` in about the time that half the jerk needs for it.
+//! - after a jump it is back on `wanted` in about the time that half the jerk needs for it, if
+//!   `wanted` itself gets by with the other half; noise beyond that is smoothed, without lag.
 //!
 //! What it never does: read a clock, allocate, log, panic.
 #![no_std]

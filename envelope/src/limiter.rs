@@ -3,8 +3,8 @@
 //! Three ways to make the next output, the first that may be taken is:
 //! 1. `wanted`, plus an offset from it that dies out along a plan. The offset is zero while all is
 //!    well; a jump of `wanted` becomes an offset (this is known as inertialisation).
-//! 2. One step of a plan from the motion now to rest at `wanted`, while `wanted` jumps or shakes too
-//!    much to say how it moves. Plans use half the jerk; the other half belongs to `wanted`.
+//! 2. One step of a plan from the motion now onto the trend of `wanted`, while `wanted` jumps or
+//!    shakes too much to be followed. Plans use half the jerk; the other half belongs to `wanted`.
 //! 3. One step of the fastest stop, at full jerk.
 //!
 //! Promises: from the output there is always a stop that keeps all limits (see `motion`); a way is
@@ -21,6 +21,11 @@ const PLANNED_RATE: f64 = 0.9;
 const PLANNED_JERK: f64 = 0.5;
 /// A plan relative to a moving `wanted` keeps at least this share of the rate, to get on at all.
 const LEAST_RATE: f64 = 0.05;
+/// Over this time the trend of a `wanted` that shakes is smoothed.
+const TREND_S: f64 = 0.01;
+/// So many samples in a row must be steady before `wanted` is trusted again; noise near the jerk
+/// bound has a few by chance.
+const TRUSTED_AFTER: u8 = 8;
 /// Rounding that a motion on the edge of its limits is forgiven, as a share of the angle.
 const ROUNDING: f64 = 1e-9;
 
@@ -33,7 +38,11 @@ pub struct Limiter {
     motion: Motion,
     /// What was wanted, clamped to the angle.
     wanted: Track,
-    /// The offset of the output from `wanted`, as it dies out; none while it is unknown.
+    /// Where `wanted` goes: exactly while it is steady, smoothed (without lag on a ramp) while not.
+    trend: Motion,
+    /// Steady samples in a row, up to [`TRUSTED_AFTER`].
+    steady: u8,
+    /// The offset of the output from `wanted`, as it dies out; none while `wanted` is not trusted.
     offset: Option<Plan>,
     following: bool,
 }
@@ -51,16 +60,15 @@ impl Limiter {
     /// [`Limiter::step`].
     #[must_use]
     pub const fn from_motion(value: f64, rate: f64, acceleration: f64) -> Self {
-        let motion = Motion {
-            value: finite(value),
-            rate: finite(rate),
-            acceleration: finite(acceleration),
-        };
+        let motion =
+            Motion { value: finite(value), rate: finite(rate), acceleration: finite(acceleration) };
         Self {
             output: Track::from_motion(motion),
             motion,
             wanted: Track::from_motion(motion),
-            offset: None,
+            trend: motion,
+            steady: TRUSTED_AFTER,
+            offset: Some(Plan::OVER),
             following: false,
         }
     }
@@ -104,48 +112,62 @@ impl Limiter {
     /// Where `limits` shrink below the motion they bind again as soon as the jerk allows.
     pub fn step(&mut self, wanted: f64, limits: &Limits, dt_s: f64) -> f64 {
         if dt_s > 0.0 && dt_s.is_finite() {
-            let target = finite(wanted).clamp(-limits.angle(), limits.angle());
-            let (track, jerk) = self.wanted.with(target, dt_s);
-            let steady = jerk.abs() <= limits.jerk() && track.rate().abs() <= limits.rate();
-            self.wanted = track;
+            self.observe(finite(wanted), limits, dt_s);
             if !self.follow(limits, dt_s) {
+                if self.offset.is_some() {
+                    self.steady = 0;
+                }
                 self.chase(limits, dt_s);
-                self.offset = steady.then(|| self.plan_offset(limits));
+                let plan = || plan_onto(self.motion.minus(self.trend), self.trend.rate, limits);
+                self.offset = (self.steady >= TRUSTED_AFTER).then(plan);
             }
         }
         self.following = self.output.value() == wanted;
         self.output.value()
     }
 
+    /// Takes note of what is wanted, and whether its last samples say how it moves.
+    fn observe(&mut self, wanted: f64, limits: &Limits, dt_s: f64) {
+        let wanted = wanted.clamp(-limits.angle(), limits.angle());
+        let (track, jerk) = self.wanted.with(wanted, dt_s);
+        self.wanted = track;
+        let spare_jerk = (1.0 - PLANNED_JERK) * limits.jerk();
+        if jerk.abs() <= spare_jerk && track.rate().abs() <= limits.rate() {
+            self.steady = (self.steady + 1).min(TRUSTED_AFTER);
+            self.trend = track.motion();
+        } else {
+            self.steady = 0;
+            self.trend = smoothed(self.trend, wanted, dt_s);
+        }
+    }
+
     /// Puts out `wanted` and its offset, if both are known and that is allowed.
     fn follow(&mut self, limits: &Limits, dt_s: f64) -> bool {
-        let mut offset = self.offset;
-        let ahead = offset.as_mut().map_or(0.0, |plan| plan.advance(dt_s).value);
-        let (output, jerk) = self.output.with(self.wanted.value() + ahead, dt_s);
+        let Some(mut offset) = self.offset else { return false };
+        let wanted = self.wanted.value() + offset.advance(dt_s).value;
+        let (output, jerk) = self.output.with(wanted, dt_s);
         let motion = output.motion();
         let allowed = jerk.abs() <= limits.jerk()
             && output.rate().abs() <= limits.rate()
             && motion.stops_inside(limits);
         if allowed {
-            (self.output, self.motion, self.offset) = (output, motion, offset);
+            (self.output, self.motion, self.offset) = (output, motion, Some(offset));
         }
         allowed
     }
 
-    /// Moves towards rest at `wanted`, or to a stop where that would leave the limits.
+    /// Moves onto the trend, or to a stop where that would leave the limits.
     fn chase(&mut self, limits: &Limits, dt_s: f64) {
-        let motion = self.towards_wanted(limits, dt_s);
+        let motion = self.onto_trend(limits, dt_s);
         let (output, _) = self.output.with(motion.value, dt_s);
         (self.output, self.motion) = (output, motion);
     }
 
-    fn towards_wanted(&self, limits: &Limits, dt_s: f64) -> Motion {
-        let target = Motion::at_rest(self.wanted.value());
-        let rate = PLANNED_RATE * limits.rate();
-        let start = self.motion.minus(target);
-        let mut next =
-            Plan::to_zero(start, (-rate, rate), PLANNED_JERK * limits.jerk()).advance(dt_s);
-        next.value += target.value;
+    fn onto_trend(&self, limits: &Limits, dt_s: f64) -> Motion {
+        let Motion { value, rate, .. } = self.trend;
+        let trend = Motion { value: value - rate * dt_s, rate, acceleration: 0.0 };
+        let ahead = plan_onto(self.motion.minus(trend), rate, limits).advance(dt_s);
+        let next = Motion { value, ..trend }.plus(ahead);
         // Half the jerk may let the rate pass its bound within a long step, though not at its ends.
         let mean_rate = (next.value - self.motion.value) / dt_s;
         let allowed = next.stops_inside(limits) && mean_rate.abs() <= limits.rate();
@@ -162,13 +184,24 @@ impl Limiter {
         Limits::new(limits.angle() * slack, limits.rate() * slack, limits.jerk())
             .is_ok_and(|wide| self.motion.stops_inside(&wide))
     }
+}
 
-    /// How the present offset dies out while `wanted` goes on as it does.
-    fn plan_offset(&self, limits: &Limits) -> Plan {
-        let wanted = self.wanted.motion();
-        let (rate, least) = (PLANNED_RATE * limits.rate(), LEAST_RATE * limits.rate());
-        let rates = ((-rate - wanted.rate).min(-least), (rate - wanted.rate).max(least));
-        Plan::to_zero(self.motion.minus(wanted), rates, PLANNED_JERK * limits.jerk())
+/// How an offset from a target that moves at `target_rate` dies out.
+fn plan_onto(offset: Motion, target_rate: f64, limits: &Limits) -> Plan {
+    let (rate, least) = (PLANNED_RATE * limits.rate(), LEAST_RATE * limits.rate());
+    let rates = ((-rate - target_rate).min(-least), (rate - target_rate).max(least));
+    Plan::to_zero(offset, rates, PLANNED_JERK * limits.jerk())
+}
+
+/// The trend with one sample more: critically damped double exponential smoothing.
+fn smoothed(trend: Motion, sample: f64, dt_s: f64) -> Motion {
+    let keep = libm::exp(-dt_s / TREND_S);
+    let expected = trend.value + trend.rate * dt_s;
+    let miss = sample - expected;
+    Motion {
+        value: expected + (1.0 - keep * keep) * miss,
+        rate: trend.rate + (1.0 - keep) * (1.0 - keep) * miss / dt_s,
+        acceleration: 0.0,
     }
 }
 

@@ -38,6 +38,14 @@ impl Motion {
         }
     }
 
+    pub(crate) fn plus(self, other: Self) -> Self {
+        Self {
+            value: self.value + other.value,
+            rate: self.rate + other.rate,
+            acceleration: self.acceleration + other.acceleration,
+        }
+    }
+
     /// The rate that is left when the acceleration is taken out at `jerk`.
     pub(crate) fn coasting_rate(self, jerk: f64) -> f64 {
         self.rate + self.acceleration * self.acceleration.abs() / (2.0 * jerk)

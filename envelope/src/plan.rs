@@ -72,6 +72,10 @@ pub(crate) struct Plan {
 }
 
 impl Plan {
+    /// At rest at zero already.
+    pub(crate) const OVER: Self =
+        Self { start: Motion::at_rest(0.0), segments: [(0.0, 0.0); 5], elapsed_s: 0.0 };
+
     /// The fastest way from `start` to rest at zero; cruises within `rates` (lowest below 0, highest
     /// above 0), or as fast as it came where that was faster.
     pub(crate) fn to_zero(start: Motion, rates: (f64, f64), jerk: f64) -> Self {

@@ -40,8 +40,7 @@ impl Track {
     pub(crate) fn with(&self, value: f64, dt_s: f64) -> (Self, f64) {
         let rate = (value - self.value) / dt_s;
         let acceleration = 2.0 * (rate - self.rate) / (dt_s + self.dt_s);
-        let jerk =
-            3.0 * (acceleration - self.acceleration) / (dt_s + self.dt_s + self.before_s);
+        let jerk = 3.0 * (acceleration - self.acceleration) / (dt_s + self.dt_s + self.before_s);
         (Self { value, rate, acceleration, dt_s, before_s: self.dt_s }, jerk)
     }
 

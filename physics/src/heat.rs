@@ -39,12 +39,16 @@ pub(crate) enum Cause {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Heat {
     pub(crate) cause: Cause,
+    /// How many of the effect's two numbers were given: a lag may be missing and is zero then.
+    pub(crate) count: usize,
     reference_celsius: f64,
 }
 
 impl Heat {
     pub(crate) fn new(site: &Site<'_>, cause: Cause) -> Self {
-        Self { cause, reference_celsius: site.maybe("reference").unwrap_or(REFERENCE_C) }
+        let both = cause == Cause::WarmUp || site.maybe("lag").is_some();
+        let reference_celsius = site.maybe("reference").unwrap_or(REFERENCE_C);
+        Self { cause, count: if both { 2 } else { 1 }, reference_celsius }
     }
 
     /// The law of an effect of a joint: `per_kelvin` with `lag`, or `amplitude` with `time_constant`.

@@ -92,7 +92,7 @@ fn assert_bounded(outputs: &[(f64, f64)]) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1500))]
+    #![proptest_config(ProptestConfig::with_cases(400))]
 
     #[test]
     fn angle_rate_and_jerk_hold_whatever_is_wanted(signal in signal(), steps_s in steps_s()) {
@@ -161,7 +161,7 @@ proptest! {
     }
 
     #[test]
-    fn a_step_between_resting_values_never_overshoots(
+    fn a_step_between_resting_values_does_not_overshoot(
         from in -2e-3..2e-3_f64, to in -2e-3..2e-3_f64,
         steps_s in prop::collection::vec(0.5e-3..1.5e-3_f64, 800),
     ) {
@@ -169,25 +169,29 @@ proptest! {
         let mut last = from;
         for dt in steps_s {
             let output = limiter.step(to, &limits(), dt);
-            prop_assert!((output - last) * (to - from) >= 0.0, "turned back at {output}");
+            prop_assert!((output - last) * (to - from).signum() >= -1e-15, "turned back at {output}");
             last = output;
         }
         prop_assert_eq!(last.to_bits(), to.to_bits());
     }
 
     #[test]
-    fn noise_beyond_the_jerk_is_smoothed_and_not_amplified(
-        noise in 1e-6..1e-4_f64, slope in -2e-3..2e-3_f64,
+    fn noise_beyond_the_jerk_is_smoothed_without_lag(
+        noise in prop_oneof![1e-9..1e-8_f64, 1e-8..1e-6_f64, 1e-6..1e-4_f64],
+        slope in -2e-3..2e-3_f64,
     ) {
         let signal = Signal { jumps: Vec::new(), sine: (0.0, 1.0), slope, noise };
         let wanted: Vec<f64> = (0..900).map(|k| signal.at(k, k as f64 * DT_S)).collect();
         let outputs = run(&mut Limiter::at_rest(), &wanted, &[DT_S; 900]);
-        // Behind a ramp by the way that a stop from it takes, at most.
-        let lag = slope.abs() * libm::sqrt(slope.abs() / (PLANNED_JERK * limits().jerk()));
-        for (k, (t, output)) in outputs.iter().enumerate().skip(300) {
-            let error = output - slope * k as f64 * DT_S;
-            prop_assert!(error.abs() < 2.0 * noise + 1.5 * lag, "{error} at {t}, noise {noise}");
-        }
+        let errors: Vec<f64> =
+            (300..900).map(|k| outputs[k].1 - slope * k as f64 * DT_S).collect();
+        let mean = errors.iter().sum::<f64>() / 600.0;
+        let rms = libm::sqrt(errors.iter().map(|e| e * e).sum::<f64>() / 600.0);
+        let noise_rms = noise / libm::sqrt(3.0);
+        // What the jerk moves in a few samples, where noise is now inside it and now outside.
+        let grain = 3.0 * limits().jerk() * DT_S * DT_S * DT_S;
+        prop_assert!(rms <= noise_rms + grain, "rms {rms} of {noise_rms}");
+        prop_assert!(mean.abs() <= 0.3 * noise_rms + grain, "lag {mean}, noise {noise_rms}");
     }
 
     #[test]

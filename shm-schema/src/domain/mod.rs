@@ -16,7 +16,7 @@ mod place;
 pub use current::{Contract, Current};
 pub use daemon::{DaemonPorts, DaemonSide, Supervision, sweep};
 pub use error::{DomainError, JoinError};
-pub use peer::{Joined, Role, Seat};
+pub use peer::{Joined, PeerControl, PeerPublisher, PeerSubscriber, Role, Seat};
 pub use place::{Cell, RUNTIME_DIR_ENV};
 
 use iceoryx2::node::{Node, NodeBuilder};

@@ -16,6 +16,12 @@ use crate::services::{Services, Topic, Way};
 
 /// A client's ports may move between threads, at the price of an uncontended lock per call.
 type Transport = ipc_threadsafe::Service;
+/// A client's sender.
+pub type PeerPublisher<T> = Publisher<T, Transport>;
+/// A client's receiver.
+pub type PeerSubscriber<T> = Subscriber<T, Transport>;
+/// A client's end of `/control`.
+pub type PeerControl = ControlClient<Transport>;
 
 /// What a client does in the cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -140,7 +146,7 @@ impl Joined {
     ///
     /// # Errors
     /// [`PortError::Occupied`] while a dead forerunner's place is not cleaned up.
-    pub fn publisher<T: Topic>(&self) -> Result<Publisher<T, Transport>, PortError> {
+    pub fn publisher<T: Topic>(&self) -> Result<PeerPublisher<T>, PortError> {
         Publisher::new(&self.services)
     }
 
@@ -148,7 +154,7 @@ impl Joined {
     ///
     /// # Errors
     /// As [`publisher`](Self::publisher).
-    pub fn subscriber<T: Topic>(&self) -> Result<Subscriber<T, Transport>, PortError> {
+    pub fn subscriber<T: Topic>(&self) -> Result<PeerSubscriber<T>, PortError> {
         Subscriber::new(&self.services)
     }
 
@@ -156,7 +162,7 @@ impl Joined {
     ///
     /// # Errors
     /// As [`publisher`](Self::publisher).
-    pub fn control(&self) -> Result<ControlClient<Transport>, PortError> {
+    pub fn control(&self) -> Result<PeerControl, PortError> {
         ControlClient::new(&self.services)
     }
 }

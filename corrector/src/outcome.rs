@@ -1,0 +1,131 @@
+//! What a cycle says: the target, and how and why it was made so.
+//!
+//! The words are those of the contract (`cli.md`, `status`); the transport has the same ones as numbers.
+
+use physics::{JOINTS_MAX, Joints};
+
+/// How a target was made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Status {
+    /// By the model, for this command.
+    #[default]
+    Corrected,
+    /// The last correction stands.
+    Held,
+    /// The correction is on its way to another state, or to zero.
+    Ramping,
+    /// By order, nothing is corrected.
+    Bypassed,
+    /// The command was refused; the target is the last good one with the correction ramping out.
+    Rejected,
+    /// The command itself; `wanted` tells what would have been.
+    Shadow,
+}
+
+/// Why it was made so.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Reason {
+    /// Nothing to say.
+    #[default]
+    None,
+    /// The command holds a number that is none.
+    NotFinite,
+    /// The command is outside the joint limits.
+    OutOfLimits,
+    /// The command is older than its forerunner.
+    OutOfOrder,
+    /// The command is too old, or none comes.
+    Stale,
+    /// The same command again.
+    Duplicate,
+    /// The command has another number of joints than the model.
+    WrongJointCount,
+    /// No joint position puts the tool right here: a singular pose, or a correction beyond the envelope.
+    NotConverged,
+    /// The envelope bounds the correction.
+    Envelope,
+    /// Bypass was asked for.
+    Bypass,
+    /// The model was swapped; its change is ramped.
+    ModelChanged,
+    /// The correction comes in from zero.
+    Starting,
+    /// The commands' time jumped; memory of the path starts anew.
+    TimeJump,
+    /// Shadow mode.
+    ShadowMode,
+    /// The joint limits cut the correction.
+    JointLimit,
+}
+
+/// Whether the wrench takes part.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Gate {
+    /// No wrench has come.
+    #[default]
+    Absent,
+    /// It takes part in full.
+    Open,
+    /// It takes part with a share: it is fading, or its loop gain is not known.
+    Partly,
+    /// Its loop gain is too high: taken as zero until the contact is over.
+    GainTooHigh,
+    /// It is stale: fading out.
+    Stale,
+    /// It is switched off.
+    Off,
+}
+
+/// How far the tool is from where it should be, by the model, at the solution.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Residual {
+    /// Position, m.
+    pub m: f64,
+    /// Orientation, rad.
+    pub rad: f64,
+}
+
+/// What one cycle makes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// The joints' targets, rad or m; none before the first good command.
+    pub q: Option<Joints>,
+    /// Target minus command (the last good one), rad or m.
+    pub correction: Joints,
+    /// How fast the correction changes, rad/s or m/s: whoever has to take it over goes on from here.
+    pub correction_rate: Joints,
+    /// How fast that changes, rad/s² or m/s².
+    pub correction_acceleration: Joints,
+    /// What the model asks for, before the envelope, rad or m.
+    pub wanted: Joints,
+    /// How it was made.
+    pub status: Status,
+    /// Why so.
+    pub reason: Reason,
+    /// What the solution leaves over.
+    pub residual: Residual,
+    /// Newton steps spent.
+    pub steps: u32,
+    /// Whether the wrench took part.
+    pub gate: Gate,
+    /// Process stiffness times the robot's compliance, dimensionless; NaN where unknown.
+    pub loop_gain: f64,
+}
+
+impl Default for Outcome {
+    fn default() -> Self {
+        Self {
+            q: None,
+            correction: [0.0; JOINTS_MAX],
+            correction_rate: [0.0; JOINTS_MAX],
+            correction_acceleration: [0.0; JOINTS_MAX],
+            wanted: [0.0; JOINTS_MAX],
+            status: Status::Rejected,
+            reason: Reason::None,
+            residual: Residual::default(),
+            steps: 0,
+            gate: Gate::Absent,
+            loop_gain: f64::NAN,
+        }
+    }
+}
