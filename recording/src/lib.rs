@@ -11,5 +11,6 @@ pub mod files;
 pub mod mapping;
 pub mod model;
 pub mod series;
+mod toml_text;
 pub mod unit;
 mod walk;

@@ -6,7 +6,9 @@
 
 use super::Contents;
 use super::records::{CycleRecord, ForceRecord, Record};
-use crate::series::{Channel, Motion, Recording};
+use physics::JointKind;
+
+use crate::series::{Channel, Recording};
 
 /// The recordings of a black box.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,16 +52,17 @@ fn seconds(t_ns: u64, start_ns: u64) -> f64 {
 }
 
 type Numbers = fn(&CycleRecord) -> &[f64];
+type Group = (Numbers, fn(usize) -> Channel);
 
 fn cycles_of(contents: &Contents, cycles: &[&CycleRecord]) -> Recording {
     let start = cycles.first().map_or(0, |cycle| cycle.t_ns);
     let mut recording =
         Recording::new(cycles.iter().map(|cycle| seconds(cycle.t_ns, start)).collect());
     recording.segment = segments(cycles);
-    for (joint, motion) in contents.header.joints.iter().enumerate() {
-        recording.set_motion(joint, *motion);
+    for (joint, kind) in contents.header.joints.iter().enumerate() {
+        recording.set_joint_kind(joint, *kind);
     }
-    let groups: [(Numbers, fn(usize) -> Channel); 4] = [
+    let groups: [Group; 4] = [
         (|c| c.q_command.as_slice(), Channel::Command),
         (|c| c.q_measured.as_slice(), Channel::Motor),
         (|c| c.tau.as_slice(), Channel::Torque),
@@ -132,7 +135,7 @@ fn other_columns(contents: &Contents, cycles: &[&CycleRecord]) -> Vec<(String, V
     ];
     let width = cycles.iter().map(|c| c.q_corrected.as_slice().len()).max().unwrap_or(0);
     for joint in 0..width {
-        let slides = header.joints.get(joint) == Some(&Motion::Slides);
+        let slides = header.joints.get(joint) == Some(&JointKind::Prismatic);
         let unit = if slides { "m" } else { "rad" };
         columns.push(column(&format!("c{}_{unit}", joint + 1), &|c| {
             c.q_corrected.as_slice().get(joint).map(|q| format!("{q:?}")).unwrap_or_default()

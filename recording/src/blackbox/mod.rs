@@ -23,7 +23,7 @@ pub use records::{
 };
 pub use write::BlackBox;
 
-use crate::series::Motion;
+use physics::JointKind;
 
 /// What a black box says of the run as a whole.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -39,7 +39,7 @@ pub struct Header {
     /// The configuration as TOML.
     pub config: String,
     /// Whether each joint turns or slides.
-    pub joints: Vec<Motion>,
+    pub joints: Vec<JointKind>,
     /// Words of the status codes, in the order of the codes.
     pub status_words: Vec<String>,
     /// Words of the reason codes, in the order of the codes.

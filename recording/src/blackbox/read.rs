@@ -9,7 +9,7 @@ use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOp
 
 use super::records::Record;
 use super::{BlackBoxError, Header};
-use crate::series::Motion;
+use physics::JointKind;
 
 /// Name of the metadata record that holds the header.
 pub(super) const METADATA: &str = "trued";
@@ -113,7 +113,8 @@ impl Gathered {
 
 fn header(pairs: &BTreeMap<String, String>) -> Header {
     let text = |key: &str| pairs.get(key).cloned().unwrap_or_default();
-    let joint = |letter: char| if letter == 'P' { Motion::Slides } else { Motion::Turns };
+    let joint =
+        |letter: char| if letter == 'P' { JointKind::Prismatic } else { JointKind::Revolute };
     let words = |key: &str| match pairs.get(key).map(String::as_str) {
         None | Some("") => Vec::new(),
         Some(words) => words.split('\n').map(str::to_owned).collect(),

@@ -10,7 +10,7 @@ fn header() -> Header {
         model_hash: 0x0123_4567_89ab_cdef,
         model: "schema = \"trued.model/1\"\n".to_owned(),
         config: String::new(),
-        joints: vec![Motion::Turns, Motion::Slides],
+        joints: vec![JointKind::Revolute, JointKind::Prismatic],
         status_words: vec!["corrected".to_owned(), "held".to_owned()],
         reason_words: Vec::new(),
     }
@@ -138,7 +138,7 @@ fn a_black_box_becomes_a_recording_without_loss() {
         assert_eq!(text("residual_m").parse(), Ok(1e-12));
         assert_eq!(text("status"), ["corrected", "held", "2"][wanted.status as usize]);
     }
-    assert_eq!(back.motion(1), Motion::Slides);
+    assert_eq!(back.joint_kind(1), JointKind::Prismatic);
     let forces = conversion.forces.unwrap();
     assert_eq!(forces.t_s, [0.0, 0.001, 0.002, 0.003, 0.004, 0.005, 0.006, 0.007]);
     assert_eq!(forces.column(Channel::Wrench(2)).unwrap()[..4], [8.0, 9.0, 10.0, 11.0]);

@@ -13,7 +13,7 @@ use mcap::{WriteOptions, Writer};
 use super::cdr::Out;
 use super::records::{CycleRecord, ForceRecord, LogRecord, Message, StatusRecord, VerdictRecord};
 use super::{BlackBoxError, Header};
-use crate::series::Motion;
+use physics::JointKind;
 
 /// Bytes of a chunk: at 1 kHz of six joints about half a second.
 const CHUNK_BYTES: u64 = 256 * 1024;
@@ -170,7 +170,7 @@ fn write_error(path: &Path, source: mcap::McapError) -> BlackBoxError {
 }
 
 fn metadata(header: &Header) -> Metadata {
-    let joint = |motion: &Motion| if *motion == Motion::Turns { 'R' } else { 'P' };
+    let joint = |kind: &JointKind| if *kind == JointKind::Revolute { 'R' } else { 'P' };
     let pairs = [
         ("cell", header.cell.clone()),
         ("version", header.version.clone()),
