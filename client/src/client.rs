@@ -47,6 +47,7 @@ pub struct Client {
     seq: u64,
     state_seq: u64,
     newest: Option<Corrected>,
+    epoch: u64,
     status: Option<Status>,
 }
 
@@ -74,6 +75,7 @@ impl Client {
             seq: 0,
             state_seq: 0,
             newest: None,
+            epoch: 0,
             status: None,
         };
         // The status brings the envelope, without which nothing could be ramped out.
@@ -131,6 +133,13 @@ impl Client {
 
     /// The newest corrected target of this daemon, however old.
     pub fn newest(&mut self) -> Option<Corrected> {
+        if let Connection::Connected { epoch, .. } = self.connection()
+            && epoch != self.epoch
+        {
+            self.epoch = epoch;
+            self.newest = None;
+            self.follower.rejoined();
+        }
         if let Some(ports) = self.link.ports()
             && let Some(fresh) = ports.corrected.take_newest()
             && fresh.check().is_ok()

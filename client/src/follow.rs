@@ -11,6 +11,10 @@ use crate::{Source, Target};
 
 /// A daemon's answer counts this long, unless told otherwise.
 pub(crate) const FRESH_NS: u64 = 10_000_000;
+/// A correction that stays this near (rad or m) for so many answers is taken as caught up with: one
+/// that moves, stamped with jitter, is never met exactly, and jumps no less itself.
+const NEAR: f64 = 1e-6;
+const NEAR_ANSWERS: u32 = 50;
 /// Longest time that one step of a ramp may cover.
 const STEP_S_MAX: f64 = 0.1;
 
@@ -33,6 +37,8 @@ pub(crate) struct Follower {
     /// The answer used last.
     used: Option<Corrected>,
     last_ns: Option<u64>,
+    /// Answers in a row that the blended correction was near to.
+    near_answers: u32,
     pub(crate) fresh_ns: u64,
 }
 
@@ -46,6 +52,7 @@ impl Follower {
             range: [(f64::NEG_INFINITY, f64::INFINITY); JOINTS_MAX],
             used: None,
             last_ns: None,
+            near_answers: 0,
             fresh_ns: FRESH_NS,
         }
     }
@@ -89,6 +96,14 @@ impl Follower {
                 Target::new(answer.joints(), Source::Corrected)
             }
             _ => self.moved(q_cmd, Source::LastCorrection),
+        }
+    }
+
+    /// Another epoch was joined: its correction starts anew, however soon it speaks.
+    pub(crate) fn rejoined(&mut self) {
+        if self.stage == Stage::Following {
+            self.take_over();
+            self.stage = Stage::Blending;
         }
     }
 
@@ -148,19 +163,20 @@ impl Follower {
         self.stage = Stage::Blending;
         self.step(&answer.correction, daemon_dt_s.min(STEP_S_MAX));
         let joints = answer.joints as usize;
-        if self.correction[..joints] == answer.correction[..joints] {
+        let (mine, its) = (&self.correction[..joints], &answer.correction[..joints]);
+        let is_near = mine.iter().zip(its).all(|(a, b)| (a - b).abs() <= NEAR);
+        self.near_answers = if is_near { self.near_answers + 1 } else { 0 };
+        if mine == its || self.near_answers > NEAR_ANSWERS {
+            self.near_answers = 0;
+            self.correction = answer.correction;
             self.stage = Stage::Following;
         }
     }
 
     /// The daemon is silent: ramp out.
     fn miss(&mut self, dt_s: f64) {
-        if let (Stage::Following, Some(used)) = (self.stage, self.used) {
-            for i in 0..JOINTS_MAX {
-                let (rate, acceleration) =
-                    (used.correction_rate[i], used.correction_acceleration[i]);
-                self.limiters[i] = Limiter::from_motion(self.correction[i], rate, acceleration);
-            }
+        if self.stage == Stage::Following {
+            self.take_over();
         }
         if self.stage != Stage::Plain {
             self.stage = Stage::Ramping;
@@ -172,11 +188,21 @@ impl Follower {
         }
     }
 
+    /// The limiters go on from the motion that the daemon had last.
+    fn take_over(&mut self) {
+        let Some(used) = self.used else { return };
+        for (i, limiter) in self.limiters.iter_mut().enumerate() {
+            let (rate, acceleration) = (used.correction_rate[i], used.correction_acceleration[i]);
+            *limiter = Limiter::from_motion(self.correction[i], rate, acceleration);
+        }
+    }
+
     fn step(&mut self, wanted: &[f64; JOINTS_MAX], dt_s: f64) {
-        for i in 0..JOINTS_MAX {
+        let joints = self.limiters.iter_mut().zip(&self.limits).zip(&mut self.correction);
+        for (((limiter, limits), correction), wanted) in joints.zip(wanted) {
             // Without bounds from the daemon there has been no correction to move.
-            if let Some(limits) = &self.limits[i] {
-                self.correction[i] = self.limiters[i].step(wanted[i], limits, dt_s);
+            if let Some(limits) = limits {
+                *correction = limiter.step(*wanted, limits, dt_s);
             }
         }
     }

@@ -141,7 +141,7 @@ impl ForceSource {
                 );
             }
             Samples::F64(s) => {
-                by_channel(&mut block.data, s.iter().copied(), force.channels, samples)
+                by_channel(&mut block.data, s.iter().copied(), force.channels, samples);
             }
         }
         block.seq += 1;

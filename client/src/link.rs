@@ -19,6 +19,8 @@ const WATCH_PERIOD: Duration = Duration::from_millis(20);
 const JOIN_PERIOD: Duration = Duration::from_millis(5);
 /// How long it tries before it knocks.
 const KNOCK_AFTER: Duration = Duration::from_millis(250);
+/// How long leaving may take.
+const LEAVE_LIMIT: Duration = Duration::from_secs(1);
 /// Most events kept for the caller; older ones are dropped.
 const EVENTS_MAX: usize = 16;
 
@@ -171,6 +173,15 @@ impl<P: Ports> Drop for Link<P> {
         // Ports first, as the thread gives up the role when it ends.
         self.ports = None;
         self.retired = None;
+        // The thread ends within milliseconds, unless a killed process left something half-made that
+        // it is stuck on: then it is left alone, and ends when the next daemon has cleaned up.
+        let start = Instant::now();
+        while self.thread.as_ref().is_some_and(|thread| !thread.is_finished()) {
+            if start.elapsed() > LEAVE_LIMIT {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -207,6 +218,8 @@ impl<P: Ports> Keeper<P> {
             Ok(current) if self.joined == Some(current.epoch) => true,
             Ok(current) => self.join(&current),
             Err(e) => {
+                // A daemon killed at a bad moment may have left the caller's thread stuck.
+                self.seat.mend();
                 self.trying_since = None;
                 self.lost(e)
             }

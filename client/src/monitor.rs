@@ -50,7 +50,7 @@ impl MonitorPorts {
             if pending.is_none() {
                 pending = self.control.ask(request);
             }
-            let answer = pending.as_ref().and_then(|p| p.answer());
+            let answer = pending.as_ref().and_then(shm_schema::Pending::answer);
             let ours = |a: &Response| (a.seq, a.session) == (request.seq, request.session);
             if let Some(answer) = answer.filter(|a| a.check().is_ok() && ours(a)) {
                 return Ok(answer);

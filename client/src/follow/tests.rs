@@ -159,6 +159,38 @@ fn contact_that_returns_is_blended_in_within_the_envelope_until_it_is_followed()
 }
 
 #[test]
+fn a_daemon_that_restarts_before_it_is_missed_makes_no_step() {
+    let mut follower = follower();
+    let at = led_to(&mut follower, 0.01);
+    follower.rejoined();
+    let mut row = vec![0.01; 3];
+    for ms in at + 1..at + 3_000 {
+        let made = answer(ms, &[0.5; 6], 0.0);
+        row.push(follower.target(&[0.5; 6], Some(&made), None, ms * MS).joints()[0] - 0.5);
+    }
+    let (rate, jerk) = roughness(&row);
+    assert!(rate <= 0.02 * 1.000_1 && jerk <= 5.0 * 1.01, "{rate} {jerk}");
+    assert_eq!(*row.last().unwrap(), 0.0);
+}
+
+#[test]
+fn a_moving_correction_is_caught_up_with_although_its_stamps_jitter() {
+    let mut follower = follower();
+    let mut caught = None;
+    for ms in 1..=5_000_u64 {
+        let correction = 2e-3 + 1e-3 * (ms as f64 * DT_S * 3.0).sin();
+        let mut made = answer(ms, &[0.5; 6], correction);
+        made.made_ns = ms * MS + (ms * 7_919) % 100_000;
+        let target = follower.target(&[0.5; 6], Some(&made), None, ms * MS + 100_000);
+        if target.source() == Source::LastCorrection {
+            caught = caught.or(Some(ms));
+            assert!((target.joints()[0] - 0.5 - correction).abs() < 1e-15);
+        }
+    }
+    assert!(caught.is_some_and(|ms| ms < 2_000), "{caught:?}");
+}
+
+#[test]
 fn a_refused_command_publishes_the_daemons_last_good_target() {
     let mut follower = follower();
     let at = led_to(&mut follower, 0.0);

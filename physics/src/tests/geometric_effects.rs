@@ -137,7 +137,10 @@ fn a_shift_along_the_axis_is_the_last_joints_alone() {
         AnyEffect::build("axis_shift", &arm, Some(joint), crate::Given(&[("shift", shift)]))
     };
     assert!(matches!(build(1, &[0.0, 1e-5, 0.0]), Err(crate::BuildError::Combination(_))));
-    assert!(build(1, &[1e-3, 9e-7, 0.0]).is_ok());
+    let rounded = build(1, &[1e-3, 9e-7, 0.0]).expect("rounding is no part along the axis");
+    let wanted = effect(&arm, "axis_shift", 1, &[("shift", &[1e-3, 0.0, 0.0])]);
+    let tools = [rounded, wanted].map(|shifted| tool_with(&scene(), &[shifted]));
+    assert_eq!(tools[0], tools[1], "what rounding leaves along the axis does nothing");
     assert!(build(5, &[1e-3, 0.0, 0.0]).is_ok());
 }
 

@@ -37,7 +37,7 @@ fn irb1600() -> Arm {
     arm(joints, [0.815, 0.0, 1.1865], flange)
 }
 
-/// The same robot as rows of theta, d, a, alpha (figures of ros-industrial/abb, irb1600_8_145).
+/// The same robot as rows of theta, d, a, alpha (figures of ros-industrial/abb, `irb1600_8_145`).
 const IRB1600: [[f64; 4]; 6] = [
     [0.0, 0.4865, 0.15, -FRAC_PI_2],
     [-FRAC_PI_2, 0.0, 0.7, 0.0],

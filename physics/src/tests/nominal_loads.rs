@@ -16,8 +16,8 @@ fn effects(arm: &Arm) -> Vec<AnyEffect> {
         effect(arm, "axis_shift", 2, &[("shift", &[4e-4, 0.0, -3e-4])]),
         effect(arm, "base_compliance", None, &[("compliance", &[2e-7])]),
     ];
-    for i in 0..6 {
-        let compliance = [1e-3 / STIFFNESS[i]];
+    for (i, stiffness) in STIFFNESS.into_iter().enumerate() {
+        let compliance = [1e-3 / stiffness];
         all.push(effect(arm, "joint_offset", i, &[("offset", &[5e-4])]));
         all.push(effect(arm, "joint_compliance", i, &[("compliance", &compliance)]));
     }

@@ -95,7 +95,8 @@ impl Seat {
         let current = self.look()?;
         let ours = Contract::ours();
         if !current.contract.fits(&ours) {
-            return Err(JoinError::VersionMismatch { theirs: current.contract, ours });
+            let (theirs, ours) = (Box::new(current.contract), Box::new(ours));
+            return Err(JoinError::VersionMismatch { theirs, ours });
         }
         self.take()?;
         let epoch = current.epoch;
@@ -108,6 +109,12 @@ impl Seat {
     /// Asks the daemon for a new epoch, as `epoch` cannot be joined although this seat is ours.
     pub fn knock(&self, epoch: u64) {
         let _ = fs::write(self.cell.file("knock"), format!("{epoch:016x}\n"));
+    }
+
+    /// Removes what a killed process left half-made, and frees threads that are stuck on it. While a
+    /// daemon lives, it does this itself.
+    pub fn mend(&self) {
+        self.cell.mend();
     }
 
     fn take(&mut self) -> Result<(), JoinError> {
