@@ -34,6 +34,8 @@ pub struct Corrector {
     bypassed: bool,
     /// Real time that bound steps may still use, ns.
     budget_ns: u64,
+    /// What passed in calls without a good command since the last one, ns.
+    ahead_ns: u64,
     last_now_ns: Option<u64>,
 }
 
@@ -65,6 +67,7 @@ impl Corrector {
             cause: Reason::Starting,
             bypassed: false,
             budget_ns: STEP_NS_MAX,
+            ahead_ns: 0,
             last_now_ns: None,
         }
     }
@@ -122,7 +125,8 @@ impl Corrector {
                 self.settings.period_ns
             }
         };
-        let dt_ns = self.spend(asked_ns);
+        let dt_ns = self.spend(asked_ns.saturating_sub(self.ahead_ns));
+        self.ahead_ns = 0;
         let world = world.sound();
         let inputs = self.path.follow(model, &self.settings, command, &world, follows);
         let (inputs, gate) = self.with_wrench(model, inputs, &world, dt_ns);
@@ -159,26 +163,23 @@ impl Corrector {
         let elapsed_ns = self.elapse(now_ns);
         self.path.last()?;
         let out = |limiter: &Limiter| limiter.value() == 0.0 && limiter.is_following();
+        let dt_ns = self.move_on(elapsed_ns);
         if self.limiters[..model.arm.count()].iter().all(out) {
             return None;
         }
-        let dt_ns = self.spend(elapsed_ns);
         self.cause = Reason::Stale;
-        let wanted = Wanted {
-            status: Status::Ramping,
-            reason: Reason::Stale,
-            ..Wanted::nothing(dt_ns)
-        };
+        let wanted =
+            Wanted { status: Status::Ramping, reason: Reason::Stale, ..Wanted::nothing(dt_ns) };
         Some(self.bound(model, &wanted))
     }
 
-    /// Counts the real time that has passed since the last call and returns it, at most one step's worth.
+    /// Counts the real time that has passed since the last call and returns it.
     fn elapse(&mut self, now_ns: u64) -> u64 {
         let since_ns =
             self.last_now_ns.map_or(self.settings.period_ns, |last| now_ns.saturating_sub(last));
         self.last_now_ns = Some(now_ns);
-        self.budget_ns = (self.budget_ns + since_ns).min(STEP_NS_MAX);
-        since_ns.min(STEP_NS_MAX)
+        self.budget_ns = self.budget_ns.saturating_add(since_ns).min(STEP_NS_MAX);
+        since_ns
     }
 
     /// Takes time for a bound step out of what has really passed.
@@ -188,9 +189,15 @@ impl Corrector {
         spent_ns
     }
 
+    /// Takes time for a bound step without a command; the next command shall not take it again.
+    fn move_on(&mut self, elapsed_ns: u64) -> u64 {
+        self.ahead_ns = self.ahead_ns.saturating_add(elapsed_ns);
+        self.spend(elapsed_ns)
+    }
+
     /// A refused command: the last good correction holds for a while, then ramps out.
     fn refuse(&mut self, reason: Reason, elapsed_ns: u64) -> Wanted {
-        let dt_ns = self.spend(elapsed_ns);
+        let dt_ns = self.move_on(elapsed_ns);
         self.cause = reason;
         self.refused_ns = self.refused_ns.saturating_add(elapsed_ns);
         let blank = Wanted::nothing(dt_ns);
