@@ -16,8 +16,12 @@ use nalgebra::{Matrix3, Vector3};
 pub(crate) const CONTACT_N: f64 = 1.0;
 /// Loop gain from which on the wrench is taken as zero.
 pub(crate) const GAIN_MAX: f64 = 0.5;
-/// The filter's own transient at the start of a contact, s.
+/// The force must have been steady for this long, s; the filter's own transient is over by then.
 const SETTLING_S: f64 = 0.5;
+/// Steady: changed by less than this share, or by less than [`CONTACT_N`].
+const STEADY: f64 = 0.05;
+/// A force that is not steady for as long is watched as it is, s.
+const PATIENCE_S: f64 = 3.0;
 /// Watched before the share rises, s.
 const BASELINE_S: f64 = 0.8;
 /// Between samples, s: the filter makes nearer ones alike.
@@ -48,8 +52,12 @@ pub(crate) struct LoopGain {
     verdict: Verdict,
     /// Unit vector of the force watched, base axes.
     direction: DVec3,
+    /// Since the contact began, and since the force last changed by more than is steady, s.
     contact_s: f64,
-    in_contact: bool,
+    steady_s: f64,
+    steady_at: DVec3,
+    /// Since the watch began, s; none before.
+    watched_s: Option<f64>,
     share: LowPass,
     taken: LowPass,
     samples: [Sample; SAMPLES],
@@ -92,25 +100,35 @@ impl LoopGain {
         if force.length_squared() < CONTACT_N * CONTACT_N {
             return self.rearm();
         }
-        self.contact_s += dt_s;
-        let settled = self.contact_s >= SETTLING_S;
-        // A share left over from before would be no baseline.
-        if !self.in_contact && settled && share == 0.0 {
-            self.in_contact = true;
-            self.contact_s = SETTLING_S;
+        if let Some(watched_s) = &mut self.watched_s {
+            *watched_s += dt_s;
+        } else {
+            self.wait(force, dt_s);
+            // A share left over from before would be no baseline.
+            let ready = self.steady_s >= SETTLING_S || self.contact_s >= PATIENCE_S;
+            if !ready || share != 0.0 {
+                return;
+            }
+            self.watched_s = Some(0.0);
             self.direction = force / libm::sqrt(force.length_squared());
-            (self.share, self.taken) = (LowPass::settled(0.0), LowPass::settled(0.0));
         }
-        if self.in_contact {
-            self.sample(self.direction.dot(force), share, corner_hz, dt_s);
-            self.judge(force);
+        self.sample(self.direction.dot(force), share, corner_hz, dt_s);
+        self.judge(force);
+    }
+
+    fn wait(&mut self, force: DVec3, dt_s: f64) {
+        self.contact_s += dt_s;
+        self.steady_s += dt_s;
+        let most = CONTACT_N.max(STEADY * libm::sqrt(force.length_squared()));
+        if (force - self.steady_at).length_squared() > most * most {
+            (self.steady_at, self.steady_s) = (force, 0.0);
         }
     }
 
     fn sample(&mut self, force: f64, share: f64, corner_hz: f64, dt_s: f64) {
         let taken = self.taken.step(share * force, corner_hz, dt_s);
         let share = self.share.step(share, corner_hz, dt_s);
-        let time_s = self.contact_s - SETTLING_S;
+        let time_s = self.watched_s.unwrap_or_default();
         if self.count < SAMPLES && time_s >= self.count as f64 * SPACING_S {
             self.samples[self.count] = Sample { time_s, share, taken, force };
             self.count += 1;
@@ -119,7 +137,7 @@ impl LoopGain {
 
     fn judge(&mut self, force: DVec3) {
         match self.verdict {
-            Verdict::Waiting if self.contact_s >= SETTLING_S + BASELINE_S => {
+            Verdict::Waiting if self.watched_s >= Some(BASELINE_S) => {
                 self.verdict = Verdict::Unknown;
             }
             Verdict::Unknown if self.count == SAMPLES && self.gain.is_none() => {
