@@ -95,7 +95,7 @@ pub fn run(options: Options, ready: impl FnOnce()) -> Result<(), DaemonError> {
     let Options { config, config_name, lockstep, stop } = options;
     let model = RobotModel::read(&config.model)?;
     let arm = &model.physics.arm;
-    config.check_against(&config_name, &setup::motions(arm)).map_err(FileError::from)?;
+    config.check_against(&config_name, &setup::joint_kinds(arm)).map_err(FileError::from)?;
     let settings = setup::settings(&config, arm, lockstep)?;
     let bounds = setup::bounds(&settings, arm);
     let watch = setup::watch(&config, &model)?;

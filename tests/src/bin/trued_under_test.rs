@@ -1,3 +1,5 @@
 //! The program, for the tests of real processes.
 
-fn main() {}
+fn main() -> std::process::ExitCode {
+    trued::run(std::env::args_os())
+}
