@@ -113,7 +113,8 @@ impl Recording {
         let _ = writer.write_record(&header);
         for row in 0..self.len() {
             let mut fields = vec![number_text(self.t_s[row])];
-            fields.extend(segments.then(|| self.segment[row].to_string()));
+            let segment = self.segment.get(row).copied().unwrap_or(0);
+            fields.extend(segments.then(|| segment.to_string()));
             fields.extend(columns.iter().map(|column| column.text(row)));
             let other = self.other.iter().map(|(_, cells)| cells.get(row).cloned());
             fields.extend(other.map(Option::unwrap_or_default));
