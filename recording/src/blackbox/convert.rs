@@ -8,7 +8,7 @@ use super::Contents;
 use super::records::{CycleRecord, ForceRecord, Record};
 use physics::JointKind;
 
-use crate::series::{Channel, Recording};
+use crate::series::{Channel, Frame, Recording};
 
 /// The recordings of a black box.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,6 +85,9 @@ fn cycles_of(contents: &Contents, cycles: &[&CycleRecord]) -> Recording {
         if values.iter().any(|value| !value.is_nan()) {
             recording.set(channel, values);
         }
+    }
+    if cycles.iter().any(|cycle| cycle.wrench_in_base != 0) {
+        recording.about.wrench_frame = Some(Frame::Base);
     }
     recording.other = other_columns(contents, cycles);
     recording

@@ -81,8 +81,10 @@ message! {
         q_measured: Few<JOINTS_MAX>,
         /// Measured joint torques (forces), N m or N.
         tau: Few<JOINTS_MAX>,
-        /// Wrench that the correction used: Fx Fy Fz in N, Mx My Mz in N m, tool axes.
+        /// Wrench as it entered the cycle, before its low pass: Fx Fy Fz in N, Mx My Mz in N m.
         wrench_used: Few<6>,
+        /// 1 where it stands in base axes; else in tool axes.
+        wrench_in_base: u8,
         /// Ambient, then one per joint, °C.
         temperature_c: Few<17>,
         /// What the solve left over at the TCP, m.

@@ -29,6 +29,7 @@ fn cycle(seq: u64) -> CycleRecord {
         q_corrected: Few::of(&[q + 1e-4, -q]),
         q_measured: Few::of(&[q, -q + 1e-5]),
         wrench_used: Few::of(&[1.0, 2.0, 3.0, 0.1, 0.2, 0.3]),
+        wrench_in_base: 0,
         temperature_c: Few::of(&[20.5, 30.0]),
         residual_m: 1e-12,
         spindle_rpm: f64::NAN,
