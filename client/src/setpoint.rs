@@ -79,8 +79,11 @@ impl Setpoint {
         self
     }
 
-    /// The message, numbered and stamped.
-    pub(crate) fn command(&self, seq: u64, session: u64, now_ns: u64) -> Result<Command, NotSent> {
+    /// The message, numbered and stamped; [`Client::send`](crate::Client::send) sends this one.
+    ///
+    /// # Errors
+    /// [`NotSent::Invalid`] where the joints are not 1 to 16.
+    pub fn command(&self, seq: u64, session: u64, now_ns: u64) -> Result<Command, NotSent> {
         if self.joints == 0 || self.joints > JOINTS_MAX {
             return Err(NotSent::joints(self.joints));
         }

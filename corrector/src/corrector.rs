@@ -129,10 +129,10 @@ impl Corrector {
         self.ahead_ns = 0;
         let world = world.sound();
         let inputs = self.path.follow(model, &self.settings, command, &world, follows);
-        let (inputs, gate) = self.with_wrench(model, inputs, &world, dt_ns);
+        let settled = command.settled && self.settings.lockstep;
+        let (inputs, gate) = self.with_wrench(model, inputs, &world, (dt_ns, settled));
         let (task, reach) = (&self.settings.task, self.reach());
         let solution = solve(model, &inputs, self.path.memories(), task, &reach);
-        let settled = command.settled && self.settings.lockstep;
         self.wanted(&inputs, &solution, Wanted { gate, dt_ns, settled, ..Wanted::nothing(dt_ns) })
     }
 
@@ -219,7 +219,7 @@ impl Corrector {
         model: &Model,
         mut inputs: Inputs,
         world: &World,
-        dt_ns: u64,
+        (dt_ns, settled): (u64, bool),
     ) -> (Inputs, Gate) {
         let measured = world.wrench.map(|sample| {
             let axes = if sample.in_base {
@@ -230,7 +230,11 @@ impl Corrector {
             let w = sample.wrench;
             (Wrench { force: axes * w.force, moment: axes * w.moment }, sample.age_ns)
         });
-        let (wrench, gate) = self.wrench.step(&self.settings.wrench, measured, seconds(dt_ns));
+        let (wrench, gate) = if settled {
+            self.wrench.settled(&self.settings.wrench, measured)
+        } else {
+            self.wrench.step(&self.settings.wrench, measured, seconds(dt_ns))
+        };
         inputs.wrench_base = wrench;
         if self.settings.wrench.process_stiffness.is_some() && measured.is_some() {
             self.wrench.probe(model, &inputs, self.path.memories());

@@ -72,8 +72,8 @@ impl WrenchPath {
         if !settings.enabled {
             return (Wrench::ZERO, Gate::Off);
         }
-        let fresh = measured.filter(|(_, age_ns)| *age_ns <= settings.stale_ns);
-        let filtered = self.filtered(fresh.map(|(wrench, _)| wrench), settings.low_pass_hz, dt_s);
+        let fresh = fresh(settings, measured);
+        let filtered = self.filtered(fresh, settings.low_pass_hz, dt_s);
         let goal = if fresh.is_some() { self.goal(settings, filtered.force, dt_s) } else { 0.0 };
         let most = dt_s / FADE_S;
         self.share += (goal - self.share).clamp(-most, most);
@@ -85,6 +85,20 @@ impl WrenchPath {
             Some(_) => Gate::Partly,
         };
         (self.taken(settings, &filtered), gate)
+    }
+
+    /// The same for a recorded pose at rest: the wrench is whole, as nothing that was recorded can push back.
+    pub(crate) fn settled(
+        &self,
+        settings: &WrenchSettings,
+        measured: Option<(Wrench, u64)>,
+    ) -> (Wrench, Gate) {
+        match fresh(settings, measured) {
+            _ if !settings.enabled => (Wrench::ZERO, Gate::Off),
+            Some(wrench) => (wrench, Gate::Open),
+            None if measured.is_none() => (Wrench::ZERO, Gate::Absent),
+            None => (Wrench::ZERO, Gate::Stale),
+        }
     }
 
     fn filtered(&mut self, fresh: Option<Wrench>, corner_hz: f64, dt_s: f64) -> Wrench {
@@ -154,4 +168,8 @@ impl WrenchPath {
         let matrix = nalgebra::Matrix3::new(a.x, b.x, c.x, a.y, b.y, c.y, a.z, b.z, c.z);
         ((matrix + matrix.transpose()) * 0.5).symmetric_eigenvalues().max()
     }
+}
+
+fn fresh(settings: &WrenchSettings, measured: Option<(Wrench, u64)>) -> Option<Wrench> {
+    measured.filter(|(_, age_ns)| *age_ns <= settings.stale_ns).map(|(wrench, _)| wrench)
 }

@@ -120,12 +120,12 @@ impl Recorder {
             }
         }
         while let Some(block) = exchange.blocks.pop() {
-            let written = match &mut self.file {
-                Some(file) => file.write_force(&force_record(&block)),
-                None => Ok(dropped(exchange)),
-            };
+            let record = self.file.is_some().then(|| force_record(&block));
             let _ = exchange.empty_blocks.push(block);
-            written?;
+            match (&mut self.file, record) {
+                (Some(file), Some(record)) => file.write_force(&record)?,
+                _ => dropped(exchange),
+            }
         }
         while let Some(verdict) = exchange.verdicts.pop() {
             match &mut self.file {

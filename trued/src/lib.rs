@@ -4,15 +4,20 @@
 //! every command because they are kept here, once. Never: logic that a library of the house could offer.
 
 pub mod atomic;
+mod child;
 mod cli;
 mod commands;
+mod corrections;
 pub mod exit;
 mod help;
+mod input;
 pub mod interrupt;
+mod lockstep;
 mod logs;
 pub mod options;
 pub mod output;
 pub mod progress;
+mod setpoints;
 pub mod table;
 
 use std::ffi::OsString;

@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 
 use crate::faults::{Fault, Faults};
 use crate::files::{FileError, read_text};
-use physics::JointKind;
-
+use crate::model::presets;
 use crate::series::Frame;
+use physics::JointKind;
 
 /// Name of the format.
 pub(crate) const SCHEMA: &str = "trued.cell/1";
@@ -34,9 +34,9 @@ pub enum Mode {
 /// A cell.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CellConfig {
-    /// Name: part of the services' names, letters, digits, `-`, `_`.
+    /// Name: part of the services' names; 1 to 24 small letters, digits, `-`.
     pub cell: String,
-    /// The model; a relative path counts from the configuration's folder.
+    /// The model: a file, a relative path counting from the configuration's folder; or a preset.
     pub model: PathBuf,
     /// How much goes out.
     pub mode: Mode,
@@ -185,14 +185,18 @@ pub struct Recorder {
 }
 
 impl CellConfig {
-    /// Reads a configuration; relative paths in it count from its folder.
+    /// Reads a configuration; relative paths in it count from its folder. A model that is no file there and has the
+    /// name of a preset stays a name.
     ///
     /// # Errors
     /// The file cannot be read, or all its faults.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let mut config = Self::parse(&path.display().to_string(), &read_text(path)?)?;
         let folder = path.parent().unwrap_or(Path::new(""));
-        config.model = folder.join(&config.model);
+        let beside = folder.join(&config.model);
+        if beside.exists() || presets::at(&config.model).is_none() {
+            config.model = beside;
+        }
         if let Some(recorder) = &mut config.recorder {
             recorder.dir = folder.join(&recorder.dir);
         }

@@ -19,7 +19,7 @@ pub(super) fn parse(name: &str, text: &str) -> Result<CellConfig, Faults> {
 
 fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
     root.require("schema", "schema = \"trued.cell/1\"");
-    root.require("cell", "a name: small letters, digits and -");
+    root.require("cell", "a name: a-z, 0-9 and -");
     root.require("model", "the path of a model file");
     root.choice("schema", &[(SCHEMA, ())]);
     let cell = root.text("cell").filter(|cell| is_name(root, cell));
@@ -54,10 +54,11 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
 }
 
 fn is_name(root: &Table<'_, '_>, cell: &str) -> bool {
+    // As shm-schema: the name becomes part of file names of bounded length.
     let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     let good = (1..=24).contains(&cell.len()) && cell.chars().all(plain);
     if !good {
-        root.fault("cell", format!("is \"{cell}\""), "1 to 24 small letters, digits and -");
+        root.fault("cell", format!("is \"{cell}\""), "1 to 24 of a-z, 0-9 and -");
     }
     good
 }

@@ -51,7 +51,7 @@ dir = "x"
          --> cell.toml:2:8
           |
         2 | cell = "my cell"
-          |        ^^^^^^^^^ expected 1 to 32 letters, digits, - and _
+          |        ^^^^^^^^^ expected 1 to 24 of a-z, 0-9 and -
 
         error: `mode`: is "on"
          --> cell.toml:3:8

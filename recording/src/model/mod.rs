@@ -15,6 +15,7 @@ mod read;
 mod tests;
 mod write;
 
+use std::io::ErrorKind;
 use std::path::Path;
 
 pub use build::SiParameter;
@@ -172,12 +173,17 @@ pub struct RobotModel {
 }
 
 impl RobotModel {
-    /// Reads a model file.
+    /// Reads a model file; where there is no such file, the preset of that name.
     ///
     /// # Errors
     /// The file cannot be read, or all its faults.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        Ok(Self::parse(&path.display().to_string(), &read_text(path)?)?)
+        let missing = |error: &FileError| matches!(error, FileError::Io { source, .. } if source.kind() == ErrorKind::NotFound);
+        let text = match (read_text(path), presets::at(path)) {
+            (Err(error), Some(preset)) if missing(&error) => preset.text.to_owned(),
+            (text, _) => text?,
+        };
+        Ok(Self::parse(&path.display().to_string(), &text)?)
     }
 
     /// Reads a model from a text; `name` is what faults call it.

@@ -30,6 +30,12 @@ pub fn preset(name: &str) -> Option<Preset> {
     PRESETS.iter().copied().find(|preset| preset.name == name)
 }
 
+/// The preset that a path names, where a model may be a file or a preset.
+#[must_use]
+pub fn at(path: &std::path::Path) -> Option<Preset> {
+    path.to_str().and_then(preset)
+}
+
 impl Preset {
     /// The model.
     ///

@@ -1,5 +1,7 @@
 //! The program, for the tests of real processes.
 
-fn main() -> std::process::ExitCode {
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
     trued::run(std::env::args_os())
 }

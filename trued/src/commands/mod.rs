@@ -3,7 +3,12 @@
 //! To add one: a file with `#[derive(clap::Args)] pub(crate) struct X` and `pub(crate) fn run(&self, &mut Console) ->
 //! Outcome`, a variant below, an arm in [`run`]. Its place in the help is already kept in `help.rs`.
 
+mod check;
+mod correct;
 mod demo;
+mod model;
+mod reload;
+mod replay;
 mod run;
 
 use clap::Subcommand;
@@ -14,14 +19,24 @@ use crate::output::Console;
 /// What the program can do.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    Check(check::Check),
+    Correct(correct::Correct),
     Demo(demo::Demo),
+    Model(model::Model),
+    Reload(reload::Reload),
+    Replay(replay::Replay),
     Run(run::Run),
 }
 
 /// Runs the command that was asked for.
 pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
     match command {
+        Command::Check(check) => check.run(console),
+        Command::Correct(correct) => correct.run(console),
         Command::Demo(demo) => demo.run(console),
+        Command::Model(model) => model.run(console),
+        Command::Reload(reload) => reload.run(console),
+        Command::Replay(replay) => replay.run(console),
         Command::Run(run) => run.run(console),
     }
 }

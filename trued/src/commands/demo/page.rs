@@ -1,8 +1,6 @@
 //! The demo's page: key numbers, the path error before and after, the correction per joint, the latency, the ringing.
 
-use report::{
-    Axis, Column, Histogram, Multiples, Number, Page, Plot, Series, Table, Tone, quantity,
-};
+use report::{Axis, Column, Histogram, Multiples, Number, Page, Plot, Series, Table, Tone};
 
 use super::log::{Log, Row};
 use super::outcome::Report;

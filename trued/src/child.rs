@@ -1,0 +1,56 @@
+//! A child process that does not outlive this process' interest in it.
+
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+use crate::exit::Failure;
+
+/// How long a child may take to end in order.
+const END_WITHIN: Duration = Duration::from_secs(2);
+
+/// A child; asked to end when dropped, and killed where it does not.
+#[derive(Debug)]
+pub(crate) struct Guarded(Child);
+
+impl Guarded {
+    /// Starts it, without standard input.
+    pub(crate) fn spawn(command: &mut Command) -> Result<Self, Failure> {
+        command.stdin(Stdio::null()).spawn().map(Self).map_err(Failure::system)
+    }
+
+    /// This very program, for a further process of it.
+    pub(crate) fn myself() -> Result<Command, Failure> {
+        Ok(Command::new(std::env::current_exe().map_err(Failure::system)?))
+    }
+
+    /// How it ended, where it has.
+    pub(crate) fn ended(&mut self) -> Option<ExitStatus> {
+        self.0.try_wait().ok().flatten()
+    }
+
+    /// Asks it to end, and waits for a while.
+    pub(crate) fn end(&mut self) {
+        if self.ended().is_some() {
+            return;
+        }
+        if let Some(pid) = i32::try_from(self.0.id()).ok().and_then(Pid::from_raw) {
+            let _ = kill_process(pid, Signal::TERM);
+        }
+        let since = Instant::now();
+        while self.ended().is_none() && since.elapsed() < END_WITHIN {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+impl Drop for Guarded {
+    fn drop(&mut self) {
+        self.end();
+        if self.ended().is_none() {
+            let _ = self.0.kill();
+            let _ = self.0.wait();
+        }
+    }
+}

@@ -1,0 +1,279 @@
+//! `trued check`: every fault of configurations, models, mappings and recordings at once, before anything starts.
+//!
+//! Promises: what this calls good, `trued run`, `correct` and `replay` take.
+
+mod cell;
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use daemon::setup;
+use recording::faults::{Fault, Faults};
+use recording::files::{FileError, read_text};
+use recording::mapping::Mapping;
+use recording::model::RobotModel;
+use recording::series::{self, About, Kind, Need, Recording};
+use serde::Serialize;
+
+use crate::exit::{Answer, Failure, Outcome};
+use crate::input::{Reading, count, model};
+use crate::output::{Console, Paint};
+
+/// Tell all faults of files at once: cells, models, recordings, mappings
+///
+/// What a TOML is, its `schema` says; other files are recordings. A cell is checked with its model. Exit 1 where there
+/// are faults, 2 where a file cannot be read.
+#[derive(Debug, Args)]
+pub(crate) struct Check {
+    #[command(flatten)]
+    reading: Reading,
+    /// cell.toml, model.toml, a recording, …
+    #[arg(value_name = "FILE", required = true)]
+    files: Vec<PathBuf>,
+}
+
+/// What is found in one file, and in those that it names.
+#[derive(Debug, Default)]
+struct Found {
+    what: &'static str,
+    /// In a few words, where there is no fault.
+    summary: String,
+    notes: Vec<String>,
+    faults: Vec<Faults>,
+}
+
+#[derive(Serialize)]
+struct Report {
+    ok: bool,
+    files: Vec<FileReport>,
+}
+
+#[derive(Serialize)]
+struct FileReport {
+    file: String,
+    what: &'static str,
+    ok: bool,
+    summary: String,
+    notes: Vec<String>,
+    faults: Vec<FaultReport>,
+}
+
+#[derive(Serialize)]
+struct FaultReport {
+    file: String,
+    line: Option<usize>,
+    column: Option<usize>,
+    key: String,
+    message: String,
+    expected: String,
+    help: String,
+}
+
+impl Check {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        let known = self.reading.model.as_deref().map(model).transpose()?;
+        let mut files = Vec::new();
+        let mut unread = None;
+        for path in &self.files {
+            match self.look(path, known.as_ref()) {
+                Ok(found) => {
+                    say(console, path, &found)?;
+                    files.push(FileReport::of(path, found));
+                }
+                // The other files are still told; what cannot be read is told last.
+                Err(error) => unread = unread.or(Some(error)),
+            }
+        }
+        if let Some(error) = unread {
+            return Err(Failure::input(error));
+        }
+        let ok = files.iter().all(|file| file.ok);
+        console.json("trued.check/1", &Report { ok, files })?;
+        Ok(if ok { Answer::Done } else { Answer::No })
+    }
+
+    fn look(&self, path: &Path, known: Option<&RobotModel>) -> Result<Found, FileError> {
+        let toml = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
+        let mut found = Found::default();
+        if !toml {
+            found.what = "recording";
+            let recording = self.recording(path, known);
+            found.of(recording, |found, recording| tell_recording(found, &recording))?;
+            return Ok(found);
+        }
+        let text = read_text(path)?;
+        let name = path.display().to_string();
+        match schema(&text) {
+            Some("trued.cell/1") => cell::check(path, &text, &mut found)?,
+            Some("trued.model/1") => {
+                found.what = "model";
+                let model = RobotModel::read(path);
+                found.of(model, |found, model| tell_model(found, &model))?;
+            }
+            Some("trued.mapping/1") => {
+                found.what = "mapping";
+                found.of(Mapping::read(path), |_, _| {})?;
+            }
+            Some("trued.recording/1") => {
+                found.what = "recording's description";
+                found.of(About::parse(&name, &text).map_err(FileError::from), |_, _| {})?;
+            }
+            other => {
+                found.what = "file";
+                found.faults.push(unknown(&name, other));
+            }
+        }
+        Ok(found)
+    }
+
+    fn recording(&self, path: &Path, known: Option<&RobotModel>) -> Result<Recording, FileError> {
+        let mapping = self.reading.mapping.as_deref();
+        let recording = match series::read(path, mapping, Need::Path) {
+            // Forces alone are a recording too, as long as nobody wants to replay it.
+            Err(FileError::Content(faults)) if known.is_none() => {
+                series::read(path, mapping, Need::Measurement).map_err(|_| faults)?
+            }
+            recording => recording?,
+        };
+        if let Some(model) = known {
+            recording.check_joints(&setup::joint_kinds(&model.physics.arm))?;
+        }
+        Ok(recording)
+    }
+}
+
+impl Found {
+    /// Takes what was read, or its faults.
+    ///
+    /// # Errors
+    /// The file cannot be read at all.
+    fn of<T>(
+        &mut self,
+        read: Result<T, FileError>,
+        tell: impl FnOnce(&mut Self, T),
+    ) -> Result<(), FileError> {
+        match read {
+            Ok(value) => tell(self, value),
+            Err(FileError::Content(faults)) => self.faults.push(faults),
+            Err(error) => return Err(error),
+        }
+        Ok(())
+    }
+}
+
+impl FileReport {
+    fn of(path: &Path, found: Found) -> Self {
+        let fault = |file: &str, fault: &Fault| FaultReport {
+            file: file.to_owned(),
+            line: fault.place.as_ref().map(|place| place.line),
+            column: fault.place.as_ref().map(|place| place.column),
+            key: fault.key.clone(),
+            message: fault.message.clone(),
+            expected: fault.expected.clone(),
+            help: fault.help.clone(),
+        };
+        let of_file = |faults: &Faults| {
+            faults.list().iter().map(|one| fault(faults.file(), one)).collect::<Vec<_>>()
+        };
+        Self {
+            file: path.display().to_string(),
+            what: found.what,
+            ok: found.faults.is_empty(),
+            summary: found.summary,
+            notes: found.notes,
+            faults: found.faults.iter().flat_map(of_file).collect(),
+        }
+    }
+}
+
+fn say(console: &mut Console, path: &Path, found: &Found) -> Result<(), Failure> {
+    // Where an empty word gets colour, so do faults.
+    let coloured = !console.paint(Paint::Bad, "").is_empty();
+    for faults in &found.faults {
+        console.say(if coloured { faults.styled() } else { faults.plain() })?;
+        console.say("")?;
+    }
+    let name = path.display();
+    if found.faults.is_empty() {
+        let ok = console.paint(Paint::Good, "ok:");
+        console.say(format!(
+            "{ok} {name}: {}{}{}",
+            found.what,
+            gap(&found.summary),
+            found.summary
+        ))?;
+    } else {
+        let number = found.faults.iter().map(Faults::len).sum();
+        console.say(format!("{name}: {}, {}", found.what, count(number, "fault")))?;
+    }
+    for note in &found.notes {
+        console.say(format!("  note: {note}"))?;
+    }
+    Ok(())
+}
+
+fn gap(summary: &str) -> &'static str {
+    if summary.is_empty() { "" } else { ", " }
+}
+
+fn tell_model(found: &mut Found, model: &RobotModel) {
+    let (joints, effects) = (model.file.joints.len(), model.file.effects.len());
+    let (joints, effects) = (count(joints, "joint"), count(effects, "effect"));
+    found.summary = format!("`{}`, {joints}, {effects}", model.file.name);
+    let names = model.not_compensated_names();
+    found.notes.extend(names.iter().map(|name| format!("{name} is not compensated")));
+}
+
+fn tell_recording(found: &mut Found, recording: &Recording) {
+    let kind = if recording.about.kind == Kind::Poses { "poses" } else { "path" };
+    let mut segments = recording.segment.clone();
+    segments.sort_unstable();
+    segments.dedup();
+    let columns: Vec<String> = recording.channels().map(|channel| channel.base()).collect();
+    found.summary = format!(
+        "{kind}, {}, {}, columns {}",
+        count(recording.len(), "row"),
+        count(segments.len(), "segment"),
+        columns.join(" ")
+    );
+    found.notes.clone_from(&recording.notes);
+}
+
+/// What the TOML says it is: its root key `schema`.
+fn schema(text: &str) -> Option<&str> {
+    let root = text.lines().map(str::trim).take_while(|line| !line.starts_with('['));
+    let value = |line: &'_ str| -> Option<std::ops::Range<usize>> {
+        let rest = line.strip_prefix("schema")?.trim_start().strip_prefix('=')?.trim_start();
+        let quote = rest.chars().next().filter(|c| matches!(c, '"' | '\''))?;
+        let start = line.len() - rest.len() + 1;
+        let length = rest[1..].find(quote)?;
+        Some(start..start + length)
+    };
+    root.filter_map(|line| value(line).and_then(|span| line.get(span))).next()
+}
+
+fn unknown(name: &str, schema: Option<&str>) -> Faults {
+    let mut faults = Faults::of(name);
+    let message = match schema {
+        Some(schema) => format!("is \"{schema}\""),
+        None => "is missing".to_owned(),
+    };
+    faults.push(Fault::new("schema", message).expected(
+        "\"trued.cell/1\", \"trued.model/1\", \"trued.recording/1\" or \"trued.mapping/1\"",
+    ));
+    faults
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_schema_is_found_however_it_is_written_and_only_at_the_root() {
+        assert_eq!(schema("# a\nschema = \"trued.cell/1\"\n"), Some("trued.cell/1"));
+        assert_eq!(schema("name = \"x\"\n  schema='trued.model/1' # y"), Some("trued.model/1"));
+        assert_eq!(schema("[meta]\nschema = \"trued.cell/1\"\n"), None);
+        assert_eq!(schema("schema = \"cut"), None);
+        assert_eq!(schema("schema = 3"), None);
+    }
+}

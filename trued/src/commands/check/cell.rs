@@ -1,0 +1,131 @@
+//! A cell with its model: what the daemon would refuse at its start.
+
+use std::path::{Path, PathBuf};
+
+use daemon::setup;
+use recording::cell::CellConfig;
+use recording::faults::{Fault, Faults, Place};
+use recording::files::FileError;
+use recording::model::RobotModel;
+use shm_schema::Cell;
+
+use super::Found;
+
+/// Looks at a cell, at its model, and at how they fit. What does not parse still has its model looked at.
+pub(super) fn check(path: &Path, text: &str, found: &mut Found) -> Result<(), FileError> {
+    found.what = "cell";
+    let name = path.display().to_string();
+    let config = match CellConfig::read(path) {
+        Ok(config) => Some(config),
+        Err(FileError::Content(faults)) => {
+            found.faults.push(faults);
+            None
+        }
+        Err(error) => return Err(error),
+    };
+    let model_path = match &config {
+        Some(config) => Some(config.model.clone()),
+        None => named_model(path, text),
+    };
+    let Some(model_path) = model_path else { return Ok(()) };
+    let model = match RobotModel::read(&model_path) {
+        Ok(model) => model,
+        Err(FileError::Content(faults)) => {
+            found.faults.push(faults);
+            return Ok(());
+        }
+        Err(error) => {
+            let fault =
+                Fault::new("model", error.to_string()).expected("a model file, or a preset");
+            found.faults.extend(together(&name, text, vec![fault]));
+            return Ok(());
+        }
+    };
+    if let Some(config) = config {
+        found.faults.extend(together(&name, text, misfits(&name, &config, &model)));
+        let mode = format!("{:?}", config.mode).to_lowercase();
+        let robot = &model.file.name;
+        found.summary = format!("`{}`, mode {mode}, with `{robot}`", config.cell);
+    }
+    Ok(())
+}
+
+/// What the daemon's start would refuse.
+fn misfits(name: &str, config: &CellConfig, model: &RobotModel) -> Vec<Fault> {
+    let arm = &model.physics.arm;
+    let mut found = Vec::new();
+    if let Err(faults) = config.check_against(name, &setup::joint_kinds(arm)) {
+        found.extend(faults.list().iter().cloned());
+    }
+    if let Err(error) = setup::settings(config, arm, false) {
+        found.push(Fault::new("envelope", error.to_string()));
+    }
+    if let Err(error) = setup::watch(config, model) {
+        found.push(Fault::new("vibration", error.to_string()));
+    }
+    if let Err(error) = Cell::new(&config.cell) {
+        found.push(Fault::new("cell", error.to_string()));
+    }
+    found
+}
+
+/// Faults that know their key, with the place of that key.
+fn together(name: &str, text: &str, found: Vec<Fault>) -> Option<Faults> {
+    if found.is_empty() {
+        return None;
+    }
+    let mut faults = Faults::of(name);
+    for fault in found {
+        let place = fault.place.clone().or_else(|| place_of(text, &fault.key));
+        faults.push(Fault { place, ..fault });
+    }
+    faults.or::<()>(None).err()
+}
+
+/// Where `table.key`, a key of the root, or the head of a table stands.
+fn place_of(text: &str, path: &str) -> Option<Place> {
+    let (wanted, key) = path.split_once('.').unwrap_or(("", path));
+    let mut table = String::new();
+    for (number, line) in text.lines().enumerate() {
+        let trimmed = line.trim_start();
+        let start = line.len() - trimmed.len();
+        if let Some(head) = trimmed.strip_prefix('[') {
+            table = head.split(']').next().unwrap_or("").trim().to_owned();
+            if wanted.is_empty() && table == key {
+                return Some(Place::in_line(number + 1, line, &(start..line.trim_end().len())));
+            }
+        } else if table == wanted && is_key(trimmed, key) {
+            return Some(Place::in_line(number + 1, line, &(start..start + key.len())));
+        }
+    }
+    None
+}
+
+fn is_key(line: &str, key: &str) -> bool {
+    line.strip_prefix(key).is_some_and(|rest| rest.trim_start().starts_with('='))
+}
+
+/// The model that a cell names which is not good as a whole.
+fn named_model(path: &Path, text: &str) -> Option<PathBuf> {
+    let root = text.lines().map(str::trim_start).take_while(|line| !line.starts_with('['));
+    let line = root.filter(|line| is_key(line, "model")).last()?;
+    let name = line.split_once('=')?.1.trim_start().strip_prefix('"')?.split('"').next()?;
+    let beside = path.parent().unwrap_or(Path::new("")).join(name);
+    let is_preset = recording::model::presets::preset(name).is_some();
+    Some(if is_preset && !beside.exists() { PathBuf::from(name) } else { beside })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_key_is_found_in_its_table_alone() {
+        let text = "rate_mm_s = 1\n[wrench]\nrate_mm_s = 2\n[envelope] # x\n  rate_mm_s = 3\n";
+        let at = |path| place_of(text, path).map(|place| (place.line, place.column));
+        assert_eq!(at("envelope.rate_mm_s"), Some((5, 3)));
+        assert_eq!(at("rate_mm_s"), Some((1, 1)));
+        assert_eq!(at("envelope"), Some((4, 1)));
+        assert_eq!(at("envelope.rate"), None);
+    }
+}

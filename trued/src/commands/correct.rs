@@ -1,0 +1,143 @@
+//! `trued correct`: a whole path, corrected without a daemon.
+//!
+//! Promises: the same rows, judged, solved and bounded by the same code as in the daemon, in lockstep with the recording's
+//! time; `trued replay` on the same input gives the same bits. Nothing is written where the input has a fault.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use corrector::{Corrector, Settings};
+use daemon::exchange::Exchange;
+use daemon::senses::Senses;
+use daemon::{setup, translate};
+use recording::cell::{CellConfig, Mode, WrenchSource};
+use recording::files::FileError;
+use recording::model::RobotModel;
+use recording::series::Recording;
+use serde::Serialize;
+use shm_schema::UnknownCode;
+
+use crate::corrections::{Corrections, Figures};
+use crate::exit::{Answer, Failure, Outcome};
+use crate::input::{Input, Reading, unusable};
+use crate::output::Console;
+use crate::setpoints::{Setpoints, has_wrench};
+use crate::{atomic, lockstep};
+
+/// Correct a path file without a daemon: joint targets as CSV
+///
+/// Takes the commanded joints (temperatures, wrench, directions) of a recording row by row through the same corrector as
+/// the daemon's. With kind = "poses" in the TOML beside it each row is the settled solution; a path keeps the envelope's
+/// rate and jerk. The table has the recording's columns, the corrected joints c1_deg … (c1_mm) and the status.
+#[derive(Debug, Args)]
+pub(crate) struct Correct {
+    #[command(flatten)]
+    reading: Reading,
+    /// A cell, for its model, envelope, task and wrench; the correction is full whatever its mode
+    #[arg(long, value_name = "CELL.toml")]
+    config: Option<PathBuf>,
+    /// Where the corrected path goes; if not given, `NAME.corrected.csv` in the present folder
+    #[arg(long, value_name = "FILE.csv")]
+    out: Option<PathBuf>,
+    /// The path: a recording with commanded joints
+    #[arg(value_name = "PATH.csv")]
+    path: PathBuf,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    #[serde(flatten)]
+    figures: &'a Figures,
+    corrections: String,
+}
+
+/// The correction would replace what it was made from.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: the result would replace its own input; give --out another name", .0.display())]
+pub(crate) struct Replaces(PathBuf);
+
+impl Correct {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        let out = self.out.clone().unwrap_or_else(|| beside(&self.path));
+        check_apart(&self.path, &out)?;
+        let cell = self.config.as_deref().map(CellConfig::read).transpose().map_err(unusable)?;
+        let fallback = cell.as_ref().map(|cell| cell.model.as_path());
+        let input = self.reading.read(&self.path, fallback)?;
+        let settings = self.settings(cell, &input)?;
+        let corrections = correct(&input.model, &input.recording, settings)?;
+        let csv = corrections.csv(input.recording);
+        atomic::write(&out, |file| file.write_all(&csv))?;
+        let figures = corrections.figures(&csv);
+        let written = out.display().to_string();
+        console.json("trued.correct/1", &Report { figures: &figures, corrections: written })?;
+        console.say(figures.told())?;
+        console.say(format!("corrected path      {}", out.display()))?;
+        Ok(Answer::Done)
+    }
+
+    fn settings(
+        &self,
+        cell: Option<CellConfig>,
+        input: &Input,
+    ) -> Result<(Settings, Senses), Failure> {
+        let (name, mut config) = match (&self.config, cell) {
+            (Some(path), Some(cell)) => (path.display().to_string(), cell),
+            _ => {
+                let text = lockstep::cell_toml(Path::new("model.toml"), &input.recording);
+                let cell = CellConfig::parse(lockstep::CELL, &text).map_err(Failure::system)?;
+                (lockstep::CELL.to_owned(), cell)
+            }
+        };
+        config
+            .check_against(&name, &input.joint_kinds)
+            .map_err(|faults| unusable(FileError::Content(faults)))?;
+        config.mode = Mode::Full;
+        if has_wrench(&input.recording) && config.wrench.source == WrenchSource::Force {
+            config.wrench.source = WrenchSource::Command;
+        }
+        let arm = &input.model.physics.arm;
+        let settings = setup::settings(&config, arm, true).map_err(Failure::input)?;
+        Ok((settings, Senses::new(setup::wrench_source(&config))))
+    }
+}
+
+/// The daemon's cycle without its shared memory, row by row.
+fn correct(
+    model: &RobotModel,
+    recording: &Recording,
+    (settings, mut senses): (Settings, Senses),
+) -> Result<Corrections, Failure> {
+    let joints = model.physics.arm.count();
+    let exchange = Exchange::new(settings.mode, false);
+    let mut corrector = Corrector::new(settings);
+    let mut corrections = Corrections::of(model);
+    for (seq, row) in (1..).zip(Setpoints::of(recording, joints)) {
+        let command = row.setpoint.command(seq, 1, row.t_ns).map_err(Failure::input)?;
+        let world = senses.world(&exchange, None, &command, row.t_ns);
+        let claim = translate::command(&command, row.t_ns, true);
+        let wanted = corrector.correct(&model.physics, &claim, &world, row.t_ns);
+        let allowed = corrector.bound(&model.physics, &wanted);
+        corrections.take(&translate::corrected(&allowed, joints)).map_err(unknown)?;
+    }
+    Ok(corrections)
+}
+
+/// Refuses to write over the input.
+pub(crate) fn check_apart(input: &Path, out: &Path) -> Result<(), Failure> {
+    let same = match (input.canonicalize(), out.canonicalize()) {
+        (Ok(input), Ok(out)) => input == out,
+        _ => false,
+    };
+    if same { Err(Failure::input(Replaces(out.to_owned()))) } else { Ok(()) }
+}
+
+/// A code that this build does not know.
+pub(crate) fn unknown(code: UnknownCode) -> Failure {
+    Failure::system(code)
+}
+
+fn beside(path: &Path) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push(".corrected.csv");
+    PathBuf::from(name)
+}

@@ -1,0 +1,98 @@
+//! `trued model`: what comes along, and what a model says.
+
+mod show;
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use recording::faults::Faults;
+use recording::files::{FileError, read_text};
+use recording::model::presets::{self, PRESETS};
+use serde::Serialize;
+
+use crate::exit::{Answer, Failure, Outcome};
+use crate::input;
+use crate::output::Console;
+use crate::table::Table;
+
+/// Look at robots: the presets that come along, and model files
+#[derive(Debug, Args)]
+pub(crate) struct Model {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    /// List the robots that come along
+    Presets,
+    /// Show a model: joints, limits, masses, effects with their uncertainty, what is not compensated
+    Show {
+        /// A model file, or the name of a preset
+        #[arg(value_name = "MODEL")]
+        model: PathBuf,
+        /// Print the file itself, to start a model of one's own: `trued model show ur10e --toml > robot.toml`
+        #[arg(long)]
+        toml: bool,
+    },
+}
+
+#[derive(Serialize)]
+struct Presets {
+    presets: Vec<PresetLine>,
+}
+
+#[derive(Serialize)]
+struct PresetLine {
+    preset: &'static str,
+    name: String,
+    joints: usize,
+    effects: usize,
+    hash: String,
+}
+
+impl Model {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        match &self.what {
+            What::Presets => list(console),
+            What::Show { model, toml: true } => {
+                // Read as a model first: what has a fault is not handed on.
+                input::model(model)?;
+                let text = match (read_text(model), presets::at(model)) {
+                    (Err(FileError::Io { .. }), Some(preset)) => preset.text.to_owned(),
+                    (text, _) => text.map_err(input::unusable)?,
+                };
+                console.say(text)?;
+                Ok(Answer::Done)
+            }
+            What::Show { model, toml: false } => show::run(console, &input::model(model)?),
+        }
+    }
+}
+
+fn list(console: &mut Console) -> Outcome {
+    let broken = |faults: Faults| Failure::system(faults);
+    let mut lines = Vec::new();
+    for preset in PRESETS {
+        let model = preset.model().map_err(broken)?;
+        lines.push(PresetLine {
+            preset: preset.name,
+            name: model.file.name.clone(),
+            joints: model.file.joints.len(),
+            effects: model.file.effects.len(),
+            hash: format!("{:016x}", model.hash),
+        });
+    }
+    let mut table = Table::new(["preset", "robot", "joints", "effects"]);
+    for line in &lines {
+        table = table.row([
+            line.preset.to_owned(),
+            line.name.clone(),
+            line.joints.to_string(),
+            line.effects.to_string(),
+        ]);
+    }
+    console.json("trued.model/1", &Presets { presets: lines })?;
+    console.say(table.render())?;
+    Ok(Answer::Done)
+}

@@ -1,0 +1,177 @@
+//! A model as a person wants to see it, in the units of its file.
+
+use std::collections::BTreeMap;
+
+use physics::JointKind;
+use recording::model::{BodyEntry, EffectEntry, JointEntry, Numbers, Parameter, RobotModel};
+use serde::Serialize;
+
+use crate::exit::{Answer, Outcome};
+use crate::output::{Console, Paint};
+use crate::table::Table;
+
+#[derive(Serialize)]
+struct Shown<'a> {
+    name: &'a str,
+    hash: String,
+    joints: Vec<Joint<'a>>,
+    effects: Vec<Effect<'a>>,
+    /// Effects that are loaded and not compensated, as `servo_lag of joint 2`.
+    not_compensated: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Joint<'a> {
+    name: &'a str,
+    kind: &'static str,
+    limits: [f64; 2],
+    max_speed: Option<f64>,
+    /// Of limits and, per second, of the speed.
+    unit: &'static str,
+}
+
+#[derive(Serialize)]
+struct Effect<'a> {
+    effect: &'a str,
+    joint: Option<usize>,
+    compensated: bool,
+    parameters: BTreeMap<&'a str, Value>,
+}
+
+#[derive(Serialize)]
+struct Value {
+    value: serde_json::Value,
+    sigma: Option<serde_json::Value>,
+}
+
+/// Shows it.
+pub(super) fn run(console: &mut Console, model: &RobotModel) -> Outcome {
+    console.json("trued.model/1", &shown(model))?;
+    let file = &model.file;
+    console.say(console.paint(Paint::Strong, &file.name))?;
+    console.say(format!("hash {:016x}\n\n", model.hash))?;
+    console.say(joints(&file.joints))?;
+    console.say(format!(
+        "\ntool: TCP at {} mm{}",
+        list(&file.tool.tcp_mm),
+        body(file.tool.body)
+    ))?;
+    if !file.modes.is_empty() {
+        let modes: Vec<String> =
+            file.modes.iter().map(|mode| mode.frequency_hz.to_string()).collect();
+        console.say(format!("natural frequencies: {} Hz", modes.join(", ")))?;
+    }
+    if file.effects.is_empty() {
+        console.say("no effects: the correction is zero until a calibration adds some")?;
+    } else {
+        console.say(format!("\n{}", effects(&file.effects)))?;
+    }
+    for name in model.not_compensated_names() {
+        console.say(format!("not compensated: {name}"))?;
+    }
+    Ok(Answer::Done)
+}
+
+fn joints(joints: &[JointEntry]) -> String {
+    let mut table =
+        Table::new(["joint", "kind", "axis", "point, mm", "limits", "speed", "mass, kg"]);
+    for (i, joint) in joints.iter().enumerate() {
+        let (kind, unit) = kind(joint.kind);
+        let name = if joint.name.is_empty() { (i + 1).to_string() } else { joint.name.clone() };
+        let [low, high] = joint.limits;
+        table = table.row([
+            name,
+            kind.to_owned(),
+            list(&joint.axis),
+            joint.point_mm.map(|point| list(&point)).unwrap_or_default(),
+            format!("{low} to {high} {unit}"),
+            joint.max_speed.map(|speed| format!("{speed} {unit}/s")).unwrap_or_default(),
+            joint.link.map(|link| link.mass_kg.to_string()).unwrap_or_default(),
+        ]);
+    }
+    table.render()
+}
+
+fn effects(effects: &[EffectEntry]) -> String {
+    let mut table = Table::new(["effect", "joint", "parameter", "value", "sigma"]);
+    for effect in effects {
+        let mut head =
+            (effect.kind.clone(), effect.joint.map(|j| j.to_string()).unwrap_or_default());
+        for Parameter { key, value, sigma } in &effect.parameters {
+            let (kind, joint) = std::mem::take(&mut head);
+            let sigma = sigma.as_ref().map(numbers).unwrap_or_default();
+            table = table.row([kind, joint, key.clone(), numbers(value), sigma]);
+        }
+    }
+    table.render()
+}
+
+fn kind(kind: JointKind) -> (&'static str, &'static str) {
+    match kind {
+        JointKind::Revolute => ("revolute", "deg"),
+        JointKind::Prismatic => ("prismatic", "mm"),
+    }
+}
+
+fn body(body: Option<BodyEntry>) -> String {
+    let words = |body: BodyEntry| {
+        format!(", {} kg with its centre at {} mm", body.mass_kg, list(&body.com_mm))
+    };
+    body.map(words).unwrap_or_default()
+}
+
+fn numbers(numbers: &Numbers) -> String {
+    match numbers {
+        Numbers::One(number) => number.to_string(),
+        Numbers::List(many) => list(many),
+    }
+}
+
+fn list(values: &[f64]) -> String {
+    let values: Vec<String> = values.iter().map(ToString::to_string).collect();
+    format!("({})", values.join(", "))
+}
+
+fn shown(model: &RobotModel) -> Shown<'_> {
+    let joint = |joint: &'_ JointEntry| kind(joint.kind);
+    Shown {
+        name: &model.file.name,
+        hash: format!("{:016x}", model.hash),
+        joints: model
+            .file
+            .joints
+            .iter()
+            .map(|entry| Joint {
+                name: &entry.name,
+                kind: joint(entry).0,
+                limits: entry.limits,
+                max_speed: entry.max_speed,
+                unit: joint(entry).1,
+            })
+            .collect(),
+        effects: model
+            .file
+            .effects
+            .iter()
+            .enumerate()
+            .map(|(at, entry)| effect(model, at, entry))
+            .collect(),
+        not_compensated: model.not_compensated_names(),
+    }
+}
+
+fn effect<'a>(model: &RobotModel, at: usize, entry: &'a EffectEntry) -> Effect<'a> {
+    let value = |numbers: &Numbers| match numbers {
+        Numbers::One(number) => serde_json::json!(number),
+        Numbers::List(many) => serde_json::json!(many),
+    };
+    let parameter = |p: &'a Parameter| {
+        (p.key.as_str(), Value { value: value(&p.value), sigma: p.sigma.as_ref().map(value) })
+    };
+    Effect {
+        effect: &entry.kind,
+        joint: entry.joint,
+        compensated: !model.not_compensated.contains(&at),
+        parameters: entry.parameters.iter().map(parameter).collect(),
+    }
+}

@@ -1,0 +1,74 @@
+//! `trued reload`: asks a running daemon to load a model and to swap it in between two cycles.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+use recording::cell::CellConfig;
+use serde::Serialize;
+use trued_client::Monitor;
+
+use crate::exit::{Answer, Failure, Outcome};
+use crate::input::unusable;
+use crate::output::Console;
+
+/// How long the daemon may take to be found, and to answer.
+const FOUND_WITHIN: Duration = Duration::from_secs(2);
+const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+
+/// Load a changed model into the running daemon, without a missed cycle
+///
+/// Exit 1 where the daemon refuses the model: it then goes on with the one it has.
+#[derive(Debug, Args)]
+pub(crate) struct Reload {
+    /// The cell's configuration
+    #[arg(long, value_name = "CELL.toml")]
+    config: PathBuf,
+    /// The model: a file or a preset; if not given, the file that is loaded now, read again
+    #[arg(value_name = "MODEL")]
+    model: Option<PathBuf>,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    cell: &'a str,
+    answer: &'a str,
+    message: &'a str,
+}
+
+impl Reload {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        let config = CellConfig::read(&self.config).map_err(unusable)?;
+        let model = self.model.as_deref().map(absolute).transpose()?;
+        let mut monitor = Monitor::connect(&config.cell, FOUND_WITHIN).map_err(Failure::system)?;
+        let response = monitor.reload(model.as_deref(), ANSWER_WITHIN).map_err(Failure::system)?;
+        let answer = response.answer().map_err(Failure::system)?;
+        let message = response.message.as_str();
+        console.json(
+            "trued.reload/1",
+            &Report { cell: &config.cell, answer: answer.name(), message },
+        )?;
+        match answer {
+            trued_client::Answer::Done => {
+                console.say(message)?;
+                Ok(Answer::Done)
+            }
+            trued_client::Answer::Refused => {
+                console.say(format!("refused: {message}"))?;
+                console.say(
+                    "the daemon goes on with its model; `trued check MODEL` tells all faults",
+                )?;
+                Ok(Answer::No)
+            }
+            _ => Err(Failure::system(format!("{answer}: {message}"))),
+        }
+    }
+}
+
+/// The daemon has its own folder: files go by their whole path, presets by their name.
+fn absolute(model: &Path) -> Result<PathBuf, Failure> {
+    if !model.exists() && recording::model::presets::at(model).is_some() {
+        return Ok(model.to_owned());
+    }
+    std::path::absolute(model).map_err(Failure::input)
+}

@@ -1,0 +1,175 @@
+//! `trued replay`: the daemon itself, driven by a recording over shared memory, row by row.
+//!
+//! Promises: no command is lost (each row waits for its answer), and the same input gives the same bits, whatever the
+//! machine was busy with; a running cell is not touched; nothing is left behind.
+
+mod daemon;
+
+use std::path::PathBuf;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use hdrhistogram::Histogram;
+use serde::Serialize;
+
+use self::daemon::OwnDaemon;
+use super::correct::check_apart;
+use crate::corrections::{Corrections, Figures};
+use crate::exit::{Answer, Failure, Outcome};
+use crate::input::{Input, Reading};
+use crate::output::Console;
+use crate::setpoints::Setpoints;
+use crate::table::Table;
+use crate::{atomic, interrupt, progress};
+
+/// The longest sleep before it is looked whether someone asked to stop.
+const NAP: Duration = Duration::from_millis(50);
+/// Above what one row may take, ns.
+const LATENCY_NS_MAX: u64 = 60_000_000_000;
+/// Digits that the latency histogram keeps.
+const DIGITS: u8 = 3;
+
+/// Drive the daemon from a recording, over shared memory
+///
+/// Starts a daemon of its own in a private place and sends it the recording row by row, each as soon as the one before
+/// was answered. With kind = "poses" in the TOML beside the recording each row is the settled solution.
+#[derive(Debug, Args)]
+pub(crate) struct Replay {
+    #[command(flatten)]
+    reading: Reading,
+    /// Write the answers: the recording's columns, c1_deg … (c1_mm), status
+    #[arg(long, value_name = "FILE.csv")]
+    corrections: Option<PathBuf>,
+    /// At the recording's own pace; else as fast as it goes
+    #[arg(long)]
+    pace: bool,
+    /// The recording
+    #[arg(value_name = "RECORDING")]
+    recording: PathBuf,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    #[serde(flatten)]
+    figures: &'a Figures,
+    corrections: Option<&'a PathBuf>,
+    at_own_pace: bool,
+    seconds: f64,
+    rows_per_s: f64,
+    latency_ns: Latency,
+}
+
+/// From sending a command to having its answer.
+#[derive(Debug, Clone, Copy, Serialize)]
+struct Latency {
+    p50: u64,
+    p99: u64,
+    p999: u64,
+    max: u64,
+}
+
+/// What driving gave.
+struct Driven {
+    corrections: Corrections,
+    latency: Latency,
+    seconds: f64,
+}
+
+impl Replay {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        if let Some(out) = &self.corrections {
+            check_apart(&self.recording, out)?;
+        }
+        let input = self.reading.read(&self.recording, None)?;
+        let stop = interrupt::flag()?;
+        let mut daemon = OwnDaemon::start(&input, &stop)?;
+        let driven = self.drive(console, &input, &mut daemon, &stop)?;
+        drop(daemon);
+        let csv = driven.corrections.csv(input.recording);
+        if let Some(out) = &self.corrections {
+            atomic::write(out, |file| file.write_all(&csv))?;
+        }
+        self.say(console, &driven.corrections.figures(&csv), &driven)
+    }
+
+    fn drive(
+        &self,
+        console: &Console,
+        input: &Input,
+        daemon: &mut OwnDaemon,
+        stop: &AtomicBool,
+    ) -> Result<Driven, Failure> {
+        let mut corrections = Corrections::of(&input.model);
+        let mut latency =
+            Histogram::new_with_max(LATENCY_NS_MAX, DIGITS).map_err(Failure::system)?;
+        let bar = progress::bar(console, input.recording.len() as u64, "replaying");
+        let start = Instant::now();
+        let mut first_ns = None;
+        for row in Setpoints::of(&input.recording, input.joint_kinds.len()) {
+            let due_ns = row.t_ns - *first_ns.get_or_insert(row.t_ns);
+            if self.pace {
+                wait(start, Duration::from_nanos(due_ns), stop)?;
+            }
+            interrupt::check(stop)?;
+            let sent = Instant::now();
+            let answer = daemon.ask(&row.setpoint, stop)?;
+            latency.saturating_record(u64::try_from(sent.elapsed().as_nanos()).unwrap_or(u64::MAX));
+            corrections.take(&answer).map_err(Failure::system)?;
+            bar.inc(1);
+        }
+        let seconds = start.elapsed().as_secs_f64();
+        Ok(Driven { corrections, latency: Latency::of(&latency), seconds })
+    }
+
+    fn say(&self, console: &mut Console, figures: &Figures, driven: &Driven) -> Outcome {
+        let Driven { latency, seconds, corrections } = driven;
+        let rows_per_s = corrections.rows() as f64 / seconds;
+        console.json(
+            "trued.replay/1",
+            &Report {
+                figures,
+                corrections: self.corrections.as_ref(),
+                at_own_pace: self.pace,
+                seconds: *seconds,
+                rows_per_s,
+                latency_ns: *latency,
+            },
+        )?;
+        console.say(figures.told())?;
+        let us = |ns: u64| format!("{:.1}", ns as f64 * 1e-3);
+        let table =
+            Table::new(["command to answer, µs", "middle", "99 %", "99.9 %", "worst"]).row([
+                "round trip".to_owned(),
+                us(latency.p50),
+                us(latency.p99),
+                us(latency.p999),
+                us(latency.max),
+            ]);
+        console.say(format!("\n{}", table.render()))?;
+        console.say(format!("{seconds:.2} s, {rows_per_s:.0} rows per second"))?;
+        if let Some(out) = &self.corrections {
+            console.say(format!("corrections         {}", out.display()))?;
+        }
+        Ok(Answer::Done)
+    }
+}
+
+impl Latency {
+    fn of(all: &Histogram<u64>) -> Self {
+        let at = |share| all.value_at_quantile(share);
+        Self { p50: at(0.5), p99: at(0.99), p999: at(0.999), max: all.max() }
+    }
+}
+
+/// Sleeps until `due` after `start`.
+fn wait(start: Instant, due: Duration, stop: &AtomicBool) -> Result<(), Failure> {
+    loop {
+        let left = due.saturating_sub(start.elapsed());
+        if left.is_zero() {
+            return Ok(());
+        }
+        interrupt::check(stop)?;
+        std::thread::sleep(left.min(NAP));
+    }
+}

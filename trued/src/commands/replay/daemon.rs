@@ -1,0 +1,159 @@
+//! A daemon of one's own: a child process in a private place on tmpfs, in lockstep.
+//!
+//! Promises: nobody else can join it, no running cell is touched, and nothing of it stays when the value is dropped.
+
+use std::fs::{self, DirBuilder, File};
+use std::io::ErrorKind;
+use std::os::unix::fs::DirBuilderExt;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use recording::series::Recording;
+use shm_schema::{Cell, Corrected, RUNTIME_DIR_ENV};
+use trued_client::{Client, ConnectError, NotSent, Setpoint};
+
+use crate::child::Guarded;
+use crate::exit::Failure;
+use crate::input::Input;
+use crate::interrupt;
+use crate::lockstep::{CELL, cell_toml};
+
+/// How long the daemon may take to open, and to answer one row.
+const OPEN_WITHIN: Duration = Duration::from_secs(15);
+const ANSWER_WITHIN: Duration = Duration::from_secs(10);
+/// How long a wait goes on before it is looked whether it still makes sense.
+const LOOK_EVERY: Duration = Duration::from_millis(250);
+/// Lines of the daemon's log that an error shows.
+const LINES_SHOWN: usize = 8;
+
+/// The daemon and the one connection to it. Dropped in this order.
+pub(super) struct OwnDaemon {
+    client: Client,
+    child: Guarded,
+    place: Place,
+}
+
+/// The daemon failed; with the end of what it said.
+#[derive(Debug, thiserror::Error)]
+#[error("the daemon {what}; it said:\n{said}")]
+struct DaemonFailed {
+    what: String,
+    said: String,
+}
+
+impl OwnDaemon {
+    /// Starts a daemon for the recording and joins it.
+    pub(super) fn start(input: &Input, stop: &AtomicBool) -> Result<Self, Failure> {
+        let place = Place::make()?;
+        let config = place.fill(&input.model.file.to_toml(), &input.recording)?;
+        let log = File::create(place.log()).map_err(Failure::system)?;
+        let mut command = Guarded::myself()?;
+        command.arg("run").arg("--lockstep").arg("--config").arg(config);
+        command.env(RUNTIME_DIR_ENV, &place.dir).stdout(Stdio::null()).stderr(log);
+        let mut child = Guarded::spawn(&mut command)?;
+        let client = join(&place, &mut child, stop)?;
+        Ok(Self { client, child, place })
+    }
+
+    /// Sends one row and awaits its answer. A row that was lost on the way is sent again.
+    pub(super) fn ask(&mut self, row: &Setpoint, stop: &AtomicBool) -> Result<Corrected, Failure> {
+        let since = Instant::now();
+        let mut sent = self.client.send(row);
+        loop {
+            match sent {
+                Ok(seq) => {
+                    if let Some(answer) = self.client.wait_corrected(seq, LOOK_EVERY) {
+                        return Ok(answer);
+                    }
+                }
+                Err(invalid @ NotSent::Invalid { .. }) => return Err(Failure::input(invalid)),
+                Err(_) => {
+                    std::thread::sleep(Duration::from_millis(1));
+                    sent = self.client.send(row);
+                }
+            }
+            interrupt::check(stop)?;
+            if let Some(status) = self.child.ended() {
+                return Err(self.place.failed(format!("ended early ({status})")));
+            }
+            if since.elapsed() > ANSWER_WITHIN {
+                return Err(self.place.failed(format!("did not answer within {ANSWER_WITHIN:?}")));
+            }
+        }
+    }
+}
+
+fn join(place: &Place, child: &mut Guarded, stop: &AtomicBool) -> Result<Client, Failure> {
+    let since = Instant::now();
+    loop {
+        match Client::connect_to(&place.cell, LOOK_EVERY) {
+            Ok(client) => return Ok(client),
+            Err(ConnectError::Refused(why)) => return Err(Failure::system(why)),
+            Err(why) if since.elapsed() > OPEN_WITHIN => {
+                return Err(place.failed(format!("did not open: {why}")));
+            }
+            Err(_) => {}
+        }
+        interrupt::check(stop)?;
+        if let Some(status) = child.ended() {
+            return Err(place.failed(format!("did not start ({status})")));
+        }
+    }
+}
+
+/// A private directory on tmpfs; gone with the value, and with it what the daemon may have left.
+struct Place {
+    dir: PathBuf,
+    cell: Cell,
+}
+
+impl Place {
+    fn make() -> Result<Self, Failure> {
+        let root = std::env::var_os(RUNTIME_DIR_ENV).unwrap_or_else(|| "/dev/shm".into());
+        for attempt in 0.. {
+            let name = format!("trued-replay-{}-{attempt}", std::process::id());
+            let dir = Path::new(&root).join(name);
+            match DirBuilder::new().mode(0o700).create(&dir) {
+                Err(error) if error.kind() == ErrorKind::AlreadyExists && attempt < 1000 => {}
+                Err(error) => {
+                    let words = format!("{}: cannot make this directory: {error}", dir.display());
+                    return Err(Failure::system(words));
+                }
+                Ok(()) => {
+                    let cell = Cell::at(&dir, CELL).map_err(Failure::system)?;
+                    return Ok(Self { dir, cell });
+                }
+            }
+        }
+        Err(Failure::system("no free name for a directory"))
+    }
+
+    /// Puts model and configuration there; the model as it was read, so that a file that changes meanwhile plays no part.
+    fn fill(&self, model: &str, recording: &Recording) -> Result<PathBuf, Failure> {
+        let (config, beside) = (self.dir.join("cell.toml"), self.dir.join("model.toml"));
+        fs::write(&beside, model).map_err(Failure::system)?;
+        fs::write(&config, cell_toml(&beside, recording)).map_err(Failure::system)?;
+        Ok(config)
+    }
+
+    fn log(&self) -> PathBuf {
+        self.dir.join("daemon.log")
+    }
+
+    fn failed(&self, what: String) -> Failure {
+        let log = fs::read_to_string(self.log()).unwrap_or_default();
+        let lines: Vec<&str> = log.lines().collect();
+        let said = lines[lines.len().saturating_sub(LINES_SHOWN)..].join("\n");
+        Failure::system(DaemonFailed { what, said })
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        // A daemon that was killed may have left something; where all went in order there is nothing.
+        let _ = shm_schema::sweep(&self.cell);
+        let _ = fs::remove_dir_all(&self.dir);
+    }
+}

@@ -1,0 +1,185 @@
+//! What a corrector answered to a recording, row by row: as a table beside the recording, and in figures.
+//!
+//! Promises: one row per command, the recording's columns first; the same answers give the same bytes.
+
+use std::collections::BTreeMap;
+
+use daemon::setup;
+use physics::JointKind;
+use recording::files::content_hash;
+use recording::model::RobotModel;
+use recording::series::Recording;
+use recording::unit::Unit;
+use serde::Serialize;
+use shm_schema::{Corrected, CorrectionStatus, Reason, UnknownCode};
+
+use crate::table::Table;
+
+/// The answers to all rows.
+#[derive(Debug)]
+pub(crate) struct Corrections {
+    kinds: Vec<JointKind>,
+    /// One list per joint; NaN in rows without a target.
+    q: Vec<Vec<f64>>,
+    status: Vec<CorrectionStatus>,
+    figures: Figures,
+}
+
+/// What the answers come to.
+#[derive(Debug, Clone, Default, Serialize)]
+pub(crate) struct Figures {
+    model: ModelName,
+    rows: usize,
+    /// Rows by status.
+    statuses: BTreeMap<String, usize>,
+    /// Why rows are not simply corrected.
+    reasons: Vec<Because>,
+    /// Of revolute and of prismatic joints, where there are any.
+    largest_correction: Vec<Largest>,
+    /// By the model, at the solution.
+    largest_residual_mm: f64,
+    largest_residual_mrad: f64,
+    /// Of the table that is written with `--out` or `--corrections`.
+    corrections_hash: String,
+}
+
+#[derive(Debug, Clone, Default, Serialize)]
+struct ModelName {
+    name: String,
+    hash: String,
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct Because {
+    status: String,
+    reason: String,
+    rows: usize,
+    /// From 1.
+    first_row: usize,
+}
+
+#[derive(Debug, Clone, Serialize)]
+struct Largest {
+    value: f64,
+    unit: &'static str,
+    /// From 1.
+    joint: usize,
+    /// From 1.
+    row: usize,
+}
+
+impl Corrections {
+    /// No answers yet.
+    pub(crate) fn of(model: &RobotModel) -> Self {
+        let kinds = setup::joint_kinds(&model.physics.arm);
+        let name = ModelName { name: model.file.name.clone(), hash: hex(model.hash) };
+        let q = vec![Vec::new(); kinds.len()];
+        let figures = Figures { model: name, ..Figures::default() };
+        Self { kinds, q, status: Vec::new(), figures }
+    }
+
+    /// Takes the answer to the next row.
+    ///
+    /// # Errors
+    /// A status or reason of a later version.
+    pub(crate) fn take(&mut self, answer: &Corrected) -> Result<(), UnknownCode> {
+        let (status, reason) = (answer.status()?, answer.reason()?);
+        for (joint, list) in self.q.iter_mut().enumerate() {
+            list.push(answer.joints().get(joint).copied().unwrap_or(f64::NAN));
+        }
+        self.status.push(status);
+        self.figures.take(answer, status, reason, &self.kinds);
+        Ok(())
+    }
+
+    /// The recording's columns, the corrected joints (`c1_deg` …, `c1_mm` for prismatic) and the status, as CSV.
+    pub(crate) fn csv(&self, mut recording: Recording) -> Vec<u8> {
+        let mut columns = Vec::new();
+        for (joint, (kind, q)) in self.kinds.iter().zip(&self.q).enumerate() {
+            let unit = if *kind == JointKind::Revolute { "deg" } else { "mm" };
+            let in_unit = |q: f64| Unit::named(unit).map_or(q, |unit| unit.from_si(q));
+            let text =
+                |q: &f64| if q.is_nan() { String::new() } else { format!("{:?}", in_unit(*q)) };
+            columns.push((format!("c{}_{unit}", joint + 1), q.iter().map(text).collect()));
+        }
+        let statuses = self.status.iter().map(ToString::to_string).collect();
+        columns.push(("status".to_owned(), statuses));
+        // What an earlier correction left in the recording is replaced.
+        recording.other.retain(|(name, _)| columns.iter().all(|(ours, _)| ours != name));
+        recording.other.extend(columns);
+        recording.to_csv()
+    }
+
+    /// How many rows were answered.
+    pub(crate) fn rows(&self) -> usize {
+        self.status.len()
+    }
+
+    /// The figures, with the hash of the table.
+    pub(crate) fn figures(&self, csv: &[u8]) -> Figures {
+        let mut figures = self.figures.clone();
+        figures.corrections_hash = hex(content_hash(csv));
+        figures
+    }
+}
+
+impl Figures {
+    fn take(
+        &mut self,
+        answer: &Corrected,
+        status: CorrectionStatus,
+        reason: Reason,
+        kinds: &[JointKind],
+    ) {
+        self.rows += 1;
+        *self.statuses.entry(status.to_string()).or_default() += 1;
+        if reason != Reason::None {
+            self.because(status.to_string(), reason.to_string());
+        }
+        for (joint, kind) in kinds.iter().enumerate() {
+            let unit = if *kind == JointKind::Revolute { "mrad" } else { "mm" };
+            self.correction(answer.correction[joint].abs() * 1e3, unit, joint + 1);
+        }
+        self.largest_residual_mm = self.largest_residual_mm.max(answer.residual_m * 1e3);
+        self.largest_residual_mrad = self.largest_residual_mrad.max(answer.residual_rad * 1e3);
+    }
+
+    fn because(&mut self, status: String, reason: String) {
+        let same = |known: &&mut Because| known.status == status && known.reason == reason;
+        match self.reasons.iter_mut().find(same) {
+            Some(known) => known.rows += 1,
+            None => self.reasons.push(Because { status, reason, rows: 1, first_row: self.rows }),
+        }
+    }
+
+    fn correction(&mut self, value: f64, unit: &'static str, joint: usize) {
+        let largest = Largest { value, unit, joint, row: self.rows };
+        match self.largest_correction.iter_mut().find(|known| known.unit == unit) {
+            Some(known) if known.value >= value => {}
+            Some(known) => *known = largest,
+            None => self.largest_correction.push(largest),
+        }
+    }
+
+    /// What a person wants to know of it.
+    pub(crate) fn told(&self) -> String {
+        let mut table = Table::new(["status", "rows", "share"]);
+        for (status, rows) in &self.statuses {
+            let share = 100.0 * *rows as f64 / self.rows.max(1) as f64;
+            table = table.row([status.clone(), rows.to_string(), format!("{share:.1} %")]);
+        }
+        let mut text = format!("{}, {} rows\n\n{}\n", self.model.name, self.rows, table.render());
+        for Because { status, reason, rows, first_row } in &self.reasons {
+            text += &format!("{status} for {reason}: {rows} rows, the first is row {first_row}\n");
+        }
+        for Largest { value, unit, joint, row } in &self.largest_correction {
+            text += &format!("largest correction  {value:.4} {unit} (joint {joint}, row {row})\n");
+        }
+        let (mm, mrad) = (self.largest_residual_mm, self.largest_residual_mrad);
+        text + &format!("largest residual    {mm:.6} mm, {mrad:.6} mrad, by the model")
+    }
+}
+
+fn hex(hash: u64) -> String {
+    format!("{hash:016x}")
+}

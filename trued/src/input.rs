@@ -1,0 +1,140 @@
+//! What commands read: models by file or preset, recordings against their model, with words for what cannot be used.
+//!
+//! Promises: nothing is used that has a fault; every fault of a file is told at once. Never: a guess which robot is meant.
+
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use daemon::setup;
+use physics::JointKind;
+use recording::faults::{Faults, nearest};
+use recording::files::FileError;
+use recording::model::{RobotModel, presets};
+use recording::series::{self, Kind, Need, Recording};
+use tracing::{info, warn};
+
+use crate::exit::Failure;
+
+/// From here on the bound of a correction's step takes a row for late, s (`corrector`, the most time of one step).
+const STEP_S_MAX: f64 = 0.02;
+
+/// Whose recording it is, and how it is read.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct Reading {
+    /// The robot's model: a file, or the name of a preset; if not given, the one that the recording's TOML names
+    #[arg(long, value_name = "MODEL")]
+    pub(crate) model: Option<PathBuf>,
+    /// How another program's table becomes a recording; if not given, `NAME.mapping.toml` beside it
+    #[arg(long, value_name = "FILE")]
+    pub(crate) mapping: Option<PathBuf>,
+}
+
+/// A recording and the model that fits it.
+#[derive(Debug)]
+pub(crate) struct Input {
+    pub(crate) model: RobotModel,
+    pub(crate) recording: Recording,
+    /// How each joint of the model moves.
+    pub(crate) joint_kinds: Vec<JointKind>,
+}
+
+/// No model under this name.
+#[derive(Debug, thiserror::Error)]
+#[error("`{}` is neither a model file nor a preset{meant}; `trued model presets` lists the presets", name.display())]
+struct NoModel {
+    name: PathBuf,
+    meant: String,
+}
+
+/// A file with faults, all of them.
+#[derive(Debug, thiserror::Error)]
+#[error("{} has {}\n\n{}", .0.file(), count(.0.len(), "fault"), .0.plain())]
+struct Faulty(Faults);
+
+/// No model was named.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: no model is named; give --model MODEL (a file, or a preset of `trued model presets`)", .0.display())]
+struct Unnamed(PathBuf);
+
+impl Reading {
+    /// Reads a recording of joint positions and the model that it belongs to; `fallback` is the model where neither
+    /// the command line nor the recording names one.
+    pub(crate) fn read(&self, path: &Path, fallback: Option<&Path>) -> Result<Input, Failure> {
+        let recording =
+            series::read(path, self.mapping.as_deref(), Need::Path).map_err(unusable)?;
+        let named = recording.about.model.as_ref();
+        let beside = named.map(|name| beside(path, Path::new(name)));
+        let name = self.model.as_deref().or(fallback).or(beside.as_deref());
+        let model = model(name.ok_or_else(|| Failure::input(Unnamed(path.to_owned())))?)?;
+        let joint_kinds = setup::joint_kinds(&model.physics.arm);
+        recording.check_joints(&joint_kinds).map_err(|faults| Failure::input(Faulty(faults)))?;
+        let input = Input { model, recording, joint_kinds };
+        input.tell();
+        Ok(input)
+    }
+}
+
+impl Input {
+    fn tell(&self) {
+        let Self { model, recording, joint_kinds } = self;
+        let joints = joint_kinds.len();
+        info!(model = model.file.name, joints, rows = recording.len(), "read");
+        for note in &recording.notes {
+            warn!("{}: {note}", recording.file.display());
+        }
+        for effect in model.not_compensated_names() {
+            info!(effect, "not compensated");
+        }
+        let step_s = median_step_s(recording);
+        if recording.about.kind == Kind::Path && step_s > STEP_S_MAX {
+            warn!(
+                "rows are {step_s:.3} s apart: a correction moves between two rows only as far as it may in \
+                 {STEP_S_MAX} s. Poses at rest: say kind = \"poses\" in the TOML beside the recording"
+            );
+        }
+    }
+}
+
+/// The model in a file, or the preset of that name.
+pub(crate) fn model(name: &Path) -> Result<RobotModel, Failure> {
+    RobotModel::read(name).map_err(|error| match error {
+        FileError::Io { source, .. } if source.kind() == ErrorKind::NotFound => {
+            let presets = presets::PRESETS.iter().map(|preset| preset.name);
+            let near = name.to_str().and_then(|name| nearest(name, presets));
+            let meant = near.map(|near| format!(" (is `{near}` meant?)")).unwrap_or_default();
+            Failure::input(NoModel { name: name.to_owned(), meant })
+        }
+        error => unusable(error),
+    })
+}
+
+/// A file that cannot be used is bad input, whatever the reason.
+pub(crate) fn unusable(error: FileError) -> Failure {
+    match error {
+        FileError::Content(faults) => Failure::input(Faulty(faults)),
+        error => Failure::input(error),
+    }
+}
+
+/// `1 fault`, `2 faults`.
+pub(crate) fn count(number: usize, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
+}
+
+/// A model that a file names counts from the file's folder; a preset stays a name.
+fn beside(file: &Path, name: &Path) -> PathBuf {
+    let beside = file.parent().unwrap_or(Path::new("")).join(name);
+    if presets::at(name).is_some() && !beside.exists() { name.to_owned() } else { beside }
+}
+
+/// The middle time between two rows of one segment, s; 0 where there are none.
+fn median_step_s(recording: &Recording) -> f64 {
+    let pairs = recording.t_s.windows(2).zip(recording.segment.windows(2));
+    let mut steps: Vec<f64> = pairs
+        .filter(|(_, segments)| segments[0] == segments[1])
+        .map(|(t, _)| t[1] - t[0])
+        .collect();
+    let middle = steps.len() / 2;
+    if steps.is_empty() { 0.0 } else { *steps.select_nth_unstable_by(middle, f64::total_cmp).1 }
+}
