@@ -14,7 +14,7 @@ use envelope::{Limiter, Limits};
 use physics::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Model, Wrench};
 
 /// Share of the envelope's angle in limited mode.
-const LIMITED_SHARE: f64 = 0.25;
+const LIMITED_SHARE: f64 = 0.1;
 /// The most time that one bound step may take, ns: after a pause the correction goes on as if it had been this short.
 const STEP_NS_MAX: u64 = 20_000_000;
 
@@ -154,6 +154,10 @@ impl Corrector {
         let (q, correction, cut) = clamped(&model.arm, &q_cmd, &bounded);
         outcome.q = Some(q);
         outcome.correction = correction;
+        for (i, limiter) in self.limiters.iter().enumerate() {
+            outcome.correction_rate[i] = limiter.rate();
+            outcome.correction_acceleration[i] = limiter.acceleration();
+        }
         self.name(&mut outcome, reached, cut);
         outcome
     }

@@ -92,6 +92,10 @@ pub struct Outcome {
     pub q: Option<Joints>,
     /// Target minus command (the last good one), rad or m.
     pub correction: Joints,
+    /// How fast the correction changes, rad/s or m/s: whoever has to take it over goes on from here.
+    pub correction_rate: Joints,
+    /// How fast that changes, rad/s² or m/s².
+    pub correction_acceleration: Joints,
     /// What the model asks for, before the envelope, rad or m.
     pub wanted: Joints,
     /// How it was made.
@@ -113,6 +117,8 @@ impl Default for Outcome {
         Self {
             q: None,
             correction: [0.0; JOINTS_MAX],
+            correction_rate: [0.0; JOINTS_MAX],
+            correction_acceleration: [0.0; JOINTS_MAX],
             wanted: [0.0; JOINTS_MAX],
             status: Status::Rejected,
             reason: Reason::None,

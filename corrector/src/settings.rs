@@ -9,7 +9,7 @@ pub enum Mode {
     /// Computed and reported; the command goes out as it came.
     #[default]
     Shadow,
-    /// Within a quarter of the envelope's angle.
+    /// Within a tenth of the envelope's angle.
     Limited,
     /// Within the whole envelope.
     Full,

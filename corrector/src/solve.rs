@@ -48,16 +48,18 @@ pub fn solve(
     let mut trial = *inputs;
     let mut steps = 0;
     loop {
-        let real = model.evaluate(&trial, memories).real;
-        let rows = Rows::new(model, &real, &wanted, task);
-        let undamped = rows.step(0.0).filter(is_finite);
+        let now = model.evaluate(&trial, memories);
+        let rows = Rows::new(model, &now.real, &wanted, task);
+        // Beyond its law's limit a hardening joint's prediction is worth nothing: nothing may be built on it.
+        let undamped = rows.step(0.0).filter(|step| now.beyond.is_none() && is_finite(step));
         let here = Solution { q: trial.q, converged: false, residual: rows.residual, steps };
         if let Some(step) = undamped.filter(|step| largest(step) < STEP_DONE) {
             apply(&mut trial.q, &step);
             return Solution { q: trial.q, converged: true, ..here };
         }
         let inside = undamped.filter(|step| stays_within(&trial.q, step, &inputs.q, reach));
-        match inside.or_else(|| damped(&rows, &trial.q, &inputs.q, reach)) {
+        let damped = || damped(&rows, &trial.q, &inputs.q, reach).filter(|_| now.beyond.is_none());
+        match inside.or_else(damped) {
             Some(step) if steps < STEPS_MAX => apply(&mut trial.q, &step),
             _ => return here,
         }

@@ -1,1 +1,244 @@
-//! Threads, shared memory, time, health, reload and black box of trued run.
+//! Threads, shared memory, time, health, reload: what `trued run` is.
+//!
+//! | thread | does | rate |
+//! | --- | --- | --- |
+//! | `cycle` ([`cycle`]) | takes commands, corrects, publishes | the commands' |
+//! | `vibration` ([`vibration`]) | force blocks in, verdicts out, the newest wrench to the cycle | the blocks' |
+//! | `recorder` ([`recorder`]) | drains the rings into the black box | 20 per second |
+//! | the caller's ([`supervisor`]) | status, requests, reload, dead clients | 50 per second |
+//!
+//! Promises: the daemon never makes the robot step, whatever fails; a start that fails leaves nothing behind.
+//! Never: an equation. The cycle is one short file, [`cycle`].
+
+pub mod cycle;
+pub mod exchange;
+pub mod latency;
+pub mod pacer;
+pub mod realtime;
+pub mod robot;
+pub mod senses;
+pub mod setup;
+pub mod status;
+pub mod supervisor;
+pub mod translate;
+pub mod vibration;
+
+use crate::cycle::Cycle;
+use crate::exchange::{Exchange, LoadedModel};
+use crate::pacer::Pacer;
+use crate::realtime::Refused;
+use crate::robot::Robot;
+use crate::senses::Senses;
+use crate::supervisor::Supervisor;
+use crate::vibration::Listener;
+use corrector::{Corrector, Settings};
+use recording::cell::{CellConfig, Realtime};
+use recording::files::FileError;
+use recording::model::RobotModel;
+use shm_schema::{Cell, Command, DaemonPorts, DaemonSide, DomainError, PortError};
+use spectrum::Watch;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc;
+use std::thread::JoinHandle;
+use tracing::{info, warn};
+
+/// How the daemon is to run.
+#[derive(Debug)]
+pub struct Options {
+    /// The cell.
+    pub config: CellConfig,
+    /// What faults of the configuration call it.
+    pub config_name: String,
+    /// Commands pace the cycle and carry the time: a replay.
+    pub lockstep: bool,
+    /// Set from outside to end.
+    pub stop: Arc<AtomicBool>,
+}
+
+/// Why the daemon did not start, or ended early.
+#[derive(Debug, thiserror::Error)]
+pub enum DaemonError {
+    /// The model, or the configuration against it.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// A bound of the envelope.
+    #[error(transparent)]
+    Envelope(#[from] envelope::LimitsError),
+    /// The vibration watch.
+    #[error(transparent)]
+    Vibration(#[from] spectrum::ConfigError),
+    /// The cell's shared memory.
+    #[error(transparent)]
+    Domain(#[from] DomainError),
+    /// A port.
+    #[error(transparent)]
+    Port(#[from] PortError),
+    /// Real-time manners that the configuration insists on.
+    #[error(transparent)]
+    Refused(#[from] Refused),
+    /// A thread could not be started, or ended before it said so.
+    #[error("thread `{name}` did not start: {why}")]
+    Thread {
+        /// Which.
+        name: &'static str,
+        /// Why.
+        why: String,
+    },
+}
+
+/// Runs the daemon until `stop` is set. Calls `ready` once clients can join.
+///
+/// # Errors
+/// See [`DaemonError`]; the shared memory is cleaned up then.
+pub fn run(options: Options, ready: impl FnOnce()) -> Result<(), DaemonError> {
+    let Options { config, config_name, lockstep, stop } = options;
+    let model = RobotModel::read(&config.model)?;
+    let arm = &model.physics.arm;
+    config.check_against(&config_name, &setup::motions(arm)).map_err(FileError::from)?;
+    let settings = setup::settings(&config, arm, lockstep)?;
+    let bounds = setup::bounds(&settings, arm);
+    let watch = setup::watch(&config, &model)?;
+    tell_model(&model);
+
+    let domain = DaemonSide::create(&Cell::new(&config.cell)?)?;
+    if config.realtime.lock_memory {
+        tolerate(realtime::lock_memory(), config.realtime.enforce)?;
+    }
+    let exchange = Arc::new(Exchange::new(settings.mode, config.recorder.is_some()));
+    let mut supervisor = Supervisor::join(domain, config.model.clone(), model.clone(), bounds)?;
+    supervisor.constants.armed_mode = setup::armed_mode(&config);
+    let threads = start_threads(&config, settings, &model, watch, &mut supervisor, &exchange)
+        .inspect_err(|_| exchange.stop())?;
+    info!(cell = config.cell, mode = ?settings.mode, "ready");
+    ready();
+    while !stop.load(Relaxed) && threads.iter().all(|(_, thread)| !thread.is_finished()) {
+        supervisor.look(&exchange);
+        std::thread::sleep(supervisor::LOOK_EVERY);
+    }
+    exchange.stop();
+    supervisor.tell(&exchange);
+    threads.into_iter().try_for_each(|(name, thread)| finish(name, thread))
+}
+
+type Thread = JoinHandle<Result<(), DaemonError>>;
+
+/// Starts all threads; once they have their ports, clients may join.
+fn start_threads(
+    config: &CellConfig,
+    settings: Settings,
+    model: &RobotModel,
+    watch: Option<Watch>,
+    supervisor: &mut Supervisor,
+    exchange: &Arc<Exchange>,
+) -> Result<Vec<(&'static str, Thread)>, DaemonError> {
+    let ports = supervisor.domain.ports();
+    let cycle = start_cycle(config, settings, model, &ports, exchange)?;
+    let vibration = start("vibration", exchange, move |exchange, started| {
+        let mut listener = Listener::join(&ports, watch)?;
+        started();
+        listener.run(exchange);
+        Ok(())
+    })?;
+    supervisor.tell(exchange);
+    supervisor.domain.announce()?;
+    Ok(vec![("cycle", cycle), ("vibration", vibration)])
+}
+
+fn start_cycle(
+    config: &CellConfig,
+    settings: Settings,
+    model: &RobotModel,
+    ports: &DaemonPorts,
+    exchange: &Arc<Exchange>,
+) -> Result<Thread, DaemonError> {
+    let (ports, realtime) = (ports.clone(), config.realtime);
+    let pacer = Pacer::new(setup::wait(config), settings.period_ns);
+    let senses = Senses::new(setup::wrench_source(config));
+    let loaded = Box::new(LoadedModel { physics: model.physics, epoch: 1 });
+    start("cycle", exchange, move |exchange, started| {
+        take_manners(realtime)?;
+        let mut cycle = Cycle {
+            robot: Robot::join(&ports, pacer)?,
+            corrector: Corrector::new(settings),
+            model: loaded,
+            senses,
+            stale_ns: settings.stale_ns,
+            period_ns: settings.period_ns,
+            lockstep: settings.lockstep,
+            last: Command::default(),
+        };
+        started();
+        cycle.run(exchange);
+        Ok(())
+    })
+}
+
+/// Starts a thread and waits until it has said that it is ready.
+fn start(
+    name: &'static str,
+    exchange: &Arc<Exchange>,
+    body: impl FnOnce(&Exchange, &dyn Fn()) -> Result<(), DaemonError> + Send + 'static,
+) -> Result<Thread, DaemonError> {
+    let (tell, told) = mpsc::channel();
+    let shared = Arc::clone(exchange);
+    let thread = std::thread::Builder::new()
+        .name(name.to_owned())
+        .spawn(move || {
+            body(&shared, &|| {
+                // Whoever waits for this has not gone: it waits.
+                let _ = tell.send(());
+            })
+        })
+        .map_err(|why| DaemonError::Thread { name, why: why.to_string() })?;
+    if told.recv().is_ok() {
+        return Ok(thread);
+    }
+    match thread.join() {
+        Ok(Err(fault)) => Err(fault),
+        _ => Err(DaemonError::Thread { name, why: "it ended at once".to_owned() }),
+    }
+}
+
+/// Waits for a thread that has been told to stop.
+fn finish(name: &'static str, thread: Thread) -> Result<(), DaemonError> {
+    match thread.join() {
+        Ok(done) => done,
+        Err(_) => Err(DaemonError::Thread { name, why: "it panicked".to_owned() }),
+    }
+}
+
+/// Real-time manners of the calling thread, as configured.
+fn take_manners(realtime: Realtime) -> Result<(), Refused> {
+    if let Some(core) = realtime.core {
+        tolerate(realtime::pin_to(core), realtime.enforce)?;
+    }
+    if let Some(priority) = realtime.fifo_priority {
+        tolerate(realtime::set_fifo(priority), realtime.enforce)?;
+    }
+    Ok(())
+}
+
+/// A refusal ends the start where the configuration insists; else it is told.
+fn tolerate(done: Result<(), Refused>, enforce: bool) -> Result<(), Refused> {
+    match done {
+        Err(refused) if enforce => Err(refused),
+        Err(refused) => {
+            warn!(%refused, "going on without");
+            Ok(())
+        }
+        Ok(()) => Ok(()),
+    }
+}
+
+fn tell_model(model: &RobotModel) {
+    info!(
+        model = model.file.name,
+        joints = model.physics.arm.count(),
+        effects = model.physics.effects().len(),
+        "loaded"
+    );
+    for name in model.not_compensated_names() {
+        info!(effect = name, "not compensated");
+    }
+}

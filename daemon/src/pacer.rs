@@ -4,7 +4,7 @@
 //! absolute times, and never allocates, locks or logs.
 //! Never: a look at a message.
 //!
-//! Spinning is for an isolated core: a spinning SCHED_FIFO thread that shares its core is stalled for 50 ms each second
+//! Spinning is for an isolated core: a spinning `SCHED_FIFO` thread that shares its core is stalled for 50 ms each second
 //! by the kernel's fair server. Sleeping wakes shortly before the next command is due and looks again every
 //! [`LOOK_EVERY_NS`] until it is there.
 
@@ -43,7 +43,11 @@ impl Pacer {
     }
 
     /// Looks until there is something or the deadline (`CLOCK_MONOTONIC`, ns) has passed.
-    pub fn wait_for<T>(&mut self, deadline_ns: u64, mut look: impl FnMut() -> Option<T>) -> Option<T> {
+    pub fn wait_for<T>(
+        &mut self,
+        deadline_ns: u64,
+        mut look: impl FnMut() -> Option<T>,
+    ) -> Option<T> {
         loop {
             if let Some(found) = look() {
                 self.last_ns = monotonic_ns();

@@ -13,7 +13,7 @@ use thread_priority::{
 /// What the machine refused.
 #[derive(Debug, thiserror::Error)]
 pub enum Refused {
-    /// SCHED_FIFO.
+    /// `SCHED_FIFO`.
     #[error(
         "SCHED_FIFO priority {priority} was refused: {why}; give the service LimitRTPRIO={priority} or more, \
          or set `[realtime] policy = \"other\"`"
@@ -33,7 +33,9 @@ pub enum Refused {
         why: std::io::Error,
     },
     /// Locking memory.
-    #[error("locking memory was refused: {why}; give the service LimitMEMLOCK=infinity, or set `[realtime] lock_memory = false`")]
+    #[error(
+        "locking memory was refused: {why}; give the service LimitMEMLOCK=infinity, or set `[realtime] lock_memory = false`"
+    )]
     Memory {
         /// The system's word.
         why: std::io::Error,
@@ -49,7 +51,7 @@ pub fn lock_memory() -> Result<(), Refused> {
         .map_err(|why| Refused::Memory { why: why.into() })
 }
 
-/// Gives the calling thread SCHED_FIFO at `priority` (1 to 99).
+/// Gives the calling thread `SCHED_FIFO` at `priority` (1 to 99).
 ///
 /// # Errors
 /// Where the system refuses.

@@ -37,8 +37,8 @@ pub trait Effect: Copy + Sized {
     /// The 0-based joint that it belongs to; none for the whole robot.
     fn joint(&self) -> Option<usize>;
 
-    /// The parameters whose numbers [`Effect::values`] are, in that order: the spec's without its settings, but for
-    /// effects that follow one of several laws.
+    /// The parameters whose numbers [`Effect::values`] are, in that order: the spec's without its settings and without
+    /// optional ones that were not given.
     fn fitted(&self) -> &'static [Parameter] {
         let parameters = Self::SPEC.parameters;
         let count = parameters.iter().take_while(|p| p.role != Role::Setting).count();

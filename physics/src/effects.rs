@@ -3,11 +3,11 @@
 //! Promises: whoever asks for "all effects" (files, corrector, simulation, diagnosis, the conformance suite) asks this list.
 //! Never: a heap or a virtual table; an effect is a value that can be copied.
 
-use crate::Arm;
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Given, Memory, Site};
 use crate::signals::Signals;
-use crate::spec::{Parameter, Spec};
+use crate::spec::{NOT_MODELLED, Parameter, Spec};
+use crate::{Arm, JointKind};
 
 /// The three accessors of an effect that keeps `joint: usize` and `values: [f64; N]`.
 macro_rules! of_joint {
@@ -43,6 +43,10 @@ macro_rules! effects {
 
         /// Any one effect.
         #[derive(Clone, Copy, Debug, PartialEq)]
+        #[expect(
+            clippy::large_enum_variant,
+            reason = "an effect is a value without a heap; only a sag of sixteen bodies is this large"
+        )]
         pub enum AnyEffect {
             $(#[doc = concat!("See [`", stringify!($module), "`].")] $Kind($module::$Kind)),+
         }
@@ -124,19 +128,51 @@ macro_rules! effects {
 effects! {
     joint_offset::JointOffset,
     joint_ratio::JointRatio,
+    joint_coupling::JointCoupling,
     joint_polynomial::JointPolynomial,
     transmission_error::TransmissionError,
     backlash::Backlash,
+    lost_motion::LostMotion,
+    hysteresis::Hysteresis,
     gravity_compliance::GravityCompliance,
     gravity_sag::GravitySag,
     load_compliance::LoadCompliance,
     joint_compliance::JointCompliance,
+    stiffness_hardening::StiffnessHardening,
+    bearing_compliance::BearingCompliance,
     base_compliance::BaseCompliance,
+    tool_compliance::ToolCompliance,
+    counterbalance::Counterbalance,
     axis_tilt::AxisTilt,
     axis_shift::AxisShift,
     tool_offset::ToolOffset,
+    gravity_tilt::GravityTilt,
+    payload::Payload,
     thermal_growth::ThermalGrowth,
+    thermal_zero::ThermalZero,
+    axis_wobble::AxisWobble,
+    spindle_growth::SpindleGrowth,
+    wrench_bias::WrenchBias,
+    wrench_scale::WrenchScale,
+    wrench_misalignment::WrenchMisalignment,
+}
+
+/// All specs of that name, what is modelled first. `hysteresis` alone has two: of a position and of a torque.
+pub fn specs_of(kind: &str) -> impl Iterator<Item = &'static Spec> {
+    SPECS.iter().chain(NOT_MODELLED).filter(move |spec| spec.kind == kind)
+}
+
+/// The spec of that name that has most of these keys; the one that is modelled where two have as many. `joint_kind`: that of
+/// the effect's joint; `Revolute` for effects of the whole robot.
+pub fn spec_for(kind: &str, joint_kind: JointKind, keys: &[&str]) -> Option<&'static Spec> {
+    let strange = |spec: &&Spec| keys.iter().filter(|key| !spec.has_key(key, joint_kind)).count();
+    specs_of(kind).min_by_key(strange)
+}
+
+/// Whether [`AnyEffect::build`] makes an effect of this spec; the others are loaded and listed as not compensated.
+pub fn is_modelled(spec: &Spec) -> bool {
+    SPECS.contains(spec)
 }
 
 #[cfg(test)]
-mod conformance;
+pub(crate) mod conformance;

@@ -39,12 +39,16 @@ pub(crate) enum Cause {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Heat {
     pub(crate) cause: Cause,
+    /// How many of the effect's two numbers were given: a lag may be missing and is zero then.
+    pub(crate) count: usize,
     reference_celsius: f64,
 }
 
 impl Heat {
     pub(crate) fn new(site: &Site<'_>, cause: Cause) -> Self {
-        Self { cause, reference_celsius: site.maybe("reference").unwrap_or(REFERENCE_C) }
+        let both = cause == Cause::WarmUp || site.maybe("lag").is_some();
+        let reference_celsius = site.maybe("reference").unwrap_or(REFERENCE_C);
+        Self { cause, count: if both { 2 } else { 1 }, reference_celsius }
     }
 
     /// The law of an effect of a joint: `per_kelvin` with `lag`, or `amplitude` with `time_constant`.
@@ -127,6 +131,75 @@ impl Heat {
             Cause::Ambient => inputs.ambient_celsius - self.reference_celsius,
             Cause::Spindle => inputs.spindle_rpm,
             Cause::WarmUp => f64::NAN,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::effects::AnyEffect;
+    use crate::effects::conformance::scene;
+    use crate::{Arm, Given, Inputs, Memories, Model};
+
+    fn drifting(arm: Arm, given: &[(&str, &[f64])]) -> Model {
+        let effect = AnyEffect::build("thermal_zero", &arm, Some(1), Given(given)).expect("sound");
+        Model::new(arm, &[effect]).expect("one effect")
+    }
+
+    fn drift(model: &Model, inputs: &Inputs, memories: &Memories) -> f64 {
+        model.evaluate(inputs, memories).deviation.joints[1]
+    }
+
+    #[test]
+    fn a_lagging_zero_has_followed_63_percent_of_a_step_after_its_lag_in_any_sampling() {
+        let scene = scene();
+        let model = drifting(scene.arm, &[("drift", &[1e-5]), ("lag", &[600.0])]);
+        for samples in [1, 60] {
+            let mut inputs = Inputs { ambient_celsius: 20.0, ..scene.inputs };
+            let mut memories = Memories::default();
+            model.settle(&inputs, &mut memories);
+            assert_eq!(drift(&model, &inputs, &memories), 0.0);
+            (inputs.ambient_celsius, inputs.dt_s) = (30.0, 600.0 / f64::from(samples));
+            (0..samples).for_each(|_| model.advance(&inputs, &mut memories));
+            let wanted = 1e-4 * (1.0 - f64::exp(-1.0));
+            assert!((drift(&model, &inputs, &memories) - wanted).abs() < 1e-16);
+        }
+    }
+
+    #[test]
+    fn a_temperature_that_went_missing_is_held_and_one_never_known_does_nothing() {
+        let scene = scene();
+        let model = drifting(scene.arm, &[("drift", &[1e-5]), ("lag", &[600.0])]);
+        let mut memories = Memories::default();
+        let lost = Inputs { ambient_celsius: f64::NAN, dt_s: 60.0, ..scene.inputs };
+        assert_eq!(drift(&model, &lost, &memories), 0.0);
+        model.settle(&scene.inputs, &mut memories);
+        model.advance(&lost, &mut memories);
+        assert!((drift(&model, &lost, &memories) - 7e-5).abs() < 1e-18);
+    }
+
+    #[test]
+    fn a_warm_up_starts_at_nothing_and_ends_at_its_amplitude() {
+        let scene = scene();
+        let model = drifting(scene.arm, &[("amplitude", &[2e-4]), ("time_constant", &[900.0])]);
+        for (time_s, share) in [(0.0, 0.0), (900.0, 1.0 - f64::exp(-1.0)), (1e6, 1.0)] {
+            let inputs = Inputs { time_s, ..scene.inputs };
+            let seen = drift(&model, &inputs, &Memories::default());
+            assert!((seen - 2e-4 * share).abs() < 1e-18, "{seen} at {time_s} s");
+        }
+    }
+
+    #[test]
+    fn two_laws_at_once_are_refused() {
+        let arm = scene().arm;
+        for given in [
+            &[("drift", [1e-5].as_slice()), ("amplitude", &[1e-4])][..],
+            &[("amplitude", &[1e-4])],
+            &[("time_constant", &[900.0])],
+            &[("amplitude", &[1e-4]), ("time_constant", &[900.0]), ("lag", &[1.0])],
+            &[],
+        ] {
+            assert!(AnyEffect::build("thermal_zero", &arm, Some(1), Given(given)).is_err());
         }
     }
 }

@@ -31,7 +31,7 @@ pub use effect::{BuildError, Effect, Given, Memory};
 pub use effects::AnyEffect;
 pub use frame::Frame;
 pub use loads::Loads;
-pub use model::{Evaluation, Memories, Model, ModelError};
+pub use model::{Beyond, Evaluation, Memories, Model, ModelError};
 pub use signals::{Inputs, Signals, Wrench};
 
 /// The most joints an arm may have.
@@ -43,3 +43,6 @@ pub const EFFECTS_MAX: usize = 128;
 /// One number per joint: rad or rad-like for a revolute joint, m for a prismatic one.
 /// Entries beyond the arm's joint count are zero and never read.
 pub type Joints = [f64; JOINTS_MAX];
+
+#[cfg(test)]
+mod tests;

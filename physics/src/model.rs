@@ -1,7 +1,8 @@
 //! The sum of the effects: where the tool really goes.
 //!
 //! Promises: [`Model::evaluate`] is `FK_real(q + δθ(q, W, T))`, loads and effects taken on the controller's geometry at `q`
-//! (see docs/decisions/0002); effects on the loads come first, all others see the changed loads.
+//! (see docs/decisions/0002); effects on the loads come first, all others see the changed loads; [`Model::check`] holds what
+//! effects must not see of each other.
 //! Never: an inverse. Solving for the joint positions that put the tool right is the corrector's.
 
 use crate::deviation::{Contribution, Deviation};
@@ -19,6 +20,7 @@ pub struct Model {
     effects: [Option<AnyEffect>; EFFECTS_MAX],
     count: usize,
     changes_loads: bool,
+    hardens: bool,
 }
 
 /// What the effects of one model remember in one run, in the order of [`Model::effects`].
@@ -31,10 +33,39 @@ impl Default for Memories {
     }
 }
 
-/// Why a model cannot take an effect.
+/// Why effects do not make a model. Joints are 1-based here, as in files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("a model has at most {EFFECTS_MAX} effects")]
-pub struct ModelError;
+pub enum ModelError {
+    /// More effects than there is room for.
+    #[error("a model has at most {EFFECTS_MAX} effects")]
+    TooManyEffects,
+    /// A `stiffness_hardening` with nothing to harden.
+    #[error("joint {joint}: `stiffness_hardening` needs a linear compliance on the same joint")]
+    HardensNothing {
+        /// 1-based.
+        joint: usize,
+    },
+    /// The whole and one of its halves.
+    #[error(
+        "joint {joint}: `joint_compliance` stands for `gravity_compliance` and `load_compliance` with one number, \
+         it cannot stand beside either"
+    )]
+    CompliantTwice {
+        /// 1-based.
+        joint: usize,
+    },
+}
+
+/// A load for which a joint's stiffening law is not physical any more.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beyond {
+    /// 0-based joint.
+    pub joint: usize,
+    /// The load, Nm or N.
+    pub torque: f64,
+    /// The law holds below this load's magnitude, Nm or N.
+    pub limit: f64,
+}
 
 /// Everything that the model says of one sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,33 +78,56 @@ pub struct Evaluation {
     pub deviation: Deviation,
     /// Where everything really is.
     pub real: Chain,
+    /// The first joint that is loaded beyond what its `stiffness_hardening` holds for: refuse this evaluation then.
+    pub beyond: Option<Beyond>,
 }
 
 impl Model {
     /// An arm without any effect.
     pub const fn nominal(arm: Arm) -> Self {
-        Self { arm, effects: [None; EFFECTS_MAX], count: 0, changes_loads: false }
+        Self { arm, effects: [None; EFFECTS_MAX], count: 0, changes_loads: false, hardens: false }
     }
 
-    /// An arm with effects.
+    /// An arm with effects that fit each other.
     ///
     /// # Errors
-    /// More than [`EFFECTS_MAX`] effects.
+    /// What does not fit, see [`ModelError`].
     pub fn new(arm: Arm, effects: &[AnyEffect]) -> Result<Self, ModelError> {
         let mut model = Self::nominal(arm);
         for effect in effects {
             model.push(*effect)?;
         }
+        model.check()?;
         Ok(model)
     }
 
-    /// Adds an effect.
+    /// Whether the effects fit each other; [`Model::new`] asks this.
+    ///
+    /// # Errors
+    /// The first joint at which they do not.
+    pub fn check(&self) -> Result<(), ModelError> {
+        for i in 0..self.arm.count() {
+            let joint = i + 1;
+            let has = |kind| self.effects().any(|e| e.spec().kind == kind && e.joint() == Some(i));
+            let halves = has("gravity_compliance") || has("load_compliance");
+            if has("joint_compliance") && halves {
+                return Err(ModelError::CompliantTwice { joint });
+            }
+            if has("stiffness_hardening") && !has("joint_compliance") && !halves {
+                return Err(ModelError::HardensNothing { joint });
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds an effect; see [`Model::check`] for whether it fits the others.
     ///
     /// # Errors
     /// More than [`EFFECTS_MAX`] effects.
     pub fn push(&mut self, effect: AnyEffect) -> Result<(), ModelError> {
-        let slot = self.effects.get_mut(self.count).ok_or(ModelError)?;
+        let slot = self.effects.get_mut(self.count).ok_or(ModelError::TooManyEffects)?;
         self.changes_loads |= effect.spec().acts_on == ActsOn::Loads;
+        self.hardens |= matches!(effect, AnyEffect::StiffnessHardening(_));
         *slot = Some(effect);
         self.count += 1;
         Ok(())
@@ -103,7 +157,8 @@ impl Model {
             deviation.add(&effect.predict(&signals, memory));
         }
         let real = Chain::real(&self.arm, &inputs.q, &deviation);
-        Evaluation { nominal, loads, deviation, real }
+        let beyond = if self.hardens { self.beyond(&loads) } else { None };
+        Evaluation { nominal, loads, deviation, real, beyond }
     }
 
     /// Calls `visit` with the index and contribution of each effect at one sample.
@@ -133,6 +188,31 @@ impl Model {
     /// See [`crate::Effect::follow`], for all effects. Correction: follow once per cycle, then solve.
     pub fn follow(&self, inputs: &Inputs, memories: &mut Memories) {
         self.update(inputs, memories, AnyEffect::follow);
+    }
+
+    /// The first joint whose load is at or above `sqrt(C/3D)`, C and D being the sums over that joint. Where gravity
+    /// and wrench have compliances of their own, the smaller counts.
+    fn beyond(&self, loads: &Loads) -> Option<Beyond> {
+        (0..self.arm.count()).find_map(|joint| {
+            let sum = |wanted: fn(&AnyEffect) -> bool| -> f64 {
+                let here = self.effects().filter(|e| wanted(e) && e.joint() == Some(joint));
+                here.map(|effect| effect.values()[0]).sum()
+            };
+            let cubic = sum(|e| matches!(e, AnyEffect::StiffnessHardening(_)));
+            if cubic <= 0.0 {
+                return None;
+            }
+            let of_gravity = sum(|e| matches!(e, AnyEffect::GravityCompliance(_)));
+            let of_wrench = sum(|e| matches!(e, AnyEffect::LoadCompliance(_)));
+            let halves = if of_gravity > 0.0 && of_wrench > 0.0 {
+                of_gravity.min(of_wrench)
+            } else {
+                of_gravity + of_wrench
+            };
+            let compliance = sum(|e| matches!(e, AnyEffect::JointCompliance(_))) + halves;
+            let (torque, limit) = (loads.torque(joint), libm::sqrt(compliance / (3.0 * cubic)));
+            (torque.abs() >= limit).then_some(Beyond { joint, torque, limit })
+        })
     }
 
     fn update(

@@ -4,6 +4,10 @@
 //! its unit's suffix, and the suffix follows the kind of joint (`offset_mrad`, on a prismatic joint `offset_mm`).
 //! Never: a value.
 
+mod not_modelled;
+
+pub use not_modelled::NOT_MODELLED;
+
 use crate::JointKind;
 use core::fmt;
 
@@ -305,4 +309,11 @@ pub struct Spec {
     /// Its entries in a file: parameters that a fit may change first, then settings. Which of them an effect
     /// carries: [`crate::Effect::fitted`].
     pub parameters: &'static [Parameter],
+}
+
+impl Spec {
+    /// Whether it has an entry of this key on a joint of this kind.
+    pub fn has_key(&self, key: &str, kind: JointKind) -> bool {
+        self.parameters.iter().any(|parameter| parameter.key(kind) == *key)
+    }
 }

@@ -36,6 +36,8 @@ pub enum Quantity {
     AngularCompliance,
     /// Compliance against a force, SI m/N.
     LinearCompliance,
+    /// Anything else; two such units do not convert into each other.
+    Other,
 }
 
 /// A unit: its spelling in names, what it measures, and its size in SI.
@@ -89,6 +91,17 @@ pub const UNITS: &[Unit] = &[
     unit("rad_per_Nm", Quantity::AngularCompliance, 1.0),
     unit("um_per_N", Quantity::LinearCompliance, 1e-6),
     unit("mm_per_kN", Quantity::LinearCompliance, 1e-6),
+    unit("mrad_per_kNm3", Quantity::Other, 1.0),
+    unit("mm_per_kN3", Quantity::Other, 1.0),
+    unit("mrad_per_K", Quantity::Other, 1.0),
+    unit("mm_per_K", Quantity::Other, 1.0),
+    unit("um_per_K", Quantity::Other, 1.0),
+    unit("um_per_krpm", Quantity::Other, 1.0),
+    unit("per_rev", Quantity::Other, 1.0),
+    unit("per_m", Quantity::Other, 1.0),
+    unit("N_per_m", Quantity::Other, 1.0),
+    unit("N_per_mm", Quantity::Other, 1.0),
+    unit("N_per_um", Quantity::Other, 1.0),
 ];
 
 impl Unit {

@@ -33,8 +33,8 @@ pub use clock::{monotonic_ns, new_session};
 pub use codes::UnknownCode;
 pub use control::{Answer, Operation, PATH_BYTES_MAX, Request, Response};
 pub use domain::{
-    Cell, Contract, Current, DaemonPorts, DaemonSide, DomainError, JoinError, Joined,
-    RUNTIME_DIR_ENV, Role, Seat, Supervision, sweep,
+    Cell, Contract, Current, DaemonPorts, DaemonSide, DomainError, JoinError, Joined, PeerControl,
+    PeerPublisher, PeerSubscriber, RUNTIME_DIR_ENV, Role, Seat, Supervision, sweep,
 };
 pub use force::{FORCE_CHANNELS_MAX, FORCE_SAMPLES_MAX, ForceBlock};
 pub use layout::{Malformed, Payload};

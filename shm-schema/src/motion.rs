@@ -7,7 +7,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use crate::JOINTS_MAX;
 use crate::codes::{UnknownCode, codes};
-use crate::layout::{Malformed, payload, plain_struct, within};
+use crate::layout::{payload, plain_struct, within};
 
 plain_struct! {
     /// One commanded joint target, from the robot's side to the daemon (`/command`).
@@ -38,7 +38,9 @@ plain_struct! {
         pub temperature_c: [f64; JOINTS_MAX + 1],
     }
 }
-payload!(Command = "trued.Command/1", layout 1, check |c| joint_count::<Command>(c.joints));
+payload!(Command = "trued.Command/1", layout 1, check |c| {
+    within::<Command>("joints", u64::from(c.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
+});
 
 impl Command {
     /// `wrench` holds; in the tool's axes unless `WRENCH_IN_BASE` is set too.
@@ -68,7 +70,7 @@ impl Command {
 plain_struct! {
     /// One joint target to publish, from the daemon to the robot's side (`/corrected`).
     ///
-    /// `q` is the command's joints plus `correction`, always: whatever the status, `q` may be published.
+    /// `q` is the last good command's joints plus `correction`: whatever the status, its `joints` may be published.
     pub struct Corrected = "trued.Corrected/1" {
         /// From 1, plus 1 with each message of this daemon's epoch.
         pub seq: u64,
@@ -86,7 +88,7 @@ plain_struct! {
         pub model_epoch: u64,
         /// Layout version.
         pub layout: u32,
-        /// How many joints, 1 to 16.
+        /// How many joints, 1 to 16; 0 where there is no target, as no good command has come yet.
         pub joints: u32,
         /// A [`CorrectionStatus`].
         pub status: u32,
@@ -100,6 +102,10 @@ plain_struct! {
         pub q: [f64; JOINTS_MAX],
         /// What of `q` is correction, within the envelope.
         pub correction: [f64; JOINTS_MAX],
+        /// How fast `correction` changes, per s: with it, whoever takes over goes on without a step.
+        pub correction_rate: [f64; JOINTS_MAX],
+        /// How fast that changes, per s².
+        pub correction_acceleration: [f64; JOINTS_MAX],
         /// What the model asks for, before the envelope; in shadow mode `correction` is zero, this is not.
         pub wanted: [f64; JOINTS_MAX],
         /// Undamped residual of the solution, position, m.
@@ -108,7 +114,9 @@ plain_struct! {
         pub residual_rad: f64,
     }
 }
-payload!(Corrected = "trued.Corrected/1", layout 1, check |c| joint_count::<Corrected>(c.joints));
+payload!(Corrected = "trued.Corrected/1", layout 1, check |c| {
+    within::<Corrected>("joints", u64::from(c.joints), 0..=JOINTS_MAX as u64, "0 to 16 joints")
+});
 
 impl Corrected {
     /// How it was made.
@@ -212,8 +220,4 @@ codes! {
         /// It is switched off in the configuration.
         Off = 5 "off",
     }
-}
-
-fn joint_count<P: crate::Payload>(joints: u32) -> Result<(), Malformed> {
-    within::<P>("joints", u64::from(joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
 }

@@ -1,4 +1,5 @@
 //! Claims about the life of a domain, within one process.
+#![expect(clippy::unwrap_used, reason = "a test program")]
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -226,6 +227,22 @@ fn whoever_has_the_old_epoch_mapped_outlives_its_removal() {
     drop((commands, answers, send, take, joined, again));
     drop(daemon);
     drop(seat);
+    assert_eq!(runtime.left(), Vec::<String>::new());
+}
+
+#[test]
+fn memory_that_its_creator_never_sized_is_removed_as_it_holds_up_whoever_opens_it() {
+    let runtime = Runtime::new("mend");
+    let daemon = DaemonSide::create(&runtime.cell()).unwrap();
+    let prefix = runtime.cell().shared_memory_prefix();
+    let path = |name: &str| PathBuf::from(format!("/dev/shm/{prefix}{name}"));
+    std::fs::write(path("empty"), "").unwrap();
+    std::fs::write(path("sized"), "x").unwrap();
+    assert!(
+        wait_for(Duration::from_secs(10), || (!path("empty").exists()).then_some(())).is_some()
+    );
+    assert!(path("sized").exists());
+    drop(daemon);
     assert_eq!(runtime.left(), Vec::<String>::new());
 }
 

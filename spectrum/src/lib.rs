@@ -1,1 +1,33 @@
-//! Windows, transforms, floors, peaks and verdicts on vibration.
+//! Windows, transforms, floors, peaks and verdicts on vibration; offline, FRF and surface profiles.
+//!
+//! Contract: this crate knows nobody. No IPC, no clock, no file, no log. What is planned may
+//! allocate ([`Watch::new`]); what is executed ([`Watch::push`]) neither allocates nor panics, so
+//! that the vibration thread may call it beside the control cycle.
+//!
+//! The way of a sample: [`Block`] → sensor checks → one-revolution average and decimation → Hann
+//! windows of several lengths → power over a learned floor → peaks that two or three disjoint
+//! windows agree on → a tracked line → a [`Verdict`].
+
+mod block;
+mod branch;
+mod config;
+mod decimate;
+mod fault;
+mod floor;
+mod history;
+mod peak;
+mod sliding;
+mod stream;
+mod surroundings;
+mod track;
+mod transform;
+mod verdict;
+mod watch;
+mod window;
+
+pub use block::{Axis, Block, CHANNELS_MAX, ProcessState};
+pub use config::{ConfigError, Mode, WatchConfig, Wheel};
+pub use fault::{Fault, Faults, Health};
+pub use verdict::{Advice, Class, ClassSet, NearestLine, State, VERDICTS_MAX, Verdict, Verdicts};
+pub use watch::Watch;
+pub use window::{amplitude_scale, density_scale, hann};

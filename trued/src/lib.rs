@@ -1,1 +1,57 @@
-//! The one program.
+//! The command line: what every command shares, and one file for each under `commands`.
+//!
+//! Promises: the conventions of `contract/cli.md` (streams, `--json`, exit codes, files whole or not at all) hold for
+//! every command because they are kept here, once. Never: logic that a library of the house could offer.
+
+pub mod atomic;
+mod cli;
+mod commands;
+pub mod exit;
+mod help;
+pub mod interrupt;
+mod logs;
+pub mod options;
+pub mod output;
+pub mod progress;
+pub mod table;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::{CommandFactory, FromArgMatches};
+
+use crate::cli::Cli;
+use crate::exit::{Answer, Failure};
+use crate::output::Console;
+
+/// Runs the program with these arguments, the first of which is its name; never panics on any of them.
+///
+/// Exit codes: see [`exit`].
+pub fn run(args: impl Iterator<Item = OsString>) -> ExitCode {
+    let cli = match parse(args) {
+        Ok(cli) => cli,
+        Err(told) => return tell(&told),
+    };
+    let mut console = Console::new(cli.common.clone());
+    logs::start(&console);
+    let outcome = commands::run(&cli.command, &mut console);
+    if let Err(failure) = &outcome {
+        console.complain(failure);
+    }
+    exit::code(&outcome)
+}
+
+fn parse(args: impl Iterator<Item = OsString>) -> Result<Cli, clap::Error> {
+    let mut matches = help::dressed(Cli::command()).try_get_matches_from(args)?;
+    Cli::from_arg_matches_mut(&mut matches)
+}
+
+/// Help and version are answers; all else is a usage that is told and refused.
+fn tell(told: &clap::Error) -> ExitCode {
+    let outcome = match told.print() {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::system(error)),
+        _ if told.use_stderr() => Err(Failure::input("usage")),
+        _ => Ok(Answer::Done),
+    };
+    exit::code(&outcome)
+}

@@ -1,3 +1,7 @@
-//! The one program of the house.
+//! The one program of the house. All it does stands in the library, so that tests can build the same program.
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    trued::run(std::env::args_os())
+}

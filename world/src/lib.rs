@@ -1,9 +1,31 @@
 //! The robot, the instrument and the cutter, run forward: deterministic by seed.
+//!
+//! Promises: the same inputs and seed give the same bits on every machine of one kind; each kind of chance has a
+//! stream of its own ([`random`]).
+//! Never: IPC, a clock, a file, a correction.
+//!
+//! Read in this order: [`path`] and [`slots`] (where the tool shall go, [`workplace`]: where there), [`ik`] and [`joint_path`] (the commands for it),
+//! [`draw`] (a true robot for a calibrated model), [`robot`] (where its tool really goes), [`cutter`] and
+//! [`ringing`] (what the cut exerts), [`cell`] (all of it, tick by tick). [`contact`] closes the loop over a stiff
+//! surface; [`tracker`] is the instrument.
+//!
+//! Units are SI; vectors are in base axes unless a name says otherwise.
 
+pub mod cell;
+pub mod contact;
+pub mod cutter;
+pub mod draw;
+pub mod extras;
 pub mod ik;
+pub mod joint_path;
 pub mod path;
 pub mod profile;
 pub mod random;
+pub mod ringing;
+pub mod robot;
 pub mod slots;
+pub mod tracker;
+pub mod workplace;
+
 #[cfg(test)]
 mod test_arm;

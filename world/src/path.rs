@@ -85,7 +85,11 @@ pub fn tool_along(direction_base: DVec3, base_from_tool: DMat3) -> DMat3 {
     let sine = sqrt(across.length_squared());
     if sine < 1e-9 {
         let half_turn = rotation_about(base_from_tool.y_axis, core::f64::consts::PI);
-        return if z.dot(direction_base) > 0.0 { base_from_tool } else { half_turn * base_from_tool };
+        return if z.dot(direction_base) > 0.0 {
+            base_from_tool
+        } else {
+            half_turn * base_from_tool
+        };
     }
     let angle = libm::atan2(sine, z.dot(direction_base));
     rotation_from_vector(across * (angle / sine)) * base_from_tool

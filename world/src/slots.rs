@@ -49,17 +49,15 @@ impl Slots {
         }
     }
 
-    /// Four slots at 1, 2, 5 and 10 mm/s, the slower ones shorter: about 44 s.
+    /// Four slots at 1, 2, 5 and 10 mm/s, the slower ones shorter: 39 s.
     pub fn thesis(start_base: DVec3) -> Self {
-        let slot = |feed_mm_s: f64, leg_mm: f64| Slot {
-            feed_m_s: 1e-3 * feed_mm_s,
-            leg_m: 1e-3 * leg_mm,
-        };
+        let slot =
+            |feed_mm_s: f64, leg_mm: f64| Slot { feed_m_s: 1e-3 * feed_mm_s, leg_m: 1e-3 * leg_mm };
         let slots = [slot(1.0, 4.0), slot(2.0, 6.0), slot(5.0, 14.0), slot(10.0, 25.0)];
         Self::u_shaped(start_base, &slots)
     }
 
-    /// One slot at 10 mm/s: about 6 s.
+    /// One slot at 10 mm/s: 5 s.
     pub fn quick(start_base: DVec3) -> Self {
         Self::u_shaped(start_base, &[Slot { feed_m_s: 0.01, leg_m: 0.015 }])
     }

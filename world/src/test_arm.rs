@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 use physics::arm::GRAVITY;
-use physics::{Arm, Body, Joint, JointKind, Tool};
+use physics::{AnyEffect, Arm, Body, Given, Joint, JointKind, Tool};
 
 fn joint(axis: DVec3, point: [f64; 3], limits_deg: (f64, f64), mass: f64) -> Joint {
     let point = DVec3::from_array(point);
@@ -50,4 +50,9 @@ fn tool(tcp: DVec3) -> Tool {
     let forward = DMat3::from_cols(-DVec3::Z, DVec3::Y, DVec3::X);
     let body = Some(Body::point_mass(5.0, DVec3::new(0.9, 0.0, 1.1865)));
     Tool { tcp, base_from_tool: forward, body }
+}
+
+/// An effect on a joint (0-based) with one number, SI.
+pub(crate) fn effect(arm: &Arm, kind: &str, joint: usize, stem: &str, value: f64) -> AnyEffect {
+    AnyEffect::build(kind, arm, Some(joint), Given(&[(stem, &[value])])).expect("a sound effect")
 }

@@ -50,13 +50,24 @@ impl Effect for ThermalGrowth {
     }
 
     fn fitted(&self) -> &'static [Parameter] {
-        match self.heat.cause {
+        let law: &[Parameter; 2] = match self.heat.cause {
             Cause::WarmUp => &[AMPLITUDE, TIME_CONSTANT],
             _ => &[GROWTH, LAG],
-        }
+        };
+        &law[..self.heat.count]
     }
 
-    of_joint!();
+    fn joint(&self) -> Option<usize> {
+        Some(self.joint)
+    }
+
+    fn values(&self) -> &[f64] {
+        &self.values[..self.heat.count]
+    }
+
+    fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values[..self.heat.count]
+    }
 
     fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution {
         self.grown(self.heat.level(self.values, signals.inputs, memory))

@@ -13,6 +13,8 @@ use glam::DVec3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ToolOffset {
     values: [f64; 6],
+    /// First and end of the numbers that were given.
+    given: (usize, usize),
 }
 
 impl Effect for ToolOffset {
@@ -31,14 +33,31 @@ impl Effect for ToolOffset {
     };
 
     fn build(site: &Site<'_>) -> Result<Self, BuildError> {
-        if site.vector("shift").is_none() && site.vector("turn").is_none() {
-            return Err(BuildError::Combination("`shift` or `turn`, or both"));
-        }
+        let given = match (site.vector("shift"), site.vector("turn")) {
+            (Some(_), Some(_)) => (0, 6),
+            (Some(_), None) => (0, 3),
+            (None, Some(_)) => (3, 6),
+            (None, None) => return Err(BuildError::Combination("`shift` or `turn`, or both")),
+        };
         let ([x, y, z], [a, b, c]) = (site.array("shift"), site.array("turn"));
-        Ok(Self { values: [x, y, z, a, b, c] })
+        Ok(Self { values: [x, y, z, a, b, c], given })
     }
 
-    of_robot!();
+    fn joint(&self) -> Option<usize> {
+        None
+    }
+
+    fn fitted(&self) -> &'static [Parameter] {
+        &Self::SPEC.parameters[self.given.0 / 3..self.given.1 / 3]
+    }
+
+    fn values(&self) -> &[f64] {
+        &self.values[self.given.0..self.given.1]
+    }
+
+    fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values[self.given.0..self.given.1]
+    }
 
     fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [x, y, z, a, b, c] = self.values;

@@ -10,22 +10,22 @@ use crate::walk::{Document, Table};
 
 pub(super) fn parse(name: &str, text: &str) -> Result<Mapping, Faults> {
     let document = Document::parse(name, text)?;
-    let mapping = read(document.root());
+    let mapping = read(&document.root());
     document.finish(mapping)
 }
 
-fn read(root: Table<'_, '_>) -> Option<Mapping> {
+fn read(root: &Table<'_, '_>) -> Option<Mapping> {
     root.require("schema", "schema = \"trued.mapping/1\"");
     root.choice("schema", &[(SCHEMA, ())]);
     root.require("columns", "a table of columns");
     let joints = root.whole("joints", 1..JOINTS_MAX as i64 + 1);
     let joints = joints.and_then(|joints| usize::try_from(joints).ok());
-    let dialect = dialect(&root);
-    let keep = root.table("keep").map(keep).unwrap_or_default();
+    let dialect = dialect(root);
+    let keep = root.table("keep").map(|table| keep(&table)).unwrap_or_default();
     let drop_repeated =
         root.choice("repeated_time", &[("fault", false), ("drop", true)]).unwrap_or_default();
-    let about = root.table("recording").map(About::from_table);
-    let columns = root.table("columns").map(|table| columns(table, joints));
+    let about = root.table("recording").map(|table| About::from_table(&table));
+    let columns = root.table("columns").map(|table| columns(&table, joints));
     root.close();
     Some(Mapping { dialect, about, columns: columns?, keep, drop_repeated })
 }
@@ -46,7 +46,7 @@ fn dialect(root: &Table<'_, '_>) -> Dialect {
     }
 }
 
-fn keep(table: Table<'_, '_>) -> Vec<(String, Vec<String>)> {
+fn keep(table: &Table<'_, '_>) -> Vec<(String, Vec<String>)> {
     let mut keep = Vec::new();
     for name in table.keys() {
         if let Some(texts) = table.texts(name) {
@@ -57,11 +57,11 @@ fn keep(table: Table<'_, '_>) -> Vec<(String, Vec<String>)> {
     keep
 }
 
-fn columns(table: Table<'_, '_>, joints: Option<usize>) -> Vec<MappedColumn> {
+fn columns(table: &Table<'_, '_>, joints: Option<usize>) -> Vec<MappedColumn> {
     let mut columns = Vec::new();
     for pattern in table.keys() {
         let Some(entry) = table.table(pattern) else { continue };
-        if let Some(found) = column(&table, pattern, &entry, joints) {
+        if let Some(found) = column(table, pattern, &entry, joints) {
             columns.extend(found);
         }
         entry.close();

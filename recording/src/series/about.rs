@@ -123,12 +123,12 @@ impl About {
         let root = document.root();
         root.require("schema", "schema = \"trued.recording/1\"");
         root.choice("schema", &[(SCHEMA, ())]);
-        let about = Self::from_table(root);
+        let about = Self::from_table(&root);
         document.finish(Some(about))
     }
 
     /// Reads the keys out of a table and closes it.
-    pub(crate) fn from_table(table: Table<'_, '_>) -> Self {
+    pub(crate) fn from_table(table: &Table<'_, '_>) -> Self {
         let kinds = [("path", Kind::Path), ("poses", Kind::Poses)];
         let inputs = [("q", Input::Command), ("qa", Input::Motor)];
         let approaches = [
@@ -145,12 +145,12 @@ impl About {
                 .unwrap_or_default(),
             wrench_frame: table
                 .choice("wrench_frame", &[("tool", Frame::Tool), ("base", Frame::Base)]),
-            sigma: sigma_of(&table),
+            sigma: sigma_of(table),
             approach: table.choice("approach", &approaches).unwrap_or_default(),
             torque_per_ampere: table.numbers("torque_per_ampere", ..).unwrap_or_default(),
-            targets_tool: targets_of(&table),
-            heldout: heldout_of(&table),
-            cut: table.table("cut").and_then(cut_of),
+            targets_tool: targets_of(table),
+            heldout: heldout_of(table),
+            cut: table.table("cut").and_then(|cut| cut_of(&cut)),
         };
         table.close();
         about
@@ -212,7 +212,7 @@ fn heldout_of(table: &Table<'_, '_>) -> Heldout {
     }
 }
 
-fn cut_of(table: Table<'_, '_>) -> Option<Cut> {
+fn cut_of(table: &Table<'_, '_>) -> Option<Cut> {
     for key in ["teeth", "diameter_mm", "axial_depth_mm"] {
         table.require(key, "a number above zero");
     }

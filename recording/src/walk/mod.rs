@@ -93,10 +93,20 @@ impl<'d, 's> Table<'d, 's> {
         self.document.note(fault, &span);
     }
 
+    /// Where the table stands.
+    pub(crate) fn place(&self) -> Place {
+        Place::of_span(self.document.source, &self.span)
+    }
+
     /// Notes a fault of the whole table.
     pub(crate) fn fault_here(&self, message: impl Into<String>, help: impl Into<String>) {
         let fault = Fault::new(self.path.clone(), message).help(help);
         self.document.note(fault, &self.span);
+    }
+
+    /// Number of faults noted so far in the whole document.
+    pub(crate) fn fault_count(&self) -> usize {
+        self.document.faults.borrow().len()
     }
 
     /// Whether the key stands in the table (it counts as asked for).
@@ -303,7 +313,7 @@ impl<'d, 's> Table<'d, 's> {
     }
 
     /// Tells unknown keys and missing ones. To be called once, when all keys were asked for.
-    pub(crate) fn close(self) {
+    pub(crate) fn close(&self) {
         let asked = self.asked.borrow();
         let asked: Vec<&str> = asked.iter().map(String::as_str).collect();
         let is_missing = |known: &&str| !self.table.contains_key(*known);

@@ -3,7 +3,7 @@
 use std::ops::{Bound, RangeBounds};
 
 use crate::faults::{Fault, nearest};
-use crate::unit::Unit;
+use crate::unit::{Quantity, Unit};
 
 /// The fault of an unknown key, and the known key that it seems to stand for.
 pub(super) fn unknown_key<'k>(
@@ -38,7 +38,7 @@ pub(super) fn unknown_key<'k>(
 
 fn conversion(found: Option<Unit>, meant: &str) -> String {
     match (found, Unit::split(meant).1) {
-        (Some(a), Some(b)) if a.quantity == b.quantity => {
+        (Some(a), Some(b)) if a.quantity == b.quantity && a.quantity != Quantity::Other => {
             format!("write `{meant}`, its value times {}", rounded(a.si / b.si))
         }
         _ => format!("write `{meant}`"),

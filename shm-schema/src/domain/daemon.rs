@@ -11,6 +11,7 @@ use iceoryx2::prelude::ipc;
 use super::current::{Contract, Current};
 use super::error::DomainError;
 use super::lock::{Lock, LockError};
+use super::mender::Mender;
 use super::place::Cell;
 use crate::port::{ControlServer, PortError, Publisher, Subscriber};
 use crate::services::{Services, Topic, Way};
@@ -28,6 +29,7 @@ pub struct DaemonSide {
     // Dropped in this order: the transport's own tidying first, the claim last.
     ports: DaemonPorts,
     node: Node<ipc::Service>,
+    _mender: Mender,
     claim: Claim,
 }
 
@@ -64,8 +66,10 @@ impl DaemonSide {
     pub fn create(cell: &Cell) -> Result<Self, DomainError> {
         let claim = Claim::new(cell)?;
         claim.clear();
+        let mender = Mender::start(cell)
+            .map_err(|e| DomainError::io("start a thread for", cell.dir(), e))?;
         let (node, ports) = open_epoch(cell)?;
-        Ok(Self { ports, node, claim })
+        Ok(Self { ports, node, _mender: mender, claim })
     }
 
     /// What makes the ports of the present epoch.

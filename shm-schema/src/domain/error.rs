@@ -115,9 +115,9 @@ pub enum JoinError {
     #[error("the daemon is {theirs}, this client is {ours}; bring both to one version")]
     VersionMismatch {
         /// The daemon's.
-        theirs: Contract,
+        theirs: Box<Contract>,
         /// This build's.
-        ours: Contract,
+        ours: Box<Contract>,
     },
     /// The announcement makes no sense.
     #[error("{}: not an announcement that this version can read; restart the daemon", path.display())]

@@ -4,19 +4,21 @@
 //! its places taken. So nothing of an earlier life is ever used again: each start makes a new epoch
 //! (directory and prefix), announces it by one atomic rename, and removes the older ones whole.
 //! Only the daemon creates services, and only the daemon cleans up after dead clients. A client that
-//! still cannot get in knocks, and gets a new epoch.
+//! still cannot get in knocks, and gets a new epoch. What a killed process left half-made would hold
+//! up others without end: a thread of the daemon's side removes it.
 
 mod current;
 mod daemon;
 mod error;
 mod lock;
+mod mender;
 mod peer;
 mod place;
 
 pub use current::{Contract, Current};
 pub use daemon::{DaemonPorts, DaemonSide, Supervision, sweep};
 pub use error::{DomainError, JoinError};
-pub use peer::{Joined, Role, Seat};
+pub use peer::{Joined, PeerControl, PeerPublisher, PeerSubscriber, Role, Seat};
 pub use place::{Cell, RUNTIME_DIR_ENV};
 
 use iceoryx2::node::{Node, NodeBuilder};

@@ -16,6 +16,12 @@ use crate::services::{Services, Topic, Way};
 
 /// A client's ports may move between threads, at the price of an uncontended lock per call.
 type Transport = ipc_threadsafe::Service;
+/// A client's sender.
+pub type PeerPublisher<T> = Publisher<T, Transport>;
+/// A client's receiver.
+pub type PeerSubscriber<T> = Subscriber<T, Transport>;
+/// A client's end of `/control`.
+pub type PeerControl = ControlClient<Transport>;
 
 /// What a client does in the cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,7 +95,8 @@ impl Seat {
         let current = self.look()?;
         let ours = Contract::ours();
         if !current.contract.fits(&ours) {
-            return Err(JoinError::VersionMismatch { theirs: current.contract, ours });
+            let (theirs, ours) = (Box::new(current.contract), Box::new(ours));
+            return Err(JoinError::VersionMismatch { theirs, ours });
         }
         self.take()?;
         let epoch = current.epoch;
@@ -102,6 +109,12 @@ impl Seat {
     /// Asks the daemon for a new epoch, as `epoch` cannot be joined although this seat is ours.
     pub fn knock(&self, epoch: u64) {
         let _ = fs::write(self.cell.file("knock"), format!("{epoch:016x}\n"));
+    }
+
+    /// Removes what a killed process left half-made, and frees threads that are stuck on it. While a
+    /// daemon lives, it does this itself.
+    pub fn mend(&self) {
+        self.cell.mend();
     }
 
     fn take(&mut self) -> Result<(), JoinError> {
@@ -140,7 +153,7 @@ impl Joined {
     ///
     /// # Errors
     /// [`PortError::Occupied`] while a dead forerunner's place is not cleaned up.
-    pub fn publisher<T: Topic>(&self) -> Result<Publisher<T, Transport>, PortError> {
+    pub fn publisher<T: Topic>(&self) -> Result<PeerPublisher<T>, PortError> {
         Publisher::new(&self.services)
     }
 
@@ -148,7 +161,7 @@ impl Joined {
     ///
     /// # Errors
     /// As [`publisher`](Self::publisher).
-    pub fn subscriber<T: Topic>(&self) -> Result<Subscriber<T, Transport>, PortError> {
+    pub fn subscriber<T: Topic>(&self) -> Result<PeerSubscriber<T>, PortError> {
         Subscriber::new(&self.services)
     }
 
@@ -156,7 +169,7 @@ impl Joined {
     ///
     /// # Errors
     /// As [`publisher`](Self::publisher).
-    pub fn control(&self) -> Result<ControlClient<Transport>, PortError> {
+    pub fn control(&self) -> Result<PeerControl, PortError> {
         ControlClient::new(&self.services)
     }
 }

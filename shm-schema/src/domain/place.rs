@@ -13,6 +13,7 @@
 use std::fs;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::error::DomainError;
 use crate::layout::hash_text;
@@ -23,6 +24,8 @@ pub const RUNTIME_DIR_ENV: &str = "TRUED_RUNTIME_DIR";
 const SHARED_MEMORY: &str = "/dev/shm";
 /// Longest directory: the transport bounds a path to 255 bytes, its own names included.
 const DIR_BYTES_MAX: usize = 110;
+/// Memory without a size is given up after this time.
+const HALF_MADE_AFTER: Duration = Duration::from_millis(100);
 const NAME_BYTES_MAX: usize = 24;
 const TMPFS_MAGIC: i64 = 0x0102_1994;
 const RAMFS_MAGIC: i64 = 0x8584_58f6;
@@ -131,6 +134,19 @@ impl Cell {
         let _ = fs::remove_dir(&self.dir);
     }
 
+    /// Removes memory that was created and never sized: its creator was killed between the two.
+    ///
+    /// The transport (0.10.0) waits for such a file without end, in whichever thread meets it, and
+    /// goes on as soon as it is gone. A creator that lives needs microseconds; it gets 100 ms.
+    pub(crate) fn mend(&self) {
+        let prefix = self.shared_memory_prefix();
+        for (name, path) in entries(Path::new(SHARED_MEMORY)) {
+            if name.starts_with(&prefix) && fs::metadata(&path).is_ok_and(|m| is_half_made(&m)) {
+                let _ = fs::remove_file(&path);
+            }
+        }
+    }
+
     /// Removes every epoch but `keep`: its directory and its memory, both or none.
     /// Processes that still have them mapped keep what they have; they can only no longer be joined.
     pub(crate) fn sweep_epochs(&self, keep: Option<u64>) {
@@ -150,6 +166,11 @@ impl Cell {
             }
         }
     }
+}
+
+fn is_half_made(meta: &fs::Metadata) -> bool {
+    let age = meta.modified().ok().and_then(|made| made.elapsed().ok());
+    meta.len() == 0 && age.is_some_and(|age| age > HALF_MADE_AFTER)
 }
 
 /// Names and paths in a directory; what cannot be read is left out.

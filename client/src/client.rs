@@ -1,0 +1,273 @@
+//! The robot's side of a cell: commands out, corrected targets in.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use shm_schema::{
+    Cell, Command, Corrected, JOINTS_MAX, Joined, Operation, Payload, PeerPublisher,
+    PeerSubscriber, PortError, Request, Response, RobotState, Role, SendOutcome, Status, Verdict,
+    monotonic_ns, new_session,
+};
+
+use crate::follow::Follower;
+use crate::link::{Connection, ConnectionEvent, Link, Ports};
+use crate::monitor::{Asker, MonitorPorts, ping, reload, switch};
+use crate::{AskError, ConnectError, NotSent, Setpoint, Target};
+
+/// An answer is awaited spinning for so long, then with naps.
+const SPIN: Duration = Duration::from_micros(200);
+const NAP: Duration = Duration::from_micros(50);
+
+struct CellPorts {
+    commands: PeerPublisher<Command>,
+    corrected: PeerSubscriber<Corrected>,
+    state: PeerPublisher<RobotState>,
+    monitor: MonitorPorts,
+}
+
+impl Ports for CellPorts {
+    const ROLE: Role = Role::Cell;
+    fn open(joined: &Joined) -> Result<Self, PortError> {
+        Ok(Self {
+            commands: joined.publisher()?,
+            corrected: joined.subscriber()?,
+            state: joined.publisher()?,
+            monitor: MonitorPorts::open(joined)?,
+        })
+    }
+}
+
+/// A cell's one connection to its daemon. May move between threads; not shared.
+pub struct Client {
+    link: Link<CellPorts>,
+    follower: Follower,
+    asker: Asker,
+    session: u64,
+    sent: Option<Command>,
+    seq: u64,
+    state_seq: u64,
+    newest: Option<Corrected>,
+    epoch: u64,
+    status: Option<Status>,
+}
+
+impl Client {
+    /// Joins the cell's daemon, within `limit`.
+    ///
+    /// # Errors
+    /// See [`ConnectError`].
+    pub fn connect(cell: &str, limit: Duration) -> Result<Self, ConnectError> {
+        Self::connect_to(&Cell::new(cell)?, limit)
+    }
+
+    /// The same for a cell in a place of its own.
+    ///
+    /// # Errors
+    /// See [`ConnectError`].
+    pub fn connect_to(cell: &Cell, limit: Duration) -> Result<Self, ConnectError> {
+        let start = Instant::now();
+        let mut client = Self {
+            link: Link::connect(cell, limit)?,
+            follower: Follower::new(),
+            asker: Asker::new(),
+            session: new_session(),
+            sent: None,
+            seq: 0,
+            state_seq: 0,
+            newest: None,
+            epoch: 0,
+            status: None,
+        };
+        // The status brings the envelope, without which nothing could be ramped out.
+        while client.status().is_none() {
+            if start.elapsed() > limit {
+                let pid = match client.connection() {
+                    Connection::Connected { pid, .. } => pid,
+                    Connection::Lost => 0,
+                };
+                return Err(ConnectError::Silent { pid, limit });
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(client)
+    }
+
+    /// How old a daemon's answer may be for [`target_for`](Self::target_for): 10 ms unless told
+    /// otherwise. Not below two of the daemon's cycles.
+    pub fn set_fresh(&mut self, fresh: Duration) {
+        self.follower.fresh_ns = u64::try_from(fresh.as_nanos()).unwrap_or(u64::MAX);
+    }
+
+    /// Sends a commanded target; tells its number.
+    ///
+    /// # Errors
+    /// [`NotSent`]; the loop goes on with [`target_for`](Self::target_for) whatever it says.
+    pub fn send(&mut self, setpoint: &Setpoint) -> Result<u64, NotSent> {
+        let command = setpoint.command(self.seq + 1, self.session, monotonic_ns())?;
+        let ports = self.link.ports().ok_or(NotSent::Disconnected)?;
+        self.seq += 1;
+        self.sent = Some(command);
+        match ports.commands.send(&command) {
+            SendOutcome::Delivered => Ok(command.seq),
+            SendOutcome::NoReader | SendOutcome::Lost => Err(NotSent::Lost),
+        }
+    }
+
+    /// Sends what the robot measures of itself; `seq`, `session` and `sent_ns` are filled in.
+    ///
+    /// # Errors
+    /// See [`NotSent`].
+    pub fn send_state(&mut self, state: &RobotState) -> Result<(), NotSent> {
+        let joints = state.joints as usize;
+        if joints == 0 || joints > JOINTS_MAX {
+            return Err(NotSent::joints(joints));
+        }
+        let (seq, session) = (self.state_seq + 1, self.session);
+        let ports = self.link.ports().ok_or(NotSent::Disconnected)?;
+        self.state_seq = seq;
+        match ports.state.send(&RobotState { seq, session, sent_ns: monotonic_ns(), ..*state }) {
+            SendOutcome::Delivered => Ok(()),
+            SendOutcome::NoReader | SendOutcome::Lost => Err(NotSent::Lost),
+        }
+    }
+
+    /// The newest corrected target of this daemon, however old.
+    pub fn newest(&mut self) -> Option<Corrected> {
+        if let Connection::Connected { epoch, .. } = self.connection()
+            && epoch != self.epoch
+        {
+            self.epoch = epoch;
+            self.newest = None;
+            self.follower.rejoined();
+        }
+        if let Some(ports) = self.link.ports()
+            && let Some(fresh) = ports.corrected.take_newest()
+            && fresh.check().is_ok()
+        {
+            self.newest = Some(fresh);
+        }
+        self.newest
+    }
+
+    /// The answer to the command of that number, awaited for at most `limit`.
+    pub fn wait_corrected(&mut self, seq: u64, limit: Duration) -> Option<Corrected> {
+        let start = Instant::now();
+        let asked = (self.session, seq);
+        let ours = |c: &Corrected| (c.command_session, c.command_seq) == asked;
+        loop {
+            if let Some(answer) = self.newest().filter(ours) {
+                return Some(answer);
+            }
+            match start.elapsed() {
+                spent if spent >= limit => return None,
+                spent if spent < SPIN => std::hint::spin_loop(),
+                spent => std::thread::sleep(NAP.min(limit - spent)),
+            }
+        }
+    }
+
+    /// Sends a command and awaits its answer for at most `limit`; answers like
+    /// [`target_for`](Self::target_for) in any case.
+    pub fn exchange(&mut self, q_cmd: &[f64], limit: Duration) -> Target {
+        if let Ok(seq) = self.send(&Setpoint::new(q_cmd)) {
+            let _ = self.wait_corrected(seq, limit);
+        }
+        self.target_for(q_cmd, monotonic_ns())
+    }
+
+    /// What to publish for `q_cmd` at `now_ns` (`CLOCK_MONOTONIC`), whatever has become of the daemon.
+    ///
+    /// A fresh answer to this very command is taken as it is; a fresh answer to an earlier command
+    /// lends its correction. Without a fresh answer the last correction is ramped out within the
+    /// daemon's envelope; when answers come again, it is blended in the same way. A `q_cmd` that is
+    /// not finite, or has more than 16 joints, is not made better.
+    pub fn target_for(&mut self, q_cmd: &[f64], now_ns: u64) -> Target {
+        let newest = self.newest();
+        if let Some(status) = self.link.ports().and_then(|ports| ports.monitor.status()) {
+            self.take_status(status);
+        }
+        self.follower.target(q_cmd, newest.as_ref(), self.sent.as_ref(), now_ns)
+    }
+
+    /// The newest status.
+    pub fn status(&mut self) -> Option<Status> {
+        if let Some(status) = self.link.ports().and_then(|ports| ports.monitor.status()) {
+            self.take_status(status);
+        }
+        self.status
+    }
+
+    fn take_status(&mut self, status: Status) {
+        self.follower.set_bounds(&status.bounds);
+        self.status = Some(status);
+    }
+
+    /// The next verdict on vibration not yet taken.
+    pub fn vibration(&mut self) -> Option<Verdict> {
+        self.link.ports().and_then(|ports| ports.monitor.vibration())
+    }
+
+    /// How the connection is.
+    pub fn connection(&mut self) -> Connection {
+        self.link.refresh();
+        self.link.connection()
+    }
+
+    /// What happened to the connection since, oldest first.
+    pub fn next_event(&mut self) -> Option<ConnectionEvent> {
+        self.link.next_event()
+    }
+
+    /// Asks for a sign of life. Like all requests it waits: not for the robot's loop.
+    ///
+    /// # Errors
+    /// See [`AskError`].
+    pub fn ping(&mut self, limit: Duration) -> Result<Response, AskError> {
+        self.ask(ping(), limit)
+    }
+
+    /// Asks to load a model file (`None`: the one loaded now, again) and to swap it in.
+    ///
+    /// # Errors
+    /// See [`AskError`]; a refusal is an answer, not an error.
+    pub fn reload(&mut self, path: Option<&Path>, limit: Duration) -> Result<Response, AskError> {
+        self.ask(reload(path)?, limit)
+    }
+
+    /// Asks to ramp the correction out, or in again.
+    ///
+    /// # Errors
+    /// See [`AskError`].
+    pub fn bypass(&mut self, on: bool, limit: Duration) -> Result<Response, AskError> {
+        self.ask(switch(Operation::Bypass, on), limit)
+    }
+
+    /// Asks to leave shadow mode, or to go back to it.
+    ///
+    /// # Errors
+    /// See [`AskError`].
+    pub fn arm(&mut self, on: bool, limit: Duration) -> Result<Response, AskError> {
+        self.ask(switch(Operation::Arm, on), limit)
+    }
+
+    /// Tells what the process does: spindle speed (1/min), teeth (0 unknown), feed (mm/s).
+    ///
+    /// # Errors
+    /// See [`AskError`].
+    pub fn process_state(
+        &mut self,
+        spindle_rpm: f64,
+        teeth: u32,
+        feed_mm_s: f64,
+        limit: Duration,
+    ) -> Result<Response, AskError> {
+        let operation = Operation::ProcessState.code();
+        let request = Request { operation, spindle_rpm, teeth, feed_mm_s, ..Request::default() };
+        self.ask(request, limit)
+    }
+
+    fn ask(&mut self, request: Request, limit: Duration) -> Result<Response, AskError> {
+        let monitor = self.link.ports().map(|ports| &mut ports.monitor);
+        self.asker.ask(monitor, request, limit)
+    }
+}

@@ -1,0 +1,90 @@
+//! What a caller may have to handle: where, what, what was expected, what to do.
+
+use std::time::Duration;
+
+use shm_schema::{DomainError, JOINTS_MAX, JoinError};
+
+/// No connection came about.
+#[derive(Debug, thiserror::Error)]
+pub enum ConnectError {
+    /// Trying again does not help.
+    #[error(transparent)]
+    Refused(#[from] JoinError),
+    /// It did not come about in time; `last` is the last obstacle.
+    #[error("not connected within {limit:?}: {last}")]
+    TimedOut {
+        /// The limit given.
+        limit: Duration,
+        /// What stood in the way.
+        last: JoinError,
+    },
+    /// Joined, and the daemon says nothing.
+    #[error(
+        "joined the daemon (process {pid}), but no status came within {limit:?}; is it stopped or overloaded?"
+    )]
+    Silent {
+        /// The daemon's process.
+        pid: u32,
+        /// The limit given.
+        limit: Duration,
+    },
+    /// The library's own thread could not be started.
+    #[error("could not start a thread: {0}; raise the limit of processes")]
+    Thread(#[from] std::io::Error),
+}
+
+impl From<DomainError> for ConnectError {
+    fn from(e: DomainError) -> Self {
+        Self::Refused(e.into())
+    }
+}
+
+/// A message was not sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NotSent {
+    /// There is no daemon now; the library joins by itself when there is one.
+    #[error("no daemon is there now; go on publishing what `target_for` answers")]
+    Disconnected,
+    /// The daemon is there, and the message was lost on the way; it is counted.
+    #[error("the message was lost: the daemon does not take it; is it overloaded?")]
+    Lost,
+    /// The message makes no sense.
+    #[error("{what} is {value}, expected {expected}")]
+    Invalid {
+        /// What makes no sense.
+        what: &'static str,
+        /// Its value.
+        value: usize,
+        /// What was expected.
+        expected: &'static str,
+    },
+}
+
+impl NotSent {
+    pub(crate) fn joints(value: usize) -> Self {
+        const { assert!(JOINTS_MAX == 16) };
+        Self::Invalid { what: "the number of joints", value, expected: "1 to 16" }
+    }
+}
+
+/// A request got no answer.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum AskError {
+    /// There is no daemon now.
+    #[error("no daemon is there now; start `trued run`")]
+    Disconnected,
+    /// No answer in time; whether it was done is unknown.
+    #[error("no answer within {limit:?}; the daemon's status tells whether it was done")]
+    TimedOut {
+        /// The limit given.
+        limit: Duration,
+    },
+    /// The path cannot be sent.
+    #[error("path {path:?}: expected at most {limit} bytes of UTF-8")]
+    BadPath {
+        /// The path.
+        path: std::path::PathBuf,
+        /// Most bytes.
+        limit: usize,
+    },
+}

@@ -1,0 +1,217 @@
+//! How a correction lives on the robot's side: followed while fresh, ramped out when silent, blended
+//! in again when contact returns.
+//!
+//! Promise: between two answers the correction never steps, by the daemon's own envelope; while the
+//! daemon is there, what it says is put out bit for bit. No clock, no IPC: time comes in.
+
+use envelope::{Limiter, Limits};
+use shm_schema::{Command, Corrected, CorrectionStatus, JOINTS_MAX, JointBounds};
+
+use crate::{Source, Target};
+
+/// A daemon's answer counts this long, unless told otherwise.
+pub(crate) const FRESH_NS: u64 = 10_000_000;
+/// A correction that stays this near (rad or m) for so many answers is taken as caught up with: one
+/// that moves, stamped with jitter, is never met exactly, and jumps no less itself.
+const NEAR: f64 = 1e-6;
+const NEAR_ANSWERS: u32 = 50;
+/// Longest time that one step of a ramp may cover.
+const STEP_S_MAX: f64 = 0.1;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    Plain,
+    Following,
+    Ramping,
+    Blending,
+}
+
+/// The correction as it is put out, joint by joint.
+#[derive(Debug)]
+pub(crate) struct Follower {
+    stage: Stage,
+    correction: [f64; JOINTS_MAX],
+    limiters: [Limiter; JOINTS_MAX],
+    limits: [Option<Limits>; JOINTS_MAX],
+    range: [(f64, f64); JOINTS_MAX],
+    /// The answer used last.
+    used: Option<Corrected>,
+    last_ns: Option<u64>,
+    /// Answers in a row that the blended correction was near to.
+    near_answers: u32,
+    pub(crate) fresh_ns: u64,
+}
+
+impl Follower {
+    pub(crate) fn new() -> Self {
+        Self {
+            stage: Stage::Plain,
+            correction: [0.0; JOINTS_MAX],
+            limiters: [Limiter::at_rest(); JOINTS_MAX],
+            limits: [None; JOINTS_MAX],
+            range: [(f64::NEG_INFINITY, f64::INFINITY); JOINTS_MAX],
+            used: None,
+            last_ns: None,
+            near_answers: 0,
+            fresh_ns: FRESH_NS,
+        }
+    }
+
+    /// Takes over the daemon's bounds; what makes no sense among them is left as it was.
+    pub(crate) fn set_bounds(&mut self, bounds: &JointBounds) {
+        for i in 0..JOINTS_MAX {
+            if let Ok(limits) = Limits::new(bounds.angle[i], bounds.rate[i], bounds.jerk[i]) {
+                self.limits[i] = Some(limits);
+            }
+            if bounds.min[i] < bounds.max[i] {
+                self.range[i] = (bounds.min[i], bounds.max[i]);
+            }
+        }
+    }
+
+    /// The target for `q_cmd` at `now_ns`, given the newest answer and the command sent last.
+    pub(crate) fn target(
+        &mut self,
+        q_cmd: &[f64],
+        newest: Option<&Corrected>,
+        sent: Option<&Command>,
+        now_ns: u64,
+    ) -> Target {
+        let dt_s = self.last_ns.map_or(0.0, |last| now_ns.saturating_sub(last) as f64 * 1e-9);
+        self.last_ns = Some(now_ns.max(self.last_ns.unwrap_or(0)));
+        let joints = q_cmd.len().min(JOINTS_MAX);
+        let fresh = newest.filter(|answer| self.is_usable(answer, joints, now_ns));
+        match fresh {
+            Some(answer) => self.hear(answer, dt_s.min(STEP_S_MAX)),
+            None => self.miss(dt_s.min(STEP_S_MAX)),
+        }
+        let Some(answer) = fresh.filter(|_| self.stage == Stage::Following) else {
+            return self.moved(q_cmd, self.source());
+        };
+        if answer.status == CorrectionStatus::Rejected.code() {
+            return Target::new(answer.joints(), Source::Rejected);
+        }
+        match sent {
+            Some(command) if answers(answer, command) && command.joints() == q_cmd => {
+                Target::new(answer.joints(), Source::Corrected)
+            }
+            _ => self.moved(q_cmd, Source::LastCorrection),
+        }
+    }
+
+    /// Another epoch was joined: its correction starts anew, however soon it speaks.
+    pub(crate) fn rejoined(&mut self) {
+        if self.stage == Stage::Following {
+            self.take_over();
+            self.stage = Stage::Blending;
+        }
+    }
+
+    fn source(&self) -> Source {
+        match self.stage {
+            Stage::Plain => Source::Plain,
+            Stage::Ramping => Source::Ramping,
+            Stage::Following => Source::LastCorrection,
+            Stage::Blending => Source::Blending,
+        }
+    }
+
+    /// The command with the correction as it stands, within the joint limits if the command is.
+    fn moved(&self, q_cmd: &[f64], source: Source) -> Target {
+        let mut q = [0.0; JOINTS_MAX];
+        let joints = q_cmd.len().min(JOINTS_MAX);
+        for i in 0..joints {
+            let (min, max) = self.range[i];
+            let moved = q_cmd[i] + self.correction[i];
+            q[i] = if (min..=max).contains(&q_cmd[i]) { moved.clamp(min, max) } else { moved };
+        }
+        Target::new(&q[..joints], source)
+    }
+
+    fn is_usable(&self, answer: &Corrected, joints: usize, now_ns: u64) -> bool {
+        let finite = |values: &[f64; JOINTS_MAX]| values[..joints].iter().all(|v| v.is_finite());
+        answer.joints as usize == joints
+            && now_ns.saturating_sub(answer.made_ns) <= self.fresh_ns
+            && finite(&answer.q)
+            && finite(&answer.correction)
+    }
+
+    /// The daemon speaks: follow it exactly, or go on towards it.
+    fn hear(&mut self, answer: &Corrected, dt_s: f64) {
+        if self.used.is_some_and(|used| (used.seq, used.made_ns) == (answer.seq, answer.made_ns))
+            && self.stage != Stage::Ramping
+        {
+            return;
+        }
+        if self.stage == Stage::Following {
+            self.correction = answer.correction;
+        } else {
+            self.blend(answer, dt_s);
+        }
+        self.used = Some(*answer);
+    }
+
+    /// One step towards the daemon's correction, in the daemon's time, as the client's own jitter
+    /// would look like jerk.
+    fn blend(&mut self, answer: &Corrected, dt_s: f64) {
+        let daemon_dt_s = match self.used {
+            Some(used) if self.stage == Stage::Blending => {
+                answer.made_ns.saturating_sub(used.made_ns) as f64 * 1e-9
+            }
+            _ => dt_s,
+        };
+        self.stage = Stage::Blending;
+        self.step(&answer.correction, daemon_dt_s.min(STEP_S_MAX));
+        let joints = answer.joints as usize;
+        let (mine, its) = (&self.correction[..joints], &answer.correction[..joints]);
+        let is_near = mine.iter().zip(its).all(|(a, b)| (a - b).abs() <= NEAR);
+        self.near_answers = if is_near { self.near_answers + 1 } else { 0 };
+        if mine == its || self.near_answers > NEAR_ANSWERS {
+            self.near_answers = 0;
+            self.correction = answer.correction;
+            self.stage = Stage::Following;
+        }
+    }
+
+    /// The daemon is silent: ramp out.
+    fn miss(&mut self, dt_s: f64) {
+        if self.stage == Stage::Following {
+            self.take_over();
+        }
+        if self.stage != Stage::Plain {
+            self.stage = Stage::Ramping;
+            self.step(&[0.0; JOINTS_MAX], dt_s);
+            if self.correction == [0.0; JOINTS_MAX] {
+                self.stage = Stage::Plain;
+                self.limiters = [Limiter::at_rest(); JOINTS_MAX];
+            }
+        }
+    }
+
+    /// The limiters go on from the motion that the daemon had last.
+    fn take_over(&mut self) {
+        let Some(used) = self.used else { return };
+        for (i, limiter) in self.limiters.iter_mut().enumerate() {
+            let (rate, acceleration) = (used.correction_rate[i], used.correction_acceleration[i]);
+            *limiter = Limiter::from_motion(self.correction[i], rate, acceleration);
+        }
+    }
+
+    fn step(&mut self, wanted: &[f64; JOINTS_MAX], dt_s: f64) {
+        let joints = self.limiters.iter_mut().zip(&self.limits).zip(&mut self.correction);
+        for (((limiter, limits), correction), wanted) in joints.zip(wanted) {
+            // Without bounds from the daemon there has been no correction to move.
+            if let Some(limits) = limits {
+                *correction = limiter.step(*wanted, limits, dt_s);
+            }
+        }
+    }
+}
+
+/// Whether the answer is for that command.
+pub(crate) fn answers(answer: &Corrected, command: &Command) -> bool {
+    (answer.command_session, answer.command_seq) == (command.session, command.seq)
+}
+
+#[cfg(test)]
+mod tests;

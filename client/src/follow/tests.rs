@@ -1,0 +1,249 @@
+use super::*;
+use proptest::prelude::*;
+
+const MS: u64 = 1_000_000;
+const DT_S: f64 = 1e-3;
+
+fn bounds() -> JointBounds {
+    JointBounds {
+        min: [-3.0; JOINTS_MAX],
+        max: [3.0; JOINTS_MAX],
+        angle: [0.02; JOINTS_MAX],
+        rate: [0.02; JOINTS_MAX],
+        jerk: [5.0; JOINTS_MAX],
+    }
+}
+
+fn follower() -> Follower {
+    let mut follower = Follower::new();
+    follower.set_bounds(&bounds());
+    follower
+}
+
+fn answer(seq: u64, q_cmd: &[f64], correction: f64) -> Corrected {
+    let mut answer = Corrected {
+        seq,
+        command_seq: seq,
+        made_ns: seq * MS,
+        joints: q_cmd.len() as u32,
+        ..Corrected::default()
+    };
+    for (i, q) in q_cmd.iter().enumerate() {
+        answer.correction[i] = correction;
+        answer.q[i] = q + correction;
+    }
+    answer
+}
+
+fn sent(seq: u64, q_cmd: &[f64]) -> Command {
+    let mut command = Command { seq, joints: q_cmd.len() as u32, ..Command::default() };
+    command.q[..q_cmd.len()].copy_from_slice(q_cmd);
+    command
+}
+
+/// Brings the correction to `c` by a daemon that ramps to it, and gives the time in ms.
+fn led_to(follower: &mut Follower, c: f64) -> u64 {
+    let mut daemon = Limiter::at_rest();
+    let limits = Limits::new(0.02, 0.02, 5.0).unwrap();
+    for seq in 1..5_000 {
+        let value = daemon.step(c, &limits, DT_S);
+        let mut made = answer(seq, &[0.5; 6], value);
+        made.correction_rate = [daemon.rate(); JOINTS_MAX];
+        made.correction_acceleration = [daemon.acceleration(); JOINTS_MAX];
+        follower.target(&[0.5; 6], Some(&made), None, seq * MS);
+        if value == c && seq > 100 && follower.stage == Stage::Following {
+            return seq;
+        }
+    }
+    panic!("the daemon never got there");
+}
+
+/// Rate and third difference of a row of corrections, at worst.
+fn roughness(row: &[f64]) -> (f64, f64) {
+    let rate = row.windows(2).map(|w| (w[1] - w[0]).abs() / DT_S).fold(0.0, f64::max);
+    let jerk = row
+        .windows(4)
+        .map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs() / DT_S.powi(3))
+        .fold(0.0, f64::max);
+    (rate, jerk)
+}
+
+#[test]
+fn without_a_daemon_the_plain_command_is_published() {
+    let target = follower().target(&[0.1, 0.2], None, None, MS);
+    assert_eq!((target.joints(), target.source()), (&[0.1, 0.2][..], Source::Plain));
+}
+
+#[test]
+fn the_answer_to_this_very_command_is_published_bit_for_bit() {
+    let mut follower = follower();
+    let at = led_to(&mut follower, 0.003);
+    let q_cmd = [0.7; 6];
+    let mut made = answer(at + 1, &q_cmd, 0.003);
+    made.q[0] = 0.703_1;
+    let target = follower.target(&q_cmd, Some(&made), Some(&sent(at + 1, &q_cmd)), (at + 1) * MS);
+    assert_eq!((target.joints(), target.source()), (made.joints(), Source::Corrected));
+}
+
+#[test]
+fn a_later_command_borrows_the_newest_correction() {
+    let mut follower = follower();
+    let at = led_to(&mut follower, 0.003);
+    let made = answer(at, &[0.5; 6], 0.003);
+    let target = follower.target(&[0.51; 6], Some(&made), Some(&sent(at + 1, &[0.51; 6])), at * MS);
+    assert_eq!(target.source(), Source::LastCorrection);
+    assert!((target.joints()[0] - 0.513).abs() < 1e-15);
+}
+
+#[test]
+fn a_daemon_that_dies_leaves_a_ramp_within_the_envelope_and_the_plain_command_at_its_end() {
+    let mut follower = follower();
+    let at = led_to(&mut follower, 0.01);
+    let last = answer(at, &[0.5; 6], 0.01);
+    let mut row = vec![0.01; 3];
+    let mut sources = Vec::new();
+    for ms in at..at + 3_000 {
+        let target = follower.target(&[0.5; 6], Some(&last), None, ms * MS);
+        row.push(target.joints()[3] - 0.5);
+        sources.push(target.source());
+    }
+    let (rate, jerk) = roughness(&row);
+    assert!(rate <= 0.02 * 1.000_1, "{rate}");
+    assert!(jerk <= 5.0 * 1.001, "{jerk}");
+    assert_eq!(sources[9], Source::LastCorrection);
+    assert_eq!(sources[11], Source::Ramping);
+    assert_eq!(*sources.last().unwrap(), Source::Plain);
+    assert_eq!(*row.last().unwrap(), 0.0);
+}
+
+#[test]
+fn a_daemon_that_dies_while_its_correction_moves_leaves_no_kink() {
+    let mut follower = follower();
+    let limits = Limits::new(0.02, 0.02, 5.0).unwrap();
+    let mut daemon = Limiter::at_rest();
+    let mut row = Vec::new();
+    let mut last = None;
+    for ms in 1..=2_000_u64 {
+        if ms <= 300 {
+            let mut made = answer(ms, &[0.5; 6], daemon.step(0.015, &limits, DT_S));
+            made.correction_rate = [daemon.rate(); JOINTS_MAX];
+            made.correction_acceleration = [daemon.acceleration(); JOINTS_MAX];
+            last = Some(made);
+            follower.fresh_ns = FRESH_NS;
+        } else {
+            follower.fresh_ns = 0;
+        }
+        let target = follower.target(&[0.5; 6], last.as_ref(), None, ms * MS);
+        row.push(target.joints()[0] - 0.5);
+    }
+    let (rate, jerk) = roughness(&row);
+    assert!(row[299] > 0.001 && row[1_999] == 0.0);
+    assert!(rate <= 0.02 * 1.000_1 && jerk <= 5.0 * 1.01, "{rate} {jerk}");
+}
+
+#[test]
+fn contact_that_returns_is_blended_in_within_the_envelope_until_it_is_followed() {
+    let mut follower = follower();
+    let mut row = vec![0.0; 3];
+    let mut source = Source::Plain;
+    for ms in 1..=3_000 {
+        let made = answer(ms, &[0.5; 6], 0.012);
+        let target = follower.target(&[0.5; 6], Some(&made), None, ms * MS);
+        row.push(target.joints()[5] - 0.5);
+        source = target.source();
+    }
+    let (rate, jerk) = roughness(&row);
+    assert!(rate <= 0.02 * 1.000_1 && jerk <= 5.0 * 1.01, "{rate} {jerk}");
+    assert_eq!(source, Source::LastCorrection);
+    assert!((row.last().unwrap() - 0.012).abs() < 1e-15);
+}
+
+#[test]
+fn a_daemon_that_restarts_before_it_is_missed_makes_no_step() {
+    let mut follower = follower();
+    let at = led_to(&mut follower, 0.01);
+    follower.rejoined();
+    let mut row = vec![0.01; 3];
+    for ms in at + 1..at + 3_000 {
+        let made = answer(ms, &[0.5; 6], 0.0);
+        row.push(follower.target(&[0.5; 6], Some(&made), None, ms * MS).joints()[0] - 0.5);
+    }
+    let (rate, jerk) = roughness(&row);
+    assert!(rate <= 0.02 * 1.000_1 && jerk <= 5.0 * 1.01, "{rate} {jerk}");
+    assert_eq!(*row.last().unwrap(), 0.0);
+}
+
+#[test]
+fn a_moving_correction_is_caught_up_with_although_its_stamps_jitter() {
+    let mut follower = follower();
+    let mut caught = None;
+    for ms in 1..=5_000_u64 {
+        let correction = 2e-3 + 1e-3 * (ms as f64 * DT_S * 3.0).sin();
+        let mut made = answer(ms, &[0.5; 6], correction);
+        made.made_ns = ms * MS + (ms * 7_919) % 100_000;
+        let target = follower.target(&[0.5; 6], Some(&made), None, ms * MS + 100_000);
+        if target.source() == Source::LastCorrection {
+            caught = caught.or(Some(ms));
+            assert!((target.joints()[0] - 0.5 - correction).abs() < 1e-15);
+        }
+    }
+    assert!(caught.is_some_and(|ms| ms < 2_000), "{caught:?}");
+}
+
+#[test]
+fn a_refused_command_publishes_the_daemons_last_good_target() {
+    let mut follower = follower();
+    let at = led_to(&mut follower, 0.0);
+    let mut made = answer(at + 1, &[0.4; 6], 0.0);
+    made.status = CorrectionStatus::Rejected.code();
+    let target = follower.target(&[9.0; 6], Some(&made), None, (at + 1) * MS);
+    assert_eq!((target.joints()[0], target.source()), (0.4, Source::Rejected));
+}
+
+#[test]
+fn an_answer_that_is_no_number_counts_as_silence() {
+    let mut follower = follower();
+    let made = answer(1, &[0.5; 6], f64::NAN);
+    let target = follower.target(&[0.5; 6], Some(&made), None, MS);
+    assert_eq!((target.joints()[0], target.source()), (0.5, Source::Plain));
+}
+
+#[test]
+fn a_borrowed_correction_stays_within_the_joint_limits() {
+    let mut follower = follower();
+    let at = led_to(&mut follower, 0.01);
+    let made = answer(at, &[0.5; 6], 0.01);
+    let target = follower.target(&[2.995; 6], Some(&made), None, at * MS);
+    assert_eq!(target.joints()[0], 3.0);
+}
+
+proptest! {
+    #[test]
+    fn whatever_the_daemon_does_the_correction_keeps_its_rate(
+        seed in proptest::collection::vec((any::<bool>(), -0.02..0.02_f64), 200),
+    ) {
+        let mut follower = follower();
+        let limits = Limits::new(0.02, 0.02, 5.0).unwrap();
+        let mut daemon = Limiter::at_rest();
+        let mut before = 0.0;
+        let mut wanted = 0.0;
+        for (i, (there, jump)) in seed.iter().enumerate() {
+            if i % 20 == 0 { wanted = *jump; }
+            let ms = i as u64 * 4 + 1;
+            // A daemon that comes back starts its correction anew.
+            if !there && i % 7 == 0 { daemon = Limiter::at_rest(); follower.fresh_ns = 0; }
+            let value = daemon.step(wanted, &limits, 4.0 * DT_S);
+            let mut made = answer(ms, &[0.5; 6], value);
+            made.correction_rate = [daemon.rate(); JOINTS_MAX];
+            made.correction_acceleration = [daemon.acceleration(); JOINTS_MAX];
+            let heard = there.then_some(&made);
+            let target = follower.target(&[0.5; 6], heard, None, ms * MS);
+            let now = target.joints()[0] - 0.5;
+            prop_assert!(now.is_finite() && now.abs() <= 0.02 * 1.001);
+            if follower.stage != Stage::Following {
+                prop_assert!((now - before).abs() <= 0.02 * 4.0 * DT_S * 1.01 + 1e-12);
+            }
+            before = now;
+        }
+    }
+}

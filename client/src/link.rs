@@ -1,0 +1,271 @@
+//! The connection: a thread that joins, watches whether the daemon lives, and joins again.
+//!
+//! Promise: the calling side only looks into a channel; all system calls of joining and leaving are
+//! made by the thread. A place taken by a dead forerunner is waited for; where the epoch cannot be
+//! joined for a while although the role is ours, the daemon is asked for a new one.
+
+use std::collections::VecDeque;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use shm_schema::{Cell, Current, JoinError, Joined, PortError, Role, Seat};
+
+use crate::ConnectError;
+
+/// How often the thread looks whether the daemon lives and which epoch is open.
+const WATCH_PERIOD: Duration = Duration::from_millis(20);
+/// How often it tries to get in.
+const JOIN_PERIOD: Duration = Duration::from_millis(5);
+/// How long it tries before it knocks.
+const KNOCK_AFTER: Duration = Duration::from_millis(250);
+/// How long leaving may take.
+const LEAVE_LIMIT: Duration = Duration::from_secs(1);
+/// Most events kept for the caller; older ones are dropped.
+const EVENTS_MAX: usize = 16;
+
+/// The ports that a role needs.
+pub(crate) trait Ports: Sized + Send + 'static {
+    const ROLE: Role;
+    fn open(joined: &Joined) -> Result<Self, PortError>;
+}
+
+/// How the connection is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Connection {
+    /// Joined, and the daemon lives.
+    Connected {
+        /// The daemon's process.
+        pid: u32,
+        /// Changes with each start of the daemon.
+        epoch: u64,
+    },
+    /// The daemon is gone; the library joins the next one by itself.
+    Lost,
+}
+
+/// What happened to the connection.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ConnectionEvent {
+    /// Joined a daemon.
+    Connected {
+        /// The daemon's process.
+        pid: u32,
+        /// Changes with each start of the daemon.
+        epoch: u64,
+    },
+    /// The daemon is gone, or cannot be joined; says why.
+    Lost {
+        /// In words, with what to do.
+        why: String,
+    },
+}
+
+enum News<P> {
+    Joined(P, Current),
+    Lost(JoinError),
+}
+
+/// The caller's end of the connection.
+pub(crate) struct Link<P: Ports> {
+    news: Receiver<News<P>>,
+    /// Old ports go back to the thread, which drops them; closing it ends the thread.
+    retired: Option<Sender<P>>,
+    thread: Option<JoinHandle<()>>,
+    ports: Option<P>,
+    connection: Connection,
+    events: VecDeque<ConnectionEvent>,
+}
+
+impl<P: Ports> Link<P> {
+    /// Starts the thread and waits until it has joined, at most `limit`.
+    pub(crate) fn connect(cell: &Cell, limit: Duration) -> Result<Self, ConnectError> {
+        let mut link = Self::start(cell)?;
+        let start = Instant::now();
+        let mut last = None;
+        while link.ports.is_none() {
+            match link.news.recv_timeout(limit.saturating_sub(start.elapsed())) {
+                Ok(News::Lost(e)) if !e.is_passing() => return Err(ConnectError::Refused(e)),
+                Ok(News::Lost(e)) => last = Some(e),
+                Ok(joined) => link.take(joined),
+                Err(_) => {
+                    let (cell, dir) = (cell.name().to_owned(), cell.dir().into());
+                    let last = last.unwrap_or(JoinError::NoDaemon { cell, dir });
+                    return Err(ConnectError::TimedOut { limit, last });
+                }
+            }
+        }
+        Ok(link)
+    }
+
+    fn start(cell: &Cell) -> Result<Self, ConnectError> {
+        let (tell, news) = channel();
+        let (retired, leavings) = channel();
+        let mut keeper = Keeper {
+            seat: Seat::new(cell, P::ROLE),
+            tell,
+            leavings,
+            joined: None,
+            trying_since: None,
+            said: None,
+        };
+        let thread = std::thread::Builder::new()
+            .name("trued-link".to_owned())
+            .spawn(move || keeper.run())?;
+        Ok(Self {
+            news,
+            retired: Some(retired),
+            thread: Some(thread),
+            ports: None,
+            connection: Connection::Lost,
+            events: VecDeque::with_capacity(EVENTS_MAX),
+        })
+    }
+
+    /// Takes what the thread has to say. No system call, and no allocation while nothing changes.
+    pub(crate) fn refresh(&mut self) {
+        while let Ok(news) = self.news.try_recv() {
+            self.take(news);
+        }
+    }
+
+    fn take(&mut self, news: News<P>) {
+        let event = match news {
+            News::Joined(ports, Current { pid, epoch, .. }) => {
+                if let (Some(old), Some(retired)) = (self.ports.replace(ports), &self.retired) {
+                    let _ = retired.send(old);
+                }
+                self.connection = Connection::Connected { pid, epoch };
+                ConnectionEvent::Connected { pid, epoch }
+            }
+            News::Lost(why) => {
+                self.connection = Connection::Lost;
+                ConnectionEvent::Lost { why: why.to_string() }
+            }
+        };
+        if self.events.len() == EVENTS_MAX {
+            self.events.pop_front();
+        }
+        self.events.push_back(event);
+    }
+
+    pub(crate) fn connection(&self) -> Connection {
+        self.connection
+    }
+
+    pub(crate) fn next_event(&mut self) -> Option<ConnectionEvent> {
+        self.refresh();
+        self.events.pop_front()
+    }
+
+    /// The ports while connected.
+    pub(crate) fn ports(&mut self) -> Option<&mut P> {
+        self.refresh();
+        match self.connection {
+            Connection::Connected { .. } => self.ports.as_mut(),
+            Connection::Lost => None,
+        }
+    }
+}
+
+impl<P: Ports> Drop for Link<P> {
+    fn drop(&mut self) {
+        // Ports first, as the thread gives up the role when it ends.
+        self.ports = None;
+        self.retired = None;
+        // The thread ends within milliseconds, unless a killed process left something half-made that
+        // it is stuck on: then it is left alone, and ends when the next daemon has cleaned up.
+        let start = Instant::now();
+        while self.thread.as_ref().is_some_and(|thread| !thread.is_finished()) {
+            if start.elapsed() > LEAVE_LIMIT {
+                return;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The thread's side.
+struct Keeper<P: Ports> {
+    seat: Seat,
+    tell: Sender<News<P>>,
+    leavings: Receiver<P>,
+    joined: Option<u64>,
+    trying_since: Option<(u64, Instant)>,
+    /// The last obstacle reported, so that it is said once.
+    said: Option<String>,
+}
+
+impl<P: Ports> Keeper<P> {
+    fn run(&mut self) {
+        loop {
+            let alive = self.watch();
+            let period = if self.trying_since.is_some() { JOIN_PERIOD } else { WATCH_PERIOD };
+            match self.leavings.recv_timeout(period) {
+                Ok(old) => drop(old),
+                Err(RecvTimeoutError::Timeout) if alive => {}
+                Err(_) => return,
+            }
+        }
+    }
+
+    /// One look; false when the caller's end is gone.
+    fn watch(&mut self) -> bool {
+        match self.seat.look() {
+            Ok(current) if self.joined == Some(current.epoch) => true,
+            Ok(current) => self.join(&current),
+            Err(e) => {
+                // A daemon killed at a bad moment may have left the caller's thread stuck.
+                self.seat.mend();
+                self.trying_since = None;
+                self.lost(e)
+            }
+        }
+    }
+
+    fn join(&mut self, current: &Current) -> bool {
+        let opened =
+            self.seat.join().and_then(|joined| Ok((P::open(&joined)?, joined.current().clone())));
+        match opened {
+            Ok((ports, current)) => {
+                self.joined = Some(current.epoch);
+                self.trying_since = None;
+                self.said = None;
+                self.tell.send(News::Joined(ports, current)).is_ok()
+            }
+            Err(e) => {
+                self.insist(current.epoch, &e);
+                self.lost(e)
+            }
+        }
+    }
+
+    /// Knocks when an epoch has refused us for a while for no reason of its own.
+    fn insist(&mut self, epoch: u64, e: &JoinError) {
+        if !matches!(e, JoinError::Transport { .. } | JoinError::Port(_)) {
+            self.trying_since = None;
+            return;
+        }
+        match self.trying_since {
+            Some((tried, since)) if tried == epoch => {
+                if since.elapsed() > KNOCK_AFTER {
+                    self.seat.knock(epoch);
+                }
+            }
+            _ => self.trying_since = Some((epoch, Instant::now())),
+        }
+    }
+
+    fn lost(&mut self, e: JoinError) -> bool {
+        self.joined = None;
+        let words = e.to_string();
+        if self.said.as_ref() == Some(&words) {
+            return true;
+        }
+        self.said = Some(words);
+        self.tell.send(News::Lost(e)).is_ok()
+    }
+}

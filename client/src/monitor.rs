@@ -1,0 +1,184 @@
+//! Looking and asking: status, verdicts on vibration, requests. Several at once; never on the hot path.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use shm_schema::{
+    Cell, Joined, Operation, PATH_BYTES_MAX, Payload, PeerControl, PeerSubscriber, PortError,
+    Request, Response, Role, Status, Text, Verdict, monotonic_ns, new_session,
+};
+
+use crate::link::{Connection, ConnectionEvent, Link, Ports};
+use crate::{AskError, ConnectError};
+
+/// How often an answer is looked for.
+const ANSWER_PERIOD: Duration = Duration::from_micros(200);
+
+/// The ports that any client has: what a monitor needs.
+pub(crate) struct MonitorPorts {
+    status: PeerSubscriber<Status>,
+    vibration: PeerSubscriber<Verdict>,
+    control: PeerControl,
+}
+
+impl Ports for MonitorPorts {
+    const ROLE: Role = Role::Monitor;
+    fn open(joined: &Joined) -> Result<Self, PortError> {
+        Ok(Self {
+            status: joined.subscriber()?,
+            vibration: joined.subscriber()?,
+            control: joined.control()?,
+        })
+    }
+}
+
+impl MonitorPorts {
+    /// The newest status since the last call.
+    pub(crate) fn status(&mut self) -> Option<Status> {
+        self.status.take_newest().filter(|s| s.check().is_ok())
+    }
+
+    /// The next verdict.
+    pub(crate) fn vibration(&mut self) -> Option<Verdict> {
+        self.vibration.take_next().filter(|v| v.check().is_ok())
+    }
+
+    fn ask(&mut self, request: &Request, limit: Duration) -> Result<Response, AskError> {
+        let start = Instant::now();
+        let mut pending = None;
+        loop {
+            if pending.is_none() {
+                pending = self.control.ask(request);
+            }
+            let answer = pending.as_ref().and_then(shm_schema::Pending::answer);
+            let ours = |a: &Response| (a.seq, a.session) == (request.seq, request.session);
+            if let Some(answer) = answer.filter(|a| a.check().is_ok() && ours(a)) {
+                return Ok(answer);
+            }
+            if start.elapsed() >= limit {
+                return Err(AskError::TimedOut { limit });
+            }
+            std::thread::sleep(ANSWER_PERIOD);
+        }
+    }
+}
+
+/// Numbers requests.
+pub(crate) struct Asker {
+    seq: u64,
+    session: u64,
+}
+
+impl Asker {
+    pub(crate) fn new() -> Self {
+        Self { seq: 0, session: new_session() }
+    }
+
+    pub(crate) fn ask(
+        &mut self,
+        ports: Option<&mut MonitorPorts>,
+        request: Request,
+        limit: Duration,
+    ) -> Result<Response, AskError> {
+        self.seq += 1;
+        let request =
+            Request { seq: self.seq, session: self.session, t_ns: monotonic_ns(), ..request };
+        ports.ok_or(AskError::Disconnected)?.ask(&request, limit)
+    }
+}
+
+/// The requests that there are.
+pub(crate) fn ping() -> Request {
+    Request { operation: Operation::Ping.code(), ..Request::default() }
+}
+
+pub(crate) fn reload(path: Option<&Path>) -> Result<Request, AskError> {
+    let text = match path {
+        None => Text::new(""),
+        Some(path) => path
+            .to_str()
+            .and_then(Text::whole)
+            .ok_or_else(|| AskError::BadPath { path: path.to_owned(), limit: PATH_BYTES_MAX })?,
+    };
+    Ok(Request { operation: Operation::Reload.code(), path: text, ..Request::default() })
+}
+
+pub(crate) fn switch(operation: Operation, on: bool) -> Request {
+    Request { operation: operation.code(), on: u32::from(on), ..Request::default() }
+}
+
+/// Looks at a cell, and asks its daemon: any number of processes may.
+pub struct Monitor {
+    link: Link<MonitorPorts>,
+    asker: Asker,
+    status: Option<Status>,
+}
+
+impl Monitor {
+    /// Joins the cell's daemon, within `limit`.
+    ///
+    /// # Errors
+    /// See [`ConnectError`].
+    pub fn connect(cell: &str, limit: Duration) -> Result<Self, ConnectError> {
+        Self::connect_to(&Cell::new(cell)?, limit)
+    }
+
+    /// The same for a cell in a place of its own.
+    ///
+    /// # Errors
+    /// See [`ConnectError`].
+    pub fn connect_to(cell: &Cell, limit: Duration) -> Result<Self, ConnectError> {
+        Ok(Self { link: Link::connect(cell, limit)?, asker: Asker::new(), status: None })
+    }
+
+    /// The newest status, once there is one.
+    pub fn status(&mut self) -> Option<Status> {
+        let fresh = self.link.ports().and_then(MonitorPorts::status);
+        self.status = fresh.or(self.status);
+        self.status
+    }
+
+    /// The next verdict on vibration not yet taken.
+    pub fn vibration(&mut self) -> Option<Verdict> {
+        self.link.ports().and_then(MonitorPorts::vibration)
+    }
+
+    /// How the connection is.
+    pub fn connection(&mut self) -> Connection {
+        self.link.refresh();
+        self.link.connection()
+    }
+
+    /// What happened to the connection since, oldest first.
+    pub fn next_event(&mut self) -> Option<ConnectionEvent> {
+        self.link.next_event()
+    }
+
+    /// Asks for a sign of life.
+    ///
+    /// # Errors
+    /// See [`AskError`].
+    pub fn ping(&mut self, limit: Duration) -> Result<Response, AskError> {
+        self.ask(ping(), limit)
+    }
+
+    /// Asks to load a model file (`None`: the one loaded now, again) and to swap it in.
+    ///
+    /// # Errors
+    /// See [`AskError`]; a refusal is an answer, not an error.
+    pub fn reload(&mut self, path: Option<&Path>, limit: Duration) -> Result<Response, AskError> {
+        self.ask(reload(path)?, limit)
+    }
+
+    /// Asks to ramp the correction out, or in again.
+    ///
+    /// # Errors
+    /// See [`AskError`].
+    pub fn bypass(&mut self, on: bool, limit: Duration) -> Result<Response, AskError> {
+        self.ask(switch(Operation::Bypass, on), limit)
+    }
+
+    fn ask(&mut self, request: Request, limit: Duration) -> Result<Response, AskError> {
+        self.asker.ask(self.link.ports(), request, limit)
+    }
+}

@@ -1,0 +1,25 @@
+//! A client that cannot get in although the role is its own asks for a new epoch, and gets it.
+
+use std::time::Duration;
+
+use crate::mini::{Process, Runtime, Who};
+use shm_schema::{Command, Role, Seat};
+use trued_client::Client;
+
+#[test]
+fn a_place_that_stays_taken_costs_a_new_epoch_and_less_than_a_second() {
+    let runtime = Runtime::new("jam");
+    let daemon = Process::start(Who::Daemon, &runtime);
+    let mut thief = Seat::new(&runtime.cell(), Role::Monitor);
+    let joined = loop {
+        match thief.join() {
+            Ok(joined) => break joined,
+            Err(_) => std::thread::sleep(Duration::from_millis(5)),
+        }
+    };
+    let _place = joined.publisher::<Command>().unwrap();
+    let client = Client::connect_to(&runtime.cell(), Duration::from_secs(5));
+    assert!(client.is_ok(), "{:?}", client.err());
+    assert_eq!(daemon.renewals(), 1);
+    drop(client);
+}

@@ -1,0 +1,225 @@
+//! What client and daemon say to each other, with a daemon in this process.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use shm_schema::*;
+use trued_client::{
+    AskError, Client, ConnectError, Connection, ConnectionEvent, ForceSamples, ForceSource,
+    Monitor, NotSent, Samples, Setpoint, Source, WrenchFrame,
+};
+
+use crate::mini::Runtime;
+
+const LIMIT: Duration = Duration::from_secs(10);
+
+/// A daemon that answers with the command itself and, to a reload, with the path.
+struct Daemon {
+    side: DaemonSide,
+    commands: Subscriber<Command>,
+    answers: Publisher<Corrected>,
+    statuses: Publisher<Status>,
+    control: ControlServer,
+    answer: Corrected,
+}
+
+impl Daemon {
+    fn start(cell: &Cell) -> Self {
+        let side = DaemonSide::create(cell).unwrap();
+        let ports = side.ports();
+        let mut daemon = Self {
+            commands: ports.subscriber().unwrap(),
+            answers: ports.publisher().unwrap(),
+            statuses: ports.publisher().unwrap(),
+            control: ports.control().unwrap(),
+            answer: Corrected { joints: 6, ..Corrected::default() },
+            side,
+        };
+        daemon.turn();
+        daemon.side.announce().unwrap();
+        daemon
+    }
+
+    fn turn(&mut self) -> Option<Command> {
+        let command = self.commands.take_newest();
+        if let Some(command) = command {
+            self.answer.seq += 1;
+            self.answer.command_seq = command.seq;
+            self.answer.command_session = command.session;
+            self.answer.q = command.q;
+            self.answer.made_ns = monotonic_ns();
+            self.answers.send(&self.answer);
+        }
+        let mut status = Status { joints: 6, ..Status::default() };
+        status.bounds.angle = [0.02; JOINTS_MAX];
+        status.bounds.rate = [0.02; JOINTS_MAX];
+        status.bounds.jerk = [5.0; JOINTS_MAX];
+        self.statuses.send(&status);
+        self.control.serve(|request| Response::to(request, Answer::Done, request.path.as_str()));
+        command
+    }
+}
+
+/// Runs what a client does in another thread while the daemon turns in this one.
+fn beside<R: Send + 'static>(
+    daemon: &mut Daemon,
+    client: impl FnOnce() -> R + Send + 'static,
+) -> R {
+    let client = std::thread::spawn(client);
+    while !client.is_finished() {
+        daemon.turn();
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    client.join().unwrap()
+}
+
+#[test]
+fn a_command_arrives_whole_and_its_answer_is_published() {
+    let runtime = Runtime::new("whole");
+    let cell = runtime.cell();
+    let mut daemon = Daemon::start(&cell);
+    let mut client = beside(&mut daemon, move || Client::connect_to(&cell, LIMIT)).unwrap();
+    let setpoint = Setpoint::new(&[0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+        .at_ns(77)
+        .wrench([1.0, 2.0, 3.0, 4.0, 5.0, 6.0], WrenchFrame::Base)
+        .temperatures(21.5, &[30.0, 31.0])
+        .direction(&[1, -1, 5]);
+    let seq = client.send(&setpoint).unwrap();
+    let command = daemon.turn().unwrap();
+    assert_eq!((command.seq, command.joints, command.t_ns), (seq, 6, 77));
+    assert!(command.has(Command::HAS_WRENCH | Command::WRENCH_IN_BASE));
+    assert!(command.has(Command::HAS_TEMPERATURE | Command::HAS_DIRECTION));
+    assert_eq!(command.wrench[5], 6.0);
+    assert_eq!(command.direction[..4], [1, -1, 1, 0]);
+    assert_eq!(command.temperature_c[..3], [21.5, 30.0, 31.0]);
+    assert!(command.temperature_c[3].is_nan());
+    assert!(command.check().is_ok());
+    assert_eq!(client.wait_corrected(seq, LIMIT).unwrap().command_seq, seq);
+}
+
+#[test]
+fn too_many_joints_are_refused_before_they_are_sent() {
+    let runtime = Runtime::new("joints");
+    let cell = runtime.cell();
+    let mut daemon = Daemon::start(&cell);
+    let mut client = beside(&mut daemon, move || Client::connect_to(&cell, LIMIT)).unwrap();
+    assert!(matches!(client.send(&[0.0; 17].into()), Err(NotSent::Invalid { value: 17, .. })));
+    assert!(matches!(client.send(&Setpoint::new(&[])), Err(NotSent::Invalid { value: 0, .. })));
+    assert!(daemon.turn().is_none());
+}
+
+#[test]
+fn a_request_is_answered_to_client_and_monitor() {
+    let runtime = Runtime::new("ask");
+    let cell = runtime.cell();
+    let mut daemon = Daemon::start(&cell);
+    let answers = beside(&mut daemon, move || {
+        let mut client = Client::connect_to(&cell, LIMIT).unwrap();
+        let mut monitor = Monitor::connect_to(&cell, LIMIT).unwrap();
+        let long = PathBuf::from("x".repeat(300));
+        (
+            client.reload(Some("/etc/robot.toml".as_ref()), LIMIT).unwrap(),
+            monitor.ping(LIMIT).unwrap(),
+            client.reload(Some(&long), LIMIT).unwrap_err(),
+        )
+    });
+    assert_eq!(answers.0.message.as_str(), "/etc/robot.toml");
+    assert_eq!(answers.1.answer(), Ok(Answer::Done));
+    assert!(matches!(answers.2, AskError::BadPath { .. }));
+}
+
+#[test]
+fn a_request_that_nobody_answers_ends_in_time() {
+    let runtime = Runtime::new("mute");
+    let cell = runtime.cell();
+    let mut daemon = Daemon::start(&cell);
+    let mut client = beside(&mut daemon, move || Client::connect_to(&cell, LIMIT)).unwrap();
+    let limit = Duration::from_millis(20);
+    assert_eq!(client.ping(limit), Err(AskError::TimedOut { limit }));
+}
+
+#[test]
+fn force_in_single_precision_arrives_channel_by_channel_in_double() {
+    let runtime = Runtime::new("force");
+    let cell = runtime.cell();
+    let daemon = Daemon::start(&cell);
+    let mut blocks = daemon.side.ports().subscriber::<ForceBlock>().unwrap();
+    let mut source = ForceSource::connect_to(&cell, LIMIT).unwrap();
+    let samples = [1.0_f32, 10.0, 100.0, 2.0, 20.0, 200.0];
+    let force = ForceSamples {
+        t_ns: 5,
+        rate_hz: 1e4,
+        channels: 3,
+        frame: WrenchFrame::Tool,
+        samples: Samples::F32(&samples),
+    };
+    source.send(&force).unwrap();
+    let block = blocks.take_next().unwrap();
+    assert!(block.check().is_ok());
+    assert_eq!((block.channel(0), block.channel(2)), (&[1.0, 2.0][..], &[100.0, 200.0][..]));
+    assert_eq!(block.channel(3), &[] as &[f64]);
+    assert_eq!(block.flags, ForceBlock::INPUT_F32);
+    for bad in [ForceSamples { channels: 4, ..force }, ForceSamples { channels: 2, ..force }] {
+        assert!(matches!(source.send(&bad), Err(NotSent::Invalid { .. })));
+    }
+    for _ in 0..70 {
+        let _ = source.send(&force);
+    }
+    assert_eq!(source.lost(), 6);
+    let last = std::iter::from_fn(|| blocks.take_next()).last().unwrap();
+    assert_eq!((last.seq, last.samples_before), (65, 128));
+}
+
+#[test]
+fn without_a_daemon_connecting_ends_in_time_and_says_what_to_do() {
+    let runtime = Runtime::new("none");
+    let start = Instant::now();
+    let refused = Client::connect_to(&runtime.cell(), Duration::from_millis(50)).err().unwrap();
+    assert!(start.elapsed() < LIMIT);
+    assert!(matches!(refused, ConnectError::TimedOut { .. }));
+    assert!(refused.to_string().contains("trued run"), "{refused}");
+}
+
+#[test]
+fn another_contract_is_refused_at_once() {
+    let runtime = Runtime::new("contract");
+    let _daemon = Daemon::start(&runtime.cell());
+    let current = runtime.cell().dir().join("current");
+    let text = std::fs::read_to_string(&current).unwrap();
+    std::fs::write(&current, text.replace("contract 1\n", "contract 9\n")).unwrap();
+    let refused = Client::connect_to(&runtime.cell(), LIMIT).err().unwrap();
+    assert!(matches!(refused, ConnectError::Refused(JoinError::VersionMismatch { .. })));
+}
+
+#[test]
+fn a_daemon_that_goes_and_comes_is_told_and_joined_again() {
+    let runtime = Runtime::new("again");
+    let cell = runtime.cell();
+    let mut daemon = Daemon::start(&cell);
+    let mut client = {
+        let cell = cell.clone();
+        beside(&mut daemon, move || Client::connect_to(&cell, LIMIT)).unwrap()
+    };
+    let first = client.connection();
+    assert!(matches!(client.next_event(), Some(ConnectionEvent::Connected { .. })));
+
+    drop(daemon);
+    let start = Instant::now();
+    while client.connection() != Connection::Lost {
+        assert!(start.elapsed() < LIMIT);
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert_eq!(client.send(&[0.0; 6].into()), Err(NotSent::Disconnected));
+    assert_eq!(client.target_for(&[0.3; 6], monotonic_ns()).source(), Source::Plain);
+    assert!(matches!(client.next_event(), Some(ConnectionEvent::Lost { .. })));
+
+    let mut daemon = Daemon::start(&cell);
+    while client.connection() == Connection::Lost {
+        assert!(start.elapsed() < LIMIT);
+        daemon.turn();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert_ne!(client.connection(), first);
+    assert!(client.send(&[0.0; 6].into()).is_ok());
+    assert!(daemon.turn().is_some());
+}

@@ -1,0 +1,140 @@
+//! The mission, once per cycle: a commanded joint target comes in, the one that puts the tool right goes out.
+//!
+//! Order is always: take, judge, correct, bound, publish, count. Thread `cycle`, at the commands' own rate.
+//! Nothing here allocates (the transport's one block per message aside), locks, logs or panics.
+
+use crate::exchange::{CycleRecord, Exchange, LoadedModel, count};
+use crate::robot::Robot;
+use crate::senses::Senses;
+use crate::translate;
+use corrector::{Corrector, Outcome, Status};
+use shm_schema::{Command, Corrected, monotonic_ns};
+use std::sync::atomic::Ordering::Relaxed;
+
+/// Everything that the cycle owns.
+#[derive(Debug)]
+pub struct Cycle {
+    /// The robot's side.
+    pub robot: Robot,
+    /// The correction.
+    pub corrector: Corrector,
+    /// The model in use.
+    pub model: Box<LoadedModel>,
+    /// What is known of the world.
+    pub senses: Senses,
+    /// Time without a command after which the correction ramps out, ns.
+    pub stale_ns: u64,
+    /// Expected time between commands, ns.
+    pub period_ns: u64,
+    /// Commands carry the time (a replay).
+    pub lockstep: bool,
+    /// The command answered last.
+    pub last: Command,
+}
+
+impl Cycle {
+    /// Runs until the exchange says stop.
+    pub fn run(&mut self, exchange: &Exchange) {
+        let mut deadline_ns = monotonic_ns() + self.stale_ns;
+        while exchange.runs() {
+            self.take_orders(exchange);
+            deadline_ns = match self.turn(exchange, deadline_ns) {
+                Some(received_ns) => received_ns + self.stale_ns,
+                None => monotonic_ns() + self.period_ns,
+            };
+        }
+    }
+
+    /// One cycle; tells when its command was taken.
+    fn turn(&mut self, exchange: &Exchange, deadline_ns: u64) -> Option<u64> {
+        let Some((command, received_ns)) = self.robot.newest_command(exchange, deadline_ns) else {
+            self.stand_down(exchange);
+            return None;
+        };
+        let now_ns = if self.lockstep { command.t_ns } else { received_ns };
+        let state = self.robot.newest_state();
+        let world = self.senses.world(exchange, state.as_ref(), &command, now_ns);
+        let claim = translate::command(&command, now_ns, self.lockstep);
+
+        let wanted = self.corrector.correct(&self.model.physics, &claim, &world, now_ns);
+        let allowed = self.corrector.bound(&self.model.physics, &wanted);
+        self.publish(exchange, &command, received_ns, &allowed);
+        Some(received_ns)
+    }
+
+    /// Without a command: what stands of the correction ramps out, then nothing is published.
+    fn stand_down(&mut self, exchange: &Exchange) {
+        if self.lockstep {
+            return;
+        }
+        let now_ns = monotonic_ns();
+        if let Some(ramping) = self.corrector.idle(&self.model.physics, now_ns) {
+            count(&exchange.counters.stale);
+            let last = self.last;
+            self.publish(exchange, &last, now_ns, &ramping);
+        }
+    }
+
+    fn publish(
+        &mut self,
+        exchange: &Exchange,
+        command: &Command,
+        received_ns: u64,
+        made: &Outcome,
+    ) {
+        let mut message = Corrected {
+            command_seq: command.seq,
+            command_session: command.session,
+            t_ns: command.t_ns,
+            received_ns,
+            model_epoch: self.model.epoch,
+            ..translate::corrected(made, self.model.physics.arm.count())
+        };
+        self.robot.publish(exchange, &mut message);
+        self.last = *command;
+        self.count(exchange, command, &message, made);
+    }
+
+    fn count(&self, exchange: &Exchange, command: &Command, message: &Corrected, made: &Outcome) {
+        let counters = &exchange.counters;
+        count(&counters.cycles);
+        match made.status {
+            Status::Rejected => count(&counters.rejected),
+            Status::Held => count(&counters.held),
+            _ => {}
+        }
+        let latency_ns = message.made_ns.saturating_sub(command.sent_ns);
+        if made.reason != corrector::Reason::Stale {
+            exchange.latency.record(latency_ns);
+            if latency_ns > self.period_ns && !self.lockstep {
+                count(&counters.missed_cycles);
+            }
+        }
+        counters.gate.store(message.wrench_gate, Relaxed);
+        counters.loop_gain_bits.store(made.loop_gain.to_bits(), Relaxed);
+        counters.model_epoch.store(message.model_epoch, Relaxed);
+        let said = u64::from(message.status) << 32 | u64::from(message.reason);
+        counters.last_said.store(said, Relaxed);
+        let (wrench, wrench_in_base) = self.senses.wrench();
+        let record = CycleRecord { command: *command, corrected: *message, wrench, wrench_in_base };
+        if exchange.cycles.push(record).is_err() {
+            count(&counters.recorder_dropped);
+        }
+    }
+
+    /// What the supervisor asks for, taken between two cycles.
+    fn take_orders(&mut self, exchange: &Exchange) {
+        if let Some(next) = exchange.next_model.pop() {
+            let old = std::mem::replace(&mut self.model, next);
+            self.corrector.model_changed(&self.model.physics);
+            // The supervisor hands over a model only while there is room for the old one.
+            let _ = exchange.retired_models.push(old);
+        }
+        self.corrector.set_bypass(exchange.bypassed.load(Relaxed));
+        self.corrector.set_mode(exchange.mode());
+        if let Some(ports) = exchange.new_ports[0].pop() {
+            // Refused ports leave the old epoch in use; the supervisor then does not announce the new one.
+            let _ = self.robot.rejoin(&ports);
+        }
+    }
+}

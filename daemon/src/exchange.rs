@@ -1,0 +1,170 @@
+//! What the threads share: bounded rings made at start, whole values swapped, counters.
+//!
+//! Promises: nobody waits for anybody; a full ring drops the newest and counts it.
+//! Never: a lock.
+
+use crate::latency::Latency;
+use crate::senses::Measured;
+use corrector::Mode;
+use crossbeam::queue::ArrayQueue;
+use physics::Model;
+use shm_schema::{Command, Corrected, DaemonPorts, ForceBlock, Verdict};
+use spectrum::ProcessState;
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
+
+/// Cycles that the recorder may lag behind.
+const CYCLES_KEPT: usize = 4096;
+/// Force blocks that the recorder may lag behind; 24 kB each.
+const BLOCKS_KEPT: usize = 128;
+const VERDICTS_KEPT: usize = 256;
+
+/// A model on its way to the cycle, and, once replaced, back to be freed where freeing may take time.
+#[derive(Debug)]
+pub struct LoadedModel {
+    /// The physics.
+    pub physics: Model,
+    /// Counts models since the start.
+    pub epoch: u64,
+}
+
+/// One cycle, for the black box.
+#[derive(Clone, Copy, Debug)]
+pub struct CycleRecord {
+    /// What came.
+    pub command: Command,
+    /// What went out.
+    pub corrected: Corrected,
+    /// The wrench as it entered the cycle, force and moment at the TCP; NaN where none was known.
+    pub wrench: [f64; 6],
+    /// Whether it stood in base axes.
+    pub wrench_in_base: bool,
+}
+
+/// Everything that threads hand to each other.
+#[derive(Debug)]
+pub struct Exchange {
+    stop: AtomicBool,
+    /// Supervisor to cycle: a model to take over between two cycles.
+    pub next_model: ArrayQueue<Box<LoadedModel>>,
+    /// Cycle to supervisor: the model that it replaced.
+    pub retired_models: ArrayQueue<Box<LoadedModel>>,
+    /// Supervisor to cycle and vibration: ports of a new epoch.
+    pub new_ports: [ArrayQueue<DaemonPorts>; 2],
+    /// Vibration to cycle: the newest wrench.
+    pub newest_wrench: ArrayQueue<Measured>,
+    /// Supervisor to vibration: what the process does.
+    pub process_state: ArrayQueue<ProcessState>,
+    /// Supervisor to cycle: spindle speed, rev/min, as bits.
+    pub spindle_rpm_bits: AtomicU64,
+    /// Cycle to recorder.
+    pub cycles: ArrayQueue<CycleRecord>,
+    /// Vibration to recorder.
+    pub blocks: ArrayQueue<Box<ForceBlock>>,
+    /// Recorder to vibration: boxes to be filled again, so that nobody allocates.
+    pub empty_blocks: ArrayQueue<Box<ForceBlock>>,
+    /// Vibration to recorder.
+    pub verdicts: ArrayQueue<Verdict>,
+    /// Vibration to supervisor: the last verdict.
+    pub last_verdict: ArrayQueue<Verdict>,
+    /// Cycle to supervisor: latency from the command's sending to its answer.
+    pub latency: Latency,
+    /// Counts.
+    pub counters: Counters,
+    /// Supervisor to cycle: 1 while bypassed.
+    pub bypassed: AtomicBool,
+    mode: AtomicU32,
+}
+
+/// What is counted. Each has one writer.
+#[derive(Debug, Default)]
+#[expect(missing_docs, reason = "each name is what shm_schema::Status documents")]
+pub struct Counters {
+    pub cycles: AtomicU64,
+    pub missed_cycles: AtomicU64,
+    pub commands: AtomicU64,
+    pub commands_lost: AtomicU64,
+    pub rejected: AtomicU64,
+    pub held: AtomicU64,
+    pub stale: AtomicU64,
+    pub malformed: AtomicU64,
+    pub corrected_lost: AtomicU64,
+    pub force_blocks: AtomicU64,
+    pub force_gaps: AtomicU64,
+    pub recorder_dropped: AtomicU64,
+    /// Loop gain of the wrench correction, as bits.
+    pub loop_gain_bits: AtomicU64,
+    /// `shm_schema::WrenchGate` of the last cycle.
+    pub gate: AtomicU32,
+    /// Model epoch of the last cycle.
+    pub model_epoch: AtomicU64,
+    /// Status and reason of the last cycle: status in the upper half.
+    pub last_said: AtomicU64,
+    /// `CLOCK_MONOTONIC` of the last command, ns.
+    pub last_command_ns: AtomicU64,
+}
+
+impl Exchange {
+    /// Makes all rings; `records` tells whether a recorder will drain its own.
+    pub fn new(mode: Mode, records: bool) -> Self {
+        let kept = |n: usize| if records { n } else { 1 };
+        let empty_blocks = ArrayQueue::new(BLOCKS_KEPT);
+        for _ in 0..kept(BLOCKS_KEPT) {
+            let _ = empty_blocks.push(Box::default());
+        }
+        Self {
+            stop: AtomicBool::new(false),
+            next_model: ArrayQueue::new(1),
+            retired_models: ArrayQueue::new(2),
+            new_ports: [ArrayQueue::new(1), ArrayQueue::new(1)],
+            newest_wrench: ArrayQueue::new(1),
+            process_state: ArrayQueue::new(1),
+            spindle_rpm_bits: AtomicU64::new(f64::NAN.to_bits()),
+            cycles: ArrayQueue::new(kept(CYCLES_KEPT)),
+            blocks: ArrayQueue::new(BLOCKS_KEPT),
+            empty_blocks,
+            verdicts: ArrayQueue::new(VERDICTS_KEPT),
+            last_verdict: ArrayQueue::new(1),
+            latency: Latency::default(),
+            counters: Counters::default(),
+            bypassed: AtomicBool::new(false),
+            mode: AtomicU32::new(mode_code(mode)),
+        }
+    }
+
+    /// Whether the threads go on.
+    pub fn runs(&self) -> bool {
+        !self.stop.load(Relaxed)
+    }
+
+    /// Ends all threads at their next turn.
+    pub fn stop(&self) {
+        self.stop.store(true, Relaxed);
+    }
+
+    /// How much may be corrected.
+    pub fn mode(&self) -> Mode {
+        match self.mode.load(Relaxed) {
+            0 => Mode::Shadow,
+            1 => Mode::Limited,
+            _ => Mode::Full,
+        }
+    }
+
+    /// Changes how much may be corrected, from the next cycle on.
+    pub fn set_mode(&self, mode: Mode) {
+        self.mode.store(mode_code(mode), Relaxed);
+    }
+}
+
+fn mode_code(mode: Mode) -> u32 {
+    match mode {
+        Mode::Shadow => 0,
+        Mode::Limited => 1,
+        Mode::Full => 2,
+    }
+}
+
+/// One more.
+pub fn count(counter: &AtomicU64) {
+    counter.fetch_add(1, Relaxed);
+}

@@ -1,0 +1,101 @@
+//! What the cycle knows of the world besides the command: the newest wrench, temperatures, spindle speed.
+//!
+//! Promises: the newest value wins; its age is told, never hidden. Never: a wait.
+
+use crate::exchange::Exchange;
+use corrector::{World, WrenchSample};
+use glam::DVec3;
+use physics::{JOINTS_MAX, Wrench};
+use shm_schema::{Command, RobotState};
+use std::sync::atomic::Ordering::Relaxed;
+
+/// A wrench with its time.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured {
+    /// Force N, moment Nm, at the TCP.
+    pub wrench: [f64; 6],
+    /// In base axes; else in tool axes.
+    pub in_base: bool,
+    /// When it was measured, `CLOCK_MONOTONIC`, ns.
+    pub t_ns: u64,
+}
+
+/// Where the wrench comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WrenchSource {
+    /// From force blocks.
+    Force,
+    /// From the commands.
+    Command,
+    /// From nowhere.
+    None,
+}
+
+/// The newest of everything.
+#[derive(Debug)]
+pub struct Senses {
+    source: WrenchSource,
+    measured: Option<Measured>,
+    celsius: [f64; JOINTS_MAX + 1],
+}
+
+impl Senses {
+    /// Nothing is known yet.
+    pub fn new(source: WrenchSource) -> Self {
+        Self { source, measured: None, celsius: [f64::NAN; JOINTS_MAX + 1] }
+    }
+
+    /// Takes what is new, and says what is known at `now_ns` (`CLOCK_MONOTONIC`, or the command's time in lockstep).
+    pub fn world(
+        &mut self,
+        exchange: &Exchange,
+        state: Option<&RobotState>,
+        command: &Command,
+        now_ns: u64,
+    ) -> World {
+        if let Some(state) = state.filter(|state| state.has(RobotState::HAS_TEMPERATURE)) {
+            self.celsius = state.temperature_c;
+        }
+        if command.has(Command::HAS_TEMPERATURE) {
+            self.celsius = command.temperature_c;
+        }
+        self.take_wrench(exchange, command, now_ns);
+        let mut joint_celsius = [f64::NAN; JOINTS_MAX];
+        joint_celsius.copy_from_slice(&self.celsius[1..]);
+        World {
+            wrench: self.measured.map(|measured| sample(&measured, now_ns)),
+            ambient_celsius: self.celsius[0],
+            joint_celsius,
+            spindle_rpm: f64::from_bits(exchange.spindle_rpm_bits.load(Relaxed)),
+        }
+    }
+
+    /// The wrench as it enters the cycle; NaN where none is known.
+    pub fn wrench(&self) -> ([f64; 6], bool) {
+        self.measured.map_or(([f64::NAN; 6], false), |m| (m.wrench, m.in_base))
+    }
+
+    fn take_wrench(&mut self, exchange: &Exchange, command: &Command, now_ns: u64) {
+        match self.source {
+            WrenchSource::Force => {
+                if let Some(newest) = exchange.newest_wrench.pop() {
+                    self.measured = Some(newest);
+                }
+            }
+            WrenchSource::Command if command.has(Command::HAS_WRENCH) => {
+                let in_base = command.has(Command::WRENCH_IN_BASE);
+                self.measured = Some(Measured { wrench: command.wrench, in_base, t_ns: now_ns });
+            }
+            WrenchSource::Command | WrenchSource::None => {}
+        }
+    }
+}
+
+fn sample(measured: &Measured, now_ns: u64) -> WrenchSample {
+    let [fx, fy, fz, mx, my, mz] = measured.wrench;
+    WrenchSample {
+        wrench: Wrench { force: DVec3::new(fx, fy, fz), moment: DVec3::new(mx, my, mz) },
+        in_base: measured.in_base,
+        age_ns: now_ns.saturating_sub(measured.t_ns),
+    }
+}

@@ -1,0 +1,218 @@
+//! Looks after the others: status, requests, reload of the model, dead clients.
+//!
+//! Thread of [`crate::run`], 20 times a second. Promises: a model that does not load changes nothing and its faults are told;
+//! one that does is swapped in between two cycles. Never: anything that the cycle waits for.
+
+use crate::exchange::{Exchange, LoadedModel};
+use crate::status;
+use corrector::Mode;
+use crossbeam::queue::ArrayQueue;
+use recording::model::RobotModel;
+use shm_schema::{
+    Answer, ControlServer, DaemonSide, JointBounds, Operation, PortError, Publisher, Request,
+    Response, Status,
+};
+use spectrum::ProcessState;
+use std::path::PathBuf;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+use tracing::{info, warn};
+
+/// How often the supervisor looks.
+pub const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// Looks between two messages on `/status`.
+const STATUS_EVERY: u32 = 2;
+/// How long a model may take to be adopted, or threads to change over to a new epoch.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// The supervisor's belongings.
+#[derive(Debug)]
+pub struct Supervisor {
+    /// The cell's shared memory.
+    pub domain: DaemonSide,
+    status: Publisher<Status>,
+    control: ControlServer,
+    model_path: PathBuf,
+    model: RobotModel,
+    model_epoch: u64,
+    /// What status says beside the counters.
+    pub constants: status::Constants,
+    looks: u32,
+}
+
+impl Supervisor {
+    /// Makes the ports, in the thread that will use them.
+    ///
+    /// # Errors
+    /// Where the transport refuses a port.
+    pub fn join(
+        domain: DaemonSide,
+        model_path: PathBuf,
+        model: RobotModel,
+        bounds: JointBounds,
+    ) -> Result<Self, PortError> {
+        let ports = domain.ports();
+        let constants = status::Constants::new(&model, bounds);
+        let (status, control) = (ports.publisher()?, ports.control()?);
+        Ok(Self { domain, status, control, model_path, model, model_epoch: 1, constants, looks: 0 })
+    }
+
+    /// One look at everything.
+    pub fn look(&mut self, exchange: &Exchange) {
+        while let Some(retired) = exchange.retired_models.pop() {
+            drop(retired);
+        }
+        self.serve(exchange);
+        let found = self.domain.supervise();
+        if found.cleaned > 0 {
+            info!(clients = found.cleaned, "cleaned up after clients that died");
+        }
+        if found.knocked {
+            self.renew(exchange);
+        }
+        if self.looks.is_multiple_of(STATUS_EVERY) {
+            self.tell(exchange);
+        }
+        self.looks = self.looks.wrapping_add(1);
+    }
+
+    /// Publishes the status as it is now.
+    pub fn tell(&mut self, exchange: &Exchange) {
+        let message = self.constants.status(exchange);
+        self.status.send(&message);
+    }
+
+    fn serve(&mut self, exchange: &Exchange) {
+        let Self { control, model_path, model, model_epoch, constants, .. } = self;
+        while control.serve(|request| {
+            let mut desk = Desk { model_path, model, model_epoch, constants };
+            let (answer, words) = desk.answer(exchange, request);
+            info!(%answer, words, "request");
+            Response::to(request, answer, &words)
+        }) {}
+    }
+
+    /// A client cannot get into this epoch: threads change over to a new one, then it is announced.
+    fn renew(&mut self, exchange: &Exchange) {
+        warn!("a client cannot join the shared memory; making a new one");
+        if let Err(fault) = self.domain.renew() {
+            warn!(%fault, "no new epoch");
+            return;
+        }
+        let ports = self.domain.ports();
+        for ring in &exchange.new_ports {
+            let _ = ring.push(ports.clone());
+        }
+        let since = Instant::now();
+        let taken = || exchange.new_ports.iter().all(ArrayQueue::is_empty);
+        while !taken() && since.elapsed() < PATIENCE {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        match (ports.publisher(), ports.control()) {
+            (Ok(status), Ok(control)) => (self.status, self.control) = (status, control),
+            _ => warn!("no status or control in the new epoch"),
+        }
+        self.tell(exchange);
+        if let Err(fault) = self.domain.announce() {
+            warn!(%fault, "the new epoch could not be announced");
+        }
+    }
+}
+
+/// Where requests are answered.
+struct Desk<'a> {
+    model_path: &'a mut PathBuf,
+    model: &'a mut RobotModel,
+    model_epoch: &'a mut u64,
+    constants: &'a mut status::Constants,
+}
+
+impl Desk<'_> {
+    fn answer(&mut self, exchange: &Exchange, request: &Request) -> (Answer, String) {
+        let Ok(operation) = request.operation() else {
+            return (Answer::Malformed, format!("operation {} is unknown here", request.operation));
+        };
+        let on = request.on != 0;
+        match operation {
+            Operation::Ping => (Answer::Done, "here".to_owned()),
+            Operation::Reload => self.reload(exchange, request.path.as_str()),
+            Operation::Bypass => {
+                exchange.bypassed.store(on, Relaxed);
+                let words = if on { "the correction ramps out" } else { "the correction ramps in" };
+                (Answer::Done, words.to_owned())
+            }
+            Operation::Arm => {
+                exchange.set_mode(if on { self.constants.armed_mode } else { Mode::Shadow });
+                let words = if on {
+                    "armed: corrections go out"
+                } else {
+                    "shadow: commands go out as they come"
+                };
+                (Answer::Done, words.to_owned())
+            }
+            Operation::ProcessState => process_state(exchange, request),
+        }
+    }
+
+    fn reload(&mut self, exchange: &Exchange, path: &str) -> (Answer, String) {
+        let path = if path.is_empty() { self.model_path.clone() } else { PathBuf::from(path) };
+        let next = match RobotModel::read(&path) {
+            Ok(next) => next,
+            Err(fault) => return (Answer::Refused, brief(&fault.to_string())),
+        };
+        let (now, then) = (self.model.physics.arm.count(), next.physics.arm.count());
+        if now != then {
+            let words = format!(
+                "the model has {then} joints, the running one {now}: restart the daemon to change the robot"
+            );
+            return (Answer::Refused, words);
+        }
+        if !self.hand_over(exchange, &next) {
+            return (Answer::Failed, "the cycle did not take the model over in time".to_owned());
+        }
+        let words = format!("{} loaded from {}", next.file.name, path.display());
+        self.constants.take(&next);
+        (*self.model_path, *self.model) = (path, next);
+        (Answer::Done, brief(&words))
+    }
+
+    /// Swaps the model in between two cycles and waits until the cycle has it.
+    fn hand_over(&mut self, exchange: &Exchange, next: &RobotModel) -> bool {
+        let epoch = *self.model_epoch + 1;
+        let loaded = Box::new(LoadedModel { physics: next.physics, epoch });
+        if exchange.next_model.push(loaded).is_err() {
+            return false;
+        }
+        let since = Instant::now();
+        while !exchange.next_model.is_empty() {
+            if since.elapsed() > PATIENCE {
+                return exchange.next_model.pop().is_none();
+            }
+            std::thread::sleep(Duration::from_micros(200));
+        }
+        *self.model_epoch = epoch;
+        true
+    }
+}
+
+fn process_state(exchange: &Exchange, request: &Request) -> (Answer, String) {
+    let (spindle_rpm, feed_mm_s) = (request.spindle_rpm, request.feed_mm_s);
+    if spindle_rpm.is_infinite() || feed_mm_s.is_infinite() {
+        return (
+            Answer::Refused,
+            "spindle speed and feed must be finite, or NaN where unknown".to_owned(),
+        );
+    }
+    exchange.spindle_rpm_bits.store(spindle_rpm.to_bits(), Relaxed);
+    let state = ProcessState { spindle_rpm, teeth: request.teeth, feed_mm_s, in_cut: None };
+    exchange.process_state.force_push(state);
+    (
+        Answer::Done,
+        format!("spindle {spindle_rpm} rev/min, {} teeth, feed {feed_mm_s} mm/s", request.teeth),
+    )
+}
+
+/// What fits into an answer: the first lines of a longer account.
+fn brief(words: &str) -> String {
+    words.chars().take(240).collect()
+}

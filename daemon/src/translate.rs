@@ -1,0 +1,95 @@
+//! Schema to corrector and back: the only file of the daemon that names both.
+//!
+//! Promises: a foreign number is copied as a claim for the corrector to judge; codes have the same names on both sides (tested).
+//! Never: a judgement.
+
+use corrector::{Gate, Outcome};
+use physics::JOINTS_MAX;
+use shm_schema::{Command, Corrected, CorrectionStatus, Reason, WrenchGate};
+
+/// A command as the corrector takes it; `now_ns` is the cycle's time.
+pub fn command(from: &Command, now_ns: u64, lockstep: bool) -> corrector::Command {
+    let direction = from.has(Command::HAS_DIRECTION).then(|| {
+        let mut signs = [0.0; JOINTS_MAX];
+        for (sign, given) in signs.iter_mut().zip(from.direction) {
+            *sign = f64::from(given.signum());
+        }
+        signs
+    });
+    corrector::Command {
+        session: from.session,
+        seq: from.seq,
+        t_ns: from.t_ns,
+        age_ns: if lockstep { 0 } else { now_ns.saturating_sub(from.sent_ns) },
+        joints: from.joints as usize,
+        q: from.q,
+        direction,
+        settled: from.has(Command::SETTLED),
+    }
+}
+
+/// What the corrector made of it, as it travels. Without a target there is no joint in the message.
+pub fn corrected(outcome: &Outcome, joints: usize) -> Corrected {
+    let mut message = Corrected {
+        joints: if outcome.q.is_some() { joints as u32 } else { 0 },
+        status: status(outcome.status).code(),
+        reason: reason(outcome.reason).code(),
+        wrench_gate: gate(outcome.gate).code(),
+        iterations: outcome.steps,
+        correction: outcome.correction,
+        correction_rate: outcome.correction_rate,
+        correction_acceleration: outcome.correction_acceleration,
+        wanted: outcome.wanted,
+        residual_m: outcome.residual.m,
+        residual_rad: outcome.residual.rad,
+        ..Corrected::default()
+    };
+    message.q = outcome.q.unwrap_or_default();
+    // Joints that the arm does not have carry nothing.
+    for i in joints..JOINTS_MAX {
+        message.q[i] = 0.0;
+    }
+    message
+}
+
+fn status(status: corrector::Status) -> CorrectionStatus {
+    match status {
+        corrector::Status::Corrected => CorrectionStatus::Corrected,
+        corrector::Status::Held => CorrectionStatus::Held,
+        corrector::Status::Ramping => CorrectionStatus::Ramping,
+        corrector::Status::Bypassed => CorrectionStatus::Bypassed,
+        corrector::Status::Rejected => CorrectionStatus::Rejected,
+        corrector::Status::Shadow => CorrectionStatus::Shadow,
+    }
+}
+
+fn reason(reason: corrector::Reason) -> Reason {
+    match reason {
+        corrector::Reason::None => Reason::None,
+        corrector::Reason::NotFinite => Reason::NotFinite,
+        corrector::Reason::OutOfLimits => Reason::OutOfLimits,
+        corrector::Reason::OutOfOrder => Reason::OutOfOrder,
+        corrector::Reason::Stale => Reason::Stale,
+        corrector::Reason::Duplicate => Reason::Duplicate,
+        corrector::Reason::WrongJointCount => Reason::WrongJointCount,
+        corrector::Reason::NotConverged => Reason::NotConverged,
+        corrector::Reason::Envelope => Reason::Envelope,
+        corrector::Reason::Bypass => Reason::Bypass,
+        corrector::Reason::ModelChanged => Reason::ModelChanged,
+        corrector::Reason::Starting => Reason::Starting,
+        corrector::Reason::TimeJump => Reason::TimeJump,
+        corrector::Reason::ShadowMode => Reason::ShadowMode,
+        corrector::Reason::JointLimit => Reason::JointLimit,
+    }
+}
+
+fn gate(gate: Gate) -> WrenchGate {
+    match gate {
+        Gate::Absent => WrenchGate::Absent,
+        Gate::Open => WrenchGate::Open,
+        Gate::Partly => WrenchGate::Ramping,
+        Gate::GainTooHigh => WrenchGate::GainTooHigh,
+        Gate::Stale => WrenchGate::Stale,
+        Gate::Off => WrenchGate::Off,
+    }
+}

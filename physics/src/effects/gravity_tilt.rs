@@ -1,0 +1,40 @@
+//! A robot that stands turned against gravity.
+//!
+//! Gravity in its base is `R(t)ᵀ g`    t: `tilt`, rotation vector about base x and y, rad, two numbers. Source: contract
+//! `effects.md`. The geometry stays, since poses are measured against the base: only what gravity bends changes.
+
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Spec, Unit};
+use glam::DVec3;
+
+/// `gravity_tilt`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GravityTilt {
+    values: [f64; 2],
+}
+
+impl Effect for GravityTilt {
+    const SPEC: Spec = Spec {
+        kind: "gravity_tilt",
+        place: Place::Robot,
+        acts_on: ActsOn::Loads,
+        needs: &[Need::Masses],
+        has_memory: false,
+        parameters: &[
+            Parameter::linear("tilt", Unit::TurnMilliradian, Range::Any).of(Count::Exactly(2))
+        ],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        Ok(Self { values: site.array("tilt") })
+    }
+
+    of_robot!();
+
+    fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [x, y] = self.values;
+        Contribution::GravityTurn { turn: DVec3::new(x, y, 0.0) }
+    }
+}

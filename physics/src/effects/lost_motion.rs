@@ -1,0 +1,50 @@
+//! A soft zone about zero load: the gear train gives way until its teeth are pressed together.
+//!
+//! `δθᵢ = (b/2) tanh(τᵢ/τ₀)`    b: `width`, rad or m, ≥ 0 · τ₀: `torque`, Nm or N, > 0 · τᵢ: gravity, wrench and
+//! inertia at the joint. Source: contract `effects.md`. Follows the load, not the direction; without memory.
+
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+
+/// `lost_motion`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LostMotion {
+    joint: usize,
+    values: [f64; 2],
+}
+
+impl Effect for LostMotion {
+    const SPEC: Spec = Spec {
+        kind: "lost_motion",
+        place: Place::Joint,
+        acts_on: ActsOn::JointPosition,
+        needs: &[Need::Masses, Need::Wrench],
+        has_memory: false,
+        parameters: &[
+            Parameter::linear("width", Unit::Milliradian, Range::NotNegative),
+            Parameter::nonlinear("torque", Unit::NewtonMetre, Range::Positive),
+        ],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        Ok(Self { joint: site.joint, values: [site.one("width"), site.one("torque")] })
+    }
+
+    of_joint!();
+
+    fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [width, torque] = self.values;
+        let pressed = libm::tanh(signals.loads.torque(self.joint) / torque);
+        Contribution::Joint { joint: self.joint, delta: 0.5 * width * pressed }
+    }
+
+    fn derivative(&self, k: usize, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [width, torque] = self.values;
+        let ratio = signals.loads.torque(self.joint) / torque;
+        let pressed = libm::tanh(ratio);
+        let by_torque = -width * (1.0 - pressed * pressed) * ratio / torque;
+        Contribution::Joint { joint: self.joint, delta: 0.5 * [pressed, by_torque][k] }
+    }
+}

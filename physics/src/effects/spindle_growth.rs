@@ -1,0 +1,86 @@
+//! A spindle that grows along the tool's own z as it warms.
+//!
+//! `δz = k (T − T₀)`, or `k n` of the spindle's speed n; either followed with the lag where `lag` is given.
+//! k: `growth`, m/K; or `growth_um` per krpm, in m/(rev/min) inside · T: ambient, °C · T₀: `reference`, 20 unless given.
+//! Source: contract `effects.md`. Linear in speed holds for moderate speeds (bearing losses rise faster).
+
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::heat::{Cause, Heat, LAG, REFERENCE};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use glam::DVec3;
+
+const BY_TEMPERATURE: Parameter =
+    Parameter::linear("growth", Unit::MicrometrePerKelvin, Range::Any).optional();
+const BY_SPEED: Parameter =
+    Parameter::linear("growth_um", Unit::MicrometrePerKrpm, Range::Any).optional();
+
+/// `spindle_growth`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpindleGrowth {
+    values: [f64; 2],
+    heat: Heat,
+}
+
+impl Effect for SpindleGrowth {
+    const SPEC: Spec = Spec {
+        kind: "spindle_growth",
+        place: Place::Robot,
+        acts_on: ActsOn::Geometry,
+        needs: &[Need::Temperature, Need::SpindleSpeed],
+        has_memory: true,
+        parameters: &[BY_TEMPERATURE, BY_SPEED, LAG, REFERENCE],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        let (cause, growth) = match (site.maybe("growth"), site.maybe("growth_um")) {
+            (Some(growth), None) => (Cause::Ambient, growth),
+            (None, Some(growth)) => (Cause::Spindle, growth),
+            _ => return Err(BuildError::Combination("growth per kelvin or per krpm, one of them")),
+        };
+        Ok(Self { values: [growth, site.one("lag")], heat: Heat::new(site, cause) })
+    }
+
+    fn fitted(&self) -> &'static [Parameter] {
+        let law: &[Parameter; 2] = match self.heat.cause {
+            Cause::Spindle => &[BY_SPEED, LAG],
+            _ => &[BY_TEMPERATURE, LAG],
+        };
+        &law[..self.heat.count]
+    }
+
+    fn joint(&self) -> Option<usize> {
+        None
+    }
+
+    fn values(&self) -> &[f64] {
+        &self.values[..self.heat.count]
+    }
+
+    fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values[..self.heat.count]
+    }
+
+    fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution {
+        self.grown(self.heat.level(self.values, signals.inputs, memory))
+    }
+
+    fn derivative(&self, k: usize, signals: &Signals<'_>, memory: &Memory) -> Contribution {
+        self.grown(self.heat.slope(self.values, k, signals.inputs, memory))
+    }
+
+    fn settle(&self, signals: &Signals<'_>, memory: &mut Memory) {
+        self.heat.settle(signals.inputs, memory);
+    }
+
+    fn advance(&self, signals: &Signals<'_>, memory: &mut Memory) {
+        self.heat.advance(self.values, signals.inputs, memory);
+    }
+}
+
+impl SpindleGrowth {
+    fn grown(&self, length: f64) -> Contribution {
+        Contribution::Tool { shift: DVec3::Z * length, turn: DVec3::ZERO }
+    }
+}

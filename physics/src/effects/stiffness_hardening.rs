@@ -1,0 +1,41 @@
+//! A drive train that gets stiffer as it winds up.
+//!
+//! `δθᵢ = −D τᵢ³` on top of a linear compliance C of the same joint    D: `cubic`, rad/Nm³ or m/N³, ≥ 0 · τᵢ: gravity, wrench and
+//! inertia at the joint. Source: contract `effects.md`; the first odd term of a stiffening characteristic. Physical for
+//! `|τ| < sqrt(C/3D)` only, where more load still means more deflection: an effect does not see its neighbours, so
+//! [`crate::Model`] asks for the linear compliance and says in [`crate::Evaluation`] when a load is beyond.
+
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+
+/// `stiffness_hardening`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StiffnessHardening {
+    joint: usize,
+    values: [f64; 1],
+}
+
+impl Effect for StiffnessHardening {
+    const SPEC: Spec = Spec {
+        kind: "stiffness_hardening",
+        place: Place::Joint,
+        acts_on: ActsOn::JointPosition,
+        needs: &[Need::Masses, Need::Wrench],
+        has_memory: false,
+        parameters: &[Parameter::linear("cubic", Unit::CubicCompliance, Range::NotNegative)],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        Ok(Self { joint: site.joint, values: [site.one("cubic")] })
+    }
+
+    of_joint!();
+
+    fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [cubic] = self.values;
+        let torque = signals.loads.torque(self.joint);
+        Contribution::Joint { joint: self.joint, delta: -cubic * torque * torque * torque }
+    }
+}

@@ -1,0 +1,82 @@
+//! A joint's zero that drifts as it warms.
+//!
+//! `δθᵢ = k (T − T₀)`, T followed with the lag where `lag` is given; or, where no temperature was recorded, `A (1 − e^(−t/t₀))`.
+//! k: `drift`, rad/K or m/K · T₀: `reference`, °C, 20 unless given · A: `amplitude`, rad or m · t₀: `time_constant`, s.
+//! Source: contract `effects.md`. A regression of what warmth does to a drive and its housing, good near the temperatures it was found at.
+
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::heat::{Cause, Heat, LAG, REFERENCE, TIME_CONSTANT};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+
+const DRIFT: Parameter =
+    Parameter::linear("drift", Unit::MilliradianPerKelvin, Range::Any).optional();
+const AMPLITUDE: Parameter =
+    Parameter::linear("amplitude", Unit::Milliradian, Range::Any).optional();
+
+/// `thermal_zero`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThermalZero {
+    joint: usize,
+    values: [f64; 2],
+    heat: Heat,
+}
+
+impl Effect for ThermalZero {
+    const SPEC: Spec = Spec {
+        kind: "thermal_zero",
+        place: Place::Joint,
+        acts_on: ActsOn::JointPosition,
+        needs: &[Need::Temperature, Need::Time],
+        has_memory: true,
+        parameters: &[DRIFT, LAG, AMPLITUDE, TIME_CONSTANT, REFERENCE],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        let (heat, values) = Heat::of_joint(site, "drift")?;
+        Ok(Self { joint: site.joint, values, heat })
+    }
+
+    fn fitted(&self) -> &'static [Parameter] {
+        let law: &[Parameter; 2] = match self.heat.cause {
+            Cause::WarmUp => &[AMPLITUDE, TIME_CONSTANT],
+            _ => &[DRIFT, LAG],
+        };
+        &law[..self.heat.count]
+    }
+
+    fn joint(&self) -> Option<usize> {
+        Some(self.joint)
+    }
+
+    fn values(&self) -> &[f64] {
+        &self.values[..self.heat.count]
+    }
+
+    fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values[..self.heat.count]
+    }
+
+    fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution {
+        self.drifted(self.heat.level(self.values, signals.inputs, memory))
+    }
+
+    fn derivative(&self, k: usize, signals: &Signals<'_>, memory: &Memory) -> Contribution {
+        self.drifted(self.heat.slope(self.values, k, signals.inputs, memory))
+    }
+
+    fn settle(&self, signals: &Signals<'_>, memory: &mut Memory) {
+        self.heat.settle(signals.inputs, memory);
+    }
+
+    fn advance(&self, signals: &Signals<'_>, memory: &mut Memory) {
+        self.heat.advance(self.values, signals.inputs, memory);
+    }
+}
+
+impl ThermalZero {
+    fn drifted(&self, delta: f64) -> Contribution {
+        Contribution::Joint { joint: self.joint, delta }
+    }
+}

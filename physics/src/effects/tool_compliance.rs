@@ -1,0 +1,43 @@
+//! A tool, holder or spindle that gives way at the TCP.
+//!
+//! `δx = C_t F`, axis by axis in tool axes    `C_t`: `compliance`, three numbers, m/N, ≥ 0 · F: force ON the tool, N.
+//! Source: contract `effects.md`. Linear; the moment on the tool does nothing, the tool does not turn.
+
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Spec, Unit};
+use glam::DVec3;
+
+/// `tool_compliance`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolCompliance {
+    values: [f64; 3],
+}
+
+impl Effect for ToolCompliance {
+    const SPEC: Spec = Spec {
+        kind: "tool_compliance",
+        place: Place::Robot,
+        acts_on: ActsOn::Geometry,
+        needs: &[Need::Wrench],
+        has_memory: false,
+        parameters: &[
+            Parameter::linear("compliance", Unit::MicrometrePerNewton, Range::NotNegative)
+                .of(Count::Exactly(3)),
+        ],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        Ok(Self { values: site.array("compliance") })
+    }
+
+    of_robot!();
+
+    fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let tool_from_base = signals.chain.base_from_tool.rotation.transpose();
+        let force_tool = tool_from_base * signals.loads.wrench.force;
+        let shift = DVec3::from_array(self.values) * force_tool;
+        Contribution::Tool { shift, turn: DVec3::ZERO }
+    }
+}

@@ -1,0 +1,41 @@
+//! A force sensor that is mounted turned against what the model believes.
+//!
+//! `truth = R(t) reading`, forces and moments alike    t: `turn`, rotation vector, rad, sensor axes, which are taken as the tool's; about the
+//! TCP. Source: contract `effects.md`. It combines as [`Contribution::Sensor`] says and moves nothing by itself: compliances feel it.
+
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Spec, Unit};
+use crate::Wrench;
+use glam::DVec3;
+
+/// `wrench_misalignment`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WrenchMisalignment {
+    values: [f64; 3],
+}
+
+impl Effect for WrenchMisalignment {
+    const SPEC: Spec = Spec {
+        kind: "wrench_misalignment",
+        place: Place::Robot,
+        acts_on: ActsOn::Loads,
+        needs: &[Need::Wrench],
+        has_memory: false,
+        parameters: &[
+            Parameter::linear("turn", Unit::TurnMilliradian, Range::Any).of(Count::Exactly(3)),
+        ],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        Ok(Self { values: site.array("turn") })
+    }
+
+    of_robot!();
+
+    fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let turn = DVec3::from_array(self.values);
+        Contribution::Sensor { bias: Wrench::ZERO, scale: Wrench::ZERO, turn }
+    }
+}

@@ -1,0 +1,40 @@
+//! Physics held against formulas written another way: 4×4 matrices by hand, energies, virtual work, reciprocity.
+
+mod geometric_effects;
+mod geometry;
+mod load_effects;
+mod loads;
+mod matrix;
+mod nominal_loads;
+
+use crate::effects::AnyEffect;
+use crate::{Arm, Evaluation, Given, Inputs, JOINTS_MAX, Joints, Memories, Model};
+use proptest::prelude::*;
+
+/// An effect from its entries; `joint` is 0-based.
+fn effect(
+    arm: &Arm,
+    kind: &str,
+    joint: impl Into<Option<usize>>,
+    given: &[(&str, &[f64])],
+) -> AnyEffect {
+    AnyEffect::build(kind, arm, joint.into(), Given(given))
+        .unwrap_or_else(|e| panic!("{kind}: {e}"))
+}
+
+/// What a model of these effects says, settled.
+fn evaluated(arm: Arm, effects: &[AnyEffect], inputs: &Inputs) -> Evaluation {
+    let model = Model::new(arm, effects).expect("effects that fit each other");
+    let mut memories = Memories::default();
+    model.settle(inputs, &mut memories);
+    model.evaluate(inputs, &memories)
+}
+
+prop_compose! {
+    /// Positions of six joints anywhere; a sliding joint takes rad for m, which is a long slide.
+    fn six_joints()(six in prop::array::uniform6(-2.5..2.5_f64)) -> Joints {
+        let mut q = [0.0; JOINTS_MAX];
+        q[..6].copy_from_slice(&six);
+        q
+    }
+}

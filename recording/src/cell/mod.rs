@@ -1,0 +1,251 @@
+//! The cell's configuration, `trued.cell/1`: parsed into something that cannot be wrong.
+//!
+//! Contract: docs/cell.md. A [`CellConfig`] that exists has every value in range, in SI; a file
+//! with faults gives all of them. What depends on the model (lists per joint) is judged by
+//! [`CellConfig::check_against`].
+
+mod read;
+#[cfg(test)]
+mod tests;
+
+use std::path::{Path, PathBuf};
+
+use crate::faults::{Fault, Faults};
+use crate::files::{FileError, read_text};
+use crate::series::{Frame, Motion};
+
+/// Name of the format.
+pub(crate) const SCHEMA: &str = "trued.cell/1";
+
+/// How much of the correction goes out.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Mode {
+    /// Computed and recorded; what goes out is the command.
+    #[default]
+    Shadow,
+    /// Within a tenth of the envelope.
+    Limited,
+    /// Within the envelope.
+    Full,
+}
+
+/// A cell.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CellConfig {
+    /// Name: part of the services' names, letters, digits, `-`, `_`.
+    pub cell: String,
+    /// The model; a relative path counts from the configuration's folder.
+    pub model: PathBuf,
+    /// How much goes out.
+    pub mode: Mode,
+    /// The cycle.
+    pub cycle: Cycle,
+    /// Bounds of the correction.
+    pub envelope: Envelope,
+    /// What the tool's task needs.
+    pub task: Task,
+    /// Where the wrench comes from.
+    pub wrench: Wrench,
+    /// The force stream, where there is one.
+    pub force: Option<Force>,
+    /// The vibration watch, where it is on.
+    pub vibration: Option<Vibration>,
+    /// Scheduling of the cycle thread.
+    pub realtime: Realtime,
+    /// The black box, where it is on.
+    pub recorder: Option<Recorder>,
+}
+
+/// `[cycle]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Cycle {
+    /// Time between commands, s.
+    pub period_s: f64,
+    /// Age from which a command counts as stale, s.
+    pub stale_s: f64,
+    /// How the cycle waits.
+    pub wait: Wait,
+}
+
+/// How the cycle thread waits for the next command.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Wait {
+    /// Sleeps to absolute times.
+    #[default]
+    Sleep,
+    /// Spins: for an isolated core.
+    Spin,
+}
+
+/// `[envelope]`: bounds of the correction. A list holds one value per joint; one value holds for
+/// every joint.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Envelope {
+    /// Of revolute joints, rad, rad/s, rad/s³.
+    pub revolute: Bounds,
+    /// Of prismatic joints, m, m/s, m/s³.
+    pub prismatic: Bounds,
+}
+
+/// Largest correction, its rate and its jerk.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bounds {
+    /// Size.
+    pub size: Vec<f64>,
+    /// Rate.
+    pub rate: Vec<f64>,
+    /// Jerk.
+    pub jerk: Vec<f64>,
+}
+
+/// `[task]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Task {
+    /// The tool may turn about its own z: the solution need not hold that angle.
+    pub free_tool_axis: bool,
+    /// How far from the TCP an angle counts as a displacement, m.
+    pub length_m: f64,
+}
+
+/// Where the wrench of the correction comes from.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum WrenchSource {
+    /// The force stream.
+    Force,
+    /// The command itself carries it.
+    Command,
+    /// No wrench.
+    #[default]
+    None,
+}
+
+/// `[wrench]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wrench {
+    /// Where it comes from.
+    pub source: WrenchSource,
+    /// Corner of the low-pass, Hz.
+    pub low_pass_hz: f64,
+    /// Age from which a wrench ramps out, s.
+    pub stale_s: f64,
+    /// Axes in which it is measured.
+    pub frame: Frame,
+    /// Stiffness of the process (cutter in its cut, contact), N/m, where known.
+    pub process_stiffness_n_per_m: Option<f64>,
+    /// Largest loop gain (process stiffness times robot compliance), below 1.
+    pub loop_gain_max: f64,
+}
+
+/// `[force]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Force {
+    /// Samples per second.
+    pub rate_hz: f64,
+    /// Channels: the first of Fx Fy Fz Mx My Mz.
+    pub channels: usize,
+}
+
+/// `[vibration]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Vibration {
+    /// Lowest and highest frequency that is watched, Hz.
+    pub band_hz: (f64, f64),
+    /// Lines below this amplitude are no finding, N.
+    pub least_amplitude_n: f64,
+    /// Spindle speed, revolutions per minute, where constant and known.
+    pub spindle_rpm: Option<f64>,
+    /// Teeth of the cutter, where known.
+    pub teeth: Option<u32>,
+}
+
+/// `[realtime]`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Realtime {
+    /// Priority of `SCHED_FIFO`; none: the ordinary scheduler.
+    pub fifo_priority: Option<u8>,
+    /// Core to which the cycle is pinned.
+    pub core: Option<usize>,
+    /// Lock memory.
+    pub lock_memory: bool,
+    /// Refuse to start where the above cannot be had (else: say so and go on).
+    pub enforce: bool,
+}
+
+/// `[recorder]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recorder {
+    /// Folder of the black boxes.
+    pub dir: PathBuf,
+    /// Size from which a new file is begun, bytes.
+    pub max_file_bytes: u64,
+    /// Number of files that are kept.
+    pub keep_files: usize,
+}
+
+impl CellConfig {
+    /// Reads a configuration; relative paths in it count from its folder.
+    ///
+    /// # Errors
+    /// The file cannot be read, or all its faults.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let mut config = Self::parse(&path.display().to_string(), &read_text(path)?)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        config.model = folder.join(&config.model);
+        if let Some(recorder) = &mut config.recorder {
+            recorder.dir = folder.join(&recorder.dir);
+        }
+        Ok(config)
+    }
+
+    /// Reads a configuration from a text.
+    ///
+    /// # Errors
+    /// All faults of the text.
+    pub fn parse(name: &str, text: &str) -> Result<Self, Faults> {
+        read::parse(name, text)
+    }
+
+    /// Checks the lists per joint against a robot with these joints.
+    ///
+    /// # Errors
+    /// Every list of another length.
+    pub fn check_against(&self, name: &str, joints: &[Motion]) -> Result<(), Faults> {
+        let mut faults = Faults::of(name);
+        for (key, list) in self.envelope.lists() {
+            if list.len() != 1 && list.len() != joints.len() {
+                let fault =
+                    Fault::new(format!("envelope.{key}"), format!("has {} values", list.len()));
+                faults.push(
+                    fault.expected(format!("one value, or {} (one per joint)", joints.len())),
+                );
+            }
+        }
+        if faults.is_empty() { Ok(()) } else { faults.or(None) }
+    }
+}
+
+impl Envelope {
+    fn lists(&self) -> [(&'static str, &[f64]); 6] {
+        let (r, p) = (&self.revolute, &self.prismatic);
+        [
+            ("angle_mrad", &r.size),
+            ("rate_mrad_s", &r.rate),
+            ("jerk_mrad_s3", &r.jerk),
+            ("travel_mm", &p.size),
+            ("rate_mm_s", &p.rate),
+            ("jerk_mm_s3", &p.jerk),
+        ]
+    }
+
+    /// Size, rate and jerk of a joint (from 0), SI. A joint beyond a list takes its last value.
+    #[must_use]
+    pub fn of_joint(&self, joint: usize, motion: Motion) -> (f64, f64, f64) {
+        let bounds = match motion {
+            Motion::Turns => &self.revolute,
+            Motion::Slides => &self.prismatic,
+        };
+        // A list is never empty, as read; zero (no correction) is the safe answer for a made one.
+        let pick = |list: &[f64]| list.get(joint).or(list.last()).copied().unwrap_or(0.0);
+        (pick(&bounds.size), pick(&bounds.rate), pick(&bounds.jerk))
+    }
+}

@@ -1,0 +1,225 @@
+//! Reading a cell's configuration: every key with its range and its default in one place.
+
+use std::ops::Bound;
+use std::path::PathBuf;
+
+use super::{
+    Bounds, CellConfig, Cycle, Envelope, Force, Mode, Realtime, Recorder, SCHEMA, Task, Vibration,
+    Wait, Wrench, WrenchSource,
+};
+use crate::faults::Faults;
+use crate::series::Frame;
+use crate::walk::{Document, POSITIVE, Table};
+
+pub(super) fn parse(name: &str, text: &str) -> Result<CellConfig, Faults> {
+    let document = Document::parse(name, text)?;
+    let config = read(&document.root());
+    document.finish(config)
+}
+
+fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
+    root.require("schema", "schema = \"trued.cell/1\"");
+    root.require("cell", "a name: letters, digits, - and _");
+    root.require("model", "the path of a model file");
+    root.choice("schema", &[(SCHEMA, ())]);
+    let cell = root.text("cell").filter(|cell| is_name(root, cell));
+    let model = root.text("model").filter(|model| is_path(root, "model", model));
+    let modes = [("shadow", Mode::Shadow), ("limited", Mode::Limited), ("full", Mode::Full)];
+    let mode = root.choice("mode", &modes).unwrap_or_default();
+    let cycle = cycle(root.table("cycle").as_ref());
+    let envelope = envelope(root.table("envelope").as_ref());
+    let task = task(root.table("task").as_ref());
+    let wrench = wrench(root.table("wrench").as_ref());
+    let force = root.table("force").map(|table| force(&table));
+    let vibration = root.table("vibration").map(|table| vibration(&table, force));
+    let realtime = root.table("realtime").map(|table| realtime(&table)).unwrap_or_default();
+    let recorder = root.table("recorder").map(|table| recorder(&table));
+    if wrench.source == WrenchSource::Force && force.is_none() {
+        root.fault("wrench", "takes the force stream", "a table [force] with its rate_Hz");
+    }
+    root.close();
+    Some(CellConfig {
+        cell: cell?.to_owned(),
+        model: PathBuf::from(model?),
+        mode,
+        cycle,
+        envelope,
+        task,
+        wrench,
+        force,
+        vibration: vibration.flatten(),
+        realtime,
+        recorder: recorder.flatten(),
+    })
+}
+
+fn is_name(root: &Table<'_, '_>, cell: &str) -> bool {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    let good = (1..=32).contains(&cell.len()) && cell.chars().all(plain);
+    if !good {
+        root.fault("cell", format!("is \"{cell}\""), "1 to 32 letters, digits, - and _");
+    }
+    good
+}
+
+fn is_path(table: &Table<'_, '_>, key: &str, path: &str) -> bool {
+    let good = !path.is_empty() && !path.contains('\0');
+    if !good {
+        table.fault(key, "is no path", "a path");
+    }
+    good
+}
+
+/// A number of an optional table, with its default; times and the like are scaled to SI.
+fn number(
+    table: Option<&Table<'_, '_>>,
+    key: &str,
+    range: std::ops::RangeInclusive<f64>,
+    default: f64,
+) -> f64 {
+    table.and_then(|table| table.number(key, range)).unwrap_or(default)
+}
+
+fn close(table: Option<&Table<'_, '_>>) {
+    if let Some(table) = table {
+        table.close();
+    }
+}
+
+fn cycle(table: Option<&Table<'_, '_>>) -> Cycle {
+    let waits = [("sleep", Wait::Sleep), ("spin", Wait::Spin)];
+    let period_ms = number(table, "period_ms", 0.1..=100.0, 1.0);
+    let stale_ms = number(table, "stale_ms", 0.1..=10_000.0, 10.0);
+    let wait = table.and_then(|table| table.choice("wait", &waits)).unwrap_or_default();
+    if let Some(table) = table.filter(|_| stale_ms <= period_ms) {
+        let key = if table.has("stale_ms") { "stale_ms" } else { "period_ms" };
+        let message = format!("makes every command stale ({stale_ms} after {period_ms} ms)");
+        table.fault(key, message, "stale_ms above period_ms");
+    }
+    close(table);
+    Cycle { period_s: period_ms * 1e-3, stale_s: stale_ms * 1e-3, wait }
+}
+
+/// One value, or a list of one per joint, in thousandths of the SI unit.
+fn bound(table: Option<&Table<'_, '_>>, key: &str, most: f64, default: f64) -> Vec<f64> {
+    let range = (Bound::Excluded(0.0), Bound::Included(most));
+    let values = table.filter(|table| table.has(key)).and_then(|table| {
+        let is_list = table.raw(key).is_some_and(|value| value.get_ref().is_array());
+        if is_list {
+            table.numbers(key, range)
+        } else {
+            table.number(key, range).map(|one| vec![one])
+        }
+    });
+    if let (Some(table), Some(0)) = (table, values.as_ref().map(Vec::len)) {
+        table.fault(key, "is an empty list", "one value, or one per joint");
+    }
+    values.unwrap_or_else(|| vec![default]).into_iter().map(|value| value * 1e-3).collect()
+}
+
+fn envelope(table: Option<&Table<'_, '_>>) -> Envelope {
+    let envelope = Envelope {
+        revolute: Bounds {
+            size: bound(table, "angle_mrad", 200.0, 20.0),
+            rate: bound(table, "rate_mrad_s", 5000.0, 50.0),
+            jerk: bound(table, "jerk_mrad_s3", 1e7, 5000.0),
+        },
+        prismatic: Bounds {
+            size: bound(table, "travel_mm", 200.0, 20.0),
+            rate: bound(table, "rate_mm_s", 5000.0, 50.0),
+            jerk: bound(table, "jerk_mm_s3", 1e7, 5000.0),
+        },
+    };
+    close(table);
+    envelope
+}
+
+fn task(table: Option<&Table<'_, '_>>) -> Task {
+    let free_tool_axis = table.and_then(|table| table.flag("free_tool_axis")).unwrap_or(false);
+    let length_m = number(table, "length_m", 0.001..=10.0, 0.5);
+    close(table);
+    Task { free_tool_axis, length_m }
+}
+
+fn wrench(table: Option<&Table<'_, '_>>) -> Wrench {
+    let sources = [
+        ("force", WrenchSource::Force),
+        ("command", WrenchSource::Command),
+        ("none", WrenchSource::None),
+    ];
+    let frames = [("tool", Frame::Tool), ("base", Frame::Base)];
+    let stiffness = table.and_then(|table| table.number("process_stiffness_N_per_um", POSITIVE));
+    let wrench = Wrench {
+        source: table.and_then(|table| table.choice("source", &sources)).unwrap_or_default(),
+        low_pass_hz: number(table, "low_pass_Hz", 0.01..=100.0, 3.0),
+        stale_s: number(table, "stale_ms", 1.0..=60_000.0, 100.0) * 1e-3,
+        frame: table.and_then(|table| table.choice("frame", &frames)).unwrap_or(Frame::Tool),
+        process_stiffness_n_per_m: stiffness.map(|per_um| per_um * 1e6),
+        loop_gain_max: number(table, "loop_gain_max", 0.01..=0.5, 0.5),
+    };
+    close(table);
+    wrench
+}
+
+fn force(table: &Table<'_, '_>) -> Force {
+    table.require("rate_Hz", "samples per second");
+    let rate_hz = table.number("rate_Hz", 10.0..=1e6).unwrap_or(1000.0);
+    let channels = table.whole("channels", 3..7).and_then(|n| usize::try_from(n).ok());
+    table.close();
+    Force { rate_hz, channels: channels.unwrap_or(6) }
+}
+
+fn vibration(table: &Table<'_, '_>, force: Option<Force>) -> Option<Vibration> {
+    let enabled = table.flag("enabled").unwrap_or(true);
+    let nyquist = force.map_or(f64::INFINITY, |force| force.rate_hz / 2.0);
+    let band = if table.has("band_Hz") { table.vector::<2>("band_Hz") } else { None };
+    let [low, high] = band.unwrap_or([5.0, nyquist.min(2000.0)]);
+    if !(0.0 < low && low < high && high <= nyquist) {
+        let expected = match force {
+            Some(_) => format!("[lowest, highest], up to half the force rate ({nyquist} Hz)"),
+            None => "[lowest, highest], both above zero".to_owned(),
+        };
+        table.fault("band_Hz", format!("is [{low}, {high}]"), expected);
+    }
+    let teeth = table.whole("teeth", 1..1000).and_then(|teeth| u32::try_from(teeth).ok());
+    let vibration = Vibration {
+        band_hz: (low, high),
+        least_amplitude_n: table.number("least_amplitude_N", 0.0..).unwrap_or(0.5),
+        spindle_rpm: table.number("spindle_rpm", POSITIVE),
+        teeth,
+    };
+    if enabled && force.is_none() {
+        table.fault_here("watches the force stream, and there is none", "add a table [force]");
+    }
+    table.close();
+    enabled.then_some(vibration)
+}
+
+fn realtime(table: &Table<'_, '_>) -> Realtime {
+    let fifo = table.choice("policy", &[("other", false), ("fifo", true)]).unwrap_or_default();
+    let priority = table.whole("priority", 1..100).and_then(|number| u8::try_from(number).ok());
+    if priority.is_some() && !fifo {
+        table.fault("priority", "is given, and the policy has none", "policy = \"fifo\" with it");
+    }
+    let realtime = Realtime {
+        fifo_priority: fifo.then(|| priority.unwrap_or(80)),
+        core: table.whole("core", 0..4096).and_then(|core| usize::try_from(core).ok()),
+        lock_memory: table.flag("lock_memory").unwrap_or(fifo),
+        enforce: table.flag("enforce").unwrap_or(false),
+    };
+    table.close();
+    realtime
+}
+
+fn recorder(table: &Table<'_, '_>) -> Option<Recorder> {
+    table.require("dir", "a folder for the black boxes");
+    let dir = table.text("dir").filter(|dir| is_path(table, "dir", dir));
+    let max_mb = table.number("max_file_MB", 1.0..=100_000.0).unwrap_or(256.0);
+    let keep = table.whole("keep_files", 1..100_000).and_then(|n| usize::try_from(n).ok());
+    table.close();
+    Some(Recorder {
+        dir: PathBuf::from(dir?),
+        max_file_bytes: (max_mb * 1e6) as u64,
+        keep_files: keep.unwrap_or(20),
+    })
+}

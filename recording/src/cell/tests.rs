@@ -1,0 +1,161 @@
+use super::*;
+use proptest::prelude::*;
+
+const WHOLE: &str = include_str!("../../../deploy/cell.toml");
+
+fn parse(text: &str) -> Result<CellConfig, Faults> {
+    CellConfig::parse("cell.toml", text)
+}
+
+#[test]
+fn three_lines_are_a_cell_and_it_only_watches() {
+    let config = parse("schema = \"trued.cell/1\"\ncell = \"demo\"\nmodel = \"m.toml\"\n").unwrap();
+    assert_eq!(config.mode, Mode::Shadow);
+    assert_eq!((config.cycle.period_s, config.cycle.stale_s), (0.001, 0.01));
+    assert_eq!(config.envelope.of_joint(3, Motion::Turns), (0.02, 0.05, 5.0));
+    assert_eq!(config.wrench.source, WrenchSource::None);
+    assert!(config.recorder.is_none() && config.vibration.is_none() && config.force.is_none());
+}
+
+#[test]
+fn the_example_that_is_shipped_loads() {
+    let config = parse(WHOLE).unwrap();
+    assert_eq!(config.vibration.unwrap().teeth, Some(2));
+    assert_eq!(config.realtime.fifo_priority, Some(80));
+    assert_eq!(config.recorder.unwrap().max_file_bytes, 256_000_000);
+    assert!(config.wrench.loop_gain_max <= 0.5);
+}
+
+#[test]
+fn every_fault_of_a_cell_is_told_at_once() {
+    let text = r#"schema = "trued.cell/1"
+cell = "my cell"
+mode = "on"
+[cycle]
+period_ms = 20
+stale_s = 10
+[envelope]
+angle_mrad = [20, -1]
+rate_deg_s = 3
+[wrench]
+source = "force"
+loop_gain_max = 1.5
+[vibration]
+band_Hz = [100, 5]
+[realtime]
+priority = 50
+[recordr]
+dir = "x"
+"#;
+    insta::assert_snapshot!(parse(text).unwrap_err(), @r#"
+        error: `model`: is missing
+         --> cell.toml:1:1
+          |
+        1 | schema = "trued.cell/1"
+          | ^ expected the path of a model file
+
+        error: `cell`: is "my cell"
+         --> cell.toml:2:8
+          |
+        2 | cell = "my cell"
+          |        ^^^^^^^^^ expected 1 to 32 letters, digits, - and _
+
+        error: `mode`: is "on"
+         --> cell.toml:3:8
+          |
+        3 | mode = "on"
+          |        ^^^^ expected "shadow" or "limited" or "full"
+
+        error: `cycle.period_ms`: makes every command stale (10 after 20 ms)
+         --> cell.toml:5:13
+          |
+        5 | period_ms = 20
+          |             ^^ expected stale_ms above period_ms
+
+        error: `cycle.stale_s`: has the unit s, which is not the one of this key
+         --> cell.toml:6:1
+          |
+        6 | stale_s = 10
+          | ^^^^^^^ expected `stale_ms`
+          |
+          = help: write `stale_ms`, its value times 1000
+
+        error: `envelope.angle_mrad`: is -1
+         --> cell.toml:8:14
+          |
+        8 | angle_mrad = [20, -1]
+          |              ^^^^^^^^ expected a number above 0, at most 200
+
+        error: `envelope.rate_deg_s`: has the unit deg_s, which is not the one of this key
+         --> cell.toml:9:1
+          |
+        9 | rate_deg_s = 3
+          | ^^^^^^^^^^ expected `rate_mrad_s`
+          |
+          = help: write `rate_mrad_s`, its value times 17.45329252
+
+        error: `wrench`: takes the force stream
+          --> cell.toml:10:1
+           |
+        10 | [wrench]
+           | ^^^^^^^^ expected a table [force] with its rate_Hz
+
+        error: `wrench.loop_gain_max`: is 1.5
+          --> cell.toml:12:17
+           |
+        12 | loop_gain_max = 1.5
+           |                 ^^^ expected a number from 0.01 to 0.5
+
+        error: `vibration`: watches the force stream, and there is none
+          --> cell.toml:13:1
+           |
+        13 | [vibration]
+           | ^^^^^^^^^^^
+           |
+           = help: add a table [force]
+
+        error: `vibration.band_Hz`: is [100, 5]
+          --> cell.toml:14:11
+           |
+        14 | band_Hz = [100, 5]
+           |           ^^^^^^^^ expected [lowest, highest], both above zero
+
+        error: `realtime.priority`: is given, and the policy has none
+          --> cell.toml:16:12
+           |
+        16 | priority = 50
+           |            ^^ expected policy = "fifo" with it
+
+        error: `recordr`: is an unknown key
+          --> cell.toml:17:2
+           |
+        17 | [recordr]
+           |  ^^^^^^^
+           |
+           = help: did you mean `recorder`?
+        "#);
+}
+
+#[test]
+fn a_list_per_joint_must_fit_the_robot() {
+    let text = "schema = \"trued.cell/1\"\ncell = \"a\"\nmodel = \"m\"\n[envelope]\nangle_mrad = [1, 2, 3]";
+    let config = parse(text).unwrap();
+    assert_eq!(config.envelope.of_joint(1, Motion::Turns).0, 0.002);
+    assert!(config.check_against("cell.toml", &[Motion::Turns; 3]).is_ok());
+    assert!(config.check_against("cell.toml", &[Motion::Turns; 6]).is_err());
+}
+
+proptest! {
+    #[test]
+    fn no_text_makes_the_reader_panic(at in any::<usize>(), byte in any::<u8>(), noise in "[ -~\n]{0,40}") {
+        let mut text = WHOLE.as_bytes().to_vec();
+        let at = at % text.len();
+        text[at] = byte;
+        let mut text = String::from_utf8_lossy(&text).into_owned();
+        let _ = parse(&text).map_err(|faults| faults.plain());
+        if text.is_char_boundary(at) {
+            text.insert_str(at, &noise);
+        }
+        let _ = parse(&text).map_err(|faults| faults.styled());
+    }
+}

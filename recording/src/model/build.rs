@@ -1,0 +1,218 @@
+//! From the document to the physics: units to SI, effects by their names.
+
+use glam::{DMat3, DVec3};
+use physics::effects::SPECS;
+use physics::spec::{ActsOn, Count, Need, Role, Spec};
+use physics::{AnyEffect, Arm, Body, Given, Joint, JointKind, Model, Tool};
+
+use super::{BodyEntry, EffectEntry, JointEntry, ModelFile, Numbers, Parameter, RobotModel};
+use crate::faults::Fault;
+use crate::files::content_hash;
+
+const MM: f64 = 1e-3;
+
+/// A fault, and the place in `effects` of the entry that it is about.
+pub(super) type EntryFault = (Option<usize>, Fault);
+
+pub(super) fn build(file: ModelFile) -> Result<RobotModel, Vec<EntryFault>> {
+    let physics = Model::nominal(arm(&file).map_err(|fault| vec![(None, fault)])?);
+    let hash = content_hash(file.to_toml().as_bytes());
+    let (entry_of, sigma, not_compensated) = Default::default();
+    let mut model = RobotModel { file, physics, entry_of, sigma, not_compensated, hash };
+    let mut faults = Vec::new();
+    for at in 0..model.file.effects.len() {
+        if let Err(fault) = model.take_effect(at) {
+            faults.push((Some(at), fault));
+        }
+    }
+    if faults.is_empty() { Ok(model) } else { Err(faults) }
+}
+
+impl RobotModel {
+    fn take_effect(&mut self, at: usize) -> Result<(), Fault> {
+        let entry = &self.file.effects[at];
+        check_beside(&self.file, at)?;
+        let fault = |message: String| Fault::new(path_of(at, entry), message);
+        let Some(spec) = SPECS.iter().find(|spec| spec.kind == entry.kind) else {
+            self.not_compensated.push(at);
+            return Ok(());
+        };
+        let arm = self.physics.arm;
+        let effect = effect(entry, spec, &arm).map_err(fault)?;
+        if compensated(spec) {
+            self.physics.push(effect).map_err(|error| fault(error.to_string()))?;
+            self.entry_of.push(at);
+            self.sigma.push(entry.sigma_si(spec, kind_at(entry, &arm), effect.values().len()));
+        } else {
+            self.not_compensated.push(at);
+        }
+        Ok(())
+    }
+}
+
+fn path_of(at: usize, entry: &EffectEntry) -> String {
+    let joint = entry.joint.map(|joint| format!(" of joint {joint}")).unwrap_or_default();
+    format!("effect[{}]: {}{joint}", at + 1, entry.kind)
+}
+
+/// What a correction can stand on: static in position, wrench, direction and temperature.
+fn compensated(spec: &Spec) -> bool {
+    let place = matches!(spec.acts_on, ActsOn::Loads | ActsOn::JointPosition | ActsOn::Geometry);
+    let moving = |need: &Need| matches!(need, Need::Velocity | Need::Acceleration);
+    place && !spec.needs.iter().any(moving)
+}
+
+/// `joint_compliance` is both others with one C: beside them on one joint it would count twice.
+fn check_beside(file: &ModelFile, at: usize) -> Result<(), Fault> {
+    let Some(entry) = file.effects.get(at).filter(|entry| entry.kind == "joint_compliance") else {
+        return Ok(());
+    };
+    let part = |other: &&EffectEntry| {
+        let parts = ["gravity_compliance", "load_compliance", "gravity_sag"];
+        other.joint == entry.joint && parts.contains(&other.kind.as_str())
+    };
+    match file.effects.iter().find(part) {
+        None => Ok(()),
+        Some(other) => {
+            let message = format!("stands beside {} of the same joint", other.kind);
+            let fault = Fault::new(path_of(at, entry), message);
+            Err(fault.expected("one of the two: joint_compliance is gravity and load"))
+        }
+    }
+}
+
+fn arm(file: &ModelFile) -> Result<Arm, Fault> {
+    let joints: Vec<Joint> = file.joints.iter().map(joint).collect();
+    let rows =
+        file.tool.base_from_tool.unwrap_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    let tool = Tool {
+        tcp: millimetres(file.tool.tcp_mm),
+        base_from_tool: DMat3::from_cols_array_2d(&rows).transpose(),
+        body: file.tool.body.and_then(|entry| body(&entry)),
+    };
+    Arm::new(&joints, tool, DVec3::from_array(file.gravity_m_s2))
+        .map_err(|error| Fault::new("", error.to_string()))
+}
+
+fn joint(entry: &JointEntry) -> Joint {
+    let si = match entry.kind {
+        JointKind::Revolute => std::f64::consts::PI / 180.0,
+        JointKind::Prismatic => MM,
+    };
+    Joint {
+        kind: entry.kind,
+        axis: DVec3::from_array(entry.axis),
+        point: millimetres(entry.point_mm.unwrap_or_default()),
+        limits: (entry.limits[0] * si, entry.limits[1] * si),
+        max_speed: entry.max_speed.map_or(f64::INFINITY, |speed| speed * si),
+        link: entry.link.and_then(|entry| body(&entry)),
+    }
+}
+
+fn millimetres(vector: [f64; 3]) -> DVec3 {
+    DVec3::from_array(vector) * MM
+}
+
+fn body(entry: &BodyEntry) -> Option<Body> {
+    let [xx, yy, zz, xy, xz, yz] = entry.inertia_kgm2.unwrap_or_default();
+    let columns = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
+    (entry.mass_kg > 0.0).then(|| Body {
+        mass: entry.mass_kg,
+        centre: millimetres(entry.com_mm),
+        inertia: DMat3::from_cols_array_2d(&columns),
+    })
+}
+
+fn kind_at(entry: &EffectEntry, arm: &Arm) -> JointKind {
+    let joint = entry.joint.and_then(|joint| arm.joints().get(joint - 1));
+    joint.map_or(JointKind::Revolute, |joint| joint.kind)
+}
+
+fn effect(entry: &EffectEntry, spec: &Spec, arm: &Arm) -> Result<AnyEffect, String> {
+    let kind = kind_at(entry, arm);
+    let mut given = Vec::new();
+    for parameter in &entry.parameters {
+        let Some(known) = spec.parameters.iter().find(|p| p.key(kind) == *parameter.key) else {
+            return Err(format!("`{}` is no parameter of this effect", parameter.key));
+        };
+        let si = known.unit.suffix_and_si(kind).1;
+        let values: Vec<f64> = parameter.value.as_slice().iter().map(|v| v * si).collect();
+        given.push((known.stem, values));
+    }
+    let given: Vec<(&str, &[f64])> = given.iter().map(|(s, v)| (*s, v.as_slice())).collect();
+    let joint = entry.joint.map(|joint| joint - 1);
+    AnyEffect::build(spec.kind, arm, joint, Given(&given)).map_err(|error| error.to_string())
+}
+
+/// A parameter in SI, by the stem of its key.
+#[derive(Debug, Clone, Copy)]
+pub struct SiParameter<'a> {
+    /// Stem: the key without its unit's suffix.
+    pub stem: &'a str,
+    /// Values, SI.
+    pub values: &'a [f64],
+    /// Standard uncertainty of each value, SI, where known.
+    pub sigma: Option<&'a [f64]>,
+}
+
+impl EffectEntry {
+    /// The standard uncertainties in the order and number of the effect's values, SI.
+    fn sigma_si(&self, spec: &Spec, kind: JointKind, count: usize) -> Vec<f64> {
+        let mut flat = Vec::new();
+        for known in spec.parameters.iter().filter(|p| p.role != Role::Setting) {
+            let key = known.key(kind).to_string();
+            let si = known.unit.suffix_and_si(kind).1;
+            match self.parameters.iter().find(|p| p.key == key) {
+                Some(parameter) => {
+                    let zeros = parameter.value.map(|_| 0.0);
+                    let sigma = parameter.sigma.as_ref().unwrap_or(&zeros);
+                    flat.extend(sigma.as_slice().iter().map(|sigma| sigma * si));
+                }
+                None => match known.count {
+                    Count::One => flat.push(0.0),
+                    Count::Exactly(numbers) => flat.extend(std::iter::repeat_n(0.0, numbers)),
+                    Count::UpTo(_) | Count::ThreePerCarriedBody => {}
+                },
+            }
+        }
+        flat.resize(count, 0.0);
+        flat
+    }
+
+    /// The entry of an effect with these parameters: stems of its spec with values and, where
+    /// known, standard uncertainties, all SI. `None` where the physics has no such effect or
+    /// parameter, or the joint (from 0) does not exist.
+    #[must_use]
+    pub fn from_si(
+        arm: &Arm,
+        kind: &str,
+        joint: Option<usize>,
+        parameters: &[SiParameter<'_>],
+    ) -> Option<Self> {
+        let spec = SPECS.iter().find(|spec| spec.kind == kind)?;
+        let joint_kind = match joint {
+            Some(joint) => arm.joints().get(joint)?.kind,
+            None => JointKind::Revolute,
+        };
+        let mut entries = Vec::new();
+        for SiParameter { stem, values, sigma } in parameters {
+            let known = spec.parameters.iter().find(|p| p.stem == *stem)?;
+            let si = known.unit.suffix_and_si(joint_kind).1;
+            let numbers = |list: &[f64]| match (known.count, list) {
+                (Count::One, [one]) => Numbers::One(one / si),
+                _ => Numbers::List(list.iter().map(|value| value / si).collect()),
+            };
+            entries.push(Parameter {
+                key: known.key(joint_kind).to_string(),
+                value: numbers(values),
+                sigma: sigma.map(numbers),
+            });
+        }
+        Some(Self {
+            kind: kind.to_owned(),
+            joint: joint.map(|joint| joint + 1),
+            channel: None,
+            parameters: entries,
+        })
+    }
+}

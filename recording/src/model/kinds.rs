@@ -1,0 +1,271 @@
+//! Every kind of effect that a model may hold: those of the physics, and those of the contract
+//! that the physics does not model yet.
+//!
+//! Contract: contract/effects.md. The physics' own word wins; the table here only lets a file
+//! load whole, so that its other effects can be listed as not compensated.
+
+use physics::effects::SPECS;
+use physics::spec::{Count, Parameter, Place, Range, Unit};
+
+use super::EffectEntry;
+
+/// What a file may say of one kind of effect.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Kind {
+    pub(super) name: &'static str,
+    pub(super) place: Place,
+    pub(super) parameters: &'static [Parameter],
+    pub(super) has_channel: bool,
+    /// Sets of stems of which one must be there; empty: what is required says it all.
+    alternatives: &'static [&'static [&'static str]],
+}
+
+impl Kind {
+    /// `Err` names what is missing.
+    pub(super) fn check_alternatives(&self, entry: &EffectEntry) -> Result<(), String> {
+        let has = |stem: &&str| entry.parameters.iter().any(|p| p.key.starts_with(*stem));
+        if self.alternatives.is_empty() || self.alternatives.iter().any(|set| set.iter().all(has)) {
+            return Ok(());
+        }
+        let sets: Vec<String> = self.alternatives.iter().map(|set| set.join(" and ")).collect();
+        Err(sets.join(", or "))
+    }
+}
+
+/// The kind with this name.
+pub(super) fn find(name: &str) -> Option<Kind> {
+    let modelled = SPECS.iter().find(|spec| spec.kind == name).map(|spec| Kind {
+        name: spec.kind,
+        place: spec.place,
+        parameters: spec.parameters,
+        has_channel: spec.kind == "time_delay" || spec.kind == "torque_delay",
+        alternatives: &[],
+    });
+    modelled.or_else(|| OTHERS.iter().copied().find(|kind| kind.name == name))
+}
+
+/// All names.
+pub(super) fn names() -> impl Iterator<Item = &'static str> {
+    let others = OTHERS.iter().map(|kind| kind.name);
+    SPECS.iter().map(|spec| spec.kind).chain(others)
+}
+
+const fn kind(name: &'static str, place: Place, parameters: &'static [Parameter]) -> Kind {
+    Kind { name, place, parameters, has_channel: false, alternatives: &[] }
+}
+
+const fn either(kind: Kind, alternatives: &'static [&'static [&'static str]]) -> Kind {
+    Kind { alternatives, ..kind }
+}
+
+const fn any(stem: &'static str, unit: Unit) -> Parameter {
+    Parameter::linear(stem, unit, Range::Any)
+}
+
+const fn positive(stem: &'static str, unit: Unit) -> Parameter {
+    Parameter::linear(stem, unit, Range::Positive)
+}
+
+const fn not_negative(stem: &'static str, unit: Unit) -> Parameter {
+    Parameter::linear(stem, unit, Range::NotNegative)
+}
+
+const ROBOT: Place = Place::Robot;
+const JOINT: Place = Place::Joint;
+const THREE: Count = Count::Exactly(3);
+const REFERENCE: Parameter = Parameter::setting("reference", Unit::Celsius, Range::Any);
+const LAG: Parameter = positive("lag", Unit::Second).optional();
+const TIME: Parameter = positive("time_constant", Unit::Second).optional();
+
+/// Kinds of the contract; a kind that the physics knows is found there first.
+const OTHERS: &[Kind] = &[
+    // What moves the tool.
+    kind("joint_coupling", JOINT, &[any("ratio", Unit::One), positive("from_joint", Unit::One)]),
+    kind(
+        "lost_motion",
+        JOINT,
+        &[not_negative("width", Unit::Milliradian), positive("torque", Unit::NewtonMetre)],
+    ),
+    either(
+        // In the torque domain the same name has its amplitude in Nm.
+        kind(
+            "hysteresis",
+            JOINT,
+            &[
+                not_negative("amplitude", Unit::Milliradian).optional(),
+                not_negative("amplitude", Unit::NewtonMetre).optional(),
+                positive("reversal", Unit::Milliradian),
+            ],
+        ),
+        &[&["amplitude"]],
+    ),
+    kind("stiffness_hardening", JOINT, &[positive("cubic", Unit::CubicCompliance)]),
+    kind(
+        "bearing_compliance",
+        JOINT,
+        &[
+            not_negative("compliance", Unit::TurnCompliance),
+            any("pivot", Unit::Millimetre).of(THREE).optional(),
+        ],
+    ),
+    kind(
+        "tool_compliance",
+        ROBOT,
+        &[not_negative("compliance", Unit::MicrometrePerNewton).of(THREE)],
+    ),
+    kind(
+        "counterbalance",
+        Place::RevoluteJoint,
+        &[
+            positive("stiffness", Unit::NewtonPerMetre),
+            positive("free_length", Unit::Millimetre),
+            positive("a", Unit::Millimetre),
+            positive("L", Unit::Millimetre),
+            any("angle", Unit::Degree),
+        ],
+    ),
+    kind("gravity_tilt", ROBOT, &[any("tilt", Unit::TurnMilliradian).of(Count::Exactly(2))]),
+    kind(
+        "payload",
+        ROBOT,
+        &[any("mass", Unit::Kilogram), any("com", Unit::Millimetre).of(THREE).optional()],
+    ),
+    either(
+        kind(
+            "thermal_zero",
+            JOINT,
+            &[
+                any("drift", Unit::MilliradianPerKelvin).optional(),
+                any("amplitude", Unit::Milliradian).optional(),
+                LAG,
+                TIME,
+                REFERENCE,
+            ],
+        ),
+        &[&["drift"], &["amplitude", "time_constant"]],
+    ),
+    kind(
+        "axis_wobble",
+        JOINT,
+        &[
+            any("amplitude", Unit::TurnMilliradian).of(Count::Exactly(2)),
+            any("phase", Unit::PhaseRadian).of(Count::Exactly(2)),
+            positive("cycles", Unit::CyclesPerRevolution),
+        ],
+    ),
+    either(
+        kind(
+            "spindle_growth",
+            ROBOT,
+            &[
+                any("growth", Unit::MicrometrePerKelvin).optional(),
+                any("growth_um", Unit::MicrometrePerKrpm).optional(),
+                LAG,
+                REFERENCE,
+            ],
+        ),
+        &[&["growth"]],
+    ),
+    Kind { has_channel: true, ..kind("time_delay", ROBOT, &[any("delay", Unit::Millisecond)]) },
+    kind("servo_lag", JOINT, &[positive("time_constant", Unit::Millisecond)]),
+    kind(
+        "flexible_mode",
+        Place::JointOrBase,
+        &[
+            positive("frequency", Unit::Hertz),
+            not_negative("damping_ratio", Unit::One),
+            any("participation", Unit::One).optional(),
+            not_negative("dynamic_compliance", Unit::Compliance).optional(),
+            any("axis", Unit::One).of(THREE).optional(),
+        ],
+    ),
+    kind(
+        "reversal_spike",
+        JOINT,
+        &[any("amplitude", Unit::Milliradian), positive("time_constant", Unit::Millisecond)],
+    ),
+    kind(
+        "wrench_bias",
+        ROBOT,
+        &[any("bias", Unit::Newton).of(THREE), any("bias", Unit::Moment).of(THREE)],
+    ),
+    kind("wrench_scale", ROBOT, &[any("scale", Unit::One).of(Count::Exactly(6))]),
+    kind("wrench_misalignment", ROBOT, &[any("turn", Unit::TurnMilliradian).of(THREE)]),
+    kind(
+        "thermal_growth",
+        JOINT,
+        &[
+            any("growth", Unit::MicrometrePerKelvin).optional(),
+            any("amplitude", Unit::Micrometre).optional(),
+            any("direction", Unit::One).of(THREE).optional(),
+            LAG,
+            TIME,
+            REFERENCE,
+        ],
+    ),
+    // What the motors feel.
+    kind("coulomb_friction", JOINT, &[not_negative("level", Unit::NewtonMetre)]),
+    kind("viscous_friction", JOINT, &[not_negative("coefficient", Unit::One)]),
+    kind(
+        "stribeck_friction",
+        JOINT,
+        &[not_negative("level", Unit::NewtonMetre), positive("stribeck_speed", Unit::One)],
+    ),
+    either(
+        kind(
+            "friction_asymmetry",
+            JOINT,
+            &[
+                any("offset", Unit::NewtonMetre).optional(),
+                any("coefficient", Unit::One).optional(),
+            ],
+        ),
+        &[&["offset"], &["coefficient"]],
+    ),
+    kind("load_friction", JOINT, &[not_negative("coefficient", Unit::One)]),
+    kind("friction_temperature", JOINT, &[any("per_K", Unit::One), REFERENCE]),
+    either(
+        kind(
+            "inertia",
+            JOINT,
+            &[any("inertia_kgm2", Unit::One).optional(), any("mass", Unit::Kilogram).optional()],
+        ),
+        &[&["inertia_kgm2"], &["mass"]],
+    ),
+    either(
+        kind(
+            "gravity_torque",
+            JOINT,
+            &[
+                any("cos", Unit::NewtonMetre).optional(),
+                any("sin", Unit::NewtonMetre).optional(),
+                any("first_moment_kgm", Unit::One).of(THREE).optional(),
+            ],
+        ),
+        &[&["cos", "sin"], &["first_moment_kgm"]],
+    ),
+    kind(
+        "torque_ripple",
+        JOINT,
+        &[
+            any("amplitude", Unit::NewtonMetre),
+            positive("cycles", Unit::CyclesPerRevolution),
+            any("phase", Unit::PhaseRadian),
+        ],
+    ),
+    kind("spring", JOINT, &[not_negative("stiffness", Unit::One), any("rest_position", Unit::One)]),
+    kind("spring_hardening", JOINT, &[any("cubic_stiffness", Unit::One)]),
+    kind("drive_gain", JOINT, &[any("gain", Unit::One)]),
+    Kind { has_channel: true, ..kind("torque_delay", ROBOT, &[any("delay", Unit::Millisecond)]) },
+    // What the cutter does.
+    kind("edge_force", ROBOT, &[any("coefficient_N_per_mm", Unit::One).of(THREE)]),
+    kind("cutting_force", ROBOT, &[any("coefficient_N_per_mm2", Unit::One).of(THREE)]),
+    kind("tool_wear", ROBOT, &[any("growth_per_m", Unit::One)]),
+    kind("runout", ROBOT, &[any("radial", Unit::Micrometre), any("phase", Unit::PhaseRadian)]),
+    kind(
+        "chatter",
+        ROBOT,
+        &[positive("frequency", Unit::Hertz), not_negative("amplitude", Unit::Newton)],
+    ),
+    kind("cross_talk", ROBOT, &[any("matrix", Unit::One).of(Count::Exactly(9))]),
+];

@@ -1,0 +1,237 @@
+//! The model of a robot, `trued.model/1`: a document in the units of its file, and what it means.
+//!
+//! Contract: contract/model.md. A [`RobotModel`] that exists is whole and usable; what cannot be
+//! read gives all its faults. The document keeps every number as it stands in the file, so that
+//! what is written reads back bit for bit; comments are not kept. [`physics`] sees SI.
+
+mod build;
+mod effects;
+mod kinds;
+#[cfg(test)]
+mod preset_tests;
+pub mod presets;
+mod read;
+#[cfg(test)]
+mod tests;
+mod write;
+
+use std::path::Path;
+
+pub use build::SiParameter;
+use physics::JointKind;
+
+use crate::faults::{Fault, Faults};
+use crate::files::{FileError, content_hash, read_text, write_atomic};
+
+/// Name of the format.
+pub(crate) const SCHEMA: &str = "trued.model/1";
+
+/// A model as it stands in its file, in the units of the file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ModelFile {
+    /// Name of the robot.
+    pub name: String,
+    /// `[meta]`: anything, for people.
+    pub meta: toml::Table,
+    /// Gravity, m/s², base frame.
+    pub gravity_m_s2: [f64; 3],
+    /// Base to flange.
+    pub joints: Vec<JointEntry>,
+    /// The tool.
+    pub tool: ToolEntry,
+    /// Known natural frequencies.
+    pub modes: Vec<ModeEntry>,
+    /// The effects, in the order of the file.
+    pub effects: Vec<EffectEntry>,
+}
+
+/// One `[[joint]]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointEntry {
+    /// Name; may be empty.
+    pub name: String,
+    /// Revolute or prismatic.
+    pub kind: JointKind,
+    /// Unit vector of the axis, base frame, zero configuration.
+    pub axis: [f64; 3],
+    /// A point on the axis, mm; a prismatic joint may have none.
+    pub point_mm: Option<[f64; 3]>,
+    /// Least and largest position, degrees (mm for a prismatic joint).
+    pub limits: [f64; 2],
+    /// Largest speed, degrees/s (mm/s), where known.
+    pub max_speed: Option<f64>,
+    /// Teeth of each gear stage, driver and driven, motor side first.
+    pub gear_teeth: Vec<[u32; 2]>,
+    /// The body that this joint moves.
+    pub link: Option<BodyEntry>,
+}
+
+/// A body, zero configuration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyEntry {
+    /// Mass, kg; zero counts as unknown.
+    pub mass_kg: f64,
+    /// Centre of mass, mm, base frame.
+    pub com_mm: [f64; 3],
+    /// `Ixx, Iyy, Izz, Ixy, Ixz, Iyz` about the centre of mass, base axes; none: a point mass.
+    pub inertia_kgm2: Option<[f64; 6]>,
+}
+
+/// `[tool]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ToolEntry {
+    /// Tool centre point, mm, base frame, zero configuration.
+    pub tcp_mm: [f64; 3],
+    /// Rows of the rotation from tool to base axes, where not the identity.
+    pub base_from_tool: Option<[[f64; 3]; 3]>,
+    /// The tool's own body.
+    pub body: Option<BodyEntry>,
+}
+
+/// One `[[mode]]`: a natural frequency, for the vibration watch.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ModeEntry {
+    /// Hz, above zero.
+    pub frequency_hz: f64,
+    /// Share of critical damping.
+    pub damping_ratio: Option<f64>,
+    /// Direction, base frame.
+    pub direction: Option<[f64; 3]>,
+}
+
+/// One `[[effect]]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EffectEntry {
+    /// A name of contract/effects.md.
+    pub kind: String,
+    /// Joint, from 1; none for effects of the whole robot.
+    pub joint: Option<usize>,
+    /// `channel` of a delay.
+    pub channel: Option<String>,
+    /// Keys as in the file, with their numbers in the unit of the key.
+    pub parameters: Vec<Parameter>,
+}
+
+/// One parameter of an effect, in the unit of its key.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameter {
+    /// Key in the file, unit suffix included.
+    pub key: String,
+    /// One number, or a list.
+    pub value: Numbers,
+    /// Standard uncertainty, of the same shape; none where unsaid.
+    pub sigma: Option<Numbers>,
+}
+
+/// A number or a list of numbers.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Numbers {
+    /// One number.
+    One(f64),
+    /// A list.
+    List(Vec<f64>),
+}
+
+impl Numbers {
+    /// The numbers, one or many.
+    #[must_use]
+    pub fn as_slice(&self) -> &[f64] {
+        match self {
+            Self::One(number) => std::slice::from_ref(number),
+            Self::List(list) => list,
+        }
+    }
+
+    /// The same shape with each number changed.
+    #[must_use]
+    pub fn map(&self, change: impl Fn(f64) -> f64) -> Self {
+        match self {
+            Self::One(number) => Self::One(change(*number)),
+            Self::List(list) => Self::List(list.iter().map(|number| change(*number)).collect()),
+        }
+    }
+}
+
+/// A model that can be used: its document, its physics, and what physics leaves out.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RobotModel {
+    /// The document.
+    pub file: ModelFile,
+    /// The model in SI, with the effects that a correction can stand on.
+    pub physics: physics::Model,
+    /// For each effect of `physics`: its place in `file.effects`.
+    pub entry_of: Vec<usize>,
+    /// For each effect of `physics`: the standard uncertainty of each of its values, SI; 0 where
+    /// none is stated.
+    pub sigma: Vec<Vec<f64>>,
+    /// Places in `file.effects` of the effects that are loaded and not compensated: delays, lags,
+    /// modes, torque, force, and what this version does not model.
+    pub not_compensated: Vec<usize>,
+    /// Hash of the document as it is written: the same for the same numbers, whatever the comments.
+    pub hash: u64,
+}
+
+impl RobotModel {
+    /// Reads a model file.
+    ///
+    /// # Errors
+    /// The file cannot be read, or all its faults.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        Ok(Self::parse(&path.display().to_string(), &read_text(path)?)?)
+    }
+
+    /// Reads a model from a text; `name` is what faults call it.
+    ///
+    /// # Errors
+    /// All faults of the text.
+    pub fn parse(name: &str, text: &str) -> Result<Self, Faults> {
+        let read::Parsed { file, effect_places } = read::parse(name, text)?;
+        build::build(file).map_err(|found| {
+            let mut faults = Faults::of(name);
+            for (at, fault) in found {
+                let place = at.and_then(|at| effect_places.get(at).cloned());
+                faults.push(Fault { place, ..fault });
+            }
+            faults
+        })
+    }
+
+    /// The model that a document means.
+    ///
+    /// # Errors
+    /// What makes a made document unusable; one that was read is usable.
+    pub fn of_file(name: &str, file: ModelFile) -> Result<Self, Faults> {
+        build::build(file).map_err(|found| {
+            let mut faults = Faults::of(name);
+            found.into_iter().for_each(|(_, fault)| faults.push(fault));
+            faults
+        })
+    }
+
+    /// Names of the effects that are not compensated, as `servo_lag of joint 2`.
+    #[must_use]
+    pub fn not_compensated_names(&self) -> Vec<String> {
+        let entries = self.not_compensated.iter().filter_map(|at| self.file.effects.get(*at));
+        let name = |entry: &EffectEntry| match entry.joint {
+            Some(joint) => format!("{} of joint {joint}", entry.kind),
+            None => entry.kind.clone(),
+        };
+        entries.map(name).collect()
+    }
+}
+
+impl ModelFile {
+    /// Writes the model, whole or not at all.
+    ///
+    /// # Errors
+    /// The file cannot be written; then nothing has changed.
+    pub fn write(&self, path: &Path) -> Result<(), FileError> {
+        write_atomic(path, self.to_toml().as_bytes())
+    }
+
+    /// Hash of the document as it is written.
+    #[must_use]
+    pub fn hash(&self) -> u64 {
+        content_hash(self.to_toml().as_bytes())
+    }
+}

@@ -1,0 +1,41 @@
+//! The models that come with the house: published geometry, every figure's source in `[meta]`.
+//!
+//! Promise: each loads, and its forward kinematics agree with the published Denavit-Hartenberg
+//! figures (held by tests). Masses are estimates where `[meta]` says so.
+
+/// One preset.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Preset {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// The model as TOML.
+    pub text: &'static str,
+}
+
+macro_rules! presets {
+    ($($name:literal),+ $(,)?) => {
+        /// All presets.
+        pub const PRESETS: &[Preset] = &[$(Preset {
+            name: $name,
+            text: include_str!(concat!("../../../deploy/presets/", $name, ".toml")),
+        }),+];
+    };
+}
+
+presets!["irb1600-6-145", "irb1600-6-145-thesis", "kuka-kr240", "ur10e", "fr3"];
+
+/// The preset with this name.
+#[must_use]
+pub fn preset(name: &str) -> Option<Preset> {
+    PRESETS.iter().copied().find(|preset| preset.name == name)
+}
+
+impl Preset {
+    /// The model.
+    ///
+    /// # Errors
+    /// None in a build whose tests pass.
+    pub fn model(&self) -> Result<super::RobotModel, crate::faults::Faults> {
+        super::RobotModel::parse(self.name, self.text)
+    }
+}

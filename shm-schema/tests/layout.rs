@@ -1,0 +1,101 @@
+//! Every byte that both sides share, pinned: a change here is a change of the contract.
+
+use core::mem::{align_of, offset_of, size_of};
+
+use shm_schema::*;
+
+macro_rules! pinned {
+    ($payload:ident: $size:literal bytes, hash $hash:literal, $($field:ident at $offset:literal),* $(,)?) => {
+        assert_eq!(size_of::<$payload>(), $size, "size of {}", $payload::NAME);
+        assert_eq!(align_of::<$payload>(), 8);
+        $(assert_eq!(offset_of!($payload, $field), $offset, "{}.{}", $payload::NAME, stringify!($field));)*
+        assert_eq!($payload::LAYOUT_HASH, $hash, "hash of {}: {:#018x}", $payload::NAME, $payload::LAYOUT_HASH);
+        assert_eq!($payload::default().layout, $payload::LAYOUT);
+    };
+}
+
+#[test]
+fn the_layout_of_status_stands() {
+    pinned!(Status: 1008 bytes, hash 0xa5d9_e42f_2ba2_8549,
+        seq at 0, t_ns at 8, started_ns at 16, model_epoch at 24, model_hash at 32, cycles
+        at 40, missed_cycles at 48, commands at 56, rejected at 64, held at 72, stale at
+        80, commands_lost at 88, corrected_lost at 96, force_blocks at 104, force_gaps at
+        112, malformed at 120, recorder_dropped at 128, latency_p50_ns at 136,
+        latency_p99_ns at 144, latency_p999_ns at 152, latency_max_ns at 160,
+        wrench_loop_gain at 168, vibration_hz at 176, vibration_amplitude at 184, layout
+        at 192, pid at 196, health at 200, mode at 204, bypassed at 208, joints at 212,
+        wrench_gate at 216, recorder at 220, vibration at 224, vibration_axis at 228,
+        uncompensated_effects at 232, reserved at 236, bounds at 240, message at 880);
+}
+
+#[test]
+fn the_layout_of_command_stands() {
+    pinned!(Command: 376 bytes, hash 0x2ca4_ff5e_09bc_5c22,
+        seq at 0, session at 8, t_ns at 16, sent_ns at 24, layout at 32, joints at 36,
+        flags at 40, direction at 44, reserved at 60, q at 64, wrench at 192,
+        temperature_c at 240);
+}
+
+#[test]
+fn the_layout_of_corrected_stands() {
+    pinned!(Corrected: 736 bytes, hash 0xd13c_dc71_3002_7c57,
+        seq at 0, command_seq at 8, command_session at 16, t_ns at 24, received_ns at 32,
+        made_ns at 40, model_epoch at 48, layout at 56, joints at 60, status at 64, reason
+        at 68, wrench_gate at 72, iterations at 76, q at 80, correction at 208,
+        correction_rate at 336, correction_acceleration at 464, wanted at 592, residual_m
+        at 720, residual_rad at 728);
+}
+
+#[test]
+fn the_layout_of_force_block_stands() {
+    pinned!(ForceBlock: 24640 bytes, hash 0xe90a_5ac8_6231_feaa,
+        seq at 0, session at 8, t_ns at 16, sent_ns at 24, samples_before at 32, rate_hz
+        at 40, layout at 48, channels at 52, samples at 56, flags at 60, data at 64);
+}
+
+#[test]
+fn the_layout_of_robot_state_stands() {
+    pinned!(RobotState: 440 bytes, hash 0x0388_c646_985f_19e8,
+        seq at 0, session at 8, t_ns at 16, sent_ns at 24, layout at 32, joints at 36,
+        flags at 40, reserved at 44, q_measured at 48, tau at 176, temperature_c at 304);
+}
+
+#[test]
+fn the_layout_of_verdict_stands() {
+    pinned!(Verdict: 144 bytes, hash 0xbbc3_14f1_9b47_6a2d,
+        seq at 0, t_ns at 8, made_ns at 16, event at 24, frequency_hz at 32, amplitude at
+        40, above_floor_db at 48, growth_per_s at 56, nearest_mode_hz at 64,
+        mode_distance_hz at 72, nearest_harmonic_hz at 80, harmonic_distance_hz at 88,
+        nearest_alias_hz at 96, alias_distance_hz at 104, layout at 112, state at 116,
+        class at 120, rivals at 124, axis at 128, suspect_alias at 132, advice at 136,
+        sensor_fault at 140);
+}
+
+#[test]
+fn the_layout_of_request_stands() {
+    pinned!(Request: 312 bytes, hash 0x76e5_86e1_18f0_5a38,
+        seq at 0, session at 8, t_ns at 16, spindle_rpm at 24, feed_mm_s at 32, layout at
+        40, operation at 44, on at 48, teeth at 52, path at 56);
+}
+
+#[test]
+fn the_layout_of_response_stands() {
+    pinned!(Response: 288 bytes, hash 0xfa92_7c40_7e4a_1e91,
+        seq at 0, session at 8, t_ns at 16, layout at 24, answer at 28, message at 32);
+}
+
+#[test]
+fn the_bounds_inside_a_status_stand() {
+    assert_eq!(size_of::<JointBounds>(), 640);
+    assert_eq!(offset_of!(JointBounds, min), 0);
+    assert_eq!(offset_of!(JointBounds, max), 128);
+    assert_eq!(offset_of!(JointBounds, angle), 256);
+    assert_eq!(offset_of!(JointBounds, rate), 384);
+    assert_eq!(offset_of!(JointBounds, jerk), 512);
+}
+
+#[test]
+fn the_contract_stands() {
+    assert_eq!(CONTRACT_VERSION, 1);
+    assert_eq!(CONTRACT_HASH, 0x4a74_480e_9d9f_b9e2, "{CONTRACT_HASH:#018x}");
+}

@@ -1,0 +1,81 @@
+//! What comes in: blocks of force samples, and what the process is doing meanwhile.
+//!
+//! Plain borrowed values; nothing here is trusted, [`crate::Watch::push`] checks it.
+
+/// The most channels a block may carry: three forces and three moments.
+pub const CHANNELS_MAX: usize = 6;
+
+/// A run of samples taken at one rate, without a hole inside.
+#[derive(Clone, Copy, Debug)]
+pub struct Block<'a> {
+    /// Counts blocks by one; a jump means that blocks were lost.
+    pub seq: u64,
+    /// Time of the block's first sample, ns. Copied into verdicts, never compared with a clock.
+    pub t_ns: u64,
+    /// Sampling rate, Hz; must be the configured one to 0.1 %.
+    pub rate_hz: f64,
+    /// Number of channels; must be the configured one.
+    pub channels: usize,
+    /// Samples, interleaved: sample `i` of channel `c` is `samples[i * channels + c]`. N and Nm.
+    pub samples: &'a [f64],
+}
+
+/// What the process is doing, as far as the cell knows. The default means: nothing is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ProcessState {
+    /// Spindle speed, rev/min. 0 where it stands or is not known.
+    pub spindle_rpm: f64,
+    /// Teeth of the cutter. 0 where not known.
+    pub teeth: u32,
+    /// Feed along the path, mm/s. 0 where it stands or is not known.
+    pub feed_mm_s: f64,
+    /// Whether the tool cuts; `None`: the watch judges by the force level.
+    pub in_cut: Option<bool>,
+}
+
+/// The channel a line was seen on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Axis {
+    /// Force along x.
+    #[default]
+    X,
+    /// Force along y.
+    Y,
+    /// Force along z.
+    Z,
+    /// Moment about x.
+    Mx,
+    /// Moment about y.
+    My,
+    /// Moment about z.
+    Mz,
+}
+
+impl Axis {
+    /// All axes, in channel order.
+    pub const ALL: [Self; CHANNELS_MAX] = [Self::X, Self::Y, Self::Z, Self::Mx, Self::My, Self::Mz];
+
+    /// The axis of a channel; channels beyond the sixth do not exist and read as `Mz`.
+    #[must_use]
+    pub fn of_channel(channel: usize) -> Self {
+        Self::ALL[channel.min(CHANNELS_MAX - 1)]
+    }
+
+    /// The channel's place in a block.
+    #[must_use]
+    pub fn channel(self) -> usize {
+        self as usize
+    }
+
+    /// Name as the contract writes it: `x`, `y`, `z`, `mx`, `my`, `mz`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        ["x", "y", "z", "mx", "my", "mz"][self as usize]
+    }
+
+    /// Whether the channel is a force (N) and not a moment (Nm).
+    #[must_use]
+    pub fn is_force(self) -> bool {
+        (self as usize) < 3
+    }
+}

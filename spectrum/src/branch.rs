@@ -1,0 +1,152 @@
+//! The samples of one rate and the windows that slide over them.
+//!
+//! Two branches make a watch: a low one (about 1.25 kHz) with short, middle and long windows, and
+//! one at the sensor's own rate for what lies above. Planned once; execution does not allocate.
+
+use crate::config::WatchConfig;
+use crate::history::History;
+use crate::sliding::{Sighting, SlidingWindow, WindowPlan};
+use crate::surroundings::Surroundings;
+use crate::track::Tracks;
+use realfft::RealFftPlanner;
+
+/// Top of the low branch where the full rate is watched too, Hz.
+pub(crate) const SPLIT_HZ: f64 = 160.0;
+/// The low branch looks at its newest samples this often, s.
+const LOW_HOP_S: f64 = 0.004;
+/// Length of the full-rate window, s, before it is rounded to a power of two.
+const FULL_WINDOW_S: f64 = 0.08;
+
+/// Samples of one rate, and the windows over them, shortest first.
+pub(crate) struct Branch {
+    hop: usize,
+    hop_s: f64,
+    pub(crate) waiting: usize,
+    pub(crate) histories: Vec<History>,
+    windows: Vec<SlidingWindow>,
+}
+
+impl Branch {
+    /// The branch behind the front end: windows of about 32, 64 and 128 ms.
+    pub(crate) fn low(
+        planner: &mut RealFftPlanner<f64>,
+        config: &WatchConfig,
+        factor: usize,
+        top_hz: f64,
+    ) -> Self {
+        let rate_hz = config.rate_hz / factor as f64;
+        let hop = ((LOW_HOP_S * rate_hz).round() as usize).max(1);
+        let plan = |hops: usize, cycles: f64| {
+            let samples = hops * hop;
+            let slowest_hz = cycles * rate_hz / samples as f64;
+            WindowPlan {
+                samples,
+                hop,
+                pad: 4,
+                band_hz: [config.band_hz[0].max(slowest_hz), top_hz],
+                least_ratio: 5.0,
+                ratio_sum: 20.0,
+                hops_to_agree: 3,
+            }
+        };
+        Self::new(planner, config, rate_hz, &[plan(8, 1.5), plan(16, 1.5), plan(32, 1.25)])
+    }
+
+    /// The branch at the sensor's own rate: one window of about 80 ms.
+    pub(crate) fn full(planner: &mut RealFftPlanner<f64>, config: &WatchConfig) -> Self {
+        let exponent = (FULL_WINDOW_S * config.rate_hz).log2().round() as u32;
+        let samples = 1_usize << exponent.clamp(5, 20);
+        let plan = WindowPlan {
+            samples,
+            hop: samples / 8,
+            pad: 1,
+            band_hz: [config.band_hz[0].max(SPLIT_HZ), config.band_top_hz()],
+            least_ratio: 6.0,
+            ratio_sum: 24.0,
+            hops_to_agree: 2,
+        };
+        Self::new(planner, config, config.rate_hz, &[plan])
+    }
+
+    fn new(
+        planner: &mut RealFftPlanner<f64>,
+        config: &WatchConfig,
+        rate_hz: f64,
+        plans: &[WindowPlan],
+    ) -> Self {
+        let least_power = [config.least_amplitude_n.powi(2), config.least_amplitude_nm.powi(2)];
+        let window = |plan: &WindowPlan, planner: &mut RealFftPlanner<f64>| {
+            SlidingWindow::new(
+                planner,
+                *plan,
+                rate_hz,
+                config.channels,
+                least_power,
+                config.learn_s,
+            )
+        };
+        let longest = plans.iter().map(|plan| plan.samples).max().unwrap_or(1);
+        let hop = plans.first().map_or(1, |plan| plan.hop);
+        Self {
+            hop,
+            hop_s: hop as f64 / rate_hz,
+            waiting: hop,
+            histories: (0..config.channels).map(|_| History::new(longest)).collect(),
+            windows: plans.iter().map(|plan| window(plan, planner)).collect(),
+        }
+    }
+
+    /// Whether every window knows its floors.
+    pub(crate) fn is_ready(&self) -> bool {
+        self.windows.iter().all(SlidingWindow::is_ready)
+    }
+
+    /// Changes the surroundings of all floors.
+    pub(crate) fn switch(&mut self, surroundings: Surroundings) {
+        for window in &mut self.windows {
+            window.switch(surroundings);
+        }
+    }
+
+    /// Forgets samples and peaks; floors stay.
+    pub(crate) fn reset(&mut self) {
+        self.waiting = self.hop;
+        for history in &mut self.histories {
+            history.clear();
+        }
+        for window in &mut self.windows {
+            window.reset();
+        }
+    }
+
+    /// A hop is due: runs every window over every channel and hands on what was sighted.
+    pub(crate) fn look(&mut self, frozen_hz: &[f64], mut sighted: impl FnMut(Sighting)) {
+        self.waiting = self.hop;
+        for window in &mut self.windows {
+            for (channel, history) in self.histories.iter().enumerate() {
+                window.hop(channel, history, frozen_hz, &mut sighted);
+            }
+        }
+    }
+
+    /// Measures the lines within `band_hz` in the longest window; `gain` is what the front end
+    /// leaves of a tone.
+    pub(crate) fn measure(
+        &self,
+        tracks: &mut Tracks,
+        now_s: f64,
+        band_hz: &std::ops::Range<f64>,
+        gain: impl Fn(f64) -> f64,
+    ) {
+        let Some(window) = self.windows.last() else { return };
+        for track in tracks.iter_mut().filter(|track| band_hz.contains(&track.frequency_hz)) {
+            let kept = gain(track.frequency_hz).powi(2);
+            let strength = |channel| {
+                let (power, ratio) = window.strength(channel, track.frequency_hz);
+                (power / kept, ratio)
+            };
+            let measured: [(f64, f64); crate::block::CHANNELS_MAX] = std::array::from_fn(strength);
+            track.measure(|channel| measured[channel], self.histories.len(), now_s, self.hop_s);
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! What the watch is asked to watch, checked once so that nothing later can be wrong.
+
+/// A known natural frequency of the machine, from the model's modal list.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mode {
+    /// Natural frequency, Hz.
+    pub frequency_hz: f64,
+    /// Damping ratio, 0 to 1; 0 where not known.
+    pub damping: f64,
+    /// Direction of the motion in the axes of the force channels; zero where not known.
+    pub direction: [f64; 3],
+}
+
+impl Mode {
+    /// A mode of which only the frequency is known.
+    #[must_use]
+    pub fn at_hz(frequency_hz: f64) -> Self {
+        Self { frequency_hz, damping: 0.0, direction: [0.0; 3] }
+    }
+}
+
+/// A shaft of the gear train, as it turns per millimetre of tool path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wheel {
+    /// Joint, from 1.
+    pub joint: u8,
+    /// Shaft, from 1, motor side first.
+    pub shaft: u8,
+    /// Revolutions per mm of tool path, along the present cut.
+    pub cycles_per_mm: f64,
+}
+
+/// The watch's settings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WatchConfig {
+    /// Sampling rate of every channel, Hz, 400 to 200 000.
+    pub rate_hz: f64,
+    /// Channels, 3 to 6, in the order x, y, z, mx, my, mz.
+    pub channels: usize,
+    /// Lines are looked for in this band, Hz; its top is limited to 0.45 of the rate.
+    pub band_hz: [f64; 2],
+    /// Known natural frequencies.
+    pub modes: Vec<Mode>,
+    /// Gear shafts that a line may belong to.
+    pub wheels: Vec<Wheel>,
+    /// No force line below this amplitude is ever reported, N.
+    pub least_amplitude_n: f64,
+    /// No moment line below this amplitude is ever reported, Nm.
+    pub least_amplitude_nm: f64,
+    /// The sensor's full scale, N, for forces; infinite where not known.
+    pub full_scale_n: f64,
+    /// The sensor's full scale, Nm, for moments; infinite where not known.
+    pub full_scale_nm: f64,
+    /// Mains frequency, Hz; `None`: 50 and 60 are both possible.
+    pub mains_hz: Option<f64>,
+    /// How long the noise floor is learned before anything is reported, s, 0.5 to 60.
+    pub learn_s: f64,
+}
+
+impl Default for WatchConfig {
+    fn default() -> Self {
+        Self {
+            rate_hz: 10_000.0,
+            channels: 3,
+            band_hz: [10.0, 1000.0],
+            modes: Vec::new(),
+            wheels: Vec::new(),
+            least_amplitude_n: 0.1,
+            least_amplitude_nm: 0.01,
+            full_scale_n: f64::INFINITY,
+            full_scale_nm: f64::INFINITY,
+            mains_hz: None,
+            learn_s: 1.0,
+        }
+    }
+}
+
+/// A setting that cannot be.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ConfigError {
+    /// A number is not finite or out of its range.
+    #[error(
+        "vibration watch: {key} is {value}, expected {expected}; correct it in the configuration"
+    )]
+    OutOfRange {
+        /// Which setting.
+        key: &'static str,
+        /// What it was.
+        value: f64,
+        /// The allowed range, in words.
+        expected: &'static str,
+    },
+    /// The band is empty, reversed, or above what the rate can carry.
+    #[error(
+        "vibration watch: band_hz is {low_hz} to {high_hz} Hz, expected low < high and low < 0.45 of the rate {rate_hz} Hz; \
+         lower the band or sample faster"
+    )]
+    Band {
+        /// Lower edge, Hz.
+        low_hz: f64,
+        /// Upper edge, Hz.
+        high_hz: f64,
+        /// Sampling rate, Hz.
+        rate_hz: f64,
+    },
+    /// A mode that no machine can have.
+    #[error(
+        "vibration watch: mode {index} has frequency {frequency_hz} Hz and damping {damping}, expected a frequency above 0 \
+         and damping from 0 to below 1; correct [[mode]] in the model"
+    )]
+    Mode {
+        /// Place in the list, from 0.
+        index: usize,
+        /// Natural frequency, Hz.
+        frequency_hz: f64,
+        /// Damping ratio.
+        damping: f64,
+    },
+    /// A wheel without a usable number of turns.
+    #[error(
+        "vibration watch: wheel {index} turns {cycles_per_mm} times per mm, expected a finite number above 0"
+    )]
+    Wheel {
+        /// Place in the list, from 0.
+        index: usize,
+        /// Turns per mm.
+        cycles_per_mm: f64,
+    },
+}
+
+impl WatchConfig {
+    /// Checks every setting.
+    ///
+    /// # Errors
+    /// The first setting that is out of its range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        in_range("rate_hz", self.rate_hz, 400.0..=200_000.0, "400 to 200000 Hz")?;
+        #[expect(clippy::cast_precision_loss, reason = "a channel count is small")]
+        in_range("channels", self.channels as f64, 3.0..=6.0, "3 to 6")?;
+        in_range("least_amplitude_n", self.least_amplitude_n, 0.0..=1e9, "0 or more, finite")?;
+        in_range("least_amplitude_nm", self.least_amplitude_nm, 0.0..=1e9, "0 or more, finite")?;
+        in_range("full_scale_n", self.full_scale_n, 1e-9..=f64::INFINITY, "above 0")?;
+        in_range("full_scale_nm", self.full_scale_nm, 1e-9..=f64::INFINITY, "above 0")?;
+        in_range("learn_s", self.learn_s, 0.5..=60.0, "0.5 to 60 s")?;
+        if let Some(mains_hz) = self.mains_hz {
+            in_range("mains_hz", mains_hz, 10.0..=500.0, "10 to 500 Hz")?;
+        }
+        let [low_hz, high_hz] = self.band_hz;
+        if !(low_hz >= 5.0 && high_hz.is_finite() && low_hz < high_hz.min(0.45 * self.rate_hz)) {
+            return Err(ConfigError::Band { low_hz, high_hz, rate_hz: self.rate_hz });
+        }
+        self.check_lists()
+    }
+
+    fn check_lists(&self) -> Result<(), ConfigError> {
+        for (index, mode) in self.modes.iter().enumerate() {
+            let Mode { frequency_hz, damping, direction } = *mode;
+            let directed = direction.iter().all(|d| d.is_finite());
+            let possible = frequency_hz > 0.0 && frequency_hz.is_finite() && directed;
+            if !(possible && (0.0..1.0).contains(&damping)) {
+                return Err(ConfigError::Mode { index, frequency_hz, damping });
+            }
+        }
+        for (index, wheel) in self.wheels.iter().enumerate() {
+            let cycles_per_mm = wheel.cycles_per_mm;
+            if !(cycles_per_mm > 0.0 && cycles_per_mm.is_finite()) {
+                return Err(ConfigError::Wheel { index, cycles_per_mm });
+            }
+        }
+        Ok(())
+    }
+
+    /// Upper edge of the watched band, Hz, once Nyquist is respected.
+    #[must_use]
+    pub fn band_top_hz(&self) -> f64 {
+        self.band_hz[1].min(0.45 * self.rate_hz)
+    }
+}
+
+fn in_range(
+    key: &'static str,
+    value: f64,
+    range: std::ops::RangeInclusive<f64>,
+    expected: &'static str,
+) -> Result<(), ConfigError> {
+    if range.contains(&value) {
+        Ok(())
+    } else {
+        Err(ConfigError::OutOfRange { key, value, expected })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_is_usable() {
+        assert_eq!(WatchConfig::default().check(), Ok(()));
+    }
+
+    #[test]
+    fn every_impossible_setting_is_refused_by_name() {
+        let good = WatchConfig::default;
+        let bad = [
+            WatchConfig { rate_hz: f64::NAN, ..good() },
+            WatchConfig { rate_hz: 10.0, ..good() },
+            WatchConfig { channels: 2, ..good() },
+            WatchConfig { channels: 7, ..good() },
+            WatchConfig { band_hz: [100.0, 50.0], ..good() },
+            WatchConfig { band_hz: [f64::NAN, 50.0], ..good() },
+            WatchConfig { band_hz: [600.0, 900.0], rate_hz: 1000.0, ..good() },
+            WatchConfig { modes: vec![Mode::at_hz(-1.0)], ..good() },
+            WatchConfig { modes: vec![Mode { damping: 1.0, ..Mode::at_hz(70.0) }], ..good() },
+            WatchConfig { least_amplitude_n: -1.0, ..good() },
+            WatchConfig { full_scale_n: 0.0, ..good() },
+            WatchConfig { learn_s: 0.0, ..good() },
+            WatchConfig { mains_hz: Some(f64::NAN), ..good() },
+            WatchConfig {
+                wheels: vec![Wheel { joint: 1, shaft: 1, cycles_per_mm: 0.0 }],
+                ..good()
+            },
+        ];
+        for config in bad {
+            let said = config.check().expect_err("must be refused").to_string();
+            assert!(said.starts_with("vibration watch: "), "{said}");
+        }
+    }
+
+    #[test]
+    fn the_band_ends_below_nyquist() {
+        let config = WatchConfig { rate_hz: 1000.0, ..WatchConfig::default() };
+        assert!((config.band_top_hz() - 450.0).abs() < 1e-12);
+    }
+}

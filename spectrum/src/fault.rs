@@ -1,0 +1,267 @@
+//! What is wrong with the sensor and the stream, each named.
+//!
+//! Judges samples before they reach a window. Never stops the watch: a bad sample is replaced by
+//! the one before it and its channel held back, a bad block refused, a gap counted.
+
+use crate::block::CHANNELS_MAX;
+use std::fmt;
+
+/// Something wrong with a channel or with the stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// NaN or infinite samples.
+    NotFinite,
+    /// The very same value for 100 ms.
+    Stuck,
+    /// Samples at the sensor's full scale, or flat tops where that is not known.
+    Saturated,
+    /// Nothing but zero, or no noise beside channels that have some.
+    Dead,
+    /// Blocks were lost, or time jumped.
+    Gap,
+    /// The rate is not the configured one, by the block's own word or by its times.
+    WrongRate,
+    /// The number of channels or samples does not fit.
+    WrongShape,
+}
+
+impl Fault {
+    /// All faults.
+    pub const ALL: [Self; 7] = [
+        Self::NotFinite,
+        Self::Stuck,
+        Self::Saturated,
+        Self::Dead,
+        Self::Gap,
+        Self::WrongRate,
+        Self::WrongShape,
+    ];
+
+    /// Short name for status and JSON.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        ["not_finite", "stuck", "saturated", "dead", "gap", "wrong_rate", "wrong_shape"]
+            [self as usize]
+    }
+}
+
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NotFinite => "samples are NaN or infinite: check the sensor's driver",
+            Self::Stuck => "the value does not move at all: check the sensor",
+            Self::Saturated => "samples stand at full scale: choose a larger range",
+            Self::Dead => "no signal: check cable and amplifier",
+            Self::Gap => "samples were lost: windows start anew; check the sender",
+            Self::WrongRate => "the rate is not the configured one: correct rate_hz or the sender",
+            Self::WrongShape => "channels or samples do not fit: correct channels or the sender",
+        })
+    }
+}
+
+/// A set of faults.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+pub struct Faults(u8);
+
+impl Faults {
+    /// Whether the fault is there.
+    #[must_use]
+    pub fn contains(self, fault: Fault) -> bool {
+        self.0 & (1 << fault as u8) != 0
+    }
+
+    /// Whether there is none.
+    #[must_use]
+    pub fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// The faults that are there.
+    pub fn iter(self) -> impl Iterator<Item = Fault> {
+        Fault::ALL.into_iter().filter(move |&fault| self.contains(fault))
+    }
+
+    /// One bit per fault, in the order of [`Fault::ALL`]; for transport.
+    #[must_use]
+    pub fn bits(self) -> u8 {
+        self.0
+    }
+
+    pub(crate) fn set(&mut self, fault: Fault, there: bool) {
+        let bit = 1 << fault as u8;
+        self.0 = if there { self.0 | bit } else { self.0 & !bit };
+    }
+}
+
+impl fmt::Debug for Faults {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_set().entries(self.iter()).finish()
+    }
+}
+
+/// The state of sensor and stream, with counts since the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Health {
+    /// Blocks taken.
+    pub blocks: u64,
+    /// Blocks refused for their rate or shape.
+    pub refused_blocks: u64,
+    /// Gaps seen.
+    pub gaps: u64,
+    /// Blocks lost in gaps, as far as the sequence tells.
+    pub lost_blocks: u64,
+    /// Samples that were NaN or infinite.
+    pub not_finite_samples: u64,
+    /// Samples at full scale.
+    pub saturated_samples: u64,
+    /// Verdicts that found no place in a block's list.
+    pub dropped_verdicts: u64,
+    /// Faults of the stream, in the last second.
+    pub stream: Faults,
+    /// Faults of each channel, in the last second.
+    pub channel: [Faults; CHANNELS_MAX],
+    /// The noise floor is still being learned: nothing is reported yet.
+    pub learning: bool,
+}
+
+impl Health {
+    /// Whether anything is wrong at all.
+    #[must_use]
+    pub fn is_good(&self) -> bool {
+        self.stream.is_empty() && self.channel.iter().all(|faults| faults.is_empty())
+    }
+}
+
+/// Flat run that counts as a clipped top where the full scale is not known.
+const FLAT_TOP_SAMPLES: u32 = 8;
+/// Flat tops in a second that make a saturation.
+const FLAT_TOPS: u32 = 3;
+
+/// Watches the samples of one channel.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct ChannelCheck {
+    full_scale: f64,
+    last: f64,
+    run: u32,
+    low: f64,
+    high: f64,
+    flat_tops: [u32; 2],
+    pub(crate) spread: f64,
+    pub(crate) not_finite: u32,
+    pub(crate) saturated: u32,
+    stuck_seen: bool,
+}
+
+impl ChannelCheck {
+    pub(crate) fn new(full_scale: f64) -> Self {
+        Self {
+            full_scale,
+            last: 0.0,
+            run: 0,
+            low: f64::INFINITY,
+            high: f64::NEG_INFINITY,
+            flat_tops: [0; 2],
+            spread: 0.0,
+            not_finite: 0,
+            saturated: 0,
+            stuck_seen: false,
+        }
+    }
+
+    /// Takes a sample; returns what may enter the windows.
+    #[inline]
+    pub(crate) fn take(&mut self, sample: f64) -> f64 {
+        if !(sample.abs() < 1e30) {
+            self.not_finite += 1;
+            return self.last;
+        }
+        if sample.abs() >= 0.999 * self.full_scale {
+            self.saturated += 1;
+        }
+        if sample.to_bits() == self.last.to_bits() {
+            self.run = self.run.saturating_add(1);
+            if self.run == FLAT_TOP_SAMPLES {
+                self.flat_tops[0] += u32::from(sample <= self.low);
+                self.flat_tops[1] += u32::from(sample >= self.high);
+            }
+            return sample;
+        }
+        self.run = 0;
+        self.last = sample;
+        if sample < self.low {
+            self.low = sample;
+            self.flat_tops[0] = 0;
+        }
+        if sample > self.high {
+            self.high = sample;
+            self.flat_tops[1] = 0;
+        }
+        sample
+    }
+
+    /// Whether the value has not moved for this many samples; remembered until the second ends.
+    pub(crate) fn note_stuck(&mut self, samples: u32) -> bool {
+        self.stuck_seen |= self.run >= samples;
+        self.stuck_seen
+    }
+
+    /// Ends a second: says what was seen in it, apart from what needs the other channels.
+    pub(crate) fn close(&mut self) -> Faults {
+        let mut faults = Faults::default();
+        let flat = self.high > self.low && self.flat_tops.iter().any(|&tops| tops >= FLAT_TOPS);
+        let clipped = flat && self.full_scale.is_infinite();
+        faults.set(Fault::NotFinite, self.not_finite > 0);
+        faults.set(Fault::Saturated, self.saturated > 0 || clipped);
+        faults.set(Fault::Stuck, self.stuck_seen);
+        self.spread = if self.high > self.low { self.high - self.low } else { 0.0 };
+        faults.set(Fault::Dead, self.spread <= 0.0 && (self.last == 0.0 || self.not_finite > 0));
+        *self = Self {
+            last: self.last,
+            run: self.run,
+            spread: self.spread,
+            ..Self::new(self.full_scale)
+        };
+        faults
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn second(check: &mut ChannelCheck, sample: impl Fn(usize) -> f64) -> Faults {
+        for i in 0..1000 {
+            check.take(sample(i));
+            check.note_stuck(100);
+        }
+        check.close()
+    }
+
+    fn tone(i: usize) -> f64 {
+        (0.37 * i as f64).sin()
+    }
+
+    #[test]
+    fn every_fault_of_a_channel_is_named() {
+        let fresh = || ChannelCheck::new(f64::INFINITY);
+        assert!(second(&mut fresh(), tone).is_empty());
+        let named = |sample: &dyn Fn(usize) -> f64, fault| {
+            let faults = second(&mut fresh(), sample);
+            assert!(faults.contains(fault), "{faults:?} lacks {fault:?}");
+        };
+        named(&|i| if i == 7 { f64::NAN } else { tone(i) }, Fault::NotFinite);
+        named(&|i| if i > 500 { 2.5 } else { tone(i) }, Fault::Stuck);
+        named(&|i| (3.0 * (0.02 * i as f64).sin()).clamp(-1.0, 1.0), Fault::Saturated);
+        named(&|_| 0.0, Fault::Dead);
+        named(&|_| f64::INFINITY, Fault::Dead);
+        let faults = second(&mut ChannelCheck::new(0.9), tone);
+        assert!(faults.contains(Fault::Saturated));
+    }
+
+    #[test]
+    fn a_bad_sample_is_replaced_by_the_one_before() {
+        let mut check = ChannelCheck::new(f64::INFINITY);
+        check.take(4.0);
+        assert_eq!([f64::NAN, f64::NEG_INFINITY, 1e300].map(|x| check.take(x)), [4.0; 3]);
+    }
+}

@@ -1,0 +1,238 @@
+//! The noise floor of one channel in one window: what each bin holds while nothing rings.
+//!
+//! Two sets, air and cut. A set is first learned as a plain mean; at the end of that, steady lines
+//! (powers that hardly vary, far above their neighbours) are taken out of it, so that a line that
+//! was there from the start is still a line. Then it follows slowly, with single powers clipped.
+//! Bins near a live line are frozen by the caller. Execution does not allocate.
+
+use crate::surroundings::Surroundings;
+
+/// Powers above this many floors do not pull the floor up any further.
+const CLIP: f64 = 5.0;
+/// A steady line's power varies by less than this (variance over squared mean; noise has 1).
+const STEADY: f64 = 0.25;
+/// A steady line stands this far above the middle of its neighbours.
+const CONTRAST: f64 = 6.0;
+
+/// Mean power per bin, learned.
+#[derive(Debug)]
+pub(crate) struct Floor {
+    level: [Vec<f64>; 2],
+    sum: Vec<f64>,
+    sum_of_squares: Vec<f64>,
+    sorted: Vec<f64>,
+    learned: [bool; 2],
+    frames: u32,
+    warm_frames: u32,
+    follow: f64,
+    reach: usize,
+    set: usize,
+}
+
+impl Floor {
+    /// A floor of `bins` bins, learned over `warm_frames` frames and then followed with a time
+    /// constant of `follow_frames`; `reach` is how many bins a line's main lobe covers to one side.
+    pub(crate) fn new(bins: usize, warm_frames: u32, follow_frames: f64, reach: usize) -> Self {
+        Self {
+            level: [vec![0.0; bins], vec![0.0; bins]],
+            sum: vec![0.0; bins],
+            sum_of_squares: vec![0.0; bins],
+            sorted: vec![0.0; bins],
+            learned: [false; 2],
+            frames: 0,
+            warm_frames: warm_frames.max(4),
+            follow: 1.0 / follow_frames.max(2.0),
+            reach,
+            set: 0,
+        }
+    }
+
+    /// Mean noise power of each bin.
+    pub(crate) fn level(&self) -> &[f64] {
+        &self.level[self.set]
+    }
+
+    /// Whether there is a floor to compare with at all.
+    pub(crate) fn is_known(&self) -> bool {
+        self.learned[0] || self.learned[1]
+    }
+
+    /// Whether the floor is the present surroundings' own, not borrowed from the other.
+    pub(crate) fn is_own(&self) -> bool {
+        self.learned[self.set]
+    }
+
+    /// Changes the surroundings. A set not yet learned starts from the other one.
+    pub(crate) fn switch(&mut self, surroundings: Surroundings) {
+        let set = surroundings as usize;
+        if set == self.set {
+            return;
+        }
+        if !self.learned[set] {
+            let [air, cut] = &mut self.level;
+            if set == 1 {
+                cut.copy_from_slice(air)
+            } else {
+                air.copy_from_slice(cut)
+            }
+            self.restart();
+        }
+        self.set = set;
+    }
+
+    /// Forgets a half-learned mean (after a gap); what is learned stays.
+    pub(crate) fn restart(&mut self) {
+        self.frames = 0;
+        self.sum.fill(0.0);
+        self.sum_of_squares.fill(0.0);
+    }
+
+    /// Learns from one frame of powers; `is_frozen` tells which bins belong to a live line, and
+    /// `gain` how much louder than the floor the whole frame is.
+    pub(crate) fn learn(&mut self, power: &[f64], gain: f64, is_frozen: impl Fn(usize) -> bool) {
+        if !self.learned[self.set] {
+            return self.warm_up(power, gain, is_frozen);
+        }
+        let follow = self.follow;
+        for (bin, (level, &p)) in self.level[self.set].iter_mut().zip(power).enumerate() {
+            if !is_frozen(bin) {
+                *level += follow * (p.min(CLIP * gain * *level) - *level);
+            }
+        }
+    }
+
+    fn warm_up(&mut self, power: &[f64], gain: f64, is_frozen: impl Fn(usize) -> bool) {
+        let known = self.is_known();
+        for (bin, &p) in power.iter().enumerate() {
+            let kept = gain * self.level[self.set][bin];
+            // Noise of mean m has mean square 2 m²: a frozen bin counts as noise at its old level.
+            let (p, square) =
+                if known && is_frozen(bin) { (kept, 2.0 * kept * kept) } else { (p, p * p) };
+            self.sum[bin] += p;
+            self.sum_of_squares[bin] += square;
+        }
+        self.frames += 1;
+        if self.frames >= self.warm_frames {
+            self.finish();
+        }
+    }
+
+    fn finish(&mut self) {
+        let n = f64::from(self.frames);
+        for (level, sum) in self.level[self.set].iter_mut().zip(&self.sum) {
+            *level = sum / n;
+        }
+        self.take_steady_lines_out(n);
+        self.learned[self.set] = true;
+        self.restart();
+    }
+
+    fn take_steady_lines_out(&mut self, n: f64) {
+        let bins = self.sum.len();
+        for bin in 0..bins {
+            let mean = self.sum[bin] / n;
+            let variance = self.sum_of_squares[bin] / n - mean * mean;
+            if variance > STEADY * mean * mean {
+                continue;
+            }
+            let middle = self.middle_around(bin, n);
+            if mean > CONTRAST * middle {
+                let lobe = bin.saturating_sub(self.reach)..(bin + self.reach + 1).min(bins);
+                for level in &mut self.level[self.set][lobe] {
+                    *level = level.min(middle);
+                }
+            }
+        }
+    }
+
+    /// Middle power of the neighbours, the line's own lobe left out.
+    fn middle_around(&mut self, bin: usize, n: f64) -> f64 {
+        let span = 6 * self.reach;
+        let mut count = 0;
+        for other in bin.saturating_sub(span)..(bin + span + 1).min(self.sum.len()) {
+            if other.abs_diff(bin) > self.reach {
+                self.sorted[count] = self.sum[other] / n;
+                count += 1;
+            }
+        }
+        middle(&mut self.sorted[..count])
+    }
+}
+
+/// The middle value (upper middle for an even count); 0 for none. Reorders.
+pub(crate) fn middle(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let half = values.len() / 2;
+    *values.select_nth_unstable_by(half, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Powers of exponential noise, from a fixed linear congruence.
+    fn noise(frames: usize, bins: usize) -> Vec<Vec<f64>> {
+        let mut state = 9_u64;
+        let mut draw = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            let unit = ((state >> 11) as f64 + 0.5) / (1_u64 << 53) as f64;
+            -unit.ln()
+        };
+        (0..frames).map(|_| (0..bins).map(|_| draw()).collect()).collect()
+    }
+
+    #[test]
+    fn noise_is_learned_as_its_mean() {
+        let mut floor = Floor::new(40, 50, 400.0, 2);
+        for frame in noise(3000, 40) {
+            floor.learn(&frame, 1.0, |_| false);
+        }
+        let mean = floor.level().iter().sum::<f64>() / 40.0;
+        assert!((mean - 1.0).abs() < 0.03, "{mean}");
+    }
+
+    #[test]
+    fn a_line_that_was_there_from_the_start_is_not_taken_for_noise() {
+        let mut floor = Floor::new(40, 50, 400.0, 2);
+        for mut frame in noise(50, 40) {
+            frame[20] += 100.0;
+            floor.learn(&frame, 1.0, |_| false);
+        }
+        assert!(floor.is_known() && floor.level()[20] < 3.0, "{}", floor.level()[20]);
+    }
+
+    #[test]
+    fn air_and_cut_are_learned_apart_and_kept() {
+        let mut floor = Floor::new(10, 20, 100.0, 2);
+        for frame in noise(40, 10) {
+            floor.learn(&frame, 1.0, |_| false);
+        }
+        let air = floor.level().to_vec();
+        floor.switch(Surroundings::Cut);
+        assert!(floor.is_known() && !floor.is_own());
+        for frame in noise(400, 10) {
+            let loud: Vec<f64> = frame.iter().map(|p| 50.0 * p).collect();
+            floor.learn(&loud, 50.0, |_| false);
+        }
+        assert!(floor.is_own() && floor.level()[3] > 20.0);
+        floor.switch(Surroundings::Air);
+        assert_eq!(floor.level(), &air[..]);
+    }
+
+    #[test]
+    fn a_frozen_bin_does_not_learn() {
+        let mut floor = Floor::new(10, 20, 100.0, 2);
+        for frame in noise(40, 10) {
+            floor.learn(&frame, 1.0, |_| false);
+        }
+        let before = floor.level()[4];
+        for _ in 0..1000 {
+            floor.learn(&[4.0; 10], 1.0, |bin| bin == 4);
+        }
+        assert!((floor.level()[4] - before).abs() < 1e-12 && floor.level()[5] > 3.5);
+    }
+}

@@ -1,0 +1,220 @@
+//! Peaks of one spectrum, and whether two disjoint windows tell of the same tone.
+//!
+//! A step, a shock or a burst of noise fills a window just as a tone does; but the next window,
+//! which shares no sample with it, then tells another frequency, power or phase.
+//! Source: own simulation, research note on vibration monitoring, section 2.5; the phase test is ours.
+
+use crate::window::hann_response;
+use realfft::num_complex::Complex;
+use std::f64::consts::{PI, TAU};
+
+/// Peaks kept per spectrum.
+pub(crate) const PEAKS: usize = 5;
+
+/// One peak of one spectrum.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Peak {
+    /// Frequency between the bins, Hz; 0: no peak.
+    pub(crate) frequency_hz: f64,
+    /// Squared amplitude, as a tone at that frequency would have.
+    pub(crate) power: f64,
+    /// Power over floor.
+    pub(crate) ratio: f64,
+    /// Phase at the window's middle, rad.
+    pub(crate) phase_rad: f64,
+    /// Hops in a row for which two disjoint windows have agreed.
+    pub(crate) pairs: u16,
+    /// Hops in a row for which three disjoint windows have agreed.
+    pub(crate) triples: u16,
+}
+
+/// The peaks of one spectrum, strongest first.
+pub(crate) type Peaks = [Peak; PEAKS];
+
+/// The geometry of a spectrum: which bins there are and how wide a cell is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Grid {
+    /// Width of a bin, Hz.
+    pub(crate) bin_hz: f64,
+    /// Bins per cell (padding): a cell is the rate over the window's length.
+    pub(crate) bins_per_cell: f64,
+    /// The spectrum's first bin.
+    pub(crate) first: usize,
+}
+
+impl Grid {
+    /// Width of a cell, Hz.
+    pub(crate) fn cell_hz(&self) -> f64 {
+        self.bin_hz * self.bins_per_cell
+    }
+
+    /// Place in the spectrum's slice that is nearest to a frequency, if it lies inside `bins`.
+    pub(crate) fn place(&self, frequency_hz: f64, bins: usize) -> Option<usize> {
+        let bin = (frequency_hz / self.bin_hz).round() - self.first as f64;
+        (bin >= 0.0 && bin < bins as f64).then_some(bin as usize)
+    }
+
+    /// Frequency, power and phase at the local maximum `at`, by a parabola through the logarithms.
+    pub(crate) fn measure(&self, power: &[f64], spectrum: &[Complex<f64>], at: usize) -> Peak {
+        let log = |i: usize| power[i].max(1e-300).ln();
+        let offset = if at == 0 || at + 1 >= power.len() {
+            0.0
+        } else {
+            let (left, mid, right) = (log(at - 1), log(at), log(at + 1));
+            let bend = left - 2.0 * mid + right;
+            if bend < 0.0 { (0.5 * (left - right) / bend).clamp(-0.5, 0.5) } else { 0.0 }
+        };
+        let bin = (self.first + at) as f64;
+        let kept = hann_response(offset / self.bins_per_cell);
+        // A tone's phase at the window's middle: the transform counts it from the window's start.
+        let turns = 0.5 * bin / self.bins_per_cell;
+        Peak {
+            frequency_hz: (bin + offset) * self.bin_hz,
+            power: power[at] / (kept * kept),
+            phase_rad: wrapped(spectrum[at].arg() + TAU * (turns - turns.floor())),
+            ..Peak::default()
+        }
+    }
+}
+
+/// An angle brought to −π … π.
+pub(crate) fn wrapped(angle_rad: f64) -> f64 {
+    angle_rad - TAU * (angle_rad / TAU).round()
+}
+
+/// Finds the strongest peaks of `within` whose power over floor is at least `least_ratio`.
+pub(crate) fn strongest(
+    grid: &Grid,
+    power: &[f64],
+    spectrum: &[Complex<f64>],
+    floor: impl Fn(usize) -> f64,
+    within: std::ops::Range<usize>,
+    least_ratio: f64,
+) -> Peaks {
+    let mut found: Peaks = Default::default();
+    let last = within.end.min(power.len().saturating_sub(1));
+    for at in within.start.max(1)..last {
+        let p = power[at];
+        if p < power[at - 1] || p <= power[at + 1] || p < 0.7 * least_ratio * floor(at) {
+            continue;
+        }
+        let mut peak = grid.measure(power, spectrum, at);
+        peak.ratio = peak.power / floor(at).max(1e-300);
+        if peak.ratio >= least_ratio {
+            insert(&mut found, peak);
+        }
+    }
+    drop_leakage(&mut found, grid.cell_hz());
+    found
+}
+
+/// Drops what a stronger line's edges may have spilt: a tone that begins inside the window leaks as
+/// one over the distance, a tenth of its power at one cell.
+fn drop_leakage(found: &mut Peaks, cell_hz: f64) {
+    let all = *found;
+    let spilt = |peak: &Peak, by: &Peak| {
+        let cells = ((peak.frequency_hz - by.frequency_hz) / cell_hz).abs();
+        by.power > peak.power && peak.power * cells * cells < 0.1 * by.power
+    };
+    let mut kept = 0;
+    for peak in &all {
+        if peak.frequency_hz > 0.0 && !all.iter().any(|by| spilt(peak, by)) {
+            found[kept] = *peak;
+            kept += 1;
+        }
+    }
+    found[kept..].fill(Peak::default());
+}
+
+fn insert(found: &mut Peaks, mut peak: Peak) {
+    for place in found.iter_mut() {
+        if peak.ratio > place.ratio {
+            std::mem::swap(place, &mut peak);
+        }
+    }
+}
+
+/// The limits of the agreement between two disjoint windows.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Agreement {
+    /// Least sum of both ratios.
+    pub(crate) ratio_sum: f64,
+    /// Largest difference of frequency, cells.
+    pub(crate) cells: f64,
+    /// The newer window's power is at most this many times the older's.
+    pub(crate) growth: f64,
+}
+
+impl Agreement {
+    /// Whether `then`, one window (of `window_s`) before `now`, tells of the same tone. Returns the
+    /// frequency refined by the phase between both.
+    pub(crate) fn between(&self, now: &Peak, then: &Peak, window_s: f64) -> Option<f64> {
+        let distance_cells = (now.frequency_hz - then.frequency_hz).abs() * window_s;
+        let weaker = now.ratio.min(then.ratio);
+        // Noise of relative power 1/ratio: what a steady tone's power and phase may stray by.
+        let stray = (2.0 / weaker).sqrt();
+        let grown = now.power / then.power.max(1e-300);
+        let steady = grown >= 0.75 * (1.0 - 2.0 * stray).max(0.3) && grown <= self.growth;
+        if distance_cells > self.cells || !steady || now.ratio + then.ratio < self.ratio_sum {
+            return None;
+        }
+        let middle_hz = 0.5 * (now.frequency_hz + then.frequency_hz);
+        let turn = wrapped(now.phase_rad - then.phase_rad - TAU * (middle_hz * window_s).fract());
+        let coherent = turn.abs() <= (0.5 + 2.0 * stray).min(0.5 * PI);
+        coherent.then(|| middle_hz + turn / (TAU * window_s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transform::Transform;
+    use proptest::prelude::*;
+    use realfft::RealFftPlanner;
+
+    const RATE_HZ: f64 = 1250.0;
+
+    fn peak_of(n: usize, pad: usize, x: impl Fn(f64) -> f64, from: usize) -> Peak {
+        let mut transform = Transform::new(&mut RealFftPlanner::new(), n, pad);
+        let samples: Vec<f64> = (from..from + n).map(|i| x(i as f64 / RATE_HZ)).collect();
+        let padded = transform.padded();
+        let spectrum = transform.run(&samples).to_vec();
+        let power: Vec<f64> = spectrum.iter().map(|x| x.norm_sqr()).collect();
+        let grid = Grid {
+            bin_hz: RATE_HZ / padded as f64,
+            bins_per_cell: padded as f64 / n as f64,
+            first: 0,
+        };
+        strongest(&grid, &power, &spectrum, |_| 1e-6, 2..power.len() - 2, 8.0)[0]
+    }
+
+    proptest! {
+        #[test]
+        fn frequency_and_amplitude_are_found_between_the_bins(f in 40.0..150.0_f64, phase in 0.0..6.0_f64) {
+            let tone = |t: f64| 2.0 * (TAU * f * t + phase).cos();
+            let padded = peak_of(160, 4, tone, 0);
+            prop_assert!((padded.frequency_hz - f).abs() < 0.05, "{} for {f}", padded.frequency_hz);
+            prop_assert!((padded.power.sqrt() - 2.0).abs() < 0.02);
+            let plain = peak_of(256, 1, tone, 0);
+            prop_assert!((plain.frequency_hz - f).abs() < 0.15, "{} for {f}", plain.frequency_hz);
+            let middle = wrapped(TAU * f * 80.0 / RATE_HZ + phase);
+            prop_assert!(wrapped(padded.phase_rad - middle).abs() < 0.05);
+        }
+
+        #[test]
+        fn two_windows_of_one_tone_agree_and_sharpen_it(f in 50.0..150.0_f64, phase in 0.0..6.0_f64) {
+            let tone = |t: f64| (TAU * f * t + phase).cos();
+            let rule = Agreement { ratio_sum: 16.0, cells: 0.75, growth: 30.0 };
+            let refined = rule.between(&peak_of(80, 4, tone, 80), &peak_of(80, 4, tone, 0), 0.064);
+            prop_assert!((refined.unwrap_or(0.0) - f).abs() < 0.02, "{refined:?} for {f}");
+        }
+    }
+
+    #[test]
+    fn a_ring_down_does_not_agree() {
+        let decaying = |t: f64| (-t / 0.05).exp() * (TAU * 70.0 * t).cos();
+        let rule = Agreement { ratio_sum: 16.0, cells: 0.75, growth: 30.0 };
+        let (now, then) = (peak_of(80, 4, decaying, 80), peak_of(80, 4, decaying, 0));
+        assert!(rule.between(&now, &then, 0.064).is_none());
+    }
+}

@@ -1,0 +1,266 @@
+//! One sliding window over all channels of one sampling rate.
+//!
+//! It knows, per channel, the noise floor and the peaks of the hops before, and tells which
+//! peaks two or three disjoint windows agree on. Planned once; execution does not allocate.
+
+use crate::floor::{Floor, middle};
+use crate::history::History;
+use crate::peak::{Agreement, Grid, Peak, Peaks, strongest};
+use crate::surroundings::Surroundings;
+use crate::transform::Transform;
+use realfft::RealFftPlanner;
+use realfft::num_complex::Complex;
+
+/// What a window is asked to do.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WindowPlan {
+    /// Samples per window: a multiple of `hop`.
+    pub(crate) samples: usize,
+    /// Samples between two transforms.
+    pub(crate) hop: usize,
+    /// Zero-padding factor.
+    pub(crate) pad: usize,
+    /// Lines are looked for in this band, Hz.
+    pub(crate) band_hz: [f64; 2],
+    /// Least power over floor of a peak.
+    pub(crate) least_ratio: f64,
+    /// Least sum of the ratios of two disjoint windows.
+    pub(crate) ratio_sum: f64,
+    /// Hops in a row that must agree.
+    pub(crate) hops_to_agree: u16,
+}
+
+/// A tone that disjoint windows agree on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sighting {
+    pub(crate) channel: usize,
+    pub(crate) frequency_hz: f64,
+    pub(crate) power: f64,
+    pub(crate) ratio: f64,
+    pub(crate) cell_hz: f64,
+    /// Three disjoint windows agree, not only two.
+    pub(crate) threefold: bool,
+}
+
+/// One channel's view in one window.
+struct View {
+    floor: Floor,
+    spectrum: Vec<Complex<f64>>,
+    power: Vec<f64>,
+    past: Vec<Peaks>,
+    hop: usize,
+    gain: f64,
+}
+
+/// A sliding window over all channels.
+pub(crate) struct SlidingWindow {
+    plan: WindowPlan,
+    transform: Transform,
+    grid: Grid,
+    window_s: f64,
+    searched: std::ops::Range<usize>,
+    views: Vec<View>,
+    cells: Vec<f64>,
+    rule: Agreement,
+    least_power: [f64; 2],
+}
+
+/// Louder than this many floors over the whole band: the surroundings changed, no line.
+const BROADBAND: f64 = 1.6;
+/// A borrowed floor is trusted this many times less than an own one.
+const BORROWED: f64 = 2.0;
+/// The floor is never taken below this part of the power of the least amplitude.
+const LEAST_FLOOR: f64 = 0.01;
+
+impl SlidingWindow {
+    /// Plans a window at `rate_hz` for `channels`; `least_power` is the squared least amplitude of
+    /// forces and of moments; the floor is learned over `learn_s`.
+    pub(crate) fn new(
+        planner: &mut RealFftPlanner<f64>,
+        plan: WindowPlan,
+        rate_hz: f64,
+        channels: usize,
+        least_power: [f64; 2],
+        learn_s: f64,
+    ) -> Self {
+        let transform = Transform::new(planner, plan.samples, plan.pad);
+        let padded = transform.padded();
+        let bins_per_cell = padded as f64 / plan.samples as f64;
+        let bin_hz = rate_hz / padded as f64;
+        let bin = |hz: f64| (hz / bin_hz).round() as usize;
+        let reach = (2.0 * bins_per_cell).ceil() as usize;
+        // Below 0.45 of the rate the floor is learned too: it tells a broadband change from a line.
+        let first = bin(plan.band_hz[0]).saturating_sub(reach).max(bins_per_cell as usize);
+        let broad_hz = if plan.pad > 1 { 0.45 * rate_hz } else { plan.band_hz[1] };
+        let end = (bin(broad_hz.max(plan.band_hz[1])) + reach).min(padded / 2);
+        let bins = end.saturating_sub(first).max(1);
+        let searched = bin(plan.band_hz[0]).saturating_sub(first)
+            ..(bin(plan.band_hz[1]) + 1).saturating_sub(first).min(bins);
+        let hop_s = plan.hop as f64 / rate_hz;
+        let window_s = plan.samples as f64 / rate_hz;
+        let warm_frames = ((learn_s - window_s).max(4.0 * window_s) / hop_s) as u32;
+        let view = || View {
+            floor: Floor::new(bins, warm_frames, 4.0 / hop_s, reach),
+            spectrum: vec![Complex::default(); bins],
+            power: vec![0.0; bins],
+            past: vec![Peaks::default(); 2 * plan.samples / plan.hop + 1],
+            hop: 0,
+            gain: 1.0,
+        };
+        Self {
+            grid: Grid { bin_hz, bins_per_cell, first },
+            window_s,
+            searched,
+            views: (0..channels).map(|_| view()).collect(),
+            cells: vec![0.0; bins],
+            rule: Agreement { ratio_sum: plan.ratio_sum, cells: 0.75, growth: 30.0 },
+            least_power,
+            plan,
+            transform,
+        }
+    }
+
+    /// Whether the floors are known, so that lines can be told from noise.
+    pub(crate) fn is_ready(&self) -> bool {
+        self.views.iter().all(|view| view.floor.is_known())
+    }
+
+    /// Changes the surroundings of all floors.
+    pub(crate) fn switch(&mut self, surroundings: Surroundings) {
+        for view in &mut self.views {
+            view.floor.switch(surroundings);
+        }
+    }
+
+    /// Forgets everything but what was learned.
+    pub(crate) fn reset(&mut self) {
+        for view in &mut self.views {
+            view.past.fill(Peaks::default());
+            view.floor.restart();
+            view.power.fill(0.0);
+        }
+    }
+
+    /// Transforms the newest window of a channel and hands every agreed peak to `sighted`.
+    /// `frozen_hz` are the live lines, whose bins the floor does not learn from.
+    pub(crate) fn hop(
+        &mut self,
+        channel: usize,
+        history: &History,
+        frozen_hz: &[f64],
+        mut sighted: impl FnMut(Sighting),
+    ) {
+        let Some(samples) = history.newest(self.plan.samples) else { return };
+        let Some(view) = self.views.get_mut(channel) else { return };
+        let spectrum = self.transform.run(samples);
+        let shown = spectrum.iter().skip(self.grid.first);
+        for ((to, power), from) in view.spectrum.iter_mut().zip(&mut view.power).zip(shown) {
+            *to = *from;
+            *power = from.norm_sqr();
+        }
+        let least_power = self.least_power[usize::from(channel >= 3)];
+        let least_floor = LEAST_FLOOR * least_power;
+        if view.floor.is_known() {
+            view.gain =
+                view.loudness(&mut self.cells, self.grid.bins_per_cell as usize, least_floor);
+            let mut peaks =
+                view.peaks(&self.grid, &self.searched, self.plan.least_ratio, least_floor);
+            view.judge(&mut peaks, &self.rule, self.window_s, self.plan.samples / self.plan.hop);
+            for peak in peaks.iter().filter(|peak| peak.power >= least_power) {
+                if peak.pairs >= self.plan.hops_to_agree {
+                    sighted(Sighting {
+                        channel,
+                        frequency_hz: peak.frequency_hz,
+                        power: peak.power,
+                        ratio: peak.ratio,
+                        cell_hz: self.grid.cell_hz(),
+                        threefold: peak.triples >= self.plan.hops_to_agree,
+                    });
+                }
+            }
+        }
+        let (grid, gain) = (self.grid, view.gain);
+        view.floor.learn(&view.power, gain, |bin| {
+            let at_hz = (grid.first + bin) as f64 * grid.bin_hz;
+            frozen_hz.iter().any(|line_hz| (line_hz - at_hz).abs() < 2.0 * grid.cell_hz())
+        });
+    }
+
+    /// Strongest value within one cell of a frequency: power, and power over floor.
+    pub(crate) fn strength(&self, channel: usize, frequency_hz: f64) -> (f64, f64) {
+        let Some(view) = self.views.get(channel) else { return (0.0, 0.0) };
+        let bins = view.power.len();
+        let Some(place) = self.grid.place(frequency_hz, bins) else { return (0.0, 0.0) };
+        let reach = (0.75 * self.grid.bins_per_cell).ceil() as usize;
+        let least_floor = LEAST_FLOOR * self.least_power[usize::from(channel >= 3)];
+        let mut strongest = place;
+        for at in place.saturating_sub(reach)..(place + reach + 1).min(bins) {
+            if view.power[at] > view.power[strongest] {
+                strongest = at;
+            }
+        }
+        let peak = self.grid.measure(&view.power, &view.spectrum, strongest);
+        (peak.power, peak.power / view.effective_floor(strongest, least_floor).max(1e-300))
+    }
+}
+
+impl View {
+    fn effective_floor(&self, bin: usize, least_floor: f64) -> f64 {
+        let trust = if self.floor.is_own() { 1.0 } else { BORROWED };
+        (self.floor.level()[bin] * self.gain * trust).max(least_floor)
+    }
+
+    /// How much louder than the floor the whole band is: the middle of power over floor, at least 1.
+    fn loudness(&self, cells: &mut [f64], stride: usize, least_floor: f64) -> f64 {
+        let level = self.floor.level();
+        let mut count = 0;
+        for bin in (0..self.power.len()).step_by(stride.max(1)) {
+            cells[count] = self.power[bin] / level[bin].max(least_floor).max(1e-300);
+            count += 1;
+        }
+        let loudness = middle(&mut cells[..count]) / std::f64::consts::LN_2;
+        if loudness > BROADBAND { loudness } else { 1.0 }
+    }
+
+    fn peaks(
+        &self,
+        grid: &Grid,
+        searched: &std::ops::Range<usize>,
+        least_ratio: f64,
+        least_floor: f64,
+    ) -> Peaks {
+        let floor = |bin| self.effective_floor(bin, least_floor);
+        strongest(grid, &self.power, &self.spectrum, floor, searched.clone(), least_ratio)
+    }
+
+    /// Compares the peaks with those one and two windows ago, and stores them.
+    fn judge(
+        &mut self,
+        peaks: &mut Peaks,
+        rule: &Agreement,
+        window_s: f64,
+        hops_per_window: usize,
+    ) {
+        let depth = self.past.len();
+        self.hop = (self.hop + 1) % depth;
+        let ago = |hops: usize| (self.hop + depth - hops) % depth;
+        let agreeing = |now: &Peak, hops: usize| {
+            self.past[ago(hops)]
+                .iter()
+                .take_while(|then| then.frequency_hz > 0.0)
+                .find_map(|then| Some((*then, rule.between(now, then, window_s)?)))
+        };
+        for peak in peaks.iter_mut().take_while(|peak| peak.frequency_hz > 0.0) {
+            let Some((then, refined_hz)) = agreeing(peak, hops_per_window) else { continue };
+            let before = self.past[ago(1)].iter().find(|before| {
+                before.frequency_hz > 0.0
+                    && (before.frequency_hz - peak.frequency_hz).abs() * window_s < 0.75
+            });
+            let third = agreeing(&then, 2 * hops_per_window).is_some();
+            peak.pairs = before.map_or(0, |before| before.pairs) + 1;
+            peak.triples = if third { before.map_or(0, |before| before.triples) + 1 } else { 0 };
+            peak.frequency_hz = refined_hz;
+        }
+        self.past[self.hop] = *peaks;
+    }
+}

@@ -1,0 +1,133 @@
+//! Whether the tool is in air or in the cut, judged by the level of the forces.
+//!
+//! Used where the cell does not say so itself. Mean and variance of the force channels over 64 ms are
+//! compared with the quietest seen: 12 dB more variance, or a mean ten standard deviations away, is a
+//! cut. A stream that begins in the cut reads as air until it becomes quieter.
+
+use crate::config::WatchConfig;
+
+const PERIOD_S: f64 = 0.064;
+const FORCES: usize = 3;
+
+/// Where the tool is: each has a floor of its own.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Surroundings {
+    #[default]
+    Air,
+    Cut,
+}
+
+/// Sums over the present period, and the quietest period so far.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Level {
+    period: u32,
+    count: u32,
+    sums: [(f64, f64); FORCES],
+    least: f64,
+    quiet: Option<(f64, [f64; FORCES])>,
+    present: Surroundings,
+    cut_seen: bool,
+}
+
+impl Level {
+    pub(crate) fn new(config: &WatchConfig) -> Self {
+        Self {
+            period: (PERIOD_S * config.rate_hz) as u32,
+            count: 0,
+            sums: [(0.0, 0.0); FORCES],
+            least: config.least_amplitude_n.powi(2).max(1e-12),
+            quiet: None,
+            present: Surroundings::Air,
+            cut_seen: false,
+        }
+    }
+
+    /// Takes one sample of a channel; moments are not asked.
+    #[inline]
+    pub(crate) fn take(&mut self, channel: usize, sample: f64) {
+        if let Some((sum, squares)) = self.sums.get_mut(channel) {
+            // Around the quiet mean, so that a large offset does not eat the variance's digits.
+            let x = sample - self.quiet.map_or(0.0, |(_, means)| means[channel]);
+            *sum += x;
+            *squares += x * x;
+        }
+    }
+
+    /// Notes that every channel has had `run` samples more.
+    pub(crate) fn advance(&mut self, run: usize) {
+        self.count += run as u32;
+        if self.count >= self.period {
+            self.close();
+        }
+    }
+
+    fn close(&mut self) {
+        let n = f64::from(self.count);
+        let around = self.quiet.map_or([0.0; FORCES], |(_, means)| means);
+        let off = self.sums.map(|(sum, _)| sum / n);
+        let variance: f64 =
+            self.sums.iter().map(|(sum, squares)| (squares - sum * sum / n).max(0.0) / n).sum();
+        let distance: f64 = off.iter().map(|d| d * d).sum();
+        let means: [f64; FORCES] = std::array::from_fn(|c| around[c] + off[c]);
+        self.sums = [(0.0, 0.0); FORCES];
+        self.count = 0;
+        let Some((quiet, quiet_means)) = &mut self.quiet else {
+            self.quiet = Some((variance, means));
+            return;
+        };
+        let spread = *quiet + self.least;
+        let (loud, far) = match self.present {
+            Surroundings::Air => (16.0, 100.0),
+            Surroundings::Cut => (4.0, 25.0),
+        };
+        let cuts = variance > loud * spread || distance > far * spread;
+        self.present = if cuts { Surroundings::Cut } else { Surroundings::Air };
+        self.cut_seen |= cuts;
+        // Much quieter than the quietest so far: the stream had begun in the cut.
+        let quieter = variance < 0.25 * *quiet;
+        if !cuts || quieter {
+            let follow = if quieter { 1.0 } else { 0.05 };
+            *quiet += follow * (variance - *quiet);
+            for (mean, new) in quiet_means.iter_mut().zip(means) {
+                *mean += follow * (new - *mean);
+            }
+        }
+    }
+
+    /// Where the tool is now.
+    pub(crate) fn present(&self) -> Surroundings {
+        self.present
+    }
+
+    /// Whether air was told from a cut at least once: before, "air" is only a guess.
+    pub(crate) fn knows_air(&self) -> bool {
+        self.cut_seen
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(level: &mut Level, seconds: f64, mean: f64, swing: f64) {
+        for i in 0..(seconds * 1000.0) as usize {
+            level.take(0, mean + swing * (1.1 * i as f64).sin());
+            level.take(1, 5000.0 + 0.5 * (1.7 * i as f64).sin());
+            level.advance(1);
+        }
+    }
+
+    #[test]
+    fn a_cut_is_told_by_its_mean_or_by_its_swing() {
+        for (mean, swing) in [(30.0, 0.5), (0.0, 10.0)] {
+            let config = WatchConfig { rate_hz: 1000.0, ..WatchConfig::default() };
+            let mut level = Level::new(&config);
+            run(&mut level, 1.0, 0.0, 0.5);
+            assert_eq!((level.present(), level.knows_air()), (Surroundings::Air, false));
+            run(&mut level, 1.0, mean, swing);
+            assert_eq!(level.present(), Surroundings::Cut);
+            run(&mut level, 1.0, 0.0, 0.5);
+            assert_eq!((level.present(), level.knows_air()), (Surroundings::Air, true));
+        }
+    }
+}

@@ -1,0 +1,20 @@
+//! The arguments as types. Never what they do.
+
+use clap::Parser;
+
+use crate::commands::Command;
+use crate::options::Common;
+
+/// Makes a robot's tool go where it was told to.
+///
+/// trued corrects commanded joint targets over shared memory with a model of this very robot, and says what the model
+/// does not know yet.
+#[derive(Debug, Parser)]
+#[command(name = "trued", version, max_term_width = 100, subcommand_required = true)]
+#[command(arg_required_else_help = true, disable_help_subcommand = true)]
+pub(crate) struct Cli {
+    #[command(flatten)]
+    pub(crate) common: Common,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}

@@ -1,0 +1,169 @@
+//! What happened tick by tick, and what follows from it.
+
+use hdrhistogram::Histogram;
+use physics::{Arm, Joints};
+use recording::series::{About, Channel, FileUnits, Recording};
+use trued_client::Verdict;
+use world::cell::Tick;
+
+use super::outcome::{Errors, Event, Latency, Report, Ringing, Spread};
+use super::scene::{Scene, TICK_S};
+
+/// Amplitude from which the robot counts as ringing, N: what the force sensor's noise still hides.
+const RINGS_FROM_N: f64 = 0.2;
+
+/// One tick.
+pub(super) struct Row {
+    pub(super) t_s: f64,
+    pub(super) without_mm: f64,
+    pub(super) with_mm: f64,
+    pub(super) published: Joints,
+    pub(super) correction: Joints,
+    pub(super) tcp_base: [f64; 3],
+    pub(super) force_tool: [f64; 3],
+    pub(super) cut: Option<usize>,
+}
+
+/// Everything that was seen.
+pub(super) struct Log {
+    pub(super) rows: Vec<Row>,
+    pub(super) events: Vec<Event>,
+    pub(super) latency: Histogram<u64>,
+    pub(super) missed: u64,
+    pub(super) broken: u64,
+    pub(super) ringing_from_s: Option<f64>,
+}
+
+impl Log {
+    pub(super) fn new(ticks: usize) -> Result<Self, hdrhistogram::CreationError> {
+        Ok(Self {
+            rows: Vec::with_capacity(ticks),
+            events: Vec::new(),
+            latency: Histogram::new_with_bounds(1, 60_000_000_000, 3)?,
+            missed: 0,
+            broken: 0,
+            ringing_from_s: None,
+        })
+    }
+
+    /// Takes a tick with what was published for it.
+    pub(super) fn tick(&mut self, tick: &Tick, published: &Joints) {
+        let (without, with) = tick.errors_m();
+        if tick.chatter_n > RINGS_FROM_N && self.ringing_from_s.is_none() {
+            self.ringing_from_s = Some(tick.t_s);
+        }
+        let mut correction = [0.0; physics::JOINTS_MAX];
+        for (i, slot) in correction.iter_mut().enumerate() {
+            *slot = published[i] - tick.q_cmd[i];
+        }
+        let force = tick.forces_tool.iter().sum::<glam::DVec3>() / tick.forces_tool.len() as f64;
+        self.rows.push(Row {
+            t_s: tick.t_s,
+            without_mm: 1e3 * without,
+            with_mm: 1e3 * with,
+            published: *published,
+            correction,
+            tcp_base: tick.with.origin.to_array(),
+            force_tool: force.to_array(),
+            cut: tick.cut,
+        });
+    }
+
+    /// Takes what the daemon says of vibration; `start_ns` is the time of the first tick.
+    pub(super) fn verdict(&mut self, verdict: &Verdict, start_ns: u64) {
+        let t_s = (verdict.t_ns as f64 - start_ns as f64) * 1e-9;
+        let name = |code: Result<String, _>| {
+            code.unwrap_or_else(|_: shm_schema::UnknownCode| "unknown".to_owned())
+        };
+        let axes = ["x", "y", "z", "mx", "my", "mz"];
+        self.events.push(Event {
+            t_s,
+            state: name(verdict.state().map(|state| state.to_string())),
+            frequency_Hz: verdict.frequency_hz,
+            amplitude_N: verdict.amplitude,
+            axis: axes.get(verdict.axis as usize).copied().unwrap_or("unknown").to_owned(),
+            class: name(verdict.class().map(|class| class.to_string())),
+            suspect_alias: verdict.suspect_alias != 0,
+            after_onset_ms: self.ringing_from_s.map(|from_s| 1e3 * (t_s - from_s)),
+        });
+    }
+
+    /// What it comes to, from the moment the robot set off.
+    pub(super) fn report(&self, scene: &Scene, rejected: u64) -> Report {
+        let rows = self.rows.get(scene.dwell..).unwrap_or(&[]);
+        let at = |quantile| self.latency.value_at_quantile(quantile);
+        Report {
+            seed: scene.seed,
+            quick: scene.quick,
+            robot: scene.model.file.name.clone(),
+            tool_error_mm: Errors {
+                without: Spread::of(rows.iter().map(|row| row.without_mm)),
+                with: Spread::of(rows.iter().map(|row| row.with_mm)),
+            },
+            cycles: self.rows.len() as u64,
+            missed_cycles: self.missed,
+            rejected_commands: rejected,
+            invariants_broken: self.broken,
+            vibration: self.events.clone(),
+            ringing: self.ringing(scene),
+            latency_ns: Latency {
+                p50: at(0.5),
+                p99: at(0.99),
+                p999: at(0.999),
+                max: self.latency.max(),
+            },
+            lacking: scene.truth.extras.iter().map(|extra| extra.words.clone()).collect(),
+        }
+    }
+
+    fn ringing(&self, scene: &Scene) -> Ringing {
+        let frequency = scene.chatter.frequency_hz;
+        let from_s = self.ringing_from_s.unwrap_or(f64::NAN);
+        let cut = world::slots::Slots::cut_name(scene.chatter.cut);
+        let words =
+            format!("true: {frequency} Hz in {cut} from {from_s:.2} s, above {RINGS_FROM_N} N");
+        Ringing { frequency_Hz: frequency, from_s, words }
+    }
+
+    /// The run as a recording: what the robot was told, where its tool went, the forces.
+    pub(super) fn recording(&self, scene: &Scene) -> Recording {
+        let column = |of: &dyn Fn(&Row) -> f64| self.rows.iter().map(of).collect::<Vec<_>>();
+        let mut recording = Recording::new(column(&|row| row.t_s));
+        recording.units = FileUnits::WORKSHOP;
+        recording.about = About {
+            measured_in_base: true,
+            model: Some("model.toml".to_owned()),
+            ..About::default()
+        };
+        for joint in 0..scene.model.physics.arm.count() {
+            recording.set(Channel::Command(joint), column(&|row| row.published[joint]));
+        }
+        for axis in 0..3 {
+            recording.set(Channel::Position(axis), column(&|row| row.tcp_base[axis]));
+            recording.set(Channel::Wrench(axis), column(&|row| row.force_tool[axis]));
+            recording.set(Channel::Wrench(axis + 3), vec![0.0; self.rows.len()]);
+        }
+        recording.set(Channel::Ambient, vec![scene.truth.ambient_celsius; self.rows.len()]);
+        recording
+    }
+}
+
+/// Whether a published target keeps the invariants, given the one before: finite, in the limits, near the command, not too fast.
+pub(super) fn keeps_invariants(
+    arm: &Arm,
+    bounds: &shm_schema::JointBounds,
+    command: &Joints,
+    published: &Joints,
+    before: Option<&Joints>,
+) -> bool {
+    let near_rounding = 1e-9;
+    arm.joints().iter().enumerate().all(|(i, joint)| {
+        let (q, correction) = (published[i], published[i] - command[i]);
+        let in_limits = q >= joint.limits.0 && q <= joint.limits.1;
+        let near = correction.abs() <= bounds.angle[i] + near_rounding;
+        let slow = before.is_none_or(|c| {
+            (correction - c[i]).abs() <= bounds.rate[i] * TICK_S * 1.5 + near_rounding
+        });
+        q.is_finite() && in_limits && near && slow
+    })
+}

@@ -1,0 +1,140 @@
+//! The demo's page: key numbers, the path error before and after, the correction per joint, the latency, the ringing.
+
+use report::{
+    Axis, Column, Histogram, Multiples, Number, Page, Plot, Series, Table, Tone, quantity,
+};
+
+use super::log::{Log, Row};
+use super::outcome::Report;
+use super::scene::Scene;
+
+/// The whole page.
+pub(super) fn render(scene: &Scene, report: &Report, log: &Log) -> String {
+    let rows = log.rows.get(scene.dwell..).unwrap_or(&[]);
+    let lead = format!(
+        "{} mills {}. The daemon corrects with a calibrated model; the true robot differs from it by what a calibration leaves \
+         unknown, and by two effects that the model does not have.",
+        report.robot,
+        scene.what()
+    );
+    Page::new("The tool goes where it was told to go")
+        .kicker(format!("trued demo, seed {}", report.seed))
+        .lead(&lead)
+        .numbers(numbers(report))
+        .section("Where the tool went")
+        .figure(
+            "Distance of the true tool centre point from the commanded path, both measured on the true robot.",
+            &error_over_time(rows).render(),
+        )
+        .table(&errors(report))
+        .figure("How often which error occurred.", &histogram(rows).render())
+        .section("What was corrected")
+        .figure("Published target minus command, joint by joint.", &corrections(scene, rows).render())
+        .section("What the model does not know")
+        .list(&report.lacking)
+        .section("The time it took")
+        .text(
+            "From sending the command to holding the corrected target, between two processes on this machine. A desktop or \
+             virtual machine's kernel is no real-time kernel: its tail says nothing about a controller's.",
+        )
+        .figure("Round trip over shared memory.", &latency(log).render())
+        .section("The cut that rings")
+        .text(&format!("The daemon hears the force samples at 10 kHz. {}.", report.ringing.words))
+        .figure("Force on the tool across the ringing, tool axes.", &force(scene, log).render())
+        .table(&events(report))
+        .footer("Made by trued demo; the recording beside this page holds every tick.")
+        .render()
+}
+
+fn numbers(report: &Report) -> Vec<Number> {
+    let errors = &report.tool_error_mm;
+    let share = 100.0 * errors.with.mean / errors.without.mean;
+    vec![
+        Number::new("Mean tool error without", errors.without.mean, "mm"),
+        Number::new("Mean tool error with", errors.with.mean, "mm")
+            .note(format!("{share:.0} % of that without"))
+            .tone(Tone::Good),
+        Number::text("Round trip, middle", quantity(report.latency_ns.p50 as f64 * 1e-9, "s")),
+        Number::text("Cycles missed", format!("{} of {}", report.missed_cycles, report.cycles)),
+    ]
+}
+
+fn error_over_time(rows: &[Row]) -> Plot {
+    let line =
+        |of: fn(&Row) -> f64| rows.iter().map(move |row| (row.t_s, of(row))).collect::<Vec<_>>();
+    Plot::new("Tool error over time", Axis::new("Time", "s"), Axis::new("Tool error", "mm"))
+        .series(Series::line("without correction", line(|row| row.without_mm)).muted())
+        .series(Series::line("with correction", line(|row| row.with_mm)))
+}
+
+fn histogram(rows: &[Row]) -> Histogram {
+    Histogram::new("Tool error", Axis::new("Tool error", "mm"))
+        .values("without correction", rows.iter().map(|row| row.without_mm))
+        .values("with correction", rows.iter().map(|row| row.with_mm))
+        .bins(60)
+}
+
+fn corrections(scene: &Scene, rows: &[Row]) -> Multiples {
+    let joints = 0..scene.model.physics.arm.count();
+    joints.fold(Multiples::new("Correction", 3), |all, i| {
+        let line = rows.iter().map(|row| (row.t_s, 1e3 * row.correction[i]));
+        let title = format!("Joint {}", i + 1);
+        let plot = Plot::new(title, Axis::new("Time", "s"), Axis::new("Correction", "mrad"));
+        all.plot(plot.series(Series::line("correction", line)))
+    })
+}
+
+fn latency(log: &Log) -> Histogram {
+    let counted = log.latency.iter_recorded().map(|bucket| {
+        (bucket.value_iterated_to() as f64 * 1e-3, bucket.count_since_last_iteration())
+    });
+    Histogram::new("Round trip", Axis::new("Round trip", "µs").log())
+        .counted("round trips", counted)
+        .log_share()
+        .mark(log.latency.value_at_quantile(0.5) as f64 * 1e-3, "middle")
+        .mark(log.latency.value_at_quantile(0.99) as f64 * 1e-3, "99 %")
+}
+
+fn force(scene: &Scene, log: &Log) -> Plot {
+    let from_s = log.ringing_from_s.unwrap_or(0.0) - 0.5;
+    let seen = || log.rows.iter().filter(move |row| row.t_s >= from_s && row.t_s <= from_s + 1.5);
+    let mut plot = Plot::new("Force", Axis::new("Time", "s"), Axis::new("Force", "N"));
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        plot =
+            plot.series(Series::line(name, seen().map(move |row| (row.t_s, row.force_tool[axis]))));
+    }
+    if let Some(from_s) = log.ringing_from_s {
+        plot = plot.mark_x(from_s, "rings");
+    }
+    let alarm = log.events.iter().find(|event| event.state == "alarm");
+    let rings_at = scene.chatter.frequency_hz;
+    match alarm.filter(|event| (event.frequency_Hz - rings_at).abs() < 5.0) {
+        Some(event) => plot.mark_x(event.t_s, "alarm"),
+        None => plot,
+    }
+}
+
+fn errors(report: &Report) -> Table {
+    let row = |name: &str, spread: &super::outcome::Spread| {
+        [name.into(), spread.mean.into(), spread.p95.into(), spread.max.into()]
+    };
+    let number = |head: &str| Column::new(head).digits(3);
+    let heads = [Column::new("mm"), number("mean"), number("95 %"), number("largest")];
+    Table::new("Tool error along the path", heads)
+        .row(row("without correction", &report.tool_error_mm.without))
+        .row(row("with correction", &report.tool_error_mm.with))
+}
+
+fn events(report: &Report) -> Table {
+    let heads = ["Time, s", "State", "Frequency, Hz", "Amplitude, N", "Axis", "Class"];
+    report.vibration.iter().fold(Table::new("What the daemon said", heads), |table, event| {
+        table.row([
+            event.t_s.into(),
+            event.state.as_str().into(),
+            event.frequency_Hz.into(),
+            event.amplitude_N.into(),
+            event.axis.as_str().into(),
+            event.class.as_str().into(),
+        ])
+    })
+}

@@ -1,0 +1,83 @@
+//! How a command ends, as types and as exit codes.
+//!
+//! | code | meaning |
+//! | --- | --- |
+//! | 0 | done |
+//! | 1 | done, and the answer is no: a check that found faults, a bench below an asked bound |
+//! | 2 | bad input or usage |
+//! | 3 | the system failed: no shared memory, no permission, disk full |
+//! | 130 | interrupted |
+
+use std::error::Error;
+use std::process::ExitCode;
+
+/// The answer of a command that was done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Answer {
+    /// Done.
+    Done,
+    /// Done, and the answer is no.
+    No,
+}
+
+/// Why a command was not done. The words come from the error within.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    /// What was given cannot be used.
+    #[error(transparent)]
+    Input(Box<dyn Error + Send + Sync>),
+    /// The machine did not do what any machine should.
+    #[error(transparent)]
+    System(Box<dyn Error + Send + Sync>),
+    /// Someone asked to stop.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+/// How a command ends.
+pub type Outcome = Result<Answer, Failure>;
+
+impl Failure {
+    /// For `map_err`: the fault is in what was given.
+    pub fn input(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::Input(error.into())
+    }
+
+    /// For `map_err`: the fault is in the system.
+    pub fn system(error: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self::System(error.into())
+    }
+}
+
+/// The exit code of an outcome.
+#[must_use]
+pub fn code(outcome: &Outcome) -> ExitCode {
+    ExitCode::from(number(outcome))
+}
+
+fn number(outcome: &Outcome) -> u8 {
+    match outcome {
+        Ok(Answer::Done) => 0,
+        Ok(Answer::No) => 1,
+        Err(Failure::Input(_)) => 2,
+        Err(Failure::System(_)) => 3,
+        Err(Failure::Interrupted) => crate::interrupt::EXIT_CODE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exit_codes_are_those_of_the_contract() {
+        let outcomes = [
+            Ok(Answer::Done),
+            Ok(Answer::No),
+            Err(Failure::input("no such model")),
+            Err(Failure::system("disk full")),
+            Err(Failure::Interrupted),
+        ];
+        assert_eq!(outcomes.each_ref().map(number), [0, 1, 2, 3, 130]);
+    }
+}

@@ -1,0 +1,101 @@
+//! The help of the program: commands by task, examples, exit codes. Lists only commands that exist.
+
+use clap::Command;
+
+/// Every command that the contract names, by what one wants to do.
+const TASKS: [(&str, &[&str]); 6] = [
+    ("See it work", &["demo", "bench", "doctor"]),
+    ("Correct a robot", &["run", "check", "reload", "correct", "replay", "bridge", "fleet"]),
+    ("Make a model", &["model", "plan", "calibrate", "gears", "simulate"]),
+    ("Find what is wrong", &["diagnose", "trends", "challenge"]),
+    ("Look at vibration", &["spectrum", "surface", "tap"]),
+    ("Look at recordings", &["record", "info", "convert", "top"]),
+];
+
+/// Examples by the command they show; the first three whose command exists are printed.
+const EXAMPLES: [(&str, &str, &str); 5] = [
+    ("demo", "trued demo --quick", "a simulated cell, without and with correction, in 10 s"),
+    ("run", "trued run --config cell.toml", "the daemon for one cell"),
+    (
+        "correct",
+        "trued correct --model robot.toml path.csv",
+        "a path file, corrected, without a daemon",
+    ),
+    ("model", "trued model presets", "the robots that come along"),
+    ("check", "trued check cell.toml", "all faults of a configuration at once"),
+];
+
+const EXIT_CODES: &str = "  0    done
+  1    done, and the answer is no
+  2    bad input or usage
+  3    the system failed (shared memory, permission, disk)
+  130  interrupted";
+
+/// The command with its help laid out.
+pub(crate) fn dressed(command: Command) -> Command {
+    let commands = tasks(&command) + &examples(&command);
+    let template = format!(
+        "{{about-with-newline}}\nUsage: {{usage}}\n\n{commands}Options:\n{{options}}\n\nExit codes:\n{EXIT_CODES}\n\n\
+         `trued COMMAND --help` tells more about a command.\n"
+    );
+    command.help_template(template)
+}
+
+fn tasks(command: &Command) -> String {
+    let mut text = String::new();
+    for (task, names) in TASKS {
+        let found: Vec<_> = names.iter().filter_map(|name| command.find_subcommand(name)).collect();
+        if found.is_empty() {
+            continue;
+        }
+        text += &format!("{task}:\n");
+        for command in found {
+            let about = command.get_about().map(ToString::to_string).unwrap_or_default();
+            text += &format!("  {:<10} {about}\n", command.get_name());
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn examples(command: &Command) -> String {
+    let known = |example: &&(&str, &str, &str)| command.find_subcommand(example.0).is_some();
+    let lines: String = EXAMPLES
+        .iter()
+        .filter(known)
+        .take(3)
+        .map(|(_, line, about)| format!("  {line:<44} {about}\n"))
+        .collect();
+    if lines.is_empty() { lines } else { format!("Examples:\n{lines}\n") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::Cli;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        dressed(Cli::command()).debug_assert();
+    }
+
+    #[test]
+    fn every_command_has_its_place_in_the_help() {
+        let placed = |name: &str| TASKS.iter().any(|(_, names)| names.contains(&name));
+        assert!(Cli::command().get_subcommands().all(|command| placed(command.get_name())));
+    }
+
+    #[test]
+    fn only_what_exists_is_listed_by_task_with_its_examples() {
+        let known = ["demo", "model"].map(|name| Command::new(name).about("What it does"));
+        let mut command = dressed(Command::new("trued").about("About").subcommands(known));
+        let help = command.render_help().to_string();
+        assert!(
+            help.contains("See it work:\n  demo       What it does\n\nMake a model:\n  model"),
+            "{help}"
+        );
+        assert!(help.contains("trued demo --quick") && help.contains("trued model presets"));
+        assert!(!help.contains("diagnose") && !help.contains("trued run"));
+    }
+}

@@ -1,0 +1,65 @@
+//! Ctrl-C and SIGTERM as a flag that long commands look at, so that they end in order.
+//!
+//! Promises: the first signal only sets the flag; a second Ctrl-C ends the program at once with 130, should a command
+//! hang. Chosen: `signal-hook`, as it sets an atomic from the handler itself; `ctrlc` starts a thread for it, which a
+//! program that counts its threads and their priorities does not want.
+//!
+//! iceoryx2 would install handlers of its own: create its nodes with `SignalHandlingMode::Disabled`.
+
+use std::sync::Arc;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
+
+use crate::exit::Failure;
+
+/// The exit code after an interruption.
+pub const EXIT_CODE: u8 = 130;
+
+/// The flag that a signal sets. The first call installs the handlers: a command that never asks is ended by a signal
+/// as any program.
+///
+/// # Errors
+///
+/// [`Failure::System`] where the system refuses a handler.
+pub fn flag() -> Result<Arc<AtomicBool>, Failure> {
+    static FLAG: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+    if let Some(flag) = FLAG.get() {
+        return Ok(Arc::clone(flag));
+    }
+    let flag = FLAG.get_or_init(Arc::default);
+    install(flag).map_err(Failure::system)?;
+    Ok(Arc::clone(flag))
+}
+
+/// For `?` inside a loop: an error once the flag is set.
+///
+/// # Errors
+///
+/// [`Failure::Interrupted`] once the flag is set.
+pub fn check(flag: &AtomicBool) -> Result<(), Failure> {
+    if flag.load(Ordering::Relaxed) { Err(Failure::Interrupted) } else { Ok(()) }
+}
+
+fn install(stop: &Arc<AtomicBool>) -> std::io::Result<()> {
+    // In this order: the first asks whether the flag was set by an earlier signal.
+    flag::register_conditional_shutdown(SIGINT, i32::from(EXIT_CODE), Arc::clone(stop))?;
+    flag::register(SIGINT, Arc::clone(stop))?;
+    flag::register(SIGTERM, Arc::clone(stop))?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_signal_sets_the_flag_and_the_program_goes_on() {
+        let flag = flag().expect("handlers");
+        assert!(check(&flag).is_ok());
+        signal_hook::low_level::raise(SIGTERM).expect("raised");
+        assert!(matches!(check(&flag), Err(Failure::Interrupted)));
+    }
+}

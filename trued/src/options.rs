@@ -1,0 +1,82 @@
+//! Options that commands share, to be flattened into theirs. One way to say a thing on every command.
+
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use clap::{ArgAction, Args, ValueEnum};
+
+/// Options of every command.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Options of every command")]
+pub struct Common {
+    /// Also write what was found as one JSON object; with `-` to standard output, the text then to standard error
+    #[arg(long, value_name = "FILE", global = true)]
+    pub json: Option<PathBuf>,
+    /// No progress, no log but errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// More log; twice for all of it
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    pub verbose: u8,
+    /// Colours in text; `auto`: on a terminal, unless `NO_COLOR` is set
+    #[arg(long, value_name = "auto|always|never", global = true, value_enum, default_value_t)]
+    #[arg(hide_possible_values = true, hide_default_value = true)]
+    pub color: Color,
+}
+
+/// When text is coloured.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub enum Color {
+    /// On a terminal, unless `NO_COLOR` is set.
+    #[default]
+    Auto,
+    /// Always.
+    Always,
+    /// Never.
+    Never,
+}
+
+/// For commands where chance plays a part.
+#[derive(Debug, Clone, Args)]
+pub struct Seed {
+    /// Seed of all chance; drawn and told if not given
+    #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+}
+
+impl Seed {
+    /// The seed given, or one drawn by chance, below a million so that it can be typed. The command says it.
+    #[must_use]
+    pub fn settle(&self) -> u64 {
+        self.seed.unwrap_or_else(|| RandomState::new().build_hasher().finish() % 1_000_000)
+    }
+}
+
+/// For commands whose work is spread over threads; results do not depend on it.
+#[derive(Debug, Clone, Args)]
+pub struct Threads {
+    /// Threads to work with; as many as the machine offers if not given
+    #[arg(long, value_name = "N")]
+    threads: Option<NonZeroUsize>,
+}
+
+impl Threads {
+    /// How many threads to work with.
+    #[must_use]
+    pub fn settle(&self) -> NonZeroUsize {
+        let offered = || std::thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+        self.threads.unwrap_or_else(offered)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_given_seed_is_used_and_a_drawn_one_can_be_typed() {
+        assert_eq!(Seed { seed: Some(7) }.settle(), 7);
+        assert!(Seed { seed: None }.settle() < 1_000_000);
+    }
+}

@@ -1,0 +1,240 @@
+//! Where a command's words go: text to standard output, errors to standard error, JSON and pages to files.
+//!
+//! Promises: a reader that left (`trued info … | head`) is no error, the command goes on and ends with its own exit
+//! code; no colour where none was asked for; with `--json -` standard output holds the JSON object alone.
+
+use std::error::Error;
+use std::io::{self, ErrorKind, IsTerminal, Write};
+use std::path::Path;
+
+use indicatif::{MultiProgress, ProgressDrawTarget};
+use serde::Serialize;
+
+use crate::atomic;
+use crate::exit::Failure;
+use crate::options::{Color, Common};
+
+/// How a word is meant; shown by colour where there is any.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Paint {
+    /// A heading, a key number.
+    Strong,
+    /// Beside the point.
+    Faint,
+    /// As it should be.
+    Good,
+    /// To be looked at.
+    Caution,
+    /// A fault.
+    Bad,
+}
+
+/// The two streams of a command, and what was asked of them.
+#[derive(Debug)]
+pub struct Console {
+    common: Common,
+    progress: MultiProgress,
+    reader_left: bool,
+}
+
+/// The schema's name first, then the object.
+#[derive(Serialize)]
+struct Named<'a, T: Serialize> {
+    schema: &'a str,
+    #[serde(flatten)]
+    body: &'a T,
+}
+
+impl Console {
+    /// A console by the options of every command.
+    #[must_use]
+    pub fn new(common: Common) -> Self {
+        let shown = !common.quiet && io::stderr().is_terminal();
+        let target =
+            if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let progress = MultiProgress::with_draw_target(target);
+        Self { common, progress, reader_left: false }
+    }
+
+    /// The options of every command.
+    #[must_use]
+    pub fn common(&self) -> &Common {
+        &self.common
+    }
+
+    /// Where progress bars draw; hidden unless standard error is a terminal.
+    #[must_use]
+    pub fn progress(&self) -> &MultiProgress {
+        &self.progress
+    }
+
+    /// Says a line (or several) of the result.
+    ///
+    /// # Errors
+    ///
+    /// [`Failure::System`] where the stream cannot be written, e.g. a full disk behind it.
+    pub fn say(&mut self, text: impl AsRef<str>) -> Result<(), Failure> {
+        let text = text.as_ref();
+        if self.text_to_stderr() {
+            return self.tell(io::stderr(), text);
+        }
+        self.tell(io::stdout(), text)
+    }
+
+    /// Writes what was found to where `--json` says, `schema` first; does nothing without `--json`. `body` is a struct
+    /// or a map; numbers that are not finite become `null`.
+    ///
+    /// # Errors
+    ///
+    /// [`Failure`] where the file or the stream cannot be written, or `body` is no object.
+    pub fn json(&mut self, schema: &str, body: &impl Serialize) -> Result<(), Failure> {
+        let Some(path) = self.common.json.clone() else { return Ok(()) };
+        let object = Named { schema, body };
+        let text = serde_json::to_string_pretty(&object).map_err(Failure::system)?;
+        if path == Path::new("-") {
+            return self.tell(io::stdout(), &text);
+        }
+        Ok(atomic::write(&path, |out| writeln!(out, "{text}"))?)
+    }
+
+    /// Writes a page (or any text) to a file, whole or not at all.
+    ///
+    /// # Errors
+    ///
+    /// [`Failure`] where the file cannot be written.
+    pub fn file(&self, path: &Path, text: &str) -> Result<(), Failure> {
+        Ok(atomic::write(path, |out| out.write_all(text.as_bytes()))?)
+    }
+
+    /// The text in colour, where the stream of the result has any.
+    #[must_use]
+    pub fn paint(&self, paint: Paint, text: &str) -> String {
+        let to_terminal = if self.text_to_stderr() {
+            io::stderr().is_terminal()
+        } else {
+            io::stdout().is_terminal()
+        };
+        if self.coloured(to_terminal) { painted(paint, text) } else { text.to_owned() }
+    }
+
+    /// Says on standard error why the command was not done.
+    pub(crate) fn complain(&self, failure: &Failure) {
+        let head =
+            if self.colour_on_stderr() { painted(Paint::Bad, "error:") } else { "error:".into() };
+        let mut text = format!("{head} {failure}\n");
+        let mut said = failure.to_string();
+        let mut cause = failure.source();
+        while let Some(error) = cause {
+            let words = error.to_string();
+            if !said.contains(&words) {
+                text += &format!("  because {words}\n");
+            }
+            said = words;
+            cause = error.source();
+        }
+        // Where even standard error is gone, the exit code still tells.
+        let _ = self.progress.suspend(|| io::stderr().write_all(text.as_bytes()));
+    }
+
+    pub(crate) fn colour_on_stderr(&self) -> bool {
+        self.coloured(io::stderr().is_terminal())
+    }
+
+    fn text_to_stderr(&self) -> bool {
+        self.common.json.as_deref() == Some(Path::new("-"))
+    }
+
+    fn coloured(&self, on_terminal: bool) -> bool {
+        let refused = || {
+            std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty())
+                || std::env::var_os("TERM").is_some_and(|value| value == "dumb")
+        };
+        match self.common.color {
+            Color::Always => true,
+            Color::Never => false,
+            Color::Auto => on_terminal && !refused(),
+        }
+    }
+
+    fn tell(&mut self, mut stream: impl Write, text: &str) -> Result<(), Failure> {
+        if self.reader_left {
+            return Ok(());
+        }
+        let told = self.progress.suspend(|| {
+            stream.write_all(text.as_bytes())?;
+            stream.write_all(if text.ends_with('\n') { b"" } else { b"\n" })?;
+            stream.flush()
+        });
+        match told {
+            Err(error) if error.kind() == ErrorKind::BrokenPipe => self.reader_left = true,
+            told => {
+                told.map_err(|error| Failure::system(format!("cannot write the result: {error}")))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn painted(paint: Paint, text: &str) -> String {
+    let code = match paint {
+        Paint::Strong => "1",
+        Paint::Faint => "2",
+        Paint::Good => "32",
+        Paint::Caution => "33",
+        Paint::Bad => "1;31",
+    };
+    format!("\u{1b}[{code}m{text}\u{1b}[0m")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Gone(ErrorKind);
+
+    impl Write for Gone {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            Err(self.0.into())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[derive(Serialize)]
+    struct Body {
+        seed: u64,
+        error_mm: f64,
+    }
+
+    #[test]
+    fn a_reader_that_left_is_no_error_but_a_full_disk_is() {
+        let mut console = Console::new(Common::default());
+        assert!(matches!(console.tell(Gone(ErrorKind::StorageFull), "a"), Err(Failure::System(_))));
+        assert!(console.tell(Gone(ErrorKind::BrokenPipe), "a").is_ok());
+        assert!(console.tell(Gone(ErrorKind::StorageFull), "never tried").is_ok());
+    }
+
+    #[test]
+    fn json_names_its_schema_first() {
+        let path = std::env::temp_dir().join(format!("trued-json-{}", std::process::id()));
+        let common = Common { json: Some(path.clone()), ..Common::default() };
+        let body = Body { seed: 7, error_mm: f64::NAN };
+        Console::new(common).json("trued.demo/1", &body).expect("written");
+        let text = std::fs::read_to_string(&path).expect("read");
+        std::fs::remove_file(&path).expect("removed");
+        assert_eq!(
+            text,
+            "{\n  \"schema\": \"trued.demo/1\",\n  \"seed\": 7,\n  \"error_mm\": null\n}\n"
+        );
+    }
+
+    #[test]
+    fn colour_is_only_where_it_was_asked_for() {
+        let paint =
+            |color| Console::new(Common { color, ..Common::default() }).paint(Paint::Good, "ok");
+        assert_eq!(paint(Color::Never), "ok");
+        assert_eq!(paint(Color::Always), "\u{1b}[32mok\u{1b}[0m");
+    }
+}

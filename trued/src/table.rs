@@ -1,0 +1,82 @@
+//! Tables for people at a terminal: aligned columns, two spaces apart, no frame.
+
+/// A table of text; columns are aligned by what most of them hold.
+#[derive(Debug, Clone)]
+pub struct Table {
+    rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// A table by the heads of its columns.
+    #[must_use]
+    pub fn new<T: Into<String>>(heads: impl IntoIterator<Item = T>) -> Self {
+        Self { rows: vec![heads.into_iter().map(Into::into).collect()] }
+    }
+
+    /// Adds a row.
+    #[must_use]
+    pub fn row<T: Into<String>>(mut self, cells: impl IntoIterator<Item = T>) -> Self {
+        self.rows.push(cells.into_iter().map(Into::into).collect());
+        self
+    }
+
+    /// The lines of the table. A column stands to the right where each of its cells below the head starts like a
+    /// number or is empty; the first never does.
+    #[must_use]
+    pub fn render(&self) -> String {
+        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
+        let widths: Vec<usize> = (0..columns).map(|i| self.width(i)).collect();
+        let right: Vec<bool> = (0..columns).map(|i| i > 0 && self.is_numeric(i)).collect();
+        let mut text = String::new();
+        for row in &self.rows {
+            let cells = row.iter().enumerate().map(|(i, cell)| {
+                let gap = " ".repeat(widths[i] - cell.chars().count());
+                if right[i] { gap + cell } else { format!("{cell}{gap}") }
+            });
+            let line = cells.collect::<Vec<_>>().join("  ");
+            text += line.trim_end();
+            text.push('\n');
+        }
+        text
+    }
+
+    fn width(&self, column: usize) -> usize {
+        self.rows
+            .iter()
+            .filter_map(|row| row.get(column))
+            .map(|cell| cell.chars().count())
+            .max()
+            .unwrap_or(0)
+    }
+
+    fn is_numeric(&self, column: usize) -> bool {
+        let like_number = |cell: &String| {
+            cell.is_empty() || cell.starts_with(|c: char| c.is_ascii_digit() || "-−–+.".contains(c))
+        };
+        self.rows.iter().skip(1).filter_map(|row| row.get(column)).all(like_number)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_stand_to_the_right_and_words_to_the_left() {
+        let table = Table::new(["", "mean", "state"])
+            .row(["without correction", "0.843", "ok"])
+            .row(["with", "–", "µ-held"]);
+        assert_eq!(
+            table.render(),
+            "                     mean  state\nwithout correction  0.843  ok\nwith                    –  µ-held\n"
+        );
+    }
+
+    #[test]
+    fn rows_of_unequal_length_are_no_fault() {
+        assert_eq!(
+            Table::new(["a"]).row(["1", "2", "3"]).row(Vec::<String>::new()).render(),
+            "a\n1  2  3\n\n"
+        );
+    }
+}

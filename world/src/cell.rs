@@ -1,0 +1,223 @@
+//! The virtual cell: a path, the true robot twice (uncorrected and corrected), and the cut, tick by tick.
+//!
+//! A tick is one joint command. The force of the cut depends on feed and direction alone, so both robots feel the same
+//! one; it bends them by its mean over a revolution, since the tooth passing is far above what an arm follows; chatter
+//! moves them through the structural mode, not through the static compliance.
+//!
+//! Promises: the same setup and targets give the same bits. Never: a correction, a clock, IPC.
+
+use crate::cutter::Cutter;
+use crate::draw::TrueRobot;
+use crate::joint_path::{JointPath, Sample};
+use crate::random::{Purpose, stream};
+use crate::ringing::{Chatter, Mode};
+use crate::robot::{Robot, Servo};
+use glam::{DMat3, DVec3};
+use physics::{Frame, JOINTS_MAX, Joints, Wrench};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+
+/// Force samples per tick: 10 kHz at a tick of 1 ms.
+pub const FORCES_PER_TICK: usize = 10;
+
+/// What a cell is made of besides the robot.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// The commands; its `dt_s` is the tick.
+    pub path: JointPath,
+    /// The mill.
+    pub cutter: Cutter,
+    /// The cut that rings, where one does.
+    pub chatter: Option<Chatter>,
+    /// The mode that chatter shakes.
+    pub mode: Mode,
+    /// Pure delay of the servos, in ticks.
+    pub delay_ticks: usize,
+    /// Lag of the servos, s.
+    pub lag_s: f64,
+    /// Standard deviation of the force sensor's white noise per sample and axis, N.
+    pub force_noise_n: f64,
+    /// Seed of the noise.
+    pub seed: u64,
+}
+
+impl Setup {
+    /// The thesis' mill on `path`, servos that follow at once, 0.2 N of sensor noise, no chatter.
+    pub fn quiet(path: JointPath, seed: u64) -> Self {
+        Self {
+            path,
+            cutter: Cutter::default(),
+            chatter: None,
+            mode: Mode::at_72_hz(),
+            delay_ticks: 0,
+            lag_s: 0.0,
+            force_noise_n: 0.2,
+            seed,
+        }
+    }
+}
+
+/// What happened in one tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tick {
+    /// Time since the path began, s.
+    pub t_s: f64,
+    /// The command, rad or m.
+    pub q_cmd: Joints,
+    /// Where the tool shall be, base frame.
+    pub wanted: Frame,
+    /// Where it really is with the command as it came.
+    pub without: Frame,
+    /// Where it really is with the published target.
+    pub with: Frame,
+    /// What the cut exerts on the tool, mean over a revolution, without chatter and noise, base axes.
+    pub wrench_base: Wrench,
+    /// The same in tool axes (of the wanted placement).
+    pub wrench_tool: Wrench,
+    /// What the force sensor reads, one after the other over the tick, each a mean over its interval, tool axes, N.
+    pub forces_tool: [DVec3; FORCES_PER_TICK],
+    /// The cut (0-based) that is being milled; none in air.
+    pub cut: Option<usize>,
+    /// Speed along the path, m/s.
+    pub feed_m_s: f64,
+    /// Amplitude of the chatter, N; zero where nothing rings.
+    pub chatter_n: f64,
+}
+
+impl Tick {
+    /// Distance of the tool from where it shall be, without and with correction, m.
+    pub fn errors_m(&self) -> (f64, f64) {
+        let off = |is: &Frame| (is.origin - self.wanted.origin).length();
+        (off(&self.without), off(&self.with))
+    }
+}
+
+/// A cell at work.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    setup: Setup,
+    ambient_celsius: f64,
+    without: Robot,
+    with: Robot,
+    next: usize,
+    cut: Option<usize>,
+    cut_since_s: f64,
+    noise: ChaCha8Rng,
+}
+
+impl Cell {
+    /// A cell whose robots stand at the path's first command.
+    pub fn new(truth: &TrueRobot, setup: Setup) -> Self {
+        let start = setup.path.samples.first().map_or([0.0; JOINTS_MAX], |sample| sample.q);
+        let (dt_s, delay_samples, lag_s) = (setup.path.dt_s, setup.delay_ticks, setup.lag_s);
+        let servo = Servo { dt_s, delay_samples, lag_s };
+        let robot = Robot::at_rest(&truth.model, servo, start, truth.ambient_celsius);
+        let noise = stream(setup.seed, Purpose::ForceNoise, 0);
+        Self {
+            ambient_celsius: truth.ambient_celsius,
+            without: robot.clone(),
+            with: robot,
+            next: 0,
+            cut: None,
+            cut_since_s: 0.0,
+            noise,
+            setup,
+        }
+    }
+
+    /// Temperature around the robot, °C: what a thermometer would tell the daemon.
+    pub const fn ambient_celsius(&self) -> f64 {
+        self.ambient_celsius
+    }
+
+    /// How many ticks the path has.
+    pub fn ticks(&self) -> usize {
+        self.setup.path.samples.len()
+    }
+
+    /// The command of the coming tick; none at the end of the path.
+    pub fn next_command(&self) -> Option<&Sample> {
+        self.setup.path.samples.get(self.next)
+    }
+
+    /// Runs the coming tick with `published` as the corrected robot's target; none at the end of the path.
+    pub fn step(&mut self, published: &Joints) -> Option<Tick> {
+        let sample = *self.next_command()?;
+        self.next += 1;
+        let point = sample.wanted;
+        if point.cut != self.cut {
+            (self.cut, self.cut_since_s) = (point.cut, sample.t_s);
+        }
+        let base_from_cut = cut_axes(point.direction_base, point.base_from_tool.rotation);
+        let force = match self.cut {
+            Some(_) => base_from_cut * self.setup.cutter.mean_force(point.feed_m_s),
+            None => DVec3::ZERO,
+        };
+        let wrench_base = Wrench { force, moment: DVec3::ZERO };
+        self.without.follow(&sample.q, wrench_base);
+        self.with.follow(published, wrench_base);
+        let tool_from_base = point.base_from_tool.rotation.transpose();
+        let forces_tool = self.forces(&sample, base_from_cut).map(|force| tool_from_base * force);
+        let in_cut_s = sample.t_s - self.cut_since_s;
+        let shaken = self.shake(in_cut_s);
+        let moved = |frame: Frame| Frame { origin: frame.origin + shaken, ..frame };
+        Some(Tick {
+            t_s: sample.t_s,
+            q_cmd: sample.q,
+            wanted: point.base_from_tool,
+            without: moved(self.without.base_from_tool()),
+            with: moved(self.with.base_from_tool()),
+            wrench_base,
+            wrench_tool: Wrench { force: tool_from_base * force, moment: DVec3::ZERO },
+            forces_tool,
+            cut: self.cut,
+            feed_m_s: point.feed_m_s,
+            chatter_n: self.chatter().map_or(0.0, |chatter| chatter.amplitude_n(in_cut_s)),
+        })
+    }
+
+    fn chatter(&self) -> Option<&Chatter> {
+        self.setup.chatter.as_ref().filter(|chatter| self.cut == Some(chatter.cut))
+    }
+
+    fn chatter_force(&self, in_cut_s: f64) -> DVec3 {
+        self.chatter().map_or(DVec3::ZERO, |chatter| chatter.force_base(in_cut_s))
+    }
+
+    /// The sensor's samples over the tick, base axes, N.
+    fn forces(&mut self, sample: &Sample, base_from_cut: DMat3) -> [DVec3; FORCES_PER_TICK] {
+        let span = self.setup.path.dt_s / FORCES_PER_TICK as f64;
+        core::array::from_fn(|i| {
+            let t = sample.t_s + i as f64 * span;
+            let cutting = match self.cut {
+                Some(_) => self.setup.cutter.force_over(sample.wanted.feed_m_s, t, span),
+                None => DVec3::ZERO,
+            };
+            let chatter = self.chatter_force(t + 0.5 * span - self.cut_since_s);
+            let mut draw = || self.noise.sample::<f64, _>(StandardNormal);
+            let noise = DVec3::new(draw(), draw(), draw()) * self.setup.force_noise_n;
+            base_from_cut * cutting + chatter + noise
+        })
+    }
+
+    /// How far the structure swings at the end of the tick, base axes, m.
+    fn shake(&mut self, in_cut_s: f64) -> DVec3 {
+        let span = self.setup.path.dt_s / FORCES_PER_TICK as f64;
+        let mut at = DVec3::ZERO;
+        for i in 0..FORCES_PER_TICK {
+            let force = self.chatter_force(in_cut_s + (i as f64 + 0.5) * span);
+            at = self.setup.mode.step(force, span);
+        }
+        at
+    }
+}
+
+/// Rotation from cut axes (feed, normal, up) to base axes; up is against the tool's z.
+fn cut_axes(direction_base: DVec3, base_from_tool: DMat3) -> DMat3 {
+    let up = -base_from_tool.z_axis;
+    DMat3::from_cols(direction_base, up.cross(direction_base), up)
+}
+
+#[cfg(test)]
+mod tests;
