@@ -1,10 +1,10 @@
 //! What one cycle of the corrector costs, from command to bounded target: `cargo bench -p corrector`.
-#![expect(missing_docs, reason = "criterion's macros make public items")]
+#![expect(clippy::expect_used, reason = "the arms of the tests are sound")]
 
 #[path = "../tests/support/mod.rs"]
 mod support;
 
-use corrector::{Corrector, Settings, Task, World, WrenchSample, solve};
+use corrector::{Settings, Task, World, WrenchSample, solve};
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
 use physics::{Inputs, JOINTS_MAX, Memories, Model, Wrench};
@@ -20,7 +20,6 @@ fn cycles(criterion: &mut Criterion, name: &str, model: Model, stiffness: Option
     let mut settings = Settings::with_envelope(envelope());
     settings.wrench.process_stiffness = stiffness;
     let mut run = Run::new(model, settings);
-    run.corrector = Corrector::new(settings);
     let wrench = Wrench { force: DVec3::new(50.0, -20.0, 30.0), moment: DVec3::ZERO };
     let sample = WrenchSample { wrench, in_base: true, age_ns: DT_NS };
     run.world = World { wrench: Some(sample), ..World::default() };

@@ -1,4 +1,5 @@
 //! The corrector pushing against something: a virtual contact, a robot that lags, a model that is off.
+#![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 mod support;
 

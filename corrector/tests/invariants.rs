@@ -1,4 +1,5 @@
 //! What holds whatever comes in: no target out of limits, out of the envelope or no number; no jump; a word for everything.
+#![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 mod support;
 
@@ -7,7 +8,7 @@ use glam::DVec3;
 use physics::{JOINTS_MAX, Model, Wrench};
 use support::{DT_NS, Run, envelope, erring, six};
 
-/// SplitMix64: chance that is the same everywhere.
+/// `SplitMix64`: chance that is the same everywhere.
 struct Chance(u64);
 
 impl Chance {
@@ -88,7 +89,7 @@ impl Hostile {
             5 => command.settled = true,
             6..14 => (command.session, self.seq) = (c.bits(), command.seq),
             14 => command.q[4] = 1e-3 * c.unit(),
-            7 => command.q[9] = c.hostile(),
+            15 => command.q[9] = c.hostile(),
             _ => {}
         }
         command
@@ -114,7 +115,8 @@ impl Hostile {
         match c.bits() % 1000 {
             0 => corrector.set_bypass(c.one_in(2)),
             1 => {
-                corrector.set_mode([Mode::Shadow, Mode::Limited, Mode::Full][c.bits() as usize % 3])
+                corrector
+                    .set_mode([Mode::Shadow, Mode::Limited, Mode::Full][c.bits() as usize % 3]);
             }
             2 => {
                 let nominal = Model::nominal(six());
@@ -165,8 +167,8 @@ fn a_hundred_thousand_hostile_cycles_break_no_bound() {
         let (from_ns, before) = window[0];
         // Real time, and the 20 ms that commands may be early or late.
         let most = envelope().rate() * ((cell.now_ns - from_ns) as f64 * 1e-9 + 0.02);
-        for i in 0..6 {
-            let moved = (outcome.correction[i] - before[i]).abs();
+        for (i, before) in before.iter().enumerate().take(6) {
+            let moved = (outcome.correction[i] - before).abs();
             assert!(moved <= most + 1e-12, "{at}: joint {i} moved {moved} of {most}");
         }
     }
@@ -205,7 +207,7 @@ fn swaps_bypass_modes_refusals_and_silence_keep_rate_and_jerk() {
                 run.corrector.model_changed(&run.model);
             }
             6000 | 7000 => {
-                run.corrector.set_mode(if k == 6000 { Mode::Limited } else { Mode::Full })
+                run.corrector.set_mode(if k == 6000 { Mode::Limited } else { Mode::Full });
             }
             8000 => run.corrector.set_mode(Mode::Shadow),
             8600 => run.corrector.set_mode(Mode::Full),
@@ -307,7 +309,9 @@ fn one_refused_command_does_not_move_a_standing_correction() {
 #[test]
 fn a_stale_command_ramps_the_correction_out_and_then_stands_down() {
     let mut run = Run::new(erring(six()), settings());
-    (0..500).for_each(|_| drop(run.cycle(&smooth(0.0))));
+    for _ in 0..500 {
+        run.cycle(&smooth(0.0));
+    }
     let mut now_ns = run.cycles * DT_NS;
     let mut last = f64::INFINITY;
     for _ in 0..2000 {

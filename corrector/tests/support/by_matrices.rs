@@ -3,7 +3,7 @@
 //! Shares no line with the product and only the arm's figures with it: rotations go by quaternions, the gravity load is the slope of the
 //! potential energy, the wrench's load that of the work it does.
 
-use super::{BASE_COMPLIANCE, TOOL_SHIFT, TOOL_TURN, errors_of};
+use crate::support::{BASE_COMPLIANCE, TOOL_SHIFT, TOOL_TURN, errors_of};
 use physics::{Arm, JointKind, Wrench};
 
 pub(crate) type M4 = [[f64; 4]; 4];
@@ -63,9 +63,9 @@ fn bodies(arm: &Arm, q: &[f64]) -> Vec<M4> {
 
 fn tool_at_zero(arm: &Arm) -> M4 {
     let mut m = shift(arm.tool.tcp.to_array());
-    for j in 0..3 {
-        for i in 0..3 {
-            m[i][j] = arm.tool.base_from_tool.col(j)[i];
+    for (i, row) in m.iter_mut().take(3).enumerate() {
+        for (j, entry) in row.iter_mut().take(3).enumerate() {
+            *entry = arm.tool.base_from_tool.col(j)[i];
         }
     }
     m

@@ -1,8 +1,6 @@
 //! Arms and models for the tests of this crate: figures as published, errors of the size that calibrations find.
 #![allow(dead_code, reason = "every test file uses its own part of this")]
 
-pub(crate) mod by_matrices;
-
 use corrector::{Command, Corrector, Outcome, Settings, World};
 use envelope::Limits;
 use glam::{DMat3, DVec3};
