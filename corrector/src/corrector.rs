@@ -3,14 +3,15 @@
 //! Every change of what is wanted (start, stop, refused solution, new model, bypass) goes out through one mechanism: each joint's
 //! [`Limiter`]. Never more than one bound step per call of [`Corrector::bound`], and never more time in it than has really passed.
 
-use crate::direction::Directions;
 use crate::judge::{Command, Follows, Judge};
 use crate::outcome::{Gate, Outcome, Reason, Residual, Status};
+use crate::path::Path;
 use crate::settings::{Mode, Settings};
 use crate::solve::{Solution, solve};
-use crate::wrench::{World, WrenchPath};
+use crate::world::World;
+use crate::wrench::WrenchPath;
 use envelope::{Limiter, Limits};
-use physics::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Memories, Model, Wrench};
+use physics::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Model, Wrench};
 
 /// Share of the envelope's angle in limited mode.
 const LIMITED_SHARE: f64 = 0.1;
@@ -22,12 +23,9 @@ const STEP_NS_MAX: u64 = 20_000_000;
 pub struct Corrector {
     settings: Settings,
     judge: Judge,
-    memories: Memories,
-    directions: Option<Directions>,
+    path: Path,
     wrench: WrenchPath,
     limiters: [Limiter; JOINTS_MAX],
-    /// The last command that passed.
-    inputs: Option<Inputs>,
     /// What the last good solution asked for.
     last_wanted: Joints,
     refused_ns: u64,
@@ -36,6 +34,8 @@ pub struct Corrector {
     bypassed: bool,
     /// Real time that bound steps may still use, ns.
     budget_ns: u64,
+    /// What passed in calls without a good command since the last one, ns.
+    ahead_ns: u64,
     last_now_ns: Option<u64>,
 }
 
@@ -59,16 +59,15 @@ impl Corrector {
         Self {
             settings,
             judge: Judge::default(),
-            memories: Memories::default(),
-            directions: None,
+            path: Path::new(),
             wrench: WrenchPath::new(),
             limiters: [Limiter::at_rest(); JOINTS_MAX],
-            inputs: None,
             last_wanted: [0.0; JOINTS_MAX],
             refused_ns: 0,
             cause: Reason::Starting,
             bypassed: false,
             budget_ns: STEP_NS_MAX,
+            ahead_ns: 0,
             last_now_ns: None,
         }
     }
@@ -101,10 +100,7 @@ impl Corrector {
 
     /// Says that `model` replaces the one before. Its effects remember nothing yet: they settle from the present directions.
     pub fn model_changed(&mut self, model: &Model) {
-        self.memories = Memories::default();
-        if let Some(inputs) = &self.inputs {
-            model.settle(inputs, &mut self.memories);
-        }
+        self.path.settle_anew(model);
         self.cause = Reason::ModelChanged;
     }
 
@@ -117,20 +113,26 @@ impl Corrector {
         now_ns: u64,
     ) -> Wanted {
         let elapsed_ns = self.elapse(now_ns);
-        let follows = match self.judge.judge(&model.arm, &self.settings, command) {
+        let follows = match self.judge.judge(&model.arm, &self.settings, command, now_ns) {
             Ok(follows) => follows,
-            Err(reason) => return self.refuse(Status::Rejected, reason, elapsed_ns),
+            Err(reason) => return self.refuse(reason, elapsed_ns),
         };
-        let dt_ns = self.spend(match follows {
-            Follows::Anew => self.settings.period_ns,
+        let asked_ns = match follows {
             Follows::After(dt_ns) => dt_ns,
-        });
-        let inputs = self.follow(model, command, world, follows, dt_ns);
+            Follows::Anew => self.settings.period_ns,
+            Follows::TimeJump => {
+                self.cause = Reason::TimeJump;
+                self.settings.period_ns
+            }
+        };
+        let dt_ns = self.spend(asked_ns.saturating_sub(self.ahead_ns));
+        self.ahead_ns = 0;
+        let world = world.sound();
+        let inputs = self.path.follow(model, &self.settings, command, &world, follows);
         let settled = command.settled && self.settings.lockstep;
-        let (inputs, gate) = self.with_wrench(model, inputs, world, (dt_ns, settled));
-        self.inputs = Some(inputs);
-        let reach = self.reach();
-        let solution = solve(model, &inputs, &self.memories, &self.settings.task, &reach);
+        let (inputs, gate) = self.with_wrench(model, inputs, &world, (dt_ns, settled));
+        let (task, reach) = (&self.settings.task, self.reach());
+        let solution = solve(model, &inputs, self.path.memories(), task, &reach);
         self.wanted(&inputs, &solution, Wanted { gate, dt_ns, settled, ..Wanted::nothing(dt_ns) })
     }
 
@@ -146,38 +148,42 @@ impl Corrector {
             loop_gain: self.wrench.loop_gain(),
             ..Outcome::default()
         };
-        let Some(inputs) = self.inputs else { return outcome };
+        let Some(q_cmd) = self.path.last().map(|inputs| inputs.q) else { return outcome };
         let goal = self.goal(wanted);
-        let (bounded, follows) = self.step(model.arm.count(), &goal, wanted);
-        let (q, correction, cut) = clamped(&model.arm, &inputs.q, &bounded);
+        let (bounded, reached) = self.step(model.arm.count(), &goal, wanted);
+        let (q, correction, cut) = clamped(&model.arm, &q_cmd, &bounded);
         outcome.q = Some(q);
         outcome.correction = correction;
         for (i, limiter) in self.limiters.iter().enumerate() {
             outcome.correction_rate[i] = limiter.rate();
             outcome.correction_acceleration[i] = limiter.acceleration();
         }
-        self.name(&mut outcome, follows, cut);
+        self.name(&mut outcome, reached, cut);
         outcome
     }
 
     /// Without a command: the correction ramps out. None once it is out, or before the first good command.
     pub fn idle(&mut self, model: &Model, now_ns: u64) -> Option<Outcome> {
         let elapsed_ns = self.elapse(now_ns);
-        self.inputs?;
-        if self.limiters.iter().all(|limiter| limiter.value() == 0.0 && limiter.is_following()) {
+        self.path.last()?;
+        let out = |limiter: &Limiter| limiter.value() == 0.0 && limiter.is_following();
+        let dt_ns = self.move_on(elapsed_ns);
+        if self.limiters[..model.arm.count()].iter().all(out) {
             return None;
         }
-        let wanted = self.refuse(Status::Ramping, Reason::Stale, elapsed_ns);
+        self.cause = Reason::Stale;
+        let wanted =
+            Wanted { status: Status::Ramping, reason: Reason::Stale, ..Wanted::nothing(dt_ns) };
         Some(self.bound(model, &wanted))
     }
 
-    /// Counts the real time that has passed since the last call and returns it, at most one step's worth.
+    /// Counts the real time that has passed since the last call and returns it.
     fn elapse(&mut self, now_ns: u64) -> u64 {
         let since_ns =
             self.last_now_ns.map_or(self.settings.period_ns, |last| now_ns.saturating_sub(last));
         self.last_now_ns = Some(now_ns);
-        self.budget_ns = (self.budget_ns + since_ns).min(STEP_NS_MAX);
-        since_ns.min(STEP_NS_MAX)
+        self.budget_ns = self.budget_ns.saturating_add(since_ns).min(STEP_NS_MAX);
+        since_ns
     }
 
     /// Takes time for a bound step out of what has really passed.
@@ -187,49 +193,25 @@ impl Corrector {
         spent_ns
     }
 
-    /// Nothing new is wanted: whatever correction stands ramps out.
-    fn refuse(&mut self, status: Status, reason: Reason, elapsed_ns: u64) -> Wanted {
-        let dt_ns = self.spend(elapsed_ns);
-        self.cause = reason;
-        Wanted { status, reason, ..Wanted::nothing(dt_ns) }
+    /// Takes time for a bound step without a command; the next command shall not take it again.
+    fn move_on(&mut self, elapsed_ns: u64) -> u64 {
+        self.ahead_ns = self.ahead_ns.saturating_add(elapsed_ns);
+        self.spend(elapsed_ns)
     }
 
-    /// Memory and directions follow the command, once.
-    fn follow(
-        &mut self,
-        model: &Model,
-        command: &Command,
-        world: &World,
-        follows: Follows,
-        dt_ns: u64,
-    ) -> Inputs {
-        let mut inputs = Inputs::at_rest(command.q);
-        inputs.ambient_celsius = world.ambient_celsius;
-        inputs.joint_celsius = world.joint_celsius;
-        inputs.spindle_rpm = world.spindle_rpm;
-        let dt_s = seconds(dt_ns);
-        let before = self.inputs.filter(|_| follows != Follows::Anew);
-        if let Some(before) = before {
-            inputs.q_before = before.q;
-            inputs.dt_s = dt_s;
-            inputs.time_s = before.time_s + dt_s;
-        }
-        let fresh = Directions::at(&command.q);
-        let directions = match before {
-            Some(_) => self.directions.get_or_insert(fresh),
-            None => self.directions.insert(fresh),
-        };
-        directions.moved_to(&command.q, self.settings.reversal);
-        inputs.direction = command.direction.unwrap_or(*directions.signs());
-        if before.is_none() || (command.settled && self.settings.lockstep) {
-            if before.is_none() {
-                self.memories = Memories::default();
-            }
-            model.settle(&inputs, &mut self.memories);
-        } else {
-            model.follow(&inputs, &mut self.memories);
-        }
-        inputs
+    /// A refused command: the last good correction holds for a while, then ramps out.
+    fn refuse(&mut self, reason: Reason, elapsed_ns: u64) -> Wanted {
+        let dt_ns = self.move_on(elapsed_ns);
+        self.cause = reason;
+        self.refused_ns = self.refused_ns.saturating_add(elapsed_ns);
+        let blank = Wanted::nothing(dt_ns);
+        let correction = if self.holds() { self.last_wanted } else { blank.correction };
+        Wanted { correction, status: Status::Rejected, reason, ..blank }
+    }
+
+    /// Whether what was refused is recent enough to hold the last good correction.
+    fn holds(&self) -> bool {
+        self.refused_ns <= self.settings.hold_ns
     }
 
     fn with_wrench(
@@ -255,7 +237,7 @@ impl Corrector {
         };
         inputs.wrench_base = wrench;
         if self.settings.wrench.process_stiffness.is_some() && measured.is_some() {
-            self.wrench.probe(model, &inputs, &self.memories);
+            self.wrench.probe(model, &inputs, self.path.memories());
         }
         (inputs, gate)
     }
@@ -273,9 +255,11 @@ impl Corrector {
         }
         self.cause = Reason::NotConverged;
         self.refused_ns = self.refused_ns.saturating_add(wanted.dt_ns);
-        let holds = self.refused_ns <= self.settings.hold_ns;
-        let status = if holds { Status::Held } else { Status::Ramping };
-        let correction = if holds { self.last_wanted } else { wanted.correction };
+        let (status, correction) = if self.holds() {
+            (Status::Held, self.last_wanted)
+        } else {
+            (Status::Ramping, wanted.correction)
+        };
         Wanted { correction, status, reason: Reason::NotConverged, ..wanted }
     }
 
@@ -288,43 +272,53 @@ impl Corrector {
         }
     }
 
-    /// One step of every joint's limiter; tells whether all are where they are wanted.
-    fn step(&mut self, joints: usize, goal: &Joints, wanted: &Wanted) -> (Joints, bool) {
+    /// One step of every joint's limiter, and how far they got.
+    fn step(&mut self, joints: usize, goal: &Joints, wanted: &Wanted) -> (Joints, Reached) {
         let dt_s = seconds(wanted.dt_ns);
         let mut bounded = [0.0; JOINTS_MAX];
-        let mut follows = true;
+        let mut reached = Reached::Goal;
         for i in 0..joints {
             let limits = self.limits(i);
             let limiter = &mut self.limiters[i];
+            let allowed = goal[i].clamp(-limits.angle(), limits.angle());
             bounded[i] = if wanted.settled {
-                limiter.jump(goal[i].clamp(-limits.angle(), limits.angle()));
+                limiter.jump(allowed);
                 limiter.value()
             } else {
-                limiter.step(goal[i], &limits, dt_s)
+                limiter.step(allowed, &limits, dt_s)
             };
-            follows &= bounded[i] == goal[i];
+            reached = match reached {
+                _ if bounded[i] != allowed => Reached::NotYet,
+                Reached::Goal if allowed != goal[i] => Reached::Bound,
+                before => before,
+            };
         }
-        (bounded, follows)
+        (bounded, reached)
     }
 
     /// Says how and why the target was made.
-    fn name(&mut self, outcome: &mut Outcome, follows: bool, cut: bool) {
+    fn name(&mut self, outcome: &mut Outcome, reached: Reached, cut: bool) {
         let solved = outcome.status == Status::Corrected;
+        let arrived = reached != Reached::NotYet;
         if outcome.status == Status::Rejected {
             return;
         }
-        if self.settings.mode == Mode::Shadow && follows {
+        if self.bypassed {
+            outcome.status = if arrived { Status::Bypassed } else { Status::Ramping };
+            outcome.reason = Reason::Bypass;
+        } else if self.settings.mode == Mode::Shadow && arrived {
             outcome.status = Status::Shadow;
             outcome.reason = if solved { Reason::ShadowMode } else { outcome.reason };
-        } else if self.bypassed {
-            outcome.status = if follows { Status::Bypassed } else { Status::Ramping };
-            outcome.reason = Reason::Bypass;
-        } else if solved && !follows {
+        } else if solved && !arrived {
             outcome.status = Status::Ramping;
             outcome.reason = if self.cause == Reason::None { Reason::Envelope } else { self.cause };
         } else if solved {
             self.cause = Reason::None;
-            outcome.reason = if cut { Reason::JointLimit } else { Reason::None };
+            outcome.reason = match reached {
+                _ if cut => Reason::JointLimit,
+                Reached::Bound => Reason::Envelope,
+                _ => Reason::None,
+            };
         }
     }
 
@@ -344,6 +338,15 @@ impl Corrector {
         }
         reach
     }
+}
+
+/// How far the limiters got.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Reached {
+    Goal,
+    /// The envelope's angle, short of the goal.
+    Bound,
+    NotYet,
 }
 
 impl Wanted {

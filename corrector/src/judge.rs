@@ -43,23 +43,39 @@ impl Command {
 /// How a command follows its forerunner.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Follows {
-    /// The first of a session, or after a jump in time: memory of the path starts anew.
+    /// The first of a session: memory of the path starts anew.
     Anew,
+    /// The commands' time went on by more than really passed; memory of the path starts anew.
+    TimeJump,
     /// By this many ns.
     After(u64),
+}
+
+impl Follows {
+    pub(crate) fn after_ns(self) -> Option<u64> {
+        if let Self::After(dt_ns) = self { Some(dt_ns) } else { None }
+    }
 }
 
 /// Remembers the last command that passed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Judge {
-    last: Option<(u64, u64, u64)>,
+    last: Option<Passed>,
 }
 
-/// A gap between commands beyond which a path is not one path, ns.
-const GAP_NS: u64 = 1_000_000_000;
+#[derive(Clone, Copy, Debug)]
+struct Passed {
+    session: u64,
+    seq: u64,
+    t_ns: u64,
+    now_ns: u64,
+}
+
+/// By how much the commands' time and the cycle's may part from one command to the next, ns.
+const TIME_JUMP_NS: u64 = 1_000_000_000;
 
 impl Judge {
-    /// Judges a command; one that passes becomes the forerunner of the next.
+    /// Judges a command that is looked at `now_ns`; one that passes becomes the forerunner of the next.
     ///
     /// # Errors
     /// The reason why it does not pass.
@@ -68,36 +84,43 @@ impl Judge {
         arm: &Arm,
         settings: &Settings,
         command: &Command,
+        now_ns: u64,
     ) -> Result<Follows, Reason> {
         if command.joints != arm.count() {
             return Err(Reason::WrongJointCount);
         }
-        if !command.q.iter().all(|q| q.is_finite()) {
+        let directions = command.direction.unwrap_or_default();
+        if !command.q.iter().chain(&directions).all(|x| x.is_finite()) {
             return Err(Reason::NotFinite);
         }
-        if !arm.within_limits(&command.q) {
+        if !arm.within_limits(&command.q) || directions.iter().any(|d| d.abs() > 1.0) {
             return Err(Reason::OutOfLimits);
         }
         if !settings.lockstep && command.age_ns > settings.stale_ns {
             return Err(Reason::Stale);
         }
-        let follows = self.order(command)?;
-        self.last = Some((command.session, command.seq, command.t_ns));
+        let follows = self.order(command, now_ns)?;
+        let Command { session, seq, t_ns, .. } = *command;
+        self.last = Some(Passed { session, seq, t_ns, now_ns });
         Ok(follows)
     }
 
-    fn order(&self, command: &Command) -> Result<Follows, Reason> {
-        let Some((session, seq, t_ns)) = self.last else { return Ok(Follows::Anew) };
-        if session != command.session {
+    fn order(&self, command: &Command, now_ns: u64) -> Result<Follows, Reason> {
+        let Some(last) = self.last.filter(|last| last.session == command.session) else {
             return Ok(Follows::Anew);
-        }
-        if command.seq == seq {
+        };
+        if command.seq == last.seq {
             return Err(Reason::Duplicate);
         }
-        if command.seq < seq || command.t_ns <= t_ns {
+        if command.seq < last.seq || command.t_ns <= last.t_ns {
             return Err(Reason::OutOfOrder);
         }
-        let gap_ns = command.t_ns - t_ns;
-        Ok(if gap_ns > GAP_NS { Follows::Anew } else { Follows::After(gap_ns) })
+        let dt_ns = command.t_ns - last.t_ns;
+        let passed_ns = now_ns.saturating_sub(last.now_ns);
+        let jumped = dt_ns > passed_ns.saturating_add(TIME_JUMP_NS);
+        Ok(if jumped { Follows::TimeJump } else { Follows::After(dt_ns) })
     }
 }
+
+#[cfg(test)]
+mod tests;

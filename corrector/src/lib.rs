@@ -6,16 +6,21 @@
 //! ```
 //!
 //! Promises, whatever comes in: `allowed.q` is finite, inside the joint limits, and no further from the last good command than
-//! the envelope allows; the correction changes no faster than the envelope allows; the same sequence of inputs gives the same bits.
+//! the envelope allows; the correction changes no faster than the envelope allows, unless a joint limit cuts it; the same sequence of
+//! inputs gives the same bits.
 //! Never: a clock (time comes with the call), a heap, a log, a panic.
 #![cfg_attr(not(test), no_std)]
 
 mod corrector;
 mod direction;
 mod judge;
+mod loop_gain;
+mod low_pass;
 mod outcome;
+mod path;
 mod settings;
 mod solve;
+mod world;
 mod wrench;
 
 pub use crate::corrector::{Corrector, Wanted};
@@ -23,4 +28,4 @@ pub use judge::{Command, Judge};
 pub use outcome::{Gate, Outcome, Reason, Residual, Status};
 pub use settings::{Mode, Settings, Task, WrenchSettings};
 pub use solve::{Solution, solve};
-pub use wrench::{World, WrenchSample};
+pub use world::{World, WrenchSample};

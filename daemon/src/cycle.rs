@@ -116,10 +116,8 @@ impl Cycle {
         let said = u64::from(message.status) << 32 | u64::from(message.reason);
         counters.last_said.store(said, Relaxed);
         let (wrench, wrench_in_base) = self.senses.wrench();
-        let record = CycleRecord { command: *command, corrected: *message, wrench, wrench_in_base };
-        if exchange.cycles.push(record).is_err() {
-            count(&counters.recorder_dropped);
-        }
+        let (command, corrected) = (*command, *message);
+        exchange.record(CycleRecord { command, corrected, wrench, wrench_in_base });
     }
 
     /// What the supervisor asks for, taken between two cycles.

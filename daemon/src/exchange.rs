@@ -8,7 +8,7 @@ use crate::senses::Measured;
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
 use physics::Model;
-use shm_schema::{Command, Corrected, DaemonPorts, ForceBlock, Verdict};
+use shm_schema::{Command, Corrected, DaemonPorts, ForceBlock, RecorderState, Verdict};
 use spectrum::ProcessState;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
@@ -73,6 +73,8 @@ pub struct Exchange {
     /// Supervisor to cycle: 1 while bypassed.
     pub bypassed: AtomicBool,
     mode: AtomicU32,
+    recorder: AtomicU32,
+    records: bool,
 }
 
 /// What is counted. Each has one writer.
@@ -128,7 +130,40 @@ impl Exchange {
             counters: Counters::default(),
             bypassed: AtomicBool::new(false),
             mode: AtomicU32::new(mode_code(mode)),
+            recorder: AtomicU32::new(RecorderState::Off.code()),
+            records,
         }
+    }
+
+    /// Hands a cycle to the recorder, where there is one; counts it where the ring is full.
+    pub fn record(&self, cycle: CycleRecord) {
+        if self.records && self.cycles.push(cycle).is_err() {
+            count(&self.counters.recorder_dropped);
+        }
+    }
+
+    /// Hands a force block to the recorder, where there is one, in one of its own empty boxes.
+    pub fn record_block(&self, block: &ForceBlock) {
+        if !self.records {
+            return;
+        }
+        let handed_over = self.empty_blocks.pop().is_some_and(|mut empty| {
+            *empty = *block;
+            self.blocks.push(empty).is_ok()
+        });
+        if !handed_over {
+            count(&self.counters.recorder_dropped);
+        }
+    }
+
+    /// How the recorder is.
+    pub fn recorder(&self) -> RecorderState {
+        RecorderState::try_from(self.recorder.load(Relaxed)).unwrap_or(RecorderState::Failed)
+    }
+
+    /// Says how the recorder is.
+    pub fn set_recorder(&self, state: RecorderState) {
+        self.recorder.store(state.code(), Relaxed);
     }
 
     /// Whether the threads go on.

@@ -15,6 +15,7 @@ pub mod exchange;
 pub mod latency;
 pub mod pacer;
 pub mod realtime;
+pub mod recorder;
 pub mod robot;
 pub mod senses;
 pub mod setup;
@@ -27,6 +28,7 @@ use crate::cycle::Cycle;
 use crate::exchange::{Exchange, LoadedModel};
 use crate::pacer::Pacer;
 use crate::realtime::Refused;
+use crate::recorder::Recorder;
 use crate::robot::Robot;
 use crate::senses::Senses;
 use crate::supervisor::Supervisor;
@@ -50,6 +52,8 @@ pub struct Options {
     pub config: CellConfig,
     /// What faults of the configuration call it.
     pub config_name: String,
+    /// Its text, for the black box.
+    pub config_text: String,
     /// Commands pace the cycle and carry the time: a replay.
     pub lockstep: bool,
     /// Set from outside to end.
@@ -92,10 +96,10 @@ pub enum DaemonError {
 /// # Errors
 /// See [`DaemonError`]; the shared memory is cleaned up then.
 pub fn run(options: Options, ready: impl FnOnce()) -> Result<(), DaemonError> {
-    let Options { config, config_name, lockstep, stop } = options;
+    let Options { config, config_name, config_text, lockstep, stop } = options;
     let model = RobotModel::read(&config.model)?;
     let arm = &model.physics.arm;
-    config.check_against(&config_name, &setup::motions(arm)).map_err(FileError::from)?;
+    config.check_against(&config_name, &setup::joint_kinds(arm)).map_err(FileError::from)?;
     let settings = setup::settings(&config, arm, lockstep)?;
     let bounds = setup::bounds(&settings, arm);
     let watch = setup::watch(&config, &model)?;
@@ -108,8 +112,9 @@ pub fn run(options: Options, ready: impl FnOnce()) -> Result<(), DaemonError> {
     let exchange = Arc::new(Exchange::new(settings.mode, config.recorder.is_some()));
     let mut supervisor = Supervisor::join(domain, config.model.clone(), model.clone(), bounds)?;
     supervisor.constants.armed_mode = setup::armed_mode(&config);
-    let threads = start_threads(&config, settings, &model, watch, &mut supervisor, &exchange)
-        .inspect_err(|_| exchange.stop())?;
+    let threads =
+        start_threads(&config, settings, &model, watch, config_text, &mut supervisor, &exchange)
+            .inspect_err(|_| exchange.stop())?;
     info!(cell = config.cell, mode = ?settings.mode, "ready");
     ready();
     while !stop.load(Relaxed) && threads.iter().all(|(_, thread)| !thread.is_finished()) {
@@ -129,6 +134,7 @@ fn start_threads(
     settings: Settings,
     model: &RobotModel,
     watch: Option<Watch>,
+    config_text: String,
     supervisor: &mut Supervisor,
     exchange: &Arc<Exchange>,
 ) -> Result<Vec<(&'static str, Thread)>, DaemonError> {
@@ -140,9 +146,19 @@ fn start_threads(
         listener.run(exchange);
         Ok(())
     })?;
+    let mut threads = vec![("cycle", cycle), ("vibration", vibration)];
+    if let Some(settings) = config.recorder.clone() {
+        let header = recorder::header(&config.cell, model, config_text);
+        let recorder = start("recorder", exchange, move |exchange, started| {
+            started();
+            Recorder::new(settings, header).run(exchange);
+            Ok(())
+        })?;
+        threads.push(("recorder", recorder));
+    }
     supervisor.tell(exchange);
     supervisor.domain.announce()?;
-    Ok(vec![("cycle", cycle), ("vibration", vibration)])
+    Ok(threads)
 }
 
 fn start_cycle(

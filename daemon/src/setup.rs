@@ -9,7 +9,6 @@ use envelope::{Limits, LimitsError};
 use physics::{Arm, JOINTS_MAX, JointKind};
 use recording::cell::{self, CellConfig};
 use recording::model::RobotModel;
-use recording::series::Motion;
 use shm_schema::JointBounds;
 use spectrum::{ConfigError, ProcessState, Watch, WatchConfig};
 
@@ -102,9 +101,9 @@ pub fn wait(config: &CellConfig) -> Wait {
     }
 }
 
-/// How each joint moves, as files say it.
-pub fn motions(arm: &Arm) -> Vec<Motion> {
-    arm.joints().iter().map(|joint| motion(joint.kind)).collect()
+/// How each joint moves.
+pub fn joint_kinds(arm: &Arm) -> Vec<JointKind> {
+    arm.joints().iter().map(|joint| joint.kind).collect()
 }
 
 /// The mode that arming leads to: the configured one, or full where that is shadow.
@@ -117,7 +116,7 @@ pub fn armed_mode(config: &CellConfig) -> Mode {
 
 fn envelope(config: &CellConfig, arm: &Arm) -> Result<[Limits; JOINTS_MAX], LimitsError> {
     let of_joint = |i: usize, kind| {
-        let (angle, rate, jerk) = config.envelope.of_joint(i, motion(kind));
+        let (angle, rate, jerk) = config.envelope.of_joint(i, kind);
         Limits::new(angle, rate, jerk)
     };
     let mut limits = [of_joint(0, arm.joints()[0].kind)?; JOINTS_MAX];
@@ -125,13 +124,6 @@ fn envelope(config: &CellConfig, arm: &Arm) -> Result<[Limits; JOINTS_MAX], Limi
         limits[i] = of_joint(i, joint.kind)?;
     }
     Ok(limits)
-}
-
-fn motion(kind: JointKind) -> Motion {
-    match kind {
-        JointKind::Revolute => Motion::Turns,
-        JointKind::Prismatic => Motion::Slides,
-    }
 }
 
 fn mode(mode: cell::Mode) -> Mode {

@@ -5,7 +5,7 @@
 use crate::exchange::Exchange;
 use corrector::Mode;
 use recording::model::RobotModel;
-use shm_schema::{Health, JointBounds, Reason, RecorderState, Status, Text, Verdict, monotonic_ns};
+use shm_schema::{Health, JointBounds, Reason, Status, Text, Verdict, monotonic_ns};
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// A daemon without a command for this long is idle, ns.
@@ -22,8 +22,6 @@ pub struct Constants {
     bounds: JointBounds,
     /// The mode that arming leads to.
     pub armed_mode: Mode,
-    /// How the recorder is.
-    pub recorder: RecorderState,
     last_verdict: Option<Verdict>,
     seq: u64,
 }
@@ -39,7 +37,6 @@ impl Constants {
             uncompensated: 0,
             bounds,
             armed_mode: Mode::Full,
-            recorder: RecorderState::Off,
             last_verdict: None,
             seq: 0,
         };
@@ -98,7 +95,7 @@ impl Constants {
             bypassed: u32::from(exchange.bypassed.load(Relaxed)),
             joints: self.joints,
             wrench_gate: counters.gate.load(Relaxed),
-            recorder: self.recorder.code(),
+            recorder: exchange.recorder().code(),
             vibration: verdict.state,
             vibration_axis: verdict.axis,
             uncompensated_effects: self.uncompensated,

@@ -78,7 +78,7 @@ impl Listener {
         self.last = (block.session, block.seq);
         exchange.newest_wrench.force_push(mean(block));
         self.watch(exchange, block);
-        record(exchange, block);
+        exchange.record_block(block);
     }
 
     fn watch(&mut self, exchange: &Exchange, block: &ForceBlock) {
@@ -118,19 +118,6 @@ fn mean(block: &ForceBlock) -> Measured {
     let half_ns = (0.5e9 * f64::from(block.samples) / block.rate_hz) as u64;
     let in_base = block.flags & ForceBlock::IN_BASE != 0;
     Measured { wrench, in_base, t_ns: block.t_ns.saturating_add(half_ns) }
-}
-
-/// Hands the block to the recorder in one of its own empty boxes; without one, it is not recorded.
-fn record(exchange: &Exchange, block: &ForceBlock) {
-    match exchange.empty_blocks.pop() {
-        Some(mut empty) => {
-            *empty = *block;
-            if exchange.blocks.push(empty).is_err() {
-                count(&exchange.counters.recorder_dropped);
-            }
-        }
-        None => count(&exchange.counters.recorder_dropped),
-    }
 }
 
 fn translated(verdict: &spectrum::Verdict, seq: u64) -> Verdict {

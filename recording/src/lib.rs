@@ -4,11 +4,13 @@
 //! file gives all its faults at once, with file, line, key or column, what was expected and what
 //! to do; a file that is written appears whole or not at all. Inside the code all values are SI.
 
+pub mod blackbox;
 pub mod cell;
 pub mod faults;
 pub mod files;
 pub mod mapping;
 pub mod model;
 pub mod series;
+mod toml_text;
 pub mod unit;
 mod walk;

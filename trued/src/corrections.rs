@@ -5,9 +5,10 @@
 use std::collections::BTreeMap;
 
 use daemon::setup;
+use physics::JointKind;
 use recording::files::content_hash;
 use recording::model::RobotModel;
-use recording::series::{Motion, Recording};
+use recording::series::Recording;
 use recording::unit::Unit;
 use serde::Serialize;
 use shm_schema::{Corrected, CorrectionStatus, Reason, UnknownCode};
@@ -17,7 +18,7 @@ use crate::table::Table;
 /// The answers to all rows.
 #[derive(Debug)]
 pub(crate) struct Corrections {
-    motions: Vec<Motion>,
+    kinds: Vec<JointKind>,
     /// One list per joint; NaN in rows without a target.
     q: Vec<Vec<f64>>,
     status: Vec<CorrectionStatus>,
@@ -70,11 +71,11 @@ struct Largest {
 impl Corrections {
     /// No answers yet.
     pub(crate) fn of(model: &RobotModel) -> Self {
-        let motions = setup::motions(&model.physics.arm);
+        let kinds = setup::joint_kinds(&model.physics.arm);
         let name = ModelName { name: model.file.name.clone(), hash: hex(model.hash) };
-        let q = vec![Vec::new(); motions.len()];
+        let q = vec![Vec::new(); kinds.len()];
         let figures = Figures { model: name, ..Figures::default() };
-        Self { motions, q, status: Vec::new(), figures }
+        Self { kinds, q, status: Vec::new(), figures }
     }
 
     /// Takes the answer to the next row.
@@ -87,15 +88,15 @@ impl Corrections {
             list.push(answer.joints().get(joint).copied().unwrap_or(f64::NAN));
         }
         self.status.push(status);
-        self.figures.take(answer, status, reason, &self.motions);
+        self.figures.take(answer, status, reason, &self.kinds);
         Ok(())
     }
 
     /// The recording's columns, the corrected joints (`c1_deg` …, `c1_mm` for prismatic) and the status, as CSV.
     pub(crate) fn csv(&self, mut recording: Recording) -> Vec<u8> {
         let mut columns = Vec::new();
-        for (joint, (motion, q)) in self.motions.iter().zip(&self.q).enumerate() {
-            let unit = if *motion == Motion::Turns { "deg" } else { "mm" };
+        for (joint, (kind, q)) in self.kinds.iter().zip(&self.q).enumerate() {
+            let unit = if *kind == JointKind::Revolute { "deg" } else { "mm" };
             let in_unit = |q: f64| Unit::named(unit).map_or(q, |unit| unit.from_si(q));
             let text =
                 |q: &f64| if q.is_nan() { String::new() } else { format!("{:?}", in_unit(*q)) };
@@ -128,15 +129,15 @@ impl Figures {
         answer: &Corrected,
         status: CorrectionStatus,
         reason: Reason,
-        motions: &[Motion],
+        kinds: &[JointKind],
     ) {
         self.rows += 1;
         *self.statuses.entry(status.to_string()).or_default() += 1;
         if reason != Reason::None {
             self.because(status.to_string(), reason.to_string());
         }
-        for (joint, motion) in motions.iter().enumerate() {
-            let unit = if *motion == Motion::Turns { "mrad" } else { "mm" };
+        for (joint, kind) in kinds.iter().enumerate() {
+            let unit = if *kind == JointKind::Revolute { "mrad" } else { "mm" };
             self.correction(answer.correction[joint].abs() * 1e3, unit, joint + 1);
         }
         self.largest_residual_mm = self.largest_residual_mm.max(answer.residual_m * 1e3);

@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use daemon::setup;
+use physics::JointKind;
 use recording::faults::{Faults, nearest};
 use recording::files::FileError;
 use recording::model::{RobotModel, presets};
-use recording::series::{self, Kind, Motion, Need, Recording};
+use recording::series::{self, Kind, Need, Recording};
 use tracing::{info, warn};
 
 use crate::exit::Failure;
@@ -35,7 +36,7 @@ pub(crate) struct Input {
     pub(crate) model: RobotModel,
     pub(crate) recording: Recording,
     /// How each joint of the model moves.
-    pub(crate) motions: Vec<Motion>,
+    pub(crate) joint_kinds: Vec<JointKind>,
 }
 
 /// No model under this name.
@@ -66,9 +67,9 @@ impl Reading {
         let beside = named.map(|name| beside(path, Path::new(name)));
         let name = self.model.as_deref().or(fallback).or(beside.as_deref());
         let model = model(name.ok_or_else(|| Failure::input(Unnamed(path.to_owned())))?)?;
-        let motions = setup::motions(&model.physics.arm);
-        recording.check_joints(&motions).map_err(|faults| Failure::input(Faulty(faults)))?;
-        let input = Input { model, recording, motions };
+        let joint_kinds = setup::joint_kinds(&model.physics.arm);
+        recording.check_joints(&joint_kinds).map_err(|faults| Failure::input(Faulty(faults)))?;
+        let input = Input { model, recording, joint_kinds };
         input.tell();
         Ok(input)
     }
@@ -76,8 +77,8 @@ impl Reading {
 
 impl Input {
     fn tell(&self) {
-        let Self { model, recording, motions } = self;
-        let joints = motions.len();
+        let Self { model, recording, joint_kinds } = self;
+        let joints = joint_kinds.len();
         info!(model = model.file.name, joints, rows = recording.len(), "read");
         for note in &recording.notes {
             warn!("{}: {note}", recording.file.display());

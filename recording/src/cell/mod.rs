@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 use crate::faults::{Fault, Faults};
 use crate::files::{FileError, read_text};
 use crate::model::presets;
-use crate::series::{Frame, Motion};
+use crate::series::Frame;
+use physics::JointKind;
 
 /// Name of the format.
 pub(crate) const SCHEMA: &str = "trued.cell/1";
@@ -214,7 +215,7 @@ impl CellConfig {
     ///
     /// # Errors
     /// Every list of another length.
-    pub fn check_against(&self, name: &str, joints: &[Motion]) -> Result<(), Faults> {
+    pub fn check_against(&self, name: &str, joints: &[JointKind]) -> Result<(), Faults> {
         let mut faults = Faults::of(name);
         for (key, list) in self.envelope.lists() {
             if list.len() != 1 && list.len() != joints.len() {
@@ -244,10 +245,10 @@ impl Envelope {
 
     /// Size, rate and jerk of a joint (from 0), SI. A joint beyond a list takes its last value.
     #[must_use]
-    pub fn of_joint(&self, joint: usize, motion: Motion) -> (f64, f64, f64) {
-        let bounds = match motion {
-            Motion::Turns => &self.revolute,
-            Motion::Slides => &self.prismatic,
+    pub fn of_joint(&self, joint: usize, kind: JointKind) -> (f64, f64, f64) {
+        let bounds = match kind {
+            JointKind::Revolute => &self.revolute,
+            JointKind::Prismatic => &self.prismatic,
         };
         // A list is never empty, as read; zero (no correction) is the safe answer for a made one.
         let pick = |list: &[f64]| list.get(joint).or(list.last()).copied().unwrap_or(0.0);

@@ -12,7 +12,7 @@ fn three_lines_are_a_cell_and_it_only_watches() {
     let config = parse("schema = \"trued.cell/1\"\ncell = \"demo\"\nmodel = \"m.toml\"\n").unwrap();
     assert_eq!(config.mode, Mode::Shadow);
     assert_eq!((config.cycle.period_s, config.cycle.stale_s), (0.001, 0.01));
-    assert_eq!(config.envelope.of_joint(3, Motion::Turns), (0.02, 0.05, 5.0));
+    assert_eq!(config.envelope.of_joint(3, JointKind::Revolute), (0.02, 0.05, 5.0));
     assert_eq!(config.wrench.source, WrenchSource::None);
     assert!(config.recorder.is_none() && config.vibration.is_none() && config.force.is_none());
 }
@@ -37,13 +37,6 @@ stale_s = 10
 [envelope]
 angle_mrad = [20, -1]
 rate_deg_s = 3
-[wrench]
-source = "force"
-loop_gain_max = 1.5
-[vibration]
-band_Hz = [100, 5]
-[realtime]
-priority = 50
 [recordr]
 dir = "x"
 "#;
@@ -94,42 +87,10 @@ dir = "x"
           |
           = help: write `rate_mrad_s`, its value times 17.45329252
 
-        error: `wrench`: takes the force stream
-          --> cell.toml:10:1
-           |
-        10 | [wrench]
-           | ^^^^^^^^ expected a table [force] with its rate_Hz
-
-        error: `wrench.loop_gain_max`: is 1.5
-          --> cell.toml:12:17
-           |
-        12 | loop_gain_max = 1.5
-           |                 ^^^ expected a number from 0.01 to 0.5
-
-        error: `vibration`: watches the force stream, and there is none
-          --> cell.toml:13:1
-           |
-        13 | [vibration]
-           | ^^^^^^^^^^^
-           |
-           = help: add a table [force]
-
-        error: `vibration.band_Hz`: is [100, 5]
-          --> cell.toml:14:11
-           |
-        14 | band_Hz = [100, 5]
-           |           ^^^^^^^^ expected [lowest, highest], both above zero
-
-        error: `realtime.priority`: is given, and the policy has none
-          --> cell.toml:16:12
-           |
-        16 | priority = 50
-           |            ^^ expected policy = "fifo" with it
-
         error: `recordr`: is an unknown key
-          --> cell.toml:17:2
+          --> cell.toml:10:2
            |
-        17 | [recordr]
+        10 | [recordr]
            |  ^^^^^^^
            |
            = help: did you mean `recorder`?
@@ -137,12 +98,60 @@ dir = "x"
 }
 
 #[test]
+fn what_does_not_go_together_is_told() {
+    let text = r#"schema = "trued.cell/1"
+cell = "a"
+model = "m"
+[wrench]
+source = "force"
+loop_gain_max = 0.7
+[vibration]
+band_Hz = [100, 5]
+[realtime]
+priority = 50
+"#;
+    insta::assert_snapshot!(parse(text).unwrap_err(), @r#"
+        error: `wrench`: takes the force stream
+         --> cell.toml:4:1
+          |
+        4 | [wrench]
+          | ^^^^^^^^ expected a table [force] with its rate_Hz
+
+        error: `wrench.loop_gain_max`: is 0.7
+         --> cell.toml:6:17
+          |
+        6 | loop_gain_max = 0.7
+          |                 ^^^ expected a number from 0.01 to 0.5
+
+        error: `vibration`: watches the force stream, and there is none
+         --> cell.toml:7:1
+          |
+        7 | [vibration]
+          | ^^^^^^^^^^^
+          |
+          = help: add a table [force]
+
+        error: `vibration.band_Hz`: is [100, 5]
+         --> cell.toml:8:11
+          |
+        8 | band_Hz = [100, 5]
+          |           ^^^^^^^^ expected [lowest, highest], both above zero
+
+        error: `realtime.priority`: is given, and the policy has none
+          --> cell.toml:10:12
+           |
+        10 | priority = 50
+           |            ^^ expected policy = "fifo" with it
+        "#);
+}
+
+#[test]
 fn a_list_per_joint_must_fit_the_robot() {
     let text = "schema = \"trued.cell/1\"\ncell = \"a\"\nmodel = \"m\"\n[envelope]\nangle_mrad = [1, 2, 3]";
     let config = parse(text).unwrap();
-    assert_eq!(config.envelope.of_joint(1, Motion::Turns).0, 0.002);
-    assert!(config.check_against("cell.toml", &[Motion::Turns; 3]).is_ok());
-    assert!(config.check_against("cell.toml", &[Motion::Turns; 6]).is_err());
+    assert_eq!(config.envelope.of_joint(1, JointKind::Revolute).0, 0.002);
+    assert!(config.check_against("cell.toml", &[JointKind::Revolute; 3]).is_ok());
+    assert!(config.check_against("cell.toml", &[JointKind::Revolute; 6]).is_err());
 }
 
 proptest! {

@@ -5,6 +5,7 @@ use physics::effects::SPECS;
 use physics::spec::{ActsOn, Count, Need, Role, Spec};
 use physics::{AnyEffect, Arm, Body, Given, Joint, JointKind, Model, Tool};
 
+use super::kinds;
 use super::{BodyEntry, EffectEntry, JointEntry, ModelFile, Numbers, Parameter, RobotModel};
 use crate::faults::Fault;
 use crate::files::content_hash;
@@ -15,29 +16,33 @@ const MM: f64 = 1e-3;
 pub(super) type EntryFault = (Option<usize>, Fault);
 
 pub(super) fn build(file: ModelFile) -> Result<RobotModel, Vec<EntryFault>> {
-    let physics = Model::nominal(arm(&file).map_err(|fault| vec![(None, fault)])?);
+    let physics = Model::nominal(arm(&file).map_err(|fault| vec![(None, *fault)])?);
     let hash = content_hash(file.to_toml().as_bytes());
     let (entry_of, sigma, not_compensated) = Default::default();
     let mut model = RobotModel { file, physics, entry_of, sigma, not_compensated, hash };
     let mut faults = Vec::new();
     for at in 0..model.file.effects.len() {
         if let Err(fault) = model.take_effect(at) {
-            faults.push((Some(at), fault));
+            faults.push((Some(at), *fault));
         }
     }
     if faults.is_empty() { Ok(model) } else { Err(faults) }
 }
 
 impl RobotModel {
-    fn take_effect(&mut self, at: usize) -> Result<(), Fault> {
+    fn take_effect(&mut self, at: usize) -> Result<(), Box<Fault>> {
         let entry = &self.file.effects[at];
         check_beside(&self.file, at)?;
-        let fault = |message: String| Fault::new(path_of(at, entry), message);
-        let Some(spec) = SPECS.iter().find(|spec| spec.kind == entry.kind) else {
+        let fault = |message: String| Box::new(Fault::new(path_of(at, entry), message));
+        let arm = self.physics.arm;
+        let has = |key: &str| entry.parameters.iter().any(|p| p.key == key);
+        let Some(kind) = kinds::find(&entry.kind, kind_at(entry, &arm), has) else {
+            return Err(fault("is no known effect".to_owned()));
+        };
+        let Some(spec) = kind.spec else {
             self.not_compensated.push(at);
             return Ok(());
         };
-        let arm = self.physics.arm;
         let effect = effect(entry, spec, &arm).map_err(fault)?;
         if compensated(spec) {
             self.physics.push(effect).map_err(|error| fault(error.to_string()))?;
@@ -63,7 +68,7 @@ fn compensated(spec: &Spec) -> bool {
 }
 
 /// `joint_compliance` is both others with one C: beside them on one joint it would count twice.
-fn check_beside(file: &ModelFile, at: usize) -> Result<(), Fault> {
+fn check_beside(file: &ModelFile, at: usize) -> Result<(), Box<Fault>> {
     let Some(entry) = file.effects.get(at).filter(|entry| entry.kind == "joint_compliance") else {
         return Ok(());
     };
@@ -76,12 +81,12 @@ fn check_beside(file: &ModelFile, at: usize) -> Result<(), Fault> {
         Some(other) => {
             let message = format!("stands beside {} of the same joint", other.kind);
             let fault = Fault::new(path_of(at, entry), message);
-            Err(fault.expected("one of the two: joint_compliance is gravity and load"))
+            Err(Box::new(fault.expected("one of the two: joint_compliance is gravity and load")))
         }
     }
 }
 
-fn arm(file: &ModelFile) -> Result<Arm, Fault> {
+fn arm(file: &ModelFile) -> Result<Arm, Box<Fault>> {
     let joints: Vec<Joint> = file.joints.iter().map(joint).collect();
     let rows =
         file.tool.base_from_tool.unwrap_or([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
@@ -91,7 +96,7 @@ fn arm(file: &ModelFile) -> Result<Arm, Fault> {
         body: file.tool.body.and_then(|entry| body(&entry)),
     };
     Arm::new(&joints, tool, DVec3::from_array(file.gravity_m_s2))
-        .map_err(|error| Fault::new("", error.to_string()))
+        .map_err(|error| Box::new(Fault::new("", error.to_string())))
 }
 
 fn joint(entry: &JointEntry) -> Joint {
@@ -124,7 +129,7 @@ fn body(entry: &BodyEntry) -> Option<Body> {
 }
 
 fn kind_at(entry: &EffectEntry, arm: &Arm) -> JointKind {
-    let joint = entry.joint.and_then(|joint| arm.joints().get(joint - 1));
+    let joint = entry.joint.and_then(|joint| arm.joints().get(joint.checked_sub(1)?));
     joint.map_or(JointKind::Revolute, |joint| joint.kind)
 }
 
@@ -140,7 +145,10 @@ fn effect(entry: &EffectEntry, spec: &Spec, arm: &Arm) -> Result<AnyEffect, Stri
         given.push((known.stem, values));
     }
     let given: Vec<(&str, &[f64])> = given.iter().map(|(s, v)| (*s, v.as_slice())).collect();
-    let joint = entry.joint.map(|joint| joint - 1);
+    let joint = match entry.joint {
+        Some(0) => return Err("joints count from 1, this one is 0".to_owned()),
+        joint => joint.map(|joint| joint - 1),
+    };
     AnyEffect::build(spec.kind, arm, joint, Given(&given)).map_err(|error| error.to_string())
 }
 
@@ -189,7 +197,11 @@ impl EffectEntry {
         joint: Option<usize>,
         parameters: &[SiParameter<'_>],
     ) -> Option<Self> {
-        let spec = SPECS.iter().find(|spec| spec.kind == kind)?;
+        let knows = |spec: &Spec, stem: &str| spec.parameters.iter().any(|p| p.stem == stem);
+        let fits = |spec: &&Spec| {
+            spec.kind == kind && parameters.iter().all(|given| knows(spec, given.stem))
+        };
+        let spec = SPECS.iter().find(fits)?;
         let joint_kind = match joint {
             Some(joint) => arm.joints().get(joint)?.kind,
             None => JointKind::Revolute,

@@ -6,12 +6,12 @@ use physics::spec::{Count, Parameter as Spec, Place, Range};
 use super::kinds::{self, Kind};
 use super::{EffectEntry, Numbers, Parameter};
 use crate::faults::nearest;
-use crate::walk::Table;
+use crate::walk::{Table, number_of};
 
 /// Reads an effect of a robot whose joints are of these kinds.
 pub(super) fn read_effect(table: &Table<'_, '_>, joints: &[JointKind]) -> Option<EffectEntry> {
     table.require("kind", "a name of an effect");
-    let Some(kind) = kind(table) else {
+    let Some(kind) = kind(table, joints) else {
         // Of an effect that nobody knows, no other key can be judged.
         if !table.has("kind") {
             table.fault_here("has no `kind`", "name the effect");
@@ -40,9 +40,11 @@ pub(super) fn read_effect(table: &Table<'_, '_>, joints: &[JointKind]) -> Option
     Some(entry)
 }
 
-fn kind(table: &Table<'_, '_>) -> Option<Kind> {
+fn kind(table: &Table<'_, '_>, joints: &[JointKind]) -> Option<Kind> {
     let name = table.text("kind")?;
-    let found = kinds::find(name);
+    let number = table.raw("joint").and_then(|value| number_of(value.get_ref())).unwrap_or(0.0);
+    let joint = joints.get((number as usize).wrapping_sub(1)).copied().unwrap_or_default();
+    let found = kinds::find(name, joint, |key| table.keys().any(|found| found == key));
     if found.is_none() {
         let near = nearest(name, kinds::names());
         let expected = near.map_or("a name of the contract (effects.md)".to_owned(), |near| {

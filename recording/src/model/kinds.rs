@@ -4,8 +4,9 @@
 //! Contract: contract/effects.md. The physics' own word wins; the table here only lets a file
 //! load whole, so that its other effects can be listed as not compensated.
 
+use physics::JointKind;
 use physics::effects::SPECS;
-use physics::spec::{Count, Parameter, Place, Range, Unit};
+use physics::spec::{Count, Parameter, Place, Range, Spec, Unit};
 
 use super::EffectEntry;
 
@@ -16,6 +17,8 @@ pub(super) struct Kind {
     pub(super) place: Place,
     pub(super) parameters: &'static [Parameter],
     pub(super) has_channel: bool,
+    /// What the physics says of it, where it models it.
+    pub(super) spec: Option<&'static Spec>,
     /// Sets of stems of which one must be there; empty: what is required says it all.
     alternatives: &'static [&'static [&'static str]],
 }
@@ -32,16 +35,27 @@ impl Kind {
     }
 }
 
-/// The kind with this name.
-pub(super) fn find(name: &str) -> Option<Kind> {
-    let modelled = SPECS.iter().find(|spec| spec.kind == name).map(|spec| Kind {
+/// The kind with this name at a joint of this kind. One name may mean two effects (hysteresis of
+/// position and of torque): the one that knows most of the keys is meant, the physics' own first.
+pub(super) fn find(name: &str, joint: JointKind, has: impl Fn(&str) -> bool) -> Option<Kind> {
+    let modelled = SPECS.iter().filter(|spec| spec.kind == name).map(modelled);
+    let others = OTHERS.iter().copied().filter(|kind| kind.name == name);
+    let unknown = |kind: &Kind| {
+        let known = |spec: &&Parameter| has(&spec.key(joint).to_string());
+        usize::MAX - kind.parameters.iter().filter(known).count()
+    };
+    modelled.chain(others).min_by_key(unknown)
+}
+
+fn modelled(spec: &'static Spec) -> Kind {
+    Kind {
         name: spec.kind,
         place: spec.place,
         parameters: spec.parameters,
         has_channel: spec.kind == "time_delay" || spec.kind == "torque_delay",
+        spec: Some(spec),
         alternatives: &[],
-    });
-    modelled.or_else(|| OTHERS.iter().copied().find(|kind| kind.name == name))
+    }
 }
 
 /// All names.
@@ -51,7 +65,7 @@ pub(super) fn names() -> impl Iterator<Item = &'static str> {
 }
 
 const fn kind(name: &'static str, place: Place, parameters: &'static [Parameter]) -> Kind {
-    Kind { name, place, parameters, has_channel: false, alternatives: &[] }
+    Kind { name, place, parameters, has_channel: false, spec: None, alternatives: &[] }
 }
 
 const fn either(kind: Kind, alternatives: &'static [&'static [&'static str]]) -> Kind {
@@ -86,18 +100,10 @@ const OTHERS: &[Kind] = &[
         JOINT,
         &[not_negative("width", Unit::Milliradian), positive("torque", Unit::NewtonMetre)],
     ),
-    either(
-        // In the torque domain the same name has its amplitude in Nm.
-        kind(
-            "hysteresis",
-            JOINT,
-            &[
-                not_negative("amplitude", Unit::Milliradian).optional(),
-                not_negative("amplitude", Unit::NewtonMetre).optional(),
-                positive("reversal", Unit::Milliradian),
-            ],
-        ),
-        &[&["amplitude"]],
+    kind(
+        "hysteresis",
+        JOINT,
+        &[not_negative("amplitude", Unit::Milliradian), positive("reversal", Unit::Milliradian)],
     ),
     kind("stiffness_hardening", JOINT, &[positive("cubic", Unit::CubicCompliance)]),
     kind(
@@ -255,6 +261,11 @@ const OTHERS: &[Kind] = &[
     ),
     kind("spring", JOINT, &[not_negative("stiffness", Unit::One), any("rest_position", Unit::One)]),
     kind("spring_hardening", JOINT, &[any("cubic_stiffness", Unit::One)]),
+    kind(
+        "hysteresis",
+        JOINT,
+        &[not_negative("amplitude", Unit::NewtonMetre), positive("reversal", Unit::Milliradian)],
+    ),
     kind("drive_gain", JOINT, &[any("gain", Unit::One)]),
     Kind { has_channel: true, ..kind("torque_delay", ROBOT, &[any("delay", Unit::Millisecond)]) },
     // What the cutter does.

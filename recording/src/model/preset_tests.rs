@@ -82,9 +82,12 @@ fn poses(model: &RobotModel, count: usize) -> Vec<Joints> {
     poses
 }
 
+/// A preset and its published forward kinematics.
+type Case = (&'static str, fn(&[f64]) -> DMat4);
+
 #[test]
 fn every_preset_agrees_with_its_denavit_hartenberg_figures() {
-    let cases: [(&str, fn(&[f64]) -> DMat4); 5] = [
+    let cases: [Case; 5] = [
         ("irb1600-6-145", irb1600),
         ("irb1600-6-145-thesis", irb1600),
         ("kuka-kr240", kuka),

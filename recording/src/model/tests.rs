@@ -85,39 +85,18 @@ fn what_is_written_reads_back_bit_for_bit_and_has_the_same_hash() {
 }
 
 #[test]
-fn every_fault_of_a_model_is_told_at_once() {
+fn every_fault_of_the_geometry_is_told_at_once() {
     let text = r#"schema = "trued.model/1"
 gravity = [0, 0, -9.81]
 [[joint]]
 kind = "revolut"
 axis = [0.0, 0.0, 1.1]
-point_mm = [0, 0]
 limits_deg = [180.0, -180.0]
 max_speed_rad_s = 1.0
 link = { mass_kg = 65.0 }
-[[joint]]
-kind = "prismatic"
-axis = [1, 0, 0]
-limits_deg = [0, 1]
 [tool]
-tcp = [0, 0, 0]
+tcp_mm = [0, 0]
 base_from_tool = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]
-[[effect]]
-kind = "backlsh"
-joint = 1
-[[effect]]
-kind = "backlash"
-joint = 3
-width_deg = 0.1
-[[effect]]
-kind = "joint_offset"
-joint = 2
-offset_mrad = 1.0
-[[effect]]
-kind = "axis_tilt"
-joint = 1
-tilt_mrad = [1.0]
-sigma = { tilt = 1 }
 "#;
     insta::assert_snapshot!(parse(text).unwrap_err(), @r#"
         error: `gravity`: has no unit, which is not the one of this key
@@ -127,6 +106,12 @@ sigma = { tilt = 1 }
           | ^^^^^^^ expected `gravity_m_s2`
           |
           = help: write `gravity_m_s2`
+
+        error: `joint[1].point_mm`: is missing
+         --> robot.toml:3:1
+          |
+        3 | [[joint]]
+          | ^^^^^^^^^ expected a point [x, y, z] on the axis, base frame
 
         error: `joint[1].kind`: is "revolut"
          --> robot.toml:4:8
@@ -140,92 +125,100 @@ sigma = { tilt = 1 }
         5 | axis = [0.0, 0.0, 1.1]
           |        ^^^^^^^^^^^^^^^ expected unit length to 1e-6
 
-        error: `joint[1].point_mm`: has 2 numbers
-         --> robot.toml:6:12
-          |
-        6 | point_mm = [0, 0]
-          |            ^^^^^^ expected 3 numbers
-
         error: `joint[1].limits_deg`: is [180, -180]
-         --> robot.toml:7:14
+         --> robot.toml:6:14
           |
-        7 | limits_deg = [180.0, -180.0]
+        6 | limits_deg = [180.0, -180.0]
           |              ^^^^^^^^^^^^^^^ expected the lower limit first
 
         error: `joint[1].max_speed_rad_s`: has the unit rad_s, which is not the one of this key
-         --> robot.toml:8:1
+         --> robot.toml:7:1
           |
-        8 | max_speed_rad_s = 1.0
+        7 | max_speed_rad_s = 1.0
           | ^^^^^^^^^^^^^^^ expected `max_speed_deg_s`
           |
           = help: write `max_speed_deg_s`, its value times 57.29577951
 
         error: `joint[1].link.com_mm`: is missing
-         --> robot.toml:9:8
+         --> robot.toml:8:8
           |
-        9 | link = { mass_kg = 65.0 }
+        8 | link = { mass_kg = 65.0 }
           |        ^^^^^^^^^^^^^^^^^^ expected the centre of mass [x, y, z], base frame, zero configuration
 
-        error: `joint[2].limits_deg`: has the unit deg, which is not the one of this key
-          --> robot.toml:13:1
+        error: `tool.tcp_mm`: has 2 numbers
+          --> robot.toml:10:10
            |
-        13 | limits_deg = [0, 1]
-           | ^^^^^^^^^^ expected `limits_mm`
-           |
-           = help: write `limits_mm`
-
-        error: `tool.tcp`: has no unit, which is not the one of this key
-          --> robot.toml:15:1
-           |
-        15 | tcp = [0, 0, 0]
-           | ^^^ expected `tcp_mm`
-           |
-           = help: write `tcp_mm`
+        10 | tcp_mm = [0, 0]
+           |          ^^^^^^ expected 3 numbers
 
         error: `tool.base_from_tool`: is no rotation
-          --> robot.toml:16:18
+          --> robot.toml:11:18
            |
-        16 | base_from_tool = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]
+        11 | base_from_tool = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]
            |                  ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^ expected three rows of a right-handed rotation, orthonormal to 1e-6
+        "#);
+}
 
+#[test]
+fn every_fault_of_the_effects_is_told_at_once() {
+    let text = r#"
+[[effect]]
+kind = "backlsh"
+joint = 1
+[[effect]]
+kind = "backlash"
+joint = 3
+width_deg = 0.1
+[[effect]]
+kind = "joint_offset"
+joint = 1
+offset_mrad = 1.0
+[[effect]]
+kind = "axis_tilt"
+joint = 1
+tilt_mrad = [1.0]
+sigma = { tilt = 1 }
+"#;
+    let whole = &TWO_JOINTS[..TWO_JOINTS.find("[[effect]]").unwrap()];
+    insta::assert_snapshot!(parse(&format!("{whole}{text}")).unwrap_err(), @r#"
         error: `effect[1].kind`: is "backlsh", which is no known effect
-          --> robot.toml:18:8
+          --> robot.toml:37:8
            |
-        18 | kind = "backlsh"
+        37 | kind = "backlsh"
            |        ^^^^^^^^^ expected "backlash", or another name of the contract (effects.md)
 
         error: `effect[2].joint`: is 3
-          --> robot.toml:22:9
+          --> robot.toml:41:9
            |
-        22 | joint = 3
+        41 | joint = 3
            |         ^ expected a whole number from 1 to 2
 
         error: `effect[2].width_deg`: has the unit deg, which is not the one of this key
-          --> robot.toml:23:1
+          --> robot.toml:42:1
            |
-        23 | width_deg = 0.1
+        42 | width_deg = 0.1
            | ^^^^^^^^^ expected `width_mrad`
            |
            = help: write `width_mrad`, its value times 17.45329252
 
         error: `effect[3].offset_mrad`: has the unit mrad, which is not the one of this key
-          --> robot.toml:27:1
+          --> robot.toml:46:1
            |
-        27 | offset_mrad = 1.0
+        46 | offset_mrad = 1.0
            | ^^^^^^^^^^^ expected `offset_mm`
            |
            = help: write `offset_mm`
 
         error: `effect[4].tilt_mrad`: has 1 numbers
-          --> robot.toml:31:13
+          --> robot.toml:50:13
            |
-        31 | tilt_mrad = [1.0]
+        50 | tilt_mrad = [1.0]
            |             ^^^^^ expected 2 numbers
 
         error: `effect[4].sigma.tilt`: has no unit, which is not the one of this key
-          --> robot.toml:32:11
+          --> robot.toml:51:11
            |
-        32 | sigma = { tilt = 1 }
+        51 | sigma = { tilt = 1 }
            |           ^^^^ expected `tilt_mrad`
            |
            = help: write `tilt_mrad`

@@ -1,9 +1,9 @@
 //! The model as text: the same document gives the same bytes, and reads back to the same bits.
 
-use std::fmt::Write;
-
 use physics::JointKind;
 use toml::{Table, Value};
+
+use crate::toml_text::{line, list, number, string};
 
 use super::{BodyEntry, EffectEntry, JointEntry, ModelFile, Numbers, SCHEMA};
 
@@ -106,51 +106,11 @@ fn write_effect(out: &mut String, effect: &EffectEntry) {
     }
 }
 
-fn line(out: &mut String, key: &str, value: &str) {
-    // Writing into a string cannot fail.
-    let _ = writeln!(out, "{key} = {value}");
-}
-
 fn numbers(numbers: &Numbers) -> String {
     match numbers {
         Numbers::One(one) => number(*one),
         Numbers::List(many) => list(many),
     }
-}
-
-fn list(values: &[f64]) -> String {
-    let values: Vec<String> = values.iter().map(|value| number(*value)).collect();
-    format!("[{}]", values.join(", "))
-}
-
-/// The shortest text that reads back to the same bits, as TOML spells it.
-fn number(value: f64) -> String {
-    if value.is_nan() {
-        "nan".to_owned()
-    } else if value.is_infinite() {
-        if value > 0.0 { "inf".to_owned() } else { "-inf".to_owned() }
-    } else {
-        format!("{value:?}")
-    }
-}
-
-/// A basic string: everything that is not plain is escaped.
-fn string(text: &str) -> String {
-    let mut out = String::from("\"");
-    for c in text.chars() {
-        match c {
-            '"' => out.push_str("\\\""),
-            '\\' => out.push_str("\\\\"),
-            '\n' => out.push_str("\\n"),
-            '\t' => out.push_str("\\t"),
-            c if c.is_control() => {
-                let _ = write!(out, "\\U{:08X}", u32::from(c));
-            }
-            c => out.push(c),
-        }
-    }
-    out.push('"');
-    out
 }
 
 /// A value of `[meta]`, tables inline.

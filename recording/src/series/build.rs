@@ -5,7 +5,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::about::{About, Approach, Heldout};
-use super::channel::{Channel, Column, FileUnits, Motion, motion_of};
+use physics::JointKind;
+
+use super::channel::{Channel, Column, FileUnits, joint_kind_of};
 use super::table::RawTable;
 use super::{Need, Recording};
 use crate::faults::{Fault, Faults, nearest};
@@ -26,7 +28,7 @@ pub(crate) struct Builder<'t, 's> {
     segment: Option<Vec<i64>>,
     columns: BTreeMap<Channel, Vec<f64>>,
     sources: BTreeMap<Channel, Source>,
-    motions: BTreeMap<usize, Motion>,
+    kinds: BTreeMap<usize, JointKind>,
     other: Vec<(String, Vec<String>)>,
     degrees: bool,
     millimetres: bool,
@@ -41,7 +43,7 @@ impl<'t, 's> Builder<'t, 's> {
             segment: None,
             columns: BTreeMap::new(),
             sources: BTreeMap::new(),
-            motions: BTreeMap::new(),
+            kinds: BTreeMap::new(),
             other: Vec::new(),
             degrees: false,
             millimetres: false,
@@ -118,9 +120,9 @@ impl<'t, 's> Builder<'t, 's> {
             self.header_fault(source.from, fault);
             return;
         }
-        if let (Some(joint), Some(motion)) = (channel.joint(), motion_of(channel, unit)) {
-            let known = *self.motions.entry(joint).or_insert(motion);
-            if known != motion {
+        if let (Some(joint), Some(kind)) = (channel.joint(), joint_kind_of(channel, unit)) {
+            let known = *self.kinds.entry(joint).or_insert(kind);
+            if known != kind {
                 let message = format!("turns joint {} into one of the other kind", joint + 1);
                 let fault = Fault::new(&source.name, message).expected(
                     "all columns of a joint in units of one kind: angle and Nm, or length and N",
@@ -171,7 +173,7 @@ impl<'t, 's> Builder<'t, 's> {
             other: self.other,
             notes,
             columns: self.columns,
-            motions: self.motions,
+            kinds: self.kinds,
         };
         self.faults.or(Some(recording))
     }

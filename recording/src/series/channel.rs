@@ -2,6 +2,8 @@
 //!
 //! Contract: contract/recording.md. Joints and targets count from 0 here and from 1 in names.
 
+use physics::JointKind;
+
 use crate::unit::{Quantity, Unit};
 
 /// At most this many joints.
@@ -18,7 +20,7 @@ pub enum Channel {
     Motor(usize),
     /// Joint position measured on the link side `ql`, rad or m.
     Link(usize),
-    /// Sign of the joint's last motion `d`: -1, 0, 1.
+    /// Sign of the joint's last kind `d`: -1, 0, 1.
     Direction(usize),
     /// Measured TCP position, m, measuring frame; 0, 1, 2 for x, y, z.
     Position(usize),
@@ -44,15 +46,6 @@ pub enum Channel {
     Tacho,
     /// Acceleration, m/s².
     Acceleration(usize),
-}
-
-/// Whether a joint turns or slides, as the units of its columns say.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Motion {
-    /// Revolute: positions in rad, torques in N m.
-    Turns,
-    /// Prismatic: positions in m, forces in N.
-    Slides,
 }
 
 /// The units in which positions stand in a file: what was read is written alike.
@@ -145,18 +138,17 @@ impl Channel {
 
     /// The unit of this column in a file that is written in these units.
     #[must_use]
-    pub fn unit_in(self, units: FileUnits, motion: Motion) -> Option<Unit> {
+    pub fn unit_in(self, units: FileUnits, kind: JointKind) -> Option<Unit> {
         let length = if units.millimetres { "mm" } else { "m" };
-        let name =
-            match (self, motion) {
-                (Self::Command(_) | Self::Motor(_) | Self::Link(_), Motion::Turns) => {
-                    if units.degrees { "deg" } else { "rad" }
-                }
-                (Self::Command(_) | Self::Motor(_) | Self::Link(_), Motion::Slides) => length,
-                (Self::Position(_) | Self::Target(..), _) => length,
-                (Self::Torque(_), Motion::Slides) => "N",
-                _ => self.units().first()?,
-            };
+        let name = match (self, kind) {
+            (Self::Command(_) | Self::Motor(_) | Self::Link(_), JointKind::Revolute) => {
+                if units.degrees { "deg" } else { "rad" }
+            }
+            (Self::Command(_) | Self::Motor(_) | Self::Link(_), JointKind::Prismatic) => length,
+            (Self::Position(_) | Self::Target(..), _) => length,
+            (Self::Torque(_), JointKind::Prismatic) => "N",
+            _ => self.units().first()?,
+        };
         Unit::named(name)
     }
 
@@ -260,11 +252,11 @@ fn expected_names(channel: Channel, units: &[&str]) -> String {
 }
 
 /// What the unit of a joint's column says of the joint.
-pub(crate) fn motion_of(channel: Channel, unit: Option<Unit>) -> Option<Motion> {
+pub(crate) fn joint_kind_of(channel: Channel, unit: Option<Unit>) -> Option<JointKind> {
     channel.joint()?;
     match unit?.quantity {
-        Quantity::Angle | Quantity::Moment => Some(Motion::Turns),
-        Quantity::Length | Quantity::Force => Some(Motion::Slides),
+        Quantity::Angle | Quantity::Moment => Some(JointKind::Revolute),
+        Quantity::Length | Quantity::Force => Some(JointKind::Prismatic),
         _ => None,
     }
 }
@@ -296,8 +288,8 @@ mod tests {
         ];
         for channel in all {
             for units in [FileUnits::SI, FileUnits::WORKSHOP] {
-                for motion in [Motion::Turns, Motion::Slides] {
-                    let unit = channel.unit_in(units, motion);
+                for kind in [JointKind::Revolute, JointKind::Prismatic] {
+                    let unit = channel.unit_in(units, kind);
                     let name = channel.name(unit);
                     assert_eq!(Column::named(&name), Ok(Column::Channel(channel, unit)), "{name}");
                 }

@@ -5,6 +5,7 @@
 //! quaternions, joints that either turn or slide. NaN stands for a sample that was not taken.
 
 mod about;
+mod about_text;
 mod build;
 mod channel;
 mod table;
@@ -18,9 +19,11 @@ use std::path::{Path, PathBuf};
 pub use about::{About, Approach, Cut, Frame, Heldout, Input, Kind};
 pub(crate) use build::Builder;
 pub(crate) use channel::Column;
-pub use channel::{Channel, FileUnits, JOINTS_MAX, Motion, TARGETS_MAX};
+pub use channel::{Channel, FileUnits, JOINTS_MAX, TARGETS_MAX};
 pub(crate) use table::{Dialect, RawTable};
 pub use text::{read, read_text, write};
+
+use physics::JointKind;
 
 use crate::faults::{Fault, Faults};
 
@@ -51,7 +54,7 @@ pub struct Recording {
     /// What was noticed while reading and is no fault, one sentence each.
     pub notes: Vec<String>,
     columns: BTreeMap<Channel, Vec<f64>>,
-    motions: BTreeMap<usize, Motion>,
+    kinds: BTreeMap<usize, JointKind>,
 }
 
 impl Recording {
@@ -67,7 +70,7 @@ impl Recording {
             other: Vec::new(),
             notes: Vec::new(),
             columns: BTreeMap::new(),
-            motions: BTreeMap::new(),
+            kinds: BTreeMap::new(),
         }
     }
 
@@ -107,13 +110,13 @@ impl Recording {
 
     /// Whether a joint turns or slides, as far as its columns say; joints of unknown kind turn.
     #[must_use]
-    pub fn motion(&self, joint: usize) -> Motion {
-        self.motions.get(&joint).copied().unwrap_or(Motion::Turns)
+    pub fn joint_kind(&self, joint: usize) -> JointKind {
+        self.kinds.get(&joint).copied().unwrap_or(JointKind::Revolute)
     }
 
     /// Says that a joint turns or slides, for made recordings.
-    pub fn set_motion(&mut self, joint: usize, motion: Motion) {
-        self.motions.insert(joint, motion);
+    pub fn set_joint_kind(&mut self, joint: usize, kind: JointKind) {
+        self.kinds.insert(joint, kind);
     }
 
     /// One more than the highest joint that any column names.
@@ -159,30 +162,30 @@ impl Recording {
     ///
     /// # Errors
     /// Every joint that is missing, too many, or of the other kind.
-    pub fn check_joints(&self, motions: &[Motion]) -> Result<(), Faults> {
+    pub fn check_joints(&self, kinds: &[JointKind]) -> Result<(), Faults> {
         let mut faults = Faults::of(self.file.display().to_string());
-        for (joint, motion) in motions.iter().enumerate() {
+        for (joint, kind) in kinds.iter().enumerate() {
             if self.input(joint).is_none() {
                 let name = Channel::Command(joint).name(None);
                 faults.push(
                     Fault::new(name, "is missing: the model has this joint")
-                        .expected(format!("the positions of all {} joints", motions.len())),
+                        .expected(format!("the positions of all {} joints", kinds.len())),
                 );
-            } else if self.motions.get(&joint).is_some_and(|found| found != motion) {
-                let unit = if *motion == Motion::Turns { "`_deg` or `_rad`" } else { "`_mm`" };
+            } else if self.kinds.get(&joint).is_some_and(|found| found != kind) {
+                let unit = if *kind == JointKind::Revolute { "`_deg` or `_rad`" } else { "`_mm`" };
                 faults.push(
                     Fault::new(Channel::Command(joint).base(), "has the unit of the other kind")
                         .expected(format!("{unit}, as the model's joint {}", joint + 1)),
                 );
             }
         }
-        if self.joint_count() > motions.len() {
+        if self.joint_count() > kinds.len() {
             faults.push(Fault::new(
-                Channel::Command(motions.len()).base(),
+                Channel::Command(kinds.len()).base(),
                 format!(
                     "the recording has {} joints and the model {}",
                     self.joint_count(),
-                    motions.len()
+                    kinds.len()
                 ),
             ));
         }

@@ -14,7 +14,10 @@ fn a_spreadsheets_export_is_read_and_said() {
     assert_eq!(recording.column(Channel::Command(0)).unwrap()[0], 1.5_f64.to_radians());
     assert!(recording.column(Channel::Command(1)).unwrap()[1].is_nan());
     assert!(recording.column(Channel::Position(0)).unwrap()[0].is_nan());
-    assert_eq!((recording.motion(0), recording.motion(1)), (Motion::Turns, Motion::Slides));
+    assert_eq!(
+        (recording.joint_kind(0), recording.joint_kind(1)),
+        (JointKind::Revolute, JointKind::Prismatic)
+    );
     assert_eq!(recording.units, FileUnits::WORKSHOP);
     let notes = recording.notes.join("\n");
     for said in ["semicolons", "line 4 is cut off", "not used: remark"] {
@@ -96,9 +99,9 @@ fn time_may_restart_with_a_segment_only() {
 #[test]
 fn joints_must_fit_the_model() {
     let recording = parse("t_s,q1_deg,q2_mm\n0,1,1\n").unwrap();
-    assert!(recording.check_joints(&[Motion::Turns, Motion::Slides]).is_ok());
-    assert_eq!(recording.check_joints(&[Motion::Turns]).unwrap_err().len(), 1);
-    assert_eq!(recording.check_joints(&[Motion::Slides; 3]).unwrap_err().len(), 2);
+    assert!(recording.check_joints(&[JointKind::Revolute, JointKind::Prismatic]).is_ok());
+    assert_eq!(recording.check_joints(&[JointKind::Revolute]).unwrap_err().len(), 1);
+    assert_eq!(recording.check_joints(&[JointKind::Prismatic; 3]).unwrap_err().len(), 2);
 }
 
 #[test]
@@ -118,6 +121,9 @@ coefficients_N_per_mm2 = [800.0, 300.0, 150.0]
 coefficients_N_per_mm = [8.0, 10.0, 2.0]
 "#;
     let about = About::parse("run.toml", text).unwrap();
+    let mut recording = Recording::new(vec![0.0]);
+    recording.about = about.clone();
+    assert_eq!(About::parse("again", &recording.about_toml()).unwrap(), about);
     assert_eq!(about.sigma[&Channel::Position(0)], 3e-5);
     assert_eq!(about.targets_tool[&1], [0.0, 0.0, 0.05]);
     assert_eq!(about.heldout, Heldout::Segments(vec![3, 7]));
@@ -185,7 +191,7 @@ proptest! {
     ) {
         let t_s = (0..values.len()).map(|row| start + row as f64).collect();
         let mut recording = Recording::new(t_s);
-        recording.set_motion(1, Motion::Slides);
+        recording.set_joint_kind(1, JointKind::Prismatic);
         for channel in [
             Channel::Command(0), Channel::Command(1), Channel::Torque(1), Channel::Position(0),
             Channel::Target(0, 0), Channel::Wrench(4), Channel::Spindle,

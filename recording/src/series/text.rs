@@ -113,7 +113,8 @@ impl Recording {
         let _ = writer.write_record(&header);
         for row in 0..self.len() {
             let mut fields = vec![number_text(self.t_s[row])];
-            fields.extend(segments.then(|| self.segment[row].to_string()));
+            let segment = self.segment.get(row).copied().unwrap_or(0);
+            fields.extend(segments.then(|| segment.to_string()));
             fields.extend(columns.iter().map(|column| column.text(row)));
             let other = self.other.iter().map(|(_, cells)| cells.get(row).cloned());
             fields.extend(other.map(Option::unwrap_or_default));
@@ -123,8 +124,8 @@ impl Recording {
     }
 
     fn file_column(&self, channel: Channel) -> FileColumn<'_> {
-        let motion = self.motion(channel.joint().unwrap_or(0));
-        let unit = channel.unit_in(self.units, motion);
+        let kind = self.joint_kind(channel.joint().unwrap_or(0));
+        let unit = channel.unit_in(self.units, kind);
         let samples = self.column(channel).unwrap_or_default();
         FileColumn { name: channel.name(unit), unit, samples }
     }
@@ -148,10 +149,14 @@ fn number_text(value: f64) -> String {
     if value.is_nan() { String::new() } else { format!("{value:?}") }
 }
 
-/// Writes a recording as CSV, whole or not at all. The TOML beside it is the caller's.
+/// Writes a recording as CSV, and where it says anything of itself the TOML beside it: each whole
+/// or not at all, the CSV last.
 ///
 /// # Errors
-/// The file cannot be written; then nothing has changed.
+/// A file cannot be written; then the CSV has not changed.
 pub fn write(path: &Path, recording: &Recording) -> Result<(), FileError> {
+    if recording.about != About::default() {
+        write_atomic(&about_path(path), recording.about_toml().as_bytes())?;
+    }
     write_atomic(path, &recording.to_csv())
 }

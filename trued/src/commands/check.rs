@@ -136,7 +136,7 @@ impl Check {
             recording => recording?,
         };
         if let Some(model) = known {
-            recording.check_joints(&setup::motions(&model.physics.arm))?;
+            recording.check_joints(&setup::joint_kinds(&model.physics.arm))?;
         }
         Ok(recording)
     }

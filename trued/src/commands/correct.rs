@@ -89,7 +89,7 @@ impl Correct {
             }
         };
         config
-            .check_against(&name, &input.motions)
+            .check_against(&name, &input.joint_kinds)
             .map_err(|faults| unusable(FileError::Content(faults)))?;
         config.mode = Mode::Full;
         if has_wrench(&input.recording) && config.wrench.source == WrenchSource::Force {

@@ -162,20 +162,21 @@ fn say(console: &mut Console, report: &Report, out: &Path) -> Result<(), Failure
         "{} cycles at 1 kHz; {} missed, {} commands rejected, {} invariants broken",
         report.cycles, report.missed_cycles, report.rejected_commands, report.invariants_broken
     ))?;
+    console.say(format!("vibration: true is {}", report.ringing.words))?;
     for event in report.vibration.iter().filter(|event| event.state == "alarm") {
+        let since = event.after_onset_ms.filter(|ms| *ms >= 0.0);
+        let since =
+            since.map_or_else(String::new, |ms| format!(", {ms:.0} ms after it rang that loud"));
         console.say(format!(
-            "vibration: {:.1} Hz on {} at {:.2} s ({}), {:.0} ms after it began to ring ({})",
-            event.frequency_Hz,
-            event.axis,
-            event.t_s,
-            event.class,
-            event.after_onset_ms.unwrap_or(f64::NAN),
-            report.ringing.words
+            "  flagged: {:.1} Hz on {} at {:.2} s ({}){since}",
+            event.frequency_Hz, event.axis, event.t_s, event.class
         ))?;
     }
     console.say("")?;
     console.say(format!("page       {}", out.join("report.html").display()))?;
-    console.say(format!("recording  {}", out.join("recording.csv").display()))
+    console.say(format!("recording  {}", out.join("recording.csv").display()))?;
+    console
+        .say(format!("black box  {} (MCAP, of the daemon itself)", out.join("blackbox").display()))
 }
 
 fn finish(child: &mut Child, who: &str) -> Result<(), Failure> {

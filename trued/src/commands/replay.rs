@@ -106,7 +106,7 @@ impl Replay {
         let bar = progress::bar(console, input.recording.len() as u64, "replaying");
         let start = Instant::now();
         let mut first_ns = None;
-        for row in Setpoints::of(&input.recording, input.motions.len()) {
+        for row in Setpoints::of(&input.recording, input.joint_kinds.len()) {
             let due_ns = row.t_ns - *first_ns.get_or_insert(row.t_ns);
             if self.pace {
                 wait(start, Duration::from_nanos(due_ns), stop)?;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use daemon::{DaemonError, Options};
 use recording::cell::CellConfig;
-use recording::files::FileError;
+use recording::files::{FileError, read_text};
 
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
@@ -26,6 +26,7 @@ impl Run {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let config = CellConfig::read(&self.config).map_err(unusable)?;
         let options = Options {
+            config_text: read_text(&self.config).map_err(unusable)?,
             config_name: self.config.display().to_string(),
             lockstep: self.lockstep,
             stop: interrupt::flag()?,

@@ -54,7 +54,7 @@ pub(super) fn check(path: &Path, text: &str, found: &mut Found) -> Result<(), Fi
 fn misfits(name: &str, config: &CellConfig, model: &RobotModel) -> Vec<Fault> {
     let arm = &model.physics.arm;
     let mut found = Vec::new();
-    if let Err(faults) = config.check_against(name, &setup::motions(arm)) {
+    if let Err(faults) = config.check_against(name, &setup::joint_kinds(arm)) {
         found.extend(faults.list().iter().cloned());
     }
     if let Err(error) = setup::settings(config, arm, false) {

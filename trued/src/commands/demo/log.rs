@@ -21,7 +21,6 @@ pub(super) struct Row {
     pub(super) correction: Joints,
     pub(super) tcp_base: [f64; 3],
     pub(super) force_tool: [f64; 3],
-    pub(super) cut: Option<usize>,
 }
 
 /// Everything that was seen.
@@ -65,7 +64,6 @@ impl Log {
             correction,
             tcp_base: tick.with.origin.to_array(),
             force_tool: force.to_array(),
-            cut: tick.cut,
         });
     }
 

@@ -1,8 +1,6 @@
 //! The demo's page: key numbers, the path error before and after, the correction per joint, the latency, the ringing.
 
-use report::{
-    Axis, Column, Histogram, Multiples, Number, Page, Plot, Series, Table, Tone, quantity,
-};
+use report::{Axis, Column, Histogram, Multiples, Number, Page, Plot, Series, Table, Tone};
 
 use super::log::{Log, Row};
 use super::outcome::Report;
@@ -39,7 +37,7 @@ pub(super) fn render(scene: &Scene, report: &Report, log: &Log) -> String {
         )
         .figure("Round trip over shared memory.", &latency(log).render())
         .section("The cut that rings")
-        .text(&format!("The daemon hears the force samples at 10 kHz. {}.", report.ringing.words))
+        .text(&format!("The daemon hears the force samples at 10 kHz. The truth: {}.", report.ringing.words))
         .figure("Force on the tool across the ringing, tool axes.", &force(scene, log).render())
         .table(&events(report))
         .footer("Made by trued demo; the recording beside this page holds every tick.")
@@ -54,8 +52,9 @@ fn numbers(report: &Report) -> Vec<Number> {
         Number::new("Mean tool error with", errors.with.mean, "mm")
             .note(format!("{share:.0} % of that without"))
             .tone(Tone::Good),
-        Number::text("Round trip, middle", quantity(report.latency_ns.p50 as f64 * 1e-9, "s")),
-        Number::text("Cycles missed", format!("{} of {}", report.missed_cycles, report.cycles)),
+        Number::new("Round trip, middle", report.latency_ns.p50 as f64 * 1e-3, "µs"),
+        Number::text("Cycles missed", report.missed_cycles.to_string())
+            .note(format!("of {}", report.cycles)),
     ]
 }
 
@@ -106,9 +105,12 @@ fn force(scene: &Scene, log: &Log) -> Plot {
     if let Some(from_s) = log.ringing_from_s {
         plot = plot.mark_x(from_s, "rings");
     }
-    let alarm = log.events.iter().find(|event| event.state == "alarm");
     let rings_at = scene.chatter.frequency_hz;
-    match alarm.filter(|event| (event.frequency_Hz - rings_at).abs() < 5.0) {
+    let alarm = log
+        .events
+        .iter()
+        .find(|event| event.state == "alarm" && (event.frequency_Hz - rings_at).abs() < 5.0);
+    match alarm {
         Some(event) => plot.mark_x(event.t_s, "alarm"),
         None => plot,
     }

@@ -104,6 +104,10 @@ channels = 3
 enabled = true
 spindle_rpm = 28000.0
 teeth = 2
+
+[recorder]
+dir = "blackbox"
+keep_files = 3
 "#
         )
     }

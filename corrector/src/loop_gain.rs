@@ -1,0 +1,183 @@
+//! How much of a force that the correction takes into account comes back as force: the loop gain, found on line.
+//!
+//! In contact with stiffness k a robot of compliance C, corrected by a share g of the filtered force y along d, obeys
+//! `y = y₀ + γ w`, `w = g y` low-passed as y is, `γ = Ĉ k/(1 + k C)`. γ, the drift of y₀ and their standard errors are found from the
+//! one change of g that is needed anyway: from zero to one half. w depends on y, so that least squares would be biased by the force's own
+//! changes; g does not, and serves as the instrument. Source: Söderström and Stoica, Instrumental variable methods, 1983.
+//!
+//! Not physical where the contact changes within the window; the residual then widens the standard error.
+//! Promises: γ is called known only where it is clear of one half. Never: a share of its own; the gate asks what it may open.
+
+use crate::low_pass::LowPass;
+use glam::DVec3;
+use nalgebra::{Matrix3, Vector3};
+
+/// A contact has begun, or is over, as the filtered force crosses this, N.
+pub(crate) const CONTACT_N: f64 = 1.0;
+/// Loop gain from which on the wrench is taken as zero.
+pub(crate) const GAIN_MAX: f64 = 0.5;
+/// The force must have been steady for this long, s; the filter's own transient is over by then.
+const SETTLING_S: f64 = 0.5;
+/// Steady: changed by less than this share, or by less than [`CONTACT_N`].
+const STEADY: f64 = 0.05;
+/// A force that is not steady for as long is watched as it is, s.
+const PATIENCE_S: f64 = 3.0;
+/// Watched before the share rises, s.
+const BASELINE_S: f64 = 0.8;
+/// Between samples, s: the filter makes nearer ones alike.
+const SPACING_S: f64 = 0.1;
+const SAMPLES: usize = 25;
+/// Standard errors by which γ must be clear of its bound. Half of them make up for samples that are still alike.
+const CLEAR_BY: f64 = 6.0;
+/// Added to the standard error: the robot's lag and the model's bends are not in the equation.
+const FLOOR: f64 = 0.005;
+
+/// What is known of the loop.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) enum Verdict {
+    /// No contact, or its force is being watched before the share rises.
+    #[default]
+    Waiting,
+    /// The share rises, or γ could not be told from its bound: half a share is safe.
+    Unknown,
+    /// Below its bound.
+    Low,
+    /// Above its bound.
+    High,
+}
+
+/// One finding per contact.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct LoopGain {
+    verdict: Verdict,
+    /// Unit vector of the force watched, base axes.
+    direction: DVec3,
+    /// Since the contact began, and since the force last changed by more than is steady, s.
+    contact_s: f64,
+    steady_s: f64,
+    steady_at: DVec3,
+    /// Since the watch began, s; none before.
+    watched_s: Option<f64>,
+    share: LowPass,
+    taken: LowPass,
+    samples: [Sample; SAMPLES],
+    count: usize,
+    gain: Option<f64>,
+    /// The force at which γ was found, N.
+    found_at: DVec3,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Sample {
+    time_s: f64,
+    share: f64,
+    taken: f64,
+    force: f64,
+}
+
+impl LoopGain {
+    pub(crate) fn verdict(&self) -> Verdict {
+        self.verdict
+    }
+
+    /// The direction along which it was found, base axes.
+    pub(crate) fn direction(&self) -> DVec3 {
+        self.direction
+    }
+
+    /// γ of this contact, once found.
+    pub(crate) fn gain(&self) -> Option<f64> {
+        self.gain
+    }
+
+    /// Forgets this contact.
+    pub(crate) fn rearm(&mut self) {
+        *self = Self { direction: self.direction, ..Self::default() };
+    }
+
+    /// Takes the filtered force (base axes, N) and the share in use.
+    pub(crate) fn watch(&mut self, force: DVec3, share: f64, corner_hz: f64, dt_s: f64) {
+        if force.length_squared() < CONTACT_N * CONTACT_N {
+            return self.rearm();
+        }
+        if let Some(watched_s) = &mut self.watched_s {
+            *watched_s += dt_s;
+        } else {
+            self.wait(force, dt_s);
+            // A share left over from before would be no baseline.
+            let ready = self.steady_s >= SETTLING_S || self.contact_s >= PATIENCE_S;
+            if !ready || share != 0.0 {
+                return;
+            }
+            self.watched_s = Some(0.0);
+            self.direction = force / libm::sqrt(force.length_squared());
+        }
+        self.sample(self.direction.dot(force), share, corner_hz, dt_s);
+        self.judge(force);
+    }
+
+    fn wait(&mut self, force: DVec3, dt_s: f64) {
+        self.contact_s += dt_s;
+        self.steady_s += dt_s;
+        let most = CONTACT_N.max(STEADY * libm::sqrt(force.length_squared()));
+        if (force - self.steady_at).length_squared() > most * most {
+            (self.steady_at, self.steady_s) = (force, 0.0);
+        }
+    }
+
+    fn sample(&mut self, force: f64, share: f64, corner_hz: f64, dt_s: f64) {
+        let taken = self.taken.step(share * force, corner_hz, dt_s);
+        let share = self.share.step(share, corner_hz, dt_s);
+        let time_s = self.watched_s.unwrap_or_default();
+        if self.count < SAMPLES && time_s >= self.count as f64 * SPACING_S {
+            self.samples[self.count] = Sample { time_s, share, taken, force };
+            self.count += 1;
+        }
+    }
+
+    fn judge(&mut self, force: DVec3) {
+        match self.verdict {
+            Verdict::Waiting if self.watched_s >= Some(BASELINE_S) => {
+                self.verdict = Verdict::Unknown;
+            }
+            Verdict::Unknown if self.count == SAMPLES && self.gain.is_none() => {
+                let Some((gain, error)) = found(&self.samples) else { return };
+                (self.gain, self.found_at) = (Some(gain), force);
+                let clear = CLEAR_BY * (error + FLOOR);
+                if gain + clear < GAIN_MAX {
+                    self.verdict = Verdict::Low;
+                } else if gain - clear > GAIN_MAX {
+                    self.verdict = Verdict::High;
+                }
+            }
+            // The force has doubled or turned round: another contact than the one that was found.
+            Verdict::Low if far_from(force, self.found_at) => self.verdict = Verdict::Unknown,
+            _ => {}
+        }
+    }
+}
+
+fn far_from(force: DVec3, before: DVec3) -> bool {
+    let most = libm::sqrt(before.length_squared()) + 5.0 * CONTACT_N;
+    (force - before).length_squared() > most * most
+}
+
+/// γ and its standard error: instrumental variables with `[1, t, share]` for `[1, t, taken]`.
+fn found(samples: &[Sample; SAMPLES]) -> Option<(f64, f64)> {
+    let regressors = |s: &Sample| Vector3::new(1.0, s.time_s, s.taken);
+    let instruments = |s: &Sample| Vector3::new(1.0, s.time_s, s.share);
+    let (mut zx, mut zz, mut zy) = (Matrix3::zeros(), Matrix3::zeros(), Vector3::zeros());
+    for s in samples {
+        let (x, z) = (regressors(s), instruments(s));
+        zx += z * x.transpose();
+        zz += z * z.transpose();
+        zy += z * s.force;
+    }
+    let inverse = zx.try_inverse()?;
+    let fit = inverse * zy;
+    let miss = |s: &Sample| s.force - regressors(s).dot(&fit);
+    let squares: f64 = samples.iter().map(|s| miss(s) * miss(s)).sum();
+    let covariance = inverse * zz * inverse.transpose() * (squares / (SAMPLES - 3) as f64);
+    let error = libm::sqrt(covariance[(2, 2)]);
+    (fit[2].is_finite() && error.is_finite()).then_some((fit[2], error))
+}

@@ -1,0 +1,75 @@
+//! What is known of the world besides the command.
+//!
+//! Promises: after [`World::sound`] every number is finite and of a size that a robot cell can have, or counts as unknown.
+//! Never: a guess in place of an unknown number.
+
+use physics::{JOINTS_MAX, Wrench};
+
+/// Temperatures outside are a broken sensor's, °C.
+const CELSIUS: core::ops::RangeInclusive<f64> = -60.0..=200.0;
+/// Forces (N) and moments (Nm) beyond are a broken sensor's.
+const LOAD_MAX: f64 = 1e5;
+/// Speeds beyond are a broken sensor's, rev/min.
+const SPINDLE_RPM_MAX: f64 = 1e6;
+
+/// A wrench as it was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WrenchSample {
+    /// What the environment exerts on the tool, at the TCP.
+    pub wrench: Wrench,
+    /// In base axes; else in tool axes.
+    pub in_base: bool,
+    /// How old it is, ns.
+    pub age_ns: u64,
+}
+
+/// What is known of the world besides the command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct World {
+    /// The newest wrench.
+    pub wrench: Option<WrenchSample>,
+    /// Ambient temperature, °C; NaN where unknown.
+    pub ambient_celsius: f64,
+    /// Joints' temperatures, °C; NaN where unknown.
+    pub joint_celsius: [f64; JOINTS_MAX],
+    /// Spindle speed, rev/min; NaN where unknown.
+    pub spindle_rpm: f64,
+}
+
+impl Default for World {
+    fn default() -> Self {
+        Self {
+            wrench: None,
+            ambient_celsius: f64::NAN,
+            joint_celsius: [f64::NAN; JOINTS_MAX],
+            spindle_rpm: f64::NAN,
+        }
+    }
+}
+
+impl World {
+    /// The same without what cannot be true: temperatures outside −60 to 200 °C and spindle speeds beyond 1e6 rev/min become
+    /// unknown; a wrench beyond 1e5 N or Nm counts as stale.
+    pub(crate) fn sound(&self) -> Self {
+        let celsius = |t: f64| if CELSIUS.contains(&t) { t } else { f64::NAN };
+        let spindle = self.spindle_rpm.abs() <= SPINDLE_RPM_MAX;
+        Self {
+            wrench: self.wrench.map(WrenchSample::sound),
+            ambient_celsius: celsius(self.ambient_celsius),
+            joint_celsius: self.joint_celsius.map(celsius),
+            spindle_rpm: if spindle { self.spindle_rpm } else { f64::NAN },
+        }
+    }
+}
+
+impl WrenchSample {
+    fn sound(self) -> Self {
+        let Wrench { force, moment } = self.wrench;
+        let all = [force.x, force.y, force.z, moment.x, moment.y, moment.z];
+        if all.iter().all(|x| x.abs() <= LOAD_MAX) {
+            self
+        } else {
+            Self { wrench: Wrench::ZERO, age_ns: u64::MAX, ..self }
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! Drains the rings into the black box: what happened, for those who ask later.
+//!
+//! Thread `recorder`, 20 times a second. Promises: a disk that is full or slow costs records, which are counted, and nothing else;
+//! when there is room again a new file is begun. The newest files are kept, older ones removed.
+//! Never: anything that the cycle waits for.
+
+use crate::exchange::{CycleRecord, Exchange};
+use physics::JointKind;
+use recording::blackbox::{self, BlackBox, BlackBoxError, Few, ForceRecord, Header, VerdictRecord};
+use recording::cell::Recorder as Settings;
+use shm_schema::{
+    Command, Corrected, CorrectionStatus, Reason, RecorderState, Verdict, VibrationClass,
+    VibrationState,
+};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+use tracing::{info, warn};
+
+/// How often the rings are drained: far below the time in which they fill.
+const DRAIN_EVERY: Duration = Duration::from_millis(50);
+/// How often what was drained is made safe from a kill.
+const FLUSH_EVERY: Duration = Duration::from_millis(500);
+/// How long to wait after a failure before a new file is tried.
+const RETRY_AFTER: Duration = Duration::from_secs(2);
+
+/// The recorder's belongings.
+pub struct Recorder {
+    settings: Settings,
+    header: Header,
+    joints: usize,
+    file: Option<BlackBox>,
+    flushed: Instant,
+    retry_at: Option<Instant>,
+    files_begun: u32,
+}
+
+impl Recorder {
+    /// A recorder that has not begun a file yet.
+    pub fn new(settings: Settings, header: Header) -> Self {
+        let joints = header.joints.len();
+        let flushed = Instant::now();
+        Self { settings, header, joints, file: None, flushed, retry_at: None, files_begun: 0 }
+    }
+
+    /// Runs until the exchange says stop, then writes what is left and ends the file.
+    pub fn run(&mut self, exchange: &Exchange) {
+        while exchange.runs() {
+            self.turn(exchange);
+            std::thread::sleep(DRAIN_EVERY);
+        }
+        self.turn(exchange);
+        if let Some(file) = self.file.take()
+            && let Err(fault) = file.finish()
+        {
+            warn!(%fault, "the last black box has no index; it reads back all the same");
+        }
+    }
+
+    fn turn(&mut self, exchange: &Exchange) {
+        self.begin_file(exchange);
+        if let Err(fault) = self.drain(exchange) {
+            warn!(%fault, "the black box stops for a while");
+            exchange.set_recorder(RecorderState::Failed);
+            self.file = None;
+            self.retry_at = Some(Instant::now() + RETRY_AFTER);
+        }
+    }
+
+    /// Begins a file where there is none, or the present one is full.
+    fn begin_file(&mut self, exchange: &Exchange) {
+        if self.retry_at.is_some_and(|at| Instant::now() < at) {
+            return;
+        }
+        let full = |file: &BlackBox| file.bytes() >= self.settings.max_file_bytes;
+        if self.file.as_ref().is_some_and(|file| !full(file)) {
+            return;
+        }
+        if let Some(full) = self.file.take()
+            && let Err(fault) = full.finish()
+        {
+            warn!(%fault, "a full black box could not be ended");
+        }
+        match self.create() {
+            Ok(file) => {
+                info!(file = %file.path().display(), "black box");
+                exchange.set_recorder(RecorderState::Recording);
+                (self.file, self.retry_at) = (Some(file), None);
+                remove_oldest(&self.settings.dir, &self.header.cell, self.settings.keep_files);
+            }
+            Err(fault) => {
+                warn!(%fault, "no black box for now");
+                exchange.set_recorder(RecorderState::Failed);
+                self.retry_at = Some(Instant::now() + RETRY_AFTER);
+            }
+        }
+    }
+
+    fn create(&mut self) -> Result<BlackBox, BlackBoxError> {
+        let dir = &self.settings.dir;
+        fs::create_dir_all(dir).map_err(|source| BlackBoxError::Io {
+            action: "make the folder",
+            path: dir.clone(),
+            source,
+        })?;
+        self.files_begun += 1;
+        let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
+        let seconds = since.map_or(0, |since| since.as_secs());
+        let name = format!("{}-{seconds:010}-{:04}.mcap", self.header.cell, self.files_begun);
+        BlackBox::create(&dir.join(name), &self.header)
+    }
+
+    /// Empties the rings. Without a file, what they hold is dropped and counted.
+    fn drain(&mut self, exchange: &Exchange) -> Result<(), BlackBoxError> {
+        while let Some(cycle) = exchange.cycles.pop() {
+            match &mut self.file {
+                Some(file) => file.write_cycle(&cycle_record(&cycle, self.joints))?,
+                None => dropped(exchange),
+            }
+        }
+        while let Some(block) = exchange.blocks.pop() {
+            let record = self.file.is_some().then(|| force_record(&block));
+            let _ = exchange.empty_blocks.push(block);
+            match (&mut self.file, record) {
+                (Some(file), Some(record)) => file.write_force(&record)?,
+                _ => dropped(exchange),
+            }
+        }
+        while let Some(verdict) = exchange.verdicts.pop() {
+            match &mut self.file {
+                Some(file) => file.write_verdict(&verdict_record(&verdict))?,
+                None => dropped(exchange),
+            }
+        }
+        if let Some(file) = &mut self.file
+            && self.flushed.elapsed() >= FLUSH_EVERY
+        {
+            file.flush()?;
+            self.flushed = Instant::now();
+        }
+        Ok(())
+    }
+}
+
+/// What the black box says of the run as a whole.
+pub fn header(cell: &str, model: &recording::model::RobotModel, config: String) -> Header {
+    let joints: Vec<JointKind> =
+        model.physics.arm.joints().iter().map(|joint| joint.kind).collect();
+    Header {
+        cell: cell.to_owned(),
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        model_hash: model.hash,
+        model: model.file.to_toml(),
+        config,
+        joints,
+        status_words: CorrectionStatus::ALL.iter().map(ToString::to_string).collect(),
+        reason_words: Reason::ALL.iter().map(ToString::to_string).collect(),
+    }
+}
+
+fn dropped(exchange: &Exchange) {
+    exchange.counters.recorder_dropped.fetch_add(1, Relaxed);
+}
+
+/// Removes this cell's oldest black boxes beyond `keep`.
+fn remove_oldest(dir: &Path, cell: &str, keep: usize) {
+    let Ok(entries) = fs::read_dir(dir) else { return };
+    let ours = |path: &PathBuf| {
+        let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
+        name.is_some_and(|name| name.starts_with(&format!("{cell}-")) && name.ends_with(".mcap"))
+    };
+    // Their names sort by time.
+    let mut files: Vec<PathBuf> =
+        entries.flatten().map(|entry| entry.path()).filter(ours).collect();
+    files.sort();
+    let surplus = files.len().saturating_sub(keep.max(1));
+    for file in files.into_iter().take(surplus) {
+        if let Err(why) = fs::remove_file(&file) {
+            warn!(%why, file = %file.display(), "an old black box could not be removed");
+        }
+    }
+}
+
+fn cycle_record(cycle: &CycleRecord, joints: usize) -> blackbox::CycleRecord {
+    let (command, corrected): (&Command, &Corrected) = (&cycle.command, &cycle.corrected);
+    let known = command.has(Command::HAS_TEMPERATURE);
+    let wrench_is_known = !cycle.wrench[0].is_nan();
+    blackbox::CycleRecord {
+        t_ns: command.t_ns,
+        seq: command.seq,
+        session: command.session,
+        received_ns: corrected.received_ns,
+        published_ns: corrected.made_ns,
+        status: corrected.status,
+        reason: corrected.reason,
+        segment: 0,
+        steps: corrected.iterations,
+        q_command: Few::of(command.joints()),
+        q_corrected: Few::of(corrected.joints()),
+        q_measured: Few::NONE,
+        tau: Few::NONE,
+        wrench_used: if wrench_is_known { Few::of(&cycle.wrench) } else { Few::NONE },
+        wrench_in_base: u8::from(cycle.wrench_in_base),
+        temperature_c: if known { Few::of(&command.temperature_c[..=joints]) } else { Few::NONE },
+        residual_m: corrected.residual_m,
+        residual_rad: corrected.residual_rad,
+        spindle_rpm: f64::NAN,
+        feed_m_s: f64::NAN,
+    }
+}
+
+fn force_record(block: &shm_schema::ForceBlock) -> ForceRecord {
+    let count = (block.channels * block.samples) as usize;
+    ForceRecord {
+        t_ns: block.t_ns,
+        seq: block.seq,
+        session: block.session,
+        rate_hz: block.rate_hz,
+        channels: block.channels,
+        data: block.data.get(..count).unwrap_or_default().to_vec(),
+    }
+}
+
+fn verdict_record(verdict: &Verdict) -> VerdictRecord {
+    let axes = ["x", "y", "z", "mx", "my", "mz"];
+    let state = verdict.state().unwrap_or(VibrationState::Over);
+    let class = verdict.class().unwrap_or(VibrationClass::Unknown);
+    VerdictRecord {
+        t_ns: verdict.t_ns,
+        state: state.to_string(),
+        class: class.to_string(),
+        axis: axes.get(verdict.axis as usize).copied().unwrap_or("x").to_owned(),
+        frequency_hz: verdict.frequency_hz,
+        amplitude_n: verdict.amplitude,
+        floor_n: f64::NAN,
+        suspect_alias: u8::from(verdict.suspect_alias != 0),
+    }
+}

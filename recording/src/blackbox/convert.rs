@@ -1,0 +1,185 @@
+//! From a black box to a recording, without loss.
+//!
+//! What `trued.recording/1` has a column for goes there; the rest of each cycle becomes columns of
+//! other names, kept as text that reads back to the same bits. Times count from the first cycle;
+//! `command_ns` keeps them whole. Force blocks become a recording of their own.
+
+use super::Contents;
+use super::records::{CycleRecord, ForceRecord, Record};
+use physics::JointKind;
+
+use crate::series::{Channel, Frame, Recording};
+
+/// The recordings of a black box.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Conversion {
+    /// One row per cycle.
+    pub cycles: Recording,
+    /// One row per force sample; none without force blocks.
+    pub forces: Option<Recording>,
+}
+
+/// Converts the contents of a black box.
+///
+/// Segments: the one that each cycle names; a sender that starts anew begins another.
+#[must_use]
+pub fn convert(contents: &Contents) -> Conversion {
+    let cycles: Vec<&CycleRecord> = contents.records.iter().filter_map(cycle).collect();
+    let forces: Vec<&ForceRecord> = contents.records.iter().filter_map(force).collect();
+    Conversion {
+        cycles: cycles_of(contents, &cycles),
+        forces: (!forces.is_empty()).then(|| forces_of(&forces)),
+    }
+}
+
+fn cycle(record: &Record) -> Option<&CycleRecord> {
+    match record {
+        Record::Cycle(cycle) => Some(cycle),
+        _ => None,
+    }
+}
+
+fn force(record: &Record) -> Option<&ForceRecord> {
+    match record {
+        Record::Force(force) => Some(force),
+        _ => None,
+    }
+}
+
+fn seconds(t_ns: u64, start_ns: u64) -> f64 {
+    // Signed: a clock that was set back gives negative times, not huge ones.
+    t_ns.wrapping_sub(start_ns).cast_signed() as f64 * 1e-9
+}
+
+type Numbers = fn(&CycleRecord) -> &[f64];
+type Group = (Numbers, fn(usize) -> Channel);
+
+fn cycles_of(contents: &Contents, cycles: &[&CycleRecord]) -> Recording {
+    let start = cycles.first().map_or(0, |cycle| cycle.t_ns);
+    let mut recording =
+        Recording::new(cycles.iter().map(|cycle| seconds(cycle.t_ns, start)).collect());
+    recording.segment = segments(cycles);
+    for (joint, kind) in contents.header.joints.iter().enumerate() {
+        recording.set_joint_kind(joint, *kind);
+    }
+    let groups: [Group; 4] = [
+        (|c| c.q_command.as_slice(), Channel::Command),
+        (|c| c.q_measured.as_slice(), Channel::Motor),
+        (|c| c.tau.as_slice(), Channel::Torque),
+        (|c| c.wrench_used.as_slice(), Channel::Wrench),
+    ];
+    for (numbers, channel) in groups {
+        put_group(&mut recording, cycles, numbers, channel);
+    }
+    put_group(
+        &mut recording,
+        cycles,
+        |c| c.temperature_c.as_slice(),
+        |at| at.checked_sub(1).map_or(Channel::Ambient, Channel::JointTemperature),
+    );
+    for (value, channel) in [
+        ((|c| c.spindle_rpm) as fn(&CycleRecord) -> f64, Channel::Spindle),
+        (|c| c.feed_m_s, Channel::Feed),
+    ] {
+        let values: Vec<f64> = cycles.iter().map(|cycle| value(cycle)).collect();
+        if values.iter().any(|value| !value.is_nan()) {
+            recording.set(channel, values);
+        }
+    }
+    if cycles.iter().any(|cycle| cycle.wrench_in_base != 0) {
+        recording.about.wrench_frame = Some(Frame::Base);
+    }
+    recording.other = other_columns(contents, cycles);
+    recording
+}
+
+fn segments(cycles: &[&CycleRecord]) -> Vec<i64> {
+    let (mut segment, mut segments) = (0, Vec::with_capacity(cycles.len()));
+    for (at, cycle) in cycles.iter().enumerate() {
+        let before = at.checked_sub(1).and_then(|before| cycles.get(before));
+        let anew = before.is_some_and(|before| {
+            (before.session, before.segment) != (cycle.session, cycle.segment)
+        });
+        segment += i64::from(anew);
+        segments.push(segment);
+    }
+    segments
+}
+
+fn put_group(
+    recording: &mut Recording,
+    cycles: &[&CycleRecord],
+    numbers: Numbers,
+    channel: impl Fn(usize) -> Channel,
+) {
+    let width = cycles.iter().map(|cycle| numbers(cycle).len()).max().unwrap_or(0);
+    for at in 0..width {
+        let value = |cycle: &&CycleRecord| numbers(cycle).get(at).copied().unwrap_or(f64::NAN);
+        recording.set(channel(at), cycles.iter().map(value).collect());
+    }
+}
+
+fn other_columns(contents: &Contents, cycles: &[&CycleRecord]) -> Vec<(String, Vec<String>)> {
+    let word = |words: &[String], code: u32| {
+        let word = usize::try_from(code).ok().and_then(|code| words.get(code));
+        word.cloned().unwrap_or_else(|| code.to_string())
+    };
+    let header = &contents.header;
+    let column = |name: &str, text: &dyn Fn(&CycleRecord) -> String| {
+        (name.to_owned(), cycles.iter().map(|cycle| text(cycle)).collect())
+    };
+    let mut columns = vec![
+        column("command_ns", &|c| c.t_ns.to_string()),
+        column("seq", &|c| c.seq.to_string()),
+        column("session", &|c| c.session.to_string()),
+        column("sender_segment", &|c| c.segment.to_string()),
+        column("received_ns", &|c| c.received_ns.to_string()),
+        column("published_ns", &|c| c.published_ns.to_string()),
+    ];
+    let width = cycles.iter().map(|c| c.q_corrected.as_slice().len()).max().unwrap_or(0);
+    for joint in 0..width {
+        let slides = header.joints.get(joint) == Some(&JointKind::Prismatic);
+        let unit = if slides { "m" } else { "rad" };
+        columns.push(column(&format!("c{}_{unit}", joint + 1), &|c| {
+            c.q_corrected.as_slice().get(joint).map(|q| format!("{q:?}")).unwrap_or_default()
+        }));
+    }
+    columns.push(column("status", &|c| word(&header.status_words, c.status)));
+    columns.push(column("reason", &|c| word(&header.reason_words, c.reason)));
+    columns.push(column("steps", &|c| c.steps.to_string()));
+    columns.push(column("residual_m", &|c| format!("{:?}", c.residual_m)));
+    columns.push(column("residual_rad", &|c| format!("{:?}", c.residual_rad)));
+    columns
+}
+
+fn forces_of(blocks: &[&ForceRecord]) -> Recording {
+    let start = blocks.first().map_or(0, |block| block.t_ns);
+    let (mut t_s, mut segment) = (Vec::new(), Vec::new());
+    let mut channels: [Vec<f64>; 6] = Default::default();
+    let mut run = 0;
+    for (at, block) in blocks.iter().enumerate() {
+        let before = at.checked_sub(1).and_then(|before| blocks.get(before));
+        // A lost block or a new sender begins a segment: nobody may filter across the gap.
+        run += i64::from(before.is_some_and(|before| {
+            before.session != block.session || before.seq.wrapping_add(1) != block.seq
+        }));
+        let count = usize::try_from(block.channels).unwrap_or(6).clamp(1, 6);
+        let samples = block.data.len() / count;
+        for sample in 0..samples {
+            t_s.push(seconds(block.t_ns, start) + sample as f64 / block.rate_hz);
+            segment.push(run);
+            for (at, channel) in channels.iter_mut().enumerate() {
+                let value = (at < count).then(|| block.data.get(at * samples + sample)).flatten();
+                channel.push(value.copied().unwrap_or(f64::NAN));
+            }
+        }
+    }
+    let mut recording = Recording::new(t_s);
+    recording.segment = segment;
+    for (at, samples) in channels.into_iter().enumerate() {
+        if samples.iter().any(|sample| !sample.is_nan()) {
+            recording.set(Channel::Wrench(at), samples);
+        }
+    }
+    recording
+}

@@ -1,0 +1,78 @@
+//! The black box: what happened, as MCAP that common viewers open.
+//!
+//! Contract: encoding `cdr` with `ros2msg` definitions of our own flat messages; chunks without
+//! compression, each written whole: a kill loses at most the last chunk, and what was written
+//! before reads back. No threads here; the daemon's recorder thread calls. Unlike every other file
+//! of the house a black box grows under its own name, as it must outlive its writer.
+
+mod cdr;
+mod convert;
+mod read;
+mod records;
+#[cfg(test)]
+mod tests;
+mod write;
+
+use std::path::PathBuf;
+
+pub use cdr::Few;
+pub use convert::{Conversion, convert};
+pub use read::{Contents, read, read_bytes};
+pub use records::{
+    CycleRecord, ForceRecord, JOINTS_MAX, LogRecord, Record, StatusRecord, VerdictRecord,
+};
+pub use write::BlackBox;
+
+use physics::JointKind;
+
+/// What a black box says of the run as a whole.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Header {
+    /// Name of the cell.
+    pub cell: String,
+    /// Version of the program that wrote it.
+    pub version: String,
+    /// Hash of the model, see [`crate::model::RobotModel::hash`].
+    pub model_hash: u64,
+    /// The model as TOML.
+    pub model: String,
+    /// The configuration as TOML.
+    pub config: String,
+    /// Whether each joint turns or slides.
+    pub joints: Vec<JointKind>,
+    /// Words of the status codes, in the order of the codes.
+    pub status_words: Vec<String>,
+    /// Words of the reason codes, in the order of the codes.
+    pub reason_words: Vec<String>,
+}
+
+/// Why a black box could not be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum BlackBoxError {
+    /// The operating system refused.
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io {
+        /// What was tried.
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// The container could not be written further.
+    #[error("cannot write {}: {source}; the black box ends here", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The container's reason.
+        source: Box<mcap::McapError>,
+    },
+    /// The file is no black box.
+    #[error("{name}: {what}, expected an MCAP file that the daemon recorded")]
+    NotOurs {
+        /// The file.
+        name: String,
+        /// What was found.
+        what: String,
+    },
+}

@@ -1,0 +1,132 @@
+//! Reading a black box, whole or cut off.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use mcap::parse_record;
+use mcap::records::Record as McapRecord;
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+
+use super::records::Record;
+use super::{BlackBoxError, Header};
+use physics::JointKind;
+
+/// Name of the metadata record that holds the header.
+pub(super) const METADATA: &str = "trued";
+
+/// What a black box holds.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Contents {
+    /// The run as a whole.
+    pub header: Header,
+    /// The records in the order in which they were written.
+    pub records: Vec<Record>,
+    /// Why the file ends early, where it does; the records up to there are whole.
+    pub cut: Option<String>,
+    /// Messages of other topics, or of a form that this version does not know.
+    pub unknown: usize,
+}
+
+/// Reads a black box.
+///
+/// # Errors
+/// The file cannot be read, or is no black box. One that is cut off is read as far as it goes.
+pub fn read(path: &Path) -> Result<Contents, BlackBoxError> {
+    let bytes = std::fs::read(path).map_err(|source| BlackBoxError::Io {
+        action: "read",
+        path: path.to_owned(),
+        source,
+    })?;
+    read_bytes(&path.display().to_string(), &bytes)
+}
+
+/// Reads a black box from memory.
+///
+/// # Errors
+/// The bytes are no black box.
+pub fn read_bytes(name: &str, bytes: &[u8]) -> Result<Contents, BlackBoxError> {
+    let not_ours =
+        |what: &str| BlackBoxError::NotOurs { name: name.to_owned(), what: what.to_owned() };
+    if !bytes.starts_with(mcap::MAGIC) {
+        return Err(not_ours("does not begin as MCAP does"));
+    }
+    let options = LinearReaderOptions::default()
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true)
+        // No record is longer than the file: a broken length asks for no memory.
+        .with_record_length_limit(bytes.len());
+    let mut reader = LinearReader::new_with_options(options);
+    let mut gathered = Gathered::default();
+    let mut rest = bytes;
+    while let Some(event) = reader.next_event() {
+        match event {
+            Ok(LinearReadEvent::ReadRequest(wanted)) => {
+                let (given, later) = rest.split_at(wanted.min(rest.len()));
+                reader.insert(given.len()).copy_from_slice(given);
+                reader.notify_read(given.len());
+                rest = later;
+            }
+            Ok(LinearReadEvent::Record { data, opcode }) => match parse_record(opcode, data) {
+                Ok(record) => gathered.take(record),
+                Err(error) => {
+                    gathered.contents.cut = Some(error.to_string());
+                    break;
+                }
+            },
+            Err(error) => {
+                gathered.contents.cut = Some(error.to_string());
+                break;
+            }
+        }
+    }
+    if gathered.has_header { Ok(gathered.contents) } else { Err(not_ours("has no header of ours")) }
+}
+
+#[derive(Default)]
+struct Gathered {
+    contents: Contents,
+    has_header: bool,
+    topics: BTreeMap<u16, String>,
+}
+
+impl Gathered {
+    fn take(&mut self, record: McapRecord<'_>) {
+        match record {
+            McapRecord::Metadata(metadata) if metadata.name == METADATA => {
+                self.has_header = true;
+                self.contents.header = header(&metadata.metadata);
+            }
+            McapRecord::Channel(channel) => {
+                self.topics.insert(channel.id, channel.topic);
+            }
+            McapRecord::Message { header, data } => {
+                let topic = self.topics.get(&header.channel_id);
+                match topic.and_then(|topic| Record::decode(topic, &data)) {
+                    Some(record) => self.contents.records.push(record),
+                    None => self.contents.unknown += 1,
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+fn header(pairs: &BTreeMap<String, String>) -> Header {
+    let text = |key: &str| pairs.get(key).cloned().unwrap_or_default();
+    let joint =
+        |letter: char| if letter == 'P' { JointKind::Prismatic } else { JointKind::Revolute };
+    let words = |key: &str| match pairs.get(key).map(String::as_str) {
+        None | Some("") => Vec::new(),
+        Some(words) => words.split('\n').map(str::to_owned).collect(),
+    };
+    Header {
+        cell: text("cell"),
+        version: text("version"),
+        model_hash: u64::from_str_radix(&text("model_hash"), 16).unwrap_or(0),
+        model: text("model"),
+        config: text("config"),
+        joints: text("joints").chars().map(joint).collect(),
+        status_words: words("status_words"),
+        reason_words: words("reason_words"),
+    }
+}

@@ -1,0 +1,212 @@
+//! What the black box holds: flat records, each with its own `ros2msg` definition.
+//!
+//! Contract: SI units, named in the fields. Positions of prismatic joints are m, torques N. A list
+//! that is empty was not known. Codes of `status` and `reason` are those of the wire; their words
+//! stand beside them in the header.
+
+use super::cdr::{Few, Field, In, Out};
+
+/// At most this many joints.
+pub const JOINTS_MAX: usize = 16;
+
+/// A record with its topic, its message name and its definition.
+pub(crate) trait Message: Sized {
+    const TOPIC: &'static str;
+    const NAME: &'static str;
+    fn definition() -> String;
+    fn put(&self, out: &mut Out);
+    fn get(from: &mut In<'_>) -> Option<Self>;
+    fn t_ns(&self) -> u64;
+}
+
+macro_rules! message {
+    (
+        $(#[$meta:meta])* $name:ident, $topic:literal, $message:literal,
+        { $($(#[$field_meta:meta])* $field:ident: $type:ty,)+ }
+    ) => {
+        $(#[$meta])*
+        pub struct $name { $($(#[$field_meta])* pub $field: $type,)+ }
+
+        impl Message for $name {
+            const TOPIC: &'static str = $topic;
+            const NAME: &'static str = $message;
+            fn definition() -> String {
+                let mut text = String::new();
+                $(
+                    text.push_str(<$type as Field>::TYPE);
+                    text.push(' ');
+                    text.push_str(stringify!($field));
+                    text.push('\n');
+                )+
+                text
+            }
+            fn put(&self, out: &mut Out) { $(self.$field.put(out);)+ }
+            fn get(from: &mut In<'_>) -> Option<Self> {
+                Some(Self { $($field: Field::get(from)?,)+ })
+            }
+            fn t_ns(&self) -> u64 { self.t_ns }
+        }
+    };
+}
+
+message! {
+    /// One cycle: what came in, what went out, why, and with which measurements. Free of heap, so
+    /// that it fits a ring between threads.
+    #[derive(Debug, Clone, Copy, PartialEq, Default)]
+    CycleRecord, "/trued/cycle", "trued_msgs/msg/Cycle",
+    {
+        /// Time of the command, ns.
+        t_ns: u64,
+        /// Sequence number of the command.
+        seq: u64,
+        /// Run of the sender.
+        session: u64,
+        /// When the daemon took the command, ns.
+        received_ns: u64,
+        /// When the corrected target went out, ns.
+        published_ns: u64,
+        /// How the target was made: a code of the wire.
+        status: u32,
+        /// Why: a code of the wire.
+        reason: u32,
+        /// Segment of a replayed recording; 0 live.
+        segment: u32,
+        /// Newton steps taken.
+        steps: u32,
+        /// Commanded joint positions, rad or m.
+        q_command: Few<JOINTS_MAX>,
+        /// Published joint positions, rad or m.
+        q_corrected: Few<JOINTS_MAX>,
+        /// Measured joint positions, rad or m.
+        q_measured: Few<JOINTS_MAX>,
+        /// Measured joint torques (forces), N m or N.
+        tau: Few<JOINTS_MAX>,
+        /// Wrench as it entered the cycle, before its low pass: Fx Fy Fz in N, Mx My Mz in N m.
+        wrench_used: Few<6>,
+        /// 1 where it stands in base axes; else in tool axes.
+        wrench_in_base: u8,
+        /// Ambient, then one per joint, °C.
+        temperature_c: Few<17>,
+        /// What the solve left over at the TCP, m.
+        residual_m: f64,
+        /// What it left over in orientation, rad.
+        residual_rad: f64,
+        /// Spindle speed, revolutions per minute; NaN where unknown.
+        spindle_rpm: f64,
+        /// Feed, m/s; NaN where unknown.
+        feed_m_s: f64,
+    }
+}
+
+message! {
+    /// A block of force samples.
+    #[derive(Debug, Clone, PartialEq, Default)]
+    ForceRecord, "/trued/force", "trued_msgs/msg/Force",
+    {
+        /// Time of the first sample, ns.
+        t_ns: u64,
+        /// Sequence number of the block; a gap counts lost blocks.
+        seq: u64,
+        /// Run of the sender.
+        session: u64,
+        /// Samples per second.
+        rate_hz: f64,
+        /// Number of channels: the first of Fx Fy Fz Mx My Mz.
+        channels: u32,
+        /// Channel by channel, N and N m.
+        data: Vec<f64>,
+    }
+}
+
+message! {
+    /// A verdict of the vibration watch.
+    #[derive(Debug, Clone, PartialEq, Default)]
+    VerdictRecord, "/trued/vibration", "trued_msgs/msg/Verdict",
+    {
+        /// Time, ns.
+        t_ns: u64,
+        /// `warn`, `alarm`, `confirmed`, `over`.
+        state: String,
+        /// What it is taken for: `chatter`, `forced`, `structural`, …
+        class: String,
+        /// Axis: `x`, `y`, `z`.
+        axis: String,
+        /// Frequency, Hz.
+        frequency_hz: f64,
+        /// Amplitude, N.
+        amplitude_n: f64,
+        /// Amplitude of the learned floor there, N.
+        floor_n: f64,
+        /// 1 where it may be an alias of the spindle's multiples.
+        suspect_alias: u8,
+    }
+}
+
+message! {
+    /// How the daemon is.
+    #[derive(Debug, Clone, PartialEq, Default)]
+    StatusRecord, "/trued/status", "trued_msgs/msg/Status",
+    {
+        /// Time, ns.
+        t_ns: u64,
+        /// Health, one word.
+        health: String,
+        /// Why, one sentence; may be empty.
+        says: String,
+        /// Cycles since the start.
+        cycles: u64,
+        /// Cycles that came late or not at all.
+        missed: u64,
+        /// Commands that were refused.
+        rejected: u64,
+        /// Records that this file lacks because a ring was full.
+        dropped: u64,
+    }
+}
+
+message! {
+    /// A line of the log.
+    #[derive(Debug, Clone, PartialEq, Default)]
+    LogRecord, "/trued/log", "trued_msgs/msg/Log",
+    {
+        /// Time, ns.
+        t_ns: u64,
+        /// `info`, `warn`, `error`.
+        level: String,
+        /// What it says.
+        says: String,
+    }
+}
+
+/// Any record.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Record {
+    /// A cycle.
+    Cycle(Box<CycleRecord>),
+    /// A force block.
+    Force(ForceRecord),
+    /// A verdict on vibration.
+    Verdict(VerdictRecord),
+    /// The daemon's state.
+    Status(StatusRecord),
+    /// A line of the log.
+    Log(LogRecord),
+}
+
+impl Record {
+    /// The record of a topic; `None` where the topic is not ours or the bytes do not fit.
+    pub(crate) fn decode(topic: &str, message: &[u8]) -> Option<Self> {
+        let mut from = In::new(message)?;
+        let from = &mut from;
+        match topic {
+            CycleRecord::TOPIC => {
+                CycleRecord::get(from).map(|record| Self::Cycle(Box::new(record)))
+            }
+            ForceRecord::TOPIC => ForceRecord::get(from).map(Self::Force),
+            VerdictRecord::TOPIC => VerdictRecord::get(from).map(Self::Verdict),
+            StatusRecord::TOPIC => StatusRecord::get(from).map(Self::Status),
+            LogRecord::TOPIC => LogRecord::get(from).map(Self::Log),
+            _ => None,
+        }
+    }
+}
