@@ -118,8 +118,7 @@ impl Log {
         let frequency = scene.chatter.frequency_hz;
         let from_s = self.ringing_from_s.unwrap_or(f64::NAN);
         let cut = world::slots::Slots::cut_name(scene.chatter.cut);
-        let words =
-            format!("true: {frequency} Hz in {cut} from {from_s:.2} s, above {RINGS_FROM_N} N");
+        let words = format!("{frequency} Hz in {cut} from {from_s:.2} s, above {RINGS_FROM_N} N");
         Ringing { frequency_Hz: frequency, from_s, words }
     }
 
