@@ -37,6 +37,8 @@ pub(crate) struct Follower {
     /// The answer used last.
     used: Option<Corrected>,
     last_ns: Option<u64>,
+    /// Time of the command sent last, by its own clock.
+    sent_t_ns: Option<u64>,
     /// Answers in a row that the blended correction was near to.
     near_answers: u32,
     pub(crate) fresh_ns: u64,
@@ -52,6 +54,7 @@ impl Follower {
             range: [(f64::NEG_INFINITY, f64::INFINITY); JOINTS_MAX],
             used: None,
             last_ns: None,
+            sent_t_ns: None,
             near_answers: 0,
             fresh_ns: FRESH_NS,
         }
@@ -77,8 +80,7 @@ impl Follower {
         sent: Option<&Command>,
         now_ns: u64,
     ) -> Target {
-        let dt_s = self.last_ns.map_or(0.0, |last| now_ns.saturating_sub(last) as f64 * 1e-9);
-        self.last_ns = Some(now_ns.max(self.last_ns.unwrap_or(0)));
+        let dt_s = self.elapse(now_ns, sent);
         let joints = q_cmd.len().min(JOINTS_MAX);
         let fresh = newest.filter(|answer| self.is_usable(answer, joints, now_ns));
         match fresh {
@@ -105,6 +107,16 @@ impl Follower {
             self.take_over();
             self.stage = Stage::Blending;
         }
+    }
+
+    /// Time since the target before, s: the real one, or the commands' own where that is longer (their clock does not jitter).
+    fn elapse(&mut self, now_ns: u64, sent: Option<&Command>) -> f64 {
+        let since = |last: Option<u64>, now: u64| last.map_or(0, |last| now.saturating_sub(last));
+        let real_ns = since(self.last_ns, now_ns);
+        self.last_ns = Some(now_ns.max(self.last_ns.unwrap_or(0)));
+        let commanded_ns = sent.map_or(0, |sent| since(self.sent_t_ns, sent.t_ns));
+        self.sent_t_ns = sent.map(|sent| sent.t_ns);
+        real_ns.max(commanded_ns) as f64 * 1e-9
     }
 
     fn source(&self) -> Source {
@@ -143,12 +155,33 @@ impl Follower {
         {
             return;
         }
-        if self.stage == Stage::Following {
+        if self.stage == Stage::Following && self.is_near(answer, dt_s) {
             self.correction = answer.correction;
         } else {
+            if self.stage == Stage::Following {
+                self.take_over_motion();
+            }
             self.blend(answer, dt_s);
         }
         self.used = Some(*answer);
+    }
+
+    /// Whether the daemon's correction is where its rate lets it be after `dt_s`. It is further where answers were missed meanwhile.
+    fn is_near(&self, answer: &Corrected, dt_s: f64) -> bool {
+        let reach = |i: usize| self.limits[i].map_or(f64::INFINITY, |limits| limits.rate() * dt_s);
+        (0..answer.joints as usize).all(|i| {
+            let moved = (answer.correction[i] - self.correction[i]).abs();
+            moved <= reach(i) * (1.0 + 1e-6) + 1e-12
+        })
+    }
+
+    /// The limiters go on from the motion of the answer used last.
+    fn take_over_motion(&mut self) {
+        let Some(used) = self.used else { return };
+        for i in 0..JOINTS_MAX {
+            let (rate, acceleration) = (used.correction_rate[i], used.correction_acceleration[i]);
+            self.limiters[i] = Limiter::from_motion(self.correction[i], rate, acceleration);
+        }
     }
 
     /// One step towards the daemon's correction, in the daemon's time, as the client's own jitter
@@ -161,7 +194,7 @@ impl Follower {
             _ => dt_s,
         };
         self.stage = Stage::Blending;
-        self.step(&answer.correction, daemon_dt_s.min(STEP_S_MAX));
+        self.step(&answer.correction, daemon_dt_s.min(dt_s));
         let joints = answer.joints as usize;
         let (mine, its) = (&self.correction[..joints], &answer.correction[..joints]);
         let is_near = mine.iter().zip(its).all(|(a, b)| (a - b).abs() <= NEAR);

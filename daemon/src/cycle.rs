@@ -130,6 +130,9 @@ impl Cycle {
         }
         self.corrector.set_bypass(exchange.bypassed.load(Relaxed));
         self.corrector.set_mode(exchange.mode());
+        if exchange.rearm.swap(false, Relaxed) {
+            self.corrector.rearm_wrench();
+        }
         if let Some(ports) = exchange.new_ports[0].pop() {
             // Refused ports leave the old epoch in use; the supervisor then does not announce the new one.
             let _ = self.robot.rejoin(&ports);

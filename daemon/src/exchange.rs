@@ -70,8 +70,10 @@ pub struct Exchange {
     pub latency: Latency,
     /// Counts.
     pub counters: Counters,
-    /// Supervisor to cycle: 1 while bypassed.
+    /// Supervisor to cycle: the correction is to be taken out.
     pub bypassed: AtomicBool,
+    /// Supervisor to cycle: a wrench gate that closed for its loop gain may try again.
+    pub rearm: AtomicBool,
     mode: AtomicU32,
     recorder: AtomicU32,
     records: bool,
@@ -129,6 +131,7 @@ impl Exchange {
             latency: Latency::default(),
             counters: Counters::default(),
             bypassed: AtomicBool::new(false),
+            rearm: AtomicBool::new(false),
             mode: AtomicU32::new(mode_code(mode)),
             recorder: AtomicU32::new(RecorderState::Off.code()),
             records,

@@ -143,6 +143,7 @@ impl Desk<'_> {
             }
             Operation::Arm => {
                 exchange.set_mode(if on { self.constants.armed_mode } else { Mode::Shadow });
+                exchange.rearm.store(on, Relaxed);
                 let words = if on {
                     "armed: corrections go out"
                 } else {

@@ -1,3 +1,5 @@
+//! The correction on the robot's side, without a daemon and without a clock.
+
 use super::*;
 use proptest::prelude::*;
 
@@ -246,4 +248,27 @@ proptest! {
             before = now;
         }
     }
+}
+
+#[test]
+fn answers_that_were_missed_are_caught_up_with_within_the_rate() {
+    let mut follower = follower();
+    let (rate, q) = (0.01, [0.5; 6]);
+    // The daemon ramps on at half the rate that it may; its answers 10 to 17 are late, younger ones come in time.
+    let made = |seq: u64| {
+        let mut made = answer(seq, &q, rate * DT_S * seq as f64);
+        made.correction_rate = [rate; JOINTS_MAX];
+        made
+    };
+    let mut before = 0.0;
+    for tick in 1..1500_u64 {
+        let newest = if (10..18).contains(&tick) { made(9) } else { made(tick) };
+        let target = follower.target(&q, Some(&newest), None, tick * MS);
+        let now = target.joints()[0] - q[0];
+        if tick > 1 {
+            assert!((now - before).abs() <= 2.0 * rate * DT_S, "tick {tick}: {before} to {now}");
+        }
+        before = now;
+    }
+    assert!((before - rate * DT_S * 1499.0).abs() < 1e-9, "it caught up: {before}");
 }

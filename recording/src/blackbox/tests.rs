@@ -1,3 +1,5 @@
+//! Black boxes, whole and cut off.
+
 use super::*;
 use crate::series::{Channel, Need, read_text};
 use proptest::prelude::*;

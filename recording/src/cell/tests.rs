@@ -1,3 +1,5 @@
+//! Configurations of cells, good and bad.
+
 use super::*;
 use proptest::prelude::*;
 

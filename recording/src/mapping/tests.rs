@@ -1,3 +1,5 @@
+//! Other people's tables through mappings.
+
 use super::*;
 use crate::faults::Faults;
 use crate::series::{Channel, Kind, Need, Recording, read_text};

@@ -1,3 +1,5 @@
+//! Models: what is read, refused, written and read again.
+
 use super::*;
 use proptest::prelude::*;
 
@@ -84,9 +86,8 @@ fn what_is_written_reads_back_bit_for_bit_and_has_the_same_hash() {
     assert_ne!(parse(&TWO_JOINTS.replace("0.25", "0.26")).unwrap().hash, model.hash);
 }
 
-#[test]
-fn every_fault_of_the_geometry_is_told_at_once() {
-    let text = r#"schema = "trued.model/1"
+/// Every line but the first is wrong.
+const BAD_GEOMETRY: &str = r#"schema = "trued.model/1"
 gravity = [0, 0, -9.81]
 [[joint]]
 kind = "revolut"
@@ -98,7 +99,10 @@ link = { mass_kg = 65.0 }
 tcp_mm = [0, 0]
 base_from_tool = [[1, 0, 0], [0, 1, 0], [0, 0, -1]]
 "#;
-    insta::assert_snapshot!(parse(text).unwrap_err(), @r#"
+
+#[test]
+fn every_fault_of_the_geometry_is_told_at_once() {
+    insta::assert_snapshot!(parse(BAD_GEOMETRY).unwrap_err(), @r#"
         error: `gravity`: has no unit, which is not the one of this key
          --> robot.toml:2:1
           |

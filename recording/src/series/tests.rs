@@ -1,3 +1,5 @@
+//! Recordings as they come from spreadsheets, trackers and controllers, good and bad.
+
 use super::*;
 use proptest::prelude::*;
 

@@ -1,3 +1,5 @@
+//! The walk over a TOML: every fault at once, each at its place.
+
 use super::*;
 use proptest::prelude::*;
 

@@ -7,7 +7,7 @@ use trued_client::Verdict;
 use world::cell::Tick;
 
 use super::outcome::{Errors, Event, Latency, Report, Ringing, Spread};
-use super::scene::{Scene, TICK_S};
+use super::scene::Scene;
 
 /// Amplitude from which the robot counts as ringing, N: what the force sensor's noise still hides.
 const RINGS_FROM_N: f64 = 0.2;
@@ -145,21 +145,22 @@ impl Log {
     }
 }
 
-/// Whether a published target keeps the invariants, given the one before: finite, in the limits, near the command, not too fast.
+/// Whether a published target keeps the invariants: finite, in the limits, near the command, and its correction no further from
+/// the one before than `elapsed_s` allows.
 pub(super) fn keeps_invariants(
     arm: &Arm,
     bounds: &shm_schema::JointBounds,
     command: &Joints,
     published: &Joints,
-    before: Option<&Joints>,
+    before: Option<(&Joints, f64)>,
 ) -> bool {
-    let near_rounding = 1e-9;
+    let rounding = 1e-9;
     arm.joints().iter().enumerate().all(|(i, joint)| {
         let (q, correction) = (published[i], published[i] - command[i]);
         let in_limits = q >= joint.limits.0 && q <= joint.limits.1;
-        let near = correction.abs() <= bounds.angle[i] + near_rounding;
-        let slow = before.is_none_or(|c| {
-            (correction - c[i]).abs() <= bounds.rate[i] * TICK_S * 1.5 + near_rounding
+        let near = correction.abs() <= bounds.angle[i] + rounding;
+        let slow = before.is_none_or(|(before, elapsed_s)| {
+            (correction - before[i]).abs() <= bounds.rate[i] * elapsed_s + rounding
         });
         q.is_finite() && in_limits && near && slow
     })

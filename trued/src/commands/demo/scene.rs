@@ -90,7 +90,7 @@ mode = "full"
 
 [cycle]
 period_ms = 1.0
-stale_ms = 20.0
+stale_ms = 50.0
 
 [wrench]
 source = "force"
