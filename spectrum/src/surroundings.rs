@@ -100,6 +100,7 @@ impl Level {
     }
 
     /// Whether air was told from a cut at least once: before, "air" is only a guess.
+    /// Whether air was told from a cut at least once: before, "air" is only a guess.
     pub(crate) fn knows_air(&self) -> bool {
         self.cut_seen
     }
