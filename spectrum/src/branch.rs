@@ -62,11 +62,11 @@ impl Branch {
         Self::new(planner, config, rate_hz, &plans, 2)
     }
 
-    /// The branch at the sensor's own rate: one window of about 80 ms.
+    /// The branch at the sensor's own rate: windows of about 40 and 80 ms.
     pub(crate) fn full(planner: &mut RealFftPlanner<f64>, config: &WatchConfig) -> Self {
         let exponent = (FULL_WINDOW_S * config.rate_hz).log2().round() as u32;
         let samples = 1_usize << exponent.clamp(5, 20);
-        let plan = WindowPlan {
+        let plan = |samples: usize| WindowPlan {
             samples,
             hop: samples / 8,
             pad: 1,
@@ -76,7 +76,7 @@ impl Branch {
             ratio_sum: 24.0,
             hops_to_agree: 2,
         };
-        Self::new(planner, config, config.rate_hz, &[plan], 0)
+        Self::new(planner, config, config.rate_hz, &[plan(samples / 2), plan(samples)], 1)
     }
 
     fn new(

@@ -17,6 +17,8 @@ pub(crate) struct Evidence {
     pub(crate) aliased: bool,
     /// A multiple of the mains frequency stands here.
     pub(crate) on_mains: bool,
+    /// Other multiples of the mains are there and were called electrical.
+    pub(crate) hums: bool,
     /// A known mode is near.
     pub(crate) near_mode: bool,
     /// Two known modes are near, and close to each other.
@@ -51,8 +53,11 @@ pub(crate) fn classify(e: &Evidence) -> (Class, ClassSet) {
         Class::Forced
     } else if e.follows_feed == Some(true) {
         Class::Gear
-    } else if e.on_mains && (e.in_air == Some(true) || (e.in_air.is_none() && e.from_start)) {
+    } else if e.on_mains
+        && (e.in_air == Some(true) || e.hums || (e.in_air.is_none() && e.from_start))
+    {
         rival(Class::Structural, e.near_mode);
+        rival(Class::Chatter, e.in_air == Some(false));
         Class::Electrical
     } else if e.in_air == Some(true) {
         rival(Class::Gear, gear_rival(e));
@@ -61,10 +66,13 @@ pub(crate) fn classify(e: &Evidence) -> (Class, ClassSet) {
         rival(Class::Chatter, e.near_mode || e.in_air == Some(false));
         rival(Class::Structural, e.in_air.is_none());
         Class::Gear
-    } else if e.near_mode || e.in_air == Some(false) {
+    } else if e.near_mode || e.in_air == Some(false) || !e.from_start {
+        // What arises while it is watched, and nothing drives it, excites itself; the rivals say how
+        // much of that is known.
         rival(Class::Electrical, e.on_mains);
         rival(Class::Forced, !e.speed_known);
         rival(Class::Structural, e.in_air.is_none());
+        rival(Class::Gear, !e.near_mode && gear_rival(e));
         if e.two_modes && e.turns == Some(true) {
             rival(Class::Chatter, true);
             Class::ModeCoupling
@@ -106,6 +114,7 @@ mod tests {
         driven: false,
         aliased: false,
         on_mains: false,
+        hums: false,
         near_mode: false,
         two_modes: false,
         turns: None,
@@ -132,7 +141,8 @@ mod tests {
         assert_eq!(class(Evidence { in_air: Some(true), ..CUT }), Class::Structural);
         let mains = Evidence { in_air: Some(true), on_mains: true, ..CUT };
         assert_eq!(class(mains), Class::Electrical);
-        assert_eq!(class(Evidence { in_air: None, ..CUT }), Class::Unknown);
+        let always = Evidence { in_air: None, from_start: true, ..CUT };
+        assert_eq!(class(always), Class::Unknown);
     }
 
     #[test]

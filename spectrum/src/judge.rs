@@ -8,7 +8,7 @@ use crate::block::{Axis, ProcessState};
 use crate::classify::{Evidence, ceiling, classify};
 use crate::config::{Mode, WatchConfig};
 use crate::track::Track;
-use crate::verdict::{NearestLine, State, Verdict};
+use crate::verdict::{Class, NearestLine, State, Verdict};
 
 /// A mode is near when it is this part of its frequency away.
 const NEAR_MODE: f64 = 0.05;
@@ -65,6 +65,8 @@ pub(crate) struct Context<'a> {
     pub(crate) process: ProcessState,
     pub(crate) spindle: Spindle,
     pub(crate) feeds: &'a FeedMemory,
+    /// A line was called electrical.
+    pub(crate) hums: bool,
     /// Air and cut are told apart, by the cell or by the force level.
     pub(crate) knows_air: bool,
 }
@@ -90,7 +92,8 @@ impl Context<'_> {
             speed_known: self.spindle.hz > 0.0,
             driven,
             aliased: !driven && alias.is_some_and(suspect),
-            on_mains: self.on_mains(f, uncertainty_hz),
+            on_mains: self.on_mains(f, uncertainty_hz, track.class == Class::Electrical),
+            hums: self.hums,
             near_mode,
             two_modes: near_mode && self.has_close_modes(f),
             turns: track.ellipse.is_known().then(|| track.ellipse.turns()),
@@ -102,10 +105,12 @@ impl Context<'_> {
         }
     }
 
-    fn on_mains(&self, f: f64, uncertainty_hz: f64) -> bool {
+    /// A line that was electrical stays so while the cut pulls its frequency a little.
+    fn on_mains(&self, f: f64, uncertainty_hz: f64, was: bool) -> bool {
+        let near_hz = if was { 4.0 * MAINS_HZ } else { MAINS_HZ };
         let on = |mains: f64| {
             let order = (f / mains).round().max(1.0);
-            (f - order * mains).abs() < MAINS_HZ + uncertainty_hz.min(1.0)
+            (f - order * mains).abs() < near_hz + uncertainty_hz.min(1.0)
         };
         self.config.mains_hz.map_or_else(|| on(50.0) || on(60.0), on)
     }

@@ -146,10 +146,13 @@ pub(crate) struct Agreement {
 }
 
 impl Agreement {
-    /// Whether a tone has not faded since `then`, two windows before `now`: a ring-down has.
-    pub(crate) fn lasts(now: &Peak, then: &Peak) -> bool {
-        let stray = (2.0 / now.ratio.min(then.ratio)).sqrt();
-        now.power >= 0.8 * (1.0 - 2.0 * stray).max(0.3) * then.power
+    /// Whether three disjoint windows tell of one steady tone: it has not faded (a ring-down has), and
+    /// its phase advances evenly (a wandering or swept line's does not).
+    pub(crate) fn lasts(now: &Peak, then: &Peak, oldest: &Peak) -> bool {
+        let stray = (2.0 / now.ratio.min(then.ratio).min(oldest.ratio)).sqrt();
+        let bend = wrapped(now.phase_rad - 2.0 * then.phase_rad + oldest.phase_rad);
+        now.power >= 0.8 * (1.0 - 2.0 * stray).max(0.3) * oldest.power
+            && bend.abs() <= (0.4 + 2.0 * stray).min(0.5 * PI)
     }
 
     /// Whether `then`, one window (of `window_s`) before `now`, tells of the same tone. Returns the

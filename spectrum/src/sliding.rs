@@ -283,7 +283,7 @@ impl View {
                     && (before.frequency_hz - peak.frequency_hz).abs() * window_s < 0.75
             });
             let third = agreeing(&then, 2 * hops_per_window)
-                .is_some_and(|(oldest, _)| Agreement::lasts(peak, &oldest));
+                .is_some_and(|(oldest, _)| Agreement::lasts(peak, &then, &oldest));
             peak.pairs = before.map_or(0, |before| before.pairs) + 1;
             peak.triples = if third { before.map_or(0, |before| before.triples) + 1 } else { 0 };
             peak.frequency_hz = refined_hz;

@@ -14,7 +14,7 @@ use crate::judge::{Context, FeedMemory};
 use crate::stream::{Admission, Stream};
 use crate::surroundings::{Level, Surroundings};
 use crate::track::{TRACKS, Track, Tracks};
-use crate::verdict::Verdicts;
+use crate::verdict::{Class, Verdicts};
 use realfft::RealFftPlanner;
 
 /// A line that is seen this soon after the floor was learned was there before, s.
@@ -36,6 +36,7 @@ pub struct Watch {
     speed: RecentSpeed,
     spindle: Spindle,
     feeds: FeedMemory,
+    hums: bool,
     ready_s: Option<f64>,
     judged_s: f64,
     samples: u64,
@@ -67,6 +68,7 @@ impl Watch {
             speed: RecentSpeed::default(),
             spindle: Spindle::default(),
             feeds: FeedMemory::default(),
+            hums: false,
             ready_s: None,
             judged_s: 0.0,
             samples: 0,
@@ -242,6 +244,7 @@ impl Watch {
             *news = track.advance(now_s).then_some(*track);
         }
         tracks.bury();
+        self.hums = tracks.iter().any(|track| track.class == Class::Electrical);
         self.tracks = tracks;
         for track in news.iter().flatten() {
             verdicts.push(self.context().verdict(track, self.now_ns()));
@@ -270,6 +273,7 @@ impl Watch {
             process: self.process,
             spindle: self.spindle,
             feeds: &self.feeds,
+            hums: self.hums,
             knows_air: self.process.in_cut.is_some() || self.level.knows_air(),
         }
     }

@@ -44,7 +44,9 @@ fn watched(
         let start_s = (seq * frames) as f64 / rate_hz;
         let t_ns = (start_s * 1e9) as u64;
         let block = Block { seq: seq as u64, t_ns, rate_hz, channels: 3, samples: &samples };
-        said.extend(watch.push(&block).iter().map(|verdict| (verdict.t_ns as f64 * 1e-9, *verdict)));
+        said.extend(
+            watch.push(&block).iter().map(|verdict| (verdict.t_ns as f64 * 1e-9, *verdict)),
+        );
     }
     (said, watch)
 }
@@ -73,11 +75,15 @@ fn milling_chatter_is_found_at_684_hz_in_the_cut_and_the_hum_is_not_chatter() {
     let process = ProcessState { spindle_rpm: 5000.0, teeth: 4, ..ProcessState::default() };
     let (said, _) = watched(config, process, &numbers(&text), |row| [0.0, row[1], 0.0]);
     show("milling-chatter", &said);
-    let chatter = said.iter().find(|(_, v)| v.state == State::Alarm && v.class == Class::Chatter);
-    let (at_s, verdict) = chatter.expect("the chatter is found");
-    assert!((3.2..4.4).contains(at_s), "{at_s}");
-    assert!((verdict.frequency_hz - 684.0).abs() < 6.0, "{}", verdict.frequency_hz);
-    assert_eq!(verdict.axis, Axis::Y);
+    let at = |state: State, within_hz: f64| {
+        let is = |v: &Verdict| (v.frequency_hz - 684.0).abs() < within_hz && v.state == state;
+        *said.iter().find(|(_, v)| is(v)).expect("the chatter is found")
+    };
+    let (alarm_s, alarm) = at(State::Alarm, 12.0);
+    // The set's own label is the record's; the burst from 4.0 to 5.0 s is our reading of it.
+    assert!((3.9..4.45).contains(&alarm_s), "{alarm_s}");
+    assert_eq!((alarm.class, alarm.axis), (Class::Chatter, Axis::Y));
+    assert_eq!(at(State::Confirmed, 4.0).1.class, Class::Chatter);
     for (t, v) in &said {
         let hum = (v.frequency_hz / 50.0 - (v.frequency_hz / 50.0).round()).abs() * 50.0 < 1.0;
         assert!(!(hum && v.state != State::Warn && v.state != State::Over), "{t}: {v:?}");
@@ -101,10 +107,10 @@ fn steady_turning_alarms_nothing() {
 
 #[test]
 fn the_beams_tones_are_found_where_they_are() {
-    for (file, after) in [("test_2", [100.0, 120.0, 150.0].as_slice()), ("test_3", &[100.0, 120.0])] {
+    for (file, after) in [("test_2", [100.0, 120.0, 150.0].as_slice()), ("test_3", &[100.0, 120.0])]
+    {
         let Some(text) = data(&format!("beam-tone/{file}_ds16.lvm")) else { return };
-        let rows: Vec<Vec<f64>> =
-            numbers(&text).into_iter().filter(|row| row.len() == 4).collect();
+        let rows: Vec<Vec<f64>> = numbers(&text).into_iter().filter(|row| row.len() == 4).collect();
         let config =
             WatchConfig { rate_hz: 3200.0, least_amplitude_n: 1e-3, ..WatchConfig::default() };
         let (said, watch) =
