@@ -20,14 +20,17 @@ const FULL_WINDOW_S: f64 = 0.08;
 /// Samples of one rate, and the windows over them, shortest first.
 pub(crate) struct Branch {
     hop: usize,
-    hop_s: f64,
+    rate_hz: f64,
+    hops: usize,
+    measuring: usize,
     pub(crate) waiting: usize,
     pub(crate) histories: Vec<History>,
     windows: Vec<SlidingWindow>,
 }
 
 impl Branch {
-    /// The branch behind the front end: windows of about 32, 64 and 128 ms.
+    /// The branch behind the front end: windows of about 28, 72, 128 and 512 ms. Their thresholds were
+    /// set by the figures of `examples/watch_figures`: soonest warning at no false alarm.
     pub(crate) fn low(
         planner: &mut RealFftPlanner<f64>,
         config: &WatchConfig,
@@ -36,36 +39,44 @@ impl Branch {
     ) -> Self {
         let rate_hz = config.rate_hz / factor as f64;
         let hop = ((LOW_HOP_S * rate_hz).round() as usize).max(1);
-        let plan = |hops: usize, cycles: f64| {
+        let plan = |hops: usize, stride: usize, cycles: f64, ratio_sum: f64| {
             let samples = hops * hop;
             let slowest_hz = cycles * rate_hz / samples as f64;
             WindowPlan {
                 samples,
-                hop,
-                pad: 4,
+                hop: stride * hop,
+                pad: 2,
+                detrend: true,
                 band_hz: [config.band_hz[0].max(slowest_hz), top_hz],
-                least_ratio: 5.0,
-                ratio_sum: 20.0,
-                hops_to_agree: 3,
+                least_ratio: 4.0,
+                ratio_sum,
+                hops_to_agree: 2,
             }
         };
-        Self::new(planner, config, rate_hz, &[plan(8, 1.5), plan(16, 1.5), plan(32, 1.25)])
+        let plans = [
+            plan(7, 1, 1.2, 24.0),
+            plan(18, 2, 1.5, 20.5),
+            plan(32, 4, 1.25, 22.0),
+            plan(128, 16, 2.0, 24.0),
+        ];
+        Self::new(planner, config, rate_hz, &plans, 2)
     }
 
-    /// The branch at the sensor's own rate: one window of about 80 ms.
+    /// The branch at the sensor's own rate: windows of about 40 and 80 ms.
     pub(crate) fn full(planner: &mut RealFftPlanner<f64>, config: &WatchConfig) -> Self {
         let exponent = (FULL_WINDOW_S * config.rate_hz).log2().round() as u32;
         let samples = 1_usize << exponent.clamp(5, 20);
-        let plan = WindowPlan {
+        let plan = |samples: usize| WindowPlan {
             samples,
             hop: samples / 8,
             pad: 1,
+            detrend: false,
             band_hz: [config.band_hz[0].max(SPLIT_HZ), config.band_top_hz()],
             least_ratio: 6.0,
             ratio_sum: 24.0,
             hops_to_agree: 2,
         };
-        Self::new(planner, config, config.rate_hz, &[plan])
+        Self::new(planner, config, config.rate_hz, &[plan(samples / 2), plan(samples)], 1)
     }
 
     fn new(
@@ -73,6 +84,7 @@ impl Branch {
         config: &WatchConfig,
         rate_hz: f64,
         plans: &[WindowPlan],
+        measuring: usize,
     ) -> Self {
         let least_power = [config.least_amplitude_n.powi(2), config.least_amplitude_nm.powi(2)];
         let window = |plan: &WindowPlan, planner: &mut RealFftPlanner<f64>| {
@@ -89,16 +101,18 @@ impl Branch {
         let hop = plans.first().map_or(1, |plan| plan.hop);
         Self {
             hop,
-            hop_s: hop as f64 / rate_hz,
+            rate_hz,
+            hops: 0,
+            measuring,
             waiting: hop,
             histories: (0..config.channels).map(|_| History::new(longest)).collect(),
             windows: plans.iter().map(|plan| window(plan, planner)).collect(),
         }
     }
 
-    /// Whether every window knows its floors.
+    /// Whether the windows up to the measuring one know their floors; the slow one takes longer.
     pub(crate) fn is_ready(&self) -> bool {
-        self.windows.iter().all(SlidingWindow::is_ready)
+        self.windows.iter().take(self.measuring + 1).all(SlidingWindow::is_ready)
     }
 
     /// Changes the surroundings of all floors.
@@ -111,6 +125,7 @@ impl Branch {
     /// Forgets samples and peaks; floors stay.
     pub(crate) fn reset(&mut self) {
         self.waiting = self.hop;
+        self.hops = 0;
         for history in &mut self.histories {
             history.clear();
         }
@@ -120,16 +135,18 @@ impl Branch {
     }
 
     /// A hop is due: runs every window over every channel and hands on what was sighted.
-    pub(crate) fn look(&mut self, frozen_hz: &[f64], mut sighted: impl FnMut(Sighting)) {
+    pub(crate) fn look(&mut self, lines_hz: &[f64], mut sighted: impl FnMut(Sighting)) {
         self.waiting = self.hop;
-        for window in &mut self.windows {
+        self.hops = self.hops.wrapping_add(1);
+        let due = |window: &&mut SlidingWindow| (self.hops * self.hop) % window.hop_samples() == 0;
+        for window in self.windows.iter_mut().filter(due) {
             for (channel, history) in self.histories.iter().enumerate() {
-                window.hop(channel, history, frozen_hz, &mut sighted);
+                window.hop(channel, history, lines_hz, &mut sighted);
             }
         }
     }
 
-    /// Measures the lines within `band_hz` in the longest window; `gain` is what the front end
+    /// Measures the lines within `band_hz` in the window made for it; `gain` is what the front end
     /// leaves of a tone.
     pub(crate) fn measure(
         &self,
@@ -138,7 +155,11 @@ impl Branch {
         band_hz: &std::ops::Range<f64>,
         gain: impl Fn(f64) -> f64,
     ) {
-        let Some(window) = self.windows.last() else { return };
+        let Some(window) = self.windows.get(self.measuring) else { return };
+        if (self.hops * self.hop) % window.hop_samples() != 0 {
+            return;
+        }
+        let step_s = window.hop_samples() as f64 / self.rate_hz;
         for track in tracks.iter_mut().filter(|track| band_hz.contains(&track.frequency_hz)) {
             let kept = gain(track.frequency_hz).powi(2);
             let strength = |channel| {
@@ -146,7 +167,11 @@ impl Branch {
                 (power / kept, ratio)
             };
             let measured: [(f64, f64); crate::block::CHANNELS_MAX] = std::array::from_fn(strength);
-            track.measure(|channel| measured[channel], self.histories.len(), now_s, self.hop_s);
+            track.measure(|channel| measured[channel], self.histories.len(), now_s, step_s);
+            let value = |channel| window.value(channel, track.frequency_hz);
+            if let (Some(x), Some(y)) = (value(0), value(1)) {
+                track.ellipse.take(x, y, window.hop_windows());
+            }
         }
     }
 }

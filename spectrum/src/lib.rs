@@ -8,13 +8,19 @@
 //! windows of several lengths → power over a learned floor → peaks that two or three disjoint
 //! windows agree on → a tracked line → a [`Verdict`].
 
+mod advice;
+mod alias;
+pub mod bench;
 mod block;
 mod branch;
+mod classify;
 mod config;
 mod decimate;
+mod ellipse;
 mod fault;
 mod floor;
 mod history;
+mod judge;
 mod peak;
 mod sliding;
 mod stream;
@@ -25,6 +31,7 @@ mod verdict;
 mod watch;
 mod window;
 
+pub use alias::folded_hz;
 pub use block::{Axis, Block, CHANNELS_MAX, ProcessState};
 pub use config::{ConfigError, Mode, WatchConfig, Wheel};
 pub use fault::{Fault, Faults, Health};

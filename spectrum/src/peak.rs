@@ -146,6 +146,15 @@ pub(crate) struct Agreement {
 }
 
 impl Agreement {
+    /// Whether three disjoint windows tell of one steady tone: it has not faded (a ring-down has), and
+    /// its phase advances evenly (a wandering or swept line's does not).
+    pub(crate) fn lasts(now: &Peak, then: &Peak, oldest: &Peak) -> bool {
+        let stray = (2.0 / now.ratio.min(then.ratio).min(oldest.ratio)).sqrt();
+        let bend = wrapped(now.phase_rad - 2.0 * then.phase_rad + oldest.phase_rad);
+        now.power >= 0.8 * (1.0 - 2.0 * stray).max(0.3) * oldest.power
+            && bend.abs() <= (0.4 + 2.0 * stray).min(0.5 * PI)
+    }
+
     /// Whether `then`, one window (of `window_s`) before `now`, tells of the same tone. Returns the
     /// frequency refined by the phase between both.
     pub(crate) fn between(&self, now: &Peak, then: &Peak, window_s: f64) -> Option<f64> {
@@ -175,7 +184,7 @@ mod tests {
     const RATE_HZ: f64 = 1250.0;
 
     fn peak_of(n: usize, pad: usize, x: impl Fn(f64) -> f64, from: usize) -> Peak {
-        let mut transform = Transform::new(&mut RealFftPlanner::new(), n, pad);
+        let mut transform = Transform::new(&mut RealFftPlanner::new(), n, pad, true);
         let samples: Vec<f64> = (from..from + n).map(|i| x(i as f64 / RATE_HZ)).collect();
         let padded = transform.padded();
         let spectrum = transform.run(&samples).to_vec();

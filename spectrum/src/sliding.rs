@@ -7,6 +7,7 @@ use crate::floor::{Floor, middle};
 use crate::history::History;
 use crate::peak::{Agreement, Grid, Peak, Peaks, strongest};
 use crate::surroundings::Surroundings;
+use crate::track::TRACKS;
 use crate::transform::Transform;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
@@ -20,6 +21,8 @@ pub(crate) struct WindowPlan {
     pub(crate) hop: usize,
     /// Zero-padding factor.
     pub(crate) pad: usize,
+    /// Whether a line is taken out of the samples first.
+    pub(crate) detrend: bool,
     /// Lines are looked for in this band, Hz.
     pub(crate) band_hz: [f64; 2],
     /// Least power over floor of a peak.
@@ -65,8 +68,10 @@ pub(crate) struct SlidingWindow {
     least_power: [f64; 2],
 }
 
+/// Cells over which a broadband change is judged.
+const BROAD_CELLS: f64 = 32.0;
 /// Louder than this many floors over the whole band: the surroundings changed, no line.
-const BROADBAND: f64 = 1.6;
+const BROADBAND: f64 = 2.0;
 /// A borrowed floor is trusted this many times less than an own one.
 const BORROWED: f64 = 2.0;
 /// The floor is never taken below this part of the power of the least amplitude.
@@ -83,22 +88,22 @@ impl SlidingWindow {
         least_power: [f64; 2],
         learn_s: f64,
     ) -> Self {
-        let transform = Transform::new(planner, plan.samples, plan.pad);
+        let transform = Transform::new(planner, plan.samples, plan.pad, plan.detrend);
         let padded = transform.padded();
         let bins_per_cell = padded as f64 / plan.samples as f64;
         let bin_hz = rate_hz / padded as f64;
         let bin = |hz: f64| (hz / bin_hz).round() as usize;
         let reach = (2.0 * bins_per_cell).ceil() as usize;
-        // Below 0.45 of the rate the floor is learned too: it tells a broadband change from a line.
+        // At least this many cells are needed to tell a broadband change from a line.
         let first = bin(plan.band_hz[0]).saturating_sub(reach).max(bins_per_cell as usize);
-        let broad_hz = if plan.pad > 1 { 0.45 * rate_hz } else { plan.band_hz[1] };
-        let end = (bin(broad_hz.max(plan.band_hz[1])) + reach).min(padded / 2);
+        let broad = first + (BROAD_CELLS * bins_per_cell) as usize;
+        let end = (bin(plan.band_hz[1]) + reach).max(broad).min(9 * padded / 20);
         let bins = end.saturating_sub(first).max(1);
         let searched = bin(plan.band_hz[0]).saturating_sub(first)
             ..(bin(plan.band_hz[1]) + 1).saturating_sub(first).min(bins);
         let hop_s = plan.hop as f64 / rate_hz;
         let window_s = plan.samples as f64 / rate_hz;
-        let warm_frames = ((learn_s - window_s).max(4.0 * window_s) / hop_s) as u32;
+        let warm_frames = ((learn_s - window_s).max(8.0 * window_s) / hop_s) as u32;
         let view = || View {
             floor: Floor::new(bins, warm_frames, 4.0 / hop_s, reach),
             spectrum: vec![Complex::default(); bins],
@@ -118,6 +123,11 @@ impl SlidingWindow {
             plan,
             transform,
         }
+    }
+
+    /// Samples between two transforms.
+    pub(crate) fn hop_samples(&self) -> usize {
+        self.plan.hop
     }
 
     /// Whether the floors are known, so that lines can be told from noise.
@@ -142,12 +152,12 @@ impl SlidingWindow {
     }
 
     /// Transforms the newest window of a channel and hands every agreed peak to `sighted`.
-    /// `frozen_hz` are the live lines, whose bins the floor does not learn from.
+    /// `lines_hz` are the live lines, whose bins the floor does not learn from.
     pub(crate) fn hop(
         &mut self,
         channel: usize,
         history: &History,
-        frozen_hz: &[f64],
+        lines_hz: &[f64],
         mut sighted: impl FnMut(Sighting),
     ) {
         let Some(samples) = history.newest(self.plan.samples) else { return };
@@ -179,11 +189,14 @@ impl SlidingWindow {
                 }
             }
         }
-        let (grid, gain) = (self.grid, view.gain);
-        view.floor.learn(&view.power, gain, |bin| {
-            let at_hz = (grid.first + bin) as f64 * grid.bin_hz;
-            frozen_hz.iter().any(|line_hz| (line_hz - at_hz).abs() < 2.0 * grid.cell_hz())
-        });
+        let mut frozen: [std::ops::Range<usize>; TRACKS] = std::array::from_fn(|_| 0..0);
+        let reach = 2.0 * self.grid.bins_per_cell;
+        for (run, line_hz) in frozen.iter_mut().zip(lines_hz) {
+            let bin = line_hz / self.grid.bin_hz - self.grid.first as f64;
+            *run = (bin - reach).max(0.0) as usize..(bin + reach + 1.0).max(0.0) as usize;
+        }
+        let live = lines_hz.len().min(TRACKS);
+        view.floor.learn(&view.power, view.gain, &frozen[..live]);
     }
 
     /// Strongest value within one cell of a frequency: power, and power over floor.
@@ -201,6 +214,19 @@ impl SlidingWindow {
         }
         let peak = self.grid.measure(&view.power, &view.spectrum, strongest);
         (peak.power, peak.power / view.effective_floor(strongest, least_floor).max(1e-300))
+    }
+}
+
+impl SlidingWindow {
+    /// The newest spectrum's value nearest to a frequency.
+    pub(crate) fn value(&self, channel: usize, frequency_hz: f64) -> Option<Complex<f64>> {
+        let view = self.views.get(channel)?;
+        view.spectrum.get(self.grid.place(frequency_hz, view.spectrum.len())?).copied()
+    }
+
+    /// The part of a window between two transforms.
+    pub(crate) fn hop_windows(&self) -> f64 {
+        self.plan.hop as f64 / self.plan.samples as f64
     }
 }
 
@@ -256,7 +282,8 @@ impl View {
                 before.frequency_hz > 0.0
                     && (before.frequency_hz - peak.frequency_hz).abs() * window_s < 0.75
             });
-            let third = agreeing(&then, 2 * hops_per_window).is_some();
+            let third = agreeing(&then, 2 * hops_per_window)
+                .is_some_and(|(oldest, _)| Agreement::lasts(peak, &then, &oldest));
             peak.pairs = before.map_or(0, |before| before.pairs) + 1;
             peak.triples = if third { before.map_or(0, |before| before.triples) + 1 } else { 0 };
             peak.frequency_hz = refined_hz;

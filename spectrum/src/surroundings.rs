@@ -1,13 +1,18 @@
 //! Whether the tool is in air or in the cut, judged by the level of the forces.
 //!
 //! Used where the cell does not say so itself. Mean and variance of the force channels over 64 ms are
-//! compared with the quietest seen: 12 dB more variance, or a mean ten standard deviations away, is a
-//! cut. A stream that begins in the cut reads as air until it becomes quieter.
+//! compared with the quietest seen: 8 dB more variance, or a mean six standard deviations away, is a
+//! cut. A cut ends at the quiet level again, or 14 dB below what it was: a tool that still rubs does
+//! not cut. A stream that begins in the cut reads as air until it becomes quieter.
 
 use crate::config::WatchConfig;
 
 const PERIOD_S: f64 = 0.064;
 const FORCES: usize = 3;
+/// Below this part of the cut's energy the tool only rubs.
+const RUBBING: f64 = 0.04;
+/// Part of the cut's energy that a period of air takes away: half of it in 1.5 s.
+const FORGET: f64 = 0.03;
 
 /// Where the tool is: each has a floor of its own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,6 +31,7 @@ pub(crate) struct Level {
     least: f64,
     quiet: Option<(f64, [f64; FORCES])>,
     present: Surroundings,
+    cut_energy: f64,
     cut_seen: bool,
 }
 
@@ -38,6 +44,7 @@ impl Level {
             least: config.least_amplitude_n.powi(2).max(1e-12),
             quiet: None,
             present: Surroundings::Air,
+            cut_energy: 0.0,
             cut_seen: false,
         }
     }
@@ -77,15 +84,21 @@ impl Level {
         };
         let spread = *quiet + self.least;
         let (loud, far) = match self.present {
-            Surroundings::Air => (16.0, 100.0),
-            Surroundings::Cut => (4.0, 25.0),
+            Surroundings::Air => (6.0, 36.0),
+            Surroundings::Cut => (3.0, 16.0),
         };
-        let cuts = variance > loud * spread || distance > far * spread;
+        let above = variance > loud * spread || distance > far * spread;
+        let energy = variance + distance;
+        let cuts = above && energy > RUBBING * self.cut_energy;
         self.present = if cuts { Surroundings::Cut } else { Surroundings::Air };
+        // A cut's level is forgotten over a few seconds, so that a lighter cut counts again.
+        let follow = if cuts { 0.1 } else { FORGET };
+        let level = if cuts { energy } else { 0.0 };
+        self.cut_energy += follow * (level - self.cut_energy);
         self.cut_seen |= cuts;
         // Much quieter than the quietest so far: the stream had begun in the cut.
         let quieter = variance < 0.25 * *quiet;
-        if !cuts || quieter {
+        if !above || quieter {
             let follow = if quieter { 1.0 } else { 0.05 };
             *quiet += follow * (variance - *quiet);
             for (mean, new) in quiet_means.iter_mut().zip(means) {
@@ -99,6 +112,7 @@ impl Level {
         self.present
     }
 
+    /// Whether air was told from a cut at least once: before, "air" is only a guess.
     /// Whether air was told from a cut at least once: before, "air" is only a guess.
     pub(crate) fn knows_air(&self) -> bool {
         self.cut_seen

@@ -1,11 +1,12 @@
 //! The identity of a line over time: from the first agreement of two windows to its end.
 //!
-//! Fixed number of places, no allocation. Amplitude and growth come from the longest window of the
+//! Fixed number of places, no allocation. Amplitude and growth come from one window of the
 //! branch that sees the line; frequency from all sightings, each weighted by how sharp it is.
 
 use crate::block::CHANNELS_MAX;
+use crate::ellipse::Ellipse;
 use crate::sliding::Sighting;
-use crate::verdict::State;
+use crate::verdict::{Class, ClassSet, State};
 
 /// Lines followed at once.
 pub(crate) const TRACKS: usize = 8;
@@ -21,6 +22,8 @@ const ENOUGH_RATIO: f64 = 12.0;
 const LINGER_S: f64 = 0.5;
 /// A line must have lasted this long to be confirmed.
 const CONFIRM_S: f64 = 0.5;
+/// Seconds between two tellings of a line whose state stays.
+const RETELL_S: f64 = 0.1;
 /// Time constant of the smoothed power, s.
 const SMOOTH_S: f64 = 0.05;
 /// Time constant of the smoothed ratio, s: long enough for noise not to keep a line.
@@ -38,8 +41,21 @@ pub(crate) struct Track {
     pub(crate) ratio: [f64; CHANNELS_MAX],
     pub(crate) born_s: f64,
     pub(crate) alive_s: f64,
-    pub(crate) threefold: bool,
-    told: bool,
+    pub(crate) class: Class,
+    pub(crate) rivals: ClassSet,
+    pub(crate) suspect_alias: bool,
+    /// The highest state that the class allows.
+    pub(crate) ceiling: State,
+    /// The line was there when the floor had just been learned.
+    pub(crate) from_start: bool,
+    /// Time that the line has lived in air, s.
+    pub(crate) air_s: f64,
+    /// Feed at which the line stands, mm/s, and since when.
+    pub(crate) feed: (f64, f64),
+    pub(crate) ellipse: Ellipse,
+    threefold: bool,
+    told: Option<(State, Class, bool)>,
+    told_s: f64,
     weight: f64,
     points: [(f64, f64); POINTS],
     point: usize,
@@ -60,8 +76,17 @@ impl Track {
             ratio,
             born_s: now_s,
             alive_s: now_s,
+            class: Class::Unknown,
+            rivals: ClassSet::default(),
+            suspect_alias: false,
+            ceiling: State::Confirmed,
+            from_start: false,
+            air_s: 0.0,
+            feed: (0.0, now_s),
+            ellipse: Ellipse::default(),
             threefold: sighting.threefold,
-            told: false,
+            told: None,
+            told_s: now_s,
             weight: sharpness(sighting),
             points: [(f64::NEG_INFINITY, 0.0); POINTS],
             point: 0,
@@ -132,12 +157,32 @@ impl Track {
         if tt > 0.0 { ty / tt } else { 0.0 }
     }
 
-    /// Moves to the state that the line has earned; says whether that is news.
+    /// Whether the line was not kept for half of the time that ends it.
+    pub(crate) fn is_fading(&self, now_s: f64) -> bool {
+        now_s - self.alive_s > 0.5 * LINGER_S
+    }
+
+    /// Standard uncertainty of the frequency, Hz: from how sharp and how many the sightings were.
+    pub(crate) fn uncertainty_hz(&self) -> f64 {
+        0.5 / self.weight.sqrt()
+    }
+
+    /// Moves to the state that the line has earned, as far as its class allows; says whether there
+    /// is news: a state, or (not more often than every 100 ms) another class.
     pub(crate) fn advance(&mut self, now_s: f64) -> bool {
         let earned = self.earned(now_s);
-        let is_news = !self.told || earned > self.state;
-        self.state = self.state.max(earned);
-        self.told = true;
+        let allowed = if earned == State::Over { earned } else { earned.min(self.ceiling) };
+        self.state = self.state.max(allowed);
+        let now = (self.state, self.class, self.suspect_alias);
+        let is_news = match self.told {
+            None => true,
+            Some((state, _, _)) if state != self.state => true,
+            Some(told) => told != now && now_s - self.told_s >= RETELL_S,
+        };
+        if is_news {
+            self.told = Some(now);
+            self.told_s = now_s;
+        }
         is_news
     }
 
@@ -147,6 +192,9 @@ impl Track {
             State::Over
         } else if self.threefold && self.alive_s - self.born_s >= CONFIRM_S {
             State::Confirmed
+        } else if self.from_start {
+            // What was always there can wait for its class.
+            State::Warn
         } else if self.threefold {
             State::Alarm
         } else {

@@ -141,6 +141,8 @@ pub enum Advice {
     },
     /// Speed does not help: change direction of cut, feed or depth.
     ChangeCut,
+    /// Chatter at a speed that is not known, or already in a pocket: reduce the depth of cut.
+    ReduceDepth,
     /// The line may be a folded spindle harmonic: sample faster, or filter before sampling.
     SampleFaster,
     /// A gear's line: it follows the feed; look at this joint's gear train.
@@ -167,6 +169,7 @@ impl fmt::Display for Advice {
             Self::ChangeCut => f.write_str(
                 "another spindle speed does not help: change the direction of cut, the feed or the depth",
             ),
+            Self::ReduceDepth => f.write_str("reduce the depth of cut"),
             Self::SampleFaster => f.write_str(
                 "may be a folded spindle harmonic: sample faster or filter before sampling",
             ),

@@ -3,17 +3,24 @@
 //! [`Watch::new`] plans and allocates; [`Watch::push`] does neither allocate, lock, log nor panic.
 //! Verdicts depend on the samples alone, not on how they are cut into blocks.
 
-use crate::block::{Axis, Block, ProcessState};
+use crate::alias::{RecentSpeed, Spindle};
+use crate::block::{Block, ProcessState};
 use crate::branch::{Branch, SPLIT_HZ};
 use crate::config::{ConfigError, WatchConfig};
 use crate::decimate::FrontEnd;
 use crate::fault::Health;
 use crate::history::History;
+use crate::judge::{Context, FeedMemory};
 use crate::stream::{Admission, Stream};
 use crate::surroundings::{Level, Surroundings};
 use crate::track::{TRACKS, Track, Tracks};
-use crate::verdict::{State, Verdict, Verdicts};
+use crate::verdict::{Class, Verdicts};
 use realfft::RealFftPlanner;
+
+/// A line that is seen this soon after the floor was learned was there before, s.
+const FROM_START_S: f64 = 0.3;
+/// A line's frequency counts for a feed once both have stood this long, s.
+const FEED_SETTLED_S: f64 = 0.3;
 
 /// The vibration watch over one force sensor.
 pub struct Watch {
@@ -26,6 +33,12 @@ pub struct Watch {
     low: Branch,
     full: Option<Branch>,
     tracks: Tracks,
+    speed: RecentSpeed,
+    spindle: Spindle,
+    feeds: FeedMemory,
+    hums: bool,
+    ready_s: Option<f64>,
+    judged_s: f64,
     samples: u64,
     decimate_in: usize,
     block_start: (u64, u64),
@@ -52,6 +65,12 @@ impl Watch {
             decimate_in: front.factor(),
             front,
             tracks: Tracks::default(),
+            speed: RecentSpeed::default(),
+            spindle: Spindle::default(),
+            feeds: FeedMemory::default(),
+            hums: false,
+            ready_s: None,
+            judged_s: 0.0,
             samples: 0,
             block_start: (0, 0),
             config,
@@ -104,7 +123,7 @@ impl Watch {
     pub fn lines(&self) -> Verdicts {
         let mut verdicts = Verdicts::default();
         for track in self.tracks.iter() {
-            verdicts.push(self.verdict(track));
+            verdicts.push(self.context().verdict(track, self.now_ns()));
         }
         verdicts
     }
@@ -158,8 +177,8 @@ impl Watch {
         if low_due {
             self.look_low(surroundings);
         }
-        if full_due || low_due {
-            self.judge(verdicts);
+        if (full_due || low_due) && self.low.is_ready() {
+            self.judge(surroundings, verdicts);
         }
     }
 
@@ -207,17 +226,56 @@ impl Watch {
         self.low.measure(tracks, now_s, &(0.0..top_hz), |hz| front.gain(hz));
     }
 
-    /// Moves every line to the state it has earned, and says so.
-    fn judge(&mut self, verdicts: &mut Verdicts) {
+    /// Classifies every line, moves it to the state it has earned, and says what is new.
+    fn judge(&mut self, surroundings: Surroundings, verdicts: &mut Verdicts) {
         let now_s = self.now_s();
+        let rpm = self.process.spindle_rpm;
+        self.spindle = self.speed.take(rpm / 60.0, self.process.teeth, now_s);
+        let before_s = std::mem::replace(&mut self.judged_s, now_s);
+        let lived_s = if surroundings == Surroundings::Air { now_s - before_s } else { 0.0 };
+        let ready_s = *self.ready_s.get_or_insert(now_s);
+        let mut tracks = std::mem::take(&mut self.tracks);
         let mut news = [None; TRACKS];
-        for (track, news) in self.tracks.iter_mut().zip(&mut news) {
+        for (track, news) in tracks.iter_mut().zip(&mut news) {
+            track.air_s += lived_s;
+            track.from_start |= track.born_s - ready_s < FROM_START_S;
+            self.note_feed(track, now_s);
+            self.context().classify(track);
             *news = track.advance(now_s).then_some(*track);
         }
+        tracks.bury();
+        self.hums = tracks.iter().any(|track| track.class == Class::Electrical);
+        self.tracks = tracks;
         for track in news.iter().flatten() {
-            verdicts.push(self.verdict(track));
+            verdicts.push(self.context().verdict(track, self.now_ns()));
         }
-        self.tracks.bury();
+    }
+
+    /// Remembers where a line stood at a feed that is now left, or at which the line ends.
+    fn note_feed(&mut self, track: &mut Track, now_s: f64) {
+        let feed = self.process.feed_mm_s;
+        let (at_feed, since_s) = track.feed;
+        if (feed - at_feed).abs() > 0.05 * at_feed {
+            if at_feed > 0.0 && now_s - since_s > FEED_SETTLED_S {
+                self.feeds.remember(at_feed, track.frequency_hz);
+            }
+            track.feed = (feed, now_s);
+        }
+        if feed > 0.0 && track.is_fading(now_s) && now_s - since_s > FEED_SETTLED_S {
+            self.feeds.remember(feed, track.frequency_hz);
+            track.feed = (feed, now_s);
+        }
+    }
+
+    fn context(&self) -> Context<'_> {
+        Context {
+            config: &self.config,
+            process: self.process,
+            spindle: self.spindle,
+            feeds: &self.feeds,
+            hums: self.hums,
+            knows_air: self.process.in_cut.is_some() || self.level.knows_air(),
+        }
     }
 
     /// Where the tool is: by the cell's own word, else by the level of the forces.
@@ -233,21 +291,15 @@ impl Watch {
         self.samples as f64 / self.config.rate_hz
     }
 
-    fn verdict(&self, track: &Track) -> Verdict {
+    /// Time of the newest sample, by the block's own times.
+    fn now_ns(&self) -> u64 {
         let (block_ns, block_sample) = self.block_start;
         let since_s = (self.samples - block_sample) as f64 / self.config.rate_hz;
-        Verdict {
-            line: track.id,
-            t_ns: block_ns.saturating_add((since_s * 1e9) as u64),
-            state: track.state,
-            frequency_hz: track.frequency_hz,
-            amplitude_n: track.amplitude(),
-            axis: Axis::of_channel(track.channel),
-            growth_per_s: if track.state == State::Over { 0.0 } else { track.growth_per_s() },
-            ..Verdict::default()
-        }
+        block_ns.saturating_add((since_s * 1e9).round() as u64)
     }
 }
 
+#[cfg(test)]
+mod class_tests;
 #[cfg(test)]
 mod tests;

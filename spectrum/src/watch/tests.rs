@@ -1,8 +1,10 @@
 //! What the whole watch must find, and must leave alone.
 
 use super::*;
+use crate::block::Axis;
 use crate::config::Mode;
 use crate::fault::Fault;
+use crate::verdict::{State, Verdict};
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,0 +1,150 @@
+//! Multiples of the spindle speed, and where sampling folds them to.
+//!
+//! A tone above half the sampling rate is seen at its distance from the nearest multiple of the rate:
+//! 933.3 Hz (28 000 rpm, two teeth) sampled at 1 kHz reads 66.7 Hz. Which multiples can be strong is a
+//! judgement: the first 20 of the spindle, and the first 10 of the teeth.
+
+use crate::verdict::NearestLine;
+
+/// Spindle multiples that count.
+const SPINDLE_ORDERS: u32 = 20;
+/// Tooth-passing multiples that count.
+const TOOTH_ORDERS: u32 = 10;
+
+/// Aliases closer than this are one, Hz.
+const SAME_HZ: f64 = 0.25;
+
+/// The spindle's speed now, and its range over the last moments.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Spindle {
+    pub(crate) hz: f64,
+    pub(crate) low_hz: f64,
+    pub(crate) high_hz: f64,
+    pub(crate) teeth: u32,
+}
+
+/// Where a frequency appears after sampling at `rate_hz`.
+#[must_use]
+pub fn folded_hz(frequency_hz: f64, rate_hz: f64) -> f64 {
+    (frequency_hz - rate_hz * (frequency_hz / rate_hz).round()).abs()
+}
+
+impl Spindle {
+    /// The nearest multiple of the speed that sampling leaves in place.
+    pub(crate) fn nearest_harmonic(&self, frequency_hz: f64, rate_hz: f64) -> Option<NearestLine> {
+        if self.hz <= 0.0 {
+            return None;
+        }
+        let highest = (0.5 * rate_hz / self.hz).floor();
+        let order = (frequency_hz / self.hz).round().clamp(1.0, highest.max(1.0));
+        Some(line(frequency_hz, order * self.hz, order as u32))
+    }
+
+    /// The nearest alias of a multiple that lies above half the rate.
+    pub(crate) fn nearest_alias(&self, frequency_hz: f64, rate_hz: f64) -> Option<NearestLine> {
+        if self.hz <= 0.0 {
+            return None;
+        }
+        let first = (0.5 * rate_hz / self.hz).floor().min(1e6) as u32 + 1;
+        let last = SPINDLE_ORDERS.max(TOOTH_ORDERS * self.teeth.min(100));
+        (first..=last)
+            .filter(|order| *order <= SPINDLE_ORDERS || order % self.teeth.max(1) == 0)
+            .map(|order| line(frequency_hz, folded_hz(f64::from(order) * self.hz, rate_hz), order))
+            // Where several fold onto one place, the lowest is the strongest.
+            .reduce(|best, line| {
+                let nearer = line.distance_hz.abs() < best.distance_hz.abs() - SAME_HZ;
+                if nearer { line } else { best }
+            })
+    }
+
+    /// Whether a frequency is a multiple of the speed as it was over the last moments.
+    pub(crate) fn drives(&self, frequency_hz: f64, uncertainty_hz: f64) -> bool {
+        if self.hz <= 0.0 {
+            return false;
+        }
+        // The speed that was told lags the speed that was turned while it changes.
+        let margin = 0.2 * (self.high_hz - self.low_hz);
+        let tolerance = 0.003 * frequency_hz + uncertainty_hz;
+        let order = ((frequency_hz - tolerance) / (self.high_hz + margin)).ceil().max(1.0);
+        order * (self.low_hz - margin) <= frequency_hz + tolerance
+            && order * (self.high_hz + margin) >= frequency_hz - tolerance
+    }
+}
+
+fn line(frequency_hz: f64, at_hz: f64, order: u32) -> NearestLine {
+    NearestLine { frequency_hz: at_hz, distance_hz: frequency_hz - at_hz, order }
+}
+
+/// The range of speeds over the last moments, in two turns of 150 ms.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct RecentSpeed {
+    range: [(f64, f64); 2],
+    turn_ends_s: f64,
+}
+
+impl RecentSpeed {
+    /// Takes the speed that holds at `now_s` and gives the spindle as it was lately.
+    pub(crate) fn take(&mut self, hz: f64, teeth: u32, now_s: f64) -> Spindle {
+        if now_s >= self.turn_ends_s {
+            self.range = [(hz, hz), self.range[0]];
+            self.turn_ends_s = now_s + 0.15;
+        }
+        let (low, high) = self.range[0];
+        self.range[0] = (low.min(hz), high.max(hz));
+        let whole = self.range.iter().filter(|range| range.0 > 0.0);
+        let (low_hz, high_hz) =
+            whole.fold((hz, hz), |(low, high), range| (low.min(range.0), high.max(range.1)));
+        Spindle { hz, low_hz, high_hz, teeth }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn spindle(rpm: f64, teeth: u32) -> Spindle {
+        let hz = rpm / 60.0;
+        Spindle { hz, low_hz: hz, high_hz: hz, teeth }
+    }
+
+    #[test]
+    fn the_table_of_aliases_onto_the_67_hz_mode_holds() {
+        let s = spindle(28_000.0, 2);
+        for (rate_hz, order) in [(1000.0, 2), (2000.0, 13), (4000.0, 17), (8000.0, 17)] {
+            let alias = s.nearest_alias(66.667, rate_hz).expect("an alias");
+            assert_eq!(alias.order, order, "at {rate_hz} Hz: {alias:?}");
+            assert!(alias.distance_hz.abs() < 0.01);
+        }
+        let alias = s.nearest_alias(133.3, 2000.0).expect("an alias");
+        assert_eq!(alias.order, 4);
+        assert!(s.nearest_alias(66.667, 51_200.0).is_none(), "nothing strong folds at 51.2 kHz");
+    }
+
+    #[test]
+    fn a_changing_speed_drives_what_lies_between() {
+        let mut recent = RecentSpeed::default();
+        recent.take(400.0, 2, 0.0);
+        let s = recent.take(440.0, 2, 0.1);
+        assert!(s.drives(420.0, 0.5) && s.drives(840.0, 0.5) && !s.drives(600.0, 0.5));
+        let later = recent.take(440.0, 2, 0.5);
+        assert!(later.drives(420.0, 0.5), "windows still hold the old speed");
+        assert!(!recent.take(440.0, 2, 0.9).drives(420.0, 0.5));
+    }
+
+    proptest! {
+        #[test]
+        fn a_folded_tone_has_the_same_samples(f in 0.0..5000.0_f64, i in 0..200_i32) {
+            let t = f64::from(i) / 1000.0;
+            let turn = |hz: f64| (std::f64::consts::TAU * hz * t).cos();
+            prop_assert!((turn(f) - turn(folded_hz(f, 1000.0))).abs() < 1e-9);
+            prop_assert!(folded_hz(f, 1000.0) <= 500.0);
+        }
+
+        #[test]
+        fn every_multiple_is_driven(rpm in 600.0..40_000.0_f64, k in 1..30_u32) {
+            let s = spindle(rpm, 2);
+            prop_assert!(s.drives(f64::from(k) * s.hz, 0.1));
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! One hop of the full-rate window by itself, for the bench that holds its cost.
+
+use crate::history::History;
+use crate::sliding::{SlidingWindow, WindowPlan};
+use realfft::RealFftPlanner;
+
+/// A full-rate window over several channels of given noise, ready to hop.
+pub struct HopBench {
+    window: SlidingWindow,
+    histories: Vec<History>,
+    seen: usize,
+}
+
+impl HopBench {
+    /// A window of `samples` at `rate_hz` over `channels`, filled and past learning.
+    #[must_use]
+    pub fn new(samples: usize, rate_hz: f64, channels: usize) -> Self {
+        let plan = WindowPlan {
+            samples,
+            hop: samples / 8,
+            pad: 1,
+            detrend: false,
+            band_hz: [160.0, 1000.0],
+            least_ratio: 6.0,
+            ratio_sum: 24.0,
+            hops_to_agree: 2,
+        };
+        let planner = &mut RealFftPlanner::new();
+        let window = SlidingWindow::new(planner, plan, rate_hz, channels, [0.01; 2], 0.5);
+        let mut histories: Vec<_> = (0..channels).map(|_| History::new(samples)).collect();
+        let mut state = 7_u64;
+        for history in &mut histories {
+            for _ in 0..samples {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                history.push((state >> 40) as f64 / 1e6);
+            }
+        }
+        let mut bench = Self { window, histories, seen: 0 };
+        for _ in 0..1000 {
+            bench.hop();
+        }
+        bench
+    }
+
+    /// One hop over all channels; returns how many lines were sighted in all.
+    pub fn hop(&mut self) -> usize {
+        for (channel, history) in self.histories.iter().enumerate() {
+            self.window.hop(channel, history, &[], |_| self.seen += 1);
+        }
+        self.seen
+    }
+}

@@ -1,0 +1,171 @@
+//! What a line is, and what else it may be.
+//!
+//! A pure function of the evidence. Order matters: what the spindle drives is forced before it is
+//! anything else; what was there in air is not chatter. Where the evidence cannot part two classes,
+//! the second is named as a rival. Source: research note on vibration monitoring, section 2.6.
+
+use crate::verdict::{Class, ClassSet, State};
+
+/// All that is known of a line when it is classified.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Evidence {
+    /// The spindle's speed is known.
+    pub(crate) speed_known: bool,
+    /// A spindle multiple stands here.
+    pub(crate) driven: bool,
+    /// An alias of a spindle multiple stands here.
+    pub(crate) aliased: bool,
+    /// A multiple of the mains frequency stands here.
+    pub(crate) on_mains: bool,
+    /// Other multiples of the mains are there and were called electrical.
+    pub(crate) hums: bool,
+    /// A known mode is near.
+    pub(crate) near_mode: bool,
+    /// Two known modes are near, and close to each other.
+    pub(crate) two_modes: bool,
+    /// The force turns one way round an ellipse; `None`: not yet known.
+    pub(crate) turns: Option<bool>,
+    /// The line is there in air; `None`: air and cut are not told apart.
+    pub(crate) in_air: Option<bool>,
+    /// The line was there before anything was learned.
+    pub(crate) from_start: bool,
+    /// The line follows the feed; `None`: the feed did not change, or is not known.
+    pub(crate) follows_feed: Option<bool>,
+    /// The feed is known, and the line could be a gear's.
+    pub(crate) gear_possible: bool,
+    /// A wheel of the gear train turns at this frequency.
+    pub(crate) on_wheel: bool,
+}
+
+/// The most likely class, and its rivals.
+pub(crate) fn classify(e: &Evidence) -> (Class, ClassSet) {
+    let mut rivals = ClassSet::default();
+    let mut rival = |class: Class, possible: bool| {
+        if possible {
+            rivals.insert(class);
+        }
+    };
+    let self_excited = e.in_air != Some(true);
+    let class = if e.driven || e.aliased {
+        rival(Class::Electrical, e.on_mains);
+        // A true multiple is never chatter; what only looks like one may be.
+        rival(Class::Chatter, !e.driven && e.near_mode && self_excited);
+        Class::Forced
+    } else if e.follows_feed == Some(true) {
+        Class::Gear
+    } else if e.on_mains
+        && (e.in_air == Some(true) || e.hums || (e.in_air.is_none() && e.from_start))
+    {
+        rival(Class::Structural, e.near_mode);
+        rival(Class::Chatter, e.in_air == Some(false));
+        Class::Electrical
+    } else if e.in_air == Some(true) {
+        rival(Class::Gear, gear_rival(e));
+        Class::Structural
+    } else if e.on_wheel && e.follows_feed.is_none() {
+        rival(Class::Chatter, e.near_mode || e.in_air == Some(false));
+        rival(Class::Structural, e.in_air.is_none());
+        Class::Gear
+    } else if e.near_mode || e.in_air == Some(false) || !e.from_start {
+        // What arises while it is watched, and nothing drives it, excites itself; the rivals say how
+        // much of that is known.
+        rival(Class::Electrical, e.on_mains);
+        rival(Class::Forced, !e.speed_known);
+        rival(Class::Structural, e.in_air.is_none());
+        rival(Class::Gear, !e.near_mode && gear_rival(e));
+        if e.two_modes && e.turns == Some(true) {
+            rival(Class::Chatter, true);
+            Class::ModeCoupling
+        } else {
+            rival(Class::ModeCoupling, e.two_modes && e.turns.is_none());
+            Class::Chatter
+        }
+    } else {
+        rival(Class::Electrical, e.on_mains);
+        rival(Class::Forced, !e.speed_known);
+        rival(Class::Gear, gear_rival(e));
+        Class::Unknown
+    };
+    rivals.remove(class);
+    (class, rivals)
+}
+
+fn gear_rival(e: &Evidence) -> bool {
+    e.follows_feed.is_none() && (e.on_wheel || e.gear_possible)
+}
+
+/// The highest state that a line of this class may reach: what is known to be harmless stays a
+/// warning, since an alarm in every healthy cut would be no alarm.
+pub(crate) fn ceiling(class: Class, rivals: ClassSet, e: &Evidence) -> State {
+    let harmless = match class {
+        Class::Forced => !e.near_mode,
+        Class::Electrical | Class::Structural => !rivals.contains(Class::Chatter),
+        _ => false,
+    };
+    if harmless { State::Warn } else { State::Confirmed }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CUT: Evidence = Evidence {
+        speed_known: true,
+        driven: false,
+        aliased: false,
+        on_mains: false,
+        hums: false,
+        near_mode: false,
+        two_modes: false,
+        turns: None,
+        in_air: Some(false),
+        from_start: false,
+        follows_feed: None,
+        gear_possible: false,
+        on_wheel: false,
+    };
+
+    fn rivals(e: &Evidence) -> Vec<Class> {
+        classify(e).1.iter().collect()
+    }
+
+    #[test]
+    fn each_class_has_its_evidence() {
+        let class = |e: Evidence| classify(&e).0;
+        assert_eq!(class(Evidence { driven: true, near_mode: true, ..CUT }), Class::Forced);
+        assert_eq!(class(Evidence { near_mode: true, ..CUT }), Class::Chatter);
+        assert_eq!(class(CUT), Class::Chatter);
+        let coupled = Evidence { near_mode: true, two_modes: true, turns: Some(true), ..CUT };
+        assert_eq!(class(coupled), Class::ModeCoupling);
+        assert_eq!(class(Evidence { follows_feed: Some(true), ..CUT }), Class::Gear);
+        assert_eq!(class(Evidence { in_air: Some(true), ..CUT }), Class::Structural);
+        let mains = Evidence { in_air: Some(true), on_mains: true, ..CUT };
+        assert_eq!(class(mains), Class::Electrical);
+        let always = Evidence { in_air: None, from_start: true, ..CUT };
+        assert_eq!(class(always), Class::Unknown);
+    }
+
+    #[test]
+    fn what_cannot_be_told_apart_is_said() {
+        let alias = Evidence { aliased: true, near_mode: true, ..CUT };
+        assert_eq!((classify(&alias).0, rivals(&alias)), (Class::Forced, vec![Class::Chatter]));
+        let ignorant = Evidence { near_mode: true, in_air: None, speed_known: false, ..CUT };
+        assert_eq!(rivals(&ignorant), [Class::Forced, Class::Structural]);
+        let close = Evidence { near_mode: true, two_modes: true, ..CUT };
+        assert_eq!(rivals(&close), [Class::ModeCoupling]);
+        let wheel = Evidence { in_air: Some(true), on_wheel: true, ..CUT };
+        assert_eq!(rivals(&wheel), [Class::Gear]);
+    }
+
+    #[test]
+    fn harmless_lines_stay_warnings_and_a_driven_mode_does_not() {
+        let top = |e: Evidence| {
+            let (class, rivals) = classify(&e);
+            ceiling(class, rivals, &e)
+        };
+        assert_eq!(top(Evidence { driven: true, ..CUT }), State::Warn);
+        assert_eq!(top(Evidence { driven: true, near_mode: true, ..CUT }), State::Confirmed);
+        assert_eq!(top(Evidence { in_air: Some(true), on_mains: true, ..CUT }), State::Warn);
+        assert_eq!(top(CUT), State::Confirmed);
+    }
+}

@@ -1,0 +1,81 @@
+//! The path of the force in the plane of x and y at one frequency: line, ellipse, sense of turning.
+//!
+//! Averages the Stokes parameters of the complex pair (X, Y):
+//! s0 = |X|² + |Y|², s1 = |X|² − |Y|², s2 = 2 Re XY*, s3 = 2 Im XY*.
+//! |s3|/s0 is 0 for a line and 1 for a circle; its sign is the sense of turning, so that it averages
+//! away where the sense changes. Coherence |⟨XY*⟩|² / (⟨|X|²⟩⟨|Y|²⟩) means something only over
+//! several disjoint windows. Source: Born and Wolf, section 1.4; limits: research note, section 2.6.
+
+use realfft::num_complex::Complex;
+
+/// Disjoint windows that the average spans.
+const WINDOWS: f64 = 5.0;
+
+/// Averaged Stokes parameters.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Ellipse {
+    stokes: [f64; 4],
+    windows: f64,
+}
+
+impl Ellipse {
+    /// Takes one pair, `windows` (a part of one) after the last.
+    pub(crate) fn take(&mut self, x: Complex<f64>, y: Complex<f64>, windows: f64) {
+        let cross = x * y.conj();
+        let (xx, yy) = (x.norm_sqr(), y.norm_sqr());
+        let new = [xx + yy, xx - yy, 2.0 * cross.re, 2.0 * cross.im];
+        // A plain mean first, a fading one later.
+        self.windows += windows;
+        let follow = (windows / self.windows.min(WINDOWS)).min(1.0);
+        for (mean, new) in self.stokes.iter_mut().zip(new) {
+            *mean += follow * (new - *mean);
+        }
+    }
+
+    /// Whether enough disjoint windows were averaged.
+    pub(crate) fn is_known(&self) -> bool {
+        self.windows >= WINDOWS
+    }
+
+    /// Coherence of x and y, 0 to 1.
+    pub(crate) fn coherence(&self) -> f64 {
+        let [s0, s1, s2, s3] = self.stokes;
+        let product = (s0 + s1) * (s0 - s1);
+        if product > 0.0 { ((s2 * s2 + s3 * s3) / product).min(1.0) } else { 0.0 }
+    }
+
+    /// Roundness, −1 to 1: 0 a line, ±1 a circle; the sign is the sense of turning.
+    pub(crate) fn roundness(&self) -> f64 {
+        if self.stokes[0] > 0.0 { self.stokes[3] / self.stokes[0] } else { 0.0 }
+    }
+
+    /// Whether the force keeps turning one way round an ellipse.
+    pub(crate) fn turns(&self) -> bool {
+        self.is_known() && self.coherence() > 0.8 && self.roundness().abs() > 0.5
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn averaged(pair: impl Fn(u32) -> (Complex<f64>, Complex<f64>)) -> Ellipse {
+        let mut ellipse = Ellipse::default();
+        for k in 0..80 {
+            let (x, y) = pair(k);
+            ellipse.take(x, y, 0.125);
+        }
+        ellipse
+    }
+
+    #[test]
+    fn circle_line_and_wandering_pair_are_told_apart() {
+        let turn = |angle: f64| Complex::from_polar(2.0, angle);
+        let circle = averaged(|k| (turn(f64::from(k)), turn(f64::from(k) - 1.5708)));
+        assert!(circle.turns() && circle.roundness().abs() > 0.99);
+        let line = averaged(|k| (turn(f64::from(k)), turn(f64::from(k))));
+        assert!(!line.turns() && line.coherence() > 0.99 && line.roundness().abs() < 1e-9);
+        let wandering = averaged(|k| (turn(f64::from(k)), turn(2.7 * f64::from(k * k))));
+        assert!(!wandering.turns() && wandering.coherence() < 0.5, "{}", wandering.coherence());
+    }
+}

@@ -1,0 +1,204 @@
+//! From a tracked line to its verdict: gathers the evidence, asks for class and advice.
+//!
+//! Pure bookkeeping over fixed-size state; no allocation.
+
+use crate::advice::{Case, advise};
+use crate::alias::Spindle;
+use crate::block::{Axis, ProcessState};
+use crate::classify::{Evidence, ceiling, classify};
+use crate::config::{Mode, WatchConfig};
+use crate::track::Track;
+use crate::verdict::{Class, NearestLine, State, Verdict};
+
+/// A mode is near when it is this part of its frequency away.
+const NEAR_MODE: f64 = 0.05;
+/// Two modes are close when they differ by this part.
+const CLOSE_MODES: f64 = 0.15;
+/// A line this near to an alias is suspect, Hz.
+const SUSPECT_HZ: f64 = 2.0;
+/// A line this near to a multiple of the mains frequency may be electrical, Hz.
+const MAINS_HZ: f64 = 0.3;
+/// Gears beyond this many cycles per mm do not exist.
+const GEAR_CYCLES_PER_MM: f64 = 15.0;
+/// Feeds must differ by this part before a line can be said to follow them.
+const FEED_CHANGE: f64 = 0.1;
+/// Lines remembered for the feed they were seen at.
+const MEMORY: usize = 16;
+
+/// Where lines stood at the feeds of before.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct FeedMemory {
+    seen: [(f64, f64); MEMORY],
+    next: usize,
+}
+
+impl FeedMemory {
+    /// Remembers a line's frequency at a feed.
+    pub(crate) fn remember(&mut self, feed_mm_s: f64, frequency_hz: f64) {
+        self.seen[self.next] = (feed_mm_s, frequency_hz);
+        self.next = (self.next + 1) % MEMORY;
+    }
+
+    /// Whether a line follows the feed (`Some(true)`), stays (`Some(false)`), or cannot be told.
+    fn follows(&self, feed_mm_s: f64, frequency_hz: f64, uncertainty_hz: f64) -> Option<bool> {
+        let tolerance = 0.02 + uncertainty_hz / frequency_hz;
+        let other = self.seen.iter().filter(|(feed, _)| {
+            *feed > 0.0 && feed_mm_s > 0.0 && (feed_mm_s / feed).ln().abs() > FEED_CHANGE
+        });
+        let like = |ratio: f64| ratio.ln().abs() < tolerance;
+        let mut stays = false;
+        for (feed, before_hz) in other {
+            let moved = frequency_hz / before_hz;
+            if like(moved / (feed_mm_s / feed)) {
+                return Some(true);
+            }
+            stays |= like(moved);
+        }
+        stays.then_some(false)
+    }
+}
+
+/// What surrounds the lines now.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Context<'a> {
+    pub(crate) config: &'a WatchConfig,
+    pub(crate) process: ProcessState,
+    pub(crate) spindle: Spindle,
+    pub(crate) feeds: &'a FeedMemory,
+    /// A line was called electrical.
+    pub(crate) hums: bool,
+    /// Air and cut are told apart, by the cell or by the force level.
+    pub(crate) knows_air: bool,
+}
+
+impl Context<'_> {
+    /// Sets a line's class, rivals and ceiling from what is known now.
+    pub(crate) fn classify(&self, track: &mut Track) {
+        let evidence = self.evidence(track);
+        (track.class, track.rivals) = classify(&evidence);
+        track.ceiling = ceiling(track.class, track.rivals, &evidence);
+        track.suspect_alias = evidence.aliased;
+    }
+
+    fn evidence(&self, track: &Track) -> Evidence {
+        let (f, uncertainty_hz) = (track.frequency_hz, track.uncertainty_hz());
+        let driven = self.spindle.drives(f, 0.5 + uncertainty_hz);
+        let suspect = |line: NearestLine| line.distance_hz.abs() < SUSPECT_HZ.max(uncertainty_hz);
+        let alias = self.spindle.nearest_alias(f, self.config.rate_hz);
+        let feed = self.process.feed_mm_s;
+        let near = |mode: &&Mode| is_near(mode, f, uncertainty_hz);
+        let near_mode = self.config.modes.iter().any(|mode| near(&mode));
+        Evidence {
+            speed_known: self.spindle.hz > 0.0,
+            driven,
+            aliased: !driven && alias.is_some_and(suspect),
+            on_mains: self.on_mains(f, uncertainty_hz, track.class == Class::Electrical),
+            hums: self.hums,
+            near_mode,
+            two_modes: near_mode && self.has_close_modes(f),
+            turns: track.ellipse.is_known().then(|| track.ellipse.turns()),
+            in_air: self.knows_air.then_some(track.air_s > 0.2),
+            from_start: track.from_start,
+            follows_feed: self.feeds.follows(feed, f, uncertainty_hz),
+            gear_possible: feed > 0.0 && f < GEAR_CYCLES_PER_MM * feed,
+            on_wheel: self.wheel(f, uncertainty_hz).is_some(),
+        }
+    }
+
+    /// A line that was electrical stays so while the cut pulls its frequency a little.
+    fn on_mains(&self, f: f64, uncertainty_hz: f64, was: bool) -> bool {
+        let near_hz = if was { 4.0 * MAINS_HZ } else { MAINS_HZ };
+        let on = |mains: f64| {
+            let order = (f / mains).round().max(1.0);
+            (f - order * mains).abs() < near_hz + uncertainty_hz.min(1.0)
+        };
+        self.config.mains_hz.map_or_else(|| on(50.0) || on(60.0), on)
+    }
+
+    /// Whether two modes near `f` are close to each other.
+    fn has_close_modes(&self, f: f64) -> bool {
+        let around = self
+            .config
+            .modes
+            .iter()
+            .filter(|mode| (mode.frequency_hz / f - 1.0).abs() < CLOSE_MODES);
+        let range = around.fold((f64::INFINITY, 0.0_f64, 0), |(low, high, n), mode| {
+            (low.min(mode.frequency_hz), high.max(mode.frequency_hz), n + 1)
+        });
+        range.2 >= 2 && range.1 > range.0
+    }
+
+    /// The wheel that turns at this frequency at the present feed: joint and shaft.
+    fn wheel(&self, f: f64, uncertainty_hz: f64) -> Option<(u8, u8)> {
+        let feed = self.process.feed_mm_s;
+        let distance = |cycles_per_mm: f64| (cycles_per_mm * feed - f).abs();
+        self.config
+            .wheels
+            .iter()
+            .filter(|wheel| distance(wheel.cycles_per_mm) < 0.02 * f + uncertainty_hz)
+            .min_by(|a, b| distance(a.cycles_per_mm).total_cmp(&distance(b.cycles_per_mm)))
+            .map(|wheel| (wheel.joint, wheel.shaft))
+    }
+
+    fn nearest_mode(&self, f: f64) -> Option<NearestLine> {
+        let lines = self.config.modes.iter().enumerate().map(|(order, mode)| NearestLine {
+            frequency_hz: mode.frequency_hz,
+            distance_hz: f - mode.frequency_hz,
+            order: order as u32,
+        });
+        lines.min_by(|a, b| a.distance_hz.abs().total_cmp(&b.distance_hz.abs()))
+    }
+
+    /// The verdict on a line.
+    pub(crate) fn verdict(&self, track: &Track, t_ns: u64) -> Verdict {
+        let f = track.frequency_hz;
+        let uncertainty_hz = track.uncertainty_hz();
+        let near = |mode: &&Mode| is_near(mode, f, uncertainty_hz);
+        let case = Case {
+            class: track.class,
+            frequency_hz: f,
+            suspect_alias: track.suspect_alias,
+            near_mode_hz: self.config.modes.iter().find(near).map(|mode| mode.frequency_hz),
+            modes: &self.config.modes,
+            spindle_rpm: self.process.spindle_rpm,
+            teeth: self.process.teeth,
+            wheel: self.wheel(f, uncertainty_hz),
+        };
+        Verdict {
+            line: track.id,
+            t_ns,
+            state: track.state,
+            frequency_hz: f,
+            amplitude_n: track.amplitude(),
+            axis: Axis::of_channel(track.channel),
+            class: track.class,
+            rivals: track.rivals,
+            growth_per_s: if track.state == State::Over { 0.0 } else { track.growth_per_s() },
+            mode: self.nearest_mode(f),
+            harmonic: self.spindle.nearest_harmonic(f, self.config.rate_hz),
+            alias: self.spindle.nearest_alias(f, self.config.rate_hz),
+            suspect_alias: track.suspect_alias,
+            advice: advise(&case),
+        }
+    }
+}
+
+fn is_near(mode: &Mode, f: f64, uncertainty_hz: f64) -> bool {
+    (f - mode.frequency_hz).abs() < NEAR_MODE * mode.frequency_hz + uncertainty_hz.min(3.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_that_follows_the_feed_is_told_from_one_that_stays() {
+        let mut memory = FeedMemory::default();
+        assert_eq!(memory.follows(10.0, 60.0, 0.2), None);
+        memory.remember(5.0, 30.0);
+        assert_eq!(memory.follows(10.0, 60.0, 0.2), Some(true));
+        assert_eq!(memory.follows(10.0, 30.1, 0.2), Some(false));
+        assert_eq!(memory.follows(10.0, 44.0, 0.2), None);
+        assert_eq!(memory.follows(5.1, 30.0, 0.2), None, "the same feed tells nothing");
+    }
+}

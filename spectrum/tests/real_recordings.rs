@@ -1,0 +1,124 @@
+//! What the watch and the offline tools find in recordings of real machines.
+//!
+//! The recordings are not part of the tree: they are looked for beside the workspace or in
+//! `TRUED_DATA`, and a test says SKIPPED where they are absent.
+
+use spectrum::{Axis, Block, Class, ProcessState, State, Verdict, Watch, WatchConfig};
+use std::path::PathBuf;
+
+fn data(path: &str) -> Option<String> {
+    let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared/data");
+    let at_home = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let named = std::env::var_os("TRUED_DATA").map(PathBuf::from);
+    let found = named.into_iter().chain([beside, at_home]).map(|dir| dir.join(path));
+    let text = found.filter_map(|file| std::fs::read_to_string(file).ok()).next();
+    if text.is_none() {
+        eprintln!("SKIPPED: no recording {path}; set TRUED_DATA to the folder that holds it");
+    }
+    text
+}
+
+/// Rows of numbers; lines that hold other text are passed over.
+fn numbers(text: &str) -> Vec<Vec<f64>> {
+    let row = |line: &str| {
+        let fields = line.split([',', '\t', ' ']).filter(|field| !field.trim().is_empty());
+        fields.map(|field| field.trim().parse().ok()).collect::<Option<Vec<f64>>>()
+    };
+    text.lines().filter_map(row).filter(|row| !row.is_empty()).collect()
+}
+
+/// Runs a recording through the watch in blocks of 5 ms; `frame` makes three channels of a row.
+fn watched(
+    config: WatchConfig,
+    process: ProcessState,
+    rows: &[Vec<f64>],
+    frame: impl Fn(&[f64]) -> [f64; 3],
+) -> (Vec<(f64, Verdict)>, Watch) {
+    let rate_hz = config.rate_hz;
+    let mut watch = Watch::new(config).expect("a good configuration");
+    watch.process_state(process);
+    let frames = (0.005 * rate_hz) as usize;
+    let mut said = Vec::new();
+    for (seq, part) in rows.chunks(frames).enumerate() {
+        let samples: Vec<f64> = part.iter().flat_map(|row| frame(row)).collect();
+        let start_s = (seq * frames) as f64 / rate_hz;
+        let t_ns = (start_s * 1e9) as u64;
+        let block = Block { seq: seq as u64, t_ns, rate_hz, channels: 3, samples: &samples };
+        said.extend(
+            watch.push(&block).iter().map(|verdict| (verdict.t_ns as f64 * 1e-9, *verdict)),
+        );
+    }
+    (said, watch)
+}
+
+fn show(name: &str, said: &[(f64, Verdict)]) {
+    for (t, v) in said {
+        eprintln!(
+            "{name}: {t:.3} s line {} {} {:.2} Hz amplitude {:.4} axis {} {} rivals {:?}{}",
+            v.line,
+            v.state.name(),
+            v.frequency_hz,
+            v.amplitude_n,
+            v.axis.name(),
+            v.class.name(),
+            v.rivals,
+            if v.suspect_alias { " suspect" } else { "" }
+        );
+    }
+}
+
+#[test]
+fn milling_chatter_is_found_at_684_hz_in_the_cut_and_the_hum_is_not_chatter() {
+    let Some(text) = data("milling-chatter/N255_S5000_accY.csv") else { return };
+    let config =
+        WatchConfig { rate_hz: 10_000.0, least_amplitude_n: 0.02, ..WatchConfig::default() };
+    let process = ProcessState { spindle_rpm: 5000.0, teeth: 4, ..ProcessState::default() };
+    let (said, _) = watched(config, process, &numbers(&text), |row| [0.0, row[1], 0.0]);
+    show("milling-chatter", &said);
+    let at = |state: State, within_hz: f64| {
+        let is = |v: &Verdict| (v.frequency_hz - 684.0).abs() < within_hz && v.state == state;
+        *said.iter().find(|(_, v)| is(v)).expect("the chatter is found")
+    };
+    let (alarm_s, alarm) = at(State::Alarm, 12.0);
+    // The set's own label is the record's; the burst from 4.0 to 5.0 s is our reading of it.
+    assert!((3.9..4.45).contains(&alarm_s), "{alarm_s}");
+    assert_eq!((alarm.class, alarm.axis), (Class::Chatter, Axis::Y));
+    assert_eq!(at(State::Confirmed, 4.0).1.class, Class::Chatter);
+    for (t, v) in &said {
+        let hum = (v.frequency_hz / 50.0 - (v.frequency_hz / 50.0).round()).abs() * 50.0 < 1.0;
+        assert!(!(hum && v.state != State::Warn && v.state != State::Over), "{t}: {v:?}");
+    }
+    assert!(said.iter().all(|(t, v)| *t > 3.2 || v.state == State::Warn || v.state == State::Over));
+}
+
+#[test]
+fn steady_turning_alarms_nothing() {
+    let Some(text) = data("turning-force/f416_a100.csv") else { return };
+    let config = WatchConfig { rate_hz: 10_000.0, ..WatchConfig::default() };
+    let process = ProcessState { spindle_rpm: 1060.0, teeth: 1, ..ProcessState::default() };
+    for process in [process, ProcessState::default()] {
+        let rows = numbers(&text);
+        let (said, watch) = watched(config.clone(), process, &rows, |row| [row[1], row[2], row[3]]);
+        show("turning-force", &said);
+        eprintln!("{:?}", watch.health());
+        assert!(said.iter().all(|(_, v)| v.state == State::Warn || v.state == State::Over));
+    }
+}
+
+#[test]
+fn the_beams_tones_are_found_where_they_are() {
+    for (file, after) in [("test_2", [100.0, 120.0, 150.0].as_slice()), ("test_3", &[100.0, 120.0])]
+    {
+        let Some(text) = data(&format!("beam-tone/{file}_ds16.lvm")) else { return };
+        let rows: Vec<Vec<f64>> = numbers(&text).into_iter().filter(|row| row.len() == 4).collect();
+        let config =
+            WatchConfig { rate_hz: 3200.0, least_amplitude_n: 1e-3, ..WatchConfig::default() };
+        let (said, watch) =
+            watched(config, ProcessState::default(), &rows, |row| [0.0, 0.0, row[3]]);
+        show(file, &said);
+        let lines: Vec<f64> = watch.lines().iter().map(|v| v.frequency_hz).collect();
+        for tone_hz in after {
+            assert!(lines.iter().any(|f| (f - tone_hz).abs() < 1.0), "{tone_hz}: {lines:?}");
+        }
+    }
+}
