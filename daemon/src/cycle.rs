@@ -104,7 +104,8 @@ impl Cycle {
             _ => {}
         }
         let latency_ns = message.made_ns.saturating_sub(command.sent_ns);
-        if made.reason != corrector::Reason::Stale {
+        // What a refused command says of its own time is not believed either.
+        if made.reason != corrector::Reason::Stale && made.status != Status::Rejected {
             exchange.latency.record(latency_ns);
             if latency_ns > self.period_ns && !self.lockstep {
                 count(&counters.missed_cycles);

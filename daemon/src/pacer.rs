@@ -6,7 +6,7 @@
 //!
 //! Spinning is for an isolated core: a spinning `SCHED_FIFO` thread that shares its core is stalled for 50 ms each second
 //! by the kernel's fair server. Sleeping wakes shortly before the next command is due and looks again every
-//! [`LOOK_EVERY_NS`] until it is there.
+//! `LOOK_EVERY_NS` until it is there.
 
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec};

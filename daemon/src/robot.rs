@@ -65,8 +65,9 @@ impl Robot {
             return None;
         }
         let (session, seq) = self.last_seq;
-        if command.session == session && command.seq > seq + 1 {
-            exchange.counters.commands_lost.fetch_add(command.seq - seq - 1, Relaxed);
+        if command.session == session {
+            let lost = command.seq.saturating_sub(seq).saturating_sub(1);
+            exchange.counters.commands_lost.fetch_add(lost, Relaxed);
         }
         self.last_seq = (command.session, command.seq);
         Some((command, received_ns))

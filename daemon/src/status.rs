@@ -50,6 +50,9 @@ impl Constants {
         self.model_hash = model.hash;
         self.model_name.clone_from(&model.file.name);
         self.uncompensated = model.not_compensated.len() as u32;
+        for (i, joint) in model.physics.arm.joints().iter().enumerate() {
+            (self.bounds.min[i], self.bounds.max[i]) = joint.limits;
+        }
     }
 
     /// The status now.

@@ -4,7 +4,7 @@
 //! one that does is swapped in between two cycles. Never: anything that the cycle waits for.
 
 use crate::exchange::{Exchange, LoadedModel};
-use crate::status;
+use crate::{setup, status};
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
 use recording::model::RobotModel;
@@ -59,9 +59,7 @@ impl Supervisor {
 
     /// One look at everything.
     pub fn look(&mut self, exchange: &Exchange) {
-        while let Some(retired) = exchange.retired_models.pop() {
-            drop(retired);
-        }
+        free_retired(exchange);
         self.serve(exchange);
         let found = self.domain.supervise();
         if found.cleaned > 0 {
@@ -168,6 +166,11 @@ impl Desk<'_> {
             );
             return (Answer::Refused, words);
         }
+        if setup::joint_kinds(&self.model.physics.arm) != setup::joint_kinds(&next.physics.arm) {
+            let words = "the model's joints turn where the running one's slide, or slide where they turn: \
+                         restart the daemon to change the robot";
+            return (Answer::Refused, words.to_owned());
+        }
         if !self.hand_over(exchange, &next) {
             return (Answer::Failed, "the cycle did not take the model over in time".to_owned());
         }
@@ -181,19 +184,26 @@ impl Desk<'_> {
     fn hand_over(&mut self, exchange: &Exchange, next: &RobotModel) -> bool {
         let epoch = *self.model_epoch + 1;
         let loaded = Box::new(LoadedModel { physics: next.physics, epoch });
+        // Several requests may come in one look: the cycle must always find room for the model that it gives back.
+        free_retired(exchange);
         if exchange.next_model.push(loaded).is_err() {
             return false;
         }
         let since = Instant::now();
         while !exchange.next_model.is_empty() {
-            if since.elapsed() > PATIENCE {
-                return exchange.next_model.pop().is_none();
+            if since.elapsed() > PATIENCE && exchange.next_model.pop().is_some() {
+                return false;
             }
             std::thread::sleep(Duration::from_micros(200));
         }
         *self.model_epoch = epoch;
         true
     }
+}
+
+/// Frees models that the cycle gave back, here, where freeing may take time.
+fn free_retired(exchange: &Exchange) {
+    while exchange.retired_models.pop().is_some() {}
 }
 
 fn process_state(exchange: &Exchange, request: &Request) -> (Answer, String) {

@@ -1,7 +1,7 @@
 //! Listens to the force samples: verdicts out, the newest wrench to the cycle.
 //!
 //! Thread `vibration`, at the pace of the blocks. Promises: after [`Listener::join`] nothing is allocated but the transport's one
-//! block per verdict; a block that cannot be read is counted. Never: a wait longer than [`LOOK_EVERY_NS`].
+//! block per verdict; a block that cannot be read is counted. Never: a wait longer than `LOOK_EVERY_NS`.
 
 use crate::exchange::{Exchange, count};
 use crate::pacer::sleep_until;
@@ -72,8 +72,9 @@ impl Listener {
         }
         count(&exchange.counters.force_blocks);
         let (session, seq) = self.last;
-        if session == block.session && block.seq > seq + 1 {
-            exchange.counters.force_gaps.fetch_add(block.seq - seq - 1, Relaxed);
+        if session == block.session {
+            let lost = block.seq.saturating_sub(seq).saturating_sub(1);
+            exchange.counters.force_gaps.fetch_add(lost, Relaxed);
         }
         self.last = (block.session, block.seq);
         exchange.newest_wrench.force_push(mean(block));

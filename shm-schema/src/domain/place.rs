@@ -108,6 +108,7 @@ impl Cell {
         self.check_owner()?;
         let fs_type = rustix::fs::statfs(&self.dir).map_err(|e| io(e.into()))?.f_type as i64;
         if fs_type != TMPFS_MAGIC && fs_type != RAMFS_MAGIC {
+            self.leave();
             return Err(DomainError::NotInMemory { dir: self.dir.clone() });
         }
         Ok(())

@@ -1,0 +1,265 @@
+//! What the real daemon publishes while a client sends whatever it likes.
+//!
+//! `TRUED_SEED` repeats a run, `TRUED_HOSTILE` asks for another number of bad messages.
+
+use crate::TRUED;
+use shm_schema::{
+    Command, Corrected, CorrectionStatus, ForceBlock, JointBounds, PeerControl, PeerPublisher,
+    PeerSubscriber, Reason, RobotState, Role, Seat, SendOutcome, Status, monotonic_ns,
+};
+use std::collections::{BTreeMap, VecDeque};
+use std::time::{Duration, Instant};
+use tests::cell_loop::{JOINTS, MIDDLE};
+use tests::gauge::Gauge;
+use tests::hostile::{Due, KINDS, Sender};
+use tests::place::Place;
+use tests::process::Process;
+
+const LIMIT: Duration = Duration::from_secs(10);
+const MESSAGES: u64 = 3000;
+/// Good commands kept, of which the daemon's last good one is one.
+const REMEMBERED: usize = 400;
+const ROUNDING: f64 = 1e-12;
+
+/// A client that trusts nothing, not even the client library.
+struct Cell {
+    _seats: [Seat; 2],
+    commands: PeerPublisher<Command>,
+    answers: PeerSubscriber<Corrected>,
+    states: PeerPublisher<RobotState>,
+    statuses: PeerSubscriber<Status>,
+    control: PeerControl,
+    forces: PeerPublisher<ForceBlock>,
+    bounds: JointBounds,
+    sender: Sender,
+    block: Box<ForceBlock>,
+    /// Commands that may be the daemon's last good one, newest last.
+    good: VecDeque<Command>,
+    gauge: Gauge,
+    published: u64,
+    tally: BTreeMap<String, u64>,
+    last: Option<Corrected>,
+}
+
+impl Cell {
+    fn join(place: &Place, seed: u64) -> Self {
+        let mut seats = [Role::Cell, Role::Force].map(|role| Seat::new(&place.cell(), role));
+        let [cell, force] = [0, 1].map(|i| seats[i].join().expect("a daemon that is ready"));
+        let mut statuses = cell.subscriber::<Status>().unwrap();
+        let bounds = wait(LIMIT, || statuses.take_newest()).expect("a status").bounds;
+        Self {
+            commands: cell.publisher().unwrap(),
+            answers: cell.subscriber().unwrap(),
+            states: cell.publisher().unwrap(),
+            control: cell.control().unwrap(),
+            forces: force.publisher().unwrap(),
+            statuses,
+            _seats: seats,
+            gauge: Gauge::new(&bounds.rate[..JOINTS]),
+            bounds,
+            sender: Sender::new(seed),
+            block: Box::default(),
+            good: VecDeque::new(),
+            published: 0,
+            tally: BTreeMap::new(),
+            last: None,
+        }
+    }
+
+    fn send(&mut self, command: &Command) {
+        if self.may_be_good(command) {
+            self.good.push_back(*command);
+            if self.good.len() > REMEMBERED {
+                self.good.pop_front();
+            }
+        }
+        assert_eq!(self.commands.send(command), SendOutcome::Delivered);
+    }
+
+    /// Judged anew, without the daemon's code.
+    fn may_be_good(&self, command: &Command) -> bool {
+        let inside = |i: usize| (self.bounds.min[i]..=self.bounds.max[i]).contains(&command.q[i]);
+        command.joints as usize == JOINTS && (0..JOINTS).all(inside)
+    }
+
+    /// Takes an answer if there is one, and holds it against every invariant.
+    fn hear(&mut self) -> Option<Corrected> {
+        let said = self.answers.take_newest()?;
+        self.published += 1;
+        assert!(said.status().is_ok() && said.reason().is_ok(), "{said:?}");
+        *self.tally.entry(format!("{}/{}", named(&said).0, named(&said).1)).or_default() += 1;
+        self.last = Some(said);
+        assert_eq!(said.joints as usize, JOINTS, "there has been a good command: {said:?}");
+        let mut last_good = self.good.iter().rev();
+        let near = last_good.any(|good| (0..JOINTS).all(|i| self.keeps(&said, good, i)));
+        assert!(near, "no good command within the envelope of {said:?}");
+        for numbers in [said.correction_rate, said.correction_acceleration, said.wanted] {
+            assert!(numbers.iter().all(|x| x.is_finite()), "{said:?}");
+        }
+        self.gauge.take(said.made_ns, &said.correction[..JOINTS]).unwrap();
+        Some(said)
+    }
+
+    /// Finite, in the limits, the good command plus a correction within the envelope.
+    fn keeps(&self, said: &Corrected, good: &Command, i: usize) -> bool {
+        let (q, correction) = (said.q[i], said.correction[i]);
+        (self.bounds.min[i]..=self.bounds.max[i]).contains(&q)
+            && correction.abs() <= self.bounds.angle[i] + ROUNDING
+            && (q - correction - good.q[i]).abs() <= ROUNDING
+    }
+
+    /// Sends a command and waits for its own answer.
+    fn ask(&mut self, command: &Command, limit: Duration) -> Option<Corrected> {
+        self.hear();
+        let sent_ns = monotonic_ns();
+        self.send(command);
+        let end = Instant::now() + limit;
+        while Instant::now() < end {
+            let ours = |said: &Corrected| {
+                (said.command_session, said.command_seq) == (command.session, command.seq)
+                    && said.received_ns >= sent_ns
+            };
+            if let Some(said) = self.hear().filter(ours) {
+                return Some(said);
+            }
+            std::thread::sleep(Duration::from_micros(50));
+        }
+        None
+    }
+
+    fn good(&mut self) -> Corrected {
+        let command = self.sender.good();
+        let said = self.ask(&command, LIMIT).expect("a good command is answered");
+        assert_ne!(said.status(), Ok(CorrectionStatus::Rejected), "{said:?}");
+        said
+    }
+
+    fn bad(&mut self, kind: u64) {
+        let (command, due, of_use) = self.sender.bad(kind);
+        let about = |said: &Corrected| format!("kind {kind}: {:?} for {command:?}", named(said));
+        match due {
+            Due::Taken => {
+                let said = self.ask(&command, LIMIT).expect("an answer");
+                assert_ne!(said.status(), Ok(CorrectionStatus::Rejected), "{}", about(&said));
+            }
+            Due::Refused(reason) => {
+                let said = self.ask(&command, LIMIT).expect("an answer");
+                let refused = (CorrectionStatus::Rejected, reason);
+                assert_eq!(named(&said), refused, "{}", about(&said));
+            }
+            Due::Malformed => {
+                let said = self.ask(&command, Duration::from_millis(4));
+                assert!(said.is_none(), "{}", about(&said.unwrap()));
+            }
+            Due::Anything => {
+                self.ask(&command, Duration::from_millis(4));
+            }
+        }
+        if !of_use {
+            self.sender.start_anew();
+        }
+    }
+
+    /// Without waiting for anything.
+    fn burst(&mut self) {
+        for _ in 0..40 {
+            let kind = self.sender.chance.below(KINDS);
+            let (command, _, _) = self.sender.bad(kind);
+            self.send(&command);
+            self.hear();
+        }
+        self.sender.start_anew();
+    }
+
+    fn everything_else(&mut self) {
+        for _ in 0..4 {
+            self.sender.force(&mut self.block);
+            self.forces.send(&self.block);
+        }
+        let state = self.sender.state();
+        self.states.send(&state);
+        if self.sender.chance.below(20) == 0 {
+            let request = self.sender.request();
+            let pending = self.control.ask(&request);
+            let answered = wait(LIMIT, || pending.as_ref().and_then(shm_schema::Pending::answer));
+            assert!(answered.is_some(), "{request:?}");
+        }
+    }
+}
+
+fn named(said: &Corrected) -> (CorrectionStatus, Reason) {
+    (said.status().unwrap(), said.reason().unwrap())
+}
+
+fn wait<T>(limit: Duration, mut look: impl FnMut() -> Option<T>) -> Option<T> {
+    let start = Instant::now();
+    while start.elapsed() < limit {
+        if let Some(found) = look() {
+            return Some(found);
+        }
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    None
+}
+
+fn number(name: &str) -> Option<u64> {
+    std::env::var(name).ok().and_then(|n| n.parse().ok())
+}
+
+/// A campaign against a daemon whose wrench comes from there.
+fn campaign(wrench: &str) {
+    let seed = number("TRUED_SEED").unwrap_or_else(monotonic_ns);
+    println!("TRUED_SEED={seed}");
+    let tables = format!(
+        "[cycle]\nstale_ms = 300.0\n[wrench]\nsource = \"{wrench}\"\n\
+         [force]\nrate_Hz = 10000.0\nchannels = 3\n[vibration]\nenabled = true\n"
+    );
+    let place = Place::new("full", &tables);
+    let mut daemon = Process::daemon(TRUED, &place);
+    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    let mut cell = Cell::join(&place, seed);
+    cell.sender.start_anew();
+    for number in 0..number("TRUED_HOSTILE").unwrap_or(MESSAGES) {
+        // Two, so that there is something to be older than.
+        cell.good();
+        cell.good();
+        let kind = cell.sender.chance.below(KINDS);
+        cell.bad(kind);
+        cell.everything_else();
+        if number % 100 == 99 {
+            cell.burst();
+        }
+        assert!(daemon.is_running(), "message {number}: {:#?}", daemon.lines());
+    }
+    goes_on(&mut cell);
+    assert!(daemon.end().success(), "{:#?}", daemon.lines());
+}
+
+/// After all that, good commands alone are corrected as if nothing had been.
+fn goes_on(cell: &mut Cell) {
+    cell.sender.start_anew();
+    let end = Instant::now() + LIMIT;
+    let corrected = (CorrectionStatus::Corrected, Reason::None);
+    let mut in_a_row = 0;
+    while in_a_row < 200 {
+        assert!(Instant::now() < end, "not corrected again: {:?}", cell.last);
+        in_a_row = if named(&cell.good()) == corrected { in_a_row + 1 } else { 0 };
+    }
+    let status = wait(LIMIT, || cell.statuses.take_newest()).unwrap();
+    assert!(status.rejected > 0 && status.malformed > 0, "{status:?}");
+    assert!(cell.last.unwrap().q[..JOINTS].iter().zip(MIDDLE).all(|(q, m)| (q - m).abs() < 0.1));
+    println!(
+        "{} targets looked at, rate bucket at most {:.2} full, {:?}",
+        cell.published, cell.gauge.fullest, cell.tally
+    );
+}
+
+#[test]
+fn no_target_breaks_an_invariant_whatever_is_commanded() {
+    campaign("force");
+}
+
+#[test]
+fn nor_where_the_command_brings_the_wrench() {
+    campaign("command");
+}

@@ -1,0 +1,162 @@
+//! A model is swapped while the cycle runs: no command goes unanswered, no correction steps, no broken model gets in.
+
+use crate::TRUED;
+use shm_schema::Status;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Duration;
+use tests::cell_loop::{CellLoop, Tick};
+use tests::place::{MODEL, Place};
+use tests::process::Process;
+use trued_client::{Answer, Monitor, Response, Source};
+
+const LIMIT: Duration = Duration::from_secs(10);
+const SWAPS: u64 = 40;
+
+/// What a second of the loop came to.
+struct Seen {
+    ticks: u64,
+    unanswered: u64,
+    epochs: u64,
+    broken: Vec<String>,
+    last: Option<Tick>,
+}
+
+/// Runs the loop in another thread while `meanwhile` asks the daemon.
+fn beside<R>(place: &Place, meanwhile: impl FnOnce(&mut Monitor) -> R) -> (Seen, R) {
+    let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
+    assert!(cell.tick_until(LIMIT, |_, tick| tick.largest() > 1e-3), "the correction comes in");
+    let over = Arc::new(AtomicBool::new(false));
+    let end = over.clone();
+    let runner = std::thread::spawn(move || {
+        let mut seen = Seen { ticks: 0, unanswered: 0, epochs: 0, broken: Vec::new(), last: None };
+        let mut epoch = 0;
+        while !end.load(Relaxed) {
+            let tick = cell.tick();
+            seen.ticks += 1;
+            seen.unanswered += u64::from(!tick.answered);
+            let now = cell.client.newest().map_or(0, |said| said.model_epoch);
+            assert!(now >= epoch, "models are counted upwards");
+            seen.epochs += u64::from(now != epoch);
+            (epoch, seen.last) = (now, Some(tick));
+        }
+        seen.broken = cell.broken;
+        seen
+    });
+    let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
+    let result = meanwhile(&mut monitor);
+    over.store(true, Relaxed);
+    (runner.join().unwrap(), result)
+}
+
+fn ask(monitor: &mut Monitor, model: Option<&Path>) -> Response {
+    monitor.reload(model, LIMIT).unwrap()
+}
+
+fn status(monitor: &mut Monitor) -> Status {
+    // One that was made after what was asked.
+    std::thread::sleep(Duration::from_millis(150));
+    monitor.status().unwrap()
+}
+
+fn running(mode: &str) -> (Place, Process) {
+    // Late commands are not what this is about.
+    let place = Place::new(mode, "[cycle]\nstale_ms = 500.0\n");
+    let daemon = Process::daemon(TRUED, &place);
+    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    (place, daemon)
+}
+
+#[test]
+fn a_model_swapped_at_1_khz_costs_no_answer_and_no_step() {
+    let (place, _daemon) = running("full");
+    let plain = place.model("plain.toml", "irb1600-6-145");
+    let known = place.model("known.toml", MODEL);
+    let (seen, after) = beside(&place, |monitor| {
+        for k in 0..SWAPS {
+            let model = if k % 2 == 0 { &plain } else { &known };
+            let answer = ask(monitor, Some(model));
+            assert_eq!(answer.answer(), Ok(Answer::Done), "{}", answer.message);
+            std::thread::sleep(Duration::from_millis(30 + 17 * (k % 5)));
+        }
+        std::thread::sleep(Duration::from_secs(1));
+        status(monitor)
+    });
+    println!("{} ticks, {SWAPS} swaps, {} unanswered", seen.ticks, seen.unanswered);
+    assert_eq!(seen.unanswered, 0, "of {}", seen.ticks);
+    assert_eq!(seen.broken, Vec::<String>::new());
+    assert_eq!(seen.epochs, SWAPS + 1, "each swap is seen in the answers");
+    assert_eq!((after.model_epoch, after.rejected), (SWAPS + 1, 0));
+    let last = seen.last.unwrap();
+    assert!(last.source == Source::Corrected && last.largest() > 1e-3, "{last:?}");
+}
+
+#[test]
+fn a_broken_model_is_refused_with_its_first_fault_and_the_old_one_stays() {
+    let (place, _daemon) = running("full");
+    let good = std::fs::read_to_string(place.file("model.toml")).unwrap();
+    place.write("typo.toml", &good.replacen("axis = [0.0, 1.0, 0.0]", "axis = [0.0, 0.0]", 1));
+    place.write("half.toml", &good[..good.len() / 2]);
+    let seven = place.model("seven.toml", "fr3");
+    let cases = [
+        (place.file("typo.toml"), vec!["typo.toml", "axis"]),
+        (place.file("half.toml"), vec!["half.toml"]),
+        (place.file("none.toml"), vec!["none.toml"]),
+        (seven, vec!["7 joints", "6"]),
+    ];
+    let (seen, ()) = beside(&place, |monitor| {
+        let before = status(monitor);
+        for (model, words) in &cases {
+            let answer = ask(monitor, Some(model));
+            let said = answer.message.as_str();
+            assert_eq!(answer.answer(), Ok(Answer::Refused), "{said}");
+            assert!(words.iter().all(|word| said.contains(word)), "{words:?} in: {said}");
+        }
+        let after = status(monitor);
+        assert_eq!(after.model_epoch, before.model_epoch);
+        assert_eq!(after.model_hash, before.model_hash);
+        // The path of the old one is kept too.
+        assert_eq!(ask(monitor, None).answer(), Ok(Answer::Done));
+        assert_eq!(status(monitor).model_hash, before.model_hash);
+    });
+    assert_eq!(seen.unanswered, 0);
+    assert_eq!(seen.broken, Vec::<String>::new());
+    assert!(seen.last.unwrap().largest() > 1e-3, "it corrects as before");
+}
+
+#[test]
+fn the_bounds_told_are_those_of_the_model_in_use() {
+    let (place, _daemon) = running("full");
+    let good = std::fs::read_to_string(place.file("model.toml")).unwrap();
+    let narrow = good.replacen("limits_deg = [-180.0, 180.0]", "limits_deg = [-100.0, 100.0]", 1);
+    assert_ne!(good, narrow);
+    place.write("narrow.toml", &narrow);
+    let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
+    assert!((status(&mut monitor).bounds.max[0] - 180_f64.to_radians()).abs() < 1e-12);
+    assert_eq!(ask(&mut monitor, Some(&place.file("narrow.toml"))).answer(), Ok(Answer::Done));
+    assert!((status(&mut monitor).bounds.max[0] - 100_f64.to_radians()).abs() < 1e-12);
+}
+
+#[test]
+fn many_reloads_at_once_are_all_counted() {
+    let (place, _daemon) = running("full");
+    let askers: Vec<_> = (0..4)
+        .map(|_| {
+            let cell = place.cell();
+            std::thread::spawn(move || {
+                let mut monitor = Monitor::connect_to(&cell, LIMIT).unwrap();
+                for _ in 0..8 {
+                    assert_eq!(ask(&mut monitor, None).answer(), Ok(Answer::Done));
+                }
+            })
+        })
+        .collect();
+    let (seen, epoch) = beside(&place, |monitor| {
+        askers.into_iter().for_each(|asker| asker.join().unwrap());
+        status(monitor).model_epoch
+    });
+    assert_eq!(epoch, 33);
+    assert_eq!(seen.unanswered, 0);
+    assert_eq!(seen.broken, Vec::<String>::new());
+}

@@ -1,0 +1,151 @@
+//! What the cell is told: versions that do not fit, a cell that is served already, a place that cannot be, shadow, bypass.
+
+use crate::TRUED;
+use shm_schema::{Command, Corrected, CorrectionStatus, Reason, Role, Seat};
+use std::fs;
+use std::time::Duration;
+use tests::cell_loop::{CellLoop, JOINTS, Tick};
+use tests::place::Place;
+use tests::process::Process;
+use trued_client::{Client, ConnectError, Mode, Source};
+
+const LIMIT: Duration = Duration::from_secs(10);
+const SYSTEM_FAILED: Option<i32> = Some(3);
+
+fn ready(place: &Place) -> Process {
+    let daemon = Process::daemon(TRUED, place);
+    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    daemon
+}
+
+#[test]
+fn another_contract_is_refused_at_once_and_both_versions_are_named() {
+    let place = Place::new("full", "");
+    let _daemon = ready(&place);
+    let current = place.cell().dir().join("current");
+    let text = fs::read_to_string(&current).unwrap();
+    let ours = shm_schema::CONTRACT_VERSION;
+    let changed = text
+        .replace(&format!("contract {ours}\n"), "contract 97\n")
+        .replace(&format!("program {}\n", env!("CARGO_PKG_VERSION")), "program 9.8.7\n");
+    assert_ne!(text, changed);
+    fs::write(&current, changed).unwrap();
+    let refused = Client::connect_to(&place.cell(), LIMIT).err().unwrap();
+    assert!(matches!(refused, ConnectError::Refused(_)), "{refused}");
+    let words = refused.to_string();
+    let mine = format!("trued {} (contract {ours}", env!("CARGO_PKG_VERSION"));
+    assert!(words.contains("trued 9.8.7 (contract 97") && words.contains(&mine), "{words}");
+}
+
+#[test]
+fn a_second_daemon_for_a_cell_is_refused_with_the_process_of_the_first() {
+    let place = Place::new("full", "");
+    let mut first = ready(&place);
+    let mut second = Process::daemon(TRUED, &place);
+    let code = second.wait().code();
+    let words = second.lines().join("\n");
+    assert_eq!(code, SYSTEM_FAILED, "{words}");
+    assert!(words.contains(&format!("process {}", first.id())), "{words}");
+    assert!(first.is_running());
+    assert!(Client::connect_to(&place.cell(), LIMIT).is_ok(), "the first serves on");
+}
+
+#[test]
+fn a_daemon_without_a_usable_runtime_directory_fails_and_says_where() {
+    let place = Place::new("full", "");
+    let missing = place.root().join("missing").join("deep");
+    let long = place.root().join("x".repeat(120));
+    let disk = std::path::PathBuf::from(env!("CARGO_TARGET_TMPDIR"));
+    for (dir, words) in [
+        (missing.as_path(), "could not create the directory"),
+        ("relative".as_ref(), "expected an absolute path"),
+        (long.as_path(), "set TRUED_RUNTIME_DIR to a shorter one"),
+        (disk.as_path(), "expected a directory in memory"),
+    ] {
+        let config = place.file("cell.toml");
+        let done = std::process::Command::new(TRUED)
+            .args(["run", "--config"])
+            .arg(config)
+            .env(shm_schema::RUNTIME_DIR_ENV, dir)
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&done.stderr).into_owned();
+        assert_eq!(done.status.code(), SYSTEM_FAILED, "{}: {said}", dir.display());
+        assert!(said.contains(words) && said.contains(&dir.display().to_string()), "{said}");
+    }
+    assert!(!disk.join("trued-cell").exists(), "a start that fails leaves nothing behind");
+}
+
+/// The last answer of the daemon.
+fn said(cell: &mut CellLoop) -> Corrected {
+    cell.client.newest().unwrap()
+}
+
+fn bits(q: &[f64]) -> Vec<u64> {
+    q.iter().map(|x| x.to_bits()).collect()
+}
+
+#[test]
+fn in_shadow_mode_commands_go_out_bit_for_bit_and_what_is_wanted_is_told() {
+    let place = Place::new("shadow", "");
+    let _daemon = ready(&place);
+    let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
+    let mut answers = 0;
+    cell.tick_until(Duration::from_secs(1), |cell, tick| {
+        let said = said(cell);
+        if tick.source == Source::Corrected {
+            answers += 1;
+            assert_eq!(bits(&tick.target), bits(&tick.q_cmd));
+            assert_eq!(bits(said.joints()), bits(&tick.q_cmd));
+            assert_eq!(said.status(), Ok(CorrectionStatus::Shadow));
+            assert_eq!(said.reason(), Ok(Reason::ShadowMode));
+            assert!(said.wanted[..JOINTS].iter().any(|w| w.abs() > 1e-4), "{said:?}");
+        }
+        false
+    });
+    assert!(answers > 50, "{answers}");
+    assert_eq!(cell.client.status().unwrap().mode(), Ok(Mode::Shadow));
+    assert_eq!(cell.broken, Vec::<String>::new());
+}
+
+/// Ticks until the daemon says that and the correction is (or is not) zero; all on the way is bounded.
+fn until(cell: &mut CellLoop, status: CorrectionStatus, zero: bool) -> u32 {
+    let mut ramping = 0;
+    let reached = cell.tick_until(LIMIT, |cell, tick: &Tick| {
+        let said = said(cell);
+        ramping += u32::from(said.status() == Ok(CorrectionStatus::Ramping));
+        let there = said.status() == Ok(status) && tick.source == Source::Corrected;
+        there && (tick.largest() == 0.0) == zero
+    });
+    assert!(reached, "{status}: {:?}", said(cell));
+    assert_eq!(cell.broken, Vec::<String>::new());
+    ramping
+}
+
+#[test]
+fn arming_and_bypass_ramp_the_correction_in_and_out() {
+    let place = Place::new("shadow", "");
+    let _daemon = ready(&place);
+    let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
+    until(&mut cell, CorrectionStatus::Shadow, true);
+    cell.client.arm(true, LIMIT).unwrap();
+    assert!(until(&mut cell, CorrectionStatus::Corrected, false) > 5, "in by a ramp");
+    cell.client.bypass(true, LIMIT).unwrap();
+    assert!(until(&mut cell, CorrectionStatus::Bypassed, true) > 5, "out by a ramp");
+    assert_eq!(said(&mut cell).reason(), Ok(Reason::Bypass));
+    cell.client.bypass(false, LIMIT).unwrap();
+    assert!(until(&mut cell, CorrectionStatus::Corrected, false) > 5, "in again");
+    cell.client.arm(false, LIMIT).unwrap();
+    assert!(until(&mut cell, CorrectionStatus::Shadow, true) > 5, "out again");
+}
+
+#[test]
+fn a_role_that_is_taken_is_refused_with_the_process_that_has_it() {
+    let place = Place::new("shadow", "");
+    let _daemon = ready(&place);
+    let _first = Client::connect_to(&place.cell(), LIMIT).unwrap();
+    let mut second = Seat::new(&place.cell(), Role::Cell);
+    let refused = second.join().and_then(|joined| Ok(joined.publisher::<Command>()?));
+    let words = refused.err().unwrap().to_string();
+    assert!(words.contains(&format!("process {}", std::process::id())), "{words}");
+}

@@ -1,0 +1,25 @@
+//! Nothing under the cycle takes from the heap, but for the transport's one block per published message.
+//!
+//! A program of its own, as its allocator counts, by thread. Chosen: `allocation-counter`, since it brings the allocator with
+//! it (no `unsafe` of ours) and counts by thread, so that the daemon's other threads do not mix in; `assert_no_alloc` aborts at the
+//! first allocation and so cannot show "exactly one", `stats_alloc` counts all threads together.
+#![expect(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on fails")]
+
+mod cycle;
+mod kinds;
+mod watch;
+
+use allocation_counter::{AllocationInfo, measure};
+
+/// What `work` takes from the heap and gives back, in this thread.
+fn heap_of(work: impl FnOnce()) -> AllocationInfo {
+    measure(work)
+}
+
+#[test]
+fn the_counter_counts() {
+    let one = heap_of(|| drop(std::hint::black_box(Box::new(1_u64))));
+    assert_eq!((one.count_total, one.count_current), (1, 0));
+    let kept = heap_of(|| std::mem::forget(std::hint::black_box(Box::new(1_u64))));
+    assert_eq!((kept.count_total, kept.count_current), (1, 1));
+}

@@ -1,0 +1,67 @@
+//! Whether a correction keeps its rate in real time.
+//!
+//! What moves is poured into a bucket that leaks at the rate allowed. The bucket holds what the daemon may make up for after
+//! a pause (20 ms of real time), so that a late thread breaks nothing and a step does.
+
+/// What the daemon may make up for at once, s.
+const BURST_S: f64 = 0.021;
+/// Rounding, rad.
+const ROUNDING: f64 = 1e-9;
+
+/// Watches all joints of one correction.
+#[derive(Clone, Debug)]
+pub struct Gauge {
+    rate: Vec<f64>,
+    level: Vec<f64>,
+    before: Option<(u64, Vec<f64>)>,
+    /// The fullest that a bucket has been, as a share of its size.
+    pub fullest: f64,
+}
+
+impl Gauge {
+    /// Allows `rate` (rad/s) per joint.
+    #[must_use]
+    pub fn new(rate: &[f64]) -> Self {
+        Self { rate: rate.to_vec(), level: vec![0.0; rate.len()], before: None, fullest: 0.0 }
+    }
+
+    /// Takes the correction at that time.
+    ///
+    /// # Errors
+    /// In words, where it moved faster than allowed.
+    pub fn take(&mut self, t_ns: u64, correction: &[f64]) -> Result<(), String> {
+        let Some((before_ns, before)) = self.before.replace((t_ns, correction.to_vec())) else {
+            return Ok(());
+        };
+        let dt_s = t_ns.saturating_sub(before_ns) as f64 * 1e-9;
+        let mut broken = Ok(());
+        for i in 0..self.rate.len() {
+            let moved = (correction[i] - before[i]).abs();
+            let leaked = (self.level[i] + moved - self.rate[i] * dt_s).max(0.0);
+            let size = self.rate[i] * BURST_S + ROUNDING;
+            self.level[i] = leaked;
+            self.fullest = self.fullest.max(leaked / size);
+            if !moved.is_finite() || leaked > size {
+                self.level[i] = 0.0;
+                broken = Err(format!("joint {i} moved by {moved:.3e} in {dt_s:.6} s"));
+            }
+        }
+        broken
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_breaks_and_a_ramp_with_jitter_does_not() {
+        let mut gauge = Gauge::new(&[0.05]);
+        for k in 0..1000_u64 {
+            let late_ns = (k % 7) * 1_000_000;
+            assert_eq!(gauge.take(k * 1_000_000 + late_ns, &[5e-5 * k as f64]), Ok(()), "{k}");
+        }
+        assert!(gauge.take(1_001_000_000, &[0.06]).is_err());
+        assert!(gauge.take(1_002_000_000, &[f64::NAN]).is_err());
+    }
+}

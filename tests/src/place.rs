@@ -1,0 +1,84 @@
+//! A cell of its own for one test: runtime directory in memory, configuration, model.
+
+use recording::model::presets::preset;
+use shm_schema::{Cell, new_session, sweep};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The cell's name.
+pub const CELL: &str = "cell";
+/// The model that tests correct by.
+pub const MODEL: &str = "irb1600-6-145-thesis";
+
+/// A runtime directory; gone, with all that is in it, at the end.
+#[derive(Debug)]
+pub struct Place {
+    root: PathBuf,
+}
+
+impl Place {
+    /// A fresh one with `cell.toml`, which ends with `tables`, and the model of [`MODEL`].
+    #[must_use]
+    pub fn new(mode: &str, tables: &str) -> Self {
+        let root = PathBuf::from(format!("/dev/shm/trued-it-{:016x}", new_session()));
+        fs::create_dir_all(root.join("files")).expect("a directory in /dev/shm");
+        let place = Self { root };
+        let model = place.model("model.toml", MODEL);
+        let config = format!(
+            "schema = \"trued.cell/1\"\ncell = \"{CELL}\"\nmodel = \"{}\"\nmode = \"{mode}\"\n{tables}",
+            model.display()
+        );
+        place.write("cell.toml", &config);
+        place
+    }
+
+    /// Where the runtime directory is.
+    #[must_use]
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The cell as clients find it.
+    #[must_use]
+    pub fn cell(&self) -> Cell {
+        Cell::at(&self.root, CELL).expect("a short path")
+    }
+
+    /// A file of this test.
+    #[must_use]
+    pub fn file(&self, name: &str) -> PathBuf {
+        self.root.join("files").join(name)
+    }
+
+    /// Writes a file of this test.
+    pub fn write(&self, name: &str, text: &str) {
+        fs::write(self.file(name), text).expect("a file in /dev/shm");
+    }
+
+    /// Writes a preset as a model file.
+    #[must_use]
+    pub fn model(&self, name: &str, known: &str) -> PathBuf {
+        self.write(name, preset(known).expect("a preset of the house").text);
+        self.file(name)
+    }
+
+    /// Every name of the cell that is still there, in memory and in the runtime directory.
+    #[must_use]
+    pub fn left(&self) -> Vec<String> {
+        let prefix = self.cell().shared_memory_prefix();
+        let memory = names(Path::new("/dev/shm")).into_iter().filter(|n| n.starts_with(&prefix));
+        names(&self.root).into_iter().filter(|name| name != "files").chain(memory).collect()
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let _ = sweep(&self.cell());
+        let _ = fs::remove_dir_all(&self.root);
+    }
+}
+
+fn names(dir: &Path) -> Vec<String> {
+    let entries = fs::read_dir(dir).into_iter().flatten().flatten();
+    entries.map(|entry| entry.file_name().to_string_lossy().into_owned()).collect()
+}

@@ -1,0 +1,156 @@
+//! A process that a test started: what it says, and its end.
+//!
+//! Promises: killed with the test at the latest.
+
+use crate::place::Place;
+use rustix::process::{Pid, Signal, kill_process};
+use shm_schema::{RUNTIME_DIR_ENV, monotonic_ns};
+use std::ffi::OsStr;
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// What was heard of a process.
+#[derive(Debug, Default)]
+struct Heard {
+    lines: Vec<String>,
+    /// The last `answered NS by PID` of a cell.
+    answered: (u64, u32),
+}
+
+/// A started process.
+#[derive(Debug)]
+pub struct Process {
+    child: Child,
+    heard: Arc<Mutex<Heard>>,
+}
+
+impl Process {
+    /// Starts `program` in that place.
+    pub fn start<I: AsRef<OsStr>>(program: &str, args: &[I], place: &Place) -> Self {
+        let mut child = Command::new(program)
+            .args(args)
+            .env(RUNTIME_DIR_ENV, place.root())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let heard = Arc::<Mutex<Heard>>::default();
+        listen(child.stdout.take(), &heard);
+        listen(child.stderr.take(), &heard);
+        Self { child, heard }
+    }
+
+    /// Starts the daemon of that place.
+    pub fn daemon(program: &str, place: &Place) -> Self {
+        let config = place.file("cell.toml");
+        Self::start(program, &["run".as_ref(), "--config".as_ref(), config.as_os_str()], place)
+    }
+
+    /// Its id.
+    #[must_use]
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Whether it has not ended yet.
+    pub fn is_running(&mut self) -> bool {
+        matches!(self.child.try_wait(), Ok(None))
+    }
+
+    /// `kill -9`.
+    pub fn kill(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+
+    /// Asks it to end, as a service manager does, and waits.
+    pub fn end(&mut self) -> ExitStatus {
+        let pid = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw).expect("a process");
+        let _ = kill_process(pid, Signal::TERM);
+        self.wait()
+    }
+
+    /// Closes its standard input, which a rig's cell ends at, and waits.
+    pub fn let_go(&mut self) -> ExitStatus {
+        drop(self.child.stdin.take());
+        self.wait()
+    }
+
+    /// Waits for its end.
+    pub fn wait(&mut self) -> ExitStatus {
+        let status = self.child.wait().expect("a child");
+        // Its last words may still be in the pipe.
+        std::thread::sleep(Duration::from_millis(20));
+        status
+    }
+
+    /// Waits until it has said something that holds `words`; false if it did not within `limit`.
+    pub fn says(&self, words: &str, limit: Duration) -> bool {
+        let start = Instant::now();
+        while !self.lines().iter().any(|line| line.contains(words)) {
+            if start.elapsed() > limit {
+                return false;
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        true
+    }
+
+    /// All lines so far, of both streams.
+    #[must_use]
+    pub fn lines(&self) -> Vec<String> {
+        lock(&self.heard).lines.clone()
+    }
+
+    /// Whether this cell has had an answer of that daemon since `ns`.
+    #[must_use]
+    pub fn answered_since(&self, ns: u64, daemon: u32) -> bool {
+        let (at_ns, by) = lock(&self.heard).answered;
+        at_ns > ns && by == daemon
+    }
+
+    /// Waits for an answer that is made from now on.
+    #[must_use]
+    pub fn wait_answered(&self, daemon: &Self, limit: Duration) -> Option<Duration> {
+        let (start, start_ns) = (Instant::now(), monotonic_ns());
+        while start.elapsed() < limit {
+            if self.answered_since(start_ns, daemon.id()) {
+                return Some(start.elapsed());
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        None
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
+fn listen(stream: Option<impl Read + Send + 'static>, heard: &Arc<Mutex<Heard>>) {
+    let Some(stream) = stream else { return };
+    let heard = Arc::clone(heard);
+    std::thread::spawn(move || {
+        for line in BufReader::new(stream).lines().map_while(Result::ok) {
+            let mut heard = lock(&heard);
+            match answered(&line) {
+                Some(answered) => heard.answered = answered,
+                None => heard.lines.push(line),
+            }
+        }
+    });
+}
+
+fn answered(line: &str) -> Option<(u64, u32)> {
+    let (at, by) = line.strip_prefix("answered ")?.split_once(" by ")?;
+    Some((at.parse().ok()?, by.parse().ok()?))
+}
+
+fn lock(heard: &Mutex<Heard>) -> MutexGuard<'_, Heard> {
+    heard.lock().unwrap_or_else(PoisonError::into_inner)
+}
