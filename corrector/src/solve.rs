@@ -3,8 +3,8 @@
 //! Solves `FK_real(q + δθ(q, W, T)) = FK_nominal(q_cmd)` from `q_cmd` by at most [`STEPS_MAX`] Newton steps, rows in the wanted tool's
 //! axes, weighted by the task. As many freedoms asked as joints there are, or fewer: least change of the joints; more: least squares.
 //!
-//! Promises: converged means that the UNDAMPED next step is below [`STEP_DONE`], so a singular pose, where damping hides what is
-//! left, is refused with the residual; a trial never leaves `reach` (the envelope's angle) about the command.
+//! Promises: converged means that nothing is left over, or that the UNDAMPED next step is below [`STEP_DONE`]: a singular pose, where
+//! damping hides what is left, is refused with the residual. A trial never leaves `reach` (the envelope's angle) about the command.
 //! Never: a jump to another branch of solutions, memory (what effects remember stays as it is during the solve).
 
 use crate::outcome::Residual;
@@ -19,6 +19,8 @@ use physics::{Chain, Frame, Inputs, JOINTS_MAX, Joints, Memories, Model};
 const STEPS_MAX: u32 = 10;
 /// The solution stands once the next step is below this, rad or m.
 const STEP_DONE: f64 = 1e-11;
+/// It stands too once the weighted error is below this, m: rounding of the geometry.
+const ERROR_DONE_M: f64 = 1e-14;
 /// Damping of the first damped try, relative to the mean of the diagonal; each further try has 30 times as much.
 const FIRST_DAMPING: f64 = 1e-8;
 const DAMPED_TRIES: u32 = 6;
@@ -53,6 +55,9 @@ pub fn solve(
         // Beyond its law's limit a hardening joint's prediction is worth nothing: nothing may be built on it.
         let undamped = rows.step(0.0).filter(|step| now.beyond.is_none() && is_finite(step));
         let here = Solution { q: trial.q, converged: false, residual: rows.residual, steps };
+        if rows.is_done() && now.beyond.is_none() {
+            return Solution { converged: true, ..here };
+        }
         if let Some(step) = undamped.filter(|step| largest(step) < STEP_DONE) {
             apply(&mut trial.q, &step);
             return Solution { q: trial.q, converged: true, ..here };
@@ -113,6 +118,11 @@ impl Rows {
         let spin = if task.free_tool_axis { angular.truncate().length() } else { angular.length() };
         let residual = Residual { m: linear.length(), rad: spin };
         Self { jacobian, error, asked, joints: model.arm.count(), residual }
+    }
+
+    /// Whether nothing of the task is left over: then even a singular pose has its solution.
+    fn is_done(&self) -> bool {
+        self.error.norm() < ERROR_DONE_M
     }
 
     /// The step that the linearised task asks for; `damping` relative to the mean of the normal matrix' diagonal.
