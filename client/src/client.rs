@@ -113,6 +113,12 @@ impl Client {
         }
     }
 
+    /// Begins another run: for the daemon the next command follows none, and nothing of the path so far is remembered.
+    /// The correction goes on from where it stands.
+    pub fn start_anew(&mut self) {
+        (self.session, self.seq) = (new_session(), 0);
+    }
+
     /// Sends what the robot measures of itself; `seq`, `session` and `sent_ns` are filled in.
     ///
     /// # Errors

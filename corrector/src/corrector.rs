@@ -242,7 +242,7 @@ impl Corrector {
         (inputs, gate)
     }
 
-    /// A refused solution holds the last good one for a while, then ramps out.
+    /// A refused solution holds the last good one for a while, then ramps out; at a pose at rest it is out already.
     fn wanted(&mut self, inputs: &Inputs, solution: &Solution, blank: Wanted) -> Wanted {
         let mut wanted = Wanted { residual: solution.residual, steps: solution.steps, ..blank };
         if solution.converged {
@@ -255,7 +255,7 @@ impl Corrector {
         }
         self.cause = Reason::NotConverged;
         self.refused_ns = self.refused_ns.saturating_add(wanted.dt_ns);
-        let (status, correction) = if self.holds() {
+        let (status, correction) = if self.holds() && !wanted.settled {
             (Status::Held, self.last_wanted)
         } else {
             (Status::Ramping, wanted.correction)

@@ -65,7 +65,8 @@ impl Path {
         }
         self.directions.moved_to(&inputs.q, settings.reversal);
         inputs.direction = command.direction.unwrap_or(*self.directions.signs());
-        if after.is_some() {
+        let settled = command.settled && settings.lockstep;
+        if after.is_some() && !settled {
             model.follow(&inputs, &mut self.memories);
         } else {
             model.settle(&inputs, &mut self.memories);

@@ -128,6 +128,7 @@ fn translated(verdict: &spectrum::Verdict, seq: u64) -> Verdict {
     let (nearest_mode_hz, mode_distance_hz) = at(verdict.mode);
     let (nearest_harmonic_hz, harmonic_distance_hz) = at(verdict.harmonic);
     let (nearest_alias_hz, alias_distance_hz) = at(verdict.alias);
+    let (advice, advice_rpm) = advice(&verdict.advice);
     let rivals = verdict.rivals.iter().fold(0, |bits, rival| bits | 1 << class(rival).code());
     Verdict {
         seq,
@@ -136,7 +137,7 @@ fn translated(verdict: &spectrum::Verdict, seq: u64) -> Verdict {
         event: u64::from(verdict.line),
         frequency_hz: verdict.frequency_hz,
         amplitude: verdict.amplitude_n,
-        above_floor_db: f64::NAN,
+        advice_rpm,
         growth_per_s: verdict.growth_per_s,
         nearest_mode_hz,
         mode_distance_hz,
@@ -149,7 +150,7 @@ fn translated(verdict: &spectrum::Verdict, seq: u64) -> Verdict {
         rivals,
         axis: verdict.axis.channel() as u32,
         suspect_alias: u32::from(verdict.suspect_alias),
-        advice: advice(&verdict.advice).code(),
+        advice: advice.code(),
         ..Verdict::default()
     }
 }
@@ -175,14 +176,16 @@ fn class(class: spectrum::Class) -> VibrationClass {
     }
 }
 
-fn advice(advice: &spectrum::Advice) -> Advice {
-    match advice {
-        spectrum::Advice::None => Advice::None,
-        spectrum::Advice::MoveOffMode { .. } | spectrum::Advice::StabilityPocket { .. } => {
-            Advice::ChangeSpindleSpeed
-        }
-        spectrum::Advice::ChangeCut => Advice::ChangeDirection,
-        spectrum::Advice::SampleFaster => Advice::SampleFaster,
-        spectrum::Advice::CheckGear { .. } | spectrum::Advice::CheckWiring => Advice::CheckSensor,
+fn advice(advice: &spectrum::Advice) -> (Advice, f64) {
+    use spectrum::Advice as From;
+    match *advice {
+        From::None => (Advice::None, f64::NAN),
+        From::MoveOffMode { spindle_rpm } => (Advice::MoveOffMode, spindle_rpm),
+        From::StabilityPocket { spindle_rpm, .. } => (Advice::StabilityPocket, spindle_rpm),
+        From::ChangeCut => (Advice::ChangeCut, f64::NAN),
+        From::ReduceDepth => (Advice::ReduceDepth, f64::NAN),
+        From::SampleFaster => (Advice::SampleFaster, f64::NAN),
+        From::CheckGear { .. } => (Advice::CheckGear, f64::NAN),
+        From::CheckWiring => (Advice::CheckWiring, f64::NAN),
     }
 }

@@ -20,8 +20,8 @@ plain_struct! {
         pub frequency_hz: f64,
         /// Amplitude (peak) on `axis`, N or N·m.
         pub amplitude: f64,
-        /// Level above the learned floor, dB.
-        pub above_floor_db: f64,
+        /// Spindle speed that the advice names, 1/min (NaN where it names none).
+        pub advice_rpm: f64,
         /// Rate of growth of the amplitude, 1/s.
         pub growth_per_s: f64,
         /// Nearest mode of the structure, Hz.
@@ -115,16 +115,20 @@ codes! {
     pub enum Advice {
         /// Nothing to advise.
         None = 0 "none",
-        /// Change the spindle's speed.
-        ChangeSpindleSpeed = 1 "change_spindle_speed",
+        /// Forced: go to `advice_rpm`, which moves the tooth harmonics off the mode.
+        MoveOffMode = 1 "move_off_mode",
+        /// Regenerative chatter: go to `advice_rpm`, a pocket between stability lobes.
+        StabilityPocket = 2 "stability_pocket",
+        /// Speed does not help: change direction of cut, feed or depth.
+        ChangeCut = 3 "change_cut",
         /// Take less depth.
-        ReduceDepth = 2 "reduce_depth",
-        /// Change the direction of feed, or the pose.
-        ChangeDirection = 3 "change_direction",
-        /// Check the force sensor.
-        CheckSensor = 4 "check_sensor",
-        /// Sample faster, or filter: the line may be an alias.
+        ReduceDepth = 4 "reduce_depth",
+        /// Sample faster, or filter before sampling: the line may be an alias.
         SampleFaster = 5 "sample_faster",
+        /// Look at the gear trains: the line follows the feed.
+        CheckGear = 6 "check_gear",
+        /// Look at cables, shields and grounding: a mains line.
+        CheckWiring = 7 "check_wiring",
     }
 }
 

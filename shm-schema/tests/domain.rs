@@ -256,4 +256,8 @@ fn a_directory_on_a_disk_or_of_others_is_refused() {
     assert!(matches!(DaemonSide::create(&cell), Err(DomainError::WrongOwner { .. })));
     assert!(matches!(Cell::new("Über"), Err(DomainError::BadName { .. })));
     assert!(matches!(Cell::at(Path::new("tmp"), "a"), Err(DomainError::BadPlace { .. })));
+    let deep = Path::new(
+        "/dev/shm/a-directory-of-seventy-bytes-in-which-the-transport-s-names-do-not-fit",
+    );
+    assert!(matches!(Cell::at(deep, "a"), Err(DomainError::BadPlace { .. })));
 }

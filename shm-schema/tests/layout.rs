@@ -64,7 +64,7 @@ fn the_layout_of_robot_state_stands() {
 fn the_layout_of_verdict_stands() {
     pinned!(Verdict: 144 bytes, hash 0xbbc3_14f1_9b47_6a2d,
         seq at 0, t_ns at 8, made_ns at 16, event at 24, frequency_hz at 32, amplitude at
-        40, above_floor_db at 48, growth_per_s at 56, nearest_mode_hz at 64,
+        40, advice_rpm at 48, growth_per_s at 56, nearest_mode_hz at 64,
         mode_distance_hz at 72, nearest_harmonic_hz at 80, harmonic_distance_hz at 88,
         nearest_alias_hz at 96, alias_distance_hz at 104, layout at 112, state at 116,
         class at 120, rivals at 124, axis at 128, suspect_alias at 132, advice at 136,

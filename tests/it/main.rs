@@ -1,12 +1,19 @@
 //! All tests of more than one crate, one module per behaviour, in one binary.
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test that cannot go on fails")]
-#![expect(clippy::print_stdout, reason = "what a test measures, it prints")]
+#![expect(
+    clippy::print_stdout,
+    clippy::print_stderr,
+    reason = "what was measured or skipped is said"
+)]
 
 mod architecture;
+mod cli;
 mod invariants;
 mod kill;
+mod program;
 mod readme;
 mod reload;
+mod replay;
 mod status;
 
 /// The program itself.

@@ -8,8 +8,8 @@ use recording::series::Recording;
 
 use crate::setpoints::has_wrench;
 
-/// Its name.
-pub(crate) const CELL: &str = "replay";
+/// Its name: short, as paths of the transport are bounded and its place may be deep already.
+pub(crate) const CELL: &str = "r";
 
 /// Its configuration, with the model in `model`.
 pub(crate) fn cell_toml(model: &Path, recording: &Recording) -> String {

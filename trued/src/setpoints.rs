@@ -1,7 +1,7 @@
 //! A recording as the setpoints that the robot's side would have sent: one per row, in order.
 //!
-//! Promises: the same recording gives the same setpoints, bit for bit; their times increase strictly and segments stand
-//! [`BETWEEN_SEGMENTS_NS`] apart, so that no memory of a path goes over. A wrench that was not sampled in a row is left
+//! Promises: the same recording gives the same setpoints, bit for bit; their times increase strictly, over segments too.
+//! A wrench that was not sampled in a row is left
 //! out (the daemon holds the last one until it is stale); a temperature that was not sampled is the last known.
 //! Never: a judgement of a row; that is the corrector's.
 
@@ -10,7 +10,7 @@ use trued_client::{Setpoint, WrenchFrame};
 
 /// The time of the first row, ns: zero would mean "now".
 const START_NS: u64 = 1_000_000_000;
-/// Above the gap from which the corrector starts a path anew, ns.
+/// Time from the end of a segment to the beginning of the next, ns: whatever was sampled then is stale.
 const BETWEEN_SEGMENTS_NS: u64 = 2_000_000_000;
 /// A joint has moved from pose to pose if it went further than this, rad or m (`corrector::Settings::reversal`).
 const MOVED: f64 = 2e-6;
@@ -20,6 +20,8 @@ const MOVED: f64 = 2e-6;
 pub(crate) struct Timed {
     /// When the target holds, ns.
     pub(crate) t_ns: u64,
+    /// The first row of a segment: another run, for which nothing of the path before is remembered.
+    pub(crate) anew: bool,
     pub(crate) setpoint: Setpoint,
 }
 
@@ -148,7 +150,7 @@ impl Iterator for Setpoints<'_> {
             setpoint = setpoint.settled();
         }
         self.row += 1;
-        Some(Timed { t_ns: self.t_ns, setpoint })
+        Some(Timed { t_ns: self.t_ns, anew, setpoint })
     }
 }
 

@@ -22,8 +22,11 @@ use crate::layout::hash_text;
 pub const RUNTIME_DIR_ENV: &str = "TRUED_RUNTIME_DIR";
 
 const SHARED_MEMORY: &str = "/dev/shm";
-/// Longest directory: the transport bounds a path to 255 bytes, its own names included.
-const DIR_BYTES_MAX: usize = 110;
+/// Longest path of the transport, its own names included; beyond it panics.
+const PATH_BYTES_MAX: usize = 255;
+/// What stands in such a path besides the cell's directory and name: `/EPOCH/trued..PLACE.EPOCH.`, then the transport's
+/// own `HASH_ID_ID.connection` with a hash of 40 digits and two numbers of 128 bits.
+const OTHER_BYTES_MAX: usize = 1 + 16 + 1 + 6 + 1 + 8 + 1 + 16 + 1 + 40 + 1 + 39 + 1 + 39 + 11;
 /// Memory without a size is given up after this time.
 const HALF_MADE_AFTER: Duration = Duration::from_millis(100);
 const NAME_BYTES_MAX: usize = 24;
@@ -59,8 +62,9 @@ impl Cell {
         }
         let dir = root.join(format!("trued-{name}"));
         let length = dir.as_os_str().len();
-        if !root.is_absolute() || length > DIR_BYTES_MAX || dir.to_str().is_none() {
-            return Err(DomainError::BadPlace { dir, limit: DIR_BYTES_MAX });
+        let limit = PATH_BYTES_MAX - OTHER_BYTES_MAX - name.len();
+        if !root.is_absolute() || length > limit || dir.to_str().is_none() {
+            return Err(DomainError::BadPlace { dir, limit });
         }
         Ok(Self { name: name.to_owned(), dir })
     }

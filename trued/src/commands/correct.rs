@@ -111,8 +111,10 @@ fn correct(
     let exchange = Exchange::new(settings.mode, false);
     let mut corrector = Corrector::new(settings);
     let mut corrections = Corrections::of(model);
+    let mut session = 0;
     for (seq, row) in (1..).zip(Setpoints::of(recording, joints)) {
-        let command = row.setpoint.command(seq, 1, row.t_ns).map_err(Failure::input)?;
+        session += u64::from(row.anew);
+        let command = row.setpoint.command(seq, session, row.t_ns).map_err(Failure::input)?;
         let world = senses.world(&exchange, None, &command, row.t_ns);
         let claim = translate::command(&command, row.t_ns, true);
         let wanted = corrector.correct(&model.physics, &claim, &world, row.t_ns);

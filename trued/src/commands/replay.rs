@@ -113,7 +113,7 @@ impl Replay {
             }
             interrupt::check(stop)?;
             let sent = Instant::now();
-            let answer = daemon.ask(&row.setpoint, stop)?;
+            let answer = daemon.ask(&row, stop)?;
             latency.saturating_record(u64::try_from(sent.elapsed().as_nanos()).unwrap_or(u64::MAX));
             corrections.take(&answer).map_err(Failure::system)?;
             bar.inc(1);

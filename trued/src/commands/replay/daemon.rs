@@ -12,13 +12,14 @@ use std::time::{Duration, Instant};
 
 use recording::series::Recording;
 use shm_schema::{Cell, Corrected, RUNTIME_DIR_ENV};
-use trued_client::{Client, ConnectError, NotSent, Setpoint};
+use trued_client::{Client, ConnectError, NotSent};
 
 use crate::child::Guarded;
 use crate::exit::Failure;
 use crate::input::Input;
 use crate::interrupt;
 use crate::lockstep::{CELL, cell_toml};
+use crate::setpoints::Timed;
 
 /// How long the daemon may take to open, and to answer one row.
 const OPEN_WITHIN: Duration = Duration::from_secs(15);
@@ -58,9 +59,12 @@ impl OwnDaemon {
     }
 
     /// Sends one row and awaits its answer. A row that was lost on the way is sent again.
-    pub(super) fn ask(&mut self, row: &Setpoint, stop: &AtomicBool) -> Result<Corrected, Failure> {
+    pub(super) fn ask(&mut self, row: &Timed, stop: &AtomicBool) -> Result<Corrected, Failure> {
         let since = Instant::now();
-        let mut sent = self.client.send(row);
+        if row.anew {
+            self.client.start_anew();
+        }
+        let mut sent = self.client.send(&row.setpoint);
         loop {
             match sent {
                 Ok(seq) => {
@@ -71,7 +75,7 @@ impl OwnDaemon {
                 Err(invalid @ NotSent::Invalid { .. }) => return Err(Failure::input(invalid)),
                 Err(_) => {
                     std::thread::sleep(Duration::from_millis(1));
-                    sent = self.client.send(row);
+                    sent = self.client.send(&row.setpoint);
                 }
             }
             interrupt::check(stop)?;
@@ -113,7 +117,7 @@ impl Place {
     fn make() -> Result<Self, Failure> {
         let root = std::env::var_os(RUNTIME_DIR_ENV).unwrap_or_else(|| "/dev/shm".into());
         for attempt in 0.. {
-            let name = format!("trued-replay-{}-{attempt}", std::process::id());
+            let name = format!("replay-{}-{attempt}", std::process::id());
             let dir = Path::new(&root).join(name);
             match DirBuilder::new().mode(0o700).create(&dir) {
                 Err(error) if error.kind() == ErrorKind::AlreadyExists && attempt < 1000 => {}
