@@ -74,9 +74,9 @@ impl Floor {
         if !self.learned[set] {
             let [air, cut] = &mut self.level;
             if set == 1 {
-                cut.copy_from_slice(air)
+                cut.copy_from_slice(air);
             } else {
-                air.copy_from_slice(cut)
+                air.copy_from_slice(cut);
             }
             self.restart();
         }

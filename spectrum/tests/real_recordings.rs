@@ -2,6 +2,8 @@
 //!
 //! The recordings are not part of the tree: they are looked for beside the workspace or in
 //! `TRUED_DATA`, and a test says SKIPPED where they are absent.
+#![expect(clippy::print_stderr, reason = "what was found or skipped is said")]
+#![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 use spectrum::{Axis, Block, Class, ProcessState, State, Verdict, Watch, WatchConfig};
 use std::path::PathBuf;
