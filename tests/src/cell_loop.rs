@@ -5,7 +5,7 @@
 use crate::gauge::Gauge;
 use shm_schema::Cell;
 use std::time::Duration;
-use trued_client::{Client, ConnectError, Setpoint, Source, Status, monotonic_ns};
+use trued_client::{Client, ConnectError, Connection, Setpoint, Source, Status, monotonic_ns};
 
 /// Joints of the arm.
 pub const JOINTS: usize = 6;
@@ -60,8 +60,10 @@ pub struct CellLoop {
     pub ticks: u64,
     /// What broke, in words.
     pub broken: Vec<String>,
-    /// The rate.
-    pub gauge: Gauge,
+    /// The rate of what is published.
+    gauge: Gauge,
+    /// The rate of what the daemon says, which the client's own bounds may hide; and which daemon it is.
+    said: (u64, Gauge),
     status: Status,
     patience: Duration,
     due_ns: u64,
@@ -77,8 +79,9 @@ impl CellLoop {
         let mut client = Client::connect_to(cell, Duration::from_secs(10))?;
         let status = client.status().expect("connected with a status");
         let gauge = Gauge::new(&status.bounds.rate[..JOINTS]);
+        let said = (0, gauge.clone());
         let (ticks, broken, due_ns) = (0, Vec::new(), monotonic_ns());
-        Ok(Self { client, ticks, broken, gauge, status, patience, due_ns, before: None })
+        Ok(Self { client, ticks, broken, gauge, said, status, patience, due_ns, before: None })
     }
 
     /// Waits until the next tick is due, commands, and looks at what comes.
@@ -141,9 +144,21 @@ impl CellLoop {
         }
         broken.extend(self.gauge.take(now_ns, &tick.correction).err());
         broken.extend(self.steps_in_a_ramp(now_ns, tick));
+        broken.extend(self.step_of_the_daemon());
         let about = |words| format!("tick {} ({:?}): {words}", self.ticks, tick.source);
         self.broken.extend(broken.into_iter().map(about));
         self.before = Some((now_ns, *tick));
+    }
+
+    /// A daemon that has just started knows nothing of the one before.
+    fn step_of_the_daemon(&mut self) -> Option<String> {
+        let Connection::Connected { epoch, .. } = self.client.connection() else { return None };
+        if epoch != self.said.0 {
+            self.said = (epoch, Gauge::new(&self.status.bounds.rate[..JOINTS]));
+        }
+        let said = self.client.newest()?;
+        let broken = self.said.1.take(said.made_ns, &said.correction[..JOINTS]).err();
+        broken.map(|words| format!("the daemon itself: {words}"))
     }
 
     /// While the client itself ramps out, not even the daemon's allowance for a pause holds.

@@ -10,6 +10,9 @@ pub const CELL: &str = "cell";
 /// The model that tests correct by.
 pub const MODEL: &str = "irb1600-6-145-thesis";
 
+/// How fast a correction may change: slow, so that a step stands out against what may be made up for after a pause.
+const RATE_MRAD_S: f64 = 10.0;
+
 /// A runtime directory; gone, with all that is in it, at the end.
 #[derive(Debug)]
 pub struct Place {
@@ -25,7 +28,8 @@ impl Place {
         let place = Self { root };
         let model = place.model("model.toml", MODEL);
         let config = format!(
-            "schema = \"trued.cell/1\"\ncell = \"{CELL}\"\nmodel = \"{}\"\nmode = \"{mode}\"\n{tables}",
+            "schema = \"trued.cell/1\"\ncell = \"{CELL}\"\nmodel = \"{}\"\nmode = \"{mode}\"\n\
+             [envelope]\nrate_mrad_s = {RATE_MRAD_S:.1}\n{tables}",
             model.display()
         );
         place.write("cell.toml", &config);
