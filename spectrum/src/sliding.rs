@@ -45,6 +45,15 @@ pub(crate) struct Sighting {
     pub(crate) threefold: bool,
 }
 
+impl Sighting {
+    /// Whether the windows that agree began after the spindle's speed last changed: lines that move
+    /// with it, and the front end that follows it, tell nothing reliable.
+    pub(crate) fn is_after_change(&self, settled_s: f64) -> bool {
+        let windows = if self.threefold { 3.0 } else { 2.0 };
+        settled_s > windows / self.cell_hz + CHANGE_MARGIN_S
+    }
+}
+
 /// One channel's view in one window.
 struct View {
     floor: Floor,
@@ -68,6 +77,8 @@ pub(crate) struct SlidingWindow {
     least_power: [f64; 2],
 }
 
+/// The speed is told late, and the front end holds samples for a while, s.
+const CHANGE_MARGIN_S: f64 = 0.05;
 /// Cells over which a broadband change is judged.
 const BROAD_CELLS: f64 = 32.0;
 /// Louder than this many floors over the whole band: the surroundings changed, no line.
@@ -211,6 +222,12 @@ impl SlidingWindow {
             if view.power[at] > view.power[strongest] {
                 strongest = at;
             }
+        }
+        let beside = [strongest.wrapping_sub(1), strongest + 1];
+        let is_slope = |at: &usize| view.power.get(*at).is_some_and(|p| *p > view.power[strongest]);
+        if beside.iter().any(is_slope) {
+            // The skirt of a stronger line beside: nothing of this line's own is left.
+            return (0.0, 0.0);
         }
         let peak = self.grid.measure(&view.power, &view.spectrum, strongest);
         (peak.power, peak.power / view.effective_floor(strongest, least_floor).max(1e-300))

@@ -19,7 +19,7 @@ const KEEP_RATIO: f64 = 4.0;
 /// Ratios above this do not make a line linger any longer.
 const ENOUGH_RATIO: f64 = 12.0;
 /// A line that was not kept for this long is over.
-const LINGER_S: f64 = 0.5;
+pub(crate) const LINGER_S: f64 = 0.5;
 /// A line must have lasted this long to be confirmed.
 const CONFIRM_S: f64 = 0.5;
 /// Seconds between two tellings of a line whose state stays.
@@ -157,6 +157,11 @@ impl Track {
         if tt > 0.0 { ty / tt } else { 0.0 }
     }
 
+    /// Whether the line was seen or kept just now: only then is there anything to judge.
+    pub(crate) fn is_fresh(&self, now_s: f64) -> bool {
+        now_s - self.alive_s < 0.2 * LINGER_S
+    }
+
     /// Whether the line was not kept for half of the time that ends it.
     pub(crate) fn is_fading(&self, now_s: f64) -> bool {
         now_s - self.alive_s > 0.5 * LINGER_S
@@ -172,7 +177,9 @@ impl Track {
     pub(crate) fn advance(&mut self, now_s: f64) -> bool {
         let earned = self.earned(now_s);
         let allowed = if earned == State::Over { earned } else { earned.min(self.ceiling) };
-        self.state = self.state.max(allowed);
+        if earned == State::Over || self.is_fresh(now_s) {
+            self.state = self.state.max(allowed);
+        }
         let now = (self.state, self.class, self.suspect_alias);
         let is_news = match self.told {
             None => true,

@@ -13,12 +13,14 @@ use crate::history::History;
 use crate::judge::{Context, FeedMemory};
 use crate::stream::{Admission, Stream};
 use crate::surroundings::{Level, Surroundings};
-use crate::track::{TRACKS, Track, Tracks};
+use crate::track::{LINGER_S, TRACKS, Track, Tracks};
 use crate::verdict::{Class, Verdicts};
 use realfft::RealFftPlanner;
 
 /// A line that is seen this soon after the floor was learned was there before, s.
 const FROM_START_S: f64 = 0.3;
+/// A speed that differs by more than this part is another speed.
+const SPEED_CHANGE: f64 = 0.005;
 /// A line's frequency counts for a feed once both have stood this long, s.
 const FEED_SETTLED_S: f64 = 0.3;
 
@@ -35,6 +37,8 @@ pub struct Watch {
     tracks: Tracks,
     speed: RecentSpeed,
     spindle: Spindle,
+    steady_rpm: f64,
+    speed_changed_s: f64,
     feeds: FeedMemory,
     hums: bool,
     ready_s: Option<f64>,
@@ -67,6 +71,8 @@ impl Watch {
             tracks: Tracks::default(),
             speed: RecentSpeed::default(),
             spindle: Spindle::default(),
+            steady_rpm: 0.0,
+            speed_changed_s: f64::NEG_INFINITY,
             feeds: FeedMemory::default(),
             hums: false,
             ready_s: None,
@@ -85,7 +91,12 @@ impl Watch {
             feed_mm_s: known(state.feed_mm_s),
             ..state
         };
-        self.front.set_spindle(self.process.spindle_rpm / 60.0);
+        let rpm = self.process.spindle_rpm;
+        self.front.set_spindle(rpm / 60.0);
+        if (rpm - self.steady_rpm).abs() > SPEED_CHANGE * rpm.max(self.steady_rpm) {
+            self.steady_rpm = rpm;
+            self.speed_changed_s = self.now_s();
+        }
     }
 
     /// Takes a block and says what is new: lines seen, states reached, lines over.
@@ -200,11 +211,12 @@ impl Watch {
     fn look_at_full_rate(&mut self, surroundings: Surroundings) {
         let now_s = self.now_s();
         let (lines_hz, count) = self.tracks.frequencies();
+        let settled_s = now_s - self.speed_changed_s;
         let (tracks, stream) = (&mut self.tracks, &self.stream);
         let Some(full) = &mut self.full else { return };
         full.switch(surroundings);
         full.look(&lines_hz[..count], |sighting| {
-            if !stream.is_held(sighting.channel) {
+            if !stream.is_held(sighting.channel) && sighting.is_after_change(settled_s) {
                 tracks.sight(&sighting, now_s);
             }
         });
@@ -214,10 +226,11 @@ impl Watch {
     fn look_low(&mut self, surroundings: Surroundings) {
         let now_s = self.now_s();
         let (lines_hz, count) = self.tracks.frequencies();
+        let settled_s = now_s - self.speed_changed_s;
         let (tracks, stream, front) = (&mut self.tracks, &self.stream, &self.front);
         self.low.switch(surroundings);
         self.low.look(&lines_hz[..count], |mut sighting| {
-            if !stream.is_held(sighting.channel) {
+            if !stream.is_held(sighting.channel) && sighting.is_after_change(settled_s) {
                 sighting.power /= front.gain(sighting.frequency_hz).powi(2);
                 tracks.sight(&sighting, now_s);
             }
@@ -240,7 +253,12 @@ impl Watch {
             track.air_s += lived_s;
             track.from_start |= track.born_s - ready_s < FROM_START_S;
             self.note_feed(track, now_s);
-            self.context().classify(track);
+            // While the speed changes, what it drove is still its own.
+            let held =
+                track.class == Class::Forced && now_s - self.speed_changed_s < 2.0 * LINGER_S;
+            if track.is_fresh(now_s) && !held {
+                self.context().classify(track);
+            }
             *news = track.advance(now_s).then_some(*track);
         }
         tracks.bury();
