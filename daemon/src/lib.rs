@@ -173,6 +173,7 @@ fn start_cycle(
     let senses = Senses::new(setup::wrench_source(config));
     let loaded = Box::new(LoadedModel { physics: model.physics, epoch: 1 });
     start("cycle", exchange, move |exchange, started| {
+        realtime::sleep_exactly();
         take_manners(realtime)?;
         let mut cycle = Cycle {
             robot: Robot::join(&ports, pacer)?,

@@ -14,8 +14,8 @@ use shm_schema::monotonic_ns;
 
 /// How often a sleeping wait looks, ns.
 const LOOK_EVERY_NS: u64 = 50_000;
-/// How long before the next command is due a sleeping wait begins to look without sleeping, ns.
-const SPIN_BEFORE_NS: u64 = 100_000;
+/// How long before the next command is due a sleeping wait begins to look without sleeping, ns: what a wake-up may be late.
+const SPIN_BEFORE_NS: u64 = 300_000;
 /// How long it goes on looking without sleeping when the command is late, ns.
 const SPIN_AFTER_NS: u64 = 200_000;
 
@@ -103,7 +103,7 @@ mod tests {
     #[test]
     fn a_sleeping_wait_spins_only_around_the_time_a_command_is_due() {
         let pacer = Pacer { wait: Wait::Sleep, period_ns: 1_000_000, last_ns: 10_000_000 };
-        assert_eq!(pacer.sleep_until_ns(10_100_000), Some(10_900_000), "long before: sleep");
+        assert_eq!(pacer.sleep_until_ns(10_100_000), Some(10_700_000), "long before: sleep");
         assert_eq!(pacer.sleep_until_ns(10_950_000), None, "shortly before: look");
         assert_eq!(pacer.sleep_until_ns(11_100_000), None, "a little late: look");
         assert_eq!(pacer.sleep_until_ns(11_300_000), Some(11_350_000), "late: sleep in between");

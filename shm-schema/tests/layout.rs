@@ -62,7 +62,7 @@ fn the_layout_of_robot_state_stands() {
 
 #[test]
 fn the_layout_of_verdict_stands() {
-    pinned!(Verdict: 144 bytes, hash 0xbbc3_14f1_9b47_6a2d,
+    pinned!(Verdict: 144 bytes, hash 0xb0df_ca66_79e9_f388,
         seq at 0, t_ns at 8, made_ns at 16, event at 24, frequency_hz at 32, amplitude at
         40, advice_rpm at 48, growth_per_s at 56, nearest_mode_hz at 64,
         mode_distance_hz at 72, nearest_harmonic_hz at 80, harmonic_distance_hz at 88,
@@ -97,5 +97,5 @@ fn the_bounds_inside_a_status_stand() {
 #[test]
 fn the_contract_stands() {
     assert_eq!(CONTRACT_VERSION, 1);
-    assert_eq!(CONTRACT_HASH, 0x4a74_480e_9d9f_b9e2, "{CONTRACT_HASH:#018x}");
+    assert_eq!(CONTRACT_HASH, 0xb699_c0ab_4799_d428, "{CONTRACT_HASH:#018x}");
 }
