@@ -81,6 +81,10 @@ const MENU: &[Entry] = &[
     joint("joint_compliance", "compliance", (1.0 / 8e5, 1.0 / 2e5), (1.0 / 1.5e5, 1.0 / 2e4)),
     // 2e6 to 2e7 Nm/rad.
     Entry { of_joint: false, ..joint("base_compliance", "compliance", (5e-8, 5e-7), (0.0, 0.0)) },
+    // 1e6 to 5e6 Nm/rad about the axes that the bearing has to hold.
+    joint("bearing_compliance", "compliance", (2e-7, 1e-6), (2e-7, 1e-6)),
+    // Pre-sliding in preloaded gears: half of what a gap of the same drive would be, over some milliradians.
+    joint("hysteresis", "amplitude", (5.0 * ARCSEC, 20.0 * ARCSEC), (15.0 * ARCSEC, 60.0 * ARCSEC)),
     // Per metre of link, iron to aluminium; the range is times the link's length.
     joint("thermal_growth", "growth", (11e-6, 23.6e-6), (11e-6, 23.6e-6)),
 ];
@@ -195,6 +199,7 @@ fn candidate(model: &Model, extras: &[Extra], rng: &mut ChaCha8Rng) -> Option<Ca
             rest.push(("cycles", f64::from(rng.random_range(1_u8..=2))));
             rest.push(("phase", rng.random_range(0.0..TAU)));
         }
+        "hysteresis" => rest.push(("reversal", rng.random_range(5e-4..5e-3))),
         "joint_ratio" => sign = if rng.random() { 1.0 } else { -1.0 },
         "thermal_growth" => {
             let link = (arm.next_point(i) - arm.joints()[i].point).length();
@@ -208,11 +213,15 @@ fn candidate(model: &Model, extras: &[Extra], rng: &mut ChaCha8Rng) -> Option<Ca
     Some(Candidate { entry, joint, range: (low, high), sign, rest })
 }
 
+/// Whether nothing of the kind, or alike, stands there. Gear errors at many cycles per revolution are not like the once or
+/// twice per revolution of an eccentric output wheel.
 fn lacks(model: &Model, kind: &str, joint: Option<usize>) -> bool {
-    let alike = |other: &str| {
-        other == kind || (COMPLIANCES.contains(&kind) && COMPLIANCES.contains(&other))
+    let alike = |other: &AnyEffect| {
+        let name = other.spec().kind;
+        let fast = kind == "transmission_error" && other.values().get(1).is_some_and(|n| *n > 2.5);
+        (name == kind && !fast) || (COMPLIANCES.contains(&kind) && COMPLIANCES.contains(&name))
     };
-    !model.effects().any(|effect| effect.joint() == joint && alike(effect.spec().kind))
+    !model.effects().any(|effect| effect.joint() == joint && alike(effect))
 }
 
 /// The effect with the amplitude that moves the TCP by `wanted` (m); none where that is out of its range.

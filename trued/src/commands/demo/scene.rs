@@ -123,3 +123,19 @@ fn standing_first(path: JointPath) -> (JointPath, usize) {
         samples.map(|(k, sample)| Sample { t_s: k as f64 * path.dt_s, ..sample }).collect();
     (JointPath { samples, ..path }, dwell)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_seed_has_a_scene() {
+        for seed in 0..30 {
+            let scene = Scene::new(seed, true).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+            assert_eq!(scene.truth.extras.len(), 2);
+        }
+        for seed in 30..40 {
+            assert!(Scene::new(seed, false).is_ok(), "seed {seed}, long form");
+        }
+    }
+}
