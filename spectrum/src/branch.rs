@@ -140,9 +140,7 @@ impl Branch {
         self.hops = self.hops.wrapping_add(1);
         let due = |window: &&mut SlidingWindow| (self.hops * self.hop) % window.hop_samples() == 0;
         for window in self.windows.iter_mut().filter(due) {
-            for (channel, history) in self.histories.iter().enumerate() {
-                window.hop(channel, history, lines_hz, &mut sighted);
-            }
+            window.hop(&self.histories, lines_hz, &mut sighted);
         }
     }
 

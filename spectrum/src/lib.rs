@@ -28,6 +28,7 @@ mod surroundings;
 mod track;
 mod transform;
 mod verdict;
+mod view;
 mod watch;
 mod window;
 
