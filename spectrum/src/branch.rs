@@ -138,7 +138,9 @@ impl Branch {
     pub(crate) fn look(&mut self, lines_hz: &[f64], mut sighted: impl FnMut(Sighting)) {
         self.waiting = self.hop;
         self.hops = self.hops.wrapping_add(1);
-        let due = |window: &&mut SlidingWindow| (self.hops * self.hop) % window.hop_samples() == 0;
+        let due = |window: &&mut SlidingWindow| {
+            (self.hops * self.hop).is_multiple_of(window.hop_samples())
+        };
         for window in self.windows.iter_mut().filter(due) {
             window.hop(&self.histories, lines_hz, &mut sighted);
         }
@@ -154,7 +156,7 @@ impl Branch {
         gain: impl Fn(f64) -> f64,
     ) {
         let Some(window) = self.windows.get(self.measuring) else { return };
-        if (self.hops * self.hop) % window.hop_samples() != 0 {
+        if !(self.hops * self.hop).is_multiple_of(window.hop_samples()) {
             return;
         }
         let step_s = window.hop_samples() as f64 / self.rate_hz;

@@ -81,9 +81,9 @@ impl FrontEnd {
         }
         self.revolution = revolution;
         if revolution > 0.0 {
-            self.convolve(revolution)
+            self.convolve(revolution);
         } else {
-            self.plain()
+            self.plain();
         }
         true
     }

@@ -171,7 +171,7 @@ impl ChannelCheck {
     /// Takes a sample; returns what may enter the windows.
     #[inline]
     pub(crate) fn take(&mut self, sample: f64) -> f64 {
-        if !(sample.abs() < 1e30) {
+        if sample.is_nan() || sample.abs() >= 1e30 {
             self.not_finite += 1;
             return self.last;
         }

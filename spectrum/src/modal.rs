@@ -2,7 +2,7 @@
 //!
 //! A mode is where three signs meet: the imaginary part peaks, the real part changes sign beside it,
 //! and the coherence (where there is one) exceeds 0.75 (thesis 4.8 to 4.19). Frequency and damping are
-//! then fitted: H(ω)(ω_n² − ω² + 2jζω_nω) = polynomial, by linear least squares over the mode's band,
+//! then fitted: `H(ω)(ω_n² − ω² + 2jζω_nω)` = polynomial, by linear least squares over the mode's band,
 //! reweighted twice (Levy 1959; Sanathanan and Koerner 1963). The quadratic polynomial takes up what
 //! the neighbours leave. Holds for viscous damping up to about 0.2 and modes further apart than their
 //! bandwidth; closer ones give one fit with a large residual.
@@ -166,7 +166,7 @@ fn solve(m: &mut [[f64; UNKNOWNS + 1]; UNKNOWNS]) -> Option<[f64; UNKNOWNS]> {
         let pivot = (k..UNKNOWNS).max_by(|&i, &j| m[i][k].abs().total_cmp(&m[j][k].abs()))?;
         m.swap(k, pivot);
         let top = m[k];
-        if !(top[k].abs() > 1e-13) {
+        if top[k].is_nan() || top[k].abs() <= 1e-13 {
             return None;
         }
         for row in m.iter_mut().skip(k + 1) {

@@ -46,13 +46,15 @@ pub fn over_path(path_mm: &[f64], signal: &[f64], step_mm: f64) -> Result<Vec<f6
     if path_mm.len() != signal.len() {
         return Err(PathError::Unequal { path: path_mm.len(), signal: signal.len() });
     }
-    let backward = path_mm.windows(2).position(|pair| !(pair[1] >= pair[0]));
+    let backward = path_mm
+        .windows(2)
+        .position(|pair| pair[1].is_nan() || pair[0].is_nan() || pair[1] < pair[0]);
     if let Some(before) = backward {
         return Err(PathError::NotForward { index: before + 1 });
     }
     let length = path_mm.last().zip(path_mm.first()).map_or(0.0, |(last, first)| last - first);
     let steps = (length / step_mm).floor();
-    if !(step_mm > 0.0 && steps >= 2.0 && steps < 1e9) {
+    if !(step_mm > 0.0 && (2.0..1e9).contains(&steps)) {
         return Err(PathError::Step { step_mm, path_mm: length });
     }
     let mut sums = vec![0.0; steps as usize];

@@ -63,7 +63,8 @@ impl Stream {
     pub(crate) fn admit(&mut self, block: &Block<'_>) -> Admission {
         let right_rate = (block.rate_hz / self.rate_hz - 1.0).abs() <= RATE_SAID;
         let channels = self.checks.len();
-        let right_shape = block.channels == channels && block.samples.len() % channels == 0;
+        let right_shape =
+            block.channels == channels && block.samples.len().is_multiple_of(channels);
         if !(right_rate && right_shape) {
             self.flag(if right_rate { Fault::WrongShape } else { Fault::WrongRate });
             self.health.refused_blocks += 1;

@@ -1,10 +1,10 @@
 //! Surface profiles: detrend, the Gaussian filter, waviness and roughness, their parameters.
 //!
-//! Filter by ISO 16610-21: s(x) = exp(−π (x/(α λ_c))²) / (α λ_c), α = sqrt(ln 2 / π), 50 % at the
-//! cut-off; the kernel is cut at ±λ_c, where 7e-7 of its weight is left. At the ends the kernel is
+//! Filter by ISO 16610-21: `s(x) = exp(−π (x/(α λ_c))²) / (α λ_c)`, `α = sqrt(ln 2 / π)`, 50 % at the
+//! cut-off; the kernel is cut at ±`λ_c`, where 7e-7 of its weight is left. At the ends the kernel is
 //! renormalised over what there is (as ISO 16610-28 allows), so that the profile keeps its length;
-//! values within λ_c of an end rest on half a kernel. Parameters are about the mean line.
-//! R_q follows from the one-sided power spectrum too (Parseval), which is how thesis 4.6 has it.
+//! values within `λ_c` of an end rest on half a kernel. Parameters are about the mean line.
+//! `R_q` follows from the one-sided power spectrum too (Parseval), which is how thesis 4.6 has it.
 
 use crate::welch::{Detrend, Scaling, Segments, Spectrum, SpectrumError, Taper, detrended, welch};
 
@@ -79,7 +79,7 @@ pub fn parameters(heights: &[f64]) -> Parameters {
     }
 }
 
-/// The part of a wavelength's amplitude that the Gaussian low pass keeps: exp(−π (α λ_c/λ)²).
+/// The part of a wavelength's amplitude that the Gaussian low pass keeps: `exp(−π (α λ_c/λ)²)`.
 #[must_use]
 pub fn gaussian_transmission(wavelength_mm: f64, cut_off_mm: f64) -> f64 {
     let x = GAUSS_ALPHA * cut_off_mm / wavelength_mm;
@@ -155,7 +155,7 @@ pub fn by_segments(
     Ok(heights.chunks_exact(points).map(parameters).collect())
 }
 
-/// One-sided power over cycles per mm of a whole profile, without window: its sum is R_q² (mean taken
+/// One-sided power over cycles per mm of a whole profile, without window: its sum is `R_q²` (mean taken
 /// out).
 ///
 /// # Errors

@@ -1,6 +1,6 @@
 //! Offline spectra by averaged segments: Welch, cross spectrum, coherence, detrend.
 //!
-//! Equal to SciPy's `welch`, `csd`, `coherence` and `detrend` to 1e-9 relative; the tests carry its
+//! Equal to `scipy.signal`'s `welch`, `csd`, `coherence` and `detrend` to 1e-9 relative; the tests carry its
 //! numbers. Offline code: it allocates. Frequencies are in cycles per whatever `rate` counts: seconds
 //! for forces, millimetres for surfaces. Holds for signals stationary over the record.
 
@@ -59,7 +59,7 @@ pub struct Segments {
 }
 
 impl Segments {
-    /// SciPy's defaults: Hann, half overlap, mean taken out, density.
+    /// The defaults of `scipy.signal`: Hann, half overlap, mean taken out, density.
     #[must_use]
     pub fn new(rate: f64, length: usize) -> Self {
         Self {
@@ -196,7 +196,7 @@ impl Cut {
                 let pairs = self.spectra.iter().zip(&other.spectra);
                 let sum: Complex<f64> = pairs.map(|(x, y)| x[bin].conj() * y[bin]).sum();
                 // The first bin and an even length's last have no mirror image to be counted in.
-                let single = bin == 0 || (self.length % 2 == 0 && bin == self.length / 2);
+                let single = bin == 0 || (self.length.is_multiple_of(2) && bin == self.length / 2);
                 sum * (self.scale * if single { 0.5 } else { 1.0 } / n)
             })
             .collect()

@@ -3,6 +3,12 @@
 //! The recordings are not part of the tree: they are looked for beside the workspace or in
 //! `TRUED_DATA`, and a test says SKIPPED where they are absent.
 
+#![expect(
+    clippy::print_stderr,
+    clippy::expect_used,
+    reason = "a test tells what it finds, and fails by it"
+)]
+
 use spectrum::frf::{Hit, Response, frf};
 use spectrum::modal::modes;
 use spectrum::surface::{gaussian, parameters};
