@@ -142,9 +142,7 @@ impl Branch {
             (self.hops * self.hop).is_multiple_of(window.hop_samples())
         };
         for window in self.windows.iter_mut().filter(due) {
-            for (channel, history) in self.histories.iter().enumerate() {
-                window.hop(channel, history, lines_hz, &mut sighted);
-            }
+            window.hop(&self.histories, lines_hz, &mut sighted);
         }
     }
 

@@ -58,6 +58,7 @@ impl Ellipse {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::FRAC_PI_2;
 
     fn averaged(pair: impl Fn(u32) -> (Complex<f64>, Complex<f64>)) -> Ellipse {
         let mut ellipse = Ellipse::default();
@@ -71,8 +72,7 @@ mod tests {
     #[test]
     fn circle_line_and_wandering_pair_are_told_apart() {
         let turn = |angle: f64| Complex::from_polar(2.0, angle);
-        let circle =
-            averaged(|k| (turn(f64::from(k)), turn(f64::from(k) - core::f64::consts::FRAC_PI_2)));
+        let circle = averaged(|k| (turn(f64::from(k)), turn(f64::from(k) - FRAC_PI_2)));
         assert!(circle.turns() && circle.roundness().abs() > 0.99);
         let line = averaged(|k| (turn(f64::from(k)), turn(f64::from(k))));
         assert!(!line.turns() && line.coherence() > 0.99 && line.roundness().abs() < 1e-9);

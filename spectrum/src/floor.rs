@@ -73,11 +73,8 @@ impl Floor {
         }
         if !self.learned[set] {
             let [air, cut] = &mut self.level;
-            if set == 1 {
-                cut.copy_from_slice(air);
-            } else {
-                air.copy_from_slice(cut);
-            }
+            let (to, from) = if set == 1 { (cut, air) } else { (air, cut) };
+            to.copy_from_slice(from);
             self.restart();
         }
         self.set = set;

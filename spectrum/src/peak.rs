@@ -188,8 +188,7 @@ mod tests {
         let samples: Vec<f64> = (from..from + n).map(|i| x(i as f64 / RATE_HZ)).collect();
         let padded = transform.padded();
         let spectrum = transform.run(&samples).to_vec();
-        let power: Vec<f64> =
-            spectrum.iter().map(realfft::num_complex::Complex::norm_sqr).collect();
+        let power: Vec<f64> = spectrum.iter().map(Complex::norm_sqr).collect();
         let grid = Grid {
             bin_hz: RATE_HZ / padded as f64,
             bins_per_cell: padded as f64 / n as f64,

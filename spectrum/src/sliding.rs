@@ -3,14 +3,16 @@
 //! It knows, per channel, the noise floor and the peaks of the hops before, and tells which
 //! peaks two or three disjoint windows agree on. Planned once; execution does not allocate.
 
-use crate::floor::{Floor, middle};
+use crate::floor::Floor;
 use crate::history::History;
-use crate::peak::{Agreement, Grid, Peak, Peaks, strongest};
+use crate::peak::{Agreement, Grid, Peak};
 use crate::surroundings::Surroundings;
 use crate::track::TRACKS;
 use crate::transform::Transform;
+use crate::view::View;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
+use std::ops::Range;
 
 /// What a window is asked to do.
 #[derive(Clone, Copy, Debug)]
@@ -54,23 +56,13 @@ impl Sighting {
     }
 }
 
-/// One channel's view in one window.
-struct View {
-    floor: Floor,
-    spectrum: Vec<Complex<f64>>,
-    power: Vec<f64>,
-    past: Vec<Peaks>,
-    hop: usize,
-    gain: f64,
-}
-
 /// A sliding window over all channels.
 pub(crate) struct SlidingWindow {
     plan: WindowPlan,
     transform: Transform,
     grid: Grid,
     window_s: f64,
-    searched: std::ops::Range<usize>,
+    searched: Range<usize>,
     views: Vec<View>,
     cells: Vec<f64>,
     rule: Agreement,
@@ -81,10 +73,6 @@ pub(crate) struct SlidingWindow {
 const CHANGE_MARGIN_S: f64 = 0.05;
 /// Cells over which a broadband change is judged.
 const BROAD_CELLS: f64 = 32.0;
-/// Louder than this many floors over the whole band: the surroundings changed, no line.
-const BROADBAND: f64 = 2.0;
-/// A borrowed floor is trusted this many times less than an own one.
-const BORROWED: f64 = 2.0;
 /// The floor is never taken below this part of the power of the least amplitude.
 const LEAST_FLOOR: f64 = 0.01;
 
@@ -115,13 +103,9 @@ impl SlidingWindow {
         let hop_s = plan.hop as f64 / rate_hz;
         let window_s = plan.samples as f64 / rate_hz;
         let warm_frames = ((learn_s - window_s).max(8.0 * window_s) / hop_s) as u32;
-        let view = || View {
-            floor: Floor::new(bins, warm_frames, 4.0 / hop_s, reach),
-            spectrum: vec![Complex::default(); bins],
-            power: vec![0.0; bins],
-            past: vec![Peaks::default(); 2 * plan.samples / plan.hop + 1],
-            hop: 0,
-            gain: 1.0,
+        let view = || {
+            let floor = Floor::new(bins, warm_frames, 4.0 / hop_s, reach);
+            View::new(floor, bins, 2 * plan.samples / plan.hop + 1)
         };
         Self {
             grid: Grid { bin_hz, bins_per_cell, first },
@@ -156,58 +140,81 @@ impl SlidingWindow {
     /// Forgets everything but what was learned.
     pub(crate) fn reset(&mut self) {
         for view in &mut self.views {
-            view.past.fill(Peaks::default());
-            view.floor.restart();
-            view.power.fill(0.0);
+            view.reset();
         }
     }
 
-    /// Transforms the newest window of a channel and hands every agreed peak to `sighted`.
-    /// `lines_hz` are the live lines, whose bins the floor does not learn from.
+    /// Transforms the newest window of every channel and hands every agreed peak to `sighted`.
+    /// `lines_hz` are the live lines, whose bins the floors do not learn from.
     pub(crate) fn hop(
         &mut self,
-        channel: usize,
-        history: &History,
+        histories: &[History],
         lines_hz: &[f64],
         mut sighted: impl FnMut(Sighting),
     ) {
-        let Some(samples) = history.newest(self.plan.samples) else { return };
-        let Some(view) = self.views.get_mut(channel) else { return };
-        let spectrum = self.transform.run(samples);
-        let shown = spectrum.iter().skip(self.grid.first);
-        for ((to, power), from) in view.spectrum.iter_mut().zip(&mut view.power).zip(shown) {
-            *to = *from;
-            *power = from.norm_sqr();
+        let (frozen, live) = self.frozen(lines_hz);
+        for (channel, history) in histories.iter().enumerate() {
+            if let Some(samples) = history.newest(self.plan.samples) {
+                self.take(channel, samples, &frozen[..live]);
+            }
         }
-        let least_power = self.least_power[usize::from(channel >= 3)];
-        let least_floor = LEAST_FLOOR * least_power;
-        if view.floor.is_known() {
-            view.gain =
-                view.loudness(&mut self.cells, self.grid.bins_per_cell as usize, least_floor);
-            let mut peaks =
-                view.peaks(&self.grid, &self.searched, self.plan.least_ratio, least_floor);
-            view.judge(&mut peaks, &self.rule, self.window_s, self.plan.samples / self.plan.hop);
-            for peak in peaks.iter().filter(|peak| peak.power >= least_power) {
-                if peak.pairs >= self.plan.hops_to_agree {
+        for (channel, view) in self.views.iter().enumerate() {
+            for peak in view.newest().iter().filter(|p| p.power >= self.least_power(channel)) {
+                if self.is_agreed(channel, peak, |p| p.pairs) {
                     sighted(Sighting {
                         channel,
                         frequency_hz: peak.frequency_hz,
                         power: peak.power,
                         ratio: peak.ratio,
                         cell_hz: self.grid.cell_hz(),
-                        threefold: peak.triples >= self.plan.hops_to_agree,
+                        threefold: self.is_agreed(channel, peak, |p| p.triples),
                     });
                 }
             }
         }
-        let mut frozen: [std::ops::Range<usize>; TRACKS] = std::array::from_fn(|_| 0..0);
+    }
+
+    fn take(&mut self, channel: usize, samples: &[f64], frozen: &[Range<usize>]) {
+        let least_floor = LEAST_FLOOR * self.least_power(channel);
+        let Some(view) = self.views.get_mut(channel) else { return };
+        view.see(self.transform.run(samples).get(self.grid.first..).unwrap_or(&[]));
+        if view.floor.is_known() {
+            let stride = self.grid.bins_per_cell as usize;
+            view.weigh(&mut self.cells, stride, least_floor);
+            let mut peaks =
+                view.peaks(&self.grid, &self.searched, self.plan.least_ratio, least_floor);
+            view.judge(&mut peaks, &self.rule, self.window_s, self.plan.samples / self.plan.hop);
+        }
+        view.learn(frozen);
+    }
+
+    /// Whether a peak has agreed for long enough, and on the channel that sees it best too: a fading
+    /// line may pass for a steady one where it is half lost in noise.
+    fn is_agreed(&self, channel: usize, peak: &Peak, hops: impl Fn(&Peak) -> u16) -> bool {
+        let long = |p: &Peak| hops(p) >= self.plan.hops_to_agree;
+        let near = |p: &&Peak| {
+            (p.frequency_hz - peak.frequency_hz).abs() * self.window_s < 0.75
+                && p.power > 1.5 * peak.power
+                && p.ratio > 1.5 * peak.ratio
+        };
+        let others = self.views.iter().enumerate();
+        let alike = others.filter(|(other, _)| *other != channel && (*other < 3) == (channel < 3));
+        long(peak) && alike.flat_map(|(_, view)| view.newest()).filter(near).all(long)
+    }
+
+    fn least_power(&self, channel: usize) -> f64 {
+        self.least_power[usize::from(channel >= 3)]
+    }
+
+    /// The runs of bins that belong to the live lines, and how many there are.
+    fn frozen(&self, lines_hz: &[f64]) -> ([Range<usize>; TRACKS], usize) {
+        let mut frozen: [Range<usize>; TRACKS] = std::array::from_fn(|_| 0..0);
         let reach = 2.0 * self.grid.bins_per_cell;
         for (run, line_hz) in frozen.iter_mut().zip(lines_hz) {
             let bin = line_hz / self.grid.bin_hz - self.grid.first as f64;
             *run = (bin - reach).max(0.0) as usize..(bin + reach + 1.0).max(0.0) as usize;
         }
-        let live = lines_hz.len().min(TRACKS);
-        view.floor.learn(&view.power, view.gain, &frozen[..live]);
+        (frozen, lines_hz.len().min(TRACKS))
     }
 
     /// Strongest value within one cell of a frequency: power, and power over floor.
@@ -216,7 +223,7 @@ impl SlidingWindow {
         let bins = view.power.len();
         let Some(place) = self.grid.place(frequency_hz, bins) else { return (0.0, 0.0) };
         let reach = (0.75 * self.grid.bins_per_cell).ceil() as usize;
-        let least_floor = LEAST_FLOOR * self.least_power[usize::from(channel >= 3)];
+        let least_floor = LEAST_FLOOR * self.least_power(channel);
         let mut strongest = place;
         for at in place.saturating_sub(reach)..(place + reach + 1).min(bins) {
             if view.power[at] > view.power[strongest] {
@@ -232,9 +239,7 @@ impl SlidingWindow {
         let peak = self.grid.measure(&view.power, &view.spectrum, strongest);
         (peak.power, peak.power / view.effective_floor(strongest, least_floor).max(1e-300))
     }
-}
 
-impl SlidingWindow {
     /// The newest spectrum's value nearest to a frequency.
     pub(crate) fn value(&self, channel: usize, frequency_hz: f64) -> Option<Complex<f64>> {
         let view = self.views.get(channel)?;
@@ -244,67 +249,5 @@ impl SlidingWindow {
     /// The part of a window between two transforms.
     pub(crate) fn hop_windows(&self) -> f64 {
         self.plan.hop as f64 / self.plan.samples as f64
-    }
-}
-
-impl View {
-    fn effective_floor(&self, bin: usize, least_floor: f64) -> f64 {
-        let trust = if self.floor.is_own() { 1.0 } else { BORROWED };
-        (self.floor.level()[bin] * self.gain * trust).max(least_floor)
-    }
-
-    /// How much louder than the floor the whole band is: the middle of power over floor, at least 1.
-    fn loudness(&self, cells: &mut [f64], stride: usize, least_floor: f64) -> f64 {
-        let level = self.floor.level();
-        let mut count = 0;
-        for bin in (0..self.power.len()).step_by(stride.max(1)) {
-            cells[count] = self.power[bin] / level[bin].max(least_floor).max(1e-300);
-            count += 1;
-        }
-        let loudness = middle(&mut cells[..count]) / std::f64::consts::LN_2;
-        if loudness > BROADBAND { loudness } else { 1.0 }
-    }
-
-    fn peaks(
-        &self,
-        grid: &Grid,
-        searched: &std::ops::Range<usize>,
-        least_ratio: f64,
-        least_floor: f64,
-    ) -> Peaks {
-        let floor = |bin| self.effective_floor(bin, least_floor);
-        strongest(grid, &self.power, &self.spectrum, floor, searched.clone(), least_ratio)
-    }
-
-    /// Compares the peaks with those one and two windows ago, and stores them.
-    fn judge(
-        &mut self,
-        peaks: &mut Peaks,
-        rule: &Agreement,
-        window_s: f64,
-        hops_per_window: usize,
-    ) {
-        let depth = self.past.len();
-        self.hop = (self.hop + 1) % depth;
-        let ago = |hops: usize| (self.hop + depth - hops) % depth;
-        let agreeing = |now: &Peak, hops: usize| {
-            self.past[ago(hops)]
-                .iter()
-                .take_while(|then| then.frequency_hz > 0.0)
-                .find_map(|then| Some((*then, rule.between(now, then, window_s)?)))
-        };
-        for peak in peaks.iter_mut().take_while(|peak| peak.frequency_hz > 0.0) {
-            let Some((then, refined_hz)) = agreeing(peak, hops_per_window) else { continue };
-            let before = self.past[ago(1)].iter().find(|before| {
-                before.frequency_hz > 0.0
-                    && (before.frequency_hz - peak.frequency_hz).abs() * window_s < 0.75
-            });
-            let third = agreeing(&then, 2 * hops_per_window)
-                .is_some_and(|(oldest, _)| Agreement::lasts(peak, &then, &oldest));
-            peak.pairs = before.map_or(0, |before| before.pairs) + 1;
-            peak.triples = if third { before.map_or(0, |before| before.triples) + 1 } else { 0 };
-            peak.frequency_hz = refined_hz;
-        }
-        self.past[self.hop] = *peaks;
     }
 }

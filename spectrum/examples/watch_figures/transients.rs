@@ -129,8 +129,7 @@ fn speed_changes(rate_hz: f64, seed: u64) -> Result<(Count, usize), ConfigError>
 }
 
 pub(crate) fn table(seed: u64) -> Result<String, ConfigError> {
-    type Kind = (&'static str, fn(&mut Rig) -> Signal);
-    let kinds: [Kind; 6] = [
+    let kinds: [(&str, fn(&mut Rig) -> Signal); 6] = [
         ("step", step),
         ("entry_and_exit", entry_and_exit),
         ("single_shock", single_shock),

@@ -1,0 +1,124 @@
+//! One channel seen through one window: its floor, its spectrum, the peaks of the hops before.
+//!
+//! Planned once; execution does not allocate.
+
+use crate::floor::{Floor, middle};
+use crate::peak::{Agreement, Grid, Peak, Peaks, strongest};
+use realfft::num_complex::Complex;
+use std::ops::Range;
+
+/// Louder than this many floors over the whole band: the surroundings changed, no line.
+const BROADBAND: f64 = 2.0;
+/// A borrowed floor is trusted this many times less than an own one.
+const BORROWED: f64 = 2.0;
+
+/// One channel's view in one window.
+pub(crate) struct View {
+    pub(crate) floor: Floor,
+    pub(crate) spectrum: Vec<Complex<f64>>,
+    pub(crate) power: Vec<f64>,
+    past: Vec<Peaks>,
+    hop: usize,
+    gain: f64,
+}
+
+impl View {
+    /// A view of `bins` bins that remembers the peaks of `depth` hops.
+    pub(crate) fn new(floor: Floor, bins: usize, depth: usize) -> Self {
+        Self {
+            floor,
+            spectrum: vec![Complex::default(); bins],
+            power: vec![0.0; bins],
+            past: vec![Peaks::default(); depth],
+            hop: 0,
+            gain: 1.0,
+        }
+    }
+
+    /// Forgets everything but what was learned.
+    pub(crate) fn reset(&mut self) {
+        self.past.fill(Peaks::default());
+        self.floor.restart();
+        self.power.fill(0.0);
+    }
+
+    /// Takes a spectrum, from the first bin on.
+    pub(crate) fn see(&mut self, shown: &[Complex<f64>]) {
+        for ((to, power), from) in self.spectrum.iter_mut().zip(&mut self.power).zip(shown) {
+            *to = *from;
+            *power = from.norm_sqr();
+        }
+    }
+
+    /// The newest peaks.
+    pub(crate) fn newest(&self) -> &Peaks {
+        &self.past[self.hop]
+    }
+
+    /// Lets the floor learn from what was seen.
+    pub(crate) fn learn(&mut self, frozen: &[Range<usize>]) {
+        self.floor.learn(&self.power, self.gain, frozen);
+    }
+
+    /// Power of the floor at a bin, as far as it is trusted now.
+    pub(crate) fn effective_floor(&self, bin: usize, least_floor: f64) -> f64 {
+        let trust = if self.floor.is_own() { 1.0 } else { BORROWED };
+        (self.floor.level()[bin] * self.gain * trust).max(least_floor)
+    }
+
+    /// Judges how much louder than the floor the whole band is: the middle of power over floor.
+    pub(crate) fn weigh(&mut self, cells: &mut [f64], stride: usize, least_floor: f64) {
+        let level = self.floor.level();
+        let mut count = 0;
+        for bin in (0..self.power.len()).step_by(stride.max(1)) {
+            cells[count] = self.power[bin] / level[bin].max(least_floor).max(1e-300);
+            count += 1;
+        }
+        let loudness = middle(&mut cells[..count]) / std::f64::consts::LN_2;
+        self.gain = if loudness > BROADBAND { loudness } else { 1.0 };
+    }
+
+    /// The peaks over the floor.
+    pub(crate) fn peaks(
+        &self,
+        grid: &Grid,
+        searched: &Range<usize>,
+        least_ratio: f64,
+        least_floor: f64,
+    ) -> Peaks {
+        let floor = |bin| self.effective_floor(bin, least_floor);
+        strongest(grid, &self.power, &self.spectrum, floor, searched.clone(), least_ratio)
+    }
+
+    /// Compares the peaks with those one and two windows ago, and stores them.
+    pub(crate) fn judge(
+        &mut self,
+        peaks: &mut Peaks,
+        rule: &Agreement,
+        window_s: f64,
+        hops_per_window: usize,
+    ) {
+        let depth = self.past.len();
+        self.hop = (self.hop + 1) % depth;
+        let ago = |hops: usize| (self.hop + depth - hops) % depth;
+        let agreeing = |now: &Peak, hops: usize| {
+            self.past[ago(hops)]
+                .iter()
+                .take_while(|then| then.frequency_hz > 0.0)
+                .find_map(|then| Some((*then, rule.between(now, then, window_s)?)))
+        };
+        for peak in peaks.iter_mut().take_while(|peak| peak.frequency_hz > 0.0) {
+            let Some((then, refined_hz)) = agreeing(peak, hops_per_window) else { continue };
+            let before = self.past[ago(1)].iter().find(|before| {
+                before.frequency_hz > 0.0
+                    && (before.frequency_hz - peak.frequency_hz).abs() * window_s < 0.75
+            });
+            let third = agreeing(&then, 2 * hops_per_window)
+                .is_some_and(|(oldest, _)| Agreement::lasts(peak, &then, &oldest));
+            peak.pairs = before.map_or(0, |before| before.pairs) + 1;
+            peak.triples = if third { before.map_or(0, |before| before.triples) + 1 } else { 0 };
+            peak.frequency_hz = refined_hz;
+        }
+        self.past[self.hop] = *peaks;
+    }
+}
