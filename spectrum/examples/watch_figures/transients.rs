@@ -129,7 +129,8 @@ fn speed_changes(rate_hz: f64, seed: u64) -> Result<(Count, usize), ConfigError>
 }
 
 pub(crate) fn table(seed: u64) -> Result<String, ConfigError> {
-    let kinds: [(&str, fn(&mut Rig) -> Signal); 6] = [
+    type Kind = (&'static str, fn(&mut Rig) -> Signal);
+    let kinds: [Kind; 6] = [
         ("step", step),
         ("entry_and_exit", entry_and_exit),
         ("single_shock", single_shock),
