@@ -2,6 +2,7 @@
 //!
 //! The numbers are made by `tests/reference/make.py`. pyFRF takes the mean out, so that its first
 //! bin is no number; all others are compared.
+#![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 use spectrum::frf::{Hit, Response, frf};
 use spectrum::welch::{Detrend, Scaling, Segments, Taper, coherence, csd, detrended, welch};
