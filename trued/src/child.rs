@@ -1,6 +1,6 @@
 //! A child process that does not outlive this process' interest in it.
 
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
 use rustix::process::{Pid, Signal, kill_process};
@@ -28,6 +28,16 @@ impl Guarded {
     /// How it ended, where it has.
     pub(crate) fn ended(&mut self) -> Option<ExitStatus> {
         self.0.try_wait().ok().flatten()
+    }
+
+    /// What it says on standard output, where that was piped; once.
+    pub(crate) fn stdout(&mut self) -> Option<ChildStdout> {
+        self.0.stdout.take()
+    }
+
+    /// Waits for its own end.
+    pub(crate) fn wait(&mut self) -> Result<ExitStatus, Failure> {
+        self.0.wait().map_err(Failure::system)
     }
 
     /// Asks it to end, and waits for a while.

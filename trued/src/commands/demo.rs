@@ -11,12 +11,12 @@ mod scene;
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{ChildStdout, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
 
 use clap::Args;
 
+use crate::child::Guarded;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
 use crate::options::Seed;
@@ -62,11 +62,11 @@ impl Demo {
         console.file(&config, &scene.cell_toml(&name))?;
         console.file(&self.out.join("model.toml"), scene.model_text())?;
 
-        let mut daemon = Guarded::spawn(daemon_command(&config, console)?)?;
-        let mut cell = Guarded::spawn(self.cell_command(&name, scene.seed)?)?;
-        let lines = cell.0.stdout.take().map(BufReader::new);
+        let mut daemon = Guarded::spawn(&mut daemon_command(&config, console)?)?;
+        let mut cell = Guarded::spawn(&mut self.cell_command(&name, scene.seed)?)?;
+        let lines = cell.stdout().map(BufReader::new);
         let report = follow(console, scene, lines, &stop, &mut daemon)?;
-        finish(&mut cell.0, "the cell")?;
+        finish(&mut cell, "the cell")?;
         daemon.end();
         interrupt::check(&stop)?;
         say(console, &report, &self.out)?;
@@ -75,7 +75,7 @@ impl Demo {
     }
 
     fn cell_command(&self, name: &str, seed: u64) -> Result<Command, Failure> {
-        let mut command = myself()?;
+        let mut command = Guarded::myself()?;
         command.arg("demo").args(["--cell", name, "--seed", &seed.to_string()]);
         command.arg("--out").arg(&self.out).stdout(Stdio::piped());
         if self.quick {
@@ -102,16 +102,12 @@ fn introduce(console: &mut Console, scene: &Scene) -> Result<(), Failure> {
 }
 
 fn daemon_command(config: &Path, console: &Console) -> Result<Command, Failure> {
-    let mut command = myself()?;
-    command.arg("run").arg("--config").arg(config).stdout(Stdio::null());
+    let mut command = Guarded::myself()?;
+    command.args(["run", "--with-parent"]).arg("--config").arg(config).stdout(Stdio::null());
     if console.common().verbose == 0 {
         command.arg("--quiet");
     }
     Ok(command)
-}
-
-fn myself() -> Result<Command, Failure> {
-    Ok(Command::new(std::env::current_exe().map_err(Failure::system)?))
 }
 
 /// Reads the cell's lines: how far it is, and in the end what it measured.
@@ -132,11 +128,11 @@ fn follow(
             return serde_json::from_str(report).map_err(Failure::system);
         }
     }
-    match daemon.0.try_wait() {
-        Ok(Some(status)) => {
+    match daemon.ended() {
+        Some(status) => {
             Err(Failure::system(format!("the daemon ended early ({status}); its words are above")))
         }
-        _ => Err(Failure::system("the cell ended without a result; its words are above")),
+        None => Err(Failure::system("the cell ended without a result; its words are above")),
     }
 }
 
@@ -179,8 +175,8 @@ fn say(console: &mut Console, report: &Report, out: &Path) -> Result<(), Failure
         .say(format!("black box  {} (MCAP, of the daemon itself)", out.join("blackbox").display()))
 }
 
-fn finish(child: &mut Child, who: &str) -> Result<(), Failure> {
-    let status = child.wait().map_err(Failure::system)?;
+fn finish(child: &mut Guarded, who: &str) -> Result<(), Failure> {
+    let status = child.wait()?;
     if status.success() {
         Ok(())
     } else {
@@ -190,37 +186,6 @@ fn finish(child: &mut Child, who: &str) -> Result<(), Failure> {
 
 fn cannot_make(dir: &Path, error: &std::io::Error) -> Failure {
     Failure::system(format!("{}: cannot make this folder: {error}", dir.display()))
-}
-
-/// A child that does not outlive this process' interest in it.
-struct Guarded(Child);
-
-impl Guarded {
-    fn spawn(mut command: Command) -> Result<Self, Failure> {
-        command.stdin(Stdio::null()).spawn().map(Self).map_err(Failure::system)
-    }
-
-    /// Asks it to end, and waits for a while.
-    fn end(&mut self) {
-        if let Some(pid) = i32::try_from(self.0.id()).ok().and_then(rustix::process::Pid::from_raw)
-        {
-            let _ = rustix::process::kill_process(pid, rustix::process::Signal::TERM);
-        }
-        let since = Instant::now();
-        while matches!(self.0.try_wait(), Ok(None)) && since.elapsed() < Duration::from_secs(2) {
-            std::thread::sleep(Duration::from_millis(5));
-        }
-    }
-}
-
-impl Drop for Guarded {
-    fn drop(&mut self) {
-        self.end();
-        if matches!(self.0.try_wait(), Ok(None)) {
-            let _ = self.0.kill();
-            let _ = self.0.wait();
-        }
-    }
 }
 
 /// Whether someone asked to stop; for loops that have to tidy up themselves.

@@ -6,6 +6,7 @@ use clap::Args;
 use daemon::{DaemonError, Options};
 use recording::cell::CellConfig;
 use recording::files::{FileError, read_text};
+use rustix::process::{Signal, set_parent_process_death_signal};
 
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
@@ -20,10 +21,17 @@ pub(crate) struct Run {
     /// Commands pace the cycle and carry the time, as in a replay: nothing is stale, poses may be settled
     #[arg(long)]
     lockstep: bool,
+    /// End with the process that started this one, however it ends
+    #[arg(long, hide = true)]
+    with_parent: bool,
 }
 
 impl Run {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        if self.with_parent {
+            // A refusal leaves a daemon that a killed parent does not end: not worth a failure.
+            let _ = set_parent_process_death_signal(Some(Signal::TERM));
+        }
         let config = CellConfig::read(&self.config).map_err(unusable)?;
         let options = Options {
             config_text: read_text(&self.config).map_err(unusable)?,

@@ -51,7 +51,7 @@ impl OwnDaemon {
         let config = place.fill(&input.model.file.to_toml(), &input.recording)?;
         let log = File::create(place.log()).map_err(Failure::system)?;
         let mut command = Guarded::myself()?;
-        command.arg("run").arg("--lockstep").arg("--config").arg(config);
+        command.args(["run", "--with-parent"]).arg("--lockstep").arg("--config").arg(config);
         command.env(RUNTIME_DIR_ENV, &place.dir).stdout(Stdio::null()).stderr(log);
         let mut child = Guarded::spawn(&mut command)?;
         let client = join(&place, &mut child, stop)?;
