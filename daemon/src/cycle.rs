@@ -135,7 +135,7 @@ impl Cycle {
             self.corrector.rearm_wrench();
         }
         if let Some(ports) = exchange.new_ports[0].pop() {
-            // Refused ports leave the old epoch in use; the supervisor then does not announce the new one.
+            // Refused ports leave the old ones in use: the client then knocks again.
             let _ = self.robot.rejoin(&ports);
         }
     }
