@@ -49,14 +49,14 @@ impl Branch {
                 detrend: true,
                 band_hz: [config.band_hz[0].max(slowest_hz), top_hz],
                 least_ratio: 4.0,
-                ratio_sum,
+                ratio_sum: config.threshold * ratio_sum,
                 hops_to_agree: 2,
             }
         };
         let plans = [
             plan(7, 1, 1.2, 24.0),
-            plan(18, 2, 1.5, 20.5),
-            plan(32, 4, 1.25, 22.0),
+            plan(18, 2, 2.0, 20.5),
+            plan(32, 4, 2.0, 22.0),
             plan(128, 16, 2.0, 24.0),
         ];
         Self::new(planner, config, rate_hz, &plans, 2)
@@ -73,7 +73,7 @@ impl Branch {
             detrend: false,
             band_hz: [config.band_hz[0].max(SPLIT_HZ), config.band_top_hz()],
             least_ratio: 6.0,
-            ratio_sum: 24.0,
+            ratio_sum: config.threshold * 24.0,
             hops_to_agree: 2,
         };
         Self::new(planner, config, config.rate_hz, &[plan(samples / 2), plan(samples)], 1)

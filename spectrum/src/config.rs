@@ -53,6 +53,9 @@ pub struct WatchConfig {
     pub full_scale_nm: f64,
     /// Mains frequency, Hz; `None`: 50 and 60 are both possible.
     pub mains_hz: Option<f64>,
+    /// Scales the power over the floor that makes a line, 0.25 to 10: 1 is what the figures were measured at, less
+    /// finds weaker lines and cries wolf more often.
+    pub threshold: f64,
     /// How long the noise floor is learned before anything is reported, s, 0.5 to 60.
     pub learn_s: f64,
 }
@@ -70,6 +73,7 @@ impl Default for WatchConfig {
             full_scale_n: f64::INFINITY,
             full_scale_nm: f64::INFINITY,
             mains_hz: None,
+            threshold: 1.0,
             learn_s: 1.0,
         }
     }
@@ -141,6 +145,7 @@ impl WatchConfig {
         in_range("least_amplitude_nm", self.least_amplitude_nm, 0.0..=1e9, "0 or more, finite")?;
         in_range("full_scale_n", self.full_scale_n, 1e-9..=f64::INFINITY, "above 0")?;
         in_range("full_scale_nm", self.full_scale_nm, 1e-9..=f64::INFINITY, "above 0")?;
+        in_range("threshold", self.threshold, 0.25..=10.0, "0.25 to 10")?;
         in_range("learn_s", self.learn_s, 0.5..=60.0, "0.5 to 60 s")?;
         if let Some(mains_hz) = self.mains_hz {
             in_range("mains_hz", mains_hz, 10.0..=500.0, "10 to 500 Hz")?;
@@ -214,6 +219,7 @@ mod tests {
             WatchConfig { modes: vec![Mode { damping: 1.0, ..Mode::at_hz(70.0) }], ..good() },
             WatchConfig { least_amplitude_n: -1.0, ..good() },
             WatchConfig { full_scale_n: 0.0, ..good() },
+            WatchConfig { threshold: 0.0, ..good() },
             WatchConfig { learn_s: 0.0, ..good() },
             WatchConfig { mains_hz: Some(f64::NAN), ..good() },
             WatchConfig {

@@ -151,7 +151,7 @@ impl Agreement {
     pub(crate) fn lasts(now: &Peak, then: &Peak, oldest: &Peak) -> bool {
         let stray = (2.0 / now.ratio.min(then.ratio).min(oldest.ratio)).sqrt();
         let bend = wrapped(now.phase_rad - 2.0 * then.phase_rad + oldest.phase_rad);
-        now.power >= 0.85 * (1.0 - 2.0 * stray).max(0.3) * oldest.power.max(then.power)
+        now.power >= 0.85 * (1.0 - 2.0 * stray).max(0.6) * oldest.power.max(then.power)
             && bend.abs() <= (0.4 + 2.0 * stray).min(0.5 * PI)
     }
 

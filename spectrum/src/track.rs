@@ -24,6 +24,8 @@ pub(crate) const LINGER_S: f64 = 0.5;
 const CONFIRM_S: f64 = 0.5;
 /// Seconds between two tellings of a line whose state stays.
 const RETELL_S: f64 = 0.1;
+/// A line whose amplitude falls faster than this (d ln A / dt, 1/s) rings down by itself.
+const RING_DOWN_PER_S: f64 = -4.0;
 /// Time constant of the smoothed power, s.
 const SMOOTH_S: f64 = 0.05;
 /// Time constant of the smoothed ratio, s: long enough for noise not to keep a line.
@@ -53,6 +55,8 @@ pub(crate) struct Track {
     /// Feed at which the line stands, mm/s, and since when.
     pub(crate) feed: (f64, f64),
     pub(crate) ellipse: Ellipse,
+    /// The next sighting says anew where the line stands.
+    unsettled: bool,
     threefold: bool,
     told: Option<(State, Class, bool)>,
     told_s: f64,
@@ -84,6 +88,7 @@ impl Track {
             air_s: 0.0,
             feed: (0.0, now_s),
             ellipse: Ellipse::default(),
+            unsettled: false,
             threefold: sighting.threefold,
             told: None,
             told_s: now_s,
@@ -101,7 +106,9 @@ impl Track {
     fn see(&mut self, sighting: &Sighting, now_s: f64) {
         let weight = sharpness(sighting);
         // Old sightings fade, so that a line which moves slowly is followed.
-        self.weight = 0.98 * self.weight + weight;
+        let kept = if self.unsettled { 0.0 } else { 0.98 * self.weight };
+        self.unsettled = false;
+        self.weight = kept + weight;
         self.frequency_hz += (sighting.frequency_hz - self.frequency_hz) * weight / self.weight;
         self.threefold |= sighting.threefold;
         self.alive_s = now_s;
@@ -195,14 +202,15 @@ impl Track {
 
     /// The state that the line has earned; `Over` where it is gone.
     fn earned(&self, now_s: f64) -> State {
+        let lasts = self.threefold && self.growth_per_s() > RING_DOWN_PER_S;
         if now_s - self.alive_s > LINGER_S {
             State::Over
-        } else if self.threefold && self.alive_s - self.born_s >= CONFIRM_S {
+        } else if lasts && self.alive_s - self.born_s >= CONFIRM_S {
             State::Confirmed
         } else if self.from_start {
             // What was always there can wait for its class.
             State::Warn
-        } else if self.threefold {
+        } else if lasts {
             State::Alarm
         } else {
             State::Warn
@@ -243,6 +251,13 @@ impl Tracks {
         } else if let Some(place) = self.places.iter_mut().find(|place| place.is_none()) {
             *place = Some(Track::new(self.next_id, sighting, now_s));
             self.next_id = self.next_id.wrapping_add(1).max(1);
+        }
+    }
+
+    /// The spindle's speed has changed, and what it drives moves: where lines stood no longer counts.
+    pub(crate) fn unsettle(&mut self) {
+        for track in self.iter_mut() {
+            track.unsettled = true;
         }
     }
 

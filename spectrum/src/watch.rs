@@ -96,6 +96,7 @@ impl Watch {
         if (rpm - self.steady_rpm).abs() > SPEED_CHANGE * rpm.max(self.steady_rpm) {
             self.steady_rpm = rpm;
             self.speed_changed_s = self.now_s();
+            self.tracks.unsettle();
         }
     }
 

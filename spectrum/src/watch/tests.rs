@@ -168,6 +168,49 @@ fn verdicts_do_not_depend_on_how_the_samples_are_cut() {
     assert_eq!(one, run(777));
 }
 
+#[test]
+fn a_mode_that_rings_down_after_a_shock_warns_at_most() {
+    let mut rig = Rig::new(config(10_000.0), 1.0, 9);
+    rig.run(3.0, |_, _| 0.0);
+    for k in 0..8 {
+        let (f, start_s) = (40.0 + 9.0 * f64::from(k), 3.2 + 3.0 * f64::from(k));
+        let said = rig.run(3.0, move |channel, t| {
+            let s = (t - start_s).max(0.0);
+            30.0 / (channel + 1) as f64 * (-0.04 * TAU * f * s).exp() * (TAU * f * s).sin()
+        });
+        let alarmed = said.iter().any(|(_, v)| matches!(v.state, State::Alarm | State::Confirmed));
+        assert!(!alarmed, "{f} Hz: {said:?}");
+    }
+}
+
+#[test]
+fn a_line_that_the_spindle_takes_along_has_its_new_frequency_at_once() {
+    let mut rig = Rig::new(WatchConfig { modes: vec![], ..config(10_000.0) }, 1.0, 10);
+    let mut turned = 0.0;
+    for rpm in [12_000.0, 11_600.0] {
+        let hz = rpm / 60.0;
+        let state = ProcessState { spindle_rpm: rpm, teeth: 2, ..ProcessState::default() };
+        rig.watch.process_state(state);
+        let from_s = turned;
+        let said = rig.run(4.0, move |_, t| 8.0 * (TAU * hz * (t - from_s)).sin());
+        turned += 4.0;
+        let last = said.iter().rfind(|(_, v)| v.state != State::Over).map(|(_, v)| *v);
+        let stands = rig.watch.lines().iter().map(|v| v.frequency_hz).fold(0.0, f64::max);
+        assert!((stands - hz).abs() < 1.0, "{stands} for {hz}: {last:?}");
+    }
+}
+
+#[test]
+fn a_lower_threshold_finds_a_weaker_line() {
+    let found = |threshold: f64| {
+        let mut rig = Rig::new(WatchConfig { threshold, ..config(1000.0) }, 1.0, 11);
+        rig.run(4.0, |_, _| 0.0);
+        let said = rig.run(0.6, tone_y(90.0, 0.55, 4.0));
+        said.iter().any(|(_, v)| v.state != State::Over)
+    };
+    assert!(found(0.5) && !found(3.0));
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
     #[test]
