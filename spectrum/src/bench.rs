@@ -22,7 +22,7 @@ impl HopBench {
             detrend: false,
             band_hz: [160.0, 1000.0],
             least_ratio: 6.0,
-            ratio_sum: 24.0,
+            ratio: 24.0,
             hops_to_agree: 2,
         };
         let planner = &mut RealFftPlanner::new();

@@ -39,7 +39,7 @@ impl Branch {
     ) -> Self {
         let rate_hz = config.rate_hz / factor as f64;
         let hop = ((LOW_HOP_S * rate_hz).round() as usize).max(1);
-        let plan = |hops: usize, stride: usize, cycles: f64, ratio_sum: f64| {
+        let plan = |hops: usize, stride: usize, cycles: f64, ratio: f64| {
             let samples = hops * hop;
             let slowest_hz = cycles * rate_hz / samples as f64;
             WindowPlan {
@@ -49,14 +49,14 @@ impl Branch {
                 detrend: true,
                 band_hz: [config.band_hz[0].max(slowest_hz), top_hz],
                 least_ratio: 4.0,
-                ratio_sum: config.threshold * ratio_sum,
+                ratio: config.threshold * ratio,
                 hops_to_agree: 2,
             }
         };
         let plans = [
-            plan(7, 1, 1.2, 24.0),
+            plan(7, 1, 1.2, 26.0),
             plan(18, 2, 2.0, 20.5),
-            plan(32, 4, 2.0, 22.0),
+            plan(32, 4, 2.0, 23.0),
             plan(128, 16, 2.0, 24.0),
         ];
         Self::new(planner, config, rate_hz, &plans, 2)
@@ -73,7 +73,7 @@ impl Branch {
             detrend: false,
             band_hz: [config.band_hz[0].max(SPLIT_HZ), config.band_top_hz()],
             least_ratio: 6.0,
-            ratio_sum: config.threshold * 24.0,
+            ratio: config.threshold * 24.0,
             hops_to_agree: 2,
         };
         Self::new(planner, config, config.rate_hz, &[plan(samples / 2), plan(samples)], 1)

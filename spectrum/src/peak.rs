@@ -137,8 +137,8 @@ fn insert(found: &mut Peaks, mut peak: Peak) {
 /// The limits of the agreement between two disjoint windows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Agreement {
-    /// Least sum of both ratios.
-    pub(crate) ratio_sum: f64,
+    /// Least power over floor of both windows added in phase.
+    pub(crate) ratio: f64,
     /// Largest difference of frequency, cells.
     pub(crate) cells: f64,
     /// The newer window's power is at most this many times the older's.
@@ -164,7 +164,10 @@ impl Agreement {
         let stray = (2.0 / weaker).sqrt();
         let grown = now.power / then.power.max(1e-300);
         let steady = grown >= 0.75 * (1.0 - 2.0 * stray).max(0.3) && grown <= self.growth;
-        if distance_cells > self.cells || !steady || now.ratio + then.ratio < self.ratio_sum {
+        // What both hold of one tone, added in phase: noise that is strong in one window alone passes less often
+        // than by the plain sum of powers.
+        let together = 0.5 * (now.ratio.sqrt() + then.ratio.sqrt()).powi(2);
+        if distance_cells > self.cells || !steady || together < self.ratio {
             return None;
         }
         let middle_hz = 0.5 * (now.frequency_hz + then.frequency_hz);
@@ -213,7 +216,7 @@ mod tests {
         #[test]
         fn two_windows_of_one_tone_agree_and_sharpen_it(f in 50.0..150.0_f64, phase in 0.0..6.0_f64) {
             let tone = |t: f64| (TAU * f * t + phase).cos();
-            let rule = Agreement { ratio_sum: 16.0, cells: 0.75, growth: 30.0 };
+            let rule = Agreement { ratio: 16.0, cells: 0.75, growth: 30.0 };
             let refined = rule.between(&peak_of(80, 4, tone, 80), &peak_of(80, 4, tone, 0), 0.064);
             prop_assert!((refined.unwrap_or(0.0) - f).abs() < 0.02, "{refined:?} for {f}");
         }
@@ -222,7 +225,7 @@ mod tests {
     #[test]
     fn a_ring_down_does_not_agree() {
         let decaying = |t: f64| (-t / 0.05).exp() * (TAU * 70.0 * t).cos();
-        let rule = Agreement { ratio_sum: 16.0, cells: 0.75, growth: 30.0 };
+        let rule = Agreement { ratio: 16.0, cells: 0.75, growth: 30.0 };
         let (now, then) = (peak_of(80, 4, decaying, 80), peak_of(80, 4, decaying, 0));
         assert!(rule.between(&now, &then, 0.064).is_none());
     }

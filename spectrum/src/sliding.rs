@@ -29,8 +29,8 @@ pub(crate) struct WindowPlan {
     pub(crate) band_hz: [f64; 2],
     /// Least power over floor of a peak.
     pub(crate) least_ratio: f64,
-    /// Least sum of the ratios of two disjoint windows.
-    pub(crate) ratio_sum: f64,
+    /// Least power over floor of two disjoint windows added in phase.
+    pub(crate) ratio: f64,
     /// Hops in a row that must agree.
     pub(crate) hops_to_agree: u16,
 }
@@ -113,7 +113,7 @@ impl SlidingWindow {
             searched,
             views: (0..channels).map(|_| view()).collect(),
             cells: vec![0.0; bins],
-            rule: Agreement { ratio_sum: plan.ratio_sum, cells: 0.75, growth: 30.0 },
+            rule: Agreement { ratio: plan.ratio, cells: 0.75, growth: 30.0 },
             least_power,
             plan,
             transform,
