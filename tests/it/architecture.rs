@@ -21,7 +21,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("world", &["physics", "spectrum"]),
     ("client", &["shm-schema", "envelope"]),
     ("daemon", &["corrector", "physics", "envelope", "spectrum", "recording", "shm-schema"]),
-    ("xtask", &[]),
+    ("xtask", &["report"]),
 ];
 
 #[test]

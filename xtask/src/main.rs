@@ -8,11 +8,13 @@
 )]
 
 mod seeds;
+mod watch;
 
 use std::process::ExitCode;
 
 const HELP: &str = "\
 cargo xtask seeds [COUNT] [--full]   the demo over COUNT seeds (20): tool error with over without, per seed, middle and worst
+cargo xtask watch [HOURS] [--out=DIR]   the vibration watch: detection, false alarms in HOURS (10) of noise per axis, transients, cost
 ";
 
 fn main() -> ExitCode {
@@ -20,6 +22,7 @@ fn main() -> ExitCode {
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let done = match words.as_slice() {
         ["seeds", rest @ ..] => seeds::run(rest),
+        ["watch", rest @ ..] => watch::run(rest),
         _ => {
             print!("{HELP}");
             return ExitCode::from(2);

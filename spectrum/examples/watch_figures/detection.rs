@@ -1,4 +1,4 @@
-//! How soon a tone in noise is said, and the curve of detection against false alarms.
+//! How soon a tone in noise is said.
 
 use crate::rig::{Colour, Rig, json, quantile};
 use spectrum::{ConfigError, State};
@@ -6,20 +6,19 @@ use std::f64::consts::TAU;
 
 const TRIALS: usize = 200;
 
-struct Times {
-    warn_ms: Vec<f64>,
-    alarm_ms: Vec<f64>,
+/// When tones were said, ms after their start; infinite where they were not.
+pub(crate) struct Times {
+    pub(crate) warn_ms: Vec<f64>,
+    pub(crate) alarm_ms: Vec<f64>,
     false_before: usize,
     error_hz: Vec<f64>,
 }
 
-/// Tones of 60 to 120 Hz on channel y, random phase and start, a second each.
-fn trials(rate_hz: f64, rpm: f64, over_noise: f64, seed: u64) -> Result<Times, ConfigError> {
-    let mut rig = Rig::new(rate_hz, 1.0, Colour::White, seed)?;
-    rig.spindle(rpm);
+/// Tones of 60 to 120 Hz on channel y, random phase and start, a second each. The noise has rms 1.
+pub(crate) fn trials(mut rig: Rig, over_noise: f64, trials: usize) -> Times {
     rig.run(3.0, |_, _| 0.0, |_, _| {});
     let mut times = Times { warn_ms: vec![], alarm_ms: vec![], false_before: 0, error_hz: vec![] };
-    for _ in 0..TRIALS {
+    for _ in 0..trials {
         let pause = rig.uniform(1.8, 2.0);
         let mut false_before = 0;
         rig.run(
@@ -48,7 +47,7 @@ fn trials(rate_hz: f64, rpm: f64, over_noise: f64, seed: u64) -> Result<Times, C
         times.alarm_ms.push(1e3 * alarm);
         times.error_hz.push((last_hz - f).abs());
     }
-    Ok(times)
+    times
 }
 
 pub(crate) fn table(seed: u64) -> Result<String, ConfigError> {
@@ -58,7 +57,9 @@ pub(crate) fn table(seed: u64) -> Result<String, ConfigError> {
             if rate_hz > 20_000.0 && over_noise < 2.0 {
                 continue;
             }
-            let mut t = trials(rate_hz, rpm, over_noise, seed)?;
+            let mut rig = Rig::new(rate_hz, 1.0, Colour::White, seed)?;
+            rig.spindle(rpm);
+            let mut t = trials(rig, over_noise, TRIALS);
             let mut row = format!(
                 "{{\"rate_Hz\": {rate_hz}, \"rpm\": {rpm}, \"amplitude_over_noise\": {over_noise}, \"trials\": {TRIALS}"
             );
@@ -72,25 +73,6 @@ pub(crate) fn table(seed: u64) -> Result<String, ConfigError> {
             }
             rows.push(format!("{row}, \"false_before\": {}}}", t.false_before));
         }
-    }
-    Ok(format!("[\n    {}]", rows.join(",\n    ")))
-}
-
-/// Detected within half a second, by amplitude; the false-alarm end of the curve is `noise`.
-pub(crate) fn curve(seed: u64) -> Result<String, ConfigError> {
-    let mut rows = Vec::new();
-    for over_noise in [0.25, 0.35, 0.5, 0.6, 0.7, 0.85, 1.0, 1.4, 2.0, 2.8, 4.0, 8.0] {
-        let mut t = trials(1000.0, 0.0, over_noise, seed + 17)?;
-        let share = |values: &[f64]| {
-            values.iter().filter(|ms| **ms <= 500.0).count() as f64 / TRIALS as f64
-        };
-        let (warned, alarmed) = (share(&t.warn_ms), share(&t.alarm_ms));
-        rows.push(format!(
-            "{{\"amplitude_over_noise\": {over_noise}, \"warned\": {warned}, \"alarmed\": {alarmed}, \
-             \"warn_ms_p50\": {}, \"alarm_ms_p50\": {}}}",
-            json(quantile(&mut t.warn_ms, 0.5)),
-            json(quantile(&mut t.alarm_ms, 0.5))
-        ));
     }
     Ok(format!("[\n    {}]", rows.join(",\n    ")))
 }

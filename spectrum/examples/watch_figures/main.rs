@@ -1,10 +1,11 @@
 //! The vibration watch's figures: detection, false alarms, cost. Prints one JSON object.
 //!
-//! `cargo run --release -p spectrum --example watch_figures -- [detection] [curve] [transients]
-//! [noise=HOURS] [cost] [seed=N]`; without a name, all of them, with one hour of noise. Noise is
+//! `cargo run --release -p spectrum --example watch_figures -- [detection] [curve=HOURS]
+//! [transients] [noise=HOURS] [cost] [seed=N]`; without a name, all of them, with one hour of noise each. Noise is
 //! given as rms within 0 to 500 Hz; all times include filters, hop and blocks of 2 ms.
 
 mod cost;
+mod curve;
 mod detection;
 mod noise;
 mod rig;
@@ -25,7 +26,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         parts.push(format!("\"detection\": {}", detection::table(seed)?));
     }
     if all || named("curve") {
-        parts.push(format!("\"curve\": {}", detection::curve(seed)?));
+        let hours = number("curve").unwrap_or(1.0);
+        parts.push(format!("\"curve\": {}", curve::table(seed, hours)?));
     }
     if all || named("transients") {
         parts.push(format!("\"transients\": {}", transients::table(seed)?));

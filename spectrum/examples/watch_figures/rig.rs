@@ -38,8 +38,20 @@ impl Rig {
         colour: Colour,
         seed: u64,
     ) -> Result<Self, ConfigError> {
+        Self::with_threshold(rate_hz, sigma, colour, seed, 1.0)
+    }
+
+    /// The same with another threshold of the watch.
+    pub(crate) fn with_threshold(
+        rate_hz: f64,
+        sigma: f64,
+        colour: Colour,
+        seed: u64,
+        threshold: f64,
+    ) -> Result<Self, ConfigError> {
         let modes = [20.0, 35.0, 60.0, 67.0, 70.0, 72.0].map(Mode::at_hz).to_vec();
-        let config = WatchConfig { rate_hz, channels: CHANNELS, modes, ..WatchConfig::default() };
+        let config =
+            WatchConfig { rate_hz, channels: CHANNELS, modes, threshold, ..WatchConfig::default() };
         Ok(Self {
             watch: Watch::new(config)?,
             rng: ChaCha8Rng::seed_from_u64(seed),

@@ -196,7 +196,10 @@ fn a_line_that_the_spindle_takes_along_has_its_new_frequency_at_once() {
         turned += seconds;
         let lines: Vec<f64> = rig.watch.lines().iter().map(|v| v.frequency_hz).collect();
         let astray = |f: &&f64| (**f - hz).abs() > 1.0;
-        assert!(!lines.is_empty() && lines.iter().find(astray).is_none(), "{lines:?}, {hz}: {said:?}");
+        assert!(
+            !lines.is_empty() && lines.iter().find(astray).is_none(),
+            "{lines:?}, {hz}: {said:?}"
+        );
     }
 }
 
