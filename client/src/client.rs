@@ -12,7 +12,7 @@ use shm_schema::{
 use crate::follow::Follower;
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
 use crate::monitor::{Asker, MonitorPorts, ping, reload, switch};
-use crate::{AskError, ConnectError, NotSent, Setpoint, Target};
+use crate::{AskError, ConnectError, NotSent, ProcessState, Setpoint, Target};
 
 /// An answer is awaited spinning for so long, then with naps.
 const SPIN: Duration = Duration::from_micros(200);
@@ -256,20 +256,16 @@ impl Client {
         self.ask(switch(Operation::Arm, on), limit)
     }
 
-    /// Tells what the process does: spindle speed (1/min), teeth (0 unknown), feed (mm/s).
+    /// Tells what the process does, in place of what was told before.
     ///
     /// # Errors
-    /// See [`AskError`].
+    /// See [`AskError`]; a refusal is an answer, not an error.
     pub fn process_state(
         &mut self,
-        spindle_rpm: f64,
-        teeth: u32,
-        feed_mm_s: f64,
+        process: &ProcessState,
         limit: Duration,
     ) -> Result<Response, AskError> {
-        let operation = Operation::ProcessState.code();
-        let request = Request { operation, spindle_rpm, teeth, feed_mm_s, ..Request::default() };
-        self.ask(request, limit)
+        self.ask(process.request(), limit)
     }
 
     fn ask(&mut self, request: Request, limit: Duration) -> Result<Response, AskError> {

@@ -31,6 +31,7 @@ mod follow;
 mod force;
 mod link;
 mod monitor;
+mod process;
 mod setpoint;
 mod target;
 
@@ -39,9 +40,11 @@ pub use error::{AskError, ConnectError, NotSent};
 pub use force::{ForceSamples, ForceSource, Samples};
 pub use link::{Connection, ConnectionEvent};
 pub use monitor::Monitor;
+pub use process::ProcessState;
 pub use setpoint::{Setpoint, WrenchFrame};
 pub use shm_schema::{
-    Answer, Corrected, CorrectionStatus, Health, JOINTS_MAX, Mode, Reason, Response, SendOutcome,
-    Status, Verdict, VibrationClass, VibrationState, monotonic_ns,
+    Advice, Answer, CHANNEL_NAMES, Corrected, CorrectionStatus, ForceFault, Health, InCut,
+    JOINTS_MAX, Mode, Reason, Response, SendOutcome, SensorFault, Status, Verdict, VibrationClass,
+    VibrationState, WatchState, channel_name, monotonic_ns,
 };
 pub use target::{Source, Target};

@@ -9,7 +9,7 @@ use shm_schema::{
 };
 
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
-use crate::{AskError, ConnectError};
+use crate::{AskError, ConnectError, ProcessState};
 
 /// How often an answer is looked for.
 const ANSWER_PERIOD: Duration = Duration::from_micros(200);
@@ -176,6 +176,18 @@ impl Monitor {
     /// See [`AskError`].
     pub fn bypass(&mut self, on: bool, limit: Duration) -> Result<Response, AskError> {
         self.ask(switch(Operation::Bypass, on), limit)
+    }
+
+    /// Tells what the process does, in place of what was told before.
+    ///
+    /// # Errors
+    /// See [`AskError`]; a refusal is an answer, not an error.
+    pub fn process_state(
+        &mut self,
+        process: &ProcessState,
+        limit: Duration,
+    ) -> Result<Response, AskError> {
+        self.ask(process.request(), limit)
     }
 
     fn ask(&mut self, request: Request, limit: Duration) -> Result<Response, AskError> {

@@ -7,6 +7,7 @@ use crate::exchange::{CycleRecord, Exchange, LoadedModel, count};
 use crate::robot::Robot;
 use crate::senses::Senses;
 use crate::translate;
+use crate::travel::PathPoint;
 use corrector::{Corrector, Outcome, Status};
 use shm_schema::{Command, Corrected, monotonic_ns};
 use std::sync::atomic::Ordering::Relaxed;
@@ -110,6 +111,11 @@ impl Cycle {
             if latency_ns > self.period_ns && !self.lockstep {
                 count(&counters.missed_cycles);
             }
+        }
+        if made.status != Status::Rejected {
+            let (session, t_ns, q) = (command.session, command.t_ns, command.q);
+            // A supervisor that is behind does without.
+            let _ = exchange.path.push(PathPoint { session, t_ns, q });
         }
         counters.gate.store(message.wrench_gate, Relaxed);
         counters.loop_gain_bits.store(made.loop_gain.to_bits(), Relaxed);

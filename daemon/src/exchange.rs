@@ -4,12 +4,14 @@
 //! Never: a lock.
 
 use crate::latency::Latency;
+use crate::process::Known;
 use crate::senses::Measured;
+use crate::travel::PathPoint;
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
 use physics::Model;
 use shm_schema::{Command, Corrected, DaemonPorts, ForceBlock, RecorderState, Verdict};
-use spectrum::ProcessState;
+use spectrum::Health;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 /// Cycles that the recorder may lag behind.
@@ -17,6 +19,10 @@ const CYCLES_KEPT: usize = 4096;
 /// Force blocks that the recorder may lag behind; 24 kB each.
 const BLOCKS_KEPT: usize = 128;
 const VERDICTS_KEPT: usize = 256;
+/// Commanded points that the supervisor may lag behind; what is dropped beyond is not missed.
+const PATH_KEPT: usize = 256;
+/// Accounts between supervisor and vibration that may wait: each makes those before it needless.
+const ACCOUNTS_KEPT: usize = 4;
 
 /// A model on its way to the cycle, and, once replaced, back to be freed where freeing may take time.
 #[derive(Debug)]
@@ -40,6 +46,15 @@ pub struct CycleRecord {
     pub wrench_in_base: bool,
 }
 
+/// What the vibration thread has to say of itself.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Hearing {
+    /// Sensor and stream.
+    pub health: Health,
+    /// The line that matters most now, where there is one.
+    pub line: Option<Verdict>,
+}
+
 /// Everything that threads hand to each other.
 #[derive(Debug)]
 pub struct Exchange {
@@ -53,7 +68,9 @@ pub struct Exchange {
     /// Vibration to cycle: the newest wrench.
     pub newest_wrench: ArrayQueue<Measured>,
     /// Supervisor to vibration: what the process does.
-    pub process_state: ArrayQueue<ProcessState>,
+    pub known: ArrayQueue<Known>,
+    /// Cycle to supervisor: where the tool is sent.
+    pub path: ArrayQueue<PathPoint>,
     /// Supervisor to cycle: spindle speed, rev/min, as bits.
     pub spindle_rpm_bits: AtomicU64,
     /// Cycle to recorder.
@@ -64,8 +81,10 @@ pub struct Exchange {
     pub empty_blocks: ArrayQueue<Box<ForceBlock>>,
     /// Vibration to recorder.
     pub verdicts: ArrayQueue<Verdict>,
-    /// Vibration to supervisor: the last verdict.
-    pub last_verdict: ArrayQueue<Verdict>,
+    /// Vibration to supervisor: verdicts, to be told.
+    pub told: ArrayQueue<Verdict>,
+    /// Vibration to supervisor: how it is.
+    pub hearing: ArrayQueue<Hearing>,
     /// Cycle to supervisor: latency from the command's sending to its answer.
     pub latency: Latency,
     /// Counts.
@@ -94,6 +113,7 @@ pub struct Counters {
     pub corrected_lost: AtomicU64,
     pub force_blocks: AtomicU64,
     pub force_gaps: AtomicU64,
+    pub force_refused: AtomicU64,
     pub recorder_dropped: AtomicU64,
     /// Loop gain of the wrench correction, as bits.
     pub loop_gain_bits: AtomicU64,
@@ -105,6 +125,8 @@ pub struct Counters {
     pub last_said: AtomicU64,
     /// `CLOCK_MONOTONIC` of the last command, ns.
     pub last_command_ns: AtomicU64,
+    /// `CLOCK_MONOTONIC` of the last force block, ns; 0 before the first.
+    pub last_block_ns: AtomicU64,
 }
 
 impl Exchange {
@@ -121,13 +143,15 @@ impl Exchange {
             retired_models: ArrayQueue::new(2),
             new_ports: [ArrayQueue::new(1), ArrayQueue::new(1)],
             newest_wrench: ArrayQueue::new(1),
-            process_state: ArrayQueue::new(1),
+            known: ArrayQueue::new(ACCOUNTS_KEPT),
+            path: ArrayQueue::new(PATH_KEPT),
             spindle_rpm_bits: AtomicU64::new(f64::NAN.to_bits()),
             cycles: ArrayQueue::new(kept(CYCLES_KEPT)),
             blocks: ArrayQueue::new(BLOCKS_KEPT),
             empty_blocks,
             verdicts: ArrayQueue::new(VERDICTS_KEPT),
-            last_verdict: ArrayQueue::new(1),
+            told: ArrayQueue::new(VERDICTS_KEPT),
+            hearing: ArrayQueue::new(ACCOUNTS_KEPT),
             latency: Latency::default(),
             counters: Counters::default(),
             bypassed: AtomicBool::new(false),

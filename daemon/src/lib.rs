@@ -13,7 +13,9 @@
 pub mod cycle;
 pub mod exchange;
 pub mod latency;
+pub mod news;
 pub mod pacer;
+pub mod process;
 pub mod realtime;
 pub mod recorder;
 pub mod robot;
@@ -22,6 +24,8 @@ pub mod setup;
 pub mod status;
 pub mod supervisor;
 pub mod translate;
+pub mod travel;
+pub mod verdicts;
 pub mod vibration;
 
 use crate::cycle::Cycle;
@@ -32,13 +36,12 @@ use crate::recorder::Recorder;
 use crate::robot::Robot;
 use crate::senses::Senses;
 use crate::supervisor::Supervisor;
-use crate::vibration::Listener;
+use crate::vibration::{Ears, Listener};
 use corrector::{Corrector, Settings};
 use recording::cell::{CellConfig, Realtime};
 use recording::files::FileError;
 use recording::model::RobotModel;
 use shm_schema::{Cell, Command, DaemonPorts, DaemonSide, DomainError, PortError};
-use spectrum::Watch;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc;
@@ -102,7 +105,7 @@ pub fn run(options: Options, ready: impl FnOnce()) -> Result<(), DaemonError> {
     config.check_against(&config_name, &setup::joint_kinds(arm)).map_err(FileError::from)?;
     let settings = setup::settings(&config, arm, lockstep)?;
     let bounds = setup::bounds(&settings, arm);
-    let watch = setup::watch(&config, &model)?;
+    let ears = setup::ears(&config, &model)?;
     tell_model(&model);
 
     let domain = DaemonSide::create(&Cell::new(&config.cell)?)?;
@@ -110,10 +113,9 @@ pub fn run(options: Options, ready: impl FnOnce()) -> Result<(), DaemonError> {
         tolerate(realtime::lock_memory(), config.realtime.enforce)?;
     }
     let exchange = Arc::new(Exchange::new(settings.mode, config.recorder.is_some()));
-    let mut supervisor = Supervisor::join(domain, config.model.clone(), model.clone(), bounds)?;
-    supervisor.constants.armed_mode = setup::armed_mode(&config);
+    let mut supervisor = Supervisor::join(domain, &config, model.clone(), bounds)?;
     let threads =
-        start_threads(&config, settings, &model, watch, config_text, &mut supervisor, &exchange)
+        start_threads(&config, settings, &model, ears, config_text, &mut supervisor, &exchange)
             .inspect_err(|_| exchange.stop())?;
     info!(cell = config.cell, mode = ?settings.mode, "ready");
     ready();
@@ -133,15 +135,17 @@ fn start_threads(
     config: &CellConfig,
     settings: Settings,
     model: &RobotModel,
-    watch: Option<Watch>,
+    ears: Ears,
     config_text: String,
     supervisor: &mut Supervisor,
     exchange: &Arc<Exchange>,
 ) -> Result<Vec<(&'static str, Thread)>, DaemonError> {
     let ports = supervisor.domain.ports();
     let cycle = start_cycle(config, settings, model, &ports, exchange)?;
+    let manners = below(config.realtime);
     let vibration = start("vibration", exchange, move |exchange, started| {
-        let mut listener = Listener::join(&ports, watch)?;
+        take_manners(manners)?;
+        let mut listener = Listener::join(&ports, ears)?;
         started();
         listener.run(exchange);
         Ok(())
@@ -234,6 +238,12 @@ fn take_manners(realtime: Realtime) -> Result<(), Refused> {
         tolerate(realtime::set_fifo(priority), realtime.enforce)?;
     }
     Ok(())
+}
+
+/// The manners of a thread that gives way to the cycle: a priority below it, on any core.
+fn below(realtime: Realtime) -> Realtime {
+    let priority = realtime.fifo_priority.map(|priority| priority.saturating_sub(1));
+    Realtime { fifo_priority: priority.filter(|priority| *priority > 0), core: None, ..realtime }
 }
 
 /// A refusal ends the start where the configuration insists; else it is told.

@@ -10,7 +10,7 @@ use recording::blackbox::{self, BlackBox, BlackBoxError, Few, ForceRecord, Heade
 use recording::cell::Recorder as Settings;
 use shm_schema::{
     Command, Corrected, CorrectionStatus, Reason, RecorderState, Verdict, VibrationClass,
-    VibrationState,
+    VibrationState, channel_name,
 };
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -223,14 +223,13 @@ fn force_record(block: &shm_schema::ForceBlock) -> ForceRecord {
 }
 
 fn verdict_record(verdict: &Verdict) -> VerdictRecord {
-    let axes = ["x", "y", "z", "mx", "my", "mz"];
     let state = verdict.state().unwrap_or(VibrationState::Over);
     let class = verdict.class().unwrap_or(VibrationClass::Unknown);
     VerdictRecord {
         t_ns: verdict.t_ns,
         state: state.to_string(),
         class: class.to_string(),
-        axis: axes.get(verdict.axis as usize).copied().unwrap_or("x").to_owned(),
+        axis: channel_name(verdict.axis).to_owned(),
         frequency_hz: verdict.frequency_hz,
         amplitude_n: verdict.amplitude,
         floor_n: f64::NAN,

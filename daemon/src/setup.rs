@@ -4,13 +4,15 @@
 
 use crate::pacer::Wait;
 use crate::senses::WrenchSource;
+use crate::vibration::Ears;
 use corrector::{Mode, Settings, Task, WrenchSettings};
 use envelope::{Limits, LimitsError};
 use physics::{Arm, JOINTS_MAX, JointKind};
 use recording::cell::{self, CellConfig};
 use recording::model::RobotModel;
-use shm_schema::JointBounds;
-use spectrum::{ConfigError, ProcessState, Watch, WatchConfig};
+use recording::series::Frame;
+use shm_schema::{FORCE_SAMPLES_MAX, JointBounds};
+use spectrum::{ConfigError, Stream, Watch, WatchConfig};
 
 /// What the corrector is set to.
 ///
@@ -55,33 +57,47 @@ pub fn bounds(settings: &Settings, arm: &Arm) -> JointBounds {
     bounds
 }
 
-/// The vibration watch, where the cell has one.
+/// What the force samples go through.
 ///
 /// # Errors
 /// A setting that cannot be watched.
-pub fn watch(config: &CellConfig, model: &RobotModel) -> Result<Option<Watch>, ConfigError> {
-    let (Some(force), Some(vibration)) = (config.force, config.vibration) else { return Ok(None) };
-    let modes = model.file.modes.iter().map(|mode| spectrum::Mode {
-        frequency_hz: mode.frequency_hz,
-        damping: mode.damping_ratio.unwrap_or(0.0),
-        direction: mode.direction.unwrap_or([0.0; 3]),
-    });
-    let mut watch = Watch::new(WatchConfig {
+pub fn ears(config: &CellConfig, model: &RobotModel) -> Result<Ears, ConfigError> {
+    let Some(force) = config.force else { return Ok(Ears::None) };
+    let sensor = WatchConfig {
         rate_hz: force.rate_hz,
         channels: force.channels,
-        band_hz: [vibration.band_hz.0, vibration.band_hz.1],
-        modes: modes.collect(),
-        least_amplitude_n: vibration.least_amplitude_n,
+        full_scale_n: force.full_scale_n,
+        full_scale_nm: force.full_scale_nm,
         ..WatchConfig::default()
+    };
+    let Some(vibration) = config.vibration else {
+        return Ok(Ears::Sensor(Box::new(Stream::new(&sensor))));
+    };
+    let watch = Watch::new(WatchConfig {
+        band_hz: [vibration.band_hz.0, vibration.band_hz.1],
+        modes: modes(model, config.wrench.frame).collect(),
+        least_amplitude_n: vibration.least_amplitude_n,
+        least_amplitude_nm: vibration.least_amplitude_nm,
+        ..sensor
     })?;
-    if vibration.spindle_rpm.is_some() {
-        watch.process_state(ProcessState {
-            spindle_rpm: vibration.spindle_rpm.unwrap_or(0.0),
-            teeth: vibration.teeth.unwrap_or(0),
-            ..ProcessState::default()
-        });
-    }
-    Ok(Some(watch))
+    Ok(Ears::Watch(Box::new(watch)))
+}
+
+/// The model's natural frequencies. Their directions stand in base axes, so that they mean something to the force channels
+/// only where those do too.
+pub fn modes(model: &RobotModel, frame: Frame) -> impl Iterator<Item = spectrum::Mode> {
+    model.file.modes.iter().map(move |mode| spectrum::Mode {
+        frequency_hz: mode.frequency_hz,
+        damping: mode.damping_ratio.unwrap_or(0.0),
+        direction: mode.direction.filter(|_| frame == Frame::Base).unwrap_or([0.0; 3]),
+    })
+}
+
+/// Silence of the force stream from which on it is told, ns: a second, or two of the longest blocks. None where there is no
+/// stream.
+pub fn silent_after_ns(config: &CellConfig) -> Option<u64> {
+    let longest_s = |rate_hz: f64| 2.0 * FORCE_SAMPLES_MAX as f64 / rate_hz;
+    config.force.map(|force| nanoseconds(longest_s(force.rate_hz).max(1.0)))
 }
 
 /// Where the wrench comes from.

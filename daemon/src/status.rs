@@ -1,11 +1,19 @@
-//! The daemon's own account of itself, made from the counters.
+//! The daemon's own account of itself, made from the counters and from what the vibration thread says.
 //!
-//! Promises: a status can be made at any time, by reading atomics alone.
+//! Promises: a status can be made at any time, without waiting for anybody; whatever is wrong with the force stream is named.
 
-use crate::exchange::Exchange;
+use crate::exchange::{Exchange, Hearing};
+use crate::setup;
+use crate::verdicts::faults;
 use corrector::Mode;
+use recording::cell::CellConfig;
 use recording::model::RobotModel;
-use shm_schema::{Health, JointBounds, Reason, Status, Text, Verdict, monotonic_ns};
+use shm_schema::{
+    Health, InCut, JointBounds, Reason, SensorFault, Status, Text, VibrationState, WatchState,
+    monotonic_ns,
+};
+use spectrum::ProcessState;
+use std::fmt::Write as _;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 /// A daemon without a command for this long is idle, ns.
@@ -22,13 +30,16 @@ pub struct Constants {
     bounds: JointBounds,
     /// The mode that arming leads to.
     pub armed_mode: Mode,
-    last_verdict: Option<Verdict>,
+    /// Silence of the force stream that is told, ns; none where the cell has no stream.
+    silent_after_ns: Option<u64>,
+    watches: bool,
+    hearing: Option<Hearing>,
     seq: u64,
 }
 
 impl Constants {
-    /// Of this model and these bounds.
-    pub fn new(model: &RobotModel, bounds: JointBounds) -> Self {
+    /// Of this cell, model and bounds.
+    pub fn new(config: &CellConfig, model: &RobotModel, bounds: JointBounds) -> Self {
         let mut constants = Self {
             started_ns: monotonic_ns(),
             joints: 0,
@@ -36,8 +47,10 @@ impl Constants {
             model_name: String::new(),
             uncompensated: 0,
             bounds,
-            armed_mode: Mode::Full,
-            last_verdict: None,
+            armed_mode: setup::armed_mode(config),
+            silent_after_ns: setup::silent_after_ns(config),
+            watches: config.vibration.is_some() && config.force.is_some(),
+            hearing: None,
             seq: 0,
         };
         constants.take(model);
@@ -55,19 +68,16 @@ impl Constants {
         }
     }
 
-    /// The status now.
-    pub fn status(&mut self, exchange: &Exchange) -> Status {
+    /// The status now, while the process is in that state.
+    pub fn status(&mut self, exchange: &Exchange, process: &ProcessState) -> Status {
         self.seq += 1;
-        if let Some(verdict) = exchange.last_verdict.pop() {
-            self.last_verdict = Some(verdict);
+        while let Some(hearing) = exchange.hearing.pop() {
+            self.hearing = Some(hearing);
         }
         let counters = &exchange.counters;
         let read = |counter: &AtomicU64| counter.load(Relaxed);
         let latency = exchange.latency.quantiles();
-        let verdict = self.last_verdict.unwrap_or_default();
-        let rings = verdict.state != 0;
-        let health = self.health(exchange);
-        Status {
+        let mut status = Status {
             seq: self.seq,
             t_ns: monotonic_ns(),
             started_ns: self.started_ns,
@@ -83,6 +93,7 @@ impl Constants {
             corrected_lost: read(&counters.corrected_lost),
             force_blocks: read(&counters.force_blocks),
             force_gaps: read(&counters.force_gaps),
+            force_refused: read(&counters.force_refused),
             malformed: read(&counters.malformed),
             recorder_dropped: read(&counters.recorder_dropped),
             latency_p50_ns: latency.p50_ns,
@@ -90,29 +101,64 @@ impl Constants {
             latency_p999_ns: latency.p999_ns,
             latency_max_ns: latency.max_ns,
             wrench_loop_gain: f64::from_bits(read(&counters.loop_gain_bits)),
-            vibration_hz: if rings { verdict.frequency_hz } else { f64::NAN },
-            vibration_amplitude: if rings { verdict.amplitude } else { f64::NAN },
             pid: std::process::id(),
-            health: health.code(),
             mode: mode(exchange.mode()).code(),
             bypassed: u32::from(exchange.bypassed.load(Relaxed)),
             joints: self.joints,
             wrench_gate: counters.gate.load(Relaxed),
             recorder: exchange.recorder().code(),
-            vibration: verdict.state,
-            vibration_axis: verdict.axis,
             uncompensated_effects: self.uncompensated,
             bounds: self.bounds,
-            message: Text::new(&self.words(exchange, health)),
             ..Status::default()
+        };
+        self.hear(exchange, process, &mut status);
+        let health = self.health(exchange, &status);
+        status.health = health.code();
+        status.message = Text::new(&self.words(exchange, health, &status));
+        status
+    }
+
+    /// What is known of force stream, watch and process.
+    fn hear(&self, exchange: &Exchange, process: &ProcessState, status: &mut Status) {
+        let known = |x: f64| if x > 0.0 { x } else { f64::NAN };
+        status.spindle_rpm = known(process.spindle_rpm);
+        status.feed_mm_s = known(process.feed_mm_s);
+        status.in_cut = match process.in_cut {
+            None => InCut::Unknown,
+            Some(false) => InCut::Air,
+            Some(true) => InCut::Cut,
+        }
+        .code();
+        let Hearing { health, line } = self.hearing.unwrap_or_default();
+        let silent = self.is_silent(exchange);
+        let watch = match (self.watches, self.hearing) {
+            (false, _) => WatchState::Off,
+            (true, Some(_)) if !health.learning => WatchState::Watching,
+            (true, _) => WatchState::Learning,
+        };
+        status.watch = watch.code();
+        status.stream_faults = faults(health.stream);
+        status.channel_faults = health.channel.map(faults);
+        if silent {
+            // What was heard last says nothing of now.
+            status.stream_faults |= SensorFault::Silent.bit();
+        } else if let Some(line) = line {
+            status.verdict = line;
         }
     }
 
-    fn health(&self, exchange: &Exchange) -> Health {
-        let last_ns = exchange.counters.last_command_ns.load(Relaxed);
+    fn is_silent(&self, exchange: &Exchange) -> bool {
+        let last_ns = exchange.counters.last_block_ns.load(Relaxed).max(self.started_ns);
+        let silence_ns = monotonic_ns().saturating_sub(last_ns);
+        self.silent_after_ns.is_some_and(|limit_ns| silence_ns > limit_ns)
+    }
+
+    fn health(&self, exchange: &Exchange, status: &Status) -> Health {
         if !exchange.runs() {
             Health::Stopping
-        } else if last_ns == 0 || monotonic_ns().saturating_sub(last_ns) > IDLE_AFTER_NS {
+        } else if status.force_faults().next().is_some() {
+            Health::Degraded
+        } else if !commands_come(exchange) {
             Health::Idle
         } else if self.last_reason(exchange).is_some() {
             Health::Degraded
@@ -129,19 +175,38 @@ impl Constants {
         (!quiet.contains(&reason)).then_some(reason)
     }
 
-    fn words(&self, exchange: &Exchange, health: Health) -> String {
+    /// What a person should know, the most urgent first.
+    fn words(&self, exchange: &Exchange, health: Health, status: &Status) -> String {
         let mut words = format!("{}: {health}", self.model_name);
-        if health == Health::Degraded
+        let mut add = |part: std::fmt::Arguments<'_>| {
+            // Writing to a text does not fail.
+            let _ = write!(words, "; {part}");
+        };
+        if commands_come(exchange)
             && let Some(reason) = self.last_reason(exchange)
         {
-            words = format!("{words} ({reason})");
+            add(format_args!("{reason}"));
+        }
+        for fault in status.force_faults() {
+            add(format_args!("{fault}"));
+        }
+        if status.verdict.state().is_ok_and(|state| state != VibrationState::Over) {
+            add(format_args!("{}", status.verdict));
+        }
+        if status.watch() == Ok(WatchState::Learning) {
+            add(format_args!("the vibration watch learns the noise floor, no line is told yet"));
         }
         if self.uncompensated > 0 {
-            words =
-                format!("{words}; {} effects of the model are not compensated", self.uncompensated);
+            add(format_args!("{} effects of the model are not compensated", self.uncompensated));
         }
         words
     }
+}
+
+/// Whether commands have come lately.
+pub fn commands_come(exchange: &Exchange) -> bool {
+    let last_ns = exchange.counters.last_command_ns.load(Relaxed);
+    last_ns != 0 && monotonic_ns().saturating_sub(last_ns) <= IDLE_AFTER_NS
 }
 
 fn mode(mode: Mode) -> shm_schema::Mode {

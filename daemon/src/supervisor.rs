@@ -4,15 +4,17 @@
 //! one that does is swapped in between two cycles. Never: anything that the cycle waits for.
 
 use crate::exchange::{Exchange, LoadedModel};
+use crate::news::News;
+use crate::process::Process;
 use crate::{setup, status};
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
+use recording::cell::CellConfig;
 use recording::model::RobotModel;
 use shm_schema::{
     Answer, ControlServer, DaemonSide, JointBounds, Operation, PortError, Publisher, Request,
     Response, Status,
 };
-use spectrum::ProcessState;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
@@ -35,8 +37,9 @@ pub struct Supervisor {
     model_path: PathBuf,
     model: RobotModel,
     model_epoch: u64,
-    /// What status says beside the counters.
-    pub constants: status::Constants,
+    constants: status::Constants,
+    process: Process,
+    news: News,
     looks: u32,
 }
 
@@ -47,20 +50,31 @@ impl Supervisor {
     /// Where the transport refuses a port.
     pub fn join(
         domain: DaemonSide,
-        model_path: PathBuf,
+        config: &CellConfig,
         model: RobotModel,
         bounds: JointBounds,
     ) -> Result<Self, PortError> {
         let ports = domain.ports();
-        let constants = status::Constants::new(&model, bounds);
-        let (status, control) = (ports.publisher()?, ports.control()?);
-        Ok(Self { domain, status, control, model_path, model, model_epoch: 1, constants, looks: 0 })
+        Ok(Self {
+            status: ports.publisher()?,
+            control: ports.control()?,
+            model_path: config.model.clone(),
+            model_epoch: 1,
+            constants: status::Constants::new(config, &model, bounds),
+            process: Process::new(config, &model),
+            news: News::default(),
+            looks: 0,
+            domain,
+            model,
+        })
     }
 
     /// One look at everything.
     pub fn look(&mut self, exchange: &Exchange) {
         free_retired(exchange);
         self.serve(exchange);
+        let commands_come = status::commands_come(exchange);
+        self.process.look(&self.model.physics.arm, exchange, commands_come);
         let found = self.domain.supervise();
         if found.cleaned > 0 {
             info!(clients = found.cleaned, "cleaned up after clients that died");
@@ -74,16 +88,17 @@ impl Supervisor {
         self.looks = self.looks.wrapping_add(1);
     }
 
-    /// Publishes the status as it is now.
+    /// Publishes the status as it is now, and logs what is new in it.
     pub fn tell(&mut self, exchange: &Exchange) {
-        let message = self.constants.status(exchange);
+        let message = self.constants.status(exchange, &self.process.state());
         self.status.send(&message);
+        self.news.log(exchange, &message);
     }
 
     fn serve(&mut self, exchange: &Exchange) {
-        let Self { control, model_path, model, model_epoch, constants, .. } = self;
+        let Self { control, model_path, model, model_epoch, constants, process, .. } = self;
         while control.serve(|request| {
-            let mut desk = Desk { model_path, model, model_epoch, constants };
+            let mut desk = Desk { model_path, model, model_epoch, constants, process };
             let (answer, words) = desk.answer(exchange, request);
             info!(%answer, words, "request");
             Response::to(request, answer, &words)
@@ -123,6 +138,7 @@ struct Desk<'a> {
     model: &'a mut RobotModel,
     model_epoch: &'a mut u64,
     constants: &'a mut status::Constants,
+    process: &'a mut Process,
 }
 
 impl Desk<'_> {
@@ -149,7 +165,7 @@ impl Desk<'_> {
                 };
                 (Answer::Done, words.to_owned())
             }
-            Operation::ProcessState => process_state(exchange, request),
+            Operation::ProcessState => self.process.tell(exchange, request),
         }
     }
 
@@ -176,6 +192,7 @@ impl Desk<'_> {
         }
         let words = format!("{} loaded from {}", next.file.name, path.display());
         self.constants.take(&next);
+        self.process.take(&next);
         (*self.model_path, *self.model) = (path, next);
         (Answer::Done, brief(&words))
     }
@@ -204,23 +221,6 @@ impl Desk<'_> {
 /// Frees models that the cycle gave back, here, where freeing may take time.
 fn free_retired(exchange: &Exchange) {
     while exchange.retired_models.pop().is_some() {}
-}
-
-fn process_state(exchange: &Exchange, request: &Request) -> (Answer, String) {
-    let (spindle_rpm, feed_mm_s) = (request.spindle_rpm, request.feed_mm_s);
-    if spindle_rpm.is_infinite() || feed_mm_s.is_infinite() {
-        return (
-            Answer::Refused,
-            "spindle speed and feed must be finite, or NaN where unknown".to_owned(),
-        );
-    }
-    exchange.spindle_rpm_bits.store(spindle_rpm.to_bits(), Relaxed);
-    let state = ProcessState { spindle_rpm, teeth: request.teeth, feed_mm_s, in_cut: None };
-    exchange.process_state.force_push(state);
-    (
-        Answer::Done,
-        format!("spindle {spindle_rpm} rev/min, {} teeth, feed {feed_mm_s} mm/s", request.teeth),
-    )
 }
 
 /// What fits into an answer: the first lines of a longer account.

@@ -1,45 +1,82 @@
-//! Listens to the force samples: verdicts out, the newest wrench to the cycle.
+//! Listens to the force samples: verdicts out, the newest wrench to the cycle, the sensor's health to the supervisor.
 //!
 //! Thread `vibration`, at the pace of the blocks. Promises: after [`Listener::join`] nothing is allocated but the transport's one
-//! block per verdict; a block that cannot be read is counted. Never: a wait longer than `LOOK_EVERY_NS`.
+//! block per verdict; a block that cannot be read is counted and named. Never: a wait longer than `LOOK_EVERY_NS`.
 
-use crate::exchange::{Exchange, count};
+use crate::exchange::{Exchange, Hearing, count};
 use crate::pacer::sleep_until;
 use crate::senses::Measured;
-use shm_schema::{Advice, DaemonPorts};
+use crate::verdicts;
 use shm_schema::{
-    FORCE_CHANNELS_MAX, FORCE_SAMPLES_MAX, ForceBlock, Payload, PortError, Publisher, Subscriber,
-    Verdict, VibrationClass, VibrationState, monotonic_ns,
+    DaemonPorts, FORCE_CHANNELS_MAX, FORCE_SAMPLES_MAX, ForceBlock, Payload, PortError, Publisher,
+    Subscriber, Verdict, monotonic_ns,
 };
-use spectrum::{Block, NearestLine, Watch};
+use spectrum::{Block, Health, State, Stream, Verdicts, Watch};
 use std::sync::atomic::Ordering::Relaxed;
 
 /// How often the thread looks for blocks, ns.
 const LOOK_EVERY_NS: u64 = 500_000;
+/// Blocks taken in one look at most: a sender without pause must not keep the thread from its orders.
+const BLOCKS_PER_LOOK: usize = 64;
+/// How often it gives an account of itself, ns.
+const ACCOUNT_EVERY_NS: u64 = 20_000_000;
+
+/// What the force samples go through.
+pub enum Ears {
+    /// The cell has no force stream: a wrench is passed on as it comes.
+    None,
+    /// Sensor and stream are looked after.
+    Sensor(Box<Stream>),
+    /// And vibrations are watched for.
+    Watch(Box<Watch>),
+}
+
+impl Ears {
+    /// Takes a block; says whether it was good, and what is new.
+    fn take(&mut self, block: &Block<'_>) -> (bool, Verdicts) {
+        match self {
+            Self::None => (block.channels > 0 && block.rate_hz > 0.0, Verdicts::default()),
+            Self::Sensor(stream) => (stream.push(block), Verdicts::default()),
+            Self::Watch(watch) => {
+                let before = watch.health().blocks;
+                let verdicts = watch.push(block);
+                (watch.health().blocks != before, verdicts)
+            }
+        }
+    }
+
+    fn health(&self) -> Health {
+        match self {
+            Self::None => Health::default(),
+            Self::Sensor(stream) => stream.health(),
+            Self::Watch(watch) => watch.health(),
+        }
+    }
+}
 
 /// The vibration thread's belongings.
 pub struct Listener {
     blocks: Subscriber<ForceBlock>,
     verdicts: Publisher<Verdict>,
-    watch: Option<Watch>,
+    ears: Ears,
     interleaved: Vec<f64>,
-    last: (u64, u64),
     said: u64,
+    account_due_ns: u64,
 }
 
 impl Listener {
-    /// Makes the ports, in the thread that will use them. Without a watch, only the wrench is passed on.
+    /// Makes the ports, in the thread that will use them.
     ///
     /// # Errors
     /// Where the transport refuses a port.
-    pub fn join(ports: &DaemonPorts, watch: Option<Watch>) -> Result<Self, PortError> {
+    pub fn join(ports: &DaemonPorts, ears: Ears) -> Result<Self, PortError> {
         Ok(Self {
             blocks: ports.subscriber()?,
             verdicts: ports.publisher()?,
-            watch,
+            ears,
             interleaved: vec![0.0; FORCE_CHANNELS_MAX * FORCE_SAMPLES_MAX],
-            last: (0, 0),
             said: 0,
+            account_due_ns: 0,
         })
     }
 
@@ -47,16 +84,27 @@ impl Listener {
     pub fn run(&mut self, exchange: &Exchange) {
         while exchange.runs() {
             self.take_orders(exchange);
-            while let Some(block) = self.blocks.take_next() {
+            let mut blocks = 0;
+            while blocks < BLOCKS_PER_LOOK
+                && let Some(block) = self.blocks.take_next()
+            {
                 self.listen(exchange, &block);
+                blocks += 1;
             }
-            sleep_until(monotonic_ns() + LOOK_EVERY_NS);
+            self.give_account(exchange);
+            if blocks < BLOCKS_PER_LOOK {
+                sleep_until(monotonic_ns() + LOOK_EVERY_NS);
+            }
         }
     }
 
     fn take_orders(&mut self, exchange: &Exchange) {
-        if let (Some(state), Some(watch)) = (exchange.process_state.pop(), &mut self.watch) {
-            watch.process_state(state);
+        while let Some(known) = exchange.known.pop() {
+            if let Ears::Watch(watch) = &mut self.ears {
+                watch.process_state(known.state);
+                watch.wheels(known.wheels.into_iter().flatten());
+                watch.modes(known.modes.into_iter().flatten());
+            }
         }
         if let Some(ports) = exchange.new_ports[1].pop()
             && let (Ok(blocks), Ok(verdicts)) = (ports.subscriber(), ports.publisher())
@@ -66,45 +114,80 @@ impl Listener {
     }
 
     fn listen(&mut self, exchange: &Exchange, block: &ForceBlock) {
-        if block.check().is_err() || block.rate_hz.is_nan() || block.rate_hz <= 0.0 {
+        exchange.counters.last_block_ns.store(monotonic_ns(), Relaxed);
+        let readable = block.check().is_ok();
+        if !readable {
             count(&exchange.counters.malformed);
-            return;
         }
-        count(&exchange.counters.force_blocks);
-        let (session, seq) = self.last;
-        if session == block.session {
-            let lost = block.seq.saturating_sub(seq).saturating_sub(1);
-            exchange.counters.force_gaps.fetch_add(lost, Relaxed);
-        }
-        self.last = (block.session, block.seq);
-        exchange.newest_wrench.force_push(mean(block));
-        self.watch(exchange, block);
-        exchange.record_block(block);
-    }
-
-    fn watch(&mut self, exchange: &Exchange, block: &ForceBlock) {
-        let (channels, samples) = (block.channels as usize, block.samples as usize);
+        // What cannot be read is a block without channels: of the wrong shape.
+        let (channels, samples) =
+            if readable { (block.channels as usize, block.samples as usize) } else { (0, 0) };
         for channel in 0..channels {
             for (i, value) in block.channel(channel).iter().enumerate() {
                 self.interleaved[i * channels + channel] = *value;
             }
         }
-        let Some(watch) = &mut self.watch else { return };
-        let verdicts = watch.push(&Block {
+        let (is_good, news) = self.ears.take(&Block {
+            session: block.session,
             seq: block.seq,
+            samples_before: Some(block.samples_before),
             t_ns: block.t_ns,
             rate_hz: block.rate_hz,
             channels,
             samples: &self.interleaved[..channels * samples],
         });
-        for verdict in &verdicts {
+        self.say(exchange, &news);
+        if is_good {
+            count(&exchange.counters.force_blocks);
+            exchange.newest_wrench.force_push(mean(block));
+        }
+        if readable {
+            exchange.record_block(block);
+        }
+    }
+
+    fn say(&mut self, exchange: &Exchange, news: &Verdicts) {
+        if news.is_empty() {
+            return;
+        }
+        let health = self.ears.health();
+        for verdict in news {
             self.said += 1;
-            let message = translated(verdict, self.said);
+            let message = verdicts::verdict(verdict, &health, self.said);
             self.verdicts.send(&message);
-            exchange.last_verdict.force_push(message);
+            // Rings that are full: what is lost there went out all the same.
+            let _ = exchange.told.push(message);
             let _ = exchange.verdicts.push(message);
         }
     }
+
+    /// Tells the supervisor how sensor and lines are.
+    fn give_account(&mut self, exchange: &Exchange) {
+        let now_ns = monotonic_ns();
+        if now_ns < self.account_due_ns {
+            return;
+        }
+        self.account_due_ns = now_ns + ACCOUNT_EVERY_NS;
+        let health = self.ears.health();
+        exchange.counters.force_gaps.store(health.lost_blocks, Relaxed);
+        exchange.counters.force_refused.store(health.refused_blocks, Relaxed);
+        let line = match &self.ears {
+            Ears::Watch(watch) => foremost(&watch.lines()),
+            Ears::None | Ears::Sensor(_) => None,
+        };
+        let line = line.map(|line| verdicts::verdict(&line, &health, self.said));
+        let _ = exchange.hearing.push(Hearing { health, line });
+    }
+}
+
+/// The line that has come furthest; of several the loudest, a force before a moment.
+fn foremost(lines: &Verdicts) -> Option<spectrum::Verdict> {
+    let rank = |line: &spectrum::Verdict| (line.state, line.axis.channel() < 3);
+    lines
+        .iter()
+        .filter(|line| line.state != State::Over)
+        .max_by(|a, b| rank(a).cmp(&rank(b)).then(a.amplitude_n.total_cmp(&b.amplitude_n)))
+        .copied()
 }
 
 /// The block's mean, at its middle: what the cycle takes for the wrench.
@@ -119,73 +202,4 @@ fn mean(block: &ForceBlock) -> Measured {
     let half_ns = (0.5e9 * f64::from(block.samples) / block.rate_hz) as u64;
     let in_base = block.flags & ForceBlock::IN_BASE != 0;
     Measured { wrench, in_base, t_ns: block.t_ns.saturating_add(half_ns) }
-}
-
-fn translated(verdict: &spectrum::Verdict, seq: u64) -> Verdict {
-    let at = |line: Option<NearestLine>| {
-        line.map_or((f64::NAN, f64::NAN), |line| (line.frequency_hz, line.distance_hz))
-    };
-    let (nearest_mode_hz, mode_distance_hz) = at(verdict.mode);
-    let (nearest_harmonic_hz, harmonic_distance_hz) = at(verdict.harmonic);
-    let (nearest_alias_hz, alias_distance_hz) = at(verdict.alias);
-    let (advice, advice_rpm) = advice(&verdict.advice);
-    let rivals = verdict.rivals.iter().fold(0, |bits, rival| bits | 1 << class(rival).code());
-    Verdict {
-        seq,
-        t_ns: verdict.t_ns,
-        made_ns: monotonic_ns(),
-        event: u64::from(verdict.line),
-        frequency_hz: verdict.frequency_hz,
-        amplitude: verdict.amplitude_n,
-        advice_rpm,
-        growth_per_s: verdict.growth_per_s,
-        nearest_mode_hz,
-        mode_distance_hz,
-        nearest_harmonic_hz,
-        harmonic_distance_hz,
-        nearest_alias_hz,
-        alias_distance_hz,
-        state: state(verdict.state).code(),
-        class: class(verdict.class).code(),
-        rivals,
-        axis: verdict.axis.channel() as u32,
-        suspect_alias: u32::from(verdict.suspect_alias),
-        advice: advice.code(),
-        ..Verdict::default()
-    }
-}
-
-fn state(state: spectrum::State) -> VibrationState {
-    match state {
-        spectrum::State::Warn => VibrationState::Warn,
-        spectrum::State::Alarm => VibrationState::Alarm,
-        spectrum::State::Confirmed => VibrationState::Confirmed,
-        spectrum::State::Over => VibrationState::Over,
-    }
-}
-
-fn class(class: spectrum::Class) -> VibrationClass {
-    match class {
-        spectrum::Class::Forced => VibrationClass::Forced,
-        spectrum::Class::Chatter => VibrationClass::Chatter,
-        spectrum::Class::ModeCoupling => VibrationClass::ModeCoupling,
-        spectrum::Class::Gear => VibrationClass::Gear,
-        spectrum::Class::Structural => VibrationClass::Structural,
-        spectrum::Class::Electrical => VibrationClass::Electrical,
-        spectrum::Class::Unknown => VibrationClass::Unknown,
-    }
-}
-
-fn advice(advice: &spectrum::Advice) -> (Advice, f64) {
-    use spectrum::Advice as From;
-    match *advice {
-        From::None => (Advice::None, f64::NAN),
-        From::MoveOffMode { spindle_rpm } => (Advice::MoveOffMode, spindle_rpm),
-        From::StabilityPocket { spindle_rpm, .. } => (Advice::StabilityPocket, spindle_rpm),
-        From::ChangeCut => (Advice::ChangeCut, f64::NAN),
-        From::ReduceDepth => (Advice::ReduceDepth, f64::NAN),
-        From::SampleFaster => (Advice::SampleFaster, f64::NAN),
-        From::CheckGear { .. } => (Advice::CheckGear, f64::NAN),
-        From::CheckWiring => (Advice::CheckWiring, f64::NAN),
-    }
 }

@@ -11,7 +11,7 @@ pub const PATH_BYTES_MAX: usize = 256;
 
 plain_struct! {
     /// One request.
-    pub struct Request = "trued.Request/1" {
+    pub struct Request = "trued.Request/2" {
         /// From 1, plus 1 with each request of this sender.
         pub seq: u64,
         /// Names this run of the sender.
@@ -30,11 +30,15 @@ plain_struct! {
         pub on: u32,
         /// Teeth of the cutter for [`Operation::ProcessState`]; 0 where unknown.
         pub teeth: u32,
+        /// An [`InCut`], for [`Operation::ProcessState`].
+        pub in_cut: u32,
+        /// How long the process state holds, ms; 0: until another one is told.
+        pub holds_ms: u32,
         /// The model for [`Operation::Reload`], absolute; empty: the one loaded now, read again.
         pub path: Text<PATH_BYTES_MAX>,
     }
 }
-payload!(Request = "trued.Request/1", layout 1, check |_| Ok(()));
+payload!(Request = "trued.Request/2", layout 2, check |_| Ok(()));
 
 impl Request {
     /// What is asked.
@@ -43,6 +47,14 @@ impl Request {
     /// [`UnknownCode`] where the client is of a later version.
     pub fn operation(&self) -> Result<Operation, UnknownCode> {
         self.operation.try_into()
+    }
+
+    /// Where the tool is, for [`Operation::ProcessState`].
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the client is of a later version.
+    pub fn in_cut(&self) -> Result<InCut, UnknownCode> {
+        self.in_cut.try_into()
     }
 }
 
@@ -99,8 +111,20 @@ codes! {
         Bypass = 2 "bypass",
         /// Leave shadow mode, or go back to it.
         Arm = 3 "arm",
-        /// Tell what the process does: spindle, teeth, feed.
+        /// Tell what the process does: spindle, teeth, feed, cut.
         ProcessState = 4 "process_state",
+    }
+}
+
+codes! {
+    /// Where the tool is.
+    pub enum InCut {
+        /// Not told: the watch judges by the forces.
+        Unknown = 0 "unknown",
+        /// It cuts nothing.
+        Air = 1 "air",
+        /// It cuts.
+        Cut = 2 "cut",
     }
 }
 

@@ -24,6 +24,8 @@ mod layout;
 mod motion;
 mod port;
 mod robot;
+mod sensor;
+mod sentence;
 mod services;
 mod status;
 mod text;
@@ -31,7 +33,7 @@ mod vibration;
 
 pub use clock::{monotonic_ns, new_session};
 pub use codes::UnknownCode;
-pub use control::{Answer, Operation, PATH_BYTES_MAX, Request, Response};
+pub use control::{Answer, InCut, Operation, PATH_BYTES_MAX, Request, Response};
 pub use domain::{
     Cell, Contract, Current, DaemonPorts, DaemonSide, DomainError, JoinError, Joined, PeerControl,
     PeerPublisher, PeerSubscriber, RUNTIME_DIR_ENV, Role, Seat, Supervision, sweep,
@@ -43,10 +45,11 @@ pub use port::{
     ControlClient, ControlServer, Pending, PortError, Publisher, SendOutcome, Subscriber,
 };
 pub use robot::RobotState;
+pub use sensor::{CHANNEL_NAMES, ForceFault, SensorFault, channel_name};
 pub use services::{CONTRACT_HASH, CONTRACT_VERSION, Topic};
-pub use status::{Health, JointBounds, Mode, RecorderState, Status};
+pub use status::{Health, JointBounds, Mode, RecorderState, Status, WatchState};
 pub use text::Text;
-pub use vibration::{Advice, SensorFault, Verdict, VibrationClass, VibrationState};
+pub use vibration::{Advice, Verdict, VibrationClass, VibrationState};
 
 /// Most joints of one robot.
 pub const JOINTS_MAX: usize = 16;

@@ -4,8 +4,11 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use crate::JOINTS_MAX;
 use crate::codes::{UnknownCode, codes};
+use crate::force::FORCE_CHANNELS_MAX;
 use crate::layout::{payload, plain_struct, within};
+use crate::sensor::ForceFault;
 use crate::text::Text;
+use crate::vibration::Verdict;
 
 plain_struct! {
     /// What bounds the published joint targets; the client ramps by the same rule when the daemon is gone.
@@ -25,7 +28,7 @@ plain_struct! {
 
 plain_struct! {
     /// The daemon's own account of itself. The first one is published before the epoch is announced.
-    pub struct Status = "trued.Status/1" {
+    pub struct Status = "trued.Status/2" {
         /// From 1, plus 1 with each message of this daemon's epoch.
         pub seq: u64,
         /// When it was made, `CLOCK_MONOTONIC`.
@@ -56,6 +59,8 @@ plain_struct! {
         pub force_blocks: u64,
         /// Force blocks that never came, by their numbers.
         pub force_gaps: u64,
+        /// Force blocks refused: another rate or shape than configured, or out of order.
+        pub force_refused: u64,
         /// Messages that could not be read.
         pub malformed: u64,
         /// Entries that the black box dropped.
@@ -70,10 +75,10 @@ plain_struct! {
         pub latency_max_ns: u64,
         /// Loop gain of the wrench correction as estimated (dimensionless; NaN where unknown).
         pub wrench_loop_gain: f64,
-        /// Frequency of the loudest line that stands above the floor, Hz (NaN where none).
-        pub vibration_hz: f64,
-        /// Its amplitude, N or N·m (NaN where none).
-        pub vibration_amplitude: f64,
+        /// Spindle speed that the vibration watch goes by, 1/min (NaN where unknown).
+        pub spindle_rpm: f64,
+        /// Feed that it goes by, mm/s: as told, or by the commanded path (NaN where unknown).
+        pub feed_mm_s: f64,
         /// Layout version.
         pub layout: u32,
         /// The daemon's process.
@@ -90,21 +95,25 @@ plain_struct! {
         pub wrench_gate: u32,
         /// A [`RecorderState`].
         pub recorder: u32,
-        /// A [`crate::VibrationState`].
-        pub vibration: u32,
-        /// A channel of 0 to 5.
-        pub vibration_axis: u32,
+        /// A [`WatchState`].
+        pub watch: u32,
         /// Effects in the model that the cycle does not correct.
         pub uncompensated_effects: u32,
-        /// Zero.
-        pub reserved: u32,
+        /// A [`crate::InCut`], as told.
+        pub in_cut: u32,
+        /// What is wrong with the force stream: bit `n` is the [`crate::SensorFault`] of code `n`.
+        pub stream_faults: u32,
+        /// The same of each force channel.
+        pub channel_faults: [u32; FORCE_CHANNELS_MAX],
+        /// The line of the force spectrum that matters most now; its state is `over` where there is none.
+        pub verdict: Verdict,
         /// Limits of joints and correction.
         pub bounds: JointBounds,
         /// What a person should know, in words.
-        pub message: Text<128>,
+        pub message: Text<512>,
     }
 }
-payload!(Status = "trued.Status/1", layout 1, check |s| {
+payload!(Status = "trued.Status/2", layout 2, check |s| {
     within::<Status>("joints", u64::from(s.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
 });
 
@@ -123,6 +132,19 @@ impl Status {
     /// [`UnknownCode`] where the daemon is of a later version.
     pub fn mode(&self) -> Result<Mode, UnknownCode> {
         self.mode.try_into()
+    }
+
+    /// What the vibration watch does.
+    ///
+    /// # Errors
+    /// [`UnknownCode`] where the daemon is of a later version.
+    pub fn watch(&self) -> Result<WatchState, UnknownCode> {
+        self.watch.try_into()
+    }
+
+    /// What is wrong with the force stream and its channels.
+    pub fn force_faults(&self) -> impl Iterator<Item = ForceFault> {
+        ForceFault::all(self.stream_faults, self.channel_faults)
     }
 }
 
@@ -153,6 +175,18 @@ codes! {
         Limited = 1 "limited",
         /// It corrects within the whole envelope.
         Full = 2 "full",
+    }
+}
+
+codes! {
+    /// What the vibration watch does.
+    pub enum WatchState {
+        /// The cell has none.
+        Off = 0 "off",
+        /// It learns the noise floor: no line is reported yet.
+        Learning = 1 "learning",
+        /// It watches.
+        Watching = 2 "watching",
     }
 }
 

@@ -7,7 +7,7 @@ use crate::layout::{payload, plain_struct};
 
 plain_struct! {
     /// One verdict on one line of the force spectrum. What is unknown is NaN.
-    pub struct Verdict = "trued.Verdict/1" {
+    pub struct Verdict = "trued.Verdict/2" {
         /// From 1, plus 1 with each verdict of this daemon's epoch.
         pub seq: u64,
         /// Time of the last force sample that took part.
@@ -50,11 +50,19 @@ plain_struct! {
         pub suspect_alias: u32,
         /// An [`Advice`].
         pub advice: u32,
-        /// A [`SensorFault`].
-        pub sensor_fault: u32,
+        /// What is wrong with its channel and with the stream: bit `n` is the [`crate::SensorFault`] of code `n`.
+        pub sensor_faults: u32,
+        /// The number of the pocket that the advice names: waves of the mode between two teeth (0 where it names none).
+        pub advice_lobe: u32,
+        /// The joint whose gear train turns at this frequency, from 1 (0 where none does, or the feed is not known).
+        pub gear_joint: u32,
+        /// Its shaft, from 1, motor side first.
+        pub gear_shaft: u32,
+        /// Zero.
+        pub reserved: u32,
     }
 }
-payload!(Verdict = "trued.Verdict/1", layout 1, check |v| {
+payload!(Verdict = "trued.Verdict/2", layout 2, check |v| {
     crate::layout::within::<Verdict>("axis", u64::from(v.axis), 0..=5, "an axis of 0 to 5")
 });
 
@@ -129,23 +137,5 @@ codes! {
         CheckGear = 6 "check_gear",
         /// Look at cables, shields and grounding: a mains line.
         CheckWiring = 7 "check_wiring",
-    }
-}
-
-codes! {
-    /// What is wrong with the force signal itself.
-    pub enum SensorFault {
-        /// Nothing.
-        None = 0 "none",
-        /// A channel stands at its end of range.
-        Saturated = 1 "saturated",
-        /// A channel does not move at all.
-        Stuck = 2 "stuck",
-        /// A channel holds numbers that are none.
-        NotFinite = 3 "not_finite",
-        /// Blocks are missing.
-        Gaps = 4 "gaps",
-        /// The rate is not what the blocks say.
-        WrongRate = 5 "wrong_rate",
     }
 }

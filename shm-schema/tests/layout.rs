@@ -16,16 +16,17 @@ macro_rules! pinned {
 
 #[test]
 fn the_layout_of_status_stands() {
-    pinned!(Status: 1008 bytes, hash 0xa5d9_e42f_2ba2_8549,
-        seq at 0, t_ns at 8, started_ns at 16, model_epoch at 24, model_hash at 32, cycles
-        at 40, missed_cycles at 48, commands at 56, rejected at 64, held at 72, stale at
-        80, commands_lost at 88, corrected_lost at 96, force_blocks at 104, force_gaps at
-        112, malformed at 120, recorder_dropped at 128, latency_p50_ns at 136,
-        latency_p99_ns at 144, latency_p999_ns at 152, latency_max_ns at 160,
-        wrench_loop_gain at 168, vibration_hz at 176, vibration_amplitude at 184, layout
-        at 192, pid at 196, health at 200, mode at 204, bypassed at 208, joints at 212,
-        wrench_gate at 216, recorder at 220, vibration at 224, vibration_axis at 228,
-        uncompensated_effects at 232, reserved at 236, bounds at 240, message at 880);
+    pinned!(Status: 1584 bytes, hash 0xc347_1a49_97cf_1700,
+        seq at 0, t_ns at 8, started_ns at 16, model_epoch at 24, model_hash at 32,
+        cycles at 40, missed_cycles at 48, commands at 56, rejected at 64, held at 72,
+        stale at 80, commands_lost at 88, corrected_lost at 96, force_blocks at 104,
+        force_gaps at 112, force_refused at 120, malformed at 128, recorder_dropped at
+        136, latency_p50_ns at 144, latency_p99_ns at 152, latency_p999_ns at 160,
+        latency_max_ns at 168, wrench_loop_gain at 176, spindle_rpm at 184, feed_mm_s
+        at 192, layout at 200, pid at 204, health at 208, mode at 212, bypassed at
+        216, joints at 220, wrench_gate at 224, recorder at 228, watch at 232,
+        uncompensated_effects at 236, in_cut at 240, stream_faults at 244,
+        channel_faults at 248, verdict at 272, bounds at 432, message at 1072);
 }
 
 #[test]
@@ -62,20 +63,22 @@ fn the_layout_of_robot_state_stands() {
 
 #[test]
 fn the_layout_of_verdict_stands() {
-    pinned!(Verdict: 144 bytes, hash 0xb0df_ca66_79e9_f388,
-        seq at 0, t_ns at 8, made_ns at 16, event at 24, frequency_hz at 32, amplitude at
-        40, advice_rpm at 48, growth_per_s at 56, nearest_mode_hz at 64,
+    pinned!(Verdict: 160 bytes, hash 0xc80c_4c44_19f0_1a89,
+        seq at 0, t_ns at 8, made_ns at 16, event at 24, frequency_hz at 32, amplitude
+        at 40, advice_rpm at 48, growth_per_s at 56, nearest_mode_hz at 64,
         mode_distance_hz at 72, nearest_harmonic_hz at 80, harmonic_distance_hz at 88,
         nearest_alias_hz at 96, alias_distance_hz at 104, layout at 112, state at 116,
         class at 120, rivals at 124, axis at 128, suspect_alias at 132, advice at 136,
-        sensor_fault at 140);
+        sensor_faults at 140, advice_lobe at 144, gear_joint at 148, gear_shaft at
+        152, reserved at 156);
 }
 
 #[test]
 fn the_layout_of_request_stands() {
-    pinned!(Request: 312 bytes, hash 0x76e5_86e1_18f0_5a38,
-        seq at 0, session at 8, t_ns at 16, spindle_rpm at 24, feed_mm_s at 32, layout at
-        40, operation at 44, on at 48, teeth at 52, path at 56);
+    pinned!(Request: 320 bytes, hash 0x588e_4d68_c9f4_ec3b,
+        seq at 0, session at 8, t_ns at 16, spindle_rpm at 24, feed_mm_s at 32, layout
+        at 40, operation at 44, on at 48, teeth at 52, in_cut at 56, holds_ms at 60,
+        path at 64);
 }
 
 #[test]
@@ -96,6 +99,6 @@ fn the_bounds_inside_a_status_stand() {
 
 #[test]
 fn the_contract_stands() {
-    assert_eq!(CONTRACT_VERSION, 1);
-    assert_eq!(CONTRACT_HASH, 0xb699_c0ab_4799_d428, "{CONTRACT_HASH:#018x}");
+    assert_eq!(CONTRACT_VERSION, 2);
+    assert_eq!(CONTRACT_HASH, 0x28c4_2a38_395f_a2a5, "{CONTRACT_HASH:#018x}");
 }

@@ -6,10 +6,14 @@
 pub const CHANNELS_MAX: usize = 6;
 
 /// A run of samples taken at one rate, without a hole inside.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Block<'a> {
+    /// Names the run of the sender: with another one, all counts begin anew.
+    pub session: u64,
     /// Counts blocks by one; a jump means that blocks were lost.
     pub seq: u64,
+    /// Samples per channel before this block in this session, lost ones included; `None` where the sender does not count.
+    pub samples_before: Option<u64>,
     /// Time of the block's first sample, ns. Copied into verdicts, never compared with a clock.
     pub t_ns: u64,
     /// Sampling rate, Hz; must be the configured one to 0.1 %.

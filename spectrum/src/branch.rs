@@ -134,6 +134,13 @@ impl Branch {
         }
     }
 
+    /// Forgets what was learned of a channel.
+    pub(crate) fn forget(&mut self, channel: usize) {
+        for window in &mut self.windows {
+            window.forget(channel);
+        }
+    }
+
     /// A hop is due: runs every window over every channel and hands on what was sighted.
     pub(crate) fn look(&mut self, lines_hz: &[f64], mut sighted: impl FnMut(Sighting)) {
         self.waiting = self.hop;

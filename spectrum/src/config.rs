@@ -7,7 +7,8 @@ pub struct Mode {
     pub frequency_hz: f64,
     /// Damping ratio, 0 to 1; 0 where not known.
     pub damping: f64,
-    /// Direction of the motion in the axes of the force channels; zero where not known.
+    /// Direction of the motion in the axes of the force channels; zero where not known. For people: lines are matched by
+    /// their frequency alone.
     pub direction: [f64; 3],
 }
 
@@ -16,6 +17,13 @@ impl Mode {
     #[must_use]
     pub fn at_hz(frequency_hz: f64) -> Self {
         Self { frequency_hz, damping: 0.0, direction: [0.0; 3] }
+    }
+
+    /// Whether a machine can have it.
+    pub(crate) fn is_possible(&self) -> bool {
+        let directed = self.direction.iter().all(|d| d.is_finite());
+        let rings = self.frequency_hz > 0.0 && self.frequency_hz.is_finite();
+        rings && directed && (0.0..1.0).contains(&self.damping)
     }
 }
 
@@ -29,6 +37,18 @@ pub struct Wheel {
     /// Revolutions per mm of tool path, along the present cut.
     pub cycles_per_mm: f64,
 }
+
+impl Wheel {
+    /// Whether it turns at all.
+    pub(crate) fn is_possible(&self) -> bool {
+        self.cycles_per_mm > 0.0 && self.cycles_per_mm.is_finite()
+    }
+}
+
+/// The most modes that a running watch can be given.
+pub const MODES_MAX: usize = 32;
+/// The most wheels that a running watch can be given.
+pub const WHEELS_MAX: usize = 64;
 
 /// The watch's settings.
 #[derive(Clone, Debug, PartialEq)]
@@ -158,19 +178,13 @@ impl WatchConfig {
     }
 
     fn check_lists(&self) -> Result<(), ConfigError> {
-        for (index, mode) in self.modes.iter().enumerate() {
-            let Mode { frequency_hz, damping, direction } = *mode;
-            let directed = direction.iter().all(|d| d.is_finite());
-            let possible = frequency_hz > 0.0 && frequency_hz.is_finite() && directed;
-            if !(possible && (0.0..1.0).contains(&damping)) {
-                return Err(ConfigError::Mode { index, frequency_hz, damping });
-            }
+        let impossible = self.modes.iter().enumerate().find(|(_, mode)| !mode.is_possible());
+        if let Some((index, &Mode { frequency_hz, damping, .. })) = impossible {
+            return Err(ConfigError::Mode { index, frequency_hz, damping });
         }
-        for (index, wheel) in self.wheels.iter().enumerate() {
-            let cycles_per_mm = wheel.cycles_per_mm;
-            if !(cycles_per_mm > 0.0 && cycles_per_mm.is_finite()) {
-                return Err(ConfigError::Wheel { index, cycles_per_mm });
-            }
+        let impossible = self.wheels.iter().enumerate().find(|(_, wheel)| !wheel.is_possible());
+        if let Some((index, wheel)) = impossible {
+            return Err(ConfigError::Wheel { index, cycles_per_mm: wheel.cycles_per_mm });
         }
         Ok(())
     }

@@ -11,11 +11,11 @@ use std::fmt;
 pub enum Fault {
     /// NaN or infinite samples.
     NotFinite,
-    /// The very same value for 100 ms.
+    /// The very same value, not zero, for 100 ms.
     Stuck,
     /// Samples at the sensor's full scale, or flat tops where that is not known.
     Saturated,
-    /// Nothing but zero, or no noise beside channels that have some.
+    /// Nothing but zero for 100 ms, or no noise beside channels of its kind that have some.
     Dead,
     /// Blocks were lost, or time jumped.
     Gap,
@@ -23,11 +23,13 @@ pub enum Fault {
     WrongRate,
     /// The number of channels or samples does not fit.
     WrongShape,
+    /// A block came twice, or after a later one.
+    OutOfOrder,
 }
 
 impl Fault {
     /// All faults.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::NotFinite,
         Self::Stuck,
         Self::Saturated,
@@ -35,13 +37,22 @@ impl Fault {
         Self::Gap,
         Self::WrongRate,
         Self::WrongShape,
+        Self::OutOfOrder,
     ];
 
     /// Short name for status and JSON.
     #[must_use]
     pub fn name(self) -> &'static str {
-        ["not_finite", "stuck", "saturated", "dead", "gap", "wrong_rate", "wrong_shape"]
-            [self as usize]
+        match self {
+            Self::NotFinite => "not_finite",
+            Self::Stuck => "stuck",
+            Self::Saturated => "saturated",
+            Self::Dead => "dead",
+            Self::Gap => "gap",
+            Self::WrongRate => "wrong_rate",
+            Self::WrongShape => "wrong_shape",
+            Self::OutOfOrder => "out_of_order",
+        }
     }
 }
 
@@ -55,6 +66,7 @@ impl fmt::Display for Fault {
             Self::Gap => "samples were lost: windows start anew; check the sender",
             Self::WrongRate => "the rate is not the configured one: correct rate_hz or the sender",
             Self::WrongShape => "channels or samples do not fit: correct channels or the sender",
+            Self::OutOfOrder => "blocks come twice or too late: check the sender",
         })
     }
 }
@@ -87,6 +99,11 @@ impl Faults {
         self.0
     }
 
+    /// Whether the channel stood still: its samples, and what was learned of its noise, mean nothing.
+    pub(crate) fn is_still(self) -> bool {
+        self.contains(Fault::Stuck) || self.contains(Fault::Dead)
+    }
+
     pub(crate) fn set(&mut self, fault: Fault, there: bool) {
         let bit = 1 << fault as u8;
         self.0 = if there { self.0 | bit } else { self.0 & !bit };
@@ -104,12 +121,16 @@ impl fmt::Debug for Faults {
 pub struct Health {
     /// Blocks taken.
     pub blocks: u64,
-    /// Blocks refused for their rate or shape.
+    /// Blocks refused for their rate, their shape or their order.
     pub refused_blocks: u64,
+    /// Runs of the sender after the first one.
+    pub restarts: u64,
     /// Gaps seen.
     pub gaps: u64,
     /// Blocks lost in gaps, as far as the sequence tells.
     pub lost_blocks: u64,
+    /// Samples per channel lost in gaps, as far as the sender counts them.
+    pub lost_samples: u64,
     /// Samples that were NaN or infinite.
     pub not_finite_samples: u64,
     /// Samples at full scale.
@@ -149,7 +170,7 @@ pub(crate) struct ChannelCheck {
     pub(crate) spread: f64,
     pub(crate) not_finite: u32,
     pub(crate) saturated: u32,
-    stuck_seen: bool,
+    still: Option<Fault>,
 }
 
 impl ChannelCheck {
@@ -164,7 +185,7 @@ impl ChannelCheck {
             spread: 0.0,
             not_finite: 0,
             saturated: 0,
-            stuck_seen: false,
+            still: None,
         }
     }
 
@@ -199,10 +220,13 @@ impl ChannelCheck {
         sample
     }
 
-    /// Whether the value has not moved for this many samples; remembered until the second ends.
-    pub(crate) fn note_stuck(&mut self, samples: u32) -> bool {
-        self.stuck_seen |= self.run >= samples;
-        self.stuck_seen
+    /// Whether the value has not moved for this many samples, at zero or elsewhere; remembered until
+    /// the second ends.
+    pub(crate) fn note_still(&mut self, samples: u32) -> Option<Fault> {
+        if self.run >= samples {
+            self.still = Some(if self.last == 0.0 { Fault::Dead } else { Fault::Stuck });
+        }
+        self.still
     }
 
     /// Ends a second: says what was seen in it, apart from what needs the other channels.
@@ -212,9 +236,11 @@ impl ChannelCheck {
         let clipped = flat && self.full_scale.is_infinite();
         faults.set(Fault::NotFinite, self.not_finite > 0);
         faults.set(Fault::Saturated, self.saturated > 0 || clipped);
-        faults.set(Fault::Stuck, self.stuck_seen);
         self.spread = if self.high > self.low { self.high - self.low } else { 0.0 };
         faults.set(Fault::Dead, self.spread <= 0.0 && (self.last == 0.0 || self.not_finite > 0));
+        if let Some(still) = self.still {
+            faults.set(still, true);
+        }
         *self = Self {
             last: self.last,
             run: self.run,
@@ -232,7 +258,7 @@ mod tests {
     fn second(check: &mut ChannelCheck, sample: impl Fn(usize) -> f64) -> Faults {
         for i in 0..1000 {
             check.take(sample(i));
-            check.note_stuck(100);
+            check.note_still(100);
         }
         check.close()
     }

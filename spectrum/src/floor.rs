@@ -87,6 +87,12 @@ impl Floor {
         self.sum_of_squares.fill(0.0);
     }
 
+    /// Forgets everything, to be learned anew.
+    pub(crate) fn forget(&mut self) {
+        self.learned = [false; 2];
+        self.restart();
+    }
+
     /// Learns from one frame of powers; `frozen` are the runs of bins that belong to live lines, and
     /// `gain` how much louder than the floor the whole frame is.
     pub(crate) fn learn(&mut self, power: &[f64], gain: f64, frozen: &[Range<usize>]) {

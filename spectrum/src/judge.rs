@@ -86,8 +86,8 @@ impl Context<'_> {
         let suspect = |line: NearestLine| line.distance_hz.abs() < SUSPECT_HZ.max(uncertainty_hz);
         let alias = self.spindle.nearest_alias(f, self.config.rate_hz);
         let feed = self.process.feed_mm_s;
-        let near = |mode: &&Mode| is_near(mode, f, uncertainty_hz);
-        let near_mode = self.config.modes.iter().any(|mode| near(&mode));
+        let near = |mode: &Mode| is_near(mode.frequency_hz, f, uncertainty_hz);
+        let near_mode = self.config.modes.iter().any(near);
         Evidence {
             speed_known: self.spindle.hz > 0.0,
             driven,
@@ -153,12 +153,14 @@ impl Context<'_> {
     pub(crate) fn verdict(&self, track: &Track, t_ns: u64) -> Verdict {
         let f = track.frequency_hz;
         let uncertainty_hz = track.uncertainty_hz();
-        let near = |mode: &&Mode| is_near(mode, f, uncertainty_hz);
+        let mode = self.nearest_mode(f);
         let case = Case {
             class: track.class,
             frequency_hz: f,
             suspect_alias: track.suspect_alias,
-            near_mode_hz: self.config.modes.iter().find(near).map(|mode| mode.frequency_hz),
+            near_mode_hz: mode
+                .map(|mode| mode.frequency_hz)
+                .filter(|mode_hz| is_near(*mode_hz, f, uncertainty_hz)),
             modes: &self.config.modes,
             spindle_rpm: self.process.spindle_rpm,
             teeth: self.process.teeth,
@@ -174,7 +176,7 @@ impl Context<'_> {
             class: track.class,
             rivals: track.rivals,
             growth_per_s: if track.state == State::Over { 0.0 } else { track.growth_per_s() },
-            mode: self.nearest_mode(f),
+            mode,
             harmonic: self.spindle.nearest_harmonic(f, self.config.rate_hz),
             alias: self.spindle.nearest_alias(f, self.config.rate_hz),
             suspect_alias: track.suspect_alias,
@@ -183,8 +185,8 @@ impl Context<'_> {
     }
 }
 
-fn is_near(mode: &Mode, f: f64, uncertainty_hz: f64) -> bool {
-    (f - mode.frequency_hz).abs() < NEAR_MODE * mode.frequency_hz + uncertainty_hz.min(3.0)
+fn is_near(mode_hz: f64, f: f64, uncertainty_hz: f64) -> bool {
+    (f - mode_hz).abs() < NEAR_MODE * mode_hz + uncertainty_hz.min(3.0)
 }
 
 #[cfg(test)]

@@ -39,8 +39,9 @@ mod window;
 
 pub use alias::folded_hz;
 pub use block::{Axis, Block, CHANNELS_MAX, ProcessState};
-pub use config::{ConfigError, Mode, WatchConfig, Wheel};
+pub use config::{ConfigError, MODES_MAX, Mode, WHEELS_MAX, WatchConfig, Wheel};
 pub use fault::{Fault, Faults, Health};
+pub use stream::Stream;
 pub use verdict::{Advice, Class, ClassSet, NearestLine, State, VERDICTS_MAX, Verdict, Verdicts};
 pub use watch::Watch;
 pub use window::{amplitude_scale, density_scale, hann};

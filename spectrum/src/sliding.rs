@@ -144,6 +144,14 @@ impl SlidingWindow {
         }
     }
 
+    /// Forgets what was learned of a channel.
+    pub(crate) fn forget(&mut self, channel: usize) {
+        if let Some(view) = self.views.get_mut(channel) {
+            view.reset();
+            view.floor.forget();
+        }
+    }
+
     /// Transforms the newest window of every channel and hands every agreed peak to `sighted`.
     /// `lines_hz` are the live lines, whose bins the floors do not learn from.
     pub(crate) fn hop(

@@ -1,6 +1,6 @@
 //! Whether a block may come in, and what its samples and times tell of the sensor.
 //!
-//! Counts everything it refuses, replaces or misses. No allocation after planning.
+//! Counts everything it refuses, replaces or misses. No allocation after planning, no panic.
 
 use crate::block::Block;
 use crate::config::WatchConfig;
@@ -9,13 +9,17 @@ use crate::fault::{ChannelCheck, Fault, Faults, Health};
 /// What becomes of a block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Admission {
+    /// It follows the one before.
     Next,
-    AfterGap,
+    /// It begins a new stretch: what was before does not belong to it.
+    Anew,
     Refused,
 }
 
-/// A value that stands still this long is stuck, s.
-const STUCK_S: f64 = 0.1;
+/// A value that does not move this long stands still, s.
+const STILL_S: f64 = 0.1;
+/// Fewer equal samples are chance.
+const STILL_SAMPLES: f64 = 20.0;
 /// After a bad sample its channel tells no lines for this long, s.
 const HOLD_S: f64 = 0.128;
 /// The rate may stray by this part, by the block's own word.
@@ -24,17 +28,31 @@ const RATE_SAID: f64 = 1e-3;
 const RATE_SEEN: f64 = 1e-2;
 /// A jump of time by more than this, and a block's length, is a gap, s.
 const TIME_JUMP_S: f64 = 0.005;
-/// A channel whose samples spread this many times less than the others' is dead.
+/// A channel whose samples spread this many times less than those of its kind is dead.
 const DEAD_SPREAD: f64 = 1e-5;
+/// A sender that begins anew sooner than this loses samples each time, s.
+const SHORT_RUN_S: f64 = 1.0;
+/// Forces; moments follow.
+const FORCES: usize = 3;
 
-/// The incoming stream's bookkeeping.
+/// What the next block should be.
+#[derive(Clone, Copy, Debug)]
+struct Due {
+    session: u64,
+    seq: u64,
+    samples_before: Option<u64>,
+    t_ns: u64,
+}
+
+/// The incoming stream's bookkeeping. Stands alone where only the sensor is looked after.
 #[derive(Debug)]
-pub(crate) struct Stream {
+pub struct Stream {
     rate_hz: f64,
     checks: Vec<ChannelCheck>,
     held_until: Vec<u64>,
-    next_seq: Option<u64>,
-    next_t_ns: u64,
+    due: Option<Due>,
+    run_began: u64,
+    recovered: u32,
     samples: u64,
     second_ends: u64,
     rate_since: (u64, u64),
@@ -43,14 +61,17 @@ pub(crate) struct Stream {
 }
 
 impl Stream {
-    pub(crate) fn new(config: &WatchConfig) -> Self {
-        let scale = |c| if c < 3 { config.full_scale_n } else { config.full_scale_nm };
+    /// Of the configuration only rate, channels and full scales matter here.
+    #[must_use]
+    pub fn new(config: &WatchConfig) -> Self {
+        let scale = |c| if c < FORCES { config.full_scale_n } else { config.full_scale_nm };
         Self {
             rate_hz: config.rate_hz,
             checks: (0..config.channels).map(|c| ChannelCheck::new(scale(c))).collect(),
             held_until: vec![0; config.channels],
-            next_seq: None,
-            next_t_ns: 0,
+            due: None,
+            run_began: 0,
+            recovered: 0,
             samples: 0,
             second_ends: config.rate_hz as u64,
             rate_since: (0, 0),
@@ -59,41 +80,91 @@ impl Stream {
         }
     }
 
+    /// Takes a whole block; says whether it was taken. For a sensor without a watch.
+    pub fn push(&mut self, block: &Block<'_>) -> bool {
+        if self.admit(block) == Admission::Refused {
+            return false;
+        }
+        for frame in block.samples.chunks_exact(self.checks.len().max(1)) {
+            for (channel, sample) in frame.iter().enumerate() {
+                self.sample(channel, *sample);
+            }
+            self.advance(1);
+        }
+        true
+    }
+
     /// Judges a block by its rate, shape, sequence and time.
     pub(crate) fn admit(&mut self, block: &Block<'_>) -> Admission {
         let right_rate = (block.rate_hz / self.rate_hz - 1.0).abs() <= RATE_SAID;
         let channels = self.checks.len();
         let right_shape =
-            block.channels == channels && block.samples.len().is_multiple_of(channels);
+            block.channels == channels && block.samples.len().is_multiple_of(channels.max(1));
         if !(right_rate && right_shape) {
-            self.flag(if right_rate { Fault::WrongShape } else { Fault::WrongRate });
-            self.health.refused_blocks += 1;
-            return Admission::Refused;
+            return self.refuse(if right_shape { Fault::WrongRate } else { Fault::WrongShape });
+        }
+        let frames = (block.samples.len() / channels.max(1)) as u64;
+        let length_ns = (frames as f64 / self.rate_hz * 1e9) as u64;
+        let admission = match self.due {
+            None => Admission::Next,
+            Some(due) => self.follow(block, &due, length_ns),
+        };
+        if admission == Admission::Refused {
+            return self.refuse(Fault::OutOfOrder);
         }
         self.health.blocks += 1;
-        let frames = (block.samples.len() / channels) as u64;
-        let length_ns = (frames as f64 / self.rate_hz * 1e9) as u64;
-        let known = self.next_seq.replace(block.seq.wrapping_add(1));
-        let late_ns = block.t_ns.saturating_sub(self.next_t_ns);
-        self.next_t_ns = block.t_ns.saturating_add(length_ns);
-        let Some(expected) = known else {
+        if admission == Admission::Anew || self.due.is_none() {
             self.rate_since = (block.t_ns, self.samples);
-            return Admission::Next;
-        };
-        let jumped = late_ns > length_ns.saturating_add((TIME_JUMP_S * 1e9) as u64);
-        if expected != block.seq || jumped {
-            self.note_gap(block.seq.saturating_sub(expected));
-            self.rate_since = (block.t_ns, self.samples);
-            return Admission::AfterGap;
+        } else {
+            self.check_rate(block.t_ns);
         }
-        self.check_rate(block.t_ns);
-        Admission::Next
+        self.due = Some(Due {
+            session: block.session,
+            seq: block.seq.wrapping_add(1),
+            samples_before: block.samples_before.map(|before| before.saturating_add(frames)),
+            t_ns: block.t_ns.saturating_add(length_ns),
+        });
+        admission
     }
 
-    fn note_gap(&mut self, lost_blocks: u64) {
+    /// Judges a block by what was due.
+    fn follow(&mut self, block: &Block<'_>, due: &Due, length_ns: u64) -> Admission {
+        if block.session != due.session {
+            self.health.restarts += 1;
+            let lived_s = (self.samples - self.run_began) as f64 / self.rate_hz;
+            self.run_began = self.samples;
+            if lived_s < SHORT_RUN_S {
+                self.note_gap(0, 0);
+            }
+            return Admission::Anew;
+        }
+        // A smaller number with a later time: the sender counts anew and does not say so.
+        if block.seq < due.seq && block.t_ns < due.t_ns {
+            return Admission::Refused;
+        }
+        let jump_ns = block.t_ns.abs_diff(due.t_ns);
+        let jumped = jump_ns > length_ns.saturating_add((TIME_JUMP_S * 1e9) as u64);
+        let counts = block.samples_before.zip(due.samples_before);
+        let miscounted = counts.is_some_and(|(before, due)| before != due);
+        if block.seq == due.seq && !miscounted && !jumped {
+            return Admission::Next;
+        }
+        let lost_samples = counts.map_or(0, |(before, due)| before.saturating_sub(due));
+        self.note_gap(block.seq.saturating_sub(due.seq), lost_samples);
+        Admission::Anew
+    }
+
+    fn refuse(&mut self, fault: Fault) -> Admission {
+        self.flag(fault);
+        self.health.refused_blocks += 1;
+        Admission::Refused
+    }
+
+    fn note_gap(&mut self, lost_blocks: u64, lost_samples: u64) {
         self.flag(Fault::Gap);
         self.health.gaps += 1;
         self.health.lost_blocks = self.health.lost_blocks.saturating_add(lost_blocks);
+        self.health.lost_samples = self.health.lost_samples.saturating_add(lost_samples);
     }
 
     /// Compares the samples that came in a second or more with the time that passed.
@@ -130,15 +201,21 @@ impl Stream {
     /// Whether a channel had bad samples so lately that its windows are not to be believed.
     pub(crate) fn is_held(&self, channel: usize) -> bool {
         self.held_until.get(channel).is_some_and(|&until| self.samples < until)
+            || self.health.channel.get(channel).is_some_and(|faults| faults.is_still())
+    }
+
+    /// Channels that stood still and move again, one bit each; told once.
+    pub(crate) fn take_recovered(&mut self) -> u32 {
+        std::mem::take(&mut self.recovered)
     }
 
     /// Notes that every channel has had `run` samples more; ends the second when it is over.
     pub(crate) fn advance(&mut self, run: usize) {
         self.samples += run as u64;
-        let stuck = (STUCK_S * self.rate_hz) as u32;
+        let still = (STILL_S * self.rate_hz).max(STILL_SAMPLES) as u32;
         for (check, faults) in self.checks.iter_mut().zip(&mut self.health.channel) {
-            if check.note_stuck(stuck) {
-                faults.set(Fault::Stuck, true);
+            if let Some(fault) = check.note_still(still) {
+                faults.set(fault, true);
             }
             if check.not_finite > 0 {
                 faults.set(Fault::NotFinite, true);
@@ -151,15 +228,27 @@ impl Stream {
     }
 
     fn close_second(&mut self) {
+        let before = self.health.channel;
         for (check, faults) in self.checks.iter_mut().zip(&mut self.health.channel) {
             self.health.not_finite_samples += u64::from(check.not_finite);
             self.health.saturated_samples += u64::from(check.saturated);
             *faults = check.close();
         }
-        let largest = self.checks.iter().map(|check| check.spread).fold(0.0, f64::max);
-        for (check, faults) in self.checks.iter().zip(&mut self.health.channel) {
-            let silent = check.spread < DEAD_SPREAD * largest && !faults.contains(Fault::Stuck);
-            faults.set(Fault::Dead, faults.contains(Fault::Dead) || silent);
+        // Newtons are compared with newtons.
+        let largest =
+            |checks: &[ChannelCheck]| checks.iter().map(|check| check.spread).fold(0.0, f64::max);
+        let (forces, moments) = self.checks.split_at(FORCES.min(self.checks.len()));
+        let largest = [largest(forces), largest(moments)];
+        for (channel, check) in self.checks.iter().enumerate() {
+            let faults = &mut self.health.channel[channel];
+            let kind = usize::from(channel >= FORCES);
+            let silent = check.spread < DEAD_SPREAD * largest[kind];
+            if silent && !faults.contains(Fault::Stuck) {
+                faults.set(Fault::Dead, true);
+            }
+            if before[channel].is_still() && !faults.is_still() {
+                self.recovered |= 1 << channel;
+            }
         }
         self.health.stream = std::mem::take(&mut self.seen);
     }
@@ -168,72 +257,12 @@ impl Stream {
         self.health.dropped_verdicts += u64::from(verdicts);
     }
 
-    pub(crate) fn health(&self) -> Health {
+    /// What is known of sensor and stream; `learning` is the watch's to say.
+    #[must_use]
+    pub fn health(&self) -> Health {
         self.health
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn stream() -> Stream {
-        Stream::new(&WatchConfig { rate_hz: 1000.0, ..WatchConfig::default() })
-    }
-
-    fn block(seq: u64, t_ns: u64, samples: &[f64]) -> Block<'_> {
-        Block { seq, t_ns, rate_hz: 1000.0, channels: 3, samples }
-    }
-
-    #[test]
-    fn blocks_in_order_are_taken_and_a_jump_is_a_gap() {
-        let mut stream = stream();
-        let samples = [0.0; 30];
-        assert_eq!(stream.admit(&block(7, 0, &samples)), Admission::Next);
-        assert_eq!(stream.admit(&block(8, 10_000_000, &samples)), Admission::Next);
-        assert_eq!(stream.admit(&block(11, 40_000_000, &samples)), Admission::AfterGap);
-        assert_eq!((stream.health().gaps, stream.health().lost_blocks), (1, 2));
-        assert!(stream.health().stream.contains(Fault::Gap));
-        assert_eq!(stream.admit(&block(12, 90_000_000, &samples)), Admission::AfterGap);
-    }
-
-    #[test]
-    fn a_wrong_rate_or_shape_is_refused_and_named() {
-        let mut stream = stream();
-        let wrong = Block { rate_hz: 2000.0, ..block(0, 0, &[0.0; 3]) };
-        assert_eq!(stream.admit(&wrong), Admission::Refused);
-        assert_eq!(stream.admit(&block(0, 0, &[0.0; 4])), Admission::Refused);
-        let nan = Block { rate_hz: f64::NAN, ..block(0, 0, &[0.0; 3]) };
-        assert_eq!(stream.admit(&nan), Admission::Refused);
-        let health = stream.health();
-        assert_eq!(health.refused_blocks, 3);
-        assert!(
-            health.stream.contains(Fault::WrongRate) && health.stream.contains(Fault::WrongShape)
-        );
-    }
-
-    #[test]
-    fn a_sender_that_samples_slower_than_it_says_is_found_out() {
-        let mut stream = stream();
-        let samples = [0.0; 30];
-        for seq in 0..300 {
-            stream.admit(&block(seq, seq * 10_500_000, &samples));
-            stream.advance(10);
-        }
-        assert!(stream.health().stream.contains(Fault::WrongRate));
-    }
-
-    #[test]
-    fn one_silent_channel_among_noisy_ones_is_dead() {
-        let mut stream = stream();
-        for i in 0..1500 {
-            let x = (0.7 * f64::from(i)).sin();
-            for (channel, sample) in [x, 1e-9 * x, x].into_iter().enumerate() {
-                stream.sample(channel, sample);
-            }
-            stream.advance(1);
-        }
-        let channel = stream.health().channel;
-        assert!(channel[1].contains(Fault::Dead) && channel[0].is_empty(), "{channel:?}");
-    }
-}
+mod tests;

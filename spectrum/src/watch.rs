@@ -6,7 +6,7 @@
 use crate::alias::{RecentSpeed, Spindle};
 use crate::block::{Block, ProcessState};
 use crate::branch::{Branch, SPLIT_HZ};
-use crate::config::{ConfigError, WatchConfig};
+use crate::config::{ConfigError, MODES_MAX, Mode, WHEELS_MAX, WatchConfig, Wheel};
 use crate::decimate::FrontEnd;
 use crate::fault::Health;
 use crate::history::History;
@@ -53,8 +53,10 @@ impl Watch {
     ///
     /// # Errors
     /// The first setting that is out of its range.
-    pub fn new(config: WatchConfig) -> Result<Self, ConfigError> {
+    pub fn new(mut config: WatchConfig) -> Result<Self, ConfigError> {
         config.check()?;
+        config.modes.reserve(MODES_MAX.saturating_sub(config.modes.len()));
+        config.wheels.reserve(WHEELS_MAX.saturating_sub(config.wheels.len()));
         let mut planner = RealFftPlanner::new();
         let front = FrontEnd::new(config.rate_hz, SPLIT_HZ);
         let split = front.factor() > 1 && config.band_top_hz() > SPLIT_HZ;
@@ -100,12 +102,28 @@ impl Watch {
         }
     }
 
+    /// Takes note of how the gear shafts turn along the path that is cut now, in place of those known before. At most
+    /// [`WHEELS_MAX`]; one that does not turn is left out.
+    pub fn wheels(&mut self, wheels: impl IntoIterator<Item = Wheel>) {
+        let turning = wheels.into_iter().filter(Wheel::is_possible);
+        self.config.wheels.clear();
+        self.config.wheels.extend(turning.take(WHEELS_MAX));
+    }
+
+    /// Takes note of the machine's natural frequencies, in place of those known before. At most [`MODES_MAX`]; one that
+    /// no machine can have is left out.
+    pub fn modes(&mut self, modes: impl IntoIterator<Item = Mode>) {
+        let possible = modes.into_iter().filter(Mode::is_possible);
+        self.config.modes.clear();
+        self.config.modes.extend(possible.take(MODES_MAX));
+    }
+
     /// Takes a block and says what is new: lines seen, states reached, lines over.
     pub fn push(&mut self, block: &Block<'_>) -> Verdicts {
         let mut verdicts = Verdicts::default();
         match self.stream.admit(block) {
             Admission::Refused => return verdicts,
-            Admission::AfterGap => self.reset(),
+            Admission::Anew => self.reset(),
             Admission::Next => {}
         }
         self.block_start = (block.t_ns, self.samples);
@@ -167,10 +185,22 @@ impl Watch {
         let run = frames.len() / channels;
         self.samples += run as u64;
         self.stream.advance(run);
+        self.forget_still_channels();
         self.level.advance(run);
         self.decimate_in -= run;
         if let Some(full) = &mut self.full {
             full.waiting -= run;
+        }
+    }
+
+    /// What was learned of a channel while it stood still is no noise floor.
+    fn forget_still_channels(&mut self) {
+        let recovered = self.stream.take_recovered();
+        for channel in (0..self.config.channels).filter(|channel| recovered >> channel & 1 == 1) {
+            self.low.forget(channel);
+            if let Some(full) = &mut self.full {
+                full.forget(channel);
+            }
         }
     }
 
@@ -189,7 +219,9 @@ impl Watch {
         if low_due {
             self.look_low(surroundings);
         }
-        if (full_due || low_due) && self.low.is_ready() {
+        // Once it has begun, a channel that learns anew does not keep the others waiting.
+        let judges = self.ready_s.is_some() || self.low.is_ready();
+        if (full_due || low_due) && judges {
             self.judge(surroundings, verdicts);
         }
     }

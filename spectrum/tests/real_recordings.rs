@@ -52,7 +52,14 @@ fn watched(
         let samples: Vec<f64> = part.iter().flat_map(|row| frame(row)).collect();
         let start_s = (seq * frames) as f64 / rate_hz;
         let t_ns = (start_s * 1e9) as u64;
-        let block = Block { seq: seq as u64, t_ns, rate_hz, channels: 3, samples: &samples };
+        let block = Block {
+            seq: seq as u64,
+            t_ns,
+            rate_hz,
+            channels: 3,
+            samples: &samples,
+            ..Block::default()
+        };
         said.extend(
             watch.push(&block).iter().map(|verdict| (verdict.t_ns as f64 * 1e-9, *verdict)),
         );

@@ -8,7 +8,7 @@ use daemon::exchange::{Exchange, LoadedModel};
 use daemon::pacer::{Pacer, Wait};
 use daemon::robot::Robot;
 use daemon::senses::{Senses, WrenchSource};
-use daemon::vibration::Listener;
+use daemon::vibration::{Ears, Listener};
 use envelope::Limits;
 use recording::model::presets::preset;
 use shm_schema::{
@@ -132,7 +132,8 @@ fn the_vibration_thread_takes_one_block_per_verdict_and_gives_it_back() {
     let heap = std::thread::scope(|scope| {
         let subject = scope.spawn(|| {
             let config = WatchConfig { rate_hz: 10_000.0, channels: 3, ..WatchConfig::default() };
-            let mut listener = Listener::join(&ports, Some(Watch::new(config).unwrap())).unwrap();
+            let ears = Ears::Watch(Box::new(Watch::new(config).unwrap()));
+            let mut listener = Listener::join(&ports, ears).unwrap();
             made.store(true, Relaxed);
             counted(&mut listener, |l| l.run(&warm), |l| l.run(&exchange))
         });
@@ -169,7 +170,7 @@ fn the_vibration_thread_takes_one_block_per_verdict_and_gives_it_back() {
 
 /// Ten milliseconds of force, that rings in the third and the eighth second.
 fn ring(block: &mut ForceBlock, seq: u64) {
-    (block.seq, block.t_ns) = (seq, seq * 10_000_000);
+    (block.seq, block.samples_before, block.t_ns) = (seq, seq * 100, seq * 10_000_000);
     for s in 0..100 {
         let t_s = seq as f64 * 0.01 + s as f64 * 1e-4;
         let rings = (2.5..4.0).contains(&t_s) || (7.0..8.5).contains(&t_s);

@@ -35,8 +35,14 @@ fn the_watch_takes_nothing_from_the_heap() {
             // A gap now and then, after the ringing.
             let seq = if k < 5_000 { k } else { k + k / 100 };
             let t_ns = k * 1_000_000;
-            let block =
-                Block { seq, t_ns, rate_hz: RATE_HZ, channels: CHANNELS, samples: &samples };
+            let block = Block {
+                seq,
+                t_ns,
+                rate_hz: RATE_HZ,
+                channels: CHANNELS,
+                samples: &samples,
+                ..Block::default()
+            };
             for verdict in &watch.push(&block) {
                 alarms += u32::from(verdict.state == State::Alarm);
                 overs += u32::from(verdict.state == State::Over);

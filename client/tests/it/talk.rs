@@ -186,7 +186,11 @@ fn another_contract_is_refused_at_once() {
     let _daemon = Daemon::start(&runtime.cell());
     let current = runtime.cell().dir().join("current");
     let text = std::fs::read_to_string(&current).unwrap();
-    std::fs::write(&current, text.replace("contract 1\n", "contract 9\n")).unwrap();
+    std::fs::write(
+        &current,
+        text.replace(&format!("contract {}\n", shm_schema::CONTRACT_VERSION), "contract 9\n"),
+    )
+    .unwrap();
     let refused = Client::connect_to(&runtime.cell(), LIMIT).err().unwrap();
     assert!(matches!(refused, ConnectError::Refused(JoinError::VersionMismatch { .. })));
 }

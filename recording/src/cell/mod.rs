@@ -145,6 +145,10 @@ pub struct Force {
     pub rate_hz: f64,
     /// Channels: the first of Fx Fy Fz Mx My Mz.
     pub channels: usize,
+    /// Largest force that the sensor can measure, N; infinite where not known.
+    pub full_scale_n: f64,
+    /// Largest moment that it can measure, Nm; infinite where not known.
+    pub full_scale_nm: f64,
 }
 
 /// `[vibration]`.
@@ -154,6 +158,8 @@ pub struct Vibration {
     pub band_hz: (f64, f64),
     /// Lines below this amplitude are no finding, N.
     pub least_amplitude_n: f64,
+    /// The same for moments, Nm.
+    pub least_amplitude_nm: f64,
     /// Spindle speed, revolutions per minute, where constant and known.
     pub spindle_rpm: Option<f64>,
     /// Teeth of the cutter, where known.

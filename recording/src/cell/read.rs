@@ -166,8 +166,10 @@ fn force(table: &Table<'_, '_>) -> Force {
     table.require("rate_Hz", "samples per second");
     let rate_hz = table.number("rate_Hz", 10.0..=1e6).unwrap_or(1000.0);
     let channels = table.whole("channels", 3..7).and_then(|n| usize::try_from(n).ok());
+    let full_scale = |key| table.number(key, POSITIVE).unwrap_or(f64::INFINITY);
+    let (full_scale_n, full_scale_nm) = (full_scale("full_scale_N"), full_scale("full_scale_Nm"));
     table.close();
-    Force { rate_hz, channels: channels.unwrap_or(6) }
+    Force { rate_hz, channels: channels.unwrap_or(6), full_scale_n, full_scale_nm }
 }
 
 fn vibration(table: &Table<'_, '_>, force: Option<Force>) -> Option<Vibration> {
@@ -186,6 +188,7 @@ fn vibration(table: &Table<'_, '_>, force: Option<Force>) -> Option<Vibration> {
     let vibration = Vibration {
         band_hz: (low, high),
         least_amplitude_n: table.number("least_amplitude_N", 0.0..).unwrap_or(0.5),
+        least_amplitude_nm: table.number("least_amplitude_Nm", 0.0..).unwrap_or(0.05),
         spindle_rpm: table.number("spindle_rpm", POSITIVE),
         teeth,
     };

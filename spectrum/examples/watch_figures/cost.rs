@@ -26,7 +26,14 @@ fn share_of_a_core() -> Result<(f64, f64), ConfigError> {
         for k in 0..400 {
             let part = &samples[(k % 20) * frames * 6..][..frames * 6];
             let t_ns = seq * 10_000_000;
-            let block = Block { seq, t_ns, rate_hz: 50_000.0, channels: 6, samples: part };
+            let block = Block {
+                seq,
+                t_ns,
+                rate_hz: 50_000.0,
+                channels: 6,
+                samples: part,
+                ..Block::default()
+            };
             black_box(watch.push(&block));
             seq += 1;
         }

@@ -121,7 +121,14 @@ impl Rig {
             }
             let t_ns = (self.now_s() * 1e9) as u64;
             let (rate_hz, samples) = (self.rate_hz, &self.samples);
-            let block = Block { seq: self.seq, t_ns, rate_hz, channels: CHANNELS, samples };
+            let block = Block {
+                seq: self.seq,
+                t_ns,
+                rate_hz,
+                channels: CHANNELS,
+                samples,
+                ..Block::default()
+            };
             let verdicts = self.watch.push(&block);
             self.seq += 1;
             self.frame += per_block;

@@ -50,8 +50,14 @@ impl Rig {
                 }
             }
             let (rate_hz, channels) = (self.rate_hz, self.channels);
-            let block =
-                Block { seq: self.seq, t_ns: self.t_ns, rate_hz, channels, samples: &samples };
+            let block = Block {
+                seq: self.seq,
+                t_ns: self.t_ns,
+                rate_hz,
+                channels,
+                samples: &samples,
+                ..Block::default()
+            };
             let verdicts = self.watch.push(&block);
             self.seq += 1;
             self.frame += per_block;
@@ -156,8 +162,14 @@ fn verdicts_do_not_depend_on_how_the_samples_are_cut() {
         let mut said = Vec::new();
         for (seq, part) in samples.chunks(3 * frames).enumerate() {
             let t_ns = (seq * frames) as u64 * 100_000;
-            let block =
-                Block { seq: seq as u64, t_ns, rate_hz: 10_000.0, channels: 3, samples: part };
+            let block = Block {
+                seq: seq as u64,
+                t_ns,
+                rate_hz: 10_000.0,
+                channels: 3,
+                samples: part,
+                ..Block::default()
+            };
             said.extend(watch.push(&block).iter().copied());
         }
         said
@@ -227,7 +239,7 @@ proptest! {
         watch.process_state(ProcessState { spindle_rpm: rpm, feed_mm_s: feed, ..ProcessState::default() });
         for (seq, part) in samples.chunks(300).enumerate() {
             let t_ns = seq as u64 * 100_000_000;
-            let block = Block { seq: seq as u64, t_ns, rate_hz: 1000.0, channels: 3, samples: part };
+            let block = Block { seq: seq as u64, t_ns, rate_hz: 1000.0, channels: 3, samples: part, ..Block::default() };
             for verdict in &watch.push(&block) {
                 prop_assert!(verdict.frequency_hz.is_finite() && verdict.amplitude_n.is_finite());
             }

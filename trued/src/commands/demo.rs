@@ -163,10 +163,7 @@ fn say(console: &mut Console, report: &Report, out: &Path) -> Result<(), Failure
         let since = event.after_onset_ms.filter(|ms| *ms >= 0.0);
         let since =
             since.map_or_else(String::new, |ms| format!(", {ms:.0} ms after it rang that loud"));
-        console.say(format!(
-            "  flagged: {:.1} Hz on {} at {:.2} s ({}){since}",
-            event.frequency_Hz, event.axis, event.t_s, event.class
-        ))?;
+        console.say(format!("  flagged at {:.2} s{since}: {}", event.t_s, event.says))?;
     }
     console.say("")?;
     console.say(format!("page       {}", out.join("report.html").display()))?;

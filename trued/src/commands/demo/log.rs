@@ -73,15 +73,15 @@ impl Log {
         let name = |code: Result<String, _>| {
             code.unwrap_or_else(|_: shm_schema::UnknownCode| "unknown".to_owned())
         };
-        let axes = ["x", "y", "z", "mx", "my", "mz"];
         self.events.push(Event {
             t_s,
             state: name(verdict.state().map(|state| state.to_string())),
             frequency_Hz: verdict.frequency_hz,
             amplitude_N: verdict.amplitude,
-            axis: axes.get(verdict.axis as usize).copied().unwrap_or("unknown").to_owned(),
+            axis: trued_client::channel_name(verdict.axis).to_owned(),
             class: name(verdict.class().map(|class| class.to_string())),
             suspect_alias: verdict.suspect_alias != 0,
+            says: verdict.to_string(),
             after_onset_ms: self.ringing_from_s.map(|from_s| 1e3 * (t_s - from_s)),
         });
     }

@@ -61,6 +61,8 @@ pub(super) struct Event {
     pub(super) axis: String,
     pub(super) class: String,
     pub(super) suspect_alias: bool,
+    /// All of it as a sentence, with what to do.
+    pub(super) says: String,
     /// Since the robot began to ring; none before.
     pub(super) after_onset_ms: Option<f64>,
 }

@@ -128,7 +128,7 @@ fn errors(report: &Report) -> Table {
 }
 
 fn events(report: &Report) -> Table {
-    let heads = ["Time, s", "State", "Frequency, Hz", "Amplitude, N", "Axis", "Class"];
+    let heads = ["Time, s", "State", "Frequency, Hz", "Amplitude, N", "Axis", "In words"];
     report.vibration.iter().fold(Table::new("What the daemon said", heads), |table, event| {
         table.row([
             event.t_s.into(),
@@ -136,7 +136,7 @@ fn events(report: &Report) -> Table {
             event.frequency_Hz.into(),
             event.amplitude_N.into(),
             event.axis.as_str().into(),
-            event.class.as_str().into(),
+            event.says.as_str().into(),
         ])
     })
 }

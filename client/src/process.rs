@@ -1,0 +1,49 @@
+//! What the cell tells the vibration watch of the process: spindle, teeth, feed, cut.
+
+use std::time::Duration;
+
+use shm_schema::{InCut, Operation, Request};
+
+/// What the process does. The default tells nothing: the daemon then goes by its configuration, by the commanded path and
+/// by the level of the forces.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ProcessState {
+    /// Spindle speed, 1/min; 0 where it stands, NaN where unknown.
+    pub spindle_rpm: f64,
+    /// Teeth of the cutter; 0 where unknown.
+    pub teeth: u32,
+    /// Feed along the path, mm/s; NaN: the daemon takes it from the commanded path.
+    pub feed_mm_s: f64,
+    /// Whether the tool cuts; `None`: the daemon judges by the forces.
+    pub in_cut: Option<bool>,
+    /// How long this holds, for a cell that may die with the spindle on; `None`: until the next word.
+    pub holds_for: Option<Duration>,
+}
+
+impl Default for ProcessState {
+    fn default() -> Self {
+        Self { spindle_rpm: f64::NAN, teeth: 0, feed_mm_s: f64::NAN, in_cut: None, holds_for: None }
+    }
+}
+
+impl ProcessState {
+    pub(crate) fn request(&self) -> Request {
+        let in_cut = match self.in_cut {
+            None => InCut::Unknown,
+            Some(false) => InCut::Air,
+            Some(true) => InCut::Cut,
+        };
+        // Zero would hold for ever.
+        let milliseconds =
+            |limit: Duration| u32::try_from(limit.as_millis()).unwrap_or(u32::MAX).max(1);
+        Request {
+            operation: Operation::ProcessState.code(),
+            spindle_rpm: self.spindle_rpm,
+            teeth: self.teeth,
+            feed_mm_s: self.feed_mm_s,
+            in_cut: in_cut.code(),
+            holds_ms: self.holds_for.map_or(0, milliseconds),
+            ..Request::default()
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! What the process does, from whoever knows it best: the cell's word, the commanded path, the configuration.
+//!
+//! In the supervisor's thread. Promises: a word that has run out is not believed any more, and that is told; what is not known
+//! is said to be unknown. Never: a command to the spindle.
+
+use crate::exchange::Exchange;
+use crate::setup;
+use crate::travel::{Motion, Shaft, Travel, shafts};
+use physics::Arm;
+use recording::cell::CellConfig;
+use recording::model::RobotModel;
+use recording::series::Frame;
+use shm_schema::{Answer, InCut, Request};
+use spectrum::{MODES_MAX, Mode, ProcessState, WHEELS_MAX, Wheel};
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::{Duration, Instant};
+use tracing::info;
+
+/// What the watch is to know, as it goes to its thread.
+#[derive(Clone, Copy, Debug)]
+pub struct Known {
+    /// Spindle, teeth, feed, cut.
+    pub state: ProcessState,
+    /// Gear shafts along the present path.
+    pub wheels: [Option<Wheel>; WHEELS_MAX],
+    /// The model's natural frequencies.
+    pub modes: [Option<Mode>; MODES_MAX],
+}
+
+/// The cell's last word. What it does not tell is NaN, 0 or `None`.
+#[derive(Clone, Copy, Debug)]
+struct Told {
+    state: ProcessState,
+    until: Option<Instant>,
+}
+
+/// What is known of the process.
+#[derive(Debug)]
+pub struct Process {
+    configured: ProcessState,
+    frame: Frame,
+    told: Option<Told>,
+    travel: Travel,
+    shafts: Vec<Shaft>,
+    modes: [Option<Mode>; MODES_MAX],
+    state: ProcessState,
+}
+
+impl Process {
+    /// By the configuration and the model.
+    pub fn new(config: &CellConfig, model: &RobotModel) -> Self {
+        let configured =
+            config.vibration.map_or_else(ProcessState::default, |vibration| ProcessState {
+                spindle_rpm: vibration.spindle_rpm.unwrap_or(0.0),
+                teeth: vibration.teeth.unwrap_or(0),
+                ..ProcessState::default()
+            });
+        let mut process = Self {
+            configured,
+            frame: config.wrench.frame,
+            told: None,
+            travel: Travel::default(),
+            shafts: Vec::new(),
+            modes: [None; MODES_MAX],
+            state: configured,
+        };
+        process.take(model);
+        process
+    }
+
+    /// Another model is in use.
+    pub fn take(&mut self, model: &RobotModel) {
+        self.travel.stop();
+        self.shafts = shafts(&model.file);
+        self.modes = [None; MODES_MAX];
+        for (place, mode) in self.modes.iter_mut().zip(setup::modes(model, self.frame)) {
+            *place = Some(mode);
+        }
+    }
+
+    /// What the watch goes by now: 0 is unknown, or stands.
+    pub fn state(&self) -> ProcessState {
+        self.state
+    }
+
+    /// Takes the cell's word.
+    pub fn tell(&mut self, exchange: &Exchange, request: &Request) -> (Answer, String) {
+        let (spindle_rpm, feed_mm_s) = (request.spindle_rpm, request.feed_mm_s);
+        let possible = |x: f64| x.is_nan() || (0.0..f64::INFINITY).contains(&x);
+        if !possible(spindle_rpm) || !possible(feed_mm_s) {
+            let words = "spindle speed and feed must be 0 or more, or NaN where unknown";
+            return (Answer::Refused, words.to_owned());
+        }
+        let cut = match request.in_cut() {
+            Ok(cut) => cut,
+            Err(unknown) => return (Answer::Refused, unknown.to_string()),
+        };
+        let in_cut = match cut {
+            InCut::Unknown => None,
+            InCut::Air => Some(false),
+            InCut::Cut => Some(true),
+        };
+        let holds = Duration::from_millis(u64::from(request.holds_ms));
+        let until = (request.holds_ms > 0).then(|| Instant::now() + holds);
+        let state = ProcessState { spindle_rpm, teeth: request.teeth, feed_mm_s, in_cut };
+        self.told = Some(Told { state, until });
+        exchange.spindle_rpm_bits.store(spindle_rpm.to_bits(), Relaxed);
+        let words = format!(
+            "spindle {spindle_rpm} rev/min, {} teeth, feed {feed_mm_s} mm/s, in {cut}",
+            request.teeth
+        );
+        (Answer::Done, words)
+    }
+
+    /// One look: what was commanded, what has run out; the watch is told how it stands.
+    pub fn look(&mut self, arm: &Arm, exchange: &Exchange, commands_come: bool) {
+        while let Some(point) = exchange.path.pop() {
+            self.travel.take(arm, &point);
+        }
+        if !commands_come {
+            self.travel.stop();
+        }
+        if self.told.is_some_and(|told| told.until.is_some_and(|until| until <= Instant::now())) {
+            info!("the process state that was told has run out");
+            self.told = None;
+            exchange.spindle_rpm_bits.store(f64::NAN.to_bits(), Relaxed);
+        }
+        let motion = self.travel.motion(arm);
+        self.state = self.known(motion.as_ref());
+        let mut wheels = [None; WHEELS_MAX];
+        let along = |shaft: &Shaft| motion.as_ref().and_then(|motion| shaft.along(motion));
+        for (place, wheel) in wheels.iter_mut().zip(self.shafts.iter().filter_map(along)) {
+            *place = Some(wheel);
+        }
+        // A watch that is behind takes the next one.
+        let _ = exchange.known.push(Known { state: self.state, wheels, modes: self.modes });
+    }
+
+    /// What was told goes before what is derived, and that before what was configured.
+    fn known(&self, motion: Option<&Motion>) -> ProcessState {
+        let derived_mm_s = motion.map_or(0.0, |motion| motion.feed_mm_s);
+        let configured = self.configured;
+        let Some(Told { state, .. }) = self.told else {
+            return ProcessState { feed_mm_s: derived_mm_s, ..configured };
+        };
+        let or = |told: f64, other: f64| if told.is_nan() { other } else { told };
+        ProcessState {
+            spindle_rpm: or(state.spindle_rpm, configured.spindle_rpm),
+            teeth: if state.teeth == 0 { configured.teeth } else { state.teeth },
+            feed_mm_s: or(state.feed_mm_s, derived_mm_s),
+            in_cut: state.in_cut,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use corrector::Mode as Correction;
+    use recording::model::presets::preset;
+    use shm_schema::Operation;
+
+    fn process() -> (Process, Exchange, RobotModel) {
+        let text = "schema = \"trued.cell/1\"\ncell = \"a\"\nmodel = \"m\"\n[force]\nrate_Hz = 1000\n\
+                    [vibration]\nspindle_rpm = 6000\nteeth = 3\n";
+        let config = CellConfig::parse("cell.toml", text).unwrap();
+        let model = preset("irb1600-6-145-thesis").unwrap().model().unwrap();
+        (Process::new(&config, &model), Exchange::new(Correction::Full, false), model)
+    }
+
+    fn word() -> Request {
+        Request {
+            operation: Operation::ProcessState.code(),
+            spindle_rpm: 28_000.0,
+            teeth: 2,
+            feed_mm_s: 5.0,
+            in_cut: InCut::Cut.code(),
+            ..Request::default()
+        }
+    }
+
+    #[test]
+    fn the_cells_word_goes_before_the_configuration_until_it_runs_out() {
+        let (mut process, exchange, model) = process();
+        let arm = &model.physics.arm;
+        let configured = process.state();
+        assert_eq!((configured.spindle_rpm, configured.teeth), (6000.0, 3));
+        let brief = Request { holds_ms: 30, ..word() };
+        assert_eq!(process.tell(&exchange, &brief).0, Answer::Done);
+        process.look(arm, &exchange, true);
+        let told = process.state();
+        assert_eq!((told.spindle_rpm, told.teeth, told.feed_mm_s), (28_000.0, 2, 5.0));
+        assert_eq!(told.in_cut, Some(true));
+        assert_eq!(exchange.known.pop().unwrap().state, told);
+        std::thread::sleep(Duration::from_millis(40));
+        process.look(arm, &exchange, true);
+        assert_eq!(process.state(), configured);
+        assert!(f64::from_bits(exchange.spindle_rpm_bits.load(Relaxed)).is_nan());
+    }
+
+    #[test]
+    fn what_the_cell_does_not_know_is_taken_from_elsewhere() {
+        let (mut process, exchange, model) = process();
+        let partly = Request { spindle_rpm: f64::NAN, teeth: 0, feed_mm_s: f64::NAN, ..word() };
+        process.tell(&exchange, &partly);
+        process.look(&model.physics.arm, &exchange, true);
+        let state = process.state();
+        assert_eq!((state.spindle_rpm, state.teeth, state.feed_mm_s), (6000.0, 3, 0.0));
+    }
+
+    #[test]
+    fn words_that_cannot_be_are_refused_and_change_nothing() {
+        let (mut process, exchange, model) = process();
+        let refused = [
+            Request { spindle_rpm: -1.0, ..word() },
+            Request { feed_mm_s: f64::INFINITY, ..word() },
+            Request { in_cut: 7, ..word() },
+        ];
+        for request in refused {
+            assert_eq!(process.tell(&exchange, &request).0, Answer::Refused);
+        }
+        process.look(&model.physics.arm, &exchange, true);
+        assert_eq!(process.state().spindle_rpm, 6000.0);
+    }
+
+    #[test]
+    fn the_watch_is_given_the_modes_of_the_model_in_use() {
+        let (mut process, exchange, mut model) = process();
+        model.file.modes.truncate(1);
+        process.take(&model);
+        process.look(&model.physics.arm, &exchange, true);
+        let modes = exchange.known.pop().unwrap().modes;
+        assert_eq!(modes.iter().flatten().count(), 1);
+    }
+}

@@ -1,0 +1,222 @@
+//! How the tool travels along the commanded path: its feed, and how far each joint turns per millimetre.
+//!
+//! Promises: goes by the controller's own geometry and the commands' own times, over the last fifth of a second; says nothing
+//! where it knows nothing. Holds for steady cuts; a corner is smeared. Never: anything in the cycle's thread.
+
+use physics::{Arm, Chain, JOINTS_MAX, JointKind, Joints};
+use recording::model::ModelFile;
+use spectrum::{WHEELS_MAX, Wheel};
+use std::collections::VecDeque;
+use std::f64::consts::TAU;
+
+/// Commanded points closer than this are skipped, ns.
+const STEP_NS: u64 = 5_000_000;
+/// The stretch that is looked at, ns.
+const STRETCH_NS: u64 = 200_000_000;
+/// A shorter stretch tells nothing, ns.
+const LEAST_NS: u64 = 100_000_000;
+/// Points further apart belong to different paths, ns.
+const BREAK_NS: u64 = 500_000_000;
+/// A slower tool stands, mm/s.
+const STANDS_MM_S: f64 = 0.05;
+
+/// A commanded point, as the cycle took it.
+#[derive(Clone, Copy, Debug)]
+pub struct PathPoint {
+    /// Run of the sender.
+    pub session: u64,
+    /// When the target holds, ns.
+    pub t_ns: u64,
+    /// The target, rad or m.
+    pub q: Joints,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Mark {
+    point: PathPoint,
+    tcp: glam::DVec3,
+    path_mm: f64,
+}
+
+/// The last stretch of the commanded path.
+#[derive(Debug, Default)]
+pub struct Travel {
+    marks: VecDeque<Mark>,
+}
+
+/// What the tool does now.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// Speed of the TCP along its path, mm/s; 0 where it stands.
+    pub feed_mm_s: f64,
+    /// Revolutions of each revolute joint per mm of path, without sign; 0 where the tool stands.
+    pub turns_per_mm: [f64; JOINTS_MAX],
+}
+
+impl Travel {
+    /// Takes a commanded point of this arm.
+    pub fn take(&mut self, arm: &Arm, point: &PathPoint) {
+        let before = self.marks.back().copied();
+        if let Some(Mark { point: before, .. }) = before {
+            let follows = point.session == before.session && point.t_ns >= before.t_ns;
+            if !follows || point.t_ns - before.t_ns > BREAK_NS {
+                self.stop();
+            } else if point.t_ns - before.t_ns < STEP_NS {
+                return;
+            }
+        }
+        let tcp = Chain::nominal(arm, &point.q).base_from_tool.origin;
+        let path_mm =
+            self.marks.back().map_or(0.0, |mark| mark.path_mm + 1e3 * (tcp - mark.tcp).length());
+        self.marks.push_back(Mark { point: *point, tcp, path_mm });
+        while self.marks.get(1).is_some_and(|second| point.t_ns - second.point.t_ns >= STRETCH_NS) {
+            self.marks.pop_front();
+        }
+    }
+
+    /// No commands come, or another arm takes them.
+    pub fn stop(&mut self) {
+        self.marks.clear();
+    }
+
+    /// What the tool does now; none where the path is not known for long enough.
+    pub fn motion(&self, arm: &Arm) -> Option<Motion> {
+        let (from, to) = (self.marks.front()?, self.marks.back()?);
+        let lasted_ns = to.point.t_ns - from.point.t_ns;
+        let path_mm = to.path_mm - from.path_mm;
+        let feed_mm_s = path_mm / (lasted_ns as f64 * 1e-9);
+        if lasted_ns < LEAST_NS || !feed_mm_s.is_finite() {
+            return None;
+        }
+        let mut turns_per_mm = [0.0; JOINTS_MAX];
+        if feed_mm_s < STANDS_MM_S {
+            return Some(Motion { feed_mm_s: 0.0, turns_per_mm });
+        }
+        for (i, joint) in arm.joints().iter().enumerate() {
+            if joint.kind == JointKind::Revolute {
+                turns_per_mm[i] = (to.point.q[i] - from.point.q[i]).abs() / TAU / path_mm;
+            }
+        }
+        Some(Motion { feed_mm_s, turns_per_mm })
+    }
+}
+
+/// A shaft of a joint's gear train.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shaft {
+    joint: u8,
+    shaft: u8,
+    /// Revolutions per revolution of the joint.
+    turns_per_turn: f64,
+}
+
+/// The shafts of a robot's gear trains, the joints' own left out: from the motor's to the one before the joint. At most as
+/// many as the watch can follow.
+pub fn shafts(model: &ModelFile) -> Vec<Shaft> {
+    let number = |index: usize| u8::try_from(index + 1).ok();
+    let of_joint = |(i, stages): (usize, &Vec<[u32; 2]>)| -> Vec<Shaft> {
+        let turns = |from: usize| -> f64 {
+            let ratio = |[driver, driven]: &[u32; 2]| f64::from(*driven) / f64::from(*driver);
+            stages[from..].iter().map(ratio).product()
+        };
+        let shaft = |k: usize| {
+            Some(Shaft { joint: number(i)?, shaft: number(k)?, turns_per_turn: turns(k) })
+        };
+        (0..stages.len()).filter_map(shaft).collect()
+    };
+    let trains = model.joints.iter().map(|joint| &joint.gear_teeth).enumerate();
+    trains.flat_map(of_joint).take(WHEELS_MAX).collect()
+}
+
+impl Shaft {
+    /// As it turns along the path; none where its joint stands.
+    pub fn along(&self, motion: &Motion) -> Option<Wheel> {
+        let turns = motion.turns_per_mm.get(usize::from(self.joint).checked_sub(1)?)?;
+        let cycles_per_mm = turns * self.turns_per_turn;
+        let Self { joint, shaft, .. } = *self;
+        (cycles_per_mm > 0.0).then_some(Wheel { joint, shaft, cycles_per_mm })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use recording::model::RobotModel;
+    use recording::model::presets::preset;
+
+    fn model() -> RobotModel {
+        preset("irb1600-6-145-thesis").unwrap().model().unwrap()
+    }
+
+    /// Joint 1 turns at this speed, rad/s, commanded each millisecond with times that jitter.
+    fn turning(travel: &mut Travel, arm: &Arm, from_s: f64, to_s: f64, speed: f64) {
+        let mut q = [0.0; JOINTS_MAX];
+        q[1] = 0.4;
+        for k in (from_s * 1e3) as u64..(to_s * 1e3) as u64 {
+            q[0] = speed * (k as f64 * 1e-3 - from_s);
+            let t_ns = k * 1_000_000 + (k * 7919) % 300_000;
+            travel.take(arm, &PathPoint { session: 1, t_ns, q });
+        }
+    }
+
+    #[test]
+    fn the_feed_is_speed_times_radius_and_the_turns_are_those_of_the_joint() {
+        let model = model();
+        let arm = &model.physics.arm;
+        let mut q = [0.0; JOINTS_MAX];
+        q[1] = 0.4;
+        let tcp = Chain::nominal(arm, &q).base_from_tool.origin;
+        let radius_mm = 1e3 * tcp.x.hypot(tcp.y);
+        let mut travel = Travel::default();
+        assert_eq!(travel.motion(arm), None);
+        turning(&mut travel, arm, 0.0, 0.5, 0.01);
+        let motion = travel.motion(arm).unwrap();
+        assert!((motion.feed_mm_s / (0.01 * radius_mm) - 1.0).abs() < 0.004, "{motion:?}");
+        assert!((motion.turns_per_mm[0] * TAU * radius_mm - 1.0).abs() < 1e-6, "{motion:?}");
+        assert!(motion.turns_per_mm[1..].iter().all(|turns| *turns == 0.0));
+    }
+
+    #[test]
+    fn a_pause_or_another_sender_begins_a_new_path_and_a_stand_has_no_feed() {
+        let model = model();
+        let arm = &model.physics.arm;
+        let mut travel = Travel::default();
+        turning(&mut travel, arm, 0.0, 0.5, 0.01);
+        turning(&mut travel, arm, 2.0, 2.05, 0.01);
+        assert_eq!(travel.motion(arm), None, "known for too short a time");
+        turning(&mut travel, arm, 2.05, 2.5, 0.0);
+        let motion = travel.motion(arm).unwrap();
+        assert_eq!((motion.feed_mm_s, motion.turns_per_mm[0]), (0.0, 0.0));
+        travel.take(arm, &PathPoint { session: 2, t_ns: 1, q: [0.0; JOINTS_MAX] });
+        assert_eq!(travel.motion(arm), None);
+    }
+
+    /// Table A III-1 and the first rows of its figures: cut 1, +Y.
+    #[test]
+    fn the_shafts_turn_as_the_thesis_teeth_tell() {
+        let shafts = shafts(&model().file);
+        let turns = |joint, shaft| {
+            let found = shafts.iter().find(|s| (s.joint, s.shaft) == (joint, shaft)).unwrap();
+            found.turns_per_turn
+        };
+        for (joint, ratio) in
+            [(1, 129.99), (2, 129.99), (3, 104.42), (4, 60.0), (5, 63.74), (6, 44.0)]
+        {
+            assert!((turns(joint, 1) - ratio).abs() < 0.01, "{joint}: {}", turns(joint, 1));
+        }
+        let first = [5.95, 6.69, 8.02, 3.67, 1.76, 1.77];
+        let second = [0.45, 0.51, 0.65, 0.48, 0.58, 0.88];
+        let mut motion = Motion { feed_mm_s: 5.0, turns_per_mm: [0.0; JOINTS_MAX] };
+        for (i, cycles) in first.iter().enumerate() {
+            motion.turns_per_mm[i] = cycles / turns(i as u8 + 1, 1);
+        }
+        for (i, cycles) in second.iter().enumerate() {
+            let shaft = shafts.iter().find(|s| (s.joint, s.shaft) == (i as u8 + 1, 2)).unwrap();
+            let wheel = shaft.along(&motion).unwrap();
+            assert!((wheel.cycles_per_mm - cycles).abs() < 0.012, "{wheel:?}");
+        }
+        assert_eq!(shafts.len(), 15, "two each, three of joint 5, four of joint 6");
+        let still = Motion { turns_per_mm: [0.0; JOINTS_MAX], ..motion };
+        assert!(shafts.iter().all(|shaft| shaft.along(&still).is_none()));
+    }
+}

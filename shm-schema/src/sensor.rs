@@ -1,0 +1,130 @@
+//! What is wrong with the force signal, and what to do about it, in words: one place for daemon, status and clients.
+
+use core::fmt;
+
+use crate::codes::codes;
+use crate::force::FORCE_CHANNELS_MAX;
+
+/// Names of the force channels, in their order.
+pub const CHANNEL_NAMES: [&str; FORCE_CHANNELS_MAX] = ["x", "y", "z", "mx", "my", "mz"];
+
+/// The name of a force channel, whatever the message claims.
+#[must_use]
+pub fn channel_name(channel: u32) -> &'static str {
+    CHANNEL_NAMES.get(channel as usize).copied().unwrap_or("?")
+}
+
+codes! {
+    /// What is wrong with the force signal itself.
+    pub enum SensorFault {
+        /// Nothing.
+        None = 0 "none",
+        /// A channel stands at its end of range.
+        Saturated = 1 "saturated",
+        /// A channel does not move at all.
+        Stuck = 2 "stuck",
+        /// A channel holds numbers that are none.
+        NotFinite = 3 "not_finite",
+        /// Blocks or samples are missing, or time jumped.
+        Gaps = 4 "gaps",
+        /// The rate is not the configured one, by the blocks' own word or by their times.
+        WrongRate = 5 "wrong_rate",
+        /// A channel holds nothing but zero, or has no noise beside channels that have some.
+        Dead = 6 "dead",
+        /// The blocks have another number of channels than the configuration, or cannot be read.
+        WrongShape = 7 "wrong_shape",
+        /// Blocks come twice, or after later ones.
+        OutOfOrder = 8 "out_of_order",
+        /// No block comes at all.
+        Silent = 9 "silent",
+    }
+}
+
+impl SensorFault {
+    /// Its place in a set: bit `n` is the fault of code `n`.
+    #[must_use]
+    pub const fn bit(self) -> u32 {
+        1 << self.code()
+    }
+
+    /// The faults in a set.
+    pub fn in_set(set: u32) -> impl Iterator<Item = Self> {
+        Self::ALL
+            .iter()
+            .copied()
+            .filter(move |fault| *fault != Self::None && set & fault.bit() != 0)
+    }
+
+    /// What is wrong, and what to do.
+    const fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Self::None => ("is in order", "nothing to do"),
+            Self::Saturated => ("is saturated", "choose a larger range or cut with less force"),
+            Self::Stuck => ("is stuck", "check the sensor"),
+            Self::NotFinite => ("holds NaN or infinite samples", "check the sensor's driver"),
+            Self::Gaps => ("has gaps", "check the sender and the load of the machine"),
+            Self::WrongRate => {
+                ("has another rate than configured", "correct force.rate_Hz or the sender")
+            }
+            Self::Dead => ("is dead", "check cable and amplifier"),
+            Self::WrongShape => {
+                ("has other channels than configured", "correct force.channels or the sender")
+            }
+            Self::OutOfOrder => ("brings blocks twice or too late", "check the sender"),
+            Self::Silent => ("is silent", "start the sender or take [force] out of the cell"),
+        }
+    }
+}
+
+/// A fault of one force channel, or of the stream as a whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ForceFault {
+    /// 0 to 5; `None`: the stream.
+    pub channel: Option<u32>,
+    /// What is wrong.
+    pub fault: SensorFault,
+}
+
+impl ForceFault {
+    /// All faults of a stream and its channels, given as sets.
+    pub fn all(stream: u32, channels: [u32; FORCE_CHANNELS_MAX]) -> impl Iterator<Item = Self> {
+        let of_channel = |(set, channel): (u32, u32)| {
+            SensorFault::in_set(set).map(move |fault| Self { channel: Some(channel), fault })
+        };
+        let of_stream = SensorFault::in_set(stream).map(|fault| Self { channel: None, fault });
+        of_stream.chain(channels.into_iter().zip(0..).flat_map(of_channel))
+    }
+}
+
+/// What is wrong and what to do: "force channel z is stuck: check the sensor".
+impl fmt::Display for ForceFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (wrong, remedy) = self.fault.words();
+        match self.channel {
+            Some(channel) => write!(f, "force channel {} {wrong}: {remedy}", channel_name(channel)),
+            None => write!(f, "force stream {wrong}: {remedy}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_fault_of_a_set_is_named_with_its_channel_and_a_remedy() {
+        let mut channels = [0; FORCE_CHANNELS_MAX];
+        channels[2] = SensorFault::Stuck.bit() | SensorFault::NotFinite.bit();
+        let all: Vec<_> = ForceFault::all(SensorFault::Gaps.bit() | 1 | 1 << 31, channels)
+            .map(|fault| fault.to_string())
+            .collect();
+        assert_eq!(
+            all,
+            [
+                "force stream has gaps: check the sender and the load of the machine",
+                "force channel z is stuck: check the sensor",
+                "force channel z holds NaN or infinite samples: check the sensor's driver",
+            ]
+        );
+    }
+}
