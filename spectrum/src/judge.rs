@@ -78,6 +78,9 @@ impl Context<'_> {
         (track.class, track.rivals) = classify(&evidence);
         track.ceiling = ceiling(track.class, track.rivals, &evidence);
         track.suspect_alias = evidence.aliased;
+        let is_gear = track.class == Class::Gear;
+        let wheel = || self.wheel(track.frequency_hz, track.uncertainty_hz());
+        track.wheel = is_gear.then(wheel).flatten();
     }
 
     fn evidence(&self, track: &Track) -> Evidence {
@@ -164,7 +167,7 @@ impl Context<'_> {
             modes: &self.config.modes,
             spindle_rpm: self.process.spindle_rpm,
             teeth: self.process.teeth,
-            wheel: self.wheel(f, uncertainty_hz),
+            wheel: track.wheel,
         };
         Verdict {
             line: track.id,

@@ -217,8 +217,12 @@ impl Stream {
             if let Some(fault) = check.note_still(still) {
                 faults.set(fault, true);
             }
+            // What is sure is said at once; the rest needs a whole second.
             if check.not_finite > 0 {
                 faults.set(Fault::NotFinite, true);
+            }
+            if check.saturated > 0 {
+                faults.set(Fault::Saturated, true);
             }
         }
         if self.samples >= self.second_ends {

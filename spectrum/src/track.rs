@@ -31,6 +31,9 @@ const SMOOTH_S: f64 = 0.05;
 /// Time constant of the smoothed ratio, s: long enough for noise not to keep a line.
 const SMOOTH_RATIO_S: f64 = 0.15;
 
+/// What was said of a line: state, class, whether it may be an alias, its wheel.
+type Told = (State, Class, bool, Option<(u8, u8)>);
+
 /// One line.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Track {
@@ -46,6 +49,8 @@ pub(crate) struct Track {
     pub(crate) class: Class,
     pub(crate) rivals: ClassSet,
     pub(crate) suspect_alias: bool,
+    /// The wheel that a gear's line turns with: joint and shaft.
+    pub(crate) wheel: Option<(u8, u8)>,
     /// The highest state that the class allows.
     pub(crate) ceiling: State,
     /// The line was there when the floor had just been learned.
@@ -58,7 +63,7 @@ pub(crate) struct Track {
     /// The next sighting says anew where the line stands.
     unsettled: bool,
     threefold: bool,
-    told: Option<(State, Class, bool)>,
+    told: Option<Told>,
     told_s: f64,
     weight: f64,
     points: [(f64, f64); POINTS],
@@ -83,6 +88,7 @@ impl Track {
             class: Class::Unknown,
             rivals: ClassSet::default(),
             suspect_alias: false,
+            wheel: None,
             ceiling: State::Confirmed,
             from_start: false,
             air_s: 0.0,
@@ -180,17 +186,17 @@ impl Track {
     }
 
     /// Moves to the state that the line has earned, as far as its class allows; says whether there
-    /// is news: a state, or (not more often than every 100 ms) another class.
+    /// is news: a state, or (not more often than every 100 ms) another class or wheel.
     pub(crate) fn advance(&mut self, now_s: f64) -> bool {
         let earned = self.earned(now_s);
         let allowed = if earned == State::Over { earned } else { earned.min(self.ceiling) };
         if earned == State::Over || self.is_fresh(now_s) {
             self.state = self.state.max(allowed);
         }
-        let now = (self.state, self.class, self.suspect_alias);
+        let now = (self.state, self.class, self.suspect_alias, self.wheel);
         let is_news = match self.told {
             None => true,
-            Some((state, _, _)) if state != self.state => true,
+            Some((state, ..)) if state != self.state => true,
             Some(told) => told != now && now_s - self.told_s >= RETELL_S,
         };
         if is_news {

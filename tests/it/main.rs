@@ -8,12 +8,15 @@
 
 mod architecture;
 mod cli;
+mod force;
 mod invariants;
 mod kill;
+mod process;
 mod program;
 mod readme;
 mod reload;
 mod replay;
+mod sensor;
 mod status;
 
 /// The program itself.

@@ -6,6 +6,7 @@ use corrector::{Corrector, Mode, Settings};
 use daemon::cycle::Cycle;
 use daemon::exchange::{Exchange, LoadedModel};
 use daemon::pacer::{Pacer, Wait};
+use daemon::process::Known;
 use daemon::robot::Robot;
 use daemon::senses::{Senses, WrenchSource};
 use daemon::vibration::{Ears, Listener};
@@ -15,7 +16,8 @@ use shm_schema::{
     Command, Corrected, DaemonPorts, DaemonSide, ForceBlock, JOINTS_MAX, Joined, Role, Seat,
     Verdict, monotonic_ns,
 };
-use spectrum::{Watch, WatchConfig};
+use spectrum::{MODES_MAX, ProcessState, WHEELS_MAX, Watch, WatchConfig, Wheel};
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 use tests::cell_loop::{JOINTS, path};
@@ -25,7 +27,9 @@ const WARM_UP: u64 = 50;
 const MESSAGES: u64 = 2_000;
 /// Force blocks of 10 ms; it rings once while the ports warm up, and once more when all is counted.
 const BLOCKS: u64 = 1_000;
-const WARM_UP_BLOCKS: u64 = 500;
+const WARM_UP_BLOCKS: u64 = 450;
+/// Blocks among which some are broken.
+const SPOILED: Range<u64> = 480..560;
 
 fn cycle(ports: &DaemonPorts) -> Cycle {
     let limits = Limits::new(0.02, 0.05, 5.0).unwrap();
@@ -152,7 +156,11 @@ fn the_vibration_thread_takes_one_block_per_verdict_and_gives_it_back() {
         (block.channels, block.samples, block.rate_hz) = (3, 100, 10_000.0);
         for seq in 0..BLOCKS {
             ring(&mut block, seq);
+            spoil(&mut block, seq);
             blocks.send(&block);
+            for exchange in [&warm, &exchange] {
+                let _ = exchange.known.push(known(seq));
+            }
             std::thread::sleep(Duration::from_millis(1));
             if seq == WARM_UP_BLOCKS {
                 warm.stop();
@@ -161,11 +169,48 @@ fn the_vibration_thread_takes_one_block_per_verdict_and_gives_it_back() {
         exchange.stop();
         subject.join().unwrap()
     });
-    let taken = exchange.counters.force_blocks.load(Relaxed);
+    let counters = &exchange.counters;
+    let taken = counters.force_blocks.load(Relaxed);
     let said = exchange.verdicts.len() as u64;
     assert!(taken > BLOCKS / 3 && said > 0, "{taken} blocks, {said} verdicts");
+    let [gaps, refused, malformed] =
+        [&counters.force_gaps, &counters.force_refused, &counters.malformed]
+            .map(|counter| counter.load(Relaxed));
+    assert!(gaps > 0 && refused > 0 && malformed > 0, "{gaps}, {refused}, {malformed}");
     assert_eq!(heap.count_total, said, "one block per verdict: {heap:?}");
     assert_eq!((heap.count_current, heap.bytes_current), (0, 0), "each given back: {heap:?}");
+}
+
+/// Everything that may be wrong with a block, now and then, while all is counted and nothing rings.
+fn spoil(block: &mut ForceBlock, seq: u64) {
+    (block.rate_hz, block.channels) = (10_000.0, 3);
+    // Another session, and a block that is missing.
+    block.session = u64::from(seq > SPOILED.end);
+    block.seq += u64::from(seq > SPOILED.start);
+    if !SPOILED.contains(&seq) {
+        return;
+    }
+    match seq % 11 {
+        1 => block.rate_hz = f64::NAN,
+        2 => block.channels = 6,
+        3 => block.channels = u32::MAX,
+        4 => (block.seq, block.t_ns) = (block.seq - 5, block.t_ns - 50_000_000),
+        5 => block.data[..20].fill(f64::NAN),
+        _ => block.data[100..300].fill(0.0),
+    }
+}
+
+/// The process, as it changes all the time.
+fn known(seq: u64) -> Known {
+    let state = ProcessState {
+        spindle_rpm: 10_000.0 + (seq / 600) as f64,
+        teeth: 2,
+        feed_mm_s: 5.0 + (seq / 200) as f64,
+        in_cut: SPOILED.contains(&seq).then_some(seq % 20 > 10),
+    };
+    let wheel = Wheel { joint: 1, shaft: 1, cycles_per_mm: 5.95 };
+    let mode = spectrum::Mode::at_hz(72.0);
+    Known { state, wheels: [Some(wheel); WHEELS_MAX], modes: [Some(mode); MODES_MAX] }
 }
 
 /// Ten milliseconds of force, that rings in the third and the eighth second.

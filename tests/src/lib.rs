@@ -9,3 +9,4 @@ pub mod gauge;
 pub mod hostile;
 pub mod place;
 pub mod process;
+pub mod sensor;

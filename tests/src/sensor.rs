@@ -1,0 +1,162 @@
+//! A force sensor that may be broken: noise on every channel, lines on some, and whatever a test does to its blocks.
+//!
+//! Promises: its blocks carry the stream's own times and go out as fast as the daemon takes them, so that no claim hangs on the
+//! speed of the machine: never more are under way than the transport holds.
+
+use crate::chance::Chance;
+use crate::place::Place;
+use shm_schema::{
+    ForceBlock, Joined, PeerPublisher, Role, Seat, SendOutcome, monotonic_ns, new_session,
+};
+use std::time::{Duration, Instant};
+use trued_client::{Monitor, Status, Verdict};
+
+/// Blocks under way at most: half of what the transport holds.
+const UNDER_WAY: u64 = 32;
+/// Whatever is waited for must come within this.
+const LIMIT: Duration = Duration::from_secs(20);
+
+/// The sensor and an observer of the daemon.
+pub struct Sensor {
+    /// The daemon's observer.
+    pub monitor: Monitor,
+    /// What was said so far.
+    pub said: Vec<Verdict>,
+    /// Blocks handed over so far.
+    pub sent: u64,
+    /// The next block, as far as it is known before its samples.
+    pub block: Box<ForceBlock>,
+    blocks: PeerPublisher<ForceBlock>,
+    _seat: (Seat, Joined),
+    chance: Chance,
+    frames: u64,
+    samples_before: u64,
+    start_ns: u64,
+}
+
+impl Sensor {
+    /// Joins the daemon of that place; blocks of 10 ms, or of 512 samples where that is less.
+    #[must_use]
+    pub fn join(place: &Place, rate_hz: f64, channels: u32) -> Self {
+        let mut seat = Seat::new(&place.cell(), Role::Force);
+        let joined = seat.join().expect("a daemon that is ready");
+        let samples = (0.01 * rate_hz).min(512.0) as u32;
+        let session = new_session();
+        let block = ForceBlock { session, rate_hz, channels, samples, ..ForceBlock::default() };
+        Self {
+            monitor: Monitor::connect_to(&place.cell(), LIMIT).expect("a daemon that is ready"),
+            said: Vec::new(),
+            sent: 0,
+            block: Box::new(block),
+            blocks: joined.publisher().expect("the place of the force source"),
+            _seat: (seat, joined),
+            chance: Chance::new(7),
+            frames: 0,
+            samples_before: 0,
+            start_ns: monotonic_ns(),
+        }
+    }
+
+    /// Runs for that long in the stream's time. `signal(channel, t_s)` stands on noise of rms 0.6.
+    pub fn run(&mut self, seconds: f64, signal: impl Fn(u32, f64) -> f64) {
+        self.run_broken(seconds, signal, |_| {});
+    }
+
+    /// The same with blocks that `broken` changes before they go out.
+    pub fn run_broken(
+        &mut self,
+        seconds: f64,
+        signal: impl Fn(u32, f64) -> f64,
+        mut broken: impl FnMut(&mut ForceBlock),
+    ) {
+        let end = self.frames + (seconds * self.block.rate_hz) as u64;
+        while self.frames < end {
+            self.fill(&signal);
+            let mut block = self.block.clone();
+            broken(&mut block);
+            self.send(&block);
+        }
+    }
+
+    /// Lets blocks pass unsent, as a sender does that nobody takes from.
+    pub fn lose(&mut self, blocks: u64) {
+        for _ in 0..blocks {
+            self.fill(&|_, _| 0.0);
+        }
+    }
+
+    /// Begins another session: numbers and counts start anew.
+    pub fn start_anew(&mut self) {
+        (self.block.session, self.block.seq, self.samples_before) = (new_session(), 0, 0);
+    }
+
+    /// Sends a block as it is, once the daemon has room for it.
+    pub fn send(&mut self, block: &ForceBlock) {
+        let start = Instant::now();
+        while self.sent - self.heard() >= UNDER_WAY {
+            assert!(start.elapsed() < LIMIT, "the daemon takes no blocks: {:?}", self.status());
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert_eq!(self.blocks.send(block), SendOutcome::Delivered);
+        self.sent += 1;
+        self.said.extend(std::iter::from_fn(|| self.monitor.vibration()));
+    }
+
+    /// The next status that was made from now on.
+    pub fn status(&mut self) -> Status {
+        let now_ns = monotonic_ns();
+        self.wait("a status", |status| status.t_ns > now_ns)
+    }
+
+    /// The first status of which that holds.
+    pub fn wait(&mut self, what: &str, holds: impl Fn(&Status) -> bool) -> Status {
+        let start = Instant::now();
+        loop {
+            self.said.extend(std::iter::from_fn(|| self.monitor.vibration()));
+            let status = self.monitor.status().filter(|status| holds(status));
+            if let Some(status) = status {
+                return status;
+            }
+            assert!(start.elapsed() < LIMIT, "{what} did not come: {:?}", self.monitor.status());
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// The first status after the daemon has taken all that was sent.
+    pub fn settled(&mut self) -> Status {
+        let sent = self.sent;
+        self.wait("the last block", |status| heard(status) >= sent);
+        // The account of sensor and lines comes every 20 ms.
+        let heard_ns = monotonic_ns() + 40_000_000;
+        self.wait("an account", |status| status.t_ns > heard_ns)
+    }
+
+    /// Writes the next block: its samples, numbers and times.
+    fn fill(&mut self, signal: &impl Fn(u32, f64) -> f64) {
+        let block = &mut *self.block;
+        let samples = block.samples as usize;
+        block.seq += 1;
+        block.samples_before = self.samples_before;
+        let t_s = self.frames as f64 / block.rate_hz;
+        block.t_ns = self.start_ns + (t_s * 1e9) as u64;
+        block.sent_ns = monotonic_ns();
+        for channel in 0..block.channels {
+            for s in 0..samples {
+                let noise: f64 = (0..4).map(|_| self.chance.unit() - 0.5).sum();
+                let value = noise + signal(channel, t_s + s as f64 / block.rate_hz);
+                block.data[channel as usize * samples + s] = value;
+            }
+        }
+        self.frames += u64::from(block.samples);
+        self.samples_before += u64::from(block.samples);
+    }
+
+    fn heard(&mut self) -> u64 {
+        self.monitor.status().map_or(0, |status| heard(&status))
+    }
+}
+
+/// Blocks that the daemon has seen, whatever became of them.
+fn heard(status: &Status) -> u64 {
+    status.force_blocks + status.force_refused
+}
