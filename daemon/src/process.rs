@@ -5,8 +5,7 @@
 
 use crate::exchange::Exchange;
 use crate::setup;
-use crate::travel::{Motion, Shaft, Travel, shafts};
-use physics::Arm;
+use crate::travel::{Motion, Travel, wheels};
 use recording::cell::CellConfig;
 use recording::model::RobotModel;
 use recording::series::Frame;
@@ -41,7 +40,6 @@ pub struct Process {
     frame: Frame,
     told: Option<Told>,
     travel: Travel,
-    shafts: Vec<Shaft>,
     modes: [Option<Mode>; MODES_MAX],
     state: ProcessState,
 }
@@ -60,7 +58,6 @@ impl Process {
             frame: config.wrench.frame,
             told: None,
             travel: Travel::default(),
-            shafts: Vec::new(),
             modes: [None; MODES_MAX],
             state: configured,
         };
@@ -71,7 +68,6 @@ impl Process {
     /// Another model is in use.
     pub fn take(&mut self, model: &RobotModel) {
         self.travel.stop();
-        self.shafts = shafts(&model.file);
         self.modes = [None; MODES_MAX];
         for (place, mode) in self.modes.iter_mut().zip(setup::modes(model, self.frame)) {
             *place = Some(mode);
@@ -113,7 +109,8 @@ impl Process {
     }
 
     /// One look: what was commanded, what has run out; the watch is told how it stands.
-    pub fn look(&mut self, arm: &Arm, exchange: &Exchange, commands_come: bool) {
+    pub fn look(&mut self, model: &RobotModel, exchange: &Exchange, commands_come: bool) {
+        let arm = &model.physics.arm;
         while let Some(point) = exchange.path.pop() {
             self.travel.take(arm, &point);
         }
@@ -127,13 +124,13 @@ impl Process {
         }
         let motion = self.travel.motion(arm);
         self.state = self.known(motion.as_ref());
-        let mut wheels = [None; WHEELS_MAX];
-        let along = |shaft: &Shaft| motion.as_ref().and_then(|motion| shaft.along(motion));
-        for (place, wheel) in wheels.iter_mut().zip(self.shafts.iter().filter_map(along)) {
+        let mut known = Known { state: self.state, wheels: [None; WHEELS_MAX], modes: self.modes };
+        let turning = motion.map_or_else(Vec::new, |motion| wheels(&model.file, &motion));
+        for (place, wheel) in known.wheels.iter_mut().zip(turning) {
             *place = Some(wheel);
         }
         // A watch that is behind takes the next one.
-        let _ = exchange.known.push(Known { state: self.state, wheels, modes: self.modes });
+        let _ = exchange.known.push(known);
     }
 
     /// What was told goes before what is derived, and that before what was configured.
@@ -182,18 +179,17 @@ mod tests {
     #[test]
     fn the_cells_word_goes_before_the_configuration_until_it_runs_out() {
         let (mut process, exchange, model) = process();
-        let arm = &model.physics.arm;
         let configured = process.state();
         assert_eq!((configured.spindle_rpm, configured.teeth), (6000.0, 3));
         let brief = Request { holds_ms: 30, ..word() };
         assert_eq!(process.tell(&exchange, &brief).0, Answer::Done);
-        process.look(arm, &exchange, true);
+        process.look(&model, &exchange, true);
         let told = process.state();
         assert_eq!((told.spindle_rpm, told.teeth, told.feed_mm_s), (28_000.0, 2, 5.0));
         assert_eq!(told.in_cut, Some(true));
         assert_eq!(exchange.known.pop().unwrap().state, told);
         std::thread::sleep(Duration::from_millis(40));
-        process.look(arm, &exchange, true);
+        process.look(&model, &exchange, true);
         assert_eq!(process.state(), configured);
         assert!(f64::from_bits(exchange.spindle_rpm_bits.load(Relaxed)).is_nan());
     }
@@ -203,7 +199,7 @@ mod tests {
         let (mut process, exchange, model) = process();
         let partly = Request { spindle_rpm: f64::NAN, teeth: 0, feed_mm_s: f64::NAN, ..word() };
         process.tell(&exchange, &partly);
-        process.look(&model.physics.arm, &exchange, true);
+        process.look(&model, &exchange, true);
         let state = process.state();
         assert_eq!((state.spindle_rpm, state.teeth, state.feed_mm_s), (6000.0, 3, 0.0));
     }
@@ -219,7 +215,7 @@ mod tests {
         for request in refused {
             assert_eq!(process.tell(&exchange, &request).0, Answer::Refused);
         }
-        process.look(&model.physics.arm, &exchange, true);
+        process.look(&model, &exchange, true);
         assert_eq!(process.state().spindle_rpm, 6000.0);
     }
 
@@ -228,7 +224,7 @@ mod tests {
         let (mut process, exchange, mut model) = process();
         model.file.modes.truncate(1);
         process.take(&model);
-        process.look(&model.physics.arm, &exchange, true);
+        process.look(&model, &exchange, true);
         let modes = exchange.known.pop().unwrap().modes;
         assert_eq!(modes.iter().flatten().count(), 1);
     }

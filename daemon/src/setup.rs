@@ -78,6 +78,7 @@ pub fn ears(config: &CellConfig, model: &RobotModel) -> Result<Ears, ConfigError
         modes: modes(model, config.wrench.frame).collect(),
         least_amplitude_n: vibration.least_amplitude_n,
         least_amplitude_nm: vibration.least_amplitude_nm,
+        threshold: vibration.threshold,
         ..sensor
     })?;
     Ok(Ears::Watch(Box::new(watch)))

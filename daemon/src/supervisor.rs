@@ -74,7 +74,7 @@ impl Supervisor {
         free_retired(exchange);
         self.serve(exchange);
         let commands_come = status::commands_come(exchange);
-        self.process.look(&self.model.physics.arm, exchange, commands_come);
+        self.process.look(&self.model, exchange, commands_come);
         let found = self.domain.supervise();
         if found.cleaned > 0 {
             info!(clients = found.cleaned, "cleaned up after clients that died");

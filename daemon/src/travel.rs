@@ -5,7 +5,8 @@
 
 use physics::{Arm, Chain, JOINTS_MAX, JointKind, Joints};
 use recording::model::ModelFile;
-use spectrum::{WHEELS_MAX, Wheel};
+use spectrum::Wheel;
+use spectrum::spatial::wheels_of_joint;
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
@@ -101,41 +102,12 @@ impl Travel {
     }
 }
 
-/// A shaft of a joint's gear train.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Shaft {
-    joint: u8,
-    shaft: u8,
-    /// Revolutions per revolution of the joint.
-    turns_per_turn: f64,
-}
-
-/// The shafts of a robot's gear trains, the joints' own left out: from the motor's to the one before the joint. At most as
-/// many as the watch can follow.
-pub fn shafts(model: &ModelFile) -> Vec<Shaft> {
-    let number = |index: usize| u8::try_from(index + 1).ok();
-    let of_joint = |(i, stages): (usize, &Vec<[u32; 2]>)| -> Vec<Shaft> {
-        let turns = |from: usize| -> f64 {
-            let ratio = |[driver, driven]: &[u32; 2]| f64::from(*driven) / f64::from(*driver);
-            stages[from..].iter().map(ratio).product()
-        };
-        let shaft = |k: usize| {
-            Some(Shaft { joint: number(i)?, shaft: number(k)?, turns_per_turn: turns(k) })
-        };
-        (0..stages.len()).filter_map(shaft).collect()
-    };
-    let trains = model.joints.iter().map(|joint| &joint.gear_teeth).enumerate();
-    trains.flat_map(of_joint).take(WHEELS_MAX).collect()
-}
-
-impl Shaft {
-    /// As it turns along the path; none where its joint stands.
-    pub fn along(&self, motion: &Motion) -> Option<Wheel> {
-        let turns = motion.turns_per_mm.get(usize::from(self.joint).checked_sub(1)?)?;
-        let cycles_per_mm = turns * self.turns_per_turn;
-        let Self { joint, shaft, .. } = *self;
-        (cycles_per_mm > 0.0).then_some(Wheel { joint, shaft, cycles_per_mm })
-    }
+/// The gear shafts of a robot's joints as they turn along the path, each joint's own left out; none where the joint stands.
+pub fn wheels(model: &ModelFile, motion: &Motion) -> Vec<Wheel> {
+    let joints = (1..=u8::MAX).zip(&model.joints).zip(motion.turns_per_mm);
+    joints
+        .flat_map(|((number, joint), turns)| wheels_of_joint(number, &joint.gear_teeth, turns))
+        .collect()
 }
 
 #[cfg(test)]
@@ -191,32 +163,18 @@ mod tests {
         assert_eq!(travel.motion(arm), None);
     }
 
-    /// Table A III-1 and the first rows of its figures: cut 1, +Y.
     #[test]
-    fn the_shafts_turn_as_the_thesis_teeth_tell() {
-        let shafts = shafts(&model().file);
-        let turns = |joint, shaft| {
-            let found = shafts.iter().find(|s| (s.joint, s.shaft) == (joint, shaft)).unwrap();
-            found.turns_per_turn
-        };
-        for (joint, ratio) in
-            [(1, 129.99), (2, 129.99), (3, 104.42), (4, 60.0), (5, 63.74), (6, 44.0)]
-        {
-            assert!((turns(joint, 1) - ratio).abs() < 0.01, "{joint}: {}", turns(joint, 1));
-        }
-        let first = [5.95, 6.69, 8.02, 3.67, 1.76, 1.77];
-        let second = [0.45, 0.51, 0.65, 0.48, 0.58, 0.88];
+    fn the_motor_of_a_joint_that_turns_has_its_ratio_and_the_others_stand() {
+        let model = model();
         let mut motion = Motion { feed_mm_s: 5.0, turns_per_mm: [0.0; JOINTS_MAX] };
-        for (i, cycles) in first.iter().enumerate() {
-            motion.turns_per_mm[i] = cycles / turns(i as u8 + 1, 1);
+        // Thesis, table A III-1: the whole ratios of the joints.
+        for (i, ratio) in [129.99, 129.99, 104.42, 60.0, 63.74, 44.0].into_iter().enumerate() {
+            motion.turns_per_mm = [0.0; JOINTS_MAX];
+            motion.turns_per_mm[i] = 1e-3;
+            let wheels = wheels(&model.file, &motion);
+            assert_eq!(wheels.len(), model.file.joints[i].gear_teeth.len());
+            assert!(wheels.iter().all(|wheel| usize::from(wheel.joint) == i + 1));
+            assert!((1e3 * wheels[0].cycles_per_mm - ratio).abs() < 0.01, "{:?}", wheels[0]);
         }
-        for (i, cycles) in second.iter().enumerate() {
-            let shaft = shafts.iter().find(|s| (s.joint, s.shaft) == (i as u8 + 1, 2)).unwrap();
-            let wheel = shaft.along(&motion).unwrap();
-            assert!((wheel.cycles_per_mm - cycles).abs() < 0.012, "{wheel:?}");
-        }
-        assert_eq!(shafts.len(), 15, "two each, three of joint 5, four of joint 6");
-        let still = Motion { turns_per_mm: [0.0; JOINTS_MAX], ..motion };
-        assert!(shafts.iter().all(|shaft| shaft.along(&still).is_none()));
     }
 }

@@ -160,6 +160,8 @@ pub struct Vibration {
     pub least_amplitude_n: f64,
     /// The same for moments, Nm.
     pub least_amplitude_nm: f64,
+    /// Scales the power over the noise floor that makes a line.
+    pub threshold: f64,
     /// Spindle speed, revolutions per minute, where constant and known.
     pub spindle_rpm: Option<f64>,
     /// Teeth of the cutter, where known.

@@ -189,6 +189,7 @@ fn vibration(table: &Table<'_, '_>, force: Option<Force>) -> Option<Vibration> {
         band_hz: (low, high),
         least_amplitude_n: table.number("least_amplitude_N", 0.0..).unwrap_or(0.5),
         least_amplitude_nm: table.number("least_amplitude_Nm", 0.0..).unwrap_or(0.05),
+        threshold: table.number("threshold", 0.25..=10.0).unwrap_or(1.0),
         spindle_rpm: table.number("spindle_rpm", POSITIVE),
         teeth,
     };
