@@ -90,6 +90,24 @@ fn spread(sums: &mut [f64], place: [f64; 2], value: [f64; 2], step_mm: f64) {
     }
 }
 
+/// The shafts of a joint's gear train that drive a stage, motor side first, as they turn while the joint makes
+/// `joint_turns_per_mm` revolutions per mm of path.
+///
+/// From one shaft to the next the ratio of teeth carries (thesis, A III-2): a stage `[driver, driven]` slows by
+/// driver over driven. Shafts that stand still are left out.
+#[must_use]
+pub fn wheels_of_joint(joint: u8, teeth: &[[u32; 2]], joint_turns_per_mm: f64) -> Vec<Wheel> {
+    let ratio = |[driver, driven]: &[u32; 2]| f64::from(*driven) / f64::from((*driver).max(1));
+    let mut cycles_per_mm = joint_turns_per_mm.abs() * teeth.iter().map(ratio).product::<f64>();
+    let mut wheels = Vec::new();
+    for (shaft, stage) in (1..=u8::MAX).zip(teeth) {
+        wheels.push(Wheel { joint, shaft, cycles_per_mm });
+        cycles_per_mm /= ratio(stage);
+    }
+    wheels.retain(|wheel| wheel.cycles_per_mm > 0.0 && wheel.cycles_per_mm.is_finite());
+    wheels
+}
+
 /// The wheel whose turns per mm (or their first multiples) are nearest to a line, with the multiple, if
 /// any is within `tolerance` (a part of the line).
 #[must_use]
@@ -152,6 +170,25 @@ mod tests {
         assert!(over_path(&[0.0, f64::NAN], &[0.0; 2], 0.1).is_err());
         assert!(over_path(&[0.0, 1.0], &[0.0; 2], 0.0).is_err());
         assert!(over_path(&[0.0], &[0.0; 2], 0.1).is_err());
+    }
+
+    #[test]
+    fn the_shafts_of_the_thesis_turn_as_its_table_says() {
+        // Table A III-2, cut 1, +Y: first, second and third shafts of joints 1, 5 and 6.
+        let trains: [(&[[u32; 2]], &[f64]); 3] = [
+            (&[[10, 131], [13, 129]], &[5.95, 0.45]),
+            (&[[26, 78], [29, 39], [5, 79]], &[1.76, 0.58, 0.43]),
+            (&[[26, 52], [28, 22], [5, 70], [15, 30]], &[1.77, 0.88, 1.13]),
+        ];
+        for (teeth, table) in trains {
+            let whole: f64 = teeth.iter().map(|[a, b]| f64::from(*b) / f64::from(*a)).product();
+            let wheels = wheels_of_joint(1, teeth, table[0] / whole);
+            assert_eq!(wheels.len(), teeth.len());
+            for (wheel, known) in wheels.iter().zip(table) {
+                assert!((wheel.cycles_per_mm - known).abs() < 0.008, "{wheel:?}: {known}");
+            }
+        }
+        assert!(wheels_of_joint(2, &[[10, 131]], 0.0).is_empty());
     }
 
     #[test]
