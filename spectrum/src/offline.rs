@@ -6,14 +6,16 @@
 mod lines;
 mod process;
 
+use crate::alias::Spindle;
 use crate::block::{Axis, Block, ProcessState};
 use crate::fault::Fault;
+use crate::judge::Context;
 use crate::sliding::Sighting;
 use crate::track::Track;
 use crate::verdict::Verdict;
 use crate::watch::Watch;
 
-pub use lines::{Line, lines};
+pub use lines::{Averaged, Line, line_near};
 pub use process::{path_mm, speed_of_pulses, speed_on};
 
 /// Length of a block that is handed to the watch, s: about what a sensor sends.
@@ -31,6 +33,8 @@ pub struct Piece<'a> {
 /// A verdict and when it was said.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Event {
+    /// The piece that it was said in, from 0.
+    pub piece: usize,
     /// Time in the recording, s.
     pub t_s: f64,
     /// What was said.
@@ -100,7 +104,8 @@ pub fn hear(
             seq += 1;
             done += (to - from) as u64;
             let at = |t_ns: u64| piece.start_s + t_ns.saturating_sub(start_ns) as f64 * 1e-9;
-            heard.events.extend(verdicts.iter().map(|v| Event { t_s: at(v.t_ns), verdict: *v }));
+            let event = |v: &Verdict| Event { piece: number, t_s: at(v.t_ns), verdict: *v };
+            heard.events.extend(verdicts.iter().map(event));
             heard.note(watch, at(to_ns(done, rate_hz)));
         }
     }
@@ -132,30 +137,45 @@ impl Heard {
 }
 
 impl Watch {
-    /// What the watch would say of a line that was there all the time, from where it stands alone: whether it was there
-    /// in air, whether it grew or followed the feed is not asked. `cell_hz` is how far the frequency may be off.
+    /// What the watch would say of a line that was there all the time, from where it stands alone: whether it was there in
+    /// air, whether it grew or followed the feed is not asked. A multiple of the speed that is broader than half the
+    /// distance to the next tells nothing: the speed then counts as not known.
     #[must_use]
-    pub fn verdict_on(
-        &self,
-        axis: Axis,
-        frequency_hz: f64,
-        amplitude: f64,
-        cell_hz: f64,
-    ) -> Verdict {
+    pub fn verdict_on(&self, axis: Axis, frequency_hz: f64, standing: &Standing) -> Verdict {
         let sighting = Sighting {
             channel: axis.channel(),
             frequency_hz,
-            power: amplitude * amplitude,
-            ratio: 1.0,
-            cell_hz,
+            power: 0.0,
+            // One sighting of this weight has that uncertainty.
+            ratio: 0.25,
+            cell_hz: standing.uncertainty_hz,
             threefold: true,
         };
         let mut track = Track::new(0, &sighting, 0.0);
         track.from_start = true;
-        let context = crate::judge::Context { knows_air: false, ..self.context() };
+        let mut process = standing.process;
+        let [low_hz, high_hz] = standing.spindle_rpm.map(|rpm| rpm / 60.0);
+        let hz = process.spindle_rpm / 60.0;
+        let mut spindle = Spindle { hz, low_hz, high_hz, teeth: process.teeth };
+        if hz <= 0.0 || (frequency_hz / hz).round() * (high_hz - low_hz) >= 0.5 * hz {
+            process.spindle_rpm = 0.0;
+            spindle = Spindle::default();
+        }
+        let context = Context { knows_air: false, spindle, process, ..self.context() };
         context.classify(&mut track);
         context.verdict(&track, 0)
     }
+}
+
+/// What the process did while a line stood.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Standing {
+    /// Its middle state.
+    pub process: ProcessState,
+    /// The least and the largest spindle speed, rev/min.
+    pub spindle_rpm: [f64; 2],
+    /// How far the line's frequency may be off, Hz.
+    pub uncertainty_hz: f64,
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ mod program;
 mod readme;
 mod reload;
 mod replay;
+mod spectrum;
 mod status;
 
 /// The program itself.

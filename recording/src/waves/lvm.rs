@@ -47,7 +47,7 @@ pub(super) fn waves(name: &str, bytes: Vec<u8>, options: &Options) -> Result<Wav
         ));
     }
     notes.dedup();
-    let waves = Waves { file: PathBuf::new(), records, responses: Vec::new(), notes };
+    let waves = Waves { file: PathBuf::new(), records, responses: Vec::new(), about: None, notes };
     faults.or((!waves.records.is_empty()).then_some(waves))
 }
 

@@ -27,7 +27,7 @@ use std::path::{Path, PathBuf};
 use crate::faults::{Fault, Faults};
 use crate::files::FileError;
 use crate::mapping::mapping_path;
-use crate::series::{self, Channel, Need};
+use crate::series::{self, About, Channel, Need};
 use crate::unit::Quantity;
 
 /// Larger files are refused: they would not fit into memory beside what is made of them.
@@ -58,6 +58,8 @@ pub struct Waves {
     pub records: Vec<Record>,
     /// Measured response functions, where the file holds any.
     pub responses: Vec<ResponseFunction>,
+    /// What the TOML beside a recording of the house says.
+    pub about: Option<About>,
     /// What was noticed while reading and is no fault, one sentence each.
     pub notes: Vec<String>,
 }

@@ -68,7 +68,13 @@ pub(super) fn waves(recording: Recording, options: &Options) -> Result<Waves, Fa
         let help = format!("in row {} of the data. {}", row + 1, fault.help);
         fault.help(help)
     });
-    let waves = Waves { file: recording.file, records, responses: Vec::new(), notes };
+    let waves = Waves {
+        file: recording.file,
+        records,
+        about: Some(recording.about),
+        responses: Vec::new(),
+        notes,
+    };
     faults.or((!waves.records.is_empty()).then_some(waves))
 }
 

@@ -28,7 +28,7 @@ pub(super) fn waves(name: &str, bytes: Vec<u8>, options: &Options) -> Result<Wav
     let shape = preamble::find(&source, 0)
         .unwrap_or_else(|| Shape { dialect: Dialect::default(), heads: None });
     let records = records(&source, shape, &Said::default(), options, &mut faults, &mut notes);
-    let waves = Waves { file: PathBuf::new(), records, responses: Vec::new(), notes };
+    let waves = Waves { file: PathBuf::new(), records, responses: Vec::new(), about: None, notes };
     faults.or((!waves.records.is_empty()).then_some(waves))
 }
 

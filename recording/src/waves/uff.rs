@@ -158,7 +158,7 @@ fn collect(
         }
         records.retain(|record| !record.channels.is_empty());
     }
-    Waves { file: PathBuf::new(), records, responses, notes }
+    Waves { file: PathBuf::new(), records, responses, about: None, notes }
 }
 
 /// Puts a channel into the record of its turn, or into a new one where it does not fit beside the others.

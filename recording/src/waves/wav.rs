@@ -98,6 +98,12 @@ fn record(
     let rate_hz = f64::from(rate_hz);
     let grid = columns::asked(options).unwrap_or(Grid::Time { start_s: 0.0, rate_hz });
     let record = Record { grid, channels: waves.collect(), beside: BTreeMap::new() };
-    let waves = Waves { file: PathBuf::new(), records: vec![record], responses: Vec::new(), notes };
+    let waves = Waves {
+        file: PathBuf::new(),
+        records: vec![record],
+        responses: Vec::new(),
+        about: None,
+        notes,
+    };
     faults.or(Some(waves))
 }

@@ -1,41 +1,80 @@
 //! What the process did, from what was recorded of it: speed from a tacho's pulses, path from positions.
 
-/// A tacho's signal counts as high above this part of its range, and as low below one minus it.
-const HIGH: f64 = 0.65;
+/// A pulse begins above this part of the largest one's height over the middle of the signal: short pulses are caught by
+/// one sample or two, at different heights.
+const RISES: f64 = 0.4;
+/// And is over below this part.
+const FALLS: f64 = 0.2;
+/// After a pause of so many turns the spindle had stood.
+const STOOD: f64 = 3.5;
+/// Speed is told over so many pulses as span this time: single turns are counted in whole samples.
+const SPEED_S: f64 = 0.2;
 /// Positions are averaged over this time before their distances are added: a tracker's noise would lengthen the path.
 const PATH_S: f64 = 0.1;
 
-/// Spindle speed at each sample, rev/min, from one pulse per revolution; 0 before the second pulse, and where no pulse
-/// has come for twice the time between the last two. Empty where the signal holds no pulses.
+/// Spindle speed at each sample, rev/min, from one pulse per revolution, up or down; a pulse that was missed is made up
+/// for. 0 before the third pulse, and where none has come for twice the time of a turn. Empty where there are no pulses.
 #[must_use]
 pub fn speed_of_pulses(tacho: &[f64], rate_hz: f64) -> Vec<f64> {
-    let finite = || tacho.iter().copied().filter(|x| x.is_finite());
-    let (low, high) =
-        (finite().fold(f64::INFINITY, f64::min), finite().fold(f64::NEG_INFINITY, f64::max));
-    if !(high > low) {
+    let rises = rises(tacho);
+    if rises.len() < 3 {
         return Vec::new();
     }
-    let level = |part: f64| low + part * (high - low);
+    let turns: Vec<usize> = rises.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut speed = vec![0.0; tacho.len()];
+    let mut first = 0;
+    for last in 1..turns.len() {
+        while first < last && rises[last + 1] - rises[first + 1] >= (SPEED_S * rate_hz) as usize {
+            first += 1;
+        }
+        let middle = median(&turns[first..=last]);
+        if turns[last] as f64 > STOOD * middle {
+            first = last + 1;
+            continue;
+        }
+        let window = turns.get(first..=last).unwrap_or_default();
+        let count: f64 = window.iter().map(|turn| (*turn as f64 / middle).round().max(1.0)).sum();
+        let rpm = 60.0 * rate_hz * count / window.iter().sum::<usize>().max(1) as f64;
+        let at = rises[last + 1];
+        let until = (at + (2.0 * middle) as usize).min(tacho.len());
+        // What the next pulse says replaces it from then on.
+        speed[at..until].fill(rpm);
+    }
+    speed
+}
+
+/// The samples at which pulses begin.
+fn rises(tacho: &[f64]) -> Vec<usize> {
+    let mut finite: Vec<f64> = tacho.iter().copied().filter(|x| x.is_finite()).collect();
+    if finite.is_empty() {
+        return Vec::new();
+    }
+    let half = finite.len() / 2;
+    let base = *finite.select_nth_unstable_by(half, f64::total_cmp).1;
+    let (up, down) = finite
+        .iter()
+        .fold((0.0, 0.0), |(up, down): (f64, f64), x| (up.max(x - base), down.max(base - x)));
+    let height = if up >= down { up } else { -down };
+    if height == 0.0 {
+        return Vec::new();
+    }
     let (mut is_high, mut rises) = (true, Vec::new());
     for (at, x) in tacho.iter().enumerate() {
-        if is_high && *x < level(1.0 - HIGH) {
+        let part = (x - base) / height;
+        if is_high && part < FALLS {
             is_high = false;
-        } else if !is_high && *x > level(HIGH) {
+        } else if !is_high && part > RISES {
             is_high = true;
             rises.push(at);
         }
     }
-    if rises.len() < 3 {
-        return Vec::new();
-    }
-    let mut speed = vec![0.0; tacho.len()];
-    for pair in rises.windows(2) {
-        let turn = pair[1] - pair[0];
-        let until = (pair[1] + 2 * turn).min(tacho.len());
-        // What the next pair says replaces it from its own second pulse on.
-        speed[pair[1]..until].fill(60.0 * rate_hz / turn as f64);
-    }
-    speed
+    rises
+}
+
+fn median(turns: &[usize]) -> f64 {
+    let mut sorted = turns.to_vec();
+    sorted.sort_unstable();
+    sorted.get(sorted.len() / 2).map_or(1.0, |turn| *turn as f64)
 }
 
 /// Length of the path up to each sample, mm, from positions in mm.

@@ -3,7 +3,7 @@
 use super::*;
 use crate::config::{Mode, WatchConfig};
 use crate::verdict::{Class, State};
-use crate::welch::{Segments, Spectrum, welch};
+use crate::welch::{Segments, welch};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -14,8 +14,8 @@ fn noise(samples: usize, sigma: f64, seed: u64) -> Vec<f64> {
     (0..samples).map(|_| sigma * rng.sample::<f64, _>(StandardNormal)).collect()
 }
 
-fn spectrum_of(x: &[f64], rate_hz: f64, length: usize) -> Spectrum {
-    welch(x, &Segments::new(rate_hz, length)).expect("a spectrum")
+fn lines_of(x: &[f64], rate_hz: f64, length: usize) -> Vec<Line> {
+    Averaged::of([x], &Segments::new(rate_hz, length)).expect("a spectrum").lines()
 }
 
 #[test]
@@ -25,7 +25,7 @@ fn tones_between_the_bins_are_found_with_frequency_and_amplitude() {
         let t = i as f64 / 2000.0;
         *x += 2.0 * (TAU * 71.37 * t).sin() + 0.5 * (TAU * 300.0 * t).sin();
     }
-    let found = lines(&spectrum_of(&x, 2000.0, 2000));
+    let found = lines_of(&x, 2000.0, 2000);
     assert_eq!(found.len(), 2, "{found:?}");
     for (line, (frequency, amplitude)) in found.iter().zip([(71.37, 2.0), (300.0, 0.5)]) {
         assert!((line.frequency - frequency).abs() < 0.05, "{line:?}");
@@ -47,10 +47,19 @@ fn noise_of_any_colour_and_a_short_burst_make_no_false_lines() {
                 })
                 .collect();
             for x in [&white, &coloured] {
-                let found = lines(&spectrum_of(x, 1000.0, length));
+                let found = lines_of(x, 1000.0, length);
                 assert!(found.is_empty(), "{seed} {length}: {found:?}");
             }
         }
+    }
+    // Noise that is loud for a tenth of the time only is averaged less often than there are segments.
+    for seed in 20..30 {
+        let mut x = noise(40_000, 0.05, seed);
+        for (x, loud) in x[9000..13_000].iter_mut().zip(noise(4000, 3.0, seed + 50)) {
+            *x += loud;
+        }
+        let found = lines_of(&x, 1000.0, 1024);
+        assert!(found.is_empty(), "{seed}: {found:?}");
     }
     let burst: Vec<f64> = noise(16_384, 0.01, 3)
         .iter()
@@ -59,8 +68,21 @@ fn noise_of_any_colour_and_a_short_burst_make_no_false_lines() {
             x + if (5000..6500).contains(&i) { (TAU * 0.08 * i as f64).sin() } else { 0.0 }
         })
         .collect();
-    let found = lines(&spectrum_of(&burst, 1000.0, 2048));
+    let found = lines_of(&burst, 1000.0, 2048);
     assert!(found.iter().all(|line| (line.frequency - 80.0).abs() < 4.0), "{found:?}");
+}
+
+#[test]
+fn the_mean_over_one_run_is_welchs_and_short_runs_are_left_out() {
+    let (x, short) = (noise(5000, 1.0, 12), noise(100, 9.0, 13));
+    let plan = Segments::new(1000.0, 512);
+    let averaged = Averaged::of([x.as_slice(), &short], &plan).expect("a spectrum");
+    let known = welch(&x, &plan).expect("a spectrum");
+    assert_eq!(averaged.mean.averages, known.averages);
+    for (a, b) in averaged.mean.power.iter().zip(&known.power) {
+        assert!((a / b - 1.0).abs() < 1e-12);
+    }
+    assert!(Averaged::of([short.as_slice()], &plan).is_err());
 }
 
 #[test]
@@ -145,12 +167,25 @@ fn a_line_that_was_always_there_is_judged_by_where_it_stands() {
     let channels: [&[f64]; 3] = [&quiet, &quiet, &quiet];
     let state = ProcessState { spindle_rpm: 28_000.0, teeth: 2, ..ProcessState::default() };
     hear(&mut watch, 1000.0, &[Piece { start_s: 0.0, channels: &channels }], |_, _| state);
-    let at = |hz: f64| watch.verdict_on(Axis::Y, hz, 1.0, 0.5);
+    let at = |hz: f64| {
+        let standing =
+            Standing { process: state, spindle_rpm: [28_000.0; 2], uncertainty_hz: 0.05 };
+        watch.verdict_on(Axis::Y, hz, &standing)
+    };
     let alias = at(66.7);
     assert!(alias.suspect_alias && alias.class == Class::Forced, "{alias:?}");
     assert_eq!(at(466.7).class, Class::Forced);
     assert_eq!(at(150.0).class, Class::Electrical);
     assert!(!at(466.7).suspect_alias);
+    let varied = |hz: f64| {
+        let process = ProcessState { spindle_rpm: 1200.0, ..ProcessState::default() };
+        let standing = Standing { process, spindle_rpm: [1180.0, 1220.0], uncertainty_hz: 0.05 };
+        watch.verdict_on(Axis::Y, hz, &standing)
+    };
+    assert_eq!(varied(80.9).class, Class::Forced, "within the range of its multiple");
+    assert_eq!(varied(88.0).class, Class::Unknown);
+    let high = varied(411.0);
+    assert!(high.class == Class::Unknown && high.rivals.contains(Class::Forced), "{high:?}");
 }
 
 #[test]
@@ -160,6 +195,21 @@ fn speed_is_read_from_pulses_and_ends_with_them() {
     let speed = speed_of_pulses(&tacho, 1000.0);
     assert_eq!((speed[20], speed[200], speed[4999]), (0.0, 1200.0, 1200.0));
     assert_eq!(speed[7000], 0.0, "no pulse comes any more");
+    let missed: Vec<f64> =
+        tacho.iter().enumerate().map(|(i, x)| if i / 50 % 7 == 3 { -0.5 } else { -x }).collect();
+    let speed = speed_of_pulses(&missed, 1000.0);
+    assert!(
+        speed[400..4900].iter().all(|rpm| *rpm == 1200.0 || *rpm == 0.0),
+        "pulses down, some missed"
+    );
+    assert!(speed[400..4900].iter().filter(|rpm| **rpm == 0.0).count() < 100);
+    let fast: Vec<f64> =
+        (0..4000).map(|i| f64::from((f64::from(i) * 0.0467).fract() < 0.2)).collect();
+    let speed = speed_of_pulses(&fast, 10_000.0);
+    assert!(
+        speed[2500..].iter().all(|rpm| (rpm / 28_020.0 - 1.0).abs() < 1e-3),
+        "whole samples do not count"
+    );
     assert!(speed_of_pulses(&[1.0; 100], 1000.0).is_empty());
     assert!(speed_of_pulses(&[f64::NAN; 100], 1000.0).is_empty());
 }
