@@ -107,6 +107,7 @@ pub fn wheels(model: &ModelFile, motion: &Motion) -> Vec<Wheel> {
     let joints = (1..=u8::MAX).zip(&model.joints).zip(motion.turns_per_mm);
     joints
         .flat_map(|((number, joint), turns)| wheels_of_joint(number, &joint.gear_teeth, turns))
+        .filter_map(|(wheel, cycles_per_turn)| (cycles_per_turn == 1).then_some(wheel))
         .collect()
 }
 

@@ -1,4 +1,5 @@
-//! Files in and out: models, recordings, mappings, cell configuration, the black box.
+//! Files in and out: models, recordings, mappings, cell configuration, the black box,
+//! waveforms of instruments.
 //!
 //! Every parser of foreign input of the house stands here. Promise: no input makes it panic; a bad
 //! file gives all its faults at once, with file, line, key or column, what was expected and what
@@ -14,3 +15,4 @@ pub mod series;
 mod toml_text;
 pub mod unit;
 mod walk;
+pub mod waves;

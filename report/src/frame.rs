@@ -90,12 +90,17 @@ fn spaced(span: Span, width: f64) -> Ticks {
     }
 }
 
+/// The class of a mark on paper.
+pub(crate) const ON_PAPER: &str = "mark";
+/// The class of a mark across colours.
+pub(crate) const ON_COLOURS: &str = "mark over";
+
 /// Upright marks with their labels at the top, on three levels so that neighbours stay readable.
-pub(crate) fn mark_x(canvas: &mut Canvas, frame: &Frame, marks: &[Mark]) {
+pub(crate) fn mark_x(canvas: &mut Canvas, frame: &Frame, marks: &[Mark], class: &str) {
     let inner = frame.inner;
     for (i, mark) in marks.iter().filter(|mark| shown(mark, frame.x.span)).enumerate() {
         let at = frame.x.held(mark.value);
-        canvas.line("mark", (at, inner.top), (at, inner.bottom()));
+        canvas.line(class, (at, inner.top), (at, inner.bottom()));
         let level = inner.top + 11.0 + 15.0 * (i % 3) as f64;
         let fits = at + 6.0 + text_width(&mark.label) <= inner.right();
         let (x, anchor) = if fits { (at + 5.0, Anchor::Start) } else { (at - 5.0, Anchor::End) };
@@ -104,11 +109,11 @@ pub(crate) fn mark_x(canvas: &mut Canvas, frame: &Frame, marks: &[Mark]) {
 }
 
 /// Level marks with their labels at the right end.
-pub(crate) fn mark_y(canvas: &mut Canvas, frame: &Frame, marks: &[Mark]) {
+pub(crate) fn mark_y(canvas: &mut Canvas, frame: &Frame, marks: &[Mark], class: &str) {
     let inner = frame.inner;
     for mark in marks.iter().filter(|mark| shown(mark, frame.y.span)) {
         let at = frame.y.held(mark.value);
-        canvas.line("mark", (inner.left, at), (inner.right(), at));
+        canvas.line(class, (inner.left, at), (inner.right(), at));
         let below = at - inner.top < 14.0;
         let level = if below { at + 14.0 } else { at - 5.0 };
         let label = shortened(&mark.label, inner.width * 0.6);

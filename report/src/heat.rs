@@ -5,7 +5,7 @@
 
 use crate::axis::Axis;
 use crate::canvas::{Anchor, Area, Canvas, Px, Svg, WIDTH_PX};
-use crate::frame::{self, Frame};
+use crate::frame::{self, Frame, Mark};
 use crate::number::quantity;
 use crate::scale::{Scale, Span, drawable, ticks};
 
@@ -39,6 +39,8 @@ pub struct HeatMap {
     columns: usize,
     rows: usize,
     values: Vec<f64>,
+    marks_x: Vec<Mark>,
+    marks_y: Vec<Mark>,
 }
 
 impl HeatMap {
@@ -47,7 +49,22 @@ impl HeatMap {
     #[must_use]
     pub fn new(title: impl Into<String>, x: Axis, y: Axis, value: Axis) -> Self {
         let (columns, rows, values) = (0, 0, Vec::new());
-        Self { title: title.into(), x, y, value, columns, rows, values }
+        let (marks_x, marks_y) = (Vec::new(), Vec::new());
+        Self { title: title.into(), x, y, value, columns, rows, values, marks_x, marks_y }
+    }
+
+    /// An upright line at `value`, in the unit of x, e.g. an event; not drawn outside the range.
+    #[must_use]
+    pub fn mark_x(mut self, value: f64, label: impl Into<String>) -> Self {
+        self.marks_x.push(Mark { value, label: label.into() });
+        self
+    }
+
+    /// A level line at `value`, in the unit of y, e.g. a known frequency; not drawn outside the range.
+    #[must_use]
+    pub fn mark_y(mut self, value: f64, label: impl Into<String>) -> Self {
+        self.marks_y.push(Mark { value, label: label.into() });
+        self
     }
 
     /// The cells, row by row from the lowest y, each row from the lowest x. A row that is not whole is left out; a
@@ -76,6 +93,8 @@ impl HeatMap {
         let value = found.unwrap_or(Span::unit(self.value.log));
         let frame = frame::draw(&mut canvas, outer, (&self.x, x), (&self.y, y));
         self.draw_cells(&mut canvas, &frame, value);
+        frame::mark_x(&mut canvas, &frame, &self.marks_x, frame::ON_COLOURS);
+        frame::mark_y(&mut canvas, &frame, &self.marks_y, frame::ON_COLOURS);
         self.draw_key(&mut canvas, frame.inner, value);
         canvas.finish(HEIGHT_PX, &self.title, &self.describe(value))
     }
@@ -183,6 +202,18 @@ mod tests {
         let svg = HeatMap::new("t", axis("x"), axis("y"), axis("v")).cells(2000, values).render();
         let hot = format!("fill=\"{}\" d=\"M", colour(LEVELS - 1));
         assert_eq!(svg.as_str().matches(&hot).count(), 2, "the cell and the key");
+    }
+
+    #[test]
+    fn marks_inside_the_range_are_drawn_over_the_colours() {
+        let svg = HeatMap::new("t", axis("x"), axis("y"), axis("v"))
+            .cells(2, vec![0.0, 1.0, 2.0, 3.0])
+            .mark_x(1.0, "alarm")
+            .mark_y(0.5, "mode")
+            .mark_x(7.0, "outside")
+            .render();
+        assert_eq!(svg.as_str().matches("class=\"mark over\"").count(), 2);
+        assert!(svg.as_str().contains("alarm") && !svg.as_str().contains("outside"));
     }
 
     #[test]

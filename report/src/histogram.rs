@@ -96,7 +96,7 @@ impl Histogram {
             canvas.path(&format!("area {colour}"), &steps);
             canvas.path(&format!("line {colour}"), &steps);
         }
-        frame::mark_x(&mut canvas, &frame, &self.marks);
+        frame::mark_x(&mut canvas, &frame, &self.marks, frame::ON_PAPER);
         canvas.finish(top + HEIGHT_PX, &self.title, &self.describe())
     }
 

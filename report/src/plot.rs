@@ -96,8 +96,8 @@ impl Plot {
                 draw_series(canvas, &frame, series, class);
             }
         });
-        frame::mark_x(canvas, &frame, &self.marks_x);
-        frame::mark_y(canvas, &frame, &self.marks_y);
+        frame::mark_x(canvas, &frame, &self.marks_x, frame::ON_PAPER);
+        frame::mark_y(canvas, &frame, &self.marks_y, frame::ON_PAPER);
     }
 
     pub(crate) fn legend(&self) -> Vec<Entry> {

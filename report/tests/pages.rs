@@ -38,7 +38,11 @@ fn drawings(words: &str, values: &[f64], log: bool) -> Vec<Svg> {
         Histogram::new(words, axis()).values(words, values.iter().copied()).mark(a, words).render(),
         Histogram::new(words, axis()).counted(words, [(a, u64::MAX), (b, 1)]).log_share().render(),
         bars.render(),
-        HeatMap::new(words, axis(), axis().range(a, b), axis()).cells(3, values.to_vec()).render(),
+        HeatMap::new(words, axis(), axis().range(a, b), axis())
+            .cells(3, values.to_vec())
+            .mark_x(a, words)
+            .mark_y(b, words)
+            .render(),
     ]
 }
 

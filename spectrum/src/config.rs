@@ -55,7 +55,7 @@ pub const WHEELS_MAX: usize = 64;
 pub struct WatchConfig {
     /// Sampling rate of every channel, Hz, 400 to 200 000.
     pub rate_hz: f64,
-    /// Channels, 3 to 6, in the order x, y, z, mx, my, mz.
+    /// Channels, 1 to 6, in the order x, y, z, mx, my, mz: a sensor of fewer axes leaves out the last ones.
     pub channels: usize,
     /// Lines are looked for in this band, Hz; its top is limited to 0.45 of the rate.
     pub band_hz: [f64; 2],
@@ -160,7 +160,7 @@ impl WatchConfig {
     pub fn check(&self) -> Result<(), ConfigError> {
         in_range("rate_hz", self.rate_hz, 400.0..=200_000.0, "400 to 200000 Hz")?;
         #[expect(clippy::cast_precision_loss, reason = "a channel count is small")]
-        in_range("channels", self.channels as f64, 3.0..=6.0, "3 to 6")?;
+        in_range("channels", self.channels as f64, 1.0..=6.0, "1 to 6")?;
         in_range("least_amplitude_n", self.least_amplitude_n, 0.0..=1e9, "0 or more, finite")?;
         in_range("least_amplitude_nm", self.least_amplitude_nm, 0.0..=1e9, "0 or more, finite")?;
         in_range("full_scale_n", self.full_scale_n, 1e-9..=f64::INFINITY, "above 0")?;
@@ -224,7 +224,7 @@ mod tests {
         let bad = [
             WatchConfig { rate_hz: f64::NAN, ..good() },
             WatchConfig { rate_hz: 10.0, ..good() },
-            WatchConfig { channels: 2, ..good() },
+            WatchConfig { channels: 0, ..good() },
             WatchConfig { channels: 7, ..good() },
             WatchConfig { band_hz: [100.0, 50.0], ..good() },
             WatchConfig { band_hz: [f64::NAN, 50.0], ..good() },

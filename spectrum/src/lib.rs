@@ -23,6 +23,7 @@ pub mod frf;
 mod history;
 mod judge;
 pub mod modal;
+pub mod offline;
 mod peak;
 mod sliding;
 pub mod spatial;

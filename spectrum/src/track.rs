@@ -71,7 +71,7 @@ pub(crate) struct Track {
 }
 
 impl Track {
-    fn new(id: u32, sighting: &Sighting, now_s: f64) -> Self {
+    pub(crate) fn new(id: u32, sighting: &Sighting, now_s: f64) -> Self {
         let mut power = [0.0; CHANNELS_MAX];
         power[sighting.channel] = sighting.power;
         let mut ratio = [0.0; CHANNELS_MAX];

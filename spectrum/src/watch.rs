@@ -318,7 +318,7 @@ impl Watch {
         }
     }
 
-    fn context(&self) -> Context<'_> {
+    pub(crate) fn context(&self) -> Context<'_> {
         Context {
             config: &self.config,
             process: self.process,

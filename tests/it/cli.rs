@@ -82,6 +82,7 @@ fn every_json_names_its_schema() {
         ("trued.check/1", vec!["check", "path.csv"]),
         ("trued.correct/1", vec!["correct", "--model", "irb1600-6-145-thesis", "path.csv"]),
         ("trued.replay/1", vec!["replay", "--model", "irb1600-6-145-thesis", "path.csv"]),
+        ("trued.spectrum/1", vec!["spectrum", "--column", "q1_deg", "path.csv"]),
     ] {
         let done = place.succeed(&[arguments.as_slice(), &["--json", "-"]].concat());
         let object: serde_json::Value = serde_json::from_str(&done.out).unwrap();

@@ -17,6 +17,7 @@ mod readme;
 mod reload;
 mod replay;
 mod sensor;
+mod spectrum;
 mod status;
 
 /// The program itself.

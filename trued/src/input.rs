@@ -123,7 +123,7 @@ pub(crate) fn count(number: usize, what: &str) -> String {
 }
 
 /// A model that a file names counts from the file's folder; a preset stays a name.
-fn beside(file: &Path, name: &Path) -> PathBuf {
+pub(crate) fn beside(file: &Path, name: &Path) -> PathBuf {
     let beside = file.parent().unwrap_or(Path::new("")).join(name);
     if presets::at(name).is_some() && !beside.exists() { name.to_owned() } else { beside }
 }

@@ -43,6 +43,7 @@ fn dialect(root: &Table<'_, '_>) -> Dialect {
         comment: comment.and_then(|text| text.bytes().next()),
         skip_lines: usize::try_from(skip).unwrap_or(0),
         no_header: root.flag("header").is_some_and(|header| !header),
+        width: None,
     }
 }
 

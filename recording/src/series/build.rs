@@ -56,26 +56,7 @@ impl<'t, 's> Builder<'t, 's> {
 
     /// The numbers of a column of the foreign table; faults are noted, the values stay in place.
     pub(crate) fn numbers(&mut self, from: usize) -> Vec<f64> {
-        let name = self.table.header.get(from).cloned().unwrap_or_default();
-        let mut numbers = Vec::with_capacity(self.table.rows.len());
-        for (row, record) in self.table.rows.iter().enumerate() {
-            let cell = record.get(from).unwrap_or("");
-            let number = self.table.number(cell);
-            let fault = match number {
-                None => {
-                    Some(Fault::new(&name, format!("`{cell}` is no number")).expected("a number"))
-                }
-                Some(number) if number.is_infinite() => {
-                    Some(Fault::new(&name, "is infinite").expected("a finite number, or nothing"))
-                }
-                Some(_) => None,
-            };
-            if let Some(fault) = fault {
-                self.faults.push_with(|| self.table.cell_fault(row, from, fault));
-            }
-            numbers.push(number.unwrap_or(f64::NAN));
-        }
-        numbers
+        self.table.numbers(from, &mut self.faults)
     }
 
     /// Takes a column of ours. `values` are in the unit of its name.
@@ -268,7 +249,9 @@ impl<'t, 's> Builder<'t, 's> {
             let fault = Fault::new("ow, ox, oy, oz", "some of them are missing");
             self.faults.push(fault.expected("all four parts of a quaternion"));
         }
-        if !inputs && (need == Need::Path || !forces) {
+        if need == Need::Samples {
+            // Any column may be looked at.
+        } else if !inputs && (need == Need::Path || !forces) {
             let fault = Fault::new("q1_deg", "no joint position is there");
             self.faults.push(fault.expected("`q1_deg` …, or `qa1_deg` …").help(MAPPING_HELP));
         } else if need == Need::Measurement && !measured {

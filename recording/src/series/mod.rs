@@ -34,6 +34,8 @@ pub enum Need {
     Measurement,
     /// Joint positions alone: for replay and correction of paths.
     Path,
+    /// Samples of anything over time: for spectra.
+    Samples,
 }
 
 /// A recording: columns of equal length over time.

@@ -1,7 +1,7 @@
 //! A foreign table as text: separators, comments and the last line's end found out and said.
 //!
-//! Contract: no number is interpreted here but to judge a last line that was cut off. Every row
-//! keeps the line it came from.
+//! Contract: no number is interpreted but when asked for ([`RawTable::numbers`]), and to judge a last line that was cut
+//! off. Every row keeps the line it came from.
 
 use std::ops::Range;
 
@@ -19,6 +19,8 @@ pub(crate) struct Dialect {
     pub(crate) skip_lines: usize,
     /// Without a header columns are named by their numbers, from 1.
     pub(crate) no_header: bool,
+    /// Rows have so many cells, and what stands beyond is not looked at; `None`: as many as the header, exactly.
+    pub(crate) width: Option<usize>,
 }
 
 /// A table as text.
@@ -59,11 +61,14 @@ impl<'s> RawTable<'s> {
         }
         table.read_rows(body, dialect, faults);
         table.judge_last_line(body);
-        table.judge_lengths(faults);
+        table.judge_lengths(dialect.width.is_some(), faults);
         table
     }
 
     fn read_rows(&mut self, body: &str, dialect: &Dialect, faults: &mut Faults) {
+        if self.separator == b' ' {
+            return self.read_blanks(body, dialect);
+        }
         let mut reader = ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)
@@ -84,9 +89,29 @@ impl<'s> RawTable<'s> {
         }
     }
 
+    /// Fields set apart by blanks, however many.
+    fn read_blanks(&mut self, body: &str, dialect: &Dialect) {
+        let mut byte = 0;
+        for line in body.split_inclusive('\n') {
+            let comment =
+                dialect.comment.is_some_and(|mark| line.as_bytes().first() == Some(&mark));
+            let mut record: StringRecord = line.split_whitespace().collect();
+            let mut position = csv::Position::new();
+            position.set_byte(byte);
+            record.set_position(Some(position));
+            byte += line.len() as u64;
+            match record.is_empty() || comment {
+                true => {}
+                false if self.header.is_empty() => self.take_header(record, dialect),
+                false => self.rows.push(record),
+            }
+        }
+    }
+
     fn take_header(&mut self, record: StringRecord, dialect: &Dialect) {
         if dialect.no_header {
-            self.header = (1..=record.len()).map(|number| number.to_string()).collect();
+            let width = dialect.width.unwrap_or(record.len());
+            self.header = (1..=width).map(|number| number.to_string()).collect();
             self.rows.push(record);
         } else {
             self.header_line = self.line_of(&record);
@@ -112,9 +137,11 @@ impl<'s> RawTable<'s> {
         }
     }
 
-    fn judge_lengths(&self, faults: &mut Faults) {
+    fn judge_lengths(&self, more_may_follow: bool, faults: &mut Faults) {
         let width = self.header.len();
-        for row in self.rows.iter().filter(|row| row.len() != width) {
+        let fits =
+            |row: &StringRecord| row.len() == width || (more_may_follow && row.len() > width);
+        for row in self.rows.iter().filter(|row| !fits(row)) {
             faults.push_with(|| {
                 let line = self.line_of(row);
                 let text = self.line_text(line);
@@ -134,6 +161,30 @@ impl<'s> RawTable<'s> {
             return cell.replace(',', ".").parse().ok();
         }
         cell.parse().ok()
+    }
+
+    /// The numbers of a column; what is none, or infinite, is a fault and stays in place as NaN or itself.
+    pub(crate) fn numbers(&self, column: usize, faults: &mut Faults) -> Vec<f64> {
+        let name = self.header.get(column).cloned().unwrap_or_default();
+        let mut numbers = Vec::with_capacity(self.rows.len());
+        for (row, record) in self.rows.iter().enumerate() {
+            let cell = record.get(column).unwrap_or("");
+            let number = self.number(cell);
+            let fault = match number {
+                None => {
+                    Some(Fault::new(&name, format!("`{cell}` is no number")).expected("a number"))
+                }
+                Some(number) if number.is_infinite() => {
+                    Some(Fault::new(&name, "is infinite").expected("a finite number, or nothing"))
+                }
+                Some(_) => None,
+            };
+            if let Some(fault) = fault {
+                faults.push_with(|| self.cell_fault(row, column, fault));
+            }
+            numbers.push(number.unwrap_or(f64::NAN));
+        }
+        numbers
     }
 
     /// The column with this name.
@@ -174,6 +225,14 @@ impl<'s> RawTable<'s> {
 
     fn field_span(&self, text: &str, column: usize) -> Range<usize> {
         let mut start = 0;
+        if self.separator == b' ' {
+            let mut words = text.split_inclusive(char::is_whitespace).map(|word| {
+                start += word.len();
+                (start - word.len(), word.trim_end())
+            });
+            let field = words.by_ref().filter(|(_, word)| !word.is_empty()).nth(column);
+            return field.map_or(0..text.len(), |(from, word)| from..from + word.len());
+        }
         for (at, field) in text.split(char::from(self.separator)).enumerate() {
             if at == column {
                 return start..start + field.len();

@@ -53,7 +53,7 @@ struct Report<'a> {
 
 /// The correction would replace what it was made from.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: the result would replace its own input; give --out another name", .0.display())]
+#[error("{}: the result would replace its own input; give it another name", .0.display())]
 pub(crate) struct Replaces(PathBuf);
 
 impl Correct {

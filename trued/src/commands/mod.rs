@@ -10,6 +10,7 @@ mod model;
 mod reload;
 mod replay;
 mod run;
+mod spectrum;
 
 use clap::Subcommand;
 
@@ -26,6 +27,7 @@ pub(crate) enum Command {
     Reload(reload::Reload),
     Replay(replay::Replay),
     Run(run::Run),
+    Spectrum(spectrum::Spectrum),
 }
 
 /// Runs the command that was asked for.
@@ -38,5 +40,6 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Reload(reload) => reload.run(console),
         Command::Replay(replay) => replay.run(console),
         Command::Run(run) => run.run(console),
+        Command::Spectrum(spectrum) => spectrum.run(console),
     }
 }

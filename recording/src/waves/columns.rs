@@ -1,0 +1,191 @@
+//! From a table's columns to records: which are waveforms, where they stand, where they break.
+
+use std::collections::BTreeMap;
+
+use super::spacing::{Run, Spacing};
+use super::{Grid, Options, Record, Wave};
+use crate::faults::{Fault, Faults};
+use crate::series::Channel;
+
+/// Where at least this part of the rows has no sample of any channel, another instrument was slower: those rows are
+/// left out.
+const SLOWER: f64 = 0.2;
+
+/// What the rows of a table stand at.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Stand {
+    /// Times, s.
+    Time(Vec<f64>),
+    /// Places, mm.
+    Length(Vec<f64>),
+    /// An even rate that the file states, Hz.
+    Rate(f64),
+    /// Nothing is known.
+    Unknown,
+}
+
+/// The chosen columns of one table.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Columns {
+    pub(super) stand: Stand,
+    /// The name of the column that it stands at, for faults.
+    pub(super) named: String,
+    /// Segment of each row; empty: one.
+    pub(super) segment: Vec<i64>,
+    pub(super) channels: Vec<Wave>,
+    pub(super) beside: BTreeMap<Channel, Vec<f64>>,
+}
+
+impl Columns {
+    /// The records that the columns make. `fault_at` puts a fault at a row of the table.
+    pub(super) fn records(
+        mut self,
+        options: &Options,
+        faults: &mut Faults,
+        notes: &mut Vec<String>,
+        fault_at: impl Fn(usize, Fault) -> Fault,
+    ) -> Vec<Record> {
+        let rows = self.channels.first().map_or(0, |wave| wave.values.len());
+        if rows == 0 {
+            return Vec::new();
+        }
+        let kept = self.drop_empty_rows(rows, notes);
+        let rows = kept.as_ref().map_or(rows, Vec::len);
+        let Some((grid, runs)) = self.grid(rows, options, faults, notes, |row, fault| {
+            fault_at(kept.as_ref().and_then(|kept| kept.get(row)).copied().unwrap_or(row), fault)
+        }) else {
+            return Vec::new();
+        };
+        let part =
+            |values: &[f64], run: &Run| values.get(run.rows.clone()).unwrap_or_default().to_vec();
+        let record = |run: &Run| Record {
+            grid: match grid {
+                Grid::Time { rate_hz, .. } => Grid::Time { start_s: run.start, rate_hz },
+                Grid::Length { step_mm, .. } => Grid::Length { start_mm: run.start, step_mm },
+            },
+            channels: self
+                .channels
+                .iter()
+                .map(|wave| Wave {
+                    name: wave.name.clone(),
+                    unit: wave.unit.clone(),
+                    axis: wave.axis,
+                    values: part(&wave.values, run),
+                })
+                .collect(),
+            beside: self.beside.iter().map(|(c, values)| (*c, part(values, run))).collect(),
+        };
+        runs.iter().map(record).collect()
+    }
+
+    /// Leaves out the rows without any sample where they are many; says which rows stay.
+    fn drop_empty_rows(&mut self, rows: usize, notes: &mut Vec<String>) -> Option<Vec<usize>> {
+        if !matches!(self.stand, Stand::Time(_) | Stand::Length(_)) {
+            return None;
+        }
+        let taken = |row: &usize| {
+            self.channels.iter().any(|wave| wave.values.get(*row).is_some_and(|v| !v.is_nan()))
+        };
+        let kept: Vec<usize> = (0..rows).filter(taken).collect();
+        let empty = rows - kept.len();
+        if kept.is_empty() || (empty as f64) < SLOWER * rows as f64 {
+            return None;
+        }
+        notes.push(format!("{empty} of {rows} rows hold no sample of these channels: left out"));
+        let keep = |values: &mut Vec<f64>| {
+            *values = kept.iter().filter_map(|row| values.get(*row).copied()).collect();
+        };
+        self.channels.iter_mut().for_each(|wave| keep(&mut wave.values));
+        self.beside.values_mut().for_each(keep);
+        if let Stand::Time(x) | Stand::Length(x) = &mut self.stand {
+            keep(x);
+        }
+        if !self.segment.is_empty() {
+            self.segment = kept.iter().filter_map(|row| self.segment.get(*row).copied()).collect();
+        }
+        Some(kept)
+    }
+
+    fn grid(
+        &self,
+        rows: usize,
+        options: &Options,
+        faults: &mut Faults,
+        notes: &mut Vec<String>,
+        fault_at: impl Fn(usize, Fault) -> Fault,
+    ) -> Option<(Grid, Vec<Run>)> {
+        if let Some(grid) = asked(options) {
+            return Some((grid, self.segments(rows)));
+        }
+        let x = match &self.stand {
+            Stand::Time(x) | Stand::Length(x) => x,
+            Stand::Rate(rate_hz) => {
+                return Some((Grid::Time { start_s: 0.0, rate_hz: *rate_hz }, self.segments(rows)));
+            }
+            Stand::Unknown => {
+                faults.push(
+                    Fault::new("", "no column tells the time of the samples")
+                        .expected("a column `t_s`, `time`, `X_Value`, or a first column that grows evenly")
+                        .help("give the rate: --rate HZ"),
+                );
+                return None;
+            }
+        };
+        let breaks = |row: usize| {
+            row > 0
+                && self.segment.get(row).zip(self.segment.get(row - 1)).is_some_and(|(a, b)| a != b)
+        };
+        match Spacing::of(x, breaks) {
+            Ok(spacing) => {
+                notes.extend(spacing.notes.iter().map(|note| format!("`{}`: {note}", self.named)));
+                let grid = match self.stand {
+                    Stand::Length(_) => Grid::Length { start_mm: 0.0, step_mm: spacing.step },
+                    _ => Grid::Time { start_s: 0.0, rate_hz: spacing.rate() },
+                };
+                Some((grid, spacing.runs))
+            }
+            Err((row, fault)) => {
+                let key = self.named.clone();
+                faults.push(fault_at(row, Fault { key, ..*fault }));
+                None
+            }
+        }
+    }
+
+    /// One run for each segment: where the rate is given, time is not asked for gaps.
+    fn segments(&self, rows: usize) -> Vec<Run> {
+        let mut runs: Vec<Run> = Vec::new();
+        for row in 0..rows {
+            let new = row > 0 && self.segment.get(row) != self.segment.get(row - 1);
+            match runs.last_mut() {
+                Some(run) if !new => run.rows.end = row + 1,
+                _ => {
+                    let start = match &self.stand {
+                        Stand::Time(x) | Stand::Length(x) => x.get(row).copied(),
+                        _ => None,
+                    };
+                    let start = start.filter(|start| start.is_finite()).unwrap_or(0.0);
+                    runs.push(Run { rows: row..row + 1, start });
+                }
+            }
+        }
+        runs
+    }
+}
+
+/// The grid that was asked for, whatever the file says.
+pub(super) fn asked(options: &Options) -> Option<Grid> {
+    let time = options.rate_hz.map(|rate_hz| Grid::Time { start_s: 0.0, rate_hz });
+    time.or_else(|| options.step_mm.map(|step_mm| Grid::Length { start_mm: 0.0, step_mm }))
+}
+
+/// Faults of what was asked, before any file is looked at.
+pub(super) fn check(options: &Options, faults: &mut Faults) {
+    let asked =
+        [("--rate", options.rate_hz), ("--step", options.step_mm), ("--scale", options.full_scale)];
+    for (key, value) in asked {
+        if let Some(value) = value.filter(|value| !(value.is_finite() && *value > 0.0)) {
+            faults.push(Fault::new(key, format!("is {value}")).expected("a finite number above 0"));
+        }
+    }
+}

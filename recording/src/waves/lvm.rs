@@ -1,0 +1,160 @@
+//! `LabVIEW` measurement files (.lvm): a header, then sections with their own units, rate and table.
+//!
+//! Source: the public description of the format's text header (keys `Separator`, `Multi_Headings`, `X_Columns`,
+//! `Y_Unit_Label`, `Delta_X`). A column `X_Value` that is filled in wins over `Delta_X`, as a file may have been thinned.
+
+use std::path::PathBuf;
+
+use super::names::Counts;
+use super::preamble::{self, Shape};
+use super::table::{self, Said};
+use super::{Grid, Options, Record, Waves, columns, names};
+use crate::faults::{Fault, Faults};
+use crate::series::Dialect;
+
+const END_OF_HEADER: &str = "***End_of_Header***";
+/// Sections beyond this are refused: each is a record.
+const SECTIONS_MAX: usize = 10_000;
+
+pub(super) fn waves(name: &str, bytes: Vec<u8>, options: &Options) -> Result<Waves, Faults> {
+    let mut notes = Vec::new();
+    let source = super::text(bytes, &mut notes);
+    let mut faults = Faults::of(name);
+    columns::check(options, &mut faults);
+    let lines: Vec<&str> = source.lines().collect();
+    let separator = separator(&lines);
+    let mut records: Vec<Record> = Vec::new();
+    let sections = sections(&lines, separator);
+    if sections.is_empty() {
+        let fault =
+            Fault::new("", "has no section").expected("a line ***End_of_Header***, then a table");
+        faults.push(fault.help("the file seems to be cut off"));
+    }
+    if sections.len() > SECTIONS_MAX {
+        faults.push(
+            Fault::new("", format!("has {} sections", sections.len())).expected("at most 10000"),
+        );
+        return faults.or(None);
+    }
+    for section in &sections {
+        records.extend(section.records(
+            &source,
+            &lines,
+            separator,
+            options,
+            &mut faults,
+            &mut notes,
+        ));
+    }
+    notes.dedup();
+    let waves = Waves { file: PathBuf::new(), records, responses: Vec::new(), about: None, notes };
+    faults.or((!waves.records.is_empty()).then_some(waves))
+}
+
+/// The value of a key in a line of a header.
+fn value<'l>(line: &'l str, key: &str, separator: char) -> Option<&'l str> {
+    let rest = line.strip_prefix(key)?;
+    rest.strip_prefix(separator)
+}
+
+fn separator(lines: &[&str]) -> char {
+    let said = lines.iter().take(64).find_map(|line| line.strip_prefix("Separator"));
+    match said {
+        Some(rest) if rest.contains("Comma") => ',',
+        _ => '\t',
+    }
+}
+
+/// Lines of one section: its header, and the line of names with the table below it.
+struct Section {
+    header: std::ops::Range<usize>,
+    body: std::ops::Range<usize>,
+}
+
+/// The second and every further end of a header is that of a section.
+fn sections(lines: &[&str], separator: char) -> Vec<Section> {
+    let is_end = |line: &&str| line.trim_end_matches([separator, ' ']) == END_OF_HEADER;
+    let ends: Vec<usize> = (0..lines.len()).filter(|at| is_end(&lines[*at])).collect();
+    let begins = |line: &str| value(line, "Channels", separator).is_some();
+    let mut sections: Vec<Section> = Vec::new();
+    for pair in ends.windows(2) {
+        let from = (pair[0] + 1..pair[1]).find(|at| begins(lines[*at])).unwrap_or(pair[0] + 1);
+        if let Some(before) = sections.last_mut() {
+            before.body.end = from;
+        }
+        sections.push(Section { header: from..pair[1], body: pair[1] + 1..lines.len() });
+    }
+    sections
+}
+
+impl Section {
+    fn records(
+        &self,
+        source: &str,
+        lines: &[&str],
+        separator: char,
+        options: &Options,
+        faults: &mut Faults,
+        notes: &mut Vec<String>,
+    ) -> Vec<Record> {
+        let Some(head) = lines.get(self.body.start) else { return Vec::new() };
+        let mut heads: Vec<String> =
+            head.split(separator).map(|name| name.trim().to_owned()).collect();
+        while heads.last().is_some_and(|name| name.is_empty() || name == "Comment") {
+            heads.pop();
+        }
+        if heads.is_empty() {
+            let fault = Fault::new("", format!("line {} names no column", self.body.start + 1));
+            faults.push(fault.expected("X_Value and the channels' names"));
+            return Vec::new();
+        }
+        let said = self.said(lines, separator, &heads);
+        let body_end = byte_of(source, self.body.end);
+        let body = source.get(..body_end).unwrap_or(source);
+        let found = preamble::find(body, self.body.start + 1);
+        let decimal_comma = found.and_then(|shape| shape.dialect.decimal_comma);
+        let dialect = Dialect {
+            separator: u8::try_from(separator).ok(),
+            decimal_comma,
+            skip_lines: self.body.start + 1,
+            no_header: true,
+            width: Some(heads.len()),
+            ..Dialect::default()
+        };
+        let shape = Shape { dialect, heads: Some(heads) };
+        let records = table::records(body, shape, &said, options, faults, notes);
+        let stated = said.rate_hz.zip(records.first());
+        if let Some((stated_hz, Record { grid: Grid::Time { rate_hz, .. }, .. })) = stated
+            && options.rate_hz.is_none()
+            && (stated_hz / rate_hz - 1.0).abs() > 0.01
+        {
+            notes.push(format!(
+                "the header says {stated_hz:.6} Hz, the column X_Value {rate_hz:.6} Hz: the column is believed"
+            ));
+        }
+        records
+    }
+
+    /// Units and rate of the section's header. Its lists count channels; the table may have an X column each.
+    fn said(&self, lines: &[&str], separator: char, heads: &[String]) -> Said {
+        let header = lines.get(self.header.clone()).unwrap_or_default();
+        let list = |key: &str| {
+            header
+                .iter()
+                .find_map(|line| value(line, key, separator))
+                .map(|rest| rest.split(separator))
+        };
+        let channels = heads.iter().filter(|head| !matches!(names::counts(head), Counts::Time(_)));
+        let units = list("Y_Unit_Label").into_iter().flatten().map(|unit| unit.trim().to_owned());
+        let units = channels.cloned().zip(units).filter(|(_, unit)| !unit.is_empty()).collect();
+        let step_s = list("Delta_X").and_then(|mut steps| steps.next());
+        let step_s = step_s.and_then(|step| step.trim().replace(',', ".").parse::<f64>().ok());
+        let rate_hz = step_s.filter(|step| *step > 0.0 && step.is_finite());
+        Said { units, rate_hz: rate_hz.map(|step| super::spacing::tidy(1.0 / step, 1e-6)) }
+    }
+}
+
+/// The byte at which a line begins.
+fn byte_of(source: &str, line: usize) -> usize {
+    source.split_inclusive('\n').take(line).map(str::len).sum()
+}

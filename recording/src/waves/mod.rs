@@ -1,0 +1,253 @@
+//! Waveforms of instruments: samples at one rate, from tables, `LabVIEW`, UFF 58 and WAV files.
+//!
+//! Contract: what a file is, its content says (its name only where the content cannot). A [`Waves`] that exists holds a
+//! record or a response function; a record's channels are equally long and free of infinities, NaN stands for a sample
+//! that was not taken, and its grid is finite with a step above 0. No input makes a reader panic, and memory stays
+//! within a few times the file's size.
+
+mod columns;
+mod lvm;
+mod names;
+mod pick;
+mod preamble;
+mod quantity;
+mod recorded;
+mod spacing;
+mod table;
+#[cfg(test)]
+mod tests;
+mod uff;
+mod uff58;
+mod uff_numbers;
+mod wav;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::faults::{Fault, Faults};
+use crate::files::FileError;
+use crate::mapping::mapping_path;
+use crate::series::{self, About, Channel, Need};
+use crate::unit::Quantity;
+
+/// Larger files are refused: they would not fit into memory beside what is made of them.
+const FILE_BYTES_MAX: u64 = 4 << 30;
+
+/// What a reader is told about a file besides its name.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Options {
+    /// Samples per second; wins over what the file says.
+    pub rate_hz: Option<f64>,
+    /// Samples per step of length, for profiles, mm; wins over what the file says.
+    pub step_mm: Option<f64>,
+    /// Columns to take, by name or by number from 1; empty: all that are waveforms.
+    pub columns: Vec<String>,
+    /// How another program's table becomes a recording.
+    pub mapping: Option<PathBuf>,
+    /// What a WAV file's full scale stands for; 1 if not given.
+    pub full_scale: Option<f64>,
+}
+
+/// The waveforms of one file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Waves {
+    /// The file they came from.
+    pub file: PathBuf,
+    /// Runs of samples without a hole, in the file's order. A gap in time, a new segment, a time that starts anew or a
+    /// channel that comes again begins another.
+    pub records: Vec<Record>,
+    /// Measured response functions, where the file holds any.
+    pub responses: Vec<ResponseFunction>,
+    /// What the TOML beside a recording of the house says.
+    pub about: Option<About>,
+    /// What was noticed while reading and is no fault, one sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Samples of several channels, taken together at even steps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Record {
+    /// Where the samples stand.
+    pub grid: Grid,
+    /// The channels, all of one length.
+    pub channels: Vec<Wave>,
+    /// What else was recorded with them and is known by name: spindle, feed, tacho, positions, joints. SI.
+    pub beside: BTreeMap<Channel, Vec<f64>>,
+}
+
+/// The even steps that a record's samples are taken at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Grid {
+    /// Over time.
+    Time {
+        /// Time of the first sample, s.
+        start_s: f64,
+        /// Samples per second.
+        rate_hz: f64,
+    },
+    /// Over a length, as a stylus moves.
+    Length {
+        /// Place of the first sample, mm.
+        start_mm: f64,
+        /// From one sample to the next, mm.
+        step_mm: f64,
+    },
+}
+
+/// One channel of a record.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Wave {
+    /// Its name in the file, or its number there.
+    pub name: String,
+    /// The unit of its values as the file has it; `1` where the file says none.
+    pub unit: String,
+    /// 0 to 2: along x, y, z; 3 to 5: moment about them; as far as the name says.
+    pub axis: Option<usize>,
+    /// The samples, in that unit; NaN where none was taken.
+    pub values: Vec<f64>,
+}
+
+/// A frequency response function: response over reference, complex, at growing frequencies.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ResponseFunction {
+    /// Where and in which direction the response was measured (`2+x`).
+    pub response: String,
+    /// Where and in which direction the reference acted.
+    pub reference: String,
+    /// Unit of the response.
+    pub response_unit: String,
+    /// Unit of the reference.
+    pub reference_unit: String,
+    /// Frequencies, Hz.
+    pub frequency_hz: Vec<f64>,
+    /// Real and imaginary part at each.
+    pub values: Vec<[f64; 2]>,
+}
+
+impl Record {
+    /// Number of samples of each channel.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.channels.first().map_or(0, |wave| wave.values.len())
+    }
+
+    /// Whether it has none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+impl Wave {
+    /// A channel; what its name says of its axis is found out.
+    #[must_use]
+    pub fn new(name: impl Into<String>, unit: impl Into<String>, values: Vec<f64>) -> Self {
+        let name = name.into();
+        Self { axis: names::axis(&name), unit: unit.into(), name, values }
+    }
+
+    /// What the channel measures and the SI value of its unit, where its unit is known.
+    #[must_use]
+    pub fn quantity(&self) -> Option<(Quantity, f64)> {
+        quantity::of(&self.unit)
+    }
+}
+
+impl ResponseFunction {
+    /// What response and reference measure, and their units' SI values, where they are known.
+    #[must_use]
+    pub fn quantities(&self) -> [Option<(Quantity, f64)>; 2] {
+        [quantity::of(&self.response_unit), quantity::of(&self.reference_unit)]
+    }
+}
+
+/// Reads the waveforms of a file. A recording of the house brings the TOML and the mapping that stand beside it.
+///
+/// # Errors
+/// The file cannot be read, or every fault of it.
+pub fn read(path: &Path, options: &Options) -> Result<Waves, FileError> {
+    let size = std::fs::metadata(path).map_err(FileError::io("read", path))?.len();
+    let name = path.display().to_string();
+    if size > FILE_BYTES_MAX {
+        let mut faults = Faults::of(&name);
+        let fault = Fault::new("", format!("has {} GiB", size >> 30));
+        faults.push(fault.expected("at most 4 GiB").help("cut it into several files"));
+        return Err(faults.into());
+    }
+    let mapped = options.mapping.is_some() || mapping_path(path).is_file();
+    let bytes = std::fs::read(path).map_err(FileError::io("read", path))?;
+    if mapped || recorded::is_recording(&bytes) {
+        drop(bytes);
+        let recording = series::read(path, options.mapping.as_deref(), Need::Samples)?;
+        return Ok(recorded::waves(recording, options)?);
+    }
+    Ok(parse(path, bytes, options)?)
+}
+
+/// Reads the waveforms of a file's content, which is no recording of the house. The path is only named.
+///
+/// # Errors
+/// Every fault of the content.
+pub fn parse(path: &Path, bytes: Vec<u8>, options: &Options) -> Result<Waves, Faults> {
+    let name = path.display().to_string();
+    let mut waves = match Form::of(path, &bytes) {
+        Form::Wav => wav::waves(&name, &bytes, options),
+        Form::Uff => uff::waves(&name, &bytes, options),
+        Form::LabView => lvm::waves(&name, bytes, options),
+        Form::Table => table::waves(&name, bytes, options),
+        Form::Foreign(what) => {
+            let mut faults = Faults::of(&name);
+            let fault = Fault::new("", format!("is {what}, which is not read"));
+            faults.push(
+                fault
+                    .expected("a table (CSV, text, LabVIEW .lvm), UFF 58 or WAV")
+                    .help("export it as CSV, or as UFF 58"),
+            );
+            Err(faults)
+        }
+    }?;
+    waves.file = path.to_owned();
+    Ok(waves)
+}
+
+/// What a file is.
+enum Form {
+    Wav,
+    Uff,
+    LabView,
+    Table,
+    Foreign(&'static str),
+}
+
+impl Form {
+    fn of(path: &Path, bytes: &[u8]) -> Self {
+        let starts = |mark: &[u8]| bytes.starts_with(mark);
+        let named = |names: &[&str]| {
+            let extension = path.extension().unwrap_or_default();
+            names.iter().any(|name| extension.eq_ignore_ascii_case(name))
+        };
+        match () {
+            () if starts(b"RIFF") || starts(b"RF64") => Self::Wav,
+            () if starts(b"LabVIEW Measurement") => Self::LabView,
+            () if uff::is_uff(bytes) || named(&["uff", "unv", "u58", "58"]) => Self::Uff,
+            () if starts(b"TDSm") => Self::Foreign("a LabVIEW TDMS file"),
+            () if starts(b"MATLAB 5.0") || starts(b"\x89HDF") => {
+                Self::Foreign("a MATLAB or HDF5 file")
+            }
+            () if starts(b"PK\x03\x04") => Self::Foreign("an archive or a spreadsheet (zip)"),
+            () if named(&["mcap"]) => Self::Foreign("a black box (`trued convert` makes a table)"),
+            () if named(&["parquet"]) => Self::Foreign("a Parquet file"),
+            () if named(&["wav", "wave"]) => Self::Wav,
+            () => Self::Table,
+        }
+    }
+}
+
+/// A file's text: UTF-8, or else Latin-1, which older instruments write; said where it is.
+fn text(bytes: Vec<u8>, notes: &mut Vec<String>) -> String {
+    let text = String::from_utf8(bytes).unwrap_or_else(|error| {
+        notes.push("is not UTF-8: read as Latin-1".to_owned());
+        error.as_bytes().iter().map(|byte| char::from(*byte)).collect()
+    });
+    text.strip_prefix('\u{feff}').map_or_else(|| text.clone(), str::to_owned)
+}

@@ -1,0 +1,138 @@
+//! What a column's name says: its unit, its axis, whether it counts time, length or samples.
+//!
+//! Names are a convention, not a promise: what cannot be told from a name is left open.
+
+use super::quantity;
+use crate::unit::{Quantity, Unit};
+
+/// What a column counts, by its name.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Counts {
+    /// Time; the unit's size in s.
+    Time(f64),
+    /// A length along which the others were taken; the unit's size in m.
+    Length(f64),
+    /// Samples: it says nothing of the rate.
+    Samples,
+    /// None of them.
+    Else,
+}
+
+const TIME: &[&str] = &["t", "time", "x_value", "timestamp", "elapsed", "zeit", "tiempo", "temps"];
+const LENGTH: &[&str] =
+    &["x", "s", "pos", "position", "distance", "length", "place", "path", "weg"];
+const SAMPLES: &[&str] = &["n", "no", "nr", "index", "sample", "samples", "row", "point", "i"];
+
+/// Name and unit of a column head: `Fx_N`, `Force (N)`, `Force [N]`, `"Force"`.
+pub(super) fn split(head: &str) -> (&str, Option<&str>) {
+    let head = head.trim().trim_matches('"').trim_start_matches(['#', '%']).trim();
+    for (open, close) in [('(', ')'), ('[', ']')] {
+        if let Some((name, unit)) = head.strip_suffix(close).and_then(|h| h.rsplit_once(open)) {
+            let unit = unit.trim();
+            return (name.trim(), (!unit.is_empty()).then_some(unit));
+        }
+    }
+    match Unit::split(head) {
+        (_, None) => (head, None),
+        (base, Some(_)) => (base, head.get(base.len() + 1..)),
+    }
+}
+
+/// What a column counts, by its head.
+pub(super) fn counts(head: &str) -> Counts {
+    let (name, unit) = split(head);
+    let name = name.to_lowercase();
+    let measured = unit.and_then(|unit| {
+        // `x_mm` is spelled as the house does, `x (mm)` as others do.
+        let own = Unit::named(unit).map(|unit| (unit.quantity, unit.si));
+        own.or_else(|| quantity::of(unit))
+    });
+    let is = |list: &[&str]| list.contains(&name.as_str());
+    match measured {
+        Some((Quantity::Time, si)) if is(TIME) => Counts::Time(si),
+        None if is(TIME) => Counts::Time(1.0),
+        Some((Quantity::Length, si)) if is(LENGTH) => Counts::Length(si),
+        None if is(SAMPLES) => Counts::Samples,
+        // `seconds`, `ms`: a unit alone.
+        None => match quantity::of(&name) {
+            Some((Quantity::Time, si)) if name != "m" => Counts::Time(si),
+            _ => Counts::Else,
+        },
+        _ => Counts::Else,
+    }
+}
+
+/// The axis that a name tells: 0 to 2 along x, y, z, 3 to 5 moments about them.
+pub(super) fn axis(name: &str) -> Option<usize> {
+    const ALONG: &[&str] =
+        &["", "f", "a", "v", "d", "acc", "accel", "acceleration", "force", "vib", "+", "-"];
+    const ABOUT: &[&str] = &["m", "mom", "moment", "torque"];
+    let lower = name.to_lowercase();
+    let words: Vec<&str> = lower
+        .split(|c: char| !(c.is_alphabetic() || c == '+' || c == '-'))
+        .filter(|word| !word.is_empty())
+        .collect();
+    let turning = words.iter().any(|word| ABOUT[1..].contains(word));
+    words.iter().find_map(|word| {
+        let letter = word.chars().next_back()?;
+        let axis = ['x', 'y', 'z'].iter().position(|axis| *axis == letter)?;
+        let before = word.get(..word.len() - 1)?;
+        if ABOUT.contains(&before) {
+            return Some(3 + axis);
+        }
+        ALONG.contains(&before).then_some(if turning { 3 + axis } else { axis })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heads_of_many_programs_give_name_and_unit() {
+        for (head, name, unit) in [
+            ("Fx_N", "Fx", Some("N")),
+            ("Force (N)", "Force", Some("N")),
+            (" Acceleration [m/s²] ", "Acceleration", Some("m/s²")),
+            ("\"Voltage\"", "Voltage", None),
+            ("acc_y_raw", "acc_y_raw", None),
+            ("ax_m_s2", "ax", Some("m_s2")),
+            ("# t", "t", None),
+        ] {
+            assert_eq!(split(head), (name, unit), "{head}");
+        }
+    }
+
+    #[test]
+    fn time_length_and_samples_are_told_apart() {
+        for head in ["t_s", "Time", "time (s)", "X_Value", "Seconds", "t [sec]"] {
+            assert_eq!(counts(head), Counts::Time(1.0), "{head}");
+        }
+        assert_eq!(counts("t_ms"), Counts::Time(1e-3));
+        assert_eq!(counts("x_um"), Counts::Length(1e-6));
+        assert_eq!(counts("Position (mm)"), Counts::Length(1e-3));
+        assert_eq!(counts("Sample"), Counts::Samples);
+        for head in ["Fx_N", "x", "temp_C", "tacho", "Force (N)"] {
+            assert_eq!(counts(head), Counts::Else, "{head}");
+        }
+    }
+
+    #[test]
+    fn an_axis_is_told_by_usual_names_alone() {
+        for (name, expected) in [
+            ("fx_N", Some(0)),
+            ("acc_y_raw", Some(1)),
+            ("AccelerationY", Some(1)),
+            ("Fz", Some(2)),
+            ("my_Nm", Some(4)),
+            ("torque z", Some(5)),
+            ("2+x", Some(0)),
+            ("1-z", Some(2)),
+            ("Voltage", None),
+            ("matrix", None),
+            ("7", None),
+        ] {
+            assert_eq!(axis(name), expected, "{name}");
+        }
+    }
+}

@@ -1,0 +1,208 @@
+//! Tables of numbers without our names: CSV, tabulators, blanks, with or without a header.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use super::columns::{self, Columns, Stand};
+use super::names::{self, Counts};
+use super::preamble::{self, Shape};
+use super::spacing::Spacing;
+use super::{Options, Record, Wave, Waves, pick};
+use crate::faults::{Fault, Faults};
+use crate::series::{self, Channel, Dialect, RawTable};
+
+/// What a file says of a table outside of it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct Said {
+    /// Unit by the column's name.
+    pub(super) units: BTreeMap<String, String>,
+    /// Samples per second.
+    pub(super) rate_hz: Option<f64>,
+}
+
+pub(super) fn waves(name: &str, bytes: Vec<u8>, options: &Options) -> Result<Waves, Faults> {
+    let mut notes = Vec::new();
+    let source = super::text(bytes, &mut notes);
+    let mut faults = Faults::of(name);
+    columns::check(options, &mut faults);
+    let shape = preamble::find(&source, 0)
+        .unwrap_or_else(|| Shape { dialect: Dialect::default(), heads: None });
+    let records = records(&source, shape, &Said::default(), options, &mut faults, &mut notes);
+    let waves = Waves { file: PathBuf::new(), records, responses: Vec::new(), about: None, notes };
+    faults.or((!waves.records.is_empty()).then_some(waves))
+}
+
+/// The records of one table of a text.
+pub(super) fn records(
+    source: &str,
+    shape: Shape,
+    said: &Said,
+    options: &Options,
+    faults: &mut Faults,
+    notes: &mut Vec<String>,
+) -> Vec<Record> {
+    let mut table = RawTable::cut(source, &shape.dialect, faults);
+    let named = shape.heads.is_some() || !shape.dialect.no_header;
+    if let Some(heads) = shape.heads {
+        table.header = heads;
+    }
+    notes.append(&mut table.notes);
+    if table.rows.is_empty() {
+        let fault = Fault::new("", "holds no rows of numbers");
+        faults.push(fault.expected("a table of numbers, one row per sample"));
+        return Vec::new();
+    }
+    Sheet { table: &table, said, named }.records(options, faults, notes)
+}
+
+struct Sheet<'t, 's> {
+    table: &'t RawTable<'s>,
+    said: &'t Said,
+    /// The columns have names, not only numbers.
+    named: bool,
+}
+
+impl Sheet<'_, '_> {
+    fn records(
+        &self,
+        options: &Options,
+        faults: &mut Faults,
+        notes: &mut Vec<String>,
+    ) -> Vec<Record> {
+        let heads = &self.table.header;
+        let asked = pick::columns(heads, &options.columns, faults);
+        let counter = self.counter(&asked, notes);
+        let beside: Vec<(usize, Channel)> = (0..heads.len())
+            .filter(|at| !asked.contains(at))
+            .filter_map(|at| Some((at, process(heads.get(at)?)?)))
+            .collect();
+        let chosen = if options.columns.is_empty() {
+            self.waveforms(counter.as_ref().map(|(at, _)| *at), &beside, notes)
+        } else {
+            asked
+        };
+        if chosen.is_empty() && options.columns.is_empty() {
+            let fault = Fault::new("", "no column holds a waveform");
+            faults.push(fault.expected("numbers besides the time").help(self.listed()));
+        }
+        let channels = chosen.iter().map(|at| self.wave(*at, faults)).collect();
+        let beside = beside.into_iter().map(|(at, channel)| {
+            let si = names::split(&heads[at]).1.and_then(crate::unit::Unit::named);
+            let values = self.table.numbers(at, faults).into_iter();
+            (channel, values.map(|v| si.map_or(v, |unit| unit.to_si(v))).collect())
+        });
+        let beside = beside.collect();
+        let named = counter.as_ref().and_then(|(at, _)| heads.get(*at)).cloned();
+        let stand = counter.as_ref().map_or_else(
+            || self.said.rate_hz.map_or(Stand::Unknown, Stand::Rate),
+            |(at, counts)| self.stand(*at, *counts, faults),
+        );
+        let columns = Columns {
+            stand,
+            named: named.unwrap_or_default(),
+            segment: Vec::new(),
+            channels,
+            beside,
+        };
+        columns.records(options, faults, notes, |row, fault| {
+            let at = counter.as_ref().map_or(0, |(at, _)| *at);
+            self.table.cell_fault(row, at, fault)
+        })
+    }
+
+    /// The column that counts time or length, and what it counts.
+    fn counter(&self, asked: &[usize], notes: &mut Vec<String>) -> Option<(usize, Counts)> {
+        let heads = &self.table.header;
+        let free = || (0..heads.len()).filter(|at| !asked.contains(at) && self.is_numeric(*at));
+        let by_name = |wanted: fn(Counts) -> bool| {
+            let counts = |at: usize| (at, names::counts(&heads[at]));
+            free().map(counts).find(|(_, counts)| wanted(*counts))
+        };
+        let found = by_name(|counts| matches!(counts, Counts::Time(_)))
+            .or_else(|| by_name(|counts| matches!(counts, Counts::Length(_))));
+        if found.is_some() {
+            return found;
+        }
+        // Without a name, the first column counts time where it grows evenly, not by ones.
+        let first = free().next().filter(|at| *at == 0 && heads.len() > 1)?;
+        if self.named && names::counts(&heads[first]) == Counts::Samples {
+            return None;
+        }
+        let spacing =
+            Spacing::of(&self.table.numbers(first, &mut Faults::of("")), |_| false).ok()?;
+        let even = spacing.notes.is_empty() && spacing.runs.len() == 1;
+        if !even || (spacing.step - 1.0).abs() < 1e-9 || self.table.rows.len() < 3 {
+            return None;
+        }
+        let name = &heads[first];
+        notes.push(format!("column `{name}` grows evenly: taken as the time in s"));
+        Some((first, Counts::Time(1.0)))
+    }
+
+    fn stand(&self, at: usize, counts: Counts, faults: &mut Faults) -> Stand {
+        let times = |factor: f64, faults: &mut Faults| {
+            self.table.numbers(at, faults).into_iter().map(|x| x * factor).collect::<Vec<f64>>()
+        };
+        match counts {
+            Counts::Time(si) => {
+                let x = times(si, faults);
+                // LabVIEW leaves the column empty and states the step.
+                match self.said.rate_hz {
+                    Some(rate_hz) if x.iter().all(|x| x.is_nan()) => Stand::Rate(rate_hz),
+                    _ => Stand::Time(x),
+                }
+            }
+            Counts::Length(si) => Stand::Length(times(1e3 * si, faults)),
+            Counts::Samples | Counts::Else => Stand::Unknown,
+        }
+    }
+
+    /// All columns of numbers that are neither the counter nor known by name to be something else.
+    fn waveforms(
+        &self,
+        counter: Option<usize>,
+        beside: &[(usize, Channel)],
+        notes: &mut Vec<String>,
+    ) -> Vec<usize> {
+        let heads = &self.table.header;
+        let other = |at: usize| {
+            Some(at) == counter
+                || beside.iter().any(|(there, _)| *there == at)
+                || (self.named && names::counts(&heads[at]) != Counts::Else)
+        };
+        let (chosen, texts): (Vec<usize>, Vec<usize>) =
+            (0..heads.len()).filter(|at| !other(*at)).partition(|at| self.is_numeric(*at));
+        if !texts.is_empty() {
+            let names: Vec<&str> = texts.iter().map(|at| heads[*at].as_str()).collect();
+            notes.push(format!("columns of text, left out: {}", names.join(", ")));
+        }
+        chosen
+    }
+
+    /// Whether most of the first rows hold numbers, or nothing: a single bad cell is a fault, not a column of text.
+    fn is_numeric(&self, at: usize) -> bool {
+        let rows = self.table.rows.len().min(10);
+        let cells = self.table.rows.iter().take(rows).map(|row| row.get(at).unwrap_or(""));
+        2 * cells.filter(|cell| self.table.number(cell).is_some()).count() > rows
+    }
+
+    fn wave(&self, at: usize, faults: &mut Faults) -> Wave {
+        let head = &self.table.header[at];
+        let unit = self.said.units.get(head).map(String::as_str).or(names::split(head).1);
+        Wave::new(head, unit.unwrap_or("1"), self.table.numbers(at, faults))
+    }
+
+    fn listed(&self) -> String {
+        format!("the columns are: {}", self.table.header.join(", "))
+    }
+}
+
+/// A column that tells of the process and is no waveform unless asked for.
+fn process(head: &str) -> Option<Channel> {
+    match series::Column::named(head) {
+        Ok(series::Column::Channel(channel, _)) => {
+            matches!(channel, Channel::Spindle | Channel::Feed | Channel::Tacho).then_some(channel)
+        }
+        _ => None,
+    }
+}

@@ -1,0 +1,147 @@
+//! The numbers of a dataset 58: their form, as text in fixed columns, or binary.
+
+use super::uff::Cursor;
+use crate::faults::{Fault, Place};
+
+/// Why a dataset was refused.
+pub(super) type Refused = Box<Fault>;
+
+/// Record 7: how the numbers stand.
+pub(super) struct Form {
+    pub(super) complex: bool,
+    pub(super) double: bool,
+    pub(super) even: bool,
+    pub(super) points: usize,
+    pub(super) start: f64,
+    pub(super) step: f64,
+}
+
+impl Form {
+    /// Reads record 7.
+    ///
+    /// # Errors
+    /// A form that cannot be.
+    pub(super) fn of(line: &str, number: usize) -> Result<Self, Refused> {
+        let fault = |what: &str| {
+            Fault::new("", format!("its data form has {what}"))
+                .expected("type 2, 4, 5 or 6, points, spacing, start and step")
+                .at(Place::in_line(number, line, &(0..line.len())))
+        };
+        let words = in_line(line).ok_or_else(|| fault("words that are no numbers"))?;
+        let [kind, points, even, start, step, ..] = words.as_slice() else {
+            return Err(fault("too few numbers").into());
+        };
+        let kind = *kind;
+        if ![2.0, 4.0, 5.0, 6.0].contains(&kind) {
+            return Err(fault("an unknown type").into());
+        }
+        let whole = *points >= 0.0 && points.fract() == 0.0 && *points < 1e12;
+        if !whole {
+            return Err(fault("an impossible number of points").into());
+        }
+        Ok(Self {
+            complex: kind >= 5.0,
+            double: kind == 4.0 || kind == 6.0,
+            even: *even != 0.0,
+            points: *points as usize,
+            start: *start,
+            step: *step,
+        })
+    }
+}
+
+/// The numbers of a line in fixed columns, which may touch: a sign behind a digit begins another number.
+pub(super) fn in_line(line: &str) -> Option<Vec<f64>> {
+    let mut numbers = Vec::new();
+    let mut word = String::new();
+    let mut take = |word: &mut String| {
+        if word.is_empty() {
+            return Some(());
+        }
+        numbers.push(word.parse().ok()?);
+        word.clear();
+        Some(())
+    };
+    for c in line.chars() {
+        let exponent = word.ends_with('e');
+        match c {
+            _ if c.is_whitespace() => take(&mut word)?,
+            '+' | '-' if !word.is_empty() && !exponent => {
+                take(&mut word)?;
+                word.push(c);
+            }
+            // Fortran writes double precision with a D.
+            'e' | 'E' | 'd' | 'D' => word.push('e'),
+            c => word.push(c),
+        }
+    }
+    take(&mut word)?;
+    Some(numbers)
+}
+
+/// Reads numbers up to and with the line of -1.
+pub(super) fn ascii(cursor: &mut Cursor<'_>) -> Result<Vec<f64>, Refused> {
+    let mut numbers = Vec::new();
+    let mut fault: Option<Refused> = None;
+    loop {
+        let Some(line) = cursor.text() else {
+            return Err(fault.unwrap_or_else(|| {
+                Fault::new("", "has no end")
+                    .expected("a line of -1")
+                    .help("the file seems to be cut off")
+                    .into()
+            }));
+        };
+        if line.trim() == "-1" {
+            return fault.map_or(Ok(numbers), Err);
+        }
+        match in_line(&line) {
+            Some(found) => numbers.extend(found),
+            None if fault.is_none() => {
+                let place = Place::in_line(cursor.line, &line, &(0..line.len()));
+                let wrong = Fault::new("", "this line holds no numbers").expected("numbers");
+                fault = Some(wrong.at(place).into());
+            }
+            None => {}
+        }
+    }
+}
+
+/// Reads the numbers that the header promises; `line` is the dataset's first, which says their form.
+pub(super) fn binary(
+    cursor: &mut Cursor<'_>,
+    line: &str,
+    form: &Form,
+) -> Result<Vec<f64>, Refused> {
+    let said = line.split(['b', 'B']).nth(1).unwrap_or_default();
+    let said: Vec<usize> = said.split_whitespace().filter_map(|word| word.parse().ok()).collect();
+    let [order, float, ..] = said.as_slice() else {
+        let fault = Fault::new("", "does not say its byte order");
+        return Err(fault.expected("58b, order, float format").into());
+    };
+    if *float != 2 || !matches!(order, 1 | 2) {
+        let message = format!("has byte order {order} and float format {float}");
+        return Err(Fault::new("", message).expected("order 1 or 2, format 2 (IEEE 754)").into());
+    }
+    let size = if form.double { 8 } else { 4 };
+    // An uneven abscissa is of single precision even beside doubles only in text; binary has one size.
+    let width = 1 + usize::from(form.complex) + usize::from(!form.even);
+    let needed = form.points.saturating_mul(width).saturating_mul(size);
+    let bytes = cursor.bytes(needed);
+    if bytes.len() < needed {
+        let message = format!("holds {} bytes of numbers", bytes.len());
+        return Err(Fault::new("", message)
+            .expected(format!("{needed}"))
+            .help("the file seems to be cut off")
+            .into());
+    }
+    let number = |bytes: &[u8]| -> Option<f64> {
+        Some(match (size, order) {
+            (4, 1) => f64::from(f32::from_le_bytes(bytes.try_into().ok()?)),
+            (4, _) => f64::from(f32::from_be_bytes(bytes.try_into().ok()?)),
+            (_, 1) => f64::from_le_bytes(bytes.try_into().ok()?),
+            _ => f64::from_be_bytes(bytes.try_into().ok()?),
+        })
+    };
+    Ok(bytes.chunks_exact(size).filter_map(number).collect())
+}

@@ -1,0 +1,131 @@
+//! What the process did, from what was recorded of it: speed from a tacho's pulses, path from positions.
+
+/// A pulse begins above this part of the largest one's height over the middle of the signal: short pulses are caught by
+/// one sample or two, at different heights.
+const RISES: f64 = 0.4;
+/// And is over below this part.
+const FALLS: f64 = 0.2;
+/// After a pause of so many turns the spindle had stood.
+const STOOD: f64 = 3.5;
+/// Speed is told over so many pulses as span this time: single turns are counted in whole samples.
+const SPEED_S: f64 = 0.2;
+/// Positions are averaged over this time before their distances are added: a tracker's noise would lengthen the path.
+const PATH_S: f64 = 0.1;
+
+/// Spindle speed at each sample, rev/min, from one pulse per revolution, up or down; a pulse that was missed is made up
+/// for. 0 before the third pulse, and where none has come for twice the time of a turn. Empty where there are no pulses.
+#[must_use]
+pub fn speed_of_pulses(tacho: &[f64], rate_hz: f64) -> Vec<f64> {
+    let rises = rises(tacho);
+    if rises.len() < 3 {
+        return Vec::new();
+    }
+    let turns: Vec<usize> = rises.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut speed = vec![0.0; tacho.len()];
+    let mut first = 0;
+    for last in 1..turns.len() {
+        while first < last && rises[last + 1] - rises[first + 1] >= (SPEED_S * rate_hz) as usize {
+            first += 1;
+        }
+        let middle = median(&turns[first..=last]);
+        if turns[last] as f64 > STOOD * middle {
+            first = last + 1;
+            continue;
+        }
+        let window = turns.get(first..=last).unwrap_or_default();
+        let count: f64 = window.iter().map(|turn| (*turn as f64 / middle).round().max(1.0)).sum();
+        let rpm = 60.0 * rate_hz * count / window.iter().sum::<usize>().max(1) as f64;
+        let at = rises[last + 1];
+        let until = (at + (2.0 * middle) as usize).min(tacho.len());
+        // What the next pulse says replaces it from then on.
+        speed[at..until].fill(rpm);
+    }
+    speed
+}
+
+/// The samples at which pulses begin.
+fn rises(tacho: &[f64]) -> Vec<usize> {
+    let mut finite: Vec<f64> = tacho.iter().copied().filter(|x| x.is_finite()).collect();
+    if finite.is_empty() {
+        return Vec::new();
+    }
+    let half = finite.len() / 2;
+    let base = *finite.select_nth_unstable_by(half, f64::total_cmp).1;
+    let (up, down) = finite
+        .iter()
+        .fold((0.0, 0.0), |(up, down): (f64, f64), x| (up.max(x - base), down.max(base - x)));
+    let height = if up >= down { up } else { -down };
+    if height == 0.0 {
+        return Vec::new();
+    }
+    let (mut is_high, mut rises) = (true, Vec::new());
+    for (at, x) in tacho.iter().enumerate() {
+        let part = (x - base) / height;
+        if is_high && part < FALLS {
+            is_high = false;
+        } else if !is_high && part > RISES {
+            is_high = true;
+            rises.push(at);
+        }
+    }
+    rises
+}
+
+fn median(turns: &[usize]) -> f64 {
+    let mut sorted = turns.to_vec();
+    sorted.sort_unstable();
+    sorted.get(sorted.len() / 2).map_or(1.0, |turn| *turn as f64)
+}
+
+/// Length of the path up to each sample, mm, from positions in mm.
+///
+/// Means over 0.1 s are joined by straight lines; positions that were not taken (NaN) are bridged. Empty where fewer than
+/// two such means exist.
+#[must_use]
+pub fn path_mm(position_mm: &[[f64; 3]], rate_hz: f64) -> Vec<f64> {
+    let per_mean = ((PATH_S * rate_hz).round() as usize).max(1);
+    let mut means: Vec<(f64, [f64; 3])> = Vec::new();
+    for (number, part) in position_mm.chunks(per_mean).enumerate() {
+        let taken: Vec<&[f64; 3]> =
+            part.iter().filter(|p| p.iter().all(|x| x.is_finite())).collect();
+        if taken.is_empty() {
+            continue;
+        }
+        let mean = |axis: usize| taken.iter().map(|p| p[axis]).sum::<f64>() / taken.len() as f64;
+        let middle = (number * per_mean) as f64 + 0.5 * (part.len() as f64 - 1.0);
+        means.push((middle, [mean(0), mean(1), mean(2)]));
+    }
+    if means.len() < 2 {
+        return Vec::new();
+    }
+    let mut length = 0.0;
+    let mut knots = vec![(means[0].0, 0.0)];
+    for pair in means.windows(2) {
+        let squares = (0..3).map(|axis| (pair[1].1[axis] - pair[0].1[axis]).powi(2));
+        length += squares.sum::<f64>().sqrt();
+        knots.push((pair[1].0, length));
+    }
+    let mut knot = 0;
+    let at = |sample: usize| {
+        while knot + 2 < knots.len() && knots[knot + 1].0 < sample as f64 {
+            knot += 1;
+        }
+        let ((from, a), (to, b)) = (knots[knot], knots[knot + 1]);
+        // Before the first mean and after the last, the feed goes on.
+        a + (b - a) * (sample as f64 - from) / (to - from)
+    };
+    (0..position_mm.len()).map(at).collect()
+}
+
+/// Feed at each sample, mm/s, from the path's length.
+#[must_use]
+pub fn speed_on(path_mm: &[f64], rate_hz: f64) -> Vec<f64> {
+    let reach = ((0.5 * PATH_S * rate_hz) as usize).max(1);
+    let at = |sample: usize| {
+        let from = sample.saturating_sub(reach);
+        let to = (sample + reach).min(path_mm.len().saturating_sub(1));
+        let steps = (to - from).max(1) as f64;
+        (path_mm[to] - path_mm[from]) * rate_hz / steps
+    };
+    (0..path_mm.len()).map(at).collect()
+}

@@ -1,0 +1,112 @@
+//! `trued spectrum`: what rings in a recording, when, and why.
+//!
+//! Promises: the watch is the daemon's own, with the same settings unless told otherwise; what a recording cannot tell is
+//! said, not guessed; amplitudes are in the channels' own units.
+
+mod found;
+mod listen;
+mod motion;
+mod outcome;
+mod page;
+mod plots;
+mod space;
+mod spectra;
+mod subject;
+mod words;
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use self::found::Found;
+use self::subject::Subject;
+use crate::exit::{Answer, Failure, Outcome};
+use crate::output::Console;
+
+/// Look for vibration in a recording: what rings, when, why, and what to do
+///
+/// Runs the daemon's vibration watch over the samples, and gives spectra over time and over the tool's path. Reads
+/// recordings, CSV and other tables of numbers, .lvm, UFF 58 and WAV. Without a spindle speed forced vibration is
+/// not told from chatter; without a model no mode and no gear is known.
+#[derive(Debug, Args)]
+pub(crate) struct Spectrum {
+    /// A column to look at, by name or by number from 1; again for more; if not given, all that are waveforms
+    #[arg(long = "column", value_name = "C", value_delimiter = ',')]
+    columns: Vec<String>,
+    /// Samples per second, where the file does not tell; wins over what it tells
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+    /// Spindle speed, rev/min; if not given, from the columns `spindle_rpm` or `tacho`
+    #[arg(long, value_name = "N")]
+    spindle_rpm: Option<f64>,
+    /// Teeth of the cutter; if not given, from `[cut]` of the TOML beside the recording
+    #[arg(long, value_name = "N")]
+    teeth: Option<u32>,
+    /// Feed along the path, mm/s; if not given, from the columns `feed_mm_s`, `x_mm` … or `q1_deg` …
+    #[arg(long, value_name = "N")]
+    feed_mm_s: Option<f64>,
+    /// The robot's model, for its modes and gears: a file or a preset; if not given, the one that the recording's TOML names
+    #[arg(long, value_name = "MODEL")]
+    model: Option<PathBuf>,
+    /// Look for lines between these frequencies, Hz
+    #[arg(long, value_names = ["LOW", "HIGH"], num_args = 2, default_values_t = [10.0, 1000.0])]
+    band: Vec<f64>,
+    /// Length of the windows that the spectrum of the whole is averaged over, s; if not given, by the recording's length
+    #[arg(long, value_name = "S")]
+    window: Option<f64>,
+    /// The watch reports no line below this amplitude, in the channels' unit; if not given, 0.1 N and 0.01 Nm as the
+    /// daemon, else 2 % of the signal's own rms
+    #[arg(long, value_name = "A")]
+    least: Option<f64>,
+    /// Mains frequency, Hz; if not given, 50 and 60 are both possible
+    #[arg(long, value_name = "HZ")]
+    mains: Option<f64>,
+    /// What a WAV file's full scale stands for; 1 if not given
+    #[arg(long, value_name = "A")]
+    scale: Option<f64>,
+    /// How another program's table becomes a recording; if not given, `NAME.mapping.toml` beside it
+    #[arg(long, value_name = "FILE")]
+    mapping: Option<PathBuf>,
+    /// Write a page with plots
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// The recording
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+}
+
+impl Spectrum {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        if let Some(report) = &self.report {
+            super::correct::check_apart(&self.file, report)?;
+        }
+        self.check()?;
+        let subject = Subject::read(self)?;
+        let found = Found::of(self, &subject)?;
+        if let Some(report) = &self.report {
+            console.file(report, &page::render(&subject, &found))?;
+        }
+        console.json("trued.spectrum/1", &outcome::Report::of(&subject, &found))?;
+        words::say(console, &subject, &found)?;
+        if let Some(report) = &self.report {
+            console.say(format!("page      {}", report.display()))?;
+        }
+        Ok(Answer::Done)
+    }
+
+    /// Refuses numbers that cannot be; those of a file's reading and of the watch are refused there.
+    fn check(&self) -> Result<(), Failure> {
+        let asked = [
+            ("--spindle-rpm", self.spindle_rpm),
+            ("--feed-mm-s", self.feed_mm_s),
+            ("--least", self.least),
+        ];
+        let wrong = |value: &f64| !(value.is_finite() && *value > 0.0);
+        match asked.into_iter().find_map(|(key, value)| Some((key, value.filter(wrong)?))) {
+            Some((key, value)) => {
+                Err(Failure::input(format!("{key} is {value}, expected a finite number above 0")))
+            }
+            None => Ok(()),
+        }
+    }
+}

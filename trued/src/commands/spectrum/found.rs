@@ -1,0 +1,34 @@
+//! All that is found in a recording, in the order in which it is worked out.
+
+use super::Spectrum;
+use super::listen::{self, Episode, Listened};
+use super::space::{self, Space, Wheels};
+use super::spectra::{self, ChannelSpectrum};
+use super::subject::Subject;
+use crate::exit::Failure;
+
+/// What was found.
+pub(super) struct Found {
+    pub(super) listened: Vec<Listened>,
+    /// Lines over time, the most harmful first.
+    pub(super) episodes: Vec<Episode>,
+    pub(super) spectra: Vec<ChannelSpectrum>,
+    /// Length of the averaged windows, s.
+    pub(super) window_s: f64,
+    /// Over the path; else what is missing.
+    pub(super) space: Result<Space, String>,
+    pub(super) notes: Vec<String>,
+}
+
+impl Found {
+    pub(super) fn of(asked: &Spectrum, subject: &Subject) -> Result<Self, Failure> {
+        let mut notes = subject.notes.clone();
+        let window_s = spectra::window_s(asked.window, subject)?;
+        let wheels = Wheels::of(subject);
+        let listened = listen::listen(asked, subject, &wheels.plain(), &mut notes)?;
+        let episodes = listen::episodes(subject, &listened);
+        let spectra = spectra::of(subject, window_s, &listened, &episodes)?;
+        let space = space::of(subject, wheels, &episodes, &spectra)?;
+        Ok(Self { listened, episodes, spectra, window_s, space, notes })
+    }
+}

@@ -1,0 +1,239 @@
+//! The daemon's watch over the recording, and its words joined into one story per line.
+
+use recording::model::RobotModel;
+use spectrum::offline::{Event, Heard, Piece as Run, hear, line_near};
+use spectrum::welch::{Segments, detrended, waterfall, welch};
+use spectrum::{Axis, Class, Mode, State, Verdict, Watch, WatchConfig, Wheel};
+
+use super::Spectrum;
+use super::subject::Subject;
+use crate::exit::Failure;
+
+/// Slower recordings cannot be watched, Hz.
+const SLOWEST_HZ: f64 = 400.0;
+/// Without a known unit, lines below this part of the signal's rms are not told.
+const LEAST_PART: f64 = 0.02;
+/// A line that is over was last seen this long before it is said, s.
+const LINGER_S: f64 = 0.5;
+/// An amplitude is measured over so long, s.
+const MEASURED_S: f64 = 0.25;
+
+/// What one watch was given, and said.
+pub(super) struct Listened {
+    /// The channels that it listened to.
+    pub(super) group: Vec<usize>,
+    pub(super) watch: Watch,
+    pub(super) heard: Heard,
+    /// The least amplitude that it tells, in the group's unit.
+    pub(super) least: f64,
+}
+
+/// The life of one line.
+#[derive(Debug, Clone)]
+pub(super) struct Episode {
+    pub(super) channel: usize,
+    /// Times on the axis on which time never runs back, s.
+    pub(super) from_s: f64,
+    /// `None`: to the end of the recording.
+    pub(super) to_s: Option<f64>,
+    /// When it was first called an alarm, s.
+    pub(super) alarm_s: Option<f64>,
+    /// The highest state it reached.
+    pub(super) state: State,
+    pub(super) frequency_hz: f64,
+    /// The largest over a quarter second.
+    pub(super) amplitude: f64,
+    /// The fastest growth told, 1/s.
+    pub(super) growth_per_s: f64,
+    /// The last verdict in the highest state.
+    pub(super) verdict: Verdict,
+}
+
+impl Listened {
+    /// The channel of a verdict.
+    pub(super) fn channel(&self, axis: Axis) -> usize {
+        self.group.get(axis.channel()).or(self.group.last()).copied().unwrap_or(0)
+    }
+}
+
+/// Has every group of channels watched. Empty, with a note, where the recording is too slow for it.
+pub(super) fn listen(
+    asked: &Spectrum,
+    subject: &Subject,
+    wheels: &[Wheel],
+    notes: &mut Vec<String>,
+) -> Result<Vec<Listened>, Failure> {
+    if subject.rate_hz < SLOWEST_HZ {
+        let rate_hz = subject.rate_hz;
+        notes.push(format!(
+            "the watch needs {SLOWEST_HZ} Hz and more, this is {rate_hz:.1} Hz: spectra only"
+        ));
+        return Ok(Vec::new());
+    }
+    let mut all = Vec::new();
+    for group in subject.groups() {
+        let least = asked.least.unwrap_or_else(|| least(subject, &group));
+        let [low_hz, high_hz] = [0, 1].map(|at| asked.band.get(at).copied().unwrap_or(f64::NAN));
+        let config = WatchConfig {
+            rate_hz: subject.rate_hz,
+            channels: group.len(),
+            band_hz: [low_hz, high_hz],
+            modes: subject.model.as_ref().map(modes).unwrap_or_default(),
+            wheels: wheels.to_vec(),
+            least_amplitude_n: least,
+            least_amplitude_nm: if asked.least.is_some() { least } else { 0.1 * least },
+            mains_hz: asked.mains,
+            learn_s: (0.25 * subject.seconds()).clamp(0.5, 1.0),
+            ..WatchConfig::default()
+        };
+        let mut watch = Watch::new(config).map_err(Failure::input)?;
+        let slices: Vec<Vec<&[f64]>> = subject
+            .pieces
+            .iter()
+            .map(|piece| group.iter().map(|at| piece.samples[*at].as_slice()).collect())
+            .collect();
+        let runs: Vec<Run<'_>> = subject
+            .pieces
+            .iter()
+            .zip(&slices)
+            .map(|(piece, channels)| Run { start_s: piece.at_s, channels })
+            .collect();
+        let state = |piece: usize, at: usize| subject.pieces[piece].motion.state(at, subject.teeth);
+        let heard = hear(&mut watch, subject.rate_hz, &runs, state);
+        if heard.still_learning {
+            let seconds = report::significant(subject.seconds(), 3);
+            let note =
+                format!("{seconds} s are too short for the watch to learn the noise: spectra only");
+            if !notes.contains(&note) {
+                notes.push(note);
+            }
+        }
+        if heard.dropped > 0 {
+            notes.push(format!("verdicts that found no place: {}", heard.dropped));
+        }
+        all.push(Listened { group, watch, heard, least });
+    }
+    Ok(all)
+}
+
+/// The least amplitude by the unit, else by the signal's own size.
+fn least(subject: &Subject, group: &[usize]) -> f64 {
+    let defaults = WatchConfig::default();
+    match group.first().map(|at| subject.channels[*at].unit.as_str()) {
+        Some("N") => defaults.least_amplitude_n,
+        Some("Nm") => defaults.least_amplitude_nm,
+        _ => LEAST_PART * group.iter().map(|at| rms(subject, *at)).fold(0.0, f64::max),
+    }
+}
+
+/// Root mean square of a channel around the mean of each second.
+pub(super) fn rms(subject: &Subject, channel: usize) -> f64 {
+    let second = (subject.rate_hz as usize).max(2);
+    let (mut sum, mut count) = (0.0, 0);
+    for part in subject.pieces.iter().flat_map(|piece| piece.even(channel).chunks(second)) {
+        let mean = part.iter().sum::<f64>() / part.len() as f64;
+        sum += part.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>();
+        count += part.len();
+    }
+    if count > 0 { (sum / count as f64).sqrt() } else { 0.0 }
+}
+
+fn modes(model: &RobotModel) -> Vec<Mode> {
+    let mode = |mode: &recording::model::ModeEntry| Mode {
+        frequency_hz: mode.frequency_hz,
+        damping: mode.damping_ratio.unwrap_or(0.0),
+        direction: mode.direction.unwrap_or([0.0; 3]),
+    };
+    model.file.modes.iter().map(mode).collect()
+}
+
+/// The story of every line, those that alarmed first, the strongest first.
+pub(super) fn episodes(subject: &Subject, all: &[Listened]) -> Vec<Episode> {
+    let mut episodes = Vec::new();
+    for listened in all {
+        let mut lines: Vec<u32> = Vec::new();
+        for event in &listened.heard.events {
+            if !lines.contains(&event.verdict.line) {
+                lines.push(event.verdict.line);
+            }
+        }
+        for line in lines {
+            let of_line = |event: &&Event| event.verdict.line == line;
+            let events: Vec<&Event> = listened.heard.events.iter().filter(of_line).collect();
+            episodes.extend(episode(subject, listened, &events));
+        }
+    }
+    let rank = |episode: &Episode| match (episode.state, is_harmful(&episode.verdict)) {
+        (State::Warn, _) => 2,
+        (_, false) => 1,
+        _ => 0,
+    };
+    episodes.sort_by(|a, b| rank(a).cmp(&rank(b)).then(b.amplitude.total_cmp(&a.amplitude)));
+    episodes
+}
+
+/// Whether somebody should do something about a line.
+pub(super) fn is_harmful(verdict: &Verdict) -> bool {
+    !matches!(verdict.class, Class::Electrical | Class::Structural)
+}
+
+fn episode(subject: &Subject, listened: &Listened, events: &[&Event]) -> Option<Episode> {
+    let alive = || events.iter().filter(|event| event.verdict.state != State::Over);
+    let state = alive().map(|event| event.verdict.state).max()?;
+    let best = alive().rev().find(|event| event.verdict.state == state)?;
+    let over = events.iter().find(|event| event.verdict.state == State::Over);
+    let first = events.first()?;
+    let alarm = events.iter().find(|event| event.verdict.state == State::Alarm);
+    let mut episode = Episode {
+        channel: listened.channel(best.verdict.axis),
+        from_s: first.t_s,
+        to_s: over.map(|event| (event.t_s - LINGER_S).max(first.t_s)),
+        alarm_s: alarm.map(|event| event.t_s),
+        state,
+        frequency_hz: best.verdict.frequency_hz,
+        amplitude: alive().map(|event| event.verdict.amplitude_n).fold(0.0, f64::max),
+        growth_per_s: alive().map(|event| event.verdict.growth_per_s).fold(0.0, f64::max),
+        verdict: best.verdict,
+    };
+    episode.measure(subject, best.piece);
+    Some(episode)
+}
+
+impl Episode {
+    /// Frequency and largest amplitude from the samples of its own time, where they are long enough.
+    fn measure(&mut self, subject: &Subject, piece: usize) {
+        let Some(piece) = subject.pieces.get(piece) else { return };
+        let rate_hz = subject.rate_hz;
+        let sample = |t_s: f64| (((t_s - piece.at_s) * rate_hz).max(0.0) as usize).min(piece.len());
+        let from = sample(self.from_s - 0.1);
+        let to = self.to_s.map_or(piece.len(), sample);
+        let window = (MEASURED_S * rate_hz) as usize;
+        let Some(samples) =
+            piece.even(self.channel).get(from..to).filter(|s| s.len() >= 2 * window)
+        else {
+            return;
+        };
+        let whole = Segments {
+            detrend: spectrum::welch::Detrend::Linear,
+            ..Segments::new(rate_hz, samples.len().min(4 * window))
+        };
+        let reach_hz = 3.0_f64.max(0.005 * self.frequency_hz);
+        let near =
+            welch(samples, &whole).ok().and_then(|s| line_near(&s, self.frequency_hz, reach_hz));
+        let Some(line) = near.filter(|line| line.ratio > 2.0) else { return };
+        self.frequency_hz = line.frequency;
+        let short = Segments { overlap: 3 * window / 4, ..Segments { length: window, ..whole } };
+        let step_hz = rate_hz / window as f64;
+        let Ok(windows) = waterfall(&detrended(samples, whole.detrend), &short) else { return };
+        let frequency: Vec<f64> = (0..=window / 2).map(|bin| bin as f64 * step_hz).collect();
+        let amplitude = |power: Vec<f64>| {
+            let spectrum =
+                spectrum::welch::Spectrum { frequency: frequency.clone(), power, averages: 1 };
+            line_near(&spectrum, line.frequency, step_hz).map_or(0.0, |line| line.amplitude)
+        };
+        let largest = windows.into_iter().map(|(_, power)| amplitude(power)).fold(0.0, f64::max);
+        if largest > 0.0 {
+            self.amplitude = largest;
+        }
+    }
+}

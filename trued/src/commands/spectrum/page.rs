@@ -1,0 +1,291 @@
+//! The page: what rings, when, why; spectra over time and path; the sensor's health.
+
+use report::{Column, Number, Page, Table, Tone, fixed, significant};
+
+use super::found::Found;
+use super::listen::Episode;
+use super::plots;
+use super::space::Space;
+use super::subject::Subject;
+use super::words::{self, alarmed, class_and_rivals, hz};
+use crate::input::count;
+
+/// At most so many rows of a table.
+const ROWS: usize = 40;
+
+/// The whole page.
+pub(super) fn render(subject: &Subject, found: &Found) -> String {
+    let channel = plots::shown(found);
+    let name = &subject.channels[channel].name;
+    let mut page = Page::new(words::title(found))
+        .kicker(format!("trued spectrum · {}", subject.file.display()))
+        .lead(&words::lead(subject, found))
+        .numbers(numbers(subject, found))
+        .section("When it rang");
+    if let Some(map) = plots::waterfall(subject, found, channel) {
+        page = page.figure(&format!("Amplitude of {name} over time and frequency."), &map);
+    }
+    page = page.figure(&format!("The samples of {name}."), &plots::signal(subject, found, channel));
+    if !found.episodes.is_empty() {
+        page = page.table(&episodes(subject, found));
+    }
+    let advice: Vec<String> =
+        found.episodes.iter().filter(|e| alarmed(e)).take(6).map(|e| advice(subject, e)).collect();
+    if !advice.is_empty() {
+        page = page.section("Why, and what to do").list(advice);
+    }
+    page = spectra(page, subject, found);
+    page = match &found.space {
+        Ok(space) => over_path(page, subject, space),
+        Err(missing) => page.section("Over the tool's path").text(&format!(
+            "What a gear or the surface causes has a constant number of cycles per mm whatever the feed. To see it: {missing}."
+        )),
+    };
+    health(page, subject, found)
+        .section("What was looked at")
+        .facts(facts(subject, found))
+        .footer("Made by trued spectrum. Amplitudes are half the way from crest to trough, in the channel's own unit.")
+        .render()
+}
+
+fn numbers(subject: &Subject, found: &Found) -> Vec<Number> {
+    let alarms = found.episodes.iter().filter(|e| alarmed(e)).count();
+    let tone = if alarms > 0 { Tone::Bad } else { Tone::Good };
+    let mut numbers = vec![
+        Number::text("Lines that alarmed", alarms.to_string())
+            .tone(tone)
+            .note(format!("of {}", count(found.episodes.len(), "line"))),
+    ];
+    if let Some(worst) = found.episodes.first() {
+        let channel = &subject.channels[worst.channel];
+        numbers.push(
+            Number::text("Frequency", hz(worst.frequency_hz))
+                .note(class_and_rivals(&worst.verdict)),
+        );
+        numbers.push(
+            Number::new("Amplitude", worst.amplitude, &channel.unit)
+                .note(format!("on {}", channel.name)),
+        );
+        let to_s = worst.to_s.unwrap_or_else(|| subject.seconds());
+        numbers.push(
+            Number::new("Lasted", to_s - worst.from_s, "s")
+                .note(format!("from {} s", fixed(worst.from_s, 2))),
+        );
+    } else {
+        let loudest = found.spectra.iter().max_by(|a, b| a.rms.total_cmp(&b.rms));
+        if let Some(loudest) = loudest {
+            let channel = &subject.channels[loudest.channel];
+            numbers.push(
+                Number::new("Loudest channel, rms", loudest.rms, &channel.unit).note(&channel.name),
+            );
+        }
+    }
+    numbers
+}
+
+fn episodes(subject: &Subject, found: &Found) -> Table {
+    let heads = [
+        Column::new("State"),
+        Column::new("Frequency (Hz)").digits(4),
+        Column::new("Amplitude"),
+        Column::new("Channel"),
+        Column::new("From"),
+        Column::new("To"),
+        Column::new("Growth (1/s)"),
+        Column::new("Class"),
+    ];
+    let table = Table::new("Lines over time, the most harmful first", heads);
+    found.episodes.iter().take(ROWS).fold(table, |table, episode| {
+        let channel = &subject.channels[episode.channel];
+        table.row([
+            episode.state.name().into(),
+            episode.frequency_hz.into(),
+            report::quantity(episode.amplitude, &channel.unit).into(),
+            channel.name.as_str().into(),
+            seconds(episode.from_s).into(),
+            episode.to_s.map_or("end".to_owned(), seconds).into(),
+            episode.growth_per_s.into(),
+            class_and_rivals(&episode.verdict).into(),
+        ])
+    })
+}
+
+fn seconds(t_s: f64) -> String {
+    format!("{}\u{a0}s", fixed(t_s, 2))
+}
+
+fn advice(subject: &Subject, episode: &Episode) -> String {
+    let why = words::why(subject, &episode.verdict, episode.frequency_hz);
+    format!("{}: {why} Advice: {}.", hz(episode.frequency_hz), episode.verdict.advice)
+}
+
+/// The units of the channels, each once.
+fn units(subject: &Subject) -> Vec<&str> {
+    let mut units: Vec<&str> = Vec::new();
+    for channel in &subject.channels {
+        if !units.contains(&channel.unit.as_str()) {
+            units.push(&channel.unit);
+        }
+    }
+    units
+}
+
+fn spectra(mut page: Page, subject: &Subject, found: &Found) -> Page {
+    page = page.section("The spectrum of the whole").text(&format!(
+        "Averaged over windows of {} s (Hann, half overlapping). A line that is there for a part of the time reads lower here \
+         than it was.",
+        significant(found.window_s, 3)
+    ));
+    let nyquist_hz = 0.5 * subject.rate_hz;
+    for unit in units(subject) {
+        let caption = "Power density; dots below the curves stand where modes and the spindle's multiples are known.";
+        page = page.figure(caption, &plots::density(subject, found, unit, false));
+        if nyquist_hz > 2.0 * plots::top_hz(subject, found) {
+            page = page.figure(
+                "The same up to half the sampling rate.",
+                &plots::density(subject, found, unit, true),
+            );
+        }
+    }
+    if found.spectra.iter().all(|one| one.lines.is_empty()) {
+        return page.text("No line stands over the noise.");
+    }
+    page.table(&lines(subject, found))
+}
+
+fn lines(subject: &Subject, found: &Found) -> Table {
+    let heads = [
+        Column::new("Frequency (Hz)").digits(5),
+        Column::new("Amplitude"),
+        Column::new("Over floor (dB)"),
+        Column::new("Channel"),
+        Column::new("Class"),
+        Column::new("Judged by"),
+    ];
+    let mut all: Vec<_> = found
+        .spectra
+        .iter()
+        .flat_map(|one| one.lines.iter().map(move |line| (&subject.channels[one.channel], line)))
+        .collect();
+    all.sort_by(|a, b| a.1.line.frequency.total_cmp(&b.1.line.frequency));
+    let table = Table::new("Lines of the whole recording, by frequency", heads);
+    all.iter().take(ROWS).fold(table, |table, (channel, judged)| {
+        table.row([
+            judged.line.frequency.into(),
+            report::quantity(judged.line.amplitude, &channel.unit).into(),
+            (10.0 * judged.line.ratio.log10()).into(),
+            channel.name.as_str().into(),
+            class_and_rivals(&judged.verdict).into(),
+            if judged.followed { "the watch, over time" } else { "where it stands" }.into(),
+        ])
+    })
+}
+
+fn over_path(mut page: Page, subject: &Subject, space: &Space) -> Page {
+    page = page.section("Over the tool's path").text(&format!(
+        "The path is known by {}. {}.",
+        space.by,
+        words::path(subject, space)
+    ));
+    for unit in units(subject) {
+        let caption = "Power density over cycles per mm of path: what gears and waviness cause stays in place here whatever the feed.";
+        page = page.figure(caption, &plots::path(subject, space, unit));
+    }
+    if let Some(missing) = &space.wheels.missing {
+        page = page.text(&format!("{}.", capitalised(missing)));
+    }
+    if space.wheels.spread > 0.05 {
+        let percent = fixed(100.0 * space.wheels.spread, 0);
+        page = page.text(&format!(
+            "The joints' speeds per mm change by about {percent} % along this path: a gear's line smears by as much. Shorter straight cuts tell more."
+        ));
+    }
+    if space.channels.iter().any(|one| !one.lines.is_empty()) {
+        page = page.table(&path_lines(subject, space));
+    }
+    page
+}
+
+fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+}
+
+fn path_lines(subject: &Subject, space: &Space) -> Table {
+    let heads = [
+        Column::new("Cycles per mm").digits(4),
+        Column::new("Wavelength (mm)"),
+        Column::new("Amplitude"),
+        Column::new("Channel"),
+        Column::new("Also in time (Hz)").digits(4),
+        Column::new("Gear"),
+    ];
+    let all = space
+        .channels
+        .iter()
+        .flat_map(|one| one.lines.iter().map(move |found| (&subject.channels[one.channel], found)));
+    all.take(ROWS).fold(Table::new("Lines over the path", heads), |table, (channel, found)| {
+        let wheel = found.wheel.map_or("–".to_owned(), |wheel| wheel.words());
+        table.row([
+            found.line.frequency.into(),
+            (1.0 / found.line.frequency).into(),
+            report::quantity(found.line.amplitude, &channel.unit).into(),
+            channel.name.as_str().into(),
+            found.in_time_hz.unwrap_or(f64::NAN).into(),
+            wheel.into(),
+        ])
+    })
+}
+
+fn health(page: Page, subject: &Subject, found: &Found) -> Page {
+    let faults = words::health(subject, found);
+    let page = page.section("The sensor");
+    let page = if faults.is_empty() {
+        page.text("No channel was stuck, dead, saturated or without numbers.")
+    } else {
+        page.list(faults)
+    };
+    if found.notes.is_empty() { page } else { page.list(&found.notes) }
+}
+
+fn facts(subject: &Subject, found: &Found) -> Vec<(&'static str, String)> {
+    let channels: Vec<String> = subject.channels.iter().map(words::with_unit).collect();
+    let mut facts = vec![
+        ("Channels", channels.join(", ")),
+        (
+            "Sampled",
+            format!(
+                "{} s at {} Hz",
+                significant(subject.seconds(), 4),
+                significant(subject.rate_hz, 5)
+            ),
+        ),
+    ];
+    if subject.pieces.len() > 1 {
+        facts.push(("Records", subject.pieces.len().to_string()));
+    }
+    let rpm = subject.pieces.iter().find_map(|piece| piece.motion.middle_rpm());
+    facts.push((
+        "Spindle",
+        rpm.map_or("not known".to_owned(), |rpm| {
+            let teeth = if subject.teeth > 0 {
+                format!(", {}", count(subject.teeth as usize, "tooth"))
+            } else {
+                String::new()
+            };
+            format!("{} rev/min{}", fixed(rpm, 0), teeth.replace("tooths", "teeth"))
+        }),
+    ));
+    let feed = subject.pieces.iter().find_map(|piece| piece.motion.middle_feed_mm_s());
+    facts.push((
+        "Feed",
+        feed.map_or("not known".to_owned(), |feed| format!("{} mm/s", significant(feed, 3))),
+    ));
+    let model = subject.model.as_ref().map_or("none".to_owned(), |model| model.file.name.clone());
+    facts.push(("Model", model));
+    for listened in &found.listened {
+        let unit = &subject.channels[listened.channel(spectrum::Axis::X)].unit;
+        facts.push(("Least amplitude", report::quantity(listened.least, unit)));
+    }
+    facts
+}

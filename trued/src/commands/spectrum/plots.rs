@@ -1,0 +1,267 @@
+//! The drawings of the page: waterfall, signal, spectra over time and path.
+
+use report::{Axis, HeatMap, Plot, Series, Svg};
+use spectrum::folded_hz;
+use spectrum::welch::{Scaling, Segments, Spectrum, waterfall as spectra_over_time};
+
+use super::found::Found;
+use super::listen::Episode;
+use super::space::Space;
+use super::spectra::segments;
+use super::subject::Subject;
+use super::words::{alarmed, frequency_words::density_unit};
+
+/// Columns of a waterfall: as many as are drawn.
+const COLUMNS: usize = 208;
+/// Multiples of the spindle's speed that are marked.
+const HARMONICS: u32 = 40;
+/// Lines that are named in a plot.
+const NAMED: usize = 3;
+/// The waterfall spans so many decades below its loudest cell.
+const DECADES: f64 = 3.0;
+
+/// The highest frequency worth drawing, at a round value: above the lines that the watch told and the model's modes, and
+/// where it told none, above the strongest lines.
+pub(super) fn top_hz(subject: &Subject, found: &Found) -> f64 {
+    let strongest =
+        found.spectra.iter().flat_map(|one| one.lines.iter().take(3).map(|l| l.line.frequency));
+    let episodes = found.episodes.iter().take(8).map(|episode| episode.frequency_hz);
+    let modes =
+        subject.model.iter().flat_map(|model| &model.file.modes).map(|mode| mode.frequency_hz);
+    let nyquist_hz = 0.5 * subject.rate_hz;
+    let told = episodes.chain(modes.filter(|f| *f < nyquist_hz));
+    let highest = if found.episodes.is_empty() {
+        strongest.fold(80.0, f64::max)
+    } else {
+        told.fold(80.0, f64::max)
+    };
+    let rounds = (2..5).flat_map(|k| {
+        [1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0].map(|m| m * 10f64.powi(k))
+    });
+    rounds.into_iter().find(|top| *top >= 1.12 * highest).unwrap_or(nyquist_hz).min(nyquist_hz)
+}
+
+/// The lines that are named in a plot over time, by their time.
+fn named(found: &Found) -> Vec<&Episode> {
+    let mut named: Vec<&Episode> =
+        found.episodes.iter().filter(|e| alarmed(e)).take(NAMED).collect();
+    named.sort_by(|a, b| start(a).total_cmp(&start(b)));
+    named
+}
+
+/// The channel that shows the finding best.
+pub(super) fn shown(found: &Found) -> usize {
+    let first = found.episodes.first().map(|episode| episode.channel);
+    let loudest = || found.spectra.iter().max_by(|a, b| a.rms.total_cmp(&b.rms)).map(|s| s.channel);
+    first.or_else(loudest).unwrap_or(0)
+}
+
+/// Amplitude of one channel over time and frequency.
+pub(super) fn waterfall(subject: &Subject, found: &Found, channel: usize) -> Option<Svg> {
+    let top_hz = top_hz(subject, found);
+    let (from_s, to_s) = span_s(subject)?;
+    let window_s = ((to_s - from_s) / 60.0).clamp(20.0 / top_hz, 0.5).max(32.0 / subject.rate_hz);
+    let plan = Segments { scaling: Scaling::Spectrum, ..segments(subject.rate_hz, window_s) };
+    let plan = Segments { overlap: 3 * plan.length / 4, ..plan };
+    let step_hz = subject.rate_hz / plan.length as f64;
+    let rows = ((top_hz / step_hz) as usize).clamp(1, plan.length / 2);
+    let columns = COLUMNS.min(((to_s - from_s) / (window_s / 4.0)) as usize).max(1);
+    let mut cells = vec![f64::NAN; rows * columns];
+    for piece in &subject.pieces {
+        let Ok(spectra) = spectra_over_time(piece.even(channel), &plan) else { continue };
+        for (t_s, power) in spectra {
+            let place = (piece.at_s + t_s - from_s) / (to_s - from_s) * columns as f64;
+            let column = (place as usize).min(columns - 1);
+            for (row, power) in power.iter().skip(1).take(rows).enumerate() {
+                let amplitude = (2.0 * power).sqrt();
+                let cell = &mut cells[row * columns + column];
+                *cell = cell.max(amplitude);
+            }
+        }
+    }
+    fill_gaps(
+        &mut cells,
+        rows,
+        columns,
+        1 + (columns as f64 * window_s / (to_s - from_s)) as usize,
+    );
+    let largest = cells.iter().copied().fold(0.0, f64::max);
+    let unit = &subject.channels[channel].unit;
+    let map = HeatMap::new(
+        "Waterfall",
+        Axis::new("Time", "s").range(from_s, to_s),
+        Axis::new("Frequency", "Hz").range(0.5 * step_hz, (rows as f64 + 0.5) * step_hz),
+        Axis::new("Amplitude", unit).log().range(largest * 10f64.powf(-DECADES), largest),
+    )
+    .cells(columns, cells);
+    Some(
+        named(found)
+            .into_iter()
+            .fold(map, |map, episode| map.mark_x(start(episode), label(episode)))
+            .render(),
+    )
+}
+
+/// Columns that no segment's middle fell into take their neighbour's values; true gaps stay empty.
+fn fill_gaps(cells: &mut [f64], rows: usize, columns: usize, reach: usize) {
+    for row in 0..rows {
+        let line = &mut cells[row * columns..(row + 1) * columns];
+        let known: Vec<usize> = (0..columns).filter(|at| !line[*at].is_nan()).collect();
+        for at in 0..columns {
+            if !line[at].is_nan() {
+                continue;
+            }
+            let next = known.partition_point(|k| *k < at);
+            let near = [next.checked_sub(1), Some(next)].into_iter().flatten();
+            let near = near.filter_map(|k| known.get(k)).min_by_key(|k| k.abs_diff(at));
+            if let Some(near) = near.filter(|near| near.abs_diff(at) <= reach) {
+                line[at] = line[*near];
+            }
+        }
+    }
+}
+
+fn span_s(subject: &Subject) -> Option<(f64, f64)> {
+    let first = subject.pieces.first()?;
+    let last = subject.pieces.last()?;
+    let end_s = last.at_s + last.len() as f64 / subject.rate_hz;
+    (end_s > first.at_s).then_some((first.at_s, end_s))
+}
+
+fn start(episode: &Episode) -> f64 {
+    episode.alarm_s.unwrap_or(episode.from_s)
+}
+
+fn label(episode: &Episode) -> String {
+    format!("{:.0} Hz {}", episode.frequency_hz, episode.verdict.class.name().replace('_', " "))
+}
+
+/// The samples of one channel over time.
+pub(super) fn signal(subject: &Subject, found: &Found, channel: usize) -> Svg {
+    let own = &subject.channels[channel];
+    let mut points = Vec::with_capacity(subject.len() + subject.pieces.len());
+    for piece in &subject.pieces {
+        let t_s = |i: usize| piece.at_s + i as f64 / subject.rate_hz;
+        points.extend(piece.samples[channel].iter().enumerate().map(|(i, x)| (t_s(i), *x)));
+        points.push((t_s(piece.len()), f64::NAN));
+    }
+    let plot = Plot::new("Signal", Axis::new("Time", "s"), Axis::new(&own.name, &own.unit))
+        .series(Series::line("", points))
+        .height(220.0);
+    named(found)
+        .into_iter()
+        .fold(plot, |plot, episode| plot.mark_x(start(episode), label(episode)))
+        .render()
+}
+
+/// Power density of all channels of one unit, with what is known to stand where.
+pub(super) fn density(subject: &Subject, found: &Found, unit: &str, whole: bool) -> Svg {
+    let top_hz = if whole { 0.5 * subject.rate_hz } else { top_hz(subject, found) };
+    let of_unit =
+        |one: &&super::spectra::ChannelSpectrum| subject.channels[one.channel].unit == unit;
+    let step_hz =
+        found.spectra.first().and_then(|s| s.density.frequency.get(1)).copied().unwrap_or(1.0);
+    let x = Axis::new("Frequency", "Hz");
+    let x = if whole { x.log().range(step_hz, top_hz) } else { x.range(0.0, top_hz) };
+    let y = Axis::new("Power density", density_unit(unit, "Hz")).log();
+    let mut plot = Plot::new("Spectrum", x, y).height(340.0);
+    let mut low = f64::INFINITY;
+    for one in found.spectra.iter().filter(of_unit) {
+        let points: Vec<(f64, f64)> = curve(&one.density, top_hz);
+        low = points.iter().map(|p| p.1).fold(low, f64::min);
+        plot = plot.series(Series::line(&subject.channels[one.channel].name, points));
+    }
+    if low.is_finite() && !whole {
+        plot = marks(plot, subject, top_hz, low);
+    }
+    let of_unit = |episode: &&Episode| subject.channels[episode.channel].unit == unit;
+    let mut named: Vec<&Episode> = found.episodes.iter().filter(of_unit).take(NAMED).collect();
+    named.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+    named
+        .into_iter()
+        .fold(plot, |plot, episode| plot.mark_x(episode.frequency_hz, label(episode)))
+        .render()
+}
+
+/// A spectrum's points up to a frequency, without the mean.
+fn curve(spectrum: &Spectrum, top: f64) -> Vec<(f64, f64)> {
+    let points = spectrum.frequency.iter().copied().zip(spectrum.power.iter().copied());
+    points.skip(1).take_while(|(f, _)| *f <= top).collect()
+}
+
+/// Rows of dots below the curves: modes, spindle multiples, what sampling folds.
+fn marks(plot: Plot, subject: &Subject, top_hz: f64, low: f64) -> Plot {
+    let inside = |f: &f64| (0.0..=top_hz).contains(f);
+    let modes =
+        subject.model.iter().flat_map(|model| &model.file.modes).map(|mode| mode.frequency_hz);
+    let modes: Vec<f64> = modes.filter(inside).collect();
+    let turn_hz =
+        subject.pieces.iter().find_map(|piece| piece.motion.middle_rpm()).map(|rpm| rpm / 60.0);
+    let orders = |turn_hz: f64| (1..=HARMONICS).map(move |k| f64::from(k) * turn_hz);
+    let nyquist_hz = 0.5 * subject.rate_hz;
+    let harmonics = turn_hz.into_iter().flat_map(orders).filter(|f| *f < nyquist_hz);
+    let harmonics: Vec<f64> = harmonics.filter(inside).collect();
+    let teeth = f64::from(subject.teeth);
+    let passing =
+        turn_hz.into_iter().flat_map(|turn_hz| orders(turn_hz * teeth)).filter(|f| *f > nyquist_hz);
+    let aliases = passing.take(10).map(|f| folded_hz(f, subject.rate_hz)).filter(inside);
+    let aliases: Vec<f64> = if subject.teeth > 0 { aliases.collect() } else { Vec::new() };
+    let rows = [
+        ("the model's modes", modes),
+        ("multiples of the spindle", harmonics),
+        ("folded multiples of the teeth", aliases),
+    ];
+    let mut level = low;
+    rows.into_iter().filter(|(_, row)| !row.is_empty()).fold(plot, |plot, (name, row)| {
+        level *= 0.4;
+        let at = level;
+        plot.series(Series::dots(name, row.into_iter().map(move |f| (f, at))))
+    })
+}
+
+/// Power density over the path of all channels of one unit.
+pub(super) fn path(subject: &Subject, space: &Space, unit: &str) -> Svg {
+    let highest = space.channels.iter().flat_map(|one| one.lines.iter().map(|l| l.line.frequency));
+    let wheels = space.wheels.list.iter().map(|(wheel, _)| wheel.cycles_per_mm);
+    let end = 0.5 / space.step_mm;
+    let wanted = highest.chain(wheels).fold(0.8, f64::max) * 1.2;
+    let top = wanted.min(end);
+    let mut plot = Plot::new(
+        "Spectrum over the path",
+        Axis::new("Cycles per mm of path", "1/mm").range(0.0, top),
+        Axis::new("Power density", density_unit(unit, "(1/mm)").replace("/(1/mm)", " mm")).log(),
+    )
+    .height(320.0);
+    let mut low = f64::INFINITY;
+    for one in space.channels.iter().filter(|one| subject.channels[one.channel].unit == unit) {
+        let points = curve(&one.density, top);
+        low = points.iter().map(|p| p.1).fold(low, f64::min);
+        plot = plot.series(Series::line(&subject.channels[one.channel].name, points));
+    }
+    let wheels: Vec<(f64, f64)> = space
+        .wheels
+        .list
+        .iter()
+        .map(|w| (w.0.cycles_per_mm, 0.4 * low))
+        .filter(|w| w.0 <= top)
+        .collect();
+    if !wheels.is_empty() && low.is_finite() {
+        plot = plot.series(Series::dots("gear shafts", wheels));
+    }
+    let mut named: Vec<_> = space
+        .channels
+        .iter()
+        .filter(|one| subject.channels[one.channel].unit == unit)
+        .flat_map(|one| &one.lines)
+        .collect();
+    named.sort_by(|a, b| b.line.amplitude.total_cmp(&a.line.amplitude));
+    named.dedup_by(|a, b| (a.line.frequency / b.line.frequency - 1.0).abs() < 0.03);
+    for found in named.into_iter().take(NAMED) {
+        let cycles = format!("{:.2} /mm", found.line.frequency);
+        let label = found
+            .wheel
+            .map_or(cycles.clone(), |found| format!("{cycles}, joint {}", found.wheel.joint));
+        plot = plot.mark_x(found.line.frequency, label);
+    }
+    plot.render()
+}

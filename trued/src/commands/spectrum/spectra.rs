@@ -1,0 +1,129 @@
+//! Spectra of the whole recording: power density and lines of every channel.
+
+use spectrum::offline::{Averaged, Line, Standing};
+use spectrum::welch::{Detrend, Scaling, Segments, Spectrum, Taper};
+use spectrum::{Axis, Class, State, Verdict};
+
+use super::listen::{Episode, Listened, rms};
+use super::subject::{Piece, Subject};
+use crate::exit::Failure;
+
+/// At most so many lines of a channel are told.
+const LINES_MAX: usize = 20;
+/// How well a line's place between the bins is known, bins.
+const LINE_PART: f64 = 0.1;
+/// A line of the whole belongs to a line that the watch followed when they are this near, Hz.
+const SAME_HZ: f64 = 1.0;
+
+/// One channel's spectrum.
+pub(super) struct ChannelSpectrum {
+    pub(super) channel: usize,
+    /// One-sided power density, unit²/Hz.
+    pub(super) density: Spectrum,
+    /// Root mean square of the signal.
+    pub(super) rms: f64,
+    pub(super) lines: Vec<JudgedLine>,
+}
+
+/// A line of the whole recording, and what it most likely is.
+pub(super) struct JudgedLine {
+    pub(super) line: Line,
+    pub(super) verdict: Verdict,
+    /// The watch followed it: its class rests on more than on where it stands.
+    pub(super) followed: bool,
+}
+
+/// Length of the segments that are averaged, s: an eighth of the recording, within a quarter and two seconds.
+pub(super) fn window_s(asked_s: Option<f64>, subject: &Subject) -> Result<f64, Failure> {
+    let longest_s =
+        subject.pieces.iter().map(Piece::len).max().unwrap_or(0) as f64 / subject.rate_hz;
+    let window_s = asked_s.unwrap_or_else(|| (0.125 * subject.seconds()).clamp(0.25, 2.0));
+    if !(window_s.is_finite() && window_s * subject.rate_hz >= 16.0) {
+        return Err(Failure::input(format!(
+            "--window is {window_s} s, expected 16 samples or more; at {} Hz that is {:.3} s",
+            subject.rate_hz,
+            16.0 / subject.rate_hz
+        )));
+    }
+    Ok(window_s.min(longest_s))
+}
+
+/// How segments of a time are cut.
+pub(super) fn segments(rate_hz: f64, window_s: f64) -> Segments {
+    let length = ((window_s * rate_hz).round() as usize).max(2);
+    Segments {
+        rate: rate_hz,
+        length,
+        overlap: length / 2,
+        detrend: Detrend::Linear,
+        taper: Taper::Hann,
+        scaling: Scaling::Density,
+    }
+}
+
+/// The spectra of all channels.
+pub(super) fn of(
+    subject: &Subject,
+    window_s: f64,
+    all: &[Listened],
+    episodes: &[Episode],
+) -> Result<Vec<ChannelSpectrum>, Failure> {
+    let segments = segments(subject.rate_hz, window_s);
+    let longest = subject.pieces.iter().max_by_key(|piece| piece.len());
+    let uncertainty_hz = LINE_PART * subject.rate_hz / segments.length as f64;
+    let standing = longest.map(|piece| piece.motion.standing(subject.teeth, uncertainty_hz));
+    let standing = standing.unwrap_or_default();
+    let mut spectra = Vec::new();
+    for channel in 0..subject.channels.len() {
+        let runs = subject.pieces.iter().map(|piece| piece.even(channel));
+        let averaged = Averaged::of(runs, &segments).map_err(Failure::input)?;
+        let resolution_hz = subject.rate_hz / segments.length as f64;
+        let mut judged: Vec<JudgedLine> = averaged
+            .lines()
+            .into_iter()
+            .map(|line| judge(line, channel, resolution_hz, &standing, all, episodes))
+            .collect();
+        judged.truncate(LINES_MAX);
+        spectra.push(ChannelSpectrum {
+            channel,
+            density: averaged.mean,
+            rms: rms(subject, channel),
+            lines: judged,
+        });
+    }
+    Ok(spectra)
+}
+
+/// What the watch said of a line that it followed, else what it would say by where the line stands.
+fn judge(
+    line: Line,
+    channel: usize,
+    resolution_hz: f64,
+    standing: &Standing,
+    all: &[Listened],
+    episodes: &[Episode],
+) -> JudgedLine {
+    let near = |episode: &&Episode| {
+        (episode.frequency_hz - line.frequency).abs() < SAME_HZ.max(resolution_hz)
+    };
+    let followed = episodes.iter().filter(near).min_by(|a, b| {
+        let off = |episode: &Episode| (episode.frequency_hz - line.frequency).abs();
+        off(a).total_cmp(&off(b))
+    });
+    if let Some(episode) = followed {
+        return JudgedLine { line, verdict: episode.verdict, followed: true };
+    }
+    let place = all.iter().find_map(|listened| {
+        let at = listened.group.iter().position(|there| *there == channel)?;
+        Some((listened, Axis::of_channel(at)))
+    });
+    let verdict = place.map_or_else(unjudged, |(listened, axis)| {
+        listened.watch.verdict_on(axis, line.frequency, standing)
+    });
+    JudgedLine { line, verdict, followed: false }
+}
+
+/// Where no watch could be.
+fn unjudged() -> Verdict {
+    Verdict { state: State::Warn, class: Class::Unknown, ..Verdict::default() }
+}
