@@ -154,13 +154,14 @@ impl Branch {
     }
 
     /// Measures the lines within `band_hz` in the window made for it; `gain` is what the front end
-    /// leaves of a tone.
+    /// leaves of a tone. A channel that stood still does not count.
     pub(crate) fn measure(
         &self,
         tracks: &mut Tracks,
         now_s: f64,
         band_hz: &std::ops::Range<f64>,
         gain: impl Fn(f64) -> f64,
+        is_still: impl Fn(usize) -> bool,
     ) {
         let Some(window) = self.windows.get(self.measuring) else { return };
         if !(self.hops * self.hop).is_multiple_of(window.hop_samples()) {
@@ -170,6 +171,9 @@ impl Branch {
         for track in tracks.iter_mut().filter(|track| band_hz.contains(&track.frequency_hz)) {
             let kept = gain(track.frequency_hz).powi(2);
             let strength = |channel| {
+                if is_still(channel) {
+                    return (0.0, 0.0);
+                }
                 let (power, ratio) = window.strength(channel, track.frequency_hz);
                 (power / kept, ratio)
             };

@@ -93,12 +93,6 @@ impl Faults {
         Fault::ALL.into_iter().filter(move |&fault| self.contains(fault))
     }
 
-    /// One bit per fault, in the order of [`Fault::ALL`]; for transport.
-    #[must_use]
-    pub fn bits(self) -> u8 {
-        self.0
-    }
-
     /// Whether the channel stood still: its samples, and what was learned of its noise, mean nothing.
     pub(crate) fn is_still(self) -> bool {
         self.contains(Fault::Stuck) || self.contains(Fault::Dead)

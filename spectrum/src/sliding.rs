@@ -225,9 +225,11 @@ impl SlidingWindow {
         (frozen, lines_hz.len().min(TRACKS))
     }
 
-    /// Strongest value within one cell of a frequency: power, and power over floor.
+    /// Strongest value within one cell of a frequency: power, and power over floor; nothing where the floor is not known.
     pub(crate) fn strength(&self, channel: usize, frequency_hz: f64) -> (f64, f64) {
-        let Some(view) = self.views.get(channel) else { return (0.0, 0.0) };
+        let Some(view) = self.views.get(channel).filter(|view| view.floor.is_known()) else {
+            return (0.0, 0.0);
+        };
         let bins = view.power.len();
         let Some(place) = self.grid.place(frequency_hz, bins) else { return (0.0, 0.0) };
         let reach = (0.75 * self.grid.bins_per_cell).ceil() as usize;

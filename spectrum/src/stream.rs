@@ -200,8 +200,13 @@ impl Stream {
 
     /// Whether a channel had bad samples so lately that its windows are not to be believed.
     pub(crate) fn is_held(&self, channel: usize) -> bool {
-        self.held_until.get(channel).is_some_and(|&until| self.samples < until)
-            || self.health.channel.get(channel).is_some_and(|faults| faults.is_still())
+        let held = self.held_until.get(channel).is_some_and(|&until| self.samples < until);
+        held || self.is_still(channel)
+    }
+
+    /// Whether a channel stood still within the last second.
+    pub(crate) fn is_still(&self, channel: usize) -> bool {
+        self.health.channel.get(channel).is_some_and(|faults| faults.is_still())
     }
 
     /// Channels that stood still and move again, one bit each; told once.

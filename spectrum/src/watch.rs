@@ -253,7 +253,8 @@ impl Watch {
                 tracks.sight(&sighting, now_s);
             }
         });
-        full.measure(tracks, now_s, &(SPLIT_HZ..f64::INFINITY), |_| 1.0);
+        let is_still = |channel| stream.is_still(channel);
+        full.measure(tracks, now_s, &(SPLIT_HZ..f64::INFINITY), |_| 1.0, is_still);
     }
 
     fn look_low(&mut self, surroundings: Surroundings) {
@@ -269,7 +270,8 @@ impl Watch {
             }
         });
         let top_hz = if self.full.is_some() { SPLIT_HZ } else { f64::INFINITY };
-        self.low.measure(tracks, now_s, &(0.0..top_hz), |hz| front.gain(hz));
+        let is_still = |channel| stream.is_still(channel);
+        self.low.measure(tracks, now_s, &(0.0..top_hz), |hz| front.gain(hz), is_still);
     }
 
     /// Classifies every line, moves it to the state it has earned, and says what is new.

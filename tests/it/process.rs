@@ -53,7 +53,9 @@ fn confirmed(said: &[Verdict], near_hz: f64) -> Verdict {
     let fits = |v: &&Verdict| {
         v.state() == Ok(VibrationState::Confirmed) && (v.frequency_hz - near_hz).abs() < 1.0
     };
-    *said.iter().rfind(fits).unwrap_or_else(|| panic!("{near_hz} Hz is not confirmed: {said:?}"))
+    let found = said.iter().rfind(fits).copied();
+    assert!(found.is_some(), "{near_hz} Hz is not confirmed: {said:?}");
+    found.unwrap()
 }
 
 #[test]

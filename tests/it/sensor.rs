@@ -15,6 +15,9 @@ const RATE_HZ: f64 = 10_000.0;
 const Z: usize = 2;
 const FULL_SCALE_N: f64 = 50.0;
 
+/// A fault, what must be said of it, and what makes it.
+type Case = (SensorFault, &'static str, fn(&mut ForceBlock));
+
 fn daemon(tables: &str) -> (Place, Process) {
     let place = Place::new("shadow", tables);
     let daemon = Process::daemon(TRUED, &place);
@@ -63,7 +66,7 @@ fn is_good(status: &Status) -> bool {
 
 #[test]
 fn a_channel_that_fails_is_named_while_the_others_are_watched_on() {
-    let faults: [(SensorFault, &str, fn(&mut ForceBlock)); 5] = [
+    let faults: [Case; 5] = [
         (SensorFault::NotFinite, "force channel z holds NaN or infinite samples: check", |block| {
             on_z(block, |s, x| if s % 50 == 0 { f64::NAN } else { x });
         }),
@@ -107,19 +110,26 @@ fn a_channel_that_comes_back_is_learned_anew_and_rings_no_bell() {
     let (_place, _daemon, mut sensor) = watching();
     sensor.run_broken(3.0, quiet, |block| on_z(block, |_, _| 0.0));
     assert_eq!(sensor.settled().watch(), Ok(WatchState::Watching), "the others are known");
-    sensor.run(5.0, quiet);
+    // Loud enough that against a floor of nothing its noise would be full of lines.
+    let loud = |block: &mut ForceBlock| on_z(block, |_, x| 20.0 * x);
+    sensor.run_broken(1.2, quiet, loud);
+    assert_eq!(sensor.settled().watch(), Ok(WatchState::Learning), "its noise");
+    sensor.run_broken(0.5, tone, loud);
+    sensor.settled();
+    assert!(sensor.said.iter().any(|v| v.axis == 1), "the others do not wait: {:?}", sensor.said);
+    sensor.run_broken(4.0, quiet, loud);
     let status = sensor.settled();
     assert!(is_good(&status) && status.watch() == Ok(WatchState::Watching), "{}", status.message);
-    assert!(sensor.said.is_empty(), "{:?}", sensor.said);
-    let on_z = |channel: u32, t_s: f64| tone(channel.wrapping_sub(1), t_s);
-    sensor.run(1.5, on_z);
+    assert!(sensor.said.iter().all(|v| v.axis == 1), "{:?}", sensor.said);
+    let on_z = |channel: u32, t_s: f64| 2.0 * tone(channel.wrapping_sub(1), t_s);
+    sensor.run_broken(1.5, on_z, loud);
     sensor.settled();
     assert!(sensor.said.iter().any(|v| v.axis as usize == Z), "its own lines are seen again");
 }
 
 #[test]
 fn a_stream_that_fails_is_named() {
-    let faults: [(SensorFault, &str, fn(&mut ForceBlock)); 5] = [
+    let faults: [Case; 5] = [
         (SensorFault::WrongRate, "force stream has another rate than configured", |block| {
             block.rate_hz = 8000.0;
         }),
