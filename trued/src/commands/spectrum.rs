@@ -58,6 +58,9 @@ pub(crate) struct Spectrum {
     /// daemon, else 2 % of the signal's own rms
     #[arg(long, value_name = "A")]
     least: Option<f64>,
+    /// How far a line must stand above the noise, 0.25 to 10: above 1 it takes more, below 1 weaker lines are found
+    #[arg(long, value_name = "N", default_value_t = 1.0)]
+    threshold: f64,
     /// Mains frequency, Hz; if not given, 50 and 60 are both possible
     #[arg(long, value_name = "HZ")]
     mains: Option<f64>,

@@ -25,7 +25,7 @@ impl Found {
         let mut notes = subject.notes.clone();
         let window_s = spectra::window_s(asked.window, subject)?;
         let wheels = Wheels::of(subject);
-        let listened = listen::listen(asked, subject, &wheels.plain(), &mut notes)?;
+        let listened = listen::listen(asked, subject, &wheels.shafts(), &mut notes)?;
         let episodes = listen::episodes(subject, &listened);
         let spectra = spectra::of(subject, window_s, &listened, &episodes)?;
         let space = space::of(subject, wheels, &episodes, &spectra)?;

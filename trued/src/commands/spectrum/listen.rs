@@ -83,6 +83,7 @@ pub(super) fn listen(
             least_amplitude_n: least,
             least_amplitude_nm: if asked.least.is_some() { least } else { 0.1 * least },
             mains_hz: asked.mains,
+            threshold: asked.threshold,
             learn_s: (0.25 * subject.seconds()).clamp(0.5, 1.0),
             ..WatchConfig::default()
         };

@@ -115,14 +115,15 @@ impl Wheels {
         Self::along(subject, model)
     }
 
-    /// Those that a line may be compared with.
-    pub(super) fn plain(&self) -> Vec<Wheel> {
-        self.list.iter().map(|(wheel, _)| *wheel).collect()
+    /// The shafts, as the daemon's watch knows them.
+    pub(super) fn shafts(&self) -> Vec<Wheel> {
+        self.list.iter().filter(|(_, teeth)| *teeth == 1).map(|(wheel, _)| *wheel).collect()
     }
 
     /// What fits a line.
     fn matching(&self, cycles_per_mm: f64, tolerance: f64) -> Option<Match> {
-        let fitting = match_wheels(cycles_per_mm, &self.plain(), tolerance);
+        let all: Vec<Wheel> = self.list.iter().map(|(wheel, _)| *wheel).collect();
+        let fitting = match_wheels(cycles_per_mm, &all, tolerance);
         let (wheel, multiple) = *fitting.first()?;
         let teeth =
             self.list.iter().find(|(there, _)| *there == wheel).map_or(1, |(_, teeth)| *teeth);
