@@ -21,7 +21,7 @@ pub(super) fn render(subject: &Subject, found: &Found) -> String {
         .kicker(format!("trued spectrum · {}", subject.file.display()))
         .lead(&words::lead(subject, found))
         .numbers(numbers(subject, found))
-        .section("When it rang");
+        .section(if found.episodes.iter().any(alarmed) { "When it rang" } else { "Over time" });
     if let Some(map) = plots::waterfall(subject, found, channel) {
         page = page.figure(&format!("Amplitude of {name} over time and frequency."), &map);
     }
@@ -182,11 +182,7 @@ fn lines(subject: &Subject, found: &Found) -> Table {
 }
 
 fn over_path(mut page: Page, subject: &Subject, space: &Space) -> Page {
-    page = page.section("Over the tool's path").text(&format!(
-        "The path is known by {}. {}.",
-        space.by,
-        words::path(subject, space)
-    ));
+    page = page.section("Over the tool's path").text(&format!("{}.", words::path(subject, space)));
     for unit in units(subject) {
         let caption = "Power density over cycles per mm of path: what gears and waviness cause stays in place here whatever the feed.";
         page = page.figure(caption, &plots::path(subject, space, unit));

@@ -255,8 +255,14 @@ pub(super) fn path(subject: &Subject, space: &Space, unit: &str) -> Svg {
         .flat_map(|one| &one.lines)
         .collect();
     named.sort_by(|a, b| b.line.amplitude.total_cmp(&a.line.amplitude));
-    named.dedup_by(|a, b| (a.line.frequency / b.line.frequency - 1.0).abs() < 0.03);
-    for found in named.into_iter().take(NAMED) {
+    let mut marked: Vec<f64> = Vec::new();
+    for found in named {
+        let line = found.line.frequency;
+        let again = marked.iter().any(|there| (line / there - 1.0).abs() < 0.03);
+        if again || marked.len() == NAMED {
+            continue;
+        }
+        marked.push(line);
         let cycles = format!("{:.2} /mm", found.line.frequency);
         let label = found
             .wheel

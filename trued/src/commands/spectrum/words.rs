@@ -69,14 +69,12 @@ pub(super) fn alarmed(episode: &Episode) -> bool {
 pub(super) fn title(found: &Found) -> String {
     let worst = found.episodes.first().filter(|episode| alarmed(episode));
     let Some(worst) = worst else {
-        return if found.listened.is_empty() || found.listened.iter().any(|l| l.heard.still_learning)
-        {
-            "Spectra of a recording that could not be watched".to_owned()
-        } else if found.episodes.is_empty() && found.spectra.iter().all(|s| s.lines.is_empty()) {
-            "Nothing rings".to_owned()
+        return if watched(found) {
+            "Nothing alarmed"
         } else {
-            "Steady lines, no alarm".to_owned()
-        };
+            "A recording that could not be watched"
+        }
+        .to_owned();
     };
     let f = hz(worst.frequency_hz);
     match worst.verdict.class {
@@ -175,34 +173,33 @@ pub(super) fn why(subject: &Subject, verdict: &Verdict, frequency_hz: f64) -> St
     }
 }
 
+/// Whether the watch heard enough to say something.
+fn watched(found: &Found) -> bool {
+    found.listened.iter().any(|listened| !listened.heard.still_learning)
+}
+
 fn calm(subject: &Subject, found: &Found) -> String {
+    let told = match found.episodes.len() {
+        _ if !watched(found) => "There are spectra only.".to_owned(),
+        0 => "The watch told no line.".to_owned(),
+        told => format!("The watch told {}, none that anybody must act on.", count(told, "line")),
+    };
     let strongest = found
         .spectra
         .iter()
         .flat_map(|one| one.lines.iter().map(move |line| (one.channel, line)))
         .max_by(|a, b| a.1.line.amplitude.total_cmp(&b.1.line.amplitude));
-    let total: usize = found.spectra.iter().map(|one| one.lines.len()).sum();
-    let watched = if found.listened.iter().any(|l| !l.heard.still_learning) {
-        "Nothing alarmed."
-    } else {
-        "The recording could not be watched."
+    let Some((channel, judged)) = strongest else {
+        return format!("{told} In the spectrum of the whole nothing stands over the noise.");
     };
-    match strongest {
-        None => format!("{watched} No line stands over the noise."),
-        Some((channel, judged)) => {
-            let channel = &subject.channels[channel];
-            let (stand, are) =
-                if total == 1 { ("stands", "it") } else { ("stand", "the strongest") };
-            format!(
-                "{watched} {} {stand} over the noise of the whole; {are}, {} on {} with an amplitude of {}, is {}.",
-                count(total, "line"),
-                hz(judged.line.frequency),
-                channel.name,
-                quantity(judged.line.amplitude, &channel.unit),
-                class(judged.verdict.class)
-            )
-        }
-    }
+    let channel = &subject.channels[channel];
+    format!(
+        "{told} In the spectrum of the whole the strongest line stands at {} on {}, with an amplitude of {}: {}.",
+        hz(judged.line.frequency),
+        channel.name,
+        quantity(judged.line.amplitude, &channel.unit),
+        class(judged.verdict.class)
+    )
 }
 
 /// What the sensor's health is, one sentence each.
