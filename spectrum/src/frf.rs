@@ -29,6 +29,27 @@ pub enum Response {
     Displacement,
 }
 
+impl Response {
+    /// How often a displacement was derived by time to give this.
+    fn order(self) -> i32 {
+        match self {
+            Self::Displacement => 0,
+            Self::Velocity => 1,
+            Self::Acceleration => 2,
+        }
+    }
+}
+
+/// Which noise averages out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Estimator {
+    /// Noise on the response; noise on the force makes it too small.
+    #[default]
+    H1,
+    /// Noise on the force; noise on the response makes it too large.
+    H2,
+}
+
 /// Fewest hits whose coherence means anything.
 pub const COHERENCE_HITS: usize = 3;
 
@@ -73,11 +94,15 @@ pub struct Frf {
     pub coherence: Option<Vec<f64>>,
     /// What the response is.
     pub response: Response,
-    /// Hits averaged.
+    /// Hits averaged; 0 where the function was measured elsewhere.
     pub hits: usize,
+    /// Decay of the exponential window over force and response, 1/s; 0 for none. The function is then that at
+    /// `s = jω + decay`, which conversions mind and fits take out.
+    pub window_decay_per_s: f64,
 }
 
-/// Response function of several hits, without window: the records hold the whole ring-down.
+/// Response function of several hits, each as it is: records hold the whole ring-down, or are windowed already (then
+/// set [`Frf::window_decay_per_s`]).
 ///
 /// # Errors
 /// No hit, unequal lengths, or an impossible rate.
@@ -119,24 +144,37 @@ pub fn frf(hits: &[Hit<'_>], rate_hz: f64, response: Response) -> Result<Frf, Fr
         coherence: (hits.len() >= COHERENCE_HITS).then(|| (0..bins).map(coherence).collect()),
         response,
         hits: hits.len(),
+        window_decay_per_s: 0.0,
     })
 }
 
 impl Frf {
-    /// Receptance, m/N, from H1: acceleration over −ω², velocity over jω. Zero at 0 Hz unless the
-    /// response is a displacement.
+    /// A function that was measured elsewhere, taken as it is: both estimators are it, and there is no coherence.
     #[must_use]
-    pub fn receptance(&self) -> Vec<Complex<f64>> {
+    pub fn given(frequency_hz: Vec<f64>, h: Vec<Complex<f64>>, response: Response) -> Self {
+        let (h1, h2) = (h.clone(), h);
+        Self { frequency_hz, h1, h2, coherence: None, response, hits: 0, window_decay_per_s: 0.0 }
+    }
+
+    /// One estimate, response unit per N.
+    #[must_use]
+    pub fn h(&self, estimator: Estimator) -> &[Complex<f64>] {
+        match estimator {
+            Estimator::H1 => &self.h1,
+            Estimator::H2 => &self.h2,
+        }
+    }
+
+    /// As displacement, velocity or acceleration per force, m/N, m/sN, m/s²N (receptance, mobility, accelerance), by
+    /// powers of `s = jω + decay` of the window. Zero where it would divide by zero.
+    #[must_use]
+    pub fn per_force(&self, estimator: Estimator, wanted: Response) -> Vec<Complex<f64>> {
+        let power = wanted.order() - self.response.order();
         let one = |(h, f_hz): (&Complex<f64>, &f64)| {
-            let omega = TAU * f_hz;
-            match self.response {
-                Response::Displacement => *h,
-                _ if omega <= 0.0 => Complex::default(),
-                Response::Velocity => h / Complex::new(0.0, omega),
-                Response::Acceleration => -h / (omega * omega),
-            }
+            let s = Complex::new(self.window_decay_per_s, TAU * f_hz);
+            if power < 0 && s.norm() == 0.0 { Complex::default() } else { h * s.powi(power) }
         };
-        self.h1.iter().zip(&self.frequency_hz).map(one).collect()
+        self.h(estimator).iter().zip(&self.frequency_hz).map(one).collect()
     }
 }
 
@@ -172,6 +210,32 @@ mod tests {
         }
         let at_resonance = h.h1[576];
         assert!(at_resonance.im < 0.0 && at_resonance.re.abs() < 0.05 * at_resonance.im.abs());
+    }
+
+    #[test]
+    fn an_exponential_window_moves_the_function_by_its_decay_and_conversions_know_it() {
+        let (mut force, mut response) = impulse(1 << 12, 4096.0, 72.0, 0.002);
+        let decay = 8.0;
+        for x in [&mut force, &mut response] {
+            x.iter_mut().enumerate().for_each(|(i, x)| *x *= (-decay * i as f64 / 4096.0).exp());
+        }
+        let hit = Hit { force: &force, response: &response };
+        let mut h = frf(&[hit], 4096.0, Response::Displacement).expect("a response function");
+        h.window_decay_per_s = decay;
+        let (wn, zeta) = (TAU * 72.0, 0.002);
+        let accelerance = h.per_force(Estimator::H1, Response::Acceleration);
+        for bin in [60, 72, 80] {
+            let s = Complex::new(decay, TAU * h.frequency_hz[bin]);
+            let known = 1.0 / (s * s + 2.0 * zeta * wn * s + wn * wn);
+            assert!((h.h1[bin] - known).norm() < 3e-3 * known.norm(), "{bin}");
+            assert!(
+                (accelerance[bin] - s * s * h.h1[bin]).norm() < 1e-12 * accelerance[bin].norm()
+            );
+        }
+        let again = Frf::given(h.frequency_hz.clone(), accelerance, Response::Acceleration);
+        let again = Frf { window_decay_per_s: decay, ..again };
+        let back = again.per_force(Estimator::H2, Response::Displacement);
+        assert!((back[72] - h.h1[72]).norm() < 1e-12 * h.h1[72].norm());
     }
 
     #[test]

@@ -1,36 +1,97 @@
-//! Natural frequencies and damping from a receptance.
+//! Natural frequencies, damping and modal masses from a receptance.
 //!
-//! A mode is where three signs meet: the imaginary part peaks, the real part changes sign beside it,
-//! and the coherence (where there is one) exceeds 0.75 (thesis 4.8 to 4.19). Frequency and damping are
-//! then fitted: `H(ω)(ω_n² − ω² + 2jζω_nω)` = polynomial, by linear least squares over the mode's band,
-//! reweighted twice (Levy 1959; Sanathanan and Koerner 1963). The quadratic polynomial takes up what
-//! the neighbours leave. Holds for viscous damping up to about 0.2 and modes further apart than their
-//! bandwidth; closer ones give one fit with a large residual.
+//! A mode is where three signs meet (thesis 4.8 to 4.19): the imaginary part peaks, the real part changes sign
+//! beside it, and the coherence (where there is one) is high enough. Frequency and damping are then fitted as a
+//! complex pole, modes whose bands overlap together. Beside what noise and misfit leave, the stated uncertainty holds
+//! how far the result moves with the width of the band and the smooth part that is allowed beside the modes.
+//! Peaks whose real part keeps its sign, as on a strong neighbour's flank, and a second mode within one peak are looked for
+//! too; the fit must show them clearly, and they are marked. Holds for viscous damping up to about 0.2. Never a mode
+//! that lies outside the band.
+
+mod fit;
+mod least_squares;
+mod merge;
+mod peaks;
+#[cfg(test)]
+mod tests;
 
 use crate::config::Mode;
+use fit::{Band, Fit, Pole};
 use realfft::num_complex::Complex;
+use std::f64::consts::{PI, TAU};
 
-/// Least coherence at a mode.
+pub use merge::{Merged, merged};
+
+/// Least coherence at a mode, unless asked otherwise (thesis 4.6.2).
 pub const LEAST_COHERENCE: f64 = 0.75;
-/// Unknowns of the fit: two of the denominator, three complex ones of the polynomial.
-const UNKNOWNS: usize = 8;
-/// Beyond this the band's half width, as a part of the frequency, is not widened.
-const WIDEST: f64 = 0.15;
+/// More damping than any mode has that shows a peak.
+const DAMPING_MAX: f64 = 0.3;
+/// The band of a fit reaches so many half widths to either side of a mode; the others tell how far that matters.
+const REACH: f64 = 3.0;
+const REACH_OTHER: [(f64, usize); 4] = [(2.0, 1), (2.0, 2), (4.5, 2), (4.5, 3)];
+/// Degree of the polynomial beside the modes.
+const DEGREE: usize = 2;
+/// Fewest bins to either side.
+const BINS_LEAST: f64 = 7.0;
+/// The band's reach, as a part of the frequency, is not wider.
+const WIDEST: f64 = 0.3;
+/// The residue of a mode is known better than this part of it.
+const RESIDUE_SIGMA_MAX: f64 = 0.2;
+/// Modes fitted together at most.
+const TOGETHER: usize = 5;
+/// A further mode within one peak: what the fit left before it, at least; what it leaves of that, at most; and how
+/// well its residue is known.
+const SPLIT: (f64, f64, f64) = (0.02, 0.4, 0.07);
+
+/// A measured receptance, and what it may be asked.
+#[derive(Clone, Copy, Debug)]
+pub struct Measured<'a> {
+    /// Frequencies, Hz, growing.
+    pub frequency_hz: &'a [f64],
+    /// Displacement per force at each, m/N.
+    pub receptance: &'a [Complex<f64>],
+    /// Coherence at each, 0 to 1, where there is one.
+    pub coherence: Option<&'a [f64]>,
+    /// Decay of the exponential window that it was measured under, 1/s; 0 for none. It is taken out of the damping.
+    pub window_decay_per_s: f64,
+}
 
 /// A fitted mode.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FittedMode {
-    /// Natural frequency, Hz.
+    /// Natural frequency (undamped), Hz.
     pub frequency_hz: f64,
+    /// Standard uncertainty of it, Hz.
+    pub frequency_sigma_hz: f64,
     /// Damping ratio.
     pub damping: f64,
-    /// Receptance at resonance, m/N.
-    pub peak: Complex<f64>,
+    /// Standard uncertainty of it.
+    pub damping_sigma: f64,
+    /// Damping ratio by the width of the peak at half its power, as a check; `None` where neighbours hide it.
+    pub damping_half_power: Option<f64>,
+    /// Modal mass for this pair of points, kg: that of the moving structure where it was struck and measured at one
+    /// point along one direction.
+    pub mass_kg: f64,
+    /// Standard uncertainty of it, kg.
+    pub mass_sigma_kg: f64,
+    /// Angle of the residue against that of a real mode struck and measured at one point, rad: 0 moves with the
+    /// force, ±π against it; in between the mode is complex, or neighbours mix in.
+    pub phase_rad: f64,
+    /// Coherence at the mode.
+    pub coherence: Option<f64>,
+    /// The three signs show it; else it is seen by the fit alone, on a neighbour's flank or within its peak.
+    pub by_signs: bool,
     /// Root mean square of what the fit leaves, over that of the receptance in its band.
     pub residual: f64,
 }
 
 impl FittedMode {
+    /// Modal stiffness `m ω_n²`, N/m.
+    #[must_use]
+    pub fn stiffness_n_per_m(&self) -> f64 {
+        self.mass_kg * (TAU * self.frequency_hz).powi(2)
+    }
+
     /// As an entry of the model's modal list, moving along `direction`.
     #[must_use]
     pub fn as_mode(&self, direction: [f64; 3]) -> Mode {
@@ -38,196 +99,180 @@ impl FittedMode {
     }
 }
 
-/// Finds and fits the modes of a receptance within a band, lowest first. `prominence` is how many
-/// times a peak of the imaginary part must exceed its middle over the band, 3 or so.
+/// Where a mode is looked for, and whether the three signs show it.
+#[derive(Clone, Copy, Debug)]
+struct Start {
+    at_hz: Complex<f64>,
+    by_signs: bool,
+}
+
+/// Finds and fits the modes of a receptance within a band, lowest first.
 ///
 /// `frequency_hz`, `receptance` and, where given, `coherence` belong together; the shortest counts.
 #[must_use]
-pub fn modes(
-    frequency_hz: &[f64],
-    receptance: &[Complex<f64>],
-    coherence: Option<&[f64]>,
-    band_hz: [f64; 2],
-    prominence: f64,
-) -> Vec<FittedMode> {
-    let n = frequency_hz.len().min(receptance.len());
-    let within = |i: &usize| (band_hz[0]..=band_hz[1]).contains(&frequency_hz[*i]);
-    let bins: Vec<usize> = (1..n.saturating_sub(1)).filter(within).collect();
-    let mut sizes: Vec<f64> = bins.iter().map(|&i| receptance[i].im.abs()).collect();
-    let middle = crate::floor::middle(&mut sizes);
-    let seen =
-        |i: &usize| coherence.is_none_or(|c| c.get(*i).is_some_and(|c| *c > LEAST_COHERENCE));
-    let mut found: Vec<FittedMode> = Vec::new();
-    for i in bins.into_iter().filter(seen) {
-        let im = |k: usize| receptance[k].im.abs();
-        let is_peak = im(i) > im(i - 1) && im(i) >= im(i + 1) && im(i) > prominence * middle;
-        if !is_peak || !changes_sign(&receptance[..n], i) {
-            continue;
-        }
-        let Some(mode) = fit(&frequency_hz[..n], &receptance[..n], i) else { continue };
-        let is_new = found.last().is_none_or(|last| {
-            (mode.frequency_hz - last.frequency_hz).abs() > last.damping * last.frequency_hz
-        });
-        if is_new && mode.residual < 0.3 {
-            found.push(mode);
-        }
-    }
-    found
-}
-
-/// The half width at half of the squared peak, in bins to either side.
-fn half_width(receptance: &[Complex<f64>], peak: usize) -> usize {
-    let half = 0.5 * receptance[peak].norm_sqr();
-    let up = receptance[peak..].iter().take_while(|h| h.norm_sqr() > half).count();
-    let down = receptance[..peak].iter().rev().take_while(|h| h.norm_sqr() > half).count();
-    up.min(down + 1).max(2)
-}
-
-/// Whether the real part changes sign within the peak's width.
-fn changes_sign(receptance: &[Complex<f64>], peak: usize) -> bool {
-    let width = half_width(receptance, peak);
-    let run = &receptance[peak.saturating_sub(width)..(peak + width + 1).min(receptance.len())];
-    run.windows(2).any(|pair| pair[0].re * pair[1].re <= 0.0)
-}
-
-fn fit(frequency_hz: &[f64], receptance: &[Complex<f64>], peak: usize) -> Option<FittedMode> {
-    let widest = frequency_hz.partition_point(|f| *f < (1.0 + WIDEST) * frequency_hz[peak]) - peak;
-    let reach = (2 * half_width(receptance, peak)).clamp(6, widest.max(6));
-    let band = peak.saturating_sub(reach)..(peak + reach + 1).min(receptance.len());
-    if band.len() < UNKNOWNS {
-        return None;
-    }
-    let centre = frequency_hz[peak];
-    let size = receptance[peak].norm();
-    // Frequencies in units of the peak's, receptance in units of its size: well scaled.
-    let points: Vec<(f64, Complex<f64>)> =
-        band.map(|i| (frequency_hz[i] / centre, receptance[i] / size)).collect();
-    let mut weights = vec![1.0; points.len()];
-    let mut unknowns = [0.0; UNKNOWNS];
-    for _ in 0..3 {
-        unknowns = least_squares(&points, &weights)?;
-        for (weight, (u, _)) in weights.iter_mut().zip(&points) {
-            *weight = 1.0 / denominator(&unknowns, *u).norm().max(1e-9);
-        }
-    }
-    let [a, b, ..] = unknowns;
-    if !(a > 0.0 && b > 0.0) {
-        return None;
-    }
-    let left: f64 = points.iter().map(|(u, h)| (model(&unknowns, *u) - h).norm_sqr()).sum();
-    let whole: f64 = points.iter().map(|(_, h)| h.norm_sqr()).sum();
-    Some(FittedMode {
-        frequency_hz: centre * a.sqrt(),
-        damping: 0.5 * b / a.sqrt(),
-        peak: receptance[peak],
-        residual: (left / whole).sqrt(),
-    })
-}
-
-fn denominator(unknowns: &[f64; UNKNOWNS], u: f64) -> Complex<f64> {
-    Complex::new(unknowns[0] - u * u, unknowns[1] * u)
-}
-
-fn model(unknowns: &[f64; UNKNOWNS], u: f64) -> Complex<f64> {
-    let v = u - 1.0;
-    let part = |k: usize| unknowns[k] + unknowns[k + 1] * v + unknowns[k + 2] * v * v;
-    Complex::new(part(2), part(5)) / denominator(unknowns, u)
-}
-
-/// H (a − u² + j b u) = p(u): linear in a, b and the polynomial's six real coefficients.
-fn least_squares(points: &[(f64, Complex<f64>)], weights: &[f64]) -> Option<[f64; UNKNOWNS]> {
-    let mut normal = [[0.0; UNKNOWNS + 1]; UNKNOWNS];
-    for ((u, h), weight) in points.iter().zip(weights) {
-        let v = u - 1.0;
-        let turned = Complex::new(0.0, *u) * h;
-        let real = [h.re, turned.re, -1.0, -v, -v * v, 0.0, 0.0, 0.0];
-        let imaginary = [h.im, turned.im, 0.0, 0.0, 0.0, -1.0, -v, -v * v];
-        for (row, right) in [(real, u * u * h.re), (imaginary, u * u * h.im)] {
-            for (i, x) in row.iter().enumerate() {
-                for (j, y) in row.iter().enumerate() {
-                    normal[i][j] += weight * weight * x * y;
-                }
-                normal[i][UNKNOWNS] += weight * weight * x * right;
-            }
-        }
-    }
-    solve(&mut normal)
-}
-
-/// Gauss elimination with pivoting, rows scaled first.
-fn solve(m: &mut [[f64; UNKNOWNS + 1]; UNKNOWNS]) -> Option<[f64; UNKNOWNS]> {
-    for row in m.iter_mut() {
-        let largest = row[..UNKNOWNS].iter().fold(0.0_f64, |a, x| a.max(x.abs()));
-        for x in row.iter_mut() {
-            *x /= largest.max(f64::MIN_POSITIVE);
-        }
-    }
-    for k in 0..UNKNOWNS {
-        let pivot = (k..UNKNOWNS).max_by(|&i, &j| m[i][k].abs().total_cmp(&m[j][k].abs()))?;
-        m.swap(k, pivot);
-        let top = m[k];
-        if top[k].is_nan() || top[k].abs() <= 1e-13 {
-            return None;
-        }
-        for row in m.iter_mut().skip(k + 1) {
-            let part = row[k] / top[k];
-            for (x, y) in row.iter_mut().zip(&top) {
-                *x -= part * y;
-            }
-        }
-    }
-    let mut x = [0.0; UNKNOWNS];
-    for k in (0..UNKNOWNS).rev() {
-        let known: f64 = (k + 1..UNKNOWNS).map(|j| m[k][j] * x[j]).sum();
-        x[k] = (m[k][UNKNOWNS] - known) / m[k][k];
-    }
-    Some(x)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn receptance(frequency_hz: &[f64], modes: &[(f64, f64, f64)]) -> Vec<Complex<f64>> {
-        let one = |f: &f64, m: &(f64, f64, f64)| {
-            let (f_n, damping, gain) = *m;
-            gain / Complex::new(f_n * f_n - f * f, 2.0 * damping * f_n * f)
+pub fn modes(measured: &Measured<'_>, band_hz: [f64; 2], least_coherence: f64) -> Vec<FittedMode> {
+    let n = measured.frequency_hz.len().min(measured.receptance.len());
+    let measured = Measured {
+        frequency_hz: &measured.frequency_hz[..n],
+        receptance: &measured.receptance[..n],
+        ..*measured
+    };
+    let mut found: Vec<Start> = Vec::new();
+    for peak in peaks::coherent(&measured, band_hz, least_coherence) {
+        let Some(pole) = measured.alone(&peak) else { continue };
+        let far = |other: &Start| {
+            let apart = (pole.at_hz.re - other.at_hz.re).abs();
+            apart > other.at_hz.im.max(pole.at_hz.im)
         };
-        frequency_hz.iter().map(|f| modes.iter().map(|m| one(f, m)).sum()).collect()
+        if found.iter().all(far) && (band_hz[0]..=band_hz[1]).contains(&pole.at_hz.re) {
+            found.push(Start { at_hz: pole.at_hz, by_signs: peak.changes_sign });
+        }
     }
+    found.sort_by(|a, b| a.at_hz.re.total_cmp(&b.at_hz.re));
+    let mut modes: Vec<FittedMode> =
+        measured.groups(&found).iter().flat_map(|group| measured.group(group)).collect();
+    modes.retain(|mode| (band_hz[0]..=band_hz[1]).contains(&mode.frequency_hz));
+    modes.sort_by(|a, b| a.frequency_hz.total_cmp(&b.frequency_hz));
+    modes
+}
 
-    #[test]
-    fn two_modes_are_found_between_the_bins() {
-        let f: Vec<f64> = (0..4000).map(|i| 0.5 * f64::from(i)).collect();
-        let h = receptance(&f, &[(293.3, 0.02, 1.0), (1071.7, 0.033, -3.0), (1610.2, 0.01, 2.0)]);
-        let found = modes(&f, &h, None, [50.0, 1900.0], 3.0);
-        assert_eq!(found.len(), 3, "{found:?}");
-        for (mode, (f_n, damping)) in
-            found.iter().zip([(293.3, 0.02), (1071.7, 0.033), (1610.2, 0.01)])
-        {
-            assert!((mode.frequency_hz / f_n - 1.0).abs() < 1e-4, "{mode:?}");
-            assert!((mode.damping / damping - 1.0).abs() < 1e-2, "{mode:?}");
+impl Measured<'_> {
+    fn bin_hz(&self) -> f64 {
+        match self.frequency_hz {
+            [first, .., last] => (last - first) / (self.frequency_hz.len() - 1) as f64,
+            _ => 0.0,
         }
     }
 
-    #[test]
-    fn a_peak_without_coherence_is_no_mode() {
-        let f: Vec<f64> = (0..2000).map(|i| 0.5 * f64::from(i)).collect();
-        let h = receptance(&f, &[(300.0, 0.02, 1.0)]);
-        assert!(modes(&f, &h, Some(&[0.5; 2000]), [50.0, 900.0], 3.0).is_empty());
-        assert_eq!(modes(&f, &h, Some(&[0.9; 2000]), [50.0, 900.0], 3.0).len(), 1);
+    /// The band of some poles, each with so many half widths to either side.
+    fn band(&self, poles: &[Complex<f64>], reach: f64) -> Option<Band> {
+        let reach =
+            |p: &Complex<f64>| (reach * p.im).min(WIDEST * p.re).max(BINS_LEAST * self.bin_hz());
+        let from = poles.iter().map(|p| p.re - reach(p)).fold(f64::INFINITY, f64::min);
+        let to = poles.iter().map(|p| p.re + reach(p)).fold(0.0, f64::max);
+        // The first bin holds no receptance unless displacements were measured.
+        Band::of(self.frequency_hz, self.receptance, from.max(self.bin_hz()), to)
     }
 
-    proptest! {
-        #[test]
-        fn one_mode_is_fitted_whatever_its_damping(f_n in 60.0..400.0_f64, damping in 0.005..0.1_f64) {
-            let f: Vec<f64> = (0..2000).map(|i| 0.5 * f64::from(i)).collect();
-            let h = receptance(&f, &[(f_n, damping, 1.0)]);
-            let found = modes(&f, &h, None, [20.0, 900.0], 3.0);
-            prop_assert_eq!(found.len(), 1);
-            prop_assert!((found[0].frequency_hz / f_n - 1.0).abs() < 1e-4);
-            prop_assert!((found[0].damping / damping - 1.0).abs() < 1e-2);
+    /// One mode by itself, where there is one.
+    fn alone(&self, peak: &peaks::Peak) -> Option<Pole> {
+        let guess = Complex::new(peak.frequency_hz, peak.half_width_hz);
+        let rough = *self.band(&[guess], 2.0)?.one_pole(1)?.poles.first()?;
+        let fit = self.band(&[rough.at_hz], REACH)?.one_pole(DEGREE)?;
+        let pole = *fit.poles.first()?;
+        let near = (pole.at_hz.re - peak.frequency_hz).abs() <= 1.5 * peak.half_width_hz;
+        (near && self.is_mode(&pole)).then_some(pole)
+    }
+
+    fn is_mode(&self, pole: &Pole) -> bool {
+        let decay_hz = pole.at_hz.im - self.window_decay_per_s / TAU;
+        let damped = decay_hz > 0.0 && decay_hz < DAMPING_MAX * pole.at_hz.re;
+        damped && pole.residue_sigma < RESIDUE_SIGMA_MAX && pole.sigma_hz < 0.5 * pole.at_hz.im
+    }
+
+    /// Modes whose bands overlap belong together.
+    fn groups(&self, starts: &[Start]) -> Vec<Vec<Start>> {
+        let mut groups: Vec<Vec<Start>> = Vec::new();
+        let overlap = |a: &Start, b: &Start| {
+            (b.at_hz.re - a.at_hz.re).abs() < REACH * (a.at_hz.im + b.at_hz.im)
+        };
+        for start in starts {
+            match groups.last_mut() {
+                Some(group)
+                    if group.len() < TOGETHER
+                        && group.last().is_some_and(|last| overlap(last, start)) =>
+                {
+                    group.push(*start);
+                }
+                _ => groups.push(vec![*start]),
+            }
+        }
+        groups
+    }
+
+    fn group(&self, starts: &[Start]) -> Vec<FittedMode> {
+        let places: Vec<_> = starts.iter().map(|start| start.at_hz).collect();
+        let together = self.fitted(&places, REACH, DEGREE);
+        let Some(fit) = together.filter(|fit| fit.poles.iter().all(|pole| self.is_mode(pole)))
+        else {
+            if starts.len() < 2 {
+                return Vec::new();
+            }
+            return starts.iter().flat_map(|start| self.group(&[*start])).collect();
+        };
+        let fit = self.split(fit);
+        let places: Vec<_> = fit.poles.iter().map(|pole| pole.at_hz).collect();
+        let spread = self.spread(&places);
+        let by_signs = |k: usize| starts.get(k).is_some_and(|start| start.by_signs);
+        let modes = fit.poles.iter().zip(spread).enumerate();
+        modes.map(|(k, (pole, spread))| self.told(pole, spread, by_signs(k), &fit)).collect()
+    }
+
+    fn fitted(&self, poles: &[Complex<f64>], reach: f64, degree: usize) -> Option<Fit> {
+        self.band(poles, reach)?.poles_from(poles, degree)
+    }
+
+    /// The fit with further modes, as long as each makes it far better.
+    fn split(&self, mut fit: Fit) -> Fit {
+        let (rough, better, known) = SPLIT;
+        while fit.residual > rough && fit.poles.len() < TOGETHER {
+            let mut starts: Vec<_> = fit.poles.iter().map(|pole| pole.at_hz).collect();
+            let width = starts.iter().map(|p| p.im).fold(f64::INFINITY, f64::min);
+            starts.push(Complex::new(fit.worst_hz, 0.7 * width));
+            let Some(more) = self.fitted(&starts, REACH, DEGREE) else { break };
+            let apart = |a: &Pole| {
+                let others = more.poles.iter().filter(|b| b.at_hz != a.at_hz);
+                others.map(|b| (a.at_hz - b.at_hz).norm()).fold(f64::INFINITY, f64::min)
+            };
+            let sound = |pole: &Pole| {
+                let decay = pole.at_hz.im - self.window_decay_per_s / TAU;
+                self.is_mode(pole) && pole.residue_sigma < known && apart(pole) > 0.3 * decay
+            };
+            if more.residual > better * fit.residual || !more.poles.iter().all(sound) {
+                break;
+            }
+            fit = more;
+        }
+        fit
+    }
+
+    /// How far each pole moves with the band's width and the polynomial's degree: root mean square, Hz.
+    fn spread(&self, poles: &[Complex<f64>]) -> Vec<f64> {
+        let (mut squares, mut fits) = (vec![0.0; poles.len()], 0.0);
+        for (reach, degree) in REACH_OTHER {
+            let Some(fit) = self.fitted(poles, reach, degree) else { continue };
+            fits += 1.0;
+            for (sum, (pole, at)) in squares.iter_mut().zip(fit.poles.iter().zip(poles)) {
+                *sum += (pole.at_hz - at).norm_sqr().min(at.im * at.im);
+            }
+        }
+        // Half of it is in each part of the complex number.
+        squares.iter().map(|sum| (0.5 * sum / f64::max(fits, 1.0)).sqrt()).collect()
+    }
+
+    fn told(&self, pole: &Pole, spread_hz: f64, by_signs: bool, fit: &Fit) -> FittedMode {
+        let (damped_hz, decay_hz) = (pole.at_hz.re, pole.at_hz.im - self.window_decay_per_s / TAU);
+        let frequency_hz = damped_hz.hypot(decay_hz);
+        let sigma_hz = pole.sigma_hz.hypot(spread_hz);
+        // H ≈ A/(ω − p) with A = −1/(2 m ω_d); the residue is over Hz.
+        let per_mass = -8.0 * PI * PI * damped_hz * pole.residue;
+        let mass_kg = 1.0 / per_mass.norm();
+        let relative = pole.residue_sigma.hypot(spread_hz / pole.at_hz.im);
+        let bin = peaks::nearest(self.frequency_hz, damped_hz);
+        FittedMode {
+            frequency_hz,
+            frequency_sigma_hz: sigma_hz,
+            damping: decay_hz / frequency_hz,
+            damping_sigma: sigma_hz / frequency_hz,
+            damping_half_power: peaks::half_power_hz(self.frequency_hz, self.receptance, bin)
+                .map(|width_hz| (0.5 * width_hz - self.window_decay_per_s / TAU) / frequency_hz)
+                .filter(|damping| *damping > 0.0 && by_signs),
+            mass_kg,
+            mass_sigma_kg: mass_kg * relative,
+            phase_rad: per_mass.arg(),
+            coherence: self.coherence.and_then(|c| c.get(bin)).copied(),
+            by_signs,
+            residual: fit.residual,
         }
     }
 }

@@ -1,0 +1,125 @@
+//! Peaks, the signs that they are modes, and their width. No fit.
+
+use super::Measured;
+use crate::floor::middle;
+use realfft::num_complex::Complex;
+
+/// A peak of the imaginary part stands at least so many times over its surroundings.
+const PROMINENCE: f64 = 2.0;
+/// Surroundings reach so many half widths, and so many bins at least.
+const SURROUNDINGS: usize = 8;
+const BINS_LEAST: usize = 12;
+/// Peaks that are looked at, the most prominent first.
+const PEAKS_MAX: usize = 64;
+
+/// A peak of the imaginary part.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Peak {
+    pub(super) frequency_hz: f64,
+    /// Half the width at half of the power, Hz, at least one bin.
+    pub(super) half_width_hz: f64,
+    /// The real part changes sign beside it: with the peak and the coherence the third sign.
+    pub(super) changes_sign: bool,
+    prominence: f64,
+}
+
+/// Peaks of the imaginary part within a band where the coherence is high enough; first those beside which the real part
+/// changes sign, of those and of the others the most prominent first.
+pub(super) fn coherent(
+    measured: &Measured<'_>,
+    band_hz: [f64; 2],
+    least_coherence: f64,
+) -> Vec<Peak> {
+    let Measured { frequency_hz, receptance, coherence, .. } = *measured;
+    let im = |i: usize| receptance[i].im.abs();
+    let bin_hz = measured.bin_hz();
+    let mut found: Vec<Peak> = Vec::new();
+    let inner = receptance.len().saturating_sub(1);
+    for (i, f_hz) in frequency_hz.iter().enumerate().take(inner).skip(2) {
+        let inside = (band_hz[0]..=band_hz[1]).contains(f_hz);
+        let coherent = coherence.is_none_or(|c| c.get(i).is_some_and(|c| *c >= least_coherence));
+        if !(inside && coherent && im(i) > im(i - 1) && im(i) >= im(i + 1)) {
+            continue;
+        }
+        let width = half_width(receptance, i);
+        let prominence = im(i) / surroundings(receptance, i, width);
+        if prominence >= PROMINENCE {
+            let (half_width_hz, changes_sign) =
+                (width as f64 * bin_hz, changes_sign(receptance, i, width));
+            found.push(Peak { frequency_hz: *f_hz, half_width_hz, changes_sign, prominence });
+        }
+    }
+    let rank = |a: &Peak, b: &Peak| b.prominence.total_cmp(&a.prominence);
+    found.sort_by(|a, b| b.changes_sign.cmp(&a.changes_sign).then(rank(a, b)));
+    found.truncate(PEAKS_MAX);
+    found
+}
+
+/// The middle size of the imaginary part beside a peak.
+fn surroundings(receptance: &[Complex<f64>], peak: usize, width: usize) -> f64 {
+    let reach = (SURROUNDINGS * width).max(BINS_LEAST);
+    let (low, high) = (peak.saturating_sub(reach).max(1), (peak + reach + 1).min(receptance.len()));
+    let mut beside: Vec<f64> = (low..high)
+        .filter(|i| i.abs_diff(peak) > 2 * width)
+        .map(|i| receptance[i].im.abs())
+        .collect();
+    middle(&mut beside).max(f64::MIN_POSITIVE)
+}
+
+/// Bins from a peak to half of its power, on the nearer side; at least 1.
+fn half_width(receptance: &[Complex<f64>], peak: usize) -> usize {
+    let half = 0.5 * receptance[peak].norm_sqr();
+    let up = receptance[peak..].iter().take_while(|h| h.norm_sqr() > half).count();
+    let down = receptance[..peak].iter().rev().take_while(|h| h.norm_sqr() > half).count();
+    up.min(down + 1).max(1)
+}
+
+/// Whether the real part changes sign within the peak's width.
+fn changes_sign(receptance: &[Complex<f64>], peak: usize, width: usize) -> bool {
+    let run = &receptance[peak.saturating_sub(width)..(peak + width + 1).min(receptance.len())];
+    run.windows(2).any(|pair| pair[0].re * pair[1].re <= 0.0)
+}
+
+/// Place of the frequency nearest to this one.
+pub(super) fn nearest(frequency_hz: &[f64], wanted_hz: f64) -> usize {
+    let above = frequency_hz.partition_point(|f| *f < wanted_hz).min(frequency_hz.len().max(1) - 1);
+    let off = |i: usize| frequency_hz.get(i).map_or(f64::INFINITY, |f| (f - wanted_hz).abs());
+    if above > 0 && off(above - 1) < off(above) { above - 1 } else { above }
+}
+
+/// The full width of the peak near a bin at half of its power, by straight lines between the bins; `None` where the
+/// response rises again before it has fallen so far.
+pub(super) fn half_power_hz(
+    frequency_hz: &[f64],
+    receptance: &[Complex<f64>],
+    near: usize,
+) -> Option<f64> {
+    let power: Vec<f64> = receptance.iter().map(Complex::norm_sqr).collect();
+    let mut top = near.min(power.len().checked_sub(2)?).max(1);
+    while top + 1 < power.len() - 1 && power[top + 1] > power[top] {
+        top += 1;
+    }
+    while top > 1 && power[top - 1] > power[top] {
+        top -= 1;
+    }
+    let half = 0.5 * power[top];
+    // One bin may rise by noise; a rise of a tenth of the peak is another mode.
+    let crossing = |places: &mut dyn Iterator<Item = usize>| {
+        let (mut last, mut least) = (top, power[top]);
+        for i in places {
+            if power[i] <= half {
+                let part = (power[last] - half) / (power[last] - power[i]);
+                return Some(frequency_hz[last] + part * (frequency_hz[i] - frequency_hz[last]));
+            }
+            least = least.min(power[i]);
+            if power[i] > least + 0.1 * power[top] {
+                return None;
+            }
+            last = i;
+        }
+        None
+    };
+    let above = crossing(&mut (top + 1..power.len()))?;
+    let below = crossing(&mut (0..top).rev())?;
+    Some(above - below)
+}

@@ -1,0 +1,110 @@
+//! What of the machine may have written a line into the surface.
+//!
+//! What turns with the joints has a constant number of cycles per mm; what turns with the spindle or rings has a
+//! constant number per second, which the feed turns into cycles per mm. A short profile cannot tell near ones apart:
+//! all that fit are said, nearest first.
+
+use super::Line;
+use crate::config::{Mode, Wheel};
+use crate::spatial::match_wheels;
+
+/// How the surface was machined, as far as it is known.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Machining {
+    /// Speed of the tool along the profile, mm/s.
+    pub feed_mm_s: Option<f64>,
+    /// Spindle speed, rev/min.
+    pub spindle_rpm: Option<f64>,
+    /// Teeth of the tool; 0: not known.
+    pub teeth: u32,
+    /// Known natural frequencies.
+    pub modes: Vec<Mode>,
+    /// Gear shafts by their turns per mm along the profile.
+    pub wheels: Vec<Wheel>,
+}
+
+/// What a line fits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Cause {
+    /// A gear shaft, or a multiple of its turns.
+    Wheel(Wheel, u32),
+    /// The tooth passing, or a multiple of it.
+    Tooth(u32),
+    /// The spindle's turns, or a multiple.
+    Spindle(u32),
+    /// A natural frequency, Hz.
+    Mode(f64),
+}
+
+impl Machining {
+    /// The line's frequency in time, Hz, where the feed is known.
+    #[must_use]
+    pub fn frequency_hz(&self, line: &Line) -> Option<f64> {
+        self.feed_mm_s.map(|feed| feed * line.cycles_per_mm)
+    }
+
+    /// Everything that a line of a profile of this length fits.
+    #[must_use]
+    pub fn causes(&self, line: &Line, length_mm: f64) -> Vec<Cause> {
+        let tolerance = line.tolerance(length_mm) / line.cycles_per_mm;
+        let wheels = match_wheels(line.cycles_per_mm, &self.wheels, tolerance);
+        let mut found: Vec<Cause> =
+            wheels.into_iter().map(|(wheel, order)| Cause::Wheel(wheel, order)).collect();
+        let Some(frequency_hz) = self.frequency_hz(line) else { return found };
+        if let Some(turns_hz) = self.spindle_rpm.map(|rpm| rpm / 60.0) {
+            let multiple = |of_hz: f64| {
+                let order = (frequency_hz / of_hz).round();
+                let off = (order * of_hz / frequency_hz - 1.0).abs();
+                ((1.0..=10.0).contains(&order) && off <= tolerance).then_some(order as u32)
+            };
+            let teeth = (self.teeth > 1).then(|| multiple(f64::from(self.teeth) * turns_hz));
+            found.extend(match teeth.flatten() {
+                Some(order) => Some(Cause::Tooth(order)),
+                None => multiple(turns_hz).map(Cause::Spindle),
+            });
+        }
+        let near = |mode: &&Mode| (mode.frequency_hz / frequency_hz - 1.0).abs() <= tolerance;
+        found.extend(self.modes.iter().filter(near).map(|mode| Cause::Mode(mode.frequency_hz)));
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(cycles_per_mm: f64) -> Line {
+        Line {
+            cycles_per_mm,
+            sigma_cycles_per_mm: 0.001,
+            amplitude: 1.0,
+            over_floor: 100.0,
+            multiple_of: None,
+        }
+    }
+
+    #[test]
+    fn a_line_is_told_by_spindle_tooth_wheel_and_mode_and_never_by_a_feed_that_is_not_known() {
+        let wheel = Wheel { joint: 1, shaft: 2, cycles_per_mm: 0.454 };
+        let machining = Machining {
+            feed_mm_s: Some(10.0),
+            spindle_rpm: Some(1200.0),
+            teeth: 2,
+            modes: vec![Mode::at_hz(67.0)],
+            wheels: vec![wheel],
+        };
+        let causes = |cycles: f64| machining.causes(&line(cycles), 50.0);
+        assert_eq!(causes(2.0), [Cause::Spindle(1)]);
+        assert_eq!(causes(4.0), [Cause::Tooth(1)]);
+        assert_eq!(causes(8.002), [Cause::Tooth(2)]);
+        assert_eq!(causes(0.9), [Cause::Wheel(wheel, 2)]);
+        assert_eq!(causes(6.7), [Cause::Mode(67.0)]);
+        assert_eq!(causes(3.1), []);
+        let blind = Machining { feed_mm_s: None, ..machining.clone() };
+        assert_eq!(blind.causes(&line(4.0), 50.0), []);
+        assert_eq!(machining.frequency_hz(&line(4.0)), Some(40.0));
+        // A profile of 3 mm tells no finer than a sixth of a cycle per mm.
+        let short = machining.causes(&line(6.55), 3.0);
+        assert_eq!(short, [Cause::Mode(67.0)]);
+    }
+}

@@ -1,0 +1,96 @@
+//! Spectra of a profile over cycles per mm, and the lines that stand out of it.
+
+use crate::offline::{self, Averaged};
+use crate::welch::{Scaling, Segments, Spectrum, SpectrumError, Taper, welch};
+
+/// Standard deviation of a line's place by the parabola alone, bins.
+const PARABOLA_BINS: f64 = 0.02;
+/// Chance that a long profile of noise alone shows any line.
+const FALSE_LINES: f64 = 0.05;
+/// What is weaker than this part of the strongest line is no matter.
+const WEAKEST: f64 = 0.01;
+
+/// A line of a profile's spectrum: a wave that repeats.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// Cycles per mm.
+    pub cycles_per_mm: f64,
+    /// Standard uncertainty of it, cycles per mm.
+    pub sigma_cycles_per_mm: f64,
+    /// Amplitude, in the profile's unit.
+    pub amplitude: f64,
+    /// Power over the floor beside it.
+    pub over_floor: f64,
+    /// Where it is a multiple of a stronger line: that line's place in the list, and which multiple.
+    pub multiple_of: Option<(usize, u32)>,
+}
+
+impl Line {
+    /// Its wavelength, mm.
+    #[must_use]
+    pub fn wavelength_mm(&self) -> f64 {
+        1.0 / self.cycles_per_mm
+    }
+
+    /// How far it may be from where it reads and still be the same: two standard uncertainties, and half a bin of a
+    /// profile of this length.
+    #[must_use]
+    pub fn tolerance(&self, length_mm: f64) -> f64 {
+        2.0 * self.sigma_cycles_per_mm + 0.5 / length_mm
+    }
+}
+
+/// One-sided power over cycles per mm of a whole profile, without window: its sum is `R_q²` (mean taken
+/// out).
+///
+/// # Errors
+/// A profile too short.
+pub fn power_spectrum(heights: &[f64], spacing_mm: f64) -> Result<Spectrum, SpectrumError> {
+    let plan = Segments {
+        taper: Taper::Boxcar,
+        scaling: Scaling::Spectrum,
+        ..Segments::new(1.0 / spacing_mm, heights.len().max(2))
+    };
+    welch(heights, &plan)
+}
+
+/// The lines of a profile, strongest first: of its spectrum as a whole under a Hann window, since a profile is short
+/// and its feed marks last. Waves longer than about a seventh of the profile are not told from form.
+///
+/// # Errors
+/// A profile too short.
+pub fn lines(heights: &[f64], spacing_mm: f64) -> Result<Vec<Line>, SpectrumError> {
+    let plan = Segments::new(1.0 / spacing_mm, heights.len().max(2));
+    let spectrum = Averaged::of([heights], &plan)?;
+    let length_mm = heights.len() as f64 * spacing_mm;
+    let bins = |ratio: f64| (PARABOLA_BINS * PARABOLA_BINS + 0.5 / ratio).sqrt();
+    let own = |line: &offline::Line| Line {
+        cycles_per_mm: line.frequency,
+        sigma_cycles_per_mm: bins(line.ratio) / length_mm,
+        amplitude: line.amplitude,
+        over_floor: line.ratio,
+        multiple_of: None,
+    };
+    // A bin of noise over the middle of its neighbours spreads exponentially, and a long profile has many bins.
+    let least = (spectrum.mean.power.len() as f64 / FALSE_LINES).ln() / std::f64::consts::LN_2;
+    let all = spectrum.lines();
+    let weakest = all.first().map_or(0.0, |line| WEAKEST * line.amplitude);
+    let counts = |line: &&offline::Line| line.ratio >= least && line.amplitude >= weakest;
+    let mut found: Vec<Line> = all.iter().filter(counts).map(own).collect();
+    for i in 1..found.len() {
+        found[i].multiple_of = multiple(&found[..i], &found[i], length_mm);
+    }
+    Ok(found)
+}
+
+/// The stronger line that this one is a whole multiple of, the lowest multiple first.
+fn multiple(stronger: &[Line], line: &Line, length_mm: f64) -> Option<(usize, u32)> {
+    let fits = |of: &Line| {
+        let order = (line.cycles_per_mm / of.cycles_per_mm).round();
+        let off = (line.cycles_per_mm - order * of.cycles_per_mm).abs();
+        let within = line.tolerance(length_mm).max(order * of.sigma_cycles_per_mm);
+        ((2.0..=50.0).contains(&order) && off <= within).then_some(order as u32)
+    };
+    let all = stronger.iter().enumerate().filter(|(_, of)| of.multiple_of.is_none());
+    all.filter_map(|(i, of)| Some((i, fits(of)?))).min_by_key(|(_, order)| *order)
+}

@@ -1,0 +1,295 @@
+//! Impact tests: hits found in a record, judged, windowed, averaged into a response function.
+//!
+//! A hit is where the force leaves its noise and exceeds a tenth of the record's strongest. Hits that would spoil the
+//! average are refused by name: struck twice, overloaded, cut short. Outside the contact the force is noise and is
+//! set to zero (force window); a response that has not rung down at the end gets an exponential window, over the force
+//! too, whose decay is exactly known and taken out of the damping later (Fladung and Brown 1993). Offsets are those
+//! before the hit. Never averages hits whose number it does not say, never mends a bad one.
+
+mod clip;
+mod find;
+#[cfg(test)]
+mod tests;
+
+use std::ops::Range;
+
+use crate::frf::{Frf, FrfError, Hit, Response, frf};
+use find::Strike;
+
+/// How records become a response function.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TapConfig {
+    /// Samples per second of every record, Hz.
+    pub rate_hz: f64,
+    /// What the responses are.
+    pub response: Response,
+    /// Length of each hit's record, s; `None`: as long as the hits allow.
+    pub block_s: Option<f64>,
+    /// Force and exponential window where needed; without, records are taken as they are.
+    pub windows: bool,
+}
+
+/// One record with one hit or several.
+#[derive(Clone, Copy, Debug)]
+pub struct TapRecord<'a> {
+    /// Hammer force, N.
+    pub force: &'a [f64],
+    /// Response, in the unit that its kind says.
+    pub response: &'a [f64],
+}
+
+/// Why a hit is not in the average.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum Refused {
+    /// The hammer struck again.
+    #[error("struck twice: again with {:.0} % of its force after {:.1} ms", 100.0 * part, 1e3 * after_s)]
+    Double {
+        /// After how long, s; negative where the weaker blow came first.
+        after_s: f64,
+        /// How strongly, as a part of the first blow.
+        part: f64,
+    },
+    /// The force sensor or its amplifier reached its end: so many equal largest samples.
+    #[error("the force is overloaded: {0} equal samples at its largest")]
+    ForceOverload(usize),
+    /// The response's did.
+    #[error("the response is overloaded: {0} equal samples at its largest")]
+    ResponseOverload(usize),
+    /// The record ends, or the next hit comes, before the ring-down is over.
+    #[error("cut short: {has_s:.3} s to the next hit or the end, where {needs_s:.3} s are taken")]
+    Short {
+        /// What there is, s.
+        has_s: f64,
+        /// What is needed, s.
+        needs_s: f64,
+    },
+    /// Samples are missing.
+    #[error("samples are missing in it")]
+    Hole,
+}
+
+/// A hit as it was found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FoundHit {
+    /// Which record, from 0.
+    pub record: usize,
+    /// First contact, sample of the record.
+    pub at: usize,
+    /// Largest force, N, with its sign.
+    pub peak_n: f64,
+    /// Duration of the contact, s.
+    pub contact_s: f64,
+    /// Why it is not used; `None` where it is.
+    pub refused: Option<Refused>,
+}
+
+/// Records that give no response function.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum TapError {
+    /// No hit stands out of the force.
+    #[error(
+        "tap test: no hit found in record {record}: the force reaches {largest_n:.3} N over a noise of {noise_n:.3} N, expected \
+         at least 20 times the noise; is this the force channel?"
+    )]
+    NoHit {
+        /// Which record, from 1.
+        record: usize,
+        /// Largest force over its middle, N.
+        largest_n: f64,
+        /// Its noise, N.
+        noise_n: f64,
+    },
+    /// Each hit was refused.
+    #[error("tap test: none of {found} hits can be used; the first is {first}. Repeat the test")]
+    NoneLeft {
+        /// Hits found.
+        found: usize,
+        /// Why the first is not used.
+        first: Refused,
+    },
+    /// Force and response differ in length.
+    #[error(
+        "tap test: record {record} has {force} force and {response} response samples, expected equal numbers"
+    )]
+    Unequal {
+        /// Which record, from 1.
+        record: usize,
+        /// Force samples.
+        force: usize,
+        /// Response samples.
+        response: usize,
+    },
+    /// The response function itself.
+    #[error(transparent)]
+    Frf(#[from] FrfError),
+}
+
+/// The windows that were laid over each hit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Windows {
+    /// The force is set to zero outside its contact.
+    pub force: bool,
+    /// Decay of the exponential window, 1/s; 0 for none.
+    pub decay_per_s: f64,
+    /// What was left of the response at its end before any window, as a part of its strongest.
+    pub left_at_end: f64,
+}
+
+/// A tap test evaluated.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tap {
+    /// The response function of all hits used.
+    pub frf: Frf,
+    /// Every hit found, in order.
+    pub hits: Vec<FoundHit>,
+    /// Length of each hit's record, s.
+    pub block_s: f64,
+    /// The windows.
+    pub windows: Windows,
+    /// Force (N) and response of each hit used, offsets taken out, windows laid over.
+    pub blocks: Vec<(Vec<f64>, Vec<f64>)>,
+    /// Force spectrum, rms over the hits, N/Hz: where the hammer excites.
+    pub force_spectrum: Vec<f64>,
+}
+
+/// Finds, judges and averages the hits of all records.
+///
+/// # Errors
+/// A record without a hit, no hit that can be used, records that do not fit each other.
+pub fn tap(records: &[TapRecord<'_>], config: &TapConfig) -> Result<Tap, TapError> {
+    let rate_hz = config.rate_hz;
+    if !(rate_hz > 0.0 && rate_hz.is_finite()) {
+        return Err(FrfError::Rate { rate_hz }.into());
+    }
+    let mut strikes: Vec<Strike> = Vec::new();
+    for (record, TapRecord { force, response }) in records.iter().enumerate() {
+        if force.len() != response.len() {
+            let (force, response) = (force.len(), response.len());
+            return Err(TapError::Unequal { record: record + 1, force, response });
+        }
+        strikes.extend(find::strikes(record, force, rate_hz)?);
+    }
+    let length = find::block_length(&strikes, config.block_s.map(|s| (s * rate_hz) as usize));
+    let clips: Vec<_> =
+        records.iter().map(|r| [clip::ends(r.force), clip::ends(r.response)]).collect();
+    for strike in &mut strikes {
+        let TapRecord { force, response } = records[strike.record];
+        strike.judge(length, force, response, &clips[strike.record], rate_hz);
+    }
+    let hits: Vec<FoundHit> = strikes.iter().map(|strike| strike.told(rate_hz)).collect();
+    let used: Vec<&Strike> = strikes.iter().filter(|s| s.refused.is_none()).collect();
+    if let (true, Some(first)) = (used.is_empty(), hits.iter().find_map(|hit| hit.refused)) {
+        return Err(TapError::NoneLeft { found: hits.len(), first });
+    }
+    let mut blocks: Vec<(Vec<f64>, Vec<f64>)> =
+        used.iter().map(|strike| strike.cut(length, &records[strike.record])).collect();
+    let windows = laid(&mut blocks, &used, config);
+    let pairs: Vec<Hit<'_>> =
+        blocks.iter().map(|(force, response)| Hit { force, response }).collect();
+    let frf =
+        Frf { window_decay_per_s: windows.decay_per_s, ..frf(&pairs, rate_hz, config.response)? };
+    let force_spectrum = force_spectrum(&pairs, rate_hz)?;
+    Ok(Tap { frf, hits, block_s: length as f64 / rate_hz, windows, blocks, force_spectrum })
+}
+
+impl Tap {
+    /// Up to which frequency the force stays within so many dB of its strongest, Hz.
+    #[must_use]
+    pub fn excited_to_hz(&self, within_db: f64) -> f64 {
+        let strongest = self.force_spectrum.iter().fold(0.0_f64, |top, f| top.max(*f));
+        let least = strongest * 10.0_f64.powf(-within_db / 20.0);
+        let peak = self.force_spectrum.iter().position(|f| *f == strongest).unwrap_or(0);
+        let beyond = self.force_spectrum[peak..].iter().position(|f| *f < least);
+        let last = beyond.map_or(self.force_spectrum.len(), |n| peak + n).saturating_sub(1);
+        self.frf.frequency_hz.get(last).copied().unwrap_or(0.0)
+    }
+
+    /// The force at a frequency against its strongest, dB.
+    #[must_use]
+    pub fn force_db(&self, frequency_hz: f64) -> f64 {
+        let strongest = self.force_spectrum.iter().fold(0.0_f64, |top, f| top.max(*f));
+        let at = self.frf.frequency_hz.partition_point(|f| *f < frequency_hz);
+        let there = self.force_spectrum.get(at).or(self.force_spectrum.last()).copied();
+        20.0 * (there.unwrap_or(0.0) / strongest).log10()
+    }
+}
+
+/// Lays the windows over all blocks alike, and says which.
+fn laid(blocks: &mut [(Vec<f64>, Vec<f64>)], used: &[&Strike], config: &TapConfig) -> Windows {
+    let (left_at_end, rings) = rest(blocks);
+    if !config.windows {
+        return Windows { force: false, decay_per_s: 0.0, left_at_end };
+    }
+    for ((force, _), strike) in blocks.iter_mut().zip(used) {
+        force_window(force, strike.contact_in_block());
+    }
+    let length = blocks.first().map_or(1, |(force, _)| force.len());
+    // So that a thousandth of the response's strongest is left at the end.
+    let decay_per_s =
+        if rings { (left_at_end / LEFT).ln() * config.rate_hz / length as f64 } else { 0.0 };
+    if decay_per_s > 0.0 {
+        for samples in blocks.iter_mut().flat_map(|(force, response)| [force, response]) {
+            for (i, x) in samples.iter_mut().enumerate() {
+                *x *= (-decay_per_s * i as f64 / config.rate_hz).exp();
+            }
+        }
+    }
+    Windows { force: true, decay_per_s, left_at_end }
+}
+
+/// What an exponential window leaves at the end.
+const LEFT: f64 = 1e-3;
+/// A response above this part of its strongest at the end, and still falling, has not rung down.
+const RUNG_DOWN: f64 = 5e-3;
+/// Above this part it has not, falling or not.
+const RINGS: f64 = 0.3;
+/// From one tenth to the next a ringing response falls below this.
+const FALLS: f64 = 0.93;
+
+/// What is left of the response in the last tenth of the blocks, as a part of the strongest tenth (rms over all
+/// hits), and whether it still rings: noise does not fall, a ring-down does.
+fn rest(blocks: &[(Vec<f64>, Vec<f64>)]) -> (f64, bool) {
+    let length = blocks.first().map_or(0, |(_, response)| response.len());
+    let tenth = (length / 10).max(1);
+    let rms = |range: Range<usize>| {
+        let squares = blocks.iter().flat_map(|(_, response)| response.get(range.clone()));
+        squares.flatten().map(|x| x * x).sum::<f64>().sqrt()
+    };
+    let strongest =
+        (0..10).map(|k| rms(k * tenth..((k + 1) * tenth).min(length))).fold(0.0, f64::max);
+    let last = rms(length - tenth.min(length)..length);
+    let before = rms(length.saturating_sub(2 * tenth)..length - tenth.min(length));
+    let part = if strongest > 0.0 { last / strongest } else { 0.0 };
+    (part, part > RINGS || (part > RUNG_DOWN && last < FALLS * before))
+}
+
+/// Sets the force to zero outside its contact, with half a cosine over half the contact's duration to either side.
+fn force_window(force: &mut [f64], contact: Range<usize>) {
+    let soft = (contact.len() / 2).max(2);
+    for (i, x) in force.iter_mut().enumerate() {
+        let away = contact.start.saturating_sub(i).max((i + 1).saturating_sub(contact.end));
+        if away >= soft {
+            *x = 0.0;
+        } else if away > 0 {
+            *x *= 0.5 + 0.5 * (std::f64::consts::PI * away as f64 / soft as f64).cos();
+        }
+    }
+}
+
+/// Force over frequency, rms over the hits, N/Hz.
+fn force_spectrum(hits: &[Hit<'_>], rate_hz: f64) -> Result<Vec<f64>, FrfError> {
+    let mut unit = vec![0.0; hits.first().map_or(0, |hit| hit.force.len())];
+    if let Some(first) = unit.first_mut() {
+        *first = 1.0;
+    }
+    // A response function by a unit impulse is the transform itself.
+    let mut power: Vec<f64> = Vec::new();
+    for hit in hits {
+        let impulse = Hit { force: &unit, response: hit.force };
+        let spectrum = frf(&[impulse], rate_hz, Response::Displacement)?.h1;
+        power.resize(spectrum.len(), 0.0);
+        power.iter_mut().zip(&spectrum).for_each(|(sum, x)| *sum += x.norm_sqr());
+    }
+    let n = hits.len().max(1) as f64;
+    Ok(power.iter().map(|sum| (sum / n).sqrt() / rate_hz).collect())
+}
