@@ -7,6 +7,7 @@
 mod build;
 mod effects;
 mod kinds;
+mod modes;
 #[cfg(test)]
 mod preset_tests;
 pub mod presets;
@@ -19,6 +20,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 pub use build::SiParameter;
+pub use modes::ModeChange;
 use physics::JointKind;
 
 use crate::faults::{Fault, Faults};
