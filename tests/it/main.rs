@@ -19,6 +19,8 @@ mod replay;
 mod sensor;
 mod spectrum;
 mod status;
+mod surface;
+mod tap;
 
 /// The program itself.
 const TRUED: &str = env!("CARGO_BIN_EXE_trued-under-test");

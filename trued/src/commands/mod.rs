@@ -11,6 +11,8 @@ mod reload;
 mod replay;
 mod run;
 mod spectrum;
+mod surface;
+mod tap;
 
 use clap::Subcommand;
 
@@ -28,6 +30,8 @@ pub(crate) enum Command {
     Replay(replay::Replay),
     Run(run::Run),
     Spectrum(spectrum::Spectrum),
+    Surface(surface::Surface),
+    Tap(tap::Tap),
 }
 
 /// Runs the command that was asked for.
@@ -41,5 +45,7 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Replay(replay) => replay.run(console),
         Command::Run(run) => run.run(console),
         Command::Spectrum(spectrum) => spectrum.run(console),
+        Command::Surface(surface) => surface.run(console),
+        Command::Tap(tap) => tap.run(console),
     }
 }

@@ -1,0 +1,205 @@
+//! `trued surface`: stylus profiles, taken apart into waviness and roughness, with their parameters and their lines.
+//!
+//! Promises: a profile with a hole, an uneven step or an unknown unit is refused, never mended; every figure says over
+//! which length it was taken.
+
+mod input;
+mod measured;
+mod page;
+mod told;
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::{Args, ValueEnum};
+use spectrum::surface::{FORM_MAX, Machining, Parting};
+use spectrum::{Mode, Wheel};
+
+use self::measured::Measured;
+use self::told::Report;
+use crate::exit::{Answer, Failure, Outcome};
+use crate::output::Console;
+
+/// Analyse stylus profiles: waviness, roughness, feed marks
+///
+/// Takes the form out (a line), parts waviness from roughness by the Gaussian filter of ISO 16610-21, and gives W, R and
+/// P parameters over the whole and over segments, the spectrum over cycles per mm, and its lines. Several profiles
+/// are compared in one table. A profile is a table with columns such as `x_um` and `z_um`, or one of heights alone
+/// with --spacing-um.
+#[derive(Debug, Args)]
+pub(crate) struct Surface {
+    /// The heights' column, by name or by number from 1; needed where there are several
+    #[arg(long, value_name = "C")]
+    column: Option<String>,
+    /// Distance between two points, where no column tells it, µm
+    #[arg(long, value_name = "UM")]
+    spacing_um: Option<f64>,
+    /// Unit of heights whose column names none
+    #[arg(long, value_name = "um|mm|nm", value_enum, hide_possible_values = true)]
+    unit: Option<HeightUnit>,
+    /// Where roughness ends and waviness begins, mm
+    #[arg(long, value_name = "MM", default_value_t = 0.8)]
+    cut_off_mm: f64,
+    /// Take away what is shorter than this as noise of the instrument, µm
+    #[arg(long, value_name = "UM")]
+    short_cut_off_um: Option<f64>,
+    /// Degree of the form that is taken out: 0 the mean, 1 a line, 2 an arc, …
+    #[arg(long, value_name = "DEGREE", default_value_t = 1, value_parser = clap::value_parser!(u8).range(0..=FORM_MAX as i64))]
+    form: u8,
+    /// Lengths of the segments over which parameters are also given, mm
+    #[arg(long, value_name = "MM,…", value_delimiter = ',', default_values_t = [2.5, 0.25])]
+    segment_mm: Vec<f64>,
+    /// Speed of the tool along the profile: gives each line its frequency in time, mm/s
+    #[arg(long, value_name = "MM_S")]
+    feed_mm_s: Option<f64>,
+    /// Spindle speed: names the lines of its turns and teeth; needs --feed-mm-s
+    #[arg(long, value_name = "RPM", requires = "feed_mm_s")]
+    spindle_rpm: Option<f64>,
+    /// Teeth of the tool
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        hide_default_value = true,
+        requires = "spindle_rpm"
+    )]
+    teeth: u32,
+    /// A robot's model: names the lines at its natural frequencies; needs --feed-mm-s
+    #[arg(long, value_name = "MODEL", requires = "feed_mm_s")]
+    model: Option<PathBuf>,
+    /// A gear shaft by its turns per mm along the profile, e.g. 2:1=6.69; names its lines. May be repeated
+    #[arg(long, value_name = "JOINT:SHAFT=CYCLES_PER_MM")]
+    wheel: Vec<WheelArg>,
+    /// Write a page with the profiles, their spectra and tables
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// Profiles
+    #[arg(value_name = "PROFILE", required = true)]
+    profiles: Vec<PathBuf>,
+}
+
+/// A unit of heights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum HeightUnit {
+    Um,
+    Mm,
+    Nm,
+}
+
+impl HeightUnit {
+    fn um(self) -> f64 {
+        match self {
+            Self::Um => 1.0,
+            Self::Mm => 1e3,
+            Self::Nm => 1e-3,
+        }
+    }
+}
+
+/// `JOINT:SHAFT=CYCLES_PER_MM`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct WheelArg(Wheel);
+
+impl FromStr for WheelArg {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let read = || {
+            let (place, cycles) = text.split_once('=')?;
+            let (joint, shaft) = place.split_once(':')?;
+            let [joint, shaft] = [joint, shaft].map(|n| n.trim().parse::<u8>().ok());
+            let cycles_per_mm: f64 = cycles.trim().parse().ok()?;
+            let (joint, shaft) = (joint.filter(|n| *n > 0)?, shaft.filter(|n| *n > 0)?);
+            let usable = cycles_per_mm > 0.0 && cycles_per_mm.is_finite();
+            usable.then_some(Self(Wheel { joint, shaft, cycles_per_mm }))
+        };
+        let expected =
+            "expected JOINT:SHAFT=CYCLES_PER_MM, e.g. 2:1=6.69 for the motor shaft of joint 2";
+        read().ok_or_else(|| expected.to_owned())
+    }
+}
+
+/// A number that no machine has.
+#[derive(Debug, thiserror::Error)]
+#[error("{option} is {value}, expected a finite number above 0")]
+struct NotPositive {
+    option: &'static str,
+    value: f64,
+}
+
+impl Surface {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        self.check()?;
+        for (input, report) in
+            self.profiles.iter().flat_map(|path| Some((path, self.report.as_ref()?)))
+        {
+            super::correct::check_apart(input, report)?;
+        }
+        let machining = self.machining()?;
+        let profiles = self.profiles.iter().map(|path| {
+            let profile = input::read(self, path)?;
+            Measured::of(profile, &self.parting(), &self.segment_mm, &machining)
+        });
+        let profiles = profiles.collect::<Result<Vec<Measured>, Failure>>()?;
+        console.json("trued.surface/1", &Report::of(self, &profiles))?;
+        if let Some(report) = &self.report {
+            console.file(report, &page::render(self, &profiles))?;
+        }
+        console.say(told::told(&profiles))?;
+        if let Some(report) = &self.report {
+            console.say(format!("page          {}", report.display()))?;
+        }
+        Ok(Answer::Done)
+    }
+
+    fn check(&self) -> Result<(), Failure> {
+        let given = [
+            ("--spacing-um", self.spacing_um),
+            ("--cut-off-mm", Some(self.cut_off_mm)),
+            ("--short-cut-off-um", self.short_cut_off_um),
+            ("--feed-mm-s", self.feed_mm_s),
+            ("--spindle-rpm", self.spindle_rpm),
+        ];
+        let segments = self.segment_mm.iter().map(|mm| ("--segment-mm", Some(*mm)));
+        for (option, value) in given.into_iter().chain(segments) {
+            if let Some(value) = value.filter(|value| !(value.is_finite() && *value > 0.0)) {
+                return Err(Failure::input(NotPositive { option, value }));
+            }
+        }
+        Ok(())
+    }
+
+    fn parting(&self) -> Parting {
+        Parting {
+            form_degree: usize::from(self.form),
+            short_cut_off_mm: self.short_cut_off_um.map(|um| 1e-3 * um),
+            cut_off_mm: self.cut_off_mm,
+        }
+    }
+
+    fn machining(&self) -> Result<Machining, Failure> {
+        let model = self.model.as_deref().map(crate::input::model).transpose()?;
+        let modes = model.iter().flat_map(|model| &model.file.modes);
+        Ok(Machining {
+            feed_mm_s: self.feed_mm_s,
+            spindle_rpm: self.spindle_rpm,
+            teeth: self.teeth,
+            modes: modes.map(|mode| Mode::at_hz(mode.frequency_hz)).collect(),
+            wheels: self.wheel.iter().map(|wheel| wheel.0).collect(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wheel_is_joint_shaft_and_turns_and_nothing_else() {
+        let wheel: WheelArg = "2:1=6.69".parse().expect("a wheel");
+        assert_eq!(wheel.0, Wheel { joint: 2, shaft: 1, cycles_per_mm: 6.69 });
+        for bad in ["2=6.69", "0:1=1", "1:1=0", "1:1=nan", "1:1", "a:1=1", "1:300=1"] {
+            assert!(bad.parse::<WheelArg>().is_err(), "{bad}");
+        }
+    }
+}

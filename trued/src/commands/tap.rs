@@ -1,0 +1,241 @@
+//! `trued tap`: impact tests; natural frequencies, damping and modal masses, and the modal list of a model.
+//!
+//! Promises: hits that are not used are named with the reason; what a single hit cannot verify is said to be unverified;
+//! an input model is never written over, and all of it but its modes is written bit for bit.
+
+mod analysis;
+mod input;
+mod model;
+mod page;
+mod told;
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use clap::{Args, ValueEnum};
+use spectrum::frf::{Estimator, Response};
+use spectrum::modal::LEAST_COHERENCE;
+use tracing::warn;
+
+use self::analysis::Analysis;
+use crate::exit::{Answer, Failure, Outcome};
+use crate::output::Console;
+
+/// Analyse impact (tap) tests: natural frequencies and damping, into the model
+///
+/// Each FILE holds the force of an instrumented hammer and the response, of one hit or of several, or response functions
+/// that were measured elsewhere (UFF 58; tables with --frf). Hits are found by their force; double hits, overloads and
+/// hits cut short are left out and named. Three hits or more give a coherence; modes of fewer are marked unverified.
+/// Exit 1 where no mode is found.
+#[derive(Debug, Args)]
+pub(crate) struct Tap {
+    /// The hammer's force, by name or by number from 1; needed where units do not tell it
+    #[arg(long, value_name = "C", requires = "response")]
+    force: Option<String>,
+    /// The response, likewise
+    #[arg(long, value_name = "C", requires = "force")]
+    response: Option<String>,
+    /// What the response is, where its unit does not tell it; its values are then SI
+    #[arg(long, value_name = "KIND", value_enum)]
+    response_kind: Option<Kind>,
+    /// Force of one unit of the file, N, e.g. the inverse of the hammer's sensitivity
+    #[arg(long, value_name = "N")]
+    force_scale: Option<f64>,
+    /// Response of one unit of the file, SI; needs --response-kind
+    #[arg(long, value_name = "SI", requires = "response_kind")]
+    response_scale: Option<f64>,
+    /// Samples per second, where no column tells the time
+    #[arg(long, value_name = "HZ")]
+    rate: Option<f64>,
+    /// Files are tables of a response function: frequency in Hz, real part, imaginary part
+    #[arg(long, requires = "response_kind", conflicts_with_all = ["force", "rate", "block_s"])]
+    frf: bool,
+    /// h1: noise on the response averages out; h2: noise on the force
+    #[arg(long, value_name = "h1|h2", value_enum, default_value_t, hide_possible_values = true)]
+    estimator: Estimate,
+    /// Least coherence at a mode
+    #[arg(long, value_name = "0..1", default_value_t = LEAST_COHERENCE)]
+    coherence_least: f64,
+    /// Look for modes between these frequencies, Hz; if not given, as far as the hammer excites
+    #[arg(long, value_names = ["LOW", "HIGH"], num_args = 2)]
+    band: Option<Vec<f64>>,
+    /// Length of each hit's record, s; if not given, as long as the hits allow
+    #[arg(long, value_name = "S")]
+    block_s: Option<f64>,
+    /// auto: zero force outside the contact, exponential window where the response has not rung down; none: as recorded
+    #[arg(
+        long,
+        value_name = "auto|none",
+        value_enum,
+        default_value_t,
+        hide_possible_values = true
+    )]
+    windows: Windowing,
+    /// Direction of hit and response in the base frame, for the model
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    direction: Option<Direction>,
+    /// The robot's model whose modal list is to be renewed: a file, or the name of a preset
+    #[arg(long, value_name = "MODEL", requires = "out")]
+    model: Option<PathBuf>,
+    /// Where the model with the measured modes goes
+    #[arg(long, value_name = "MODEL2", requires = "model")]
+    out: Option<PathBuf>,
+    /// Write a page with hits, response function, signs of the modes and coherence
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// Records of hits, or response functions
+    #[arg(value_name = "FILE", required = true)]
+    files: Vec<PathBuf>,
+}
+
+/// What a response is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Kind {
+    /// m/s²
+    Acceleration,
+    /// m/s
+    Velocity,
+    /// m
+    Displacement,
+}
+
+impl Kind {
+    fn response(self) -> Response {
+        match self {
+            Self::Acceleration => Response::Acceleration,
+            Self::Velocity => Response::Velocity,
+            Self::Displacement => Response::Displacement,
+        }
+    }
+}
+
+/// How the response function is estimated.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+enum Estimate {
+    #[default]
+    H1,
+    H2,
+}
+
+impl Estimate {
+    fn estimator(self) -> Estimator {
+        match self {
+            Self::H1 => Estimator::H1,
+            Self::H2 => Estimator::H2,
+        }
+    }
+}
+
+/// Whether windows are laid over the hits.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+enum Windowing {
+    #[default]
+    Auto,
+    None,
+}
+
+/// A direction of unit length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Direction([f64; 3]);
+
+impl FromStr for Direction {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts: Option<Vec<f64>> =
+            text.split(',').map(|part| part.trim().parse().ok()).collect();
+        let vector = parts.and_then(|parts| <[f64; 3]>::try_from(parts).ok());
+        let length = |v: &[f64; 3]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let usable = |v: &[f64; 3]| length(v) > 0.0 && length(v).is_finite();
+        let vector =
+            vector.filter(usable).ok_or("expected three numbers, not all 0, e.g. 0,1,0")?;
+        Ok(Self(vector.map(|x| x / length(&vector))))
+    }
+}
+
+/// An option that cannot be.
+#[derive(Debug, thiserror::Error)]
+#[error("{option} is {value}, expected {expected}")]
+struct Unusable {
+    option: &'static str,
+    value: String,
+    expected: &'static str,
+}
+
+impl Tap {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        self.check()?;
+        let base = self.model.as_deref().map(crate::input::model).transpose()?;
+        let source = input::read(self)?;
+        let analysis = Analysis::of(self, source)?;
+        let renewed =
+            base.as_ref().map(|base| model::renewed(self, base, &analysis)).transpose()?;
+        console.json("trued.tap/1", &told::Report::of(self, &analysis, renewed.as_ref()))?;
+        if let Some(report) = &self.report {
+            console.file(report, &page::render(self, &analysis, renewed.as_ref()))?;
+        }
+        if let (Some(out), Some(renewed)) = (&self.out, &renewed) {
+            crate::atomic::write(out, |file| file.write_all(renewed.text.as_bytes()))?;
+        }
+        for warning in &analysis.warnings {
+            warn!("{warning}");
+        }
+        console.say(told::told(&analysis, renewed.as_ref()))?;
+        let written = [("model", &self.out), ("page", &self.report)];
+        for (what, path) in written {
+            if let Some(path) = path {
+                console.say(format!("{what:<12}  {}", path.display()))?;
+            }
+        }
+        Ok(if analysis.modes.is_empty() { Answer::No } else { Answer::Done })
+    }
+
+    fn check(&self) -> Result<(), Failure> {
+        let positive = [
+            ("--rate", self.rate),
+            ("--block-s", self.block_s),
+            ("--force-scale", self.force_scale.map(f64::abs)),
+            ("--response-scale", self.response_scale.map(f64::abs)),
+        ];
+        let unusable = |option, value: String, expected| {
+            Err(Failure::input(Unusable { option, value, expected }))
+        };
+        for (option, value) in positive {
+            if let Some(value) = value.filter(|value| !(value.is_finite() && *value > 0.0)) {
+                return unusable(option, value.to_string(), "a finite number above 0");
+            }
+        }
+        if !(0.0..=1.0).contains(&self.coherence_least) {
+            let value = self.coherence_least.to_string();
+            return unusable("--coherence-least", value, "a number from 0 to 1");
+        }
+        if let Some([low, high]) = self.band_hz()
+            && !(low >= 0.0 && high > low && high.is_finite())
+        {
+            return unusable("--band", format!("{low} {high}"), "two frequencies, the lower first");
+        }
+        for out in [&self.out, &self.report].into_iter().flatten() {
+            for input in self.model.iter().chain(&self.files) {
+                super::correct::check_apart(input, out)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn band_hz(&self) -> Option<[f64; 2]> {
+        self.band.as_deref().and_then(|band| band.try_into().ok())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_direction_is_made_unit_length_and_none_is_refused() {
+        assert_eq!("0, -2,0".parse::<Direction>(), Ok(Direction([0.0, -1.0, 0.0])));
+        for bad in ["0,0,0", "1,2", "1,2,3,4", "x,y,z", "nan,0,1", "inf,0,0", ""] {
+            assert!(bad.parse::<Direction>().is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,218 @@
+//! From hits or response functions to modes, with what is to be said about them.
+
+use report::{fixed, significant};
+use spectrum::Complex;
+use spectrum::frf::{COHERENCE_HITS, Estimator, Frf, Response};
+use spectrum::modal::{FittedMode, Measured, Merged, merged, modes};
+use spectrum::tap::{TapConfig, TapRecord, tap};
+
+use super::input::{Hits, Source};
+use super::{Tap, Windowing};
+use crate::exit::Failure;
+use crate::input::count;
+
+/// Modes are looked for as far as the hammer's force stays within so many dB of its strongest.
+const EXCITED_DB: f64 = 40.0;
+/// A mode that the hammer excites less than this is told as weakly excited.
+const WEAK_DB: f64 = -20.0;
+/// Bins below the band's lower end, unless asked otherwise.
+const BINS_BELOW: usize = 5;
+/// The two ways to damping disagree beyond this part of it and two standard uncertainties.
+const DISAGREES: f64 = 0.25;
+
+/// Everything that was found.
+pub(super) struct Analysis {
+    /// The hits, where records were given.
+    pub(super) test: Option<Test>,
+    /// The response functions: one of all hits, or those given.
+    pub(super) functions: Vec<Function>,
+    /// Their modes in one list.
+    pub(super) modes: Vec<Merged>,
+    pub(super) band_hz: [f64; 2],
+    pub(super) least_coherence: f64,
+    pub(super) warnings: Vec<String>,
+}
+
+/// The hits and what was made of them.
+pub(super) struct Test {
+    pub(super) hits: Hits,
+    pub(super) tap: spectrum::tap::Tap,
+}
+
+/// A response function with its modes.
+pub(super) struct Function {
+    pub(super) name: String,
+    pub(super) frf: Frf,
+    pub(super) estimator: Estimator,
+    pub(super) modes: Vec<FittedMode>,
+}
+
+impl Analysis {
+    pub(super) fn of(command: &Tap, source: Source) -> Result<Self, Failure> {
+        let estimator = command.estimator.estimator();
+        let function =
+            |name: String, frf: Frf| Function { name, frf, estimator, modes: Vec::new() };
+        let (test, mut functions) = match source {
+            Source::Functions(given) => {
+                (None, given.into_iter().map(|one| function(one.name, one.frf)).collect())
+            }
+            Source::Hits(hits) => {
+                let test = Test::of(command, hits)?;
+                let name = format!("mean of {}", count(test.tap.frf.hits, "hit"));
+                let frf = test.tap.frf.clone();
+                (Some(test), vec![function(name, frf)])
+            }
+        };
+        let band_hz = command.band_hz().unwrap_or_else(|| band_hz(test.as_ref(), &functions));
+        for one in &mut functions {
+            one.modes = one.found(band_hz, command.coherence_least);
+        }
+        let lists: Vec<Vec<FittedMode>> = functions.iter().map(|one| one.modes.clone()).collect();
+        let mut analysis = Self {
+            test,
+            functions,
+            modes: merged(&lists),
+            band_hz,
+            least_coherence: command.coherence_least,
+            warnings: Vec::new(),
+        };
+        analysis.warnings = analysis.warnings();
+        Ok(analysis)
+    }
+
+    /// Whether a mode shows the three signs, coherence among them.
+    pub(super) fn is_verified(&self, mode: &Merged) -> bool {
+        let coherent = |one: &FittedMode| one.coherence.is_some_and(|c| c >= self.least_coherence);
+        mode.seen.iter().any(|(_, one)| one.by_signs && coherent(one))
+    }
+
+    /// The function that shows a mode most clearly.
+    pub(super) fn clearest<'a>(&self, mode: &'a Merged) -> Option<&'a FittedMode> {
+        let sigma = |seen: &&(usize, FittedMode)| seen.1.frequency_sigma_hz;
+        let best = mode.seen.iter().min_by(|a, b| sigma(a).total_cmp(&sigma(b)));
+        best.map(|(_, one)| one)
+    }
+
+    /// The force at a mode against its strongest, dB.
+    pub(super) fn force_db(&self, mode: &Merged) -> Option<f64> {
+        self.test.as_ref().map(|test| test.tap.force_db(mode.frequency_hz))
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        let mut said = Vec::new();
+        match &self.test {
+            Some(test) => {
+                let used = test.tap.frf.hits;
+                if used < COHERENCE_HITS {
+                    said.push(format!(
+                        "{} used: the coherence of fewer than {COHERENCE_HITS} means nothing (of one it is 1 by construction), \
+                         so that the modes are unverified; record at least {COHERENCE_HITS}",
+                        count(used, "hit")
+                    ));
+                }
+                said.extend(test.hits.notes.iter().cloned());
+            }
+            None => said.push(
+                "response functions come without their coherence: the modes are unverified"
+                    .to_owned(),
+            ),
+        }
+        for mode in &self.modes {
+            let at = format!("mode at {} Hz", fixed(mode.frequency_hz, 1));
+            if let Some(db) = self.force_db(mode).filter(|db| *db < WEAK_DB) {
+                said.push(format!(
+                    "{at}: weakly excited, the force there is {db:.0} dB of its strongest"
+                ));
+            }
+            if !mode.by_signs {
+                said.push(format!("{at}: seen by the fit alone, within the peak of its neighbour"));
+            }
+            let clearest = self.clearest(mode);
+            let other = clearest.and_then(|one| Some((one, one.damping_half_power?)));
+            if let Some((one, half_power)) = other {
+                let apart = (half_power - one.damping).abs();
+                if apart > DISAGREES * one.damping + 2.0 * one.damping_sigma {
+                    said.push(format!(
+                        "{at}: its damping is {} % by the fit and {} % by the width at half power; look at its peak",
+                        significant(100.0 * one.damping, 2),
+                        significant(100.0 * half_power, 2)
+                    ));
+                }
+            }
+        }
+        said
+    }
+}
+
+impl Test {
+    fn of(command: &Tap, hits: Hits) -> Result<Self, Failure> {
+        let config = TapConfig {
+            rate_hz: hits.rate_hz,
+            response: hits.response,
+            block_s: command.block_s,
+            windows: command.windows == Windowing::Auto,
+        };
+        let records: Vec<TapRecord<'_>> = hits
+            .records
+            .iter()
+            .map(|record| TapRecord { force: &record.force, response: &record.response })
+            .collect();
+        let tap = tap(&records, &config).map_err(|error| {
+            let files: Vec<&str> = hits.records.iter().map(|record| record.file.as_str()).collect();
+            Failure::input(format!("{}: {error}", files.join(", ")))
+        })?;
+        Ok(Self { hits, tap })
+    }
+
+    /// File and time of a hit, s.
+    pub(super) fn place(&self, hit: &spectrum::tap::FoundHit) -> (&str, f64) {
+        let record = self.hits.records.get(hit.record);
+        let start_s = record.map_or(0.0, |record| record.start_s);
+        let file = record.map_or("", |record| record.file.as_str());
+        (file, start_s + hit.at as f64 / self.hits.rate_hz)
+    }
+}
+
+impl Function {
+    fn found(&self, band_hz: [f64; 2], least_coherence: f64) -> Vec<FittedMode> {
+        let receptance = self.frf.per_force(self.estimator, Response::Displacement);
+        let measured = Measured {
+            frequency_hz: &self.frf.frequency_hz,
+            receptance: &receptance,
+            coherence: self.frf.coherence.as_deref(),
+            window_decay_per_s: self.frf.window_decay_per_s,
+        };
+        modes(&measured, band_hz, least_coherence)
+    }
+
+    /// Frequency and value as measured, within a band.
+    pub(super) fn within(
+        &self,
+        band_hz: [f64; 2],
+    ) -> impl Iterator<Item = (usize, f64, Complex<f64>)> + '_ {
+        let all = self.frf.frequency_hz.iter().zip(self.frf.h(self.estimator)).enumerate();
+        let inside = move |f: f64| (band_hz[0]..=band_hz[1]).contains(&f);
+        all.map(|(i, (f, h))| (i, *f, *h)).filter(move |(_, f, _)| inside(*f))
+    }
+
+    /// What the function is called and its unit.
+    pub(super) fn kind(&self) -> (&'static str, &'static str) {
+        match self.frf.response {
+            Response::Displacement => ("receptance", "m/N"),
+            Response::Velocity => ("mobility", "m/sN"),
+            Response::Acceleration => ("accelerance", "m/s²N"),
+        }
+    }
+}
+
+/// From a few bins on, as far as the hammer excites, or as the functions reach.
+fn band_hz(test: Option<&Test>, functions: &[Function]) -> [f64; 2] {
+    let starts = functions.iter().filter_map(|one| one.frf.frequency_hz.get(BINS_BELOW).copied());
+    let ends = functions.iter().filter_map(|one| one.frf.frequency_hz.last().copied());
+    let low = starts.fold(f64::INFINITY, f64::min);
+    let high = match test {
+        Some(test) => test.tap.excited_to_hz(EXCITED_DB),
+        None => ends.fold(0.0, f64::max),
+    };
+    [if low.is_finite() { low } else { 0.0 }, high]
+}

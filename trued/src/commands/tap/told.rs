@@ -1,0 +1,327 @@
+//! What `trued tap` says: the lines on the console, the JSON object.
+
+use std::f64::consts::TAU;
+
+use recording::model::ModeChange;
+use report::{fixed, significant};
+use serde::Serialize;
+use spectrum::modal::{FittedMode, Merged};
+
+use super::Tap;
+use super::analysis::{Analysis, Function, Test};
+use super::model::Renewed;
+use crate::input::count;
+use crate::table::Table;
+
+#[derive(Serialize)]
+#[expect(non_snake_case, reason = "Hz is the unit's name")]
+pub(super) struct Report {
+    estimator: &'static str,
+    least_coherence: f64,
+    band_Hz: [f64; 2],
+    hits: Option<HitsReport>,
+    response_functions: Vec<FunctionReport>,
+    modes: Vec<ModeReport>,
+    model: Option<ModelReport>,
+    warnings: Vec<String>,
+}
+
+#[derive(Serialize)]
+#[expect(non_snake_case, reason = "Hz is the unit's name")]
+struct HitsReport {
+    rate_Hz: f64,
+    force_column: String,
+    response_column: String,
+    used: usize,
+    block_s: f64,
+    force_window: bool,
+    exponential_window_per_s: f64,
+    response_left_at_end: f64,
+    excited_to_Hz: f64,
+    all: Vec<HitReport>,
+}
+
+#[derive(Serialize)]
+#[expect(non_snake_case, reason = "N is the unit's name")]
+struct HitReport {
+    file: String,
+    t_s: f64,
+    peak_N: f64,
+    contact_ms: f64,
+    used: bool,
+    refused: Option<String>,
+}
+
+#[derive(Serialize)]
+#[expect(non_snake_case, reason = "Hz is the unit's name")]
+struct FunctionReport {
+    name: String,
+    kind: &'static str,
+    unit: &'static str,
+    frequency_Hz: Vec<f64>,
+    re: Vec<f64>,
+    im: Vec<f64>,
+    coherence: Option<Vec<f64>>,
+    modes: Vec<FittedReport>,
+}
+
+#[derive(Serialize)]
+#[expect(non_snake_case, reason = "Hz is the unit's name")]
+struct ModeReport {
+    frequency_Hz: f64,
+    sigma_frequency_Hz: f64,
+    damping_ratio: f64,
+    sigma_damping_ratio: f64,
+    verified: bool,
+    three_signs: bool,
+    force_dB: Option<f64>,
+    direction: Option<[f64; 3]>,
+    clearest: Option<FittedReport>,
+    seen_in: Vec<String>,
+}
+
+#[derive(Serialize)]
+#[expect(non_snake_case, reason = "Hz and N are units' names")]
+struct FittedReport {
+    frequency_Hz: f64,
+    sigma_frequency_Hz: f64,
+    damping_ratio: f64,
+    sigma_damping_ratio: f64,
+    damping_ratio_half_power: Option<f64>,
+    modal_mass_kg: f64,
+    sigma_modal_mass_kg: f64,
+    modal_stiffness_N_per_um: f64,
+    phase_deg: f64,
+    coherence: Option<f64>,
+    three_signs: bool,
+    residual: f64,
+}
+
+#[derive(Serialize)]
+#[expect(non_snake_case, reason = "Hz is the unit's name")]
+struct ModelReport {
+    out: String,
+    replaced: Vec<[f64; 2]>,
+    added_Hz: Vec<f64>,
+    kept_Hz: Vec<f64>,
+}
+
+impl Report {
+    pub(super) fn of(command: &Tap, analysis: &Analysis, renewed: Option<&Renewed>) -> Self {
+        let direction = command.direction.map(|direction| direction.0);
+        Self {
+            estimator: match command.estimator {
+                super::Estimate::H1 => "h1",
+                super::Estimate::H2 => "h2",
+            },
+            least_coherence: analysis.least_coherence,
+            band_Hz: analysis.band_hz,
+            hits: analysis.test.as_ref().map(HitsReport::of),
+            response_functions: analysis
+                .functions
+                .iter()
+                .map(|one| FunctionReport::of(one, analysis.band_hz))
+                .collect(),
+            modes: analysis.modes.iter().map(|m| ModeReport::of(m, direction, analysis)).collect(),
+            model: renewed.map(|renewed| ModelReport::of(command, renewed, analysis)),
+            warnings: analysis.warnings.clone(),
+        }
+    }
+}
+
+impl HitsReport {
+    fn of(test: &Test) -> Self {
+        let [force_column, response_column] = test.hits.columns.clone();
+        let hit = |hit: &spectrum::tap::FoundHit| {
+            let (file, t_s) = test.place(hit);
+            HitReport {
+                file: file.to_owned(),
+                t_s,
+                peak_N: hit.peak_n,
+                contact_ms: 1e3 * hit.contact_s,
+                used: hit.refused.is_none(),
+                refused: hit.refused.map(|why| why.to_string()),
+            }
+        };
+        Self {
+            rate_Hz: test.hits.rate_hz,
+            force_column,
+            response_column,
+            used: test.tap.frf.hits,
+            block_s: test.tap.block_s,
+            force_window: test.tap.windows.force,
+            exponential_window_per_s: test.tap.windows.decay_per_s,
+            response_left_at_end: test.tap.windows.left_at_end,
+            excited_to_Hz: test.tap.excited_to_hz(20.0),
+            all: test.tap.hits.iter().map(hit).collect(),
+        }
+    }
+}
+
+impl FunctionReport {
+    fn of(one: &Function, band_hz: [f64; 2]) -> Self {
+        let (kind, unit) = one.kind();
+        let of = |value: fn((usize, f64, spectrum::Complex<f64>)) -> f64| {
+            one.within(band_hz).map(value).collect::<Vec<f64>>()
+        };
+        let coherence = one.frf.coherence.as_ref().map(|coherence| {
+            one.within(band_hz).filter_map(|(i, ..)| coherence.get(i).copied()).collect()
+        });
+        Self {
+            name: one.name.clone(),
+            kind,
+            unit,
+            frequency_Hz: of(|(_, f, _)| f),
+            re: of(|(.., h)| h.re),
+            im: of(|(.., h)| h.im),
+            coherence,
+            modes: one.modes.iter().map(FittedReport::of).collect(),
+        }
+    }
+}
+
+impl ModeReport {
+    fn of(mode: &Merged, direction: Option<[f64; 3]>, analysis: &Analysis) -> Self {
+        let name = |(at, _): &(usize, FittedMode)| {
+            analysis.functions.get(*at).map_or_else(String::new, |one| one.name.clone())
+        };
+        Self {
+            frequency_Hz: mode.frequency_hz,
+            sigma_frequency_Hz: mode.frequency_sigma_hz,
+            damping_ratio: mode.damping,
+            sigma_damping_ratio: mode.damping_sigma,
+            verified: analysis.is_verified(mode),
+            three_signs: mode.by_signs,
+            force_dB: analysis.force_db(mode),
+            direction,
+            clearest: analysis.clearest(mode).map(FittedReport::of),
+            seen_in: mode.seen.iter().map(name).collect(),
+        }
+    }
+}
+
+impl FittedReport {
+    fn of(mode: &FittedMode) -> Self {
+        Self {
+            frequency_Hz: mode.frequency_hz,
+            sigma_frequency_Hz: mode.frequency_sigma_hz,
+            damping_ratio: mode.damping,
+            sigma_damping_ratio: mode.damping_sigma,
+            damping_ratio_half_power: mode.damping_half_power,
+            modal_mass_kg: mode.mass_kg,
+            sigma_modal_mass_kg: mode.mass_sigma_kg,
+            modal_stiffness_N_per_um: 1e-6 * mode.stiffness_n_per_m(),
+            phase_deg: mode.phase_rad * 360.0 / TAU,
+            coherence: mode.coherence,
+            three_signs: mode.by_signs,
+            residual: mode.residual,
+        }
+    }
+}
+
+impl ModelReport {
+    fn of(command: &Tap, renewed: &Renewed, analysis: &Analysis) -> Self {
+        let out = command.out.as_ref().map(|out| out.display().to_string());
+        let pairs = || analysis.modes.iter().zip(&renewed.changes);
+        let replaced = pairs().filter_map(|(mode, change)| match change {
+            ModeChange::Replaced(before) => Some([before.frequency_hz, mode.frequency_hz]),
+            ModeChange::Added => None,
+        });
+        let added = pairs().filter(|(_, change)| matches!(change, ModeChange::Added));
+        Self {
+            out: out.unwrap_or_default(),
+            replaced: replaced.collect(),
+            added_Hz: added.map(|(mode, _)| mode.frequency_hz).collect(),
+            kept_Hz: renewed.kept_hz.clone(),
+        }
+    }
+}
+
+/// The lines on the console.
+pub(super) fn told(analysis: &Analysis, renewed: Option<&Renewed>) -> String {
+    let mut text = analysis.test.as_ref().map(hits_told).unwrap_or_default();
+    let [low, high] = analysis.band_hz.map(|hz| significant(hz, 3));
+    let functions = match analysis.functions.as_slice() {
+        [one] => format!("{} of the {}", one.kind().0, one.name),
+        several => count(several.len(), "response function"),
+    };
+    text += &format!("{functions}, {low} to {high} Hz\n");
+    if analysis.modes.is_empty() {
+        text += "no mode found\n";
+    } else {
+        text += &table(analysis).render();
+    }
+    if let Some(renewed) = renewed {
+        text += &format!("{}\n", renewed.told(analysis));
+    }
+    text
+}
+
+fn hits_told(test: &Test) -> String {
+    let (found, used) = (test.tap.hits.len(), test.tap.frf.hits);
+    let mut text = format!(
+        "{} found, {used} used, each {} s at {} Hz; excites to {} Hz (−20 dB)\n",
+        count(found, "hit"),
+        significant(test.tap.block_s, 3),
+        significant(test.hits.rate_hz, 3),
+        significant(test.tap.excited_to_hz(20.0), 3)
+    );
+    for hit in &test.tap.hits {
+        if let Some(why) = hit.refused {
+            let (file, t_s) = test.place(hit);
+            text += &format!("left out: {file} at {} s, {why}\n", fixed(t_s, 3));
+        }
+    }
+    let decay = test.tap.windows.decay_per_s;
+    if decay > 0.0 {
+        text += &format!(
+            "exponential window of {} 1/s, as {} % of the response was left at the end; taken out of the damping\n",
+            significant(decay, 2),
+            significant(100.0 * test.tap.windows.left_at_end, 2)
+        );
+    }
+    text
+}
+
+fn table(analysis: &Analysis) -> Table {
+    let heads =
+        ["mode, Hz", "±", "damping, %", "±", "half power, %", "N/µm", "kg", "coherence", ""];
+    analysis.modes.iter().fold(Table::new(heads), |table, mode| {
+        let clearest = analysis.clearest(mode);
+        let of = |value: &dyn Fn(&FittedMode) -> Option<f64>, digits: usize| {
+            clearest.and_then(value).map_or_else(|| "–".to_owned(), |v| significant(v, digits))
+        };
+        let decimals = decimals(mode.frequency_sigma_hz);
+        let percent = decimals_of_damping(mode);
+        table.row([
+            fixed(mode.frequency_hz, decimals),
+            fixed(mode.frequency_sigma_hz, decimals),
+            fixed(100.0 * mode.damping, percent),
+            fixed(100.0 * mode.damping_sigma, percent),
+            of(&|one| one.damping_half_power.map(|d| 100.0 * d), 2),
+            of(&|one| Some(1e-6 * one.stiffness_n_per_m()), 3),
+            of(&|one| Some(one.mass_kg), 3),
+            of(&|one| one.coherence, 2),
+            verdict(analysis, mode).to_owned(),
+        ])
+    })
+}
+
+fn decimals_of_damping(mode: &Merged) -> usize {
+    decimals(100.0 * mode.damping_sigma)
+}
+
+/// Decimals that show an uncertainty with one or two digits.
+pub(super) fn decimals(sigma: f64) -> usize {
+    let digits = (1.0 - sigma.max(1e-4).log10()).floor();
+    if digits.is_finite() { digits.clamp(0.0, 4.0) as usize } else { 1 }
+}
+
+/// How far a mode is to be trusted, in a word.
+pub(super) fn verdict(analysis: &Analysis, mode: &Merged) -> &'static str {
+    match (analysis.is_verified(mode), mode.by_signs) {
+        (true, _) => "verified",
+        (false, true) => "unverified",
+        (false, false) => "by the fit alone",
+    }
+}
