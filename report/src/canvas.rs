@@ -5,6 +5,7 @@
 use std::fmt;
 
 use crate::escape::escape;
+use crate::page::STYLE;
 
 /// The width of every drawing, in its own pixels: the width of a page's text.
 pub(crate) const WIDTH_PX: f64 = 832.0;
@@ -20,6 +21,14 @@ impl Svg {
     #[must_use]
     pub fn as_str(&self) -> &str {
         &self.0
+    }
+
+    /// A file of its own: the drawing with the page's stylesheet inside, on paper of its own colour.
+    #[must_use]
+    pub fn file(&self) -> String {
+        let paper = "svg { background: var(--paper); font-family: system-ui, sans-serif; }";
+        let (head, rest) = self.0.split_at(self.0.find('>').map_or(0, |end| end + 1));
+        format!("{head}<style><![CDATA[\n{STYLE}{paper}\n]]></style>{rest}\n")
     }
 }
 

@@ -5,7 +5,7 @@ use crate::escape::escape;
 use crate::number::significant;
 use crate::table::Table;
 
-const STYLE: &str = include_str!("style.css");
+pub(crate) const STYLE: &str = include_str!("style.css");
 
 /// How a statement is meant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -97,6 +97,9 @@ proptest! {
     fn any_values_make_a_well_formed_page_without_nan(values in prop::collection::vec(value(), 0..40), log in any::<bool>()) {
         let html = page("words", &values, log).render();
         parse(&html);
+        for drawing in drawings("words", &values, log) {
+            parse(&drawing.file());
+        }
         for bad in ["NaN", "inf", "Infinity", "e+", "undefined"] {
             prop_assert!(!html.contains(bad), "{bad}");
         }

@@ -14,7 +14,7 @@ use std::process::ExitCode;
 
 const HELP: &str = "\
 cargo xtask seeds [COUNT] [--full]   the demo over COUNT seeds (20): tool error with over without, per seed, middle and worst
-cargo xtask watch [HOURS] [--out=DIR]   the vibration watch: detection, false alarms in HOURS (10) of noise per axis, transients, cost
+cargo xtask watch [HOURS] [--from=JSON] [--out=DIR]   the vibration watch: detection, false alarms in HOURS (10) of noise per axis, transients, cost
 ";
 
 fn main() -> ExitCode {

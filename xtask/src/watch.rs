@@ -19,7 +19,10 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
         Some(word) => word.parse().map_err(|_| format!("{word} is no number of hours"))?,
         None => 10.0,
     };
-    let said = figures(hours)?;
+    let said = match words.iter().find_map(|word| word.strip_prefix("--from=")) {
+        Some(file) => read(file)?,
+        None => figures(hours)?,
+    };
     let mut good = true;
     let mut bar = |met: bool| {
         good &= met;
@@ -77,6 +80,12 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     Ok(good)
 }
 
+/// What an earlier run has written.
+fn read(file: &str) -> Result<Value, String> {
+    let text = std::fs::read_to_string(file).map_err(|e| format!("{file}: {e}"))?;
+    serde_json::from_str(&text).map_err(|e| format!("{file}: {e}"))
+}
+
 fn figures(hours: f64) -> Result<Value, String> {
     let parts = ["detection", "transients", "cost"].map(str::to_owned).into_iter();
     let parts = parts.chain([format!("curve={}", 0.2 * hours), format!("noise={hours}")]);
@@ -110,7 +119,7 @@ fn write(words: &[&str], said: &Value) -> Result<(), String> {
         .footer("cargo xtask watch");
     let files = [
         ("vibration.html", page.render()),
-        ("vibration-curve.svg", curve.as_str().to_owned()),
+        ("vibration-curve.svg", curve.file()),
         ("vibration.json", format!("{said:#}")),
     ];
     std::fs::create_dir_all(&out).map_err(|e| format!("{}: {e}", out.display()))?;
