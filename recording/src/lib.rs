@@ -14,5 +14,6 @@ pub mod model;
 pub mod series;
 mod toml_text;
 pub mod unit;
+pub mod urdf;
 mod walk;
 pub mod waves;
