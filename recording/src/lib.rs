@@ -11,6 +11,7 @@ pub mod faults;
 pub mod files;
 pub mod mapping;
 pub mod model;
+pub mod programs;
 pub mod series;
 mod toml_text;
 pub mod unit;
