@@ -79,6 +79,7 @@ fn every_json_names_its_schema() {
     for (schema, arguments) in [
         ("trued.model/1", vec!["model", "presets"]),
         ("trued.model/1", vec!["model", "show", "fr3"]),
+        ("trued.model/1", vec!["model", "export", "fr3", "--urdf", "/dev/null"]),
         ("trued.check/1", vec!["check", "path.csv"]),
         ("trued.correct/1", vec!["correct", "--model", "irb1600-6-145-thesis", "path.csv"]),
         ("trued.replay/1", vec!["replay", "--model", "irb1600-6-145-thesis", "path.csv"]),
@@ -104,6 +105,26 @@ fn a_preset_starts_a_model_that_is_the_same_model() {
     assert_eq!(hash("robot.toml"), hash("ur10e"));
     place.file("cell.toml", &CELL.replace("robot.toml", "ur10e"));
     place.succeed(&["check", "cell.toml"]);
+}
+
+#[test]
+fn a_description_becomes_a_model_and_a_calibrated_model_a_description() {
+    let place = Place::new();
+    let export =
+        place.succeed(&["model", "export", "irb1600-6-145-thesis", "--urdf", "arm.urdf"]).out;
+    for line in
+        ["in the frames: joint_offset of joint 2,", "left out, as it depends on the load: load_"]
+    {
+        assert!(export.contains(line), "{line:?} in\n{export}");
+    }
+    place.succeed(&["model", "import", "arm.urdf", "--out", "arm.toml", "--json", "import.json"]);
+    assert_eq!(place.json("import.json")["tip"], "tool0");
+    place.succeed(&["check", "arm.toml"]);
+    place.file("bad.urdf", &place.read("arm.urdf").replace("\"revolute\"", "\"hinge\""));
+    let refused = place.run(&["model", "import", "bad.urdf", "--out", "bad.toml"]);
+    assert_eq!(refused.code, Some(2));
+    assert!(refused.err.contains("bad.urdf has 6 faults"), "{}", refused.err);
+    assert!(!place.path("bad.toml").exists());
 }
 
 #[test]

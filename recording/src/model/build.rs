@@ -56,8 +56,7 @@ impl RobotModel {
 }
 
 fn path_of(at: usize, entry: &EffectEntry) -> String {
-    let joint = entry.joint.map(|joint| format!(" of joint {joint}")).unwrap_or_default();
-    format!("effect[{}]: {}{joint}", at + 1, entry.kind)
+    format!("effect[{}]: {}", at + 1, entry.title())
 }
 
 /// What a correction can stand on: static in position, wrench, direction and temperature.

@@ -115,6 +115,17 @@ pub struct EffectEntry {
     pub parameters: Vec<Parameter>,
 }
 
+impl EffectEntry {
+    /// Its name for people, as `servo_lag of joint 2`.
+    #[must_use]
+    pub fn title(&self) -> String {
+        match self.joint {
+            Some(joint) => format!("{} of joint {joint}", self.kind),
+            None => self.kind.clone(),
+        }
+    }
+}
+
 /// One parameter of an effect, in the unit of its key.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
@@ -220,11 +231,7 @@ impl RobotModel {
     #[must_use]
     pub fn not_compensated_names(&self) -> Vec<String> {
         let entries = self.not_compensated.iter().filter_map(|at| self.file.effects.get(*at));
-        let name = |entry: &EffectEntry| match entry.joint {
-            Some(joint) => format!("{} of joint {joint}", entry.kind),
-            None => entry.kind.clone(),
-        };
-        entries.map(name).collect()
+        entries.map(EffectEntry::title).collect()
     }
 }
 

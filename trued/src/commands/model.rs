@@ -1,6 +1,7 @@
-//! `trued model`: what comes along, and what a model says.
+//! `trued model`: what comes along, what a model says, and models from and to URDF.
 
 mod show;
+mod urdf;
 
 use std::path::PathBuf;
 
@@ -15,7 +16,7 @@ use crate::input;
 use crate::output::Console;
 use crate::table::Table;
 
-/// Look at robots: the presets that come along, and model files
+/// Look at robots: the presets that come along, and model files; take them from a URDF or write one
 #[derive(Debug, Args)]
 pub(crate) struct Model {
     #[command(subcommand)]
@@ -35,6 +36,8 @@ enum What {
         #[arg(long)]
         toml: bool,
     },
+    Import(urdf::Import),
+    Export(urdf::Export),
 }
 
 #[derive(Serialize)]
@@ -66,6 +69,8 @@ impl Model {
                 Ok(Answer::Done)
             }
             What::Show { model, toml: false } => show::run(console, &input::model(model)?),
+            What::Import(import) => import.run(console),
+            What::Export(export) => export.run(console),
         }
     }
 }

@@ -1,0 +1,87 @@
+//! Which axis of a controller a joint of the model is.
+//!
+//! Controllers know up to six axes of the robot and up to six external ones (ABB `robax` and `extax`, KUKA `A1` … and `E1`
+//! …). Promise: where a joint slides, or there are more than six, nothing is guessed: whoever asks says the axes.
+
+use std::fmt;
+use std::str::FromStr;
+
+use physics::JointKind;
+
+use crate::faults::{Fault, Faults};
+use crate::model::JointEntry;
+
+/// How many axes a controller has of either sort.
+pub(super) const AXES: usize = 6;
+
+/// An axis of a controller, from 1; written `A1` … `A6`, `E1` … `E6`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Axis {
+    /// One of the robot itself.
+    Robot(usize),
+    /// One beside it: a track, a turntable, the seventh axis of an arm.
+    External(usize),
+}
+
+impl fmt::Display for Axis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Robot(number) => write!(f, "A{number}"),
+            Self::External(number) => write!(f, "E{number}"),
+        }
+    }
+}
+
+/// No axis has this name.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is no axis of a controller: name A1 to A6 (the robot's) or E1 to E6 (external)")]
+pub struct NoAxis(String);
+
+impl FromStr for Axis {
+    type Err = NoAxis;
+
+    fn from_str(word: &str) -> Result<Self, NoAxis> {
+        let all = (1..=AXES).flat_map(|number| [Self::Robot(number), Self::External(number)]);
+        let mut named = all.filter(|axis| axis.to_string().eq_ignore_ascii_case(word.trim()));
+        named.next().ok_or_else(|| NoAxis(word.to_owned()))
+    }
+}
+
+/// The axis of each joint, as said or as it goes without saying.
+pub(super) fn of_joints(faults: &mut Faults, said: &[Axis], joints: &[JointEntry]) -> Vec<Axis> {
+    if said.is_empty() {
+        return plain(faults, joints);
+    }
+    if said.len() != joints.len() {
+        let fault = Fault::new("axes", format!("are {}", said.len()));
+        faults.push(fault.expected(format!("one for each of the model's {} joints", joints.len())));
+    }
+    for (at, axis) in said.iter().enumerate() {
+        let (Axis::Robot(number) | Axis::External(number)) = axis;
+        if !(1..=AXES).contains(number) {
+            faults.push(Fault::new("axes", format!("name {axis}")).expected("A1 to A6, E1 to E6"));
+        } else if said[..at].contains(axis) {
+            faults
+                .push(Fault::new("axes", format!("name {axis} twice")).expected("each axis once"));
+        }
+    }
+    said.to_vec()
+}
+
+fn plain(faults: &mut Faults, joints: &[JointEntry]) -> Vec<Axis> {
+    let help = "say which axis each joint is, as E1,A1,A2,A3,A4,A5,A6 for a track before a robot";
+    if let Some(at) = joints.iter().position(|joint| joint.kind == JointKind::Prismatic) {
+        let message = format!(
+            "are not said, and joint {} slides: an axis of the robot, or an external one?",
+            at + 1
+        );
+        faults.push(Fault::new("axes", message).help(help));
+    } else if joints.len() > AXES {
+        let message = format!(
+            "are not said, and the model has {} joints: a robot has six axes",
+            joints.len()
+        );
+        faults.push(Fault::new("axes", message).help(help));
+    }
+    (1..=joints.len()).map(Axis::Robot).collect()
+}

@@ -1,0 +1,225 @@
+//! A model as a URDF: its geometry with the deviations that are fixed, as frames.
+//!
+//! All link frames are parallel to the base at the zero position, so that an `<axis>` shows at once where the real axis
+//! points; the tip alone is turned. Figures are the shortest that read back to the same bits. What a URDF has no place for
+//! (whatever depends on position, load, direction, time) is left out and named.
+
+use std::fmt::Write;
+
+use glam::{DMat3, DVec3};
+use physics::arm::GRAVITY;
+use physics::spec::{ActsOn, Need, Spec};
+use physics::{AnyEffect, Body, Evaluation, Inputs, JOINTS_MAX, Joint, JointKind, Memories, Model};
+
+use super::rpy;
+use crate::model::RobotModel;
+
+/// A URDF, and what of the model stands in it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Export {
+    /// The file's text.
+    pub text: String,
+    /// Effects that the frames carry, as `axis_tilt of joint 2`.
+    pub carried: Vec<String>,
+    /// What no URDF can carry.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// A part of a model that no URDF can carry.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LeftOut {
+    /// An effect, as `joint_compliance of joint 2`, or a key of the model.
+    pub what: String,
+    /// What it depends on, or what else bars it.
+    pub why: &'static str,
+}
+
+/// The model as a URDF.
+#[must_use]
+pub fn export(model: &RobotModel) -> Export {
+    let (mut carried, mut left_out) = (Vec::new(), Vec::new());
+    let mut fixed = Model::nominal(model.physics.arm);
+    let mut in_physics = model.physics.effects().zip(&model.entry_of).peekable();
+    for (at, entry) in model.file.effects.iter().enumerate() {
+        let effect = in_physics.next_if(|(_, place)| **place == at).map(|(effect, _)| effect);
+        let barred = effect.map_or(Some(NO_PLACE), barred);
+        match (effect, barred) {
+            // As many effects as the model itself has always find room.
+            (Some(effect), None) if fixed.push(*effect).is_ok() => carried.push(entry.title()),
+            (_, barred) => {
+                left_out.push(LeftOut { what: entry.title(), why: barred.unwrap_or(NO_PLACE) });
+            }
+        }
+    }
+    let keys = [
+        ("gravity_m_s2", model.file.gravity_m_s2 != GRAVITY.to_array()),
+        ("gear_teeth", model.file.joints.iter().any(|joint| !joint.gear_teeth.is_empty())),
+        ("mode", !model.file.modes.is_empty()),
+    ];
+    let keys = keys.into_iter().filter(|(_, said)| *said);
+    left_out.extend(keys.map(|(key, _)| LeftOut { what: key.to_owned(), why: NO_PLACE }));
+    let at_zero = fixed.evaluate(&Inputs::at_rest([0.0; JOINTS_MAX]), &Memories::default());
+    Export { text: Writer::write(model, &at_zero, &carried), carried, left_out }
+}
+
+const NO_PLACE: &str = "a URDF has no place for it";
+
+/// Why a URDF cannot carry an effect; nothing where it is a fixed change of the geometry.
+fn barred(effect: &AnyEffect) -> Option<&'static str> {
+    use AnyEffect::{AxisShift, AxisTilt, GravitySag, JointOffset, ToolOffset};
+    if matches!(effect, JointOffset(_) | AxisTilt(_) | AxisShift(_) | ToolOffset(_)) {
+        return None;
+    }
+    let spec: &Spec = effect.spec();
+    let needs = |wanted: &[Need]| spec.needs.iter().any(|need| wanted.contains(need));
+    Some(if needs(&[Need::Direction]) {
+        "it depends on the direction of motion"
+    } else if needs(&[Need::Temperature, Need::Time, Need::SpindleSpeed]) {
+        "it changes with temperature or time"
+    } else if spec.acts_on == ActsOn::Loads {
+        NO_PLACE
+    } else if needs(&[Need::Masses, Need::Wrench]) || matches!(effect, GravitySag(_)) {
+        "it depends on the load"
+    } else {
+        "it depends on the joints' positions"
+    })
+}
+
+/// The text in the making.
+struct Writer<'a> {
+    out: String,
+    /// Names given so far, of links and joints apart.
+    links: Vec<String>,
+    joints: Vec<String>,
+    model: &'a RobotModel,
+}
+
+impl<'a> Writer<'a> {
+    fn write(model: &'a RobotModel, at_zero: &Evaluation, carried: &[String]) -> String {
+        let out = "<?xml version=\"1.0\"?>\n".to_owned();
+        let mut writer = Self { out, links: Vec::new(), joints: Vec::new(), model };
+        let robot = unused(&mut Vec::new(), &model.file.name);
+        writer.line(&format!("<robot name=\"{}\">", escaped(&robot)));
+        if !carried.is_empty() {
+            writer.line(&format!("  <!-- in the frames: {} -->", carried.join(", ")));
+        }
+        writer.chain(at_zero);
+        writer.line("</robot>");
+        writer.out
+    }
+
+    fn chain(&mut self, at_zero: &Evaluation) {
+        let arm = &self.model.physics.arm;
+        let chain = &at_zero.real;
+        let mut parent = self.link("base_link", "base_link", None);
+        let mut parent_origin = DVec3::ZERO;
+        for (i, joint) in arm.joints().iter().enumerate() {
+            let origin = chain.points[i];
+            let body = joint.link.map(|body| Body {
+                mass: body.mass,
+                centre: chain.bodies[i].point(body.centre) - origin,
+                inertia: turned(&body.inertia, &chain.bodies[i].rotation),
+            });
+            let child = self.link("", &format!("link_{}", i + 1), body);
+            self.joint(i, joint, [&parent, &child], origin - parent_origin, chain.axes[i]);
+            (parent, parent_origin) = (child, origin);
+        }
+        let tool = chain.base_from_tool;
+        let last = chain.bodies[arm.count() - 1];
+        let tool_from_last = tool.inverse().after(&last);
+        let body = arm.tool.body.map(|body| Body {
+            mass: body.mass,
+            centre: tool_from_last.point(body.centre),
+            inertia: turned(&body.inertia, &tool_from_last.rotation),
+        });
+        let tip = self.link("tip_link", "tool0", body);
+        let name = unused(&mut self.joints, &format!("{tip}_fixed"));
+        self.line(&format!("  <joint name=\"{}\" type=\"fixed\">", escaped(&name)));
+        self.ends([&parent, &tip]);
+        let shift = numbers(tool.origin - parent_origin);
+        self.line(&format!(
+            "    <origin xyz=\"{shift}\" rpy=\"{}\"/>",
+            numbers(rpy::angles(&tool.rotation))
+        ));
+        self.line("  </joint>");
+    }
+
+    /// Writes a link and returns its name: what `[meta]` says under `key`, else `otherwise`.
+    fn link(&mut self, key: &str, otherwise: &str, body: Option<Body>) -> String {
+        let said = self.model.file.meta.get(key).and_then(|value| value.as_str());
+        let name = unused(&mut self.links, said.unwrap_or(otherwise));
+        let Some(Body { mass, centre, inertia }) = body else {
+            self.line(&format!("  <link name=\"{}\"/>", escaped(&name)));
+            return name;
+        };
+        let [x, y, z] = [inertia.x_axis, inertia.y_axis, inertia.z_axis];
+        self.line(&format!("  <link name=\"{}\">", escaped(&name)));
+        self.line("    <inertial>");
+        self.line(&format!("      <origin xyz=\"{}\" rpy=\"0 0 0\"/>", numbers(centre)));
+        self.line(&format!("      <mass value=\"{mass:?}\"/>"));
+        self.line(&format!(
+            "      <inertia ixx=\"{:?}\" ixy=\"{:?}\" ixz=\"{:?}\" iyy=\"{:?}\" iyz=\"{:?}\" izz=\"{:?}\"/>",
+            x.x, x.y, x.z, y.y, y.z, z.z
+        ));
+        self.line("    </inertial>");
+        self.line("  </link>");
+        name
+    }
+
+    fn joint(&mut self, i: usize, joint: &Joint, ends: [&str; 2], shift: DVec3, axis: DVec3) {
+        let said = self.model.file.joints.get(i).map(|entry| entry.name.as_str());
+        let said = said.filter(|name| !name.is_empty());
+        let name = unused(&mut self.joints, said.unwrap_or(&format!("joint_{}", i + 1)));
+        let kind = match joint.kind {
+            JointKind::Revolute => "revolute",
+            JointKind::Prismatic => "prismatic",
+        };
+        let (low, high) = joint.limits;
+        // The format wants a velocity and an effort; 0 is how descriptions say that it is not known.
+        let velocity = if joint.max_speed.is_finite() { joint.max_speed } else { 0.0 };
+        self.line(&format!("  <joint name=\"{}\" type=\"{kind}\">", escaped(&name)));
+        self.ends(ends);
+        self.line(&format!("    <origin xyz=\"{}\" rpy=\"0 0 0\"/>", numbers(shift)));
+        self.line(&format!("    <axis xyz=\"{}\"/>", numbers(axis)));
+        self.line(&format!(
+            "    <limit lower=\"{low:?}\" upper=\"{high:?}\" velocity=\"{velocity:?}\" effort=\"0\"/>"
+        ));
+        self.line("  </joint>");
+    }
+
+    fn ends(&mut self, [parent, child]: [&str; 2]) {
+        self.line(&format!("    <parent link=\"{}\"/>", escaped(parent)));
+        self.line(&format!("    <child link=\"{}\"/>", escaped(child)));
+    }
+
+    fn line(&mut self, text: &str) {
+        // Writing into a string cannot fail.
+        let _ = writeln!(self.out, "{text}");
+    }
+}
+
+fn turned(inertia: &DMat3, rotation: &DMat3) -> DMat3 {
+    *rotation * *inertia * rotation.transpose()
+}
+
+fn numbers(vector: DVec3) -> String {
+    let words = vector.to_array().map(|number| format!("{number:?}"));
+    words.join(" ")
+}
+
+/// The name without what XML cannot hold, and with a tail where it is taken.
+fn unused(taken: &mut Vec<String>, name: &str) -> String {
+    let held = |c: &char| !c.is_control() && !matches!(c, '\u{fffe}' | '\u{ffff}');
+    let mut free: String = name.chars().filter(held).collect();
+    while free.is_empty() || taken.contains(&free) {
+        free.push('_');
+    }
+    taken.push(free.clone());
+    free
+}
+
+/// A text for an attribute of XML.
+fn escaped(text: &str) -> String {
+    let pairs = [("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("\"", "&quot;")];
+    pairs.iter().fold(text.to_owned(), |text, (plain, entity)| text.replace(plain, entity))
+}

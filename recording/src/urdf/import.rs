@@ -1,0 +1,269 @@
+//! From the tree of a URDF to a model: frames multiplied out at the zero configuration, fixed joints folded in.
+//!
+//! With all joints at zero the frame of a joint stands at the product of the origins above it. Its axis and its place
+//! there are the model's axis and point; what hangs on a joint up to the next one of the chain is the body that it moves.
+
+use glam::{DMat3, DVec3};
+use physics::{Body, Frame, JointKind};
+use toml::Table as FreeTable;
+
+use super::source::{EXPAND, Source, child, document, macro_of, name};
+use super::tree::{Joint, Motion, Path, Tree};
+use super::{Ends, Import, bodies};
+use crate::faults::{Fault, Faults};
+use crate::model::{BodyEntry, JointEntry, ModelFile, RobotModel, ToolEntry};
+use crate::unit::Unit;
+
+/// Limits of a joint without any, degrees: a model needs some.
+const TURNS_DEG: f64 = 360.0;
+/// Below this a component of a direction or a place in metres is what rounding left of a zero.
+const ROUNDING: f64 = 1e-15;
+
+/// Reads the arm between two links out of a URDF text; `name` is what faults call it.
+///
+/// # Errors
+/// All faults of the text.
+pub fn parse(name: &str, text: &str, ends: &Ends<'_>) -> Result<Import, Faults> {
+    let document = document(name, text)?;
+    let source = Source::new(name, text);
+    let robot = document.root_element();
+    if !robot.has_tag_name("robot") {
+        source.fault(
+            robot,
+            format!("the file is about <{}>", robot.tag_name().name()),
+            "give a URDF: <robot> … </robot>",
+        );
+    } else if let Some(node) = macro_of(&document) {
+        source.fault(node, "is a macro of xacro", EXPAND);
+    }
+    let found = source.is_sound().then(|| Tree::read(&source, robot)).flatten().and_then(|tree| {
+        let path = tree.path(&source, ends)?;
+        let mut chain = Chain { source: &source, tree: &tree, notes: Vec::new() };
+        let file = chain.model(&path, robot.attribute("name").unwrap_or("robot"));
+        let [base, tip] = [path.base, path.tip].map(|link| tree.called(link).to_owned());
+        source.is_sound().then_some((file, base, tip, chain.notes))
+    });
+    let (file, base, tip, notes) = source.finish(found)?;
+    Ok(Import { model: RobotModel::of_file(name, file)?, base, tip, notes })
+}
+
+struct Chain<'a, 's> {
+    source: &'a Source<'s>,
+    tree: &'a Tree<'a, 'a>,
+    notes: Vec<String>,
+}
+
+impl<'a> Chain<'a, '_> {
+    fn model(&mut self, path: &Path, robot: &str) -> ModelFile {
+        let mut joints: Vec<JointEntry> = Vec::new();
+        let mut base_from_link = Frame::IDENTITY;
+        for (at, joint) in path.joints.iter().enumerate() {
+            let joint = &self.tree.joints[*joint];
+            base_from_link = base_from_link.after(&joint.origin);
+            if joint.motion == Motion::Fixed {
+                continue;
+            }
+            let next = path.joints[at + 1..]
+                .iter()
+                .copied()
+                .find(|j| self.tree.joints[*j].motion != Motion::Fixed);
+            let body = self.body(joint.child, base_from_link, next);
+            joints.push(JointEntry { link: body.map(entry), ..self.joint(joint, &base_from_link) });
+        }
+        self.count(joints.len());
+        let [base, tip] = [path.base, path.tip].map(|link| self.tree.called(link));
+        let meta = [("source", robot), ("base_link", base), ("tip_link", tip)];
+        let meta: FreeTable =
+            meta.into_iter().map(|(key, word)| (key.to_owned(), word.into())).collect();
+        ModelFile {
+            name: robot.to_owned(),
+            meta,
+            gravity_m_s2: self.gravity(path).to_array(),
+            joints,
+            tool: ToolEntry {
+                tcp_mm: millimetres(base_from_link.origin),
+                base_from_tool: rows(&base_from_link.rotation),
+                body: None,
+            },
+            modes: Vec::new(),
+            effects: Vec::new(),
+        }
+    }
+
+    fn count(&self, joints: usize) {
+        if !(1..=physics::JOINTS_MAX).contains(&joints) {
+            let message = format!(
+                "the chain has {joints} moving joints, a model has 1 to {}",
+                physics::JOINTS_MAX
+            );
+            self.source.push(
+                Fault::new("", message).help("choose another chain: --base LINK, --tip LINK"),
+            );
+        }
+    }
+
+    fn joint(&mut self, joint: &Joint<'_, '_>, base_from_joint: &Frame) -> JointEntry {
+        let node = joint.node;
+        if let Some(mimic) = child(node, "mimic") {
+            let leader = mimic.attribute("joint").unwrap_or_default();
+            let help =
+                "a joint of a model moves by itself: choose a chain without it, or make it fixed";
+            self.source.fault(node, format!("follows the joint `{leader}` (mimic)"), help);
+        }
+        if joint.motion == Motion::Several {
+            let help =
+                format!("begin the chain behind it: --base {}", self.tree.called(joint.child));
+            self.source.fault(node, "has more than one freedom", help);
+        }
+        let kind = match joint.motion {
+            Motion::Prismatic => JointKind::Prismatic,
+            _ => JointKind::Revolute,
+        };
+        JointEntry {
+            name: name(node).to_owned(),
+            kind,
+            axis: (base_from_joint.rotation * self.axis(joint)).to_array().map(tidy),
+            point_mm: Some(millimetres(base_from_joint.origin)),
+            limits: self.limits(joint, kind),
+            max_speed: self.max_speed(joint, kind),
+            gear_teeth: Vec::new(),
+            link: None,
+        }
+    }
+
+    /// The axis in the joint's frame, of unit length.
+    fn axis(&self, joint: &Joint<'_, '_>) -> DVec3 {
+        let node = child(joint.node, "axis");
+        let axis = node.and_then(|node| self.source.vector(node, "xyz")).unwrap_or(DVec3::X);
+        let length = axis.length();
+        if !(length > 1e-9 && length.is_finite()) {
+            self.source.fault(
+                node.unwrap_or(joint.node),
+                "has no direction",
+                "give a direction, as xyz=\"0 0 1\"",
+            );
+            return DVec3::X;
+        }
+        axis / length
+    }
+
+    fn limits(&mut self, joint: &Joint<'_, '_>, kind: JointKind) -> [f64; 2] {
+        if joint.motion == Motion::Continuous {
+            self.notes.push(format!(
+                "joint {} turns on and on; its limits are written as ±{TURNS_DEG} deg: widen them if it turns further",
+                name(joint.node)
+            ));
+            return [-TURNS_DEG, TURNS_DEG];
+        }
+        let Some(limit) = child(joint.node, "limit") else {
+            let help = "give <limit lower=\"…\" upper=\"…\" velocity=\"…\" effort=\"…\"/>, or the type \"continuous\"";
+            self.source.fault(joint.node, "has no <limit>", help);
+            return [0.0, 0.0];
+        };
+        let [low, high] =
+            ["lower", "upper"].map(|key| self.source.number(limit, key).unwrap_or(0.0));
+        if low >= high {
+            let unit = if kind == JointKind::Prismatic { "m" } else { "rad" };
+            self.source.fault(
+                limit,
+                format!("goes from {low} to {high}"),
+                format!("give the lower limit first, in {unit}"),
+            );
+        }
+        [low, high].map(|limit| in_file(limit, kind))
+    }
+
+    fn max_speed(&self, joint: &Joint<'_, '_>, kind: JointKind) -> Option<f64> {
+        let limit = child(joint.node, "limit")?;
+        let speed = self.source.number(limit, "velocity")?;
+        if speed < 0.0 {
+            self.source.fault(
+                limit,
+                format!("has a velocity of {speed}"),
+                "give a velocity above 0, or leave it out",
+            );
+        }
+        (speed > 0.0).then(|| in_file(speed, kind))
+    }
+
+    /// What `link` carries, short of the chain's next joint: what hangs beside the chain stands as at zero.
+    fn body(&mut self, link: usize, base_from_link: Frame, next: Option<usize>) -> Option<Body> {
+        let mut frames = vec![(link, base_from_link)];
+        let mut found = Vec::new();
+        let mut beside = Vec::new();
+        while let Some((link, base_from_link)) = frames.pop() {
+            found.extend(bodies::of_link(self.source, self.tree.links[link].node, &base_from_link));
+            for at in self.tree.links[link].carries.iter().filter(|at| Some(**at) != next) {
+                let joint = &self.tree.joints[*at];
+                if joint.motion != Motion::Fixed {
+                    beside.push(name(joint.node));
+                }
+                frames.push((joint.child, base_from_link.after(&joint.origin)));
+            }
+        }
+        if let [first, others @ ..] = beside.as_slice() {
+            let others = if others.is_empty() {
+                String::new()
+            } else {
+                format!(" and {} more", others.len())
+            };
+            self.notes.push(format!(
+                "joint {first}{others} beside the chain: the masses there are carried as at zero"
+            ));
+        }
+        bodies::together(&found)
+    }
+
+    /// Gravity in the frame of the base link: down in the frame of the root, whose z points up (REP 103).
+    fn gravity(&mut self, path: &Path) -> DVec3 {
+        let mut root_from_base = DMat3::IDENTITY;
+        let mut link = path.base;
+        while let Some(joint) = self.tree.links[link].hangs_on.map(|joint| &self.tree.joints[joint])
+        {
+            root_from_base = joint.origin.rotation * root_from_base;
+            link = joint.parent;
+        }
+        let gravity = root_from_base.transpose() * physics::arm::GRAVITY;
+        if gravity.distance(physics::arm::GRAVITY) > 1e-9 {
+            let root = self.tree.called(link);
+            let base = self.tree.called(path.base);
+            self.notes.push(format!(
+                "gravity points down in the frame of `{root}`; `{base}` stands turned against it"
+            ));
+        }
+        DVec3::from_array(gravity.to_array().map(tidy))
+    }
+}
+
+fn entry(body: Body) -> BodyEntry {
+    let [x, y, z] = [body.inertia.x_axis, body.inertia.y_axis, body.inertia.z_axis];
+    let inertia = [x.x, y.y, z.z, x.y, x.z, y.z];
+    BodyEntry {
+        mass_kg: body.mass,
+        com_mm: millimetres(body.centre),
+        inertia_kgm2: inertia.iter().any(|moment| *moment != 0.0).then_some(inertia),
+    }
+}
+
+/// Rows of a rotation, as the file wants them; nothing for the identity.
+fn rows(rotation: &DMat3) -> Option<[[f64; 3]; 3]> {
+    let rows = rotation.transpose().to_cols_array_2d().map(|row| row.map(tidy));
+    (rows != DMat3::IDENTITY.to_cols_array_2d()).then_some(rows)
+}
+
+fn tidy(value: f64) -> f64 {
+    if value.abs() < ROUNDING { 0.0 } else { value }
+}
+
+fn millimetres(metres: DVec3) -> [f64; 3] {
+    metres.to_array().map(|metre| in_file(tidy(metre), JointKind::Prismatic))
+}
+
+/// A position in rad or m, in the unit of the file; it reads back to the same bits where it can.
+fn in_file(si: f64, kind: JointKind) -> f64 {
+    let name = match kind {
+        JointKind::Revolute => "deg",
+        JointKind::Prismatic => "mm",
+    };
+    Unit::named(name).map_or(si, |unit| unit.from_si(si))
+}

@@ -1,0 +1,55 @@
+//! URDF in and out: a robot's description as our model, and a calibrated model as a description.
+//!
+//! Source of the format: the URDF specification (ROS wiki, `urdf/XML`): joint and link frames by `<origin>`, axes in the
+//! joint's frame, SI units. A model takes the chain from a base link to a tip link: its axes and points are those of the
+//! URDF with all joints at zero, in the base link's frame; the tip link is the tool. Promise: every fault of a file at
+//! once, each naming its joint or link; no text makes it panic; import and export keep the forward kinematics to rounding.
+
+mod bodies;
+mod export;
+#[cfg(test)]
+mod hostile_tests;
+mod import;
+mod rpy;
+mod source;
+#[cfg(test)]
+mod tests;
+mod tree;
+
+use std::path::Path;
+
+pub use export::{Export, LeftOut, export};
+pub use import::parse;
+
+use crate::files::{FileError, read_text};
+use crate::model::RobotModel;
+
+/// Which chain of a URDF is the arm.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Ends<'a> {
+    /// The link that stays; unsaid: the root above the tip.
+    pub base: Option<&'a str>,
+    /// The link that is the tool; unsaid: the only end of the tree that moves.
+    pub tip: Option<&'a str>,
+}
+
+/// A model out of a URDF.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Import {
+    /// The model, without effects.
+    pub model: RobotModel,
+    /// The link whose frame is the model's base frame.
+    pub base: String,
+    /// The link whose frame is the tool's.
+    pub tip: String,
+    /// What was taken otherwise than the file says, one sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Reads the arm between two links out of a URDF file.
+///
+/// # Errors
+/// The file cannot be read, or all its faults.
+pub fn read(path: &Path, ends: &Ends<'_>) -> Result<Import, FileError> {
+    Ok(parse(&path.display().to_string(), &read_text(path)?, ends)?)
+}

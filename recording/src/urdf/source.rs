@@ -1,0 +1,195 @@
+//! The XML of a URDF: its numbers and names, and for every fault the link or joint with its line.
+//!
+//! Promise: a getter gives the value where it is right, and else a harmless one after a fault was noted: all faults
+//! are told at once, and nothing is built while there are any.
+
+use std::cell::RefCell;
+use std::ops::Range;
+
+use glam::DVec3;
+use physics::Frame;
+use roxmltree::{Document, Error, Node, ParsingOptions};
+
+use super::rpy;
+use crate::faults::{Fault, Faults, Place};
+
+/// More elements, texts and comments than any robot has: bounds the memory that a file takes.
+const NODES_MAX: u32 = 200_000;
+/// What to do with a xacro.
+pub(super) const EXPAND: &str = "expand the xacro first: `xacro FILE.urdf.xacro > FILE.urdf`";
+
+/// No robot has larger figures; products of them stay finite.
+const SIZE_MAX: f64 = 1e12;
+
+/// Where one attribute stands, and what it says.
+type Said<'d> = (Range<usize>, &'d str);
+
+/// A text, and what was found in it so far.
+pub(super) struct Source<'s> {
+    text: &'s str,
+    faults: RefCell<Faults>,
+}
+
+/// The XML of a text.
+///
+/// # Errors
+/// What is no XML, or too much of it.
+pub(super) fn document<'t>(name: &str, text: &'t str) -> Result<Document<'t>, Faults> {
+    let options = ParsingOptions { nodes_limit: NODES_MAX, ..ParsingOptions::default() };
+    Document::parse_with_options(text, options).map_err(|error| {
+        let mut faults = Faults::of(name);
+        let fault = Fault::new("", format!("is no XML that can be read: {error}"));
+        let fault = fault.at(place_of(text, &error));
+        let is_xacro = matches!(&error, Error::UnknownNamespace(prefix, _) if prefix == "xacro");
+        faults.push(if is_xacro { fault.help(EXPAND) } else { fault });
+        faults
+    })
+}
+
+fn place_of(text: &str, error: &Error) -> Place {
+    let at = error.pos();
+    let row = usize::try_from(at.row).unwrap_or(1).max(1);
+    let line = text.lines().nth(row - 1).unwrap_or_default();
+    let column = usize::try_from(at.col).unwrap_or(1).saturating_sub(1);
+    let byte = line.char_indices().nth(column).map_or(line.len(), |(byte, _)| byte);
+    Place::in_line(row, line, &(byte..byte + 1))
+}
+
+/// The name of a link or joint; nothing where it has none.
+pub(super) fn name<'d>(node: Node<'d, '_>) -> &'d str {
+    node.attribute("name").unwrap_or_default()
+}
+
+/// The first child element with this tag.
+pub(super) fn child<'d, 's>(node: Node<'d, 's>, tag: &str) -> Option<Node<'d, 's>> {
+    node.children().find(|child| child.has_tag_name(tag))
+}
+
+/// What a fault calls an element: `joint a4`, `joint a4: limit`, `link arm: inertial mass`.
+fn title(node: Node<'_, '_>) -> String {
+    let mut words = Vec::new();
+    for node in node.ancestors().filter(Node::is_element) {
+        let tag = node.tag_name().name();
+        if tag == "link" || tag == "joint" {
+            words.reverse();
+            let owner = format!("{tag} {}", name(node));
+            let within = words.join(" ");
+            let colon = if within.is_empty() { "" } else { ": " };
+            return format!("{}{colon}{within}", owner.trim_end());
+        }
+        words.push(tag);
+    }
+    words.reverse();
+    words.join(" ")
+}
+
+impl<'s> Source<'s> {
+    pub(super) fn new(name: &str, text: &'s str) -> Self {
+        Self { text, faults: RefCell::new(Faults::of(name)) }
+    }
+
+    /// The value, or every fault.
+    pub(super) fn finish<T>(self, value: Option<T>) -> Result<T, Faults> {
+        self.faults.into_inner().or(value)
+    }
+
+    pub(super) fn is_sound(&self) -> bool {
+        self.faults.borrow().is_empty()
+    }
+
+    /// A fault of the file, not of one element.
+    pub(super) fn push(&self, fault: Fault) {
+        self.faults.borrow_mut().push(fault);
+    }
+
+    /// A fault of an element: marked is its first line.
+    pub(super) fn fault(
+        &self,
+        node: Node<'_, '_>,
+        message: impl Into<String>,
+        help: impl Into<String>,
+    ) {
+        let fault = || Fault::new(title(node), message).help(help);
+        self.mark(&node.range(), fault);
+    }
+
+    /// A fault of an attribute: marked is its value.
+    fn fault_at(
+        &self,
+        node: Node<'_, '_>,
+        attribute: &str,
+        (range, said): &Said<'_>,
+        expected: &str,
+    ) {
+        let fault = || {
+            let key = format!("{} {attribute}", title(node));
+            let fault = Fault::new(key, format!("is \"{said}\"")).expected(expected);
+            if said.contains('$') { fault.help(EXPAND) } else { fault }
+        };
+        self.mark(range, fault);
+    }
+
+    fn mark(&self, range: &Range<usize>, fault: impl FnOnce() -> Fault) {
+        let place = || Place::of_span(self.text, range);
+        self.faults.borrow_mut().push_with(|| fault().at(place()));
+    }
+
+    fn said<'d>(&self, node: Node<'d, '_>, attribute: &str) -> Option<Said<'d>> {
+        let found = node.attribute_node(attribute)?;
+        Some((found.range_value(), found.value()))
+    }
+
+    /// A number, where the attribute is there.
+    pub(super) fn number(&self, node: Node<'_, '_>, attribute: &str) -> Option<f64> {
+        let said = self.said(node, attribute)?;
+        let number = number(said.1.trim());
+        if number.is_none() {
+            self.fault_at(node, attribute, &said, "a number below 1e12");
+        }
+        Some(number.unwrap_or_default())
+    }
+
+    /// A number that must be there.
+    pub(super) fn needed(&self, node: Node<'_, '_>, attribute: &str) -> f64 {
+        self.number(node, attribute).unwrap_or_else(|| {
+            self.fault(node, format!("has no `{attribute}`"), format!("give {attribute}=\"…\""));
+            0.0
+        })
+    }
+
+    /// Three numbers, where the attribute is there.
+    pub(super) fn vector(&self, node: Node<'_, '_>, attribute: &str) -> Option<DVec3> {
+        let said = self.said(node, attribute)?;
+        let numbers: Option<Vec<f64>> = said.1.split_whitespace().map(number).collect();
+        let vector = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
+        if vector.is_none() {
+            self.fault_at(node, attribute, &said, "three numbers below 1e12, with spaces between");
+        }
+        Some(DVec3::from_array(vector.unwrap_or_default()))
+    }
+
+    /// The placement that `<origin>` gives: child frame to parent frame, m; the identity where there is none.
+    pub(super) fn origin(&self, node: Node<'_, '_>) -> Frame {
+        let Some(origin) = child(node, "origin") else { return Frame::IDENTITY };
+        if origin.has_attribute("quat_xyzw") {
+            self.fault(
+                origin,
+                "turns by `quat_xyzw`, which is not read",
+                "write the same turn as rpy",
+            );
+        }
+        let rotation = rpy::rotation(self.vector(origin, "rpy").unwrap_or_default());
+        Frame::new(rotation, self.vector(origin, "xyz").unwrap_or_default())
+    }
+}
+
+fn number(word: &str) -> Option<f64> {
+    word.parse().ok().filter(|number: &f64| number.abs() < SIZE_MAX)
+}
+
+/// Whether the document is still a xacro, with macros that no parser of URDF knows.
+pub(super) fn macro_of<'d, 's>(document: &'d Document<'s>) -> Option<Node<'d, 's>> {
+    let is_xacro =
+        |node: &Node<'_, '_>| node.tag_name().namespace().is_some_and(|uri| uri.contains("xacro"));
+    document.descendants().find(is_xacro)
+}

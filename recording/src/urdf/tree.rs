@@ -1,0 +1,295 @@
+//! Which link hangs on which: names, parents and children of a URDF, and the chain that is asked of it.
+//!
+//! Promise: a [`Tree`] that exists has no loop, and every name in it stands once. Walking it takes time in proportion to it.
+
+use std::collections::HashMap;
+
+use physics::Frame;
+use roxmltree::Node;
+
+use super::Ends;
+use super::source::{Source, child, name};
+use crate::faults::{Fault, nearest};
+
+/// At most this many names stand in one sentence.
+const NAMES_SHOWN: usize = 8;
+
+/// How a joint moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Motion {
+    Fixed,
+    Revolute,
+    Continuous,
+    Prismatic,
+    /// Floating, planar, spherical: more than one freedom.
+    Several,
+}
+
+/// One joint; links by their places in [`Tree::links`].
+pub(super) struct Joint<'d, 's> {
+    pub(super) node: Node<'d, 's>,
+    pub(super) motion: Motion,
+    /// The joint's frame at zero in that of its parent link, m.
+    pub(super) origin: Frame,
+    pub(super) parent: usize,
+    pub(super) child: usize,
+}
+
+/// One link.
+pub(super) struct Link<'d, 's> {
+    pub(super) node: Node<'d, 's>,
+    /// The joint that it hangs on.
+    pub(super) hangs_on: Option<usize>,
+    /// The joints that hang on it.
+    pub(super) carries: Vec<usize>,
+}
+
+/// The links and joints of a robot.
+pub(super) struct Tree<'d, 's> {
+    pub(super) links: Vec<Link<'d, 's>>,
+    pub(super) joints: Vec<Joint<'d, 's>>,
+    places: HashMap<&'d str, usize>,
+}
+
+/// From a base link to a tip link.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Path {
+    pub(super) base: usize,
+    pub(super) tip: usize,
+    /// The joints between, base first.
+    pub(super) joints: Vec<usize>,
+}
+
+impl<'d, 's> Tree<'d, 's> {
+    /// The links and joints below `<robot>`; nothing, and faults, where they are no tree.
+    pub(super) fn read(source: &Source<'_>, robot: Node<'d, 's>) -> Option<Self> {
+        let mut tree = Self { links: Vec::new(), joints: Vec::new(), places: HashMap::new() };
+        for node in named(source, robot, "link") {
+            tree.places.insert(name(node), tree.links.len());
+            tree.links.push(Link { node, hangs_on: None, carries: Vec::new() });
+        }
+        for node in named(source, robot, "joint") {
+            let motion = motion(source, node);
+            let parent = tree.end(source, node, "parent");
+            let child = tree.end(source, node, "child");
+            let (Some(motion), Some(parent), Some(child)) = (motion, parent, child) else {
+                continue;
+            };
+            let at = tree.joints.len();
+            if let Some(other) = tree.links[child].hangs_on {
+                let other = name(tree.joints[other].node);
+                let message = format!(
+                    "moves the link `{}`, as joint `{other}` does",
+                    name(tree.links[child].node)
+                );
+                source.fault(
+                    node,
+                    message,
+                    "a link hangs on one joint: correct the `child` of one of the two",
+                );
+                continue;
+            }
+            tree.links[child].hangs_on = Some(at);
+            tree.links[parent].carries.push(at);
+            tree.joints.push(Joint { node, motion, origin: Frame::IDENTITY, parent, child });
+        }
+        if tree.links.is_empty() {
+            source.fault(
+                robot,
+                "has no link",
+                "give a whole URDF: links, and the joints between them",
+            );
+        }
+        tree.refuse_loops(source);
+        if !source.is_sound() {
+            return None;
+        }
+        for joint in &mut tree.joints {
+            joint.origin = source.origin(joint.node);
+        }
+        Some(tree)
+    }
+
+    fn end(&self, source: &Source<'_>, joint: Node<'d, 's>, tag: &str) -> Option<usize> {
+        let Some(link) = child(joint, tag).and_then(|node| node.attribute("link")) else {
+            source.fault(joint, format!("has no <{tag} link=\"…\"/>"), "name the link");
+            return None;
+        };
+        let found = self.places.get(link).copied();
+        if found.is_none() {
+            source.fault(
+                joint,
+                format!("names the link `{link}` as its {tag}, which does not exist"),
+                self.meant(link),
+            );
+        }
+        found
+    }
+
+    fn meant(&self, link: &str) -> String {
+        let near = nearest(link, self.links.iter().map(|link| name(link.node)));
+        near.map_or_else(
+            || "name a link of this file".to_owned(),
+            |near| format!("is `{near}` meant?"),
+        )
+    }
+
+    /// What cannot be reached from a link that hangs on nothing is a loop.
+    fn refuse_loops(&self, source: &Source<'_>) {
+        let roots = self.links.iter().enumerate().filter(|(_, link)| link.hangs_on.is_none());
+        let mut seen = vec![false; self.links.len()];
+        for (root, _) in roots {
+            self.below(root, |link, _| seen[link] = true);
+        }
+        if let Some(at) = seen.iter().position(|seen| !seen) {
+            source.fault(
+                self.links[at].node,
+                "is part of a loop of joints",
+                "cut the loop: a serial arm is a chain",
+            );
+        }
+    }
+
+    /// Visits a link and all that hang below it, each after what it hangs on, with the joint between.
+    pub(super) fn below(&self, top: usize, mut visit: impl FnMut(usize, Option<usize>)) {
+        let mut open = vec![(top, None)];
+        while let Some((link, joint)) = open.pop() {
+            visit(link, joint);
+            let carried = self.links[link].carries.iter().rev();
+            open.extend(carried.map(|joint| (self.joints[*joint].child, Some(*joint))));
+        }
+    }
+
+    /// The chain between the links that were named; where one was not, the only one that there is.
+    pub(super) fn path(&self, source: &Source<'_>, ends: &Ends<'_>) -> Option<Path> {
+        let base = ends.base.map(|link| self.find(source, "--base", link));
+        let tip = ends.tip.map(|link| self.find(source, "--tip", link));
+        if base == Some(None) || tip == Some(None) {
+            return None;
+        }
+        let base = base.flatten();
+        let tip = match tip.flatten() {
+            Some(tip) => tip,
+            None => self.only_tip(source, base)?,
+        };
+        let mut joints = Vec::new();
+        let mut link = tip;
+        while Some(link) != base
+            && let Some(joint) = self.links[link].hangs_on
+        {
+            joints.push(joint);
+            link = self.joints[joint].parent;
+        }
+        joints.reverse();
+        match base {
+            Some(base) if base != link => {
+                let message = format!(
+                    "the link `{}` does not hang on `{}`",
+                    self.called(tip),
+                    self.called(base)
+                );
+                let help =
+                    "name the base first: --base is the link that stays, --tip the one that moves";
+                source.push(Fault::new("--base, --tip", message).help(help));
+                None
+            }
+            _ => Some(Path { base: link, tip, joints }),
+        }
+    }
+
+    /// The place of a link that was asked for.
+    fn find(&self, source: &Source<'_>, key: &str, link: &str) -> Option<usize> {
+        let found = self.places.get(link).copied();
+        if found.is_none() {
+            let fault = Fault::new(key, format!("the robot has no link `{link}`"));
+            source.push(fault.help(self.meant(link)));
+        }
+        found
+    }
+
+    /// The one end that moves.
+    fn only_tip(&self, source: &Source<'_>, base: Option<usize>) -> Option<usize> {
+        let mut moving = vec![0_usize; self.links.len()];
+        let mut ends = Vec::new();
+        let roots = (0..self.links.len()).filter(|link| match base {
+            Some(base) => *link == base,
+            None => self.links[*link].hangs_on.is_none(),
+        });
+        for root in roots {
+            self.below(root, |link, joint| {
+                if let Some(joint) = joint.filter(|_| link != root).map(|joint| &self.joints[joint])
+                {
+                    moving[link] =
+                        moving[joint.parent] + usize::from(joint.motion != Motion::Fixed);
+                }
+                if self.links[link].carries.is_empty() && moving[link] > 0 {
+                    ends.push(link);
+                }
+            });
+        }
+        if let [tip] = ends.as_slice() {
+            return Some(*tip);
+        }
+        let fault = if ends.is_empty() {
+            Fault::new("", "has no joint that moves")
+                .help("give the URDF of an arm, or another --base")
+        } else {
+            let shown = |link: &usize| {
+                format!("`{}` (moving joints: {})", self.called(*link), moving[*link])
+            };
+            let mut shown: Vec<String> = ends.iter().take(NAMES_SHOWN).map(shown).collect();
+            if ends.len() > NAMES_SHOWN {
+                shown.push(format!("{} more", ends.len() - NAMES_SHOWN));
+            }
+            let message = format!("branches into {} ends: {}", ends.len(), shown.join(", "));
+            Fault::new("", message).help("choose the chain: --tip LINK (and --base LINK)")
+        };
+        source.push(fault);
+        None
+    }
+
+    /// The name of a link.
+    pub(super) fn called(&self, link: usize) -> &'d str {
+        name(self.links[link].node)
+    }
+}
+
+/// The children of the robot with this tag; one without a name, or with that of another, is a fault.
+fn named<'d, 's>(source: &Source<'_>, robot: Node<'d, 's>, tag: &str) -> Vec<Node<'d, 's>> {
+    let mut taken = HashMap::new();
+    let mut nodes = Vec::new();
+    for node in robot.children().filter(|node| node.has_tag_name(tag)) {
+        if name(node).is_empty() {
+            source.fault(node, "has no name", format!("give <{tag} name=\"…\">"));
+        } else if taken.insert(name(node), ()).is_some() {
+            source.fault(
+                node,
+                "stands twice in the file",
+                format!("give each {tag} a name of its own"),
+            );
+        } else {
+            nodes.push(node);
+        }
+    }
+    nodes
+}
+
+fn motion(source: &Source<'_>, joint: Node<'_, '_>) -> Option<Motion> {
+    match joint.attribute("type") {
+        Some("fixed") => Some(Motion::Fixed),
+        Some("revolute") => Some(Motion::Revolute),
+        Some("continuous") => Some(Motion::Continuous),
+        Some("prismatic") => Some(Motion::Prismatic),
+        Some("floating" | "planar" | "spherical") => Some(Motion::Several),
+        other => {
+            let message =
+                other.map_or("has no `type`".to_owned(), |word| format!("is of type \"{word}\""));
+            source.fault(
+                joint,
+                message,
+                "give type=\"revolute\", \"continuous\", \"prismatic\" or \"fixed\"",
+            );
+            None
+        }
+    }
+}
