@@ -10,7 +10,7 @@ use crate::campaign::Campaign;
 use crate::hypothesis::{Hypothesis, named};
 use crate::independent::{Dependent, sort};
 use crate::minimise::{Minimum, minimise};
-use crate::problem::{State, Weighing, cost, data_triangle, visit};
+use crate::problem::{Look, State, Weighing, cost, data_triangle, visit};
 use crate::result::{Fit, Parts};
 use crate::robust::{Influence, scale, weight};
 use crate::start;
@@ -23,6 +23,8 @@ const SETTLING: usize = 4;
 const WEIGHING: usize = 8;
 /// Steps between two looks at scale and weights.
 const STEPS: usize = 12;
+/// Steps of a sketch.
+const SKETCH: usize = 3;
 /// Weights that changed less than this stand.
 const STANDS: f64 = 1e-3;
 
@@ -35,6 +37,17 @@ pub struct Settings<'a> {
     pub influence: Influence,
     /// Where the surroundings start; none: found from the controller's own geometry.
     pub from: Option<&'a Surroundings>,
+    /// How far it goes.
+    pub effort: Effort,
+}
+
+/// How far a fit goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effort {
+    /// Until nothing is left to gain.
+    Full,
+    /// A few steps from where it starts: enough to see what is missing.
+    Sketch,
 }
 
 /// Fits the free numbers of `hypothesis` and the surroundings of `campaign` to the poses that take part.
@@ -46,9 +59,16 @@ pub fn fit(campaign: &Campaign, hypothesis: &Hypothesis, settings: &Settings<'_>
         .unwrap_or_else(|| start::surroundings(campaign, &hypothesis.model, settings.used));
     let state = State { surroundings, hypothesis: hypothesis.clone() };
     let mut fitting = Fitting::new(campaign, state, settings.used);
-    fitting.settle(settings.from.is_none());
-    for influence in stages(settings.influence) {
-        fitting.weigh(*influence);
+    match settings.effort {
+        Effort::Full => {
+            fitting.settle(settings.from.is_none());
+            for influence in stages(settings.influence) {
+                fitting.weigh(*influence);
+            }
+            fitting.final_factors();
+            fitting.run(usize::MAX);
+        }
+        Effort::Sketch => fitting.sketch(settings.influence),
     }
     fitting.done()
 }
@@ -108,6 +128,18 @@ impl<'a> Fitting<'a> {
         self.run(usize::MAX);
     }
 
+    fn sketch(&mut self, influence: Influence) {
+        self.rescale();
+        let redescends = influence == Influence::Redescending;
+        self.reweigh(if redescends { Influence::Huber } else { influence });
+        self.choose_columns();
+        self.run(SKETCH);
+        self.bound();
+        // The triangle has to be that of the final factors.
+        self.final_factors();
+        self.run(1);
+    }
+
     /// Follows the weights until they stand.
     fn weigh(&mut self, influence: Influence) {
         for _ in 0..WEIGHING {
@@ -154,17 +186,20 @@ impl<'a> Fitting<'a> {
         let first = self.state.surroundings.numbers().len();
         let hypothesis = &self.state.hypothesis;
         let values = hypothesis.values();
-        let mut negative = Vec::new();
+        // The steps end at zero.
+        let mut at_zero = Vec::new();
         for (k, (free, value)) in hypothesis.free.iter().zip(values).enumerate() {
             let entry = hypothesis.effect_of(free).and_then(|effect| named(effect, free.value));
-            if value < 0.0 && entry.is_some_and(|n| n.parameter.range == Range::NotNegative) {
-                negative.push((k, 0.0));
+            let fitted = self.active.contains(&(first + k));
+            let bound = entry.is_some_and(|n| n.parameter.range == Range::NotNegative);
+            if fitted && bound && value <= 0.0 {
+                at_zero.push(first + k);
             }
         }
-        self.put(&negative);
-        self.bounded.extend(negative.iter().map(|(k, _)| first + k));
-        self.active.retain(|column| !self.bounded.contains(column));
-        negative.is_empty()
+        self.active.retain(|column| !at_zero.contains(column));
+        let none = at_zero.is_empty();
+        self.bounded.extend(at_zero);
+        none
     }
 
     /// Puts free numbers to values.
@@ -181,11 +216,10 @@ impl<'a> Fitting<'a> {
     /// Lengths of the residuals of the poses that take part, in stated noises: reading, instrument, count, length.
     fn lengths(&self) -> Vec<(usize, usize, usize, f64)> {
         let mut lengths = Vec::new();
-        visit(self.campaign, &self.state, false, |at| {
-            if self.weighing.used[at.pose] {
-                let length = at.rows.residual.length();
-                lengths.push((at.reading, at.instrument, at.rows.count, length));
-            }
+        let look = Look { used: Some(&self.weighing.used), derivatives: false };
+        visit(self.campaign, &self.state, look, |at| {
+            let length = at.rows.residual.length();
+            lengths.push((at.reading, at.instrument, at.rows.count, length));
         });
         lengths
     }
@@ -209,9 +243,7 @@ impl<'a> Fitting<'a> {
         }
     }
 
-    fn done(mut self) -> Fit {
-        self.final_factors();
-        self.run(usize::MAX);
+    fn done(self) -> Fit {
         let sum = cost(self.campaign, &self.state, &self.weighing);
         let Self { campaign, state, weighing, active, dependent, bounded, minimum, steps } = self;
         let parts = Parts { state, weighing, active, dependent, bounded, minimum, steps, sum };

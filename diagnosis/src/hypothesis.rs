@@ -71,6 +71,23 @@ impl Hypothesis {
         }
     }
 
+    /// The same without the effect in place `index`.
+    #[must_use]
+    pub fn without(&self, index: usize) -> Self {
+        let mut less = Self::fixed(Model::nominal(self.model.arm));
+        for (at, effect) in self.model.effects().enumerate() {
+            if at != index {
+                // It had room before.
+                less.model.push(*effect).unwrap_or_default();
+            }
+        }
+        let others = self.free.iter().filter(|free| free.effect != index);
+        less.free = others
+            .map(|free| Free { effect: free.effect - usize::from(free.effect > index), ..*free })
+            .collect();
+        less
+    }
+
     /// The effect and value that a free number stands for.
     #[must_use]
     pub fn effect_of(&self, free: &Free) -> Option<&AnyEffect> {
@@ -84,7 +101,8 @@ impl Hypothesis {
         self.free.iter().map(|free| effects[free.effect].values()[free.value]).collect()
     }
 
-    /// The free numbers after a step. A number that must stay above zero goes at most nine tenths of the way there.
+    /// The free numbers after a step. A number that must stay above zero goes at most nine tenths of the way there, one that must not
+    /// be negative ends at zero.
     #[must_use]
     pub fn stepped(&self, step: &[f64]) -> Self {
         let mut next = self.clone();
@@ -93,8 +111,11 @@ impl Hypothesis {
                 let named = named(effect, free.value);
                 let value = &mut effect.values_mut()[free.value];
                 let wanted = *value + by;
-                let positive = named.is_some_and(|n| n.parameter.range == Range::Positive);
-                *value = if positive { wanted.max(0.1 * *value) } else { wanted };
+                *value = match named.map(|named| named.parameter.range) {
+                    Some(Range::Positive) => wanted.max(0.1 * *value),
+                    Some(Range::NotNegative) => wanted.max(0.0),
+                    _ => wanted,
+                };
             }
         }
         next
@@ -151,8 +172,10 @@ pub fn much(effect: &AnyEffect, value: usize) -> f64 {
     match (effect.spec().kind, parameter.unit) {
         ("joint_offset", _) => 0.05,
         ("axis_tilt" | "tool_offset" | "gravity_tilt", Unit::TurnMilliradian) => 0.02,
-        (_, Unit::Milliradian | Unit::TurnMilliradian) => 5e-3,
-        (_, Unit::One) => 1e-2,
+        ("gravity_sag" | "joint_polynomial", _) => 5e-3,
+        ("axis_wobble", Unit::TurnMilliradian) => 5e-4,
+        (_, Unit::Milliradian | Unit::TurnMilliradian) => 1e-3,
+        (_, Unit::One) => 5e-4,
         (_, Unit::PhaseRadian) => 1.8,
         (_, Unit::Millimetre) => 0.02,
         (_, Unit::Micrometre) => 1e-3,

@@ -6,6 +6,7 @@
 //! Promises: the same input and seed give the same bits. Never: shared memory, a clock, a file opened, a data set's name.
 
 pub mod campaign;
+mod candidates;
 pub mod fit;
 pub mod from_recording;
 pub mod hypothesis;
@@ -13,17 +14,22 @@ mod independent;
 mod minimise;
 pub mod motion;
 mod problem;
+pub mod proof;
 mod residual;
 pub mod result;
 pub mod rigid;
 pub mod robust;
+mod score;
+pub mod select;
 pub mod start;
 pub mod surroundings;
 pub mod triangle;
+mod waves;
 
 pub use campaign::{Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading};
-pub use fit::{Settings, fit};
+pub use fit::{Effort, Settings, fit};
 pub use hypothesis::{Free, Hypothesis};
 pub use result::{Fit, Undetermined};
 pub use robust::Influence;
+pub use select::{Chosen, Selection, geometry, select};
 pub use surroundings::{Fitted, Plane, Sphere, Station, Surroundings};

@@ -84,17 +84,33 @@ impl Weighing {
     }
 }
 
-/// Visits every reading in order. `derivatives`: whether the motions are wanted.
+/// What a visit looks at.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Look<'a> {
+    /// Poses that are looked at; none: all.
+    pub(crate) used: Option<&'a [bool]>,
+    /// Whether the motions are wanted.
+    pub(crate) derivatives: bool,
+}
+
+/// Visits the readings in order.
 pub(crate) fn visit(
     campaign: &Campaign,
     state: &State,
-    derivatives: bool,
+    wanted: Look<'_>,
     mut look: impl FnMut(&At<'_>),
 ) {
     let columns = Columns::of(&state.surroundings);
     let mut motions = Vec::new();
-    let mut reading = 0;
-    follow(&state.hypothesis.model, campaign, |pose, seen, memories| {
+    let mut first = Vec::with_capacity(campaign.poses.len());
+    let mut readings = 0;
+    for pose in &campaign.poses {
+        first.push(readings);
+        readings += pose.seen.len();
+    }
+    follow(&state.hypothesis.model, campaign, wanted.used, |pose, seen, memories| {
+        let derivatives = wanted.derivatives;
+        let mut reading = first[pose];
         let inputs = &campaign.poses[pose].inputs;
         if derivatives {
             motions = motions_of(&state.hypothesis, inputs, memories, seen);
@@ -109,10 +125,11 @@ pub(crate) fn visit(
     });
 }
 
-/// Lets the model's memory follow the campaign and shows every pose.
+/// Lets the model's memory follow the campaign and shows the poses that are used; all where nothing is said.
 pub(crate) fn follow(
     model: &Model,
     campaign: &Campaign,
+    used: Option<&[bool]>,
     mut look: impl FnMut(usize, &Evaluation, &Memories),
 ) {
     let mut memories = Memories::default();
@@ -121,7 +138,9 @@ pub(crate) fn follow(
             Arrival::Settled => model.settle(&pose.inputs, &mut memories),
             Arrival::FromBefore => model.advance(&pose.inputs, &mut memories),
         }
-        look(index, &model.evaluate(&pose.inputs, &memories), &memories);
+        if used.is_none_or(|used| used[index]) {
+            look(index, &model.evaluate(&pose.inputs, &memories), &memories);
+        }
     }
 }
 
@@ -171,7 +190,8 @@ fn through_loads(
 /// The weighed sum of squares of data and priors.
 pub(crate) fn cost(campaign: &Campaign, state: &State, weighing: &Weighing) -> f64 {
     let mut sum = 0.0;
-    visit(campaign, state, false, |at| {
+    let look = Look { used: Some(&weighing.used), derivatives: false };
+    visit(campaign, state, look, |at| {
         let scale = weighing.scale(at);
         sum += scale * scale * at.rows.residual.length_squared();
     });
@@ -199,7 +219,8 @@ pub(crate) fn data_rows(
     let effects_from = state.surroundings.numbers().len();
     let mut rows = vec![vec![0.0; state.width()]; 3];
     let mut row = vec![0.0; active.len()];
-    visit(campaign, state, true, |at| {
+    let look = Look { used: Some(&weighing.used), derivatives: true };
+    visit(campaign, state, look, |at| {
         let scale = weighing.scale(at);
         if scale == 0.0 {
             return;

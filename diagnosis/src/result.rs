@@ -9,7 +9,7 @@ use crate::campaign::Campaign;
 use crate::hypothesis::Hypothesis;
 use crate::independent::Dependent;
 use crate::minimise::Minimum;
-use crate::problem::{State, Weighing, data_rows, visit};
+use crate::problem::{Look, State, Weighing, data_rows, visit};
 use crate::surroundings::Surroundings;
 use crate::triangle::{Triangle, dot};
 use glam::DVec3;
@@ -171,7 +171,7 @@ impl Fit {
             State { surroundings: self.surroundings.clone(), hypothesis: self.hypothesis.clone() };
         let readings: Vec<_> = campaign.poses.iter().flat_map(|pose| &pose.seen).collect();
         let mut off = Vec::with_capacity(readings.len());
-        visit(campaign, &state, false, |at| {
+        visit(campaign, &state, Look { used: None, derivatives: false }, |at| {
             let observation = readings[at.reading];
             let residual = at.rows.residual;
             let back = match at.rows.count {

@@ -132,7 +132,7 @@ fn scene(path: &[[f64; 6]]) -> (Campaign, State) {
     let mut campaign =
         Campaign { poses, surroundings: around.clone(), instruments, recordings: Vec::new() };
     let mut tools = Vec::new();
-    follow(&hypothesis.model, &campaign, |_, seen, _| tools.push(seen.real.base_from_tool));
+    follow(&hypothesis.model, &campaign, None, |_, seen, _| tools.push(seen.real.base_from_tool));
     for (pose, tool) in campaign.poses.iter_mut().zip(tools) {
         pose.seen = readings(&tool, &around, pose.inputs.q[0]);
     }
@@ -142,7 +142,7 @@ fn scene(path: &[[f64; 6]]) -> (Campaign, State) {
 /// All residuals in order.
 fn residuals(campaign: &Campaign, state: &State) -> Vec<f64> {
     let mut all = Vec::new();
-    visit(campaign, state, false, |at| {
+    visit(campaign, state, Look { used: None, derivatives: false }, |at| {
         all.extend_from_slice(&at.rows.residual.to_array()[..at.rows.count]);
     });
     all
