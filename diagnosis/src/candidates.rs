@@ -187,7 +187,7 @@ impl List<'_> {
     fn of_joint(&mut self, joint: usize, campaign: &Campaign) {
         let at = Some(joint);
         self.values("joint_ratio", at, &[("ratio", &[0.0])]);
-        for from in (0..self.arm.count()).filter(|from| *from != joint) {
+        for from in (0..joint).filter(|from| couples(self.arm, *from, joint)) {
             let from = [(from + 1) as f64];
             self.values("joint_coupling", at, &[("ratio", &[0.0]), ("from_joint", &from)]);
         }
@@ -291,6 +291,12 @@ impl List<'_> {
         self.found.push(Candidate { slot, joint, probes, settings, make });
         true
     }
+}
+
+/// Whether the drive of `joint` may run through joint `from`: within the last three of an arm (a wrist's gears), and from the second
+/// to the third (a parallel rod).
+fn couples(arm: &Arm, from: usize, joint: usize) -> bool {
+    (from + 3 >= arm.count() && from < joint) || (from == 1 && joint == 2)
 }
 
 /// Effects of one slot stand for the same thing: one of them is enough.
