@@ -29,7 +29,7 @@ pub(crate) struct Probe {
 #[derive(Clone, Copy, Debug)]
 enum Make {
     /// The probes' effect with its linear values set.
-    Values(AnyEffect),
+    Values,
     /// Sine and cosine of one wave of a joint's position.
     Wave { joint: usize, cycles: f64 },
     /// Sine and cosine of two tilts.
@@ -53,7 +53,8 @@ impl Candidate {
     /// The effect with the numbers that were found for its probes.
     pub(crate) fn effect(&self, arm: &Arm, found: &[f64]) -> Option<AnyEffect> {
         match self.make {
-            Make::Values(mut effect) => {
+            Make::Values => {
+                let mut effect = self.probes.first()?.effect;
                 for (probe, value) in self.probes.iter().zip(found) {
                     effect.values_mut()[probe.value] = *value;
                 }
@@ -75,7 +76,7 @@ impl Candidate {
     pub(crate) fn kept(&self) -> &'static [&'static str] {
         match self.make {
             Make::Wave { .. } | Make::Wobble { .. } => &["cycles"],
-            Make::Values(_) => &[],
+            Make::Values => &[],
         }
     }
 }
@@ -287,8 +288,7 @@ impl List<'_> {
         let number = |stem| given.iter().find(|(name, _)| *name == stem).map(|(_, x)| x.to_vec());
         let settings = entries.filter_map(|p| Some((p.stem, number(p.stem)?))).collect();
         let slot = slot(&effect);
-        let make = Make::Values(effect);
-        self.found.push(Candidate { slot, joint, probes, settings, make });
+        self.found.push(Candidate { slot, joint, probes, settings, make: Make::Values });
         true
     }
 }

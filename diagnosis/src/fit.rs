@@ -273,3 +273,6 @@ impl<'a> Fitting<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

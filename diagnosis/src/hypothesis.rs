@@ -170,13 +170,15 @@ pub fn much(effect: &AnyEffect, value: usize) -> f64 {
     let Some(Named { parameter, .. }) = named(effect, value) else { return 1.0 };
     let stands = effect.values()[value].abs();
     match (effect.spec().kind, parameter.unit) {
-        ("joint_offset", _) => 0.05,
-        ("axis_tilt" | "tool_offset" | "gravity_tilt", Unit::TurnMilliradian) => 0.02,
+        ("joint_offset", _) => 0.02,
+        ("axis_tilt", Unit::TurnMilliradian) => 5e-3,
+        ("tool_offset" | "gravity_tilt", Unit::TurnMilliradian) => 0.02,
         ("gravity_sag" | "joint_polynomial", _) => 5e-3,
         ("axis_wobble", Unit::TurnMilliradian) => 5e-4,
         (_, Unit::Milliradian | Unit::TurnMilliradian) => 1e-3,
         (_, Unit::One) => 5e-4,
-        (_, Unit::PhaseRadian) => 1.8,
+        (_, Unit::PhaseRadian) => 6.0,
+        ("axis_shift", _) => 5e-3,
         (_, Unit::Millimetre) => 0.02,
         (_, Unit::Micrometre) => 1e-3,
         (_, Unit::Compliance) => 2e-3,
@@ -185,8 +187,9 @@ pub fn much(effect: &AnyEffect, value: usize) -> f64 {
         (_, Unit::MicrometrePerNewton) => 1e-5,
         (_, Unit::MicrometrePerKelvin) => 1e-4,
         (_, Unit::MilliradianPerKelvin) => 1e-4,
-        (_, Unit::CyclesPerRevolution) => 0.02 * stands.max(1.0),
-        (_, Unit::NewtonMetre | Unit::Moment | Unit::Newton) => stands.max(10.0),
+        (_, Unit::CyclesPerRevolution) => 0.05 * stands.max(1.0),
+        (_, Unit::Second) => 3.0 * stands.max(1.0),
+        (_, Unit::NewtonMetre | Unit::Moment | Unit::Newton) => 3.0 * stands.max(10.0),
         (_, Unit::Kilogram) => 20.0,
         _ => stands.max(1.0),
     }

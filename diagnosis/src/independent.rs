@@ -9,8 +9,9 @@
 
 use crate::triangle::{Triangle, dot};
 
-/// A number is determined when the largest sensible change of it shows at least as many noises as this.
-const SHOWN: f64 = 3.0;
+/// A number is determined when the largest sensible change of it shows at least as many noises as this: less would be a number with an
+/// uncertainty that nobody can use.
+const SHOWN: f64 = 10.0;
 /// Below this share of its own length, what is left of a column is rounding.
 const ROUNDING: f64 = 1e-9;
 /// Partners are named down to this share of the strongest.
@@ -108,7 +109,7 @@ mod tests {
     #[test]
     fn a_column_without_information_is_named_alone() {
         let rows: Vec<[f64; 4]> = (0..50).map(|i| [1.0, f64::from(i), 0.0, 1e-9]).collect();
-        let (kept, others) = sort(&triangle(&rows), &[1.0; 4]);
+        let (kept, others) = sort(&triangle(&rows), &[2.0; 4]);
         assert_eq!(kept, [0, 1]);
         assert_eq!(others[0], Dependent { column: 2, partners: vec![] });
         assert_eq!(others[1].column, 3);
@@ -117,7 +118,7 @@ mod tests {
     #[test]
     fn what_shows_less_than_the_noise_is_not_determined() {
         let rows: Vec<[f64; 4]> = (0..4).map(|i| [1.0, f64::from(i % 2), 0.0, 0.0]).collect();
-        assert_eq!(sort(&triangle(&rows), &[1.0, 1.0, 1.0, 1.0]).0.len(), 0);
-        assert_eq!(sort(&triangle(&rows), &[9.0, 9.0, 9.0, 9.0]).0, [0, 1]);
+        assert_eq!(sort(&triangle(&rows), &[3.0; 4]).0.len(), 0);
+        assert_eq!(sort(&triangle(&rows), &[19.0, 19.0, 19.0, 19.0]).0, [0, 1]);
     }
 }

@@ -12,6 +12,8 @@ pub mod from_recording;
 pub mod gross;
 pub mod hypothesis;
 mod independent;
+#[cfg(test)]
+mod made;
 mod minimise;
 pub mod motion;
 mod problem;

@@ -110,17 +110,15 @@ pub(crate) fn visit(
     }
     follow(&state.hypothesis.model, campaign, wanted.used, |pose, seen, memories| {
         let derivatives = wanted.derivatives;
-        let mut reading = first[pose];
         let inputs = &campaign.poses[pose].inputs;
         if derivatives {
             motions = motions_of(&state.hypothesis, inputs, memories, seen);
         }
-        for observation in &campaign.poses[pose].seen {
+        for (reading, observation) in (first[pose]..).zip(&campaign.poses[pose].seen) {
             let surroundings = &state.surroundings;
             let rows = Rows::of(observation, seen, &inputs.q, surroundings, &columns);
             let instrument = observation.instrument;
             look(&At { pose, reading, rows: &rows, motions: &motions, instrument });
-            reading += 1;
         }
     });
 }

@@ -49,16 +49,18 @@ pub fn geometry(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     let mut hypothesis = Hypothesis::fixed(*model);
     let given = model.effects().len();
     let zeros = [0.0; 3];
-    for joint in 0..model.arm.count() {
-        for (kind, stem, count) in
-            [("joint_offset", "offset", 1), ("axis_tilt", "tilt", 2), ("axis_shift", "shift", 3)]
-        {
-            let numbers: &[(&str, &[f64])] = &[(stem, &zeros[..count])];
-            let there = model.effects().any(|e| e.spec().kind == kind && e.joint() == Some(joint));
-            if !there && let Ok(e) = AnyEffect::build(kind, &model.arm, Some(joint), Given(numbers))
-            {
-                hypothesis.add(e, &[]).unwrap_or_default();
-            }
+    // Where a frame or two joints share a direction, the earlier keeps it: zeros before tilts before shifts, and the first joint's axis,
+    // which an unknown frame takes, last.
+    let kinds =
+        [("joint_offset", "offset", 1), ("axis_tilt", "tilt", 2), ("axis_shift", "shift", 3)];
+    let joints = 0..model.arm.count();
+    let each = kinds.iter().flat_map(|kind| joints.clone().map(move |joint| (kind, joint)));
+    let (first, rest): (Vec<_>, Vec<_>) = each.partition(|(_, joint)| *joint == 0);
+    for ((kind, stem, count), joint) in rest.into_iter().chain(first) {
+        let numbers: &[(&str, &[f64])] = &[(*stem, &zeros[..*count])];
+        let there = model.effects().any(|e| e.spec().kind == *kind && e.joint() == Some(joint));
+        if !there && let Ok(e) = AnyEffect::build(kind, &model.arm, Some(joint), Given(numbers)) {
+            hypothesis.add(e, &[]).unwrap_or_default();
         }
     }
     for effect in 0..given {
