@@ -175,6 +175,25 @@ impl Model {
         });
     }
 
+    /// Calls `visit` with each place in `wanted` and the derivative of that effect's contribution by that value; `wanted` names
+    /// places in [`Model::effects`] and values of these.
+    pub fn derivatives(
+        &self,
+        inputs: &Inputs,
+        memories: &Memories,
+        wanted: &[(usize, usize)],
+        mut visit: impl FnMut(usize, &Contribution),
+    ) {
+        self.with_signals(inputs, memories, |signals| {
+            for (place, &(index, value)) in wanted.iter().enumerate() {
+                if let Some(effect) = self.effects[..self.count].get(index).and_then(Option::as_ref)
+                {
+                    visit(place, &effect.derivative(value, signals, &memories.0[index]));
+                }
+            }
+        });
+    }
+
     /// See [`crate::Effect::settle`], for all effects.
     pub fn settle(&self, inputs: &Inputs, memories: &mut Memories) {
         self.update(inputs, memories, AnyEffect::settle);

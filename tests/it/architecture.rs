@@ -19,6 +19,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("corrector", &["physics", "envelope"]),
     ("recording", &["physics"]),
     ("world", &["physics", "spectrum"]),
+    ("diagnosis", &["world", "recording", "spectrum", "report", "physics"]),
     ("client", &["shm-schema", "envelope"]),
     ("daemon", &["corrector", "physics", "envelope", "spectrum", "recording", "shm-schema"]),
     ("xtask", &["report"]),

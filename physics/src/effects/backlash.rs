@@ -54,7 +54,8 @@ impl Effect for Backlash {
         let carried = memory.0[0] - moved;
         let z = carried.clamp(-half, half);
         if z != carried {
-            memory.0[1] = if z < 0.0 { -1.0 } else { 1.0 };
+            // Not the sign of z: a gap that is still to be found has no width, and touches an end all the same.
+            memory.0[1] = if carried < 0.0 { -1.0 } else { 1.0 };
         }
         memory.0[0] = z;
     }
@@ -96,6 +97,17 @@ mod tests {
         assert!((inside - there).abs() < 1e-15, "inside the gap the link stays");
         let back = moved(&effect, &mut memory, 0.1 - 0.75 * WIDTH, 0.05);
         assert!((back - (0.05 + WIDTH / 2.0)).abs() < 1e-15, "beyond it the motor leads again");
+    }
+
+    #[test]
+    fn a_gap_of_no_width_knows_which_end_it_touches() {
+        let effect = Backlash { joint: 1, values: [0.0] };
+        let mut memory = Memory::default();
+        for (to, slope) in [(0.1, -0.5), (0.05, 0.5)] {
+            moved(&effect, &mut memory, 0.07, to);
+            let seen = with_inputs(&scene().inputs, |s| effect.derivative(0, s, &memory));
+            assert_eq!(seen, Contribution::Joint { joint: 1, delta: slope });
+        }
     }
 
     #[test]

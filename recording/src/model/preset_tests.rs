@@ -27,6 +27,15 @@ fn modified(alpha: f64, a: f64, d: f64, theta: f64) -> DMat4 {
         * DMat4::from_translation(DVec3::Z * d * 1e-3)
 }
 
+fn irb120(q: &[f64]) -> DMat4 {
+    standard(q[0], 290.0, 0.0, -FRAC_PI_2)
+        * standard(q[1] - FRAC_PI_2, 0.0, 270.0, 0.0)
+        * standard(q[2], 0.0, 70.0, -FRAC_PI_2)
+        * standard(q[3], 302.0, 0.0, FRAC_PI_2)
+        * standard(q[4], 0.0, 0.0, -FRAC_PI_2)
+        * standard(q[5] + PI, 72.0, 0.0, 0.0)
+}
+
 fn irb1600(q: &[f64]) -> DMat4 {
     standard(q[0], 486.5, 150.0, -FRAC_PI_2)
         * standard(q[1] - FRAC_PI_2, 0.0, 700.0, 0.0)
@@ -87,7 +96,8 @@ type Case = (&'static str, fn(&[f64]) -> DMat4);
 
 #[test]
 fn every_preset_agrees_with_its_denavit_hartenberg_figures() {
-    let cases: [Case; 5] = [
+    let cases: [Case; 6] = [
+        ("irb120", irb120),
         ("irb1600-6-145", irb1600),
         ("irb1600-6-145-thesis", irb1600),
         ("kuka-kr240", kuka),

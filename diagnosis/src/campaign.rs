@@ -1,0 +1,251 @@
+//! A measuring campaign: what went into the robot, what was seen of it, and how well.
+//!
+//! Kinds of readings are mixed freely: points of the tool and its orientation in a measuring frame, distances to a fixed point
+//! (ballbar, cable), contacts of a probe with planes and spheres, joint positions on the link side.
+//!
+//! Promises: plain data, SI; a campaign knows nothing of the effects that will be fitted to it.
+//! Never: a file; see [`crate::from_recording`].
+
+use crate::surroundings::Surroundings;
+use glam::{DMat3, DVec3};
+use physics::Inputs;
+
+/// Which point of the tool is meant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// The tool centre point.
+    Tcp,
+    /// A target (reflector, probe tip) of [`Surroundings::targets`].
+    Target(usize),
+}
+
+/// What an instrument read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reading {
+    /// A point of the tool, m, measuring frame.
+    Point {
+        /// Which point.
+        place: Place,
+        /// Which of [`Surroundings::frames`] it was measured in.
+        frame: usize,
+        /// Where it was seen, m.
+        at: DVec3,
+    },
+    /// The tool's orientation in a measuring frame.
+    Orientation {
+        /// Which of [`Surroundings::frames`].
+        frame: usize,
+        /// Tool axes to measuring axes.
+        measuring_from_tool: DMat3,
+    },
+    /// The distance of a point of the tool from a fixed point.
+    Distance {
+        /// Which point.
+        place: Place,
+        /// Which of [`Surroundings::anchors`].
+        anchor: usize,
+        /// m.
+        length_m: f64,
+    },
+    /// A probe touches a plane from the side of its normal.
+    Plane {
+        /// The middle of the probe's ball.
+        place: Place,
+        /// Which of [`Surroundings::planes`].
+        plane: usize,
+        /// Radius of the probe's ball, m.
+        radius_m: f64,
+    },
+    /// A probe touches a sphere from outside.
+    Sphere {
+        /// The middle of the probe's ball.
+        place: Place,
+        /// Which of [`Surroundings::spheres`].
+        sphere: usize,
+        /// Radius of the probe's ball, m.
+        radius_m: f64,
+    },
+    /// A joint's position measured on the link side, rad or m.
+    JointPosition {
+        /// From 0.
+        joint: usize,
+        /// rad or m.
+        position: f64,
+    },
+}
+
+impl Reading {
+    /// How many numbers were read: 3 for points and orientations, else 1.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        match self {
+            Self::Point { .. } | Self::Orientation { .. } => 3,
+            _ => 1,
+        }
+    }
+
+    /// Whether it is a length in m; else an angle.
+    #[must_use]
+    pub fn is_length(&self) -> bool {
+        !matches!(self, Self::Orientation { .. } | Self::JointPosition { .. })
+    }
+}
+
+/// The standard uncertainty of a reading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Noise {
+    /// The same in every direction, m or rad.
+    Equal(f64),
+    /// Per axis of the measuring frame, m or rad.
+    Axes(DVec3),
+    /// A laser tracker at the origin of the measuring frame: `u = fixed + per_metre · distance`, along and across the beam.
+    Tracker {
+        /// Along the beam: m, and m per m.
+        along: (f64, f64),
+        /// Across the beam: m, and m per m.
+        across: (f64, f64),
+    },
+    /// A covariance, m², measuring axes; it must be positive definite.
+    Covariance(DMat3),
+}
+
+impl Noise {
+    /// `W` with `Wᵀ W` the inverse covariance: it turns residuals into unit noise. `seen` is where the point was seen.
+    ///
+    /// None where the noise is not above zero and finite.
+    #[must_use]
+    pub fn whitening(&self, seen: DVec3) -> Option<DMat3> {
+        let whitening = match *self {
+            Self::Equal(sigma) => DMat3::from_diagonal(DVec3::splat(1.0 / sigma)),
+            Self::Axes(sigma) => DMat3::from_diagonal(DVec3::ONE / sigma),
+            Self::Tracker { along, across } => {
+                let distance = seen.length();
+                let beam = seen.try_normalize().unwrap_or(DVec3::X);
+                let (first, second) = physics::frame::normals(beam);
+                let (u, v) = (along.0 + along.1 * distance, across.0 + across.1 * distance);
+                DMat3::from_cols(beam / u, first / v, second / v).transpose()
+            }
+            Self::Covariance(covariance) => inverse_root(&covariance)?,
+        };
+        let numbers = whitening.to_cols_array();
+        let sound = whitening.is_finite() && whitening.determinant() > 0.0;
+        (sound && numbers.iter().any(|x| *x != 0.0)).then_some(whitening)
+    }
+}
+
+/// The inverse of the lower Cholesky factor of a covariance.
+fn inverse_root(c: &DMat3) -> Option<DMat3> {
+    let (xx, xy, xz) = (c.x_axis.x, c.x_axis.y, c.x_axis.z);
+    let (yy, yz, zz) = (c.y_axis.y, c.y_axis.z, c.z_axis.z);
+    let l11 = xx.sqrt();
+    let (l21, l31) = (xy / l11, xz / l11);
+    let l22 = (yy - l21 * l21).sqrt();
+    let l32 = (yz - l31 * l21) / l22;
+    let l33 = (zz - l31 * l31 - l32 * l32).sqrt();
+    let lower = DMat3::from_cols(
+        DVec3::new(l11, l21, l31),
+        DVec3::new(0.0, l22, l32),
+        DVec3::new(0.0, 0.0, l33),
+    );
+    (l33 > 0.0).then(|| lower.inverse())
+}
+
+/// One reading with its uncertainty.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation {
+    /// What was read.
+    pub reading: Reading,
+    /// See [`Noise::whitening`]; a reading of one number uses the first entry alone.
+    pub whitening: DMat3,
+    /// The instrument, of [`Campaign::instruments`].
+    pub instrument: usize,
+}
+
+/// How the arm came to where it was seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Arrival {
+    /// After a long move that ended in the direction that the inputs say: memory is settled.
+    Settled,
+    /// From the pose before it: memory follows.
+    FromBefore,
+}
+
+/// The arm in one place, and what was seen of it there.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pose {
+    /// What went in.
+    pub inputs: Inputs,
+    /// How it came there.
+    pub arrival: Arrival,
+    /// Its recording, from 0.
+    pub recording: usize,
+    /// Its row in that recording, from 0.
+    pub row: usize,
+    /// What was seen.
+    pub seen: Vec<Observation>,
+}
+
+/// One instrument: readings that share one noise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Instrument {
+    /// What it measures, for people: `targets of FILE`.
+    pub name: String,
+    /// Whether its standard uncertainty is known; else the fit estimates a factor on it.
+    pub noise_is_known: bool,
+}
+
+/// Everything that was measured, with what stands around the robot as far as it is known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Campaign {
+    /// In the order in which they were measured.
+    pub poses: Vec<Pose>,
+    /// Frames, targets and things touched: known, or to be fitted.
+    pub surroundings: Surroundings,
+    /// The instruments.
+    pub instruments: Vec<Instrument>,
+    /// Names of the recordings, for people.
+    pub recordings: Vec<String>,
+}
+
+impl Campaign {
+    /// The number of readings of all poses.
+    #[must_use]
+    pub fn readings(&self) -> usize {
+        self.poses.iter().map(|pose| pose.seen.len()).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn whitening_takes_the_covariance_to_one(a in prop::array::uniform3(0.1..2.0_f64), b in prop::array::uniform3(-0.05..0.05_f64)) {
+            let c = DMat3::from_cols(DVec3::new(a[0], b[0], b[1]), DVec3::new(b[0], a[1], b[2]), DVec3::new(b[1], b[2], a[2]));
+            let w = Noise::Covariance(c).whitening(DVec3::ZERO).expect("positive definite");
+            let one = w * c * w.transpose();
+            prop_assert!((one - DMat3::IDENTITY).to_cols_array().iter().all(|x| x.abs() < 1e-12));
+        }
+
+        #[test]
+        fn a_tracker_is_sharp_along_the_beam_and_blunt_across(at in prop::array::uniform3(1.0..9.0_f64)) {
+            let at = DVec3::from_array(at);
+            let noise = Noise::Tracker { along: (1e-6, 0.0), across: (0.0, 6e-6) };
+            let w = noise.whitening(at).expect("sound");
+            let (beam, side) = (at.normalize(), at.normalize().any_orthonormal_vector());
+            prop_assert!(((w * beam).length() - 1e6).abs() < 1e-3);
+            let across = 1.0 / (6e-6 * at.length());
+            prop_assert!(((w * side).length() / across - 1.0).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_noise_that_is_none_is_refused() {
+        for noise in [Noise::Equal(0.0), Noise::Equal(f64::NAN), Noise::Axes(DVec3::X)] {
+            assert_eq!(noise.whitening(DVec3::ONE), None, "{noise:?}");
+        }
+        assert_eq!(Noise::Covariance(DMat3::ZERO).whitening(DVec3::ONE), None);
+    }
+}

@@ -1,0 +1,336 @@
+//! Effects that might be missing: asked of the physics' own list, for what these data could show.
+//!
+//! A candidate is judged by columns that are linear in its numbers: an effect's own linear values, or for a wave its sine and cosine.
+//! Numbers that are not linear (a time constant, a load) are tried at a few values each.
+//!
+//! Promises: no candidate needs a signal that the campaign does not have; none stands for what the model already has.
+//! Never: a look at the residuals; see [`crate::score`].
+
+use crate::campaign::{Arrival, Campaign};
+use physics::spec::{Need, Role};
+use physics::{AnyEffect, Arm, Given, JOINTS_MAX, JointKind};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// Shares of the longest segment that are tried as a time constant.
+const WARM_UPS: [f64; 4] = [0.03, 0.1, 0.25, 0.6];
+/// Distances of a hysteresis that are tried, rad or m.
+const REVERSALS: [f64; 3] = [2e-3, 1e-2, 5e-2];
+/// Loads of a soft zone that are tried, as shares of the joint's largest load.
+const SOFT: [f64; 3] = [0.05, 0.2, 0.6];
+
+/// One number of an effect, judged by its column.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Probe {
+    pub(crate) effect: AnyEffect,
+    pub(crate) value: usize,
+}
+
+/// How the numbers that were found become effects.
+#[derive(Clone, Copy, Debug)]
+enum Make {
+    /// The probes' effect with its linear values set.
+    Values,
+    /// Sine and cosine of one wave of a joint's position.
+    Wave { joint: usize, cycles: f64 },
+    /// Sine and cosine of two tilts.
+    Wobble { joint: usize, cycles: f64 },
+}
+
+/// An effect that might be missing.
+#[derive(Clone, Debug)]
+pub(crate) struct Candidate {
+    /// Candidates of one slot exclude each other.
+    pub(crate) slot: String,
+    /// Its joint.
+    pub(crate) joint: Option<usize>,
+    pub(crate) probes: Vec<Probe>,
+    /// Entries that no fit changes, with their numbers, SI.
+    pub(crate) settings: Vec<(&'static str, Vec<f64>)>,
+    make: Make,
+}
+
+impl Candidate {
+    /// The effect with the numbers that were found for its probes.
+    pub(crate) fn effect(&self, arm: &Arm, found: &[f64]) -> Option<AnyEffect> {
+        match self.make {
+            Make::Values => {
+                let mut effect = self.probes.first()?.effect;
+                for (probe, value) in self.probes.iter().zip(found) {
+                    effect.values_mut()[probe.value] = *value;
+                }
+                Some(effect)
+            }
+            Make::Wave { joint, cycles } => {
+                let [sine, cosine] = *found else { return None };
+                wave(arm, joint, cycles, sine.hypot(cosine), libm::atan2(cosine, sine))
+            }
+            Make::Wobble { joint, cycles } => {
+                let [s1, s2, c1, c2] = *found else { return None };
+                let phases = [libm::atan2(c1, s1), libm::atan2(c2, s2)];
+                wobble(arm, joint, cycles, [s1.hypot(c1), s2.hypot(c2)], phases)
+            }
+        }
+    }
+
+    /// Stems of its entries that a fit keeps: a wave's period where it was not searched for.
+    pub(crate) fn kept(&self) -> &'static [&'static str] {
+        match self.make {
+            Make::Wave { .. } | Make::Wobble { .. } => &["cycles"],
+            Make::Values => &[],
+        }
+    }
+}
+
+/// A wave of this many cycles per revolution (prismatic: radians of phase per metre).
+pub(crate) fn wave_candidate(arm: &Arm, joint: usize, cycles: f64) -> Option<Candidate> {
+    let sine = wave(arm, joint, cycles, 1.0, 0.0)?;
+    let cosine = wave(arm, joint, cycles, 1.0, FRAC_PI_2)?;
+    let probes = [sine, cosine].map(|effect| Probe { effect, value: 0 }).to_vec();
+    let slot = format!("wave {joint} {cycles}");
+    let make = Make::Wave { joint, cycles };
+    Some(Candidate { slot, joint: Some(joint), probes, settings: Vec::new(), make })
+}
+
+fn wave(arm: &Arm, joint: usize, cycles: f64, amplitude: f64, phase: f64) -> Option<AnyEffect> {
+    let given: &[(&str, &[f64])] =
+        &[("amplitude", &[amplitude]), ("cycles", &[cycles]), ("phase", &[phase])];
+    AnyEffect::build("transmission_error", arm, Some(joint), Given(given)).ok()
+}
+
+fn wobble(
+    arm: &Arm,
+    joint: usize,
+    cycles: f64,
+    amplitude: [f64; 2],
+    phase: [f64; 2],
+) -> Option<AnyEffect> {
+    let given: &[(&str, &[f64])] =
+        &[("amplitude", &amplitude), ("phase", &phase), ("cycles", &[cycles])];
+    AnyEffect::build("axis_wobble", arm, Some(joint), Given(given)).ok()
+}
+
+/// What the campaign shows besides joint positions.
+#[derive(Clone, Copy, Debug, Default)]
+struct Shows {
+    masses: bool,
+    wrench: bool,
+    direction: bool,
+    path: bool,
+    temperature: bool,
+    longest_s: f64,
+}
+
+impl Shows {
+    fn of(arm: &Arm, campaign: &Campaign) -> Self {
+        let poses = &campaign.poses;
+        let first = poses.first().map(|pose| pose.inputs.wrench_base);
+        let celsius = |joint: usize| poses.iter().map(move |pose| pose.inputs.celsius(joint));
+        let warms = |joint: usize| {
+            let (low, high) = celsius(joint)
+                .filter(|t| t.is_finite())
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)));
+            high - low > 0.5
+        };
+        Self {
+            masses: arm.bodies().next().is_some(),
+            wrench: poses.iter().any(|pose| Some(pose.inputs.wrench_base) != first),
+            direction: poses.iter().any(|pose| pose.inputs.direction.iter().any(|d| *d != 0.0)),
+            path: small_moves(campaign),
+            temperature: (0..arm.count()).any(warms),
+            longest_s: poses.iter().map(|pose| pose.inputs.time_s).fold(0.0, f64::max),
+        }
+    }
+
+    fn has(&self, need: Need) -> bool {
+        match need {
+            Need::Direction => self.direction,
+            Need::Masses => self.masses,
+            Need::Wrench => self.wrench,
+            Need::Temperature => self.temperature,
+            Need::Time => self.longest_s > 0.0,
+            Need::SpindleSpeed | Need::Velocity | Need::Acceleration => false,
+        }
+    }
+}
+
+/// Whether most poses are reached from one near by: what a reversal builds up over a distance shows only then.
+fn small_moves(campaign: &Campaign) -> bool {
+    let near = |pose: &&crate::campaign::Pose| {
+        let moves = pose.inputs.q.iter().zip(&pose.inputs.q_before).map(|(q, b)| (q - b).abs());
+        pose.arrival == Arrival::FromBefore && moves.fold(0.0, f64::max) < REVERSALS[2]
+    };
+    campaign.poses.iter().filter(near).count() > campaign.poses.len() / 2
+}
+
+/// All effects that these data could show, geometry aside, each at the values that are worth a try.
+pub(crate) fn candidates(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
+    let mut list = List { arm, shows: Shows::of(arm, campaign), found: Vec::new() };
+    for joint in 0..arm.count() {
+        list.of_joint(joint, campaign);
+    }
+    if list.shows.masses {
+        list.values("base_compliance", None, &[("compliance", &[0.0])]);
+        list.values("gravity_tilt", None, &[("tilt", &[0.0; 2])]);
+    }
+    if list.shows.wrench {
+        list.values("tool_compliance", None, &[("compliance", &[0.0; 3])]);
+    }
+    list.found
+}
+
+struct List<'a> {
+    arm: &'a Arm,
+    shows: Shows,
+    found: Vec<Candidate>,
+}
+
+impl List<'_> {
+    fn of_joint(&mut self, joint: usize, campaign: &Campaign) {
+        let at = Some(joint);
+        self.values("joint_ratio", at, &[("ratio", &[0.0])]);
+        for from in (0..joint).filter(|from| couples(self.arm, *from, joint)) {
+            let from = [(from + 1) as f64];
+            self.values("joint_coupling", at, &[("ratio", &[0.0]), ("from_joint", &from)]);
+        }
+        if self.shows.has(Need::Direction) {
+            self.values("backlash", at, &[("width", &[0.0])]);
+        }
+        if self.shows.path && self.shows.has(Need::Direction) {
+            for reversal in REVERSALS {
+                self.values("hysteresis", at, &[("amplitude", &[0.0]), ("reversal", &[reversal])]);
+            }
+        }
+        self.weight(joint, campaign);
+        self.waves(joint);
+        self.heat(joint);
+    }
+
+    /// What gives way under weight or wrench.
+    fn weight(&mut self, joint: usize, campaign: &Campaign) {
+        let at = Some(joint);
+        let sag = [0.0; 3 * JOINTS_MAX];
+        let bodies = 3 * (self.arm.count() - joint);
+        self.values("gravity_sag", at, &[("sag", &sag[..bodies])]);
+        if self.shows.wrench {
+            self.values("load_compliance", at, &[("compliance", &[0.0])]);
+        }
+        if self.shows.masses || self.shows.wrench {
+            self.values("joint_compliance", at, &[("compliance", &[0.0])]);
+            self.values("bearing_compliance", at, &[("compliance", &[0.0])]);
+        }
+        if self.shows.masses {
+            let most = largest_load(self.arm, campaign, joint);
+            for share in SOFT.iter().filter(|_| most > 0.0) {
+                let torque = [share * most];
+                self.values("lost_motion", at, &[("width", &[0.0]), ("torque", &torque)]);
+            }
+        }
+    }
+
+    fn waves(&mut self, joint: usize) {
+        let unit = match self.arm.joints()[joint].kind {
+            JointKind::Revolute => 1.0,
+            JointKind::Prismatic => TAU,
+        };
+        for cycles in [unit, 2.0 * unit] {
+            self.found.extend(wave_candidate(self.arm, joint, cycles));
+            let at = |phase: f64| wobble(self.arm, joint, cycles, [1.0; 2], [phase; 2]);
+            let (Some(sine), Some(cosine)) = (at(0.0), at(FRAC_PI_2)) else { continue };
+            let probes = [(sine, 0), (sine, 1), (cosine, 0), (cosine, 1)];
+            self.found.push(Candidate {
+                slot: format!("wobble {joint} {cycles}"),
+                joint: Some(joint),
+                probes: probes.map(|(effect, value)| Probe { effect, value }).to_vec(),
+                settings: Vec::new(),
+                make: Make::Wobble { joint, cycles },
+            });
+        }
+    }
+
+    /// By temperature where one was recorded, else as a warm-up.
+    fn heat(&mut self, joint: usize) {
+        let at = Some(joint);
+        let axis = self.arm.joints()[joint].axis.to_array();
+        for (kind, per_kelvin) in [("thermal_zero", "drift"), ("thermal_growth", "growth")] {
+            let direction: (&str, &[f64]) = ("direction", &axis);
+            let laws: Vec<Vec<(&str, f64)>> = if self.shows.temperature {
+                vec![vec![(per_kelvin, 0.0)]]
+            } else {
+                let times = WARM_UPS.map(|share| share * self.shows.longest_s);
+                let law = |time| vec![("amplitude", 0.0), ("time_constant", time)];
+                times.into_iter().filter(|time| *time > 0.0).map(law).collect()
+            };
+            for law in laws {
+                let mut given: Vec<(&str, &[f64])> = Vec::new();
+                given.extend(law.iter().map(|(stem, x)| (*stem, std::slice::from_ref(x))));
+                let plain = self.values(kind, at, &given);
+                // A joint whose next one has the same point: what stands below it grows along its axis.
+                if !plain && kind == "thermal_growth" && joint == 0 {
+                    given.push(direction);
+                    self.values(kind, at, &given);
+                }
+            }
+        }
+    }
+
+    /// Adds an effect with all its linear values as probes; false where it cannot be built.
+    fn values(&mut self, kind: &str, joint: Option<usize>, given: &[(&str, &[f64])]) -> bool {
+        let Ok(effect) = AnyEffect::build(kind, self.arm, joint, Given(given)) else {
+            return false;
+        };
+        let values = 0..effect.values().len();
+        let linear = |value: &usize| {
+            crate::hypothesis::named(&effect, *value)
+                .is_some_and(|named| named.parameter.role == Role::Linear)
+        };
+        let probes = values.filter(linear).map(|value| Probe { effect, value }).collect();
+        let entries = effect.spec().parameters.iter().filter(|p| p.role == Role::Setting);
+        let number = |stem| given.iter().find(|(name, _)| *name == stem).map(|(_, x)| x.to_vec());
+        let settings = entries.filter_map(|p| Some((p.stem, number(p.stem)?))).collect();
+        let slot = slot(&effect);
+        self.found.push(Candidate { slot, joint, probes, settings, make: Make::Values });
+        true
+    }
+}
+
+/// Whether the drive of `joint` may run through joint `from`: within the last three of an arm (a wrist's gears), and from the second
+/// to the third (a parallel rod).
+fn couples(arm: &Arm, from: usize, joint: usize) -> bool {
+    (from + 3 >= arm.count() && from < joint) || (from == 1 && joint == 2)
+}
+
+/// Effects of one slot stand for the same thing: one of them is enough.
+pub(crate) fn slot(effect: &AnyEffect) -> String {
+    let joint = effect.joint().map_or(-1, |joint| joint as i64);
+    let what = match effect {
+        AnyEffect::GravitySag(_)
+        | AnyEffect::JointCompliance(_)
+        | AnyEffect::GravityCompliance(_) => "weight".to_owned(),
+        AnyEffect::Backlash(_) | AnyEffect::Hysteresis(_) => "reversal".to_owned(),
+        AnyEffect::TransmissionError(wave) => {
+            use physics::Effect;
+            return format!("wave {joint} {}", wave.values()[1]);
+        }
+        AnyEffect::AxisWobble(wobble) => {
+            use physics::Effect;
+            return format!("wobble {joint} {}", wobble.values()[4]);
+        }
+        AnyEffect::JointCoupling(_) => {
+            // Which joint it comes from is a setting: only the effect itself knows it.
+            let mut coupling = *effect;
+            coupling.values_mut().fill(0.0);
+            format!("{coupling:?}")
+        }
+        _ => effect.spec().kind.to_owned(),
+    };
+    format!("{what} {joint}")
+}
+
+/// The largest load of gravity and wrench on a joint over the campaign, Nm or N.
+fn largest_load(arm: &Arm, campaign: &Campaign, joint: usize) -> f64 {
+    let load = |inputs: &physics::Inputs| {
+        let chain = physics::Chain::nominal(arm, &inputs.q);
+        physics::Loads::on(arm, &chain, inputs.wrench_base).torque(joint).abs()
+    };
+    campaign.poses.iter().map(|pose| load(&pose.inputs)).fold(0.0, f64::max)
+}

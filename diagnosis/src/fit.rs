@@ -1,0 +1,278 @@
+//! One fit: surroundings and free numbers together, robust, with what the data do not determine left where it is believed to be.
+//!
+//! Order: surroundings alone; then all that is determined, the noise's scale and the set of determined numbers followed until
+//! both stand; then the weights of far readings.
+//!
+//! Promises: the same input gives the same bits; numbers that must not be negative are not; every number that was not fitted is named.
+//! Never: a choice of effects; see [`crate::select`].
+
+use crate::campaign::Campaign;
+use crate::hypothesis::{Hypothesis, named};
+use crate::independent::{Dependent, sort};
+use crate::minimise::{Minimum, minimise};
+use crate::problem::{Look, State, Weighing, cost, data_triangle, visit};
+use crate::result::{Fit, Parts};
+use crate::robust::{Influence, scale, weight};
+use crate::start;
+use crate::surroundings::Surroundings;
+use physics::spec::Range;
+
+/// Rounds in which the noise's scale and the set of determined numbers may change.
+const SETTLING: usize = 4;
+/// Rounds of weights.
+const WEIGHING: usize = 8;
+/// Steps between two looks at scale and weights.
+const STEPS: usize = 12;
+/// Steps of a sketch.
+const SKETCH: usize = 3;
+/// Weights that changed less than this stand.
+const STANDS: f64 = 1e-3;
+
+/// How a fit is made.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings<'a> {
+    /// Which poses take part, one entry per pose.
+    pub used: &'a [bool],
+    /// What far readings keep.
+    pub influence: Influence,
+    /// Where the surroundings start; none: found from the controller's own geometry.
+    pub from: Option<&'a Surroundings>,
+    /// How far it goes.
+    pub effort: Effort,
+}
+
+/// How far a fit goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effort {
+    /// Until nothing is left to gain.
+    Full,
+    /// A few steps from where it starts: enough to see what is missing.
+    Sketch,
+}
+
+/// Fits the free numbers of `hypothesis` and the surroundings of `campaign` to the poses that take part.
+#[must_use]
+pub fn fit(campaign: &Campaign, hypothesis: &Hypothesis, settings: &Settings<'_>) -> Fit {
+    let surroundings = settings
+        .from
+        .cloned()
+        .unwrap_or_else(|| start::surroundings(campaign, &hypothesis.model, settings.used));
+    let state = State { surroundings, hypothesis: hypothesis.clone() };
+    let mut fitting = Fitting::new(campaign, state, settings.used);
+    match settings.effort {
+        Effort::Full => {
+            fitting.settle(settings.from.is_none());
+            for influence in stages(settings.influence) {
+                fitting.weigh(*influence);
+            }
+            fitting.final_factors();
+            fitting.run(usize::MAX);
+        }
+        Effort::Sketch => fitting.sketch(settings.influence),
+    }
+    fitting.done()
+}
+
+fn stages(influence: Influence) -> &'static [Influence] {
+    match influence {
+        Influence::Equal => &[],
+        Influence::Huber => &[Influence::Huber],
+        Influence::Redescending => &[Influence::Huber, Influence::Redescending],
+    }
+}
+
+struct Fitting<'a> {
+    campaign: &'a Campaign,
+    state: State,
+    weighing: Weighing,
+    active: Vec<usize>,
+    dependent: Vec<Dependent>,
+    /// Columns held at zero since the data wanted them negative.
+    bounded: Vec<usize>,
+    minimum: Option<Minimum>,
+    steps: usize,
+}
+
+impl<'a> Fitting<'a> {
+    fn new(campaign: &'a Campaign, state: State, used: &[bool]) -> Self {
+        let weighing = Weighing::equal(campaign, used);
+        Self {
+            campaign,
+            state,
+            weighing,
+            active: Vec::new(),
+            dependent: Vec::new(),
+            bounded: Vec::new(),
+            minimum: None,
+            steps: 0,
+        }
+    }
+
+    fn settle(&mut self, afresh: bool) {
+        if afresh {
+            self.active = (0..self.state.surroundings.numbers().len()).collect();
+            self.rescale();
+            self.run(STEPS);
+        }
+        for _ in 0..SETTLING {
+            let before = (self.active.clone(), self.weighing.factors.clone());
+            self.rescale();
+            self.choose_columns();
+            self.run(STEPS);
+            let stands = |(a, b): (&f64, &f64)| (a / b - 1.0).abs() < 0.05;
+            let same_scale = self.weighing.factors.iter().zip(&before.1).all(stands);
+            if self.bound() && before.0 == self.active && same_scale {
+                break;
+            }
+        }
+        self.run(usize::MAX);
+    }
+
+    fn sketch(&mut self, influence: Influence) {
+        self.rescale();
+        let redescends = influence == Influence::Redescending;
+        self.reweigh(if redescends { Influence::Huber } else { influence });
+        self.choose_columns();
+        self.run(SKETCH);
+        self.bound();
+        // The triangle has to be that of the final factors.
+        self.final_factors();
+        self.run(1);
+    }
+
+    /// Follows the weights until they stand.
+    fn weigh(&mut self, influence: Influence) {
+        for _ in 0..WEIGHING {
+            let before = self.weighing.weights.clone();
+            self.rescale();
+            self.reweigh(influence);
+            let pairs = self.weighing.weights.iter().zip(&before);
+            let changed = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            if changed < STANDS {
+                break;
+            }
+            self.run(STEPS);
+        }
+        self.run(usize::MAX);
+    }
+
+    fn run(&mut self, steps_max: usize) {
+        let state = self.state.clone();
+        let found = minimise(self.campaign, state, &self.weighing, &self.active, steps_max);
+        self.state = found.state.clone();
+        self.steps += found.steps;
+        self.minimum = Some(found);
+    }
+
+    /// Columns that the data determine; the others go back to what is believed of them.
+    fn choose_columns(&mut self) {
+        let all: Vec<usize> = (0..self.state.width()).collect();
+        let data = data_triangle(self.campaign, &self.state, &self.weighing, &all);
+        let (kept, dependent) = sort(&data, &self.state.widths());
+        self.active = kept.into_iter().filter(|column| !self.bounded.contains(column)).collect();
+        self.dependent = dependent;
+        let first = self.state.surroundings.numbers().len();
+        let believed: Vec<(usize, f64)> = self
+            .dependent
+            .iter()
+            .filter_map(|d| d.column.checked_sub(first))
+            .map(|k| (k, self.state.hypothesis.free[k].mean))
+            .collect();
+        self.put(&believed);
+    }
+
+    /// Holds at zero what must not be negative and would be; true where nothing had to be held.
+    fn bound(&mut self) -> bool {
+        let first = self.state.surroundings.numbers().len();
+        let hypothesis = &self.state.hypothesis;
+        let values = hypothesis.values();
+        // The steps end at zero.
+        let mut at_zero = Vec::new();
+        for (k, (free, value)) in hypothesis.free.iter().zip(values).enumerate() {
+            let entry = hypothesis.effect_of(free).and_then(|effect| named(effect, free.value));
+            let fitted = self.active.contains(&(first + k));
+            let bound = entry.is_some_and(|n| n.parameter.range == Range::NotNegative);
+            if fitted && bound && value <= 0.0 {
+                at_zero.push(first + k);
+            }
+        }
+        self.active.retain(|column| !at_zero.contains(column));
+        let none = at_zero.is_empty();
+        self.bounded.extend(at_zero);
+        none
+    }
+
+    /// Puts free numbers to values.
+    fn put(&mut self, values: &[(usize, f64)]) {
+        let hypothesis = &mut self.state.hypothesis;
+        for (k, value) in values {
+            let free = hypothesis.free[*k];
+            if let Some(effect) = hypothesis.model.effect_mut(free.effect) {
+                effect.values_mut()[free.value] = *value;
+            }
+        }
+    }
+
+    /// Lengths of the residuals of the poses that take part, in stated noises: reading, instrument, count, length.
+    fn lengths(&self) -> Vec<(usize, usize, usize, f64)> {
+        let mut lengths = Vec::new();
+        let look = Look { used: Some(&self.weighing.used), derivatives: false };
+        visit(self.campaign, &self.state, look, |at| {
+            let length = at.rows.residual.length();
+            lengths.push((at.reading, at.instrument, at.rows.count, length));
+        });
+        lengths
+    }
+
+    /// The noise's factor of each instrument from its residuals; never below one where the noise is known.
+    fn rescale(&mut self) {
+        let lengths = self.lengths();
+        for (index, instrument) in self.campaign.instruments.iter().enumerate() {
+            let own = lengths.iter().filter(|(_, i, _, _)| *i == index);
+            let least = if instrument.noise_is_known { 1.0 } else { 1e-9 };
+            if let Some(found) = scale(own.map(|(_, _, count, length)| (*count, *length))) {
+                self.weighing.factors[index] = found.max(least);
+            }
+        }
+    }
+
+    fn reweigh(&mut self, influence: Influence) {
+        for (reading, instrument, count, length) in self.lengths() {
+            let length = length / self.weighing.factors[instrument];
+            self.weighing.weights[reading] = weight(influence, count, length);
+        }
+    }
+
+    fn done(self) -> Fit {
+        let sum = cost(self.campaign, &self.state, &self.weighing);
+        let Self { campaign, state, weighing, active, dependent, bounded, minimum, steps } = self;
+        let parts = Parts { state, weighing, active, dependent, bounded, minimum, steps, sum };
+        Fit::of(campaign, parts)
+    }
+
+    /// The factors by root mean square, which uses clean data whole, instead of by the median. A known noise stands unless the
+    /// residuals are too large for it (three standard deviations of their mean square).
+    fn final_factors(&mut self) {
+        let lengths = self.lengths();
+        let all: f64 = lengths.iter().map(|l| self.weighing.weights[l.0] * l.2 as f64).sum();
+        let freedom = (all - self.active.len() as f64).max(1.0) / all.max(1.0);
+        for (index, instrument) in self.campaign.instruments.iter().enumerate() {
+            let (mut square, mut count) = (0.0, 0.0);
+            for (reading, _, numbers, length) in lengths.iter().filter(|l| l.1 == index) {
+                let weight = self.weighing.weights[*reading];
+                square += weight * length * length;
+                count += weight * *numbers as f64;
+            }
+            let ratio = square / (count * freedom).max(1.0);
+            let too_large = ratio > 1.0 + 3.0 * (2.0 / (count * freedom).max(1.0)).sqrt();
+            if !instrument.noise_is_known || too_large {
+                self.weighing.factors[index] = ratio.sqrt().max(1e-9);
+            } else {
+                self.weighing.factors[index] = 1.0;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,167 @@
+//! Fits of campaigns whose truth is known.
+
+use super::*;
+use crate::campaign::{Instrument, Noise, Observation, Place, Reading};
+use crate::made::{empty, nominal};
+use crate::select::geometry;
+use crate::simulate;
+use crate::surroundings::{Fitted, Plane, Sphere};
+use glam::DVec3;
+use physics::{AnyEffect, Given, Model};
+
+fn settings(used: &[bool], influence: Influence) -> Settings<'_> {
+    Settings { used, influence, from: None, effort: Effort::Full }
+}
+
+/// The nominal robot with a few errors of geometry, and a compliance.
+fn truth() -> Model {
+    let mut model = nominal();
+    let arm = model.arm;
+    let mut add = |kind: &str, joint: usize, stem: &str, values: &[f64]| {
+        let effect = AnyEffect::build(kind, &arm, Some(joint), Given(&[(stem, values)]));
+        model.push(effect.expect(kind)).expect("room");
+    };
+    add("joint_offset", 1, "offset", &[1e-3]);
+    add("joint_offset", 2, "offset", &[-7e-4]);
+    add("joint_offset", 4, "offset", &[2e-3]);
+    add("axis_shift", 4, "shift", &[2e-4, 0.0, -3e-4]);
+    add("joint_compliance", 1, "compliance", &[2e-6]);
+    model
+}
+
+/// Geometry and the compliance of joint 2, all from nothing.
+fn open() -> Hypothesis {
+    let mut hypothesis = geometry(&nominal(), &[]);
+    let arm = hypothesis.model.arm;
+    let given: &[(&str, &[f64])] = &[("compliance", &[0.0])];
+    let effect = AnyEffect::build("joint_compliance", &arm, Some(1), Given(given)).expect("sound");
+    hypothesis.add(effect, &[]).expect("room");
+    hypothesis
+}
+
+fn value(found: &Fit, kind: &str, joint: usize, value: usize) -> (f64, Option<f64>) {
+    let hypothesis = &found.hypothesis;
+    let values = hypothesis.values();
+    let wanted = |free: &crate::Free| {
+        let effect = hypothesis.effect_of(free).expect("there");
+        effect.spec().kind == kind && effect.joint() == Some(joint) && free.value == value
+    };
+    let at = hypothesis.free.iter().position(wanted).expect("free");
+    (values[at], found.sigma(found.column_of(at)))
+}
+
+#[test]
+fn the_truth_is_found_within_its_stated_uncertainty() {
+    let campaign = empty(3, 120);
+    let campaign = simulate::readings(&campaign, &truth(), &campaign.surroundings, 1.0, 11);
+    let used = vec![true; 120];
+    let found = fit(&campaign, &open(), &settings(&used, Influence::Redescending));
+    assert!(found.converged);
+    assert!((found.factors[0] - 1.0).abs() < 1e-12, "a noise that is right stands");
+    for (kind, joint, place, wanted) in [
+        ("joint_offset", 1, 0, 1e-3),
+        ("joint_offset", 2, 0, -7e-4),
+        ("joint_offset", 4, 0, 2e-3),
+        ("axis_shift", 4, 2, -3e-4),
+        ("joint_compliance", 1, 0, 2e-6),
+    ] {
+        let (found, sigma) = value(&found, kind, joint, place);
+        let sigma = sigma.expect("determined");
+        assert!(
+            (found - wanted).abs() < 4.0 * sigma,
+            "{kind} {joint}: {found} ± {sigma}, not {wanted}"
+        );
+        assert!(sigma < 0.2 * wanted.abs(), "{kind} {joint}: ± {sigma}");
+    }
+    let expected = (found.readings - found.columns().len()) as f64;
+    assert!((found.sum / expected - 1.0).abs() < 0.2, "{} for {expected}", found.sum);
+}
+
+#[test]
+fn a_joint_that_never_moves_is_named_and_nothing_explodes() {
+    let mut campaign = empty(1, 200);
+    campaign.poses.iter_mut().for_each(|pose| pose.inputs.q[4] = 0.3);
+    let campaign = simulate::readings(&campaign, &truth(), &campaign.surroundings, 1.0, 12);
+    let used = vec![true; 200];
+    let found = fit(&campaign, &open(), &settings(&used, Influence::Equal));
+    let said: Vec<String> = found.undetermined.iter().map(crate::Undetermined::says).collect();
+    assert!(said.iter().any(|s| s.contains("joint 5's offset")), "{said:#?}");
+    assert!(
+        said.iter().any(|s| s.contains("joint 6's offset") && s.contains("target")),
+        "{said:#?}"
+    );
+    assert!(found.converged && found.sum / (found.readings as f64) < 1.3, "{}", found.sum);
+    let first = found.surroundings.numbers().len();
+    let values = found.hypothesis.values();
+    for undetermined in &found.undetermined {
+        let free = undetermined.column - first;
+        assert_eq!(values[free], 0.0, "{}: held where it is believed to be", undetermined.what);
+    }
+}
+
+#[test]
+fn wild_readings_lose_their_pull_and_weigh_less_than_half() {
+    let campaign = empty(3, 120);
+    let mut campaign = simulate::readings(&campaign, &truth(), &campaign.surroundings, 1.0, 13);
+    for pose in [17, 54] {
+        if let Reading::Point { at, .. } = &mut campaign.poses[pose].seen[1].reading {
+            *at += DVec3::new(0.004, -0.002, 0.0);
+        }
+    }
+    let used = vec![true; 120];
+    let found = fit(&campaign, &open(), &settings(&used, Influence::Redescending));
+    let light: Vec<usize> = (0..360).filter(|reading| found.weights[*reading] < 0.5).collect();
+    assert_eq!(light, [17 * 3 + 1, 54 * 3 + 1]);
+    let (offset, sigma) = value(&found, "joint_offset", 1, 0);
+    assert!((offset - 1e-3).abs() < 4.0 * sigma.expect("determined"), "{offset}");
+}
+
+/// No tracker: a ballbar from two fixed points, a probe on two planes and a sphere.
+fn without_tracker() -> Campaign {
+    let mut campaign = empty(1, 160);
+    let around = &mut campaign.surroundings;
+    around.frames.clear();
+    around.targets[0] = Fitted::known(around.targets[0].value);
+    around.anchors = vec![DVec3::new(0.9, 0.4, 0.1), DVec3::new(0.6, -0.7, 0.2)]
+        .into_iter()
+        .map(Fitted::unknown)
+        .collect();
+    around.planes = [DVec3::Z, DVec3::new(-1.0, 0.0, 0.0)]
+        .map(|normal| Fitted::unknown(Plane { normal, offset_m: 0.1 }))
+        .to_vec();
+    around.spheres = vec![Sphere {
+        centre: Fitted::unknown(DVec3::new(0.8, 0.1, 0.3)),
+        radius_m: Fitted::known(0.05),
+    }];
+    let place = Place::Target(0);
+    let whitening = Noise::Equal(1e-5).whitening(DVec3::ZERO).expect("sound");
+    let kinds = [
+        Reading::Distance { place, anchor: 0, length_m: 0.0 },
+        Reading::Distance { place, anchor: 1, length_m: 0.0 },
+        Reading::Plane { place, plane: 0, radius_m: 0.0 },
+        Reading::Plane { place, plane: 1, radius_m: 0.0 },
+        Reading::Sphere { place, sphere: 0, radius_m: 0.0 },
+    ];
+    for pose in &mut campaign.poses {
+        pose.seen = kinds.map(|reading| Observation { reading, whitening, instrument: 0 }).to_vec();
+    }
+    campaign.instruments = vec![Instrument { name: "probe".to_owned(), noise_is_known: true }];
+    campaign
+}
+
+#[test]
+fn distances_and_contacts_of_unknown_place_identify_the_arm_too() {
+    let campaign = without_tracker();
+    let campaign = simulate::readings(&campaign, &truth(), &campaign.surroundings, 1.0, 14);
+    let used = vec![true; campaign.poses.len()];
+    let found = fit(&campaign, &open(), &settings(&used, Influence::Equal));
+    assert!(found.sum / (found.readings as f64) < 1.2, "{} of {}", found.sum, found.readings);
+    for (kind, joint, wanted) in [("joint_offset", 2, -7e-4), ("joint_offset", 4, 2e-3)] {
+        let (found, sigma) = value(&found, kind, joint, 0);
+        let sigma = sigma.expect("determined");
+        assert!(
+            (found - wanted).abs() < 4.0 * sigma && sigma < 2e-4,
+            "{kind} {joint}: {found} ± {sigma}"
+        );
+    }
+}

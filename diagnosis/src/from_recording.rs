@@ -1,0 +1,272 @@
+//! Recordings of a robot as a campaign.
+//!
+//! Each recording has its own measuring frame; targets of one number are one thing in all recordings. Rows without any measured value give
+//! no pose, but memory of effects still follows them.
+//!
+//! Promises: nothing is left out silently: what has no value is not measured; what was not said of the noise is estimated.
+//! Never: a file read.
+
+use crate::campaign::{Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading};
+use crate::surroundings::{Fitted, Station, Surroundings};
+use glam::{DMat3, DQuat, DVec3};
+use physics::{Arm, Chain, Frame, Inputs, Joints, Wrench};
+use recording::series::{Approach, Channel, Frame as Axes, Heldout, Kind, Recording};
+
+/// Where nothing was said of a tracker's noise, the fit estimates a factor on this, m.
+const POINT_M: f64 = 5e-5;
+/// The same for orientations, rad.
+const ORIENTATION_RAD: f64 = 1e-4;
+/// The same for joint positions, rad or m.
+const JOINT: f64 = 1e-5;
+
+/// A recording that cannot be used in a campaign.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Unusable {
+    /// Its input lacks a joint.
+    #[error("{file}: the position of joint {joint} is missing")]
+    JointMissing {
+        /// The recording.
+        file: String,
+        /// From 1.
+        joint: usize,
+    },
+    /// A standard uncertainty that is no number above zero.
+    #[error("{file}: `sigma` of {what} must be above zero")]
+    Sigma {
+        /// The recording.
+        file: String,
+        /// Which group.
+        what: &'static str,
+    },
+    /// Nothing measured.
+    #[error(
+        "{file}: nothing was measured; a calibration needs x_mm, y_mm, z_mm, targets or ql columns"
+    )]
+    NothingMeasured {
+        /// The recording.
+        file: String,
+    },
+}
+
+/// A campaign of recordings of the robot `arm`.
+///
+/// # Errors
+/// The first recording that cannot be used.
+pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusable> {
+    let mut campaign = Campaign {
+        poses: Vec::new(),
+        surroundings: Surroundings::default(),
+        instruments: Vec::new(),
+        recordings: Vec::new(),
+    };
+    for (index, recording) in recordings.iter().enumerate() {
+        let reader = Reader { arm, recording, index };
+        reader.surround(&mut campaign.surroundings);
+        let instruments = reader.instruments(&mut campaign)?;
+        let before = campaign.readings();
+        let poses = reader.poses(&campaign.surroundings, &instruments)?;
+        campaign.poses.extend(poses);
+        if campaign.readings() == before {
+            return Err(Unusable::NothingMeasured { file: reader.name() });
+        }
+        campaign.recordings.push(reader.name());
+    }
+    Ok(campaign)
+}
+
+/// The poses that a recording keeps for validation, one entry per pose of the campaign.
+#[must_use]
+pub fn held_out(campaign: &Campaign, recordings: &[Recording]) -> Vec<bool> {
+    let kept = |pose: &Pose| {
+        let recording = recordings.get(pose.recording)?;
+        let segment = recording.segment.get(pose.row)?;
+        Some(match &recording.about.heldout {
+            Heldout::Unsaid => false,
+            Heldout::All => true,
+            Heldout::Segments(segments) => segments.contains(segment),
+        })
+    };
+    campaign.poses.iter().map(|pose| kept(pose).unwrap_or(false)).collect()
+}
+
+/// The instruments of one recording, places in [`Campaign::instruments`].
+struct Instruments {
+    points: (usize, Noise),
+    orientations: (usize, Noise),
+    joints: (usize, Vec<Noise>),
+}
+
+struct Reader<'a> {
+    arm: &'a Arm,
+    recording: &'a Recording,
+    index: usize,
+}
+
+impl Reader<'_> {
+    fn name(&self) -> String {
+        self.recording.file.display().to_string()
+    }
+
+    fn value(&self, channel: Channel, row: usize) -> f64 {
+        let column = self.recording.column(channel);
+        column.and_then(|column| column.get(row)).copied().unwrap_or(f64::NAN)
+    }
+
+    fn vector(&self, channel: impl Fn(usize) -> Channel, row: usize) -> Option<DVec3> {
+        let vector = DVec3::from_array([0, 1, 2].map(|k| self.value(channel(k), row)));
+        vector.is_finite().then_some(vector)
+    }
+
+    fn surround(&self, surroundings: &mut Surroundings) {
+        let about = &self.recording.about;
+        let station = Station { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
+        surroundings.frames.push(Fitted { value: station, free: !about.measured_in_base });
+        for target in surroundings.targets.len()..self.recording.target_count() {
+            let known = about.targets_tool.get(&target).map(|place| DVec3::from_array(*place));
+            let unknown = Fitted::unknown(DVec3::ZERO);
+            surroundings.targets.push(known.map_or(unknown, Fitted::known));
+        }
+    }
+
+    fn instruments(&self, campaign: &mut Campaign) -> Result<Instruments, Unusable> {
+        let file = self.name();
+        let mut add = |what: &str, noise_is_known: bool| {
+            campaign
+                .instruments
+                .push(Instrument { name: format!("{what} of {file}"), noise_is_known });
+            campaign.instruments.len() - 1
+        };
+        let sigma = |channel| self.recording.sigma(channel);
+        let axes = |channel: &dyn Fn(usize) -> Channel| {
+            let found = [0, 1, 2].map(|k| sigma(channel(k)));
+            let [Some(x), Some(y), Some(z)] = found else { return None };
+            Some(Noise::Axes(DVec3::new(x, y, z)))
+        };
+        let stated = axes(&Channel::Position).or_else(|| axes(&|k| Channel::Target(0, k)));
+        let points = (add("points", stated.is_some()), stated.unwrap_or(Noise::Equal(POINT_M)));
+        let turned = sigma(Channel::Orientation(1)).map(|sigma| Noise::Equal(2.0 * sigma));
+        let orientations = (
+            add("orientations", turned.is_some()),
+            turned.unwrap_or(Noise::Equal(ORIENTATION_RAD)),
+        );
+        let count = self.arm.count();
+        let known = (0..count).all(|joint| sigma(Channel::Link(joint)).is_some());
+        let noise = |joint| Noise::Equal(sigma(Channel::Link(joint)).unwrap_or(JOINT));
+        let joints = (add("joint positions", known), (0..count).map(noise).collect());
+        Ok(Instruments { points, orientations, joints })
+    }
+
+    fn poses(
+        &self,
+        surroundings: &Surroundings,
+        instruments: &Instruments,
+    ) -> Result<Vec<Pose>, Unusable> {
+        let Recording { t_s, segment, about, .. } = self.recording;
+        let mut poses: Vec<Pose> = Vec::with_capacity(self.recording.len());
+        let mut start_s = 0.0;
+        for (row, now_s) in t_s.iter().enumerate() {
+            let goes_on = row > 0 && segment.get(row) == segment.get(row - 1);
+            let before = poses.last().filter(|_| goes_on);
+            start_s = if goes_on { start_s } else { *now_s };
+            let inputs = self.inputs(row, now_s - start_s, before.map(|pose| &pose.inputs))?;
+            let follows = about.kind == Kind::Path || about.approach == Approach::Sequence;
+            let arrival =
+                if follows && before.is_some() { Arrival::FromBefore } else { Arrival::Settled };
+            let seen = self.seen(row, surroundings, instruments)?;
+            poses.push(Pose { inputs, arrival, recording: self.index, row, seen });
+        }
+        Ok(poses)
+    }
+
+    fn inputs(&self, row: usize, time_s: f64, before: Option<&Inputs>) -> Result<Inputs, Unusable> {
+        let mut q = Joints::default();
+        for (joint, slot) in q.iter_mut().enumerate().take(self.arm.count()) {
+            let column = self.recording.input(joint);
+            let missing = || Unusable::JointMissing { file: self.name(), joint: joint + 1 };
+            let value = column.and_then(|column| column.get(row)).copied().ok_or_else(missing)?;
+            // A sample that was not taken: the joint is where it was.
+            *slot = if value.is_nan() { before.map_or(0.0, |b| b.q[joint]) } else { value };
+        }
+        let mut inputs = Inputs::at_rest(q);
+        inputs.time_s = time_s;
+        if let Some(before) = before {
+            inputs.q_before = before.q;
+            inputs.dt_s = inputs.time_s - before.time_s;
+            inputs.direction = before.direction;
+        }
+        self.directions(row, before, &mut inputs);
+        inputs.ambient_celsius = self.value(Channel::Ambient, row);
+        inputs.spindle_rpm = self.value(Channel::Spindle, row);
+        for joint in 0..self.arm.count() {
+            inputs.joint_celsius[joint] = self.value(Channel::JointTemperature(joint), row);
+        }
+        inputs.wrench_base = self.wrench(row, &inputs.q);
+        Ok(inputs)
+    }
+
+    fn directions(&self, row: usize, before: Option<&Inputs>, inputs: &mut Inputs) {
+        let about = &self.recording.about;
+        let follows = about.kind == Kind::Path || about.approach == Approach::Sequence;
+        for joint in 0..self.arm.count() {
+            let said = self.value(Channel::Direction(joint), row);
+            let moved = before.map_or(0.0, |before| inputs.q[joint] - before.q[joint]);
+            let direction = &mut inputs.direction[joint];
+            if about.approach == Approach::Columns && !said.is_nan() {
+                *direction = said;
+            } else if follows && moved != 0.0 {
+                *direction = moved.signum();
+            }
+        }
+    }
+
+    fn wrench(&self, row: usize, q: &Joints) -> Wrench {
+        let part = |k: usize| Some(self.value(Channel::Wrench(k), row)).filter(|x| !x.is_nan());
+        let all = |from: usize| DVec3::from_array([0, 1, 2].map(|k| part(from + k).unwrap_or(0.0)));
+        let read = Wrench { force: all(0), moment: all(3) };
+        if read == Wrench::ZERO || self.recording.about.wrench_frame == Some(Axes::Base) {
+            return read;
+        }
+        let turned = Chain::nominal(self.arm, q).base_from_tool.rotation;
+        Wrench { force: turned * read.force, moment: turned * read.moment }
+    }
+
+    fn seen(
+        &self,
+        row: usize,
+        surroundings: &Surroundings,
+        instruments: &Instruments,
+    ) -> Result<Vec<Observation>, Unusable> {
+        let mut seen = Vec::new();
+        let mut take = |reading: Reading, (instrument, noise): (usize, Noise), at: DVec3, what| {
+            let missing = Unusable::Sigma { file: self.name(), what };
+            let whitening = noise.whitening(at).ok_or(missing)?;
+            seen.push(Observation { reading, whitening, instrument });
+            Ok(())
+        };
+        let frame = self.index;
+        if let Some(at) = self.vector(Channel::Position, row) {
+            let place = Place::Tcp;
+            take(Reading::Point { place, frame, at }, instruments.points, at, "x, y, z")?;
+        }
+        for target in 0..surroundings.targets.len() {
+            if let Some(at) = self.vector(|k| Channel::Target(target, k), row) {
+                let place = Place::Target(target);
+                take(Reading::Point { place, frame, at }, instruments.points, at, "targets")?;
+            }
+        }
+        let [w, x, y, z] = [0, 1, 2, 3].map(|k| self.value(Channel::Orientation(k), row));
+        if [w, x, y, z].iter().all(|part| part.is_finite()) {
+            let measuring_from_tool = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
+            let reading = Reading::Orientation { frame, measuring_from_tool };
+            take(reading, instruments.orientations, DVec3::ZERO, "orientations")?;
+        }
+        for (joint, noise) in instruments.joints.1.iter().enumerate() {
+            let position = self.value(Channel::Link(joint), row);
+            if position.is_finite() {
+                let reading = Reading::JointPosition { joint, position };
+                take(reading, (instruments.joints.0, *noise), DVec3::ZERO, "ql")?;
+            }
+        }
+        Ok(seen)
+    }
+}

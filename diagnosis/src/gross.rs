@@ -1,0 +1,223 @@
+//! Gross faults of a recording, found before anything is identified: columns that are swapped, units, signs, a mirrored frame,
+//! a wrong tool, rows out of step.
+//!
+//! Each suspicion is one change of the recording; the surroundings alone are fitted with it and without. A robot is a few
+//! millimetres off; a gross fault makes that centimetres, and its own remedy alone brings it back.
+//!
+//! Promises: a sound recording of an uncalibrated robot raises no suspicion; what is said says what to do.
+//! Never: a recording changed in place: people decide.
+
+use crate::campaign::{Campaign, Place, Reading};
+use crate::fit::{Effort, Settings, fit};
+use crate::hypothesis::Hypothesis;
+use crate::proof::Errors;
+use crate::rigid::mean;
+use crate::robust::Influence;
+use crate::surroundings::Fitted;
+use glam::DVec3;
+use physics::{Arm, JointKind, Joints, Model};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// A remedy has to bring what is off down to this share.
+const REMEDY: f64 = 0.25;
+/// A remedy that leaves as much is as good as the best, within this factor.
+const AS_GOOD: f64 = 1.3;
+/// What is off by less than this share of the reach is no gross fault.
+const GROSS: f64 = 4e-3;
+/// What is off by more than this share of the reach is gross, even if no remedy is known.
+const HOPELESS: f64 = 2e-2;
+/// Poses that are looked at.
+const POSES_MAX: usize = 150;
+
+/// A gross fault, with what speaks for it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Suspicion {
+    /// What is wrong and what to do, in words.
+    pub says: String,
+    /// The middle error as the recording stands, m.
+    pub before_m: f64,
+    /// The same with the remedy, m; equal to `before_m` where none is known.
+    pub after_m: f64,
+}
+
+/// What is grossly wrong with the campaign, as far as `model` is the robot that was measured; the best remedy first.
+#[must_use]
+pub fn suspicions(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
+    let few = thinned(campaign);
+    let before_m = off(&few, model);
+    let reach = reach(&few);
+    if before_m <= GROSS * reach || few.poses.len() < 5 {
+        return Vec::new();
+    }
+    let mut found: Vec<Suspicion> = remedies(&few, model)
+        .into_iter()
+        .map(|(says, changed)| Suspicion { says, before_m, after_m: off(&changed, model) })
+        .filter(|s| s.after_m < REMEDY * before_m)
+        .collect();
+    found.sort_by(|a, b| a.after_m.total_cmp(&b.after_m));
+    let best = found.first().map_or(0.0, |s| s.after_m);
+    found.retain(|s| s.after_m <= AS_GOOD * best);
+    if found.is_empty() && before_m > HOPELESS * reach {
+        let says = format!(
+            "the tool was seen {:.0} mm from where the model puts it, and no single swapped column, unit, sign or tool explains \
+             it: check that the model is this robot's, and that each row's joints belong to its measurement",
+            before_m * 1e3
+        );
+        found.push(Suspicion { says, before_m, after_m: before_m });
+    }
+    found
+}
+
+/// The middle error with the surroundings alone fitted, m.
+fn off(campaign: &Campaign, model: &Model) -> f64 {
+    let used = vec![true; campaign.poses.len()];
+    let settings =
+        Settings { used: &used, influence: Influence::Huber, from: None, effort: Effort::Sketch };
+    let found = fit(campaign, &Hypothesis::fixed(*model), &settings);
+    Errors::of(&found, campaign, &used).quantile(0.5)
+}
+
+/// How far the measured points spread, m: the scale of what is gross.
+fn reach(campaign: &Campaign) -> f64 {
+    let points: Vec<DVec3> = points(campaign).collect();
+    let middle = mean(&points);
+    let far = points.iter().map(|p| (*p - middle).length()).fold(0.0, f64::max);
+    if far > 0.0 { far } else { 1.0 }
+}
+
+fn points(campaign: &Campaign) -> impl Iterator<Item = DVec3> {
+    campaign.poses.iter().flat_map(|pose| &pose.seen).filter_map(|seen| match seen.reading {
+        Reading::Point { at, .. } => Some(at),
+        _ => None,
+    })
+}
+
+/// Every so many poses, in order, without memory of those between.
+fn thinned(campaign: &Campaign) -> Campaign {
+    let measured: Vec<_> = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).collect();
+    let step = measured.len().div_ceil(POSES_MAX).max(1);
+    let poses = measured.into_iter().step_by(step).cloned().collect();
+    Campaign { poses, ..campaign.clone() }
+}
+
+fn with_joints(campaign: &Campaign, change: impl Fn(&mut Joints)) -> Campaign {
+    let mut changed = campaign.clone();
+    changed.poses.iter_mut().for_each(|pose| change(&mut pose.inputs.q));
+    changed
+}
+
+fn with_points(campaign: &Campaign, change: impl Fn(DVec3) -> DVec3) -> Campaign {
+    let mut changed = campaign.clone();
+    for seen in changed.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
+        if let Reading::Point { at, .. } = &mut seen.reading {
+            *at = change(*at);
+        }
+    }
+    changed
+}
+
+/// Each change that may put a recording right, with its words.
+fn remedies(campaign: &Campaign, model: &Model) -> Vec<(String, Campaign)> {
+    let mut list = of_joints(campaign, &model.arm);
+    let mirrored = "the measuring frame is mirrored: one axis has the wrong sign, or two axes are swapped; put the columns x, y, z right";
+    list.push((mirrored.to_owned(), with_points(campaign, |p| DVec3::new(-p.x, p.y, p.z))));
+    for (factor, says) in [
+        (
+            1e3,
+            "measured points are a thousand times too small: their unit is m where mm is said, or the other way round",
+        ),
+        (
+            1e-3,
+            "measured points are a thousand times too large: their unit is mm where m is said, or the other way round",
+        ),
+        (25.4, "measured points are in inches, not in mm"),
+        (1.0 / 25.4, "measured points are in mm, not in inches"),
+    ] {
+        list.push((says.to_owned(), with_points(campaign, |p| p * factor)));
+    }
+    list.extend(of_rows(campaign));
+    list.extend(of_tool(campaign));
+    list
+}
+
+fn of_joints(campaign: &Campaign, arm: &Arm) -> Vec<(String, Campaign)> {
+    let mut list = Vec::new();
+    let turns = |joint: usize| arm.joints()[joint].kind == JointKind::Revolute;
+    for (factor, says) in [
+        (
+            PI / 180.0,
+            "the joint positions are in degrees where radians are said: name the columns q1_deg …",
+        ),
+        (
+            180.0 / PI,
+            "the joint positions are in radians where degrees are said: name the columns q1_rad …",
+        ),
+    ] {
+        let change = |q: &mut Joints| {
+            (0..arm.count()).filter(|joint| turns(*joint)).for_each(|joint| q[joint] *= factor);
+        };
+        list.push((says.to_owned(), with_joints(campaign, change)));
+    }
+    for i in 0..arm.count() {
+        let says =
+            format!("joint {} counts the other way round: turn the sign of its column", i + 1);
+        list.push((says, with_joints(campaign, |q| q[i] = -q[i])));
+        for j in i + 1..arm.count() {
+            let says = format!("the columns of joints {} and {} are swapped", i + 1, j + 1);
+            list.push((says, with_joints(campaign, |q| q.swap(i, j))));
+        }
+        // The first joint's zero is the frame's, the last one's the targets'; both show nowhere.
+        for (turn, degrees) in [(FRAC_PI_2, 90), (-FRAC_PI_2, -90), (PI, 180)] {
+            let says = format!("the zero of joint {} is {degrees} degrees off", i + 1);
+            list.push((says, with_joints(campaign, |q| q[i] += turn)));
+        }
+    }
+    list
+}
+
+/// Rows whose measurement belongs to the row before or after.
+fn of_rows(campaign: &Campaign) -> Vec<(String, Campaign)> {
+    let shifted = |later: bool| {
+        let mut changed = campaign.clone();
+        let count = changed.poses.len();
+        for k in 1..count {
+            let (here, there) = if later { (k - 1, k) } else { (k, k - 1) };
+            let q = campaign.poses[there].inputs.q;
+            changed.poses[here].inputs.q = q;
+        }
+        changed.poses.remove(if later { count - 1 } else { 0 });
+        changed
+    };
+    [(false, "after"), (true, "before")]
+        .map(|(later, side)| {
+            let says = format!("each measurement stands one row {side} its joint positions: shift the columns by a row");
+            (says, shifted(later))
+        })
+        .to_vec()
+}
+
+/// A tool that is not the model's: known places on it, found instead.
+fn of_tool(campaign: &Campaign) -> Vec<(String, Campaign)> {
+    let mut changed = campaign.clone();
+    let mut tcp = None;
+    for seen in changed.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
+        if let Reading::Point { place: place @ Place::Tcp, .. } = &mut seen.reading {
+            *place = Place::Target(*tcp.get_or_insert(campaign.surroundings.targets.len()));
+        }
+    }
+    let known = campaign.surroundings.targets.iter().any(|target| !target.free);
+    if tcp.is_none() && !known {
+        return Vec::new();
+    }
+    for target in &mut changed.surroundings.targets {
+        target.free = true;
+    }
+    if tcp.is_some() {
+        changed.surroundings.targets.push(Fitted::unknown(DVec3::ZERO));
+    }
+    let says = "the tool is not the model's: the measured point sits elsewhere on the flange; put `tcp_mm` (or the targets' places) right";
+    vec![(says.to_owned(), changed)]
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,41 @@
+//! From measurements to a model with its uncertainty: identify, choose the effects, prove the gain on data that no fit has seen.
+//!
+//! Read in this order: [`campaign`] (what was measured), [`hypothesis`] (what is believed, and which numbers are free),
+//! [`fit()`] (the numbers, how sure they are, and which the data cannot give), [`mod@residual`] (one rule per kind of reading).
+//!
+//! Promises: the same input and seed give the same bits. Never: shared memory, a clock, a file opened, a data set's name.
+
+pub mod campaign;
+mod candidates;
+pub mod fit;
+pub mod from_recording;
+pub mod gross;
+pub mod hypothesis;
+mod independent;
+pub mod iso9283;
+#[cfg(test)]
+mod made;
+mod minimise;
+pub mod motion;
+mod problem;
+pub mod proof;
+pub mod readback;
+mod residual;
+pub mod result;
+pub mod rigid;
+pub mod robust;
+mod score;
+pub mod select;
+pub mod simulate;
+pub mod start;
+pub mod surroundings;
+pub mod triangle;
+mod waves;
+
+pub use campaign::{Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading};
+pub use fit::{Effort, Settings, fit};
+pub use hypothesis::{Free, Hypothesis};
+pub use result::{Fit, Undetermined};
+pub use robust::Influence;
+pub use select::{Chosen, Selection, geometry, select};
+pub use surroundings::{Fitted, Plane, Sphere, Station, Surroundings};

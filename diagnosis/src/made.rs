@@ -1,0 +1,71 @@
+//! Campaigns made for tests: the thesis' robot, measured.
+
+use crate::simulate;
+use crate::surroundings::{Fitted, Station, Surroundings};
+use crate::{Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading};
+use glam::DVec3;
+use physics::frame::rotation_from_vector;
+use physics::{Frame, Inputs, JOINTS_MAX, Model};
+use recording::model::presets::preset;
+
+/// The thesis' robot: the truth.
+pub(crate) fn thesis() -> Model {
+    preset("irb1600-6-145-thesis").expect("preset").model().expect("sound").physics
+}
+
+/// What its controller believes.
+pub(crate) fn nominal() -> Model {
+    preset("irb1600-6-145").expect("preset").model().expect("sound").physics
+}
+
+/// Poses without readings' values; `targets` on the tool, or its TCP where there are none.
+pub(crate) fn empty(targets: usize, count: u32) -> Campaign {
+    let frame =
+        Frame::new(rotation_from_vector(DVec3::new(0.02, 0.01, 2.1)), DVec3::new(2.0, -1.0, 0.4));
+    let station = Station { measuring_from_base: frame, pivot: DVec3::ZERO };
+    let places =
+        [DVec3::new(0.1, 0.0, 0.05), DVec3::new(-0.05, 0.09, 0.06), DVec3::new(-0.05, -0.08, 0.1)];
+    let surroundings = Surroundings {
+        frames: vec![Fitted::unknown(station)],
+        targets: places[..targets].iter().map(|p| Fitted::unknown(*p)).collect(),
+        ..Surroundings::default()
+    };
+    let seen: Vec<Reading> = match targets {
+        0 => vec![Reading::Point { place: Place::Tcp, frame: 0, at: DVec3::ZERO }],
+        n => (0..n)
+            .map(|t| Reading::Point { place: Place::Target(t), frame: 0, at: DVec3::ZERO })
+            .collect(),
+    };
+    let whitening = Noise::Equal(5e-5).whitening(DVec3::ZERO).expect("sound");
+    let observe = |reading: &Reading| Observation { reading: *reading, whitening, instrument: 0 };
+    let poses = (0..count).map(|row| {
+        let mut q = [0.0; JOINTS_MAX];
+        for (joint, slot) in q.iter_mut().enumerate().take(6) {
+            // Multiples of irrational numbers fill the range evenly.
+            let part = (f64::from(row + 1)
+                * [0.7548, 0.5698, 0.6180, 0.8191, 0.6711, 0.5497][joint])
+                .fract();
+            *slot = (part - 0.5) * [2.0, 1.2, 1.2, 3.0, 2.4, 3.0][joint];
+        }
+        let inputs = Inputs::at_rest(q);
+        Pose {
+            inputs,
+            arrival: Arrival::Settled,
+            recording: 0,
+            row: row as usize,
+            seen: seen.iter().map(observe).collect(),
+        }
+    });
+    Campaign {
+        poses: poses.collect(),
+        surroundings,
+        instruments: vec![Instrument { name: "tracker".to_owned(), noise_is_known: true }],
+        recordings: vec!["made".to_owned()],
+    }
+}
+
+/// Sixty poses of the thesis' robot.
+pub(crate) fn measured(targets: usize) -> Campaign {
+    let campaign = empty(targets, 60);
+    simulate::readings(&campaign, &thesis(), &campaign.surroundings, 1.0, 5)
+}

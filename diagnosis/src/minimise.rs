@@ -1,0 +1,91 @@
+//! Levenberg-Marquardt: steps towards the least weighed sum of squares.
+//!
+//! The step solves `min |J dx − r|² + λ |D dx|²`, D the largest column norms seen so far (Moré 1978); λ follows the ratio of what a
+//! step gave to what it promised (Nielsen 1999). A step that does not lower the sum costs no new derivatives.
+//!
+//! Promises: the sum never rises; the same input gives the same bits; it ends after a bounded number of steps.
+//! Never: a choice of columns or weights.
+
+use crate::campaign::Campaign;
+use crate::problem::{State, Weighing, cost, data_triangle, with_priors};
+use crate::triangle::Triangle;
+
+/// The fit has converged when a full step would lower the sum by no more than this part of it.
+const ENOUGH: f64 = 1e-13;
+const STEPS_MAX: usize = 60;
+const DAMPING_START: f64 = 1e-6;
+const DAMPING_MAX: f64 = 1e12;
+
+/// Where the steps ended.
+pub(crate) struct Minimum {
+    pub(crate) state: State,
+    /// Data and priors, at the end.
+    pub(crate) triangle: Triangle,
+    /// The data alone, at the end.
+    pub(crate) data: Triangle,
+    pub(crate) steps: usize,
+    pub(crate) converged: bool,
+}
+
+/// Steps from `state` over the columns `active` until nothing is left to gain, at most `steps_max` times.
+pub(crate) fn minimise(
+    campaign: &Campaign,
+    mut state: State,
+    weighing: &Weighing,
+    active: &[usize],
+    steps_max: usize,
+) -> Minimum {
+    let mut sum = cost(campaign, &state, weighing);
+    let mut data = data_triangle(campaign, &state, weighing, active);
+    let mut triangle = with_priors(&data, &state, active);
+    let mut largest = vec![0.0_f64; active.len()];
+    let (mut damping, mut growth) = (DAMPING_START, 2.0);
+    let (mut steps, mut converged) = (0, false);
+    while steps < steps_max.min(STEPS_MAX) && damping < DAMPING_MAX {
+        for (j, norm) in largest.iter_mut().enumerate() {
+            *norm = norm.max(triangle.norm(j));
+        }
+        if triangle.total() - triangle.rest() <= ENOUGH * sum {
+            converged = true;
+            break;
+        }
+        let weights: Vec<f64> = largest.iter().map(|norm| damping.sqrt() * norm).collect();
+        let step = triangle.solve(&weights);
+        let promised = promise(&triangle, &step);
+        let mut full = vec![0.0; state.width()];
+        active.iter().zip(&step).for_each(|(column, by)| full[*column] = *by);
+        let next = state.stepped(&full);
+        let reached = cost(campaign, &next, weighing);
+        let ratio = if promised > 0.0 { (sum - reached) / promised } else { -1.0 };
+        if reached < sum {
+            state = next;
+            sum = reached;
+            data = data_triangle(campaign, &state, weighing, active);
+            triangle = with_priors(&data, &state, active);
+            let back = 2.0 * ratio - 1.0;
+            damping = (damping * (1.0 - back * back * back).max(1.0 / 3.0)).max(1e-12);
+            growth = 2.0;
+            steps += 1;
+        } else {
+            // Rounding: a step whose promise drowns in the sum cannot be told from none.
+            if promised <= 1e-11 * sum {
+                converged = true;
+                break;
+            }
+            damping *= growth;
+            growth *= 2.0;
+        }
+    }
+    Minimum { state, triangle, data, steps, converged }
+}
+
+/// By how much the linearised sum falls with this step.
+fn promise(triangle: &Triangle, step: &[f64]) -> f64 {
+    let mut left: f64 = triangle.rest();
+    for i in 0..step.len() {
+        let moved: f64 = (i..step.len()).map(|j| triangle.at(i, j) * step[j]).sum();
+        let rest = triangle.at(i, step.len()) - moved;
+        left += rest * rest;
+    }
+    triangle.total() - left
+}

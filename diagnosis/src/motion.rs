@@ -1,0 +1,158 @@
+//! How the tool moves when one thing in the arm changes a little: contributions of effects carried through the bent chain.
+//!
+//! Promises: the derivative is taken on the real chain, at the deviation that it has, so that directions in which nothing can
+//! be seen stay exactly without an image; agrees with central differences (property tests).
+//! Never: a parameter's name or unit.
+//!
+//! A deviation is the exponential of a twist ξ; a change dξ of it moves what it carries by `J(ξ) dξ`, with the left Jacobian
+//! `J = Σ ad_ξᵏ/(k+1)!` (Murray, Li and Sastry, A Mathematical Introduction to Robotic Manipulation, appendix A). Deviations are
+//! small: six terms are exact to rounding.
+
+use glam::DVec3;
+use physics::frame::Twist;
+use physics::{Arm, Contribution, Evaluation, Frame, JointKind, Joints};
+
+/// A small motion of the tool, base axes, per unit of what causes it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// How it turns, rad.
+    pub turn: DVec3,
+    /// How its TCP moves, m.
+    pub shift: DVec3,
+    /// How much the joints' own positions change, rad or m.
+    pub joints: Joints,
+}
+
+impl Motion {
+    /// How a point that moves with the tool moves; `lever` is from the TCP to the point, base axes, m.
+    #[must_use]
+    pub fn of_point(&self, lever: DVec3) -> DVec3 {
+        self.shift + self.turn.cross(lever)
+    }
+
+    /// The motion of a contribution's derivative on the arm as `seen`; none for what acts on loads, torque or force.
+    #[must_use]
+    pub fn of(arm: &Arm, seen: &Evaluation, change: &Contribution) -> Option<Self> {
+        let tcp = seen.real.base_from_tool.origin;
+        match *change {
+            Contribution::None => Some(Self::default()),
+            Contribution::Joint { joint, delta } => {
+                let (axis, point) = (seen.real.axes[joint], seen.real.points[joint]);
+                let (turn, shift) = match arm.joints()[joint].kind {
+                    JointKind::Revolute => (axis, axis.cross(tcp - point)),
+                    JointKind::Prismatic => (DVec3::ZERO, axis),
+                };
+                let mut joints = Joints::default();
+                joints[joint] = delta;
+                Some(Self { turn: turn * delta, shift: shift * delta, joints })
+            }
+            Contribution::Axis { joint, turn, pivot } => {
+                let moved = about(turn, pivot);
+                Some(of_axis(seen, joint, &left(&seen.deviation.axes[joint], &moved)))
+            }
+            Contribution::LinkTurn { link, turn, pivot } => {
+                let moved = left(&seen.deviation.links[link].twist, &about(turn, pivot));
+                Some(carried(&before_link(seen, link), tcp, &moved))
+            }
+            Contribution::LinkShift { link, shift } => {
+                let carrier = before_link(seen, link).rotation;
+                let turned = seen.deviation.links[link].twist.frame().rotation;
+                Some(Self { shift: carrier * (turned * shift), ..Self::default() })
+            }
+            Contribution::BaseTurn { turn } => {
+                let bent = about(seen.deviation.base_turn, DVec3::ZERO);
+                Some(carried(&Frame::IDENTITY, tcp, &left(&bent, &about(turn, DVec3::ZERO))))
+            }
+            Contribution::Tool { shift, turn } => {
+                let last = arm.count();
+                let carrier =
+                    before_link(seen, last).after(&seen.deviation.links[last].frame()).rotation
+                        * arm.tool.base_from_tool;
+                let bent = about(seen.deviation.tool_turn, DVec3::ZERO);
+                let turned = left(&bent, &about(turn, DVec3::ZERO)).turn;
+                Some(Self { turn: carrier * turned, shift: carrier * shift, ..Self::default() })
+            }
+            Contribution::JointLoad { .. }
+            | Contribution::GravityTurn { .. }
+            | Contribution::Mass { .. }
+            | Contribution::Sensor { .. }
+            | Contribution::DriveTorque { .. }
+            | Contribution::ToolForce(_) => None,
+        }
+    }
+
+    /// The motion between two places of the tool, per `step` of what changed.
+    #[must_use]
+    pub fn between(below: &Evaluation, above: &Evaluation, step: f64) -> Self {
+        let (a, b) = (&below.real.base_from_tool, &above.real.base_from_tool);
+        let turned = b.rotation * a.rotation.transpose();
+        let (b_joints, a_joints) = (&above.deviation.joints, &below.deviation.joints);
+        Self {
+            turn: physics::frame::vector_from_rotation(&turned) / step,
+            shift: (b.origin - a.origin) / step,
+            joints: std::array::from_fn(|i| (b_joints[i] - a_joints[i]) / step),
+        }
+    }
+}
+
+/// The twist of a turn about a pivot.
+fn about(turn: DVec3, pivot: DVec3) -> Twist {
+    let mut twist = Twist::default();
+    twist.add(turn, pivot);
+    twist
+}
+
+/// `[a, b]`: how the screw `a` changes the screw `b`.
+fn bracket(a: &Twist, b: &Twist) -> Twist {
+    Twist {
+        turn: a.turn.cross(b.turn),
+        velocity: a.turn.cross(b.velocity) + a.velocity.cross(b.turn),
+    }
+}
+
+/// The left Jacobian of the exponential at `bent`, applied to `change`.
+fn left(bent: &Twist, change: &Twist) -> Twist {
+    if *bent == Twist::default() {
+        return *change;
+    }
+    let (mut sum, mut term) = (*change, *change);
+    for k in 2..=7_u32 {
+        let next = bracket(bent, &term);
+        let share = 1.0 / f64::from(k);
+        term = Twist { turn: next.turn * share, velocity: next.velocity * share };
+        sum = Twist { turn: sum.turn + term.turn, velocity: sum.velocity + term.velocity };
+    }
+    sum
+}
+
+/// What carries link `link`, before that link's own deviation.
+fn before_link(seen: &Evaluation, link: usize) -> Frame {
+    match link.checked_sub(1) {
+        Some(joint) => seen.real.bodies[joint],
+        None => {
+            Frame::new(physics::frame::rotation_from_vector(seen.deviation.base_turn), DVec3::ZERO)
+        }
+    }
+}
+
+/// A twist in the axes of `carrier` as a motion of the tool.
+fn carried(carrier: &Frame, tcp: DVec3, twist: &Twist) -> Motion {
+    let at = carrier.inverse().point(tcp);
+    let shift = twist.turn.cross(at) + twist.velocity;
+    let turn = carrier.rotation * twist.turn;
+    Motion { turn, shift: carrier.rotation * shift, ..Motion::default() }
+}
+
+/// An axis that moves by `moved` while the joint stands where it stands: the joint's motion is then another one,
+/// `X M X⁻¹` instead of `M`, so that what it carries moves by the difference of `moved` before and after it.
+fn of_axis(seen: &Evaluation, joint: usize, moved: &Twist) -> Motion {
+    let carrier = before_link(seen, joint).after(&seen.deviation.links[joint].frame());
+    let motion = carrier.inverse().after(&seen.real.bodies[joint]);
+    let at = carrier.inverse().point(seen.real.base_from_tool.origin);
+    let back = motion.inverse().point(at);
+    let first = moved.turn.cross(at) + moved.velocity;
+    let second = motion.rotation * (moved.turn.cross(back) + moved.velocity);
+    let turn = moved.turn - motion.rotation * moved.turn;
+    let shift = carrier.rotation * (first - second);
+    Motion { turn: carrier.rotation * turn, shift, ..Motion::default() }
+}

@@ -1,0 +1,264 @@
+//! The campaign against a hypothesis: every reading's residual and derivatives, reduced to a triangle.
+//!
+//! Columns are the surroundings' fitted numbers, then the hypothesis' free ones. Priors stand as rows beside the data.
+//!
+//! Promises: poses are visited in order, memory of effects follows them, so the sum is the same on any machine of one kind.
+//! Never: a step; see [`crate::minimise`].
+
+use crate::campaign::{Arrival, Campaign};
+use crate::hypothesis::Hypothesis;
+use crate::motion::Motion;
+use crate::residual::{Columns, Rows};
+use crate::surroundings::{Number, Surroundings};
+use crate::triangle::Triangle;
+use physics::spec::ActsOn;
+use physics::{Evaluation, Inputs, Memories, Model};
+
+/// What a fit changes.
+#[derive(Clone, Debug)]
+pub(crate) struct State {
+    pub(crate) surroundings: Surroundings,
+    pub(crate) hypothesis: Hypothesis,
+}
+
+impl State {
+    pub(crate) fn width(&self) -> usize {
+        self.surroundings.numbers().len() + self.hypothesis.free.len()
+    }
+
+    /// One entry of `step` per column.
+    pub(crate) fn stepped(&self, step: &[f64]) -> Self {
+        let (first, second) = step.split_at(self.surroundings.numbers().len());
+        Self {
+            surroundings: self.surroundings.stepped(first),
+            hypothesis: self.hypothesis.stepped(second),
+        }
+    }
+
+    /// How large each column's number may be: the width on which it counts as hardly known.
+    pub(crate) fn widths(&self) -> Vec<f64> {
+        let surroundings = self.surroundings.numbers().into_iter().map(Number::much);
+        surroundings.chain(self.hypothesis.free.iter().map(|free| free.sigma)).collect()
+    }
+}
+
+/// A reading at its place in the campaign.
+pub(crate) struct At<'a> {
+    /// Place in [`Campaign::poses`].
+    pub(crate) pose: usize,
+    /// Place among all readings of the campaign.
+    pub(crate) reading: usize,
+    pub(crate) rows: &'a Rows,
+    /// One per free number of the hypothesis; empty where none were asked for.
+    pub(crate) motions: &'a [Motion],
+    pub(crate) instrument: usize,
+}
+
+/// Which readings count, and how much.
+#[derive(Clone, Debug)]
+pub(crate) struct Weighing {
+    /// Poses that take part.
+    pub(crate) used: Vec<bool>,
+    /// Weight of each reading, 0 to 1.
+    pub(crate) weights: Vec<f64>,
+    /// Factor on each instrument's stated noise.
+    pub(crate) factors: Vec<f64>,
+}
+
+impl Weighing {
+    pub(crate) fn equal(campaign: &Campaign, used: &[bool]) -> Self {
+        Self {
+            used: used.to_vec(),
+            weights: vec![1.0; campaign.readings()],
+            factors: vec![1.0; campaign.instruments.len()],
+        }
+    }
+
+    /// What a reading's rows are to be multiplied with; zero where its pose takes no part.
+    pub(crate) fn scale(&self, at: &At<'_>) -> f64 {
+        if self.used[at.pose] {
+            self.weights[at.reading].sqrt() / self.factors[at.instrument]
+        } else {
+            0.0
+        }
+    }
+}
+
+/// What a visit looks at.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Look<'a> {
+    /// Poses that are looked at; none: all.
+    pub(crate) used: Option<&'a [bool]>,
+    /// Whether the motions are wanted.
+    pub(crate) derivatives: bool,
+}
+
+/// Visits the readings in order.
+pub(crate) fn visit(
+    campaign: &Campaign,
+    state: &State,
+    wanted: Look<'_>,
+    mut look: impl FnMut(&At<'_>),
+) {
+    let columns = Columns::of(&state.surroundings);
+    let mut motions = Vec::new();
+    let mut first = Vec::with_capacity(campaign.poses.len());
+    let mut readings = 0;
+    for pose in &campaign.poses {
+        first.push(readings);
+        readings += pose.seen.len();
+    }
+    follow(&state.hypothesis.model, campaign, wanted.used, |pose, seen, memories| {
+        let derivatives = wanted.derivatives;
+        let inputs = &campaign.poses[pose].inputs;
+        if derivatives {
+            motions = motions_of(&state.hypothesis, inputs, memories, seen);
+        }
+        for (reading, observation) in (first[pose]..).zip(&campaign.poses[pose].seen) {
+            let surroundings = &state.surroundings;
+            let rows = Rows::of(observation, seen, &inputs.q, surroundings, &columns);
+            let instrument = observation.instrument;
+            look(&At { pose, reading, rows: &rows, motions: &motions, instrument });
+        }
+    });
+}
+
+/// Lets the model's memory follow the campaign and shows the poses that are used; all where nothing is said.
+pub(crate) fn follow(
+    model: &Model,
+    campaign: &Campaign,
+    used: Option<&[bool]>,
+    mut look: impl FnMut(usize, &Evaluation, &Memories),
+) {
+    let mut memories = Memories::default();
+    for (index, pose) in campaign.poses.iter().enumerate() {
+        match pose.arrival {
+            Arrival::Settled => model.settle(&pose.inputs, &mut memories),
+            Arrival::FromBefore => model.advance(&pose.inputs, &mut memories),
+        }
+        if used.is_none_or(|used| used[index]) {
+            look(index, &model.evaluate(&pose.inputs, &memories), &memories);
+        }
+    }
+}
+
+/// How the tool moves with each free number.
+pub(crate) fn motions_of(
+    hypothesis: &Hypothesis,
+    inputs: &Inputs,
+    memories: &Memories,
+    seen: &Evaluation,
+) -> Vec<Motion> {
+    let model = &hypothesis.model;
+    let wanted: Vec<(usize, usize)> =
+        hypothesis.free.iter().map(|free| (free.effect, free.value)).collect();
+    let mut motions = vec![Motion::default(); wanted.len()];
+    model.derivatives(inputs, memories, &wanted, |place, change| {
+        motions[place] = Motion::of(&model.arm, seen, change).unwrap_or_default();
+    });
+    let places: Vec<ActsOn> = model.effects().map(|effect| effect.spec().acts_on).collect();
+    for (motion, (effect, value)) in motions.iter_mut().zip(wanted) {
+        if places[effect] == ActsOn::Loads {
+            *motion = through_loads(model, effect, value, inputs, memories);
+        }
+    }
+    motions
+}
+
+/// What acts on the loads moves the tool through all that gives way: by central difference of the whole model.
+fn through_loads(
+    model: &Model,
+    effect: usize,
+    value: usize,
+    inputs: &Inputs,
+    memories: &Memories,
+) -> Motion {
+    let stands = model.effects().nth(effect).map_or(0.0, |effect| effect.values()[value]);
+    let step = 1e-4 * stands.abs().max(1e-2);
+    let at = |value_there: f64| {
+        let mut model = *model;
+        if let Some(effect) = model.effect_mut(effect) {
+            effect.values_mut()[value] = value_there;
+        }
+        model.evaluate(inputs, memories)
+    };
+    Motion::between(&at(stands - step), &at(stands + step), 2.0 * step)
+}
+
+/// The weighed sum of squares of data and priors.
+pub(crate) fn cost(campaign: &Campaign, state: &State, weighing: &Weighing) -> f64 {
+    let mut sum = 0.0;
+    let look = Look { used: Some(&weighing.used), derivatives: false };
+    visit(campaign, state, look, |at| {
+        let scale = weighing.scale(at);
+        sum += scale * scale * at.rows.residual.length_squared();
+    });
+    sum + prior_rows(&state.hypothesis).map(|(_, right)| right * right).sum::<f64>()
+}
+
+/// Weight and right-hand side of each free number's prior.
+fn prior_rows(hypothesis: &Hypothesis) -> impl Iterator<Item = (f64, f64)> {
+    let values = hypothesis.values();
+    hypothesis
+        .free
+        .iter()
+        .zip(values)
+        .map(|(free, value)| (1.0 / free.sigma, (free.mean - value) / free.sigma))
+}
+
+/// The rows of the data alone over the columns `active`, row by row.
+pub(crate) fn data_rows(
+    campaign: &Campaign,
+    state: &State,
+    weighing: &Weighing,
+    active: &[usize],
+    mut take: impl FnMut(&At<'_>, &[f64], f64),
+) {
+    let effects_from = state.surroundings.numbers().len();
+    let mut rows = vec![vec![0.0; state.width()]; 3];
+    let mut row = vec![0.0; active.len()];
+    let look = Look { used: Some(&weighing.used), derivatives: true };
+    visit(campaign, state, look, |at| {
+        let scale = weighing.scale(at);
+        if scale == 0.0 {
+            return;
+        }
+        at.rows.fill(effects_from, at.motions, &mut rows);
+        for (k, full) in rows.iter().enumerate().take(at.rows.count) {
+            for (slot, column) in row.iter_mut().zip(active) {
+                *slot = scale * full[*column];
+            }
+            take(at, &row, scale * at.rows.residual[k]);
+        }
+    });
+}
+
+/// Data reduced to a triangle over the columns `active`.
+pub(crate) fn data_triangle(
+    campaign: &Campaign,
+    state: &State,
+    weighing: &Weighing,
+    active: &[usize],
+) -> Triangle {
+    let mut triangle = Triangle::new(active.len());
+    data_rows(campaign, state, weighing, active, |_, row, right| triangle.push(row, right));
+    triangle.reduce();
+    triangle
+}
+
+/// The triangle with the priors of the free numbers among `active` added.
+pub(crate) fn with_priors(data: &Triangle, state: &State, active: &[usize]) -> Triangle {
+    let mut triangle = data.clone();
+    let first = state.surroundings.numbers().len();
+    let priors: Vec<(f64, f64)> = prior_rows(&state.hypothesis).collect();
+    for (at, column) in active.iter().enumerate() {
+        if let Some((weight, right)) = column.checked_sub(first).and_then(|k| priors.get(k)) {
+            triangle.push_one(at, *weight, *right);
+        }
+    }
+    triangle.reduce();
+    triangle
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,154 @@
+//! Joint positions that were read back, against those that were commanded, and against where the tool was seen.
+//!
+//! At settled poses both say the same to a few thousandths of a degree. A controller that is asked too early answers with positions short of
+//! the target: such positions make any calibration worse.
+//!
+//! Promises: a judgement only on poses that are settled; what is said says which positions to use.
+//! Never: a recording changed.
+
+use crate::campaign::Campaign;
+use crate::candidates::candidates;
+use crate::fit::{Effort, Settings, fit};
+use crate::from_recording;
+use crate::gross::Suspicion;
+use crate::proof::Errors;
+use crate::result::Fit;
+use crate::robust::Influence;
+use crate::score::Fitted;
+use crate::select::geometry;
+use physics::{AnyEffect, Model};
+use recording::series::{Channel, Input, Kind, Recording};
+
+/// Positions that differ by less, rad or m, are the same.
+const SAME: f64 = 2e-4;
+/// One kind of position is worse where it leaves this much more.
+const WORSE: f64 = 1.3;
+/// Gain, in units of the noise, from which a gap of negative width is no chance.
+const CERTAIN: f64 = 30.0;
+
+/// Whether commanded and read-back positions of `recording` contradict each other, and which of them the tool followed.
+#[must_use]
+pub fn contradiction(recording: &Recording, model: &Model) -> Option<Suspicion> {
+    let joints = model.arm.count();
+    let both = |joint: &usize| {
+        recording.column(Channel::Command(*joint)).is_some()
+            && recording.column(Channel::Motor(*joint)).is_some()
+    };
+    if recording.about.kind != Kind::Poses || !(0..joints).all(|joint| both(&joint)) {
+        return None;
+    }
+    let apart = Apart::of(recording, joints);
+    if apart.rms <= SAME {
+        return None;
+    }
+    let left = |input: Input| {
+        let mut other = recording.clone();
+        other.about.input = Some(input);
+        let campaign = from_recording::campaign(&model.arm, &[other]).ok()?;
+        let used = vec![true; campaign.poses.len()];
+        let influence = Influence::Huber;
+        let settings = Settings { used: &used, influence, from: None, effort: Effort::Full };
+        let found = fit(&campaign, &geometry(model, &[]), &settings);
+        Some(Errors::of(&found, &campaign, &used).quantile(0.5))
+    };
+    let (commanded, read) = (left(Input::Command)?, left(Input::Motor)?);
+    let early = if apart.short > 0.75 {
+        format!(
+            "in {:.0} % of the moves they stop short of the target, so they were read before the arm had settled; ",
+            apart.short * 100.0
+        )
+    } else {
+        String::new()
+    };
+    let (verdict, before_m, after_m) = if read > WORSE * commanded {
+        ("the tool went where it was commanded: use those (`input = \"q\"`)", read, commanded)
+    } else if commanded > WORSE * read {
+        ("the tool was where they say: use them (`input = \"qa\"`)", commanded, read)
+    } else {
+        (
+            "the tool does not tell which are right: measure again, reading after the arm stands",
+            read,
+            commanded,
+        )
+    };
+    let says = format!(
+        "the joint positions that were read back differ from the commanded ones by {:.3} degrees (root mean square; joint {} by up to {:.2}); \
+         {early}with the commanded ones the geometry leaves {:.3} mm, with those read back {:.3} mm; {verdict}",
+        apart.rms.to_degrees(),
+        apart.joint + 1,
+        apart.most.to_degrees(),
+        commanded * 1e3,
+        read * 1e3
+    );
+    Some(Suspicion { says, before_m, after_m })
+}
+
+/// How far read-back positions are from the commanded ones.
+struct Apart {
+    rms: f64,
+    most: f64,
+    joint: usize,
+    /// Share of the moves in which they stop short.
+    short: f64,
+}
+
+impl Apart {
+    fn of(recording: &Recording, joints: usize) -> Self {
+        let (mut square, mut count, mut short, mut moves) = (0.0, 0.0, 0.0, 0.0);
+        let (mut most, mut worst) = (0.0, 0);
+        for joint in 0..joints {
+            let column = |channel| recording.column(channel).unwrap_or_default();
+            let (q, qa) = (column(Channel::Command(joint)), column(Channel::Motor(joint)));
+            let mut before = f64::NAN;
+            for (q, qa) in q.iter().zip(qa) {
+                let (apart, moved) = (qa - q, q - before);
+                before = *q;
+                if !apart.is_finite() {
+                    continue;
+                }
+                square += apart * apart;
+                count += 1.0;
+                if apart.abs() > most {
+                    (most, worst) = (apart.abs(), joint);
+                }
+                if apart.abs() > SAME && moved.is_finite() && moved != 0.0 {
+                    moves += 1.0;
+                    short += if apart * moved < 0.0 { 1.0 } else { 0.0 };
+                }
+            }
+        }
+        let rms = (square / f64::max(count, 1.0)).sqrt();
+        Self { rms, most, joint: worst, short: short / f64::max(moves, 1.0) }
+    }
+}
+
+/// Joints whose tool stands further along each move than their positions say: a gap of negative width, which no robot has.
+#[must_use]
+pub fn ahead(campaign: &Campaign, found: &Fit, settings: &Settings<'_>) -> Option<Suspicion> {
+    let arm = &found.hypothesis.model.arm;
+    let gaps: Vec<_> = candidates(arm, campaign)
+        .into_iter()
+        .filter(|c| matches!(c.probes.first().map(|p| p.effect), Some(AnyEffect::Backlash(_))))
+        .collect();
+    let fitted = Fitted::new(campaign, found, settings);
+    let mut joints = Vec::new();
+    for score in fitted.scores(&gaps) {
+        let (joint, width) = (gaps[score.candidate].joint, score.found.first().copied());
+        if let (Some(joint), Some(width)) = (joint, width)
+            && width < -2.0 * SAME
+            && score.gain / found.design_effect > CERTAIN
+        {
+            joints.push(format!("joint {} by {:.3} degrees", joint + 1, -0.5 * width.to_degrees()));
+        }
+    }
+    if joints.is_empty() {
+        return None;
+    }
+    let left = Errors::of(found, campaign, settings.used).quantile(0.5);
+    let says = format!(
+        "the tool stands further along each move than the joint positions say ({}): they were read before the arm had settled; \
+         calibrate with the commanded positions, or read again after the arm stands",
+        joints.join(", ")
+    );
+    Some(Suspicion { says, before_m: left, after_m: left })
+}

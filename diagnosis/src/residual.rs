@@ -1,0 +1,253 @@
+//! What one reading differs by from what the model says, and how that changes: one rule per kind of reading.
+//!
+//! `residual = W (measured − predicted)`, W the whitening of its noise. Derivatives are those of the prediction, so that a step `dx` of the fit solves
+//! `J dx ≈ residual`.
+//!
+//! Promises: exact derivatives where the residual is small against a radian and against the distances measured; agrees with central
+//! differences (property tests). Never: a weight; see [`crate::robust`].
+
+use crate::campaign::{Observation, Place, Reading};
+use crate::motion::Motion;
+use crate::surroundings::{Number, Surroundings};
+use glam::{DMat3, DVec3};
+use physics::frame::{normals, vector_from_rotation};
+use physics::{Evaluation, Joints};
+use std::collections::BTreeMap;
+
+/// Where the numbers of the surroundings stand among the columns of a fit.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Columns(BTreeMap<(u8, usize), usize>);
+
+impl Columns {
+    pub(crate) fn of(surroundings: &Surroundings) -> Self {
+        let mut first = BTreeMap::new();
+        for (column, number) in surroundings.numbers().into_iter().enumerate() {
+            let key = match number {
+                Number::Frame(i, _) => (0, i),
+                Number::Target(i, _) => (1, i),
+                Number::Anchor(i, _) => (2, i),
+                Number::Plane(i, _) => (3, i),
+                Number::Sphere(i, 3) => (5, i),
+                Number::Sphere(i, _) => (4, i),
+            };
+            first.entry(key).or_insert(column);
+        }
+        Self(first)
+    }
+
+    fn first(&self, what: u8, index: usize) -> Option<usize> {
+        self.0.get(&(what, index)).copied()
+    }
+}
+
+/// A reading against the model.
+#[derive(Clone, Debug)]
+pub(crate) struct Rows {
+    /// How many of the three are used.
+    pub(crate) count: usize,
+    /// Measured minus predicted, in units of the noise.
+    pub(crate) residual: DVec3,
+    /// How the prediction changes with the tool's turn and shift (columns: x, y, z), in units of the noise.
+    by_turn: DMat3,
+    by_shift: DMat3,
+    /// The joint whose position is the prediction.
+    by_joint: Option<usize>,
+    whitening: DMat3,
+    /// Blocks of columns of the surroundings: first column, and derivative by each.
+    local: Vec<(usize, Vec<DVec3>)>,
+}
+
+impl Rows {
+    /// A reading at what `seen` says of the arm.
+    pub(crate) fn of(
+        observation: &Observation,
+        seen: &Evaluation,
+        commanded: &Joints,
+        surroundings: &Surroundings,
+        columns: &Columns,
+    ) -> Self {
+        let scene = Scene { seen, surroundings, columns };
+        let mut rows = match observation.reading {
+            Reading::Point { place, frame, at } => scene.point(place, frame, at),
+            Reading::Orientation { frame, measuring_from_tool } => {
+                scene.orientation(frame, &measuring_from_tool)
+            }
+            Reading::Distance { place, anchor, length_m } => {
+                scene.distance(place, anchor, length_m)
+            }
+            Reading::Plane { place, plane, radius_m } => scene.plane(place, plane, radius_m),
+            Reading::Sphere { place, sphere, radius_m } => scene.sphere(place, sphere, radius_m),
+            Reading::JointPosition { joint, position } => {
+                let predicted = commanded[joint] + seen.deviation.joints[joint];
+                Self { by_joint: Some(joint), ..Self::blank(1, DVec3::X * (position - predicted)) }
+            }
+        };
+        rows.whiten(&observation.whitening);
+        rows
+    }
+
+    /// Adds the rows to `rows`, one slice per number read: surroundings first, then one column per motion from `effects_from`.
+    pub(crate) fn fill(&self, effects_from: usize, motions: &[Motion], rows: &mut [Vec<f64>]) {
+        for row in rows.iter_mut() {
+            row.fill(0.0);
+        }
+        let mut put = |column: usize, value: DVec3| {
+            for (k, row) in rows.iter_mut().enumerate().take(self.count) {
+                row[column] = value[k];
+            }
+        };
+        for (first, block) in &self.local {
+            block.iter().enumerate().for_each(|(k, value)| put(first + k, *value));
+        }
+        for (k, motion) in motions.iter().enumerate() {
+            put(effects_from + k, self.along(motion));
+        }
+    }
+
+    /// How the prediction changes with a motion of the tool, in units of the noise.
+    pub(crate) fn along(&self, motion: &Motion) -> DVec3 {
+        match self.by_joint {
+            Some(joint) => self.whitening.x_axis * motion.joints[joint],
+            None => self.by_turn * motion.turn + self.by_shift * motion.shift,
+        }
+    }
+
+    fn blank(count: usize, residual: DVec3) -> Self {
+        Self {
+            count,
+            residual,
+            by_turn: DMat3::ZERO,
+            by_shift: DMat3::ZERO,
+            by_joint: None,
+            whitening: DMat3::IDENTITY,
+            local: Vec::new(),
+        }
+    }
+
+    fn whiten(&mut self, whitening: &DMat3) {
+        self.whitening = if self.count == 1 {
+            DMat3::from_diagonal(DVec3::new(whitening.x_axis.x, 0.0, 0.0))
+        } else {
+            *whitening
+        };
+        self.residual = self.whitening * self.residual;
+        self.by_turn = self.whitening * self.by_turn;
+        self.by_shift = self.whitening * self.by_shift;
+        for value in self.local.iter_mut().flat_map(|(_, block)| block) {
+            *value = self.whitening * *value;
+        }
+    }
+}
+
+struct Scene<'a> {
+    seen: &'a Evaluation,
+    surroundings: &'a Surroundings,
+    columns: &'a Columns,
+}
+
+impl Scene<'_> {
+    /// A point of the tool in base coordinates, and its lever from the TCP.
+    fn place(&self, place: Place) -> (DVec3, DVec3) {
+        let tool = &self.seen.real.base_from_tool;
+        let lever = match place {
+            Place::Tcp => DVec3::ZERO,
+            Place::Target(i) => tool.rotation * self.surroundings.targets[i].value,
+        };
+        (tool.origin + lever, lever)
+    }
+
+    /// Rows that change as `slope · (motion of the point)`: by the tool, and by the target's place on it.
+    fn of_point(&self, count: usize, residual: DVec3, slope: DMat3, place: Place) -> Rows {
+        let (_, lever) = self.place(place);
+        let mut rows = Rows::blank(count, residual);
+        rows.by_shift = slope;
+        // turn × lever = −lever × turn
+        rows.by_turn = slope * -cross_matrix(lever);
+        if let Place::Target(i) = place
+            && let Some(first) = self.columns.first(1, i)
+        {
+            let tool = self.seen.real.base_from_tool.rotation;
+            let block = DVec3::AXES.map(|axis| slope * (tool * axis));
+            rows.local.push((first, block.to_vec()));
+        }
+        rows
+    }
+
+    fn point(&self, place: Place, frame: usize, at: DVec3) -> Rows {
+        let station = &self.surroundings.frames[frame].value;
+        let predicted = station.measuring_from_base.point(self.place(place).0);
+        let slope = station.measuring_from_base.rotation;
+        let mut rows = self.of_point(3, at - predicted, slope, place);
+        if let Some(first) = self.columns.first(0, frame) {
+            let turned = DVec3::AXES.map(|axis| axis.cross(predicted - station.pivot));
+            rows.local.push((first, turned.into_iter().chain(DVec3::AXES).collect()));
+        }
+        rows
+    }
+
+    fn orientation(&self, frame: usize, measured: &DMat3) -> Rows {
+        let turned = self.surroundings.frames[frame].value.measuring_from_base.rotation;
+        let predicted = turned * self.seen.real.base_from_tool.rotation;
+        let residual = vector_from_rotation(&(*measured * predicted.transpose()));
+        let mut rows = Rows { by_turn: turned, ..Rows::blank(3, residual) };
+        if let Some(first) = self.columns.first(0, frame) {
+            rows.local.push((first, DVec3::AXES.to_vec()));
+        }
+        rows
+    }
+
+    /// A reading of one number that changes along `direction` of the point.
+    fn along(&self, residual: f64, direction: DVec3, place: Place) -> Rows {
+        let slope = DMat3::from_cols(
+            DVec3::X * direction.x,
+            DVec3::X * direction.y,
+            DVec3::X * direction.z,
+        );
+        self.of_point(1, DVec3::X * residual, slope, place)
+    }
+
+    fn distance(&self, place: Place, anchor: usize, length_m: f64) -> Rows {
+        let away = self.place(place).0 - self.surroundings.anchors[anchor].value;
+        let direction = away.normalize_or_zero();
+        let mut rows = self.along(length_m - away.length(), direction, place);
+        if let Some(first) = self.columns.first(2, anchor) {
+            let block = direction.to_array().map(|d| DVec3::X * -d);
+            rows.local.push((first, block.to_vec()));
+        }
+        rows
+    }
+
+    fn plane(&self, place: Place, plane: usize, radius_m: f64) -> Rows {
+        let wall = &self.surroundings.planes[plane].value;
+        let point = self.place(place).0;
+        let height = wall.normal.dot(point) - wall.offset_m;
+        let mut rows = self.along(radius_m - height, wall.normal, place);
+        if let Some(first) = self.columns.first(3, plane) {
+            let (n1, n2) = normals(wall.normal);
+            let block = [n1.dot(point), n2.dot(point), -1.0].map(|d| DVec3::X * d);
+            rows.local.push((first, block.to_vec()));
+        }
+        rows
+    }
+
+    fn sphere(&self, place: Place, sphere: usize, radius_m: f64) -> Rows {
+        let ball = &self.surroundings.spheres[sphere];
+        let away = self.place(place).0 - ball.centre.value;
+        let direction = away.normalize_or_zero();
+        let gap = away.length() - ball.radius_m.value;
+        let mut rows = self.along(radius_m - gap, direction, place);
+        if let Some(first) = self.columns.first(4, sphere) {
+            let block = direction.to_array().map(|d| DVec3::X * -d);
+            rows.local.push((first, block.to_vec()));
+        }
+        if let Some(first) = self.columns.first(5, sphere) {
+            rows.local.push((first, vec![-DVec3::X]));
+        }
+        rows
+    }
+}
+
+/// `[v]×`: `[v]× w = v × w`.
+fn cross_matrix(v: DVec3) -> DMat3 {
+    DMat3::from_cols(v.cross(DVec3::X), v.cross(DVec3::Y), v.cross(DVec3::Z))
+}

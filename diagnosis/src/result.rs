@@ -1,0 +1,247 @@
+//! What a fit found: the numbers, how sure they are, what each reading is off by.
+//!
+//! Covariance is `(JᵀWJ)⁻¹` with the priors, times the design effect where readings of one pose err together: the mean over the
+//! numbers of the variance that poses as clusters show against the one that independent readings would have (Liang and Zeger 1986).
+//!
+//! Promises: covariance is symmetric and not negative. Never: a word about effects that were not in the fit.
+
+use crate::campaign::Campaign;
+use crate::hypothesis::Hypothesis;
+use crate::independent::Dependent;
+use crate::minimise::Minimum;
+use crate::problem::{Look, State, Weighing, data_rows, visit};
+use crate::surroundings::Surroundings;
+use crate::triangle::{Triangle, dot};
+use glam::DVec3;
+
+/// A fit.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The model with what was found.
+    pub hypothesis: Hypothesis,
+    /// Frames, targets and things touched, as found.
+    pub surroundings: Surroundings,
+    /// What the data do not determine: it stays where it was believed to be.
+    pub undetermined: Vec<Undetermined>,
+    /// Weight of each reading of the campaign, 0 to 1.
+    pub weights: Vec<f64>,
+    /// Factor on each instrument's stated noise that the residuals show.
+    pub factors: Vec<f64>,
+    /// By how much covariance is larger than that of independent readings.
+    pub design_effect: f64,
+    /// Steps taken.
+    pub steps: usize,
+    /// Whether nothing was left to gain.
+    pub converged: bool,
+    /// The weighed sum of squares of data and priors, in units of the noise.
+    pub sum: f64,
+    /// Numbers read in the poses that took part.
+    pub readings: usize,
+    active: Vec<usize>,
+    inverse: Vec<Vec<f64>>,
+    pub(crate) triangle: Triangle,
+}
+
+/// A number that was not fitted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Undetermined {
+    /// Its column: surroundings first, then the hypothesis' free numbers.
+    pub column: usize,
+    /// Its name.
+    pub what: String,
+    /// What it moves together with, strongest first; none where nothing was seen of it at all.
+    pub with: Vec<String>,
+}
+
+impl Undetermined {
+    /// A sentence for people.
+    #[must_use]
+    pub fn says(&self) -> String {
+        match self.with.as_slice() {
+            [] => format!("{} shows nowhere in these data", self.what),
+            [one] => format!("{} and {one} move together", self.what),
+            [first @ .., last] => {
+                format!("{} moves together with {} and {last}", self.what, first.join(", "))
+            }
+        }
+    }
+}
+
+/// A reading against the fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Off {
+    /// Place in the campaign's poses.
+    pub pose: usize,
+    /// Place among all readings.
+    pub reading: usize,
+    /// Measured minus predicted: m (or rad), the axes of the reading.
+    pub off: DVec3,
+    /// Whether it is a length.
+    pub is_length: bool,
+}
+
+/// What a fit leaves when it ends.
+pub(crate) struct Parts {
+    pub(crate) state: State,
+    pub(crate) weighing: Weighing,
+    pub(crate) active: Vec<usize>,
+    pub(crate) dependent: Vec<Dependent>,
+    pub(crate) bounded: Vec<usize>,
+    pub(crate) minimum: Option<Minimum>,
+    pub(crate) steps: usize,
+    pub(crate) sum: f64,
+}
+
+impl Fit {
+    pub(crate) fn of(campaign: &Campaign, parts: Parts) -> Self {
+        let Parts { state, weighing, active, dependent, bounded, minimum, steps, sum } = parts;
+        let triangle = minimum.as_ref().map_or(Triangle::new(0), |m| m.triangle.clone());
+        let readings = minimum.as_ref().map_or(0, |m| m.data.rows());
+        let inverse = triangle.inverse();
+        let design_effect = design_effect(campaign, &state, &weighing, &active, &triangle);
+        let names = Names(&state);
+        let mut undetermined: Vec<Undetermined> =
+            dependent.iter().map(|d| names.undetermined(d)).collect();
+        undetermined.extend(bounded.iter().map(|column| Undetermined {
+            column: *column,
+            what: format!("{}, which would be negative,", names.of(*column)),
+            with: Vec::new(),
+        }));
+        Self {
+            undetermined,
+            weights: weighing.weights,
+            factors: weighing.factors,
+            design_effect,
+            steps,
+            converged: minimum.is_some_and(|m| m.converged),
+            sum,
+            readings,
+            active,
+            inverse,
+            triangle,
+            hypothesis: state.hypothesis,
+            surroundings: state.surroundings,
+        }
+    }
+
+    /// The columns that were fitted, in their order: surroundings first, then free numbers.
+    #[must_use]
+    pub fn columns(&self) -> &[usize] {
+        &self.active
+    }
+
+    /// The column of a free number of the hypothesis.
+    #[must_use]
+    pub fn column_of(&self, free: usize) -> usize {
+        self.surroundings.numbers().len() + free
+    }
+
+    /// The covariance of two columns, SI; none where one was not fitted.
+    #[must_use]
+    pub fn covariance(&self, a: usize, b: usize) -> Option<f64> {
+        let at = |column| self.active.iter().position(|c| *c == column);
+        let (i, j) = (at(a)?, at(b)?);
+        let (i, j) = (i.min(j), i.max(j));
+        Some(self.design_effect * dot(&self.inverse[i][j - i..], &self.inverse[j]))
+    }
+
+    /// The standard uncertainty of a column, SI; none where it was not fitted.
+    #[must_use]
+    pub fn sigma(&self, column: usize) -> Option<f64> {
+        self.covariance(column, column).map(f64::sqrt)
+    }
+
+    /// The correlation of two columns; none where one was not fitted.
+    #[must_use]
+    pub fn correlation(&self, a: usize, b: usize) -> Option<f64> {
+        Some(self.covariance(a, b)? / (self.sigma(a)? * self.sigma(b)?))
+    }
+
+    /// The variance of a sum of columns with these shares (one per entry of [`Fit::columns`]), SI.
+    #[must_use]
+    pub fn variance_of(&self, shares: &[f64]) -> f64 {
+        let seen = self.triangle.forward(shares.to_vec());
+        self.design_effect * dot(&seen, &seen)
+    }
+
+    /// Every reading against the fit, those of poses that took no part too.
+    #[must_use]
+    pub fn off(&self, campaign: &Campaign) -> Vec<Off> {
+        let state =
+            State { surroundings: self.surroundings.clone(), hypothesis: self.hypothesis.clone() };
+        let readings: Vec<_> = campaign.poses.iter().flat_map(|pose| &pose.seen).collect();
+        let mut off = Vec::with_capacity(readings.len());
+        visit(campaign, &state, Look { used: None, derivatives: false }, |at| {
+            let observation = readings[at.reading];
+            let residual = at.rows.residual;
+            let back = match at.rows.count {
+                1 => DVec3::X * (residual.x / observation.whitening.x_axis.x),
+                _ => observation.whitening.inverse() * residual,
+            };
+            let is_length = observation.reading.is_length();
+            off.push(Off { pose: at.pose, reading: at.reading, off: back, is_length });
+        });
+        off
+    }
+}
+
+/// Names of columns.
+struct Names<'a>(&'a State);
+
+impl Names<'_> {
+    fn of(&self, column: usize) -> String {
+        let numbers = self.0.surroundings.numbers();
+        match numbers.get(column) {
+            Some(number) => self.0.surroundings.describe(*number),
+            None => {
+                let hypothesis = &self.0.hypothesis;
+                let free = hypothesis.free.get(column - numbers.len());
+                free.map(|free| hypothesis.describe(free)).unwrap_or_default()
+            }
+        }
+    }
+
+    fn undetermined(&self, dependent: &Dependent) -> Undetermined {
+        let partners = dependent.partners.iter().take(4);
+        Undetermined {
+            column: dependent.column,
+            what: self.of(dependent.column),
+            with: partners.map(|(column, _)| self.of(*column)).collect(),
+        }
+    }
+}
+
+/// At least one: the mean variance of the numbers with poses as clusters, against that of independent readings.
+fn design_effect(
+    campaign: &Campaign,
+    state: &State,
+    weighing: &Weighing,
+    active: &[usize],
+    triangle: &Triangle,
+) -> f64 {
+    let width = active.len();
+    let (mut sum, mut rows, mut poses) = (0.0, 0_usize, 0_usize);
+    let mut now = usize::MAX;
+    let mut gradient = vec![0.0; width];
+    let close = |gradient: &mut Vec<f64>| {
+        let seen = triangle.forward(std::mem::replace(gradient, vec![0.0; width]));
+        dot(&seen, &seen)
+    };
+    data_rows(campaign, state, weighing, active, |at, row, right| {
+        if at.pose != now {
+            sum += close(&mut gradient);
+            (now, poses) = (at.pose, poses + 1);
+        }
+        gradient.iter_mut().zip(row).for_each(|(g, j)| *g += j * right);
+        rows += 1;
+    });
+    sum += close(&mut gradient);
+    if width == 0 || rows <= width || poses < 3 {
+        return 1.0;
+    }
+    // Residuals of a fit are smaller than the errors; with few rows per number the comparison says nothing.
+    let freedom = rows as f64 / (rows - width) as f64;
+    let effect = freedom * sum / width as f64;
+    let doubt = 3.0 * (2.0 / width as f64).sqrt() + 3.0 * width as f64 / rows as f64;
+    if effect > 1.0 + doubt { effect } else { 1.0 }
+}

@@ -1,0 +1,97 @@
+//! How much a reading may weigh, by how far it lies from the model.
+//!
+//! The length of a whitened residual of `d` numbers is turned into a normal deviate (Wilson and Hilferty 1931). Up to the knee
+//! a reading weighs one, so that clean data are fitted by plain least squares; beyond it, in the first pass, its pull stays constant
+//! (Huber 1964); in the second it falls to nothing (a redescending influence, Hampel 1974).
+//! The scale is the median of those lengths, which half of the readings cannot spoil.
+//!
+//! Promises: weights between 0 and 1, one for clean readings. Never: a reading thrown out unseen: what weighs less than half is listed.
+
+/// Deviate up to which a reading weighs one: one clean reading in a thousand lies beyond.
+const KNEE: f64 = 3.0;
+/// A redescending weight is nothing at this multiple of the knee.
+const REACH: f64 = 2.5;
+
+/// Which influence a far reading keeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Influence {
+    /// All weigh one.
+    Equal,
+    /// Constant beyond the knee.
+    Huber,
+    /// Falls to nothing.
+    Redescending,
+}
+
+/// Length of a whitened residual of `count` numbers at which the normal deviate is `deviate`.
+#[must_use]
+pub fn length_at(count: usize, deviate: f64) -> f64 {
+    let d = count as f64;
+    let share = 2.0 / (9.0 * d);
+    let root = (1.0 - share + deviate * share.sqrt()).max(0.0);
+    (d * root * root * root).sqrt()
+}
+
+/// The weight of a reading whose whitened residual, in units of the scale, is `length` long.
+#[must_use]
+pub fn weight(influence: Influence, count: usize, length: f64) -> f64 {
+    let knee = length_at(count, KNEE);
+    if length <= knee {
+        return 1.0;
+    }
+    match influence {
+        Influence::Equal => 1.0,
+        Influence::Huber => knee / length,
+        Influence::Redescending => {
+            let down = ((REACH * knee - length) / ((REACH - 1.0) * knee)).max(0.0);
+            down * down
+        }
+    }
+}
+
+/// The factor on the noise that the lengths of residuals show: one where it was stated right. `lengths`: with the count of each.
+#[must_use]
+pub fn scale(lengths: impl Iterator<Item = (usize, f64)>) -> Option<f64> {
+    let mut shares: Vec<f64> =
+        lengths.map(|(count, length)| length / length_at(count, 0.0)).collect();
+    let middle = shares.len() / 2;
+    if shares.is_empty() {
+        return None;
+    }
+    Some(*shares.select_nth_unstable_by(middle, f64::total_cmp).1).filter(|scale| *scale > 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_knee_is_where_one_clean_reading_in_a_thousand_lies() {
+        // Quantiles of chi by tables: P(chi_1 > 3.2905) = 0.001, P(chi_3 > 4.0331) = 0.001; the deviate 3 is 0.00135.
+        assert!((length_at(1, 3.0902) - 3.2905).abs() < 0.06);
+        assert!((length_at(3, 3.0902) - 4.0331).abs() < 0.04);
+        assert!((length_at(3, 0.0) - 1.5382).abs() < 0.01, "the median of chi_3");
+    }
+
+    #[test]
+    fn weights_fall_from_one_and_only_the_second_pass_reaches_nothing() {
+        for count in [1, 3] {
+            let knee = length_at(count, KNEE);
+            for influence in [Influence::Equal, Influence::Huber, Influence::Redescending] {
+                assert_eq!(weight(influence, count, 0.99 * knee), 1.0);
+            }
+            assert!((weight(Influence::Huber, count, 4.0 * knee) - 0.25).abs() < 1e-12);
+            assert_eq!(weight(Influence::Redescending, count, 4.0 * knee), 0.0);
+            let near = weight(Influence::Redescending, count, 1.1 * knee);
+            assert!(near > 0.8 && near < 1.0, "{near}");
+        }
+    }
+
+    #[test]
+    fn a_third_of_wild_readings_hardly_moves_the_scale() {
+        let clean = (0..200).map(|i| (3, length_at(3, -2.0 + 0.02 * f64::from(i))));
+        let wild = (0..100).map(|_| (3, 1e6));
+        let found = scale(clean.chain(wild)).expect("readings");
+        assert!((0.9..1.6).contains(&found), "{found}");
+    }
+}

@@ -1,0 +1,249 @@
+//! What a candidate would gain on top of a fit, without fitting it: the rows of the fit and the candidate's columns, linearised.
+//!
+//! With `R` the triangle of the fit, `A = JᵀC` and `Y = R⁻ᵀ A`: what is left of the columns is `S = CᵀC − YᵀY + priors`, of their pull
+//! `b = Cᵀr − Yᵀ(R⁻ᵀ Jᵀr)`; the numbers would be `S⁻¹ b` and the sum of squares would fall by `bᵀ S⁻¹ b`.
+//!
+//! Promises: one pass over the campaign for all candidates. Never: a decision; see [`crate::select`].
+
+use crate::campaign::Campaign;
+use crate::candidates::Candidate;
+use crate::fit::Settings;
+use crate::hypothesis::{Free, Hypothesis, much};
+use crate::motion::Motion;
+use crate::problem::{Look, State, Weighing, follow, motions_of, visit};
+use crate::result::Fit;
+use crate::triangle::{Triangle, dot};
+use physics::spec::ActsOn;
+use physics::{EFFECTS_MAX, Evaluation};
+
+/// A candidate's share of its own length that must be left after the fit's columns, squared.
+const LEFT: f64 = 1e-6;
+
+/// What a candidate would bring.
+#[derive(Clone, Debug)]
+pub(crate) struct Score {
+    /// Place in the list of candidates.
+    pub(crate) candidate: usize,
+    /// By how much the sum of squares would fall, in units of the noise.
+    pub(crate) gain: f64,
+    /// How many numbers it would take.
+    pub(crate) numbers: usize,
+    /// The numbers, one per probe.
+    pub(crate) found: Vec<f64>,
+}
+
+/// A fit with its rows, ready to be asked.
+pub(crate) struct Fitted<'a> {
+    pub(crate) campaign: &'a Campaign,
+    pub(crate) fit: &'a Fit,
+    pub(crate) state: State,
+    pub(crate) weighing: Weighing,
+}
+
+impl<'a> Fitted<'a> {
+    pub(crate) fn new(campaign: &'a Campaign, fit: &'a Fit, settings: &Settings<'_>) -> Self {
+        let state =
+            State { surroundings: fit.surroundings.clone(), hypothesis: fit.hypothesis.clone() };
+        let weighing = Weighing {
+            used: settings.used.to_vec(),
+            weights: fit.weights.clone(),
+            factors: fit.factors.clone(),
+        };
+        Self { campaign, fit, state, weighing }
+    }
+
+    /// The pull that is left of the fit itself: zero at a minimum, but for priors.
+    pub(crate) fn right(&self) -> &[f64] {
+        let triangle = &self.fit.triangle;
+        triangle.column(triangle.width())
+    }
+
+    /// Scores of all candidates that show something of their own.
+    pub(crate) fn scores(&self, candidates: &[Candidate]) -> Vec<Score> {
+        let mut scores = Vec::new();
+        let mut from = 0;
+        while from < candidates.len() {
+            let (batch, end) = self.batch(candidates, from);
+            let sums = self.sums(&batch);
+            let mut column = 0;
+            for (index, candidate) in candidates.iter().enumerate().take(end).skip(from) {
+                let columns = column..column + candidate.probes.len();
+                column = columns.end;
+                scores.extend(sums.score(index, columns, &batch));
+            }
+            from = end;
+        }
+        scores
+    }
+
+    /// As many candidates as fit into one model, from place `from`; and where the next batch begins.
+    fn batch(&self, candidates: &[Candidate], from: usize) -> (Hypothesis, usize) {
+        let arm = self.state.hypothesis.model.arm;
+        let mut batch = Hypothesis::fixed(physics::Model::nominal(arm));
+        // What changes the loads is felt by the candidates too.
+        for effect in self.state.hypothesis.model.effects() {
+            if effect.spec().acts_on == ActsOn::Loads {
+                batch.model.push(*effect).unwrap_or_default();
+            }
+        }
+        let mut end = from;
+        for candidate in &candidates[from..] {
+            if batch.model.effects().len() + candidate.probes.len() > EFFECTS_MAX {
+                break;
+            }
+            for (k, probe) in candidate.probes.iter().enumerate() {
+                let again = k > 0 && candidate.probes[k - 1].effect == probe.effect;
+                if !again {
+                    batch.model.push(probe.effect).unwrap_or_default();
+                }
+                let effect = batch.model.effects().len() - 1;
+                let sigma = much(&probe.effect, probe.value);
+                batch.free.push(Free { effect, value: probe.value, mean: 0.0, sigma });
+            }
+            end += 1;
+        }
+        (batch, end.max(from + 1))
+    }
+
+    fn sums(&self, batch: &Hypothesis) -> Sums {
+        let (active, width) = (self.fit.columns(), self.fit.columns().len());
+        let effects_from = self.state.surroundings.numbers().len();
+        let count = batch.free.len();
+        let mut sums = Sums::new(width, count);
+        let mut full = vec![vec![0.0; self.state.width()]; 3];
+        let mut columns = vec![vec![0.0; count]; 3];
+        let all = self.batch_motions(batch);
+        let none: Vec<Motion> = Vec::new();
+        let look = Look { used: Some(&self.weighing.used), derivatives: true };
+        visit(self.campaign, &self.state, look, |at| {
+            let motions = all.get(at.pose).unwrap_or(&none);
+            let scale = self.weighing.scale(at);
+            if scale == 0.0 {
+                return;
+            }
+            at.rows.fill(effects_from, at.motions, &mut full);
+            for (k, motion) in motions.iter().enumerate() {
+                let along = at.rows.along(motion);
+                columns.iter_mut().enumerate().for_each(|(i, row)| row[k] = scale * along[i]);
+            }
+            for k in 0..at.rows.count {
+                let row = active.iter().map(|column| scale * full[k][*column]);
+                sums.add(row, &columns[k], scale * at.rows.residual[k]);
+            }
+        });
+        sums.project(&self.fit.triangle, self.right());
+        sums
+    }
+
+    /// How the tool would move with each probe, at each pose that takes part. The candidates remember for themselves.
+    fn batch_motions(&self, batch: &Hypothesis) -> Vec<Vec<Motion>> {
+        let mut all = vec![Vec::new(); self.campaign.poses.len()];
+        follow(&batch.model, self.campaign, Some(&self.weighing.used), |pose, seen, memories| {
+            let deviation = Default::default();
+            let bare = Evaluation { real: seen.nominal, deviation, ..*seen };
+            all[pose] = motions_of(batch, &self.campaign.poses[pose].inputs, memories, &bare);
+        });
+        all
+    }
+}
+
+/// Sums over all rows, for a batch of columns.
+struct Sums {
+    width: usize,
+    count: usize,
+    /// `Jᵀ C`, one slice of `count` per column of the fit.
+    mixed: Vec<f64>,
+    /// `Cᵀ C` near the diagonal: `near[k][d] = c_k · c_{k+d}`.
+    near: Vec<Vec<f64>>,
+    pull: Vec<f64>,
+    /// `Y`, one column after the other.
+    seen: Vec<Vec<f64>>,
+    right: Vec<f64>,
+}
+
+/// No candidate has more probes than this.
+const PROBES_MAX: usize = 3 * physics::JOINTS_MAX;
+
+impl Sums {
+    fn new(width: usize, count: usize) -> Self {
+        Self {
+            width,
+            count,
+            mixed: vec![0.0; width * count],
+            near: vec![Vec::new(); count],
+            pull: vec![0.0; count],
+            seen: Vec::new(),
+            right: Vec::new(),
+        }
+    }
+
+    fn add(&mut self, row: impl Iterator<Item = f64>, columns: &[f64], right: f64) {
+        for (j, slice) in row.zip(self.mixed.chunks_exact_mut(self.count.max(1))) {
+            if j != 0.0 {
+                slice.iter_mut().zip(columns).for_each(|(sum, c)| *sum += j * c);
+            }
+        }
+        for (k, c) in columns.iter().enumerate() {
+            self.pull[k] += c * right;
+            let beside = &columns[k..columns.len().min(k + PROBES_MAX)];
+            self.near[k].resize(beside.len(), 0.0);
+            self.near[k].iter_mut().zip(beside).for_each(|(sum, b)| *sum += c * b);
+        }
+    }
+
+    fn project(&mut self, triangle: &Triangle, right: &[f64]) {
+        let column = |k: usize| (0..self.width).map(|j| self.mixed[j * self.count + k]).collect();
+        self.seen = (0..self.count).map(|k| triangle.forward(column(k))).collect();
+        self.right = right.to_vec();
+    }
+
+    fn score(
+        &self,
+        candidate: usize,
+        columns: std::ops::Range<usize>,
+        batch: &Hypothesis,
+    ) -> Option<Score> {
+        let count = columns.len();
+        let mut kept: Vec<usize> = Vec::new();
+        let mut left = Triangle::new(count);
+        let first = columns.start;
+        // Cholesky of S with its dependent columns left out, written as rows of a triangle.
+        let mut factor: Vec<Vec<f64>> = Vec::new();
+        let mut pulls: Vec<f64> = Vec::new();
+        for k in columns {
+            let of = |a: usize, b: usize| {
+                let (a, b) = (a.min(b), a.max(b));
+                self.near[a].get(b - a).copied().unwrap_or(0.0) - dot(&self.seen[a], &self.seen[b])
+            };
+            let prior = batch.free[k].sigma.powi(-2);
+            let mut row: Vec<f64> = Vec::new();
+            for (i, other) in kept.iter().enumerate() {
+                let known: f64 = dot(&factor[i][..i], &row[..i]);
+                row.push((of(*other, k) - known) / factor[i][i]);
+            }
+            let own = of(k, k);
+            let rest = own + prior - dot(&row, &row);
+            let pull = self.pull[k] - dot(&self.seen[k], &self.right) - dot(&row, &pulls);
+            if own > LEFT * self.near[k][0] && rest > LEFT * self.near[k][0] {
+                let root = rest.sqrt();
+                pulls.push(pull / root);
+                row.push(root);
+                factor.push(row);
+                kept.push(k);
+            }
+        }
+        if kept.is_empty() {
+            return None;
+        }
+        for (i, pull) in pulls.iter().enumerate() {
+            let mut row = vec![0.0; count];
+            for (j, column) in kept.iter().enumerate().skip(i) {
+                row[column - first] = factor[j][i];
+            }
+            left.push(&row, *pull);
+        }
+        left.reduce();
+        let found = left.solve(&vec![1e-12; count]);
+        Some(Score { candidate, gain: dot(&pulls, &pulls), numbers: kept.len(), found })
+    }
+}

@@ -1,0 +1,268 @@
+//! Which effects a robot has: geometry first, then one after the other what the data ask for.
+//!
+//! A candidate is worth its gain in log-likelihood less what its numbers cost: `gain/λ − k ln(n/λ) − 2 ln(rivals)`, the extended Bayesian
+//! information criterion (Schwarz 1978; Chen and Chen 2008), λ the design effect, since readings of one pose err together. In the
+//! end every effect has to be worth its numbers beside all others.
+//!
+//! Promises: only what the poses that take part show; the same input gives the same choice. Never: a look at held-out poses, a name of a data set.
+
+use crate::campaign::Campaign;
+use crate::candidates::{Candidate, candidates, slot, wave_candidate};
+use crate::fit::{Effort, Settings, fit};
+use crate::hypothesis::{Hypothesis, named};
+use crate::result::Fit;
+use crate::score::Fitted;
+use crate::triangle::Triangle;
+use crate::waves::{Line, lines};
+use physics::spec::Role;
+use physics::{AnyEffect, Given, Model};
+
+/// Rounds of adding.
+const ROUNDS: usize = 40;
+/// Effects that join in one round: those that gain at least this share of the best, each on another joint.
+const BESIDE: f64 = 0.3;
+
+/// An effect that was added.
+#[derive(Clone, Debug)]
+pub struct Chosen {
+    /// Its place in the model's effects.
+    pub effect: usize,
+    /// By how much it lowered the sum of squares when it joined, in units of the noise.
+    pub gain: f64,
+    /// Entries that no fit changes, with their numbers, SI.
+    pub settings: Vec<(&'static str, Vec<f64>)>,
+}
+
+/// A fit and what was added for it.
+#[derive(Clone, Debug)]
+pub struct Selection {
+    /// The fit with all that was added.
+    pub fit: Fit,
+    /// What was added, in that order.
+    pub chosen: Vec<Chosen>,
+}
+
+/// The geometry of every joint, free beside the effects that `model` has. What a file states with its uncertainty (`sigma`, one list per effect, zeros
+/// where unsaid) is believed so far.
+#[must_use]
+pub fn geometry(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
+    let mut hypothesis = Hypothesis::fixed(*model);
+    let given = model.effects().len();
+    let zeros = [0.0; 3];
+    // Where a frame or two joints share a direction, the earlier keeps it: zeros before tilts before shifts, and the first joint's axis,
+    // which an unknown frame takes, last.
+    let kinds =
+        [("joint_offset", "offset", 1), ("axis_tilt", "tilt", 2), ("axis_shift", "shift", 3)];
+    let joints = 0..model.arm.count();
+    let each = kinds.iter().flat_map(|kind| joints.clone().map(move |joint| (kind, joint)));
+    let (first, rest): (Vec<_>, Vec<_>) = each.partition(|(_, joint)| *joint == 0);
+    for ((kind, stem, count), joint) in rest.into_iter().chain(first) {
+        let numbers: &[(&str, &[f64])] = &[(*stem, &zeros[..*count])];
+        let there = model.effects().any(|e| e.spec().kind == *kind && e.joint() == Some(joint));
+        if !there && let Ok(e) = AnyEffect::build(kind, &model.arm, Some(joint), Given(numbers)) {
+            hypothesis.add(e, &[]).unwrap_or_default();
+        }
+    }
+    for effect in 0..given {
+        hypothesis.free_all(effect, &["cycles"], sigma.get(effect).map_or(&[], Vec::as_slice));
+    }
+    hypothesis
+}
+
+/// Adds to `calibrated` what the poses that take part ask for.
+#[must_use]
+pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) -> Selection {
+    let model = &calibrated.hypothesis.model;
+    let mut open = candidates(&model.arm, campaign);
+    let there: Vec<String> = model.effects().map(slot).collect();
+    open.retain(|candidate| !there.contains(&candidate.slot));
+    let mut selecting = Selecting {
+        campaign,
+        settings: *settings,
+        fit: calibrated.clone(),
+        rivals: open.len().max(1),
+        open,
+        chosen: Vec::new(),
+    };
+    selecting.grow();
+    selecting.finish();
+    selecting.prune();
+    selecting.finish();
+    Selection { fit: selecting.fit, chosen: selecting.chosen }
+}
+
+/// A candidate that joins.
+struct Pick {
+    candidate: Candidate,
+    found: Vec<f64>,
+    gain: f64,
+    worth: f64,
+    kept: &'static [&'static str],
+}
+
+struct Selecting<'a> {
+    campaign: &'a Campaign,
+    settings: Settings<'a>,
+    fit: Fit,
+    open: Vec<Candidate>,
+    rivals: usize,
+    chosen: Vec<Chosen>,
+}
+
+impl Selecting<'_> {
+    fn grow(&mut self) {
+        for _ in 0..ROUNDS {
+            let mut picks = self.among_open();
+            if picks.is_empty() {
+                picks = self.among_lines();
+            }
+            let before = self.chosen.len();
+            self.join(picks);
+            if self.chosen.len() == before {
+                break;
+            }
+        }
+    }
+
+    /// What `numbers` numbers cost, in the sum of squares.
+    fn cost(&self, numbers: usize, rivals: f64) -> f64 {
+        let readings = self.fit.readings as f64 / self.fit.design_effect;
+        numbers as f64 * readings.max(2.0).ln() + 2.0 * rivals.max(1.0).ln()
+    }
+
+    fn among_open(&self) -> Vec<Pick> {
+        let fitted = Fitted::new(self.campaign, &self.fit, &self.settings);
+        let mut picks: Vec<Pick> = Vec::new();
+        for score in fitted.scores(&self.open) {
+            let candidate = &self.open[score.candidate];
+            let cost = self.cost(score.numbers, self.rivals as f64);
+            let worth = score.gain / self.fit.design_effect - cost;
+            if worth > 0.0 && is_sound(candidate, &score.found) {
+                let (candidate, kept) = (candidate.clone(), candidate.kept());
+                picks.push(Pick { candidate, found: score.found, gain: score.gain, worth, kept });
+            }
+        }
+        strongest(picks)
+    }
+
+    fn among_lines(&self) -> Vec<Pick> {
+        let fitted = Fitted::new(self.campaign, &self.fit, &self.settings);
+        let arm = &self.fit.hypothesis.model.arm;
+        let found = lines(&fitted);
+        let tried: usize = found.iter().map(|line| line.tried).sum();
+        let pick = |line: &Line| {
+            let worth = line.gain / self.fit.design_effect - self.cost(3, tried as f64);
+            let candidate = wave_candidate(arm, line.joint, line.cycles).filter(|_| worth > 0.0)?;
+            let score = fitted.scores(std::slice::from_ref(&candidate)).pop()?;
+            Some(Pick { candidate, found: score.found, gain: line.gain, worth, kept: &[] })
+        };
+        found.iter().filter_map(pick).collect()
+    }
+
+    fn join(&mut self, picks: Vec<Pick>) {
+        let mut hypothesis = self.fit.hypothesis.clone();
+        let arm = hypothesis.model.arm;
+        for pick in picks {
+            let Some(effect) = pick.candidate.effect(&arm, &pick.found) else { continue };
+            let place = hypothesis.model.effects().len();
+            if hypothesis.add(effect, pick.kept).is_err() {
+                break;
+            }
+            // What was found is where the search starts; what is believed before the data is nothing.
+            for free in hypothesis.free.iter_mut().filter(|free| free.effect == place) {
+                let linear = named(&effect, free.value)
+                    .is_some_and(|named| named.parameter.role == Role::Linear);
+                free.mean = if linear { 0.0 } else { free.mean };
+            }
+            let settings = pick.candidate.settings.clone();
+            self.chosen.push(Chosen { effect: place, gain: pick.gain, settings });
+            self.open.retain(|candidate| candidate.slot != pick.candidate.slot);
+        }
+        self.refit(&hypothesis, Effort::Sketch);
+    }
+
+    fn refit(&mut self, hypothesis: &Hypothesis, effort: Effort) {
+        let around = self.fit.surroundings.clone();
+        let settings = Settings { from: Some(&around), effort, ..self.settings };
+        self.fit = fit(self.campaign, hypothesis, &settings);
+    }
+
+    fn finish(&mut self) {
+        let hypothesis = self.fit.hypothesis.clone();
+        self.refit(&hypothesis, Effort::Full);
+    }
+
+    /// Takes out, the least worth first, what is not worth its numbers beside all others.
+    fn prune(&mut self) {
+        for _ in 0..ROUNDS {
+            let worths = self.chosen.iter().enumerate().map(|(k, c)| (k, self.worth(c.effect)));
+            let least = worths.min_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((k, _)) = least.filter(|(_, worth)| *worth <= 0.0) else { break };
+            let gone = self.chosen.remove(k).effect;
+            for chosen in self.chosen.iter_mut().filter(|chosen| chosen.effect > gone) {
+                chosen.effect -= 1;
+            }
+            let hypothesis = self.fit.hypothesis.without(gone);
+            self.refit(&hypothesis, Effort::Sketch);
+        }
+    }
+
+    /// By how much the sum of squares would rise without an effect, less what its numbers cost.
+    fn worth(&self, effect: usize) -> f64 {
+        let hypothesis = &self.fit.hypothesis;
+        let values = hypothesis.values();
+        let (mut columns, mut linear) = (0, Vec::new());
+        for (k, free) in hypothesis.free.iter().enumerate().filter(|(_, f)| f.effect == effect) {
+            let column = self.fit.column_of(k);
+            if self.fit.sigma(column).is_none() {
+                continue;
+            }
+            columns += 1;
+            let entry = hypothesis.effect_of(free).and_then(|effect| named(effect, free.value));
+            if entry.is_some_and(|named| named.parameter.role == Role::Linear) {
+                linear.push((column, values[k]));
+            }
+        }
+        self.rise(&linear) - self.cost(columns, 1.0)
+    }
+
+    /// `xᵀ C⁻¹ x` of the numbers `linear`, C their covariance.
+    fn rise(&self, linear: &[(usize, f64)]) -> f64 {
+        let mut triangle = Triangle::new(linear.len());
+        // Rows of the covariance as equations: C y = x, then x · y.
+        for (a, x) in linear {
+            let row: Vec<f64> =
+                linear.iter().map(|(b, _)| self.fit.covariance(*a, *b).unwrap_or(0.0)).collect();
+            let size = self.fit.sigma(*a).unwrap_or(1.0);
+            let row: Vec<f64> = row.iter().map(|c| c / size).collect();
+            triangle.push(&row, x / size);
+        }
+        triangle.reduce();
+        let y = triangle.solve(&[]);
+        linear.iter().zip(y).map(|((_, x), y)| x * y).sum()
+    }
+}
+
+/// Those that gain about as much as the best, each on a joint of its own.
+fn strongest(mut picks: Vec<Pick>) -> Vec<Pick> {
+    picks.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+    let best = picks.first().map_or(0.0, |pick| pick.gain);
+    let mut taken = Vec::new();
+    picks.retain(|pick| {
+        let joint = pick.candidate.joint;
+        let joins = pick.gain >= BESIDE * best && !taken.contains(&joint);
+        if joins {
+            taken.push(joint);
+        }
+        joins
+    });
+    picks
+}
+
+/// Whether the numbers lie where they may: a gap or a compliance is not negative.
+fn is_sound(candidate: &Candidate, found: &[f64]) -> bool {
+    candidate.probes.iter().zip(found).all(|(probe, value)| {
+        let range = named(&probe.effect, probe.value).map(|named| named.parameter.range);
+        range.is_none_or(|range| range.holds(*value))
+    })
+}

@@ -1,0 +1,182 @@
+//! Where a fit of the surroundings starts: frames and targets by turns, fixed points, planes and spheres by linear least squares.
+//!
+//! Promises: good enough for the fit to find the way (centimetres, degrees), for any place of the instrument and any mounting of the targets.
+//! Never: the last word; [`crate::fit`] has it.
+
+use crate::campaign::{Campaign, Place, Pose, Reading};
+use crate::rigid::{mean, rigid};
+use crate::surroundings::{Fitted, Plane, Station, Surroundings};
+use crate::triangle::Triangle;
+use glam::DVec3;
+use physics::{Chain, Frame, Model};
+
+const ROUNDS: usize = 30;
+
+/// The surroundings of `campaign` with everything that is free brought to where the controller's own geometry sees it.
+#[must_use]
+pub fn surroundings(campaign: &Campaign, model: &Model, used: &[bool]) -> Surroundings {
+    let poses: Vec<(Frame, &Pose)> = campaign
+        .poses
+        .iter()
+        .zip(used)
+        .filter(|(_, used)| **used)
+        .map(|(pose, _)| (Chain::nominal(&model.arm, &pose.inputs.q).base_from_tool, pose))
+        .collect();
+    let mut found = campaign.surroundings.clone();
+    for _ in 0..ROUNDS {
+        place_frames(&mut found, &poses);
+        if !found.targets.iter().any(|target| target.free) {
+            break;
+        }
+        place_targets(&mut found, &poses);
+    }
+    place_frames(&mut found, &poses);
+    place_touched(&mut found, &poses);
+    found
+}
+
+/// A point of the tool in base coordinates.
+fn point(found: &Surroundings, tool: &Frame, place: Place) -> DVec3 {
+    match place {
+        Place::Tcp => tool.origin,
+        Place::Target(i) => tool.point(found.targets[i].value),
+    }
+}
+
+fn place_frames(found: &mut Surroundings, poses: &[(Frame, &Pose)]) {
+    for index in 0..found.frames.len() {
+        let (mut here, mut there) = (Vec::new(), Vec::new());
+        for (tool, pose) in poses {
+            for observation in &pose.seen {
+                if let Reading::Point { place, frame, at } = observation.reading
+                    && frame == index
+                {
+                    here.push(point(found, tool, place));
+                    there.push(at);
+                }
+            }
+        }
+        let pivot = mean(&there);
+        let Fitted { value, free } = &mut found.frames[index];
+        value.pivot = pivot;
+        if let Some(moved) = rigid(&here, &there)
+            && *free
+        {
+            *value = Station { measuring_from_base: moved, pivot };
+        }
+    }
+}
+
+fn place_targets(found: &mut Surroundings, poses: &[(Frame, &Pose)]) {
+    let mut sums = vec![(DVec3::ZERO, 0.0); found.targets.len()];
+    for (tool, pose) in poses {
+        for observation in &pose.seen {
+            if let Reading::Point { place: Place::Target(target), frame, at } = observation.reading
+            {
+                let base = found.frames[frame].value.measuring_from_base.inverse().point(at);
+                sums[target].0 += tool.inverse().point(base);
+                sums[target].1 += 1.0;
+            }
+        }
+    }
+    for (target, (sum, count)) in found.targets.iter_mut().zip(sums) {
+        if target.free && count > 0.0 {
+            target.value = sum / count;
+        }
+    }
+}
+
+/// Fixed points, planes and spheres from where the probe was and what it read.
+fn place_touched(found: &mut Surroundings, poses: &[(Frame, &Pose)]) {
+    let all = |wanted: &dyn Fn(&Reading) -> Option<(Place, f64)>, found: &Surroundings| {
+        let each = poses.iter().flat_map(|(tool, pose)| pose.seen.iter().map(move |o| (tool, o)));
+        let picked = each.filter_map(|(tool, o)| Some((tool, wanted(&o.reading)?)));
+        picked.map(|(tool, (place, x))| (point(found, tool, place), x)).collect::<Vec<_>>()
+    };
+    for index in 0..found.anchors.len() {
+        let of = |r: &Reading| match *r {
+            Reading::Distance { place, anchor, length_m } if anchor == index => {
+                Some((place, length_m))
+            }
+            _ => None,
+        };
+        if let Some((centre, _)) = centre_of(&all(&of, found), true)
+            && found.anchors[index].free
+        {
+            found.anchors[index].value = centre;
+        }
+    }
+    for index in 0..found.spheres.len() {
+        let of = |r: &Reading| match *r {
+            Reading::Sphere { place, sphere, radius_m } if sphere == index => {
+                Some((place, radius_m))
+            }
+            _ => None,
+        };
+        if let Some((centre, distance)) = centre_of(&all(&of, found), false) {
+            let probe = all(&of, found).first().map_or(0.0, |(_, radius)| *radius);
+            let sphere = &mut found.spheres[index];
+            sphere.centre.value = if sphere.centre.free { centre } else { sphere.centre.value };
+            sphere.radius_m.value =
+                if sphere.radius_m.free { distance - probe } else { sphere.radius_m.value };
+        }
+    }
+    for index in 0..found.planes.len() {
+        let of = |r: &Reading| match *r {
+            Reading::Plane { place, plane, radius_m } if plane == index => Some((place, radius_m)),
+            _ => None,
+        };
+        let touched = all(&of, found);
+        if let Some(plane) = plane_through(&touched, found.planes[index].value.normal)
+            && found.planes[index].free
+        {
+            found.planes[index].value = plane;
+        }
+    }
+}
+
+/// The centre that points lie around: at the distances given with them (`known`), or at one unknown distance, which is returned too.
+/// `|p − c|² = d²` is linear in `c` and `c² − d²`.
+fn centre_of(points: &[(DVec3, f64)], known: bool) -> Option<(DVec3, f64)> {
+    if points.len() < 5 {
+        return None;
+    }
+    let middle = points.iter().map(|(p, _)| *p).sum::<DVec3>() / points.len() as f64;
+    let mut triangle = Triangle::new(4);
+    for (p, distance) in points {
+        let p = *p - middle;
+        let given = if known { distance * distance } else { 0.0 };
+        triangle.push(&[2.0 * p.x, 2.0 * p.y, 2.0 * p.z, 1.0], p.length_squared() - given);
+    }
+    triangle.reduce();
+    let x = triangle.solve(&[1e-9; 4]);
+    let centre = DVec3::new(x[0], x[1], x[2]);
+    Some((centre + middle, (x[3] + centre.length_squared()).max(0.0).sqrt()))
+}
+
+/// The plane that the probe's middle keeps its radius from; its normal on the side of `side`.
+fn plane_through(points: &[(DVec3, f64)], side: DVec3) -> Option<Plane> {
+    if points.len() < 4 {
+        return None;
+    }
+    let cloud: Vec<DVec3> = points.iter().map(|(p, _)| *p).collect();
+    let middle = mean(&cloud);
+    // The direction of least spread, by the plane that is steepest against one of the axes.
+    let best = (0..3).filter_map(|k| {
+        let mut triangle = Triangle::new(2);
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        cloud.iter().map(|p| *p - middle).for_each(|p| triangle.push(&[p[i], p[j]], p[k]));
+        triangle.reduce();
+        let slope = triangle.solve(&[1e-9; 2]);
+        let mut normal = DVec3::AXES[k];
+        normal[i] = -slope[0];
+        normal[j] = -slope[1];
+        let normal = normal.try_normalize()?;
+        let spread: f64 = cloud.iter().map(|p| normal.dot(*p - middle).powi(2)).sum();
+        Some((spread, normal))
+    });
+    let (_, normal) = best.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let normal = if normal.dot(side) < 0.0 { -normal } else { normal };
+    let probe = points.iter().map(|(_, radius)| radius).sum::<f64>() / points.len() as f64;
+    Some(Plane { normal, offset_m: normal.dot(middle) - probe })
+}

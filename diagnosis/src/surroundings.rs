@@ -1,0 +1,222 @@
+//! What stands around the robot: measuring frames, targets on the tool, fixed points, planes and spheres; known or fitted.
+//!
+//! Fitted numbers come before the effects' in every fit, in the order of the fields here: what an unknown measuring frame or an unknown
+//! target takes with it (contract `effects.md`, last section) is theirs, not the arm's.
+//!
+//! Promises: a step of the fit keeps rotations orthonormal and normals of unit length.
+//! Never: a residual; see [`crate::residual`].
+
+use glam::DVec3;
+use physics::Frame;
+use physics::frame::{normals, rotation_from_vector};
+
+/// A thing and whether the fit may change it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fitted<T> {
+    /// What is known or found.
+    pub value: T,
+    /// Whether it is to be found.
+    pub free: bool,
+}
+
+impl<T> Fitted<T> {
+    /// A thing that is known.
+    pub const fn known(value: T) -> Self {
+        Self { value, free: false }
+    }
+
+    /// A thing to be found, from where the search starts.
+    pub const fn unknown(start: T) -> Self {
+        Self { value: start, free: true }
+    }
+}
+
+/// A measuring frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Station {
+    /// Base coordinates to measuring coordinates.
+    pub measuring_from_base: Frame,
+    /// The point about which a fit turns it, measuring frame, m: the middle of what was seen.
+    pub pivot: DVec3,
+}
+
+/// A plane `normal · p = offset`, base frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// Unit vector towards the side that is touched.
+    pub normal: DVec3,
+    /// m.
+    pub offset_m: f64,
+}
+
+/// A sphere, base frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sphere {
+    /// m.
+    pub centre: Fitted<DVec3>,
+    /// m.
+    pub radius_m: Fitted<f64>,
+}
+
+/// All of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Surroundings {
+    /// Measuring frames.
+    pub frames: Vec<Fitted<Station>>,
+    /// Points of the tool, tool frame, m.
+    pub targets: Vec<Fitted<DVec3>>,
+    /// Fixed points, base frame, m.
+    pub anchors: Vec<Fitted<DVec3>>,
+    /// Planes that are touched.
+    pub planes: Vec<Fitted<Plane>>,
+    /// Spheres that are touched.
+    pub spheres: Vec<Sphere>,
+}
+
+/// One fitted number of the surroundings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Number {
+    /// A frame (from 0); 0 to 2 turn it about its pivot (measuring axes, rad), 3 to 5 shift it (m).
+    Frame(usize, usize),
+    /// A target's coordinate.
+    Target(usize, usize),
+    /// A fixed point's coordinate.
+    Anchor(usize, usize),
+    /// A plane; 0 and 1 tilt it along the normals of its normal, 2 is its offset.
+    Plane(usize, usize),
+    /// A sphere; 0 to 2 are its centre, 3 its radius.
+    Sphere(usize, usize),
+}
+
+impl Surroundings {
+    /// The fitted numbers in their order in a fit.
+    #[must_use]
+    pub fn numbers(&self) -> Vec<Number> {
+        let mut numbers = Vec::new();
+        let mut list = |free: bool, count: usize, number: &dyn Fn(usize) -> Number| {
+            numbers.extend((0..if free { count } else { 0 }).map(number));
+        };
+        for (i, frame) in self.frames.iter().enumerate() {
+            list(frame.free, 6, &|k| Number::Frame(i, k));
+        }
+        for (i, target) in self.targets.iter().enumerate() {
+            list(target.free, 3, &|k| Number::Target(i, k));
+        }
+        for (i, anchor) in self.anchors.iter().enumerate() {
+            list(anchor.free, 3, &|k| Number::Anchor(i, k));
+        }
+        for (i, plane) in self.planes.iter().enumerate() {
+            list(plane.free, 3, &|k| Number::Plane(i, k));
+        }
+        for (i, sphere) in self.spheres.iter().enumerate() {
+            list(sphere.centre.free, 3, &|k| Number::Sphere(i, k));
+            list(sphere.radius_m.free, 1, &|_| Number::Sphere(i, 3));
+        }
+        numbers
+    }
+
+    /// The surroundings after a step of the fit, one entry per number of [`Surroundings::numbers`].
+    #[must_use]
+    pub fn stepped(&self, step: &[f64]) -> Self {
+        let mut next = self.clone();
+        for (number, by) in self.numbers().into_iter().zip(step) {
+            match number {
+                Number::Frame(i, k @ 0..3) => next.frames[i].value.turn(axis(k) * *by),
+                Number::Frame(i, k) => next.frames[i].value.measuring_from_base.origin[k - 3] += by,
+                Number::Target(i, k) => next.targets[i].value[k] += by,
+                Number::Anchor(i, k) => next.anchors[i].value[k] += by,
+                Number::Plane(i, 2) => next.planes[i].value.offset_m += by,
+                Number::Plane(i, k) => {
+                    let old = self.planes[i].value.normal;
+                    let along = if k == 0 { normals(old).0 } else { normals(old).1 };
+                    let normal = &mut next.planes[i].value.normal;
+                    *normal = (*normal + along * *by).normalize();
+                }
+                Number::Sphere(i, 3) => next.spheres[i].radius_m.value += by,
+                Number::Sphere(i, k) => next.spheres[i].centre.value[k] += by,
+            }
+        }
+        next
+    }
+
+    /// Its name, unit in words, and how much of it is much: what a fit takes as hardly known (m or rad).
+    #[must_use]
+    pub fn describe(&self, number: Number) -> String {
+        let coordinate = |k: usize| ["x", "y", "z"].get(k).copied().unwrap_or("size");
+        match number {
+            Number::Frame(i, k @ 0..3) => {
+                format!("the measuring frame {}'s turn about {}", i + 1, coordinate(k))
+            }
+            Number::Frame(i, k) => {
+                format!("the measuring frame {}'s {}", i + 1, coordinate(k.saturating_sub(3)))
+            }
+            Number::Target(i, k) => format!("target {}'s {} on the tool", i + 1, coordinate(k)),
+            Number::Anchor(i, k) => format!("the fixed point {}'s {}", i + 1, coordinate(k)),
+            Number::Plane(i, 2) => format!("the plane {}'s place", i + 1),
+            Number::Plane(i, _) => format!("the plane {}'s tilt", i + 1),
+            Number::Sphere(i, 3) => format!("the sphere {}'s radius", i + 1),
+            Number::Sphere(i, k) => format!("the sphere {}'s {}", i + 1, coordinate(k)),
+        }
+    }
+}
+
+impl Number {
+    /// What a shop hardly ever gets wrong by more, m or rad: the scale on which it counts as undetermined.
+    #[must_use]
+    pub fn much(self) -> f64 {
+        match self {
+            Self::Frame(_, 0..3) | Self::Plane(_, 0..2) => 0.1,
+            _ => 0.1,
+        }
+    }
+}
+
+impl Station {
+    fn turn(&mut self, turn: DVec3) {
+        let about = Frame::about(self.pivot, rotation_from_vector(turn));
+        self.measuring_from_base = about.after(&self.measuring_from_base);
+    }
+}
+
+fn axis(k: usize) -> DVec3 {
+    DVec3::AXES[k]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all_free() -> Surroundings {
+        let station = Station { measuring_from_base: Frame::IDENTITY, pivot: DVec3::X };
+        let plane = Plane { normal: DVec3::Z, offset_m: 0.1 };
+        let centre = Fitted::unknown(DVec3::ZERO);
+        Surroundings {
+            frames: vec![Fitted::unknown(station)],
+            targets: vec![Fitted::unknown(DVec3::ZERO), Fitted::known(DVec3::ONE)],
+            anchors: vec![Fitted::unknown(DVec3::ZERO)],
+            planes: vec![Fitted::unknown(plane)],
+            spheres: vec![Sphere { centre, radius_m: Fitted::known(0.01) }],
+        }
+    }
+
+    #[test]
+    fn what_is_known_takes_no_part_in_a_step() {
+        let surroundings = all_free();
+        let numbers = surroundings.numbers();
+        assert_eq!(numbers.len(), 6 + 3 + 3 + 3 + 3);
+        let moved = surroundings.stepped(&vec![0.01; numbers.len()]);
+        assert_eq!(moved.targets[1], surroundings.targets[1]);
+        assert_eq!(moved.spheres[0].radius_m, surroundings.spheres[0].radius_m);
+        assert!((moved.planes[0].value.normal.length() - 1.0).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_frame_turns_about_the_middle_of_what_was_seen() {
+        let surroundings = all_free();
+        let mut step = vec![0.0; surroundings.numbers().len()];
+        step[2] = 0.3;
+        let moved = surroundings.stepped(&step).frames[0].value.measuring_from_base;
+        assert!((moved.point(DVec3::X) - DVec3::X).length() < 1e-15);
+        assert!((moved.point(DVec3::ZERO) - DVec3::ZERO).length() > 0.2);
+    }
+}

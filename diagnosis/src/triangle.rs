@@ -1,0 +1,288 @@
+//! Least squares by orthogonal reduction: rows go in one after the other, an upper triangle remains.
+//!
+//! `[J | r] = Q R` by Householder reflections, a block of rows at a time (Golub and Van Loan, Matrix Computations, 5.2 and 6.5),
+//! so that the square of the condition number never enters and no more than a block of rows is held.
+//!
+//! Promises: the same rows in the same order give the same bits; columns of nothing but zeros do no harm.
+//! Never: a judgement which columns are independent; see [`crate::independent`].
+
+/// Rows that are reduced at once.
+const BLOCK: usize = 64;
+
+/// The triangle `R` of `[J | r]`: `width` columns of `J` and the right-hand side as one more.
+#[derive(Clone, Debug)]
+pub struct Triangle {
+    width: usize,
+    /// Column-major, `width + 1` rows and columns; what is below the diagonal is never read.
+    entries: Vec<f64>,
+    /// Rows that wait, column-major in blocks of [`BLOCK`].
+    waiting: Vec<f64>,
+    waiting_rows: usize,
+    rows: usize,
+}
+
+impl Triangle {
+    /// A triangle without rows, for `width` columns.
+    #[must_use]
+    pub fn new(width: usize) -> Self {
+        let columns = width + 1;
+        Self {
+            width,
+            entries: vec![0.0; columns * columns],
+            waiting: vec![0.0; columns * BLOCK],
+            waiting_rows: 0,
+            rows: 0,
+        }
+    }
+
+    /// The number of columns, the right-hand side not counted.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// The number of rows that went in.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Adds the row `row · x ≈ right`; entries beyond the width are ignored, missing ones are zero.
+    pub fn push(&mut self, row: &[f64], right: f64) {
+        let at = self.waiting_rows;
+        for (column, value) in row.iter().take(self.width).enumerate() {
+            self.waiting[column * BLOCK + at] = *value;
+        }
+        self.waiting[self.width * BLOCK + at] = right;
+        self.waiting_rows += 1;
+        self.rows += 1;
+        if self.waiting_rows == BLOCK {
+            self.reduce();
+        }
+    }
+
+    /// The same as pushing the row `weight · x[column] ≈ right`.
+    pub fn push_one(&mut self, column: usize, weight: f64, right: f64) {
+        let mut row = vec![0.0; self.width];
+        row[column] = weight;
+        self.push(&row, right);
+    }
+
+    /// Brings the rows that wait into the triangle. All that is read off it needs this before.
+    pub fn reduce(&mut self) {
+        if self.waiting_rows == 0 {
+            return;
+        }
+        let columns = self.width + 1;
+        for j in 0..columns {
+            let (left, right) = self.waiting.split_at_mut((j + 1) * BLOCK);
+            let v = &mut left[j * BLOCK..];
+            let below = dot(v, v);
+            if below == 0.0 {
+                continue;
+            }
+            let diagonal = self.entries[j * columns + j];
+            let norm = (diagonal * diagonal + below).sqrt();
+            let reflected = if diagonal > 0.0 { -norm } else { norm };
+            let pivot = diagonal - reflected;
+            let share = -pivot / reflected;
+            v.iter_mut().for_each(|x| *x /= pivot);
+            self.entries[j * columns + j] = reflected;
+            for (k, column) in (j + 1..columns).zip(right.chunks_exact_mut(BLOCK)) {
+                let head = &mut self.entries[k * columns + j];
+                let s = share * (*head + dot(v, column));
+                *head -= s;
+                column.iter_mut().zip(v.iter()).for_each(|(x, v)| *x -= s * v);
+            }
+        }
+        self.waiting.fill(0.0);
+        self.waiting_rows = 0;
+    }
+
+    /// The entry in row `i` and column `j ≥ i`; column `width` is the right-hand side.
+    #[must_use]
+    pub fn at(&self, i: usize, j: usize) -> f64 {
+        self.entries[j * (self.width + 1) + i]
+    }
+
+    /// Column `j` down to its diagonal; column `width` is the right-hand side without the rest.
+    #[must_use]
+    pub fn column(&self, j: usize) -> &[f64] {
+        let from = j * (self.width + 1);
+        &self.entries[from..from + self.width.min(j + 1)]
+    }
+
+    /// The norm of column `j` of all rows together.
+    #[must_use]
+    pub fn norm(&self, j: usize) -> f64 {
+        let column = self.column(j);
+        dot(column, column).sqrt()
+    }
+
+    /// The sum of squares that no `x` can remove.
+    #[must_use]
+    pub fn rest(&self) -> f64 {
+        let rest = self.at(self.width, self.width);
+        rest * rest
+    }
+
+    /// The sum of squares of the right-hand side.
+    #[must_use]
+    pub fn total(&self) -> f64 {
+        let right = self.column(self.width);
+        dot(right, right) + self.rest()
+    }
+
+    /// The gradient `Jᵀr`.
+    #[must_use]
+    pub fn gradient(&self) -> Vec<f64> {
+        let right = self.column(self.width);
+        (0..self.width).map(|j| dot(self.column(j), &right[..=j])).collect()
+    }
+
+    /// The `x` of least squares with the further rows `damping[j] x[j] ≈ 0`. Columns without any row stay at zero.
+    #[must_use]
+    pub fn solve(&self, damping: &[f64]) -> Vec<f64> {
+        let mut damped = self.clone();
+        for (j, weight) in damping.iter().enumerate().filter(|(_, weight)| **weight != 0.0) {
+            damped.push_one(j, *weight, 0.0);
+        }
+        damped.reduce();
+        damped.back(damped.column(self.width).to_vec())
+    }
+
+    /// `R⁻¹ right`; a zero on the diagonal gives a zero.
+    #[must_use]
+    pub fn back(&self, mut right: Vec<f64>) -> Vec<f64> {
+        for j in (0..right.len().min(self.width)).rev() {
+            let pivot = self.at(j, j);
+            let x = if pivot == 0.0 { 0.0 } else { right[j] / pivot };
+            right[j] = x;
+            let column = &self.entries[j * (self.width + 1)..];
+            right[..j].iter_mut().zip(column).for_each(|(r, a)| *r -= a * x);
+        }
+        right
+    }
+
+    /// `R⁻ᵀ right`; a zero on the diagonal gives a zero.
+    #[must_use]
+    pub fn forward(&self, mut right: Vec<f64>) -> Vec<f64> {
+        for j in 0..right.len().min(self.width) {
+            let known = dot(&self.column(j)[..j], &right[..j]);
+            let pivot = self.at(j, j);
+            right[j] = if pivot == 0.0 { 0.0 } else { (right[j] - known) / pivot };
+        }
+        right
+    }
+
+    /// `R⁻¹` by rows, upper triangular: row `i` starts at its diagonal. `(RᵀR)⁻¹ = R⁻¹ R⁻ᵀ`.
+    #[must_use]
+    pub fn inverse(&self) -> Vec<Vec<f64>> {
+        let mut rows: Vec<Vec<f64>> = (0..self.width).map(|i| vec![0.0; self.width - i]).collect();
+        for j in 0..self.width {
+            let mut unit = vec![0.0; j + 1];
+            unit[j] = 1.0;
+            for (i, x) in self.back(unit).into_iter().enumerate() {
+                rows[i][j - i] = x;
+            }
+        }
+        rows
+    }
+
+    /// The triangle of a part of the columns, in the order in which they are named.
+    #[must_use]
+    pub fn of_columns(&self, columns: &[usize]) -> Self {
+        let mut part = Self::new(columns.len());
+        let mut row = vec![0.0; columns.len()];
+        for i in 0..=self.width {
+            for (slot, j) in row.iter_mut().zip(columns) {
+                *slot = if i <= *j { self.at(i, *j) } else { 0.0 };
+            }
+            part.push(&row, self.at(i, self.width));
+        }
+        part.reduce();
+        part.rows = self.rows;
+        part
+    }
+}
+
+/// The scalar product, summed in eight strands: always in the same order.
+#[must_use]
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let mut strands = [0.0; 8];
+    let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
+    let tail: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(x, y)| x * y).sum();
+    for (x, y) in a8.zip(b8) {
+        for ((s, x), y) in strands.iter_mut().zip(x).zip(y) {
+            *s += x * y;
+        }
+    }
+    strands.iter().sum::<f64>() + tail
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn triangle(rows: &[Vec<f64>], right: &[f64]) -> Triangle {
+        let mut triangle = Triangle::new(rows[0].len());
+        for (row, r) in rows.iter().zip(right) {
+            triangle.push(row, *r);
+        }
+        triangle.reduce();
+        triangle
+    }
+
+    fn system() -> impl Strategy<Value = (Vec<Vec<f64>>, Vec<f64>)> {
+        (5..200_usize).prop_flat_map(|rows| {
+            let row = prop::collection::vec(-1.0..1.0_f64, 4);
+            (prop::collection::vec(row, rows), prop::collection::vec(-1.0..1.0_f64, rows))
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn what_the_solution_leaves_is_normal_to_every_column((rows, right) in system()) {
+            let triangle = triangle(&rows, &right);
+            let x = triangle.solve(&[0.0; 4]);
+            let left: Vec<f64> = rows.iter().zip(&right).map(|(row, r)| r - dot(row, &x)).collect();
+            for j in 0..4 {
+                let along: f64 = rows.iter().zip(&left).map(|(row, l)| row[j] * l).sum();
+                prop_assert!(along.abs() < 1e-9, "column {j}: {along}");
+            }
+            prop_assert!((dot(&left, &left) - triangle.rest()).abs() < 1e-9);
+            prop_assert!((dot(&right, &right) - triangle.total()).abs() < 1e-9);
+        }
+
+        #[test]
+        fn the_inverse_undoes_the_triangle((rows, right) in system(), x in prop::collection::vec(-1.0..1.0_f64, 4)) {
+            let triangle = triangle(&rows, &right);
+            let inverse = triangle.inverse();
+            let product: Vec<f64> = (0..4).map(|i| (i..4).map(|j| triangle.at(i, j) * x[j]).sum()).collect();
+            for i in 0..4 {
+                let back: f64 = (i..4).map(|j| inverse[i][j - i] * product[j]).sum();
+                prop_assert!((back - x[i]).abs() < 1e-6, "{back} not {}", x[i]);
+            }
+        }
+
+        #[test]
+        fn a_part_of_the_columns_is_what_their_rows_alone_give((rows, right) in system()) {
+            let part = triangle(&rows, &right).of_columns(&[2, 0]);
+            let picked: Vec<Vec<f64>> = rows.iter().map(|row| vec![row[2], row[0]]).collect();
+            let direct = triangle(&picked, &right);
+            for (a, b) in part.solve(&[0.0; 2]).iter().zip(direct.solve(&[0.0; 2])) {
+                prop_assert!((a - b).abs() < 1e-8);
+            }
+            prop_assert!((part.rest() - direct.rest()).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_column_of_zeros_stays_at_zero_and_harms_no_other() {
+        let rows: Vec<Vec<f64>> = (0..70).map(|i| vec![1.0, 0.0, f64::from(i)]).collect();
+        let right: Vec<f64> = (0..70).map(|i| 2.0 + 3.0 * f64::from(i)).collect();
+        let x = triangle(&rows, &right).solve(&[0.0; 3]);
+        assert!((x[0] - 2.0).abs() < 1e-10 && x[1] == 0.0 && (x[2] - 3.0).abs() < 1e-12);
+    }
+}

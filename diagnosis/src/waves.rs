@@ -1,0 +1,159 @@
+//! A search for waves of unknown period in the joints: gears whose teeth nobody wrote down.
+//!
+//! A wave in joint i is one number per pose times the joint's own column. With each pose's column brought to what the fit leaves of it
+//! once, every period costs one sum over the poses (the projected periodogram; Lomb 1976, Scargle 1982, with all that is fitted anyway taken out).
+//!
+//! Promises: periods that the positions of the joint cannot tell apart are not tried twice.
+//! Never: a decision; see [`crate::select`].
+
+use crate::motion::Motion;
+use crate::problem::{Look, visit};
+use crate::score::Fitted;
+use crate::triangle::dot;
+use physics::{Contribution, Evaluation};
+use std::f64::consts::TAU;
+
+/// The most cycles per revolution (per radian of phase for a prismatic joint) that are tried: twice the ratio of the largest common gears, and their wave.
+const CYCLES_MAX: f64 = 420.0;
+/// Steps per width of a line.
+const STEPS_PER_LINE: f64 = 4.0;
+/// Below this many cycles over the range of a joint, slow effects stand for it.
+const CYCLES_MIN: f64 = 2.0;
+/// Positions closer than this are one, rad or m.
+const SAME: f64 = 1e-4;
+
+/// The best period of a joint.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Line {
+    pub(crate) joint: usize,
+    /// Cycles per revolution (prismatic: radians of phase per metre).
+    pub(crate) cycles: f64,
+    /// By how much the sum of squares would fall.
+    pub(crate) gain: f64,
+    /// How many periods were tried on this joint.
+    pub(crate) tried: usize,
+}
+
+/// What one pose adds to the sums of one joint.
+struct Part {
+    position: f64,
+    own: f64,
+    pull: f64,
+    seen: Vec<f64>,
+}
+
+/// The best line of each joint.
+pub(crate) fn lines(fitted: &Fitted<'_>) -> Vec<Line> {
+    let joints = fitted.state.hypothesis.model.arm.count();
+    (0..joints).filter_map(|joint| best(&parts(fitted, joint), joint)).collect()
+}
+
+fn parts(fitted: &Fitted<'_>, joint: usize) -> Vec<Part> {
+    let active = fitted.fit.columns();
+    let effects_from = fitted.state.surroundings.numbers().len();
+    let arm = &fitted.state.hypothesis.model.arm;
+    let mut full = vec![vec![0.0; fitted.state.width()]; 3];
+    let mut parts: Vec<Part> = Vec::new();
+    let mut pose = usize::MAX;
+    let mut motion = Motion::default();
+    let look = Look { used: Some(&fitted.weighing.used), derivatives: true };
+    visit(fitted.campaign, &fitted.state, look, |at| {
+        let scale = fitted.weighing.scale(at);
+        if scale == 0.0 {
+            return;
+        }
+        if at.pose != pose {
+            pose = at.pose;
+            let inputs = &fitted.campaign.poses[pose].inputs;
+            let nominal = Evaluation {
+                nominal: physics::Chain::nominal(arm, &inputs.q),
+                real: physics::Chain::nominal(arm, &inputs.q),
+                loads: physics::Loads::on(
+                    arm,
+                    &physics::Chain::nominal(arm, &inputs.q),
+                    inputs.wrench_base,
+                ),
+                deviation: Default::default(),
+                beyond: None,
+            };
+            let unit = Contribution::Joint { joint, delta: 1.0 };
+            motion = Motion::of(arm, &nominal, &unit).unwrap_or_default();
+            let seen = vec![0.0; active.len()];
+            parts.push(Part { position: inputs.q[joint], own: 0.0, pull: 0.0, seen });
+        }
+        let Some(part) = parts.last_mut() else { return };
+        at.rows.fill(effects_from, at.motions, &mut full);
+        let column = at.rows.along(&motion) * scale;
+        part.own += column.length_squared();
+        part.pull += column.dot(at.rows.residual) * scale;
+        for k in 0..at.rows.count {
+            let share = scale * column[k];
+            part.seen.iter_mut().zip(active).for_each(|(s, j)| *s += share * full[k][*j]);
+        }
+    });
+    let right = fitted.right();
+    for part in &mut parts {
+        part.seen = fitted.fit.triangle.forward(std::mem::take(&mut part.seen));
+        part.pull -= dot(&part.seen, right);
+    }
+    parts
+}
+
+fn best(parts: &[Part], joint: usize) -> Option<Line> {
+    let positions = || parts.iter().map(|part| part.position);
+    let range =
+        positions().fold(f64::NEG_INFINITY, f64::max) - positions().fold(f64::INFINITY, f64::min);
+    let mut different: Vec<i64> = positions().map(|q| (q / SAME).round() as i64).collect();
+    different.sort_unstable();
+    different.dedup();
+    if range <= SAME || different.len() < 20 {
+        return None;
+    }
+    // Fewer different positions than two per cycle cannot tell a wave from a slower one.
+    let most = CYCLES_MAX.min(TAU / range * different.len() as f64 / 2.0);
+    let step = TAU / range / STEPS_PER_LINE;
+    let least = CYCLES_MIN * TAU / range;
+    let tried = ((most - least) / step).floor().max(0.0) as usize;
+    let mut sums = Sums::new(parts);
+    let all = (0..tried).map(|k| least + step * k as f64).map(|n| (n, sums.gain(parts, n)));
+    let (cycles, gain) = all.max_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some(Line { joint, cycles, gain, tried })
+}
+
+struct Sums {
+    sine: Vec<f64>,
+    cosine: Vec<f64>,
+}
+
+impl Sums {
+    fn new(parts: &[Part]) -> Self {
+        let width = parts.first().map_or(0, |part| part.seen.len());
+        Self { sine: vec![0.0; width], cosine: vec![0.0; width] }
+    }
+
+    /// By how much sine and cosine of `cycles` together would lower the sum of squares.
+    fn gain(&mut self, parts: &[Part], cycles: f64) -> f64 {
+        self.sine.fill(0.0);
+        self.cosine.fill(0.0);
+        let (mut ss, mut sc, mut cc, mut bs, mut bc) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for part in parts {
+            let (sin, cos) = libm::sincos(cycles * part.position);
+            ss += sin * sin * part.own;
+            sc += sin * cos * part.own;
+            cc += cos * cos * part.own;
+            bs += sin * part.pull;
+            bc += cos * part.pull;
+            self.sine.iter_mut().zip(&part.seen).for_each(|(s, y)| *s += sin * y);
+            self.cosine.iter_mut().zip(&part.seen).for_each(|(s, y)| *s += cos * y);
+        }
+        let whole = ss.min(cc);
+        ss -= dot(&self.sine, &self.sine);
+        sc -= dot(&self.sine, &self.cosine);
+        cc -= dot(&self.cosine, &self.cosine);
+        let determinant = ss * cc - sc * sc;
+        if determinant <= 1e-6 * whole * whole {
+            return 0.0;
+        }
+        (cc * bs * bs - 2.0 * sc * bs * bc + ss * bc * bc) / determinant
+    }
+}

@@ -1,0 +1,62 @@
+//! ABB IRB 120, three reflectors, laser tracker: 1000 poses, first half in time to the second.
+
+use super::data;
+use diagnosis::proof::{Errors, Split, calibrate};
+use diagnosis::{
+    Campaign, Effort, Influence, Settings, fit, from_recording, geometry, gross, readback,
+};
+use physics::Model;
+use recording::model::presets::preset;
+use recording::series::{self, Input, Need, Recording};
+use std::path::Path;
+
+fn recorded() -> Option<(Recording, Model)> {
+    let path = data("irb120-tracker/poses_1000.csv")?;
+    let mapping = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../deploy/mappings/irb120-tracker.mapping.toml");
+    let recording =
+        series::read(&path, Some(&mapping), Need::Measurement).expect("a sound recording");
+    Some((recording, preset("irb120").expect("preset").model().expect("sound").physics))
+}
+
+fn campaign(recording: &Recording, model: &Model) -> Campaign {
+    from_recording::campaign(&model.arm, std::slice::from_ref(recording)).expect("usable")
+}
+
+#[test]
+fn named_effects_carry_from_the_first_half_in_time_to_the_second() {
+    let Some((recording, model)) = recorded() else { return };
+    let campaign = campaign(&recording, &model);
+    let split = Split::in_time(&campaign, 0.5);
+    let found = calibrate(&campaign, &model, &[], &split.training);
+    let errors = |fit| Errors::of(fit, &campaign, &split.held_out());
+    let (plain, named) = (errors(&found.calibrated), errors(&found.advanced.fit));
+    assert!(plain.mean() < 0.25e-3, "geometry leaves {} mm", plain.mean() * 1e3);
+    assert!(named.mean() < 0.065e-3, "the effects leave {} mm", named.mean() * 1e3);
+    assert!(named.quantile(0.95) < 0.12e-3, "95 % below {} mm", named.quantile(0.95) * 1e3);
+    let kinds: Vec<&str> =
+        found.advanced.fit.hypothesis.model.effects().map(|effect| effect.spec().kind).collect();
+    for kind in ["gravity_sag", "thermal_growth", "backlash", "transmission_error"] {
+        assert!(kinds.contains(&kind), "no {kind} among {kinds:?}");
+    }
+}
+
+#[test]
+fn the_read_back_joints_are_noticed_as_bad_beside_the_commanded_and_alone() {
+    let Some((mut recording, model)) = recorded() else { return };
+    assert_eq!(gross::suspicions(&campaign(&recording, &model), &model), []);
+    let said = readback::contradiction(&recording, &model).expect("noticed").says;
+    assert!(said.contains("before the arm had settled") && said.contains("use those"), "{said}");
+    recording.about.input = Some(Input::Motor);
+    let alone = campaign(&recording, &model);
+    let used = vec![true; alone.poses.len()];
+    let settings =
+        Settings { used: &used, influence: Influence::Huber, from: None, effort: Effort::Full };
+    let found = fit(&alone, &geometry(&model, &[]), &settings);
+    let said = readback::ahead(&alone, &found, &settings).expect("noticed").says;
+    assert!(said.contains("joint 1") && said.contains("commanded"), "{said}");
+    recording.about.input = Some(Input::Command);
+    let commanded = campaign(&recording, &model);
+    let found = fit(&commanded, &geometry(&model, &[]), &settings);
+    assert_eq!(readback::ahead(&commanded, &found, &settings), None);
+}
