@@ -171,13 +171,13 @@ impl fmt::Display for Advice {
             ),
             Self::ReduceDepth => f.write_str("reduce the depth of cut"),
             Self::SampleFaster => f.write_str(
-                "may be a folded spindle harmonic: sample faster or filter before sampling",
+                "sample faster, or filter before sampling: the line may be a folded multiple of the spindle speed",
             ),
-            Self::CheckGear { joint: 0, .. } => f.write_str("follows the feed: look at the gear trains"),
+            Self::CheckGear { joint: 0, .. } => f.write_str("look at the gear trains: the line follows the feed"),
             Self::CheckGear { joint, shaft } => {
-                write!(f, "follows the feed: look at joint {joint}, gear shaft {shaft}")
+                write!(f, "look at joint {joint}, gear shaft {shaft}: the line follows the feed")
             }
-            Self::CheckWiring => f.write_str("a mains line: look at cables, shields and grounding"),
+            Self::CheckWiring => f.write_str("look at cables, shields and grounding: a mains line"),
         }
     }
 }
