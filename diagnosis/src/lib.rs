@@ -7,6 +7,7 @@
 
 pub mod campaign;
 mod candidates;
+pub mod expected;
 pub mod fit;
 pub mod from_recording;
 pub mod gross;
