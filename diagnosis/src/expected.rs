@@ -1,6 +1,6 @@
 //! How far the tool will be from where the fitted model puts it: the fit's uncertainty carried to the TCP.
 //!
-//! `Cov_x = J_x Cov J_xᵀ`, J_x how the TCP in base axes moves with each free number. What an unknown measuring frame took with it (where the
+//! `Cov_x = J_x Cov J_xᵀ`, `J_x` how the TCP in base axes moves with each free number. What an unknown measuring frame took with it (where the
 //! robot stands) is not in it: the controller's base frame is where a cell is taught.
 //!
 //! Promises: the model's form is taken as right; what it lacks shows on held-out poses, not here. Never: a pose outside what was asked.
