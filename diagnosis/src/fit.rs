@@ -4,7 +4,7 @@
 //! both stand; then the weights of far readings.
 //!
 //! Promises: the same input gives the same bits; numbers that must not be negative are not; every number that was not fitted is named.
-//! Never: a choice of effects; see [`crate::select`].
+//! Never: a choice of effects; see [`mod@crate::select`].
 
 use crate::campaign::Campaign;
 use crate::hypothesis::{Hypothesis, named};

@@ -164,6 +164,18 @@ impl Fit {
         self.design_effect * dot(&seen, &seen)
     }
 
+    /// Poses with a reading that weighs less than half.
+    #[must_use]
+    pub fn outliers(&self, campaign: &Campaign) -> Vec<usize> {
+        let mut weights = self.weights.iter();
+        let far = |pose: &crate::Pose| {
+            let own = weights.by_ref().take(pose.seen.len());
+            own.filter(|weight| **weight < 0.5).count() > 0
+        };
+        let far: Vec<bool> = campaign.poses.iter().map(far).collect();
+        (0..far.len()).filter(|pose| far[*pose]).collect()
+    }
+
     /// Every reading against the fit, those of poses that took no part too.
     #[must_use]
     pub fn off(&self, campaign: &Campaign) -> Vec<Off> {

@@ -3,7 +3,7 @@
 //! With `R` the triangle of the fit, `A = JᵀC` and `Y = R⁻ᵀ A`: what is left of the columns is `S = CᵀC − YᵀY + priors`, of their pull
 //! `b = Cᵀr − Yᵀ(R⁻ᵀ Jᵀr)`; the numbers would be `S⁻¹ b` and the sum of squares would fall by `bᵀ S⁻¹ b`.
 //!
-//! Promises: one pass over the campaign for all candidates. Never: a decision; see [`crate::select`].
+//! Promises: one pass over the campaign for all candidates. Never: a decision; see [`mod@crate::select`].
 
 use crate::campaign::Campaign;
 use crate::candidates::Candidate;

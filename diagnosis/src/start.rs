@@ -1,7 +1,7 @@
 //! Where a fit of the surroundings starts: frames and targets by turns, fixed points, planes and spheres by linear least squares.
 //!
 //! Promises: good enough for the fit to find the way (centimetres, degrees), for any place of the instrument and any mounting of the targets.
-//! Never: the last word; [`crate::fit`] has it.
+//! Never: the last word; [`crate::fit()`] has it.
 
 use crate::campaign::{Campaign, Place, Pose, Reading};
 use crate::rigid::{mean, rigid};

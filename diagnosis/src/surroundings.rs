@@ -4,7 +4,7 @@
 //! target takes with it (contract `effects.md`, last section) is theirs, not the arm's.
 //!
 //! Promises: a step of the fit keeps rotations orthonormal and normals of unit length.
-//! Never: a residual; see [`crate::residual`].
+//! Never: a residual; see `residual.rs`.
 
 use glam::DVec3;
 use physics::Frame;

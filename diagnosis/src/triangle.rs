@@ -4,7 +4,7 @@
 //! so that the square of the condition number never enters and no more than a block of rows is held.
 //!
 //! Promises: the same rows in the same order give the same bits; columns of nothing but zeros do no harm.
-//! Never: a judgement which columns are independent; see [`crate::independent`].
+//! Never: a judgement which columns are independent; see `independent.rs`.
 
 /// Rows that are reduced at once.
 const BLOCK: usize = 64;

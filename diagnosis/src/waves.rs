@@ -4,7 +4,7 @@
 //! once, every period costs one sum over the poses (the projected periodogram; Lomb 1976, Scargle 1982, with all that is fitted anyway taken out).
 //!
 //! Promises: periods that the positions of the joint cannot tell apart are not tried twice.
-//! Never: a decision; see [`crate::select`].
+//! Never: a decision; see [`mod@crate::select`].
 
 use crate::motion::Motion;
 use crate::problem::{Look, visit};

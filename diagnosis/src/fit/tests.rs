@@ -112,6 +112,7 @@ fn wild_readings_lose_their_pull_and_weigh_less_than_half() {
     let found = fit(&campaign, &open(), &settings(&used, Influence::Redescending));
     let light: Vec<usize> = (0..360).filter(|reading| found.weights[*reading] < 0.5).collect();
     assert_eq!(light, [17 * 3 + 1, 54 * 3 + 1]);
+    assert_eq!(found.outliers(&campaign), [17, 54]);
     let (offset, sigma) = value(&found, "joint_offset", 1, 0);
     assert!((offset - 1e-3).abs() < 4.0 * sigma.expect("determined"), "{offset}");
 }

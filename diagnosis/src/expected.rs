@@ -1,0 +1,83 @@
+//! How far the tool will be from where the fitted model puts it: the fit's uncertainty carried to the TCP.
+//!
+//! `Cov_x = J_x Cov J_xᵀ`, `J_x` how the TCP in base axes moves with each free number. What an unknown measuring frame took with it (where the
+//! robot stands) is not in it: the controller's base frame is where a cell is taught.
+//!
+//! Promises: the model's form is taken as right; what it lacks shows on held-out poses, not here. Never: a pose outside what was asked.
+
+use crate::campaign::{Arrival, Campaign};
+use crate::motion::Motion;
+use crate::problem::{follow, motions_of};
+use crate::result::Fit;
+use crate::surroundings::Surroundings;
+use physics::Inputs;
+
+/// The standard uncertainty of the TCP's place (root of the sum over three axes) at each of these inputs, m.
+#[must_use]
+pub fn tool_uncertainty(found: &Fit, inputs: &[Inputs]) -> Vec<f64> {
+    let poses = inputs.iter().enumerate().map(|(row, inputs)| crate::Pose {
+        inputs: *inputs,
+        arrival: Arrival::Settled,
+        recording: 0,
+        row,
+        seen: Vec::new(),
+    });
+    let asked = Campaign {
+        poses: poses.collect(),
+        surroundings: Surroundings::default(),
+        instruments: Vec::new(),
+        recordings: Vec::new(),
+    };
+    let first = found.surroundings.numbers().len();
+    let mut uncertainty = Vec::with_capacity(inputs.len());
+    follow(&found.hypothesis.model, &asked, None, |pose, seen, memories| {
+        let motions = motions_of(&found.hypothesis, &inputs[pose], memories, seen);
+        let share = |column: &usize, axis: usize| {
+            let motion = column.checked_sub(first).and_then(|k| motions.get(k));
+            motion.map_or(0.0, |motion: &Motion| motion.shift[axis])
+        };
+        let variance = (0..3).map(|axis| {
+            let shares: Vec<f64> = found.columns().iter().map(|c| share(c, axis)).collect();
+            found.variance_of(&shares)
+        });
+        uncertainty.push(variance.sum::<f64>().sqrt());
+    });
+    uncertainty
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::made::{empty, nominal};
+    use crate::surroundings::Fitted;
+    use crate::{Effort, Influence, Settings, fit, geometry, simulate};
+    use physics::Memories;
+
+    #[test]
+    fn the_tool_errs_by_as_much_as_is_expected() {
+        let mut campaign = empty(1, 50);
+        // A known frame: else where the robot stands would be among what errs.
+        campaign.surroundings.frames[0] = Fitted::known(campaign.surroundings.frames[0].value);
+        campaign.surroundings.targets[0] = Fitted::known(campaign.surroundings.targets[0].value);
+        let truth = nominal();
+        let used = vec![true; 50];
+        let settings =
+            Settings { used: &used, influence: Influence::Equal, from: None, effort: Effort::Full };
+        let asked: Vec<Inputs> = empty(1, 70).poses[50..].iter().map(|pose| pose.inputs).collect();
+        let (mut expected, mut erred) = (0.0, 0.0);
+        for seed in 0..30 {
+            let made = simulate::readings(&campaign, &truth, &campaign.surroundings, 1.0, seed);
+            let found = fit(&made, &geometry(&truth, &[]), &settings);
+            expected += tool_uncertainty(&found, &asked).iter().map(|u| u * u).sum::<f64>();
+            for inputs in &asked {
+                let at = |model: &physics::Model| {
+                    model.evaluate(inputs, &Memories::default()).real.base_from_tool.origin
+                };
+                erred += (at(&found.hypothesis.model) - at(&truth)).length_squared();
+            }
+        }
+        // Thirty campaigns of a few dozen numbers: a tenth of chance.
+        let ratio = (erred / expected).sqrt();
+        assert!((0.85..1.15).contains(&ratio), "{ratio}");
+    }
+}
