@@ -125,8 +125,10 @@ impl Process {
         let motion = self.travel.motion(arm);
         self.state = self.known(motion.as_ref());
         let mut known = Known { state: self.state, wheels: [None; WHEELS_MAX], modes: self.modes };
-        let turning = motion.map_or_else(Vec::new, |motion| wheels(&model.file, &motion));
-        for (place, wheel) in known.wheels.iter_mut().zip(turning) {
+        let turning = motion.map_or_else(Vec::new, |m| wheels(&model.file, &m.turns_per_mm));
+        // A verdict names a shaft: its turns alone are what the watch asks for.
+        let shafts = turning.into_iter().filter(|wheel| wheel.teeth == 1);
+        for (place, wheel) in known.wheels.iter_mut().zip(shafts) {
             *place = Some(wheel);
         }
         // A watch that is behind takes the next one.

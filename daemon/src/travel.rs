@@ -3,10 +3,10 @@
 //! Promises: goes by the controller's own geometry and the commands' own times, over the last fifth of a second; says nothing
 //! where it knows nothing. Holds for steady cuts; a corner is smeared. Never: anything in the cycle's thread.
 
+use physics::gears::shafts;
 use physics::{Arm, Chain, JOINTS_MAX, JointKind, Joints};
 use recording::model::ModelFile;
 use spectrum::Wheel;
-use spectrum::spatial::wheels_of_joint;
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
@@ -102,12 +102,26 @@ impl Travel {
     }
 }
 
-/// The gear shafts of a robot's joints as they turn along the path, each joint's own left out; none where the joint stands.
-pub fn wheels(model: &ModelFile, motion: &Motion) -> Vec<Wheel> {
-    let joints = (1..=u8::MAX).zip(&model.joints).zip(motion.turns_per_mm);
-    joints
-        .flat_map(|((number, joint), turns)| wheels_of_joint(number, &joint.gear_teeth, turns))
-        .filter_map(|(wheel, cycles_per_turn)| (cycles_per_turn == 1).then_some(wheel))
+/// What the gear trains of a robot's joints do along the path: joint by joint the turns of every shaft that drives a stage,
+/// motor side first, then the teeth that meet at each stage. `turns_per_mm` are the joints' own; a joint that stands or
+/// slides is left out.
+pub fn wheels(model: &ModelFile, turns_per_mm: &[f64]) -> Vec<Wheel> {
+    let joints = (1..=u8::MAX).zip(&model.joints).zip(turns_per_mm);
+    let turning =
+        joints.filter(|((_, entry), turns)| entry.kind == JointKind::Revolute && **turns > 0.0);
+    turning
+        .flat_map(|((joint, entry), turns)| {
+            let wheel = move |shaft, teeth, cycles| Wheel {
+                joint,
+                shaft,
+                teeth,
+                cycles_per_mm: turns * cycles,
+            };
+            let turned = shafts(&entry.gear_teeth).map(move |s| wheel(s.number, 1, s.turns));
+            let meshed =
+                shafts(&entry.gear_teeth).map(move |s| wheel(s.number, s.teeth, s.meshes()));
+            turned.chain(meshed)
+        })
         .collect()
 }
 
@@ -167,13 +181,16 @@ mod tests {
     #[test]
     fn the_motor_of_a_joint_that_turns_has_its_ratio_and_the_others_stand() {
         let model = model();
-        let mut motion = Motion { feed_mm_s: 5.0, turns_per_mm: [0.0; JOINTS_MAX] };
         // Thesis, table A III-1: the whole ratios of the joints.
         for (i, ratio) in [129.99, 129.99, 104.42, 60.0, 63.74, 44.0].into_iter().enumerate() {
-            motion.turns_per_mm = [0.0; JOINTS_MAX];
-            motion.turns_per_mm[i] = 1e-3;
-            let wheels = wheels(&model.file, &motion);
-            assert_eq!(wheels.len(), model.file.joints[i].gear_teeth.len());
+            let mut turns_per_mm = [0.0; JOINTS_MAX];
+            turns_per_mm[i] = 1e-3;
+            let wheels = wheels(&model.file, &turns_per_mm);
+            let stages = &model.file.joints[i].gear_teeth;
+            assert_eq!(wheels.len(), 2 * stages.len());
+            assert!(wheels[stages.len()..].iter().zip(stages).all(|(w, s)| w.teeth == s[0]));
+            let meshed = f64::from(stages[0][0]) * wheels[0].cycles_per_mm;
+            assert!((wheels[stages.len()].cycles_per_mm - meshed).abs() < 1e-12);
             assert!(wheels.iter().all(|wheel| usize::from(wheel.joint) == i + 1));
             assert!((1e3 * wheels[0].cycles_per_mm - ratio).abs() < 0.01, "{:?}", wheels[0]);
         }

@@ -18,6 +18,7 @@ pub mod deviation;
 pub mod effect;
 pub mod effects;
 pub mod frame;
+pub mod gears;
 mod heat;
 pub mod loads;
 pub mod model;

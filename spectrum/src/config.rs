@@ -27,15 +27,28 @@ impl Mode {
     }
 }
 
-/// A shaft of the gear train, as it turns per millimetre of tool path.
+/// What a gear train does once per so much of tool path: a shaft turns, or two wheels pass a tooth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wheel {
     /// Joint, from 1.
     pub joint: u8,
     /// Shaft, from 1, motor side first.
     pub shaft: u8,
-    /// Revolutions per mm of tool path, along the present cut.
+    /// Cycles per revolution of the shaft: 1 for its turns, else the teeth that mesh.
+    pub teeth: u32,
+    /// Cycles (revolutions, or teeth) per mm of tool path, along the present cut.
     pub cycles_per_mm: f64,
+}
+
+/// `joint 1, shaft 2`; `joint 1, 10 teeth of shaft 1`.
+impl std::fmt::Display for Wheel {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { joint, shaft, teeth, .. } = self;
+        match teeth {
+            1 => write!(f, "joint {joint}, shaft {shaft}"),
+            teeth => write!(f, "joint {joint}, {teeth} teeth of shaft {shaft}"),
+        }
+    }
 }
 
 impl Wheel {
@@ -237,7 +250,7 @@ mod tests {
             WatchConfig { learn_s: 0.0, ..good() },
             WatchConfig { mains_hz: Some(f64::NAN), ..good() },
             WatchConfig {
-                wheels: vec![Wheel { joint: 1, shaft: 1, cycles_per_mm: 0.0 }],
+                wheels: vec![Wheel { joint: 1, shaft: 1, teeth: 1, cycles_per_mm: 0.0 }],
                 ..good()
             },
         ];

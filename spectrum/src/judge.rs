@@ -18,8 +18,9 @@ const CLOSE_MODES: f64 = 0.15;
 const SUSPECT_HZ: f64 = 2.0;
 /// A line this near to a multiple of the mains frequency may be electrical, Hz.
 const MAINS_HZ: f64 = 0.3;
-/// Gears beyond this many cycles per mm do not exist.
-const GEAR_CYCLES_PER_MM: f64 = 15.0;
+/// Gears beyond this many cycles per mm do not exist: at most 2000 teeth meet in a turn of a joint (the pinion of the reference
+/// robot's joint 5: 26 · 63.7), thrice for the third multiple, on a lever of at least 0.2 m: 6000 / (2π · 200 mm).
+const GEAR_CYCLES_PER_MM: f64 = 5.0;
 /// Feeds must differ by this part before a line can be said to follow them.
 const FEED_CHANGE: f64 = 0.1;
 /// Lines remembered for the feed they were seen at.

@@ -7,6 +7,9 @@
 
 use crate::config::Wheel;
 
+/// Multiples of a wheel that a line is matched with.
+pub const MULTIPLES: u32 = 3;
+
 /// A record that cannot be put over path.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum PathError {
@@ -90,37 +93,12 @@ fn spread(sums: &mut [f64], place: [f64; 2], value: [f64; 2], step_mm: f64) {
     }
 }
 
-/// What a joint's gear train makes along the path while the joint turns `joint_turns_per_mm` revolutions per mm, each with
-/// its cycles per revolution of the shaft: the turns (1) of every shaft that drives a stage, motor side first, then the
-/// driver's teeth that mesh at each stage.
-///
-/// From one shaft to the next the ratio of teeth carries (thesis, A III): a stage `[driver, driven]` slows by driver over
-/// driven. What stands still is left out.
-#[must_use]
-pub fn wheels_of_joint(
-    joint: u8,
-    teeth: &[[u32; 2]],
-    joint_turns_per_mm: f64,
-) -> Vec<(Wheel, u32)> {
-    let ratio = |[driver, driven]: &[u32; 2]| f64::from(*driven) / f64::from((*driver).max(1));
-    let mut cycles_per_mm = joint_turns_per_mm.abs() * teeth.iter().map(ratio).product::<f64>();
-    let (mut wheels, mut meshes) = (Vec::new(), Vec::new());
-    for (shaft, stage) in (1..=u8::MAX).zip(teeth) {
-        let driver = f64::from(stage[0]);
-        wheels.push((Wheel { joint, shaft, cycles_per_mm }, 1));
-        meshes.push((Wheel { joint, shaft, cycles_per_mm: driver * cycles_per_mm }, stage[0]));
-        cycles_per_mm /= ratio(stage);
-    }
-    wheels.append(&mut meshes);
-    wheels.retain(|(wheel, _)| wheel.cycles_per_mm > 0.0 && wheel.cycles_per_mm.is_finite());
-    wheels
-}
-
 /// The wheels whose cycles per mm, or their first multiples, are within `tolerance` (a part of the line) of a line, with
 /// the multiple; the nearest first, of equals the lowest multiple, as the stronger.
 #[must_use]
 pub fn match_wheels(cycles_per_mm: f64, wheels: &[Wheel], tolerance: f64) -> Vec<(Wheel, u32)> {
-    let multiples = wheels.iter().flat_map(|wheel| (1..=3_u32).map(move |order| (*wheel, order)));
+    let multiples =
+        wheels.iter().flat_map(|wheel| (1..=MULTIPLES).map(move |order| (*wheel, order)));
     let off = |(wheel, order): &(Wheel, u32)| {
         (f64::from(*order) * wheel.cycles_per_mm / cycles_per_mm - 1.0).abs()
     };
@@ -181,39 +159,14 @@ mod tests {
     }
 
     #[test]
-    fn from_shaft_to_shaft_the_teeth_carry_as_in_the_thesis() {
-        // Table A III-2, cut 1, +Y: first, second and third shafts of joints 1, 5 and 6.
-        let trains: [(&[[u32; 2]], &[f64]); 3] = [
-            (&[[10, 131], [13, 129]], &[5.95, 0.45]),
-            (&[[26, 78], [29, 39], [5, 79]], &[1.76, 0.58, 0.43]),
-            (&[[26, 52], [28, 22], [5, 70], [15, 30]], &[1.77, 0.88, 1.13]),
-        ];
-        for (teeth, table) in trains {
-            let whole: f64 = teeth.iter().map(|[a, b]| f64::from(*b) / f64::from(*a)).product();
-            let wheels = wheels_of_joint(1, teeth, table[0] / whole);
-            assert_eq!(wheels.len(), 2 * teeth.len());
-            for ((wheel, _), known) in wheels.iter().zip(table) {
-                assert!((wheel.cycles_per_mm - known).abs() < 0.008, "{wheel:?}: {known}");
-            }
-            // Two wheels in mesh pass as many teeth.
-            for (k, [driver, driven]) in teeth.iter().enumerate().take(teeth.len() - 1) {
-                let (mesh, cycles) = wheels[teeth.len() + k];
-                assert_eq!(cycles, *driver);
-                let passed = f64::from(*driven) * wheels[k + 1].0.cycles_per_mm;
-                assert!((mesh.cycles_per_mm / passed - 1.0).abs() < 1e-12);
-            }
-        }
-        assert!(wheels_of_joint(2, &[[10, 131]], 0.0).is_empty());
-    }
-
-    #[test]
     fn a_line_is_matched_with_its_wheel() {
-        let wheel = |joint, shaft, cycles_per_mm| Wheel { joint, shaft, cycles_per_mm };
-        let wheels = [wheel(1, 1, 5.95), wheel(1, 2, 0.454), wheel(6, 2, 0.88)];
+        let wheel =
+            |joint, shaft, teeth, cycles_per_mm| Wheel { joint, shaft, teeth, cycles_per_mm };
+        let wheels = [wheel(1, 1, 1, 0.0165), wheel(1, 1, 10, 0.165), wheel(3, 1, 11, 0.32)];
         let best = |line| match_wheels(line, &wheels, 0.02).first().copied();
-        assert_eq!(best(0.455), Some((wheels[1], 1)));
-        assert_eq!(best(0.908), Some((wheels[1], 2)));
+        assert_eq!(best(0.166), Some((wheels[1], 1)));
+        assert_eq!(best(0.0331), Some((wheels[0], 2)));
         assert_eq!(best(3.0), None);
-        assert_eq!(match_wheels(0.895, &wheels, 0.03).len(), 2, "what fits as well is told");
+        assert_eq!(match_wheels(0.325, &wheels, 0.03).len(), 2, "what fits as well is told");
     }
 }

@@ -43,7 +43,7 @@ fn a_known_profile_gives_its_parameters_segments_and_feed_mark() {
         "3:1=6.6667",
     ]);
     assert!(
-        done.out.contains("tooth passing") && done.out.contains("joint 3 shaft 1"),
+        done.out.contains("tooth passing") && done.out.contains("joint 3, shaft 1"),
         "{}",
         done.out
     );

@@ -208,7 +208,7 @@ fn known(seq: u64) -> Known {
         feed_mm_s: 5.0 + (seq / 200) as f64,
         in_cut: SPOILED.contains(&seq).then_some(seq % 20 > 10),
     };
-    let wheel = Wheel { joint: 1, shaft: 1, cycles_per_mm: 5.95 };
+    let wheel = Wheel { joint: 1, shaft: 1, teeth: 1, cycles_per_mm: 0.0165 };
     let mode = spectrum::Mode::at_hz(72.0);
     Known { state, wheels: [Some(wheel); WHEELS_MAX], modes: [Some(mode); MODES_MAX] }
 }

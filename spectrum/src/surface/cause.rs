@@ -19,14 +19,14 @@ pub struct Machining {
     pub teeth: u32,
     /// Known natural frequencies.
     pub modes: Vec<Mode>,
-    /// Gear shafts by their turns per mm along the profile.
+    /// Gears by their cycles per mm along the profile.
     pub wheels: Vec<Wheel>,
 }
 
 /// What a line fits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cause {
-    /// A gear shaft, or a multiple of its turns.
+    /// Turns of a gear shaft or teeth that mesh there, or a multiple.
     Wheel(Wheel, u32),
     /// The tooth passing, or a multiple of it.
     Tooth(u32),
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn a_line_is_told_by_spindle_tooth_wheel_and_mode_and_never_by_a_feed_that_is_not_known() {
-        let wheel = Wheel { joint: 1, shaft: 2, cycles_per_mm: 0.454 };
+        let wheel = Wheel { joint: 1, shaft: 1, teeth: 10, cycles_per_mm: 0.454 };
         let machining = Machining {
             feed_mm_s: Some(10.0),
             spindle_rpm: Some(1200.0),

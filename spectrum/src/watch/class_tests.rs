@@ -107,18 +107,20 @@ fn a_line_that_is_there_in_air_is_structural() {
 
 #[test]
 fn a_line_that_follows_the_feed_is_a_gears_and_at_one_feed_both_are_said() {
-    let gears = vec![Wheel { joint: 3, shaft: 1, cycles_per_mm: 8.02 }];
+    // Eleven teeth of a motor that turns 8.02° per mm: only at this feed of a robot that handles do they reach the band.
+    let cycles_per_mm = 11.0 * 8.02 / 360.0;
+    let gears = vec![Wheel { joint: 3, shaft: 1, teeth: 11, cycles_per_mm }];
     let with_wheels = WatchConfig { wheels: gears, ..config(10_000.0) };
     let mut rig = Rig::new(with_wheels, 1.0, 19);
     let at_feed = |feed_mm_s: f64| ProcessState { feed_mm_s, ..spindle(28_000.0) };
-    rig.watch.process_state(at_feed(5.0));
+    rig.watch.process_state(at_feed(160.0));
     rig.run(2.0, |_, _| 0.0);
-    let said = rig.run(2.0, tone_y(8.02 * 5.0, 6.0, 2.0));
+    let said = rig.run(2.0, tone_y(cycles_per_mm * 160.0, 6.0, 2.0));
     let (class, rivals) = (last(&said).class, last(&said).rivals);
     assert!(class == Class::Gear && rivals.contains(Class::Chatter), "{class:?} {rivals:?}");
-    rig.watch.process_state(at_feed(6.5));
-    let said = rig.run(2.0, tone_y(8.02 * 6.5, 6.0, 4.0));
-    let gear: Vec<_> = said.iter().filter(|(_, v)| (v.frequency_hz - 52.1).abs() < 1.0).collect();
+    rig.watch.process_state(at_feed(208.0));
+    let said = rig.run(2.0, tone_y(cycles_per_mm * 208.0, 6.0, 4.0));
+    let gear: Vec<_> = said.iter().filter(|(_, v)| (v.frequency_hz - 51.0).abs() < 1.0).collect();
     let verdict = gear.last().expect("the moved line is seen").1;
     assert_eq!(verdict.class, Class::Gear);
     assert!(verdict.rivals.is_empty(), "{:?}", verdict.rivals);

@@ -6,6 +6,7 @@
 mod check;
 mod correct;
 mod demo;
+mod gears;
 mod model;
 mod reload;
 mod replay;
@@ -25,6 +26,7 @@ pub(crate) enum Command {
     Check(check::Check),
     Correct(correct::Correct),
     Demo(demo::Demo),
+    Gears(gears::Gears),
     Model(model::Model),
     Reload(reload::Reload),
     Replay(replay::Replay),
@@ -40,6 +42,7 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Check(check) => check.run(console),
         Command::Correct(correct) => correct.run(console),
         Command::Demo(demo) => demo.run(console),
+        Command::Gears(gears) => gears.run(console),
         Command::Model(model) => model.run(console),
         Command::Reload(reload) => reload.run(console),
         Command::Replay(replay) => replay.run(console),

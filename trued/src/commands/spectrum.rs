@@ -14,11 +14,12 @@ mod spectra;
 mod subject;
 mod words;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use self::found::Found;
+pub(super) use self::space::ChannelLine;
 use self::subject::Subject;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
@@ -95,6 +96,33 @@ impl Spectrum {
             console.say(format!("page      {}", report.display()))?;
         }
         Ok(Answer::Done)
+    }
+
+    /// The lines of a recording's columns (all waveforms, if none is named) over the tool's path; `Err` within says what is
+    /// missing.
+    pub(super) fn lines_over_path(
+        file: &Path,
+        model: Option<&Path>,
+        columns: &[String],
+    ) -> Result<Result<Vec<ChannelLine>, String>, Failure> {
+        let asked = Self {
+            columns: columns.to_vec(),
+            rate: None,
+            spindle_rpm: None,
+            teeth: None,
+            feed_mm_s: None,
+            model: model.map(Path::to_owned),
+            band: Vec::new(),
+            window: None,
+            least: None,
+            threshold: 1.0,
+            mains: None,
+            scale: None,
+            mapping: None,
+            report: None,
+            file: file.to_owned(),
+        };
+        space::lines_over_path(&Subject::read(&asked)?)
     }
 
     /// Refuses numbers that cannot be; those of a file's reading and of the watch are refused there.

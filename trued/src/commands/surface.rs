@@ -11,10 +11,11 @@ mod told;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use spectrum::surface::{FORM_MAX, Machining, Parting};
 use spectrum::{Mode, Wheel};
 
+pub(super) use self::input::{Heights, profile_lines};
 use self::measured::Measured;
 use self::told::Report;
 use crate::exit::{Answer, Failure, Outcome};
@@ -28,15 +29,8 @@ use crate::output::Console;
 /// with --spacing-um.
 #[derive(Debug, Args)]
 pub(crate) struct Surface {
-    /// The heights' column, by name or by number from 1; needed where there are several
-    #[arg(long, value_name = "C")]
-    column: Option<String>,
-    /// Distance between two points, where no column tells it, µm
-    #[arg(long, value_name = "UM")]
-    spacing_um: Option<f64>,
-    /// Unit of heights whose column names none
-    #[arg(long, value_name = "um|mm|nm", value_enum, hide_possible_values = true)]
-    unit: Option<HeightUnit>,
+    #[command(flatten)]
+    heights: Heights,
     /// Where roughness ends and waviness begins, mm
     #[arg(long, value_name = "MM", default_value_t = 0.8)]
     cut_off_mm: f64,
@@ -67,8 +61,9 @@ pub(crate) struct Surface {
     /// A robot's model: names the lines at its natural frequencies; needs --feed-mm-s
     #[arg(long, value_name = "MODEL", requires = "feed_mm_s")]
     model: Option<PathBuf>,
-    /// A gear shaft by its turns per mm along the profile, e.g. 2:1=6.69; names its lines. May be repeated
-    #[arg(long, value_name = "JOINT:SHAFT=CYCLES_PER_MM")]
+    /// A gear shaft by its revolutions per mm along the profile (`trued gears` prints them), or `x` TEETH that mesh there by
+    /// their cycles per mm, e.g. 2:1x10=0.186; names its lines. May be repeated
+    #[arg(long, value_name = "JOINT:SHAFT[xTEETH]=CYCLES_PER_MM")]
     wheel: Vec<WheelArg>,
     /// Write a page with the profiles, their spectra and tables
     #[arg(long, value_name = "FILE.html")]
@@ -78,25 +73,7 @@ pub(crate) struct Surface {
     profiles: Vec<PathBuf>,
 }
 
-/// A unit of heights.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum HeightUnit {
-    Um,
-    Mm,
-    Nm,
-}
-
-impl HeightUnit {
-    fn um(self) -> f64 {
-        match self {
-            Self::Um => 1.0,
-            Self::Mm => 1e3,
-            Self::Nm => 1e-3,
-        }
-    }
-}
-
-/// `JOINT:SHAFT=CYCLES_PER_MM`.
+/// `JOINT:SHAFT[xTEETH]=CYCLES_PER_MM`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct WheelArg(Wheel);
 
@@ -107,14 +84,15 @@ impl FromStr for WheelArg {
         let read = || {
             let (place, cycles) = text.split_once('=')?;
             let (joint, shaft) = place.split_once(':')?;
+            let (shaft, teeth) = shaft.split_once('x').unwrap_or((shaft, "1"));
             let [joint, shaft] = [joint, shaft].map(|n| n.trim().parse::<u8>().ok());
+            let teeth = teeth.trim().parse::<u32>().ok().filter(|n| *n > 0)?;
             let cycles_per_mm: f64 = cycles.trim().parse().ok()?;
             let (joint, shaft) = (joint.filter(|n| *n > 0)?, shaft.filter(|n| *n > 0)?);
             let usable = cycles_per_mm > 0.0 && cycles_per_mm.is_finite();
-            usable.then_some(Self(Wheel { joint, shaft, cycles_per_mm }))
+            usable.then_some(Self(Wheel { joint, shaft, teeth, cycles_per_mm }))
         };
-        let expected =
-            "expected JOINT:SHAFT=CYCLES_PER_MM, e.g. 2:1=6.69 for the motor shaft of joint 2";
+        let expected = "expected JOINT:SHAFT=CYCLES_PER_MM, e.g. 2:1x10=0.186 for the 10 teeth of joint 2's motor shaft";
         read().ok_or_else(|| expected.to_owned())
     }
 }
@@ -137,7 +115,7 @@ impl Surface {
         }
         let machining = self.machining()?;
         let profiles = self.profiles.iter().map(|path| {
-            let profile = input::read(self, path)?;
+            let profile = input::read(&self.heights, path)?;
             Measured::of(profile, &self.parting(), &self.segment_mm, &machining)
         });
         let profiles = profiles.collect::<Result<Vec<Measured>, Failure>>()?;
@@ -154,7 +132,7 @@ impl Surface {
 
     fn check(&self) -> Result<(), Failure> {
         let given = [
-            ("--spacing-um", self.spacing_um),
+            ("--spacing-um", self.heights.spacing_um),
             ("--cut-off-mm", Some(self.cut_off_mm)),
             ("--short-cut-off-um", self.short_cut_off_um),
             ("--feed-mm-s", self.feed_mm_s),
@@ -196,9 +174,11 @@ mod tests {
 
     #[test]
     fn a_wheel_is_joint_shaft_and_turns_and_nothing_else() {
-        let wheel: WheelArg = "2:1=6.69".parse().expect("a wheel");
-        assert_eq!(wheel.0, Wheel { joint: 2, shaft: 1, cycles_per_mm: 6.69 });
-        for bad in ["2=6.69", "0:1=1", "1:1=0", "1:1=nan", "1:1", "a:1=1", "1:300=1"] {
+        let wheel = |text: &str| text.parse::<WheelArg>().expect("a wheel").0;
+        let turns = Wheel { joint: 2, shaft: 1, teeth: 1, cycles_per_mm: 0.0186 };
+        assert_eq!(wheel("2:1=0.0186"), turns);
+        assert_eq!(wheel("2:1x10=0.186"), Wheel { teeth: 10, cycles_per_mm: 0.186, ..turns });
+        for bad in ["2=6.69", "0:1=1", "1:1=0", "1:1=nan", "1:1", "a:1=1", "1:300=1", "1:1x0=1"] {
             assert!(bad.parse::<WheelArg>().is_err(), "{bad}");
         }
     }

@@ -338,16 +338,16 @@ fn path(subject: &Subject, space: &Space) -> Path {
             wheel: found.wheel.map(|found| MatchedWheel {
                 joint: found.wheel.joint,
                 shaft: found.wheel.shaft,
-                teeth: found.teeth,
+                teeth: found.wheel.teeth,
                 multiple: found.multiple,
                 others: found.others,
             }),
         })
     });
-    let wheel = |(wheel, teeth): &(spectrum::Wheel, u32)| Wheel {
+    let wheel = |wheel: &spectrum::Wheel| Wheel {
         joint: wheel.joint,
         shaft: wheel.shaft,
-        teeth: *teeth,
+        teeth: wheel.teeth,
         cycles_per_mm: wheel.cycles_per_mm,
     };
     Path {

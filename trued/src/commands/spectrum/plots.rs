@@ -222,7 +222,7 @@ fn marks(plot: Plot, subject: &Subject, top_hz: f64, low: f64) -> Plot {
 /// Power density over the path of all channels of one unit.
 pub(super) fn path(subject: &Subject, space: &Space, unit: &str) -> Svg {
     let highest = space.channels.iter().flat_map(|one| one.lines.iter().map(|l| l.line.frequency));
-    let wheels = space.wheels.list.iter().map(|(wheel, _)| wheel.cycles_per_mm);
+    let wheels = space.wheels.list.iter().map(|wheel| wheel.cycles_per_mm);
     let end = 0.5 / space.step_mm;
     let wanted = highest.chain(wheels).fold(0.8, f64::max) * 1.2;
     let top = wanted.min(end);
@@ -242,7 +242,7 @@ pub(super) fn path(subject: &Subject, space: &Space, unit: &str) -> Svg {
         .wheels
         .list
         .iter()
-        .map(|w| (w.0.cycles_per_mm, 0.4 * low))
+        .map(|w| (w.cycles_per_mm, 0.4 * low))
         .filter(|w| w.0 <= top)
         .collect();
     if !wheels.is_empty() && low.is_finite() {

@@ -1,9 +1,10 @@
 //! Spectra over the tool's path: what stays where it is in cycles per mm, matched with the gears.
 
+use physics::JOINTS_MAX;
 use recording::model::RobotModel;
 use spectrum::Wheel;
 use spectrum::offline::{Averaged, Line};
-use spectrum::spatial::{match_wheels, over_path, wheels_of_joint};
+use spectrum::spatial::{match_wheels, over_path};
 use spectrum::welch::{Detrend, Segments, Spectrum, detrended};
 
 use super::listen::Episode;
@@ -16,8 +17,8 @@ use crate::exit::Failure;
 const SHORTEST_MM: f64 = 20.0;
 /// The finest step of path, mm.
 const FINEST_MM: f64 = 0.005;
-/// Nothing of a gear or of waviness has more cycles per mm.
-const MOST_PER_MM: f64 = 12.0;
+/// Nothing of a gear (decision 0009) or of waviness has more cycles per mm.
+const MOST_PER_MM: f64 = 5.0;
 /// At most so many steps.
 const STEPS_MAX: f64 = 4e6;
 /// A line over the path is a line in time where both agree within this part.
@@ -63,8 +64,6 @@ pub(super) struct SpaceLine {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Match {
     pub(super) wheel: Wheel,
-    /// Cycles per revolution of the shaft: 1, or the teeth that mesh.
-    pub(super) teeth: u32,
     /// The line is this multiple of it.
     pub(super) multiple: u32,
     /// So many others fit within the tolerance too.
@@ -76,22 +75,19 @@ impl Match {
     pub(super) fn words(&self) -> String {
         let times =
             if self.multiple > 1 { format!("{} × ", self.multiple) } else { String::new() };
-        let Wheel { joint, shaft, .. } = self.wheel;
-        let of = if self.teeth > 1 { format!("{} teeth of ", self.teeth) } else { String::new() };
         let others = match self.others {
             0 => String::new(),
             1 => " (or one other)".to_owned(),
             others => format!(" (or {others} others)"),
         };
-        format!("{times}joint {joint}, {of}shaft {shaft}{others}")
+        format!("{times}{}{others}", self.wheel)
     }
 }
 
 /// The gear shafts along this path, or why they are not known.
 #[derive(Default)]
 pub(super) struct Wheels {
-    /// Each with its cycles per revolution of the shaft.
-    pub(super) list: Vec<(Wheel, u32)>,
+    pub(super) list: Vec<Wheel>,
     /// How much their speeds change along the path, as a part.
     pub(super) spread: f64,
     /// What is missing to know them.
@@ -117,21 +113,19 @@ impl Wheels {
 
     /// The shafts, as the daemon's watch knows them.
     pub(super) fn shafts(&self) -> Vec<Wheel> {
-        self.list.iter().filter(|(_, teeth)| *teeth == 1).map(|(wheel, _)| *wheel).collect()
+        self.list.iter().filter(|wheel| wheel.teeth == 1).copied().collect()
     }
 
     /// What fits a line.
     fn matching(&self, cycles_per_mm: f64, tolerance: f64) -> Option<Match> {
-        let all: Vec<Wheel> = self.list.iter().map(|(wheel, _)| *wheel).collect();
-        let fitting = match_wheels(cycles_per_mm, &all, tolerance);
+        let fitting = match_wheels(cycles_per_mm, &self.list, tolerance);
         let (wheel, multiple) = *fitting.first()?;
-        let teeth =
-            self.list.iter().find(|(there, _)| *there == wheel).map_or(1, |(_, teeth)| *teeth);
-        Some(Match { wheel, teeth, multiple, others: fitting.len() - 1 })
+        Some(Match { wheel, multiple, others: fitting.len() - 1 })
     }
 
     fn along(subject: &Subject, model: &RobotModel) -> Self {
         let mut wheels = Self::default();
+        let mut turning = [0.0; JOINTS_MAX];
         for (at, joint) in model.file.joints.iter().enumerate().filter(|(_, j)| turns(j.kind)) {
             let found: Vec<f64> = subject
                 .pieces
@@ -144,13 +138,14 @@ impl Wheels {
                 continue;
             };
             let off = found.iter().map(|turns| (turns / turns_per_mm - 1.0).abs());
-            let number = u8::try_from(at + 1).unwrap_or(u8::MAX);
-            let own = wheels_of_joint(number, &joint.gear_teeth, turns_per_mm);
-            if !own.is_empty() {
+            if !joint.gear_teeth.is_empty() {
                 wheels.spread = wheels.spread.max(middle(off).unwrap_or(0.0));
             }
-            wheels.list.extend(own);
+            if let Some(turns) = turning.get_mut(at) {
+                *turns = turns_per_mm;
+            }
         }
+        wheels.list = daemon::travel::wheels(&model.file, &turning);
         wheels
     }
 }
@@ -256,6 +251,40 @@ pub(super) fn of(
     let by = known.pieces.first().map_or("", |piece| piece.motion.path_by);
     let (one_feed, length_mm) = (known.one_feed_mm_s().is_some(), known.length_mm);
     Ok(Ok(Space { by, length_mm, step_mm: 1.0 / segments.rate, one_feed, channels, wheels }))
+}
+
+/// A line over the path, as others take it.
+pub(in crate::commands) struct ChannelLine {
+    pub(in crate::commands) channel: String,
+    pub(in crate::commands) unit: String,
+    pub(in crate::commands) line: Line,
+    /// How finely lines are told apart, cycles per mm.
+    pub(in crate::commands) step_per_mm: f64,
+    /// The feed stood: it may as well be a line in time.
+    pub(in crate::commands) one_feed: bool,
+}
+
+/// The lines over the path alone; `Err` within says what is missing.
+pub(super) fn lines_over_path(
+    subject: &Subject,
+) -> Result<Result<Vec<ChannelLine>, String>, Failure> {
+    let space = match of(subject, Wheels::default(), &[], &[])? {
+        Ok(space) => space,
+        Err(missing) => return Ok(Err(missing)),
+    };
+    let (one_feed, mut lines) = (space.one_feed, Vec::new());
+    for one in space.channels {
+        let step_per_mm = one.density.frequency.get(1).copied().unwrap_or(0.0);
+        let channel = &subject.channels[one.channel];
+        lines.extend(one.lines.into_iter().map(|found| ChannelLine {
+            channel: channel.name.clone(),
+            unit: channel.unit.clone(),
+            line: found.line,
+            step_per_mm,
+            one_feed,
+        }));
+    }
+    Ok(Ok(lines))
 }
 
 /// Lines in time with what they read over the path: those of the watch at the feed of their time; where the feed stood, all.

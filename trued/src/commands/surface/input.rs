@@ -2,13 +2,46 @@
 
 use std::path::{Path, PathBuf};
 
+use clap::{Args, ValueEnum};
 use recording::unit::Quantity;
 use recording::waves::{self, Grid, Options, Record};
+use spectrum::surface::{Line, Parting, lines, part};
 use tracing::warn;
 
-use super::Surface;
 use crate::exit::Failure;
 use crate::input::unusable;
+
+/// How a profile's table is read.
+#[derive(Debug, Args)]
+pub(in crate::commands) struct Heights {
+    /// The heights' column, by name or by number from 1; needed where there are several
+    #[arg(long, value_name = "C")]
+    pub(super) column: Option<String>,
+    /// Distance between two points, where no column tells it, µm
+    #[arg(long, value_name = "UM")]
+    pub(super) spacing_um: Option<f64>,
+    /// Unit of heights whose column names none
+    #[arg(long, value_name = "um|mm|nm", value_enum, hide_possible_values = true)]
+    unit: Option<HeightUnit>,
+}
+
+/// A unit of heights.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum HeightUnit {
+    Um,
+    Mm,
+    Nm,
+}
+
+impl HeightUnit {
+    fn um(self) -> f64 {
+        match self {
+            Self::Um => 1.0,
+            Self::Mm => 1e3,
+            Self::Nm => 1e-3,
+        }
+    }
+}
 
 /// A profile as it was read.
 #[derive(Debug)]
@@ -28,7 +61,7 @@ struct Unfit {
     what: String,
 }
 
-pub(super) fn read(command: &Surface, path: &Path) -> Result<Profile, Failure> {
+pub(super) fn read(command: &Heights, path: &Path) -> Result<Profile, Failure> {
     let options = Options {
         step_mm: command.spacing_um.map(|um| 1e-3 * um),
         columns: command.column.iter().cloned().collect(),
@@ -57,7 +90,23 @@ pub(super) fn read(command: &Surface, path: &Path) -> Result<Profile, Failure> {
     Ok(Profile { file: path.to_owned(), column, spacing_mm: step_mm, heights_um })
 }
 
-fn heights(command: &Surface, record: &Record) -> Result<(String, Vec<f64>), String> {
+/// A profile's lines without its form (a straight line), strongest first, and its length in mm.
+pub(in crate::commands) fn profile_lines(
+    heights: &Heights,
+    path: &Path,
+) -> Result<(f64, Vec<Line>), Failure> {
+    let profile = read(heights, path)?;
+    let named =
+        |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", path.display()));
+    let parting = Parting { form_degree: 1, short_cut_off_mm: None, cut_off_mm: 0.8 };
+    let surface = part(&profile.heights_um, profile.spacing_mm, &parting);
+    let surface = surface.map_err(|error| named(&error))?;
+    let primary = &surface.primary[surface.evaluated.clone()];
+    let found = lines(primary, profile.spacing_mm).map_err(|error| named(&error))?;
+    Ok((surface.evaluated_mm(), found))
+}
+
+fn heights(command: &Heights, record: &Record) -> Result<(String, Vec<f64>), String> {
     let names = || record.channels.iter().map(|wave| wave.name.as_str()).collect::<Vec<_>>();
     let [wave] = record.channels.as_slice() else {
         return Err(format!(

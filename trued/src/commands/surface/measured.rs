@@ -158,9 +158,7 @@ impl Told {
             .causes
             .iter()
             .map(|cause| match cause {
-                Cause::Wheel(wheel, order) => {
-                    format!("{}joint {} shaft {}", times(*order), wheel.joint, wheel.shaft)
-                }
+                Cause::Wheel(wheel, order) => format!("{}{wheel}", times(*order)),
                 Cause::Tooth(order) => format!("{}tooth passing", times(*order)),
                 Cause::Spindle(order) => format!("{}spindle turn", times(*order)),
                 Cause::Mode(hz) => format!("mode at {} Hz", report::significant(*hz, 3)),

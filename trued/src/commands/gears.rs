@@ -1,0 +1,131 @@
+//! `trued gears`: how often every gear shaft turns, and its teeth meet, per millimetre of path; and which of them a line fits.
+//!
+//! Promises: revolutions, teeth and degrees per mm stand in columns of their own (decision 0009); every wheel that fits a
+//! line is told, with how likely a line fits by chance. Never: a match where the wheels do not turn evenly enough to write a line.
+
+mod lines;
+mod matching;
+mod page;
+mod path;
+mod told;
+mod trains;
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use recording::model::RobotModel;
+
+use self::matching::Matched;
+use self::path::Travelled;
+use self::told::{Found, Report};
+use super::surface::Heights;
+use crate::exit::{Answer, Failure, Outcome};
+use crate::input::Reading;
+use crate::output::Console;
+
+/// Gear shafts along a path: revolutions and teeth per millimetre, matched with lines
+///
+/// The path is a recording with joint positions, or a straight cut from a pose. The model needs gear_teeth. Lines come
+/// from stylus profiles, from the columns of a recording over its path, or are given. A shaft that is eccentric writes as
+/// many cycles per mm as it turns, a mesh as many as teeth meet; what the reference thesis calls cycles per mm are degrees.
+#[derive(Debug, Args)]
+pub(crate) struct Gears {
+    #[command(flatten)]
+    reading: Reading,
+    /// Only the gears of this joint, from 1; may be repeated
+    #[arg(long, value_name = "JOINT", value_delimiter = ',')]
+    wheels_of: Vec<u8>,
+    /// The pose where a straight cut begins, instead of a recording, deg (mm for joints that slide)
+    #[arg(long, value_name = "Q1,Q2,…", value_delimiter = ',', allow_hyphen_values = true)]
+    #[arg(requires = "cut", conflicts_with = "path")]
+    from: Vec<f64>,
+    /// How far the cut goes from there, base frame, mm; the tool keeps its orientation
+    #[arg(long, value_name = "DX,DY,DZ", value_delimiter = ',', allow_hyphen_values = true)]
+    #[arg(requires = "from")]
+    cut: Vec<f64>,
+    /// Parts of the path that are told apart
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    parts: u16,
+    /// A stylus profile whose lines are matched; may be repeated
+    #[arg(long, value_name = "PROFILE")]
+    profile: Vec<PathBuf>,
+    #[command(flatten)]
+    heights: Heights,
+    /// A recording whose lines over the path are matched: forces, or measured positions with --signal x_mm,y_mm
+    #[arg(long, value_name = "RECORDING")]
+    force: Option<PathBuf>,
+    /// The columns of that recording; if not given, all that are waveforms
+    #[arg(long, value_name = "C,…", value_delimiter = ',', requires = "force")]
+    signal: Vec<String>,
+    /// Lines to be matched, cycles per mm
+    #[arg(long, value_name = "L,…", value_delimiter = ',')]
+    lines: Vec<f64>,
+    /// A wheel fits a line within so much of it, beside how well the line itself is known
+    #[arg(long, value_name = "PERCENT", default_value_t = 2.0)]
+    tolerance: f64,
+    /// Write a page with tables and a plot
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// A recording with the joints' positions along the path; if not given, that of --force
+    #[arg(value_name = "PATH")]
+    path: Option<PathBuf>,
+}
+
+impl Gears {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        self.check()?;
+        let (model, travelled) = self.travelled()?;
+        let trains = trains::of(&model.file, &travelled, &self.wheels_of)?;
+        let given = lines::given(self)?;
+        let lines = given.lines.into_iter();
+        let lines: Vec<Matched> =
+            lines.map(|line| Matched::of(line, &trains, 0.01 * self.tolerance)).collect();
+        let found = Found { model: &model, travelled, trains, lines, notes: given.notes };
+        console.json("trued.gears/1", &Report::of(self, &found))?;
+        if let Some(report) = &self.report {
+            console.file(report, &page::render(&found))?;
+        }
+        console.say(told::told(&found))?;
+        if let Some(report) = &self.report {
+            console.say(format!("page      {}", report.display()))?;
+        }
+        Ok(Answer::Done)
+    }
+
+    fn check(&self) -> Result<(), Failure> {
+        let inputs = self.path.iter().chain(&self.force).chain(&self.profile);
+        for (input, report) in inputs.flat_map(|path| Some((path, self.report.as_ref()?))) {
+            super::correct::check_apart(input, report)?;
+        }
+        let wrong = |value: &f64| !(value.is_finite() && *value > 0.0);
+        if let Some(line) = self.lines.iter().find(|line| wrong(line)) {
+            let words = format!("--lines holds {line}, expected cycles per mm above 0");
+            return Err(Failure::input(words));
+        }
+        if wrong(&self.tolerance) || self.tolerance > 50.0 {
+            let words = format!("--tolerance is {}, expected 0 to 50 percent", self.tolerance);
+            return Err(Failure::input(words));
+        }
+        Ok(())
+    }
+
+    fn travelled(&self) -> Result<(RobotModel, Travelled), Failure> {
+        let parts = usize::from(self.parts);
+        if !self.from.is_empty() {
+            let name = self.reading.model.as_deref();
+            let name =
+                name.ok_or_else(|| Failure::input("--from needs the robot: --model MODEL"))?;
+            let model = crate::input::model(name)?;
+            let travelled = path::straight(&model.physics.arm, &self.from, &self.cut, parts)?;
+            return Ok((model, travelled));
+        }
+        let path: &Path = self.path.as_deref().or(self.force.as_deref()).ok_or_else(|| {
+            Failure::input(
+                "no path: give a recording with q1_deg …, or --from Q1,… --cut DX,DY,DZ for a straight cut",
+            )
+        })?;
+        let input = self.reading.read(path, None)?;
+        let travelled = path::recorded(&input.model.physics.arm, &input.recording, parts)?;
+        Ok((input.model, travelled))
+    }
+}

@@ -1,0 +1,241 @@
+//! What `trued gears` says: tables on the console, the JSON object.
+
+use recording::model::RobotModel;
+use report::{fixed, significant};
+use serde::Serialize;
+
+use super::Gears;
+use super::matching::{DRIFT_MAX, Fit, Matched};
+use super::path::Travelled;
+use super::trains::Train;
+use crate::table::Table;
+
+/// Rivals told on the console for each line.
+const RIVALS_TOLD: usize = 3;
+/// A drift below this part is not worth a word.
+const DRIFT_TOLD: f64 = 0.01;
+/// What the column of degrees is.
+pub(super) const DEGREES: &str = "deg/mm is what the reference thesis' tables A III call cycles per mm; a shaft that is eccentric writes rev/mm, \
+     teeth that meet write teeth/mm";
+
+/// All that was found.
+pub(super) struct Found<'a> {
+    pub(super) model: &'a RobotModel,
+    pub(super) travelled: Travelled,
+    pub(super) trains: Vec<Train>,
+    pub(super) lines: Vec<Matched>,
+    pub(super) notes: Vec<String>,
+}
+
+#[derive(Serialize)]
+pub(super) struct Report<'a> {
+    model: &'a str,
+    tolerance_percent: f64,
+    path: PathReport<'a>,
+    wheels: Vec<WheelReport>,
+    lines: Vec<LineReport<'a>>,
+    notes: &'a [String],
+}
+
+#[derive(Serialize)]
+struct PathReport<'a> {
+    known_by: &'a str,
+    length_mm: f64,
+    parts: Vec<PartReport>,
+}
+
+#[derive(Serialize)]
+struct PartReport {
+    segment: i64,
+    from_mm: f64,
+    to_mm: f64,
+}
+
+#[derive(Serialize)]
+struct WheelReport {
+    joint: u8,
+    shaft: u8,
+    /// `turn` or `mesh`.
+    what: &'static str,
+    /// Cycles per revolution of the shaft: 1, or the driver's teeth that mesh.
+    teeth: u32,
+    cycles_per_mm: Range,
+    /// Of the shaft: what the thesis calls cycles per mm.
+    degrees_per_mm: Option<f64>,
+    /// From least to most, of the mean.
+    drift_percent: f64,
+    /// The wheel turns too unevenly to write a line: it is not matched.
+    smeared: bool,
+    parts: Vec<Range>,
+}
+
+#[derive(Serialize)]
+struct Range {
+    mean: f64,
+    least: f64,
+    most: f64,
+}
+
+#[derive(Serialize)]
+struct LineReport<'a> {
+    source: &'a str,
+    cycles_per_mm: f64,
+    uncertainty_percent: f64,
+    amplitude: Option<f64>,
+    unit: Option<&'a str>,
+    #[serde(rename = "match")]
+    best: Option<FitReport>,
+    rivals: Vec<FitReport>,
+    /// How likely a line near this one fits something by chance.
+    by_chance: f64,
+}
+
+#[derive(Serialize)]
+struct FitReport {
+    joint: u8,
+    shaft: u8,
+    what: &'static str,
+    teeth: u32,
+    multiple: u32,
+    cycles_per_mm: f64,
+    distance_percent: f64,
+    drift_percent: f64,
+}
+
+impl<'a> Report<'a> {
+    pub(super) fn of(asked: &Gears, found: &'a Found<'_>) -> Self {
+        let parts = found.travelled.parts.iter().map(|part| PartReport {
+            segment: part.segment,
+            from_mm: part.from_mm,
+            to_mm: part.to_mm,
+        });
+        Self {
+            model: &found.model.file.name,
+            tolerance_percent: asked.tolerance,
+            path: PathReport {
+                known_by: &found.travelled.by,
+                length_mm: found.travelled.length_mm,
+                parts: parts.collect(),
+            },
+            wheels: found.trains.iter().flat_map(wheels).collect(),
+            lines: found.lines.iter().map(line).collect(),
+            notes: &found.notes,
+        }
+    }
+}
+
+fn what(teeth: u32) -> &'static str {
+    if teeth == 1 { "turn" } else { "mesh" }
+}
+
+fn wheels(train: &Train) -> Vec<WheelReport> {
+    let report = |wheel: &spectrum::Wheel| {
+        let range = |[mean, least, most]: [f64; 3]| {
+            let [mean, least, most] = [mean, least, most].map(|part| part * wheel.cycles_per_mm);
+            Range { mean, least, most }
+        };
+        WheelReport {
+            joint: wheel.joint,
+            shaft: wheel.shaft,
+            what: what(wheel.teeth),
+            teeth: wheel.teeth,
+            cycles_per_mm: range([1.0, train.range[0], train.range[1]]),
+            degrees_per_mm: (wheel.teeth == 1).then_some(360.0 * wheel.cycles_per_mm),
+            drift_percent: 100.0 * train.drift(),
+            smeared: train.drift() > DRIFT_MAX,
+            parts: train.parts.iter().map(|part| range(*part)).collect(),
+        }
+    };
+    train.wheels.iter().map(report).collect()
+}
+
+fn line(matched: &Matched) -> LineReport<'_> {
+    let fit = |fit: &Fit| FitReport {
+        joint: fit.wheel.joint,
+        shaft: fit.wheel.shaft,
+        what: what(fit.wheel.teeth),
+        teeth: fit.wheel.teeth,
+        multiple: fit.multiple,
+        cycles_per_mm: f64::from(fit.multiple) * fit.wheel.cycles_per_mm,
+        distance_percent: 100.0 * fit.distance,
+        drift_percent: 100.0 * fit.drift,
+    };
+    LineReport {
+        source: &matched.line.source,
+        cycles_per_mm: matched.line.cycles_per_mm,
+        uncertainty_percent: 100.0 * matched.line.uncertainty,
+        amplitude: matched.line.amplitude.as_ref().map(|(value, _)| *value),
+        unit: matched.line.amplitude.as_ref().map(|(_, unit)| unit.as_str()),
+        best: matched.fits.first().map(fit),
+        rivals: matched.fits.iter().skip(1).map(fit).collect(),
+        by_chance: matched.by_chance,
+    }
+}
+
+/// A joint whose speed changes along the path, in words.
+pub(super) fn drifts(train: &Train) -> Option<String> {
+    let drift = train.drift();
+    let first = train.wheels.first().filter(|_| drift >= DRIFT_TOLD)?;
+    let [least, most] = train.range.map(|part| significant(part * 360.0 * first.cycles_per_mm, 3));
+    let end = if drift > DRIFT_MAX {
+        "too uneven to write lines: not matched"
+    } else {
+        "its lines smear"
+    };
+    let percent = fixed(100.0 * drift, 0);
+    Some(format!(
+        "joint {} drifts by {percent} % along the path (shaft 1: {least} to {most} deg/mm): {end}",
+        train.joint
+    ))
+}
+
+/// A line with what it fits, in words; the nearest `rivals` of its rivals are named.
+pub(super) fn fitting(matched: &Matched, rivals: usize) -> String {
+    let Some(best) = matched.fits.first() else { return "fits no wheel".to_owned() };
+    let others: Vec<String> = matched.fits.iter().skip(1).take(rivals).map(Fit::words).collect();
+    let left = matched.fits.len().saturating_sub(1 + rivals);
+    let more = if left > 0 { format!(" or {left} more") } else { String::new() };
+    let others = others.iter().map(|words| format!(" or {words}")).collect::<String>();
+    let chance = fixed(100.0 * matched.by_chance, 0);
+    format!("{}{others}{more}; any line near it fits something with {chance} %", best.words())
+}
+
+pub(super) fn told(found: &Found<'_>) -> String {
+    let travelled = &found.travelled;
+    let parts = travelled.parts.len();
+    let mut text = format!(
+        "path      {} mm: {}; {}\n",
+        fixed(travelled.length_mm, 1),
+        travelled.by,
+        crate::input::count(parts, "part")
+    );
+    let heads = ["joint", "shaft", "teeth", "rev/mm", "deg/mm", "teeth/mm", "drift %"];
+    let mut table = Table::new(heads);
+    for train in &found.trains {
+        for ((turn, mesh), [driver, driven]) in train.shafts().zip(&train.stages) {
+            table = table.row([
+                train.joint.to_string(),
+                turn.shaft.to_string(),
+                format!("{driver}:{driven}"),
+                significant(turn.cycles_per_mm, 4),
+                significant(360.0 * turn.cycles_per_mm, 3),
+                significant(mesh.cycles_per_mm, 4),
+                fixed(100.0 * train.drift(), 1),
+            ]);
+        }
+    }
+    if found.trains.is_empty() {
+        return text + "no joint with gear_teeth turns along this path\n";
+    }
+    text += &table.render();
+    text += &format!("{DEGREES}\n");
+    for words in found.trains.iter().filter_map(drifts).chain(found.notes.iter().cloned()) {
+        text += &format!("{words}\n");
+    }
+    for matched in &found.lines {
+        let cycles = significant(matched.line.cycles_per_mm, 3);
+        let words = fitting(matched, RIVALS_TOLD);
+        text += &format!("line      {cycles}/mm ({}): {words}\n", matched.line.source);
+    }
+    text
+}
