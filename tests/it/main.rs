@@ -9,6 +9,7 @@
 mod architecture;
 mod cli;
 mod force;
+mod gears;
 mod invariants;
 mod kill;
 mod process;

@@ -10,7 +10,7 @@ use tests::chance::Chance;
 use crate::program::{Place, real_data};
 
 /// A recording of columns over time, written as CSV.
-struct Made {
+pub(crate) struct Made {
     rate_hz: f64,
     heads: Vec<&'static str>,
     columns: Vec<Vec<f64>>,
@@ -29,7 +29,7 @@ impl Made {
         self
     }
 
-    fn csv(&self) -> String {
+    pub(crate) fn csv(&self) -> String {
         let mut text = format!("t_s,{}\n", self.heads.join(","));
         for row in 0..self.columns[0].len() {
             write!(text, "{:.6}", row as f64 / self.rate_hz).unwrap();
@@ -172,7 +172,7 @@ fn waviness_is_one_line_over_the_path_whatever_the_feed() {
 }
 
 /// The joints of a cut by joint 1 alone, at three speeds, and a force line of the teeth of its first gear pair.
-fn geared_cut() -> Made {
+pub(crate) fn geared_cut() -> Made {
     let q1_rad = |t: f64| match t {
         t if t < 10.0 => 0.012 * t,
         t if t < 20.0 => 0.12 + 0.024 * (t - 10.0),
