@@ -129,7 +129,8 @@ fn a_joint_that_speeds_up_along_the_cut_is_said_to_drift_and_not_matched() {
     let line = format!("{}", 10.0 * RATIO[0] * (500.0_f64 / WRIST_MM).atan() / TAU / 500.0);
     let cut = ["--from", POSE, "--cut", "0,500,0", "--lines", &line];
     let done = place.succeed(&[&["gears", "--model", MODEL], &cut[..]].concat());
-    assert!(done.out.contains("joint 1 drifts by"), "{}", done.out);
+    let said = &done.out;
+    assert!(said.contains("joint 1 drifts by") && said.contains("375.0 to 500.0 mm"), "{said}");
     let found = gears(&place, &cut);
     let motor = wheel(&found, 1, 1, "mesh").unwrap();
     assert!(near(mean(motor), line.parse().unwrap(), 1e-6) && motor["smeared"] == true);

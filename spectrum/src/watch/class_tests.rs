@@ -128,6 +128,19 @@ fn a_line_that_follows_the_feed_is_a_gears_and_at_one_feed_both_are_said() {
 }
 
 #[test]
+fn a_gear_is_a_rival_only_where_teeth_can_meet_so_often_per_millimetre() {
+    let rivals = |line_hz: f64| {
+        let mut rig = Rig::new(config(10_000.0), 1.0, 23);
+        rig.watch.process_state(ProcessState { feed_mm_s: 10.0, ..spindle(28_000.0) });
+        rig.run(2.0, |_, _| 0.0);
+        last(&rig.run(2.0, tone_y(line_hz, 6.0, 2.0))).rivals
+    };
+    // At 10 mm/s: 4.1 and 8.9 per mm (decision 0009).
+    assert!(rivals(41.0).contains(Class::Gear));
+    assert!(!rivals(89.0).contains(Class::Gear));
+}
+
+#[test]
 fn growth_is_told() {
     let mut rig = Rig::new(config(10_000.0), 1.0, 20);
     rig.watch.process_state(spindle(28_000.0));

@@ -25,7 +25,7 @@ use crate::output::Console;
 
 /// Gear shafts along a path: revolutions and teeth per millimetre, matched with lines
 ///
-/// The path is a recording with joint positions, or a straight cut from a pose. The model needs gear_teeth. Lines come
+/// The path is a recording with joint positions, or a straight cut from a pose. The model needs `gear_teeth`. Lines come
 /// from stylus profiles, from the columns of a recording over its path, or are given. A shaft that is eccentric writes as
 /// many cycles per mm as it turns, a mesh as many as teeth meet; what the reference thesis calls cycles per mm are degrees.
 #[derive(Debug, Args)]
@@ -51,7 +51,7 @@ pub(crate) struct Gears {
     profile: Vec<PathBuf>,
     #[command(flatten)]
     heights: Heights,
-    /// A recording whose lines over the path are matched: forces, or measured positions with --signal x_mm,y_mm
+    /// A recording whose lines over the path are matched: forces, or measured positions with `--signal x_mm,y_mm`
     #[arg(long, value_name = "RECORDING")]
     force: Option<PathBuf>,
     /// The columns of that recording; if not given, all that are waveforms

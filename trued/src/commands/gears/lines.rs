@@ -1,7 +1,5 @@
 //! The lines to be matched: given, of profiles, of a recording over its path.
 
-use tracing::warn;
-
 use super::Gears;
 use crate::commands::spectrum::Spectrum;
 use crate::commands::surface::profile_lines;
@@ -48,9 +46,6 @@ pub(super) fn given(asked: &Gears) -> Result<Lines, Failure> {
     }
     if let Some(path) = &asked.force {
         recorded(asked, path, &mut all)?;
-    }
-    for note in &all.notes {
-        warn!("{note}");
     }
     Ok(all)
 }

@@ -3,7 +3,7 @@
 use report::{Axis, Cell, Column, Page, Plot, Series, Svg, Table, significant};
 
 use super::matching::Matched;
-use super::told::{DEGREES, Found, drifts, fitting};
+use super::told::{DEGREES, Found, by_parts, fitting, remarks};
 
 /// Rivals named for each line.
 const RIVALS: usize = 8;
@@ -15,12 +15,17 @@ pub(super) fn render(found: &Found<'_>) -> String {
         .lead(&format!("{} mm of path by {}.", significant(travelled.length_mm, 4), travelled.by))
         .table(&wheels(found))
         .text(&format!("{DEGREES}."))
-        .list(found.trains.iter().filter_map(drifts).chain(found.notes.iter().cloned()));
+        .list(remarks(found));
     if travelled.parts.len() > 1 && !found.trains.is_empty() {
         page = page.figure(
             "The motor shaft of each joint along the path: where a curve is level, its wheels write sharp lines.",
             &along(found),
         );
+        let mut rows = by_parts(found).into_iter();
+        let caption = "Shaft 1 of each joint, part by part: mean (least to most)";
+        let table = Table::new(caption, rows.next().unwrap_or_default());
+        page =
+            page.table(&rows.fold(table, |table, row| table.row(row.into_iter().map(Cell::from))));
     }
     if !found.lines.is_empty() {
         page = page.section("Lines").table(&lines(&found.lines)).text(

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::Gears;
 use super::matching::{DRIFT_MAX, Fit, Matched};
-use super::path::Travelled;
+use super::path::{Part, Travelled};
 use super::trains::Train;
 use crate::table::Table;
 
@@ -14,6 +14,8 @@ use crate::table::Table;
 const RIVALS_TOLD: usize = 3;
 /// A drift below this part is not worth a word.
 const DRIFT_TOLD: f64 = 0.01;
+/// Paths of more parts are told part by part in the page and the JSON object only.
+const PARTS_TOLD: usize = 16;
 /// What the column of degrees is.
 pub(super) const DEGREES: &str = "deg/mm is what the reference thesis' tables A III call cycles per mm; a shaft that is eccentric writes rev/mm, \
      teeth that meet write teeth/mm";
@@ -172,21 +174,49 @@ fn line(matched: &Matched) -> LineReport<'_> {
     }
 }
 
-/// A joint whose speed changes along the path, in words.
-pub(super) fn drifts(train: &Train) -> Option<String> {
+/// A joint whose speed changes along the path, and where most, in words.
+fn drifts(train: &Train, travelled: &Travelled) -> Option<String> {
     let drift = train.drift();
-    let first = train.wheels.first().filter(|_| drift >= DRIFT_TOLD)?;
-    let [least, most] = train.range.map(|part| significant(part * 360.0 * first.cycles_per_mm, 3));
+    if drift < DRIFT_TOLD {
+        return None;
+    }
+    let spread = |part: &[f64; 3]| part[2] - part[1];
+    let parts = train.parts.iter().zip(&travelled.parts);
+    let (_, most) = parts.max_by(|a, b| spread(a.0).total_cmp(&spread(b.0)))?;
     let end = if drift > DRIFT_MAX {
         "too uneven to write lines: not matched"
     } else {
-        "its lines smear"
+        "its lines smear as much"
     };
-    let percent = fixed(100.0 * drift, 0);
     Some(format!(
-        "joint {} drifts by {percent} % along the path (shaft 1: {least} to {most} deg/mm): {end}",
-        train.joint
+        "joint {} drifts by {} % along the path, most from {}: {end}",
+        train.joint,
+        fixed(100.0 * drift, 0),
+        place(most)
     ))
+}
+
+fn place(part: &Part) -> String {
+    let [from, to] = [part.from_mm, part.to_mm].map(|mm| fixed(mm, 1));
+    let segment =
+        if part.segment == 0 { String::new() } else { format!(" of segment {}", part.segment) };
+    format!("{from} to {to} mm{segment}")
+}
+
+/// The motor shafts part by part, heads first: mean, least and most revolutions per mm.
+pub(super) fn by_parts(found: &Found<'_>) -> Vec<Vec<String>> {
+    let heads = found.trains.iter().map(|train| format!("joint {}, rev/mm", train.joint));
+    let mut rows = vec![["part".to_owned()].into_iter().chain(heads).collect::<Vec<_>>()];
+    for (k, part) in found.travelled.parts.iter().enumerate() {
+        let cells = found.trains.iter().filter_map(|train| {
+            let motor = train.wheels.first()?.cycles_per_mm;
+            let [mean, least, most] =
+                train.parts.get(k)?.map(|value| significant(value * motor, 3));
+            Some(format!("{mean} ({least} to {most})"))
+        });
+        rows.push([place(part)].into_iter().chain(cells).collect());
+    }
+    rows
 }
 
 /// A line with what it fits, in words; the nearest `rivals` of its rivals are named.
@@ -198,6 +228,12 @@ pub(super) fn fitting(matched: &Matched, rivals: usize) -> String {
     let others = others.iter().map(|words| format!(" or {words}")).collect::<String>();
     let chance = fixed(100.0 * matched.by_chance, 0);
     format!("{}{others}{more}; any line near it fits something with {chance} %", best.words())
+}
+
+/// What has to be said beside the tables.
+pub(super) fn remarks(found: &Found<'_>) -> Vec<String> {
+    let drifting = found.trains.iter().filter_map(|train| drifts(train, &found.travelled));
+    drifting.chain(found.notes.iter().cloned()).collect()
 }
 
 pub(super) fn told(found: &Found<'_>) -> String {
@@ -229,8 +265,13 @@ pub(super) fn told(found: &Found<'_>) -> String {
     }
     text += &table.render();
     text += &format!("{DEGREES}\n");
-    for words in found.trains.iter().filter_map(drifts).chain(found.notes.iter().cloned()) {
-        text += &format!("{words}\n");
+    text += &remarks(found).into_iter().map(|words| words + "\n").collect::<String>();
+    if found.trains.iter().any(|train| train.drift() >= DRIFT_TOLD) && parts <= PARTS_TOLD {
+        let mut rows = by_parts(found).into_iter();
+        let table = Table::new(rows.next().unwrap_or_default());
+        text += "\nshaft 1 of each joint: mean (least to most)\n";
+        text += &rows.fold(table, Table::row).render();
+        text.push('\n');
     }
     for matched in &found.lines {
         let cycles = significant(matched.line.cycles_per_mm, 3);
