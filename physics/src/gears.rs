@@ -80,7 +80,7 @@ mod tests {
         assert!(shafts(&[]).next().is_none() && shafts(&[[0, 7]]).all(|s| s.turns.is_finite()));
     }
 
-    /// Decision 0009: a joint that moves the wrist at the distance `r` turns by at most `1/r` per unit of path.
+    /// Decision 0010: a joint that moves the wrist at the distance `r` turns by at most `1/r` per unit of path.
     #[test]
     fn the_thesis_table_holds_in_degrees_and_cannot_hold_in_revolutions() {
         let (stages, _, table) = THESIS[0];

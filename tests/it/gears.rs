@@ -49,6 +49,7 @@ fn across_the_arm_joint_one_turns_by_one_over_its_lever_and_the_teeth_carry_on()
     assert!(near(mean(motor), turns, 1e-5), "{motor:#}");
     assert!(near(motor["degrees_per_mm"].as_f64().unwrap(), 360.0 * turns, 1e-5));
     assert!(near(mean(wheel(&found, 1, 1, "mesh").unwrap()), 10.0 * turns, 1e-5));
+    assert!(near(motor["cycles_per_rev"].as_f64().unwrap(), RATIO[0], 1e-9), "{motor:#}");
     let second = wheel(&found, 1, 2, "turn").unwrap();
     assert!(near(mean(second), turns * 10.0 / 131.0, 1e-5), "{second:#}");
     assert!(near(mean(wheel(&found, 1, 2, "mesh").unwrap()), turns * 130.0 / 131.0, 1e-5));

@@ -5,8 +5,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use glam::{DMat4, DVec3, DVec4};
 use physics::{Chain, Inputs, Joints, Memories};
 
-use super::RobotModel;
 use super::presets::{PRESETS, preset};
+use super::{Numbers, RobotModel};
 
 fn rotation_z(angle: f64) -> DMat4 {
     DMat4::from_rotation_z(angle)
@@ -153,4 +153,21 @@ fn the_thesis_robot_errs_as_published() {
     let mean = errors.iter().sum::<f64>() / errors.len() as f64;
     // Nubiola and Bonev 2013, same robot, nominal: 0.981 mm mean.
     assert!((0.5..1.2).contains(&mean), "mean error {mean} mm");
+}
+
+#[test]
+fn the_thesis_presets_transmission_errors_come_back_with_shafts_that_its_teeth_give() {
+    let file = preset("irb1600-6-145-thesis").expect("preset").model().expect("model").file;
+    let mut seen = 0;
+    for effect in file.effects.iter().filter(|effect| effect.kind == "transmission_error") {
+        let parameter = effect.parameters.iter().find(|p| p.key == "cycles_per_rev");
+        let Numbers::One(cycles) = parameter.expect("cycles").value else { panic!("one number") };
+        let joint = effect.joint.expect("joint") - 1;
+        let turns = physics::gears::shafts(&file.joints[joint].gear_teeth).map(|s| s.turns);
+        // The last wheel turns with the joint itself.
+        let known = turns.chain([1.0]).any(|turns| (cycles / turns - 1.0).abs() < 1e-9);
+        assert!(known, "joint {}: {cycles} cycles per revolution", joint + 1);
+        seen += 1;
+    }
+    assert_eq!(seen, 12);
 }

@@ -135,7 +135,7 @@ fn a_gear_is_a_rival_only_where_teeth_can_meet_so_often_per_millimetre() {
         rig.run(2.0, |_, _| 0.0);
         last(&rig.run(2.0, tone_y(line_hz, 6.0, 2.0))).rivals
     };
-    // At 10 mm/s: 4.1 and 8.9 per mm (decision 0009).
+    // At 10 mm/s: 4.1 and 8.9 per mm (decision 0010).
     assert!(rivals(41.0).contains(Class::Gear));
     assert!(!rivals(89.0).contains(Class::Gear));
 }

@@ -1,6 +1,6 @@
 //! `trued gears`: how often every gear shaft turns, and its teeth meet, per millimetre of path; and which of them a line fits.
 //!
-//! Promises: revolutions, teeth and degrees per mm stand in columns of their own (decision 0009); every wheel that fits a
+//! Promises: revolutions, teeth and degrees per mm stand in columns of their own (decision 0010); every wheel that fits a
 //! line is told, with how likely a line fits by chance. Never: a match where the wheels do not turn evenly enough to write a line.
 
 mod lines;

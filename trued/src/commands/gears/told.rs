@@ -62,6 +62,8 @@ struct WheelReport {
     /// Cycles per revolution of the shaft: 1, or the driver's teeth that mesh.
     teeth: u32,
     cycles_per_mm: Range,
+    /// Per revolution of the joint: as `transmission_error` takes it.
+    cycles_per_rev: f64,
     /// Of the shaft: what the thesis calls cycles per mm.
     degrees_per_mm: Option<f64>,
     /// From least to most, of the mean.
@@ -142,6 +144,7 @@ fn wheels(train: &Train) -> Vec<WheelReport> {
             what: what(wheel.teeth),
             teeth: wheel.teeth,
             cycles_per_mm: range([1.0, train.range[0], train.range[1]]),
+            cycles_per_rev: wheel.cycles_per_mm / train.turns_per_mm,
             degrees_per_mm: (wheel.teeth == 1).then_some(360.0 * wheel.cycles_per_mm),
             drift_percent: 100.0 * train.drift(),
             smeared: train.drift() > DRIFT_MAX,

@@ -18,6 +18,8 @@ pub(super) struct Train {
     pub(super) joint: u8,
     /// Stages as the model has them.
     pub(super) stages: Vec<[u32; 2]>,
+    /// Mean revolutions of the joint itself per mm.
+    pub(super) turns_per_mm: f64,
     /// Turns of each shaft, then the mesh of each stage, by their means over the whole path.
     pub(super) wheels: Vec<Wheel>,
     /// Least and most over the path as parts of the mean; all wheels of a joint alike.
@@ -77,6 +79,7 @@ pub(super) fn of(
         };
         trains.push(Train {
             joint,
+            turns_per_mm: whole.mean,
             stages: entry.gear_teeth.clone(),
             wheels: wheels(model, &turning),
             range: [whole.least, whole.most].map(|value| value / whole.mean),

@@ -17,7 +17,7 @@ use crate::exit::Failure;
 const SHORTEST_MM: f64 = 20.0;
 /// The finest step of path, mm.
 const FINEST_MM: f64 = 0.005;
-/// Nothing of a gear (decision 0009) or of waviness has more cycles per mm.
+/// Nothing of a gear (decision 0010) or of waviness has more cycles per mm.
 const MOST_PER_MM: f64 = 5.0;
 /// At most so many steps.
 const STEPS_MAX: f64 = 4e6;
