@@ -8,6 +8,7 @@
 pub mod campaign;
 mod candidates;
 pub mod circle;
+pub mod enhanced;
 pub mod expected;
 pub mod fit;
 pub mod from_recording;
@@ -33,6 +34,7 @@ pub mod select;
 pub mod simulate;
 pub mod single_joint;
 pub mod start;
+pub mod stiffness;
 pub mod surroundings;
 pub mod triangle;
 mod waves;
