@@ -7,6 +7,8 @@
 
 pub mod campaign;
 mod candidates;
+pub mod circle;
+pub mod enhanced;
 pub mod expected;
 pub mod fit;
 pub mod from_recording;
@@ -14,10 +16,12 @@ pub mod gross;
 pub mod hypothesis;
 mod independent;
 pub mod iso9283;
+pub mod joint_error;
 #[cfg(test)]
 mod made;
 mod minimise;
 pub mod motion;
+pub mod per_joint;
 mod problem;
 pub mod proof;
 pub mod readback;
@@ -28,7 +32,9 @@ pub mod robust;
 mod score;
 pub mod select;
 pub mod simulate;
+pub mod single_joint;
 pub mod start;
+pub mod stiffness;
 pub mod surroundings;
 pub mod triangle;
 mod waves;

@@ -1,0 +1,151 @@
+//! The enhanced stiffness: what a load does to the stiffness of a compliant arm by bending it (thesis 1.8 to 1.10).
+//!
+//! Balance `K_θ δ = τ(q + δ)` gives `(K_θ − K_C − K_G) δ = τ(q)` with `K_C = ∂(JᵀW)/∂q`, `K_G = ∂τ_grav/∂q`: at the tool
+//! `K_X = J⁻ᵀ (K_θ − K_C) J⁻¹` (Chen and Kao 2000; Alici and Shirinzadeh 2005). Here `J (K_θ − K_C)⁻¹ Jᵀ`, its inverse, which holds for any
+//! number of joints, and with rigid ones. The wrench keeps its direction in space: one that turns with the tool has a further term.
+//!
+//! Promises: closed forms, held against differences of `JᵀW`; `K_C` is NOT symmetric under a moment (a moment fixed in space is no conservative
+//! load), and nothing here makes it so. Never: an accuracy sold: [`effect`] says what it is worth, well below a micrometre for 100 N on an arm of this class.
+
+use glam::DVec3;
+use nalgebra::{SMatrix, SVector};
+use physics::{Arm, Chain, Inputs, JOINTS_MAX, JointKind, Joints, Loads, Wrench};
+
+/// One row and column per joint, zero beyond the arm's joints; Nm/rad, with N or m where a joint slides.
+pub type JointMatrix = SMatrix<f64, JOINTS_MAX, JOINTS_MAX>;
+/// Rows and columns: linear, then angular, base axes.
+pub type ToolMatrix = SMatrix<f64, 6, 6>;
+
+/// What the bending of the arm under its load changes at one pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EnhancedEffect {
+    /// How far the wrench moves the TCP, m.
+    pub deflection_m: f64,
+    /// By how much that changes with `K_C`, m.
+    pub by_wrench_m: f64,
+    /// By how much it changes with `K_G` besides, m.
+    pub by_gravity_m: f64,
+}
+
+/// `K_C`: row `i`, column `j` is the derivative of `(JᵀW)_i` by `q_j`, for a wrench fixed in base axes at the TCP.
+///
+/// With `z` the angular and `v` the linear column of `J`: `(z_j × v_i)·F + (z_j × z_i)·M` for `j ≤ i`, `(z_i × v_j)·F` for `j > i`.
+#[must_use]
+pub fn wrench_stiffness(arm: &Arm, chain: &Chain, wrench: &Wrench) -> JointMatrix {
+    let jacobian = chain.jacobian(arm);
+    let part = |i: usize, row: usize| {
+        DVec3::new(jacobian[(row, i)], jacobian[(row + 1, i)], jacobian[(row + 2, i)])
+    };
+    let mut stiffness = JointMatrix::zeros();
+    for i in 0..arm.count() {
+        for j in 0..arm.count() {
+            stiffness[(i, j)] = if j <= i {
+                let turned = part(j, 3);
+                turned.cross(part(i, 0)).dot(wrench.force)
+                    + turned.cross(part(i, 3)).dot(wrench.moment)
+            } else {
+                part(i, 3).cross(part(j, 0)).dot(wrench.force)
+            };
+        }
+    }
+    stiffness
+}
+
+/// `K_G`: row `i`, column `j` is the derivative of `τ_grav,i` by `q_j`, by the arm's known masses. Symmetric: gravity has a potential.
+#[must_use]
+pub fn gravity_stiffness(arm: &Arm, chain: &Chain) -> JointMatrix {
+    let mut stiffness = JointMatrix::zeros();
+    for (carrier, body) in arm.bodies() {
+        let centre = chain.bodies[carrier].point(body.centre);
+        let weight = arm.gravity * body.mass;
+        let columns = |i: usize| match arm.joints()[i].kind {
+            JointKind::Revolute => (chain.axes[i].cross(centre - chain.points[i]), chain.axes[i]),
+            JointKind::Prismatic => (chain.axes[i], DVec3::ZERO),
+        };
+        for i in 0..=carrier {
+            for j in 0..=i {
+                let derivative = columns(j).1.cross(columns(i).0).dot(weight);
+                stiffness[(i, j)] += derivative;
+                if i != j {
+                    stiffness[(j, i)] += derivative;
+                }
+            }
+        }
+    }
+    stiffness
+}
+
+/// `J (K_θ − softening)⁻¹ Jᵀ` with `compliance` (rad/Nm or m/N, zero for a rigid joint) for the inverse of `K_θ`. `None` where the
+/// load has the arm buckle.
+#[must_use]
+pub fn tool_compliance(
+    arm: &Arm,
+    chain: &Chain,
+    compliance: &Joints,
+    softening: &JointMatrix,
+) -> Option<ToolMatrix> {
+    let jacobian = chain.jacobian(arm);
+    let inverse = joint_compliance(compliance, softening)?;
+    Some(jacobian * inverse * jacobian.transpose())
+}
+
+/// `K_X`, N/m, N/rad, Nm/m and Nm/rad: the inverse of [`tool_compliance`]. `None` where that has none: fewer than six compliant joints, a singular pose.
+#[must_use]
+pub fn tool_stiffness(
+    arm: &Arm,
+    chain: &Chain,
+    compliance: &Joints,
+    softening: &JointMatrix,
+) -> Option<ToolMatrix> {
+    tool_compliance(arm, chain, compliance, softening)?.try_inverse()
+}
+
+/// What `K_C` and `K_G` are worth at `q` under `wrench` (at the TCP, base axes). `None` where the load has the arm buckle.
+#[must_use]
+pub fn effect(
+    arm: &Arm,
+    q: &Joints,
+    wrench: Wrench,
+    compliance: &Joints,
+) -> Option<EnhancedEffect> {
+    let chain = Chain::nominal(arm, q);
+    let torque = SVector::from(Loads::on(arm, &chain, wrench).wrench_torque);
+    let linear = chain.jacobian(arm).fixed_rows::<3>(0).into_owned();
+    let moved = |softening: &JointMatrix| -> Option<SVector<f64, 3>> {
+        Some(linear * (joint_compliance(compliance, softening)? * torque))
+    };
+    let by_wrench = wrench_stiffness(arm, &chain, &wrench);
+    let classical = moved(&JointMatrix::zeros())?;
+    let enhanced = moved(&by_wrench)?;
+    let full = moved(&(by_wrench + gravity_stiffness(arm, &chain)))?;
+    Some(EnhancedEffect {
+        deflection_m: classical.norm(),
+        by_wrench_m: (enhanced - classical).norm(),
+        by_gravity_m: (full - enhanced).norm(),
+    })
+}
+
+/// The places of those poses at which `K_C` changes the deflection by at most `limit_m`: there the classical stiffness identifies the joints
+/// (Dumas 2011). The wrench of each pose counts.
+#[must_use]
+pub fn where_negligible(
+    arm: &Arm,
+    poses: &[Inputs],
+    compliance: &Joints,
+    limit_m: f64,
+) -> Vec<usize> {
+    let small = |inputs: &Inputs| {
+        effect(arm, &inputs.q, inputs.wrench_base, compliance)
+            .is_some_and(|effect| effect.by_wrench_m <= limit_m)
+    };
+    (0..poses.len()).filter(|i| small(&poses[*i])).collect()
+}
+
+/// `(K_θ − S)⁻¹ = (1 − C S)⁻¹ C`, which holds for rigid joints (`C = 0`) too.
+fn joint_compliance(compliance: &Joints, softening: &JointMatrix) -> Option<JointMatrix> {
+    let rigid = JointMatrix::from_diagonal(&SVector::from(*compliance));
+    (JointMatrix::identity() - rigid * softening).try_inverse().map(|inverse| inverse * rigid)
+}
+
+#[cfg(test)]
+mod tests;

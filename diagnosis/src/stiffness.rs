@@ -1,0 +1,325 @@
+//! Joint stiffness from known loads: one joint after the other (thesis 3.13), or all at once by least squares (thesis 1.1 to 1.7).
+//!
+//! All works on differences, loaded minus unloaded at the same command: geometry, sag and offsets cancel. One after the other, a link's turn is
+//! `angle_about` its joint, from what is left of a target's move once the joints before are taken out (3.13 divides outside its arccosine, and an
+//! arccosine loses small angles and the sign). All at once, `dx = J diag(JᵀW) c` is linear in the compliances `c`; each row is divided
+//! by its own noise, which makes metres and radians one.
+//!
+//! Promises: compliances, not stiffnesses, are what the data give normal errors for: covariances are theirs. What the loads do not determine is named.
+//! Never: the stiffening of the load itself; [`crate::enhanced`] says where that may be left out.
+
+use crate::hypothesis::{Free, Hypothesis};
+use crate::independent::sort;
+use crate::single_joint::angle_about;
+use crate::triangle::Triangle;
+use glam::DVec3;
+use physics::frame::rotation_about;
+use physics::{AnyEffect, Arm, Chain, Given, JOINTS_MAX, JointKind, Joints, Loads, Wrench};
+use thiserror::Error;
+
+/// The largest compliance of a sound joint, rad/Nm (m/N): what counts as determined is judged against it.
+const WIDEST: f64 = 2e-3;
+
+/// A target on the link that a joint moves, before and after a load came on at the TCP.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoadedLink {
+    /// 0-based: the joint that moves the link.
+    pub joint: usize,
+    /// Commanded, rad.
+    pub q: Joints,
+    /// What came on, at the TCP, base axes.
+    pub wrench_base: Wrench,
+    /// Where the target was, m, base frame.
+    pub before: DVec3,
+    /// Where it went, m, base frame.
+    pub after: DVec3,
+}
+
+/// How a load moved the tool.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoadedPose {
+    /// Commanded, rad or m.
+    pub q: Joints,
+    /// What came on, at the TCP, base axes.
+    pub wrench_base: Wrench,
+    /// How far the TCP moved, m, base axes.
+    pub shift: DVec3,
+    /// How far the tool turned, where it was measured: rotation vector, rad, base axes.
+    pub turn: Option<DVec3>,
+}
+
+/// Standard deviations of one coordinate of a difference, loaded minus unloaded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DifferenceNoise {
+    /// m.
+    pub shift_m: f64,
+    /// rad; counts only where turns were measured.
+    pub turn_rad: f64,
+}
+
+/// Compliances as loads show them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Compliances {
+    /// rad/Nm or m/N; `None` for a joint that the loads do not determine, which counted as rigid.
+    pub value: [Option<f64>; JOINTS_MAX],
+    /// rad²/(Nm)²: a row and column per joint, zero where not determined.
+    pub covariance: [[f64; JOINTS_MAX]; JOINTS_MAX],
+    /// What stays, as root of the mean square in units of the stated noise: near 1 for a sound model.
+    pub left: f64,
+    /// Joints that cannot be told apart from those before them, or that no load bends, 0-based.
+    pub undetermined: Vec<usize>,
+}
+
+/// Why loads give no stiffness.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum StiffnessError {
+    /// A number that cannot be.
+    #[error("loaded case {case}: its numbers must be finite")]
+    NotFinite {
+        /// 1-based.
+        case: usize,
+    },
+    /// Noise that cannot be.
+    #[error("the noise of the measurement must be above zero")]
+    Noise,
+    /// A joint that the arm does not have, or that slides.
+    #[error("loaded case {case}: joint {joint} is no revolute joint of this arm")]
+    NotRevolute {
+        /// 1-based.
+        case: usize,
+        /// 1-based.
+        joint: usize,
+    },
+}
+
+impl Compliances {
+    /// Stiffness of a joint and its standard uncertainty, Nm/rad, to first order; `None` where it is not determined or not above zero.
+    #[must_use]
+    pub fn stiffness(&self, joint: usize) -> Option<(f64, f64)> {
+        let compliance = (*self.value.get(joint)?)?;
+        (compliance > 0.0)
+            .then(|| (1.0 / compliance, self.sigma(joint) / (compliance * compliance)))
+    }
+
+    /// Standard uncertainty of a compliance, rad/Nm.
+    #[must_use]
+    pub fn sigma(&self, joint: usize) -> f64 {
+        self.covariance.get(joint).map_or(0.0, |row| row[joint].sqrt())
+    }
+
+    /// Hands what is determined to a global fit: value and prior of `joint_compliance` or `load_compliance`, or a `load_compliance` that is added
+    /// where a joint has neither. A compliance below zero starts at zero.
+    ///
+    /// # Errors
+    /// More effects than a model has room for, in words.
+    pub fn hand_over(&self, hypothesis: &mut Hypothesis) -> Result<(), physics::ModelError> {
+        for joint in 0..hypothesis.model.arm.count() {
+            let Some(mean) = self.value[joint] else { continue };
+            let takes = |effect: &AnyEffect| {
+                ["joint_compliance", "load_compliance"].contains(&effect.spec().kind)
+                    && effect.joint() == Some(joint)
+            };
+            let found = hypothesis.model.effects().position(takes);
+            let given = [("compliance", &[mean.max(0.0)][..])];
+            let index = match found {
+                Some(index) => index,
+                None => {
+                    let built = AnyEffect::build(
+                        "load_compliance",
+                        &hypothesis.model.arm,
+                        Some(joint),
+                        Given(&given),
+                    );
+                    let Ok(effect) = built else { continue };
+                    hypothesis.model.push(effect)?;
+                    hypothesis.model.effects().len() - 1
+                }
+            };
+            if let Some(effect) = hypothesis.model.effect_mut(index) {
+                effect.values_mut()[0] = mean.max(0.0);
+            }
+            hypothesis.free.retain(|free| free.effect != index);
+            let sigma = self.sigma(joint);
+            hypothesis.free.push(Free { effect: index, value: 0, mean, sigma });
+        }
+        Ok(())
+    }
+}
+
+/// One joint after the other from the base on: each from the targets on the link that it moves. `noise_m` is the standard deviation of one coordinate of
+/// one point.
+///
+/// # Errors
+/// Cases that cannot be, see [`StiffnessError`].
+pub fn one_after_the_other(
+    arm: &Arm,
+    cases: &[LoadedLink],
+    noise_m: f64,
+) -> Result<Compliances, StiffnessError> {
+    check_noise(noise_m)?;
+    for (i, case) in cases.iter().enumerate() {
+        let revolute = arm.joints().get(case.joint).is_some_and(|j| j.kind == JointKind::Revolute);
+        if !revolute {
+            return Err(StiffnessError::NotRevolute { case: i + 1, joint: case.joint + 1 });
+        }
+        let finite = case.before.is_finite() && case.after.is_finite();
+        check_case(i, &case.q, &case.wrench_base, finite)?;
+    }
+    let mut found = Compliances::none();
+    let (mut square, mut rows) = (0.0, 0_usize);
+    for joint in 0..arm.count() {
+        let seen: Vec<Wound> = cases
+            .iter()
+            .filter(|case| case.joint == joint)
+            .map(|case| wound(arm, case, &found.value, noise_m))
+            .collect();
+        let load: f64 = seen.iter().map(|s| s.torque * s.torque / s.variance).sum();
+        let mut shows = Triangle::new(1);
+        shows.push_one(0, load.sqrt(), 0.0);
+        shows.reduce();
+        if sort(&shows, &[WIDEST]).0.is_empty() {
+            found.undetermined.push(joint);
+            continue;
+        }
+        let mean = |of: &dyn Fn(&Wound) -> f64| -> f64 {
+            seen.iter().map(|s| s.torque * of(s) / s.variance).sum::<f64>() / load
+        };
+        let value = mean(&|s| s.angle);
+        let by_before: [f64; JOINTS_MAX] = std::array::from_fn(|k| mean(&|s| s.by_before[k]));
+        found.insert(joint, value, 1.0 / load, &by_before);
+        let left = |s: &Wound| (s.angle - value * s.torque).powi(2) / s.variance;
+        square += seen.iter().map(left).sum::<f64>();
+        rows += seen.len();
+    }
+    let free = rows.saturating_sub(found.value.iter().flatten().count()).max(1);
+    found.left = (square / free as f64).sqrt();
+    Ok(found)
+}
+
+/// All joints at once: weighed least squares of `dx = J diag(JᵀW) c`.
+///
+/// # Errors
+/// Poses or noise that cannot be, see [`StiffnessError`].
+pub fn all_at_once(
+    arm: &Arm,
+    poses: &[LoadedPose],
+    noise: DifferenceNoise,
+) -> Result<Compliances, StiffnessError> {
+    check_noise(noise.shift_m)?;
+    if poses.iter().any(|pose| pose.turn.is_some()) {
+        check_noise(noise.turn_rad)?;
+    }
+    let count = arm.count();
+    let mut triangle = Triangle::new(count);
+    for (i, pose) in poses.iter().enumerate() {
+        let finite = pose.shift.is_finite() && pose.turn.is_none_or(DVec3::is_finite);
+        check_case(i, &pose.q, &pose.wrench_base, finite)?;
+        let chain = Chain::nominal(arm, &pose.q);
+        let torque = Loads::on(arm, &chain, pose.wrench_base).wrench_torque;
+        let jacobian = chain.jacobian(arm);
+        let mut push = |row: usize, moved: f64, sigma: f64| {
+            let entries: Vec<f64> =
+                (0..count).map(|j| jacobian[(row, j)] * torque[j] / sigma).collect();
+            triangle.push(&entries, moved / sigma);
+        };
+        (0..3).for_each(|row| push(row, pose.shift[row], noise.shift_m));
+        if let Some(turn) = pose.turn {
+            (0..3).for_each(|row| push(3 + row, turn[row], noise.turn_rad));
+        }
+    }
+    triangle.reduce();
+    let (kept, others) = sort(&triangle, &vec![WIDEST; count]);
+    let part = triangle.of_columns(&kept);
+    let inverse = part.inverse();
+    let mut found = Compliances::none();
+    found.undetermined = others.iter().map(|dependent| dependent.column).collect();
+    for (a, (joint, value)) in kept.iter().zip(part.solve(&[])).enumerate() {
+        found.value[*joint] = Some(value);
+        for (b, other) in kept.iter().enumerate() {
+            found.covariance[*joint][*other] =
+                (a.max(b)..kept.len()).map(|k| inverse[a][k - a] * inverse[b][k - b]).sum();
+        }
+    }
+    let free = part.rows().saturating_sub(kept.len()).max(1);
+    found.left = (part.rest() / free as f64).sqrt();
+    Ok(found)
+}
+
+impl Compliances {
+    fn none() -> Self {
+        Self {
+            value: [None; JOINTS_MAX],
+            covariance: [[0.0; JOINTS_MAX]; JOINTS_MAX],
+            left: 0.0,
+            undetermined: Vec::new(),
+        }
+    }
+
+    /// Puts a joint in whose value also depends on those before it.
+    fn insert(&mut self, joint: usize, value: f64, variance: f64, by_before: &[f64; JOINTS_MAX]) {
+        let carried: [f64; JOINTS_MAX] = std::array::from_fn(|m| {
+            by_before[..joint].iter().zip(&self.covariance).map(|(d, row)| d * row[m]).sum()
+        });
+        for (m, of_both) in carried.into_iter().enumerate().take(joint) {
+            self.covariance[joint][m] = of_both;
+            self.covariance[m][joint] = of_both;
+        }
+        let of_before: f64 = by_before[..joint].iter().zip(carried).map(|(d, c)| d * c).sum();
+        self.covariance[joint][joint] = variance + of_before;
+        self.value[joint] = Some(value);
+    }
+}
+
+/// How far a load wound one joint up.
+struct Wound {
+    angle: f64,
+    variance: f64,
+    torque: f64,
+    /// Derivative of the angle by the compliance of each joint before.
+    by_before: [f64; JOINTS_MAX],
+}
+
+fn wound(arm: &Arm, case: &LoadedLink, known: &[Option<f64>; JOINTS_MAX], noise_m: f64) -> Wound {
+    let chain = Chain::nominal(arm, &case.q);
+    let torque = Loads::on(arm, &chain, case.wrench_base).wrench_torque;
+    let (e, centre) = (chain.axes[case.joint], chain.points[case.joint]);
+    // The innermost joint turns all: it is undone first.
+    let mut after = case.after;
+    for k in 0..case.joint {
+        let angle = known[k].unwrap_or(0.0) * torque[k];
+        let (axis, point) = (chain.axes[k], chain.points[k]);
+        after = point + rotation_about(axis, -angle) * (after - point);
+    }
+    let lever = case.before - centre;
+    let across = lever - e * e.dot(lever);
+    let square = across.length_squared();
+    // A target on the axis shows nothing: its variance is infinite.
+    let tangent = if square > 0.0 { e.cross(lever) / square } else { DVec3::ZERO };
+    let by_before = std::array::from_fn(|k| {
+        if k >= case.joint || known[k].is_none() {
+            return 0.0;
+        }
+        -tangent.dot(chain.axes[k].cross(case.before - chain.points[k])) * torque[k]
+    });
+    Wound {
+        angle: angle_about(e, lever, after - centre),
+        variance: 2.0 * noise_m * noise_m / square,
+        torque: torque[case.joint],
+        by_before,
+    }
+}
+
+fn check_noise(noise: f64) -> Result<(), StiffnessError> {
+    if noise > 0.0 && noise.is_finite() { Ok(()) } else { Err(StiffnessError::Noise) }
+}
+
+fn check_case(i: usize, q: &Joints, wrench: &Wrench, finite: bool) -> Result<(), StiffnessError> {
+    let sound = finite
+        && q.iter().all(|q| q.is_finite())
+        && wrench.force.is_finite()
+        && wrench.moment.is_finite();
+    if sound { Ok(()) } else { Err(StiffnessError::NotFinite { case: i + 1 }) }
+}
+
+#[cfg(test)]
+mod tests;
