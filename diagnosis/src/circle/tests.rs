@@ -87,6 +87,35 @@ fn the_true_axis_lies_within_its_stated_uncertainty_as_often_as_it_should() {
 }
 
 #[test]
+fn targets_at_other_heights_and_radii_make_the_axis_as_sure_as_they_say() {
+    let e = DVec3::new(-0.2, 0.9, 0.4).normalize();
+    let (centre, sigma) = (DVec3::new(0.2, -0.4, 0.9), 30e-6);
+    let clean = [arc(e, centre, 0.3, -0.4, 0.4, 12), arc(e, centre + e, 0.9, 0.5, 1.3, 12)];
+    let (mut inside, rounds) = ([0_u32; 4], 1500_u32);
+    for seed in 0..rounds {
+        let mut rng = ChaCha8Rng::seed_from_u64(u64::from(seed));
+        let tracks = [0, 1].map(|k: usize| noisy(&clean[k], sigma, &mut rng));
+        let found = axis(&tracks, e, Some(sigma)).expect("two arcs");
+        let (n1, n2) = normals(found.direction);
+        let turn = smallest_turn(found.direction, e);
+        let true_point = centre + e * (e.dot(found.point - centre));
+        let away = true_point - found.point;
+        let (turns, points) = (found.sigma_turn_rad(), found.sigma_point_m());
+        let scores = [
+            turn.dot(n1) / turns[0],
+            turn.dot(n2) / turns[1],
+            away.dot(n1) / points[0],
+            away.dot(n2) / points[1],
+        ];
+        inside.iter_mut().zip(scores).for_each(|(n, z)| *n += u32::from(z.abs() < 1.96));
+    }
+    for n in inside {
+        let share = f64::from(n) / f64::from(rounds);
+        assert!((0.93..0.97).contains(&share), "95 % intervals cover {share}: {inside:?}");
+    }
+}
+
+#[test]
 fn where_no_noise_is_stated_the_points_say_it() {
     let clean = arc(DVec3::Z, DVec3::ZERO, 0.5, 0.0, 5.0, 400);
     let mut rng = ChaCha8Rng::seed_from_u64(7);

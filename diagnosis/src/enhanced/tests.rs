@@ -85,23 +85,36 @@ proptest! {
         let seen = asymmetry(Wrench { force: DVec3::from_array(f) * 1e3, moment });
         prop_assert!(seen >= moment.dot(chain.axes[0].cross(chain.axes[4])) - 1e-9, "{seen}");
     }
+}
 
-    #[test]
-    fn the_tangent_is_the_one_of_the_bent_arm(q in prop::array::uniform6(-1.2..1.2_f64), f in three(), m in three()) {
-        let (arm, q, wrench, compliance) = (arm("irb1600-6-145-thesis"), all(&q), wrench(f, m), thesis_compliance());
-        let c = JointMatrix::from_diagonal(&SVector::from(compliance));
-        let torque = |q: &Joints| SVector::from(Loads::on(&arm, &Chain::nominal(&arm, q), wrench).wrench_torque);
+#[test]
+fn the_tangent_is_the_one_of_the_bent_arm() {
+    let (arm, compliance) = (arm("irb1600-6-145-thesis"), thesis_compliance());
+    let c = JointMatrix::from_diagonal(&SVector::from(compliance));
+    let (mut off, mut without) = (0.0, 0.0);
+    for i in 1..200 {
+        let wave = |k: f64| (f64::from(i) * k).sin();
+        let q = all(&[1.1, 1.7, 2.3, 2.9, 3.7, 4.3].map(|k| 1.2 * wave(k)));
+        let wrench = wrench([5.1, 5.9, 6.7].map(wave), [7.1, 7.9, 8.3].map(wave)).times(0.2);
+        let torque = |q: &Joints| {
+            SVector::from(Loads::on(&arm, &Chain::nominal(&arm, q), wrench).wrench_torque)
+        };
         let mut bent = SVector::zeros();
         for _ in 0..60 {
             let at: Joints = std::array::from_fn(|i| q[i] + bent[i]);
             bent = c * torque(&at);
         }
-        let classical = c * torque(&q);
         let softening = wrench_stiffness(&arm, &Chain::nominal(&arm, &q), &wrench);
-        let enhanced = joint_compliance(&compliance, &softening).expect("far from buckling") * torque(&q);
-        let (off, without) = ((bent - enhanced).norm(), (bent - classical).norm());
-        prop_assert!(off <= 0.2 * without + 1e-9, "{off} against {without}");
+        let inverse = joint_compliance(&compliance, &softening).expect("far from buckling");
+        off += (bent - inverse * torque(&q)).norm();
+        without += (bent - c * torque(&q)).norm();
     }
+    println!(
+        "off by {:.1e} rad with K_C, {:.1e} rad without, in the mean",
+        off / 199.0,
+        without / 199.0
+    );
+    assert!(off < 0.1 * without, "{off} against {without}");
 }
 
 #[test]

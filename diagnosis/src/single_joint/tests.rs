@@ -134,6 +134,25 @@ fn joints_after_the_one_that_moves_bend_its_circle_too() {
 }
 
 #[test]
+fn bearings_and_a_base_that_yield_to_gravity_are_taken_out_too() {
+    let compliance: &[(&str, &[f64])] = &[("compliance", &[2e-6])];
+    let model = with(robot(&[]), "bearing_compliance", 0, compliance);
+    let model = with(model, "bearing_compliance", 2, compliance);
+    let base = AnyEffect::build("base_compliance", &model.arm, None, Given(compliance));
+    let mut model = model;
+    model.push(base.expect("sound")).expect("room");
+    let swept = sweep(&model, 2, [0.0, 0.2, 0.0, 0.6, 0.8, 0.0], (-0.9, 0.7), 25);
+    let chain = Chain::nominal(&model.arm, &swept.steps[0].inputs.q);
+    let miss = |sag| {
+        let found = swept.axis(&model, sag, None).expect("arcs").axis;
+        let away = found.nearest(chain.points[2]) - chain.points[2];
+        away.length() + found.tilt_from(chain.axes[2]).length()
+    };
+    assert!(miss(Sag::AsMeasured) > 1e-4 && miss(Sag::Carriers) < 1e-9);
+    assert!(miss(Sag::AllOthers) < 1e-9);
+}
+
+#[test]
 fn errors_at_steps_are_those_of_the_gear_in_both_directions() {
     let model = robot(&["joint_ratio", "transmission_error", "backlash", "gravity_sag"]);
     let held = [0.1, 0.3, -0.2, 0.0, 0.9, 0.0];
