@@ -1,7 +1,7 @@
 //! The vibration watch's figures: detection, false alarms, cost. Prints one JSON object.
 //!
 //! `cargo run --release -p spectrum --example watch_figures -- [detection] [curve=HOURS]
-//! [transients] [noise=HOURS] [cost] [seed=N]`; without a name, all of them, with one hour of noise each. Noise is
+//! [transients] [noise=HOURS] [starts] [cost] [seed=N]`; without a name, all of them, with one hour of noise each. Noise is
 //! given as rms within 0 to 500 Hz; all times include filters, hop and blocks of 2 ms.
 
 mod cost;
@@ -19,7 +19,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         asked.iter().find_map(|a| a.strip_prefix(key)?.strip_prefix('=')?.parse::<f64>().ok())
     };
     let named = |key: &str| asked.iter().any(|a| a == key || a.starts_with(&format!("{key}=")));
-    let all = !["detection", "curve", "transients", "noise", "cost"].iter().any(|key| named(key));
+    let all = !["detection", "curve", "transients", "noise", "starts", "cost"]
+        .iter()
+        .any(|key| named(key));
     let seed = number("seed").unwrap_or(1.0) as u64;
     let mut parts = vec![format!("\"schema\": \"trued.watch_figures/1\", \"seed\": {seed}")];
     if all || named("detection") {
@@ -34,6 +36,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     if all || named("noise") {
         parts.push(format!("\"noise\": {}", noise::table(seed, number("noise").unwrap_or(1.0))?));
+    }
+    if all || named("starts") {
+        parts.push(format!("\"starts\": {}", noise::starts_table(seed)?));
     }
     if all || named("cost") {
         parts.push(format!("\"cost\": {}", cost::table()?));
