@@ -21,7 +21,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let recording = series::read(Path::new(file), Some(Path::new(mapping)), Need::Measurement)?;
     let campaign = from_recording::campaign(&model.physics.arm, &[recording])?;
     let run = |split: &Split| {
-        let found = calibrate(&campaign, &model.physics, &model.sigma, &split.training);
+        let found =
+            calibrate(&campaign, &model.physics, &model.sigma, &split.training, &mut |_| ());
         let shown = show(&found, &|fit| Errors::of(fit, &campaign, &split.held_out()));
         eprintln!("{}: {shown}", split.says);
         shown

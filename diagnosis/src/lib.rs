@@ -31,6 +31,7 @@ pub mod rigid;
 pub mod robust;
 mod score;
 pub mod select;
+pub mod share;
 pub mod simulate;
 pub mod single_joint;
 pub mod start;

@@ -108,18 +108,23 @@ pub struct Calibration {
     pub advanced: Selection,
 }
 
-/// Fits the three models to the poses that train. `sigma`: what is stated of the model's own effects, one list per effect.
+/// Fits the three models to the poses that train. `sigma`: what is stated of the model's own effects, one list per effect; `heard` is told what comes
+/// next: what is fitted takes from less than a second to many.
 #[must_use]
 pub fn calibrate(
     campaign: &Campaign,
     model: &Model,
     sigma: &[Vec<f64>],
     training: &[bool],
+    heard: &mut dyn FnMut(&'static str),
 ) -> Calibration {
     let settings =
         Settings { used: training, influence: Influence::Huber, from: None, effort: Effort::Full };
+    heard("the model as it is");
     let nominal = fit(campaign, &Hypothesis::fixed(*model), &settings);
+    heard("the geometry");
     let calibrated = fit(campaign, &geometry(model, sigma), &settings);
+    heard("choosing effects");
     let advanced = select(campaign, &calibrated, &settings);
     Calibration { nominal, calibrated, advanced }
 }

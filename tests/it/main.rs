@@ -7,6 +7,7 @@
 )]
 
 mod architecture;
+mod calibrate;
 mod cli;
 mod force;
 mod gears;

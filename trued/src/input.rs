@@ -57,12 +57,42 @@ struct Faulty(Faults);
 #[error("{}: no model is named; give --model MODEL (a file, or a preset of `trued model presets`)", .0.display())]
 struct Unnamed(PathBuf);
 
+/// Recordings of several robots.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: names another model than the first recording; give --model MODEL if both are of one robot", .0.display())]
+struct Different(PathBuf);
+
 impl Reading {
     /// Reads a recording of joint positions and the model that it belongs to; `fallback` is the model where neither
     /// the command line nor the recording names one.
     pub(crate) fn read(&self, path: &Path, fallback: Option<&Path>) -> Result<Input, Failure> {
-        let recording =
-            series::read(path, self.mapping.as_deref(), Need::Path).map_err(unusable)?;
+        self.read_with(Need::Path, path, fallback)
+    }
+
+    /// Reads recordings of what was measured of one robot, and its model.
+    pub(crate) fn measured(
+        &self,
+        paths: &[PathBuf],
+    ) -> Result<(RobotModel, Vec<Recording>), Failure> {
+        let mut inputs = Vec::with_capacity(paths.len());
+        for path in paths {
+            inputs.push(self.read_with(Need::Measurement, path, None)?);
+        }
+        let first = inputs.first().map(|input| input.model.clone());
+        let model = first.ok_or_else(|| Failure::input("no recording was given"))?;
+        if let Some(other) = inputs.iter().find(|input| input.model.hash != model.hash) {
+            return Err(Failure::input(Different(other.recording.file.clone())));
+        }
+        Ok((model, inputs.into_iter().map(|input| input.recording).collect()))
+    }
+
+    fn read_with(
+        &self,
+        need: Need,
+        path: &Path,
+        fallback: Option<&Path>,
+    ) -> Result<Input, Failure> {
+        let recording = series::read(path, self.mapping.as_deref(), need).map_err(unusable)?;
         let named = recording.about.model.as_ref();
         let beside = named.map(|name| beside(path, Path::new(name)));
         let name = self.model.as_deref().or(fallback).or(beside.as_deref());

@@ -28,7 +28,7 @@ fn named_effects_carry_from_the_first_half_in_time_to_the_second() {
     let Some((recording, model)) = recorded() else { return };
     let campaign = campaign(&recording, &model);
     let split = Split::in_time(&campaign, 0.5);
-    let found = calibrate(&campaign, &model, &[], &split.training);
+    let found = calibrate(&campaign, &model, &[], &split.training, &mut |_| ());
     let errors = |fit| Errors::of(fit, &campaign, &split.held_out());
     let (plain, named) = (errors(&found.calibrated), errors(&found.advanced.fit));
     assert!(plain.mean() < 0.25e-3, "geometry leaves {} mm", plain.mean() * 1e3);

@@ -3,6 +3,7 @@
 //! To add one: a file with `#[derive(clap::Args)] pub(crate) struct X` and `pub(crate) fn run(&self, &mut Console) ->
 //! Outcome`, a variant below, an arm in [`run`]. Its place in the help is already kept in `help.rs`.
 
+mod calibrate;
 mod check;
 mod correct;
 mod demo;
@@ -23,6 +24,7 @@ use crate::output::Console;
 /// What the program can do.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    Calibrate(calibrate::Calibrate),
     Check(check::Check),
     Correct(correct::Correct),
     Demo(demo::Demo),
@@ -39,6 +41,7 @@ pub(crate) enum Command {
 /// Runs the command that was asked for.
 pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
     match command {
+        Command::Calibrate(calibrate) => calibrate.run(console),
         Command::Check(check) => check.run(console),
         Command::Correct(correct) => correct.run(console),
         Command::Demo(demo) => demo.run(console),

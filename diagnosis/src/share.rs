@@ -1,0 +1,54 @@
+//! What each effect of a model does to the tool, so that people see which of them matter.
+//!
+//! Promises: each effect against the same model without it, at the campaign's own poses and with its memory followed.
+//! Never: a judgement; an effect that moves the tool much may still be told badly.
+
+use crate::campaign::Campaign;
+use crate::hypothesis::Hypothesis;
+use crate::problem::follow;
+use glam::DVec3;
+use physics::Model;
+
+/// By how much each effect moves the TCP in the base frame, root of the mean square over the poses, m; one per effect of the model.
+#[must_use]
+pub fn tool_shares(hypothesis: &Hypothesis, campaign: &Campaign) -> Vec<f64> {
+    let places = |model: &Model| {
+        let mut places: Vec<DVec3> = Vec::with_capacity(campaign.poses.len());
+        follow(model, campaign, None, |_, seen, _| places.push(seen.real.base_from_tool.origin));
+        places
+    };
+    let all = places(&hypothesis.model);
+    let share = |effect: usize| {
+        let without = places(&hypothesis.without(effect).model);
+        let squares = all.iter().zip(&without).map(|(a, b)| (*a - *b).length_squared());
+        (squares.sum::<f64>() / all.len().max(1) as f64).sqrt()
+    };
+    (0..hypothesis.model.effects().len()).map(share).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::made::{empty, nominal};
+    use physics::{AnyEffect, Given};
+
+    #[test]
+    fn a_turn_of_the_first_joint_moves_the_tool_by_its_distance_from_that_axis() {
+        let campaign = empty(1, 40);
+        let mut hypothesis = Hypothesis::fixed(nominal());
+        let arm = hypothesis.model.arm;
+        for (joint, offset) in [(0, 1e-4), (5, 0.0)] {
+            let given: &[(&str, &[f64])] = &[("offset", &[offset])];
+            let effect = AnyEffect::build("joint_offset", &arm, Some(joint), Given(given));
+            hypothesis.add(effect.expect("built"), &[]).expect("room");
+        }
+        let squares = campaign.poses.iter().map(|pose| {
+            let tool = physics::Chain::nominal(&arm, &pose.inputs.q).base_from_tool.origin;
+            tool.truncate().length_squared()
+        });
+        let lever = (squares.sum::<f64>() / 40.0).sqrt();
+        let shares = tool_shares(&hypothesis, &campaign);
+        assert!((shares[0] / (1e-4 * lever) - 1.0).abs() < 1e-3, "{shares:?}, {lever}");
+        assert!(shares[1] < 1e-12, "{shares:?}");
+    }
+}

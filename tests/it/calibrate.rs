@@ -1,0 +1,229 @@
+//! `trued calibrate`: a simulated campaign whose truth is known, gross faults that are said, and nothing written where nothing can be.
+
+use std::fmt::Write as _;
+use std::sync::OnceLock;
+
+use diagnosis::{Campaign, Fitted, Reading, from_recording, simulate};
+use glam::{DMat3, DVec3};
+use recording::model::RobotModel;
+use recording::model::presets::preset;
+use recording::series::{Need, read_text};
+use serde_json::Value;
+use tests::chance::Chance;
+
+use crate::program::Place;
+
+const BASE: &str = "irb1600-6-145";
+const POSES: usize = 60;
+/// What the robot has and its controller does not know.
+const EFFECTS: &str = "
+[[effect]]
+kind = \"joint_offset\"
+joint = 3
+offset_mrad = 1.5
+
+[[effect]]
+kind = \"axis_tilt\"
+joint = 4
+tilt_mrad = [0.8, -0.6]
+
+[[effect]]
+kind = \"joint_compliance\"
+joint = 2
+compliance_mrad_per_kNm = 4.0
+";
+const ABOUT: &str = "schema = \"trued.recording/1\"
+kind = \"poses\"
+approach = \"columns\"
+sigma = { target1_x_mm = 0.02, target1_y_mm = 0.02, target1_z_mm = 0.02 }
+";
+
+/// One row: joint positions in degrees, arrivals, three reflectors in mm.
+type Row = ([f64; 6], [f64; 6], [DVec3; 3]);
+
+fn csv(rows: &[Row]) -> String {
+    let mut text = String::from("t_s");
+    (1..=6).for_each(|joint| write!(text, ",q{joint}_deg").unwrap());
+    (1..=6).for_each(|joint| write!(text, ",d{joint}").unwrap());
+    for target in 1..=3 {
+        ["x", "y", "z"].iter().for_each(|axis| write!(text, ",target{target}_{axis}_mm").unwrap());
+    }
+    for (t_s, (q, d, seen)) in rows.iter().enumerate() {
+        write!(text, "\n{t_s}").unwrap();
+        q.iter().chain(d).for_each(|number| write!(text, ",{number}").unwrap());
+        seen.iter().flat_map(DVec3::to_array).for_each(|mm| write!(text, ",{mm:.5}").unwrap());
+    }
+    text + "\n"
+}
+
+fn unseen() -> Vec<Row> {
+    let mut chance = Chance::new(3);
+    let mut row = || {
+        let q =
+            [70.0, 35.0, 35.0, 90.0, 70.0, 120.0].map(|swing| swing * (2.0 * chance.unit() - 1.0));
+        let d = [0.0; 6].map(|_: f64| if chance.unit() < 0.5 { 1.0 } else { -1.0 });
+        (q, d, [DVec3::ZERO; 3])
+    };
+    (0..POSES).map(|_| row()).collect()
+}
+
+/// What a tracker would have seen of the robot with its effects.
+fn measured() -> &'static [Row] {
+    static ROWS: OnceLock<Vec<Row>> = OnceLock::new();
+    ROWS.get_or_init(|| {
+        let text = format!("{}{EFFECTS}", preset(BASE).expect("preset").text);
+        let truth = RobotModel::parse("truth", &text).expect("sound").physics;
+        let mut rows = unseen();
+        let recording = read_text("made.csv", &csv(&rows), None, None, Need::Measurement);
+        let mut campaign =
+            from_recording::campaign(&truth.arm, &[recording.expect("read")]).expect("a campaign");
+        let station = &mut campaign.surroundings.frames[0].value.measuring_from_base;
+        station.rotation = DMat3::from_rotation_z(2.0) * DMat3::from_rotation_x(0.02);
+        station.origin = DVec3::new(1.5, -2.0, 0.3);
+        let places = [[0.09, 0.0, 0.06], [-0.05, 0.08, 0.05], [-0.04, -0.09, 0.1]];
+        for (target, place) in campaign.surroundings.targets.iter_mut().zip(places) {
+            *target = Fitted::known(DVec3::from_array(place));
+        }
+        let whole: Campaign = campaign.clone();
+        let made = simulate::readings(&campaign, &truth, &whole.surroundings, 0.4, 11);
+        for (row, pose) in rows.iter_mut().zip(&made.poses) {
+            for (slot, seen) in row.2.iter_mut().zip(&pose.seen) {
+                if let Reading::Point { at, .. } = seen.reading {
+                    *slot = at * 1e3;
+                }
+            }
+        }
+        rows
+    })
+}
+
+fn place_with(rows: &[Row]) -> Place {
+    let place = Place::new();
+    place.file("seen.csv", &csv(rows));
+    place.file("seen.toml", ABOUT);
+    place
+}
+
+const CALIBRATE: [&str; 8] =
+    ["calibrate", "--model", BASE, "--seed", "7", "--out", "robot2.toml", "seen.csv"];
+
+fn calibrate(place: &Place, more: &[&str]) -> Value {
+    place.succeed(&[&CALIBRATE[..], &["--json", "c.json"], more].concat());
+    place.json("c.json")
+}
+
+fn number(of: &Value, keys: &[&str]) -> f64 {
+    keys.iter().fold(of, |of, key| &of[*key]).as_f64().expect("a number under these keys")
+}
+
+fn parameter<'v>(found: &'v Value, effect: &str, joint: u8) -> &'v Value {
+    let list = found["parameters"].as_array().expect("parameters");
+    let is = |p: &&Value| p["effect"] == effect && p["joint"] == joint;
+    list.iter().find(is).expect("the effect among the parameters")
+}
+
+#[test]
+fn the_effects_of_a_simulated_robot_are_found_and_its_model_loads_and_corrects() {
+    let place = place_with(measured());
+    let found = calibrate(&place, &["--report", "c.html"]);
+    assert_eq!((&found["schema"], &found["unit"]), (&"trued.calibrate/1".into(), &"mm".into()));
+    let [nominal, calibrated, advanced] = ["nominal", "calibrated", "advanced"]
+        .map(|model| number(&found, &["heldout", model, "mean"]));
+    assert!(advanced < 0.5 * calibrated && calibrated < nominal, "{:#}", found["heldout"]);
+    // Three reflectors of 0.02 mm per axis: 0.032 mm in the mean, and what sixty poses leave unsure.
+    assert!(advanced < 0.045, "{:#}", found["heldout"]);
+    for key in ["p95", "max", "median"] {
+        assert!(number(&found, &["heldout", "advanced", key]) > 0.0);
+    }
+    let offset = parameter(&found, "joint_offset", 3);
+    assert_eq!(offset["parameter"], "offset_mrad");
+    let (value, sigma) = (number(offset, &["value"]), number(offset, &["sigma"]));
+    assert!((value - 1.5).abs() < 4.0 * sigma && sigma < 0.1, "{offset:#}");
+    assert!(found["parameters"].as_array().unwrap().iter().all(|p| p["identifiable"].is_boolean()));
+    assert!(found["outliers"].is_array() && found["seed"] == 7, "{found:#}");
+    place.succeed(&["check", "robot2.toml"]);
+    let text = place.read("robot2.toml");
+    assert!(text.contains("offset_mrad") && text.contains("sigma = {"), "{text}");
+    assert!(text.contains("\"calibrated_from\" = \"seen.csv, 60 poses"), "{text}");
+    place.succeed(&["correct", "--model", "robot2.toml", "--out", "corrected.csv", "seen.csv"]);
+    let page = place.read("c.html");
+    let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
+    roxmltree::Document::parse_with_options(&page, options).expect("a sound page");
+    assert!(page.contains("What these data cannot tell") && page.contains("rising"), "{page}");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_and_a_calibrated_model_can_be_calibrated_again() {
+    let (one, two) = (place_with(measured()), place_with(measured()));
+    let found = [&one, &two].map(|place| calibrate(place, &[]));
+    assert_eq!(found[0], found[1]);
+    assert_eq!(one.read("robot2.toml"), two.read("robot2.toml"));
+    one.succeed(&["calibrate", "--model", "robot2.toml", "--out", "robot3.toml", "seen.csv"]);
+    let again = one.read("robot3.toml");
+    let count = |text: &str| text.matches("[[effect]]").count();
+    assert!(count(&again) <= count(&one.read("robot2.toml")) + 2, "{again}");
+}
+
+#[test]
+fn what_no_reading_shows_is_named_and_warned_of_and_no_failure() {
+    let place = place_with(measured());
+    let found = calibrate(&place, &[]);
+    // The reflectors turn with joint 6: its zero and their places are one.
+    let zero = parameter(&found, "joint_offset", 6);
+    assert!(zero["identifiable"] == false && zero["sigma"].is_null(), "{zero:#}");
+    let says = |key: &str, word: &str| {
+        let list = found[key].as_array().expect(key);
+        list.iter().any(|says| says.as_str().expect(key).contains(word))
+    };
+    assert!(says("undetermined", "joint 6's offset"), "{:#}", found["undetermined"]);
+    assert!(says("warnings", "cannot be told"), "{:#}", found["warnings"]);
+}
+
+#[test]
+fn poses_that_a_recording_keeps_for_validation_are_the_held_out_ones() {
+    let place = place_with(measured());
+    place.file("kept.csv", &csv(&measured()[..15]));
+    place.file("kept.toml", &format!("{ABOUT}heldout = \"all\"\n"));
+    place.file("seen.csv", &csv(&measured()[15..]));
+    let found = calibrate(&place, &["kept.csv"]);
+    assert_eq!(found["poses"]["heldout"], 15);
+    assert_eq!((&found["poses"]["written_model"], &found["seed"]), (&45.into(), &Value::Null));
+}
+
+#[test]
+fn gross_faults_are_said_with_what_to_do_and_nothing_is_written() {
+    let refused = |change: &dyn Fn(&mut Row), word: &str| {
+        let mut rows = measured().to_vec();
+        rows.iter_mut().for_each(change);
+        let place = place_with(&rows);
+        let before = place.names();
+        let done = place.run(&[&CALIBRATE[..], &["--report", "c.html"]].concat());
+        assert_eq!(done.code, Some(1), "{done:#?}");
+        assert!(done.out.contains(word), "{word:?} in\n{}", done.out);
+        assert_eq!(place.names(), before);
+    };
+    refused(&|row| row.2.iter_mut().for_each(|at| at.x = -at.x), "mirrored");
+    refused(&|row| row.0.swap(1, 2), "columns of joints 2 and 3 are swapped");
+    refused(&|row| row.0[3] = -row.0[3], "joint 4 counts the other way round");
+    refused(&|row| row.2.iter_mut().for_each(|at| *at *= 1e-3), "thousand times too small");
+}
+
+#[test]
+fn what_cannot_be_read_or_would_be_written_over_is_refused() {
+    let place = place_with(measured());
+    let refused = |arguments: &[&str], word: &str| {
+        let before = place.names();
+        let done = place.run(&[&["calibrate"], arguments].concat());
+        assert_eq!(done.code, Some(2), "{done:#?}");
+        assert!(done.err.contains(word), "{word:?} in\n{}", done.err);
+        assert_eq!(place.names(), before);
+    };
+    place.file("robot.toml", preset(BASE).expect("preset").text);
+    place.file("few.csv", &csv(&measured()[..5]));
+    refused(&["--model", BASE, "--out", "m.toml", "absent.csv"], "absent.csv");
+    refused(&["--model", "absent", "--out", "m.toml", "seen.csv"], "neither a model file");
+    refused(&["--model", "fr3", "--out", "m.toml", "seen.csv"], "joint");
+    refused(&["--model", "robot.toml", "--out", "robot.toml", "seen.csv"], "replace its own input");
+    refused(&["--model", BASE, "--out", "m.toml", "few.csv"], "measure more poses");
+    refused(&["--model", BASE, "--out", "no/folder/m.toml", "seen.csv"], "no/folder");
+}

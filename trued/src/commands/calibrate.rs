@@ -1,0 +1,173 @@
+//! `trued calibrate`: from measurements of the tool to a model with its uncertainty, proven on poses that no fit has seen.
+//!
+//! Promises: gross faults are looked for first and said with what to do; held-out figures come from fits that never saw those poses; what the
+//! data cannot tell is named; a model is written that loads, whole or not at all, never over an input. Never: a fit on poses that a recording
+//! keeps for validation.
+
+mod found;
+mod model;
+mod numbers;
+mod page;
+mod told;
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+use diagnosis::gross::{self, Suspicion};
+use diagnosis::proof::Split;
+use diagnosis::{Campaign, from_recording};
+use indicatif::ProgressBar;
+use recording::series::{Heldout, Recording};
+use serde::Serialize;
+use tracing::warn;
+
+use self::found::Found;
+use crate::exit::{Answer, Failure, Outcome};
+use crate::input::{Reading, count};
+use crate::options::Seed;
+use crate::output::{Console, Paint};
+use crate::progress;
+
+/// Poses that train, at least.
+const TRAINING_LEAST: usize = 6;
+/// Stages that the progress shows.
+const STAGES: u64 = 6;
+/// How often the progress draws while a stage lasts.
+const TICK: Duration = Duration::from_millis(200);
+
+/// Identify the robot: from tracker measurements to a calibrated model with its uncertainty
+///
+/// Recordings hold joint positions and what was measured there: points (x, y, z), reflectors, orientations, joint positions on the link side. The
+/// measuring frame and the reflectors' places are fitted along. Three models are compared on poses that took no part in any fit: the model as it is,
+/// with the geometry of every joint, and with the effects that the data ask for; the last is written. Exit 1 where a gross fault (swapped columns, a wrong
+/// unit or sign, a mirrored frame, a wrong tool) makes a fit senseless; then no model is written.
+#[derive(Debug, Args)]
+pub(crate) struct Calibrate {
+    #[command(flatten)]
+    reading: Reading,
+    /// Where the calibrated model goes
+    #[arg(long, value_name = "MODEL2")]
+    out: PathBuf,
+    /// Write a page with errors, parameters, and what remains open
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// Share of the poses, drawn by chance, on which the models are compared, where no recording keeps any (`heldout`)
+    #[arg(long, value_name = "PERCENT", default_value_t = 30, value_parser = clap::value_parser!(u8).range(5..=80))]
+    heldout: u8,
+    #[command(flatten)]
+    seed: Seed,
+    /// Recordings of one robot, each with a measuring frame of its own
+    #[arg(value_name = "RECORDING", required = true)]
+    recordings: Vec<PathBuf>,
+}
+
+/// How the poses were split.
+struct Parts {
+    split: Split,
+    /// The seed, where chance took part.
+    seed: Option<u64>,
+}
+
+#[derive(Serialize)]
+struct Refused<'a> {
+    faults: Vec<&'a str>,
+}
+
+impl Calibrate {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        self.check()?;
+        let (model, recordings) = self.reading.measured(&self.recordings)?;
+        let arm = &model.physics.arm;
+        let campaign = from_recording::campaign(arm, &recordings).map_err(Failure::input)?;
+        let parts = self.parts(&campaign, &recordings)?;
+        let progress = progress::bar(console, STAGES, "gross faults");
+        progress.enable_steady_tick(TICK);
+        let faults = gross::suspicions(&campaign, &model.physics);
+        if !faults.is_empty() {
+            progress.finish_and_clear();
+            return refuse(console, &faults);
+        }
+        let found = Found::of(model, &recordings, campaign, parts, &mut |stage| {
+            step(&progress, stage);
+        })?;
+        progress.finish_and_clear();
+        let text = model::renewed(&found)?;
+        crate::atomic::write(&self.out, |file| file.write_all(text.as_bytes()))?;
+        found.warnings.iter().for_each(|warning| warn!("{warning}"));
+        console.json("trued.calibrate/1", &told::Report::of(self, &found))?;
+        if let Some(report) = &self.report {
+            console.file(report, &page::render(self, &found))?;
+        }
+        console.say(told::told(self, &found))?;
+        Ok(Answer::Done)
+    }
+
+    fn check(&self) -> Result<(), Failure> {
+        let outputs = [Some(&self.out), self.report.as_ref()];
+        for input in self.recordings.iter().chain(&self.reading.model).chain(&self.reading.mapping)
+        {
+            for output in outputs.into_iter().flatten() {
+                super::correct::check_apart(input, output)?;
+            }
+        }
+        if self.report.as_ref() == Some(&self.out) {
+            return Err(Failure::input("--out and --report name the same file"));
+        }
+        Ok(())
+    }
+
+    /// Which poses train and which are held out: as the recordings say, else by chance.
+    fn parts(&self, campaign: &Campaign, recordings: &[Recording]) -> Result<Parts, Failure> {
+        let is_said = |recording: &Recording| recording.about.heldout != Heldout::Unsaid;
+        let parts = if recordings.iter().any(is_said) {
+            let held = from_recording::held_out(campaign, recordings);
+            let training: Vec<bool> = held.iter().map(|held| !held).collect();
+            let trains = training.iter().filter(|trains| **trains).count();
+            let says = format!(
+                "{trains} of {} poses train, as the recordings' `heldout` says",
+                held.len()
+            );
+            Parts { split: Split { training, says }, seed: None }
+        } else {
+            let seed = self.seed.settle();
+            let split = Split::random(campaign, 1.0 - 0.01 * f64::from(self.heldout), seed);
+            Parts { split, seed: Some(seed) }
+        };
+        let is_length = |pose: &diagnosis::Pose| pose.seen.iter().any(|s| s.reading.is_length());
+        let poses = campaign.poses.iter().zip(&parts.split.training);
+        let part = |wanted: bool| {
+            poses.clone().filter(|(pose, trains)| **trains == wanted && is_length(pose)).count()
+        };
+        let (trains, held) = (part(true), part(false));
+        if trains < TRAINING_LEAST || held == 0 {
+            return Err(Failure::input(format!(
+                "the tool was measured at {} that train and at {held} held out, expected at least {TRAINING_LEAST} and 1: measure more poses \
+                 (some dozens tell a robot's geometry), or change --heldout",
+                count(trains, "pose")
+            )));
+        }
+        Ok(parts)
+    }
+}
+
+fn step(progress: &ProgressBar, stage: &'static str) {
+    progress.inc(1);
+    progress.set_message(stage);
+}
+
+/// Gross faults make any fit senseless: they are said, and nothing is made.
+fn refuse(console: &mut Console, faults: &[Suspicion]) -> Outcome {
+    let faults: Vec<&str> = faults.iter().map(|fault| fault.says.as_str()).collect();
+    console.json("trued.calibrate/1", &Refused { faults: faults.clone() })?;
+    let head = console.paint(Paint::Bad, "not calibrated");
+    let more = if faults.len() > 1 { "; one of these explains it" } else { "" };
+    console.say(format!(
+        "{head}: the recording and the model do not belong together as they are{more}"
+    ))?;
+    for fault in faults {
+        console.say(format!("  {fault}"))?;
+    }
+    console.say("no model was written")?;
+    Ok(Answer::No)
+}

@@ -1,0 +1,220 @@
+//! What a calibration found: the three models on held-out poses, the model that is written, and what remains open.
+//!
+//! Promises: held-out poses that recordings keep for validation take no part in the written model either; those drawn by chance do, after their
+//! figures are taken. Never: words beyond warnings.
+
+use diagnosis::proof::{self, Calibration, Errors, Split};
+use diagnosis::share::tool_shares;
+use diagnosis::{Campaign, Effort, Fit, Free, Influence, Settings, Undetermined, fit, readback};
+use recording::model::RobotModel;
+use recording::series::{Approach, Kind, Recording};
+
+use super::Parts;
+use super::numbers::{Entry, entries};
+use crate::exit::Failure;
+use crate::input::count;
+
+/// Cosine from which an axis lies along a direction.
+const ALONG: f64 = 0.999;
+
+/// A pose with a reading that weighs less than half.
+pub(super) struct Outlier {
+    /// Place in the campaign's recordings.
+    pub(super) recording: usize,
+    /// Row of the table, from 1.
+    pub(super) row: usize,
+    /// What its worst reading is off by, m.
+    pub(super) off_m: f64,
+}
+
+/// Held-out errors by the direction in which a joint arrived.
+pub(super) struct Approached {
+    /// From 0.
+    pub(super) joint: usize,
+    /// Rising and falling, for the calibrated and for the advanced model.
+    pub(super) errors: [[Errors; 2]; 2],
+}
+
+/// All of it.
+pub(super) struct Found {
+    pub(super) base: RobotModel,
+    pub(super) campaign: Campaign,
+    pub(super) split: Split,
+    pub(super) seed: Option<u64>,
+    /// Held out: nominal, calibrated, advanced.
+    pub(super) errors: [Errors; 3],
+    /// The fit of the model that is written.
+    pub(super) last: Fit,
+    /// Poses of it.
+    pub(super) poses: usize,
+    /// Its effects with their numbers.
+    pub(super) entries: Vec<Entry>,
+    pub(super) outliers: Vec<Outlier>,
+    pub(super) approached: Vec<Approached>,
+    pub(super) warnings: Vec<String>,
+}
+
+/// The names of the three models.
+pub(super) const MODELS: [&str; 3] = ["nominal", "calibrated", "advanced"];
+
+impl Found {
+    pub(super) fn of(
+        base: RobotModel,
+        recordings: &[Recording],
+        campaign: Campaign,
+        Parts { split, seed }: Parts,
+        heard: &mut dyn FnMut(&'static str),
+    ) -> Result<Self, Failure> {
+        let training = &split.training;
+        let calibration = proof::calibrate(&campaign, &base.physics, &base.sigma, training, heard);
+        let held = split.held_out();
+        let fits = [&calibration.nominal, &calibration.calibrated, &calibration.advanced.fit];
+        let errors = fits.map(|fit| Errors::of(fit, &campaign, &held));
+        heard("the model on all poses");
+        // Chance only lent the held-out poses; a recording that keeps poses for validation means every fit.
+        let used = if seed.is_some() { vec![true; campaign.poses.len()] } else { training.clone() };
+        let advanced = &calibration.advanced.fit;
+        let around = Some(&advanced.surroundings);
+        let settings = Settings {
+            used: &used,
+            influence: Influence::Huber,
+            from: around,
+            effort: Effort::Full,
+        };
+        let last = fit(&campaign, &advanced.hypothesis, &settings);
+        heard("checks");
+        let mut warnings = readback(recordings, &base, &campaign, &calibration, training);
+        let shares_m = tool_shares(&last.hypothesis, &campaign);
+        let entries = entries(&base, &last, &calibration.advanced.chosen, &shares_m)?;
+        warnings.extend(doubts(recordings, &errors, &last));
+        let outliers = outliers(&campaign, &last);
+        let approached = approached(&campaign, &calibration, &held);
+        let poses = used.iter().filter(|used| **used).count();
+        Ok(Self {
+            base,
+            campaign,
+            split,
+            seed,
+            errors,
+            last,
+            poses,
+            entries,
+            outliers,
+            approached,
+            warnings,
+        })
+    }
+
+    /// Sentences on what the data do not tell. A shift along its own axis is none: it is nothing at all.
+    pub(super) fn undetermined(&self) -> Vec<String> {
+        let first = self.last.column_of(0);
+        let is_something = |open: &&Undetermined| {
+            let free =
+                open.column.checked_sub(first).and_then(|k| self.last.hypothesis.free.get(k));
+            !free.is_some_and(|free| is_along_axis(&self.last, free))
+        };
+        self.last.undetermined.iter().filter(is_something).map(Undetermined::says).collect()
+    }
+
+    /// The name of a recording, without its folder.
+    pub(super) fn recording(&self, place: usize) -> &str {
+        let name = self.campaign.recordings.get(place).map_or("", String::as_str);
+        std::path::Path::new(name).file_name().and_then(|name| name.to_str()).unwrap_or(name)
+    }
+}
+
+/// Whether a number shifts a joint's axis along itself, where no shift shows.
+pub(super) fn is_along_axis(fit: &Fit, free: &Free) -> bool {
+    let model = &fit.hypothesis.model;
+    let Some(effect) = fit.hypothesis.effect_of(free) else { return false };
+    let axis = effect.joint().and_then(|joint| Some(model.arm.joints().get(joint)?.axis));
+    let turns =
+        |axis: glam::DVec3| axis.to_array().get(free.value).is_some_and(|x| x.abs() > ALONG);
+    effect.spec().kind == "axis_shift" && axis.is_some_and(turns)
+}
+
+/// Joint positions that were read back before the arm stood.
+fn readback(
+    recordings: &[Recording],
+    base: &RobotModel,
+    campaign: &Campaign,
+    calibration: &Calibration,
+    training: &[bool],
+) -> Vec<String> {
+    let contradictions = recordings.iter().filter_map(|recording| {
+        let found = readback::contradiction(recording, &base.physics)?;
+        Some(format!("{}: {}", recording.file.display(), found.says))
+    });
+    let mut warnings: Vec<String> = contradictions.collect();
+    let settings =
+        Settings { used: training, influence: Influence::Huber, from: None, effort: Effort::Full };
+    let ahead = readback::ahead(campaign, &calibration.calibrated, &settings);
+    warnings.extend(ahead.map(|found| found.says));
+    warnings
+}
+
+fn doubts(recordings: &[Recording], errors: &[Errors; 3], last: &Fit) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let numbers = last.hypothesis.free.iter().enumerate();
+    let open = numbers
+        .filter(|(k, free)| last.sigma(last.column_of(*k)).is_none() && !is_along_axis(last, free))
+        .count();
+    if open > 0 {
+        warnings.push(format!(
+            "{} of the model cannot be told from these data and stay where they were",
+            count(open, "number")
+        ));
+    }
+    let [nominal, calibrated, advanced] = errors.each_ref().map(Errors::mean);
+    if advanced >= nominal {
+        warnings.push("the advanced model is no better than the model as it is on held-out poses: do not use it; measure more poses".to_owned());
+    } else if advanced > calibrated {
+        warnings.push(
+            "on held-out poses the advanced model is worse than plain geometry: measure more poses"
+                .to_owned(),
+        );
+    }
+    if !last.converged {
+        warnings.push("the fit ended before it stood: its numbers are less sure than said".into());
+    }
+    for recording in recordings {
+        let about = &recording.about;
+        if about.kind == Kind::Poses && about.approach == Approach::Unknown {
+            warnings.push(format!(
+                "{}: how the joints arrived is not said (`approach`), so lost motion cannot be told",
+                recording.file.display()
+            ));
+        }
+    }
+    warnings
+}
+
+fn outliers(campaign: &Campaign, last: &Fit) -> Vec<Outlier> {
+    let off = last.off(campaign);
+    let worst = |pose: usize| {
+        let lengths = off.iter().filter(|off| off.pose == pose && off.is_length);
+        lengths.map(|off| off.off.length()).fold(0.0, f64::max)
+    };
+    let outlier = |place: usize| {
+        let pose = &campaign.poses[place];
+        Outlier { recording: pose.recording, row: pose.row + 1, off_m: worst(place) }
+    };
+    last.outliers(campaign).into_iter().map(outlier).collect()
+}
+
+fn approached(campaign: &Campaign, calibration: &Calibration, held: &[bool]) -> Vec<Approached> {
+    let fits = [&calibration.calibrated, &calibration.advanced.fit];
+    let of_joint = |joint: usize| {
+        let arrived = |sign: f64| -> Vec<bool> {
+            let poses = campaign.poses.iter().zip(held);
+            poses.map(|(pose, held)| *held && pose.inputs.direction[joint] == sign).collect()
+        };
+        let (rising, falling) = (arrived(1.0), arrived(-1.0));
+        let errors =
+            fits.map(|fit| [&rising, &falling].map(|wanted| Errors::of(fit, campaign, wanted)));
+        Approached { joint, errors }
+    };
+    let known = |one: &Approached| one.errors[0].iter().all(|e| !e.sorted_m.is_empty());
+    let joints = calibration.nominal.hypothesis.model.arm.count();
+    (0..joints).map(of_joint).filter(known).collect()
+}

@@ -1,0 +1,185 @@
+//! The effects of a fit with their numbers in the units of files.
+//!
+//! Promises: an effect that the base model has keeps its entry, numbers and uncertainties renewed; others get one of their own.
+//! Never: a number that the data did not tell counted as found.
+
+use diagnosis::hypothesis::{Named, named};
+use diagnosis::{Chosen, Fit};
+use physics::spec::Count;
+use physics::{AnyEffect, JointKind};
+use recording::model::{EffectEntry, Numbers, Parameter, RobotModel, SiParameter};
+
+use crate::exit::Failure;
+
+/// One number of an effect.
+pub(super) struct Number {
+    /// Key in the file.
+    pub(super) key: String,
+    /// Place in the key's list, from 1; none where it is no list.
+    pub(super) index: Option<usize>,
+    /// In the unit of the key.
+    pub(super) value: f64,
+    /// In the unit of the key; none where it was not fitted.
+    pub(super) sigma: Option<f64>,
+    /// Whether a fit might have changed it.
+    pub(super) free: bool,
+}
+
+/// One effect.
+pub(super) struct Entry {
+    pub(super) effect: AnyEffect,
+    /// Place in the base model's file; none where it is new.
+    pub(super) of_base: Option<usize>,
+    pub(super) numbers: Vec<Number>,
+    /// By how much it moves the tool, m, root of the mean square.
+    pub(super) share_m: f64,
+    /// As it stands in the file.
+    pub(super) written: EffectEntry,
+}
+
+impl Entry {
+    /// Whether there is nothing to write: new, and nothing of it was told.
+    pub(super) fn is_empty(&self) -> bool {
+        self.of_base.is_none() && self.numbers.iter().all(|number| number.sigma.is_none())
+    }
+
+    /// From 1.
+    pub(super) fn joint(&self) -> Option<usize> {
+        self.effect.joint().map(|joint| joint + 1)
+    }
+
+    pub(super) fn kind(&self) -> &'static str {
+        self.effect.spec().kind
+    }
+}
+
+/// The effects of `last`, in its order.
+pub(super) fn entries(
+    base: &RobotModel,
+    last: &Fit,
+    chosen: &[Chosen],
+    shares_m: &[f64],
+) -> Result<Vec<Entry>, Failure> {
+    let model = &last.hypothesis.model;
+    let mut entries = Vec::new();
+    for (place, effect) in model.effects().enumerate() {
+        let sigma = sigma_of(last, place, effect);
+        let of_base = base.entry_of.get(place).copied();
+        let settings = chosen.iter().find(|chosen| chosen.effect == place);
+        let settings = settings.map_or(&[][..], |chosen| chosen.settings.as_slice());
+        let written = match of_base.and_then(|at| base.file.effects.get(at)) {
+            Some(entry) => Some(renewed(entry, effect, &sigma, kind_of(base, effect))),
+            None => made(base, effect, &sigma, settings),
+        };
+        let written = written.ok_or_else(|| {
+            Failure::system(format!("{} cannot be written into a model", effect.spec().kind))
+        })?;
+        let numbers = numbers(base, last, place, effect, &sigma);
+        let share_m = shares_m.get(place).copied().unwrap_or(0.0);
+        entries.push(Entry { effect: *effect, of_base, numbers, share_m, written });
+    }
+    Ok(entries)
+}
+
+fn kind_of(base: &RobotModel, effect: &AnyEffect) -> JointKind {
+    let joint = effect.joint().and_then(|joint| base.physics.arm.joints().get(joint));
+    joint.map_or(JointKind::Revolute, |joint| joint.kind)
+}
+
+/// The standard uncertainty of each value of the effect in place `place`, SI.
+fn sigma_of(last: &Fit, place: usize, effect: &AnyEffect) -> Vec<Option<f64>> {
+    let mut sigma = vec![None; effect.values().len()];
+    for (k, free) in last.hypothesis.free.iter().enumerate().filter(|(_, f)| f.effect == place) {
+        sigma[free.value] = last.sigma(last.column_of(k));
+    }
+    sigma
+}
+
+fn numbers(
+    base: &RobotModel,
+    last: &Fit,
+    place: usize,
+    effect: &AnyEffect,
+    sigma: &[Option<f64>],
+) -> Vec<Number> {
+    let kind = kind_of(base, effect);
+    let number = |value: usize| {
+        let Named { parameter, index } = named(effect, value)?;
+        let si = parameter.unit.suffix_and_si(kind).1;
+        let is_free = |free: &diagnosis::Free| free.effect == place && free.value == value;
+        Some(Number {
+            key: parameter.key(kind).to_string(),
+            index: (parameter.count != Count::One).then_some(index + 1),
+            value: effect.values()[value] / si,
+            sigma: sigma[value].map(|sigma| sigma / si),
+            free: last.hypothesis.free.iter().any(is_free),
+        })
+    };
+    (0..effect.values().len()).filter_map(number).collect()
+}
+
+/// The values of each entry of an effect, with their uncertainties, 0 where unknown; those only where any is known.
+type Group = (&'static str, Vec<f64>, Option<Vec<f64>>);
+
+fn groups(effect: &AnyEffect, sigma: &[Option<f64>]) -> Vec<Group> {
+    let mut groups: Vec<Group> = Vec::new();
+    for (value, sigma) in effect.values().iter().zip(sigma) {
+        let at = groups.iter().map(|(_, values, _)| values.len()).sum();
+        let Some(named) = named(effect, at) else { continue };
+        if named.index == 0 {
+            groups.push((named.parameter.stem, Vec::new(), None));
+        }
+        let Some((_, values, sigmas)) = groups.last_mut() else { continue };
+        if sigma.is_some() && sigmas.is_none() {
+            *sigmas = Some(vec![0.0; values.len()]);
+        }
+        values.push(*value);
+        if let Some(sigmas) = sigmas {
+            sigmas.push(sigma.unwrap_or(0.0));
+        }
+    }
+    groups
+}
+
+fn made(
+    base: &RobotModel,
+    effect: &AnyEffect,
+    sigma: &[Option<f64>],
+    settings: &[(&'static str, Vec<f64>)],
+) -> Option<EffectEntry> {
+    let groups = groups(effect, sigma);
+    let fitted = groups.iter().map(|(stem, values, sigma)| SiParameter {
+        stem,
+        values,
+        sigma: sigma.as_deref(),
+    });
+    let settings = settings.iter().map(|(stem, values)| SiParameter { stem, values, sigma: None });
+    let parameters: Vec<SiParameter<'_>> = fitted.chain(settings).collect();
+    EffectEntry::from_si(&base.physics.arm, effect.spec().kind, effect.joint(), &parameters)
+}
+
+/// The entry with what was found; what no fit changes stays as it is written.
+fn renewed(
+    entry: &EffectEntry,
+    effect: &AnyEffect,
+    sigma: &[Option<f64>],
+    kind: JointKind,
+) -> EffectEntry {
+    let mut next = entry.clone();
+    for (stem, values, sigma) in groups(effect, sigma) {
+        let parameter = effect.fitted().iter().find(|parameter| parameter.stem == stem);
+        let (Some(parameter), Some(sigma)) = (parameter, sigma) else { continue };
+        let (key, si) = (parameter.key(kind).to_string(), parameter.unit.suffix_and_si(kind).1);
+        let shaped = |list: &[f64]| match (parameter.count, list) {
+            (Count::One, [one]) => Numbers::One(one / si),
+            _ => Numbers::List(list.iter().map(|x| x / si).collect()),
+        };
+        let found =
+            Parameter { key: key.clone(), value: shaped(&values), sigma: Some(shaped(&sigma)) };
+        match next.parameters.iter_mut().find(|there| there.key == key) {
+            Some(there) => *there = found,
+            None => next.parameters.push(found),
+        }
+    }
+    next
+}

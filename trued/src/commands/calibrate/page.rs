@@ -1,0 +1,168 @@
+//! The page of `trued calibrate`: the proof, what was found of each joint, and what remains open.
+
+use report::{Axis, Cell, Column, Histogram, Number, Page, Table, Tone, significant};
+
+use super::Calibrate;
+use super::found::{Approached, Found, MODELS};
+use super::numbers::Entry;
+use super::told::{mm, words};
+use crate::input::count;
+
+/// Outliers in the table.
+const OUTLIERS: usize = 50;
+
+/// The whole page.
+pub(super) fn render(command: &Calibrate, found: &Found) -> String {
+    let [nominal, calibrated, advanced] = found.errors.each_ref().map(|e| mm(e.mean()));
+    let names: Vec<&str> =
+        (0..found.campaign.recordings.len()).map(|place| found.recording(place)).collect();
+    let lead = format!(
+        "On poses that no fit has seen the tool is {} mm from where the advanced model puts it, in the mean; {} mm with calibrated geometry alone, {} mm \
+         with the model as it was.",
+        significant(advanced, 2),
+        significant(calibrated, 2),
+        significant(nominal, 2)
+    );
+    let mut page = Page::new(format!("Calibration of {}", found.base.file.name))
+        .kicker(format!("trued calibrate, {}", names.join(", ")))
+        .lead(&lead)
+        .numbers(numbers(found));
+    if let Some((first, others)) = found.warnings.split_first() {
+        page = page.note(Tone::Caution, "To be looked at", first);
+        if !others.is_empty() {
+            page = page.list(others);
+        }
+    }
+    page = page.section("The proof").table(&errors(found)).figure(
+        "Distances of measured points from where each model sees them, on held-out poses.",
+        &histogram(found),
+    );
+    if !found.approached.is_empty() {
+        page = page.table(&approach(&found.approached));
+    }
+    page = page
+        .section("What was found")
+        .table(&parameters(found))
+        .text("± is the standard uncertainty; `–` where the data tell nothing and the number stayed where it was. `Moves the tool` is the root mean square over the measured poses, each effect against the same model without it.");
+    page = open(page, found);
+    let seed = found.seed.map_or("none: the recordings say".to_owned(), |seed| seed.to_string());
+    page.section("Made from")
+        .facts([
+            ("Recordings", names.join(", ")),
+            ("Split", found.split.says.clone()),
+            ("Seed", seed),
+            (
+                "Model written",
+                format!("{}, fitted to {}", command.out.display(), count(found.poses, "pose")),
+            ),
+        ])
+        .footer("Made by trued calibrate.")
+        .render()
+}
+
+fn numbers(found: &Found) -> Vec<Number> {
+    let gained = found.errors[2].mean() < found.errors[0].mean();
+    let of = |k: usize| {
+        let errors = &found.errors[k];
+        let note = format!("95 % within {} mm", significant(mm(errors.quantile(0.95)), 2));
+        Number::new(format!("Mean error, {}", MODELS[k]), mm(errors.mean()), "mm").note(note)
+    };
+    let tone = if gained { Tone::Good } else { Tone::Bad };
+    let effects = found.entries.iter().filter(|entry| !entry.is_empty()).count();
+    vec![of(0), of(1), of(2).tone(tone), Number::text("Effects in the model", effects.to_string())]
+}
+
+fn errors(found: &Found) -> Table {
+    let heads = ["Model", "Mean (mm)", "Median (mm)", "95 % (mm)", "Largest (mm)", "Points"];
+    let table = Table::new("Errors on held-out poses", heads);
+    MODELS.iter().zip(&found.errors).fold(table, |table, (name, errors)| {
+        let of = [errors.mean(), errors.quantile(0.5), errors.quantile(0.95), errors.max()];
+        let cells = of.map(|error| Cell::from(mm(error)));
+        let points = Cell::from(errors.sorted_m.len() as f64);
+        table.row(std::iter::once(Cell::from(*name)).chain(cells).chain([points]))
+    })
+}
+
+fn histogram(found: &Found) -> report::Svg {
+    let plot = Histogram::new("Held-out errors", Axis::new("Error", "mm").log());
+    MODELS
+        .iter()
+        .zip(&found.errors)
+        .fold(plot, |plot, (name, errors)| {
+            plot.values(*name, errors.sorted_m.iter().map(|error| mm(*error)))
+        })
+        .render()
+}
+
+fn approach(approached: &[Approached]) -> Table {
+    let heads = [
+        "Joint",
+        "Calibrated, rising (mm)",
+        "Calibrated, falling (mm)",
+        "Advanced, rising (mm)",
+        "Advanced, falling (mm)",
+    ];
+    let table = Table::new("Mean held-out error by the direction in which a joint arrived", heads);
+    approached.iter().fold(table, |table, one| {
+        let cells = one.errors.iter().flatten().map(|errors| Cell::from(mm(errors.mean())));
+        table.row(std::iter::once(Cell::from((one.joint + 1).to_string())).chain(cells))
+    })
+}
+
+fn parameters(found: &Found) -> Table {
+    let heads = [
+        Column::new("Joint"),
+        Column::new("Effect"),
+        Column::new("Parameter"),
+        Column::new("Value"),
+        Column::new("±"),
+        Column::new("Moves the tool (mm)"),
+    ];
+    let mut table = Table::new("Parameters, in the units of the model file", heads);
+    let mut entries: Vec<&Entry> = found.entries.iter().collect();
+    entries.sort_by(|a, b| {
+        (a.joint(), b.share_m)
+            .partial_cmp(&(b.joint(), a.share_m))
+            .unwrap_or(std::cmp::Ordering::Equal)
+    });
+    for entry in entries {
+        for number in &entry.numbers {
+            let joint = entry.joint().map_or("robot".to_owned(), |joint| joint.to_string());
+            let index = number.index.map(|index| format!(" {index}")).unwrap_or_default();
+            let sigma = number.sigma.map_or("–".to_owned(), |sigma| significant(sigma, 2));
+            table = table.row([
+                joint.into(),
+                words(entry.kind()).into(),
+                format!("{}{index}", number.key).into(),
+                significant(number.value, 4).into(),
+                sigma.into(),
+                mm(entry.share_m).into(),
+            ]);
+        }
+    }
+    table
+}
+
+fn open(mut page: Page, found: &Found) -> Page {
+    let undetermined = found.undetermined();
+    if !undetermined.is_empty() {
+        page = page
+            .section("What these data cannot tell")
+            .text("These numbers stay where they were. Other poses, or another place of the reflectors, may tell them.")
+            .list(undetermined);
+    }
+    if !found.outliers.is_empty() {
+        let heads = ["Recording", "Row", "Off (mm)"];
+        let words = format!("{} weigh less than half", count(found.outliers.len(), "pose"));
+        let outliers = found.outliers.iter().take(OUTLIERS);
+        let table = outliers.fold(Table::new(words, heads), |table, outlier| {
+            table.row([
+                found.recording(outlier.recording).into(),
+                (outlier.row as f64).into(),
+                mm(outlier.off_m).into(),
+            ])
+        });
+        page = page.section("Outliers").table(&table);
+    }
+    page
+}

@@ -1,0 +1,245 @@
+//! What `trued calibrate` says: the lines on the console, the JSON object.
+
+use diagnosis::proof::Errors;
+use report::{fixed, significant};
+use serde::Serialize;
+
+use super::Calibrate;
+use super::found::{Found, MODELS};
+use super::numbers::Entry;
+use crate::input::count;
+use crate::table::Table;
+
+/// Effects that move the tool by less than this share of what the largest does are not told on the console.
+const TOLD: f64 = 0.02;
+/// Effects told of one joint.
+const EFFECTS: usize = 4;
+/// Undetermined numbers and outliers told by name.
+const NAMED: usize = 2;
+
+#[derive(Serialize)]
+pub(super) struct Report {
+    unit: &'static str,
+    model: String,
+    out: String,
+    seed: Option<u64>,
+    split: String,
+    poses: Poses,
+    heldout: Heldout<Figures>,
+    heldout_errors: Heldout<Vec<f64>>,
+    parameters: Vec<ParameterReport>,
+    outliers: Vec<usize>,
+    outlier_poses: Vec<OutlierReport>,
+    undetermined: Vec<String>,
+    approach: Vec<ApproachReport>,
+    targets_tool_mm: Vec<[f64; 3]>,
+    warnings: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Poses {
+    training: usize,
+    heldout: usize,
+    written_model: usize,
+}
+
+#[derive(Serialize)]
+struct Heldout<T> {
+    nominal: T,
+    calibrated: T,
+    advanced: T,
+}
+
+impl<T> Heldout<T> {
+    fn of(errors: &[Errors; 3], of: impl Fn(&Errors) -> T) -> Self {
+        let [nominal, calibrated, advanced] = errors.each_ref().map(of);
+        Self { nominal, calibrated, advanced }
+    }
+}
+
+#[derive(Serialize)]
+struct Figures {
+    mean: f64,
+    median: f64,
+    p95: f64,
+    max: f64,
+    points: usize,
+}
+
+#[derive(Serialize)]
+struct ParameterReport {
+    effect: &'static str,
+    joint: Option<usize>,
+    parameter: String,
+    index: Option<usize>,
+    value: f64,
+    sigma: Option<f64>,
+    identifiable: bool,
+    moves_tool_mm: f64,
+}
+
+#[derive(Serialize)]
+struct OutlierReport {
+    recording: String,
+    row: usize,
+    off_mm: f64,
+}
+
+#[derive(Serialize)]
+struct ApproachReport {
+    joint: usize,
+    rising: ByModel,
+    falling: ByModel,
+}
+
+#[derive(Serialize)]
+struct ByModel {
+    calibrated: Figures,
+    advanced: Figures,
+}
+
+/// Metres in mm.
+pub(super) fn mm(metres: f64) -> f64 {
+    metres * 1e3
+}
+
+fn figures(errors: &Errors) -> Figures {
+    Figures {
+        mean: mm(errors.mean()),
+        median: mm(errors.quantile(0.5)),
+        p95: mm(errors.quantile(0.95)),
+        max: mm(errors.max()),
+        points: errors.sorted_m.len(),
+    }
+}
+
+impl Report {
+    pub(super) fn of(command: &Calibrate, found: &Found) -> Self {
+        let training = found.split.training.iter().filter(|trains| **trains).count();
+        let all = found.split.training.len();
+        let targets = found.last.surroundings.targets.iter();
+        let in_mm = |errors: &Errors| errors.sorted_m.iter().map(|e| mm(*e)).collect();
+        Self {
+            unit: "mm",
+            model: found.base.file.name.clone(),
+            out: command.out.display().to_string(),
+            seed: found.seed,
+            split: found.split.says.clone(),
+            poses: Poses { training, heldout: all - training, written_model: found.poses },
+            heldout: Heldout::of(&found.errors, figures),
+            heldout_errors: Heldout::of(&found.errors, in_mm),
+            parameters: found.entries.iter().flat_map(parameters).collect(),
+            outliers: found.outliers.iter().map(|outlier| outlier.row).collect(),
+            outlier_poses: outliers(found),
+            undetermined: found.undetermined(),
+            approach: approach(found),
+            targets_tool_mm: targets.map(|target| (target.value * 1e3).to_array()).collect(),
+            warnings: found.warnings.clone(),
+        }
+    }
+}
+
+fn parameters(entry: &Entry) -> impl Iterator<Item = ParameterReport> + '_ {
+    entry.numbers.iter().filter(|number| number.free).map(|number| ParameterReport {
+        effect: entry.kind(),
+        joint: entry.joint(),
+        parameter: number.key.clone(),
+        index: number.index,
+        value: number.value,
+        sigma: number.sigma,
+        identifiable: number.sigma.is_some(),
+        moves_tool_mm: mm(entry.share_m),
+    })
+}
+
+fn outliers(found: &Found) -> Vec<OutlierReport> {
+    let outlier = |outlier: &super::found::Outlier| OutlierReport {
+        recording: found.recording(outlier.recording).to_owned(),
+        row: outlier.row,
+        off_mm: mm(outlier.off_m),
+    };
+    found.outliers.iter().map(outlier).collect()
+}
+
+fn approach(found: &Found) -> Vec<ApproachReport> {
+    let of = |one: &super::found::Approached| {
+        let [calibrated, advanced] = &one.errors;
+        let side = |k: usize| ByModel {
+            calibrated: figures(&calibrated[k]),
+            advanced: figures(&advanced[k]),
+        };
+        ApproachReport { joint: one.joint + 1, rising: side(0), falling: side(1) }
+    };
+    found.approached.iter().map(of).collect()
+}
+
+/// The lines on the console.
+pub(super) fn told(command: &Calibrate, found: &Found) -> String {
+    let mut table = Table::new(["held out, mm", "mean", "median", "95 %", "largest"]);
+    for (name, errors) in MODELS.iter().zip(&found.errors) {
+        let of = [errors.mean(), errors.quantile(0.5), errors.quantile(0.95), errors.max()];
+        let cells = of.map(|error| fixed(mm(error), 3));
+        table = table.row(std::iter::once((*name).to_owned()).chain(cells));
+    }
+    let mut text = format!("{}: {}\n{}", found.base.file.name, found.split.says, table.render());
+    text += "found, by how much it moves the tool (root mean square, mm)\n";
+    for line in per_joint(found) {
+        text += &format!("  {line}\n");
+    }
+    let undetermined = found.undetermined();
+    let rest = |all: usize| if all > NAMED { "; …" } else { "" };
+    if !undetermined.is_empty() {
+        let some: Vec<&str> = undetermined.iter().take(NAMED).map(String::as_str).collect();
+        let open = count(undetermined.len(), "number");
+        text += &format!(
+            "open      {open} that these data cannot tell: {}{}\n",
+            some.join("; "),
+            rest(undetermined.len())
+        );
+    }
+    if !found.outliers.is_empty() {
+        let row = |outlier: &super::found::Outlier| {
+            let name = found.recording(outlier.recording);
+            format!("{name} row {} by {} mm", outlier.row, significant(mm(outlier.off_m), 2))
+        };
+        let some: Vec<String> = found.outliers.iter().take(NAMED).map(row).collect();
+        let many = count(found.outliers.len(), "outlier");
+        text += &format!("off       {many}: {}{}\n", some.join("; "), rest(found.outliers.len()));
+    }
+    let poses = count(found.poses, "pose");
+    text += &format!("model     {}, fitted to {poses}", command.out.display());
+    if let Some(report) = &command.report {
+        text += &format!("\npage      {}", report.display());
+    }
+    text
+}
+
+/// Lines of the effects that matter, per joint, those that move the tool most first.
+fn per_joint(found: &Found) -> Vec<String> {
+    let mut told: Vec<&Entry> = found.entries.iter().filter(|entry| !entry.is_empty()).collect();
+    told.sort_by(|a, b| b.share_m.total_cmp(&a.share_m));
+    let least = TOLD * told.first().map_or(0.0, |entry| entry.share_m);
+    let mut joints: Vec<Option<usize>> = Vec::new();
+    for entry in &told {
+        if !joints.contains(&entry.joint()) {
+            joints.push(entry.joint());
+        }
+    }
+    let line = |joint: Option<usize>| {
+        let of = told.iter().filter(|entry| entry.joint() == joint && entry.share_m >= least);
+        let words = of.map(|entry| format!("{} {}", words(entry.kind()), moves(entry)));
+        let words: Vec<String> = words.take(EFFECTS).collect();
+        let whose = joint.map_or("robot".to_owned(), |joint| format!("joint {joint}"));
+        (!words.is_empty()).then(|| format!("{whose}: {}", words.join(", ")))
+    };
+    joints.into_iter().filter_map(line).collect()
+}
+
+/// `axis_tilt` as people write it.
+pub(super) fn words(kind: &str) -> String {
+    kind.replace('_', " ")
+}
+
+fn moves(entry: &Entry) -> String {
+    significant(mm(entry.share_m), 2)
+}
