@@ -67,34 +67,36 @@ fn unseen() -> Vec<Row> {
     (0..POSES).map(|_| row()).collect()
 }
 
-/// What a tracker would have seen of the robot with its effects.
+/// The robot with its effects, measured once for all tests.
 fn measured() -> &'static [Row] {
     static ROWS: OnceLock<Vec<Row>> = OnceLock::new();
-    ROWS.get_or_init(|| {
-        let text = format!("{}{EFFECTS}", preset(BASE).expect("preset").text);
-        let truth = RobotModel::parse("truth", &text).expect("sound").physics;
-        let mut rows = unseen();
-        let recording = read_text("made.csv", &csv(&rows), None, None, Need::Measurement);
-        let mut campaign =
-            from_recording::campaign(&truth.arm, &[recording.expect("read")]).expect("a campaign");
-        let station = &mut campaign.surroundings.frames[0].value.measuring_from_base;
-        station.rotation = DMat3::from_rotation_z(2.0) * DMat3::from_rotation_x(0.02);
-        station.origin = DVec3::new(1.5, -2.0, 0.3);
-        let places = [[0.09, 0.0, 0.06], [-0.05, 0.08, 0.05], [-0.04, -0.09, 0.1]];
-        for (target, place) in campaign.surroundings.targets.iter_mut().zip(places) {
-            *target = Fitted::known(DVec3::from_array(place));
-        }
-        let whole: Campaign = campaign.clone();
-        let made = simulate::readings(&campaign, &truth, &whole.surroundings, 0.4, 11);
-        for (row, pose) in rows.iter_mut().zip(&made.poses) {
-            for (slot, seen) in row.2.iter_mut().zip(&pose.seen) {
-                if let Reading::Point { at, .. } = seen.reading {
-                    *slot = at * 1e3;
-                }
+    ROWS.get_or_init(|| seen_of(&format!("{}{EFFECTS}", preset(BASE).expect("preset").text)))
+}
+
+/// What a tracker would have seen of the robot in this model file.
+fn seen_of(text: &str) -> Vec<Row> {
+    let truth = RobotModel::parse("truth", text).expect("sound").physics;
+    let mut rows = unseen();
+    let recording = read_text("made.csv", &csv(&rows), None, None, Need::Measurement);
+    let mut campaign =
+        from_recording::campaign(&truth.arm, &[recording.expect("read")]).expect("a campaign");
+    let station = &mut campaign.surroundings.frames[0].value.measuring_from_base;
+    station.rotation = DMat3::from_rotation_z(2.0) * DMat3::from_rotation_x(0.02);
+    station.origin = DVec3::new(1.5, -2.0, 0.3);
+    let places = [[0.09, 0.0, 0.06], [-0.05, 0.08, 0.05], [-0.04, -0.09, 0.1]];
+    for (target, place) in campaign.surroundings.targets.iter_mut().zip(places) {
+        *target = Fitted::known(DVec3::from_array(place));
+    }
+    let whole: Campaign = campaign.clone();
+    let made = simulate::readings(&campaign, &truth, &whole.surroundings, 0.4, 11);
+    for (row, pose) in rows.iter_mut().zip(&made.poses) {
+        for (slot, seen) in row.2.iter_mut().zip(&pose.seen) {
+            if let Reading::Point { at, .. } = seen.reading {
+                *slot = at * 1e3;
             }
         }
-        rows
-    })
+    }
+    rows
 }
 
 fn place_with(rows: &[Row]) -> Place {
@@ -150,6 +152,28 @@ fn the_effects_of_a_simulated_robot_are_found_and_its_model_loads_and_corrects()
     let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
     roxmltree::Document::parse_with_options(&page, options).expect("a sound page");
     assert!(page.contains("What these data cannot tell") && page.contains("rising"), "{page}");
+}
+
+#[test]
+fn a_shift_of_a_slanted_axis_is_found_across_it() {
+    let base = preset(BASE).expect("preset").text;
+    let straight = base.split("name = \"4\"").nth(1).expect("joint 4");
+    let slanted = straight.replacen("[1.0, 0.0, 0.0]", "[0.8, 0.0, 0.6]", 1);
+    let base = base.replace(straight, &slanted);
+    let shifted = "\n[[effect]]\nkind = \"axis_shift\"\njoint = 4\nshift_mm = [-0.3, 0.2, 0.4]\n";
+    let place = place_with(&seen_of(&format!("{base}{shifted}")));
+    place.file("slanted.toml", &base);
+    let out = ["--model", "slanted.toml", "--out", "s2.toml", "--json", "s.json", "--seed", "7"];
+    place.succeed(&[&["calibrate"], &out[..], &["seen.csv"]].concat());
+    place.succeed(&["check", "s2.toml"]);
+    let found = place.json("s.json");
+    let is_shift = |p: &&Value| p["effect"] == "axis_shift" && p["joint"] == 4;
+    let list = found["parameters"].as_array().expect("parameters").iter().filter(is_shift);
+    let shift: Vec<f64> = list.map(|p| number(p, &["value"])).collect();
+    assert_eq!(shift.len(), 3);
+    assert!((0.8 * shift[0] + 0.6 * shift[2]).abs() < 1e-9, "{shift:?}");
+    assert!(shift.iter().any(|x| x.abs() > 0.1), "{shift:?}");
+    assert!(number(&found, &["heldout", "advanced", "mean"]) < 0.045, "{:#}", found["heldout"]);
 }
 
 #[test]

@@ -10,12 +10,9 @@ use recording::model::RobotModel;
 use recording::series::{Approach, Kind, Recording};
 
 use super::Parts;
-use super::numbers::{Entry, entries};
+use super::numbers::{ALONG, Entry, barred, entries};
 use crate::exit::Failure;
 use crate::input::count;
-
-/// Cosine from which an axis lies along a direction.
-const ALONG: f64 = 0.999;
 
 /// A pose with a reading that weighs less than half.
 pub(super) struct Outlier {
@@ -124,13 +121,9 @@ impl Found {
 }
 
 /// Whether a number shifts a joint's axis along itself, where no shift shows.
-pub(super) fn is_along_axis(fit: &Fit, free: &Free) -> bool {
-    let model = &fit.hypothesis.model;
-    let Some(effect) = fit.hypothesis.effect_of(free) else { return false };
-    let axis = effect.joint().and_then(|joint| Some(model.arm.joints().get(joint)?.axis));
-    let turns =
-        |axis: glam::DVec3| axis.to_array().get(free.value).is_some_and(|x| x.abs() > ALONG);
-    effect.spec().kind == "axis_shift" && axis.is_some_and(turns)
+fn is_along_axis(fit: &Fit, free: &Free) -> bool {
+    let axis = fit.hypothesis.effect_of(free).and_then(|e| barred(e, &fit.hypothesis.model.arm));
+    axis.and_then(|axis| axis.to_array().get(free.value).copied()).is_some_and(|x| x.abs() > ALONG)
 }
 
 /// Joint positions that were read back before the arm stood.

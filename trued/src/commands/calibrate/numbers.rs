@@ -3,13 +3,17 @@
 //! Promises: an effect that the base model has keeps its entry, numbers and uncertainties renewed; others get one of their own.
 //! Never: a number that the data did not tell counted as found.
 
-use diagnosis::hypothesis::{Named, named};
+use diagnosis::hypothesis::{Named, named, without_axial_part};
 use diagnosis::{Chosen, Fit};
+use glam::DVec3;
 use physics::spec::Count;
-use physics::{AnyEffect, JointKind};
+use physics::{AnyEffect, Arm, JointKind};
 use recording::model::{EffectEntry, Numbers, Parameter, RobotModel, SiParameter};
 
 use crate::exit::Failure;
+
+/// Cosine from which an axis lies along a direction.
+pub(super) const ALONG: f64 = 0.999_999;
 
 /// One number of an effect.
 pub(super) struct Number {
@@ -63,6 +67,7 @@ pub(super) fn entries(
     let model = &last.hypothesis.model;
     let mut entries = Vec::new();
     for (place, effect) in model.effects().enumerate() {
+        let effect = &across(effect, &base.physics.arm);
         let sigma = sigma_of(last, place, effect);
         let of_base = base.entry_of.get(place).copied();
         let settings = chosen.iter().find(|chosen| chosen.effect == place);
@@ -86,13 +91,48 @@ fn kind_of(base: &RobotModel, effect: &AnyEffect) -> JointKind {
     joint.map_or(JointKind::Revolute, |joint| joint.kind)
 }
 
+/// The axis along which an `axis_shift` does nothing: its own, but for the last joint's.
+pub(super) fn barred(effect: &AnyEffect, arm: &Arm) -> Option<DVec3> {
+    let joint = effect.joint().filter(|joint| joint + 1 < arm.count())?;
+    let axis = arm.joints().get(joint)?.axis;
+    (effect.spec().kind == "axis_shift").then_some(axis)
+}
+
+/// The effect without what does nothing: a fit may leave a part of a shift along its axis, a file may not.
+fn across(effect: &AnyEffect, arm: &Arm) -> AnyEffect {
+    let mut next = *effect;
+    if let (Some(axis), [x, y, z]) = (barred(effect, arm), effect.values()) {
+        let shift = without_axial_part(axis, DVec3::new(*x, *y, *z));
+        next.values_mut().copy_from_slice(&shift.to_array());
+    }
+    next
+}
+
 /// The standard uncertainty of each value of the effect in place `place`, SI.
 fn sigma_of(last: &Fit, place: usize, effect: &AnyEffect) -> Vec<Option<f64>> {
-    let mut sigma = vec![None; effect.values().len()];
+    let mut columns = vec![None; effect.values().len()];
     for (k, free) in last.hypothesis.free.iter().enumerate().filter(|(_, f)| f.effect == place) {
-        sigma[free.value] = last.sigma(last.column_of(k));
+        columns[free.value] = Some(last.column_of(k)).filter(|c| last.sigma(*c).is_some());
     }
-    sigma
+    let barred = barred(effect, &last.hypothesis.model.arm).filter(|axis| is_slanted(*axis));
+    let Some(axis) = barred else {
+        return columns.into_iter().map(|column| last.sigma(column?)).collect();
+    };
+    // What is left of the shift across its axis, `s − a (a·s)`: the same rows of the covariance.
+    let across = |value: usize| {
+        let row = without_axial_part(axis, DVec3::AXES[value]);
+        let known = || columns.iter().enumerate().filter_map(|(k, column)| Some((k, (*column)?)));
+        let pairs = known().flat_map(|(i, a)| known().map(move |(j, b)| (row[i] * row[j], a, b)));
+        let variance: f64 =
+            pairs.map(|(share, a, b)| share * last.covariance(a, b).unwrap_or(0.0)).sum();
+        (variance > 0.0).then(|| variance.sqrt())
+    };
+    (0..columns.len()).map(across).collect()
+}
+
+/// Whether an axis lies along none of x, y, z.
+fn is_slanted(axis: DVec3) -> bool {
+    axis.abs().max_element() < ALONG
 }
 
 fn numbers(
