@@ -18,7 +18,7 @@ use glam::DVec3;
 use physics::{Arm, JointKind, Joints, Model};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// A remedy has to bring what is off down to this share.
+/// A remedy has to bring what is off down to this share, and below [`HOPELESS`].
 const REMEDY: f64 = 0.25;
 /// A remedy that leaves as much is as good as the best, within this factor.
 const AS_GOOD: f64 = 1.3;
@@ -45,22 +45,27 @@ pub struct Suspicion {
 pub fn suspicions(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
     let few = thinned(campaign);
     let before_m = off(&few, model);
-    let reach = reach(&few);
-    if before_m <= GROSS * reach || few.poses.len() < 5 {
+    let spread_m = reach(&few);
+    if before_m <= GROSS * spread_m || few.poses.len() < 5 {
         return Vec::new();
     }
     let mut found: Vec<Suspicion> = remedies(&few, model)
         .into_iter()
-        .map(|(says, changed)| Suspicion { says, before_m, after_m: off(&changed, model) })
-        .filter(|s| s.after_m < REMEDY * before_m)
+        .map(|(says, changed)| {
+            let after_m = off(&changed, model);
+            (Suspicion { says, before_m, after_m }, reach(&changed))
+        })
+        .filter(|(s, reach)| s.after_m < REMEDY * before_m && s.after_m < HOPELESS * reach)
+        .map(|(suspicion, _)| suspicion)
         .collect();
     found.sort_by(|a, b| a.after_m.total_cmp(&b.after_m));
     let best = found.first().map_or(0.0, |s| s.after_m);
     found.retain(|s| s.after_m <= AS_GOOD * best);
-    if found.is_empty() && before_m > HOPELESS * reach {
+    if found.is_empty() && before_m > HOPELESS * spread_m {
         let says = format!(
             "the tool was seen {:.0} mm from where the model puts it, and no single swapped column, unit, sign or tool explains \
-             it: check that the model is this robot's, and that each row's joints belong to its measurement",
+             it: check that the model is this robot's, that each row's joints belong to its measurement, and that the tracker stood in one \
+             place throughout each recording",
             before_m * 1e3
         );
         found.push(Suspicion { says, before_m, after_m: before_m });
