@@ -39,6 +39,8 @@ pub(crate) struct Follower {
     last_ns: Option<u64>,
     /// Time of the command sent last, by its own clock.
     sent_t_ns: Option<u64>,
+    /// By how much the real clock has run ahead of the commands'.
+    ahead_ns: u64,
     /// Answers in a row that the blended correction was near to.
     near_answers: u32,
     pub(crate) fresh_ns: u64,
@@ -55,6 +57,7 @@ impl Follower {
             used: None,
             last_ns: None,
             sent_t_ns: None,
+            ahead_ns: 0,
             near_answers: 0,
             fresh_ns: FRESH_NS,
         }
@@ -80,12 +83,12 @@ impl Follower {
         sent: Option<&Command>,
         now_ns: u64,
     ) -> Target {
-        let dt_s = self.elapse(now_ns, sent);
+        let (dt_s, ramp_s) = self.elapse(now_ns, sent);
         let joints = q_cmd.len().min(JOINTS_MAX);
         let fresh = newest.filter(|answer| self.is_usable(answer, joints, now_ns));
         match fresh {
             Some(answer) => self.hear(answer, dt_s.min(STEP_S_MAX)),
-            None => self.miss(dt_s.min(STEP_S_MAX)),
+            None => self.miss(ramp_s.min(STEP_S_MAX)),
         }
         let Some(answer) = fresh.filter(|_| self.stage == Stage::Following) else {
             return self.moved(q_cmd, self.source());
@@ -110,13 +113,17 @@ impl Follower {
     }
 
     /// Time since the target before, s: the real one, or the commands' own where that is longer (their clock does not jitter).
-    fn elapse(&mut self, now_ns: u64, sent: Option<&Command>) -> f64 {
+    /// Second, for a ramp: the commands' clock counts only as far as the real one has not passed that time already, so that a
+    /// pause in sending, or a command stamped well before its target, moves nothing twice.
+    fn elapse(&mut self, now_ns: u64, sent: Option<&Command>) -> (f64, f64) {
         let since = |last: Option<u64>, now: u64| last.map_or(0, |last| now.saturating_sub(last));
         let real_ns = since(self.last_ns, now_ns);
         self.last_ns = Some(now_ns.max(self.last_ns.unwrap_or(0)));
         let commanded_ns = sent.map_or(0, |sent| since(self.sent_t_ns, sent.t_ns));
         self.sent_t_ns = sent.map(|sent| sent.t_ns);
-        real_ns.max(commanded_ns) as f64 * 1e-9
+        let ramp_ns = real_ns.max(commanded_ns.saturating_sub(self.ahead_ns));
+        self.ahead_ns = self.ahead_ns.saturating_add(real_ns).saturating_sub(commanded_ns);
+        (real_ns.max(commanded_ns) as f64 * 1e-9, ramp_ns as f64 * 1e-9)
     }
 
     fn source(&self) -> Source {

@@ -119,6 +119,24 @@ fn a_daemon_that_dies_leaves_a_ramp_within_the_envelope_and_the_plain_command_at
 }
 
 #[test]
+fn a_pause_in_sending_moves_a_ramp_no_faster() {
+    let mut follower = follower();
+    let at = led_to(&mut follower, 0.01);
+    let last = answer(at, &[0.5; 6], 0.01);
+    let command = |ms: u64| Command { t_ns: ms * MS, ..sent(ms, &[0.5; 6]) };
+    let mut row = Vec::new();
+    for ms in at..at + 200 {
+        // Nothing can be sent for 80 ms; then a command is stamped now.
+        let stamped = if (at + 40..at + 120).contains(&ms) { at + 39 } else { ms };
+        let target = follower.target(&[0.5; 6], Some(&last), Some(&command(stamped)), ms * MS);
+        row.push(target.joints()[3] - 0.5);
+    }
+    let (rate, _) = roughness(&row);
+    assert!(rate <= 0.02 * 1.000_1, "{rate}");
+    assert!(*row.last().unwrap() < 0.009, "the ramp goes on: {row:?}");
+}
+
+#[test]
 fn a_daemon_that_dies_while_its_correction_moves_leaves_no_kink() {
     let mut follower = follower();
     let limits = Limits::new(0.02, 0.02, 5.0).unwrap();
