@@ -54,6 +54,14 @@ struct Event {
     record: usize,
     line: u32,
     state: &'static str,
+    #[serde(flatten)]
+    tone: Tone,
+    growth_per_s: f64,
+}
+
+/// Where a line stands, and what it is.
+#[derive(Serialize)]
+struct Tone {
     frequency_Hz: f64,
     amplitude: f64,
     unit: String,
@@ -61,7 +69,6 @@ struct Event {
     axis: Option<&'static str>,
     #[serde(flatten)]
     judged: Judged,
-    growth_per_s: f64,
 }
 
 /// What a line is, as far as it can be told.
@@ -91,28 +98,18 @@ struct Episode {
     alarm_s: Option<f64>,
     line: u32,
     state: &'static str,
-    frequency_Hz: f64,
-    amplitude: f64,
-    unit: String,
-    channel: String,
-    axis: Option<&'static str>,
     #[serde(flatten)]
-    judged: Judged,
+    tone: Tone,
     growth_per_s: f64,
 }
 
 #[derive(Serialize)]
 struct Line {
-    frequency_Hz: f64,
-    amplitude: f64,
-    unit: String,
-    channel: String,
-    axis: Option<&'static str>,
+    #[serde(flatten)]
+    tone: Tone,
     power_over_floor: f64,
     /// The watch followed it; else its class rests on where it stands alone.
     followed: bool,
-    #[serde(flatten)]
-    judged: Judged,
 }
 
 #[derive(Serialize)]
@@ -208,6 +205,24 @@ impl Report {
     }
 }
 
+impl Tone {
+    fn on(
+        channel: &super::subject::Channel,
+        frequency_hz: f64,
+        amplitude: f64,
+        verdict: &Verdict,
+    ) -> Self {
+        Self {
+            frequency_Hz: frequency_hz,
+            amplitude,
+            unit: channel.unit.clone(),
+            channel: channel.name.clone(),
+            axis: axis_of(channel),
+            judged: Judged::of(verdict),
+        }
+    }
+}
+
 impl Judged {
     fn of(verdict: &Verdict) -> Self {
         Self {
@@ -256,12 +271,7 @@ fn events(subject: &Subject, found: &Found) -> Vec<Event> {
                 record: event.piece + 1,
                 line: verdict.line,
                 state: verdict.state.name(),
-                frequency_Hz: verdict.frequency_hz,
-                amplitude: verdict.amplitude_n,
-                unit: channel.unit.clone(),
-                channel: channel.name.clone(),
-                axis: axis_of(channel),
-                judged: Judged::of(verdict),
+                tone: Tone::on(channel, verdict.frequency_hz, verdict.amplitude_n, verdict),
                 growth_per_s: verdict.growth_per_s,
             });
         }
@@ -281,12 +291,7 @@ fn episodes(subject: &Subject, found: &Found) -> Vec<Episode> {
             alarm_s: episode.alarm_s,
             line: episode.verdict.line,
             state: episode.state.name(),
-            frequency_Hz: episode.frequency_hz,
-            amplitude: episode.amplitude,
-            unit: channel.unit.clone(),
-            channel: channel.name.clone(),
-            axis: axis_of(channel),
-            judged: Judged::of(&episode.verdict),
+            tone: Tone::on(channel, episode.frequency_hz, episode.amplitude, &episode.verdict),
             growth_per_s: episode.growth_per_s,
         }
     };
@@ -298,14 +303,9 @@ fn lines(subject: &Subject, found: &Found) -> Vec<Line> {
     let line = |(at, judged): (usize, &super::spectra::JudgedLine)| {
         let channel = &subject.channels[at];
         Line {
-            frequency_Hz: judged.line.frequency,
-            amplitude: judged.line.amplitude,
-            unit: channel.unit.clone(),
-            channel: channel.name.clone(),
-            axis: axis_of(channel),
+            tone: Tone::on(channel, judged.line.frequency, judged.line.amplitude, &judged.verdict),
             power_over_floor: judged.line.ratio,
             followed: judged.followed,
-            judged: Judged::of(&judged.verdict),
         }
     };
     all.map(line).collect()
