@@ -6,6 +6,7 @@
 //! Promises: plain data, SI; a campaign knows nothing of the effects that will be fitted to it.
 //! Never: a file; see [`crate::from_recording`].
 
+use crate::colour::Colour;
 use crate::surroundings::Surroundings;
 use glam::{DMat3, DVec3};
 use physics::Inputs;
@@ -186,12 +187,14 @@ pub struct Pose {
 }
 
 /// One instrument: readings that share one noise.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Instrument {
     /// What it measures, for people: `targets of FILE`.
     pub name: String,
     /// Whether its standard uncertainty is known; else the fit estimates a factor on it.
     pub noise_is_known: bool,
+    /// How its noise remembers itself.
+    pub colour: Colour,
 }
 
 /// Everything that was measured, with what stands around the robot as far as it is known.

@@ -131,9 +131,11 @@ impl Reader<'_> {
     fn instruments(&self, campaign: &mut Campaign) -> Result<Instruments, Unusable> {
         let file = self.name();
         let mut add = |what: &str, noise_is_known: bool| {
-            campaign
-                .instruments
-                .push(Instrument { name: format!("{what} of {file}"), noise_is_known });
+            campaign.instruments.push(Instrument {
+                name: format!("{what} of {file}"),
+                noise_is_known,
+                ..Instrument::default()
+            });
             campaign.instruments.len() - 1
         };
         let sigma = |channel| self.recording.sigma(channel);

@@ -8,6 +8,7 @@
 pub mod campaign;
 mod candidates;
 pub mod circle;
+pub mod colour;
 pub mod enhanced;
 pub mod expected;
 pub mod fit;

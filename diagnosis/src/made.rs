@@ -59,7 +59,11 @@ pub(crate) fn empty(targets: usize, count: u32) -> Campaign {
     Campaign {
         poses: poses.collect(),
         surroundings,
-        instruments: vec![Instrument { name: "tracker".to_owned(), noise_is_known: true }],
+        instruments: vec![Instrument {
+            name: "tracker".to_owned(),
+            noise_is_known: true,
+            ..Instrument::default()
+        }],
         recordings: vec!["made".to_owned()],
     }
 }

@@ -6,6 +6,7 @@
 //! Never: a step; see [`crate::minimise`].
 
 use crate::campaign::{Arrival, Campaign};
+use crate::colour::{Filter, stream};
 use crate::hypothesis::Hypothesis;
 use crate::motion::Motion;
 use crate::residual::{Columns, Rows};
@@ -52,6 +53,8 @@ pub(crate) struct At<'a> {
     /// One per free number of the hypothesis; empty where none were asked for.
     pub(crate) motions: &'a [Motion],
     pub(crate) instrument: usize,
+    /// Which run of readings of one kind it belongs to.
+    pub(crate) stream: usize,
 }
 
 /// Which readings count, and how much.
@@ -118,7 +121,8 @@ pub(crate) fn visit(
             let surroundings = &state.surroundings;
             let rows = Rows::of(observation, seen, &inputs.q, surroundings, &columns);
             let instrument = observation.instrument;
-            look(&At { pose, reading, rows: &rows, motions: &motions, instrument });
+            let stream = stream(&observation.reading);
+            look(&At { pose, reading, rows: &rows, motions: &motions, instrument, stream });
         }
     });
 }
@@ -189,9 +193,14 @@ fn through_loads(
 pub(crate) fn cost(campaign: &Campaign, state: &State, weighing: &Weighing) -> f64 {
     let mut sum = 0.0;
     let look = Look { used: Some(&weighing.used), derivatives: false };
+    let mut filter = Filter::new(campaign);
     visit(campaign, state, look, |at| {
         let scale = weighing.scale(at);
-        sum += scale * scale * at.rows.residual.length_squared();
+        for part in 0..at.rows.count {
+            let mut left = [scale * at.rows.residual[part]];
+            filter.pass(at.pose, at.instrument, at.stream, part, &mut left);
+            sum += left[0] * left[0];
+        }
     });
     sum + prior_rows(&state.hypothesis).map(|(_, right)| right * right).sum::<f64>()
 }
@@ -216,7 +225,8 @@ pub(crate) fn data_rows(
 ) {
     let effects_from = state.surroundings.numbers().len();
     let mut rows = vec![vec![0.0; state.width()]; 3];
-    let mut row = vec![0.0; active.len()];
+    let mut row = vec![0.0; active.len() + 1];
+    let mut filter = Filter::new(campaign);
     let look = Look { used: Some(&weighing.used), derivatives: true };
     visit(campaign, state, look, |at| {
         let scale = weighing.scale(at);
@@ -228,7 +238,9 @@ pub(crate) fn data_rows(
             for (slot, column) in row.iter_mut().zip(active) {
                 *slot = scale * full[*column];
             }
-            take(at, &row, scale * at.rows.residual[k]);
+            row[active.len()] = scale * at.rows.residual[k];
+            filter.pass(at.pose, at.instrument, at.stream, k, &mut row);
+            take(at, &row[..active.len()], row[active.len()]);
         }
     });
 }

@@ -7,12 +7,14 @@
 
 use crate::campaign::Campaign;
 use crate::candidates::Candidate;
+use crate::colour::Filter;
 use crate::fit::Settings;
 use crate::hypothesis::{Free, Hypothesis, much};
 use crate::motion::Motion;
 use crate::problem::{Look, State, Weighing, follow, motions_of, visit};
 use crate::result::Fit;
 use crate::triangle::{Triangle, dot};
+use glam::DVec3;
 use physics::spec::ActsOn;
 use physics::{EFFECTS_MAX, Evaluation};
 
@@ -111,9 +113,11 @@ impl<'a> Fitted<'a> {
         let count = batch.free.len();
         let mut sums = Sums::new(width, count);
         let mut full = vec![vec![0.0; self.state.width()]; 3];
-        let mut columns = vec![vec![0.0; count]; 3];
+        // Columns of the fit, of the candidates, and what is left.
+        let mut row = vec![0.0; width + count + 1];
         let all = self.batch_motions(batch);
         let none: Vec<Motion> = Vec::new();
+        let mut filter = Filter::new(self.campaign);
         let look = Look { used: Some(&self.weighing.used), derivatives: true };
         visit(self.campaign, &self.state, look, |at| {
             let motions = all.get(at.pose).unwrap_or(&none);
@@ -122,13 +126,14 @@ impl<'a> Fitted<'a> {
                 return;
             }
             at.rows.fill(effects_from, at.motions, &mut full);
-            for (k, motion) in motions.iter().enumerate() {
-                let along = at.rows.along(motion);
-                columns.iter_mut().enumerate().for_each(|(i, row)| row[k] = scale * along[i]);
-            }
+            let along: Vec<DVec3> = motions.iter().map(|motion| at.rows.along(motion)).collect();
             for k in 0..at.rows.count {
-                let row = active.iter().map(|column| scale * full[k][*column]);
-                sums.add(row, &columns[k], scale * at.rows.residual[k]);
+                row.iter_mut().zip(active).for_each(|(slot, j)| *slot = scale * full[k][*j]);
+                row[width..].iter_mut().zip(&along).for_each(|(slot, c)| *slot = scale * c[k]);
+                row[width + count] = scale * at.rows.residual[k];
+                filter.pass(at.pose, at.instrument, at.stream, k, &mut row);
+                let (fitted, rest) = row.split_at(width);
+                sums.add(fitted.iter().copied(), &rest[..count], rest[count]);
             }
         });
         sums.project(&self.fit.triangle, self.right());

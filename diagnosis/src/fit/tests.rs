@@ -146,7 +146,11 @@ fn without_tracker() -> Campaign {
     for pose in &mut campaign.poses {
         pose.seen = kinds.map(|reading| Observation { reading, whitening, instrument: 0 }).to_vec();
     }
-    campaign.instruments = vec![Instrument { name: "probe".to_owned(), noise_is_known: true }];
+    campaign.instruments = vec![Instrument {
+        name: "probe".to_owned(),
+        noise_is_known: true,
+        ..Instrument::default()
+    }];
     campaign
 }
 

@@ -128,7 +128,8 @@ fn scene(path: &[[f64; 6]]) -> (Campaign, State) {
         let arrival = if poses.is_empty() { Arrival::Settled } else { Arrival::FromBefore };
         poses.push(Pose { inputs, arrival, recording: 0, row: poses.len(), seen: Vec::new() });
     }
-    let instruments = vec![Instrument { name: "all".to_owned(), noise_is_known: true }];
+    let instruments =
+        vec![Instrument { name: "all".to_owned(), noise_is_known: true, ..Instrument::default() }];
     let mut campaign =
         Campaign { poses, surroundings: around.clone(), instruments, recordings: Vec::new() };
     let mut tools = Vec::new();

@@ -1,0 +1,213 @@
+//! Noise that remembers itself: autoregressive, one law per instrument, taken out of rows before they are summed.
+//!
+//! `w_t = (r_t − Σ φ_k r_{t−k}) / s`, s the standard deviation of what is new at t (Box and Jenkins, Time Series Analysis, chapter 3). Rows whose
+//! forerunners are missing (a gap, the start of a segment) stay as they are.
+//!
+//! Promises: white noise of unit variance where the law is right; residuals and all columns pass the same filter.
+//! Never: a look at what a model says; see [`Colour::of_runs`]'s callers.
+
+use crate::campaign::{Campaign, Place, Pose, Reading};
+use std::collections::BTreeMap;
+
+/// Orders that are tried.
+const ORDER_MAX: usize = 8;
+/// Poles stay this far inside the unit circle, so that a drift is not taken for noise.
+const REFLECTION_MAX: f64 = 0.98;
+
+/// How the noise of one instrument remembers itself; the default: not at all.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Colour {
+    /// `φ_1 …`; none: white.
+    law: Vec<f64>,
+    /// The standard deviation of what is new, in units of the noise.
+    fresh: f64,
+    /// Poses from one reading to the next.
+    stride: usize,
+}
+
+impl Default for Colour {
+    fn default() -> Self {
+        Self { law: Vec::new(), fresh: 1.0, stride: 1 }
+    }
+}
+
+impl Colour {
+    /// The law that runs of readings show; `stride`: poses from one reading to the next.
+    #[must_use]
+    pub fn of_runs(runs: &[Vec<f64>], stride: usize) -> Self {
+        let (law, fresh) = law(runs);
+        Self { law, fresh, stride }
+    }
+
+    /// Whether nothing is to be taken out.
+    #[must_use]
+    pub fn is_white(&self) -> bool {
+        self.law.is_empty()
+    }
+
+    /// The sum of the law's numbers, below one: how much of a slow change is noise to it, for people.
+    #[must_use]
+    pub fn memory(&self) -> f64 {
+        self.law.iter().sum()
+    }
+}
+
+/// Burg's recursion with runs apart; the order by the Bayesian information criterion.
+fn law(runs: &[Vec<f64>]) -> (Vec<f64>, f64) {
+    let runs: Vec<&Vec<f64>> = runs.iter().filter(|run| run.len() > 2 * ORDER_MAX).collect();
+    let count: usize = runs.iter().map(|run| run.len()).sum();
+    if count < 20 * ORDER_MAX {
+        return (Vec::new(), 1.0);
+    }
+    let mut forward: Vec<Vec<f64>> = runs.iter().map(|run| (*run).clone()).collect();
+    let mut backward = forward.clone();
+    let mut law: Vec<f64> = Vec::new();
+    let mut left = 1.0;
+    let price = (count as f64).ln() / count as f64;
+    let mut best = (0.0, Vec::new(), 1.0);
+    for order in 1..=ORDER_MAX {
+        let (mut product, mut energy) = (0.0, 0.0);
+        for (f, b) in forward.iter().zip(&backward) {
+            for (x, y) in f[order..].iter().zip(&b[order - 1..]) {
+                product += x * y;
+                energy += 0.5 * (x * x + y * y);
+            }
+        }
+        let reflection = if energy > 0.0 { product / energy } else { 0.0 };
+        let reflection = reflection.clamp(-REFLECTION_MAX, REFLECTION_MAX);
+        for (f, b) in forward.iter_mut().zip(&mut backward) {
+            for t in (order..f.len()).rev() {
+                let (x, y) = (f[t], b[t - 1]);
+                f[t] = x - reflection * y;
+                b[t] = y - reflection * x;
+            }
+        }
+        let before = law.clone();
+        law.iter_mut().zip(before.iter().rev()).for_each(|(a, back)| *a -= reflection * back);
+        law.push(reflection);
+        left *= 1.0 - reflection * reflection;
+        let worth = -left.ln() - order as f64 * price;
+        if worth > best.0 {
+            best = (worth, law.clone(), left.sqrt());
+        }
+    }
+    (best.1, best.2)
+}
+
+/// Which run of readings of a pose a reading belongs to.
+pub(crate) fn stream(reading: &Reading) -> usize {
+    let of = |place: &Place| match place {
+        Place::Tcp => 0,
+        Place::Target(target) => target + 1,
+    };
+    match reading {
+        Reading::Point { place, .. } => 4 * of(place),
+        Reading::Orientation { .. } => 1,
+        Reading::JointPosition { joint, .. } => 4 * joint + 2,
+        Reading::Distance { place, .. }
+        | Reading::Plane { place, .. }
+        | Reading::Sphere { place, .. } => 4 * of(place) + 3,
+    }
+}
+
+/// Whether one pose follows another by `stride`, in one run.
+pub(crate) fn follows(campaign: &Campaign, before: usize, now: usize, stride: usize) -> bool {
+    let pose = |place: usize| -> &Pose { &campaign.poses[place] };
+    before + stride == now
+        && pose(before).recording == pose(now).recording
+        && pose(before).inputs.time_s <= pose(now).inputs.time_s
+}
+
+/// What was seen of one run so far: where, and the newest rows first.
+#[derive(Default)]
+struct Past {
+    pose: usize,
+    rows: Vec<Vec<f64>>,
+}
+
+/// Takes the colour out of rows that come in order.
+pub(crate) struct Filter<'a> {
+    campaign: &'a Campaign,
+    past: BTreeMap<(usize, usize, usize), Past>,
+}
+
+impl<'a> Filter<'a> {
+    pub(crate) fn new(campaign: &'a Campaign) -> Self {
+        Self { campaign, past: BTreeMap::new() }
+    }
+
+    /// `row` (columns and right-hand side) of number `part` of a reading, in units of its noise.
+    pub(crate) fn pass(
+        &mut self,
+        pose: usize,
+        instrument: usize,
+        stream: usize,
+        part: usize,
+        row: &mut [f64],
+    ) {
+        let Colour { law, fresh, stride } = &self.campaign.instruments[instrument].colour;
+        if law.is_empty() {
+            return;
+        }
+        let past = self.past.entry((instrument, stream, part)).or_default();
+        if !past.rows.is_empty() && !follows(self.campaign, past.pose, pose, *stride) {
+            past.rows.clear();
+        }
+        past.pose = pose;
+        let raw = row.to_vec();
+        if past.rows.len() >= law.len() {
+            for (share, before) in law.iter().zip(&past.rows) {
+                row.iter_mut().zip(before).for_each(|(x, b)| *x -= share * b);
+            }
+            row.iter_mut().for_each(|x| *x /= fresh);
+            past.rows.truncate(law.len() - 1);
+        }
+        past.rows.insert(0, raw);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::RngExt;
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::SeedableRng;
+    use rand_distr::StandardNormal;
+
+    fn run(phi: f64, count: usize, seed: u64) -> Vec<f64> {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut last = 0.0;
+        let fresh = (1.0_f64 - phi * phi).sqrt();
+        (0..count)
+            .map(|_| {
+                last = phi * last + fresh * rng.sample::<f64, _>(StandardNormal);
+                last
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_first_order_law_is_found_and_white_noise_has_none() {
+        let coloured = Colour::of_runs(&[run(0.8, 2000, 1), run(0.8, 500, 2)], 1);
+        assert!((coloured.law[0] - 0.8).abs() < 0.06, "{coloured:?}");
+        assert!((coloured.fresh - 0.6).abs() < 0.03, "{coloured:?}");
+        let white = Colour::of_runs(&[run(0.0, 2000, 3)], 1);
+        assert!(white.is_white(), "{white:?}");
+    }
+
+    #[test]
+    fn the_filter_gives_back_what_was_new_and_starts_again_after_a_gap() {
+        let mut campaign = crate::made::empty(0, 60);
+        campaign.poses.iter_mut().enumerate().for_each(|(k, p)| p.inputs.time_s = k as f64);
+        let series = run(0.7, 60, 4);
+        campaign.instruments[0].colour = Colour { law: vec![0.7], fresh: 0.5, stride: 1 };
+        let mut filter = Filter::new(&campaign);
+        for (k, value) in series.iter().enumerate().filter(|(k, _)| !(20..25).contains(k)) {
+            let mut row = [*value];
+            filter.pass(k, 0, 0, 0, &mut row);
+            let starts = k == 0 || k == 25;
+            let wanted = if starts { *value } else { (value - 0.7 * series[k - 1]) / 0.5 };
+            assert!((row[0] - wanted).abs() < 1e-12, "{k}");
+        }
+    }
+}
