@@ -73,7 +73,11 @@ fn empty() -> Result<Campaign, Box<dyn Error>> {
     Ok(Campaign {
         poses: poses.collect(),
         surroundings,
-        instruments: vec![Instrument { name: "tracker".to_owned(), noise_is_known: true }],
+        instruments: vec![Instrument {
+            name: "tracker".to_owned(),
+            noise_is_known: true,
+            ..Instrument::default()
+        }],
         recordings: vec!["made".to_owned()],
     })
 }

@@ -34,6 +34,8 @@ enum Make {
     Wave { joint: usize, cycles: f64 },
     /// Sine and cosine of two tilts.
     Wobble { joint: usize, cycles: f64 },
+    /// Changes to the values of an effect that the model has, by its place there.
+    Change { place: usize },
 }
 
 /// An effect that might be missing.
@@ -53,6 +55,7 @@ impl Candidate {
     /// The effect with the numbers that were found for its probes.
     pub(crate) fn effect(&self, arm: &Arm, found: &[f64]) -> Option<AnyEffect> {
         match self.make {
+            Make::Change { .. } => None,
             Make::Values => {
                 let mut effect = self.probes.first()?.effect;
                 for (probe, value) in self.probes.iter().zip(found) {
@@ -76,7 +79,28 @@ impl Candidate {
     pub(crate) fn kept(&self) -> &'static [&'static str] {
         match self.make {
             Make::Wave { .. } | Make::Wobble { .. } => &["cycles"],
-            Make::Values => &[],
+            Make::Values | Make::Change { .. } => &[],
+        }
+    }
+
+    /// The place of the model's effect whose values it changes; none for a new effect.
+    pub(crate) fn changes(&self) -> Option<usize> {
+        match self.make {
+            Make::Change { place } => Some(place),
+            _ => None,
+        }
+    }
+
+    /// A change of an effect that the model has.
+    #[expect(dead_code, reason = "the diagnosis asks for it next")]
+    pub(crate) fn change(place: usize, effect: &AnyEffect) -> Self {
+        let probes = (0..effect.values().len()).map(|value| Probe { effect: *effect, value });
+        Self {
+            slot: format!("change {place}"),
+            joint: effect.joint(),
+            probes: probes.collect(),
+            settings: Vec::new(),
+            make: Make::Change { place },
         }
     }
 }
@@ -178,10 +202,10 @@ pub(crate) fn candidates(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     list.found
 }
 
-struct List<'a> {
+pub(crate) struct List<'a> {
     arm: &'a Arm,
     shows: Shows,
-    found: Vec<Candidate>,
+    pub(crate) found: Vec<Candidate>,
 }
 
 impl List<'_> {

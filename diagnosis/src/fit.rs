@@ -73,6 +73,22 @@ pub fn fit(campaign: &Campaign, hypothesis: &Hypothesis, settings: &Settings<'_>
     fitting.done()
 }
 
+/// Fits once more from where `before` stands, with its weights and factors as they are: sums of two such fits can be compared.
+#[must_use]
+pub fn compare(campaign: &Campaign, hypothesis: &Hypothesis, before: &Fit, used: &[bool]) -> Fit {
+    let surroundings = before.surroundings.clone();
+    let state = State { surroundings, hypothesis: hypothesis.clone() };
+    let mut fitting = Fitting::new(campaign, state, used);
+    fitting.weighing.weights.clone_from(&before.weights);
+    fitting.weighing.factors.clone_from(&before.factors);
+    fitting.choose_columns();
+    fitting.run(STEPS);
+    if !fitting.bound() {
+        fitting.run(STEPS);
+    }
+    fitting.done()
+}
+
 fn stages(influence: Influence) -> &'static [Influence] {
     match influence {
         Influence::Equal => &[],

@@ -71,6 +71,24 @@ impl Hypothesis {
         }
     }
 
+    /// Frees the values of the effect in place `index` from what was believed of them; gives that back.
+    pub fn revise(&mut self, index: usize) -> Vec<Free> {
+        let (stated, kept) = self.free.iter().partition(|free| free.effect == index);
+        self.free = kept;
+        self.free_all(index, &[], &[]);
+        stated
+    }
+
+    /// Undoes [`Hypothesis::revise`]: the effect in place `index` is again as in `given`.
+    pub fn restore(&mut self, index: usize, given: &Model, stated: &[Free]) {
+        self.free.retain(|free| free.effect != index);
+        self.free.extend_from_slice(stated);
+        let values = given.effects().nth(index).map(|effect| effect.values());
+        if let (Some(effect), Some(values)) = (self.model.effect_mut(index), values) {
+            effect.values_mut().copy_from_slice(values);
+        }
+    }
+
     /// The same without the effect in place `index`.
     #[must_use]
     pub fn without(&self, index: usize) -> Self {

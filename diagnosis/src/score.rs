@@ -34,6 +34,14 @@ pub(crate) struct Score {
     pub(crate) found: Vec<f64>,
 }
 
+/// Groups of columns that are asked for.
+pub(crate) struct Asked {
+    /// Columns of each group.
+    pub(crate) numbers: Vec<usize>,
+    /// How large each column's number may be.
+    pub(crate) sigmas: Vec<f64>,
+}
+
 /// A fit with its rows, ready to be asked.
 pub(crate) struct Fitted<'a> {
     pub(crate) campaign: &'a Campaign,
@@ -66,16 +74,32 @@ impl<'a> Fitted<'a> {
         let mut from = 0;
         while from < candidates.len() {
             let (batch, end) = self.batch(candidates, from);
-            let sums = self.sums(&batch);
-            let mut column = 0;
-            for (index, candidate) in candidates.iter().enumerate().take(end).skip(from) {
-                let columns = column..column + candidate.probes.len();
-                column = columns.end;
-                scores.extend(sums.score(index, columns, &batch));
-            }
+            let motions = self.batch_motions(&batch);
+            let asked = Asked {
+                numbers: candidates[from..end].iter().map(|c| c.probes.len()).collect(),
+                sigmas: batch.free.iter().map(|free| free.sigma).collect(),
+            };
+            let found = self.scores_of(&asked, |pose| &motions[pose]);
+            scores.extend(found.into_iter().map(|s| Score { candidate: s.candidate + from, ..s }));
             from = end;
         }
         scores
+    }
+
+    /// Scores of groups of columns, told by how the tool would move with each at a pose.
+    pub(crate) fn scores_of<'m>(
+        &self,
+        asked: &Asked,
+        motions: impl Fn(usize) -> &'m [Motion],
+    ) -> Vec<Score> {
+        let sums = self.sums(asked.sigmas.len(), motions);
+        let mut column = 0;
+        let group = |(index, count): (usize, &usize)| {
+            let columns = column..column + count;
+            column = columns.end;
+            sums.score(index, columns, &asked.sigmas)
+        };
+        asked.numbers.iter().enumerate().filter_map(group).collect()
     }
 
     /// As many candidates as fit into one model, from place `from`; and where the next batch begins.
@@ -107,25 +131,22 @@ impl<'a> Fitted<'a> {
         (batch, end.max(from + 1))
     }
 
-    fn sums(&self, batch: &Hypothesis) -> Sums {
+    fn sums<'m>(&self, count: usize, motions: impl Fn(usize) -> &'m [Motion]) -> Sums {
         let (active, width) = (self.fit.columns(), self.fit.columns().len());
         let effects_from = self.state.surroundings.numbers().len();
-        let count = batch.free.len();
         let mut sums = Sums::new(width, count);
         let mut full = vec![vec![0.0; self.state.width()]; 3];
         // Columns of the fit, of the candidates, and what is left.
         let mut row = vec![0.0; width + count + 1];
-        let all = self.batch_motions(batch);
-        let none: Vec<Motion> = Vec::new();
         let mut filter = Filter::new(self.campaign);
         let look = Look { used: Some(&self.weighing.used), derivatives: true };
         visit(self.campaign, &self.state, look, |at| {
-            let motions = all.get(at.pose).unwrap_or(&none);
             let scale = self.weighing.scale(at);
             if scale == 0.0 {
                 return;
             }
             at.rows.fill(effects_from, at.motions, &mut full);
+            let motions = motions(at.pose);
             let along: Vec<DVec3> = motions.iter().map(|motion| at.rows.along(motion)).collect();
             for k in 0..at.rows.count {
                 row.iter_mut().zip(active).for_each(|(slot, j)| *slot = scale * full[k][*j]);
@@ -206,7 +227,7 @@ impl Sums {
         &self,
         candidate: usize,
         columns: std::ops::Range<usize>,
-        batch: &Hypothesis,
+        sigmas: &[f64],
     ) -> Option<Score> {
         let count = columns.len();
         let mut kept: Vec<usize> = Vec::new();
@@ -220,7 +241,7 @@ impl Sums {
                 let (a, b) = (a.min(b), a.max(b));
                 self.near[a].get(b - a).copied().unwrap_or(0.0) - dot(&self.seen[a], &self.seen[b])
             };
-            let prior = batch.free[k].sigma.powi(-2);
+            let prior = sigmas[k].powi(-2);
             let mut row: Vec<f64> = Vec::new();
             for (i, other) in kept.iter().enumerate() {
                 let known: f64 = dot(&factor[i][..i], &row[..i]);

@@ -9,7 +9,7 @@
 use crate::campaign::Campaign;
 use crate::candidates::{Candidate, candidates, slot, wave_candidate};
 use crate::fit::{Effort, Settings, fit};
-use crate::hypothesis::{Hypothesis, named};
+use crate::hypothesis::{Free, Hypothesis, named};
 use crate::result::Fit;
 use crate::score::Fitted;
 use crate::triangle::Triangle;
@@ -31,6 +31,8 @@ pub struct Chosen {
     pub gain: f64,
     /// Entries that no fit changes, with their numbers, SI.
     pub settings: Vec<(&'static str, Vec<f64>)>,
+    /// For an effect that the model had: what was believed of its numbers.
+    pub revises: Option<Vec<Free>>,
 }
 
 /// A fit and what was added for it.
@@ -76,14 +78,8 @@ pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) ->
     let mut open = candidates(&model.arm, campaign);
     let there: Vec<String> = model.effects().map(slot).collect();
     open.retain(|candidate| !there.contains(&candidate.slot));
-    let mut selecting = Selecting {
-        campaign,
-        settings: *settings,
-        fit: calibrated.clone(),
-        rivals: open.len().max(1),
-        open,
-        chosen: Vec::new(),
-    };
+    let mut selecting = Selecting::new(campaign, calibrated, settings, open);
+    selecting.beside = BESIDE;
     selecting.grow();
     selecting.finish();
     selecting.prune();
@@ -92,25 +88,49 @@ pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) ->
 }
 
 /// A candidate that joins.
-struct Pick {
-    candidate: Candidate,
-    found: Vec<f64>,
-    gain: f64,
-    worth: f64,
+pub(crate) struct Pick {
+    pub(crate) candidate: Candidate,
+    pub(crate) found: Vec<f64>,
+    pub(crate) gain: f64,
+    pub(crate) worth: f64,
     kept: &'static [&'static str],
 }
 
-struct Selecting<'a> {
-    campaign: &'a Campaign,
-    settings: Settings<'a>,
-    fit: Fit,
-    open: Vec<Candidate>,
-    rivals: usize,
-    chosen: Vec<Chosen>,
+/// A choice under way.
+pub(crate) struct Selecting<'a> {
+    pub(crate) campaign: &'a Campaign,
+    pub(crate) settings: Settings<'a>,
+    pub(crate) fit: Fit,
+    pub(crate) open: Vec<Candidate>,
+    pub(crate) rivals: usize,
+    pub(crate) chosen: Vec<Chosen>,
+    /// The model before anything was chosen.
+    given: Box<Model>,
+    /// Effects that join in one round: the best, and those that gain at least this share of it, each on another joint.
+    pub(crate) beside: f64,
 }
 
-impl Selecting<'_> {
-    fn grow(&mut self) {
+impl<'a> Selecting<'a> {
+    /// Nothing chosen yet; one effect joins in a round.
+    pub(crate) fn new(
+        campaign: &'a Campaign,
+        fit: &Fit,
+        settings: &Settings<'a>,
+        open: Vec<Candidate>,
+    ) -> Self {
+        Self {
+            campaign,
+            settings: *settings,
+            rivals: open.len().max(1),
+            open,
+            chosen: Vec::new(),
+            given: fit.hypothesis.model.clone(),
+            fit: fit.clone(),
+            beside: f64::INFINITY,
+        }
+    }
+
+    pub(crate) fn grow(&mut self) {
         for _ in 0..ROUNDS {
             let mut picks = self.among_open();
             if picks.is_empty() {
@@ -125,7 +145,7 @@ impl Selecting<'_> {
     }
 
     /// What `numbers` numbers cost, in the sum of squares.
-    fn cost(&self, numbers: usize, rivals: f64) -> f64 {
+    pub(crate) fn cost(&self, numbers: usize, rivals: f64) -> f64 {
         let readings = self.fit.readings as f64 / self.fit.design_effect;
         numbers as f64 * readings.max(2.0).ln() + 2.0 * rivals.max(1.0).ln()
     }
@@ -142,7 +162,7 @@ impl Selecting<'_> {
                 picks.push(Pick { candidate, found: score.found, gain: score.gain, worth, kept });
             }
         }
-        strongest(picks)
+        strongest(picks, self.beside)
     }
 
     fn among_lines(&self) -> Vec<Pick> {
@@ -161,54 +181,58 @@ impl Selecting<'_> {
 
     fn join(&mut self, picks: Vec<Pick>) {
         let mut hypothesis = self.fit.hypothesis.clone();
-        let arm = hypothesis.model.arm;
         for pick in picks {
-            let Some(effect) = pick.candidate.effect(&arm, &pick.found) else { continue };
-            let place = hypothesis.model.effects().len();
-            if hypothesis.add(effect, pick.kept).is_err() {
-                break;
-            }
-            // What was found is where the search starts; what is believed before the data is nothing.
-            for free in hypothesis.free.iter_mut().filter(|free| free.effect == place) {
-                let linear = named(&effect, free.value)
-                    .is_some_and(|named| named.parameter.role == Role::Linear);
-                free.mean = if linear { 0.0 } else { free.mean };
-            }
-            let settings = pick.candidate.settings.clone();
-            self.chosen.push(Chosen { effect: place, gain: pick.gain, settings });
+            let Some(chosen) = joined(&mut hypothesis, &pick) else { break };
+            self.chosen.push(chosen);
             self.open.retain(|candidate| candidate.slot != pick.candidate.slot);
         }
         self.refit(&hypothesis, Effort::Sketch);
     }
 
-    fn refit(&mut self, hypothesis: &Hypothesis, effort: Effort) {
+    /// The hypothesis without what was chosen in place `k`.
+    pub(crate) fn without(&self, k: usize) -> Hypothesis {
+        let Chosen { effect, revises, .. } = &self.chosen[k];
+        let Some(stated) = revises else { return self.fit.hypothesis.without(*effect) };
+        let mut less = self.fit.hypothesis.clone();
+        less.restore(*effect, &self.given, stated);
+        less
+    }
+
+    /// Takes out what was chosen in place `k`.
+    pub(crate) fn drop(&mut self, k: usize) {
+        let hypothesis = self.without(k);
+        let gone = self.chosen.remove(k);
+        if gone.revises.is_none() {
+            for chosen in self.chosen.iter_mut().filter(|chosen| chosen.effect > gone.effect) {
+                chosen.effect -= 1;
+            }
+        }
+        self.refit(&hypothesis, Effort::Sketch);
+    }
+
+    pub(crate) fn refit(&mut self, hypothesis: &Hypothesis, effort: Effort) {
         let around = self.fit.surroundings.clone();
         let settings = Settings { from: Some(&around), effort, ..self.settings };
         self.fit = fit(self.campaign, hypothesis, &settings);
     }
 
-    fn finish(&mut self) {
+    pub(crate) fn finish(&mut self) {
         let hypothesis = self.fit.hypothesis.clone();
         self.refit(&hypothesis, Effort::Full);
     }
 
     /// Takes out, the least worth first, what is not worth its numbers beside all others.
-    fn prune(&mut self) {
+    pub(crate) fn prune(&mut self) {
         for _ in 0..ROUNDS {
             let worths = self.chosen.iter().enumerate().map(|(k, c)| (k, self.worth(c.effect)));
             let least = worths.min_by(|a, b| a.1.total_cmp(&b.1));
             let Some((k, _)) = least.filter(|(_, worth)| *worth <= 0.0) else { break };
-            let gone = self.chosen.remove(k).effect;
-            for chosen in self.chosen.iter_mut().filter(|chosen| chosen.effect > gone) {
-                chosen.effect -= 1;
-            }
-            let hypothesis = self.fit.hypothesis.without(gone);
-            self.refit(&hypothesis, Effort::Sketch);
+            self.drop(k);
         }
     }
 
     /// By how much the sum of squares would rise without an effect, less what its numbers cost.
-    fn worth(&self, effect: usize) -> f64 {
+    pub(crate) fn worth(&self, effect: usize) -> f64 {
         let hypothesis = &self.fit.hypothesis;
         let values = hypothesis.values();
         let (mut columns, mut linear) = (0, Vec::new());
@@ -220,7 +244,9 @@ impl Selecting<'_> {
             columns += 1;
             let entry = hypothesis.effect_of(free).and_then(|effect| named(effect, free.value));
             if entry.is_some_and(|named| named.parameter.role == Role::Linear) {
-                linear.push((column, values[k]));
+                let given = self.given.effects().nth(effect);
+                let stood = given.and_then(|e| e.values().get(free.value)).copied().unwrap_or(0.0);
+                linear.push((column, values[k] - stood));
             }
         }
         self.rise(&linear) - self.cost(columns, 1.0)
@@ -243,14 +269,34 @@ impl Selecting<'_> {
     }
 }
 
+/// Adds what was picked; none where there is no room.
+pub(crate) fn joined(hypothesis: &mut Hypothesis, pick: &Pick) -> Option<Chosen> {
+    let settings = pick.candidate.settings.clone();
+    if let Some(effect) = pick.candidate.changes() {
+        let revises = Some(hypothesis.revise(effect));
+        return Some(Chosen { effect, gain: pick.gain, settings, revises });
+    }
+    let effect = pick.candidate.effect(&hypothesis.model.arm, &pick.found)?;
+    let place = hypothesis.model.effects().len();
+    hypothesis.add(effect, pick.kept).ok()?;
+    // What was found is where the search starts; what is believed before the data is nothing.
+    for free in hypothesis.free.iter_mut().filter(|free| free.effect == place) {
+        let linear =
+            named(&effect, free.value).is_some_and(|named| named.parameter.role == Role::Linear);
+        free.mean = if linear { 0.0 } else { free.mean };
+    }
+    Some(Chosen { effect: place, gain: pick.gain, settings, revises: None })
+}
+
 /// Those that gain about as much as the best, each on a joint of its own.
-fn strongest(mut picks: Vec<Pick>) -> Vec<Pick> {
+fn strongest(mut picks: Vec<Pick>, beside: f64) -> Vec<Pick> {
     picks.sort_by(|a, b| b.worth.total_cmp(&a.worth));
     let best = picks.first().map_or(0.0, |pick| pick.gain);
     let mut taken = Vec::new();
     picks.retain(|pick| {
         let joint = pick.candidate.joint;
-        let joins = pick.gain >= BESIDE * best && !taken.contains(&joint);
+        let strong = taken.is_empty() || pick.gain >= beside * best;
+        let joins = strong && !taken.contains(&joint);
         if joins {
             taken.push(joint);
         }
@@ -260,9 +306,10 @@ fn strongest(mut picks: Vec<Pick>) -> Vec<Pick> {
 }
 
 /// Whether the numbers lie where they may: a gap or a compliance is not negative.
-fn is_sound(candidate: &Candidate, found: &[f64]) -> bool {
-    candidate.probes.iter().zip(found).all(|(probe, value)| {
-        let range = named(&probe.effect, probe.value).map(|named| named.parameter.range);
-        range.is_none_or(|range| range.holds(*value))
-    })
+pub(crate) fn is_sound(candidate: &Candidate, found: &[f64]) -> bool {
+    candidate.changes().is_some()
+        || candidate.probes.iter().zip(found).all(|(probe, value)| {
+            let range = named(&probe.effect, probe.value).map(|named| named.parameter.range);
+            range.is_none_or(|range| range.holds(*value))
+        })
 }
