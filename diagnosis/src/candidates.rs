@@ -83,6 +83,35 @@ impl Candidate {
         }
     }
 
+    /// The same at the numbers of an effect that came of it and was fitted since, and its linear numbers there; `had`: what a change started from.
+    pub(crate) fn standing(&self, arm: &Arm, effect: &AnyEffect, had: &[f64]) -> (Self, Vec<f64>) {
+        let values = effect.values();
+        let part = |amplitude: f64, phase: f64| {
+            let (sine, cosine) = libm::sincos(phase);
+            (amplitude * cosine, amplitude * sine)
+        };
+        match (self.make, values) {
+            (Make::Wave { joint, .. }, [amplitude, cycles, phase]) => {
+                let (sine, cosine) = part(*amplitude, *phase);
+                let same = wave_candidate(arm, joint, *cycles).unwrap_or_else(|| self.clone());
+                (same, vec![sine, cosine])
+            }
+            (Make::Wobble { .. }, [a1, a2, p1, p2, ..]) => {
+                let ((s1, c1), (s2, c2)) = (part(*a1, *p1), part(*a2, *p2));
+                (self.clone(), vec![s1, s2, c1, c2])
+            }
+            _ => {
+                let mut same = self.clone();
+                same.probes.iter_mut().for_each(|probe| probe.effect = *effect);
+                let stands = |probe: &Probe| {
+                    values[probe.value] - had.get(probe.value).copied().unwrap_or(0.0)
+                };
+                let stands = same.probes.iter().map(stands).collect();
+                (same, stands)
+            }
+        }
+    }
+
     /// The place of the model's effect whose values it changes; none for a new effect.
     pub(crate) fn changes(&self) -> Option<usize> {
         match self.make {
@@ -92,7 +121,6 @@ impl Candidate {
     }
 
     /// A change of an effect that the model has.
-    #[expect(dead_code, reason = "the diagnosis asks for it next")]
     pub(crate) fn change(place: usize, effect: &AnyEffect) -> Self {
         let probes = (0..effect.values().len()).map(|value| Probe { effect: *effect, value });
         Self {
@@ -188,7 +216,7 @@ fn small_moves(campaign: &Campaign) -> bool {
 
 /// All effects that these data could show, geometry aside, each at the values that are worth a try.
 pub(crate) fn candidates(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
-    let mut list = List { arm, shows: Shows::of(arm, campaign), found: Vec::new() };
+    let mut list = List::new(arm, campaign);
     for joint in 0..arm.count() {
         list.of_joint(joint, campaign);
     }
@@ -208,7 +236,11 @@ pub(crate) struct List<'a> {
     pub(crate) found: Vec<Candidate>,
 }
 
-impl List<'_> {
+impl<'a> List<'a> {
+    pub(crate) fn new(arm: &'a Arm, campaign: &Campaign) -> Self {
+        List { arm, shows: Shows::of(arm, campaign), found: Vec::new() }
+    }
+
     fn of_joint(&mut self, joint: usize, campaign: &Campaign) {
         let at = Some(joint);
         self.values("joint_ratio", at, &[("ratio", &[0.0])]);
@@ -298,7 +330,12 @@ impl List<'_> {
     }
 
     /// Adds an effect with all its linear values as probes; false where it cannot be built.
-    fn values(&mut self, kind: &str, joint: Option<usize>, given: &[(&str, &[f64])]) -> bool {
+    pub(crate) fn values(
+        &mut self,
+        kind: &str,
+        joint: Option<usize>,
+        given: &[(&str, &[f64])],
+    ) -> bool {
         let Ok(effect) = AnyEffect::build(kind, self.arm, joint, Given(given)) else {
             return false;
         };

@@ -9,6 +9,7 @@ pub mod campaign;
 mod candidates;
 pub mod circle;
 pub mod colour;
+pub mod diagnose;
 pub mod enhanced;
 pub mod expected;
 pub mod fit;

@@ -10,7 +10,7 @@
 
 use glam::DVec3;
 use physics::frame::Twist;
-use physics::{Arm, Contribution, Evaluation, Frame, JointKind, Joints};
+use physics::{Arm, Contribution, Evaluation, Frame, Inputs, JointKind, Joints, Memories, Model};
 
 /// A small motion of the tool, base axes, per unit of what causes it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -79,6 +79,20 @@ impl Motion {
             | Contribution::DriveTorque { .. }
             | Contribution::ToolForce(_) => None,
         }
+    }
+
+    /// The motion of the controller's own arm at `inputs` when `joint` moves by one rad or m.
+    #[must_use]
+    pub fn of_joint(arm: &Arm, inputs: &Inputs, joint: usize) -> Self {
+        let seen = Model::nominal(*arm).evaluate(inputs, &Memories::default());
+        Self::of(arm, &seen, &Contribution::Joint { joint, delta: 1.0 }).unwrap_or_default()
+    }
+
+    /// This motion times a number.
+    #[must_use]
+    pub fn times(&self, factor: f64) -> Self {
+        let joints = self.joints.map(|joint| joint * factor);
+        Self { turn: self.turn * factor, shift: self.shift * factor, joints }
     }
 
     /// The motion between two places of the tool, per `step` of what changed.

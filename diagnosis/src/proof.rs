@@ -14,6 +14,13 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
+/// Runs from which on whole ones are held out.
+const RUNS_MANY: usize = 10;
+/// Stretches that a campaign of few runs is cut into.
+const BLOCKS: f64 = 20.0;
+/// Every so manieth is held out.
+const HELD_EVERY: usize = 5;
+
 /// Which poses train and which are held out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Split {
@@ -50,11 +57,52 @@ impl Split {
         Self { training, says: format!("the first {trained} of {count} poses train") }
     }
 
+    /// Whole runs are held out where there are many, else stretches of them: every fifth, the first by `seed`.
+    #[must_use]
+    pub fn in_blocks(campaign: &Campaign, seed: u64) -> Self {
+        let runs = runs(campaign);
+        let whole = runs.len() >= RUNS_MANY;
+        let mut blocks: Vec<std::ops::Range<usize>> = Vec::new();
+        for run in &runs {
+            let share = run.len() as f64 / campaign.poses.len().max(1) as f64;
+            let pieces = if whole { 1 } else { (BLOCKS * share).round().max(1.0) as usize };
+            let at = |k: usize| run.start + k * run.len() / pieces;
+            blocks.extend((0..pieces).map(|k| at(k)..at(k + 1)));
+        }
+        let first = (seed % HELD_EVERY as u64) as usize;
+        let mut training = vec![true; campaign.poses.len()];
+        let mut held = 0;
+        for block in blocks.iter().skip(first).step_by(HELD_EVERY) {
+            held += 1;
+            training[block.clone()].fill(false);
+        }
+        let what = if whole { "segments" } else { "stretches" };
+        let says =
+            format!("{held} of {} {what}, never seen by the selection or the fit", blocks.len());
+        Self { training, says }
+    }
+
     /// The held-out poses.
     #[must_use]
     pub fn held_out(&self) -> Vec<bool> {
         self.training.iter().map(|trains| !trains).collect()
     }
+}
+
+/// Poses in order of which each follows the one before in one recording, in time.
+fn runs(campaign: &Campaign) -> Vec<std::ops::Range<usize>> {
+    let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
+    for (k, pose) in campaign.poses.iter().enumerate() {
+        let before = k.checked_sub(1).map(|b| &campaign.poses[b]);
+        let goes_on = before.is_some_and(|before| {
+            before.recording == pose.recording && before.inputs.time_s < pose.inputs.time_s
+        });
+        match runs.last_mut().filter(|_| goes_on) {
+            Some(run) => run.end = k + 1,
+            None => runs.push(k..k + 1),
+        }
+    }
+    runs
 }
 
 /// Distances of measured points from where a model sees them, m.

@@ -15,11 +15,14 @@ use crate::problem::{Look, State, Weighing, follow, motions_of, visit};
 use crate::result::Fit;
 use crate::triangle::{Triangle, dot};
 use glam::DVec3;
+use nalgebra::DMatrix;
 use physics::spec::ActsOn;
 use physics::{EFFECTS_MAX, Evaluation};
 
 /// A candidate's share of its own length that must be left after the fit's columns, squared.
 const LEFT: f64 = 1e-6;
+/// Rows that are multiplied at once.
+const ROWS: usize = 256;
 
 /// What a candidate would bring.
 #[derive(Clone, Debug)]
@@ -79,7 +82,7 @@ impl<'a> Fitted<'a> {
                 numbers: candidates[from..end].iter().map(|c| c.probes.len()).collect(),
                 sigmas: batch.free.iter().map(|free| free.sigma).collect(),
             };
-            let found = self.scores_of(&asked, |pose| &motions[pose]);
+            let found = self.scores_of(&asked, |pose, into| into.clone_from(&motions[pose]));
             scores.extend(found.into_iter().map(|s| Score { candidate: s.candidate + from, ..s }));
             from = end;
         }
@@ -87,10 +90,10 @@ impl<'a> Fitted<'a> {
     }
 
     /// Scores of groups of columns, told by how the tool would move with each at a pose.
-    pub(crate) fn scores_of<'m>(
+    pub(crate) fn scores_of(
         &self,
         asked: &Asked,
-        motions: impl Fn(usize) -> &'m [Motion],
+        motions: impl FnMut(usize, &mut Vec<Motion>),
     ) -> Vec<Score> {
         let sums = self.sums(asked.sigmas.len(), motions);
         let mut column = 0;
@@ -131,14 +134,19 @@ impl<'a> Fitted<'a> {
         (batch, end.max(from + 1))
     }
 
-    fn sums<'m>(&self, count: usize, motions: impl Fn(usize) -> &'m [Motion]) -> Sums {
+    /// Shows the rows of the fit with further columns, told by how the tool would move with each at a pose: the fit's columns, the others, what is left.
+    fn rows(
+        &self,
+        count: usize,
+        mut motions: impl FnMut(usize, &mut Vec<Motion>),
+        mut take: impl FnMut(&[f64], &[f64], f64),
+    ) {
         let (active, width) = (self.fit.columns(), self.fit.columns().len());
         let effects_from = self.state.surroundings.numbers().len();
-        let mut sums = Sums::new(width, count);
         let mut full = vec![vec![0.0; self.state.width()]; 3];
-        // Columns of the fit, of the candidates, and what is left.
         let mut row = vec![0.0; width + count + 1];
         let mut filter = Filter::new(self.campaign);
+        let (mut now, mut moved) = (usize::MAX, Vec::new());
         let look = Look { used: Some(&self.weighing.used), derivatives: true };
         visit(self.campaign, &self.state, look, |at| {
             let scale = self.weighing.scale(at);
@@ -146,19 +154,75 @@ impl<'a> Fitted<'a> {
                 return;
             }
             at.rows.fill(effects_from, at.motions, &mut full);
-            let motions = motions(at.pose);
-            let along: Vec<DVec3> = motions.iter().map(|motion| at.rows.along(motion)).collect();
+            if now != at.pose {
+                now = at.pose;
+                motions(now, &mut moved);
+            }
+            let along: Vec<DVec3> = moved.iter().map(|motion| at.rows.along(motion)).collect();
             for k in 0..at.rows.count {
                 row.iter_mut().zip(active).for_each(|(slot, j)| *slot = scale * full[k][*j]);
                 row[width..].iter_mut().zip(&along).for_each(|(slot, c)| *slot = scale * c[k]);
                 row[width + count] = scale * at.rows.residual[k];
                 filter.pass(at.pose, at.instrument, at.stream, k, &mut row);
                 let (fitted, rest) = row.split_at(width);
-                sums.add(fitted.iter().copied(), &rest[..count], rest[count]);
+                take(fitted, &rest[..count], rest[count]);
             }
+        });
+    }
+
+    fn sums(&self, count: usize, motions: impl FnMut(usize, &mut Vec<Motion>)) -> Sums {
+        let mut sums = Sums::new(self.fit.columns().len(), count);
+        self.rows(count, motions, |fitted, columns, right| {
+            sums.add(fitted.iter().copied(), columns, right);
         });
         sums.project(&self.fit.triangle, self.right());
         sums
+    }
+
+    /// Products of all candidates' columns `C`: with the fit's columns at `places` (`JᵀC`), with each other (`CᵀC`), with what is left (`Cᵀr`); and how
+    /// large each number may be.
+    pub(crate) fn products(
+        &self,
+        candidates: &[Candidate],
+        places: &[usize],
+    ) -> (DMatrix<f64>, DMatrix<f64>, Vec<f64>, Vec<f64>) {
+        let mut motions: Vec<Vec<Motion>> = vec![Vec::new(); self.campaign.poses.len()];
+        let mut sigmas = Vec::new();
+        let mut from = 0;
+        while from < candidates.len() {
+            let (batch, end) = self.batch(candidates, from);
+            let found = self.batch_motions(&batch);
+            motions.iter_mut().zip(found).for_each(|(all, found)| all.extend(found));
+            sigmas.extend(batch.free.iter().map(|free| free.sigma));
+            from = end;
+        }
+        let count = sigmas.len();
+        let wide = places.len() + count + 1;
+        let mut sums = DMatrix::zeros(wide, wide);
+        let mut block = DMatrix::zeros(wide, ROWS);
+        let mut filled = 0;
+        self.rows(
+            count,
+            |pose, into| into.clone_from(&motions[pose]),
+            |fitted, columns, right| {
+                let mut slot = block.column_mut(filled);
+                places.iter().enumerate().for_each(|(k, place)| slot[k] = fitted[*place]);
+                slot.iter_mut().skip(places.len()).zip(columns).for_each(|(slot, c)| *slot = *c);
+                slot[wide - 1] = right;
+                filled += 1;
+                if filled == ROWS {
+                    sums.gemm(1.0, &block, &block.transpose(), 1.0);
+                    filled = 0;
+                }
+            },
+        );
+        block.columns_range_mut(filled..).fill(0.0);
+        sums.gemm(1.0, &block, &block.transpose(), 1.0);
+        let fixed = places.len();
+        let mixed = sums.view((0, fixed), (fixed, count)).into_owned();
+        let own = sums.view((fixed, fixed), (count, count)).into_owned();
+        let pulls = (0..count).map(|k| sums[(fixed + k, wide - 1)]).collect();
+        (mixed, own, pulls, sigmas)
     }
 
     /// How the tool would move with each probe, at each pose that takes part. The candidates remember for themselves.

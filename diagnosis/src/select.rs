@@ -93,7 +93,7 @@ pub(crate) struct Pick {
     pub(crate) found: Vec<f64>,
     pub(crate) gain: f64,
     pub(crate) worth: f64,
-    kept: &'static [&'static str],
+    pub(crate) kept: &'static [&'static str],
 }
 
 /// A choice under way.

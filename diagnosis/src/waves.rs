@@ -10,7 +10,6 @@ use crate::motion::Motion;
 use crate::problem::{Look, visit};
 use crate::score::Fitted;
 use crate::triangle::dot;
-use physics::{Contribution, Evaluation};
 use std::f64::consts::TAU;
 
 /// The most cycles per revolution (per radian of phase for a prismatic joint) that are tried: twice the ratio of the largest common gears, and their wave.
@@ -65,19 +64,7 @@ fn parts(fitted: &Fitted<'_>, joint: usize) -> Vec<Part> {
         if at.pose != pose {
             pose = at.pose;
             let inputs = &fitted.campaign.poses[pose].inputs;
-            let nominal = Evaluation {
-                nominal: physics::Chain::nominal(arm, &inputs.q),
-                real: physics::Chain::nominal(arm, &inputs.q),
-                loads: physics::Loads::on(
-                    arm,
-                    &physics::Chain::nominal(arm, &inputs.q),
-                    inputs.wrench_base,
-                ),
-                deviation: Default::default(),
-                beyond: None,
-            };
-            let unit = Contribution::Joint { joint, delta: 1.0 };
-            motion = Motion::of(arm, &nominal, &unit).unwrap_or_default();
+            motion = Motion::of_joint(arm, inputs, joint);
             let seen = vec![0.0; active.len()];
             parts.push(Part { position: inputs.q[joint], own: 0.0, pull: 0.0, seen });
         }

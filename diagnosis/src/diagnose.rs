@@ -1,0 +1,260 @@
+//! Where a model and a recording differ: where, which physics is missing, how much of it, and the proof on data that no fit has seen.
+//!
+//! Read in this order: `library` (what is asked), `noise`, `name` (which, with rivals), `unknown` (what no name explains), `prove`, `judge`.
+//!
+//! Promises: the same input and seed give the same bits; held-out rows are seen by no choice and no fit; nothing found is a result
+//! like any other. Never: a file, a name of a data set.
+
+mod features;
+mod gram;
+mod judge;
+mod library;
+mod name;
+mod noise;
+pub(crate) mod prove;
+mod unknown;
+
+use crate::campaign::Campaign;
+use crate::fit::{Effort, Settings, fit};
+use crate::hypothesis::Hypothesis;
+use crate::proof::Split;
+use crate::result::Fit;
+use crate::robust::Influence;
+use crate::score::Fitted;
+use features::Word;
+use name::{Asking, Named, Naming};
+use physics::{AnyEffect, Model};
+use prove::Held;
+
+pub use judge::Verdict;
+pub use name::Rival;
+pub use prove::Proof;
+
+/// Readings that are looked at, at most; of more, every so manieth.
+const POSES_MAX: usize = 6000;
+
+/// Something that is missing in the model, or wrong in it.
+#[derive(Clone, Debug)]
+pub struct Finding {
+    /// The effect with its numbers, SI; for a change the effect as it should be.
+    pub effect: AnyEffect,
+    /// For a change: the numbers that the model had.
+    pub had: Option<Vec<f64>>,
+    /// The standard uncertainty of each number, SI; none for one that was not fitted.
+    pub sigma: Vec<Option<f64>>,
+    /// Settings of the effect, SI.
+    pub settings: Vec<(&'static str, Vec<f64>)>,
+    /// The probability that the name is right.
+    pub confidence: f64,
+    /// By how much log-likelihood is higher with it than without.
+    pub gain: f64,
+    /// Other names, with their probabilities.
+    pub rivals: Vec<(Rival, f64)>,
+    /// Held-out root mean square without it (all before it in the list at work) and with it, m or rad.
+    pub heldout: [f64; 2],
+}
+
+/// Structure that no name explains.
+#[derive(Clone, Debug)]
+pub struct Unexplained {
+    /// The contract's words for what it follows.
+    pub depends_on: Vec<String>,
+    /// The joint whose error it looks like, from 0.
+    pub joint: usize,
+    /// Root mean square held out without and with the smooth law, m or rad.
+    pub heldout: [f64; 2],
+}
+
+/// All that was found.
+#[derive(Clone, Debug)]
+pub struct Diagnosis {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Most important first.
+    pub findings: Vec<Finding>,
+    /// Structure beyond them.
+    pub unexplained: Option<Unexplained>,
+    /// Held-out errors.
+    pub proof: Proof,
+    /// The model as given, frames and targets fitted.
+    pub given: Fit,
+    /// With all that was found.
+    pub fit: Fit,
+    /// What was done with the data, in words.
+    pub notes: Vec<String>,
+    /// The campaign as it was used.
+    pub campaign: Campaign,
+    /// Which poses trained.
+    pub split: Split,
+}
+
+/// Diagnoses `model` by `campaign`. `sigma`: what the model states of its effects' uncertainty, one list per effect; `held_out`: what recordings keep for
+/// validation; none: chosen by `seed`.
+#[must_use]
+pub fn diagnose(
+    mut campaign: Campaign,
+    model: &Model,
+    sigma: &[Vec<f64>],
+    held_out: Option<Vec<bool>>,
+    seed: u64,
+) -> Diagnosis {
+    let mut notes = Vec::new();
+    let stride = thin(&mut campaign, &mut notes);
+    let split = match held_out {
+        Some(held) => Split {
+            says: "what the recordings keep for validation".to_owned(),
+            training: held.iter().map(|held| !held).collect(),
+        },
+        None => Split::in_blocks(&campaign, seed),
+    };
+    prove::set_apart(&mut campaign, &split);
+    let words = features::words(&campaign, model);
+    let influence = Influence::Redescending;
+    let settings = Settings { used: &split.training, influence, from: None, effort: Effort::Full };
+    let known = known(model, sigma);
+    let mut base = fit(&campaign, &known, &settings);
+    let library = library::library(model, &campaign);
+    let mut naming = None;
+    // What is named tells what is noise, and what is noise tells what can be named.
+    for round in 0..2 {
+        let seen = naming.as_ref().map_or(&base, |naming: &Naming| &naming.fit);
+        let colours = noise::colours(&campaign, seen, &split.training, &words, stride);
+        let same = colours.iter().zip(&campaign.instruments).all(|(a, b)| *a == b.colour);
+        if round > 0 && same {
+            break;
+        }
+        campaign.instruments.iter_mut().zip(colours).for_each(|(i, colour)| i.colour = colour);
+        let settings = Settings { from: Some(&base.surroundings.clone()), ..settings };
+        base = fit(&campaign, &known, &settings);
+        let (campaign, known, library) = (&campaign, &known, library.as_slice());
+        naming = Some(name::name(&Asking { campaign, known, settings, library }, &base));
+    }
+    let naming = naming.unwrap_or(Naming { fit: base, named: Vec::new() });
+    finish(campaign, model, naming, split, &words, notes)
+}
+
+/// The model with what it says of its own uncertainty free so far.
+fn known(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
+    let mut known = Hypothesis::fixed(*model);
+    for (effect, sigma) in sigma.iter().enumerate().filter(|(_, s)| s.iter().any(|s| *s > 0.0)) {
+        let first = known.free.len();
+        known.free_all(effect, &[], sigma);
+        let stated = |value: usize| sigma.get(value).is_some_and(|sigma| *sigma > 0.0);
+        let mut at = 0;
+        known.free.retain(|free| {
+            at += 1;
+            at <= first || stated(free.value)
+        });
+    }
+    known
+}
+
+/// Leaves the readings of every so manieth pose where there are very many; gives the distance of those that stay.
+fn thin(campaign: &mut Campaign, notes: &mut Vec<String>) -> usize {
+    let measured = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
+    let stride = measured.div_ceil(POSES_MAX).max(1);
+    if stride > 1 {
+        for (k, pose) in campaign.poses.iter_mut().enumerate() {
+            if k % stride > 0 {
+                pose.seen.clear();
+            }
+        }
+        notes.push(format!(
+            "of {measured} rows every {stride}th was looked at; what remembers followed all of them"
+        ));
+    }
+    stride
+}
+
+fn finish(
+    campaign: Campaign,
+    model: &Model,
+    naming: Naming,
+    split: Split,
+    words: &[Word],
+    notes: Vec<String>,
+) -> Diagnosis {
+    let settings = Settings {
+        used: &split.training,
+        influence: Influence::Redescending,
+        from: None,
+        effort: Effort::Full,
+    };
+    let Naming { fit: last, named } = naming;
+    let held = Held::new(&campaign, &split, &last);
+    let given = held.beside(&Hypothesis::fixed(*model), &last);
+    let fitted = Fitted::new(&campaign, &last, &settings);
+    let law = unknown::law(&fitted, words);
+    let verdict = judge::verdict(&named, &last, law.as_ref().map(|law| law.gain));
+    let findings = findings(&held, model, &last, &named, &given);
+    let after = held.rms(&last);
+    let unexplained = law.map(|law| Unexplained {
+        depends_on: law.words.iter().map(|word| words[*word].name.clone()).collect(),
+        joint: law.joint,
+        heldout: [after, after],
+    });
+    let proof = Proof {
+        says: split.says.clone(),
+        before: held.rms(&given),
+        after,
+        noise: held.rms_in_training(&last),
+        is_length: held.is_length,
+    };
+    Diagnosis {
+        verdict,
+        findings,
+        unexplained,
+        proof,
+        given,
+        fit: last,
+        notes,
+        campaign: campaign.clone(),
+        split: split.clone(),
+    }
+}
+
+fn findings(
+    held: &Held<'_>,
+    model: &Model,
+    last: &Fit,
+    named: &[Named],
+    given: &Fit,
+) -> Vec<Finding> {
+    let mut order: Vec<&Named> = named.iter().collect();
+    order.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let readings = last.readings as f64 / last.design_effect;
+    let price = readings.max(2.0).ln();
+    let mut before = held.rms(given);
+    let mut findings = Vec::new();
+    for (k, one) in order.iter().enumerate() {
+        let left: Vec<&Named> = order[k + 1..].to_vec();
+        let after = held.rms(&held.beside(&name::without(last, model, &left), last));
+        let Some(effect) = last.hypothesis.model.effects().nth(one.effect).copied() else {
+            continue;
+        };
+        let sigma = |value: usize| {
+            let place = last.hypothesis.free.iter();
+            let mut place = place
+                .enumerate()
+                .filter(|(_, free)| free.effect == one.effect && free.value == value);
+            place.next().and_then(|(k, _)| last.sigma(last.column_of(k)))
+        };
+        let (confidence, shares) = judge::confidence(one, price);
+        let had = one
+            .stated
+            .as_ref()
+            .and_then(|_| Some(model.effects().nth(one.effect)?.values().to_vec()));
+        findings.push(Finding {
+            sigma: (0..effect.values().len()).map(sigma).collect(),
+            effect,
+            had,
+            settings: one.candidate.settings.clone(),
+            confidence,
+            gain: one.gain,
+            rivals: one.rivals.iter().cloned().zip(shares).collect(),
+            heldout: [before, after],
+        });
+        before = after;
+    }
+    findings
+}

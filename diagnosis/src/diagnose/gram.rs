@@ -1,0 +1,256 @@
+//! All candidates at once: the scalar products of every column with every other, so that adding, taking out and exchanging effects
+//! costs no further look at the data.
+//!
+//! Rows are linearised where a fit stands; what its own effects explain there is given back to the right-hand side, so that they compete anew. Columns
+//! come in and go out by the sweep operator (Goodnight, A tutorial on the SWEEP operator, 1979), on columns scaled to unit length.
+//!
+//! Promises: surroundings and what the model knows of its own doubt are always in; one pass over the campaign.
+//! Never: a decision; see `name`.
+
+use crate::candidates::Candidate;
+use crate::score::Fitted;
+use nalgebra::DMatrix;
+use std::ops::Range;
+
+/// A column's share of its own length that must be left by those that are in, squared.
+const LEFT: f64 = 1e-6;
+
+/// Candidates with the numbers that they have where the rows are linearised; zeros for those that are not in the fit.
+pub(super) struct Entry {
+    pub(super) candidate: Candidate,
+    pub(super) stands: Vec<f64>,
+    /// Stems that a fit of it keeps.
+    pub(super) kept: &'static [&'static str],
+}
+
+/// The products, with some columns in.
+#[derive(Clone)]
+pub(super) struct Gram {
+    /// Scaled; the last row and column are the right-hand side.
+    cells: DMatrix<f64>,
+    /// Lengths of the columns.
+    sizes: Vec<f64>,
+    /// Columns of each entry.
+    groups: Vec<Range<usize>>,
+    /// The data's share of each scaled column's square: the rest is its prior.
+    seen: Vec<f64>,
+    is_in: Vec<bool>,
+}
+
+/// What an entry would bring, or brings.
+#[derive(Clone, Debug)]
+pub(super) struct Gain {
+    /// By how much the sum of squares falls.
+    pub(super) gain: f64,
+    /// How many numbers it takes.
+    pub(super) numbers: usize,
+    /// The numbers, one per probe, SI.
+    pub(super) found: Vec<f64>,
+}
+
+impl Gram {
+    /// The products at the fit. `nuisance`: places among the fit's columns that are always in; `stated`: the doubt of some of them, by place in
+    /// `nuisance`, that the fit left out.
+    pub(super) fn of(
+        fitted: &Fitted<'_>,
+        entries: &[Entry],
+        nuisance: &[usize],
+        stated: &[(usize, f64)],
+    ) -> Self {
+        let candidates: Vec<Candidate> = entries.iter().map(|e| e.candidate.clone()).collect();
+        let (mixed, own, pulls, priors) = fitted.products(&candidates, nuisance);
+        let (fixed, count): (usize, usize) = (nuisance.len(), own.ncols());
+        let part = fitted.fit.triangle.of_columns(nuisance);
+        let width = fixed + count;
+        let mut cells = DMatrix::zeros(width + 1, width + 1);
+        let places = |k: usize| if k < fixed { k } else { width };
+        for i in 0..=fixed {
+            for k in 0..=fixed {
+                let shared = 0..(i.min(k) + 1).min(fixed);
+                let rest = if i == fixed && k == fixed { part.rest() } else { 0.0 };
+                let known: f64 = shared.map(|r| part.at(r, i) * part.at(r, k)).sum();
+                cells[(places(i), places(k))] = known + rest;
+            }
+        }
+        for (place, sigma) in stated {
+            cells[(*place, *place)] += sigma.powi(-2);
+        }
+        for c in 0..count {
+            for j in 0..fixed {
+                (cells[(j, fixed + c)], cells[(fixed + c, j)]) = (mixed[(j, c)], mixed[(j, c)]);
+            }
+            for d in 0..count {
+                cells[(fixed + c, fixed + d)] = own[(c, d)];
+            }
+            (cells[(width, fixed + c)], cells[(fixed + c, width)]) = (pulls[c], pulls[c]);
+        }
+        let mut groups = Vec::with_capacity(entries.len());
+        let mut first = fixed;
+        let mut stands = vec![0.0; width];
+        for entry in entries {
+            let columns = first..first + entry.candidate.probes.len();
+            stands[columns.clone()].copy_from_slice(&entry.stands);
+            first = columns.end;
+            groups.push(columns);
+        }
+        give_back(&mut cells, &stands);
+        let mut gram = Self {
+            sizes: vec![1.0; width],
+            seen: vec![1.0; width],
+            is_in: vec![false; width],
+            cells,
+            groups,
+        };
+        gram.scale(fixed, &priors);
+        (0..fixed).for_each(|column| gram.sweep(column));
+        gram
+    }
+
+    /// Unit lengths, priors included.
+    fn scale(&mut self, fixed: usize, priors: &[f64]) {
+        let width = self.sizes.len();
+        for column in 0..width {
+            let data = self.cells[(column, column)];
+            let prior = column.checked_sub(fixed).map_or(0.0, |c| priors[c].powi(-2));
+            self.cells[(column, column)] = data + prior;
+            self.sizes[column] = (data + prior).sqrt().max(f64::MIN_POSITIVE);
+            self.seen[column] = if data > 0.0 { data / (data + prior) } else { 0.0 };
+        }
+        for i in 0..width {
+            let size = self.sizes[i];
+            self.cells.row_mut(i).scale_mut(1.0 / size);
+            self.cells.column_mut(i).scale_mut(1.0 / size);
+        }
+    }
+
+    /// Brings a column in, or takes it out again.
+    fn sweep(&mut self, k: usize) {
+        let pivot = self.cells[(k, k)];
+        // A column that is in has its inverse, below zero, on the diagonal.
+        if pivot.abs() < f64::MIN_POSITIVE {
+            return;
+        }
+        let row: Vec<f64> = self.cells.column(k).iter().copied().collect();
+        let count = row.len();
+        let sign = if self.is_in[k] { -1.0 } else { 1.0 };
+        for j in 0..count {
+            let share = row[j] / pivot;
+            if j == k || share == 0.0 {
+                continue;
+            }
+            let mut column = self.cells.column_mut(j);
+            column.iter_mut().zip(&row).for_each(|(cell, r)| *cell -= r * share);
+        }
+        for j in 0..count {
+            let cell = sign * row[j] / pivot;
+            (self.cells[(k, j)], self.cells[(j, k)]) = (cell, cell);
+        }
+        self.cells[(k, k)] = -1.0 / pivot;
+        self.is_in[k] = !self.is_in[k];
+    }
+
+    /// Columns of an entry that are in.
+    fn inside(&self, entry: usize) -> Vec<usize> {
+        self.groups[entry].clone().filter(|column| self.is_in[*column]).collect()
+    }
+
+    /// Brings an entry in: those of its columns that show something of their own.
+    pub(super) fn add(&mut self, entry: usize) {
+        for column in self.groups[entry].clone() {
+            let left = self.cells[(column, column)];
+            if !self.is_in[column] && self.shows(column, left) {
+                self.sweep(column);
+            }
+        }
+    }
+
+    /// Takes an entry out.
+    pub(super) fn remove(&mut self, entry: usize) {
+        self.inside(entry).into_iter().for_each(|column| self.sweep(column));
+    }
+
+    fn shows(&self, column: usize, left: f64) -> bool {
+        let prior = 1.0 - self.seen[column];
+        left - prior > LEFT * self.seen[column] && left > LEFT
+    }
+
+    /// What an entry that is out would bring; none where it shows nothing of its own.
+    pub(super) fn would_gain(&self, entry: usize) -> Option<Gain> {
+        let columns = self.groups[entry].clone();
+        let right = self.sizes.len();
+        let mut kept: Vec<usize> = Vec::new();
+        let mut factor: Vec<Vec<f64>> = Vec::new();
+        let mut pulls: Vec<f64> = Vec::new();
+        for k in columns.clone() {
+            let mut row: Vec<f64> = Vec::new();
+            for (i, other) in kept.iter().enumerate() {
+                let known: f64 = factor[i].iter().zip(&row).map(|(a, b)| a * b).sum();
+                row.push((self.cells[(*other, k)] - known) / factor[i][i]);
+            }
+            let left = self.cells[(k, k)] - row.iter().map(|x| x * x).sum::<f64>();
+            let known: f64 = row.iter().zip(&pulls).map(|(a, b)| a * b).sum();
+            if self.shows(k, left) {
+                let root = left.sqrt();
+                pulls.push((self.cells[(k, right)] - known) / root);
+                row.push(root);
+                factor.push(row);
+                kept.push(k);
+            }
+        }
+        if kept.is_empty() {
+            return None;
+        }
+        let mut x = pulls.clone();
+        for i in (0..kept.len()).rev() {
+            let later: f64 = (i + 1..kept.len()).map(|j| factor[j][i] * x[j]).sum();
+            x[i] = (pulls[i] - later) / factor[i][i];
+        }
+        let mut found = vec![0.0; columns.len()];
+        for (column, x) in kept.iter().zip(&x) {
+            found[column - columns.start] = x / self.sizes[*column];
+        }
+        let gain = pulls.iter().map(|pull| pull * pull).sum();
+        Some(Gain { gain, numbers: kept.len(), found })
+    }
+
+    /// What an entry that is in brings beside all others that are.
+    pub(super) fn gains(&self, entry: usize) -> Gain {
+        let columns = self.groups[entry].clone();
+        let inside = self.inside(entry);
+        let right = self.sizes.len();
+        let size = inside.len();
+        let inverse = DMatrix::from_fn(size, size, |i, k| -self.cells[(inside[i], inside[k])]);
+        let x = DMatrix::from_fn(size, 1, |i, _| self.cells[(inside[i], right)]);
+        let solved = inverse.cholesky().map(|c| c.solve(&x));
+        let gain = solved.map_or(0.0, |solved| solved.dot(&x));
+        let mut found = vec![0.0; columns.len()];
+        for (i, column) in inside.iter().enumerate() {
+            found[column - columns.start] = x[i] / self.sizes[*column];
+        }
+        Gain { gain, numbers: size, found }
+    }
+
+    /// The sum of squares that is left.
+    pub(super) fn left(&self) -> f64 {
+        let right = self.sizes.len();
+        self.cells[(right, right)]
+    }
+}
+
+/// Adds to the right-hand side what columns explain with the numbers that they stand at.
+fn give_back(cells: &mut DMatrix<f64>, stands: &[f64]) {
+    let right = stands.len();
+    let mut added = vec![0.0; right + 1];
+    for (column, x) in stands.iter().enumerate().filter(|(_, x)| **x != 0.0) {
+        let products = cells.column(column);
+        added.iter_mut().zip(products.iter()).for_each(|(sum, g)| *sum += g * x);
+    }
+    // |r + Cx|² = |r|² + 2 x·Cᵀr + xᵀCᵀCx
+    let along: f64 = stands.iter().zip(&added).map(|(x, a)| x * a).sum();
+    let total = cells[(right, right)] + 2.0 * added[right] + along;
+    for column in 0..right {
+        let cell = cells[(column, right)] + added[column];
+        (cells[(column, right)], cells[(right, column)]) = (cell, cell);
+    }
+    cells[(right, right)] = total;
+}

@@ -1,0 +1,89 @@
+//! The verdict: consistent, named, unknown, or not to be told apart.
+//!
+//! Promises: what cannot be told apart is never claimed. Never: a number that was not found elsewhere.
+
+use super::name::{ALIKE, Named, Rival};
+use physics::AnyEffect;
+
+/// Names must carry this share of what was found above the noise; else the structure is unknown.
+const CARRIED: f64 = 0.8;
+/// Two names that differ by less than this in log-likelihood are one and the same thing in this recording.
+const SAME: f64 = 0.2;
+
+/// What a recording says of a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Nothing above the noise.
+    Consistent,
+    /// The findings explain the mismatch.
+    MissingPhysics,
+    /// There is structure that no known effect explains.
+    UnknownStructure,
+    /// Candidates alike, or too little to say anything.
+    Undetermined,
+}
+
+impl Verdict {
+    /// As in the contract.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Consistent => "consistent",
+            Self::MissingPhysics => "missing_physics",
+            Self::UnknownStructure => "unknown_structure",
+            Self::Undetermined => "undetermined",
+        }
+    }
+}
+
+/// The verdict on names that explain `named` and a law that explains `left` more of the sum of squares.
+pub(super) fn verdict(found: &[Named], fit: &crate::Fit, left: Option<f64>) -> Verdict {
+    let named: f64 = found.iter().map(|one| 2.0 * one.gain).sum();
+    let carried = left.is_none_or(|left| named >= CARRIED * (named + left));
+    let first = found.iter().max_by(|a, b| a.gain.total_cmp(&b.gain));
+    match first {
+        None if left.is_none() => Verdict::Consistent,
+        None => Verdict::UnknownStructure,
+        Some(_) if !carried => Verdict::UnknownStructure,
+        Some(first) if is_ambiguous(first, fit) => Verdict::Undetermined,
+        Some(_) => Verdict::MissingPhysics,
+    }
+}
+
+/// Whether another name, one that is not the same thing by another word, explains it as well.
+pub(super) fn is_ambiguous(one: &Named, fit: &crate::Fit) -> bool {
+    let own = fit.hypothesis.model.effects().nth(one.effect);
+    let alike = |rival: &&Rival| {
+        rival.behind < ALIKE
+            && rival.numbers <= one.numbers
+            && !own.is_some_and(|own| is_same(own, rival))
+    };
+    one.rivals.iter().filter(alike).count() > 0
+}
+
+/// Whether a rival is the same thing in this recording, and the contract says which word to prefer.
+fn is_same(own: &AnyEffect, rival: &Rival) -> bool {
+    let family = |effect: &AnyEffect| match effect {
+        AnyEffect::JointCompliance(_)
+        | AnyEffect::GravityCompliance(_)
+        | AnyEffect::LoadCompliance(_)
+        | AnyEffect::GravitySag(_) => 1,
+        AnyEffect::Backlash(_) | AnyEffect::Hysteresis(_) => 2,
+        AnyEffect::AxisShift(_) => 3,
+        _ => 0,
+    };
+    let kin = family(own) > 0 && family(own) == family(&rival.effect);
+    let parallel = matches!(own, AnyEffect::AxisShift(_));
+    kin && rival.behind.abs() < SAME && (parallel || own.joint() == rival.effect.joint())
+}
+
+/// The probability that a name is right beside its rivals, by their likelihoods and the numbers that each takes.
+pub(super) fn confidence(one: &Named, price: f64) -> (f64, Vec<f64>) {
+    let weight = |rival: &Rival| {
+        let dearer = rival.numbers as f64 - one.numbers as f64;
+        libm::exp(-(rival.behind + 0.5 * price * dearer).max(-20.0))
+    };
+    let weights: Vec<f64> = one.rivals.iter().map(weight).collect();
+    let all = 1.0 + weights.iter().sum::<f64>();
+    (1.0 / all, weights.iter().map(|weight| weight / all).collect())
+}

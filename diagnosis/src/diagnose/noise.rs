@@ -1,0 +1,112 @@
+//! How the noise remembers itself, taken from what no smooth law of the poses explains: an effect that is still missing must not pass for noise.
+//!
+//! Each number read is first fitted by a flexible law of positions, directions, speeds, loads, temperature and time; autoregression is taken from
+//! what that leaves.
+//!
+//! Promises: a slow drift, a sag, a play is no noise. Never: a change of the readings.
+
+use super::features::Word;
+use crate::campaign::Campaign;
+use crate::colour::{Colour, follows, stream};
+use crate::problem::{Look, State, Weighing, visit};
+use crate::result::Fit;
+use crate::triangle::{Triangle, dot};
+use std::collections::BTreeMap;
+
+/// Polynomials per word.
+const DEGREE: usize = 4;
+/// Polynomials of time: slow drifts.
+const DEGREE_OF_TIME: usize = 10;
+/// Values per number of the flexible law, at least.
+const SPARE: usize = 6;
+/// What lies further out counts as this, in units of the noise.
+const FAR: f64 = 4.0;
+
+/// The values of one number read, in the order of poses.
+#[derive(Default)]
+struct Run {
+    instrument: usize,
+    poses: Vec<usize>,
+    values: Vec<f64>,
+}
+
+/// The colours of all instruments, from the poses `used`, `stride` poses from one reading to the next.
+pub(super) fn colours(
+    campaign: &Campaign,
+    fit: &Fit,
+    used: &[bool],
+    words: &[Word],
+    stride: usize,
+) -> Vec<Colour> {
+    let mut pieces: Vec<Vec<Vec<f64>>> = vec![Vec::new(); campaign.instruments.len()];
+    for run in runs(campaign, fit, used).values() {
+        let left = flattened(run, words);
+        pieces[run.instrument].extend(split(campaign, run, &left, stride));
+    }
+    pieces.iter().map(|pieces| Colour::of_runs(pieces, stride)).collect()
+}
+
+fn runs(campaign: &Campaign, fit: &Fit, used: &[bool]) -> BTreeMap<(usize, usize, usize), Run> {
+    let state =
+        State { surroundings: fit.surroundings.clone(), hypothesis: fit.hypothesis.clone() };
+    let weighing = Weighing {
+        used: used.to_vec(),
+        weights: fit.weights.clone(),
+        factors: fit.factors.clone(),
+    };
+    let mut runs: BTreeMap<(usize, usize, usize), Run> = BTreeMap::new();
+    let look = Look { used: Some(used), derivatives: false };
+    let streams: Vec<usize> = campaign
+        .poses
+        .iter()
+        .flat_map(|pose| pose.seen.iter().map(|seen| stream(&seen.reading)))
+        .collect();
+    visit(campaign, &state, look, |at| {
+        let scale = weighing.scale(at);
+        for part in 0..at.rows.count {
+            let run = runs.entry((at.instrument, streams[at.reading], part)).or_default();
+            run.instrument = at.instrument;
+            run.poses.push(at.pose);
+            run.values.push(scale * at.rows.residual[part]);
+        }
+    });
+    runs
+}
+
+/// What the flexible law leaves of a run.
+fn flattened(run: &Run, words: &[Word]) -> Vec<f64> {
+    let count = run.values.len();
+    let mut rows: Vec<Vec<f64>> = vec![vec![1.0]; count];
+    for word in words {
+        let degree = if word.name == "t_s" { DEGREE_OF_TIME } else { DEGREE };
+        if (rows.first().map_or(0, Vec::len) + degree) * SPARE > count {
+            continue;
+        }
+        for (row, pose) in rows.iter_mut().zip(&run.poses) {
+            row.extend(word.chebyshev(*pose, degree));
+        }
+    }
+    let width = rows.first().map_or(0, Vec::len);
+    let mut triangle = Triangle::new(width);
+    for (row, value) in rows.iter().zip(&run.values) {
+        triangle.push(row, *value);
+    }
+    triangle.reduce();
+    let damping: Vec<f64> = (0..width).map(|j| 1e-6 * triangle.norm(j).max(1e-12)).collect();
+    let law = triangle.solve(&damping);
+    let left = rows.iter().zip(&run.values).map(|(row, value)| value - dot(row, &law));
+    left.map(|x| x.clamp(-FAR, FAR)).collect()
+}
+
+/// A run in pieces of which each pose follows the one before.
+fn split(campaign: &Campaign, run: &Run, left: &[f64], stride: usize) -> Vec<Vec<f64>> {
+    let mut pieces: Vec<Vec<f64>> = Vec::new();
+    for (k, value) in left.iter().enumerate() {
+        let goes_on = k > 0 && follows(campaign, run.poses[k - 1], run.poses[k], stride);
+        match pieces.last_mut().filter(|_| goes_on) {
+            Some(piece) => piece.push(*value),
+            None => pieces.push(vec![*value]),
+        }
+    }
+    pieces
+}

@@ -1,0 +1,99 @@
+//! The proof on rows that neither the choice nor the fit has seen.
+//!
+//! Promises: surroundings (frames, targets) come from training rows alone; rows that are outliers to the final model count for no model. An effect that
+//! does not help there is no finding. Never: a change of what was fitted.
+
+use crate::campaign::Campaign;
+use crate::fit::compare;
+use crate::hypothesis::Hypothesis;
+use crate::proof::Split;
+use crate::result::Fit;
+
+/// Poses of a path between training and held-out stretches.
+const APART: usize = 5;
+/// A reading further off than this many times the middle one is an outlier.
+const FAR: f64 = 8.0;
+
+/// Root mean squares over single numbers, held out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proof {
+    /// What was held out, in words.
+    pub says: String,
+    /// The model as given, only frames and targets fitted: m (rad where only joints were measured).
+    pub before: f64,
+    /// With all that was found.
+    pub after: f64,
+    /// What the instrument cannot see below.
+    pub noise: f64,
+    /// Whether they are lengths.
+    pub is_length: bool,
+}
+
+/// Takes the readings next to held-out stretches of a path out of the campaign, so that noise which remembers itself does not tell on both sides.
+pub(super) fn set_apart(campaign: &mut Campaign, split: &Split) {
+    let moving = |k: usize| campaign.poses[k].arrival == crate::Arrival::FromBefore;
+    let count = campaign.poses.len();
+    let borders = (1..count).filter(|k| split.training[*k] != split.training[k - 1] && moving(*k));
+    let near: Vec<usize> = borders.flat_map(|k| k.saturating_sub(APART)..k).collect();
+    near.into_iter().for_each(|k| campaign.poses[k].seen.clear());
+}
+
+/// Held-out readings, ready to be asked for any fit.
+pub(super) struct Held<'a> {
+    campaign: &'a Campaign,
+    pub(super) split: &'a Split,
+    counts: Vec<bool>,
+    pub(super) is_length: bool,
+}
+
+impl<'a> Held<'a> {
+    /// `last`: the fit with everything, which says what is an outlier.
+    pub(super) fn new(campaign: &'a Campaign, split: &'a Split, last: &Fit) -> Self {
+        let off = last.off(campaign);
+        let is_length = off.iter().any(|off| off.is_length);
+        let mut lengths: Vec<f64> =
+            off.iter().filter(|o| o.is_length == is_length).map(|o| o.off.length()).collect();
+        let middle = lengths.len() / 2;
+        let far = match lengths.get_mut(middle) {
+            None => f64::INFINITY,
+            Some(_) => FAR * *lengths.select_nth_unstable_by(middle, f64::total_cmp).1,
+        };
+        let held = |pose: usize| !split.training[pose];
+        let counts = off.iter().map(|o| held(o.pose) && o.is_length == is_length);
+        let counts = counts.zip(&off).map(|(counts, o)| counts && o.off.length() <= far).collect();
+        Self { campaign, split, counts, is_length }
+    }
+
+    /// The root mean square of single numbers, and how many they are.
+    pub(super) fn rms(&self, fit: &Fit) -> f64 {
+        let (mut sum, mut count) = (0.0, 0_usize);
+        let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
+        let numbers: Vec<usize> = numbers.map(|seen| seen.reading.count()).collect();
+        for off in fit.off(self.campaign).iter().filter(|off| self.counts[off.reading]) {
+            sum += off.off.length_squared();
+            count += numbers[off.reading];
+        }
+        (sum / count.max(1) as f64).sqrt()
+    }
+
+    /// The same for the training rows of a fit: what is left where everything was fitted.
+    pub(super) fn rms_in_training(&self, fit: &Fit) -> f64 {
+        let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
+        let numbers: Vec<usize> = numbers.map(|seen| seen.reading.count()).collect();
+        let (mut sum, mut count) = (0.0, 0.0);
+        for off in fit.off(self.campaign) {
+            if self.split.training[off.pose] && off.is_length == self.is_length {
+                let weight = fit.weights[off.reading];
+                sum += weight * off.off.length_squared();
+                count += weight * numbers[off.reading] as f64;
+            }
+        }
+        let freedom = (count - fit.columns().len() as f64).max(1.0);
+        (sum / freedom).sqrt()
+    }
+
+    /// The fit of `hypothesis` beside `last`, with its weights.
+    pub(super) fn beside(&self, hypothesis: &Hypothesis, last: &Fit) -> Fit {
+        compare(self.campaign, hypothesis, last, &self.split.training)
+    }
+}

@@ -1,0 +1,155 @@
+//! What no name explains: whether anything is left above the noise, and what it follows.
+//!
+//! Each joint's error is asked as a smooth law of each word (Chebyshev polynomials), and of those pairs of words that physics ties together; the law
+//! that is worth most of its numbers says what the rest depends on (an additive model in the manner of Hastie and Tibshirani, 1990, with few terms).
+//!
+//! Promises: a law costs its numbers and the number of laws that were tried. Never: a name of an effect.
+
+use super::features::Word;
+use crate::motion::Motion;
+use crate::score::{Asked, Fitted};
+use physics::Arm;
+
+/// Polynomials of one word.
+const DEGREE: usize = 5;
+/// Polynomials of each word of a pair.
+const DEGREE_OF_PAIR: usize = 3;
+/// How large a coefficient may be: a joint's error, rad or m.
+const LARGE: f64 = 5e-3;
+
+/// A smooth law of a joint's error.
+#[derive(Clone, Debug)]
+pub(super) struct Law {
+    /// The joint that errs, from 0.
+    pub(super) joint: usize,
+    /// Places among the words: one or two.
+    pub(super) words: Vec<usize>,
+    /// One coefficient per term, rad or m.
+    pub(super) found: Vec<f64>,
+    /// By how much the sum of squares falls.
+    pub(super) gain: f64,
+    /// Less what its numbers cost; above zero: it is there.
+    pub(super) worth: f64,
+}
+
+/// The law that is worth most; none where nothing is left to explain.
+pub(super) fn law(fitted: &Fitted<'_>, words: &[Word]) -> Option<Law> {
+    let joints = fitted.state.hypothesis.model.arm.count();
+    let mut best = better(fitted, words, |joint| singles(words, joint), None);
+    best = better(fitted, words, |joint| pairs(words, joint), best);
+    // What the best law follows may bend with any other word.
+    if let Some(one) = best.clone() {
+        let with = |joint: usize| {
+            let all = (0..words.len()).filter(|_| joint == one.joint);
+            all.filter(|w| !one.words.contains(w)).map(|w| vec![one.words[0], w]).collect()
+        };
+        best = better(fitted, words, with, best);
+    }
+    debug_assert!(best.as_ref().is_none_or(|law| law.joint < joints));
+    best.filter(|law| law.worth > 0.0)
+}
+
+/// The best of `groups` (per joint) and of what was found before.
+fn better(
+    fitted: &Fitted<'_>,
+    words: &[Word],
+    groups: impl Fn(usize) -> Vec<Vec<usize>>,
+    before: Option<Law>,
+) -> Option<Law> {
+    let arm = &fitted.state.hypothesis.model.arm;
+    let mut best = before;
+    let tried: usize = (0..arm.count()).map(|joint| groups(joint).len()).sum();
+    for joint in 0..arm.count() {
+        let groups = groups(joint);
+        let counts: Vec<usize> = groups.iter().map(|group| count(words, group)).collect();
+        let asked = Asked { sigmas: vec![LARGE; counts.iter().sum()], numbers: counts };
+        let scores = fitted.scores_of(&asked, |pose, into| {
+            let unit = Motion::of_joint(arm, &fitted.campaign.poses[pose].inputs, joint);
+            into.clear();
+            for group in &groups {
+                terms(words, group, pose, |term| into.push(unit.times(term)));
+            }
+        });
+        for score in scores {
+            let worth = score.gain / fitted.fit.design_effect - price(fitted, score.numbers, tried);
+            if best.as_ref().is_none_or(|best| worth > best.worth) {
+                let words = groups[score.candidate].clone();
+                best = Some(Law { joint, words, found: score.found, gain: score.gain, worth });
+            }
+        }
+    }
+    best
+}
+
+fn price(fitted: &Fitted<'_>, numbers: usize, tried: usize) -> f64 {
+    let readings = fitted.fit.readings as f64 / fitted.fit.design_effect;
+    numbers as f64 * readings.max(2.0).ln() + 2.0 * (tried.max(1) as f64).ln()
+}
+
+fn singles(words: &[Word], _joint: usize) -> Vec<Vec<usize>> {
+    (0..words.len()).map(|word| vec![word]).collect()
+}
+
+/// A joint's own words with each other, its position with those of others, and its motion with temperature and load.
+fn pairs(words: &[Word], joint: usize) -> Vec<Vec<usize>> {
+    let own = |word: &Word| word.joint == Some(joint);
+    let position = |word: &Word| word.name.starts_with('q');
+    let mut pairs = Vec::new();
+    for (a, first) in words.iter().enumerate() {
+        for (b, second) in words.iter().enumerate().skip(a + 1) {
+            let tied = own(first) && own(second);
+            let places = position(first) && position(second) && (own(first) || own(second));
+            let heat = own(first) && second.joint.is_none();
+            if tied || places || heat {
+                pairs.push(vec![a, b]);
+            }
+        }
+    }
+    pairs
+}
+
+fn count(words: &[Word], group: &[usize]) -> usize {
+    let mut count = 0;
+    terms(words, group, 0, |_| count += 1);
+    count
+}
+
+/// The terms of a group at a pose.
+fn terms(words: &[Word], group: &[usize], pose: usize, mut take: impl FnMut(f64)) {
+    let degree = |word: &Word, most: usize| if word.name.starts_with("dir") { 1 } else { most };
+    match *group {
+        [one] => words[one].chebyshev(pose, degree(&words[one], DEGREE)).for_each(take),
+        [one, two] => {
+            let of = |w: usize| {
+                let most = degree(&words[w], DEGREE_OF_PAIR);
+                let mut all = vec![1.0];
+                all.extend(words[w].chebyshev(pose, most));
+                all
+            };
+            let (first, second) = (of(one), of(two));
+            for (i, x) in first.iter().enumerate() {
+                for (k, y) in second.iter().enumerate().filter(|(k, _)| i + k > 0) {
+                    debug_assert!(k < second.len());
+                    take(x * y);
+                }
+            }
+        }
+        _ => {}
+    }
+}
+
+impl Law {
+    /// How the tool moves with it at a pose.
+    pub(super) fn motion(
+        &self,
+        arm: &Arm,
+        fitted: &Fitted<'_>,
+        words: &[Word],
+        pose: usize,
+    ) -> Motion {
+        let mut sum = 0.0;
+        let mut found = self.found.iter();
+        terms(words, &self.words, pose, |term| sum += term * found.next().unwrap_or(&0.0));
+        Motion::of_joint(arm, &fitted.campaign.poses[pose].inputs, self.joint).times(sum)
+    }
+}
