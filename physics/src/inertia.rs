@@ -40,9 +40,7 @@ struct Moving {
 impl Moving {
     fn acceleration_of(&self, point: DVec3) -> DVec3 {
         let lever = point - self.point;
-        self.acceleration
-            + self.spin_rate.cross(lever)
-            + self.spin.cross(self.spin.cross(lever))
+        self.acceleration + self.spin_rate.cross(lever) + self.spin.cross(self.spin.cross(lever))
     }
 }
 
@@ -152,7 +150,8 @@ mod tests {
     fn a_pendulum_resists_with_its_moment_of_inertia_and_no_speed_brakes_it() {
         let arm = pendulum();
         let chain = Chain::nominal(&arm, &[0.4; JOINTS_MAX]);
-        let seen = reaction(&arm, &chain, &[1.7; JOINTS_MAX], &[0.5; JOINTS_MAX], &Extra::default());
+        let seen =
+            reaction(&arm, &chain, &[1.7; JOINTS_MAX], &[0.5; JOINTS_MAX], &Extra::default());
         assert!((seen.torque[0] + 3.0 * 4.0 * 0.5).abs() < 1e-12);
         let extra = Extra { mass: 1.0, first_moment: DVec3::X };
         let loaded = reaction(&arm, &chain, &[0.0; JOINTS_MAX], &[0.5; JOINTS_MAX], &extra);
@@ -171,7 +170,8 @@ mod tests {
             .map(|(i, body)| {
                 let place = |chain: &Chain| chain.bodies[i].point(body.centre);
                 let speed = (place(&after) - place(&before)) / (2.0 * h);
-                let spin = (after.bodies[i].rotation - before.bodies[i].rotation) * (0.5 / h)
+                let spin = (after.bodies[i].rotation - before.bodies[i].rotation)
+                    * (0.5 / h)
                     * now.bodies[i].rotation.transpose();
                 let spin = DVec3::new(spin.y_axis.z, spin.z_axis.x, spin.x_axis.y);
                 let turned = now.bodies[i].rotation;
@@ -205,7 +205,8 @@ mod tests {
     fn a_mass_that_the_base_accelerates_pulls_the_base_back() {
         let arm = pendulum();
         let chain = Chain::nominal(&arm, &[0.0; JOINTS_MAX]);
-        let seen = reaction(&arm, &chain, &[0.0; JOINTS_MAX], &[0.5; JOINTS_MAX], &Extra::default());
+        let seen =
+            reaction(&arm, &chain, &[0.0; JOINTS_MAX], &[0.5; JOINTS_MAX], &Extra::default());
         assert!((seen.base_moment - DVec3::new(0.0, -6.0, 0.0)).length() < 1e-12);
     }
 }
