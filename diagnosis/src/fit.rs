@@ -82,9 +82,9 @@ pub fn compare(campaign: &Campaign, hypothesis: &Hypothesis, before: &Fit, used:
     fitting.weighing.weights.clone_from(&before.weights);
     fitting.weighing.factors.clone_from(&before.factors);
     fitting.choose_columns();
-    fitting.run(STEPS);
+    fitting.run(SKETCH);
     if !fitting.bound() {
-        fitting.run(STEPS);
+        fitting.run(SKETCH);
     }
     fitting.done()
 }

@@ -10,7 +10,7 @@
 use super::gram::{Entry, Gain, Gram};
 use crate::campaign::Campaign;
 use crate::candidates::{Candidate, wave_candidate};
-use crate::fit::{Settings, compare, fit};
+use crate::fit::{Effort, Settings, compare, fit};
 use crate::hypothesis::{Free, Hypothesis, named};
 use crate::result::Fit;
 use crate::score::Fitted;
@@ -84,11 +84,13 @@ pub(super) fn name(asking: &Asking<'_>, base: &Fit) -> Naming {
         let before = titles(&naming.named);
         let mut choice = Choice::at(asking, &naming);
         choice.make();
-        naming = asking.fitted(&choice, &naming.fit);
+        naming = asking.fitted(&choice, &naming.fit, Effort::Sketch);
         if titles(&naming.named) == before {
             break;
         }
     }
+    let settings = Settings { from: Some(&naming.fit.surroundings.clone()), ..asking.settings };
+    naming.fit = fit(asking.campaign, &naming.fit.hypothesis, &settings);
     let mut choice = Choice::at(asking, &naming);
     // What was named stands at the end of the entries, before the lines.
     choice.stand(&naming.named);
@@ -139,7 +141,7 @@ impl Asking<'_> {
     }
 
     /// The fit with what was chosen.
-    fn fitted(&self, choice: &Choice, before: &Fit) -> Naming {
+    fn fitted(&self, choice: &Choice, before: &Fit, effort: Effort) -> Naming {
         let mut hypothesis = self.known.clone();
         let mut chosen = Vec::new();
         for entry in &choice.chosen {
@@ -157,7 +159,7 @@ impl Asking<'_> {
                 });
             }
         }
-        let settings = Settings { from: Some(&before.surroundings), ..self.settings };
+        let settings = Settings { from: Some(&before.surroundings), effort, ..self.settings };
         Naming { fit: fit(self.campaign, &hypothesis, &settings), named: chosen }
     }
 }
@@ -325,29 +327,52 @@ impl Choice {
                 near.push((place, would));
             }
         }
-        let named = naming.named[k].clone();
-        let bare = without(&naming.fit, asking.given(), &[&named]);
-        let whole =
-            compare(asking.campaign, &naming.fit.hypothesis, &naming.fit, asking.settings.used);
         let mut rivals = Vec::new();
         for (place, would) in near.into_iter().take(FITTED) {
-            let mut hypothesis = bare.clone();
-            let entry = &self.entries[place];
-            let joined = Asking::joined(&mut hypothesis, entry, &would.found);
-            let Some((effect, _)) = joined else { continue };
-            let fit = compare(asking.campaign, &hypothesis, &naming.fit, asking.settings.used);
-            let Some(effect) = fit.hypothesis.model.effects().nth(effect) else { continue };
-            let behind = 0.5 * (fit.sum - whole.sum) / self.design_effect;
-            if behind < 2.0 * ALIKE {
-                let changes = entry.candidate.changes().is_some();
-                rivals.push(Rival { effect: *effect, changes, behind, numbers: would.numbers });
-            }
+            let rival = self.rival(asking, naming, k, place, &would, gain.gain);
+            rivals.extend(rival.filter(|rival| rival.behind < 2.0 * ALIKE));
         }
         rivals.sort_by(|a, b| a.behind.total_cmp(&b.behind));
         let one = &mut naming.named[k];
         one.gain = 0.5 * gain.gain / self.design_effect;
         one.numbers = gain.numbers;
         one.rivals = rivals;
+    }
+}
+
+impl Choice {
+    /// What the entry in `place` would be in the stead of what was named in place `k`; fitted where it has numbers that are not linear.
+    fn rival(
+        &self,
+        asking: &Asking<'_>,
+        naming: &Naming,
+        k: usize,
+        place: usize,
+        would: &Gain,
+        own: f64,
+    ) -> Option<Rival> {
+        let entry = &self.entries[place];
+        let changes = entry.candidate.changes().is_some();
+        let numbers = would.numbers;
+        let behind = 0.5 * (own - would.gain) / self.design_effect;
+        let fit = &naming.fit;
+        if let Some(change) = entry.candidate.changes() {
+            let effect = *fit.hypothesis.model.effects().nth(change)?;
+            return Some(Rival { effect, changes, behind, numbers });
+        }
+        let effect = entry.candidate.effect(&fit.hypothesis.model.arm, &would.found)?;
+        let linear =
+            |value| named(&effect, value).is_none_or(|named| named.parameter.role == Role::Linear);
+        if (0..effect.values().len()).all(linear) || !entry.kept.is_empty() {
+            return Some(Rival { effect, changes, behind, numbers });
+        }
+        let mut hypothesis = without(fit, asking.given(), &[&naming.named[k]]);
+        let (at, _) = Asking::joined(&mut hypothesis, entry, &would.found)?;
+        let whole = compare(asking.campaign, &fit.hypothesis, fit, asking.settings.used);
+        let fitted = compare(asking.campaign, &hypothesis, fit, asking.settings.used);
+        let effect = *fitted.hypothesis.model.effects().nth(at)?;
+        let behind = 0.5 * (fitted.sum - whole.sum) / self.design_effect;
+        Some(Rival { effect, changes, behind, numbers })
     }
 }
 
