@@ -9,10 +9,13 @@ mod features;
 mod gram;
 mod judge;
 mod library;
+mod locate;
 mod name;
 mod noise;
-pub(crate) mod prove;
+mod prove;
+pub mod says;
 mod unknown;
+mod untested;
 
 use crate::campaign::Campaign;
 use crate::fit::{Effort, Settings, fit};
@@ -27,8 +30,10 @@ use physics::{AnyEffect, Model};
 use prove::Held;
 
 pub use judge::Verdict;
+pub use locate::{Cell, Seen};
 pub use name::Rival;
 pub use prove::Proof;
+pub use untested::Untested;
 
 /// Readings that are looked at, at most; of more, every so manieth.
 const POSES_MAX: usize = 6000;
@@ -52,6 +57,8 @@ pub struct Finding {
     pub rivals: Vec<(Rival, f64)>,
     /// Held-out root mean square without it (all before it in the list at work) and with it, m or rad.
     pub heldout: [f64; 2],
+    /// Where it shows.
+    pub seen: Seen,
 }
 
 /// Structure that no name explains.
@@ -80,6 +87,10 @@ pub struct Diagnosis {
     pub given: Fit,
     /// With all that was found.
     pub fit: Fit,
+    /// Where the model as given and the recording differ.
+    pub map: Vec<Cell>,
+    /// What could not have shown.
+    pub not_tested: Vec<Untested>,
     /// What was done with the data, in words.
     pub notes: Vec<String>,
     /// The campaign as it was used.
@@ -130,7 +141,8 @@ pub fn diagnose(
         naming = Some(name::name(&Asking { campaign, known, settings, library }, &base));
     }
     let naming = naming.unwrap_or(Naming { fit: base, named: Vec::new() });
-    finish(campaign, model, naming, split, &words, notes)
+    let not_tested = untested::untested(&model.arm, &library, &words);
+    finish(campaign, model, naming, split, &words, (not_tested, notes))
 }
 
 /// The model with what it says of its own uncertainty free so far.
@@ -172,7 +184,7 @@ fn finish(
     naming: Naming,
     split: Split,
     words: &[Word],
-    notes: Vec<String>,
+    (not_tested, notes): (Vec<Untested>, Vec<String>),
 ) -> Diagnosis {
     let settings = Settings {
         used: &split.training,
@@ -186,6 +198,7 @@ fn finish(
     let fitted = Fitted::new(&campaign, &last, &settings);
     let law = unknown::law(&fitted, words);
     let verdict = judge::verdict(&named, &last, law.as_ref().map(|law| law.gain));
+    let map = locate::map(&campaign, &given, &settings, words);
     let findings = findings(&held, model, &last, &named, &given);
     let after = held.rms(&last);
     let unexplained = law.map(|law| Unexplained {
@@ -207,6 +220,8 @@ fn finish(
         proof,
         given,
         fit: last,
+        map,
+        not_tested,
         notes,
         campaign: campaign.clone(),
         split: split.clone(),
@@ -226,6 +241,7 @@ fn findings(
     let price = readings.max(2.0).ln();
     let mut before = held.rms(given);
     let mut findings = Vec::new();
+    let whole = &last.hypothesis.model;
     for (k, one) in order.iter().enumerate() {
         let left: Vec<&Named> = order[k + 1..].to_vec();
         let after = held.rms(&held.beside(&name::without(last, model, &left), last));
@@ -244,7 +260,10 @@ fn findings(
             .stated
             .as_ref()
             .and_then(|_| Some(model.effects().nth(one.effect)?.values().to_vec()));
+        let bare = name::without(last, model, &[one]).model;
+        let seen = locate::seen(held.campaign, &last.surroundings, whole, &bare);
         findings.push(Finding {
+            seen,
             sigma: (0..effect.values().len()).map(sigma).collect(),
             effect,
             had,

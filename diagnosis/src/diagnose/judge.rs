@@ -7,6 +7,8 @@ use physics::AnyEffect;
 
 /// Names must carry this share of what was found above the noise; else the structure is unknown.
 const CARRIED: f64 = 0.8;
+/// Where more than this share of what is named cannot be told apart, nothing is claimed.
+const CLEAR: f64 = 0.5;
 /// Two names that differ by less than this in log-likelihood are one and the same thing in this recording.
 const SAME: f64 = 0.2;
 
@@ -40,13 +42,14 @@ impl Verdict {
 pub(super) fn verdict(found: &[Named], fit: &crate::Fit, left: Option<f64>) -> Verdict {
     let named: f64 = found.iter().map(|one| 2.0 * one.gain).sum();
     let carried = left.is_none_or(|left| named >= CARRIED * (named + left));
-    let first = found.iter().max_by(|a, b| a.gain.total_cmp(&b.gain));
-    match first {
-        None if left.is_none() => Verdict::Consistent,
-        None => Verdict::UnknownStructure,
-        Some(_) if !carried => Verdict::UnknownStructure,
-        Some(first) if is_ambiguous(first, fit) => Verdict::Undetermined,
-        Some(_) => Verdict::MissingPhysics,
+    let alike = found.iter().filter(|one| is_ambiguous(one, fit));
+    let alike: f64 = alike.map(|one| 2.0 * one.gain).sum();
+    match found {
+        [] if left.is_none() => Verdict::Consistent,
+        [] => Verdict::UnknownStructure,
+        _ if !carried => Verdict::UnknownStructure,
+        _ if alike > CLEAR * named => Verdict::Undetermined,
+        _ => Verdict::MissingPhysics,
     }
 }
 

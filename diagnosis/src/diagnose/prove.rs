@@ -40,7 +40,7 @@ pub(super) fn set_apart(campaign: &mut Campaign, split: &Split) {
 
 /// Held-out readings, ready to be asked for any fit.
 pub(super) struct Held<'a> {
-    campaign: &'a Campaign,
+    pub(super) campaign: &'a Campaign,
     pub(super) split: &'a Split,
     counts: Vec<bool>,
     pub(super) is_length: bool,

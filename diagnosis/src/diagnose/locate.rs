@@ -1,0 +1,176 @@
+//! Where model and recording differ: joint by joint, over what the arm was doing.
+//!
+//! In every cell (a joint, a word of the contract, a part of its range) the joint's own error is estimated from all readings there: how far that
+//! joint alone would have to be off, with its standard uncertainty. Cells are ranked by how far they stand above the noise.
+//!
+//! Promises: the model as given, frames and targets fitted; nothing is taken out. Never: a cause.
+
+use super::features::Word;
+use crate::campaign::{Campaign, Place, Reading};
+use crate::fit::Settings;
+use crate::motion::Motion;
+use crate::problem::{Look, follow, visit};
+use crate::result::Fit;
+use crate::score::Fitted;
+use crate::surroundings::Surroundings;
+use glam::DVec3;
+use physics::Model;
+
+/// Parts of a word's range.
+const PARTS: usize = 6;
+/// Cells that are kept.
+const CELLS: usize = 40;
+/// Shares of the largest effect: what counts as moved by it, and when it acts.
+const MOVED: f64 = 0.5;
+const ACTS: f64 = 0.7;
+/// Intervals that are named.
+const INTERVALS: usize = 5;
+
+/// One cell of the map.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    /// The joint whose error is told, from 0.
+    pub joint: usize,
+    /// The contract's word.
+    pub word: String,
+    /// From where to where, in the word's own unit, SI.
+    pub range: [f64; 2],
+    /// How far the joint would have to be off, rad or m.
+    pub off: f64,
+    /// Its standard uncertainty.
+    pub sigma: f64,
+}
+
+/// The map of the model as given, the clearest cells first.
+pub(super) fn map(
+    campaign: &Campaign,
+    given: &Fit,
+    settings: &Settings<'_>,
+    words: &[Word],
+) -> Vec<Cell> {
+    let fitted = Fitted::new(campaign, given, settings);
+    let arm = &given.hypothesis.model.arm;
+    let joints = arm.count();
+    let mut sums = vec![(0.0, 0.0); joints * words.len() * PARTS];
+    let look = Look { used: Some(settings.used), derivatives: false };
+    let (mut now, mut units) = (usize::MAX, Vec::new());
+    visit(campaign, &fitted.state, look, |at| {
+        if now != at.pose {
+            now = at.pose;
+            let inputs = &campaign.poses[now].inputs;
+            units = (0..joints).map(|joint| Motion::of_joint(arm, inputs, joint)).collect();
+        }
+        let scale = fitted.weighing.scale(at);
+        for (joint, unit) in units.iter().enumerate() {
+            let along = at.rows.along(unit) * scale;
+            let (own, pull) = (along.length_squared(), along.dot(at.rows.residual) * scale);
+            for (k, word) in words.iter().enumerate() {
+                let part = (0.5 * (word.values[at.pose] + 1.0) * PARTS as f64) as usize;
+                let cell = &mut sums[(joint * words.len() + k) * PARTS + part.min(PARTS - 1)];
+                (cell.0, cell.1) = (cell.0 + own, cell.1 + pull);
+            }
+        }
+    });
+    let mut cells = Vec::new();
+    for (place, (own, pull)) in sums.into_iter().enumerate().filter(|(_, sum)| sum.0 > 0.0) {
+        let (rest, part) = (place / PARTS, place % PARTS);
+        let word = &words[rest % words.len()];
+        let edge = |k: usize| word.middle + word.half * (2.0 * k as f64 / PARTS as f64 - 1.0);
+        let sigma = (given.design_effect / own).sqrt();
+        cells.push(Cell {
+            joint: rest / words.len(),
+            word: word.name.clone(),
+            range: [edge(part), edge(part + 1)],
+            off: pull / own,
+            sigma,
+        });
+    }
+    let clear = |cell: &Cell| (cell.off / cell.sigma).abs();
+    cells.sort_by(|a, b| clear(b).total_cmp(&clear(a)));
+    cells.truncate(CELLS);
+    cells
+}
+
+/// Where an effect is to be seen.
+#[derive(Clone, Debug, Default)]
+pub struct Seen {
+    /// Columns of the recording that it moves most.
+    pub channels: Vec<String>,
+    /// When it is largest, s.
+    pub intervals_s: Vec<[f64; 2]>,
+}
+
+/// Where the difference of two models shows in the readings.
+pub(super) fn seen(
+    campaign: &Campaign,
+    around: &Surroundings,
+    with: &Model,
+    without: &Model,
+) -> Seen {
+    let places = |model: &Model| {
+        let mut places = Vec::with_capacity(campaign.poses.len());
+        follow(model, campaign, None, |_, seen, _| {
+            places.push((seen.real.base_from_tool, seen.deviation.joints));
+        });
+        places
+    };
+    let (with, without) = (places(with), places(without));
+    let mut channels: Vec<(String, f64)> = Vec::new();
+    let mut add = |name: String, square: f64| match channels.iter_mut().find(|c| c.0 == name) {
+        Some(channel) => channel.1 += square,
+        None => channels.push((name, square)),
+    };
+    let mut sizes = vec![0.0; campaign.poses.len()];
+    for (k, pose) in campaign.poses.iter().enumerate() {
+        let ((tool, joints), (other, bare)) = (&with[k], &without[k]);
+        for reading in pose.seen.iter().map(|seen| &seen.reading) {
+            match reading {
+                Reading::Point { place, frame, .. } => {
+                    let (prefix, point) = match place {
+                        Place::Tcp => (String::new(), DVec3::ZERO),
+                        Place::Target(t) => (format!("target{}_", t + 1), around.targets[*t].value),
+                    };
+                    let station = &around.frames[*frame].value.measuring_from_base;
+                    let moved = station.rotation * (tool.point(point) - other.point(point));
+                    for (axis, name) in ["x", "y", "z"].iter().enumerate() {
+                        add(format!("{prefix}{name}_mm"), moved[axis] * moved[axis]);
+                    }
+                    sizes[k] += moved.length_squared();
+                }
+                Reading::JointPosition { joint, .. } => {
+                    let moved = joints[*joint] - bare[*joint];
+                    add(format!("ql{}", joint + 1), moved * moved);
+                    sizes[k] += moved * moved;
+                }
+                _ => {}
+            }
+        }
+    }
+    let most = channels.iter().map(|c| c.1).fold(0.0, f64::max);
+    channels.retain(|channel| channel.1 >= MOVED * MOVED * most && most > 0.0);
+    let channels = channels.into_iter().map(|channel| channel.0).collect();
+    Seen { channels, intervals_s: intervals(campaign, &sizes) }
+}
+
+/// The longest times in which it is near its largest.
+fn intervals(campaign: &Campaign, sizes: &[f64]) -> Vec<[f64; 2]> {
+    let most = sizes.iter().copied().fold(0.0, f64::max);
+    let mut found: Vec<[f64; 2]> = Vec::new();
+    let mut open = false;
+    for (pose, size) in campaign.poses.iter().zip(sizes) {
+        if pose.seen.is_empty() {
+            continue;
+        }
+        let (acts, now) = (most > 0.0 && *size >= ACTS * ACTS * most, pose.inputs.time_s);
+        match found.last_mut().filter(|last| open && now >= last[1]) {
+            Some(last) if acts => last[1] = now,
+            _ if acts => found.push([now, now]),
+            _ => {}
+        }
+        open = acts;
+    }
+    found.sort_by(|a, b| (b[1] - b[0]).total_cmp(&(a[1] - a[0])));
+    found.truncate(INTERVALS);
+    found.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    found
+}

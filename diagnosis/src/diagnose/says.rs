@@ -1,0 +1,184 @@
+//! Findings in words that a technician can act on.
+//!
+//! Promises: numbers with their unit; no word about what was not found. Never: a judgement.
+
+use crate::hypothesis::named;
+use physics::{AnyEffect, JointKind};
+
+/// A number of an effect in the unit of files, three digits that count.
+struct Said<'a> {
+    effect: &'a AnyEffect,
+    had: Option<&'a [f64]>,
+    slides: bool,
+}
+
+impl Said<'_> {
+    /// Value `k` (its change, where the model had one) in the unit of files.
+    fn at(&self, k: usize) -> f64 {
+        let kind = if self.slides { JointKind::Prismatic } else { JointKind::Revolute };
+        let had = self.had.and_then(|had| had.get(k)).copied().unwrap_or(0.0);
+        let value = self.effect.values().get(k).copied().unwrap_or(0.0) - had;
+        named(self.effect, k).map_or(value, |n| value / n.parameter.unit.suffix_and_si(kind).1)
+    }
+
+    fn number(&self, k: usize) -> String {
+        digits(self.at(k))
+    }
+
+    /// The length of values `from` to `to`.
+    fn length(&self, from: usize, to: usize) -> String {
+        digits((from..to).map(|k| self.at(k).powi(2)).sum::<f64>().sqrt())
+    }
+
+    fn angle(&self) -> &'static str {
+        if self.slides { "mm" } else { "mrad" }
+    }
+}
+
+/// Three digits that count.
+fn digits(value: f64) -> String {
+    let places = if value == 0.0 { 0.0 } else { 2.0 - value.abs().log10().floor() };
+    format!("{value:.*}", places.clamp(0.0, 9.0) as usize)
+}
+
+/// What was found, as one sentence. `had`: the numbers that the model had, where they were wrong.
+#[must_use]
+pub fn sentence(effect: &AnyEffect, had: Option<&[f64]>, slides: bool) -> String {
+    let said = Said { effect, had, slides };
+    let joint = effect.joint().map_or(String::new(), |joint| format!("Joint {}", joint + 1));
+    let what = what(&said, &joint);
+    match had {
+        None => format!("{what}."),
+        Some(_) => format!("The model's {} is off: {what} more than it says.", effect.spec().kind),
+    }
+}
+
+fn what(said: &Said<'_>, joint: &str) -> String {
+    let (n, mrad) = (|k| said.number(k), said.angle());
+    match said.effect.spec().kind {
+        "joint_offset" => format!("{joint}'s zero is off by {} {mrad}: its encoder offset", n(0)),
+        "joint_ratio" => format!("{joint} moves {} of its angle too far: its ratio or scale", n(0)),
+        "joint_coupling" => format!(
+            "{joint} is driven along by another joint, {} of that one's motion: coupled gears",
+            n(0)
+        ),
+        "transmission_error" => format!(
+            "{joint} errs by a wave of {} {mrad}, {} cycles per {}: eccentricity or mesh of its gears",
+            n(0),
+            n(1),
+            if said.slides { "metre" } else { "revolution" }
+        ),
+        "backlash" => format!(
+            "{joint} loses {} {mrad} of motion at each reversal: backlash in its gear train",
+            n(0)
+        ),
+        "lost_motion" => format!(
+            "{joint} has a soft zone of {} {mrad} under small loads (about {}): lost motion in its gear train",
+            n(0),
+            n(1)
+        ),
+        "hysteresis" => format!(
+            "{joint} lags behind by {} {mrad} after a reversal, building up over {} {mrad}: hysteresis",
+            n(0),
+            n(1)
+        ),
+        "gravity_compliance" | "joint_compliance" => format!(
+            "{joint} bends under its load by {} {mrad} per kNm: compliance of its gear train",
+            n(0)
+        ),
+        "load_compliance" => format!(
+            "{joint} bends under the tool's load by {} {mrad} per kNm: compliance of its gear train",
+            n(0)
+        ),
+        "gravity_sag" => format!(
+            "{joint} sags under the weight of what it carries, {} {mrad} in all",
+            said.length(0, said.effect.values().len())
+        ),
+        "stiffness_hardening" => {
+            format!("{joint} stiffens under load: {} {mrad} per kNm cubed less", n(0))
+        }
+        "bearing_compliance" => {
+            format!("{joint}'s bearing tilts by {} mrad per kNm across its axis", n(0))
+        }
+        "base_compliance" => {
+            format!("The base tilts by {} mrad per kNm: foot, bolts or floor give way", n(0))
+        }
+        "tool_compliance" => {
+            format!("The tool gives way by {}, {}, {} um per N along its axes", n(0), n(1), n(2))
+        }
+        "counterbalance" => {
+            format!("{joint} carries the load of a spring, {} N per m: its counterbalance", n(0))
+        }
+        "axis_tilt" => format!(
+            "{joint}'s axis points {} mrad elsewhere than the model says",
+            said.length(0, 2)
+        ),
+        "axis_shift" => {
+            format!("{joint}'s axis stands {} mm elsewhere than the model says", said.length(0, 3))
+        }
+        "tool_offset" => {
+            format!("The tool centre point is {} mm from where the model has it", said.length(0, 3))
+        }
+        "gravity_tilt" => format!("The robot stands {} mrad off the vertical", said.length(0, 2)),
+        "payload" => {
+            format!("A mass of {} kg hangs on the flange that the model does not know", n(0))
+        }
+        "thermal_growth" => format!(
+            "The link after {} grows with heat: {} um{}",
+            joint.to_lowercase(),
+            n(0),
+            per_kelvin(said)
+        ),
+        "thermal_zero" => {
+            format!("{joint}'s zero drifts with heat: {} {mrad}{}", n(0), per_kelvin(said))
+        }
+        "axis_wobble" => format!(
+            "{joint}'s axis wobbles by {} mrad as it turns: runout of its bearing",
+            said.length(0, 2)
+        ),
+        "spindle_growth" => format!("The tool grows by {} um as the spindle warms", n(0)),
+        kind => format!("{joint} {kind}: {}", n(0)),
+    }
+}
+
+fn per_kelvin(said: &Said<'_>) -> String {
+    let fitted = said.effect.fitted();
+    let stem = |k: usize| fitted.get(k).map(|p| p.stem);
+    match (stem(0), stem(1)) {
+        (Some("growth" | "drift"), Some("lag")) => {
+            format!(" per kelvin, {} s behind the air", said.number(1))
+        }
+        (Some("growth" | "drift"), _) => " per kelvin".to_owned(),
+        (_, Some("time_constant")) => format!(" over a warm-up of {} s", said.number(1)),
+        _ => String::new(),
+    }
+}
+
+/// When an effect shows, in the words of the contract's `condition`.
+#[must_use]
+pub fn condition(effect: &AnyEffect) -> String {
+    let n = effect.joint().map_or(0, |joint| joint + 1);
+    match effect.spec().kind {
+        "backlash" | "reversal_spike" => format!("changes sign with the direction of joint {n}"),
+        "hysteresis" => format!("builds up after each reversal of joint {n}"),
+        "lost_motion" => format!("changes sign with the load on joint {n}"),
+        "gravity_compliance" | "joint_compliance" | "gravity_sag" => {
+            format!("follows the load on joint {n}")
+        }
+        "load_compliance" | "tool_compliance" => "follows the wrench on the tool".to_owned(),
+        "stiffness_hardening" => format!("follows the cube of the load on joint {n}"),
+        "bearing_compliance" => format!("follows the moment across joint {n}'s axis"),
+        "base_compliance" => "follows the moment about the base".to_owned(),
+        "joint_ratio" => format!("grows with the angle of joint {n}"),
+        "joint_coupling" => format!("joint {n} follows another joint's angle"),
+        "transmission_error" | "axis_wobble" => format!("returns with the angle of joint {n}"),
+        "thermal_growth" | "thermal_zero" | "spindle_growth" => {
+            "follows the temperature, or time since the start".to_owned()
+        }
+        "gravity_tilt" | "payload" | "counterbalance" => "follows the weight of the arm".to_owned(),
+        "joint_offset" | "axis_tilt" | "axis_shift" => {
+            format!("always there, carried along by joint {n}")
+        }
+        _ => "always there, carried along by the tool".to_owned(),
+    }
+}

@@ -1,0 +1,89 @@
+//! What this recording could not have shown, and why.
+//!
+//! Promises: every effect of the contract that moves the tool is either asked or stands here. Never: a finding.
+
+use super::features::Word;
+use crate::candidates::Candidate;
+use physics::effects::SPECS;
+use physics::spec::{ActsOn, Need, Place, Spec};
+use physics::{Arm, JointKind};
+
+/// An effect that was not asked.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Untested {
+    /// Its name.
+    pub effect: &'static str,
+    /// From 0; none for the whole robot.
+    pub joint: Option<usize>,
+    /// In words.
+    pub why: String,
+}
+
+/// Effects that are not in `library`.
+pub(super) fn untested(arm: &Arm, library: &[Candidate], words: &[Word]) -> Vec<Untested> {
+    let asked: Vec<(&str, Option<usize>)> = library
+        .iter()
+        .filter_map(|candidate| candidate.probes.first())
+        .map(|probe| (probe.effect.spec().kind, probe.effect.joint()))
+        .collect();
+    let mut list = Vec::new();
+    for spec in SPECS {
+        if matches!(spec.acts_on, ActsOn::DriveTorque | ActsOn::ToolForce) {
+            continue;
+        }
+        let joints: Vec<Option<usize>> = match spec.place {
+            Place::Robot => vec![None],
+            _ => (0..arm.count()).map(Some).collect(),
+        };
+        for joint in joints.into_iter().filter(|joint| !asked.contains(&(spec.kind, *joint))) {
+            list.extend(why(arm, spec, joint, words).map(|why| Untested {
+                effect: spec.kind,
+                joint,
+                why,
+            }));
+        }
+    }
+    for joint in 0..arm.count() {
+        let still = !words.iter().any(|word| word.name == format!("q{}", joint + 1));
+        if still {
+            let why = format!("joint {} never moves", joint + 1);
+            list.push(Untested { effect: "joint_ratio", joint: Some(joint), why });
+        }
+    }
+    let mut said: Vec<Untested> = Vec::new();
+    for one in list {
+        if !said.iter().any(|s| s.effect == one.effect && s.joint == one.joint) {
+            said.push(one);
+        }
+    }
+    said
+}
+
+fn why(arm: &Arm, spec: &Spec, joint: Option<usize>, words: &[Word]) -> Option<String> {
+    let has = |name: &str| words.iter().any(|word| word.name.starts_with(name));
+    let slides = joint.is_some_and(|j| arm.joints()[j].kind == JointKind::Prismatic);
+    if spec.place == Place::RevoluteJoint && slides {
+        return None;
+    }
+    let n = joint.map_or(0, |joint| joint + 1);
+    if joint.is_some() && !has(&format!("q{n}")) {
+        return Some(format!("joint {n} never moves"));
+    }
+    let lacks = |need: &Need| match need {
+        Need::Direction if !has(&format!("direction_{n}")) => {
+            Some(format!("joint {n} never reverses, or the recording does not say how it arrived"))
+        }
+        Need::Wrench if !has("wrench") => {
+            Some("the wrench never changes or was not recorded".into())
+        }
+        Need::Masses if arm.bodies().next().is_none() => Some("the model has no masses".into()),
+        Need::Temperature if !has("temp") => {
+            Some("the temperature never changes or was not recorded".into())
+        }
+        Need::SpindleSpeed if !has("spindle") => {
+            Some("the spindle speed never changes or was not recorded".into())
+        }
+        _ => None,
+    };
+    spec.needs.iter().find_map(lacks)
+}
