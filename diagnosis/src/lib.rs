@@ -23,6 +23,7 @@ mod made;
 mod minimise;
 pub mod motion;
 pub mod per_joint;
+pub mod plan;
 mod problem;
 pub mod proof;
 pub mod readback;
