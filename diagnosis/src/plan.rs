@@ -1,7 +1,7 @@
 //! Which poses to measure next, and what each would bring.
 //!
 //! Read in this order: [`Task`] (what is to be found, what measures it, what bars a pose), [`plan()`] (poses chosen for a [`Criterion`]),
-//! [`next()`] (one pose, and whether it is enough).
+//! [`next()`] (one pose, and whether it is enough), [`check`] (whether a model still holds after a collision).
 //!
 //! All of it looks at the information matrix `M = Σ AᵀA + prior`, `A` the whitened derivatives of a pose's readings by every number that a fit
 //! would find, each on the scale of its prior: the unknown measuring frame and targets are among them, so that what they take with them counts
@@ -11,9 +11,11 @@
 //! Never: a collision-free way between two poses, and never an effect that the hypothesis lacks.
 
 mod bank;
+pub mod check;
 mod choose;
 mod gain;
 pub mod inverse;
+pub mod iso;
 pub mod next;
 pub mod order;
 pub mod reach;
@@ -21,6 +23,7 @@ pub mod sight;
 pub mod task;
 #[cfg(test)]
 mod tests;
+pub mod zone;
 
 pub use choose::Criterion;
 pub use gain::{Added, Falls};
@@ -110,7 +113,10 @@ pub fn plan(task: &Task, known: Option<Known<'_>>, wish: &Wish) -> Result<Plan, 
     let drawn = task.draw(&mut rng, wish.candidates, wish.count)?;
     let candidates = drawn.len();
     let mut bank = Bank::of(task, known, drawn)?;
-    let mut picks = choose(&Design::of(&bank, wish.criterion), wish.count);
+    let mut picks = {
+        let design = Design::of(&bank, wish.criterion);
+        choose(&|picks| design.worths(picks), wish.count)
+    };
     let near = picks.iter().flat_map(|pick| {
         let q = bank.candidates[*pick].q;
         task.near(&mut rng, &q, NEAR_BY, NEAR)
@@ -118,7 +124,7 @@ pub fn plan(task: &Task, known: Option<Known<'_>>, wish: &Wish) -> Result<Plan, 
     let near: Vec<_> = near.collect();
     bank.add(task, near);
     let design = Design::of(&bank, wish.criterion);
-    choose::exchange(&design, &mut picks);
+    choose::exchange(&|picks| design.worths(picks), &mut picks);
     let start = match known.and_then(|known| known.campaign.poses.last()) {
         Some(pose) => pose.inputs.q,
         None => order::home(&task.hypothesis.model.arm, &task.reach),

@@ -99,20 +99,19 @@ impl<'a> Design<'a> {
     }
 }
 
-/// Chooses `count` candidates, best first.
-pub(crate) fn choose(design: &Design<'_>, count: usize) -> Vec<usize> {
+/// Chooses `count` candidates; `worths` says what each would add to those that are chosen.
+pub(crate) fn choose(worths: &dyn Fn(&[usize]) -> Vec<f64>, count: usize) -> Vec<usize> {
     let mut picks = Vec::with_capacity(count);
     while picks.len() < count {
-        let worths = design.worths(&picks);
-        let Some(best) = best(&worths, &picks) else { break };
+        let Some(best) = best(&worths(&picks), &picks) else { break };
         picks.push(best);
     }
-    exchange(design, &mut picks);
+    exchange(worths, &mut picks);
     picks
 }
 
 /// Exchanges chosen candidates for better ones as long as that gains.
-pub(crate) fn exchange(design: &Design<'_>, picks: &mut [usize]) {
+pub(crate) fn exchange(worths: &dyn Fn(&[usize]) -> Vec<f64>, picks: &mut [usize]) {
     for _ in 0..PASSES {
         let mut gained = false;
         for place in 0..picks.len() {
@@ -122,7 +121,7 @@ pub(crate) fn exchange(design: &Design<'_>, picks: &mut [usize]) {
                 .filter(|(k, _)| *k != place)
                 .map(|(_, pick)| *pick)
                 .collect();
-            let worths = design.worths(&others);
+            let worths = worths(&others);
             let Some(best) = best(&worths, &others) else { continue };
             if worths[best] > worths[picks[place]] + GAIN * worths[best].abs() {
                 picks[place] = best;

@@ -43,7 +43,7 @@ pub fn next(
     let drawn = task.draw(&mut rng, candidates, AHEAD)?;
     let bank = Bank::of(task, known, drawn)?;
     let design = Design::of(&bank, Criterion::Zone);
-    let ahead = choose(&design, AHEAD);
+    let ahead = choose(&|picks| design.worths(picks), AHEAD);
     let after = design.information(&ahead);
     let last = known.and_then(|known| known.campaign.poses.last()).map(|pose| pose.inputs.q);
     let pick = nearest(task, &bank, &design.worths(&[]), last);

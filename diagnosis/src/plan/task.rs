@@ -14,6 +14,7 @@ use glam::{DMat3, DVec3};
 use physics::{AnyEffect, Arm, Chain, Given, Inputs, Joints, Model};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
 
 /// Poses that are drawn for each that is wanted, at most.
 const PATIENCE: usize = 200;
@@ -148,7 +149,8 @@ impl Task {
 
     /// Joint positions within the limits that the arm is free at, by chance.
     #[must_use]
-    pub fn workspace(&self, rng: &mut ChaCha8Rng, count: usize) -> Vec<Joints> {
+    pub fn workspace(&self, count: usize, seed: u64) -> Vec<Joints> {
+        let rng = &mut ChaCha8Rng::seed_from_u64(seed);
         let mut found = Vec::new();
         for _ in 0..PATIENCE * count {
             let q = self.anywhere(rng);

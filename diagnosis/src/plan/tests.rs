@@ -32,7 +32,7 @@ pub(super) fn task() -> Task {
         both_ways: false,
         asked: Vec::new(),
     };
-    task.asked = task.workspace(&mut ChaCha8Rng::seed_from_u64(1), 60);
+    task.asked = task.workspace(60, 1);
     task
 }
 

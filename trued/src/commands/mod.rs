@@ -9,6 +9,7 @@ mod correct;
 mod demo;
 mod gears;
 mod model;
+mod plan;
 mod reload;
 mod replay;
 mod run;
@@ -30,6 +31,7 @@ pub(crate) enum Command {
     Demo(demo::Demo),
     Gears(gears::Gears),
     Model(model::Model),
+    Plan(plan::Plan),
     Reload(reload::Reload),
     Replay(replay::Replay),
     Run(run::Run),
@@ -47,6 +49,7 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Demo(demo) => demo.run(console),
         Command::Gears(gears) => gears.run(console),
         Command::Model(model) => model.run(console),
+        Command::Plan(plan) => plan.run(console),
         Command::Reload(reload) => reload.run(console),
         Command::Replay(replay) => replay.run(console),
         Command::Run(run) => run.run(console),
