@@ -13,6 +13,7 @@ mod force;
 mod gears;
 mod invariants;
 mod kill;
+mod plan;
 mod process;
 mod program;
 mod readme;

@@ -117,23 +117,18 @@ pub(crate) fn state(task: &Task) -> State {
     State { surroundings: task.surroundings.clone(), hypothesis: task.hypothesis.clone() }
 }
 
-/// A campaign of candidates.
-pub(crate) fn campaign(state: &State, candidates: &[Candidate]) -> Campaign {
-    Campaign {
-        poses: candidates.iter().flat_map(|candidate| candidate.poses.iter().cloned()).collect(),
-        surroundings: state.surroundings.clone(),
-        instruments: vec![Instrument { name: "planned".to_owned(), noise_is_known: true }],
-        recordings: vec!["planned".to_owned()],
-    }
-}
-
 /// The rows of each candidate over the columns `columns`, in noises per SI.
 pub(crate) fn rows_of(
     state: &State,
     candidates: &[Candidate],
     columns: &[usize],
 ) -> Vec<DMatrix<f64>> {
-    let campaign = campaign(state, candidates);
+    let campaign = Campaign {
+        poses: candidates.iter().flat_map(|candidate| candidate.poses.iter().cloned()).collect(),
+        surroundings: state.surroundings.clone(),
+        instruments: vec![Instrument { name: "planned".to_owned(), noise_is_known: true }],
+        recordings: vec!["planned".to_owned()],
+    };
     let owner: Vec<usize> =
         candidates.iter().enumerate().flat_map(|(k, c)| c.poses.iter().map(move |_| k)).collect();
     let weighing = Weighing::equal(&campaign, &vec![true; campaign.poses.len()]);

@@ -130,7 +130,9 @@ impl Damage {
         }
     }
 
-    fn effect(self, model: &Model) -> Option<AnyEffect> {
+    /// The effect that stands for it, at zero; none where the arm has no such joint.
+    #[must_use]
+    pub fn effect(self, model: &Model) -> Option<AnyEffect> {
         let zeros = [0.0; 3];
         let (kind, joint, stem, count) = match self {
             Self::Offset(joint) => ("joint_offset", Some(joint), "offset", 1),

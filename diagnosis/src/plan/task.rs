@@ -6,7 +6,7 @@ use super::NoPlan;
 use super::inverse::onto;
 use super::reach::Reach;
 use super::sight::Sight;
-use crate::campaign::{Arrival, Noise, Observation, Place, Pose, Reading};
+use crate::campaign::{Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading};
 use crate::hypothesis::Hypothesis;
 use crate::select::geometry;
 use crate::surroundings::Surroundings;
@@ -16,6 +16,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
+/// The largest compliance of a drive that is sensible, rad/Nm (m/N): far softer than any gear of a robot.
+const SOFT: f64 = 5e-5;
 /// Poses that are drawn for each that is wanted, at most.
 const PATIENCE: usize = 200;
 
@@ -71,6 +73,8 @@ pub struct Task {
     pub reach: Reach,
     /// Whether each pose is measured twice, all joints from below and from above.
     pub both_ways: bool,
+    /// Poses to choose from, as those that are known to be free; empty: drawn by chance.
+    pub among: Vec<Joints>,
     /// Joint positions at which the tool's error counts.
     pub asked: Vec<Joints>,
 }
@@ -97,7 +101,9 @@ pub fn believed(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
             if let Ok(e) =
                 AnyEffect::build("joint_compliance", &model.arm, Some(joint), Given(given))
             {
+                let first = hypothesis.free.len();
                 hypothesis.add(e, &[]).unwrap_or_default();
+                hypothesis.free[first..].iter_mut().for_each(|free| free.sigma = SOFT);
             }
         }
     }
@@ -116,6 +122,12 @@ impl Task {
         wanted: usize,
         least: usize,
     ) -> Result<Vec<Candidate>, NoPlan> {
+        if !self.among.is_empty() {
+            let free = self.among.iter().filter(|q| self.reach.allows(self.arm(), q)).count();
+            let found: Vec<Candidate> =
+                self.among.iter().filter_map(|q| self.candidate(q)).collect();
+            return enough(self.among.len(), free, found, least);
+        }
         let (mut drawn, mut free, mut found) = (0, 0, Vec::new());
         while found.len() < wanted && drawn < PATIENCE * wanted.max(100) {
             drawn += 1;
@@ -124,9 +136,7 @@ impl Task {
             free += usize::from(self.reach.allows(self.arm(), &q));
             found.extend(self.candidate(&q));
         }
-        let seen = found.len();
-        let wanted = least.max(1);
-        if seen < wanted { Err(NoPlan::Barred { drawn, free, seen, wanted }) } else { Ok(found) }
+        enough(drawn, free, found, least)
     }
 
     /// Poses near `q` that pass.
@@ -138,13 +148,34 @@ impl Task {
         count: usize,
     ) -> Vec<Candidate> {
         let mut found = Vec::new();
-        for _ in 0..count {
+        for _ in 0..if self.among.is_empty() { count } else { 0 } {
             let mut near = *q;
             let moved = near.iter_mut().take(self.arm().count());
             moved.for_each(|q| *q += by * (2.0 * rng.random::<f64>() - 1.0));
             found.extend(self.measurable(rng, &near).and_then(|q| self.candidate(&q)));
         }
         found
+    }
+
+    /// Poses that pass, by chance: what a plan is held against.
+    ///
+    /// # Errors
+    /// Where fewer pass.
+    pub fn random(&self, count: usize, seed: u64) -> Result<Vec<Joints>, NoPlan> {
+        let drawn = self.draw(&mut ChaCha8Rng::seed_from_u64(seed), count, count)?;
+        Ok(drawn.into_iter().take(count).map(|candidate| candidate.q).collect())
+    }
+
+    /// The campaign that measures these poses, without values; poses that do not pass are left out.
+    #[must_use]
+    pub fn campaign(&self, stops: &[Joints]) -> Campaign {
+        let poses = stops.iter().filter_map(|q| self.candidate(q)).flat_map(|found| found.poses);
+        Campaign {
+            poses: poses.collect(),
+            surroundings: self.surroundings.clone(),
+            instruments: vec![Instrument { name: "planned".to_owned(), noise_is_known: true }],
+            recordings: vec!["planned".to_owned()],
+        }
     }
 
     /// Joint positions within the limits that the arm is free at, by chance.
@@ -311,4 +342,15 @@ impl Task {
             }
         })
     }
+}
+
+/// What was found, where it is enough.
+fn enough(
+    drawn: usize,
+    free: usize,
+    found: Vec<Candidate>,
+    least: usize,
+) -> Result<Vec<Candidate>, NoPlan> {
+    let (seen, wanted) = (found.len(), least.max(1));
+    if seen < wanted { Err(NoPlan::Barred { drawn, free, seen, wanted }) } else { Ok(found) }
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::campaign::{Instrument, Noise};
+use crate::campaign::Noise;
 use crate::made::{empty, nominal};
 use crate::plan::reach::Reach;
 use crate::plan::sight::Sight;
@@ -30,6 +30,7 @@ pub(super) fn task() -> Task {
         sight: Some(sight),
         reach: Reach::of(&model.arm),
         both_ways: false,
+        among: Vec::new(),
         asked: Vec::new(),
     };
     task.asked = task.workspace(60, 1);
@@ -38,16 +39,6 @@ pub(super) fn task() -> Task {
 
 fn wish(criterion: Criterion, count: usize, seed: u64) -> Wish {
     Wish { count, criterion, candidates: 300, seed }
-}
-
-pub(super) fn campaign_of(task: &Task, stops: &[Joints]) -> Campaign {
-    let poses = stops.iter().flat_map(|q| task.candidate(q).expect("passes").poses);
-    Campaign {
-        poses: poses.collect(),
-        surroundings: task.surroundings.clone(),
-        instruments: vec![Instrument { name: "tracker".to_owned(), noise_is_known: true }],
-        recordings: vec!["made".to_owned()],
-    }
 }
 
 /// A robot with geometry errors of the size that calibrations find, all within the hypothesis.
@@ -67,7 +58,7 @@ fn erring(seed: u64) -> Model {
 /// the arm alone that errs.
 fn erred(task: &Task, stops: &[Joints], seed: u64) -> f64 {
     let truth = erring(seed);
-    let campaign = campaign_of(task, stops);
+    let campaign = task.campaign(stops);
     let made = simulate::readings(&campaign, &truth, &task.surroundings, 1.0, seed);
     let used = vec![true; made.poses.len()];
     let settings =
@@ -115,9 +106,7 @@ fn planned_poses_beat_random_ones_in_what_the_tool_really_errs_by() {
     for seed in 0..8 {
         let plan = plan(&task, None, &wish(Criterion::D, 15, seed)).expect("a plan");
         let stops: Vec<Joints> = plan.poses.iter().map(|pose| pose.q).collect();
-        let mut rng = ChaCha8Rng::seed_from_u64(1000 + seed);
-        let drawn: Vec<Joints> =
-            task.draw(&mut rng, 15, 15).expect("drawn").iter().map(|c| c.q).collect();
+        let drawn = task.random(15, 1000 + seed).expect("drawn");
         planned += erred(&task, &stops, seed).powi(2);
         random += erred(&task, &drawn, seed).powi(2);
     }
@@ -130,7 +119,7 @@ fn the_uncertainty_that_a_plan_says_is_that_of_the_fit_afterwards() {
     let task = task();
     let plan = plan(&task, None, &wish(Criterion::D, 25, 5)).expect("a plan");
     let stops: Vec<Joints> = plan.poses.iter().map(|pose| pose.q).collect();
-    let campaign = campaign_of(&task, &stops);
+    let campaign = task.campaign(&stops);
     let made = simulate::readings(&campaign, &task.hypothesis.model, &task.surroundings, 1.0, 9);
     let used = vec![true; made.poses.len()];
     let settings =
@@ -184,7 +173,7 @@ fn what_was_measured_already_counts() {
     let first = plan(&task, None, &wish(Criterion::D, 15, 6)).expect("a plan");
     let stops: Vec<Joints> = first.poses.iter().map(|pose| pose.q).collect();
     let campaign = simulate::readings(
-        &campaign_of(&task, &stops),
+        &task.campaign(&stops),
         &task.hypothesis.model,
         &task.surroundings,
         1.0,
@@ -272,4 +261,16 @@ fn an_offset_effect_that_is_stated_starts_from_what_is_stated() {
     let said =
         plan.numbers.iter().find(|number| number.what.contains("joint 3's offset")).expect("named");
     assert!((said.from - 1e-5).abs() < 1e-12 && said.to <= said.from);
+}
+
+#[test]
+fn a_list_of_poses_that_are_known_to_be_free_is_all_that_is_chosen_from() {
+    let mut task = task();
+    task.among = task.random(40, 3).expect("drawn");
+    let planned = plan(&task, None, &wish(Criterion::D, 10, 1)).expect("a plan");
+    assert!(planned.poses.iter().all(|pose| task.among.contains(&pose.q)));
+    assert!(matches!(
+        plan(&task, None, &wish(Criterion::D, 41, 1)),
+        Err(NoPlan::Barred { drawn: 40, .. })
+    ));
 }

@@ -16,6 +16,7 @@ use clap::Args;
 use diagnosis::plan::zone::Zone;
 use diagnosis::plan::{Criterion, Known, Wish, next, plan};
 use glam::DVec3;
+use physics::Joints;
 use recording::model::RobotModel;
 use recording::series::Recording;
 
@@ -68,6 +69,9 @@ pub(crate) struct Plan {
     /// Share of sound robots that a check calls damaged
     #[arg(long, value_name = "SHARE", default_value_t = 0.01, value_parser = share)]
     alarm: f64,
+    /// Choose only from the poses of this recording, as those that are known to be free, instead of drawing them
+    #[arg(long, value_name = "RECORDING")]
+    among: Option<PathBuf>,
     /// Poses that are drawn to choose from
     #[arg(long, value_name = "N", default_value_t = 600, value_parser = clap::value_parser!(u16).range(20..=5000))]
     candidates: u16,
@@ -163,9 +167,28 @@ impl Plan {
         self.direction.iter().map(unit).collect()
     }
 
+    /// The task without the poses at which the tool's error counts.
+    fn set_up(&self, input: &Input) -> Result<Going, Failure> {
+        let mut going = Going::of(&self.setup, &self.files, input)?;
+        if let Some(list) = &self.among {
+            let found = self.reading.read(list, self.reading.model.as_deref())?;
+            let joints = 0..input.model.physics.arm.count();
+            let position = |row: usize, joint: usize| {
+                found.recording.input(joint).map_or(f64::NAN, |q| q[row])
+            };
+            let poses = (0..found.recording.len()).map(|row| {
+                let mut q = Joints::default();
+                joints.clone().for_each(|joint| q[joint] = position(row, joint));
+                q
+            });
+            going.task.among = poses.filter(|q| q.iter().all(|q| q.is_finite())).collect();
+        }
+        Ok(going)
+    }
+
     /// What is to be planned, and what is known so far.
     fn going(&self, input: &Input, seed: u64) -> Result<Going, Failure> {
-        let mut going = Going::of(&self.setup, &self.files, input)?;
+        let mut going = self.set_up(input)?;
         let chance = seed.wrapping_add(1);
         let task = &mut going.task;
         task.asked = match self.zone {

@@ -8,7 +8,6 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 use tracing::warn;
 
-use super::going::Going;
 use super::told::{joints, not_checked, shown, written};
 use super::{Input, Plan};
 use crate::exit::{Answer, Failure, Outcome};
@@ -89,7 +88,7 @@ pub(super) fn run(command: &Plan, console: &mut Console, input: &Input) -> Outco
 fn chosen(command: &Plan, console: &mut Console, input: &Input, terms: &Terms) -> Outcome {
     let seed = command.seed.settle();
     let model = &input.model;
-    let mut going = Going::of(&command.setup, &command.files, input)?;
+    let mut going = command.set_up(input)?;
     going.task.hypothesis = diagnosis::Hypothesis::fixed(model.physics);
     let wish = command.wish(POSES, seed);
     let found = poses(&going.task, &model.sigma, &wish, terms).map_err(Failure::input)?;

@@ -33,6 +33,7 @@ impl Going {
             sight: setup.sight(),
             reach: setup.reach(arm),
             both_ways: files.both_ways(),
+            among: Vec::new(),
             asked: Vec::new(),
         };
         let Some(campaign) = measured(input)? else { return Ok(Self { task, known: None }) };

@@ -72,7 +72,7 @@ pub(super) fn run(command: &Plan, console: &mut Console, input: &Input) -> Outco
 
 fn planned(command: &Plan, console: &mut Console, input: &Input) -> Outcome {
     let seed = command.seed.settle();
-    let going = Going::of(&command.setup, &command.files, input)?;
+    let going = command.set_up(input)?;
     let model = &input.model;
     let found = the_cube(command, input, &going, seed)?;
     let cycles = command.count.map_or(CYCLES, usize::from);
