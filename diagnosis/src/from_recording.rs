@@ -74,6 +74,14 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
     Ok(campaign)
 }
 
+/// How the robot `arm` moved in `recording`, row by row, whatever was seen of it.
+///
+/// # Errors
+/// An input that lacks a joint.
+pub fn motion(arm: &Arm, recording: &Recording) -> Result<Vec<Pose>, Unusable> {
+    Reader { arm, recording, index: 0 }.motion()
+}
+
 /// The poses that a recording keeps for validation, one entry per pose of the campaign.
 #[must_use]
 pub fn held_out(campaign: &Campaign, recordings: &[Recording]) -> Vec<bool> {
@@ -163,6 +171,14 @@ impl Reader<'_> {
         surroundings: &Surroundings,
         instruments: &Instruments,
     ) -> Result<Vec<Pose>, Unusable> {
+        let mut poses = self.motion()?;
+        for pose in &mut poses {
+            pose.seen = self.seen(pose.row, surroundings, instruments)?;
+        }
+        Ok(poses)
+    }
+
+    fn motion(&self) -> Result<Vec<Pose>, Unusable> {
         let Recording { t_s, segment, about, .. } = self.recording;
         let mut poses: Vec<Pose> = Vec::with_capacity(self.recording.len());
         let mut start_s = 0.0;
@@ -174,8 +190,7 @@ impl Reader<'_> {
             let follows = about.kind == Kind::Path || about.approach == Approach::Sequence;
             let arrival =
                 if follows && before.is_some() { Arrival::FromBefore } else { Arrival::Settled };
-            let seen = self.seen(row, surroundings, instruments)?;
-            poses.push(Pose { inputs, arrival, recording: self.index, row, seen });
+            poses.push(Pose { inputs, arrival, recording: self.index, row, seen: Vec::new() });
         }
         Ok(poses)
     }

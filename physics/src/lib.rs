@@ -20,6 +20,7 @@ pub mod effects;
 pub mod frame;
 pub mod gears;
 mod heat;
+mod inertia;
 pub mod loads;
 pub mod model;
 pub mod signals;

@@ -6,7 +6,8 @@
 
 use crate::deviation::Contribution;
 use crate::frame::rotation_from_vector;
-use crate::{Arm, Chain, JOINTS_MAX, JointKind, Joints, Wrench};
+use crate::inertia::{Extra, reaction};
+use crate::{Arm, Chain, Inputs, JOINTS_MAX, JointKind, Joints, Wrench};
 use glam::{DMat3, DVec3};
 
 /// Force and moment that all beyond a joint exerts at the joint's point, base axes.
@@ -44,6 +45,8 @@ pub struct Loads {
     pub inertia_torque: Joints,
     /// Moment of gravity and wrench about the base frame's origin, Nm.
     pub base_moment: DVec3,
+    /// Moment of the arm's own motion about the base frame's origin, Nm; zero for an arm taken as at rest.
+    pub inertia_base_moment: DVec3,
 }
 
 /// What effects change of the loads before these are taken.
@@ -129,7 +132,21 @@ impl Loads {
             wrench_torque: [0.0; JOINTS_MAX],
             inertia_torque: [0.0; JOINTS_MAX],
             base_moment: DVec3::ZERO,
+            inertia_base_moment: DVec3::ZERO,
         }
+    }
+
+    /// What the arm's own motion adds, at the speeds and accelerations of `inputs`.
+    pub(crate) fn carry_inertia(
+        &mut self,
+        arm: &Arm,
+        chain: &Chain,
+        inputs: &Inputs,
+        change: &LoadChange,
+    ) {
+        let extra = Extra { mass: change.mass, first_moment: change.first_moment };
+        let moved = reaction(arm, chain, &inputs.velocity, &inputs.acceleration, &extra);
+        (self.inertia_torque, self.inertia_base_moment) = (moved.torque, moved.base_moment);
     }
 
     /// From the tool back to the base: mass and first moment of all that a joint carries.

@@ -263,8 +263,9 @@ impl Model {
     }
 
     fn loads(&self, inputs: &Inputs, chain: &Chain, memories: &Memories) -> Loads {
-        let loads = Loads::on(&self.arm, chain, inputs.wrench_base);
+        let mut loads = Loads::on(&self.arm, chain, inputs.wrench_base);
         if !self.changes_loads {
+            loads.carry_inertia(&self.arm, chain, inputs, &LoadChange::default());
             return loads;
         }
         let signals = Signals { arm: &self.arm, inputs, chain, loads: &loads };
@@ -274,6 +275,8 @@ impl Model {
                 change.add(&effect.predict(&signals, memory));
             }
         }
-        Loads::changed(&self.arm, chain, inputs.wrench_base, &change)
+        let mut loads = Loads::changed(&self.arm, chain, inputs.wrench_base, &change);
+        loads.carry_inertia(&self.arm, chain, inputs, &change);
+        loads
     }
 }

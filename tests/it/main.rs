@@ -20,6 +20,7 @@ mod readme;
 mod reload;
 mod replay;
 mod sensor;
+mod simulate;
 mod spectrum;
 mod status;
 mod surface;

@@ -7,15 +7,18 @@
 //! Read in this order: [`path`] and [`slots`] (where the tool shall go, [`workplace`]: where there), [`ik`] and [`joint_path`] (the commands for it),
 //! [`draw`] (a true robot for a calibrated model), [`robot`] (where its tool really goes), [`cutter`] and
 //! [`ringing`] (what the cut exerts), [`cell`] (all of it, tick by tick). [`contact`] closes the loop over a stiff
-//! surface; [`tracker`] is the instrument.
+//! surface; [`tracker`] is the instrument. [`forward`] runs a recorded motion through a model, with [`dynamics`]' delays, lags and modes.
 //!
 //! Units are SI; vectors are in base axes unless a name says otherwise.
 
 pub mod cell;
 pub mod contact;
+mod curve;
 pub mod cutter;
 pub mod draw;
+pub mod dynamics;
 pub mod extras;
+pub mod forward;
 pub mod ik;
 pub mod joint_path;
 pub mod path;

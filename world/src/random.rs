@@ -3,8 +3,10 @@
 //! Promises: the same seed gives the same bits; a draw more for one purpose, or a purpose more, shifts no other.
 //! Never: the machine's own randomness or a clock.
 
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use rand_distr::StandardNormal;
 
 /// What a stream of numbers is for. The numbers are part of every seed's meaning: add, never renumber.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +29,12 @@ pub fn stream(seed: u64, purpose: Purpose, index: u32) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream((u64::from(purpose as u32) << 32) | u64::from(index));
     rng
+}
+
+/// Standard normal numbers from a stream.
+pub fn normals(seed: u64, purpose: Purpose, index: u32) -> impl FnMut() -> f64 {
+    let mut rng = stream(seed, purpose, index);
+    move || rng.sample(StandardNormal)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! From the document to the physics: units to SI, effects by their names.
 
 use glam::{DMat3, DVec3};
-use physics::effects::SPECS;
+use physics::effects::{SPECS, spec_for};
 use physics::spec::{ActsOn, Count, Need, Role, Spec};
 use physics::{AnyEffect, Arm, Body, Given, Joint, JointKind, Model, Tool};
 
@@ -133,22 +133,29 @@ fn kind_at(entry: &EffectEntry, arm: &Arm) -> JointKind {
 }
 
 fn effect(entry: &EffectEntry, spec: &Spec, arm: &Arm) -> Result<AnyEffect, String> {
-    let kind = kind_at(entry, arm);
-    let mut given = Vec::new();
-    for parameter in &entry.parameters {
-        let Some(known) = spec.parameters.iter().find(|p| p.key(kind) == *parameter.key) else {
-            return Err(format!("`{}` is no parameter of this effect", parameter.key));
-        };
-        let si = known.unit.suffix_and_si(kind).1;
-        let values: Vec<f64> = parameter.value.as_slice().iter().map(|v| v * si).collect();
-        given.push((known.stem, values));
-    }
+    let given = given(entry, spec, kind_at(entry, arm))?;
     let given: Vec<(&str, &[f64])> = given.iter().map(|(s, v)| (*s, v.as_slice())).collect();
     let joint = match entry.joint {
         Some(0) => return Err("joints count from 1, this one is 0".to_owned()),
         joint => joint.map(|joint| joint - 1),
     };
     AnyEffect::build(spec.kind, arm, joint, Given(&given)).map_err(|error| error.to_string())
+}
+
+/// The numbers of an entry in SI, by the stems of their keys.
+fn given(
+    entry: &EffectEntry,
+    spec: &Spec,
+    kind: JointKind,
+) -> Result<Vec<(&'static str, Vec<f64>)>, String> {
+    let number = |parameter: &Parameter| {
+        let Some(known) = spec.parameters.iter().find(|p| p.key(kind) == *parameter.key) else {
+            return Err(format!("`{}` is no parameter of this effect", parameter.key));
+        };
+        let si = known.unit.suffix_and_si(kind).1;
+        Ok((known.stem, parameter.value.as_slice().iter().map(|v| v * si).collect()))
+    };
+    entry.parameters.iter().map(number).collect()
 }
 
 /// A parameter in SI, by the stem of its key.
@@ -184,6 +191,14 @@ impl EffectEntry {
         }
         flat.resize(count, 0.0);
         flat
+    }
+
+    /// Its numbers in SI by the stems of their keys, as [`physics::Given`] takes them; none where the physics knows no such effect.
+    #[must_use]
+    pub fn to_si(&self, arm: &Arm) -> Option<Vec<(&'static str, Vec<f64>)>> {
+        let kind = kind_at(self, arm);
+        let keys: Vec<&str> = self.parameters.iter().map(|p| p.key.as_str()).collect();
+        given(self, spec_for(&self.kind, kind, &keys)?, kind).ok()
     }
 
     /// The entry of an effect with these parameters: stems of its spec with values and, where

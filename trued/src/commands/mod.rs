@@ -13,6 +13,7 @@ mod plan;
 mod reload;
 mod replay;
 mod run;
+mod simulate;
 mod spectrum;
 mod surface;
 mod tap;
@@ -35,6 +36,7 @@ pub(crate) enum Command {
     Reload(reload::Reload),
     Replay(replay::Replay),
     Run(run::Run),
+    Simulate(simulate::Simulate),
     Spectrum(spectrum::Spectrum),
     Surface(surface::Surface),
     Tap(tap::Tap),
@@ -53,6 +55,7 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Reload(reload) => reload.run(console),
         Command::Replay(replay) => replay.run(console),
         Command::Run(run) => run.run(console),
+        Command::Simulate(simulate) => simulate.run(console),
         Command::Spectrum(spectrum) => spectrum.run(console),
         Command::Surface(surface) => surface.run(console),
         Command::Tap(tap) => tap.run(console),

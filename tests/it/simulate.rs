@@ -1,0 +1,175 @@
+//! `trued simulate`: the model's own figures in the recording's layout, the same bytes by seed, and noise of the size that was asked for.
+
+use std::fmt::Write as _;
+
+use glam::DVec3;
+use recording::model::RobotModel;
+use recording::model::presets::preset;
+use recording::series::{Channel, Need, Recording, read};
+
+use crate::program::Place;
+
+const BASE: &str = "irb1600-6-145";
+const RATE_HZ: f64 = 100.0;
+
+/// Joints 2 and 3 swing; a tracker looks at every second row from row 10 on.
+fn path(rows: usize) -> String {
+    let mut text =
+        String::from("t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm,tau2_Nm,note\n");
+    for k in 0..rows {
+        let t = k as f64 / RATE_HZ;
+        let (q2, q3) = (20.0 * (1.3 * t).sin(), 10.0 * (0.9 * t).sin());
+        let seen = if k >= 10 && k % 2 == 0 { "1,2,3" } else { ",," };
+        writeln!(text, "{t},5,{q2},{q3},0,40,0,{seen},12,n{k}").unwrap();
+    }
+    text
+}
+
+fn place(rows: usize, effects: &str, about: &str) -> Place {
+    let place = Place::new();
+    place.file("path.csv", &path(rows));
+    place.file("path.toml", &format!("schema = \"trued.recording/1\"\n{about}"));
+    place.file("robot.toml", &format!("{}\n{effects}", preset(BASE).expect("preset").text));
+    place
+}
+
+fn simulated(place: &Place, out: &str, more: &[&str]) -> Recording {
+    let mut arguments = vec!["simulate", "--model", "robot.toml", "--out", out, "path.csv"];
+    arguments.extend(more);
+    place.succeed(&arguments);
+    read(&place.path(&format!("{out}.csv")), None, Need::Measurement).expect("a recording")
+}
+
+fn point(recording: &Recording, row: usize) -> DVec3 {
+    DVec3::from_array(
+        [0, 1, 2].map(|k| recording.column(Channel::Position(k)).expect("there")[row]),
+    )
+}
+
+const IN_BASE: &str = "measuring_frame = \"base\"\n";
+
+#[test]
+fn the_layout_stays_and_what_was_measured_is_the_models() {
+    let place = place(200, "", IN_BASE);
+    let made = simulated(&place, "made", &["--seed", "1"]);
+    let model = RobotModel::read(&place.path("robot.toml")).expect("sound").physics;
+    for row in 0..200 {
+        let seen = point(&made, row);
+        if row < 10 || row % 2 == 1 {
+            assert!(seen.is_nan(), "row {row} was not measured");
+            continue;
+        }
+        let mut q = physics::Joints::default();
+        (0..6).for_each(|i| q[i] = made.input(i).expect("there")[row]);
+        let wanted = physics::Chain::nominal(&model.arm, &q).base_from_tool.origin;
+        assert!((seen - wanted).length() < 1e-12, "row {row}");
+    }
+    assert_eq!(made.column(Channel::Torque(1)), None, "a torque cannot be simulated yet");
+    assert_eq!(made.other[0].0, "note");
+    let toml = place.read("made.toml");
+    assert!(toml.starts_with("# simulated: trued simulate --seed 1 --noise 0\n"), "{toml}");
+    assert!(toml.contains("model = \"robot.toml\"") && toml.contains(IN_BASE.trim()), "{toml}");
+    assert_eq!(place.names(), ["made.csv", "made.toml", "path.csv", "path.toml", "robot.toml"]);
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes_and_noise_is_of_the_size_asked_for() {
+    let place = place(2000, "", IN_BASE);
+    let clean = simulated(&place, "clean", &["--seed", "1"]);
+    let noisy = simulated(&place, "noisy", &["--seed", "5", "--noise", "0.04"]);
+    simulated(&place, "again", &["--seed", "5", "--noise", "0.04"]);
+    simulated(&place, "other", &["--seed", "6", "--noise", "0.04"]);
+    assert_eq!(place.read("noisy.csv"), place.read("again.csv"));
+    assert_ne!(place.read("noisy.csv"), place.read("other.csv"));
+    let off: Vec<f64> = (10..2000)
+        .step_by(2)
+        .flat_map(|row| (point(&noisy, row) - point(&clean, row)).to_array())
+        .collect();
+    let rms = (off.iter().map(|x| x * x).sum::<f64>() / off.len() as f64).sqrt();
+    assert!((rms / 4e-5 - 1.0).abs() < 0.06, "{rms} m");
+    assert_eq!(noisy.sigma(Channel::Position(2)), Some(4e-5));
+}
+
+#[test]
+fn a_delay_moves_the_tool_to_where_it_was_before() {
+    let delay = "[[effect]]\nkind = \"time_delay\"\ndelay_ms = 20.0\n";
+    let (late, exact) = (place(300, delay, IN_BASE), place(300, "", IN_BASE));
+    let late = simulated(&late, "late", &[]);
+    let exact = simulated(&exact, "exact", &[]);
+    for row in (14..300).step_by(2) {
+        let off = (point(&late, row) - point(&exact, row - 2)).length();
+        assert!(off < 1e-9, "row {row}: {off} m");
+    }
+}
+
+#[test]
+fn effects_that_lag_ring_or_remember_move_the_tool() {
+    let list = [
+        ("joint = 2\noffset_mrad = 1.0", "joint_offset"),
+        ("joint = 2\nwidth_mrad = 1.0", "backlash"),
+        ("joint = 2\namplitude_mrad = 1.0\nreversal_mrad = 5.0", "hysteresis"),
+        ("joint = 2\ntime_constant_ms = 20.0", "servo_lag"),
+        ("joint = 2\nfrequency_Hz = 9.0\ndamping_ratio = 0.03", "flexible_mode"),
+        ("joint = 2\namplitude_mrad = 1.0\ntime_constant_ms = 60.0", "reversal_spike"),
+        (
+            "axis = [0, 1, 0]\nfrequency_Hz = 9.0\ndamping_ratio = 0.03\ndynamic_compliance_mrad_per_kNm = 1.0",
+            "flexible_mode",
+        ),
+    ];
+    let exact = simulated(&place(600, "", IN_BASE), "exact", &[]);
+    for (numbers, kind) in list {
+        let place = place(600, &format!("[[effect]]\nkind = \"{kind}\"\n{numbers}\n"), IN_BASE);
+        let made = simulated(&place, "made", &[]);
+        let off = (10..600).step_by(2).map(|row| (point(&made, row) - point(&exact, row)).length());
+        let most = off.fold(0.0, f64::max);
+        assert!(most > 1e-5, "{kind}: {most} m");
+    }
+}
+
+#[test]
+fn an_unknown_frame_is_found_from_what_was_recorded_and_an_empty_one_is_the_base() {
+    let place = place(400, "", IN_BASE);
+    let exact = simulated(&place, "exact", &[]);
+    // The same, seen from a tracker that stands somewhere else.
+    let turn = glam::DMat3::from_rotation_z(2.0) * glam::DMat3::from_rotation_x(0.05);
+    let mut moved = exact.clone();
+    moved.about.measured_in_base = false;
+    for k in 0..3 {
+        let column =
+            (0..400).map(|row| (turn * point(&exact, row) + DVec3::new(1.0, -2.0, 0.5))[k]);
+        moved.set(Channel::Position(k), column.collect());
+    }
+    recording::series::write(&place.path("path.csv"), &moved).expect("written");
+    let made = simulated(&place, "made", &["--json", "said.json"]);
+    for row in (10..400).step_by(2) {
+        assert!((point(&made, row) - point(&moved, row)).length() < 1e-8, "row {row}");
+    }
+    assert!(!made.about.measured_in_base);
+    assert!(place.json("said.json")["recorded_rms_mm"].as_f64().expect("said") < 1e-5);
+    for k in 0..3 {
+        moved.set(Channel::Position(k), vec![f64::NAN; 400]);
+    }
+    recording::series::write(&place.path("path.csv"), &moved).expect("written");
+    let made = simulated(&place, "made", &[]);
+    assert!(made.about.measured_in_base, "the frame is said");
+    assert!((point(&made, 0) - point(&made, 399)).length() > 0.01, "every row is measured");
+}
+
+#[test]
+fn nothing_is_written_over_an_input_or_where_an_input_is_unusable() {
+    let place = place(20, "", IN_BASE);
+    let onto = ["simulate", "--model", "robot.toml", "--out", "path", "path.csv"];
+    assert_eq!(place.run(&onto).code, Some(2));
+    let none = ["simulate", "--model", "none.toml", "--out", "made", "path.csv"];
+    assert_eq!(place.run(&none).code, Some(2));
+    let negative =
+        ["simulate", "--model", "robot.toml", "--noise", "-1", "--out", "made", "path.csv"];
+    assert_eq!(place.run(&negative).code, Some(2));
+    let unseen =
+        place.read("path.csv").replace("x_mm,y_mm,z_mm", "target1_x_mm,target1_y_mm,target1_z_mm");
+    let unseen = unseen.replace("1,2,3,12", ",,,12");
+    place.file("path.csv", &unseen);
+    let done = place.run(&["simulate", "--model", "robot.toml", "--out", "made", "path.csv"]);
+    assert!(done.code == Some(2) && done.err.contains("target1_mm"), "{done:#?}");
+    assert_eq!(place.names(), ["path.csv", "path.toml", "robot.toml"]);
+}

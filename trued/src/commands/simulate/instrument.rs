@@ -1,0 +1,179 @@
+//! What the instruments read of the simulated arm, in the columns and rows of the recording.
+//!
+//! Promises: a value stands where one was measured (everywhere, where a column is there and empty); noise of a row depends on
+//! the seed and the row alone. Never: a torque, a current or an acceleration; these columns are left out and named.
+
+use glam::{DMat3, DQuat, DVec3};
+use physics::frame::rotation_from_vector;
+use recording::model::RobotModel;
+use recording::series::{Channel, Input, Recording};
+use world::forward::Seen;
+use world::random::{Purpose, normals};
+
+use super::station::Stand;
+
+/// The instruments.
+pub(super) struct Instrument<'a> {
+    pub(super) stand: &'a Stand,
+    /// Standard deviation, m and rad.
+    pub(super) noise: f64,
+    pub(super) seed: u64,
+}
+
+/// What they read.
+pub(super) struct Made {
+    pub(super) recording: Recording,
+    /// Columns that were simulated.
+    pub(super) columns: Vec<String>,
+    /// Columns that were measured and cannot be simulated.
+    pub(super) left_out: Vec<String>,
+    /// Recorded minus simulated points without noise, rms over single values, m.
+    pub(super) recorded_rms_m: Option<f64>,
+}
+
+impl Instrument<'_> {
+    /// The recording with its measured columns replaced.
+    pub(super) fn look(&self, model: &RobotModel, mut recording: Recording, seen: &[Seen]) -> Made {
+        let motor_is_input = recording.input_kind() == Input::Motor;
+        let simulated = |channel: &Channel| match channel {
+            Channel::Motor(_) => !motor_is_input,
+            Channel::Link(_)
+            | Channel::Position(_)
+            | Channel::Target(..)
+            | Channel::Orientation(_) => true,
+            _ => false,
+        };
+        let foreign = |channel: &Channel| {
+            matches!(channel, Channel::Torque(_) | Channel::Current(_) | Channel::Acceleration(_))
+        };
+        let named = |channel: &Channel| channel.base();
+        let left: Vec<Channel> = recording.channels().filter(foreign).collect();
+        for channel in &left {
+            recording.remove(*channel);
+            recording.about.sigma.remove(channel);
+        }
+        if left.iter().any(|channel| matches!(channel, Channel::Current(_))) {
+            recording.about.torque_per_ampere.clear();
+        }
+        let mut wanted: Vec<Channel> = recording.channels().filter(simulated).collect();
+        if wanted.is_empty() {
+            wanted.extend((0..3).map(Channel::Position));
+        }
+        let columns = self.columns(&wanted, &recording, seen);
+        let squares = Squares::of(&wanted, &columns, &recording);
+        for (channel, (mut exact, noise)) in wanted.iter().zip(columns) {
+            let stands = mask(&recording, *channel);
+            for (row, (value, noise)) in exact.iter_mut().zip(noise).enumerate() {
+                *value = if stands(row) { *value + noise } else { f64::NAN };
+            }
+            if self.noise > 0.0 {
+                // A quaternion's parts turn by half of the angle.
+                let share = if matches!(channel, Channel::Orientation(_)) { 0.5 } else { 1.0 };
+                recording.about.sigma.insert(*channel, share * self.noise);
+            }
+            if let Some(joint) = channel.joint() {
+                recording.set_joint_kind(joint, model.physics.arm.joints()[joint].kind);
+            }
+            recording.set(*channel, exact);
+        }
+        recording.about.measured_in_base = self.stand.in_base;
+        let columns = wanted.iter().map(named).collect();
+        let left_out = left.iter().map(named).collect();
+        Made { recording, columns, left_out, recorded_rms_m: squares.rms() }
+    }
+
+    /// Exact values and noise of each wanted column.
+    fn columns(
+        &self,
+        wanted: &[Channel],
+        recording: &Recording,
+        seen: &[Seen],
+    ) -> Vec<(Vec<f64>, Vec<f64>)> {
+        let mut columns =
+            vec![(Vec::with_capacity(seen.len()), Vec::with_capacity(seen.len())); wanted.len()];
+        let mut before = DQuat::IDENTITY;
+        for (row, seen) in seen.iter().enumerate() {
+            let mut normal = normals(self.seed, Purpose::Tracker, row as u32);
+            let mut draw = || self.noise * normal();
+            let turned = DVec3::from_array(std::array::from_fn(|_| draw()));
+            let measuring_from_tool = self.stand.measuring_from_base.after(&seen.base_from_tool);
+            let exact = quaternion(&measuring_from_tool.rotation, recorded(recording, row), before);
+            let read = rotation_from_vector(turned) * measuring_from_tool.rotation;
+            let read = quaternion(&read, None, exact);
+            before = exact;
+            for (channel, (values, noise)) in wanted.iter().zip(&mut columns) {
+                let (value, error) = match *channel {
+                    Channel::Position(axis) => (measuring_from_tool.origin[axis], draw()),
+                    Channel::Target(target, axis) => {
+                        let place = self.stand.targets.get(target).copied().unwrap_or(DVec3::NAN);
+                        (measuring_from_tool.point(place)[axis], draw())
+                    }
+                    Channel::Orientation(part) => {
+                        (parts(exact)[part], parts(read)[part] - parts(exact)[part])
+                    }
+                    Channel::Motor(joint) => (seen.motor[joint], draw()),
+                    Channel::Link(joint) => (seen.link[joint], draw()),
+                    _ => (f64::NAN, 0.0),
+                };
+                values.push(value);
+                noise.push(error);
+            }
+        }
+        columns
+    }
+}
+
+/// Where a column has values: where it had, everywhere if it had none.
+fn mask(recording: &Recording, channel: Channel) -> impl Fn(usize) -> bool + use<> {
+    let there: Vec<bool> =
+        recording.column(channel).unwrap_or_default().iter().map(|x| x.is_finite()).collect();
+    let all = !there.contains(&true);
+    move |row| all || there.get(row).copied().unwrap_or(false)
+}
+
+fn parts(q: DQuat) -> [f64; 4] {
+    [q.w, q.x, q.y, q.z]
+}
+
+fn recorded(recording: &Recording, row: usize) -> Option<DQuat> {
+    let part = |k: usize| recording.column(Channel::Orientation(k)).map(|column| column[row]);
+    let [w, x, y, z] = [part(0)?, part(1)?, part(2)?, part(3)?];
+    Some(DQuat::from_xyzw(x, y, z, w)).filter(|q| q.is_finite())
+}
+
+/// Of the two quaternions of a rotation the one nearer to what was recorded, else to the one before.
+fn quaternion(rotation: &DMat3, recorded: Option<DQuat>, before: DQuat) -> DQuat {
+    let q = DQuat::from_mat3(rotation).normalize();
+    if q.dot(recorded.unwrap_or(before)) < 0.0 { -q } else { q }
+}
+
+/// Recorded minus simulated, of points.
+#[derive(Default)]
+struct Squares {
+    sum: f64,
+    count: usize,
+}
+
+impl Squares {
+    fn of(wanted: &[Channel], columns: &[(Vec<f64>, Vec<f64>)], recording: &Recording) -> Self {
+        let mut squares = Self::default();
+        for (channel, (values, _)) in wanted.iter().zip(columns) {
+            if !matches!(channel, Channel::Position(_) | Channel::Target(..)) {
+                continue;
+            }
+            for (recorded, made) in
+                recording.column(*channel).unwrap_or_default().iter().zip(values)
+            {
+                if recorded.is_finite() {
+                    squares.sum += (recorded - made) * (recorded - made);
+                    squares.count += 1;
+                }
+            }
+        }
+        squares
+    }
+
+    fn rms(&self) -> Option<f64> {
+        (self.count > 0).then(|| (self.sum / self.count as f64).sqrt())
+    }
+}

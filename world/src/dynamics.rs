@@ -1,0 +1,267 @@
+//! What of a robot's motion lags, rings and snaps: delay lines, servo lags, flexible modes, spikes at reversals.
+//!
+//! Laws: contract `effects.md` (`time_delay`, `servo_lag`, `flexible_mode`, `reversal_spike`), each solved exactly over the curve through the
+//! samples, so that no step size enters. They need a whole path and a heap, which the correction's cycle has not.
+//!
+//! Promises: nothing of it moves an arm at rest; numbers of zero do nothing. Never: what is static, which is `physics`'.
+
+use crate::curve::{Cubic, Curve, value};
+use glam::DVec3;
+use libm::{cos, exp, sin, sqrt};
+use physics::effect::Site;
+use physics::effects::{is_modelled, specs_of};
+use physics::{Arm, BuildError, Given, Joints};
+use std::f64::consts::TAU;
+
+/// What rings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Rings {
+    /// A joint, from 0.
+    Joint(usize),
+    /// The base about this axis, unit vector, base frame.
+    Base(DVec3),
+}
+
+/// `flexible_mode`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mode {
+    /// What rings.
+    pub rings: Rings,
+    /// Undamped natural frequency, Hz.
+    pub frequency_hz: f64,
+    /// Share of critical damping, below 1.
+    pub damping_ratio: f64,
+    /// How much of the joint's acceleration drives it; no meaning for the base.
+    pub participation: f64,
+    /// Deflection per load, rad/Nm or m/N.
+    pub compliance: f64,
+}
+
+/// `reversal_spike`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spike {
+    /// Joint, from 0.
+    pub joint: usize,
+    /// rad or m.
+    pub amplitude: f64,
+    /// s.
+    pub time_constant_s: f64,
+}
+
+/// All of it, of one robot.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Dynamics {
+    /// By how much all joints follow late, s.
+    pub delay_s: f64,
+    /// By how much more joint positions measured on the link side are late, s.
+    pub link_delay_s: f64,
+    /// First-order lags: joint from 0, time constant, s. Two of one joint follow each other.
+    pub lags: Vec<(usize, f64)>,
+    /// What rings.
+    pub modes: Vec<Mode>,
+    /// What snaps.
+    pub spikes: Vec<Spike>,
+}
+
+impl Dynamics {
+    /// Takes an effect by its name in the contract, numbers in SI by stems, `joint` from 0; `channel` is the measured group that a
+    /// delay names. Says whether it took it: an effect of another kind, or a delay of a group that is no position, passes by.
+    ///
+    /// # Errors
+    /// Numbers or a joint that do not fit.
+    pub fn take(
+        &mut self,
+        arm: &Arm,
+        kind: &str,
+        joint: Option<usize>,
+        channel: Option<&str>,
+        given: Given<'_>,
+    ) -> Result<bool, BuildError> {
+        let Some(spec) = specs_of(kind).find(|spec| !is_modelled(spec)) else { return Ok(false) };
+        let checked = || Site::checked(spec, arm, joint, given);
+        match (kind, channel) {
+            ("time_delay", None) => self.delay_s += checked()?.one("delay"),
+            ("time_delay", Some("ql")) => self.link_delay_s += checked()?.one("delay"),
+            ("servo_lag", _) => {
+                let site = checked()?;
+                self.lags.push((site.joint, site.one("time_constant")));
+            }
+            ("flexible_mode", _) => self.modes.push(mode(&checked()?, joint)?),
+            ("reversal_spike", _) => {
+                let site = checked()?;
+                let (amplitude, time_constant_s) =
+                    (site.one("amplitude"), site.one("time_constant"));
+                self.spikes.push(Spike { joint: site.joint, amplitude, time_constant_s });
+            }
+            _ => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    /// Where the motors are when the command is `commanded` (samples of each joint) at `times_s`.
+    pub(crate) fn motors(&self, times_s: &[f64], commanded: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+        let mut motors = commanded;
+        for (joint, samples) in motors.iter_mut().enumerate() {
+            *samples = late(times_s, std::mem::take(samples), self.delay_s);
+            for (_, lag_s) in self.lags.iter().filter(|(lagging, _)| *lagging == joint) {
+                *samples = lagging(times_s, std::mem::take(samples), *lag_s);
+            }
+        }
+        motors
+    }
+}
+
+fn mode(site: &Site<'_>, joint: Option<usize>) -> Result<Mode, BuildError> {
+    let rings = match (joint, site.vector("axis")) {
+        (Some(joint), None) => Rings::Joint(joint),
+        (None, Some(axis)) => {
+            let length = sqrt(axis.length_squared());
+            if length == 0.0 {
+                return Err(BuildError::Combination("an `axis` that is not zero"));
+            }
+            Rings::Base(axis / length)
+        }
+        _ => return Err(BuildError::Combination("either `joint` or `axis`")),
+    };
+    Ok(Mode {
+        rings,
+        frequency_hz: site.one("frequency"),
+        damping_ratio: site.one("damping_ratio"),
+        participation: site.maybe("participation").unwrap_or(1.0),
+        compliance: site.one("dynamic_compliance"),
+    })
+}
+
+/// Samples as they are seen `delay_s` late.
+pub(crate) fn late(times_s: &[f64], samples: Vec<f64>, delay_s: f64) -> Vec<f64> {
+    if delay_s == 0.0 {
+        return samples;
+    }
+    let curve = Curve::through(times_s, samples);
+    times_s.iter().map(|t| curve.at(t - delay_s)).collect()
+}
+
+/// `T ẏ + y = u`, exactly for the curve through the samples of u; it begins in its steady state.
+fn lagging(times_s: &[f64], samples: Vec<f64>, lag_s: f64) -> Vec<f64> {
+    if lag_s == 0.0 || samples.is_empty() {
+        return samples;
+    }
+    let curve = Curve::through(times_s, samples.clone());
+    let mut y = samples[0] - lag_s * curve.slope(0);
+    let mut seen = vec![y];
+    for (k, t) in times_s.windows(2).enumerate() {
+        let [u0, u1, u2, u3] = curve.piece(k);
+        let p2 = u2 - 3.0 * lag_s * u3;
+        let p1 = u1 - 2.0 * lag_s * p2;
+        let particular: Cubic = [u0 - lag_s * p1, p1, p2, u3];
+        let s = t[1] - t[0];
+        y = value(&particular, s) + (y - particular[0]) * exp(-s / lag_s);
+        seen.push(y);
+    }
+    seen
+}
+
+impl Mode {
+    /// How far it is deflected at each sample, rad or m: `x'' + 2ζω x' + ω² x = −γ q'' + ω² C (load − its mean)`, `motor` the samples of the
+    /// joint (empty for the base), `loads` those of the load (empty where it has no compliance). It begins at rest under its load.
+    pub(crate) fn deflection(&self, times_s: &[f64], motor: &[f64], loads: &[f64]) -> Vec<f64> {
+        let omega = TAU * self.frequency_hz;
+        let (square, decay) = (omega * omega, self.damping_ratio * omega);
+        let ringing = sqrt(square - decay * decay);
+        let mean = loads.iter().sum::<f64>() / loads.len().max(1) as f64;
+        let push =
+            |k: usize| loads.get(k).map_or(0.0, |load| square * self.compliance * (load - mean));
+        let curve = Curve::through(times_s, motor.to_vec());
+        let acceleration = |k: usize, s: f64| {
+            if motor.is_empty() {
+                return 0.0;
+            }
+            let [_, _, c2, c3] = curve.piece(k);
+            2.0 * c2 + 6.0 * c3 * s
+        };
+        let drive =
+            |k: usize, s: f64, row: usize| push(row) - self.participation * acceleration(k, s);
+        let mut seen = Vec::with_capacity(times_s.len());
+        let (mut x, mut speed) = (0.0, 0.0);
+        for (k, t) in times_s.windows(2).enumerate() {
+            let s = t[1] - t[0];
+            let (u0, u1) = (drive(k, 0.0, k), (drive(k, s, k + 1) - drive(k, 0.0, k)) / s);
+            if k == 0 {
+                x = u0 / square;
+                seen.push(x);
+            }
+            // Steady answer to a drive that grows evenly, and what rings down around it.
+            let (p1, p0) = (u1 / square, (u0 - 2.0 * decay * u1 / square) / square);
+            let (a, b) = (x - p0, (speed - p1 + decay * (x - p0)) / ringing);
+            let (c, d, rest) = (cos(ringing * s), sin(ringing * s), exp(-decay * s));
+            x = p0 + p1 * s + rest * (a * c + b * d);
+            speed = p1 + rest * ((ringing * b - decay * a) * c - (ringing * a + decay * b) * d);
+            seen.push(x);
+        }
+        seen.resize(times_s.len(), 0.0);
+        seen
+    }
+}
+
+impl Spike {
+    /// `−A d e^(−Δt/T)` at each sample, Δt from the last sample before the new direction; `direction` is the sign of the
+    /// motion before the first sample, 0 where unknown.
+    pub(crate) fn deflection(&self, times_s: &[f64], motor: &[f64], direction: f64) -> Vec<f64> {
+        let (mut d, mut turned_s, mut before) = (direction, None, None);
+        let mut seen = Vec::with_capacity(motor.len());
+        for (t, q) in times_s.iter().zip(motor) {
+            if let Some((t_before, q_before)) = before
+                && q != q_before
+            {
+                let now = if q > q_before { 1.0 } else { -1.0 };
+                if d != 0.0 && d != now {
+                    turned_s = Some(t_before);
+                }
+                d = now;
+            }
+            before = Some((*t, q));
+            let since =
+                |turned: f64| -self.amplitude * d * exp(-(t - turned) / self.time_constant_s);
+            seen.push(turned_s.map_or(0.0, since));
+        }
+        seen
+    }
+}
+
+impl Rings {
+    /// What drives it besides acceleration, at the loads of one sample.
+    pub(crate) fn load(&self, loads: &physics::Loads) -> f64 {
+        match *self {
+            Self::Joint(joint) => loads.wrench_torque[joint],
+            Self::Base(axis) => axis.dot(loads.base_moment + loads.inertia_base_moment),
+        }
+    }
+
+    /// Where a deflection goes.
+    pub(crate) fn bend(&self, deviation: &mut physics::Deviation, by: f64) {
+        match *self {
+            Self::Joint(joint) => deviation.joints[joint] += by,
+            Self::Base(axis) => deviation.base_turn += axis * by,
+        }
+    }
+
+    /// The samples of the joint that rings; none for the base.
+    pub(crate) fn motor<'a>(&self, motors: &'a [Vec<f64>]) -> &'a [f64] {
+        match *self {
+            Self::Joint(joint) => motors.get(joint).map_or(&[], Vec::as_slice),
+            Self::Base(_) => &[],
+        }
+    }
+}
+
+/// The samples of all joints at row `k`.
+pub(crate) fn at_row(samples: &[Vec<f64>], k: usize) -> Joints {
+    let mut q = Joints::default();
+    for (slot, samples) in q.iter_mut().zip(samples) {
+        *slot = samples[k];
+    }
+    q
+}
+
+#[cfg(test)]
+mod tests;
