@@ -47,4 +47,4 @@ pub use hypothesis::{Free, Hypothesis};
 pub use result::{Fit, Undetermined};
 pub use robust::Influence;
 pub use select::{Chosen, Selection, geometry, select};
-pub use surroundings::{Fitted, Plane, Sphere, Station, Surroundings};
+pub use surroundings::{Anchor, Fitted, Plane, Sphere, Station, Surroundings};

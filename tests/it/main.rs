@@ -10,6 +10,7 @@ mod architecture;
 mod calibrate;
 mod cli;
 mod force;
+mod gauges;
 mod gears;
 mod invariants;
 mod kill;

@@ -265,8 +265,9 @@ impl<'t, 's> Builder<'t, 's> {
             self.faults.push(fault.expected("`q1_deg` …, or `qa1_deg` …").help(MAPPING_HELP));
         } else if need == Need::Measurement && !measured {
             let fault = Fault::new("", "nothing was measured besides the inputs");
-            self.faults
-                .push(fault.expected("x_mm, target1_x_mm, distance1_mm, touch_plane, ql1_deg, tau1_Nm, fx_N or the like"));
+            self.faults.push(fault.expected(
+                "x_mm, target1_x_mm, distance1_mm, touch_plane, ql1_deg, tau1_Nm, fx_N or the like",
+            ));
         }
         if about.approach == Approach::Columns && !has(|c| matches!(c, Channel::Direction(_))) {
             let fault = Fault::new("approach", "is \"columns\", and there is no column `d1`");

@@ -155,8 +155,7 @@ fn target_of(table: &Table<'_, '_>) -> Option<usize> {
 }
 
 fn distance_of(table: &Table<'_, '_>) -> Distance {
-    let fitted =
-        |value: &toml::Spanned<DeValue<'_>>| matches!(value.get_ref(), DeValue::String(word) if word == FITTED);
+    let fitted = |value: &toml::Spanned<DeValue<'_>>| matches!(value.get_ref(), DeValue::String(word) if word == FITTED);
     let offset_m = if table.raw("offset_mm").is_some_and(fitted) {
         None
     } else {

@@ -2,9 +2,9 @@
 //!
 //! Promises: each fault with its row or its table. Never: a value changed.
 
+use super::Builder;
 use super::channel::{Channel, GAUGES_MAX};
 use super::gauges::Gauges;
-use super::Builder;
 use crate::faults::Fault;
 
 impl Builder<'_, '_> {

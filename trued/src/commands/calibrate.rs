@@ -8,6 +8,7 @@ mod found;
 mod model;
 mod numbers;
 mod page;
+mod things;
 mod told;
 
 use std::path::PathBuf;
@@ -38,8 +39,9 @@ const TICK: Duration = Duration::from_millis(200);
 
 /// Identify the robot: from tracker measurements to a calibrated model with its uncertainty
 ///
-/// Recordings hold joint positions and what was measured there: points (x, y, z), reflectors, orientations, joint positions on the link side. The
-/// measuring frame and the reflectors' places are fitted along. Three models are compared on poses that took no part in any fit: the model as it is,
+/// Recordings hold joint positions and what was measured there: points (x, y, z), reflectors, orientations, joint positions on the link side,
+/// distances (ballbar, cable), touches of a probe. The measuring frame, the reflectors' places, fixed points and what is touched are fitted along where
+/// they are not said. Three models are compared on poses that took no part in any fit: the model as it is,
 /// with the geometry of every joint, and with the effects that the data ask for; the last is written. Exit 1 where a gross fault (swapped columns, a wrong
 /// unit or sign, a mirrored frame, a wrong tool) makes a fit senseless; then no model is written.
 #[derive(Debug, Args)]

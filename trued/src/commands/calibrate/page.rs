@@ -5,6 +5,7 @@ use report::{Axis, Cell, Column, Histogram, Number, Page, Table, Tone, significa
 use super::Calibrate;
 use super::found::{Approached, Found, MODELS};
 use super::numbers::Entry;
+use super::things::{lines, things};
 use super::told::{mm, words};
 use crate::input::count;
 
@@ -44,6 +45,10 @@ pub(super) fn render(command: &Calibrate, found: &Found) -> String {
         .section("What was found")
         .table(&parameters(found))
         .text("± is the standard uncertainty; `–` where the data tell nothing and the number stayed where it was. `Moves the tool` is the root mean square over the measured poses, each effect against the same model without it.");
+    let around = lines(&things(&found.last));
+    if !around.is_empty() {
+        page = page.text("Around the robot, in its base frame, as found:").list(&around);
+    }
     page = open(page, found);
     let seed = found.seed.map_or("none: the recordings say".to_owned(), |seed| seed.to_string());
     page.section("Made from")

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::Calibrate;
 use super::found::{Found, MODELS};
 use super::numbers::Entry;
+use super::things::{Thing, lines, things};
 use crate::input::count;
 use crate::table::Table;
 
@@ -33,6 +34,7 @@ pub(super) struct Report {
     undetermined: Vec<String>,
     approach: Vec<ApproachReport>,
     targets_tool_mm: Vec<[f64; 3]>,
+    things: Vec<Thing>,
     warnings: Vec<String>,
 }
 
@@ -133,6 +135,7 @@ impl Report {
             outlier_poses: outliers(found),
             undetermined: found.undetermined(),
             approach: approach(found),
+            things: things(&found.last),
             targets_tool_mm: targets.map(|target| (target.value * 1e3).to_array()).collect(),
             warnings: found.warnings.clone(),
         }
@@ -186,6 +189,9 @@ pub(super) fn told(command: &Calibrate, found: &Found) -> String {
     for line in per_joint(found) {
         text += &format!("  {line}\n");
     }
+    for line in lines(&things(&found.last)) {
+        text += &format!("  {line}\n");
+    }
     let undetermined = found.undetermined();
     let rest = |all: usize| if all > NAMED { "; …" } else { "" };
     if !undetermined.is_empty() {
@@ -237,7 +243,10 @@ fn per_joint(found: &Found) -> Vec<String> {
 
 /// `axis_tilt` as people write it.
 pub(super) fn words(kind: &str) -> String {
-    kind.replace('_', " ")
+    match kind {
+        "joint_polynomial" => "a remainder without a name".to_owned(),
+        _ => kind.replace('_', " "),
+    }
 }
 
 fn moves(entry: &Entry) -> String {
