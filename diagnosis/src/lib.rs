@@ -18,6 +18,7 @@ pub mod hypothesis;
 mod independent;
 pub mod iso9283;
 pub mod joint_error;
+pub mod loaded;
 #[cfg(test)]
 mod made;
 mod minimise;
@@ -38,6 +39,7 @@ pub mod single_joint;
 pub mod start;
 pub mod stiffness;
 pub mod surroundings;
+pub mod sweeps;
 pub mod triangle;
 mod waves;
 

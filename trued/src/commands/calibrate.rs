@@ -4,6 +4,7 @@
 //! data cannot tell is named; a model is written that loads, whole or not at all, never over an input. Never: a fit on poses that a recording
 //! keeps for validation.
 
+mod alone;
 mod found;
 mod model;
 mod numbers;
@@ -14,7 +15,7 @@ mod told;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use diagnosis::gross::{self, Suspicion};
 use diagnosis::proof::Split;
 use diagnosis::{Campaign, from_recording};
@@ -23,6 +24,7 @@ use recording::series::{Heldout, Recording};
 use serde::Serialize;
 use tracing::warn;
 
+use self::alone::Alone;
 use self::found::Found;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Reading, count};
@@ -57,11 +59,21 @@ pub(crate) struct Calibrate {
     /// Share of the poses, drawn by chance, on which the models are compared, where no recording keeps any (`heldout`)
     #[arg(long, value_name = "PERCENT", default_value_t = 30, value_parser = clap::value_parser!(u8).range(5..=80))]
     heldout: u8,
+    /// Where one joint moves alone, take out the sag of the others before its axis is told
+    #[arg(long, value_enum, value_name = "WHETHER", default_value_t = Sag::On)]
+    sag: Sag,
     #[command(flatten)]
     seed: Seed,
     /// Recordings of one robot, each with a measuring frame of its own
     #[arg(value_name = "RECORDING", required = true)]
     recordings: Vec<PathBuf>,
+}
+
+/// Whether the sag of the joints that stand is taken out of a sweep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Sag {
+    On,
+    Off,
 }
 
 /// How the poses were split.
@@ -93,15 +105,16 @@ impl Calibrate {
         let found = Found::of(model, &recordings, campaign, parts, &mut |stage| {
             step(&progress, stage);
         })?;
+        let alone = Alone::of(&found.campaign, &found.last, self.sag == Sag::On);
         progress.finish_and_clear();
         let text = model::renewed(&found)?;
         crate::atomic::write(&self.out, |file| file.write_all(text.as_bytes()))?;
         found.warnings.iter().for_each(|warning| warn!("{warning}"));
-        console.json("trued.calibrate/1", &told::Report::of(self, &found))?;
+        console.json("trued.calibrate/1", &told::Report::of(self, &found, &alone))?;
         if let Some(report) = &self.report {
-            console.file(report, &page::render(self, &found))?;
+            console.file(report, &page::render(self, &found, &alone))?;
         }
-        console.say(told::told(self, &found))?;
+        console.say(told::told(self, &found, &alone))?;
         Ok(Answer::Done)
     }
 
