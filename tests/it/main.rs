@@ -23,6 +23,7 @@ mod sensor;
 mod spectrum;
 mod status;
 mod surface;
+mod sweeps;
 mod tap;
 
 /// The program itself.
