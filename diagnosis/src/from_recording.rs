@@ -6,6 +6,8 @@
 //! Promises: nothing is left out silently: what has no value is not measured; what was not said of the noise is estimated.
 //! Never: a file read.
 
+mod gauges;
+
 use crate::campaign::{Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading};
 use crate::surroundings::{Fitted, Station, Surroundings};
 use glam::{DMat3, DQuat, DVec3};
@@ -38,9 +40,19 @@ pub enum Unusable {
         /// Which group.
         what: &'static str,
     },
+    /// Two recordings that do not agree.
+    #[error(
+        "{file}: its TOML says other things of `{what}` than another recording does; a number stands for one thing in all recordings"
+    )]
+    Contradiction {
+        /// The recording.
+        file: String,
+        /// Which thing.
+        what: String,
+    },
     /// Nothing measured.
     #[error(
-        "{file}: nothing was measured; a calibration needs x_mm, y_mm, z_mm, targets or ql columns"
+        "{file}: nothing was measured; a calibration needs x_mm, y_mm, z_mm, targets, ql, distances or touches"
     )]
     NothingMeasured {
         /// The recording.
@@ -59,6 +71,7 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
         instruments: Vec::new(),
         recordings: Vec::new(),
     };
+    gauges::surround(recordings, &mut campaign.surroundings)?;
     for (index, recording) in recordings.iter().enumerate() {
         let reader = Reader { arm, recording, index };
         reader.surround(&mut campaign.surroundings);
@@ -66,11 +79,13 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
         let before = campaign.readings();
         let poses = reader.poses(&campaign.surroundings, &instruments)?;
         campaign.poses.extend(poses);
+        gauges::read(&mut campaign, index, recording)?;
         if campaign.readings() == before {
             return Err(Unusable::NothingMeasured { file: reader.name() });
         }
         campaign.recordings.push(reader.name());
     }
+    gauges::still_unused_frames(&mut campaign);
     Ok(campaign)
 }
 

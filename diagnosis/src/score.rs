@@ -15,7 +15,7 @@ use crate::problem::{Look, State, Weighing, follow, motions_of, visit};
 use crate::result::Fit;
 use crate::triangle::{Triangle, dot};
 use glam::DVec3;
-use physics::spec::ActsOn;
+use physics::spec::{ActsOn, Need};
 use physics::{EFFECTS_MAX, Evaluation};
 
 /// A candidate's share of its own length that must be left after the fit's columns, squared.
@@ -106,9 +106,12 @@ impl<'a> Fitted<'a> {
     fn batch(&self, candidates: &[Candidate], from: usize) -> (Hypothesis, usize) {
         let arm = self.state.hypothesis.model.arm;
         let mut batch = Hypothesis::fixed(physics::Model::nominal(arm));
-        // What changes the loads is felt by the candidates too.
+        // What changes the loads is felt by the candidates too, and what gives way shows those that change loads.
         for effect in self.state.hypothesis.model.effects() {
-            if effect.spec().acts_on == ActsOn::Loads {
+            let spec = effect.spec();
+            let gives_way =
+                spec.needs.contains(&Need::Masses) || spec.needs.contains(&Need::Wrench);
+            if spec.acts_on == ActsOn::Loads || gives_way {
                 batch.model.push(*effect).unwrap_or_default();
             }
         }

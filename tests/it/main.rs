@@ -10,6 +10,7 @@ mod architecture;
 mod calibrate;
 mod cli;
 mod force;
+mod gauges;
 mod gears;
 mod invariants;
 mod kill;
@@ -24,6 +25,7 @@ mod simulate;
 mod spectrum;
 mod status;
 mod surface;
+mod sweeps;
 mod tap;
 
 /// The program itself.
