@@ -46,6 +46,10 @@ pub enum Channel {
     Tacho,
     /// Acceleration, m/s².
     Acceleration(usize),
+    /// How the base stands against the plumb line: turn about base x (0) and y (1), rad.
+    BaseTilt(usize),
+    /// Which set-up of the measuring instrument saw the row: rows of one number share a measuring frame.
+    Station,
 }
 
 /// The units in which positions stand in a file: what was read is written alike.
@@ -115,6 +119,8 @@ impl Channel {
             Self::Spindle => "spindle".to_owned(),
             Self::Feed => "feed".to_owned(),
             Self::Tacho => "tacho".to_owned(),
+            Self::BaseTilt(axis) => format!("tilt_{}", AXES[axis.min(1)]),
+            Self::Station => "station".to_owned(),
         }
     }
 
@@ -124,6 +130,7 @@ impl Channel {
         match self {
             Self::Command(_) | Self::Motor(_) | Self::Link(_) => &["deg", "rad", "mm", "m"],
             Self::Position(_) | Self::Target(..) => &["mm", "m"],
+            Self::BaseTilt(_) => &["mrad", "rad", "deg"],
             Self::Torque(_) => &["Nm", "N"],
             Self::Wrench(0..3) => &["N"],
             Self::Wrench(_) => &["Nm"],
@@ -132,7 +139,7 @@ impl Channel {
             Self::Spindle => &["rpm"],
             Self::Feed => &["mm_s"],
             Self::Acceleration(_) => &["m_s2"],
-            Self::Direction(_) | Self::Orientation(_) | Self::Tacho => &[],
+            Self::Direction(_) | Self::Orientation(_) | Self::Tacho | Self::Station => &[],
         }
     }
 
@@ -147,6 +154,7 @@ impl Channel {
             (Self::Command(_) | Self::Motor(_) | Self::Link(_), JointKind::Prismatic) => length,
             (Self::Position(_) | Self::Target(..), _) => length,
             (Self::Torque(_), JointKind::Prismatic) => "N",
+            (Self::BaseTilt(_), _) => "rad",
             _ => self.units().first()?,
         };
         Unit::named(name)
@@ -180,6 +188,9 @@ impl Channel {
             "spindle" => Some(Self::Spindle),
             "feed" => Some(Self::Feed),
             "tacho" => Some(Self::Tacho),
+            "station" => Some(Self::Station),
+            "tilt_x" => Some(Self::BaseTilt(0)),
+            "tilt_y" => Some(Self::BaseTilt(1)),
             _ => Self::numbered(base),
         }
     }
@@ -285,6 +296,8 @@ mod tests {
             Channel::Feed,
             Channel::Tacho,
             Channel::Acceleration(1),
+            Channel::BaseTilt(1),
+            Channel::Station,
         ];
         for channel in all {
             for units in [FileUnits::SI, FileUnits::WORKSHOP] {
