@@ -126,7 +126,11 @@ pub(crate) fn rows_of(
     let campaign = Campaign {
         poses: candidates.iter().flat_map(|candidate| candidate.poses.iter().cloned()).collect(),
         surroundings: state.surroundings.clone(),
-        instruments: vec![Instrument { name: "planned".to_owned(), noise_is_known: true }],
+        instruments: vec![Instrument {
+            name: "planned".to_owned(),
+            noise_is_known: true,
+            ..Instrument::default()
+        }],
         recordings: vec!["planned".to_owned()],
     };
     let owner: Vec<usize> =

@@ -173,7 +173,11 @@ impl Task {
         Campaign {
             poses: poses.collect(),
             surroundings: self.surroundings.clone(),
-            instruments: vec![Instrument { name: "planned".to_owned(), noise_is_known: true }],
+            instruments: vec![Instrument {
+                name: "planned".to_owned(),
+                noise_is_known: true,
+                ..Instrument::default()
+            }],
             recordings: vec!["planned".to_owned()],
         }
     }
@@ -211,7 +215,7 @@ impl Task {
         match &self.sees {
             Sees::Points { .. } => Some(*q),
             Sees::Distance { length_m: [shortest, longest] } => {
-                let anchor = self.surroundings.anchors.first()?.value;
+                let anchor = self.surroundings.anchors.first()?.place.value;
                 let length = shortest + (longest - shortest) * rng.random::<f64>();
                 onto(arm, q, tip, |p| {
                     ((p - anchor).length() - length, (p - anchor).normalize_or_zero())

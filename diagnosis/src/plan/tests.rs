@@ -3,7 +3,7 @@ use crate::campaign::Noise;
 use crate::made::{empty, nominal};
 use crate::plan::reach::Reach;
 use crate::plan::sight::Sight;
-use crate::surroundings::Fitted;
+use crate::surroundings::{Anchor, Fitted};
 use crate::{Effort, Influence, Settings, Surroundings, fit, geometry, simulate};
 use glam::DVec3;
 use physics::{AnyEffect, Given, Inputs, Memories, Model};
@@ -224,7 +224,8 @@ fn the_same_seed_gives_the_same_poses_and_a_place_without_sight_none() {
 #[test]
 fn a_ballbar_and_a_probe_are_planned_onto_what_they_measure() {
     let mut bar = task();
-    bar.surroundings.anchors = vec![Fitted::unknown(DVec3::new(0.9, 0.0, 0.2))];
+    let place = Fitted::unknown(DVec3::new(0.9, 0.0, 0.2));
+    bar.surroundings.anchors = vec![Anchor { place, offset_m: Fitted::known(0.0) }];
     bar.sees = Sees::Distance { length_m: [0.598, 0.602] };
     let planned = plan(&bar, None, &wish(Criterion::D, 8, 1)).expect("a plan");
     let arm = &bar.hypothesis.model.arm;
@@ -232,7 +233,7 @@ fn a_ballbar_and_a_probe_are_planned_onto_what_they_measure() {
         let tip = physics::Chain::nominal(arm, &pose.q)
             .base_from_tool
             .point(bar.surroundings.targets[0].value);
-        let length = tip.distance(bar.surroundings.anchors[0].value);
+        let length = tip.distance(bar.surroundings.anchors[0].place.value);
         assert!((0.597..0.603).contains(&length), "{length}");
     }
     let mut probe = task();

@@ -80,8 +80,7 @@ impl<'t, 's> Builder<'t, 's> {
     }
 
     fn take_segment(&mut self, from: Option<usize>, values: &[f64]) {
-        let whole = |value: &f64| value.fract() == 0.0 && value.abs() < 9e15;
-        if let Some(row) = values.iter().position(|value| !whole(value)) {
+        if let Some(row) = values.iter().position(|value| !is_whole(*value)) {
             let fault = Fault::new("segment", "is no whole number").expected("a whole number");
             self.cell_fault(row, from, fault);
         }
@@ -199,16 +198,17 @@ impl<'t, 's> Builder<'t, 's> {
     fn judge_values(&mut self) {
         let mut found = Vec::new();
         for (channel, values) in &self.columns {
-            if let Channel::Direction(_) = channel {
-                let good = |v: &f64| v.is_nan() || [-1.0, 0.0, 1.0].contains(v);
-                if let Some(row) = values.iter().position(|value| !good(value)) {
-                    let message = format!("is {}", values[row]);
-                    found.push((
-                        row,
-                        *channel,
-                        Fault::new(channel.base(), message).expected("-1, 0 or 1"),
-                    ));
+            let (good, expected): (fn(f64) -> bool, _) = match channel {
+                Channel::Direction(_) => {
+                    (|v| v.is_nan() || [-1.0, 0.0, 1.0].contains(&v), "-1, 0 or 1")
                 }
+                Channel::Station => (is_whole, "a whole number"),
+                _ => continue,
+            };
+            if let Some(row) = values.iter().position(|value| !good(*value)) {
+                let message = format!("is {}", values[row]);
+                let fault = Fault::new(channel.base(), message).expected(expected);
+                found.push((row, *channel, fault));
             }
         }
         if let Some((row, norm)) = self.bad_quaternion() {
@@ -297,6 +297,11 @@ impl<'t, 's> Builder<'t, 's> {
             }
         }
     }
+}
+
+/// A number that counts something; larger ones would not be exact.
+fn is_whole(value: f64) -> bool {
+    value.fract() == 0.0 && value.abs() < 9e15
 }
 
 const MAPPING_HELP: &str = "name the columns so, or give a mapping (--mapping FILE)";

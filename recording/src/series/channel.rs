@@ -55,6 +55,10 @@ pub enum Channel {
     TouchPlane,
     /// The sphere that the probe touches, by its number from 1; 0 for none.
     TouchSphere,
+    /// How the base stands against the plumb line: turn about base x (0) and y (1), rad.
+    BaseTilt(usize),
+    /// Which set-up of the measuring instrument saw the row: rows of one number share a measuring frame.
+    Station,
 }
 
 /// The units in which positions stand in a file: what was read is written alike.
@@ -127,6 +131,8 @@ impl Channel {
             Self::Distance(at) => format!("distance{}", at + 1),
             Self::TouchPlane => "touch_plane".to_owned(),
             Self::TouchSphere => "touch_sphere".to_owned(),
+            Self::BaseTilt(axis) => format!("tilt_{}", AXES[axis.min(1)]),
+            Self::Station => "station".to_owned(),
         }
     }
 
@@ -136,6 +142,7 @@ impl Channel {
         match self {
             Self::Command(_) | Self::Motor(_) | Self::Link(_) => &["deg", "rad", "mm", "m"],
             Self::Position(_) | Self::Target(..) | Self::Distance(_) => &["mm", "m"],
+            Self::BaseTilt(_) => &["mrad", "rad", "deg"],
             Self::Torque(_) => &["Nm", "N"],
             Self::Wrench(0..3) => &["N"],
             Self::Wrench(_) => &["Nm"],
@@ -148,7 +155,8 @@ impl Channel {
             | Self::Orientation(_)
             | Self::Tacho
             | Self::TouchPlane
-            | Self::TouchSphere => &[],
+            | Self::TouchSphere
+            | Self::Station => &[],
         }
     }
 
@@ -163,6 +171,7 @@ impl Channel {
             (Self::Command(_) | Self::Motor(_) | Self::Link(_), JointKind::Prismatic) => length,
             (Self::Position(_) | Self::Target(..) | Self::Distance(_), _) => length,
             (Self::Torque(_), JointKind::Prismatic) => "N",
+            (Self::BaseTilt(_), _) => "rad",
             _ => self.units().first()?,
         };
         Unit::named(name)
@@ -198,6 +207,9 @@ impl Channel {
             "tacho" => Some(Self::Tacho),
             "touch_plane" => Some(Self::TouchPlane),
             "touch_sphere" => Some(Self::TouchSphere),
+            "station" => Some(Self::Station),
+            "tilt_x" => Some(Self::BaseTilt(0)),
+            "tilt_y" => Some(Self::BaseTilt(1)),
             _ => Self::numbered(base),
         }
     }
@@ -309,6 +321,8 @@ mod tests {
             Channel::Distance(2),
             Channel::TouchPlane,
             Channel::TouchSphere,
+            Channel::BaseTilt(1),
+            Channel::Station,
         ];
         for channel in all {
             for units in [FileUnits::SI, FileUnits::WORKSHOP] {

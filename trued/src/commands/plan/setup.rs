@@ -8,7 +8,7 @@ use clap::Args;
 use diagnosis::plan::reach::Reach;
 use diagnosis::plan::sight::Sight;
 use diagnosis::plan::{Patch, Sees};
-use diagnosis::surroundings::Sphere;
+use diagnosis::surroundings::{Anchor, Sphere};
 use diagnosis::{Campaign, Fitted, Noise, Plane, Station, Surroundings};
 use glam::DVec3;
 use physics::{Arm, Frame};
@@ -269,7 +269,14 @@ impl Setup {
         Ok(Surroundings {
             frames: vec![Fitted { value: station, free: !self.frame_known }],
             targets: self.target.iter().map(target).collect(),
-            anchors: self.anchor.iter().map(|Tuple(at)| Fitted::unknown(metres(*at))).collect(),
+            anchors: self
+                .anchor
+                .iter()
+                .map(|Tuple(at)| Anchor {
+                    place: Fitted::unknown(metres(*at)),
+                    offset_m: Fitted::known(0.0),
+                })
+                .collect(),
             planes: self.plane.iter().map(plane).collect::<Result<_, Failure>>()?,
             spheres: self.sphere.iter().map(sphere).collect(),
         })
