@@ -6,9 +6,16 @@
 //! Promises: no candidate needs a signal that the campaign does not have; none stands for what the model already has.
 //! Never: a look at the residuals; see [`crate::score`].
 
+mod families;
+mod loads;
+mod standing;
+
+use families::slot;
+pub(crate) use loads::remainders;
+
 use crate::campaign::{Arrival, Campaign};
 use physics::spec::{Need, Role};
-use physics::{AnyEffect, Arm, Given, JOINTS_MAX, JointKind};
+use physics::{AnyEffect, Arm, Given, JOINTS_MAX, JointKind, Model};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 /// Shares of the longest segment that are tried as a time constant.
@@ -36,6 +43,12 @@ enum Make {
     Wobble { joint: usize, cycles: f64 },
     /// Changes to the values of an effect that the model has, by its place there.
     Change { place: usize },
+    /// Coefficients of a description; those that an offset and a ratio stand for stay zero.
+    Remainder,
+    /// A spring: one of its lengths stays, since only their ratios show.
+    Spring,
+    /// Masses at given places: their sum at their middle.
+    Masses,
 }
 
 /// An effect that might be missing.
@@ -56,7 +69,8 @@ impl Candidate {
     pub(crate) fn effect(&self, arm: &Arm, found: &[f64]) -> Option<AnyEffect> {
         match self.make {
             Make::Change { .. } => None,
-            Make::Values => {
+            Make::Masses => loads::at_their_middle(&self.probes, found),
+            Make::Values | Make::Remainder | Make::Spring => {
                 let mut effect = self.probes.first()?.effect;
                 for (probe, value) in self.probes.iter().zip(found) {
                     effect.values_mut()[probe.value] = *value;
@@ -79,56 +93,45 @@ impl Candidate {
     pub(crate) fn kept(&self) -> &'static [&'static str] {
         match self.make {
             Make::Wave { .. } | Make::Wobble { .. } => &["cycles"],
-            Make::Values | Make::Change { .. } => &[],
+            Make::Spring => &["L"],
+            Make::Values | Make::Change { .. } | Make::Remainder | Make::Masses => &[],
         }
     }
 
-    /// The same at the numbers of an effect that came of it and was fitted since, and its linear numbers there; `had`: what a change started from.
-    pub(crate) fn standing(&self, arm: &Arm, effect: &AnyEffect, had: &[f64]) -> (Self, Vec<f64>) {
-        let values = effect.values();
-        let part = |amplitude: f64, phase: f64| {
-            let (sine, cosine) = libm::sincos(phase);
-            (amplitude * cosine, amplitude * sine)
-        };
-        match (self.make, values) {
-            (Make::Wave { joint, .. }, [amplitude, cycles, phase]) => {
-                let (sine, cosine) = part(*amplitude, *phase);
-                let same = wave_candidate(arm, joint, *cycles).unwrap_or_else(|| self.clone());
-                (same, vec![sine, cosine])
-            }
-            (Make::Wobble { .. }, [a1, a2, p1, p2, ..]) => {
-                let ((s1, c1), (s2, c2)) = (part(*a1, *p1), part(*a2, *p2));
-                (self.clone(), vec![s1, s2, c1, c2])
-            }
-            _ => {
-                let mut same = self.clone();
-                same.probes.iter_mut().for_each(|probe| probe.effect = *effect);
-                let stands = |probe: &Probe| {
-                    values[probe.value] - had.get(probe.value).copied().unwrap_or(0.0)
-                };
-                let stands = same.probes.iter().map(stands).collect();
-                (same, stands)
-            }
-        }
+    /// How many numbers were chosen from a list before its probes were looked at, and will be fitted.
+    pub(crate) fn tried_numbers(&self) -> usize {
+        if matches!(self.make, Make::Spring) { loads::SHAPE } else { 0 }
     }
 
-    /// The place of the model's effect whose values it changes; none for a new effect.
-    pub(crate) fn changes(&self) -> Option<usize> {
-        match self.make {
-            Make::Change { place } => Some(place),
-            _ => None,
-        }
+    /// Whether a fit may change this value of its effect.
+    pub(crate) fn frees(&self, value: usize) -> bool {
+        !matches!(self.make, Make::Remainder) || self.probes.iter().any(|p| p.value == value)
     }
 
-    /// A change of an effect that the model has.
-    pub(crate) fn change(place: usize, effect: &AnyEffect) -> Self {
+    /// Whether it cannot stand beside this effect.
+    pub(crate) fn is_rival_of(&self, effect: &AnyEffect) -> bool {
+        if self.changes().is_some() {
+            return false;
+        }
+        let own = self.probes.first().map(|probe| &probe.effect);
+        self.slot == slot(effect) || own.is_some_and(|own| families::clash(own, effect))
+    }
+
+    /// Whether what it works upon is there.
+    pub(crate) fn has_its_ground(&self, model: &Model) -> bool {
+        let own = self.probes.first().map(|probe| &probe.effect);
+        own.is_none_or(|own| families::has_its_ground(own, model))
+    }
+
+    /// All values of an effect that is built already.
+    pub(crate) fn of_values(effect: &AnyEffect) -> Self {
         let probes = (0..effect.values().len()).map(|value| Probe { effect: *effect, value });
         Self {
-            slot: format!("change {place}"),
+            slot: slot(effect),
             joint: effect.joint(),
             probes: probes.collect(),
             settings: Vec::new(),
-            make: Make::Change { place },
+            make: Make::Values,
         }
     }
 }
@@ -220,9 +223,13 @@ pub(crate) fn candidates(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     for joint in 0..arm.count() {
         list.of_joint(joint, campaign);
     }
-    if list.shows.masses {
+    if list.shows.masses || list.shows.wrench {
         list.values("base_compliance", None, &[("compliance", &[0.0])]);
+    }
+    if list.shows.masses {
         list.values("gravity_tilt", None, &[("tilt", &[0.0; 2])]);
+        list.found.extend(loads::payload(arm));
+        list.found.extend(loads::springs(arm, campaign));
     }
     if list.shows.wrench {
         list.values("tool_compliance", None, &[("compliance", &[0.0; 3])]);
@@ -270,12 +277,17 @@ impl<'a> List<'a> {
         if self.shows.wrench {
             self.values("load_compliance", at, &[("compliance", &[0.0])]);
         }
+        if self.shows.wrench && self.shows.masses {
+            // Without both, it is `joint_compliance` by another name.
+            self.values("gravity_compliance", at, &[("compliance", &[0.0])]);
+        }
         if self.shows.masses || self.shows.wrench {
             self.values("joint_compliance", at, &[("compliance", &[0.0])]);
+            self.values("stiffness_hardening", at, &[("cubic", &[0.0])]);
             self.values("bearing_compliance", at, &[("compliance", &[0.0])]);
         }
         if self.shows.masses {
-            let most = largest_load(self.arm, campaign, joint);
+            let most = loads::largest(self.arm, campaign, joint);
             for share in SOFT.iter().filter(|_| most > 0.0) {
                 let torque = [share * most];
                 self.values("lost_motion", at, &[("width", &[0.0]), ("torque", &torque)]);
@@ -358,40 +370,4 @@ impl<'a> List<'a> {
 /// to the third (a parallel rod).
 fn couples(arm: &Arm, from: usize, joint: usize) -> bool {
     (from + 3 >= arm.count() && from < joint) || (from == 1 && joint == 2)
-}
-
-/// Effects of one slot stand for the same thing: one of them is enough.
-pub(crate) fn slot(effect: &AnyEffect) -> String {
-    let joint = effect.joint().map_or(-1, |joint| joint as i64);
-    let what = match effect {
-        AnyEffect::GravitySag(_)
-        | AnyEffect::JointCompliance(_)
-        | AnyEffect::GravityCompliance(_) => "weight".to_owned(),
-        AnyEffect::Backlash(_) | AnyEffect::Hysteresis(_) => "reversal".to_owned(),
-        AnyEffect::TransmissionError(wave) => {
-            use physics::Effect;
-            return format!("wave {joint} {}", wave.values()[1]);
-        }
-        AnyEffect::AxisWobble(wobble) => {
-            use physics::Effect;
-            return format!("wobble {joint} {}", wobble.values()[4]);
-        }
-        AnyEffect::JointCoupling(_) => {
-            // Which joint it comes from is a setting: only the effect itself knows it.
-            let mut coupling = *effect;
-            coupling.values_mut().fill(0.0);
-            format!("{coupling:?}")
-        }
-        _ => effect.spec().kind.to_owned(),
-    };
-    format!("{what} {joint}")
-}
-
-/// The largest load of gravity and wrench on a joint over the campaign, Nm or N.
-fn largest_load(arm: &Arm, campaign: &Campaign, joint: usize) -> f64 {
-    let load = |inputs: &physics::Inputs| {
-        let chain = physics::Chain::nominal(arm, &inputs.q);
-        physics::Loads::on(arm, &chain, inputs.wrench_base).torque(joint).abs()
-    };
-    campaign.poses.iter().map(|pose| load(&pose.inputs)).fold(0.0, f64::max)
 }

@@ -5,6 +5,7 @@
 //! Promises: the same input and seed give the same bits; held-out rows are seen by no choice and no fit; nothing found is a result
 //! like any other. Never: a file, a name of a data set.
 
+mod choice;
 mod features;
 mod gram;
 mod judge;
@@ -17,7 +18,8 @@ pub mod says;
 mod unknown;
 mod untested;
 
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, Reading};
+use crate::colour::stream;
 use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::Hypothesis;
 use crate::proof::Split;
@@ -25,9 +27,12 @@ use crate::result::Fit;
 use crate::robust::Influence;
 use crate::score::Fitted;
 use features::Word;
+use glam::DVec3;
 use name::{Asking, Named, Naming};
 use physics::{AnyEffect, Model};
 use prove::Held;
+
+use std::collections::BTreeMap;
 
 pub use judge::Verdict;
 pub use locate::{Cell, Seen};
@@ -43,6 +48,8 @@ const POSES_MAX: usize = 6000;
 pub struct Finding {
     /// The effect with its numbers, SI; for a change the effect as it should be.
     pub effect: AnyEffect,
+    /// Its place among the effects of the fit's model.
+    pub place: usize,
     /// For a change: the numbers that the model had.
     pub had: Option<Vec<f64>>,
     /// The standard uncertainty of each number, SI; none for one that was not fitted.
@@ -87,6 +94,10 @@ pub struct Diagnosis {
     pub given: Fit,
     /// With all that was found.
     pub fit: Fit,
+    /// Root mean square of the measured values about their means, m or rad.
+    pub signal_rms: f64,
+    /// The motion or load that would tell rivals apart.
+    pub next_experiment: Option<String>,
     /// Where the model as given and the recording differ.
     pub map: Vec<Cell>,
     /// What could not have shown.
@@ -220,12 +231,34 @@ fn finish(
         proof,
         given,
         fit: last,
+        signal_rms: signal_rms(&campaign, held.is_length),
+        next_experiment: None,
         map,
         not_tested,
         notes,
         campaign: campaign.clone(),
         split: split.clone(),
     }
+}
+
+/// Root mean square of what was read about the mean of each axis or joint.
+fn signal_rms(campaign: &Campaign, lengths: bool) -> f64 {
+    let mut streams: BTreeMap<usize, Vec<DVec3>> = BTreeMap::new();
+    for reading in campaign.poses.iter().flat_map(|p| p.seen.iter().map(|seen| &seen.reading)) {
+        let value = match reading {
+            Reading::Point { at, .. } if lengths => *at,
+            Reading::JointPosition { position, .. } if !lengths => DVec3::X * *position,
+            _ => continue,
+        };
+        streams.entry(stream(reading)).or_default().push(value);
+    }
+    let (mut sum, mut count) = (0.0, 0.0);
+    for values in streams.values() {
+        let mean = values.iter().sum::<DVec3>() / values.len() as f64;
+        sum += values.iter().map(|value| (*value - mean).length_squared()).sum::<f64>();
+        count += if lengths { 3.0 } else { 1.0 } * values.len() as f64;
+    }
+    if count > 0.0 { (sum / count).sqrt() } else { 0.0 }
 }
 
 fn findings(
@@ -266,6 +299,7 @@ fn findings(
             seen,
             sigma: (0..effect.values().len()).map(sigma).collect(),
             effect,
+            place: one.effect,
             had,
             settings: one.candidate.settings.clone(),
             confidence,

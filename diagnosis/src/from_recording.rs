@@ -1,10 +1,12 @@
 //! Recordings of a robot as a campaign.
 //!
-//! Each recording has its own measuring frame; targets of one number are one thing in all recordings. Rows without any measured value give
-//! no pose, but memory of effects still follows them.
+//! Each recording has a measuring frame of its own, or one per `station` that its rows name; targets of one number are one thing in all
+//! recordings. Rows without any measured value give no pose, but memory of effects still follows them.
 //!
 //! Promises: nothing is left out silently: what has no value is not measured; what was not said of the noise is estimated.
 //! Never: a file read.
+
+mod gauges;
 
 use crate::campaign::{Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading};
 use crate::surroundings::{Fitted, Station, Surroundings};
@@ -38,9 +40,19 @@ pub enum Unusable {
         /// Which group.
         what: &'static str,
     },
+    /// Two recordings that do not agree.
+    #[error(
+        "{file}: its TOML says other things of `{what}` than another recording does; a number stands for one thing in all recordings"
+    )]
+    Contradiction {
+        /// The recording.
+        file: String,
+        /// Which thing.
+        what: String,
+    },
     /// Nothing measured.
     #[error(
-        "{file}: nothing was measured; a calibration needs x_mm, y_mm, z_mm, targets or ql columns"
+        "{file}: nothing was measured; a calibration needs x_mm, y_mm, z_mm, targets, ql, distances or touches"
     )]
     NothingMeasured {
         /// The recording.
@@ -59,18 +71,21 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
         instruments: Vec::new(),
         recordings: Vec::new(),
     };
+    gauges::surround(recordings, &mut campaign.surroundings)?;
     for (index, recording) in recordings.iter().enumerate() {
-        let reader = Reader { arm, recording, index };
+        let mut reader = Reader { arm, recording, index, frames: Vec::new() };
         reader.surround(&mut campaign.surroundings);
         let instruments = reader.instruments(&mut campaign)?;
         let before = campaign.readings();
         let poses = reader.poses(&campaign.surroundings, &instruments)?;
         campaign.poses.extend(poses);
+        gauges::read(&mut campaign, index, recording)?;
         if campaign.readings() == before {
             return Err(Unusable::NothingMeasured { file: reader.name() });
         }
         campaign.recordings.push(reader.name());
     }
+    gauges::still_unused_frames(&mut campaign);
     Ok(campaign)
 }
 
@@ -79,7 +94,7 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
 /// # Errors
 /// An input that lacks a joint.
 pub fn motion(arm: &Arm, recording: &Recording) -> Result<Vec<Pose>, Unusable> {
-    Reader { arm, recording, index: 0 }.motion()
+    Reader { arm, recording, index: 0, frames: Vec::new() }.motion()
 }
 
 /// The poses that a recording keeps for validation, one entry per pose of the campaign.
@@ -108,6 +123,8 @@ struct Reader<'a> {
     arm: &'a Arm,
     recording: &'a Recording,
     index: usize,
+    /// The measuring frame of each row.
+    frames: Vec<usize>,
 }
 
 impl Reader<'_> {
@@ -125,10 +142,20 @@ impl Reader<'_> {
         vector.is_finite().then_some(vector)
     }
 
-    fn surround(&self, surroundings: &mut Surroundings) {
+    fn surround(&mut self, surroundings: &mut Surroundings) {
         let about = &self.recording.about;
         let station = Station { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
-        surroundings.frames.push(Fitted { value: station, free: !about.measured_in_base });
+        let first = surroundings.frames.len();
+        let mut known: Vec<u64> = Vec::new();
+        for row in 0..self.recording.len() {
+            let number = self.value(Channel::Station, row).to_bits();
+            let place = known.iter().position(|station| *station == number);
+            self.frames.push(first + place.unwrap_or(known.len()));
+            if place.is_none() {
+                known.push(number);
+                surroundings.frames.push(Fitted { value: station, free: !about.measured_in_base });
+            }
+        }
         for target in surroundings.targets.len()..self.recording.target_count() {
             let known = about.targets_tool.get(&target).map(|place| DVec3::from_array(*place));
             let unknown = Fitted::unknown(DVec3::ZERO);
@@ -217,6 +244,9 @@ impl Reader<'_> {
         for joint in 0..self.arm.count() {
             inputs.joint_celsius[joint] = self.value(Channel::JointTemperature(joint), row);
         }
+        let tilt = [0, 1].map(|axis| self.value(Channel::BaseTilt(axis), row));
+        let known = tilt.map(|turn| if turn.is_nan() { 0.0 } else { turn });
+        inputs.base_tilt = DVec3::new(known[0], known[1], 0.0);
         inputs.wrench_base = self.wrench(row, &inputs.q);
         Ok(inputs)
     }
@@ -260,7 +290,7 @@ impl Reader<'_> {
             seen.push(Observation { reading, whitening, instrument });
             Ok(())
         };
-        let frame = self.index;
+        let frame = self.frames[row];
         if let Some(at) = self.vector(Channel::Position, row) {
             let place = Place::Tcp;
             take(Reading::Point { place, frame, at }, instruments.points, at, "x, y, z")?;
@@ -287,3 +317,6 @@ impl Reader<'_> {
         Ok(seen)
     }
 }
+
+#[cfg(test)]
+mod tests;

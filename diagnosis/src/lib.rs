@@ -19,11 +19,13 @@ pub mod hypothesis;
 mod independent;
 pub mod iso9283;
 pub mod joint_error;
+pub mod loaded;
 #[cfg(test)]
 mod made;
 mod minimise;
 pub mod motion;
 pub mod per_joint;
+pub mod plan;
 mod problem;
 pub mod proof;
 pub mod readback;
@@ -39,6 +41,7 @@ pub mod single_joint;
 pub mod start;
 pub mod stiffness;
 pub mod surroundings;
+pub mod sweeps;
 pub mod triangle;
 mod waves;
 
@@ -48,4 +51,4 @@ pub use hypothesis::{Free, Hypothesis};
 pub use result::{Fit, Undetermined};
 pub use robust::Influence;
 pub use select::{Chosen, Selection, geometry, select};
-pub use surroundings::{Fitted, Plane, Sphere, Station, Surroundings};
+pub use surroundings::{Anchor, Fitted, Plane, Sphere, Station, Surroundings};

@@ -7,7 +7,7 @@
 
 use crate::campaign::{Arrival, Campaign};
 use crate::colour::{Filter, stream};
-use crate::hypothesis::Hypothesis;
+use crate::hypothesis::{Hypothesis, much};
 use crate::motion::Motion;
 use crate::residual::{Columns, Rows};
 use crate::surroundings::{Number, Surroundings};
@@ -177,8 +177,9 @@ fn through_loads(
     inputs: &Inputs,
     memories: &Memories,
 ) -> Motion {
-    let stands = model.effects().nth(effect).map_or(0.0, |effect| effect.values()[value]);
-    let step = 1e-4 * stands.abs().max(1e-2);
+    let own = model.effects().nth(effect);
+    let stands = own.map_or(0.0, |effect| effect.values()[value]);
+    let step = 1e-4 * own.map_or(1.0, |effect| much(effect, value)).max(stands.abs());
     let at = |value_there: f64| {
         let mut model = *model;
         if let Some(effect) = model.effect_mut(effect) {

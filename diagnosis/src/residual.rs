@@ -25,6 +25,7 @@ impl Columns {
             let key = match number {
                 Number::Frame(i, _) => (0, i),
                 Number::Target(i, _) => (1, i),
+                Number::Anchor(i, 3) => (6, i),
                 Number::Anchor(i, _) => (2, i),
                 Number::Plane(i, _) => (3, i),
                 Number::Sphere(i, 3) => (5, i),
@@ -207,12 +208,17 @@ impl Scene<'_> {
     }
 
     fn distance(&self, place: Place, anchor: usize, length_m: f64) -> Rows {
-        let away = self.place(place).0 - self.surroundings.anchors[anchor].value;
+        let fixed = &self.surroundings.anchors[anchor];
+        let away = self.place(place).0 - fixed.place.value;
         let direction = away.normalize_or_zero();
-        let mut rows = self.along(length_m - away.length(), direction, place);
+        let said = away.length() + fixed.offset_m.value;
+        let mut rows = self.along(length_m - said, direction, place);
         if let Some(first) = self.columns.first(2, anchor) {
             let block = direction.to_array().map(|d| DVec3::X * -d);
             rows.local.push((first, block.to_vec()));
+        }
+        if let Some(first) = self.columns.first(6, anchor) {
+            rows.local.push((first, vec![DVec3::X]));
         }
         rows
     }

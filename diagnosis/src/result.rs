@@ -198,10 +198,10 @@ impl Fit {
 }
 
 /// Names of columns.
-struct Names<'a>(&'a State);
+pub(crate) struct Names<'a>(pub(crate) &'a State);
 
 impl Names<'_> {
-    fn of(&self, column: usize) -> String {
+    pub(crate) fn of(&self, column: usize) -> String {
         let numbers = self.0.surroundings.numbers();
         match numbers.get(column) {
             Some(number) => self.0.surroundings.describe(*number),
@@ -213,7 +213,7 @@ impl Names<'_> {
         }
     }
 
-    fn undetermined(&self, dependent: &Dependent) -> Undetermined {
+    pub(crate) fn undetermined(&self, dependent: &Dependent) -> Undetermined {
         let partners = dependent.partners.iter().take(4);
         Undetermined {
             column: dependent.column,

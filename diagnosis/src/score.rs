@@ -16,7 +16,7 @@ use crate::result::Fit;
 use crate::triangle::{Triangle, dot};
 use glam::DVec3;
 use nalgebra::DMatrix;
-use physics::spec::ActsOn;
+use physics::spec::{ActsOn, Need};
 use physics::{EFFECTS_MAX, Evaluation};
 
 /// A candidate's share of its own length that must be left after the fit's columns, squared.
@@ -109,9 +109,12 @@ impl<'a> Fitted<'a> {
     fn batch(&self, candidates: &[Candidate], from: usize) -> (Hypothesis, usize) {
         let arm = self.state.hypothesis.model.arm;
         let mut batch = Hypothesis::fixed(physics::Model::nominal(arm));
-        // What changes the loads is felt by the candidates too.
+        // What changes the loads is felt by the candidates too, and what gives way shows those that change loads.
         for effect in self.state.hypothesis.model.effects() {
-            if effect.spec().acts_on == ActsOn::Loads {
+            let spec = effect.spec();
+            let gives_way =
+                spec.needs.contains(&Need::Masses) || spec.needs.contains(&Need::Wrench);
+            if spec.acts_on == ActsOn::Loads || gives_way {
                 batch.model.push(*effect).unwrap_or_default();
             }
         }

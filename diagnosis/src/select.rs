@@ -6,8 +6,10 @@
 //!
 //! Promises: only what the poses that take part show; the same input gives the same choice. Never: a look at held-out poses, a name of a data set.
 
-use crate::campaign::Campaign;
-use crate::candidates::{Candidate, candidates, slot, wave_candidate};
+mod replace;
+
+use crate::campaign::{Campaign, Pose};
+use crate::candidates::{Candidate, candidates, remainders, wave_candidate};
 use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::{Free, Hypothesis, named};
 use crate::result::Fit;
@@ -15,7 +17,7 @@ use crate::score::Fitted;
 use crate::triangle::Triangle;
 use crate::waves::{Line, lines};
 use physics::spec::Role;
-use physics::{AnyEffect, Given, Model};
+use physics::{AnyEffect, Given, Memories, Model};
 
 /// Rounds of adding.
 const ROUNDS: usize = 40;
@@ -76,12 +78,12 @@ pub fn geometry(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
 pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) -> Selection {
     let model = &calibrated.hypothesis.model;
     let mut open = candidates(&model.arm, campaign);
-    let there: Vec<String> = model.effects().map(slot).collect();
-    open.retain(|candidate| !there.contains(&candidate.slot));
+    open.retain(|candidate| !model.effects().any(|effect| candidate.is_rival_of(effect)));
     let mut selecting = Selecting::new(campaign, calibrated, settings, open);
     selecting.beside = BESIDE;
     selecting.grow();
     selecting.finish();
+    selecting.replace();
     selecting.prune();
     selecting.finish();
     Selection { fit: selecting.fit, chosen: selecting.chosen }
@@ -134,7 +136,7 @@ impl<'a> Selecting<'a> {
         for _ in 0..ROUNDS {
             let mut picks = self.among_open();
             if picks.is_empty() {
-                picks = self.among_lines();
+                picks = self.among_lines_and_remainders();
             }
             let before = self.chosen.len();
             self.join(picks);
@@ -151,11 +153,40 @@ impl<'a> Selecting<'a> {
     }
 
     fn among_open(&self) -> Vec<Pick> {
+        let model = &self.fit.hypothesis.model;
+        let ready = self.open.iter().filter(|candidate| candidate.has_its_ground(model));
+        self.among(&ready.cloned().collect::<Vec<_>>())
+    }
+
+    /// A wave of any length or, where it says more, a description: one for each joint.
+    fn among_lines_and_remainders(&self) -> Vec<Pick> {
+        let (mut picks, described) = (self.among_lines(), self.among_remainders());
+        for pick in described {
+            let joint = pick.candidate.joint;
+            let says_more = |line: &Pick| line.candidate.joint == joint && line.worth >= pick.worth;
+            if !picks.iter().any(says_more) {
+                picks.retain(|line| line.candidate.joint != joint);
+                picks.push(pick);
+            }
+        }
+        picks
+    }
+
+    /// What no name explains, joint by joint.
+    fn among_remainders(&self) -> Vec<Pick> {
+        let model = &self.fit.hypothesis.model;
+        let mut open = remainders(&model.arm, self.campaign, self.settings.used);
+        open.retain(|candidate| !model.effects().any(|effect| candidate.is_rival_of(effect)));
+        self.among(&open)
+    }
+
+    fn among(&self, open: &[Candidate]) -> Vec<Pick> {
         let fitted = Fitted::new(self.campaign, &self.fit, &self.settings);
         let mut picks: Vec<Pick> = Vec::new();
-        for score in fitted.scores(&self.open) {
-            let candidate = &self.open[score.candidate];
-            let cost = self.cost(score.numbers, self.rivals as f64);
+        for score in fitted.scores(open) {
+            let candidate = &open[score.candidate];
+            let numbers = score.numbers + candidate.tried_numbers();
+            let cost = self.cost(numbers, self.rivals as f64);
             let worth = score.gain / self.fit.design_effect - cost;
             if worth > 0.0 && is_sound(candidate, &score.found) {
                 let (candidate, kept) = (candidate.clone(), candidate.kept());
@@ -183,8 +214,10 @@ impl<'a> Selecting<'a> {
         let mut hypothesis = self.fit.hypothesis.clone();
         for pick in picks {
             let Some(chosen) = joined(&mut hypothesis, &pick) else { break };
+            let joined = hypothesis.model.effects().nth(chosen.effect);
+            let bars = |open: &Candidate| joined.is_some_and(|effect| open.is_rival_of(effect));
+            self.open.retain(|open| open.slot != pick.candidate.slot && !bars(open));
             self.chosen.push(chosen);
-            self.open.retain(|candidate| candidate.slot != pick.candidate.slot);
         }
         self.refit(&hypothesis, Effort::Sketch);
     }
@@ -234,38 +267,58 @@ impl<'a> Selecting<'a> {
     /// By how much the sum of squares would rise without an effect, less what its numbers cost.
     pub(crate) fn worth(&self, effect: usize) -> f64 {
         let hypothesis = &self.fit.hypothesis;
+        if let Some(said) = self.by_neighbours(effect) {
+            return said;
+        }
         let values = hypothesis.values();
-        let (mut columns, mut linear) = (0, Vec::new());
+        let mut own = Vec::new();
         for (k, free) in hypothesis.free.iter().enumerate().filter(|(_, f)| f.effect == effect) {
             let column = self.fit.column_of(k);
             if self.fit.sigma(column).is_none() {
                 continue;
             }
-            columns += 1;
             let entry = hypothesis.effect_of(free).and_then(|effect| named(effect, free.value));
-            if entry.is_some_and(|named| named.parameter.role == Role::Linear) {
-                let given = self.given.effects().nth(effect);
-                let stood = given.and_then(|e| e.values().get(free.value)).copied().unwrap_or(0.0);
-                linear.push((column, values[k] - stood));
-            }
+            // Without its linear numbers the others say nothing: they stay out of what would rise.
+            let is_linear = entry.is_some_and(|named| named.parameter.role == Role::Linear);
+            let given = self.given.effects().nth(effect);
+            let stood = given.and_then(|e| e.values().get(free.value)).copied().unwrap_or(0.0);
+            own.push((column, if is_linear { values[k] - stood } else { 0.0 }));
         }
-        self.rise(&linear) - self.cost(columns, 1.0)
+        self.rise(&own) - self.cost(own.len(), 1.0)
     }
 
-    /// `xᵀ C⁻¹ x` of the numbers `linear`, C their covariance.
-    fn rise(&self, linear: &[(usize, f64)]) -> f64 {
-        let mut triangle = Triangle::new(linear.len());
+    /// What effects that lean on one another say of the worth of one: a stiffening law that a pose is beyond stands for nothing, and what it works
+    /// upon stays as long as it does.
+    fn by_neighbours(&self, effect: usize) -> Option<f64> {
+        let model = &self.fit.hypothesis.model;
+        let own = model.effects().nth(effect)?;
+        if matches!(own, AnyEffect::StiffnessHardening(_)) {
+            let mut used = self.campaign.poses.iter().zip(self.settings.used).filter(|(_, u)| **u);
+            let memories = Memories::default();
+            let is_beyond = |(pose, _): (&Pose, &bool)| {
+                let beyond = model.evaluate(&pose.inputs, &memories).beyond;
+                beyond.is_some_and(|beyond| Some(beyond.joint) == own.joint())
+            };
+            return used.any(is_beyond).then_some(f64::NEG_INFINITY);
+        }
+        let without = self.fit.hypothesis.without(effect);
+        (model.check().is_ok() && without.model.check().is_err()).then_some(f64::INFINITY)
+    }
+
+    /// `xᵀ C⁻¹ x` of the numbers `own`, C their covariance.
+    fn rise(&self, own: &[(usize, f64)]) -> f64 {
+        let mut triangle = Triangle::new(own.len());
         // Rows of the covariance as equations: C y = x, then x · y.
-        for (a, x) in linear {
+        for (a, x) in own {
             let row: Vec<f64> =
-                linear.iter().map(|(b, _)| self.fit.covariance(*a, *b).unwrap_or(0.0)).collect();
+                own.iter().map(|(b, _)| self.fit.covariance(*a, *b).unwrap_or(0.0)).collect();
             let size = self.fit.sigma(*a).unwrap_or(1.0);
             let row: Vec<f64> = row.iter().map(|c| c / size).collect();
             triangle.push(&row, x / size);
         }
         triangle.reduce();
         let y = triangle.solve(&[]);
-        linear.iter().zip(y).map(|((_, x), y)| x * y).sum()
+        own.iter().zip(y).map(|((_, x), y)| x * y).sum()
     }
 }
 
@@ -279,13 +332,18 @@ pub(crate) fn joined(hypothesis: &mut Hypothesis, pick: &Pick) -> Option<Chosen>
     let effect = pick.candidate.effect(&hypothesis.model.arm, &pick.found)?;
     let place = hypothesis.model.effects().len();
     hypothesis.add(effect, pick.kept).ok()?;
-    // What was found is where the search starts; what is believed before the data is nothing.
+    hypothesis.free.retain(|free| free.effect != place || pick.candidate.frees(free.value));
+    believe_nothing(hypothesis, place, &effect);
+    Some(Chosen { effect: place, gain: pick.gain, settings, revises: None })
+}
+
+/// What was found is where the search starts; what is believed before the data is nothing.
+fn believe_nothing(hypothesis: &mut Hypothesis, place: usize, effect: &AnyEffect) {
     for free in hypothesis.free.iter_mut().filter(|free| free.effect == place) {
-        let linear =
-            named(&effect, free.value).is_some_and(|named| named.parameter.role == Role::Linear);
+        let named = named(effect, free.value);
+        let linear = named.is_some_and(|named| named.parameter.role == Role::Linear);
         free.mean = if linear { 0.0 } else { free.mean };
     }
-    Some(Chosen { effect: place, gain: pick.gain, settings, revises: None })
 }
 
 /// Those that gain about as much as the best, each on a joint of its own.
@@ -313,3 +371,6 @@ pub(crate) fn is_sound(candidate: &Candidate, found: &[f64]) -> bool {
             range.is_none_or(|range| range.holds(*value))
         })
 }
+
+#[cfg(test)]
+mod tests;

@@ -61,7 +61,9 @@ fn read(
             *measuring_from_tool = rotation_from_vector(noise) * station * tool.rotation;
         }
         Reading::Distance { place, anchor, length_m } => {
-            *length_m = (point(*place) - truth.anchors[*anchor].value).length() + noise.x;
+            let fixed = &truth.anchors[*anchor];
+            let distance = (point(*place) - fixed.place.value).length();
+            *length_m = distance + fixed.offset_m.value + noise.x;
         }
         Reading::Plane { place, plane, radius_m } => {
             let plane = &truth.planes[*plane].value;

@@ -100,10 +100,15 @@ fn place_touched(found: &mut Surroundings, poses: &[(Frame, &Pose)]) {
             }
             _ => None,
         };
-        if let Some((centre, _)) = centre_of(&all(&of, found), true)
-            && found.anchors[index].free
+        let (readings, fixed) = (all(&of, found), &mut found.anchors[index]);
+        let lengths = if fixed.offset_m.free { Lengths::FromSome } else { Lengths::Known };
+        if let Some((centre, offset_m)) = centre_of(&readings, lengths)
+            && fixed.place.free
         {
-            found.anchors[index].value = centre;
+            fixed.place.value = centre;
+            if fixed.offset_m.free {
+                fixed.offset_m.value = offset_m;
+            }
         }
     }
     for index in 0..found.spheres.len() {
@@ -113,7 +118,7 @@ fn place_touched(found: &mut Surroundings, poses: &[(Frame, &Pose)]) {
             }
             _ => None,
         };
-        if let Some((centre, distance)) = centre_of(&all(&of, found), false) {
+        if let Some((centre, distance)) = centre_of(&all(&of, found), Lengths::OneUnknown) {
             let probe = all(&of, found).first().map_or(0.0, |(_, radius)| *radius);
             let sphere = &mut found.spheres[index];
             sphere.centre.value = if sphere.centre.free { centre } else { sphere.centre.value };
@@ -135,23 +140,40 @@ fn place_touched(found: &mut Surroundings, poses: &[(Frame, &Pose)]) {
     }
 }
 
-/// The centre that points lie around: at the distances given with them (`known`), or at one unknown distance, which is returned too.
-/// `|p − c|² = d²` is linear in `c` and `c² − d²`.
-fn centre_of(points: &[(DVec3, f64)], known: bool) -> Option<(DVec3, f64)> {
-    if points.len() < 5 {
+/// What is known of the distances of points from a centre.
+#[derive(Clone, Copy, PartialEq)]
+enum Lengths {
+    /// They are given.
+    Known,
+    /// They are given but for one offset.
+    FromSome,
+    /// They are equal.
+    OneUnknown,
+}
+
+/// The centre that points lie around, with the offset of their distances, or the one unknown distance.
+/// `|p − c|² = (d − o)²` is linear in `c`, `o` and `c² − o²`; with one unknown `d` in `c` and `c² − d²`.
+fn centre_of(points: &[(DVec3, f64)], lengths: Lengths) -> Option<(DVec3, f64)> {
+    if points.len() < 6 {
         return None;
     }
     let middle = points.iter().map(|(p, _)| *p).sum::<DVec3>() / points.len() as f64;
-    let mut triangle = Triangle::new(4);
+    let width = if lengths == Lengths::FromSome { 5 } else { 4 };
+    let mut triangle = Triangle::new(width);
     for (p, distance) in points {
         let p = *p - middle;
-        let given = if known { distance * distance } else { 0.0 };
-        triangle.push(&[2.0 * p.x, 2.0 * p.y, 2.0 * p.z, 1.0], p.length_squared() - given);
+        let given = if lengths == Lengths::OneUnknown { 0.0 } else { distance * distance };
+        let row = [2.0 * p.x, 2.0 * p.y, 2.0 * p.z, 1.0, -2.0 * distance];
+        triangle.push(&row[..width], p.length_squared() - given);
     }
     triangle.reduce();
-    let x = triangle.solve(&[1e-9; 4]);
+    let x = triangle.solve(&[1e-9; 5][..width]);
     let centre = DVec3::new(x[0], x[1], x[2]);
-    Some((centre + middle, (x[3] + centre.length_squared()).max(0.0).sqrt()))
+    let second = match lengths {
+        Lengths::FromSome => x[4],
+        _ => (x[3] + centre.length_squared()).max(0.0).sqrt(),
+    };
+    Some((centre + middle, second))
 }
 
 /// The plane that the probe's middle keeps its radius from; its normal on the side of `side`.

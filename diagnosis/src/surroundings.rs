@@ -49,6 +49,15 @@ pub struct Plane {
     pub offset_m: f64,
 }
 
+/// A fixed point that distances are measured from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Anchor {
+    /// Base frame, m.
+    pub place: Fitted<DVec3>,
+    /// What is read more than the distance, m.
+    pub offset_m: Fitted<f64>,
+}
+
 /// A sphere, base frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sphere {
@@ -65,8 +74,8 @@ pub struct Surroundings {
     pub frames: Vec<Fitted<Station>>,
     /// Points of the tool, tool frame, m.
     pub targets: Vec<Fitted<DVec3>>,
-    /// Fixed points, base frame, m.
-    pub anchors: Vec<Fitted<DVec3>>,
+    /// Fixed points.
+    pub anchors: Vec<Anchor>,
     /// Planes that are touched.
     pub planes: Vec<Fitted<Plane>>,
     /// Spheres that are touched.
@@ -80,7 +89,7 @@ pub enum Number {
     Frame(usize, usize),
     /// A target's coordinate.
     Target(usize, usize),
-    /// A fixed point's coordinate.
+    /// A fixed point; 0 to 2 are its coordinates, 3 what is read more than the distance.
     Anchor(usize, usize),
     /// A plane; 0 and 1 tilt it along the normals of its normal, 2 is its offset.
     Plane(usize, usize),
@@ -103,7 +112,8 @@ impl Surroundings {
             list(target.free, 3, &|k| Number::Target(i, k));
         }
         for (i, anchor) in self.anchors.iter().enumerate() {
-            list(anchor.free, 3, &|k| Number::Anchor(i, k));
+            list(anchor.place.free, 3, &|k| Number::Anchor(i, k));
+            list(anchor.offset_m.free, 1, &|_| Number::Anchor(i, 3));
         }
         for (i, plane) in self.planes.iter().enumerate() {
             list(plane.free, 3, &|k| Number::Plane(i, k));
@@ -124,7 +134,8 @@ impl Surroundings {
                 Number::Frame(i, k @ 0..3) => next.frames[i].value.turn(axis(k) * *by),
                 Number::Frame(i, k) => next.frames[i].value.measuring_from_base.origin[k - 3] += by,
                 Number::Target(i, k) => next.targets[i].value[k] += by,
-                Number::Anchor(i, k) => next.anchors[i].value[k] += by,
+                Number::Anchor(i, 3) => next.anchors[i].offset_m.value += by,
+                Number::Anchor(i, k) => next.anchors[i].place.value[k] += by,
                 Number::Plane(i, 2) => next.planes[i].value.offset_m += by,
                 Number::Plane(i, k) => {
                     let old = self.planes[i].value.normal;
@@ -151,6 +162,7 @@ impl Surroundings {
                 format!("the measuring frame {}'s {}", i + 1, coordinate(k.saturating_sub(3)))
             }
             Number::Target(i, k) => format!("target {}'s {} on the tool", i + 1, coordinate(k)),
+            Number::Anchor(i, 3) => format!("the length offset of distance {}", i + 1),
             Number::Anchor(i, k) => format!("the fixed point {}'s {}", i + 1, coordinate(k)),
             Number::Plane(i, 2) => format!("the plane {}'s place", i + 1),
             Number::Plane(i, _) => format!("the plane {}'s tilt", i + 1),
@@ -193,7 +205,10 @@ mod tests {
         Surroundings {
             frames: vec![Fitted::unknown(station)],
             targets: vec![Fitted::unknown(DVec3::ZERO), Fitted::known(DVec3::ONE)],
-            anchors: vec![Fitted::unknown(DVec3::ZERO)],
+            anchors: vec![Anchor {
+                place: Fitted::unknown(DVec3::ZERO),
+                offset_m: Fitted::unknown(0.0),
+            }],
             planes: vec![Fitted::unknown(plane)],
             spheres: vec![Sphere { centre, radius_m: Fitted::known(0.01) }],
         }
@@ -203,7 +218,7 @@ mod tests {
     fn what_is_known_takes_no_part_in_a_step() {
         let surroundings = all_free();
         let numbers = surroundings.numbers();
-        assert_eq!(numbers.len(), 6 + 3 + 3 + 3 + 3);
+        assert_eq!(numbers.len(), 6 + 3 + 4 + 3 + 3);
         let moved = surroundings.stepped(&vec![0.01; numbers.len()]);
         assert_eq!(moved.targets[1], surroundings.targets[1]);
         assert_eq!(moved.spheres[0].radius_m, surroundings.spheres[0].radius_m);

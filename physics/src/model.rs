@@ -153,6 +153,7 @@ impl Model {
         let loads = self.loads(inputs, &nominal, memories);
         let signals = Signals { arm: &self.arm, inputs, chain: &nominal, loads: &loads };
         let mut deviation = Deviation::default();
+        deviation.add(&Contribution::BaseTurn { turn: inputs.base_tilt });
         for (effect, memory) in self.effects().zip(&memories.0) {
             deviation.add(&effect.predict(&signals, memory));
         }
@@ -263,13 +264,14 @@ impl Model {
     }
 
     fn loads(&self, inputs: &Inputs, chain: &Chain, memories: &Memories) -> Loads {
-        let mut loads = Loads::on(&self.arm, chain, inputs.wrench_base);
+        let mut change = LoadChange::default();
+        change.add(&Contribution::GravityTurn { turn: inputs.base_tilt });
+        let mut loads = Loads::changed(&self.arm, chain, inputs.wrench_base, &change);
         if !self.changes_loads {
-            loads.carry_inertia(&self.arm, chain, inputs, &LoadChange::default());
+            loads.carry_inertia(&self.arm, chain, inputs, &change);
             return loads;
         }
         let signals = Signals { arm: &self.arm, inputs, chain, loads: &loads };
-        let mut change = LoadChange::default();
         for (effect, memory) in self.effects().zip(&memories.0) {
             if effect.spec().acts_on == ActsOn::Loads {
                 change.add(&effect.predict(&signals, memory));

@@ -45,6 +45,9 @@ pub struct Inputs {
     pub acceleration: Joints,
     /// What the environment exerts on the tool, at the TCP, base axes.
     pub wrench_base: Wrench,
+    /// How the base stands turned against the frame that its place was told in, as an inclinometer on it sees: rotation vector, rad. It turns the whole
+    /// arm about the base's origin, and gravity against the arm.
+    pub base_tilt: DVec3,
     /// Ambient temperature, °C; NaN where unknown.
     pub ambient_celsius: f64,
     /// Joints' own temperatures, °C; NaN where unknown.
@@ -67,6 +70,7 @@ impl Inputs {
             velocity: [0.0; JOINTS_MAX],
             acceleration: [0.0; JOINTS_MAX],
             wrench_base: Wrench::ZERO,
+            base_tilt: DVec3::ZERO,
             ambient_celsius: f64::NAN,
             joint_celsius: [f64::NAN; JOINTS_MAX],
             spindle_rpm: f64::NAN,

@@ -10,9 +10,11 @@ mod architecture;
 mod calibrate;
 mod cli;
 mod force;
+mod gauges;
 mod gears;
 mod invariants;
 mod kill;
+mod plan;
 mod process;
 mod program;
 mod readme;
@@ -23,6 +25,7 @@ mod simulate;
 mod spectrum;
 mod status;
 mod surface;
+mod sweeps;
 mod tap;
 
 /// The program itself.

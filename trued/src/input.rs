@@ -50,7 +50,7 @@ struct NoModel {
 /// A file with faults, all of them.
 #[derive(Debug, thiserror::Error)]
 #[error("{} has {}\n\n{}", .0.file(), count(.0.len(), "fault"), .0.plain())]
-struct Faulty(Faults);
+pub(crate) struct Faulty(pub(crate) Faults);
 
 /// No model was named.
 #[derive(Debug, thiserror::Error)]

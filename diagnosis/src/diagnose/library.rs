@@ -6,20 +6,19 @@
 //! Promises: the physics' own list is asked, none of its own. Never: a look at the residuals.
 
 use crate::campaign::Campaign;
-use crate::candidates::{Candidate, List, candidates, slot};
+use crate::candidates::{Candidate, List, candidates};
 use physics::spec::ActsOn;
 use physics::{Arm, Model};
 
 /// All candidates for what `model` may lack or have wrong.
 pub(super) fn library(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
-    let there: Vec<String> = model.effects().map(slot).collect();
     let moves = |acts_on: ActsOn| !matches!(acts_on, ActsOn::DriveTorque | ActsOn::ToolForce);
     let known = model.effects().enumerate().filter(|(_, e)| moves(e.spec().acts_on));
     let mut all: Vec<Candidate> =
         known.map(|(place, effect)| Candidate::change(place, effect)).collect();
     all.extend(geometry(&model.arm, campaign));
     all.extend(candidates(&model.arm, campaign));
-    all.retain(|candidate| candidate.changes().is_some() || !there.contains(&candidate.slot));
+    all.retain(|candidate| !model.effects().any(|effect| candidate.is_rival_of(effect)));
     all
 }
 

@@ -5,7 +5,7 @@ use crate::campaign::{Instrument, Noise, Observation, Place, Reading};
 use crate::made::{empty, nominal};
 use crate::select::geometry;
 use crate::simulate;
-use crate::surroundings::{Fitted, Plane, Sphere};
+use crate::surroundings::{Anchor, Fitted, Plane, Sphere};
 use glam::DVec3;
 use physics::{AnyEffect, Given, Model};
 
@@ -125,7 +125,7 @@ fn without_tracker() -> Campaign {
     around.targets[0] = Fitted::known(around.targets[0].value);
     around.anchors = vec![DVec3::new(0.9, 0.4, 0.1), DVec3::new(0.6, -0.7, 0.2)]
         .into_iter()
-        .map(Fitted::unknown)
+        .map(|at| Anchor { place: Fitted::unknown(at), offset_m: Fitted::known(0.0) })
         .collect();
     around.planes = [DVec3::Z, DVec3::new(-1.0, 0.0, 0.0)]
         .map(|normal| Fitted::unknown(Plane { normal, offset_m: 0.1 }))

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::campaign::{Instrument, Noise, Observation, Place, Pose, Reading};
-use crate::surroundings::{Fitted, Plane, Sphere, Station};
+use crate::surroundings::{Anchor, Fitted, Plane, Sphere, Station};
 use glam::{DMat3, DVec3};
 use physics::frame::rotation_from_vector;
 use physics::{AnyEffect, Arm, Frame, Given, JOINTS_MAX, Wrench};
@@ -74,7 +74,10 @@ fn surroundings() -> Surroundings {
     Surroundings {
         frames: vec![Fitted::unknown(station)],
         targets: vec![Fitted::unknown(DVec3::new(0.02, 0.08, 0.1))],
-        anchors: vec![Fitted::unknown(DVec3::new(1.0, 0.7, 0.2))],
+        anchors: vec![Anchor {
+            place: Fitted::unknown(DVec3::new(1.0, 0.7, 0.2)),
+            offset_m: Fitted::unknown(2e-3),
+        }],
         planes: vec![Fitted::unknown(plane)],
         spheres: vec![Sphere {
             centre: Fitted::unknown(DVec3::new(0.9, -0.6, 0.4)),
@@ -96,7 +99,7 @@ fn readings(tool: &Frame, around: &Surroundings, q1: f64) -> Vec<Observation> {
         Reading::Distance {
             place,
             anchor: 0,
-            length_m: (point - around.anchors[0].value).length(),
+            length_m: (point - around.anchors[0].place.value).length() + 2e-3,
         },
         Reading::Plane { place, plane: 0, radius_m: plane.normal.dot(point) - plane.offset_m },
         Reading::Sphere {

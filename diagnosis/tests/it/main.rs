@@ -6,6 +6,7 @@
 )]
 
 mod irb120;
+mod kuka_3smr;
 
 use std::path::PathBuf;
 

@@ -3,7 +3,7 @@
 use super::{effect, evaluated, six_joints};
 use crate::effects::conformance::{Scene, scene};
 use crate::frame::rotation_from_vector;
-use crate::{Body, Inputs, Model, ModelError, Tool, Wrench};
+use crate::{Arm, Body, Inputs, Model, ModelError, Tool, Wrench};
 use glam::DVec3;
 use proptest::prelude::*;
 
@@ -166,4 +166,23 @@ fn effects_that_do_not_fit_each_other_make_no_model() {
     let twice = [soft("joint_compliance", 3), soft("gravity_compliance", 3)];
     assert_eq!(made(&twice), Err(ModelError::CompliantTwice { joint: 4 }));
     assert_eq!(made(&[soft("joint_compliance", 3), soft("gravity_compliance", 2)]), Ok(()));
+}
+
+proptest! {
+    #[test]
+    fn a_base_that_stands_turned_turns_the_arm_with_it_and_gravity_against_it(tilt in prop::array::uniform3(-0.3..0.3_f64), q in six_joints()) {
+        let mut scene = scene();
+        scene.inputs.q = q;
+        let straight = evaluated(scene.arm, &[], &scene.inputs);
+        scene.inputs.base_tilt = DVec3::from_array(tilt);
+        let tilted = evaluated(scene.arm, &[], &scene.inputs);
+        let turn = rotation_from_vector(scene.inputs.base_tilt);
+        let tool = turn * straight.real.base_from_tool.origin;
+        prop_assert!((tilted.real.base_from_tool.origin - tool).length() < 1e-12);
+        let level = Arm::new(scene.arm.joints(), scene.arm.tool, turn.transpose() * scene.arm.gravity).expect("sound");
+        let other = evaluated(level, &[], &Inputs { base_tilt: DVec3::ZERO, ..scene.inputs });
+        for joint in 0..6 {
+            prop_assert!((tilted.loads.torque(joint) - other.loads.torque(joint)).abs() < 1e-9);
+        }
+    }
 }

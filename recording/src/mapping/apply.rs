@@ -20,7 +20,8 @@ impl Mapping {
         if self.drop_repeated {
             self.drop_repeated_times(&mut table);
         }
-        let used: BTreeSet<&str> = self.columns.iter().filter_map(MappedColumn::theirs).collect();
+        let used = self.columns.iter().flat_map(MappedColumn::theirs).map(String::as_str);
+        let used: BTreeSet<&str> = used.collect();
         let unused = table.header.iter().map(String::as_str).filter(|name| !used.contains(name));
         let unused: Vec<&str> = unused.collect();
         if !unused.is_empty() {
@@ -51,15 +52,17 @@ impl Mapping {
 
     fn drop_repeated_times(&self, table: &mut RawTable<'_>) {
         let theirs = |ours: &str| {
-            let column = self.columns.iter().find(|column| column.name == ours)?;
-            table.position(column.theirs()?)
+            let column = self.columns.iter().find(|column| column.name == ours);
+            let names = column.map(MappedColumn::theirs).unwrap_or_default();
+            names.iter().filter_map(|name| table.position(name)).collect::<Vec<usize>>()
         };
-        let (Some(time), segment) = (theirs("t_s"), theirs("segment")) else { return };
-        let mut last: BTreeMap<String, f64> = BTreeMap::new();
+        let (time, segment) = (theirs("t_s"), theirs("segment"));
+        let Some(time) = time.first().copied() else { return };
+        let mut last: BTreeMap<Vec<String>, f64> = BTreeMap::new();
         let mut rows = std::mem::take(&mut table.rows);
         let before = rows.len();
         rows.retain(|row| {
-            let key = segment.and_then(|at| row.get(at)).unwrap_or("").to_owned();
+            let key = segment.iter().map(|at| row.get(*at).unwrap_or("").to_owned()).collect();
             let t = row.get(time).and_then(|cell| table.number(cell)).unwrap_or(f64::NAN);
             let repeated = last.get(&key).is_some_and(|last| t <= *last);
             if !repeated {
@@ -76,29 +79,36 @@ impl Mapping {
 }
 
 impl MappedColumn {
-    fn theirs(&self) -> Option<&str> {
+    /// The columns of theirs that it needs.
+    fn theirs(&self) -> &[String] {
         match &self.from {
-            Source::Column(name) | Source::Labels(name) => Some(name),
-            Source::Constant(_) | Source::Row(_) => None,
+            Source::Column(name) | Source::Numbers(name, _) => std::slice::from_ref(name),
+            Source::Labels(names) => names,
+            Source::Constant(_) | Source::Row(_) => &[],
         }
     }
 
     fn apply(&self, table: &RawTable<'_>, builder: &mut Builder<'_, '_>) {
         let rows = table.rows.len();
-        let from = self.theirs().map(|name| (name, table.position(name)));
-        let values = match (&self.from, from) {
-            (_, Some((name, None))) => {
+        let mut places = Vec::new();
+        for name in self.theirs() {
+            let Some(at) = table.position(name) else {
                 builder.fault(missing(table, name));
                 return;
-            }
-            (Source::Labels(_), Some((_, Some(at)))) => labels(table, at),
-            (_, Some((_, Some(at)))) => builder.numbers(at),
-            (Source::Row(step), None) => (0..rows).map(|row| row as f64 * step).collect(),
-            (Source::Constant(value), None) => vec![*value; rows],
-            (Source::Column(_) | Source::Labels(_), None) => return,
+            };
+            places.push(at);
+        }
+        let first = places.first().copied();
+        let values = match (&self.from, first) {
+            (Source::Labels(_), _) => labels(table, &places),
+            (Source::Numbers(_, numbers), Some(at)) => stands_for(table, at, numbers, builder),
+            (Source::Column(_), Some(at)) => builder.numbers(at),
+            (Source::Row(step), _) => (0..rows).map(|row| row as f64 * step).collect(),
+            (Source::Constant(value), _) => vec![*value; rows],
+            (Source::Column(_) | Source::Numbers(..), None) => return,
         };
         let values = values.into_iter().map(|value| self.ours(value)).collect();
-        builder.take(&self.name, from.and_then(|(_, at)| at), values);
+        builder.take(&self.name, first, values);
     }
 
     /// A value of theirs in the unit of our name.
@@ -122,15 +132,37 @@ impl MappedColumn {
     }
 }
 
-fn labels(table: &RawTable<'_>, at: usize) -> Vec<f64> {
-    let mut known: Vec<&str> = Vec::new();
-    let mut number = |cell| {
-        known.iter().position(|name| *name == cell).unwrap_or_else(|| {
-            known.push(cell);
-            known.len() - 1
-        }) as f64
-    };
-    table.rows.iter().map(|row| number(row.get(at).unwrap_or(""))).collect()
+fn labels(table: &RawTable<'_>, places: &[usize]) -> Vec<f64> {
+    let mut known: BTreeMap<Vec<&str>, usize> = BTreeMap::new();
+    let mut numbers = Vec::with_capacity(table.rows.len());
+    for row in &table.rows {
+        let texts = places.iter().map(|at| row.get(*at).unwrap_or("")).collect();
+        let next = known.len();
+        numbers.push(*known.entry(texts).or_insert(next) as f64);
+    }
+    numbers
+}
+
+/// The numbers that texts stand for; the first text that stands for none is a fault.
+fn stands_for(
+    table: &RawTable<'_>,
+    at: usize,
+    numbers: &[(String, f64)],
+    builder: &mut Builder<'_, '_>,
+) -> Vec<f64> {
+    let known: BTreeMap<&str, f64> = numbers.iter().map(|(text, x)| (text.as_str(), *x)).collect();
+    let number = |row: usize| table.rows[row].get(at).and_then(|cell| known.get(cell)).copied();
+    let rows = 0..table.rows.len();
+    if let Some(row) = rows.clone().find(|row| number(*row).is_none()) {
+        let name = table.header.get(at).cloned().unwrap_or_default();
+        let cell = table.rows[row].get(at).unwrap_or("");
+        let texts: Vec<&str> = known.keys().copied().collect();
+        let fault = Fault::new(name, format!("\"{cell}\" stands for no number"))
+            .expected(format!("one of: {}", texts.join(", ")))
+            .help("add it to `numbers`, or leave its rows out with `keep`");
+        builder.fault(table.cell_fault(row, at, fault));
+    }
+    rows.map(|row| number(row).unwrap_or(0.0)).collect()
 }
 
 fn missing(table: &RawTable<'_>, name: &str) -> Fault {

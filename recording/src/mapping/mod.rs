@@ -46,8 +46,10 @@ struct MappedColumn {
 enum Source {
     /// A column of theirs, by name, or by its number where there is no header.
     Column(String),
-    /// A column of theirs whose different texts are numbered in the order in which they appear.
-    Labels(String),
+    /// Columns of theirs whose different texts, or combinations of them, are numbered in the order in which they appear.
+    Labels(Vec<String>),
+    /// A column of theirs whose texts stand for these numbers.
+    Numbers(String, Vec<(String, f64)>),
     /// The same value in each row.
     Constant(f64),
     /// The row's number times this.

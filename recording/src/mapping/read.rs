@@ -175,8 +175,10 @@ fn factors(entry: &Table<'_, '_>, key: &str, count: usize, default: f64) -> Opti
 
 /// What an entry's source says, before joints are unfolded.
 enum Names {
-    Pattern(String, bool),
+    Pattern(String),
     List(Vec<String>),
+    Labels(Vec<String>),
+    Numbers(String, Vec<(String, f64)>),
     Constant(f64),
     Row(f64),
 }
@@ -192,11 +194,10 @@ impl Names {
     /// The source of our joint `at` (from 0), which is their number `theirs`.
     fn source(&self, at: usize, theirs: i64) -> Option<Source> {
         Some(match self {
-            Self::Pattern(name, labels) => {
-                let name = name.replacen('*', &theirs.to_string(), 1);
-                if *labels { Source::Labels(name) } else { Source::Column(name) }
-            }
+            Self::Pattern(name) => Source::Column(name.replacen('*', &theirs.to_string(), 1)),
             Self::List(names) => Source::Column(names.get(at)?.clone()),
+            Self::Labels(names) => Source::Labels(names.clone()),
+            Self::Numbers(name, numbers) => Source::Numbers(name.clone(), numbers.clone()),
             Self::Constant(value) => Source::Constant(*value),
             Self::Row(step) => Source::Row(*step),
         })
@@ -205,15 +206,20 @@ impl Names {
 
 fn sources(entry: &Table<'_, '_>) -> Option<Names> {
     let labels = entry.flag("labels").unwrap_or_default();
+    let numbers = entry.table("numbers").map(|table| numbers(&table));
     let constant = entry.number("constant", ..);
     let step = entry.number("per_row", ..);
     let from = match entry.raw("from").map(toml::Spanned::get_ref) {
         None => None,
         Some(DeValue::Array(list)) => {
             let names: Option<Vec<String>> = list.iter().map(|v| name_of(v.get_ref())).collect();
-            names.map(Names::List)
+            names.map(|names| if labels { Names::Labels(names) } else { Names::List(names) })
         }
-        Some(value) => name_of(value).map(|name| Names::Pattern(name, labels)),
+        Some(value) => name_of(value).map(|name| match numbers {
+            Some(numbers) => Names::Numbers(name, numbers),
+            None if labels => Names::Labels(vec![name]),
+            None => Names::Pattern(name),
+        }),
     };
     if entry.has("from") && from.is_none() {
         entry.fault("from", "names no column", "a name, a number from 1, or a list of them");
@@ -226,6 +232,14 @@ fn sources(entry: &Table<'_, '_>) -> Option<Names> {
         entry.fault_here(message, "give exactly one of `from`, `constant`, `per_row`");
     }
     given.into_iter().next()
+}
+
+/// The texts of a column and the numbers that they stand for.
+fn numbers(table: &Table<'_, '_>) -> Vec<(String, f64)> {
+    let number = |text: &str| Some((text.to_owned(), table.number(text, ..)?));
+    let numbers = table.keys().filter_map(number).collect();
+    table.close();
+    numbers
 }
 
 fn name_of(value: &DeValue<'_>) -> Option<String> {

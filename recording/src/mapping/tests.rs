@@ -70,6 +70,32 @@ fn rows_are_chosen_and_repeated_times_left_out() {
 }
 
 #[test]
+fn texts_become_numbers_as_said_or_as_their_combinations_appear() {
+    let mapping = |numbers: &str| {
+        format!(
+            r#"
+        schema = "trued.mapping/1"
+        [columns]
+        t_s = {{ per_row = 1.0 }}
+        segment = {{ from = ["run", "kind"], labels = true }}
+        station = {{ from = "run", numbers = {{ {numbers} }} }}
+        q1_rad = {{ from = "q" }}
+    "#
+        )
+    };
+    let text = "run,kind,q\na,x,1\na,y,2\nb,x,3\na,x,4\nc,x,5\n";
+    let recording = apply(&mapping("a = 7, b = 8, c = 7"), text).unwrap();
+    assert_eq!(recording.segment, [0, 1, 2, 0, 3]);
+    assert_eq!(recording.column(Channel::Station).unwrap(), [7.0, 7.0, 8.0, 7.0, 7.0]);
+    let missing = apply(&mapping("a = 7, b = 8"), text).unwrap_err().to_string();
+    for says in ["`run`: \"c\" stands for no number", "x.csv:6:1", "one of: a, b", "`keep`"] {
+        assert!(missing.contains(says), "{says} in\n{missing}");
+    }
+    let half = apply(&mapping("a = 7.5, b = 8, c = 7"), text).unwrap_err().to_string();
+    assert!(half.contains("`station`: is 7.5") && half.contains("a whole number"), "{half}");
+}
+
+#[test]
 fn faults_of_a_mapping_are_told_together() {
     let mapping = r#"schema = "trued.mapping/1"
 [columns]

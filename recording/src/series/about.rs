@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use toml::de::DeValue;
 
 use super::channel::{Channel, Column, TARGETS_MAX};
+use super::gauges::Gauges;
 use crate::faults::Faults;
 use crate::walk::{Document, POSITIVE, Table, number_of};
 
@@ -111,6 +112,8 @@ pub struct About {
     pub heldout: Heldout,
     /// The cut, for the force domain.
     pub cut: Option<Cut>,
+    /// What distances are measured from, and what is touched.
+    pub gauges: Gauges,
 }
 
 impl About {
@@ -151,6 +154,7 @@ impl About {
             targets_tool: targets_of(table),
             heldout: heldout_of(table),
             cut: table.table("cut").and_then(|cut| cut_of(&cut)),
+            gauges: Gauges::of(table),
         };
         table.close();
         about

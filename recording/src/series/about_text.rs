@@ -47,6 +47,7 @@ impl Recording {
         if let Some(cut) = &about.cut {
             write_cut(&mut out, cut);
         }
+        out += &about.gauges.toml();
         out
     }
 

@@ -23,10 +23,10 @@ struct Source {
 /// Collects columns and faults, then judges them together.
 pub(crate) struct Builder<'t, 's> {
     table: &'t RawTable<'s>,
-    faults: Faults,
+    pub(super) faults: Faults,
     time: Option<Vec<f64>>,
     segment: Option<Vec<i64>>,
-    columns: BTreeMap<Channel, Vec<f64>>,
+    pub(super) columns: BTreeMap<Channel, Vec<f64>>,
     sources: BTreeMap<Channel, Source>,
     kinds: BTreeMap<usize, JointKind>,
     other: Vec<(String, Vec<String>)>,
@@ -80,8 +80,7 @@ impl<'t, 's> Builder<'t, 's> {
     }
 
     fn take_segment(&mut self, from: Option<usize>, values: &[f64]) {
-        let whole = |value: &f64| value.fract() == 0.0 && value.abs() < 9e15;
-        if let Some(row) = values.iter().position(|value| !whole(value)) {
+        if let Some(row) = values.iter().position(|value| !is_whole(*value)) {
             let fault = Fault::new("segment", "is no whole number").expected("a whole number");
             self.cell_fault(row, from, fault);
         }
@@ -118,6 +117,12 @@ impl<'t, 's> Builder<'t, 's> {
         self.sources.insert(channel, source);
     }
 
+    /// A fault of a cell of one of our columns.
+    pub(super) fn channel_fault(&mut self, row: usize, channel: Channel, fault: Fault) {
+        let from = self.sources.get(&channel).and_then(|source| source.from);
+        self.cell_fault(row, from, fault);
+    }
+
     fn cell_fault(&mut self, row: usize, from: Option<usize>, fault: Fault) {
         self.faults.push_with(|| match from {
             Some(from) => self.table.cell_fault(row, from, fault),
@@ -143,6 +148,7 @@ impl<'t, 's> Builder<'t, 's> {
         self.judge_values();
         self.judge_groups(&about, need);
         self.judge_about(&about);
+        self.judge_gauges(&about.gauges);
         let mut notes = self.table.notes.clone();
         notes.extend(unknown_columns(&self.other));
         let recording = Recording {
@@ -192,16 +198,17 @@ impl<'t, 's> Builder<'t, 's> {
     fn judge_values(&mut self) {
         let mut found = Vec::new();
         for (channel, values) in &self.columns {
-            if let Channel::Direction(_) = channel {
-                let good = |v: &f64| v.is_nan() || [-1.0, 0.0, 1.0].contains(v);
-                if let Some(row) = values.iter().position(|value| !good(value)) {
-                    let message = format!("is {}", values[row]);
-                    found.push((
-                        row,
-                        *channel,
-                        Fault::new(channel.base(), message).expected("-1, 0 or 1"),
-                    ));
+            let (good, expected): (fn(f64) -> bool, _) = match channel {
+                Channel::Direction(_) => {
+                    (|v| v.is_nan() || [-1.0, 0.0, 1.0].contains(&v), "-1, 0 or 1")
                 }
+                Channel::Station => (is_whole, "a whole number"),
+                _ => continue,
+            };
+            if let Some(row) = values.iter().position(|value| !good(*value)) {
+                let message = format!("is {}", values[row]);
+                let fault = Fault::new(channel.base(), message).expected(expected);
+                found.push((row, *channel, fault));
             }
         }
         if let Some((row, norm)) = self.bad_quaternion() {
@@ -210,8 +217,7 @@ impl<'t, 's> Builder<'t, 's> {
             found.push((row, Channel::Orientation(0), fault));
         }
         for (row, channel, fault) in found {
-            let from = self.sources.get(&channel).and_then(|source| source.from);
-            self.cell_fault(row, from, fault);
+            self.channel_fault(row, channel, fault);
         }
     }
 
@@ -242,6 +248,9 @@ impl<'t, 's> Builder<'t, 's> {
                         | Channel::Orientation(_)
                         | Channel::Torque(_)
                         | Channel::Current(_)
+                        | Channel::Distance(_)
+                        | Channel::TouchPlane
+                        | Channel::TouchSphere
                 )
             });
         let quaternion = (0..4).filter(|p| self.columns.contains_key(&Channel::Orientation(*p)));
@@ -256,8 +265,9 @@ impl<'t, 's> Builder<'t, 's> {
             self.faults.push(fault.expected("`q1_deg` …, or `qa1_deg` …").help(MAPPING_HELP));
         } else if need == Need::Measurement && !measured {
             let fault = Fault::new("", "nothing was measured besides the inputs");
-            self.faults
-                .push(fault.expected("x_mm, target1_x_mm, ql1_deg, tau1_Nm, fx_N or the like"));
+            self.faults.push(fault.expected(
+                "x_mm, target1_x_mm, distance1_mm, touch_plane, ql1_deg, tau1_Nm, fx_N or the like",
+            ));
         }
         if about.approach == Approach::Columns && !has(|c| matches!(c, Channel::Direction(_))) {
             let fault = Fault::new("approach", "is \"columns\", and there is no column `d1`");
@@ -287,6 +297,11 @@ impl<'t, 's> Builder<'t, 's> {
             }
         }
     }
+}
+
+/// A number that counts something; larger ones would not be exact.
+fn is_whole(value: f64) -> bool {
+    value.fract() == 0.0 && value.abs() < 9e15
 }
 
 const MAPPING_HELP: &str = "name the columns so, or give a mapping (--mapping FILE)";

@@ -11,6 +11,9 @@ pub const JOINTS_MAX: usize = 16;
 /// At most this many targets (reflectors).
 pub const TARGETS_MAX: usize = 32;
 
+/// At most this many distances, planes or spheres.
+pub const GAUGES_MAX: usize = 32;
+
 /// One column of samples besides time and segment. The order is the order in written files.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Channel {
@@ -46,6 +49,16 @@ pub enum Channel {
     Tacho,
     /// Acceleration, m/s².
     Acceleration(usize),
+    /// Distance of a point of the tool from a fixed point, m.
+    Distance(usize),
+    /// The plane that the probe touches, by its number from 1; 0 for none.
+    TouchPlane,
+    /// The sphere that the probe touches, by its number from 1; 0 for none.
+    TouchSphere,
+    /// How the base stands against the plumb line: turn about base x (0) and y (1), rad.
+    BaseTilt(usize),
+    /// Which set-up of the measuring instrument saw the row: rows of one number share a measuring frame.
+    Station,
 }
 
 /// The units in which positions stand in a file: what was read is written alike.
@@ -115,6 +128,11 @@ impl Channel {
             Self::Spindle => "spindle".to_owned(),
             Self::Feed => "feed".to_owned(),
             Self::Tacho => "tacho".to_owned(),
+            Self::Distance(at) => format!("distance{}", at + 1),
+            Self::TouchPlane => "touch_plane".to_owned(),
+            Self::TouchSphere => "touch_sphere".to_owned(),
+            Self::BaseTilt(axis) => format!("tilt_{}", AXES[axis.min(1)]),
+            Self::Station => "station".to_owned(),
         }
     }
 
@@ -123,7 +141,8 @@ impl Channel {
     pub fn units(self) -> &'static [&'static str] {
         match self {
             Self::Command(_) | Self::Motor(_) | Self::Link(_) => &["deg", "rad", "mm", "m"],
-            Self::Position(_) | Self::Target(..) => &["mm", "m"],
+            Self::Position(_) | Self::Target(..) | Self::Distance(_) => &["mm", "m"],
+            Self::BaseTilt(_) => &["mrad", "rad", "deg"],
             Self::Torque(_) => &["Nm", "N"],
             Self::Wrench(0..3) => &["N"],
             Self::Wrench(_) => &["Nm"],
@@ -132,7 +151,12 @@ impl Channel {
             Self::Spindle => &["rpm"],
             Self::Feed => &["mm_s"],
             Self::Acceleration(_) => &["m_s2"],
-            Self::Direction(_) | Self::Orientation(_) | Self::Tacho => &[],
+            Self::Direction(_)
+            | Self::Orientation(_)
+            | Self::Tacho
+            | Self::TouchPlane
+            | Self::TouchSphere
+            | Self::Station => &[],
         }
     }
 
@@ -145,8 +169,9 @@ impl Channel {
                 if units.degrees { "deg" } else { "rad" }
             }
             (Self::Command(_) | Self::Motor(_) | Self::Link(_), JointKind::Prismatic) => length,
-            (Self::Position(_) | Self::Target(..), _) => length,
+            (Self::Position(_) | Self::Target(..) | Self::Distance(_), _) => length,
             (Self::Torque(_), JointKind::Prismatic) => "N",
+            (Self::BaseTilt(_), _) => "rad",
             _ => self.units().first()?,
         };
         Unit::named(name)
@@ -180,6 +205,11 @@ impl Channel {
             "spindle" => Some(Self::Spindle),
             "feed" => Some(Self::Feed),
             "tacho" => Some(Self::Tacho),
+            "touch_plane" => Some(Self::TouchPlane),
+            "touch_sphere" => Some(Self::TouchSphere),
+            "station" => Some(Self::Station),
+            "tilt_x" => Some(Self::BaseTilt(0)),
+            "tilt_y" => Some(Self::BaseTilt(1)),
             _ => Self::numbered(base),
         }
     }
@@ -189,6 +219,9 @@ impl Channel {
             let (number, axis) = rest.split_once('_')?;
             let axis = AXES.iter().position(|name| *name == axis)?;
             return Some(Self::Target(index(number, TARGETS_MAX)?, axis));
+        }
+        if let Some(number) = base.strip_prefix("distance") {
+            return index(number, GAUGES_MAX).map(Self::Distance);
         }
         let digits = base.find(|c: char| c.is_ascii_digit())?;
         let (letters, number) = base.split_at(digits);
@@ -285,6 +318,11 @@ mod tests {
             Channel::Feed,
             Channel::Tacho,
             Channel::Acceleration(1),
+            Channel::Distance(2),
+            Channel::TouchPlane,
+            Channel::TouchSphere,
+            Channel::BaseTilt(1),
+            Channel::Station,
         ];
         for channel in all {
             for units in [FileUnits::SI, FileUnits::WORKSHOP] {

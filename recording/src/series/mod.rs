@@ -8,6 +8,8 @@ mod about;
 mod about_text;
 mod build;
 mod channel;
+mod gauges;
+mod judge_gauges;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -19,7 +21,8 @@ use std::path::{Path, PathBuf};
 pub use about::{About, Approach, Cut, Frame, Heldout, Input, Kind};
 pub(crate) use build::Builder;
 pub(crate) use channel::Column;
-pub use channel::{Channel, FileUnits, JOINTS_MAX, TARGETS_MAX};
+pub use channel::{Channel, FileUnits, GAUGES_MAX, JOINTS_MAX, TARGETS_MAX};
+pub use gauges::{Distance, Gauges, Probe, TouchedPlane, TouchedSphere};
 pub(crate) use table::{Dialect, RawTable};
 pub use text::{read, read_text, write};
 
@@ -128,14 +131,15 @@ impl Recording {
         joints.max().map_or(0, |highest| highest + 1)
     }
 
-    /// One more than the highest target that any column names.
+    /// One more than the highest target that any column, distance or probe names.
     #[must_use]
     pub fn target_count(&self) -> usize {
         let target = |channel: &Channel| match channel {
             Channel::Target(target, _) => Some(target + 1),
             _ => None,
         };
-        self.columns.keys().filter_map(target).max().unwrap_or(0)
+        let of_columns = self.columns.keys().filter_map(target).max().unwrap_or(0);
+        of_columns.max(self.about.gauges.target_count())
     }
 
     /// The column that is the input of a joint: `q` or `qa`, as the TOML or the default says.

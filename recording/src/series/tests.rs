@@ -235,3 +235,44 @@ proptest! {
         let _ = About::parse("x", &text).map_err(|faults| faults.plain());
     }
 }
+
+#[test]
+fn distances_and_touches_are_read_with_what_the_toml_says_of_them() {
+    let table = "t_s,q1_deg,distance1_mm,distance3_m,touch_plane,touch_sphere\n\
+                 0,1,500.5,,0,2\n1,2,,0.7,1,\n";
+    let about = "schema = \"trued.recording/1\"\nsigma = { distance1_mm = 0.002 }\n\
+                 [distance1]\nanchor_mm = [900.0, 0.0, 100.0]\ntarget = 2\noffset_mm = \"fitted\"\n\
+                 [distance3]\noffset_mm = 0.25\n\
+                 [probe]\nradius_mm = 3.0\nsigma_mm = 0.004\ntarget = 1\n\
+                 [plane1]\nnormal = [0, 0, 2]\n\
+                 [sphere2]\nradius_mm = 12.7\n";
+    let about = About::parse("run.toml", about).unwrap();
+    let recording = read_text("run.csv", table, None, Some(about), Need::Measurement).unwrap();
+    let gauges = &recording.about.gauges;
+    assert_eq!(gauges.distances[&0].target, Some(1));
+    assert_eq!(gauges.distances[&0].offset_m, None);
+    assert_eq!(gauges.distances[&2].offset_m, Some(0.25e-3));
+    assert_eq!(gauges.planes[&0], TouchedPlane { normal: [0.0, 0.0, 1.0], offset_m: None });
+    assert_eq!(gauges.spheres[&1].radius_m, Some(12.7e-3));
+    assert_eq!(recording.target_count(), 2);
+    assert_eq!(recording.sigma(Channel::Distance(0)), Some(2e-6));
+    let again = About::parse("again.toml", &recording.about_toml()).unwrap();
+    assert_eq!(again, recording.about);
+}
+
+#[test]
+fn every_fault_of_distances_and_touches_is_told() {
+    let table = "t_s,q1_deg,distance1_mm,touch_plane,touch_sphere\n0,1,-1,2,0.5\n";
+    let about = "schema = \"trued.recording/1\"\n[distance2]\n[sphere1]\n";
+    let about = About::parse("run.toml", about).unwrap();
+    let faults = read_text("run.csv", table, None, Some(about), Need::Measurement).unwrap_err();
+    let said = faults.to_string();
+    for word in ["below zero", "distance2", "is 0.5", "[probe]", "[plane2]", "never touched"] {
+        assert!(said.contains(word), "{word} in\n{said}");
+    }
+    let about = "schema = \"trued.recording/1\"\n[probe]\nradius_mm = -1\n[plane1]\nnormal = [0, 0, 0]\n[distance1]\nofset_mm = 1\n";
+    let said = About::parse("run.toml", about).unwrap_err().to_string();
+    for word in ["radius_mm", "no direction", "ofset_mm"] {
+        assert!(said.contains(word), "{word} in\n{said}");
+    }
+}

@@ -9,7 +9,7 @@ use toml::Table as FreeTable;
 
 use super::source::{EXPAND, Source, child, document, macro_of, name};
 use super::tree::{Joint, Motion, Path, Tree};
-use super::{Ends, Import, bodies};
+use super::{Ends, Import, bodies, telescope};
 use crate::faults::{Fault, Faults};
 use crate::model::{BodyEntry, JointEntry, ModelFile, RobotModel, ToolEntry};
 use crate::unit::Unit;
@@ -36,9 +36,11 @@ pub fn parse(name: &str, text: &str, ends: &Ends<'_>) -> Result<Import, Faults> 
     } else if let Some(node) = macro_of(&document) {
         source.fault(node, "is a macro of xacro", EXPAND);
     }
-    let found = source.is_sound().then(|| Tree::read(&source, robot)).flatten().and_then(|tree| {
+    let tree = source.is_sound().then(|| Tree::read(&source, robot)).flatten();
+    let found = tree.and_then(|mut tree| {
         let path = tree.path(&source, ends)?;
-        let mut chain = Chain { source: &source, tree: &tree, notes: Vec::new() };
+        let notes = telescope::fold(&source, &mut tree, &path);
+        let mut chain = Chain { source: &source, tree: &tree, notes };
         let file = chain.model(&path, robot.attribute("name").unwrap_or("robot"));
         let [base, tip] = [path.base, path.tip].map(|link| tree.called(link).to_owned());
         source.is_sound().then_some((file, base, tip, chain.notes))

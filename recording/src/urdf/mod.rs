@@ -12,6 +12,7 @@ mod hostile_tests;
 mod import;
 mod rpy;
 mod source;
+mod telescope;
 #[cfg(test)]
 mod tests;
 mod tree;

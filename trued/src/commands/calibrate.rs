@@ -4,16 +4,18 @@
 //! data cannot tell is named; a model is written that loads, whole or not at all, never over an input. Never: a fit on poses that a recording
 //! keeps for validation.
 
+mod alone;
 mod found;
 mod model;
-mod numbers;
+pub(super) mod numbers;
 mod page;
+mod things;
 mod told;
 
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use diagnosis::gross::{self, Suspicion};
 use diagnosis::proof::Split;
 use diagnosis::{Campaign, from_recording};
@@ -22,6 +24,7 @@ use recording::series::{Heldout, Recording};
 use serde::Serialize;
 use tracing::warn;
 
+use self::alone::Alone;
 use self::found::Found;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Reading, count};
@@ -38,8 +41,9 @@ const TICK: Duration = Duration::from_millis(200);
 
 /// Identify the robot: from tracker measurements to a calibrated model with its uncertainty
 ///
-/// Recordings hold joint positions and what was measured there: points (x, y, z), reflectors, orientations, joint positions on the link side. The
-/// measuring frame and the reflectors' places are fitted along. Three models are compared on poses that took no part in any fit: the model as it is,
+/// Recordings hold joint positions and what was measured there: points (x, y, z), reflectors, orientations, joint positions on the link side,
+/// distances (ballbar, cable), touches of a probe. The measuring frame, the reflectors' places, fixed points and what is touched are fitted along where
+/// they are not said. Three models are compared on poses that took no part in any fit: the model as it is,
 /// with the geometry of every joint, and with the effects that the data ask for; the last is written. Exit 1 where a gross fault (swapped columns, a wrong
 /// unit or sign, a mirrored frame, a wrong tool) makes a fit senseless; then no model is written.
 #[derive(Debug, Args)]
@@ -55,11 +59,21 @@ pub(crate) struct Calibrate {
     /// Share of the poses, drawn by chance, on which the models are compared, where no recording keeps any (`heldout`)
     #[arg(long, value_name = "PERCENT", default_value_t = 30, value_parser = clap::value_parser!(u8).range(5..=80))]
     heldout: u8,
+    /// Where one joint moves alone, take out the sag of the others before its axis is told
+    #[arg(long, value_enum, value_name = "WHETHER", default_value_t = Sag::On)]
+    sag: Sag,
     #[command(flatten)]
     seed: Seed,
     /// Recordings of one robot, each with a measuring frame of its own
     #[arg(value_name = "RECORDING", required = true)]
     recordings: Vec<PathBuf>,
+}
+
+/// Whether the sag of the joints that stand is taken out of a sweep.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Sag {
+    On,
+    Off,
 }
 
 /// How the poses were split.
@@ -91,15 +105,16 @@ impl Calibrate {
         let found = Found::of(model, &recordings, campaign, parts, &mut |stage| {
             step(&progress, stage);
         })?;
+        let alone = Alone::of(&found.campaign, &found.last, self.sag == Sag::On);
         progress.finish_and_clear();
         let text = model::renewed(&found)?;
         crate::atomic::write(&self.out, |file| file.write_all(text.as_bytes()))?;
         found.warnings.iter().for_each(|warning| warn!("{warning}"));
-        console.json("trued.calibrate/1", &told::Report::of(self, &found))?;
+        console.json("trued.calibrate/1", &told::Report::of(self, &found, &alone))?;
         if let Some(report) = &self.report {
-            console.file(report, &page::render(self, &found))?;
+            console.file(report, &page::render(self, &found, &alone))?;
         }
-        console.say(told::told(self, &found))?;
+        console.say(told::told(self, &found, &alone))?;
         Ok(Answer::Done)
     }
 

@@ -7,8 +7,10 @@ mod calibrate;
 mod check;
 mod correct;
 mod demo;
+mod diagnose;
 mod gears;
 mod model;
+mod plan;
 mod reload;
 mod replay;
 mod run;
@@ -29,8 +31,10 @@ pub(crate) enum Command {
     Check(check::Check),
     Correct(correct::Correct),
     Demo(demo::Demo),
+    Diagnose(diagnose::Diagnose),
     Gears(gears::Gears),
     Model(model::Model),
+    Plan(plan::Plan),
     Reload(reload::Reload),
     Replay(replay::Replay),
     Run(run::Run),
@@ -47,8 +51,10 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Check(check) => check.run(console),
         Command::Correct(correct) => correct.run(console),
         Command::Demo(demo) => demo.run(console),
+        Command::Diagnose(diagnose) => diagnose.run(console),
         Command::Gears(gears) => gears.run(console),
         Command::Model(model) => model.run(console),
+        Command::Plan(plan) => plan.run(console),
         Command::Reload(reload) => reload.run(console),
         Command::Replay(replay) => replay.run(console),
         Command::Run(run) => run.run(console),

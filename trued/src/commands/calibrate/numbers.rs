@@ -13,52 +13,52 @@ use recording::model::{EffectEntry, Numbers, Parameter, RobotModel, SiParameter}
 use crate::exit::Failure;
 
 /// Cosine from which an axis lies along a direction.
-pub(super) const ALONG: f64 = 0.999_999;
+pub(in crate::commands) const ALONG: f64 = 0.999_999;
 
 /// One number of an effect.
-pub(super) struct Number {
+pub(in crate::commands) struct Number {
     /// Key in the file.
-    pub(super) key: String,
+    pub(in crate::commands) key: String,
     /// Place in the key's list, from 1; none where it is no list.
-    pub(super) index: Option<usize>,
+    pub(in crate::commands) index: Option<usize>,
     /// In the unit of the key.
-    pub(super) value: f64,
+    pub(in crate::commands) value: f64,
     /// In the unit of the key; none where it was not fitted.
-    pub(super) sigma: Option<f64>,
+    pub(in crate::commands) sigma: Option<f64>,
     /// Whether a fit might have changed it.
-    pub(super) free: bool,
+    pub(in crate::commands) free: bool,
 }
 
 /// One effect.
-pub(super) struct Entry {
-    pub(super) effect: AnyEffect,
+pub(in crate::commands) struct Entry {
+    pub(in crate::commands) effect: AnyEffect,
     /// Place in the base model's file; none where it is new.
-    pub(super) of_base: Option<usize>,
-    pub(super) numbers: Vec<Number>,
+    pub(in crate::commands) of_base: Option<usize>,
+    pub(in crate::commands) numbers: Vec<Number>,
     /// By how much it moves the tool, m, root of the mean square.
-    pub(super) share_m: f64,
+    pub(in crate::commands) share_m: f64,
     /// As it stands in the file.
-    pub(super) written: EffectEntry,
+    pub(in crate::commands) written: EffectEntry,
 }
 
 impl Entry {
     /// Whether there is nothing to write: new, and nothing of it was told.
-    pub(super) fn is_empty(&self) -> bool {
+    pub(in crate::commands) fn is_empty(&self) -> bool {
         self.of_base.is_none() && self.numbers.iter().all(|number| number.sigma.is_none())
     }
 
     /// From 1.
-    pub(super) fn joint(&self) -> Option<usize> {
+    pub(in crate::commands) fn joint(&self) -> Option<usize> {
         self.effect.joint().map(|joint| joint + 1)
     }
 
-    pub(super) fn kind(&self) -> &'static str {
+    pub(in crate::commands) fn kind(&self) -> &'static str {
         self.effect.spec().kind
     }
 }
 
 /// The effects of `last`, in its order.
-pub(super) fn entries(
+pub(in crate::commands) fn entries(
     base: &RobotModel,
     last: &Fit,
     chosen: &[Chosen],
@@ -92,7 +92,7 @@ fn kind_of(base: &RobotModel, effect: &AnyEffect) -> JointKind {
 }
 
 /// The axis along which an `axis_shift` does nothing: its own, but for the last joint's.
-pub(super) fn barred(effect: &AnyEffect, arm: &Arm) -> Option<DVec3> {
+pub(in crate::commands) fn barred(effect: &AnyEffect, arm: &Arm) -> Option<DVec3> {
     let joint = effect.joint().filter(|joint| joint + 1 < arm.count())?;
     let axis = arm.joints().get(joint)?.axis;
     (effect.spec().kind == "axis_shift").then_some(axis)

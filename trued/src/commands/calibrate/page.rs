@@ -3,8 +3,10 @@
 use report::{Axis, Cell, Column, Histogram, Number, Page, Table, Tone, significant};
 
 use super::Calibrate;
+use super::alone::Alone;
 use super::found::{Approached, Found, MODELS};
 use super::numbers::Entry;
+use super::things::{lines, things};
 use super::told::{mm, words};
 use crate::input::count;
 
@@ -12,7 +14,7 @@ use crate::input::count;
 const OUTLIERS: usize = 50;
 
 /// The whole page.
-pub(super) fn render(command: &Calibrate, found: &Found) -> String {
+pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> String {
     let [nominal, calibrated, advanced] = found.errors.each_ref().map(|e| mm(e.mean()));
     let names: Vec<&str> =
         (0..found.campaign.recordings.len()).map(|place| found.recording(place)).collect();
@@ -44,6 +46,17 @@ pub(super) fn render(command: &Calibrate, found: &Found) -> String {
         .section("What was found")
         .table(&parameters(found))
         .text("± is the standard uncertainty; `–` where the data tell nothing and the number stayed where it was. `Moves the tool` is the root mean square over the measured poses, each effect against the same model without it.");
+    let around = lines(&things(&found.last));
+    if !around.is_empty() {
+        page = page.text("Around the robot, in its base frame, as found:").list(&around);
+    }
+    let by_themselves = alone.lines();
+    if !by_themselves.is_empty() {
+        page = page
+            .section("Joints and loads by themselves")
+            .text("From the runs in which one joint moves alone, and from poses measured with and without a load: what the fit of everything can be held against.")
+            .list(&by_themselves);
+    }
     page = open(page, found);
     let seed = found.seed.map_or("none: the recordings say".to_owned(), |seed| seed.to_string());
     page.section("Made from")

@@ -5,8 +5,10 @@ use report::{fixed, significant};
 use serde::Serialize;
 
 use super::Calibrate;
+use super::alone::Alone;
 use super::found::{Found, MODELS};
 use super::numbers::Entry;
+use super::things::{Thing, lines, things};
 use crate::input::count;
 use crate::table::Table;
 
@@ -33,6 +35,9 @@ pub(super) struct Report {
     undetermined: Vec<String>,
     approach: Vec<ApproachReport>,
     targets_tool_mm: Vec<[f64; 3]>,
+    things: Vec<Thing>,
+    #[serde(flatten)]
+    alone: super::alone::Report,
     warnings: Vec<String>,
 }
 
@@ -114,7 +119,7 @@ fn figures(errors: &Errors) -> Figures {
 }
 
 impl Report {
-    pub(super) fn of(command: &Calibrate, found: &Found) -> Self {
+    pub(super) fn of(command: &Calibrate, found: &Found, alone: &Alone) -> Self {
         let training = found.split.training.iter().filter(|trains| **trains).count();
         let all = found.split.training.len();
         let targets = found.last.surroundings.targets.iter();
@@ -133,6 +138,8 @@ impl Report {
             outlier_poses: outliers(found),
             undetermined: found.undetermined(),
             approach: approach(found),
+            things: things(&found.last),
+            alone: alone.report(),
             targets_tool_mm: targets.map(|target| (target.value * 1e3).to_array()).collect(),
             warnings: found.warnings.clone(),
         }
@@ -174,7 +181,7 @@ fn approach(found: &Found) -> Vec<ApproachReport> {
 }
 
 /// The lines on the console.
-pub(super) fn told(command: &Calibrate, found: &Found) -> String {
+pub(super) fn told(command: &Calibrate, found: &Found, alone: &Alone) -> String {
     let mut table = Table::new(["held out, mm", "mean", "median", "95 %", "largest"]);
     for (name, errors) in MODELS.iter().zip(&found.errors) {
         let of = [errors.mean(), errors.quantile(0.5), errors.quantile(0.95), errors.max()];
@@ -184,6 +191,9 @@ pub(super) fn told(command: &Calibrate, found: &Found) -> String {
     let mut text = format!("{}: {}\n{}", found.base.file.name, found.split.says, table.render());
     text += "found, by how much it moves the tool (root mean square, mm)\n";
     for line in per_joint(found) {
+        text += &format!("  {line}\n");
+    }
+    for line in lines(&things(&found.last)).into_iter().chain(alone.lines()) {
         text += &format!("  {line}\n");
     }
     let undetermined = found.undetermined();
@@ -237,7 +247,10 @@ fn per_joint(found: &Found) -> Vec<String> {
 
 /// `axis_tilt` as people write it.
 pub(super) fn words(kind: &str) -> String {
-    kind.replace('_', " ")
+    match kind {
+        "joint_polynomial" => "a remainder without a name".to_owned(),
+        _ => kind.replace('_', " "),
+    }
 }
 
 fn moves(entry: &Entry) -> String {

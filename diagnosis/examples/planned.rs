@@ -1,0 +1,299 @@
+//! Planned poses against random ones, and a check after a collision: simulated campaigns, fitted and held against the truth; prints JSON.
+//!
+//! `cargo run --release -p diagnosis --example planned -- poses [SEEDS]`, `… -- check [SEEDS]`, `… -- real MODEL RECORDING MAPPING [SEEDS]`
+#![expect(clippy::print_stdout, reason = "an example that prints")]
+
+use diagnosis::plan::check::{Damage, Terms, judge, poses};
+use diagnosis::plan::reach::Reach;
+use diagnosis::plan::sight::Sight;
+use diagnosis::plan::{Criterion, Sees, Task, Wish, believed, plan};
+use diagnosis::proof::{Errors, Split};
+use diagnosis::{
+    Campaign, Effort, Fit, Fitted, Hypothesis, Influence, Noise, Settings, Station, Surroundings,
+    fit, from_recording, simulate,
+};
+use glam::DVec3;
+use physics::{Frame, Joints, Model};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::StandardNormal;
+use recording::model::RobotModel;
+use recording::model::presets::preset;
+use recording::series::{self, Need};
+use serde_json::{Value, json};
+use std::error::Error;
+use std::path::Path;
+
+type Fallible<T> = Result<T, Box<dyn Error>>;
+
+/// A laser tracker's point, m.
+const SIGMA_M: f64 = 3e-5;
+const POSES: usize = 30;
+
+fn main() -> Fallible<()> {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    let count =
+        |word: Option<&&str>, usual: u64| word.map_or(Ok(usual), |word| word.parse::<u64>());
+    let found = match args.as_slice() {
+        ["poses", rest @ ..] => {
+            let seeds = count(rest.first(), 20)?;
+            json!([
+                against_chance("irb120", None, seeds)?,
+                against_chance("irb1600-6-145", None, seeds)?,
+                against_chance("irb1600-6-145", Some("irb1600-6-145-thesis"), seeds)?
+            ])
+        }
+        ["check", rest @ ..] => check(count(rest.first(), 1000)?)?,
+        ["real", model, file, mapping, rest @ ..] => {
+            real(model, file, mapping, count(rest.first(), 20)?)?
+        }
+        _ => {
+            return Err(
+                "poses [SEEDS] | check [SEEDS] | real MODEL RECORDING MAPPING [SEEDS]".into()
+            );
+        }
+    };
+    println!("{found:#}");
+    Ok(())
+}
+
+fn robot(name: &str) -> Fallible<RobotModel> {
+    preset(name).ok_or("no such preset")?.model().map_err(|faults| faults.plain().into())
+}
+
+/// Three reflectors on the tool, seen from all sides (a mount of three); tracker 2.5 arm lengths before the robot.
+fn task(model: &Model) -> Task {
+    let reach = Reach::of(&model.arm);
+    let length = reach.link_radius_m / 0.08;
+    let places = [[0.08, 0.0, 0.05], [-0.04, 0.07, 0.05], [-0.04, -0.07, 0.09]];
+    let station = Station {
+        measuring_from_base: Frame::IDENTITY,
+        pivot: DVec3::new(0.5 * length, 0.0, 0.5 * length),
+    };
+    let surroundings = Surroundings {
+        frames: vec![Fitted::unknown(station)],
+        targets: places.iter().map(|place| Fitted::unknown(DVec3::from_array(*place))).collect(),
+        ..Surroundings::default()
+    };
+    let sight = Sight {
+        instrument_base: DVec3::new(2.5 * length, -0.8 * length, 0.6 * length),
+        range_m: [0.3, 30.0],
+        acceptance_rad: 0.5,
+        facing_tool: vec![None; places.len()],
+    };
+    let mut task = Task {
+        hypothesis: believed(model, &[]),
+        surroundings,
+        sees: Sees::Points { least: 3, orientation_rad: None },
+        noise: Noise::Equal(SIGMA_M),
+        sight: Some(sight),
+        reach,
+        both_ways: false,
+        among: Vec::new(),
+        asked: Vec::new(),
+    };
+    task.asked = task.workspace(100, 99);
+    task
+}
+
+/// A robot with errors within the hypothesis: geometry as calibrations find it, drives of a few mrad/kNm.
+fn drawn(task: &Task, seed: u64) -> Model {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let step: Vec<f64> = task
+        .hypothesis
+        .free
+        .iter()
+        .map(|free| {
+            let share: f64 = rng.sample(StandardNormal);
+            0.05 * free.sigma
+                * if task.hypothesis.describe(free).contains("compliance") {
+                    share.abs()
+                } else {
+                    share
+                }
+        })
+        .collect();
+    *task.hypothesis.stepped(&step).model
+}
+
+fn fitted(campaign: &Campaign, hypothesis: &Hypothesis, used: &[bool]) -> Fit {
+    let settings = Settings { used, influence: Influence::Equal, from: None, effort: Effort::Full };
+    fit(campaign, hypothesis, &settings)
+}
+
+/// Held-out mean and 95 % of the targets, mm: measured at `stops`, asked without noise at poses drawn anew.
+fn held_out(task: &Task, truth: &Model, stops: &[Joints], seed: u64) -> Fallible<[f64; 2]> {
+    let made = simulate::readings(&task.campaign(stops), truth, &task.surroundings, 1.0, seed);
+    let found = fitted(&made, &task.hypothesis, &vec![true; made.poses.len()]);
+    let asked = task.campaign(&task.random(150, 5000 + seed)?);
+    let asked = simulate::readings(&asked, truth, &task.surroundings, 0.0, 0);
+    let errors = Errors::of(&found, &asked, &vec![true; asked.poses.len()]);
+    Ok([1e3 * errors.mean(), 1e3 * errors.quantile(0.95)])
+}
+
+fn middle(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    if n == 0 { f64::NAN } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
+}
+
+fn against_chance(believed_to_be: &str, is: Option<&str>, seeds: u64) -> Fallible<Value> {
+    let task = task(&robot(believed_to_be)?.physics);
+    let mut figures: Vec<(&str, Vec<[f64; 2]>, Vec<f64>)> =
+        ["random", "d", "o1", "zone"].map(|name| (name, Vec::new(), Vec::new())).into();
+    for seed in 0..seeds {
+        let truth = match is {
+            Some(name) => robot(name)?.physics,
+            None => drawn(&task, seed),
+        };
+        for (name, errors, said) in &mut figures {
+            let criterion = match *name {
+                "o1" => Criterion::O1,
+                "zone" => Criterion::Zone,
+                _ => Criterion::D,
+            };
+            let wish = Wish { count: POSES, criterion, candidates: 300, seed };
+            let mut planning = task.clone();
+            if *name == "random" {
+                // What is said of random poses: a plan that has no choice.
+                planning.among = task.random(POSES, 100 + seed)?;
+            }
+            let planned = plan(&planning, None, &wish)?;
+            let stops: Vec<Joints> = planned.poses.iter().map(|pose| pose.q).collect();
+            said.extend(planned.poses.last().map(|pose| 1e3 * pose.tool_m[1]));
+            errors.push(held_out(&task, &truth, &stops, seed)?);
+        }
+    }
+    let shown: Vec<Value> = figures.into_iter().map(|(name, errors, said)| {
+        let of = |k: usize| middle(errors.iter().map(|e| e[k]).collect());
+        json!({ "poses": name, "expected_tool_mm": middle(said), "held_out_mean_mm": of(0), "held_out_p95_mm": of(1) })
+    }).collect();
+    Ok(
+        json!({ "model": believed_to_be, "robot": is.unwrap_or("errors drawn within the model's form"), "count": POSES, "seeds": seeds, "medians": shown }),
+    )
+}
+
+/// Poses of a real recording chosen by plan and by chance, the rest held out.
+fn real(model: &str, file: &str, mapping: &str, seeds: u64) -> Fallible<Value> {
+    let model = RobotModel::read(Path::new(model))?;
+    let recording = series::read(Path::new(file), Some(Path::new(mapping)), Need::Measurement)?;
+    let campaign = from_recording::campaign(&model.physics.arm, &[recording])?;
+    let mut planning = task(&model.physics);
+    planning.sight = None;
+    planning.reach = Reach {
+        margin_rad: 0.0,
+        link_radius_m: 1e-6,
+        base_radius_m: 1e-6,
+        floor_m: None,
+        ..planning.reach
+    };
+    planning.surroundings = diagnosis::start::surroundings(
+        &campaign,
+        &model.physics,
+        &vec![true; campaign.poses.len()],
+    );
+    planning.sees = Sees::Points { least: 1, orientation_rad: None };
+    let mut shown = Vec::new();
+    for count in [30, 60] {
+        let (mut random, mut planned) = (Vec::new(), Vec::new());
+        for seed in 0..seeds {
+            // Half of the poses to choose from, the other half held out, for both.
+            let halves = Split::random(&campaign, 0.5, seed);
+            let open: Vec<usize> =
+                (0..campaign.poses.len()).filter(|pose| halves.training[*pose]).collect();
+            planning.among = open.iter().map(|pose| campaign.poses[*pose].inputs.q).collect();
+            let wish = Wish { count, criterion: Criterion::D, candidates: 1, seed };
+            let picks = plan(&planning, None, &wish)?.poses;
+            let is_picked =
+                |pose: &usize| picks.iter().any(|pick| pick.q == campaign.poses[*pose].inputs.q);
+            let chosen: Vec<usize> = open.iter().copied().filter(is_picked).collect();
+            for (used, errors) in [(&chosen, &mut planned), (&open[..count].to_vec(), &mut random)]
+            {
+                let used: Vec<bool> =
+                    (0..campaign.poses.len()).map(|pose| used.contains(&pose)).collect();
+                let found = fitted(&campaign, &planning.hypothesis, &used);
+                errors.push(1e3 * Errors::of(&found, &campaign, &halves.held_out()).mean());
+            }
+        }
+        shown.push(json!({ "count": count, "held_out_mean_mm": { "planned": middle(planned), "random": middle(random) } }));
+    }
+    Ok(json!({ "recording": file, "seeds": seeds, "geometry_and_compliance": shown }))
+}
+
+/// False alarms of sound robots and how often damage is seen and named, ten poses.
+fn check(seeds: u64) -> Fallible<Value> {
+    let model = robot("irb1600-6-145-thesis")?;
+    let mut planning = task(&model.physics);
+    planning.hypothesis = Hypothesis::fixed(model.physics);
+    planning.surroundings.targets.iter_mut().for_each(|target| target.free = false);
+    let terms = Terms { alarm: 0.01, power: 0.9 };
+    let wish = Wish { count: 10, criterion: Criterion::D, candidates: 300, seed: 1 };
+    let checkup = poses(&planning, &model.sigma, &wish, &terms)?;
+    let measured = |truth: &Model, seed: u64| {
+        simulate::readings(
+            &planning.campaign(&checkup.poses),
+            truth,
+            &planning.surroundings,
+            1.0,
+            seed,
+        )
+    };
+    let mut alarms = 0;
+    for seed in 0..seeds {
+        let truth = sound(&model, seed);
+        alarms += usize::from(
+            !judge(&measured(&truth, seed), &model.physics, &model.sigma, &terms).holds,
+        );
+    }
+    let mut seen = Vec::new();
+    for found in &checkup.detectable {
+        let Some(least) = found.least else {
+            seen.push(json!({ "damage": found.damage.says(), "least": null }));
+            continue;
+        };
+        let damages = (seeds / 10).max(20);
+        let (mut noticed, mut named) = (0_u64, 0_u64);
+        for seed in 0..damages {
+            let truth = damaged(&sound(&model, seed), found.damage, least, seed)?;
+            let judged = judge(&measured(&truth, seed), &model.physics, &model.sigma, &terms);
+            noticed += u64::from(!judged.holds);
+            let truth = damaged(&sound(&model, seed), found.damage, 2.0 * least, seed)?;
+            let judged = judge(&measured(&truth, seed), &model.physics, &model.sigma, &terms);
+            named += u64::from(
+                judged.suspects.first().is_some_and(|first| first.damage == found.damage),
+            );
+        }
+        let share = |of: u64| of as f64 / damages as f64;
+        seen.push(json!({ "damage": found.damage.says(), "least_mrad_or_mm": 1e3 * least, "seen": share(noticed), "named_first_at_twice": share(named) }));
+    }
+    Ok(
+        json!({ "robots": seeds, "false_alarms": alarms, "asked": 0.01 * seeds as f64, "damage": seen }),
+    )
+}
+
+/// The calibrated robot as its stated uncertainty allows.
+fn sound(model: &RobotModel, seed: u64) -> Model {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut truth = model.physics;
+    for (effect, sigma) in model.sigma.iter().enumerate() {
+        let Some(effect) = truth.effect_mut(effect) else { continue };
+        for (value, sigma) in effect.values_mut().iter_mut().zip(sigma) {
+            *value += sigma * rng.sample::<f64, _>(StandardNormal);
+        }
+    }
+    truth
+}
+
+/// A damage of this size in a direction by chance.
+fn damaged(sound: &Model, damage: Damage, size: f64, seed: u64) -> Fallible<Model> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut effect = damage.effect(sound).ok_or("no such damage")?;
+    let direction: Vec<f64> = effect.values().iter().map(|_| rng.sample(StandardNormal)).collect();
+    let length = direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+    effect.values_mut().iter_mut().zip(direction).for_each(|(value, x)| *value = size * x / length);
+    let mut truth = *sound;
+    truth.push(effect)?;
+    Ok(truth)
+}

@@ -1,0 +1,47 @@
+//! Which effects cannot stand beside one another, and which need one to work upon.
+//!
+//! Promises: a model of effects that these rules let stand together is one that loads. Never: a look at data.
+
+use physics::{AnyEffect, Effect, Model};
+
+/// Effects of one slot stand for the same thing: one of them is enough.
+pub(super) fn slot(effect: &AnyEffect) -> String {
+    let joint = effect.joint().map_or(-1, |joint| joint as i64);
+    let what = match effect {
+        AnyEffect::GravitySag(_)
+        | AnyEffect::JointCompliance(_)
+        | AnyEffect::GravityCompliance(_) => "weight".to_owned(),
+        AnyEffect::Backlash(_) | AnyEffect::Hysteresis(_) => "reversal".to_owned(),
+        AnyEffect::TransmissionError(wave) => return format!("wave {joint} {}", wave.values()[1]),
+        AnyEffect::AxisWobble(wobble) => return format!("wobble {joint} {}", wobble.values()[4]),
+        AnyEffect::JointCoupling(_) => {
+            // Which joint it comes from is a setting: only the effect itself knows it.
+            let mut coupling = *effect;
+            coupling.values_mut().fill(0.0);
+            format!("{coupling:?}")
+        }
+        _ => effect.spec().kind.to_owned(),
+    };
+    format!("{what} {joint}")
+}
+
+/// `joint_compliance` is gravity's and the wrench's with one number: it stands beside neither on one joint.
+pub(super) fn clash(one: &AnyEffect, other: &AnyEffect) -> bool {
+    let whole = |effect: &AnyEffect| matches!(effect, AnyEffect::JointCompliance(_));
+    let half = |effect: &AnyEffect| matches!(effect, AnyEffect::LoadCompliance(_));
+    one.joint() == other.joint() && (whole(one) && half(other) || half(one) && whole(other))
+}
+
+/// A stiffening law works upon a compliance of its joint.
+pub(super) fn has_its_ground(effect: &AnyEffect, model: &Model) -> bool {
+    let gives_way = |other: &AnyEffect| {
+        let linear = matches!(
+            other,
+            AnyEffect::JointCompliance(_)
+                | AnyEffect::GravityCompliance(_)
+                | AnyEffect::LoadCompliance(_)
+        );
+        linear && other.joint() == effect.joint() && other.values()[0] > 0.0
+    };
+    !matches!(effect, AnyEffect::StiffnessHardening(_)) || model.effects().any(gives_way)
+}

@@ -1,0 +1,117 @@
+//! Springs that carry an arm's weight, and what is left of a joint that no name explains.
+//!
+//! Promises: a spring is offered where most of the weight hangs; a remainder is a description, asked for last.
+//! Never: more of a remainder than a few terms.
+
+use super::{Candidate, Make, Probe};
+use crate::campaign::Campaign;
+use glam::DVec3;
+use physics::{AnyEffect, Arm, Given, JointKind};
+use std::f64::consts::TAU;
+
+/// Numbers of a spring that its list is of: free length, fixed pivot, angle.
+pub(super) const SHAPE: usize = 3;
+/// How far apart masses are tried, m.
+const APART_M: f64 = 0.2;
+/// Angles of a spring that are tried.
+const ANGLES: u32 = 24;
+/// The carried pivot's distance from the axis, m: only ratios of lengths show, so it stays.
+const CARRIED_M: f64 = 0.5;
+/// Distances of the fixed pivot that are tried, as shares of the carried one's.
+const FIXED: [f64; 2] = [0.3, 0.6];
+/// Free lengths that are tried, as shares of the same.
+const FREE_LENGTHS: [f64; 3] = [0.3, 0.6, 0.9];
+/// Chebyshev terms of a remainder, from the constant on; the first two are an offset and a ratio, and stay zero.
+const TERMS: usize = 6;
+const FIRST_TERM: usize = 2;
+
+/// A mass at the flange, wherever it sits: four at corners, since mass and first moment are linear and the place is not.
+pub(super) fn payload(arm: &Arm) -> Option<Candidate> {
+    let corners = std::iter::once(DVec3::ZERO).chain(DVec3::AXES);
+    let one = |corner: DVec3| {
+        let com = (arm.tool.tcp + corner * APART_M).to_array();
+        let given: &[(&str, &[f64])] = &[("mass", &[0.0]), ("com", &com)];
+        let effect = AnyEffect::build("payload", arm, None, Given(given)).ok()?;
+        Some(Probe { effect, value: 0 })
+    };
+    let probes = corners.map(one).collect::<Option<Vec<Probe>>>()?;
+    let slot = super::slot(&probes.first()?.effect);
+    Some(Candidate { slot, joint: None, probes, settings: Vec::new(), make: Make::Masses })
+}
+
+/// The sum of masses at their middle; none where they have no middle.
+pub(super) fn at_their_middle(probes: &[Probe], found: &[f64]) -> Option<AnyEffect> {
+    let place = |effect: &AnyEffect| match effect.values() {
+        [_, x, y, z] => DVec3::new(*x, *y, *z),
+        _ => DVec3::ZERO,
+    };
+    let mut effect = probes.first()?.effect;
+    let mass: f64 = found.iter().sum();
+    let moment: DVec3 = probes.iter().zip(found).map(|(p, m)| place(&p.effect) * *m).sum();
+    let middle = moment / mass;
+    middle.is_finite().then(|| {
+        effect.values_mut().copy_from_slice(&[mass, middle.x, middle.y, middle.z]);
+        effect
+    })
+}
+
+/// Springs at the joint that most of the weight hangs on.
+pub(super) fn springs(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
+    let turns = |joint: &usize| arm.joints()[*joint].kind == JointKind::Revolute;
+    let loads = (0..arm.count()).filter(turns).map(|j| (largest(arm, campaign, j), j));
+    let most = loads.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(load, _)| *load > 0.0);
+    let Some((_, joint)) = most else { return Vec::new() };
+    let shapes = FIXED.iter().flat_map(|a| FREE_LENGTHS.iter().map(move |free| (*a, *free)));
+    let all = shapes.flat_map(|shape| (0..ANGLES).map(move |k| (shape, k)));
+    let one = |((a, free), k): ((f64, f64), u32)| {
+        let angle = f64::from(k) * TAU / f64::from(ANGLES);
+        let given: &[(&str, &[f64])] = &[
+            ("stiffness", &[0.0]),
+            ("free_length", &[free * CARRIED_M]),
+            ("a", &[a * CARRIED_M]),
+            ("L", &[CARRIED_M]),
+            ("angle", &[angle]),
+        ];
+        let effect = AnyEffect::build("counterbalance", arm, Some(joint), Given(given)).ok()?;
+        let probes = vec![Probe { effect, value: 0 }];
+        let slot = super::slot(&effect);
+        Some(Candidate {
+            slot,
+            joint: Some(joint),
+            probes,
+            settings: Vec::new(),
+            make: Make::Spring,
+        })
+    };
+    all.filter_map(one).collect()
+}
+
+/// A description of each joint's error over the positions that were measured.
+pub(crate) fn remainders(arm: &Arm, campaign: &Campaign, used: &[bool]) -> Vec<Candidate> {
+    let one = |joint: usize| {
+        let positions = campaign.poses.iter().zip(used).filter(|(_, used)| **used);
+        let (low, high) = positions
+            .map(|(pose, _)| pose.inputs.q[joint])
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), q| (l.min(q), h.max(q)));
+        let range = [low, high];
+        let given: &[(&str, &[f64])] = &[("coefficients", &[0.0; TERMS]), ("range", &range)];
+        let effect = AnyEffect::build("joint_polynomial", arm, Some(joint), Given(given)).ok()?;
+        Some(Candidate {
+            slot: super::slot(&effect),
+            joint: Some(joint),
+            probes: (FIRST_TERM..TERMS).map(|value| Probe { effect, value }).collect(),
+            settings: vec![("range", range.to_vec())],
+            make: Make::Remainder,
+        })
+    };
+    (0..arm.count()).filter_map(one).collect()
+}
+
+/// The largest load of gravity and wrench on a joint over the campaign, Nm or N.
+pub(super) fn largest(arm: &Arm, campaign: &Campaign, joint: usize) -> f64 {
+    let load = |inputs: &physics::Inputs| {
+        let chain = physics::Chain::nominal(arm, &inputs.q);
+        physics::Loads::on(arm, &chain, inputs.wrench_base).torque(joint).abs()
+    };
+    campaign.poses.iter().map(|pose| load(&pose.inputs)).fold(0.0, f64::max)
+}

@@ -1,0 +1,57 @@
+//! Candidates that stand for something already: an effect that came of one and was fitted since, a change of what the model has.
+//!
+//! Promises: columns at the numbers that the effect has now. Never: a new name.
+
+use super::{Candidate, Make, Probe, wave_candidate};
+use physics::{AnyEffect, Arm};
+
+impl Candidate {
+    /// The same at the numbers of an effect that came of it and was fitted since, and its linear numbers there; `had`: what a change started from.
+    pub(crate) fn standing(&self, arm: &Arm, effect: &AnyEffect, had: &[f64]) -> (Self, Vec<f64>) {
+        let values = effect.values();
+        let part = |amplitude: f64, phase: f64| {
+            let (sine, cosine) = libm::sincos(phase);
+            (amplitude * cosine, amplitude * sine)
+        };
+        match (self.make, values) {
+            (Make::Wave { joint, .. }, [amplitude, cycles, phase]) => {
+                let (sine, cosine) = part(*amplitude, *phase);
+                let same = wave_candidate(arm, joint, *cycles).unwrap_or_else(|| self.clone());
+                (same, vec![sine, cosine])
+            }
+            (Make::Wobble { .. }, [a1, a2, p1, p2, ..]) => {
+                let ((s1, c1), (s2, c2)) = (part(*a1, *p1), part(*a2, *p2));
+                (self.clone(), vec![s1, s2, c1, c2])
+            }
+            _ => {
+                let mut same = self.clone();
+                same.probes.iter_mut().for_each(|probe| probe.effect = *effect);
+                let stands = |probe: &Probe| {
+                    values[probe.value] - had.get(probe.value).copied().unwrap_or(0.0)
+                };
+                let stands = same.probes.iter().map(stands).collect();
+                (same, stands)
+            }
+        }
+    }
+
+    /// The place of the model's effect whose values it changes; none for a new effect.
+    pub(crate) fn changes(&self) -> Option<usize> {
+        match self.make {
+            Make::Change { place } => Some(place),
+            _ => None,
+        }
+    }
+
+    /// A change of an effect that the model has.
+    pub(crate) fn change(place: usize, effect: &AnyEffect) -> Self {
+        let probes = (0..effect.values().len()).map(|value| Probe { effect: *effect, value });
+        Self {
+            slot: format!("change {place}"),
+            joint: effect.joint(),
+            probes: probes.collect(),
+            settings: Vec::new(),
+            make: Make::Change { place },
+        }
+    }
+}

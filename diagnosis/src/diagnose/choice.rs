@@ -1,0 +1,261 @@
+//! A choice of effects under way: adding, taking out, exchanging, until nothing is worth a change; and the rivals of each in the end.
+//!
+//! Promises: of names that are as good the earlier in the library; the same products, the same choice. Never: a look at the data but through
+//! [`Gram`].
+
+use super::gram::{Entry, Gain, Gram};
+use super::name::{ALIKE, Asking, Named, Naming, Rival, nuisance, title, without};
+use crate::candidates::{Candidate, wave_candidate};
+use crate::fit::compare;
+use crate::hypothesis::named;
+use crate::score::Fitted;
+use crate::select::is_sound;
+use crate::waves::lines;
+use physics::spec::Role;
+use physics::{AnyEffect, Model};
+
+/// Steps of adding, taking out and exchanging.
+const STEPS: usize = 120;
+/// Rivals that are fitted, the best first.
+const FITTED: usize = 4;
+/// A rival that is further behind than this share of the gain stays there whatever its nonlinear numbers.
+const BEHIND: f64 = 0.2;
+/// Names that are better by less than this are as good: the earlier in the library is said.
+const TIE: f64 = 1e-3;
+
+/// A choice under way, where a fit stands.
+pub(super) struct Choice<'a> {
+    given: &'a Model,
+    pub(super) entries: Vec<Entry>,
+    pub(super) gram: Gram,
+    pub(super) chosen: Vec<usize>,
+    design_effect: f64,
+    readings: f64,
+}
+
+impl<'a> Choice<'a> {
+    pub(super) fn at(asking: &Asking<'a>, naming: &Naming) -> Self {
+        let Naming { fit, named } = naming;
+        let fitted = Fitted::new(asking.campaign, fit, &asking.settings);
+        let arm = &fit.hypothesis.model.arm;
+        let mut entries: Vec<Entry> = asking
+            .library
+            .iter()
+            .map(|c| Entry {
+                stands: vec![0.0; c.probes.len()],
+                candidate: c.clone(),
+                kept: c.kept(),
+            })
+            .collect();
+        for one in named {
+            let Some(effect) = fit.hypothesis.model.effects().nth(one.effect) else { continue };
+            let had =
+                &asking.known.model.effects().nth(one.effect).filter(|_| one.stated.is_some());
+            let had = had.map_or(&[][..], |had| had.values());
+            let (candidate, stands) = one.candidate.standing(arm, effect, had);
+            // The change stands for itself; any other is one more number of its kind that is tried.
+            entries.retain(|e| {
+                candidate.changes().is_none() || e.candidate.changes() != candidate.changes()
+            });
+            entries.push(Entry { candidate, stands, kept: one.kept });
+        }
+        for line in lines(&fitted) {
+            let found = wave_candidate(arm, line.joint, line.cycles);
+            entries.extend(found.map(|candidate| Entry {
+                stands: vec![0.0; candidate.probes.len()],
+                candidate,
+                kept: &[],
+            }));
+        }
+        let (nuisance, stated) = nuisance(asking, naming);
+        Self {
+            given: &asking.known.model,
+            gram: Gram::of(&fitted, &entries, &nuisance, &stated),
+            entries,
+            chosen: Vec::new(),
+            design_effect: fit.design_effect,
+            readings: (fit.readings as f64 / fit.design_effect).max(2.0),
+        }
+    }
+
+    /// A gain less what its numbers cost, in the sum of squares.
+    fn worth(&self, gain: &Gain, candidate: &Candidate) -> f64 {
+        let tried = self.entries.len().max(1) as f64;
+        let numbers = (gain.numbers + candidate.tried_numbers()) as f64;
+        gain.gain / self.design_effect - numbers * self.readings.ln() - 2.0 * tried.ln()
+    }
+
+    pub(super) fn make(&mut self) {
+        for _ in 0..STEPS {
+            let moved = self.take_out() || self.add() || self.exchange();
+            if !moved {
+                break;
+            }
+        }
+    }
+
+    /// Effects of all that was chosen but `but`.
+    fn beside(&self, but: Option<usize>) -> Vec<&AnyEffect> {
+        let others = self.chosen.iter().filter(|entry| Some(**entry) != but);
+        let others = others.filter(|entry| self.entries[**entry].candidate.changes().is_none());
+        others
+            .filter_map(|entry| Some(&self.entries[*entry].candidate.probes.first()?.effect))
+            .collect()
+    }
+
+    /// Whether a candidate may stand beside these effects: no other name of one of them, and what it works upon is there.
+    fn fits(&self, candidate: &Candidate, beside: &[&AnyEffect]) -> bool {
+        let gives_way = |effect: &AnyEffect| {
+            effect.joint() == candidate.joint
+                && ["joint_compliance", "gravity_compliance", "load_compliance"]
+                    .contains(&effect.spec().kind)
+        };
+        let needs_ground = candidate
+            .probes
+            .first()
+            .is_some_and(|probe| matches!(probe.effect, AnyEffect::StiffnessHardening(_)));
+        let grounded = !needs_ground
+            || beside.iter().any(|effect| gives_way(effect))
+            || self.given.effects().any(gives_way);
+        grounded && !beside.iter().any(|effect| candidate.is_rival_of(effect))
+    }
+
+    /// What could stand beside all that was chosen but `but`, best first; of equals the earlier in the library.
+    fn open(&self, gram: &Gram, but: Option<usize>) -> Vec<(usize, Gain, f64)> {
+        let beside = self.beside(but);
+        let mut open = Vec::new();
+        for (place, entry) in self.entries.iter().enumerate() {
+            if !self.fits(&entry.candidate, &beside) || self.chosen.contains(&place) {
+                continue;
+            }
+            let Some(gain) = gram.would_gain(place) else { continue };
+            if is_sound(&entry.candidate, &gain.found) {
+                let worth = self.worth(&gain, &entry.candidate);
+                open.push((place, gain, worth));
+            }
+        }
+        let step = |worth: f64| (worth / TIE).round();
+        open.sort_by(|a, b| step(b.2).total_cmp(&step(a.2)).then(a.0.cmp(&b.0)));
+        open
+    }
+
+    fn add(&mut self) -> bool {
+        let best = self.open(&self.gram, None).into_iter().next();
+        let Some((place, ..)) = best.filter(|(_, _, worth)| *worth > 0.0) else { return false };
+        self.gram.add(place);
+        self.chosen.push(place);
+        true
+    }
+
+    /// Takes out what is worth least, if it is worth nothing or lies where it may not.
+    fn take_out(&mut self) -> bool {
+        let worth = |(at, place): (usize, &usize)| {
+            let gain = self.gram.gains(*place);
+            let candidate = &self.entries[*place].candidate;
+            let sound = is_sound(candidate, &gain.found);
+            (at, if sound { self.worth(&gain, candidate) } else { f64::NEG_INFINITY })
+        };
+        let least = self.chosen.iter().enumerate().map(worth).min_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((at, _)) = least.filter(|(_, worth)| *worth <= 0.0) else { return false };
+        let place = self.chosen.remove(at);
+        self.gram.remove(place);
+        true
+    }
+
+    /// Gives the first effect that has one a better name.
+    fn exchange(&mut self) -> bool {
+        for at in 0..self.chosen.len() {
+            let place = self.chosen[at];
+            let own = self.worth(&self.gram.gains(place), &self.entries[place].candidate);
+            let mut gram = self.gram.clone();
+            gram.remove(place);
+            let best = self.open(&gram, Some(place)).into_iter().next();
+            if let Some((other, ..)) = best.filter(|(_, _, worth)| *worth > own + 2.0 * TIE) {
+                gram.add(other);
+                self.gram = gram;
+                self.chosen[at] = other;
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Brings in what was named.
+    pub(super) fn stand(&mut self, named: &[Named]) {
+        for one in named {
+            let is_it = |entry: &Entry| {
+                title(&entry.candidate) == title(&one.candidate)
+                    && (entry.stands.iter().any(|x| *x != 0.0) || one.stated.is_some())
+            };
+            // Every name has an entry at its own numbers.
+            let place = self.entries.iter().position(is_it).unwrap_or_default();
+            self.gram.add(place);
+            self.chosen.push(place);
+        }
+    }
+
+    /// The rivals of what was named in place `k`; those whose nonlinear numbers might bring them near are fitted.
+    pub(super) fn compare_rivals(&self, asking: &Asking<'_>, naming: &mut Naming, k: usize) {
+        let own = self.chosen[k];
+        let gain = self.gram.gains(own);
+        let mut gram = self.gram.clone();
+        gram.remove(own);
+        let mut seen = vec![title(&self.entries[own].candidate)];
+        let mut near = Vec::new();
+        for (place, would, _) in self.open(&gram, Some(own)) {
+            let name = title(&self.entries[place].candidate);
+            let behind = (gain.gain - would.gain) / self.design_effect;
+            let may_come = behind < 2.0 * ALIKE + BEHIND * gain.gain / self.design_effect;
+            if !seen.contains(&name) && may_come {
+                seen.push(name);
+                near.push((place, would));
+            }
+        }
+        let mut rivals = Vec::new();
+        for (place, would) in near.into_iter().take(FITTED) {
+            let rival = self.rival(asking, naming, k, place, &would, gain.gain);
+            rivals.extend(rival.filter(|rival| rival.behind < 2.0 * ALIKE));
+        }
+        rivals.sort_by(|a, b| a.behind.total_cmp(&b.behind));
+        let one = &mut naming.named[k];
+        one.gain = 0.5 * gain.gain / self.design_effect;
+        one.numbers = gain.numbers;
+        one.rivals = rivals;
+    }
+}
+
+impl Choice<'_> {
+    /// What the entry in `place` would be in the stead of what was named in place `k`; fitted where it has numbers that are not linear.
+    fn rival(
+        &self,
+        asking: &Asking<'_>,
+        naming: &Naming,
+        k: usize,
+        place: usize,
+        would: &Gain,
+        own: f64,
+    ) -> Option<Rival> {
+        let entry = &self.entries[place];
+        let changes = entry.candidate.changes().is_some();
+        let numbers = would.numbers;
+        let behind = 0.5 * (own - would.gain) / self.design_effect;
+        let fit = &naming.fit;
+        if let Some(change) = entry.candidate.changes() {
+            let effect = *fit.hypothesis.model.effects().nth(change)?;
+            return Some(Rival { effect, changes, behind, numbers });
+        }
+        let effect = entry.candidate.effect(&fit.hypothesis.model.arm, &would.found)?;
+        let linear =
+            |value| named(&effect, value).is_none_or(|named| named.parameter.role == Role::Linear);
+        if (0..effect.values().len()).all(linear) || !entry.kept.is_empty() {
+            return Some(Rival { effect, changes, behind, numbers });
+        }
+        let mut hypothesis = without(fit, &asking.known.model, &[&naming.named[k]]);
+        let (at, _) = Asking::joined(&mut hypothesis, entry, &would.found)?;
+        let whole = compare(asking.campaign, &fit.hypothesis, fit, asking.settings.used);
+        let fitted = compare(asking.campaign, &hypothesis, fit, asking.settings.used);
+        let effect = *fitted.hypothesis.model.effects().nth(at)?;
+        let behind = 0.5 * (fitted.sum - whole.sum) / self.design_effect;
+        Some(Rival { effect, changes, behind, numbers })
+    }
+}

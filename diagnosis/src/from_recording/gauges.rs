@@ -1,0 +1,177 @@
+//! Distances and touches of recordings as readings of a campaign.
+//!
+//! Anchors, planes and spheres stand in the base frame: those of one number are one thing in all recordings, known where any of these
+//! says so.
+//!
+//! Promises: what no recording says is fitted; two that contradict each other are refused. Never: a thing that nobody measured among the fitted.
+
+use super::Unusable;
+use crate::campaign::{Campaign, Instrument, Noise, Observation, Place, Reading};
+use crate::surroundings::{Anchor, Fitted, Plane, Sphere, Surroundings};
+use glam::DVec3;
+use recording::series::{Channel, Distance, Recording, TouchedPlane, TouchedSphere};
+use std::collections::BTreeMap;
+
+/// Where nothing was said of the noise of a distance or a touch, the fit estimates a factor on this, m.
+const LENGTH_M: f64 = 2e-5;
+
+/// What all recordings say of one thing.
+fn merged<T: Copy + PartialEq + Default>(
+    recordings: &[Recording],
+    stem: &'static str,
+    said: impl Fn(&Recording) -> BTreeMap<usize, T>,
+) -> Result<BTreeMap<usize, T>, Unusable> {
+    let mut all: BTreeMap<usize, T> = BTreeMap::new();
+    for recording in recordings {
+        for (at, thing) in said(recording) {
+            let known = all.entry(at).or_insert(thing);
+            if *known == T::default() {
+                *known = thing;
+            } else if thing != *known && thing != T::default() {
+                let file = recording.file.display().to_string();
+                return Err(Unusable::Contradiction { file, what: format!("{stem}{}", at + 1) });
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// What every recording measures against, as far as it is known.
+pub(super) fn surround(
+    recordings: &[Recording],
+    surroundings: &mut Surroundings,
+) -> Result<(), Unusable> {
+    let distances = merged(recordings, "distance", |recording| {
+        let channels = recording.channels().filter_map(|channel| match channel {
+            Channel::Distance(at) => Some(at),
+            _ => None,
+        });
+        channels.map(|at| (at, distance(recording, at))).collect()
+    })?;
+    let planes = merged(recordings, "plane", |recording| {
+        let planes = recording.about.gauges.planes.iter();
+        planes.map(|(at, plane)| (*at, Some(*plane))).collect()
+    })?;
+    let spheres = merged(recordings, "sphere", |recording| {
+        let mut spheres = BTreeMap::new();
+        for number in recording.column(Channel::TouchSphere).unwrap_or_default() {
+            if let Some(at) = place(*number) {
+                let said = recording.about.gauges.spheres.get(&at).copied();
+                spheres.insert(at, said.unwrap_or_default());
+            }
+        }
+        spheres
+    })?;
+    surroundings.anchors = all(&distances, anchor, NO_ANCHOR);
+    surroundings.planes = all(&planes, |plane| plane.as_ref().map_or(NO_PLANE, plane_of), NO_PLANE);
+    surroundings.spheres = all(&spheres, sphere, NO_SPHERE);
+    Ok(())
+}
+
+/// What stands at a number that nobody uses: known, so that it stays out of every fit.
+const NO_ANCHOR: Anchor =
+    Anchor { place: Fitted::known(DVec3::ZERO), offset_m: Fitted::known(0.0) };
+const NO_PLANE: Fitted<Plane> = Fitted::known(Plane { normal: DVec3::Z, offset_m: 0.0 });
+const NO_SPHERE: Sphere =
+    Sphere { centre: Fitted::known(DVec3::ZERO), radius_m: Fitted::known(0.0) };
+
+/// One thing for each number up to the highest.
+fn all<T, U: Copy>(said: &BTreeMap<usize, T>, thing: impl Fn(&T) -> U, none: U) -> Vec<U> {
+    let count = said.keys().next_back().map_or(0, |highest| highest + 1);
+    (0..count).map(|at| said.get(&at).map_or(none, &thing)).collect()
+}
+
+fn distance(recording: &Recording, at: usize) -> Distance {
+    recording.about.gauges.distances.get(&at).copied().unwrap_or_default()
+}
+
+/// The number of what is touched, from 0.
+fn place(number: f64) -> Option<usize> {
+    (number >= 1.0).then(|| number as usize - 1)
+}
+
+fn anchor(said: &Distance) -> Anchor {
+    let unknown = Fitted::unknown(DVec3::ZERO);
+    Anchor {
+        place: said.anchor_m.map_or(unknown, |at| Fitted::known(DVec3::from_array(at))),
+        offset_m: said.offset_m.map_or(Fitted::unknown(0.0), Fitted::known),
+    }
+}
+
+fn plane_of(said: &TouchedPlane) -> Fitted<Plane> {
+    let normal = DVec3::from_array(said.normal);
+    let known = |offset_m| Fitted::known(Plane { normal, offset_m });
+    said.offset_m.map_or(Fitted::unknown(Plane { normal, offset_m: 0.0 }), known)
+}
+
+fn sphere(said: &TouchedSphere) -> Sphere {
+    let unknown = Fitted::unknown(DVec3::ZERO);
+    Sphere {
+        centre: said.centre_m.map_or(unknown, |at| Fitted::known(DVec3::from_array(at))),
+        radius_m: said.radius_m.map_or(Fitted::unknown(0.0), Fitted::known),
+    }
+}
+
+/// Adds what one recording read to its poses.
+pub(super) fn read(
+    campaign: &mut Campaign,
+    index: usize,
+    recording: &Recording,
+) -> Result<(), Unusable> {
+    let mut readings: Vec<(usize, Reading, usize, Noise)> = Vec::new();
+    let mut instrument = |what: &str, noise_is_known: bool| {
+        let name = format!("{what} of {}", recording.file.display());
+        let instrument = Instrument { name, noise_is_known, ..Instrument::default() };
+        campaign.instruments.push(instrument);
+        campaign.instruments.len() - 1
+    };
+    let noise = |sigma: Option<f64>| Noise::Equal(sigma.unwrap_or(LENGTH_M));
+    let on_tool = |target: Option<usize>| target.map_or(Place::Tcp, Place::Target);
+    for channel in recording.channels() {
+        let Channel::Distance(anchor) = channel else { continue };
+        let sigma = recording.sigma(channel);
+        let own = instrument(&format!("distance {}", anchor + 1), sigma.is_some());
+        let place = on_tool(distance(recording, anchor).target);
+        let column = recording.column(channel).unwrap_or_default().iter().enumerate();
+        for (row, length_m) in column.filter(|(_, length)| length.is_finite()) {
+            let reading = Reading::Distance { place, anchor, length_m: *length_m };
+            readings.push((row, reading, own, noise(sigma)));
+        }
+    }
+    if let Some(probe) = recording.about.gauges.probe {
+        let (on, radius_m) = (on_tool(probe.target), probe.radius_m);
+        let own = instrument("touches", probe.sigma_m.is_some());
+        let mut touch = |channel: Channel, reading: &dyn Fn(usize) -> Reading| {
+            let column = recording.column(channel).unwrap_or_default().iter().enumerate();
+            let touched = column.filter_map(|(row, number)| Some((row, place(*number)?)));
+            let noise = noise(probe.sigma_m);
+            readings.extend(touched.map(|(row, thing)| (row, reading(thing), own, noise)));
+        };
+        touch(Channel::TouchPlane, &|plane| Reading::Plane { place: on, plane, radius_m });
+        touch(Channel::TouchSphere, &|sphere| Reading::Sphere { place: on, sphere, radius_m });
+    }
+    // A recording's poses are its rows, in their order.
+    let first = campaign.poses.partition_point(|pose| pose.recording < index);
+    for (row, reading, instrument, noise) in readings {
+        let file = || recording.file.display().to_string();
+        let refused = || Unusable::Sigma { file: file(), what: "distances and touches" };
+        let whitening = noise.whitening(DVec3::ZERO).ok_or_else(refused)?;
+        if let Some(pose) = campaign.poses.get_mut(first + row) {
+            pose.seen.push(Observation { reading, whitening, instrument });
+        }
+    }
+    Ok(())
+}
+
+/// Takes measuring frames in which nothing was measured out of every fit.
+pub(super) fn still_unused_frames(campaign: &mut Campaign) {
+    let mut used = vec![false; campaign.surroundings.frames.len()];
+    for seen in campaign.poses.iter().flat_map(|pose| &pose.seen) {
+        if let Reading::Point { frame, .. } | Reading::Orientation { frame, .. } = seen.reading {
+            used[frame] = true;
+        }
+    }
+    for (frame, used) in campaign.surroundings.frames.iter_mut().zip(used) {
+        frame.free &= used;
+    }
+}

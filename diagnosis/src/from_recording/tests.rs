@@ -1,0 +1,80 @@
+//! Recordings made here, with stations whose truth is known.
+
+use super::*;
+use crate::made::{nominal, thesis};
+use crate::{Effort, Hypothesis, Influence, Settings, fit, simulate};
+use recording::series::Recording;
+
+const ROWS: usize = 90;
+
+/// Settled poses; the rows take turns among three stations where these are said.
+fn recorded(stations: bool) -> Recording {
+    let mut made = Recording::new((0..ROWS).map(|row| row as f64).collect());
+    for joint in 0..6 {
+        let pace = [0.7548, 0.5698, 0.6180, 0.8191, 0.6711, 0.5497][joint];
+        let swing = [2.0, 1.2, 1.2, 3.0, 2.4, 3.0][joint];
+        let q = |row: usize| ((row as f64 * pace).fract() - 0.5) * swing;
+        made.set(Channel::Command(joint), (0..ROWS).map(q).collect());
+    }
+    for axis in 0..3 {
+        made.set(Channel::Position(axis), vec![0.0; ROWS]);
+    }
+    if stations {
+        let numbers = (0..ROWS).map(|row| [4.0, 2.0, 9.0][row % 3]).collect();
+        made.set(Channel::Station, numbers);
+    }
+    made.set(Channel::BaseTilt(0), (0..ROWS).map(|row| 1e-3 * (row % 7) as f64).collect());
+    made.about.kind = Kind::Poses;
+    made
+}
+
+/// What trackers in three places would have seen of the thesis' robot, without noise.
+fn seen() -> Campaign {
+    let campaign = campaign(&thesis().arm, &[recorded(true)]).expect("usable");
+    let mut truth = campaign.surroundings.clone();
+    for (place, frame) in truth.frames.iter_mut().enumerate() {
+        let turn = DMat3::from_rotation_z(2.0 * place as f64) * DMat3::from_rotation_x(0.02);
+        frame.value.measuring_from_base = Frame::new(turn, DVec3::new(2.0, place as f64, 0.3));
+    }
+    simulate::readings(&campaign, &thesis(), &truth, 0.0, 1)
+}
+
+fn left_m(campaign: &Campaign) -> f64 {
+    let used = vec![true; campaign.poses.len()];
+    let settings =
+        Settings { used: &used, influence: Influence::Huber, from: None, effort: Effort::Full };
+    let found = fit(campaign, &Hypothesis::fixed(thesis()), &settings);
+    found.off(campaign).iter().map(|off| off.off.length()).fold(0.0, f64::max)
+}
+
+#[test]
+fn rows_of_one_station_share_a_frame_and_others_have_their_own() {
+    let seen = seen();
+    assert_eq!(seen.surroundings.frames.len(), 3);
+    assert!(left_m(&seen) < 1e-7, "{}", left_m(&seen));
+    let mut one = campaign(&thesis().arm, &[recorded(false)]).expect("usable");
+    assert_eq!(one.surroundings.frames.len(), 1);
+    for (pose, truth) in one.poses.iter_mut().zip(&seen.poses) {
+        let Reading::Point { at, .. } = truth.seen[0].reading else { continue };
+        pose.seen[0].reading = Reading::Point { place: Place::Tcp, frame: 0, at };
+    }
+    assert!(left_m(&one) > 0.1, "{}", left_m(&one));
+}
+
+#[test]
+fn the_stand_of_the_base_is_read_row_by_row_and_matters() {
+    let mut seen = seen();
+    assert!((seen.poses[6].inputs.base_tilt - DVec3::X * 6e-3).length() < 1e-15);
+    seen.poses.iter_mut().for_each(|pose| pose.inputs.base_tilt = DVec3::ZERO);
+    assert!(left_m(&seen) > 1e-3, "{}", left_m(&seen));
+}
+
+#[test]
+fn a_second_recording_counts_its_stations_on() {
+    let two = campaign(&nominal().arm, &[recorded(true), recorded(true)]).expect("usable");
+    assert_eq!(two.surroundings.frames.len(), 6);
+    let Reading::Point { frame, .. } = two.poses[ROWS + 1].seen[0].reading else {
+        unreachable!("a point")
+    };
+    assert_eq!(frame, 4);
+}

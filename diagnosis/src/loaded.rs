@@ -1,0 +1,177 @@
+//! Loaded against unloaded poses found in a campaign: what the loads say of each joint's stiffness (thesis 1.1 to 1.7), and what the bending under the
+//! load is worth ([`crate::enhanced`], thesis 1.8 to 1.10).
+//!
+//! Two poses with the same command, one of them under a wrench, are a pair: geometry, sag and offsets cancel in their difference.
+//!
+//! Promises: each loaded pose stands in one pair, with the unloaded one nearest before or after it. Never: a change to a fit.
+
+use crate::campaign::{Campaign, Place, Pose, Reading};
+use crate::enhanced::{self, EnhancedEffect};
+use crate::rigid::rigid;
+use crate::single_joint::SAME_STEP_RAD;
+use crate::stiffness::{Compliances, DifferenceNoise, LoadedPose, StiffnessError, all_at_once};
+use crate::surroundings::Surroundings;
+use glam::DVec3;
+use physics::frame::vector_from_rotation;
+use physics::{Arm, Chain, Joints, Model, Wrench};
+
+/// What `K_C` changes less than this counts as nothing, m.
+pub const NEGLIGIBLE_M: f64 = 1e-6;
+
+/// What a wrench at one pose is worth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Worth {
+    /// Place in the campaign's poses.
+    pub pose: usize,
+    /// What bending changes; none where the load has the arm buckle.
+    pub effect: Option<EnhancedEffect>,
+}
+
+/// The pairs of a campaign. Points come to the base frame by the stations of `surroundings`, targets' places are theirs.
+#[must_use]
+pub fn pairs(arm: &Arm, campaign: &Campaign, surroundings: &Surroundings) -> Vec<LoadedPose> {
+    let poses = campaign.poses.iter().enumerate();
+    let loaded = poses.filter(|(_, pose)| pose.inputs.wrench_base != Wrench::ZERO);
+    let one = |(at, pose): (usize, &Pose)| {
+        let same = |(_, other): &(usize, &Pose)| {
+            let still = |k: usize| (other.inputs.q[k] - pose.inputs.q[k]).abs() <= SAME_STEP_RAD;
+            other.inputs.wrench_base == Wrench::ZERO
+                && other.recording == pose.recording
+                && (0..arm.count()).all(still)
+        };
+        let unloaded = campaign.poses.iter().enumerate().filter(same);
+        let (_, before) = unloaded.min_by_key(|(other, _)| other.abs_diff(at))?;
+        let (shift, turn) = moved(arm, before, pose, surroundings)?;
+        let wrench_base = pose.inputs.wrench_base;
+        Some(LoadedPose { q: pose.inputs.q, wrench_base, shift, turn })
+    };
+    loaded.filter_map(one).collect()
+}
+
+/// How the TCP moved, and how the tool turned where three targets show it.
+fn moved(
+    arm: &Arm,
+    before: &Pose,
+    after: &Pose,
+    surroundings: &Surroundings,
+) -> Option<(DVec3, Option<DVec3>)> {
+    let points = |pose: &Pose| -> Vec<(Place, DVec3)> {
+        let point = |reading: &Reading| match *reading {
+            Reading::Point { place, frame, at } => {
+                let station = &surroundings.frames[frame].value.measuring_from_base;
+                Some((place, station.inverse().point(at)))
+            }
+            _ => None,
+        };
+        pose.seen.iter().filter_map(|seen| point(&seen.reading)).collect()
+    };
+    let (first, second) = (points(before), points(after));
+    let both: Vec<(Place, DVec3, DVec3)> = first
+        .iter()
+        .filter_map(|(place, at)| {
+            let there = second.iter().find(|(other, _)| other == place)?;
+            Some((*place, *at, there.1))
+        })
+        .collect();
+    let (from, to): (Vec<DVec3>, Vec<DVec3>) = both.iter().map(|(_, a, b)| (*a, *b)).unzip();
+    let tcp = both.iter().find(|(place, ..)| *place == Place::Tcp).map(|(_, a, b)| *b - *a);
+    let Some(motion) = rigid(&from, &to) else { return tcp.map(|shift| (shift, None)) };
+    let at = Chain::nominal(arm, &before.inputs.q).base_from_tool.origin;
+    Some((motion.point(at) - at, Some(vector_from_rotation(&motion.rotation))))
+}
+
+/// The compliances that pairs show; none where there are no pairs. `noise_m` is that of one coordinate of one point.
+///
+/// # Errors
+/// Numbers that cannot be.
+pub fn compliances(
+    arm: &Arm,
+    pairs: &[LoadedPose],
+    noise_m: f64,
+) -> Result<Option<Compliances>, StiffnessError> {
+    if pairs.is_empty() {
+        return Ok(None);
+    }
+    // Targets a decimetre apart: a turn is that much less sure than a shift.
+    let shift_m = noise_m * std::f64::consts::SQRT_2;
+    let noise = DifferenceNoise { shift_m, turn_rad: shift_m / 0.1 };
+    all_at_once(arm, pairs, noise).map(Some)
+}
+
+/// What bending is worth at each loaded pose, with the compliances of `model` under a wrench.
+#[must_use]
+pub fn worth(model: &Model, campaign: &Campaign) -> Vec<Worth> {
+    let compliance = under_wrench(model);
+    if compliance.iter().all(|c| *c == 0.0) {
+        return Vec::new();
+    }
+    let poses = campaign.poses.iter().enumerate();
+    let loaded = poses.filter(|(_, pose)| pose.inputs.wrench_base != Wrench::ZERO);
+    let one = |(at, pose): (usize, &Pose)| {
+        let wrench = pose.inputs.wrench_base;
+        let effect = enhanced::effect(&model.arm, &pose.inputs.q, wrench, &compliance);
+        Worth { pose: at, effect }
+    };
+    loaded.map(one).collect()
+}
+
+/// What each joint gives way by under a wrench, rad/Nm (m/N).
+#[must_use]
+pub fn under_wrench(model: &Model) -> Joints {
+    let mut compliance = Joints::default();
+    for effect in model.effects() {
+        let kind = effect.spec().kind;
+        if let Some(joint) = effect.joint().filter(|_| YIELDS.contains(&kind)) {
+            compliance[joint] += effect.values()[0];
+        }
+    }
+    compliance
+}
+
+const YIELDS: [&str; 2] = ["joint_compliance", "load_compliance"];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::made::{empty, nominal};
+    use crate::simulate;
+    use physics::{AnyEffect, Given};
+
+    #[test]
+    fn pairs_give_back_the_stiffness_and_what_bending_is_worth() {
+        let effect = |joint, compliance: f64| {
+            let given: &[(&str, &[f64])] = &[("compliance", &[compliance])];
+            let arm = nominal().arm;
+            AnyEffect::build("joint_compliance", &arm, Some(joint), Given(given)).expect("built")
+        };
+        let (c2, c3) = (4e-6, 8e-6);
+        let truth = Model::new(nominal().arm, &[effect(1, c2), effect(2, c3)]).expect("sound");
+        let mut campaign = empty(3, 30);
+        let unloaded = campaign.poses.clone();
+        for (k, pose) in campaign.poses.iter_mut().enumerate() {
+            let side = [DVec3::X, DVec3::Y, DVec3::NEG_Z][k % 3];
+            pose.inputs.wrench_base = Wrench { force: side * 400.0, moment: DVec3::ZERO };
+        }
+        campaign.poses.extend(unloaded);
+        let campaign = simulate::readings(&campaign, &truth, &campaign.surroundings, 0.1, 3);
+        let pairs = pairs(&truth.arm, &campaign, &campaign.surroundings);
+        assert_eq!(pairs.len(), 30);
+        let found = compliances(&truth.arm, &pairs, 5e-6).expect("finite").expect("pairs");
+        for (joint, truth) in [(1, c2), (2, c3)] {
+            let (value, sigma) = (found.value[joint].expect("determined"), found.sigma(joint));
+            assert!((value - truth).abs() < 5.0 * sigma, "joint {joint}: {value} ± {sigma}");
+            assert!(sigma < 0.1 * truth, "joint {joint}: {value} ± {sigma}");
+        }
+        let worth = worth(&truth, &campaign);
+        assert_eq!(worth.len(), 30);
+        let most = |of: fn(&EnhancedEffect) -> f64| -> f64 {
+            worth.iter().filter_map(|w| w.effect.as_ref()).map(of).fold(0.0, f64::max)
+        };
+        // A robot of this class: a fraction of a millimetre, of which bending changes little.
+        assert!(
+            most(|e| e.deflection_m) > 1e-4
+                && most(|e| e.by_wrench_m) < 1e-2 * most(|e| e.deflection_m)
+        );
+        assert!(super::worth(&nominal(), &campaign).is_empty());
+    }
+}

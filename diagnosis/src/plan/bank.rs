@@ -1,0 +1,200 @@
+//! The derivatives of what each candidate pose would show, scaled, over the numbers that can be found at all.
+//!
+//! Promises: columns are those that a fit of all candidates and all measurements would determine, the surroundings' first.
+//! Never: a choice.
+
+use super::task::{Candidate, Task};
+use super::{Known, NoPlan};
+use crate::campaign::{Campaign, Instrument};
+use crate::hypothesis::{Free, Hypothesis, much};
+use crate::independent::sort;
+use crate::problem::{State, Weighing, data_rows, follow, motions_of};
+use crate::result::Names;
+use crate::triangle::Triangle;
+use nalgebra::DMatrix;
+use physics::Joints;
+
+/// A prior below this share of what is sensible was stated by somebody.
+const STATED: f64 = 0.5;
+
+/// See the head of this file.
+#[derive(Clone, Debug)]
+pub(crate) struct Bank {
+    pub(crate) candidates: Vec<Candidate>,
+    /// One matrix per candidate: readings by columns, in noises per width.
+    pub(crate) rows: Vec<DMatrix<f64>>,
+    /// What is known before the first pose: priors and measurements.
+    pub(crate) before: DMatrix<f64>,
+    /// The same of measurements alone, and how many numbers were read.
+    pub(crate) measured: (DMatrix<f64>, usize),
+    /// How the tool's error follows from the columns, mean square over the poses asked, m².
+    pub(crate) focus: DMatrix<f64>,
+    /// Columns of a fit that are kept.
+    pub(crate) columns: Vec<usize>,
+    /// How many of the kept are the surroundings'.
+    pub(crate) nuisance: usize,
+    /// Scale of each kept column.
+    pub(crate) widths: Vec<f64>,
+    /// By how much covariance is larger than that of independent readings.
+    pub(crate) inflation: f64,
+    pub(crate) undetermined: Vec<String>,
+}
+
+impl Bank {
+    pub(crate) fn of(
+        task: &Task,
+        known: Option<Known<'_>>,
+        candidates: Vec<Candidate>,
+    ) -> Result<Self, NoPlan> {
+        let state = state(task);
+        let all: Vec<usize> = (0..state.width()).collect();
+        let mut triangle = Triangle::new(all.len());
+        let seen = rows_of(&state, &candidates, &all);
+        let push = |triangle: &mut Triangle, rows: &DMatrix<f64>| {
+            rows.row_iter()
+                .for_each(|row| triangle.push(&row.iter().copied().collect::<Vec<_>>(), 0.0));
+        };
+        seen.iter().for_each(|rows| push(&mut triangle, rows));
+        let old = known.map(|known| old_rows(known, &state, &all));
+        old.iter().for_each(|rows| push(&mut triangle, rows));
+        let (widths, largest) = (state.widths(), largest(&state));
+        // What is stated of a number tells it apart from others as a reading does.
+        let stated = (0..widths.len()).filter(|k| widths[*k] < STATED * largest[*k]);
+        stated.for_each(|k| triangle.push_one(k, 1.0 / widths[k], 0.0));
+        triangle.reduce();
+        let (columns, others) = sort(&triangle, &largest);
+        let first = state.surroundings.numbers().len();
+        let undetermined = others
+            .iter()
+            .filter(|other| !other.partners.is_empty())
+            .map(|other| Names(&state).undetermined(other).says());
+        let nuisance = columns.iter().filter(|c| **c < first).count();
+        if columns.len() == nuisance {
+            return Err(NoPlan::Nothing);
+        }
+        let widths: Vec<f64> = columns.iter().map(|column| widths[*column]).collect();
+        let part = |rows: &DMatrix<f64>| scaled(rows, &columns, &widths);
+        let measured = old.map_or((DMatrix::zeros(columns.len(), columns.len()), 0), |rows| {
+            let rows = part(&rows);
+            (rows.transpose() * &rows, rows.nrows())
+        });
+        Ok(Self {
+            rows: seen.iter().map(part).collect(),
+            before: &measured.0 + DMatrix::identity(columns.len(), columns.len()),
+            focus: focus(task, &state, &columns, &widths),
+            inflation: known.map_or(1.0, |known| known.fit.design_effect),
+            undetermined: undetermined.collect(),
+            measured,
+            candidates,
+            columns,
+            nuisance,
+            widths,
+        })
+    }
+
+    /// More candidates.
+    pub(crate) fn add(&mut self, task: &Task, candidates: Vec<Candidate>) {
+        let state = state(task);
+        let all: Vec<usize> = (0..state.width()).collect();
+        let rows = rows_of(&state, &candidates, &all);
+        self.rows.extend(rows.iter().map(|rows| scaled(rows, &self.columns, &self.widths)));
+        self.candidates.extend(candidates);
+    }
+}
+
+/// The largest sensible change of each column.
+fn largest(state: &State) -> Vec<f64> {
+    let hypothesis = &state.hypothesis;
+    let sensible =
+        |free: &Free| hypothesis.effect_of(free).map_or(0.0, |effect| much(effect, free.value));
+    let widths = state.widths();
+    let first = state.surroundings.numbers().len();
+    let numbers = hypothesis.free.iter().map(|free| free.sigma.max(sensible(free)));
+    widths.into_iter().take(first).chain(numbers).collect()
+}
+
+pub(crate) fn state(task: &Task) -> State {
+    State { surroundings: task.surroundings.clone(), hypothesis: task.hypothesis.clone() }
+}
+
+/// The rows of each candidate over the columns `columns`, in noises per SI.
+pub(crate) fn rows_of(
+    state: &State,
+    candidates: &[Candidate],
+    columns: &[usize],
+) -> Vec<DMatrix<f64>> {
+    let campaign = Campaign {
+        poses: candidates.iter().flat_map(|candidate| candidate.poses.iter().cloned()).collect(),
+        surroundings: state.surroundings.clone(),
+        instruments: vec![Instrument {
+            name: "planned".to_owned(),
+            noise_is_known: true,
+            ..Instrument::default()
+        }],
+        recordings: vec!["planned".to_owned()],
+    };
+    let owner: Vec<usize> =
+        candidates.iter().enumerate().flat_map(|(k, c)| c.poses.iter().map(move |_| k)).collect();
+    let weighing = Weighing::equal(&campaign, &vec![true; campaign.poses.len()]);
+    let mut flat: Vec<Vec<f64>> = vec![Vec::new(); candidates.len()];
+    data_rows(&campaign, state, &weighing, columns, |at, row, _| {
+        flat[owner[at.pose]].extend_from_slice(row)
+    });
+    let width = columns.len();
+    flat.iter()
+        .map(|flat| DMatrix::from_row_slice(flat.len() / width.max(1), width, flat))
+        .collect()
+}
+
+/// The rows of what was measured, as its fit weighs them.
+fn old_rows(known: Known<'_>, state: &State, columns: &[usize]) -> DMatrix<f64> {
+    let Known { campaign, fit } = known;
+    let used = vec![true; campaign.poses.len()];
+    let weighing = Weighing { used, weights: fit.weights.clone(), factors: fit.factors.clone() };
+    let mut flat = Vec::new();
+    data_rows(campaign, state, &weighing, columns, |_, row, _| flat.extend_from_slice(row));
+    DMatrix::from_row_slice(flat.len() / columns.len().max(1), columns.len(), &flat)
+}
+
+fn scaled(rows: &DMatrix<f64>, columns: &[usize], widths: &[f64]) -> DMatrix<f64> {
+    DMatrix::from_fn(rows.nrows(), columns.len(), |i, j| rows[(i, columns[j])] * widths[j])
+}
+
+/// `Σ JᵀJ / n` over the poses asked, J how the TCP in base axes moves with each column: that of [`crate::expected`].
+fn focus(task: &Task, state: &State, columns: &[usize], widths: &[f64]) -> DMatrix<f64> {
+    let mut focus = DMatrix::zeros(columns.len(), columns.len());
+    let first = state.surroundings.numbers().len();
+    for q in &task.asked {
+        let rows = tool_rows(&state.hypothesis, q);
+        let part = DMatrix::from_fn(3, columns.len(), |axis, j| {
+            columns[j].checked_sub(first).map_or(0.0, |k| rows[(axis, k)] * widths[j])
+        });
+        focus += part.transpose() * part;
+    }
+    focus / task.asked.len().max(1) as f64
+}
+
+/// How the TCP moves with each free number, m per SI.
+fn tool_rows(hypothesis: &Hypothesis, q: &Joints) -> DMatrix<f64> {
+    let inputs = physics::Inputs::at_rest(*q);
+    let pose = crate::Pose {
+        inputs,
+        arrival: crate::Arrival::Settled,
+        recording: 0,
+        row: 0,
+        seen: Vec::new(),
+    };
+    let asked = Campaign {
+        poses: vec![pose],
+        surroundings: crate::Surroundings::default(),
+        instruments: Vec::new(),
+        recordings: Vec::new(),
+    };
+    let mut rows = DMatrix::zeros(3, hypothesis.free.len());
+    follow(&hypothesis.model, &asked, None, |_, seen, memories| {
+        for (k, motion) in motions_of(hypothesis, &inputs, memories, seen).iter().enumerate() {
+            (0..3).for_each(|axis| rows[(axis, k)] = motion.shift[axis]);
+        }
+    });
+    rows
+}

@@ -1,0 +1,244 @@
+//! Sums over whitened rows, and what they say of each damage once what may change anyway has taken its share.
+//!
+//! With `A` the columns of what may change (scaled by its prior), `D` those of a damage and `r` the residuals: `N = 1 + AᵀA`, `S = DᵀD − DᵀA N⁻¹ AᵀD`,
+//! `g = Dᵀr − DᵀA N⁻¹ Aᵀr`; the damage lowers the sum of squares by `gᵀ S⁻¹ g`.
+//!
+//! Promises: directions of a damage that the rows do not show take no part. Never: a decision.
+
+use super::super::choose::inverse;
+use crate::campaign::Campaign;
+use crate::problem::{State, Weighing, data_rows};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+/// Squared noises per unit of damage below which a direction is not shown.
+const SHOWN: f64 = 1e-3;
+/// What an open direction counts in the choice of poses, squared units per squared noise.
+const OPEN: f64 = 1e-2;
+
+/// The columns of one damage among those of all damages.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Look {
+    pub(super) first: usize,
+    pub(super) count: usize,
+}
+
+/// What a damage explains.
+pub(super) struct Explained {
+    pub(super) gain: f64,
+    /// In units of the columns.
+    pub(super) size: Vec<f64>,
+    /// Of the length of `size`.
+    pub(super) sigma: f64,
+    /// Directions that are shown.
+    pub(super) count: usize,
+}
+
+/// See the head of this file.
+#[derive(Clone, Debug)]
+pub(super) struct Evidence {
+    nuisance: usize,
+    nn: DMatrix<f64>,
+    nd: DMatrix<f64>,
+    dd: DMatrix<f64>,
+    nr: DVector<f64>,
+    dr: DVector<f64>,
+    rr: f64,
+    rows: usize,
+}
+
+impl Evidence {
+    pub(super) fn new(nuisance: usize, damage: usize) -> Self {
+        Self {
+            nuisance,
+            nn: DMatrix::identity(nuisance, nuisance),
+            nd: DMatrix::zeros(nuisance, damage),
+            dd: DMatrix::zeros(damage, damage),
+            nr: DVector::zeros(nuisance),
+            dr: DVector::zeros(damage),
+            rr: 0.0,
+            rows: 0,
+        }
+    }
+
+    /// What was measured in `campaign`, about `state`.
+    pub(super) fn of(campaign: &Campaign, state: &State, nuisance: usize) -> Self {
+        let widths = state.widths();
+        let all: Vec<usize> = (0..widths.len()).collect();
+        let weighing = Weighing::equal(campaign, &vec![true; campaign.poses.len()]);
+        let mut evidence = Self::new(nuisance, widths.len() - nuisance);
+        data_rows(campaign, state, &weighing, &all, |_, row, right| {
+            let scaled = row.iter().zip(&widths).map(|(x, width)| x * width);
+            evidence.add(&DMatrix::from_row_iterator(1, widths.len(), scaled), &[right]);
+        });
+        evidence
+    }
+
+    /// More rows, scaled; their residuals where there are any.
+    pub(super) fn add(&mut self, rows: &DMatrix<f64>, residuals: &[f64]) {
+        let (n, d) = self.split(rows);
+        self.nn += n.transpose() * &n;
+        self.nd += n.transpose() * &d;
+        self.dd += d.transpose() * &d;
+        self.rows += rows.nrows();
+        if residuals.len() == rows.nrows() {
+            let r = DVector::from_row_slice(residuals);
+            self.nr += n.transpose() * &r;
+            self.dr += d.transpose() * &r;
+            self.rr += r.norm_squared();
+        }
+    }
+
+    fn split(&self, rows: &DMatrix<f64>) -> (DMatrix<f64>, DMatrix<f64>) {
+        let damage = rows.ncols() - self.nuisance;
+        (
+            rows.columns(0, self.nuisance).into_owned(),
+            rows.columns(self.nuisance, damage).into_owned(),
+        )
+    }
+
+    /// The sum of squares that what may change leaves.
+    pub(super) fn sum(&self) -> f64 {
+        self.rr - self.nr.dot(&(inverse(&self.nn) * &self.nr))
+    }
+
+    /// What that sum is expected to be: the readings less the first `open` columns, which nothing was known of, as far as the rows show them.
+    pub(super) fn freedom(&self, open: usize) -> usize {
+        if open == 0 {
+            return self.rows;
+        }
+        let seen = self.nn.view((0, 0), (open, open)).into_owned() - DMatrix::identity(open, open);
+        let scale = DMatrix::from_fn(open, open, |i, j| {
+            seen[(i, j)] / (seen[(i, i)] * seen[(j, j)]).max(1e-300).sqrt()
+        });
+        let found = scale.symmetric_eigenvalues().iter().filter(|value| **value > 1e-9).count();
+        self.rows.saturating_sub(found)
+    }
+
+    /// What the rows show of a damage (`S`), and what the residuals say of it (`g`).
+    fn left(&self, look: Look) -> (DMatrix<f64>, DVector<f64>) {
+        let Look { first, count } = look;
+        let taken = inverse(&self.nn) * self.nd.columns(first, count);
+        let nd = self.nd.columns(first, count);
+        let shows = self.dd.view((first, first), (count, count)) - nd.transpose() * &taken;
+        let says = self.dr.rows(first, count) - taken.transpose() * &self.nr;
+        (0.5 * (&shows + shows.transpose()), says)
+    }
+
+    /// Squared noises per squared unit in the direction that shows least; none where nothing of the damage shows.
+    pub(super) fn weakest(&self, look: Look) -> Option<f64> {
+        let least = self.left(look).0.symmetric_eigenvalues().min();
+        (least > SHOWN).then_some(least)
+    }
+
+    pub(super) fn explained(&self, look: Look) -> Option<Explained> {
+        let (shows, says) = self.left(look);
+        let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(shows);
+        let mut size = DVector::zeros(look.count);
+        let (mut gain, mut spread, mut count) = (0.0, 0.0, 0);
+        for (direction, shown) in eigenvectors.column_iter().zip(eigenvalues.iter()) {
+            if *shown > SHOWN {
+                let along = direction.dot(&says) / shown;
+                size += direction * along;
+                gain += along * along * shown;
+                spread += along * along / shown;
+                count += 1;
+            }
+        }
+        let length = size.norm();
+        let sigma = if length > 0.0 { spread.sqrt() / length } else { 0.0 };
+        (count > 0).then(|| Explained { gain, size: size.iter().copied().collect(), sigma, count })
+    }
+
+    /// By how much each candidate's rows lower the sum over the damages of `tr (S + OPEN)⁻¹`: what is shown worst counts most.
+    pub(super) fn worths(&self, candidates: &[DMatrix<f64>], looks: &[Look]) -> Vec<f64> {
+        let around = inverse(&self.nn);
+        let taken = &around * &self.nd;
+        let open = |count: usize| DMatrix::identity(count, count) * OPEN;
+        let before: Vec<DMatrix<f64>> =
+            looks.iter().map(|look| self.left(*look).0 + open(look.count)).collect();
+        let traces: Vec<f64> = before.iter().map(|shows| inverse(shows).trace()).collect();
+        let worth = |rows: &DMatrix<f64>| {
+            let (n, d) = self.split(rows);
+            let left = d - &n * &taken;
+            let noise =
+                DMatrix::identity(rows.nrows(), rows.nrows()) + &n * &around * n.transpose();
+            let Some(noise) = noise.cholesky() else { return 0.0 };
+            let seen = noise.solve(&left);
+            let gain = |(look, (before, trace)): (&Look, (&DMatrix<f64>, &f64))| {
+                let (a, b) =
+                    (left.columns(look.first, look.count), seen.columns(look.first, look.count));
+                trace - inverse(&(before + a.transpose() * b)).trace()
+            };
+            looks.iter().zip(before.iter().zip(&traces)).map(gain).sum()
+        };
+        candidates.iter().map(worth).collect()
+    }
+}
+
+/// How probable a χ² of this freedom above `sum` is.
+pub(super) fn p_above(freedom: usize, sum: f64) -> f64 {
+    ChiSquared::new(freedom as f64).map_or(1.0, |chi| chi.sf(sum.max(0.0)))
+}
+
+/// The noncentrality of a χ² of this freedom that alarms at `alarm` with the probability `power`.
+pub(super) fn least_seen(freedom: usize, alarm: f64, power: f64) -> f64 {
+    let Ok(chi) = ChiSquared::new(freedom as f64) else { return f64::INFINITY };
+    let bound = chi.inverse_cdf(1.0 - alarm);
+    let (mut low, mut high) = (0.0, 1e3);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if seen(freedom, middle, bound) < power {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+/// The probability that a noncentral χ² lies above `bound`: central ones mixed by Poisson (Johnson, Kotz and Balakrishnan 1995, chapter 29).
+fn seen(freedom: usize, noncentrality: f64, bound: f64) -> f64 {
+    let half = 0.5 * noncentrality;
+    let (mut log_weight, mut sum) = (-half, 0.0);
+    for k in 0..2000_usize {
+        if k > 0 {
+            log_weight += (half / k as f64).ln();
+        }
+        sum += log_weight.exp() * p_above(freedom + 2 * k, bound);
+        if k as f64 > half && log_weight < -40.0 {
+            break;
+        }
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_seen_as_surely_as_asked_is_what_tables_say() {
+        // Cohen 1988 (table of noncentralities): alarm 0.05, power 0.80.
+        for (freedom, expected) in [(1, 7.849), (2, 9.635), (3, 10.903), (6, 13.624)] {
+            let found = least_seen(freedom, 0.05, 0.80);
+            assert!((found - expected).abs() < 0.01, "{freedom}: {found}");
+        }
+        assert!((p_above(6, 12.592) - 0.05).abs() < 1e-4);
+    }
+
+    #[test]
+    fn what_may_change_anyway_hides_a_damage_that_does_the_same() {
+        let same = DMatrix::from_row_slice(2, 2, &[1e4, 1.0, 2e4, 2.0]);
+        let other = DMatrix::from_row_slice(2, 2, &[1e4, 2.0, 2e4, -1.0]);
+        let look = Look { first: 0, count: 1 };
+        let with = |rows: &DMatrix<f64>| {
+            let mut evidence = Evidence::new(1, 1);
+            evidence.add(rows, &[1.0, 2.0]);
+            evidence
+        };
+        assert_eq!(with(&same).weakest(look), None);
+        assert!((with(&other).weakest(look).expect("shown") - 5.0).abs() < 1e-6);
+        assert!(with(&same).sum() < 1e-6 && with(&other).freedom(1) == 1);
+    }
+}

@@ -1,0 +1,150 @@
+use super::*;
+use crate::plan::Criterion;
+use crate::plan::tests::task;
+use crate::surroundings::Fitted;
+use crate::{Surroundings, simulate};
+use recording::model::presets::preset;
+
+const TERMS: Terms = Terms { alarm: 0.01, power: 0.9 };
+
+/// The calibrated robot with its stated uncertainties, the tracker's frame known or to be found.
+fn cell(is_frame_known: bool) -> (Task, Vec<Vec<f64>>) {
+    let model = preset("irb1600-6-145-thesis").expect("preset").model().expect("sound");
+    let mut task = task();
+    task.hypothesis = Hypothesis::fixed(model.physics);
+    let Surroundings { frames, targets, .. } = &mut task.surroundings;
+    targets.iter_mut().for_each(|target| *target = Fitted::known(target.value));
+    frames.iter_mut().for_each(|frame| frame.free = !is_frame_known);
+    (task, model.sigma)
+}
+
+fn ten(task: &Task, sigma: &[Vec<f64>]) -> Checkup {
+    let wish = Wish { count: 10, criterion: Criterion::D, candidates: 200, seed: 1 };
+    poses(task, sigma, &wish, &TERMS).expect("poses")
+}
+
+/// What a robot shows that differs from the model as its stated uncertainty allows, damaged by `change` (m or rad) in the first number of `damage`.
+fn shown(
+    task: &Task,
+    sigma: &[Vec<f64>],
+    stops: &[Joints],
+    damage: Option<(Damage, f64)>,
+    seed: u64,
+) -> Campaign {
+    use rand::RngExt;
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let watch = Watch::of(&task.hypothesis.model, sigma);
+    let mut step: Vec<f64> = watch
+        .hypothesis
+        .free
+        .iter()
+        .map(|free| free.sigma * rng.sample::<f64, _>(rand_distr::StandardNormal))
+        .collect();
+    step[watch.stated..].fill(0.0);
+    if let Some((damage, change)) = damage {
+        let place = watch.damages.iter().find(|(found, ..)| *found == damage).expect("watched").1;
+        step[place] = change;
+    }
+    let truth = watch.hypothesis.stepped(&step);
+    simulate::readings(&task.campaign(stops), &truth.model, &task.surroundings, 1.0, seed)
+}
+
+#[test]
+fn a_sound_robot_passes_as_often_as_was_asked_and_a_damaged_one_does_not() {
+    for known in [true, false] {
+        let (task, sigma) = cell(known);
+        let checkup = ten(&task, &sigma);
+        let (mut alarms, mut seen) = (0, 0);
+        const RUNS: u64 = 150;
+        for seed in 0..RUNS {
+            let sound = shown(&task, &sigma, &checkup.poses, None, seed);
+            alarms += usize::from(!judge(&sound, &task.hypothesis.model, &sigma, &TERMS).holds);
+        }
+        // Asked: 1 in 100. Of 150, 6 or more come in one of two hundred such tests.
+        assert!(alarms < 6, "{known}: {alarms} of {RUNS}");
+        let damage = Damage::Offset(3);
+        let least = checkup
+            .detectable
+            .iter()
+            .find(|d| d.damage == damage)
+            .expect("there")
+            .least
+            .expect("seen");
+        for seed in 0..100 {
+            let bent = shown(&task, &sigma, &checkup.poses, Some((damage, least)), seed);
+            seen += usize::from(!judge(&bent, &task.hypothesis.model, &sigma, &TERMS).holds);
+        }
+        // Asked: 90 of 100, three standard deviations.
+        assert!(seen > 80, "{known}: {seen} of 100 at {least}");
+    }
+}
+
+#[test]
+fn the_joint_or_the_tool_that_moved_is_named() {
+    let (task, sigma) = cell(false);
+    let checkup = ten(&task, &sigma);
+    let mut named = 0;
+    let damages = [
+        (Damage::Offset(1), 2e-3),
+        (Damage::Offset(2), 2e-3),
+        (Damage::Offset(3), 3e-3),
+        (Damage::Offset(4), 4e-3),
+        (Damage::ToolShift, 1.5e-3),
+        (Damage::Tilt(2), 3e-3),
+    ];
+    for (damage, size) in damages {
+        let bent = shown(&task, &sigma, &checkup.poses, Some((damage, size)), 7);
+        let judged = judge(&bent, &task.hypothesis.model, &sigma, &TERMS);
+        assert!(!judged.holds, "{damage:?}");
+        let found = judged.suspects.iter().find(|suspect| suspect.damage == damage);
+        assert!(found.is_some(), "{damage:?} is not among {:?}", judged.suspects);
+        named += usize::from(judged.suspects[0].damage == damage);
+        let found = found.expect("named");
+        let size_found = found.size.iter().map(|x| x * x).sum::<f64>().sqrt();
+        assert!(
+            (size_found - size).abs() < 5.0 * found.sigma + 0.1 * size,
+            "{damage:?}: {size_found}"
+        );
+    }
+    assert!(named >= 5, "{named} of {}", damages.len());
+}
+
+#[test]
+fn a_frame_that_is_found_along_takes_the_first_joint_with_it() {
+    let (task, sigma) = cell(false);
+    let first = |checkup: &Checkup| {
+        checkup.detectable.iter().find(|d| d.damage == Damage::Offset(0)).expect("there").least
+    };
+    assert_eq!(first(&ten(&task, &sigma)), None);
+    let (task, sigma) = cell(true);
+    assert!(first(&ten(&task, &sigma)).is_some_and(|least| least < 1e-3));
+}
+
+#[test]
+fn chosen_poses_show_smaller_damage_than_chance() {
+    let (task, sigma) = cell(false);
+    let worst =
+        |detectable: &[Detectable]| detectable.iter().filter_map(|d| d.least).fold(0.0, f64::max);
+    let chosen = worst(&ten(&task, &sigma).detectable);
+    let stops = task.random(10, 8).expect("drawn");
+    let random =
+        judge(&shown(&task, &sigma, &stops, None, 1), &task.hypothesis.model, &sigma, &TERMS);
+    assert!(chosen < 0.8 * worst(&random.detectable), "{chosen} {}", worst(&random.detectable));
+}
+
+#[test]
+fn a_damage_that_is_none_of_the_known_is_seen_by_the_sum() {
+    let (task, sigma) = cell(false);
+    let checkup = ten(&task, &sigma);
+    let mut odd = shown(&task, &sigma, &checkup.poses, None, 3);
+    // One reading a millimetre off in each of three poses: no joint does that.
+    for (place, axis) in [(1, 0), (4, 2), (8, 1)] {
+        if let Some(crate::Reading::Point { at, .. }) =
+            odd.poses[place].seen.first_mut().map(|seen| &mut seen.reading)
+        {
+            at[axis] += 1e-3;
+        }
+    }
+    let judged = judge(&odd, &task.hypothesis.model, &sigma, &TERMS);
+    assert!(!judged.holds && !judged.is_explained, "{judged:?}");
+}

@@ -1,0 +1,159 @@
+//! The choice: one pose after the other, then exchanged as long as that gains.
+//!
+//! Greedy start and exchange (Fedorov 1972; Mitchell's DETMAX 1974). A pose's worth follows from the covariance by small determinants:
+//! `det(M + AᵀA) = det M · det(I + A M⁻¹ Aᵀ)`.
+//!
+//! Promises: an exchange never lowers the criterion; no candidate is taken twice. Never: a look at what was measured beyond the information it gave.
+
+use super::bank::Bank;
+use nalgebra::{DMatrix, DVector};
+
+/// Passes of exchange, at most.
+const PASSES: usize = 4;
+/// A gain in the criterion below this is rounding.
+const GAIN: f64 = 1e-9;
+
+/// Best for what.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Criterion {
+    /// All numbers together: the largest determinant of their information, the surroundings' projected out.
+    D,
+    /// The geometric mean of the singular values of the scaled derivatives over the root of the count of numbers read (Borm and Menq). With as many readings at
+    /// each pose it chooses as `D` does; where a pose shows fewer targets it asks what each reading brings.
+    O1,
+    /// The least expected error of the tool at the poses asked.
+    Zone,
+}
+
+/// The candidates under a criterion.
+pub(crate) struct Design<'a> {
+    bank: &'a Bank,
+    criterion: Criterion,
+    /// All candidates' rows, one below the other.
+    stacked: DMatrix<f64>,
+    first: Vec<usize>,
+}
+
+impl<'a> Design<'a> {
+    pub(crate) fn of(bank: &'a Bank, criterion: Criterion) -> Self {
+        let mut first = vec![0];
+        for rows in &bank.rows {
+            first.push(first.last().copied().unwrap_or(0) + rows.nrows());
+        }
+        let total = first.last().copied().unwrap_or(0);
+        let mut stacked = DMatrix::zeros(total, bank.columns.len());
+        for (rows, at) in bank.rows.iter().zip(&first) {
+            stacked.rows_mut(*at, rows.nrows()).copy_from(rows);
+        }
+        Self { bank, criterion, stacked, first }
+    }
+
+    /// What is known with these poses.
+    pub(crate) fn information(&self, picks: &[usize]) -> DMatrix<f64> {
+        let mut information = self.bank.before.clone();
+        picks.iter().for_each(|pick| {
+            information += self.bank.rows[*pick].transpose() * &self.bank.rows[*pick]
+        });
+        information
+    }
+
+    /// What each candidate would add to the criterion.
+    pub(crate) fn worths(&self, picks: &[usize]) -> Vec<f64> {
+        let information = self.information(picks);
+        let covariance = inverse(&information);
+        let seen = &self.stacked * &covariance;
+        match self.criterion {
+            Criterion::Zone => {
+                let focused = &self.stacked * (&covariance * &self.bank.focus * &covariance);
+                self.each(|at, rows, count| {
+                    let gain =
+                        DMatrix::identity(count, count) + seen.rows(at, count) * rows.transpose();
+                    let fallen = focused.rows(at, count) * rows.transpose();
+                    gain.cholesky().map_or(0.0, |gain| gain.solve(&fallen).trace())
+                })
+            }
+            Criterion::D | Criterion::O1 => {
+                let nuisance = self.bank.nuisance;
+                let around = inverse(&information.view((0, 0), (nuisance, nuisance)).into_owned());
+                let other = self.stacked.columns(0, nuisance) * around;
+                let read = self.bank.measured.1
+                    + picks.iter().map(|p| self.bank.rows[*p].nrows()).sum::<usize>();
+                let found = (self.bank.columns.len() - nuisance) as f64;
+                self.each(|at, rows, count| {
+                    let one = || DMatrix::identity(count, count);
+                    let all = log_det(one() + seen.rows(at, count) * rows.transpose());
+                    let around = rows.columns(0, nuisance).transpose();
+                    let gain = all - log_det(one() + other.rows(at, count) * around);
+                    if self.criterion == Criterion::D {
+                        return gain;
+                    }
+                    gain / (2.0 * found) - 0.5 * ((read + count) as f64 / read.max(1) as f64).ln()
+                })
+            }
+        }
+    }
+
+    fn each(&self, worth: impl Fn(usize, &DMatrix<f64>, usize) -> f64) -> Vec<f64> {
+        let all = self.bank.rows.iter().zip(&self.first);
+        all.map(|(rows, at)| worth(*at, rows, rows.nrows())).collect()
+    }
+}
+
+/// Chooses `count` candidates; `worths` says what each would add to those that are chosen.
+pub(crate) fn choose(worths: &dyn Fn(&[usize]) -> Vec<f64>, count: usize) -> Vec<usize> {
+    let mut picks = Vec::with_capacity(count);
+    while picks.len() < count {
+        let Some(best) = best(&worths(&picks), &picks) else { break };
+        picks.push(best);
+    }
+    exchange(worths, &mut picks);
+    picks
+}
+
+/// Exchanges chosen candidates for better ones as long as that gains.
+pub(crate) fn exchange(worths: &dyn Fn(&[usize]) -> Vec<f64>, picks: &mut [usize]) {
+    for _ in 0..PASSES {
+        let mut gained = false;
+        for place in 0..picks.len() {
+            let others: Vec<usize> = picks
+                .iter()
+                .enumerate()
+                .filter(|(k, _)| *k != place)
+                .map(|(_, pick)| *pick)
+                .collect();
+            let worths = worths(&others);
+            let Some(best) = best(&worths, &others) else { continue };
+            if worths[best] > worths[picks[place]] + GAIN * worths[best].abs() {
+                picks[place] = best;
+                gained = true;
+            }
+        }
+        if !gained {
+            break;
+        }
+    }
+}
+
+fn best(worths: &[f64], taken: &[usize]) -> Option<usize> {
+    let open =
+        worths.iter().enumerate().filter(|(k, worth)| !taken.contains(k) && worth.is_finite());
+    open.max_by(|a, b| a.1.total_cmp(b.1).then(b.0.cmp(&a.0))).map(|(k, _)| k)
+}
+
+/// The inverse of a matrix that is at least the identity.
+pub(crate) fn inverse(of: &DMatrix<f64>) -> DMatrix<f64> {
+    let size = of.nrows();
+    // Columns brought to one length first: units of noise per width differ by orders.
+    let scale =
+        DVector::from_iterator(size, (0..size).map(|k| 1.0 / of[(k, k)].max(1e-300).sqrt()));
+    let even = DMatrix::from_fn(size, size, |i, j| of[(i, j)] * scale[i] * scale[j]);
+    let found = even.cholesky().map_or_else(|| DMatrix::identity(size, size), |c| c.inverse());
+    DMatrix::from_fn(size, size, |i, j| found[(i, j)] * scale[i] * scale[j])
+}
+
+/// The logarithm of the determinant of a positive definite matrix; minus infinity where it is none.
+pub(crate) fn log_det(of: DMatrix<f64>) -> f64 {
+    of.cholesky().map_or(f64::NEG_INFINITY, |c| {
+        2.0 * c.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>()
+    })
+}

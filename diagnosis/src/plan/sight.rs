@@ -1,0 +1,101 @@
+//! Whether an instrument sees a target: range, the reflector's acceptance, and the arm in the way.
+//!
+//! Promises: a target counts as seen only where the straight line from the instrument to it keeps clear of the links' capsules.
+//! Never: fixtures, people, or the tool's own body, which are not described.
+
+use super::reach::{Line, links};
+use crate::campaign::Place;
+use crate::surroundings::Surroundings;
+use glam::DVec3;
+use physics::{Arm, Chain};
+
+/// Where an instrument that needs a line of sight stands, and what its targets take. SI.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sight {
+    /// Where it stands, base frame, m.
+    pub instrument_base: DVec3,
+    /// Nearest and farthest distance that it measures at, m.
+    pub range_m: [f64; 2],
+    /// The largest angle between a reflector's axis and the beam, rad.
+    pub acceptance_rad: f64,
+    /// Which way each target looks, tool axes, unit length; none: it is seen from all sides (a ball, a sphere of marks).
+    pub facing_tool: Vec<Option<DVec3>>,
+}
+
+impl Sight {
+    /// Whether `place` is seen with the arm as in `chain`; `radius_m` is that of the links.
+    #[must_use]
+    pub fn sees(
+        &self,
+        arm: &Arm,
+        chain: &Chain,
+        surroundings: &Surroundings,
+        place: Place,
+        radius_m: f64,
+    ) -> bool {
+        let tool = &chain.base_from_tool;
+        let (at, facing) = match place {
+            Place::Tcp => (tool.origin, self.facing_tool.first()),
+            Place::Target(i) => {
+                let place = surroundings.targets.get(i).map_or(DVec3::ZERO, |target| target.value);
+                (tool.point(place), self.facing_tool.get(i))
+            }
+        };
+        let away = self.instrument_base - at;
+        let distance = away.length();
+        let [nearest, farthest] = self.range_m;
+        let Some(beam) = away.try_normalize().filter(|_| (nearest..=farthest).contains(&distance))
+        else {
+            return false;
+        };
+        let turned = facing.copied().flatten().map(|facing| tool.rotation * facing);
+        let accepts = |axis: DVec3| axis.dot(beam) >= self.acceptance_rad.cos();
+        // The line ends short of the target, which sits on the arm.
+        let end = at + beam * (1.5 * radius_m).min(distance);
+        let ray = Line { a: self.instrument_base, b: end, from: 0 };
+        turned.is_none_or(accepts) && links(arm, chain).iter().all(|l| l.distance(&ray) >= radius_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::made::nominal;
+    use physics::Joints;
+
+    fn sight(instrument_base: DVec3, facing: Option<DVec3>) -> Sight {
+        Sight {
+            instrument_base,
+            range_m: [0.5, 20.0],
+            acceptance_rad: 0.5,
+            facing_tool: vec![facing],
+        }
+    }
+
+    fn sees(sight: &Sight) -> bool {
+        let arm = nominal().arm;
+        let chain = Chain::nominal(&arm, &Joints::default());
+        sight.sees(&arm, &chain, &Surroundings::default(), Place::Tcp, 0.1)
+    }
+
+    #[test]
+    fn the_arm_hides_the_tool_from_an_instrument_behind_it() {
+        // The arm reaches along +x at z = 1.19: from behind, the forearm stands in the line.
+        assert!(sees(&sight(DVec3::new(4.0, 0.0, 1.2), None)));
+        assert!(sees(&sight(DVec3::new(0.8, 4.0, 1.2), None)));
+        assert!(!sees(&sight(DVec3::new(-4.0, 0.0, 1.2), None)));
+    }
+
+    #[test]
+    fn a_reflector_takes_the_beam_only_within_its_angle_and_range() {
+        let arm = nominal().arm;
+        let tool = Chain::nominal(&arm, &Joints::default()).base_from_tool.rotation;
+        let towards = |base: DVec3| Some(tool.transpose() * base);
+        let at = DVec3::new(4.0, 0.0, 1.1865);
+        assert!(sees(&sight(at, towards(DVec3::X))));
+        assert!(!sees(&sight(at, towards(DVec3::Y))), "looks aside");
+        assert!(!sees(&sight(at, towards(DVec3::NEG_X))), "looks away");
+        assert!(!sees(&Sight { range_m: [0.5, 2.0], ..sight(at, None) }), "too far");
+        assert!(!sees(&Sight { range_m: [5.0, 9.0], ..sight(at, None) }), "too near");
+    }
+}

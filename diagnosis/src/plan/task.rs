@@ -1,0 +1,360 @@
+//! What is to be found, what measures it, and what bars a pose; poses drawn by chance that pass.
+//!
+//! Promises: what is drawn passes every constraint; the same generator gives the same poses. Never: a choice between poses.
+
+use super::NoPlan;
+use super::inverse::onto;
+use super::reach::Reach;
+use super::sight::Sight;
+use crate::campaign::{Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading};
+use crate::hypothesis::Hypothesis;
+use crate::select::geometry;
+use crate::surroundings::Surroundings;
+use glam::{DMat3, DVec3};
+use physics::{AnyEffect, Arm, Chain, Given, Inputs, Joints, Model};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+/// The largest compliance of a drive that is sensible, rad/Nm (m/N): far softer than any gear of a robot.
+const SOFT: f64 = 5e-5;
+/// Poses that are drawn for each that is wanted, at most.
+const PATIENCE: usize = 200;
+
+/// What is measured at each pose.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sees {
+    /// The targets of [`Surroundings::targets`], the TCP where there are none: those that the instrument sees, at least this many.
+    Points {
+        /// At least 1.
+        least: usize,
+        /// Uncertainty of the tool's orientation, rad, where it is measured too.
+        orientation_rad: Option<f64>,
+    },
+    /// The distance of the first target (the TCP where there is none) from the first fixed point: a ballbar, a cable.
+    Distance {
+        /// Shortest and longest that it measures, m.
+        length_m: [f64; 2],
+    },
+    /// A probe at the first target (the TCP where there is none) touches planes and spheres.
+    Touch(Vec<Patch>),
+}
+
+/// Something that a probe touches.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Patch {
+    /// A part of a plane of [`Surroundings::planes`], about a point of it.
+    Plane {
+        /// Which.
+        plane: usize,
+        /// Its middle, base frame, m.
+        middle: DVec3,
+        /// How far from it, m.
+        within_m: f64,
+    },
+    /// A sphere of [`Surroundings::spheres`].
+    Sphere(usize),
+}
+
+/// All of it.
+#[derive(Clone, Debug)]
+pub struct Task {
+    /// The model with the numbers that a fit will find.
+    pub hypothesis: Hypothesis,
+    /// Frames, targets and things touched: about where they are, known or to be fitted.
+    pub surroundings: Surroundings,
+    /// What is measured.
+    pub sees: Sees,
+    /// How well lengths are measured.
+    pub noise: Noise,
+    /// Where the instrument stands; none: a line of sight is not asked for.
+    pub sight: Option<Sight>,
+    /// Where the arm may go.
+    pub reach: Reach,
+    /// Whether each pose is measured twice, all joints from below and from above.
+    pub both_ways: bool,
+    /// Poses to choose from, as those that are known to be free; empty: drawn by chance.
+    pub among: Vec<Joints>,
+    /// Joint positions at which the tool's error counts.
+    pub asked: Vec<Joints>,
+}
+
+/// A pose that may be chosen.
+#[derive(Clone, Debug)]
+pub(crate) struct Candidate {
+    pub(crate) q: Joints,
+    pub(crate) poses: Vec<Pose>,
+}
+
+/// What `trued calibrate` looks for first: the geometry and the effects that `model` has, with what is stated of them, and how each joint bends under the
+/// arm's weight where the masses are known.
+#[must_use]
+pub fn believed(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
+    let mut hypothesis = geometry(model, sigma);
+    let heavy = model.arm.bodies().next().is_some();
+    let bends = ["joint_compliance", "gravity_compliance", "gravity_sag", "load_compliance"];
+    for joint in 0..model.arm.count() {
+        let has =
+            |kind: &str| model.effects().any(|e| e.spec().kind == kind && e.joint() == Some(joint));
+        if heavy && !bends.iter().any(|kind| has(kind)) {
+            let given: &[(&str, &[f64])] = &[("compliance", &[0.0])];
+            if let Ok(e) =
+                AnyEffect::build("joint_compliance", &model.arm, Some(joint), Given(given))
+            {
+                let first = hypothesis.free.len();
+                hypothesis.add(e, &[]).unwrap_or_default();
+                hypothesis.free[first..].iter_mut().for_each(|free| free.sigma = SOFT);
+            }
+        }
+    }
+    hypothesis
+}
+
+impl Task {
+    pub(crate) fn arm(&self) -> &Arm {
+        &self.hypothesis.model.arm
+    }
+
+    /// Poses that pass, about `wanted`, at least `least`.
+    pub(crate) fn draw(
+        &self,
+        rng: &mut ChaCha8Rng,
+        wanted: usize,
+        least: usize,
+    ) -> Result<Vec<Candidate>, NoPlan> {
+        if !self.among.is_empty() {
+            let free = self.among.iter().filter(|q| self.reach.allows(self.arm(), q)).count();
+            let found: Vec<Candidate> =
+                self.among.iter().filter_map(|q| self.candidate(q)).collect();
+            return enough(self.among.len(), free, found, least);
+        }
+        let (mut drawn, mut free, mut found) = (0, 0, Vec::new());
+        while found.len() < wanted && drawn < PATIENCE * wanted.max(100) {
+            drawn += 1;
+            let anywhere = self.anywhere(rng);
+            let Some(q) = self.measurable(rng, &anywhere) else { continue };
+            free += usize::from(self.reach.allows(self.arm(), &q));
+            found.extend(self.candidate(&q));
+        }
+        enough(drawn, free, found, least)
+    }
+
+    /// Poses near `q` that pass.
+    pub(crate) fn near(
+        &self,
+        rng: &mut ChaCha8Rng,
+        q: &Joints,
+        by: f64,
+        count: usize,
+    ) -> Vec<Candidate> {
+        let mut found = Vec::new();
+        for _ in 0..if self.among.is_empty() { count } else { 0 } {
+            let mut near = *q;
+            let moved = near.iter_mut().take(self.arm().count());
+            moved.for_each(|q| *q += by * (2.0 * rng.random::<f64>() - 1.0));
+            found.extend(self.measurable(rng, &near).and_then(|q| self.candidate(&q)));
+        }
+        found
+    }
+
+    /// Poses that pass, by chance: what a plan is held against.
+    ///
+    /// # Errors
+    /// Where fewer pass.
+    pub fn random(&self, count: usize, seed: u64) -> Result<Vec<Joints>, NoPlan> {
+        let drawn = self.draw(&mut ChaCha8Rng::seed_from_u64(seed), count, count)?;
+        Ok(drawn.into_iter().take(count).map(|candidate| candidate.q).collect())
+    }
+
+    /// The campaign that measures these poses, without values; poses that do not pass are left out.
+    #[must_use]
+    pub fn campaign(&self, stops: &[Joints]) -> Campaign {
+        let poses = stops.iter().filter_map(|q| self.candidate(q)).flat_map(|found| found.poses);
+        Campaign {
+            poses: poses.collect(),
+            surroundings: self.surroundings.clone(),
+            instruments: vec![Instrument {
+                name: "planned".to_owned(),
+                noise_is_known: true,
+                ..Instrument::default()
+            }],
+            recordings: vec!["planned".to_owned()],
+        }
+    }
+
+    /// Joint positions within the limits that the arm is free at, by chance.
+    #[must_use]
+    pub fn workspace(&self, count: usize, seed: u64) -> Vec<Joints> {
+        let rng = &mut ChaCha8Rng::seed_from_u64(seed);
+        let mut found = Vec::new();
+        for _ in 0..PATIENCE * count {
+            let q = self.anywhere(rng);
+            if self.reach.allows(self.arm(), &q) {
+                found.push(q);
+            }
+            if found.len() == count {
+                break;
+            }
+        }
+        found
+    }
+
+    fn anywhere(&self, rng: &mut ChaCha8Rng) -> Joints {
+        let mut q = Joints::default();
+        for (i, slot) in q.iter_mut().enumerate().take(self.arm().count()) {
+            let (low, high) = self.reach.limits(self.arm(), i);
+            *slot = low + (high - low) * rng.random::<f64>();
+        }
+        q
+    }
+
+    /// `q` moved to where it can be measured at all: onto what is touched, to a length that is measured.
+    fn measurable(&self, rng: &mut ChaCha8Rng, q: &Joints) -> Option<Joints> {
+        let arm = self.arm();
+        let tip = self.tip();
+        match &self.sees {
+            Sees::Points { .. } => Some(*q),
+            Sees::Distance { length_m: [shortest, longest] } => {
+                let anchor = self.surroundings.anchors.first()?.place.value;
+                let length = shortest + (longest - shortest) * rng.random::<f64>();
+                onto(arm, q, tip, |p| {
+                    ((p - anchor).length() - length, (p - anchor).normalize_or_zero())
+                })
+            }
+            Sees::Touch(patches) => {
+                let patch = patches.get(rng.random_range(0..patches.len().max(1)))?;
+                match *patch {
+                    Patch::Plane { plane, .. } => {
+                        let plane = self.surroundings.planes.get(plane)?.value;
+                        let off = |p: DVec3| plane.normal.dot(p) - plane.offset_m;
+                        onto(arm, q, tip, |p| (off(p), plane.normal))
+                    }
+                    Patch::Sphere(sphere) => {
+                        let sphere = self.surroundings.spheres.get(sphere)?;
+                        let (centre, radius) = (sphere.centre.value, sphere.radius_m.value);
+                        let off = |p: DVec3| {
+                            ((p - centre).length() - radius, (p - centre).normalize_or_zero())
+                        };
+                        onto(arm, q, tip, off)
+                    }
+                }
+            }
+        }
+    }
+
+    /// The point of the tool that a rod or a probe has, tool frame, m.
+    fn tip(&self) -> DVec3 {
+        self.surroundings.targets.first().map_or(DVec3::ZERO, |target| target.value)
+    }
+
+    fn tip_place(&self) -> Place {
+        if self.surroundings.targets.is_empty() { Place::Tcp } else { Place::Target(0) }
+    }
+
+    /// `q` with what would be measured there; none where something bars it.
+    pub(crate) fn candidate(&self, q: &Joints) -> Option<Candidate> {
+        if !self.reach.allows(self.arm(), q) {
+            return None;
+        }
+        let chain = Chain::nominal(self.arm(), q);
+        let readings = self.readings(&chain)?;
+        let sides: &[f64] = if self.both_ways { &[1.0, -1.0] } else { &[0.0] };
+        let pose = |side: &f64| {
+            let mut inputs = Inputs::at_rest(*q);
+            inputs.direction.iter_mut().take(self.arm().count()).for_each(|d| *d = *side);
+            let seen = readings.clone();
+            Pose { inputs, arrival: Arrival::Settled, recording: 0, row: 0, seen }
+        };
+        Some(Candidate { q: *q, poses: sides.iter().map(pose).collect() })
+    }
+
+    fn readings(&self, chain: &Chain) -> Option<Vec<Observation>> {
+        let mut readings = match &self.sees {
+            Sees::Points { least, orientation_rad } => {
+                self.points(chain, *least, *orientation_rad)?
+            }
+            Sees::Distance { .. } => {
+                let (place, anchor) = (self.tip_place(), 0);
+                vec![(Reading::Distance { place, anchor, length_m: 0.0 }, self.noise, DVec3::ZERO)]
+            }
+            Sees::Touch(patches) => vec![(self.touched(chain, patches)?, self.noise, DVec3::ZERO)],
+        };
+        let observe = |(reading, noise, at): (Reading, Noise, DVec3)| {
+            Some(Observation { reading, whitening: noise.whitening(at)?, instrument: 0 })
+        };
+        readings.drain(..).map(observe).collect()
+    }
+
+    fn points(
+        &self,
+        chain: &Chain,
+        least: usize,
+        orientation_rad: Option<f64>,
+    ) -> Option<Vec<(Reading, Noise, DVec3)>> {
+        let station = self.surroundings.frames.first()?.value.measuring_from_base;
+        let frame = self.surroundings.frames.len() - 1;
+        let places: Vec<Place> = match self.surroundings.targets.len() {
+            0 => vec![Place::Tcp],
+            count => (0..count).map(Place::Target).collect(),
+        };
+        let is_seen = |place: &Place| {
+            let radius = self.reach.link_radius_m;
+            self.sight.as_ref().is_none_or(|sight| {
+                sight.sees(self.arm(), chain, &self.surroundings, *place, radius)
+            })
+        };
+        let mut seen = Vec::new();
+        for place in places.into_iter().filter(is_seen) {
+            let on_tool = match place {
+                Place::Tcp => DVec3::ZERO,
+                Place::Target(i) => self.surroundings.targets[i].value,
+            };
+            let at = station.point(chain.base_from_tool.point(on_tool));
+            seen.push((Reading::Point { place, frame, at }, self.noise, at));
+        }
+        if seen.len() < least.max(1) {
+            return None;
+        }
+        if let Some(sigma) = orientation_rad {
+            let reading = Reading::Orientation { frame, measuring_from_tool: DMat3::IDENTITY };
+            seen.push((reading, Noise::Equal(sigma), DVec3::ZERO));
+        }
+        Some(seen)
+    }
+
+    /// What the probe touches: the patch that it is on.
+    fn touched(&self, chain: &Chain, patches: &[Patch]) -> Option<Reading> {
+        let tip = chain.base_from_tool.point(self.tip());
+        let place = self.tip_place();
+        let inwards = -(chain.base_from_tool.rotation * DVec3::Z);
+        // The probe points into what it touches, give or take 60 degrees.
+        let points_in = |normal: DVec3| inwards.dot(normal) > 0.5;
+        patches.iter().find_map(|patch| match *patch {
+            Patch::Plane { plane, middle, within_m } => {
+                let thing = self.surroundings.planes.get(plane)?.value;
+                let on = (thing.normal.dot(tip) - thing.offset_m).abs() < 1e-6;
+                let reading = Reading::Plane { place, plane, radius_m: 0.0 };
+                (on && tip.distance(middle) <= within_m && points_in(thing.normal))
+                    .then_some(reading)
+            }
+            Patch::Sphere(sphere) => {
+                let thing = self.surroundings.spheres.get(sphere)?;
+                let out = tip - thing.centre.value;
+                let on = (out.length() - thing.radius_m.value).abs() < 1e-6;
+                let reading = Reading::Sphere { place, sphere, radius_m: 0.0 };
+                (on && points_in(out.normalize_or_zero())).then_some(reading)
+            }
+        })
+    }
+}
+
+/// What was found, where it is enough.
+fn enough(
+    drawn: usize,
+    free: usize,
+    found: Vec<Candidate>,
+    least: usize,
+) -> Result<Vec<Candidate>, NoPlan> {
+    let (seen, wanted) = (found.len(), least.max(1));
+    if seen < wanted { Err(NoPlan::Barred { drawn, free, seen, wanted }) } else { Ok(found) }
+}

@@ -1,0 +1,277 @@
+use super::*;
+use crate::campaign::Noise;
+use crate::made::{empty, nominal};
+use crate::plan::reach::Reach;
+use crate::plan::sight::Sight;
+use crate::surroundings::{Anchor, Fitted};
+use crate::{Effort, Influence, Settings, Surroundings, fit, geometry, simulate};
+use glam::DVec3;
+use physics::{AnyEffect, Given, Inputs, Memories, Model};
+use rand::RngExt;
+use rand_distr::StandardNormal;
+
+const SIGMA_M: f64 = 3e-5;
+
+/// One reflector on the IRB 1600's tool, a tracker beside it; the frame and the reflector's place are found along.
+pub(super) fn task() -> Task {
+    let model = nominal();
+    let made = empty(1, 1);
+    let sight = Sight {
+        instrument_base: DVec3::new(3.5, -1.5, 1.0),
+        range_m: [0.3, 30.0],
+        acceptance_rad: 80.0_f64.to_radians(),
+        facing_tool: vec![Some(DVec3::Z)],
+    };
+    let mut task = Task {
+        hypothesis: geometry(&model, &[]),
+        surroundings: made.surroundings,
+        sees: Sees::Points { least: 1, orientation_rad: None },
+        noise: Noise::Equal(SIGMA_M),
+        sight: Some(sight),
+        reach: Reach::of(&model.arm),
+        both_ways: false,
+        among: Vec::new(),
+        asked: Vec::new(),
+    };
+    task.asked = task.workspace(60, 1);
+    task
+}
+
+fn wish(criterion: Criterion, count: usize, seed: u64) -> Wish {
+    Wish { count, criterion, candidates: 300, seed }
+}
+
+/// A robot with geometry errors of the size that calibrations find, all within the hypothesis.
+fn erring(seed: u64) -> Model {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut hypothesis = geometry(&nominal(), &[]);
+    let step: Vec<f64> = hypothesis
+        .free
+        .iter()
+        .map(|free| 0.05 * free.sigma * rng.sample::<f64, _>(StandardNormal))
+        .collect();
+    hypothesis = hypothesis.stepped(&step);
+    *hypothesis.model
+}
+
+/// Where the tool errs, root of the mean square over the poses asked, after measuring at `stops` and fitting, m; the controller's frame known, so that it is
+/// the arm alone that errs.
+fn erred(task: &Task, stops: &[Joints], seed: u64) -> f64 {
+    let truth = erring(seed);
+    let campaign = task.campaign(stops);
+    let made = simulate::readings(&campaign, &truth, &task.surroundings, 1.0, seed);
+    let used = vec![true; made.poses.len()];
+    let settings =
+        Settings { used: &used, influence: Influence::Equal, from: None, effort: Effort::Full };
+    let found = fit(&made, &task.hypothesis, &settings);
+    let at = |model: &Model, q: &Joints| {
+        model.evaluate(&Inputs::at_rest(*q), &Memories::default()).real.base_from_tool.origin
+    };
+    let squares =
+        task.asked.iter().map(|q| at(&found.hypothesis.model, q).distance_squared(at(&truth, q)));
+    (squares.sum::<f64>() / task.asked.len() as f64).sqrt()
+}
+
+fn with_known_surroundings() -> Task {
+    // Three reflectors: one alone does not see the tool's turn.
+    let mut task = Task { surroundings: empty(3, 1).surroundings, ..task() };
+    task.sight = None;
+    let Surroundings { frames, targets, .. } = &mut task.surroundings;
+    frames.iter_mut().for_each(|frame| *frame = Fitted::known(frame.value));
+    targets.iter_mut().for_each(|target| *target = Fitted::known(target.value));
+    task
+}
+
+#[test]
+fn planned_poses_are_within_limits_seen_and_out_of_the_base() {
+    let task = task();
+    let arm = &task.hypothesis.model.arm;
+    let plan = plan(&task, None, &wish(Criterion::D, 20, 3)).expect("a plan");
+    assert_eq!(plan.poses.len(), 20);
+    for pose in &plan.poses {
+        assert!(arm.within_limits(&pose.q));
+        let chain = physics::Chain::nominal(arm, &pose.q);
+        let tcp = chain.base_from_tool.origin;
+        assert!(tcp.z > 0.0 && !(tcp.truncate().length() < 0.2 && tcp.z < 0.4865), "{tcp}");
+        let towards = (task.sight.as_ref().expect("a sight").instrument_base - tcp).normalize();
+        // The reflector stands 0.1 m off the TCP and the tracker metres away.
+        assert!((chain.base_from_tool.rotation * DVec3::Z).dot(towards) > 0.1);
+    }
+}
+
+#[test]
+fn planned_poses_beat_random_ones_in_what_the_tool_really_errs_by() {
+    let task = with_known_surroundings();
+    let (mut planned, mut random) = (0.0, 0.0);
+    for seed in 0..8 {
+        let plan = plan(&task, None, &wish(Criterion::D, 15, seed)).expect("a plan");
+        let stops: Vec<Joints> = plan.poses.iter().map(|pose| pose.q).collect();
+        let drawn = task.random(15, 1000 + seed).expect("drawn");
+        planned += erred(&task, &stops, seed).powi(2);
+        random += erred(&task, &drawn, seed).powi(2);
+    }
+    let ratio = (planned / random).sqrt();
+    assert!(ratio < 0.85, "{ratio}");
+}
+
+#[test]
+fn the_uncertainty_that_a_plan_says_is_that_of_the_fit_afterwards() {
+    let task = task();
+    let plan = plan(&task, None, &wish(Criterion::D, 25, 5)).expect("a plan");
+    let stops: Vec<Joints> = plan.poses.iter().map(|pose| pose.q).collect();
+    let campaign = task.campaign(&stops);
+    let made = simulate::readings(&campaign, &task.hypothesis.model, &task.surroundings, 1.0, 9);
+    let used = vec![true; made.poses.len()];
+    let settings =
+        Settings { used: &used, influence: Influence::Equal, from: None, effort: Effort::Full };
+    let found = fit(&made, &task.hypothesis, &settings);
+    let mut compared = 0;
+    for (k, free) in task.hypothesis.free.iter().enumerate() {
+        let name = task.hypothesis.describe(free);
+        let said = plan.numbers.iter().find(|number| number.what == name);
+        let sigma = found.sigma(found.column_of(k));
+        if let (Some(said), Some(sigma)) = (said, sigma) {
+            let ratio = said.to / (sigma / found.design_effect.sqrt());
+            assert!((ratio - 1.0).abs() < 0.05, "{name}: {ratio}");
+            compared += 1;
+        }
+    }
+    assert!(compared > 15, "{compared}");
+}
+
+#[test]
+fn the_error_that_is_said_falls_with_every_pose_and_ends_where_the_tool_errs() {
+    let task = with_known_surroundings();
+    let plan = plan(&task, None, &wish(Criterion::Zone, 15, 2)).expect("a plan");
+    for pose in &plan.poses {
+        assert!(pose.tool_m[1] <= pose.tool_m[0] && pose.log_det_gain > 0.0);
+        assert!(pose.falls.iter().all(|falls| falls.to <= falls.from));
+    }
+    let stops: Vec<Joints> = plan.poses.iter().map(|pose| pose.q).collect();
+    let errors = (0..12).map(|seed| erred(&task, &stops, seed).powi(2)).sum::<f64>() / 12.0;
+    let said = plan.poses.last().expect("poses").tool_m[1];
+    let ratio = errors.sqrt() / said;
+    // Twelve campaigns of some thirty numbers.
+    assert!((0.8..1.25).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn each_criterion_is_the_best_at_its_own() {
+    let task = task();
+    let figures = |criterion| {
+        let plan = plan(&task, None, &wish(criterion, 20, 4)).expect("a plan");
+        let gain: f64 = plan.poses.iter().map(|pose| pose.log_det_gain).sum();
+        (gain, plan.poses.last().expect("poses").tool_m[1])
+    };
+    let (d, zone) = (figures(Criterion::D), figures(Criterion::Zone));
+    assert!(d.0 > zone.0 && zone.1 < d.1, "{d:?} {zone:?}");
+}
+
+#[test]
+fn what_was_measured_already_counts() {
+    let task = task();
+    let first = plan(&task, None, &wish(Criterion::D, 15, 6)).expect("a plan");
+    let stops: Vec<Joints> = first.poses.iter().map(|pose| pose.q).collect();
+    let campaign = simulate::readings(
+        &task.campaign(&stops),
+        &task.hypothesis.model,
+        &task.surroundings,
+        1.0,
+        3,
+    );
+    let used = vec![true; campaign.poses.len()];
+    let settings = Settings {
+        used: &used,
+        influence: Influence::Equal,
+        from: Some(&task.surroundings),
+        effort: Effort::Full,
+    };
+    let found = fit(&campaign, &task.hypothesis, &settings);
+    let known = Known { campaign: &campaign, fit: &found };
+    let go_on = Task { surroundings: found.surroundings.clone(), ..task };
+    let second = plan(&go_on, Some(known), &wish(Criterion::D, 5, 7)).expect("a plan");
+    let (left, begins) = (first.poses[14].tool_m[1], second.poses[0].tool_m[0]);
+    assert!((begins / left - 1.0).abs() < 0.25, "{begins} {left}");
+    let far = next(&go_on, None, 200, 1e-6, 1).expect("a pose");
+    let near = next(&go_on, Some(known), 200, 1e-6, 1).expect("a pose");
+    assert!(!far.enough && far.tool_m[0] > near.tool_m[0] && near.tool_m[1] < near.tool_m[0]);
+    assert!(next(&go_on, Some(known), 200, 1.0, 1).expect("a pose").enough);
+}
+
+#[test]
+fn the_same_seed_gives_the_same_poses_and_a_place_without_sight_none() {
+    let task = task();
+    let q = |seed| {
+        plan(&task, None, &wish(Criterion::O1, 6, seed))
+            .expect("a plan")
+            .poses
+            .iter()
+            .map(|p| p.q)
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(q(1), q(1));
+    assert_ne!(q(1), q(2));
+    let mut blind = task.clone();
+    if let Some(sight) = &mut blind.sight {
+        sight.range_m = [0.0, 0.5];
+    }
+    assert!(matches!(
+        plan(&blind, None, &wish(Criterion::D, 6, 1)),
+        Err(NoPlan::Barred { seen: 0, .. })
+    ));
+}
+
+#[test]
+fn a_ballbar_and_a_probe_are_planned_onto_what_they_measure() {
+    let mut bar = task();
+    let place = Fitted::unknown(DVec3::new(0.9, 0.0, 0.2));
+    bar.surroundings.anchors = vec![Anchor { place, offset_m: Fitted::known(0.0) }];
+    bar.sees = Sees::Distance { length_m: [0.598, 0.602] };
+    let planned = plan(&bar, None, &wish(Criterion::D, 8, 1)).expect("a plan");
+    let arm = &bar.hypothesis.model.arm;
+    for pose in &planned.poses {
+        let tip = physics::Chain::nominal(arm, &pose.q)
+            .base_from_tool
+            .point(bar.surroundings.targets[0].value);
+        let length = tip.distance(bar.surroundings.anchors[0].place.value);
+        assert!((0.597..0.603).contains(&length), "{length}");
+    }
+    let mut probe = task();
+    let plane = crate::Plane { normal: DVec3::Z, offset_m: 0.3 };
+    probe.surroundings.planes = vec![Fitted::unknown(plane)];
+    let middle = DVec3::new(0.8, 0.0, 0.3);
+    probe.sees = Sees::Touch(vec![Patch::Plane { plane: 0, middle, within_m: 0.3 }]);
+    let planned = plan(&probe, None, &wish(Criterion::D, 8, 1)).expect("a plan");
+    for pose in &planned.poses {
+        let tip = physics::Chain::nominal(arm, &pose.q)
+            .base_from_tool
+            .point(probe.surroundings.targets[0].value);
+        assert!((tip.z - 0.3).abs() < 1e-5 && tip.distance(middle) < 0.3);
+    }
+}
+
+#[test]
+fn an_offset_effect_that_is_stated_starts_from_what_is_stated() {
+    let mut model = nominal();
+    let given: &[(&str, &[f64])] = &[("offset", &[0.001])];
+    model
+        .push(AnyEffect::build("joint_offset", &model.arm, Some(2), Given(given)).expect("built"))
+        .expect("room");
+    let task = Task { hypothesis: believed(&model, &[vec![1e-5]]), ..task() };
+    let plan = plan(&task, None, &wish(Criterion::D, 4, 1)).expect("a plan");
+    let said =
+        plan.numbers.iter().find(|number| number.what.contains("joint 3's offset")).expect("named");
+    assert!((said.from - 1e-5).abs() < 1e-12 && said.to <= said.from);
+}
+
+#[test]
+fn a_list_of_poses_that_are_known_to_be_free_is_all_that_is_chosen_from() {
+    let mut task = task();
+    task.among = task.random(40, 3).expect("drawn");
+    let planned = plan(&task, None, &wish(Criterion::D, 10, 1)).expect("a plan");
+    assert!(planned.poses.iter().all(|pose| task.among.contains(&pose.q)));
+    assert!(matches!(
+        plan(&task, None, &wish(Criterion::D, 41, 1)),
+        Err(NoPlan::Barred { drawn: 40, .. })
+    ));
+}

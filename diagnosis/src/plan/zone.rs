@@ -1,0 +1,66 @@
+//! Where the tool's error counts: a box that is milled in, with the tool's directions there.
+//!
+//! Promises: joint positions that put the TCP into the box with its z axis along one of the directions, where the arm may stand. Never: a
+//! guess where the box cannot be reached.
+
+use super::inverse::pointing;
+use super::reach::Reach;
+use glam::DVec3;
+use physics::{Arm, Joints};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+
+/// Tries for each position that is wanted.
+const TRIES: usize = 30;
+
+/// A milling zone, base frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Zone {
+    /// Least and largest corner, m.
+    pub corners: [DVec3; 2],
+    /// Directions of the tool's z axis, unit length; at least one.
+    pub directions: Vec<DVec3>,
+}
+
+impl Zone {
+    /// About `count` joint positions in the zone, evenly by chance; fewer where the arm does not reach all of it, none where it reaches nothing.
+    #[must_use]
+    pub fn positions(&self, arm: &Arm, reach: &Reach, count: usize, seed: u64) -> Vec<Joints> {
+        let rng = &mut ChaCha8Rng::seed_from_u64(seed);
+        let mut found = Vec::new();
+        for place in 0..count {
+            let Some(along) = self.directions.get(place % self.directions.len().max(1)) else {
+                break;
+            };
+            let share = DVec3::new(rng.random(), rng.random(), rng.random());
+            let at = self.corners[0] + (self.corners[1] - self.corners[0]) * share;
+            found.extend(stand(arm, reach, rng, at, *along));
+        }
+        found
+    }
+}
+
+/// Joint positions with the TCP at `at` (base frame, m) and the tool's z axis along `along`, where the arm may stand.
+pub(super) fn stand(
+    arm: &Arm,
+    reach: &Reach,
+    rng: &mut ChaCha8Rng,
+    at: DVec3,
+    along: DVec3,
+) -> Option<Joints> {
+    for _ in 0..TRIES {
+        let mut start = Joints::default();
+        for (i, slot) in start.iter_mut().enumerate().take(arm.count()) {
+            let (low, high) = reach.limits(arm, i);
+            // A start within half a turn: an answer a turn further on is none.
+            let (low, high) = (low.max(-3.0), high.min(3.0).max(low));
+            *slot = low + (high - low).max(0.0) * rng.random::<f64>();
+        }
+        let found = pointing(arm, &start, at, along).filter(|q| reach.allows(arm, q));
+        if found.is_some() {
+            return found;
+        }
+    }
+    None
+}

@@ -1,0 +1,148 @@
+use super::*;
+use crate::made::{empty, nominal};
+use crate::proof::{Errors, calibrate};
+use crate::simulate;
+use glam::DVec3;
+use physics::Wrench;
+
+/// The mean length of a point's error by noise of 0.05 mm per coordinate: `2 σ sqrt(2/π)`.
+const NOISE_M: f64 = 2.0 * 5e-5 * 0.797_884_560_8;
+
+fn effect(kind: &str, joint: Option<usize>, numbers: &[(&str, &[f64])]) -> AnyEffect {
+    AnyEffect::build(kind, &nominal().arm, joint, Given(numbers)).expect("built")
+}
+
+/// What every robot here has: two joints that give way, a slanted axis, a zero that is off.
+fn common() -> Vec<AnyEffect> {
+    vec![
+        effect("joint_compliance", Some(1), &[("compliance", &[4e-6])]),
+        effect("joint_compliance", Some(2), &[("compliance", &[8e-6])]),
+        effect("axis_tilt", Some(3), &[("tilt", &[8e-4, -6e-4])]),
+        effect("joint_offset", Some(2), &[("offset", &[1e-3])]),
+    ]
+}
+
+/// Poses under changing forces on the tool, `push_n` at most, as a robot with these effects shows them.
+fn seen(truth: &[AnyEffect], push_n: f64, seed: u64) -> Campaign {
+    let mut campaign = empty(3, 160);
+    for (row, pose) in campaign.poses.iter_mut().enumerate() {
+        let part = |by: f64| ((row + 1) as f64 * by).fract() * 2.0 - 1.0;
+        let force = DVec3::new(part(0.7321), part(0.2361), part(0.4142)) * push_n;
+        pose.inputs.wrench_base = Wrench { force, moment: DVec3::ZERO };
+    }
+    let model = Model::new(nominal().arm, truth).expect("effects that fit each other");
+    simulate::readings(&campaign, &model, &campaign.surroundings, 1.0, seed)
+}
+
+struct Said {
+    names: Vec<(&'static str, Option<usize>)>,
+    heldout_m: f64,
+    before_m: f64,
+    model: Model,
+}
+
+/// What two thirds of the poses make of it, and how far off it is on the others.
+fn selected(campaign: &Campaign, base: &Model) -> Said {
+    let training: Vec<bool> = (0..campaign.poses.len()).map(|k| k % 3 != 0).collect();
+    let held: Vec<bool> = training.iter().map(|trains| !trains).collect();
+    let found = calibrate(campaign, base, &[], &training, &mut |_| ());
+    let model = *found.advanced.fit.hypothesis.model;
+    let chosen = found.advanced.chosen.iter().filter_map(|c| model.effects().nth(c.effect));
+    Said {
+        names: chosen.map(|e| (e.spec().kind, e.joint())).collect(),
+        heldout_m: Errors::of(&found.advanced.fit, campaign, &held).mean(),
+        before_m: Errors::of(&found.calibrated, campaign, &held).mean(),
+        model,
+    }
+}
+
+fn value(said: &Said, kind: &str) -> f64 {
+    let found = said.model.effects().find(|e| e.spec().kind == kind);
+    found.map_or(f64::NAN, |effect| effect.values()[0])
+}
+
+/// A robot that has `more` besides is found to have it, and what is left is the noise.
+fn is_found(more: AnyEffect, push_n: f64, off: f64) {
+    let truth: Vec<AnyEffect> = common().into_iter().chain([more]).collect();
+    let said = selected(&seen(&truth, push_n, 3), &nominal());
+    let (kind, joint) = (more.spec().kind, more.joint());
+    assert!(said.names.contains(&(kind, joint)), "no {kind} among {:?}", said.names);
+    assert!(said.heldout_m < 1.12 * NOISE_M, "{kind}: {} mm held out", said.heldout_m * 1e3);
+    assert!(said.heldout_m < 0.7 * said.before_m, "{kind}: {} mm before", said.before_m * 1e3);
+    // A spring's stiffness and lengths go together: what it does is in the error above.
+    let ratio = value(&said, kind) / more.values()[0];
+    assert!(
+        kind == "counterbalance" || (ratio - 1.0).abs() < off,
+        "{kind}: {ratio} of the truth, {:?}",
+        said.names
+    );
+    said.model.check().expect("effects that fit each other");
+}
+
+#[test]
+fn a_drive_that_stiffens_is_found() {
+    is_found(effect("stiffness_hardening", Some(1), &[("cubic", &[4e-13])]), 500.0, 0.2);
+}
+
+#[test]
+fn a_spring_that_carries_the_arm_is_found() {
+    let numbers: &[(&str, &[f64])] = &[
+        ("stiffness", &[1.5e4]),
+        ("free_length", &[0.3]),
+        ("a", &[0.17]),
+        ("L", &[0.5]),
+        ("angle", &[2.0]),
+    ];
+    is_found(effect("counterbalance", Some(1), numbers), 200.0, 0.5);
+}
+
+#[test]
+fn a_payload_that_the_model_does_not_know_is_found() {
+    is_found(effect("payload", None, &[("mass", &[9.0]), ("com", &[0.9, 0.1, 1.2])]), 300.0, 0.2);
+}
+
+#[test]
+fn a_base_that_yields_is_found() {
+    is_found(effect("base_compliance", None, &[("compliance", &[6e-7])]), 300.0, 0.2);
+}
+
+#[test]
+fn a_bearing_that_yields_is_found() {
+    is_found(effect("bearing_compliance", Some(2), &[("compliance", &[5e-6])]), 400.0, 0.2);
+}
+
+#[test]
+fn what_has_no_name_is_described() {
+    let range = [-1.5, 1.5];
+    let numbers: &[(&str, &[f64])] =
+        &[("coefficients", &[0.0, 0.0, 0.0, 2e-3, -1.5e-3, 1e-3]), ("range", &range)];
+    let truth: Vec<AnyEffect> =
+        common().into_iter().chain([effect("joint_polynomial", Some(3), numbers)]).collect();
+    let said = selected(&seen(&truth, 0.0, 3), &nominal());
+    assert!(said.heldout_m < 1.12 * NOISE_M, "{} mm, {:?}", said.heldout_m * 1e3, said.names);
+    assert!(said.names.contains(&("joint_polynomial", Some(3))), "{:?}", said.names);
+}
+
+#[test]
+fn a_robot_without_them_does_not_get_them() {
+    let mut false_ones = Vec::new();
+    for seed in 0..20 {
+        let said = selected(&seen(&common(), 300.0, 100 + seed), &nominal());
+        let own = |name: &&(&str, Option<usize>)| {
+            **name != ("joint_compliance", Some(1)) && **name != ("joint_compliance", Some(2))
+        };
+        false_ones.extend(said.names.iter().filter(own).copied());
+        assert!(said.heldout_m < 1.08 * NOISE_M, "seed {seed}: {} mm", said.heldout_m * 1e3);
+    }
+    assert!(false_ones.len() <= 1, "{false_ones:?}");
+}
+
+#[test]
+fn what_a_model_states_is_not_doubled_by_the_whole_of_which_it_is_a_half() {
+    let half = effect("load_compliance", Some(2), &[("compliance", &[1e-6])]);
+    let stated = Model::new(nominal().arm, &[half]).expect("sound");
+    let said = selected(&seen(&common(), 300.0, 3), &stated);
+    said.model.check().expect("a model that loads");
+    assert!(said.names.contains(&("gravity_compliance", Some(2))), "{:?}", said.names);
+    assert!(said.heldout_m < 1.12 * NOISE_M, "{} mm, {:?}", said.heldout_m * 1e3, said.names);
+}

@@ -1,0 +1,234 @@
+//! Sweeps of single joints found in a campaign, and what they say of each joint (thesis 3.1 to 3.2.7, 3.5, 3.7 to 3.18).
+//!
+//! A sweep is a run of poses in which one joint moves and all others stand. Its readings take part in the global fit as all others do; here they are
+//! looked at alone, joint by joint, which needs no global model and shows where one goes wrong.
+//!
+//! Promises: what is taken out for sag is said with what it changed; a run that gives no axis is said with why.
+//! Never: a change to a fit. An axis found here and one of a global fit share no numbers, so either can judge the other.
+
+use crate::campaign::{Campaign, Place, Pose, Reading};
+use crate::joint_error::JointErrors;
+use crate::per_joint::{PerJoint, regress, thesis_model};
+use crate::single_joint::{AxisError, JointAxis, SAME_STEP_RAD, Sag, Step, Sweep, SweepError};
+use crate::surroundings::Surroundings;
+use glam::DVec3;
+use physics::{Arm, JointKind, Model};
+
+/// Different positions that a sweep has, at least.
+const STEPS_LEAST: usize = 5;
+/// How far a sweep goes, at least, rad.
+const SWING_LEAST_RAD: f64 = 0.1;
+
+/// A sweep in its place in a campaign.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Found {
+    /// The sweep; target 0 is the TCP, those of the surroundings follow.
+    pub sweep: Sweep,
+    /// Its recording, from 0.
+    pub recording: usize,
+    /// Its first and last row, from 0.
+    pub rows: (usize, usize),
+}
+
+/// What one sweep says.
+#[derive(Clone, Debug)]
+pub struct Said {
+    /// Where it stands.
+    pub found: Found,
+    /// The axis, or why there is none.
+    pub axis: Result<JointAxis, SweepError>,
+    /// The axis against the controller's.
+    pub error: Option<AxisError>,
+    /// The joint's error at each step.
+    pub errors: Option<JointErrors>,
+}
+
+/// What all sweeps of one joint say of the thesis' model of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OfJoint {
+    /// 0-based.
+    pub joint: usize,
+    /// The model's numbers.
+    pub model: PerJoint,
+}
+
+/// How one axis stands to the next, whatever frame both were measured in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Relative {
+    /// Both joints, 0-based.
+    pub joints: (usize, usize),
+    /// Between the directions, 0 to π, rad.
+    pub angle_rad: f64,
+    /// Standard uncertainty of the angle, rad.
+    pub sigma_angle_rad: f64,
+    /// Between the axes at their nearest, m.
+    pub distance_m: f64,
+    /// Standard uncertainty of the distance, m.
+    pub sigma_distance_m: f64,
+}
+
+/// The sweeps of a campaign, in the order of its poses. Points come to the base frame by the stations of `surroundings`.
+#[must_use]
+pub fn sweeps(arm: &Arm, campaign: &Campaign, surroundings: &Surroundings) -> Vec<Found> {
+    let seen: Vec<&Pose> = campaign.poses.iter().filter(|pose| has_point(pose)).collect();
+    let mut found = Vec::new();
+    let mut from = 0;
+    while from < seen.len() {
+        let (joint, end) = run(arm, &seen, from);
+        let poses = &seen[from..end];
+        let turns = |joint: &usize| arm.joints()[*joint].kind == JointKind::Revolute;
+        let swept = joint.filter(turns).filter(|joint| is_sweep(poses, *joint));
+        found.extend(swept.map(|joint| Found {
+            sweep: sweep(poses, joint, surroundings),
+            recording: poses[0].recording,
+            rows: (poses[0].row, poses[poses.len() - 1].row),
+        }));
+        // The last pose of a run may be the first of the next.
+        from = if end > from + 1 { end - 1 } else { end };
+        if end == seen.len() {
+            break;
+        }
+    }
+    found
+}
+
+fn has_point(pose: &Pose) -> bool {
+    pose.seen.iter().any(|seen| matches!(seen.reading, Reading::Point { .. }))
+}
+
+/// The joint that alone moves from pose `from` on, and the end of its run.
+fn run(arm: &Arm, poses: &[&Pose], from: usize) -> (Option<usize>, usize) {
+    let first = poses[from];
+    let mut moving = None;
+    for (end, pose) in poses.iter().enumerate().skip(from + 1) {
+        let differ =
+            |joint: &usize| (pose.inputs.q[*joint] - first.inputs.q[*joint]).abs() > SAME_STEP_RAD;
+        let moved: Vec<usize> = (0..arm.count()).filter(differ).collect();
+        let one = match moved.as_slice() {
+            [] => moving,
+            [one] if moving.is_none_or(|joint| joint == *one) => Some(*one),
+            _ => return (moving, end),
+        };
+        if pose.recording != first.recording || pose.inputs.time_s < first.inputs.time_s {
+            return (moving, end);
+        }
+        moving = one;
+    }
+    (moving, poses.len())
+}
+
+fn is_sweep(poses: &[&Pose], joint: usize) -> bool {
+    let mut positions: Vec<f64> = poses.iter().map(|pose| pose.inputs.q[joint]).collect();
+    positions.sort_by(f64::total_cmp);
+    let steps = positions.chunk_by(|a, b| b - a <= SAME_STEP_RAD).count();
+    let swing = positions.last().zip(positions.first()).map_or(0.0, |(high, low)| high - low);
+    steps >= STEPS_LEAST && swing >= SWING_LEAST_RAD
+}
+
+fn sweep(poses: &[&Pose], joint: usize, surroundings: &Surroundings) -> Sweep {
+    let mut before: Option<f64> = None;
+    let step = |pose: &&Pose| {
+        let mut targets = vec![None; surroundings.targets.len() + 1];
+        for seen in &pose.seen {
+            if let Reading::Point { place, frame, at } = seen.reading {
+                let station = &surroundings.frames[frame].value.measuring_from_base;
+                let slot = match place {
+                    Place::Tcp => 0,
+                    Place::Target(target) => target + 1,
+                };
+                targets[slot] = Some(station.inverse().point(at));
+            }
+        }
+        let mut inputs = pose.inputs;
+        let q = inputs.q[joint];
+        // Within a sweep the row before says from which side it came.
+        if let Some(before) = before.filter(|before| *before != q) {
+            inputs.direction[joint] = (q - before).signum();
+        }
+        before = Some(q);
+        Step { inputs, targets }
+    };
+    Sweep { joint, steps: poses.iter().map(step).collect() }
+}
+
+/// What each sweep says; `model` tells what gives way under gravity.
+#[must_use]
+pub fn said(model: &Model, sag: Sag, found: Vec<Found>) -> Vec<Said> {
+    let one = |found: Found| {
+        let sweep = &found.sweep;
+        let axis = sweep.axis(model, sag, None);
+        let first = sweep.steps.first().map(|step| step.inputs.q);
+        let error = axis.as_ref().ok().zip(first).and_then(|(axis, q)| axis.error(&model.arm, &q));
+        let errors = axis.as_ref().ok().map(|axis| sweep.errors(model, axis, 0.0));
+        Said { found, axis, error, errors }
+    };
+    found.into_iter().map(one).collect()
+}
+
+/// The thesis' model of each joint that was swept, from all its sweeps.
+#[must_use]
+pub fn of_joints(arm: &Arm, said: &[Said]) -> Vec<OfJoint> {
+    let one = |joint: usize| {
+        let own = said.iter().filter(|said| said.found.sweep.joint == joint);
+        let errors: Vec<JointErrors> = own.filter_map(|said| said.errors.clone()).collect();
+        if errors.is_empty() {
+            return None;
+        }
+        let model = regress(&thesis_model(arm, joint).ok()?, &errors);
+        model.determined.contains(&true).then_some(OfJoint { joint, model })
+    };
+    (0..arm.count()).filter_map(one).collect()
+}
+
+/// How the axes of neighbours stand to each other, where both were swept with the joints before them in the same place.
+#[must_use]
+pub fn relative(said: &[Said]) -> Vec<Relative> {
+    let mut list = Vec::new();
+    for (k, first) in said.iter().enumerate() {
+        let joint = first.found.sweep.joint;
+        let next = said[k + 1..].iter().chain(&said[..k]).find(|next| {
+            next.found.sweep.joint == joint + 1
+                && next.found.recording == first.found.recording
+                && stand_alike(&first.found.sweep, &next.found.sweep, joint)
+        });
+        if let Some(next) = next
+            && let (Ok(a), Ok(b)) = (&first.axis, &next.axis)
+        {
+            list.push(between(a, b));
+        }
+    }
+    list
+}
+
+/// Whether the joints before `joint` stand in the same place in both sweeps.
+fn stand_alike(one: &Sweep, other: &Sweep, joint: usize) -> bool {
+    let (Some(a), Some(b)) = (one.steps.first(), other.steps.first()) else { return false };
+    (0..joint).all(|k| (a.inputs.q[k] - b.inputs.q[k]).abs() <= SAME_STEP_RAD)
+}
+
+fn between(a: &JointAxis, b: &JointAxis) -> Relative {
+    let (d, e) = (a.axis.direction, b.axis.direction);
+    let apart = b.axis.point - a.axis.point;
+    let across = d.cross(e);
+    let sin = across.length();
+    let turn = |axis: &JointAxis| axis.axis.sigma_turn_rad().into_iter().fold(0.0, f64::max);
+    let shift = |axis: &JointAxis| axis.axis.sigma_point_m().into_iter().fold(0.0, f64::max);
+    let sigma_angle_rad = turn(a).hypot(turn(b));
+    // Within its own uncertainty of parallel there is no common normal to speak of.
+    let (distance_m, lever) = if sin > 10.0 * sigma_angle_rad && sin > 1e-2 {
+        let along: DVec3 = across / sin;
+        (along.dot(apart).abs(), apart.length() / sin)
+    } else {
+        (d.cross(apart).length(), apart.length())
+    };
+    Relative {
+        joints: (a.joint, b.joint),
+        angle_rad: libm::atan2(sin, d.dot(e)),
+        sigma_angle_rad,
+        distance_m,
+        sigma_distance_m: shift(a).hypot(shift(b)).hypot(lever * sigma_angle_rad),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,216 @@
+//! What distances are measured from and what a probe touches: tables of the TOML beside a recording.
+//!
+//! `[distance1]` … say where a ballbar, cable or draw-wire is fixed; `[probe]`, `[plane1]` …, `[sphere1]` … what touches what. What is not said is
+//! fitted. Lengths in mm, base frame, tool points by the number of their target. See docs/measurements.md.
+//!
+//! Promises: every fault is told. Never: a guess at what was not said.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use toml::de::DeValue;
+
+use super::channel::{GAUGES_MAX, TARGETS_MAX};
+use crate::toml_text::{line, list, number, string};
+use crate::walk::{POSITIVE, Table};
+
+const MM: f64 = 1e-3;
+
+/// Where a distance is measured from, and of what point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Distance {
+    /// The fixed point, m, base frame; none where it is to be fitted.
+    pub anchor_m: Option<[f64; 3]>,
+    /// The target on the tool (from 0); none for the TCP.
+    pub target: Option<usize>,
+    /// What the reading is more than the distance, m; none where it is to be fitted.
+    pub offset_m: Option<f64>,
+}
+
+impl Default for Distance {
+    fn default() -> Self {
+        Self { anchor_m: None, target: None, offset_m: Some(0.0) }
+    }
+}
+
+/// What touches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Probe {
+    /// Radius of its ball, m.
+    pub radius_m: f64,
+    /// The target at the ball's middle (from 0); none for the TCP.
+    pub target: Option<usize>,
+    /// Standard uncertainty of a touch, m.
+    pub sigma_m: Option<f64>,
+}
+
+/// A plane that is touched.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TouchedPlane {
+    /// Towards the side that is touched, base frame; a rough one where the plane is to be fitted.
+    pub normal: [f64; 3],
+    /// Along the normal from the base frame's origin, m; none where the plane is to be fitted.
+    pub offset_m: Option<f64>,
+}
+
+/// A sphere that is touched.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct TouchedSphere {
+    /// Base frame, m; none where it is to be fitted.
+    pub centre_m: Option<[f64; 3]>,
+    /// m; none where it is to be fitted.
+    pub radius_m: Option<f64>,
+}
+
+/// All of it, by number from 0.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Gauges {
+    /// What distances are measured from.
+    pub distances: BTreeMap<usize, Distance>,
+    /// What touches.
+    pub probe: Option<Probe>,
+    /// What is touched.
+    pub planes: BTreeMap<usize, TouchedPlane>,
+    /// What is touched.
+    pub spheres: BTreeMap<usize, TouchedSphere>,
+}
+
+impl Gauges {
+    pub(super) fn of(table: &Table<'_, '_>) -> Self {
+        Self {
+            distances: numbered(table, "distance", |table| Some(distance_of(table))),
+            probe: table.has("probe").then(|| table.table("probe")).flatten().and_then(probe_of),
+            planes: numbered(table, "plane", plane_of),
+            spheres: numbered(table, "sphere", |table| Some(sphere_of(table))),
+        }
+    }
+
+    /// One more than the highest target that anything here names.
+    #[must_use]
+    pub fn target_count(&self) -> usize {
+        let of_distances = self.distances.values().map(|distance| distance.target);
+        let all = of_distances.chain([self.probe.and_then(|probe| probe.target)]);
+        all.flatten().max().map_or(0, |highest| highest + 1)
+    }
+
+    /// As the TOML has it.
+    pub(super) fn toml(&self) -> String {
+        let mut out = String::new();
+        for (at, distance) in &self.distances {
+            head(&mut out, "distance", *at);
+            vector(&mut out, "anchor_mm", distance.anchor_m);
+            target(&mut out, distance.target);
+            match distance.offset_m {
+                None => line(&mut out, "offset_mm", &string(FITTED)),
+                Some(0.0) => {}
+                Some(offset) => line(&mut out, "offset_mm", &number(offset / MM)),
+            }
+        }
+        if let Some(probe) = &self.probe {
+            out.push_str("\n[probe]\n");
+            line(&mut out, "radius_mm", &number(probe.radius_m / MM));
+            target(&mut out, probe.target);
+            length(&mut out, "sigma_mm", probe.sigma_m);
+        }
+        for (at, plane) in &self.planes {
+            head(&mut out, "plane", *at);
+            line(&mut out, "normal", &list(&plane.normal));
+            length(&mut out, "offset_mm", plane.offset_m);
+        }
+        for (at, sphere) in &self.spheres {
+            head(&mut out, "sphere", *at);
+            vector(&mut out, "centre_mm", sphere.centre_m);
+            length(&mut out, "radius_mm", sphere.radius_m);
+        }
+        out
+    }
+}
+
+/// Stands where a number is not known.
+const FITTED: &str = "fitted";
+
+/// The tables `STEM1`, `STEM2`, …; only those that stand there are asked for.
+fn numbered<T>(
+    table: &Table<'_, '_>,
+    stem: &str,
+    read: impl Fn(&Table<'_, '_>) -> Option<T>,
+) -> BTreeMap<usize, T> {
+    let mut found = BTreeMap::new();
+    for at in 0..GAUGES_MAX {
+        let key = format!("{stem}{}", at + 1);
+        if table.keys().any(|name| name == key)
+            && let Some(inner) = table.table(&key)
+        {
+            found.extend(read(&inner).map(|value| (at, value)));
+            inner.close();
+        }
+    }
+    found
+}
+
+fn target_of(table: &Table<'_, '_>) -> Option<usize> {
+    let most = i64::try_from(TARGETS_MAX).unwrap_or(i64::MAX);
+    let target = table.whole("target", 1..most + 1)?;
+    usize::try_from(target - 1).ok()
+}
+
+fn distance_of(table: &Table<'_, '_>) -> Distance {
+    let fitted = |value: &toml::Spanned<DeValue<'_>>| matches!(value.get_ref(), DeValue::String(word) if word == FITTED);
+    let offset_m = if table.raw("offset_mm").is_some_and(fitted) {
+        None
+    } else {
+        Some(table.number("offset_mm", ..).unwrap_or(0.0) * MM)
+    };
+    let anchor_m = table.vector::<3>("anchor_mm").map(|at| at.map(|x| x * MM));
+    Distance { anchor_m, target: target_of(table), offset_m }
+}
+
+fn probe_of(table: Table<'_, '_>) -> Option<Probe> {
+    table.require("radius_mm", "the radius of the probe's ball, 0 for a point");
+    let radius = table.number("radius_mm", 0.0..);
+    let sigma_m = table.number("sigma_mm", POSITIVE).map(|sigma| sigma * MM);
+    let target = target_of(&table);
+    table.close();
+    Some(Probe { radius_m: radius? * MM, target, sigma_m })
+}
+
+fn plane_of(table: &Table<'_, '_>) -> Option<TouchedPlane> {
+    table.require("normal", "three numbers, towards the side that is touched");
+    let offset_m = table.number("offset_mm", ..).map(|offset| offset * MM);
+    let normal = table.vector::<3>("normal")?;
+    let length = normal.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if !(length > 0.0 && length.is_finite()) {
+        table.fault("normal", "has no direction", "three numbers, not all zero");
+        return None;
+    }
+    Some(TouchedPlane { normal: normal.map(|x| x / length), offset_m })
+}
+
+fn sphere_of(table: &Table<'_, '_>) -> TouchedSphere {
+    TouchedSphere {
+        centre_m: table.vector::<3>("centre_mm").map(|at| at.map(|x| x * MM)),
+        radius_m: table.number("radius_mm", POSITIVE).map(|radius| radius * MM),
+    }
+}
+
+fn head(out: &mut String, stem: &str, at: usize) {
+    let _ = writeln!(out, "\n[{stem}{}]", at + 1);
+}
+
+fn target(out: &mut String, target: Option<usize>) {
+    if let Some(target) = target {
+        line(out, "target", &(target + 1).to_string());
+    }
+}
+
+fn length(out: &mut String, key: &str, metres: Option<f64>) {
+    if let Some(metres) = metres {
+        line(out, key, &number(metres / MM));
+    }
+}
+
+fn vector(out: &mut String, key: &str, metres: Option<[f64; 3]>) {
+    if let Some(metres) = metres {
+        line(out, key, &list(&metres.map(|x| x / MM)));
+    }
+}

@@ -1,0 +1,73 @@
+//! Whether distances and touches fit what the TOML says of them.
+//!
+//! Promises: each fault with its row or its table. Never: a value changed.
+
+use super::Builder;
+use super::channel::{Channel, GAUGES_MAX};
+use super::gauges::Gauges;
+use crate::faults::Fault;
+
+impl Builder<'_, '_> {
+    pub(super) fn judge_gauges(&mut self, gauges: &Gauges) {
+        self.judge_lengths(gauges);
+        let touched = [Channel::TouchPlane, Channel::TouchSphere].map(|c| self.touched(c));
+        if touched.iter().any(|numbers| !numbers.is_empty()) && gauges.probe.is_none() {
+            let fault = Fault::new("probe", "is missing, and something is touched");
+            let expected = "[probe] with radius_mm, in the TOML beside the recording";
+            self.faults.push(fault.expected(expected));
+        }
+        let [planes, spheres] = touched;
+        for number in planes.iter().filter(|number| !gauges.planes.contains_key(&(**number - 1))) {
+            let fault = Fault::new(format!("plane{number}"), "is touched and not said");
+            let expected = format!("[plane{number}] with normal = [x, y, z], towards the probe");
+            self.faults.push(fault.expected(expected));
+        }
+        for at in gauges.planes.keys().filter(|at| !planes.contains(&(**at + 1))) {
+            self.untouched(&format!("plane{}", at + 1), "touch_plane");
+        }
+        for at in gauges.spheres.keys().filter(|at| !spheres.contains(&(**at + 1))) {
+            self.untouched(&format!("sphere{}", at + 1), "touch_sphere");
+        }
+    }
+
+    fn judge_lengths(&mut self, gauges: &Gauges) {
+        for at in gauges.distances.keys() {
+            if !self.columns.contains_key(&Channel::Distance(*at)) {
+                let key = format!("distance{}", at + 1);
+                let fault = Fault::new(&key, "there is no such column");
+                self.faults.push(fault.expected(format!("a column `{key}_mm`")));
+            }
+        }
+        let negative = self.columns.iter().filter_map(|(channel, values)| {
+            let of_distance = matches!(channel, Channel::Distance(_));
+            let row = values.iter().position(|value| *value < 0.0)?;
+            of_distance.then_some((row, *channel))
+        });
+        for (row, channel) in negative.collect::<Vec<_>>() {
+            let fault = Fault::new(channel.base(), "is below zero").expected("a distance");
+            self.channel_fault(row, channel, fault);
+        }
+    }
+
+    /// The numbers of what is touched; the first that is none is a fault.
+    fn touched(&mut self, channel: Channel) -> Vec<usize> {
+        let Some(values) = self.columns.get(&channel) else { return Vec::new() };
+        let number = |value: f64| (0..=GAUGES_MAX).find(|number| *number as f64 == value);
+        let bad = values.iter().position(|value| !value.is_nan() && number(*value).is_none());
+        let mut numbers: Vec<usize> = values.iter().filter_map(|value| number(*value)).collect();
+        numbers.sort_unstable();
+        numbers.dedup();
+        numbers.retain(|number| *number > 0);
+        if let Some(row) = bad {
+            let expected = format!("the number of what is touched, 1 to {GAUGES_MAX}; 0 for none");
+            let fault = Fault::new(channel.base(), format!("is {}", values[row]));
+            self.channel_fault(row, channel, fault.expected(expected));
+        }
+        numbers
+    }
+
+    fn untouched(&mut self, key: &str, column: &str) {
+        let fault = Fault::new(key, "is never touched");
+        self.faults.push(fault.expected(format!("its number in a row of `{column}`")));
+    }
+}

@@ -1,0 +1,94 @@
+//! Stages of a telescope: sliding joints in a row that follow one leader, as the one joint that they are together.
+//!
+//! Promise: only where all slide along one line and together as far as the leader says; any other follower stays as it is, and is refused
+//! by who reads it. The body of every stage but the last is carried as if it slid the whole way.
+
+use glam::{DMat3, DVec3};
+use physics::Frame;
+
+use super::source::{Source, child, name};
+use super::tree::{Joint, Motion, Path, Tree};
+
+/// Directions and shares that differ by less are the same.
+const SAME: f64 = 1e-6;
+
+/// Makes one joint of each telescope along a path; says so in `notes`.
+pub(super) fn fold(source: &Source<'_>, tree: &mut Tree<'_, '_>, path: &Path) -> Vec<String> {
+    let mut notes = Vec::new();
+    let mut rest = path.joints.as_slice();
+    while let Some((first, others)) = rest.split_first() {
+        rest = others;
+        let Some(leader) = leader(tree, *first) else { continue };
+        let count = others.iter().take_while(|joint| {
+            tree.joints[**joint].motion == Motion::Fixed || follows(tree, **joint, leader)
+        });
+        let (run, after) = others.split_at(count.count());
+        let Some(stages) = stages(source, tree, *first, run, leader) else { continue };
+        let names: Vec<&str> = stages.iter().map(|(at, _)| name(tree.joints[*at].node)).collect();
+        notes.push(format!(
+            "{} slide together as joint {}; the body of each is carried as by the last",
+            names.join(", "),
+            name(tree.joints[leader].node)
+        ));
+        for (at, shift) in &stages {
+            let joint = &mut tree.joints[*at];
+            joint.origin = joint.origin.after(&Frame::new(DMat3::IDENTITY, *shift));
+            joint.motion = Motion::Fixed;
+        }
+        tree.joints[*first].motion = Motion::Prismatic;
+        tree.joints[*first].node = tree.joints[leader].node;
+        rest = after;
+    }
+    notes
+}
+
+/// The joint that a joint follows, where it is one that slides by itself.
+fn leader(tree: &Tree<'_, '_>, joint: usize) -> Option<usize> {
+    let wanted = child(tree.joints[joint].node, "mimic")?.attribute("joint")?;
+    let found = tree.joints.iter().position(|joint| name(joint.node) == wanted)?;
+    let slides = |at: usize| tree.joints[at].motion == Motion::Prismatic;
+    let free = child(tree.joints[found].node, "mimic").is_none();
+    (slides(joint) && slides(found) && free).then_some(found)
+}
+
+fn follows(tree: &Tree<'_, '_>, joint: usize, wanted: usize) -> bool {
+    leader(tree, joint) == Some(wanted)
+}
+
+/// Each stage with where it stands in its own frame while the leader is at zero; none where they are no telescope.
+fn stages(
+    source: &Source<'_>,
+    tree: &Tree<'_, '_>,
+    first: usize,
+    run: &[usize],
+    leader: usize,
+) -> Option<Vec<(usize, DVec3)>> {
+    let line = axis(source, &tree.joints[leader])?;
+    let mut turned = DMat3::IDENTITY;
+    let mut whole = 0.0;
+    let mut stages = Vec::new();
+    for at in std::iter::once(&first).chain(run) {
+        let joint = &tree.joints[*at];
+        if *at != first {
+            turned *= joint.origin.rotation;
+        }
+        if joint.motion == Motion::Fixed {
+            continue;
+        }
+        let own = axis(source, joint)?;
+        let mimic = child(joint.node, "mimic")?;
+        let number = |key| mimic.attribute(key).and_then(|_| source.number(mimic, key));
+        let (share, offset_m) =
+            (number("multiplier").unwrap_or(1.0), number("offset").unwrap_or(0.0));
+        whole += share;
+        if (turned * own).distance(line) > SAME {
+            return None;
+        }
+        stages.push((*at, own * offset_m));
+    }
+    ((whole - 1.0).abs() < SAME).then_some(stages)
+}
+
+fn axis(source: &Source<'_>, joint: &Joint<'_, '_>) -> Option<DVec3> {
+    source.vector(child(joint.node, "axis")?, "xyz")?.try_normalize()
+}

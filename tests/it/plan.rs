@@ -1,0 +1,233 @@
+//! `trued plan`: poses that can be driven and measured, guided capture that says when it is enough, a check that names what moved, ISO 9283.
+
+use diagnosis::{Fitted, from_recording, simulate};
+use glam::{DMat3, DVec3};
+use physics::{AnyEffect, Given, Model};
+use recording::model::presets::preset;
+use recording::series::{self, Channel, Need, Recording};
+use serde_json::Value;
+
+use crate::program::Place;
+
+const NOMINAL: &str = "irb1600-6-145";
+const CALIBRATED: &str = "irb1600-6-145-thesis";
+/// A reflector that looks along the tool's axis, a tracker before the robot.
+const SETUP: [&str; 8] = [
+    "--instrument",
+    "3500,-1500,1000",
+    "--target",
+    "50,0,100,0,0,1",
+    "--accept-deg",
+    "60",
+    "--sigma-mm",
+    "0.03",
+];
+
+fn model(name: &str) -> Model {
+    preset(name).expect("preset").model().expect("sound").physics
+}
+
+fn plan(place: &Place, more: &[&str]) -> Value {
+    place.succeed(&[&["plan", "--seed", "5", "--json", "p.json"], more].concat());
+    place.json("p.json")
+}
+
+fn number(of: &Value, key: &str) -> f64 {
+    of[key].as_f64().expect(key)
+}
+
+/// Fills the list of poses in a folder with what a tracker would see of `truth`; `known`: in the base frame, else in one of the tracker's own.
+fn measure(place: &Place, folder: &str, truth: &Model, known: bool, sigma: f64) {
+    let path = place.path(&format!("{folder}/poses.csv"));
+    let mut list = series::read(&path, None, Need::Path).expect("the list is a recording");
+    let columns: Vec<Channel> = list
+        .channels()
+        .filter(|c| matches!(c, Channel::Target(..) | Channel::Position(_)))
+        .collect();
+    assert_eq!(columns.len(), 3);
+    // Any value: what is read is replaced.
+    columns.iter().for_each(|column| list.set(*column, vec![1.0; list.len()]));
+    let mut campaign =
+        from_recording::campaign(&truth.arm, std::slice::from_ref(&list)).expect("a campaign");
+    let station = &mut campaign.surroundings.frames[0].value.measuring_from_base;
+    if !known {
+        station.rotation = DMat3::from_rotation_z(2.0) * DMat3::from_rotation_x(0.02);
+        station.origin = DVec3::new(1.5, -2.0, 0.3);
+    }
+    for target in &mut campaign.surroundings.targets {
+        *target = Fitted::known(DVec3::new(0.05, 0.0, 0.1));
+    }
+    let around = campaign.surroundings.clone();
+    let made = simulate::readings(&campaign, truth, &around, sigma, 11);
+    let made = &made;
+    let seen = |axis: usize| {
+        made.poses.iter().map(move |pose| match pose.seen.first().map(|seen| seen.reading) {
+            Some(diagnosis::Reading::Point { at, .. }) => at[axis],
+            _ => f64::NAN,
+        })
+    };
+    for column in columns {
+        if let Channel::Target(_, axis) | Channel::Position(axis) = column {
+            list.set(column, seen(axis).collect());
+        }
+    }
+    write(place, folder, &list);
+}
+
+fn write(place: &Place, folder: &str, list: &Recording) {
+    series::write(&place.path(&format!("{folder}/seen.csv")), list).expect("written");
+}
+
+#[test]
+fn planned_poses_come_as_a_list_and_as_programs_within_the_limits() {
+    let place = Place::new();
+    let asked = [&["--model", NOMINAL, "--count", "8", "--out", "d"], &SETUP[..]].concat();
+    let found = plan(&place, &asked);
+    assert_eq!(
+        (&found["schema"], &found["does"], &found["seed"]),
+        (&"trued.plan/1".into(), &"plan".into(), &5.into())
+    );
+    let poses = found["poses"].as_array().expect("poses");
+    assert_eq!(poses.len(), 8);
+    let arm = model(NOMINAL).arm;
+    for pose in poses {
+        for (joint, about) in arm.joints().iter().enumerate() {
+            let q = number(pose, &format!("q{}_deg", joint + 1)).to_radians();
+            assert!(q > about.limits.0 && q < about.limits.1);
+        }
+        assert!(number(pose, "tool_after_mm") <= number(pose, "tool_before_mm"));
+        assert!(
+            number(pose, "log_det_gain") > 0.0
+                && pose["surer"].as_array().is_some_and(|s| !s.is_empty())
+        );
+    }
+    assert!(found["not_checked"].as_array().is_some_and(|open| !open.is_empty()));
+    let list = series::read(&place.path("d/poses.csv"), None, Need::Path).expect("a recording");
+    assert_eq!(list.len(), 16, "each pose from below and from above");
+    let directions = list.column(Channel::Direction(2)).expect("d3");
+    assert!(directions.chunks(2).all(|pair| pair == [1.0, -1.0]));
+    assert_eq!(list.sigma(Channel::Target(0, 1)).map(|sigma| (1e6 * sigma).round()), Some(30.0));
+    assert_eq!(place.read("d/poses.mod").matches("WaitTime \\InPos").count(), 16);
+    assert_eq!(place.read("d/poses.src").matches("WAIT SEC").count(), 16);
+    assert!(place.read("d/poses.dat").contains("DEFDAT poses"));
+    let again = plan(&place, &asked);
+    assert_eq!(found["poses"], again["poses"]);
+}
+
+#[test]
+fn guided_capture_goes_on_until_ten_more_poses_are_worth_nothing() {
+    let place = Place::new();
+    let begin = [&["--model", NOMINAL, "--approach", "direct"], &SETUP[..]].concat();
+    let first = plan(&place, &[&begin[..], &["--next"]].concat());
+    assert_eq!((&first["enough"], &first["measured_poses"]), (&false.into(), &0.into()));
+    plan(&place, &[&begin[..], &["--count", "40", "--out", "d"]].concat());
+    measure(&place, "d", &model(NOMINAL), false, 0.6);
+    let goes_on = [&begin[..], &["d/seen.csv", "--next", "--worth-mm"]].concat();
+    let done = place
+        .succeed(&[&["plan", "--seed", "5", "--json", "p.json"], &goes_on[..], &["1.0"]].concat());
+    assert!(
+        done.out.contains("enough") && done.out.contains("ten more") | done.out.contains("10 more"),
+        "{}",
+        done.out
+    );
+    let after = place.json("p.json");
+    assert_eq!((&after["enough"], &after["measured_poses"]), (&true.into(), &40.into()));
+    assert!(number(&after, "tool_mm") < 0.1 * number(&first, "tool_mm"));
+    assert!(number(&after, "tool_with_ten_more_mm") < number(&after, "tool_mm"));
+    assert_eq!(plan(&place, &[&goes_on[..], &["0.0000001"]].concat())["enough"], false);
+}
+
+#[test]
+fn a_check_lets_a_sound_robot_pass_and_names_the_joint_that_moved() {
+    let place = Place::new();
+    let begin = [&["--model", CALIBRATED, "--check", "--targets-known"], &SETUP[..]].concat();
+    let chosen = plan(&place, &[&begin[..], &["--out", "d"]].concat());
+    assert_eq!(chosen["poses"].as_array().map(Vec::len), Some(10));
+    let least = chosen["detectable"].as_array().expect("detectable").iter();
+    let third = least.clone().find(|d| d["damage"] == "joint 3 stands off").expect("joint 3");
+    assert!(number(third, "least") < 1.0, "{third}");
+    let sound = model(CALIBRATED);
+    measure(&place, "d", &sound, false, 1.0);
+    let judged = place.succeed(&["plan", "--check", "--model", CALIBRATED, "d/seen.csv"]);
+    assert!(judged.out.contains("still holds"), "{}", judged.out);
+    let mut bent = sound;
+    let given: &[(&str, &[f64])] = &[("offset", &[2e-3])];
+    bent.push(AnyEffect::build("joint_offset", &bent.arm, Some(2), Given(given)).expect("built"))
+        .expect("room");
+    measure(&place, "d", &bent, false, 1.0);
+    let judged =
+        place.run(&["plan", "--check", "--model", CALIBRATED, "d/seen.csv", "--json", "j.json"]);
+    assert_eq!(judged.code, Some(1), "{judged:?}");
+    assert!(judged.out.contains("joint 3 stands off by 2"), "{}", judged.out);
+    assert_eq!(
+        (&place.json("j.json")["holds"], &place.json("j.json")["is_explained"]),
+        (&false.into(), &true.into())
+    );
+}
+
+#[test]
+fn iso_9283_is_planned_and_evaluated() {
+    let place = Place::new();
+    let found = plan(
+        &place,
+        &[
+            "--model",
+            NOMINAL,
+            "--iso9283",
+            "--count",
+            "30",
+            "--frame-known",
+            "--target",
+            "50,0,100",
+            "--targets-known",
+            "--out",
+            "d",
+        ],
+    );
+    assert_eq!(found["poses"].as_array().map(Vec::len), Some(5));
+    // Each joint off by 0.2 mrad: accuracy, not repeatability.
+    let mut truth = model(NOMINAL);
+    let given: &[(&str, &[f64])] = &[("offset", &[2e-4])];
+    truth
+        .push(AnyEffect::build("joint_offset", &truth.arm, Some(1), Given(given)).expect("built"))
+        .expect("room");
+    // The list says 0.05 mm: noise of 0.01 mm.
+    measure(&place, "d", &truth, true, 0.2);
+    let found = plan(&place, &["--model", NOMINAL, "--iso9283", "d/seen.csv"]);
+    let poses = found["poses"].as_array().expect("poses");
+    assert_eq!(poses.len(), 5);
+    for pose in poses {
+        assert_eq!(pose["visits"], 30);
+        // Mean 1.6 and three deviations of 0.67 each, times the noise per axis.
+        let repeatability = number(pose, "repeatability_mm");
+        assert!((0.025..0.05).contains(&repeatability), "{pose}");
+        assert!((0.05..0.4).contains(&number(pose, "accuracy_mm")), "{pose}");
+    }
+    assert!(found["distance"].is_object());
+    let text = place.read("d/seen.toml").replace("measuring_frame = \"base\"\n", "");
+    place.file("d/seen.toml", &text);
+    let blind = plan(&place, &["--model", NOMINAL, "--iso9283", "d/seen.csv"]);
+    assert!(
+        blind["poses"][0]["accuracy_mm"].is_null()
+            && blind["poses"][0]["repeatability_mm"].is_number()
+    );
+}
+
+#[test]
+fn what_cannot_be_planned_is_refused_with_what_to_do() {
+    let place = Place::new();
+    let refused = |more: &[&str]| {
+        let done = place.run(&[&["plan", "--seed", "1"], more].concat());
+        assert_eq!(done.code, Some(2), "{done:?}");
+        done.err
+    };
+    assert!(refused(&[]).contains("--model"));
+    assert!(refused(&["--model", NOMINAL, "--zone", "9000,0,0,9100,10,10"]).contains("--zone"));
+    assert!(refused(&["--model", NOMINAL, "--zone", "1,2,3"]).contains("expected 6 numbers"));
+    assert!(
+        refused(&["--model", NOMINAL, "--instrument", "90000,0,0"]).contains("0 of these are seen")
+    );
+    assert!(refused(&["--model", NOMINAL, "--margin-deg", "200"]).contains("--margin-deg"));
+    assert!(refused(&["--model", NOMINAL, "--check", "--next"]).contains("--check"));
+    assert!(place.names().is_empty(), "{:?}", place.names());
+}

@@ -1,0 +1,355 @@
+//! What sweeps of single joints and loaded poses say by themselves, beside the fit of everything.
+//!
+//! Promises: what was taken out for sag is told with what it changed; a joint that sweeps say nothing of is told too.
+//! Never: a part in the model that is written: its fit has the same readings, all at once.
+
+use diagnosis::loaded::{self, NEGLIGIBLE_M, Worth};
+use diagnosis::single_joint::{JointAxis, Sag};
+use diagnosis::stiffness::Compliances;
+use diagnosis::sweeps::{self, OfJoint, Relative, Said};
+use diagnosis::{Campaign, Fit};
+use report::{fixed, significant};
+use serde::Serialize;
+
+use crate::input::count;
+
+/// rad in mrad, m in mm.
+const MILLI: f64 = 1e3;
+/// m in µm.
+const MICRO: f64 = 1e6;
+/// rad/Nm in mrad/kNm.
+const COMPLIANCE: f64 = 1e6;
+
+/// All of it.
+pub(super) struct Alone {
+    said: Vec<Said>,
+    joints: Vec<OfJoint>,
+    axes: Vec<Relative>,
+    pairs: usize,
+    compliances: Option<Compliances>,
+    worth: Vec<Worth>,
+    rows: Vec<(usize, usize)>,
+    taken_out: bool,
+}
+
+#[derive(Serialize)]
+pub(super) struct Report {
+    single_joint: Vec<SweepReport>,
+    joint_models: Vec<ModelReport>,
+    axes: Vec<AxesReport>,
+    stiffness: Option<StiffnessReport>,
+}
+
+#[derive(Serialize)]
+struct SweepReport {
+    joint: usize,
+    rows: [usize; 2],
+    fault: Option<String>,
+    targets: usize,
+    tilt_mrad: Option<[f64; 2]>,
+    sigma_tilt_mrad: Option<[f64; 2]>,
+    shift_um: Option<[f64; 3]>,
+    sigma_shift_um: Option<[f64; 2]>,
+    noise_um: Option<f64>,
+    sag: Option<SagReport>,
+    steps: Vec<StepReport>,
+}
+
+/// What taking out the sag of the other joints did.
+#[derive(Serialize)]
+struct SagReport {
+    taken_out: bool,
+    moved_points_um: f64,
+    turned_axis_mrad: f64,
+    shifted_axis_um: f64,
+}
+
+#[derive(Serialize)]
+struct StepReport {
+    position_deg: f64,
+    mean_mrad: f64,
+    sigma_mrad: f64,
+    half_lost_motion_mrad: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct ModelReport {
+    joint: usize,
+    what: String,
+    value: f64,
+    sigma: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct AxesReport {
+    joints: [usize; 2],
+    angle_mrad: f64,
+    sigma_angle_mrad: f64,
+    distance_mm: f64,
+    sigma_distance_mm: f64,
+}
+
+#[derive(Serialize)]
+struct StiffnessReport {
+    pairs: usize,
+    joints: Vec<CompliantJoint>,
+    not_told: Vec<usize>,
+    left: Option<f64>,
+    by_load_um: Option<Bending>,
+}
+
+#[derive(Serialize)]
+struct CompliantJoint {
+    joint: usize,
+    compliance_mrad_per_knm: f64,
+    sigma: f64,
+    stiffness_knm_per_rad: Option<f64>,
+}
+
+/// What bending under the load changes, with the model that is written.
+#[derive(Serialize)]
+struct Bending {
+    poses: usize,
+    deflection_median: f64,
+    deflection_max: f64,
+    enhanced_median: f64,
+    enhanced_max: f64,
+    gravity_max: f64,
+    negligible_below: f64,
+    negligible_rows: Vec<usize>,
+}
+
+impl Alone {
+    /// `fit` tells where instruments stand and what gives way.
+    pub(super) fn of(campaign: &Campaign, fit: &Fit, taken_out: bool) -> Self {
+        let (model, around) = (&fit.hypothesis.model, &fit.surroundings);
+        let sag = if taken_out { Sag::AllOthers } else { Sag::AsMeasured };
+        let said = sweeps::said(model, sag, sweeps::sweeps(&model.arm, campaign, around));
+        let joints = sweeps::of_joints(&model.arm, &said);
+        let axes = sweeps::relative(&said);
+        let pairs = loaded::pairs(&model.arm, campaign, around);
+        let noise_m = typical_noise(campaign, fit);
+        let compliances = loaded::compliances(&model.arm, &pairs, noise_m).ok().flatten();
+        let worth = loaded::worth(model, campaign);
+        let rows = campaign.poses.iter().map(|pose| (pose.recording, pose.row + 1)).collect();
+        Self { said, joints, axes, pairs: pairs.len(), compliances, worth, rows, taken_out }
+    }
+
+    pub(super) fn report(&self) -> Report {
+        Report {
+            single_joint: self.said.iter().map(|said| self.sweep(said)).collect(),
+            joint_models: self.joints.iter().flat_map(model).collect(),
+            axes: self.axes.iter().map(axes).collect(),
+            stiffness: self.stiffness(),
+        }
+    }
+
+    fn sweep(&self, said: &Said) -> SweepReport {
+        let axis = said.axis.as_ref().ok();
+        let error = said.error.as_ref();
+        let errors = said.errors.iter().flat_map(|errors| &errors.steps);
+        let sag = |axis: &JointAxis| SagReport {
+            taken_out: self.taken_out,
+            moved_points_um: axis.moved_by_sag_m * MICRO,
+            turned_axis_mrad: axis.turned_by_sag.length() * MILLI,
+            shifted_axis_um: axis.shifted_by_sag.length() * MICRO,
+        };
+        SweepReport {
+            joint: said.found.sweep.joint + 1,
+            rows: [said.found.rows.0 + 1, said.found.rows.1 + 1],
+            fault: said.axis.as_ref().err().map(ToString::to_string),
+            targets: axis.map_or(0, |axis| axis.targets.len()),
+            tilt_mrad: error.map(|error| error.tilt_rad.map(|x| x * MILLI)),
+            sigma_tilt_mrad: error.map(|error| error.sigma_tilt_rad.map(|x| x * MILLI)),
+            shift_um: error.map(|error| (error.shift_m * MICRO).to_array()),
+            sigma_shift_um: error.map(|error| error.sigma_shift_m.map(|x| x * MICRO)),
+            noise_um: axis.map(|axis| axis.axis.left_m * MICRO),
+            sag: axis.map(sag),
+            steps: errors
+                .map(|step| StepReport {
+                    position_deg: step.position_rad.to_degrees(),
+                    mean_mrad: step.mean_rad * MILLI,
+                    sigma_mrad: step.sigma_rad * MILLI,
+                    half_lost_motion_mrad: step.half_lost_motion_rad.map(|x| x * MILLI),
+                })
+                .collect(),
+        }
+    }
+
+    fn stiffness(&self) -> Option<StiffnessReport> {
+        if self.compliances.is_none() && self.worth.is_empty() {
+            return None;
+        }
+        let compliances = self.compliances.iter();
+        let joints = compliances.flat_map(|found| {
+            let values = found.value.iter().enumerate();
+            values.filter_map(|(joint, value)| {
+                Some(CompliantJoint {
+                    joint: joint + 1,
+                    compliance_mrad_per_knm: (*value)? * COMPLIANCE,
+                    sigma: found.sigma(joint) * COMPLIANCE,
+                    stiffness_knm_per_rad: found.stiffness(joint).map(|(k, _)| k * 1e-3),
+                })
+            })
+        });
+        let open = |found: &Compliances| found.undetermined.iter().map(|j| j + 1).collect();
+        Some(StiffnessReport {
+            pairs: self.pairs,
+            joints: joints.collect(),
+            not_told: self.compliances.as_ref().map(open).unwrap_or_default(),
+            left: self.compliances.as_ref().map(|found| found.left),
+            by_load_um: self.bending(),
+        })
+    }
+
+    fn bending(&self) -> Option<Bending> {
+        let effects = || self.worth.iter().filter_map(|w| Some((w.pose, w.effect?)));
+        let sorted = |of: &dyn Fn(&diagnosis::enhanced::EnhancedEffect) -> f64| {
+            let mut all: Vec<f64> = effects().map(|(_, effect)| of(&effect) * MICRO).collect();
+            all.sort_by(f64::total_cmp);
+            (all.get(all.len() / 2).copied(), all.last().copied())
+        };
+        let (deflection_median, deflection_max) = sorted(&|effect| effect.deflection_m);
+        let (enhanced_median, enhanced_max) = sorted(&|effect| effect.by_wrench_m);
+        let small = effects().filter(|(_, effect)| effect.by_wrench_m <= NEGLIGIBLE_M);
+        Some(Bending {
+            poses: self.worth.len(),
+            deflection_median: deflection_median?,
+            deflection_max: deflection_max?,
+            enhanced_median: enhanced_median?,
+            enhanced_max: enhanced_max?,
+            gravity_max: sorted(&|effect| effect.by_gravity_m).1?,
+            negligible_below: NEGLIGIBLE_M * MICRO,
+            negligible_rows: small.map(|(pose, _)| self.rows[pose].1).collect(),
+        })
+    }
+
+    /// Lines for people; none where nothing was swept or loaded.
+    pub(super) fn lines(&self) -> Vec<String> {
+        let report = self.report();
+        let mut lines: Vec<String> = report.single_joint.iter().map(SweepReport::line).collect();
+        lines.extend(report.axes.iter().map(AxesReport::line));
+        lines.extend(report.stiffness.iter().flat_map(StiffnessReport::lines));
+        lines
+    }
+}
+
+impl SweepReport {
+    fn line(&self) -> String {
+        let head =
+            format!("joint {} alone (rows {} to {})", self.joint, self.rows[0], self.rows[1]);
+        if let Some(fault) = &self.fault {
+            return format!("{head}: {fault}");
+        }
+        let largest = |list: &[f64]| list.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let mut parts = Vec::new();
+        if let (Some(tilt), Some(shift)) = (&self.tilt_mrad, &self.shift_um) {
+            parts.push(format!(
+                "axis tilted by {} ± {} mrad and shifted by {} ± {} µm",
+                significant(tilt[0].hypot(tilt[1]), 2),
+                significant(largest(&self.sigma_tilt_mrad.unwrap_or_default()), 2),
+                significant(shift.iter().map(|x| x * x).sum::<f64>().sqrt(), 2),
+                significant(largest(&self.sigma_shift_um.unwrap_or_default()), 2)
+            ));
+        }
+        let off: Vec<f64> = self.steps.iter().map(|step| step.mean_mrad).collect();
+        parts.push(format!("position off by up to {} mrad", significant(largest(&off), 2)));
+        let lost: Vec<f64> =
+            self.steps.iter().filter_map(|step| step.half_lost_motion_mrad).collect();
+        if !lost.is_empty() {
+            let mean = 2.0 * lost.iter().sum::<f64>() / lost.len() as f64;
+            parts.push(format!("lost motion {} mrad", significant(mean, 2)));
+        }
+        if let Some(sag) = &self.sag {
+            parts.push(if sag.taken_out {
+                format!(
+                    "the others' sag taken out: points by up to {} µm, the axis by {} mrad and {} µm",
+                    significant(sag.moved_points_um, 2),
+                    significant(sag.turned_axis_mrad, 2),
+                    significant(sag.shifted_axis_um, 2)
+                )
+            } else {
+                "the others' sag left in".to_owned()
+            });
+        }
+        format!("{head}: {}", parts.join("; "))
+    }
+}
+
+impl AxesReport {
+    fn line(&self) -> String {
+        format!(
+            "axes {} and {}: {} ± {} mrad, {} ± {} mm apart",
+            self.joints[0],
+            self.joints[1],
+            fixed(self.angle_mrad, 3),
+            significant(self.sigma_angle_mrad, 2),
+            fixed(self.distance_mm, 3),
+            significant(self.sigma_distance_mm, 2)
+        )
+    }
+}
+
+impl StiffnessReport {
+    fn lines(&self) -> Vec<String> {
+        let mut lines = Vec::new();
+        let joint = |joint: &CompliantJoint| {
+            let (value, sigma) = (significant(joint.compliance_mrad_per_knm, 3), joint.sigma);
+            format!("joint {} {value} ± {}", joint.joint, significant(sigma, 2))
+        };
+        if !self.joints.is_empty() {
+            let all: Vec<String> = self.joints.iter().map(joint).collect();
+            let pairs = count(self.pairs, "loaded and unloaded pose");
+            lines.push(format!("compliance from {pairs}, mrad/kNm: {}", all.join(", ")));
+        }
+        lines.extend(self.by_load_um.as_ref().map(|load| {
+            format!(
+                "the loads move the tool by {} µm (largest {}); that they bend the arm (K_c) changes {} µm of it, {} at most; at most {} µm at {} of {}",
+                significant(load.deflection_median, 2),
+                significant(load.deflection_max, 2),
+                significant(load.enhanced_median, 2),
+                significant(load.enhanced_max, 2),
+                load.negligible_below,
+                load.negligible_rows.len(),
+                count(load.poses, "pose")
+            )
+        }));
+        lines
+    }
+}
+
+fn model(of: &OfJoint) -> Vec<ModelReport> {
+    let hypothesis = &of.model.hypothesis;
+    let values = hypothesis.values();
+    let each = hypothesis.free.iter().zip(values).zip(&of.model.determined);
+    each.map(|((free, value), determined)| ModelReport {
+        joint: of.joint + 1,
+        what: hypothesis.describe(free),
+        value: value * MILLI,
+        sigma: determined.then_some(free.sigma * MILLI),
+    })
+    .collect()
+}
+
+fn axes(relative: &Relative) -> AxesReport {
+    AxesReport {
+        joints: [relative.joints.0 + 1, relative.joints.1 + 1],
+        angle_mrad: relative.angle_rad * MILLI,
+        sigma_angle_mrad: relative.sigma_angle_rad * MILLI,
+        distance_mm: relative.distance_m * MILLI,
+        sigma_distance_mm: relative.sigma_distance_m * MILLI,
+    }
+}
+
+/// The standard uncertainty of one coordinate of a point, as the fit has it, m.
+fn typical_noise(campaign: &Campaign, fit: &Fit) -> f64 {
+    let mut all: Vec<f64> = Vec::new();
+    for seen in campaign.poses.iter().flat_map(|pose| &pose.seen) {
+        if matches!(seen.reading, diagnosis::Reading::Point { .. }) {
+            let sigma = seen.whitening.determinant().abs().powf(-1.0 / 3.0);
+            all.push(sigma * fit.factors[seen.instrument]);
+        }
+    }
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2).copied().unwrap_or(1e-5)
+}

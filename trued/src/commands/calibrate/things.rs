@@ -1,0 +1,66 @@
+//! What stands around the robot as a calibration found it: fixed points, planes, spheres.
+//!
+//! Promises: every number that was fitted, with its standard uncertainty where the data tell it. Never: measuring frames or targets.
+
+use diagnosis::Fit;
+use diagnosis::surroundings::Number;
+use report::significant;
+use serde::Serialize;
+
+/// Metres (radians) in mm (mrad).
+const MILLI: f64 = 1e3;
+
+/// One number of a thing.
+#[derive(Serialize)]
+pub(super) struct Thing {
+    thing: &'static str,
+    /// From 1.
+    number: usize,
+    what: &'static str,
+    /// mm; of a plane's tilts, which start from the stated normal, there is none.
+    value_mm: Option<f64>,
+    /// mm; mrad for a plane's tilts.
+    sigma: Option<f64>,
+}
+
+/// All numbers that were fitted.
+pub(super) fn things(fit: &Fit) -> Vec<Thing> {
+    let numbers = fit.surroundings.numbers().into_iter().enumerate();
+    numbers.filter_map(|(column, number)| thing(fit, column, number)).collect()
+}
+
+fn thing(fit: &Fit, column: usize, number: Number) -> Option<Thing> {
+    let around = &fit.surroundings;
+    let coordinate = |k: usize| ["x", "y", "z"].get(k).copied().unwrap_or_default();
+    let (thing, at, what, value_m) = match number {
+        Number::Frame(..) | Number::Target(..) => return None,
+        Number::Anchor(i, 3) => ("distance", i, "offset", Some(around.anchors[i].offset_m.value)),
+        Number::Anchor(i, k) => {
+            ("distance", i, coordinate(k), Some(around.anchors[i].place.value[k]))
+        }
+        Number::Plane(i, 2) => ("plane", i, "offset", Some(around.planes[i].value.offset_m)),
+        Number::Plane(i, _) => ("plane", i, "tilt", None),
+        Number::Sphere(i, 3) => ("sphere", i, "radius", Some(around.spheres[i].radius_m.value)),
+        Number::Sphere(i, k) => {
+            ("sphere", i, coordinate(k), Some(around.spheres[i].centre.value[k]))
+        }
+    };
+    let sigma = fit.sigma(column).map(|sigma| sigma * MILLI);
+    Some(Thing { thing, number: at + 1, what, value_mm: value_m.map(|m| m * MILLI), sigma })
+}
+
+/// One line for each thing: `sphere 1: x 800.123 ± 0.004, …`.
+pub(super) fn lines(things: &[Thing]) -> Vec<String> {
+    let whole = things.chunk_by(|a, b| (a.thing, a.number) == (b.thing, b.number));
+    let number = |thing: &Thing| {
+        let value = format!("{:.3}", thing.value_mm?);
+        let sigma = thing.sigma.map(|sigma| format!(" ± {}", significant(sigma, 2)));
+        Some(format!("{} {value}{}", thing.what, sigma.unwrap_or_else(|| " (not told)".to_owned())))
+    };
+    let line = |group: &[Thing]| {
+        let first = group.first()?;
+        let numbers: Vec<String> = group.iter().filter_map(number).collect();
+        Some(format!("{} {}: {} mm", first.thing, first.number, numbers.join(", ")))
+    };
+    whole.filter_map(line).collect()
+}

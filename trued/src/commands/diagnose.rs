@@ -1,0 +1,170 @@
+//! `trued diagnose`: where a model and recordings differ, which physics is missing, how much of it, and the proof.
+//!
+//! Promises: `diagnosis.json`, `model.toml` and `report.html` are written together or not at all, never over an input; the same input and seed give
+//! the same bytes. Never: a claim where a recording does not belong to the model.
+
+mod page;
+mod told;
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use diagnosis::diagnose::{Diagnosis, diagnose};
+use diagnosis::gross::{self, Suspicion};
+use diagnosis::{Campaign, Chosen, from_recording};
+use recording::model::RobotModel;
+use recording::series::{Heldout, Recording};
+
+use super::calibrate::numbers::{Entry, entries};
+use super::correct::check_apart;
+use crate::exit::{Answer, Failure, Outcome};
+use crate::input::Reading;
+use crate::options::Seed;
+use crate::output::{Console, Paint};
+
+/// Measured rows from which on a recording can say anything.
+const ROWS_LEAST: usize = 30;
+
+/// Say where a model and recordings differ, name the missing physics, and prove the gain on rows that nothing has seen
+///
+/// Recordings hold joint positions and what was measured: the tool, reflectors, joint positions on the link side. Writes DIR/diagnosis.json,
+/// DIR/model.toml (the model with what was found) and DIR/report.html. Measuring frames and places of reflectors are fitted along. Exit 0 whatever is said;
+/// 2 for bad input, with nothing written.
+#[derive(Debug, Args)]
+pub(crate) struct Diagnose {
+    #[command(flatten)]
+    reading: Reading,
+    /// Where the result goes
+    #[arg(long, value_name = "DIR", default_value = "diagnosis")]
+    out: PathBuf,
+    #[command(flatten)]
+    seed: Seed,
+    /// Recordings of one robot
+    #[arg(value_name = "RECORDING", required = true)]
+    recordings: Vec<PathBuf>,
+}
+
+/// What was found, with what it was found in.
+struct Found {
+    base: RobotModel,
+    seed: u64,
+    /// None where the recordings cannot be judged; then `doubts` say why.
+    diagnosis: Option<Diagnosis>,
+    /// The model's effects with what was found.
+    entries: Vec<Entry>,
+    doubts: Vec<String>,
+    rows: usize,
+}
+
+impl Diagnose {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        let (model, recordings) = self.reading.measured(&self.recordings)?;
+        let outputs =
+            ["diagnosis.json", "model.toml", "report.html"].map(|name| self.out.join(name));
+        self.check(&outputs)?;
+        let arm = &model.physics.arm;
+        let campaign = from_recording::campaign(arm, &recordings).map_err(Failure::input)?;
+        let seed = self.seed.settle();
+        let found = Found::of(model, &recordings, campaign, seed)?;
+        let report = told::Report::of(&found);
+        let json = told::json(&report)?;
+        let written = found.model()?;
+        std::fs::create_dir_all(&self.out).map_err(|error| {
+            Failure::input(format!("{}: cannot be made: {error}", self.out.display()))
+        })?;
+        let page = page::render(&found, &report);
+        for (path, text) in outputs.iter().zip([&json, &written, &page]) {
+            crate::atomic::write(path, |file| file.write_all(text.as_bytes()))?;
+        }
+        console.json("trued.diagnosis/1", &report)?;
+        let head = console.paint(Paint::Strong, &report.verdict.replace('_', " "));
+        console.say(format!("{head}: {}", told::lead(&found, &report)))?;
+        for line in told::lines(&report) {
+            console.say(line)?;
+        }
+        console.say(format!("written to {}", self.out.display()))?;
+        Ok(Answer::Done)
+    }
+
+    fn check(&self, outputs: &[PathBuf]) -> Result<(), Failure> {
+        let inputs = self.recordings.iter().chain(&self.reading.model).chain(&self.reading.mapping);
+        for input in inputs {
+            for output in outputs {
+                check_apart(input, output)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Found {
+    fn of(
+        base: RobotModel,
+        recordings: &[Recording],
+        campaign: Campaign,
+        seed: u64,
+    ) -> Result<Self, Failure> {
+        let rows = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
+        let doubts = doubts(&base, &campaign, rows);
+        if !doubts.is_empty() {
+            return Ok(Self { base, seed, diagnosis: None, entries: Vec::new(), doubts, rows });
+        }
+        let is_said = |recording: &Recording| recording.about.heldout != Heldout::Unsaid;
+        let held = recordings.iter().any(is_said);
+        let held = held.then(|| from_recording::held_out(&campaign, recordings));
+        let diagnosis = diagnose(campaign, &base.physics, &base.sigma, held, seed);
+        let chosen: Vec<Chosen> = diagnosis
+            .findings
+            .iter()
+            .map(|finding| Chosen {
+                effect: finding.place,
+                gain: finding.gain,
+                settings: finding.settings.clone(),
+                revises: None,
+            })
+            .collect();
+        let entries = entries(&base, &diagnosis.fit, &chosen, &[])?;
+        Ok(Self { base, seed, diagnosis: Some(diagnosis), entries, doubts, rows })
+    }
+
+    /// The model with what was found, as text that loads.
+    fn model(&self) -> Result<String, Failure> {
+        let mut file = self.base.file.clone();
+        for entry in &self.entries {
+            match entry.of_base.and_then(|at| file.effects.get_mut(at)) {
+                Some(there) => *there = entry.written.clone(),
+                None if entry.is_empty() => {}
+                None => file.effects.push(entry.written.clone()),
+            }
+        }
+        let by = format!("trued diagnose {}", env!("CARGO_PKG_VERSION"));
+        file.meta.insert("diagnosed_by".to_owned(), by.into());
+        let base = format!("{}, {:016x}", self.base.file.name, self.base.hash);
+        file.meta.insert("diagnosed_from_model".to_owned(), base.into());
+        let text = file.to_toml();
+        RobotModel::parse("the diagnosed model", &text).map_err(Failure::system)?;
+        Ok(text)
+    }
+}
+
+/// Why nothing can be said of these recordings.
+fn doubts(base: &RobotModel, campaign: &Campaign, rows: usize) -> Vec<String> {
+    if rows < ROWS_LEAST {
+        return vec![format!(
+            "{rows} rows were measured, expected at least {ROWS_LEAST}: record more"
+        )];
+    }
+    let first = campaign.poses.first().map(|pose| pose.inputs.q);
+    if campaign.poses.iter().all(|pose| Some(pose.inputs.q) == first) {
+        return vec!["no joint moves in the recording: move the arm".to_owned()];
+    }
+    gross::suspicions(campaign, &base.physics)
+        .into_iter()
+        .map(|Suspicion { says, .. }| says)
+        .collect()
+}
+
+/// The name of a file without its folder.
+fn short(path: &Path) -> String {
+    path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}

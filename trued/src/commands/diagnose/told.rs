@@ -1,0 +1,334 @@
+//! What a diagnosis says: `trued.diagnosis/1` and lines for people.
+//!
+//! Promises: keys, units and signs of the contract; a change carries the difference. Never: a number that was not found.
+
+use std::collections::BTreeMap;
+
+use diagnosis::diagnose::{Cell, Finding, Verdict, says};
+use diagnosis::hypothesis::named;
+use physics::spec::{Count, Range};
+use physics::{AnyEffect, Arm, JointKind};
+use report::significant;
+use serde::Serialize;
+
+use super::Found;
+use crate::exit::Failure;
+
+/// Standard uncertainties to each side that hold 95 in 100.
+const NINETY_FIVE: f64 = 1.96;
+/// mm per m, mrad per rad.
+const MILLI: f64 = 1e3;
+/// Lines for people, at most.
+const LINES: usize = 12;
+
+#[derive(Serialize)]
+#[expect(non_snake_case, reason = "the contract's keys")]
+pub(super) struct Report {
+    pub(super) verdict: &'static str,
+    domain: &'static str,
+    pub(super) unit: &'static str,
+    samples: usize,
+    signal_rms: f64,
+    band_Hz: Option<[f64; 2]>,
+    pub(super) noise_rms: f64,
+    pub(super) heldout_rms_before: f64,
+    pub(super) heldout_rms_after: f64,
+    pub(super) heldout: String,
+    pub(super) findings: Vec<Told>,
+    pub(super) next_experiment: Option<String>,
+    pub(super) not_tested: Vec<NotTested>,
+    pub(super) unexplained: Option<Unexplained>,
+    pub(super) map: Vec<Place>,
+    pub(super) notes: Vec<String>,
+    seed: u64,
+}
+
+#[derive(Serialize)]
+pub(super) struct Told {
+    pub(super) effect: &'static str,
+    pub(super) joint: Option<usize>,
+    pub(super) change: &'static str,
+    pub(super) confidence: f64,
+    pub(super) parameters: BTreeMap<String, Value>,
+    pub(super) heldout_rms_before: f64,
+    pub(super) heldout_rms_after: f64,
+    #[serde(rename = "where")]
+    place: Where,
+    pub(super) alternatives: Vec<Alternative>,
+    pub(super) says: String,
+}
+
+#[derive(Serialize)]
+#[serde(untagged)]
+pub(super) enum Value {
+    One { value: f64, ci95: [f64; 2] },
+    List { value: Vec<f64>, ci95: Vec<[f64; 2]> },
+}
+
+#[derive(Serialize)]
+#[expect(non_snake_case, reason = "the contract's keys")]
+struct Where {
+    joint: Option<usize>,
+    channels: Vec<String>,
+    condition: String,
+    intervals_s: Vec<[f64; 2]>,
+    frequency_Hz: Option<f64>,
+}
+
+#[derive(Serialize)]
+pub(super) struct Alternative {
+    pub(super) effect: &'static str,
+    pub(super) joint: Option<usize>,
+    pub(super) confidence: f64,
+}
+
+#[derive(Serialize)]
+pub(super) struct NotTested {
+    pub(super) effect: &'static str,
+    pub(super) joint: Option<usize>,
+    pub(super) why: String,
+}
+
+#[derive(Serialize)]
+pub(super) struct Unexplained {
+    rms: f64,
+    pub(super) depends_on: Vec<String>,
+    heldout_rms_after: f64,
+    pub(super) says: String,
+}
+
+/// A cell of the map of where model and recording differ: how far a joint would have to be off there.
+#[derive(Serialize)]
+pub(super) struct Place {
+    pub(super) joint: usize,
+    pub(super) depends_on: String,
+    pub(super) from: f64,
+    pub(super) to: f64,
+    pub(super) off: f64,
+    pub(super) ci95: [f64; 2],
+}
+
+impl Report {
+    pub(super) fn of(found: &Found) -> Self {
+        let Some(diagnosis) = &found.diagnosis else { return Self::nothing(found) };
+        let proof = &diagnosis.proof;
+        let arm = &found.base.physics.arm;
+        Self {
+            verdict: diagnosis.verdict.name(),
+            domain: "position",
+            unit: if proof.is_length { "mm" } else { "mrad" },
+            samples: found.rows,
+            signal_rms: MILLI * diagnosis.signal_rms,
+            band_Hz: None,
+            noise_rms: MILLI * proof.noise,
+            heldout_rms_before: MILLI * proof.before,
+            heldout_rms_after: MILLI * proof.after,
+            heldout: proof.says.clone(),
+            findings: diagnosis.findings.iter().map(|finding| Told::of(arm, finding)).collect(),
+            next_experiment: diagnosis.next_experiment.clone(),
+            not_tested: diagnosis
+                .not_tested
+                .iter()
+                .map(|one| NotTested {
+                    effect: one.effect,
+                    joint: one.joint.map(|joint| joint + 1),
+                    why: one.why.clone(),
+                })
+                .collect(),
+            unexplained: diagnosis.unexplained.as_ref().map(|one| Unexplained {
+                rms: MILLI * one.heldout[0],
+                depends_on: one.depends_on.clone(),
+                heldout_rms_after: MILLI * one.heldout[1],
+                says: format!(
+                    "What no known effect explains looks like an error of joint {} that follows {}.",
+                    one.joint + 1,
+                    one.depends_on.join(" and ")
+                ),
+            }),
+            map: diagnosis.map.iter().map(Place::of).collect(),
+            notes: diagnosis.notes.clone(),
+            seed: found.seed,
+        }
+    }
+
+    /// Recordings of which nothing can be said.
+    fn nothing(found: &Found) -> Self {
+        let says = found.doubts.join(" Or: ");
+        Self {
+            verdict: Verdict::Undetermined.name(),
+            domain: "position",
+            unit: "mm",
+            samples: found.rows,
+            signal_rms: 0.0,
+            band_Hz: None,
+            noise_rms: 0.0,
+            heldout_rms_before: 0.0,
+            heldout_rms_after: 0.0,
+            heldout: "nothing: the recordings cannot be judged".to_owned(),
+            findings: Vec::new(),
+            next_experiment: None,
+            not_tested: Vec::new(),
+            unexplained: Some(Unexplained {
+                rms: 0.0,
+                depends_on: Vec::new(),
+                heldout_rms_after: 0.0,
+                says,
+            }),
+            map: Vec::new(),
+            notes: Vec::new(),
+            seed: found.seed,
+        }
+    }
+}
+
+impl Told {
+    fn of(arm: &Arm, finding: &Finding) -> Self {
+        let effect = &finding.effect;
+        let joint = effect.joint().map(|joint| joint + 1);
+        let slides = effect.joint().is_some_and(|j| arm.joints()[j].kind == JointKind::Prismatic);
+        let alternatives = finding.rivals.iter().map(|(rival, confidence)| Alternative {
+            effect: rival.effect.spec().kind,
+            joint: rival.effect.joint().map(|joint| joint + 1),
+            confidence: *confidence,
+        });
+        Self {
+            effect: effect.spec().kind,
+            joint,
+            change: if finding.had.is_some() { "revised" } else { "new" },
+            confidence: finding.confidence,
+            parameters: parameters(finding, slides),
+            heldout_rms_before: MILLI * finding.heldout[0],
+            heldout_rms_after: MILLI * finding.heldout[1],
+            place: Where {
+                joint,
+                channels: finding.seen.channels.clone(),
+                condition: says::condition(effect),
+                intervals_s: finding.seen.intervals_s.clone(),
+                frequency_Hz: None,
+            },
+            alternatives: alternatives.collect(),
+            says: says::sentence(effect, finding.had.as_deref(), slides),
+        }
+    }
+}
+
+/// The numbers in the units of files, with 95 % intervals; differences where the model had them.
+fn parameters(finding: &Finding, slides: bool) -> BTreeMap<String, Value> {
+    let kind = if slides { JointKind::Prismatic } else { JointKind::Revolute };
+    let effect: &AnyEffect = &finding.effect;
+    let mut all: BTreeMap<String, Value> = BTreeMap::new();
+    for (k, value) in effect.values().iter().enumerate() {
+        let Some(entry) = named(effect, k) else { continue };
+        let si = entry.parameter.unit.suffix_and_si(kind).1;
+        let had = finding.had.as_ref().and_then(|had| had.get(k)).copied().unwrap_or(0.0);
+        let off = (value - had) / si;
+        let spread = NINETY_FIVE * finding.sigma.get(k).copied().flatten().unwrap_or(0.0) / si;
+        let bounded = finding.had.is_none() && entry.parameter.range == Range::NotNegative;
+        let low = if bounded { (off - spread).max(0.0) } else { off - spread };
+        let (key, ci) = (entry.parameter.key(kind).to_string(), [low, off + spread]);
+        match (entry.parameter.count, all.get_mut(&key)) {
+            (Count::One, _) => drop(all.insert(key, Value::One { value: off, ci95: ci })),
+            (_, Some(Value::List { value, ci95 })) => {
+                value.push(off);
+                ci95.push(ci);
+            }
+            _ => drop(all.insert(key, Value::List { value: vec![off], ci95: vec![ci] })),
+        }
+    }
+    for (stem, numbers) in &finding.settings {
+        let Some(parameter) = effect.spec().parameters.iter().find(|p| p.stem == *stem) else {
+            continue;
+        };
+        let si = parameter.unit.suffix_and_si(kind).1;
+        let numbers: Vec<f64> = numbers.iter().map(|x| x / si).collect();
+        let value = match numbers.as_slice() {
+            [one] => Value::One { value: *one, ci95: [*one; 2] },
+            _ => Value::List { ci95: numbers.iter().map(|x| [*x; 2]).collect(), value: numbers },
+        };
+        all.insert(parameter.key(kind).to_string(), value);
+    }
+    all
+}
+
+impl Place {
+    fn of(cell: &Cell) -> Self {
+        let (off, spread) = (MILLI * cell.off, MILLI * NINETY_FIVE * cell.sigma);
+        Self {
+            joint: cell.joint + 1,
+            depends_on: cell.word.clone(),
+            from: cell.range[0],
+            to: cell.range[1],
+            off,
+            ci95: [off - spread, off + spread],
+        }
+    }
+}
+
+/// The object by itself.
+pub(super) fn json(report: &Report) -> Result<String, Failure> {
+    #[derive(Serialize)]
+    struct Whole<'a> {
+        schema: &'static str,
+        #[serde(flatten)]
+        report: &'a Report,
+    }
+    let whole = Whole { schema: "trued.diagnosis/1", report };
+    let mut text = serde_json::to_string_pretty(&whole).map_err(Failure::system)?;
+    text.push('\n');
+    Ok(text)
+}
+
+/// The result in one sentence.
+pub(super) fn lead(found: &Found, report: &Report) -> String {
+    if found.diagnosis.is_none() {
+        return found.doubts.join("; or: ");
+    }
+    let errors = format!(
+        "held out, the model is off by {} {} (root mean square of single values) as given and by {} with what was found; the noise is {}",
+        significant(report.heldout_rms_before, 3),
+        report.unit,
+        significant(report.heldout_rms_after, 3),
+        significant(report.noise_rms, 3)
+    );
+    match report.findings.len() {
+        0 if report.unexplained.is_none() => format!("nothing above the noise; {errors}"),
+        0 => format!("no known effect explains it; {errors}"),
+        1 => format!("one effect; {errors}"),
+        count => format!("{count} effects; {errors}"),
+    }
+}
+
+/// The findings, the rest, and what to do, line by line.
+pub(super) fn lines(report: &Report) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for told in report.findings.iter().take(LINES) {
+        let rivals: Vec<String> = told.alternatives.iter().map(Alternative::name).collect();
+        let rivals = if rivals.is_empty() {
+            String::new()
+        } else {
+            format!(" (cannot be told from {})", rivals.join(", "))
+        };
+        lines.push(format!(
+            "  {} Confidence {:.2}; held out {} to {} {}{rivals}",
+            told.says,
+            told.confidence,
+            significant(told.heldout_rms_before, 3),
+            significant(told.heldout_rms_after, 3),
+            report.unit
+        ));
+    }
+    if report.findings.len() > LINES {
+        lines.push(format!("  and {} more", report.findings.len() - LINES));
+    }
+    lines.extend(report.unexplained.as_ref().map(|rest| format!("  {}", rest.says)));
+    lines.extend(report.next_experiment.as_ref().map(|next| format!("  next: {next}")));
+    lines.extend(report.notes.iter().map(|note| format!("  {note}")));
+    lines
+}
+
+impl Alternative {
+    pub(super) fn name(&self) -> String {
+        let whose = self.joint.map_or(String::new(), |joint| format!(" of joint {joint}"));
+        format!("{}{whose}", self.effect.replace('_', " "))
+    }
+}

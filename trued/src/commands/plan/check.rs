@@ -1,0 +1,245 @@
+//! `trued plan --check`: poses in which damage would show, and whether a model still holds for what was measured there.
+
+use diagnosis::from_recording;
+use diagnosis::plan::check::{Damage, Detectable, Judgement, Suspect, Terms, judge, poses};
+use physics::Model;
+use report::{fixed, significant};
+use serde::Serialize;
+use serde_json::{Map, Value};
+use tracing::warn;
+
+use super::told::{joints, not_checked, shown, written};
+use super::{Input, Plan};
+use crate::exit::{Answer, Failure, Outcome};
+use crate::input::count;
+use crate::output::{Console, Paint};
+use crate::table::Table;
+
+/// How surely the damage that is said to show is seen.
+const POWER: f64 = 0.9;
+/// Poses of a check where nothing is said.
+const POSES: usize = 10;
+
+#[derive(Serialize)]
+struct Planned<'a> {
+    does: &'static str,
+    model: &'a str,
+    seed: u64,
+    alarm: f64,
+    power: f64,
+    poses: Vec<Map<String, Value>>,
+    detectable: Vec<DetectableReport>,
+    not_checked: Vec<&'static str>,
+}
+
+#[derive(Serialize)]
+struct Judged<'a> {
+    does: &'static str,
+    model: &'a str,
+    alarm: f64,
+    holds: bool,
+    poses: usize,
+    sum: f64,
+    freedom: usize,
+    p: f64,
+    suspects: Vec<SuspectReport>,
+    is_explained: bool,
+    power: f64,
+    detectable: Vec<DetectableReport>,
+    warnings: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct DetectableReport {
+    damage: String,
+    unit: &'static str,
+    least: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct SuspectReport {
+    damage: String,
+    unit: &'static str,
+    size: Vec<f64>,
+    sigma: f64,
+    gain: f64,
+}
+
+impl DetectableReport {
+    fn of(model: &Model, found: &Detectable) -> Self {
+        let least = found.least.map(|least| 1e3 * least);
+        Self { damage: found.damage.says(), unit: unit(model, &found.damage), least }
+    }
+}
+
+fn unit(model: &Model, damage: &Damage) -> &'static str {
+    if damage.is_angle(model) { "mrad" } else { "mm" }
+}
+
+pub(super) fn run(command: &Plan, console: &mut Console, input: &Input) -> Outcome {
+    let terms = Terms { alarm: command.alarm, power: POWER };
+    if input.recordings.is_empty() {
+        chosen(command, console, input, &terms)
+    } else {
+        judged(command, console, input, &terms)
+    }
+}
+
+fn chosen(command: &Plan, console: &mut Console, input: &Input, terms: &Terms) -> Outcome {
+    let seed = command.seed.settle();
+    let model = &input.model;
+    let mut going = command.set_up(input)?;
+    going.task.hypothesis = diagnosis::Hypothesis::fixed(model.physics);
+    let wish = command.wish(POSES, seed);
+    let found = poses(&going.task, &model.sigma, &wish, terms).map_err(Failure::input)?;
+    command.files.write(model, &going.task, &found.poses)?;
+    let not_checked = not_checked(command, &going);
+    let report = Planned {
+        does: "check",
+        model: &model.file.name,
+        seed,
+        alarm: terms.alarm,
+        power: terms.power,
+        poses: found.poses.iter().map(|q| joints(model, q)).collect(),
+        detectable: found
+            .detectable
+            .iter()
+            .map(|d| DetectableReport::of(&model.physics, d))
+            .collect(),
+        not_checked: not_checked.clone(),
+    };
+    console.json("trued.plan/1", &report)?;
+    let head = console.paint(Paint::Strong, &count(found.poses.len(), "pose"));
+    console.say(format!("{head} for a check (seed {seed})"))?;
+    let mut table = Table::new(["pose", "joints, deg (mm)"]);
+    for (place, q) in found.poses.iter().enumerate() {
+        table = table.row([(place + 1).to_string(), shown(model, q)]);
+    }
+    console.say(table.render())?;
+    console.say(format!(
+        "seen in {} of 100 cases where it is at least this large, {} false alarms in 1000 sound robots:",
+        fixed(100.0 * terms.power, 0),
+        fixed(1e3 * terms.alarm, 0)
+    ))?;
+    console.say(shows(&model.physics, &found.detectable))?;
+    unstated(input).iter().try_for_each(|warning| console.say(format!("note: {warning}")))?;
+    not_checked.iter().try_for_each(|open| console.say(format!("not checked: {open}")))?;
+    written(command, console)?;
+    Ok(Answer::Done)
+}
+
+fn shows(model: &Model, detectable: &[Detectable]) -> String {
+    let mut table = Table::new(["damage", "least that shows"]);
+    for found in detectable {
+        let least = found
+            .least
+            .map_or("cannot be seen: what is found along takes it".to_owned(), |least| {
+                format!("{} {}", significant(1e3 * least, 2), unit(model, &found.damage))
+            });
+        table = table.row([found.damage.says(), least]);
+    }
+    table.render()
+}
+
+/// What was assumed where nothing was stated.
+fn unstated(input: &Input) -> Vec<String> {
+    let mut said = Vec::new();
+    if !input.model.sigma.iter().flatten().any(|sigma| *sigma > 0.0) {
+        said.push(format!("{} states no uncertainty: it is taken as exact", input.model.file.name));
+    }
+    for recording in &input.recordings {
+        if recording.about.sigma.is_empty() {
+            said.push(format!(
+                "{}: no `sigma` is stated: 0.05 mm is taken",
+                recording.file.display()
+            ));
+        }
+    }
+    said
+}
+
+fn judged(command: &Plan, console: &mut Console, input: &Input, terms: &Terms) -> Outcome {
+    command.setup.check()?;
+    let model = &input.model;
+    let mut campaign =
+        from_recording::campaign(&model.physics.arm, &input.recordings).map_err(Failure::input)?;
+    command.setup.describe(&mut campaign);
+    let mut warnings = unstated(input);
+    if campaign.surroundings.targets.iter().any(|target| target.free) {
+        warnings.push(
+            "a target's place on the tool is found along, so that a bent tool does not show: say `target1_mm` in the recording's TOML, or --target with --targets-known".to_owned(),
+        );
+    }
+    warnings.iter().for_each(|warning| warn!("{warning}"));
+    let found = judge(&campaign, &model.physics, &model.sigma, terms);
+    let suspect = |found: &Suspect| SuspectReport {
+        damage: found.damage.says(),
+        unit: unit(&model.physics, &found.damage),
+        size: found.size.iter().map(|size| 1e3 * size).collect(),
+        sigma: 1e3 * found.sigma,
+        gain: found.gain,
+    };
+    let report = Judged {
+        does: "check",
+        model: &model.file.name,
+        alarm: terms.alarm,
+        holds: found.holds,
+        poses: campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count(),
+        sum: found.sum,
+        freedom: found.freedom,
+        p: found.p,
+        suspects: found.suspects.iter().map(suspect).collect(),
+        is_explained: found.is_explained,
+        power: terms.power,
+        detectable: found
+            .detectable
+            .iter()
+            .map(|d| DetectableReport::of(&model.physics, d))
+            .collect(),
+        warnings,
+    };
+    console.json("trued.plan/1", &report)?;
+    told(console, &model.physics, &found, report.poses)?;
+    Ok(if found.holds { Answer::Done } else { Answer::No })
+}
+
+fn told(
+    console: &mut Console,
+    model: &Model,
+    found: &Judgement,
+    poses: usize,
+) -> Result<(), Failure> {
+    let sum = format!(
+        "{}: sum of squares {} for {} expected (p {})",
+        count(poses, "pose"),
+        fixed(found.sum, 0),
+        found.freedom,
+        significant(found.p, 2)
+    );
+    if found.holds {
+        let head = console.paint(Paint::Good, "the model still holds");
+        console.say(format!("{head}; {sum}"))?;
+        console.say("damage that these poses would have shown:")?;
+        return console.say(shows(model, &found.detectable));
+    }
+    let head = console.paint(Paint::Bad, "the model does not hold");
+    console.say(format!("{head}; {sum}"))?;
+    if found.suspects.is_empty() {
+        console.say("no single joint or tool explains it: calibrate anew")?;
+    }
+    for (place, suspect) in found.suspects.iter().enumerate() {
+        let size = suspect.size.iter().map(|size| size * size).sum::<f64>().sqrt();
+        let or = if place == 0 { "" } else { "or: " };
+        console.say(format!(
+            "{or}{} by {} ± {} {}",
+            suspect.damage.says(),
+            significant(1e3 * size, 3),
+            significant(1e3 * suspect.sigma, 2),
+            unit(model, &suspect.damage)
+        ))?;
+    }
+    if found.suspects.first().is_some() && !found.is_explained {
+        console.say("that does not explain all of it: there is more than one thing")?;
+    }
+    Ok(())
+}

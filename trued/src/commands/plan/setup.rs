@@ -1,0 +1,284 @@
+//! What measures, where it stands, and what bars a pose, as options.
+//!
+//! Promises: mm and degrees here, SI from here on. Never: a default that is not said in the help.
+
+use std::str::FromStr;
+
+use clap::Args;
+use diagnosis::plan::reach::Reach;
+use diagnosis::plan::sight::Sight;
+use diagnosis::plan::{Patch, Sees};
+use diagnosis::surroundings::{Anchor, Sphere};
+use diagnosis::{Campaign, Fitted, Noise, Plane, Station, Surroundings};
+use glam::DVec3;
+use physics::{Arm, Frame};
+
+use crate::exit::Failure;
+
+/// Numbers separated by commas.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Tuple<const N: usize>(pub(super) [f64; N]);
+
+impl<const N: usize> FromStr for Tuple<N> {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts: Vec<&str> = text.split(',').collect();
+        let mut numbers = [0.0; N];
+        if parts.len() != N {
+            return Err(format!(
+                "expected {N} numbers with commas between them, found {}",
+                parts.len()
+            ));
+        }
+        for (slot, part) in numbers.iter_mut().zip(parts) {
+            let number = part.trim().parse().ok().filter(|number: &f64| number.is_finite());
+            *slot = number.ok_or_else(|| format!("`{part}` is no number"))?;
+        }
+        Ok(Self(numbers))
+    }
+}
+
+/// A target: its place on the tool, and which way it looks, where that is said.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Target {
+    place_mm: [f64; 3],
+    facing: Option<[f64; 3]>,
+}
+
+impl FromStr for Target {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if let Ok(Tuple(place_mm)) = text.parse() {
+            return Ok(Self { place_mm, facing: None });
+        }
+        let Tuple([x, y, z, a, b, c]) = text.parse().map_err(|_| {
+            "expected X,Y,Z or X,Y,Z,A,B,C: the place on the tool in mm, and the direction that it looks".to_owned()
+        })?;
+        Ok(Self { place_mm: [x, y, z], facing: Some([a, b, c]) })
+    }
+}
+
+/// The measuring, and what bars a pose.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "What measures, and what bars a pose")]
+pub(super) struct Setup {
+    /// Where the instrument stands, base frame, mm; without it no line of sight is asked for
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    instrument: Option<Tuple<3>>,
+    /// A target on the tool, tool frame, mm, and which way it looks (a reflector); may be repeated. Without one the TCP is measured
+    #[arg(long, value_name = "X,Y,Z[,A,B,C]", allow_hyphen_values = true)]
+    target: Vec<Target>,
+    /// Targets that have to be seen at a pose, at least
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    least_targets: usize,
+    /// The targets' places are known, else they are found along
+    #[arg(long)]
+    targets_known: bool,
+    /// The measuring frame is the robot's base, else it is found along
+    #[arg(long)]
+    frame_known: bool,
+    /// Largest angle between a reflector's direction and the beam, degrees
+    #[arg(long, value_name = "DEG", default_value_t = 25.0)]
+    accept_deg: f64,
+    /// Nearest and farthest distance that the instrument measures at, mm
+    #[arg(long, value_name = "MIN,MAX", default_value = "300,30000")]
+    range_mm: Tuple<2>,
+    /// Standard uncertainty of a length, mm; if not given, that of the recordings, else 0.05
+    #[arg(long, value_name = "MM")]
+    sigma_mm: Option<f64>,
+    /// The tool's orientation is measured too, with this standard uncertainty, mrad
+    #[arg(long, value_name = "MRAD")]
+    orientation_sigma_mrad: Option<f64>,
+    /// A ballbar or cable: about where its fixed end is, base frame, mm
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, requires = "length_mm")]
+    anchor: Option<Tuple<3>>,
+    /// Shortest and longest distance from there that it measures, mm
+    #[arg(long, value_name = "MIN,MAX", requires = "anchor")]
+    length_mm: Option<Tuple<2>>,
+    /// A plane that a probe touches: a point of it, its direction outwards, how far it extends from the point; base frame, mm; may be repeated
+    #[arg(
+        long,
+        value_name = "X,Y,Z,A,B,C,R",
+        allow_hyphen_values = true,
+        conflicts_with = "anchor"
+    )]
+    plane: Vec<Tuple<7>>,
+    /// A sphere that a probe touches: middle and radius, base frame, mm; may be repeated
+    #[arg(long, value_name = "X,Y,Z,R", allow_hyphen_values = true, conflicts_with = "anchor")]
+    sphere: Vec<Tuple<4>>,
+    /// Distance kept from the joint limits, degrees
+    #[arg(long, value_name = "DEG", default_value_t = 5.0)]
+    margin_deg: f64,
+    /// Radius about each link, mm; 8 % of the arm's length if not given
+    #[arg(long, value_name = "MM")]
+    link_radius_mm: Option<f64>,
+    /// Radius about the base's column, mm; 16 % of the arm's length if not given
+    #[arg(long, value_name = "MM")]
+    base_radius_mm: Option<f64>,
+    /// Height of the floor, base frame, mm; `none`: there is none. If not given, the base's foot for an arm that stands
+    #[arg(long, value_name = "Z|none", allow_hyphen_values = true, value_parser = floor)]
+    floor_mm: Option<Floor>,
+    /// A box that the arm stays out of: two corners, base frame, mm; may be repeated
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", allow_hyphen_values = true)]
+    keep_out: Vec<Tuple<6>>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Floor {
+    None,
+    At(f64),
+}
+
+fn floor(word: &str) -> Result<Floor, String> {
+    if word == "none" {
+        return Ok(Floor::None);
+    }
+    let height = word.parse().ok().filter(|height: &f64| height.is_finite());
+    height.map(Floor::At).ok_or_else(|| format!("`{word}` is neither a height in mm nor `none`"))
+}
+
+fn metres(mm: [f64; 3]) -> DVec3 {
+    1e-3 * DVec3::from_array(mm)
+}
+
+impl Setup {
+    pub(super) fn check(&self) -> Result<(), Failure> {
+        let above = [
+            ("--sigma-mm", self.sigma_mm),
+            ("--accept-deg", Some(self.accept_deg)),
+            ("--orientation-sigma-mrad", self.orientation_sigma_mrad),
+            ("--link-radius-mm", self.link_radius_mm),
+            ("--base-radius-mm", self.base_radius_mm),
+        ];
+        let wrong = above
+            .iter()
+            .find(|(_, value)| value.is_some_and(|value| !(value > 0.0 && value.is_finite())));
+        if let Some((name, _)) = wrong {
+            return Err(Failure::input(format!("{name}: expected a number above 0")));
+        }
+        let ranges = [("--range-mm", Some(self.range_mm)), ("--length-mm", self.length_mm)];
+        let turned = ranges
+            .iter()
+            .find(|(_, r)| r.is_some_and(|Tuple([low, high])| !(low >= 0.0 && low <= high)));
+        if let Some((name, _)) = turned {
+            return Err(Failure::input(format!(
+                "{name}: expected the smaller number first, neither below 0"
+            )));
+        }
+        if !(0.0..=90.0).contains(&self.margin_deg) {
+            return Err(Failure::input("--margin-deg: expected 0 to 90"));
+        }
+        Ok(())
+    }
+
+    /// Whether a line of sight is asked for.
+    pub(super) fn is_seen_from_somewhere(&self) -> bool {
+        self.instrument.is_some()
+    }
+
+    /// What the options know of a recording: the frame, the targets.
+    pub(super) fn describe(&self, campaign: &mut Campaign) {
+        let Surroundings { frames, targets, .. } = &mut campaign.surroundings;
+        frames.iter_mut().for_each(|frame| frame.free &= !self.frame_known);
+        for (found, described) in targets.iter_mut().zip(&self.target) {
+            if found.free && self.targets_known {
+                *found = Fitted::known(metres(described.place_mm));
+            }
+        }
+    }
+
+    pub(super) fn sigma_m(&self) -> Option<f64> {
+        self.sigma_mm.map(|sigma| 1e-3 * sigma)
+    }
+
+    pub(super) fn noise(&self, otherwise_m: f64) -> Noise {
+        Noise::Equal(self.sigma_m().unwrap_or(otherwise_m))
+    }
+
+    pub(super) fn orientation_rad(&self) -> Option<f64> {
+        self.orientation_sigma_mrad.map(|sigma| 1e-3 * sigma)
+    }
+
+    pub(super) fn reach(&self, arm: &Arm) -> Reach {
+        let usual = Reach::of(arm);
+        let m = |mm: Option<f64>, usual: f64| mm.map_or(usual, |mm| 1e-3 * mm);
+        let box_of = |Tuple([a, b, c, d, e, f]): &Tuple<6>| {
+            let (one, other) = (metres([*a, *b, *c]), metres([*d, *e, *f]));
+            [one.min(other), one.max(other)]
+        };
+        Reach {
+            margin_rad: self.margin_deg.to_radians(),
+            link_radius_m: m(self.link_radius_mm, usual.link_radius_m),
+            base_radius_m: m(self.base_radius_mm, usual.base_radius_m),
+            floor_m: match self.floor_mm {
+                None => usual.floor_m,
+                Some(Floor::None) => None,
+                Some(Floor::At(mm)) => Some(1e-3 * mm),
+            },
+            keep_out: self.keep_out.iter().map(box_of).collect(),
+            ..usual
+        }
+    }
+
+    pub(super) fn sight(&self) -> Option<Sight> {
+        let Tuple(at) = self.instrument?;
+        let facing = |target: &Target| DVec3::from_array(target.facing?).try_normalize();
+        let Tuple([nearest, farthest]) = self.range_mm;
+        Some(Sight {
+            instrument_base: metres(at),
+            range_m: [1e-3 * nearest, 1e-3 * farthest],
+            acceptance_rad: self.accept_deg.to_radians(),
+            facing_tool: self.target.iter().map(facing).collect(),
+        })
+    }
+
+    pub(super) fn sees(&self) -> Sees {
+        if let (Some(_), Some(Tuple([shortest, longest]))) = (self.anchor, self.length_mm) {
+            return Sees::Distance { length_m: [1e-3 * shortest, 1e-3 * longest] };
+        }
+        let plane = |(plane, Tuple([x, y, z, .., r])): (usize, &Tuple<7>)| Patch::Plane {
+            plane,
+            middle: metres([*x, *y, *z]),
+            within_m: 1e-3 * r,
+        };
+        let planes = self.plane.iter().enumerate().map(plane);
+        let touched: Vec<Patch> = planes.chain((0..self.sphere.len()).map(Patch::Sphere)).collect();
+        if touched.is_empty() {
+            let orientation_rad = self.orientation_rad();
+            return Sees::Points { least: self.least_targets, orientation_rad };
+        }
+        Sees::Touch(touched)
+    }
+
+    /// What stands around, as described.
+    pub(super) fn surroundings(&self) -> Result<Surroundings, Failure> {
+        let station = Station { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
+        let plane = |Tuple([x, y, z, a, b, c, _]): &Tuple<7>| {
+            let normal = DVec3::new(*a, *b, *c).try_normalize();
+            let normal = normal.ok_or_else(|| Failure::input("--plane: its direction is 0,0,0"))?;
+            Ok(Fitted::unknown(Plane { normal, offset_m: normal.dot(metres([*x, *y, *z])) }))
+        };
+        let sphere = |Tuple([x, y, z, r]): &Tuple<4>| Sphere {
+            centre: Fitted::unknown(metres([*x, *y, *z])),
+            radius_m: Fitted::known(1e-3 * r),
+        };
+        let target =
+            |target: &Target| Fitted { value: metres(target.place_mm), free: !self.targets_known };
+        Ok(Surroundings {
+            frames: vec![Fitted { value: station, free: !self.frame_known }],
+            targets: self.target.iter().map(target).collect(),
+            anchors: self
+                .anchor
+                .iter()
+                .map(|Tuple(at)| Anchor {
+                    place: Fitted::unknown(metres(*at)),
+                    offset_m: Fitted::known(0.0),
+                })
+                .collect(),
+            planes: self.plane.iter().map(plane).collect::<Result<_, Failure>>()?,
+            spheres: self.sphere.iter().map(sphere).collect(),
+        })
+    }
+}

@@ -1,0 +1,290 @@
+//! What a plan says: the table on the console, the JSON object.
+
+use std::path::PathBuf;
+
+use diagnosis::plan::Sees;
+use diagnosis::plan::next::AHEAD;
+use diagnosis::plan::{Added, Falls, Next, Plan as Planned};
+use physics::{JointKind, Joints};
+use recording::model::RobotModel;
+use report::{fixed, significant};
+use serde::Serialize;
+use serde_json::{Map, Value};
+
+use super::going::Going;
+use super::{Best, Input, Plan};
+use crate::exit::Failure;
+use crate::input::count;
+use crate::output::{Console, Paint};
+use crate::table::Table;
+
+/// Sentences on what stays open that are told on the console.
+const OPEN: usize = 3;
+
+#[derive(Serialize)]
+struct Report<'a> {
+    does: &'static str,
+    model: &'a str,
+    seed: u64,
+    criterion: &'static str,
+    candidates: usize,
+    measured_poses: usize,
+    poses: Vec<PoseReport>,
+    numbers: Vec<FallsReport>,
+    undetermined: &'a [String],
+    not_checked: Vec<&'static str>,
+    out: Option<PathBuf>,
+}
+
+#[derive(Serialize)]
+struct NextReport<'a> {
+    does: &'static str,
+    model: &'a str,
+    seed: u64,
+    measured_poses: usize,
+    enough: bool,
+    tool_mm: f64,
+    tool_with_ten_more_mm: f64,
+    worth_mm: f64,
+    pose: PoseReport,
+    not_checked: Vec<&'static str>,
+}
+
+#[derive(Serialize)]
+struct PoseReport {
+    #[serde(flatten)]
+    q: Map<String, Value>,
+    readings: usize,
+    log_det_gain: f64,
+    o1: Option<f64>,
+    tool_before_mm: f64,
+    tool_after_mm: f64,
+    surer: Vec<FallsReport>,
+}
+
+#[derive(Serialize)]
+struct FallsReport {
+    what: String,
+    unit: &'static str,
+    sigma_before: f64,
+    sigma_after: f64,
+}
+
+impl PoseReport {
+    fn of(model: &RobotModel, pose: &Added) -> Self {
+        Self {
+            q: joints(model, &pose.q),
+            readings: pose.readings,
+            log_det_gain: pose.log_det_gain,
+            o1: pose.o1,
+            tool_before_mm: 1e3 * pose.tool_m[0],
+            tool_after_mm: 1e3 * pose.tool_m[1],
+            surer: pose.falls.iter().map(FallsReport::of).collect(),
+        }
+    }
+}
+
+impl FallsReport {
+    fn of(falls: &Falls) -> Self {
+        let (suffix, si) = falls.unit;
+        Self {
+            what: falls.what.clone(),
+            unit: suffix.trim_start_matches('_'),
+            sigma_before: falls.from / si,
+            sigma_after: falls.to / si,
+        }
+    }
+}
+
+/// Joint positions by the names of a recording's columns.
+pub(super) fn joints(model: &RobotModel, q: &Joints) -> Map<String, Value> {
+    let each = model.physics.arm.joints().iter().zip(q).enumerate();
+    each.map(|(i, (joint, q))| match joint.kind {
+        JointKind::Revolute => (format!("q{}_deg", i + 1), q.to_degrees().into()),
+        JointKind::Prismatic => (format!("q{}_mm", i + 1), (1e3 * q).into()),
+    })
+    .collect()
+}
+
+/// The same for people: degrees and mm, one decimal.
+pub(super) fn shown(model: &RobotModel, q: &Joints) -> String {
+    let numbers = joints(model, q);
+    let each: Vec<String> =
+        numbers.values().filter_map(Value::as_f64).map(|number| fixed(number, 1)).collect();
+    each.join(" ")
+}
+
+/// What no constraint looked at, as sentences.
+pub(super) fn not_checked(command: &Plan, going: &Going) -> Vec<&'static str> {
+    let mut open = vec![
+        "the way between two poses: try the program slowly first",
+        "fixtures, cables and the tool's body, unless boxes (--keep-out) stand for them",
+    ];
+    if matches!(going.task.sees, Sees::Points { .. }) && !command.setup.is_seen_from_somewhere() {
+        open.push("whether the instrument sees the target: say where it stands with --instrument");
+    }
+    open
+}
+
+fn mm(metres: f64) -> String {
+    significant(1e3 * metres, 3)
+}
+
+/// `joint 4's offset (joint_offset) 0.42 → 0.11 mrad`.
+fn surer(falls: &Falls) -> String {
+    let (suffix, si) = falls.unit;
+    let number = |sigma: f64| significant(sigma / si, 2);
+    let unit = suffix.trim_start_matches('_').replace("_per_", "/");
+    format!("{} {} → {} {unit}", falls.what, number(falls.from), number(falls.to))
+}
+
+pub(super) fn plan(
+    command: &Plan,
+    console: &mut Console,
+    input: &Input,
+    going: &Going,
+    planned: &Planned,
+    seed: u64,
+) -> Result<(), Failure> {
+    let criterion = match command.wish(0, seed).criterion {
+        diagnosis::plan::Criterion::D => "d",
+        diagnosis::plan::Criterion::O1 => "o1",
+        diagnosis::plan::Criterion::Zone => "zone",
+    };
+    let model = &input.model;
+    let not_checked = not_checked(command, going);
+    let report = Report {
+        does: "plan",
+        model: &model.file.name,
+        seed,
+        criterion,
+        candidates: planned.candidates,
+        measured_poses: measured(going),
+        poses: planned.poses.iter().map(|pose| PoseReport::of(model, pose)).collect(),
+        numbers: planned.numbers.iter().map(FallsReport::of).collect(),
+        undetermined: &planned.undetermined,
+        not_checked: not_checked.clone(),
+        out: command.files.out().map(Into::into),
+    };
+    console.json("trued.plan/1", &report)?;
+    let head = console.paint(Paint::Strong, &count(planned.poses.len(), "pose"));
+    console.say(format!(
+        "{head} of {} that pass (seed {seed}), best for {}; measured so far: {}",
+        planned.candidates,
+        words(command, criterion),
+        measured(going)
+    ))?;
+    let mut table =
+        Table::new(["pose", "joints, deg (mm)", "tool, mm", "ln det", "what becomes surer"]);
+    for (place, pose) in planned.poses.iter().enumerate() {
+        let best = pose.falls.first().map(surer).unwrap_or_default();
+        let tool = format!("{} → {}", mm(pose.tool_m[0]), mm(pose.tool_m[1]));
+        table = table.row([
+            (place + 1).to_string(),
+            shown(model, &pose.q),
+            tool,
+            format!("+{}", fixed(pose.log_det_gain, 2)),
+            best,
+        ]);
+    }
+    console.say(table.render())?;
+    if let (Some(first), Some(last)) = (planned.poses.first(), planned.poses.last()) {
+        let o1 = last.o1.map_or("none yet".to_owned(), |o1| significant(o1, 3));
+        console.say(format!(
+            "expected error of the tool {}: {} mm before, {} mm after; O1 {o1}",
+            command.whereabouts(),
+            mm(first.tool_m[0]),
+            mm(last.tool_m[1])
+        ))?;
+    }
+    for open in planned.undetermined.iter().take(OPEN) {
+        console.say(format!("stays open: {open}"))?;
+    }
+    if planned.undetermined.len() > OPEN {
+        console
+            .say(format!("stays open: {} more, in --json", planned.undetermined.len() - OPEN))?;
+    }
+    not_checked.iter().try_for_each(|open| console.say(format!("not checked: {open}")))?;
+    written(command, console)
+}
+
+fn words(command: &Plan, criterion: &str) -> String {
+    match criterion {
+        "d" => "all numbers together (D)".to_owned(),
+        "o1" => "what each reading brings (O1)".to_owned(),
+        _ => format!("the tool {}", command.whereabouts()),
+    }
+}
+
+pub(super) fn written(command: &Plan, console: &mut Console) -> Result<(), Failure> {
+    let Some(out) = command.files.out() else { return Ok(()) };
+    let out = out.display();
+    console.say(format!("written: {out}/poses.csv with poses.toml (fill in what is measured), poses.mod, poses.src, poses.dat"))
+}
+
+fn measured(going: &Going) -> usize {
+    going
+        .known
+        .as_ref()
+        .map_or(0, |(campaign, _)| campaign.poses.iter().filter(|p| !p.seen.is_empty()).count())
+}
+
+pub(super) fn next(
+    command: &Plan,
+    console: &mut Console,
+    input: &Input,
+    going: &Going,
+    found: &Next,
+    seed: u64,
+) -> Result<(), Failure> {
+    let not_checked = not_checked(command, going);
+    let [now, later] = found.tool_m;
+    let report = NextReport {
+        does: "next",
+        model: &input.model.file.name,
+        seed,
+        measured_poses: measured(going),
+        enough: found.enough,
+        tool_mm: 1e3 * now,
+        tool_with_ten_more_mm: 1e3 * later,
+        worth_mm: command.worth_mm,
+        pose: PoseReport::of(&input.model, &found.pose),
+        not_checked: not_checked.clone(),
+    };
+    console.json("trued.plan/1", &report)?;
+    let whereabouts = command.whereabouts();
+    let brings = format!(
+        "{} measured; the tool is known to {} mm {whereabouts}; {AHEAD} more poses would bring {} mm",
+        count(measured(going), "pose"),
+        mm(now),
+        mm(now - later)
+    );
+    if found.enough {
+        let head = console.paint(Paint::Good, "enough");
+        console
+            .say(format!("{head}: {brings} (worth measuring: {} mm): stop", command.worth_mm))?;
+    } else {
+        let head = console.paint(Paint::Strong, "go on");
+        console.say(format!("{head}: {brings}"))?;
+    }
+    let q = shown(&input.model, &found.pose.q);
+    console.say(format!("next: {q}  (joints, deg; mm where one slides)"))?;
+    let surer: Vec<String> = found.pose.falls.iter().map(surer).collect();
+    console.say(format!(
+        "why: the tool goes from {} to {} mm with it; {}",
+        mm(found.pose.tool_m[0]),
+        mm(found.pose.tool_m[1]),
+        surer.join("; ")
+    ))?;
+    not_checked.iter().try_for_each(|open| console.say(format!("not checked: {open}")))?;
+    written(command, console)
+}
+
+impl Plan {
+    fn whereabouts(&self) -> &'static str {
+        match (&self.zone, self.criterion) {
+            (Some(_), _) => "in the zone",
+            (None, Some(Best::Zone) | _) => "over the workspace",
+        }
+    }
+}
