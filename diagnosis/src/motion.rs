@@ -37,14 +37,7 @@ impl Motion {
         match *change {
             Contribution::None => Some(Self::default()),
             Contribution::Joint { joint, delta } => {
-                let (axis, point) = (seen.real.axes[joint], seen.real.points[joint]);
-                let (turn, shift) = match arm.joints()[joint].kind {
-                    JointKind::Revolute => (axis, axis.cross(tcp - point)),
-                    JointKind::Prismatic => (DVec3::ZERO, axis),
-                };
-                let mut joints = Joints::default();
-                joints[joint] = delta;
-                Some(Self { turn: turn * delta, shift: shift * delta, joints })
+                Some(Self::of_joint(arm, &seen.real, joint).times(delta))
             }
             Contribution::Axis { joint, turn, pivot } => {
                 let moved = about(turn, pivot);
@@ -81,11 +74,17 @@ impl Motion {
         }
     }
 
-    /// The motion of the controller's own arm at `inputs` when `joint` moves by one rad or m.
+    /// The motion when `joint` of the controller's own arm, standing as `chain`, moves by one rad or m.
     #[must_use]
-    pub fn of_joint(arm: &Arm, inputs: &Inputs, joint: usize) -> Self {
-        let seen = Model::nominal(*arm).evaluate(inputs, &Memories::default());
-        Self::of(arm, &seen, &Contribution::Joint { joint, delta: 1.0 }).unwrap_or_default()
+    pub fn of_joint(arm: &Arm, chain: &Chain, joint: usize) -> Self {
+        let (axis, tcp) = (chain.axes[joint], chain.base_from_tool.origin);
+        let (turn, shift) = match arm.joints()[joint].kind {
+            JointKind::Revolute => (axis, axis.cross(tcp - chain.points[joint])),
+            JointKind::Prismatic => (DVec3::ZERO, axis),
+        };
+        let mut joints = Joints::default();
+        joints[joint] = 1.0;
+        Self { turn, shift, joints }
     }
 
     /// This motion times a number.

@@ -10,6 +10,7 @@ use crate::motion::Motion;
 use crate::problem::{Look, visit};
 use crate::score::Fitted;
 use crate::triangle::dot;
+use physics::Chain;
 use std::f64::consts::TAU;
 
 /// The most cycles per revolution (per radian of phase for a prismatic joint) that are tried: twice the ratio of the largest common gears, and their wave.
@@ -63,8 +64,8 @@ fn parts(fitted: &Fitted<'_>, joint: usize) -> Vec<Part> {
         }
         if at.pose != pose {
             pose = at.pose;
-            let inputs = &fitted.campaign.poses[pose].inputs;
-            motion = Motion::of_joint(arm, inputs, joint);
+            let chain = Chain::nominal(arm, &fitted.campaign.poses[pose].inputs.q);
+            motion = Motion::of_joint(arm, &chain, joint);
             let seen = vec![0.0; active.len()];
             parts.push(Part { position: inputs.q[joint], own: 0.0, pull: 0.0, seen });
         }

@@ -79,9 +79,9 @@ impl<'a> Choice<'a> {
     }
 
     /// A gain less what its numbers cost, in the sum of squares.
-    fn worth(&self, gain: &Gain, candidate: &Candidate) -> f64 {
+    fn worth(&self, gain: &Gain, entry: &Entry) -> f64 {
         let tried = self.entries.len().max(1) as f64;
-        let numbers = (gain.numbers + candidate.tried_numbers()) as f64;
+        let numbers = (gain.numbers + entry.searched()) as f64;
         gain.gain / self.design_effect - numbers * self.readings.ln() - 2.0 * tried.ln()
     }
 
@@ -130,7 +130,7 @@ impl<'a> Choice<'a> {
             }
             let Some(gain) = gram.would_gain(place) else { continue };
             if is_sound(&entry.candidate, &gain.found) {
-                let worth = self.worth(&gain, &entry.candidate);
+                let worth = self.worth(&gain, entry);
                 open.push((place, gain, worth));
             }
         }
@@ -151,9 +151,9 @@ impl<'a> Choice<'a> {
     fn take_out(&mut self) -> bool {
         let worth = |(at, place): (usize, &usize)| {
             let gain = self.gram.gains(*place);
-            let candidate = &self.entries[*place].candidate;
-            let sound = is_sound(candidate, &gain.found);
-            (at, if sound { self.worth(&gain, candidate) } else { f64::NEG_INFINITY })
+            let entry = &self.entries[*place];
+            let sound = is_sound(&entry.candidate, &gain.found);
+            (at, if sound { self.worth(&gain, entry) } else { f64::NEG_INFINITY })
         };
         let least = self.chosen.iter().enumerate().map(worth).min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((at, _)) = least.filter(|(_, worth)| *worth <= 0.0) else { return false };
@@ -166,7 +166,7 @@ impl<'a> Choice<'a> {
     fn exchange(&mut self) -> bool {
         for at in 0..self.chosen.len() {
             let place = self.chosen[at];
-            let own = self.worth(&self.gram.gains(place), &self.entries[place].candidate);
+            let own = self.worth(&self.gram.gains(place), &self.entries[place]);
             let mut gram = self.gram.clone();
             gram.remove(place);
             let best = self.open(&gram, Some(place)).into_iter().next();
@@ -203,7 +203,7 @@ impl<'a> Choice<'a> {
         let mut seen = vec![title(&self.entries[own].candidate)];
         let mut near = Vec::new();
         for (place, would, _) in self.open(&gram, Some(own)) {
-            let name = title(&self.entries[place].candidate);
+            let name = title(&self.entries[place]);
             let behind = (gain.gain - would.gain) / self.design_effect;
             let may_come = behind < 2.0 * ALIKE + BEHIND * gain.gain / self.design_effect;
             if !seen.contains(&name) && may_come {
@@ -219,7 +219,7 @@ impl<'a> Choice<'a> {
         rivals.sort_by(|a, b| a.behind.total_cmp(&b.behind));
         let one = &mut naming.named[k];
         one.gain = 0.5 * gain.gain / self.design_effect;
-        one.numbers = gain.numbers;
+        one.numbers = gain.numbers + self.entries[own].searched();
         one.rivals = rivals;
     }
 }
@@ -237,7 +237,7 @@ impl Choice<'_> {
     ) -> Option<Rival> {
         let entry = &self.entries[place];
         let changes = entry.candidate.changes().is_some();
-        let numbers = would.numbers;
+        let numbers = would.numbers + entry.searched();
         let behind = 0.5 * (own - would.gain) / self.design_effect;
         let fit = &naming.fit;
         if let Some(change) = entry.candidate.changes() {

@@ -8,8 +8,10 @@
 //! Never: a decision; see `name`.
 
 use crate::candidates::Candidate;
+use crate::hypothesis::named;
 use crate::score::Fitted;
 use nalgebra::DMatrix;
+use physics::spec::{Role, Unit};
 use std::ops::Range;
 
 /// A column's share of its own length that must be left by those that are in, squared.
@@ -21,6 +23,27 @@ pub(super) struct Entry {
     pub(super) stands: Vec<f64>,
     /// Stems that a fit of it keeps.
     pub(super) kept: &'static [&'static str],
+}
+
+impl Entry {
+    /// Numbers that are searched for outside the columns: those that are not linear, but a wave's phase, which its sine and cosine stand for.
+    pub(super) fn searched(&self) -> usize {
+        let Some(effect) = self.candidate.probes.first().map(|probe| &probe.effect) else {
+            return 0;
+        };
+        if self.candidate.changes().is_some() {
+            return 0;
+        }
+        let is_searched = |value: &usize| {
+            named(effect, *value).is_some_and(|named| {
+                named.parameter.role == Role::Nonlinear
+                    && named.parameter.unit != Unit::PhaseRadian
+                    && !self.kept.contains(&named.parameter.stem)
+            })
+        };
+        let nonlinear = (0..effect.values().len()).filter(is_searched).count();
+        nonlinear.max(self.candidate.tried_numbers())
+    }
 }
 
 /// The products, with some columns in.

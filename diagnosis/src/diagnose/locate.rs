@@ -14,7 +14,7 @@ use crate::result::Fit;
 use crate::score::Fitted;
 use crate::surroundings::Surroundings;
 use glam::DVec3;
-use physics::Model;
+use physics::{Chain, Model};
 
 /// Parts of a word's range.
 const PARTS: usize = 6;
@@ -57,8 +57,8 @@ pub(super) fn map(
     visit(campaign, &fitted.state, look, |at| {
         if now != at.pose {
             now = at.pose;
-            let inputs = &campaign.poses[now].inputs;
-            units = (0..joints).map(|joint| Motion::of_joint(arm, inputs, joint)).collect();
+            let chain = Chain::nominal(arm, &campaign.poses[now].inputs.q);
+            units = (0..joints).map(|joint| Motion::of_joint(arm, &chain, joint)).collect();
         }
         let scale = fitted.weighing.scale(at);
         for (joint, unit) in units.iter().enumerate() {

@@ -8,7 +8,7 @@
 use super::features::Word;
 use crate::motion::Motion;
 use crate::score::{Asked, Fitted};
-use physics::Arm;
+use physics::{Arm, Chain};
 
 /// Polynomials of one word.
 const DEGREE: usize = 5;
@@ -64,7 +64,8 @@ fn better(
         let counts: Vec<usize> = groups.iter().map(|group| count(words, group)).collect();
         let asked = Asked { sigmas: vec![LARGE; counts.iter().sum()], numbers: counts };
         let scores = fitted.scores_of(&asked, |pose, into| {
-            let unit = Motion::of_joint(arm, &fitted.campaign.poses[pose].inputs, joint);
+            let chain = Chain::nominal(arm, &fitted.campaign.poses[pose].inputs.q);
+            let unit = Motion::of_joint(arm, &chain, joint);
             into.clear();
             for group in &groups {
                 terms(words, group, pose, |term| into.push(unit.times(term)));
@@ -150,6 +151,7 @@ impl Law {
         let mut sum = 0.0;
         let mut found = self.found.iter();
         terms(words, &self.words, pose, |term| sum += term * found.next().unwrap_or(&0.0));
-        Motion::of_joint(arm, &fitted.campaign.poses[pose].inputs, self.joint).times(sum)
+        let chain = Chain::nominal(arm, &fitted.campaign.poses[pose].inputs.q);
+        Motion::of_joint(arm, &chain, self.joint).times(sum)
     }
 }
