@@ -83,7 +83,7 @@ impl Hypothesis {
     pub fn restore(&mut self, index: usize, given: &Model, stated: &[Free]) {
         self.free.retain(|free| free.effect != index);
         self.free.extend_from_slice(stated);
-        let values = given.effects().nth(index).map(|effect| effect.values());
+        let values = given.effects().nth(index).map(AnyEffect::values);
         if let (Some(effect), Some(values)) = (self.model.effect_mut(index), values) {
             effect.values_mut().copy_from_slice(values);
         }
