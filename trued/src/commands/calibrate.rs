@@ -105,7 +105,7 @@ impl Calibrate {
         let found = Found::of(model, &recordings, campaign, parts, &mut |stage| {
             step(&progress, stage);
         })?;
-        let alone = Alone::of(&found.campaign, &found.last, self.sag == Sag::On);
+        let alone = Alone::of(&found.campaign, &recordings, &found.last, self.sag == Sag::On);
         progress.finish_and_clear();
         let text = model::renewed(&found)?;
         crate::atomic::write(&self.out, |file| file.write_all(text.as_bytes()))?;
