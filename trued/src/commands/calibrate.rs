@@ -7,6 +7,7 @@
 mod found;
 mod model;
 mod numbers;
+mod open;
 mod page;
 mod told;
 
