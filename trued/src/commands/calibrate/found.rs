@@ -32,6 +32,16 @@ pub(super) struct Approached {
     pub(super) errors: [[Errors; 2]; 2],
 }
 
+/// Held-out errors of one station of the instrument.
+pub(super) struct Stationed {
+    /// Place in the campaign's measuring frames.
+    pub(super) frame: usize,
+    /// Place in the campaign's recordings.
+    pub(super) recording: usize,
+    /// Of the three models.
+    pub(super) errors: [Errors; 3],
+}
+
 /// All of it.
 pub(super) struct Found {
     pub(super) base: RobotModel,
@@ -48,6 +58,8 @@ pub(super) struct Found {
     pub(super) entries: Vec<Entry>,
     pub(super) outliers: Vec<Outlier>,
     pub(super) approached: Vec<Approached>,
+    /// Where there are several.
+    pub(super) stationed: Vec<Stationed>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -86,6 +98,7 @@ impl Found {
         warnings.extend(doubts(recordings, &errors, &last));
         let outliers = outliers(&campaign, &last);
         let approached = approached(&campaign, &calibration, &held);
+        let stationed = stationed(&campaign, fits, &held);
         let poses = used.iter().filter(|used| **used).count();
         Ok(Self {
             base,
@@ -98,6 +111,7 @@ impl Found {
             entries,
             outliers,
             approached,
+            stationed,
             warnings,
         })
     }
@@ -193,6 +207,20 @@ fn outliers(campaign: &Campaign, last: &Fit) -> Vec<Outlier> {
         Outlier { recording: pose.recording, row: pose.row + 1, off_m: worst(place) }
     };
     last.outliers(campaign).into_iter().map(outlier).collect()
+}
+
+fn stationed(campaign: &Campaign, fits: [&Fit; 3], held: &[bool]) -> Vec<Stationed> {
+    let of_frame = |frame: usize| {
+        let seen = |pose: &diagnosis::Pose| pose.frame() == Some(frame);
+        let recording = campaign.poses.iter().find(|pose| seen(pose))?.recording;
+        let poses = campaign.poses.iter().zip(held);
+        let wanted: Vec<bool> = poses.map(|(pose, held)| *held && seen(pose)).collect();
+        let errors = fits.map(|fit| Errors::of(fit, campaign, &wanted));
+        Some(Stationed { frame, recording, errors })
+    };
+    let frames = campaign.surroundings.frames.len();
+    let all = (0..frames).filter_map(of_frame).filter(|one| !one.errors[0].sorted_m.is_empty());
+    if frames > 1 { all.collect() } else { Vec::new() }
 }
 
 fn approached(campaign: &Campaign, calibration: &Calibration, held: &[bool]) -> Vec<Approached> {

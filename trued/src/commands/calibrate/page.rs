@@ -1,5 +1,6 @@
 //! The page of `trued calibrate`: the proof, what was found of each joint, and what remains open.
 
+use diagnosis::proof::Errors;
 use report::{Axis, Cell, Column, Histogram, Number, Page, Table, Tone, significant};
 
 use super::Calibrate;
@@ -39,6 +40,9 @@ pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Strin
         "Distances of measured points from where each model sees them, on held-out poses.",
         &histogram(found),
     );
+    if !found.stationed.is_empty() {
+        page = page.table(&stations(found));
+    }
     if !found.approached.is_empty() {
         page = page.table(&approach(&found.approached));
     }
@@ -107,6 +111,29 @@ fn histogram(found: &Found) -> report::Svg {
             plot.values(*name, errors.sorted_m.iter().map(|error| mm(*error)))
         })
         .render()
+}
+
+fn stations(found: &Found) -> Table {
+    let heads = [
+        "Station",
+        "Recording",
+        "Nominal, mean (mm)",
+        "Calibrated, mean (mm)",
+        "Advanced, mean (mm)",
+        "Advanced, 95 % (mm)",
+        "Advanced, largest (mm)",
+        "Points",
+    ];
+    let table = Table::new("Held-out errors by station of the instrument", heads);
+    found.stationed.iter().fold(table, |table, one| {
+        let [nominal, calibrated, advanced] = &one.errors;
+        let means = [nominal, calibrated, advanced].map(Errors::mean);
+        let cells = means.into_iter().chain([advanced.quantile(0.95), advanced.max()]);
+        let named =
+            [Cell::from((one.frame + 1).to_string()), found.recording(one.recording).into()];
+        let points = Cell::from(advanced.sorted_m.len() as f64);
+        table.row(named.into_iter().chain(cells.map(|error| Cell::from(mm(error)))).chain([points]))
+    })
 }
 
 fn approach(approached: &[Approached]) -> Table {

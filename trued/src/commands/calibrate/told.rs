@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::Calibrate;
 use super::alone::Alone;
-use super::found::{Found, MODELS};
+use super::found::{Found, MODELS, Stationed};
 use super::numbers::Entry;
 use super::things::{Thing, lines, things};
 use crate::input::count;
@@ -34,6 +34,7 @@ pub(super) struct Report {
     outlier_poses: Vec<OutlierReport>,
     undetermined: Vec<String>,
     approach: Vec<ApproachReport>,
+    stations: Vec<StationReport>,
     targets_tool_mm: Vec<[f64; 3]>,
     things: Vec<Thing>,
     #[serde(flatten)]
@@ -98,6 +99,13 @@ struct ApproachReport {
 }
 
 #[derive(Serialize)]
+struct StationReport {
+    station: usize,
+    recording: String,
+    heldout: Heldout<Figures>,
+}
+
+#[derive(Serialize)]
 struct ByModel {
     calibrated: Figures,
     advanced: Figures,
@@ -116,6 +124,11 @@ fn figures(errors: &Errors) -> Figures {
         max: mm(errors.max()),
         points: errors.sorted_m.len(),
     }
+}
+
+fn station(found: &Found, one: &Stationed) -> StationReport {
+    let recording = found.recording(one.recording).to_owned();
+    StationReport { station: one.frame + 1, recording, heldout: Heldout::of(&one.errors, figures) }
 }
 
 impl Report {
@@ -140,6 +153,7 @@ impl Report {
             approach: approach(found),
             things: things(&found.last),
             alone: alone.report(),
+            stations: found.stationed.iter().map(|one| station(found, one)).collect(),
             targets_tool_mm: targets.map(|target| (target.value * 1e3).to_array()).collect(),
             warnings: found.warnings.clone(),
         }
