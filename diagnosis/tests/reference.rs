@@ -5,8 +5,8 @@
 #![expect(clippy::expect_used, reason = "in a test a panic is the message")]
 
 use diagnosis::{
-    Arrival, Campaign, Effort, Fit, Fitted, Hypothesis, Influence, Instrument, Noise, Observation,
-    Place, Plane, Pose, Reading, Settings, Station, Surroundings, fit,
+    Anchor, Arrival, Campaign, Effort, Fit, Fitted, Hypothesis, Influence, Instrument, Noise,
+    Observation, Place, Plane, Pose, Reading, Settings, Station, Surroundings, fit,
 };
 use glam::DVec3;
 use physics::frame::rotation_from_vector;
@@ -53,7 +53,11 @@ impl Problem {
         Campaign {
             poses: rows.map(pose).collect(),
             surroundings,
-            instruments: vec![Instrument { name: "made".to_owned(), noise_is_known: true }],
+            instruments: vec![Instrument {
+                name: "made".to_owned(),
+                noise_is_known: true,
+                ..Instrument::default()
+            }],
             recordings: vec!["made".to_owned()],
         }
     }
@@ -180,12 +184,13 @@ fn points_in_an_unknown_frame_give_scipys_numbers() {
 fn distances_from_unknown_points_give_scipys_numbers() {
     let problem = Problem::of("distances");
     let anchors = problem.0["start"][4..].chunks(3).map(DVec3::from_slice);
-    let around = Surroundings { anchors: anchors.map(Fitted::unknown).collect(), ..known_target() };
+    let unknown = |place| Anchor { place: Fitted::unknown(place), offset_m: Fitted::known(0.0) };
+    let around = Surroundings { anchors: anchors.map(unknown).collect(), ..known_target() };
     let seen = [0, 1].map(|anchor| Reading::Distance { place: PLACE, anchor, length_m: 0.0 });
     let found = problem.fit(&problem.campaign(around, &seen), &hypothesis(&OFFSETS));
     problem.assert_robot(&found, &[0, 1, 2, 3]);
     for k in 0..6 {
-        let anchor = found.surroundings.anchors[k / 3].value;
+        let anchor = found.surroundings.anchors[k / 3].place.value;
         problem.assert_near(4 + k, "a fixed point", anchor[k % 3]);
         problem.assert_sigma(4 + k, "a fixed point", found.sigma(k).expect("determined"));
     }

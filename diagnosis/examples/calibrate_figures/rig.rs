@@ -63,7 +63,11 @@ pub(crate) fn campaign(arm: &physics::Arm, inputs: &[Inputs], noise: Noise) -> O
     Some(Campaign {
         poses: poses?,
         surroundings,
-        instruments: vec![Instrument { name: "tracker".to_owned(), noise_is_known: true, ..Instrument::default() }],
+        instruments: vec![Instrument {
+            name: "tracker".to_owned(),
+            noise_is_known: true,
+            ..Instrument::default()
+        }],
         recordings: vec!["made".to_owned()],
     })
 }

@@ -46,6 +46,16 @@ pub(super) struct OfRecording {
     pub(super) errors: [Errors; 3],
 }
 
+/// Held-out errors of one station of the instrument.
+pub(super) struct Stationed {
+    /// Place in the campaign's measuring frames.
+    pub(super) frame: usize,
+    /// Place in the campaign's recordings.
+    pub(super) recording: usize,
+    /// Of the three models.
+    pub(super) errors: [Errors; 3],
+}
+
 /// All of it.
 pub(super) struct Found {
     pub(super) base: RobotModel,
@@ -63,6 +73,8 @@ pub(super) struct Found {
     pub(super) outliers: Vec<Outlier>,
     pub(super) approached: Vec<Approached>,
     pub(super) of_recordings: Vec<OfRecording>,
+    /// Where there are several.
+    pub(super) stationed: Vec<Stationed>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -101,6 +113,7 @@ impl Found {
         let outliers = outliers(&campaign, &last);
         let approached = approached(&campaign, &calibration, &held);
         let of_recordings = of_recordings(&campaign, &calibration, &held);
+        let stationed = stationed(&campaign, fits(&calibration), &held);
         let poses = used.iter().filter(|used| **used).count();
         Ok(Self {
             base,
@@ -114,6 +127,7 @@ impl Found {
             outliers,
             approached,
             of_recordings,
+            stationed,
             warnings,
         })
     }
@@ -251,6 +265,20 @@ fn is_planar(arm: &Arm, campaign: &Campaign, wanted: &[bool]) -> bool {
     let moves = |joint: &usize| poses().any(|p| (p.inputs.q[*joint] - q[*joint]).abs() > STILL);
     let moving: Vec<usize> = (0..arm.count()).filter(moves).collect();
     moving.iter().all(|joint| axes[moving[0]].dot(axes[*joint]).abs() > ALONG)
+}
+
+fn stationed(campaign: &Campaign, fits: [&Fit; 3], held: &[bool]) -> Vec<Stationed> {
+    let of_frame = |frame: usize| {
+        let seen = |pose: &diagnosis::Pose| pose.frame() == Some(frame);
+        let recording = campaign.poses.iter().find(|pose| seen(pose))?.recording;
+        let poses = campaign.poses.iter().zip(held);
+        let wanted: Vec<bool> = poses.map(|(pose, held)| *held && seen(pose)).collect();
+        let errors = fits.map(|fit| Errors::of(fit, campaign, &wanted));
+        Some(Stationed { frame, recording, errors })
+    };
+    let frames = campaign.surroundings.frames.len();
+    let all = (0..frames).filter_map(of_frame).filter(|one| !one.errors[0].sorted_m.is_empty());
+    if frames > 1 { all.collect() } else { Vec::new() }
 }
 
 fn approached(campaign: &Campaign, calibration: &Calibration, held: &[bool]) -> Vec<Approached> {

@@ -43,6 +43,9 @@ pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Strin
     if found.of_recordings.len() > 1 {
         page = page.table(&of_recordings(found));
     }
+    if !found.stationed.is_empty() {
+        page = page.table(&stations(found));
+    }
     if !found.approached.is_empty() {
         page = page.table(&approach(&found.approached));
     }
@@ -132,6 +135,29 @@ fn of_recordings(found: &Found) -> Table {
         })
     };
     found.of_recordings.iter().fold(table, |table, one| rows(one, table))
+}
+
+fn stations(found: &Found) -> Table {
+    let heads = [
+        "Station",
+        "Recording",
+        "Nominal, mean (mm)",
+        "Calibrated, mean (mm)",
+        "Advanced, mean (mm)",
+        "Advanced, 95 % (mm)",
+        "Advanced, largest (mm)",
+        "Points",
+    ];
+    let table = Table::new("Held-out errors by station of the instrument", heads);
+    found.stationed.iter().fold(table, |table, one| {
+        let [nominal, calibrated, advanced] = &one.errors;
+        let means = [nominal, calibrated, advanced].map(Errors::mean);
+        let cells = means.into_iter().chain([advanced.quantile(0.95), advanced.max()]);
+        let named =
+            [Cell::from((one.frame + 1).to_string()), found.recording(one.recording).into()];
+        let points = Cell::from(advanced.sorted_m.len() as f64);
+        table.row(named.into_iter().chain(cells.map(|error| Cell::from(mm(error)))).chain([points]))
+    })
 }
 
 fn approach(approached: &[Approached]) -> Table {

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::Calibrate;
 use super::alone::Alone;
-use super::found::{Found, MODELS};
+use super::found::{Found, MODELS, Stationed};
 use super::numbers::Entry;
 use super::things::{Thing, lines, things};
 use crate::input::count;
@@ -39,6 +39,7 @@ pub(super) struct Report {
     undetermined: Vec<String>,
     left_open: Vec<String>,
     approach: Vec<ApproachReport>,
+    stations: Vec<StationReport>,
     targets_tool_mm: Vec<[f64; 3]>,
     things: Vec<Thing>,
     #[serde(flatten)]
@@ -118,6 +119,13 @@ struct RecordingReport {
     heldout: ByModel,
 }
 
+#[derive(Serialize)]
+struct StationReport {
+    station: usize,
+    recording: String,
+    heldout: Heldout<Figures>,
+}
+
 /// Metres in mm.
 pub(super) fn mm(metres: f64) -> f64 {
     metres * 1e3
@@ -131,6 +139,11 @@ fn figures(errors: &Errors) -> Figures {
         max: mm(errors.max()),
         points: errors.sorted_m.len(),
     }
+}
+
+fn station(found: &Found, one: &Stationed) -> StationReport {
+    let recording = found.recording(one.recording).to_owned();
+    StationReport { station: one.frame + 1, recording, heldout: Heldout::of(&one.errors, figures) }
 }
 
 impl Report {
@@ -158,6 +171,7 @@ impl Report {
             approach: approach(found),
             things: things(&found.last),
             alone: alone.report(),
+            stations: found.stationed.iter().map(|one| station(found, one)).collect(),
             targets_tool_mm: targets.map(|target| (target.value * 1e3).to_array()).collect(),
             warnings: found.warnings.clone(),
         }
