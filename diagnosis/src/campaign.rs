@@ -186,6 +186,17 @@ pub struct Pose {
     pub seen: Vec<Observation>,
 }
 
+impl Pose {
+    /// The measuring frame that it was first seen in, of [`Surroundings::frames`].
+    #[must_use]
+    pub fn frame(&self) -> Option<usize> {
+        self.seen.iter().find_map(|seen| match seen.reading {
+            Reading::Point { frame, .. } | Reading::Orientation { frame, .. } => Some(frame),
+            _ => None,
+        })
+    }
+}
+
 /// One instrument: readings that share one noise.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Instrument {

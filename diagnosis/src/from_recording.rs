@@ -40,6 +40,19 @@ pub enum Unusable {
         /// Which group.
         what: &'static str,
     },
+    /// A target on a link that is not there, or is the tool's.
+    #[error(
+        "`target{target}_on_link` is {link}: a link is 0 (the base) to {} here; the last joint's moves with the tool, its targets need no such entry",
+        joints - 1
+    )]
+    NoSuchLink {
+        /// From 1.
+        target: usize,
+        /// As stated.
+        link: usize,
+        /// The arm's joints.
+        joints: usize,
+    },
     /// Two recordings that do not agree.
     #[error(
         "{file}: its TOML says other things of `{what}` than another recording does; a number stands for one thing in all recordings"
@@ -85,6 +98,7 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
         }
         campaign.recordings.push(reader.name());
     }
+    gauges::leave_out_links(arm, &mut campaign, recordings)?;
     gauges::still_unused_frames(&mut campaign);
     Ok(campaign)
 }

@@ -24,6 +24,7 @@ pub mod loaded;
 mod made;
 mod minimise;
 pub mod motion;
+pub mod on_links;
 pub mod per_joint;
 pub mod plan;
 mod problem;

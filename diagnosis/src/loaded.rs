@@ -33,19 +33,25 @@ pub fn pairs(arm: &Arm, campaign: &Campaign, surroundings: &Surroundings) -> Vec
     let poses = campaign.poses.iter().enumerate();
     let loaded = poses.filter(|(_, pose)| pose.inputs.wrench_base != Wrench::ZERO);
     let one = |(at, pose): (usize, &Pose)| {
-        let same = |(_, other): &(usize, &Pose)| {
-            let still = |k: usize| (other.inputs.q[k] - pose.inputs.q[k]).abs() <= SAME_STEP_RAD;
-            other.inputs.wrench_base == Wrench::ZERO
-                && other.recording == pose.recording
-                && (0..arm.count()).all(still)
-        };
-        let unloaded = campaign.poses.iter().enumerate().filter(same);
-        let (_, before) = unloaded.min_by_key(|(other, _)| other.abs_diff(at))?;
+        let before = &campaign.poses[unloaded_twin(arm, campaign, at)?];
         let (shift, turn) = moved(arm, before, pose, surroundings)?;
         let wrench_base = pose.inputs.wrench_base;
         Some(LoadedPose { q: pose.inputs.q, wrench_base, shift, turn })
     };
     loaded.filter_map(one).collect()
+}
+
+/// The place of the pose with the same command and no wrench that was measured nearest to the one in place `at`.
+pub(crate) fn unloaded_twin(arm: &Arm, campaign: &Campaign, at: usize) -> Option<usize> {
+    let pose = campaign.poses.get(at)?;
+    let same = |(_, other): &(usize, &Pose)| {
+        let still = |k: usize| (other.inputs.q[k] - pose.inputs.q[k]).abs() <= SAME_STEP_RAD;
+        other.inputs.wrench_base == Wrench::ZERO
+            && other.recording == pose.recording
+            && (0..arm.count()).all(still)
+    };
+    let unloaded = campaign.poses.iter().enumerate().filter(same);
+    unloaded.map(|(other, _)| other).min_by_key(|other| other.abs_diff(at))
 }
 
 /// How the TCP moved, and how the tool turned where three targets show it.

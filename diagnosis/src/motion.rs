@@ -10,7 +10,7 @@
 
 use glam::DVec3;
 use physics::frame::Twist;
-use physics::{Arm, Contribution, Evaluation, Frame, Inputs, JointKind, Joints, Memories, Model};
+use physics::{Arm, Chain, Contribution, Evaluation, Frame, JointKind, Joints};
 
 /// A small motion of the tool, base axes, per unit of what causes it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -12,7 +12,7 @@ use crate::motion::Motion;
 use crate::residual::{Columns, Rows};
 use crate::surroundings::{Number, Surroundings};
 use crate::triangle::Triangle;
-use physics::spec::ActsOn;
+use physics::spec::{ActsOn, Need};
 use physics::{Evaluation, Inputs, Memories, Model};
 
 /// What a fit changes.
@@ -36,10 +36,18 @@ impl State {
         }
     }
 
+    /// The lowest step that each of these columns may take.
+    pub(crate) fn lowest(&self, active: &[usize]) -> Vec<f64> {
+        let first = self.surroundings.numbers().len();
+        let lowest = self.hypothesis.lowest();
+        let of = |column: &usize| column.checked_sub(first).map(|k| lowest[k]);
+        active.iter().map(|column| of(column).unwrap_or(f64::NEG_INFINITY)).collect()
+    }
+
     /// How large each column's number may be: the width on which it counts as hardly known.
     pub(crate) fn widths(&self) -> Vec<f64> {
         let surroundings = self.surroundings.numbers().into_iter().map(Number::much);
-        surroundings.chain(self.hypothesis.free.iter().map(|free| free.sigma)).collect()
+        surroundings.chain(self.hypothesis.widths()).collect()
     }
 }
 
@@ -160,34 +168,59 @@ pub(crate) fn motions_of(
     model.derivatives(inputs, memories, &wanted, |place, change| {
         motions[place] = Motion::of(&model.arm, seen, change).unwrap_or_default();
     });
-    let places: Vec<ActsOn> = model.effects().map(|effect| effect.spec().acts_on).collect();
+    let acts_on_loads: Vec<bool> =
+        model.effects().map(|effect| effect.spec().acts_on == ActsOn::Loads).collect();
+    let mut yielding = None;
     for (motion, (effect, value)) in motions.iter_mut().zip(wanted) {
-        if places[effect] == ActsOn::Loads {
-            *motion = through_loads(model, effect, value, inputs, memories);
+        if acts_on_loads[effect] {
+            let yielding = yielding.get_or_insert_with(|| Yielding::of(model));
+            *motion = yielding.through_loads(effect, value, inputs);
         }
     }
     motions
 }
 
-/// What acts on the loads moves the tool through all that gives way: by central difference of the whole model.
-fn through_loads(
-    model: &Model,
-    effect: usize,
-    value: usize,
-    inputs: &Inputs,
-    memories: &Memories,
-) -> Motion {
-    let own = model.effects().nth(effect);
-    let stands = own.map_or(0.0, |effect| effect.values()[value]);
-    let step = 1e-4 * own.map_or(1.0, |effect| much(effect, value)).max(stands.abs());
-    let at = |value_there: f64| {
-        let mut model = *model;
-        if let Some(effect) = model.effect_mut(effect) {
-            effect.values_mut()[value] = value_there;
+/// What acts on the loads of a model, and all that gives way under them: the rest is the same on both sides of a difference.
+struct Yielding {
+    model: Box<Model>,
+    /// Where each effect of the whole model stands here.
+    places: Vec<Option<usize>>,
+}
+
+impl Yielding {
+    fn of(whole: &Model) -> Self {
+        let mut model = Box::new(Model::nominal(whole.arm));
+        let mut places = Vec::with_capacity(whole.effects().len());
+        for effect in whole.effects() {
+            let spec = effect.spec();
+            let yields = spec.needs.contains(&Need::Masses) || spec.needs.contains(&Need::Wrench);
+            let at_work = effect.values().iter().any(|value| *value != 0.0);
+            let taken = spec.acts_on == ActsOn::Loads || yields && at_work;
+            places.push(taken.then(|| model.effects().len()));
+            if taken {
+                // It had room in the whole model.
+                model.push(*effect).unwrap_or_default();
+            }
         }
-        model.evaluate(inputs, memories)
-    };
-    Motion::between(&at(stands - step), &at(stands + step), 2.0 * step)
+        Self { model, places }
+    }
+
+    /// The motion per unit of a value of an effect on the loads, by central difference. What remembers does not feel loads.
+    fn through_loads(&mut self, effect: usize, value: usize, inputs: &Inputs) -> Motion {
+        let Some(effect) = self.places[effect] else { return Motion::default() };
+        let own = self.model.effects().nth(effect);
+        let stands = own.map_or(0.0, |effect| effect.values()[value]);
+        let step = 1e-4 * own.map_or(1.0, |effect| much(effect, value)).max(stands.abs());
+        let mut at = |value_there: f64| {
+            if let Some(effect) = self.model.effect_mut(effect) {
+                effect.values_mut()[value] = value_there;
+            }
+            self.model.evaluate(inputs, &Memories::default())
+        };
+        let (below, above) = (at(stands - step), at(stands + step));
+        at(stands);
+        Motion::between(&below, &above, 2.0 * step)
+    }
 }
 
 /// The weighed sum of squares of data and priors.

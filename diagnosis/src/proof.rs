@@ -13,6 +13,10 @@ use physics::Model;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use std::f64::consts::TAU;
+
+/// Joint positions that differ by less everywhere are one pose measured again, rad or m.
+const AGAIN: f64 = 3e-3;
 
 /// Runs from which on whole ones are held out.
 const RUNS_MANY: usize = 10;
@@ -31,7 +35,7 @@ pub struct Split {
 }
 
 impl Split {
-    /// A random part of the poses trains, the rest is held out.
+    /// A random part of the poses trains, the rest is held out. A pose that was measured twice is on one side with both.
     #[must_use]
     pub fn random(campaign: &Campaign, share: f64, seed: u64) -> Self {
         let count = campaign.poses.len();
@@ -43,7 +47,21 @@ impl Split {
         }
         let trained = (share * count as f64).round() as usize;
         let mut training = vec![false; count];
-        order.iter().take(trained).for_each(|pose| training[*pose] = true);
+        let mut drawn = 0;
+        let mut sides: Vec<Option<bool>> = vec![None; count];
+        for pose in order {
+            if sides[pose].is_none() {
+                let trains = drawn < trained;
+                for twin in (0..count).filter(|other| repeats(campaign, pose, *other)) {
+                    if sides[twin].is_none() {
+                        sides[twin] = Some(trains);
+                        training[twin] = trains;
+                        drawn += usize::from(trains);
+                    }
+                }
+            }
+        }
+        let trained = drawn;
         let says = format!("{trained} of {count} poses train, drawn with seed {seed}");
         Self { training, says }
     }
@@ -82,6 +100,17 @@ impl Split {
         Self { training, says }
     }
 
+    /// One split per pose: it is held out, with all poses that repeat it, and the others train.
+    #[must_use]
+    pub fn one_by_one(campaign: &Campaign) -> Vec<Self> {
+        let count = campaign.poses.len();
+        let without = |pose: usize| {
+            let training = (0..count).map(|other| !repeats(campaign, pose, other)).collect();
+            Self { training, says: format!("all but pose {} and its repeats train", pose + 1) }
+        };
+        (0..count).map(without).collect()
+    }
+
     /// The held-out poses.
     #[must_use]
     pub fn held_out(&self) -> Vec<bool> {
@@ -103,6 +132,12 @@ fn runs(campaign: &Campaign) -> Vec<std::ops::Range<usize>> {
         }
     }
     runs
+}
+
+/// Whether two poses are one that was measured twice; whole turns of a joint do not count.
+fn repeats(campaign: &Campaign, one: usize, other: usize) -> bool {
+    let (a, b) = (&campaign.poses[one].inputs.q, &campaign.poses[other].inputs.q);
+    one == other || a.iter().zip(b).all(|(a, b)| libm::remainder(a - b, TAU).abs() < AGAIN)
 }
 
 /// Distances of measured points from where a model sees them, m.
@@ -166,8 +201,8 @@ pub fn calibrate(
     training: &[bool],
     heard: &mut dyn FnMut(&'static str),
 ) -> Calibration {
-    let settings =
-        Settings { used: training, influence: Influence::Huber, from: None, effort: Effort::Full };
+    let influence = Influence::Redescending;
+    let settings = Settings { used: training, influence, from: None, effort: Effort::Full };
     heard("the model as it is");
     let nominal = fit(campaign, &Hypothesis::fixed(*model), &settings);
     heard("the geometry");
@@ -180,6 +215,22 @@ pub fn calibrate(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_pose_that_was_measured_again_is_on_the_side_of_the_first() {
+        let mut campaign = crate::made::empty(0, 20);
+        for pose in 0..10 {
+            campaign.poses[10 + pose].inputs.q = campaign.poses[pose].inputs.q;
+            campaign.poses[10 + pose].inputs.q[5] += if pose % 2 == 0 { TAU } else { 1e-3 };
+        }
+        for seed in 0..20 {
+            let training = Split::random(&campaign, 0.5, seed).training;
+            assert_eq!(training[..10], training[10..]);
+            assert_eq!(training.iter().filter(|trains| **trains).count(), 10);
+        }
+        let alone = &Split::one_by_one(&campaign)[3].held_out();
+        assert_eq!((0..20).filter(|pose| alone[*pose]).collect::<Vec<_>>(), [3, 13]);
+    }
 
     #[test]
     fn quantiles_lie_between_their_neighbours() {

@@ -67,7 +67,12 @@ fn parts(fitted: &Fitted<'_>, joint: usize) -> Vec<Part> {
             let chain = Chain::nominal(arm, &fitted.campaign.poses[pose].inputs.q);
             motion = Motion::of_joint(arm, &chain, joint);
             let seen = vec![0.0; active.len()];
-            parts.push(Part { position: inputs.q[joint], own: 0.0, pull: 0.0, seen });
+            parts.push(Part {
+                position: fitted.campaign.poses[pose].inputs.q[joint],
+                own: 0.0,
+                pull: 0.0,
+                seen,
+            });
         }
         let Some(part) = parts.last_mut() else { return };
         at.rows.fill(effects_from, at.motions, &mut full);

@@ -41,6 +41,10 @@ wrench_frame = \"base\"
 sigma = { target1_x_mm = 0.01, target1_y_mm = 0.01, target1_z_mm = 0.01 }
 ";
 
+/// Where targets on the base, on the base, and on joint 2's link are at the zero position, m.
+const ON_LINKS: [(usize, [f64; 3]); 3] =
+    [(0, [0.2, 0.1, 0.1]), (0, [-0.2, 0.1, 0.1]), (2, [0.15, 0.2, 1.0])];
+
 /// Joint positions, degrees, and the force on the tool, N.
 type Row = ([f64; 6], [f64; 3]);
 
@@ -182,4 +186,59 @@ fn the_sag_of_the_others_may_stay_in_and_that_is_said() {
     assert_eq!((&on["sag"]["taken_out"], &off["sag"]["taken_out"]), (&true.into(), &false.into()));
     assert!(number(&off["sag"]["moved_points_um"]).abs() < 1e-9, "{off:#}");
     assert_ne!(on["shift_um"], off["shift_um"]);
+}
+
+/// Loaded poses with targets on the base and on a link: the columns of targets 4 to 6.
+fn with_links() -> String {
+    let rows = loaded();
+    let text = format!("{}{EFFECTS}", preset(BASE).expect("preset").text);
+    let truth = RobotModel::parse("truth", &text).expect("sound").physics;
+    let table = csv(&rows, &seen(&rows));
+    let station = DMat3::from_rotation_z(2.0) * DMat3::from_rotation_x(0.02);
+    let mut chance = Chance::new(5);
+    let mut lines = table.lines();
+    let mut head = lines.next().expect("a head").to_owned();
+    for target in 4..=6 {
+        ["x", "y", "z"].iter().for_each(|axis| write!(head, ",target{target}_{axis}_mm").unwrap());
+    }
+    for (line, (q, force)) in lines.zip(&rows) {
+        let mut inputs = physics::Inputs::at_rest([0.0; physics::JOINTS_MAX]);
+        inputs.q.iter_mut().zip(q).for_each(|(slot, q)| *slot = q.to_radians());
+        inputs.wrench_base.force = DVec3::from_array(*force);
+        let real = truth.evaluate(&inputs, &physics::Memories::default()).real;
+        write!(head, "\n{line}").unwrap();
+        for (link, at) in ON_LINKS {
+            let at = DVec3::from_array(at);
+            let base = link.checked_sub(1).map_or(at, |joint: usize| real.bodies[joint].point(at));
+            let seen = station * base + DVec3::new(1.5, -2.0, 0.3);
+            for x in seen.to_array() {
+                write!(head, ",{:.5}", x * 1e3 + 0.002 * (chance.unit() - 0.5)).unwrap();
+            }
+        }
+    }
+    head + "\n"
+}
+
+#[test]
+fn targets_on_links_tell_the_stiffness_of_one_joint_and_how_the_base_stands() {
+    let place = Place::new();
+    place.file("links.csv", &with_links());
+    let on = "target4_on_link = 0\ntarget5_on_link = 0\ntarget6_on_link = 2\n";
+    place.file("links.toml", &format!("{ABOUT}{on}"));
+    let files = ["--json", "c.json", "--seed", "7", "--out", "robot2.toml", "links.csv"];
+    place.succeed(&[&["calibrate", "--model", BASE][..], &files].concat());
+    let found = place.json("c.json");
+    let list = found["stiffness"]["one_by_one"].as_array().expect("joints");
+    let second = list.iter().find(|j| j["joint"] == 2).expect("joint 2");
+    let (value, sigma) = (number(&second["compliance_mrad_per_knm"]), number(&second["sigma"]));
+    assert!((value - 4.0).abs() < 4.0 * sigma && sigma < 0.2, "{value} ± {sigma}");
+    // The base stands still: what shows of a tilt is noise.
+    let tilt = &found["base_tilt"];
+    let turn: f64 = (0..3).map(|k| number(&tilt["turn_mrad"][k]).powi(2)).sum::<f64>().sqrt();
+    assert!(turn < 5.0 * number(&tilt["sigma_mrad"]) && tilt["poses"] == 79, "{tilt:#}");
+    // Targets on links are no targets of the tool.
+    assert!(number(&found["heldout"]["advanced"]["mean"]) < 0.03, "{:#}", found["heldout"]);
+    place.file("links.toml", &format!("{ABOUT}target4_on_link = 6\n"));
+    let done = place.run(&["calibrate", "--model", BASE, "--out", "m.toml", "links.csv"]);
+    assert!(done.code == Some(2) && done.err.contains("target4_on_link"), "{done:#?}");
 }

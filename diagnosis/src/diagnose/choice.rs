@@ -203,7 +203,7 @@ impl<'a> Choice<'a> {
         let mut seen = vec![title(&self.entries[own].candidate)];
         let mut near = Vec::new();
         for (place, would, _) in self.open(&gram, Some(own)) {
-            let name = title(&self.entries[place]);
+            let name = title(&self.entries[place].candidate);
             let behind = (gain.gain - would.gain) / self.design_effect;
             let may_come = behind < 2.0 * ALIKE + BEHIND * gain.gain / self.design_effect;
             if !seen.contains(&name) && may_come {

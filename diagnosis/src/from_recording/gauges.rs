@@ -9,6 +9,7 @@ use super::Unusable;
 use crate::campaign::{Campaign, Instrument, Noise, Observation, Place, Reading};
 use crate::surroundings::{Anchor, Fitted, Plane, Sphere, Surroundings};
 use glam::DVec3;
+use physics::Arm;
 use recording::series::{Channel, Distance, Recording, TouchedPlane, TouchedSphere};
 use std::collections::BTreeMap;
 
@@ -158,6 +159,28 @@ pub(super) fn read(
         let whitening = noise.whitening(DVec3::ZERO).ok_or_else(refused)?;
         if let Some(pose) = campaign.poses.get_mut(first + row) {
             pose.seen.push(Observation { reading, whitening, instrument });
+        }
+    }
+    Ok(())
+}
+
+/// Takes targets that sit on the base or on links out of every fit: they are no points of the tool.
+pub(super) fn leave_out_links(
+    arm: &Arm,
+    campaign: &mut Campaign,
+    recordings: &[Recording],
+) -> Result<(), Unusable> {
+    for (target, link) in crate::on_links::places(recordings) {
+        if link >= arm.count() {
+            return Err(Unusable::NoSuchLink { target: target + 1, link, joints: arm.count() });
+        }
+        for pose in &mut campaign.poses {
+            pose.seen.retain(|seen| {
+                !matches!(seen.reading, Reading::Point { place: Place::Target(t), .. } if t == target)
+            });
+        }
+        if let Some(place) = campaign.surroundings.targets.get_mut(target) {
+            place.free = false;
         }
     }
     Ok(())

@@ -1,3 +1,5 @@
+//! Robots that have one effect more than all others, and the same robots without it: what the selection says of them.
+
 use super::*;
 use crate::made::{empty, nominal};
 use crate::proof::{Errors, calibrate};

@@ -1,3 +1,5 @@
+//! Sweeps of a robot whose axes, gap and compliance are known.
+
 use super::*;
 use crate::made::{empty, nominal};
 use crate::simulate;

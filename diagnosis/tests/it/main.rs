@@ -7,6 +7,7 @@
 
 mod irb120;
 mod kuka_3smr;
+mod sets;
 
 use std::path::PathBuf;
 

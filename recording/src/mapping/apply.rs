@@ -83,7 +83,7 @@ impl MappedColumn {
     fn theirs(&self) -> &[String] {
         match &self.from {
             Source::Column(name) | Source::Numbers(name, _) => std::slice::from_ref(name),
-            Source::Labels(names) => names,
+            Source::Labels(names) | Source::Sum(names) => names,
             Source::Constant(_) | Source::Row(_) => &[],
         }
     }
@@ -101,6 +101,13 @@ impl MappedColumn {
         let first = places.first().copied();
         let values = match (&self.from, first) {
             (Source::Labels(_), _) => labels(table, &places),
+            (Source::Sum(_), _) => {
+                let mut sum = vec![0.0; rows];
+                for at in &places {
+                    sum.iter_mut().zip(builder.numbers(*at)).for_each(|(sum, x)| *sum += x);
+                }
+                sum
+            }
             (Source::Numbers(_, numbers), Some(at)) => stands_for(table, at, numbers, builder),
             (Source::Column(_), Some(at)) => builder.numbers(at),
             (Source::Row(step), _) => (0..rows).map(|row| row as f64 * step).collect(),

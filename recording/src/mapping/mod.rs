@@ -50,6 +50,8 @@ enum Source {
     Labels(Vec<String>),
     /// A column of theirs whose texts stand for these numbers.
     Numbers(String, Vec<(String, f64)>),
+    /// Columns of theirs that are added.
+    Sum(Vec<String>),
     /// The same value in each row.
     Constant(f64),
     /// The row's number times this.

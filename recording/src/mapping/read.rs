@@ -178,6 +178,7 @@ enum Names {
     Pattern(String),
     List(Vec<String>),
     Labels(Vec<String>),
+    Sum(Vec<String>),
     Numbers(String, Vec<(String, f64)>),
     Constant(f64),
     Row(f64),
@@ -197,6 +198,7 @@ impl Names {
             Self::Pattern(name) => Source::Column(name.replacen('*', &theirs.to_string(), 1)),
             Self::List(names) => Source::Column(names.get(at)?.clone()),
             Self::Labels(names) => Source::Labels(names.clone()),
+            Self::Sum(names) => Source::Sum(names.clone()),
             Self::Numbers(name, numbers) => Source::Numbers(name.clone(), numbers.clone()),
             Self::Constant(value) => Source::Constant(*value),
             Self::Row(step) => Source::Row(*step),
@@ -206,6 +208,7 @@ impl Names {
 
 fn sources(entry: &Table<'_, '_>) -> Option<Names> {
     let labels = entry.flag("labels").unwrap_or_default();
+    let sum = entry.flag("sum").unwrap_or_default();
     let numbers = entry.table("numbers").map(|table| numbers(&table));
     let constant = entry.number("constant", ..);
     let step = entry.number("per_row", ..);
@@ -213,7 +216,14 @@ fn sources(entry: &Table<'_, '_>) -> Option<Names> {
         None => None,
         Some(DeValue::Array(list)) => {
             let names: Option<Vec<String>> = list.iter().map(|v| name_of(v.get_ref())).collect();
-            names.map(|names| if labels { Names::Labels(names) } else { Names::List(names) })
+            let of = if labels {
+                Names::Labels
+            } else if sum {
+                Names::Sum
+            } else {
+                Names::List
+            };
+            names.map(of)
         }
         Some(value) => name_of(value).map(|name| match numbers {
             Some(numbers) => Names::Numbers(name, numbers),

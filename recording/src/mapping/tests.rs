@@ -79,13 +79,14 @@ fn texts_become_numbers_as_said_or_as_their_combinations_appear() {
         t_s = {{ per_row = 1.0 }}
         segment = {{ from = ["run", "kind"], labels = true }}
         station = {{ from = "run", numbers = {{ {numbers} }} }}
-        q1_rad = {{ from = "q" }}
+        q1_rad = {{ from = ["q", "q"], sum = true, sign = -1 }}
     "#
         )
     };
     let text = "run,kind,q\na,x,1\na,y,2\nb,x,3\na,x,4\nc,x,5\n";
     let recording = apply(&mapping("a = 7, b = 8, c = 7"), text).unwrap();
     assert_eq!(recording.segment, [0, 1, 2, 0, 3]);
+    assert_eq!(recording.column(Channel::Command(0)).unwrap()[1], -4.0);
     assert_eq!(recording.column(Channel::Station).unwrap(), [7.0, 7.0, 8.0, 7.0, 7.0]);
     let missing = apply(&mapping("a = 7, b = 8"), text).unwrap_err().to_string();
     for says in ["`run`: \"c\" stands for no number", "x.csv:6:1", "one of: a, b", "`keep`"] {
@@ -213,12 +214,12 @@ fn tracker_poses_keep_the_distances_of_their_reflectors() {
 #[test]
 fn both_motoman_arms_are_read_through_their_mappings() {
     let file = "motoman-leica/leica_poses_all.csv";
-    for (arm, rows, segments) in [("right", 432, 11), ("left", 312, 7)] {
+    for (arm, rows, segments) in [("right", 420, 11), ("left", 208, 1)] {
         let mapping = format!("motoman-leica-{arm}");
         let Some(recording) = real(&mapping, file, Need::Measurement) else { return };
         assert_eq!((recording.len(), recording.joint_count()), (rows, 7));
         assert_eq!(recording.segment.iter().max(), Some(&(segments - 1)));
-        assert_eq!(recording.sigma(Channel::Position(2)), Some(6e-6));
+        assert_eq!(recording.sigma(Channel::Target(0, 2)), Some(6e-6));
     }
 }
 

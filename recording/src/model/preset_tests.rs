@@ -75,6 +75,36 @@ fn fr3(q: &[f64]) -> DMat4 {
         * modified(0.0, 0.0, 107.0, 0.0)
 }
 
+/// FANUC's own Denavit-Hartenberg figures; joint 3 is J2 + J3.
+fn fanuc(q: &[f64]) -> DMat4 {
+    standard(q[0], 670.0, 312.0, -FRAC_PI_2)
+        * standard(q[1] - FRAC_PI_2, 0.0, 1075.0, PI)
+        * standard(q[2], 0.0, 225.0, -FRAC_PI_2)
+        * standard(q[3], -1280.0, 0.0, FRAC_PI_2)
+        * standard(q[4], 0.0, 0.0, -FRAC_PI_2)
+        * standard(q[5], -235.0, 0.0, PI)
+}
+
+/// `side` is 1 for the right arm and -1 for the left; the holder's figures are d, a, offset.
+fn motoman(q: &[f64], side: f64, [d, a, offset]: [f64; 3]) -> DMat4 {
+    standard(q[0] - FRAC_PI_2, -263.0, 0.0, side * 15_f64.to_radians())
+        * standard(q[1], 1415.9, 150.0, -FRAC_PI_2)
+        * standard(q[2] - FRAC_PI_2, 0.0, 614.0, PI)
+        * standard(q[3], 0.0, 200.0, -FRAC_PI_2)
+        * standard(q[4], -640.0, 0.0, FRAC_PI_2)
+        * standard(q[5] - FRAC_PI_2, 0.0, 30.0, FRAC_PI_2)
+        * standard(q[6], 200.0, 0.0, 0.0)
+        * standard(offset, d, a, 0.0)
+}
+
+fn motoman_right(q: &[f64]) -> DMat4 {
+    motoman(q, 1.0, [245.0, 45.0, -0.38])
+}
+
+fn motoman_left(q: &[f64]) -> DMat4 {
+    motoman(q, -1.0, [250.0, 50.0, 0.0])
+}
+
 /// Poses spread over the range by the golden ratio: the same on every machine.
 fn poses(model: &RobotModel, count: usize) -> Vec<Joints> {
     let joints = model.physics.arm.joints();
@@ -96,11 +126,14 @@ type Case = (&'static str, fn(&[f64]) -> DMat4);
 
 #[test]
 fn every_preset_agrees_with_its_denavit_hartenberg_figures() {
-    let cases: [Case; 6] = [
+    let cases: [Case; 9] = [
         ("irb120", irb120),
         ("irb1600-6-145", irb1600),
         ("irb1600-6-145-thesis", irb1600),
+        ("fanuc-r2000ib", fanuc),
         ("kuka-kr240", kuka),
+        ("motoman-right", motoman_right),
+        ("motoman-left", motoman_left),
         ("ur10e", ur10e),
         ("fr3", fr3),
     ];

@@ -22,7 +22,17 @@ macro_rules! presets {
     };
 }
 
-presets!["irb120", "irb1600-6-145", "irb1600-6-145-thesis", "kuka-kr240", "ur10e", "fr3"];
+presets![
+    "irb120",
+    "irb1600-6-145",
+    "irb1600-6-145-thesis",
+    "fanuc-r2000ib",
+    "kuka-kr240",
+    "motoman-right",
+    "motoman-left",
+    "ur10e",
+    "fr3",
+];
 
 /// The preset with this name.
 #[must_use]

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use toml::de::DeValue;
 
-use super::channel::{Channel, Column, TARGETS_MAX};
+use super::channel::{Channel, Column, JOINTS_MAX, TARGETS_MAX};
 use super::gauges::Gauges;
 use crate::faults::Faults;
 use crate::walk::{Document, POSITIVE, Table, number_of};
@@ -108,6 +108,8 @@ pub struct About {
     pub torque_per_ampere: Vec<f64>,
     /// Known places of targets, m, tool frame; by target from 0.
     pub targets_tool: BTreeMap<usize, [f64; 3]>,
+    /// Targets that sit on the base (0) or on the link that a joint (from 1) moves, instead of the tool; by target from 0.
+    pub targets_on_link: BTreeMap<usize, usize>,
     /// What is for validation only.
     pub heldout: Heldout,
     /// The cut, for the force domain.
@@ -152,6 +154,7 @@ impl About {
             approach: table.choice("approach", &approaches).unwrap_or_default(),
             torque_per_ampere: table.numbers("torque_per_ampere", ..).unwrap_or_default(),
             targets_tool: targets_of(table),
+            targets_on_link: links_of(table),
             heldout: heldout_of(table),
             cut: table.table("cut").and_then(|cut| cut_of(&cut)),
             gauges: Gauges::of(table),
@@ -199,6 +202,19 @@ fn targets_of(table: &Table<'_, '_>) -> BTreeMap<usize, [f64; 3]> {
         }
     }
     targets
+}
+
+fn links_of(table: &Table<'_, '_>) -> BTreeMap<usize, usize> {
+    let mut links = BTreeMap::new();
+    for target in 0..TARGETS_MAX {
+        let key = format!("target{}_on_link", target + 1);
+        if table.keys().any(|name| name == key)
+            && let Some(link) = table.whole(&key, 0..JOINTS_MAX as i64)
+        {
+            links.extend(usize::try_from(link).ok().map(|link| (target, link)));
+        }
+    }
+    links
 }
 
 fn heldout_of(table: &Table<'_, '_>) -> Heldout {

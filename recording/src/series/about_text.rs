@@ -36,6 +36,9 @@ impl Recording {
             let mm = place.map(|m| m / 1e-3);
             line(&mut out, &format!("target{}_mm", target + 1), &list(&mm));
         }
+        for (target, link) in &about.targets_on_link {
+            line(&mut out, &format!("target{}_on_link", target + 1), &link.to_string());
+        }
         match &about.heldout {
             Heldout::Unsaid => {}
             Heldout::All => line(&mut out, "heldout", "\"all\""),

@@ -79,7 +79,11 @@ impl Gauges {
     pub(super) fn of(table: &Table<'_, '_>) -> Self {
         Self {
             distances: numbered(table, "distance", |table| Some(distance_of(table))),
-            probe: table.has("probe").then(|| table.table("probe")).flatten().and_then(probe_of),
+            probe: table
+                .has("probe")
+                .then(|| table.table("probe"))
+                .flatten()
+                .and_then(|table| probe_of(&table)),
             planes: numbered(table, "plane", plane_of),
             spheres: numbered(table, "sphere", |table| Some(sphere_of(table))),
         }
@@ -165,11 +169,11 @@ fn distance_of(table: &Table<'_, '_>) -> Distance {
     Distance { anchor_m, target: target_of(table), offset_m }
 }
 
-fn probe_of(table: Table<'_, '_>) -> Option<Probe> {
+fn probe_of(table: &Table<'_, '_>) -> Option<Probe> {
     table.require("radius_mm", "the radius of the probe's ball, 0 for a point");
     let radius = table.number("radius_mm", 0.0..);
     let sigma_m = table.number("sigma_mm", POSITIVE).map(|sigma| sigma * MM);
-    let target = target_of(&table);
+    let target = target_of(table);
     table.close();
     Some(Probe { radius_m: radius? * MM, target, sigma_m })
 }

@@ -241,6 +241,7 @@ fn distances_and_touches_are_read_with_what_the_toml_says_of_them() {
     let table = "t_s,q1_deg,distance1_mm,distance3_m,touch_plane,touch_sphere\n\
                  0,1,500.5,,0,2\n1,2,,0.7,1,\n";
     let about = "schema = \"trued.recording/1\"\nsigma = { distance1_mm = 0.002 }\n\
+                 target3_on_link = 2\n\
                  [distance1]\nanchor_mm = [900.0, 0.0, 100.0]\ntarget = 2\noffset_mm = \"fitted\"\n\
                  [distance3]\noffset_mm = 0.25\n\
                  [probe]\nradius_mm = 3.0\nsigma_mm = 0.004\ntarget = 1\n\
@@ -249,6 +250,7 @@ fn distances_and_touches_are_read_with_what_the_toml_says_of_them() {
     let about = About::parse("run.toml", about).unwrap();
     let recording = read_text("run.csv", table, None, Some(about), Need::Measurement).unwrap();
     let gauges = &recording.about.gauges;
+    assert_eq!(recording.about.targets_on_link[&2], 2);
     assert_eq!(gauges.distances[&0].target, Some(1));
     assert_eq!(gauges.distances[&0].offset_m, None);
     assert_eq!(gauges.distances[&2].offset_m, Some(0.25e-3));

@@ -92,3 +92,39 @@ fn stages(
 fn axis(source: &Source<'_>, joint: &Joint<'_, '_>) -> Option<DVec3> {
     source.vector(child(joint.node, "axis")?, "xyz")?.try_normalize()
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::faults::Faults;
+    use crate::urdf::tests::ARM;
+    use crate::urdf::{Ends, Import, parse};
+
+    fn high(text: &str) -> Result<Import, Faults> {
+        parse("arm.urdf", text, &Ends { base: None, tip: Some("high") })
+    }
+
+    #[test]
+    fn stages_that_slide_together_are_one_joint_and_others_that_follow_are_refused() {
+        let stages = |share: f64| {
+            let stage = |name: &str, parent: &str, offset: f64| {
+                format!(
+                    r#"<link name="{name}"/><joint name="to_{name}" type="prismatic"><parent link="{parent}"/><child link="{name}"/>
+                    <origin xyz="0.1 0 0"/><axis xyz="1 0 0"/><limit lower="0" upper="0.2" velocity="1" effort="1"/>
+                    <mimic joint="slide" multiplier="{share}" offset="{offset}"/></joint>"#
+                )
+            };
+            let both =
+                format!("{}{}</robot>", stage("low", "arm", 0.02), stage("high", "low", 0.03));
+            ARM.replace("</robot>", &both)
+        };
+        let import = high(&stages(0.5)).unwrap();
+        let [turn, slide] = import.model.file.joints.as_slice() else { panic!("two joints") };
+        assert_eq!((turn.name.as_str(), slide.name.as_str()), ("turn", "slide"));
+        assert_eq!(slide.limits, [0.0, 400.0]);
+        let tcp = import.model.file.tool.tcp_mm;
+        assert!((tcp[0] - 250.0).abs() < 1e-9 && (tcp[2] - 500.0).abs() < 1e-9, "{tcp:?}");
+        assert!(import.notes[0].contains("to_low, to_high slide together as joint slide"));
+        let uneven = high(&stages(0.4)).unwrap_err().plain();
+        assert!(uneven.contains("`joint to_low`: follows the joint `slide`"), "{uneven}");
+    }
+}

@@ -247,30 +247,6 @@ fn what_a_serial_arm_cannot_have_is_refused_by_name() {
 }
 
 #[test]
-fn stages_that_slide_together_are_one_joint_and_others_that_follow_are_refused() {
-    let stages = |share: f64| {
-        let stage = |name: &str, parent: &str, offset: f64| {
-            format!(
-                r#"<link name="{name}"/><joint name="to_{name}" type="prismatic"><parent link="{parent}"/><child link="{name}"/>
-                <origin xyz="0.1 0 0"/><axis xyz="1 0 0"/><limit lower="0" upper="0.2" velocity="1" effort="1"/>
-                <mimic joint="slide" multiplier="{share}" offset="{offset}"/></joint>"#
-            )
-        };
-        let both = format!("{}{}</robot>", stage("low", "arm", 0.02), stage("high", "low", 0.03));
-        ARM.replace("</robot>", &both)
-    };
-    let import = tip(&stages(0.5), "high").unwrap();
-    let [turn, slide] = import.model.file.joints.as_slice() else { panic!("two joints") };
-    assert_eq!((turn.name.as_str(), slide.name.as_str()), ("turn", "slide"));
-    assert_eq!(slide.limits, [0.0, 400.0]);
-    let tcp = import.model.file.tool.tcp_mm;
-    assert!((tcp[0] - 250.0).abs() < 1e-9 && (tcp[2] - 500.0).abs() < 1e-9, "{tcp:?}");
-    assert!(import.notes[0].contains("to_low, to_high slide together as joint slide"));
-    let uneven = tip(&stages(0.4), "high").unwrap_err().plain();
-    assert!(uneven.contains("`joint to_low`: follows the joint `slide`"), "{uneven}");
-}
-
-#[test]
 fn a_branch_asks_for_a_chain_and_a_named_one_is_taken() {
     let finger = r#"<link name="finger"><inertial><mass value="1"/></inertial></link>
       <joint name="grip" type="continuous"><parent link="hand"/><child link="finger"/></joint>

@@ -8,6 +8,7 @@ mod alone;
 mod found;
 mod model;
 pub(super) mod numbers;
+mod open;
 mod page;
 mod things;
 mod told;
@@ -34,6 +35,8 @@ use crate::progress;
 
 /// Poses that train, at least.
 const TRAINING_LEAST: usize = 6;
+/// Readings that place a station of the instrument, at least.
+const STATION_LEAST: usize = 3;
 /// Stages that the progress shows.
 const STAGES: u64 = 6;
 /// How often the progress draws while a stage lasts.
@@ -42,8 +45,8 @@ const TICK: Duration = Duration::from_millis(200);
 /// Identify the robot: from tracker measurements to a calibrated model with its uncertainty
 ///
 /// Recordings hold joint positions and what was measured there: points (x, y, z), reflectors, orientations, joint positions on the link side,
-/// distances (ballbar, cable), touches of a probe. The measuring frame, the reflectors' places, fixed points and what is touched are fitted along where
-/// they are not said. Three models are compared on poses that took no part in any fit: the model as it is,
+/// distances (ballbar, cable), touches of a probe. The measuring frame (one for each `station` that rows name), the reflectors' places, fixed points and what is
+/// touched are fitted along where they are not said. Three models are compared on poses that took no part in any fit: the model as it is,
 /// with the geometry of every joint, and with the effects that the data ask for; the last is written. Exit 1 where a gross fault (swapped columns, a wrong
 /// unit or sign, a mirrored frame, a wrong tool) makes a fit senseless; then no model is written.
 #[derive(Debug, Args)]
@@ -64,7 +67,7 @@ pub(crate) struct Calibrate {
     sag: Sag,
     #[command(flatten)]
     seed: Seed,
-    /// Recordings of one robot, each with a measuring frame of its own
+    /// Recordings of one robot, each with measuring frames of its own
     #[arg(value_name = "RECORDING", required = true)]
     recordings: Vec<PathBuf>,
 }
@@ -105,7 +108,7 @@ impl Calibrate {
         let found = Found::of(model, &recordings, campaign, parts, &mut |stage| {
             step(&progress, stage);
         })?;
-        let alone = Alone::of(&found.campaign, &found.last, self.sag == Sag::On);
+        let alone = Alone::of(&found.campaign, &recordings, &found.last, self.sag == Sag::On);
         progress.finish_and_clear();
         let text = model::renewed(&found)?;
         crate::atomic::write(&self.out, |file| file.write_all(text.as_bytes()))?;
@@ -162,8 +165,30 @@ impl Calibrate {
                 count(trains, "pose")
             )));
         }
+        check_stations(campaign, &parts.split)?;
         Ok(parts)
     }
+}
+
+/// A station that no pose which trains places cannot be judged.
+fn check_stations(campaign: &Campaign, split: &Split) -> Result<(), Failure> {
+    for frame in 0..campaign.surroundings.frames.len() {
+        let poses = campaign.poses.iter().zip(&split.training);
+        let here = poses.filter(|(pose, _)| pose.frame() == Some(frame));
+        let (trains, held): (Vec<_>, Vec<_>) = here.partition(|(_, trains)| **trains);
+        let seen: usize = trains.iter().map(|(pose, _)| pose.seen.len()).sum();
+        let is_free = campaign.surroundings.frames[frame].free;
+        if is_free && seen < STATION_LEAST && !held.is_empty() {
+            return Err(Failure::input(format!(
+                "station {} of the instrument has {} in the poses that train and {} held out, expected at least {STATION_LEAST} to know where it \
+                 stood: measure more there, give its rows the `station` of another, or change --heldout",
+                frame + 1,
+                count(seen, "reading"),
+                held.len()
+            )));
+        }
+    }
+    Ok(())
 }
 
 fn step(progress: &ProgressBar, stage: &'static str) {

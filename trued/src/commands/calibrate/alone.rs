@@ -3,15 +3,16 @@
 //! Promises: what was taken out for sag is told with what it changed; a joint that sweeps say nothing of is told too.
 //! Never: a part in the model that is written: its fit has the same readings, all at once.
 
+mod words;
+
 use diagnosis::loaded::{self, NEGLIGIBLE_M, Worth};
+use diagnosis::on_links::{self, BaseTilt};
 use diagnosis::single_joint::{JointAxis, Sag};
-use diagnosis::stiffness::Compliances;
+use diagnosis::stiffness::{Compliances, one_after_the_other};
 use diagnosis::sweeps::{self, OfJoint, Relative, Said};
 use diagnosis::{Campaign, Fit};
-use report::{fixed, significant};
+use recording::series::Recording;
 use serde::Serialize;
-
-use crate::input::count;
 
 /// rad in mrad, m in mm.
 const MILLI: f64 = 1e3;
@@ -27,6 +28,8 @@ pub(super) struct Alone {
     axes: Vec<Relative>,
     pairs: usize,
     compliances: Option<Compliances>,
+    by_links: Option<Compliances>,
+    base_tilt: Option<BaseTilt>,
     worth: Vec<Worth>,
     rows: Vec<(usize, usize)>,
     taken_out: bool,
@@ -38,6 +41,17 @@ pub(super) struct Report {
     joint_models: Vec<ModelReport>,
     axes: Vec<AxesReport>,
     stiffness: Option<StiffnessReport>,
+    base_tilt: Option<TiltReport>,
+}
+
+/// How the base tilted at the pose where it tilted most, against the first.
+#[derive(Serialize)]
+struct TiltReport {
+    row: usize,
+    poses: usize,
+    turn_mrad: [f64; 3],
+    sigma_mrad: f64,
+    blind: [f64; 3],
 }
 
 #[derive(Serialize)]
@@ -93,6 +107,8 @@ struct AxesReport {
 struct StiffnessReport {
     pairs: usize,
     joints: Vec<CompliantJoint>,
+    /// From targets on the links, one joint after the other.
+    one_by_one: Vec<CompliantJoint>,
     not_told: Vec<usize>,
     left: Option<f64>,
     by_load_um: Option<Bending>,
@@ -121,7 +137,12 @@ struct Bending {
 
 impl Alone {
     /// `fit` tells where instruments stand and what gives way.
-    pub(super) fn of(campaign: &Campaign, fit: &Fit, taken_out: bool) -> Self {
+    pub(super) fn of(
+        campaign: &Campaign,
+        recordings: &[Recording],
+        fit: &Fit,
+        taken_out: bool,
+    ) -> Self {
         let (model, around) = (&fit.hypothesis.model, &fit.surroundings);
         let sag = if taken_out { Sag::AllOthers } else { Sag::AsMeasured };
         let said = sweeps::said(model, sag, sweeps::sweeps(&model.arm, campaign, around));
@@ -130,9 +151,15 @@ impl Alone {
         let pairs = loaded::pairs(&model.arm, campaign, around);
         let noise_m = typical_noise(campaign, fit);
         let compliances = loaded::compliances(&model.arm, &pairs, noise_m).ok().flatten();
+        let on_links = on_links::points(campaign, recordings, around);
+        let cases = on_links::loaded(&model.arm, campaign, &on_links);
+        let by_links = one_after_the_other(&model.arm, &cases, noise_m).ok();
+        let by_links = by_links.filter(|_| !cases.is_empty());
+        let base_tilt = on_links::base_tilt(&on_links, noise_m);
         let worth = loaded::worth(model, campaign);
         let rows = campaign.poses.iter().map(|pose| (pose.recording, pose.row + 1)).collect();
-        Self { said, joints, axes, pairs: pairs.len(), compliances, worth, rows, taken_out }
+        let pairs = pairs.len();
+        Self { said, joints, axes, pairs, compliances, by_links, base_tilt, worth, rows, taken_out }
     }
 
     pub(super) fn report(&self) -> Report {
@@ -141,6 +168,13 @@ impl Alone {
             joint_models: self.joints.iter().flat_map(model).collect(),
             axes: self.axes.iter().map(axes).collect(),
             stiffness: self.stiffness(),
+            base_tilt: self.base_tilt.map(|tilt| TiltReport {
+                row: self.rows[tilt.pose].1,
+                poses: tilt.poses,
+                turn_mrad: (tilt.largest.turn * MILLI).to_array(),
+                sigma_mrad: tilt.largest.sigma_rad * MILLI,
+                blind: tilt.largest.blind.to_array(),
+            }),
         }
     }
 
@@ -177,25 +211,14 @@ impl Alone {
     }
 
     fn stiffness(&self) -> Option<StiffnessReport> {
-        if self.compliances.is_none() && self.worth.is_empty() {
+        if self.compliances.is_none() && self.by_links.is_none() && self.worth.is_empty() {
             return None;
         }
-        let compliances = self.compliances.iter();
-        let joints = compliances.flat_map(|found| {
-            let values = found.value.iter().enumerate();
-            values.filter_map(|(joint, value)| {
-                Some(CompliantJoint {
-                    joint: joint + 1,
-                    compliance_mrad_per_knm: (*value)? * COMPLIANCE,
-                    sigma: found.sigma(joint) * COMPLIANCE,
-                    stiffness_knm_per_rad: found.stiffness(joint).map(|(k, _)| k * 1e-3),
-                })
-            })
-        });
         let open = |found: &Compliances| found.undetermined.iter().map(|j| j + 1).collect();
         Some(StiffnessReport {
             pairs: self.pairs,
-            joints: joints.collect(),
+            joints: self.compliances.iter().flat_map(joints_of).collect(),
+            one_by_one: self.by_links.iter().flat_map(joints_of).collect(),
             not_told: self.compliances.as_ref().map(open).unwrap_or_default(),
             left: self.compliances.as_ref().map(|found| found.left),
             by_load_um: self.bending(),
@@ -230,92 +253,21 @@ impl Alone {
         let mut lines: Vec<String> = report.single_joint.iter().map(SweepReport::line).collect();
         lines.extend(report.axes.iter().map(AxesReport::line));
         lines.extend(report.stiffness.iter().flat_map(StiffnessReport::lines));
+        lines.extend(report.base_tilt.iter().map(TiltReport::line));
         lines
     }
 }
 
-impl SweepReport {
-    fn line(&self) -> String {
-        let head =
-            format!("joint {} alone (rows {} to {})", self.joint, self.rows[0], self.rows[1]);
-        if let Some(fault) = &self.fault {
-            return format!("{head}: {fault}");
-        }
-        let largest = |list: &[f64]| list.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-        let mut parts = Vec::new();
-        if let (Some(tilt), Some(shift)) = (&self.tilt_mrad, &self.shift_um) {
-            parts.push(format!(
-                "axis tilted by {} ± {} mrad and shifted by {} ± {} µm",
-                significant(tilt[0].hypot(tilt[1]), 2),
-                significant(largest(&self.sigma_tilt_mrad.unwrap_or_default()), 2),
-                significant(shift.iter().map(|x| x * x).sum::<f64>().sqrt(), 2),
-                significant(largest(&self.sigma_shift_um.unwrap_or_default()), 2)
-            ));
-        }
-        let off: Vec<f64> = self.steps.iter().map(|step| step.mean_mrad).collect();
-        parts.push(format!("position off by up to {} mrad", significant(largest(&off), 2)));
-        let lost: Vec<f64> =
-            self.steps.iter().filter_map(|step| step.half_lost_motion_mrad).collect();
-        if !lost.is_empty() {
-            let mean = 2.0 * lost.iter().sum::<f64>() / lost.len() as f64;
-            parts.push(format!("lost motion {} mrad", significant(mean, 2)));
-        }
-        if let Some(sag) = &self.sag {
-            parts.push(if sag.taken_out {
-                format!(
-                    "the others' sag taken out: points by up to {} µm, the axis by {} mrad and {} µm",
-                    significant(sag.moved_points_um, 2),
-                    significant(sag.turned_axis_mrad, 2),
-                    significant(sag.shifted_axis_um, 2)
-                )
-            } else {
-                "the others' sag left in".to_owned()
-            });
-        }
-        format!("{head}: {}", parts.join("; "))
-    }
-}
-
-impl AxesReport {
-    fn line(&self) -> String {
-        format!(
-            "axes {} and {}: {} ± {} mrad, {} ± {} mm apart",
-            self.joints[0],
-            self.joints[1],
-            fixed(self.angle_mrad, 3),
-            significant(self.sigma_angle_mrad, 2),
-            fixed(self.distance_mm, 3),
-            significant(self.sigma_distance_mm, 2)
-        )
-    }
-}
-
-impl StiffnessReport {
-    fn lines(&self) -> Vec<String> {
-        let mut lines = Vec::new();
-        let joint = |joint: &CompliantJoint| {
-            let (value, sigma) = (significant(joint.compliance_mrad_per_knm, 3), joint.sigma);
-            format!("joint {} {value} ± {}", joint.joint, significant(sigma, 2))
-        };
-        if !self.joints.is_empty() {
-            let all: Vec<String> = self.joints.iter().map(joint).collect();
-            let pairs = count(self.pairs, "loaded and unloaded pose");
-            lines.push(format!("compliance from {pairs}, mrad/kNm: {}", all.join(", ")));
-        }
-        lines.extend(self.by_load_um.as_ref().map(|load| {
-            format!(
-                "the loads move the tool by {} µm (largest {}); that they bend the arm (K_c) changes {} µm of it, {} at most; at most {} µm at {} of {}",
-                significant(load.deflection_median, 2),
-                significant(load.deflection_max, 2),
-                significant(load.enhanced_median, 2),
-                significant(load.enhanced_max, 2),
-                load.negligible_below,
-                load.negligible_rows.len(),
-                count(load.poses, "pose")
-            )
-        }));
-        lines
-    }
+fn joints_of(found: &Compliances) -> Vec<CompliantJoint> {
+    let joint = |(joint, value): (usize, &Option<f64>)| {
+        Some(CompliantJoint {
+            joint: joint + 1,
+            compliance_mrad_per_knm: (*value)? * COMPLIANCE,
+            sigma: found.sigma(joint) * COMPLIANCE,
+            stiffness_knm_per_rad: found.stiffness(joint).map(|(k, _)| k * 1e-3),
+        })
+    };
+    found.value.iter().enumerate().filter_map(joint).collect()
 }
 
 fn model(of: &OfJoint) -> Vec<ModelReport> {

@@ -1,0 +1,121 @@
+//! Targets that sit on the base or on a link instead of the tool: how the base tilts (thesis 3.6), and joint stiffness one joint after the other (3.13).
+//!
+//! Promises: such points take no part in the fit of everything; they are brought to the base frame by where it found the instruments.
+//! Never: a target on the last link: it moves with the tool, and is a target of the tool.
+
+use crate::campaign::{Campaign, Reading};
+use crate::loaded::unloaded_twin;
+use crate::single_joint::{TiltSeen, tilt_of_two_targets};
+use crate::stiffness::LoadedLink;
+use crate::surroundings::Surroundings;
+use glam::DVec3;
+use physics::{Arm, Wrench};
+use recording::series::{Channel, Recording};
+
+/// A target on the base or a link, seen at a pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinkPoint {
+    /// Place in the campaign's poses.
+    pub pose: usize,
+    /// From 0.
+    pub target: usize,
+    /// 0 for the base, else the joint (from 1) that moves the link.
+    pub link: usize,
+    /// m, base frame.
+    pub at_base: DVec3,
+}
+
+/// How the base tilted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BaseTilt {
+    /// Poses compared with the first.
+    pub poses: usize,
+    /// The pose with the largest tilt.
+    pub pose: usize,
+    /// The largest.
+    pub largest: TiltSeen,
+}
+
+/// Which targets sit where, by what any recording says: target and link.
+#[must_use]
+pub fn places(recordings: &[Recording]) -> Vec<(usize, usize)> {
+    let mut places: Vec<(usize, usize)> = recordings
+        .iter()
+        .flat_map(|recording| &recording.about.targets_on_link)
+        .map(|(target, link)| (*target, *link))
+        .collect();
+    places.sort_unstable();
+    places.dedup();
+    places
+}
+
+/// All points on links, in the order of the poses.
+#[must_use]
+pub fn points(
+    campaign: &Campaign,
+    recordings: &[Recording],
+    surroundings: &Surroundings,
+) -> Vec<LinkPoint> {
+    let places = places(recordings);
+    let mut points = Vec::new();
+    for (index, pose) in campaign.poses.iter().enumerate() {
+        let frame = pose.seen.iter().find_map(|seen| match seen.reading {
+            Reading::Point { frame, .. } => Some(frame),
+            _ => None,
+        });
+        let (Some(recording), Some(frame)) = (recordings.get(pose.recording), frame) else {
+            continue;
+        };
+        let back = surroundings.frames[frame].value.measuring_from_base.inverse();
+        for (target, link) in &places {
+            let value = |axis: usize| {
+                let column = recording.column(Channel::Target(*target, axis));
+                column.and_then(|column| column.get(pose.row)).copied().unwrap_or(f64::NAN)
+            };
+            let at = DVec3::from_array([0, 1, 2].map(value));
+            if at.is_finite() {
+                let at_base = back.point(at);
+                points.push(LinkPoint { pose: index, target: *target, link: *link, at_base });
+            }
+        }
+    }
+    points
+}
+
+/// The largest tilt of the base against the first pose, from the first two targets on it. `noise_m` is that of one coordinate.
+#[must_use]
+pub fn base_tilt(points: &[LinkPoint], noise_m: f64) -> Option<BaseTilt> {
+    let on_base: Vec<&LinkPoint> = points.iter().filter(|point| point.link == 0).collect();
+    let first = on_base.first()?.target;
+    let second = on_base.iter().map(|point| point.target).find(|target| *target != first)?;
+    let both = |group: &[&LinkPoint]| {
+        let at = |target: usize| group.iter().find(|p| p.target == target).map(|p| p.at_base);
+        Some((group.first()?.pose, [at(first)?, at(second)?]))
+    };
+    let mut seen = on_base.chunk_by(|a, b| a.pose == b.pose).filter_map(both);
+    let (_, before) = seen.next()?;
+    let tilts: Vec<(usize, TiltSeen)> = seen
+        .filter_map(|(pose, after)| Some((pose, tilt_of_two_targets(before, after, noise_m)?)))
+        .collect();
+    let (pose, largest) =
+        *tilts.iter().max_by(|a, b| a.1.turn.length().total_cmp(&b.1.turn.length()))?;
+    Some(BaseTilt { poses: tilts.len(), pose, largest })
+}
+
+/// Targets on links before and after a load came on.
+#[must_use]
+pub fn loaded(arm: &Arm, campaign: &Campaign, points: &[LinkPoint]) -> Vec<LoadedLink> {
+    let one = |point: &LinkPoint| {
+        let joint = point.link.checked_sub(1)?;
+        let pose = &campaign.poses[point.pose];
+        if pose.inputs.wrench_base == Wrench::ZERO {
+            return None;
+        }
+        let twin = unloaded_twin(arm, campaign, point.pose)?;
+        let same = |other: &&LinkPoint| other.pose == twin && other.target == point.target;
+        let before = points.iter().find(same)?.at_base;
+        let (q, wrench_base) = (pose.inputs.q, pose.inputs.wrench_base);
+        Some(LoadedLink { joint, q, wrench_base, before, after: point.at_base })
+    };
+    points.iter().filter_map(one).collect()
+}
