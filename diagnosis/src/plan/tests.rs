@@ -164,7 +164,9 @@ fn each_criterion_is_the_best_at_its_own() {
         (gain, plan.poses.last().expect("poses").tool_m[1])
     };
     let (d, zone) = (figures(Criterion::D), figures(Criterion::Zone));
+    let random = figures(Criterion::Random);
     assert!(d.0 > zone.0 && zone.1 < d.1, "{d:?} {zone:?}");
+    assert!(d.0 > random.0 + 1.0 && zone.1 < 0.9 * random.1, "{d:?} {zone:?} {random:?}");
 }
 
 #[test]

@@ -32,7 +32,7 @@ pub(crate) enum Command {
     Demo(demo::Demo),
     Gears(gears::Gears),
     Model(model::Model),
-    Plan(plan::Plan),
+    Plan(Box<plan::Plan>),
     Reload(reload::Reload),
     Replay(replay::Replay),
     Run(run::Run),
