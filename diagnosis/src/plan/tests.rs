@@ -1,3 +1,5 @@
+//! Plans against simulated campaigns: what is chosen passes, beats chance, and says what the fit then finds.
+
 use super::*;
 use crate::campaign::Noise;
 use crate::made::{empty, nominal};
