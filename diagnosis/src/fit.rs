@@ -7,7 +7,7 @@
 //! Never: a choice of effects; see [`mod@crate::select`].
 
 use crate::campaign::Campaign;
-use crate::hypothesis::{Hypothesis, named};
+use crate::hypothesis::Hypothesis;
 use crate::independent::{Dependent, sort};
 use crate::minimise::{Minimum, minimise};
 use crate::problem::{Look, State, Weighing, cost, data_triangle, visit};
@@ -15,7 +15,6 @@ use crate::result::{Fit, Parts};
 use crate::robust::{Influence, scale, weight};
 use crate::start;
 use crate::surroundings::Surroundings;
-use physics::spec::Range;
 
 /// Rounds in which the noise's scale and the set of determined numbers may change.
 const SETTLING: usize = 4;
@@ -61,12 +60,11 @@ pub fn fit(campaign: &Campaign, hypothesis: &Hypothesis, settings: &Settings<'_>
     let mut fitting = Fitting::new(campaign, state, settings.used);
     match settings.effort {
         Effort::Full => {
-            fitting.settle(settings.from.is_none());
-            for influence in stages(settings.influence) {
-                fitting.weigh(*influence);
+            fitting.settle(settings.from.is_none(), settings.influence);
+            if settings.influence == Influence::Redescending {
+                fitting.weigh(Influence::Redescending);
             }
-            fitting.final_factors();
-            fitting.run(usize::MAX);
+            fitting.end();
         }
         Effort::Sketch => fitting.sketch(settings.influence),
     }
@@ -83,18 +81,14 @@ pub fn compare(campaign: &Campaign, hypothesis: &Hypothesis, before: &Fit, used:
     fitting.weighing.factors.clone_from(&before.factors);
     fitting.choose_columns();
     fitting.run(STEPS);
-    if !fitting.bound() {
-        fitting.run(STEPS);
-    }
+    fitting.leave_at_zero();
+    fitting.run(STEPS);
     fitting.done()
 }
 
-fn stages(influence: Influence) -> &'static [Influence] {
-    match influence {
-        Influence::Equal => &[],
-        Influence::Huber => &[Influence::Huber],
-        Influence::Redescending => &[Influence::Huber, Influence::Redescending],
-    }
+/// What far readings keep while it is not yet known which are far: falling to nothing would hold them where they first seemed to be.
+fn careful(influence: Influence) -> Influence {
+    if influence == Influence::Redescending { Influence::Huber } else { influence }
 }
 
 struct Fitting<'a> {
@@ -103,7 +97,7 @@ struct Fitting<'a> {
     weighing: Weighing,
     active: Vec<usize>,
     dependent: Vec<Dependent>,
-    /// Columns held at zero since the data wanted them negative.
+    /// Columns held at zero in the end, since the data wanted them negative.
     bounded: Vec<usize>,
     minimum: Option<Minimum>,
     steps: usize,
@@ -124,36 +118,42 @@ impl<'a> Fitting<'a> {
         }
     }
 
-    fn settle(&mut self, afresh: bool) {
+    /// Follows the noise's scale, the weights and the set of determined numbers until they stand.
+    fn settle(&mut self, afresh: bool, influence: Influence) {
         if afresh {
             self.active = (0..self.state.surroundings.numbers().len()).collect();
-            self.rescale();
+            self.look_again(influence);
             self.run(STEPS);
         }
         for _ in 0..SETTLING {
             let before = (self.active.clone(), self.weighing.factors.clone());
-            self.rescale();
+            self.look_again(influence);
             self.choose_columns();
             self.run(STEPS);
             let stands = |(a, b): (&f64, &f64)| (a / b - 1.0).abs() < 0.05;
             let same_scale = self.weighing.factors.iter().zip(&before.1).all(stands);
-            if self.bound() && before.0 == self.active && same_scale {
+            if before.0 == self.active && same_scale {
                 break;
             }
         }
-        self.run(usize::MAX);
+        self.weigh(careful(influence));
     }
 
+    /// From where a fit has stood before: which readings are far is known.
     fn sketch(&mut self, influence: Influence) {
         self.rescale();
-        let redescends = influence == Influence::Redescending;
-        self.reweigh(if redescends { Influence::Huber } else { influence });
+        self.reweigh(influence);
         self.choose_columns();
         self.run(SKETCH);
-        self.bound();
-        // The triangle has to be that of the final factors.
+        self.leave_at_zero();
         self.final_factors();
         self.run(1);
+    }
+
+    /// Scale and weights by the residuals as they are.
+    fn look_again(&mut self, influence: Influence) {
+        self.rescale();
+        self.reweigh(careful(influence));
     }
 
     /// Follows the weights until they stand.
@@ -169,6 +169,12 @@ impl<'a> Fitting<'a> {
             }
             self.run(STEPS);
         }
+    }
+
+    /// What stays at zero; the final factors; and the triangle of all that.
+    fn end(&mut self) {
+        self.leave_at_zero();
+        self.final_factors();
         self.run(usize::MAX);
     }
 
@@ -180,42 +186,31 @@ impl<'a> Fitting<'a> {
         self.minimum = Some(found);
     }
 
-    /// Columns that the data determine; the others go back to what is believed of them.
+    /// Columns that the data determine, or a stated belief; the others go back to what is believed of them.
     fn choose_columns(&mut self) {
         let all: Vec<usize> = (0..self.state.width()).collect();
         let data = data_triangle(self.campaign, &self.state, &self.weighing, &all);
-        let (kept, dependent) = sort(&data, &self.state.widths());
-        self.active = kept.into_iter().filter(|column| !self.bounded.contains(column)).collect();
-        self.dependent = dependent;
+        let (mut kept, mut dependent) = sort(&data, &self.state.widths());
         let first = self.state.surroundings.numbers().len();
-        let believed: Vec<(usize, f64)> = self
-            .dependent
-            .iter()
-            .filter_map(|d| d.column.checked_sub(first))
-            .map(|k| (k, self.state.hypothesis.free[k].mean))
-            .collect();
+        let free = &self.state.hypothesis.free;
+        let of = |d: &Dependent| d.column.checked_sub(first);
+        let is_stated = |d: &Dependent| of(d).is_some_and(|k| free[k].stated);
+        kept.extend(dependent.iter().filter(|d| is_stated(d)).map(|d| d.column));
+        kept.sort_unstable();
+        dependent.retain(|d| !is_stated(d));
+        let believed: Vec<(usize, f64)> =
+            dependent.iter().filter_map(of).map(|k| (k, free[k].mean)).collect();
+        self.active = kept;
+        self.dependent = dependent;
         self.put(&believed);
     }
 
-    /// Holds at zero what must not be negative and would be; true where nothing had to be held.
-    fn bound(&mut self) -> bool {
-        let first = self.state.surroundings.numbers().len();
-        let hypothesis = &self.state.hypothesis;
-        let values = hypothesis.values();
-        // The steps end at zero.
-        let mut at_zero = Vec::new();
-        for (k, (free, value)) in hypothesis.free.iter().zip(values).enumerate() {
-            let entry = hypothesis.effect_of(free).and_then(|effect| named(effect, free.value));
-            let fitted = self.active.contains(&(first + k));
-            let bound = entry.is_some_and(|n| n.parameter.range == Range::NotNegative);
-            if fitted && bound && value <= 0.0 {
-                at_zero.push(first + k);
-            }
-        }
-        self.active.retain(|column| !at_zero.contains(column));
-        let none = at_zero.is_empty();
-        self.bounded.extend(at_zero);
-        none
+    /// Numbers that ended at the zero below which they must not go are held there: as if below zero they would stand for what others are.
+    fn leave_at_zero(&mut self) {
+        let lowest = self.state.lowest(&self.active);
+        let at_zero = self.active.iter().zip(&lowest).filter(|(_, least)| **least == 0.0);
+        self.bounded = at_zero.map(|(column, _)| *column).collect();
+        self.active.retain(|column| !self.bounded.contains(column));
     }
 
     /// Puts free numbers to values.
@@ -266,26 +261,24 @@ impl<'a> Fitting<'a> {
         Fit::of(campaign, parts)
     }
 
-    /// The factors by root mean square, which uses clean data whole, instead of by the median. A known noise stands unless the
-    /// residuals are too large for it (three standard deviations of their mean square).
+    /// The factors by root mean square, which uses clean data whole, instead of by the median; what weighs less than half is no part of the noise. A
+    /// known noise stands unless the residuals are too large for it (three standard deviations of their mean square).
     fn final_factors(&mut self) {
         let lengths = self.lengths();
-        let all: f64 = lengths.iter().map(|l| self.weighing.weights[l.0] * l.2 as f64).sum();
+        let clean = lengths.iter().filter(|l| self.weighing.weights[l.0] >= 0.5);
+        let all: f64 = clean.clone().map(|l| self.weighing.weights[l.0] * l.2 as f64).sum();
         let freedom = (all - self.active.len() as f64).max(1.0) / all.max(1.0);
         for (index, instrument) in self.campaign.instruments.iter().enumerate() {
             let (mut square, mut count) = (0.0, 0.0);
-            for (reading, _, numbers, length) in lengths.iter().filter(|l| l.1 == index) {
+            for (reading, _, numbers, length) in clean.clone().filter(|l| l.1 == index) {
                 let weight = self.weighing.weights[*reading];
                 square += weight * length * length;
                 count += weight * *numbers as f64;
             }
             let ratio = square / (count * freedom).max(1.0);
             let too_large = ratio > 1.0 + 3.0 * (2.0 / (count * freedom).max(1.0)).sqrt();
-            if !instrument.noise_is_known || too_large {
-                self.weighing.factors[index] = ratio.sqrt().max(1e-9);
-            } else {
-                self.weighing.factors[index] = 1.0;
-            }
+            self.weighing.factors[index] =
+                if !instrument.noise_is_known || too_large { ratio.sqrt().max(1e-9) } else { 1.0 };
         }
     }
 }

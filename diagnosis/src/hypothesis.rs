@@ -19,6 +19,8 @@ pub struct Free {
     pub mean: f64,
     /// The standard uncertainty of that belief, SI.
     pub sigma: f64,
+    /// Whether somebody stated that uncertainty; else it is [`much`].
+    pub stated: bool,
 }
 
 /// A model with the numbers of it that are free.
@@ -66,7 +68,8 @@ impl Hypothesis {
             let stated = sigma.get(value).copied().filter(|sigma| *sigma > 0.0);
             if named.is_some_and(|named| !kept.contains(&named.parameter.stem)) {
                 let sigma = stated.unwrap_or_else(|| much(&effect, value));
-                self.free.push(Free { effect: index, value, mean: *mean, sigma });
+                let stated = stated.is_some();
+                self.free.push(Free { effect: index, value, mean: *mean, sigma, stated });
             }
         }
     }
@@ -119,24 +122,77 @@ impl Hypothesis {
         self.free.iter().map(|free| effects[free.effect].values()[free.value]).collect()
     }
 
-    /// The free numbers after a step. A number that must stay above zero goes at most nine tenths of the way there, one that must not
-    /// be negative ends at zero.
+    /// The free numbers after a step. No number goes below where [`Hypothesis::lowest`] lets it; amplitude and phase of a wave go along the
+    /// straight line that their sine and cosine go.
     #[must_use]
     pub fn stepped(&self, step: &[f64]) -> Self {
         let mut next = self.clone();
-        for (free, by) in self.free.iter().zip(step) {
+        for ((free, by), least) in self.free.iter().zip(step).zip(self.lowest()) {
             if let Some(effect) = next.model.effect_mut(free.effect) {
-                let named = named(effect, free.value);
-                let value = &mut effect.values_mut()[free.value];
-                let wanted = *value + by;
-                *value = match named.map(|named| named.parameter.range) {
-                    Some(Range::Positive) => wanted.max(0.1 * *value),
-                    Some(Range::NotNegative) => wanted.max(0.0),
-                    _ => wanted,
-                };
+                effect.values_mut()[free.value] += by.max(least);
+            }
+        }
+        let values = self.values();
+        for (amplitude, phase) in self.waves() {
+            let (along, across) =
+                (values[amplitude] + step[amplitude], values[amplitude] * step[phase]);
+            if let Some(effect) = next.model.effect_mut(self.free[phase].effect) {
+                // The nearer of the two ways to write the same wave: an amplitude may be negative.
+                let sign = 1.0_f64.copysign(along);
+                let turn = libm::atan2(sign * across, sign * along);
+                effect.values_mut()[self.free[amplitude].value] = sign * along.hypot(across);
+                effect.values_mut()[self.free[phase].value] = values[phase] + turn;
             }
         }
         next
+    }
+
+    /// The lowest step that each free number may take: one that must stay above zero goes at most nine tenths of the way there, one that must
+    /// not be negative ends at zero.
+    #[must_use]
+    pub fn lowest(&self) -> Vec<f64> {
+        let values = self.values();
+        let least = |(free, value): (&Free, f64)| {
+            let named = self.effect_of(free).and_then(|effect| named(effect, free.value));
+            match named.map(|named| named.parameter.range) {
+                Some(Range::Positive) => -0.9 * value,
+                Some(Range::NotNegative) => -value,
+                _ => f64::NEG_INFINITY,
+            }
+        };
+        self.free.iter().zip(values).map(least).collect()
+    }
+
+    /// How large each free number may be: the width on which it counts as hardly known. A phase counts by what it does at the largest amplitude,
+    /// so that a wave whose amplitude stands near nothing for a moment keeps both its numbers.
+    pub(crate) fn widths(&self) -> Vec<f64> {
+        // A stated belief is no reason to leave a direction to others.
+        let wide = |free: &Free| self.effect_of(free).map_or(0.0, |e| much(e, free.value));
+        let of = |free: &Free| if free.stated { free.sigma.max(wide(free)) } else { free.sigma };
+        let mut widths: Vec<f64> = self.free.iter().map(of).collect();
+        let values = self.values();
+        for (amplitude, phase) in self.waves() {
+            let ratio = widths[amplitude] / values[amplitude].abs();
+            widths[phase] =
+                if ratio.is_finite() { widths[phase].max(ratio) } else { widths[phase] };
+        }
+        widths
+    }
+
+    /// Amplitude and phase of each wave of which both are free: places among the free numbers.
+    fn waves(&self) -> Vec<(usize, usize)> {
+        let entry = |free: &Free| named(self.effect_of(free)?, free.value);
+        let is = |free: &Free, stem: &str| entry(free).filter(|named| named.parameter.stem == stem);
+        let mut waves = Vec::new();
+        for (phase, of_phase) in self.free.iter().enumerate() {
+            let Some(named) = is(of_phase, "phase") else { continue };
+            let same = |free: &Free| {
+                let other = is(free, "amplitude");
+                free.effect == of_phase.effect && other.is_some_and(|o| o.index == named.index)
+            };
+            waves.extend(self.free.iter().position(same).map(|amplitude| (amplitude, phase)));
+        }
+        waves
     }
 
     /// What a free number is called: `joint 3: tilt 2 of axis_tilt`.
@@ -220,4 +276,57 @@ pub fn much(effect: &AnyEffect, value: usize) -> f64 {
 #[must_use]
 pub fn without_axial_part(axis: DVec3, shift: DVec3) -> DVec3 {
     shift - axis * axis.dot(shift)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::made::nominal;
+    use physics::Given;
+    use proptest::prelude::*;
+
+    /// One wave of joint 1 with amplitude and phase free.
+    fn wave(amplitude: f64, phase: f64) -> Hypothesis {
+        let mut hypothesis = Hypothesis::fixed(nominal());
+        let arm = hypothesis.model.arm;
+        let given: &[(&str, &[f64])] =
+            &[("amplitude", &[amplitude]), ("cycles", &[9.9]), ("phase", &[phase])];
+        let effect = AnyEffect::build("transmission_error", &arm, Some(0), Given(given));
+        hypothesis.add(effect.expect("sound"), &["cycles"]).expect("room");
+        hypothesis
+    }
+
+    proptest! {
+        #[test]
+        fn a_step_of_a_wave_is_straight_in_its_sine_and_cosine(
+            amplitude in 1e-6..1e-3_f64, phase in -3.0..3.0_f64, along in -2e-3..2e-3_f64, turn in -4.0..4.0_f64,
+        ) {
+            let before = wave(amplitude, phase);
+            let after = before.stepped(&[along, turn]).values();
+            let (sin, cos) = phase.sin_cos();
+            let sine = (amplitude + along) * cos - amplitude * turn * sin;
+            let cosine = (amplitude + along) * sin + amplitude * turn * cos;
+            prop_assert!((after[0] * after[1].cos() - sine).abs() < 1e-15);
+            prop_assert!((after[0] * after[1].sin() - cosine).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_wave_that_stands_near_nothing_keeps_its_phase_among_what_can_be_told() {
+        let strong = wave(5e-4, 0.0).widths()[1];
+        let weak = wave(1e-9, 0.0).widths()[1];
+        assert!((strong - 6.0).abs() < 1e-12 && weak * 1e-9 > 0.5e-3, "{strong}, {weak}");
+        assert!(wave(0.0, 0.0).widths()[1].is_finite());
+    }
+
+    #[test]
+    fn what_must_stay_above_zero_stays_there_and_what_may_be_zero_ends_there() {
+        let mut hypothesis = Hypothesis::fixed(nominal());
+        let arm = hypothesis.model.arm;
+        let given: &[(&str, &[f64])] = &[("width", &[1e-4]), ("torque", &[20.0])];
+        let effect = AnyEffect::build("lost_motion", &arm, Some(1), Given(given));
+        hypothesis.add(effect.expect("sound"), &[]).expect("room");
+        let after = hypothesis.stepped(&[-1.0, -100.0]).values();
+        assert!(after[0].abs() < 1e-18 && (after[1] - 2.0).abs() < 1e-12, "{after:?}");
+    }
 }

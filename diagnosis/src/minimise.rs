@@ -1,7 +1,8 @@
 //! Levenberg-Marquardt: steps towards the least weighed sum of squares.
 //!
 //! The step solves `min |J dx − r|² + λ |D dx|²`, D the largest column norms seen so far (Moré 1978); λ follows the ratio of what a
-//! step gave to what it promised (Nielsen 1999). A step that does not lower the sum costs no new derivatives.
+//! step gave to what it promised (Nielsen 1999). A step that does not lower the sum costs no new derivatives. A number that would go below its bound is put there, and the others step
+//! beside it.
 //!
 //! Promises: the sum never rises; the same input gives the same bits; it ends after a bounded number of steps.
 //! Never: a choice of columns or weights.
@@ -45,12 +46,13 @@ pub(crate) fn minimise(
         for (j, norm) in largest.iter_mut().enumerate() {
             *norm = norm.max(triangle.norm(j));
         }
-        if triangle.total() - triangle.rest() <= ENOUGH * sum {
+        let lowest = state.lowest(active);
+        if left_to_gain(&triangle, &lowest) <= ENOUGH * sum {
             converged = true;
             break;
         }
         let weights: Vec<f64> = largest.iter().map(|norm| damping.sqrt() * norm).collect();
-        let step = triangle.solve(&weights);
+        let step = triangle.solve_above(&weights, &lowest);
         let promised = promise(&triangle, &step);
         let mut full = vec![0.0; state.width()];
         active.iter().zip(&step).for_each(|(column, by)| full[*column] = *by);
@@ -77,6 +79,14 @@ pub(crate) fn minimise(
         }
     }
     Minimum { state, triangle, data, steps, converged }
+}
+
+/// By how much the linearised sum would fall with a full step.
+fn left_to_gain(triangle: &Triangle, lowest: &[f64]) -> f64 {
+    if lowest.iter().all(|least| least.is_infinite()) {
+        return triangle.total() - triangle.rest();
+    }
+    promise(triangle, &triangle.solve_above(&vec![0.0; lowest.len()], lowest))
 }
 
 /// By how much the linearised sum falls with this step.

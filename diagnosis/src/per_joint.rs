@@ -106,6 +106,7 @@ fn finish(mut at: Hypothesis, part: &Triangle, kept: &[usize], nuisances: usize)
             determined[number] = true;
             at.free[number].mean = values[number];
             at.free[number].sigma = row.iter().map(|x| x * x).sum::<f64>().sqrt();
+            at.free[number].stated = true;
         }
     }
     let free = part.rows().saturating_sub(kept.len()).max(1);
@@ -160,7 +161,8 @@ fn push(hypothesis: &mut Hypothesis, effect: AnyEffect, values: &[usize], sigma:
     let index = hypothesis.model.effects().len();
     // A nominal model has room for two effects.
     if hypothesis.model.push(effect).is_ok() {
-        let free = |value: &usize| Free { effect: index, value: *value, mean: 0.0, sigma };
+        let free =
+            |value: &usize| Free { effect: index, value: *value, mean: 0.0, sigma, stated: false };
         hypothesis.free.extend(values.iter().map(free));
     }
 }

@@ -36,10 +36,18 @@ impl State {
         }
     }
 
+    /// The lowest step that each of these columns may take.
+    pub(crate) fn lowest(&self, active: &[usize]) -> Vec<f64> {
+        let first = self.surroundings.numbers().len();
+        let lowest = self.hypothesis.lowest();
+        let of = |column: &usize| column.checked_sub(first).map(|k| lowest[k]);
+        active.iter().map(|column| of(column).unwrap_or(f64::NEG_INFINITY)).collect()
+    }
+
     /// How large each column's number may be: the width on which it counts as hardly known.
     pub(crate) fn widths(&self) -> Vec<f64> {
         let surroundings = self.surroundings.numbers().into_iter().map(Number::much);
-        surroundings.chain(self.hypothesis.free.iter().map(|free| free.sigma)).collect()
+        surroundings.chain(self.hypothesis.widths()).collect()
     }
 }
 

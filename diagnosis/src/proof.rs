@@ -118,8 +118,8 @@ pub fn calibrate(
     training: &[bool],
     heard: &mut dyn FnMut(&'static str),
 ) -> Calibration {
-    let settings =
-        Settings { used: training, influence: Influence::Huber, from: None, effort: Effort::Full };
+    let influence = Influence::Redescending;
+    let settings = Settings { used: training, influence, from: None, effort: Effort::Full };
     heard("the model as it is");
     let nominal = fit(campaign, &Hypothesis::fixed(*model), &settings);
     heard("the geometry");

@@ -127,7 +127,13 @@ impl<'a> Fitted<'a> {
                 }
                 let effect = batch.model.effects().len() - 1;
                 let sigma = much(&probe.effect, probe.value);
-                batch.free.push(Free { effect, value: probe.value, mean: 0.0, sigma });
+                batch.free.push(Free {
+                    effect,
+                    value: probe.value,
+                    mean: 0.0,
+                    sigma,
+                    stated: false,
+                });
             }
             end += 1;
         }

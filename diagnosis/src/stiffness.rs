@@ -140,7 +140,7 @@ impl Compliances {
             }
             hypothesis.free.retain(|free| free.effect != index);
             let sigma = self.sigma(joint);
-            hypothesis.free.push(Free { effect: index, value: 0, mean, sigma });
+            hypothesis.free.push(Free { effect: index, value: 0, mean, sigma, stated: true });
         }
         Ok(())
     }

@@ -151,6 +151,36 @@ impl Triangle {
         damped.back(damped.column(self.width).to_vec())
     }
 
+    /// As [`Triangle::solve`] with no `x` below its `lowest`: what would go below is put there, and the others are solved for beside it.
+    #[must_use]
+    pub fn solve_above(&self, damping: &[f64], lowest: &[f64]) -> Vec<f64> {
+        let mut x = self.solve(damping);
+        let mut held = vec![false; self.width];
+        loop {
+            let below = |j: &usize| !held[*j] && x[*j] < lowest[*j];
+            let beyond: Vec<usize> = (0..self.width).filter(below).collect();
+            if beyond.is_empty() {
+                return x;
+            }
+            beyond.into_iter().for_each(|j| held[j] = true);
+            let free = |j: usize, value: f64| if held[j] { 0.0 } else { value };
+            let mut others = Self::new(self.width);
+            for i in 0..=self.width {
+                let row: Vec<f64> =
+                    (0..self.width).map(|j| if i <= j { self.at(i, j) } else { 0.0 }).collect();
+                let taken: f64 =
+                    (0..self.width).filter(|j| held[*j]).map(|j| row[j] * lowest[j]).sum();
+                let row: Vec<f64> =
+                    row.iter().enumerate().map(|(j, value)| free(j, *value)).collect();
+                others.push(&row, self.at(i, self.width) - taken);
+            }
+            others.reduce();
+            let damping: Vec<f64> = damping.iter().enumerate().map(|(j, d)| free(j, *d)).collect();
+            x = others.solve(&damping);
+            (0..self.width).filter(|j| held[*j]).for_each(|j| x[j] = lowest[j]);
+        }
+    }
+
     /// `R⁻¹ right`; a zero on the diagonal gives a zero.
     #[must_use]
     pub fn back(&self, mut right: Vec<f64>) -> Vec<f64> {
@@ -263,6 +293,18 @@ mod tests {
             for i in 0..4 {
                 let back: f64 = (i..4).map(|j| inverse[i][j - i] * product[j]).sum();
                 prop_assert!((back - x[i]).abs() < 1e-6, "{back} not {}", x[i]);
+            }
+        }
+
+        #[test]
+        fn no_bounded_solution_could_fall_further((rows, right) in system(), lowest in prop::collection::vec(-0.2..0.0_f64, 4)) {
+            let x = triangle(&rows, &right).solve_above(&[0.0; 4], &lowest);
+            let left: Vec<f64> = rows.iter().zip(&right).map(|(row, r)| r - dot(row, &x)).collect();
+            for j in 0..4 {
+                prop_assert!(x[j] >= lowest[j]);
+                // The slope of the sum of squares is zero, or pushes against the bound (which the way there may have taken up too early).
+                let slope: f64 = rows.iter().zip(&left).map(|(row, l)| row[j] * l).sum();
+                prop_assert!(slope.abs() < 1e-8 || x[j] == lowest[j], "{j}: {slope}");
             }
         }
 

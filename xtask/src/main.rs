@@ -7,6 +7,7 @@
     reason = "a chore talks to the person who ran it"
 )]
 
+mod calibrate;
 mod seeds;
 mod watch;
 
@@ -14,6 +15,7 @@ use std::process::ExitCode;
 
 const HELP: &str = "\
 cargo xtask seeds [COUNT] [--full]   the demo over COUNT seeds (20): tool error with over without, per seed, middle and worst
+cargo xtask calibrate [CAMPAIGNS] [--out=DIR]   the calibration: the thesis' virtual robot, coverage of intervals over CAMPAIGNS (1000), outliers, time
 cargo xtask watch [HOURS] [--from=JSON] [--out=DIR]   the vibration watch: detection, false alarms in HOURS (10) of noise per axis, transients, cost
 ";
 
@@ -22,6 +24,7 @@ fn main() -> ExitCode {
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let done = match words.as_slice() {
         ["seeds", rest @ ..] => seeds::run(rest),
+        ["calibrate", rest @ ..] => calibrate::run(rest),
         ["watch", rest @ ..] => watch::run(rest),
         _ => {
             print!("{HELP}");

@@ -170,3 +170,87 @@ fn distances_and_contacts_of_unknown_place_identify_the_arm_too() {
         );
     }
 }
+
+/// Poses with three reflectors, one reading in twenty grossly wrong by up to centimetres; the rows of these.
+fn spoilt(seed: u64) -> (Campaign, Vec<usize>) {
+    let campaign = empty(3, 120);
+    let mut campaign = simulate::readings(&campaign, &truth(), &campaign.surroundings, 1.0, seed);
+    let mut rows = Vec::new();
+    for (reading, pose) in (0..360).step_by(20).map(|k| (k % 3, k / 3)) {
+        if let Reading::Point { at, .. } = &mut campaign.poses[pose].seen[reading].reading {
+            at[reading] += [7e-4, -5e-3, 0.03][pose % 3];
+            rows.push(pose);
+        }
+    }
+    (campaign, rows)
+}
+
+#[test]
+fn gross_errors_in_every_twentieth_reading_cost_next_to_nothing_and_are_listed() {
+    let used = vec![true; 120];
+    let (mut clean_off, mut spoilt_off) = (0.0, 0.0);
+    for seed in 0..4 {
+        let campaign = empty(3, 120);
+        let clean = simulate::readings(&campaign, &truth(), &campaign.surroundings, 1.0, seed);
+        let (spoilt, rows) = spoilt(seed);
+        for (campaign, off) in [(&clean, &mut clean_off), (&spoilt, &mut spoilt_off)] {
+            let found = fit(campaign, &open(), &settings(&used, Influence::Redescending));
+            let lengths = found.off(&clean).into_iter().map(|off| off.off.length());
+            *off += lengths.sum::<f64>();
+            assert!(found.converged && (found.factors[0] - 1.0).abs() < 0.1, "{:?}", found.factors);
+        }
+        let found = fit(&spoilt, &open(), &settings(&used, Influence::Redescending));
+        let listed = found.outliers(&spoilt);
+        assert!(rows.iter().all(|row| listed.contains(row)), "{listed:?} for {rows:?}");
+    }
+    assert!(spoilt_off < 1.01 * clean_off, "{spoilt_off} against {clean_off}");
+}
+
+#[test]
+fn a_stated_belief_and_the_data_are_one_where_each_alone_is_weak() {
+    let mut campaign = empty(1, 60);
+    campaign.poses.iter_mut().for_each(|pose| pose.inputs.q[4] = 0.3);
+    let campaign = simulate::readings(&campaign, &truth(), &campaign.surroundings, 1.0, 3);
+    let mut hypothesis = open();
+    let is_wrist = |free: &crate::Free| {
+        let effect = hypothesis.effect_of(free).expect("there");
+        effect.spec().kind == "joint_offset" && effect.joint() == Some(4)
+    };
+    let wrist = hypothesis.free.iter().position(is_wrist).expect("free");
+    let used = vec![true; 60];
+    let unsaid = fit(&campaign, &hypothesis, &settings(&used, Influence::Equal));
+    let seen = unsaid.sigma(unsaid.column_of(wrist)).expect("seen");
+    let free = &mut hypothesis.free[wrist];
+    (free.mean, free.sigma, free.stated) = (1.9e-3, 2e-4, true);
+    let said = fit(&campaign, &hypothesis, &settings(&used, Influence::Equal));
+    let sigma = said.sigma(said.column_of(wrist)).expect("believed");
+    let both = (seen.powi(-2) + 2e-4_f64.powi(-2)).sqrt().recip();
+    assert!((sigma / both - 1.0).abs() < 0.02, "{sigma}, not {both}");
+    assert!(said.converged);
+}
+
+#[test]
+fn a_wave_is_found_from_the_opposite_phase() {
+    let with_wave = |amplitude: f64, phase: f64| {
+        let arm = nominal().arm;
+        let given: &[(&str, &[f64])] =
+            &[("amplitude", &[amplitude]), ("cycles", &[7.857]), ("phase", &[phase])];
+        AnyEffect::build("transmission_error", &arm, Some(3), Given(given)).expect("sound")
+    };
+    let mut robot = truth();
+    robot.push(with_wave(3e-4, 1.0)).expect("room");
+    let campaign = empty(3, 120);
+    let campaign = simulate::readings(&campaign, &robot, &campaign.surroundings, 1.0, 5);
+    let used = vec![true; 120];
+    for start in [1.0, 1.0 + 0.5 * std::f64::consts::PI, 1.0 - std::f64::consts::PI] {
+        let mut hypothesis = open();
+        hypothesis.add(with_wave(1e-5, start), &["cycles"]).expect("room");
+        let found = fit(&campaign, &hypothesis, &settings(&used, Influence::Redescending));
+        assert!(found.converged && found.steps < 40, "{} steps", found.steps);
+        let values = found.hypothesis.values();
+        let [amplitude, phase] = values[values.len() - 2..] else { unreachable!() };
+        let off = (amplitude * phase.cos() - 3e-4 * 1.0_f64.cos())
+            .hypot(amplitude * phase.sin() - 3e-4 * 1.0_f64.sin());
+        assert!(off < 6e-5, "{amplitude} {phase}");
+    }
+}

@@ -74,7 +74,7 @@ impl Found {
         let around = Some(&advanced.surroundings);
         let settings = Settings {
             used: &used,
-            influence: Influence::Huber,
+            influence: Influence::Redescending,
             from: around,
             effort: Effort::Full,
         };

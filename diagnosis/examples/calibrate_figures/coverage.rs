@@ -1,0 +1,328 @@
+//! How often 95 % intervals hold the truth, over simulated campaigns whose truth is drawn anew each time: with the effects given, and after
+//! the data have chosen them.
+//!
+//! Frame and reflectors are unknown, the tracker is blunter across its beam than along it. Numbers that the poses leave undetermined are zero in
+//! the truth too: where they stand is a matter of naming.
+
+use crate::rig::{self, between};
+use diagnosis::expected::tool_uncertainty;
+use diagnosis::hypothesis::{Hypothesis, describe, named};
+use diagnosis::proof::calibrate;
+use diagnosis::{
+    Campaign, Effort, Fit, Influence, Noise, Reading, Settings, Surroundings, fit, geometry,
+    simulate,
+};
+use glam::DVec3;
+use physics::frame::vector_from_rotation;
+use physics::{AnyEffect, Given, Inputs, Memories, Model};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::StandardNormal;
+use serde_json::{Value, json};
+use std::error::Error;
+
+const POSES: usize = 80;
+/// A laser tracker: 10 µm + 2 µm/m along the beam, 15 µm + 6 µm/m across.
+const TRACKER: Noise = Noise::Tracker { along: (1e-5, 2e-6), across: (1.5e-5, 6e-6) };
+const RANGES_DEG: [[f64; 2]; 6] = [
+    [-80.0, 80.0],
+    [-40.0, 50.0],
+    [-60.0, 40.0],
+    [-120.0, 120.0],
+    [-100.0, 100.0],
+    [-170.0, 170.0],
+];
+/// 95 % of a normal distribution lie within this many standard deviations.
+const WITHIN: f64 = 1.959_964;
+/// Compliance of joint 2 as a file states it, with its standard uncertainty, rad/Nm.
+const STATED: (f64, f64) = (2.2e-6, 3e-7);
+
+/// Linear effects of which the truth has all: kind, stem, joint (from 0), range of the number, SI.
+const EFFECTS: [(&str, &str, usize, [f64; 2]); 9] = [
+    ("joint_compliance", "compliance", 2, [3e-6, 1e-5]),
+    ("joint_compliance", "compliance", 4, [5e-5, 2e-4]),
+    ("backlash", "width", 0, [5e-5, 2e-4]),
+    ("backlash", "width", 1, [5e-5, 2e-4]),
+    ("backlash", "width", 3, [1e-4, 4e-4]),
+    ("backlash", "width", 4, [1e-4, 4e-4]),
+    ("backlash", "width", 5, [2e-4, 6e-4]),
+    ("joint_ratio", "ratio", 3, [-3e-4, 3e-4]),
+    ("joint_ratio", "ratio", 4, [-3e-4, 3e-4]),
+];
+/// Waves: joint (from 0), cycles per revolution.
+const WAVES: [(usize, f64); 2] = [(0, 9.923), (3, 7.857)];
+
+/// Everything free that the truth may have; the numbers at nothing.
+fn open(nominal: &Model) -> Option<Hypothesis> {
+    let mut hypothesis = geometry(nominal, &[]);
+    let arm = nominal.arm;
+    let build = |kind, joint, given: &[(&str, &[f64])]| {
+        AnyEffect::build(kind, &arm, Some(joint), Given(given)).ok()
+    };
+    let first = hypothesis.model.effects().len();
+    let stated = build("joint_compliance", 1, &[("compliance", &[STATED.0])])?;
+    hypothesis.model.push(stated).ok()?;
+    hypothesis.free_all(first, &[], &[STATED.1]);
+    for (kind, stem, joint, _) in EFFECTS {
+        hypothesis.add(build(kind, joint, &[(stem, &[0.0])])?, &[]).ok()?;
+    }
+    for (joint, cycles) in WAVES {
+        let given: &[(&str, &[f64])] =
+            &[("amplitude", &[1e-4]), ("cycles", &[cycles]), ("phase", &[0.0])];
+        hypothesis.add(build("transmission_error", joint, given)?, &["cycles"]).ok()?;
+    }
+    Some(hypothesis)
+}
+
+/// A truth drawn for `open`; `fixed` are free numbers that stay where they are.
+fn draw(open: &Hypothesis, fixed: &[usize], chance: &mut ChaCha8Rng) -> Model {
+    let mut truth = *open.model;
+    let drawn = open.free.iter().enumerate().filter(|(k, _)| !fixed.contains(k));
+    for (_, free) in drawn {
+        let Some(effect) = open.effect_of(free) else { continue };
+        let (kind, joint) = (effect.spec().kind, effect.joint());
+        let normal: f64 = chance.sample(StandardNormal);
+        let listed = EFFECTS.iter().find(|e| e.0 == kind && Some(e.2) == joint);
+        let stem = named(effect, free.value).map_or("", |named| named.parameter.stem);
+        let value = match (kind, stem, listed) {
+            (_, _, Some((.., [low, high]))) => between(chance, *low, *high),
+            ("joint_offset", ..) => 2e-3 * normal,
+            ("axis_tilt", ..) => 1e-3 * normal,
+            ("axis_shift", ..) => 5e-4 * normal,
+            (_, "amplitude", _) => between(chance, 1e-4, 3e-4),
+            (_, "phase", _) => between(chance, -3.0, 3.0),
+            _ => free.mean + free.sigma * normal,
+        };
+        if let Some(effect) = truth.effect_mut(free.effect) {
+            effect.values_mut()[free.value] = value;
+        }
+    }
+    truth
+}
+
+fn empty(nominal: &Model) -> Option<Campaign> {
+    let mut chance = ChaCha8Rng::seed_from_u64(77);
+    let inputs: Vec<Inputs> = (0..POSES).map(|_| rig::inputs(&mut chance, &RANGES_DEG)).collect();
+    rig::campaign(&nominal.arm, &inputs, TRACKER)
+}
+
+/// How far each fitted number lies from the truth, in its standard uncertainties, with its name.
+fn deviates(found: &Fit, truth: &Model, around: &Surroundings) -> Vec<(usize, f64)> {
+    let mut off = off_surroundings(&found.surroundings, around);
+    let truth = Hypothesis { model: Box::new(*truth), free: found.hypothesis.free.clone() };
+    let pairs = found.hypothesis.values().into_iter().zip(truth.values());
+    off.extend(pairs.map(|(found, truth)| truth - found));
+    same_waves(found, &truth, &mut off);
+    let deviate = |column: &usize| Some((*column, off[*column] / found.sigma(*column)?));
+    found.columns().iter().filter_map(deviate).collect()
+}
+
+/// Truth minus found, one per fitted number of the surroundings (one frame, reflectors).
+fn off_surroundings(found: &Surroundings, truth: &Surroundings) -> Vec<f64> {
+    let mut off = Vec::new();
+    for (found, truth) in found.frames.iter().zip(&truth.frames).filter(|(found, _)| found.free) {
+        let (here, there) = (found.value.measuring_from_base, truth.value.measuring_from_base);
+        let rotation = there.rotation * here.rotation.transpose();
+        let turned = found.value.pivot + rotation * (here.origin - found.value.pivot);
+        off.extend(vector_from_rotation(&rotation).to_array());
+        off.extend((there.origin - turned).to_array());
+    }
+    for (found, truth) in found.targets.iter().zip(&truth.targets).filter(|(found, _)| found.free) {
+        off.extend((truth.value - found.value).to_array());
+    }
+    off
+}
+
+/// A wave of negative amplitude is one of the opposite phase, and phases come back after a turn.
+fn same_waves(found: &Fit, truth: &Hypothesis, off: &mut [f64]) {
+    let (values, truths) = (found.hypothesis.values(), truth.values());
+    for (k, free) in found.hypothesis.free.iter().enumerate() {
+        let stem = |free: &diagnosis::Free| {
+            let effect = found.hypothesis.effect_of(free)?;
+            Some(named(effect, free.value)?.parameter.stem)
+        };
+        if stem(free) != Some("phase") {
+            continue;
+        }
+        let same = |other: &diagnosis::Free| {
+            other.effect == free.effect && stem(other) == Some("amplitude")
+        };
+        let Some(amplitude) = found.hypothesis.free.iter().position(same) else { continue };
+        let sign = 1.0_f64.copysign(values[amplitude]);
+        let half = if sign < 0.0 { std::f64::consts::PI } else { 0.0 };
+        let (column, phase) = (found.column_of(amplitude), found.column_of(k));
+        off[column] = sign * truths[amplitude] - values[amplitude];
+        let turn = truths[k] - values[k] - half;
+        off[phase] = libm::atan2(turn.sin(), turn.cos());
+    }
+}
+
+/// Puts one reading in twenty, drawn by chance, grossly wrong: by a quarter of a millimetre up to centimetres.
+fn spoil(campaign: &mut Campaign, chance: &mut ChaCha8Rng) {
+    for seen in campaign.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
+        if chance.random::<f64>() >= 0.05 {
+            continue;
+        }
+        if let Reading::Point { at, .. } = &mut seen.reading {
+            let away = DVec3::from_array([0; 3].map(|_| chance.sample(StandardNormal)));
+            *at += away.normalize_or(DVec3::X) * 10.0_f64.powf(between(chance, -3.6, -1.5));
+        }
+    }
+}
+
+/// A fit of a robot that has all that may be found: it shows what the poses leave open.
+fn pilot(empty: &Campaign, open: &Hypothesis, settings: &Settings<'_>) -> Fit {
+    let drawn = draw(open, &[], &mut ChaCha8Rng::seed_from_u64(1));
+    let made = simulate::readings(empty, &drawn, &empty.surroundings, 1.0, 1);
+    fit(&made, open, settings)
+}
+
+/// The free numbers that a fit did not determine.
+fn left_open(found: &Fit) -> Vec<usize> {
+    let open = |k: &usize| found.sigma(found.column_of(*k)).is_none();
+    (0..found.hypothesis.free.len()).filter(open).collect()
+}
+
+/// Coverage with the effects given, clean and with outliers.
+pub(crate) fn fixed(campaigns: u64) -> Result<Value, Box<dyn Error>> {
+    let nominal = rig::model("irb1600-6-145")?;
+    let open = open(&nominal).ok_or("no hypothesis")?;
+    let empty = empty(&nominal).ok_or("no campaign")?;
+    let used = vec![true; POSES];
+    let mut all = serde_json::Map::new();
+    for (name, influence, known, outliers) in [
+        ("clean", Influence::Redescending, true, false),
+        ("clean_noise_unknown", Influence::Redescending, false, false),
+        ("outliers", Influence::Redescending, true, true),
+        ("outliers_noise_unknown", Influence::Redescending, false, true),
+        ("outliers_huber", Influence::Huber, true, true),
+    ] {
+        let mut empty = empty.clone();
+        empty.instruments[0].noise_is_known = known;
+        let settings = Settings { used: &used, influence, from: None, effort: Effort::Full };
+        let pilot = pilot(&empty, &open, &settings);
+        let fixed = left_open(&pilot);
+        let runs = rig::for_seeds(campaigns, |seed| {
+            let mut chance = ChaCha8Rng::seed_from_u64(1000 + seed);
+            let truth = draw(&open, &fixed, &mut chance);
+            let mut made = simulate::readings(&empty, &truth, &empty.surroundings, 1.0, seed);
+            if outliers {
+                spoil(&mut made, &mut chance);
+            }
+            let found = fit(&made, &open, &settings);
+            let same = found.columns() == pilot.columns();
+            let deviates = deviates(&found, &truth, &empty.surroundings);
+            (deviates, found.converged, same, found.factors[0], found.design_effect)
+        });
+        let converged = runs.iter().filter(|run| run.1).count();
+        let same = runs.iter().filter(|run| run.2).count();
+        let factor = rig::median(runs.iter().map(|run| run.3).collect());
+        let inflated = runs.iter().filter(|run| run.4 > 1.0).count();
+        let list: Vec<Vec<(usize, f64)>> = runs.into_iter().map(|run| run.0).collect();
+        let mut told = covered(&list, &|column| name_of(&pilot, column));
+        told["converged"] = converged.into();
+        told["same_numbers"] = same.into();
+        told["noise_factor"] = factor.into();
+        told["design_effect_above_one"] = inflated.into();
+        all.insert(name.to_owned(), told);
+    }
+    Ok(Value::Object(all))
+}
+
+fn name_of(found: &Fit, column: usize) -> String {
+    let numbers = found.surroundings.numbers();
+    let free = column.checked_sub(numbers.len()).and_then(|k| found.hypothesis.free.get(k));
+    match (numbers.get(column), free) {
+        (Some(number), _) => found.surroundings.describe(*number),
+        (_, Some(free)) => {
+            found.hypothesis.effect_of(free).map_or(String::new(), |e| describe(e, free.value))
+        }
+        _ => String::new(),
+    }
+}
+
+/// Pooled coverage, the share of the numbers whose own lies between 93 and 97 %, and those outside.
+fn covered(runs: &[Vec<(usize, f64)>], name: &dyn Fn(usize) -> String) -> Value {
+    let width = runs.iter().flatten().map(|(column, _)| column + 1).max().unwrap_or(0);
+    let mut counts = vec![(0.0, 0.0, 0.0); width];
+    for (column, deviate) in runs.iter().flatten() {
+        let one = &mut counts[*column];
+        one.0 += f64::from(u8::from(deviate.abs() <= WITHIN));
+        one.1 += 1.0;
+        one.2 += deviate * deviate;
+    }
+    let pooled = counts.iter().map(|c| c.0).sum::<f64>() / counts.iter().map(|c| c.1).sum::<f64>();
+    let numbers: Vec<(usize, f64, f64)> = (0..width)
+        .filter(|k| counts[*k].1 > 0.0)
+        .map(|k| (k, counts[k].0 / counts[k].1, (counts[k].2 / counts[k].1).sqrt()))
+        .collect();
+    let inside = numbers.iter().filter(|(_, share, _)| (0.93..=0.97).contains(share)).count();
+    let outside = numbers.iter().filter(|(_, share, _)| !(0.93..=0.97).contains(share));
+    let outside: Vec<Value> = outside
+        .map(|(k, share, rms)| json!({ "number": name(*k), "covered": share, "rms_deviate": rms }))
+        .collect();
+    json!({
+        "campaigns": runs.len(), "numbers": numbers.len(), "pooled": pooled,
+        "share_of_numbers_within_93_to_97": inside as f64 / numbers.len() as f64,
+        "outside": outside,
+    })
+}
+
+/// Coverage after the data have chosen the effects: of the numbers of those effects that the truth has and that were found, and how far the
+/// tool really is from where the model puts it against what is expected.
+pub(crate) fn selected(campaigns: u64) -> Result<Value, Box<dyn Error>> {
+    let nominal = rig::model("irb1600-6-145")?;
+    let open = open(&nominal).ok_or("no hypothesis")?;
+    let mut empty = empty(&nominal).ok_or("no campaign")?;
+    // Where the robot and its reflectors stand is known here: it is the tool in the base frame that is judged.
+    empty.surroundings.frames[0].free = false;
+    empty.surroundings.targets.iter_mut().for_each(|target| target.free = false);
+    let used = vec![true; POSES];
+    let settings =
+        Settings { used: &used, influence: Influence::Huber, from: None, effort: Effort::Full };
+    let fixed = left_open(&pilot(&empty, &open, &settings));
+    let asked: Vec<Inputs> = {
+        let mut chance = ChaCha8Rng::seed_from_u64(78);
+        (0..POSES).map(|_| rig::inputs(&mut chance, &RANGES_DEG)).collect()
+    };
+    let runs = rig::for_seeds(campaigns, |seed| {
+        let mut chance = ChaCha8Rng::seed_from_u64(1000 + seed);
+        let truth = draw(&open, &fixed, &mut chance);
+        let made = simulate::readings(&empty, &truth, &empty.surroundings, 1.0, seed);
+        let found = calibrate(&made, &nominal, &[], &used, &mut |_| ()).advanced;
+        let at = |model: &Model, inputs: &Inputs| {
+            model.evaluate(inputs, &Memories::default()).real.base_from_tool.origin
+        };
+        let model = &found.fit.hypothesis.model;
+        let erred = asked.iter().map(|i| (at(model, i) - at(&truth, i)).length_squared());
+        let expected = tool_uncertainty(&found.fit, &asked);
+        let expected: f64 = expected.iter().map(|u| u * u).sum();
+        (of_truth(&found.fit, &truth), erred.sum::<f64>(), expected, found.chosen.len())
+    });
+    let ratio = rig::median(runs.iter().map(|run| (run.1 / run.2).sqrt()).collect());
+    let effects = rig::median(runs.iter().map(|run| run.3 as f64).collect());
+    let deviates: Vec<f64> = runs.into_iter().flat_map(|run| run.0).collect();
+    let inside = deviates.iter().filter(|deviate| deviate.abs() <= WITHIN).count();
+    Ok(json!({
+        "campaigns": campaigns, "effects_chosen": effects, "effects_of_the_truth": EFFECTS.len() + WAVES.len() + 1,
+        "numbers": deviates.len(), "pooled": inside as f64 / deviates.len() as f64,
+        "tool_error_over_expected": ratio,
+    }))
+}
+
+/// Deviates of the linear numbers of effects that the truth has.
+fn of_truth(found: &Fit, truth: &Model) -> Vec<f64> {
+    let values = found.hypothesis.values();
+    let numbers = found.hypothesis.free.iter().zip(values).enumerate();
+    let deviate = |(k, (free, value)): (usize, (&diagnosis::Free, f64))| {
+        let effect = found.hypothesis.effect_of(free)?;
+        let own = truth
+            .effects()
+            .find(|own| (own.spec().kind, own.joint()) == (effect.spec().kind, effect.joint()))?;
+        let kind = own.spec().kind;
+        let sigma = found.sigma(found.column_of(k)).filter(|_| kind != "transmission_error")?;
+        Some((own.values()[free.value] - value) / sigma)
+    };
+    numbers.filter_map(deviate).collect()
+}

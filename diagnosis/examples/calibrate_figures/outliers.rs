@@ -1,0 +1,119 @@
+//! What gross errors cost: the same campaign without them and with one pose in twenty spoilt: reflectors swapped, digits mistyped, and a tracker that
+//! was pushed for a few poses. Held-out poses are clean.
+
+use crate::rig::{self, between};
+use crate::robot::{C_TRACK, SPATIAL_DEG};
+use diagnosis::proof::{Errors, calibrate};
+use diagnosis::{Campaign, Fit, Reading, simulate};
+use glam::DVec3;
+use physics::{Inputs, Model};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use serde_json::{Value, json};
+use std::error::Error;
+
+const TRAINING: usize = 200;
+const HELD_OUT: usize = 200;
+/// Poses that are spoilt one by one, and those in a row for which the tracker stands elsewhere.
+const SWAPPED: usize = 4;
+const MISTYPED: usize = 3;
+const PUSHED: usize = 3;
+
+struct Run {
+    clean: [f64; 2],
+    spoilt: [f64; 2],
+    listed: usize,
+    falsely: usize,
+}
+
+pub(crate) fn figures(campaigns: u64) -> Result<Value, Box<dyn Error>> {
+    let (truth, nominal) = (rig::model("irb1600-6-145-thesis")?, rig::model("irb1600-6-145")?);
+    let runs = rig::for_seeds(campaigns, |seed| run(&truth, &nominal, seed));
+    let runs: Option<Vec<Run>> = runs.into_iter().collect();
+    let runs = runs.ok_or("no campaign")?;
+    let middle = |of: &dyn Fn(&Run) -> f64| rig::median(runs.iter().map(of).collect());
+    let mm = |k: usize| json!({ "clean": middle(&|r| 1e3 * r.clean[k]), "spoilt": middle(&|r| 1e3 * r.spoilt[k]) });
+    let spoilt = SWAPPED + MISTYPED + PUSHED;
+    Ok(json!({
+        "campaigns": runs.len(), "training_poses": TRAINING, "spoilt_poses": spoilt,
+        "calibrated_mean_mm": mm(0), "advanced_mean_mm": mm(1),
+        "calibrated_ratio": middle(&|r| r.spoilt[0] / r.clean[0]),
+        "advanced_ratio": middle(&|r| r.spoilt[1] / r.clean[1]),
+        "advanced_ratio_worst": runs.iter().map(|r| r.spoilt[1] / r.clean[1]).fold(0.0, f64::max),
+        "listed": runs.iter().map(|r| r.listed).sum::<usize>(),
+        "of": spoilt * runs.len(),
+        "falsely_listed": runs.iter().map(|r| r.falsely).sum::<usize>(),
+        "of_clean": (TRAINING - spoilt) * runs.len(),
+    }))
+}
+
+fn run(truth: &Model, nominal: &Model, seed: u64) -> Option<Run> {
+    let mut chance = ChaCha8Rng::seed_from_u64(seed);
+    let inputs: Vec<Inputs> =
+        (0..TRAINING + HELD_OUT).map(|_| rig::inputs(&mut chance, &SPATIAL_DEG)).collect();
+    let empty = rig::campaign(&nominal.arm, &inputs, C_TRACK)?;
+    let clean = simulate::readings(&empty, truth, &empty.surroundings, 1.0, seed);
+    let mut spoilt = clean.clone();
+    let rows = spoil(&mut spoilt, &mut chance);
+    let training: Vec<bool> = (0..inputs.len()).map(|pose| pose < TRAINING).collect();
+    let held: Vec<bool> = training.iter().map(|trains| !trains).collect();
+    let found = [&clean, &spoilt].map(|campaign| {
+        let found = calibrate(campaign, nominal, &[], &training, &mut |_| ());
+        (found.calibrated, found.advanced.fit)
+    });
+    let mean = |fit: &Fit| Errors::of(fit, &clean, &held).mean();
+    let [clean_m, spoilt_m] = found.each_ref().map(|(plain, best)| [mean(plain), mean(best)]);
+    let listed = found[1].1.outliers(&spoilt);
+    let falsely = listed.iter().filter(|pose| training[**pose] && !rows.contains(pose)).count();
+    let listed = rows.iter().filter(|row| listed.contains(row)).count();
+    Some(Run { clean: clean_m, spoilt: spoilt_m, listed, falsely })
+}
+
+/// Spoils poses that train and returns which.
+fn spoil(campaign: &mut Campaign, chance: &mut ChaCha8Rng) -> Vec<usize> {
+    let first = (chance.random::<f64>() * (TRAINING - PUSHED) as f64) as usize;
+    let mut rows: Vec<usize> = (first..first + PUSHED).collect();
+    let push = DVec3::new(0.6, -0.4, 0.5) * 1e-3;
+    rows.iter().for_each(|row| change(campaign, *row, &mut |_, at| at + push));
+    while rows.len() < PUSHED + SWAPPED + MISTYPED {
+        let row = (chance.random::<f64>() * TRAINING as f64) as usize;
+        if rows.contains(&row) {
+            continue;
+        }
+        if rows.len() < PUSHED + SWAPPED {
+            let Some(places) = points(campaign, row) else { continue };
+            change(campaign, row, &mut |target, at| match target {
+                0 => places[1],
+                1 => places[0],
+                _ => at,
+            });
+        } else {
+            let (one, axis) =
+                ((chance.random::<f64>() * 3.0) as usize, (chance.random::<f64>() * 3.0) as usize);
+            let digit = 10.0_f64.powi(between(chance, -3.0, 0.99).floor() as i32);
+            change(campaign, row, &mut |target, mut at| {
+                at[axis] += if target == one { digit } else { 0.0 };
+                at
+            });
+        }
+        rows.push(row);
+    }
+    rows
+}
+
+fn points(campaign: &Campaign, row: usize) -> Option<Vec<DVec3>> {
+    let at = |seen: &diagnosis::Observation| match seen.reading {
+        Reading::Point { at, .. } => Some(at),
+        _ => None,
+    };
+    campaign.poses[row].seen.iter().map(at).collect()
+}
+
+fn change(campaign: &mut Campaign, row: usize, new: &mut dyn FnMut(usize, DVec3) -> DVec3) {
+    for (target, seen) in campaign.poses[row].seen.iter_mut().enumerate() {
+        if let Reading::Point { at, .. } = &mut seen.reading {
+            *at = new(target, *at);
+        }
+    }
+}
