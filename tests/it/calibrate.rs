@@ -56,7 +56,7 @@ fn csv(rows: &[Row]) -> String {
     text + "\n"
 }
 
-fn unseen() -> Vec<Row> {
+fn unseen(poses: usize) -> Vec<Row> {
     let mut chance = Chance::new(3);
     let mut row = || {
         let q =
@@ -64,7 +64,7 @@ fn unseen() -> Vec<Row> {
         let d = [0.0; 6].map(|_: f64| if chance.unit() < 0.5 { 1.0 } else { -1.0 });
         (q, d, [DVec3::ZERO; 3])
     };
-    (0..POSES).map(|_| row()).collect()
+    (0..poses).map(|_| row()).collect()
 }
 
 /// The robot with its effects, measured once for all tests.
@@ -75,8 +75,14 @@ fn measured() -> &'static [Row] {
 
 /// What a tracker would have seen of the robot in this model file.
 fn seen_of(text: &str) -> Vec<Row> {
+    seen_at(text, POSES, |_| ())
+}
+
+/// The same at so many poses, each with its joint positions (degrees) changed.
+fn seen_at(text: &str, poses: usize, change: impl Fn(&mut [f64; 6])) -> Vec<Row> {
     let truth = RobotModel::parse("truth", text).expect("sound").physics;
-    let mut rows = unseen();
+    let mut rows = unseen(poses);
+    rows.iter_mut().for_each(|row| change(&mut row.0));
     let recording = read_text("made.csv", &csv(&rows), None, None, Need::Measurement);
     let mut campaign =
         from_recording::campaign(&truth.arm, &[recording.expect("read")]).expect("a campaign");
@@ -230,6 +236,56 @@ fn gross_faults_are_said_with_what_to_do_and_nothing_is_written() {
     refused(&|row| row.0.swap(1, 2), "columns of joints 2 and 3 are swapped");
     refused(&|row| row.0[3] = -row.0[3], "joint 4 counts the other way round");
     refused(&|row| row.2.iter_mut().for_each(|at| *at *= 1e-3), "thousand times too small");
+    refused(&|row| row.0 = row.0.map(f64::to_radians), "in radians where degrees are said");
+}
+
+#[test]
+fn degrees_under_the_name_of_radians_and_a_wrong_tool_are_said() {
+    let place = place_with(measured());
+    place.file("seen.csv", &csv(measured()).replace("_deg", "_rad"));
+    let done = place.run(&CALIBRATE);
+    let said = format!("{}{}", done.out, done.err);
+    assert!(matches!(done.code, Some(1 | 2)) && said.contains("degrees"), "{done:#?}");
+    // A reflector of known place, and a model whose tool sits elsewhere.
+    let place = place_with(measured());
+    let tcp =
+        preset(BASE).expect("preset").text.replacen("tcp_mm = [815.0,", "tcp_mm = [845.0,", 1);
+    place.file("longer.toml", &tcp);
+    let known = "target1_mm = [90.0, 0.0, 60.0]\ntarget2_mm = [-50.0, 80.0, 50.0]\ntarget3_mm = [-40.0, -90.0, 100.0]\n";
+    place.file("seen.toml", &format!("{ABOUT}{known}"));
+    let run = ["calibrate", "--model", "longer.toml", "--out", "m.toml", "seen.csv"];
+    let done = place.run(&run);
+    assert!(done.code == Some(1) && done.out.contains("tool"), "{done:#?}");
+}
+
+#[test]
+fn two_hundred_poses_with_a_joint_that_never_moves_give_a_model_and_say_what_stays_open() {
+    let truth = format!("{}{EFFECTS}", preset(BASE).expect("preset").text);
+    let rows = seen_at(&truth, 200, |q| q[5] = 10.0);
+    let place = place_with(&rows);
+    let done = place.run(&[&CALIBRATE[..], &["--json", "c.json"]].concat());
+    assert_eq!(done.code, Some(0), "{done:#?}");
+    assert!(done.err.contains("cannot be told"), "a warning: {}", done.err);
+    let open = done.out.lines().filter(|line| line.starts_with("open")).collect::<Vec<_>>();
+    assert!(
+        open.len() <= 5 && open.iter().any(|line| line.contains("joint 6's joint offset")),
+        "{open:#?}"
+    );
+    let found = place.json("c.json");
+    let zero = parameter(&found, "joint_offset", 6);
+    assert!(zero["identifiable"] == false && number(zero, &["value"]).abs() < 1e-12, "{zero:#}");
+    let list = |key: &str| found[key].as_array().expect(key).len();
+    assert!(list("left_open") <= 5 && list("undetermined") > list("left_open"), "{found:#}");
+    assert!(number(&found, &["heldout", "advanced", "mean"]) < 0.045, "{:#}", found["heldout"]);
+    let counts = found["histogram"]["counts"]["advanced"].as_array().expect("counts");
+    let points: u64 = counts.iter().filter_map(Value::as_u64).sum();
+    assert_eq!(Some(points), found["heldout"]["advanced"]["points"].as_u64());
+    assert_eq!(found["by_recording"][0]["moves"], "spatial");
+    let arrived = &found["approach"][1]["rising"];
+    for (model, key) in [("nominal", "median"), ("calibrated", "p95"), ("advanced", "mean")] {
+        assert!(number(arrived, &[model, key]) > 0.0, "{arrived:#}");
+    }
+    place.succeed(&["check", "robot2.toml"]);
 }
 
 #[test]

@@ -159,7 +159,8 @@ impl Watch {
         for ((effect, found), sigma) in model.effects().enumerate().zip(sigma) {
             for ((value, mean), sigma) in found.values().iter().enumerate().zip(sigma) {
                 if *sigma > 0.0 {
-                    hypothesis.free.push(Free { effect, value, mean: *mean, sigma: *sigma });
+                    let (mean, sigma) = (*mean, *sigma);
+                    hypothesis.free.push(Free { effect, value, mean, sigma, stated: true });
                 }
             }
         }

@@ -8,6 +8,7 @@ mod alone;
 mod found;
 mod model;
 mod numbers;
+mod open;
 mod page;
 mod things;
 mod told;

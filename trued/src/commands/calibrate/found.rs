@@ -6,6 +6,7 @@
 use diagnosis::proof::{self, Calibration, Errors, Split};
 use diagnosis::share::tool_shares;
 use diagnosis::{Campaign, Effort, Fit, Free, Influence, Settings, Undetermined, fit, readback};
+use physics::{Arm, Chain};
 use recording::model::RobotModel;
 use recording::series::{Approach, Kind, Recording};
 
@@ -13,6 +14,9 @@ use super::Parts;
 use super::numbers::{ALONG, Entry, barred, entries};
 use crate::exit::Failure;
 use crate::input::count;
+
+/// A joint whose positions differ by no more stands still, rad or m.
+const STILL: f64 = 1e-3;
 
 /// A pose with a reading that weighs less than half.
 pub(super) struct Outlier {
@@ -28,8 +32,18 @@ pub(super) struct Outlier {
 pub(super) struct Approached {
     /// From 0.
     pub(super) joint: usize,
-    /// Rising and falling, for the calibrated and for the advanced model.
-    pub(super) errors: [[Errors; 2]; 2],
+    /// Rising and falling, for each of the three models.
+    pub(super) errors: [[Errors; 2]; 3],
+}
+
+/// Held-out errors of one recording.
+pub(super) struct OfRecording {
+    /// Place in the campaign's recordings.
+    pub(super) recording: usize,
+    /// Whether the joints that move have parallel axes, so that the tool stays in a plane.
+    pub(super) planar: bool,
+    /// Nominal, calibrated, advanced.
+    pub(super) errors: [Errors; 3],
 }
 
 /// All of it.
@@ -48,6 +62,7 @@ pub(super) struct Found {
     pub(super) entries: Vec<Entry>,
     pub(super) outliers: Vec<Outlier>,
     pub(super) approached: Vec<Approached>,
+    pub(super) of_recordings: Vec<OfRecording>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -65,8 +80,7 @@ impl Found {
         let training = &split.training;
         let calibration = proof::calibrate(&campaign, &base.physics, &base.sigma, training, heard);
         let held = split.held_out();
-        let fits = [&calibration.nominal, &calibration.calibrated, &calibration.advanced.fit];
-        let errors = fits.map(|fit| Errors::of(fit, &campaign, &held));
+        let errors = fits(&calibration).map(|fit| Errors::of(fit, &campaign, &held));
         heard("the model on all poses");
         // Chance only lent the held-out poses; a recording that keeps poses for validation means every fit.
         let used = if seed.is_some() { vec![true; campaign.poses.len()] } else { training.clone() };
@@ -86,6 +100,7 @@ impl Found {
         warnings.extend(doubts(recordings, &errors, &last));
         let outliers = outliers(&campaign, &last);
         let approached = approached(&campaign, &calibration, &held);
+        let of_recordings = of_recordings(&campaign, &calibration, &held);
         let poses = used.iter().filter(|used| **used).count();
         Ok(Self {
             base,
@@ -98,19 +113,30 @@ impl Found {
             entries,
             outliers,
             approached,
+            of_recordings,
             warnings,
         })
     }
 
-    /// Sentences on what the data do not tell. A shift along its own axis is none: it is nothing at all.
-    pub(super) fn undetermined(&self) -> Vec<String> {
+    /// What the data do not tell. A shift along its own axis is none: it is nothing at all.
+    fn open(&self) -> impl Iterator<Item = &Undetermined> {
         let first = self.last.column_of(0);
-        let is_something = |open: &&Undetermined| {
+        let is_something = move |open: &&Undetermined| {
             let free =
                 open.column.checked_sub(first).and_then(|k| self.last.hypothesis.free.get(k));
             !free.is_some_and(|free| is_along_axis(&self.last, free))
         };
-        self.last.undetermined.iter().filter(is_something).map(Undetermined::says).collect()
+        self.last.undetermined.iter().filter(is_something)
+    }
+
+    /// One sentence per number that the data do not tell.
+    pub(super) fn undetermined(&self) -> Vec<String> {
+        self.open().map(Undetermined::says).collect()
+    }
+
+    /// The same in one sentence per reason.
+    pub(super) fn left_open(&self) -> Vec<String> {
+        super::open::sentences(&self.last, self.open())
     }
 
     /// The name of a recording, without its folder.
@@ -195,8 +221,40 @@ fn outliers(campaign: &Campaign, last: &Fit) -> Vec<Outlier> {
     last.outliers(campaign).into_iter().map(outlier).collect()
 }
 
+/// Nominal, calibrated, advanced.
+fn fits(calibration: &Calibration) -> [&Fit; 3] {
+    [&calibration.nominal, &calibration.calibrated, &calibration.advanced.fit]
+}
+
+fn of_recordings(
+    campaign: &Campaign,
+    calibration: &Calibration,
+    held: &[bool],
+) -> Vec<OfRecording> {
+    let of = |recording: usize| {
+        let poses = campaign.poses.iter().zip(held);
+        let wanted: Vec<bool> = poses.map(|(p, held)| *held && p.recording == recording).collect();
+        let errors = fits(calibration).map(|fit| Errors::of(fit, campaign, &wanted));
+        let planar = is_planar(&calibration.nominal.hypothesis.model.arm, campaign, &wanted);
+        OfRecording { recording, planar, errors }
+    };
+    let all = (0..campaign.recordings.len()).map(of);
+    all.filter(|one| !one.errors[0].sorted_m.is_empty()).collect()
+}
+
+/// Whether the axes of all joints that move between these poses are parallel.
+fn is_planar(arm: &Arm, campaign: &Campaign, wanted: &[bool]) -> bool {
+    let poses = || campaign.poses.iter().zip(wanted).filter(|(_, w)| **w).map(|(pose, _)| pose);
+    let Some(first) = poses().next() else { return false };
+    let q = first.inputs.q;
+    let axes = Chain::nominal(arm, &q).axes;
+    let moves = |joint: &usize| poses().any(|p| (p.inputs.q[*joint] - q[*joint]).abs() > STILL);
+    let moving: Vec<usize> = (0..arm.count()).filter(moves).collect();
+    moving.iter().all(|joint| axes[moving[0]].dot(axes[*joint]).abs() > ALONG)
+}
+
 fn approached(campaign: &Campaign, calibration: &Calibration, held: &[bool]) -> Vec<Approached> {
-    let fits = [&calibration.calibrated, &calibration.advanced.fit];
+    let fits = fits(calibration);
     let of_joint = |joint: usize| {
         let arrived = |sign: f64| -> Vec<bool> {
             let poses = campaign.poses.iter().zip(held);

@@ -1,13 +1,14 @@
 //! The page of `trued calibrate`: the proof, what was found of each joint, and what remains open.
 
+use diagnosis::proof::Errors;
 use report::{Axis, Cell, Column, Histogram, Number, Page, Table, Tone, significant};
 
 use super::Calibrate;
 use super::alone::Alone;
-use super::found::{Approached, Found, MODELS};
+use super::found::{Approached, Found, MODELS, OfRecording};
 use super::numbers::Entry;
 use super::things::{lines, things};
-use super::told::{mm, words};
+use super::told::{mm, moves_in, words};
 use crate::input::count;
 
 /// Outliers in the table.
@@ -39,6 +40,9 @@ pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Strin
         "Distances of measured points from where each model sees them, on held-out poses.",
         &histogram(found),
     );
+    if found.of_recordings.len() > 1 {
+        page = page.table(&of_recordings(found));
+    }
     if !found.approached.is_empty() {
         page = page.table(&approach(&found.approached));
     }
@@ -91,10 +95,8 @@ fn errors(found: &Found) -> Table {
     let heads = heads.map(|head| Column::new(head).digits(4));
     let table = Table::new("Errors on held-out poses", heads);
     MODELS.iter().zip(&found.errors).fold(table, |table, (name, errors)| {
-        let of = [errors.mean(), errors.quantile(0.5), errors.quantile(0.95), errors.max()];
-        let cells = of.map(|error| Cell::from(mm(error)));
         let points = Cell::from(errors.sorted_m.len() as f64);
-        table.row(std::iter::once(Cell::from(*name)).chain(cells).chain([points]))
+        table.row(std::iter::once(Cell::from(*name)).chain(four(errors)).chain([points]))
     })
 }
 
@@ -109,19 +111,42 @@ fn histogram(found: &Found) -> report::Svg {
         .render()
 }
 
+/// Mean, median, 95 % and largest, mm.
+fn four(errors: &Errors) -> [Cell; 4] {
+    [errors.mean(), errors.quantile(0.5), errors.quantile(0.95), errors.max()]
+        .map(|error| Cell::from(mm(error)))
+}
+
+fn of_recordings(found: &Found) -> Table {
+    let heads =
+        ["Recording", "Poses", "Model", "Mean (mm)", "Median (mm)", "95 % (mm)", "Largest (mm)"];
+    let table = Table::new("Errors on held-out poses, by recording", heads);
+    let rows = |one: &OfRecording, table: Table| {
+        MODELS.iter().zip(&one.errors).fold(table, |table, (name, errors)| {
+            let head = [
+                found.recording(one.recording).into(),
+                moves_in(one.planar).into(),
+                (*name).into(),
+            ];
+            table.row(head.into_iter().chain(four(errors)))
+        })
+    };
+    found.of_recordings.iter().fold(table, |table, one| rows(one, table))
+}
+
 fn approach(approached: &[Approached]) -> Table {
-    let heads = [
-        "Joint",
-        "Calibrated, rising (mm)",
-        "Calibrated, falling (mm)",
-        "Advanced, rising (mm)",
-        "Advanced, falling (mm)",
-    ];
-    let table = Table::new("Mean held-out error by the direction in which a joint arrived", heads);
-    approached.iter().fold(table, |table, one| {
-        let cells = one.errors.iter().flatten().map(|errors| Cell::from(mm(errors.mean())));
-        table.row(std::iter::once(Cell::from((one.joint + 1).to_string())).chain(cells))
-    })
+    let heads =
+        ["Joint", "Arrived", "Model", "Mean (mm)", "Median (mm)", "95 % (mm)", "Largest (mm)"];
+    let mut table = Table::new("Held-out errors by the direction in which a joint arrived", heads);
+    for one in approached {
+        for (side, way) in ["rising", "falling"].into_iter().enumerate() {
+            for (name, errors) in MODELS.iter().zip(&one.errors) {
+                let head = [(one.joint + 1).to_string().into(), way.into(), (*name).into()];
+                table = table.row(head.into_iter().chain(four(&errors[side])));
+            }
+        }
+    }
+    table
 }
 
 fn parameters(found: &Found) -> Table {
@@ -163,7 +188,9 @@ fn open(mut page: Page, found: &Found) -> Page {
     if !undetermined.is_empty() {
         page = page
             .section("What these data cannot tell")
-            .text("These numbers stay where they were. Other poses, or another place of the reflectors, may tell them.")
+            .text("These numbers stay where they were. Other poses, or another place of the reflectors, may tell them. In short:")
+            .list(found.left_open())
+            .text("Number by number:")
             .list(undetermined);
     }
     if !found.outliers.is_empty() {

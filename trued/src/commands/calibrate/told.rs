@@ -16,8 +16,10 @@ use crate::table::Table;
 const TOLD: f64 = 0.02;
 /// Effects told of one joint.
 const EFFECTS: usize = 4;
-/// Undetermined numbers and outliers told by name.
+/// Outliers told by name.
 const NAMED: usize = 2;
+/// Bins of the histogram.
+const BINS: u8 = 40;
 
 #[derive(Serialize)]
 pub(super) struct Report {
@@ -29,10 +31,13 @@ pub(super) struct Report {
     poses: Poses,
     heldout: Heldout<Figures>,
     heldout_errors: Heldout<Vec<f64>>,
+    histogram: HistogramReport,
+    by_recording: Vec<RecordingReport>,
     parameters: Vec<ParameterReport>,
     outliers: Vec<usize>,
     outlier_poses: Vec<OutlierReport>,
     undetermined: Vec<String>,
+    left_open: Vec<String>,
     approach: Vec<ApproachReport>,
     targets_tool_mm: Vec<[f64; 3]>,
     things: Vec<Thing>,
@@ -97,10 +102,20 @@ struct ApproachReport {
     falling: ByModel,
 }
 
+type ByModel = Heldout<Figures>;
+
+/// How many held-out errors lie between each edge and the next.
 #[derive(Serialize)]
-struct ByModel {
-    calibrated: Figures,
-    advanced: Figures,
+struct HistogramReport {
+    edges: Vec<f64>,
+    counts: Heldout<Vec<usize>>,
+}
+
+#[derive(Serialize)]
+struct RecordingReport {
+    recording: String,
+    moves: &'static str,
+    heldout: ByModel,
 }
 
 /// Metres in mm.
@@ -133,10 +148,13 @@ impl Report {
             poses: Poses { training, heldout: all - training, written_model: found.poses },
             heldout: Heldout::of(&found.errors, figures),
             heldout_errors: Heldout::of(&found.errors, in_mm),
+            histogram: histogram(&found.errors),
+            by_recording: by_recording(found),
             parameters: found.entries.iter().flat_map(parameters).collect(),
             outliers: found.outliers.iter().map(|outlier| outlier.row).collect(),
             outlier_poses: outliers(found),
             undetermined: found.undetermined(),
+            left_open: found.left_open(),
             approach: approach(found),
             things: things(&found.last),
             alone: alone.report(),
@@ -170,14 +188,43 @@ fn outliers(found: &Found) -> Vec<OutlierReport> {
 
 fn approach(found: &Found) -> Vec<ApproachReport> {
     let of = |one: &super::found::Approached| {
-        let [calibrated, advanced] = &one.errors;
-        let side = |k: usize| ByModel {
-            calibrated: figures(&calibrated[k]),
-            advanced: figures(&advanced[k]),
+        let side = |k: usize| {
+            let [nominal, calibrated, advanced] = one.errors.each_ref().map(|e| figures(&e[k]));
+            Heldout { nominal, calibrated, advanced }
         };
         ApproachReport { joint: one.joint + 1, rising: side(0), falling: side(1) }
     };
     found.approached.iter().map(of).collect()
+}
+
+/// Equal bins from zero to the largest error of all models.
+fn histogram(errors: &[Errors; 3]) -> HistogramReport {
+    let largest = errors.iter().map(|errors| mm(errors.max())).fold(0.0, f64::max);
+    let width = largest / f64::from(BINS);
+    let edges: Vec<f64> = (0..=BINS).map(|k| f64::from(k) * width).collect();
+    let counts = |errors: &Errors| {
+        let mut counts = vec![0; usize::from(BINS)];
+        for error in &errors.sorted_m {
+            let bin = edges[1..].iter().position(|edge| mm(*error) < *edge);
+            counts[bin.unwrap_or(usize::from(BINS) - 1)] += 1;
+        }
+        counts
+    };
+    HistogramReport { counts: Heldout::of(errors, counts), edges }
+}
+
+fn by_recording(found: &Found) -> Vec<RecordingReport> {
+    let of = |one: &super::found::OfRecording| RecordingReport {
+        recording: found.recording(one.recording).to_owned(),
+        moves: moves_in(one.planar),
+        heldout: Heldout::of(&one.errors, figures),
+    };
+    found.of_recordings.iter().map(of).collect()
+}
+
+/// How the tool moves between the poses of a recording.
+pub(super) fn moves_in(planar: bool) -> &'static str {
+    if planar { "planar" } else { "spatial" }
 }
 
 /// The lines on the console.
@@ -196,17 +243,10 @@ pub(super) fn told(command: &Calibrate, found: &Found, alone: &Alone) -> String 
     for line in lines(&things(&found.last)).into_iter().chain(alone.lines()) {
         text += &format!("  {line}\n");
     }
-    let undetermined = found.undetermined();
-    let rest = |all: usize| if all > NAMED { "; …" } else { "" };
-    if !undetermined.is_empty() {
-        let some: Vec<&str> = undetermined.iter().take(NAMED).map(String::as_str).collect();
-        let open = count(undetermined.len(), "number");
-        text += &format!(
-            "open      {open} that these data cannot tell: {}{}\n",
-            some.join("; "),
-            rest(undetermined.len())
-        );
+    for sentence in found.left_open() {
+        text += &format!("open      {sentence}\n");
     }
+    let rest = |all: usize| if all > NAMED { "; …" } else { "" };
     if !found.outliers.is_empty() {
         let row = |outlier: &super::found::Outlier| {
             let name = found.recording(outlier.recording);

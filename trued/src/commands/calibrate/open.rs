@@ -1,0 +1,92 @@
+//! What the data cannot tell, for people: one sentence per reason, instead of one per number.
+//!
+//! Promises: every number that stayed where it was is in exactly one sentence, whose words name it by joint and effect.
+//! Never: a number left out because the list is long.
+
+use std::collections::BTreeMap;
+
+use diagnosis::{Fit, Undetermined};
+
+use super::told::words;
+
+/// Why a number cannot be told, in the order in which the reasons are said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Reason {
+    /// It changes nothing that was measured.
+    Unseen,
+    /// It would have to be negative.
+    AtZero,
+    /// Moves with where the instrument stands.
+    Frame,
+    /// Moves with where the reflectors sit.
+    Target,
+    /// Moves with other numbers of the robot.
+    Others,
+}
+
+impl Reason {
+    fn of(open: &Undetermined) -> Self {
+        let with = |what: &str| open.with.iter().any(|partner| partner.contains(what));
+        match open.with.as_slice() {
+            [] if open.what.contains("negative") => Self::AtZero,
+            [] => Self::Unseen,
+            _ if with("measuring frame") => Self::Frame,
+            _ if with("on the tool") => Self::Target,
+            _ => Self::Others,
+        }
+    }
+
+    fn says(self, names: &str) -> String {
+        match self {
+            Self::Unseen => format!("these poses do not show {names}"),
+            Self::AtZero => format!("{names} would come out negative and stand at zero"),
+            Self::Frame => format!(
+                "{names} cannot be told from where the instrument stands, which was fitted along"
+            ),
+            Self::Target => format!(
+                "{names} cannot be told from where the reflectors sit on the tool, which was fitted along"
+            ),
+            Self::Others => {
+                format!("{names} cannot be told from other numbers that do the same in these poses")
+            }
+        }
+    }
+}
+
+/// One sentence per reason.
+pub(super) fn sentences<'a>(
+    fit: &Fit,
+    open: impl Iterator<Item = &'a Undetermined>,
+) -> Vec<String> {
+    let first = fit.column_of(0);
+    // By reason, joint (the robot's own and what stands around it last), and effect; in the order of the joints.
+    let mut groups: BTreeMap<Reason, BTreeMap<usize, Vec<String>>> = BTreeMap::new();
+    for one in open {
+        let free = one.column.checked_sub(first).and_then(|k| fit.hypothesis.free.get(k));
+        let effect = free.and_then(|free| fit.hypothesis.effect_of(free));
+        let joint = effect.and_then(|effect| effect.joint());
+        let name = effect.map_or_else(|| one.what.clone(), |effect| words(effect.spec().kind));
+        let of_joint = groups.entry(Reason::of(one)).or_default();
+        let names = of_joint.entry(joint.unwrap_or(usize::MAX)).or_default();
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    let said = |(reason, joints): (Reason, BTreeMap<usize, Vec<String>>)| {
+        let of_joint = |(joint, names): (&usize, &Vec<String>)| match joint {
+            &usize::MAX => list(names),
+            joint => format!("joint {}'s {}", joint + 1, list(names)),
+        };
+        reason.says(&joints.iter().map(of_joint).collect::<Vec<_>>().join("; "))
+    };
+    groups.into_iter().map(said).collect()
+}
+
+/// `a, b and c`.
+fn list(names: &[String]) -> String {
+    match names {
+        [] => String::new(),
+        [one] => one.clone(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
+}
