@@ -6,6 +6,7 @@
 use std::collections::BTreeMap;
 
 use diagnosis::{Fit, Undetermined};
+use physics::AnyEffect;
 
 use super::told::words;
 
@@ -64,7 +65,7 @@ pub(super) fn sentences<'a>(
     for one in open {
         let free = one.column.checked_sub(first).and_then(|k| fit.hypothesis.free.get(k));
         let effect = free.and_then(|free| fit.hypothesis.effect_of(free));
-        let joint = effect.and_then(|effect| effect.joint());
+        let joint = effect.and_then(AnyEffect::joint);
         let name = effect.map_or_else(|| one.what.clone(), |effect| words(effect.spec().kind));
         let of_joint = groups.entry(Reason::of(one)).or_default();
         let names = of_joint.entry(joint.unwrap_or(usize::MAX)).or_default();
