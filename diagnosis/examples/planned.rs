@@ -6,6 +6,7 @@
 use diagnosis::plan::check::{Damage, Terms, judge, poses};
 use diagnosis::plan::reach::Reach;
 use diagnosis::plan::sight::Sight;
+use diagnosis::plan::zone::Zone;
 use diagnosis::plan::{Criterion, Sees, Task, Wish, believed, plan};
 use diagnosis::proof::{Errors, Split};
 use diagnosis::{
@@ -39,11 +40,8 @@ fn main() -> Fallible<()> {
     let found = match args.as_slice() {
         ["poses", rest @ ..] => {
             let seeds = count(rest.first(), 20)?;
-            json!([
-                against_chance("irb120", None, seeds)?,
-                against_chance("irb1600-6-145", None, seeds)?,
-                against_chance("irb1600-6-145", Some("irb1600-6-145-thesis"), seeds)?
-            ])
+            let each = CASES.iter().map(|case| case.against_chance(seeds));
+            Value::Array(each.collect::<Fallible<_>>()?)
         }
         ["check", rest @ ..] => check(count(rest.first(), 1000)?)?,
         ["real", model, file, mapping, rest @ ..] => {
@@ -83,7 +81,7 @@ fn task(model: &Model) -> Task {
         acceptance_rad: 0.5,
         facing_tool: vec![None; places.len()],
     };
-    let mut task = Task {
+    Task {
         hypothesis: believed(model, &[]),
         surroundings,
         sees: Sees::Points { least: 3, orientation_rad: None },
@@ -93,9 +91,7 @@ fn task(model: &Model) -> Task {
         both_ways: false,
         among: Vec::new(),
         asked: Vec::new(),
-    };
-    task.asked = task.workspace(100, 99);
-    task
+    }
 }
 
 /// A robot with errors within the hypothesis: geometry as calibrations find it, drives of a few mrad/kNm.
@@ -119,16 +115,22 @@ fn drawn(task: &Task, seed: u64) -> Model {
 }
 
 fn fitted(campaign: &Campaign, hypothesis: &Hypothesis, used: &[bool]) -> Fit {
-    let settings = Settings { used, influence: Influence::Equal, from: None, effort: Effort::Full };
+    let settings = Settings { used, influence: Influence::Huber, from: None, effort: Effort::Full };
     fit(campaign, hypothesis, &settings)
 }
 
-/// Held-out mean and 95 % of the targets, mm: measured at `stops`, asked without noise at poses drawn anew.
-fn held_out(task: &Task, truth: &Model, stops: &[Joints], seed: u64) -> Fallible<[f64; 2]> {
+/// Held-out mean and 95 % of the targets, mm: measured at `stops`, then asked without noise at `asked`.
+fn held_out(
+    task: &Task,
+    truth: &Model,
+    stops: &[Joints],
+    asked: &[Joints],
+    seed: u64,
+) -> Fallible<[f64; 2]> {
     let made = simulate::readings(&task.campaign(stops), truth, &task.surroundings, 1.0, seed);
     let found = fitted(&made, &task.hypothesis, &vec![true; made.poses.len()]);
-    let asked = task.campaign(&task.random(150, 5000 + seed)?);
-    let asked = simulate::readings(&asked, truth, &task.surroundings, 0.0, 0);
+    let anywhere = Task { sight: None, ..task.clone() };
+    let asked = simulate::readings(&anywhere.campaign(asked), truth, &task.surroundings, 0.0, 0);
     let errors = Errors::of(&found, &asked, &vec![true; asked.poses.len()]);
     Ok([1e3 * errors.mean(), 1e3 * errors.quantile(0.95)])
 }
@@ -139,40 +141,86 @@ fn middle(mut values: Vec<f64>) -> f64 {
     if n == 0 { f64::NAN } else { 0.5 * (values[(n - 1) / 2] + values[n / 2]) }
 }
 
-fn against_chance(believed_to_be: &str, is: Option<&str>, seeds: u64) -> Fallible<Value> {
-    let task = task(&robot(believed_to_be)?.physics);
-    let mut figures: Vec<(&str, Vec<[f64; 2]>, Vec<f64>)> =
-        ["random", "d", "o1", "zone"].map(|name| (name, Vec::new(), Vec::new())).into();
-    for seed in 0..seeds {
-        let truth = match is {
-            Some(name) => robot(name)?.physics,
-            None => drawn(&task, seed),
-        };
-        for (name, errors, said) in &mut figures {
-            let criterion = match *name {
-                "o1" => Criterion::O1,
-                "zone" => Criterion::Zone,
-                _ => Criterion::D,
-            };
-            let wish = Wish { count: POSES, criterion, candidates: 300, seed };
-            let mut planning = task.clone();
-            if *name == "random" {
-                // What is said of random poses: a plan that has no choice.
-                planning.among = task.random(POSES, 100 + seed)?;
-            }
-            let planned = plan(&planning, None, &wish)?;
-            let stops: Vec<Joints> = planned.poses.iter().map(|pose| pose.q).collect();
-            said.extend(planned.poses.last().map(|pose| 1e3 * pose.tool_m[1]));
-            errors.push(held_out(&task, &truth, &stops, seed)?);
+/// What is compared.
+#[derive(Clone, Copy)]
+struct Case {
+    model: &'static str,
+    /// The robot that is measured; none: with errors drawn within the model's form.
+    robot: Option<&'static str>,
+    targets: usize,
+    /// Whether what counts is a box in front of the robot, the tool pointing down; else the workspace.
+    is_zone: bool,
+}
+
+const fn within(model: &'static str, targets: usize, is_zone: bool) -> Case {
+    Case { model, robot: None, targets, is_zone }
+}
+
+const CASES: [Case; 6] = [
+    within("irb120", 3, false),
+    within("irb120", 1, false),
+    within("irb1600-6-145", 3, false),
+    within("irb1600-6-145", 1, false),
+    within("irb1600-6-145", 3, true),
+    Case { robot: Some("irb1600-6-145-thesis"), ..within("irb1600-6-145", 3, false) },
+];
+
+impl Case {
+    /// Where the tool's error counts.
+    fn asked(&self, task: &Task, seed: u64) -> Vec<Joints> {
+        if !self.is_zone {
+            return task.workspace(100, seed);
         }
+        let corners = [DVec3::new(0.6, -0.25, 0.3), DVec3::new(0.95, 0.25, 0.6)];
+        let zone = Zone { corners, directions: vec![DVec3::NEG_Z] };
+        zone.positions(&task.hypothesis.model.arm, &task.reach, 100, seed)
     }
-    let shown: Vec<Value> = figures.into_iter().map(|(name, errors, said)| {
-        let of = |k: usize| middle(errors.iter().map(|e| e[k]).collect());
-        json!({ "poses": name, "expected_tool_mm": middle(said), "held_out_mean_mm": of(0), "held_out_p95_mm": of(1) })
-    }).collect();
-    Ok(
-        json!({ "model": believed_to_be, "robot": is.unwrap_or("errors drawn within the model's form"), "count": POSES, "seeds": seeds, "medians": shown }),
-    )
+
+    fn against_chance(self, seeds: u64) -> Fallible<Value> {
+        let mut task = task(&robot(self.model)?.physics);
+        task.surroundings.targets.truncate(self.targets);
+        task.sees = Sees::Points { least: self.targets, orientation_rad: None };
+        task.asked = self.asked(&task, 99);
+        let mut figures: Vec<(&str, Vec<[f64; 2]>, Vec<f64>)> =
+            ["random", "d", "zone"].map(|name| (name, Vec::new(), Vec::new())).into();
+        for seed in 0..seeds {
+            let truth = match self.robot {
+                Some(name) => robot(name)?.physics,
+                None => drawn(&task, seed),
+            };
+            let asked = self.asked(&task, 5000 + seed);
+            for (name, errors, said) in &mut figures {
+                let criterion = by_name(name);
+                let wish = Wish { count: POSES, criterion, candidates: 300, seed };
+                let planned = plan(&task, None, &wish)?;
+                let stops: Vec<Joints> = planned.poses.iter().map(|pose| pose.q).collect();
+                said.extend(planned.poses.last().map(|pose| 1e3 * pose.tool_m[1]));
+                errors.push(held_out(&task, &truth, &stops, &asked, seed)?);
+            }
+        }
+        let shown = figures.into_iter().map(|(name, errors, said)| {
+            let of = |k: usize| middle(errors.iter().map(|e| e[k]).collect());
+            json!({ "poses": name, "expected_tool_mm": middle(said), "held_out_mean_mm": of(0), "held_out_p95_mm": of(1) })
+        });
+        let shown: Vec<Value> = shown.collect();
+        Ok(json!({
+            "model": self.model,
+            "robot": self.robot.unwrap_or("errors drawn within the model's form"),
+            "targets": self.targets,
+            "asked": if self.is_zone { "a zone" } else { "the workspace" },
+            "count": POSES,
+            "seeds": seeds,
+            "medians": shown,
+        }))
+    }
+}
+
+fn by_name(name: &str) -> Criterion {
+    match name {
+        "random" => Criterion::Random,
+        "zone" => Criterion::Zone,
+        _ => Criterion::D,
+    }
 }
 
 /// Poses of a real recording chosen by plan and by chance, the rest held out.
@@ -196,28 +244,35 @@ fn real(model: &str, file: &str, mapping: &str, seeds: u64) -> Fallible<Value> {
     );
     planning.sees = Sees::Points { least: 1, orientation_rad: None };
     let mut shown = Vec::new();
-    for count in [30, 60] {
-        let (mut random, mut planned) = (Vec::new(), Vec::new());
+    for count in [20, 30, 60] {
+        let mut figures: Vec<(&str, Vec<f64>)> =
+            ["random", "d", "zone"].map(|name| (name, Vec::new())).into();
         for seed in 0..seeds {
-            // Half of the poses to choose from, the other half held out, for both.
+            // Half of the poses to choose from, the other half held out, for all.
             let halves = Split::random(&campaign, 0.5, seed);
             let open: Vec<usize> =
                 (0..campaign.poses.len()).filter(|pose| halves.training[*pose]).collect();
             planning.among = open.iter().map(|pose| campaign.poses[*pose].inputs.q).collect();
-            let wish = Wish { count, criterion: Criterion::D, candidates: 1, seed };
-            let picks = plan(&planning, None, &wish)?.poses;
-            let is_picked =
-                |pose: &usize| picks.iter().any(|pick| pick.q == campaign.poses[*pose].inputs.q);
-            let chosen: Vec<usize> = open.iter().copied().filter(is_picked).collect();
-            for (used, errors) in [(&chosen, &mut planned), (&open[..count].to_vec(), &mut random)]
-            {
-                let used: Vec<bool> =
-                    (0..campaign.poses.len()).map(|pose| used.contains(&pose)).collect();
+            planning.asked = planning.among.iter().step_by(5).copied().collect();
+            for (name, errors) in &mut figures {
+                let criterion = by_name(name);
+                let wish = Wish { count, criterion, candidates: 1, seed };
+                let picks: Vec<Joints> =
+                    plan(&planning, None, &wish)?.poses.iter().map(|pose| pose.q).collect();
+                let used: Vec<bool> = campaign
+                    .poses
+                    .iter()
+                    .zip(&halves.training)
+                    .map(|(pose, open)| *open && picks.contains(&pose.inputs.q))
+                    .collect();
                 let found = fitted(&campaign, &planning.hypothesis, &used);
                 errors.push(1e3 * Errors::of(&found, &campaign, &halves.held_out()).mean());
             }
         }
-        shown.push(json!({ "count": count, "held_out_mean_mm": { "planned": middle(planned), "random": middle(random) } }));
+        for (name, errors) in figures {
+            shown
+                .push(json!({ "count": count, "poses": name, "held_out_mean_mm": middle(errors) }));
+        }
     }
     Ok(json!({ "recording": file, "seeds": seeds, "geometry_and_compliance": shown }))
 }

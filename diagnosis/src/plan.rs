@@ -33,7 +33,7 @@ pub use task::{Patch, Sees, Task, believed};
 use crate::campaign::Campaign;
 use crate::result::Fit;
 use bank::Bank;
-use choose::{Design, choose};
+use choose::{Design, choose, exchange};
 use gain::{gains, numbers};
 use physics::Joints;
 use rand_chacha::ChaCha8Rng;
@@ -113,18 +113,11 @@ pub fn plan(task: &Task, known: Option<Known<'_>>, wish: &Wish) -> Result<Plan, 
     let drawn = task.draw(&mut rng, wish.candidates, wish.count)?;
     let candidates = drawn.len();
     let mut bank = Bank::of(task, known, drawn)?;
-    let mut picks = {
-        let design = Design::of(&bank, wish.criterion);
-        choose(&|picks| design.worths(picks), wish.count)
+    let picks = if wish.criterion == Criterion::Random {
+        (0..wish.count).map(|place| place * candidates / wish.count).collect()
+    } else {
+        best(task, &mut bank, wish, &mut rng)
     };
-    let near = picks.iter().flat_map(|pick| {
-        let q = bank.candidates[*pick].q;
-        task.near(&mut rng, &q, NEAR_BY, NEAR)
-    });
-    let near: Vec<_> = near.collect();
-    bank.add(task, near);
-    let design = Design::of(&bank, wish.criterion);
-    choose::exchange(&|picks| design.worths(picks), &mut picks);
     let start = match known.and_then(|known| known.campaign.poses.last()) {
         Some(pose) => pose.inputs.q,
         None => order::home(&task.hypothesis.model.arm, &task.reach),
@@ -138,4 +131,16 @@ pub fn plan(task: &Task, known: Option<Known<'_>>, wish: &Wish) -> Result<Plan, 
         undetermined: bank.undetermined.clone(),
         candidates,
     })
+}
+
+/// The best of the candidates, and of poses near them.
+fn best(task: &Task, bank: &mut Bank, wish: &Wish, rng: &mut ChaCha8Rng) -> Vec<usize> {
+    let design = Design::of(bank, wish.criterion);
+    let mut picks = choose(&|picks| design.worths(picks), wish.count);
+    let chosen: Vec<Joints> = picks.iter().map(|pick| bank.candidates[*pick].q).collect();
+    let near: Vec<_> = chosen.iter().flat_map(|q| task.near(rng, q, NEAR_BY, NEAR)).collect();
+    bank.add(task, near);
+    let design = Design::of(bank, wish.criterion);
+    exchange(&|picks| design.worths(picks), &mut picks);
+    picks
 }

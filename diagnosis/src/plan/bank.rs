@@ -3,9 +3,9 @@
 //! Promises: columns are those that a fit of all candidates and all measurements would determine, the surroundings' first.
 //! Never: a choice.
 
-use super::task::{Candidate, Task};
+use super::task::{Candidate, Task, campaign};
 use super::{Known, NoPlan};
-use crate::campaign::{Campaign, Instrument};
+use crate::campaign::Campaign;
 use crate::hypothesis::{Free, Hypothesis, much};
 use crate::independent::sort;
 use crate::problem::{State, Weighing, data_rows, follow, motions_of};
@@ -123,22 +123,14 @@ pub(crate) fn rows_of(
     candidates: &[Candidate],
     columns: &[usize],
 ) -> Vec<DMatrix<f64>> {
-    let campaign = Campaign {
-        poses: candidates.iter().flat_map(|candidate| candidate.poses.iter().cloned()).collect(),
-        surroundings: state.surroundings.clone(),
-        instruments: vec![Instrument {
-            name: "planned".to_owned(),
-            noise_is_known: true,
-            ..Instrument::default()
-        }],
-        recordings: vec!["planned".to_owned()],
-    };
+    let poses = candidates.iter().flat_map(|candidate| candidate.poses.iter().cloned());
+    let campaign = campaign(poses.collect(), &state.surroundings);
     let owner: Vec<usize> =
         candidates.iter().enumerate().flat_map(|(k, c)| c.poses.iter().map(move |_| k)).collect();
     let weighing = Weighing::equal(&campaign, &vec![true; campaign.poses.len()]);
     let mut flat: Vec<Vec<f64>> = vec![Vec::new(); candidates.len()];
     data_rows(&campaign, state, &weighing, columns, |at, row, _| {
-        flat[owner[at.pose]].extend_from_slice(row)
+        flat[owner[at.pose]].extend_from_slice(row);
     });
     let width = columns.len();
     flat.iter()

@@ -23,6 +23,8 @@ pub enum Criterion {
     O1,
     /// The least expected error of the tool at the poses asked.
     Zone,
+    /// By chance, of those that pass: for validation, and where what the model lacks is larger than the noise.
+    Random,
 }
 
 /// The candidates under a criterion.
@@ -52,7 +54,7 @@ impl<'a> Design<'a> {
     pub(crate) fn information(&self, picks: &[usize]) -> DMatrix<f64> {
         let mut information = self.bank.before.clone();
         picks.iter().for_each(|pick| {
-            information += self.bank.rows[*pick].transpose() * &self.bank.rows[*pick]
+            information += self.bank.rows[*pick].transpose() * &self.bank.rows[*pick];
         });
         information
     }
@@ -72,7 +74,8 @@ impl<'a> Design<'a> {
                     gain.cholesky().map_or(0.0, |gain| gain.solve(&fallen).trace())
                 })
             }
-            Criterion::D | Criterion::O1 => {
+            // What random poses bring is told as D is.
+            Criterion::D | Criterion::O1 | Criterion::Random => {
                 let nuisance = self.bank.nuisance;
                 let around = inverse(&information.view((0, 0), (nuisance, nuisance)).into_owned());
                 let other = self.stacked.columns(0, nuisance) * around;
@@ -84,7 +87,7 @@ impl<'a> Design<'a> {
                     let all = log_det(one() + seen.rows(at, count) * rows.transpose());
                     let around = rows.columns(0, nuisance).transpose();
                     let gain = all - log_det(one() + other.rows(at, count) * around);
-                    if self.criterion == Criterion::D {
+                    if self.criterion != Criterion::O1 {
                         return gain;
                     }
                     gain / (2.0 * found) - 0.5 * ((read + count) as f64 / read.max(1) as f64).ln()

@@ -170,16 +170,7 @@ impl Task {
     #[must_use]
     pub fn campaign(&self, stops: &[Joints]) -> Campaign {
         let poses = stops.iter().filter_map(|q| self.candidate(q)).flat_map(|found| found.poses);
-        Campaign {
-            poses: poses.collect(),
-            surroundings: self.surroundings.clone(),
-            instruments: vec![Instrument {
-                name: "planned".to_owned(),
-                noise_is_known: true,
-                ..Instrument::default()
-            }],
-            recordings: vec!["planned".to_owned()],
-        }
+        campaign(poses.collect(), &self.surroundings)
     }
 
     /// Joint positions within the limits that the arm is free at, by chance.
@@ -345,6 +336,17 @@ impl Task {
                 (on && points_in(out.normalize_or_zero())).then_some(reading)
             }
         })
+    }
+}
+
+/// A campaign of one instrument whose noise is known.
+pub(crate) fn campaign(poses: Vec<Pose>, surroundings: &Surroundings) -> Campaign {
+    let name = "planned".to_owned();
+    Campaign {
+        poses,
+        surroundings: surroundings.clone(),
+        instruments: vec![Instrument { name, noise_is_known: true, ..Instrument::default() }],
+        recordings: vec!["planned".to_owned()],
     }
 }
 

@@ -1,3 +1,5 @@
+//! Plans against simulated campaigns: what is chosen passes, beats chance, and says what the fit then finds.
+
 use super::*;
 use crate::campaign::Noise;
 use crate::made::{empty, nominal};
@@ -164,7 +166,9 @@ fn each_criterion_is_the_best_at_its_own() {
         (gain, plan.poses.last().expect("poses").tool_m[1])
     };
     let (d, zone) = (figures(Criterion::D), figures(Criterion::Zone));
+    let random = figures(Criterion::Random);
     assert!(d.0 > zone.0 && zone.1 < d.1, "{d:?} {zone:?}");
+    assert!(d.0 > random.0 + 1.0 && zone.1 < 0.9 * random.1, "{d:?} {zone:?} {random:?}");
 }
 
 #[test]

@@ -34,7 +34,7 @@ pub(crate) enum Command {
     Diagnose(diagnose::Diagnose),
     Gears(gears::Gears),
     Model(model::Model),
-    Plan(plan::Plan),
+    Plan(Box<plan::Plan>),
     Reload(reload::Reload),
     Replay(replay::Replay),
     Run(run::Run),

@@ -54,8 +54,8 @@ pub(crate) struct Plan {
     /// How many poses; 30, for a check 10; for ISO 9283 the cycles, 30
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=500))]
     count: Option<u16>,
-    /// Best for what: all numbers together, each reading, or the tool in `--zone` (without one: in the workspace)
-    #[arg(long, value_name = "d|o1|zone", value_enum)]
+    /// Best for what: all numbers together, each reading, or the tool in `--zone` (without one: in the workspace); or by chance, for validation
+    #[arg(long, value_name = "d|o1|zone|random", value_enum)]
     criterion: Option<Best>,
     /// Where the tool's error counts, base frame, mm; for ISO 9283 the cube
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", allow_hyphen_values = true)]
@@ -91,6 +91,7 @@ enum Best {
     D,
     O1,
     Zone,
+    Random,
 }
 
 /// The robot and what was measured of it.
@@ -154,6 +155,7 @@ impl Plan {
             Best::D => Criterion::D,
             Best::O1 => Criterion::O1,
             Best::Zone => Criterion::Zone,
+            Best::Random => Criterion::Random,
         };
         let count = self.count.map_or(count, usize::from);
         Wish { count, criterion, candidates: usize::from(self.candidates).max(4 * count), seed }

@@ -1,3 +1,5 @@
+//! Checks of simulated robots: sound ones pass, damaged ones do not, and what moved is named.
+
 use super::*;
 use crate::plan::Criterion;
 use crate::plan::tests::task;

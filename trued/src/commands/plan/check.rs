@@ -238,7 +238,7 @@ fn told(
             unit(model, &suspect.damage)
         ))?;
     }
-    if found.suspects.first().is_some() && !found.is_explained {
+    if !found.suspects.is_empty() && !found.is_explained {
         console.say("that does not explain all of it: there is more than one thing")?;
     }
     Ok(())

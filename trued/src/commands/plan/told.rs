@@ -12,7 +12,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::going::Going;
-use super::{Best, Input, Plan};
+use super::{Input, Plan};
 use crate::exit::Failure;
 use crate::input::count;
 use crate::output::{Console, Paint};
@@ -150,6 +150,7 @@ pub(super) fn plan(
         diagnosis::plan::Criterion::D => "d",
         diagnosis::plan::Criterion::O1 => "o1",
         diagnosis::plan::Criterion::Zone => "zone",
+        diagnosis::plan::Criterion::Random => "random",
     };
     let model = &input.model;
     let not_checked = not_checked(command, going);
@@ -169,7 +170,7 @@ pub(super) fn plan(
     console.json("trued.plan/1", &report)?;
     let head = console.paint(Paint::Strong, &count(planned.poses.len(), "pose"));
     console.say(format!(
-        "{head} of {} that pass (seed {seed}), best for {}; measured so far: {}",
+        "{head} of {} that pass (seed {seed}), {}; measured so far: {}",
         planned.candidates,
         words(command, criterion),
         measured(going)
@@ -210,9 +211,10 @@ pub(super) fn plan(
 
 fn words(command: &Plan, criterion: &str) -> String {
     match criterion {
-        "d" => "all numbers together (D)".to_owned(),
-        "o1" => "what each reading brings (O1)".to_owned(),
-        _ => format!("the tool {}", command.whereabouts()),
+        "d" => "best for all numbers together (D)".to_owned(),
+        "o1" => "best for what each reading brings (O1)".to_owned(),
+        "random" => "drawn by chance".to_owned(),
+        _ => format!("best for the tool {}", command.whereabouts()),
     }
 }
 
@@ -282,9 +284,6 @@ pub(super) fn next(
 
 impl Plan {
     fn whereabouts(&self) -> &'static str {
-        match (&self.zone, self.criterion) {
-            (Some(_), _) => "in the zone",
-            (None, Some(Best::Zone) | _) => "over the workspace",
-        }
+        if self.zone.is_some() { "in the zone" } else { "over the workspace" }
     }
 }
