@@ -12,7 +12,7 @@ use crate::motion::Motion;
 use crate::residual::{Columns, Rows};
 use crate::surroundings::{Number, Surroundings};
 use crate::triangle::Triangle;
-use physics::spec::{ActsOn, Need};
+use physics::spec::ActsOn;
 use physics::{Evaluation, Inputs, Memories, Model};
 
 /// What a fit changes.
@@ -173,39 +173,40 @@ pub(crate) fn motions_of(
     let mut yielding = None;
     for (motion, (effect, value)) in motions.iter_mut().zip(wanted) {
         if acts_on_loads[effect] {
-            let yielding = yielding.get_or_insert_with(|| Yielding::of(model));
+            let yielding = yielding.get_or_insert_with(|| Yielding::of(model, memories));
             *motion = yielding.through_loads(effect, value, inputs);
         }
     }
     motions
 }
 
-/// What acts on the loads of a model, and all that gives way under them: the rest is the same on both sides of a difference.
+/// A model without the effects that do nothing: candidates, mostly.
 struct Yielding {
     model: Box<Model>,
+    memories: Memories,
     /// Where each effect of the whole model stands here.
     places: Vec<Option<usize>>,
 }
 
 impl Yielding {
-    fn of(whole: &Model) -> Self {
+    fn of(whole: &Model, all: &Memories) -> Self {
         let mut model = Box::new(Model::nominal(whole.arm));
+        let mut memories = Memories::default();
         let mut places = Vec::with_capacity(whole.effects().len());
-        for effect in whole.effects() {
-            let spec = effect.spec();
-            let yields = spec.needs.contains(&Need::Masses) || spec.needs.contains(&Need::Wrench);
+        for (place, effect) in whole.effects().enumerate() {
             let at_work = effect.values().iter().any(|value| *value != 0.0);
-            let taken = spec.acts_on == ActsOn::Loads || yields && at_work;
+            let taken = effect.spec().acts_on == ActsOn::Loads || at_work;
             places.push(taken.then(|| model.effects().len()));
             if taken {
+                memories.take(model.effects().len(), all, place);
                 // It had room in the whole model.
                 model.push(*effect).unwrap_or_default();
             }
         }
-        Self { model, places }
+        Self { model, memories, places }
     }
 
-    /// The motion per unit of a value of an effect on the loads, by central difference. What remembers does not feel loads.
+    /// The motion per unit of a value of an effect on the loads, by central difference.
     fn through_loads(&mut self, effect: usize, value: usize, inputs: &Inputs) -> Motion {
         let Some(effect) = self.places[effect] else { return Motion::default() };
         let own = self.model.effects().nth(effect);
@@ -215,7 +216,7 @@ impl Yielding {
             if let Some(effect) = self.model.effect_mut(effect) {
                 effect.values_mut()[value] = value_there;
             }
-            self.model.evaluate(inputs, &Memories::default())
+            self.model.evaluate(inputs, &self.memories)
         };
         let (below, above) = (at(stands - step), at(stands + step));
         at(stands);

@@ -33,6 +33,15 @@ impl Default for Memories {
     }
 }
 
+impl Memories {
+    /// What the effect in place `to` remembers becomes what the one in place `from` of `other` does.
+    pub fn take(&mut self, to: usize, other: &Self, from: usize) {
+        if let (Some(slot), Some(memory)) = (self.0.get_mut(to), other.0.get(from)) {
+            *slot = *memory;
+        }
+    }
+}
+
 /// Why effects do not make a model. Joints are 1-based here, as in files.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ModelError {
