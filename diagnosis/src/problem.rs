@@ -7,13 +7,13 @@
 
 use crate::campaign::{Arrival, Campaign};
 use crate::colour::{Filter, stream};
-use crate::hypothesis::{Hypothesis, much};
+use crate::hypothesis::{Hypothesis, much, named};
 use crate::motion::Motion;
 use crate::residual::{Columns, Rows};
 use crate::surroundings::{Number, Surroundings};
 use crate::triangle::Triangle;
-use physics::spec::ActsOn;
-use physics::{Evaluation, Inputs, Memories, Model};
+use physics::spec::Role;
+use physics::{Contribution, Evaluation, Inputs, JOINTS_MAX, Memories, Model};
 
 /// What a fit changes.
 #[derive(Clone, Debug)]
@@ -142,14 +142,26 @@ pub(crate) fn follow(
     used: Option<&[bool]>,
     mut look: impl FnMut(usize, &Evaluation, &Memories),
 ) {
+    remember(model, campaign, used, |pose, memories| {
+        look(pose, &model.evaluate(&campaign.poses[pose].inputs, memories), memories);
+    });
+}
+
+/// The same without a look at where the arm is.
+pub(crate) fn remember(
+    model: &Model,
+    campaign: &Campaign,
+    used: Option<&[bool]>,
+    mut look: impl FnMut(usize, &Memories),
+) {
     let mut memories = Memories::default();
     for (index, pose) in campaign.poses.iter().enumerate() {
         match pose.arrival {
-            Arrival::Settled => model.arrive(&pose.inputs, &mut memories),
+            Arrival::Settled => model.settle(&pose.inputs, &mut memories),
             Arrival::FromBefore => model.advance(&pose.inputs, &mut memories),
         }
         if used.is_none_or(|used| used[index]) {
-            look(index, &model.evaluate(&pose.inputs, &memories), &memories);
+            look(index, &memories);
         }
     }
 }
@@ -165,27 +177,31 @@ pub(crate) fn motions_of(
     let wanted: Vec<(usize, usize)> =
         hypothesis.free.iter().map(|free| (free.effect, free.value)).collect();
     let mut motions = vec![Motion::default(); wanted.len()];
+    let mut on_loads = Vec::new();
     model.derivatives(inputs, memories, &wanted, |place, change| {
-        motions[place] = Motion::of(&model.arm, seen, change).unwrap_or_default();
+        match Motion::of(&model.arm, seen, change) {
+            Some(motion) => motions[place] = motion,
+            None => on_loads.push((place, *change)),
+        }
     });
-    let acts_on_loads: Vec<bool> =
-        model.effects().map(|effect| effect.spec().acts_on == ActsOn::Loads).collect();
-    let mut yielding = None;
-    for (motion, (effect, value)) in motions.iter_mut().zip(wanted) {
-        if acts_on_loads[effect] {
-            let yielding = yielding.get_or_insert_with(|| Yielding::of(model, memories));
-            *motion = yielding.through_loads(effect, value, inputs);
+    if !on_loads.is_empty() {
+        let mut yielding = Yielding::of(model, memories);
+        for (place, change) in on_loads {
+            let (effect, value) = wanted[place];
+            motions[place] = yielding.motion(model, effect, value, &change, inputs);
         }
     }
     motions
 }
 
-/// A model without the effects that do nothing: candidates, mostly.
+/// A model without the effects that do nothing (candidates, mostly), at one pose.
 struct Yielding {
     model: Box<Model>,
     memories: Memories,
-    /// Where each effect of the whole model stands here.
+    /// Where each effect of the whole model stands here, if it is at work.
     places: Vec<Option<usize>>,
+    /// How the tool moves per unit of load on a joint.
+    responses: [Option<Motion>; JOINTS_MAX],
 }
 
 impl Yielding {
@@ -194,33 +210,65 @@ impl Yielding {
         let mut memories = Memories::default();
         let mut places = Vec::with_capacity(whole.effects().len());
         for (place, effect) in whole.effects().enumerate() {
-            let at_work = effect.values().iter().any(|value| *value != 0.0);
-            let taken = effect.spec().acts_on == ActsOn::Loads || at_work;
-            places.push(taken.then(|| model.effects().len()));
-            if taken {
+            let at_work = (0..effect.values().len()).any(|value| {
+                let role = named(effect, value).map(|named| named.parameter.role);
+                role == Some(Role::Linear) && effect.values()[value] != 0.0
+            });
+            places.push(at_work.then(|| model.effects().len()));
+            if at_work {
                 memories.take(model.effects().len(), all, place);
                 // It had room in the whole model.
                 model.push(*effect).unwrap_or_default();
             }
         }
-        Self { model, memories, places }
+        Self { model, memories, places, responses: [None; JOINTS_MAX] }
     }
 
-    /// The motion per unit of a value of an effect on the loads, by central difference.
-    fn through_loads(&mut self, effect: usize, value: usize, inputs: &Inputs) -> Motion {
-        let Some(effect) = self.places[effect] else { return Motion::default() };
-        let own = self.model.effects().nth(effect);
-        let stands = own.map_or(0.0, |effect| effect.values()[value]);
-        let step = 1e-4 * own.map_or(1.0, |effect| much(effect, value)).max(stands.abs());
+    /// The motion per unit of a value of an effect on the loads; `change` is what it adds to them. All that gives way does so in proportion: one
+    /// load on a joint tells how the tool moves under any.
+    fn motion(
+        &mut self,
+        whole: &Model,
+        effect: usize,
+        value: usize,
+        change: &Contribution,
+        inputs: &Inputs,
+    ) -> Motion {
+        let Contribution::JointLoad { joint, load } = *change else {
+            return self.by_difference(whole, effect, value, inputs);
+        };
+        if load == 0.0 {
+            return Motion::default();
+        }
+        if self.responses[joint].is_none() {
+            let motion = self.by_difference(whole, effect, value, inputs);
+            self.responses[joint] = Some(motion.times(1.0 / load));
+        }
+        self.responses[joint].map_or_else(Motion::default, |response| response.times(load))
+    }
+
+    fn by_difference(
+        &mut self,
+        whole: &Model,
+        effect: usize,
+        value: usize,
+        inputs: &Inputs,
+    ) -> Motion {
+        let Some(own) = whole.effects().nth(effect).copied() else { return Motion::default() };
+        let mut model = self.model.clone();
+        let place = self.places[effect].unwrap_or_else(|| model.effects().len());
+        if self.places[effect].is_none() && model.push(own).is_err() {
+            return Motion::default();
+        }
+        let stands = own.values()[value];
+        let step = 1e-4 * much(&own, value).max(stands.abs());
         let mut at = |value_there: f64| {
-            if let Some(effect) = self.model.effect_mut(effect) {
+            if let Some(effect) = model.effect_mut(place) {
                 effect.values_mut()[value] = value_there;
             }
-            self.model.evaluate(inputs, &self.memories)
+            model.evaluate(inputs, &self.memories)
         };
-        let (below, above) = (at(stands - step), at(stands + step));
-        at(stands);
-        Motion::between(&below, &above, 2.0 * step)
+        Motion::between(&at(stands - step), &at(stands + step), 2.0 * step)
     }
 }
 

@@ -11,13 +11,13 @@ use crate::colour::Filter;
 use crate::fit::Settings;
 use crate::hypothesis::{Free, Hypothesis, much};
 use crate::motion::Motion;
-use crate::problem::{Look, State, Weighing, follow, motions_of, visit};
+use crate::problem::{Look, State, Weighing, motions_of, remember, visit};
 use crate::result::Fit;
 use crate::triangle::{Triangle, dot};
 use glam::DVec3;
 use nalgebra::DMatrix;
 use physics::spec::{ActsOn, Need};
-use physics::{EFFECTS_MAX, Evaluation};
+use physics::{Chain, Deviation, EFFECTS_MAX, Evaluation, Loads};
 
 /// A candidate's share of its own length that must be left after the fit's columns, squared.
 const LEFT: f64 = 1e-6;
@@ -236,11 +236,19 @@ impl<'a> Fitted<'a> {
 
     /// How the tool would move with each probe, at each pose that takes part. The candidates remember for themselves.
     fn batch_motions(&self, batch: &Hypothesis) -> Vec<Vec<Motion>> {
+        let arm = &batch.model.arm;
         let mut all = vec![Vec::new(); self.campaign.poses.len()];
-        follow(&batch.model, self.campaign, Some(&self.weighing.used), |pose, seen, memories| {
-            let deviation = Default::default();
-            let bare = Evaluation { real: seen.nominal, deviation, ..*seen };
-            all[pose] = motions_of(batch, &self.campaign.poses[pose].inputs, memories, &bare);
+        remember(&batch.model, self.campaign, Some(&self.weighing.used), |pose, memories| {
+            let inputs = &self.campaign.poses[pose].inputs;
+            let nominal = Chain::nominal(arm, &inputs.q);
+            let bare = Evaluation {
+                nominal,
+                loads: Loads::on(arm, &nominal, inputs.wrench_base),
+                deviation: Deviation::default(),
+                real: nominal,
+                beyond: None,
+            };
+            all[pose] = motions_of(batch, inputs, memories, &bare);
         });
         all
     }
