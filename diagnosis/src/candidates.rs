@@ -368,6 +368,6 @@ impl<'a> List<'a> {
 
 /// Whether the drive of `joint` may run through joint `from`: within the last three of an arm (a wrist's gears), and from the second
 /// to the third (a parallel rod).
-fn couples(arm: &Arm, from: usize, joint: usize) -> bool {
+pub(crate) fn couples(arm: &Arm, from: usize, joint: usize) -> bool {
     (from + 3 >= arm.count() && from < joint) || (from == 1 && joint == 2)
 }

@@ -18,18 +18,18 @@ pub mod says;
 mod unknown;
 mod untested;
 
-use crate::campaign::{Campaign, Reading};
+use crate::campaign::{Arrival, Campaign, Reading};
 use crate::colour::stream;
 use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::Hypothesis;
-use crate::proof::Split;
+use crate::proof::{Split, runs};
 use crate::result::Fit;
 use crate::robust::Influence;
 use crate::score::Fitted;
 use features::Word;
 use glam::DVec3;
 use name::{Asking, Named, Naming};
-use physics::{AnyEffect, Model};
+use physics::{AnyEffect, Inputs, Model};
 use prove::Held;
 
 use std::collections::BTreeMap;
@@ -42,6 +42,9 @@ pub use untested::Untested;
 
 /// Readings that are looked at, at most; of more, every so manieth.
 const POSES_MAX: usize = 6000;
+
+/// The share of a number that stays open whatever the noise: scales, the geometry that levers are taken from, the form of a law.
+const FLOOR: f64 = 5e-3;
 
 /// Something that is missing in the model, or wrong in it.
 #[derive(Clone, Debug)]
@@ -121,6 +124,7 @@ pub fn diagnose(
     seed: u64,
 ) -> Diagnosis {
     let mut notes = Vec::new();
+    set_moving(&mut campaign, model.arm.count());
     let stride = thin(&mut campaign, &mut notes);
     let split = match held_out {
         Some(held) => Split {
@@ -152,8 +156,22 @@ pub fn diagnose(
         naming = Some(name::name(&Asking { campaign, known, settings, library }, &base));
     }
     let naming = naming.unwrap_or(Naming { fit: base, named: Vec::new() });
+    let naming = prove::confirmed(&campaign, model, &split, naming);
     let not_tested = untested::untested(&model.arm, &library, &words);
     finish(campaign, model, naming, split, &words, (not_tested, notes))
+}
+
+/// Speeds and accelerations along paths: an arm that moves is bent by its own inertia too.
+fn set_moving(campaign: &mut Campaign, joints: usize) {
+    for run in runs(campaign) {
+        let poses = &mut campaign.poses[run];
+        // The first pose of a path has none before it.
+        if poses.iter().skip(1).all(|pose| pose.arrival == Arrival::FromBefore) && poses.len() > 2 {
+            let mut rows: Vec<Inputs> = poses.iter().map(|pose| pose.inputs).collect();
+            world::forward::moving(&mut rows, joints);
+            poses.iter_mut().zip(rows).for_each(|(pose, inputs)| pose.inputs = inputs);
+        }
+    }
 }
 
 /// The model with what it says of its own uncertainty free so far.
@@ -286,7 +304,8 @@ fn findings(
             let mut place = place
                 .enumerate()
                 .filter(|(_, free)| free.effect == one.effect && free.value == value);
-            place.next().and_then(|(k, _)| last.sigma(last.column_of(k)))
+            let sigma = place.next().and_then(|(k, _)| last.sigma(last.column_of(k)));
+            sigma.map(|sigma| sigma.hypot(FLOOR * effect.values()[value]))
         };
         let (confidence, shares) = judge::confidence(one, price);
         let had = one

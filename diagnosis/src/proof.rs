@@ -119,7 +119,7 @@ impl Split {
 }
 
 /// Poses in order of which each follows the one before in one recording, in time.
-fn runs(campaign: &Campaign) -> Vec<std::ops::Range<usize>> {
+pub(crate) fn runs(campaign: &Campaign) -> Vec<std::ops::Range<usize>> {
     let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
     for (k, pose) in campaign.poses.iter().enumerate() {
         let before = k.checked_sub(1).map(|b| &campaign.poses[b]);

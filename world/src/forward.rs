@@ -70,6 +70,18 @@ pub fn path(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Vec<Seen> {
     all
 }
 
+/// Speeds and accelerations of one segment of a path, from its positions: what the loads' inertial part needs. `joints`: how many the arm has.
+pub fn moving(rows: &mut [Inputs], joints: usize) {
+    let times_s: Vec<f64> = rows.iter().map(|row| row.time_s).collect();
+    for joint in 0..joints.min(JOINTS_MAX) {
+        let samples: Vec<f64> = rows.iter().map(|row| row.q[joint]).collect();
+        let rates = derivatives(&times_s, &samples);
+        for (row, rate) in rows.iter_mut().zip(rates) {
+            (row.velocity[joint], row.acceleration[joint]) = rate;
+        }
+    }
+}
+
 /// The inputs with the motors' motion in place of the command's.
 fn followed(rows: &[Inputs], times_s: &[f64], motors: &[Vec<f64>]) -> Vec<Inputs> {
     let rates: Vec<_> = motors.iter().map(|samples| derivatives(times_s, samples)).collect();

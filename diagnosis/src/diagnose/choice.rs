@@ -34,7 +34,7 @@ pub(super) struct Choice<'a> {
 }
 
 impl<'a> Choice<'a> {
-    pub(super) fn at(asking: &Asking<'a>, naming: &Naming) -> Self {
+    pub(super) fn at(asking: &Asking<'a>, naming: &Naming, better: &[Rival]) -> Self {
         let Naming { fit, named } = naming;
         let fitted = Fitted::new(asking.campaign, fit, &asking.settings);
         let arm = &fit.hypothesis.model.arm;
@@ -59,6 +59,11 @@ impl<'a> Choice<'a> {
             });
             entries.push(Entry { candidate, stands, kept: one.kept });
         }
+        entries.extend(better.iter().map(|rival| Entry {
+            stands: vec![0.0; rival.candidate.probes.len()],
+            candidate: rival.candidate.clone(),
+            kept: rival.kept,
+        }));
         for line in lines(&fitted) {
             let found = wave_candidate(arm, line.joint, line.cycles);
             entries.extend(found.map(|candidate| Entry {
@@ -78,11 +83,16 @@ impl<'a> Choice<'a> {
         }
     }
 
+    /// What a number costs, in the sum of squares.
+    pub(super) fn price(&self) -> f64 {
+        self.readings.ln()
+    }
+
     /// A gain less what its numbers cost, in the sum of squares.
     fn worth(&self, gain: &Gain, entry: &Entry) -> f64 {
         let tried = self.entries.len().max(1) as f64;
         let numbers = (gain.numbers + entry.searched()) as f64;
-        gain.gain / self.design_effect - numbers * self.readings.ln() - 2.0 * tried.ln()
+        gain.gain / self.design_effect - numbers * self.price() - 2.0 * tried.ln()
     }
 
     pub(super) fn make(&mut self) {
@@ -240,15 +250,16 @@ impl Choice<'_> {
         let numbers = would.numbers + entry.searched();
         let behind = 0.5 * (own - would.gain) / self.design_effect;
         let fit = &naming.fit;
+        let (kept, candidate) = (entry.kept, entry.candidate.clone());
         if let Some(change) = entry.candidate.changes() {
             let effect = *fit.hypothesis.model.effects().nth(change)?;
-            return Some(Rival { effect, changes, behind, numbers });
+            return Some(Rival { effect, changes, behind, numbers, candidate, kept });
         }
         let effect = entry.candidate.effect(&fit.hypothesis.model.arm, &would.found)?;
         let linear =
             |value| named(&effect, value).is_none_or(|named| named.parameter.role == Role::Linear);
         if (0..effect.values().len()).all(linear) || !entry.kept.is_empty() {
-            return Some(Rival { effect, changes, behind, numbers });
+            return Some(Rival { effect, changes, behind, numbers, candidate, kept });
         }
         let mut hypothesis = without(fit, &asking.known.model, &[&naming.named[k]]);
         let (at, _) = Asking::joined(&mut hypothesis, entry, &would.found)?;
@@ -256,6 +267,7 @@ impl Choice<'_> {
         let fitted = compare(asking.campaign, &hypothesis, fit, asking.settings.used);
         let effect = *fitted.hypothesis.model.effects().nth(at)?;
         let behind = 0.5 * (fitted.sum - whole.sum) / self.design_effect;
-        Some(Rival { effect, changes, behind, numbers })
+        let (candidate, _) = candidate.standing(&fit.hypothesis.model.arm, &effect, &[]);
+        Some(Rival { effect, changes, behind, numbers, candidate, kept })
     }
 }

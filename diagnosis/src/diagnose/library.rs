@@ -6,9 +6,12 @@
 //! Promises: the physics' own list is asked, none of its own. Never: a look at the residuals.
 
 use crate::campaign::Campaign;
-use crate::candidates::{Candidate, List, candidates};
+use crate::candidates::{Candidate, List, candidates, couples};
 use physics::spec::ActsOn;
 use physics::{Arm, Model};
+
+/// Shares of the longest segment that are tried as the time by which heat comes late.
+const LAGS: [f64; 3] = [0.05, 0.15, 0.4];
 
 /// All candidates for what `model` may lack or have wrong.
 pub(super) fn library(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
@@ -18,6 +21,14 @@ pub(super) fn library(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
         known.map(|(place, effect)| Candidate::change(place, effect)).collect();
     all.extend(geometry(&model.arm, campaign));
     all.extend(candidates(&model.arm, campaign));
+    all.extend(couplings(&model.arm, campaign));
+    all.extend(slow_heat(&model.arm, campaign));
+    // Where gravity or the wrench alone shows a compliance, the contract prefers the word for both.
+    let halves = |c: &Candidate| {
+        let kind = c.probes.first().map(|probe| probe.effect.spec().kind);
+        matches!(kind, Some("load_compliance" | "gravity_compliance" | "gravity_sag"))
+    };
+    all.sort_by_key(halves);
     all.retain(|candidate| !model.effects().any(|effect| candidate.is_rival_of(effect)));
     all
 }
@@ -31,5 +42,32 @@ fn geometry(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
         list.values("axis_tilt", Some(joint), &[("tilt", &[0.0; 2])]);
     }
     list.values("tool_offset", None, &[("shift", &[0.0; 3]), ("turn", &[0.0; 3])]);
+    list.found
+}
+
+/// Any joint driven along by one before it.
+fn couplings(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
+    let mut list = List::new(arm, campaign);
+    for joint in 0..arm.count() {
+        for from in (0..joint).filter(|from| !couples(arm, *from, joint)) {
+            let from = [(from + 1) as f64];
+            list.values("joint_coupling", Some(joint), &[("ratio", &[0.0]), ("from_joint", &from)]);
+        }
+    }
+    list.found
+}
+
+/// What follows a recorded temperature late.
+fn slow_heat(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
+    let longest_s = campaign.poses.iter().map(|pose| pose.inputs.time_s).fold(0.0, f64::max);
+    let warms = campaign.poses.iter().any(|pose| pose.inputs.celsius(0).is_finite());
+    let mut list = List::new(arm, campaign);
+    for lag_s in LAGS.map(|share| share * longest_s).into_iter().filter(|lag| warms && *lag > 0.0) {
+        for joint in 0..arm.count() {
+            for (kind, stem) in [("thermal_zero", "drift"), ("thermal_growth", "growth")] {
+                list.values(kind, Some(joint), &[(stem, &[0.0]), ("lag", &[lag_s])]);
+            }
+        }
+    }
     list.found
 }

@@ -19,6 +19,10 @@ use physics::{AnyEffect, Model};
 
 /// Rounds of choosing and fitting.
 const ROUNDS: usize = 4;
+/// Rounds in which rivals that were fitted may take a name's place.
+const RENAMING: usize = 3;
+/// By how much the sum of squares has to be lower for that, beside the numbers' cost.
+const CLEARLY: f64 = 2.0;
 /// A rival within this many units of log-likelihood cannot be told apart (contract `diagnosis.md`).
 pub(super) const ALIKE: f64 = 5.0;
 
@@ -33,6 +37,10 @@ pub struct Rival {
     pub behind: f64,
     /// Numbers that it takes.
     pub numbers: usize,
+    /// Where it came from, at the numbers that it would take.
+    pub(super) candidate: Candidate,
+    /// Entries that a fit of it keeps.
+    pub(super) kept: &'static [&'static str],
 }
 
 /// A name with its rivals.
@@ -70,24 +78,32 @@ pub(super) struct Asking<'a> {
 /// Names what the poses that take part ask for beyond `base`.
 pub(super) fn name(asking: &Asking<'_>, base: &Fit) -> Naming {
     let mut naming = Naming { fit: base.clone(), named: Vec::new() };
-    for _ in 0..ROUNDS {
-        let before = titles(&naming.named);
-        let mut choice = Choice::at(asking, &naming);
-        choice.make();
-        naming = asking.fitted(&choice, &naming.fit, Effort::Sketch);
-        if titles(&naming.named) == before {
+    let mut better = Vec::new();
+    for _ in 0..RENAMING {
+        naming = asking.settled(naming, &better);
+        let mut choice = Choice::at(asking, &naming, &better);
+        choice.stand(&naming.named);
+        for k in 0..naming.named.len() {
+            choice.compare_rivals(asking, &mut naming, k);
+        }
+        let found: Vec<Rival> = naming.named.iter().filter_map(|one| one.better(&choice)).collect();
+        if found.is_empty() {
             break;
         }
-    }
-    let settings = Settings { from: Some(&naming.fit.surroundings.clone()), ..asking.settings };
-    naming.fit = fit(asking.campaign, &naming.fit.hypothesis, &settings);
-    let mut choice = Choice::at(asking, &naming);
-    // What was named stands at the end of the entries, before the lines.
-    choice.stand(&naming.named);
-    for k in 0..naming.named.len() {
-        choice.compare_rivals(asking, &mut naming, k);
+        better = found;
     }
     naming
+}
+
+impl Named {
+    /// The rival whose nonlinear numbers, once fitted, make it the better name.
+    fn better(&self, choice: &Choice<'_>) -> Option<Rival> {
+        let price = |rival: &Rival| {
+            2.0 * rival.behind + choice.price() * (rival.numbers as f64 - self.numbers as f64)
+        };
+        let best = self.rivals.iter().min_by(|a, b| price(a).total_cmp(&price(b)))?;
+        (price(best) < -CLEARLY).then(|| best.clone())
+    }
 }
 
 pub(super) type Title = (&'static str, Option<usize>, bool);
@@ -105,6 +121,23 @@ fn titles(named: &[Named]) -> Vec<Option<Title>> {
 }
 
 impl Asking<'_> {
+    /// Chooses and fits, one after the other, until the names stand.
+    fn settled(&self, mut naming: Naming, better: &[Rival]) -> Naming {
+        for _ in 0..ROUNDS {
+            let before = titles(&naming.named);
+            let mut choice = Choice::at(self, &naming, better);
+            choice.make();
+            naming = self.fitted(&choice, &naming.fit, Effort::Sketch);
+            if titles(&naming.named) == before {
+                break;
+            }
+        }
+        let around = naming.fit.surroundings.clone();
+        let settings = Settings { from: Some(&around), ..self.settings };
+        naming.fit = fit(self.campaign, &naming.fit.hypothesis, &settings);
+        naming
+    }
+
     /// Adds a candidate to a hypothesis; none where there is no room.
     pub(super) fn joined(
         hypothesis: &mut Hypothesis,

@@ -3,12 +3,17 @@
 //! Promises: surroundings (frames, targets) come from training rows alone; rows that are outliers to the final model count for no model. An effect that
 //! does not help there is no finding. Never: a change of what was fitted.
 
+use super::name::{Named, Naming, without};
 use crate::campaign::Campaign;
 use crate::fit::compare;
 use crate::hypothesis::Hypothesis;
 use crate::proof::Split;
 use crate::result::Fit;
+use physics::Model;
 
+/// A name is borne out where the gain in log-likelihood on held-out rows is at least this share of what their number promises, and this much.
+const SHARE: f64 = 0.3;
+const LEAST: f64 = 1.0;
 /// Poses of a path between training and held-out stretches.
 const APART: usize = 5;
 /// A reading further off than this many times the middle one is an outlier.
@@ -38,6 +43,39 @@ pub(super) fn set_apart(campaign: &mut Campaign, split: &Split) {
     near.into_iter().for_each(|k| campaign.poses[k].seen.clear());
 }
 
+/// Takes out of the names what held-out rows do not bear out: where the sum of squares there does not fall by a fair share of what training rows promise.
+/// Rows that are held out only ever take a name away.
+pub(super) fn confirmed(
+    campaign: &Campaign,
+    model: &Model,
+    split: &Split,
+    mut naming: Naming,
+) -> Naming {
+    while !naming.named.is_empty() {
+        let held = Held::new(campaign, split, &naming.fit);
+        let (rms, numbers) = held.sum(&naming.fit);
+        let noise = held.rms_in_training(&naming.fit).powi(2) * naming.fit.design_effect;
+        let borne_out = |one: &Named| {
+            let bare = held.beside(&without(&naming.fit, model, &[one]), &naming.fit);
+            let gain = 0.5 * (held.sum(&bare).0 - rms) / noise;
+            let share = numbers as f64 / naming.fit.readings.max(1) as f64;
+            gain - (SHARE * share * one.gain).max(LEAST)
+        };
+        let worst = naming.named.iter().map(borne_out).enumerate();
+        let worst = worst.min_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((k, _)) = worst.filter(|(_, margin)| *margin < 0.0) else { break };
+        let hypothesis = without(&naming.fit, model, &[&naming.named[k]]);
+        let gone = naming.named.remove(k);
+        if gone.stated.is_none() {
+            for one in naming.named.iter_mut().filter(|one| one.effect > gone.effect) {
+                one.effect -= 1;
+            }
+        }
+        naming.fit = held.beside(&hypothesis, &naming.fit);
+    }
+    naming
+}
+
 /// Held-out readings, ready to be asked for any fit.
 pub(super) struct Held<'a> {
     pub(super) campaign: &'a Campaign,
@@ -64,8 +102,14 @@ impl<'a> Held<'a> {
         Self { campaign, split, counts, is_length }
     }
 
-    /// The root mean square of single numbers, and how many they are.
+    /// The root mean square of single numbers.
     pub(super) fn rms(&self, fit: &Fit) -> f64 {
+        let (sum, count) = self.sum(fit);
+        (sum / count.max(1) as f64).sqrt()
+    }
+
+    /// The sum of squares of single numbers, m² or rad², and how many they are.
+    fn sum(&self, fit: &Fit) -> (f64, usize) {
         let (mut sum, mut count) = (0.0, 0_usize);
         let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
         let numbers: Vec<usize> = numbers.map(|seen| seen.reading.count()).collect();
@@ -73,7 +117,7 @@ impl<'a> Held<'a> {
             sum += off.off.length_squared();
             count += numbers[off.reading];
         }
-        (sum / count.max(1) as f64).sqrt()
+        (sum, count)
     }
 
     /// The same for the training rows of a fit: what is left where everything was fitted.
