@@ -103,6 +103,11 @@ impl Candidate {
         if matches!(self.make, Make::Spring) { loads::SHAPE } else { 0 }
     }
 
+    /// Whether its probes are parts of one mass.
+    pub(crate) fn is_one_mass(&self) -> bool {
+        matches!(self.make, Make::Masses)
+    }
+
     /// Whether a fit may change this value of its effect.
     pub(crate) fn frees(&self, value: usize) -> bool {
         !matches!(self.make, Make::Remainder) || self.probes.iter().any(|p| p.value == value)

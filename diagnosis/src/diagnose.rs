@@ -225,19 +225,29 @@ fn finish(
     let held = Held::new(&campaign, &split, &last);
     let given = held.beside(&Hypothesis::fixed(*model), &last);
     let fitted = Fitted::new(&campaign, &last, &settings);
-    let law = unknown::law(&fitted, words);
-    let verdict = judge::verdict(&named, &last, law.as_ref().map(|law| law.gain));
+    let (before, after) = (held.rms(&given), held.rms(&last));
+    let rest = unknown::law(&fitted, words).and_then(|law| {
+        let ([without, with], count) = law.on(&fitted, words, &split.held_out());
+        let gain = 0.5 * (without - with) / last.design_effect;
+        let promised = 0.5 * law.gain / last.design_effect * count as f64 / last.readings as f64;
+        let is_there = gain > (prove::SHARE * promised).max(prove::LEAST);
+        is_there.then(|| Unexplained {
+            depends_on: depends_on(&law, words),
+            joint: law.joint,
+            heldout: [after, after * (with / without).sqrt()],
+        })
+    });
+    let carried = rest.as_ref().map(|rest| {
+        let left = after.powi(2) - rest.heldout[1].powi(2);
+        (before.powi(2) - after.powi(2)) / (before.powi(2) - after.powi(2) + left).max(1e-30)
+    });
+    let verdict = judge::verdict(&named, &last, carried);
     let map = locate::map(&campaign, &given, &settings, words);
     let findings = findings(&held, model, &last, &named, &given);
-    let after = held.rms(&last);
-    let unexplained = law.map(|law| Unexplained {
-        depends_on: law.words.iter().map(|word| words[*word].name.clone()).collect(),
-        joint: law.joint,
-        heldout: [after, after],
-    });
+    let unexplained = rest;
     let proof = Proof {
         says: split.says.clone(),
-        before: held.rms(&given),
+        before,
         after,
         noise: held.rms_in_training(&last),
         is_length: held.is_length,
@@ -257,6 +267,13 @@ fn finish(
         campaign: campaign.clone(),
         split: split.clone(),
     }
+}
+
+/// The contract's words that a law follows, each once.
+fn depends_on(law: &unknown::Law, words: &[Word]) -> Vec<String> {
+    let mut names: Vec<String> = law.words.iter().map(|word| words[*word].name.clone()).collect();
+    names.dedup();
+    names
 }
 
 /// Root mean square of what was read about the mean of each axis or joint.

@@ -365,6 +365,11 @@ fn strongest(mut picks: Vec<Pick>, beside: f64) -> Vec<Pick> {
 
 /// Whether the numbers lie where they may: a gap or a compliance is not negative.
 pub(crate) fn is_sound(candidate: &Candidate, found: &[f64]) -> bool {
+    let ranges = candidate.probes.iter().map(|probe| named(&probe.effect, probe.value));
+    if candidate.is_one_mass() {
+        let mut ranges = ranges.flatten().map(|named| named.parameter.range);
+        return ranges.all(|range| range.holds(found.iter().sum()));
+    }
     candidate.changes().is_some()
         || candidate.probes.iter().zip(found).all(|(probe, value)| {
             let range = named(&probe.effect, probe.value).map(|named| named.parameter.range);

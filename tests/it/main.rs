@@ -10,6 +10,7 @@ mod architecture;
 mod calibrate;
 mod challenge;
 mod cli;
+mod diagnose;
 mod force;
 mod gauges;
 mod gears;

@@ -252,12 +252,6 @@ impl Gram {
         }
         Gain { gain, numbers: size, found }
     }
-
-    /// The sum of squares that is left.
-    pub(super) fn left(&self) -> f64 {
-        let right = self.sizes.len();
-        self.cells[(right, right)]
-    }
 }
 
 /// Adds to the right-hand side what columns explain with the numbers that they stand at.

@@ -38,16 +38,15 @@ impl Verdict {
     }
 }
 
-/// The verdict on names that explain `named` and a law that explains `left` more of the sum of squares.
-pub(super) fn verdict(found: &[Named], fit: &crate::Fit, left: Option<f64>) -> Verdict {
+/// The verdict on names that carry the share `carried` of what stands above the noise on held-out rows; none: all of it.
+pub(super) fn verdict(found: &[Named], fit: &crate::Fit, carried: Option<f64>) -> Verdict {
     let named: f64 = found.iter().map(|one| 2.0 * one.gain).sum();
-    let carried = left.is_none_or(|left| named >= CARRIED * (named + left));
     let alike = found.iter().filter(|one| is_ambiguous(one, fit));
     let alike: f64 = alike.map(|one| 2.0 * one.gain).sum();
     match found {
-        [] if left.is_none() => Verdict::Consistent,
+        [] if carried.is_none() => Verdict::Consistent,
         [] => Verdict::UnknownStructure,
-        _ if !carried => Verdict::UnknownStructure,
+        _ if carried.is_some_and(|share| share < CARRIED) => Verdict::UnknownStructure,
         _ if alike > CLEAR * named => Verdict::Undetermined,
         _ => Verdict::MissingPhysics,
     }

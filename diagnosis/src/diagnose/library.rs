@@ -45,11 +45,12 @@ fn geometry(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     list.found
 }
 
-/// Any joint driven along by one before it.
+/// Any joint driven along by any other.
 fn couplings(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let mut list = List::new(arm, campaign);
     for joint in 0..arm.count() {
-        for from in (0..joint).filter(|from| !couples(arm, *from, joint)) {
+        let others = (0..arm.count()).filter(|from| *from != joint);
+        for from in others.filter(|from| *from > joint || !couples(arm, *from, joint)) {
             let from = [(from + 1) as f64];
             list.values("joint_coupling", Some(joint), &[("ratio", &[0.0]), ("from_joint", &from)]);
         }

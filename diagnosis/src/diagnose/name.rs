@@ -156,6 +156,8 @@ impl Asking<'_> {
             let linear = named(&effect, free.value)
                 .is_some_and(|named| named.parameter.role == Role::Linear);
             free.mean = if linear { 0.0 } else { free.mean };
+            // A place on a grid is no belief.
+            free.sigma = if linear { free.sigma } else { free.sigma.max(free.mean.abs()) };
         }
         Some((place, None))
     }

@@ -12,8 +12,8 @@ use crate::result::Fit;
 use physics::Model;
 
 /// A name is borne out where the gain in log-likelihood on held-out rows is at least this share of what their number promises, and this much.
-const SHARE: f64 = 0.3;
-const LEAST: f64 = 1.0;
+pub(super) const SHARE: f64 = 0.4;
+pub(super) const LEAST: f64 = 1.5;
 /// Poses of a path between training and held-out stretches.
 const APART: usize = 5;
 /// A reading further off than this many times the middle one is an outlier.

@@ -7,13 +7,16 @@
 
 use super::features::Word;
 use crate::motion::Motion;
+use crate::problem::{Look, visit};
 use crate::score::{Asked, Fitted};
-use physics::{Arm, Chain};
+use physics::{Arm, Chain, Inputs};
 
 /// Polynomials of one word.
 const DEGREE: usize = 5;
 /// Polynomials of each word of a pair.
 const DEGREE_OF_PAIR: usize = 3;
+/// Readings further off, in units of the noise, are outliers.
+const FAR: f64 = 12.0;
 /// How large a coefficient may be: a joint's error, rad or m.
 const LARGE: f64 = 5e-3;
 
@@ -141,17 +144,36 @@ fn terms(words: &[Word], group: &[usize], pose: usize, mut take: impl FnMut(f64)
 
 impl Law {
     /// How the tool moves with it at a pose.
-    pub(super) fn motion(
-        &self,
-        arm: &Arm,
-        fitted: &Fitted<'_>,
-        words: &[Word],
-        pose: usize,
-    ) -> Motion {
+    fn motion(&self, arm: &Arm, inputs: &Inputs, words: &[Word], pose: usize) -> Motion {
         let mut sum = 0.0;
         let mut found = self.found.iter();
         terms(words, &self.words, pose, |term| sum += term * found.next().unwrap_or(&0.0));
-        let chain = Chain::nominal(arm, &fitted.campaign.poses[pose].inputs.q);
+        let chain = Chain::nominal(arm, &inputs.q);
         Motion::of_joint(arm, &chain, self.joint).times(sum)
+    }
+
+    /// Sums of squares of the rows `held`, in units of the noise, without the law and with it; and how many numbers they are.
+    pub(super) fn on(
+        &self,
+        fitted: &Fitted<'_>,
+        words: &[Word],
+        held: &[bool],
+    ) -> ([f64; 2], usize) {
+        let arm = &fitted.state.hypothesis.model.arm;
+        let (mut sums, mut count) = ([0.0; 2], 0);
+        let look = Look { used: Some(held), derivatives: false };
+        visit(fitted.campaign, &fitted.state, look, |at| {
+            let factor = fitted.weighing.factors[at.instrument];
+            let residual = at.rows.residual / factor;
+            if residual.length() > FAR {
+                return;
+            }
+            let inputs = &fitted.campaign.poses[at.pose].inputs;
+            let law = at.rows.along(&self.motion(arm, inputs, words, at.pose)) / factor;
+            sums[0] += residual.length_squared();
+            sums[1] += (residual - law).length_squared();
+            count += at.rows.count;
+        });
+        (sums, count)
     }
 }
