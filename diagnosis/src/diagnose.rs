@@ -236,8 +236,8 @@ fn finish(
         map,
         not_tested,
         notes,
-        campaign: campaign.clone(),
-        split: split.clone(),
+        campaign,
+        split,
     }
 }
 
