@@ -181,8 +181,8 @@ impl Case {
         task.surroundings.targets.truncate(self.targets);
         task.sees = Sees::Points { least: self.targets, orientation_rad: None };
         task.asked = self.asked(&task, 99);
-        let mut figures: Vec<(&str, Vec<[f64; 2]>, Vec<f64>)> =
-            ["random", "d", "zone"].map(|name| (name, Vec::new(), Vec::new())).into();
+        let mut figures: [(&str, Vec<[f64; 2]>, Vec<f64>); 3] =
+            ["random", "d", "zone"].map(|name| (name, Vec::new(), Vec::new()));
         for seed in 0..seeds {
             let truth = match self.robot {
                 Some(name) => robot(name)?.physics,
