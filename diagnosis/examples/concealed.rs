@@ -19,6 +19,9 @@ use std::time::Instant;
 
 const NOISE_M: f64 = 3e-5;
 
+/// Kind, joint, values by stem.
+type Hidden = (&'static str, Option<usize>, Vec<(&'static str, Vec<f64>)>);
+
 fn main() {
     let mut args = std::env::args().skip(1).map(|a| a.parse::<u64>().expect("a number"));
     let (cases, first) = (args.next().unwrap_or(20), args.next().unwrap_or(1));
@@ -84,7 +87,7 @@ fn conceal(rng: &mut ChaCha8Rng, model: &Model) -> (Model, Option<AnyEffect>) {
     let a = sized(rng, 1.0);
     let phase = [rng.random_range(-3.0..3.0), rng.random_range(-3.0..3.0)];
     let (j1, all) = (Some(joint), None);
-    let list: Vec<(&str, Option<usize>, Vec<(&str, Vec<f64>)>)> = vec![
+    let list: Vec<Hidden> = vec![
         ("joint_offset", j1, vec![("offset", vec![1e-3 * a])]),
         ("joint_ratio", j1, vec![("ratio", vec![1e-3 * a])]),
         ("backlash", j1, vec![("width", vec![8e-4 * a])]),

@@ -28,6 +28,9 @@ use std::path::Path;
 
 type Fallible<T> = Result<T, Box<dyn Error>>;
 
+/// A criterion, held-out errors and expected errors of the tool under it, one per seed.
+type Found = (&'static str, Vec<[f64; 2]>, Vec<f64>);
+
 /// A laser tracker's point, m.
 const SIGMA_M: f64 = 3e-5;
 const POSES: usize = 30;
@@ -181,8 +184,8 @@ impl Case {
         task.surroundings.targets.truncate(self.targets);
         task.sees = Sees::Points { least: self.targets, orientation_rad: None };
         task.asked = self.asked(&task, 99);
-        let mut figures: Vec<(&str, Vec<[f64; 2]>, Vec<f64>)> =
-            ["random", "d", "zone"].map(|name| (name, Vec::new(), Vec::new())).into();
+        let mut figures: [Found; 3] =
+            ["random", "d", "zone"].map(|name| (name, Vec::new(), Vec::new()));
         for seed in 0..seeds {
             let truth = match self.robot {
                 Some(name) => robot(name)?.physics,

@@ -166,13 +166,7 @@ fn hilti(data: &Path) -> Answer<()> {
     }
     let file = "hilti/all_measurements.csv";
     let Some((campaign, recording)) = read(data, file, &text, &model)? else { return Ok(()) };
-    let flat_text = text.replace("heldout = [", "# heldout = [");
-    let by_height = flat_text.replace(HILTI_STATION, "station = { from = [\"dataset\", \"column_height_m\", \"solution_space\"], labels = true }");
-    let by_height: String = by_height
-        .lines()
-        .filter(|line| !line.starts_with("tilt_"))
-        .flat_map(|line| [line, "\n"])
-        .collect();
+    let by_height = by_height(&text);
     let Some((rigid, _)) = read(data, file, &by_height, &model)? else { return Ok(()) };
     let scenes = stations(&campaign);
     let stationing: Vec<bool> = recording.segment.iter().map(|segment| segment % 2 == 0).collect();
@@ -226,6 +220,15 @@ fn hilti(data: &Path) -> Answer<()> {
         row(&format!("hilti {name}, from the other scenes"), poses, scores(&found));
     }
     Ok(())
+}
+
+/// The mapping with a base of its own for each height and arm, without the accelerometer.
+fn by_height(mapping: &str) -> String {
+    let flat = mapping.replace("heldout = [", "# heldout = [");
+    let station = "station = { from = [\"dataset\", \"column_height_m\", \"solution_space\"], labels = true }";
+    let split = flat.replace(HILTI_STATION, station);
+    let kept = split.lines().filter(|line| !line.starts_with("tilt_"));
+    kept.flat_map(|line| [line, "\n"]).collect()
 }
 
 /// The surroundings alone, placed by the poses `used` with the effects of a model as they are.

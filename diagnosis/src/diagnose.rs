@@ -264,8 +264,8 @@ fn finish(
         map,
         not_tested,
         notes,
-        campaign: campaign.clone(),
-        split: split.clone(),
+        campaign,
+        split,
     }
 }
 

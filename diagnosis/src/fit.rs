@@ -8,7 +8,7 @@
 
 use crate::campaign::Campaign;
 use crate::hypothesis::Hypothesis;
-use crate::independent::{Dependent, sort};
+use crate::independent::Dependent;
 use crate::minimise::{Minimum, minimise};
 use crate::problem::{Look, State, Weighing, cost, data_triangle, visit};
 use crate::result::{Fit, Parts};
@@ -190,16 +190,11 @@ impl<'a> Fitting<'a> {
     fn choose_columns(&mut self) {
         let all: Vec<usize> = (0..self.state.width()).collect();
         let data = data_triangle(self.campaign, &self.state, &self.weighing, &all);
-        let (mut kept, mut dependent) = sort(&data, &self.state.widths());
+        let (kept, dependent) = self.state.sort(&data);
         let first = self.state.surroundings.numbers().len();
         let free = &self.state.hypothesis.free;
-        let of = |d: &Dependent| d.column.checked_sub(first);
-        let is_stated = |d: &Dependent| of(d).is_some_and(|k| free[k].stated);
-        kept.extend(dependent.iter().filter(|d| is_stated(d)).map(|d| d.column));
-        kept.sort_unstable();
-        dependent.retain(|d| !is_stated(d));
-        let believed: Vec<(usize, f64)> =
-            dependent.iter().filter_map(of).map(|k| (k, free[k].mean)).collect();
+        let places = dependent.iter().filter_map(|d| d.column.checked_sub(first));
+        let believed: Vec<(usize, f64)> = places.map(|k| (k, free[k].mean)).collect();
         self.active = kept;
         self.dependent = dependent;
         self.put(&believed);

@@ -8,6 +8,7 @@
 use crate::campaign::{Arrival, Campaign};
 use crate::colour::{Filter, stream};
 use crate::hypothesis::{Hypothesis, much, named};
+use crate::independent::{Dependent, sort};
 use crate::motion::Motion;
 use crate::residual::{Columns, Rows};
 use crate::surroundings::{Number, Surroundings};
@@ -48,6 +49,24 @@ impl State {
     pub(crate) fn widths(&self) -> Vec<f64> {
         let surroundings = self.surroundings.numbers().into_iter().map(Number::much);
         surroundings.chain(self.hypothesis.widths()).collect()
+    }
+
+    /// What each column's number is believed to stand within: its prior's standard uncertainty; nothing is believed of the surroundings but their [`State::widths`].
+    pub(crate) fn priors(&self) -> Vec<f64> {
+        let surroundings = self.surroundings.numbers().into_iter().map(Number::much);
+        surroundings.chain(self.hypothesis.free.iter().map(|free| free.sigma)).collect()
+    }
+
+    /// The columns of `data` that it determines or of which a belief was stated, and the others.
+    pub(crate) fn sort(&self, data: &Triangle) -> (Vec<usize>, Vec<Dependent>) {
+        let (mut kept, mut others) = sort(data, &self.widths());
+        let first = self.surroundings.numbers().len();
+        let free = &self.hypothesis.free;
+        let is_stated = |d: &Dependent| d.column.checked_sub(first).is_some_and(|k| free[k].stated);
+        kept.extend(others.iter().filter(|d| is_stated(d)).map(|d| d.column));
+        kept.sort_unstable();
+        others.retain(|d| !is_stated(d));
+        (kept, others)
     }
 }
 

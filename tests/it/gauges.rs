@@ -122,7 +122,7 @@ fn holds(found: &Value, effect: &str, joint: u8, truth: f64, most: f64) {
 fn thing(found: &Value, thing: &str, number: usize, what: &str) -> (f64, f64) {
     let list = found["things"].as_array().expect("things");
     let is = |t: &&Value| t["thing"] == thing && t["number"] == number && t["what"] == what;
-    let one = list.iter().find(is).unwrap_or_else(|| panic!("{thing} {number} {what}: {list:#?}"));
+    let one = list.iter().find(is).expect("the number among the things");
     (one["value_mm"].as_f64().unwrap(), one["sigma"].as_f64().unwrap_or(f64::NAN))
 }
 

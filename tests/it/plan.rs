@@ -115,6 +115,37 @@ fn planned_poses_come_as_a_list_and_as_programs_within_the_limits() {
 }
 
 #[test]
+fn a_list_for_a_ballbar_or_a_probe_is_a_recording_of_what_that_measures() {
+    let place = Place::new();
+    let begin = ["--model", NOMINAL, "--count", "6", "--sigma-mm", "0.002", "--out"];
+    let bar = ["bar", "--anchor", "900,0,200", "--length-mm", "598,602"];
+    let probe = ["probe", "--plane", "900,0,300,0,0,2,300", "--sphere", "900,200,300,25"];
+    plan(&place, &[&begin[..], &bar].concat());
+    plan(&place, &[&begin[..], &probe].concat());
+    let read = |folder: &str| {
+        let path = place.path(&format!("{folder}/poses.csv"));
+        series::read(&path, None, Need::Path).expect("a recording")
+    };
+    let bar = read("bar");
+    assert!(bar.channels().any(|column| column == Channel::Distance(0)));
+    assert_eq!(bar.sigma(Channel::Distance(0)).map(|sigma| (1e6 * sigma).round()), Some(2.0));
+    let said = bar.about.gauges.distances[&0];
+    assert_eq!(
+        (said.anchor_m, said.offset_m),
+        (None, Some(0.0)),
+        "a rough place is not a known one"
+    );
+    let probe = read("probe");
+    for column in [Channel::TouchPlane, Channel::TouchSphere] {
+        assert!(probe.channels().any(|found| found == column), "{column:?}");
+    }
+    let said = &probe.about.gauges;
+    assert_eq!(said.probe.and_then(|probe| probe.sigma_m).map(|s| (1e6 * s).round()), Some(2.0));
+    assert_eq!((said.planes[&0].normal, said.planes[&0].offset_m), ([0.0, 0.0, 1.0], None));
+    assert_eq!(said.spheres[&0].radius_m, Some(0.025));
+}
+
+#[test]
 fn guided_capture_goes_on_until_ten_more_poses_are_worth_nothing() {
     let place = Place::new();
     let begin = [&["--model", NOMINAL, "--approach", "direct"], &SETUP[..]].concat();

@@ -134,7 +134,7 @@ fn calibrated(place: &Place, more: &[&str]) -> Value {
 }
 
 fn number(of: &Value) -> f64 {
-    of.as_f64().unwrap_or_else(|| panic!("no number: {of}"))
+    of.as_f64().expect("a number")
 }
 
 #[test]

@@ -21,12 +21,12 @@ pub(super) struct Word {
 }
 
 impl Word {
-    fn of(name: String, joint: Option<usize>, raw: Vec<f64>) -> Option<Self> {
+    fn of(name: String, joint: Option<usize>, raw: &[f64]) -> Option<Self> {
         let sound = raw.iter().copied().filter(|x| x.is_finite());
         let (low, high) = sound
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (f64::min(l, x), f64::max(h, x)));
         let (middle, half) = (0.5 * (high + low), 0.5 * (high - low));
-        if !(half > 1e-9 * middle.abs().max(1e-6)) {
+        if half <= 1e-9 * middle.abs().max(1e-6) {
             return None;
         }
         let scaled = |x: &f64| if x.is_finite() { (x - middle) / half } else { 0.0 };
@@ -52,8 +52,9 @@ pub(super) fn words(campaign: &Campaign, model: &Model) -> Vec<Word> {
     });
     let mut words = Vec::new();
     let mut add = |name: String, joint: Option<usize>, value: &dyn Fn(usize, &Inputs) -> f64| {
-        let raw = poses.iter().enumerate().map(|(k, pose)| value(k, &pose.inputs)).collect();
-        words.extend(Word::of(name, joint, raw));
+        let raw: Vec<f64> =
+            poses.iter().enumerate().map(|(k, pose)| value(k, &pose.inputs)).collect();
+        words.extend(Word::of(name, joint, &raw));
     };
     let speeds: Vec<Vec<f64>> = (0..joints).map(|joint| speeds(campaign, joint)).collect();
     for joint in 0..joints {

@@ -154,18 +154,17 @@ impl Gram {
             return;
         }
         let row: Vec<f64> = self.cells.column(k).iter().copied().collect();
-        let count = row.len();
         let sign = if self.is_in[k] { -1.0 } else { 1.0 };
-        for j in 0..count {
-            let share = row[j] / pivot;
+        for (j, along) in row.iter().enumerate() {
+            let share = along / pivot;
             if j == k || share == 0.0 {
                 continue;
             }
             let mut column = self.cells.column_mut(j);
             column.iter_mut().zip(&row).for_each(|(cell, r)| *cell -= r * share);
         }
-        for j in 0..count {
-            let cell = sign * row[j] / pivot;
+        for (j, along) in row.iter().enumerate() {
+            let cell = sign * along / pivot;
             (self.cells[(k, j)], self.cells[(j, k)]) = (cell, cell);
         }
         self.cells[(k, k)] = -1.0 / pivot;

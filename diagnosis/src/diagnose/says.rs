@@ -109,6 +109,14 @@ fn what(said: &Said<'_>, joint: &str) -> String {
         "counterbalance" => {
             format!("{joint} carries the load of a spring, {} N per m: its counterbalance", n(0))
         }
+        _ => stands(said, joint),
+    }
+}
+
+/// The same of what stands, weighs or grows otherwise than the model says.
+fn stands(said: &Said<'_>, joint: &str) -> String {
+    let (n, mrad) = (|k| said.number(k), said.angle());
+    match said.effect.spec().kind {
         "axis_tilt" => format!(
             "{joint}'s axis points {} mrad elsewhere than the model says",
             said.length(0, 2)

@@ -6,16 +6,12 @@
 use super::task::{Candidate, Task, campaign};
 use super::{Known, NoPlan};
 use crate::campaign::Campaign;
-use crate::hypothesis::{Free, Hypothesis, much};
-use crate::independent::sort;
+use crate::hypothesis::Hypothesis;
 use crate::problem::{State, Weighing, data_rows, follow, motions_of};
 use crate::result::Names;
 use crate::triangle::Triangle;
 use nalgebra::DMatrix;
 use physics::Joints;
-
-/// A prior below this share of what is sensible was stated by somebody.
-const STATED: f64 = 0.5;
 
 /// See the head of this file.
 #[derive(Clone, Debug)]
@@ -33,7 +29,7 @@ pub(crate) struct Bank {
     pub(crate) columns: Vec<usize>,
     /// How many of the kept are the surroundings'.
     pub(crate) nuisance: usize,
-    /// Scale of each kept column.
+    /// Scale of each kept column: its prior.
     pub(crate) widths: Vec<f64>,
     /// By how much covariance is larger than that of independent readings.
     pub(crate) inflation: f64,
@@ -57,12 +53,8 @@ impl Bank {
         seen.iter().for_each(|rows| push(&mut triangle, rows));
         let old = known.map(|known| old_rows(known, &state, &all));
         old.iter().for_each(|rows| push(&mut triangle, rows));
-        let (widths, largest) = (state.widths(), largest(&state));
-        // What is stated of a number tells it apart from others as a reading does.
-        let stated = (0..widths.len()).filter(|k| widths[*k] < STATED * largest[*k]);
-        stated.for_each(|k| triangle.push_one(k, 1.0 / widths[k], 0.0));
         triangle.reduce();
-        let (columns, others) = sort(&triangle, &largest);
+        let (columns, others) = state.sort(&triangle);
         let first = state.surroundings.numbers().len();
         let undetermined = others
             .iter()
@@ -72,7 +64,8 @@ impl Bank {
         if columns.len() == nuisance {
             return Err(NoPlan::Nothing);
         }
-        let widths: Vec<f64> = columns.iter().map(|column| widths[*column]).collect();
+        let priors = state.priors();
+        let widths: Vec<f64> = columns.iter().map(|column| priors[*column]).collect();
         let part = |rows: &DMatrix<f64>| scaled(rows, &columns, &widths);
         let measured = old.map_or((DMatrix::zeros(columns.len(), columns.len()), 0), |rows| {
             let rows = part(&rows);
@@ -100,17 +93,6 @@ impl Bank {
         self.rows.extend(rows.iter().map(|rows| scaled(rows, &self.columns, &self.widths)));
         self.candidates.extend(candidates);
     }
-}
-
-/// The largest sensible change of each column.
-fn largest(state: &State) -> Vec<f64> {
-    let hypothesis = &state.hypothesis;
-    let sensible =
-        |free: &Free| hypothesis.effect_of(free).map_or(0.0, |effect| much(effect, free.value));
-    let widths = state.widths();
-    let first = state.surroundings.numbers().len();
-    let numbers = hypothesis.free.iter().map(|free| free.sigma.max(sensible(free)));
-    widths.into_iter().take(first).chain(numbers).collect()
 }
 
 pub(crate) fn state(task: &Task) -> State {

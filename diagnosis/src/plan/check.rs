@@ -232,7 +232,7 @@ pub fn poses(
     let all: Vec<usize> = (0..state.width()).collect();
     let rows = rows_of(&state, &drawn, &all);
     let nuisance = state.surroundings.numbers().len() + watch.stated;
-    let widths = state.widths();
+    let widths = state.priors();
     let rows: Vec<DMatrix<f64>> = rows.into_iter().map(|rows| scaled(rows, &widths)).collect();
     let of = |picks: &[usize]| {
         let mut evidence = Evidence::new(nuisance, widths.len() - nuisance);

@@ -63,7 +63,7 @@ impl Evidence {
 
     /// What was measured in `campaign`, about `state`.
     pub(super) fn of(campaign: &Campaign, state: &State, nuisance: usize) -> Self {
-        let widths = state.widths();
+        let widths = state.priors();
         let all: Vec<usize> = (0..widths.len()).collect();
         let weighing = Weighing::equal(campaign, &vec![true; campaign.poses.len()]);
         let mut evidence = Self::new(nuisance, widths.len() - nuisance);

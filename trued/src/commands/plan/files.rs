@@ -2,16 +2,19 @@
 //!
 //! Promises: all three carry the same figures; whole or not at all, never over a recording. Never: a program that leaves the joint limits.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use diagnosis::Noise;
 use diagnosis::plan::order::home;
-use diagnosis::plan::{Sees, Task};
+use diagnosis::plan::{Patch, Sees, Task};
+use diagnosis::{Fitted, Noise};
 use physics::Joints;
 use recording::model::RobotModel;
 use recording::programs::{Approach, Axis, Krl, Program, Rapid, Tour};
-use recording::series::{Channel, about_path};
+use recording::series::{
+    Channel, Distance, Gauges, Probe, TouchedPlane, TouchedSphere, about_path,
+};
 
 use crate::atomic;
 use crate::exit::Failure;
@@ -115,10 +118,13 @@ impl Files {
         let rapid = program.rapid(&Rapid::default()).map_err(faulty)?;
         let columns = columns(task);
         let mut recording = program.recording(&columns);
-        if let (Sees::Points { .. }, Noise::Equal(sigma)) = (&task.sees, task.noise) {
-            let lengths = columns.iter().filter(|c| !matches!(c, Channel::Orientation(_)));
+        if let Noise::Equal(sigma) = task.noise {
+            let lengths = columns.iter().filter(|c| {
+                matches!(c, Channel::Position(_) | Channel::Target(..) | Channel::Distance(_))
+            });
             recording.about.sigma = lengths.map(|column| (*column, sigma)).collect();
         }
+        recording.about.gauges = gauges(task);
         recording.about.measured_in_base = task.surroundings.frames.iter().all(|frame| !frame.free);
         let targets = task.surroundings.targets.iter().enumerate();
         recording.about.targets_tool = targets
@@ -142,9 +148,19 @@ impl Files {
     }
 }
 
-/// Columns for what is measured; none where recordings have none for it.
+/// Columns for what is measured.
 fn columns(task: &Task) -> Vec<Channel> {
-    let Sees::Points { orientation_rad, .. } = &task.sees else { return Vec::new() };
+    let orientation_rad = match &task.sees {
+        Sees::Points { orientation_rad, .. } => orientation_rad,
+        Sees::Distance { .. } => return vec![Channel::Distance(0)],
+        Sees::Touch(patches) => {
+            let touches = |patch: &Patch| match patch {
+                Patch::Plane { .. } => Channel::TouchPlane,
+                Patch::Sphere(_) => Channel::TouchSphere,
+            };
+            return patches.iter().map(touches).collect::<BTreeSet<_>>().into_iter().collect();
+        }
+    };
     let mut columns: Vec<Channel> = match task.surroundings.targets.len() {
         0 => (0..3).map(Channel::Position).collect(),
         count => {
@@ -155,4 +171,47 @@ fn columns(task: &Task) -> Vec<Channel> {
         columns.extend((0..4).map(Channel::Orientation));
     }
     columns
+}
+
+/// What distances are measured from and what is touched, as far as it is known; the probe is a point, for the poses were chosen so.
+fn gauges(task: &Task) -> Gauges {
+    let around = &task.surroundings;
+    let target = (!around.targets.is_empty()).then_some(0);
+    let mut gauges = Gauges::default();
+    match &task.sees {
+        Sees::Points { .. } => {}
+        Sees::Distance { .. } => {
+            gauges.distances = (0..)
+                .zip(around.anchors.iter().take(1).map(|anchor| Distance {
+                    anchor_m: known(anchor.place).map(|at| at.to_array()),
+                    target,
+                    offset_m: known(anchor.offset_m),
+                }))
+                .collect();
+        }
+        Sees::Touch(_) => {
+            let sigma_m = match task.noise {
+                Noise::Equal(sigma) => Some(sigma),
+                _ => None,
+            };
+            gauges.probe = Some(Probe { radius_m: 0.0, target, sigma_m });
+            gauges.planes = (0..)
+                .zip(around.planes.iter().map(|plane| TouchedPlane {
+                    normal: plane.value.normal.to_array(),
+                    offset_m: known(*plane).map(|plane| plane.offset_m),
+                }))
+                .collect();
+            gauges.spheres = (0..)
+                .zip(around.spheres.iter().map(|sphere| TouchedSphere {
+                    centre_m: known(sphere.centre).map(|at| at.to_array()),
+                    radius_m: known(sphere.radius_m),
+                }))
+                .collect();
+        }
+    }
+    gauges
+}
+
+fn known<T>(fitted: Fitted<T>) -> Option<T> {
+    (!fitted.free).then_some(fitted.value)
 }
