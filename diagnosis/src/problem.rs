@@ -145,7 +145,7 @@ pub(crate) fn follow(
     let mut memories = Memories::default();
     for (index, pose) in campaign.poses.iter().enumerate() {
         match pose.arrival {
-            Arrival::Settled => model.settle(&pose.inputs, &mut memories),
+            Arrival::Settled => model.arrive(&pose.inputs, &mut memories),
             Arrival::FromBefore => model.advance(&pose.inputs, &mut memories),
         }
         if used.is_none_or(|used| used[index]) {

@@ -167,6 +167,22 @@ mod tests {
     }
 
     #[test]
+    fn a_lag_goes_on_over_settled_poses_and_begins_anew_where_time_does() {
+        let scene = scene();
+        let model = drifting(scene.arm, &[("drift", &[1e-5]), ("lag", &[600.0])]);
+        let mut inputs = Inputs { ambient_celsius: 20.0, dt_s: 0.0, ..scene.inputs };
+        let mut memories = Memories::default();
+        model.arrive(&inputs, &mut memories);
+        (inputs.ambient_celsius, inputs.dt_s) = (30.0, 600.0);
+        model.arrive(&inputs, &mut memories);
+        let wanted = 1e-4 * (1.0 - f64::exp(-1.0));
+        assert!((drift(&model, &inputs, &memories) - wanted).abs() < 1e-16);
+        inputs.dt_s = 0.0;
+        model.arrive(&inputs, &mut memories);
+        assert!((drift(&model, &inputs, &memories) - 1e-4).abs() < 1e-16);
+    }
+
+    #[test]
     fn a_temperature_that_went_missing_is_held_and_one_never_known_does_nothing() {
         let scene = scene();
         let model = drifting(scene.arm, &[("drift", &[1e-5]), ("lag", &[600.0])]);

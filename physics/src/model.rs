@@ -8,7 +8,7 @@
 use crate::deviation::{Contribution, Deviation};
 use crate::loads::{LoadChange, Loads};
 use crate::signals::{Inputs, Signals};
-use crate::spec::ActsOn;
+use crate::spec::{ActsOn, Need};
 use crate::{AnyEffect, Arm, Chain, EFFECTS_MAX, Memory};
 use thiserror::Error;
 
@@ -207,6 +207,18 @@ impl Model {
     /// See [`crate::Effect::settle`], for all effects.
     pub fn settle(&self, inputs: &Inputs, memories: &mut Memories) {
         self.update(inputs, memories, AnyEffect::settle);
+    }
+
+    /// A settled pose after another one, `inputs.dt_s` later: what remembers the way of a joint settles, what remembers warmth follows the
+    /// time; without a pose before (`dt_s` of 0) all settles.
+    pub fn arrive(&self, inputs: &Inputs, memories: &mut Memories) {
+        self.update(inputs, memories, |effect, signals, memory| {
+            if signals.inputs.dt_s > 0.0 && !effect.spec().needs.contains(&Need::Direction) {
+                effect.advance(signals, memory);
+            } else {
+                effect.settle(signals, memory);
+            }
+        });
     }
 
     /// See [`crate::Effect::advance`], for all effects. Forward simulation: advance, then evaluate.

@@ -22,6 +22,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("diagnosis", &["world", "recording", "spectrum", "report", "physics"]),
     ("client", &["shm-schema", "envelope"]),
     ("daemon", &["corrector", "physics", "envelope", "spectrum", "recording", "shm-schema"]),
+    ("challenge", &[]),
     ("xtask", &["report"]),
 ];
 

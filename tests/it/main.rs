@@ -8,6 +8,7 @@
 
 mod architecture;
 mod calibrate;
+mod challenge;
 mod cli;
 mod force;
 mod gauges;

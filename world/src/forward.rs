@@ -22,7 +22,7 @@ pub struct Seen {
     pub beyond: bool,
 }
 
-/// The arm settled at each row; where `from_before` says so its memory follows from the row before, else it settles anew.
+/// The arm settled at each row; where `from_before` says so its memory follows from the row before, else see [`Model::arrive`].
 #[must_use]
 pub fn poses(model: &Model, rows: &[(Inputs, bool)]) -> Vec<Seen> {
     let mut memories = Memories::default();
@@ -31,8 +31,7 @@ pub fn poses(model: &Model, rows: &[(Inputs, bool)]) -> Vec<Seen> {
             if *from_before {
                 model.advance(inputs, &mut memories);
             } else {
-                memories = Memories::default();
-                model.settle(inputs, &mut memories);
+                model.arrive(inputs, &mut memories);
             }
             seen(&inputs.q, &model.evaluate(inputs, &memories), None, model)
         })

@@ -4,6 +4,7 @@
 //! Outcome`, a variant below, an arm in [`run`]. Its place in the help is already kept in `help.rs`.
 
 mod calibrate;
+mod challenge;
 mod check;
 mod correct;
 mod demo;
@@ -28,6 +29,7 @@ use crate::output::Console;
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     Calibrate(calibrate::Calibrate),
+    Challenge(challenge::Challenge),
     Check(check::Check),
     Correct(correct::Correct),
     Demo(demo::Demo),
@@ -48,6 +50,7 @@ pub(crate) enum Command {
 pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
     match command {
         Command::Calibrate(calibrate) => calibrate.run(console),
+        Command::Challenge(challenge) => challenge.run(console),
         Command::Check(check) => check.run(console),
         Command::Correct(correct) => correct.run(console),
         Command::Demo(demo) => demo.run(console),

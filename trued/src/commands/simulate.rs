@@ -175,7 +175,13 @@ fn hold_inputs(recording: &mut Recording) {
     }
 }
 
-/// Where the arm goes, row by row.
+/// Where the arm goes on a recording, row by row.
+pub(super) fn seen_of(model: &RobotModel, mut recording: Recording) -> Result<Vec<Seen>, Failure> {
+    hold_inputs(&mut recording);
+    run(model, &recording)
+}
+
+/// Where the arm goes, row by row, on a recording whose inputs are held.
 fn run(model: &RobotModel, recording: &Recording) -> Result<Vec<Seen>, Failure> {
     let rows = from_recording::motion(&model.physics.arm, recording).map_err(Failure::input)?;
     if recording.about.kind == Kind::Poses {

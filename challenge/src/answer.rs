@@ -1,0 +1,210 @@
+//! A solver's answer, `trued.diagnosis/1`, as far as the score looks at it.
+//!
+//! Promises: whatever text it is given, it says what it can use of it or that it is no answer; it never panics.
+//! Never: the truth.
+
+use serde_json::Value;
+use thiserror::Error;
+
+/// What a solver says on the whole.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// Nothing above the noise.
+    Consistent,
+    /// The findings explain it.
+    MissingPhysics,
+    /// Structure without a name.
+    UnknownStructure,
+    /// Candidates alike, or too little.
+    Undetermined,
+}
+
+impl Verdict {
+    /// Whether its findings are claims.
+    #[must_use]
+    pub fn claims(self) -> bool {
+        matches!(self, Self::MissingPhysics | Self::UnknownStructure)
+    }
+}
+
+/// A named candidate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Named {
+    /// Name in the contract.
+    pub effect: String,
+    /// From 1.
+    pub joint: Option<usize>,
+}
+
+/// One number with its interval.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Number {
+    /// Key.
+    pub key: String,
+    /// Place in the key's list.
+    pub place: usize,
+    /// In the key's unit.
+    pub value: f64,
+    /// Lower and upper end.
+    pub ci95: Option<(f64, f64)>,
+}
+
+/// One finding.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Finding {
+    /// What it names.
+    pub named: Named,
+    /// `new` or `revised`.
+    pub change: String,
+    /// Probability that it is right.
+    pub confidence: Option<f64>,
+    /// Its numbers.
+    pub numbers: Vec<Number>,
+    /// Its rivals.
+    pub alternatives: Vec<Named>,
+}
+
+/// An answer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Answer {
+    /// On the whole.
+    pub verdict: Verdict,
+    /// Most important first.
+    pub findings: Vec<Finding>,
+    /// What the rest depends on.
+    pub depends_on: Vec<String>,
+}
+
+/// A text that is no answer.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum NoAnswer {
+    /// Not JSON.
+    #[error("is no JSON: {0}")]
+    NotJson(String),
+    /// Another schema.
+    #[error("its `schema` is no trued.diagnosis/1")]
+    Schema,
+    /// No position domain in it.
+    #[error("it says nothing of the position domain")]
+    NoPosition,
+    /// A verdict that the contract has not.
+    #[error("its `verdict` is `{0}`")]
+    Verdict(String),
+}
+
+impl Answer {
+    /// Reads an answer.
+    ///
+    /// # Errors
+    /// What makes it none.
+    pub fn parse(text: &str) -> Result<Self, NoAnswer> {
+        let whole: Value =
+            serde_json::from_str(text).map_err(|error| NoAnswer::NotJson(error.to_string()))?;
+        if whole["schema"].as_str() != Some("trued.diagnosis/1") {
+            return Err(NoAnswer::Schema);
+        }
+        let position = match whole["domains"].as_array() {
+            Some(domains) => domains.iter().find(|d| d["domain"].as_str() == Some("position")),
+            None => {
+                Some(&whole).filter(|d| d["domain"].as_str().is_none_or(|name| name == "position"))
+            }
+        };
+        let body = position.ok_or(NoAnswer::NoPosition)?;
+        let word = body["verdict"].as_str().unwrap_or_default();
+        let verdict = match word {
+            "consistent" => Verdict::Consistent,
+            "missing_physics" => Verdict::MissingPhysics,
+            "unknown_structure" => Verdict::UnknownStructure,
+            "undetermined" => Verdict::Undetermined,
+            _ => return Err(NoAnswer::Verdict(word.to_owned())),
+        };
+        let words = body["unexplained"]["depends_on"].as_array();
+        let words = words.into_iter().flatten().filter_map(Value::as_str).map(str::to_owned);
+        let findings = body["findings"].as_array().into_iter().flatten().filter_map(finding);
+        Ok(Self { verdict, findings: findings.collect(), depends_on: words.collect() })
+    }
+
+    /// Every name in it, findings and their rivals, in order.
+    pub fn names(&self) -> impl Iterator<Item = &Named> {
+        let own = self.findings.iter().map(|finding| &finding.named);
+        own.chain(self.findings.iter().flat_map(|finding| &finding.alternatives))
+    }
+}
+
+fn named(value: &Value) -> Option<Named> {
+    let joint = value["joint"].as_u64().and_then(|joint| usize::try_from(joint).ok());
+    Some(Named { effect: value["effect"].as_str()?.to_owned(), joint })
+}
+
+fn finding(value: &Value) -> Option<Finding> {
+    let parameters = value["parameters"].as_object();
+    let alternatives = value["alternatives"].as_array();
+    Some(Finding {
+        named: named(value)?,
+        change: value["change"].as_str().unwrap_or("new").to_owned(),
+        confidence: value["confidence"].as_f64(),
+        numbers: parameters
+            .into_iter()
+            .flatten()
+            .flat_map(|(key, value)| numbers(key, value))
+            .collect(),
+        alternatives: alternatives.into_iter().flatten().filter_map(named).collect(),
+    })
+}
+
+/// One number, or a list with a list of pairs.
+fn numbers(key: &str, value: &Value) -> Vec<Number> {
+    let pair = |value: &Value| Some((value[0].as_f64()?, value[1].as_f64()?));
+    let number = |place: usize, value: &Value, ci95: &Value| {
+        Some(Number { key: key.to_owned(), place, value: value.as_f64()?, ci95: pair(ci95) })
+    };
+    match value["value"].as_array() {
+        Some(list) => {
+            let each = list.iter().enumerate();
+            each.filter_map(|(place, x)| number(place, x, &value["ci95"][place])).collect()
+        }
+        None => number(0, &value["value"], &value["ci95"]).into_iter().collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const ANSWER: &str = r#"{"schema": "trued.diagnosis/1", "verdict": "missing_physics", "domain": "position",
+        "findings": [{"effect": "axis_tilt", "joint": 3, "change": "new", "confidence": 0.9,
+            "parameters": {"tilt_mrad": {"value": [0.1, 0.2], "ci95": [[0.0, 0.2], [0.1, 0.3]]}},
+            "alternatives": [{"effect": "joint_offset", "joint": 2}]}],
+        "unexplained": {"depends_on": ["q2", "v3"]}}"#;
+
+    #[test]
+    fn an_answer_by_the_contract_is_read() {
+        let answer = Answer::parse(ANSWER).expect("an answer");
+        assert_eq!(answer.verdict, Verdict::MissingPhysics);
+        let finding = &answer.findings[0];
+        assert_eq!((finding.named.effect.as_str(), finding.named.joint), ("axis_tilt", Some(3)));
+        assert_eq!(finding.numbers[1].ci95, Some((0.1, 0.3)));
+        assert_eq!(answer.names().count(), 2);
+        assert_eq!(answer.depends_on, ["q2", "v3"]);
+    }
+
+    #[test]
+    fn several_domains_are_read_by_the_position() {
+        let both = format!(
+            r#"{{"schema": "trued.diagnosis/1", "domains": [{{"domain": "torque", "verdict": "consistent"}}, {ANSWER}]}}"#
+        );
+        assert_eq!(Answer::parse(&both).map(|a| a.findings.len()), Ok(1));
+        let torque =
+            r#"{"schema": "trued.diagnosis/1", "domain": "torque", "verdict": "consistent"}"#;
+        assert_eq!(Answer::parse(torque), Err(NoAnswer::NoPosition));
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_makes_it_panic(at in 0..ANSWER.len(), with in ".{0,3}") {
+            let _ = Answer::parse(&format!("{}{with}{}", &ANSWER[..at], &ANSWER[at..]));
+            let _ = Answer::parse(&ANSWER[..at]);
+        }
+    }
+}

@@ -1,0 +1,323 @@
+//! How much of an effect shows, and whether another effect would show the same.
+//!
+//! Everything is linear here: effects as columns over the whitened values, with what is fitted anyway taken out (registration, unknown
+//! targets, the model's own numbers with their uncertainty as one more reading each). `z` is the length of what is left of an effect;
+//! `ρ = z/√N`; the gain over a rival is half the square of what the rival leaves of it (contract `diagnosis.md`).
+//!
+//! Promises: no answer of a solver is looked at. Never: noise drawn; expected values alone.
+
+use crate::bent::{Bend, NUMBERS, of_point, tangent};
+use crate::candidates::{Candidate, candidates, free_numbers};
+use crate::case::Case;
+use crate::kinds::{Effect, Kind};
+use crate::laws::Run;
+use crate::linear::{Span, dot};
+use crate::ride::{Fine, loads};
+use crate::scene::Scene;
+use crate::space::{T4, V3, rotate};
+use crate::view::Whitener;
+
+/// Below this share of an effect's energy what a rival leaves is rounding: the two are one thing under two names.
+const SAME: f64 = 1e-6;
+/// Share of a number's own column that must be left for it to be told at all.
+const CLEAR: f64 = 1e-4;
+/// Half of the energy below which candidates cannot be told apart (contract `diagnosis.md`).
+pub const APART: f64 = 5.0;
+
+/// A name in answers: kind and joint (from 1).
+pub type Name = (&'static str, Option<usize>);
+
+/// What can be said of one hidden effect before anyone answers.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct Judged {
+    /// Length of the whitened effect.
+    pub z: f64,
+    /// Per value.
+    pub rho: f64,
+    /// Least expected gain over rivals with no more numbers.
+    pub least_gain: f64,
+    /// Rivals with no more numbers that cannot be told apart.
+    pub rivals: Vec<Name>,
+    /// Names that mean the same here.
+    pub same: Vec<Name>,
+    /// Length of what the best single candidate leaves.
+    pub unexplained_z: f64,
+    /// Which of its numbers can be told at all beside the others and what is fitted anyway.
+    pub determined: Vec<bool>,
+}
+
+/// A case's columns.
+pub struct Bench<'a> {
+    case: &'a Case,
+    scene: &'a Scene,
+    run: Run<'a>,
+    still: Vec<Bend>,
+    /// Per row: how the tool moves with each number of a bend, and the levers of the places, base axes.
+    slopes: Vec<Vec<(V3, V3)>>,
+    levers: Vec<Vec<V3>>,
+    whitener: Whitener,
+    priors: usize,
+}
+
+impl<'a> Bench<'a> {
+    /// The columns of the rows that `right` says count.
+    #[must_use]
+    pub fn of(case: &'a Case, scene: &'a Scene, right: &[bool]) -> Self {
+        let known = case.nominal();
+        let run = Run::of(scene, &known);
+        let still = run.bends(&known);
+        let motors = run.motors();
+        let whitener = Whitener::of(scene, &case.noise, right, case.view.width(scene));
+        let slopes = motors.iter().map(|q| tangent(&scene.arm, q)).collect();
+        let lever = |q: &[f64; 7]| {
+            let tool = scene.arm.tool(q);
+            case.view.places.iter().map(|place| rotate(&tool, *place)).collect()
+        };
+        let levers = motors.iter().map(lever).collect();
+        Self { case, scene, run, still, slopes, levers, whitener, priors: case.known.len() }
+    }
+
+    /// How many values count.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.whitener.count()
+    }
+
+    /// Whitens values, with nothing on the uncertainties' readings.
+    #[must_use]
+    pub fn whiten(&self, values: &[f64]) -> Vec<f64> {
+        let mut whitened = self.whitener.apply(values);
+        whitened.resize(whitened.len() + self.priors, 0.0);
+        whitened
+    }
+
+    /// The values of a bend, to first order.
+    #[must_use]
+    pub fn of_bends(&self, bends: &[Bend]) -> Vec<f64> {
+        let frame = &self.case.view.measuring_from_base;
+        let mut values = Vec::new();
+        for ((bend, slopes), levers) in bends.iter().zip(&self.slopes).zip(&self.levers) {
+            if levers.is_empty() {
+                values.extend((0..self.scene.arm.count()).map(|i| bend.0[9 * i]));
+                continue;
+            }
+            let used: Vec<usize> = (0..NUMBERS).filter(|k| bend.0[*k] != 0.0).collect();
+            for lever in levers {
+                let mut moved = [0.0; 3];
+                for k in &used {
+                    let by = of_point(&slopes[*k], *lever);
+                    (0..3).for_each(|axis| moved[axis] += bend.0[*k] * by[axis]);
+                }
+                values.extend(rotate(frame, moved));
+            }
+        }
+        values
+    }
+
+    /// What an effect of these numbers bends on top of what the model knows, to first order.
+    #[must_use]
+    pub fn bends(&self, effect: &Effect) -> Vec<Bend> {
+        match effect.kind {
+            Kind::TimeDelay | Kind::ServoLag => self.late(effect),
+            Kind::Payload
+            | Kind::GravityTilt
+            | Kind::Counterbalance
+            | Kind::WrenchBias
+            | Kind::WrenchScale
+            | Kind::WrenchMisalignment => {
+                let mut all = self.case.nominal();
+                let known = all.clone();
+                all.push(effect.clone());
+                let mut loaded = self.run.clone();
+                loaded.loads = loads(self.scene, &loaded.fine, &all);
+                loaded.bends(&known).iter().zip(&self.still).map(|(a, b)| a.minus(b)).collect()
+            }
+            _ => self.run.bends(std::slice::from_ref(effect)),
+        }
+    }
+
+    fn late(&self, effect: &Effect) -> Vec<Bend> {
+        let mut bends = vec![Bend::default(); self.scene.rows.len()];
+        let moved = Fine::of(self.scene, std::slice::from_ref(effect));
+        for (fine, then) in moved.iter().zip(&self.run.fine) {
+            for (row, k) in fine.at.iter().enumerate() {
+                for i in 0..self.scene.arm.count() {
+                    *bends[fine.first + row].of(i, 0) = fine.q[i][*k] - then.q[i][*k];
+                }
+            }
+        }
+        bends
+    }
+
+    /// The whitened column of an effect.
+    #[must_use]
+    pub fn column(&self, effect: &Effect) -> Vec<f64> {
+        self.whiten(&self.of_bends(&self.bends(effect)))
+    }
+
+    /// What is fitted anyway; numbers of the model that `except` (kind, joint) means are not.
+    #[must_use]
+    pub fn nuisances(&self, except: &[&Effect]) -> Span {
+        let mut span = Span::default();
+        for values in registration(self.case, self.scene, &self.run.motors()) {
+            span.take(self.whiten(&values));
+        }
+        for (place, known) in self.case.known.iter().enumerate() {
+            let revised =
+                |e: &&Effect| e.kind == known.nominal.kind && e.joint == known.nominal.joint;
+            if except.iter().any(revised) {
+                continue;
+            }
+            let mut unit = known.nominal.clone();
+            unit.numbers[0] = 1.0;
+            let mut column = self.column(&unit);
+            let at = column.len() - self.priors + place;
+            column[at] = 1.0 / known.sigma;
+            span.take(column);
+        }
+        span
+    }
+
+    /// What can be said of hidden effect `which`, `shown` its values without noise.
+    #[must_use]
+    pub fn judge(&self, which: usize, shown: &[f64]) -> Judged {
+        let truth = &self.case.hidden[which];
+        let mut span = self.nuisances(&[truth]);
+        for (k, other) in self.case.hidden.iter().enumerate() {
+            if k != which {
+                span.take(self.column(other));
+            }
+        }
+        let rest = span.rest(&self.whiten(shown));
+        let energy = dot(&rest, &rest);
+        let mut judged = Judged {
+            z: energy.sqrt(),
+            rho: (energy / self.count() as f64).sqrt(),
+            least_gain: 0.5 * energy,
+            unexplained_z: energy.sqrt(),
+            ..Judged::default()
+        };
+        for candidate in candidates(self.case, self.scene) {
+            let name = (candidate.name, candidate.joint);
+            if truth.kind.name() == Some(candidate.name) && truth.joint_said() == candidate.joint {
+                continue;
+            }
+            let left = self.left(&candidate, &span, &rest, energy);
+            judged.unexplained_z = judged.unexplained_z.min(left.sqrt());
+            if candidate.count > free_numbers(truth.kind, self.scene, truth.joint) {
+                continue;
+            }
+            if left < SAME * energy && one_family(truth.kind, candidate.name) {
+                judged.same.push(name);
+                continue;
+            }
+            judged.least_gain = judged.least_gain.min(0.5 * left);
+            if 0.5 * left < APART {
+                judged.rivals.push(name);
+            }
+        }
+        judged.rivals.dedup();
+        judged.same.dedup();
+        judged.determined = self.determined(truth, &span);
+        judged
+    }
+
+    /// Which numbers of an effect have a column of their own.
+    fn determined(&self, effect: &Effect, span: &Span) -> Vec<bool> {
+        let here = self.column(effect);
+        let slope = |n: usize| {
+            let mut moved = effect.clone();
+            moved.numbers[n] += 1e-4 * effect.numbers[n].abs().max(effect.lead());
+            let column =
+                self.column(&moved).into_iter().zip(&here).map(|(a, b)| a - b).collect::<Vec<_>>();
+            let length = dot(&column, &column).sqrt();
+            (span.rest(&column), length)
+        };
+        let slopes: Vec<(Vec<f64>, f64)> = (0..effect.numbers.len()).map(slope).collect();
+        let own = |n: usize| {
+            let mut others = Span::default();
+            for (k, (column, length)) in slopes.iter().enumerate() {
+                if k != n && dot(column, column).sqrt() > CLEAR * length {
+                    others.take(column.clone());
+                }
+            }
+            let rest = others.rest(&slopes[n].0);
+            dot(&rest, &rest).sqrt() > CLEAR * slopes[n].1
+        };
+        (0..slopes.len()).map(own).collect()
+    }
+
+    /// The energy that the best form of a candidate leaves.
+    fn left(&self, candidate: &Candidate, span: &Span, rest: &[f64], energy: f64) -> f64 {
+        let mut least = energy;
+        for form in &candidate.forms {
+            let mut own = Span::default();
+            for effect in form {
+                own.take(span.rest(&self.column(effect)));
+            }
+            let mut left = rest.to_vec();
+            let shares = own.remove(&mut left);
+            let wrong_sign = candidate.not_negative
+                && form.len() == 1
+                && shares.first().is_some_and(|x| *x < 0.0);
+            if !wrong_sign {
+                least = least.min(dot(&left, &left));
+            }
+        }
+        least
+    }
+}
+
+/// Names of one family (contract `effects.md`, last section): where they show the same, either is right.
+fn one_family(truth: Kind, name: &str) -> bool {
+    let family = |name: &str| match name {
+        "gravity_compliance" | "load_compliance" | "joint_compliance" => 1,
+        "axis_shift" => 2,
+        "backlash" | "hysteresis" => 3,
+        _ => 0,
+    };
+    truth.name().is_some_and(|own| family(own) != 0 && family(own) == family(name))
+}
+
+/// Values per unit of each number of registration: the measuring frame, then unknown places on the tool.
+#[must_use]
+pub fn registration(case: &Case, scene: &Scene, motors: &[[f64; 7]]) -> Vec<Vec<f64>> {
+    let view = &case.view;
+    let mut columns = Vec::new();
+    if view.places.is_empty() {
+        return columns;
+    }
+    let tools: Vec<T4> = motors
+        .iter()
+        .map(|q| crate::space::mul(&view.measuring_from_base, &scene.arm.tool(q)))
+        .collect();
+    let mut add = |law: &dyn Fn(&T4, usize, V3) -> V3| {
+        let each = |tool: &T4| {
+            let at = |(k, place): (usize, &V3)| law(tool, k, crate::space::point(tool, *place));
+            view.places.iter().enumerate().flat_map(at).collect::<Vec<f64>>()
+        };
+        columns.push(tools.iter().flat_map(each).collect());
+    };
+    let unit = |axis: usize| {
+        let mut e = [0.0; 3];
+        e[axis] = 1.0;
+        e
+    };
+    if !view.frame_known {
+        for axis in 0..3 {
+            add(&|_, _, _| unit(axis));
+            add(&|_, _, p| crate::space::cross(unit(axis), crate::space::sub(p, case.middle())));
+        }
+    }
+    if !view.places_known {
+        for place in 0..view.places.len() {
+            for axis in 0..3 {
+                add(&|tool, k, _| if k == place { rotate(tool, unit(axis)) } else { [0.0; 3] });
+            }
+        }
+    }
+    columns
+}
+
+#[cfg(test)]
+mod tests;

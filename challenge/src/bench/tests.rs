@@ -1,0 +1,95 @@
+//! z, ρ and gains against what can be said with pencil and paper.
+
+use super::*;
+use crate::arm::Arm;
+use crate::case::{Known, Tier};
+use crate::chance::Chance;
+use crate::draw::judge;
+use crate::scene::{Has, Richness};
+use crate::space::{ONE, column as axis, cross, norm, origin, sub};
+use crate::view::{Noise, View};
+
+fn case(hidden: Effect, frame_known: bool) -> Case {
+    let mut chance = Chance::new(2, 0);
+    let arm = Arm::family(2, 1.0, &crate::space::shift([0.0, 0.0, 0.15]), 3.0, true);
+    let scene = Scene::poses(arm, Has::default(), 300, Richness::Full, &mut chance);
+    let view = View {
+        places: vec![[0.0; 3]],
+        measuring_from_base: ONE,
+        frame_known,
+        places_known: true,
+        targets: false,
+    };
+    let noise =
+        Noise { sigma: 2e-5, colour: 0.0, digit: 0.0, gaps: 0.0, outliers: 0.0, stated: true };
+    Case {
+        tier: Tier::Single,
+        scene,
+        richness: Richness::Full,
+        view,
+        noise,
+        known: Vec::new(),
+        hidden: vec![hidden],
+        seed: 9,
+    }
+}
+
+fn of(kind: Kind, joint: usize, numbers: &[f64]) -> Effect {
+    Effect { kind, joint, other: joint, numbers: numbers.to_vec() }
+}
+
+/// The rms distance of the tool from joint `i`'s axis, over all rows.
+fn square_of_levers(case: &Case, i: usize) -> f64 {
+    let rows = case.scene.rows.iter();
+    let lever = |q: &[f64; 7]| {
+        let frames = case.scene.arm.frames(q);
+        let tcp = origin(&frames[6]);
+        norm(cross(axis(&frames[i], 2), sub(tcp, origin(&frames[i])))).powi(2)
+    };
+    rows.map(|row| lever(&row.q)).sum()
+}
+
+#[test]
+fn in_a_known_frame_an_offset_shows_as_its_lever_over_the_noise() {
+    let case = case(of(Kind::JointOffset, 2, &[1e-4]), true);
+    let judged = &judge(&case)[0];
+    let z = 1e-4 * square_of_levers(&case, 2).sqrt() / 2e-5;
+    assert!((judged.z / z - 1.0).abs() < 1e-3, "{} not {z}", judged.z);
+    assert!((judged.rho - judged.z / 900.0_f64.sqrt()).abs() < 1e-12);
+}
+
+#[test]
+fn an_unknown_frame_swallows_the_first_joints_offset_whole() {
+    let judged = &judge(&case(of(Kind::JointOffset, 0, &[1e-3]), false))[0];
+    assert!(judged.z < 0.3, "{}", judged.z);
+}
+
+#[test]
+fn a_number_known_to_one_sigma_hides_as_a_reading_of_that_noise_would() {
+    // One number a with one reading of uncertainty s beside data of strength z per unit: what is hidden of another column of the same
+    // shape is z²/(1 + s² z²) of its energy.
+    let mut with = case(of(Kind::GravityCompliance, 1, &[2e-6]), true);
+    let other = of(Kind::JointCompliance, 1, &[0.0]);
+    with.known = vec![Known { nominal: other.clone(), real: other, sigma: 1e-8 }];
+    let everything = vec![true; with.scene.rows.len()];
+    let unit =
+        Bench::of(&with, &with.scene, &everything).column(&of(Kind::GravityCompliance, 1, &[1.0]));
+    let strength = dot(&unit, &unit);
+    let expected = 4e-12 * strength / (1.0 + 1e-16 * strength);
+    let z = judge(&with)[0].z;
+    assert!((z * z / expected - 1.0).abs() < 1e-2, "{} not {expected}", z * z);
+    assert!(expected < 0.9 * 4e-12 * strength, "a prior that is felt");
+}
+
+#[test]
+fn at_rest_without_a_wrench_gravity_and_joint_compliance_are_one_thing() {
+    let judged = &judge(&case(of(Kind::JointCompliance, 1, &[3e-6]), false))[0];
+    assert!(judged.same.contains(&("gravity_compliance", Some(2))), "{judged:?}");
+    assert!(judged.z > 8.0 && judged.least_gain > APART, "{judged:?}");
+}
+
+#[test]
+fn twice_the_effect_gains_four_times_as_much() {
+    let gain = |size: f64| judge(&case(of(Kind::Backlash, 2, &[size]), false))[0].least_gain;
+    assert!((gain(2e-4) / gain(1e-4) - 4.0).abs() < 0.01);
+}

@@ -1,0 +1,176 @@
+//! An arm that is bent a little at known places: its forward kinematics in full, and its tangent.
+//!
+//! Promises: a bend of zeros is the arm itself; the tangent is exact at the unbent arm. Never: why it bends.
+
+use crate::arm::{Arm, Joints};
+use crate::space::{
+    T4, V3, add, column, cross, inverse, mul, norm, origin, rotate, shift, sub, times, turn, turn_z,
+};
+
+/// Numbers per joint: 0 the joint's angle; 1, 2 its axis alone turned about its frame's x and y; 3, 4 all that it carries; 5 to 7 all
+/// that it carries shifted along its frame's axes; 8 the vector to the next pivot grows along itself.
+pub const PER_JOINT: usize = 9;
+/// Where the base's turn begins (base axes).
+pub const BASE: usize = 7 * PER_JOINT;
+/// Where the tool's shift begins (tool axes).
+pub const TOOL: usize = BASE + 3;
+/// Numbers of a bend.
+pub const NUMBERS: usize = TOOL + 3;
+
+/// Where and how much, rad and m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bend(pub [f64; NUMBERS]);
+
+impl Default for Bend {
+    fn default() -> Self {
+        Self([0.0; NUMBERS])
+    }
+}
+
+impl Bend {
+    /// Number `k` of joint `i`, to be changed.
+    pub fn of(&mut self, i: usize, k: usize) -> &mut f64 {
+        &mut self.0[i * PER_JOINT + k]
+    }
+
+    /// Adds two numbers of joint `i` from `k` on, of a vector in its frame.
+    pub fn add_turn(&mut self, i: usize, k: usize, vector: V3) {
+        *self.of(i, k) += vector[0];
+        *self.of(i, k + 1) += vector[1];
+    }
+
+    /// This bend minus another one.
+    #[must_use]
+    pub fn minus(&self, other: &Self) -> Self {
+        Self(std::array::from_fn(|k| self.0[k] - other.0[k]))
+    }
+}
+
+fn three(numbers: &[f64], from: usize) -> V3 {
+    [numbers[from], numbers[from + 1], numbers[from + 2]]
+}
+
+/// Where the tool is at `q` with the arm bent.
+#[must_use]
+pub fn tool(arm: &Arm, q: &Joints, bend: &Bend) -> T4 {
+    let numbers = &bend.0;
+    let mut carried = turn(three(numbers, BASE));
+    for i in 0..arm.count() {
+        let own = &numbers[i * PER_JOINT..(i + 1) * PER_JOINT];
+        let grown = if i == 0 { 0.0 } else { numbers[(i - 1) * PER_JOINT + 8] };
+        carried = mul(&carried, &grown_link(&arm.links[i], grown));
+        if own[5] != 0.0 || own[6] != 0.0 || own[7] != 0.0 {
+            carried = mul(&carried, &shift(three(own, 5)));
+        }
+        if own[3] != 0.0 || own[4] != 0.0 {
+            carried = mul(&carried, &turn([own[3], own[4], 0.0]));
+        }
+        let spin = turn_z(q[i] + own[0]);
+        if own[1] != 0.0 || own[2] != 0.0 {
+            let tilted = turn([own[1], own[2], 0.0]);
+            carried = mul(&mul(&mul(&carried, &tilted), &spin), &inverse(&tilted));
+        } else {
+            carried = mul(&carried, &spin);
+        }
+    }
+    let last = arm.count();
+    carried = mul(&carried, &grown_link(&arm.links[last], numbers[(last - 1) * PER_JOINT + 8]));
+    mul(&carried, &shift(three(numbers, TOOL)))
+}
+
+fn grown_link(link: &T4, by: f64) -> T4 {
+    if by == 0.0 {
+        return *link;
+    }
+    let vector = origin(link);
+    mul(&shift(times(vector, by / norm(vector))), link)
+}
+
+/// How the tool turns and how its TCP moves per unit of each number, base axes.
+#[must_use]
+pub fn tangent(arm: &Arm, q: &Joints) -> Vec<(V3, V3)> {
+    let frames = arm.frames(q);
+    let tcp = origin(&frames[arm.count()]);
+    let mut all = vec![([0.0; 3], [0.0; 3]); NUMBERS];
+    let about = |w: V3, o: V3| (w, cross(w, sub(tcp, o)));
+    for i in 0..arm.count() {
+        let (frame, o) = (&frames[i], origin(&frames[i]));
+        let after = mul(frame, &turn_z(q[i]));
+        let at = i * PER_JOINT;
+        all[at] = about(column(frame, 2), o);
+        for k in 0..2 {
+            let w = column(frame, k);
+            // The axis alone: turned before its motion, turned back after it.
+            let net = sub(w, column(&after, k));
+            all[at + 1 + k] = about(net, o);
+            all[at + 3 + k] = about(w, o);
+        }
+        for k in 0..3 {
+            all[at + 5 + k] = ([0.0; 3], column(frame, k));
+        }
+        let to_next = arm.to_next(i);
+        if norm(to_next) > 1e-9 {
+            let along = times(to_next, 1.0 / norm(to_next));
+            all[at + 8] = ([0.0; 3], rotate(&after, along));
+        }
+    }
+    for k in 0..3 {
+        let mut w = [0.0; 3];
+        w[k] = 1.0;
+        all[BASE + k] = about(w, [0.0; 3]);
+        all[TOOL + k] = ([0.0; 3], column(&frames[arm.count()], k));
+    }
+    all
+}
+
+/// How a point on the tool moves, `lever` from the TCP in base axes.
+#[must_use]
+pub fn of_point((turned, moved): &(V3, V3), lever: V3) -> V3 {
+    add(*moved, cross(*turned, lever))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arm::JOINTS;
+    use crate::chance::Chance;
+    use crate::space::point;
+
+    #[test]
+    fn the_tangent_is_the_slope_of_the_bent_arm_in_every_number() {
+        for seed in 0..6 {
+            let mut chance = Chance::new(seed, 0);
+            let arm = Arm::draw(&mut chance, true);
+            let q: Joints =
+                std::array::from_fn(
+                    |i| if i < arm.count() { chance.between(-1.0, 1.0) } else { 0.0 },
+                );
+            let slopes = tangent(&arm, &q);
+            let place = [0.03, -0.05, 0.08];
+            let lever = rotate(&arm.tool(&q), place);
+            for (k, said) in slopes.iter().enumerate() {
+                let joint = k / PER_JOINT;
+                if joint >= arm.count() && k < BASE
+                    || k < BASE && k % PER_JOINT == 8 && !arm.grows(joint)
+                {
+                    continue;
+                }
+                let at = |by: f64| {
+                    let mut bend = Bend::default();
+                    bend.0[k] = by;
+                    point(&tool(&arm, &q, &bend), place)
+                };
+                let h = 1e-6;
+                let slope = times(sub(at(h), at(-h)), 0.5 / h);
+                let said = of_point(said, lever);
+                assert!(norm(sub(slope, said)) < 1e-8, "number {k}: {slope:?} {said:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn no_bend_is_the_arm_itself() {
+        let arm = Arm::draw(&mut Chance::new(1, 0), true);
+        assert_eq!(tool(&arm, &[0.3; JOINTS], &Bend::default()), arm.tool(&[0.3; JOINTS]));
+    }
+}

@@ -1,0 +1,170 @@
+//! The rivals of a hidden effect: every name of the contract's library that this recording could be answered with, as columns.
+//!
+//! Promises: numbers that do not enter linearly stand on a grid, one form each. Never: names that need what was not recorded.
+
+use crate::arm::JOINTS;
+use crate::case::Case;
+use crate::kinds::{Effect, Kind, Need};
+use crate::scene::Scene;
+
+/// A name with the forms that it may take.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// Name in answers.
+    pub name: &'static str,
+    /// From 1.
+    pub joint: Option<usize>,
+    /// Numbers that it has.
+    pub count: usize,
+    /// Whether its one number may not be negative.
+    pub not_negative: bool,
+    /// Each form: effects that add up with free shares.
+    pub forms: Vec<Vec<Effect>>,
+}
+
+/// All candidates.
+#[must_use]
+pub fn candidates(case: &Case, scene: &Scene) -> Vec<Candidate> {
+    let mut all = Vec::new();
+    for kind in Kind::LIBRARY {
+        let facts = kind.facts();
+        let Some(name) = facts.name else { continue };
+        if !may_answer(case, kind) {
+            continue;
+        }
+        let joints = if facts.of_joint { 0..scene.arm.count() } else { 0..1 };
+        for joint in joints {
+            if !fits(case, scene, kind, joint) {
+                continue;
+            }
+            let others: Vec<usize> = match kind {
+                Kind::JointCoupling => (0..scene.arm.count()).filter(|j| *j != joint).collect(),
+                _ => vec![joint],
+            };
+            let one = |other: usize, numbers: &[f64]| Effect {
+                kind,
+                joint,
+                other,
+                numbers: numbers.to_vec(),
+            };
+            let forms =
+                others.iter().flat_map(|other| forms(kind, scene, &|numbers| one(*other, numbers)));
+            all.push(Candidate {
+                name,
+                joint: facts.of_joint.then_some(joint + 1),
+                count: free_numbers(kind, scene, joint),
+                not_negative: facts.not_negative,
+                forms: forms.collect(),
+            });
+        }
+    }
+    all
+}
+
+/// How many of its numbers are free: along its axis a joint's axis cannot be shifted, but at the last joint.
+#[must_use]
+pub fn free_numbers(kind: Kind, scene: &Scene, joint: usize) -> usize {
+    let axial = kind == Kind::AxisShift && joint + 1 < scene.arm.count();
+    kind.count() - usize::from(axial)
+}
+
+/// Whether what it needs was recorded.
+#[must_use]
+pub fn may_answer(case: &Case, kind: Kind) -> bool {
+    let has = case.scene.has;
+    kind.facts().needs.iter().all(|need| match need {
+        Need::Path => !case.scene.settled(),
+        Need::Poses => case.scene.settled(),
+        Need::Wrench => has.wrench || kind == Kind::GravityCompliance,
+        Need::Temperature => has.ambient,
+        Need::NoTemperature => !has.ambient,
+        Need::Spindle => has.spindle,
+        Need::Masses => !case.scene.arm.masses.is_empty(),
+        Need::Compliance => case.known.iter().any(|k| k.nominal.kind == Kind::JointCompliance),
+        Need::OwnCompliance => true,
+    })
+}
+
+/// Whether it can stand on this joint beside what the model has.
+#[must_use]
+pub fn fits(case: &Case, scene: &Scene, kind: Kind, joint: usize) -> bool {
+    match kind {
+        Kind::ThermalGrowth | Kind::ThermalGrowthLag | Kind::ThermalGrowthWarmUp => {
+            scene.arm.grows(joint)
+        }
+        Kind::GravityCompliance | Kind::LoadCompliance => !case.knows_compliance(joint),
+        Kind::StiffnessHardening | Kind::Counterbalance => case.knows_compliance(joint),
+        _ => true,
+    }
+}
+
+fn forms(kind: Kind, scene: &Scene, one: &dyn Fn(&[f64]) -> Effect) -> Vec<Vec<Effect>> {
+    let unit = |count: usize, k: usize| -> Vec<f64> {
+        (0..count).map(|n| if n == k { 1.0 } else { 0.0 }).collect()
+    };
+    let alone = |numbers: &[&[f64]]| numbers.iter().map(|numbers| vec![one(numbers)]).collect();
+    let quarter = std::f64::consts::FRAC_PI_2;
+    match kind {
+        Kind::AxisShift => {
+            let effect = one(&[0.0; 3]);
+            let across = scene
+                .arm
+                .normals(effect.joint)
+                .map(|n| one(&scene.arm.out_of_joint(effect.joint, n)));
+            let mut form = across.to_vec();
+            if effect.joint + 1 == scene.arm.count() {
+                form.push(one(&scene.arm.out_of_joint(effect.joint, [0.0, 0.0, 1.0])));
+            }
+            vec![form]
+        }
+        Kind::TransmissionError => [1.0, 2.0, 3.0]
+            .iter()
+            .map(|n| vec![one(&[1.0, *n, 0.0]), one(&[1.0, *n, quarter])])
+            .collect(),
+        Kind::AxisWobble => [1.0, 2.0]
+            .iter()
+            .map(|n| {
+                let wave = |a: f64, b: f64, phase: f64| one(&[a, b, phase, phase, *n]);
+                vec![
+                    wave(1.0, 0.0, 0.0),
+                    wave(1.0, 0.0, quarter),
+                    wave(0.0, 1.0, 0.0),
+                    wave(0.0, 1.0, quarter),
+                ]
+            })
+            .collect(),
+        Kind::LostMotion => alone(&[&[1.0, 5.0], &[1.0, 30.0], &[1.0, 150.0]]),
+        Kind::Hysteresis => alone(&[&[1.0, 1.5e-3], &[1.0, 6e-3], &[1.0, 2.5e-2]]),
+        Kind::ThermalGrowthLag | Kind::ThermalZeroLag => alone(&[&[1.0, 300.0], &[1.0, 1500.0]]),
+        Kind::ThermalGrowthWarmUp | Kind::ThermalZeroWarmUp => {
+            alone(&[&[1.0, 600.0], &[1.0, 1500.0], &[1.0, 4000.0]])
+        }
+        Kind::FlexibleMode => {
+            alone(&[&[1.0, 5.0, 0.05], &[1.0, 9.0, 0.05], &[1.0, 14.0, 0.05], &[1.0, 25.0, 0.05]])
+        }
+        Kind::ReversalSpike => alone(&[&[1.0, 0.02], &[1.0, 0.07], &[1.0, 0.2]]),
+        Kind::TimeDelay | Kind::ServoLag => alone(&[&[2e-3]]),
+        Kind::Counterbalance => alone(&[&[1e4, 0.3, 0.15, 0.4, 0.3], &[1e4, 0.3, 0.15, 0.4, 1.9]]),
+        Kind::Payload => {
+            let zero = scene.arm.tool(&[0.0; JOINTS]);
+            let tcp = crate::space::origin(&zero);
+            let at = |by: [f64; 3]| one(&[1.0, tcp[0] + by[0], tcp[1] + by[1], tcp[2] + by[2]]);
+            vec![vec![at([0.0; 3]), at([0.1, 0.0, 0.0]), at([0.0, 0.1, 0.0]), at([0.0, 0.0, 0.1])]]
+        }
+        Kind::WrenchScale => vec![
+            (0..6).map(|k| one(&unit(6, k).iter().map(|x| 0.01 * x).collect::<Vec<_>>())).collect(),
+        ],
+        Kind::WrenchMisalignment | Kind::GravityTilt => {
+            let count = kind.count();
+            vec![
+                (0..count)
+                    .map(|k| one(&unit(count, k).iter().map(|x| 0.01 * x).collect::<Vec<_>>()))
+                    .collect(),
+            ]
+        }
+        _ => {
+            let count = kind.count();
+            vec![(0..count).map(|k| one(&unit(count, k))).collect()]
+        }
+    }
+}

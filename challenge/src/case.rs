@@ -1,0 +1,150 @@
+//! One blind case: a robot, what its model knows of it, what is hidden, what is measured.
+//!
+//! Promises: everything follows from it and its seed. Never: what the solver is told beyond the files.
+
+use crate::chance::Chance;
+use crate::kinds::{Effect, Kind};
+use crate::laws::Run;
+use crate::scene::{Richness, Scene};
+use crate::view::{Measured, Noise, View};
+
+/// Which question a case asks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Tier {
+    /// Nothing is missing.
+    Null,
+    /// One effect.
+    Single,
+    /// Two or three.
+    Multiple,
+    /// Physics that no library has.
+    Outside,
+    /// Effects that the motion cannot part.
+    Ambiguous,
+    /// One effect near the limit of detection.
+    Limit,
+}
+
+impl Tier {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Null, Self::Single, Self::Multiple, Self::Outside, Self::Ambiguous, Self::Limit];
+
+    /// Its word.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::Null => "null",
+            Self::Single => "single",
+            Self::Multiple => "multiple",
+            Self::Outside => "outside",
+            Self::Ambiguous => "ambiguous",
+            Self::Limit => "limit",
+        }
+    }
+
+    /// The tier of case `index` of a mixed challenge: of twenty, five nulls, eight singles, three multiples, two outside, one ambiguous, one near
+    /// the limit.
+    #[must_use]
+    pub fn mixed(index: usize) -> Self {
+        match index % 20 {
+            0 | 4 | 8 | 12 | 16 => Self::Null,
+            2 | 10 | 18 => Self::Multiple,
+            6 | 14 => Self::Outside,
+            11 => Self::Ambiguous,
+            15 => Self::Limit,
+            _ => Self::Single,
+        }
+    }
+}
+
+/// An effect that the model has.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Known {
+    /// As the model says.
+    pub nominal: Effect,
+    /// As it is, within its uncertainty.
+    pub real: Effect,
+    /// Standard uncertainty of the first number, SI.
+    pub sigma: f64,
+}
+
+/// A case.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Case {
+    /// What it asks.
+    pub tier: Tier,
+    /// What the robot does.
+    pub scene: Scene,
+    /// How rich its motion is.
+    pub richness: Richness,
+    /// What is looked at.
+    pub view: View,
+    /// How well.
+    pub noise: Noise,
+    /// What the model knows.
+    pub known: Vec<Known>,
+    /// What it does not.
+    pub hidden: Vec<Effect>,
+    /// Seed of its noise and of its unseen motion.
+    pub seed: u64,
+}
+
+impl Case {
+    /// The effects that the model has, with its numbers.
+    #[must_use]
+    pub fn nominal(&self) -> Vec<Effect> {
+        self.known.iter().map(|known| known.nominal.clone()).collect()
+    }
+
+    /// All effects, as they are.
+    #[must_use]
+    pub fn real(&self) -> Vec<Effect> {
+        let known = self.known.iter().map(|known| known.real.clone());
+        known.chain(self.hidden.iter().cloned()).collect()
+    }
+
+    /// What would be seen of a robot with these effects doing `scene`, without noise.
+    #[must_use]
+    pub fn exact(&self, scene: &Scene, effects: &[Effect]) -> Vec<f64> {
+        let run = Run::of(scene, effects);
+        self.view.values(scene, &run.motors(), &run.bends(effects))
+    }
+
+    /// What the instrument read of `scene`; `part` tells one recording's noise from another's.
+    #[must_use]
+    pub fn measured(&self, scene: &Scene, part: u64) -> Measured {
+        let exact = self.exact(scene, &self.real());
+        let mut chance = Chance::new(self.seed, 100 + part);
+        self.noise.read(scene, &exact, self.view.width(scene), &mut chance)
+    }
+
+    /// A motion of the same robot that the solver never sees.
+    #[must_use]
+    pub fn unseen(&self) -> Scene {
+        self.scene.again(&mut Chance::new(self.seed, 50), self.richness)
+    }
+
+    /// A point about which the measuring frame is turned, measuring axes, m: where the tool is when the arm is at home.
+    #[must_use]
+    pub fn middle(&self) -> crate::space::V3 {
+        let arm = &self.scene.arm;
+        let home = crate::space::origin(&arm.tool(&arm.home));
+        crate::space::point(&self.view.measuring_from_base, home)
+    }
+
+    /// Whether a hidden effect stands where the model has one of its kind: its numbers are then the difference.
+    #[must_use]
+    pub fn revises(&self, effect: &Effect) -> bool {
+        self.known.iter().any(|k| k.nominal.kind == effect.kind && k.nominal.joint == effect.joint)
+    }
+
+    /// Whether the joint `joint` (from 0) has a compliance that the model knows.
+    #[must_use]
+    pub fn knows_compliance(&self, joint: usize) -> bool {
+        self.known
+            .iter()
+            .any(|k| k.nominal.kind == Kind::JointCompliance && k.nominal.joint == joint)
+    }
+}

@@ -1,0 +1,115 @@
+//! Chance by seed: xoshiro256++ (Blackman and Vigna, 2019), started by `SplitMix64`.
+//!
+//! Promises: the same seed and stream give the same numbers. Never: the machine's own randomness.
+
+/// A stream of chance.
+#[derive(Clone, Debug)]
+pub struct Chance {
+    state: [u64; 4],
+}
+
+impl Chance {
+    /// The stream `number` of `seed`.
+    #[must_use]
+    pub fn new(seed: u64, number: u64) -> Self {
+        let mut x = seed ^ number.wrapping_mul(0xd1b5_4a32_d192_ed03);
+        let mut next = || {
+            x = x.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let z = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            z ^ (z >> 31)
+        };
+        Self { state: [next(), next(), next(), next()] }
+    }
+
+    /// 64 bits.
+    pub fn bits(&mut self) -> u64 {
+        let s = &mut self.state;
+        let sum = s[0].wrapping_add(s[3]).rotate_left(23).wrapping_add(s[0]);
+        let t = s[1] << 17;
+        s[2] ^= s[0];
+        s[3] ^= s[1];
+        s[1] ^= s[2];
+        s[0] ^= s[3];
+        s[2] ^= t;
+        s[3] = s[3].rotate_left(45);
+        sum
+    }
+
+    /// From 0 to below 1.
+    pub fn unit(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    /// Even between two numbers.
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * self.unit()
+    }
+
+    /// Even in the logarithm, between two numbers above zero.
+    pub fn log_between(&mut self, low: f64, high: f64) -> f64 {
+        self.between(low.ln(), high.ln()).exp()
+    }
+
+    /// Standard normal (Box and Muller).
+    pub fn normal(&mut self) -> f64 {
+        let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
+        radius * (std::f64::consts::TAU * self.unit()).cos()
+    }
+
+    /// Standard normal within two standard deviations.
+    pub fn normal_within_two(&mut self) -> f64 {
+        loop {
+            let x = self.normal();
+            if x.abs() <= 2.0 {
+                return x;
+            }
+        }
+    }
+
+    /// Below `count`, which is above zero.
+    pub fn pick(&mut self, count: usize) -> usize {
+        ((self.unit() * count as f64) as usize).min(count.saturating_sub(1))
+    }
+
+    /// Whether something of this probability happens.
+    pub fn happens(&mut self, probability: f64) -> bool {
+        self.unit() < probability
+    }
+
+    /// −1 or 1.
+    pub fn sign(&mut self) -> f64 {
+        if self.happens(0.5) { 1.0 } else { -1.0 }
+    }
+
+    /// The list in another order.
+    pub fn shuffle<T>(&mut self, list: &mut [T]) {
+        for k in (1..list.len()).rev() {
+            let other = self.pick(k + 1);
+            list.swap(k, other);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn streams_repeat_and_differ() {
+        let first = |seed, number| Chance::new(seed, number).bits();
+        assert_eq!(first(1, 2), first(1, 2));
+        assert_ne!(first(1, 2), first(1, 3));
+        assert_ne!(first(1, 2), first(2, 2));
+    }
+
+    #[test]
+    fn normals_are_normal() {
+        let mut chance = Chance::new(3, 0);
+        let draws: Vec<f64> = (0..40_000).map(|_| chance.normal()).collect();
+        let mean = draws.iter().sum::<f64>() / 4e4;
+        let square = draws.iter().map(|x| x * x).sum::<f64>() / 4e4;
+        let beyond = draws.iter().filter(|x| x.abs() > 1.96).count() as f64 / 4e4;
+        assert!(mean.abs() < 0.02 && (square - 1.0).abs() < 0.03 && (beyond - 0.05).abs() < 0.005);
+    }
+}

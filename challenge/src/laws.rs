@@ -1,0 +1,361 @@
+//! What each hidden effect does, by a law of its own: contacts, elastic-slip elements, two thermal nodes, series with sidebands.
+//!
+//! Laws outside the contract's library, δθ of joint i, p another joint's position: `CableDrag` a v sin q; `VaryingDelay` −Δ v sin p;
+//! `SpeedCube` c v³; `CrossJoint` A sin 2p; `VaryingPlay` play whose gap follows sin q.
+//!
+//! Promises: zero numbers bend nothing. Never: noise.
+
+use crate::arm::JOINTS;
+use crate::bent::{BASE, Bend, TOOL};
+use crate::kinds::{Effect, Kind};
+use crate::ride::{Fine, Load, loads};
+use crate::scene::Scene;
+use crate::space::{V3, add, times};
+
+/// Elastic-slip elements of a hysteresis.
+const SLIPS: usize = 40;
+/// Share of each sideband of a gear's error.
+const SIDEBAND: f64 = 0.01;
+/// How much faster a surface warms than the core.
+const SURFACE: f64 = 0.03;
+
+/// A scene with what its motors do and what pulls at the arm.
+#[derive(Clone, Debug)]
+pub struct Run<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Segments of a path; none for poses.
+    pub fine: Vec<Fine>,
+    /// One per row.
+    pub loads: Vec<Load>,
+}
+
+impl<'a> Run<'a> {
+    /// The scene with what these effects make of motors and loads.
+    #[must_use]
+    pub fn of(scene: &'a Scene, effects: &[Effect]) -> Self {
+        let fine = Fine::of(scene, effects);
+        let loads = loads(scene, &fine, effects);
+        Self { scene, fine, loads }
+    }
+
+    /// Where the motors are at each row.
+    #[must_use]
+    pub fn motors(&self) -> Vec<[f64; JOINTS]> {
+        let mut q: Vec<_> = self.scene.rows.iter().map(|row| row.q).collect();
+        for fine in &self.fine {
+            for (row, k) in fine.at.iter().enumerate() {
+                q[fine.first + row] = fine.motors(*k);
+            }
+        }
+        q
+    }
+
+    /// What the effects bend, row by row; what acts on motors and loads alone bends nothing here.
+    #[must_use]
+    pub fn bends(&self, effects: &[Effect]) -> Vec<Bend> {
+        let mut bends = vec![Bend::default(); self.scene.rows.len()];
+        let motors = self.motors();
+        for effect in effects {
+            self.add(effect, &motors, &mut bends);
+        }
+        bends
+    }
+
+    fn add(&self, effect: &Effect, motors: &[[f64; JOINTS]], bends: &mut [Bend]) {
+        let (i, x) = (effect.joint, &effect.numbers);
+        let mut angle = |signal: Vec<f64>| {
+            bends.iter_mut().zip(signal).for_each(|(bend, by)| *bend.of(i, 0) += by);
+        };
+        let of_motor = |law: &dyn Fn(f64) -> f64| motors.iter().map(|q| law(q[i])).collect();
+        let of_load = |law: &dyn Fn(&Load) -> f64| self.loads.iter().map(law).collect();
+        match effect.kind {
+            Kind::JointOffset => angle(vec![x[0]; motors.len()]),
+            Kind::JointRatio => angle(of_motor(&|q| x[0] * q)),
+            Kind::JointCoupling => angle(motors.iter().map(|q| x[0] * q[effect.other]).collect()),
+            Kind::TransmissionError => angle(of_motor(&|q| gear(x, q))),
+            Kind::LostMotion => angle(of_load(&|load| 0.5 * x[0] * (load.torque(i) / x[1]).tanh())),
+            Kind::GravityCompliance => angle(of_load(&|load| x[0] * load.gravity[i])),
+            Kind::LoadCompliance => angle(of_load(&|load| x[0] * load.wrench[i])),
+            Kind::JointCompliance => angle(of_load(&|load| x[0] * load.torque(i))),
+            Kind::StiffnessHardening => angle(of_load(&|load| -x[0] * load.torque(i).powi(3))),
+            Kind::ThermalZero | Kind::ThermalZeroLag | Kind::ThermalZeroWarmUp => {
+                angle(self.warmth(effect));
+            }
+            Kind::CrossJoint => {
+                angle(motors.iter().map(|q| x[0] * (2.0 * q[effect.other]).sin()).collect());
+            }
+            Kind::Backlash
+            | Kind::Hysteresis
+            | Kind::FlexibleMode
+            | Kind::ReversalSpike
+            | Kind::CableDrag
+            | Kind::VaryingDelay
+            | Kind::SpeedCube
+            | Kind::VaryingPlay => angle(self.moving(effect)),
+            Kind::ThermalGrowth | Kind::ThermalGrowthLag | Kind::ThermalGrowthWarmUp => {
+                let grown = self.warmth(effect);
+                bends.iter_mut().zip(grown).for_each(|(bend, by)| *bend.of(i, 8) += by);
+            }
+            Kind::SpindleGrowth | Kind::SpindleGrowthSpeed => {
+                let grown = self.warmth(effect);
+                bends.iter_mut().zip(grown).for_each(|(bend, by)| bend.0[TOOL + 2] += by);
+            }
+            _ => self.add_geometry(effect, motors, bends),
+        }
+    }
+
+    /// Effects between joints, at the base or the tool; what acts on motors and loads alone passes by.
+    fn add_geometry(&self, effect: &Effect, motors: &[[f64; JOINTS]], bends: &mut [Bend]) {
+        let (i, x, arm) = (effect.joint, &effect.numbers, &self.scene.arm);
+        match effect.kind {
+            Kind::AxisTilt | Kind::AxisWobble => {
+                let [n1, n2] = arm.normals(i);
+                for (bend, q) in bends.iter_mut().zip(motors) {
+                    let [t1, t2] = if effect.kind == Kind::AxisTilt {
+                        [x[0], x[1]]
+                    } else {
+                        [x[0] * (x[4] * q[i] + x[2]).sin(), x[1] * (x[4] * q[i] + x[3]).sin()]
+                    };
+                    bend.add_turn(i, 1, add(times(n1, t1), times(n2, t2)));
+                }
+            }
+            Kind::AxisShift => {
+                let local = arm.into_joint(i, three(x));
+                for bend in bends {
+                    (0..3).for_each(|k| *bend.of(i, 5 + k) += local[k]);
+                }
+            }
+            Kind::BearingCompliance => {
+                for (bend, load) in bends.iter_mut().zip(&self.loads) {
+                    bend.add_turn(i, 3, times(load.moment[i], x[0]));
+                }
+            }
+            Kind::BaseCompliance => {
+                for (bend, load) in bends.iter_mut().zip(&self.loads) {
+                    (0..2).for_each(|k| bend.0[BASE + k] += x[0] * load.base[k]);
+                }
+            }
+            Kind::ToolCompliance => {
+                for (bend, load) in bends.iter_mut().zip(&self.loads) {
+                    (0..3).for_each(|k| bend.0[TOOL + k] += x[k] * load.force_tool[k]);
+                }
+            }
+            Kind::ToolOffset => {
+                for bend in bends {
+                    (0..3).for_each(|k| bend.0[TOOL + k] += x[k]);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// Effects that need the way the motor went.
+    fn moving(&self, effect: &Effect) -> Vec<f64> {
+        let scene = self.scene;
+        if scene.settled() {
+            let rows = scene.rows.iter();
+            return rows
+                .map(|row| came_from(effect, row.d[effect.joint], row.q[effect.joint]))
+                .collect();
+        }
+        let mut all = Vec::with_capacity(scene.rows.len());
+        for (fine, segment) in self.fine.iter().zip(&scene.segments) {
+            let start = segment.start[effect.joint];
+            all.extend(match effect.kind {
+                Kind::Backlash => {
+                    at_rows(fine, &contact(&fine.q[effect.joint], start, |_| effect.numbers[0]))
+                }
+                Kind::VaryingPlay => {
+                    let gap = |q: f64| effect.numbers[0].abs() * (0.5 + 0.5 * q.sin());
+                    at_rows(fine, &contact(&fine.q[effect.joint], start, gap))
+                }
+                Kind::Hysteresis => at_rows(fine, &slipping(&fine.q[effect.joint], effect)),
+                Kind::FlexibleMode => at_rows(fine, &ringing(fine, effect)),
+                Kind::ReversalSpike => snapping(fine, effect),
+                _ => fine.at.iter().map(|k| of_speed(effect, fine, *k)).collect(),
+            });
+        }
+        all
+    }
+
+    /// How far warmth has gone, times the amount.
+    fn warmth(&self, effect: &Effect) -> Vec<f64> {
+        let x = &effect.numbers;
+        let (scene, i) = (self.scene, effect.joint);
+        let own = scene.has.joint_temperatures
+            && !matches!(effect.kind, Kind::SpindleGrowth | Kind::SpindleGrowthSpeed);
+        let cause = |row: &crate::scene::Row| match effect.kind {
+            Kind::SpindleGrowthSpeed => row.rpm,
+            _ if own => row.joint_c[i] - 20.0,
+            _ => row.ambient_c - 20.0,
+        };
+        let lag_s = match effect.kind {
+            Kind::ThermalGrowthLag | Kind::ThermalZeroLag => x[1],
+            Kind::ThermalGrowthWarmUp | Kind::ThermalZeroWarmUp => {
+                let start = scene.rows[0].t_s;
+                return scene
+                    .rows
+                    .iter()
+                    .map(|row| x[0] * (1.0 - (-(row.t_s - start) / x[1]).exp()))
+                    .collect();
+            }
+            _ => return scene.rows.iter().map(|row| x[0] * cause(row)).collect(),
+        };
+        // Air warms the surface, the surface the core: two nodes.
+        let mut nodes: Option<(f64, f64)> = None;
+        let mut before = (0, 0.0);
+        let mut all = Vec::with_capacity(scene.rows.len());
+        for row in &scene.rows {
+            let u = cause(row);
+            let (mut surface, mut core) =
+                nodes.filter(|_| before.0 == row.segment).unwrap_or((u, u));
+            let steps = 16.0;
+            let h = (row.t_s - before.1).max(0.0) / steps;
+            for _ in 0..steps as usize {
+                surface = u + (surface - u) * (-h / (SURFACE * lag_s)).exp();
+                core = surface + (core - surface) * (-h / lag_s).exp();
+            }
+            (nodes, before) = (Some((surface, core)), (row.segment, row.t_s));
+            all.push(x[0] * core);
+        }
+        all
+    }
+}
+
+fn three(x: &[f64]) -> V3 {
+    [x[0], x[1], x[2]]
+}
+
+/// The mesh's error with the sidebands of the wheel that carries it.
+fn gear(x: &[f64], q: f64) -> f64 {
+    let line = |n: f64, share: f64, phase: f64| share * x[0] * (n * q + x[2] + phase).sin();
+    line(x[1], 1.0, 0.0)
+        + line(x[1] + 1.0, SIDEBAND, 0.9)
+        + line((x[1] - 1.0).max(0.5), SIDEBAND, -1.7)
+}
+
+/// A settled pose after a long move in direction `d`.
+fn came_from(effect: &Effect, d: f64, q: f64) -> f64 {
+    let gap = match effect.kind {
+        Kind::VaryingPlay => effect.numbers[0].abs() * (0.5 + 0.5 * q.sin()),
+        Kind::Backlash | Kind::Hysteresis => effect.numbers[0],
+        _ => 0.0,
+    };
+    // The motor pushes the link in front of it: the link lags half of the gap behind.
+    -0.5 * gap * d
+}
+
+/// A link between two faces of the motor's side, held by friction unless a face pushes it: link minus motor.
+fn contact(motor: &[f64], start: f64, gap: impl Fn(f64) -> f64) -> Vec<f64> {
+    let mut link = motor[0] + 0.5 * start * gap(motor[0]);
+    let follow = |m: &f64| {
+        let half = 0.5 * gap(*m);
+        let (behind, before) = (m - half, m + half);
+        if link < behind {
+            link = behind;
+        }
+        if link > before {
+            link = before;
+        }
+        link - m
+    };
+    motor.iter().map(follow).collect()
+}
+
+/// Springs that slip, of equal shares; their yield distances are spread so that the sum builds up exponentially.
+fn slipping(motor: &[f64], effect: &Effect) -> Vec<f64> {
+    let (height, distance) = (effect.numbers[0], effect.numbers[1]);
+    // Turned back by x, a spring gives way over twice its yield y: 1 − e^(−x/s) of the whole asks for twice the yields to be spread as x e^(−x/s).
+    let yields: Vec<f64> =
+        (0..SLIPS).map(|k| 0.5 * distance * gamma2((k as f64 + 0.5) / SLIPS as f64)).collect();
+    let share = height / SLIPS as f64;
+    let mut stretched = vec![0.0; SLIPS];
+    let mut before = motor[0];
+    let follow = |m: &f64| {
+        let moved = m - before;
+        before = *m;
+        let mut sum = 0.0;
+        for (x, limit) in stretched.iter_mut().zip(&yields) {
+            *x = (*x + moved).clamp(-limit, *limit);
+            sum += *x / limit;
+        }
+        -0.5 * share * sum
+    };
+    motor.iter().map(follow).collect()
+}
+
+/// Where the distribution of density x e^(−x) reaches a share.
+fn gamma2(share: f64) -> f64 {
+    let (mut low, mut high) = (0.0_f64, 40.0_f64);
+    for _ in 0..60 {
+        let x = 0.5 * (low + high);
+        if 1.0 - (1.0 + x) * (-x).exp() < share {
+            low = x;
+        } else {
+            high = x;
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// A mass on a spring that the joint's acceleration shakes: Runge and Kutta.
+fn ringing(fine: &Fine, effect: &Effect) -> Vec<f64> {
+    let (share, omega, damping) =
+        (effect.numbers[0], std::f64::consts::TAU * effect.numbers[1], effect.numbers[2]);
+    let pull = |k: usize| share * fine.rates(effect.joint, k).1;
+    let (mut x, mut v) = (0.0, 0.0);
+    let mut all = vec![0.0];
+    for k in 1..fine.t_s.len() {
+        let h = fine.t_s[k] - fine.t_s[k - 1];
+        let (from, to) = (pull(k - 1), pull(k));
+        let slope = |x: f64, v: f64, part: f64| {
+            (v, -2.0 * damping * omega * v - omega * omega * x - (from + (to - from) * part))
+        };
+        let a = slope(x, v, 0.0);
+        let b = slope(x + 0.5 * h * a.0, v + 0.5 * h * a.1, 0.5);
+        let c = slope(x + 0.5 * h * b.0, v + 0.5 * h * b.1, 0.5);
+        let d = slope(x + h * c.0, v + h * c.1, 1.0);
+        x += h / 6.0 * (a.0 + 2.0 * b.0 + 2.0 * c.0 + d.0);
+        v += h / 6.0 * (a.1 + 2.0 * b.1 + 2.0 * c.1 + d.1);
+        all.push(x);
+    }
+    all
+}
+
+/// A servo that stumbles when it turns back; rows alone tell when.
+fn snapping(fine: &Fine, effect: &Effect) -> Vec<f64> {
+    let q = &fine.q[effect.joint];
+    let (mut sign, mut turned_s) = (0.0, None);
+    let mut all = vec![0.0];
+    for pair in fine.at.windows(2) {
+        let moved = q[pair[1]] - q[pair[0]];
+        if moved != 0.0 && moved.signum() != sign {
+            if sign != 0.0 {
+                turned_s = Some(fine.t_s[pair[0]]);
+            }
+            sign = moved.signum();
+        }
+        let since = |turned: f64| (-(fine.t_s[pair[1]] - turned) / effect.numbers[1]).exp();
+        all.push(turned_s.map_or(0.0, |turned| -effect.numbers[0] * sign * since(turned)));
+    }
+    all
+}
+
+fn of_speed(effect: &Effect, fine: &Fine, k: usize) -> f64 {
+    let (v, _) = fine.rates(effect.joint, k);
+    let size = effect.numbers[0];
+    match effect.kind {
+        Kind::CableDrag => size * v * fine.q[effect.joint][k].sin(),
+        Kind::VaryingDelay => -size * v * fine.q[effect.other][k].sin(),
+        Kind::SpeedCube => size * v * v * v,
+        _ => 0.0,
+    }
+}
+
+fn at_rows(fine: &Fine, signal: &[f64]) -> Vec<f64> {
+    fine.at.iter().map(|k| signal[*k]).collect()
+}
+
+#[cfg(test)]
+mod tests;

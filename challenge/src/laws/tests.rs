@@ -1,0 +1,150 @@
+//! Every law's own signature, as textbooks tell it.
+
+use super::*;
+use crate::arm::Arm;
+use crate::chance::Chance;
+use crate::scene::{Has, Richness};
+
+fn scene(settled: bool) -> Scene {
+    let mut chance = Chance::new(11, 0);
+    let arm = Arm::draw(&mut chance, true);
+    let has = Has { wrench: true, ambient: true, joint_temperatures: false, spindle: true };
+    if settled {
+        Scene::poses(arm, has, 60, Richness::Full, &mut chance)
+    } else {
+        Scene::path(arm, has, (1500, 100.0), Richness::Full, &mut chance)
+    }
+}
+
+fn effect(kind: Kind, numbers: &[f64]) -> Effect {
+    Effect { kind, joint: 1, other: 2, numbers: numbers.to_vec() }
+}
+
+fn angles(scene: &Scene, effect: &Effect) -> Vec<f64> {
+    let effects = [effect.clone()];
+    Run::of(scene, &effects).bends(&effects).iter().map(|bend| bend.0[9]).collect()
+}
+
+#[test]
+fn play_has_one_width_whatever_the_amplitude_and_the_link_stays_within_it() {
+    let motor: Vec<f64> =
+        (0..4000).map(|k| 0.2 * (f64::from(k) * 0.01).sin() * (f64::from(k) * 5e-4)).collect();
+    let seen = contact(&motor, 0.0, |_| 4e-4);
+    assert!(seen.iter().all(|x| x.abs() <= 2e-4 + 1e-15));
+    for k in 1000..3999 {
+        if (motor[k] - motor[k - 1]).abs() > 4.1e-4 {
+            let side = -2e-4 * (motor[k] - motor[k - 1]).signum();
+            assert!((seen[k] - side).abs() < 1e-12);
+        }
+        let link = |k: usize| motor[k] + seen[k];
+        assert!(
+            (link(k) - link(k - 1)) * (motor[k] - motor[k - 1]) >= -1e-18,
+            "never against the motor"
+        );
+    }
+}
+
+#[test]
+fn a_hysteresis_builds_up_over_its_distance_and_its_loop_closes() {
+    let law = effect(Kind::Hysteresis, &[5e-4, 4e-3]);
+    let there: Vec<f64> = (0..=4000).map(|k| f64::from(k) * 2e-5).collect();
+    let back: Vec<f64> = (1..=4000).map(|k| 0.08 - f64::from(k) * 2e-5).collect();
+    let seen = slipping(&[there, back].concat(), &law);
+    assert!((seen[4000] + 2.5e-4).abs() < 1e-6, "fully built up");
+    // A distance s after the reversal 63 % of the whole height is crossed.
+    let after = seen[4200] - seen[4000];
+    assert!((after / 5e-4 - (1.0 - (-1.0_f64).exp())).abs() < 0.01, "{after}");
+    assert!((seen[8000] - 2.5e-4).abs() < 1e-6);
+    // A small excursion and back: the way is remembered.
+    let mut q = 0.08;
+    let mut way: Vec<f64> = (0..=4000).map(|k| f64::from(k) * 2e-5).collect();
+    for n in 0..800 {
+        q += if n < 400 { -1e-5 } else { 1e-5 };
+        way.push(q);
+    }
+    let seen = slipping(&way, &law);
+    assert!((seen[4800] - seen[4000]).abs() < 1e-9, "return point memory");
+}
+
+#[test]
+fn settled_play_takes_the_side_it_came_from() {
+    let scene = scene(true);
+    for (row, angle) in scene.rows.iter().zip(angles(&scene, &effect(Kind::Backlash, &[6e-4]))) {
+        assert!((angle + 3e-4 * row.d[1]).abs() < 1e-15);
+    }
+}
+
+#[test]
+fn a_gear_error_repeats_with_its_order_but_for_small_sidebands() {
+    let x = [2e-4, 2.0, 0.4];
+    for k in 0..50 {
+        let q = f64::from(k) * 0.07;
+        let once = gear(&x, q);
+        assert!((once - gear(&x, q + std::f64::consts::TAU)).abs() < 1e-15);
+        assert!((once - gear(&x, q + std::f64::consts::PI)).abs() < 4.1 * SIDEBAND * 2e-4);
+    }
+}
+
+#[test]
+fn a_slow_core_ends_where_the_air_is_and_lags_on_the_way() {
+    let mut scene = scene(true);
+    for (k, row) in scene.rows.iter_mut().enumerate() {
+        (row.t_s, row.ambient_c) = (30.0 * k as f64, if k == 0 { 20.0 } else { 30.0 });
+    }
+    let seen = angles(&scene, &effect(Kind::ThermalZeroLag, &[1e-5, 300.0]));
+    assert!((seen[10] / 1e-4 - (1.0 - (-1.0_f64).exp())).abs() < 0.03, "{}", seen[10]);
+    assert!((seen[59] / 1e-4 - 1.0).abs() < 0.01);
+}
+
+#[test]
+fn a_mode_shaken_slowly_bends_as_inertia_over_stiffness() {
+    let scene = scene(false);
+    let law = effect(Kind::FlexibleMode, &[1.0, 25.0, 0.1]);
+    let run = Run::of(&scene, &[]);
+    let (mut sum, mut off) = (0.0, 0.0);
+    for (fine, seen) in run.fine.iter().zip(run.fine.iter().map(|fine| ringing(fine, &law))) {
+        for k in &fine.at {
+            let quasi = -fine.rates(1, *k).1 / (std::f64::consts::TAU * 25.0).powi(2);
+            sum += quasi * quasi;
+            off += (seen[*k] - quasi).powi(2);
+        }
+    }
+    assert!(sum > 0.0 && off < 0.01 * sum, "{off} of {sum}");
+}
+
+#[test]
+fn a_spike_is_silent_until_the_first_reversal_and_points_against_the_new_motion() {
+    let scene = scene(false);
+    let law = effect(Kind::ReversalSpike, &[3e-4, 0.06]);
+    for (fine, _) in Run::of(&scene, &[]).fine.iter().zip(0..) {
+        let seen = snapping(fine, &law);
+        let q: Vec<f64> = fine.at.iter().map(|k| fine.q[1][*k]).collect();
+        let turn = (2..q.len()).find(|k| (q[*k] - q[k - 1]) * (q[k - 1] - q[k - 2]) < 0.0);
+        let turn = turn.expect("it turns");
+        assert!(seen[..turn].iter().all(|x| *x == 0.0));
+        assert!(seen[turn] * (q[turn] - q[turn - 1]) < 0.0);
+    }
+}
+
+#[test]
+fn every_kind_moves_something_and_none_of_zero_does() {
+    for settled in [false, true] {
+        let scene = scene(settled);
+        let soft = Effect { numbers: vec![1e-6], ..effect(Kind::JointCompliance, &[]) };
+        let still = Run::of(&scene, std::slice::from_ref(&soft)).bends(std::slice::from_ref(&soft));
+        for kind in Kind::LIBRARY.iter().chain(&Kind::OUTSIDE).copied() {
+            if settled && kind.needs(crate::kinds::Need::Path) {
+                continue;
+            }
+            let numbers: Vec<f64> = (0..kind.count()).map(|k| 1e-3 * (1.0 + k as f64)).collect();
+            let one = effect(kind, &numbers);
+            for (law, moves) in [(one.clone(), true), (one.scaled(0.0), false)] {
+                let both = [soft.clone(), law];
+                let run = Run::of(&scene, &both);
+                let moved =
+                    run.bends(&both) != still || run.motors() != Run::of(&scene, &[]).motors();
+                assert_eq!(moved, moves, "{kind:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! Least squares by orthogonal columns: what a set of columns explains, and what it leaves.
+//!
+//! Promises: columns that say nothing new (to 1e-9 of their length) are left out. Never: a column's meaning.
+
+/// Columns made orthonormal, one after the other (modified Gram–Schmidt, twice).
+#[derive(Clone, Debug, Default)]
+pub struct Span {
+    units: Vec<Vec<f64>>,
+    /// Place of each unit in the order of [`Span::take`], and how it was made: coefficients on the units before, then its length.
+    made: Vec<(usize, Vec<f64>)>,
+    taken: usize,
+}
+
+/// The inner product.
+#[must_use]
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+impl Span {
+    /// Takes a column; whether it said something new.
+    pub fn take(&mut self, mut column: Vec<f64>) -> bool {
+        let place = self.taken;
+        self.taken += 1;
+        let before = dot(&column, &column).sqrt();
+        let mut coefficients = self.remove(&mut column);
+        let after = dot(&column, &column).sqrt();
+        // What is not a number says nothing either.
+        if after.is_nan() || after <= 1e-9 * before {
+            return false;
+        }
+        column.iter_mut().for_each(|x| *x /= after);
+        coefficients.push(after);
+        self.units.push(column);
+        self.made.push((place, coefficients));
+        true
+    }
+
+    /// Takes out of `vector` what these columns explain; gives the coefficients on the units.
+    pub fn remove(&self, vector: &mut [f64]) -> Vec<f64> {
+        let mut sums = vec![0.0; self.units.len()];
+        for _ in 0..2 {
+            for (unit, sum) in self.units.iter().zip(&mut sums) {
+                let share = dot(unit, vector);
+                vector.iter_mut().zip(unit).for_each(|(x, u)| *x -= share * u);
+                *sum += share;
+            }
+        }
+        sums
+    }
+
+    /// What is left of a vector.
+    #[must_use]
+    pub fn rest(&self, vector: &[f64]) -> Vec<f64> {
+        let mut rest = vector.to_vec();
+        self.remove(&mut rest);
+        rest
+    }
+
+    /// The coefficients of least squares on the columns as they were taken; zero for those that said nothing new.
+    #[must_use]
+    pub fn solve(&self, vector: &[f64]) -> Vec<f64> {
+        let mut work = vector.to_vec();
+        let mut on_units = self.remove(&mut work);
+        let mut found = vec![0.0; self.taken];
+        for k in (0..self.units.len()).rev() {
+            let (place, made) = &self.made[k];
+            let value = on_units[k] / made[k];
+            found[*place] = value;
+            for (sum, share) in on_units.iter_mut().zip(made).take(k) {
+                *sum -= value * share;
+            }
+        }
+        found
+    }
+
+    /// How many columns said something new.
+    #[must_use]
+    pub fn rank(&self) -> usize {
+        self.units.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_is_found_and_what_it_leaves_is_square_to_it() {
+        let x: Vec<f64> = (0..20).map(f64::from).collect();
+        let noise: Vec<f64> = (0..20).map(|k| if k % 2 == 0 { 0.1 } else { -0.1 }).collect();
+        let y: Vec<f64> = x.iter().zip(&noise).map(|(x, e)| 3.0 - 0.5 * x + e).collect();
+        let mut span = Span::default();
+        assert!(span.take(vec![1.0; 20]));
+        assert!(span.take(x.clone()));
+        assert!(!span.take(x.iter().map(|x| 2.0 * x - 7.0).collect()), "nothing new");
+        let found = span.solve(&y);
+        // The textbook's normal equations for this line.
+        let (sx, sxx) = (190.0, 2470.0);
+        let (sy, sxy) = (y.iter().sum::<f64>(), dot(&x, &y));
+        let slope = (20.0 * sxy - sx * sy) / (20.0 * sxx - sx * sx);
+        assert!((found[1] - slope).abs() < 1e-12 && found[2] == 0.0);
+        let rest = span.rest(&y);
+        assert!(dot(&rest, &x).abs() < 1e-10 && rest.iter().sum::<f64>().abs() < 1e-10);
+    }
+}

@@ -1,0 +1,119 @@
+//! Scores of answers whose worth is plain to see.
+
+use super::*;
+use crate::bench::Judged;
+use crate::truth::Hidden;
+
+fn hidden(z: f64, rivals: &[(&'static str, Option<usize>)]) -> Hidden {
+    let least_gain = if rivals.is_empty() { 50.0 } else { 1.0 };
+    Hidden {
+        effect: Some("backlash"),
+        law: "Backlash".into(),
+        joint: Some(3),
+        change: "new",
+        parameters: [("width_mrad", vec![0.4])].into(),
+        counted: vec![("width_mrad", 0)],
+        judged: Judged {
+            z,
+            rho: 0.01 * z,
+            least_gain,
+            rivals: rivals.to_vec(),
+            ..Judged::default()
+        },
+    }
+}
+
+fn outcome(tier: Tier, hidden: Vec<Hidden>, answer: &str) -> Outcome {
+    let truth =
+        Truth { case: "0001".into(), tier, hidden, depends_on: vec!["q2".into(), "v3".into()] };
+    Outcome { truth, answer: Answer::parse(answer).ok(), errors: None, seconds: Some(1.0) }
+}
+
+fn said(verdict: &str, effect: &str, joint: usize, alternative: &str, ci: [f64; 2]) -> String {
+    format!(
+        r#"{{"schema": "trued.diagnosis/1", "verdict": "{verdict}", "domain": "position", "findings": [
+            {{"effect": "{effect}", "joint": {joint}, "confidence": 0.9,
+              "parameters": {{"width_mrad": {{"value": 0.41, "ci95": [{}, {}]}}}},
+              "alternatives": [{{"effect": "{alternative}", "joint": 3}}]}}],
+            "unexplained": {{"depends_on": ["v3", "q2"]}}}}"#,
+        ci[0], ci[1]
+    )
+}
+
+fn none(verdict: &str) -> String {
+    format!(r#"{{"schema": "trued.diagnosis/1", "verdict": "{verdict}", "findings": []}}"#)
+}
+
+const FITS: [f64; 2] = [0.38, 0.44];
+
+#[test]
+fn the_truth_is_right_another_joint_is_not_and_an_answer_without_claim_is_not() {
+    let ask = |answer: &str| outcome(Tier::Single, vec![hidden(30.0, &[])], answer);
+    let right = ask(&said("missing_physics", "backlash", 3, "x", FITS));
+    assert!(right.counts() && right.first_right() && right.joint_right() == Some(true));
+    assert_eq!(right.intervals(), [Some(true)]);
+    let joint = ask(&said("missing_physics", "backlash", 2, "x", FITS));
+    assert!(!joint.first_right() && joint.joint_right() == Some(false));
+    assert_eq!(joint.intervals(), [None]);
+    assert!(!ask(&said("undetermined", "backlash", 3, "x", FITS)).first_right());
+    assert!(!ask("no answer at all").first_right());
+    let aside = ask(&said("missing_physics", "hysteresis", 3, "backlash", FITS));
+    assert!(
+        !aside.first_right() && aside.first_three_right(),
+        "a rival that can be told apart is wrong"
+    );
+    assert_eq!(
+        ask(&said("missing_physics", "backlash", 3, "x", [0.41, 0.44])).intervals(),
+        [Some(false)]
+    );
+}
+
+#[test]
+fn what_cannot_be_told_apart_is_right_with_the_truth_beside_it() {
+    let rivals = [("hysteresis", Some(3))];
+    let ask = |answer: &str| outcome(Tier::Ambiguous, vec![hidden(30.0, &rivals)], answer);
+    let both = ask(&said("missing_physics", "hysteresis", 3, "backlash", FITS));
+    assert!(both.first_right() && both.is_ambiguous() && both.called_ambiguous() && !both.counts());
+    let alone = ask(&said("missing_physics", "hysteresis", 3, "x", FITS));
+    assert!(!alone.first_right() && !alone.called_ambiguous());
+    assert!(ask(&none("undetermined")).called_ambiguous());
+}
+
+#[test]
+fn the_figures_count_what_they_say() {
+    let single = |z, answer: &str| outcome(Tier::Single, vec![hidden(z, &[])], answer);
+    let right = said("missing_physics", "backlash", 3, "x", FITS);
+    let wrong = said("missing_physics", "joint_offset", 1, "x", FITS);
+    let null = |answer: &str| outcome(Tier::Null, Vec::new(), answer);
+    let outside = |answer: &str| {
+        let mut law = hidden(30.0, &[]);
+        (law.effect, law.judged.unexplained_z) = (None, 30.0);
+        outcome(Tier::Outside, vec![law], answer)
+    };
+    let mut all = vec![
+        single(30.0, &right),
+        single(30.0, &wrong),
+        single(100.0, &right),
+        single(5.0, &wrong),
+        null(&none("consistent")),
+        null(&right),
+        outside(&said("unknown_structure", "x", 1, "y", FITS)),
+        outside(&wrong),
+    ];
+    for (outcome, after) in all.iter_mut().zip([1.0, 5.0, 2.0]) {
+        outcome.errors = Some(Errors { before: 6.0, after, oracle: 1.0 });
+    }
+    let seen = figures(7, "a", "b", &all);
+    assert_eq!((seen.counting, seen.nulls, seen.false_findings), (3, 2, 1));
+    assert_eq!(seen.first_right, Some(2.0 / 3.0));
+    let at_z: Vec<_> =
+        seen.first_right_at_z.iter().map(|bin| (bin.cases, bin.first_right)).collect();
+    assert_eq!(at_z, [(3, Some(2.0 / 3.0)), (1, Some(1.0)), (1, Some(1.0))]);
+    // Wrong: the second and fourth single, and the name for what no library has.
+    assert_eq!((seen.named, seen.named_wrong), (5, Some(3.0 / 5.0)));
+    assert_eq!((seen.unknown_recognised, seen.depends_on_right), (Some(0.5), Some(1.0)));
+    assert_eq!((seen.coverage95, seen.coverage95_found), (Some(2.0 / 3.0), Some(1.0)));
+    assert_eq!(seen.gain_vs_oracle_median, Some(0.8));
+    assert_eq!(seen.undetermined_recognised, None, "none was asked");
+    assert_eq!(seen.by_effect[0].instead, [("joint_offset".to_owned(), 1)]);
+}

@@ -1,0 +1,50 @@
+//! The seal: a hash that is told before, of a text that is opened after.
+//!
+//! Promises: a text that was changed by one byte does not fit its hash. Never: secrecy; who wants that keeps the text elsewhere.
+
+use sha2::{Digest, Sha256};
+
+/// SHA-256 of a text, in hexadecimal.
+#[must_use]
+pub fn sha256(text: &str) -> String {
+    Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// A text that is not the one that was sealed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the text does not fit its seal: its SHA-256 is {found}, sealed was {sealed}")]
+pub struct Broken {
+    /// What was told before.
+    pub sealed: String,
+    /// Of what was opened.
+    pub found: String,
+}
+
+/// Opens a sealed text.
+///
+/// # Errors
+/// It is not the text that was sealed.
+pub fn open<'t>(text: &'t str, sealed: &str) -> Result<&'t str, Broken> {
+    let found = sha256(text);
+    if found == sealed { Ok(text) } else { Err(Broken { sealed: sealed.to_owned(), found }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_hash_is_the_standards() {
+        // FIPS 180-2, appendix B.1.
+        let known = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
+        assert_eq!(sha256("abc"), known);
+    }
+
+    #[test]
+    fn a_truth_that_was_changed_does_not_open() {
+        let truth = "{\"effect\": \"backlash\", \"joint\": 3}";
+        let sealed = sha256(truth);
+        assert_eq!(open(truth, &sealed), Ok(truth));
+        assert!(open(&truth.replace('3', "4"), &sealed).is_err());
+    }
+}

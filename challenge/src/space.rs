@@ -1,0 +1,172 @@
+//! Homogeneous transforms: 4×4 arrays, rows first, that map column vectors.
+//!
+//! Promises: rotations stay orthonormal to rounding. Never: a robot.
+
+/// A homogeneous transform.
+pub type T4 = [[f64; 4]; 4];
+/// A vector or point.
+pub type V3 = [f64; 3];
+
+/// Nothing moved.
+pub const ONE: T4 =
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]];
+
+/// First `b`, then `a`.
+#[must_use]
+pub fn mul(a: &T4, b: &T4) -> T4 {
+    let mut c = ONE;
+    for (row, a) in c.iter_mut().zip(a).take(3) {
+        for (k, slot) in row.iter_mut().enumerate() {
+            *slot = a[0] * b[0][k] + a[1] * b[1][k] + a[2] * b[2][k] + a[3] * b[3][k];
+        }
+    }
+    c
+}
+
+/// A shift.
+#[must_use]
+pub fn shift(by: V3) -> T4 {
+    let mut t = ONE;
+    for k in 0..3 {
+        t[k][3] = by[k];
+    }
+    t
+}
+
+/// A turn about z, rad.
+#[must_use]
+pub fn turn_z(angle: f64) -> T4 {
+    let (s, c) = angle.sin_cos();
+    let mut t = ONE;
+    (t[0][0], t[0][1], t[1][0], t[1][1]) = (c, -s, s, c);
+    t
+}
+
+/// A turn about x, rad.
+#[must_use]
+pub fn turn_x(angle: f64) -> T4 {
+    let (s, c) = angle.sin_cos();
+    let mut t = ONE;
+    (t[1][1], t[1][2], t[2][1], t[2][2]) = (c, -s, s, c);
+    t
+}
+
+/// A turn by a rotation vector, by way of the unit quaternion.
+#[must_use]
+pub fn turn(vector: V3) -> T4 {
+    let angle = norm(vector);
+    let half = if angle < 1e-8 { 0.5 } else { (0.5 * angle).sin() / angle };
+    let (w, x, y, z) = ((0.5 * angle).cos(), vector[0] * half, vector[1] * half, vector[2] * half);
+    let mut t = ONE;
+    t[0][..3].copy_from_slice(&[
+        1.0 - 2.0 * (y * y + z * z),
+        2.0 * (x * y - w * z),
+        2.0 * (x * z + w * y),
+    ]);
+    t[1][..3].copy_from_slice(&[
+        2.0 * (x * y + w * z),
+        1.0 - 2.0 * (x * x + z * z),
+        2.0 * (y * z - w * x),
+    ]);
+    t[2][..3].copy_from_slice(&[
+        2.0 * (x * z - w * y),
+        2.0 * (y * z + w * x),
+        1.0 - 2.0 * (x * x + y * y),
+    ]);
+    t
+}
+
+/// The way back.
+#[must_use]
+pub fn inverse(t: &T4) -> T4 {
+    let mut back = ONE;
+    for i in 0..3 {
+        for (k, row) in t.iter().enumerate().take(3) {
+            back[i][k] = row[i];
+            back[i][3] -= row[i] * row[3];
+        }
+    }
+    back
+}
+
+/// A point carried along.
+#[must_use]
+pub fn point(t: &T4, p: V3) -> V3 {
+    add(rotate(t, p), origin(t))
+}
+
+/// A vector turned along.
+#[must_use]
+pub fn rotate(t: &T4, v: V3) -> V3 {
+    std::array::from_fn(|i| t[i][0] * v[0] + t[i][1] * v[1] + t[i][2] * v[2])
+}
+
+/// A vector turned back.
+#[must_use]
+pub fn rotate_back(t: &T4, v: V3) -> V3 {
+    std::array::from_fn(|i| t[0][i] * v[0] + t[1][i] * v[1] + t[2][i] * v[2])
+}
+
+/// Where the origin went.
+#[must_use]
+pub fn origin(t: &T4) -> V3 {
+    [t[0][3], t[1][3], t[2][3]]
+}
+
+/// Column `k` of the rotation.
+#[must_use]
+pub fn column(t: &T4, k: usize) -> V3 {
+    [t[0][k], t[1][k], t[2][k]]
+}
+
+/// A sum.
+#[must_use]
+pub fn add(a: V3, b: V3) -> V3 {
+    std::array::from_fn(|k| a[k] + b[k])
+}
+
+/// A difference.
+#[must_use]
+pub fn sub(a: V3, b: V3) -> V3 {
+    std::array::from_fn(|k| a[k] - b[k])
+}
+
+/// A multiple.
+#[must_use]
+pub fn times(a: V3, factor: f64) -> V3 {
+    a.map(|x| x * factor)
+}
+
+/// The inner product.
+#[must_use]
+pub fn dot(a: V3, b: V3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The outer product.
+#[must_use]
+pub fn cross(a: V3, b: V3) -> V3 {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// The length.
+#[must_use]
+pub fn norm(a: V3) -> f64 {
+    dot(a, a).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turn_keeps_its_axis_and_lengths_and_its_inverse_undoes_it() {
+        let t = mul(&shift([0.3, -0.2, 0.9]), &turn([0.4, -0.7, 0.2]));
+        let along = rotate(&t, [0.4, -0.7, 0.2]);
+        assert!(norm(sub(along, [0.4, -0.7, 0.2])) < 1e-15);
+        let there = point(&t, [1.0, 2.0, 3.0]);
+        assert!(norm(sub(point(&inverse(&t), there), [1.0, 2.0, 3.0])) < 1e-14);
+        let quarter = rotate(&turn([0.0, 0.0, std::f64::consts::FRAC_PI_2]), [1.0, 0.0, 0.0]);
+        assert!(norm(sub(quarter, [0.0, 1.0, 0.0])) < 1e-15, "right-handed");
+    }
+}

@@ -1,0 +1,232 @@
+//! A case as the files that a solver gets: model, recording, and what the recording says of itself (contract `model.md`, `recording.md`).
+//!
+//! Promises: nothing that is hidden is in them. Never: read back.
+
+use std::fmt::Write as _;
+
+use crate::arm::JOINTS;
+use crate::case::Case;
+use crate::kinds::{Effect, Entry};
+use crate::scene::Scene;
+use crate::space::{V3, column, origin, point};
+use crate::view::Measured;
+
+/// A file's name and text.
+pub type File = (&'static str, String);
+
+fn list(numbers: &[f64]) -> String {
+    let texts: Vec<String> = numbers.iter().map(|x| format!("{x:?}")).collect();
+    format!("[{}]", texts.join(", "))
+}
+
+fn mm(v: V3) -> String {
+    list(&v.map(|x| x * 1e3))
+}
+
+/// The model that the solver is given.
+#[must_use]
+pub fn model(case: &Case) -> String {
+    let arm = &case.scene.arm;
+    let zero = arm.frames(&[0.0; JOINTS]);
+    let mut text = format!(
+        "schema = \"trued.model/1\"\nname = \"{}, a case\"\ngravity_m_s2 = {}\n",
+        arm.name,
+        list(&arm.gravity)
+    );
+    for (i, frame) in zero.iter().enumerate().take(arm.count()) {
+        let axis = column(frame, 2);
+        let length = crate::space::norm(axis);
+        let _ = write!(
+            text,
+            "\n[[joint]]\nname = \"{}\"\nkind = \"revolute\"\naxis = {}\npoint_mm = {}\nlimits_deg = [-355.0, 355.0]\nmax_speed_deg_s = 250.0\n",
+            i + 1,
+            list(&axis.map(|x| x / length)),
+            mm(origin(frame))
+        );
+        if let Some(mass) = arm.masses.iter().find(|m| m.joint == i && !m.tool) {
+            let _ = writeln!(
+                text,
+                "link = {{ mass_kg = {:?}, com_mm = {} }}",
+                mass.kg,
+                mm(point(frame, mass.at))
+            );
+        }
+    }
+    let tool = &zero[arm.count()];
+    let rows: Vec<String> = tool.iter().take(3).map(|row| list(&row[..3])).collect();
+    let _ = write!(
+        text,
+        "\n[tool]\ntcp_mm = {}\nbase_from_tool = [{}]\n",
+        mm(origin(tool)),
+        rows.join(", ")
+    );
+    if let Some(mass) = arm.masses.iter().find(|m| m.tool) {
+        let at = point(&zero[mass.joint], mass.at);
+        let _ = write!(text, "mass_kg = {:?}\ncom_mm = {}\n", mass.kg, mm(at));
+    }
+    for known in &case.known {
+        text.push_str(&effect(&known.nominal, Some(known.sigma)));
+    }
+    text
+}
+
+/// An effect as an entry of a model; `sigma` of its first number, SI.
+#[must_use]
+pub fn effect(effect: &Effect, sigma: Option<f64>) -> String {
+    let facts = effect.kind.facts();
+    let mut text = format!("\n[[effect]]\nkind = \"{}\"\n", facts.name.unwrap_or("none"));
+    if let Some(joint) = effect.joint_said() {
+        let _ = writeln!(text, "joint = {joint}");
+    }
+    if effect.kind == crate::kinds::Kind::JointCoupling {
+        let _ = writeln!(text, "from_joint = {}", effect.other + 1);
+    }
+    for (entry, values) in entries(effect) {
+        let values: Vec<f64> = values.iter().map(|x| x / entry.si).collect();
+        let shown = if entry.count == 1 { format!("{:?}", values[0]) } else { list(&values) };
+        let _ = writeln!(text, "{} = {shown}", entry.key);
+    }
+    if let (Some(sigma), Some(entry)) = (sigma, facts.entries.first()) {
+        let _ = writeln!(text, "sigma = {{ {} = {:?} }}", entry.key, sigma / entry.si);
+    }
+    text
+}
+
+/// The keys of an effect, each with its numbers, SI.
+pub fn entries(effect: &Effect) -> impl Iterator<Item = (&'static Entry, &[f64])> {
+    let mut from = 0;
+    effect.kind.facts().entries.iter().map(move |entry| {
+        let numbers = &effect.numbers[from..from + entry.count];
+        from += entry.count;
+        (entry, numbers)
+    })
+}
+
+/// What the recording says of itself.
+#[must_use]
+pub fn about(case: &Case) -> String {
+    let mut text = "schema = \"trued.recording/1\"\nmodel = \"model.toml\"\n".to_owned();
+    if case.scene.settled() {
+        text.push_str("kind = \"poses\"\napproach = \"columns\"\n");
+    }
+    if case.view.frame_known {
+        text.push_str("measuring_frame = \"base\"\n");
+    }
+    if case.view.targets && case.view.places_known {
+        for (k, place) in case.view.places.iter().enumerate() {
+            let _ = writeln!(text, "target{}_mm = {}", k + 1, mm(*place));
+        }
+    }
+    if case.noise.stated {
+        let si = measured_si(case);
+        let sigma = case.noise.sigma / si;
+        let keys = measured_names(case).into_iter().map(|name| format!("{name} = {sigma:?}"));
+        let _ = writeln!(text, "sigma = {{ {} }}", keys.collect::<Vec<_>>().join(", "));
+    }
+    text
+}
+
+fn measured_si(case: &Case) -> f64 {
+    if case.view.places.is_empty() { std::f64::consts::PI / 180.0 } else { 1e-3 }
+}
+
+fn measured_names(case: &Case) -> Vec<String> {
+    let axes = ["x_mm", "y_mm", "z_mm"];
+    if case.view.places.is_empty() {
+        return (1..=case.scene.arm.count()).map(|i| format!("ql{i}_deg")).collect();
+    }
+    if !case.view.targets {
+        return axes.map(str::to_owned).to_vec();
+    }
+    let of_target = |k: usize| axes.map(|axis| format!("target{k}_{axis}"));
+    (1..=case.view.places.len()).flat_map(of_target).collect()
+}
+
+/// A recording of `scene`.
+#[must_use]
+pub fn recording(case: &Case, scene: &Scene, measured: &Measured) -> String {
+    let si = measured_si(case);
+    let digits = if case.view.places.is_empty() { 7 } else { 5 };
+    let width = case.view.width(scene);
+    let mut text = header(case, scene, &measured_names(case));
+    for (k, row) in scene.rows.iter().enumerate() {
+        inputs(&mut text, scene, k);
+        for value in &measured.values[k * width..(k + 1) * width] {
+            text.push(',');
+            if measured.there[k] {
+                let _ = write!(text, "{:.digits$}", value / si);
+            }
+        }
+        surroundings(&mut text, case, row);
+        text.push('\n');
+    }
+    text
+}
+
+fn header(case: &Case, scene: &Scene, measured: &[String]) -> String {
+    let n = scene.arm.count();
+    let mut names = vec!["t_s".to_owned(), "segment".to_owned()];
+    names.extend((1..=n).map(|i| format!("q{i}_deg")));
+    if scene.settled() {
+        names.extend((1..=n).map(|i| format!("d{i}")));
+    }
+    names.extend(measured.iter().cloned());
+    let has = case.scene.has;
+    if has.wrench {
+        names.extend(["fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"].map(str::to_owned));
+    }
+    if has.ambient {
+        names.push("temp_C".to_owned());
+    }
+    if has.joint_temperatures {
+        names.extend((1..=n).map(|i| format!("temp{i}_C")));
+    }
+    if has.spindle {
+        names.push("spindle_rpm".to_owned());
+    }
+    names.join(",") + "\n"
+}
+
+fn inputs(text: &mut String, scene: &Scene, k: usize) {
+    let (row, n) = (&scene.rows[k], scene.arm.count());
+    let _ = write!(text, "{:.6},{}", row.t_s, row.segment);
+    row.q.iter().take(n).for_each(|q| {
+        let _ = write!(text, ",{:.8}", q.to_degrees());
+    });
+    if scene.settled() {
+        row.d.iter().take(n).for_each(|d| {
+            let _ = write!(text, ",{d:.0}");
+        });
+    }
+}
+
+fn surroundings(text: &mut String, case: &Case, row: &crate::scene::Row) {
+    let (has, n) = (case.scene.has, case.scene.arm.count());
+    if has.wrench {
+        row.wrench.iter().for_each(|x| {
+            let _ = write!(text, ",{x:.5}");
+        });
+    }
+    if has.ambient {
+        let _ = write!(text, ",{:.2}", row.ambient_c);
+    }
+    if has.joint_temperatures {
+        row.joint_c.iter().take(n).for_each(|c| {
+            let _ = write!(text, ",{c:.2}");
+        });
+    }
+    if has.spindle {
+        let _ = write!(text, ",{:.0}", row.rpm);
+    }
+}
+
+/// The files of a case that the solver is given.
+#[must_use]
+pub fn files(case: &Case) -> [File; 3] {
+    let measured = case.measured(&case.scene, 0);
+    [
+        ("model.toml", model(case)),
+        ("recording.csv", recording(case, &case.scene, &measured)),
+        ("recording.toml", about(case)),
+    ]
+}

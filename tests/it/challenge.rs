@@ -1,0 +1,237 @@
+//! `trued challenge`: two formulations of one physics held against each other, the seal, and the score of solvers whose answers are known.
+
+use std::os::unix::fs::PermissionsExt;
+
+use ::challenge::arm::Arm;
+use ::challenge::case::{Case, Tier};
+use ::challenge::chance::Chance;
+use ::challenge::kinds::{Effect, Kind, Need};
+use ::challenge::scene::{Has, Richness, Scene};
+use ::challenge::space::{ONE, shift};
+use ::challenge::view::{Noise, View};
+use ::challenge::{seal, write};
+use recording::series::{Channel, Need as Wanted, read};
+
+use crate::program::Place;
+
+fn case(settled: bool, ambient: bool, hidden: Vec<Effect>) -> Case {
+    let mut chance = Chance::new(3, 0);
+    let arm = Arm::family(2, 1.0, &shift([0.02, 0.01, 0.15]), 4.0, true);
+    let has = Has { wrench: true, ambient, joint_temperatures: false, spindle: true };
+    let richness = Richness::Full;
+    let scene = if settled {
+        Scene::poses(arm, has, 200, richness, &mut chance)
+    } else {
+        Scene::path(arm, has, (1600, 100.0), richness, &mut chance)
+    };
+    let places = vec![[0.0; 3]];
+    let view = View {
+        places,
+        measuring_from_base: ONE,
+        frame_known: true,
+        places_known: true,
+        targets: false,
+    };
+    let noise =
+        Noise { sigma: 1e-5, colour: 0.0, digit: 0.0, gaps: 0.0, outliers: 0.0, stated: true };
+    Case { tier: Tier::Single, scene, richness, view, noise, known: Vec::new(), hidden, seed: 5 }
+}
+
+/// A soft joint, so that loads move something.
+fn soft() -> Effect {
+    Effect { kind: Kind::JointCompliance, joint: 2, other: 2, numbers: vec![4e-6] }
+}
+
+fn sizes(kind: Kind) -> Vec<f64> {
+    match kind {
+        Kind::TransmissionError => vec![3e-4, 2.0, 0.7],
+        Kind::LostMotion => vec![4e-4, 60.0],
+        Kind::Hysteresis => vec![5e-4, 5e-3],
+        Kind::StiffnessHardening => vec![2e-11],
+        Kind::GravityCompliance | Kind::LoadCompliance | Kind::JointCompliance => vec![3e-6],
+        Kind::BearingCompliance | Kind::BaseCompliance => vec![1e-6],
+        Kind::ToolCompliance => vec![2e-6, 1e-6, 3e-6],
+        Kind::Counterbalance => vec![2e4, 0.3, 0.15, 0.5, 0.4],
+        Kind::AxisShift => vec![4e-4, 0.0, -3e-4],
+        Kind::ToolOffset => vec![4e-4, -2e-4, 3e-4],
+        Kind::AxisTilt => vec![4e-4, -3e-4],
+        Kind::GravityTilt => vec![0.3, -0.2],
+        Kind::Payload => vec![3.0, 1.0, 0.05, 1.2],
+        Kind::ThermalGrowth | Kind::SpindleGrowth => vec![2e-5],
+        Kind::ThermalGrowthLag => vec![2e-5, 900.0],
+        Kind::ThermalGrowthWarmUp => vec![2e-4, 900.0],
+        Kind::ThermalZero => vec![5e-5],
+        Kind::ThermalZeroLag => vec![5e-5, 900.0],
+        Kind::ThermalZeroWarmUp => vec![2e-4, 900.0],
+        Kind::AxisWobble => vec![2e-4, 3e-4, 0.3, 1.1, 2.0],
+        Kind::SpindleGrowthSpeed => vec![3e-9],
+        Kind::TimeDelay => vec![6e-3],
+        Kind::ServoLag => vec![1.5e-2],
+        Kind::FlexibleMode => vec![1.0, 9.0, 0.05],
+        Kind::ReversalSpike => vec![3e-4, 0.08],
+        Kind::WrenchBias => vec![30.0, -20.0, 10.0, 2.0, -1.0, 3.0],
+        Kind::WrenchScale => vec![0.4, -0.3, 0.3, 0.2, 0.3, -0.3],
+        Kind::WrenchMisalignment => vec![0.2, -0.15, 0.3],
+        _ => vec![5e-4],
+    }
+}
+
+/// Root of the mean square of what two lists differ in.
+fn rms(a: &[f64], b: &[f64]) -> f64 {
+    let sum: f64 = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum();
+    (sum / a.len() as f64).sqrt()
+}
+
+fn simulated(case: &Case) -> Vec<f64> {
+    let place = Place::new();
+    for (name, mut text) in write::files(case) {
+        if name == "model.toml" {
+            case.hidden.iter().for_each(|effect| text.push_str(&write::effect(effect, None)));
+        }
+        place.file(name, &text);
+    }
+    place.succeed(&["simulate", "--model", "model.toml", "--out", "seen", "recording.csv", "-q"]);
+    let seen = read(&place.path("seen.csv"), None, Wanted::Measurement).expect("a recording");
+    let columns = [0, 1, 2].map(|k| seen.column(Channel::Position(k)).expect("there"));
+    (0..seen.len()).flat_map(|row| columns.map(|column| column[row])).collect()
+}
+
+/// How far the two may be apart, as a share of the effect: where the laws are formulated otherwise on purpose, more.
+fn apart(kind: Kind) -> f64 {
+    match kind {
+        // Springs that slip build up the first loading another way than after a reversal.
+        Kind::Hysteresis => 0.12,
+        // Play stands somewhere in its gap before it moves first.
+        Kind::Backlash => 0.25,
+        // A surface warms before the core; sidebands.
+        Kind::ThermalGrowthLag | Kind::ThermalZeroLag | Kind::TransmissionError => 0.03,
+        Kind::FlexibleMode | Kind::ReversalSpike => 0.03,
+        _ => 0.01,
+    }
+}
+
+#[test]
+fn every_effect_is_the_same_in_two_formulations_that_share_nothing() {
+    let mut faults = Vec::new();
+    for kind in Kind::LIBRARY {
+        for settled in [false, true] {
+            if kind.needs(if settled { Need::Path } else { Need::Poses }) {
+                continue;
+            }
+            // Joint 3's pivot and joint 4's coincide: nothing there that could grow.
+            let joint = if kind.name() == Some("thermal_growth") { 1 } else { 2 };
+            let effect = Effect { kind, joint, other: 4, numbers: sizes(kind) };
+            let alone = matches!(
+                kind,
+                Kind::GravityCompliance | Kind::LoadCompliance | Kind::JointCompliance
+            );
+            let beside = if alone { Vec::new() } else { vec![soft()] };
+            let ambient = !kind.needs(Need::NoTemperature);
+            let case = case(settled, ambient, beside.iter().cloned().chain([effect]).collect());
+            let exact = case.exact(&case.scene, &case.real());
+            let without = case.exact(&case.scene, &beside);
+            let (size, off) = (rms(&exact, &without), rms(&exact, &simulated(&case)));
+            // Inertia is a second difference of rounded positions on one side and of places on the other.
+            if size < 1e-5 || off > apart(kind) * size + 4e-7 {
+                faults.push(format!("{kind:?}, settled {settled}: {off:.2e} of {size:.2e} m"));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
+/// A solver that says the same whatever it is asked.
+fn solver(place: &Place, answer: &str) -> String {
+    let script = format!(
+        "#!/bin/sh\nwhile [ $# -gt 1 ]; do\n  case \"$1\" in --out) out=\"$2\"; shift;; --model) model=\"$2\"; shift;; esac\n  shift\ndone\n\
+         cp \"$model\" \"$out/model.toml\"\ncat > \"$out/diagnosis.json\" <<'END'\n{answer}\nEND\n"
+    );
+    let path = place.file("solver.sh", &script);
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+    path.display().to_string()
+}
+
+const CONSISTENT: &str = r#"{"schema": "trued.diagnosis/1", "verdict": "consistent", "domain": "position", "findings": []}"#;
+const ALWAYS: &str = r#"{"schema": "trued.diagnosis/1", "verdict": "missing_physics", "domain": "position",
+    "findings": [{"effect": "backlash", "joint": 2, "change": "new", "confidence": 0.99, "parameters": {}, "alternatives": []}]}"#;
+
+fn challenge(place: &Place, out: &str, answer: &str, more: &[&str]) -> serde_json::Value {
+    let solver = solver(place, answer);
+    let mut arguments =
+        vec!["challenge", "--seed", "4", "--out", out, "--solver", &solver, "--json", "said.json"];
+    arguments.extend(more);
+    place.succeed(&arguments);
+    place.json("said.json")
+}
+
+#[test]
+fn a_solver_that_sees_nothing_scores_nothing_and_one_that_always_sees_is_caught() {
+    let place = Place::new();
+    let blind = challenge(&place, "blind", CONSISTENT, &["--cases", "20"]);
+    assert_eq!(blind["schema"], "trued.challenge/1");
+    assert_eq!(
+        (&blind["first_right"], &blind["false_findings_on_nulls"]),
+        (&0.0.into(), &0.0.into())
+    );
+    let gain = blind["gain_vs_oracle_median"].as_f64().unwrap();
+    assert!(gain.abs() < 0.02, "it wrote the model that it got, and gains {gain}");
+    let always = challenge(&place, "always", ALWAYS, &["--cases", "6", "--tier", "null"]);
+    assert_eq!((&always["false_findings_on_nulls"], &always["nulls"]), (&1.0.into(), &6.into()));
+    let outside = challenge(&place, "outside", ALWAYS, &["--cases", "4", "--tier", "outside"]);
+    assert_eq!(
+        (&outside["named_wrong"], &outside["unknown_recognised"]),
+        (&1.0.into(), &0.0.into())
+    );
+}
+
+#[test]
+fn the_same_seed_gives_the_same_cases_on_one_thread_or_two_and_the_truth_fits_its_seal() {
+    let place = Place::new();
+    for (out, threads) in [("one", "1"), ("two", "2")] {
+        challenge(&place, out, CONSISTENT, &["--cases", "8", "--threads", threads]);
+    }
+    for file in
+        ["commitment.json", "truth.json", "cases/00003/recording.csv", "cases/00007/model.toml"]
+    {
+        assert_eq!(
+            place.read(&format!("one/{file}")),
+            place.read(&format!("two/{file}")),
+            "{file}"
+        );
+    }
+    let truth = place.read("one/truth.json");
+    let sealed = place.json("one/commitment.json")["sealed_sha256"].as_str().unwrap().to_owned();
+    assert!(seal::open(&truth, &sealed).is_ok());
+    assert!(seal::open(&truth.replacen("\"z\": ", "\"z\":  ", 1), &sealed).is_err());
+    assert!(place.read("one/report.html").contains("<svg"));
+}
+
+#[test]
+fn every_model_and_recording_that_is_handed_out_reads() {
+    let place = Place::new();
+    challenge(&place, "out", CONSISTENT, &["--cases", "30"]);
+    for index in 0..30 {
+        let folder = format!("out/cases/{index:05}");
+        let recording = format!("{folder}/recording.csv");
+        let done = place.run(&["simulate", "--out", "again", "-q", &recording]);
+        assert_eq!(done.code, Some(0), "{folder}: {done:#?}");
+    }
+}
+
+#[test]
+fn a_solver_that_fails_hangs_or_talks_nonsense_is_no_answer() {
+    let place = Place::new();
+    for (number, script) in ["#!/bin/sh\nexit 3\n", "#!/bin/sh\nsleep 60\n"].iter().enumerate() {
+        let path = place.file("bad.sh", script);
+        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+        let (out, solver) = (format!("bad{number}"), path.display().to_string());
+        let arguments =
+            ["challenge", "--cases", "2", "--seed", "1", "--out", &out, "--solver", &solver];
+        place.succeed(&[&arguments[..], &["--limit", "0.2", "--json", "said.json"]].concat());
+        assert_eq!(place.json("said.json")["unanswered"], 2);
+    }
+    let nonsense = challenge(&place, "nonsense", "{\"schema\": 7", &["--cases", "2"]);
+    assert_eq!(nonsense["unanswered"], 2);
+    let again = place.run(&["challenge", "--cases", "2", "--out", "nonsense"]);
+    assert_eq!(again.code, Some(2), "a folder that holds something stays as it is");
+}

@@ -1,0 +1,248 @@
+//! `trued challenge`: the blind proof. Cases are drawn and sealed, a solver in processes of its own answers, the answers are hashed, then the truth is opened.
+//!
+//! Promises: the solver sees a model and a recording and nothing else; the truth stands in no file until all answers are hashed; the same seed
+//! gives the same cases whatever the number of threads. Never: a case dropped because its answer is bad.
+
+mod page;
+mod solver;
+mod told;
+mod worth;
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use challenge::answer::Answer;
+use challenge::case::Tier;
+use challenge::draw::{self, Drawn};
+use challenge::score::{Outcome as Scored, figures};
+use challenge::truth::{self, Truth};
+use challenge::{seal, write};
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+
+use self::solver::{Run, Solver};
+use crate::exit::{Answer as Done, Failure, Outcome};
+use crate::options::{Seed, Threads};
+use crate::output::Console;
+use crate::{interrupt, progress};
+
+/// Blind test of a diagnosis: sealed cases, a solver, a score
+///
+/// Draws robots, motions, instruments and hidden effects from a generator that shares no physics with trued, writes for each case a model and a
+/// recording, and tells the hash of the truth. Then it runs the solver on each (`SOLVER --model M --out DIR --seed N RECORDING`, answering with
+/// `diagnosis.json` and `model.toml` in DIR), hashes the answers, opens the truth and counts: right effect and joint, false findings, wrong names,
+/// unknown and undetermined cases recognised, intervals that hold, the gain on a motion that nobody saw.
+#[derive(Debug, Args)]
+pub(crate) struct Challenge {
+    /// How many cases
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    cases: u32,
+    #[command(flatten)]
+    seed: Seed,
+    /// Where cases, answers, truth and report go; must not hold anything yet
+    #[arg(long, value_name = "DIR", default_value = "challenge")]
+    out: PathBuf,
+    /// One kind of case alone; if not given, a mixture
+    #[arg(long, value_name = "TIER", value_enum)]
+    tier: Option<AskedTier>,
+    /// Another program that answers; `trued diagnose` if not given
+    #[arg(long, value_name = "CMD")]
+    solver: Option<String>,
+    /// The longest that the solver may take for a case, s
+    #[arg(long, value_name = "SECONDS", default_value_t = 120.0)]
+    limit: f64,
+    #[command(flatten)]
+    threads: Threads,
+}
+
+/// [`Tier`] on the command line.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum AskedTier {
+    /// Nothing is missing
+    Null,
+    /// One effect
+    Single,
+    /// Two or three effects
+    Multiple,
+    /// Physics that no library has
+    Outside,
+    /// Effects that the motion cannot part
+    Ambiguous,
+    /// One effect near the limit of detection
+    Limit,
+}
+
+impl From<AskedTier> for Tier {
+    fn from(asked: AskedTier) -> Self {
+        match asked {
+            AskedTier::Null => Self::Null,
+            AskedTier::Single => Self::Single,
+            AskedTier::Multiple => Self::Multiple,
+            AskedTier::Outside => Self::Outside,
+            AskedTier::Ambiguous => Self::Ambiguous,
+            AskedTier::Limit => Self::Limit,
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct Commitment<'a> {
+    schema: &'static str,
+    cases: usize,
+    sealed_sha256: &'a str,
+}
+
+/// The places of a challenge.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn case(&self, index: usize) -> PathBuf {
+        self.0.join("cases").join(name(index))
+    }
+
+    fn answer(&self, index: usize) -> PathBuf {
+        self.0.join("answers").join(name(index))
+    }
+}
+
+fn name(index: usize) -> String {
+    format!("{index:05}")
+}
+
+impl Challenge {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        let seed = self.seed.settle();
+        let folder = self.folder()?;
+        let solver = Solver::of(self.solver.as_deref(), self.limit)?;
+        let stop = interrupt::flag()?;
+        let count = self.cases as usize;
+        let work = Work { threads: self.threads.settle().get(), stop: &stop };
+        let drawn = work.each(console, count, "drawing cases", |index| {
+            let tier = self.tier.map_or_else(|| Tier::mixed(index), Tier::from);
+            let drawn = draw::case(seed, index, tier);
+            put(&folder.case(index), &drawn)?;
+            Ok(drawn)
+        })?;
+        let truths: Vec<Truth> =
+            drawn.iter().enumerate().map(|(index, drawn)| Truth::of(&name(index), drawn)).collect();
+        let text = truth::text(&truths);
+        let sealed = seal::sha256(&text);
+        commit(&folder, count, &sealed)?;
+        console.say(format!("{count} cases of seed {seed}, sealed      {sealed}"))?;
+        let runs = work.each(console, count, "solving", |index| {
+            solver.answer(&folder.case(index), &folder.answer(index), &stop)
+        })?;
+        let answers = seal::sha256(&answers_text(&runs));
+        console.say(format!("answers                      {answers}"))?;
+        seal::open(&text, &sealed).map_err(Failure::system)?;
+        crate::atomic::write(&folder.0.join("truth.json"), |file| file.write_all(text.as_bytes()))?;
+        let errors = work.each(console, count, "proving", |index| {
+            Ok(worth::of(&drawn[index], runs[index].model.as_deref()))
+        })?;
+        let scored: Vec<Scored> = truths
+            .into_iter()
+            .zip(runs.iter().zip(errors))
+            .map(|(truth, (run, errors))| Scored {
+                truth,
+                answer: run.diagnosis.as_deref().and_then(|text| Answer::parse(text).ok()),
+                errors,
+                seconds: run.seconds,
+            })
+            .collect();
+        let figures = figures(seed, &sealed, &answers, &scored);
+        console.json("trued.challenge/1", &figures)?;
+        let json = serde_json::to_string_pretty(&figures).map_err(Failure::system)?;
+        crate::atomic::write(&folder.0.join("challenge.json"), |file| writeln!(file, "{json}"))?;
+        console.file(&folder.0.join("report.html"), &page::render(&figures, &scored))?;
+        console.say(told::told(&figures))?;
+        console.say(format!("report              {}", folder.0.join("report.html").display()))?;
+        Ok(Done::Done)
+    }
+
+    fn folder(&self) -> Result<Folder, Failure> {
+        let taken = std::fs::read_dir(&self.out).is_ok_and(|mut entries| entries.next().is_some());
+        if taken {
+            let out = self.out.display();
+            return Err(Failure::input(format!(
+                "{out} holds something already: give --out another folder"
+            )));
+        }
+        std::fs::create_dir_all(&self.out).map_err(|error| {
+            Failure::input(format!("cannot make {}: {error}", self.out.display()))
+        })?;
+        Ok(Folder(self.out.clone()))
+    }
+}
+
+fn put(folder: &Path, drawn: &Drawn) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(Failure::system)?;
+    for (name, text) in write::files(&drawn.case) {
+        crate::atomic::write(&folder.join(name), |file| file.write_all(text.as_bytes()))?;
+    }
+    Ok(())
+}
+
+fn commit(folder: &Folder, cases: usize, sealed_sha256: &str) -> Result<(), Failure> {
+    let said = Commitment { schema: "trued.commitment/1", cases, sealed_sha256 };
+    let text = serde_json::to_string_pretty(&said).map_err(Failure::system)?;
+    Ok(crate::atomic::write(&folder.0.join("commitment.json"), |file| writeln!(file, "{text}"))?)
+}
+
+/// All answers as one text: what was said and what was written, case by case.
+fn answers_text(runs: &[Run]) -> String {
+    let mut text = String::new();
+    for (index, run) in runs.iter().enumerate() {
+        for part in [Some(name(index)), run.diagnosis.clone(), run.model.clone()] {
+            text += &part.unwrap_or_default();
+            text.push('\n');
+        }
+    }
+    text
+}
+
+/// Work on many cases by several threads; results stand in the order of the cases.
+struct Work<'a> {
+    threads: usize,
+    stop: &'a AtomicBool,
+}
+
+impl Work<'_> {
+    fn each<T: Send>(
+        &self,
+        console: &Console,
+        count: usize,
+        what: &'static str,
+        one: impl Fn(usize) -> Result<T, Failure> + Sync,
+    ) -> Result<Vec<T>, Failure> {
+        let bar = progress::bar(console, count as u64, what);
+        let next = AtomicUsize::new(0);
+        let done: Mutex<Vec<(usize, Result<T, Failure>)>> = Mutex::new(Vec::with_capacity(count));
+        let work = || {
+            loop {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                if index >= count {
+                    break;
+                }
+                let result = interrupt::check(self.stop).and_then(|()| one(index));
+                let failed = result.is_err();
+                bar.inc(1);
+                done.lock()
+                    .unwrap_or_else(std::sync::PoisonError::into_inner)
+                    .push((index, result));
+                if failed {
+                    next.store(count, Ordering::Relaxed);
+                }
+            }
+        };
+        std::thread::scope(|scope| {
+            (1..self.threads).for_each(|_| {
+                scope.spawn(work);
+            });
+            work();
+        });
+        let mut done = done.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+        done.sort_by_key(|(index, _)| *index);
+        done.into_iter().map(|(_, result)| result).collect()
+    }
+}

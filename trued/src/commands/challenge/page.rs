@@ -1,0 +1,127 @@
+//! The page of `trued challenge`: every figure, success over effect-to-noise, and what was confused with what.
+
+use challenge::score::{Figures, Outcome};
+use report::{Axis, Bar, Bars, Cell, Histogram, Number, Page, Plot, Series, Svg, Table};
+
+use super::told::{range, rows, share};
+
+pub(super) fn render(figures: &Figures, scored: &[Outcome]) -> String {
+    let mut page = Page::new("Blind challenge")
+        .kicker("trued challenge")
+        .lead(&format!(
+            "{} cases of seed {}; the truth was sealed before anyone answered.",
+            figures.cases, figures.seed
+        ))
+        .numbers([
+            Number::text("First answer right", share(figures.first_right)),
+            Number::text(
+                "False findings",
+                format!("{} of {}", figures.false_findings, figures.nulls),
+            ),
+            Number::text("Wrong names", share(figures.named_wrong)),
+            Number::text("Unknown recognised", share(figures.unknown_recognised)),
+        ])
+        .table(&all(figures));
+    page = page.section("By strength").figure(
+        "First answer right over the strength z of what was hidden; each dot a range of cases that count towards a bar.",
+        &by_z(figures),
+    );
+    page = page.table(&ranges(figures)).section("By effect").figure(
+        "First answer right, single effects that count towards a bar.",
+        &by_effect(figures),
+    );
+    page = page.table(&confused(figures));
+    let shares: Vec<f64> =
+        scored.iter().filter(|o| o.counts()).filter_map(|o| o.errors?.share()).collect();
+    if !shares.is_empty() {
+        let held = shares.iter().map(|share| share.clamp(-1.0, 1.2));
+        let plot = Histogram::new("Gain", Axis::new("Share of the oracle's gain", "1"))
+            .values("cases", held);
+        page = page.section("Gain on a motion that nobody saw").figure(
+            "Error taken away by the written model, as a share of what the true form with fitted numbers takes away; held within −1 and 1.2.",
+            &plot.render(),
+        );
+    }
+    if figures.calibration.iter().any(|bin| bin.claims > 0) {
+        page = page.section("Confidence").table(&calibration(figures));
+    }
+    page.text(&format!("SHA-256 of the truth: {}", figures.sealed_sha256))
+        .text(&format!("SHA-256 of the answers: {}", figures.answers_sha256))
+        .footer("Made by trued challenge.")
+        .render()
+}
+
+fn all(figures: &Figures) -> Table {
+    let table = Table::new("All figures", ["What", "Figure", "Of cases"]);
+    rows(figures).into_iter().fold(table, |table, (what, figure, cases)| {
+        table.row([Cell::Text(what), Cell::Text(figure), Cell::Number(cases as f64)])
+    })
+}
+
+fn by_z(figures: &Figures) -> Svg {
+    let middle = |from: f64, to: Option<f64>| (from * to.unwrap_or(2.0 * from)).sqrt();
+    let points = |right: fn(&challenge::score::Bin) -> Option<f64>| {
+        let bins = figures.by_z.iter();
+        bins.filter_map(move |bin| Some((middle(bin.from, bin.to), 100.0 * right(bin)?)))
+            .collect::<Vec<_>>()
+    };
+    Plot::new("Right over strength", Axis::new("z", "1").log(), Axis::new("Right", "%"))
+        .series(Series::line("first answer", points(|bin| bin.first_right)))
+        .series(Series::line("among the first three", points(|bin| bin.first_three_right)).muted())
+        .mark_y(90.0, "90 %")
+        .render()
+}
+
+fn ranges(figures: &Figures) -> Table {
+    let table = Table::new("By range", ["Range", "Cases", "First right", "Among three"]);
+    let named = [("ρ", &figures.by_effect_to_noise), ("z", &figures.by_z)];
+    named.into_iter().flat_map(|(what, bins)| bins.iter().map(move |bin| (what, bin))).fold(
+        table,
+        |table, (what, bin)| {
+            table.row([
+                Cell::Text(format!("{what} {}", range(bin))),
+                Cell::Number(bin.cases as f64),
+                Cell::Text(share(bin.first_right)),
+                Cell::Text(share(bin.first_three_right)),
+            ])
+        },
+    )
+}
+
+fn by_effect(figures: &Figures) -> Svg {
+    let bars = Bars::new("By effect", Axis::new("First answer right", "%")).groups(["right"]);
+    let rows = figures.by_effect.iter().filter(|entry| entry.cases > 0);
+    rows.fold(bars, |bars, entry| {
+        let right = 100.0 * entry.right as f64 / entry.cases as f64;
+        bars.row(format!("{} ({})", entry.effect, entry.cases), [Bar::new(right)])
+    })
+    .render()
+}
+
+fn confused(figures: &Figures) -> Table {
+    let table = Table::new("What was said instead", ["Effect", "Cases", "Right", "Instead"]);
+    figures.by_effect.iter().filter(|entry| entry.right < entry.cases).fold(
+        table,
+        |table, entry| {
+            let instead = entry.instead.iter().map(|(word, count)| format!("{word} {count}"));
+            table.row([
+                Cell::from(entry.effect),
+                Cell::Number(entry.cases as f64),
+                Cell::Number(entry.right as f64),
+                Cell::Text(instead.collect::<Vec<_>>().join(", ")),
+            ])
+        },
+    )
+}
+
+fn calibration(figures: &Figures) -> Table {
+    let table = Table::new("Confidence against truth", ["Said", "Claims", "Mean said", "Right"]);
+    figures.calibration.iter().filter(|bin| bin.claims > 0).fold(table, |table, bin| {
+        table.row([
+            Cell::Text(format!("{} to {:.2}", bin.from, bin.to)),
+            Cell::Number(bin.claims as f64),
+            Cell::Text(share(bin.said)),
+            Cell::Text(share(bin.right)),
+        ])
+    })
+}

@@ -1,0 +1,117 @@
+//! Another program that answers: started once per case, with a limit of time, and read when it has ended.
+//!
+//! Promises: a solver that fails, hangs or says nonsense is no answer, and the challenge goes on. Never: an argument that tells of the truth.
+
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use crate::child::Guarded;
+use crate::exit::Failure;
+use crate::interrupt;
+
+/// How often it is looked whether it has ended.
+const LOOK: Duration = Duration::from_millis(3);
+/// An answer longer than this is none, bytes.
+const LONGEST: u64 = 16 << 20;
+
+/// How the solver is started.
+#[derive(Debug)]
+pub(super) struct Solver {
+    /// None: this program's own `diagnose`.
+    words: Option<Vec<String>>,
+    limit: Duration,
+}
+
+/// What came of one case.
+#[derive(Debug, Default)]
+pub(super) struct Run {
+    /// Text of `diagnosis.json`.
+    pub(super) diagnosis: Option<String>,
+    /// Text of the written model.
+    pub(super) model: Option<String>,
+    /// How long it took, s, where it ended by itself.
+    pub(super) seconds: Option<f64>,
+}
+
+impl Solver {
+    pub(super) fn of(command: Option<&str>, limit_s: f64) -> Result<Self, Failure> {
+        let words =
+            command.map(|text| text.split_whitespace().map(str::to_owned).collect::<Vec<_>>());
+        if words.as_ref().is_some_and(Vec::is_empty) {
+            return Err(Failure::input("--solver names no program"));
+        }
+        let limit = Duration::try_from_secs_f64(limit_s).map_err(|_| {
+            Failure::input("--limit is expected to be a number of seconds, 0 or above")
+        })?;
+        Ok(Self { words, limit })
+    }
+
+    fn command(&self) -> Result<Command, Failure> {
+        match self.words.as_deref() {
+            Some([program, arguments @ ..]) => {
+                let mut command = Command::new(program);
+                command.args(arguments);
+                Ok(command)
+            }
+            _ => {
+                let mut command = Guarded::myself()?;
+                command.args(["diagnose", "--quiet"]);
+                Ok(command)
+            }
+        }
+    }
+
+    /// Lets it answer one case; what it says on its streams goes to `solver.log` beside its answer.
+    pub(super) fn answer(
+        &self,
+        case: &Path,
+        out: &Path,
+        stop: &AtomicBool,
+    ) -> Result<Run, Failure> {
+        fs::create_dir_all(out).map_err(Failure::system)?;
+        let log = File::create(out.join("solver.log")).map_err(Failure::system)?;
+        let mut command = self.command()?;
+        command
+            .arg("--model")
+            .arg(case.join("model.toml"))
+            .arg("--out")
+            .arg(out)
+            .args(["--seed", "1"]);
+        command.arg(case.join("recording.csv"));
+        command.stdout(Stdio::null()).stderr(log);
+        let start = Instant::now();
+        let mut child = Guarded::spawn(&mut command)?;
+        let ended = loop {
+            if let Some(status) = child.ended() {
+                break Some(status);
+            }
+            if start.elapsed() > self.limit {
+                break None;
+            }
+            interrupt::check(stop)?;
+            std::thread::sleep(LOOK);
+        };
+        let seconds = start.elapsed().as_secs_f64();
+        drop(child);
+        if !ended.is_some_and(|status| status.success()) {
+            return Ok(Run::default());
+        }
+        let text = |name: &str| read(&out.join(name));
+        Ok(Run {
+            diagnosis: text("diagnosis.json"),
+            model: text("model.toml"),
+            seconds: Some(seconds),
+        })
+    }
+}
+
+/// A text that is there and not too long.
+fn read(path: &Path) -> Option<String> {
+    let mut text = String::new();
+    File::open(path).ok()?.take(LONGEST).read_to_string(&mut text).ok()?;
+    Some(text)
+}

@@ -1,0 +1,68 @@
+//! The score of `trued challenge` in words: each figure beside how many cases it is of.
+
+use challenge::score::{Bin, Figures};
+
+use crate::table::Table;
+
+pub(super) fn told(figures: &Figures) -> String {
+    let rows = rows(figures);
+    let table = rows
+        .into_iter()
+        .fold(Table::new(["", "figure", "of cases"]), |table, (what, figure, cases)| {
+            table.row([what, figure, cases.to_string()])
+        });
+    let mut text = format!("\n{}", table.render());
+    if figures.unanswered > 0 {
+        text += &format!("{} cases without an answer; each counts as wrong\n", figures.unanswered);
+    }
+    text
+}
+
+/// What is measured, how it came out, and of how many cases (claims, numbers).
+pub(super) fn rows(f: &Figures) -> Vec<(String, String, usize)> {
+    let mut rows = vec![("first answer right".to_owned(), share(f.first_right), f.counting)];
+    for bin in &f.first_right_at_z {
+        rows.push((
+            format!("  where z is at least {}", bin.from),
+            share(bin.first_right),
+            bin.cases,
+        ));
+    }
+    let nulls = format!("{} of {}", f.false_findings, f.nulls);
+    for (what, figure, cases) in [
+        ("truth among the first three", share(f.first_three_right), f.counting),
+        ("joint right, given the effect", share(f.joint_right), f.counting),
+        ("several effects, each named", share(f.all_named), f.counting),
+        ("false findings on nulls", nulls, f.nulls),
+        ("wrong names among names", share(f.named_wrong), f.named),
+        ("unknown physics called unknown", share(f.unknown_recognised), f.unknown),
+        ("  what it follows told right", share(f.depends_on_right), f.unknown),
+        ("alike and said to be so", share(f.undetermined_recognised), f.undetermined),
+        ("95 % intervals hold, all", share(f.coverage95), f.counting),
+        ("  where the effect was found", share(f.coverage95_found), f.intervals),
+        ("share of the oracle's gain, median", plain(f.gain_vs_oracle_median), f.counting),
+        ("  worst tenth", plain(f.gain_vs_oracle_p10), f.counting),
+        ("confidence off by", share(f.calibration_error), f.named),
+        ("solver's time, median (s)", plain(f.seconds_median), f.cases),
+    ] {
+        rows.push((what.to_owned(), figure, cases));
+    }
+    rows
+}
+
+/// `92.1 %`, or `–` of nothing.
+pub(super) fn share(value: Option<f64>) -> String {
+    value.map_or_else(|| "–".to_owned(), |value| format!("{:.1} %", 100.0 * value))
+}
+
+fn plain(value: Option<f64>) -> String {
+    value.map_or_else(|| "–".to_owned(), |value| format!("{value:.3}"))
+}
+
+/// `0.4 to 0.8`, `160 and more`.
+pub(super) fn range(bin: &Bin) -> String {
+    match bin.to {
+        Some(to) => format!("{} to {to}", bin.from),
+        None => format!("{} and more", bin.from),
+    }
+}

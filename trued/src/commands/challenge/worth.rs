@@ -1,0 +1,66 @@
+//! What a written model is worth on a motion that nobody saw: predicted as `trued simulate` does.
+//!
+//! Promises: a model that does not load, or is missing, is worth as much as the model that was given. Never: a fit.
+
+use challenge::case::Case;
+use challenge::draw::Drawn;
+use challenge::proof::{Predicted, Proof};
+use challenge::scene::Scene;
+use challenge::score::Errors;
+use challenge::space::{ONE, T4};
+use challenge::write;
+use recording::model::RobotModel;
+use recording::series::{self, About, Need};
+use world::forward::Seen;
+
+use super::super::simulate::seen_of;
+
+/// The errors of a case with something hidden; none of a null.
+pub(super) fn of(drawn: &Drawn, model: Option<&str>) -> Option<Errors> {
+    let case = &drawn.case;
+    if case.hidden.is_empty() {
+        return None;
+    }
+    let unseen = case.unseen();
+    let proof = Proof::of(case, &unseen);
+    let before = proof.before();
+    let written = model.and_then(|text| RobotModel::parse("model.toml", text).ok());
+    let after = written.and_then(|model| {
+        let about = About::parse("recording.toml", &write::about(case)).ok()?;
+        let training = predicted(case, &case.scene, &model, &about)?;
+        let unseen = predicted(case, &unseen, &model, &about)?;
+        proof.after(&training, &unseen)
+    });
+    Some(Errors { before, after: after.unwrap_or(before), oracle: proof.oracle() })
+}
+
+/// Where the model puts the robot in each row of a motion.
+fn predicted(case: &Case, scene: &Scene, model: &RobotModel, about: &About) -> Option<Predicted> {
+    let blank = case.measured(scene, 2);
+    let text = write::recording(case, scene, &blank);
+    let recording =
+        series::read_text("motion.csv", &text, None, Some(about.clone()), Need::Path).ok()?;
+    let seen = seen_of(model, recording).ok()?;
+    Some(if case.view.places.is_empty() {
+        let count = case.scene.arm.count();
+        Predicted::Links(seen.iter().map(|seen| seen.link[..count].to_vec()).collect())
+    } else {
+        Predicted::Tools(seen.iter().map(tool).collect())
+    })
+}
+
+fn tool(seen: &Seen) -> T4 {
+    let frame = &seen.base_from_tool;
+    let mut tool = ONE;
+    for (k, column) in
+        [frame.rotation.x_axis, frame.rotation.y_axis, frame.rotation.z_axis].iter().enumerate()
+    {
+        for (row, x) in tool.iter_mut().zip(column.to_array()) {
+            row[k] = x;
+        }
+    }
+    for (row, x) in tool.iter_mut().zip(frame.origin.to_array()) {
+        row[3] = x;
+    }
+    tool
+}
