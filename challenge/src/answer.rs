@@ -7,7 +7,8 @@ use serde_json::Value;
 use thiserror::Error;
 
 /// What a solver says on the whole.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// Nothing above the noise.
     Consistent,

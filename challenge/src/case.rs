@@ -44,18 +44,22 @@ impl Tier {
         }
     }
 
-    /// The tier of case `index` of a mixed challenge: of twenty, five nulls, eight singles, three multiples, two outside, one ambiguous, one near
-    /// the limit.
+    /// The tier of case `index` of a mixed challenge, and how many of that tier came before it: of twenty, five nulls, eight singles,
+    /// three multiples, two outside, one ambiguous, one near the limit.
     #[must_use]
-    pub fn mixed(index: usize) -> Self {
-        match index % 20 {
+    pub fn mixed(index: usize) -> (Self, usize) {
+        let at = |place: usize| match place {
             0 | 4 | 8 | 12 | 16 => Self::Null,
             2 | 10 | 18 => Self::Multiple,
             6 | 14 => Self::Outside,
             11 => Self::Ambiguous,
             15 => Self::Limit,
             _ => Self::Single,
-        }
+        };
+        let (round, place) = (index / 20, index % 20);
+        let tier = at(place);
+        let before = |places: usize| (0..places).filter(|k| at(*k) == tier).count();
+        (tier, round * before(20) + before(place))
     }
 }
 
@@ -146,5 +150,19 @@ impl Case {
         self.known
             .iter()
             .any(|k| k.nominal.kind == Kind::JointCompliance && k.nominal.joint == joint)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_tier_counts_its_cases_without_a_gap() {
+        for tier in Tier::ALL {
+            let turns =
+                (0..200).map(Tier::mixed).filter(|(of, _)| *of == tier).map(|(_, turn)| turn);
+            assert!(turns.enumerate().all(|(k, turn)| k == turn), "{tier:?}");
+        }
     }
 }

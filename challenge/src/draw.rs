@@ -17,7 +17,9 @@ use crate::space::{mul, shift, turn};
 use crate::view::{Measured, Noise, View};
 
 /// Attempts before a tier is given up and a null takes its place: it is counted in the report.
-const ATTEMPTS: u64 = 60;
+const ATTEMPTS: u64 = 64;
+/// Attempts with one kind before the next one takes its turn.
+const OF_ONE_KIND: u64 = 8;
 
 /// A case with what can be said of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,15 +30,18 @@ pub struct Drawn {
     pub judged: Vec<Judged>,
 }
 
-/// Case `index` of a challenge.
+/// Case `index` of a challenge, of a tier; `turn` says whose turn it is among the tier's kinds.
 #[must_use]
-pub fn case(seed: u64, index: usize, tier: Tier) -> Drawn {
+pub fn case(seed: u64, index: usize, (tier, turn): (Tier, usize)) -> Drawn {
     let number = index as u64;
     for attempt in 0..ATTEMPTS {
         let mut chance = Chance::new(seed, number * 1000 + attempt);
-        if let Some(drawn) =
-            attempt_at(seed ^ (number << 20) ^ attempt, index, attempt, tier, &mut chance)
-        {
+        if let Some(drawn) = attempt_at(
+            seed ^ (number << 20) ^ attempt,
+            turn + (attempt / OF_ONE_KIND) as usize,
+            tier,
+            &mut chance,
+        ) {
             return drawn;
         }
     }
@@ -45,14 +50,8 @@ pub fn case(seed: u64, index: usize, tier: Tier) -> Drawn {
     Drawn { case, judged: Vec::new() }
 }
 
-fn attempt_at(
-    seed: u64,
-    index: usize,
-    attempt: u64,
-    tier: Tier,
-    chance: &mut Chance,
-) -> Option<Drawn> {
-    let kinds = kinds(index, attempt, tier, chance);
+fn attempt_at(seed: u64, turn: usize, tier: Tier, chance: &mut Chance) -> Option<Drawn> {
+    let kinds = kinds(turn, tier, chance);
     let settled = settled(&kinds, chance)?;
     let mut case = empty(seed, tier, &kinds, Some(settled), chance);
     for kind in &kinds {
@@ -61,6 +60,14 @@ fn attempt_at(
     }
     size(&mut case, tier, chance)?;
     let judged = judge(&case);
+    // A known number that is off within its uncertainty is no finding.
+    let certain = |effect: &Effect| {
+        let same = |k: &&Known| k.nominal.kind == effect.kind && k.nominal.joint == effect.joint;
+        case.known.iter().find(same).is_none_or(|known| effect.lead() > 6.0 * known.sigma)
+    };
+    if !case.hidden.iter().all(certain) {
+        return None;
+    }
     let shows = |least: f64| judged.iter().all(|j| j.z >= least);
     let apart = |j: &Judged| j.least_gain >= APART;
     let fits = match tier {
@@ -93,8 +100,8 @@ pub fn judge(case: &Case) -> Vec<Judged> {
 }
 
 /// Which kinds are hidden: the first one by turns.
-fn kinds(index: usize, attempt: u64, tier: Tier, chance: &mut Chance) -> Vec<Kind> {
-    let turn = |list: &[Kind]| list[(index + 7 * attempt as usize) % list.len()];
+fn kinds(turn: usize, tier: Tier, chance: &mut Chance) -> Vec<Kind> {
+    let turn = |list: &[Kind]| list[turn % list.len()];
     let poor = [
         Kind::JointOffset,
         Kind::JointRatio,
@@ -276,7 +283,13 @@ fn effect(case: &Case, kind: Kind, chance: &mut Chance) -> Option<Effect> {
     if joints.is_empty() {
         return None;
     }
-    let joint = if kind.facts().of_joint { joints[chance.pick(joints.len())] } else { 0 };
+    let mut joint = if kind.facts().of_joint { joints[chance.pick(joints.len())] } else { 0 };
+    // What the model knows may be wrong.
+    let known: Vec<usize> =
+        case.known.iter().filter(|k| k.nominal.kind == kind).map(|k| k.nominal.joint).collect();
+    if !known.is_empty() && chance.happens(0.4) {
+        joint = known[chance.pick(known.len())];
+    }
     let same = |other: &Effect| !kind.facts().of_joint && other.kind == kind;
     if case.hidden.iter().any(same) {
         return None;

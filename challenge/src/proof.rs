@@ -178,3 +178,41 @@ impl<'a> Proof<'a> {
         (kept.iter().map(|x| x * x).sum::<f64>() / kept.len().max(1) as f64).sqrt()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::case::Tier;
+    use crate::draw;
+
+    #[test]
+    fn the_oracle_comes_down_to_the_noise_and_the_true_robot_is_worth_as_much() {
+        for index in 0..12 {
+            let drawn = draw::case(6, index, (Tier::Single, 3 * index));
+            let case = &drawn.case;
+            let unseen = case.unseen();
+            let proof = Proof::of(case, &unseen);
+            let (before, oracle) = (proof.before(), proof.oracle());
+            let noise = case.noise.total();
+            let kind = case.hidden[0].kind;
+            assert!(oracle < 1.08 * noise, "{kind:?}: {oracle} of noise {noise}");
+            assert!(oracle < before, "{kind:?}: {oracle} from {before}");
+            let all = case.real();
+            let predicted = |scene: &Scene| {
+                let run = Run::of(scene, &all);
+                let (motors, bends) = (run.motors(), run.bends(&all));
+                if case.view.places.is_empty() {
+                    let width = case.view.width(scene);
+                    let values = case.view.values(scene, &motors, &bends);
+                    return Predicted::Links(values.chunks(width).map(<[f64]>::to_vec).collect());
+                }
+                let tools = motors.iter().zip(&bends);
+                Predicted::Tools(
+                    tools.map(|(q, bend)| crate::bent::tool(&scene.arm, q, bend)).collect(),
+                )
+            };
+            let truth = proof.after(&predicted(&case.scene), &predicted(&unseen)).expect("rows");
+            assert!((truth / oracle - 1.0).abs() < 0.08, "{kind:?}: {truth} and {oracle}");
+        }
+    }
+}

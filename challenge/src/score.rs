@@ -46,6 +46,35 @@ pub struct Outcome {
     pub seconds: Option<f64>,
 }
 
+/// One case in a line: what was hidden, what was said, how it went.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Line {
+    /// Its folder's name.
+    pub case: String,
+    /// What it asked.
+    pub tier: Tier,
+    /// What was hidden, strongest first.
+    pub hidden: Vec<String>,
+    /// Whether it counts towards a bar.
+    pub counts: bool,
+    /// Of the strongest that counts; of the strongest where none does.
+    pub z: f64,
+    /// The verdict; none without an answer.
+    pub verdict: Option<Verdict>,
+    /// What was found, in its order.
+    pub said: Vec<String>,
+    /// Whether the first claim is right.
+    pub first_right: bool,
+    /// Share of the oracle's gain.
+    pub gain: Option<f64>,
+    /// How long it took, s.
+    pub seconds: Option<f64>,
+}
+
+fn words(effect: &str, joint: Option<usize>) -> String {
+    joint.map_or_else(|| effect.to_owned(), |joint| format!("{effect} {joint}"))
+}
+
 fn is(named: &Named, name: &(&'static str, Option<usize>)) -> bool {
     named.effect == name.0 && named.joint == name.1
 }
@@ -64,6 +93,27 @@ fn right_about(finding: &Finding, hidden: &Hidden) -> bool {
 }
 
 impl Outcome {
+    /// The case in a line.
+    #[must_use]
+    pub fn line(&self) -> Line {
+        let mut hidden: Vec<&Hidden> = self.truth.hidden.iter().collect();
+        hidden.sort_by(|a, b| b.judged.z.total_cmp(&a.judged.z));
+        let said = self.answer.iter().flat_map(|answer| &answer.findings);
+        let strongest = hidden.first().map_or(0.0, |hidden| hidden.judged.z);
+        Line {
+            case: self.truth.case.clone(),
+            tier: self.truth.tier,
+            hidden: hidden.iter().map(|h| words(h.effect.unwrap_or(&h.law), h.joint)).collect(),
+            counts: self.counts(),
+            z: if self.counts() { self.z() } else { strongest },
+            verdict: self.answer.as_ref().map(|answer| answer.verdict),
+            said: said.map(|finding| words(&finding.named.effect, finding.named.joint)).collect(),
+            first_right: self.first_right(),
+            gain: self.errors.and_then(|errors| errors.share()),
+            seconds: self.seconds,
+        }
+    }
+
     /// Whether a finding is right about anything that is hidden.
     #[must_use]
     pub fn right(&self, finding: &Finding) -> bool {

@@ -5,12 +5,15 @@ use std::os::unix::fs::PermissionsExt;
 use ::challenge::arm::Arm;
 use ::challenge::case::{Case, Tier};
 use ::challenge::chance::Chance;
+use ::challenge::draw;
 use ::challenge::kinds::{Effect, Kind, Need};
 use ::challenge::scene::{Has, Richness, Scene};
 use ::challenge::space::{ONE, shift};
+use ::challenge::truth::{Hidden, Truth};
 use ::challenge::view::{Noise, View};
 use ::challenge::{seal, write};
 use recording::series::{Channel, Need as Wanted, read};
+use serde_json::{Value, json};
 
 use crate::program::Place;
 
@@ -234,4 +237,91 @@ fn a_solver_that_fails_hangs_or_talks_nonsense_is_no_answer() {
     assert_eq!(nonsense["unanswered"], 2);
     let again = place.run(&["challenge", "--cases", "2", "--out", "nonsense"]);
     assert_eq!(again.code, Some(2), "a folder that holds something stays as it is");
+}
+
+/// What a solver that knows the truth would say of a case, and the model that it would write.
+fn perfect(index: usize, seed: u64) -> (String, String) {
+    let drawn = draw::case(seed, index, Tier::mixed(index));
+    let truth = Truth::of("", &drawn);
+    let findings: Vec<Value> = truth.hidden.iter().filter_map(finding).collect();
+    let verdict = match truth.tier {
+        Tier::Null => "consistent",
+        Tier::Outside => "unknown_structure",
+        Tier::Ambiguous => "undetermined",
+        _ => "missing_physics",
+    };
+    let unexplained = json!({"depends_on": truth.depends_on});
+    let answer = json!({"schema": "trued.diagnosis/1", "verdict": verdict, "domain": "position", "findings": findings, "unexplained": unexplained});
+    let mut case = drawn.case;
+    case.known.iter_mut().for_each(|known| known.nominal = known.real.clone());
+    let hidden = case.hidden.iter().filter(|effect| effect.kind.name().is_some());
+    let effects: String = hidden.map(|effect| write::effect(effect, None)).collect();
+    (answer.to_string(), write::model(&case) + &effects)
+}
+
+fn finding(hidden: &Hidden) -> Option<Value> {
+    let numbers = |list: &Vec<f64>| {
+        let pairs: Vec<[f64; 2]> =
+            list.iter().map(|x| [x - 1e-9 - 1e-6 * x.abs(), x + 1e-9 + 1e-6 * x.abs()]).collect();
+        if list.len() == 1 {
+            json!({"value": list[0], "ci95": pairs[0]})
+        } else {
+            json!({"value": list, "ci95": pairs})
+        }
+    };
+    let parameters: serde_json::Map<String, Value> =
+        hidden.parameters.iter().map(|(key, list)| ((*key).to_owned(), numbers(list))).collect();
+    Some(
+        json!({"effect": hidden.effect?, "joint": hidden.joint, "change": hidden.change, "confidence": 1.0, "parameters": parameters, "alternatives": []}),
+    )
+}
+
+#[test]
+fn a_solver_that_knows_the_truth_scores_all_and_its_model_is_worth_the_oracles() {
+    let place = Place::new();
+    std::fs::create_dir(place.path("truth")).unwrap();
+    for index in 0..20 {
+        let (answer, model) = perfect(index, 9);
+        place.file(&format!("truth/{index:05}.json"), &answer);
+        place.file(&format!("truth/{index:05}.toml"), &model);
+    }
+    let script = format!(
+        "#!/bin/sh\nwhile [ $# -gt 1 ]; do\n  case \"$1\" in --out) out=\"$2\"; shift;; --model) model=\"$2\"; shift;; esac\n  shift\ndone\n\
+         case=$(basename $(dirname \"$model\"))\ncp {0}/$case.json \"$out/diagnosis.json\"\ncp {0}/$case.toml \"$out/model.toml\"\n",
+        place.path("truth").display()
+    );
+    let solver = place.file("knows.sh", &script);
+    std::fs::set_permissions(&solver, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let solver = solver.display().to_string();
+    place.succeed(&[
+        "challenge",
+        "--seed",
+        "9",
+        "--cases",
+        "20",
+        "--out",
+        "out",
+        "--solver",
+        &solver,
+        "--json",
+        "said.json",
+    ]);
+    let said = place.json("said.json");
+    for (figure, wanted) in [
+        ("first_right", 1.0),
+        ("first_three_right", 1.0),
+        ("joint_right", 1.0),
+        ("all_named", 1.0),
+        ("coverage95", 1.0),
+        ("unknown_recognised", 1.0),
+        ("depends_on_right", 1.0),
+        ("undetermined_recognised", 1.0),
+        ("named_wrong", 0.0),
+        ("false_findings_on_nulls", 0.0),
+    ] {
+        assert_eq!(said[figure], wanted, "{figure} of {said:#}");
+    }
+    let gain = |figure: &str| said[figure].as_f64().unwrap();
+    assert!((gain("gain_vs_oracle_median") - 1.0).abs() < 0.02, "{said:#}");
+    assert!(gain("gain_vs_oracle_p10") > 0.9, "{said:#}");
 }

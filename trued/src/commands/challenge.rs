@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use challenge::answer::Answer;
 use challenge::case::Tier;
 use challenge::draw::{self, Drawn};
-use challenge::score::{Outcome as Scored, figures};
+use challenge::score::{Line, Outcome as Scored, figures};
 use challenge::truth::{self, Truth};
 use challenge::{seal, write};
 use clap::{Args, ValueEnum};
@@ -119,7 +119,7 @@ impl Challenge {
         let count = self.cases as usize;
         let work = Work { threads: self.threads.settle().get(), stop: &stop };
         let drawn = work.each(console, count, "drawing cases", |index| {
-            let tier = self.tier.map_or_else(|| Tier::mixed(index), Tier::from);
+            let tier = self.tier.map_or_else(|| Tier::mixed(index), |tier| (tier.into(), index));
             let drawn = draw::case(seed, index, tier);
             put(&folder.case(index), &drawn)?;
             Ok(drawn)
@@ -152,8 +152,9 @@ impl Challenge {
             .collect();
         let figures = figures(seed, &sealed, &answers, &scored);
         console.json("trued.challenge/1", &figures)?;
-        let json = serde_json::to_string_pretty(&figures).map_err(Failure::system)?;
-        crate::atomic::write(&folder.0.join("challenge.json"), |file| writeln!(file, "{json}"))?;
+        let lines: Vec<Line> = scored.iter().map(Scored::line).collect();
+        let lines = serde_json::to_string_pretty(&lines).map_err(Failure::system)?;
+        crate::atomic::write(&folder.0.join("outcomes.json"), |file| writeln!(file, "{lines}"))?;
         console.file(&folder.0.join("report.html"), &page::render(&figures, &scored))?;
         console.say(told::told(&figures))?;
         console.say(format!("report              {}", folder.0.join("report.html").display()))?;
