@@ -6,7 +6,7 @@
 mod page;
 mod told;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use diagnosis::diagnose::{Diagnosis, diagnose};
@@ -162,9 +162,4 @@ fn doubts(base: &RobotModel, campaign: &Campaign, rows: usize) -> Vec<String> {
         .into_iter()
         .map(|Suspicion { says, .. }| says)
         .collect()
-}
-
-/// The name of a file without its folder.
-fn short(path: &Path) -> String {
-    path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
