@@ -230,7 +230,7 @@ fn finish(
         let ([without, with], count) = law.on(&fitted, words, &split.held_out());
         let gain = 0.5 * (without - with) / last.design_effect;
         let promised = 0.5 * law.gain / last.design_effect * count as f64 / last.readings as f64;
-        let is_there = gain > (prove::SHARE * promised).max(prove::LEAST);
+        let is_there = gain > prove::wanted(promised);
         is_there.then(|| Unexplained {
             depends_on: depends_on(&law, words),
             joint: law.joint,

@@ -12,8 +12,10 @@ use crate::result::Fit;
 use physics::Model;
 
 /// A name is borne out where the gain in log-likelihood on held-out rows is at least this share of what their number promises, and this much.
-pub(super) const SHARE: f64 = 0.4;
-pub(super) const LEAST: f64 = 1.5;
+const SHARE: f64 = 0.4;
+const LEAST: f64 = 1.5;
+/// As much is enough, whatever was promised.
+const ENOUGH: f64 = 15.0;
 /// Poses of a path between training and held-out stretches.
 const APART: usize = 5;
 /// A reading further off than this many times the middle one is an outlier.
@@ -43,6 +45,11 @@ pub(super) fn set_apart(campaign: &mut Campaign, split: &Split) {
     near.into_iter().for_each(|k| campaign.poses[k].seen.clear());
 }
 
+/// How much log-likelihood held-out rows have to gain where training rows promise so much.
+pub(super) fn wanted(promised: f64) -> f64 {
+    (SHARE * promised).clamp(LEAST, ENOUGH)
+}
+
 /// Takes out of the names what held-out rows do not bear out: where the sum of squares there does not fall by a fair share of what training rows promise.
 /// Rows that are held out only ever take a name away.
 pub(super) fn confirmed(
@@ -59,7 +66,7 @@ pub(super) fn confirmed(
             let bare = held.beside(&without(&naming.fit, model, &[one]), &naming.fit);
             let gain = 0.5 * (held.sum(&bare).0 - rms) / noise;
             let share = numbers as f64 / naming.fit.readings.max(1) as f64;
-            gain - (SHARE * share * one.gain).max(LEAST)
+            gain - wanted(share * one.gain)
         };
         let worst = naming.named.iter().map(borne_out).enumerate();
         let worst = worst.min_by(|a, b| a.1.total_cmp(&b.1));
