@@ -22,6 +22,8 @@ const PUSHED: usize = 3;
 
 struct Run {
     clean: [f64; 2],
+    /// Without the poses that are spoilt.
+    fewer: [f64; 2],
     spoilt: [f64; 2],
     listed: usize,
     falsely: usize,
@@ -33,13 +35,15 @@ pub(crate) fn figures(campaigns: u64) -> Result<Value, Box<dyn Error>> {
     let runs: Option<Vec<Run>> = runs.into_iter().collect();
     let runs = runs.ok_or("no campaign")?;
     let middle = |of: &dyn Fn(&Run) -> f64| rig::median(runs.iter().map(of).collect());
-    let mm = |k: usize| json!({ "clean": middle(&|r| 1e3 * r.clean[k]), "spoilt": middle(&|r| 1e3 * r.spoilt[k]) });
+    let mm = |k: usize| json!({ "clean": middle(&|r| 1e3 * r.clean[k]), "fewer": middle(&|r| 1e3 * r.fewer[k]), "spoilt": middle(&|r| 1e3 * r.spoilt[k]) });
     let spoilt = SWAPPED + MISTYPED + PUSHED;
     Ok(json!({
         "campaigns": runs.len(), "training_poses": TRAINING, "spoilt_poses": spoilt,
         "calibrated_mean_mm": mm(0), "advanced_mean_mm": mm(1),
         "calibrated_ratio": middle(&|r| r.spoilt[0] / r.clean[0]),
         "advanced_ratio": middle(&|r| r.spoilt[1] / r.clean[1]),
+        "advanced_ratio_over_fewer": middle(&|r| r.spoilt[1] / r.fewer[1]),
+        "advanced_ratio_of_fewer": middle(&|r| r.fewer[1] / r.clean[1]),
         "advanced_ratio_worst": runs.iter().map(|r| r.spoilt[1] / r.clean[1]).fold(0.0, f64::max),
         "listed": runs.iter().map(|r| r.listed).sum::<usize>(),
         "of": spoilt * runs.len(),
@@ -58,16 +62,21 @@ fn run(truth: &Model, nominal: &Model, seed: u64) -> Option<Run> {
     let rows = spoil(&mut spoilt, &mut chance);
     let training: Vec<bool> = (0..inputs.len()).map(|pose| pose < TRAINING).collect();
     let held: Vec<bool> = training.iter().map(|trains| !trains).collect();
-    let found = [&clean, &spoilt].map(|campaign| {
-        let found = calibrate(campaign, nominal, &[], &training, &mut |_| ());
-        (found.calibrated, found.advanced.fit)
-    });
+    let sound: Vec<bool> =
+        training.iter().enumerate().map(|(row, trains)| *trains && !rows.contains(&row)).collect();
+    let found = [(&clean, &training), (&clean, &sound), (&spoilt, &training)].map(
+        |(campaign, training)| {
+            let found = calibrate(campaign, nominal, &[], training, &mut |_| ());
+            (found.calibrated, found.advanced.fit)
+        },
+    );
     let mean = |fit: &Fit| Errors::of(fit, &clean, &held).mean();
-    let [clean_m, spoilt_m] = found.each_ref().map(|(plain, best)| [mean(plain), mean(best)]);
-    let listed = found[1].1.outliers(&spoilt);
+    let [clean_m, fewer_m, spoilt_m] =
+        found.each_ref().map(|(plain, best)| [mean(plain), mean(best)]);
+    let listed = found[2].1.outliers(&spoilt);
     let falsely = listed.iter().filter(|pose| training[**pose] && !rows.contains(pose)).count();
     let listed = rows.iter().filter(|row| listed.contains(row)).count();
-    Some(Run { clean: clean_m, spoilt: spoilt_m, listed, falsely })
+    Some(Run { clean: clean_m, fewer: fewer_m, spoilt: spoilt_m, listed, falsely })
 }
 
 /// Spoils poses that train and returns which.
