@@ -135,6 +135,17 @@ fn a_list_for_a_ballbar_or_a_probe_is_a_recording_of_what_that_measures() {
         (None, Some(0.0)),
         "a rough place is not a known one"
     );
+    // Touches are refused until something is touched: here in turn, plane and sphere.
+    let text = place.read("probe/poses.csv");
+    let names: Vec<&str> = text.lines().next().expect("a header").split(',').collect();
+    let fill = |(row, line): (usize, &str)| {
+        let wanted = ["touch_plane", "touch_sphere"][row % 2];
+        let cells = names.iter().zip(line.split(','));
+        let cells = cells.map(|(name, cell)| if *name == wanted { "1" } else { cell });
+        if row == 0 { line.to_owned() } else { cells.collect::<Vec<_>>().join(",") }
+    };
+    let filled: Vec<String> = text.lines().enumerate().map(fill).collect();
+    place.file("probe/poses.csv", &filled.join("\n"));
     let probe = read("probe");
     for column in [Channel::TouchPlane, Channel::TouchSphere] {
         assert!(probe.channels().any(|found| found == column), "{column:?}");
