@@ -6,6 +6,7 @@
 //! like any other. Never: a file, a name of a data set.
 
 mod choice;
+mod experiment;
 mod features;
 mod gram;
 mod judge;
@@ -252,6 +253,7 @@ fn finish(
         noise: held.rms_in_training(&last),
         is_length: held.is_length,
     };
+    let next_experiment = next_experiment(&named, &last);
     Diagnosis {
         verdict,
         findings,
@@ -260,7 +262,7 @@ fn finish(
         given,
         fit: last,
         signal_rms: signal_rms(&campaign, held.is_length),
-        next_experiment: None,
+        next_experiment,
         map,
         not_tested,
         notes,
@@ -274,6 +276,14 @@ fn depends_on(law: &unknown::Law, words: &[Word]) -> Vec<String> {
     let mut names: Vec<String> = law.words.iter().map(|word| words[*word].name.clone()).collect();
     names.dedup();
     names
+}
+
+/// What would part the strongest name that is ambiguous from its nearest rival.
+fn next_experiment(named: &[Named], last: &Fit) -> Option<String> {
+    let open = named.iter().filter(|one| judge::is_ambiguous(one, last));
+    let one = open.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+    let effect = last.hypothesis.model.effects().nth(one.effect)?;
+    Some(experiment::experiment(effect, &one.rivals.first()?.effect))
 }
 
 /// Root mean square of what was read about the mean of each axis or joint.
