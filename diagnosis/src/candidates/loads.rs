@@ -24,6 +24,10 @@ const FREE_LENGTHS: [f64; 3] = [0.3, 0.6, 0.9];
 /// Chebyshev terms of a remainder, from the constant on; the first two are an offset and a ratio, and stay zero.
 const TERMS: usize = 6;
 const FIRST_TERM: usize = 2;
+/// Different positions per term, at least.
+const DENSE: usize = 5;
+/// Positions closer than this are one, rad or m.
+const SAME: f64 = 1e-4;
 
 /// A mass at the flange, wherever it sits: four at corners, since mass and first moment are linear and the place is not.
 pub(super) fn payload(arm: &Arm) -> Option<Candidate> {
@@ -86,12 +90,19 @@ pub(super) fn springs(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     all.filter_map(one).collect()
 }
 
-/// A description of each joint's error over the positions that were measured.
+/// A description of each joint's error over the positions that were measured, where these are dense enough: between few it would swing freely.
 pub(crate) fn remainders(arm: &Arm, campaign: &Campaign, used: &[bool]) -> Vec<Candidate> {
     let one = |joint: usize| {
-        let positions = campaign.poses.iter().zip(used).filter(|(_, used)| **used);
+        let used = campaign.poses.iter().zip(used).filter(|(_, used)| **used);
+        let mut positions: Vec<f64> = used.map(|(pose, _)| pose.inputs.q[joint]).collect();
+        positions.sort_by(f64::total_cmp);
+        positions.dedup_by(|a, b| (*a - *b).abs() < SAME);
+        if positions.len() < DENSE * (TERMS - FIRST_TERM) {
+            return None;
+        }
         let (low, high) = positions
-            .map(|(pose, _)| pose.inputs.q[joint])
+            .iter()
+            .copied()
             .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), q| (l.min(q), h.max(q)));
         let range = [low, high];
         let given: &[(&str, &[f64])] = &[("coefficients", &[0.0; TERMS]), ("range", &range)];
