@@ -119,7 +119,7 @@ const FAMILIES: [(&str, &[Row]); 6] = [
 ];
 
 impl Arm {
-    /// The arm of a table of [`FAMILIES`], lengths times `stretch`, with a tool.
+    /// The arm of a table of `FAMILIES`, lengths times `stretch`, with a tool.
     #[must_use]
     pub fn family(number: usize, stretch: f64, tool: &T4, tool_kg: f64, with_masses: bool) -> Self {
         let (name, rows) = FAMILIES[number % FAMILIES.len()];

@@ -5,8 +5,8 @@
 //! sidebands, noise with colour, a last digit, gaps and outliers.
 //!
 //! Read in this order: [`kinds`] and [`laws`] (what may be hidden), [`scene`] (what the robot does), [`view`] (what is seen),
-//! [`mod@draw`] (cases by chance), [`bench`] (what can be known of a case before anyone answers), [`proof`] (what an answer is worth on a
-//! motion that nobody saw), [`write`] (the files), [`seal`], [`answer`] and [`score`].
+//! [`mod@draw`] (cases by chance), [`mod@bench`] (what can be known of a case before anyone answers), [`proof`] (what an answer is worth on a
+//! motion that nobody saw), [`mod@write`] (the files), [`seal`], [`answer`] and [`score`].
 //!
 //! Promises: the same seed gives the same bytes. Never: a file read or written, a process, a clock.
 

@@ -11,7 +11,7 @@ mod replace;
 use crate::campaign::{Campaign, Pose};
 use crate::candidates::{Candidate, candidates, remainders, wave_candidate};
 use crate::fit::{Effort, Settings, fit};
-use crate::hypothesis::{Free, Hypothesis, named};
+use crate::hypothesis::{Hypothesis, named};
 use crate::result::Fit;
 use crate::score::Fitted;
 use crate::triangle::Triangle;
@@ -33,8 +33,6 @@ pub struct Chosen {
     pub gain: f64,
     /// Entries that no fit changes, with their numbers, SI.
     pub settings: Vec<(&'static str, Vec<f64>)>,
-    /// For an effect that the model had: what was believed of its numbers.
-    pub revises: Option<Vec<Free>>,
 }
 
 /// A fit and what was added for it.
@@ -79,8 +77,14 @@ pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) ->
     let model = &calibrated.hypothesis.model;
     let mut open = candidates(&model.arm, campaign);
     open.retain(|candidate| !model.effects().any(|effect| candidate.is_rival_of(effect)));
-    let mut selecting = Selecting::new(campaign, calibrated, settings, open);
-    selecting.beside = BESIDE;
+    let mut selecting = Selecting {
+        campaign,
+        settings: *settings,
+        fit: calibrated.clone(),
+        rivals: open.len().max(1),
+        open,
+        chosen: Vec::new(),
+    };
     selecting.grow();
     selecting.finish();
     selecting.replace();
@@ -90,49 +94,26 @@ pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) ->
 }
 
 /// A candidate that joins.
-pub(crate) struct Pick {
-    pub(crate) candidate: Candidate,
-    pub(crate) found: Vec<f64>,
-    pub(crate) gain: f64,
-    pub(crate) worth: f64,
-    pub(crate) kept: &'static [&'static str],
+struct Pick {
+    candidate: Candidate,
+    found: Vec<f64>,
+    gain: f64,
+    worth: f64,
+    kept: &'static [&'static str],
 }
 
 /// A choice under way.
-pub(crate) struct Selecting<'a> {
-    pub(crate) campaign: &'a Campaign,
-    pub(crate) settings: Settings<'a>,
-    pub(crate) fit: Fit,
-    pub(crate) open: Vec<Candidate>,
-    pub(crate) rivals: usize,
-    pub(crate) chosen: Vec<Chosen>,
-    /// The model before anything was chosen.
-    given: Box<Model>,
-    /// Effects that join in one round: the best, and those that gain at least this share of it, each on another joint.
-    pub(crate) beside: f64,
+struct Selecting<'a> {
+    campaign: &'a Campaign,
+    settings: Settings<'a>,
+    fit: Fit,
+    open: Vec<Candidate>,
+    rivals: usize,
+    chosen: Vec<Chosen>,
 }
 
-impl<'a> Selecting<'a> {
-    /// Nothing chosen yet; one effect joins in a round.
-    pub(crate) fn new(
-        campaign: &'a Campaign,
-        fit: &Fit,
-        settings: &Settings<'a>,
-        open: Vec<Candidate>,
-    ) -> Self {
-        Self {
-            campaign,
-            settings: *settings,
-            rivals: open.len().max(1),
-            open,
-            chosen: Vec::new(),
-            given: fit.hypothesis.model.clone(),
-            fit: fit.clone(),
-            beside: f64::INFINITY,
-        }
-    }
-
-    pub(crate) fn grow(&mut self) {
+impl Selecting<'_> {
+    fn grow(&mut self) {
         for _ in 0..ROUNDS {
             let mut picks = self.among_open();
             if picks.is_empty() {
@@ -147,7 +128,7 @@ impl<'a> Selecting<'a> {
     }
 
     /// What `numbers` numbers cost, in the sum of squares.
-    pub(crate) fn cost(&self, numbers: usize, rivals: f64) -> f64 {
+    fn cost(&self, numbers: usize, rivals: f64) -> f64 {
         let readings = self.fit.readings as f64 / self.fit.design_effect;
         numbers as f64 * readings.max(2.0).ln() + 2.0 * rivals.max(1.0).ln()
     }
@@ -193,7 +174,7 @@ impl<'a> Selecting<'a> {
                 picks.push(Pick { candidate, found: score.found, gain: score.gain, worth, kept });
             }
         }
-        strongest(picks, self.beside)
+        strongest(picks)
     }
 
     fn among_lines(&self) -> Vec<Pick> {
@@ -222,40 +203,29 @@ impl<'a> Selecting<'a> {
         self.refit(&hypothesis, Effort::Sketch);
     }
 
-    /// The hypothesis without what was chosen in place `k`.
-    pub(crate) fn without(&self, k: usize) -> Hypothesis {
-        let Chosen { effect, revises, .. } = &self.chosen[k];
-        let Some(stated) = revises else { return self.fit.hypothesis.without(*effect) };
-        let mut less = self.fit.hypothesis.clone();
-        less.restore(*effect, &self.given, stated);
-        less
-    }
-
     /// Takes out what was chosen in place `k`.
-    pub(crate) fn drop(&mut self, k: usize) {
-        let hypothesis = self.without(k);
-        let gone = self.chosen.remove(k);
-        if gone.revises.is_none() {
-            for chosen in self.chosen.iter_mut().filter(|chosen| chosen.effect > gone.effect) {
-                chosen.effect -= 1;
-            }
+    fn drop(&mut self, k: usize) {
+        let gone = self.chosen.remove(k).effect;
+        for chosen in self.chosen.iter_mut().filter(|chosen| chosen.effect > gone) {
+            chosen.effect -= 1;
         }
+        let hypothesis = self.fit.hypothesis.without(gone);
         self.refit(&hypothesis, Effort::Sketch);
     }
 
-    pub(crate) fn refit(&mut self, hypothesis: &Hypothesis, effort: Effort) {
+    fn refit(&mut self, hypothesis: &Hypothesis, effort: Effort) {
         let around = self.fit.surroundings.clone();
         let settings = Settings { from: Some(&around), effort, ..self.settings };
         self.fit = fit(self.campaign, hypothesis, &settings);
     }
 
-    pub(crate) fn finish(&mut self) {
+    fn finish(&mut self) {
         let hypothesis = self.fit.hypothesis.clone();
         self.refit(&hypothesis, Effort::Full);
     }
 
     /// Takes out, the least worth first, what is not worth its numbers beside all others.
-    pub(crate) fn prune(&mut self) {
+    fn prune(&mut self) {
         for _ in 0..ROUNDS {
             let worths = self.chosen.iter().enumerate().map(|(k, c)| (k, self.worth(c.effect)));
             let least = worths.min_by(|a, b| a.1.total_cmp(&b.1));
@@ -265,7 +235,7 @@ impl<'a> Selecting<'a> {
     }
 
     /// By how much the sum of squares would rise without an effect, less what its numbers cost.
-    pub(crate) fn worth(&self, effect: usize) -> f64 {
+    fn worth(&self, effect: usize) -> f64 {
         let hypothesis = &self.fit.hypothesis;
         if let Some(said) = self.by_neighbours(effect) {
             return said;
@@ -280,9 +250,7 @@ impl<'a> Selecting<'a> {
             let entry = hypothesis.effect_of(free).and_then(|effect| named(effect, free.value));
             // Without its linear numbers the others say nothing: they stay out of what would rise.
             let is_linear = entry.is_some_and(|named| named.parameter.role == Role::Linear);
-            let given = self.given.effects().nth(effect);
-            let stood = given.and_then(|e| e.values().get(free.value)).copied().unwrap_or(0.0);
-            own.push((column, if is_linear { values[k] - stood } else { 0.0 }));
+            own.push((column, if is_linear { values[k] } else { 0.0 }));
         }
         self.rise(&own) - self.cost(own.len(), 1.0)
     }
@@ -323,18 +291,24 @@ impl<'a> Selecting<'a> {
 }
 
 /// Adds what was picked; none where there is no room.
-pub(crate) fn joined(hypothesis: &mut Hypothesis, pick: &Pick) -> Option<Chosen> {
-    let settings = pick.candidate.settings.clone();
-    if let Some(effect) = pick.candidate.changes() {
-        let revises = Some(hypothesis.revise(effect));
-        return Some(Chosen { effect, gain: pick.gain, settings, revises });
-    }
-    let effect = pick.candidate.effect(&hypothesis.model.arm, &pick.found)?;
+fn joined(hypothesis: &mut Hypothesis, pick: &Pick) -> Option<Chosen> {
+    let effect = put(hypothesis, &pick.candidate, pick.kept, &pick.found)?;
+    Some(Chosen { effect, gain: pick.gain, settings: pick.candidate.settings.clone() })
+}
+
+/// Adds the effect of a candidate with the numbers that were found for it, all free but those of `kept`; gives its place, none where there is no room.
+pub(crate) fn put(
+    hypothesis: &mut Hypothesis,
+    candidate: &Candidate,
+    kept: &[&str],
+    found: &[f64],
+) -> Option<usize> {
+    let effect = candidate.effect(&hypothesis.model.arm, found)?;
     let place = hypothesis.model.effects().len();
-    hypothesis.add(effect, pick.kept).ok()?;
-    hypothesis.free.retain(|free| free.effect != place || pick.candidate.frees(free.value));
+    hypothesis.add(effect, kept).ok()?;
+    hypothesis.free.retain(|free| free.effect != place || candidate.frees(free.value));
     believe_nothing(hypothesis, place, &effect);
-    Some(Chosen { effect: place, gain: pick.gain, settings, revises: None })
+    Some(place)
 }
 
 /// What was found is where the search starts; what is believed before the data is nothing.
@@ -343,18 +317,19 @@ fn believe_nothing(hypothesis: &mut Hypothesis, place: usize, effect: &AnyEffect
         let named = named(effect, free.value);
         let linear = named.is_some_and(|named| named.parameter.role == Role::Linear);
         free.mean = if linear { 0.0 } else { free.mean };
+        // A place on a grid is no belief.
+        free.sigma = if linear { free.sigma } else { free.sigma.max(free.mean.abs()) };
     }
 }
 
 /// Those that gain about as much as the best, each on a joint of its own.
-fn strongest(mut picks: Vec<Pick>, beside: f64) -> Vec<Pick> {
+fn strongest(mut picks: Vec<Pick>) -> Vec<Pick> {
     picks.sort_by(|a, b| b.worth.total_cmp(&a.worth));
     let best = picks.first().map_or(0.0, |pick| pick.gain);
     let mut taken = Vec::new();
     picks.retain(|pick| {
         let joint = pick.candidate.joint;
-        let strong = taken.is_empty() || pick.gain >= beside * best;
-        let joins = strong && !taken.contains(&joint);
+        let joins = pick.gain >= BESIDE * best && !taken.contains(&joint);
         if joins {
             taken.push(joint);
         }

@@ -12,9 +12,9 @@ use super::gram::Entry;
 use crate::campaign::Campaign;
 use crate::candidates::Candidate;
 use crate::fit::{Effort, Settings, fit};
-use crate::hypothesis::{Free, Hypothesis, named};
+use crate::hypothesis::{Free, Hypothesis};
 use crate::result::Fit;
-use physics::spec::Role;
+use crate::select::put;
 use physics::{AnyEffect, Model};
 
 /// Rounds of choosing and fitting.
@@ -147,18 +147,7 @@ impl Asking<'_> {
         if let Some(effect) = entry.candidate.changes() {
             return Some((effect, Some(hypothesis.revise(effect))));
         }
-        let effect = entry.candidate.effect(&hypothesis.model.arm, found)?;
-        let place = hypothesis.model.effects().len();
-        hypothesis.add(effect, entry.kept).ok()?;
-        hypothesis.free.retain(|free| free.effect != place || entry.candidate.frees(free.value));
-        // What was found is where the search starts; what is believed before the data is nothing.
-        for free in hypothesis.free.iter_mut().filter(|free| free.effect == place) {
-            let linear = named(&effect, free.value)
-                .is_some_and(|named| named.parameter.role == Role::Linear);
-            free.mean = if linear { 0.0 } else { free.mean };
-            // A place on a grid is no belief.
-            free.sigma = if linear { free.sigma } else { free.sigma.max(free.mean.abs()) };
-        }
+        let place = put(hypothesis, &entry.candidate, entry.kept, found)?;
         Some((place, None))
     }
 

@@ -120,7 +120,6 @@ impl Found {
                 effect: finding.place,
                 gain: finding.gain,
                 settings: finding.settings.clone(),
-                revises: None,
             })
             .collect();
         let entries = entries(&base, &diagnosis.fit, &chosen, &[])?;
