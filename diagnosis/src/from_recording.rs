@@ -85,9 +85,10 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
         recordings: Vec::new(),
     };
     gauges::surround(recordings, &mut campaign.surroundings)?;
+    let mut stations = Vec::new();
     for (index, recording) in recordings.iter().enumerate() {
         let mut reader = Reader { arm, recording, index, frames: Vec::new() };
-        reader.surround(&mut campaign.surroundings);
+        reader.surround(&mut campaign.surroundings, &mut stations);
         let instruments = reader.instruments(&mut campaign)?;
         let before = campaign.readings();
         let poses = reader.poses(&campaign.surroundings, &instruments)?;
@@ -156,18 +157,27 @@ impl Reader<'_> {
         vector.is_finite().then_some(vector)
     }
 
-    fn surround(&mut self, surroundings: &mut Surroundings) {
+    /// `stations`: numbers of set-ups with their frames, of all recordings so far.
+    fn surround(&mut self, surroundings: &mut Surroundings, stations: &mut Vec<(u64, usize)>) {
         let about = &self.recording.about;
         let station = Station { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
-        let first = surroundings.frames.len();
-        let mut known: Vec<u64> = Vec::new();
+        let mut unsaid = None;
         for row in 0..self.recording.len() {
-            let number = self.value(Channel::Station, row).to_bits();
-            let place = known.iter().position(|station| *station == number);
-            self.frames.push(first + place.unwrap_or(known.len()));
-            if place.is_none() {
-                known.push(number);
+            let number = self.value(Channel::Station, row);
+            let known = if number.is_nan() {
+                unsaid
+            } else {
+                stations.iter().find(|(said, _)| *said == number.to_bits()).map(|(_, at)| *at)
+            };
+            let frame = known.unwrap_or(surroundings.frames.len());
+            self.frames.push(frame);
+            if known.is_none() {
                 surroundings.frames.push(Fitted { value: station, free: !about.measured_in_base });
+                if number.is_nan() {
+                    unsaid = Some(frame);
+                } else {
+                    stations.push((number.to_bits(), frame));
+                }
             }
         }
         for target in surroundings.targets.len()..self.recording.target_count() {

@@ -212,12 +212,23 @@ fn what_no_reading_shows_is_named_and_warned_of_and_no_failure() {
 #[test]
 fn poses_that_a_recording_keeps_for_validation_are_the_held_out_ones() {
     let place = place_with(measured());
-    place.file("kept.csv", &csv(&measured()[..15]));
+    // Both were seen from one place of the instrument: else nothing would tell where the kept ones were seen from.
+    let stationed = |rows: &[Row]| {
+        let rows = csv(rows);
+        let lines = rows.lines().enumerate();
+        let with = |(k, line)| format!("{line},{}\n", if k == 0 { "station" } else { "1" });
+        lines.map(with).collect::<String>()
+    };
+    place.file("kept.csv", &stationed(&measured()[..15]));
     place.file("kept.toml", &format!("{ABOUT}heldout = \"all\"\n"));
-    place.file("seen.csv", &csv(&measured()[15..]));
+    place.file("seen.csv", &stationed(&measured()[15..]));
     let found = calibrate(&place, &["kept.csv"]);
     assert_eq!(found["poses"]["heldout"], 15);
     assert_eq!((&found["poses"]["written_model"], &found["seed"]), (&45.into(), &Value::Null));
+    assert!(
+        found["heldout"]["advanced"]["mean"].as_f64().is_some_and(|mean| mean < 0.2),
+        "{found:#}"
+    );
 }
 
 #[test]
