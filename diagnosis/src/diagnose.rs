@@ -2,7 +2,7 @@
 //!
 //! Read in this order: `library` (what is asked), `noise`, `name` (which, with rivals), `unknown` (what no name explains), `prove`, `judge`.
 //!
-//! Promises: the same input and seed give the same bits; held-out rows are seen by no choice and no fit; nothing found is a result
+//! Promises: the same input and seed give the same bits; held-out rows are seen by no fit and add no name, they only take names back; nothing found is a result
 //! like any other. Never: a file, a name of a data set.
 
 mod choice;

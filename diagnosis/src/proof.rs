@@ -96,7 +96,7 @@ impl Split {
         }
         let what = if whole { "segments" } else { "stretches" };
         let says =
-            format!("{held} of {} {what}, never seen by the selection or the fit", blocks.len());
+            format!("{held} of {} {what}, seen by no fit; they only take names back", blocks.len());
         Self { training, says }
     }
 

@@ -1,4 +1,4 @@
-//! The proof on rows that neither the choice nor the fit has seen.
+//! The proof on rows that no fit has seen, and no choice but the one that takes back names which they do not bear out.
 //!
 //! Promises: surroundings (frames, targets) come from training rows alone; rows that are outliers to the final model count for no model. An effect that
 //! does not help there is no finding. Never: a change of what was fitted.
