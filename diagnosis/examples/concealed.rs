@@ -7,7 +7,7 @@
 use diagnosis::diagnose::diagnose;
 use diagnosis::surroundings::{Fitted, Station, Surroundings};
 use diagnosis::{
-    Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, simulate,
+    Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source, simulate,
 };
 use glam::DVec3;
 use physics::frame::rotation_from_vector;
@@ -202,6 +202,6 @@ fn poses(rng: &mut ChaCha8Rng, model: &Model) -> Campaign {
             noise_is_known: true,
             ..Instrument::default()
         }],
-        recordings: vec!["made".to_owned()],
+        recordings: vec![Source::of_poses("made")],
     }
 }

@@ -5,7 +5,7 @@
 
 use diagnosis::{
     Arrival, Campaign, Effort, Fitted, Influence, Instrument, Noise, Observation, Place, Pose,
-    Reading, Settings, Station, Surroundings, fit, geometry, simulate,
+    Reading, Settings, Source, Station, Surroundings, fit, geometry, simulate,
 };
 use glam::DVec3;
 use physics::{AnyEffect, Frame, Given, Inputs, JOINTS_MAX};
@@ -78,6 +78,6 @@ fn empty() -> Result<Campaign, Box<dyn Error>> {
             noise_is_known: true,
             ..Instrument::default()
         }],
-        recordings: vec!["made".to_owned()],
+        recordings: vec![Source::of_poses("made")],
     })
 }

@@ -208,6 +208,25 @@ pub struct Instrument {
     pub colour: Colour,
 }
 
+/// One recording that poses come from.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Source {
+    /// Its name, for people.
+    pub name: String,
+    /// Whether the arm moved along a path; else it stood at each pose.
+    pub is_path: bool,
+    /// Whether joint positions were read back from the controller; else they were commanded.
+    pub reads_back: bool,
+}
+
+impl Source {
+    /// Settled poses, commanded.
+    #[must_use]
+    pub fn of_poses(name: &str) -> Self {
+        Self { name: name.to_owned(), ..Self::default() }
+    }
+}
+
 /// Everything that was measured, with what stands around the robot as far as it is known.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Campaign {
@@ -217,8 +236,8 @@ pub struct Campaign {
     pub surroundings: Surroundings,
     /// The instruments.
     pub instruments: Vec<Instrument>,
-    /// Names of the recordings, for people.
-    pub recordings: Vec<String>,
+    /// The recordings, by [`Pose::recording`].
+    pub recordings: Vec<Source>,
 }
 
 impl Campaign {

@@ -8,10 +8,12 @@
 
 mod families;
 mod loads;
+mod over_path;
 mod standing;
 
 use families::slot;
 pub(crate) use loads::remainders;
+pub(crate) use over_path::{Driven, mode, over_paths};
 
 use crate::campaign::{Arrival, Campaign};
 use physics::spec::{Need, Role};
@@ -49,6 +51,8 @@ enum Make {
     Spring,
     /// Masses at given places: their sum at their middle.
     Masses,
+    /// A joint or the base that rings.
+    Mode(Driven),
 }
 
 /// An effect that might be missing.
@@ -70,7 +74,7 @@ impl Candidate {
         match self.make {
             Make::Change { .. } => None,
             Make::Masses => loads::at_their_middle(&self.probes, found),
-            Make::Values | Make::Remainder | Make::Spring => {
+            Make::Values | Make::Remainder | Make::Spring | Make::Mode(_) => {
                 let mut effect = self.probes.first()?.effect;
                 for (probe, value) in self.probes.iter().zip(found) {
                     effect.values_mut()[probe.value] = *value;
@@ -94,6 +98,7 @@ impl Candidate {
         match self.make {
             Make::Wave { .. } | Make::Wobble { .. } => &["cycles"],
             Make::Spring => &["L"],
+            Make::Mode(driven) => driven.kept(),
             Make::Values | Make::Change { .. } | Make::Remainder | Make::Masses => &[],
         }
     }

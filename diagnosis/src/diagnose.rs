@@ -12,6 +12,7 @@ mod gram;
 mod judge;
 mod library;
 mod locate;
+mod modes;
 mod name;
 mod noise;
 mod prove;
@@ -19,12 +20,13 @@ pub mod says;
 mod unknown;
 mod untested;
 
-use crate::campaign::{Arrival, Campaign, Reading};
+use crate::campaign::{Campaign, Reading};
 use crate::colour::stream;
 use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::Hypothesis;
-use crate::proof::{Split, runs};
+use crate::proof::Split;
 use crate::result::Fit;
+use crate::rides::paths;
 use crate::robust::Influence;
 use crate::score::Fitted;
 use features::Word;
@@ -139,39 +141,46 @@ pub fn diagnose(
     let influence = Influence::Redescending;
     let settings = Settings { used: &split.training, influence, from: None, effort: Effort::Full };
     let known = known(model, sigma);
-    let mut base = fit(&campaign, &known, &settings);
+    let base = fit(&campaign, &known, &settings);
     let library = library::library(model, &campaign);
-    let mut naming = None;
+    let base = whiten(&mut campaign, &known, &settings, &base, (&words, stride)).unwrap_or(base);
+    let asking = Asking { campaign: &campaign, known: &known, settings, library: &library };
+    let first = name::chosen(&asking, Naming::none(&base));
     // What is named tells what is noise, and what is noise tells what can be named.
-    for round in 0..2 {
-        let seen = naming.as_ref().map_or(&base, |naming: &Naming| &naming.fit);
-        let colours = noise::colours(&campaign, seen, &split.training, &words, stride);
-        let same = colours.iter().zip(&campaign.instruments).all(|(a, b)| *a == b.colour);
-        if round > 0 && same {
-            break;
-        }
-        campaign.instruments.iter_mut().zip(colours).for_each(|(i, colour)| i.colour = colour);
-        let settings = Settings { from: Some(&base.surroundings.clone()), ..settings };
-        base = fit(&campaign, &known, &settings);
-        let (campaign, known, library) = (&campaign, &known, library.as_slice());
-        naming = Some(name::name(&Asking { campaign, known, settings, library }, &base));
-    }
-    let naming = naming.unwrap_or(Naming { fit: base, named: Vec::new() });
+    let again = whiten(&mut campaign, &known, &settings, &first.fit, (&words, stride));
+    let asking = Asking { campaign: &campaign, known: &known, settings, library: &library };
+    let start = again.map_or(first, |base| Naming::none(&base));
+    let naming = name::name(&asking, start);
     let naming = prove::confirmed(&campaign, model, &split, naming);
     let not_tested = untested::untested(&model.arm, &library, &words);
     finish(campaign, model, naming, split, &words, (not_tested, notes))
 }
 
+/// Gives the campaign the noise that `seen` leaves, and the fit of what is known with it; none where it has it already.
+fn whiten(
+    campaign: &mut Campaign,
+    known: &Hypothesis,
+    settings: &Settings<'_>,
+    seen: &Fit,
+    (words, stride): (&[Word], usize),
+) -> Option<Fit> {
+    let colours = noise::colours(campaign, seen, settings.used, words, stride);
+    if colours.iter().zip(&campaign.instruments).all(|(a, b)| *a == b.colour) {
+        return None;
+    }
+    campaign.instruments.iter_mut().zip(colours).for_each(|(i, colour)| i.colour = colour);
+    let around = seen.surroundings.clone();
+    Some(fit(campaign, known, &Settings { from: Some(&around), ..*settings }))
+}
+
 /// Speeds and accelerations along paths: an arm that moves is bent by its own inertia too.
 fn set_moving(campaign: &mut Campaign, joints: usize) {
-    for run in runs(campaign) {
-        let poses = &mut campaign.poses[run];
-        // The first pose of a path has none before it.
-        if poses.iter().skip(1).all(|pose| pose.arrival == Arrival::FromBefore) && poses.len() > 2 {
-            let mut rows: Vec<Inputs> = poses.iter().map(|pose| pose.inputs).collect();
-            world::forward::moving(&mut rows, joints);
-            poses.iter_mut().zip(rows).for_each(|(pose, inputs)| pose.inputs = inputs);
-        }
+    let paths: Vec<_> = paths(campaign).collect();
+    for path in paths {
+        let poses = &mut campaign.poses[path];
+        let mut rows: Vec<Inputs> = poses.iter().map(|pose| pose.inputs).collect();
+        world::forward::moving(&mut rows, joints);
+        poses.iter_mut().zip(rows).for_each(|(pose, inputs)| pose.inputs = inputs);
     }
 }
 

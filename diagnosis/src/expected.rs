@@ -7,7 +7,8 @@
 
 use crate::campaign::{Arrival, Campaign};
 use crate::motion::Motion;
-use crate::problem::{follow, motions_of};
+use crate::motions::Motions;
+use crate::problem::follow;
 use crate::result::Fit;
 use crate::surroundings::Surroundings;
 use physics::Inputs;
@@ -30,8 +31,9 @@ pub fn tool_uncertainty(found: &Fit, inputs: &[Inputs]) -> Vec<f64> {
     };
     let first = found.surroundings.numbers().len();
     let mut uncertainty = Vec::with_capacity(inputs.len());
+    let mut at_pose = Motions::of(&found.hypothesis);
     follow(&found.hypothesis.model, &asked, None, |pose, seen, memories| {
-        let motions = motions_of(&found.hypothesis, &inputs[pose], memories, seen);
+        let motions = at_pose.at(&inputs[pose], memories, seen);
         let share = |column: &usize, axis: usize| {
             let motion = column.checked_sub(first).and_then(|k| motions.get(k));
             motion.map_or(0.0, |motion: &Motion| motion.shift[axis])

@@ -8,11 +8,13 @@
 
 mod gauges;
 
-use crate::campaign::{Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading};
+use crate::campaign::{
+    Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source,
+};
 use crate::surroundings::{Fitted, Station, Surroundings};
 use glam::{DMat3, DQuat, DVec3};
 use physics::{Arm, Chain, Frame, Inputs, Joints, Wrench};
-use recording::series::{Approach, Channel, Frame as Axes, Heldout, Kind, Recording};
+use recording::series::{Approach, Channel, Frame as Axes, Heldout, Input, Kind, Recording};
 
 /// Where nothing was said of a tracker's noise, the fit estimates a factor on this, m.
 const POINT_M: f64 = 5e-5;
@@ -97,7 +99,7 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
         if campaign.readings() == before {
             return Err(Unusable::NothingMeasured { file: reader.name() });
         }
-        campaign.recordings.push(reader.name());
+        campaign.recordings.push(reader.source());
     }
     gauges::leave_out_links(arm, &mut campaign, recordings)?;
     gauges::still_unused_frames(&mut campaign);
@@ -145,6 +147,14 @@ struct Reader<'a> {
 impl Reader<'_> {
     fn name(&self) -> String {
         self.recording.file.display().to_string()
+    }
+
+    fn source(&self) -> Source {
+        Source {
+            name: self.name(),
+            is_path: self.recording.about.kind == Kind::Path,
+            reads_back: self.recording.input_kind() == Input::Motor,
+        }
     }
 
     fn value(&self, channel: Channel, row: usize) -> f64 {

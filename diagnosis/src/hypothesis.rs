@@ -8,6 +8,9 @@ use glam::DVec3;
 use physics::spec::{Count, Parameter, Range, Unit};
 use physics::{AnyEffect, Model, ModelError};
 
+/// How far from its bounds a number between two stays, as a share of the width.
+const ASIDE: f64 = 5e-3;
+
 /// A number of an effect that a fit may change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Free {
@@ -129,7 +132,7 @@ impl Hypothesis {
         let mut next = self.clone();
         for ((free, by), least) in self.free.iter().zip(step).zip(self.lowest()) {
             if let Some(effect) = next.model.effect_mut(free.effect) {
-                effect.values_mut()[free.value] += by.max(least);
+                effect.values_mut()[free.value] += by.max(least).min(most(effect, free.value));
             }
         }
         let values = self.values();
@@ -148,7 +151,7 @@ impl Hypothesis {
     }
 
     /// The lowest step that each free number may take: one that must stay above zero goes at most nine tenths of the way there, one that must
-    /// not be negative ends at zero.
+    /// not be negative ends at zero, one between two bounds beside them.
     #[must_use]
     pub fn lowest(&self) -> Vec<f64> {
         let values = self.values();
@@ -157,6 +160,7 @@ impl Hypothesis {
             match named.map(|named| named.parameter.range) {
                 Some(Range::Positive) => -0.9 * value,
                 Some(Range::NotNegative) => -value,
+                Some(Range::Between(low, high)) => low + ASIDE * (high - low) - value,
                 _ => f64::NEG_INFINITY,
             }
         };
@@ -200,6 +204,14 @@ impl Hypothesis {
     pub fn describe(&self, free: &Free) -> String {
         let Some(effect) = self.effect_of(free) else { return String::new() };
         describe(effect, free.value)
+    }
+}
+
+/// The highest step that a value may take: one that must stay below a bound ends beside it.
+fn most(effect: &AnyEffect, value: usize) -> f64 {
+    match named(effect, value).map(|named| named.parameter.range) {
+        Some(Range::Between(low, high)) => high - ASIDE * (high - low) - effect.values()[value],
+        _ => f64::INFINITY,
     }
 }
 
@@ -250,9 +262,16 @@ pub fn much(effect: &AnyEffect, value: usize) -> f64 {
         ("gravity_sag" | "joint_polynomial", _) => 5e-3,
         ("axis_wobble", Unit::TurnMilliradian) => 5e-4,
         (_, Unit::Milliradian | Unit::TurnMilliradian) => 1e-3,
+        ("wrench_bias", _) => 30.0,
+        ("wrench_scale", _) => 1.0,
+        ("wrench_misalignment", _) => 0.05,
+        ("flexible_mode", Unit::One) if parameter.stem == "participation" => 3.0,
+        ("flexible_mode", Unit::One) => 0.2,
         (_, Unit::One) => 5e-4,
         (_, Unit::PhaseRadian) => 6.0,
         ("axis_shift", _) => 5e-3,
+        (_, Unit::Hertz) => 0.5 * stands.max(1.0),
+        (_, Unit::Millisecond) => 0.02_f64.max(stands),
         ("payload", Unit::Millimetre) => 0.3,
         ("counterbalance", Unit::Millimetre) => 0.5 * stands.max(0.1),
         (_, Unit::NewtonPerMetre) => 3.0 * stands.max(1e5),

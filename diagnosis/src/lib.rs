@@ -24,6 +24,7 @@ pub mod loaded;
 mod made;
 mod minimise;
 pub mod motion;
+mod motions;
 pub mod on_links;
 pub mod per_joint;
 pub mod plan;
@@ -32,6 +33,7 @@ pub mod proof;
 pub mod readback;
 mod residual;
 pub mod result;
+mod rides;
 pub mod rigid;
 pub mod robust;
 mod score;
@@ -46,7 +48,9 @@ pub mod sweeps;
 pub mod triangle;
 mod waves;
 
-pub use campaign::{Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading};
+pub use campaign::{
+    Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source,
+};
 pub use fit::{Effort, Settings, fit};
 pub use hypothesis::{Free, Hypothesis};
 pub use result::{Fit, Undetermined};

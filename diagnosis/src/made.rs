@@ -2,7 +2,7 @@
 
 use crate::simulate;
 use crate::surroundings::{Fitted, Station, Surroundings};
-use crate::{Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading};
+use crate::{Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source};
 use glam::DVec3;
 use physics::frame::rotation_from_vector;
 use physics::{Frame, Inputs, JOINTS_MAX, Model};
@@ -64,7 +64,7 @@ pub(crate) fn empty(targets: usize, count: u32) -> Campaign {
             noise_is_known: true,
             ..Instrument::default()
         }],
-        recordings: vec!["made".to_owned()],
+        recordings: vec![Source::of_poses("made")],
     }
 }
 

@@ -87,6 +87,14 @@ impl Motion {
         Self { turn, shift, joints }
     }
 
+    /// Both motions together.
+    #[must_use]
+    pub fn plus(&self, other: &Self) -> Self {
+        let mut joints = self.joints;
+        joints.iter_mut().zip(other.joints).for_each(|(sum, joint)| *sum += joint);
+        Self { turn: self.turn + other.turn, shift: self.shift + other.shift, joints }
+    }
+
     /// This motion times a number.
     #[must_use]
     pub fn times(&self, factor: f64) -> Self {

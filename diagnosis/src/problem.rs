@@ -7,14 +7,15 @@
 
 use crate::campaign::{Arrival, Campaign};
 use crate::colour::{Filter, stream};
-use crate::hypothesis::{Hypothesis, much, named};
+use crate::hypothesis::Hypothesis;
 use crate::independent::{Dependent, sort};
 use crate::motion::Motion;
+use crate::motions::Motions;
 use crate::residual::{Columns, Rows};
+use crate::rides::Rides;
 use crate::surroundings::{Number, Surroundings};
 use crate::triangle::Triangle;
-use physics::spec::Role;
-use physics::{Contribution, Evaluation, Inputs, JOINTS_MAX, Memories, Model};
+use physics::{Evaluation, Memories, Model};
 
 /// What a fit changes.
 #[derive(Clone, Debug)]
@@ -138,11 +139,15 @@ pub(crate) fn visit(
         first.push(readings);
         readings += pose.seen.len();
     }
-    follow(&state.hypothesis.model, campaign, wanted.used, |pose, seen, memories| {
-        let derivatives = wanted.derivatives;
-        let inputs = &campaign.poses[pose].inputs;
-        if derivatives {
-            motions = motions_of(&state.hypothesis, inputs, memories, seen);
+    let hypothesis = &state.hypothesis;
+    let rides = Rides::of(&hypothesis.model, campaign);
+    let slopes = wanted.derivatives.then(|| rides.slopes(hypothesis, campaign));
+    let mut at_pose = Motions::of(hypothesis);
+    ride(&hypothesis.model, campaign, &rides, wanted.used, |pose, seen, memories| {
+        let inputs = rides.inputs(campaign, pose);
+        if let Some(slopes) = &slopes {
+            motions = at_pose.at(inputs, memories, seen);
+            slopes.fill(&hypothesis.model.arm, seen, pose, &mut motions);
         }
         for (reading, observation) in (first[pose]..).zip(&campaign.poses[pose].seen) {
             let surroundings = &state.surroundings;
@@ -159,10 +164,23 @@ pub(crate) fn follow(
     model: &Model,
     campaign: &Campaign,
     used: Option<&[bool]>,
+    look: impl FnMut(usize, &Evaluation, &Memories),
+) {
+    ride(model, campaign, &Rides::of(model, campaign), used, look);
+}
+
+/// The same on `rides`, which are those of the model.
+fn ride(
+    model: &Model,
+    campaign: &Campaign,
+    rides: &Rides,
+    used: Option<&[bool]>,
     mut look: impl FnMut(usize, &Evaluation, &Memories),
 ) {
-    remember(model, campaign, used, |pose, memories| {
-        look(pose, &model.evaluate(&campaign.poses[pose].inputs, memories), memories);
+    remember(model, campaign, rides, used, |pose, memories| {
+        let mut seen = model.evaluate(rides.inputs(campaign, pose), memories);
+        rides.bend(&model.arm, pose, &mut seen);
+        look(pose, &seen, memories);
     });
 }
 
@@ -170,124 +188,20 @@ pub(crate) fn follow(
 pub(crate) fn remember(
     model: &Model,
     campaign: &Campaign,
+    rides: &Rides,
     used: Option<&[bool]>,
     mut look: impl FnMut(usize, &Memories),
 ) {
     let mut memories = Memories::default();
     for (index, pose) in campaign.poses.iter().enumerate() {
+        let inputs = rides.inputs(campaign, index);
         match pose.arrival {
-            Arrival::Settled => model.arrive(&pose.inputs, &mut memories),
-            Arrival::FromBefore => model.advance(&pose.inputs, &mut memories),
+            Arrival::Settled => model.arrive(inputs, &mut memories),
+            Arrival::FromBefore => model.advance(inputs, &mut memories),
         }
         if used.is_none_or(|used| used[index]) {
             look(index, &memories);
         }
-    }
-}
-
-/// How the tool moves with each free number.
-pub(crate) fn motions_of(
-    hypothesis: &Hypothesis,
-    inputs: &Inputs,
-    memories: &Memories,
-    seen: &Evaluation,
-) -> Vec<Motion> {
-    let model = &hypothesis.model;
-    let wanted: Vec<(usize, usize)> =
-        hypothesis.free.iter().map(|free| (free.effect, free.value)).collect();
-    let mut motions = vec![Motion::default(); wanted.len()];
-    let mut on_loads = Vec::new();
-    model.derivatives(inputs, memories, &wanted, |place, change| {
-        match Motion::of(&model.arm, seen, change) {
-            Some(motion) => motions[place] = motion,
-            None => on_loads.push((place, *change)),
-        }
-    });
-    if !on_loads.is_empty() {
-        let mut yielding = Yielding::of(model, memories);
-        for (place, change) in on_loads {
-            let (effect, value) = wanted[place];
-            motions[place] = yielding.motion(model, effect, value, &change, inputs);
-        }
-    }
-    motions
-}
-
-/// A model without the effects that do nothing (candidates, mostly), at one pose.
-struct Yielding {
-    model: Box<Model>,
-    memories: Memories,
-    /// Where each effect of the whole model stands here, if it is at work.
-    places: Vec<Option<usize>>,
-    /// How the tool moves per unit of load on a joint.
-    responses: [Option<Motion>; JOINTS_MAX],
-}
-
-impl Yielding {
-    fn of(whole: &Model, all: &Memories) -> Self {
-        let mut model = Box::new(Model::nominal(whole.arm));
-        let mut memories = Memories::default();
-        let mut places = Vec::with_capacity(whole.effects().len());
-        for (place, effect) in whole.effects().enumerate() {
-            let at_work = (0..effect.values().len()).any(|value| {
-                let role = named(effect, value).map(|named| named.parameter.role);
-                role == Some(Role::Linear) && effect.values()[value] != 0.0
-            });
-            places.push(at_work.then(|| model.effects().len()));
-            if at_work {
-                memories.take(model.effects().len(), all, place);
-                // It had room in the whole model.
-                model.push(*effect).unwrap_or_default();
-            }
-        }
-        Self { model, memories, places, responses: [None; JOINTS_MAX] }
-    }
-
-    /// The motion per unit of a value of an effect on the loads; `change` is what it adds to them. All that gives way does so in proportion: one
-    /// load on a joint tells how the tool moves under any.
-    fn motion(
-        &mut self,
-        whole: &Model,
-        effect: usize,
-        value: usize,
-        change: &Contribution,
-        inputs: &Inputs,
-    ) -> Motion {
-        let Contribution::JointLoad { joint, load } = *change else {
-            return self.by_difference(whole, effect, value, inputs);
-        };
-        if load == 0.0 {
-            return Motion::default();
-        }
-        if self.responses[joint].is_none() {
-            let motion = self.by_difference(whole, effect, value, inputs);
-            self.responses[joint] = Some(motion.times(1.0 / load));
-        }
-        self.responses[joint].map_or_else(Motion::default, |response| response.times(load))
-    }
-
-    fn by_difference(
-        &mut self,
-        whole: &Model,
-        effect: usize,
-        value: usize,
-        inputs: &Inputs,
-    ) -> Motion {
-        let Some(own) = whole.effects().nth(effect).copied() else { return Motion::default() };
-        let mut model = self.model.clone();
-        let place = self.places[effect].unwrap_or_else(|| model.effects().len());
-        if self.places[effect].is_none() && model.push(own).is_err() {
-            return Motion::default();
-        }
-        let stands = own.values()[value];
-        let step = 1e-4 * much(&own, value).max(stands.abs());
-        let mut at = |value_there: f64| {
-            if let Some(effect) = model.effect_mut(place) {
-                effect.values_mut()[value] = value_there;
-            }
-            model.evaluate(inputs, &self.memories)
-        };
-        Motion::between(&at(stands - step), &at(stands + step), 2.0 * step)
     }
 }
 

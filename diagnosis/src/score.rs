@@ -11,13 +11,14 @@ use crate::colour::Filter;
 use crate::fit::Settings;
 use crate::hypothesis::{Free, Hypothesis, much};
 use crate::motion::Motion;
-use crate::problem::{Look, State, Weighing, motions_of, remember, visit};
+use crate::motions::{Motions, is_about_loads};
+use crate::problem::{Look, State, Weighing, remember, visit};
 use crate::result::Fit;
+use crate::rides::Rides;
 use crate::triangle::{Triangle, dot};
 use glam::DVec3;
 use nalgebra::DMatrix;
-use physics::spec::{ActsOn, Need};
-use physics::{Chain, Deviation, EFFECTS_MAX, Evaluation, Loads};
+use physics::{AnyEffect, Chain, Deviation, EFFECTS_MAX, Evaluation, Loads};
 
 /// A candidate's share of its own length that must be left after the fit's columns, squared.
 const LEFT: f64 = 1e-6;
@@ -109,12 +110,10 @@ impl<'a> Fitted<'a> {
     fn batch(&self, candidates: &[Candidate], from: usize) -> (Hypothesis, usize) {
         let arm = self.state.hypothesis.model.arm;
         let mut batch = Hypothesis::fixed(physics::Model::nominal(arm));
-        // What changes the loads is felt by the candidates too, and what gives way shows those that change loads.
+        // What changes the loads or the way is felt by the candidates too, and what gives way shows those that change loads.
         for effect in self.state.hypothesis.model.effects() {
-            let spec = effect.spec();
-            let gives_way =
-                spec.needs.contains(&Need::Masses) || spec.needs.contains(&Need::Wrench);
-            if spec.acts_on == ActsOn::Loads || gives_way {
+            let over_path = matches!(effect, AnyEffect::OverPath(_));
+            if is_about_loads(effect.spec()) || over_path {
                 batch.model.push(*effect).unwrap_or_default();
             }
         }
@@ -238,8 +237,12 @@ impl<'a> Fitted<'a> {
     fn batch_motions(&self, batch: &Hypothesis) -> Vec<Vec<Motion>> {
         let arm = &batch.model.arm;
         let mut all = vec![Vec::new(); self.campaign.poses.len()];
-        remember(&batch.model, self.campaign, Some(&self.weighing.used), |pose, memories| {
-            let inputs = &self.campaign.poses[pose].inputs;
+        let rides = Rides::of(&batch.model, self.campaign);
+        let slopes = rides.slopes(batch, self.campaign);
+        let mut at_pose = Motions::of_candidates(batch);
+        let used = Some(self.weighing.used.as_slice());
+        remember(&batch.model, self.campaign, &rides, used, |pose, memories| {
+            let inputs = rides.inputs(self.campaign, pose);
             let nominal = Chain::nominal(arm, &inputs.q);
             let bare = Evaluation {
                 nominal,
@@ -248,7 +251,9 @@ impl<'a> Fitted<'a> {
                 real: nominal,
                 beyond: None,
             };
-            all[pose] = motions_of(batch, inputs, memories, &bare);
+            let mut motions = at_pose.at(inputs, memories, &bare);
+            slopes.fill(arm, &bare, pose, &mut motions);
+            all[pose] = motions;
         });
         all
     }

@@ -23,6 +23,8 @@ use physics::{AnyEffect, Given, Memories, Model};
 const ROUNDS: usize = 40;
 /// Effects that join in one round: those that gain at least this share of the best, each on another joint.
 const BESIDE: f64 = 0.3;
+/// What is found may be this many times as large.
+const BROAD: f64 = 3.0;
 
 /// An effect that was added.
 #[derive(Clone, Debug)]
@@ -317,9 +319,17 @@ fn believe_nothing(hypothesis: &mut Hypothesis, place: usize, effect: &AnyEffect
         let named = named(effect, free.value);
         let linear = named.is_some_and(|named| named.parameter.role == Role::Linear);
         free.mean = if linear { 0.0 } else { free.mean };
-        // A place on a grid is no belief.
-        free.sigma = if linear { free.sigma } else { free.sigma.max(free.mean.abs()) };
+        // A place on a grid is no belief; and what the data ask for is no more than a robot may have.
+        let size = if linear { BROAD * size_of(effect, free.value) } else { free.mean.abs() };
+        free.sigma = free.sigma.max(size);
     }
+}
+
+/// The largest number of the entry that a value belongs to.
+fn size_of(effect: &AnyEffect, value: usize) -> f64 {
+    let stem = |value| named(effect, value).map(|named| named.parameter.stem);
+    let own = effect.values().iter().enumerate().filter(|(k, _)| stem(*k) == stem(value));
+    own.map(|(_, x)| x.abs()).fold(0.0, f64::max)
 }
 
 /// Those that gain about as much as the best, each on a joint of its own.

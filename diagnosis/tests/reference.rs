@@ -6,7 +6,7 @@
 
 use diagnosis::{
     Anchor, Arrival, Campaign, Effort, Fit, Fitted, Hypothesis, Influence, Instrument, Noise,
-    Observation, Place, Plane, Pose, Reading, Settings, Station, Surroundings, fit,
+    Observation, Place, Plane, Pose, Reading, Settings, Source, Station, Surroundings, fit,
 };
 use glam::DVec3;
 use physics::frame::rotation_from_vector;
@@ -58,7 +58,7 @@ impl Problem {
                 noise_is_known: true,
                 ..Instrument::default()
             }],
-            recordings: vec!["made".to_owned()],
+            recordings: vec![Source::of_poses("made")],
         }
     }
 

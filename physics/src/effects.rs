@@ -8,6 +8,7 @@ use crate::effect::{BuildError, Effect, Given, Memory, Site};
 use crate::signals::Signals;
 use crate::spec::{NOT_MODELLED, Parameter, Spec};
 use crate::{Arm, JointKind};
+pub use over_path::{OVER_PATHS, OverPath};
 
 /// The three accessors of an effect that keeps `joint: usize` and `values: [f64; N]`.
 macro_rules! of_joint {
@@ -37,6 +38,8 @@ macro_rules! of_robot {
     };
 }
 
+pub mod over_path;
+
 macro_rules! effects {
     ($($module:ident :: $Kind:ident),+ $(,)?) => {
         $(pub mod $module;)+
@@ -48,10 +51,12 @@ macro_rules! effects {
             reason = "an effect is a value without a heap; only a sag of sixteen bodies is this large"
         )]
         pub enum AnyEffect {
-            $(#[doc = concat!("See [`", stringify!($module), "`].")] $Kind($module::$Kind)),+
+            $(#[doc = concat!("See [`", stringify!($module), "`].")] $Kind($module::$Kind),)+
+            /// See [`over_path`].
+            OverPath(OverPath),
         }
 
-        /// What every effect says of itself.
+        /// What every effect says of itself that adds something to a sample.
         pub static SPECS: &[Spec] = &[$($module::$Kind::SPEC),+];
 
         impl AnyEffect {
@@ -69,57 +74,88 @@ macro_rules! effects {
                     let site = Site::checked(&$module::$Kind::SPEC, arm, joint, given)?;
                     return $module::$Kind::build(&site).map(Self::$Kind);
                 })+
-                Err(BuildError::UnknownKind)
+                OverPath::build(kind, arm, joint, given)
+                    .map_or(Err(BuildError::UnknownKind), |built| built.map(Self::OverPath))
             }
 
             /// What it says of itself.
             pub fn spec(&self) -> &'static Spec {
-                match self { $(Self::$Kind(_) => const { &$module::$Kind::SPEC }),+ }
+                match self {
+                    $(Self::$Kind(_) => const { &$module::$Kind::SPEC },)+
+                    Self::OverPath(effect) => effect.spec(),
+                }
             }
 
             /// See [`Effect::joint`].
             pub fn joint(&self) -> Option<usize> {
-                match self { $(Self::$Kind(effect) => effect.joint()),+ }
+                match self {
+                    $(Self::$Kind(effect) => effect.joint(),)+
+                    Self::OverPath(effect) => effect.joint(),
+                }
             }
 
             /// See [`Effect::fitted`].
             pub fn fitted(&self) -> &'static [Parameter] {
-                match self { $(Self::$Kind(effect) => effect.fitted()),+ }
+                match self {
+                    $(Self::$Kind(effect) => effect.fitted(),)+
+                    Self::OverPath(effect) => effect.fitted(),
+                }
             }
 
             /// See [`Effect::values`].
             pub fn values(&self) -> &[f64] {
-                match self { $(Self::$Kind(effect) => effect.values()),+ }
+                match self {
+                    $(Self::$Kind(effect) => effect.values(),)+
+                    Self::OverPath(effect) => effect.values(),
+                }
             }
 
             /// See [`Effect::values_mut`].
             pub fn values_mut(&mut self) -> &mut [f64] {
-                match self { $(Self::$Kind(effect) => effect.values_mut()),+ }
+                match self {
+                    $(Self::$Kind(effect) => effect.values_mut(),)+
+                    Self::OverPath(effect) => effect.values_mut(),
+                }
             }
 
             /// See [`Effect::predict`].
             pub fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution {
-                match self { $(Self::$Kind(effect) => effect.predict(signals, memory)),+ }
+                match self {
+                    $(Self::$Kind(effect) => effect.predict(signals, memory),)+
+                    Self::OverPath(_) => Contribution::None,
+                }
             }
 
             /// See [`Effect::derivative`].
             pub fn derivative(&self, k: usize, signals: &Signals<'_>, memory: &Memory) -> Contribution {
-                match self { $(Self::$Kind(effect) => effect.derivative(k, signals, memory)),+ }
+                match self {
+                    $(Self::$Kind(effect) => effect.derivative(k, signals, memory),)+
+                    Self::OverPath(_) => Contribution::None,
+                }
             }
 
             /// See [`Effect::settle`].
             pub fn settle(&self, signals: &Signals<'_>, memory: &mut Memory) {
-                match self { $(Self::$Kind(effect) => effect.settle(signals, memory)),+ }
+                match self {
+                    $(Self::$Kind(effect) => effect.settle(signals, memory),)+
+                    Self::OverPath(_) => {}
+                }
             }
 
             /// See [`Effect::advance`].
             pub fn advance(&self, signals: &Signals<'_>, memory: &mut Memory) {
-                match self { $(Self::$Kind(effect) => effect.advance(signals, memory)),+ }
+                match self {
+                    $(Self::$Kind(effect) => effect.advance(signals, memory),)+
+                    Self::OverPath(_) => {}
+                }
             }
 
             /// See [`Effect::follow`].
             pub fn follow(&self, signals: &Signals<'_>, memory: &mut Memory) {
-                match self { $(Self::$Kind(effect) => effect.follow(signals, memory)),+ }
+                match self {
+                    $(Self::$Kind(effect) => effect.follow(signals, memory),)+
+                    Self::OverPath(_) => {}
+                }
             }
         }
     };
@@ -159,7 +195,7 @@ effects! {
 
 /// All specs of that name, what is modelled first. `hysteresis` alone has two: of a position and of a torque.
 pub fn specs_of(kind: &str) -> impl Iterator<Item = &'static Spec> {
-    SPECS.iter().chain(NOT_MODELLED).filter(move |spec| spec.kind == kind)
+    SPECS.iter().chain(OVER_PATHS).chain(NOT_MODELLED).filter(move |spec| spec.kind == kind)
 }
 
 /// The spec of that name that has most of these keys; the one that is modelled where two have as many. `joint_kind`: that of
@@ -169,7 +205,7 @@ pub fn spec_for(kind: &str, joint_kind: JointKind, keys: &[&str]) -> Option<&'st
     specs_of(kind).min_by_key(strange)
 }
 
-/// Whether [`AnyEffect::build`] makes an effect of this spec; the others are loaded and listed as not compensated.
+/// Whether an effect of this spec adds something to a sample, so that a correction can stand on it; the others are loaded and listed as not compensated.
 pub fn is_modelled(spec: &Spec) -> bool {
     SPECS.contains(spec)
 }

@@ -8,10 +8,12 @@
 use crate::curve::{Cubic, Curve, value};
 use glam::DVec3;
 use libm::{cos, exp, sin, sqrt};
-use physics::effect::Site;
-use physics::effects::{is_modelled, specs_of};
-use physics::{Arm, BuildError, Given, Joints};
+use physics::effects::OverPath;
+use physics::{AnyEffect, Arm, BuildError, Given, Joints, Model};
 use std::f64::consts::TAU;
+
+/// Steps that differ by less are one: what rounding leaves of even time stamps.
+const SAME_STEP: f64 = 1e-9;
 
 /// What rings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,25 +79,53 @@ impl Dynamics {
         channel: Option<&str>,
         given: Given<'_>,
     ) -> Result<bool, BuildError> {
-        let Some(spec) = specs_of(kind).find(|spec| !is_modelled(spec)) else { return Ok(false) };
-        let checked = || Site::checked(spec, arm, joint, given);
-        match (kind, channel) {
-            ("time_delay", None) => self.delay_s += checked()?.one("delay"),
-            ("time_delay", Some("ql")) => self.link_delay_s += checked()?.one("delay"),
-            ("servo_lag", _) => {
-                let site = checked()?;
-                self.lags.push((site.joint, site.one("time_constant")));
-            }
-            ("flexible_mode", _) => self.modes.push(mode(&checked()?, joint)?),
-            ("reversal_spike", _) => {
-                let site = checked()?;
-                let (amplitude, time_constant_s) =
-                    (site.one("amplitude"), site.one("time_constant"));
-                self.spikes.push(Spike { joint: site.joint, amplitude, time_constant_s });
-            }
-            _ => return Ok(false),
+        let effect = match AnyEffect::build(kind, arm, joint, given) {
+            Ok(AnyEffect::OverPath(effect)) => effect,
+            Ok(_) | Err(BuildError::UnknownKind) => return Ok(false),
+            Err(error) => return Err(error),
+        };
+        match channel.filter(|_| kind == "time_delay") {
+            None => self.add(&effect),
+            Some("ql") => self.link_delay_s += effect.values()[0],
+            Some(_) => return Ok(false),
         }
         Ok(true)
+    }
+
+    /// What of a model lags, rings and snaps.
+    #[must_use]
+    pub fn of(model: &Model) -> Self {
+        let mut dynamics = Self::default();
+        for effect in model.effects() {
+            if let AnyEffect::OverPath(effect) = effect {
+                dynamics.add(effect);
+            }
+        }
+        dynamics
+    }
+
+    /// Adds one effect more.
+    pub fn add(&mut self, effect: &OverPath) {
+        let (kind, values) = (effect.spec().kind, effect.values());
+        match (kind, effect.joint(), values) {
+            ("time_delay", _, &[delay_s]) => self.delay_s += delay_s,
+            ("servo_lag", Some(joint), &[lag_s]) => self.lags.push((joint, lag_s)),
+            ("reversal_spike", Some(joint), &[amplitude, time_constant_s]) => {
+                self.spikes.push(Spike { joint, amplitude, time_constant_s });
+            }
+            ("flexible_mode", joint, &[frequency_hz, damping_ratio, participation, compliance]) => {
+                let of_base = effect.axis().map(Rings::Base);
+                let Some(rings) = joint.map(Rings::Joint).or(of_base) else { return };
+                self.modes.push(Mode {
+                    rings,
+                    frequency_hz,
+                    damping_ratio,
+                    participation,
+                    compliance,
+                });
+            }
+            _ => {}
+        }
     }
 
     /// Where the motors are when the command is `commanded` (samples of each joint) at `times_s`.
@@ -109,27 +139,6 @@ impl Dynamics {
         }
         motors
     }
-}
-
-fn mode(site: &Site<'_>, joint: Option<usize>) -> Result<Mode, BuildError> {
-    let rings = match (joint, site.vector("axis")) {
-        (Some(joint), None) => Rings::Joint(joint),
-        (None, Some(axis)) => {
-            let length = sqrt(axis.length_squared());
-            if length == 0.0 {
-                return Err(BuildError::Combination("an `axis` that is not zero"));
-            }
-            Rings::Base(axis / length)
-        }
-        _ => return Err(BuildError::Combination("either `joint` or `axis`")),
-    };
-    Ok(Mode {
-        rings,
-        frequency_hz: site.one("frequency"),
-        damping_ratio: site.one("damping_ratio"),
-        participation: site.maybe("participation").unwrap_or(1.0),
-        compliance: site.one("dynamic_compliance"),
-    })
 }
 
 /// Samples as they are seen `delay_s` late.
@@ -162,6 +171,11 @@ fn lagging(times_s: &[f64], samples: Vec<f64>, lag_s: f64) -> Vec<f64> {
 }
 
 impl Mode {
+    /// Whether it does anything: the base rings under loads alone.
+    pub(crate) fn is_at_work(&self) -> bool {
+        self.compliance > 0.0 || self.participation != 0.0 && matches!(self.rings, Rings::Joint(_))
+    }
+
     /// How far it is deflected at each sample, rad or m: `x'' + 2ζω x' + ω² x = −γ q'' + ω² C (load − its mean)`, `motor` the samples of the
     /// joint (empty for the base), `loads` those of the load (empty where it has no compliance). It begins at rest under its load.
     pub(crate) fn deflection(&self, times_s: &[f64], motor: &[f64], loads: &[f64]) -> Vec<f64> {
@@ -183,6 +197,8 @@ impl Mode {
             |k: usize, s: f64, row: usize| push(row) - self.participation * acceleration(k, s);
         let mut seen = Vec::with_capacity(times_s.len());
         let (mut x, mut speed) = (0.0, 0.0);
+        // Even samples, most of the time: sine, cosine and decay of the last step serve the next.
+        let (mut last, mut turned) = (0.0, (1.0, 0.0, 1.0));
         for (k, t) in times_s.windows(2).enumerate() {
             let s = t[1] - t[0];
             let (u0, u1) = (drive(k, 0.0, k), (drive(k, s, k + 1) - drive(k, 0.0, k)) / s);
@@ -193,7 +209,10 @@ impl Mode {
             // Steady answer to a drive that grows evenly, and what rings down around it.
             let (p1, p0) = (u1 / square, (u0 - 2.0 * decay * u1 / square) / square);
             let (a, b) = (x - p0, (speed - p1 + decay * (x - p0)) / ringing);
-            let (c, d, rest) = (cos(ringing * s), sin(ringing * s), exp(-decay * s));
+            if f64::abs(s - last) > SAME_STEP * s {
+                (last, turned) = (s, (cos(ringing * s), sin(ringing * s), exp(-decay * s)));
+            }
+            let (c, d, rest) = turned;
             x = p0 + p1 * s + rest * (a * c + b * d);
             speed = p1 + rest * ((ringing * b - decay * a) * c - (ringing * a + decay * b) * d);
             seen.push(x);

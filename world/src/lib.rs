@@ -24,6 +24,7 @@ pub mod joint_path;
 pub mod path;
 pub mod profile;
 pub mod random;
+pub mod ride;
 pub mod ringing;
 pub mod robot;
 pub mod slots;

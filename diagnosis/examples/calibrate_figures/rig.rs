@@ -2,8 +2,8 @@
 //! unknown to the fit.
 
 use diagnosis::{
-    Arrival, Campaign, Fitted, Instrument, Noise, Observation, Place, Pose, Reading, Station,
-    Surroundings,
+    Arrival, Campaign, Fitted, Instrument, Noise, Observation, Place, Pose, Reading, Source,
+    Station, Surroundings,
 };
 use glam::{DMat3, DVec3};
 use physics::{Frame, Inputs, JOINTS_MAX, Model};
@@ -68,7 +68,7 @@ pub(crate) fn campaign(arm: &physics::Arm, inputs: &[Inputs], noise: Noise) -> O
             noise_is_known: true,
             ..Instrument::default()
         }],
-        recordings: vec!["made".to_owned()],
+        recordings: vec![Source::of_poses("made")],
     })
 }
 

@@ -34,18 +34,14 @@ pub(super) struct Choice<'a> {
 }
 
 impl<'a> Choice<'a> {
-    pub(super) fn at(asking: &Asking<'a>, naming: &Naming, better: &[Rival]) -> Self {
+    pub(super) fn at(asking: &Asking<'a>, naming: &Naming, also: &[Entry]) -> Self {
         let Naming { fit, named } = naming;
         let fitted = Fitted::new(asking.campaign, fit, &asking.settings);
         let arm = &fit.hypothesis.model.arm;
         let mut entries: Vec<Entry> = asking
             .library
             .iter()
-            .map(|c| Entry {
-                stands: vec![0.0; c.probes.len()],
-                candidate: c.clone(),
-                kept: c.kept(),
-            })
+            .map(|candidate| Entry::open(candidate.clone(), candidate.kept()))
             .collect();
         for one in named {
             let Some(effect) = fit.hypothesis.model.effects().nth(one.effect) else { continue };
@@ -59,18 +55,10 @@ impl<'a> Choice<'a> {
             });
             entries.push(Entry { candidate, stands, kept: one.kept });
         }
-        entries.extend(better.iter().map(|rival| Entry {
-            stands: vec![0.0; rival.candidate.probes.len()],
-            candidate: rival.candidate.clone(),
-            kept: rival.kept,
-        }));
+        entries.extend_from_slice(also);
         for line in lines(&fitted) {
             let found = wave_candidate(arm, line.joint, line.cycles);
-            entries.extend(found.map(|candidate| Entry {
-                stands: vec![0.0; candidate.probes.len()],
-                candidate,
-                kept: &[],
-            }));
+            entries.extend(found.map(|candidate| Entry::open(candidate, &[])));
         }
         let (nuisance, stated) = nuisance(asking, naming);
         Self {

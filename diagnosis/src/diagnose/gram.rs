@@ -18,6 +18,7 @@ use std::ops::Range;
 const LEFT: f64 = 1e-6;
 
 /// Candidates with the numbers that they have where the rows are linearised; zeros for those that are not in the fit.
+#[derive(Clone)]
 pub(super) struct Entry {
     pub(super) candidate: Candidate,
     pub(super) stands: Vec<f64>,
@@ -26,6 +27,11 @@ pub(super) struct Entry {
 }
 
 impl Entry {
+    /// A candidate that nothing in the fit stands for.
+    pub(super) fn open(candidate: Candidate, kept: &'static [&'static str]) -> Self {
+        Self { stands: vec![0.0; candidate.probes.len()], candidate, kept }
+    }
+
     /// Numbers that are searched for outside the columns: those that are not linear, but a wave's phase, which its sine and cosine stand for.
     pub(super) fn searched(&self) -> usize {
         let Some(effect) = self.candidate.probes.first().map(|probe| &probe.effect) else {

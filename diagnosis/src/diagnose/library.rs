@@ -6,8 +6,8 @@
 //! Promises: the physics' own list is asked, none of its own. Never: a look at the residuals.
 
 use crate::campaign::Campaign;
-use crate::candidates::{Candidate, List, candidates, couples};
-use physics::spec::ActsOn;
+use crate::candidates::{Candidate, List, candidates, couples, over_paths};
+use physics::spec::{ActsOn, Need};
 use physics::{Arm, Model};
 
 /// Shares of the longest segment that are tried as the time by which heat comes late.
@@ -23,6 +23,8 @@ pub(super) fn library(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
     all.extend(candidates(&model.arm, campaign));
     all.extend(couplings(&model.arm, campaign));
     all.extend(slow_heat(&model.arm, campaign));
+    all.extend(over_paths(&model.arm, campaign));
+    all.extend(sensor(model, campaign));
     // Where gravity or the wrench alone shows a compliance, the contract prefers the word for both.
     let halves = |c: &Candidate| {
         let kind = c.probes.first().map(|probe| probe.effect.spec().kind);
@@ -58,6 +60,19 @@ fn couplings(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     list.found
 }
 
+/// A force sensor that is wrong: what gives way in the model shows it.
+fn sensor(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
+    let gives_way = |effect: &physics::AnyEffect| effect.spec().needs.contains(&Need::Wrench);
+    let pushed = |pose: &crate::Pose| pose.inputs.wrench_base != physics::Wrench::ZERO;
+    let mut list = List::new(&model.arm, campaign);
+    if model.effects().any(gives_way) && campaign.poses.iter().any(pushed) {
+        list.values("wrench_bias", None, &[("bias", &[0.0; 3]), ("bias_Nm", &[0.0; 3])]);
+        list.values("wrench_scale", None, &[("scale", &[0.0; 6])]);
+        list.values("wrench_misalignment", None, &[("turn", &[0.0; 3])]);
+    }
+    list.found
+}
+
 /// What follows a recorded temperature late.
 fn slow_heat(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let longest_s = campaign.poses.iter().map(|pose| pose.inputs.time_s).fold(0.0, f64::max);
@@ -69,6 +84,17 @@ fn slow_heat(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
                 list.values(kind, Some(joint), &[(stem, &[0.0]), ("lag", &[lag_s])]);
             }
         }
+        list.values("spindle_growth", None, &[("growth", &[0.0]), ("lag", &[lag_s])]);
+    }
+    let spins = campaign.poses.iter().any(|pose| pose.inputs.spindle_rpm > 0.0);
+    if spins {
+        list.values("spindle_growth", None, &[("growth_um", &[0.0])]);
+        for lag_s in LAGS.map(|share| share * longest_s).into_iter().filter(|lag| *lag > 0.0) {
+            list.values("spindle_growth", None, &[("growth_um", &[0.0]), ("lag", &[lag_s])]);
+        }
+    }
+    if warms {
+        list.values("spindle_growth", None, &[("growth", &[0.0])]);
     }
     list.found
 }

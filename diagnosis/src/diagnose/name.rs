@@ -9,11 +9,13 @@
 
 use super::choice::Choice;
 use super::gram::Entry;
+use super::modes::modes;
 use crate::campaign::Campaign;
 use crate::candidates::Candidate;
 use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::{Free, Hypothesis};
 use crate::result::Fit;
+use crate::score::Fitted;
 use crate::select::put;
 use physics::{AnyEffect, Model};
 
@@ -66,6 +68,13 @@ pub(super) struct Naming {
     pub(super) named: Vec<Named>,
 }
 
+impl Naming {
+    /// Nothing is named yet.
+    pub(super) fn none(fit: &Fit) -> Self {
+        Self { fit: fit.clone(), named: Vec::new() }
+    }
+}
+
 /// What is asked, of whom.
 pub(super) struct Asking<'a> {
     pub(super) campaign: &'a Campaign,
@@ -75,34 +84,40 @@ pub(super) struct Asking<'a> {
     pub(super) library: &'a [Candidate],
 }
 
-/// Names what the poses that take part ask for beyond `base`.
-pub(super) fn name(asking: &Asking<'_>, base: &Fit) -> Naming {
-    let mut naming = Naming { fit: base.clone(), named: Vec::new() };
-    let mut better = Vec::new();
+/// Names what the poses that take part ask for beyond `start`, without a look at rivals: enough to tell what is noise.
+pub(super) fn chosen(asking: &Asking<'_>, start: Naming) -> Naming {
+    let also = asking.searched(&start, Vec::new());
+    asking.settled(start, &also)
+}
+
+/// The same with rivals, of which the better take a name's place.
+pub(super) fn name(asking: &Asking<'_>, start: Naming) -> Naming {
+    let mut naming = start;
+    let mut better: Vec<Entry> = Vec::new();
     for _ in 0..RENAMING {
-        naming = asking.settled(naming, &better);
-        let mut choice = Choice::at(asking, &naming, &better);
+        let also = asking.searched(&naming, better);
+        naming = asking.settled(naming, &also);
+        let mut choice = Choice::at(asking, &naming, &also);
         choice.stand(&naming.named);
         for k in 0..naming.named.len() {
             choice.compare_rivals(asking, &mut naming, k);
         }
-        let found: Vec<Rival> = naming.named.iter().filter_map(|one| one.better(&choice)).collect();
-        if found.is_empty() {
+        better = naming.named.iter().filter_map(|one| one.better(&choice)).collect();
+        if better.is_empty() {
             break;
         }
-        better = found;
     }
     naming
 }
 
 impl Named {
     /// The rival whose nonlinear numbers, once fitted, make it the better name.
-    fn better(&self, choice: &Choice<'_>) -> Option<Rival> {
+    fn better(&self, choice: &Choice<'_>) -> Option<Entry> {
         let price = |rival: &Rival| {
             2.0 * rival.behind + choice.price() * (rival.numbers as f64 - self.numbers as f64)
         };
         let best = self.rivals.iter().min_by(|a, b| price(a).total_cmp(&price(b)))?;
-        (price(best) < -CLEARLY).then(|| best.clone())
+        (price(best) < -CLEARLY).then(|| Entry::open(best.candidate.clone(), best.kept))
     }
 }
 
@@ -121,11 +136,19 @@ fn titles(named: &[Named]) -> Vec<Option<Title>> {
 }
 
 impl Asking<'_> {
+    /// What is asked besides the library where `naming` stands: `better`, and what is searched for in the rest.
+    fn searched(&self, naming: &Naming, better: Vec<Entry>) -> Vec<Entry> {
+        let fitted = Fitted::new(self.campaign, &naming.fit, &self.settings);
+        let modes = modes(&fitted).into_iter();
+        let modes = modes.map(|candidate| (candidate.kept(), candidate));
+        better.into_iter().chain(modes.map(|(kept, mode)| Entry::open(mode, kept))).collect()
+    }
+
     /// Chooses and fits, one after the other, until the names stand.
-    fn settled(&self, mut naming: Naming, better: &[Rival]) -> Naming {
+    fn settled(&self, mut naming: Naming, also: &[Entry]) -> Naming {
         for _ in 0..ROUNDS {
             let before = titles(&naming.named);
-            let mut choice = Choice::at(self, &naming, better);
+            let mut choice = Choice::at(self, &naming, also);
             choice.make();
             naming = self.fitted(&choice, &naming.fit, Effort::Sketch);
             if titles(&naming.named) == before {

@@ -144,7 +144,47 @@ fn stands(said: &Said<'_>, joint: &str) -> String {
             "{joint}'s axis wobbles by {} mrad as it turns: runout of its bearing",
             said.length(0, 2)
         ),
-        "spindle_growth" => format!("The tool grows by {} um as the spindle warms", n(0)),
+        "spindle_growth" => match said.effect.fitted().first().map(|p| p.stem) {
+            Some("growth_um") => {
+                format!("The tool grows by {} um per thousand rev/min as the spindle warms", n(0))
+            }
+            _ => format!("The tool grows by {} um per kelvin as the spindle warms", n(0)),
+        },
+        "wrench_bias" => format!(
+            "The force sensor reads {} N and {} Nm too much",
+            said.length(0, 3),
+            said.length(3, 6)
+        ),
+        "wrench_scale" => {
+            format!(
+                "The force sensor's scale is off by {}, {}, {} along its axes",
+                n(0),
+                n(1),
+                n(2)
+            )
+        }
+        "wrench_misalignment" => {
+            format!("The force sensor is turned by {} mrad", said.length(0, 3))
+        }
+        _ => lags(said, joint),
+    }
+}
+
+/// The same of what comes late, rings and snaps.
+fn lags(said: &Said<'_>, joint: &str) -> String {
+    let (n, mrad) = (|k| said.number(k), said.angle());
+    match said.effect.spec().kind {
+        "time_delay" => format!("What was measured comes {} ms after what was put in", n(0)),
+        "servo_lag" => format!("{joint} lags its command by a time constant of {} ms", n(0)),
+        "flexible_mode" => {
+            let who = if joint.is_empty() { "The base" } else { joint };
+            format!("{who} rings at {} Hz with {} of critical damping", n(0), n(1))
+        }
+        "reversal_spike" => format!(
+            "{joint} overshoots by {} {mrad} at each reversal and recovers within {} ms: servo mismatch",
+            n(0),
+            n(1)
+        ),
         kind => format!("{joint} {kind}: {}", n(0)),
     }
 }
@@ -168,6 +208,13 @@ pub fn condition(effect: &AnyEffect) -> String {
     let n = effect.joint().map_or(0, |joint| joint + 1);
     match effect.spec().kind {
         "backlash" | "reversal_spike" => format!("changes sign with the direction of joint {n}"),
+        "servo_lag" => format!("follows the speed of joint {n}"),
+        "time_delay" => "follows the speed of the arm".to_owned(),
+        "flexible_mode" if n > 0 => format!("rings after joint {n} was shaken"),
+        "flexible_mode" => "rings after the arm was shaken".to_owned(),
+        "wrench_bias" | "wrench_scale" | "wrench_misalignment" => {
+            "follows what gives way under the wrench".to_owned()
+        }
         "hysteresis" => format!("builds up after each reversal of joint {n}"),
         "lost_motion" => format!("changes sign with the load on joint {n}"),
         "gravity_compliance" | "joint_compliance" | "gravity_sag" => {

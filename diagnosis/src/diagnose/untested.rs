@@ -4,7 +4,7 @@
 
 use super::features::Word;
 use crate::candidates::Candidate;
-use physics::effects::SPECS;
+use physics::effects::{OVER_PATHS, SPECS};
 use physics::spec::{ActsOn, Need, Place, Spec};
 use physics::{Arm, JointKind};
 
@@ -27,7 +27,7 @@ pub(super) fn untested(arm: &Arm, library: &[Candidate], words: &[Word]) -> Vec<
         .map(|probe| (probe.effect.spec().kind, probe.effect.joint()))
         .collect();
     let mut list = Vec::new();
-    for spec in SPECS {
+    for spec in SPECS.iter().chain(OVER_PATHS) {
         if matches!(spec.acts_on, ActsOn::DriveTorque | ActsOn::ToolForce) {
             continue;
         }
@@ -66,6 +66,10 @@ fn why(arm: &Arm, spec: &Spec, joint: Option<usize>, words: &[Word]) -> Option<S
         return None;
     }
     let n = joint.map_or(0, |joint| joint + 1);
+    if OVER_PATHS.contains(spec) {
+        let why = "the recording holds no path, or joint positions that were read back";
+        return Some(why.to_owned());
+    }
     if joint.is_some() && !has(&format!("q{n}")) {
         return Some(format!("joint {n} never moves"));
     }

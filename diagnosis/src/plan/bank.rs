@@ -7,7 +7,8 @@ use super::task::{Candidate, Task, campaign};
 use super::{Known, NoPlan};
 use crate::campaign::Campaign;
 use crate::hypothesis::Hypothesis;
-use crate::problem::{State, Weighing, data_rows, follow, motions_of};
+use crate::motions::Motions;
+use crate::problem::{State, Weighing, data_rows, follow};
 use crate::result::Names;
 use crate::triangle::Triangle;
 use nalgebra::DMatrix;
@@ -165,8 +166,9 @@ fn tool_rows(hypothesis: &Hypothesis, q: &Joints) -> DMatrix<f64> {
         recordings: Vec::new(),
     };
     let mut rows = DMatrix::zeros(3, hypothesis.free.len());
+    let mut at_pose = Motions::of(hypothesis);
     follow(&hypothesis.model, &asked, None, |_, seen, memories| {
-        for (k, motion) in motions_of(hypothesis, &inputs, memories, seen).iter().enumerate() {
+        for (k, motion) in at_pose.at(&inputs, memories, seen).iter().enumerate() {
             (0..3).for_each(|axis| rows[(axis, k)] = motion.shift[axis]);
         }
     });

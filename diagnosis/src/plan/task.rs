@@ -6,7 +6,9 @@ use super::NoPlan;
 use super::inverse::onto;
 use super::reach::Reach;
 use super::sight::Sight;
-use crate::campaign::{Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading};
+use crate::campaign::{
+    Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source,
+};
 use crate::hypothesis::Hypothesis;
 use crate::select::geometry;
 use crate::surroundings::Surroundings;
@@ -346,7 +348,7 @@ pub(crate) fn campaign(poses: Vec<Pose>, surroundings: &Surroundings) -> Campaig
         poses,
         surroundings: surroundings.clone(),
         instruments: vec![Instrument { name, noise_is_known: true, ..Instrument::default() }],
-        recordings: vec!["planned".to_owned()],
+        recordings: vec![Source::of_poses("planned")],
     }
 }
 

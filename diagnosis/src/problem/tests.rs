@@ -4,6 +4,7 @@ use super::*;
 use crate::campaign::{Instrument, Noise, Observation, Place, Pose, Reading};
 use crate::surroundings::{Anchor, Fitted, Plane, Sphere, Station};
 use glam::{DMat3, DVec3};
+use physics::Inputs;
 use physics::frame::rotation_from_vector;
 use physics::{AnyEffect, Arm, Frame, Given, JOINTS_MAX, Wrench};
 use proptest::prelude::*;

@@ -1,4 +1,4 @@
-//! Effects of the contract that files may hold and that nothing here predicts yet.
+//! Effects of the contract that files may hold and that nothing predicts yet.
 //!
 //! Promises: names, entries and units are the contract's (`effects.md`), so that such a file is checked like any other and
 //! its reader can list what is not compensated.
@@ -13,52 +13,6 @@ use crate::heat::REFERENCE;
 
 /// See the module. In the order of the contract's tables.
 pub static NOT_MODELLED: &[Spec] = &[
-    // Positions: what a static correction does not undo.
-    Spec {
-        kind: "time_delay",
-        place: Place::Robot,
-        acts_on: ActsOn::JointPosition,
-        needs: &[Need::Time],
-        has_memory: true,
-        parameters: &[
-            Parameter::nonlinear("delay", Unit::Millisecond, Range::Any),
-            Parameter::setting("channel", Unit::Word, Range::Any),
-        ],
-    },
-    Spec {
-        kind: "servo_lag",
-        place: Place::Joint,
-        acts_on: ActsOn::JointPosition,
-        needs: &[Need::Time],
-        has_memory: true,
-        parameters: &[Parameter::nonlinear("time_constant", Unit::Millisecond, Range::NotNegative)],
-    },
-    Spec {
-        kind: "flexible_mode",
-        place: Place::JointOrBase,
-        acts_on: ActsOn::JointPosition,
-        needs: &[Need::Acceleration, Need::Wrench, Need::Time],
-        has_memory: true,
-        parameters: &[
-            Parameter::nonlinear("frequency", Unit::Hertz, Range::Positive),
-            Parameter::nonlinear("damping_ratio", Unit::One, Range::Between(0.0, 1.0)),
-            Parameter::linear("participation", Unit::One, Range::Any).optional(),
-            Parameter::linear("dynamic_compliance", Unit::Compliance, Range::NotNegative)
-                .optional(),
-            Parameter::setting("axis", Unit::One, Range::Any).of(Count::Exactly(3)),
-        ],
-    },
-    Spec {
-        kind: "reversal_spike",
-        place: Place::Joint,
-        acts_on: ActsOn::JointPosition,
-        needs: &[Need::Direction, Need::Time],
-        has_memory: true,
-        parameters: &[
-            Parameter::linear("amplitude", Unit::Milliradian, Range::Any),
-            Parameter::nonlinear("time_constant", Unit::Millisecond, Range::Positive),
-        ],
-    },
     // Torques: what the motors feel.
     Spec {
         kind: "coulomb_friction",

@@ -1,7 +1,7 @@
 //! From the document to the physics: units to SI, effects by their names.
 
 use glam::{DMat3, DVec3};
-use physics::effects::{SPECS, spec_for};
+use physics::effects::{OVER_PATHS, SPECS, spec_for};
 use physics::spec::{ActsOn, Count, Need, Role, Spec};
 use physics::{AnyEffect, Arm, Body, Given, Joint, JointKind, Model, Tool};
 
@@ -215,7 +215,7 @@ impl EffectEntry {
         let fits = |spec: &&Spec| {
             spec.kind == kind && parameters.iter().all(|given| knows(spec, given.stem))
         };
-        let spec = SPECS.iter().find(fits)?;
+        let spec = SPECS.iter().chain(OVER_PATHS).find(fits)?;
         let joint_kind = match joint {
             Some(joint) => arm.joints().get(joint)?.kind,
             None => JointKind::Revolute,

@@ -3,7 +3,7 @@
 //! Angles that stay angles on a prismatic joint (the direction of an axis, a tilt under a moment) keep `_mrad`.
 
 use crate::JointKind::{Prismatic, Revolute};
-use crate::effects::{SPECS, is_modelled, spec_for, specs_of};
+use crate::effects::{OVER_PATHS, SPECS, is_modelled, spec_for, specs_of};
 use crate::spec::{NOT_MODELLED, Place, Spec};
 
 /// Name, keys, keys on a prismatic joint (none: it has no such form). First what is modelled, both in the order of the lists.
@@ -88,7 +88,7 @@ const KEYS: &[(&str, &str, &str)] = &[
 ];
 
 fn all() -> impl Iterator<Item = &'static Spec> {
-    SPECS.iter().chain(NOT_MODELLED)
+    SPECS.iter().chain(OVER_PATHS).chain(NOT_MODELLED)
 }
 
 #[test]

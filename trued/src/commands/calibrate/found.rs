@@ -155,7 +155,7 @@ impl Found {
 
     /// The name of a recording, without its folder.
     pub(super) fn recording(&self, place: usize) -> &str {
-        let name = self.campaign.recordings.get(place).map_or("", String::as_str);
+        let name = self.campaign.recordings.get(place).map_or("", |source| source.name.as_str());
         std::path::Path::new(name).file_name().and_then(|name| name.to_str()).unwrap_or(name)
     }
 }

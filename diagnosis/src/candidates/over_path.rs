@@ -1,0 +1,83 @@
+//! What delays, lags, rings and snaps, where the arm moves along paths.
+//!
+//! Promises: settled poses ask none of it; joint positions that were read back ask no servo lag (contract `recording.md`). Never: a frequency that samples
+//! cannot show.
+
+use super::{Candidate, List, Make, Probe, slot};
+use crate::campaign::Campaign;
+use crate::rides::paths;
+use physics::{AnyEffect, Arm, Given};
+
+/// Time constants of a spike that are tried, s.
+const SPIKES_S: [f64; 3] = [0.015, 0.05, 0.15];
+/// Places of participation and dynamic compliance among a mode's values.
+const PARTICIPATION: usize = 2;
+const COMPLIANCE: usize = 3;
+
+/// Delays, lags and spikes; modes are searched for, see `diagnose::modes`.
+pub(crate) fn over_paths(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
+    let mut list = List::new(arm, campaign);
+    let Some(path) = paths(campaign).next() else { return list.found };
+    let of_path = campaign.recordings.get(campaign.poses[path.start].recording);
+    list.values("time_delay", None, &[("delay", &[0.0])]);
+    for joint in 0..arm.count() {
+        if of_path.is_some_and(|source| !source.reads_back) {
+            list.values("servo_lag", Some(joint), &[("time_constant", &[0.0])]);
+        }
+        for time_constant in SPIKES_S {
+            let law: &[(&str, &[f64])] =
+                &[("amplitude", &[0.0]), ("time_constant", &[time_constant])];
+            list.values("reversal_spike", Some(joint), law);
+        }
+    }
+    list.found
+}
+
+/// What of a mode is asked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Driven {
+    /// By the joint's own acceleration.
+    ByMotion,
+    /// By loads.
+    ByLoad,
+    /// By both.
+    ByBoth,
+}
+
+impl Driven {
+    pub(super) fn kept(self) -> &'static [&'static str] {
+        match self {
+            Self::ByMotion => &["dynamic_compliance"],
+            Self::ByLoad => &["participation"],
+            Self::ByBoth => &[],
+        }
+    }
+}
+
+/// A mode of a joint, or of the base about an axis.
+pub(crate) fn mode(
+    arm: &Arm,
+    (joint, axis): (Option<usize>, Option<[f64; 3]>),
+    (frequency_hz, damping_ratio): (f64, f64),
+    driven: Driven,
+) -> Option<Candidate> {
+    let mut given: Vec<(&str, &[f64])> = vec![
+        ("frequency", std::slice::from_ref(&frequency_hz)),
+        ("damping_ratio", std::slice::from_ref(&damping_ratio)),
+        ("participation", &[0.0]),
+    ];
+    given.extend(axis.as_ref().map(|axis| ("axis", axis.as_slice())));
+    let effect = AnyEffect::build("flexible_mode", arm, joint, Given(&given)).ok()?;
+    let probed: &[usize] = match driven {
+        Driven::ByMotion => &[PARTICIPATION],
+        Driven::ByLoad => &[COMPLIANCE],
+        Driven::ByBoth => &[PARTICIPATION, COMPLIANCE],
+    };
+    Some(Candidate {
+        slot: slot(&effect),
+        joint,
+        probes: probed.iter().map(|value| Probe { effect, value: *value }).collect(),
+        settings: axis.map(|axis| ("axis", axis.to_vec())).into_iter().collect(),
+        make: Make::Mode(driven),
+    })
+}

@@ -1,0 +1,162 @@
+//! A search for modes of unknown frequency: joints and base that ring.
+//!
+//! Each joint's answer to its own acceleration and to the loads on it, at every frequency of a list, is a column; the best frequency is looked at closer.
+//! What a column gains comes from the same rows and the same whitening as any candidate's.
+//!
+//! Promises: frequencies that the samples show, of joints that are driven. Never: a decision; see `name`.
+
+use crate::campaign::Campaign;
+use crate::candidates::{Candidate, Driven, mode};
+use crate::motion::Motion;
+use crate::rides::{Rides, paths};
+use crate::score::{Asked, Fitted, Score};
+use physics::{AnyEffect, Arm, Chain, Contribution, Deviation, Evaluation, Loads};
+use world::dynamics::Rings;
+
+/// From one frequency to the next.
+const STEP: f64 = 1.12;
+/// Damping of the first look: wide enough to meet a mode between two frequencies.
+const WIDE: f64 = 0.1;
+/// Dampings and factors on the frequency of the second look.
+const DAMPINGS: [f64; 3] = [0.01, 0.03, 0.1];
+const BESIDE: [f64; 7] = [0.94, 0.96, 0.98, 1.0, 1.02, 1.04, 1.06];
+/// No robot rings slower, Hz.
+const LOWEST_HZ: f64 = 1.0;
+/// The highest frequency, as a share of the sampling rate; the lowest, in periods per path.
+const HIGHEST: f64 = 0.45;
+const PERIODS: f64 = 10.0;
+/// Gains below this are not looked at closer.
+const WORTH_A_LOOK: f64 = 15.0;
+/// A mode is participation or compliance this large.
+const SIGMA: [f64; 2] = [3.0, 2e-3];
+/// A load that changes less, Nm or N, drives nothing.
+const STILL: f64 = 1e-6;
+
+/// What may ring, and under what.
+#[derive(Clone, Copy, Debug)]
+struct Trial {
+    joint: Option<usize>,
+    axis: Option<[f64; 3]>,
+    driven: Driven,
+}
+
+/// The best mode of every joint and of the base, where it is worth a look.
+pub(super) fn modes(fitted: &Fitted<'_>) -> Vec<Candidate> {
+    let Some((lowest, highest)) = band(fitted.campaign) else { return Vec::new() };
+    let arm = &fitted.state.hypothesis.model.arm;
+    let rides = Rides::always(&fitted.state.hypothesis.model, fitted.campaign);
+    let mut list = Vec::new();
+    let mut frequency = lowest;
+    while frequency < highest {
+        list.push((frequency, WIDE));
+        frequency *= STEP;
+    }
+    let trials = trials(arm, fitted.campaign);
+    let first = best(fitted, &rides, trials.iter().flat_map(|trial| with(arm, trial, &list)));
+    let least = WORTH_A_LOOK * fitted.fit.design_effect;
+    let closer = trials.iter().filter_map(|trial| {
+        let (candidate, gain) = strongest(&first, trial)?;
+        let centre = candidate.probes.first()?.effect.values()[0];
+        let near = |by: &f64| DAMPINGS.map(|damping| (by * centre, damping));
+        let near: Vec<(f64, f64)> = BESIDE.iter().flat_map(near).collect();
+        (gain > least).then(|| with(arm, trial, &near))
+    });
+    let second = best(fitted, &rides, closer.flatten());
+    trials.iter().filter_map(|trial| Some(strongest(&second, trial)?.0.clone())).collect()
+}
+
+fn strongest<'a>(scored: &'a [(Candidate, f64)], trial: &Trial) -> Option<(&'a Candidate, f64)> {
+    let of_trial = scored.iter().filter(|(candidate, _)| is_of(candidate, trial));
+    of_trial.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(candidate, gain)| (candidate, *gain))
+}
+
+/// Lowest and highest frequency, Hz, that the paths show.
+fn band(campaign: &Campaign) -> Option<(f64, f64)> {
+    let times = |pose: usize| campaign.poses[pose].inputs.time_s;
+    let longest = paths(campaign).max_by(|a, b| a.len().cmp(&b.len()))?;
+    let length_s = times(longest.end - 1) - times(longest.start);
+    let rate_hz = (longest.len() - 1) as f64 / length_s;
+    (length_s > 0.0).then_some(((PERIODS / length_s).max(LOWEST_HZ), HIGHEST * rate_hz))
+}
+
+/// Joints that move, and joints and base that are loaded by what changes.
+fn trials(arm: &Arm, campaign: &Campaign) -> Vec<Trial> {
+    let first = campaign.poses.first().map(|pose| pose.inputs);
+    let changes = |of: &dyn Fn(&physics::Inputs) -> f64, least: f64| {
+        let first = first.as_ref().map_or(0.0, of);
+        campaign.poses.iter().any(|pose| (of(&pose.inputs) - first).abs() > least)
+    };
+    let wrench = changes(&|inputs| inputs.wrench_base.force.length(), STILL)
+        || changes(&|inputs| inputs.wrench_base.moment.length(), STILL);
+    let mut trials = Vec::new();
+    for joint in 0..arm.count() {
+        let moves = changes(&|inputs| inputs.q[joint], 1e-6);
+        let mut add = |driven| trials.push(Trial { joint: Some(joint), axis: None, driven });
+        if moves {
+            add(Driven::ByMotion);
+        }
+        if wrench {
+            add(if moves { Driven::ByBoth } else { Driven::ByLoad });
+        }
+    }
+    if wrench || arm.bodies().next().is_some() {
+        for axis in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
+            trials.push(Trial { joint: None, axis: Some(axis), driven: Driven::ByLoad });
+        }
+    }
+    trials
+}
+
+fn with(arm: &Arm, trial: &Trial, list: &[(f64, f64)]) -> Vec<Candidate> {
+    let of = |numbers: &(f64, f64)| mode(arm, (trial.joint, trial.axis), *numbers, trial.driven);
+    list.iter().filter_map(of).collect()
+}
+
+fn is_of(candidate: &Candidate, trial: &Trial) -> bool {
+    let axis = candidate.settings.first().map(|(_, axis)| axis.as_slice());
+    let same_axis = axis == trial.axis.as_ref().map(<[f64; 3]>::as_slice);
+    let numbers = if trial.driven == Driven::ByBoth { 2 } else { 1 };
+    candidate.joint == trial.joint && same_axis && numbers == candidate.probes.len()
+}
+
+/// What each candidate would gain alone.
+fn best(
+    fitted: &Fitted<'_>,
+    rides: &Rides,
+    candidates: impl Iterator<Item = Candidate>,
+) -> Vec<(Candidate, f64)> {
+    let model = &fitted.state.hypothesis.model;
+    let candidates: Vec<Candidate> = candidates.collect();
+    let mut columns: Vec<(Rings, Vec<f64>)> = Vec::new();
+    for probe in candidates.iter().flat_map(|candidate| &candidate.probes) {
+        let mut effect = probe.effect;
+        effect.values_mut()[probe.value] = 1.0;
+        let AnyEffect::OverPath(effect) = effect else { continue };
+        columns.push(rides.column(model, &effect, fitted.campaign.poses.len()));
+    }
+    let sigma = |value: usize| SIGMA[usize::from(value == 3)];
+    let asked = Asked {
+        numbers: candidates.iter().map(|candidate| candidate.probes.len()).collect(),
+        sigmas: candidates.iter().flat_map(|c| &c.probes).map(|p| sigma(p.value)).collect(),
+    };
+    let arm = &model.arm;
+    let scores = fitted.scores_of(&asked, |pose, into| {
+        let inputs = rides.inputs(fitted.campaign, pose);
+        let nominal = Chain::nominal(arm, &inputs.q);
+        let loads = Loads::on(arm, &nominal, inputs.wrench_base);
+        let deviation = Deviation::default();
+        let bare = Evaluation { nominal, loads, deviation, real: nominal, beyond: None };
+        let unit = |rings: &Rings| match *rings {
+            Rings::Joint(joint) => Motion::of_joint(arm, &nominal, joint),
+            Rings::Base(axis) => {
+                let turn = Contribution::BaseTurn { turn: axis };
+                Motion::of(arm, &bare, &turn).unwrap_or_default()
+            }
+        };
+        into.clear();
+        into.extend(columns.iter().map(|(rings, by)| unit(rings).times(by[pose])));
+    });
+    let sound = |score: &Score| crate::select::is_sound(&candidates[score.candidate], &score.found);
+    let sound = scores.into_iter().filter(sound);
+    sound.map(|score| (candidates[score.candidate].clone(), score.gain)).collect()
+}

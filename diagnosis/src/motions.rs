@@ -1,0 +1,163 @@
+//! How the tool moves with each free number of a hypothesis, pose by pose.
+//!
+//! What changes the loads moves the tool through all that gives way: the arm is bent twice, a little less and a little more loaded.
+//!
+//! Promises: agrees with central differences of the whole model (property tests); one load on a joint tells how the tool moves under any.
+//! Never: a delay, a lag, a mode; see [`crate::rides`].
+
+use crate::hypothesis::{Hypothesis, much, named};
+use crate::motion::Motion;
+use physics::spec::{ActsOn, Need, Role, Spec};
+use physics::{AnyEffect, Contribution, Evaluation, Inputs, JOINTS_MAX, Memories, Model};
+
+/// Steps of a central difference, as shares of how large a number may be.
+const STEP: f64 = 1e-4;
+
+/// Whether an effect changes the loads or gives way under them.
+pub(crate) fn is_about_loads(spec: &Spec) -> bool {
+    let gives_way = spec.needs.contains(&Need::Masses) || spec.needs.contains(&Need::Wrench);
+    spec.acts_on == ActsOn::Loads || gives_way
+}
+
+/// The free numbers of a hypothesis, ready to be asked.
+pub(crate) struct Motions<'a> {
+    model: &'a Model,
+    /// Effect and value of each free number.
+    wanted: Vec<(usize, usize)>,
+    are_candidates: bool,
+    yielding: Option<Yielding>,
+}
+
+impl<'a> Motions<'a> {
+    pub(crate) fn of(hypothesis: &'a Hypothesis) -> Self {
+        let wanted = hypothesis.free.iter().map(|free| (free.effect, free.value)).collect();
+        Self { model: &hypothesis.model, wanted, are_candidates: false, yielding: None }
+    }
+
+    /// The same of candidates, which stand beside one another without being there.
+    pub(crate) fn of_candidates(hypothesis: &'a Hypothesis) -> Self {
+        Self { are_candidates: true, ..Self::of(hypothesis) }
+    }
+
+    /// At one pose, of which `seen` is what the model says; one motion per free number.
+    pub(crate) fn at(
+        &mut self,
+        inputs: &Inputs,
+        memories: &Memories,
+        seen: &Evaluation,
+    ) -> Vec<Motion> {
+        let mut motions = vec![Motion::default(); self.wanted.len()];
+        let mut on_loads = Vec::new();
+        self.model.derivatives(inputs, memories, &self.wanted, |place, change| {
+            match Motion::of(&self.model.arm, seen, change) {
+                Some(motion) => motions[place] = motion,
+                None => on_loads.push((place, *change)),
+            }
+        });
+        if !on_loads.is_empty() {
+            let yielding = self.yielding.get_or_insert_with(|| {
+                // Waves stand among the candidates at full size, and feel no load.
+                let counts = |spec: &Spec| !self.are_candidates || is_about_loads(spec);
+                Yielding::of(self.model, counts)
+            });
+            yielding.stand_at(memories);
+            for (place, change) in on_loads {
+                motions[place] = yielding.motion(self.model, self.wanted[place], &change, inputs);
+            }
+        }
+        motions
+    }
+}
+
+/// A model of what is at work, at one pose.
+struct Yielding {
+    model: Box<Model>,
+    memories: Memories,
+    /// Where each effect of the whole model stands here, if it is at work.
+    places: Vec<Option<usize>>,
+    /// How the tool moves per unit of load on a joint.
+    responses: [Option<Motion>; JOINTS_MAX],
+}
+
+impl Yielding {
+    fn of(whole: &Model, counts: impl Fn(&Spec) -> bool) -> Self {
+        let mut model = Box::new(Model::nominal(whole.arm));
+        let mut places = Vec::with_capacity(whole.effects().len());
+        for effect in whole.effects() {
+            let at_work = counts(effect.spec())
+                && (0..effect.values().len()).any(|value| {
+                    let role = named(effect, value).map(|named| named.parameter.role);
+                    role == Some(Role::Linear) && effect.values()[value] != 0.0
+                });
+            // It had room in the whole model.
+            let stands = at_work && model.push(*effect).is_ok();
+            places.push(stands.then(|| model.effects().len() - 1));
+        }
+        Self { model, memories: Memories::default(), places, responses: [None; JOINTS_MAX] }
+    }
+
+    fn stand_at(&mut self, all: &Memories) {
+        for (from, to) in self.places.iter().enumerate() {
+            if let Some(to) = to {
+                self.memories.take(*to, all, from);
+            }
+        }
+        self.responses = [None; JOINTS_MAX];
+    }
+
+    /// The motion per unit of a value of an effect on the loads; `change` is what it adds to them. All that gives way does so in proportion.
+    fn motion(
+        &mut self,
+        whole: &Model,
+        (effect, value): (usize, usize),
+        change: &Contribution,
+        inputs: &Inputs,
+    ) -> Motion {
+        let Some(own) = whole.effects().nth(effect) else { return Motion::default() };
+        let place = self.places[effect];
+        let Contribution::JointLoad { joint, load } = *change else {
+            return self.by_difference(own, place, value, inputs);
+        };
+        if load == 0.0 {
+            return Motion::default();
+        }
+        if self.responses[joint].is_none() {
+            let motion = self.by_difference(own, place, value, inputs);
+            self.responses[joint] = Some(motion.times(1.0 / load));
+        }
+        self.responses[joint].map_or_else(Motion::default, |response| response.times(load))
+    }
+
+    /// `place`: where the effect stands here; none: it takes the place behind all that do.
+    fn by_difference(
+        &mut self,
+        own: &AnyEffect,
+        place: Option<usize>,
+        value: usize,
+        inputs: &Inputs,
+    ) -> Motion {
+        let spare = self.places.iter().flatten().count();
+        let place = place.unwrap_or(spare);
+        if place == self.model.effects().len() && self.model.push(*own).is_err() {
+            return Motion::default();
+        }
+        let stands = own.values()[value];
+        let step = STEP * much(own, value).max(stands.abs());
+        let mut at = |value_there: f64| {
+            if let Some(effect) = self.model.effect_mut(place) {
+                *effect = *own;
+                effect.values_mut()[value] = value_there;
+            }
+            self.model.evaluate(inputs, &self.memories)
+        };
+        let motion = Motion::between(&at(stands - step), &at(stands + step), 2.0 * step);
+        if let Some(effect) = self.model.effect_mut(place) {
+            *effect = *own;
+            // What is only a guest here does nothing to the next.
+            if place == spare {
+                effect.values_mut().fill(0.0);
+            }
+        }
+        motion
+    }
+}

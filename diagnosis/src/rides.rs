@@ -1,0 +1,192 @@
+//! Paths as the motors go them: what of a hypothesis delays, lags, rings and snaps, over the runs of a campaign.
+//!
+//! Such effects add nothing to a single pose; they change what went in, and bend on top. Their derivatives are central differences of where the joints are.
+//!
+//! Promises: a model without such effects costs nothing here; settled poses stay as they are. Never: an error of a single pose.
+
+use crate::campaign::Campaign;
+use crate::hypothesis::{Free, Hypothesis, much};
+use crate::motion::Motion;
+use crate::proof::runs;
+use physics::effects::OverPath;
+use physics::{AnyEffect, Arm, Chain, Contribution, Evaluation, Inputs, Model};
+use std::ops::Range;
+use world::dynamics::{Dynamics, Rings};
+use world::ride::Ride;
+
+/// Steps of a central difference, as shares of how large a number may be.
+const STEP: f64 = 1e-3;
+
+/// The runs of a campaign that are paths: speeds and memory follow along them.
+pub(crate) fn paths(campaign: &Campaign) -> impl Iterator<Item = Range<usize>> {
+    let is_path = |run: &Range<usize>| {
+        let source = campaign.recordings.get(campaign.poses[run.start].recording);
+        source.is_some_and(|source| source.is_path) && run.len() > 2
+    };
+    runs(campaign).into_iter().filter(is_path)
+}
+
+/// The paths of a campaign under one model's dynamics.
+pub(crate) struct Rides {
+    rides: Vec<(Range<usize>, Ride)>,
+    /// The ride of each pose; empty where no model's effect asks for one.
+    of_pose: Vec<Option<usize>>,
+}
+
+impl Rides {
+    pub(crate) fn of(model: &Model, campaign: &Campaign) -> Self {
+        let asked = model.effects().any(|effect| matches!(effect, AnyEffect::OverPath(_)));
+        if asked {
+            Self::always(model, campaign)
+        } else {
+            Self { rides: Vec::new(), of_pose: Vec::new() }
+        }
+    }
+
+    /// The same where no effect asks for it.
+    pub(crate) fn always(model: &Model, campaign: &Campaign) -> Self {
+        let dynamics = Dynamics::of(model);
+        let mut of_pose = vec![None; campaign.poses.len()];
+        let mut rides = Vec::new();
+        for run in paths(campaign) {
+            of_pose[run.clone()].fill(Some(rides.len()));
+            let ride = Ride::of(model, &dynamics, &rows(campaign, &run));
+            rides.push((run, ride));
+        }
+        Self { rides, of_pose }
+    }
+
+    fn at(&self, pose: usize) -> Option<(&Ride, usize)> {
+        let (run, ride) = self.rides.get((*self.of_pose.get(pose)?)?)?;
+        Some((ride, pose - run.start))
+    }
+
+    /// What went into a pose.
+    pub(crate) fn inputs<'a>(&'a self, campaign: &'a Campaign, pose: usize) -> &'a Inputs {
+        self.at(pose).map_or(&campaign.poses[pose].inputs, |(ride, row)| &ride.inputs[row])
+    }
+
+    /// Bends an evaluation by what rings and snaps.
+    pub(crate) fn bend(&self, arm: &Arm, pose: usize, seen: &mut Evaluation) {
+        if let Some((ride, row)) = self.at(pose).filter(|(ride, _)| ride.bends()) {
+            ride.bend(row, &mut seen.deviation);
+            let q = &ride.inputs[row].q;
+            seen.real = Chain::real(arm, q, &seen.deviation);
+        }
+    }
+
+    /// What a mode or spike moves at each of so many poses.
+    pub(crate) fn column(
+        &self,
+        model: &Model,
+        effect: &OverPath,
+        poses: usize,
+    ) -> (Rings, Vec<f64>) {
+        let mut moved = (Rings::Joint(0), vec![0.0; poses]);
+        for (run, ride) in &self.rides {
+            if let Some((rings, by)) = ride.of_effect(model, effect) {
+                moved.0 = rings;
+                moved.1[run.clone()].copy_from_slice(&by);
+            }
+        }
+        moved
+    }
+
+    /// How joints and base move with each free number of an effect over paths; nothing for other numbers.
+    pub(crate) fn slopes(&self, hypothesis: &Hypothesis, campaign: &Campaign) -> Slopes {
+        let effects: Vec<&AnyEffect> = hypothesis.model.effects().collect();
+        let of = |(place, free): (usize, &Free)| match effects.get(free.effect) {
+            Some(AnyEffect::OverPath(effect)) => {
+                Some((place, self.slope(hypothesis, campaign, (free, effect))))
+            }
+            _ => None,
+        };
+        Slopes { of_free: hypothesis.free.iter().enumerate().filter_map(of).collect() }
+    }
+
+    fn slope(
+        &self,
+        hypothesis: &Hypothesis,
+        campaign: &Campaign,
+        (free, effect): (&Free, &OverPath),
+    ) -> Vec<(Rings, Vec<f64>)> {
+        let whole = AnyEffect::OverPath(*effect);
+        let stands = effect.values()[free.value];
+        let step = STEP * much(&whole, free.value).min(stands.abs().max(much(&whole, free.value)));
+        // A time constant of zero lags in one direction only.
+        let below = if effect.spec().kind == "servo_lag" { step.min(stands) } else { step };
+        let at = |value: f64| {
+            let mut effect = *effect;
+            effect.values_mut()[free.value] = value;
+            effect
+        };
+        let (low, high) = (at(stands - below), at(stands + step));
+        let width = step + below;
+        let mut moved: Vec<(Rings, Vec<f64>)> = Vec::new();
+        for (run, ride) in &self.rides {
+            let model = &hypothesis.model;
+            let of_one = |effect| ride.of_effect(model, effect);
+            if let (Some((rings, low)), Some((_, high))) = (of_one(&low), of_one(&high)) {
+                let into = series(&mut moved, rings, campaign.poses.len());
+                let both = low.iter().zip(&high);
+                into[run.clone()].iter_mut().zip(both).for_each(|(d, (l, h))| *d = (h - l) / width);
+                continue;
+            }
+            let rows = rows(campaign, run);
+            let ridden = |effect: &OverPath| {
+                let mut model = *hypothesis.model;
+                if let Some(place) = model.effect_mut(free.effect) {
+                    *place = AnyEffect::OverPath(*effect);
+                }
+                Ride::of(&model, &Dynamics::of(&model), &rows)
+            };
+            let (low, high) = (ridden(&low), ridden(&high));
+            let joints = effect.joint().map_or(0..model.arm.count(), |joint| joint..joint + 1);
+            for rings in joints.map(Rings::Joint) {
+                let into = series(&mut moved, rings, campaign.poses.len());
+                for (row, d) in into[run.clone()].iter_mut().enumerate() {
+                    *d = (high.place(rings, row) - low.place(rings, row)) / width;
+                }
+            }
+        }
+        moved
+    }
+}
+
+/// The rows of a run, as commanded.
+fn rows(campaign: &Campaign, run: &Range<usize>) -> Vec<Inputs> {
+    campaign.poses[run.clone()].iter().map(|pose| pose.inputs).collect()
+}
+
+/// One number per pose for what moves.
+fn series(moved: &mut Vec<(Rings, Vec<f64>)>, of: Rings, poses: usize) -> &mut Vec<f64> {
+    let place = moved.iter().position(|(rings, _)| *rings == of).unwrap_or_else(|| {
+        moved.push((of, vec![0.0; poses]));
+        moved.len() - 1
+    });
+    &mut moved[place].1
+}
+
+/// Per free number of an effect over paths: what moves by how much at each pose, per unit of the number.
+pub(crate) struct Slopes {
+    of_free: Vec<(usize, Vec<(Rings, Vec<f64>)>)>,
+}
+
+impl Slopes {
+    /// Puts the motions at a pose in their places.
+    pub(crate) fn fill(&self, arm: &Arm, seen: &Evaluation, pose: usize, motions: &mut [Motion]) {
+        for (place, moved) in &self.of_free {
+            let mut sum = Motion::default();
+            for (rings, by) in moved {
+                let one = match *rings {
+                    Rings::Joint(joint) => Some(Motion::of_joint(arm, &seen.real, joint)),
+                    Rings::Base(axis) => {
+                        Motion::of(arm, seen, &Contribution::BaseTurn { turn: axis })
+                    }
+                };
+                sum = sum.plus(&one.unwrap_or_default().times(by[pose]));
+            }
+            motions[*place] = sum;
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! What of a motion lags, rings and snaps: effects that need a whole path and have no place in a cycle.
+//!
+//! Laws: contract `effects.md`. They run over paths in `world::dynamics`; here stands what they are called and which numbers they have, so that files,
+//! simulation and diagnosis speak of the same thing.
+//!
+//! Promises: they add nothing to a sample: [`crate::Model::evaluate`] is the same with and without them. Never: a state.
+
+use crate::Arm;
+use crate::effect::{BuildError, Given, Site};
+use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Role, Spec, Unit};
+use glam::DVec3;
+
+/// What the effects over paths say of themselves.
+pub static OVER_PATHS: &[Spec] = &[
+    Spec {
+        kind: "time_delay",
+        place: Place::Robot,
+        acts_on: ActsOn::JointPosition,
+        needs: &[Need::Time],
+        has_memory: true,
+        parameters: &[
+            // Linear to first order: the motion of then is the motion of now less speed times delay.
+            Parameter::linear("delay", Unit::Millisecond, Range::Any),
+            Parameter::setting("channel", Unit::Word, Range::Any),
+        ],
+    },
+    Spec {
+        kind: "servo_lag",
+        place: Place::Joint,
+        acts_on: ActsOn::JointPosition,
+        needs: &[Need::Time],
+        has_memory: true,
+        parameters: &[Parameter::linear("time_constant", Unit::Millisecond, Range::NotNegative)],
+    },
+    Spec {
+        kind: "flexible_mode",
+        place: Place::JointOrBase,
+        acts_on: ActsOn::JointPosition,
+        needs: &[Need::Acceleration, Need::Wrench, Need::Time],
+        has_memory: true,
+        parameters: &[
+            Parameter::nonlinear("frequency", Unit::Hertz, Range::Positive),
+            Parameter::nonlinear("damping_ratio", Unit::One, Range::Between(0.0, 1.0)),
+            Parameter::linear("participation", Unit::One, Range::Any).optional(),
+            Parameter::linear("dynamic_compliance", Unit::Compliance, Range::NotNegative)
+                .optional(),
+            Parameter::setting("axis", Unit::One, Range::Any).of(Count::Exactly(3)),
+        ],
+    },
+    Spec {
+        kind: "reversal_spike",
+        place: Place::Joint,
+        acts_on: ActsOn::JointPosition,
+        needs: &[Need::Direction, Need::Time],
+        has_memory: true,
+        parameters: &[
+            Parameter::linear("amplitude", Unit::Milliradian, Range::Any),
+            Parameter::nonlinear("time_constant", Unit::Millisecond, Range::Positive),
+        ],
+    },
+];
+
+/// The most numbers that one of them has.
+const VALUES_MAX: usize = 4;
+
+/// `time_delay`, `servo_lag`, `flexible_mode` or `reversal_spike`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OverPath {
+    spec: &'static Spec,
+    joint: Option<usize>,
+    axis: Option<DVec3>,
+    values: [f64; VALUES_MAX],
+}
+
+impl OverPath {
+    /// One of these by its name; none where it has another.
+    pub(super) fn build(
+        kind: &str,
+        arm: &Arm,
+        joint: Option<usize>,
+        given: Given<'_>,
+    ) -> Option<Result<Self, BuildError>> {
+        let spec = OVER_PATHS.iter().find(|spec| spec.kind == kind)?;
+        Some(Site::checked(spec, arm, joint, given).and_then(|site| Self::at(spec, joint, &site)))
+    }
+
+    fn at(spec: &'static Spec, joint: Option<usize>, site: &Site<'_>) -> Result<Self, BuildError> {
+        let axis = match site.vector("axis") {
+            None => None,
+            Some(axis) => {
+                let Some(axis) = axis.try_normalize() else {
+                    return Err(BuildError::Combination("an `axis` that is not zero"));
+                };
+                Some(axis)
+            }
+        };
+        if spec.place == Place::JointOrBase && joint.is_some() == axis.is_some() {
+            return Err(BuildError::Combination("either `joint` or `axis`"));
+        }
+        let mut values = [0.0; VALUES_MAX];
+        for (value, parameter) in values.iter_mut().zip(fitted(spec)) {
+            let default = if parameter.stem == "participation" { 1.0 } else { 0.0 };
+            *value = site.maybe(parameter.stem).unwrap_or(default);
+        }
+        Ok(Self { spec, joint, axis, values })
+    }
+
+    /// What it says of itself.
+    pub fn spec(&self) -> &'static Spec {
+        self.spec
+    }
+
+    /// The 0-based joint that it belongs to; none for the whole robot.
+    pub fn joint(&self) -> Option<usize> {
+        self.joint
+    }
+
+    /// The base axis that rings, unit vector.
+    pub fn axis(&self) -> Option<DVec3> {
+        self.axis
+    }
+
+    /// See [`crate::Effect::fitted`].
+    pub fn fitted(&self) -> &'static [Parameter] {
+        fitted(self.spec)
+    }
+
+    /// See [`crate::Effect::values`].
+    pub fn values(&self) -> &[f64] {
+        &self.values[..fitted(self.spec).len()]
+    }
+
+    /// See [`crate::Effect::values_mut`].
+    pub fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values[..fitted(self.spec).len()]
+    }
+}
+
+fn fitted(spec: &'static Spec) -> &'static [Parameter] {
+    let count = spec.parameters.iter().take_while(|p| p.role != Role::Setting).count();
+    &spec.parameters[..count]
+}
