@@ -23,7 +23,7 @@ const LINES: usize = 12;
 
 #[derive(Serialize)]
 #[expect(non_snake_case, reason = "the contract's keys")]
-pub(super) struct Report {
+pub(in crate::commands) struct Report {
     pub(super) verdict: &'static str,
     domain: &'static str,
     pub(super) unit: &'static str,
@@ -109,7 +109,7 @@ pub(super) struct Place {
 }
 
 impl Report {
-    pub(super) fn of(found: &Found) -> Self {
+    pub(in crate::commands) fn of(found: &Found) -> Self {
         let Some(diagnosis) = &found.diagnosis else { return Self::nothing(found) };
         let proof = &diagnosis.proof;
         let arm = &found.base.physics.arm;
@@ -299,7 +299,7 @@ pub(super) fn lead(found: &Found, report: &Report) -> String {
 }
 
 /// The findings, the rest, and what to do, line by line.
-pub(super) fn lines(report: &Report) -> Vec<String> {
+pub(in crate::commands) fn lines(report: &Report) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for told in report.findings.iter().take(LINES) {
         let rivals: Vec<String> = told.alternatives.iter().map(Alternative::name).collect();
