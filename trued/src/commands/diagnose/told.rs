@@ -24,7 +24,7 @@ const LINES: usize = 12;
 #[derive(Serialize)]
 #[expect(non_snake_case, reason = "the contract's keys")]
 pub(in crate::commands) struct Report {
-    pub(super) verdict: &'static str,
+    pub(in crate::commands) verdict: &'static str,
     domain: &'static str,
     pub(super) unit: &'static str,
     samples: usize,
@@ -279,7 +279,7 @@ pub(super) fn json(report: &Report) -> Result<String, Failure> {
 }
 
 /// The result in one sentence.
-pub(super) fn lead(found: &Found, report: &Report) -> String {
+pub(in crate::commands) fn lead(found: &Found, report: &Report) -> String {
     if found.diagnosis.is_none() {
         return found.doubts.join("; or: ");
     }
