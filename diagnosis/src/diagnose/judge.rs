@@ -10,7 +10,7 @@ const CARRIED: f64 = 0.8;
 /// Where more than this share of what is named cannot be told apart, nothing is claimed.
 const CLEAR: f64 = 0.5;
 /// Two names that differ by less than this in log-likelihood are one and the same thing in this recording.
-const SAME: f64 = 0.2;
+const SAME: f64 = 0.5;
 
 /// What a recording says of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
