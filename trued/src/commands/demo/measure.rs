@@ -20,7 +20,11 @@ pub(super) fn measured(scene: &Scene) -> Recording {
         model: Some("model.toml".to_owned()),
         measured_in_base: true,
         wrench_frame: Some(Frame::Base),
-        targets_tool: REFLECTORS_TOOL.iter().map(|place| place.to_array()).enumerate().collect(),
+        targets_tool: REFLECTORS_TOOL
+            .map(|place| DVec3::to_array(&place))
+            .into_iter()
+            .enumerate()
+            .collect(),
         ..About::default()
     };
     for joint in 0..scene.model.physics.arm.count() {

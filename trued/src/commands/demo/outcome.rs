@@ -63,7 +63,9 @@ pub(super) struct Told {
 pub(super) struct Swap {
     /// Cycles while robot and daemon stood and waited for the diagnosis, the change among them.
     pub(super) cycles: u64,
-    /// Cycles without an answer in time in the second about the change.
+    /// Of these, cycles without an answer in time.
+    pub(super) missed: u64,
+    /// The same in the second about the change.
     pub(super) missed_about: u64,
 }
 

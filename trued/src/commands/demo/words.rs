@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use super::act::FOLDER;
-use super::outcome::{Milled, Report, Spread};
+use super::outcome::{Milled, Report, Spread, Swap};
 use super::scene::{Scene, TRACKER_M};
 use crate::exit::Failure;
 use crate::output::{Console, Paint};
@@ -70,10 +70,7 @@ pub(super) fn measures(console: &mut Console, scene: &Scene) -> Said {
 pub(super) fn end(console: &mut Console, report: &Report, out: &Path) -> Said {
     let (milled, told) = (&report.milled, &report.told);
     if let (Some(after), Some(swap)) = (report.tool_error_after_diagnosis_mm, report.swap) {
-        console.say(format!(
-            "swapped in between two of {} cycles; {} late in the second about it",
-            swap.cycles, swap.missed_about
-        ))?;
+        console.say(swapped(&swap))?;
         head(console, "3  The same path again")?;
         let errors = &milled.tool_error_mm;
         console.say(table([
@@ -117,6 +114,19 @@ pub(super) fn end(console: &mut Console, report: &Report, out: &Path) -> Said {
     ))?;
     console
         .say(format!("black box  {} (MCAP, of the daemon itself)", out.join("blackbox").display()))
+}
+
+/// How the change of model went, beside how the cycles went before.
+fn swapped(swap: &Swap) -> String {
+    let between = format!("swapped in between two of {} cycles", swap.cycles);
+    if swap.missed_about == 0 {
+        return format!("{between}; no answer was late in the second about it");
+    }
+    let share = 100.0 * swap.missed as f64 / swap.cycles.max(1) as f64;
+    let about = 0.1 * swap.missed_about as f64;
+    format!(
+        "{between}; {about:.1} % of the answers late in the second about it, {share:.1} % all along: this machine is busy"
+    )
 }
 
 fn head(console: &mut Console, text: &str) -> Said {
