@@ -107,9 +107,7 @@ pub(super) fn draw(
         }
         "bearing_compliance" => vec![("compliance", vec![by(5e-6, 4e-5)])],
         "gravity_sag" => vec![("sag", sag(arm, i, by(6e-4, 1.5e-3), &mut dice))],
-        "stiffness_hardening" => {
-            vec![("cubic", vec![cubic(model, survey, i)?])]
-        }
+        "stiffness_hardening" => vec![("cubic", vec![cubic(model, survey, i)?])],
         "axis_tilt" => vec![("tilt", dice.vector(2, 1e-3))],
         "axis_shift" => vec![("shift", across(arm, i, &dice.vector(3, 1e-3)))],
         "thermal_growth" => {
