@@ -12,7 +12,7 @@ use shm_schema::{
 use crate::follow::Follower;
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
 use crate::monitor::{Asker, MonitorPorts, ping, reload, switch};
-use crate::{AskError, ConnectError, NotSent, ProcessState, Setpoint, Target};
+use crate::{AskError, ConnectError, Measured, NotSent, ProcessState, Setpoint, Target};
 
 /// An answer is awaited spinning for so long, then with naps.
 const SPIN: Duration = Duration::from_micros(200);
@@ -266,6 +266,18 @@ impl Client {
         limit: Duration,
     ) -> Result<Response, AskError> {
         self.ask(process.request(), limit)
+    }
+
+    /// Tells where the tool was measured: the answer says how far that is from what the model says, and whether the model still holds.
+    ///
+    /// # Errors
+    /// See [`AskError`]; a refusal is an answer, not an error.
+    pub fn measured(
+        &mut self,
+        measured: &Measured<'_>,
+        limit: Duration,
+    ) -> Result<Response, AskError> {
+        self.ask(measured.request(), limit)
     }
 
     fn ask(&mut self, request: Request, limit: Duration) -> Result<Response, AskError> {

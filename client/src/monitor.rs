@@ -9,7 +9,7 @@ use shm_schema::{
 };
 
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
-use crate::{AskError, ConnectError, ProcessState};
+use crate::{AskError, ConnectError, Measured, ProcessState};
 
 /// How often an answer is looked for.
 const ANSWER_PERIOD: Duration = Duration::from_micros(200);
@@ -188,6 +188,18 @@ impl Monitor {
         limit: Duration,
     ) -> Result<Response, AskError> {
         self.ask(process.request(), limit)
+    }
+
+    /// Tells where the tool was measured: the answer says how far that is from what the model says, and whether the model still holds.
+    ///
+    /// # Errors
+    /// See [`AskError`]; a refusal is an answer, not an error.
+    pub fn measured(
+        &mut self,
+        measured: &Measured<'_>,
+        limit: Duration,
+    ) -> Result<Response, AskError> {
+        self.ask(measured.request(), limit)
     }
 
     fn ask(&mut self, request: Request, limit: Duration) -> Result<Response, AskError> {

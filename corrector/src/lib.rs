@@ -11,6 +11,7 @@
 //! Never: a clock (time comes with the call), a heap, a log, a panic.
 #![cfg_attr(not(test), no_std)]
 
+mod ageing;
 mod corrector;
 mod direction;
 mod judge;
@@ -24,6 +25,7 @@ mod world;
 mod wrench;
 
 pub use crate::corrector::{Corrector, Wanted};
+pub use ageing::Ageing;
 pub use judge::{Command, Judge};
 pub use outcome::{Gate, Outcome, Reason, Residual, Status};
 pub use settings::{Mode, Settings, Task, WrenchSettings};

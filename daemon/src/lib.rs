@@ -10,6 +10,7 @@
 //! Promises: the daemon never makes the robot step, whatever fails; a start that fails leaves nothing behind.
 //! Never: an equation. The cycle is one short file, [`cycle`].
 
+pub mod ageing;
 pub mod cycle;
 pub mod exchange;
 pub mod latency;

@@ -1,7 +1,7 @@
-//! What is new of the force stream and its vibrations, for the log.
+//! What is new of the force stream, its vibrations and the model's age, for the log.
 //!
 //! Promises: a fault is logged when it begins and when it ends; a ringing when it alarms, when it is confirmed, and when it is
-//! over; not more. Never: in a real-time thread.
+//! over; a model when it no longer holds; not more. Never: in a real-time thread.
 
 use crate::exchange::Exchange;
 use shm_schema::{ForceFault, Status, Verdict, VibrationState, WatchState};
@@ -14,6 +14,7 @@ pub struct News {
     /// Ringings, by event, that alarmed, and how far they had come.
     ringing: Vec<(u64, VibrationState)>,
     learning: bool,
+    broken_since_ns: u64,
 }
 
 impl News {
@@ -36,6 +37,15 @@ impl News {
             info!("the vibration watch {words}");
         }
         self.learning = learning;
+        let since_ns = status.model_broken_since_ns;
+        if since_ns > 0 && self.broken_since_ns == 0 {
+            warn!(
+                measurements = status.model_measurements,
+                residual_mm = 1e3 * status.model_residual_m,
+                "the model no longer holds; `trued diagnose` on a measuring program says why"
+            );
+        }
+        self.broken_since_ns = since_ns;
     }
 
     fn log_verdict(&mut self, verdict: &Verdict) {

@@ -2,6 +2,7 @@
 //!
 //! Promises: a status can be made at any time, without waiting for anybody; whatever is wrong with the force stream is named.
 
+use crate::ageing::Age;
 use crate::exchange::{Exchange, Hearing};
 use crate::setup;
 use crate::verdicts::faults;
@@ -68,8 +69,8 @@ impl Constants {
         }
     }
 
-    /// The status now, while the process is in that state.
-    pub fn status(&mut self, exchange: &Exchange, process: &ProcessState) -> Status {
+    /// The status now, while the process is in that state and the model of that age.
+    pub fn status(&mut self, exchange: &Exchange, process: &ProcessState, age: &Age) -> Status {
         self.seq += 1;
         while let Some(hearing) = exchange.hearing.pop() {
             self.hearing = Some(hearing);
@@ -112,9 +113,11 @@ impl Constants {
             ..Status::default()
         };
         self.hear(exchange, process, &mut status);
+        age.put(&mut status);
         let health = self.health(exchange, &status);
         status.health = health.code();
-        status.message = Text::new(&self.words(exchange, health, &status));
+        let aged = age.words(status.t_ns);
+        status.message = Text::new(&self.words(exchange, health, &status, aged.as_deref()));
         status
     }
 
@@ -160,7 +163,7 @@ impl Constants {
             Health::Degraded
         } else if !commands_come(exchange) {
             Health::Idle
-        } else if self.last_reason(exchange).is_some() {
+        } else if self.last_reason(exchange).is_some() || status.model_broken_since_ns > 0 {
             Health::Degraded
         } else {
             Health::Running
@@ -176,7 +179,13 @@ impl Constants {
     }
 
     /// What a person should know, the most urgent first.
-    fn words(&self, exchange: &Exchange, health: Health, status: &Status) -> String {
+    fn words(
+        &self,
+        exchange: &Exchange,
+        health: Health,
+        status: &Status,
+        aged: Option<&str>,
+    ) -> String {
         let mut words = format!("{}: {health}", self.model_name);
         let mut add = |part: std::fmt::Arguments<'_>| {
             // Writing to a text does not fail.
@@ -186,6 +195,9 @@ impl Constants {
             && let Some(reason) = self.last_reason(exchange)
         {
             add(format_args!("{reason}"));
+        }
+        if let Some(aged) = aged {
+            add(format_args!("{aged}"));
         }
         for fault in status.force_faults() {
             add(format_args!("{fault}"));

@@ -3,6 +3,7 @@
 //! Thread of [`crate::run`], 20 times a second. Promises: a model that does not load changes nothing and its faults are told;
 //! one that does is swapped in between two cycles. Never: anything that the cycle waits for.
 
+use crate::ageing::Age;
 use crate::exchange::{Exchange, LoadedModel};
 use crate::news::News;
 use crate::process::Process;
@@ -39,6 +40,7 @@ pub struct Supervisor {
     model_epoch: u64,
     constants: status::Constants,
     process: Process,
+    age: Age,
     news: News,
     looks: u32,
 }
@@ -62,6 +64,7 @@ impl Supervisor {
             model_epoch: 1,
             constants: status::Constants::new(config, &model, bounds),
             process: Process::new(config, &model),
+            age: Age::default(),
             news: News::default(),
             looks: 0,
             domain,
@@ -90,15 +93,15 @@ impl Supervisor {
 
     /// Publishes the status as it is now, and logs what is new in it.
     pub fn tell(&mut self, exchange: &Exchange) {
-        let message = self.constants.status(exchange, &self.process.state());
+        let message = self.constants.status(exchange, &self.process.state(), &self.age);
         self.status.send(&message);
         self.news.log(exchange, &message);
     }
 
     fn serve(&mut self, exchange: &Exchange) {
-        let Self { control, model_path, model, model_epoch, constants, process, .. } = self;
+        let Self { control, model_path, model, model_epoch, constants, process, age, .. } = self;
         while control.serve(|request| {
-            let mut desk = Desk { model_path, model, model_epoch, constants, process };
+            let mut desk = Desk { model_path, model, model_epoch, constants, process, age };
             let (answer, words) = desk.answer(exchange, request);
             info!(%answer, words, "request");
             Response::to(request, answer, &words)
@@ -139,6 +142,7 @@ struct Desk<'a> {
     model_epoch: &'a mut u64,
     constants: &'a mut status::Constants,
     process: &'a mut Process,
+    age: &'a mut Age,
 }
 
 impl Desk<'_> {
@@ -166,6 +170,7 @@ impl Desk<'_> {
                 (Answer::Done, words.to_owned())
             }
             Operation::ProcessState => self.process.tell(exchange, request),
+            Operation::Measured => self.age.tell(&self.model.physics, request),
         }
     }
 
@@ -193,6 +198,7 @@ impl Desk<'_> {
         let words = format!("{} loaded from {}", next.file.name, path.display());
         self.constants.take(&next);
         self.process.take(&next);
+        *self.age = Age::default();
         (*self.model_path, *self.model) = (path, next);
         (Answer::Done, brief(&words))
     }

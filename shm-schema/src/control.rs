@@ -2,6 +2,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
+use crate::JOINTS_MAX;
 use crate::codes::{UnknownCode, codes};
 use crate::layout::{Payload, payload, plain_struct};
 use crate::text::Text;
@@ -11,7 +12,7 @@ pub const PATH_BYTES_MAX: usize = 256;
 
 plain_struct! {
     /// One request.
-    pub struct Request = "trued.Request/2" {
+    pub struct Request = "trued.Request/3" {
         /// From 1, plus 1 with each request of this sender.
         pub seq: u64,
         /// Names this run of the sender.
@@ -22,6 +23,14 @@ plain_struct! {
         pub spindle_rpm: f64,
         /// Feed, mm/s, for [`Operation::ProcessState`]; NaN where unknown.
         pub feed_mm_s: f64,
+        /// Standard uncertainty of each number of `point_m`, instrument and model together, m, for [`Operation::Measured`].
+        pub sigma_m: f64,
+        /// Temperature around the robot, °C, for [`Operation::Measured`]; NaN where unknown.
+        pub ambient_c: f64,
+        /// Where the tool centre point was measured, base frame, m, for [`Operation::Measured`].
+        pub point_m: [f64; 3],
+        /// The joint positions that were published there, rad or m, for [`Operation::Measured`].
+        pub q: [f64; JOINTS_MAX],
         /// Layout version.
         pub layout: u32,
         /// An [`Operation`].
@@ -34,11 +43,17 @@ plain_struct! {
         pub in_cut: u32,
         /// How long the process state holds, ms; 0: until another one is told.
         pub holds_ms: u32,
+        /// How many joints `q` has, for [`Operation::Measured`].
+        pub joints: u32,
+        /// Zero.
+        pub reserved: u32,
+        /// From which side each joint came, −1 or 1; 0 where unknown, for [`Operation::Measured`].
+        pub direction: [i8; JOINTS_MAX],
         /// The model for [`Operation::Reload`], absolute; empty: the one loaded now, read again.
         pub path: Text<PATH_BYTES_MAX>,
     }
 }
-payload!(Request = "trued.Request/2", layout 2, check |_| Ok(()));
+payload!(Request = "trued.Request/3", layout 3, check |_| Ok(()));
 
 impl Request {
     /// What is asked.
@@ -113,6 +128,8 @@ codes! {
         Arm = 3 "arm",
         /// Tell what the process does: spindle, teeth, feed, cut.
         ProcessState = 4 "process_state",
+        /// Tell where the tool was measured: does the model still hold?
+        Measured = 5 "measured",
     }
 }
 

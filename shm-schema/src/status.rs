@@ -28,7 +28,7 @@ plain_struct! {
 
 plain_struct! {
     /// The daemon's own account of itself. The first one is published before the epoch is announced.
-    pub struct Status = "trued.Status/2" {
+    pub struct Status = "trued.Status/3" {
         /// From 1, plus 1 with each message of this daemon's epoch.
         pub seq: u64,
         /// When it was made, `CLOCK_MONOTONIC`.
@@ -79,6 +79,12 @@ plain_struct! {
         pub spindle_rpm: f64,
         /// Feed that it goes by, mm/s: as told, or by the commanded path (NaN where unknown).
         pub feed_mm_s: f64,
+        /// Since when measurements of the tool say that the model does not hold, `CLOCK_MONOTONIC`; 0 while it holds.
+        pub model_broken_since_ns: u64,
+        /// Measurements of the tool since the model was loaded.
+        pub model_measurements: u64,
+        /// How far the last of them were from what the model says, root mean square, m (NaN where there are none).
+        pub model_residual_m: f64,
         /// Layout version.
         pub layout: u32,
         /// The daemon's process.
@@ -113,7 +119,7 @@ plain_struct! {
         pub message: Text<512>,
     }
 }
-payload!(Status = "trued.Status/2", layout 2, check |s| {
+payload!(Status = "trued.Status/3", layout 3, check |s| {
     within::<Status>("joints", u64::from(s.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
 });
 

@@ -16,17 +16,18 @@ macro_rules! pinned {
 
 #[test]
 fn the_layout_of_status_stands() {
-    pinned!(Status: 1584 bytes, hash 0xc347_1a49_97cf_1700,
+    pinned!(Status: 1608 bytes, hash 0x65ca_4091_d2bf_be78,
         seq at 0, t_ns at 8, started_ns at 16, model_epoch at 24, model_hash at 32,
         cycles at 40, missed_cycles at 48, commands at 56, rejected at 64, held at 72,
         stale at 80, commands_lost at 88, corrected_lost at 96, force_blocks at 104,
         force_gaps at 112, force_refused at 120, malformed at 128, recorder_dropped at
         136, latency_p50_ns at 144, latency_p99_ns at 152, latency_p999_ns at 160,
         latency_max_ns at 168, wrench_loop_gain at 176, spindle_rpm at 184, feed_mm_s
-        at 192, layout at 200, pid at 204, health at 208, mode at 212, bypassed at
-        216, joints at 220, wrench_gate at 224, recorder at 228, watch at 232,
-        uncompensated_effects at 236, in_cut at 240, stream_faults at 244,
-        channel_faults at 248, verdict at 272, bounds at 432, message at 1072);
+        at 192, model_broken_since_ns at 200, model_measurements at 208,
+        model_residual_m at 216, layout at 224, pid at 228, health at 232, mode at 236,
+        bypassed at 240, joints at 244, wrench_gate at 248, recorder at 252, watch at
+        256, uncompensated_effects at 260, in_cut at 264, stream_faults at 268,
+        channel_faults at 272, verdict at 296, bounds at 456, message at 1096);
 }
 
 #[test]
@@ -75,10 +76,11 @@ fn the_layout_of_verdict_stands() {
 
 #[test]
 fn the_layout_of_request_stands() {
-    pinned!(Request: 320 bytes, hash 0x588e_4d68_c9f4_ec3b,
-        seq at 0, session at 8, t_ns at 16, spindle_rpm at 24, feed_mm_s at 32, layout
-        at 40, operation at 44, on at 48, teeth at 52, in_cut at 56, holds_ms at 60,
-        path at 64);
+    pinned!(Request: 512 bytes, hash 0xba90_70e8_78cf_7e6e,
+        seq at 0, session at 8, t_ns at 16, spindle_rpm at 24, feed_mm_s at 32, sigma_m
+        at 40, ambient_c at 48, point_m at 56, q at 80, layout at 208, operation at 212,
+        on at 216, teeth at 220, in_cut at 224, holds_ms at 228, joints at 232, direction
+        at 240, path at 256);
 }
 
 #[test]
@@ -99,6 +101,6 @@ fn the_bounds_inside_a_status_stand() {
 
 #[test]
 fn the_contract_stands() {
-    assert_eq!(CONTRACT_VERSION, 2);
-    assert_eq!(CONTRACT_HASH, 0x28c4_2a38_395f_a2a5, "{CONTRACT_HASH:#018x}");
+    assert_eq!(CONTRACT_VERSION, 3);
+    assert_eq!(CONTRACT_HASH, 0xde7c_b6dd_56da_b584, "{CONTRACT_HASH:#018x}");
 }

@@ -4,10 +4,14 @@ use std::fmt::Write as _;
 
 use recording::model::presets::preset;
 use serde_json::Value;
+use shm_schema::Cell;
+use trued_client::Client;
 
-use crate::program::Place;
+use crate::program::{Done, Place, signal};
+use crate::reload::{beside, status};
 
 const BASE: &str = "irb1600-6-145";
+const BACKLASH: &str = "[[effect]]\nkind = \"backlash\"\njoint = 3\nwidth_mrad = 0.42\n";
 const ROWS: u32 = 900;
 
 /// All joints swing, each at a pace of its own.
@@ -45,7 +49,7 @@ fn diagnosed(place: &Place, recording: &str) -> Value {
 
 #[test]
 fn a_concealed_backlash_is_named_with_its_joint_and_width_and_the_gain_is_proven() {
-    let place = recorded("[[effect]]\nkind = \"backlash\"\njoint = 3\nwidth_mrad = 0.42\n");
+    let place = recorded(BACKLASH);
     let said = diagnosed(&place, "seen.csv");
     assert_eq!(said["schema"], "trued.diagnosis/1");
     assert_eq!(said["verdict"], "missing_physics", "{said:#}");
@@ -110,4 +114,70 @@ fn a_recording_without_values_is_refused_and_nothing_is_written() {
         assert_eq!(done.code, Some(2), "{name}");
     }
     assert!(!place.names().contains(&"said".to_owned()));
+}
+
+/// A cell whose daemon corrects a known zero error; `daemon` runs until the end of the test.
+fn cell(place: &Place) -> (Cell, impl Drop + use<>) {
+    struct Running(std::process::Child);
+    impl Drop for Running {
+        fn drop(&mut self) {
+            signal(&self.0, "TERM");
+            let _ = self.0.wait();
+        }
+    }
+    let known = "[[effect]]\nkind = \"joint_offset\"\njoint = 2\noffset_mrad = 3.0\n";
+    place.file("cell-model.toml", &format!("{}\n{known}", preset(BASE).expect("preset").text));
+    // Late commands are not what this is about.
+    let config = "schema = \"trued.cell/1\"\ncell = \"cell\"\nmodel = \"cell-model.toml\"\nmode = \"full\"\n\
+                  [cycle]\nstale_ms = 500.0\n[envelope]\nrate_mrad_s = 10.0\n";
+    place.file("cell.toml", config);
+    let daemon = Running(place.start(&["run", "--config", "cell.toml"]));
+    let at = Cell::at(&place.path("run"), "cell").expect("a short path");
+    let joined =
+        (0..100).any(|_| Client::connect_to(&at, std::time::Duration::from_millis(200)).is_ok());
+    assert!(joined, "the daemon is there");
+    (at, daemon)
+}
+
+fn apply(place: &Place, cell: &str, recording: &str) -> Done {
+    place.run(&[
+        "diagnose", "--model", BASE, "--out", "said", "--seed", "1", "--apply", cell, recording,
+    ])
+}
+
+#[test]
+fn what_was_found_is_swapped_into_the_running_daemon_and_no_command_goes_unanswered() {
+    let place = recorded(BACKLASH);
+    let (at, _daemon) = cell(&place);
+    let (seen, (before, after)) = beside(&at, |monitor| {
+        let before = status(monitor);
+        let done = apply(&place, "cell.toml", "seen.csv");
+        assert_eq!(done.code, Some(0), "{done:#?}");
+        assert!(done.out.contains("loaded from"), "{}", done.out);
+        (before, status(monitor))
+    });
+    assert_eq!(after.model_epoch, before.model_epoch + 1);
+    assert_ne!(after.model_hash, before.model_hash);
+    assert_eq!(seen.unanswered, 0, "of {}", seen.ticks);
+    assert_eq!(seen.broken, Vec::<String>::new());
+}
+
+#[test]
+fn only_missing_physics_is_applied_and_a_daemon_that_is_not_there_costs_no_diagnosis() {
+    let place = recorded(BACKLASH);
+    let absent = apply(&place, "nobody", "seen.csv");
+    assert_eq!(absent.code, Some(3), "{absent:#?}");
+    assert!(absent.err.contains("nobody"), "{}", absent.err);
+    assert_eq!(place.json("said/diagnosis.json")["verdict"], "missing_physics");
+    assert_eq!(apply(&place, "no-such.toml", "seen.csv").code, Some(2));
+    let sound = recorded("");
+    let (at, _daemon) = cell(&sound);
+    let (_, epoch) = beside(&at, |monitor| {
+        let done = apply(&sound, "cell", "seen.csv");
+        assert_eq!(done.code, Some(1), "{done:#?}");
+        assert!(done.out.contains("nothing is missing"), "{}", done.out);
+        status(monitor).model_epoch
+    });
+    assert_eq!(epoch, 1);
+    assert!(sound.names().contains(&"said".to_owned()));
 }

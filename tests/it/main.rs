@@ -6,6 +6,7 @@
     reason = "what was measured or skipped is said"
 )]
 
+mod ageing;
 mod architecture;
 mod calibrate;
 mod challenge;

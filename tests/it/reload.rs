@@ -1,7 +1,7 @@
 //! A model is swapped while the cycle runs: no command goes unanswered, no correction steps, no broken model gets in.
 
 use crate::TRUED;
-use shm_schema::Status;
+use shm_schema::{Cell, Status};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -15,17 +15,17 @@ const LIMIT: Duration = Duration::from_secs(10);
 const SWAPS: u64 = 40;
 
 /// What a second of the loop came to.
-struct Seen {
-    ticks: u64,
-    unanswered: u64,
+pub(crate) struct Seen {
+    pub(crate) ticks: u64,
+    pub(crate) unanswered: u64,
     epochs: u64,
-    broken: Vec<String>,
+    pub(crate) broken: Vec<String>,
     last: Option<Tick>,
 }
 
 /// Runs the loop in another thread while `meanwhile` asks the daemon.
-fn beside<R>(place: &Place, meanwhile: impl FnOnce(&mut Monitor) -> R) -> (Seen, R) {
-    let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
+pub(crate) fn beside<R>(at: &Cell, meanwhile: impl FnOnce(&mut Monitor) -> R) -> (Seen, R) {
+    let mut cell = CellLoop::join(at, LIMIT).unwrap();
     assert!(cell.tick_until(LIMIT, |_, tick| tick.largest() > 1e-3), "the correction comes in");
     let over = Arc::new(AtomicBool::new(false));
     let end = over.clone();
@@ -44,7 +44,7 @@ fn beside<R>(place: &Place, meanwhile: impl FnOnce(&mut Monitor) -> R) -> (Seen,
         seen.broken = cell.broken;
         seen
     });
-    let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
+    let mut monitor = Monitor::connect_to(at, LIMIT).unwrap();
     let result = meanwhile(&mut monitor);
     over.store(true, Relaxed);
     (runner.join().unwrap(), result)
@@ -54,7 +54,7 @@ fn ask(monitor: &mut Monitor, model: Option<&Path>) -> Response {
     monitor.reload(model, LIMIT).unwrap()
 }
 
-fn status(monitor: &mut Monitor) -> Status {
+pub(crate) fn status(monitor: &mut Monitor) -> Status {
     // One that was made after what was asked.
     std::thread::sleep(Duration::from_millis(150));
     monitor.status().unwrap()
@@ -73,7 +73,7 @@ fn a_model_swapped_at_1_khz_costs_no_answer_and_no_step() {
     let (place, _daemon) = running("full");
     let plain = place.model("plain.toml", "irb1600-6-145");
     let known = place.model("known.toml", MODEL);
-    let (seen, after) = beside(&place, |monitor| {
+    let (seen, after) = beside(&place.cell(), |monitor| {
         for k in 0..SWAPS {
             let model = if k % 2 == 0 { &plain } else { &known };
             let answer = ask(monitor, Some(model));
@@ -105,7 +105,7 @@ fn a_broken_model_is_refused_with_its_first_fault_and_the_old_one_stays() {
         (place.file("none.toml"), vec!["none.toml"]),
         (seven, vec!["7 joints", "6"]),
     ];
-    let (seen, ()) = beside(&place, |monitor| {
+    let (seen, ()) = beside(&place.cell(), |monitor| {
         let before = status(monitor);
         for (model, words) in &cases {
             let answer = ask(monitor, Some(model));
@@ -152,7 +152,7 @@ fn many_reloads_at_once_are_all_counted() {
             })
         })
         .collect();
-    let (seen, epoch) = beside(&place, |monitor| {
+    let (seen, epoch) = beside(&place.cell(), |monitor| {
         askers.into_iter().for_each(|asker| asker.join().unwrap());
         status(monitor).model_epoch
     });

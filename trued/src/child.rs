@@ -1,5 +1,6 @@
 //! A child process that does not outlive this process' interest in it.
 
+use std::io::Write;
 use std::process::{Child, ChildStdout, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
@@ -18,6 +19,17 @@ impl Guarded {
     /// Starts it, without standard input.
     pub(crate) fn spawn(command: &mut Command) -> Result<Self, Failure> {
         command.stdin(Stdio::null()).spawn().map(Self).map_err(Failure::system)
+    }
+
+    /// Starts it with a standard input that [`Guarded::tell`] writes to.
+    pub(crate) fn spawn_listening(command: &mut Command) -> Result<Self, Failure> {
+        command.stdin(Stdio::piped()).spawn().map(Self).map_err(Failure::system)
+    }
+
+    /// Writes a line to its standard input.
+    pub(crate) fn tell(&mut self, line: &str) -> Result<(), Failure> {
+        let input = self.0.stdin.as_mut().ok_or_else(|| Failure::system("it does not listen"))?;
+        writeln!(input, "{line}").and_then(|()| input.flush()).map_err(Failure::system)
     }
 
     /// This very program, for a further process of it.

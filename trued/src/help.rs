@@ -14,7 +14,11 @@ const TASKS: [(&str, &[&str]); 6] = [
 
 /// Examples by the command they show; the first three whose command exists are printed.
 const EXAMPLES: [(&str, &str, &str); 5] = [
-    ("demo", "trued demo --quick", "a simulated cell, without and with correction, in 10 s"),
+    (
+        "demo",
+        "trued demo --quick",
+        "a simulated cell: what correcting is worth, and what its model lacks",
+    ),
     ("run", "trued run --config cell.toml", "the daemon for one cell"),
     (
         "correct",

@@ -100,13 +100,13 @@ impl Reading {
         let joint_kinds = setup::joint_kinds(&model.physics.arm);
         recording.check_joints(&joint_kinds).map_err(|faults| Failure::input(Faulty(faults)))?;
         let input = Input { model, recording, joint_kinds };
-        input.tell();
+        input.tell(need);
         Ok(input)
     }
 }
 
 impl Input {
-    fn tell(&self) {
+    fn tell(&self, need: Need) {
         let Self { model, recording, joint_kinds } = self;
         let joints = joint_kinds.len();
         info!(model = model.file.name, joints, rows = recording.len(), "read");
@@ -117,7 +117,8 @@ impl Input {
             info!(effect, "not compensated");
         }
         let step_s = median_step_s(recording);
-        if recording.about.kind == Kind::Path && step_s > STEP_S_MAX {
+        let corrects = need == Need::Path && recording.about.kind == Kind::Path;
+        if corrects && step_s > STEP_S_MAX {
             warn!(
                 "rows are {step_s:.3} s apart: a correction moves between two rows only as far as it may in \
                  {STEP_S_MAX} s. Poses at rest: say kind = \"poses\" in the TOML beside the recording"

@@ -13,7 +13,7 @@ use crate::random::{Purpose, stream};
 use crate::ringing::{Chatter, Mode};
 use crate::robot::{Robot, Servo};
 use glam::{DMat3, DVec3};
-use physics::{Frame, JOINTS_MAX, Joints, Wrench};
+use physics::{Frame, Inputs, JOINTS_MAX, Joints, Wrench};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -150,11 +150,8 @@ impl Cell {
             (self.cut, self.cut_since_s) = (point.cut, sample.t_s);
         }
         let base_from_cut = cut_axes(point.direction_base, point.base_from_tool.rotation);
-        let force = match self.cut {
-            Some(_) => base_from_cut * self.setup.cutter.mean_force(point.feed_m_s),
-            None => DVec3::ZERO,
-        };
-        let wrench_base = Wrench { force, moment: DVec3::ZERO };
+        let wrench_base = wrench(&sample, &self.setup.cutter);
+        let force = wrench_base.force;
         self.without.follow(&sample.q, wrench_base);
         self.with.follow(published, wrench_base);
         let tool_from_base = point.base_from_tool.rotation.transpose();
@@ -211,6 +208,35 @@ impl Cell {
         }
         at
     }
+}
+
+/// What the cut exerts on the tool, mean over a revolution, base axes.
+fn wrench(sample: &Sample, cutter: &Cutter) -> Wrench {
+    let point = &sample.wanted;
+    let base_from_cut = cut_axes(point.direction_base, point.base_from_tool.rotation);
+    let force =
+        point.cut.map_or(DVec3::ZERO, |_| base_from_cut * cutter.mean_force(point.feed_m_s));
+    Wrench { force, moment: DVec3::ZERO }
+}
+
+/// Every `n`-th tick of a path as the robot feels it, in air of `ambient_celsius`: enough to weigh an effect over the work.
+pub fn work(path: &JointPath, cutter: &Cutter, n: usize, ambient_celsius: f64) -> Vec<Inputs> {
+    let mut rows: Vec<Inputs> = Vec::new();
+    for sample in path.samples.iter().step_by(n.max(1)) {
+        let before = rows.last().copied().unwrap_or(Inputs::at_rest(sample.q));
+        let mut inputs = Inputs { q: sample.q, q_before: before.q, ambient_celsius, ..before };
+        (inputs.time_s, inputs.dt_s) = (sample.t_s, sample.t_s - before.time_s);
+        inputs.wrench_base = wrench(sample, cutter);
+        for (direction, (now, then)) in
+            inputs.direction.iter_mut().zip(sample.q.iter().zip(&before.q))
+        {
+            if now != then {
+                *direction = (now - then).signum();
+            }
+        }
+        rows.push(inputs);
+    }
+    rows
 }
 
 /// Rotation from cut axes (feed, normal, up) to base axes; up is against the tool's z.

@@ -1,15 +1,14 @@
 //! A true robot for a calibrated model: what a calibration leaves unknown, drawn by seed.
 //!
 //! Every parameter moves by a normal draw of its stated standard uncertainty, redrawn where it would leave its physical
-//! range; then come effects that the calibrated model lacks (see [`crate::extras`]).
+//! range. What the model lacks altogether is drawn by [`crate::hidden`].
 //!
-//! Promises: with no uncertainty and no extras the true robot is the calibrated model, bit for bit. The draw looks
-//! at the model and the poses alone, never at what a correction makes of it.
+//! Promises: with no uncertainty the true robot is the calibrated model, bit for bit. The draw looks
+//! at the model alone, never at what a correction makes of it.
 
-use crate::extras::{Extra, ExtraSize, draw_extras};
 use crate::random::{Purpose, stream};
 use physics::spec::{Count, Range};
-use physics::{AnyEffect, BuildError, Joints, Model, ModelError};
+use physics::{AnyEffect, Model};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use thiserror::Error;
@@ -31,8 +30,6 @@ pub struct TrueRobot {
     pub model: Model,
     /// Temperature around it, °C, constant.
     pub ambient_celsius: f64,
-    /// What the calibrated model lacks.
-    pub extras: Vec<Extra>,
 }
 
 /// Why no true robot can be drawn. Effects and values are 0-based.
@@ -70,46 +67,20 @@ pub enum DrawError {
         /// What was given.
         sigma: f64,
     },
-    /// No effects of the asked size were found that the calibrated model lacks.
-    #[error(
-        "found no {count} effects of {least_m} to {largest_m} m at the TCP that the model lacks"
-    )]
-    NoExtras {
-        /// How many were asked for.
-        count: usize,
-        /// Least size asked for, m.
-        least_m: f64,
-        /// Largest size asked for, m.
-        largest_m: f64,
-    },
-    /// An effect of the menu could not be built: the menu and the physics have parted.
-    #[error("the menu's `{kind}` cannot be built: {error}")]
-    Menu {
-        /// Its name.
-        kind: &'static str,
-        /// Why.
-        error: BuildError,
-    },
-    /// The model has no room for the extras.
-    #[error(transparent)]
-    Room(#[from] ModelError),
 }
 
-/// Draws the true robot of `seed`; the extras' sizes are taken over `poses`, run through as a path.
+/// Draws the true robot of `seed`.
 ///
 /// # Errors
-/// Uncertainties that do not fit the model; no extras of the asked size.
-pub fn draw(
-    calibration: &Calibration<'_>,
-    extras: &ExtraSize,
-    poses: &[Joints],
-    seed: u64,
-) -> Result<TrueRobot, DrawError> {
+/// Uncertainties that do not fit the model.
+pub fn draw(calibration: &Calibration<'_>, seed: u64) -> Result<TrueRobot, DrawError> {
     let model = moved(calibration, seed)?;
-    let ambient_celsius = stream(seed, Purpose::Climate, 0).random_range(21.0..27.0);
-    let mut truth = TrueRobot { model, ambient_celsius, extras: Vec::new() };
-    draw_extras(&mut truth, extras, poses, &mut stream(seed, Purpose::Extras, 0))?;
-    Ok(truth)
+    Ok(TrueRobot { model, ambient_celsius: ambient_celsius(seed) })
+}
+
+/// Temperature around the robot of `seed`, °C, constant while it works.
+pub fn ambient_celsius(seed: u64) -> f64 {
+    stream(seed, Purpose::Climate, 0).random_range(22.0..27.0)
 }
 
 fn moved(calibration: &Calibration<'_>, seed: u64) -> Result<Model, DrawError> {
@@ -173,8 +144,6 @@ fn range_of(effect: &AnyEffect, k: usize) -> Range {
 mod tests {
     use super::*;
     use crate::test_arm::{effect, irb1600};
-    use physics::JOINTS_MAX;
-    use std::collections::BTreeSet;
 
     fn calibrated() -> Model {
         let arm = irb1600();
@@ -188,26 +157,13 @@ mod tests {
         Model::new(arm, &effects).expect("room")
     }
 
-    fn poses() -> Vec<Joints> {
-        let pose = |k: i32| {
-            let mut q = [0.0; JOINTS_MAX];
-            let s = 0.1 * (f64::from(k) * 0.2).sin();
-            q[..6].copy_from_slice(&[s, 0.2 + s, 0.3 - s, 0.5 * s, 1.1 + s, -s]);
-            q
-        };
-        (0..50).map(pose).collect()
-    }
-
-    const NONE: ExtraSize = ExtraSize { count: 0, least_m: 0.0, largest_m: 0.0 };
-
     #[test]
     fn a_certain_calibration_is_the_true_robot() {
         let model = calibrated();
         for sigmas in [vec![Vec::new(); 5], vec![vec![0.0]; 5]] {
             let calibration = Calibration { model: &model, sigmas: &sigmas };
-            let truth = draw(&calibration, &NONE, &poses(), 3).expect("sound");
+            let truth = draw(&calibration, 3).expect("sound");
             assert_eq!(truth.model, model);
-            assert!(truth.extras.is_empty());
         }
     }
 
@@ -219,7 +175,7 @@ mod tests {
         let n = 400;
         let mut squares = [0.0; 5];
         for seed in 0..n {
-            let truth = draw(&calibration, &NONE, &poses(), seed).expect("sound");
+            let truth = draw(&calibration, seed).expect("sound");
             let pairs = truth.model.effects().zip(model.effects());
             for (i, (drawn, stated)) in pairs.enumerate() {
                 let off = (drawn.values()[0] - stated.values()[0]) / sigmas[i][0];
@@ -232,33 +188,11 @@ mod tests {
     }
 
     #[test]
-    fn extras_have_the_stated_size_and_are_lacking_in_the_model_over_100_seeds() {
-        let model = calibrated();
-        let sigmas = vec![Vec::new(); 5];
-        let calibration = Calibration { model: &model, sigmas: &sigmas };
-        let mut kinds = BTreeSet::new();
-        for seed in 0..100 {
-            let truth = draw(&calibration, &ExtraSize::default(), &poses(), seed).expect("found");
-            assert_eq!(truth.extras.len(), 2);
-            let size = crate::extras::size(&model, &truth.model, &poses(), truth.ambient_celsius);
-            assert!((20e-6..=60e-6).contains(&size.rms_m), "seed {seed}: {size:?}");
-            for (extra, effect) in truth.extras.iter().zip(truth.model.effects().skip(5)) {
-                let same =
-                    |e: &&AnyEffect| e.spec().kind == extra.kind && e.joint() == effect.joint();
-                assert_eq!(model.effects().find(same), None, "{}", extra.words);
-                kinds.insert((extra.kind, effect.joint()));
-            }
-        }
-        assert!(kinds.len() > 4, "the menu is drawn from widely: {kinds:?}");
-    }
-
-    #[test]
     fn a_seed_means_one_robot() {
         let model = calibrated();
         let sigmas = vec![vec![1e-7]; 5];
         let calibration = Calibration { model: &model, sigmas: &sigmas };
-        let truth =
-            |seed| draw(&calibration, &ExtraSize::default(), &poses(), seed).expect("found");
+        let truth = |seed| draw(&calibration, seed).expect("sound");
         assert_eq!(truth(11), truth(11));
         assert_ne!(truth(11).model, truth(12).model);
     }
@@ -266,9 +200,7 @@ mod tests {
     #[test]
     fn uncertainties_that_do_not_fit_are_refused() {
         let model = calibrated();
-        let refused = |sigmas: &[Vec<f64>]| {
-            draw(&Calibration { model: &model, sigmas }, &NONE, &poses(), 0).err()
-        };
+        let refused = |sigmas: &[Vec<f64>]| draw(&Calibration { model: &model, sigmas }, 0).err();
         assert_eq!(refused(&[]), Some(DrawError::Lists { found: 0, expected: 5 }));
         let mut sigmas = vec![Vec::new(); 5];
         sigmas[2] = vec![1.0, 1.0];

@@ -89,12 +89,6 @@ impl JointPath {
         Ok(Self { dt_s, samples })
     }
 
-    /// Every `n`-th joint position, at least two where the path has two: enough to weigh an effect over the path.
-    pub fn poses(&self, n: usize) -> Vec<Joints> {
-        let last = self.samples.last().map(|sample| sample.q);
-        self.samples.iter().step_by(n.max(1)).map(|sample| sample.q).chain(last).collect()
-    }
-
     /// How long it takes, s.
     pub fn duration_s(&self) -> f64 {
         self.samples.last().map_or(0.0, |sample| sample.t_s)

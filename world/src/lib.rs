@@ -5,7 +5,7 @@
 //! Never: IPC, a clock, a file, a correction.
 //!
 //! Read in this order: [`path`] and [`slots`] (where the tool shall go, [`workplace`]: where there), [`ik`] and [`joint_path`] (the commands for it),
-//! [`draw`] (a true robot for a calibrated model), [`robot`] (where its tool really goes), [`cutter`] and
+//! [`draw`] (a true robot for a calibrated model), [`hidden`] (what that model lacks), [`survey`] (a measuring program), [`robot`] (where its tool really goes), [`cutter`] and
 //! [`ringing`] (what the cut exerts), [`cell`] (all of it, tick by tick). [`contact`] closes the loop over a stiff
 //! surface; [`tracker`] is the instrument. [`forward`] runs a recorded motion through a model, with [`dynamics`]' delays, lags and modes.
 //!
@@ -17,8 +17,8 @@ mod curve;
 pub mod cutter;
 pub mod draw;
 pub mod dynamics;
-pub mod extras;
 pub mod forward;
+pub mod hidden;
 pub mod ik;
 pub mod joint_path;
 pub mod path;
@@ -28,6 +28,7 @@ pub mod ride;
 pub mod ringing;
 pub mod robot;
 pub mod slots;
+pub mod survey;
 pub mod tracker;
 pub mod workplace;
 

@@ -96,6 +96,20 @@ impl Robot {
     }
 }
 
+/// Where the tool goes on `rows` that follow one another and begin settled: positions, play, loads, heat; nothing that lags or rings.
+pub(crate) fn settled_path(model: &Model, rows: &[Inputs]) -> Vec<Frame> {
+    let mut memories = Memories::default();
+    let place = |(k, inputs): (usize, &Inputs)| {
+        if k == 0 {
+            model.settle(inputs, &mut memories);
+        } else {
+            model.advance(inputs, &mut memories);
+        }
+        model.evaluate(inputs, &memories).real.base_from_tool
+    };
+    rows.iter().enumerate().map(place).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

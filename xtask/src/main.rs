@@ -14,7 +14,7 @@ mod watch;
 use std::process::ExitCode;
 
 const HELP: &str = "\
-cargo xtask seeds [COUNT] [--full]   the demo over COUNT seeds (20): tool error with over without, per seed, middle and worst
+cargo xtask seeds [COUNT] [--full] [--debug]   the demo over COUNT seeds (20): tool error without, with, after the diagnosis; whether what is hidden was named right
 cargo xtask calibrate [CAMPAIGNS] [--out=DIR]   the calibration: the thesis' virtual robot, coverage of intervals over CAMPAIGNS (1000), outliers, time
 cargo xtask watch [HOURS] [--from=JSON] [--out=DIR]   the vibration watch: detection, false alarms in HOURS (10) of noise per axis, transients, cost
 ";

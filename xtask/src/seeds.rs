@@ -1,6 +1,6 @@
-//! The demo over many seeds: how far the tool error falls, and whether any published target broke an invariant.
+//! The demo over many seeds: how far the tool error falls, whether what is hidden was named right, and whether any published target broke an invariant.
 //!
-//! Bars: the mean tool error with correction over that without is at most 1/4 in the middle, at most 1/3 at worst.
+//! Bars: the mean tool error with correction over that without is at most 1/4 in the middle, at most 1/3 at worst; named right in 9 of 10.
 
 use serde_json::Value;
 use std::path::Path;
@@ -9,34 +9,66 @@ use std::process::{Command, Stdio};
 /// Runs the demo and prints a row per seed and the summary; tells whether the bars are met.
 pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
     let full = words.contains(&"--full");
+    let profile = if words.contains(&"--debug") { "dev" } else { "release" };
     let count = match words.iter().find(|word| !word.starts_with("--")) {
         Some(word) => word.parse().map_err(|_| format!("{word} is no number of seeds"))?,
         None => 20_u64,
     };
-    cargo(&["build", "--release", "--quiet", "--package", "trued"])?;
-    println!("seed  without mm  with mm  ratio   p50 us  p99 us  missed  broken  ringing flagged");
-    let rows: Result<Vec<Row>, String> = (1..=count).map(|seed| demo(seed, full)).collect();
+    cargo(&["build", "--profile", profile, "--quiet", "--package", "trued"])?;
+    println!(
+        "seed  without mm  with mm  ratio  after mm   p50 us  p99 us  missed  at swap  broken  ringing flagged  seconds  hidden, said"
+    );
+    let program = program(profile);
+    let rows: Result<Vec<Row>, String> =
+        (1..=count).map(|seed| demo(&program, seed, full)).collect();
     let rows = rows?;
-    let mut ratios: Vec<f64> = rows.iter().map(|row| row.ratio).collect();
-    ratios.sort_by(f64::total_cmp);
+    let ratios = sorted(rows.iter().map(|row| row.with / row.without));
     let (middle, worst) = (ratios[ratios.len() / 2], ratios[ratios.len() - 1]);
     let broken: u64 = rows.iter().map(|row| row.broken).sum();
     let flagged = rows.iter().filter(|row| row.flagged).count();
+    let right = rows.iter().filter(|row| row.right).count();
     println!("ratio: middle {middle:.3} (bar 0.250), worst {worst:.3} (bar 0.333); ");
     println!("invariants broken: {broken} (bar 0); ringing flagged in {flagged} of {}", rows.len());
-    Ok(middle <= 0.25 && worst <= 1.0 / 3.0 && broken == 0)
+    let swapped: Vec<&Row> = rows.iter().filter(|row| row.after.is_some()).collect();
+    if !swapped.is_empty() {
+        let before = sorted(swapped.iter().map(|row| row.with));
+        let after = sorted(swapped.iter().filter_map(|row| row.after));
+        let (at, end) = (before.len() / 2, before.len() - 1);
+        println!(
+            "mean tool error where the model was swapped, {} of {}: before {:.3} mm in the middle, {:.3} at worst; after {:.3} and {:.3}",
+            swapped.len(),
+            rows.len(),
+            before[at],
+            before[end],
+            after[at],
+            after[end]
+        );
+    }
+    println!("named right: {right} of {} (bar 9 of 10)", rows.len());
+    let named = 10 * right >= 9 * rows.len();
+    Ok(middle <= 0.25 && worst <= 1.0 / 3.0 && broken == 0 && named)
+}
+
+fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values
 }
 
 struct Row {
-    ratio: f64,
+    without: f64,
+    with: f64,
+    /// None where nothing was claimed.
+    after: Option<f64>,
     broken: u64,
     flagged: bool,
+    right: bool,
 }
 
-fn demo(seed: u64, full: bool) -> Result<Row, String> {
+fn demo(program: &Path, seed: u64, full: bool) -> Result<Row, String> {
     let out = std::env::temp_dir().join(format!("trued-seeds-{}-{seed}", std::process::id()));
     let json = out.join("demo.json");
-    let mut command = Command::new(program());
+    let mut command = Command::new(program);
     command.args(["demo", "--quiet", "--seed", &seed.to_string()]).arg("--out").arg(&out);
     command.arg("--json").arg(&json).stdout(Stdio::null());
     if !full {
@@ -60,17 +92,31 @@ fn row(seed: u64, said: &Value) -> Result<Row, String> {
     };
     let without = number("/tool_error_mm/without/mean")?;
     let with = number("/tool_error_mm/with/mean")?;
-    let (p50, p99) = (number("/latency_ns/p50")?, number("/latency_ns/p99")?);
-    let missed = number("/missed_cycles")?;
+    let after = number("/tool_error_after_diagnosis_mm/mean").ok();
+    let (p50, p99) = (number("/latency_ns/p50")? / 1e3, number("/latency_ns/p99")? / 1e3);
+    let (missed, seconds) = (number("/missed_cycles")?, number("/diagnosis_s")?);
+    let at_swap = number("/swap/missed_about").map_or("-".to_owned(), |count| count.to_string());
     let broken = number("/invariants_broken")? as u64;
     let flagged =
         said["vibration"].as_array().is_some_and(|events| events.iter().any(is_the_ringing));
+    let right = said["named_right"].as_bool().unwrap_or(false);
     let ratio = with / without;
-    let (p50, p99) = (p50 / 1e3, p99 / 1e3);
+    let shown = after.map_or("-".to_owned(), |after| format!("{after:.3}"));
+    let (hidden, named) = (name(&said["hidden_effect"]), name(&said["said"]));
+    let judged = if right { "right" } else { "WRONG" };
     println!(
-        "{seed:4}  {without:10.3}  {with:7.3}  {ratio:5.3}  {p50:7.1}  {p99:6.1}  {missed:6}  {broken:6}  {flagged}"
+        "{seed:4}  {without:10.3}  {with:7.3}  {ratio:5.3}  {shown:>8}  {p50:7.1}  {p99:6.1}  {missed:6}  {at_swap:>7}  {broken:6}  {flagged:15}  {seconds:7.1}  {judged}: {hidden}, {named}"
     );
-    Ok(Row { ratio, broken, flagged })
+    Ok(Row { without, with, after, broken, flagged, right })
+}
+
+/// `backlash 3`, or what was not named.
+fn name(effect: &Value) -> String {
+    match (effect["effect"].as_str(), effect["joint"].as_u64()) {
+        (Some(kind), Some(joint)) => format!("{kind} {joint}"),
+        (Some(kind), None) => kind.to_owned(),
+        _ => "nothing".to_owned(),
+    }
 }
 
 /// An alarm within 2 Hz of the 72 Hz at which the demo's robot rings.
@@ -79,10 +125,10 @@ fn is_the_ringing(event: &Value) -> bool {
     near && event["state"].as_str().is_some_and(|state| state == "alarm" || state == "confirmed")
 }
 
-fn program() -> std::path::PathBuf {
+fn program(profile: &str) -> std::path::PathBuf {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap_or(Path::new("."));
     let target = std::env::var_os("CARGO_TARGET_DIR").map_or(root.join("target"), Into::into);
-    target.join("release").join("trued")
+    target.join(if profile == "dev" { "debug" } else { profile }).join("trued")
 }
 
 fn cargo(words: &[&str]) -> Result<(), String> {

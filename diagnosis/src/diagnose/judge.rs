@@ -10,7 +10,7 @@ const CARRIED: f64 = 0.8;
 /// Where more than this share of what is named cannot be told apart, nothing is claimed.
 const CLEAR: f64 = 0.5;
 /// Two names that differ by less than this in log-likelihood are one and the same thing in this recording.
-const SAME: f64 = 0.2;
+const SAME: f64 = 0.5;
 
 /// What a recording says of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,10 +72,13 @@ fn is_same(own: &AnyEffect, rival: &Rival) -> bool {
         | AnyEffect::GravitySag(_) => 1,
         AnyEffect::Backlash(_) | AnyEffect::Hysteresis(_) => 2,
         AnyEffect::AxisShift(_) => 3,
+        // A tool that hangs along its own z grows as the link after the last joint does.
+        AnyEffect::ThermalGrowth(_) | AnyEffect::SpindleGrowth(_) => 4,
         _ => 0,
     };
     let kin = family(own) > 0 && family(own) == family(&rival.effect);
-    let parallel = matches!(own, AnyEffect::AxisShift(_));
+    let grows = |effect: &AnyEffect| matches!(effect, AnyEffect::SpindleGrowth(_));
+    let parallel = matches!(own, AnyEffect::AxisShift(_)) || grows(own) || grows(&rival.effect);
     kin && rival.behind.abs() < SAME && (parallel || own.joint() == rival.effect.joint())
 }
 

@@ -3,10 +3,11 @@
 //! Promises: `diagnosis.json`, `model.toml` and `report.html` are written together or not at all, never over an input; the same input and seed give
 //! the same bytes. Never: a claim where a recording does not belong to the model.
 
+mod apply;
 mod page;
-mod told;
+pub(super) mod told;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use diagnosis::diagnose::{Diagnosis, diagnose};
@@ -22,14 +23,16 @@ use crate::input::Reading;
 use crate::options::Seed;
 use crate::output::{Console, Paint};
 
+/// The file of the model with what was found.
+pub(super) const MODEL: &str = "model.toml";
 /// Measured rows from which on a recording can say anything.
 const ROWS_LEAST: usize = 30;
 
 /// Say where a model and recordings differ, name the missing physics, and prove the gain on rows that nothing has seen
 ///
 /// Recordings hold joint positions and what was measured: the tool, reflectors, joint positions on the link side. Writes DIR/diagnosis.json,
-/// DIR/model.toml (the model with what was found) and DIR/report.html. Measuring frames and places of reflectors are fitted along. Exit 0 whatever is said;
-/// 2 for bad input, with nothing written.
+/// DIR/model.toml (the model with what was found) and DIR/report.html. Measuring frames and places of reflectors are fitted along. Exit 0 whatever is said
+/// (without --apply); 2 for bad input, with nothing written.
 #[derive(Debug, Args)]
 pub(crate) struct Diagnose {
     #[command(flatten)]
@@ -39,17 +42,21 @@ pub(crate) struct Diagnose {
     out: PathBuf,
     #[command(flatten)]
     seed: Seed,
+    /// Swap the model with what was found into the running daemon of this cell: its configuration (CELL.toml), or its name. Only
+    /// where the verdict is `missing_physics`; else exit 1, and the daemon goes on with its model
+    #[arg(long, value_name = "CELL")]
+    apply: Option<PathBuf>,
     /// Recordings of one robot
     #[arg(value_name = "RECORDING", required = true)]
     recordings: Vec<PathBuf>,
 }
 
 /// What was found, with what it was found in.
-struct Found {
+pub(super) struct Found {
     base: RobotModel,
     seed: u64,
     /// None where the recordings cannot be judged; then `doubts` say why.
-    diagnosis: Option<Diagnosis>,
+    pub(super) diagnosis: Option<Diagnosis>,
     /// The model's effects with what was found.
     entries: Vec<Entry>,
     doubts: Vec<String>,
@@ -59,23 +66,12 @@ struct Found {
 impl Diagnose {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let (model, recordings) = self.reading.measured(&self.recordings)?;
-        let outputs =
-            ["diagnosis.json", "model.toml", "report.html"].map(|name| self.out.join(name));
-        self.check(&outputs)?;
-        let arm = &model.physics.arm;
-        let campaign = from_recording::campaign(arm, &recordings).map_err(Failure::input)?;
+        let cell = self.apply.as_deref().map(apply::cell).transpose()?;
+        self.check(&outputs(&self.out))?;
         let seed = self.seed.settle();
-        let found = Found::of(model, &recordings, campaign, seed)?;
+        let found = Found::of(model, &recordings, seed)?;
         let report = told::Report::of(&found);
-        let json = told::json(&report)?;
-        let written = found.model()?;
-        std::fs::create_dir_all(&self.out).map_err(|error| {
-            Failure::input(format!("{}: cannot be made: {error}", self.out.display()))
-        })?;
-        let page = page::render(&found, &report);
-        for (path, text) in outputs.iter().zip([&json, &written, &page]) {
-            crate::atomic::write(path, |file| file.write_all(text.as_bytes()))?;
-        }
+        found.write(&report, &self.out)?;
         console.json("trued.diagnosis/1", &report)?;
         let head = console.paint(Paint::Strong, &report.verdict.replace('_', " "));
         console.say(format!("{head}: {}", told::lead(&found, &report)))?;
@@ -83,7 +79,10 @@ impl Diagnose {
             console.say(line)?;
         }
         console.say(format!("written to {}", self.out.display()))?;
-        Ok(Answer::Done)
+        match cell {
+            Some(cell) => apply::apply(console, &cell, &found, &self.out),
+            None => Ok(Answer::Done),
+        }
     }
 
     fn check(&self, outputs: &[PathBuf]) -> Result<(), Failure> {
@@ -97,13 +96,23 @@ impl Diagnose {
     }
 }
 
+/// The files that a diagnosis is written to, in `dir`.
+pub(super) fn outputs(dir: &Path) -> [PathBuf; 3] {
+    ["diagnosis.json", MODEL, "report.html"].map(|name| dir.join(name))
+}
+
 impl Found {
-    fn of(
+    /// Diagnoses `base` by `recordings`.
+    ///
+    /// # Errors
+    /// Recordings that make no campaign.
+    pub(super) fn of(
         base: RobotModel,
         recordings: &[Recording],
-        campaign: Campaign,
         seed: u64,
     ) -> Result<Self, Failure> {
+        let arm = &base.physics.arm;
+        let campaign = from_recording::campaign(arm, recordings).map_err(Failure::input)?;
         let rows = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
         let doubts = doubts(&base, &campaign, rows);
         if !doubts.is_empty() {
@@ -124,6 +133,21 @@ impl Found {
             .collect();
         let entries = entries(&base, &diagnosis.fit, &chosen, &[])?;
         Ok(Self { base, seed, diagnosis: Some(diagnosis), entries, doubts, rows })
+    }
+
+    /// Writes diagnosis, model and page into `dir`, which is made where it is missing.
+    ///
+    /// # Errors
+    /// A folder or files that cannot be written.
+    pub(super) fn write(&self, report: &told::Report, dir: &Path) -> Result<(), Failure> {
+        let texts = [told::json(report)?, self.model()?, page::render(self, report)];
+        std::fs::create_dir_all(dir).map_err(|error| {
+            Failure::input(format!("{}: cannot be made: {error}", dir.display()))
+        })?;
+        for (path, text) in outputs(dir).iter().zip(&texts) {
+            crate::atomic::write(path, |file| file.write_all(text.as_bytes()))?;
+        }
+        Ok(())
     }
 
     /// The model with what was found, as text that loads.

@@ -1,4 +1,6 @@
 //! `trued reload`: asks a running daemon to load a model and to swap it in between two cycles.
+//!
+//! Promises: one way into a running daemon, for `trued reload`, `trued diagnose --apply` and the demo alike. Never: a wait without a limit.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -18,7 +20,8 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 
 /// Load a changed model into the running daemon, without a missed cycle
 ///
-/// Exit 1 where the daemon refuses the model: it then goes on with the one it has.
+/// Exit 1 where the daemon refuses the model: it then goes on with the one it has. `trued diagnose --apply` does the same with the
+/// model that it has written.
 #[derive(Debug, Args)]
 pub(crate) struct Reload {
     /// The cell's configuration
@@ -39,16 +42,39 @@ struct Report<'a> {
 impl Reload {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let config = CellConfig::read(&self.config).map_err(unusable)?;
-        let model = self.model.as_deref().map(absolute).transpose()?;
-        let mut monitor = Monitor::connect(&config.cell, FOUND_WITHIN).map_err(Failure::system)?;
+        let swap = Swap::ask(&config.cell, self.model.as_deref())?;
+        let (answer, message) = (swap.answer.name(), swap.message.as_str());
+        console.json("trued.reload/1", &Report { cell: &config.cell, answer, message })?;
+        swap.tell(console)
+    }
+}
+
+/// What the daemon said to a model.
+pub(super) struct Swap {
+    pub(super) answer: trued_client::Answer,
+    pub(super) message: String,
+}
+
+impl Swap {
+    /// Asks the daemon of `cell` to load `model` (none: the file that it has, again) and to swap it in.
+    ///
+    /// # Errors
+    /// No daemon, or none that answers.
+    pub(super) fn ask(cell: &str, model: Option<&Path>) -> Result<Self, Failure> {
+        let model = model.map(absolute).transpose()?;
+        let mut monitor = Monitor::connect(cell, FOUND_WITHIN).map_err(Failure::system)?;
         let response = monitor.reload(model.as_deref(), ANSWER_WITHIN).map_err(Failure::system)?;
         let answer = response.answer().map_err(Failure::system)?;
-        let message = response.message.as_str();
-        console.json(
-            "trued.reload/1",
-            &Report { cell: &config.cell, answer: answer.name(), message },
-        )?;
-        match answer {
+        Ok(Self { answer, message: response.message.to_string() })
+    }
+
+    /// Says what became of it.
+    ///
+    /// # Errors
+    /// The daemon failed in doing it.
+    pub(super) fn tell(&self, console: &mut Console) -> Outcome {
+        let message = &self.message;
+        match self.answer {
             trued_client::Answer::Done => {
                 console.say(message)?;
                 Ok(Answer::Done)
@@ -60,7 +86,7 @@ impl Reload {
                 )?;
                 Ok(Answer::No)
             }
-            _ => Err(Failure::system(format!("{answer}: {message}"))),
+            answer => Err(Failure::system(format!("{answer}: {message}"))),
         }
     }
 }

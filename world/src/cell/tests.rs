@@ -2,7 +2,6 @@
 
 use super::*;
 use crate::draw::{Calibration, draw};
-use crate::extras::ExtraSize;
 use crate::path::tool_along;
 use crate::slots::Slots;
 use crate::test_arm::{effect, irb1600};
@@ -29,7 +28,7 @@ fn truth(seed: u64) -> TrueRobot {
     let model = calibrated();
     let sigmas = [vec![5e-5], vec![1e-7], vec![5e-7]];
     let calibration = Calibration { model: &model, sigmas: &sigmas };
-    draw(&calibration, &ExtraSize::default(), &path().poses(100), seed).expect("found")
+    draw(&calibration, seed).expect("sound")
 }
 
 fn run(truth: &TrueRobot, setup: Setup) -> Vec<Tick> {
@@ -65,8 +64,7 @@ fn the_command_published_unchanged_leaves_both_robots_alike() {
 
 #[test]
 fn a_robot_like_the_controllers_errs_by_nothing_but_the_ringing() {
-    let truth =
-        TrueRobot { model: Model::nominal(irb1600()), ambient_celsius: 20.0, extras: Vec::new() };
+    let truth = TrueRobot { model: Model::nominal(irb1600()), ambient_celsius: 20.0 };
     let largest = |ticks: &[Tick], cut| {
         let of_cut = ticks.iter().filter(|tick| tick.cut == cut);
         of_cut.map(|tick| tick.errors_m().0).fold(0.0, f64::max)

@@ -1,9 +1,13 @@
-//! The cell's process: commands at 1 kHz, corrected targets to the virtual robot, force blocks back.
+//! The cell's process: commands at 1 kHz, corrected targets to the virtual robot, force blocks back; milling, measuring, milling again.
 //!
-//! It talks to whoever started it in lines on standard output: `tick K`, in the end `report {json}`. The loop is that of
-//! `client/examples/robot_loop.rs` with measuring around it.
+//! It talks to whoever started it in lines on standard output: `tick K`, `milled {json}`, `measured`, `again {json}`. After `measured` it stands at the
+//! path's start, commanding on, until it is told: `again {json}` (the model was changed) or `end {json}`, each with what was said. The loop is
+//! that of `client/examples/robot_loop.rs` with measuring around it.
 
+use std::io::BufRead;
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use physics::{JOINTS_MAX, Joints};
@@ -11,10 +15,14 @@ use trued_client::{
     Client, ForceSamples, ForceSource, Samples, Setpoint, WrenchFrame, monotonic_ns,
 };
 use world::cell::{Cell, FORCES_PER_TICK, Setup, Tick};
+use world::joint_path::JointPath;
 
 use super::log::{Log, keeps_invariants};
+use super::measure::measured;
+use super::outcome::{Again, Report, Swap, Told};
 use super::page;
 use super::scene::{Scene, TICK_S};
+use super::standing::Standing;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
 
@@ -33,31 +41,54 @@ const TICK_NS: u64 = (TICK_S * 1e9) as u64;
 /// Runs the cell `name` and says what it measured.
 pub(super) fn run(name: &str, scene: &Scene, out: &Path) -> Outcome {
     let stop = interrupt::flag()?;
-    let mut client = Client::connect(name, JOIN_WITHIN).map_err(Failure::system)?;
-    client.set_fresh(FRESH);
-    let force = ForceSource::connect(name, JOIN_WITHIN).map_err(Failure::system)?;
-    let setup =
-        Setup { chatter: Some(scene.chatter), ..Setup::quiet(scene.path.clone(), scene.seed) };
-    let log = Log::new(scene.path.samples.len()).map_err(Failure::system)?;
-    let mut loop_ = Loop {
-        client,
-        force,
-        cell: Cell::new(&scene.truth, setup),
-        log,
-        start_ns: 0,
-        before: None,
-    };
-    loop_.run(scene, &stop)?;
+    let heard = listen();
+    let mut loop_ = Loop::join(name, scene)?;
+    loop_.play(scene, &scene.path, &stop)?;
     loop_.hear_out();
-    let rejected = loop_.client.status().map_or(0, |status| status.rejected);
-    let report = loop_.log.report(scene, rejected);
-    let page = page::render(scene, &report, &loop_.log);
-    crate::atomic::write(&out.join("report.html"), |file| file.write_all(page.as_bytes()))?;
+    let rejected = loop_.rejected();
+    let milled = loop_.log.milled(scene, rejected);
     recording::series::write(&out.join("recording.csv"), &loop_.log.recording(scene))
         .map_err(Failure::system)?;
-    let json = serde_json::to_string(&report).map_err(Failure::system)?;
-    tell(&format!("report {json}"))?;
+    tell(&format!("milled {}", json(&milled)?))?;
+    recording::series::write(&out.join("measured.csv"), &measured(scene))
+        .map_err(Failure::system)?;
+    tell("measured")?;
+    let first = loop_.renew_log(scene)?;
+    loop_.client.start_anew();
+    let (told, swap) = loop_.stand(scene, &heard, &stop)?;
+    let (mut again, mut second) = (None, None);
+    if let Some(swap) = swap {
+        let stood = loop_.renew_log(scene)?;
+        loop_.play(scene, &scene.work, &stop)?;
+        again = Some(Again {
+            error_mm: loop_.log.error_mm(0),
+            cycles: loop_.log.rows.len() as u64,
+            missed_cycles: loop_.log.missed,
+            invariants_broken: stood.broken + loop_.log.broken,
+            rejected_commands: loop_.rejected(),
+            swap,
+        });
+        second = Some(loop_.log);
+    }
+    let report = Report::new(milled, told, again);
+    let page = page::render(scene, &report, &first, second.as_ref());
+    crate::atomic::write(&out.join("report.html"), |file| file.write_all(page.as_bytes()))?;
+    tell(&format!("again {}", json(&again)?))?;
     Ok(Answer::Done)
+}
+
+/// Lines from standard input, read beside the loop.
+fn listen() -> Receiver<String> {
+    let (say, heard) = channel();
+    std::thread::spawn(move || {
+        // Whoever no longer listens has ended.
+        std::io::stdin().lock().lines().map_while(Result::ok).try_for_each(|line| say.send(line))
+    });
+    heard
+}
+
+fn json(value: &impl serde::Serialize) -> Result<String, Failure> {
+    serde_json::to_string(value).map_err(Failure::system)
 }
 
 struct Loop {
@@ -70,12 +101,27 @@ struct Loop {
 }
 
 impl Loop {
-    fn run(&mut self, scene: &Scene, stop: &std::sync::atomic::AtomicBool) -> Result<(), Failure> {
+    fn join(name: &str, scene: &Scene) -> Result<Self, Failure> {
+        let mut client = Client::connect(name, JOIN_WITHIN).map_err(Failure::system)?;
+        client.set_fresh(FRESH);
+        let force = ForceSource::connect(name, JOIN_WITHIN).map_err(Failure::system)?;
+        let cell = Cell::new(&scene.truth, Setup::quiet(scene.standing(), scene.seed));
+        let log = Log::new(scene.path.samples.len()).map_err(Failure::system)?;
+        Ok(Self { client, force, cell, log, start_ns: 0, before: None })
+    }
+
+    fn rejected(&mut self) -> u64 {
+        self.client.status().map_or(0, |status| status.rejected)
+    }
+
+    /// Mills along `path`.
+    fn play(&mut self, scene: &Scene, path: &JointPath, stop: &AtomicBool) -> Result<(), Failure> {
+        let setup =
+            Setup { chatter: Some(scene.chatter), ..Setup::quiet(path.clone(), scene.seed) };
+        self.cell = Cell::new(&scene.truth, setup);
         self.start_ns = monotonic_ns() + TICK_NS;
         for k in 0..self.cell.ticks() {
-            let due_ns = self.start_ns + k as u64 * TICK_NS;
-            wait_until(due_ns);
-            self.tick(scene, due_ns);
+            self.tick_at(scene, k);
             if k % TELL_EVERY == 0 {
                 if super::is_set(stop) {
                     return Err(Failure::Interrupted);
@@ -84,6 +130,48 @@ impl Loop {
             }
         }
         Ok(())
+    }
+
+    /// Begins another log; gives what was logged so far.
+    fn renew_log(&mut self, scene: &Scene) -> Result<Log, Failure> {
+        let next = Log::new(scene.work.samples.len()).map_err(Failure::system)?;
+        Ok(std::mem::replace(&mut self.log, next))
+    }
+
+    /// Stands at the path's start, commanding on, until told what was said; where the model was changed, how that went.
+    fn stand(
+        &mut self,
+        scene: &Scene,
+        heard: &Receiver<String>,
+        stop: &AtomicBool,
+    ) -> Result<(Told, Option<Swap>), Failure> {
+        let mut standing = Standing::default();
+        loop {
+            let setup = Setup::quiet(scene.standing(), scene.seed);
+            self.cell = Cell::new(&scene.truth, setup);
+            self.start_ns = monotonic_ns() + TICK_NS;
+            for k in 0..self.cell.ticks() {
+                let missed_before = self.log.missed;
+                self.tick_at(scene, k);
+                let missed = self.log.missed > missed_before;
+                standing.tick(self.client.newest().map(|said| said.model_epoch), missed);
+                if let Some(done) = standing.hear(heard)? {
+                    return Ok(done);
+                }
+            }
+            if super::is_set(stop) {
+                return Err(Failure::Interrupted);
+            }
+            // What is logged while standing is of no use later.
+            self.log.rows.clear();
+        }
+    }
+
+    /// One tick at its time.
+    fn tick_at(&mut self, scene: &Scene, k: usize) {
+        let due_ns = self.start_ns + k as u64 * TICK_NS;
+        wait_until(due_ns);
+        self.tick(scene, due_ns);
     }
 
     /// One tick: command, answer, robot, forces.

@@ -6,7 +6,7 @@ use recording::series::{About, Channel, FileUnits, Recording};
 use trued_client::Verdict;
 use world::cell::Tick;
 
-use super::outcome::{Errors, Event, Latency, Report, Ringing, Spread};
+use super::outcome::{Errors, Event, Latency, Milled, Ringing, Spread};
 use super::scene::Scene;
 
 /// Amplitude from which the robot counts as ringing, N: what the force sensor's noise still hides.
@@ -87,10 +87,10 @@ impl Log {
     }
 
     /// What it comes to, from the moment the robot set off.
-    pub(super) fn report(&self, scene: &Scene, rejected: u64) -> Report {
+    pub(super) fn milled(&self, scene: &Scene, rejected: u64) -> Milled {
         let rows = self.rows.get(scene.dwell..).unwrap_or(&[]);
         let at = |quantile| self.latency.value_at_quantile(quantile);
-        Report {
+        Milled {
             seed: scene.seed,
             quick: scene.quick,
             robot: scene.model.file.name.clone(),
@@ -110,8 +110,12 @@ impl Log {
                 p999: at(0.999),
                 max: self.latency.max(),
             },
-            lacking: scene.truth.extras.iter().map(|extra| extra.words.clone()).collect(),
         }
+    }
+
+    /// Tool error with correction, from row `from` on.
+    pub(super) fn error_mm(&self, from: usize) -> Spread {
+        Spread::of(self.rows.iter().skip(from).map(|row| row.with_mm))
     }
 
     fn ringing(&self, scene: &Scene) -> Ringing {

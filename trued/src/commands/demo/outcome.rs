@@ -3,9 +3,21 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Everything that was measured.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+/// Everything that was measured and said.
+#[derive(Clone, Debug, Serialize)]
 pub(super) struct Report {
+    #[serde(flatten)]
+    pub(super) milled: Milled,
+    #[serde(flatten)]
+    pub(super) told: Told,
+    /// The same path with what was found in the daemon's model; none where nothing was swapped in.
+    pub(super) tool_error_after_diagnosis_mm: Option<Spread>,
+    pub(super) swap: Option<Swap>,
+}
+
+/// What milling with the model as calibrated came to.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Milled {
     pub(super) seed: u64,
     pub(super) quick: bool,
     pub(super) robot: String,
@@ -18,8 +30,68 @@ pub(super) struct Report {
     pub(super) vibration: Vec<Event>,
     pub(super) ringing: Ringing,
     pub(super) latency_ns: Latency,
-    /// What the daemon's model lacks.
-    pub(super) lacking: Vec<String>,
+}
+
+/// An effect by its name in the contract; joints from 1, none for the whole robot.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Named {
+    pub(super) effect: String,
+    pub(super) joint: Option<usize>,
+}
+
+/// What was said of the measuring program, and the truth.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(super) struct Told {
+    pub(super) hidden_effect: Named,
+    /// None where nothing was claimed.
+    pub(super) said: Option<Named>,
+    /// By name and joint, or by a name that this recording cannot tell from the true one.
+    pub(super) named_right: bool,
+    /// By how much the hidden effect moves the tool on the work, root mean square.
+    pub(super) hidden_effect_mm: f64,
+    pub(super) verdict: String,
+    /// What was said in words, line by line.
+    pub(super) says: Vec<String>,
+    /// The truth in words.
+    pub(super) truth: String,
+    /// How long the diagnosis took, s.
+    pub(super) diagnosis_s: f64,
+}
+
+/// The change of model as the robot's side saw it.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Swap {
+    /// Cycles while robot and daemon stood and waited for the diagnosis, the change among them.
+    pub(super) cycles: u64,
+    /// Of these, cycles without an answer in time.
+    pub(super) missed: u64,
+    /// The same in the second about the change.
+    pub(super) missed_about: u64,
+}
+
+/// What milling the same path again came to.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct Again {
+    pub(super) error_mm: Spread,
+    pub(super) cycles: u64,
+    pub(super) missed_cycles: u64,
+    pub(super) invariants_broken: u64,
+    pub(super) rejected_commands: u64,
+    pub(super) swap: Swap,
+}
+
+impl Report {
+    /// All of it; `again`: none where nothing was swapped in.
+    pub(super) fn new(mut milled: Milled, told: Told, again: Option<Again>) -> Self {
+        if let Some(again) = &again {
+            milled.cycles += again.cycles;
+            milled.missed_cycles += again.missed_cycles;
+            milled.invariants_broken += again.invariants_broken;
+            milled.rejected_commands = again.rejected_commands;
+        }
+        let tool_error_after_diagnosis_mm = again.map(|again| again.error_mm);
+        Self { milled, told, tool_error_after_diagnosis_mm, swap: again.map(|again| again.swap) }
+    }
 }
 
 /// Tool error without and with correction.

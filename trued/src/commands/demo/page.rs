@@ -1,35 +1,38 @@
-//! The demo's page: key numbers, the path error before and after, the correction per joint, the latency, the ringing.
+//! The demo's page: key numbers, the path error before and after, the correction per joint, what the model lacked, the latency, the ringing.
 
 use report::{Axis, Column, Histogram, Multiples, Number, Page, Plot, Series, Table, Tone};
 
 use super::log::{Log, Row};
-use super::outcome::Report;
+use super::outcome::{Milled, Report};
 use super::scene::Scene;
 
-/// The whole page.
-pub(super) fn render(scene: &Scene, report: &Report, log: &Log) -> String {
+/// The whole page; `again`: the same path with what was found, where it was swapped in.
+pub(super) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&Log>) -> String {
+    let milled = &report.milled;
     let rows = log.rows.get(scene.dwell..).unwrap_or(&[]);
     let lead = format!(
         "{} mills {}. The daemon corrects with a calibrated model; the true robot differs from it by what a calibration leaves \
-         unknown, and by two effects that the model does not have.",
-        report.robot,
+         unknown, and by one effect that the model lacks: the diagnosis has to find it.",
+        milled.robot,
         scene.what()
     );
     Page::new("The tool goes where it was told to go")
-        .kicker(format!("trued demo, seed {}", report.seed))
+        .kicker(format!("trued demo, seed {}", milled.seed))
         .lead(&lead)
         .numbers(numbers(report))
         .section("Where the tool went")
         .figure(
             "Distance of the true tool centre point from the commanded path, both measured on the true robot.",
-            &error_over_time(rows).render(),
+            &error_over_time(rows, again.map(|log| log.rows.as_slice())).render(),
         )
         .table(&errors(report))
         .figure("How often which error occurred.", &histogram(rows).render())
         .section("What was corrected")
         .figure("Published target minus command, joint by joint.", &corrections(scene, rows).render())
-        .section("What the model does not know")
-        .list(&report.lacking)
+        .section("What the model lacked")
+        .text("The robot measured itself, the recording was diagnosed, the model was changed in the running daemon. What was said:")
+        .list(&report.told.says)
+        .text(&format!("The truth, told afterwards: {}", report.told.truth))
         .section("The time it took")
         .text(
             "From sending the command to holding the corrected target, between two processes on this machine. A desktop or \
@@ -37,33 +40,52 @@ pub(super) fn render(scene: &Scene, report: &Report, log: &Log) -> String {
         )
         .figure("Round trip over shared memory.", &latency(log).render())
         .section("The cut that rings")
-        .text(&format!("The daemon hears the force samples at 10 kHz. The truth: {}.", report.ringing.words))
+        .text(&format!("The daemon hears the force samples at 10 kHz. The truth: {}.", milled.ringing.words))
         .figure("Force on the tool across the ringing, tool axes.", &force(scene, log).render())
-        .table(&events(report))
+        .table(&events(milled))
         .footer("Made by trued demo; the recording beside this page holds every tick.")
         .render()
 }
 
 fn numbers(report: &Report) -> Vec<Number> {
-    let errors = &report.tool_error_mm;
+    let errors = &report.milled.tool_error_mm;
     let share = 100.0 * errors.with.mean / errors.without.mean;
-    vec![
+    let mut numbers = vec![
         Number::new("Mean tool error without", errors.without.mean, "mm"),
         Number::new("Mean tool error with", errors.with.mean, "mm")
             .note(format!("{share:.0} % of that without"))
             .tone(Tone::Good),
-        Number::new("Round trip, middle", report.latency_ns.p50 as f64 * 1e-3, "µs"),
-        Number::text("Cycles missed", report.missed_cycles.to_string())
-            .note(format!("of {}", report.cycles)),
-    ]
+    ];
+    if let Some(after) = report.tool_error_after_diagnosis_mm {
+        let share = 100.0 * after.mean / errors.without.mean;
+        let number = Number::new("After the diagnosis", after.mean, "mm");
+        numbers.push(number.note(format!("{share:.0} % of that without")).tone(Tone::Good));
+    }
+    let milled = &report.milled;
+    numbers.extend([
+        Number::new("Round trip, middle", milled.latency_ns.p50 as f64 * 1e-3, "µs"),
+        Number::text("Cycles missed", milled.missed_cycles.to_string())
+            .note(format!("of {}", milled.cycles)),
+    ]);
+    numbers
 }
 
-fn error_over_time(rows: &[Row]) -> Plot {
+/// The path again is drawn over the first time, which stood for a while before.
+fn error_over_time(rows: &[Row], again: Option<&[Row]>) -> Plot {
     let line =
         |of: fn(&Row) -> f64| rows.iter().map(move |row| (row.t_s, of(row))).collect::<Vec<_>>();
-    Plot::new("Tool error over time", Axis::new("Time", "s"), Axis::new("Tool error", "mm"))
-        .series(Series::line("without correction", line(|row| row.without_mm)).muted())
-        .series(Series::line("with correction", line(|row| row.with_mm)))
+    let start_s = rows.first().map_or(0.0, |row| row.t_s);
+    let plot =
+        Plot::new("Tool error over time", Axis::new("Time", "s"), Axis::new("Tool error", "mm"))
+            .series(Series::line("without correction", line(|row| row.without_mm)).muted())
+            .series(Series::line("with correction", line(|row| row.with_mm)));
+    match again {
+        Some(rows) => {
+            let line = rows.iter().map(|row| (row.t_s + start_s, row.with_mm));
+            plot.series(Series::line("with what was found", line.collect::<Vec<_>>()))
+        }
+        None => plot,
+    }
 }
 
 fn histogram(rows: &[Row]) -> Histogram {
@@ -122,12 +144,17 @@ fn errors(report: &Report) -> Table {
     };
     let number = |head: &str| Column::new(head).digits(3);
     let heads = [Column::new("mm"), number("mean"), number("95 %"), number("largest")];
-    Table::new("Tool error along the path", heads)
-        .row(row("without correction", &report.tool_error_mm.without))
-        .row(row("with correction", &report.tool_error_mm.with))
+    let errors = &report.milled.tool_error_mm;
+    let table = Table::new("Tool error along the path", heads)
+        .row(row("without correction", &errors.without))
+        .row(row("with correction, as calibrated", &errors.with));
+    match &report.tool_error_after_diagnosis_mm {
+        Some(after) => table.row(row("with what was found", after)),
+        None => table,
+    }
 }
 
-fn events(report: &Report) -> Table {
+fn events(report: &Milled) -> Table {
     let heads = ["Time, s", "State", "Frequency, Hz", "Amplitude, N", "Axis", "In words"];
     report.vibration.iter().fold(Table::new("What the daemon said", heads), |table, event| {
         table.row([

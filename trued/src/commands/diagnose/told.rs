@@ -23,8 +23,8 @@ const LINES: usize = 12;
 
 #[derive(Serialize)]
 #[expect(non_snake_case, reason = "the contract's keys")]
-pub(super) struct Report {
-    pub(super) verdict: &'static str,
+pub(in crate::commands) struct Report {
+    pub(in crate::commands) verdict: &'static str,
     domain: &'static str,
     pub(super) unit: &'static str,
     samples: usize,
@@ -109,7 +109,7 @@ pub(super) struct Place {
 }
 
 impl Report {
-    pub(super) fn of(found: &Found) -> Self {
+    pub(in crate::commands) fn of(found: &Found) -> Self {
         let Some(diagnosis) = &found.diagnosis else { return Self::nothing(found) };
         let proof = &diagnosis.proof;
         let arm = &found.base.physics.arm;
@@ -279,7 +279,7 @@ pub(super) fn json(report: &Report) -> Result<String, Failure> {
 }
 
 /// The result in one sentence.
-pub(super) fn lead(found: &Found, report: &Report) -> String {
+pub(in crate::commands) fn lead(found: &Found, report: &Report) -> String {
     if found.diagnosis.is_none() {
         return found.doubts.join("; or: ");
     }
@@ -299,7 +299,7 @@ pub(super) fn lead(found: &Found, report: &Report) -> String {
 }
 
 /// The findings, the rest, and what to do, line by line.
-pub(super) fn lines(report: &Report) -> Vec<String> {
+pub(in crate::commands) fn lines(report: &Report) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for told in report.findings.iter().take(LINES) {
         let rivals: Vec<String> = told.alternatives.iter().map(Alternative::name).collect();

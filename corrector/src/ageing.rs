@@ -1,0 +1,232 @@
+//! Whether a model still holds, by occasional measurements of the tool: a sequential test that remembers.
+//!
+//! Each measurement gives a whitened residual `z = (measured − predicted)/σ`, three numbers that are standard normal while the model holds. Sums run
+//! along it (Page, Biometrika 41, 1954), each the log-likelihood of a change against none, and never below zero:
+//!
+//! ```text
+//! shift along d:  S ← max(0, S + d·z − k)                            says so where S > h
+//! spread:         C ← max(0, C + |z|²/2 (1 − 1/κ²) − 3 ln κ)         says so where C > c
+//! ```
+//!
+//! d: 14 directions (axes and space diagonals, both ways): the drift goes one way, however small; k is half
+//! the shift that is sought · C: the drift turns with the pose, so only the residuals' size tells: N(0, κ²) against N(0, 1). Since when: the
+//! measurement after that sum was last zero. |z| is cut at 4, so that one wrong measurement says nothing.
+//!
+//! Thresholds are set for more than 10⁴ measurements on average between false words of all sums (test
+//! `a_model_that_holds_is_doubted_once_in_thousands_of_measurements`): at one measurement every ten minutes, months.
+//!
+//! Promises: what was said stays said until [`Ageing::default`] begins anew. Never: a clock, a heap, a guess at why.
+
+use glam::DVec3;
+use libm::log;
+
+/// Half of the shift that is sought, σ.
+const SHIFT: f64 = 0.5;
+/// Where a shift is said.
+const SHIFT_SAID: f64 = 10.5;
+/// Along the axes and the space diagonals; each also the other way.
+const WAYS: [DVec3; 7] = [
+    DVec3::X,
+    DVec3::Y,
+    DVec3::Z,
+    DVec3::new(DIAGONAL, DIAGONAL, DIAGONAL),
+    DVec3::new(DIAGONAL, DIAGONAL, -DIAGONAL),
+    DVec3::new(DIAGONAL, -DIAGONAL, DIAGONAL),
+    DVec3::new(DIAGONAL, -DIAGONAL, -DIAGONAL),
+];
+/// 1/√3.
+const DIAGONAL: f64 = 0.577_350_269_189_625_8;
+/// The spread that is sought, σ.
+const SPREAD: f64 = 1.5;
+/// Where a spread is said, log-likelihood.
+const SPREAD_SAID: f64 = 8.0;
+/// A residual is cut at so many σ.
+const CUT: f64 = 4.0;
+/// Measurements after which the root mean square is told; older ones fade (exponentially weighted).
+const REMEMBERED: f64 = 20.0;
+
+/// A sum that never falls below zero, and since when it is above.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Sum {
+    height: f64,
+    since_ns: u64,
+}
+
+impl Sum {
+    fn add(&mut self, gain: f64, t_ns: u64) {
+        if self.height == 0.0 {
+            self.since_ns = t_ns;
+        }
+        self.height = (self.height + gain).max(0.0);
+    }
+}
+
+/// What is known of a model's age.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ageing {
+    shifts: [[Sum; 2]; WAYS.len()],
+    spread: Sum,
+    mean_square: f64,
+    count: u64,
+    broken_since_ns: Option<u64>,
+}
+
+impl Ageing {
+    /// Takes a measurement: `residual` m, measured minus predicted; `sigma_m` above zero, the standard uncertainty of each of its numbers, instrument and model
+    /// as proven together; `t_ns` not before the last. What is not finite, or has no sigma, is passed over: false.
+    pub fn take(&mut self, residual: DVec3, sigma_m: f64, t_ns: u64) -> bool {
+        let z = residual / sigma_m;
+        if !z.is_finite() || sigma_m <= 0.0 {
+            return false;
+        }
+        self.count += 1;
+        let share = (1.0 / self.count as f64).max(1.0 / REMEMBERED);
+        self.mean_square += share * (residual.length_squared() - self.mean_square);
+        let z = z.clamp_length_max(CUT);
+        for ([ahead, back], way) in self.shifts.iter_mut().zip(WAYS) {
+            let along = way.dot(z);
+            ahead.add(along - SHIFT, t_ns);
+            back.add(-along - SHIFT, t_ns);
+        }
+        let gain = 0.5 * z.length_squared() * (1.0 - 1.0 / (SPREAD * SPREAD));
+        self.spread.add(gain - 3.0 * log(SPREAD), t_ns);
+        if self.broken_since_ns.is_none() {
+            let highest = self.shifts.iter().flatten().max_by(|a, b| a.height.total_cmp(&b.height));
+            let shifted = highest.filter(|sum| sum.height > SHIFT_SAID);
+            let spread = Some(&self.spread).filter(|sum| sum.height > SPREAD_SAID);
+            self.broken_since_ns = shifted.or(spread).map(|sum| sum.since_ns);
+        }
+        true
+    }
+
+    /// Since when the model does not hold, in the measurements' time; none while it does.
+    pub fn broken_since_ns(&self) -> Option<u64> {
+        self.broken_since_ns
+    }
+
+    /// How many measurements were taken.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+
+    /// Root mean square distance of the last measurements (about twenty) from what was predicted, m; NaN before the first.
+    pub fn residual_m(&self) -> f64 {
+        if self.count > 0 { libm::sqrt(self.mean_square) } else { f64::NAN }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIGMA_M: f64 = 5e-5;
+    const MINUTE_NS: u64 = 60_000_000_000;
+
+    /// Standard normal numbers by Box and Muller over a linear congruential row.
+    struct Chance(u64);
+
+    impl Chance {
+        fn unit(&mut self) -> f64 {
+            self.0 = self
+                .0
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            ((self.0 >> 11) as f64 + 0.5) / (1_u64 << 53) as f64
+        }
+
+        fn normal(&mut self) -> f64 {
+            let (radius, turn) = (self.unit(), self.unit());
+            libm::sqrt(-2.0 * log(radius)) * libm::cos(core::f64::consts::TAU * turn)
+        }
+
+        fn noise(&mut self) -> DVec3 {
+            DVec3::new(self.normal(), self.normal(), self.normal()) * SIGMA_M
+        }
+    }
+
+    /// Measurements until it is said, and the one from which on, counted from the first; `drift` in σ by the measurement's number.
+    fn run(chance: &mut Chance, most: u64, drift: &dyn Fn(u64) -> DVec3) -> Option<(u64, u64)> {
+        let mut ageing = Ageing::default();
+        for k in 0..most {
+            assert!(ageing.take(chance.noise() + drift(k) * SIGMA_M, SIGMA_M, k * MINUTE_NS));
+            if let Some(since_ns) = ageing.broken_since_ns() {
+                return Some((k, since_ns / MINUTE_NS));
+            }
+        }
+        None
+    }
+
+    #[test]
+    fn a_model_that_holds_is_doubted_once_in_thousands_of_measurements() {
+        let (mut chance, mut said, mut left) = (Chance(3), 0_u64, 400_000_u64);
+        let all = left;
+        while let Some((count, _)) = run(&mut chance, left, &|_| DVec3::ZERO) {
+            said += 1;
+            left -= count.min(left);
+        }
+        let between = all / said.max(1);
+        println!("{said} false words in {all} measurements: one in {between}");
+        assert!(between > 8_000, "one in {between}");
+    }
+
+    #[test]
+    fn a_drift_of_one_sigma_is_said_within_thirty_measurements_and_dated() {
+        let mut chance = Chance(5);
+        let (mut delays, mut dates) = (Vec::new(), Vec::new());
+        for case in 0..200_u32 {
+            let turn = f64::from(case);
+            let way = DVec3::new(libm::cos(turn), libm::sin(turn), 0.0);
+            let drift = move |k: u64| if k >= 100 { way } else { DVec3::ZERO };
+            let (at, since) = run(&mut chance, 400, &drift).expect("said");
+            delays.push(at.saturating_sub(100));
+            dates.push(since.abs_diff(100));
+        }
+        delays.sort_unstable();
+        dates.sort_unstable();
+        println!(
+            "said after {} in the middle, {} at 95 %; dated within {} and {}",
+            delays[100], delays[190], dates[100], dates[190]
+        );
+        assert!(delays[100] <= 30 && delays[190] <= 45, "{delays:?}");
+        assert!(dates[100] <= 6 && dates[190] <= 25, "{dates:?}");
+    }
+
+    #[test]
+    fn a_drift_that_turns_with_the_pose_is_said_too() {
+        let mut chance = Chance(7);
+        for case in 0..50_u32 {
+            let drift = move |k: u64| {
+                let turn = 2.4 * k as f64 + f64::from(case);
+                let way = DVec3::new(libm::cos(turn), libm::sin(turn), libm::sin(3.0 * turn));
+                if k >= 50 { 2.5 * way } else { DVec3::ZERO }
+            };
+            let (at, since) = run(&mut chance, 400, &drift).expect("said");
+            assert!((50..80).contains(&at) && since.abs_diff(50) < 25, "{at} {since}");
+        }
+    }
+
+    #[test]
+    fn one_wrong_measurement_says_nothing_and_nonsense_is_passed_over() {
+        let mut ageing = Ageing::default();
+        assert!(!ageing.take(DVec3::splat(f64::NAN), SIGMA_M, 0));
+        assert!(!ageing.take(DVec3::ZERO, 0.0, 0) && !ageing.take(DVec3::ZERO, f64::NAN, 0));
+        assert_eq!((ageing.count(), ageing.residual_m().is_nan()), (0, true));
+        assert!(ageing.take(DVec3::new(1.0, 0.0, 0.0), SIGMA_M, 1));
+        assert_eq!(ageing.broken_since_ns(), None, "a reflector that was knocked off");
+    }
+
+    #[test]
+    fn what_was_said_stays_said() {
+        let mut ageing = Ageing::default();
+        for k in 0..20 {
+            ageing.take(DVec3::X * 4.0 * SIGMA_M, SIGMA_M, k);
+        }
+        let since = ageing.broken_since_ns();
+        assert_eq!(since, Some(0));
+        assert!((ageing.residual_m() - 4.0 * SIGMA_M).abs() < 1e-12);
+        for k in 20..200 {
+            ageing.take(DVec3::ZERO, SIGMA_M, k);
+        }
+        assert_eq!(ageing.broken_since_ns(), since);
+    }
+}

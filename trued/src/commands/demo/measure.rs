@@ -1,0 +1,53 @@
+//! The virtual robot runs its measuring program, played fast, and a tracker looks at three reflectors on its tool.
+//!
+//! Promises: what a recording of a real one would hold, and nothing else: commands, loads, temperature, what was seen with its noise.
+//! Never: the truth.
+
+use glam::DVec3;
+use recording::series::{About, Channel, FileUnits, Frame, Recording};
+use world::random::{Purpose, normals};
+use world::survey::{REFLECTORS_TOOL, tool};
+
+use super::scene::{Scene, TRACKER_M};
+
+/// The recording of the measuring program.
+pub(super) fn measured(scene: &Scene) -> Recording {
+    let rows = &scene.survey;
+    let places = tool(&scene.truth.model, rows);
+    let mut recording = Recording::new(rows.iter().map(|row| row.time_s).collect());
+    recording.units = FileUnits::WORKSHOP;
+    recording.about = About {
+        model: Some("model.toml".to_owned()),
+        measured_in_base: true,
+        wrench_frame: Some(Frame::Base),
+        targets_tool: REFLECTORS_TOOL
+            .map(|place| DVec3::to_array(&place))
+            .into_iter()
+            .enumerate()
+            .collect(),
+        ..About::default()
+    };
+    for joint in 0..scene.model.physics.arm.count() {
+        recording.set(Channel::Command(joint), rows.iter().map(|row| row.q[joint]).collect());
+    }
+    for axis in 0..3 {
+        let wrench = |of: &dyn Fn(usize) -> DVec3| (0..rows.len()).map(|k| of(k)[axis]).collect();
+        recording.set(Channel::Wrench(axis), wrench(&|k| rows[k].wrench_base.force));
+        recording.set(Channel::Wrench(axis + 3), wrench(&|k| rows[k].wrench_base.moment));
+    }
+    recording.set(Channel::Ambient, rows.iter().map(|row| row.ambient_celsius).collect());
+    for (number, reflector) in REFLECTORS_TOOL.iter().enumerate() {
+        let seen = places.iter().enumerate().map(|(row, place)| {
+            let stream = (row * REFLECTORS_TOOL.len() + number) as u32;
+            let mut noise = normals(scene.seed, Purpose::Tracker, stream);
+            place.point(*reflector) + DVec3::new(noise(), noise(), noise()) * TRACKER_M
+        });
+        let seen: Vec<DVec3> = seen.collect();
+        for axis in 0..3 {
+            let channel = Channel::Target(number, axis);
+            recording.about.sigma.insert(channel, TRACKER_M);
+            recording.set(channel, seen.iter().map(|seen| seen[axis]).collect());
+        }
+    }
+    recording
+}

@@ -1,0 +1,54 @@
+//! What was found goes into a running daemon: `trued diagnose --apply CELL`.
+//!
+//! Promises: only a model whose findings explain the mismatch is swapped in, by the way of `trued reload`; what was written stays written,
+//! whatever the daemon says. Never: a change of the cell's own files.
+
+use std::path::Path;
+
+use diagnosis::diagnose::Verdict;
+use recording::cell::CellConfig;
+
+use super::super::reload::Swap;
+use super::{Found, MODEL};
+use crate::exit::{Answer, Failure, Outcome};
+use crate::input::unusable;
+use crate::output::Console;
+
+/// The name of the cell whose configuration this is, or whose name.
+pub(super) fn cell(config_or_name: &Path) -> Result<String, Failure> {
+    let is_file = config_or_name.exists() || config_or_name.extension().is_some();
+    match config_or_name.to_str() {
+        Some(name) if !is_file => Ok(name.to_owned()),
+        _ => Ok(CellConfig::read(config_or_name).map_err(unusable)?.cell),
+    }
+}
+
+/// Swaps the model that was written to `dir` into the daemon of `cell`, or says why not.
+pub(super) fn apply(console: &mut Console, cell: &str, found: &Found, dir: &Path) -> Outcome {
+    if let Some(why) = why_not(found) {
+        console.say(format!("not applied: {why}; the daemon goes on with its model"))?;
+        return Ok(Answer::No);
+    }
+    let model = dir.join(MODEL);
+    let answer = Swap::ask(cell, Some(&model))?.tell(console)?;
+    if answer == Answer::Done {
+        console.say(format!(
+            "until the daemon of {cell} starts again; to keep it, make {} the `model` of its configuration",
+            model.display()
+        ))?;
+    }
+    Ok(answer)
+}
+
+/// Why a model is not to be used as it is; none where it is.
+fn why_not(found: &Found) -> Option<&'static str> {
+    match found.diagnosis.as_ref().map(|diagnosis| diagnosis.verdict) {
+        Some(Verdict::MissingPhysics) => None,
+        Some(Verdict::Consistent) => Some("nothing is missing, so there is nothing to apply"),
+        Some(Verdict::UnknownStructure) => {
+            Some("part of the mismatch follows a law that no known effect explains")
+        }
+        Some(Verdict::Undetermined) => Some("several effects explain the mismatch alike"),
+        None => Some("the recordings cannot be judged"),
+    }
+}

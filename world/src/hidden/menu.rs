@@ -1,0 +1,230 @@
+//! What a robot may hide: every effect that moves the tool and stands still in time, at the largest size that an arm of the IRB 1600's class may have.
+//!
+//! Promises: kinds of the physics' own list; joints, signs, phases and directions drawn. Never: a size at the tool; see [`super::draw`].
+
+use core::f64::consts::TAU;
+use glam::DVec3;
+use libm::sqrt;
+use physics::{AnyEffect, Arm, Chain, Given, Inputs, JointKind, Loads, Model};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+
+/// By how much a load may exceed the largest of the measuring program before a joint stiffens to a stop.
+const LOAD_RESERVE: f64 = 1.3;
+
+/// All kinds. A description without physics (`joint_polynomial`), errors of the force sensor and what lags or rings are none of them.
+pub const KINDS: &[&str] = &[
+    "joint_offset",
+    "joint_ratio",
+    "joint_coupling",
+    "transmission_error",
+    "backlash",
+    "lost_motion",
+    "hysteresis",
+    "gravity_compliance",
+    "gravity_sag",
+    "load_compliance",
+    "joint_compliance",
+    "stiffness_hardening",
+    "bearing_compliance",
+    "base_compliance",
+    "tool_compliance",
+    "counterbalance",
+    "axis_tilt",
+    "axis_shift",
+    "tool_offset",
+    "gravity_tilt",
+    "payload",
+    "thermal_growth",
+    "thermal_zero",
+    "axis_wobble",
+    "spindle_growth",
+];
+
+/// An effect of the largest size, and which of its numbers make the size.
+pub(super) struct Shape {
+    pub(super) kind: &'static str,
+    pub(super) joint: Option<usize>,
+    numbers: Vec<(&'static str, Vec<f64>)>,
+    sizes: usize,
+}
+
+impl Shape {
+    /// The effect at `share` of the largest size; none where it cannot be built there.
+    pub(super) fn build(&self, arm: &Arm, share: f64) -> Option<AnyEffect> {
+        let mut numbers = self.numbers.clone();
+        numbers.iter_mut().take(self.sizes).for_each(|(_, list)| {
+            list.iter_mut().for_each(|x| *x *= share);
+        });
+        let given: Vec<(&str, &[f64])> = numbers.iter().map(|(s, x)| (*s, x.as_slice())).collect();
+        AnyEffect::build(self.kind, arm, self.joint, Given(&given)).ok()
+    }
+}
+
+/// One draw of the menu; none where the kind makes no sense on the joint that was drawn.
+pub(super) fn draw(
+    kind: &'static str,
+    model: &Model,
+    survey: &[Inputs],
+    rng: &mut ChaCha8Rng,
+) -> Option<Shape> {
+    let arm = &model.arm;
+    let i = rng.random_range(0..arm.count());
+    let mut dice = Dice { rng };
+    let wrist = i + 3 >= arm.count();
+    let by = |main: f64, wrist_: f64| if wrist { wrist_ } else { main };
+    let (mut sizes, mut joint) = (1, Some(i));
+    let numbers = match kind {
+        "joint_offset" => vec![("offset", vec![dice.signed(1e-3)])],
+        "joint_ratio" => vec![("ratio", vec![dice.signed(2e-3)])],
+        "joint_coupling" => {
+            let from = coupled(arm, i, &mut dice)?;
+            vec![("ratio", vec![dice.signed(2e-3)]), ("from_joint", vec![(from + 1) as f64])]
+        }
+        "transmission_error" => {
+            let cycles = f64::from(dice.rng.random_range(1_u8..=12));
+            let amplitude = vec![by(3e-4, 1e-3)];
+            vec![("amplitude", amplitude), ("cycles", vec![cycles]), ("phase", vec![dice.phase()])]
+        }
+        "axis_wobble" => {
+            let cycles = f64::from(dice.rng.random_range(1_u8..=2));
+            let phases = vec![dice.phase(), dice.phase()];
+            let amplitude = dice.vector(2, 1e-3).iter().map(|x| x.abs()).collect();
+            vec![("amplitude", amplitude), ("phase", phases), ("cycles", vec![cycles])]
+        }
+        "backlash" => vec![("width", vec![by(6e-4, 1.5e-3)])],
+        "lost_motion" => {
+            let torque = dice.within(0.05, 0.3) * largest_load(arm, survey, i);
+            vec![("width", vec![by(6e-4, 1.5e-3)]), ("torque", vec![torque])]
+        }
+        "hysteresis" => {
+            let reversal = dice.within(5e-3, 4e-2);
+            vec![("amplitude", vec![by(6e-4, 1.5e-3)]), ("reversal", vec![reversal])]
+        }
+        "gravity_compliance" | "load_compliance" | "joint_compliance" => {
+            vec![("compliance", vec![by(2e-5, 4e-4)])]
+        }
+        "bearing_compliance" => vec![("compliance", vec![by(5e-6, 4e-5)])],
+        "gravity_sag" => vec![("sag", sag(arm, i, by(6e-4, 1.5e-3), &mut dice))],
+        "stiffness_hardening" => vec![("cubic", vec![cubic(model, survey, i)?])],
+        "axis_tilt" => vec![("tilt", dice.vector(2, 1e-3))],
+        "axis_shift" => vec![("shift", across(arm, i, &dice.vector(3, 1e-3)))],
+        "thermal_growth" => {
+            let link = (arm.next_point(i) - arm.joints()[i].point).length();
+            vec![("growth", vec![4e-5 * link.max(0.3)])]
+        }
+        "thermal_zero" => vec![("drift", vec![dice.signed(6e-5)])],
+        "counterbalance" => vec![
+            ("stiffness", vec![1e5]),
+            ("free_length", vec![dice.within(0.2, 0.4)]),
+            ("a", vec![dice.within(0.15, 0.3)]),
+            ("L", vec![0.5]),
+            ("angle", vec![dice.phase()]),
+        ],
+        _ => {
+            joint = None;
+            let (numbers, all) = of_robot(kind, arm, &mut dice)?;
+            sizes = all;
+            numbers
+        }
+    };
+    let revolute = arm.joints()[i].kind == JointKind::Revolute;
+    (revolute || joint.is_none()).then_some(Shape { kind, joint, numbers, sizes })
+}
+
+/// Numbers of an effect of the whole robot, and how many of its entries make its size.
+#[expect(clippy::type_complexity, reason = "entries as `Given` takes them")]
+fn of_robot(
+    kind: &str,
+    arm: &Arm,
+    dice: &mut Dice<'_>,
+) -> Option<(Vec<(&'static str, Vec<f64>)>, usize)> {
+    let mut positive =
+        |size: f64| -> Vec<f64> { dice.vector(3, size).iter().map(|x| x.abs()).collect() };
+    Some(match kind {
+        "base_compliance" => (vec![("compliance", vec![2e-6])], 1),
+        "tool_compliance" => (vec![("compliance", positive(8e-6))], 1),
+        "tool_offset" => (vec![("shift", dice.vector(3, 1e-3)), ("turn", dice.vector(3, 2e-3))], 2),
+        "gravity_tilt" => (vec![("tilt", dice.vector(2, 0.05))], 1),
+        "payload" => {
+            let com = (arm.tool.tcp + DVec3::from_slice(&dice.vector(3, 0.1))).to_array();
+            (vec![("mass", vec![4.0]), ("com", com.to_vec())], 1)
+        }
+        "spindle_growth" => (vec![("growth", vec![4e-5])], 1),
+        _ => return None,
+    })
+}
+
+/// A joint that may drive `joint` along: one before it in the wrist, or the second for the third.
+fn coupled(arm: &Arm, joint: usize, dice: &mut Dice<'_>) -> Option<usize> {
+    let wrist = arm.count().saturating_sub(3);
+    match joint {
+        2 => Some(1),
+        _ if joint > wrist => Some(dice.rng.random_range(wrist..joint)),
+        _ => None,
+    }
+}
+
+/// What an arm of unknown masses sags by: a lever for each body that the joint carries.
+fn sag(arm: &Arm, joint: usize, size: f64, dice: &mut Dice<'_>) -> Vec<f64> {
+    (joint..arm.count()).flat_map(|_| dice.vector(3, size)).collect()
+}
+
+/// What is across the joint's axis; the last joint's tool may stand elsewhere along it too.
+fn across(arm: &Arm, joint: usize, shift: &[f64]) -> Vec<f64> {
+    let shift = DVec3::from_slice(shift);
+    let axis = arm.joints()[joint].axis;
+    let barred = if joint + 1 < arm.count() { axis * axis.dot(shift) } else { DVec3::ZERO };
+    (shift - barred).to_array().to_vec()
+}
+
+/// Hardening that holds up to the largest load; none where the joint has no compliance to harden.
+fn cubic(model: &Model, survey: &[Inputs], joint: usize) -> Option<f64> {
+    let gives_way = |effect: &&AnyEffect| {
+        let linear = matches!(
+            effect,
+            AnyEffect::JointCompliance(_)
+                | AnyEffect::GravityCompliance(_)
+                | AnyEffect::LoadCompliance(_)
+        );
+        linear && effect.joint() == Some(joint)
+    };
+    let compliance = model.effects().find(gives_way)?.values().first()?;
+    let most = LOAD_RESERVE * largest_load(&model.arm, survey, joint);
+    (most > 0.0).then(|| compliance / (3.0 * most * most))
+}
+
+fn largest_load(arm: &Arm, rows: &[Inputs], joint: usize) -> f64 {
+    let load = |row: &Inputs| {
+        let chain = Chain::nominal(arm, &row.q);
+        Loads::on(arm, &chain, row.wrench_base).torque(joint).abs()
+    };
+    rows.iter().step_by(5).map(load).fold(0.0, f64::max)
+}
+
+/// Draws.
+struct Dice<'a> {
+    rng: &'a mut ChaCha8Rng,
+}
+
+impl Dice<'_> {
+    fn within(&mut self, low: f64, high: f64) -> f64 {
+        self.rng.random_range(low..high)
+    }
+
+    fn phase(&mut self) -> f64 {
+        self.within(-0.5 * TAU, 0.5 * TAU)
+    }
+
+    fn signed(&mut self, size: f64) -> f64 {
+        if self.rng.random() { size } else { -size }
+    }
+
+    /// A vector of this length in any direction.
+    fn vector(&mut self, count: usize, length: f64) -> Vec<f64> {
+        let any: Vec<f64> = (0..count).map(|_| self.rng.sample(StandardNormal)).collect();
+        let norm = sqrt(any.iter().map(|x| x * x).sum::<f64>()).max(1e-9);
+        any.iter().map(|x| x * length / norm).collect()
+    }
+}
