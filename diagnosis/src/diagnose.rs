@@ -1,6 +1,6 @@
 //! Where a model and a recording differ: where, which physics is missing, how much of it, and the proof on data that no fit has seen.
 //!
-//! Read in this order: `library` (what is asked), `noise`, `name` (which, with rivals), `unknown` (what no name explains), `prove`, `judge`.
+//! Read in this order: `ingest` (what the recordings are worth), `library` (what is asked), `noise`, `name` (which, with rivals), `unknown` (what no name explains), `prove`, `judge`.
 //!
 //! Promises: the same input and seed give the same bits; held-out rows are seen by no fit and add no name, they only take names back; nothing found is a result
 //! like any other. Never: a file, a name of a data set.
@@ -9,6 +9,7 @@ mod choice;
 mod experiment;
 mod features;
 mod gram;
+mod ingest;
 mod judge;
 mod library;
 mod locate;
@@ -35,6 +36,7 @@ use prove::Held;
 
 use std::collections::BTreeMap;
 
+pub use ingest::{Ingested, ingest};
 pub use judge::Verdict;
 pub use locate::{Cell, Seen};
 pub use name::Rival;
@@ -46,6 +48,9 @@ const POSES_MAX: usize = 6000;
 
 /// The share of a number that stays open whatever the noise: scales, the geometry that levers are taken from, the form of a law.
 const FLOOR: f64 = 5e-3;
+
+/// Where more than this share of the rows lies far from the model with all that was found, nothing is claimed.
+const FAR_MOST: f64 = 0.2;
 
 /// Something that is missing in the model, or wrong in it.
 #[derive(Clone, Debug)]
@@ -214,7 +219,7 @@ fn finish(
     naming: Naming,
     split: Split,
     words: &[Word],
-    (not_tested, notes): (Vec<Untested>, Vec<String>),
+    (not_tested, mut notes): (Vec<Untested>, Vec<String>),
 ) -> Diagnosis {
     let settings = Settings {
         used: &split.training,
@@ -254,6 +259,10 @@ fn finish(
         is_length: held.is_length,
     };
     let next_experiment = next_experiment(&named, &last);
+    let (far, rows) = far(&last, &campaign);
+    if far > 0 {
+        notes.push(format!("{far} of {rows} rows lie far from the model with all that was found; they weigh little or nothing"));
+    }
     Diagnosis {
         verdict,
         findings,
@@ -268,6 +277,25 @@ fn finish(
         notes,
         campaign,
         split,
+    }
+}
+
+/// Rows that lie far from the model with all that was found, and all that were read.
+fn far(last: &Fit, campaign: &Campaign) -> (usize, usize) {
+    let rows = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
+    (last.outliers(campaign).len(), rows)
+}
+
+impl Diagnosis {
+    /// Why nothing of this may be claimed; none where it may.
+    #[must_use]
+    pub fn doubt(&self) -> Option<String> {
+        let (far, rows) = far(&self.fit, &self.campaign);
+        (far as f64 > FAR_MOST * rows as f64).then(|| {
+            format!(
+                "{far} of {rows} rows lie far from whatever the others follow: the recording is of two different things, or its readings are not of this robot"
+            )
+        })
     }
 }
 

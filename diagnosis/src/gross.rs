@@ -7,6 +7,12 @@
 //! Promises: a sound recording of an uncalibrated robot raises no suspicion; what is said says what to do.
 //! Never: a recording changed in place: people decide.
 
+mod links;
+mod torn;
+
+pub use links::links;
+pub use torn::torn;
+
 use crate::campaign::{Campaign, Place, Reading};
 use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::Hypothesis;
@@ -34,7 +40,7 @@ const POSES_MAX: usize = 150;
 pub struct Suspicion {
     /// What is wrong and what to do, in words.
     pub says: String,
-    /// The middle error as the recording stands, m.
+    /// The middle error as the recording stands, m (rad where a joint turns).
     pub before_m: f64,
     /// The same with the remedy, m; equal to `before_m` where none is known.
     pub after_m: f64,

@@ -7,11 +7,11 @@ use serde_json::Value;
 
 use crate::program::Place;
 
-const BASE: &str = "irb1600-6-145";
+pub(crate) const BASE: &str = "irb1600-6-145";
 const ROWS: u32 = 900;
 
 /// All joints swing, each at a pace of its own.
-fn path() -> String {
+pub(crate) fn path() -> String {
     let mut text = String::from("t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n");
     for k in 0..ROWS {
         let t = 0.02 * f64::from(k);
@@ -25,7 +25,7 @@ fn path() -> String {
 }
 
 /// A recording of the preset with `effects`, noise 0.03 mm, seen from an unknown place.
-fn recorded(effects: &str) -> Place {
+pub(crate) fn recorded(effects: &str) -> Place {
     let place = Place::new();
     place.file("path.csv", &path());
     place.file("path.toml", "schema = \"trued.recording/1\"\nmeasuring_frame = \"base\"\n");

@@ -146,7 +146,7 @@ impl Report {
                 ),
             }),
             map: diagnosis.map.iter().map(Place::of).collect(),
-            notes: diagnosis.notes.clone(),
+            notes: found.notes.iter().chain(&diagnosis.notes).cloned().collect(),
             seed: found.seed,
         }
     }
@@ -175,7 +175,7 @@ impl Report {
                 says,
             }),
             map: Vec::new(),
-            notes: Vec::new(),
+            notes: found.notes.clone(),
             seed: found.seed,
         }
     }
