@@ -6,7 +6,7 @@
 //! like any other. Never: a file, a name of a data set.
 
 mod choice;
-mod experiment;
+pub mod experiment;
 mod features;
 mod gram;
 mod ingest;
@@ -19,6 +19,7 @@ mod prove;
 pub mod says;
 mod unknown;
 mod untested;
+mod view;
 
 use crate::campaign::{Arrival, Campaign, Reading};
 use crate::colour::stream;
@@ -28,6 +29,7 @@ use crate::proof::{Split, runs};
 use crate::result::Fit;
 use crate::robust::Influence;
 use crate::score::Fitted;
+use experiment::Proposed;
 use features::Word;
 use glam::DVec3;
 use name::{Asking, Named, Naming};
@@ -42,6 +44,7 @@ pub use locate::{Cell, Seen};
 pub use name::Rival;
 pub use prove::Proof;
 pub use untested::Untested;
+pub use view::{Beside, Over, Spectra, Trace};
 
 /// Readings that are looked at, at most; of more, every so manieth.
 const POSES_MAX: usize = 6000;
@@ -106,7 +109,7 @@ pub struct Diagnosis {
     /// Root mean square of the measured values about their means, m or rad.
     pub signal_rms: f64,
     /// The motion or load that would tell rivals apart.
-    pub next_experiment: Option<String>,
+    pub next_experiment: Option<Proposed>,
     /// Where the model as given and the recording differ.
     pub map: Vec<Cell>,
     /// What could not have shown.
@@ -258,7 +261,8 @@ fn finish(
         noise: held.rms_in_training(&last),
         is_length: held.is_length,
     };
-    let next_experiment = next_experiment(&named, &last);
+    let asking = experiment::Asking::of(&campaign, model, &last, &split.training);
+    let next_experiment = asking.proposed(&named);
     let (far, rows) = far(&last, &campaign);
     if far > 0 {
         notes.push(format!("{far} of {rows} rows lie far from the model with all that was found; they weigh little or nothing"));
@@ -304,14 +308,6 @@ fn depends_on(law: &unknown::Law, words: &[Word]) -> Vec<String> {
     let mut names: Vec<String> = law.words.iter().map(|word| words[*word].name.clone()).collect();
     names.dedup();
     names
-}
-
-/// What would part the strongest name that is ambiguous from its nearest rival.
-fn next_experiment(named: &[Named], last: &Fit) -> Option<String> {
-    let open = named.iter().filter(|one| judge::is_ambiguous(one, last));
-    let one = open.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
-    let effect = last.hypothesis.model.effects().nth(one.effect)?;
-    Some(experiment::experiment(effect, &one.rivals.first()?.effect))
 }
 
 /// Root mean square of what was read about the mean of each axis or joint.

@@ -2,7 +2,7 @@
 //!
 //! Promises: a joint that only rests raises no suspicion: the tool has to be off by much more from there on. Never: a part left out by itself.
 
-use super::{HOPELESS, Suspicion, reach, thinned};
+use super::{HOPELESS, OWN_M, Suspicion, reach, thinned};
 use crate::campaign::Campaign;
 use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::Hypothesis;
@@ -14,6 +14,7 @@ use physics::Model;
 const PART: f64 = 0.15;
 /// Poses before and after a joint's last motion, at least, as a share of all.
 const STRETCH: f64 = 0.1;
+const LEAST: f64 = 10.0;
 /// A frozen column has the tool off by this many times more from there on, and by more than this share of the reach.
 const WORSE: f64 = 5.0;
 const SHOWS: f64 = 1e-3;
@@ -45,14 +46,20 @@ fn frozen(
 ) -> Option<Suspicion> {
     let count = few.poses.len();
     let q = |pose: usize| &few.poses[pose].inputs.q;
-    let last = (1..count).rev().find(|k| q(*k)[joint] != q(*k - 1)[joint])?;
-    let least = (STRETCH * count as f64).max(5.0) as usize;
-    let goes_on = (0..joints).any(|j| (last + 1..count).any(|k| q(k)[j] != q(last)[j]));
-    if last < least || count - last < least || !goes_on {
+    let changes = |k: &usize| q(*k)[joint] != q(*k - 1)[joint];
+    let last = (1..count).rev().find(changes)?;
+    let own = few.poses[last].recording;
+    let is_early = |pose: usize| pose < last && few.poses[pose].recording == own;
+    let early: Vec<bool> = (0..count).map(is_early).collect();
+    let late: Vec<bool> = (0..count).map(|k| k > last && few.poses[k].recording == own).collect();
+    let of = |side: &[bool]| side.iter().filter(|own| **own).count();
+    let least = (STRETCH * count as f64).max(LEAST);
+    let goes_on = (0..joints).any(|j| (1..count).any(|k| late[k] && q(k)[j] != q(k - 1)[j]));
+    // A joint that was moved only now and then may as well rest.
+    let busy = 2 * (1..last).filter(|k| early[*k] && changes(k)).count() > of(&early);
+    if (of(&early) as f64) < least || (of(&late) as f64) < least || !goes_on || !busy {
         return None;
     }
-    let early: Vec<bool> = (0..count).map(|pose| pose < last).collect();
-    let late: Vec<bool> = (0..count).map(|pose| pose > last).collect();
     let before_m = errors(few, model, &early, &late).quantile(0.5);
     let after_m = errors(few, model, &early, &early).quantile(0.5);
     let is_frozen = before_m > WORSE * after_m && before_m > SHOWS * spread_m;
@@ -75,7 +82,7 @@ fn frozen(
 fn far(few: &Campaign, model: &Model, spread_m: f64) -> Option<Suspicion> {
     let all = vec![true; few.poses.len()];
     let errors = errors(few, model, &all, &all);
-    let edge = HOPELESS * spread_m;
+    let edge = OWN_M.max(HOPELESS * spread_m);
     let count = errors.sorted_m.iter().filter(|error| **error > edge).count();
     let share = count as f64 / errors.sorted_m.len().max(1) as f64;
     (share > PART).then(|| Suspicion {

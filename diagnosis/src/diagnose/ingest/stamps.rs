@@ -36,8 +36,7 @@ pub(super) fn notes(recording: &Recording) -> Vec<String> {
     let spread = (squares / even.len().max(1) as f64).sqrt();
     if spread > UNEVEN * middle {
         notes.push(format!(
-            "rows are not evenly spaced: {:.4} s apart with a spread of {:.4} s",
-            middle, spread
+            "rows are not evenly spaced: {middle:.4} s apart with a spread of {spread:.4} s"
         ));
     }
     notes
