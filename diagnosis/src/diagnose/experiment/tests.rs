@@ -7,7 +7,8 @@ use crate::made::nominal;
 fn every_experiment_stays_inside_the_limits_and_speeds_of_the_arm() {
     let arm = nominal().arm;
     let all = menu(&arm);
-    assert_eq!(all, menu(&arm));
+    // Temperatures that do not matter are no numbers: compared as text.
+    assert_eq!(format!("{all:?}"), format!("{:?}", menu(&arm)));
     let mut names: Vec<&str> = all.iter().map(|one| one.name.as_str()).collect();
     names.sort_unstable();
     names.dedup();
