@@ -1,14 +1,15 @@
 //! Where a model and a recording differ: where, which physics is missing, how much of it, and the proof on data that no fit has seen.
 //!
-//! Read in this order: `library` (what is asked), `noise`, `name` (which, with rivals), `unknown` (what no name explains), `prove`, `judge`.
+//! Read in this order: `ingest` (what the recordings are worth), `library` (what is asked), `noise`, `name` (which, with rivals), `unknown` (what no name explains), `prove`, `judge`.
 //!
 //! Promises: the same input and seed give the same bits; held-out rows are seen by no fit and add no name, they only take names back; nothing found is a result
 //! like any other. Never: a file, a name of a data set.
 
 mod choice;
-mod experiment;
+pub mod experiment;
 mod features;
 mod gram;
+mod ingest;
 mod judge;
 mod library;
 mod locate;
@@ -19,6 +20,7 @@ mod prove;
 pub mod says;
 mod unknown;
 mod untested;
+mod view;
 
 use crate::campaign::{Campaign, Reading};
 use crate::colour::stream;
@@ -29,6 +31,7 @@ use crate::result::Fit;
 use crate::rides::paths;
 use crate::robust::Influence;
 use crate::score::Fitted;
+use experiment::Proposed;
 use features::Word;
 use glam::DVec3;
 use name::{Asking, Named, Naming};
@@ -37,17 +40,22 @@ use prove::Held;
 
 use std::collections::BTreeMap;
 
+pub use ingest::{Ingested, ingest};
 pub use judge::Verdict;
 pub use locate::{Cell, Seen};
 pub use name::Rival;
 pub use prove::Proof;
 pub use untested::Untested;
+pub use view::{Beside, Over, Spectra, Trace};
 
 /// Readings that are looked at, at most; of more, every so manieth.
 const POSES_MAX: usize = 6000;
 
 /// The share of a number that stays open whatever the noise: scales, the geometry that levers are taken from, the form of a law.
 const FLOOR: f64 = 5e-3;
+
+/// Where more than this share of the rows lies far from the model with all that was found, nothing is claimed.
+const FAR_MOST: f64 = 0.2;
 
 /// Something that is missing in the model, or wrong in it.
 #[derive(Clone, Debug)]
@@ -103,7 +111,7 @@ pub struct Diagnosis {
     /// Root mean square of the measured values about their means, m or rad.
     pub signal_rms: f64,
     /// The motion or load that would tell rivals apart.
-    pub next_experiment: Option<String>,
+    pub next_experiment: Option<Proposed>,
     /// Where the model as given and the recording differ.
     pub map: Vec<Cell>,
     /// What could not have shown.
@@ -223,7 +231,7 @@ fn finish(
     naming: Naming,
     split: Split,
     words: &[Word],
-    (not_tested, notes): (Vec<Untested>, Vec<String>),
+    (not_tested, mut notes): (Vec<Untested>, Vec<String>),
 ) -> Diagnosis {
     let settings = Settings {
         used: &split.training,
@@ -262,7 +270,12 @@ fn finish(
         noise: held.rms_in_training(&last),
         is_length: held.is_length,
     };
-    let next_experiment = next_experiment(&named, &last);
+    let asking = experiment::Asking::of(&campaign, model, &last, &split.training);
+    let next_experiment = asking.proposed(&named);
+    let (far, rows) = far(&last, &campaign);
+    if far > 0 {
+        notes.push(format!("{far} of {rows} rows lie far from the model with all that was found; they weigh little or nothing"));
+    }
     Diagnosis {
         verdict,
         findings,
@@ -280,19 +293,30 @@ fn finish(
     }
 }
 
+/// Rows that lie far from the model with all that was found, and all that were read.
+fn far(last: &Fit, campaign: &Campaign) -> (usize, usize) {
+    let rows = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
+    (last.outliers(campaign).len(), rows)
+}
+
+impl Diagnosis {
+    /// Why nothing of this may be claimed; none where it may.
+    #[must_use]
+    pub fn doubt(&self) -> Option<String> {
+        let (far, rows) = far(&self.fit, &self.campaign);
+        (far as f64 > FAR_MOST * rows as f64).then(|| {
+            format!(
+                "{far} of {rows} rows lie far from whatever the others follow: the recording is of two different things, or its readings are not of this robot"
+            )
+        })
+    }
+}
+
 /// The contract's words that a law follows, each once.
 fn depends_on(law: &unknown::Law, words: &[Word]) -> Vec<String> {
     let mut names: Vec<String> = law.words.iter().map(|word| words[*word].name.clone()).collect();
     names.dedup();
     names
-}
-
-/// What would part the strongest name that is ambiguous from its nearest rival.
-fn next_experiment(named: &[Named], last: &Fit) -> Option<String> {
-    let open = named.iter().filter(|one| judge::is_ambiguous(one, last));
-    let one = open.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
-    let effect = last.hypothesis.model.effects().nth(one.effect)?;
-    Some(experiment::experiment(effect, &one.rivals.first()?.effect))
 }
 
 /// Root mean square of what was read about the mean of each axis or joint.

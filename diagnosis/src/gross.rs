@@ -7,6 +7,12 @@
 //! Promises: a sound recording of an uncalibrated robot raises no suspicion; what is said says what to do.
 //! Never: a recording changed in place: people decide.
 
+mod links;
+mod torn;
+
+pub use links::links;
+pub use torn::torn;
+
 use crate::campaign::{Campaign, Place, Reading};
 use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::Hypothesis;
@@ -26,6 +32,10 @@ const AS_GOOD: f64 = 1.3;
 const GROSS: f64 = 4e-3;
 /// What is off by more than this share of the reach is gross, even if no remedy is known.
 const HOPELESS: f64 = 2e-2;
+/// However small the motion was: what is off by less is no gross fault, m.
+const LEAST_M: f64 = 2e-3;
+/// The same where no remedy is known: what is off by less may be the robot's own, m.
+const OWN_M: f64 = 5e-3;
 /// Poses that are looked at.
 const POSES_MAX: usize = 150;
 
@@ -34,7 +44,7 @@ const POSES_MAX: usize = 150;
 pub struct Suspicion {
     /// What is wrong and what to do, in words.
     pub says: String,
-    /// The middle error as the recording stands, m.
+    /// The middle error as the recording stands, m (rad where a joint turns).
     pub before_m: f64,
     /// The same with the remedy, m; equal to `before_m` where none is known.
     pub after_m: f64,
@@ -46,7 +56,7 @@ pub fn suspicions(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
     let few = thinned(campaign);
     let before_m = off(&few, model);
     let spread_m = reach(&few);
-    if before_m <= GROSS * spread_m || few.poses.len() < 5 {
+    if before_m <= LEAST_M.max(GROSS * spread_m) || few.poses.len() < 5 {
         return Vec::new();
     }
     let mut found: Vec<Suspicion> = remedies(&few, model)
@@ -61,7 +71,7 @@ pub fn suspicions(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
     found.sort_by(|a, b| a.after_m.total_cmp(&b.after_m));
     let best = found.first().map_or(0.0, |s| s.after_m);
     found.retain(|s| s.after_m <= AS_GOOD * best);
-    if found.is_empty() && before_m > HOPELESS * spread_m {
+    if found.is_empty() && before_m > OWN_M.max(HOPELESS * spread_m) {
         let says = format!(
             "the tool was seen {:.0} mm from where the model puts it, and no single swapped column, unit, sign or tool explains \
              it: check that the model is this robot's, that each row's joints belong to its measurement, and that the tracker stood in one \

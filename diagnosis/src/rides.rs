@@ -76,12 +76,7 @@ impl Rides {
     }
 
     /// What a mode or spike moves at each of so many poses.
-    pub(crate) fn column(
-        &self,
-        model: &Model,
-        effect: &OverPath,
-        poses: usize,
-    ) -> (Rings, Vec<f64>) {
+    pub(crate) fn column(&self, model: &Model, effect: &OverPath, poses: usize) -> Moved {
         let mut moved = (Rings::Joint(0), vec![0.0; poses]);
         for (run, ride) in &self.rides {
             if let Some((rings, by)) = ride.of_effect(model, effect) {
@@ -109,7 +104,7 @@ impl Rides {
         hypothesis: &Hypothesis,
         campaign: &Campaign,
         (free, effect): (&Free, &OverPath),
-    ) -> Vec<(Rings, Vec<f64>)> {
+    ) -> Vec<Moved> {
         let whole = AnyEffect::OverPath(*effect);
         let stands = effect.values()[free.value];
         let step = STEP * much(&whole, free.value).min(stands.abs().max(much(&whole, free.value)));
@@ -122,7 +117,7 @@ impl Rides {
         };
         let (low, high) = (at(stands - below), at(stands + step));
         let width = step + below;
-        let mut moved: Vec<(Rings, Vec<f64>)> = Vec::new();
+        let mut moved: Vec<Moved> = Vec::new();
         for (run, ride) in &self.rides {
             let model = &hypothesis.model;
             let of_one = |effect| ride.of_effect(model, effect);
@@ -159,7 +154,7 @@ fn rows(campaign: &Campaign, run: &Range<usize>) -> Vec<Inputs> {
 }
 
 /// One number per pose for what moves.
-fn series(moved: &mut Vec<(Rings, Vec<f64>)>, of: Rings, poses: usize) -> &mut Vec<f64> {
+fn series(moved: &mut Vec<Moved>, of: Rings, poses: usize) -> &mut Vec<f64> {
     let place = moved.iter().position(|(rings, _)| *rings == of).unwrap_or_else(|| {
         moved.push((of, vec![0.0; poses]));
         moved.len() - 1
@@ -167,9 +162,12 @@ fn series(moved: &mut Vec<(Rings, Vec<f64>)>, of: Rings, poses: usize) -> &mut V
     &mut moved[place].1
 }
 
+/// What moves, and by how much at each pose.
+type Moved = (Rings, Vec<f64>);
+
 /// Per free number of an effect over paths: what moves by how much at each pose, per unit of the number.
 pub(crate) struct Slopes {
-    of_free: Vec<(usize, Vec<(Rings, Vec<f64>)>)>,
+    of_free: Vec<(usize, Vec<Moved>)>,
 }
 
 impl Slopes {

@@ -10,12 +10,15 @@ use trued_client::Client;
 use crate::program::{Done, Place, signal};
 use crate::reload::{beside, status};
 
-const BASE: &str = "irb1600-6-145";
+pub(crate) const BASE: &str = "irb1600-6-145";
 const BACKLASH: &str = "[[effect]]\nkind = \"backlash\"\njoint = 3\nwidth_mrad = 0.42\n";
 const ROWS: u32 = 900;
+/// Seen from an unknown place.
+const ABOUT: &str =
+    "schema = \"trued.recording/1\"\nsigma = { x_mm = 0.03, y_mm = 0.03, z_mm = 0.03 }\n";
 
 /// All joints swing, each at a pace of its own.
-fn path() -> String {
+pub(crate) fn path() -> String {
     let mut text = String::from("t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n");
     for k in 0..ROWS {
         let t = 0.02 * f64::from(k);
@@ -29,16 +32,14 @@ fn path() -> String {
 }
 
 /// A recording of the preset with `effects`, noise 0.03 mm, seen from an unknown place.
-fn recorded(effects: &str) -> Place {
+pub(crate) fn recorded(effects: &str) -> Place {
     let place = Place::new();
     place.file("path.csv", &path());
     place.file("path.toml", "schema = \"trued.recording/1\"\nmeasuring_frame = \"base\"\n");
     place.file("truth.toml", &format!("{}\n{effects}", preset(BASE).expect("preset").text));
     let simulate = ["simulate", "--model", "truth.toml", "--out", "seen", "--seed", "4"];
     place.succeed(&[&simulate[..], &["--noise", "0.03", "path.csv"]].concat());
-    let about =
-        "schema = \"trued.recording/1\"\nsigma = { x_mm = 0.03, y_mm = 0.03, z_mm = 0.03 }\n";
-    place.file("seen.toml", about);
+    place.file("seen.toml", ABOUT);
     place
 }
 
@@ -72,6 +73,35 @@ fn a_concealed_backlash_is_named_with_its_joint_and_width_and_the_gain_is_proven
     place.succeed(&again);
     let again = place.json("again/diagnosis.json");
     assert_eq!(again["verdict"], "consistent", "{again:#}");
+}
+
+#[test]
+fn the_page_says_first_what_was_found_and_shows_it_in_one_file() {
+    let place = recorded(
+        "[[effect]]\nkind = \"backlash\"\njoint = 3\nwidth_mrad = 0.42\n[[effect]]\nkind = \"joint_compliance\"\njoint = 2\ncompliance_mrad_per_kNm = 0.4\n",
+    );
+    diagnosed(&place, "seen.csv");
+    let page = place.read("said/report.html");
+    let order = [
+        "What was found",
+        "Before and after",
+        "Readings against the model over time",
+        "Held-out errors",
+        "Spectrum of what is left",
+        "Where model and recording differ",
+        "Each finding over what it follows",
+        "seen while rising",
+        "compliance_mrad_per_kNm",
+        "What this recording could not show",
+        "What was done with the data",
+    ];
+    let mut from = 0;
+    for words in order {
+        let at = page[from..].find(words);
+        from += at.unwrap_or_else(|| panic!("`{words}` stands after what came before"));
+    }
+    assert!(!page.contains("<script") && !page.contains("src=") && !page.contains("@import"));
+    assert!(page.len() < 600_000, "{} bytes", page.len());
 }
 
 #[test]
@@ -180,4 +210,71 @@ fn only_missing_physics_is_applied_and_a_daemon_that_is_not_there_costs_no_diagn
     });
     assert_eq!(epoch, 1);
     assert!(sound.names().contains(&"said".to_owned()));
+}
+
+/// Joint 2 alone, to and fro over ten degrees: what bends under gravity and what turns too far are nearly one thing there.
+fn poor() -> Place {
+    let place = recorded("");
+    let header = "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n";
+    let row = |k: u32| {
+        let t = 0.02 * f64::from(k);
+        format!("{t},10,{},5,20,40,0,1,2,3\n", 20.0 + 5.0 * (0.9 * t).sin())
+    };
+    place.file("path.csv", &(header.to_owned() + &(0..ROWS).map(row).collect::<String>()));
+    let effect =
+        "[[effect]]\nkind = \"joint_compliance\"\njoint = 2\ncompliance_mrad_per_kNm = 4.0\n";
+    place.file("truth.toml", &format!("{}\n{effect}", preset(BASE).expect("preset").text));
+    see(&place, "path.csv", "seen");
+    place.file("seen.toml", ABOUT);
+    place
+}
+
+/// What the robot of `truth.toml` shows on a path.
+fn see(place: &Place, path: &str, name: &str) {
+    let simulate = ["simulate", "--model", "truth.toml", "--out", name, "--seed", "4"];
+    place.succeed(&[&simulate[..], &["--noise", "0.03", path]].concat());
+}
+
+#[test]
+fn what_a_poor_motion_cannot_tell_the_proposed_experiment_tells() {
+    let place = poor();
+    let said = diagnosed(&place, "seen.csv");
+    assert_eq!(said["verdict"], "undetermined", "{said:#}");
+    assert!(said["next_experiment"].as_str().is_some_and(|next| next.contains("log-likelihood")));
+    let expected = said["experiment"]["expected_separation"].as_f64().expect("a number");
+    assert!(expected > 5.0, "{:#}", said["experiment"]);
+    let plan = place.succeed(&["plan", "--for", "said", "--json", "plan.json"]);
+    assert!(plan.out.contains("not looked at"), "{}", plan.out);
+    assert_eq!(place.json("plan.json")["does"], "experiment");
+    see(&place, "said/experiment.csv", "carried_out");
+    let both = ["seen.csv", "carried_out.csv"];
+    place.succeed(
+        &[&["diagnose", "--model", BASE, "--out", "then", "--seed", "1"], &both[..]].concat(),
+    );
+    let then = place.json("then/diagnosis.json");
+    assert_eq!(then["verdict"], "missing_physics", "{then:#}");
+    let finding = &then["findings"][0];
+    assert_eq!((&finding["effect"], &finding["joint"]), (&"joint_compliance".into(), &2.into()));
+    let known = &said["findings"][0]["alternatives"];
+    for rival in finding["alternatives"].as_array().expect("a list") {
+        let was = known
+            .as_array()
+            .expect("a list")
+            .iter()
+            .any(|one| one["effect"] == rival["effect"] && one["joint"] == rival["joint"]);
+        let left = rival["confidence"].as_f64().expect("a number");
+        assert!(!was || left < 0.01, "five in log-likelihood: {then:#}");
+    }
+}
+
+#[test]
+fn a_diagnosis_that_asks_for_nothing_gives_no_request() {
+    let place = recorded("");
+    diagnosed(&place, "seen.csv");
+    for (name, why) in [("said", "asks for no experiment"), ("absent", "cannot be read")] {
+        let done = place.run(&["plan", "--for", name]);
+        assert_eq!(done.code, Some(2), "{name}");
+        assert!(done.err.contains(why), "{name}: {}", done.err);
+    }
+    assert!(!place.path("said/experiment.csv").exists());
 }

@@ -12,6 +12,7 @@ mod calibrate;
 mod challenge;
 mod cli;
 mod diagnose;
+mod diagnose_garbage;
 mod force;
 mod gauges;
 mod gears;

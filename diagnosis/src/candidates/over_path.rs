@@ -37,19 +37,19 @@ pub(crate) fn over_paths(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Driven {
     /// By the joint's own acceleration.
-    ByMotion,
+    Motion,
     /// By loads.
-    ByLoad,
+    Load,
     /// By both.
-    ByBoth,
+    Both,
 }
 
 impl Driven {
     pub(super) fn kept(self) -> &'static [&'static str] {
         match self {
-            Self::ByMotion => &["dynamic_compliance"],
-            Self::ByLoad => &["participation"],
-            Self::ByBoth => &[],
+            Self::Motion => &["dynamic_compliance"],
+            Self::Load => &["participation"],
+            Self::Both => &[],
         }
     }
 }
@@ -69,9 +69,9 @@ pub(crate) fn mode(
     given.extend(axis.as_ref().map(|axis| ("axis", axis.as_slice())));
     let effect = AnyEffect::build("flexible_mode", arm, joint, Given(&given)).ok()?;
     let probed: &[usize] = match driven {
-        Driven::ByMotion => &[PARTICIPATION],
-        Driven::ByLoad => &[COMPLIANCE],
-        Driven::ByBoth => &[PARTICIPATION, COMPLIANCE],
+        Driven::Motion => &[PARTICIPATION],
+        Driven::Load => &[COMPLIANCE],
+        Driven::Both => &[PARTICIPATION, COMPLIANCE],
     };
     Some(Candidate {
         slot: slot(&effect),

@@ -1,84 +1,222 @@
-//! What to record next where names cannot be told apart: the motion or load under which they part.
+//! What to record next where names cannot be told apart: the motion or load of a [`menu`] under which they part most.
 //!
-//! By what each name stands for: a constant, a load, a reversal, a turn, a warmth (the pairs and their experiments: Gautier and Khalil 1992 for loads,
-//! ISO 230-4 for reversals; the rest by the laws themselves).
+//! Every experiment of the menu is carried out in simulation by each of two names, at the numbers that the recording gives it; the other is then fitted to what
+//! would be seen, with the measuring frame, the targets and everything else that is free. What it cannot follow is the expected separation, half the sum of
+//! squares: the worse of both ways round counts (T-optimality, Atkinson and Fedorov 1975). What is known already from the recording counts for nothing.
 //!
-//! Promises: a sentence that a technician can carry out. Never: a claim which name is right.
+//! Promises: a sentence that a technician can carry out, with what is to be expected of it. Never: a claim which name is right.
 
-use physics::AnyEffect;
+mod menu;
 
-/// What a name shows under.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Shows {
-    Always,
-    Load,
-    Reversal,
-    Turn,
-    Heat,
+pub use menu::{Experiment, Measured, Row, menu};
+
+use super::judge::is_ambiguous;
+use super::name::{ALIKE, Named, Rival, without};
+use super::set_moving;
+use crate::campaign::{Campaign, Place, Reading};
+use crate::fit::{Effort, Settings, compare, fit};
+use crate::from_recording;
+use crate::hypothesis::Hypothesis;
+use crate::result::Fit;
+use crate::robust::Influence;
+use crate::simulate;
+use physics::{AnyEffect, Model};
+use recording::series::Channel;
+
+/// Readings of an experiment that are simulated, at most.
+const READINGS: usize = 250;
+/// Rivals that are looked at, the nearest first.
+const RIVALS: usize = 3;
+
+/// An experiment that would part what cannot be told apart.
+#[derive(Clone, Debug)]
+pub struct Proposed {
+    /// What to do.
+    pub experiment: Experiment,
+    /// What is measured in it: the same as in the recordings.
+    pub measured: Measured,
+    /// By how much log-likelihood of the names is expected to differ.
+    pub separation: f64,
+    /// For people.
+    pub says: String,
 }
 
-fn shows(effect: &AnyEffect) -> Shows {
-    match effect.spec().kind {
-        "joint_offset" | "axis_tilt" | "axis_shift" | "tool_offset" => Shows::Always,
-        "backlash" | "hysteresis" => Shows::Reversal,
-        "thermal_zero" | "thermal_growth" | "spindle_growth" => Shows::Heat,
-        "joint_ratio" | "joint_coupling" | "transmission_error" | "axis_wobble"
-        | "joint_polynomial" => Shows::Turn,
-        _ => Shows::Load,
+/// What cannot be told apart in which recording.
+pub(super) struct Asking<'a> {
+    campaign: &'a Campaign,
+    given: &'a Model,
+    last: &'a Fit,
+    training: &'a [bool],
+}
+
+/// Experiments with the joints that are in question; all where it is the whole robot.
+fn relevant(own: &AnyEffect, alike: &[&Rival]) -> impl Fn(&Experiment) -> bool {
+    let effects = std::iter::once(own).chain(alike.iter().map(|rival| &rival.effect));
+    let joints: Vec<Option<usize>> = effects.map(AnyEffect::joint).collect();
+    move |experiment| {
+        let alone = experiment.name.strip_prefix("joint ");
+        let Some(rest) = alone else { return true };
+        let of = |joint: usize| rest.split(' ').next() == Some(&(joint + 1).to_string());
+        joints.iter().any(|joint| joint.is_none_or(of))
     }
 }
 
-/// The experiment that would part `effect` from `rival`.
-pub(super) fn experiment(effect: &AnyEffect, rival: &AnyEffect) -> String {
-    let joint = |effect: &AnyEffect| effect.joint().map(|joint| joint + 1);
-    let whose = match (joint(effect), joint(rival)) {
-        (Some(a), Some(b)) if a != b => format!("joints {a} and {b}"),
-        (Some(a), _) | (None, Some(a)) => format!("joint {a}"),
-        (None, None) => "the arm".to_owned(),
+fn sentence(own: &AnyEffect, alike: &[&Rival], chosen: &Experiment, separation: f64) -> String {
+    let name = |effect: &AnyEffect| {
+        let whose = effect.joint().map_or(String::new(), |j| format!(" of joint {}", j + 1));
+        format!("{}{whose}", effect.spec().kind.replace('_', " "))
     };
-    let name = |effect: &AnyEffect| effect.spec().kind.replace('_', " ");
-    let both = [shows(effect), shows(rival)];
-    let has = |wanted| both.contains(&wanted);
-    let what = if has(Shows::Reversal) {
-        format!(
-            "reverse {whose} slowly with strokes of 0.01, 0.1, 1 and 10 degrees, once where gravity pulls one way and once where it pulls the other"
-        )
-    } else if has(Shows::Heat) {
-        "warm the robot up from cold for two hours with the temperature recorded, let it cool for two more, and return to the same ten poses every five minutes".to_owned()
-    } else if has(Shows::Load) {
-        format!(
-            "repeat the same poses with and without a known load on the tool (a tenth of the payload or more, hanging and pulling sideways), at two reaches and \
-             with {whose} turned by 90 degrees"
-        )
-    } else if has(Shows::Turn) {
-        format!(
-            "turn {whose} alone through the whole range, one after the other, both ways, in steps of 1 degree or finer"
-        )
-    } else {
-        format!(
-            "move {whose} through the whole range, one after the other, and see the tool in three points that are not in a line"
-        )
+    let rivals: Vec<String> = alike.iter().map(|rival| name(&rival.effect)).collect();
+    let again = (ALIKE / separation.max(1e-3)).ceil();
+    let enough = match again {
+        1.0 => String::new(),
+        2.0..=20.0 => format!("; carry it out {again:.0} times"),
+        _ => "; that is too little: measure with less noise".to_owned(),
     };
-    format!("To tell {} from {}: {what}.", name(effect), name(rival))
+    format!(
+        "To tell {} from {}: {}. It takes about {:.0} min and is expected to part them by {} in log-likelihood{enough}.",
+        name(own),
+        rivals.join(", "),
+        chosen.says,
+        (chosen.takes_s() / 60.0).ceil(),
+        format_args!("{separation:.*}", usize::from(separation < 10.0)),
+    )
+}
+
+/// Which columns were filled.
+fn measured(campaign: &Campaign) -> Measured {
+    let mut channels: Vec<Channel> = Vec::new();
+    for reading in campaign.poses.iter().flat_map(|p| p.seen.iter().map(|seen| &seen.reading)) {
+        let own: Vec<Channel> = match reading {
+            Reading::Point { place: Place::Tcp, .. } => (0..3).map(Channel::Position).collect(),
+            Reading::Point { place: Place::Target(t), .. } => {
+                (0..3).map(|axis| Channel::Target(*t, axis)).collect()
+            }
+            Reading::Orientation { .. } => (0..4).map(Channel::Orientation).collect(),
+            Reading::JointPosition { joint, .. } => vec![Channel::Link(*joint)],
+            _ => Vec::new(),
+        };
+        if own.first().is_some_and(|first| !channels.contains(first)) {
+            channels.extend(own);
+        }
+    }
+    channels.sort_unstable();
+    Measured { channels }
+}
+
+impl<'a> Asking<'a> {
+    pub(super) fn of(
+        campaign: &'a Campaign,
+        given: &'a Model,
+        last: &'a Fit,
+        training: &'a [bool],
+    ) -> Self {
+        Self { campaign, given, last, training }
+    }
+
+    /// What would part the strongest name that is ambiguous from its nearest rivals; none where nothing is ambiguous.
+    pub(super) fn proposed(&self, named: &[Named]) -> Option<Proposed> {
+        let open = named.iter().filter(|one| is_ambiguous(one, self.last));
+        let one = open.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        let own = self.last.hypothesis.model.effects().nth(one.effect)?;
+        let alike = one.rivals.iter().filter(|rival| rival.behind < ALIKE).take(RIVALS);
+        let alike: Vec<&Rival> = alike.collect();
+        let others: Vec<Fit> = alike.iter().filter_map(|rival| self.instead(one, rival)).collect();
+        let measured = measured(self.campaign);
+        let wanted = relevant(own, &alike);
+        let tried = menu(&self.given.arm).into_iter().filter(wanted);
+        let parted = tried.filter_map(|experiment| {
+            let parts = others.iter().map(|other| self.separation(&experiment, &measured, other));
+            let least =
+                parts.collect::<Option<Vec<f64>>>()?.into_iter().fold(f64::INFINITY, f64::min);
+            least.is_finite().then_some((experiment, least))
+        });
+        // Of equals the first: the simplest.
+        let best = parted.reduce(|a, b| if b.1 > a.1 { b } else { a });
+        let (experiment, separation) = best?;
+        let says = sentence(own, &alike, &experiment, separation);
+        Some(Proposed { experiment, measured, separation, says })
+    }
+
+    /// The fit of the recording with `rival` in the stead of `one`.
+    fn instead(&self, one: &Named, rival: &Rival) -> Option<Fit> {
+        let mut hypothesis = without(self.last, self.given, &[one]);
+        match rival.candidate.changes() {
+            Some(place) => drop(hypothesis.revise(place)),
+            None => hypothesis.add(rival.effect, rival.kept).ok()?,
+        }
+        Some(compare(self.campaign, &hypothesis, self.last, self.training))
+    }
+
+    /// What would be measured in an experiment, without values.
+    fn carried_out(&self, experiment: &Experiment, measured: &Measured) -> Option<Campaign> {
+        let recording = experiment.recording(measured, 1.0);
+        let arm = &self.given.arm;
+        let mut made = from_recording::campaign(arm, &[recording]).ok()?;
+        set_moving(&mut made, arm.count());
+        made.instruments.iter_mut().for_each(|instrument| instrument.noise_is_known = true);
+        let around = &self.last.surroundings;
+        for (own, known) in made.surroundings.targets.iter_mut().zip(&around.targets) {
+            *own = *known;
+        }
+        if let (Some(own), Some(known)) =
+            (made.surroundings.frames.first_mut(), around.frames.first())
+        {
+            *own = *known;
+        }
+        let count = made.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
+        let stride = count.div_ceil(READINGS).max(1);
+        for (k, pose) in made.poses.iter_mut().enumerate() {
+            if k % stride > 0 {
+                pose.seen.clear();
+            }
+            for seen in &mut pose.seen {
+                seen.whitening = self.whitening(&seen.reading)?;
+            }
+        }
+        Some(made)
+    }
+
+    /// The noise that such a reading had in the recording.
+    fn whitening(&self, reading: &Reading) -> Option<glam::DMat3> {
+        let alike = |other: &Reading| match (reading, other) {
+            (Reading::Point { place: a, .. }, Reading::Point { place: b, .. }) => a == b,
+            (Reading::JointPosition { joint: a, .. }, Reading::JointPosition { joint: b, .. }) => {
+                a == b
+            }
+            (Reading::Orientation { .. }, Reading::Orientation { .. }) => true,
+            _ => false,
+        };
+        let mut all = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
+        let found = all.find(|seen| alike(&seen.reading))?;
+        Some(found.whitening * (1.0 / self.last.factors[found.instrument]))
+    }
+
+    /// By how much log-likelihood of the two names would differ at least, whichever is right.
+    fn separation(&self, experiment: &Experiment, measured: &Measured, other: &Fit) -> Option<f64> {
+        let made = self.carried_out(experiment, measured)?;
+        let [own, other] = [&self.last.hypothesis, &other.hypothesis];
+        let one = self.behind(&made, own, other);
+        let two = self.behind(&made, other, own);
+        Some(one.min(two) / self.last.design_effect.max(1.0))
+    }
+
+    /// How much worse `wrong` follows what `right` would show.
+    fn behind(&self, made: &Campaign, right: &Hypothesis, wrong: &Hypothesis) -> f64 {
+        let seen = simulate::readings(made, &right.model, &made.surroundings, 0.0, 0);
+        let used = vec![true; seen.poses.len()];
+        let settings = Settings {
+            used: &used,
+            influence: Influence::Equal,
+            from: Some(&made.surroundings),
+            effort: Effort::Sketch,
+        };
+        let own = fit(&seen, right, &settings);
+        let against = compare(&seen, wrong, &own, &used);
+        let with = compare(&seen, right, &own, &used);
+        0.5 * (against.sum - with.sum).max(0.0)
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::made::nominal;
-    use physics::Given;
-
-    #[test]
-    fn the_pair_says_what_to_do() {
-        let arm = nominal().arm;
-        let build = |kind: &str, joint, stem| {
-            AnyEffect::build(kind, &arm, Some(joint), Given(&[(stem, &[0.0])])).expect(kind)
-        };
-        let gap = build("backlash", 2, "width");
-        let zero = build("joint_offset", 2, "offset");
-        let soft = build("joint_compliance", 1, "compliance");
-        assert!(experiment(&gap, &soft).contains("reverse joints 3 and 2 slowly"));
-        assert!(experiment(&soft, &zero).contains("known load"));
-        assert!(experiment(&zero, &build("joint_offset", 1, "offset")).contains("three points"));
-    }
-}
+mod tests;

@@ -23,6 +23,8 @@ const CELLS: usize = 40;
 /// Shares of the largest effect: what counts as moved by it, and when it acts.
 const MOVED: f64 = 0.5;
 const ACTS: f64 = 0.7;
+/// A cell in which a joint's error cannot be told to within this says nothing, rad or m.
+const BLUNT: f64 = 0.1;
 /// Intervals that are named.
 const INTERVALS: usize = 5;
 
@@ -77,6 +79,9 @@ pub(super) fn map(
         let word = &words[rest % words.len()];
         let edge = |k: usize| word.middle + word.half * (2.0 * k as f64 / PARTS as f64 - 1.0);
         let sigma = (given.design_effect / own).sqrt();
+        if sigma > BLUNT {
+            continue;
+        }
         cells.push(Cell {
             joint: rest / words.len(),
             word: word.name.clone(),

@@ -93,15 +93,15 @@ fn trials(arm: &Arm, campaign: &Campaign) -> Vec<Trial> {
         let moves = changes(&|inputs| inputs.q[joint], 1e-6);
         let mut add = |driven| trials.push(Trial { joint: Some(joint), axis: None, driven });
         if moves {
-            add(Driven::ByMotion);
+            add(Driven::Motion);
         }
         if wrench {
-            add(if moves { Driven::ByBoth } else { Driven::ByLoad });
+            add(if moves { Driven::Both } else { Driven::Load });
         }
     }
     if wrench || arm.bodies().next().is_some() {
         for axis in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] {
-            trials.push(Trial { joint: None, axis: Some(axis), driven: Driven::ByLoad });
+            trials.push(Trial { joint: None, axis: Some(axis), driven: Driven::Load });
         }
     }
     trials
@@ -115,7 +115,7 @@ fn with(arm: &Arm, trial: &Trial, list: &[(f64, f64)]) -> Vec<Candidate> {
 fn is_of(candidate: &Candidate, trial: &Trial) -> bool {
     let axis = candidate.settings.first().map(|(_, axis)| axis.as_slice());
     let same_axis = axis == trial.axis.as_ref().map(<[f64; 3]>::as_slice);
-    let numbers = if trial.driven == Driven::ByBoth { 2 } else { 1 };
+    let numbers = if trial.driven == Driven::Both { 2 } else { 1 };
     candidate.joint == trial.joint && same_axis && numbers == candidate.probes.len()
 }
 

@@ -10,6 +10,8 @@ mod build;
 mod channel;
 mod gauges;
 mod judge_gauges;
+#[cfg(feature = "parquet")]
+mod parquet;
 mod table;
 #[cfg(test)]
 mod tests;

@@ -65,6 +65,21 @@ impl<'s> RawTable<'s> {
         table
     }
 
+    /// A table that was no text; faults then name rows instead of lines.
+    #[cfg(feature = "parquet")]
+    pub(crate) fn made(header: Vec<String>, rows: Vec<StringRecord>) -> RawTable<'static> {
+        RawTable {
+            source: "",
+            header,
+            rows,
+            notes: Vec::new(),
+            separator: b',',
+            decimal_comma: false,
+            header_line: 0,
+            body_start: 0,
+        }
+    }
+
     fn read_rows(&mut self, body: &str, dialect: &Dialect, faults: &mut Faults) {
         if self.separator == b' ' {
             return self.read_blanks(body, dialect);
@@ -195,6 +210,9 @@ impl<'s> RawTable<'s> {
     /// A fault of a cell, with its place.
     pub(crate) fn cell_fault(&self, row: usize, column: usize, fault: Fault) -> Fault {
         let Some(record) = self.rows.get(row) else { return fault };
+        if self.source.is_empty() {
+            return fault.help(format!("in row {} of the data", row + 1));
+        }
         let line = self.line_of(record);
         let text = self.line_text(line);
         fault.at(Place::in_line(line, text, &self.field_span(text, column)))

@@ -160,6 +160,7 @@ coefficients_N_per_mm = [8.0, 10.0, 2.0]
         "#);
 }
 
+#[cfg(not(feature = "parquet"))]
 #[test]
 fn parquet_says_what_to_do() {
     let error = read(Path::new("run.parquet"), None, Need::Path).unwrap_err();

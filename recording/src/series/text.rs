@@ -24,7 +24,7 @@ use crate::mapping::{Mapping, mapping_path};
 /// A file cannot be read, or every fault of the first file that has any.
 pub fn read(path: &Path, mapping: Option<&Path>, need: Need) -> Result<Recording, FileError> {
     let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-    if extension == "parquet" || extension == "mcap" {
+    if extension == "mcap" || (extension == "parquet" && !cfg!(feature = "parquet")) {
         return Err(other_format(path, &extension.to_string_lossy()).into());
     }
     let beside = mapping_path(path);
@@ -36,6 +36,12 @@ pub fn read(path: &Path, mapping: Option<&Path>, need: Need) -> Result<Recording
     } else {
         None
     };
+    #[cfg(feature = "parquet")]
+    if extension == "parquet" {
+        let table = super::parquet::table(path)?;
+        let faults = Faults::of(path.display().to_string());
+        return Ok(of_table(table, faults, mapping.as_ref(), about, need)?);
+    }
     let source = read_file(path)?;
     Ok(read_text(&path.display().to_string(), &source, mapping.as_ref(), about, need)?)
 }
@@ -43,7 +49,7 @@ pub fn read(path: &Path, mapping: Option<&Path>, need: Need) -> Result<Recording
 fn other_format(path: &Path, extension: &str) -> Faults {
     let mut faults = Faults::of(path.display().to_string());
     let fault = if extension == "parquet" {
-        Fault::new("", "this build does not read Parquet yet").help("export it as CSV")
+        Fault::new("", "this build does not read Parquet").help("export it as CSV")
     } else {
         Fault::new("", "this is a black box, not a table").help("convert it first: `trued convert`")
     };
@@ -66,6 +72,16 @@ pub fn read_text(
     let mut faults = Faults::of(name);
     let dialect = mapping.map_or_else(Dialect::default, |mapping| mapping.dialect.clone());
     let table = RawTable::cut(source, &dialect, &mut faults);
+    of_table(table, faults, mapping, about, need)
+}
+
+fn of_table(
+    table: RawTable<'_>,
+    faults: Faults,
+    mapping: Option<&Mapping>,
+    about: Option<About>,
+    need: Need,
+) -> Result<Recording, Faults> {
     match mapping {
         Some(mapping) => mapping.apply(table, faults, about, need),
         None => {

@@ -10,7 +10,7 @@ pub(super) mod told;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use diagnosis::diagnose::{Diagnosis, diagnose};
+use diagnosis::diagnose::{Diagnosis, Ingested, diagnose, ingest};
 use diagnosis::gross::{self, Suspicion};
 use diagnosis::{Campaign, Chosen, from_recording};
 use recording::model::RobotModel;
@@ -60,6 +60,8 @@ pub(super) struct Found {
     /// The model's effects with what was found.
     entries: Vec<Entry>,
     doubts: Vec<String>,
+    /// What was seen in the recordings before anything was fitted, and what was done about it.
+    notes: Vec<String>,
     rows: usize,
 }
 
@@ -69,7 +71,7 @@ impl Diagnose {
         let cell = self.apply.as_deref().map(apply::cell).transpose()?;
         self.check(&outputs(&self.out))?;
         let seed = self.seed.settle();
-        let found = Found::of(model, &recordings, seed)?;
+        let found = Found::of(model, recordings, seed)?;
         let report = told::Report::of(&found);
         found.write(&report, &self.out)?;
         console.json("trued.diagnosis/1", &report)?;
@@ -108,20 +110,30 @@ impl Found {
     /// Recordings that make no campaign.
     pub(super) fn of(
         base: RobotModel,
-        recordings: &[Recording],
+        mut recordings: Vec<Recording>,
         seed: u64,
     ) -> Result<Self, Failure> {
         let arm = &base.physics.arm;
-        let campaign = from_recording::campaign(arm, recordings).map_err(Failure::input)?;
-        let rows = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
-        let doubts = doubts(&base, &campaign, rows);
+        let Ingested { notes, doubts } = ingest(arm, &mut recordings);
+        let nothing = |base, doubts, notes, rows| {
+            Ok(Self { base, seed, diagnosis: None, entries: Vec::new(), doubts, notes, rows })
+        };
         if !doubts.is_empty() {
-            return Ok(Self { base, seed, diagnosis: None, entries: Vec::new(), doubts, rows });
+            return nothing(base, doubts, notes, 0);
+        }
+        let campaign = from_recording::campaign(arm, &recordings).map_err(Failure::input)?;
+        let rows = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
+        let doubts = self::doubts(&base, &campaign, rows);
+        if !doubts.is_empty() {
+            return nothing(base, doubts, notes, rows);
         }
         let is_said = |recording: &Recording| recording.about.heldout != Heldout::Unsaid;
         let held = recordings.iter().any(is_said);
-        let held = held.then(|| from_recording::held_out(&campaign, recordings));
+        let held = held.then(|| from_recording::held_out(&campaign, &recordings));
         let diagnosis = diagnose(campaign, &base.physics, &base.sigma, held, seed);
+        if let Some(doubt) = diagnosis.doubt() {
+            return nothing(base, vec![doubt], notes, rows);
+        }
         let chosen: Vec<Chosen> = diagnosis
             .findings
             .iter()
@@ -132,7 +144,7 @@ impl Found {
             })
             .collect();
         let entries = entries(&base, &diagnosis.fit, &chosen, &[])?;
-        Ok(Self { base, seed, diagnosis: Some(diagnosis), entries, doubts, rows })
+        Ok(Self { base, seed, diagnosis: Some(diagnosis), entries, doubts, notes, rows })
     }
 
     /// Writes diagnosis, model and page into `dir`, which is made where it is missing.
@@ -181,8 +193,10 @@ fn doubts(base: &RobotModel, campaign: &Campaign, rows: usize) -> Vec<String> {
     if campaign.poses.iter().all(|pose| Some(pose.inputs.q) == first) {
         return vec!["no joint moves in the recording: move the arm".to_owned()];
     }
-    gross::suspicions(campaign, &base.physics)
-        .into_iter()
-        .map(|Suspicion { says, .. }| says)
-        .collect()
+    let mut suspicions = gross::suspicions(campaign, &base.physics);
+    suspicions.extend(gross::links(campaign, &base.physics.arm));
+    if suspicions.is_empty() {
+        suspicions.extend(gross::torn(campaign, &base.physics));
+    }
+    suspicions.into_iter().map(|Suspicion { says, .. }| says).collect()
 }

@@ -7,6 +7,7 @@ mod check;
 mod files;
 mod going;
 mod iso;
+mod request;
 mod setup;
 mod told;
 
@@ -51,6 +52,10 @@ pub(crate) struct Plan {
     /// Plan the test of ISO 9283, or evaluate a recording of it
     #[arg(long)]
     iso9283: bool,
+    /// Write the experiment that a diagnosis asks for, as a path to be recorded: `DIR` is what `trued diagnose` wrote; experiment.csv and experiment.toml go there,
+    /// or to `--out`
+    #[arg(long = "for", value_name = "DIR", conflicts_with_all = ["next", "check", "iso9283", "count", "criterion", "recordings"])]
+    asked_by: Option<PathBuf>,
     /// How many poses; 30, for a check 10; for ISO 9283 the cycles, 30
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=500))]
     count: Option<u16>,
@@ -111,6 +116,9 @@ fn share(word: &str) -> Result<f64, String> {
 
 impl Plan {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        if let Some(diagnosed) = &self.asked_by {
+            return request::run(diagnosed, self.files.out(), console);
+        }
         let input = self.input()?;
         if self.iso9283 {
             return iso::run(self, console, &input);

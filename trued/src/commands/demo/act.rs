@@ -73,7 +73,7 @@ fn found(out: &Path, seed: u64) -> Result<Found, Failure> {
     let model = RobotModel::read(&out.join(MODEL)).map_err(unusable)?;
     let recording = out.join("measured.csv");
     let recording = series::read(&recording, None, Need::Measurement).map_err(unusable)?;
-    Found::of(model, &[recording], seed)
+    Found::of(model, vec![recording], seed)
 }
 
 /// The way of `trued reload`.

@@ -1,134 +1,163 @@
-//! The page of `trued diagnose`: what was found in words first, then the proof, the map, the rivals, what is open.
+//! The page of `trued diagnose`: what was found in words first, then the proof, where it shows, the rivals, what is open, what was done with the data.
+//!
+//! Promises: a reader who stops anywhere has read the most important of what there is. Never: a number that is not in `diagnosis.json` or its figures.
 
-use report::{Column, Number, Page, Table, Tone, significant};
+mod figures;
+mod tables;
+
+use report::{Number, Page, Tone, significant};
 
 use super::Found;
-use super::told::{Alternative, Report, Value, lead};
-
-/// Cells of the map that are shown.
-const CELLS: usize = 15;
+use super::told::{Report, lead};
 
 /// The whole page.
 pub(super) fn render(found: &Found, report: &Report) -> String {
-    let lead = lead(found, report);
     let mut page = Page::new(format!("Diagnosis of {}", found.base.file.name))
-        .kicker(format!("trued diagnose: {}", report.verdict.replace('_', " ")))
-        .lead(&lead);
-    if found.diagnosis.is_some() {
-        page = page.numbers(numbers(report));
-    }
+        .kicker(format!("trued diagnose: {}", report.verdict.replace('_', " ")));
+    page = match &found.diagnosis {
+        None => page.lead("These recordings cannot be judged with this model.").note(
+            Tone::Bad,
+            "Why",
+            &lead(found, report),
+        ),
+        Some(_) => page.lead(&sentence(report)).numbers(numbers(report)),
+    };
     let sentences: Vec<&str> = report.findings.iter().map(|told| told.says.as_str()).collect();
     if !sentences.is_empty() {
-        page = page
-            .section("What was found")
-            .list(&sentences)
-            .table(&findings(report))
-            .table(&parameters(report));
+        page = page.section("What was found").list(&sentences).table(&tables::findings(report));
     }
-    if let Some(rest) = &report.unexplained {
+    if found.diagnosis.is_some()
+        && let Some(rest) = &report.unexplained
+    {
         page = page.note(Tone::Caution, "Not explained", &rest.says);
     }
     if let Some(next) = &report.next_experiment {
         page = page.note(Tone::Caution, "What would settle it", next);
     }
-    if !report.map.is_empty() {
-        page = page
-            .section("Where model and recording differ")
-            .text("How far each joint would have to be off, alone, in parts of the range of what the arm was doing; the clearest first.")
-            .table(&map(report));
+    if let Some(diagnosis) = &found.diagnosis {
+        page = figures::proof(page, diagnosis, report);
+        page = figures::places(page, diagnosis, report);
+        page = figures::guilty(page, diagnosis, report);
     }
-    if !report.not_tested.is_empty() {
-        let open: Vec<String> = report
-            .not_tested
-            .iter()
-            .map(|one| {
-                let whose = one.joint.map_or(String::new(), |joint| format!(", joint {joint}"));
-                format!("{}{whose}: {}", one.effect.replace('_', " "), one.why)
-            })
-            .collect();
-        page = page.section("What this recording could not show").list(&open);
+    page = rivals(page, report);
+    if !report.findings.is_empty() {
+        page = page.section("The numbers").table(&tables::parameters(report)).text(
+            "Parameters carry the units of the model file. The interval holds the true value 95 times in 100, half a percent of the number included for what \
+             scale and geometry leave open.",
+        );
     }
-    page.section("Made from")
-        .facts([
-            ("Held out", report.heldout.clone()),
-            ("Seed", found.seed.to_string()),
-            ("Rows", found.rows.to_string()),
-        ])
-        .footer("Made by trued diagnose.")
-        .render()
+    page = open(page, report);
+    made_from(page, found, report).footer("Made by trued diagnose.").render()
+}
+
+fn sentence(report: &Report) -> String {
+    let (before, after, noise) =
+        (report.heldout_rms_before, report.heldout_rms_after, report.noise_rms);
+    let [before, after, noise] = [before, after, noise].map(|x| significant(x, 2));
+    let unit = report.unit;
+    match (report.verdict, report.findings.len()) {
+        ("consistent", _) => {
+            format!("Model and recording agree: nothing stands above the noise of {noise} {unit}.")
+        }
+        ("undetermined", _) => format!(
+            "The model is off by {before} {unit} and the noise is {noise} {unit}, but this recording cannot tell which of several causes is the right one."
+        ),
+        ("unknown_structure", 0) => format!(
+            "The model is off by {before} {unit} where the noise is {noise} {unit}, and no known effect explains it."
+        ),
+        ("unknown_structure", count) => format!(
+            "The model is off by {before} {unit}. {} bring{} it to {after} {unit}; what is left follows a law that no known effect explains.",
+            effects(count),
+            if count == 1 { "s" } else { "" }
+        ),
+        (_, count) => format!(
+            "{} explain{} what the model lacks: on rows that no fit has seen it was off by {before} {unit} and is off by {after} {unit} now; the noise is {noise} {unit}.",
+            effects(count),
+            if count == 1 { "s" } else { "" }
+        ),
+    }
+}
+
+fn effects(count: usize) -> String {
+    if count == 1 { "One effect".to_owned() } else { format!("{count} effects together") }
 }
 
 fn numbers(report: &Report) -> Vec<Number> {
     let gained = report.heldout_rms_after < report.heldout_rms_before;
+    let rms = "root mean square, held out";
     vec![
-        Number::new("Held out, as given", report.heldout_rms_before, report.unit),
-        Number::new("Held out, with what was found", report.heldout_rms_after, report.unit)
-            .tone(if gained { Tone::Good } else { Tone::Caution }),
-        Number::new("Noise", report.noise_rms, report.unit),
+        Number::new("Model as given", report.heldout_rms_before, report.unit).note(rms),
+        Number::new("With what was found", report.heldout_rms_after, report.unit)
+            .tone(if gained { Tone::Good } else { Tone::Plain })
+            .note(rms),
+        Number::new("Noise", report.noise_rms, report.unit)
+            .note("what the instrument cannot see below"),
         Number::text("Findings", report.findings.len().to_string()),
     ]
 }
 
-fn findings(report: &Report) -> Table {
-    let heads =
-        ["Effect", "Joint", "Confidence", "Held out before", "after", "Cannot be told from"];
-    let table = Table::new(format!("Findings, {}", report.unit), heads.map(Column::new));
-    report.findings.iter().fold(table, |table, told| {
-        let rivals: Vec<String> = told.alternatives.iter().map(Alternative::name).collect();
-        table.row([
-            told.effect.replace('_', " ").into(),
-            told.joint.map_or("robot".to_owned(), |joint| joint.to_string()).into(),
-            format!("{:.2}", told.confidence).into(),
-            significant(told.heldout_rms_before, 3).into(),
-            significant(told.heldout_rms_after, 3).into(),
-            rivals.join(", ").into(),
-        ])
-    })
+/// Findings that another name explains as well or nearly.
+fn rivals(page: Page, report: &Report) -> Page {
+    if report.findings.iter().all(|told| told.alternatives.is_empty()) {
+        return page;
+    }
+    page.section("Rivals")
+        .text("What else might explain a finding, with the probability of each name by this recording alone.")
+        .figure("Probability of each name.", &figures::rivals(report))
 }
 
-fn parameters(report: &Report) -> Table {
-    let heads = ["Effect", "Joint", "Parameter", "Value", "95 % interval"];
-    let mut table =
-        Table::new("Parameters, in the units of the model file", heads.map(Column::new));
-    for told in &report.findings {
-        for (key, value) in &told.parameters {
-            let said = |value: f64, ci: &[f64; 2]| {
-                (
-                    significant(value, 4),
-                    format!("{} to {}", significant(ci[0], 4), significant(ci[1], 4)),
-                )
-            };
-            let all: Vec<(String, String)> = match value {
-                Value::One { value, ci95 } => vec![said(*value, ci95)],
-                Value::List { value, ci95 } => {
-                    value.iter().zip(ci95).map(|(v, c)| said(*v, c)).collect()
-                }
-            };
-            for (value, interval) in all {
-                table = table.row([
-                    told.effect.replace('_', " ").into(),
-                    told.joint.map_or("robot".to_owned(), |joint| joint.to_string()).into(),
-                    key.clone().into(),
-                    value.into(),
-                    interval.into(),
-                ]);
-            }
+/// An effect, and joints from 1; none for the whole robot.
+type OfJoints = (String, Vec<usize>);
+
+/// What could not have shown, together where the reason is one.
+fn open(page: Page, report: &Report) -> Page {
+    let mut reasons: Vec<(&str, Vec<OfJoints>)> = Vec::new();
+    for one in &report.not_tested {
+        let at = reasons.iter().position(|(why, _)| *why == one.why).unwrap_or_else(|| {
+            reasons.push((&one.why, Vec::new()));
+            reasons.len() - 1
+        });
+        let (name, effects) = (one.effect.replace('_', " "), &mut reasons[at].1);
+        match effects.iter_mut().find(|(known, _)| *known == name) {
+            Some((_, joints)) => joints.extend(one.joint),
+            None => effects.push((name, one.joint.into_iter().collect())),
         }
     }
-    table
+    if reasons.is_empty() {
+        return page;
+    }
+    let lines = reasons.into_iter().map(|(why, effects)| {
+        let effects = effects.into_iter().map(|(name, joints)| match joints.as_slice() {
+            [] => name,
+            [one] => format!("{name} of joint {one}"),
+            many => {
+                let joints: Vec<String> = many.iter().map(usize::to_string).collect();
+                format!("{name} of joints {}", joints.join(", "))
+            }
+        });
+        format!("{why}: {}.", effects.collect::<Vec<_>>().join("; "))
+    });
+    page.section("What this recording could not show").list(lines)
 }
 
-fn map(report: &Report) -> Table {
-    let heads = ["Joint", "While", "from", "to", "off by (mrad or mm)", "95 % interval"];
-    let table = Table::new("Clearest cells", heads.map(Column::new));
-    report.map.iter().take(CELLS).fold(table, |table, cell| {
-        table.row([
-            cell.joint.to_string().into(),
-            cell.depends_on.clone().into(),
-            significant(cell.from, 3).into(),
-            significant(cell.to, 3).into(),
-            significant(cell.off, 3).into(),
-            format!("{} to {}", significant(cell.ci95[0], 3), significant(cell.ci95[1], 3)).into(),
-        ])
-    })
+fn made_from(page: Page, found: &Found, report: &Report) -> Page {
+    let mut page = page.section("What was done with the data");
+    if !report.notes.is_empty() {
+        page = page.list(&report.notes);
+    }
+    let recordings = found.diagnosis.as_ref().map_or(Vec::new(), |d| {
+        let names = d.campaign.recordings.iter().map(|source| &source.name);
+        names.map(|name| name.rsplit('/').next().unwrap_or(name).to_owned()).collect()
+    });
+    let mut facts = Vec::new();
+    if !recordings.is_empty() {
+        facts.push(("Recordings", recordings.join(", ")));
+    }
+    facts.extend([
+        ("Rows with readings", found.rows.to_string()),
+        ("Held out", report.heldout.clone()),
+        ("Fitted along", "measuring frames and places of reflectors".to_owned()),
+        ("Seed", found.seed.to_string()),
+    ]);
+    page.facts(facts)
 }

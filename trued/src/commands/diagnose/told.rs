@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 
+use diagnosis::diagnose::experiment::Proposed;
 use diagnosis::diagnose::{Cell, Finding, Verdict, says};
 use diagnosis::hypothesis::named;
 use physics::spec::{Count, Range};
@@ -36,6 +37,7 @@ pub(in crate::commands) struct Report {
     pub(super) heldout: String,
     pub(super) findings: Vec<Told>,
     pub(super) next_experiment: Option<String>,
+    experiment: Option<Asked>,
     pub(super) not_tested: Vec<NotTested>,
     pub(super) unexplained: Option<Unexplained>,
     pub(super) map: Vec<Place>,
@@ -97,6 +99,27 @@ pub(super) struct Unexplained {
     pub(super) says: String,
 }
 
+/// The experiment that is proposed, for `trued plan --for`.
+#[derive(Serialize)]
+struct Asked {
+    name: String,
+    expected_separation: f64,
+    takes_s: f64,
+    /// Columns to be measured, without units.
+    measure: Vec<String>,
+}
+
+impl Asked {
+    fn of(proposed: &Proposed) -> Self {
+        Self {
+            name: proposed.experiment.name.clone(),
+            expected_separation: proposed.separation,
+            takes_s: proposed.experiment.takes_s(),
+            measure: proposed.measured.channels.iter().map(|channel| channel.base()).collect(),
+        }
+    }
+}
+
 /// A cell of the map of where model and recording differ: how far a joint would have to be off there.
 #[derive(Serialize)]
 pub(super) struct Place {
@@ -125,7 +148,8 @@ impl Report {
             heldout_rms_after: MILLI * proof.after,
             heldout: proof.says.clone(),
             findings: diagnosis.findings.iter().map(|finding| Told::of(arm, finding)).collect(),
-            next_experiment: diagnosis.next_experiment.clone(),
+            next_experiment: diagnosis.next_experiment.as_ref().map(|next| next.says.clone()),
+            experiment: diagnosis.next_experiment.as_ref().map(Asked::of),
             not_tested: diagnosis
                 .not_tested
                 .iter()
@@ -146,7 +170,7 @@ impl Report {
                 ),
             }),
             map: diagnosis.map.iter().map(Place::of).collect(),
-            notes: diagnosis.notes.clone(),
+            notes: found.notes.iter().chain(&diagnosis.notes).cloned().collect(),
             seed: found.seed,
         }
     }
@@ -167,6 +191,7 @@ impl Report {
             heldout: "nothing: the recordings cannot be judged".to_owned(),
             findings: Vec::new(),
             next_experiment: None,
+            experiment: None,
             not_tested: Vec::new(),
             unexplained: Some(Unexplained {
                 rms: 0.0,
@@ -175,7 +200,7 @@ impl Report {
                 says,
             }),
             map: Vec::new(),
-            notes: Vec::new(),
+            notes: found.notes.clone(),
             seed: found.seed,
         }
     }

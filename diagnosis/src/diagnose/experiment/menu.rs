@@ -1,0 +1,334 @@
+//! Motions and loads that a robot can be asked for: each joint alone, reversals under gravity one way and the other, the same poses with and without a load,
+//! stretched and folded, slow and fast, cold and warm.
+//!
+//! Promises: inside the joint limits and speeds of the arm; the same arm gives the same menu. Never: a look at what stands around the robot.
+
+use glam::DVec3;
+use physics::{Arm, Chain, Joint, JointKind, Joints};
+use recording::series::{Approach, Channel, FileUnits, Frame, Kind, Recording};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Seconds between two rows of a path, and of a warm-up.
+const STEP_S: f64 = 0.1;
+const RETURN_S: f64 = 30.0;
+/// The share of a joint's largest speed that an ordinary motion takes, and its largest, rad/s and m/s.
+const EASY: f64 = 0.2;
+const EASY_MOST: [f64; 2] = [0.5, 0.1];
+const FAST: f64 = 0.8;
+const FAST_MOST: [f64; 2] = [3.0, 1.0];
+/// The part of the way to a limit that is used.
+const INSIDE: f64 = 0.9;
+/// How far from the middle a joint goes alone, and in a tour, rad and m.
+const ALONE: [f64; 2] = [FRAC_PI_2, 0.5];
+const TOUR: [f64; 2] = [0.6, 0.2];
+/// Poses of a tour.
+const POSES: usize = 14;
+/// Strokes of reversals, in degrees (mm where the joint slides).
+const STROKES: [f64; 4] = [0.01, 0.1, 1.0, 10.0];
+/// The load on the tool, N.
+const LOAD_N: f64 = 50.0;
+/// A warm-up: from where to where, °C, how fast and how often the poses return.
+const COLD: f64 = 20.0;
+const WARM: f64 = 35.0;
+const WARMING_S: f64 = 2400.0;
+const RETURNS: usize = 24;
+
+/// Multiples of irrational numbers fill ranges evenly.
+const SPREAD: [f64; 6] = [0.7548, 0.5698, 0.6180, 0.8191, 0.6711, 0.5497];
+
+/// One row of a request.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Runs that belong together.
+    pub segment: i64,
+    /// Time within the request, s.
+    pub time_s: f64,
+    /// Commanded joints, rad or m.
+    pub q: Joints,
+    /// Force on the tool at its centre point, base frame, N.
+    pub force_n: DVec3,
+    /// Temperature of the air and the joints, °C; NaN where it does not matter.
+    pub celsius: f64,
+}
+
+/// Something a robot can be asked to do.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Experiment {
+    /// Which one of the menu.
+    pub name: String,
+    /// What a technician has to do.
+    pub says: String,
+    /// Row by row.
+    pub rows: Vec<Row>,
+    joints: usize,
+    kinds: Vec<JointKind>,
+}
+
+/// What is measured in an experiment.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Measured {
+    /// Columns to be filled.
+    pub channels: Vec<Channel>,
+}
+
+impl Experiment {
+    /// How long it takes, s.
+    #[must_use]
+    pub fn takes_s(&self) -> f64 {
+        self.rows.last().map_or(0.0, |row| row.time_s)
+    }
+
+    /// As a recording in which `measured` is `value` (NaN: to be filled in).
+    #[must_use]
+    pub fn recording(&self, measured: &Measured, value: f64) -> Recording {
+        let mut made = Recording::new(self.rows.iter().map(|row| row.time_s).collect());
+        made.segment = self.rows.iter().map(|row| row.segment).collect();
+        made.units = FileUnits::WORKSHOP;
+        for joint in 0..self.joints {
+            made.set_joint_kind(joint, self.kinds[joint]);
+            made.set(Channel::Command(joint), self.rows.iter().map(|row| row.q[joint]).collect());
+        }
+        if self.rows.iter().any(|row| row.force_n != DVec3::ZERO) {
+            for axis in 0..6 {
+                let force = |row: &Row| if axis < 3 { row.force_n[axis] } else { 0.0 };
+                made.set(Channel::Wrench(axis), self.rows.iter().map(force).collect());
+            }
+            made.about.wrench_frame = Some(Frame::Base);
+        }
+        if self.rows.iter().any(|row| row.celsius.is_finite()) {
+            let celsius: Vec<f64> = self.rows.iter().map(|row| row.celsius).collect();
+            made.set(Channel::Ambient, celsius.clone());
+            (0..self.joints).for_each(|j| made.set(Channel::JointTemperature(j), celsius.clone()));
+            made.about.kind = Kind::Poses;
+            made.about.approach = Approach::Sequence;
+        }
+        for channel in &measured.channels {
+            made.set(*channel, vec![value; self.rows.len()]);
+        }
+        made
+    }
+}
+
+/// Everything that `arm` can be asked.
+#[must_use]
+pub fn menu(arm: &Arm) -> Vec<Experiment> {
+    let mut all: Vec<Experiment> = Vec::new();
+    for joint in 0..arm.count() {
+        all.push(alone(arm, joint));
+        all.push(reversals(arm, joint));
+    }
+    let side = DVec3::Y * LOAD_N;
+    all.push(tour(
+        arm,
+        "tour",
+        "go through the poses of the request, stretched and folded",
+        &[DVec3::ZERO],
+        false,
+    ));
+    all.push(tour(
+        arm,
+        "tour, fast",
+        "go through the poses of the request once slowly and once fast",
+        &[DVec3::ZERO],
+        true,
+    ));
+    all.push(tour(
+        arm,
+        "tour, hanging load",
+        "go through the poses of the request twice, first without a load and then with 5 kg hanging on the tool (50 N)",
+        &[DVec3::ZERO, -DVec3::Z * LOAD_N],
+        false,
+    ));
+    all.push(tour(
+        arm,
+        "tour, sideways load",
+        "go through the poses of the request twice, first without a load and then with 50 N pulling the tool sideways, along the base's y axis",
+        &[DVec3::ZERO, side],
+        false,
+    ));
+    all.push(warm_up(arm));
+    all
+}
+
+fn kind(joint: &Joint) -> usize {
+    usize::from(joint.kind == JointKind::Prismatic)
+}
+
+/// The least and the largest position, so far from the middle at most.
+fn range(joint: &Joint, most: [f64; 2]) -> (f64, f64) {
+    let most = most[kind(joint)];
+    let (low, high) = joint.limits;
+    let bounded = low.is_finite() && high.is_finite();
+    let middle = if bounded && !(low < 0.0 && 0.0 < high) { 0.5 * (low + high) } else { 0.0 };
+    let reach = |limit: f64| if limit.is_finite() { INSIDE * (limit - middle).abs() } else { most };
+    (middle - most.min(reach(low)), middle + most.min(reach(high)))
+}
+
+fn home(arm: &Arm) -> Joints {
+    let mut q = Joints::default();
+    for (slot, joint) in q.iter_mut().zip(arm.joints()) {
+        let (low, high) = range(joint, TOUR);
+        *slot = 0.5 * (low + high);
+    }
+    q
+}
+
+/// A request in the making.
+struct Going<'a> {
+    arm: &'a Arm,
+    rows: Vec<Row>,
+    now: Row,
+    fast: bool,
+}
+
+impl<'a> Going<'a> {
+    fn from(arm: &'a Arm, q: Joints) -> Self {
+        let now = Row { segment: 0, time_s: 0.0, q, force_n: DVec3::ZERO, celsius: f64::NAN };
+        Self { arm, rows: vec![now], now, fast: false }
+    }
+
+    fn speed(&self, joint: &Joint) -> f64 {
+        let (share, most) = if self.fast { (FAST, FAST_MOST) } else { (EASY, EASY_MOST) };
+        (share * joint.max_speed).min(most[kind(joint)])
+    }
+
+    /// Moves all joints together, starting and ending gently.
+    fn to(&mut self, q: Joints) {
+        let from = self.now.q;
+        let times = self.arm.joints().iter().enumerate().map(|(k, joint)| {
+            // Half a cosine is fastest in its middle.
+            FRAC_PI_2 * (q[k] - from[k]).abs() / self.speed(joint)
+        });
+        let longest = times.fold(0.0, f64::max);
+        let count = ((longest / STEP_S).ceil() as usize).max(5);
+        for k in 1..=count {
+            let part = 0.5 - 0.5 * libm::cos(PI * k as f64 / count as f64);
+            self.now.time_s += STEP_S;
+            for (slot, (a, b)) in self.now.q.iter_mut().zip(from.iter().zip(&q)) {
+                *slot = if k == count { *b } else { a + part * (b - a) };
+            }
+            self.rows.push(self.now);
+        }
+    }
+
+    fn joint_to(&mut self, joint: usize, position: f64) {
+        let mut q = self.now.q;
+        q[joint] = position;
+        self.to(q);
+    }
+
+    fn done(self, name: String, says: String) -> Experiment {
+        let (joints, rows) = (self.arm.count(), self.rows);
+        let kinds = self.arm.joints().iter().map(|joint| joint.kind).collect();
+        Experiment { name, says, rows, joints, kinds }
+    }
+}
+
+fn alone(arm: &Arm, joint: usize) -> Experiment {
+    let (low, high) = range(&arm.joints()[joint], ALONE);
+    let mut q = home(arm);
+    q[joint] = low;
+    let mut going = Going::from(arm, q);
+    going.joint_to(joint, high);
+    going.joint_to(joint, low);
+    let n = joint + 1;
+    going.done(
+        format!("joint {n} alone"),
+        format!("turn joint {n} alone through its range, both ways"),
+    )
+}
+
+/// Strokes about two postures in which gravity pulls the joint one way and the other, as far as there are such.
+fn reversals(arm: &Arm, joint: usize) -> Experiment {
+    let own = &arm.joints()[joint];
+    let [one, other] = postures(arm, joint);
+    let mut going = Going::from(arm, one);
+    for posture in [one, other] {
+        going.to(posture);
+        let unit = if kind(own) == 0 { PI / 180.0 } else { 1e-3 };
+        for stroke in STROKES.map(|stroke| stroke * unit) {
+            for _ in 0..2 {
+                going.joint_to(joint, posture[joint] + 0.5 * stroke);
+                going.joint_to(joint, posture[joint] - 0.5 * stroke);
+            }
+        }
+    }
+    let n = joint + 1;
+    let unit = if kind(own) == 0 { "degrees" } else { "mm" };
+    going.done(
+        format!("joint {n} to and fro"),
+        format!(
+            "let joint {n} go slowly to and fro with strokes of 0.01, 0.1, 1 and 10 {unit}, once where gravity pulls one way and once where it pulls the other"
+        ),
+    )
+}
+
+/// The two of the tour's poses with the least and the largest torque of gravity at a joint; without masses, those where the tool is furthest to either side.
+fn postures(arm: &Arm, joint: usize) -> [Joints; 2] {
+    let model = physics::Model::nominal(*arm);
+    let pull = |q: &Joints| {
+        let seen = model.evaluate(&physics::Inputs::at_rest(*q), &physics::Memories::default());
+        let torque = seen.loads.torque(joint);
+        let tool = Chain::nominal(arm, q).base_from_tool.origin;
+        if arm.bodies().next().is_some() { torque } else { tool.x }
+    };
+    let mut poses = poses(arm, 4 * POSES);
+    let stroke = if kind(&arm.joints()[joint]) == 0 { 6.0 * PI / 180.0 } else { 6e-3 };
+    let (low, high) = range(&arm.joints()[joint], ALONE);
+    for q in &mut poses {
+        let inside = (low + stroke).min(high)..=(high - stroke).max(low);
+        q[joint] = if inside.contains(&q[joint]) { q[joint] } else { 0.5 * (low + high) };
+    }
+    let by = |a: &&Joints, b: &&Joints| pull(a).total_cmp(&pull(b));
+    let least = poses.iter().min_by(by).copied().unwrap_or_else(|| home(arm));
+    [least, poses.iter().max_by(by).copied().unwrap_or(least)]
+}
+
+fn poses(arm: &Arm, count: usize) -> Vec<Joints> {
+    let pose = |row: usize| {
+        let mut q = Joints::default();
+        for (k, (slot, joint)) in q.iter_mut().zip(arm.joints()).enumerate() {
+            let (low, high) = range(joint, if k < 3 { TOUR } else { ALONE });
+            let part = ((row + 1) as f64 * SPREAD[k % 6] + (k / 6) as f64 * 0.31).fract();
+            *slot = low + part * (high - low);
+        }
+        q
+    };
+    (0..count).map(pose).collect()
+}
+
+/// The same poses under each of these forces; the last round fast, where asked.
+fn tour(arm: &Arm, name: &str, says: &str, forces: &[DVec3], fast: bool) -> Experiment {
+    let poses = poses(arm, POSES);
+    let mut going = Going::from(arm, poses[0]);
+    for (round, force) in forces.iter().enumerate() {
+        if round > 0 {
+            going.now.segment += 1;
+            going.now.time_s += 1.0;
+            going.now.q = poses[0];
+            going.now.force_n = *force;
+            going.rows.push(going.now);
+        }
+        poses[1..].iter().for_each(|q| going.to(*q));
+    }
+    if fast {
+        going.fast = true;
+        poses.iter().for_each(|q| going.to(*q));
+    }
+    going.done(name.to_owned(), says.to_owned())
+}
+
+fn warm_up(arm: &Arm) -> Experiment {
+    let poses = poses(arm, 10);
+    let mut going = Going::from(arm, poses[0]);
+    going.rows.clear();
+    for visit in 0..RETURNS * poses.len() {
+        let time_s = RETURN_S * visit as f64;
+        let celsius = WARM - (WARM - COLD) * libm::exp(-time_s / WARMING_S);
+        going.rows.push(Row { time_s, q: poses[visit % poses.len()], celsius, ..going.now });
+    }
+    going.done(
+        "warm-up".to_owned(),
+        "warm the robot up from cold for two hours with the temperatures recorded, and return to the same ten poses every five minutes".to_owned(),
+    )
+}

@@ -1,0 +1,107 @@
+//! A first look at recordings, before anything is fitted: stamps, rows without readings, channels that stand still, are cut off, are held, or come in coarse steps.
+//!
+//! Read in this order: `stamps` (time), `straight` (what the arm should have shown in a channel, whatever the frame), `channel` (what is wrong with one).
+//!
+//! Promises: a reading that stands still or is cut off while the arm moves takes part in nothing, and that is said with channel, time and count; a recording
+//! of which nothing is left says why. Never: a fit of physics, a value changed.
+
+mod channel;
+mod stamps;
+mod straight;
+
+use physics::{Arm, Joints};
+use recording::series::{Channel, Recording};
+
+use crate::from_recording;
+use channel::Looking;
+
+/// What was seen, and what was done.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Ingested {
+    /// For people, one sentence each.
+    pub notes: Vec<String>,
+    /// Why nothing can be said; empty where something is left to be judged.
+    pub doubts: Vec<String>,
+}
+
+/// Looks at recordings of the robot `arm` and takes out what is no reading.
+pub fn ingest(arm: &Arm, recordings: &mut [Recording]) -> Ingested {
+    let mut all = Ingested::default();
+    let several = recordings.len() > 1;
+    for recording in recordings.iter_mut() {
+        let mut notes = stamps::notes(recording);
+        notes.extend(without_readings(recording));
+        // A recording that lacks a joint is refused where it is read.
+        let Ok(poses) = from_recording::motion(arm, recording) else { continue };
+        let q: Vec<Joints> = poses.iter().map(|pose| pose.inputs.q).collect();
+        let had = measured(recording);
+        notes.extend(Looking::at(arm, recording, &q).look());
+        let gone = had && !measured(recording);
+        let name = recording.file.file_name().map(|name| name.to_string_lossy().into_owned());
+        let said = |note: String| match &name {
+            Some(name) if several => format!("{name}: {note}"),
+            _ => note,
+        };
+        let list = if gone { &mut all.doubts } else { &mut all.notes };
+        list.extend(notes.into_iter().map(said));
+    }
+    all
+}
+
+/// The groups that are read together, as far as the recording has them.
+fn groups(recording: &Recording) -> Vec<Vec<Channel>> {
+    let mut groups = vec![(0..3).map(Channel::Position).collect::<Vec<_>>()];
+    for target in 0..recording.target_count() {
+        groups.push((0..3).map(|axis| Channel::Target(target, axis)).collect());
+    }
+    groups.push((0..4).map(Channel::Orientation).collect());
+    groups.extend((0..recording.joint_count()).map(|joint| vec![Channel::Link(joint)]));
+    groups.retain(|group| group.iter().all(|channel| recording.column(*channel).is_some()));
+    groups
+}
+
+fn finite(recording: &Recording, channel: Channel, row: usize) -> Option<f64> {
+    recording.column(channel)?.get(row).copied().filter(|value| value.is_finite())
+}
+
+/// Whether anything was read, gauges of one length or a touch included.
+fn measured(recording: &Recording) -> bool {
+    let whole = |group: &Vec<Channel>, row| {
+        group.iter().all(|channel| finite(recording, *channel, row).is_some())
+    };
+    let gauges = recording.channels().any(|channel| {
+        matches!(channel, Channel::Distance(_) | Channel::TouchPlane | Channel::TouchSphere)
+    });
+    let groups = groups(recording);
+    gauges || (0..recording.len()).any(|row| groups.iter().any(|group| whole(group, row)))
+}
+
+/// Rows in which a group was not read.
+fn without_readings(recording: &Recording) -> Vec<String> {
+    let mut notes = Vec::new();
+    for group in groups(recording) {
+        let gaps = (0..recording.len())
+            .filter(|row| group.iter().any(|channel| finite(recording, *channel, *row).is_none()));
+        let (gaps, all) = (gaps.count(), recording.len());
+        if gaps > 0 && gaps < all {
+            notes
+                .push(format!("{} was not read in {gaps} of {all} rows", named(recording, &group)));
+        }
+    }
+    notes
+}
+
+/// `x_mm, y_mm, z_mm`.
+fn named(recording: &Recording, group: &[Channel]) -> String {
+    let name = |channel: &Channel| name(recording, *channel);
+    group.iter().map(name).collect::<Vec<_>>().join(", ")
+}
+
+/// The column's name in the units of its file.
+fn name(recording: &Recording, channel: Channel) -> String {
+    let kind = recording.joint_kind(channel.joint().unwrap_or(0));
+    channel.name(channel.unit_in(recording.units, kind))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,326 @@
+//! What is wrong with a measured channel: it stands still or is cut off while the arm moves, is held over several rows, or comes in coarse steps.
+//!
+//! A value that repeats is no fault by itself: the arm may rest, or move across the channel. It is one where the nominal arm says that the channel should
+//! have changed by much more than it is off elsewhere.
+//!
+//! Promises: rows that are taken out become missing readings of their whole channel, nothing else changes. Never: a word about a resting arm.
+
+use std::ops::Range;
+
+use physics::{Arm, Chain, Joints};
+use recording::series::{Channel, Kind, Recording};
+
+use super::stamps::middle;
+use super::straight::{followed, line, spread};
+use super::{finite, groups, name, named};
+
+/// The same value on so many rows, or so many times the middle run, is looked into.
+const RUN: usize = 8;
+const RUNS: usize = 10;
+/// Standard deviations by which a channel should have changed.
+const CLEARLY: f64 = 8.0;
+/// An arm that never goes further than this along any direction may leave a channel as it is, m or rad (standard deviation).
+const MOVES: f64 = 1e-3;
+/// A tool that turns by less may leave its orientation as it is, rad.
+const TURNS: f64 = 2e-2;
+/// Changes of a held channel are larger than this many of its smallest steps: else it is coarse.
+const STEPS: f64 = 3.0;
+/// Noise below this share of a step does not show in it.
+const HIDDEN: f64 = 0.5;
+
+/// Why rows of a channel are no readings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Fault {
+    Still,
+    CutOff,
+}
+
+/// A recording under inspection, with the arm's joints row by row.
+pub(super) struct Looking<'a> {
+    arm: &'a Arm,
+    recording: &'a mut Recording,
+    q: &'a [Joints],
+}
+
+impl<'a> Looking<'a> {
+    pub(super) fn at(arm: &'a Arm, recording: &'a mut Recording, q: &'a [Joints]) -> Self {
+        Self { arm, recording, q }
+    }
+
+    /// Takes out what is no reading; says what it saw.
+    pub(super) fn look(mut self) -> Vec<String> {
+        let mut notes = Vec::new();
+        for group in groups(self.recording) {
+            notes.extend(self.coarse(&group));
+            if group.len() == 4 {
+                notes.extend(self.turns_frozen(&group));
+            } else {
+                notes.extend(self.points(&group));
+            }
+            notes.extend(self.held(&group));
+        }
+        notes
+    }
+
+    /// Rows with a value, station by station: each has a frame of its own.
+    fn rows(&self, channel: Channel) -> Vec<Vec<usize>> {
+        let mut stations: Vec<(Option<u64>, Vec<usize>)> = Vec::new();
+        for row in 0..self.recording.len() {
+            if finite(self.recording, channel, row).is_none() {
+                continue;
+            }
+            let station = finite(self.recording, Channel::Station, row).map(f64::to_bits);
+            match stations.iter_mut().find(|known| known.0 == station) {
+                Some(known) => known.1.push(row),
+                None => stations.push((station, vec![row])),
+            }
+        }
+        stations.into_iter().map(|(_, rows)| rows).collect()
+    }
+
+    fn values(&self, channel: Channel) -> Vec<f64> {
+        self.recording.column(channel).map(<[f64]>::to_vec).unwrap_or_default()
+    }
+
+    fn points(&mut self, group: &[Channel]) -> Vec<String> {
+        let follows = |q: &Joints| group.first().and_then(|c| followed(self.arm, *c, q));
+        let Some(follows) = self.q.iter().map(follows).collect::<Option<Vec<_>>>() else {
+            return Vec::new();
+        };
+        if let Some(note) = self.all_still(group, &follows) {
+            return vec![note];
+        }
+        let mut notes = Vec::new();
+        for channel in group {
+            let mut values = self.values(*channel);
+            let found: Vec<_> = self
+                .rows(*channel)
+                .iter()
+                .flat_map(|rows| faults(&follows, &values, rows))
+                .collect();
+            for (fault, rows) in found {
+                notes.push(self.said(*channel, fault, &rows, &values));
+                rows.into_iter().for_each(|row| values[row] = f64::NAN);
+            }
+            self.recording.set(*channel, values);
+        }
+        notes
+    }
+
+    /// A whole group that never changes though the arm goes somewhere.
+    fn all_still(&mut self, group: &[Channel], follows: &[Vec<f64>]) -> Option<String> {
+        let rows: Vec<usize> = (0..self.recording.len())
+            .filter(|row| group.iter().all(|c| finite(self.recording, *c, *row).is_some()))
+            .collect();
+        let same = |channel: &Channel| {
+            let values = self.values(*channel);
+            rows.iter().all(|row| values[*row] == values[rows[0]])
+        };
+        let still = rows.len() >= RUN && group.iter().all(same);
+        if !still || spread(follows, &rows).1 <= MOVES {
+            return None;
+        }
+        let note = format!(
+            "{} never change{} in {} rows while the arm moves: the instrument did not follow it, or the columns are not its; not used",
+            named(self.recording, group),
+            if group.len() == 1 { "s" } else { "" },
+            rows.len()
+        );
+        self.take_out(group, &rows);
+        Some(note)
+    }
+
+    /// An orientation that stands still while the tool turns.
+    fn turns_frozen(&mut self, group: &[Channel]) -> Option<String> {
+        let all: Vec<Vec<f64>> = group.iter().map(|channel| self.values(*channel)).collect();
+        let rows: Vec<usize> = (0..self.recording.len())
+            .filter(|row| all.iter().all(|v| v[*row].is_finite()))
+            .collect();
+        let same = |a: usize, b: usize| all.iter().all(|values| values[a] == values[b]);
+        let turned = |run: &Range<usize>| {
+            let at = |k: usize| Chain::nominal(self.arm, &self.q[rows[k]]).base_from_tool.rotation;
+            let first = at(run.start);
+            let off = |k: usize| (first.transpose() * at(k)).to_cols_array();
+            let trace = |m: [f64; 9]| m[0] + m[4] + m[8];
+            run.clone().any(|k| 3.0 - trace(off(k)) > TURNS * TURNS)
+        };
+        let frozen = long(&runs(&rows, same)).into_iter().filter(turned);
+        let frozen: Vec<usize> = frozen.flatten().map(|k| rows[k]).collect();
+        let (first, last) = (*frozen.first()?, *frozen.last()?);
+        let note = format!(
+            "{} stand still from {:.3} s to {:.3} s ({} rows) while the tool turns: not used",
+            named(self.recording, group),
+            self.recording.t_s[first],
+            self.recording.t_s[last],
+            frozen.len()
+        );
+        self.take_out(group, &frozen);
+        Some(note)
+    }
+
+    /// Rows on a path that only repeat the row before, since the instrument is slower than the rows.
+    fn held(&mut self, group: &[Channel]) -> Option<String> {
+        let rows: Vec<usize> = (0..self.recording.len())
+            .filter(|row| group.iter().all(|c| finite(self.recording, *c, *row).is_some()))
+            .collect();
+        let all: Vec<Vec<f64>> = group.iter().map(|channel| self.values(*channel)).collect();
+        let same = |a: usize, b: usize| all.iter().all(|values| values[a] == values[b]);
+        let again = |pair: &&[usize]| {
+            let [a, b] = [pair[0], pair[1]];
+            b == a + 1 && same(a, b) && self.q[a] != self.q[b]
+        };
+        let repeats: Vec<usize> = rows.windows(2).filter(again).map(|pair| pair[1]).collect();
+        if self.recording.about.kind != Kind::Path || 2 * repeats.len() <= rows.len() {
+            return None;
+        }
+        // A coarse channel repeats itself too, but goes on by one step.
+        let jumps = |values: &Vec<f64>| {
+            let off = rows.windows(2).map(|pair| (values[pair[1]] - values[pair[0]]).abs());
+            let off: Vec<f64> = off.filter(|off| *off > 0.0).collect();
+            let least = off.iter().copied().fold(f64::INFINITY, f64::min);
+            middle(off) > STEPS * least
+        };
+        if !all.iter().any(jumps) {
+            return None;
+        }
+        self.take_out(group, &repeats);
+        Some(format!(
+            "{} only repeat{} the row before in {} of {} rows: the instrument is slower than the rows; repeats are not used",
+            named(self.recording, group),
+            if group.len() == 1 { "s" } else { "" },
+            repeats.len(),
+            rows.len()
+        ))
+    }
+
+    /// Channels whose last digit is coarser than their noise.
+    fn coarse(&self, group: &[Channel]) -> Vec<String> {
+        let mut notes = Vec::new();
+        for channel in group {
+            let values = self.values(*channel);
+            let Some(step) = step(&values) else { continue };
+            let stated = self.recording.sigma(*channel).unwrap_or(0.0);
+            if step > stated && noise(&values).is_some_and(|noise| noise < HIDDEN * step) {
+                let [step] = self.in_file_units(*channel, [step]);
+                let name = name(self.recording, *channel);
+                notes.push(format!(
+                    "{name} comes in steps of {step:.3e}, coarser than its noise: nothing finer can be told from it"
+                ));
+            }
+        }
+        notes
+    }
+
+    fn in_file_units<const N: usize>(&self, channel: Channel, si: [f64; N]) -> [f64; N] {
+        let kind = self.recording.joint_kind(channel.joint().unwrap_or(0));
+        let unit = channel.unit_in(self.recording.units, kind);
+        si.map(|si| unit.map_or(si, |unit| unit.from_si(si)))
+    }
+
+    fn said(&self, channel: Channel, fault: Fault, rows: &[usize], values: &[f64]) -> String {
+        let (first, last) = (rows.first().copied().unwrap_or(0), rows.last().copied().unwrap_or(0));
+        let [at] = self.in_file_units(channel, [values[first]]);
+        let what = match fault {
+            Fault::Still => "stands still",
+            Fault::CutOff => "is cut off",
+        };
+        let t = &self.recording.t_s;
+        format!(
+            "{} {what} at {at:.6} between {:.3} s and {:.3} s ({} rows) while the arm moves on: these rows are not used",
+            name(self.recording, channel),
+            t[first],
+            t[last],
+            rows.len()
+        )
+    }
+
+    fn take_out(&mut self, group: &[Channel], rows: &[usize]) {
+        for channel in group {
+            let mut values = self.values(*channel);
+            rows.iter().for_each(|row| values[*row] = f64::NAN);
+            self.recording.set(*channel, values);
+        }
+    }
+}
+
+/// Runs of rows that are the same, as places in `rows`.
+fn runs(rows: &[usize], same: impl Fn(usize, usize) -> bool) -> Vec<Range<usize>> {
+    let mut runs: Vec<Range<usize>> = Vec::new();
+    for k in 0..rows.len() {
+        match runs.last_mut().filter(|run| same(rows[run.start], rows[k])) {
+            Some(run) => run.end = k + 1,
+            None => runs.push(k..k + 1),
+        }
+    }
+    runs
+}
+
+/// Those that are long beside the others.
+fn long(runs: &[Range<usize>]) -> Vec<Range<usize>> {
+    let usual = middle(runs.iter().map(|run| run.len() as f64).collect()) as usize;
+    let least = if runs.len() > 1 { RUN.max(RUNS * usual) } else { RUN };
+    runs.iter().filter(|run| run.len() >= least).cloned().collect()
+}
+
+/// Rows of one channel, one station, that are no readings.
+fn faults(follows: &[Vec<f64>], values: &[f64], rows: &[usize]) -> Vec<(Fault, Vec<usize>)> {
+    let long = long(&runs(rows, |a, b| values[a] == values[b]));
+    let whole = long.first().is_some_and(|run| run.len() == rows.len());
+    if whole {
+        let moves = spread(follows, rows).0 > MOVES;
+        return if moves { vec![(Fault::Still, rows.to_vec())] } else { Vec::new() };
+    }
+    let ends = [1.0, -1.0].map(|sign: f64| {
+        let most = rows.iter().map(|row| sign * values[*row]).fold(f64::NEG_INFINITY, f64::max);
+        let there: Vec<usize> =
+            rows.iter().copied().filter(|row| sign * values[*row] == most).collect();
+        (sign, if there.len() < RUN { Vec::new() } else { there })
+    });
+    let mut sound = vec![true; values.len()];
+    long.iter().flat_map(Range::clone).for_each(|k| sound[rows[k]] = false);
+    ends.iter().flat_map(|end| &end.1).for_each(|row| sound[*row] = false);
+    let sound: Vec<usize> = rows.iter().copied().filter(|row| sound[*row]).collect();
+    let Some(line) = line(follows, values, &sound) else { return Vec::new() };
+    let (expected, clear) = (&line.expected, CLEARLY * line.sigma);
+    let mut found: Vec<(Fault, Vec<usize>)> = Vec::new();
+    for (sign, there) in ends {
+        let beyond = |row: &usize| sign * (expected[*row] - values[*row]);
+        let further = there.iter().map(beyond).fold(f64::NEG_INFINITY, f64::max);
+        let inside = there.iter().filter(|row| beyond(row) < -clear).count();
+        if further > clear && 20 * inside <= there.len() {
+            found.push((Fault::CutOff, there));
+        }
+    }
+    let cut_at: Vec<f64> = found.iter().map(|(_, there)| values[there[0]]).collect();
+    let is_cut = |run: &Range<usize>| cut_at.contains(&values[rows[run.start]]);
+    let still = long.into_iter().filter(|run| !is_cut(run)).filter(|run| {
+        let at = run.clone().map(|k| expected[rows[k]]);
+        let (low, high) =
+            at.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+        high - low > clear
+    });
+    let still: Vec<Vec<usize>> = still.map(|run| rows[run].to_vec()).collect();
+    found.extend(still.into_iter().map(|rows| (Fault::Still, rows)));
+    found
+}
+
+/// The step that all values are multiples of, from the smallest difference; none where there is no such step.
+fn step(values: &[f64]) -> Option<f64> {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let size = sorted.first()?.abs().max(sorted.last()?.abs());
+    let gaps = sorted.windows(2).map(|pair| pair[1] - pair[0]);
+    let gaps: Vec<f64> = gaps.filter(|gap| *gap > 1e-12 * size).collect();
+    let step = gaps.iter().copied().fold(f64::INFINITY, f64::min);
+    let whole = |gap: &&f64| (**gap / step - (**gap / step).round()).abs() < 1e-2;
+    (gaps.len() > RUN && gaps.iter().filter(whole).count() == gaps.len()).then_some(step)
+}
+
+/// The noise that third differences show, which a smooth motion does not.
+fn noise(values: &[f64]) -> Option<f64> {
+    let third = values.windows(4).map(|v| v[3] - 3.0 * v[2] + 3.0 * v[1] - v[0]);
+    let squares: Vec<f64> = third.filter(|x| x.is_finite()).map(|x| x * x).collect();
+    let mean = squares.iter().sum::<f64>() / squares.len() as f64;
+    // 1 + 9 + 9 + 1
+    (!squares.is_empty()).then(|| (mean / 20.0).sqrt())
+}

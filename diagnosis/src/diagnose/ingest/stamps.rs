@@ -1,0 +1,49 @@
+//! Stamps of time: gaps, and steps that are not even.
+//!
+//! Promises: settled poses, whose times mean little, are not spoken of. Never: a row moved.
+
+use recording::series::{Kind, Recording};
+
+/// A step this many times the middle one is a gap.
+const GAP: f64 = 5.0;
+/// Steps that spread by more than this share of the middle one are uneven.
+const UNEVEN: f64 = 0.02;
+/// Steps from which on anything can be said.
+const STEPS_LEAST: usize = 20;
+
+/// What is to be said of them.
+pub(super) fn notes(recording: &Recording) -> Vec<String> {
+    let t = &recording.t_s;
+    let joined = |row: &usize| recording.segment[*row] == recording.segment[row - 1];
+    let steps: Vec<(usize, f64)> =
+        (1..t.len()).filter(joined).map(|row| (row, t[row] - t[row - 1])).collect();
+    if recording.about.kind != Kind::Path || steps.len() < STEPS_LEAST {
+        return Vec::new();
+    }
+    let middle = middle(steps.iter().map(|step| step.1).collect());
+    let mut notes = Vec::new();
+    let (gaps, even): (Vec<_>, Vec<_>) = steps.into_iter().partition(|step| step.1 > GAP * middle);
+    if let Some((row, longest)) = gaps.iter().max_by(|a, b| a.1.total_cmp(&b.1)) {
+        notes.push(format!(
+            "time has {} gap{} between rows {:.4} s apart; the longest is {longest:.3} s, after {:.3} s",
+            gaps.len(),
+            if gaps.len() == 1 { "" } else { "s" },
+            middle,
+            t[row - 1]
+        ));
+    }
+    let squares: f64 = even.iter().map(|step| (step.1 - middle).powi(2)).sum();
+    let spread = (squares / even.len().max(1) as f64).sqrt();
+    if spread > UNEVEN * middle {
+        notes.push(format!(
+            "rows are not evenly spaced: {middle:.4} s apart with a spread of {spread:.4} s"
+        ));
+    }
+    notes
+}
+
+/// The middle of values; 0 where there are none.
+pub(super) fn middle(mut values: Vec<f64>) -> f64 {
+    let at = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(at, f64::total_cmp).1 }
+}

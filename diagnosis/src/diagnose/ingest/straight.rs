@@ -1,0 +1,83 @@
+//! What a channel should have shown: in whatever frame a point was measured, each of its numbers is a straight function of where the nominal arm has
+//! its tool (and, for a reflector, of how the tool is turned); a joint on the link side of the joint that was commanded.
+//!
+//! Promises: the same rows give the same line. Never: physics beyond the nominal geometry.
+
+use nalgebra::{DMatrix, DVector};
+use physics::{Arm, Chain, Joints};
+use recording::series::Channel;
+
+use super::stamps::middle;
+
+/// Rows per number of the line, at least.
+const ROWS_PER_NUMBER: usize = 4;
+/// A normal deviate per median of sizes.
+const DEVIATE: f64 = 1.4826;
+
+/// What `channel` follows at the joint positions `q`; none where it is no straight function of anything.
+pub(super) fn followed(arm: &Arm, channel: Channel, q: &Joints) -> Option<Vec<f64>> {
+    let tool = || Chain::nominal(arm, q).base_from_tool;
+    match channel {
+        Channel::Position(_) => Some(tool().origin.to_array().to_vec()),
+        Channel::Target(..) => {
+            let tool = tool();
+            let mut all = tool.origin.to_array().to_vec();
+            all.extend(tool.rotation.to_cols_array());
+            Some(all)
+        }
+        Channel::Link(joint) => Some(vec![q[joint]]),
+        _ => None,
+    }
+}
+
+/// What a channel should have shown, row by row.
+pub(super) struct Line {
+    pub(super) expected: Vec<f64>,
+    /// How far rows lie from it, as a standard deviation, SI.
+    pub(super) sigma: f64,
+}
+
+/// The line through the rows `sound` of `values`; none where these are too few. `followed`: per row.
+pub(super) fn line(followed: &[Vec<f64>], values: &[f64], sound: &[usize]) -> Option<Line> {
+    let width = followed.first()?.len();
+    if sound.len() < ROWS_PER_NUMBER * (width + 1) {
+        return None;
+    }
+    let count = sound.len() as f64;
+    let mean = |k: usize| sound.iter().map(|row| followed[*row][k]).sum::<f64>() / count;
+    let means: Vec<f64> = (0..width).map(mean).collect();
+    let level = sound.iter().map(|row| values[*row]).sum::<f64>() / count;
+    let off = |row: usize| followed[row].iter().zip(&means).map(|(x, m)| x - m);
+    let (mut normal, mut right) = (DMatrix::zeros(width, width), DVector::zeros(width));
+    for row in sound {
+        let x = DVector::from_iterator(width, off(*row));
+        normal.ger(1.0, &x, &x, 1.0);
+        right.axpy(values[*row] - level, &x, 1.0);
+    }
+    // What never changes is held by next to nothing.
+    let ridge = 1e-9 * normal.trace().max(f64::MIN_POSITIVE);
+    (0..width).for_each(|k| normal[(k, k)] += ridge);
+    let slope = normal.cholesky()?.solve(&right);
+    let at = |row| level + off(row).zip(slope.iter()).map(|(x, b)| x * b).sum::<f64>();
+    let expected: Vec<f64> = (0..followed.len()).map(at).collect();
+    let sizes = sound.iter().map(|row| (values[*row] - expected[*row]).abs()).collect();
+    Some(Line { sigma: DEVIATE * middle(sizes), expected })
+}
+
+/// The least and the largest standard deviation of what is followed along any direction, over these rows.
+pub(super) fn spread(followed: &[Vec<f64>], rows: &[usize]) -> (f64, f64) {
+    // Turns of the tool do not count: only how far it went.
+    let width = followed.first().map_or(0, |first| first.len().min(3));
+    let count = rows.len().max(1) as f64;
+    let mut mean = DVector::zeros(width);
+    let at = |row: usize| DVector::from_iterator(width, followed[row].iter().copied().take(width));
+    rows.iter().for_each(|row| mean += at(*row) / count);
+    let mut spread = DMatrix::zeros(width, width);
+    for row in rows {
+        let off = at(*row) - &mean;
+        spread.ger(1.0 / count, &off, &off, 1.0);
+    }
+    let squares = spread.symmetric_eigenvalues();
+    let root = |square: f64| square.max(0.0).sqrt();
+    (root(squares.min()), root(squares.max()))
+}

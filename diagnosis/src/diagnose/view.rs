@@ -1,0 +1,301 @@
+//! What a diagnosis has to show for itself: what each reading is off by before and after, over time, as a spectrum, and over what a finding follows.
+//!
+//! Promises: the numbers of the fits as they stand, nothing fitted anew. Never: a drawing.
+
+use super::features::{Word, words};
+use super::{Diagnosis, Finding};
+use crate::campaign::{Place, Reading};
+use crate::hypothesis::Hypothesis;
+use crate::motion::Motion;
+use crate::problem::{Look, State, visit};
+use crate::proof::runs;
+use crate::result::Fit;
+use glam::DVec3;
+use physics::{AnyEffect, Chain};
+use spectrum::welch::{Segments, welch};
+
+/// Steps that differ by more than this share of the middle one are not even.
+const EVEN: f64 = 0.02;
+/// Readings that a spectrum needs, and of one segment of it at most.
+const SAMPLES_LEAST: usize = 128;
+const SEGMENT_MOST: usize = 1024;
+
+/// One channel over the recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trace {
+    /// `x`, `target2 y`, `joint 3`.
+    pub channel: String,
+    /// Measured minus predicted by the model as given and with what was found, m or rad, with the pose of each.
+    pub off: Vec<(usize, [f64; 2])>,
+}
+
+/// One reading beside what a finding follows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beside {
+    /// What it follows, in the word's unit, SI.
+    pub at: f64,
+    /// The sign of the joint's last motion; 0 where it is unknown or there is no joint.
+    pub direction: f64,
+    /// What is seen with all but this finding, rad or m of its joint (m of the tool where it has none).
+    pub seen: f64,
+    /// What the finding explains of it.
+    pub explained: f64,
+}
+
+/// A finding over what it follows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Over {
+    /// The contract's word.
+    pub word: String,
+    /// One per reading in which the finding could show.
+    pub points: Vec<Beside>,
+}
+
+/// Residuals as spectra: power density, m² (rad²) per Hz, mean of the channels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spectra {
+    /// Frequencies, Hz.
+    pub frequencies_hz: Vec<f64>,
+    /// With the model as given, and with what was found.
+    pub density: [Vec<f64>; 2],
+    /// Length of the evenly sampled stretch, s.
+    pub stretch_s: f64,
+}
+
+impl Diagnosis {
+    /// Time of each pose since the first, s: recordings and segments one after the other.
+    #[must_use]
+    pub fn elapsed_s(&self) -> Vec<f64> {
+        let mut elapsed = vec![0.0; self.campaign.poses.len()];
+        let mut from = 0.0;
+        for run in runs(&self.campaign) {
+            let time = |pose: usize| self.campaign.poses[pose].inputs.time_s;
+            let first = time(run.start);
+            let last = from + time(run.end - 1) - first;
+            run.for_each(|pose| elapsed[pose] = from + time(pose) - first);
+            from = last;
+        }
+        elapsed
+    }
+
+    /// Every channel, before and after.
+    #[must_use]
+    pub fn traces(&self) -> Vec<Trace> {
+        let (given, last) = (self.given.off(&self.campaign), self.fit.off(&self.campaign));
+        let readings = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
+        let mut traces: Vec<Trace> = Vec::new();
+        for ((before, after), seen) in given.iter().zip(&last).zip(readings) {
+            for (part, channel) in channels(&seen.reading).into_iter().enumerate() {
+                let off = (before.pose, [before.off[part], after.off[part]]);
+                match traces.iter_mut().find(|trace| trace.channel == channel) {
+                    Some(trace) => trace.off.push(off),
+                    None => traces.push(Trace { channel, off: vec![off] }),
+                }
+            }
+        }
+        traces
+    }
+
+    /// Sizes of what held-out readings are off by, m or rad: as given, and with what was found.
+    #[must_use]
+    pub fn held_out(&self) -> [Vec<f64>; 2] {
+        let held = |fit: &Fit| {
+            let off = fit.off(&self.campaign).into_iter();
+            let off = off.filter(|off| !self.split.training[off.pose]);
+            off.filter(|off| off.is_length == self.proof.is_length)
+                .map(|off| off.off.length())
+                .collect()
+        };
+        [held(&self.given), held(&self.fit)]
+    }
+
+    /// Spectra of the longest stretch of even steps; none where it is short, or poses are settled.
+    #[must_use]
+    pub fn spectra(&self) -> Option<Spectra> {
+        let elapsed = self.elapsed_s();
+        let mut traces = self.traces();
+        traces.retain(|trace| trace.off.len() >= SAMPLES_LEAST);
+        let follows = |pose: usize| self.campaign.poses[pose].arrival == crate::Arrival::FromBefore;
+        let times: Vec<f64> = traces.first()?.off.iter().map(|(pose, _)| elapsed[*pose]).collect();
+        let (stretch, step) = even(&times)?;
+        if !stretch.clone().skip(1).all(|k| follows(traces[0].off[k].0)) {
+            return None;
+        }
+        let count = stretch.len();
+        let length = (count / 4).next_power_of_two().min(SEGMENT_MOST);
+        let segments = Segments::new(1.0 / step, length);
+        let mut density: [Vec<f64>; 2] = Default::default();
+        let mut frequencies_hz = Vec::new();
+        let mut channels = 0.0;
+        for trace in traces.iter().filter(|trace| trace.off.len() >= stretch.end) {
+            channels += 1.0;
+            for (side, sum) in density.iter_mut().enumerate() {
+                let samples: Vec<f64> = stretch.clone().map(|k| trace.off[k].1[side]).collect();
+                let found = welch(&samples, &segments).ok()?;
+                sum.resize(found.power.len(), 0.0);
+                sum.iter_mut().zip(&found.power).for_each(|(sum, power)| *sum += power);
+                frequencies_hz = found.frequency;
+            }
+        }
+        density.iter_mut().flatten().for_each(|power| *power /= channels);
+        Some(Spectra { frequencies_hz, density, stretch_s: step * (count - 1) as f64 })
+    }
+
+    /// A finding over what it follows; none where that never changes.
+    #[must_use]
+    pub fn over(&self, finding: &Finding) -> Option<Over> {
+        let words = words(&self.campaign, &self.given.hypothesis.model);
+        let word = followed(finding, &words)?;
+        let joint = finding.effect.joint();
+        let direction = joint.map(|joint| format!("direction_{}", joint + 1));
+        let direction = words.iter().find(|word| Some(&word.name) == direction.as_ref());
+        let points = self.beside(finding).into_iter().map(|(pose, seen, explained)| Beside {
+            at: word.middle + word.half * word.values[pose],
+            direction: direction.map_or(0.0, |d| (d.middle + d.half * d.values[pose]).round()),
+            seen,
+            explained,
+        });
+        Some(Over { word: word.name.clone(), points: points.collect() })
+    }
+
+    /// The model with all that was found but this.
+    fn bare(&self, finding: &Finding) -> Hypothesis {
+        let whole = &self.fit.hypothesis;
+        let Some(had) = &finding.had else { return whole.without(finding.place) };
+        let mut bare = whole.clone();
+        if let Some(effect) = bare.model.effect_mut(finding.place) {
+            effect.values_mut().copy_from_slice(had);
+        }
+        bare
+    }
+
+    /// Pose, what is seen without the finding, and what it explains of that.
+    fn beside(&self, finding: &Finding) -> Vec<(usize, f64, f64)> {
+        let bare = self.bare(finding);
+        let Some(joint) = finding.effect.joint() else { return self.of_tool(&bare) };
+        let state = |hypothesis: Hypothesis| State {
+            surroundings: self.fit.surroundings.clone(),
+            hypothesis,
+        };
+        let look = Look { used: None, derivatives: false };
+        let arm = self.fit.hypothesis.model.arm;
+        let mut whole = Vec::new();
+        let full = state(self.fit.hypothesis.clone());
+        visit(&self.campaign, &full, look, |at| whole.push(at.rows.residual));
+        let mut points = Vec::new();
+        visit(&self.campaign, &state(bare), look, |at| {
+            let chain = Chain::nominal(&arm, &self.campaign.poses[at.pose].inputs.q);
+            let along = at.rows.along(&Motion::of_joint(&arm, &chain, joint));
+            points.push((at.pose, along, at.rows.residual));
+        });
+        // Where the joint hardly moves what is measured, its error cannot be seen.
+        let most = points.iter().map(|p| p.1.length_squared()).fold(0.0, f64::max);
+        let both = points.into_iter().zip(whole).zip(&self.fit.weights);
+        both.filter(|((p, _), weight)| p.1.length_squared() > 0.04 * most && **weight >= 0.5)
+            .map(|(((pose, along, bare), full), _)| {
+                let share = along / along.length_squared();
+                (pose, share.dot(bare), share.dot(bare - full))
+            })
+            .collect()
+    }
+
+    /// The same for what belongs to no joint, along where it moves the tool.
+    fn of_tool(&self, bare: &Hypothesis) -> Vec<(usize, f64, f64)> {
+        let whole = self.fit.off(&self.campaign);
+        let mut fit = self.fit.clone();
+        fit.hypothesis = bare.clone();
+        let bare = fit.off(&self.campaign);
+        let pairs = whole.iter().zip(&bare).filter(|(whole, _)| whole.is_length);
+        pairs
+            .map(|(whole, bare)| {
+                let explained: DVec3 = bare.off - whole.off;
+                let along = explained.normalize_or_zero();
+                (whole.pose, along.dot(bare.off), explained.length())
+            })
+            .collect()
+    }
+}
+
+fn channels(reading: &Reading) -> Vec<String> {
+    let axes = |prefix: String| ["x", "y", "z"].map(|axis| format!("{prefix}{axis}")).to_vec();
+    match reading {
+        Reading::Point { place: Place::Tcp, .. } => axes(String::new()),
+        Reading::Point { place: Place::Target(target), .. } => {
+            axes(format!("target{} ", target + 1))
+        }
+        Reading::Orientation { .. } => axes("turned about ".to_owned()),
+        Reading::JointPosition { joint, .. } => vec![format!("joint {}", joint + 1)],
+        Reading::Distance { anchor, .. } => vec![format!("distance {}", anchor + 1)],
+        Reading::Plane { plane, .. } => vec![format!("plane {}", plane + 1)],
+        Reading::Sphere { sphere, .. } => vec![format!("sphere {}", sphere + 1)],
+    }
+}
+
+/// The word that an effect follows most plainly, of those that change.
+fn followed<'a>(finding: &Finding, words: &'a [Word]) -> Option<&'a Word> {
+    let effect = &finding.effect;
+    let n = effect.joint().map_or(0, |joint| joint + 1);
+    let other = finding.settings.iter().find(|(stem, _)| *stem == "from_joint");
+    let other = other.and_then(|(_, numbers)| numbers.first()).map_or(n, |from| *from as usize);
+    let load = match effect {
+        AnyEffect::LoadCompliance(_) => "wrench".to_owned(),
+        _ => format!("tau{n}"),
+    };
+    let wanted: Vec<String> = match effect.spec().kind {
+        "joint_compliance"
+        | "gravity_compliance"
+        | "load_compliance"
+        | "stiffness_hardening"
+        | "lost_motion"
+        | "bearing_compliance"
+        | "counterbalance" => {
+            vec![load, format!("q{n}")]
+        }
+        "thermal_zero" | "thermal_growth" | "spindle_growth" => {
+            vec![format!("temp{n}_C"), "temp_C".to_owned(), "t_s".to_owned()]
+        }
+        "joint_coupling" => vec![format!("q{other}")],
+        "tool_compliance" | "payload" | "base_compliance" => {
+            vec!["wrench".to_owned(), "tau2".to_owned(), "q2".to_owned()]
+        }
+        _ => vec![format!("q{n}"), "t_s".to_owned()],
+    };
+    wanted.iter().find_map(|name| words.iter().find(|word| word.name == *name))
+}
+
+/// The longest stretch of even steps, and the step.
+fn even(times: &[f64]) -> Option<(std::ops::Range<usize>, f64)> {
+    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let same = steps.clone();
+    let middle = steps.len() / 2;
+    steps.get(middle)?;
+    let step = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let mut best = 0..0;
+    let mut from = 0;
+    for (k, own) in same.iter().enumerate() {
+        if (own - step).abs() > EVEN * step {
+            from = k + 1;
+        }
+        if k + 2 - from > best.len() {
+            best = from..k + 2;
+        }
+    }
+    (step > 0.0 && best.len() >= SAMPLES_LEAST).then_some((best, step))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_longest_even_stretch_is_found_between_gaps() {
+        let mut times: Vec<f64> = (0..900).map(|k| 0.01 * f64::from(k)).collect();
+        times[200..].iter_mut().for_each(|t| *t += 1.0);
+        times[800..].iter_mut().for_each(|t| *t += 0.5);
+        let (stretch, step) = even(&times).expect("long enough");
+        assert_eq!(stretch, 200..800);
+        assert!((step - 0.01).abs() < 1e-9);
+        assert_eq!(even(&times[..SAMPLES_LEAST - 1]), None);
+        assert_eq!(even(&[]), None);
+    }
+}

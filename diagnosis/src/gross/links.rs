@@ -1,0 +1,70 @@
+//! Joint positions on the link side that are not of the joint whose name they bear.
+//!
+//! A gear is off by milliradians; another joint, unit or sign by degrees. A constant offset is no fault: encoders have zeros of their own.
+//!
+//! Promises: a sound recording raises no suspicion. Never: a tool looked at.
+
+use super::{HOPELESS, REMEDY, Suspicion};
+use crate::campaign::{Campaign, Reading};
+use physics::{Arm, JointKind};
+use std::f64::consts::PI;
+
+/// What is grossly wrong with joint positions on the link side.
+#[must_use]
+pub fn links(campaign: &Campaign, arm: &Arm) -> Option<Suspicion> {
+    let joints = 0..arm.count();
+    let worst = joints
+        .filter_map(|joint| Some((joint, off(campaign, joint, joint, 1.0)?)))
+        .filter(|(_, off)| *off > HOPELESS)
+        .max_by(|a, b| a.1.total_cmp(&b.1))?;
+    let (joint, before) = worst;
+    let n = joint + 1;
+    let others = (0..arm.count()).filter(|other| *other != joint);
+    let mut remedies: Vec<(String, Option<f64>)> = others
+        .map(|other| {
+            let says = format!("ql{n} follows joint {}: columns are swapped", other + 1);
+            (says, off(campaign, joint, other, 1.0))
+        })
+        .collect();
+    let turned = "counts the other way round: turn the sign of its column";
+    remedies.push((format!("ql{n} of joint {n} {turned}"), off(campaign, joint, joint, -1.0)));
+    let units = [(PI / 180.0, "radians where degrees"), (180.0 / PI, "degrees where radians")];
+    remedies.extend(units.map(|(factor, says)| {
+        let says = format!("ql{n} of joint {n} is in {says} are said");
+        (says, off(campaign, joint, joint, factor))
+    }));
+    let best = remedies.into_iter().filter_map(|(says, off)| Some((says, off?)));
+    let best = best.min_by(|a, b| a.1.total_cmp(&b.1)).filter(|best| best.1 < REMEDY * before);
+    let slides = arm.joints()[joint].kind == JointKind::Prismatic;
+    let (size, unit) = if slides { (before * 1e3, "mm") } else { (before.to_degrees(), "degrees") };
+    let (says, after) = best.unwrap_or_else(|| {
+        let says = format!(
+            "joint {n} was seen {size:.1} {unit} from where it was sent, its zero aside, and no single swapped column, unit or sign explains it: check that ql{n} belongs to it"
+        );
+        (says, before)
+    });
+    Some(Suspicion { says, before_m: before, after_m: after })
+}
+
+/// How far, in the middle, the readings of a joint are from `factor` times the position of `followed`, their own middle aside, rad or m.
+fn off(campaign: &Campaign, joint: usize, followed: usize, factor: f64) -> Option<f64> {
+    let mut off: Vec<f64> = Vec::new();
+    for pose in &campaign.poses {
+        off.extend(pose.seen.iter().filter_map(|seen| match seen.reading {
+            Reading::JointPosition { joint: own, position } if own == joint => {
+                Some(position - factor * pose.inputs.q[followed])
+            }
+            _ => None,
+        }));
+    }
+    let middle = |values: &mut Vec<f64>| {
+        let at = values.len() / 2;
+        *values.select_nth_unstable_by(at, f64::total_cmp).1
+    };
+    if off.is_empty() {
+        return None;
+    }
+    let level = middle(&mut off);
+    off.iter_mut().for_each(|x| *x = (*x - level).abs());
+    Some(middle(&mut off))
+}

@@ -1,0 +1,98 @@
+//! Recordings of which a part is sound and a part is not: a joint's column that froze, readings of something else.
+//!
+//! Promises: a joint that only rests raises no suspicion: the tool has to be off by much more from there on. Never: a part left out by itself.
+
+use super::{HOPELESS, OWN_M, Suspicion, reach, thinned};
+use crate::campaign::Campaign;
+use crate::fit::{Effort, Settings, fit};
+use crate::hypothesis::Hypothesis;
+use crate::proof::Errors;
+use crate::robust::Influence;
+use physics::Model;
+
+/// More than this share of readings that are grossly off is no row of outliers.
+const PART: f64 = 0.15;
+/// Poses before and after a joint's last motion, at least, as a share of all.
+const STRETCH: f64 = 0.1;
+const LEAST: f64 = 10.0;
+/// A frozen column has the tool off by this many times more from there on, and by more than this share of the reach.
+const WORSE: f64 = 5.0;
+const SHOWS: f64 = 1e-3;
+
+/// What is wrong with a part of the campaign, as far as `model` is the robot that was measured.
+#[must_use]
+pub fn torn(campaign: &Campaign, model: &Model) -> Option<Suspicion> {
+    let few = thinned(campaign);
+    let spread_m = reach(&few);
+    let joints = model.arm.count();
+    let frozen = (0..joints).filter_map(|joint| frozen(&few, model, joint, joints, spread_m));
+    let worst = frozen.max_by(|a, b| a.before_m.total_cmp(&b.before_m));
+    worst.or_else(|| far(&few, model, spread_m))
+}
+
+fn errors(few: &Campaign, model: &Model, used: &[bool], wanted: &[bool]) -> Errors {
+    let influence = Influence::Huber;
+    let settings = Settings { used, influence, from: None, effort: Effort::Sketch };
+    Errors::of(&fit(few, &Hypothesis::fixed(*model), &settings), few, wanted)
+}
+
+/// A joint whose column never changes from some row on, though the tool goes where only that joint could have brought it.
+fn frozen(
+    few: &Campaign,
+    model: &Model,
+    joint: usize,
+    joints: usize,
+    spread_m: f64,
+) -> Option<Suspicion> {
+    let count = few.poses.len();
+    let q = |pose: usize| &few.poses[pose].inputs.q;
+    let changes = |k: &usize| q(*k)[joint] != q(*k - 1)[joint];
+    let last = (1..count).rev().find(changes)?;
+    let own = few.poses[last].recording;
+    let is_early = |pose: usize| pose < last && few.poses[pose].recording == own;
+    let early: Vec<bool> = (0..count).map(is_early).collect();
+    let late: Vec<bool> = (0..count).map(|k| k > last && few.poses[k].recording == own).collect();
+    let of = |side: &[bool]| side.iter().filter(|own| **own).count();
+    let least = (STRETCH * count as f64).max(LEAST);
+    let goes_on = (0..joints).any(|j| (1..count).any(|k| late[k] && q(k)[j] != q(k - 1)[j]));
+    // A joint that was moved only now and then may as well rest.
+    let busy = 2 * (1..last).filter(|k| early[*k] && changes(k)).count() > of(&early);
+    if (of(&early) as f64) < least || (of(&late) as f64) < least || !goes_on || !busy {
+        return None;
+    }
+    let before_m = errors(few, model, &early, &late).quantile(0.5);
+    let after_m = errors(few, model, &early, &early).quantile(0.5);
+    let is_frozen = before_m > WORSE * after_m && before_m > SHOWS * spread_m;
+    is_frozen.then(|| Suspicion {
+        says: format!(
+            "the position of joint {n} does not change any more from {:.2} s on (row {}), and from there the tool is {:.1} mm from where the model puts it; before, it \
+             was {:.1} mm: the column q{n} froze; leave these rows out or record again",
+            few.poses[last].inputs.time_s,
+            few.poses[last].row + 1,
+            before_m * 1e3,
+            after_m * 1e3,
+            n = joint + 1,
+        ),
+        before_m,
+        after_m,
+    })
+}
+
+/// Too many readings of something else.
+fn far(few: &Campaign, model: &Model, spread_m: f64) -> Option<Suspicion> {
+    let all = vec![true; few.poses.len()];
+    let errors = errors(few, model, &all, &all);
+    let edge = OWN_M.max(HOPELESS * spread_m);
+    let count = errors.sorted_m.iter().filter(|error| **error > edge).count();
+    let share = count as f64 / errors.sorted_m.len().max(1) as f64;
+    (share > PART).then(|| Suspicion {
+        says: format!(
+            "in {:.0} % of the readings the tool was seen more than {:.0} mm from where the model puts it, in the others not: part of the recording is of something \
+             else; leave these rows out or record again",
+            1e2 * share,
+            1e3 * edge
+        ),
+        before_m: errors.quantile(1.0 - 0.5 * PART),
+        after_m: errors.quantile(0.5),
+    })
+}

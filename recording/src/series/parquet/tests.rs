@@ -1,0 +1,114 @@
+//! Tables written by the same library, and bytes that no library wrote.
+
+use std::fs;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use parquet::basic::{Compression, ZstdLevel};
+use parquet::data_type::{ByteArrayType, DoubleType, FloatType, Int32Type, Int64Type};
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::parser::parse_message_type;
+use proptest::prelude::*;
+
+use crate::files::FileError;
+use crate::series::{Channel, Need, Recording, read};
+
+const SCHEMA: &str = "message recording {
+    required double t_s; optional int32 segment; required float q1_deg; required int64 q2_deg;
+    optional double x_mm; optional double y_mm; optional double z_mm; optional binary note (STRING);
+}";
+
+/// Four rows in two groups; the first of each has no y.
+fn written(schema: &str, compression: Compression) -> Vec<u8> {
+    let schema = Arc::new(parse_message_type(schema).expect("a schema"));
+    let how = Arc::new(WriterProperties::builder().set_compression(compression).build());
+    let mut writer = SerializedFileWriter::new(Vec::new(), schema, how).expect("a writer");
+    for group in 0..2 {
+        let mut rows = writer.next_row_group().expect("a group");
+        let t = 2.0 * f64::from(group);
+        let all = Some(&[1_i16, 1][..]);
+        let mut place = 0;
+        while let Some(mut column) = rows.next_column().expect("a column") {
+            let done = match place {
+                0 => column.typed::<DoubleType>().write_batch(&[t, t + 1.0], None, None),
+                1 => column.typed::<Int32Type>().write_batch(&[0, 0], all, None),
+                2 => column.typed::<FloatType>().write_batch(&[0.5, 0.1], None, None),
+                3 => column.typed::<Int64Type>().write_batch(&[90, -90], None, None),
+                5 => column.typed::<DoubleType>().write_batch(&[7.25], Some(&[0, 1]), None),
+                7 => column.typed::<ByteArrayType>().write_batch(
+                    &["warm".into(), "a, b".into()],
+                    all,
+                    None,
+                ),
+                _ => column.typed::<DoubleType>().write_batch(&[1.5, t], all, None),
+            };
+            assert_eq!(done.expect("written"), if place == 5 { 1 } else { 2 });
+            column.close().expect("closed");
+            place += 1;
+        }
+        rows.close().expect("closed");
+    }
+    writer.into_inner().expect("bytes")
+}
+
+fn taken(name: &str, bytes: &[u8]) -> Result<Recording, FileError> {
+    let file = format!("trued-{name}-{}.parquet", std::process::id());
+    let path: PathBuf = std::env::temp_dir().join(file);
+    fs::write(&path, bytes).expect("a file");
+    let read = read(&path, None, Need::Measurement);
+    fs::remove_file(&path).expect("gone");
+    read
+}
+
+#[test]
+fn numbers_of_every_width_are_read_and_nulls_were_not_taken() {
+    let zstd = Compression::ZSTD(ZstdLevel::default());
+    for how in [Compression::UNCOMPRESSED, Compression::SNAPPY, zstd] {
+        let read = taken("widths", &written(SCHEMA, how)).expect("sound");
+        assert_eq!(read.t_s, [0.0, 1.0, 2.0, 3.0]);
+        let column = |channel| read.column(channel).expect("there").to_vec();
+        assert_eq!(column(Channel::Command(0))[1], f64::from(0.1_f32).to_radians());
+        assert_eq!(column(Channel::Command(1))[3], (-90.0_f64).to_radians());
+        let y = column(Channel::Position(1));
+        assert!(y[0].is_nan() && y[2].is_nan(), "{y:?}");
+        assert!((y[3] - 7.25e-3).abs() < 1e-15);
+        let (name, cells) = &read.other[0];
+        assert_eq!((name.as_str(), cells[1].as_str()), ("note", "a, b"));
+    }
+}
+
+#[test]
+fn a_missing_column_and_a_date_are_said_with_their_name() {
+    let said = |schema: &str| {
+        let error = taken("faults", &written(schema, Compression::SNAPPY)).expect_err("faults");
+        let FileError::Content(faults) = error else { unreachable!("a fault of content") };
+        faults.plain().to_string()
+    };
+    let no_time = said(&SCHEMA.replace("double t_s", "double when"));
+    assert!(no_time.contains("t_s") && no_time.contains("is missing"), "{no_time}");
+    let date = "int64 q2_deg (TIMESTAMP(MILLIS,true))";
+    let dated = said(&SCHEMA.replace("int64 q2_deg", date));
+    assert!(dated.contains("q2_deg") && dated.contains("a recording counts seconds"), "{dated}");
+}
+
+#[test]
+fn what_is_cut_off_is_said_to_be_damaged() {
+    let whole = written(SCHEMA, Compression::SNAPPY);
+    for length in [0, 4, whole.len() / 2, whole.len() - 1] {
+        let error = taken("cut", &whole[..length]).expect_err("damaged");
+        assert!(error.to_string().contains("cannot be read as Parquet"), "{length}: {error}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    #[test]
+    fn no_byte_makes_it_panic(at in 0..2000_usize, byte in any::<u8>()) {
+        let mut bytes = written(SCHEMA, Compression::SNAPPY);
+        let at = at % bytes.len();
+        bytes[at] = byte;
+        let _ = taken("bytes", &bytes);
+    }
+}

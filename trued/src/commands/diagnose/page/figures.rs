@@ -1,0 +1,252 @@
+//! Figures of the page: before and after over time, as spectrum and as distribution; where it shows; each finding over what it follows; the rivals.
+//!
+//! Promises: a bounded number of points in each drawing, and a caption that says which were left out. Never: a number of its own.
+
+use diagnosis::diagnose::{Diagnosis, Finding, Over, Trace};
+use physics::JointKind;
+use report::{Axis, Bar, Bars, Histogram, Multiples, Page, Plot, Series, Svg, significant};
+
+use crate::commands::diagnose::told::{Place, Report};
+
+/// mm per m, mrad per rad.
+const MILLI: f64 = 1e3;
+/// Points of one series, at most.
+const POINTS: usize = 1500;
+/// Channels that are drawn over time.
+const CHANNELS: usize = 6;
+/// Cells of the map, and findings, that are drawn.
+const CELLS: usize = 15;
+const FINDINGS: usize = 6;
+
+/// Time, distribution, spectrum.
+pub(super) fn proof(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
+    let unit = report.unit;
+    let mut page = page.section("Before and after");
+    let traces = diagnosis.traces();
+    if !traces.is_empty() {
+        let (figure, left_out) = over_time(diagnosis, &traces, unit);
+        page = page.figure(
+            &format!(
+                "What the readings are off by, before and after: measured minus model.{left_out}"
+            ),
+            &figure,
+        );
+    }
+    let [before, after] = diagnosis.held_out();
+    if !before.is_empty() {
+        page = page.figure(
+            "Sizes of what held-out readings are off by: rows that no fit has seen.",
+            &histogram(unit, &before, &after),
+        );
+    }
+    if let Some(spectra) = diagnosis.spectra() {
+        let figure = spectrum(&spectra, unit);
+        page = page.figure(
+            &format!(
+                "The same as a spectrum, over the longest evenly sampled stretch ({} s): amplitude density, mean of the channels.",
+                significant(spectra.stretch_s, 3)
+            ),
+            &figure,
+        );
+    }
+    page
+}
+
+/// Every so manieth, so that few enough are left; and how many.
+fn stride(count: usize) -> usize {
+    count.div_ceil(POINTS).max(1)
+}
+
+fn left_out(stride: usize) -> String {
+    if stride > 1 { format!(" One reading in {stride} is drawn.") } else { String::new() }
+}
+
+fn over_time(diagnosis: &Diagnosis, traces: &[Trace], unit: &str) -> (Svg, String) {
+    let elapsed = diagnosis.elapsed_s();
+    let longest = traces.iter().map(|trace| trace.off.len()).max().unwrap_or(0);
+    let stride = stride(longest);
+    let whole = elapsed.last().copied().unwrap_or(0.0);
+    let (factor, name) = if whole > 7200.0 { (1.0 / 3600.0, "h") } else { (1.0, "s") };
+    let series = |trace: &Trace, side: usize| {
+        let points = trace.off.iter().step_by(stride);
+        let points: Vec<(f64, f64)> =
+            points.map(|(pose, off)| (factor * elapsed[*pose], MILLI * off[side])).collect();
+        let name = ["as given", "with what was found"][side];
+        let series = Series::dots(name, points);
+        if side == 0 { series.muted() } else { series }
+    };
+    let columns = if traces.len() > 3 { 2 } else { 1 };
+    let mut all = Multiples::new("Readings against the model over time", columns);
+    for trace in traces.iter().take(CHANNELS) {
+        let plot = Plot::new(&trace.channel, Axis::new("Time", name), Axis::new("Off", unit))
+            .series(series(trace, 0))
+            .series(series(trace, 1));
+        all = all.plot(plot);
+    }
+    let mut says = left_out(stride);
+    if traces.len() > CHANNELS {
+        says += &format!(" The first {CHANNELS} of {} channels.", traces.len());
+    }
+    (all.render(), says)
+}
+
+fn histogram(unit: &str, before: &[f64], after: &[f64]) -> Svg {
+    let values = |all: &[f64]| all.iter().map(|off| MILLI * off).collect::<Vec<_>>();
+    Histogram::new("Held-out errors", Axis::new("Off by", unit).log())
+        .values("with what was found", values(after))
+        .values("as given", values(before))
+        .bins(48)
+        .render()
+}
+
+fn spectrum(spectra: &diagnosis::diagnose::Spectra, unit: &str) -> Svg {
+    let line = |side: usize| {
+        let density = spectra.density[side].iter().map(|power| MILLI * power.sqrt());
+        spectra.frequencies_hz.iter().copied().zip(density).skip(1).collect::<Vec<_>>()
+    };
+    let y = Axis::new("Density", format!("{unit}/√Hz")).log();
+    Plot::new("Spectrum of what is left", Axis::new("Frequency", "Hz").log(), y)
+        .series(Series::line("as given", line(0)).muted())
+        .series(Series::line("with what was found", line(1)))
+        .render()
+}
+
+/// A word of the contract for people, with its unit and the factor from SI to it.
+fn worded(word: &str, slides: bool) -> (String, &'static str, f64) {
+    let stem: String = word.chars().take_while(|c| c.is_ascii_lowercase() && *c != '_').collect();
+    let joint: String = word.chars().filter(char::is_ascii_digit).collect();
+    let of = |what: &str| {
+        if joint.is_empty() { what.to_owned() } else { format!("{what} of joint {joint}") }
+    };
+    let degrees = 180.0 / std::f64::consts::PI;
+    match (stem.as_str(), slides) {
+        ("q", false) => (of("Position"), "deg", degrees),
+        ("q", true) => (of("Position"), "mm", MILLI),
+        ("v", false) => (of("Speed"), "deg/s", degrees),
+        ("v", true) => (of("Speed"), "mm/s", MILLI),
+        ("a", false) => (of("Acceleration"), "deg/s²", degrees),
+        ("a", true) => (of("Acceleration"), "mm/s²", MILLI),
+        ("direction", _) => (of("Direction"), "", 1.0),
+        ("tau", false) => (of("Torque"), "Nm", 1.0),
+        ("tau", true) => (of("Force"), "N", 1.0),
+        ("temp", _) => (of("Temperature"), "°C", 1.0),
+        ("spindle", _) => ("Spindle speed".to_owned(), "1/min", 1.0),
+        ("wrench", _) => ("Wrench on the tool".to_owned(), "N or Nm", 1.0),
+        ("t", _) => ("Time".to_owned(), "s", 1.0),
+        _ => (word.to_owned(), "", 1.0),
+    }
+}
+
+fn slides(diagnosis: &Diagnosis, word: &str) -> bool {
+    let digits: String = word.chars().filter(char::is_ascii_digit).collect();
+    let joint = digits.parse::<usize>().ok().and_then(|n| n.checked_sub(1));
+    let joints = diagnosis.given.hypothesis.model.arm.joints();
+    joint.and_then(|j| joints.get(j)).is_some_and(|j| j.kind == JointKind::Prismatic)
+}
+
+/// The map: how far each joint would have to be off, where it is clearest.
+pub(super) fn places(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
+    let clear = report.map.iter().filter(|place| place.ci95[0] * place.ci95[1] > 0.0);
+    let mut cells: Vec<&Place> = Vec::new();
+    for place in clear {
+        // Of what one word says of one joint the clearest part is enough.
+        let known =
+            |other: &&Place| (other.joint, &other.depends_on) == (place.joint, &place.depends_on);
+        if cells.len() < CELLS && !cells.iter().any(known) {
+            cells.push(place);
+        }
+    }
+    if cells.is_empty() {
+        return page;
+    }
+    let mut bars = Bars::new(
+        "Where model and recording differ",
+        Axis::new("The joint alone would have to be off by", "mrad, or mm where it slides"),
+    );
+    for cell in cells {
+        let name = format!("joint {}: {}", cell.joint, part(diagnosis, cell));
+        bars = bars.row(name, [Bar::new(cell.off).between(cell.ci95[0], cell.ci95[1])]);
+    }
+    page.section("Where model and recording differ")
+        .text(
+            "Each bar takes the readings of one part of what the arm was doing, and says how far one joint alone would have to be off there to explain them, as the model \
+             was given; the clearest first. It shows where to look, not why: neighbouring joints often look alike.",
+        )
+        .figure("How far a joint would have to be off, with 95 % intervals.", &bars.render())
+}
+
+/// `q3 10 to 20 deg`, `joint 3 rising`.
+fn part(diagnosis: &Diagnosis, cell: &Place) -> String {
+    let word = &cell.depends_on;
+    if let Some(joint) = word.strip_prefix("direction_") {
+        let way = if cell.from + cell.to > 0.0 { "rising" } else { "falling" };
+        return format!("joint {joint} {way}");
+    }
+    let (_, unit, factor) = worded(word, slides(diagnosis, word));
+    let [from, to] = [cell.from, cell.to].map(|edge| significant(factor * edge, 2));
+    let name = word.trim_end_matches("_C").trim_end_matches("_s").trim_end_matches("_rpm");
+    format!("{name} {from} to {to} {unit}")
+}
+
+/// Each finding over what it follows.
+pub(super) fn guilty(mut page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
+    let shown: Vec<_> = diagnosis.findings.iter().zip(&report.findings).take(FINDINGS).collect();
+    let mut first = true;
+    for (finding, told) in shown {
+        let Some(over) = diagnosis.over(finding) else { continue };
+        if std::mem::take(&mut first) {
+            page = page.section("Each finding over what it follows");
+        }
+        let stride = stride(over.points.len());
+        let caption = format!(
+            "{} Dots: readings, all other findings taken out.{}",
+            told.says,
+            left_out(stride)
+        );
+        page = page.figure(&caption, &over_word(diagnosis, finding, &over, stride));
+    }
+    page
+}
+
+fn over_word(diagnosis: &Diagnosis, finding: &Finding, over: &Over, stride: usize) -> Svg {
+    let (what, unit, factor) = worded(&over.word, slides(diagnosis, &over.word));
+    let joint = finding.effect.joint();
+    let sliding = joint.is_some_and(|j| slides(diagnosis, &format!("q{}", j + 1)));
+    let off = if joint.is_none() || sliding { "mm" } else { "mrad" };
+    let y = match joint {
+        Some(joint) => Axis::new(format!("Joint {} off by", joint + 1), off),
+        None => Axis::new("Tool off by", off),
+    };
+    let drawn = || over.points.iter().step_by(stride);
+    let seen = |wanted: Option<f64>| {
+        let points = drawn().filter(move |p| wanted.is_none_or(|d| p.direction == d));
+        points.map(|p| (factor * p.at, MILLI * p.seen)).collect::<Vec<_>>()
+    };
+    let both = drawn().any(|p| p.direction > 0.0) && drawn().any(|p| p.direction < 0.0);
+    let mut plot = Plot::new(format!("Off over {}", what.to_lowercase()), Axis::new(what, unit), y);
+    plot = if both && joint.is_some() {
+        plot.series(Series::dots("seen while rising", seen(Some(1.0))))
+            .series(Series::dots("seen while falling", seen(Some(-1.0))))
+    } else {
+        plot.series(Series::dots("seen", seen(None)))
+    };
+    let explained = drawn().map(|p| (factor * p.at, MILLI * p.explained));
+    plot.series(Series::dots("explained by the finding", explained).muted()).render()
+}
+
+/// The names that each finding might bear.
+pub(super) fn rivals(report: &Report) -> Svg {
+    let mut bars = Bars::new("Rivals", Axis::new("Probability", "").range(0.0, 1.0));
+    let whose = |effect: &str, joint: Option<usize>| {
+        let joint = joint.map_or(String::new(), |joint| format!(", joint {joint}"));
+        format!("{}{joint}", effect.replace('_', " "))
+    };
+    for told in report.findings.iter().filter(|told| !told.alternatives.is_empty()) {
+        bars = bars.row(whose(told.effect, told.joint), [told.confidence]);
+        for rival in &told.alternatives {
+            let name = format!("or {}", whose(rival.effect, rival.joint));
+            bars = bars.row(name, [rival.confidence]);
+        }
+    }
+    bars.render()
+}

@@ -1,0 +1,53 @@
+//! Tables of the page: findings, and their parameters with intervals. Never a figure.
+
+use report::{Column, Table, significant};
+
+use crate::commands::diagnose::told::{Alternative, Report, Value};
+
+pub(super) fn findings(report: &Report) -> Table {
+    let heads = ["Effect", "Joint", "Confidence", "Held out before", "after", "Rivals"];
+    let table = Table::new(format!("Findings, {}", report.unit), heads.map(Column::new));
+    report.findings.iter().fold(table, |table, told| {
+        let rivals: Vec<String> = told.alternatives.iter().map(Alternative::name).collect();
+        table.row([
+            told.effect.replace('_', " ").into(),
+            told.joint.map_or("robot".to_owned(), |joint| joint.to_string()).into(),
+            format!("{:.2}", told.confidence).into(),
+            significant(told.heldout_rms_before, 3).into(),
+            significant(told.heldout_rms_after, 3).into(),
+            rivals.join(", ").into(),
+        ])
+    })
+}
+
+pub(super) fn parameters(report: &Report) -> Table {
+    let heads = ["Effect", "Joint", "Parameter", "Value", "95 % interval"];
+    let mut table =
+        Table::new("Parameters, in the units of the model file", heads.map(Column::new));
+    for told in &report.findings {
+        for (key, value) in &told.parameters {
+            let said = |value: f64, ci: &[f64; 2]| {
+                (
+                    significant(value, 4),
+                    format!("{} to {}", significant(ci[0], 4), significant(ci[1], 4)),
+                )
+            };
+            let all: Vec<(String, String)> = match value {
+                Value::One { value, ci95 } => vec![said(*value, ci95)],
+                Value::List { value, ci95 } => {
+                    value.iter().zip(ci95).map(|(v, c)| said(*v, c)).collect()
+                }
+            };
+            for (value, interval) in all {
+                table = table.row([
+                    told.effect.replace('_', " ").into(),
+                    told.joint.map_or("robot".to_owned(), |joint| joint.to_string()).into(),
+                    key.clone().into(),
+                    value.into(),
+                    interval.into(),
+                ]);
+            }
+        }
+    }
+    table
+}

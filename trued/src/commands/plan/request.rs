@@ -1,0 +1,133 @@
+//! `trued plan --for DIR`: the experiment that a diagnosis asks for, as a path that waits to be run and measured.
+//!
+//! Promises: the motion is the one that the diagnosis has judged, inside the limits and speeds of its model; both files are written or none.
+//! Never: a look at what stands around the robot; that is said.
+
+use std::path::Path;
+
+use diagnosis::diagnose::experiment::{Experiment, Measured, menu};
+use recording::series::{Channel, JOINTS_MAX, TARGETS_MAX, about_path};
+use report::significant;
+use serde::{Deserialize, Serialize};
+
+use crate::atomic;
+use crate::exit::{Answer, Failure, Outcome};
+use crate::input;
+use crate::output::Console;
+
+/// What is not looked at.
+const NOT_CHECKED: &str = "what stands around the robot, and whether the tool meets floor, base or cables: run it slowly first, with a hand on the stop";
+
+/// What is needed of `diagnosis.json`.
+#[derive(Deserialize)]
+struct Diagnosed {
+    next_experiment: Option<String>,
+    experiment: Option<Asked>,
+}
+
+#[derive(Deserialize)]
+struct Asked {
+    name: String,
+    expected_separation: f64,
+    measure: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    does: &'static str,
+    experiment: &'a str,
+    says: &'a str,
+    expected_separation: f64,
+    takes_s: f64,
+    rows: usize,
+    files: [String; 2],
+    not_checked: [&'static str; 1],
+}
+
+/// Writes the request into `out`, or beside the diagnosis.
+pub(super) fn run(diagnosed: &Path, out: Option<&Path>, console: &mut Console) -> Outcome {
+    let found = read(&diagnosed.join("diagnosis.json"))?;
+    let model = input::model(&diagnosed.join("model.toml"))?;
+    let (Some(asked), Some(says)) = (found.experiment, found.next_experiment) else {
+        return Err(Failure::input(format!(
+            "{}: this diagnosis asks for no experiment: nothing in it is ambiguous, or nothing was measured that an experiment could show",
+            diagnosed.display()
+        )));
+    };
+    let mut all = menu(&model.physics.arm).into_iter();
+    let experiment = all.find(|one| one.name == asked.name).ok_or_else(|| {
+        Failure::input(format!(
+            "{}: asks for the experiment `{}`, which this version does not know: diagnose again",
+            diagnosed.display(),
+            asked.name
+        ))
+    })?;
+    let out = out.unwrap_or(diagnosed);
+    let files = write(&experiment, &measured(&asked.measure)?, out)?;
+    console.json(
+        "trued.plan/1",
+        &Report {
+            does: "experiment",
+            experiment: &experiment.name,
+            says: &says,
+            expected_separation: asked.expected_separation,
+            takes_s: experiment.takes_s(),
+            rows: experiment.rows.len(),
+            files: files.clone(),
+            not_checked: [NOT_CHECKED],
+        },
+    )?;
+    console.say(&says)?;
+    console.say(format!(
+        "{} rows over {} s, written to {} and {}",
+        experiment.rows.len(),
+        significant(experiment.takes_s(), 3),
+        files[0],
+        files[1]
+    ))?;
+    console.say(format!("not looked at: {NOT_CHECKED}"))?;
+    console.say("record it, fill the empty columns, and give it to trued diagnose beside the first recording")?;
+    Ok(Answer::Done)
+}
+
+fn read(path: &Path) -> Result<Diagnosed, Failure> {
+    let shown = path.display();
+    let text = std::fs::read_to_string(path).map_err(|error| {
+        Failure::input(format!(
+            "{shown}: cannot be read: {error}; expected what `trued diagnose` wrote"
+        ))
+    })?;
+    serde_json::from_str(&text)
+        .map_err(|error| Failure::input(format!("{shown}: is no diagnosis: {error}")))
+}
+
+/// Columns by their names without units.
+fn measured(names: &[String]) -> Result<Measured, Failure> {
+    let points = (0..TARGETS_MAX).flat_map(|t| (0..3).map(move |axis| Channel::Target(t, axis)));
+    let all = (0..3).map(Channel::Position).chain(points);
+    let all = all.chain((0..4).map(Channel::Orientation)).chain((0..JOINTS_MAX).map(Channel::Link));
+    let all: Vec<Channel> = all.collect();
+    let channel = |name: &String| {
+        let found = all.iter().copied().find(|channel| channel.base() == *name);
+        found.ok_or_else(|| {
+            Failure::input(format!(
+                "diagnosis.json: `measure` names `{name}`, which is no measured column"
+            ))
+        })
+    };
+    Ok(Measured { channels: names.iter().map(channel).collect::<Result<_, _>>()? })
+}
+
+fn write(experiment: &Experiment, measured: &Measured, out: &Path) -> Result<[String; 2], Failure> {
+    let recording = experiment.recording(measured, f64::NAN);
+    std::fs::create_dir_all(out).map_err(|error| {
+        Failure::system(format!("{}: cannot make this folder: {error}", out.display()))
+    })?;
+    let list = out.join("experiment.csv");
+    let about = about_path(&list);
+    let texts = [(&about, recording.about_toml().into_bytes()), (&list, recording.to_csv())];
+    for (path, text) in texts {
+        atomic::write(path, |file| file.write_all(&text))?;
+    }
+    Ok([list, about].map(|path| path.display().to_string()))
+}
