@@ -12,7 +12,7 @@ mod over_path;
 mod standing;
 
 use families::slot;
-pub(crate) use loads::remainders;
+pub(crate) use loads::{remainders, springs_at};
 pub(crate) use over_path::{Driven, mode, over_paths};
 
 use crate::campaign::{Arrival, Campaign};
@@ -106,6 +106,11 @@ impl Candidate {
     /// How many numbers were chosen from a list before its probes were looked at, and will be fitted.
     pub(crate) fn tried_numbers(&self) -> usize {
         if matches!(self.make, Make::Spring) { loads::SHAPE } else { 0 }
+    }
+
+    /// Whether it is a spring of a shape that was tried.
+    pub(crate) fn is_spring(&self) -> bool {
+        matches!(self.make, Make::Spring)
     }
 
     /// Whether its probes are parts of one mass.

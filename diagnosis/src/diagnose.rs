@@ -2,12 +2,13 @@
 //!
 //! Read in this order: `ingest` (what the recordings are worth), `library` (what is asked), `noise`, `name` (which, with rivals), `unknown` (what no name explains), `prove`, `judge`.
 //!
-//! Promises: the same input and seed give the same bits; held-out rows are seen by no fit and add no name, they only take names back; nothing found is a result
+//! Promises: the same input and seed give the same bits; held-out rows are seen by no choice and no fit; nothing found is a result
 //! like any other. Never: a file, a name of a data set.
 
 mod choice;
 pub mod experiment;
 mod features;
+mod flexible;
 mod gram;
 mod ingest;
 mod judge;
@@ -17,6 +18,7 @@ mod modes;
 mod name;
 mod noise;
 mod prove;
+mod ready;
 pub mod says;
 mod unknown;
 mod untested;
@@ -28,14 +30,13 @@ use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::Hypothesis;
 use crate::proof::Split;
 use crate::result::Fit;
-use crate::rides::paths;
 use crate::robust::Influence;
 use crate::score::Fitted;
 use experiment::Proposed;
 use features::Word;
 use glam::DVec3;
 use name::{Asking, Named, Naming};
-use physics::{AnyEffect, Inputs, Model};
+use physics::{AnyEffect, Model};
 use prove::Held;
 
 use std::collections::BTreeMap;
@@ -47,9 +48,6 @@ pub use name::Rival;
 pub use prove::Proof;
 pub use untested::Untested;
 pub use view::{Beside, Over, Spectra, Trace};
-
-/// Readings that are looked at, at most; of more, every so manieth.
-const POSES_MAX: usize = 6000;
 
 /// The share of a number that stays open whatever the noise: scales, the geometry that levers are taken from, the form of a law.
 const FLOOR: f64 = 5e-3;
@@ -135,8 +133,8 @@ pub fn diagnose(
     seed: u64,
 ) -> Diagnosis {
     let mut notes = Vec::new();
-    set_moving(&mut campaign, model.arm.count());
-    let stride = thin(&mut campaign, &mut notes);
+    ready::set_moving(&mut campaign, model.arm.count());
+    let stride = ready::thin(&mut campaign, &mut notes);
     let split = match held_out {
         Some(held) => Split {
             says: "what the recordings keep for validation".to_owned(),
@@ -144,11 +142,13 @@ pub fn diagnose(
         },
         None => Split::in_blocks(&campaign, seed),
     };
-    prove::set_apart(&mut campaign, &split);
+    let naming_split = split.keeping_some(&campaign, seed);
+    prove::set_apart(&mut campaign, [&split, &naming_split]);
     let words = features::words(&campaign, model);
     let influence = Influence::Redescending;
-    let settings = Settings { used: &split.training, influence, from: None, effort: Effort::Full };
-    let known = known(model, sigma);
+    let used = naming_split.training.as_slice();
+    let settings = Settings { used, influence, from: None, effort: Effort::Full };
+    let known = ready::known(model, sigma);
     let base = fit(&campaign, &known, &settings);
     let library = library::library(model, &campaign);
     let base = whiten(&mut campaign, &known, &settings, &base, (&words, stride)).unwrap_or(base);
@@ -159,9 +159,17 @@ pub fn diagnose(
     let asking = Asking { campaign: &campaign, known: &known, settings, library: &library };
     let start = again.map_or(first, |base| Naming::none(&base));
     let naming = name::name(&asking, start);
-    let naming = prove::confirmed(&campaign, model, &split, naming);
+    let second_look = split.training.iter().zip(used).map(|(trains, used)| *trains && !used);
+    let second_look: Vec<bool> = second_look.collect();
+    let naming = prove::confirmed(&campaign, model, (&naming_split, &second_look), naming);
+    let law = unknown::confirmed(&campaign, &naming.fit, &settings, &words, &second_look);
+    // Names and laws stand; their numbers come from all that is not held out.
+    let settings = Settings { used: &split.training, ..settings };
+    let around = naming.fit.surroundings.clone();
+    let last = Settings { from: Some(&around), ..settings };
+    let naming = Naming { fit: fit(&campaign, &naming.fit.hypothesis, &last), ..naming };
     let not_tested = untested::untested(&model.arm, &library, &words);
-    finish(campaign, model, naming, split, &words, (not_tested, notes))
+    finish(campaign, model, naming, law, split, &words, (not_tested, notes))
 }
 
 /// Gives the campaign the noise that `seen` leaves, and the fit of what is known with it; none where it has it already.
@@ -181,54 +189,11 @@ fn whiten(
     Some(fit(campaign, known, &Settings { from: Some(&around), ..*settings }))
 }
 
-/// Speeds and accelerations along paths: an arm that moves is bent by its own inertia too.
-fn set_moving(campaign: &mut Campaign, joints: usize) {
-    let paths: Vec<_> = paths(campaign).collect();
-    for path in paths {
-        let poses = &mut campaign.poses[path];
-        let mut rows: Vec<Inputs> = poses.iter().map(|pose| pose.inputs).collect();
-        world::forward::moving(&mut rows, joints);
-        poses.iter_mut().zip(rows).for_each(|(pose, inputs)| pose.inputs = inputs);
-    }
-}
-
-/// The model with what it says of its own uncertainty free so far.
-fn known(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
-    let mut known = Hypothesis::fixed(*model);
-    for (effect, sigma) in sigma.iter().enumerate().filter(|(_, s)| s.iter().any(|s| *s > 0.0)) {
-        let first = known.free.len();
-        known.free_all(effect, &[], sigma);
-        let stated = |value: usize| sigma.get(value).is_some_and(|sigma| *sigma > 0.0);
-        let mut at = 0;
-        known.free.retain(|free| {
-            at += 1;
-            at <= first || stated(free.value)
-        });
-    }
-    known
-}
-
-/// Leaves the readings of every so manieth pose where there are very many; gives the distance of those that stay.
-fn thin(campaign: &mut Campaign, notes: &mut Vec<String>) -> usize {
-    let measured = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
-    let stride = measured.div_ceil(POSES_MAX).max(1);
-    if stride > 1 {
-        for (k, pose) in campaign.poses.iter_mut().enumerate() {
-            if k % stride > 0 {
-                pose.seen.clear();
-            }
-        }
-        notes.push(format!(
-            "of {measured} rows every {stride}th was looked at; what remembers followed all of them"
-        ));
-    }
-    stride
-}
-
 fn finish(
     campaign: Campaign,
     model: &Model,
     naming: Naming,
+    law: Option<unknown::Law>,
     split: Split,
     words: &[Word],
     (not_tested, mut notes): (Vec<Untested>, Vec<String>),
@@ -240,20 +205,18 @@ fn finish(
         effort: Effort::Full,
     };
     let Naming { fit: last, named } = naming;
-    let held = Held::new(&campaign, &split, &last);
+    let held_out = split.held_out();
+    let held = Held::new(&campaign, (&split, &held_out), &last);
     let given = held.beside(&Hypothesis::fixed(*model), &last);
     let fitted = Fitted::new(&campaign, &last, &settings);
     let (before, after) = (held.rms(&given), held.rms(&last));
-    let rest = unknown::law(&fitted, words).and_then(|law| {
-        let ([without, with], count) = law.on(&fitted, words, &split.held_out());
-        let gain = 0.5 * (without - with) / last.design_effect;
-        let promised = 0.5 * law.gain / last.design_effect * count as f64 / last.readings as f64;
-        let is_there = gain > prove::wanted(promised);
-        is_there.then(|| Unexplained {
+    let rest = law.map(|law| {
+        let ([without, with], _) = law.on(&fitted, words, &held_out);
+        Unexplained {
             depends_on: depends_on(&law, words),
             joint: law.joint,
             heldout: [after, after * (with / without).sqrt()],
-        })
+        }
     });
     let carried = rest.as_ref().map(|rest| {
         let left = after.powi(2) - rest.heldout[1].powi(2);
@@ -364,7 +327,9 @@ fn findings(
             let mut place = place
                 .enumerate()
                 .filter(|(_, free)| free.effect == one.effect && free.value == value);
-            let sigma = place.next().and_then(|(k, _)| last.sigma(last.column_of(k)));
+            // What the data do not determine is as open as it was believed to be.
+            let sigma =
+                place.next().map(|(k, free)| last.sigma(last.column_of(k)).unwrap_or(free.sigma));
             sigma.map(|sigma| sigma.hypot(FLOOR * effect.values()[value]))
         };
         let (confidence, shares) = judge::confidence(one, price);

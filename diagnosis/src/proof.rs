@@ -24,6 +24,10 @@ const RUNS_MANY: usize = 10;
 const BLOCKS: f64 = 20.0;
 /// Every so manieth is held out.
 const HELD_EVERY: usize = 5;
+/// From a stretch that is held out to one that is kept for a second look.
+const BESIDE: u64 = 2;
+/// Poses of which no second look is kept.
+const FEW: usize = 150;
 
 /// Which poses train and which are held out.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -96,8 +100,21 @@ impl Split {
         }
         let what = if whole { "segments" } else { "stretches" };
         let says =
-            format!("{held} of {} {what}, seen by no fit; they only take names back", blocks.len());
+            format!("{held} of {} {what}, never seen by the selection or the fit", blocks.len());
         Self { training, says }
+    }
+
+    /// Of what trains here every fifth stretch is kept for another look before the end; of few readings none is.
+    #[must_use]
+    pub fn keeping_some(&self, campaign: &Campaign, seed: u64) -> Self {
+        let read = campaign.poses.iter().zip(&self.training);
+        let read = read.filter(|(pose, trains)| **trains && !pose.seen.is_empty()).count();
+        if read < FEW {
+            return self.clone();
+        }
+        let other = Self::in_blocks(campaign, seed.wrapping_add(BESIDE));
+        let both = self.training.iter().zip(&other.training);
+        Self { training: both.map(|(a, b)| *a && *b).collect(), says: self.says.clone() }
     }
 
     /// One split per pose: it is held out, with all poses that repeat it, and the others train.

@@ -64,7 +64,11 @@ pub(super) fn springs(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let turns = |joint: &usize| arm.joints()[*joint].kind == JointKind::Revolute;
     let loads = (0..arm.count()).filter(turns).map(|j| (largest(arm, campaign, j), j));
     let most = loads.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(load, _)| *load > 0.0);
-    let Some((_, joint)) = most else { return Vec::new() };
+    most.map_or_else(Vec::new, |(_, joint)| springs_at(arm, joint))
+}
+
+/// Springs of all shapes at a joint.
+pub(crate) fn springs_at(arm: &Arm, joint: usize) -> Vec<Candidate> {
     let shapes = FIXED.iter().flat_map(|a| FREE_LENGTHS.iter().map(move |free| (*a, *free)));
     let all = shapes.flat_map(|shape| (0..ANGLES).map(move |k| (shape, k)));
     let one = |((a, free), k): ((f64, f64), u32)| {

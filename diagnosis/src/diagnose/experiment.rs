@@ -12,7 +12,7 @@ pub use menu::{Experiment, Measured, Row, menu};
 
 use super::judge::is_ambiguous;
 use super::name::{ALIKE, Named, Rival, without};
-use super::set_moving;
+use super::ready::set_moving;
 use crate::campaign::{Campaign, Place, Reading};
 use crate::fit::{Effort, Settings, compare, fit};
 use crate::from_recording;

@@ -25,6 +25,8 @@ pub(super) fn library(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
     all.extend(slow_heat(&model.arm, campaign));
     all.extend(over_paths(&model.arm, campaign));
     all.extend(sensor(model, campaign));
+    // Springs are searched for, on every joint; see `name`.
+    all.retain(|candidate| !candidate.is_spring());
     // Where gravity or the wrench alone shows a compliance, the contract prefers the word for both.
     let halves = |c: &Candidate| {
         let kind = c.probes.first().map(|probe| probe.effect.spec().kind);

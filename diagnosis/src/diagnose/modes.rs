@@ -15,8 +15,8 @@ use world::dynamics::Rings;
 
 /// From one frequency to the next.
 const STEP: f64 = 1.12;
-/// Damping of the first look: wide enough to meet a mode between two frequencies.
-const WIDE: f64 = 0.1;
+/// Dampings of the first look: one wide enough to meet a mode between two frequencies, one that rings on.
+const FIRST: [f64; 2] = [0.1, 0.02];
 /// Dampings and factors on the frequency of the second look.
 const DAMPINGS: [f64; 3] = [0.01, 0.03, 0.1];
 const BESIDE: [f64; 7] = [0.94, 0.96, 0.98, 1.0, 1.02, 1.04, 1.06];
@@ -48,7 +48,7 @@ pub(super) fn modes(fitted: &Fitted<'_>) -> Vec<Candidate> {
     let mut list = Vec::new();
     let mut frequency = lowest;
     while frequency < highest {
-        list.push((frequency, WIDE));
+        list.extend(FIRST.map(|damping| (frequency, damping)));
         frequency *= STEP;
     }
     let trials = trials(arm, fitted.campaign);

@@ -11,12 +11,13 @@ use super::choice::Choice;
 use super::gram::Entry;
 use super::modes::modes;
 use crate::campaign::Campaign;
-use crate::candidates::Candidate;
+use crate::candidates::{Candidate, springs_at};
 use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::{Free, Hypothesis};
+use crate::motions::is_about_loads;
 use crate::result::Fit;
 use crate::score::Fitted;
-use crate::select::put;
+use crate::select::{is_sound, put};
 use physics::{AnyEffect, Model};
 
 /// Rounds of choosing and fitting.
@@ -121,6 +122,24 @@ impl Named {
     }
 }
 
+/// The best spring of every joint that gives way.
+fn springs(fitted: &Fitted<'_>) -> Vec<Candidate> {
+    let model = &fitted.state.hypothesis.model;
+    let gives_way = |joint: &usize| {
+        let here =
+            |effect: &AnyEffect| is_about_loads(effect.spec()) && effect.joint() == Some(*joint);
+        model.effects().any(here)
+    };
+    let best = |joint: usize| {
+        let all = springs_at(&model.arm, joint);
+        let sound = |score: &crate::score::Score| is_sound(&all[score.candidate], &score.found);
+        let scores = fitted.scores(&all).into_iter().filter(sound);
+        let best = scores.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        all.into_iter().nth(best.candidate)
+    };
+    (0..model.arm.count()).filter(gives_way).filter_map(best).collect()
+}
+
 pub(super) type Title = (&'static str, Option<usize>, bool);
 
 /// Kind, joint, and whether it changes what is there.
@@ -139,9 +158,9 @@ impl Asking<'_> {
     /// What is asked besides the library where `naming` stands: `better`, and what is searched for in the rest.
     fn searched(&self, naming: &Naming, better: Vec<Entry>) -> Vec<Entry> {
         let fitted = Fitted::new(self.campaign, &naming.fit, &self.settings);
-        let modes = modes(&fitted).into_iter();
-        let modes = modes.map(|candidate| (candidate.kept(), candidate));
-        better.into_iter().chain(modes.map(|(kept, mode)| Entry::open(mode, kept))).collect()
+        let found = modes(&fitted).into_iter().chain(springs(&fitted));
+        let found = found.map(|candidate| (candidate.kept(), candidate));
+        better.into_iter().chain(found.map(|(kept, found)| Entry::open(found, kept))).collect()
     }
 
     /// Chooses and fits, one after the other, until the names stand.
@@ -167,11 +186,13 @@ impl Asking<'_> {
         entry: &Entry,
         found: &[f64],
     ) -> Option<(usize, Option<Vec<Free>>)> {
-        if let Some(effect) = entry.candidate.changes() {
-            return Some((effect, Some(hypothesis.revise(effect))));
-        }
-        let place = put(hypothesis, &entry.candidate, entry.kept, found)?;
-        Some((place, None))
+        let joined = match entry.candidate.changes() {
+            Some(effect) => (effect, Some(hypothesis.revise(effect))),
+            None => (put(hypothesis, &entry.candidate, entry.kept, found)?, None),
+        };
+        // What was named is asked of the data before what is believed: a belief is in the fit whether the data show it or not.
+        hypothesis.free.sort_by_key(|free| free.stated);
+        Some(joined)
     }
 
     /// The fit with what was chosen.

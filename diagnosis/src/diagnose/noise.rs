@@ -6,11 +6,12 @@
 //! Promises: a slow drift, a sag, a play is no noise. Never: a change of the readings.
 
 use super::features::Word;
+use super::flexible;
 use crate::campaign::Campaign;
 use crate::colour::{Colour, follows, stream};
 use crate::problem::{Look, State, Weighing, visit};
 use crate::result::Fit;
-use crate::triangle::{Triangle, dot};
+use crate::triangle::dot;
 use std::collections::BTreeMap;
 
 /// Polynomials per word.
@@ -77,23 +78,19 @@ fn runs(campaign: &Campaign, fit: &Fit, used: &[bool]) -> BTreeMap<(usize, usize
 fn flattened(run: &Run, words: &[Word]) -> Vec<f64> {
     let count = run.values.len();
     let mut rows: Vec<Vec<f64>> = vec![vec![1.0]; count];
+    let mut groups = Vec::new();
     for word in words {
         let degree = if word.name == "t_s" { DEGREE_OF_TIME } else { DEGREE };
-        if (rows.first().map_or(0, Vec::len) + degree) * SPARE > count {
+        let first = rows.first().map_or(0, Vec::len);
+        if (first + degree) * SPARE > count {
             continue;
         }
+        groups.push(first..first + degree);
         for (row, pose) in rows.iter_mut().zip(&run.poses) {
             row.extend(word.chebyshev(*pose, degree));
         }
     }
-    let width = rows.first().map_or(0, Vec::len);
-    let mut triangle = Triangle::new(width);
-    for (row, value) in rows.iter().zip(&run.values) {
-        triangle.push(row, *value);
-    }
-    triangle.reduce();
-    let damping: Vec<f64> = (0..width).map(|j| 1e-6 * triangle.norm(j).max(1e-12)).collect();
-    let law = triangle.solve(&damping);
+    let law = flexible::law(&rows, &run.values, &groups);
     let left = rows.iter().zip(&run.values).map(|(row, value)| value - dot(row, &law));
     left.map(|x| x.clamp(-FAR, FAR)).collect()
 }

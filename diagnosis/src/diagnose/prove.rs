@@ -1,12 +1,14 @@
-//! The proof on rows that no fit has seen, and no choice but the one that takes back names which they do not bear out.
+//! Second looks: rows kept apart from the choice take back the names that they do not bear out; the proof stands on others, which no choice and no fit has seen.
 //!
 //! Promises: surroundings (frames, targets) come from training rows alone; rows that are outliers to the final model count for no model. An effect that
 //! does not help there is no finding. Never: a change of what was fitted.
 
 use super::name::{Named, Naming, without};
 use crate::campaign::Campaign;
+use crate::colour::Filter;
 use crate::fit::compare;
 use crate::hypothesis::Hypothesis;
+use crate::problem::{Look, State, visit};
 use crate::proof::Split;
 use crate::result::Fit;
 use physics::Model;
@@ -37,10 +39,11 @@ pub struct Proof {
 }
 
 /// Takes the readings next to held-out stretches of a path out of the campaign, so that noise which remembers itself does not tell on both sides.
-pub(super) fn set_apart(campaign: &mut Campaign, split: &Split) {
+pub(super) fn set_apart(campaign: &mut Campaign, splits: [&Split; 2]) {
     let moving = |k: usize| campaign.poses[k].arrival == crate::Arrival::FromBefore;
     let count = campaign.poses.len();
-    let borders = (1..count).filter(|k| split.training[*k] != split.training[k - 1] && moving(*k));
+    let turns = |k: usize| splits.iter().any(|s| s.training[k] != s.training[k - 1]);
+    let borders = (1..count).filter(|k| turns(*k) && moving(*k));
     let near: Vec<usize> = borders.flat_map(|k| k.saturating_sub(APART)..k).collect();
     near.into_iter().for_each(|k| campaign.poses[k].seen.clear());
 }
@@ -50,21 +53,20 @@ pub(super) fn wanted(promised: f64) -> f64 {
     (SHARE * promised).clamp(LEAST, ENOUGH)
 }
 
-/// Takes out of the names what held-out rows do not bear out: where the sum of squares there does not fall by a fair share of what training rows promise.
-/// Rows that are held out only ever take a name away.
+/// Takes out of the names what the rows that were kept for a second look do not bear out: where the sum of squares there does not fall by a fair share of
+/// what training rows promise. They only ever take a name away.
 pub(super) fn confirmed(
     campaign: &Campaign,
     model: &Model,
-    split: &Split,
+    (split, kept): (&Split, &[bool]),
     mut naming: Naming,
 ) -> Naming {
-    while !naming.named.is_empty() {
-        let held = Held::new(campaign, split, &naming.fit);
-        let (rms, numbers) = held.sum(&naming.fit);
-        let noise = held.rms_in_training(&naming.fit).powi(2) * naming.fit.design_effect;
+    while !naming.named.is_empty() && kept.contains(&true) {
+        let held = Held::new(campaign, (split, kept), &naming.fit);
+        let (left, numbers) = held.whitened(&naming.fit);
         let borne_out = |one: &Named| {
             let bare = held.beside(&without(&naming.fit, model, &[one]), &naming.fit);
-            let gain = 0.5 * (held.sum(&bare).0 - rms) / noise;
+            let gain = 0.5 * (held.whitened(&bare).0 - left) / naming.fit.design_effect;
             let share = numbers as f64 / naming.fit.readings.max(1) as f64;
             gain - wanted(share * one.gain)
         };
@@ -83,17 +85,22 @@ pub(super) fn confirmed(
     naming
 }
 
-/// Held-out readings, ready to be asked for any fit.
+/// Readings that took no part in a fit, ready to be asked for any.
 pub(super) struct Held<'a> {
     pub(super) campaign: &'a Campaign,
     pub(super) split: &'a Split,
+    asked: Vec<bool>,
     counts: Vec<bool>,
     pub(super) is_length: bool,
 }
 
 impl<'a> Held<'a> {
-    /// `last`: the fit with everything, which says what is an outlier.
-    pub(super) fn new(campaign: &'a Campaign, split: &'a Split, last: &Fit) -> Self {
+    /// `split`: what trained; `asked`: the poses that are asked; `last`: the fit with everything, which says what is an outlier.
+    pub(super) fn new(
+        campaign: &'a Campaign,
+        (split, asked): (&'a Split, &[bool]),
+        last: &Fit,
+    ) -> Self {
         let off = last.off(campaign);
         let is_length = off.iter().any(|off| off.is_length);
         let mut lengths: Vec<f64> =
@@ -103,10 +110,9 @@ impl<'a> Held<'a> {
             None => f64::INFINITY,
             Some(_) => FAR * *lengths.select_nth_unstable_by(middle, f64::total_cmp).1,
         };
-        let held = |pose: usize| !split.training[pose];
-        let counts = off.iter().map(|o| held(o.pose) && o.is_length == is_length);
+        let counts = off.iter().map(|o| asked[o.pose] && o.is_length == is_length);
         let counts = counts.zip(&off).map(|(counts, o)| counts && o.off.length() <= far).collect();
-        Self { campaign, split, counts, is_length }
+        Self { campaign, split, asked: asked.to_vec(), counts, is_length }
     }
 
     /// The root mean square of single numbers.
@@ -124,6 +130,26 @@ impl<'a> Held<'a> {
             sum += off.off.length_squared();
             count += numbers[off.reading];
         }
+        (sum, count)
+    }
+
+    /// The sum of squares of single numbers in units of the noise, what it remembers of itself taken out, and how many they are.
+    fn whitened(&self, fit: &Fit) -> (f64, usize) {
+        let (mut sum, mut count) = (0.0, 0);
+        let surroundings = fit.surroundings.clone();
+        let state = State { surroundings, hypothesis: fit.hypothesis.clone() };
+        let mut filter = Filter::new(self.campaign);
+        let look = Look { used: Some(&self.asked), derivatives: false };
+        visit(self.campaign, &state, look, |at| {
+            let weight = if self.counts[at.reading] { 1.0 } else { 0.0 };
+            for part in 0..at.rows.count {
+                let scale = weight / fit.factors[at.instrument];
+                let mut left = [scale * at.rows.residual[part]];
+                filter.pass(at.pose, at.instrument, at.stream, part, &mut left);
+                sum += weight * left[0] * left[0];
+                count += usize::from(self.counts[at.reading]);
+            }
+        });
         (sum, count)
     }
 

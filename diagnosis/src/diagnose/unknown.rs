@@ -6,8 +6,12 @@
 //! Promises: a law costs its numbers and the number of laws that were tried. Never: a name of an effect.
 
 use super::features::Word;
+use super::prove::wanted;
+use crate::campaign::Campaign;
+use crate::fit::Settings;
 use crate::motion::Motion;
 use crate::problem::{Look, visit};
+use crate::result::Fit;
 use crate::score::{Asked, Fitted};
 use physics::{Arm, Chain, Inputs};
 
@@ -33,6 +37,25 @@ pub(super) struct Law {
     pub(super) gain: f64,
     /// Less what its numbers cost; above zero: it is there.
     pub(super) worth: f64,
+}
+
+/// The law that is worth most, where the rows that were kept for a second look bear it out.
+pub(super) fn confirmed(
+    campaign: &Campaign,
+    fit: &Fit,
+    settings: &Settings<'_>,
+    words: &[Word],
+    kept: &[bool],
+) -> Option<Law> {
+    let fitted = Fitted::new(campaign, fit, settings);
+    let law = law(&fitted, words)?;
+    if !kept.contains(&true) {
+        return Some(law);
+    }
+    let ([without, with], count) = law.on(&fitted, words, kept);
+    let gain = 0.5 * (without - with) / fit.design_effect;
+    let promised = 0.5 * law.gain / fit.design_effect * count as f64 / fit.readings as f64;
+    (gain > wanted(promised)).then_some(law)
 }
 
 /// The law that is worth most; none where nothing is left to explain.

@@ -1,0 +1,160 @@
+//! A flexible law of many words, no more flexible than other stretches of the same run bear out.
+//!
+//! Words join one after the other where that lowers the error of stretches that were left out of the fit (cross-validation by blocks; Burman, Chow and
+//! Nolan 1994): a law that swings through noise which remembers itself would take that memory away.
+//!
+//! Promises: the same rows, the same law. Never: a word that helps only where it was fitted.
+
+use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
+
+/// Stretches of a run, and folds that they are dealt to.
+const STRETCHES: usize = 20;
+const FOLDS: usize = 5;
+/// A word joins where it lowers the error of what was left out by this share.
+const JOINS: f64 = 0.01;
+/// Words that join, at most.
+const WORDS: usize = 16;
+/// Damping of the fit, as a share of a column's square.
+const DAMPING: f64 = 1e-6;
+
+/// Sums over the rows of one fold: columns with columns, columns with values, values with values.
+#[derive(Clone)]
+struct Sums {
+    columns: DMatrix<f64>,
+    pulls: DVector<f64>,
+    values: f64,
+}
+
+impl Sums {
+    fn none(width: usize) -> Self {
+        Self { columns: DMatrix::zeros(width, width), pulls: DVector::zeros(width), values: 0.0 }
+    }
+
+    fn add(&mut self, row: &[f64], value: f64) {
+        let row = DVector::from_column_slice(row);
+        self.columns.ger(1.0, &row, &row, 1.0);
+        self.pulls.axpy(value, &row, 1.0);
+        self.values += value * value;
+    }
+
+    fn plus(mut self, other: &Self) -> Self {
+        self.columns += &other.columns;
+        self.pulls += &other.pulls;
+        self.values += other.values;
+        self
+    }
+
+    /// The law over these columns alone.
+    fn solved(&self, of: &[usize]) -> DVector<f64> {
+        let mut cells = self.columns.select_rows(of).select_columns(of);
+        for k in 0..of.len() {
+            cells[(k, k)] += DAMPING * cells[(k, k)] + f64::MIN_POSITIVE;
+        }
+        let pulls = self.pulls.select_rows(of);
+        cells.cholesky().map_or_else(|| DVector::zeros(of.len()), |c| c.solve(&pulls))
+    }
+
+    /// The sum of squares that a law over these columns leaves.
+    fn left(&self, of: &[usize], law: &DVector<f64>) -> f64 {
+        let cells = self.columns.select_rows(of).select_columns(of);
+        let pulls = self.pulls.select_rows(of);
+        self.values - 2.0 * law.dot(&pulls) + law.dot(&(cells * law))
+    }
+}
+
+/// One number per column of `rows`, of which the first is always in and `groups` join as wholes; zero for those that did not.
+pub(super) fn law(rows: &[Vec<f64>], values: &[f64], groups: &[Range<usize>]) -> Vec<f64> {
+    let width = rows.first().map_or(0, Vec::len);
+    let mut folds = vec![Sums::none(width); FOLDS];
+    for (k, (row, value)) in rows.iter().zip(values).enumerate() {
+        let stretch = k * STRETCHES / rows.len();
+        folds[stretch % FOLDS].add(row, *value);
+    }
+    let all = folds.iter().fold(Sums::none(width), Sums::plus);
+    let others: Vec<Sums> = (0..FOLDS)
+        .map(|out| {
+            let rest = folds.iter().enumerate().filter(|(k, _)| *k != out);
+            rest.fold(Sums::none(width), |sum, (_, fold)| sum.plus(fold))
+        })
+        .collect();
+    let error = |of: &[usize]| -> f64 {
+        folds.iter().zip(&others).map(|(fold, rest)| fold.left(of, &rest.solved(of))).sum()
+    };
+    let mut inside: Vec<usize> = (0..width.min(1)).collect();
+    let mut left = error(&inside);
+    let mut open: Vec<&Range<usize>> = groups.iter().collect();
+    for _ in 0..WORDS {
+        let with = |group: &Range<usize>| {
+            let mut of = inside.clone();
+            of.extend(group.clone());
+            error(&of)
+        };
+        let tried = open.iter().enumerate().map(|(k, group)| (k, with(group)));
+        let Some((k, reached)) = tried.min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+        if reached > (1.0 - JOINS) * left {
+            break;
+        }
+        left = reached;
+        inside.extend(open.remove(k).clone());
+    }
+    let mut law = vec![0.0; width];
+    for (column, x) in inside.iter().zip(all.solved(&inside).iter()) {
+        law[*column] = *x;
+    }
+    law
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// Noise that remembers nine tenths of itself.
+    fn slow(count: usize, seed: u64) -> Vec<f64> {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut last = 0.0;
+        (0..count)
+            .map(|_| {
+                last = 0.9 * last + random.random_range(-1.0..1.0_f64);
+                last
+            })
+            .collect()
+    }
+
+    fn waves(count: usize) -> (Vec<Vec<f64>>, Vec<Range<usize>>) {
+        let row = |k: usize| {
+            let t = k as f64 / count as f64;
+            let wave = |n: f64| (n * 6.0 * t).sin();
+            [vec![1.0], (1..41).map(|n| wave(f64::from(n))).collect()].concat()
+        };
+        ((0..count).map(row).collect(), (0..10).map(|g| 1 + 4 * g..5 + 4 * g).collect())
+    }
+
+    #[test]
+    fn slow_noise_is_left_as_it_is() {
+        let (rows, groups) = waves(1000);
+        for seed in 0..10 {
+            let values = slow(1000, seed);
+            let found = law(&rows, &values, &groups);
+            let left: f64 = rows
+                .iter()
+                .zip(&values)
+                .map(|(r, v)| (v - crate::triangle::dot(r, &found)).powi(2))
+                .sum();
+            let whole: f64 = values.iter().map(|v| v * v).sum();
+            assert!(left > 0.8 * whole, "{seed}: {left} of {whole}");
+        }
+    }
+
+    #[test]
+    fn a_law_that_other_stretches_show_too_is_taken_out() {
+        let (rows, groups) = waves(1000);
+        let noise = slow(1000, 3);
+        let values: Vec<f64> =
+            rows.iter().zip(&noise).map(|(row, noise)| 8.0 * row[30] + noise).collect();
+        let found = law(&rows, &values, &groups);
+        assert!((found[30] - 8.0).abs() < 1.0, "{}", found[30]);
+    }
+}
