@@ -34,6 +34,7 @@ use crate::robust::Influence;
 use crate::score::Fitted;
 use experiment::Proposed;
 use features::Word;
+use flexible::Taken;
 use glam::DVec3;
 use name::{Asking, Named, Naming};
 use physics::{AnyEffect, Model};
@@ -151,11 +152,13 @@ pub fn diagnose(
     let known = ready::known(model, sigma);
     let base = fit(&campaign, &known, &settings);
     let library = library::library(model, &campaign);
-    let base = whiten(&mut campaign, &known, &settings, &base, (&words, stride)).unwrap_or(base);
+    let base = whiten(&mut campaign, &known, &settings, &base, (&words, Taken::All, stride))
+        .unwrap_or(base);
     let asking = Asking { campaign: &campaign, known: &known, settings, library: &library };
     let first = name::chosen(&asking, Naming::none(&base));
     // What is named tells what is noise, and what is noise tells what can be named.
-    let again = whiten(&mut campaign, &known, &settings, &first.fit, (&words, stride));
+    let again =
+        whiten(&mut campaign, &known, &settings, &first.fit, (&words, Taken::BorneOut, stride));
     let asking = Asking { campaign: &campaign, known: &known, settings, library: &library };
     let start = again.map_or(first, |base| Naming::none(&base));
     let naming = name::name(&asking, start);
@@ -178,9 +181,9 @@ fn whiten(
     known: &Hypothesis,
     settings: &Settings<'_>,
     seen: &Fit,
-    (words, stride): (&[Word], usize),
+    (words, taken, stride): (&[Word], Taken, usize),
 ) -> Option<Fit> {
-    let colours = noise::colours(campaign, seen, settings.used, words, stride);
+    let colours = noise::colours(campaign, seen, settings.used, (words, taken), stride);
     if colours.iter().zip(&campaign.instruments).all(|(a, b)| *a == b.colour) {
         return None;
     }

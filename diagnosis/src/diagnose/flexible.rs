@@ -18,6 +18,15 @@ const WORDS: usize = 16;
 /// Damping of the fit, as a share of a column's square.
 const DAMPING: f64 = 1e-6;
 
+/// Which words join.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Taken {
+    /// All of them: where nothing is named yet, whatever may be a law is none of the noise's.
+    All,
+    /// Those that other stretches bear out.
+    BorneOut,
+}
+
 /// Sums over the rows of one fold: columns with columns, columns with values, values with values.
 #[derive(Clone)]
 struct Sums {
@@ -64,8 +73,21 @@ impl Sums {
 }
 
 /// One number per column of `rows`, of which the first is always in and `groups` join as wholes; zero for those that did not.
-pub(super) fn law(rows: &[Vec<f64>], values: &[f64], groups: &[Range<usize>]) -> Vec<f64> {
+pub(super) fn law(
+    rows: &[Vec<f64>],
+    values: &[f64],
+    groups: &[Range<usize>],
+    taken: Taken,
+) -> Vec<f64> {
     let width = rows.first().map_or(0, Vec::len);
+    if taken == Taken::All {
+        let all: Vec<usize> = (0..width).collect();
+        let sums = rows.iter().zip(values).fold(Sums::none(width), |mut sums, (row, value)| {
+            sums.add(row, *value);
+            sums
+        });
+        return sums.solved(&all).iter().copied().collect();
+    }
     let mut folds = vec![Sums::none(width); FOLDS];
     for (k, (row, value)) in rows.iter().zip(values).enumerate() {
         let stretch = k * STRETCHES / rows.len();
@@ -137,7 +159,7 @@ mod tests {
         let (rows, groups) = waves(1000);
         for seed in 0..10 {
             let values = slow(1000, seed);
-            let found = law(&rows, &values, &groups);
+            let found = law(&rows, &values, &groups, Taken::BorneOut);
             let left: f64 = rows
                 .iter()
                 .zip(&values)
@@ -154,7 +176,7 @@ mod tests {
         let noise = slow(1000, 3);
         let values: Vec<f64> =
             rows.iter().zip(&noise).map(|(row, noise)| 8.0 * row[30] + noise).collect();
-        let found = law(&rows, &values, &groups);
+        let found = law(&rows, &values, &groups, Taken::BorneOut);
         assert!((found[30] - 8.0).abs() < 1.0, "{}", found[30]);
     }
 }

@@ -6,7 +6,7 @@
 //! Promises: a slow drift, a sag, a play is no noise. Never: a change of the readings.
 
 use super::features::Word;
-use super::flexible;
+use super::flexible::{self, Taken};
 use crate::campaign::Campaign;
 use crate::colour::{Colour, follows, stream};
 use crate::problem::{Look, State, Weighing, visit};
@@ -36,12 +36,12 @@ pub(super) fn colours(
     campaign: &Campaign,
     fit: &Fit,
     used: &[bool],
-    words: &[Word],
+    (words, taken): (&[Word], Taken),
     stride: usize,
 ) -> Vec<Colour> {
     let mut pieces: Vec<Vec<Vec<f64>>> = vec![Vec::new(); campaign.instruments.len()];
     for run in runs(campaign, fit, used).values() {
-        let left = flattened(run, words);
+        let left = flattened(run, words, taken);
         pieces[run.instrument].extend(split(campaign, run, &left, stride));
     }
     pieces.iter().map(|pieces| Colour::of_runs(pieces, stride)).collect()
@@ -75,7 +75,7 @@ fn runs(campaign: &Campaign, fit: &Fit, used: &[bool]) -> BTreeMap<(usize, usize
 }
 
 /// What the flexible law leaves of a run.
-fn flattened(run: &Run, words: &[Word]) -> Vec<f64> {
+fn flattened(run: &Run, words: &[Word], taken: Taken) -> Vec<f64> {
     let count = run.values.len();
     let mut rows: Vec<Vec<f64>> = vec![vec![1.0]; count];
     let mut groups = Vec::new();
@@ -90,7 +90,7 @@ fn flattened(run: &Run, words: &[Word]) -> Vec<f64> {
             row.extend(word.chebyshev(*pose, degree));
         }
     }
-    let law = flexible::law(&rows, &run.values, &groups);
+    let law = flexible::law(&rows, &run.values, &groups, taken);
     let left = rows.iter().zip(&run.values).map(|(row, value)| value - dot(row, &law));
     left.map(|x| x.clamp(-FAR, FAR)).collect()
 }
