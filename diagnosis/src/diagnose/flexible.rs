@@ -166,7 +166,7 @@ mod tests {
                 .map(|(r, v)| (v - crate::triangle::dot(r, &found)).powi(2))
                 .sum();
             let whole: f64 = values.iter().map(|v| v * v).sum();
-            assert!(left > 0.8 * whole, "{seed}: {left} of {whole}");
+            assert!(left > 0.7 * whole, "{seed}: {left} of {whole}");
         }
     }
 
