@@ -17,7 +17,7 @@ use spectrum::welch::{Segments, welch};
 /// Steps that differ by more than this share of the middle one are not even.
 const EVEN: f64 = 0.02;
 /// Readings that a spectrum needs, and of one segment of it at most.
-const SAMPLES_LEAST: usize = 128;
+const SAMPLES_LEAST: usize = 64;
 const SEGMENT_MOST: usize = 1024;
 
 /// One channel over the recording.
