@@ -166,11 +166,12 @@ pub fn diagnose(
     let second_look: Vec<bool> = second_look.collect();
     let naming = prove::confirmed(&campaign, model, (&naming_split, &second_look), naming);
     let law = unknown::confirmed(&campaign, &naming.fit, &settings, &words, &second_look);
-    // Names and laws stand; their numbers come from all that is not held out.
-    let settings = Settings { used: &split.training, ..settings };
+    // Names and laws stand; their numbers, and which rivals come near, are told by all that is not held out.
     let around = naming.fit.surroundings.clone();
-    let last = Settings { from: Some(&around), ..settings };
-    let naming = Naming { fit: fit(&campaign, &naming.fit.hypothesis, &last), ..naming };
+    let settings = Settings { used: &split.training, from: Some(&around), ..settings };
+    let naming = Naming { fit: fit(&campaign, &naming.fit.hypothesis, &settings), ..naming };
+    let asking = Asking { campaign: &campaign, known: &known, settings, library: &library };
+    let naming = name::with_rivals(&asking, naming);
     let not_tested = untested::untested(&model.arm, &library, &words);
     finish(campaign, model, naming, law, split, &words, (not_tested, notes))
 }

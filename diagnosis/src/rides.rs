@@ -107,7 +107,7 @@ impl Rides {
     ) -> Vec<Moved> {
         let whole = AnyEffect::OverPath(*effect);
         let stands = effect.values()[free.value];
-        let step = STEP * much(&whole, free.value).min(stands.abs().max(much(&whole, free.value)));
+        let step = STEP * much(&whole, free.value);
         // A time constant of zero lags in one direction only.
         let below = if effect.spec().kind == "servo_lag" { step.min(stands) } else { step };
         let at = |value: f64| {

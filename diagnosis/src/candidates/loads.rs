@@ -59,6 +59,18 @@ pub(super) fn at_their_middle(probes: &[Probe], found: &[f64]) -> Option<AnyEffe
     })
 }
 
+/// Masses at the corners that make up one in its middle.
+pub(super) fn at_corners(probes: &[Probe], mass: f64, middle: &[f64]) -> Vec<f64> {
+    let place = |probe: &Probe| probe.effect.values().get(1..).unwrap_or_default().to_vec();
+    let first = probes.first().map(place).unwrap_or_default();
+    let away = |axis: usize| {
+        let from = first.get(axis).copied().unwrap_or_default();
+        mass * (middle.get(axis).copied().unwrap_or_default() - from) / APART_M
+    };
+    let others: Vec<f64> = (0..probes.len().saturating_sub(1)).map(away).collect();
+    std::iter::once(mass - others.iter().sum::<f64>()).chain(others).collect()
+}
+
 /// Springs at the joint that most of the weight hangs on.
 pub(super) fn springs(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let turns = |joint: &usize| arm.joints()[*joint].kind == JointKind::Revolute;

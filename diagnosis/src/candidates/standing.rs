@@ -2,7 +2,7 @@
 //!
 //! Promises: columns at the numbers that the effect has now. Never: a new name.
 
-use super::{Candidate, Make, Probe, wave_candidate};
+use super::{Candidate, Make, Probe, loads, wave_candidate};
 use physics::{AnyEffect, Arm};
 
 impl Candidate {
@@ -18,6 +18,9 @@ impl Candidate {
                 let (sine, cosine) = part(*amplitude, *phase);
                 let same = wave_candidate(arm, joint, *cycles).unwrap_or_else(|| self.clone());
                 (same, vec![sine, cosine])
+            }
+            (Make::Masses, [mass, middle @ ..]) => {
+                (self.clone(), loads::at_corners(&self.probes, *mass, middle))
             }
             (Make::Wobble { .. }, [a1, a2, p1, p2, ..]) => {
                 let ((s1, c1), (s2, c2)) = (part(*a1, *p1), part(*a2, *p2));

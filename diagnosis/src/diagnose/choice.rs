@@ -7,11 +7,10 @@ use super::gram::{Entry, Gain, Gram};
 use super::name::{ALIKE, Asking, Named, Naming, Rival, nuisance, title, without};
 use crate::candidates::{Candidate, wave_candidate};
 use crate::fit::compare;
-use crate::hypothesis::named;
+use crate::motions::is_about_loads;
 use crate::score::Fitted;
 use crate::select::is_sound;
 use crate::waves::lines;
-use physics::spec::Role;
 use physics::{AnyEffect, Model};
 
 /// Steps of adding, taking out and exchanging.
@@ -41,7 +40,7 @@ impl<'a> Choice<'a> {
         let mut entries: Vec<Entry> = asking
             .library
             .iter()
-            .map(|candidate| Entry::open(candidate.clone(), candidate.kept()))
+            .map(|candidate| Entry::open(candidate.kept(), candidate.clone()))
             .collect();
         for one in named {
             let Some(effect) = fit.hypothesis.model.effects().nth(one.effect) else { continue };
@@ -53,12 +52,12 @@ impl<'a> Choice<'a> {
             entries.retain(|e| {
                 candidate.changes().is_none() || e.candidate.changes() != candidate.changes()
             });
-            entries.push(Entry { candidate, stands, kept: one.kept });
+            entries.push(Entry { candidate, stands, kept: one.kept, spared: one.spared });
         }
         entries.extend_from_slice(also);
         for line in lines(&fitted) {
             let found = wave_candidate(arm, line.joint, line.cycles);
-            entries.extend(found.map(|candidate| Entry::open(candidate, &[])));
+            entries.extend(found.map(|candidate| Entry::open(&[], candidate)));
         }
         let (nuisance, stated) = nuisance(asking, naming);
         Self {
@@ -80,7 +79,7 @@ impl<'a> Choice<'a> {
     fn worth(&self, gain: &Gain, entry: &Entry) -> f64 {
         let tried = self.entries.len().max(1) as f64;
         let numbers = (gain.numbers + entry.searched()) as f64;
-        gain.gain / self.design_effect - numbers * self.price() - 2.0 * tried.ln()
+        gain.gain / self.design_effect - numbers * self.price() + entry.spared - 2.0 * tried.ln()
     }
 
     pub(super) fn make(&mut self) {
@@ -234,28 +233,45 @@ impl Choice<'_> {
         own: f64,
     ) -> Option<Rival> {
         let entry = &self.entries[place];
-        let changes = entry.candidate.changes().is_some();
-        let numbers = would.numbers + entry.searched();
-        let behind = 0.5 * (own - would.gain) / self.design_effect;
         let fit = &naming.fit;
-        let (kept, candidate) = (entry.kept, entry.candidate.clone());
-        if let Some(change) = entry.candidate.changes() {
-            let effect = *fit.hypothesis.model.effects().nth(change)?;
-            return Some(Rival { effect, changes, behind, numbers, candidate, kept });
+        let arm = &fit.hypothesis.model.arm;
+        let numbers = would.numbers + entry.searched();
+        let changes = entry.candidate.changes();
+        let told = |behind: f64, effect, candidate, found| Rival {
+            effect,
+            changes: changes.is_some(),
+            behind,
+            numbers,
+            alike: behind < ALIKE * asking.share(),
+            candidate,
+            found,
+            kept: entry.kept,
+        };
+        let named = &naming.named[k];
+        if !self.bends(named, entry) {
+            let behind = 0.5 * (own - would.gain) / self.design_effect;
+            let effect = entry.candidate.effect(arm, &would.found)?;
+            return Some(told(behind, effect, entry.candidate.clone(), would.found.clone()));
         }
-        let effect = entry.candidate.effect(&fit.hypothesis.model.arm, &would.found)?;
-        let linear =
-            |value| named(&effect, value).is_none_or(|named| named.parameter.role == Role::Linear);
-        if (0..effect.values().len()).all(linear) || !entry.kept.is_empty() {
-            return Some(Rival { effect, changes, behind, numbers, candidate, kept });
-        }
-        let mut hypothesis = without(fit, &asking.known.model, &[&naming.named[k]]);
+        let mut hypothesis = without(fit, &asking.known.model, &[named]);
         let (at, _) = Asking::joined(&mut hypothesis, entry, &would.found)?;
         let whole = compare(asking.campaign, &fit.hypothesis, fit, asking.settings.used);
         let fitted = compare(asking.campaign, &hypothesis, fit, asking.settings.used);
         let effect = *fitted.hypothesis.model.effects().nth(at)?;
         let behind = 0.5 * (fitted.sum - whole.sum) / self.design_effect;
-        let (candidate, _) = candidate.standing(&fit.hypothesis.model.arm, &effect, &[]);
-        Some(Rival { effect, changes, behind, numbers, candidate, kept })
+        let (candidate, found) = match changes {
+            Some(_) => (entry.candidate.clone(), would.found.clone()),
+            None => entry.candidate.standing(arm, &effect, &[]),
+        };
+        Some(told(behind, effect, candidate, found))
+    }
+
+    /// Whether the products, which are linear, do not tell enough of a rival: numbers that bend, or loads that act through what gives way.
+    fn bends(&self, named: &Named, rival: &Entry) -> bool {
+        let is_about_loads = |candidate: &Candidate| {
+            candidate.probes.first().is_some_and(|probe| is_about_loads(probe.effect.spec()))
+        };
+        let both = is_about_loads(&rival.candidate) && is_about_loads(&named.candidate);
+        rival.searched() > 0 || rival.candidate.changes().is_some() || both
     }
 }

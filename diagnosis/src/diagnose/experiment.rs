@@ -119,7 +119,7 @@ impl<'a> Asking<'a> {
         let open = named.iter().filter(|one| is_ambiguous(one, self.last));
         let one = open.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
         let own = self.last.hypothesis.model.effects().nth(one.effect)?;
-        let alike = one.rivals.iter().filter(|rival| rival.behind < ALIKE).take(RIVALS);
+        let alike = one.rivals.iter().filter(|rival| rival.alike).take(RIVALS);
         let alike: Vec<&Rival> = alike.collect();
         let others: Vec<Fit> = alike.iter().filter_map(|rival| self.instead(one, rival)).collect();
         let measured = measured(self.campaign);

@@ -24,12 +24,14 @@ pub(super) struct Entry {
     pub(super) stands: Vec<f64>,
     /// Stems that a fit of it keeps.
     pub(super) kept: &'static [&'static str],
+    /// What its numbers need not pay, in the sum of squares: by evidence it has taken the place of a name of fewer.
+    pub(super) spared: f64,
 }
 
 impl Entry {
     /// A candidate that nothing in the fit stands for.
-    pub(super) fn open(candidate: Candidate, kept: &'static [&'static str]) -> Self {
-        Self { stands: vec![0.0; candidate.probes.len()], candidate, kept }
+    pub(super) fn open(kept: &'static [&'static str], candidate: Candidate) -> Self {
+        Self { stands: vec![0.0; candidate.probes.len()], candidate, kept, spared: 0.0 }
     }
 
     /// Numbers that are searched for outside the columns: those that are not linear, but a wave's phase, which its sine and cosine stand for.
@@ -37,7 +39,8 @@ impl Entry {
         let Some(effect) = self.candidate.probes.first().map(|probe| &probe.effect) else {
             return 0;
         };
-        if self.candidate.changes().is_some() {
+        // A mass' place is in its corners' masses.
+        if self.candidate.changes().is_some() || self.candidate.is_one_mass() {
             return 0;
         }
         let is_searched = |value: &usize| {

@@ -2,7 +2,7 @@
 //!
 //! Promises: what cannot be told apart is never claimed. Never: a number that was not found elsewhere.
 
-use super::name::{ALIKE, Named, Rival};
+use super::name::{Named, Rival};
 use physics::AnyEffect;
 
 /// Names must carry this share of what was found above the noise; else the structure is unknown.
@@ -56,9 +56,7 @@ pub(super) fn verdict(found: &[Named], fit: &crate::Fit, carried: Option<f64>) -
 pub(super) fn is_ambiguous(one: &Named, fit: &crate::Fit) -> bool {
     let own = fit.hypothesis.model.effects().nth(one.effect);
     let alike = |rival: &&Rival| {
-        rival.behind < ALIKE
-            && rival.numbers <= one.numbers
-            && !own.is_some_and(|own| is_same(own, rival))
+        rival.alike && rival.numbers <= one.numbers && !own.is_some_and(|own| is_same(own, rival))
     };
     one.rivals.iter().filter(alike).count() > 0
 }
@@ -84,10 +82,7 @@ fn is_same(own: &AnyEffect, rival: &Rival) -> bool {
 
 /// The probability that a name is right beside its rivals, by their likelihoods and the numbers that each takes.
 pub(super) fn confidence(one: &Named, price: f64) -> (f64, Vec<f64>) {
-    let weight = |rival: &Rival| {
-        let dearer = rival.numbers as f64 - one.numbers as f64;
-        libm::exp(-(rival.behind + 0.5 * price * dearer).max(-20.0))
-    };
+    let weight = |rival: &Rival| libm::exp(-(rival.behind + one.dearer(rival, price)).max(-20.0));
     let weights: Vec<f64> = one.rivals.iter().map(weight).collect();
     let all = 1.0 + weights.iter().sum::<f64>();
     (1.0 / all, weights.iter().map(|weight| weight / all).collect())

@@ -12,11 +12,11 @@ use super::gram::Entry;
 use super::modes::modes;
 use crate::campaign::Campaign;
 use crate::candidates::{Candidate, springs_at};
-use crate::fit::{Effort, Settings, fit};
+use crate::fit::{Effort, Settings, compare, fit};
 use crate::hypothesis::{Free, Hypothesis};
 use crate::motions::is_about_loads;
 use crate::result::Fit;
-use crate::score::Fitted;
+use crate::score::{Fitted, Score};
 use crate::select::{is_sound, put};
 use physics::{AnyEffect, Model};
 
@@ -25,7 +25,7 @@ const ROUNDS: usize = 4;
 /// Rounds in which rivals that were fitted may take a name's place.
 const RENAMING: usize = 3;
 /// By how much the sum of squares has to be lower for that, beside the numbers' cost.
-const CLEARLY: f64 = 2.0;
+const CLEARLY: f64 = 0.5;
 /// A rival within this many units of log-likelihood cannot be told apart (contract `diagnosis.md`).
 pub(super) const ALIKE: f64 = 5.0;
 
@@ -40,8 +40,12 @@ pub struct Rival {
     pub behind: f64,
     /// Numbers that it takes.
     pub numbers: usize,
+    /// Whether the recording, all of it, could not tell it from the name that it stands beside.
+    pub alike: bool,
     /// Where it came from, at the numbers that it would take.
     pub(super) candidate: Candidate,
+    /// The numbers of its probes.
+    pub(super) found: Vec<f64>,
     /// Entries that a fit of it keeps.
     pub(super) kept: &'static [&'static str],
 }
@@ -56,6 +60,8 @@ pub(super) struct Named {
     pub(super) stated: Option<Vec<Free>>,
     /// Entries that no fit changes.
     pub(super) kept: &'static [&'static str],
+    /// What its numbers need not pay, as in [`Entry`].
+    pub(super) spared: f64,
     /// By how much log-likelihood is higher with it than without.
     pub(super) gain: f64,
     /// Numbers that it takes.
@@ -87,57 +93,60 @@ pub(super) struct Asking<'a> {
 
 /// Names what the poses that take part ask for beyond `start`, without a look at rivals: enough to tell what is noise.
 pub(super) fn chosen(asking: &Asking<'_>, start: Naming) -> Naming {
-    let also = asking.searched(&start, Vec::new());
+    let also = asking.searched(&start);
     asking.settled(start, &also)
 }
 
-/// The same with rivals, of which the better take a name's place.
+/// The same; rivals that are better once they are fitted take a name's place.
 pub(super) fn name(asking: &Asking<'_>, start: Naming) -> Naming {
     let mut naming = start;
-    let mut better: Vec<Entry> = Vec::new();
     for _ in 0..RENAMING {
-        let also = asking.searched(&naming, better);
+        let also = asking.searched(&naming);
         naming = asking.settled(naming, &also);
-        let mut choice = Choice::at(asking, &naming, &also);
-        choice.stand(&naming.named);
-        for k in 0..naming.named.len() {
-            choice.compare_rivals(asking, &mut naming, k);
-        }
-        better = naming.named.iter().filter_map(|one| one.better(&choice)).collect();
-        if better.is_empty() {
+        let price = asking.compare(&mut naming, &also);
+        if !asking.rename(&mut naming, price) {
             break;
         }
     }
     naming
 }
 
+/// Names that stand, each with its rivals on the rows that `asking` uses; none is added, none is taken away.
+pub(super) fn with_rivals(asking: &Asking<'_>, mut naming: Naming) -> Naming {
+    for round in 0..=RENAMING {
+        let also = asking.searched(&naming);
+        let price = asking.compare(&mut naming, &also);
+        if round == RENAMING || !asking.rename(&mut naming, price) {
+            break;
+        }
+        naming.fit = fit(asking.campaign, &naming.fit.hypothesis, &asking.settings);
+    }
+    naming
+}
+
 impl Named {
-    /// The rival whose nonlinear numbers, once fitted, make it the better name.
-    fn better(&self, choice: &Choice<'_>) -> Option<Entry> {
-        let price = |rival: &Rival| {
-            2.0 * rival.behind + choice.price() * (rival.numbers as f64 - self.numbers as f64)
-        };
-        let best = self.rivals.iter().min_by(|a, b| price(a).total_cmp(&price(b)))?;
-        (price(best) < -CLEARLY).then(|| Entry::open(best.candidate.clone(), best.kept))
+    /// What a rival pays for the numbers that it takes beyond these, in log-likelihood: the fewest win, unless the evidence differs by more than
+    /// [`ALIKE`] (contract `effects.md`). `price`: of a number, in the sum of squares.
+    pub(super) fn dearer(&self, rival: &Rival, price: f64) -> f64 {
+        let more = rival.numbers as f64 - self.numbers as f64;
+        (0.5 * price * more).clamp(-ALIKE, ALIKE)
+    }
+
+    /// The rival that is the better name.
+    fn better(&self, price: f64) -> Option<&Rival> {
+        let loss = |rival: &Rival| 2.0 * (rival.behind + self.dearer(rival, price));
+        let best = self.rivals.iter().min_by(|a, b| loss(a).total_cmp(&loss(b)))?;
+        (loss(best) < -CLEARLY).then_some(best)
     }
 }
 
-/// The best spring of every joint that gives way.
-fn springs(fitted: &Fitted<'_>) -> Vec<Candidate> {
-    let model = &fitted.state.hypothesis.model;
-    let gives_way = |joint: &usize| {
-        let here =
-            |effect: &AnyEffect| is_about_loads(effect.spec()) && effect.joint() == Some(*joint);
-        model.effects().any(here)
-    };
-    let best = |joint: usize| {
-        let all = springs_at(&model.arm, joint);
-        let sound = |score: &crate::score::Score| is_sound(&all[score.candidate], &score.found);
-        let scores = fitted.scores(&all).into_iter().filter(sound);
-        let best = scores.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
-        all.into_iter().nth(best.candidate)
-    };
-    (0..model.arm.count()).filter(gives_way).filter_map(best).collect()
+/// The best spring of a joint, with its numbers, where a fit stands.
+fn spring(fitted: &Fitted<'_>, joint: usize) -> Option<Candidate> {
+    let all = springs_at(&fitted.state.hypothesis.model.arm, joint);
+    let sound = |score: &Score| is_sound(&all[score.candidate], &score.found);
+    let scores = fitted.scores(&all).into_iter().filter(sound);
+    let best = scores.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+    all.into_iter().nth(best.candidate)
 }
 
 pub(super) type Title = (&'static str, Option<usize>, bool);
@@ -155,12 +164,92 @@ fn titles(named: &[Named]) -> Vec<Option<Title>> {
 }
 
 impl Asking<'_> {
-    /// What is asked besides the library where `naming` stands: `better`, and what is searched for in the rest.
-    fn searched(&self, naming: &Naming, better: Vec<Entry>) -> Vec<Entry> {
+    /// The share of what was read that is used.
+    pub(super) fn share(&self) -> f64 {
+        let read = |pose: usize| !self.campaign.poses[pose].seen.is_empty();
+        let all = (0..self.campaign.poses.len()).filter(|pose| read(*pose)).count();
+        let used = self.settings.used.iter().enumerate();
+        let used = used.filter(|(pose, used)| **used && read(*pose)).count();
+        used as f64 / all.max(1) as f64
+    }
+
+    /// What is asked besides the library where `naming` stands: what is searched for in the rest.
+    fn searched(&self, naming: &Naming) -> Vec<Entry> {
         let fitted = Fitted::new(self.campaign, &naming.fit, &self.settings);
-        let found = modes(&fitted).into_iter().chain(springs(&fitted));
-        let found = found.map(|candidate| (candidate.kept(), candidate));
-        better.into_iter().chain(found.map(|(kept, found)| Entry::open(found, kept))).collect()
+        let found = modes(&fitted).into_iter().chain(self.springs(&fitted, naming));
+        found.map(|found| Entry::open(found.kept(), found)).collect()
+    }
+
+    /// Finds every name's rivals; gives the price of a number, in the sum of squares.
+    fn compare(&self, naming: &mut Naming, also: &[Entry]) -> f64 {
+        let mut choice = Choice::at(self, naming, also);
+        choice.stand(&naming.named);
+        for k in 0..naming.named.len() {
+            choice.compare_rivals(self, naming, k);
+        }
+        choice.price()
+    }
+
+    /// Gives rivals that are better a name's place; says whether any was.
+    fn rename(&self, naming: &mut Naming, price: f64) -> bool {
+        let mut any = false;
+        for k in 0..naming.named.len() {
+            let better = naming.named[k].better(price).cloned();
+            let renamed = better.and_then(|rival| self.renamed(naming, k, &rival, price));
+            if let Some(renamed) = renamed {
+                (*naming, any) = (renamed, true);
+            }
+        }
+        any
+    }
+
+    /// The same names with `rival` in the place of the one in place `k`.
+    fn renamed(&self, naming: &Naming, k: usize, rival: &Rival, price: f64) -> Option<Naming> {
+        let mut named = naming.named.clone();
+        let gone = &naming.named[k];
+        let mut hypothesis = without(&naming.fit, &self.known.model, &[gone]);
+        let entry = Entry::open(rival.kept, rival.candidate.clone());
+        let (effect, stated) = Self::joined(&mut hypothesis, &entry, &rival.found)?;
+        if gone.stated.is_none() {
+            for one in named.iter_mut().filter(|one| one.effect > gone.effect) {
+                one.effect -= 1;
+            }
+        }
+        let more = rival.numbers.saturating_sub(gone.numbers) as f64;
+        named[k] = Named {
+            candidate: entry.candidate,
+            effect,
+            stated,
+            kept: rival.kept,
+            spared: gone.spared.max(price * more),
+            gain: gone.gain - rival.behind,
+            numbers: rival.numbers,
+            rivals: Vec::new(),
+        };
+        Some(Naming {
+            fit: compare(self.campaign, &hypothesis, &naming.fit, self.settings.used),
+            named,
+        })
+    }
+
+    /// The best spring of every joint that gives way, in the stead of what is named there.
+    fn springs(&self, fitted: &Fitted<'_>, naming: &Naming) -> Vec<Candidate> {
+        let model = &naming.fit.hypothesis.model;
+        let here = |effect: &AnyEffect, joint| effect.joint() == Some(joint);
+        let gives_way = |joint: &usize| {
+            model.effects().any(|effect| is_about_loads(effect.spec()) && here(effect, *joint))
+        };
+        let best = |joint| {
+            let named = naming.named.iter().filter(|one| one.candidate.joint == Some(joint));
+            let named: Vec<&Named> = named.collect();
+            if named.is_empty() {
+                return spring(fitted, joint);
+            }
+            let bare = without(&naming.fit, &self.known.model, &named);
+            let bare = compare(self.campaign, &bare, &naming.fit, self.settings.used);
+            spring(&Fitted::new(self.campaign, &bare, &self.settings), joint)
+        };
+        (0..model.arm.count()).filter(gives_way).filter_map(best).collect()
     }
 
     /// Chooses and fits, one after the other, until the names stand.
@@ -208,6 +297,7 @@ impl Asking<'_> {
                     effect,
                     stated,
                     kept: entry.kept,
+                    spared: entry.spared,
                     gain: 0.5 * gain.gain / before.design_effect,
                     numbers: gain.numbers,
                     rivals: Vec::new(),

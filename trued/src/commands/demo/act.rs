@@ -51,7 +51,8 @@ pub(super) fn play(
     let first = found.diagnosis.as_ref().and_then(|d| d.findings.first()).filter(|_| claims);
     let said = first.map(|one| named(one.effect.spec().kind, one.effect.joint()));
     let named_right = first.is_some_and(|one| {
-        let rivals = one.rivals.iter().map(|(rival, _)| &rival.effect);
+        let alike = one.rivals.iter().filter(|(rival, _)| rival.alike);
+        let rivals = alike.map(|(rival, _)| &rival.effect);
         said.as_ref().is_some_and(|said| same(said, &hidden))
             || rivals.map(|r| named(r.spec().kind, r.joint())).any(|rival| same(&rival, &hidden))
     });

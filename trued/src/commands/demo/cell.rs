@@ -60,14 +60,10 @@ pub(super) fn run(name: &str, scene: &Scene, out: &Path) -> Outcome {
     if let Some(swap) = swap {
         let stood = loop_.renew_log(scene)?;
         loop_.play(scene, &scene.work, &stop)?;
-        again = Some(Again {
-            error_mm: loop_.log.error_mm(0),
-            cycles: loop_.log.rows.len() as u64,
-            missed_cycles: loop_.log.missed,
-            invariants_broken: stood.broken + loop_.log.broken,
-            rejected_commands: loop_.rejected(),
-            swap,
-        });
+        let rejected = loop_.rejected();
+        let mut counts = loop_.log.counts(rejected);
+        counts.invariants_broken += stood.broken;
+        again = Some(Again { error_mm: loop_.log.error_mm(0), counts, swap });
         second = Some(loop_.log);
     }
     let report = Report::new(milled, told, again);

@@ -6,7 +6,7 @@ use recording::series::{About, Channel, FileUnits, Recording};
 use trued_client::Verdict;
 use world::cell::Tick;
 
-use super::outcome::{Errors, Event, Latency, Milled, Ringing, Spread};
+use super::outcome::{Counts, Errors, Event, Latency, Milled, Ringing, Spread};
 use super::scene::Scene;
 
 /// Amplitude from which the robot counts as ringing, N: what the force sensor's noise still hides.
@@ -98,10 +98,7 @@ impl Log {
                 without: Spread::of(rows.iter().map(|row| row.without_mm)),
                 with: Spread::of(rows.iter().map(|row| row.with_mm)),
             },
-            cycles: self.rows.len() as u64,
-            missed_cycles: self.missed,
-            rejected_commands: rejected,
-            invariants_broken: self.broken,
+            counts: self.counts(rejected),
             vibration: self.events.clone(),
             ringing: self.ringing(scene),
             latency_ns: Latency {
@@ -110,6 +107,16 @@ impl Log {
                 p999: at(0.999),
                 max: self.latency.max(),
             },
+        }
+    }
+
+    /// What was counted so far; the daemon has rejected `rejected_commands`.
+    pub(super) fn counts(&self, rejected_commands: u64) -> Counts {
+        Counts {
+            cycles: self.rows.len() as u64,
+            missed_cycles: self.missed,
+            rejected_commands,
+            invariants_broken: self.broken,
         }
     }
 

@@ -15,6 +15,29 @@ pub(super) struct Report {
     pub(super) swap: Option<Swap>,
 }
 
+/// What the loop counted over a stretch of cycles.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct Counts {
+    pub(super) cycles: u64,
+    pub(super) missed_cycles: u64,
+    /// Since the daemon started.
+    pub(super) rejected_commands: u64,
+    /// Published targets that were not finite, outside the limits, further from the command than the envelope, or faster.
+    pub(super) invariants_broken: u64,
+}
+
+impl Counts {
+    /// Both stretches; `later` came after `self`.
+    fn and(self, later: Self) -> Self {
+        Self {
+            cycles: self.cycles + later.cycles,
+            missed_cycles: self.missed_cycles + later.missed_cycles,
+            rejected_commands: later.rejected_commands,
+            invariants_broken: self.invariants_broken + later.invariants_broken,
+        }
+    }
+}
+
 /// What milling with the model as calibrated came to.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Milled {
@@ -22,11 +45,8 @@ pub(super) struct Milled {
     pub(super) quick: bool,
     pub(super) robot: String,
     pub(super) tool_error_mm: Errors,
-    pub(super) cycles: u64,
-    pub(super) missed_cycles: u64,
-    pub(super) rejected_commands: u64,
-    /// Published targets that were not finite, outside the limits, further from the command than the envelope, or faster.
-    pub(super) invariants_broken: u64,
+    #[serde(flatten)]
+    pub(super) counts: Counts,
     pub(super) vibration: Vec<Event>,
     pub(super) ringing: Ringing,
     pub(super) latency_ns: Latency,
@@ -73,10 +93,8 @@ pub(super) struct Swap {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Again {
     pub(super) error_mm: Spread,
-    pub(super) cycles: u64,
-    pub(super) missed_cycles: u64,
-    pub(super) invariants_broken: u64,
-    pub(super) rejected_commands: u64,
+    #[serde(flatten)]
+    pub(super) counts: Counts,
     pub(super) swap: Swap,
 }
 
@@ -84,10 +102,7 @@ impl Report {
     /// All of it; `again`: none where nothing was swapped in.
     pub(super) fn new(mut milled: Milled, told: Told, again: Option<Again>) -> Self {
         if let Some(again) = &again {
-            milled.cycles += again.cycles;
-            milled.missed_cycles += again.missed_cycles;
-            milled.invariants_broken += again.invariants_broken;
-            milled.rejected_commands = again.rejected_commands;
+            milled.counts = milled.counts.and(again.counts);
         }
         let tool_error_after_diagnosis_mm = again.map(|again| again.error_mm);
         Self { milled, told, tool_error_after_diagnosis_mm, swap: again.map(|again| again.swap) }

@@ -64,8 +64,8 @@ fn numbers(report: &Report) -> Vec<Number> {
     let milled = &report.milled;
     numbers.extend([
         Number::new("Round trip, middle", milled.latency_ns.p50 as f64 * 1e-3, "µs"),
-        Number::text("Cycles missed", milled.missed_cycles.to_string())
-            .note(format!("of {}", milled.cycles)),
+        Number::text("Cycles missed", milled.counts.missed_cycles.to_string())
+            .note(format!("of {}", milled.counts.cycles)),
     ]);
     numbers
 }

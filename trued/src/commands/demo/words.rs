@@ -102,7 +102,10 @@ pub(super) fn end(console: &mut Console, report: &Report, out: &Path) -> Said {
     console.say(format!("{judged}, in {:.1} s", told.diagnosis_s))?;
     console.say(format!(
         "{} cycles at 1 kHz; {} missed, {} commands rejected, {} invariants broken",
-        milled.cycles, milled.missed_cycles, milled.rejected_commands, milled.invariants_broken
+        milled.counts.cycles,
+        milled.counts.missed_cycles,
+        milled.counts.rejected_commands,
+        milled.counts.invariants_broken
     ))?;
     console.say("")?;
     console.say(format!("page       {}", out.join("report.html").display()))?;
