@@ -27,7 +27,7 @@ mod view;
 use crate::campaign::{Campaign, Reading};
 use crate::colour::stream;
 use crate::fit::{Effort, Settings, fit};
-use crate::hypothesis::Hypothesis;
+use crate::hypothesis::{Hypothesis, named};
 use crate::proof::Split;
 use crate::result::Fit;
 use crate::robust::Influence;
@@ -37,10 +37,12 @@ use features::Word;
 use flexible::Taken;
 use glam::DVec3;
 use name::{Asking, Named, Naming};
+use physics::spec::Unit;
 use physics::{AnyEffect, Model};
 use prove::Held;
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 
 pub use ingest::{Ingested, ingest};
 pub use judge::Verdict;
@@ -52,6 +54,9 @@ pub use view::{Beside, Over, Spectra, Trace};
 
 /// The share of a number that stays open whatever the noise: scales, the geometry that levers are taken from, the form of a law.
 const FLOOR: f64 = 5e-3;
+
+/// Standard uncertainties from the middle to the end of a 95 % interval.
+const QUANTILE: f64 = 1.96;
 
 /// Where more than this share of the rows lies far from the model with all that was found, nothing is claimed.
 const FAR_MOST: f64 = 0.2;
@@ -228,7 +233,8 @@ fn finish(
     });
     let verdict = judge::verdict(&named, &last, carried);
     let map = locate::map(&campaign, &given, &settings, words);
-    let findings = findings(&held, model, &last, &named, &given);
+    let uncertainty = fitted.uncertainty();
+    let findings = findings(&held, model, (&last, &uncertainty), &named, &given);
     let unexplained = rest;
     let proof = Proof {
         says: split.says.clone(),
@@ -309,11 +315,11 @@ fn signal_rms(campaign: &Campaign, lengths: bool) -> f64 {
 fn findings(
     held: &Held<'_>,
     model: &Model,
-    last: &Fit,
-    named: &[Named],
+    (last, uncertainty): (&Fit, &[f64]),
+    all: &[Named],
     given: &Fit,
 ) -> Vec<Finding> {
-    let mut order: Vec<&Named> = named.iter().collect();
+    let mut order: Vec<&Named> = all.iter().collect();
     order.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let readings = last.readings as f64 / last.design_effect;
     let price = readings.max(2.0).ln();
@@ -326,16 +332,7 @@ fn findings(
         let Some(effect) = last.hypothesis.model.effects().nth(one.effect).copied() else {
             continue;
         };
-        let sigma = |value: usize| {
-            let place = last.hypothesis.free.iter();
-            let mut place = place
-                .enumerate()
-                .filter(|(_, free)| free.effect == one.effect && free.value == value);
-            // What the data do not determine is as open as it was believed to be.
-            let sigma =
-                place.next().map(|(k, free)| last.sigma(last.column_of(k)).unwrap_or(free.sigma));
-            sigma.map(|sigma| sigma.hypot(FLOOR * effect.values()[value]))
-        };
+        let sigma = |value: usize| sigma(one, &effect, value, (last, uncertainty));
         let (confidence, shares) = judge::confidence(one, price);
         let had = one
             .stated
@@ -358,4 +355,29 @@ fn findings(
         before = after;
     }
     findings
+}
+
+/// The standard uncertainty of a value of what was named, SI; none for one that neither was fitted nor has variants.
+fn sigma(
+    one: &Named,
+    effect: &AnyEffect,
+    value: usize,
+    (last, uncertainty): (&Fit, &[f64]),
+) -> Option<f64> {
+    let free = last.hypothesis.free.iter();
+    let free = free.enumerate().find(|(_, free)| free.effect == one.effect && free.value == value);
+    let fitted = free.map(|(k, free)| {
+        let place = last.columns().iter().position(|column| *column == last.column_of(k));
+        // What the data do not determine is as open as it was believed to be.
+        let sigma = place.map_or(free.sigma, |place| uncertainty[place]);
+        sigma.hypot(FLOOR * effect.values()[value])
+    });
+    let is_phase =
+        named(effect, value).is_some_and(|named| named.parameter.unit == Unit::PhaseRadian);
+    let away = |variant: &AnyEffect| {
+        let away = variant.values()[value] - effect.values()[value];
+        if is_phase { libm::remainder(away, TAU).abs() } else { away.abs() }
+    };
+    let widest = one.variants.iter().map(away).fold(0.0, f64::max) / QUANTILE;
+    (fitted.is_some() || widest > 0.0).then(|| fitted.unwrap_or_default() + widest)
 }

@@ -5,6 +5,7 @@
 //!
 //! Promises: the same input and seed give the same bits. Never: shared memory, a clock, a file opened, a data set's name.
 
+mod blocks;
 pub mod campaign;
 mod candidates;
 pub mod circle;

@@ -143,7 +143,7 @@ impl<'a> Fitted<'a> {
     }
 
     /// Shows the rows of the fit with further columns, told by how the tool would move with each at a pose: the fit's columns, the others, what is left.
-    fn rows(
+    pub(crate) fn rows(
         &self,
         count: usize,
         mut motions: impl FnMut(usize, &mut Vec<Motion>),

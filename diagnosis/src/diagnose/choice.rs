@@ -19,6 +19,8 @@ const STEPS: usize = 120;
 const FITTED: usize = 4;
 /// A rival that is further behind than this share of the gain stays there whatever its nonlinear numbers.
 const BEHIND: f64 = 0.2;
+/// Other settings of the same name that are behind by less, in the sum of squares, are not told from its own: a 95 % interval holds them.
+const VARIANT: f64 = 3.84;
 /// Names that are better by less than this are as good: the earlier in the library is said.
 const TIE: f64 = 1e-3;
 
@@ -198,10 +200,16 @@ impl<'a> Choice<'a> {
         let mut gram = self.gram.clone();
         gram.remove(own);
         let mut seen = vec![title(&self.entries[own].candidate)];
-        let mut near = Vec::new();
+        let (mut near, mut variants) = (Vec::new(), Vec::new());
+        let arm = &naming.fit.hypothesis.model.arm;
         for (place, would, _) in self.open(&gram, Some(own)) {
-            let name = title(&self.entries[place].candidate);
+            let entry = &self.entries[place];
+            let name = title(&entry.candidate);
             let behind = (gain.gain - would.gain) / self.design_effect;
+            let is_variant = name == seen[0] && !entry.kept.is_empty() && entry.searched() == 0;
+            if is_variant && behind < VARIANT {
+                variants.extend(entry.candidate.effect(arm, &would.found));
+            }
             let may_come = behind < 2.0 * ALIKE + BEHIND * gain.gain / self.design_effect;
             if !seen.contains(&name) && may_come {
                 seen.push(name);
@@ -218,6 +226,7 @@ impl<'a> Choice<'a> {
         one.gain = 0.5 * gain.gain / self.design_effect;
         one.numbers = gain.numbers + self.entries[own].searched();
         one.rivals = rivals;
+        one.variants = variants;
     }
 }
 

@@ -67,6 +67,8 @@ pub(super) struct Named {
     /// Numbers that it takes.
     pub(super) numbers: usize,
     pub(super) rivals: Vec<Rival>,
+    /// The same name with other settings, which the recording does not tell from these.
+    pub(super) variants: Vec<AnyEffect>,
 }
 
 /// Everything that was named, and the fit with all of it.
@@ -225,6 +227,7 @@ impl Asking<'_> {
             gain: gone.gain - rival.behind,
             numbers: rival.numbers,
             rivals: Vec::new(),
+            variants: Vec::new(),
         };
         Some(Naming {
             fit: compare(self.campaign, &hypothesis, &naming.fit, self.settings.used),
@@ -301,6 +304,7 @@ impl Asking<'_> {
                     gain: 0.5 * gain.gain / before.design_effect,
                     numbers: gain.numbers,
                     rivals: Vec::new(),
+                    variants: Vec::new(),
                 });
             }
         }

@@ -1,0 +1,59 @@
+//! How sure the numbers of a fit are, told by stretches of the recording that agree or do not (a sandwich over blocks; Liang and Zeger 1986).
+//!
+//! The fit's own uncertainty holds where the noise is as it was taken to be. Where it remembers itself longer, or differs from place to place, the pulls of
+//! stretches scatter more than that.
+//!
+//! Promises: never below what the noise alone makes of it. Never: a change of what was fitted.
+
+use crate::score::Fitted;
+use std::cell::Cell;
+
+/// Stretches that the recordings are cut into.
+const STRETCHES: usize = 20;
+/// Fewer that were read tell nothing.
+const FEW: usize = 8;
+/// The normal quantile of 95 %, squared.
+const QUANTILE_SQUARED: f64 = 3.84;
+
+impl Fitted<'_> {
+    /// The standard uncertainty of each column of the fit, SI, in the order of [`crate::result::Fit::columns`].
+    pub(crate) fn uncertainty(&self) -> Vec<f64> {
+        let width = self.fit.columns().len();
+        let of_noise: Vec<f64> = self
+            .fit
+            .columns()
+            .iter()
+            .map(|column| self.fit.sigma(*column).unwrap_or_default())
+            .collect();
+        let poses = self.campaign.poses.len().max(1);
+        let here = Cell::new(0);
+        let mut pulls: Vec<Vec<f64>> = vec![Vec::new(); STRETCHES];
+        self.rows(
+            0,
+            |pose, _| here.set(pose * STRETCHES / poses),
+            |row, _, left| {
+                let own = &mut pulls[here.get()];
+                own.resize(width, 0.0);
+                own.iter_mut().zip(row).for_each(|(pull, x)| *pull += x * left);
+            },
+        );
+        pulls.retain(|own| !own.is_empty());
+        let count = pulls.len() as f64;
+        if pulls.len() < FEW {
+            return of_noise;
+        }
+        let mean = |k: usize| pulls.iter().map(|own| own[k]).sum::<f64>() / count;
+        let means: Vec<f64> = (0..width).map(mean).collect();
+        let mut squares = vec![0.0; width];
+        for own in &pulls {
+            let pull = own.iter().zip(&means).map(|(pull, mean)| pull - mean).collect();
+            let triangle = &self.fit.triangle;
+            let shift = triangle.back(triangle.forward(pull));
+            squares.iter_mut().zip(shift).for_each(|(sum, x)| *sum += x * x);
+        }
+        // Student's quantile in units of the normal one (Fisher and Cornish 1960, first term), since there are few stretches.
+        let student = 1.0 + (QUANTILE_SQUARED + 1.0) / (4.0 * (count - 1.0));
+        let of_stretches = squares.iter().map(|x| student * (x * count / (count - 1.0)).sqrt());
+        of_noise.iter().zip(of_stretches).map(|(a, b)| a.max(b)).collect()
+    }
+}
