@@ -5,7 +5,7 @@
 //! Never: data.
 
 use glam::DVec3;
-use physics::spec::{Count, Parameter, Range, Unit};
+use physics::spec::{Count, Parameter, Range, Role, Unit};
 use physics::{AnyEffect, Model, ModelError};
 
 /// How far from its bounds a number between two stays, as a share of the width.
@@ -116,6 +116,15 @@ impl Hypothesis {
     #[must_use]
     pub fn effect_of(&self, free: &Free) -> Option<&AnyEffect> {
         self.model.effects().nth(free.effect)
+    }
+
+    /// Whether a free number bends what the others of its effect do, a wave's phase aside.
+    #[must_use]
+    pub fn bends(&self, free: &Free) -> bool {
+        let named = self.effect_of(free).and_then(|effect| named(effect, free.value));
+        named.is_some_and(|named| {
+            named.parameter.role == Role::Nonlinear && named.parameter.unit != Unit::PhaseRadian
+        })
     }
 
     /// The free numbers as they stand.

@@ -7,7 +7,7 @@
 
 use crate::campaign::{Arrival, Campaign};
 use crate::colour::{Filter, stream};
-use crate::hypothesis::Hypothesis;
+use crate::hypothesis::{Free, Hypothesis};
 use crate::independent::{Dependent, sort};
 use crate::motion::Motion;
 use crate::motions::Motions;
@@ -60,9 +60,13 @@ impl State {
 
     /// The columns of `data` that it determines or of which a belief was stated, and the others.
     pub(crate) fn sort(&self, data: &Triangle) -> (Vec<usize>, Vec<Dependent>) {
-        let (mut kept, mut others) = sort(data, &self.widths());
         let first = self.surroundings.numbers().len();
         let free = &self.hypothesis.free;
+        let bends = |free: &Free| self.hypothesis.bends(free);
+        let mut widths = self.widths();
+        let own = widths[first..].iter_mut().zip(free).filter(|(_, free)| bends(free));
+        own.for_each(|(width, _)| *width *= BENT);
+        let (mut kept, mut others) = sort(data, &widths);
         let is_stated = |d: &Dependent| d.column.checked_sub(first).is_some_and(|k| free[k].stated);
         kept.extend(others.iter().filter(|d| is_stated(d)).map(|d| d.column));
         kept.sort_unstable();
@@ -70,6 +74,9 @@ impl State {
         (kept, others)
     }
 }
+
+/// By how much less needs to show of a number that bends what others do: held, it would lend its doubt to none of them.
+const BENT: f64 = 5.0;
 
 /// A reading at its place in the campaign.
 pub(crate) struct At<'a> {
