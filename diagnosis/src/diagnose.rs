@@ -220,7 +220,7 @@ fn finish(
     let fitted = Fitted::new(&campaign, &last, &settings);
     let (before, after) = (held.rms(&given), held.rms(&last));
     let rest = law.map(|law| {
-        let ([without, with], _) = law.on(&fitted, words, &held_out);
+        let [without, with] = law.on(&fitted, words, &held_out);
         Unexplained {
             depends_on: depends_on(&law, words),
             joint: law.joint,
@@ -321,8 +321,6 @@ fn findings(
 ) -> Vec<Finding> {
     let mut order: Vec<&Named> = all.iter().collect();
     order.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    let readings = last.readings as f64 / last.design_effect;
-    let price = readings.max(2.0).ln();
     let mut before = held.rms(given);
     let mut findings = Vec::new();
     let whole = &last.hypothesis.model;
@@ -333,7 +331,7 @@ fn findings(
             continue;
         };
         let sigma = |value: usize| sigma(one, &effect, value, (last, uncertainty));
-        let (confidence, shares) = judge::confidence(one, price);
+        let (confidence, shares) = judge::confidence(one, last);
         let had = one
             .stated
             .as_ref()

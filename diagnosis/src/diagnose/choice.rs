@@ -78,7 +78,7 @@ impl<'a> Choice<'a> {
     }
 
     /// A gain less what its numbers cost, in the sum of squares.
-    fn worth(&self, gain: &Gain, entry: &Entry) -> f64 {
+    pub(super) fn worth(&self, gain: &Gain, entry: &Entry) -> f64 {
         let tried = self.entries.len().max(1) as f64;
         let numbers = (gain.numbers + entry.searched()) as f64;
         gain.gain / self.design_effect - numbers * self.price() + entry.spared - 2.0 * tried.ln()
@@ -222,7 +222,9 @@ impl<'a> Choice<'a> {
             rivals.extend(rival.filter(|rival| rival.behind < 2.0 * ALIKE));
         }
         rivals.sort_by(|a, b| a.behind.total_cmp(&b.behind));
+        let margin = 0.5 * self.worth(&gain, &self.entries[own]);
         let one = &mut naming.named[k];
+        one.margin = margin;
         one.gain = 0.5 * gain.gain / self.design_effect;
         one.numbers = gain.numbers + self.entries[own].searched();
         one.rivals = rivals;

@@ -3,6 +3,7 @@
 //! Promises: what cannot be told apart is never claimed. Never: a number that was not found elsewhere.
 
 use super::name::{Named, Rival};
+use crate::result::Fit;
 use physics::AnyEffect;
 
 /// Names must carry this share of what was found above the noise; else the structure is unknown.
@@ -11,6 +12,9 @@ const CARRIED: f64 = 0.8;
 const CLEAR: f64 = 0.5;
 /// Two names that differ by less than this in log-likelihood are one and the same thing in this recording.
 const SAME: f64 = 0.5;
+
+/// A dearer name that is at least as probable as this keeps a cheaper one from being claimed.
+const LIKELY: f64 = 0.35;
 
 /// What a recording says of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,7 +43,7 @@ impl Verdict {
 }
 
 /// The verdict on names that carry the share `carried` of what stands above the noise on held-out rows; none: all of it.
-pub(super) fn verdict(found: &[Named], fit: &crate::Fit, carried: Option<f64>) -> Verdict {
+pub(super) fn verdict(found: &[Named], fit: &Fit, carried: Option<f64>) -> Verdict {
     let named: f64 = found.iter().map(|one| 2.0 * one.gain).sum();
     let alike = found.iter().filter(|one| is_ambiguous(one, fit));
     let alike: f64 = alike.map(|one| 2.0 * one.gain).sum();
@@ -52,13 +56,16 @@ pub(super) fn verdict(found: &[Named], fit: &crate::Fit, carried: Option<f64>) -
     }
 }
 
-/// Whether another name, one that is not the same thing by another word, explains it as well.
-pub(super) fn is_ambiguous(one: &Named, fit: &crate::Fit) -> bool {
+/// Whether another name, one that is not the same thing by another word, explains it as well; one of more numbers only where it is likely.
+pub(super) fn is_ambiguous(one: &Named, fit: &Fit) -> bool {
     let own = fit.hypothesis.model.effects().nth(one.effect);
-    let alike = |rival: &&Rival| {
-        rival.alike && rival.numbers <= one.numbers && !own.is_some_and(|own| is_same(own, rival))
+    let (_, shares) = confidence(one, fit);
+    let alike = |(rival, share): (&Rival, f64)| {
+        rival.alike
+            && (rival.numbers <= one.numbers || share > LIKELY)
+            && !own.is_some_and(|own| is_same(own, rival))
     };
-    one.rivals.iter().filter(alike).count() > 0
+    one.rivals.iter().zip(shares).any(alike)
 }
 
 /// Whether a rival is the same thing in this recording, and the contract says which word to prefer.
@@ -81,7 +88,9 @@ fn is_same(own: &AnyEffect, rival: &Rival) -> bool {
 }
 
 /// The probability that a name is right beside its rivals, by their likelihoods and the numbers that each takes.
-pub(super) fn confidence(one: &Named, price: f64) -> (f64, Vec<f64>) {
+pub(super) fn confidence(one: &Named, fit: &Fit) -> (f64, Vec<f64>) {
+    let readings = fit.readings as f64 / fit.design_effect;
+    let price = readings.max(2.0).ln();
     let weight = |rival: &Rival| libm::exp(-(rival.behind + one.dearer(rival, price)).max(-20.0));
     let weights: Vec<f64> = one.rivals.iter().map(weight).collect();
     let all = 1.0 + weights.iter().sum::<f64>();

@@ -64,6 +64,8 @@ pub(super) struct Named {
     pub(super) spared: f64,
     /// By how much log-likelihood is higher with it than without.
     pub(super) gain: f64,
+    /// The same less what its numbers and the size of the library cost.
+    pub(super) margin: f64,
     /// Numbers that it takes.
     pub(super) numbers: usize,
     pub(super) rivals: Vec<Rival>,
@@ -225,6 +227,7 @@ impl Asking<'_> {
             kept: rival.kept,
             spared: gone.spared.max(price * more),
             gain: gone.gain - rival.behind,
+            margin: gone.margin - rival.behind - gone.dearer(rival, price),
             numbers: rival.numbers,
             rivals: Vec::new(),
             variants: Vec::new(),
@@ -302,6 +305,7 @@ impl Asking<'_> {
                     kept: entry.kept,
                     spared: entry.spared,
                     gain: 0.5 * gain.gain / before.design_effect,
+                    margin: 0.5 * choice.worth(&gain, entry),
                     numbers: gain.numbers,
                     rivals: Vec::new(),
                     variants: Vec::new(),

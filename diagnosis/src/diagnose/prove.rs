@@ -13,12 +13,10 @@ use crate::proof::Split;
 use crate::result::Fit;
 use physics::Model;
 
-/// A name is borne out where the gain in log-likelihood on held-out rows is at least this share of what their number promises, and this much. What is
-/// not there loses about as much as was promised; what is there gains it, give or take: the border lies between, nearer to what is there.
-const SHARE: f64 = 0.1;
-const LEAST: f64 = 1.0;
-/// As much is enough, whatever was promised: an effect need not show alike everywhere.
-const ENOUGH: f64 = 5.0;
+/// A name is borne out where rows that chose nothing speak for it by this much in log-likelihood: what is not there loses there about what it promised.
+const SPEAKS: f64 = 1.0;
+/// And where both looks together are as sure as this, in log-likelihood beyond what its numbers and the size of the library cost.
+const SURE: f64 = 7.0;
 /// Poses of a path between training and held-out stretches.
 const APART: usize = 5;
 /// A reading further off than this many times the middle one is an outlier.
@@ -49,13 +47,12 @@ pub(super) fn set_apart(campaign: &mut Campaign, splits: [&Split; 2]) {
     near.into_iter().for_each(|k| campaign.poses[k].seen.clear());
 }
 
-/// How much log-likelihood held-out rows have to gain where training rows promise so much.
-pub(super) fn wanted(promised: f64) -> f64 {
-    (SHARE * promised).clamp(LEAST, ENOUGH)
+/// Above zero where a second look, which gained `gain`, bears out what the first found with `margin` to spare; both in log-likelihood.
+pub(super) fn borne_out(margin: f64, gain: f64) -> f64 {
+    (gain - SPEAKS).min(margin + gain - SURE)
 }
 
-/// Takes out of the names what the rows that were kept for a second look do not bear out: where the sum of squares there does not fall by a fair share of
-/// what training rows promise. They only ever take a name away.
+/// Takes out of the names what the rows that were kept for a second look do not bear out. They only ever take a name away.
 pub(super) fn confirmed(
     campaign: &Campaign,
     model: &Model,
@@ -64,14 +61,12 @@ pub(super) fn confirmed(
 ) -> Naming {
     while !naming.named.is_empty() && kept.contains(&true) {
         let held = Held::new(campaign, (split, kept), &naming.fit);
-        let (left, numbers) = held.whitened(&naming.fit);
-        let borne_out = |one: &Named| {
+        let left = held.whitened(&naming.fit);
+        let told = |one: &Named| {
             let bare = held.beside(&without(&naming.fit, model, &[one]), &naming.fit);
-            let gain = 0.5 * (held.whitened(&bare).0 - left) / naming.fit.design_effect;
-            let share = numbers as f64 / naming.fit.readings.max(1) as f64;
-            gain - wanted(share * one.gain)
+            borne_out(one.margin, 0.5 * (held.whitened(&bare) - left) / naming.fit.design_effect)
         };
-        let worst = naming.named.iter().map(borne_out).enumerate();
+        let worst = naming.named.iter().map(told).enumerate();
         let worst = worst.min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((k, _)) = worst.filter(|(_, margin)| *margin < 0.0) else { break };
         let hypothesis = without(&naming.fit, model, &[&naming.named[k]]);
@@ -134,9 +129,9 @@ impl<'a> Held<'a> {
         (sum, count)
     }
 
-    /// The sum of squares of single numbers in units of the noise, what it remembers of itself taken out, and how many they are.
-    fn whitened(&self, fit: &Fit) -> (f64, usize) {
-        let (mut sum, mut count) = (0.0, 0);
+    /// The sum of squares of single numbers in units of the noise, what it remembers of itself taken out.
+    fn whitened(&self, fit: &Fit) -> f64 {
+        let mut sum = 0.0;
         let surroundings = fit.surroundings.clone();
         let state = State { surroundings, hypothesis: fit.hypothesis.clone() };
         let mut filter = Filter::new(self.campaign);
@@ -148,10 +143,9 @@ impl<'a> Held<'a> {
                 let mut left = [scale * at.rows.residual[part]];
                 filter.pass(at.pose, at.instrument, at.stream, part, &mut left);
                 sum += weight * left[0] * left[0];
-                count += usize::from(self.counts[at.reading]);
             }
         });
-        (sum, count)
+        sum
     }
 
     /// The same for the training rows of a fit: what is left where everything was fitted.

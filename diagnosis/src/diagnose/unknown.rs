@@ -6,7 +6,7 @@
 //! Promises: a law costs its numbers and the number of laws that were tried. Never: a name of an effect.
 
 use super::features::Word;
-use super::prove::wanted;
+use super::prove::borne_out;
 use crate::campaign::Campaign;
 use crate::fit::Settings;
 use crate::motion::Motion;
@@ -33,9 +33,7 @@ pub(super) struct Law {
     pub(super) words: Vec<usize>,
     /// One coefficient per term, rad or m.
     pub(super) found: Vec<f64>,
-    /// By how much the sum of squares falls.
-    pub(super) gain: f64,
-    /// Less what its numbers cost; above zero: it is there.
+    /// By how much the sum of squares falls, less what its numbers cost; above zero: it is there.
     pub(super) worth: f64,
 }
 
@@ -52,10 +50,9 @@ pub(super) fn confirmed(
     if !kept.contains(&true) {
         return Some(law);
     }
-    let ([without, with], count) = law.on(&fitted, words, kept);
+    let [without, with] = law.on(&fitted, words, kept);
     let gain = 0.5 * (without - with) / fit.design_effect;
-    let promised = 0.5 * law.gain / fit.design_effect * count as f64 / fit.readings as f64;
-    (gain > wanted(promised)).then_some(law)
+    (borne_out(0.5 * law.worth, gain) > 0.0).then_some(law)
 }
 
 /// The law that is worth most; none where nothing is left to explain.
@@ -101,7 +98,7 @@ fn better(
             let worth = score.gain / fitted.fit.design_effect - price(fitted, score.numbers, tried);
             if best.as_ref().is_none_or(|best| worth > best.worth) {
                 let words = groups[score.candidate].clone();
-                best = Some(Law { joint, words, found: score.found, gain: score.gain, worth });
+                best = Some(Law { joint, words, found: score.found, worth });
             }
         }
     }
@@ -175,15 +172,10 @@ impl Law {
         Motion::of_joint(arm, &chain, self.joint).times(sum)
     }
 
-    /// Sums of squares of the rows `held`, in units of the noise, without the law and with it; and how many numbers they are.
-    pub(super) fn on(
-        &self,
-        fitted: &Fitted<'_>,
-        words: &[Word],
-        held: &[bool],
-    ) -> ([f64; 2], usize) {
+    /// Sums of squares of the rows `held`, in units of the noise, without the law and with it.
+    pub(super) fn on(&self, fitted: &Fitted<'_>, words: &[Word], held: &[bool]) -> [f64; 2] {
         let arm = &fitted.state.hypothesis.model.arm;
-        let (mut sums, mut count) = ([0.0; 2], 0);
+        let mut sums = [0.0; 2];
         let look = Look { used: Some(held), derivatives: false };
         visit(fitted.campaign, &fitted.state, look, |at| {
             let factor = fitted.weighing.factors[at.instrument];
@@ -195,8 +187,7 @@ impl Law {
             let law = at.rows.along(&self.motion(arm, inputs, words, at.pose)) / factor;
             sums[0] += residual.length_squared();
             sums[1] += (residual - law).length_squared();
-            count += at.rows.count;
         });
-        (sums, count)
+        sums
     }
 }
