@@ -23,27 +23,21 @@ pub struct Colour {
     law: Vec<f64>,
     /// The standard deviation of what is new, in units of the noise.
     fresh: f64,
-    /// Poses from one reading to the next.
-    stride: usize,
 }
 
 impl Default for Colour {
     fn default() -> Self {
-        Self { law: Vec::new(), fresh: 1.0, stride: 1 }
+        Self { law: Vec::new(), fresh: 1.0 }
     }
 }
 
 impl Colour {
-    /// The law that runs of readings show; `stride`: poses from one reading to the next.
+    /// The law that runs of readings show.
     #[must_use]
-    pub fn of_runs(runs: &[Vec<f64>], stride: usize) -> Self {
+    pub fn of_runs(runs: &[Vec<f64>]) -> Self {
         let (law, fresh) = law(runs);
         // What a flexible law has taken too much of looks as if it swung: no instrument does.
-        if law.iter().sum::<f64>() <= SWINGS {
-            Self::default()
-        } else {
-            Self { law, fresh, stride }
-        }
+        if law.iter().sum::<f64>() <= SWINGS { Self::default() } else { Self { law, fresh } }
     }
 
     /// Whether nothing is to be taken out.
@@ -117,10 +111,10 @@ pub(crate) fn stream(reading: &Reading) -> usize {
     }
 }
 
-/// Whether one pose follows another by `stride`, in one run.
-pub(crate) fn follows(campaign: &Campaign, before: usize, now: usize, stride: usize) -> bool {
+/// Whether one pose is the row after another's, in one run.
+pub(crate) fn follows(campaign: &Campaign, before: usize, now: usize) -> bool {
     let pose = |place: usize| -> &Pose { &campaign.poses[place] };
-    before + stride == now
+    pose(before).row + 1 == pose(now).row
         && pose(before).recording == pose(now).recording
         && pose(before).inputs.time_s <= pose(now).inputs.time_s
 }
@@ -152,12 +146,12 @@ impl<'a> Filter<'a> {
         part: usize,
         row: &mut [f64],
     ) {
-        let Colour { law, fresh, stride } = &self.campaign.instruments[instrument].colour;
+        let Colour { law, fresh } = &self.campaign.instruments[instrument].colour;
         if law.is_empty() {
             return;
         }
         let past = self.past.entry((instrument, stream, part)).or_default();
-        if !past.rows.is_empty() && !follows(self.campaign, past.pose, pose, *stride) {
+        if !past.rows.is_empty() && !follows(self.campaign, past.pose, pose) {
             past.rows.clear();
         }
         past.pose = pose;
@@ -195,10 +189,10 @@ mod tests {
 
     #[test]
     fn a_first_order_law_is_found_and_white_noise_has_none() {
-        let coloured = Colour::of_runs(&[run(0.8, 2000, 1), run(0.8, 500, 2)], 1);
+        let coloured = Colour::of_runs(&[run(0.8, 2000, 1), run(0.8, 500, 2)]);
         assert!((coloured.law[0] - 0.8).abs() < 0.06, "{coloured:?}");
         assert!((coloured.fresh - 0.6).abs() < 0.03, "{coloured:?}");
-        let white = Colour::of_runs(&[run(0.0, 2000, 3)], 1);
+        let white = Colour::of_runs(&[run(0.0, 2000, 3)]);
         assert!(white.is_white(), "{white:?}");
     }
 
@@ -207,7 +201,7 @@ mod tests {
         let mut campaign = crate::made::empty(0, 60);
         campaign.poses.iter_mut().enumerate().for_each(|(k, p)| p.inputs.time_s = k as f64);
         let series = run(0.7, 60, 4);
-        campaign.instruments[0].colour = Colour { law: vec![0.7], fresh: 0.5, stride: 1 };
+        campaign.instruments[0].colour = Colour { law: vec![0.7], fresh: 0.5 };
         let mut filter = Filter::new(&campaign);
         for (k, value) in series.iter().enumerate().filter(|(k, _)| !(20..25).contains(k)) {
             let mut row = [*value];

@@ -140,11 +140,11 @@ pub fn diagnose(
 ) -> Diagnosis {
     let mut notes = Vec::new();
     ready::set_moving(&mut campaign, model.arm.count());
-    let stride = ready::thin(&mut campaign, &mut notes);
+    let kept = ready::thin(&mut campaign, model.arm.count(), &mut notes);
     let split = match held_out {
         Some(held) => Split {
             says: "what the recordings keep for validation".to_owned(),
-            training: held.iter().map(|held| !held).collect(),
+            training: held.iter().zip(kept).filter(|(_, kept)| *kept).map(|(h, _)| !h).collect(),
         },
         None => Split::in_blocks(&campaign, seed),
     };
@@ -157,13 +157,12 @@ pub fn diagnose(
     let known = ready::known(model, sigma);
     let base = fit(&campaign, &known, &settings);
     let library = library::library(model, &campaign);
-    let base = whiten(&mut campaign, &known, &settings, &base, (&words, Taken::All, stride))
-        .unwrap_or(base);
+    let base =
+        whiten(&mut campaign, &known, &settings, &base, (&words, Taken::All)).unwrap_or(base);
     let asking = Asking { campaign: &campaign, known: &known, settings, library: &library };
     let first = name::chosen(&asking, Naming::none(&base));
     // What is named tells what is noise, and what is noise tells what can be named.
-    let again =
-        whiten(&mut campaign, &known, &settings, &first.fit, (&words, Taken::BorneOut, stride));
+    let again = whiten(&mut campaign, &known, &settings, &first.fit, (&words, Taken::BorneOut));
     let asking = Asking { campaign: &campaign, known: &known, settings, library: &library };
     let start = again.map_or(first, |base| Naming::none(&base));
     let naming = name::name(&asking, start);
@@ -187,9 +186,9 @@ fn whiten(
     known: &Hypothesis,
     settings: &Settings<'_>,
     seen: &Fit,
-    (words, taken, stride): (&[Word], Taken, usize),
+    (words, taken): (&[Word], Taken),
 ) -> Option<Fit> {
-    let colours = noise::colours(campaign, seen, settings.used, (words, taken), stride);
+    let colours = noise::colours(campaign, seen, settings.used, (words, taken));
     if colours.iter().zip(&campaign.instruments).all(|(a, b)| *a == b.colour) {
         return None;
     }

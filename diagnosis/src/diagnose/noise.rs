@@ -31,20 +31,19 @@ struct Run {
     values: Vec<f64>,
 }
 
-/// The colours of all instruments, from the poses `used`, `stride` poses from one reading to the next.
+/// The colours of all instruments, from the poses `used`.
 pub(super) fn colours(
     campaign: &Campaign,
     fit: &Fit,
     used: &[bool],
     (words, taken): (&[Word], Taken),
-    stride: usize,
 ) -> Vec<Colour> {
     let mut pieces: Vec<Vec<Vec<f64>>> = vec![Vec::new(); campaign.instruments.len()];
     for run in runs(campaign, fit, used).values() {
         let left = flattened(run, words, taken);
-        pieces[run.instrument].extend(split(campaign, run, &left, stride));
+        pieces[run.instrument].extend(split(campaign, run, &left));
     }
-    pieces.iter().map(|pieces| Colour::of_runs(pieces, stride)).collect()
+    pieces.iter().map(|pieces| Colour::of_runs(pieces)).collect()
 }
 
 fn runs(campaign: &Campaign, fit: &Fit, used: &[bool]) -> BTreeMap<(usize, usize, usize), Run> {
@@ -96,10 +95,10 @@ fn flattened(run: &Run, words: &[Word], taken: Taken) -> Vec<f64> {
 }
 
 /// A run in pieces of which each pose follows the one before.
-fn split(campaign: &Campaign, run: &Run, left: &[f64], stride: usize) -> Vec<Vec<f64>> {
+fn split(campaign: &Campaign, run: &Run, left: &[f64]) -> Vec<Vec<f64>> {
     let mut pieces: Vec<Vec<f64>> = Vec::new();
     for (k, value) in left.iter().enumerate() {
-        let goes_on = k > 0 && follows(campaign, run.poses[k - 1], run.poses[k], stride);
+        let goes_on = k > 0 && follows(campaign, run.poses[k - 1], run.poses[k]);
         match pieces.last_mut().filter(|_| goes_on) {
             Some(piece) => piece.push(*value),
             None => pieces.push(vec![*value]),

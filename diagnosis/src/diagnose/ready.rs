@@ -4,11 +4,15 @@
 
 use crate::campaign::Campaign;
 use crate::hypothesis::Hypothesis;
+use crate::proof::runs;
 use crate::rides::paths;
 use physics::{Inputs, Model};
+use std::ops::Range;
 
-/// Readings that are looked at, at most; of more, every so manieth.
-const POSES_MAX: usize = 6000;
+/// Poses whose readings are looked at, at most.
+const POSES_MAX: usize = 3000;
+/// Stretches of neighbours among them: half of all.
+const STRETCHES: usize = 10;
 
 /// Speeds and accelerations along paths: an arm that moves is bent by its own inertia too.
 pub(super) fn set_moving(campaign: &mut Campaign, joints: usize) {
@@ -37,19 +41,67 @@ pub(super) fn known(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     known
 }
 
-/// Leaves the readings of every so manieth pose where there are very many; gives the distance of those that stay.
-pub(super) fn thin(campaign: &mut Campaign, notes: &mut Vec<String>) -> usize {
+/// Leaves of very many poses those that are looked at; gives which. Of a path: stretches of neighbours where the arm is driven hardest, since what rings
+/// and lags shows there, every so manieth of the rest, and every row where a joint turns round, since play and hysteresis remember these.
+pub(super) fn thin(campaign: &mut Campaign, joints: usize, notes: &mut Vec<String>) -> Vec<bool> {
+    let count = campaign.poses.len();
     let measured = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
-    let stride = measured.div_ceil(POSES_MAX).max(1);
-    if stride > 1 {
-        for (k, pose) in campaign.poses.iter_mut().enumerate() {
-            if k % stride > 0 {
-                pose.seen.clear();
-            }
-        }
-        notes.push(format!(
-            "of {measured} rows every {stride}th was looked at; what remembers followed all of them"
-        ));
+    if measured <= POSES_MAX {
+        return vec![true; count];
     }
-    stride
+    let stride = measured.div_ceil(POSES_MAX / 2);
+    let mut read: Vec<bool> = (0..count).map(|k| k % stride == 0).collect();
+    let paths: Vec<Range<usize>> = paths(campaign).collect();
+    for stretch in hardest(campaign, &paths, joints) {
+        read[stretch].fill(true);
+    }
+    let mut kept = vec![true; count];
+    for path in &paths {
+        let poses = &campaign.poses[path.clone()];
+        let turns = |k: usize| k > 0 && poses[k].inputs.direction != poses[k - 1].inputs.direction;
+        for k in 0..poses.len() {
+            // The row before is where it turned.
+            kept[path.start + k] = read[path.start + k] || turns(k) || turns((k + 1) % poses.len());
+        }
+    }
+    campaign.poses.iter_mut().zip(&read).filter(|(_, read)| !**read).for_each(|(pose, _)| {
+        pose.seen.clear();
+    });
+    let mut keeps = kept.iter();
+    campaign.poses.retain(|_| *keeps.next().unwrap_or(&true));
+    join(campaign);
+    let looked_at = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
+    notes.push(format!(
+        "of {measured} rows {looked_at} were looked at: {STRETCHES} stretches where the arm is driven hardest, and every {stride}th of the rest"
+    ));
+    kept
+}
+
+/// The stretches of neighbours in which joints are accelerated most.
+fn hardest(campaign: &Campaign, paths: &[Range<usize>], joints: usize) -> Vec<Range<usize>> {
+    let length = POSES_MAX / (2 * STRETCHES);
+    let pieces = paths.iter().flat_map(|path| {
+        let starts = path.clone().step_by(length);
+        starts.map(|start| start..(start + length).min(path.end))
+    });
+    let driven = |piece: &Range<usize>| {
+        let poses = campaign.poses[piece.clone()].iter();
+        let of_joints = poses.flat_map(|pose| pose.inputs.acceleration[..joints].iter());
+        of_joints.map(|a| a * a).sum::<f64>()
+    };
+    let mut pieces: Vec<(f64, Range<usize>)> = pieces.map(|p| (driven(&p), p)).collect();
+    pieces.sort_by(|a, b| b.0.total_cmp(&a.0));
+    pieces.into_iter().take(STRETCHES).map(|(_, piece)| piece).collect()
+}
+
+/// Poses that were not neighbours follow one another: each from the one before it that is left.
+fn join(campaign: &mut Campaign) {
+    for run in runs(campaign) {
+        for k in run.skip(1) {
+            let before = campaign.poses[k - 1].inputs;
+            let inputs = &mut campaign.poses[k].inputs;
+            inputs.q_before = before.q;
+            inputs.dt_s = inputs.time_s - before.time_s;
+        }
+    }
 }
