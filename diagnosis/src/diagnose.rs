@@ -169,7 +169,15 @@ pub fn diagnose(
     let second_look = split.training.iter().zip(used).map(|(trains, used)| *trains && !used);
     let second_look: Vec<bool> = second_look.collect();
     let naming = prove::confirmed(&campaign, model, (&naming_split, &second_look), naming);
-    let law = unknown::confirmed(&campaign, &naming.fit, &settings, &words, &second_look);
+    let asking = Asking { campaign: &campaign, known: &known, settings, library: &library };
+    let (naming, law) = match unknown::instead_of_names(&asking, &naming, &words, &second_look) {
+        Some((bare, law)) => (Naming::none(&bare), Some(law)),
+        None => {
+            let fit = &naming.fit;
+            let law = unknown::confirmed(&campaign, fit, &settings, &words, &second_look);
+            (naming, law)
+        }
+    };
     // Names and laws stand; their numbers, and which rivals come near, are told by all that is not held out.
     let around = naming.fit.surroundings.clone();
     let settings = Settings { used: &split.training, from: Some(&around), ..settings };

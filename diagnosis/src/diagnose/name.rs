@@ -130,10 +130,11 @@ pub(super) fn with_rivals(asking: &Asking<'_>, mut naming: Naming) -> Naming {
 
 impl Named {
     /// What a rival pays for the numbers that it takes beyond these, in log-likelihood: the fewest win, unless the evidence differs by more than
-    /// [`ALIKE`] (contract `effects.md`). `price`: of a number, in the sum of squares.
+    /// [`ALIKE`] (contract `effects.md`) beyond what as many numbers gain by chance. `price`: of a number, in the sum of squares.
     pub(super) fn dearer(&self, rival: &Rival, price: f64) -> f64 {
         let more = rival.numbers as f64 - self.numbers as f64;
-        (0.5 * price * more).clamp(-ALIKE, ALIKE)
+        let most = ALIKE + 0.5 * more.abs();
+        (0.5 * price * more).clamp(-most, most)
     }
 
     /// The rival that is the better name.

@@ -6,9 +6,10 @@
 //! Promises: a law costs its numbers and the number of laws that were tried. Never: a name of an effect.
 
 use super::features::Word;
+use super::name::{Asking, Naming};
 use super::prove::borne_out;
 use crate::campaign::Campaign;
-use crate::fit::Settings;
+use crate::fit::{Settings, compare};
 use crate::motion::Motion;
 use crate::problem::{Look, visit};
 use crate::result::Fit;
@@ -21,6 +22,8 @@ const DEGREE: usize = 5;
 const DEGREE_OF_PAIR: usize = 3;
 /// Readings further off, in units of the noise, are outliers.
 const FAR: f64 = 12.0;
+/// By which share of what names are worth a law has to be worth more than they are: names are simplified physics too.
+const CLEARLY: f64 = 0.02;
 /// How large a coefficient may be: a joint's error, rad or m.
 const LARGE: f64 = 5e-3;
 
@@ -53,6 +56,27 @@ pub(super) fn confirmed(
     let [without, with] = law.on(&fitted, words, kept);
     let gain = 0.5 * (without - with) / fit.design_effect;
     (borne_out(0.5 * law.worth, gain) > 0.0).then_some(law)
+}
+
+/// A smooth law of one joint that says more than all names do, with the fit without them: then the names are patches on something that is none of them.
+pub(super) fn instead_of_names(
+    asking: &Asking<'_>,
+    naming: &Naming,
+    words: &[Word],
+    kept: &[bool],
+) -> Option<(Fit, Law)> {
+    if naming.named.is_empty() {
+        return None;
+    }
+    let Asking { campaign, known, settings, library } = asking;
+    let bare = compare(campaign, known, &naming.fit, settings.used);
+    let numbers: usize = naming.named.iter().map(|one| one.numbers).sum();
+    let fitted = Fitted::new(campaign, &bare, settings);
+    let cost =
+        price(&fitted, numbers, 1) + naming.named.len() as f64 * price(&fitted, 0, library.len());
+    let names = (bare.sum - naming.fit.sum) / bare.design_effect - cost;
+    let law = confirmed(campaign, &bare, settings, words, kept)?;
+    (law.worth > (1.0 + CLEARLY) * names).then_some((bare, law))
 }
 
 /// The law that is worth most; none where nothing is left to explain.

@@ -82,6 +82,8 @@ pub(super) struct Alternative {
     pub(super) effect: &'static str,
     pub(super) joint: Option<usize>,
     pub(super) confidence: f64,
+    #[serde(skip)]
+    is_alike: bool,
 }
 
 #[derive(Serialize)]
@@ -215,6 +217,7 @@ impl Told {
             effect: rival.effect.spec().kind,
             joint: rival.effect.joint().map(|joint| joint + 1),
             confidence: *confidence,
+            is_alike: rival.alike,
         });
         Self {
             effect: effect.spec().kind,
@@ -327,7 +330,8 @@ pub(in crate::commands) fn lead(found: &Found, report: &Report) -> String {
 pub(in crate::commands) fn lines(report: &Report) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for told in report.findings.iter().take(LINES) {
-        let rivals: Vec<String> = told.alternatives.iter().map(Alternative::name).collect();
+        let alike = told.alternatives.iter().filter(|other| other.is_alike);
+        let rivals: Vec<String> = alike.map(Alternative::name).collect();
         let rivals = if rivals.is_empty() {
             String::new()
         } else {
