@@ -6,8 +6,8 @@ use super::name::{Named, Rival};
 use crate::result::Fit;
 use physics::AnyEffect;
 
-/// Names must carry this share of what was found above the noise; else the structure is unknown.
-const CARRIED: f64 = 0.8;
+/// Names must carry this share of what was found above the noise, as energy; else the structure is unknown.
+const CARRIED: f64 = 0.99;
 /// Where more than this share of what is named cannot be told apart, nothing is claimed.
 const CLEAR: f64 = 0.5;
 /// Two names that differ by less than this in log-likelihood are one and the same thing in this recording.

@@ -78,15 +78,24 @@ fn flattened(run: &Run, words: &[Word], taken: Taken) -> Vec<f64> {
     let count = run.values.len();
     let mut rows: Vec<Vec<f64>> = vec![vec![1.0]; count];
     let mut groups = Vec::new();
+    let mut add = |degree: usize, terms: &dyn Fn(usize) -> Vec<f64>| {
+        let first = rows.first().map_or(0, Vec::len);
+        if (first + degree) * SPARE <= count {
+            groups.push(first..first + degree);
+            rows.iter_mut().zip(&run.poses).for_each(|(row, pose)| row.extend(terms(*pose)));
+        }
+    };
     for word in words {
         let degree = if word.name == "t_s" { DEGREE_OF_TIME } else { DEGREE };
-        let first = rows.first().map_or(0, Vec::len);
-        if (first + degree) * SPARE > count {
-            continue;
-        }
-        groups.push(first..first + degree);
-        for (row, pose) in rows.iter_mut().zip(&run.poses) {
-            row.extend(word.chebyshev(*pose, degree));
+        add(degree, &|pose| word.chebyshev(pose, degree).collect());
+    }
+    // Play and friction differ from place to place.
+    for direction in words.iter().filter(|word| word.name.starts_with("direction")) {
+        let is_place = |word: &&Word| word.joint == direction.joint && word.name.starts_with('q');
+        if let Some(place) = words.iter().find(is_place) {
+            let sign = |pose: usize| direction.values[pose];
+            let terms = |pose| place.chebyshev(pose, DEGREE).map(|t| t * sign(pose)).collect();
+            add(DEGREE, &terms);
         }
     }
     let law = flexible::law(&rows, &run.values, &groups, taken);

@@ -11,9 +11,10 @@ use super::prove::borne_out;
 use crate::campaign::Campaign;
 use crate::fit::{Settings, compare};
 use crate::motion::Motion;
-use crate::problem::{Look, visit};
+use crate::problem::Weighing;
 use crate::result::Fit;
 use crate::score::{Asked, Fitted};
+use crate::triangle::dot;
 use physics::{Arm, Chain, Inputs};
 
 /// Polynomials of one word.
@@ -196,21 +197,28 @@ impl Law {
         Motion::of_joint(arm, &chain, self.joint).times(sum)
     }
 
-    /// Sums of squares of the rows `held`, in units of the noise, without the law and with it.
+    /// Sums of squares of the rows `held`, whitened, without the law and with it; what is fitted anyway follows the law as it does on the rows of the fit.
     pub(super) fn on(&self, fitted: &Fitted<'_>, words: &[Word], held: &[bool]) -> [f64; 2] {
         let arm = &fitted.state.hypothesis.model.arm;
+        let motion = |pose: usize, into: &mut Vec<Motion>| {
+            let inputs = &fitted.campaign.poses[pose].inputs;
+            *into = vec![self.motion(arm, inputs, words, pose)];
+        };
+        let mut pull = vec![0.0; fitted.fit.columns().len()];
+        fitted.rows(1, motion, |row, law, _| {
+            pull.iter_mut().zip(row).for_each(|(sum, x)| *sum += x * law[0]);
+        });
+        let triangle = &fitted.fit.triangle;
+        let follows = triangle.back(triangle.forward(pull));
+        let weighing = Weighing { used: held.to_vec(), ..fitted.weighing.clone() };
+        let there = Fitted { weighing, state: fitted.state.clone(), ..*fitted };
         let mut sums = [0.0; 2];
-        let look = Look { used: Some(held), derivatives: false };
-        visit(fitted.campaign, &fitted.state, look, |at| {
-            let factor = fitted.weighing.factors[at.instrument];
-            let residual = at.rows.residual / factor;
-            if residual.length() > FAR {
-                return;
+        there.rows(1, motion, |row, law, left| {
+            if left.abs() < FAR {
+                let with = left - law[0] + dot(row, &follows);
+                sums[0] += left * left;
+                sums[1] += with * with;
             }
-            let inputs = &fitted.campaign.poses[at.pose].inputs;
-            let law = at.rows.along(&self.motion(arm, inputs, words, at.pose)) / factor;
-            sums[0] += residual.length_squared();
-            sums[1] += (residual - law).length_squared();
         });
         sums
     }
