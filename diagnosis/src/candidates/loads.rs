@@ -18,7 +18,7 @@ const ANGLES: u32 = 24;
 /// The carried pivot's distance from the axis, m: only ratios of lengths show, so it stays.
 const CARRIED_M: f64 = 0.5;
 /// Distances of the fixed pivot that are tried, as shares of the carried one's.
-const FIXED: [f64; 2] = [0.3, 0.6];
+const FIXED: [f64; 3] = [0.25, 0.5, 0.75];
 /// Free lengths that are tried, as shares of the same.
 const FREE_LENGTHS: [f64; 3] = [0.3, 0.6, 0.9];
 /// Chebyshev terms of a remainder, from the constant on; the first two are an offset and a ratio, and stay zero.
