@@ -20,6 +20,8 @@ mod noise;
 mod prove;
 mod ready;
 pub mod says;
+mod settle;
+mod starts;
 mod unknown;
 mod untested;
 mod view;
@@ -29,6 +31,7 @@ use crate::colour::stream;
 use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::{Hypothesis, named};
 use crate::proof::Split;
+use crate::readback;
 use crate::result::Fit;
 use crate::robust::Influence;
 use crate::score::Fitted;
@@ -122,6 +125,8 @@ pub struct Diagnosis {
     pub not_tested: Vec<Untested>,
     /// What was done with the data, in words.
     pub notes: Vec<String>,
+    /// That the joint positions were read before the arm stood; none where they were not.
+    early: Option<String>,
     /// The campaign as it was used.
     pub campaign: Campaign,
     /// Which poses trained.
@@ -252,6 +257,7 @@ fn finish(
     };
     let asking = experiment::Asking::of(&campaign, model, &last, &split.training);
     let next_experiment = asking.proposed(&named);
+    let early = readback::ahead(&campaign, &last, &settings).map(|suspicion| suspicion.says);
     let (far, rows) = far(&last, &campaign);
     if far > 0 {
         notes.push(format!("{far} of {rows} rows lie far from the model with all that was found; they weigh little or nothing"));
@@ -268,6 +274,7 @@ fn finish(
         map,
         not_tested,
         notes,
+        early,
         campaign,
         split,
     }
@@ -283,6 +290,9 @@ impl Diagnosis {
     /// Why nothing of this may be claimed; none where it may.
     #[must_use]
     pub fn doubt(&self) -> Option<String> {
+        if self.early.is_some() {
+            return self.early.clone();
+        }
         let (far, rows) = far(&self.fit, &self.campaign);
         (far as f64 > FAR_MOST * rows as f64).then(|| {
             format!(

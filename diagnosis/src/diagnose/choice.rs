@@ -12,11 +12,13 @@ use crate::score::Fitted;
 use crate::select::is_sound;
 use crate::waves::lines;
 use physics::{AnyEffect, Model};
+use std::cell::OnceCell;
 
 /// Steps of adding, taking out and exchanging.
 const STEPS: usize = 120;
-/// Rivals that are fitted, the best first.
+/// Rivals of a name that are fitted, the best first; fewer where there are so many names that all of theirs would be more than this.
 const FITTED: usize = 4;
+const FITTED_OF_ALL: usize = 60;
 /// A rival that is further behind than this share of the gain stays there whatever its nonlinear numbers.
 const BEHIND: f64 = 0.2;
 /// Other settings of the same name that are behind by less, in the sum of squares, are not told from its own: a 95 % interval holds them.
@@ -32,6 +34,8 @@ pub(super) struct Choice<'a> {
     pub(super) chosen: Vec<usize>,
     design_effect: f64,
     readings: f64,
+    /// The sum of squares of a fit with all names, once a rival was fitted.
+    whole: OnceCell<f64>,
 }
 
 impl<'a> Choice<'a> {
@@ -69,6 +73,7 @@ impl<'a> Choice<'a> {
             chosen: Vec::new(),
             design_effect: fit.design_effect,
             readings: (fit.readings as f64 / fit.design_effect).max(2.0),
+            whole: OnceCell::new(),
         }
     }
 
@@ -84,13 +89,29 @@ impl<'a> Choice<'a> {
         gain.gain / self.design_effect - numbers * self.price() + entry.spared - 2.0 * tried.ln()
     }
 
+    /// What is left and what the numbers cost: the sum of squares that every step lowers.
+    pub(super) fn cost(&self) -> f64 {
+        let tried = 2.0 * (self.entries.len().max(1) as f64).ln();
+        let numbers = |place: &usize| {
+            (self.gram.gains(*place).numbers + self.entries[*place].searched()) as f64
+        };
+        let cost =
+            |place: &usize| numbers(place) * self.price() + tried - self.entries[*place].spared;
+        self.gram.rest() / self.design_effect + self.chosen.iter().map(cost).sum::<f64>()
+    }
+
+    /// Steps from what is chosen so far until none helps.
     pub(super) fn make(&mut self) {
         for _ in 0..STEPS {
-            let moved = self.take_out() || self.add() || self.exchange();
-            if !moved {
+            if !self.step() {
                 break;
             }
         }
+    }
+
+    /// One step; says whether there was one.
+    pub(super) fn step(&mut self) -> bool {
+        self.take_out() || self.add() || self.exchange()
     }
 
     /// Effects of all that was chosen but `but`.
@@ -216,8 +237,9 @@ impl<'a> Choice<'a> {
                 near.push((place, would));
             }
         }
+        let fitted = FITTED.min(FITTED_OF_ALL / naming.named.len().max(1)).max(1);
         let mut rivals = Vec::new();
-        for (place, would) in near.into_iter().take(FITTED) {
+        for (place, would) in near.into_iter().take(fitted) {
             let rival = self.rival(asking, naming, k, place, &would, gain.gain);
             rivals.extend(rival.filter(|rival| rival.behind < 2.0 * ALIKE));
         }
@@ -266,10 +288,12 @@ impl Choice<'_> {
         }
         let mut hypothesis = without(fit, &asking.known.model, &[named]);
         let (at, _) = Asking::joined(&mut hypothesis, entry, &would.found)?;
-        let whole = compare(asking.campaign, &fit.hypothesis, fit, asking.settings.used);
+        let whole = *self.whole.get_or_init(|| {
+            compare(asking.campaign, &fit.hypothesis, fit, asking.settings.used).sum
+        });
         let fitted = compare(asking.campaign, &hypothesis, fit, asking.settings.used);
         let effect = *fitted.hypothesis.model.effects().nth(at)?;
-        let behind = 0.5 * (fitted.sum - whole.sum) / self.design_effect;
+        let behind = 0.5 * (fitted.sum - whole) / self.design_effect;
         let (candidate, found) = match changes {
             Some(_) => (entry.candidate.clone(), would.found.clone()),
             None => entry.candidate.standing(arm, &effect, &[]),

@@ -17,6 +17,9 @@ use std::ops::Range;
 /// A column's share of its own length that must be left by those that are in, squared.
 const LEFT: f64 = 1e-6;
 
+/// A number that is less sure than this part of what a sound robot may have says nothing: it would take any size.
+const SHOWN: f64 = 3.0;
+
 /// Candidates with the numbers that they have where the rows are linearised; zeros for those that are not in the fit.
 #[derive(Clone)]
 pub(super) struct Entry {
@@ -66,6 +69,8 @@ pub(super) struct Gram {
     groups: Vec<Range<usize>>,
     /// The data's share of each scaled column's square: the rest is its prior.
     seen: Vec<f64>,
+    /// Columns of what the model has: a fit keeps them whatever they show.
+    is_change: Vec<bool>,
     is_in: Vec<bool>,
 }
 
@@ -119,9 +124,11 @@ impl Gram {
         let mut groups = Vec::with_capacity(entries.len());
         let mut first = fixed;
         let mut stands = vec![0.0; width];
+        let mut is_change = vec![false; width];
         for entry in entries {
             let columns = first..first + entry.candidate.probes.len();
             stands[columns.clone()].copy_from_slice(&entry.stands);
+            is_change[columns.clone()].fill(entry.candidate.changes().is_some());
             first = columns.end;
             groups.push(columns);
         }
@@ -129,6 +136,7 @@ impl Gram {
         let mut gram = Self {
             sizes: vec![1.0; width],
             seen: vec![1.0; width],
+            is_change,
             is_in: vec![false; width],
             cells,
             groups,
@@ -180,6 +188,12 @@ impl Gram {
         self.is_in[k] = !self.is_in[k];
     }
 
+    /// The sum of squares that is left by all that is in.
+    pub(super) fn rest(&self) -> f64 {
+        let right = self.sizes.len();
+        self.cells[(right, right)]
+    }
+
     /// Columns of an entry that are in.
     fn inside(&self, entry: usize) -> Vec<usize> {
         self.groups[entry].clone().filter(|column| self.is_in[*column]).collect()
@@ -202,7 +216,8 @@ impl Gram {
 
     fn shows(&self, column: usize, left: f64) -> bool {
         let prior = 1.0 - self.seen[column];
-        left - prior > LEFT * self.seen[column] && left > LEFT
+        let enough = if self.is_change[column] { 0.0 } else { SHOWN * SHOWN * prior };
+        left - prior > enough.max(LEFT * self.seen[column]) && left > LEFT
     }
 
     /// What an entry that is out would bring; none where it shows nothing of its own.

@@ -20,8 +20,6 @@ use crate::score::{Fitted, Score};
 use crate::select::{is_sound, put};
 use physics::{AnyEffect, Model};
 
-/// Rounds of choosing and fitting.
-const ROUNDS: usize = 4;
 /// Rounds in which rivals that were fitted may take a name's place.
 const RENAMING: usize = 3;
 /// By how much the sum of squares has to be lower for that, beside the numbers' cost.
@@ -154,6 +152,14 @@ fn spring(fitted: &Fitted<'_>, joint: usize) -> Option<Candidate> {
     all.into_iter().nth(best.candidate)
 }
 
+/// Whether a rival of the name in place `k` may stand beside the others: what two of them would become, one after the other, is one thing.
+fn stands_beside(naming: &Naming, k: usize, rival: &Rival) -> bool {
+    let effects = &naming.fit.hypothesis.model;
+    let new = naming.named.iter().enumerate().filter(|(at, one)| *at != k && one.stated.is_none());
+    let mut others = new.filter_map(|(_, one)| effects.effects().nth(one.effect));
+    !others.any(|effect| rival.candidate.is_rival_of(effect))
+}
+
 pub(super) type Title = (&'static str, Option<usize>, bool);
 
 /// Kind, joint, and whether it changes what is there.
@@ -162,7 +168,7 @@ pub(super) fn title(candidate: &Candidate) -> Option<Title> {
     Some((effect.spec().kind, effect.joint(), candidate.changes().is_some()))
 }
 
-fn titles(named: &[Named]) -> Vec<Option<Title>> {
+pub(super) fn titles(named: &[Named]) -> Vec<Option<Title>> {
     let mut titles: Vec<Option<Title>> = named.iter().map(|one| title(&one.candidate)).collect();
     titles.sort_unstable();
     titles
@@ -200,6 +206,7 @@ impl Asking<'_> {
         let mut any = false;
         for k in 0..naming.named.len() {
             let better = naming.named[k].better(price).cloned();
+            let better = better.filter(|rival| stands_beside(naming, k, rival));
             let renamed = better.and_then(|rival| self.renamed(naming, k, &rival, price));
             if let Some(renamed) = renamed {
                 (*naming, any) = (renamed, true);
@@ -259,23 +266,6 @@ impl Asking<'_> {
         (0..model.arm.count()).filter(gives_way).filter_map(best).collect()
     }
 
-    /// Chooses and fits, one after the other, until the names stand.
-    fn settled(&self, mut naming: Naming, also: &[Entry]) -> Naming {
-        for _ in 0..ROUNDS {
-            let before = titles(&naming.named);
-            let mut choice = Choice::at(self, &naming, also);
-            choice.make();
-            naming = self.fitted(&choice, &naming.fit, Effort::Sketch);
-            if titles(&naming.named) == before {
-                break;
-            }
-        }
-        let around = naming.fit.surroundings.clone();
-        let settings = Settings { from: Some(&around), ..self.settings };
-        naming.fit = fit(self.campaign, &naming.fit.hypothesis, &settings);
-        naming
-    }
-
     /// Adds a candidate to a hypothesis; none where there is no room.
     pub(super) fn joined(
         hypothesis: &mut Hypothesis,
@@ -292,7 +282,7 @@ impl Asking<'_> {
     }
 
     /// The fit with what was chosen.
-    fn fitted(&self, choice: &Choice<'_>, before: &Fit, effort: Effort) -> Naming {
+    pub(super) fn fitted(&self, choice: &Choice<'_>, before: &Fit, effort: Effort) -> Naming {
         let mut hypothesis = self.known.clone();
         let mut chosen = Vec::new();
         for entry in &choice.chosen {
@@ -307,14 +297,16 @@ impl Asking<'_> {
                     spared: entry.spared,
                     gain: 0.5 * gain.gain / before.design_effect,
                     margin: 0.5 * choice.worth(&gain, entry),
-                    numbers: gain.numbers,
+                    numbers: gain.numbers + entry.searched(),
                     rivals: Vec::new(),
                     variants: Vec::new(),
                 });
             }
         }
-        let settings = Settings { from: Some(&before.surroundings), effort, ..self.settings };
-        Naming { fit: fit(self.campaign, &hypothesis, &settings), named: chosen }
+        // A step that goes far ends near only after a few more: until then what it leaves is no noise.
+        let near = compare(self.campaign, &hypothesis, before, self.settings.used);
+        let settings = Settings { from: Some(&near.surroundings), effort, ..self.settings };
+        Naming { fit: fit(self.campaign, &near.hypothesis, &settings), named: chosen }
     }
 }
 

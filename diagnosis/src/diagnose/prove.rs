@@ -17,6 +17,8 @@ use physics::Model;
 const SPEAKS: f64 = 1.0;
 /// And where both looks together are as sure as this, in log-likelihood beyond what its numbers and the size of the library cost.
 const SURE: f64 = 7.0;
+/// Names that are asked again once one has gone.
+const ASKED_AGAIN: usize = 6;
 /// Poses of a path between training and held-out stretches.
 const APART: usize = 5;
 /// A reading further off than this many times the middle one is an outlier.
@@ -39,7 +41,11 @@ pub struct Proof {
 
 /// Takes the readings next to held-out stretches of a path out of the campaign, so that noise which remembers itself does not tell on both sides.
 pub(super) fn set_apart(campaign: &mut Campaign, splits: [&Split; 2]) {
-    let moving = |k: usize| campaign.poses[k].arrival == crate::Arrival::FromBefore;
+    let is_path = |k: usize| {
+        let source = campaign.recordings.get(campaign.poses[k].recording);
+        source.is_none_or(|source| source.is_path)
+    };
+    let moving = |k: usize| is_path(k) && campaign.poses[k].arrival == crate::Arrival::FromBefore;
     let count = campaign.poses.len();
     let turns = |k: usize| splits.iter().any(|s| s.training[k] != s.training[k - 1]);
     let borders = (1..count).filter(|k| turns(*k) && moving(*k));
@@ -59,16 +65,26 @@ pub(super) fn confirmed(
     (split, kept): (&Split, &[bool]),
     mut naming: Naming,
 ) -> Naming {
+    // Readings of one pose err together as much as with all names: what goes makes them seem to err together more.
+    let together = naming.fit.design_effect;
+    let mut margins = vec![f64::NEG_INFINITY; naming.named.len()];
     while !naming.named.is_empty() && kept.contains(&true) {
         let held = Held::new(campaign, (split, kept), &naming.fit);
         let left = held.whitened(&naming.fit);
         let told = |one: &Named| {
             let bare = held.beside(&without(&naming.fit, model, &[one]), &naming.fit);
-            borne_out(one.margin, 0.5 * (held.whitened(&bare) - left) / naming.fit.design_effect)
+            borne_out(one.margin, 0.5 * (held.whitened(&bare) - left) / together)
         };
-        let worst = naming.named.iter().map(told).enumerate();
-        let worst = worst.min_by(|a, b| a.1.total_cmp(&b.1));
+        // What stood by far stands: those that stood by least are asked again.
+        let mut order: Vec<usize> = (0..margins.len()).collect();
+        order.sort_by(|a, b| margins[*a].total_cmp(&margins[*b]));
+        let first = margins.iter().filter(|margin| **margin == f64::NEG_INFINITY).count();
+        for k in order.into_iter().take(first.max(ASKED_AGAIN)) {
+            margins[k] = told(&naming.named[k]);
+        }
+        let worst = margins.iter().copied().enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((k, _)) = worst.filter(|(_, margin)| *margin < 0.0) else { break };
+        margins.remove(k);
         let hypothesis = without(&naming.fit, model, &[&naming.named[k]]);
         let gone = naming.named.remove(k);
         if gone.stated.is_none() {

@@ -153,11 +153,22 @@ impl Recording {
         }
     }
 
-    /// Which group is the input: what the TOML says, else `q` where it is there, else `qa`.
+    /// Which group is the input: what the TOML says; else `qa` where the link side alone was measured along a path; else `q` where it is there, else `qa`.
     #[must_use]
     pub fn input_kind(&self) -> Input {
-        let commands = self.columns.keys().any(|channel| matches!(channel, Channel::Command(_)));
-        self.about.input.unwrap_or(if commands { Input::Command } else { Input::Motor })
+        let any = |wanted: fn(&Channel) -> bool| self.columns.keys().any(wanted);
+        let commands = any(|channel| matches!(channel, Channel::Command(_)));
+        let beside_motors = self.about.kind == Kind::Path
+            && any(|channel| matches!(channel, Channel::Link(_)))
+            && !any(|channel| {
+                matches!(
+                    channel,
+                    Channel::Position(_) | Channel::Target(..) | Channel::Orientation(_)
+                )
+            })
+            && (0..self.joint_count()).all(|joint| self.column(Channel::Motor(joint)).is_some());
+        let unsaid = if commands && !beside_motors { Input::Command } else { Input::Motor };
+        self.about.input.unwrap_or(unsaid)
     }
 
     /// Standard uncertainty of a column, SI, where the TOML gives it.

@@ -1,0 +1,88 @@
+//! Choosing and fitting, one after the other, until the names stand.
+//!
+//! A choice is made where rows are linearised; what it is worth is told by the fit that follows. Where effects work upon one another (a mass through what
+//! gives way, a law on top of a compliance) the two differ, and choices that were each better in prospect would go round in circles.
+//!
+//! Promises: of all that was fitted the best is kept, by log-likelihood less what the numbers cost, the noise's size being fitted where nobody stated it.
+//! Never: a look at held-out poses.
+
+use super::choice::Choice;
+use super::gram::Entry;
+use super::name::{Asking, Named, Naming, titles};
+use crate::fit::{Effort, Settings, fit};
+use crate::result::Fit;
+
+/// Rounds of choosing and fitting.
+const ROUNDS: usize = 40;
+/// By how much a round has to be better, in the sum of squares.
+const BETTER: f64 = 1.0;
+/// What a number counts for that is so far off that it weighs nothing, in units of the noise, squared.
+const OUTSIDE: f64 = 9.0;
+
+impl Asking<'_> {
+    /// Chooses and fits, one after the other, until the names stand.
+    pub(super) fn settled(&self, start: Naming, also: &[Entry]) -> Naming {
+        let mut best = start;
+        for _ in 0..ROUNDS {
+            let Some(next) = self.next(&best, also) else { break };
+            let stands = titles(&next.named) == titles(&best.named);
+            best = next;
+            if stands {
+                break;
+            }
+        }
+        let around = best.fit.surroundings.clone();
+        let settings = Settings { from: Some(&around), ..self.settings };
+        best.fit = fit(self.campaign, &best.fit.hypothesis, &settings);
+        best
+    }
+
+    /// A better choice than `best`: as far as steps from there lead, else one step from there, else from any start; where all lead to the same names,
+    /// these with better numbers.
+    fn next(&self, best: &Naming, also: &[Entry]) -> Option<Naming> {
+        let named = &best.named;
+        let ways: [&dyn Fn(&mut Choice<'_>); 3] =
+            [&|choice| choice.make_from(named), &|choice| choice.step_from(named), &|choice| {
+                choice.make_best(named)
+            }];
+        let mut same = None;
+        for way in ways.iter().skip(if named.is_empty() { 2 } else { 0 }) {
+            let mut choice = Choice::at(self, best, also);
+            way(&mut choice);
+            let stands = choice.titles() == titles(named);
+            if stands && same.is_some() {
+                continue;
+            }
+            let next = self.fitted(&choice, &best.fit, Effort::Sketch);
+            if self.is_better(&next, same.as_ref().unwrap_or(best)) {
+                if !stands {
+                    return Some(next);
+                }
+                same = Some(next);
+            }
+        }
+        same
+    }
+
+    fn is_better(&self, next: &Naming, best: &Naming) -> bool {
+        let together = next.fit.design_effect.max(best.fit.design_effect);
+        let cost = |naming: &Naming| {
+            let readings = (naming.fit.readings as f64 / together).max(2.0);
+            let tried = 2.0 * (self.library.len().max(1) as f64).ln();
+            let cost = |one: &Named| one.numbers as f64 * readings.ln() + tried - one.spared;
+            self.misfit(&naming.fit) / together + naming.named.iter().map(cost).sum::<f64>()
+        };
+        cost(next) < cost(best) - BETTER
+    }
+
+    /// Minus twice the log-likelihood.
+    fn misfit(&self, fit: &Fit) -> f64 {
+        let read = self.campaign.poses.iter().zip(self.settings.used);
+        let read = read.flat_map(|(pose, used)| pose.seen.iter().map(move |seen| (seen, used)));
+        let one = |((seen, used), weight): ((&crate::campaign::Observation, &bool), &f64)| {
+            let size = 2.0 * fit.factors[seen.instrument].ln() + OUTSIDE * (1.0 - weight);
+            if *used { size * seen.reading.count() as f64 } else { 0.0 }
+        };
+        fit.sum + read.zip(&fit.weights).map(one).sum::<f64>()
+    }
+}

@@ -1,0 +1,89 @@
+//! Where a choice of effects starts. Steps of adding, taking out and exchanging end where no single one helps; of several starts the best end counts.
+//!
+//! An arm that differs from its drawing in one thing is found from nothing; one that was built, with every axis a little off, from all of its geometry: from
+//! nothing, the first to come is whatever stands for most of it at once.
+//!
+//! Promises: ends are compared by the criterion that each step follows; of ends that are as good, the earlier start's. Never: a start that changes the criterion.
+
+use super::choice::Choice;
+use super::name::{Named, Title, title};
+
+/// Where every axis may stand elsewhere, in the order in which they join: zeros before tilts before shifts.
+const GEOMETRY: [&str; 4] = ["joint_offset", "axis_tilt", "axis_shift", "tool_offset"];
+
+impl Choice<'_> {
+    /// Chooses from nothing, from what was `named` before, and from all of the geometry; keeps the best.
+    pub(super) fn make_best(&mut self, named: &[Named]) {
+        let nothing = (self.gram.clone(), Vec::new());
+        self.make();
+        let mut best = self.cost();
+        let mut kept = (self.gram.clone(), self.chosen.clone());
+        for start in [self.standing(named), self.geometry()] {
+            (self.gram, self.chosen) = nothing.clone();
+            self.put(start);
+            self.make();
+            let cost = self.cost();
+            if cost < best {
+                best = cost;
+                kept = (self.gram.clone(), self.chosen.clone());
+            }
+        }
+        (self.gram, self.chosen) = kept;
+    }
+
+    /// Chooses from what was `named` before.
+    pub(super) fn make_from(&mut self, named: &[Named]) {
+        self.put(self.standing(named));
+        self.make();
+    }
+
+    /// One step from what was `named` before.
+    pub(super) fn step_from(&mut self, named: &[Named]) {
+        self.put(self.standing(named));
+        self.step();
+    }
+
+    fn put(&mut self, places: Vec<usize>) {
+        for place in places {
+            self.gram.add(place);
+            self.chosen.push(place);
+        }
+    }
+
+    /// Kinds and joints of what is chosen, sorted.
+    pub(super) fn titles(&self) -> Vec<Option<Title>> {
+        let mut titles: Vec<Option<Title>> =
+            self.chosen.iter().map(|place| title(&self.entries[*place].candidate)).collect();
+        titles.sort_unstable();
+        titles
+    }
+
+    /// The entries of what was named, at its own numbers.
+    fn standing(&self, named: &[Named]) -> Vec<usize> {
+        let entry = |one: &Named| {
+            self.entries.iter().position(|entry| {
+                title(&entry.candidate) == title(&one.candidate)
+                    && (entry.stands.iter().any(|x| *x != 0.0) || one.stated.is_some())
+            })
+        };
+        let mut places: Vec<usize> = named.iter().filter_map(entry).collect();
+        places.sort_unstable();
+        places.dedup();
+        places
+    }
+
+    /// What frame and first joint share, the frame takes: the first joint comes last.
+    fn geometry(&self) -> Vec<usize> {
+        let rank = |place: &usize| {
+            let (kind, joint, changes) = title(&self.entries[*place].candidate)?;
+            let rank = GEOMETRY.iter().position(|one| *one == kind).filter(|_| !changes)?;
+            Some((joint == Some(0), rank, joint))
+        };
+        let mut places: Vec<usize> =
+            (0..self.entries.len()).filter(|place| rank(place).is_some()).collect();
+        places.sort_by_key(rank);
+        // Where one of a kind was fitted before, it has two entries.
+        places.dedup_by_key(|place| title(&self.entries[*place].candidate));
+        places
+    }
+}
