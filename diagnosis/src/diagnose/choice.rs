@@ -18,7 +18,7 @@ use std::cell::OnceCell;
 const STEPS: usize = 120;
 /// Rivals of a name that are fitted, the best first; fewer where there are so many names that all of theirs would be more than this.
 const FITTED: usize = 4;
-const FITTED_OF_ALL: usize = 60;
+const FITTED_OF_ALL: usize = 24;
 /// A rival that is further behind than this share of the gain stays there whatever its nonlinear numbers.
 const BEHIND: f64 = 0.2;
 /// Other settings of the same name that are behind by less, in the sum of squares, are not told from its own: a 95 % interval holds them.
