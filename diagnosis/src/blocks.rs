@@ -57,3 +57,45 @@ impl Fitted<'_> {
         of_noise.iter().zip(of_stretches).map(|(a, b)| a.max(b)).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::{Effort, Settings, fit};
+    use crate::hypothesis::Hypothesis;
+    use crate::robust::Influence;
+    use crate::{Campaign, Reading, made, simulate};
+    use glam::DVec3;
+
+    /// How much wider stretches say than the noise does, on average over all columns.
+    fn wider(campaign: &Campaign) -> f64 {
+        let used = vec![true; campaign.poses.len()];
+        let influence = Influence::Equal;
+        let settings = Settings { used: &used, influence, from: None, effort: Effort::Full };
+        let found = fit(campaign, &Hypothesis::fixed(made::thesis()), &settings);
+        let told = Fitted::new(campaign, &found, &settings).uncertainty();
+        let ratios = found.columns().iter().zip(&told);
+        let ratios = ratios.map(|(column, told)| told / found.sigma(*column).expect("fitted"));
+        ratios.sum::<f64>() / told.len() as f64
+    }
+
+    #[test]
+    fn noise_that_goes_on_for_long_makes_numbers_less_sure_than_it_says() {
+        let clean = made::empty(0, 400);
+        let white = simulate::readings(&clean, &made::thesis(), &clean.surroundings, 1.0, 5);
+        let mut slow = white.clone();
+        for (k, pose) in slow.poses.iter_mut().enumerate() {
+            // A step of a noise from every fortieth pose to the next.
+            let step =
+                DVec3::splat(5e-5 * f64::from([1_i8, -1, -1, 1, -1, 1, 1, -1, 1, -1][k / 40]));
+            for seen in &mut pose.seen {
+                if let Reading::Point { at, .. } = &mut seen.reading {
+                    *at += step;
+                }
+            }
+        }
+        let (white, slow) = (wider(&white), wider(&slow));
+        assert!((1.0..1.3).contains(&white), "{white}");
+        assert!(slow > 2.0, "{slow}");
+    }
+}

@@ -58,3 +58,49 @@ impl Candidate {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use physics::Given;
+    use recording::model::presets::preset;
+
+    #[test]
+    fn what_stands_for_an_effect_is_that_effect_again() {
+        let arm = preset("irb120").expect("preset").model().expect("sound").physics.arm;
+        let build = |kind: &str, joint, given: &[(&str, &[f64])]| {
+            AnyEffect::build(kind, &arm, joint, Given(given)).expect(kind)
+        };
+        let wave: &[(&str, &[f64])] =
+            &[("amplitude", &[2e-4]), ("cycles", &[3.0]), ("phase", &[0.7])];
+        let cases = [
+            (
+                loads::payload(&arm),
+                build("payload", None, &[("mass", &[2.5]), ("com", &[0.4, -0.1, 0.7])]),
+            ),
+            (wave_candidate(&arm, 2, 3.0), build("transmission_error", Some(2), wave)),
+            (
+                loads::springs_at(&arm, 1).into_iter().nth(30),
+                build(
+                    "counterbalance",
+                    Some(1),
+                    &[
+                        ("stiffness", &[9e3]),
+                        ("free_length", &[0.2]),
+                        ("a", &[0.15]),
+                        ("L", &[0.5]),
+                        ("angle", &[0.4]),
+                    ],
+                ),
+            ),
+        ];
+        for (candidate, effect) in cases {
+            let candidate = candidate.expect("a candidate");
+            let (same, found) = candidate.standing(&arm, &effect, &[]);
+            let again = same.effect(&arm, &found).expect("an effect");
+            for (a, b) in again.values().iter().zip(effect.values()) {
+                assert!((a - b).abs() < 1e-9 * b.abs().max(1.0), "{again:?} for {effect:?}");
+            }
+        }
+    }
+}

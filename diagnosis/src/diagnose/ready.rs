@@ -105,3 +105,61 @@ fn join(campaign: &mut Campaign) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::Arrival;
+    use crate::made;
+
+    /// A path at 100 Hz whose first joint swings; it is jerked about in the third minute.
+    fn long_path(rows: usize) -> Campaign {
+        let mut campaign = made::empty(0, 1);
+        let first = campaign.poses[0].clone();
+        campaign.recordings[0].is_path = true;
+        campaign.poses = (0..rows)
+            .map(|row| {
+                let mut pose = first.clone();
+                let t = row as f64 * 0.01;
+                let hard = if (120.0..121.0).contains(&t) { 5.0 } else { 0.0 };
+                pose.inputs.q[0] = libm::sin(0.7 * t);
+                pose.inputs.direction[0] = libm::cos(0.7 * t).signum();
+                pose.inputs.acceleration[0] = hard;
+                (pose.inputs.time_s, pose.inputs.dt_s) = (t, 0.01);
+                (pose.row, pose.arrival) = (row, Arrival::FromBefore);
+                pose
+            })
+            .collect();
+        campaign
+    }
+
+    #[test]
+    fn of_a_long_path_hard_stretches_stay_whole_and_every_turn_stays() {
+        let mut campaign = long_path(20_000);
+        let whole = campaign.clone();
+        let mut notes = Vec::new();
+        let kept = thin(&mut campaign, 6, &mut notes);
+        assert_eq!(kept.iter().filter(|kept| **kept).count(), campaign.poses.len());
+        let read: Vec<usize> =
+            campaign.poses.iter().filter(|p| !p.seen.is_empty()).map(|p| p.row).collect();
+        assert!(read.len() <= POSES_MAX + STRETCHES, "{}", read.len());
+        assert!((12_000..12_100).all(|row| read.contains(&row)), "the hard second");
+        let turns = (1..whole.poses.len()).filter(|row| {
+            whole.poses[*row].inputs.direction != whole.poses[row - 1].inputs.direction
+        });
+        let rows: Vec<usize> = campaign.poses.iter().map(|pose| pose.row).collect();
+        assert!(turns.clone().count() > 30);
+        turns.for_each(|row| assert!(rows.contains(&row) && rows.contains(&(row - 1)), "{row}"));
+        let time: f64 = campaign.poses.iter().skip(1).map(|pose| pose.inputs.dt_s).sum();
+        assert!((time - 199.99).abs() < 0.02, "no time is lost: {time}");
+        assert!(notes[0].starts_with("of 20000 rows"), "{notes:?}");
+    }
+
+    #[test]
+    fn a_short_recording_stays_as_it_is() {
+        let mut campaign = long_path(2_000);
+        let whole = campaign.clone();
+        assert!(thin(&mut campaign, 6, &mut Vec::new()).iter().all(|kept| *kept));
+        assert_eq!(campaign.poses.len(), whole.poses.len());
+    }
+}

@@ -19,6 +19,14 @@ const BETTER: f64 = 1.0;
 /// What a number counts for that is so far off that it weighs nothing, in units of the noise, squared.
 const OUTSIDE: f64 = 9.0;
 
+/// How far a round goes from the names that stand.
+#[derive(Clone, Copy)]
+enum Way {
+    AsFarAsSteps,
+    OneStep,
+    FromAnyStart,
+}
+
 impl Asking<'_> {
     /// Chooses and fits, one after the other, until the names stand.
     pub(super) fn settled(&self, start: Naming, also: &[Entry]) -> Naming {
@@ -41,14 +49,15 @@ impl Asking<'_> {
     /// these with better numbers.
     fn next(&self, best: &Naming, also: &[Entry]) -> Option<Naming> {
         let named = &best.named;
-        let ways: [&dyn Fn(&mut Choice<'_>); 3] =
-            [&|choice| choice.make_from(named), &|choice| choice.step_from(named), &|choice| {
-                choice.make_best(named)
-            }];
+        let ways = [Way::AsFarAsSteps, Way::OneStep, Way::FromAnyStart];
         let mut same = None;
         for way in ways.iter().skip(if named.is_empty() { 2 } else { 0 }) {
             let mut choice = Choice::at(self, best, also);
-            way(&mut choice);
+            match way {
+                Way::AsFarAsSteps => choice.make_from(named),
+                Way::OneStep => choice.step_from(named),
+                Way::FromAnyStart => choice.make_best(named),
+            }
             let stands = choice.titles() == titles(named);
             if stands && same.is_some() {
                 continue;
