@@ -1,4 +1,4 @@
-//! How long cases take to draw, and how strong they come out: `cargo run --release -p challenge --example speed -- 40`.
+//! How long cases take to draw, and how strong they come out: `cargo run --release -p challenge --example drawn -- 40`.
 #![expect(clippy::print_stdout, reason = "an example talks")]
 
 use challenge::case::Tier;
