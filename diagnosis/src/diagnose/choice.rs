@@ -203,15 +203,19 @@ impl<'a> Choice<'a> {
     /// Brings in what was named.
     pub(super) fn stand(&mut self, named: &[Named]) {
         for one in named {
-            let is_it = |entry: &Entry| {
-                title(&entry.candidate) == title(&one.candidate)
-                    && (entry.stands.iter().any(|x| *x != 0.0) || one.stated.is_some())
-            };
             // Every name has an entry at its own numbers.
-            let place = self.entries.iter().position(is_it).unwrap_or_default();
+            let place = self.entry_of(one).unwrap_or_default();
             self.gram.add(place);
             self.chosen.push(place);
         }
+    }
+
+    /// The entry of what was named, at its own numbers.
+    pub(super) fn entry_of(&self, one: &Named) -> Option<usize> {
+        self.entries.iter().position(|entry| {
+            title(&entry.candidate) == title(&one.candidate)
+                && (entry.stands.iter().any(|x| *x != 0.0) || one.stated.is_some())
+        })
     }
 
     /// The rivals of what was named in place `k`; those whose nonlinear numbers might bring them near are fitted.

@@ -60,13 +60,7 @@ impl Choice<'_> {
 
     /// The entries of what was named, at its own numbers.
     fn standing(&self, named: &[Named]) -> Vec<usize> {
-        let entry = |one: &Named| {
-            self.entries.iter().position(|entry| {
-                title(&entry.candidate) == title(&one.candidate)
-                    && (entry.stands.iter().any(|x| *x != 0.0) || one.stated.is_some())
-            })
-        };
-        let mut places: Vec<usize> = named.iter().filter_map(entry).collect();
+        let mut places: Vec<usize> = named.iter().filter_map(|one| self.entry_of(one)).collect();
         places.sort_unstable();
         places.dedup();
         places

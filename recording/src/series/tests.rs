@@ -93,6 +93,16 @@ fn what_is_needed_depends_on_the_use() {
 }
 
 #[test]
+fn a_link_side_that_was_measured_alone_along_a_path_is_predicted_from_the_motor() {
+    let kind = |text: &str| parse(text).unwrap().input_kind();
+    assert_eq!(kind("t_s,q1_deg,qa1_deg,ql1_deg\n0,1,1,1\n1,2,2,2\n"), Input::Motor);
+    assert_eq!(kind("t_s,q1_deg,ql1_deg\n0,1,1\n1,2,2\n"), Input::Command);
+    let with_tool = "t_s,q1_deg,qa1_deg,ql1_deg,x_mm\n0,1,1,1,5\n1,2,2,2,6\n";
+    assert_eq!(kind(with_tool), Input::Command);
+    assert_eq!(kind("t_s,qa1_deg\n0,1\n1,2\n"), Input::Motor);
+}
+
+#[test]
 fn time_may_restart_with_a_segment_only() {
     assert!(parse("t_s,segment,q1_deg\n0,0,1\n1,0,1\n0,1,1\n").is_ok());
     assert!(parse("t_s,segment,q1_deg\n0,0,1\n1,0,1\n0,0,1\n").is_err());
