@@ -9,7 +9,9 @@ use crate::rides::paths;
 use physics::{Inputs, Model};
 use std::ops::Range;
 
-/// Poses whose readings are looked at, at most.
+/// Settled poses whose readings are looked at, at most.
+const SETTLED_MAX: usize = 6000;
+/// Poses of paths whose readings are looked at, at most: neighbours tell much the same.
 const POSES_MAX: usize = 3000;
 /// Stretches of neighbours among them: half of all.
 const STRETCHES: usize = 10;
@@ -41,29 +43,26 @@ pub(super) fn known(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     known
 }
 
-/// Leaves of very many poses those that are looked at; gives which. Of a path: stretches of neighbours where the arm is driven hardest, since what rings
-/// and lags shows there, every so manieth of the rest, and every row where a joint turns round, since play and hysteresis remember these.
+/// Leaves of very many poses those that are looked at; gives which. Of settled poses every so manieth, and all stay where the joints were. Of paths: stretches
+/// of neighbours where the arm is driven hardest, since what rings and lags shows there, every so manieth of the rest, and every row where a joint turns
+/// round, since play and hysteresis remember these.
 pub(super) fn thin(campaign: &mut Campaign, joints: usize, notes: &mut Vec<String>) -> Vec<bool> {
     let count = campaign.poses.len();
     let measured = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
-    if measured <= POSES_MAX {
+    let paths: Vec<Range<usize>> = paths(campaign).collect();
+    let (most, evenly) = match paths[..] {
+        [] => (SETTLED_MAX, SETTLED_MAX),
+        _ => (POSES_MAX, POSES_MAX / 2),
+    };
+    if measured <= most {
         return vec![true; count];
     }
-    let stride = measured.div_ceil(POSES_MAX / 2);
+    let stride = measured.div_ceil(evenly);
     let mut read: Vec<bool> = (0..count).map(|k| k % stride == 0).collect();
-    let paths: Vec<Range<usize>> = paths(campaign).collect();
     for stretch in hardest(campaign, &paths, joints) {
         read[stretch].fill(true);
     }
-    let mut kept = vec![true; count];
-    for path in &paths {
-        let poses = &campaign.poses[path.clone()];
-        let turns = |k: usize| k > 0 && poses[k].inputs.direction != poses[k - 1].inputs.direction;
-        for k in 0..poses.len() {
-            // The row before is where it turned.
-            kept[path.start + k] = read[path.start + k] || turns(k) || turns((k + 1) % poses.len());
-        }
-    }
+    let kept = with_turns(campaign, &paths, &read);
     campaign.poses.iter_mut().zip(&read).filter(|(_, read)| !**read).for_each(|(pose, _)| {
         pose.seen.clear();
     });
@@ -71,9 +70,27 @@ pub(super) fn thin(campaign: &mut Campaign, joints: usize, notes: &mut Vec<Strin
     campaign.poses.retain(|_| *keeps.next().unwrap_or(&true));
     join(campaign);
     let looked_at = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
-    notes.push(format!(
-        "of {measured} rows {looked_at} were looked at: {STRETCHES} stretches where the arm is driven hardest, and every {stride}th of the rest"
-    ));
+    let which = match paths[..] {
+        [] => format!("one in {stride}"),
+        _ => format!(
+            "{STRETCHES} stretches where the arm is driven hardest, and one in {stride} of the rest"
+        ),
+    };
+    notes.push(format!("of {measured} rows {looked_at} were looked at: {which}"));
+    kept
+}
+
+/// All poses but those rows of paths that are neither read nor beside the place where a joint turns round.
+fn with_turns(campaign: &Campaign, paths: &[Range<usize>], read: &[bool]) -> Vec<bool> {
+    let mut kept = vec![true; campaign.poses.len()];
+    for path in paths {
+        let poses = &campaign.poses[path.clone()];
+        let turns = |k: usize| k > 0 && poses[k].inputs.direction != poses[k - 1].inputs.direction;
+        for k in 0..poses.len() {
+            // The row before is where it turned.
+            kept[path.start + k] = read[path.start + k] || turns(k) || turns((k + 1) % poses.len());
+        }
+    }
     kept
 }
 
@@ -154,6 +171,24 @@ mod tests {
         let last = campaign.poses.last().expect("poses").inputs.time_s;
         assert!((time - last).abs() < 1e-6 && last > 199.0, "no time is lost: {time} of {last}");
         assert!(notes[0].starts_with("of 20000 rows"), "{notes:?}");
+    }
+
+    #[test]
+    fn settled_poses_keep_their_joints_and_lose_readings_later() {
+        let settled = |rows: usize| {
+            let mut campaign = long_path(rows);
+            campaign.recordings[0].is_path = false;
+            let mut notes = Vec::new();
+            let kept = thin(&mut campaign, 6, &mut notes);
+            assert!(kept.iter().all(|kept| *kept) && campaign.poses.len() == rows);
+            (campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count(), notes)
+        };
+        assert_eq!(settled(3_090).0, 3_090);
+        let (read, notes) = settled(13_000);
+        assert_eq!(
+            (read, notes),
+            (4_334, vec!["of 13000 rows 4334 were looked at: one in 3".to_owned()])
+        );
     }
 
     #[test]
