@@ -152,6 +152,13 @@ fn spring(fitted: &Fitted<'_>, joint: usize) -> Option<Candidate> {
     all.into_iter().nth(best.candidate)
 }
 
+/// The places of effects once `gone` has left the model; a change leaves none.
+pub(super) fn close_up(named: &mut [Named], gone: &Named) {
+    if gone.stated.is_none() {
+        named.iter_mut().filter(|one| one.effect > gone.effect).for_each(|one| one.effect -= 1);
+    }
+}
+
 /// Whether a rival of the name in place `k` may stand beside the others: what two of them would become, one after the other, is one thing.
 fn stands_beside(naming: &Naming, k: usize, rival: &Rival) -> bool {
     let effects = &naming.fit.hypothesis.model;
@@ -222,11 +229,7 @@ impl Asking<'_> {
         let mut hypothesis = without(&naming.fit, &self.known.model, &[gone]);
         let entry = Entry::open(rival.kept, rival.candidate.clone());
         let (effect, stated) = Self::joined(&mut hypothesis, &entry, &rival.found)?;
-        if gone.stated.is_none() {
-            for one in named.iter_mut().filter(|one| one.effect > gone.effect) {
-                one.effect -= 1;
-            }
-        }
+        close_up(&mut named, gone);
         let more = rival.numbers.saturating_sub(gone.numbers) as f64;
         named[k] = Named {
             candidate: entry.candidate,

@@ -3,7 +3,7 @@
 //! Promises: surroundings (frames, targets) come from training rows alone; rows that are outliers to the final model count for no model. An effect that
 //! does not help there is no finding. Never: a change of what was fitted.
 
-use super::name::{Named, Naming, without};
+use super::name::{Named, Naming, close_up, without};
 use crate::campaign::Campaign;
 use crate::colour::Filter;
 use crate::fit::compare;
@@ -87,11 +87,7 @@ pub(super) fn confirmed(
         margins.remove(k);
         let hypothesis = without(&naming.fit, model, &[&naming.named[k]]);
         let gone = naming.named.remove(k);
-        if gone.stated.is_none() {
-            for one in naming.named.iter_mut().filter(|one| one.effect > gone.effect) {
-                one.effect -= 1;
-            }
-        }
+        close_up(&mut naming.named, &gone);
         naming.fit = held.beside(&hypothesis, &naming.fit);
     }
     naming
