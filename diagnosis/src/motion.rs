@@ -102,12 +102,14 @@ impl Motion {
         Self { turn: self.turn * factor, shift: self.shift * factor, joints }
     }
 
-    /// The motion between two places of the tool, per `step` of what changed.
+    /// The motion between two places of the tool (with how far each joint is off), per `step` of what changed.
     #[must_use]
-    pub fn between(below: &Evaluation, above: &Evaluation, step: f64) -> Self {
-        let (a, b) = (&below.real.base_from_tool, &above.real.base_from_tool);
+    pub fn between(
+        (a, a_joints): &(Frame, Joints),
+        (b, b_joints): &(Frame, Joints),
+        step: f64,
+    ) -> Self {
         let turned = b.rotation * a.rotation.transpose();
-        let (b_joints, a_joints) = (&above.deviation.joints, &below.deviation.joints);
         Self {
             turn: physics::frame::vector_from_rotation(&turned) / step,
             shift: (b.origin - a.origin) / step,
