@@ -4,10 +4,10 @@
 #[path = "../tests/support/mod.rs"]
 mod support;
 
-use corrector::{Settings, Task, World, WrenchSample, solve};
+use corrector::{Settings, Solver, Task, World, WrenchSample, solve};
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
-use physics::{Inputs, JOINTS_MAX, Memories, Model, Wrench};
+use physics::{AnyEffect, Chain, Evaluation, Inputs, JOINTS_MAX, Memories, Model, Wrench};
 use std::hint::black_box;
 use support::{DT_NS, Run, envelope, erring, seven, six};
 
@@ -31,7 +31,52 @@ fn cycles(criterion: &mut Criterion, name: &str, model: Model, stiffness: Option
     });
 }
 
+/// Each joint's zero, gear and drive train, the tool and the base: twenty effects.
+fn twenty() -> Model {
+    let counts = [
+        "joint_offset",
+        "transmission_error",
+        "joint_compliance",
+        "tool_offset",
+        "base_compliance",
+    ];
+    let all = erring(six());
+    let effects: Vec<AnyEffect> =
+        all.effects().filter(|effect| counts.contains(&effect.spec().kind)).copied().collect();
+    assert_eq!(effects.len(), 20);
+    Model::new(six(), &effects).expect("sound")
+}
+
+/// The parts of one correction: gravity and wrench act, at a pose amid the arm's range.
+fn stages(criterion: &mut Criterion) {
+    let model = twenty();
+    let mut q = [0.0; JOINTS_MAX];
+    q[..6].copy_from_slice(&[0.3, -0.4, 0.5, 0.7, -0.6, 0.4]);
+    let mut inputs = Inputs::at_rest(q);
+    inputs.wrench_base =
+        Wrench { force: DVec3::new(50.0, -20.0, 30.0), moment: DVec3::new(1.0, -2.0, 0.5) };
+    let (memories, reach, task) = (Memories::default(), [0.02; JOINTS_MAX], Task::default());
+    criterion.bench_function("stage: geometry at a pose", |bencher| {
+        bencher.iter(|| Chain::nominal(black_box(&model.arm), black_box(&q)));
+    });
+    let mut seen = Evaluation::default();
+    criterion.bench_function("stage: geometry, loads, 20 effects, real geometry", |bencher| {
+        bencher.iter(|| {
+            model.evaluate_into(black_box(&inputs), &memories, &mut seen);
+            black_box(&seen.real.base_from_tool);
+        });
+    });
+    let mut solver = Solver::default();
+    let found = solver.solve(&model, &inputs, &memories, &task, &reach);
+    println!("one correction takes {} Newton steps", found.steps);
+    criterion.bench_function("one correction, six joints, 20 effects", |bencher| {
+        bencher
+            .iter(|| solver.solve(black_box(&model), black_box(&inputs), &memories, &task, &reach));
+    });
+}
+
 fn benches(criterion: &mut Criterion) {
+    stages(criterion);
     cycles(criterion, "cycle, six joints, no error", Model::nominal(six()), None);
     cycles(criterion, "cycle, six joints, 32 effects", erring(six()), None);
     cycles(criterion, "cycle, six joints, 32 effects, gate by stiffness", erring(six()), Some(1e5));

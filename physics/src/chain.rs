@@ -5,7 +5,8 @@
 //! Never: a load or an effect.
 
 use crate::deviation::{Deviation, LinkDeviation};
-use crate::frame::{Twist, rotation_about, rotation_from_vector};
+use crate::frame::{Twist, rotation_by, rotation_from_vector};
+use crate::trig::{sin_cos, sin_cos_all};
 use crate::{Arm, Frame, JOINTS_MAX, Joint, JointKind, Joints};
 use glam::DVec3;
 use nalgebra::SMatrix;
@@ -25,36 +26,67 @@ pub struct Chain {
     pub points: [DVec3; JOINTS_MAX],
     /// Tool coordinates to base coordinates; its origin is the TCP.
     pub base_from_tool: Frame,
+    /// Sine and cosine of each position.
+    turned: [(f64, f64); JOINTS_MAX],
     count: usize,
+}
+
+impl Default for Chain {
+    /// No arm at all.
+    fn default() -> Self {
+        Self {
+            bodies: [Frame::IDENTITY; JOINTS_MAX],
+            axes: [DVec3::ZERO; JOINTS_MAX],
+            points: [DVec3::ZERO; JOINTS_MAX],
+            base_from_tool: Frame::IDENTITY,
+            turned: [(0.0, 0.0); JOINTS_MAX],
+            count: 0,
+        }
+    }
 }
 
 impl Chain {
     /// The controller's geometry at `q` (rad or m).
     pub fn nominal(arm: &Arm, q: &Joints) -> Self {
-        let mut chain = Self::empty(arm);
-        let mut carried = Frame::IDENTITY;
-        for (i, joint) in arm.joints().iter().enumerate() {
-            carried = chain.place(i, &carried, joint.axis, joint.point, joint.kind, q[i]);
-        }
-        chain.base_from_tool = carried.after(&Frame::new(arm.tool.base_from_tool, arm.tool.tcp));
+        let mut chain = Self::default();
+        chain.stand(arm, q);
         chain
     }
 
     /// The geometry at `q` (rad or m) with `deviation` put in.
     pub fn real(arm: &Arm, q: &Joints, deviation: &Deviation) -> Self {
-        let mut chain = Self::empty(arm);
+        let mut chain = Self::default();
+        chain.deviate(arm, q, deviation, &Self::nominal(arm, q));
+        chain
+    }
+
+    /// [`Chain::nominal`] in place of a chain of the same arm.
+    pub(crate) fn stand(&mut self, arm: &Arm, q: &Joints) {
+        self.count = arm.count();
+        sin_cos_all(&q[..self.count], &mut self.turned);
+        let mut carried = Frame::IDENTITY;
+        for (i, joint) in arm.joints().iter().enumerate() {
+            let (kind, turned) = (joint.kind, self.turned[i]);
+            carried = self.place(i, &carried, (joint.axis, joint.point), kind, (q[i], turned));
+        }
+        self.base_from_tool = carried.after(&Frame::new(arm.tool.base_from_tool, arm.tool.tcp));
+    }
+
+    /// [`Chain::real`] in place of a chain of the same arm; `nominal` is the arm without the deviation.
+    pub(crate) fn deviate(&mut self, arm: &Arm, q: &Joints, deviation: &Deviation, nominal: &Self) {
+        self.count = arm.count();
         let mut carried = Frame::new(rotation_from_vector(deviation.base_turn), DVec3::ZERO);
         for (i, joint) in arm.joints().iter().enumerate() {
             carried = carried_by(carried, &deviation.links[i]);
-            let (axis, point) = deviated_axis(joint, &deviation.axes[i]);
-            let position = q[i] + deviation.joints[i];
-            carried = chain.place(i, &carried, axis, point, joint.kind, position);
+            let off = deviation.joints[i];
+            self.turned[i] = turned_on(nominal.turned[i], q[i], off);
+            let axis = deviated_axis(joint, &deviation.axes[i]);
+            carried = self.place(i, &carried, axis, joint.kind, (q[i] + off, self.turned[i]));
         }
         carried = carried_by(carried, &deviation.links[arm.count()]);
         let tool = Frame::new(arm.tool.base_from_tool, arm.tool.tcp);
         let shifted = Frame::new(rotation_from_vector(deviation.tool_turn), deviation.tool_shift);
-        chain.base_from_tool = carried.after(&tool).after(&shifted);
-        chain
+        self.base_from_tool = carried.after(&tool).after(&shifted);
     }
 
     /// How the TCP moves with each joint at this configuration.
@@ -78,28 +110,18 @@ impl Chain {
         self.count
     }
 
-    fn empty(arm: &Arm) -> Self {
-        Self {
-            bodies: [Frame::IDENTITY; JOINTS_MAX],
-            axes: [DVec3::ZERO; JOINTS_MAX],
-            points: [DVec3::ZERO; JOINTS_MAX],
-            base_from_tool: Frame::IDENTITY,
-            count: arm.count(),
-        }
-    }
-
+    #[inline]
     /// Puts joint `i` onto what carries it and returns what it carries.
     fn place(
         &mut self,
         i: usize,
         carrier: &Frame,
-        axis: DVec3,
-        point: DVec3,
+        (axis, point): (DVec3, DVec3),
         kind: JointKind,
-        position: f64,
+        (position, turned): (f64, (f64, f64)),
     ) -> Frame {
         let motion = match kind {
-            JointKind::Revolute => Frame::about(point, rotation_about(axis, position)),
+            JointKind::Revolute => Frame::about(point, rotation_by(axis, turned)),
             JointKind::Prismatic => Frame::translation(axis * position),
         };
         self.axes[i] = carrier.rotation * axis;
@@ -107,6 +129,23 @@ impl Chain {
         self.bodies[i] = carrier.after(&motion);
         self.bodies[i]
     }
+}
+
+/// Below this the rest of a turn is added by series, rad: their next terms are below rounding.
+const LITTLE: f64 = 0.02;
+
+/// Sine and cosine of `q + off`, given those of `q`; the same bits where `off` is zero.
+#[inline]
+fn turned_on((sin, cos): (f64, f64), q: f64, off: f64) -> (f64, f64) {
+    if off.abs() >= LITTLE {
+        return sin_cos(q + off);
+    }
+    let square = off * off;
+    let sine = off
+        * (1.0
+            - square * (1.0 / 6.0) * (1.0 - square * (1.0 / 20.0) * (1.0 - square * (1.0 / 42.0))));
+    let less = 0.5 * square * (1.0 - square * (1.0 / 12.0) * (1.0 - square * (1.0 / 30.0)));
+    (sin + (cos * sine - sin * less), cos - (sin * sine + cos * less))
 }
 
 /// A joint's axis and point at the zero configuration with the deviation of the axis alone.

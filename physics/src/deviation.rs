@@ -211,7 +211,18 @@ impl Default for Deviation {
 }
 
 impl Deviation {
+    /// Forgets what was added to an arm of `count` joints.
+    pub(crate) fn clear(&mut self, count: usize) {
+        self.joints[..count].fill(0.0);
+        self.axes[..count].fill(Twist::default());
+        self.links[..=count].fill(LinkDeviation::default());
+        self.base_turn = DVec3::ZERO;
+        self.tool_shift = DVec3::ZERO;
+        self.tool_turn = DVec3::ZERO;
+    }
+
     /// Adds a contribution to the geometry; contributions to loads and torques are not geometry and pass by.
+    #[inline]
     pub fn add(&mut self, contribution: &Contribution) {
         match *contribution {
             Contribution::Joint { joint, delta } => self.joints[joint] += delta,
