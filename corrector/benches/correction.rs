@@ -7,9 +7,9 @@ mod support;
 use corrector::{Settings, Solver, Task, World, WrenchSample, solve};
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
-use physics::{AnyEffect, Chain, Evaluation, Inputs, JOINTS_MAX, Memories, Model, Wrench};
+use physics::{Chain, Evaluation, Inputs, JOINTS_MAX, Memories, Model, Wrench};
 use std::hint::black_box;
-use support::{DT_NS, Run, envelope, erring, seven, six};
+use support::{DT_NS, Run, envelope, erring, load, pose, seven, six, twenty};
 
 fn path(k: u64) -> [f64; 6] {
     let t_s = (k % 10_000) as f64 * 1e-3;
@@ -31,30 +31,10 @@ fn cycles(criterion: &mut Criterion, name: &str, model: Model, stiffness: Option
     });
 }
 
-/// Each joint's zero, gear and drive train, the tool and the base: twenty effects.
-fn twenty() -> Model {
-    let counts = [
-        "joint_offset",
-        "transmission_error",
-        "joint_compliance",
-        "tool_offset",
-        "base_compliance",
-    ];
-    let all = erring(six());
-    let effects: Vec<AnyEffect> =
-        all.effects().filter(|effect| counts.contains(&effect.spec().kind)).copied().collect();
-    assert_eq!(effects.len(), 20);
-    Model::new(six(), &effects).expect("sound")
-}
-
 /// The parts of one correction: gravity and wrench act, at a pose amid the arm's range.
 fn stages(criterion: &mut Criterion) {
-    let model = twenty();
-    let mut q = [0.0; JOINTS_MAX];
-    q[..6].copy_from_slice(&[0.3, -0.4, 0.5, 0.7, -0.6, 0.4]);
-    let mut inputs = Inputs::at_rest(q);
-    inputs.wrench_base =
-        Wrench { force: DVec3::new(50.0, -20.0, 30.0), moment: DVec3::new(1.0, -2.0, 0.5) };
+    let (model, q) = (twenty(), pose());
+    let inputs = Inputs { wrench_base: load(), ..Inputs::at_rest(q) };
     let (memories, reach, task) = (Memories::default(), [0.02; JOINTS_MAX], Task::default());
     criterion.bench_function("stage: geometry at a pose", |bencher| {
         bencher.iter(|| Chain::nominal(black_box(&model.arm), black_box(&q)));

@@ -6,7 +6,7 @@
 pub(crate) const ROWS: usize = 6;
 
 /// The lower factor `L` of `N = L Lᵀ`, with the inverses of its diagonal.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Factor {
     lower: [[f64; ROWS]; ROWS],
     inverse: [f64; ROWS],

@@ -40,10 +40,11 @@ pub struct Solution {
     pub steps: u32,
 }
 
-/// Room for one evaluation of the model, kept from cycle to cycle.
+/// Room for one evaluation of the model and for its slopes, kept from cycle to cycle.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Solver {
     seen: Evaluation,
+    slopes: Slopes,
 }
 
 /// Solves for the command in `inputs.q`; `reach` is how far each joint may go from it, rad or m.
@@ -68,35 +69,34 @@ impl Solver {
         reach: &Joints,
     ) -> Solution {
         let mut trial = *inputs;
-        let (mut wanted, mut chord): (Option<Frame>, Option<Chord>) = (None, None);
+        let (mut wanted, mut last): (Option<Frame>, Option<Step>) = (None, None);
         let mut steps = 0;
         loop {
-            model.evaluate_into(&trial, memories, &mut self.seen);
-            let seen = &self.seen;
+            let Self { seen, slopes } = self;
+            model.evaluate_into(&trial, memories, seen);
             let wanted = wanted.get_or_insert(seen.nominal.base_from_tool);
             let error = TaskError::between(&seen.real.base_from_tool, wanted, task);
-            let here =
-                Solution { q: trial.q, converged: false, residual: error.residual(task), steps };
+            let here = |residual, converged| Solution { q: trial.q, converged, residual, steps };
             // Beyond its law's limit a hardening joint's prediction is worth nothing: nothing may be built on it.
-            if seen.beyond.is_some() {
-                return here;
-            }
-            if error.is_done() {
-                return Solution { converged: true, ..here };
+            if seen.beyond.is_some() || error.is_done() {
+                return here(error.residual(task), seen.beyond.is_none());
             }
             let allowed = |step: &Joints| stays_within(&trial.q, step, &inputs.q, reach);
-            let again = chord.take().and_then(|chord| chord.again(&error, allowed));
+            let again = last.and_then(|last| slopes.again(&last, &error, allowed));
             let next = again.or_else(|| {
-                Chord::new(&Slopes::new(model, &seen.real, wanted, task), &error, allowed)
+                slopes.take(model, &seen.real, wanted, task);
+                slopes.first(&error, allowed)
             });
-            let Some(next) = next.filter(|_| steps < STEPS_MAX) else { return here };
-            apply(&mut trial.q, &next.step);
+            let Some(next) = next.filter(|_| steps < STEPS_MAX) else {
+                return here(error.residual(task), false);
+            };
+            apply(&mut trial.q, &next.by);
             steps += 1;
             if next.foretold < STEP_DONE {
-                let residual = next.slopes.left_of(&error, &next.step).residual(task);
+                let residual = slopes.left_of(&error, &next.by).residual(task);
                 return Solution { q: trial.q, converged: true, residual, steps };
             }
-            chord = Some(next);
+            last = Some(next);
         }
     }
 }
@@ -131,63 +131,33 @@ impl TaskError {
     }
 }
 
-/// A step, and what the next one is made of.
-struct Chord {
-    slopes: Slopes,
-    /// None where the step is damped: then the next is made of new slopes.
-    factor: Option<Factor>,
-    step: Joints,
+/// A step of the joints, rad or m.
+#[derive(Clone, Copy)]
+struct Step {
+    by: Joints,
+    /// The largest of it; endless for a damped one, from which nothing may be foretold.
+    size: f64,
     /// How large the next step will be.
     foretold: f64,
 }
 
-impl Chord {
-    /// The step on new slopes; damped as little as `allowed` asks for.
-    fn new(slopes: &Slopes, error: &TaskError, allowed: impl Fn(&Joints) -> bool) -> Option<Self> {
-        let slopes = *slopes;
-        let factor = slopes.factored(0.0);
-        let undamped = factor.map(|factor| slopes.step(&factor, error)).filter(&allowed);
-        if let Some(step) = undamped {
-            return Some(Self { slopes, factor, step, foretold: largest(&step) });
-        }
-        let mut damping = FIRST_DAMPING;
-        for _ in 0..DAMPED_TRIES {
-            let step = slopes.step(&slopes.factored(damping)?, error);
-            if allowed(&step) {
-                return Some(Self { slopes, factor: None, step, foretold: f64::INFINITY });
-            }
-            damping *= 30.0;
-        }
-        None
-    }
-
-    /// The next step on the same slopes; none where it is not much smaller.
-    fn again(self, error: &TaskError, allowed: impl Fn(&Joints) -> bool) -> Option<Self> {
-        let step = self.slopes.step(&self.factor?, error);
-        let shrinks = largest(&step) / largest(&self.step);
-        (shrinks < SHRINKS && allowed(&step)).then(|| Self {
-            step,
-            foretold: shrinks * largest(&step),
-            ..self
-        })
-    }
-}
-
 /// The linearised task at one trial.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Slopes {
     /// How the tool moves with each joint, as in [`TaskError`].
     columns: [[f64; ROWS]; JOINTS_MAX],
     joints: usize,
     frees_tool_axis: bool,
+    factor: Factor,
 }
 
 impl Slopes {
-    fn new(model: &Model, real: &Chain, wanted: &Frame, task: &Task) -> Self {
+    /// Linearises at `real`.
+    fn take(&mut self, model: &Model, real: &Chain, wanted: &Frame, task: &Task) {
         let tool_from_base = wanted.rotation.transpose();
-        let (joints, tcp) = (model.arm.count(), real.base_from_tool.origin);
-        let mut columns = [[0.0; ROWS]; JOINTS_MAX];
-        for (i, (joint, column)) in model.arm.joints().iter().zip(&mut columns).enumerate() {
+        let tcp = real.base_from_tool.origin;
+        (self.joints, self.frees_tool_axis) = (model.arm.count(), task.free_tool_axis);
+        for (i, (joint, column)) in model.arm.joints().iter().zip(&mut self.columns).enumerate() {
             let axis = real.axes[i];
             let (linear, angular) = match joint.kind {
                 JointKind::Revolute => (axis.cross(tcp - real.points[i]), axis),
@@ -197,7 +167,41 @@ impl Slopes {
             let z = if task.free_tool_axis { 0.0 } else { w.z };
             *column = [v.x, v.y, v.z, w.x, w.y, z];
         }
-        Self { columns, joints, frees_tool_axis: task.free_tool_axis }
+    }
+
+    /// The step on slopes just taken; damped as little as `allowed` asks for.
+    fn first(&mut self, error: &TaskError, allowed: impl Fn(&Joints) -> bool) -> Option<Step> {
+        let undamped = self.factored(0.0).map(|()| self.step(error)).filter(&allowed);
+        if let Some(by) = undamped {
+            let size = largest(&by);
+            return Some(Step { by, size, foretold: size });
+        }
+        let mut damping = FIRST_DAMPING;
+        for _ in 0..DAMPED_TRIES {
+            self.factored(damping)?;
+            let by = self.step(error);
+            if allowed(&by) {
+                return Some(Step { by, size: f64::INFINITY, foretold: f64::INFINITY });
+            }
+            damping *= 30.0;
+        }
+        None
+    }
+
+    /// The next step on the slopes of the `last`; none where that was damped, or where this is not much smaller.
+    fn again(
+        &self,
+        last: &Step,
+        error: &TaskError,
+        allowed: impl Fn(&Joints) -> bool,
+    ) -> Option<Step> {
+        if last.size == f64::INFINITY {
+            return None;
+        }
+        let by = self.step(error);
+        let size = largest(&by);
+        let shrinks = size / last.size;
+        (shrinks < SHRINKS && allowed(&by)).then_some(Step { by, size, foretold: shrinks * size })
     }
 
     fn columns(&self) -> &[[f64; ROWS]] {
@@ -215,7 +219,7 @@ impl Slopes {
     }
 
     /// The normal equations with damping, relative to the mean of their diagonal; rows that take no part become those of the unit matrix.
-    fn factored(&self, damping: f64) -> Option<Factor> {
+    fn factored(&mut self, damping: f64) -> Option<()> {
         let mut normal = [[0.0; ROWS]; ROWS];
         let part = if self.serve_all() { self.asked() } else { self.joints };
         if self.serve_all() {
@@ -234,21 +238,22 @@ impl Slopes {
         let added = damping * (0..part).map(|i| normal[i][i]).sum::<f64>() / ROWS as f64;
         (0..part).for_each(|i| normal[i][i] += added);
         (part..ROWS).for_each(|i| normal[i][i] = 1.0);
-        Factor::of(&normal)
+        self.factor = Factor::of(&normal)?;
+        Some(())
     }
 
     /// `Jᵀ (J Jᵀ)⁻¹ e`; for fewer joints than rows `(JᵀJ)⁻¹ Jᵀ e`.
-    fn step(&self, factor: &Factor, error: &TaskError) -> Joints {
+    fn step(&self, error: &TaskError) -> Joints {
         let mut step = [0.0; JOINTS_MAX];
         if self.serve_all() {
-            let x = factor.solve(&error.0);
+            let x = self.factor.solve(&error.0);
             step.iter_mut().zip(self.columns()).for_each(|(step, column)| *step = dot(column, &x));
         } else {
             let mut pull = [0.0; ROWS];
             pull.iter_mut()
                 .zip(self.columns())
                 .for_each(|(pull, column)| *pull = dot(column, &error.0));
-            step[..ROWS].copy_from_slice(&factor.solve(&pull));
+            step[..ROWS].copy_from_slice(&self.factor.solve(&pull));
         }
         step
     }

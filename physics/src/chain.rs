@@ -4,10 +4,10 @@
 //! [`Deviation`] put in; both agree to the bit where the deviation is zero in every entry.
 //! Never: a load or an effect.
 
-use crate::deviation::{Deviation, LinkDeviation};
-use crate::frame::{Twist, rotation_by, rotation_from_vector};
+use crate::deviation::Deviation;
+use crate::frame::{rotation_from_vector, turned_about};
 use crate::trig::{sin_cos, sin_cos_all};
-use crate::{Arm, Frame, JOINTS_MAX, Joint, JointKind, Joints};
+use crate::{Arm, Frame, JOINTS_MAX, JointKind, Joints};
 use glam::DVec3;
 use nalgebra::SMatrix;
 
@@ -64,29 +64,43 @@ impl Chain {
     pub(crate) fn stand(&mut self, arm: &Arm, q: &Joints) {
         self.count = arm.count();
         sin_cos_all(&q[..self.count], &mut self.turned);
-        let mut carried = Frame::IDENTITY;
+        let mut carrier = Frame::IDENTITY;
         for (i, joint) in arm.joints().iter().enumerate() {
-            let (kind, turned) = (joint.kind, self.turned[i]);
-            carried = self.place(i, &carried, (joint.axis, joint.point), kind, (q[i], turned));
+            self.place(i, &carrier, (joint.axis, joint.point), joint.kind, q[i]);
+            carrier = self.bodies[i];
         }
-        self.base_from_tool = carried.after(&Frame::new(arm.tool.base_from_tool, arm.tool.tcp));
+        self.base_from_tool = carrier.after(&Frame::new(arm.tool.base_from_tool, arm.tool.tcp));
     }
 
     /// [`Chain::real`] in place of a chain of the same arm; `nominal` is the arm without the deviation.
     pub(crate) fn deviate(&mut self, arm: &Arm, q: &Joints, deviation: &Deviation, nominal: &Self) {
         self.count = arm.count();
-        let mut carried = Frame::new(rotation_from_vector(deviation.base_turn), DVec3::ZERO);
+        let mut carrier = Frame::IDENTITY;
+        if deviation.base_turn != DVec3::ZERO {
+            carrier.rotation = rotation_from_vector(deviation.base_turn);
+        }
         for (i, joint) in arm.joints().iter().enumerate() {
-            carried = carried_by(carried, &deviation.links[i]);
+            if let Some(link) = deviation.link(i) {
+                carrier = carrier.after(&link.frame());
+            }
+            let axis = deviation.axis(i).map_or((joint.axis, joint.point), |twist| {
+                let moved = twist.frame();
+                (moved.rotation * joint.axis, moved.point(joint.point))
+            });
             let off = deviation.joints[i];
             self.turned[i] = turned_on(nominal.turned[i], q[i], off);
-            let axis = deviated_axis(joint, &deviation.axes[i]);
-            carried = self.place(i, &carried, axis, joint.kind, (q[i] + off, self.turned[i]));
+            self.place(i, &carrier, axis, joint.kind, q[i] + off);
+            carrier = self.bodies[i];
         }
-        carried = carried_by(carried, &deviation.links[arm.count()]);
-        let tool = Frame::new(arm.tool.base_from_tool, arm.tool.tcp);
-        let shifted = Frame::new(rotation_from_vector(deviation.tool_turn), deviation.tool_shift);
-        self.base_from_tool = carried.after(&tool).after(&shifted);
+        if let Some(flange) = deviation.link(self.count) {
+            carrier = carrier.after(&flange.frame());
+        }
+        self.base_from_tool = carrier.after(&Frame::new(arm.tool.base_from_tool, arm.tool.tcp));
+        if deviation.tool_turn != DVec3::ZERO || deviation.tool_shift != DVec3::ZERO {
+            let turn = rotation_from_vector(deviation.tool_turn);
+            self.base_from_tool =
+                self.base_from_tool.after(&Frame::new(turn, deviation.tool_shift));
+        }
     }
 
     /// How the TCP moves with each joint at this configuration.
@@ -110,24 +124,30 @@ impl Chain {
         self.count
     }
 
+    /// Puts joint `i`, at `position`, onto what carries it.
     #[inline]
-    /// Puts joint `i` onto what carries it and returns what it carries.
     fn place(
         &mut self,
         i: usize,
         carrier: &Frame,
         (axis, point): (DVec3, DVec3),
         kind: JointKind,
-        (position, turned): (f64, (f64, f64)),
-    ) -> Frame {
-        let motion = match kind {
-            JointKind::Revolute => Frame::about(point, rotation_by(axis, turned)),
-            JointKind::Prismatic => Frame::translation(axis * position),
-        };
-        self.axes[i] = carrier.rotation * axis;
-        self.points[i] = carrier.point(point);
-        self.bodies[i] = carrier.after(&motion);
-        self.bodies[i]
+        position: f64,
+    ) {
+        let (axis_now, point_now) = (carrier.rotation * axis, carrier.point(point));
+        (self.axes[i], self.points[i]) = (axis_now, point_now);
+        let body = &mut self.bodies[i];
+        match kind {
+            JointKind::Revolute => {
+                body.rotation = turned_about(&carrier.rotation, axis, self.turned[i]);
+                // What is on the axis stays.
+                body.origin = point_now - body.rotation * point;
+            }
+            JointKind::Prismatic => {
+                body.rotation = carrier.rotation;
+                body.origin = carrier.origin + axis_now * position;
+            }
+        }
     }
 }
 
@@ -146,17 +166,4 @@ fn turned_on((sin, cos): (f64, f64), q: f64, off: f64) -> (f64, f64) {
             - square * (1.0 / 6.0) * (1.0 - square * (1.0 / 20.0) * (1.0 - square * (1.0 / 42.0))));
     let less = 0.5 * square * (1.0 - square * (1.0 / 12.0) * (1.0 - square * (1.0 / 30.0)));
     (sin + (cos * sine - sin * less), cos - (sin * sine + cos * less))
-}
-
-/// A joint's axis and point at the zero configuration with the deviation of the axis alone.
-fn deviated_axis(joint: &Joint, axis: &Twist) -> (DVec3, DVec3) {
-    if *axis == Twist::default() {
-        return (joint.axis, joint.point);
-    }
-    let moved = axis.frame();
-    (moved.rotation * joint.axis, moved.point(joint.point))
-}
-
-fn carried_by(carried: Frame, link: &LinkDeviation) -> Frame {
-    if *link == LinkDeviation::default() { carried } else { carried.after(&link.frame()) }
 }

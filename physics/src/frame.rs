@@ -103,19 +103,34 @@ impl Twist {
 /// The rotation by `angle_rad` about the unit vector `axis` (Rodrigues).
 #[inline]
 pub fn rotation_about(axis: DVec3, angle_rad: f64) -> DMat3 {
-    rotation_by(axis, sin_cos(angle_rad))
+    turned_about(&DMat3::IDENTITY, axis, sin_cos(angle_rad))
 }
 
-/// The rotation about the unit vector `axis` by an angle of this sine and cosine (Rodrigues).
+/// `carrier` after the rotation about the unit vector `axis` by an angle of this sine and cosine (Rodrigues). An axis along one of the three, as most
+/// are, mixes two columns only.
 #[inline]
-pub(crate) fn rotation_by(axis: DVec3, (sin, cos): (f64, f64)) -> DMat3 {
+pub(crate) fn turned_about(carrier: &DMat3, axis: DVec3, (sin, cos): (f64, f64)) -> DMat3 {
+    let DMat3 { x_axis: a, y_axis: b, z_axis: c } = *carrier;
     let (x, y, z) = (axis.x, axis.y, axis.z);
+    if x == 0.0 && z == 0.0 {
+        let sin = sin * y;
+        return DMat3::from_cols(a * cos - c * sin, b, a * sin + c * cos);
+    }
+    if x == 0.0 && y == 0.0 {
+        let sin = sin * z;
+        return DMat3::from_cols(a * cos + b * sin, b * cos - a * sin, c);
+    }
+    if y == 0.0 && z == 0.0 {
+        let sin = sin * x;
+        return DMat3::from_cols(a, b * cos + c * sin, c * cos - b * sin);
+    }
     let rest = 1.0 - cos;
-    DMat3::from_cols(
+    let rotation = DMat3::from_cols(
         DVec3::new(cos + x * x * rest, x * y * rest + z * sin, x * z * rest - y * sin),
         DVec3::new(x * y * rest - z * sin, cos + y * y * rest, y * z * rest + x * sin),
         DVec3::new(x * z * rest + y * sin, y * z * rest - x * sin, cos + z * z * rest),
-    )
+    );
+    *carrier * rotation
 }
 
 /// The rotation by a rotation vector: its direction is the axis, its length the angle in rad.

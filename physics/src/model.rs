@@ -169,7 +169,7 @@ impl Model {
         nominal.stand(&self.arm, &inputs.q);
         self.load(inputs, nominal, memories, loads);
         let signals = Signals { arm: &self.arm, inputs, chain: nominal, loads };
-        deviation.clear(self.arm.count());
+        deviation.clear();
         deviation.base_turn = inputs.base_tilt;
         for (effect, memory) in self.effects().zip(&memories.0) {
             deviation.add(&effect.predict(&signals, memory));
