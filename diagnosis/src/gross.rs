@@ -28,6 +28,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 const REMEDY: f64 = 0.25;
 /// A remedy that leaves as much is as good as the best, within this factor.
 const AS_GOOD: f64 = 1.3;
+/// What two remedies leave is the same within this share.
+const SAME: f64 = 1e-3;
 /// What is off by less than this share of the reach is no gross fault.
 const GROSS: f64 = 4e-3;
 /// What is off by more than this share of the reach is gross, even if no remedy is known.
@@ -68,7 +70,10 @@ pub fn suspicions(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
         .filter(|(s, reach)| s.after_m < REMEDY * before_m && s.after_m < HOPELESS * reach)
         .map(|(suspicion, _)| suspicion)
         .collect();
-    found.sort_by(|a, b| a.after_m.total_cmp(&b.after_m));
+    // Two remedies may be one and the same turn of the arm: of these the earlier one, not the one that rounding favours.
+    let step =
+        |suspicion: &Suspicion| (suspicion.after_m.max(f64::MIN_POSITIVE).ln() / SAME).round();
+    found.sort_by(|a, b| step(a).total_cmp(&step(b)));
     let best = found.first().map_or(0.0, |s| s.after_m);
     found.retain(|s| s.after_m <= AS_GOOD * best);
     if found.is_empty() && before_m > OWN_M.max(HOPELESS * spread_m) {
@@ -177,6 +182,8 @@ fn of_joints(campaign: &Campaign, arm: &Arm) -> Vec<(String, Campaign)> {
         let says =
             format!("joint {} counts the other way round: turn the sign of its column", i + 1);
         list.push((says, with_joints(campaign, |q| q[i] = -q[i])));
+    }
+    for i in 0..arm.count() {
         for j in i + 1..arm.count() {
             let says = format!("the columns of joints {} and {} are swapped", i + 1, j + 1);
             list.push((says, with_joints(campaign, |q| q.swap(i, j))));

@@ -51,7 +51,8 @@ fn program() -> Result<String, String> {
     let bench = ["bench", "--package", "corrector", "--bench", "counted", "--no-run"];
     let built = Command::new("cargo").args(bench).output().map_err(|why| why.to_string())?;
     let said = String::from_utf8_lossy(&built.stderr);
-    let path = said.lines().find_map(|line| line.split_once('(')?.1.strip_suffix(')'));
+    let built = said.lines().find(|line| line.trim_start().starts_with("Executable"));
+    let path = built.and_then(|line| line.split_once('(')?.1.strip_suffix(')'));
     let path = path.filter(|path| Path::new(path).exists());
     path.map(str::to_owned)
         .ok_or_else(|| format!("cargo {} built nothing:\n{said}", bench.join(" ")))
