@@ -89,7 +89,7 @@ impl Latencies {
 }
 
 impl Quantiles {
-    /// Each quantile of [`SHARES`], where ten values stand beyond it.
+    /// Each quantile below the worst, where ten values stand beyond it.
     #[must_use]
     pub fn sure(&self) -> [Option<u64>; 6] {
         let values = [self.p50, self.p90, self.p99, self.p999, self.p9999, self.p99999];

@@ -3,8 +3,8 @@
 //! Promises: what was asked for and refused (policy, pinning, locked memory) ends the bench; all that is compared is measured in the
 //! same run, by turns, on the same two cores; what could not be measured is said and counted. Never: a correction of its own.
 //!
-//! In what order to read: [`plan`] (what is asked), [`flat`], [`paced`], [`force`], [`start`], [`swap`] (what is measured), [`judged`]
-//! (what that is held against), [`report`](crate::findings) (what is told).
+//! In what order to read: [`plan`] (what is asked); `flat.rs`, `paced.rs`, `force.rs`, `start.rs`, `swap.rs` (what is measured);
+//! [`judged`] (what that is held against); [`findings`], [`tables`], [`page`] (what is told).
 
 mod child;
 mod chunks;

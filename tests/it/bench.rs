@@ -22,7 +22,7 @@ fn has_two_cores() -> bool {
 /// Quantiles in order, and as many as expected.
 fn check_quantiles(q: &Value, n: Option<u64>) {
     let names = ["p50", "p90", "p99", "p999", "p9999", "p99999", "max"];
-    let values = names.map(|name| q[name].as_u64().unwrap_or_else(|| panic!("{name} in {q}")));
+    let values = names.map(|name| q[name].as_u64().expect(name));
     assert!(values.windows(2).all(|pair| pair[0] <= pair[1]), "{q}");
     if let Some(n) = n {
         assert_eq!(q["n"].as_u64(), Some(n), "{q}");
