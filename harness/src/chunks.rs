@@ -13,6 +13,8 @@ use crate::placement::{Placement, Sorter};
 
 /// Chunks that wait to be sorted: the more there are, the better the placements are known by then.
 const PENDING_MAX: usize = 128;
+/// References that are remembered while they have not parted.
+const REFERENCES_MAX: usize = 20_000;
 
 /// What was counted of one kind.
 #[derive(Debug, Clone, Default)]
@@ -82,6 +84,9 @@ impl Default for Chunks {
 
 impl Chunks {
     pub(crate) fn push(&mut self, chunk: Chunk) {
+        if self.references_ns.len() >= REFERENCES_MAX {
+            self.references_ns.drain(..REFERENCES_MAX / 2);
+        }
         self.references_ns.extend([chunk.before_ns, chunk.after_ns]);
         self.pending.push(chunk);
         if self.pending.len() == PENDING_MAX {

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use daemon::pacer::sleep_until;
 use daemon::realtime::Refused;
+use serde::Serialize;
 use shm_schema::monotonic_ns;
 
 use crate::latencies::Latencies;
@@ -73,18 +74,33 @@ impl Empty {
     }
 }
 
-pub(crate) fn remember(cycles: &mut Vec<u64>, cycle: u64, is_so: bool) {
+pub(crate) fn remember<T>(cycles: &mut Vec<T>, cycle: T, is_so: bool) {
     if is_so && cycles.len() < REMEMBERED_MAX {
         cycles.push(cycle);
     }
 }
 
-/// How many of `missed` no empty cycle was hindered beside: on either core, in the same cycle or the one before.
-pub(crate) fn beyond(missed: &[u64], empties: &[Empty]) -> u64 {
+/// Those of `missed` that no empty cycle was hindered beside: on either core, in the same cycle or the one before.
+pub(crate) fn beyond(missed: &[Missed], empties: &[Empty]) -> Vec<Missed> {
     let hindered =
         |cycle: u64| empties.iter().any(|empty| empty.hindered.binary_search(&cycle).is_ok());
     let excused = |cycle: u64| hindered(cycle) || cycle.checked_sub(1).is_some_and(hindered);
-    missed.iter().filter(|cycle| !excused(**cycle)).count() as u64
+    missed.iter().filter(|missed| !excused(missed.cycle)).copied().collect()
+}
+
+/// A missed cycle, and where its time went; zeros where no answer came.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+pub struct Missed {
+    /// Its number.
+    pub cycle: u64,
+    /// From the time it was due to its sending: the client was late, or still busy with those before.
+    pub late_ns: u64,
+    /// From its sending to its taking.
+    pub there_ns: u64,
+    /// From its taking to the making of the answer.
+    pub correction_ns: u64,
+    /// From there to the client.
+    pub back_ns: u64,
 }
 
 /// How many cycles were missed on either core.
@@ -106,8 +122,13 @@ mod tests {
     #[test]
     fn a_miss_is_excused_only_where_an_empty_cycle_was_hindered_beside_it() {
         let empties = [hindered(&[10, 11]), hindered(&[50])];
-        assert_eq!(beyond(&[10, 11, 12, 50, 51], &empties), 0);
-        assert_eq!(beyond(&[0, 9, 13, 52], &empties), 4);
+        let beyond = |cycles: &[u64]| {
+            let missed: Vec<Missed> =
+                cycles.iter().map(|cycle| Missed { cycle: *cycle, ..Missed::default() }).collect();
+            beyond(&missed, &empties).len()
+        };
+        assert_eq!(beyond(&[10, 11, 12, 50, 51]), 0);
+        assert_eq!(beyond(&[0, 9, 13, 52]), 4);
         assert_eq!(missed_by_any(&[hindered(&[1, 2]), hindered(&[2, 3])]), 3);
     }
 

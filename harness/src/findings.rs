@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use crate::chunks::{Counted, Flat};
 use crate::cyclictest::Cyclictest;
+use crate::empty::Missed;
 use crate::force::Force;
 use crate::judged::Judged;
 use crate::latencies::{Latencies, Quantiles};
@@ -158,7 +159,7 @@ pub struct Told<'a> {
     round_trip_woken_ns: Option<BTreeMap<&'static str, Trips>>,
     correction_ns: Option<Quantiles>,
     missed_cycles: u64,
-    settings: Vec<ToldSetting>,
+    settings: Vec<ToldSetting<'a>>,
     first_corrected_ns: Option<Quantiles>,
     model_swap: Option<ToldSwap>,
     judged: &'a [Judged],
@@ -190,7 +191,7 @@ struct ToldFlat {
 }
 
 #[derive(Debug, Serialize)]
-struct ToldPaced {
+struct ToldPaced<'a> {
     wait: Wait,
     rate_hz: u32,
     cycles: u64,
@@ -201,6 +202,8 @@ struct ToldPaced {
     unanswered: u64,
     empty_missed: u64,
     missed_beyond_empty: u64,
+    /// The first of them, with where their time went.
+    beyond: &'a [Missed],
     correction_ns: Quantiles,
 }
 
@@ -215,12 +218,12 @@ struct ToldForce {
 }
 
 #[derive(Debug, Serialize)]
-struct ToldSetting {
+struct ToldSetting<'a> {
     policy: Policy,
     load: Vec<Load>,
     flat: Option<ToldFlat>,
     woken: Option<ToldFlat>,
-    paced: Vec<ToldPaced>,
+    paced: Vec<ToldPaced<'a>>,
     force: Option<ToldForce>,
     cyclictest: Option<Cyclictest>,
 }
@@ -261,7 +264,7 @@ fn told_flat(flat: &Flat) -> ToldFlat {
     }
 }
 
-fn told_paced(at: &AtRate) -> ToldPaced {
+fn told_paced(at: &AtRate) -> ToldPaced<'_> {
     let paced = &at.paced;
     ToldPaced {
         wait: at.wait,
@@ -274,11 +277,12 @@ fn told_paced(at: &AtRate) -> ToldPaced {
         unanswered: paced.unanswered,
         empty_missed: paced.empty_missed,
         missed_beyond_empty: paced.missed_beyond_empty,
+        beyond: &paced.beyond,
         correction_ns: paced.correction.quantiles(),
     }
 }
 
-fn told_setting(setting: &Setting) -> ToldSetting {
+fn told_setting(setting: &Setting) -> ToldSetting<'_> {
     ToldSetting {
         policy: setting.policy,
         load: setting.load.clone(),

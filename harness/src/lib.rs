@@ -35,6 +35,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 pub use chunks::{Counted, Flat};
 pub use cyclictest::Cyclictest;
+pub use empty::Missed;
 pub use error::BenchError;
 pub use force::Force;
 pub use latencies::{Latencies, Quantiles};
@@ -60,6 +61,8 @@ use crate::subject::{Setup, Subject};
 const FLAT_PERIOD_S: f64 = 1e-4;
 /// The rate at which models are swapped and starts are measured, Hz.
 const SWAP_RATE_HZ: u32 = 1000;
+/// Stands between the words that a part is given: paths have spaces.
+pub(crate) const BETWEEN_WORDS: &str = "\t";
 /// How long `cyclictest` runs at most, s.
 const CYCLICTEST_S_MAX: f64 = 10.0;
 
@@ -68,7 +71,7 @@ const CYCLICTEST_S_MAX: f64 = 10.0;
 /// # Errors
 /// Where it cannot do its part.
 pub fn part(words: &str) -> Result<(), BenchError> {
-    let words: Vec<&str> = words.split(' ').collect();
+    let words: Vec<&str> = words.split(BETWEEN_WORDS).collect();
     match words.split_first() {
         Some((&"echo", arguments)) => peers::echo::answer(arguments),
         Some((&"load", arguments)) => load::make(arguments),
@@ -81,6 +84,17 @@ pub fn part(words: &str) -> Result<(), BenchError> {
 /// # Errors
 /// See [`BenchError`]; nothing is left behind then.
 pub fn run(
+    plan: &Plan,
+    programs: &dyn Programs,
+    stop: &AtomicBool,
+    say: &mut dyn FnMut(&str),
+) -> Result<Findings, BenchError> {
+    // A signal from the terminal goes to the bench's other processes too: that they are gone is then no fault of theirs.
+    let interrupted = |e| if stop.load(Relaxed) { BenchError::Interrupted } else { e };
+    all(plan, programs, stop, say).map_err(interrupted)
+}
+
+fn all(
     plan: &Plan,
     programs: &dyn Programs,
     stop: &AtomicBool,

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use rustix::process::{Signal, set_parent_process_death_signal};
 
+use crate::BETWEEN_WORDS;
 use crate::child::Guarded;
 use crate::error::BenchError;
 use crate::plan::{Load, Plan, Programs};
@@ -35,7 +36,7 @@ pub(crate) fn start(
         return Ok(None);
     }
     let names: Vec<_> = loads.iter().map(|load| load.name()).collect();
-    let words = format!("load {} {}", plan.scratch.display(), names.join(","));
+    let words = ["load", &plan.scratch.to_string_lossy(), &names.join(",")].join(BETWEEN_WORDS);
     let failed = |e: std::io::Error| BenchError::part("load", e.to_string());
     Ok(Some(Guarded::spawn(programs.part(&words).map_err(failed)?).map_err(failed)?))
 }

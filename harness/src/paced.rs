@@ -11,7 +11,7 @@ use daemon::pacer::sleep_until;
 use shm_schema::monotonic_ns;
 use trued_client::Corrected;
 
-use crate::empty::{Empty, Schedule, beyond, missed_by_any, remember};
+use crate::empty::{Empty, Missed, Schedule, beyond, missed_by_any, remember};
 use crate::error::BenchError;
 use crate::latencies::Latencies;
 use crate::manners::Manners;
@@ -26,6 +26,8 @@ const SPIN_SHARE: f64 = 0.3;
 const GIVE_UP: Duration = Duration::from_millis(200);
 /// Time from the set-up to the first command.
 const HEAD_START_NS: u64 = 120_000_000;
+/// Missed cycles whose parts are kept.
+const BEYOND_SHOWN: usize = 200;
 /// Commands before the count begins, so that nothing counts as late that starts.
 const WARM_UP_S: f64 = 0.1;
 
@@ -48,6 +50,8 @@ pub struct Paced {
     pub empty_missed: u64,
     /// Missed cycles beside which no empty cycle was hindered.
     pub missed_beyond_empty: u64,
+    /// Where the time of the first of these went.
+    pub beyond: Vec<Missed>,
     /// Time in the daemon.
     pub correction: Latencies,
 }
@@ -93,7 +97,9 @@ impl Pacing<'_> {
             let Ok(empty) = empty else { return Err(ended) };
             beside.push(empty?);
         }
-        paced.missed_beyond_empty = beyond(&missed, &beside);
+        paced.beyond = beyond(&missed, &beside);
+        paced.missed_beyond_empty = paced.beyond.len() as u64;
+        paced.beyond.truncate(BEYOND_SHOWN);
         paced.empty_missed = missed_by_any(&beside);
         beside.iter().for_each(|empty| paced.empty.add(&empty.late));
         paced.correction = trued.correction;
@@ -105,10 +111,10 @@ impl Pacing<'_> {
         trued: &mut Trued,
         schedule: Schedule,
         watch: &mut dyn FnMut(&Corrected),
-    ) -> Result<(Paced, Vec<u64>), BenchError> {
+    ) -> Result<(Paced, Vec<Missed>), BenchError> {
         let spin_ns = ((schedule.period_ns as f64 * SPIN_SHARE) as u64).min(SPIN_BEFORE_NS);
         let mut paced = Paced::default();
-        let mut missed = Vec::with_capacity(1024);
+        let mut missed: Vec<Missed> = Vec::with_capacity(1024);
         self.warm_up(trued, schedule)?;
         for cycle in 0..schedule.cycles {
             let due_ns = schedule.due_ns(cycle);
@@ -120,8 +126,9 @@ impl Pacing<'_> {
             paced.scheduled.record(end_ns - due_ns);
             let is_missed = here_ns.is_none() || end_ns - due_ns > schedule.period_ns;
             paced.missed += u64::from(is_missed);
-            remember(&mut missed, cycle, is_missed);
-            if let Some(answer) = trued.newest.as_ref().filter(|_| here_ns.is_some()) {
+            let answer = trued.newest.as_ref().filter(|_| here_ns.is_some());
+            remember(&mut missed, parts(cycle, due_ns, sent_ns, answer, end_ns), is_missed);
+            if let Some(answer) = answer {
                 watch(answer);
             }
             if cycle % 64 == 0 && self.stop.load(Relaxed) {
@@ -147,6 +154,19 @@ impl Pacing<'_> {
         }
         trued.correction = Latencies::default();
         Ok(())
+    }
+}
+
+/// Where the time of a cycle went.
+fn parts(cycle: u64, due_ns: u64, sent_ns: u64, answer: Option<&Corrected>, end_ns: u64) -> Missed {
+    let late_ns = sent_ns.saturating_sub(due_ns);
+    let Some(answer) = answer else { return Missed { cycle, late_ns, ..Missed::default() } };
+    Missed {
+        cycle,
+        late_ns,
+        there_ns: answer.received_ns.saturating_sub(sent_ns),
+        correction_ns: answer.made_ns.saturating_sub(answer.received_ns),
+        back_ns: end_ns.saturating_sub(answer.made_ns),
     }
 }
 

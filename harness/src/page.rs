@@ -83,7 +83,14 @@ pub fn render(findings: &Findings, command: &str) -> String {
             ("Processor", format!("{}, {} cores online", machine.processor, machine.cpus)),
             ("Scheduling", machine.scheduling.name().to_owned()),
             ("Cores: client, daemon", format!("{}, {}", machine.cores[0], machine.cores[1])),
-            ("Isolated", format!("{:?}", machine.isolated)),
+            (
+                "Isolated",
+                if machine.isolated.is_empty() {
+                    "none".to_owned()
+                } else {
+                    format!("{:?}", machine.isolated)
+                },
+            ),
             ("Governor", machine.governor.clone()),
             ("Clock source", machine.clock_source.clone()),
             ("Taken by the host meanwhile", format!("{:.2} s", machine.stolen_ticks as f64 * 0.01)),

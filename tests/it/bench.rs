@@ -80,11 +80,10 @@ fn a_short_bench_counts_every_cycle_of_its_schedule_and_leaves_nothing() {
     }
     check_quantiles(&told["correction_ns"], None);
     let page = place.read("out/bench.html");
+    let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
+    roxmltree::Document::parse_with_options(&page, options).expect("a sound page");
     assert!(page.contains("plain iceoryx2") && page.contains("<svg"));
-    assert!(
-        place.read("out/flat-other-idle.svg").starts_with("<?xml")
-            || place.read("out/flat-other-idle.svg").starts_with("<svg")
-    );
+    roxmltree::Document::parse(&place.read("out/flat-other-idle.svg")).expect("a sound plot");
     assert!(place.litter().is_empty() && left().is_empty(), "{:?} {:?}", place.litter(), left());
 }
 

@@ -14,6 +14,7 @@ use rustix::process::{Signal, set_parent_process_death_signal};
 use super::datagram::{self, Pipes};
 use super::plain::Plain;
 use super::{Kind, Peer, Way};
+use crate::BETWEEN_WORDS;
 use crate::child::Guarded;
 use crate::error::BenchError;
 use crate::manners::Manners;
@@ -49,7 +50,9 @@ impl Echo {
         let listener = UnixListener::bind(&control).map_err(io)?;
         listener.set_nonblocking(true).map_err(io)?;
         let Manners { core, policy, priority } = manners;
-        let words = format!("echo {} {core} {} {priority}", place.dir().display(), policy.name());
+        let dir = place.dir().to_string_lossy();
+        let (core, priority) = (core.to_string(), priority.to_string());
+        let words = ["echo", &dir, &core, policy.name(), &priority].join(BETWEEN_WORDS);
         let command = programs.part(&words).map_err(failed)?;
         let mut process = Guarded::spawn(command).map_err(failed)?;
         let pipes = Pipes::of(&mut process).map_err(failed)?;
