@@ -17,6 +17,8 @@ use crate::{AskError, ConnectError, Measured, NotSent, ProcessState, Setpoint, T
 /// An answer is awaited spinning for so long, then with naps.
 const SPIN: Duration = Duration::from_micros(200);
 const NAP: Duration = Duration::from_micros(50);
+/// Looks between two looks at the clock, while spinning.
+const LOOKS_PER_CLOCK: u32 = 8;
 
 struct CellPorts {
     commands: PeerPublisher<Command>,
@@ -139,6 +141,12 @@ impl Client {
 
     /// The newest corrected target of this daemon, however old.
     pub fn newest(&mut self) -> Option<Corrected> {
+        self.look();
+        self.newest
+    }
+
+    /// Takes the newest corrected target where there is one not taken yet.
+    fn look(&mut self) {
         if let Connection::Connected { epoch, .. } = self.connection()
             && epoch != self.epoch
         {
@@ -152,7 +160,6 @@ impl Client {
         {
             self.newest = Some(fresh);
         }
-        self.newest
     }
 
     /// The answer to the command of that number, awaited for at most `limit`.
@@ -161,8 +168,12 @@ impl Client {
         let asked = (self.session, seq);
         let ours = |c: &Corrected| (c.command_session, c.command_seq) == asked;
         loop {
-            if let Some(answer) = self.newest().filter(ours) {
-                return Some(answer);
+            // A look at the clock takes as long as a look at the message.
+            for _ in 0..LOOKS_PER_CLOCK {
+                self.look();
+                if let Some(answer) = self.newest.as_ref().filter(|answer| ours(answer)) {
+                    return Some(*answer);
+                }
             }
             match start.elapsed() {
                 spent if spent >= limit => return None,

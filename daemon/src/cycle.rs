@@ -12,6 +12,9 @@ use corrector::{Corrector, Outcome, Status};
 use shm_schema::{Command, Corrected, monotonic_ns};
 use std::sync::atomic::Ordering::Relaxed;
 
+/// How often the supervisor's orders are taken while no command comes, ns.
+const ORDERS_EVERY_NS: u64 = 20_000_000;
+
 /// Everything that the cycle owns.
 #[derive(Debug)]
 pub struct Cycle {
@@ -36,22 +39,25 @@ pub struct Cycle {
 impl Cycle {
     /// Runs until the exchange says stop.
     pub fn run(&mut self, exchange: &Exchange) {
-        let mut deadline_ns = monotonic_ns() + self.stale_ns;
+        let mut stale_from_ns = monotonic_ns() + self.stale_ns;
         while exchange.runs() {
             self.take_orders(exchange);
-            deadline_ns = match self.turn(exchange, deadline_ns) {
-                Some(received_ns) => received_ns + self.stale_ns,
-                None => monotonic_ns() + self.period_ns,
-            };
+            if let Some(received_ns) = self.turn(exchange, stale_from_ns) {
+                stale_from_ns = received_ns + self.stale_ns;
+                continue;
+            }
+            let now_ns = monotonic_ns();
+            if now_ns >= stale_from_ns {
+                self.stand_down(exchange);
+                stale_from_ns = now_ns + self.period_ns;
+            }
         }
     }
 
-    /// One cycle; tells when its command was taken.
-    fn turn(&mut self, exchange: &Exchange, deadline_ns: u64) -> Option<u64> {
-        let Some((command, received_ns)) = self.robot.newest_command(exchange, deadline_ns) else {
-            self.stand_down(exchange);
-            return None;
-        };
+    /// One cycle; tells when its command was taken, none where none came for a while.
+    fn turn(&mut self, exchange: &Exchange, stale_from_ns: u64) -> Option<u64> {
+        let deadline_ns = stale_from_ns.min(monotonic_ns() + ORDERS_EVERY_NS);
+        let (command, received_ns) = self.robot.newest_command(exchange, deadline_ns)?;
         let now_ns = if self.lockstep { command.t_ns } else { received_ns };
         let state = self.robot.newest_state();
         let world = self.senses.world(exchange, state.as_ref(), &command, now_ns);
@@ -122,9 +128,11 @@ impl Cycle {
         counters.model_epoch.store(message.model_epoch, Relaxed);
         let said = u64::from(message.status) << 32 | u64::from(message.reason);
         counters.last_said.store(said, Relaxed);
-        let (wrench, wrench_in_base) = self.senses.wrench();
-        let (command, corrected) = (*command, *message);
-        exchange.record(CycleRecord { command, corrected, wrench, wrench_in_base });
+        exchange.record(|| {
+            let (wrench, wrench_in_base) = self.senses.wrench();
+            let (command, corrected) = (*command, *message);
+            CycleRecord { command, corrected, wrench, wrench_in_base }
+        });
     }
 
     /// What the supervisor asks for, taken between two cycles.

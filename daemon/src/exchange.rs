@@ -163,8 +163,8 @@ impl Exchange {
     }
 
     /// Hands a cycle to the recorder, where there is one; counts it where the ring is full.
-    pub fn record(&self, cycle: CycleRecord) {
-        if self.records && self.cycles.push(cycle).is_err() {
+    pub fn record(&self, cycle: impl FnOnce() -> CycleRecord) {
+        if self.records && self.cycles.push(cycle()).is_err() {
             count(&self.counters.recorder_dropped);
         }
     }

@@ -6,7 +6,8 @@
 //!
 //! Spinning is for an isolated core: a spinning `SCHED_FIFO` thread that shares its core is stalled for 50 ms each second
 //! by the kernel's fair server. Sleeping wakes shortly before the next command is due and looks again every
-//! `LOOK_EVERY_NS` until it is there.
+//! `LOOK_EVERY_NS` until it is there; however short the period, it sleeps through a part of it. When a command is due follows from
+//! those before it, so that what a stall has held up and comes all at once is found at once.
 
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec};
@@ -16,8 +17,16 @@ use shm_schema::monotonic_ns;
 const LOOK_EVERY_NS: u64 = 50_000;
 /// How long before the next command is due a sleeping wait begins to look without sleeping, ns: what a wake-up may be late.
 const SPIN_BEFORE_NS: u64 = 300_000;
+/// The largest part of a period that this may be: the rest is left to others, however short the period.
+const SPIN_SHARE: f64 = 0.7;
 /// How long it goes on looking without sleeping when the command is late, ns.
 const SPIN_AFTER_NS: u64 = 200_000;
+/// How much of a command's lateness the time at which the next is due takes over: enough to follow a sender whose clock drifts.
+const FOLLOW_SHARE: u64 = 256;
+/// Periods after which a late command is no longer late but the first of others.
+const LATE_PERIODS_MAX: u64 = 100;
+/// Looks between two looks at the clock, while not sleeping: a look takes less.
+const LOOKS_PER_CLOCK: u32 = 8;
 
 /// How the cycle waits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,34 +42,57 @@ pub enum Wait {
 pub struct Pacer {
     wait: Wait,
     period_ns: u64,
+    /// When the next command is due; zero before the first.
+    due_ns: u64,
+    /// When the last one came.
     last_ns: u64,
 }
 
 impl Pacer {
     /// A pacer that has seen no command yet.
     pub fn new(wait: Wait, period_ns: u64) -> Self {
-        Self { wait, period_ns, last_ns: 0 }
+        Self { wait, period_ns, due_ns: 0, last_ns: 0 }
     }
 
-    /// Looks until there is something or the deadline (`CLOCK_MONOTONIC`, ns) has passed.
+    /// Looks until there is something, and tells when it was found; none once the deadline (`CLOCK_MONOTONIC`, ns) has passed.
     pub fn wait_for<T>(
         &mut self,
         deadline_ns: u64,
         mut look: impl FnMut() -> Option<T>,
-    ) -> Option<T> {
+    ) -> Option<(T, u64)> {
+        let mut looks = 1;
         loop {
-            if let Some(found) = look() {
-                self.last_ns = monotonic_ns();
-                return Some(found);
+            for _ in 0..looks {
+                if let Some(found) = look() {
+                    self.last_ns = monotonic_ns();
+                    self.due_ns = self.next_due_ns(self.last_ns);
+                    return Some((found, self.last_ns));
+                }
             }
             let now_ns = monotonic_ns();
             if now_ns >= deadline_ns {
                 return None;
             }
-            match self.sleep_until_ns(now_ns) {
-                Some(wake_ns) => sleep_until(wake_ns.min(deadline_ns)),
-                None => std::hint::spin_loop(),
+            looks = match self.sleep_until_ns(now_ns) {
+                Some(wake_ns) => {
+                    sleep_until(wake_ns.min(deadline_ns));
+                    1
+                }
+                None => {
+                    std::hint::spin_loop();
+                    LOOKS_PER_CLOCK
+                }
+            };
+        }
+    }
+
+    /// When the next command is due, after one that came at `now_ns`.
+    fn next_due_ns(&self, now_ns: u64) -> u64 {
+        match now_ns.checked_sub(self.due_ns) {
+            Some(late_ns) if late_ns < LATE_PERIODS_MAX * self.period_ns => {
+                self.due_ns + self.period_ns + late_ns / FOLLOW_SHARE
             }
+            _ => now_ns + self.period_ns,
         }
     }
 
@@ -69,12 +101,15 @@ impl Pacer {
         if self.wait == Wait::Spin {
             return None;
         }
-        let due_ns = self.last_ns + self.period_ns;
-        let spin_from_ns = due_ns.saturating_sub(SPIN_BEFORE_NS);
+        let due_ns = self.due_ns;
+        let share_ns = (SPIN_SHARE * self.period_ns as f64) as u64;
+        let spin_from_ns = due_ns.saturating_sub(SPIN_BEFORE_NS.min(share_ns));
         if now_ns < spin_from_ns {
             return Some(spin_from_ns);
         }
-        (now_ns > due_ns + SPIN_AFTER_NS).then_some(now_ns + LOOK_EVERY_NS)
+        // Behind one that is late, others may wait.
+        let spin_to_ns = due_ns.max(self.last_ns) + SPIN_AFTER_NS;
+        (now_ns > spin_to_ns).then_some(now_ns + LOOK_EVERY_NS)
     }
 }
 
@@ -95,14 +130,66 @@ mod tests {
     fn a_wait_without_a_command_ends_at_its_deadline() {
         for wait in [Wait::Spin, Wait::Sleep] {
             let deadline_ns = monotonic_ns() + 2_000_000;
-            let found: Option<()> = Pacer::new(wait, 1_000_000).wait_for(deadline_ns, || None);
+            let found: Option<((), u64)> =
+                Pacer::new(wait, 1_000_000).wait_for(deadline_ns, || None);
             assert!(found.is_none() && monotonic_ns() >= deadline_ns);
         }
     }
 
     #[test]
+    fn a_sleeping_wait_sleeps_through_a_part_of_the_shortest_period() {
+        let pacer = Pacer {
+            wait: Wait::Sleep,
+            period_ns: 100_000,
+            due_ns: 10_100_000,
+            last_ns: 10_000_000,
+        };
+        assert_eq!(pacer.sleep_until_ns(10_010_000), Some(10_030_000), "just answered: sleep");
+        assert_eq!(pacer.sleep_until_ns(10_090_000), None, "about due: look");
+    }
+
+    #[test]
+    fn what_a_stall_held_up_is_awaited_without_a_sleep_and_a_drifting_sender_is_followed() {
+        let at = |due_ns| Pacer { wait: Wait::Sleep, period_ns: 1_000_000, due_ns, last_ns: 0 };
+        let mut pacer = at(100_000_000);
+        // Ten periods late, then all at once.
+        for k in 0..9 {
+            let now_ns = 110_000_000 + 5_000 * k;
+            pacer.due_ns = pacer.next_due_ns(now_ns);
+            pacer.last_ns = now_ns;
+            assert_eq!(pacer.sleep_until_ns(now_ns + 5_000), None, "behind number {k}");
+        }
+        let (mut now_ns, mut pacer) = (100_000_000, at(100_000_000));
+        for _ in 0..100_000 {
+            pacer.due_ns = pacer.next_due_ns(now_ns);
+            now_ns += 1_000_100;
+        }
+        assert!(now_ns - pacer.due_ns < SPIN_AFTER_NS, "100 ppm: {}", now_ns - pacer.due_ns);
+        assert_eq!(at(1_000_000).next_due_ns(900_000_000), 901_000_000, "the first of others");
+        assert_eq!(at(10_000_000).next_due_ns(9_500_000), 10_500_000, "earlier than due");
+    }
+
+    #[test]
+    fn what_is_found_is_told_with_a_time_between_asking_and_answering() {
+        for wait in [Wait::Spin, Wait::Sleep] {
+            let (before_ns, mut looks) = (monotonic_ns(), 0);
+            let found = Pacer::new(wait, 1_000_000).wait_for(u64::MAX, || {
+                looks += 1;
+                (looks == 30).then_some(looks)
+            });
+            let (found, at_ns) = found.expect("no deadline");
+            assert!(found == 30 && (before_ns..=monotonic_ns()).contains(&at_ns));
+        }
+    }
+
+    #[test]
     fn a_sleeping_wait_spins_only_around_the_time_a_command_is_due() {
-        let pacer = Pacer { wait: Wait::Sleep, period_ns: 1_000_000, last_ns: 10_000_000 };
+        let pacer = Pacer {
+            wait: Wait::Sleep,
+            period_ns: 1_000_000,
+            due_ns: 11_000_000,
+            last_ns: 10_000_000,
+        };
         assert_eq!(pacer.sleep_until_ns(10_100_000), Some(10_700_000), "long before: sleep");
         assert_eq!(pacer.sleep_until_ns(10_950_000), None, "shortly before: look");
         assert_eq!(pacer.sleep_until_ns(11_100_000), None, "a little late: look");

@@ -56,8 +56,7 @@ impl Robot {
         deadline_ns: u64,
     ) -> Option<(Command, u64)> {
         let commands = &mut self.commands;
-        let command = self.pacer.wait_for(deadline_ns, || commands.take_newest())?;
-        let received_ns = monotonic_ns();
+        let (command, received_ns) = self.pacer.wait_for(deadline_ns, || commands.take_newest())?;
         exchange.counters.last_command_ns.store(received_ns, Relaxed);
         count(&exchange.counters.commands);
         if command.check().is_err() {

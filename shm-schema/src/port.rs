@@ -130,10 +130,10 @@ impl<T: Topic, S: Service> Subscriber<T, S> {
         }
     }
 
-    /// The newest message; older ones are dropped. Bounded by the service's buffer.
+    /// The newest message; older ones are dropped. Bounded by the service's buffer: what comes meanwhile is there at the next look.
     pub fn take_newest(&mut self) -> Option<T> {
         let mut newest = None;
-        for _ in 0..=T::KEEPING.buffer {
+        for _ in 0..T::KEEPING.buffer {
             match self.take_next() {
                 Some(message) => newest = Some(message),
                 None => break,

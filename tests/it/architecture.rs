@@ -23,6 +23,8 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("client", &["shm-schema", "envelope"]),
     ("daemon", &["corrector", "physics", "envelope", "spectrum", "recording", "shm-schema"]),
     ("challenge", &[]),
+    // Of `daemon` the manners of a real-time thread alone, so that what is compared has the same.
+    ("harness", &["client", "shm-schema", "daemon", "report"]),
     ("xtask", &["report"]),
 ];
 
@@ -45,6 +47,20 @@ fn crates_name_only_whom_they_may() {
         }
     }
     assert!(faults.is_empty(), "arrows against the plan:\n{}", faults.join("\n"));
+}
+
+#[test]
+fn the_harness_has_no_correction_of_its_own() {
+    let mut faults = Vec::new();
+    for path in sources().filter(|path| shown(path).starts_with("harness/")) {
+        let text = fs::read_to_string(&path).unwrap();
+        let named = text.split("daemon::").skip(1).filter(|rest| {
+            !["realtime", "pacer::sleep_until"].iter().any(|may| rest.starts_with(may))
+        });
+        let words = |rest: &str| rest.lines().next().unwrap_or_default().to_owned();
+        faults.extend(named.map(|rest| format!("{}: daemon::{}", shown(&path), words(rest))));
+    }
+    assert!(faults.is_empty(), "of the daemon, more than manners:\n{}", faults.join("\n"));
 }
 
 #[test]

@@ -8,6 +8,7 @@
 
 mod ageing;
 mod architecture;
+mod bench;
 mod calibrate;
 mod challenge;
 mod cli;

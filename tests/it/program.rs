@@ -67,9 +67,28 @@ impl Place {
 
     /// Runs the program to its end.
     pub(crate) fn run(&self, arguments: &[&str]) -> Done {
-        let output = self.command(arguments).output().unwrap();
-        let text = |bytes| String::from_utf8(bytes).unwrap();
-        Done { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
+        ended(self.command(arguments))
+    }
+
+    /// The same without the right to real-time scheduling and locked memory, whoever runs the tests.
+    pub(crate) fn run_unprivileged(&self, arguments: &[&str]) -> Done {
+        let plain = self.command(arguments);
+        if !rustix::process::geteuid().is_root() {
+            return ended(plain);
+        }
+        let mut command = Command::new("prlimit");
+        command.args(["--rtprio=0:0", "--memlock=65536:65536", "setpriv"]);
+        command.args(["--bounding-set=-sys_nice,-ipc_lock", "--inh-caps=-sys_nice,-ipc_lock"]);
+        command.arg(plain.get_program()).args(plain.get_args());
+        command.current_dir(&self.0).env("TRUED_RUNTIME_DIR", self.path("run"));
+        ended(command)
+    }
+
+    /// The same where no other program can be found.
+    pub(crate) fn run_alone(&self, arguments: &[&str]) -> Done {
+        let mut command = self.command(arguments);
+        command.env("PATH", "/nowhere");
+        ended(command)
     }
 
     /// The same where it must do what it was asked.
@@ -84,6 +103,12 @@ impl Place {
         let mut command = self.command(arguments);
         command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
     }
+}
+
+fn ended(mut command: Command) -> Done {
+    let output = command.stdin(Stdio::null()).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    Done { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
 }
 
 impl Drop for Place {

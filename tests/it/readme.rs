@@ -42,6 +42,7 @@ fn every_link_leads_to_a_file() {
         "README.md",
         "ARCHITECTURE.md",
         "CHANGELOG.md",
+        "docs/bench.md",
         "docs/cell.md",
         "docs/mapping.md",
         "docs/notation.md",

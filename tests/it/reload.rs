@@ -160,3 +160,15 @@ fn many_reloads_at_once_are_all_counted() {
     assert_eq!(seen.unanswered, 0);
     assert_eq!(seen.broken, Vec::<String>::new());
 }
+
+#[test]
+fn a_daemon_that_waits_for_commands_takes_a_model_however_long_they_stay_fresh() {
+    let place = Place::new("full", "[cycle]\nstale_ms = 10000.0\n");
+    let daemon = Process::daemon(TRUED, &place);
+    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
+    for _ in 0..3 {
+        let said = ask(&mut monitor, None);
+        assert_eq!(said.answer(), Ok(Answer::Done), "{}", said.message);
+    }
+}

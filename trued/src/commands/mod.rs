@@ -3,12 +3,14 @@
 //! To add one: a file with `#[derive(clap::Args)] pub(crate) struct X` and `pub(crate) fn run(&self, &mut Console) ->
 //! Outcome`, a variant below, an arm in [`run`]. Its place in the help is already kept in `help.rs`.
 
+mod bench;
 mod calibrate;
 mod challenge;
 mod check;
 mod correct;
 mod demo;
 mod diagnose;
+mod doctor;
 mod gears;
 mod model;
 mod plan;
@@ -28,12 +30,14 @@ use crate::output::Console;
 /// What the program can do.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    Bench(Box<bench::Bench>),
     Calibrate(calibrate::Calibrate),
     Challenge(challenge::Challenge),
     Check(check::Check),
     Correct(correct::Correct),
     Demo(demo::Demo),
     Diagnose(diagnose::Diagnose),
+    Doctor(doctor::Doctor),
     Gears(gears::Gears),
     Model(model::Model),
     Plan(Box<plan::Plan>),
@@ -49,12 +53,14 @@ pub(crate) enum Command {
 /// Runs the command that was asked for.
 pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
     match command {
+        Command::Bench(bench) => bench.run(console),
         Command::Calibrate(calibrate) => calibrate.run(console),
         Command::Challenge(challenge) => challenge.run(console),
         Command::Check(check) => check.run(console),
         Command::Correct(correct) => correct.run(console),
         Command::Demo(demo) => demo.run(console),
         Command::Diagnose(diagnose) => diagnose.run(console),
+        Command::Doctor(doctor) => doctor.run(console),
         Command::Gears(gears) => gears.run(console),
         Command::Model(model) => model.run(console),
         Command::Plan(plan) => plan.run(console),

@@ -1,0 +1,167 @@
+//! Chunks of round trips, sorted by where the two cores stood when they were measured.
+//!
+//! Promises: bounded memory however long a bench runs; a chunk whose placement changed counts in the whole alone.
+
+use std::collections::BTreeMap;
+
+use trued_client::CorrectionStatus;
+
+use crate::latencies::Latencies;
+use crate::peers::Kind;
+use crate::peers::trued::Trued;
+use crate::placement::{Placement, Sorter};
+
+/// Chunks that wait to be sorted: the more there are, the better the placements are known by then.
+const PENDING_MAX: usize = 128;
+/// References that are remembered while they have not parted.
+const REFERENCES_MAX: usize = 20_000;
+
+/// What was counted of one kind.
+#[derive(Debug, Clone, Default)]
+pub struct Counted {
+    /// In all chunks.
+    pub all: Latencies,
+    /// In chunks of one placement.
+    pub near: Latencies,
+    /// In chunks of the other.
+    pub far: Latencies,
+    /// Trips without an answer.
+    pub lost: u64,
+    /// Chunks: near, far, mixed.
+    pub chunks: [u64; 3],
+}
+
+/// What came out of it.
+#[derive(Debug, Clone)]
+pub struct Flat {
+    /// By kind, in the order of [`Kind::ALL`]; empty where it was not measured.
+    pub counted: Vec<Counted>,
+    /// Where near ends and far begins.
+    pub sorter: Sorter,
+    /// Medians of the references, near and far.
+    pub reference: [Latencies; 2],
+    /// Time in the daemon.
+    pub correction: Latencies,
+    /// The round trip of trued without that time.
+    pub around: Latencies,
+    /// Answers of the daemon by how they were made.
+    pub by_status: BTreeMap<&'static str, u64>,
+}
+
+/// One chunk as it was measured.
+#[derive(Debug)]
+pub(crate) struct Chunk {
+    pub(crate) kind: Kind,
+    /// The reference before it, ns.
+    pub(crate) before_ns: f64,
+    /// The reference after it, ns.
+    pub(crate) after_ns: f64,
+    pub(crate) trips: Latencies,
+    pub(crate) lost: u64,
+}
+
+/// All chunks so far.
+#[derive(Debug)]
+pub(crate) struct Chunks {
+    pending: Vec<Chunk>,
+    references_ns: Vec<f64>,
+    sorter: Sorter,
+    counted: Vec<Counted>,
+    reference: [Latencies; 2],
+}
+
+impl Default for Chunks {
+    fn default() -> Self {
+        Self {
+            pending: Vec::with_capacity(PENDING_MAX),
+            references_ns: Vec::new(),
+            sorter: Sorter { threshold_ns: None },
+            counted: vec![Counted::default(); Kind::ALL.len()],
+            reference: [Latencies::default(), Latencies::default()],
+        }
+    }
+}
+
+impl Chunks {
+    pub(crate) fn push(&mut self, chunk: Chunk) {
+        if self.references_ns.len() >= REFERENCES_MAX {
+            self.references_ns.drain(..REFERENCES_MAX / 2);
+        }
+        self.references_ns.extend([chunk.before_ns, chunk.after_ns]);
+        self.pending.push(chunk);
+        if self.pending.len() == PENDING_MAX {
+            self.sort();
+        }
+    }
+
+    pub(crate) fn finish(mut self, trued: &Trued) -> Flat {
+        self.sort();
+        let by_status = CorrectionStatus::ALL.iter().zip(trued.by_status);
+        let by_status = by_status.filter(|(_, n)| *n > 0).map(|(status, n)| (status.name(), n));
+        Flat {
+            counted: self.counted,
+            sorter: self.sorter,
+            reference: self.reference,
+            correction: trued.correction.clone(),
+            around: trued.around.clone(),
+            by_status: by_status.collect(),
+        }
+    }
+
+    fn sort(&mut self) {
+        // Once parted, always parted by the same: what is sorted already cannot be sorted anew.
+        if self.sorter.threshold_ns.is_none() {
+            self.sorter = Sorter::of(&self.references_ns);
+            self.name_the_first();
+        }
+        for chunk in self.pending.drain(..) {
+            let of = &mut self.counted[chunk.kind.place()];
+            let placement = self.sorter.place(chunk.before_ns, chunk.after_ns);
+            of.all.add(&chunk.trips);
+            of.lost += chunk.lost;
+            of.chunks[placement as usize] += 1;
+            match placement {
+                Placement::Near => of.near.add(&chunk.trips),
+                Placement::Far => of.far.add(&chunk.trips),
+                Placement::Mixed => continue,
+            }
+            self.reference[placement as usize].record(chunk.before_ns as u64);
+        }
+    }
+
+    /// What was taken for the only placement may turn out to be the farther one.
+    fn name_the_first(&mut self) {
+        let Some(threshold_ns) = self.sorter.threshold_ns else { return };
+        if self.reference[0].at(0.5) as f64 <= threshold_ns {
+            return;
+        }
+        self.reference.swap(0, 1);
+        for of in &mut self.counted {
+            std::mem::swap(&mut of.near, &mut of.far);
+            of.chunks.swap(0, 1);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chunk(reference_ns: f64, trip_ns: u64) -> Chunk {
+        let mut trips = Latencies::default();
+        trips.record(trip_ns);
+        let (before_ns, after_ns) = (reference_ns, reference_ns);
+        Chunk { kind: Kind::Unix, before_ns, after_ns, trips, lost: 0 }
+    }
+
+    #[test]
+    fn chunks_sorted_before_the_nearer_placement_was_seen_are_named_anew() {
+        let mut chunks = Chunks::default();
+        (0..PENDING_MAX).for_each(|_| chunks.push(chunk(500.0, 5000)));
+        assert!(chunks.pending.is_empty());
+        (0..PENDING_MAX).for_each(|_| chunks.push(chunk(100.0, 3000)));
+        let unix = &chunks.counted[Kind::Unix.place()];
+        assert_eq!(unix.chunks, [PENDING_MAX as u64, PENDING_MAX as u64, 0]);
+        assert!(unix.near.at(0.5) < 4000 && unix.far.at(0.5) > 4000);
+    }
+}

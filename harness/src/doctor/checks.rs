@@ -1,0 +1,249 @@
+//! What a robot's cycle asks of a machine, check by check. Pure.
+
+use super::parse::{self, Limit};
+use super::{Check, Core, Texts};
+
+/// Longest time to leave an idle state that a cycle of 1 ms does not notice, µs.
+const IDLE_LATENCY_US_MAX: u64 = 10;
+/// Priority that the daemon asks for unless told otherwise.
+const PRIORITY: u64 = 80;
+/// Memory that the daemon locks, with air, bytes.
+const LOCKED_BYTES: u64 = 256 << 20;
+/// Room that a cell wants in `/dev/shm`, with air, bytes.
+const SHM_BYTES: u64 = 64 << 20;
+/// Capabilities by their number.
+const CAP_IPC_LOCK: u32 = 14;
+const CAP_SYS_NICE: u32 = 23;
+
+/// All checks, in a fixed order.
+#[must_use]
+pub fn examine(texts: &Texts) -> Vec<Check> {
+    vec![
+        kernel(texts),
+        governor(&texts.cores),
+        idle(&texts.cores),
+        isolated(texts),
+        throttling(texts),
+        priority(texts),
+        locked(texts),
+        shared_memory(texts),
+        clock(texts),
+        siblings(&texts.cores),
+        swap(texts),
+    ]
+}
+
+fn kernel(texts: &Texts) -> Check {
+    let name = "real-time kernel";
+    let version = texts.version.as_deref();
+    let release = version.and_then(parse::release).unwrap_or("a kernel that does not say which");
+    match parse::is_preempt_rt(texts.realtime.as_deref(), version) {
+        Some(true) => Check::pass(name, format!("{release}, PREEMPT_RT")),
+        Some(false) => Check::fix(
+            name,
+            format!("{release}, not PREEMPT_RT"),
+            "boot a PREEMPT_RT kernel (Debian: apt install linux-image-rt-amd64)",
+        ),
+        None => Check::unknown(name, release, "look at `uname -v` for PREEMPT_RT"),
+    }
+}
+
+fn governor(cores: &[Core]) -> Check {
+    let name = "frequency governor";
+    let governed: Vec<_> =
+        cores.iter().filter_map(|c| Some((c.number, c.governor.as_deref()?))).collect();
+    let slow: Vec<_> = governed.iter().filter(|(_, governor)| *governor != "performance").collect();
+    match (governed.as_slice(), slow.as_slice()) {
+        ([], _) => Check::unknown(
+            name,
+            "nothing here governs the frequency (a virtual machine, or the firmware does)",
+            "set the host or the firmware to performance",
+        ),
+        (_, []) => Check::pass(name, "performance on all cores"),
+        (_, [(core, governor), ..]) => Check::fix(
+            name,
+            format!("{governor} on core {core} and {} others", slow.len() - 1),
+            "cpupower frequency-set --governor performance",
+        ),
+    }
+}
+
+fn idle(cores: &[Core]) -> Check {
+    let name = "idle states";
+    let states: Vec<_> =
+        cores.iter().flat_map(|core| core.idle.iter().map(|s| (core.number, s))).collect();
+    let mut deep = Vec::new();
+    for (core, state) in &states {
+        let Ok(latency_us) = state.latency_us.parse::<u64>() else {
+            let found =
+                format!("core {core} does not say how long `{}` takes to leave", state.name);
+            return Check::unknown(name, found, "look at `cpupower idle-info`");
+        };
+        if state.disable != "1" && latency_us > IDLE_LATENCY_US_MAX {
+            deep.push((core, state, latency_us));
+        }
+    }
+    match (states.as_slice(), deep.first()) {
+        ([], _) => Check::unknown(
+            name,
+            "the kernel manages no idle states here; a hypervisor may halt the core all the same",
+            "keep the cycle's core busy: cycle.wait = \"spin\" on an isolated core",
+        ),
+        (_, None) => Check::pass(name, "none that takes long to leave"),
+        (_, Some((core, state, latency_us))) => Check::fix(
+            name,
+            format!("`{}` on core {core} takes {latency_us} µs to leave", state.name),
+            format!("cpupower idle-set --disable-by-latency {}", IDLE_LATENCY_US_MAX + 1),
+        ),
+    }
+}
+
+fn isolated(texts: &Texts) -> Check {
+    let name = "isolated cores";
+    let fix = "boot with isolcpus=N nohz_full=N rcu_nocbs=N for the cycle's core N, and set realtime.core = N";
+    match texts.isolated.as_deref().map(parse::list) {
+        Some(Some(cores)) if cores.is_empty() => Check::fix(name, "none", fix),
+        Some(Some(cores)) => {
+            let ticking = texts.nohz_full.as_deref().and_then(parse::list).unwrap_or_default();
+            let quiet = cores.iter().all(|core| ticking.contains(core));
+            let tick = if quiet { "without tick" } else { "with the kernel's tick" };
+            Check::pass(name, format!("{cores:?}, {tick}"))
+        }
+        Some(None) | None => Check::unknown(name, "the kernel does not say", fix),
+    }
+}
+
+fn throttling(texts: &Texts) -> Check {
+    let name = "real-time throttling";
+    match texts.rt_runtime_us.as_deref().map(str::parse::<i64>) {
+        Some(Ok(-1)) => Check::pass(name, "off"),
+        Some(Ok(runtime_us)) => Check::fix(
+            name,
+            format!(
+                "real-time threads get {runtime_us} µs of each second's part; what spins is stalled"
+            ),
+            "let the cycle sleep (cycle.wait = \"sleep\"), or isolate its core and: sysctl kernel.sched_rt_runtime_us=-1",
+        ),
+        _ => Check::unknown(name, "the kernel does not say", "sysctl kernel.sched_rt_runtime_us"),
+    }
+}
+
+fn priority(texts: &Texts) -> Check {
+    let name = "real-time priority";
+    let may = texts.status.as_deref().and_then(|s| parse::has_capability(s, CAP_SYS_NICE));
+    let limit = texts.limits.as_deref().and_then(|l| parse::limit(l, "Max realtime priority"));
+    match (may, limit) {
+        (Some(true), _) => Check::pass(name, "any (CAP_SYS_NICE)"),
+        (_, Some(limit)) if limit.is_at_least(PRIORITY) => {
+            Check::pass(name, format!("up to {}", worded(limit, "")))
+        }
+        (_, Some(limit)) => Check::fix(
+            name,
+            format!("up to {}, the daemon asks for {PRIORITY}", worded(limit, "")),
+            format!(
+                "LimitRTPRIO={PRIORITY} in the unit, or rtprio {PRIORITY} in /etc/security/limits.d"
+            ),
+        ),
+        (_, None) => Check::unknown(name, "the kernel does not say", "ulimit -r"),
+    }
+}
+
+fn locked(texts: &Texts) -> Check {
+    let name = "locked memory";
+    let may = texts.status.as_deref().and_then(|s| parse::has_capability(s, CAP_IPC_LOCK));
+    let limit = texts.limits.as_deref().and_then(|l| parse::limit(l, "Max locked memory"));
+    match (may, limit) {
+        (Some(true), _) => Check::pass(name, "as much as there is (CAP_IPC_LOCK)"),
+        (_, Some(limit)) if limit.is_at_least(LOCKED_BYTES) => {
+            Check::pass(name, worded(limit, " bytes"))
+        }
+        (_, Some(limit)) => Check::fix(
+            name,
+            format!("{}, the daemon locks all of its own", worded(limit, " bytes")),
+            "LimitMEMLOCK=infinity in the unit, or memlock unlimited in /etc/security/limits.d",
+        ),
+        (_, None) => Check::unknown(name, "the kernel does not say", "ulimit -l"),
+    }
+}
+
+fn worded(limit: Limit, unit: &str) -> String {
+    match limit {
+        Limit::Unlimited => "unlimited".to_owned(),
+        Limit::At(number) => format!("{number}{unit}"),
+    }
+}
+
+fn shared_memory(texts: &Texts) -> Check {
+    let name = "shared memory";
+    let fix = "mount a tmpfs at /dev/shm with 64 MB or more free";
+    let kind = texts.mounts.as_deref().and_then(|mounts| parse::mounted_as(mounts, "/dev/shm"));
+    match (kind, texts.shm_free_bytes) {
+        (Some("tmpfs"), Some(free)) if free >= SHM_BYTES => {
+            Check::pass(name, format!("/dev/shm, tmpfs, {} MB free", free >> 20))
+        }
+        (Some("tmpfs"), Some(free)) => {
+            Check::fix(name, format!("/dev/shm, {} MB free", free >> 20), fix)
+        }
+        (Some(kind), _) => Check::fix(name, format!("/dev/shm is {kind}, not tmpfs"), fix),
+        (None, _) => Check::fix(name, "nothing is mounted at /dev/shm", fix),
+    }
+}
+
+fn clock(texts: &Texts) -> Check {
+    let name = "clock source";
+    let others = texts.clock_sources.as_deref().unwrap_or_default();
+    match texts.clock_source.as_deref() {
+        Some(source @ ("tsc" | "arch_sys_counter")) => Check::pass(name, source),
+        Some(source) if others.split_whitespace().any(|other| other == "tsc") => Check::fix(
+            name,
+            format!("{source}: reading the time is slow"),
+            "boot with clocksource=tsc tsc=reliable, if the hardware bears it",
+        ),
+        Some(source) if !source.is_empty() => Check::fix(
+            name,
+            format!("{source}: reading the time is slow, and there is no tsc"),
+            "look in `dmesg` for why the tsc was given up; on a virtual machine ask for an invariant tsc",
+        ),
+        _ => Check::unknown(name, "the kernel does not say", "`dmesg | grep clocksource`"),
+    }
+}
+
+fn siblings(cores: &[Core]) -> Check {
+    let name = "hyperthreads";
+    let mut shared = Vec::new();
+    for core in cores {
+        match core.siblings.as_deref().map(parse::list) {
+            Some(Some(threads)) if threads.len() > 1 => shared.push(threads),
+            Some(Some(threads)) if threads.len() == 1 => {}
+            _ => {
+                let found = format!("core {} does not say whom it shares with", core.number);
+                return Check::unknown(name, found, "lscpu --extended");
+            }
+        }
+    }
+    match shared.first() {
+        None if cores.is_empty() => Check::unknown(name, "no core is listed", "lscpu --extended"),
+        None => Check::pass(name, "no core is shared by two of them, as far as this machine tells"),
+        Some(threads) => Check::fix(
+            name,
+            format!("{threads:?} are one core: what runs on one slows the other"),
+            "leave the cycle's sibling idle (isolate both), or switch them off: echo off > /sys/devices/system/cpu/smt/control",
+        ),
+    }
+}
+
+fn swap(texts: &Texts) -> Check {
+    let name = "swap";
+    match texts.swaps.as_deref().map(parse::swaps) {
+        Some(Some(0)) => Check::pass(name, "none"),
+        Some(Some(n)) => Check::fix(
+            name,
+            format!("{n} in use: memory that is not locked may be on a disk when it is needed"),
+            "swapoff -a, and out of /etc/fstab; or lock memory: realtime.lock_memory = true",
+        ),
+        _ => Check::unknown(name, "the kernel does not say", "swapon --show"),
+    }
+}
+
+#[cfg(test)]
+mod tests;

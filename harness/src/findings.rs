@@ -1,0 +1,315 @@
+//! What a bench found, as it goes into the JSON. Never how it is drawn.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::chunks::{Counted, Flat};
+use crate::cyclictest::Cyclictest;
+use crate::empty::Missed;
+use crate::force::Force;
+use crate::judged::Judged;
+use crate::latencies::{Latencies, Quantiles};
+use crate::machine::Machine;
+use crate::paced::Paced;
+use crate::peers::Kind;
+use crate::plan::{Load, Plan, Policy, Wait};
+use crate::swap::Swap;
+
+/// A part that was not measured.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Skipped {
+    /// What.
+    pub what: String,
+    /// Why not, and what to do.
+    pub why: String,
+}
+
+/// Paced round trips at one rate.
+#[derive(Debug, Clone)]
+pub struct AtRate {
+    /// How the daemon waits.
+    pub wait: Wait,
+    /// Commands per second.
+    pub rate_hz: u32,
+    /// What came out.
+    pub paced: Paced,
+}
+
+/// What was found under one policy and one load.
+#[derive(Debug, Clone)]
+pub struct Setting {
+    /// The policy.
+    pub policy: Policy,
+    /// The load; empty: idle.
+    pub load: Vec<Load>,
+    /// Flat out, polled.
+    pub flat: Option<Flat>,
+    /// Flat out, woken by the kernel.
+    pub woken: Option<Flat>,
+    /// At rates.
+    pub paced: Vec<AtRate>,
+    /// Force blocks.
+    pub force: Option<Force>,
+    /// The tool that everybody knows.
+    pub cyclictest: Option<Cyclictest>,
+}
+
+impl Setting {
+    pub(crate) fn new(policy: Policy, load: &[Load]) -> Self {
+        let (flat, woken, force, cyclictest) = (None, None, None, None);
+        Self { policy, load: load.to_vec(), flat, woken, paced: Vec::new(), force, cyclictest }
+    }
+
+    /// The setting in words.
+    #[must_use]
+    pub fn name(&self) -> String {
+        format!("{}, {}", self.policy.name(), self.load_name())
+    }
+
+    /// The load in words.
+    #[must_use]
+    pub fn load_name(&self) -> String {
+        let names: Vec<_> = self.load.iter().map(|load| load.name()).collect();
+        if names.is_empty() { "idle".to_owned() } else { names.join("+") }
+    }
+}
+
+/// What a bench found.
+#[derive(Debug, Clone)]
+pub struct Findings {
+    /// The machine that it ran on.
+    pub machine: Machine,
+    /// How long each part took, s.
+    pub seconds: f64,
+    /// The cell that was measured, where it was not one of the bench's own.
+    pub cell: Option<String>,
+    /// By policy and load, in the order asked.
+    pub settings: Vec<Setting>,
+    /// Starts of a daemon, to the first corrected target.
+    pub starts: Option<Latencies>,
+    /// Swaps of the model.
+    pub swap: Option<Swap>,
+    /// What was not measured.
+    pub skipped: Vec<Skipped>,
+    /// What was asked of the figures.
+    pub judged: Vec<Judged>,
+}
+
+impl Findings {
+    pub(crate) fn new(machine: Machine, plan: &Plan) -> Self {
+        Self {
+            machine,
+            seconds: plan.seconds,
+            cell: plan.cell.clone(),
+            settings: Vec::new(),
+            starts: None,
+            swap: None,
+            skipped: Vec::new(),
+            judged: Vec::new(),
+        }
+    }
+
+    /// Cycles missed at the lowest rate measured under the strictest policy, all loads and waits together.
+    #[must_use]
+    pub fn missed_cycles(&self) -> u64 {
+        let strict = || self.settings.iter().filter(|s| s.policy == self.machine.scheduling);
+        let lowest = strict().flat_map(|s| &s.paced).map(|at| at.rate_hz).min();
+        let counted = strict().flat_map(|s| &s.paced).filter(|at| Some(at.rate_hz) == lowest);
+        counted.map(|at| at.paced.missed).sum()
+    }
+
+    /// The object of the contract `trued.bench/1`, with more beside its fixed keys.
+    #[must_use]
+    pub fn json(&self) -> Told<'_> {
+        let first = |of: fn(&Setting) -> Option<&Flat>| self.settings.iter().find_map(of);
+        let flat = first(|setting| setting.flat.as_ref());
+        Told {
+            machine: &self.machine,
+            seconds: self.seconds,
+            cell: self.cell.as_deref(),
+            round_trip_ns: flat.map(by_kind),
+            round_trip_woken_ns: first(|setting| setting.woken.as_ref()).map(by_kind),
+            correction_ns: self.correction(),
+            missed_cycles: self.missed_cycles(),
+            settings: self.settings.iter().map(told_setting).collect(),
+            first_corrected_ns: self.starts.as_ref().map(Latencies::quantiles),
+            model_swap: self.swap.as_ref().map(told_swap),
+            judged: &self.judged,
+            skipped: &self.skipped,
+            skipped_count: self.skipped.len(),
+        }
+    }
+
+    /// Time in the daemon: flat out where that was measured, else paced.
+    fn correction(&self) -> Option<Quantiles> {
+        let flat = self.settings.iter().filter_map(|s| s.flat.as_ref()).map(|f| &f.correction);
+        let paced = self.settings.iter().flat_map(|s| &s.paced).map(|at| &at.paced.correction);
+        flat.chain(paced).find(|counted| counted.count() > 0).map(Latencies::quantiles)
+    }
+}
+
+/// The JSON object.
+#[derive(Debug, Serialize)]
+pub struct Told<'a> {
+    machine: &'a Machine,
+    seconds: f64,
+    cell: Option<&'a str>,
+    round_trip_ns: Option<BTreeMap<&'static str, Trips>>,
+    round_trip_woken_ns: Option<BTreeMap<&'static str, Trips>>,
+    correction_ns: Option<Quantiles>,
+    missed_cycles: u64,
+    settings: Vec<ToldSetting<'a>>,
+    first_corrected_ns: Option<Quantiles>,
+    model_swap: Option<ToldSwap>,
+    judged: &'a [Judged],
+    skipped: &'a [Skipped],
+    skipped_count: usize,
+}
+
+/// Round trips to one of those compared.
+#[derive(Debug, Clone, Serialize)]
+struct Trips {
+    #[serde(flatten)]
+    all: Quantiles,
+    near: Quantiles,
+    far: Quantiles,
+    lost: u64,
+    /// Near, far, mixed.
+    chunks: [u64; 3],
+}
+
+#[derive(Debug, Serialize)]
+struct ToldFlat {
+    round_trip_ns: BTreeMap<&'static str, Trips>,
+    reference_near_ns: u64,
+    reference_far_ns: u64,
+    far_above_ns: Option<f64>,
+    correction_ns: Quantiles,
+    around_correction_ns: Quantiles,
+    answers: BTreeMap<&'static str, u64>,
+}
+
+#[derive(Debug, Serialize)]
+struct ToldPaced<'a> {
+    wait: Wait,
+    rate_hz: u32,
+    cycles: u64,
+    scheduled_ns: Quantiles,
+    actual_ns: Quantiles,
+    empty_ns: Quantiles,
+    missed: u64,
+    unanswered: u64,
+    empty_missed: u64,
+    missed_beyond_empty: u64,
+    /// The first of them, with where their time went.
+    beyond: &'a [Missed],
+    correction_ns: Quantiles,
+}
+
+#[derive(Debug, Serialize)]
+struct ToldForce {
+    scheduled_ns: Quantiles,
+    actual_ns: Quantiles,
+    one_way_ns: Quantiles,
+    blocks: u64,
+    taken: u64,
+    lost: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct ToldSetting<'a> {
+    policy: Policy,
+    load: Vec<Load>,
+    flat: Option<ToldFlat>,
+    woken: Option<ToldFlat>,
+    paced: Vec<ToldPaced<'a>>,
+    force: Option<ToldForce>,
+    cyclictest: Option<Cyclictest>,
+}
+
+#[derive(Debug, Serialize)]
+struct ToldSwap {
+    swaps: u64,
+    epochs_seen: u64,
+    cycles: u64,
+    missed: u64,
+    empty_missed: u64,
+    missed_beyond_empty: u64,
+    step_over_bound: f64,
+    jump_wanted: f64,
+}
+
+fn by_kind(flat: &Flat) -> BTreeMap<&'static str, Trips> {
+    let measured = Kind::ALL.into_iter().zip(&flat.counted);
+    let measured = measured.filter(|(_, counted)| counted.chunks != [0; 3]);
+    measured.map(|(kind, counted)| (kind.name(), trips(counted))).collect()
+}
+
+fn trips(counted: &Counted) -> Trips {
+    let Counted { all, near, far, lost, chunks } = counted;
+    let (all, near, far) = (all.quantiles(), near.quantiles(), far.quantiles());
+    Trips { all, near, far, lost: *lost, chunks: *chunks }
+}
+
+fn told_flat(flat: &Flat) -> ToldFlat {
+    ToldFlat {
+        round_trip_ns: by_kind(flat),
+        reference_near_ns: flat.reference[0].at(0.5),
+        reference_far_ns: flat.reference[1].at(0.5),
+        far_above_ns: flat.sorter.threshold_ns,
+        correction_ns: flat.correction.quantiles(),
+        around_correction_ns: flat.around.quantiles(),
+        answers: flat.by_status.clone(),
+    }
+}
+
+fn told_paced(at: &AtRate) -> ToldPaced<'_> {
+    let paced = &at.paced;
+    ToldPaced {
+        wait: at.wait,
+        rate_hz: at.rate_hz,
+        cycles: paced.cycles,
+        scheduled_ns: paced.scheduled.quantiles(),
+        actual_ns: paced.actual.quantiles(),
+        empty_ns: paced.empty.quantiles(),
+        missed: paced.missed,
+        unanswered: paced.unanswered,
+        empty_missed: paced.empty_missed,
+        missed_beyond_empty: paced.missed_beyond_empty,
+        beyond: &paced.beyond,
+        correction_ns: paced.correction.quantiles(),
+    }
+}
+
+fn told_setting(setting: &Setting) -> ToldSetting<'_> {
+    ToldSetting {
+        policy: setting.policy,
+        load: setting.load.clone(),
+        flat: setting.flat.as_ref().map(told_flat),
+        woken: setting.woken.as_ref().map(told_flat),
+        paced: setting.paced.iter().map(told_paced).collect(),
+        force: setting.force.as_ref().map(|force| ToldForce {
+            scheduled_ns: force.scheduled.quantiles(),
+            actual_ns: force.actual.quantiles(),
+            one_way_ns: force.one_way.quantiles(),
+            blocks: force.blocks,
+            taken: force.taken,
+            lost: force.lost,
+        }),
+        cyclictest: setting.cyclictest,
+    }
+}
+
+fn told_swap(swap: &Swap) -> ToldSwap {
+    ToldSwap {
+        swaps: swap.swaps,
+        epochs_seen: swap.epochs_seen,
+        cycles: swap.paced.cycles,
+        missed: swap.paced.missed,
+        empty_missed: swap.paced.empty_missed,
+        missed_beyond_empty: swap.paced.missed_beyond_empty,
+        step_over_bound: swap.step_over_bound,
+        jump_wanted: swap.jump_wanted,
+    }
+}

@@ -1,0 +1,188 @@
+//! Round trips one after the other, of trued and of all that it is compared with, in short chunks that take turns.
+//!
+//! Promises: every chunk has a reference of bare atomics before and after it, between the same two cores; while others are measured the
+//! daemon stands still, as its cycle would take their core; chunks are short and leave both cores to others in between, so that the
+//! kernel's fair server does not stall what spins. Never: a mean.
+
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Duration;
+
+use shm_schema::monotonic_ns;
+
+use crate::chunks::{Chunk, Chunks, Flat};
+use crate::error::BenchError;
+use crate::latencies::Latencies;
+use crate::manners::Manners;
+use crate::peers::atomics::Atomics;
+use crate::peers::echo::Echo;
+use crate::peers::trued::Trued;
+use crate::peers::{ANSWER_WITHIN, Kind, Peer, Way};
+use crate::place::Place;
+use crate::plan::{Programs, Stage};
+use crate::subject::Subject;
+
+/// How long a chunk lasts, ns: about as long as a placement does.
+const CHUNK_NS: u64 = 5_000_000;
+/// The same where each trip wakes somebody.
+const WOKEN_CHUNK_NS: u64 = 20_000_000;
+/// Trips before a chunk that are not counted.
+const WARM_UP: usize = 64;
+/// Trips of a reference.
+const REFERENCE: usize = 1000;
+/// How long both cores are left to others between two chunks.
+const GIVE_WAY: Duration = Duration::from_micros(500);
+
+/// What is needed to measure.
+pub(crate) struct Flats<'a> {
+    pub(crate) subject: &'a Subject,
+    pub(crate) programs: &'a dyn Programs,
+    pub(crate) place: &'a Place,
+    /// Of the measuring thread, and of the daemon's cycle.
+    pub(crate) manners: [Manners; 2],
+    pub(crate) way: Way,
+    pub(crate) seconds: f64,
+    pub(crate) stop: &'a AtomicBool,
+}
+
+impl Flats<'_> {
+    /// Measures in a thread with the manners asked for.
+    pub(crate) fn run(&self) -> Result<Flat, BenchError> {
+        let client = self.subject.client()?;
+        std::thread::scope(|scope| {
+            let measuring = scope.spawn(|| {
+                // What answers takes the core and the priority of the daemon's cycle, which may spin there. It stands until its own
+                // chunks, and at the end: the others leave the core first.
+                self.stand()?;
+                // The process is started before this thread is real-time: it would inherit that.
+                let echo = match &self.subject.daemon {
+                    Some(_) => Some(Echo::start(self.programs, self.place, self.manners[1])?),
+                    None => None,
+                };
+                self.manners[0].take()?;
+                self.measure(Trued::new(client), echo)
+            });
+            measuring.join().unwrap_or(Err(BenchError::Thread(self.stage().name())))
+        })
+    }
+
+    fn stage(&self) -> Stage {
+        if self.way == Way::Poll { Stage::Flat } else { Stage::Woken }
+    }
+
+    fn kinds(&self) -> Vec<Kind> {
+        let of_kernel = [Kind::Trued, Kind::Bare];
+        let is_measured = |kind: &Kind| match &self.subject.daemon {
+            // Of a running cell the core is not ours.
+            None => *kind == Kind::Trued,
+            Some(_) => self.way == Way::Poll || !of_kernel.contains(kind),
+        };
+        Kind::ALL.into_iter().filter(is_measured).collect()
+    }
+
+    fn measure(&self, mut trued: Trued, mut echo: Option<Echo>) -> Result<Flat, BenchError> {
+        let mut atomics = match &self.subject.daemon {
+            Some(_) => Some(Atomics::start(self.manners[1])?),
+            None => None,
+        };
+        let mut chunks = Chunks::default();
+        let until_ns = monotonic_ns() + (self.seconds * 1e9) as u64;
+        let mut rounds = 0;
+        while rounds == 0 || monotonic_ns() < until_ns {
+            for kind in self.kinds() {
+                if self.stop.load(Relaxed) {
+                    return Err(BenchError::Interrupted);
+                }
+                let before_ns = reference(atomics.as_mut());
+                let (trips, lost) =
+                    self.chunk(kind, &mut trued, atomics.as_mut(), echo.as_mut())?;
+                let after_ns = reference(atomics.as_mut());
+                chunks.push(Chunk { kind, before_ns, after_ns, trips, lost });
+                std::thread::sleep(GIVE_WAY);
+            }
+            rounds += 1;
+        }
+        Ok(chunks.finish(&trued))
+    }
+
+    fn chunk(
+        &self,
+        kind: Kind,
+        trued: &mut Trued,
+        atomics: Option<&mut Atomics>,
+        echo: Option<&mut Echo>,
+    ) -> Result<(Latencies, u64), BenchError> {
+        match (kind, atomics, echo) {
+            (Kind::Trued, ..) => {
+                self.go_on();
+                let counted = self.trips(trued);
+                self.stand()?;
+                Ok(counted)
+            }
+            (Kind::Bare, Some(atomics), _) => Ok(self.trips(&mut atomics.bare())),
+            (Kind::Atomics, Some(atomics), _) => Ok(self.trips(&mut atomics.copying(self.way))),
+            (kind, _, Some(echo)) => {
+                let counted = self.trips(echo.begin(kind, self.way)?);
+                echo.end(kind);
+                Ok(counted)
+            }
+            _ => Ok((Latencies::default(), 0)),
+        }
+        .and_then(|counted| self.answered(counted))
+    }
+
+    /// Nothing at all is no measurement.
+    fn answered(&self, counted: (Latencies, u64)) -> Result<(Latencies, u64), BenchError> {
+        if counted.0.count() == 0 && counted.1 > 0 {
+            let limit_ms = ANSWER_WITHIN.as_millis() as u64;
+            return Err(BenchError::Silent { stage: self.stage().name(), limit_ms });
+        }
+        Ok(counted)
+    }
+
+    fn trips(&self, peer: &mut dyn Peer) -> (Latencies, u64) {
+        let mut seq = 0;
+        let mut next = || {
+            seq += 1;
+            peer.round_trip(seq)
+        };
+        let warm_up = if self.way == Way::Poll { WARM_UP } else { WARM_UP / 16 };
+        let mut lost = 0;
+        for _ in 0..warm_up {
+            if next().is_none() {
+                return (Latencies::default(), 1);
+            }
+        }
+        let length_ns = if self.way == Way::Poll { CHUNK_NS } else { WOKEN_CHUNK_NS };
+        let until_ns = monotonic_ns() + length_ns;
+        let mut trips = Latencies::default();
+        while monotonic_ns() < until_ns && lost < 3 {
+            match next() {
+                Some(duration_ns) => trips.record(duration_ns),
+                None => lost += 1,
+            }
+        }
+        (trips, lost)
+    }
+
+    fn stand(&self) -> Result<(), BenchError> {
+        match &self.subject.daemon {
+            Some(daemon) if !daemon.stop() => Err(BenchError::part("daemon", "it does not stop")),
+            _ => Ok(()),
+        }
+    }
+
+    fn go_on(&self) {
+        if let Some(daemon) = &self.subject.daemon {
+            daemon.go_on();
+        }
+    }
+}
+
+/// The median of a few trips of one word, ns; zero without atomics.
+fn reference(atomics: Option<&mut Atomics>) -> f64 {
+    let Some(atomics) = atomics else { return 0.0 };
+    let mut bare = atomics.bare();
+    let mut trips: Vec<u64> = (0..REFERENCE).filter_map(|_| bare.round_trip(0)).collect();
+    trips.sort_unstable();
+    trips.get(trips.len() / 2).map_or(0.0, |ns| *ns as f64)
+}

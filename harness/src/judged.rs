@@ -1,0 +1,178 @@
+//! What the figures are held against: ratios of medians in one run, and counts.
+//!
+//! Promises: a figure that was not measured is not judged; near is held against near, far against far. Never: an absolute tail, which on
+//! most machines says more of the machine.
+
+use serde::Serialize;
+
+use crate::chunks::{Counted, Flat};
+use crate::findings::{Findings, Setting};
+use crate::latencies::Latencies;
+use crate::peers::Kind;
+
+/// Fewer trips than that are no median.
+const TRIPS_MIN: u64 = 100;
+/// Fewer are no quantile of 99.9 %.
+const TRIPS_MIN_FOR_P999: u64 = 10_000;
+/// The rate that cycles are counted at, Hz.
+const RATE_HZ: u32 = 1000;
+
+/// One figure beside its bar.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Judged {
+    /// What.
+    pub what: String,
+    /// What was measured.
+    pub measured: f64,
+    /// The most that it may be.
+    pub bar: f64,
+    /// In what; empty for a ratio or a count.
+    pub unit: &'static str,
+    /// Whether it is within.
+    pub ok: bool,
+}
+
+impl Judged {
+    fn new(what: impl Into<String>, measured: f64, bar: f64, unit: &'static str) -> Self {
+        // What is no number is not within.
+        Self { what: what.into(), measured, bar, unit, ok: measured <= bar }
+    }
+}
+
+/// Judges all that was measured.
+#[must_use]
+pub fn judge(findings: &Findings) -> Vec<Judged> {
+    let strict = || findings.settings.iter().filter(|s| s.policy == findings.machine.scheduling);
+    let mut judged = Vec::new();
+    let flat = strict().filter(|s| s.load.is_empty()).chain(strict()).find_map(|s| s.flat.as_ref());
+    if let Some(flat) = flat {
+        judged.extend(round_trips(flat));
+    }
+    judged.extend(strict().flat_map(missed));
+    if let Some(starts) = findings.starts.as_ref().filter(|starts| starts.count() > 0) {
+        let worst_ms = starts.quantiles().max as f64 * 1e-6;
+        judged.push(Judged::new(
+            "first corrected target after a start, worst",
+            worst_ms,
+            100.0,
+            "ms",
+        ));
+    }
+    if let Some(swap) = findings.swap.as_ref().filter(|swap| swap.swaps > 0) {
+        let beyond = swap.paced.missed_beyond_empty as f64;
+        judged.push(Judged::new(
+            "cycles missed over model swaps, beyond the empty cycle's",
+            beyond,
+            0.0,
+            "",
+        ));
+        let step = swap.step_over_bound;
+        judged.push(Judged::new(
+            "largest step of the correction over a swap, over its bound",
+            step,
+            1.0,
+            "",
+        ));
+    }
+    judged
+}
+
+fn round_trips(flat: &Flat) -> Vec<Judged> {
+    let mut judged = Vec::new();
+    type Placed = fn(&Counted) -> &Latencies;
+    let placements: [(&str, Placed, f64); 2] =
+        [("near", |c| &c.near, 0.5), ("far", |c| &c.far, 0.7)];
+    // Where there is one placement nothing tells which it is; the stricter bars hold.
+    let parted = flat.sorter.threshold_ns.is_some();
+    for (name, placed, unix_bar) in placements {
+        let name = if parted { name } else { "one placement" };
+        let of = |kind: Kind, least: u64| {
+            let found = flat.counted.get(kind.place()).map(placed);
+            found.filter(|latencies| latencies.count() >= least)
+        };
+        let mut median = |other: Kind, what: &str, bar: f64| {
+            let both = of(Kind::Trued, TRIPS_MIN).zip(of(other, TRIPS_MIN));
+            if let Some((trued, other)) = both {
+                let ratio = trued.at(0.5) as f64 / other.at(0.5) as f64;
+                judged.push(Judged::new(format!("round trip over {what}, {name}"), ratio, bar, ""));
+            }
+        };
+        median(Kind::Iceoryx2, "plain iceoryx2", 2.0);
+        median(Kind::Unix, "a Unix datagram", unix_bar);
+        let both = of(Kind::Trued, TRIPS_MIN_FOR_P999).zip(of(Kind::Atomics, TRIPS_MIN_FOR_P999));
+        if let Some((trued, atomics)) = both {
+            let spread = |l: &Latencies| l.at(0.999) as f64 / l.at(0.5) as f64;
+            let ratio = spread(trued) / spread(atomics);
+            let what = format!("p99.9 over p50, over that of atomics with a copy, {name}");
+            judged.push(Judged::new(what, ratio, 1.5, ""));
+        }
+    }
+    judged
+}
+
+fn missed(setting: &Setting) -> Vec<Judged> {
+    let at_rate = setting.paced.iter().filter(|at| at.rate_hz == RATE_HZ);
+    let judged = at_rate.map(|at| {
+        let what = format!(
+            "cycles missed at {RATE_HZ} Hz beyond the empty cycle's, of {}, {}, daemon by {}",
+            at.paced.cycles,
+            setting.load_name(),
+            at.wait.name()
+        );
+        Judged::new(what, at.paced.missed_beyond_empty as f64, 0.0, "")
+    });
+    judged.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::placement::Sorter;
+    use std::collections::BTreeMap;
+
+    fn counted(near_ns: u64, far_ns: u64, n: u64) -> Counted {
+        let filled = |ns: u64| {
+            let mut latencies = Latencies::default();
+            (0..n).for_each(|_| latencies.record(ns));
+            latencies
+        };
+        Counted { near: filled(near_ns), far: filled(far_ns), ..Counted::default() }
+    }
+
+    fn flat(n: u64) -> Flat {
+        let mut all = vec![Counted::default(); Kind::ALL.len()];
+        all[Kind::Trued.place()] = counted(1500, 4000, n);
+        all[Kind::Iceoryx2.place()] = counted(700, 2300, n);
+        all[Kind::Unix.place()] = counted(4000, 5000, n);
+        all[Kind::Atomics.place()] = counted(140, 660, n);
+        Flat {
+            counted: all,
+            sorter: Sorter { threshold_ns: Some(250.0) },
+            reference: [Latencies::default(), Latencies::default()],
+            correction: Latencies::default(),
+            around: Latencies::default(),
+            by_status: BTreeMap::new(),
+        }
+    }
+
+    #[test]
+    fn near_is_held_against_near_and_far_against_far() {
+        let judged = round_trips(&flat(20_000));
+        assert_eq!(judged.len(), 6);
+        let said = |what: &str| judged.iter().find(|j| j.what.contains(what)).expect("judged");
+        assert!(!said("plain iceoryx2, near").ok && said("plain iceoryx2, far").ok);
+        assert!(said("Unix datagram, near").ok && !said("Unix datagram, far").ok);
+        assert!((said("atomics with a copy, near").measured - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn too_few_trips_are_not_judged() {
+        assert_eq!(round_trips(&flat(99)).len(), 0);
+        assert_eq!(round_trips(&flat(9_999)).len(), 4, "medians, no tails");
+    }
+
+    #[test]
+    fn what_is_no_number_is_not_within_its_bar() {
+        assert!(!Judged::new("nothing", f64::NAN, 1.0, "").ok);
+    }
+}

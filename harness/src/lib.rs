@@ -1,0 +1,290 @@
+//! `trued bench` and `trued doctor`: what a cell engineer asks a machine before trusting it.
+//!
+//! Promises: what was asked for and refused (policy, pinning, locked memory) ends the bench; all that is compared is measured in the
+//! same run, by turns, on the same two cores; what could not be measured is said and counted. Never: a correction of its own.
+//!
+//! In what order to read: [`plan`] (what is asked); `flat.rs`, `paced.rs`, `force.rs`, `start.rs`, `swap.rs` (what is measured);
+//! [`judged`] (what that is held against); [`findings`], [`tables`], [`page`] (what is told).
+
+mod child;
+mod chunks;
+mod cyclictest;
+pub mod doctor;
+mod empty;
+mod error;
+pub mod findings;
+mod flat;
+mod force;
+pub mod judged;
+mod latencies;
+mod load;
+mod machine;
+mod manners;
+mod paced;
+pub mod page;
+mod peers;
+mod place;
+mod placement;
+pub mod plan;
+mod start;
+mod subject;
+mod swap;
+pub mod tables;
+
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
+pub use chunks::{Counted, Flat};
+pub use cyclictest::Cyclictest;
+pub use empty::Missed;
+pub use error::BenchError;
+pub use force::Force;
+pub use latencies::{Latencies, Quantiles};
+pub use machine::Machine;
+pub use manners::fifo_is_granted;
+pub use paced::Paced;
+pub use peers::Kind;
+pub use placement::{Placement, Sorter};
+pub use swap::Swap;
+
+use crate::doctor::Texts;
+use crate::findings::{AtRate, Findings, Setting, Skipped};
+use crate::flat::Flats;
+use crate::force::Forces;
+use crate::manners::Manners;
+use crate::paced::Pacing;
+use crate::peers::Way;
+use crate::place::Place;
+use crate::plan::{Load, Plan, Policy, Programs, Stage, Wait};
+use crate::subject::{Setup, Subject};
+
+/// Time between commands of a daemon that is measured flat out, s: the shortest that there is.
+const FLAT_PERIOD_S: f64 = 1e-4;
+/// The rate at which models are swapped and starts are measured, Hz.
+const SWAP_RATE_HZ: u32 = 1000;
+/// Stands between the words that a part is given: paths have spaces.
+pub(crate) const BETWEEN_WORDS: &str = "\t";
+/// How long `cyclictest` runs at most, s.
+const CYCLICTEST_S_MAX: f64 = 10.0;
+
+/// A part of the bench in a process of its own: what [`Programs::part`] was given.
+///
+/// # Errors
+/// Where it cannot do its part.
+pub fn part(words: &str) -> Result<(), BenchError> {
+    let words: Vec<&str> = words.split(BETWEEN_WORDS).collect();
+    match words.split_first() {
+        Some((&"echo", arguments)) => peers::echo::answer(arguments),
+        Some((&"load", arguments)) => load::make(arguments),
+        _ => Err(BenchError::part("unknown", "there is no such part")),
+    }
+}
+
+/// Runs a bench; tells `say` what it is about to do.
+///
+/// # Errors
+/// See [`BenchError`]; nothing is left behind then.
+pub fn run(
+    plan: &Plan,
+    programs: &dyn Programs,
+    stop: &AtomicBool,
+    say: &mut dyn FnMut(&str),
+) -> Result<Findings, BenchError> {
+    // A signal from the terminal goes to the bench's other processes too: that they are gone is then no fault of theirs.
+    let interrupted = |e| if stop.load(Relaxed) { BenchError::Interrupted } else { e };
+    all(plan, programs, stop, say).map_err(interrupted)
+}
+
+fn all(
+    plan: &Plan,
+    programs: &dyn Programs,
+    stop: &AtomicBool,
+    say: &mut dyn FnMut(&str),
+) -> Result<Findings, BenchError> {
+    let texts = Texts::read(std::path::Path::new("/"));
+    let cores = manners::two_cores(plan.cores, &machine::isolated(&texts))?;
+    let strictest =
+        if plan.policies.contains(&Policy::Fifo) { Policy::Fifo } else { Policy::Other };
+    if strictest == Policy::Fifo {
+        daemon::realtime::lock_memory()?;
+    }
+    let mut bench = Bench {
+        plan,
+        programs,
+        stop,
+        place: Place::new()?,
+        cores,
+        findings: Findings::new(Machine::of(&texts, strictest, cores), plan),
+    };
+    let stolen_before = machine::stolen_ticks();
+    for policy in &plan.policies {
+        for load in &plan.loads {
+            bench.setting(*policy, load, say)?;
+        }
+    }
+    bench.once(strictest, say)?;
+    bench.findings.machine.stolen_ticks = machine::stolen_ticks().saturating_sub(stolen_before);
+    bench.findings.judged = judged::judge(&bench.findings);
+    Ok(bench.findings)
+}
+
+struct Bench<'a> {
+    plan: &'a Plan,
+    programs: &'a dyn Programs,
+    stop: &'a AtomicBool,
+    place: Place,
+    cores: [usize; 2],
+    findings: Findings,
+}
+
+impl Bench<'_> {
+    /// All parts that depend on policy and load.
+    fn setting(
+        &mut self,
+        policy: Policy,
+        load: &[Load],
+        say: &mut dyn FnMut(&str),
+    ) -> Result<(), BenchError> {
+        let _made = load::start(self.plan, self.programs, load)?;
+        let mut setting = Setting::new(policy, load);
+        let under = setting.name();
+        for (stage, way) in [(Stage::Flat, Way::Poll), (Stage::Woken, Way::Wake)] {
+            if self.plan.has(stage) && way == Way::Wake && self.plan.cell.is_some() {
+                self.skip(stage.name(), "beside a running cell, whose core is not the bench's");
+            } else if self.plan.has(stage) {
+                say(&format!("{}, {under}", stage.name()));
+                let flat = self.flat(policy, way)?;
+                if way == Way::Poll && self.plan.cell.is_some() {
+                    let why = "beside a running cell, whose core is not the bench's";
+                    self.skip("what trued is compared with", why);
+                }
+                *(if way == Way::Poll { &mut setting.flat } else { &mut setting.woken }) =
+                    Some(flat);
+            }
+        }
+        if self.plan.has(Stage::Paced) {
+            for wait in &self.plan.waits {
+                for rate_hz in &self.plan.rates_hz {
+                    say(&format!("paced at {rate_hz} Hz, daemon by {}, {under}", wait.name()));
+                    let paced = self.paced(policy, *wait, *rate_hz)?;
+                    setting.paced.push(AtRate { wait: *wait, rate_hz: *rate_hz, paced });
+                }
+            }
+        }
+        if self.plan.has(Stage::Force) {
+            say(&format!("force blocks, {under}"));
+            setting.force = self.force(policy)?;
+        }
+        if self.plan.has(Stage::Woken) {
+            self.cyclictest(policy, &mut setting);
+        }
+        self.findings.settings.push(setting);
+        Ok(())
+    }
+
+    /// The parts that need to be measured once.
+    fn once(&mut self, policy: Policy, say: &mut dyn FnMut(&str)) -> Result<(), BenchError> {
+        if self.plan.cell.is_some() {
+            for stage in [Stage::Start, Stage::Swap] {
+                self.skip(stage.name(), "not done to a running cell");
+            }
+            return Ok(());
+        }
+        let setup = Setup {
+            manners: self.manners(policy)[1],
+            wait: Wait::Sleep,
+            period_s: 1.0 / f64::from(SWAP_RATE_HZ),
+            listens: false,
+        };
+        if self.plan.has(Stage::Start) {
+            say("starts of a daemon");
+            let starts = start::run(self.plan, self.programs, &self.place, setup, self.stop)?;
+            self.findings.starts = Some(starts);
+        }
+        if self.plan.has(Stage::Swap) {
+            say("models swapped");
+            let subject = Subject::new(self.plan, self.programs, &self.place, setup)?;
+            let pacing = Pacing {
+                subject: &subject,
+                manners: self.manners(policy),
+                rate_hz: SWAP_RATE_HZ,
+                seconds: self.plan.seconds,
+                stop: self.stop,
+            };
+            self.findings.swap = Some(swap::run(self.plan, &self.place, &pacing)?);
+        }
+        Ok(())
+    }
+
+    fn flat(&self, policy: Policy, way: Way) -> Result<Flat, BenchError> {
+        let subject = self.subject(policy, Wait::Spin, FLAT_PERIOD_S, false)?;
+        let flats = Flats {
+            subject: &subject,
+            programs: self.programs,
+            place: &self.place,
+            manners: self.manners(policy),
+            way,
+            seconds: self.plan.seconds,
+            stop: self.stop,
+        };
+        flats.run()
+    }
+
+    fn paced(&self, policy: Policy, wait: Wait, rate_hz: u32) -> Result<Paced, BenchError> {
+        let subject = self.subject(policy, wait, 1.0 / f64::from(rate_hz), false)?;
+        let pacing = Pacing {
+            subject: &subject,
+            manners: self.manners(policy),
+            rate_hz,
+            seconds: self.plan.seconds,
+            stop: self.stop,
+        };
+        pacing.run(|_| {})
+    }
+
+    fn force(&mut self, policy: Policy) -> Result<Option<Force>, BenchError> {
+        if self.plan.cell.is_some() {
+            self.skip(Stage::Force.name(), "a running cell has a sensor of its own");
+            return Ok(None);
+        }
+        let subject = self.subject(policy, Wait::Sleep, 1e-3, true)?;
+        let manners = self.manners(policy)[0];
+        let forces =
+            Forces { subject: &subject, manners, seconds: self.plan.seconds, stop: self.stop };
+        Ok(Some(forces.run()?))
+    }
+
+    fn cyclictest(&mut self, policy: Policy, setting: &mut Setting) {
+        let manners = self.manners(policy)[1];
+        match cyclictest::run(manners, self.plan.seconds.min(CYCLICTEST_S_MAX)) {
+            Ok(found) => setting.cyclictest = Some(found),
+            Err(why) => self.skip("cyclictest", &why),
+        }
+    }
+
+    fn subject(
+        &self,
+        policy: Policy,
+        wait: Wait,
+        period_s: f64,
+        listens: bool,
+    ) -> Result<Subject, BenchError> {
+        if self.stop.load(Relaxed) {
+            return Err(BenchError::Interrupted);
+        }
+        let setup = Setup { manners: self.manners(policy)[1], wait, period_s, listens };
+        Subject::new(self.plan, self.programs, &self.place, setup)
+    }
+
+    /// Of the client's thread, and of the daemon's cycle and what stands in its place.
+    fn manners(&self, policy: Policy) -> [Manners; 2] {
+        let priority = self.plan.priority;
+        self.cores.map(|core| Manners { core, policy, priority })
+    }
+
+    fn skip(&mut self, what: &str, why: &str) {
+        let skipped = Skipped { what: what.to_owned(), why: why.to_owned() };
+        if !self.findings.skipped.contains(&skipped) {
+            self.findings.skipped.push(skipped);
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! What the machine is that a bench ran on, and what that means for its figures.
+//!
+//! Promises: what the machine does not tell is said to be unknown. Never: a figure corrected for it.
+
+use serde::Serialize;
+
+use crate::doctor::{Texts, parse};
+use crate::plan::Policy;
+
+/// The machine.
+#[derive(Debug, Clone, Serialize)]
+pub struct Machine {
+    /// Release of the kernel.
+    pub kernel: String,
+    /// Whether it is `PREEMPT_RT`.
+    pub preempt_rt: bool,
+    /// Whether a hypervisor is beneath.
+    #[serde(rename = "virtual")]
+    pub is_virtual: bool,
+    /// Cores that are online.
+    pub cpus: usize,
+    /// The strictest policy that was measured under.
+    pub scheduling: Policy,
+    /// What the processor is called.
+    pub processor: String,
+    /// The frequency governor of the daemon's core.
+    pub governor: String,
+    /// Isolated cores.
+    pub isolated: Vec<usize>,
+    /// The clock source.
+    pub clock_source: String,
+    /// The client's core and the daemon's.
+    pub cores: [usize; 2],
+    /// Processor time that the hypervisor kept for others while the bench ran, in hundredths of a second; all cores.
+    pub stolen_ticks: u64,
+    /// What all that means for the figures.
+    pub means: Vec<String>,
+}
+
+/// The cores that the kernel keeps others off.
+pub(crate) fn isolated(texts: &Texts) -> Vec<usize> {
+    texts.isolated.as_deref().and_then(parse::list).unwrap_or_default()
+}
+
+/// Hundredths of a second stolen so far, by `/proc/stat`.
+pub(crate) fn stolen_ticks() -> u64 {
+    std::fs::read_to_string("/proc/stat").ok().and_then(|stat| steal(&stat)).unwrap_or(0)
+}
+
+fn steal(stat: &str) -> Option<u64> {
+    let all = stat.lines().find_map(|line| line.strip_prefix("cpu "))?;
+    all.split_whitespace().nth(7)?.parse().ok()
+}
+
+impl Machine {
+    /// From what the kernel says.
+    pub(crate) fn of(texts: &Texts, scheduling: Policy, cores: [usize; 2]) -> Self {
+        let unknown = || "unknown".to_owned();
+        let version = texts.version.as_deref();
+        let cpuinfo = texts.cpuinfo.as_deref();
+        let governor = texts.cores.iter().find(|core| core.number == cores[1]);
+        let mut machine = Self {
+            kernel: version.and_then(parse::release).map_or_else(unknown, str::to_owned),
+            preempt_rt: parse::is_preempt_rt(texts.realtime.as_deref(), version) == Some(true),
+            is_virtual: cpuinfo.and_then(parse::is_virtual) == Some(true),
+            cpus: texts.cores.len(),
+            scheduling,
+            processor: cpuinfo.and_then(parse::processor).map_or_else(unknown, str::to_owned),
+            governor: governor.and_then(|core| core.governor.clone()).unwrap_or_else(unknown),
+            isolated: isolated(texts),
+            clock_source: texts.clock_source.clone().unwrap_or_else(unknown),
+            cores,
+            stolen_ticks: 0,
+            means: Vec::new(),
+        };
+        machine.means = machine.meaning();
+        machine
+    }
+
+    fn meaning(&self) -> Vec<String> {
+        let mut means = Vec::new();
+        let mut say = |words: &str| means.push(words.to_owned());
+        if self.is_virtual {
+            say(
+                "A virtual machine: its host takes cores away and moves them, so that quantiles from 99.9 % on and the worst are the host's \
+                 doing. Ratios of medians in one run hold; for anything else measure on the robot's own machine.",
+            );
+        }
+        if !self.preempt_rt {
+            say("Not a PREEMPT_RT kernel: the worst has no bound here, however good it looks.");
+        }
+        if self.scheduling == Policy::Other {
+            say(
+                "Not measured under SCHED_FIFO: any other process may stand in the way of a cycle.",
+            );
+        }
+        if !self.cores.iter().all(|core| self.isolated.contains(core)) {
+            say(
+                "The cores are not isolated: others run on them, and what spins is stalled by the kernel where they want to.",
+            );
+        }
+        if self.governor != "performance" {
+            say("The governor is not known to be performance: the clock may slow down when idle.");
+        }
+        if self.cpus <= 2 {
+            say(
+                "No core is left for anything else: the bench's own helpers, the log and the load share the two that are measured.",
+            );
+        }
+        means
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stolen_time_is_the_eighth_number() {
+        assert_eq!(steal("cpu  1 2 3 4 5 6 7 88 9 10\ncpu0 1 2 3 4 5 6 7 8\n"), Some(88));
+        assert_eq!(steal("cpu  1 2 3\n"), None);
+        assert_eq!(steal(""), None);
+    }
+
+    #[test]
+    fn a_machine_that_says_nothing_is_not_called_good() {
+        let machine = Machine::of(&Texts::default(), Policy::Other, [0, 1]);
+        assert!(!machine.preempt_rt && machine.governor == "unknown");
+        assert!(machine.means.len() >= 4, "{:?}", machine.means);
+    }
+}

@@ -1,0 +1,100 @@
+//! How the measuring threads run: which core, which policy, memory locked.
+//!
+//! Promises: what was asked and refused ends the bench; threads of no concern to the measurement keep the ordinary policy.
+//! Never: a policy for the whole process.
+
+use daemon::realtime::{self, Refused};
+use rustix::thread::{CpuSet, sched_getaffinity};
+
+use crate::error::BenchError;
+use crate::plan::Policy;
+
+/// What a measuring thread is to be.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Manners {
+    pub(crate) core: usize,
+    pub(crate) policy: Policy,
+    pub(crate) priority: u8,
+}
+
+impl Manners {
+    /// Takes them on, for the calling thread.
+    pub(crate) fn take(self) -> Result<(), Refused> {
+        realtime::sleep_exactly();
+        realtime::pin_to(self.core)?;
+        match self.policy {
+            Policy::Fifo => realtime::set_fifo(self.priority),
+            Policy::Other => Ok(()),
+        }
+    }
+
+    /// The same one priority higher: for what must be seen beside a thread that spins.
+    pub(crate) fn above(self) -> Self {
+        Self { priority: (self.priority + 1).min(99), ..self }
+    }
+}
+
+/// Whether this process may have the real-time policy at that priority, asked in a thread that ends at once.
+#[must_use]
+pub fn fifo_is_granted(priority: u8) -> bool {
+    let asked = std::thread::spawn(move || {
+        realtime::set_fifo(priority).is_ok() && realtime::lock_memory().is_ok()
+    });
+    asked.join().unwrap_or(false)
+}
+
+/// The cores that this process may run on.
+pub(crate) fn allowed() -> Vec<usize> {
+    let Ok(set) = sched_getaffinity(None) else { return Vec::new() };
+    (0..CpuSet::MAX_CPU).filter(|core| set.is_set(*core)).collect()
+}
+
+/// The client's core and the daemon's: as asked, else the two last isolated ones, else the two last.
+pub(crate) fn two_cores(
+    asked: Option<[usize; 2]>,
+    isolated: &[usize],
+) -> Result<[usize; 2], BenchError> {
+    let allowed = allowed();
+    choose(asked, isolated, &allowed)
+}
+
+fn choose(
+    asked: Option<[usize; 2]>,
+    isolated: &[usize],
+    allowed: &[usize],
+) -> Result<[usize; 2], BenchError> {
+    if let Some([a, b]) = asked {
+        if a != b && allowed.contains(&a) && allowed.contains(&b) {
+            return Ok([a, b]);
+        }
+        let what = format!("cores {a} and {b}");
+        return Err(BenchError::Cores { what, allowed: allowed.to_vec() });
+    }
+    let kept: Vec<usize> = isolated.iter().copied().filter(|core| allowed.contains(core)).collect();
+    let from = if kept.len() >= 2 { &kept } else { allowed };
+    match from {
+        [.., a, b] => Ok([*a, *b]),
+        _ => Err(BenchError::Cores { what: "no cores named".into(), allowed: allowed.to_vec() }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn isolated_cores_are_taken_before_others_and_what_is_asked_before_all() {
+        let allowed = [0, 1, 2, 3, 4];
+        assert_eq!(choose(None, &[1, 2], &allowed).expect("two"), [1, 2]);
+        assert_eq!(choose(None, &[2], &allowed).expect("two"), [3, 4]);
+        assert_eq!(choose(Some([4, 0]), &[1, 2], &allowed).expect("two"), [4, 0]);
+    }
+
+    #[test]
+    fn one_core_twice_or_a_core_that_is_not_ours_is_refused() {
+        for asked in [Some([1, 1]), Some([1, 7]), None] {
+            let allowed: &[usize] = if asked.is_some() { &[0, 1] } else { &[3] };
+            assert!(matches!(choose(asked, &[], allowed), Err(BenchError::Cores { .. })));
+        }
+    }
+}

@@ -1,0 +1,182 @@
+//! Round trips at a given rate, as a robot's controller makes them.
+//!
+//! Promises: every cycle of the schedule is counted, from the time at which it was due as well as from its actual sending: what a stall
+//! holds up is as late as the robot would have found it (no coordinated omission). Never: a cycle left out because it was late.
+
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::thread::ScopedJoinHandle;
+use std::time::Duration;
+
+use daemon::pacer::sleep_until;
+use shm_schema::monotonic_ns;
+use trued_client::Corrected;
+
+use crate::empty::{Empty, Missed, Schedule, beyond, missed_by_any, remember};
+use crate::error::BenchError;
+use crate::latencies::Latencies;
+use crate::manners::Manners;
+use crate::peers::trued::Trued;
+use crate::plan::Stage;
+use crate::subject::Subject;
+
+/// How long before a command is due the client begins to look at the clock without sleeping, ns; at most this share of a period.
+const SPIN_BEFORE_NS: u64 = 120_000;
+const SPIN_SHARE: f64 = 0.3;
+/// How long an answer is waited for; what is lost is late by so much.
+const GIVE_UP: Duration = Duration::from_millis(200);
+/// Time from the set-up to the first command.
+const HEAD_START_NS: u64 = 120_000_000;
+/// Missed cycles whose parts are kept.
+const BEYOND_SHOWN: usize = 200;
+/// Commands before the count begins, so that nothing counts as late that starts.
+const WARM_UP_S: f64 = 0.1;
+
+/// What came out of it.
+#[derive(Debug, Clone, Default)]
+pub struct Paced {
+    /// From the scheduled time to the answer.
+    pub scheduled: Latencies,
+    /// From the actual sending to the answer.
+    pub actual: Latencies,
+    /// How late the empty cycle's wake-ups were, on both cores.
+    pub empty: Latencies,
+    /// Cycles of the schedule.
+    pub cycles: u64,
+    /// Cycles whose answer came later than the next command was due, lost ones included.
+    pub missed: u64,
+    /// Cycles without an answer.
+    pub unanswered: u64,
+    /// Empty cycles missed, on either core.
+    pub empty_missed: u64,
+    /// Missed cycles beside which no empty cycle was hindered.
+    pub missed_beyond_empty: u64,
+    /// Where the time of the first of these went.
+    pub beyond: Vec<Missed>,
+    /// Time in the daemon.
+    pub correction: Latencies,
+}
+
+/// What is needed to measure.
+pub(crate) struct Pacing<'a> {
+    pub(crate) subject: &'a Subject,
+    pub(crate) manners: [Manners; 2],
+    pub(crate) rate_hz: u32,
+    pub(crate) seconds: f64,
+    pub(crate) stop: &'a AtomicBool,
+}
+
+impl Pacing<'_> {
+    /// Measures, and shows each answer to `watch`.
+    pub(crate) fn run(
+        &self,
+        mut watch: impl FnMut(&Corrected) + Send,
+    ) -> Result<Paced, BenchError> {
+        let mut trued = Trued::new(self.subject.client()?);
+        let period_ns = 1_000_000_000 / u64::from(self.rate_hz.max(1));
+        let cycles = ((self.seconds * f64::from(self.rate_hz)).round() as u64).max(1);
+        let schedule = Schedule { start_ns: monotonic_ns() + HEAD_START_NS, period_ns, cycles };
+        let over = AtomicBool::new(false);
+        let ended = BenchError::Thread(Stage::Paced.name());
+        let (measured, empties) = std::thread::scope(|scope| {
+            let empties = self.manners.map(|manners| {
+                let over = &over;
+                scope.spawn(move || Empty::run(manners.above(), schedule, over))
+            });
+            let measuring = scope.spawn(|| {
+                self.manners[0].take()?;
+                self.measure(&mut trued, schedule, &mut watch)
+            });
+            let measured = measuring.join();
+            over.store(true, Relaxed);
+            (measured, empties.map(ScopedJoinHandle::join))
+        });
+        let Ok(measured) = measured else { return Err(ended) };
+        let (mut paced, missed) = measured?;
+        let mut beside = Vec::new();
+        for empty in empties {
+            let Ok(empty) = empty else { return Err(ended) };
+            beside.push(empty?);
+        }
+        paced.beyond = beyond(&missed, &beside);
+        paced.missed_beyond_empty = paced.beyond.len() as u64;
+        paced.beyond.truncate(BEYOND_SHOWN);
+        paced.empty_missed = missed_by_any(&beside);
+        beside.iter().for_each(|empty| paced.empty.add(&empty.late));
+        paced.correction = trued.correction;
+        Ok(paced)
+    }
+
+    fn measure(
+        &self,
+        trued: &mut Trued,
+        schedule: Schedule,
+        watch: &mut dyn FnMut(&Corrected),
+    ) -> Result<(Paced, Vec<Missed>), BenchError> {
+        let spin_ns = ((schedule.period_ns as f64 * SPIN_SHARE) as u64).min(SPIN_BEFORE_NS);
+        let mut paced = Paced::default();
+        let mut missed: Vec<Missed> = Vec::with_capacity(1024);
+        self.warm_up(trued, schedule)?;
+        for cycle in 0..schedule.cycles {
+            let due_ns = schedule.due_ns(cycle);
+            wait_until(due_ns, spin_ns);
+            let (sent_ns, here_ns) = trued.command(GIVE_UP);
+            let end_ns = here_ns.unwrap_or_else(monotonic_ns);
+            paced.unanswered += u64::from(here_ns.is_none());
+            paced.actual.record(end_ns - sent_ns);
+            paced.scheduled.record(end_ns - due_ns);
+            let is_missed = here_ns.is_none() || end_ns - due_ns > schedule.period_ns;
+            paced.missed += u64::from(is_missed);
+            let answer = trued.newest.as_ref().filter(|_| here_ns.is_some());
+            remember(&mut missed, parts(cycle, due_ns, sent_ns, answer, end_ns), is_missed);
+            if let Some(answer) = answer {
+                watch(answer);
+            }
+            if cycle % 64 == 0 && self.stop.load(Relaxed) {
+                return Err(BenchError::Interrupted);
+            }
+        }
+        paced.cycles = schedule.cycles;
+        if paced.unanswered == paced.cycles {
+            let limit_ms = GIVE_UP.as_millis() as u64;
+            return Err(BenchError::Silent { stage: Stage::Paced.name(), limit_ms });
+        }
+        Ok((paced, missed))
+    }
+
+    /// Commands until the schedule begins; all of it counts nowhere.
+    fn warm_up(&self, trued: &mut Trued, schedule: Schedule) -> Result<(), BenchError> {
+        let first_ns = schedule.start_ns.saturating_sub((WARM_UP_S * 1e9) as u64);
+        let mut due_ns = first_ns.max(monotonic_ns());
+        while due_ns + 2 * schedule.period_ns < schedule.start_ns {
+            wait_until(due_ns, SPIN_BEFORE_NS);
+            trued.command(GIVE_UP);
+            due_ns = monotonic_ns() + schedule.period_ns;
+        }
+        trued.correction = Latencies::default();
+        Ok(())
+    }
+}
+
+/// Where the time of a cycle went.
+fn parts(cycle: u64, due_ns: u64, sent_ns: u64, answer: Option<&Corrected>, end_ns: u64) -> Missed {
+    let late_ns = sent_ns.saturating_sub(due_ns);
+    let Some(answer) = answer else { return Missed { cycle, late_ns, ..Missed::default() } };
+    Missed {
+        cycle,
+        late_ns,
+        there_ns: answer.received_ns.saturating_sub(sent_ns),
+        correction_ns: answer.made_ns.saturating_sub(answer.received_ns),
+        back_ns: end_ns.saturating_sub(answer.made_ns),
+    }
+}
+
+/// Sleeps, and looks at the clock for the last `spin_ns`.
+fn wait_until(due_ns: u64, spin_ns: u64) {
+    let wake_ns = due_ns.saturating_sub(spin_ns);
+    if monotonic_ns() < wake_ns {
+        sleep_until(wake_ns);
+    }
+    while monotonic_ns() < due_ns {
+        std::hint::spin_loop();
+    }
+}

@@ -1,0 +1,204 @@
+//! The limit of the machine: atomic words between two threads on two cores, alone or with a copy of the payload.
+//!
+//! Promises: between chunks the other thread is parked and costs nothing. Never: a system call while polling.
+
+use std::array::from_fn;
+use std::hint::{black_box, spin_loop};
+use std::sync::Arc;
+use std::sync::atomic::{
+    AtomicU32, AtomicU64,
+    Ordering::{Acquire, Relaxed, Release},
+};
+use std::thread::{JoinHandle, Thread};
+use std::time::Duration;
+
+use shm_schema::monotonic_ns;
+
+use super::{BACK, Peer, THERE, Way, poll};
+use crate::error::BenchError;
+use crate::manners::Manners;
+
+const WORDS_THERE: usize = THERE / 8;
+const WORDS_BACK: usize = BACK / 8;
+
+/// What the other thread is to do.
+const PARKED: u32 = 0;
+const BARE: u32 = 1;
+const COPY: u32 = 2;
+const WOKEN: u32 = 3;
+const OVER: u32 = 4;
+
+/// One direction: a payload, then its number on a line of its own, as the number is what is polled.
+#[repr(align(128))]
+struct Slot<const N: usize> {
+    seq: Line,
+    words: [AtomicU64; N],
+}
+
+#[repr(align(128))]
+struct Line(AtomicU64);
+
+impl<const N: usize> Slot<N> {
+    fn new() -> Self {
+        Self { seq: Line(AtomicU64::new(0)), words: from_fn(|_| AtomicU64::new(0)) }
+    }
+
+    fn write(&self, payload: &[u64; N]) {
+        self.words.iter().zip(payload).for_each(|(word, value)| word.store(*value, Relaxed));
+    }
+
+    fn read(&self) -> [u64; N] {
+        from_fn(|i| self.words[i].load(Relaxed))
+    }
+}
+
+struct Shared {
+    there: Slot<WORDS_THERE>,
+    back: Slot<WORDS_BACK>,
+    task: AtomicU32,
+}
+
+/// The measuring side, which owns the other thread.
+pub(crate) struct Atomics {
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+    seq: u64,
+}
+
+impl Atomics {
+    /// Starts the other thread with these manners; the calling thread is the one that measures.
+    pub(crate) fn start(manners: Manners) -> Result<Self, BenchError> {
+        let shared = Arc::new(Shared {
+            there: Slot::new(),
+            back: Slot::new(),
+            task: AtomicU32::new(PARKED),
+        });
+        let (tell, told) = std::sync::mpsc::channel();
+        let (other, asker) = (Arc::clone(&shared), std::thread::current());
+        let thread = std::thread::Builder::new()
+            .name("bench-atomics".to_owned())
+            .spawn(move || {
+                let taken = manners.take();
+                let goes_on = taken.is_ok();
+                // Whoever waits for this has not gone: it waits.
+                let _ = tell.send(taken);
+                if goes_on {
+                    answer(&other, &asker);
+                }
+            })
+            .map_err(|e| BenchError::part("atomics", e.to_string()))?;
+        told.recv().map_err(|_| BenchError::Thread("atomics"))??;
+        Ok(Self { shared, thread: Some(thread), seq: 0 })
+    }
+
+    /// The answering side, for a chunk of one word each way.
+    pub(crate) fn bare(&mut self) -> Chunk<'_> {
+        self.begin(BARE)
+    }
+
+    /// The same with a copy of the payload.
+    pub(crate) fn copying(&mut self, way: Way) -> Chunk<'_> {
+        self.begin(if way == Way::Poll { COPY } else { WOKEN })
+    }
+
+    fn begin(&mut self, task: u32) -> Chunk<'_> {
+        self.shared.task.store(task, Release);
+        self.unpark();
+        Chunk { atomics: self, task, payload: [1; WORDS_THERE] }
+    }
+
+    fn unpark(&self) {
+        if let Some(thread) = &self.thread {
+            thread.thread().unpark();
+        }
+    }
+}
+
+impl Drop for Atomics {
+    fn drop(&mut self) {
+        self.shared.task.store(OVER, Release);
+        self.unpark();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// While it lives, the other side answers.
+pub(crate) struct Chunk<'a> {
+    atomics: &'a mut Atomics,
+    task: u32,
+    payload: [u64; WORDS_THERE],
+}
+
+impl Peer for Chunk<'_> {
+    // Inlined: it is compared with a cache line's way between two cores.
+    #[inline]
+    fn round_trip(&mut self, _: u64) -> Option<u64> {
+        let since_ns = monotonic_ns();
+        self.atomics.seq += 1;
+        let (shared, seq) = (&self.atomics.shared, self.atomics.seq);
+        if self.task != BARE {
+            self.payload[0] = seq;
+            shared.there.write(black_box(&self.payload));
+        }
+        shared.there.seq.0.store(seq, Release);
+        let here = || (shared.back.seq.0.load(Acquire) == seq).then_some(());
+        if self.task == WOKEN {
+            self.atomics.unpark_and_park(here);
+        } else {
+            poll(here)?;
+        }
+        if self.task != BARE {
+            black_box(shared.back.read());
+        }
+        Some(monotonic_ns() - since_ns)
+    }
+}
+
+impl Atomics {
+    fn unpark_and_park(&self, here: impl Fn() -> Option<()>) {
+        self.unpark();
+        while here().is_none() {
+            std::thread::park_timeout(Duration::from_millis(100));
+        }
+    }
+}
+
+impl Drop for Chunk<'_> {
+    fn drop(&mut self) {
+        self.atomics.shared.task.store(PARKED, Release);
+    }
+}
+
+/// The other side.
+fn answer(shared: &Shared, asker: &Thread) {
+    let mut last = 0;
+    let reply = [2; WORDS_BACK];
+    loop {
+        match shared.task.load(Acquire) {
+            PARKED => std::thread::park(),
+            OVER => return,
+            task => {
+                let seq = shared.there.seq.0.load(Acquire);
+                if seq == last {
+                    if task == WOKEN {
+                        std::thread::park_timeout(Duration::from_millis(100));
+                    } else {
+                        spin_loop();
+                    }
+                    continue;
+                }
+                last = seq;
+                if task != BARE {
+                    black_box(shared.there.read());
+                    shared.back.write(black_box(&reply));
+                }
+                shared.back.seq.0.store(seq, Release);
+                if task == WOKEN {
+                    asker.unpark();
+                }
+            }
+        }
+    }
+}

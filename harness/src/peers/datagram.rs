@@ -1,0 +1,224 @@
+//! What the kernel carries: Unix datagrams, UDP over the loopback, pipes.
+//!
+//! Promises: polled, a look is one system call that does not block; woken, it is one that does.
+
+use std::fs::File;
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, UdpSocket};
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::net::UnixDatagram;
+use std::path::Path;
+
+use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
+use shm_schema::monotonic_ns;
+
+use super::echo::STOP;
+use super::{ANSWER_WITHIN, BACK, Peer, THERE, Way, poll, seq_of};
+use crate::child::Guarded;
+
+/// Something with two ends that takes and gives messages.
+trait Medium {
+    fn send(&mut self, message: &[u8]) -> io::Result<usize>;
+    fn receive(&mut self, message: &mut [u8]) -> io::Result<usize>;
+    fn way(&self) -> Way;
+
+    /// The next message, whole; none where there is none in time, or never again.
+    fn next(&mut self, message: &mut [u8]) -> Option<()> {
+        let way = self.way();
+        let mut broken = false;
+        let found = poll(|| match self.receive(message) {
+            Ok(n) if n == message.len() => Some(()),
+            Err(e) if way == Way::Poll && e.kind() == ErrorKind::WouldBlock => None,
+            Err(e) if e.kind() == ErrorKind::Interrupted => None,
+            // Whatever else: time out in the blocking way, a peer that has gone, half a message.
+            _ => {
+                broken = true;
+                Some(())
+            }
+        });
+        found.filter(|()| !broken)
+    }
+
+    fn ask(&mut self, seq: u64) -> Option<u64> {
+        let (mut there, mut back) = ([1; THERE], [0; BACK]);
+        there[..8].copy_from_slice(&seq.to_le_bytes());
+        let since_ns = monotonic_ns();
+        self.send(&there).ok()?;
+        loop {
+            self.next(&mut back)?;
+            if seq_of(std::hint::black_box(&back)) == Some(seq) {
+                return Some(monotonic_ns() - since_ns);
+            }
+        }
+    }
+
+    /// Answers each message until the last one; a silence of [`ANSWER_WITHIN`] is no end.
+    fn answer_all(&mut self) {
+        let (mut there, mut back) = ([0; THERE], [2; BACK]);
+        let mut silences = 0;
+        while silences < SILENCES_MAX {
+            if self.next(&mut there).is_none() {
+                silences += 1;
+                continue;
+            }
+            silences = 0;
+            let seq = seq_of(std::hint::black_box(&there)).unwrap_or(STOP);
+            back[..8].copy_from_slice(&seq.to_le_bytes());
+            let sent = self.send(&back);
+            if seq == STOP || sent.is_err() {
+                return;
+            }
+        }
+    }
+}
+
+/// Silences after which nobody is believed to ask any more.
+const SILENCES_MAX: u32 = 30;
+
+/// Unix datagrams.
+pub(crate) struct Unix(UnixDatagram, Way);
+
+impl Unix {
+    /// A socket of that name; its peer may not be there yet.
+    pub(crate) fn new(dir: &Path, name: &str) -> io::Result<Self> {
+        let path = dir.join(format!("{name}.unix"));
+        let _ = std::fs::remove_file(&path);
+        let socket = UnixDatagram::bind(path)?;
+        socket.set_read_timeout(Some(ANSWER_WITHIN))?;
+        Ok(Self(socket, Way::Wake))
+    }
+
+    pub(crate) fn connect(&self, dir: &Path, peer: &str) -> io::Result<()> {
+        self.0.connect(dir.join(format!("{peer}.unix")))
+    }
+
+    pub(crate) fn wait(&mut self, way: Way) -> io::Result<()> {
+        self.1 = way;
+        self.0.set_nonblocking(way == Way::Poll)
+    }
+
+    pub(crate) fn answer(&mut self, dir: &Path) {
+        // Its peer's socket stands by now.
+        if self.connect(dir, "here").is_ok() {
+            self.answer_all();
+        }
+    }
+}
+
+impl Medium for Unix {
+    fn send(&mut self, message: &[u8]) -> io::Result<usize> {
+        self.0.send(message)
+    }
+    fn receive(&mut self, message: &mut [u8]) -> io::Result<usize> {
+        self.0.recv(message)
+    }
+    fn way(&self) -> Way {
+        self.1
+    }
+}
+
+/// UDP over the loopback.
+pub(crate) struct Udp(UdpSocket, Way);
+
+impl Udp {
+    pub(crate) fn new() -> io::Result<Self> {
+        let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?;
+        socket.set_read_timeout(Some(ANSWER_WITHIN))?;
+        Ok(Self(socket, Way::Wake))
+    }
+
+    pub(crate) fn port(&self) -> io::Result<u16> {
+        Ok(self.0.local_addr()?.port())
+    }
+
+    pub(crate) fn connect(&self, port: u16) -> io::Result<()> {
+        self.0.connect((Ipv4Addr::LOCALHOST, port))
+    }
+
+    pub(crate) fn wait(&mut self, way: Way) -> io::Result<()> {
+        self.1 = way;
+        self.0.set_nonblocking(way == Way::Poll)
+    }
+
+    pub(crate) fn answer(&mut self) {
+        self.answer_all();
+    }
+}
+
+impl Medium for Udp {
+    fn send(&mut self, message: &[u8]) -> io::Result<usize> {
+        self.0.send(message)
+    }
+    fn receive(&mut self, message: &mut [u8]) -> io::Result<usize> {
+        self.0.recv(message)
+    }
+    fn way(&self) -> Way {
+        self.1
+    }
+}
+
+/// Two pipes, one each way: messages are shorter than what a pipe takes whole.
+pub(crate) struct Pipes {
+    out: File,
+    back: File,
+    way: Way,
+}
+
+impl Pipes {
+    /// The bench's ends: standard input and output of the process.
+    pub(crate) fn of(process: &mut Guarded) -> io::Result<Self> {
+        let gone = || io::Error::from(ErrorKind::BrokenPipe);
+        let out = OwnedFd::from(process.0.stdin.take().ok_or_else(gone)?);
+        let back = OwnedFd::from(process.0.stdout.take().ok_or_else(gone)?);
+        Ok(Self { out: out.into(), back: back.into(), way: Way::Wake })
+    }
+
+    /// The process' own ends.
+    pub(crate) fn inherited() -> io::Result<Self> {
+        let back = std::io::stdin().as_fd().try_clone_to_owned()?;
+        let out = std::io::stdout().as_fd().try_clone_to_owned()?;
+        Ok(Self { out: out.into(), back: back.into(), way: Way::Wake })
+    }
+
+    pub(crate) fn wait(&mut self, way: Way) -> io::Result<()> {
+        self.way = way;
+        let flags = fcntl_getfl(&self.back)?;
+        let wanted =
+            if way == Way::Poll { flags | OFlags::NONBLOCK } else { flags - OFlags::NONBLOCK };
+        Ok(fcntl_setfl(&self.back, wanted)?)
+    }
+
+    pub(crate) fn answer(&mut self) {
+        self.answer_all();
+    }
+}
+
+impl Medium for Pipes {
+    fn send(&mut self, message: &[u8]) -> io::Result<usize> {
+        self.out.write(message)
+    }
+    fn receive(&mut self, message: &mut [u8]) -> io::Result<usize> {
+        self.back.read(message)
+    }
+    fn way(&self) -> Way {
+        self.way
+    }
+}
+
+impl Peer for Unix {
+    fn round_trip(&mut self, seq: u64) -> Option<u64> {
+        self.ask(seq)
+    }
+}
+
+impl Peer for Udp {
+    fn round_trip(&mut self, seq: u64) -> Option<u64> {
+        self.ask(seq)
+    }
+}
+
+impl Peer for Pipes {
+    fn round_trip(&mut self, seq: u64) -> Option<u64> {
+        self.ask(seq)
+    }
+}

@@ -1,0 +1,84 @@
+//! Near or far: a hypervisor moves virtual cores between the real ones, and a cache line's way between two of them changes by a
+//! factor of five with that. Chunks are sorted by a reference taken before and after each.
+//!
+//! Promises: where the references do not part into two groups there is one placement; a chunk whose two references disagree belongs to
+//! none. Never: a look at what is being compared.
+
+use serde::Serialize;
+
+/// How the two cores stand to each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Placement {
+    /// The only one there was, or the nearer of two.
+    Near,
+    /// The farther of two.
+    Far,
+    /// It changed within the chunk.
+    Mixed,
+}
+
+/// By how much the references must part to be two groups.
+const TWO_GROUPS: f64 = 2.0;
+/// What share of the references may lie outside, at either end.
+const STRAY: f64 = 0.05;
+
+/// Where near ends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sorter {
+    /// References above are far, ns; none where there is one placement.
+    pub threshold_ns: Option<f64>,
+}
+
+impl Sorter {
+    /// From all references of a run, ns.
+    #[must_use]
+    pub fn of(references_ns: &[f64]) -> Self {
+        let mut sorted: Vec<f64> = references_ns.iter().copied().filter(|r| *r > 0.0).collect();
+        sorted.sort_by(f64::total_cmp);
+        let at = |share: f64| sorted.get((share * sorted.len().saturating_sub(1) as f64) as usize);
+        let ends = at(STRAY).zip(at(1.0 - STRAY));
+        let parted = ends.filter(|(low, high)| **high > TWO_GROUPS * **low);
+        Self { threshold_ns: parted.map(|(low, high)| (low * high).sqrt()) }
+    }
+
+    /// Where a chunk belongs, by the references before and after it, ns.
+    #[must_use]
+    pub fn place(&self, before_ns: f64, after_ns: f64) -> Placement {
+        let Some(threshold_ns) = self.threshold_ns else { return Placement::Near };
+        match (before_ns > threshold_ns, after_ns > threshold_ns) {
+            (false, false) => Placement::Near,
+            (true, true) => Placement::Far,
+            _ => Placement::Mixed,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn references_of_one_kind_are_one_placement_however_noisy() {
+        let mut references: Vec<f64> = (0..100).map(|i| 100.0 + f64::from(i % 20)).collect();
+        references[50] = 900.0;
+        let sorter = Sorter::of(&references);
+        assert_eq!(sorter.threshold_ns, None);
+        assert_eq!(sorter.place(100.0, 900.0), Placement::Near);
+    }
+
+    #[test]
+    fn two_kinds_are_parted_and_a_change_within_a_chunk_is_seen() {
+        let references: Vec<f64> =
+            (0..100).map(|i| if i % 3 == 0 { 110.0 } else { 520.0 }).collect();
+        let sorter = Sorter::of(&references);
+        assert_eq!(sorter.place(112.0, 108.0), Placement::Near);
+        assert_eq!(sorter.place(500.0, 530.0), Placement::Far);
+        assert_eq!(sorter.place(110.0, 530.0), Placement::Mixed);
+    }
+
+    #[test]
+    fn nothing_measured_is_one_placement() {
+        assert_eq!(Sorter::of(&[]).place(1.0, 2.0), Placement::Near);
+    }
+}

@@ -1,0 +1,85 @@
+//! From the start of a daemon to its first corrected target, as a cell finds it.
+//!
+//! Promises: the clock starts before the process does; the client is there already, as a cell is whose daemon starts again; only an
+//! answer to its own command that the model had a part in counts.
+
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::Duration;
+
+use shm_schema::monotonic_ns;
+use trued_client::{Client, Connection, CorrectionStatus};
+
+use crate::error::BenchError;
+use crate::latencies::Latencies;
+use crate::peers::trued::Trued;
+use crate::place::Place;
+use crate::plan::{Plan, Programs, Stage};
+use crate::subject::{Setup, launch, ready};
+
+/// How long one start may take.
+const WITHIN: Duration = Duration::from_secs(10);
+/// Time between two commands while waiting.
+const TICK: Duration = Duration::from_millis(1);
+
+/// Starts measured, ns from the start of the process to the first corrected target.
+pub(crate) fn run(
+    plan: &Plan,
+    programs: &dyn Programs,
+    place: &Place,
+    setup: Setup,
+    stop: &AtomicBool,
+) -> Result<Latencies, BenchError> {
+    let mut starts = Latencies::default();
+    let mut trued: Option<Trued> = None;
+    // The first start gives the client what it has to know of the robot; it is not counted.
+    for start in 0..=plan.repeats {
+        let since_ns = monotonic_ns();
+        let daemon = ready(launch(plan, programs, place, setup)?)?;
+        let mut client = match trued.take() {
+            Some(client) => client,
+            None => Trued::new(Client::connect(place.cell(), WITHIN)?),
+        };
+        let first_ns = first_corrected(&mut client, since_ns, stop)?;
+        if start > 0 {
+            starts.record(first_ns - since_ns);
+        }
+        drop(daemon);
+        gone(&mut client, stop)?;
+        trued = Some(client);
+    }
+    Ok(starts)
+}
+
+/// When the first corrected target for a command of ours was there.
+fn first_corrected(trued: &mut Trued, since_ns: u64, stop: &AtomicBool) -> Result<u64, BenchError> {
+    let by_model =
+        [CorrectionStatus::Corrected, CorrectionStatus::Ramping].map(CorrectionStatus::code);
+    while monotonic_ns() - since_ns < WITHIN.as_nanos() as u64 {
+        let answered = trued.command(TICK);
+        let newest = trued.newest.filter(|answer| by_model.contains(&answer.status));
+        if let ((_, Some(here_ns)), Some(_)) = (answered, newest) {
+            return Ok(here_ns);
+        }
+        if stop.load(Relaxed) {
+            return Err(BenchError::Interrupted);
+        }
+        // Without a daemon a command is refused at once: then a moment passes here.
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    Err(BenchError::Silent { stage: Stage::Start.name(), limit_ms: WITHIN.as_millis() as u64 })
+}
+
+/// Waits until the client knows that the daemon has gone.
+fn gone(trued: &mut Trued, stop: &AtomicBool) -> Result<(), BenchError> {
+    let since_ns = monotonic_ns();
+    while matches!(trued.client.connection(), Connection::Connected { .. }) {
+        if monotonic_ns() - since_ns > WITHIN.as_nanos() as u64 {
+            return Err(BenchError::part("daemon", "it does not end"));
+        }
+        if stop.load(Relaxed) {
+            return Err(BenchError::Interrupted);
+        }
+        std::thread::sleep(TICK);
+    }
+    Ok(())
+}

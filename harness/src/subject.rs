@@ -1,0 +1,140 @@
+//! What is measured: a daemon of the bench's own, or a running cell.
+//!
+//! Promises: the daemon has the manners that were asked for or does not start; it ends with the bench. Never: a correction of its own.
+
+use std::io::{BufRead, BufReader, Read};
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+use trued_client::{Client, ForceSource, Monitor};
+
+use crate::child::Guarded;
+use crate::error::BenchError;
+use crate::manners::Manners;
+use crate::place::Place;
+use crate::plan::{Plan, Policy, Programs, Wait};
+
+/// How long joining may take.
+const JOIN_WITHIN: Duration = Duration::from_secs(10);
+/// Sampling rate of the force stream that the bench plays, Hz.
+pub(crate) const FORCE_RATE_HZ: f64 = 10_000.0;
+
+/// How the daemon is to run.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Setup {
+    /// Of its cycle.
+    pub(crate) manners: Manners,
+    pub(crate) wait: Wait,
+    /// Time between commands, s.
+    pub(crate) period_s: f64,
+    /// Whether it listens to force blocks.
+    pub(crate) listens: bool,
+}
+
+/// A cell that can be joined.
+#[derive(Debug)]
+pub(crate) struct Subject {
+    /// The daemon, where it is the bench's own.
+    pub(crate) daemon: Option<Guarded>,
+    cell: String,
+}
+
+impl Subject {
+    /// The running cell that was named, or a daemon of the bench's own.
+    pub(crate) fn new(
+        plan: &Plan,
+        programs: &dyn Programs,
+        place: &Place,
+        setup: Setup,
+    ) -> Result<Self, BenchError> {
+        match &plan.cell {
+            Some(cell) => Ok(Self { daemon: None, cell: cell.clone() }),
+            None => {
+                let started = launch(plan, programs, place, setup)?;
+                Ok(Self { daemon: Some(ready(started)?), cell: place.cell().to_owned() })
+            }
+        }
+    }
+
+    pub(crate) fn client(&self) -> Result<Client, BenchError> {
+        let mut client = Client::connect(&self.cell, JOIN_WITHIN)?;
+        client.set_fresh(Duration::from_secs(1));
+        Ok(client)
+    }
+
+    pub(crate) fn monitor(&self) -> Result<Monitor, BenchError> {
+        Ok(Monitor::connect(&self.cell, JOIN_WITHIN)?)
+    }
+
+    pub(crate) fn force(&self) -> Result<ForceSource, BenchError> {
+        Ok(ForceSource::connect(&self.cell, JOIN_WITHIN)?)
+    }
+}
+
+/// Starts a daemon; it has said nothing yet.
+pub(crate) fn launch(
+    plan: &Plan,
+    programs: &dyn Programs,
+    place: &Place,
+    setup: Setup,
+) -> Result<Guarded, BenchError> {
+    place.write("model.toml", &plan.models[0])?;
+    let config = place.write("cell.toml", &cell_toml(place.cell(), setup))?;
+    let mut command = programs.daemon(&config).map_err(|e| BenchError::io("start", &config, e))?;
+    command.stderr(Stdio::piped());
+    Guarded::spawn(command).map_err(|e| BenchError::io("start", &config, e))
+}
+
+/// Waits until a daemon has said that it is ready.
+pub(crate) fn ready(mut daemon: Guarded) -> Result<Guarded, BenchError> {
+    let mut line = String::new();
+    if let Some(out) = daemon.0.stdout.take() {
+        // A daemon that ends closes its output, so this ends too.
+        let _ = BufReader::new(out).read_line(&mut line);
+    }
+    if line.trim() == "ready" {
+        drain(&mut daemon);
+        return Ok(daemon);
+    }
+    let mut said = String::new();
+    if let Some(mut words) = daemon.0.stderr.take() {
+        let _ = words.read_to_string(&mut said);
+    }
+    let since = Instant::now();
+    while daemon.ended().is_none() && since.elapsed() < Duration::from_secs(1) {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let status = daemon.ended().map_or_else(|| "still there".into(), |status| status.to_string());
+    Err(BenchError::Daemon { status, said: said.trim().to_owned() })
+}
+
+/// Its log is read and dropped: a full pipe would hold it up.
+fn drain(daemon: &mut Guarded) {
+    if let Some(mut words) = daemon.0.stderr.take() {
+        std::thread::spawn(move || std::io::copy(&mut words, &mut std::io::sink()));
+    }
+}
+
+/// A cell that corrects all that its model knows: every effect, gravity, the wrench that comes with the command.
+fn cell_toml(name: &str, setup: Setup) -> String {
+    let Manners { core, policy, priority } = setup.manners;
+    let period_ms = setup.period_s * 1e3;
+    let policy = match policy {
+        Policy::Fifo => format!("policy = \"fifo\"\npriority = {priority}\nlock_memory = true\n"),
+        Policy::Other => "policy = \"other\"\n".to_owned(),
+    };
+    let force = if setup.listens {
+        format!(
+            "[force]\nrate_Hz = {FORCE_RATE_HZ:.1}\nchannels = 3\n[vibration]\nenabled = true\n"
+        )
+    } else {
+        String::new()
+    };
+    format!(
+        "schema = \"trued.cell/1\"\ncell = \"{name}\"\nmodel = \"model.toml\"\nmode = \"full\"\n\
+         [cycle]\nperiod_ms = {period_ms:?}\nstale_ms = 10000.0\nwait = \"{}\"\n\
+         [wrench]\nsource = \"command\"\nprocess_stiffness_N_per_um = 0.02\n{force}\
+         [realtime]\n{policy}core = {core}\nenforce = true\n",
+        setup.wait.name()
+    )
+}

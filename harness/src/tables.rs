@@ -1,0 +1,232 @@
+//! What was found, as tables of words. Never how they are laid out.
+
+use crate::chunks::Flat;
+use crate::findings::{Findings, Setting};
+use crate::latencies::Quantiles;
+use crate::peers::Kind;
+
+/// A table: what it shows, heads, rows.
+#[derive(Debug, Clone, Default)]
+pub struct Words {
+    /// What it shows.
+    pub title: String,
+    /// Heads of the columns.
+    pub heads: Vec<String>,
+    /// Cells.
+    pub rows: Vec<Vec<String>>,
+}
+
+const QUANTILES: [&str; 8] = ["p50", "p90", "p99", "p99.9", "p99.99", "p99.999", "worst", "n"];
+
+/// All tables, in the order of reading.
+#[must_use]
+pub fn tables(findings: &Findings) -> Vec<Words> {
+    let mut tables = Vec::new();
+    for setting in &findings.settings {
+        let under = setting.name();
+        if let Some(flat) = &setting.flat {
+            tables.push(trips(
+                format!("Round trip flat out, polled on both sides, µs ({under})"),
+                flat,
+            ));
+        }
+        if let Some(woken) = &setting.woken {
+            let title = format!(
+                "Round trip woken by the kernel, µs ({under}); trued's daemon has no such wake-up, it looks or sleeps"
+            );
+            tables.push(trips(title, woken));
+        }
+        if !setting.paced.is_empty() {
+            tables.push(paced(setting));
+            tables.push(counts(setting));
+        }
+        tables.extend(force(setting));
+        tables.extend(cyclictest(setting));
+    }
+    tables.extend(once(findings));
+    if !findings.judged.is_empty() {
+        tables.push(judged(findings));
+    }
+    if !findings.skipped.is_empty() {
+        tables.push(skipped(findings));
+    }
+    tables
+}
+
+fn with_quantiles(title: String, first: &[&str]) -> Words {
+    let heads = first.iter().chain(&QUANTILES).map(|head| (*head).to_owned()).collect();
+    Words { title, heads, rows: Vec::new() }
+}
+
+/// A duration in µs, with digits as it is worth them.
+#[must_use]
+pub fn microseconds(ns: u64) -> String {
+    let us = ns as f64 * 1e-3;
+    if us < 10.0 {
+        format!("{us:.2}")
+    } else if us < 100.0 {
+        format!("{us:.1}")
+    } else {
+        format!("{us:.0}")
+    }
+}
+
+fn cells(first: &[&str], quantiles: &Quantiles) -> Vec<String> {
+    let sure = quantiles.sure().map(|value| value.map_or_else(|| "–".to_owned(), microseconds));
+    let mut cells: Vec<String> = first.iter().map(|cell| (*cell).to_owned()).collect();
+    cells.extend(sure);
+    let worst = if quantiles.n == 0 { "–".to_owned() } else { microseconds(quantiles.max) };
+    cells.extend([worst, quantiles.n.to_string()]);
+    cells
+}
+
+fn trips(title: String, flat: &Flat) -> Words {
+    let mut table = with_quantiles(title, &["", "cores"]);
+    let two = flat.sorter.threshold_ns.is_some();
+    for (kind, counted) in Kind::ALL.into_iter().zip(&flat.counted) {
+        let rows = if two {
+            vec![("near", &counted.near), ("far", &counted.far)]
+        } else {
+            vec![("", &counted.all)]
+        };
+        for (cores, latencies) in rows.into_iter().filter(|(_, l)| l.count() > 0) {
+            table.rows.push(cells(&[kind.what(), cores], &latencies.quantiles()));
+        }
+    }
+    if flat.correction.count() > 0 {
+        for (name, counted) in
+            [("  of it the correction", &flat.correction), ("  of it the way", &flat.around)]
+        {
+            table.rows.push(cells(&[name, ""], &counted.quantiles()));
+        }
+    }
+    table
+}
+
+fn paced(setting: &Setting) -> Words {
+    let title = format!("At a rate, command to answer, µs ({})", setting.name());
+    let mut table = with_quantiles(title, &["rate", "daemon by", "from"]);
+    for at in &setting.paced {
+        let (rate, wait) = (format!("{} Hz", at.rate_hz), at.wait.name());
+        for (from, counted) in [
+            ("schedule", &at.paced.scheduled),
+            ("sending", &at.paced.actual),
+            ("empty cycle, its wake-up", &at.paced.empty),
+        ] {
+            table.rows.push(cells(&[&rate, wait, from], &counted.quantiles()));
+        }
+    }
+    table
+}
+
+fn counts(setting: &Setting) -> Words {
+    let heads = [
+        "rate",
+        "daemon by",
+        "cycles",
+        "missed",
+        "without answer",
+        "empty cycle missed",
+        "missed beyond it",
+    ];
+    let rows = setting.paced.iter().map(|at| {
+        let p = &at.paced;
+        let numbers = [p.cycles, p.missed, p.unanswered, p.empty_missed, p.missed_beyond_empty];
+        let mut cells = vec![format!("{} Hz", at.rate_hz), at.wait.name().to_owned()];
+        cells.extend(numbers.map(|number| number.to_string()));
+        cells
+    });
+    Words {
+        title: format!("Missed cycles ({}): answered later than the next was due", setting.name()),
+        heads: heads.map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    }
+}
+
+fn force(setting: &Setting) -> Option<Words> {
+    let force = setting.force.as_ref()?;
+    let title = format!(
+        "Force block to verdict, µs ({}); {} blocks played, {} taken, {} not handed over",
+        setting.name(),
+        force.blocks,
+        force.taken,
+        force.lost
+    );
+    let mut table = with_quantiles(title, &["from"]);
+    for (from, counted) in [
+        ("schedule", &force.scheduled),
+        ("sending", &force.actual),
+        ("sending, to the verdict's making", &force.one_way),
+    ] {
+        table.rows.push(cells(&[from], &counted.quantiles()));
+    }
+    Some(table)
+}
+
+fn cyclictest(setting: &Setting) -> Option<Words> {
+    let found = setting.cyclictest?;
+    let numbers = [found.min_us, found.mean_us, found.max_us, found.n];
+    Some(Words {
+        title: format!("cyclictest, µs ({})", setting.name()),
+        heads: ["least", "mean", "worst", "n"].map(str::to_owned).to_vec(),
+        rows: vec![numbers.map(|number| number.to_string()).to_vec()],
+    })
+}
+
+fn once(findings: &Findings) -> Vec<Words> {
+    let mut tables = Vec::new();
+    if let Some(starts) = &findings.starts {
+        let mut table =
+            with_quantiles("Start of a daemon to its first corrected target, µs".into(), &[""]);
+        table.rows.push(cells(&["starts"], &starts.quantiles()));
+        tables.push(table);
+    }
+    if let Some(swap) = &findings.swap {
+        let p = &swap.paced;
+        let facts = [
+            ("swaps", swap.swaps.to_string()),
+            ("cycles meanwhile", p.cycles.to_string()),
+            ("missed, and by the empty cycle", format!("{}, {}", p.missed, p.empty_missed)),
+            (
+                "largest step of the correction over its bound",
+                format!("{:.3}", swap.step_over_bound),
+            ),
+            (
+                "largest jump of what the models ask for, mrad",
+                format!("{:.3}", swap.jump_wanted * 1e3),
+            ),
+        ];
+        let rows = facts.into_iter().map(|(name, value)| vec![name.to_owned(), value]).collect();
+        let heads = vec![String::new(), String::new()];
+        tables.push(Words {
+            title: "Models swapped under a running path, 1 kHz".into(),
+            heads,
+            rows,
+        });
+    }
+    tables
+}
+
+fn judged(findings: &Findings) -> Words {
+    let rows = findings.judged.iter().map(|judged| {
+        let unit = if judged.unit.is_empty() { String::new() } else { format!(" {}", judged.unit) };
+        let digits = if judged.measured.fract() == 0.0 { 0 } else { 2 };
+        let measured = format!("{:.digits$}{unit}", judged.measured);
+        let verdict = if judged.ok { "held" } else { "missed" };
+        vec![judged.what.clone(), measured, format!("{}{unit}", judged.bar), verdict.to_owned()]
+    });
+    Words {
+        title: "Held against the bars".to_owned(),
+        heads: ["", "measured", "at most", ""].map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    }
+}
+
+fn skipped(findings: &Findings) -> Words {
+    let rows = findings.skipped.iter().map(|s| vec![s.what.clone(), s.why.clone()]);
+    Words {
+        title: format!("NOT MEASURED: {}", findings.skipped.len()),
+        heads: ["", "why"].map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    }
+}

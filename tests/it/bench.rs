@@ -1,0 +1,208 @@
+//! `trued bench` and `trued doctor` as programs: what they tell is consistent, what is refused ends them, nothing is left behind.
+//! Never: a word on how fast anything is.
+
+use crate::program::{Done, Place};
+use serde_json::Value;
+
+/// The parts of a bench that any machine with two cores can run, none of them longer than a second.
+const SHORT: &[&str] = &["bench", "--policy", "other", "--load", "idle", "--json", "bench.json"];
+
+fn bench(place: &Place, more: &[&str]) -> Done {
+    place.run(&[SHORT, more].concat())
+}
+
+fn has_two_cores() -> bool {
+    let two = std::thread::available_parallelism().is_ok_and(|cores| cores.get() >= 2);
+    if !two {
+        println!("skipped: a bench wants two cores");
+    }
+    two
+}
+
+/// Quantiles in order, and as many as expected.
+fn check_quantiles(q: &Value, n: Option<u64>) {
+    let names = ["p50", "p90", "p99", "p999", "p9999", "p99999", "max"];
+    let values = names.map(|name| q[name].as_u64().expect(name));
+    assert!(values.windows(2).all(|pair| pair[0] <= pair[1]), "{q}");
+    if let Some(n) = n {
+        assert_eq!(q["n"].as_u64(), Some(n), "{q}");
+    }
+}
+
+/// Names that benches which have ended left in shared memory: each bears its process' number.
+fn left() -> Vec<String> {
+    let of_the_dead = |name: &String| {
+        let number = name.split("bench-").nth(1).and_then(|rest| rest.split(['-', '.']).next());
+        let pid = number.and_then(|hex| u32::from_str_radix(hex, 16).ok());
+        pid.is_some_and(|pid| !std::path::Path::new(&format!("/proc/{pid}")).exists())
+    };
+    let names = std::fs::read_dir("/dev/shm").unwrap().flatten();
+    let names = names.map(|entry| entry.file_name().to_string_lossy().into_owned());
+    names.filter(of_the_dead).collect()
+}
+
+#[test]
+fn a_short_bench_counts_every_cycle_of_its_schedule_and_leaves_nothing() {
+    if !has_two_cores() {
+        return;
+    }
+    let place = Place::new();
+    let asked =
+        ["--only", "paced,flat", "--rate", "500,1000", "--wait", "sleep", "--seconds", "0.4"];
+    let done = bench(&place, &[&asked[..], &["--out", "out"]].concat());
+    assert_eq!(done.code, Some(0), "{done:#?}");
+    let told = place.json("bench.json");
+    assert_eq!(told["schema"], "trued.bench/1");
+    assert_eq!(told["machine"]["scheduling"], "other");
+    let paced = told["settings"][0]["paced"].as_array().unwrap();
+    assert_eq!(paced.len(), 2);
+    for at in paced {
+        let cycles = at["rate_hz"].as_u64().unwrap() * 4 / 10;
+        assert_eq!(at["cycles"].as_u64(), Some(cycles));
+        for from in ["scheduled_ns", "actual_ns"] {
+            check_quantiles(&at[from], Some(cycles));
+        }
+        check_quantiles(&at["empty_ns"], Some(2 * cycles));
+        for quantile in ["p50", "p99", "max"] {
+            let (due, sent) = (&at["scheduled_ns"][quantile], &at["actual_ns"][quantile]);
+            assert!(due.as_u64() >= sent.as_u64(), "{quantile}: {at}");
+        }
+        assert!(at["missed_beyond_empty"].as_u64() <= at["missed"].as_u64(), "{at}");
+    }
+    let missed = paced.iter().find(|at| at["rate_hz"] == 500).map(|at| &at["missed"]);
+    assert_eq!(Some(&told["missed_cycles"]), missed, "of the lowest rate");
+    for kind in ["trued", "iceoryx2", "atomics", "bare", "unix", "udp", "pipe"] {
+        let trips = &told["round_trip_ns"][kind];
+        check_quantiles(trips, None);
+        assert!(trips["n"].as_u64() > Some(0) && trips["lost"] == 0, "{kind}: {trips}");
+        let placed = ["near", "far"].map(|at| trips[at]["n"].as_u64().unwrap());
+        assert!(placed.iter().sum::<u64>() <= trips["n"].as_u64().unwrap(), "{kind}: {trips}");
+    }
+    check_quantiles(&told["correction_ns"], None);
+    let page = place.read("out/bench.html");
+    let options = roxmltree::ParsingOptions { allow_dtd: true, ..Default::default() };
+    roxmltree::Document::parse_with_options(&page, options).expect("a sound page");
+    assert!(page.contains("plain iceoryx2") && page.contains("<svg"));
+    roxmltree::Document::parse(&place.read("out/flat-other-idle.svg")).expect("a sound plot");
+    assert!(place.litter().is_empty() && left().is_empty(), "{:?} {:?}", place.litter(), left());
+}
+
+#[test]
+fn a_policy_that_is_refused_fails_and_measures_nothing() {
+    if !has_two_cores() {
+        return;
+    }
+    let place = Place::new();
+    let arguments = ["bench", "--policy", "fifo", "--only", "paced", "--seconds", "0.1"];
+    let done = place.run_unprivileged(&[&arguments[..], &["--json", "bench.json"]].concat());
+    assert_eq!(done.code, Some(3), "{done:#?}");
+    assert!(done.err.contains("refused, so nothing is measured"), "{}", done.err);
+    assert!(done.err.contains("--policy other"), "says what to do: {}", done.err);
+    assert!(!place.names().contains(&"bench.json".to_owned()));
+    assert!(place.litter().is_empty() && left().is_empty(), "{:?} {:?}", place.litter(), left());
+}
+
+#[test]
+fn cores_that_cannot_be_and_parts_that_do_not_exist_are_bad_input() {
+    let place = Place::new();
+    for wrong in [
+        &["--cores", "0,0"][..],
+        &["--cores", "0,8191"],
+        &["--cores", "0"],
+        &["--only", "tea"],
+        &["--load", "tea"],
+        &["--rate", "1000000"],
+        &["--seconds", "-1"],
+        &["--quick", "--seconds", "3"],
+    ] {
+        let done = bench(&place, wrong);
+        assert_eq!(done.code, Some(2), "{wrong:?}: {done:#?}");
+    }
+    assert!(place.litter().is_empty());
+}
+
+#[test]
+fn blocks_played_are_all_accounted_for_and_a_tone_brings_verdicts() {
+    if !has_two_cores() {
+        return;
+    }
+    let place = Place::new();
+    let done = bench(&place, &["--only", "force", "--seconds", "1"]);
+    assert_eq!(done.code, Some(0), "{done:#?}");
+    let force = &place.json("bench.json")["settings"][0]["force"];
+    let count = |name: &str| force[name].as_u64().unwrap();
+    assert_eq!(count("blocks"), 2500, "1.5 s of noise and the second asked for");
+    assert_eq!(count("taken") + count("lost"), count("blocks"), "{force}");
+    if count("lost") > 0 {
+        println!("skipped: a machine so busy that blocks are lost hears no tone");
+        return;
+    }
+    for from in ["scheduled_ns", "actual_ns", "one_way_ns"] {
+        check_quantiles(&force[from], None);
+        assert!(force[from]["n"].as_u64() > Some(0), "{from}: {force}");
+    }
+    let at = |from: &str| force[from]["p50"].as_u64();
+    assert!(
+        at("scheduled_ns") >= at("actual_ns") && at("actual_ns") >= at("one_way_ns"),
+        "{force}"
+    );
+}
+
+#[test]
+fn models_are_swapped_under_a_path_and_starts_are_timed() {
+    if !has_two_cores() {
+        return;
+    }
+    let place = Place::new();
+    let done = bench(&place, &["--only", "start,swap", "--starts", "2", "--seconds", "1"]);
+    assert_eq!(done.code, Some(0), "{done:#?}");
+    let told = place.json("bench.json");
+    check_quantiles(&told["first_corrected_ns"], Some(2));
+    let swap = &told["model_swap"];
+    assert_eq!(swap["cycles"], 1000);
+    assert!(swap["swaps"].as_u64() > Some(0), "{swap}");
+    assert!(swap["epochs_seen"].as_u64() <= swap["swaps"].as_u64(), "{swap}");
+    let step = swap["step_over_bound"].as_f64().unwrap();
+    assert!(step > 0.0 && step <= 1.0, "the correction moves, and by its bound: {swap}");
+    let judged = told["judged"].as_array().unwrap();
+    assert!(judged.iter().any(|j| j["what"].as_str().unwrap().contains("first corrected")));
+}
+
+#[test]
+fn what_cannot_be_measured_is_said_and_counted() {
+    if !has_two_cores() {
+        return;
+    }
+    let place = Place::new();
+    let done = place.run_alone(&[SHORT, &["--only", "woken", "--seconds", "0.2"]].concat());
+    assert_eq!(done.code, Some(0), "{done:#?}");
+    assert!(
+        done.out.contains("NOT MEASURED: 1") && done.out.contains("cyclictest"),
+        "{}",
+        done.out
+    );
+    let told = place.json("bench.json");
+    assert_eq!(told["skipped_count"], 1);
+    assert!(told["skipped"][0]["why"].as_str().unwrap().contains("apt install rt-tests"));
+    assert!(told["round_trip_woken_ns"]["pipe"]["n"].as_u64() > Some(0));
+    assert_eq!(told["round_trip_ns"], Value::Null);
+}
+
+#[test]
+fn the_doctor_says_each_check_once_with_the_fix_where_it_does_not_pass() {
+    let place = Place::new();
+    let done = place.run(&["doctor", "--json", "doctor.json"]);
+    let told = place.json("doctor.json");
+    let checks = told["checks"].as_array().unwrap();
+    assert_eq!((told["schema"].as_str(), checks.len()), (Some("trued.doctor/1"), 11));
+    assert_eq!(done.out.lines().count(), 11, "{}", done.out);
+    for (line, check) in done.out.lines().zip(checks) {
+        let passes = check["state"] == "pass";
+        assert!(line.starts_with(check["state"].as_str().unwrap()), "{line}");
+        assert_eq!(check["fix"].as_str().unwrap().is_empty(), passes, "{check}");
+        assert!(line.contains(check["found"].as_str().unwrap()), "{line}");
+    }
+    let wants_a_fix = checks.iter().any(|check| check["state"] == "fix");
+    assert_eq!(done.code, Some(i32::from(wants_a_fix)));
+    assert_eq!(told["ok"], !wants_a_fix);
+}

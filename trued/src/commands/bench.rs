@@ -1,0 +1,129 @@
+//! `trued bench`: the latency of this machine, measured beside its limit and beside what others offer.
+
+mod asked;
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use clap::Args;
+use harness::findings::Findings;
+use harness::plan::{Plan, Programs};
+use harness::{BenchError, page, tables};
+use indicatif::{ProgressBar, ProgressStyle};
+use tracing::info;
+
+use crate::child::Guarded;
+use crate::exit::{Answer, Failure, Outcome};
+use crate::interrupt;
+use crate::output::{Console, Paint};
+use crate::table::Table;
+
+use asked::Asked;
+
+/// Measure this machine: round trips through the daemon beside bare atomics, plain iceoryx2 and the kernel's own ways
+#[derive(Debug, Args)]
+pub(crate) struct Bench {
+    #[command(flatten)]
+    asked: Asked,
+    /// Where the page (`bench.html`) and the plots go; without it, neither is written
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// End with 1 where a figure misses its bar
+    #[arg(long)]
+    judge: bool,
+    /// This process is a part of a bench
+    #[arg(long, hide = true, value_name = "WORDS")]
+    part: Option<String>,
+}
+
+impl Bench {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        if let Some(words) = &self.part {
+            harness::part(words).map_err(failure)?;
+            return Ok(Answer::Done);
+        }
+        let stop = interrupt::flag()?;
+        let plan = self.asked.plan()?;
+        if let Some(out) = &self.out {
+            std::fs::create_dir_all(out)
+                .map_err(|e| Failure::input(format!("{}: {e}", out.display())))?;
+        }
+        let bar = bar(console);
+        let findings = harness::run(&plan, &Myself, &stop, &mut |about| {
+            bar.set_message(about.to_owned());
+            info!("{about}");
+        });
+        bar.finish_and_clear();
+        let findings = findings.map_err(failure)?;
+        self.tell(console, &plan, &findings)?;
+        let missed = findings.judged.iter().any(|judged| !judged.ok);
+        Ok(if self.judge && missed { Answer::No } else { Answer::Done })
+    }
+
+    fn tell(&self, console: &mut Console, plan: &Plan, findings: &Findings) -> Result<(), Failure> {
+        let machine = &findings.machine;
+        console.say(format!(
+            "{}, kernel {}{}{}, client on core {}, daemon on core {}, scheduling {}, {} s each part",
+            machine.processor,
+            machine.kernel,
+            if machine.preempt_rt { ", PREEMPT_RT" } else { "" },
+            if machine.is_virtual { ", virtual" } else { "" },
+            machine.cores[0],
+            machine.cores[1],
+            machine.scheduling.name(),
+            plan.seconds
+        ))?;
+        for means in &machine.means {
+            console.say(format!("  {means}"))?;
+        }
+        for words in tables::tables(findings) {
+            let title = console.paint(Paint::Strong, &words.title);
+            let table = words.rows.into_iter().fold(Table::new(words.heads), Table::row);
+            console.say(format!("\n{title}\n{}", table.render().trim_end()))?;
+        }
+        if let Some(out) = &self.out {
+            let command = self.asked.command();
+            console.file(&out.join("bench.html"), &page::render(findings, &command))?;
+            for (name, _, plot) in page::plots(findings) {
+                console.file(&out.join(format!("{name}.svg")), &plot.file())?;
+            }
+            console.say(format!("\n{}", out.join("bench.html").display()))?;
+        }
+        console.json("trued.bench/1", &findings.json())
+    }
+}
+
+fn bar(console: &Console) -> ProgressBar {
+    let style = ProgressStyle::with_template("{spinner} {msg}  {elapsed}")
+        .unwrap_or_else(|_| ProgressStyle::default_spinner());
+    console.progress().add(ProgressBar::new_spinner().with_style(style))
+}
+
+/// This program as further processes of a bench.
+struct Myself;
+
+impl Programs for Myself {
+    fn daemon(&self, config: &Path) -> std::io::Result<Command> {
+        let mut command = myself()?;
+        command.args(["run", "--with-parent", "--quiet", "--config"]).arg(config);
+        Ok(command)
+    }
+
+    fn part(&self, words: &str) -> std::io::Result<Command> {
+        let mut command = myself()?;
+        command.args(["bench", "--part", words]);
+        Ok(command)
+    }
+}
+
+fn myself() -> std::io::Result<Command> {
+    Guarded::myself().map_err(std::io::Error::other)
+}
+
+fn failure(error: BenchError) -> Failure {
+    match error {
+        BenchError::Interrupted => Failure::Interrupted,
+        BenchError::Cores { .. } => Failure::input(error),
+        _ => Failure::system(error),
+    }
+}

@@ -1,0 +1,207 @@
+//! What is asked of a bench, in the words of the command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use harness::fifo_is_granted;
+use harness::plan::{Load, Plan, Policy, Stage, Wait};
+use recording::model::presets::preset;
+
+use crate::exit::Failure;
+
+/// The model that is measured with, and one of the same robot to swap with.
+const MODELS: [&str; 2] = ["irb1600-6-145-thesis", "irb1600-6-145"];
+/// Shortest and longest part, s.
+const SECONDS: std::ops::RangeInclusive<f64> = 0.05..=86_400.0;
+/// A quick bench: parts so short that all of it takes less than 30 s.
+const QUICK_SECONDS: f64 = 1.5;
+
+/// Which policies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Policies {
+    /// `SCHED_FIFO` where it is granted, else the ordinary scheduler
+    Auto,
+    /// `SCHED_FIFO`; refused, nothing is measured
+    Fifo,
+    /// The ordinary scheduler
+    Other,
+    /// Both, one after the other
+    Both,
+}
+
+/// Options of the measurement.
+#[derive(Debug, Clone, Args)]
+pub(super) struct Asked {
+    /// The short form: at most 30 s
+    #[arg(long, conflicts_with_all = ["rates", "loads", "waits", "stages", "seconds"])]
+    quick: bool,
+    /// A running cell instead of a daemon of the bench's own; no other client may command it meanwhile
+    #[arg(long, value_name = "NAME")]
+    cell: Option<String>,
+    /// Scheduling of the measuring threads and the daemon's cycle: auto (fifo where it is granted), fifo, other, both
+    #[arg(long, value_enum, default_value = "auto", hide_possible_values = true)]
+    policy: Policies,
+    /// Priority under `SCHED_FIFO`
+    #[arg(long, value_name = "N", default_value_t = 80, value_parser = clap::value_parser!(u8).range(2..=98))]
+    priority: u8,
+    /// Core of the client and core of the daemon; the last isolated ones if not given
+    #[arg(long, value_name = "A,B", value_delimiter = ',', num_args = 1)]
+    cores: Vec<usize>,
+    /// Commands per second, one after the other
+    #[arg(long = "rate", value_name = "HZ,…", value_delimiter = ',', default_value = "1000,4000,10000",
+          value_parser = clap::value_parser!(u32).range(10..=10_000))]
+    rates: Vec<u32>,
+    /// Loads, one after the other: idle, all, or kinds joined by + (memory, cache, disk, network)
+    #[arg(long = "load", value_name = "LOAD,…", value_delimiter = ',', default_value = "idle,all")]
+    loads: Vec<String>,
+    /// How the daemon waits for commands, one after the other: sleep, spin
+    #[arg(
+        long = "wait",
+        value_name = "WAIT,…",
+        value_delimiter = ',',
+        default_value = "sleep,spin"
+    )]
+    waits: Vec<String>,
+    /// Parts to run: flat, woken, paced, force, start, swap
+    #[arg(long = "only", value_name = "PART,…", value_delimiter = ',')]
+    stages: Vec<String>,
+    /// How long each part takes, for each policy, load, rate and wait: 10, 90s, 10m, 2h
+    #[arg(long, value_name = "TIME", default_value = "5", value_parser = seconds)]
+    seconds: f64,
+    /// Starts of a daemon to be measured
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    starts: u32,
+}
+
+impl Asked {
+    pub(super) fn plan(&self) -> Result<Plan, Failure> {
+        let cores = match self.cores.as_slice() {
+            [] => None,
+            [a, b] => Some([*a, *b]),
+            _ => return Err(Failure::input("--cores: expected two, for example 2,3")),
+        };
+        let text = |name: &str| {
+            let known = preset(name).ok_or("the bench's preset is missing from this build");
+            known.map(|known| known.text.to_owned()).map_err(Failure::system)
+        };
+        let plan = Plan {
+            cell: self.cell.clone(),
+            models: [text(MODELS[0])?, text(MODELS[1])?],
+            cores,
+            policies: self.policies(),
+            priority: self.priority,
+            loads: all(&self.loads, "--load", load)?,
+            waits: all(&self.waits, "--wait", wait)?,
+            rates_hz: self.rates.clone(),
+            stages: self.stages()?,
+            seconds: self.seconds,
+            repeats: self.starts,
+            scratch: std::env::current_dir().unwrap_or_else(|_| PathBuf::from(".")),
+        };
+        Ok(if self.quick { quick(plan) } else { plan })
+    }
+
+    /// The command that asks for the same again.
+    pub(super) fn command(&self) -> String {
+        let words: Vec<String> = std::env::args().skip(1).collect();
+        format!("trued {}", words.join(" "))
+    }
+
+    fn policies(&self) -> Vec<Policy> {
+        match self.policy {
+            Policies::Auto if fifo_is_granted(self.priority) => vec![Policy::Fifo],
+            Policies::Fifo => vec![Policy::Fifo],
+            Policies::Auto | Policies::Other => vec![Policy::Other],
+            Policies::Both => vec![Policy::Fifo, Policy::Other],
+        }
+    }
+
+    fn stages(&self) -> Result<Vec<Stage>, Failure> {
+        if self.stages.is_empty() {
+            return Ok(Stage::ALL.to_vec());
+        }
+        all(&self.stages, "--only", |word| {
+            Stage::named(word).ok_or("flat, woken, paced, force, start, swap")
+        })
+    }
+}
+
+/// The short form: every part once, idle but for the count of missed cycles.
+fn quick(plan: Plan) -> Plan {
+    Plan {
+        loads: vec![vec![]],
+        waits: vec![Wait::Sleep],
+        rates_hz: vec![1000],
+        seconds: QUICK_SECONDS,
+        repeats: 5,
+        policies: plan.policies.into_iter().take(1).collect(),
+        ..plan
+    }
+}
+
+fn all<T>(
+    words: &[String],
+    option: &str,
+    read: impl Fn(&str) -> Result<T, &'static str>,
+) -> Result<Vec<T>, Failure> {
+    let one = |word: &String| {
+        read(word).map_err(|known| {
+            Failure::input(format!("{option}: `{word}` is unknown, expected of {known}"))
+        })
+    };
+    words.iter().map(one).collect()
+}
+
+fn load(word: &str) -> Result<Vec<Load>, &'static str> {
+    match word {
+        "idle" => Ok(vec![]),
+        "all" => Ok(Load::ALL.to_vec()),
+        kinds => kinds
+            .split('+')
+            .map(|kind| Load::named(kind).ok_or("idle, all, memory, cache, disk, network"))
+            .collect(),
+    }
+}
+
+fn wait(word: &str) -> Result<Wait, &'static str> {
+    let known = [Wait::Sleep, Wait::Spin];
+    known.into_iter().find(|wait| wait.name() == word).ok_or("sleep, spin")
+}
+
+/// A time like `10`, `90s`, `10m`, `2h`, s.
+fn seconds(text: &str) -> Result<f64, String> {
+    let (number, factor) = match text.char_indices().next_back() {
+        Some((at, 's')) => (&text[..at], 1.0),
+        Some((at, 'm')) => (&text[..at], 60.0),
+        Some((at, 'h')) => (&text[..at], 3600.0),
+        _ => (text, 1.0),
+    };
+    let seconds = number.parse::<f64>().map_err(|_| "expected a time like 10, 90s, 10m or 2h")?;
+    let seconds = seconds * factor;
+    if SECONDS.contains(&seconds) {
+        Ok(seconds)
+    } else {
+        Err(format!("expected {} s to {} s", SECONDS.start(), SECONDS.end()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_read_in_seconds_minutes_and_hours() {
+        assert_eq!(["10", "90s", "10m", "2h"].map(seconds), [10.0, 90.0, 600.0, 7200.0].map(Ok));
+        for nonsense in ["", "s", "-1", "nan", "1e9", "0", "3d", "ſ"] {
+            assert!(seconds(nonsense).is_err(), "{nonsense}");
+        }
+    }
+
+    #[test]
+    fn loads_are_kinds_and_sums_of_kinds() {
+        assert_eq!(load("idle"), Ok(vec![]));
+        assert_eq!(load("all"), Ok(Load::ALL.to_vec()));
+        assert_eq!(load("memory+disk"), Ok(vec![Load::Memory, Load::Disk]));
+        assert!(load("memory+tea").is_err());
+    }
+}
