@@ -104,7 +104,7 @@ impl Client {
     /// [`NotSent`]; the loop goes on with [`target_for`](Self::target_for) whatever it says.
     pub fn send(&mut self, setpoint: &Setpoint) -> Result<u64, NotSent> {
         let command = setpoint.command(self.seq + 1, self.session, monotonic_ns())?;
-        let ports = self.link.ports().ok_or(NotSent::Disconnected)?;
+        let ports = self.link.ports_to_tell()?;
         self.seq += 1;
         self.sent = Some(command);
         match ports.commands.send(&command) {
@@ -129,7 +129,7 @@ impl Client {
             return Err(NotSent::joints(joints));
         }
         let (seq, session) = (self.state_seq + 1, self.session);
-        let ports = self.link.ports().ok_or(NotSent::Disconnected)?;
+        let ports = self.link.ports_to_tell()?;
         self.state_seq = seq;
         match ports.state.send(&RobotState { seq, session, sent_ns: monotonic_ns(), ..*state }) {
             SendOutcome::Delivered => Ok(()),
@@ -281,7 +281,6 @@ impl Client {
     }
 
     fn ask(&mut self, request: Request, limit: Duration) -> Result<Response, AskError> {
-        let monitor = self.link.ports().map(|ports| &mut ports.monitor);
-        self.asker.ask(monitor, request, limit)
+        self.asker.ask(&mut self.link.ports_to_tell()?.monitor, request, limit)
     }
 }

@@ -79,15 +79,15 @@ impl ForceSource {
     ///
     /// # Errors
     /// [`NotSent::Invalid`] where the block makes no sense (nothing is counted then);
-    /// [`NotSent::Disconnected`] and [`NotSent::Lost`] where it is lost.
+    /// [`NotSent::Away`] and [`NotSent::Lost`] where it is lost.
     pub fn send(&mut self, force: &ForceSamples<'_>) -> Result<(), NotSent> {
         let samples = self.fill(force)?;
-        let outcome = match self.link.ports() {
-            Some(ports) => match ports.blocks.send(&self.block) {
+        let outcome = match self.link.ports_to_tell() {
+            Ok(ports) => match ports.blocks.send(&self.block) {
                 SendOutcome::Delivered => Ok(()),
                 SendOutcome::NoReader | SendOutcome::Lost => Err(NotSent::Lost),
             },
-            None => Err(NotSent::Disconnected),
+            Err(away) => Err(NotSent::Away(away)),
         };
         self.block.samples_before += samples as u64;
         self.lost += u64::from(outcome.is_err());

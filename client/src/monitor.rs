@@ -76,14 +76,14 @@ impl Asker {
 
     pub(crate) fn ask(
         &mut self,
-        ports: Option<&mut MonitorPorts>,
+        ports: &mut MonitorPorts,
         request: Request,
         limit: Duration,
     ) -> Result<Response, AskError> {
         self.seq += 1;
         let request =
             Request { seq: self.seq, session: self.session, t_ns: monotonic_ns(), ..request };
-        ports.ok_or(AskError::Disconnected)?.ask(&request, limit)
+        ports.ask(&request, limit)
     }
 }
 
@@ -203,6 +203,6 @@ impl Monitor {
     }
 
     fn ask(&mut self, request: Request, limit: Duration) -> Result<Response, AskError> {
-        self.asker.ask(self.link.ports(), request, limit)
+        self.asker.ask(self.link.ports_to_tell()?, request, limit)
     }
 }

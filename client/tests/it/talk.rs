@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use shm_schema::*;
 use trued_client::{
-    AskError, Client, ConnectError, Connection, ConnectionEvent, ForceSamples, ForceSource,
+    AskError, Away, Client, ConnectError, Connection, ConnectionEvent, ForceSamples, ForceSource,
     Monitor, NotSent, Samples, Setpoint, Source, WrenchFrame,
 };
 
@@ -213,7 +213,7 @@ fn a_daemon_that_goes_and_comes_is_told_and_joined_again() {
         assert!(start.elapsed() < LIMIT);
         std::thread::sleep(Duration::from_millis(1));
     }
-    assert_eq!(client.send(&[0.0; 6].into()), Err(NotSent::Disconnected));
+    assert_eq!(client.send(&[0.0; 6].into()), Err(NotSent::Away(Away::DaemonLost)));
     assert_eq!(client.target_for(&[0.3; 6], monotonic_ns()).source(), Source::Plain);
     assert!(matches!(client.next_event(), Some(ConnectionEvent::Lost { .. })));
 
@@ -224,6 +224,7 @@ fn a_daemon_that_goes_and_comes_is_told_and_joined_again() {
         std::thread::sleep(Duration::from_millis(1));
     }
     assert_ne!(client.connection(), first);
+    assert_eq!(client.ping(LIMIT), Err(AskError::Away(Away::DaemonRestarted)), "said once");
     assert!(client.send(&[0.0; 6].into()).is_ok());
     assert!(daemon.turn().is_some());
 }
