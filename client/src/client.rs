@@ -12,7 +12,7 @@ use shm_schema::{
 use crate::follow::Follower;
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
 use crate::monitor::{Asker, MonitorPorts, ping, reload, switch};
-use crate::{AskError, ConnectError, Measured, NotSent, ProcessState, Setpoint, Target};
+use crate::{AskError, Away, ConnectError, Measured, NotSent, ProcessState, Setpoint, Target};
 
 /// An answer is awaited spinning for so long, then with naps.
 const SPIN: Duration = Duration::from_micros(200);
@@ -217,6 +217,11 @@ impl Client {
     pub fn connection(&mut self) -> Connection {
         self.link.refresh();
         self.link.connection()
+    }
+
+    /// Why not connected; none while connected.
+    pub fn away(&mut self) -> Option<Away> {
+        self.link.away()
     }
 
     /// What happened to the connection since, oldest first.

@@ -12,7 +12,7 @@ use shm_schema::{
 
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
 use crate::setpoint::WrenchFrame;
-use crate::{ConnectError, NotSent};
+use crate::{Away, ConnectError, NotSent};
 
 /// Samples in either precision; f32 is promoted.
 #[derive(Debug, Clone, Copy)]
@@ -104,6 +104,11 @@ impl ForceSource {
     #[must_use]
     pub fn connection(&self) -> Connection {
         self.link.connection()
+    }
+
+    /// Why not connected; none while connected.
+    pub fn away(&mut self) -> Option<Away> {
+        self.link.away()
     }
 
     /// What happened to the connection since, oldest first.

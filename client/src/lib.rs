@@ -53,3 +53,9 @@ pub use shm_schema::{
     VibrationState, WatchState, channel_name, monotonic_ns,
 };
 pub use target::{Source, Target};
+
+/// This build's version, and the contract by which it understands a daemon, for people.
+#[must_use]
+pub fn contract() -> String {
+    shm_schema::Contract::ours().to_string()
+}

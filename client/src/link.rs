@@ -172,6 +172,12 @@ impl<P: Ports> Link<P> {
         self.connection
     }
 
+    /// Why not connected; none while connected.
+    pub(crate) fn away(&mut self) -> Option<Away> {
+        self.refresh();
+        (self.connection == Connection::Lost).then_some(self.away)
+    }
+
     pub(crate) fn next_event(&mut self) -> Option<ConnectionEvent> {
         self.refresh();
         self.events.pop_front()

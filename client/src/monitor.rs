@@ -9,7 +9,7 @@ use shm_schema::{
 };
 
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
-use crate::{AskError, ConnectError, Measured, ProcessState};
+use crate::{AskError, Away, ConnectError, Measured, ProcessState};
 
 /// How often an answer is looked for.
 const ANSWER_PERIOD: Duration = Duration::from_micros(200);
@@ -147,6 +147,11 @@ impl Monitor {
     pub fn connection(&mut self) -> Connection {
         self.link.refresh();
         self.link.connection()
+    }
+
+    /// Why not connected; none while connected.
+    pub fn away(&mut self) -> Option<Away> {
+        self.link.away()
     }
 
     /// What happened to the connection since, oldest first.
