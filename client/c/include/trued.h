@@ -22,11 +22,8 @@
 
 #include <stdint.h>
 
-/* A struct with its size set, all else zero. */
-#ifdef __cplusplus
-#define TRUED_INIT(type) (::trued_made<type>())
-template <typename T> inline T trued_made() { T made{}; made.struct_size = sizeof(T); return made; }
-#else
+/* A struct with its size set, all else zero. (In C++: trued.hpp.) */
+#ifndef __cplusplus
 #define TRUED_INIT(type) ((type){ .struct_size = sizeof(type) })
 #endif
 

@@ -160,3 +160,91 @@ pub(crate) fn limit(ns: u64) -> Result<Duration, Fault> {
     }
     Ok(Duration::from_nanos(ns))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::trued_target;
+
+    /// A target as another version of the program knows it: so many bytes, and what stands behind them.
+    #[repr(C, align(8))]
+    struct Foreign {
+        bytes: [u8; 256],
+    }
+
+    fn foreign(size: u32, fill: u8) -> Foreign {
+        let mut bytes = [fill; 256];
+        bytes[..4].copy_from_slice(&size.to_ne_bytes());
+        Foreign { bytes }
+    }
+
+    fn target() -> trued_target {
+        trued_target { struct_size: 0, joints: 6, source: 1, reserved: 0, q: [0.5; 16] }
+    }
+
+    #[test]
+    fn a_larger_struct_of_a_newer_program_is_filled_in_and_its_rest_is_zero() {
+        let mut foreign = foreign(200, 0xff);
+        // SAFETY: 256 bytes are there, 200 are claimed.
+        let place = unsafe { place((&raw mut foreign).cast::<trued_target>()) };
+        place.ok().unwrap().put(&target());
+        assert_eq!(foreign.bytes[..4], 200_u32.to_ne_bytes());
+        assert_eq!(foreign.bytes[4..8], 6_u32.to_ne_bytes());
+        assert_eq!(foreign.bytes[144..200], [0; 56]);
+        assert_eq!(foreign.bytes[200..], [0xff; 56], "nothing is written beyond the claim");
+    }
+
+    #[test]
+    fn a_struct_given_by_a_newer_program_is_read_where_its_rest_says_nothing() {
+        let mut newer = foreign(200, 0);
+        newer.bytes[4] = 6;
+        // SAFETY: 256 bytes are there, 200 are claimed.
+        let read = unsafe { given((&raw const newer).cast::<trued_target>()) };
+        assert_eq!(read.ok().unwrap().joints, 6);
+        newer.bytes[199] = 1;
+        // SAFETY: the same.
+        let refused = unsafe { given((&raw const newer).cast::<trued_target>()) };
+        assert!(matches!(refused, Err(Fault::Newer { size: 200, known: 144, .. })));
+        newer.bytes[199] = 0;
+        newer.bytes[200] = 1;
+        // SAFETY: the same.
+        assert!(unsafe { given((&raw const newer).cast::<trued_target>()) }.is_ok());
+    }
+
+    #[test]
+    fn a_size_that_never_was_is_refused_and_nothing_is_touched() {
+        for size in [0, 4, 143, u32::MAX] {
+            let mut wrong = foreign(size, 7);
+            // SAFETY: a size that is refused is all that is read.
+            let place = unsafe { place((&raw mut wrong).cast::<trued_target>()) };
+            assert!(matches!(place, Err(Fault::StructSize { .. })), "{size}");
+            assert_eq!(wrong.bytes[4..], [7; 252]);
+        }
+    }
+
+    #[test]
+    fn an_address_that_no_number_may_have_is_refused() {
+        let numbers_there = [0.0_f64; 4];
+        let crooked = numbers_there.as_ptr().cast::<u8>().wrapping_add(1).cast::<f64>();
+        // SAFETY: nothing is read there.
+        let read = unsafe { numbers("q", crooked, 2) };
+        assert!(matches!(read, Err(Fault::Malformed { .. })));
+    }
+
+    #[test]
+    fn a_text_without_end_or_of_other_bytes_is_refused() {
+        let endless = [b'a'; TEXT_BYTES_MAX + 1];
+        // SAFETY: as many bytes are there as are looked at.
+        assert!(unsafe { text("cell", endless.as_ptr().cast()) }.is_err());
+        // SAFETY: a text that ends.
+        assert!(unsafe { text("cell", c"\xff".as_ptr()) }.is_err());
+        // SAFETY: a text that ends.
+        assert_eq!(unsafe { text("cell", c"cell-1".as_ptr()) }.ok(), Some("cell-1"));
+    }
+
+    #[test]
+    fn no_wait_is_without_end() {
+        assert!(limit(u64::MAX).is_err());
+        assert!(limit(TRUED_LIMIT_NS_MAX).is_ok());
+    }
+}

@@ -7,6 +7,7 @@
 //! `unsafe` is here for what C cannot promise by types. The rules at the top of `trued.h` are what each `SAFETY` relies on.
 #![expect(unsafe_code, reason = "pointers of C; this crate is where they end")]
 #![expect(non_camel_case_types, reason = "the names are C's")]
+#![expect(clippy::doc_markdown, reason = "these words stand in a C header")]
 #![expect(clippy::missing_safety_doc, reason = "said once for all at the top of trued.h")]
 
 mod border;

@@ -2,6 +2,8 @@
 //!
 //! `TRUED_BLESS=1 cargo test -p trued-client-c --test header` writes it anew.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
+
 use std::path::Path;
 
 fn generated() -> String {

@@ -264,7 +264,7 @@ type Words = [c_char; TRUED_WORDS_MAX];
 grows! {
     trued_target 144 = [u32; 4], Joints;
     trued_corrected 728 = [u32; 6], [u64; 6], [Joints; 5], [f64; 2];
-    trued_status 1448 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words;
+    trued_status 1456 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words;
     trued_vibration 680 = [u32; 12], [u64; 4], [f64; 10], Words;
     trued_connection 544 = [u32; 4], u64, Words;
     trued_answer 536 = [u32; 2], u64, Words;
