@@ -11,6 +11,7 @@ mod architecture;
 mod calibrate;
 mod challenge;
 mod cli;
+mod clients;
 mod diagnose;
 mod diagnose_garbage;
 mod force;

@@ -20,6 +20,12 @@
 
 #include "trued.h"
 
+// Inlined into a std::optional, GCC 12 takes an empty one's handle for uninitialised memory that is closed.
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#endif
+
 namespace trued {
 
 using std::chrono::nanoseconds;
@@ -406,5 +412,9 @@ public:
 };
 
 } // namespace trued
+
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic pop
+#endif
 
 #endif // TRUED_HPP
