@@ -78,8 +78,8 @@ pub(crate) struct Link<P: Ports> {
     connection: Connection,
     /// Why not connected, while that is so.
     away: Away,
-    /// The daemon joined last; none before the first.
-    daemon: Option<u32>,
+    /// The daemon's process joined last; 0 before the first.
+    daemon: u32,
     /// That daemon has gone since.
     gone: bool,
     /// A daemon other than before was joined, and nobody has been told.
@@ -129,7 +129,7 @@ impl<P: Ports> Link<P> {
             ports: None,
             connection: Connection::Lost,
             away: Away::DaemonLost,
-            daemon: None,
+            daemon: 0,
             gone: false,
             restarted: false,
             events: VecDeque::with_capacity(EVENTS_MAX),
@@ -146,19 +146,24 @@ impl<P: Ports> Link<P> {
     fn take(&mut self, news: News<P>) {
         let event = match news {
             News::Joined(ports, Current { pid, epoch, .. }) => {
-                if let (Some(old), Some(retired)) = (self.ports.replace(ports), &self.retired) {
-                    let _ = retired.send(old);
-                }
+                let old = self.ports.replace(ports);
+                self.retire(old);
                 self.connection = Connection::Connected { pid, epoch };
                 // The same process, never gone: an epoch that the daemon renewed, and it knows what it knew.
-                self.restarted |= self.daemon.is_some_and(|before| before != pid || self.gone);
-                (self.daemon, self.gone) = (Some(pid), false);
+                let another = self.gone || self.daemon != pid;
+                self.restarted |= self.daemon != 0 && another;
+                (self.daemon, self.gone) = (pid, false);
                 ConnectionEvent::Connected { pid, epoch }
             }
             News::Lost(why) => {
                 self.connection = Connection::Lost;
                 self.away = Away::from(&why);
                 self.gone |= self.away == Away::DaemonLost;
+                if self.away != Away::DaemonLost {
+                    // That daemon lives, and may be joined again in the same epoch, where our places are still taken: by us.
+                    let old = self.ports.take();
+                    self.retire(old);
+                }
                 ConnectionEvent::Lost { away: self.away, why: why.to_string() }
             }
         };
@@ -166,6 +171,13 @@ impl<P: Ports> Link<P> {
             self.events.pop_front();
         }
         self.events.push_back(event);
+    }
+
+    /// Ports are dropped by the thread, as that makes system calls.
+    fn retire(&self, old: Option<P>) {
+        if let (Some(old), Some(retired)) = (old, &self.retired) {
+            let _ = retired.send(old);
+        }
     }
 
     pub(crate) fn connection(&self) -> Connection {

@@ -149,7 +149,7 @@ pub(crate) unsafe fn text<'a>(what: &'static str, at: *const c_char) -> Result<&
     let length = length.ok_or(Fault::Malformed { what, expected: "ended within 4096 bytes" })?;
     // SAFETY: so many bytes were just read there.
     let bytes = unsafe { core::slice::from_raw_parts(at.cast::<u8>(), length) };
-    core::str::from_utf8(bytes).map_err(|_| Fault::Malformed { what, expected: "UTF-8" })
+    core::str::from_utf8(bytes).map_err(|_| Fault::Malformed { what, expected: "a text in UTF-8" })
 }
 
 /// A time limit, which every wait has.
