@@ -30,10 +30,15 @@ fn scratch() -> &'static Path {
 
 /// The daemon that takes its time from the commands: the same commands get the same bits.
 fn lockstep(tables: &str) -> (Place, Process) {
-    let place = Place::new("full", tables);
+    started("full", tables, &["--lockstep"])
+}
+
+/// A daemon that stands ready.
+fn started(mode: &str, tables: &str, arguments: &[&str]) -> (Place, Process) {
+    let place = Place::new(mode, tables);
     let config = place.file("cell.toml");
-    let args = ["run".as_ref(), "--lockstep".as_ref(), "--config".as_ref(), config.as_os_str()];
-    let daemon = Process::start(TRUED, &args, &place);
+    let run = ["run", "--config", config.to_str().unwrap()];
+    let daemon = Process::start(TRUED, &[&run, arguments].concat(), &place);
     assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
     (place, daemon)
 }

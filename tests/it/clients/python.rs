@@ -2,7 +2,7 @@
 //!
 //! Needs `python3` with `venv`, and the package registry for what builds it; where that cannot be had, it is SKIPPED.
 
-use super::{TABLES, lockstep, scratch};
+use super::{TABLES, lockstep, scratch, started};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
@@ -64,20 +64,23 @@ fn make() -> Result<PathBuf, String> {
 #[test]
 fn python_holds_a_kilohertz() {
     let Some(python) = interpreter("a kilohertz in Python") else { return };
-    let mut least = f64::INFINITY;
+    let mut best = 0.0_f64;
     // The machine may be busy.
     for _ in 0..5 {
-        let (place, _daemon) = lockstep(TABLES);
+        let (place, _daemon) = started("full", TABLES, &[]);
         let mut command = Command::new(python);
-        command.arg(example("every_call.py")).env(shm_schema::RUNTIME_DIR_ENV, place.root());
-        let said = figures(&run(command.args([tests::place::CELL, "4000"])));
+        command.arg(root().join("client/python/tests/kilohertz.py"));
+        command.env(shm_schema::RUNTIME_DIR_ENV, place.root());
+        let said = figures(&run(command.args([tests::place::CELL, "3"])));
         println!("{said:?}");
-        least = least.min(said["round_trip_us_p99"].parse().unwrap());
-        if least < 1000.0 {
+        let number = |name: &str| said[name].parse::<f64>().unwrap();
+        assert!(number("answered") > 0.5 * number("cycles"), "{said:?}");
+        best = best.max(number("rate_hz"));
+        if best > 990.0 {
             return;
         }
     }
-    panic!("99 % of the round trips within {least} us, expected 1000");
+    panic!("{best} Hz at most, expected 1000");
 }
 
 #[test]
