@@ -30,9 +30,9 @@ pub fn has(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
 }
 
-/// Runs a command to its end; panics with all that it said where it fails.
+/// Runs a command to its end; where it fails, all that it said is told.
 pub fn run(command: &mut Command) -> Output {
-    let output = command.output().unwrap_or_else(|e| panic!("{command:?}: {e}"));
+    let output = command.output().expect("a program that can be started");
     assert!(
         output.status.success(),
         "{command:?}: {}\n{}{}",
@@ -129,7 +129,7 @@ impl Prefix {
         let examples = root().join("client/c/examples").join(&name);
         let programs = root().join("client/c/tests/programs").join(&name);
         let from = if examples.exists() { examples } else { programs };
-        fs::copy(&from, &here).unwrap_or_else(|e| panic!("{}: {e}", from.display()));
+        fs::copy(&from, &here).expect("an example of that name");
         here
     }
 

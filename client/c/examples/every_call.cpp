@@ -132,7 +132,7 @@ static void ask(trued::client &client, trued::monitor &monitor) {
     process.spindle_rpm = 12000.0;
     process.teeth = 2;
     client.process_state(process, 10s);
-    auto state = trued::make_robot_state();
+    auto state = trued::made<trued::robot_state>();
     state.joints = joints;
     state.flags = TRUED_STATE_HAS_Q;
     state.t_ns = trued::monotonic_ns();

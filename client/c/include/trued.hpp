@@ -9,7 +9,6 @@
 
 #include <array>
 #include <chrono>
-#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -17,7 +16,6 @@
 #include <string>
 #include <type_traits>
 #include <utility>
-
 #include "trued.h"
 
 // Inlined into a std::optional, GCC 12 takes an empty one's handle for uninitialised memory that is closed.
@@ -32,28 +30,14 @@ using std::chrono::nanoseconds;
 
 // What a call answers: the numbers of trued_code.
 enum class code : std::int32_t {
-    ok = TRUED_OK,
-    nothing = TRUED_NOTHING,
-    null_pointer = TRUED_ERROR_NULL,
-    struct_size = TRUED_ERROR_STRUCT_SIZE,
-    argument = TRUED_ERROR_ARGUMENT,
-    closed = TRUED_ERROR_CLOSED,
-    busy = TRUED_ERROR_BUSY,
-    too_many = TRUED_ERROR_TOO_MANY,
-    internal = TRUED_ERROR_INTERNAL,
-    no_daemon = TRUED_ERROR_NO_DAEMON,
-    daemon_lost = TRUED_ERROR_DAEMON_LOST,
-    daemon_restarted = TRUED_ERROR_DAEMON_RESTARTED,
-    version_mismatch = TRUED_ERROR_VERSION_MISMATCH,
-    wrong_user = TRUED_ERROR_WRONG_USER,
-    role_taken = TRUED_ERROR_ROLE_TAKEN,
-    daemon_silent = TRUED_ERROR_DAEMON_SILENT,
-    timed_out = TRUED_ERROR_TIMED_OUT,
-    message_lost = TRUED_ERROR_MESSAGE_LOST,
-    transport = TRUED_ERROR_TRANSPORT,
-    system = TRUED_ERROR_SYSTEM,
-    refused = TRUED_ERROR_REFUSED,
-    failed = TRUED_ERROR_FAILED,
+    ok = TRUED_OK, nothing = TRUED_NOTHING, null_pointer = TRUED_ERROR_NULL, struct_size = TRUED_ERROR_STRUCT_SIZE,
+    argument = TRUED_ERROR_ARGUMENT, closed = TRUED_ERROR_CLOSED, busy = TRUED_ERROR_BUSY,
+    too_many = TRUED_ERROR_TOO_MANY, internal = TRUED_ERROR_INTERNAL, no_daemon = TRUED_ERROR_NO_DAEMON,
+    daemon_lost = TRUED_ERROR_DAEMON_LOST, daemon_restarted = TRUED_ERROR_DAEMON_RESTARTED,
+    version_mismatch = TRUED_ERROR_VERSION_MISMATCH, wrong_user = TRUED_ERROR_WRONG_USER,
+    role_taken = TRUED_ERROR_ROLE_TAKEN, daemon_silent = TRUED_ERROR_DAEMON_SILENT, timed_out = TRUED_ERROR_TIMED_OUT,
+    message_lost = TRUED_ERROR_MESSAGE_LOST, transport = TRUED_ERROR_TRANSPORT, system = TRUED_ERROR_SYSTEM,
+    refused = TRUED_ERROR_REFUSED, failed = TRUED_ERROR_FAILED,
 };
 
 // Its name in C: "TRUED_ERROR_DAEMON_LOST".
@@ -63,7 +47,6 @@ inline const char *name(code c) noexcept { return ::trued_code_name(static_cast<
 inline const char *last_error() noexcept { return ::trued_last_error(); }
 
 inline std::uint64_t monotonic_ns() noexcept { return ::trued_monotonic_ns(); }
-
 // A call failed; what() has the library's words.
 class error : public std::runtime_error {
 public:
@@ -83,14 +66,14 @@ using answer = trued_answer;
 using robot_state = trued_robot_state;
 using measured = trued_measured;
 
-namespace detail {
-
-// A struct with its size set, all else zero.
+// A struct of C, to be given or filled in, with its size set, all else zero.
 template <typename T> T made() {
     T value{};
     value.struct_size = static_cast<std::uint32_t>(sizeof(T));
     return value;
 }
+
+namespace detail {
 
 [[noreturn]] inline void fail(code why) { throw error(why, ::trued_last_error()); }
 
@@ -158,7 +141,7 @@ T *connected(const std::string &cell, nanoseconds limit, const char *runtime_dir
 class setpoint {
 public:
     // Joints: anything with data() and size(), doubles.
-    template <typename Joints> explicit setpoint(const Joints &q) : c_(detail::made<trued_setpoint>()) {
+    template <typename Joints> explicit setpoint(const Joints &q) : c_(made<trued_setpoint>()) {
         c_.joints = detail::count(q.size());
         for (std::size_t i = 0; i < q.size() && i < TRUED_JOINTS_MAX; i++) c_.q[i] = q.data()[i];
     }
@@ -203,14 +186,11 @@ private:
 
 // What the process does, for the vibration watch. Left alone, it tells nothing.
 struct process : trued_process {
-    process() : trued_process(detail::made<trued_process>()) {
+    process() : trued_process(made<trued_process>()) {
         spindle_rpm = std::numeric_limits<double>::quiet_NaN();
         feed_mm_s = std::numeric_limits<double>::quiet_NaN();
     }
 };
-
-inline robot_state make_robot_state() { return detail::made<trued_robot_state>(); }
-inline measured make_measured() { return detail::made<trued_measured>(); }
 
 // A command is on its way: its number, or why it is not.
 struct sent {
@@ -340,26 +320,26 @@ public:
     }
     // What to publish for `q_cmd`, whatever has become of the daemon. Waits for nothing.
     template <typename Joints> target target_for(const Joints &q_cmd, std::uint64_t now_ns = ::trued_monotonic_ns()) {
-        auto value = detail::made<trued_target>();
+        auto value = made<trued_target>();
         detail::check(::trued_client_target(raw(), q_cmd.data(), detail::count(q_cmd.size()), now_ns, &value));
         return value;
     }
     // Sends and waits within the limit; answers like target_for() in any case.
     template <typename Joints> target exchange(const Joints &q_cmd, nanoseconds limit) {
-        auto value = detail::made<trued_target>();
+        auto value = made<trued_target>();
         detail::check(::trued_client_exchange(raw(), q_cmd.data(), detail::count(q_cmd.size()),
                                               detail::ns(limit), &value));
         return value;
     }
     // The newest answer of this daemon, however old.
     std::optional<corrected> newest() {
-        auto value = detail::made<trued_corrected>();
+        auto value = made<trued_corrected>();
         const auto c = ::trued_client_newest(raw(), &value);
         return detail::found(c, value);
     }
     // The answer to the command of that number within the limit; nothing where none came. `why` tells why not.
     std::optional<corrected> wait_corrected(std::uint64_t seq, nanoseconds limit, code *why = nullptr) {
-        auto value = detail::made<trued_corrected>();
+        auto value = made<trued_corrected>();
         const code said = detail::gone_on(::trued_client_wait_corrected(raw(), seq, detail::ns(limit), &value));
         if (why != nullptr) *why = said;
         return said == code::ok ? std::optional<corrected>(value) : std::nullopt;
@@ -391,7 +371,7 @@ public:
         if (channels == 0 || samples.size() % channels != 0) {
             throw error(code::argument, "the number of samples is no multiple of the channels");
         }
-        auto block = detail::made<trued_force_samples>();
+        auto block = made<trued_force_samples>();
         block.channels = channels;
         block.count = detail::count(samples.size() / channels);
         block.in_base = in_base ? 1 : 0;
