@@ -133,6 +133,8 @@ fn forms(kind: Kind, scene: &Scene, one: &dyn Fn(&[f64]) -> Effect) -> Vec<Vec<E
                 ]
             })
             .collect(),
+        // Play as contact is no multiple of itself: a gap that the motion never crosses shows nothing of one that it does.
+        Kind::Backlash => alone(&[&[1e-4], &[3e-4], &[1e-3]]),
         Kind::LostMotion => alone(&[&[1.0, 5.0], &[1.0, 30.0], &[1.0, 150.0]]),
         Kind::Hysteresis => alone(&[&[1.0, 1.5e-3], &[1.0, 6e-3], &[1.0, 2.5e-2]]),
         Kind::ThermalGrowthLag | Kind::ThermalZeroLag => alone(&[&[1.0, 300.0], &[1.0, 1500.0]]),

@@ -17,6 +17,8 @@ const NEAR: f64 = 1e-6;
 const NEAR_ANSWERS: u32 = 50;
 /// Longest time that one step of a ramp may cover.
 const STEP_S_MAX: f64 = 0.1;
+/// Real time, s, that steps towards a daemon that is back may save up: its clock and this one jitter apart by less.
+const SAVED_S_MAX: f64 = 0.02;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stage {
@@ -41,6 +43,8 @@ pub(crate) struct Follower {
     sent_t_ns: Option<u64>,
     /// By how much the real clock has run ahead of the commands'.
     ahead_ns: u64,
+    /// Real time that no step has used yet, s.
+    saved_s: f64,
     /// Answers in a row that the blended correction was near to.
     near_answers: u32,
     pub(crate) fresh_ns: u64,
@@ -58,6 +62,7 @@ impl Follower {
             last_ns: None,
             sent_t_ns: None,
             ahead_ns: 0,
+            saved_s: SAVED_S_MAX,
             near_answers: 0,
             fresh_ns: FRESH_NS,
         }
@@ -119,6 +124,7 @@ impl Follower {
         let since = |last: Option<u64>, now: u64| last.map_or(0, |last| now.saturating_sub(last));
         let real_ns = since(self.last_ns, now_ns);
         self.last_ns = Some(now_ns.max(self.last_ns.unwrap_or(0)));
+        self.saved_s = (self.saved_s + real_ns as f64 * 1e-9).min(SAVED_S_MAX);
         let commanded_ns = sent.map_or(0, |sent| since(self.sent_t_ns, sent.t_ns));
         self.sent_t_ns = sent.map(|sent| sent.t_ns);
         let ramp_ns = real_ns.max(commanded_ns.saturating_sub(self.ahead_ns));
@@ -201,7 +207,7 @@ impl Follower {
             _ => dt_s,
         };
         self.stage = Stage::Blending;
-        self.step(&answer.correction, daemon_dt_s.min(dt_s));
+        self.step(&answer.correction, daemon_dt_s.min(dt_s).min(self.saved_s));
         let joints = answer.joints as usize;
         let (mine, its) = (&self.correction[..joints], &answer.correction[..joints]);
         let is_near = mine.iter().zip(its).all(|(a, b)| (a - b).abs() <= NEAR);
@@ -238,6 +244,7 @@ impl Follower {
     }
 
     fn step(&mut self, wanted: &[f64; JOINTS_MAX], dt_s: f64) {
+        self.saved_s = (self.saved_s - dt_s).max(0.0);
         let joints = self.limiters.iter_mut().zip(&self.limits).zip(&mut self.correction);
         for (((limiter, limits), correction), wanted) in joints.zip(wanted) {
             // Without bounds from the daemon there has been no correction to move.

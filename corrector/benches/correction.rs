@@ -4,12 +4,12 @@
 #[path = "../tests/support/mod.rs"]
 mod support;
 
-use corrector::{Settings, Task, World, WrenchSample, solve};
+use corrector::{Settings, Solver, Task, World, WrenchSample, solve};
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
-use physics::{Inputs, JOINTS_MAX, Memories, Model, Wrench};
+use physics::{Chain, Evaluation, Inputs, JOINTS_MAX, Memories, Model, Wrench};
 use std::hint::black_box;
-use support::{DT_NS, Run, envelope, erring, seven, six};
+use support::{DT_NS, Run, envelope, erring, load, pose, seven, six, twenty};
 
 fn path(k: u64) -> [f64; 6] {
     let t_s = (k % 10_000) as f64 * 1e-3;
@@ -31,7 +31,32 @@ fn cycles(criterion: &mut Criterion, name: &str, model: Model, stiffness: Option
     });
 }
 
+/// The parts of one correction: gravity and wrench act, at a pose amid the arm's range.
+fn stages(criterion: &mut Criterion) {
+    let (model, q) = (twenty(), pose());
+    let inputs = Inputs { wrench_base: load(), ..Inputs::at_rest(q) };
+    let (memories, reach, task) = (Memories::default(), [0.02; JOINTS_MAX], Task::default());
+    criterion.bench_function("stage: geometry at a pose", |bencher| {
+        bencher.iter(|| Chain::nominal(black_box(&model.arm), black_box(&q)));
+    });
+    let mut seen = Evaluation::default();
+    criterion.bench_function("stage: geometry, loads, 20 effects, real geometry", |bencher| {
+        bencher.iter(|| {
+            model.evaluate_into(black_box(&inputs), &memories, &mut seen);
+            black_box(&seen.real.base_from_tool);
+        });
+    });
+    let mut solver = Solver::default();
+    let found = solver.solve(&model, &inputs, &memories, &task, &reach);
+    println!("one correction takes {} Newton steps", found.steps);
+    criterion.bench_function("one correction, six joints, 20 effects", |bencher| {
+        bencher
+            .iter(|| solver.solve(black_box(&model), black_box(&inputs), &memories, &task, &reach));
+    });
+}
+
 fn benches(criterion: &mut Criterion) {
+    stages(criterion);
     cycles(criterion, "cycle, six joints, no error", Model::nominal(six()), None);
     cycles(criterion, "cycle, six joints, 32 effects", erring(six()), None);
     cycles(criterion, "cycle, six joints, 32 effects, gate by stiffness", erring(six()), Some(1e5));

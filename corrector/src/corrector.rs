@@ -7,7 +7,7 @@ use crate::judge::{Command, Follows, Judge};
 use crate::outcome::{Gate, Outcome, Reason, Residual, Status};
 use crate::path::Path;
 use crate::settings::{Mode, Settings};
-use crate::solve::{Solution, solve};
+use crate::solve::{Solution, Solver};
 use crate::world::World;
 use crate::wrench::WrenchPath;
 use envelope::{Limiter, Limits};
@@ -25,6 +25,7 @@ pub struct Corrector {
     judge: Judge,
     path: Path,
     wrench: WrenchPath,
+    solver: Solver,
     limiters: [Limiter; JOINTS_MAX],
     /// What the last good solution asked for.
     last_wanted: Joints,
@@ -61,6 +62,7 @@ impl Corrector {
             judge: Judge::default(),
             path: Path::new(),
             wrench: WrenchPath::new(),
+            solver: Solver::default(),
             limiters: [Limiter::at_rest(); JOINTS_MAX],
             last_wanted: [0.0; JOINTS_MAX],
             refused_ns: 0,
@@ -101,6 +103,7 @@ impl Corrector {
     /// Says that `model` replaces the one before. Its effects remember nothing yet: they settle from the present directions.
     pub fn model_changed(&mut self, model: &Model) {
         self.path.settle_anew(model);
+        self.solver = Solver::default();
         self.cause = Reason::ModelChanged;
     }
 
@@ -132,7 +135,7 @@ impl Corrector {
         let settled = command.settled && self.settings.lockstep;
         let (inputs, gate) = self.with_wrench(model, inputs, &world, (dt_ns, settled));
         let (task, reach) = (&self.settings.task, self.reach());
-        let solution = solve(model, &inputs, self.path.memories(), task, &reach);
+        let solution = self.solver.solve(model, &inputs, self.path.memories(), task, &reach);
         self.wanted(&inputs, &solution, Wanted { gate, dt_ns, settled, ..Wanted::nothing(dt_ns) })
     }
 

@@ -2,25 +2,27 @@
 //!
 //! Solves `FK_real(q + δθ(q, W, T)) = FK_nominal(q_cmd)` from `q_cmd` by at most [`STEPS_MAX`] Newton steps, rows in the wanted tool's
 //! axes, weighted by the task. As many freedoms asked as joints there are, or fewer: least change of the joints; more: least squares.
+//! The geometry is linearised once; later steps reuse it while each is much smaller than the one before (chord steps).
 //!
-//! Promises: converged means that nothing is left over, or that the UNDAMPED next step is below [`STEP_DONE`]: a singular pose, where
-//! damping hides what is left, is refused with the residual. A trial never leaves `reach` (the envelope's angle) about the command.
+//! Promises: converged means that nothing is left over, or that an UNDAMPED step was taken after which the next is foretold to be below [`STEP_DONE`]:
+//! a singular pose, where damping hides what is left, is refused with the residual. A trial never leaves `reach` (the envelope's angle) about the command.
 //! Never: a jump to another branch of solutions, memory (what effects remember stays as it is during the solve).
 
+use crate::normal::{Factor, ROWS};
 use crate::outcome::Residual;
 use crate::settings::Task;
 use glam::DVec3;
-use nalgebra::{Cholesky, Const, Matrix6, Vector6};
-use physics::chain::Jacobian;
 use physics::frame::vector_from_rotation;
-use physics::{Chain, Frame, Inputs, JOINTS_MAX, Joints, Memories, Model};
+use physics::{Chain, Evaluation, Frame, Inputs, JOINTS_MAX, JointKind, Joints, Memories, Model};
 
 /// The most Newton steps.
 const STEPS_MAX: u32 = 10;
-/// The solution stands once the next step is below this, rad or m.
-const STEP_DONE: f64 = 1e-11;
+/// The solution stands once the step after the last is foretold to be below this, rad or m.
+const STEP_DONE: f64 = 1e-10;
 /// It stands too once the weighted error is below this, m: rounding of the geometry.
 const ERROR_DONE_M: f64 = 1e-14;
+/// A step that is larger than this share of the one before asks for a new linearisation.
+const SHRINKS: f64 = 0.1;
 /// Damping of the first damped try, relative to the mean of the diagonal; each further try has 30 times as much.
 const FIRST_DAMPING: f64 = 1e-8;
 const DAMPED_TRIES: u32 = 6;
@@ -38,6 +40,13 @@ pub struct Solution {
     pub steps: u32,
 }
 
+/// Room for one evaluation of the model and for its slopes, kept from cycle to cycle.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Solver {
+    seen: Evaluation,
+    slopes: Slopes,
+}
+
 /// Solves for the command in `inputs.q`; `reach` is how far each joint may go from it, rad or m.
 pub fn solve(
     model: &Model,
@@ -46,123 +55,221 @@ pub fn solve(
     task: &Task,
     reach: &Joints,
 ) -> Solution {
-    let wanted = Chain::nominal(&model.arm, &inputs.q).base_from_tool;
-    let mut trial = *inputs;
-    let mut steps = 0;
-    loop {
-        let now = model.evaluate(&trial, memories);
-        let rows = Rows::new(model, &now.real, &wanted, task);
-        // Beyond its law's limit a hardening joint's prediction is worth nothing: nothing may be built on it.
-        let undamped = rows.step(0.0).filter(|step| now.beyond.is_none() && is_finite(step));
-        let here = Solution { q: trial.q, converged: false, residual: rows.residual, steps };
-        if rows.is_done() && now.beyond.is_none() {
-            return Solution { converged: true, ..here };
+    Solver::default().solve(model, inputs, memories, task, reach)
+}
+
+impl Solver {
+    /// [`solve`] for the arm that this solver has seen before, or for its first.
+    pub fn solve(
+        &mut self,
+        model: &Model,
+        inputs: &Inputs,
+        memories: &Memories,
+        task: &Task,
+        reach: &Joints,
+    ) -> Solution {
+        let mut trial = *inputs;
+        let (mut wanted, mut last): (Option<Frame>, Option<Step>) = (None, None);
+        let mut steps = 0;
+        loop {
+            let Self { seen, slopes } = self;
+            model.evaluate_into(&trial, memories, seen);
+            let wanted = wanted.get_or_insert(seen.nominal.base_from_tool);
+            let error = TaskError::between(&seen.real.base_from_tool, wanted, task);
+            let here = |residual, converged| Solution { q: trial.q, converged, residual, steps };
+            // Beyond its law's limit a hardening joint's prediction is worth nothing: nothing may be built on it.
+            if seen.beyond.is_some() || error.is_done() {
+                return here(error.residual(task), seen.beyond.is_none());
+            }
+            let allowed = |step: &Joints| stays_within(&trial.q, step, &inputs.q, reach);
+            let again = last.and_then(|last| slopes.again(&last, &error, allowed));
+            let next = again.or_else(|| {
+                slopes.take(model, &seen.real, wanted, task);
+                slopes.first(&error, allowed)
+            });
+            let Some(next) = next.filter(|_| steps < STEPS_MAX) else {
+                return here(error.residual(task), false);
+            };
+            apply(&mut trial.q, &next.by);
+            steps += 1;
+            if next.foretold < STEP_DONE {
+                let residual = slopes.left_of(&error, &next.by).residual(task);
+                return Solution { q: trial.q, converged: true, residual, steps };
+            }
+            last = Some(next);
         }
-        if let Some(step) = undamped.filter(|step| largest(step) < STEP_DONE) {
-            apply(&mut trial.q, &step);
-            return Solution { q: trial.q, converged: true, ..here };
-        }
-        let inside = undamped.filter(|step| stays_within(&trial.q, step, &inputs.q, reach));
-        let damped = || damped(&rows, &trial.q, &inputs.q, reach).filter(|_| now.beyond.is_none());
-        match inside.or_else(damped) {
-            Some(step) if steps < STEPS_MAX => apply(&mut trial.q, &step),
-            _ => return here,
-        }
-        steps += 1;
     }
 }
 
-/// The least damped step that stays within reach.
-fn damped(rows: &Rows, q: &Joints, centre: &Joints, reach: &Joints) -> Option<Joints> {
-    let mut damping = FIRST_DAMPING;
-    for _ in 0..DAMPED_TRIES {
-        let step = rows.step(damping)?;
-        if is_finite(&step) && stays_within(q, &step, centre, reach) {
-            return Some(step);
-        }
-        damping *= 30.0;
-    }
-    None
-}
+/// What is left between where the tool is and where it should be: the wanted tool's axes, m, rotations times the task's length.
+#[derive(Clone, Copy)]
+struct TaskError([f64; ROWS]);
 
-/// The linearised task at one trial, rows in the wanted tool's axes, weighted.
-struct Rows {
-    jacobian: Jacobian,
-    error: Vector6<f64>,
-    asked: [bool; 6],
-    joints: usize,
-    residual: Residual,
-}
-
-impl Rows {
-    fn new(model: &Model, real: &Chain, wanted: &Frame, task: &Task) -> Self {
-        let here = &real.base_from_tool;
+impl TaskError {
+    fn between(here: &Frame, wanted: &Frame, task: &Task) -> Self {
         let tool_from_base = wanted.rotation.transpose();
         let linear = tool_from_base * (wanted.origin - here.origin);
         let turn = vector_from_rotation(&(wanted.rotation * here.rotation.transpose()));
-        let angular = tool_from_base * turn;
-        let mut jacobian = real.jacobian(&model.arm);
-        for mut column in jacobian.column_iter_mut() {
-            let v = tool_from_base * DVec3::new(column[0], column[1], column[2]);
-            let w = tool_from_base * DVec3::new(column[3], column[4], column[5]) * task.length_m;
-            column.copy_from_slice(&[v.x, v.y, v.z, w.x, w.y, w.z]);
-        }
-        let w = angular * task.length_m;
-        let mut error = Vector6::new(linear.x, linear.y, linear.z, w.x, w.y, w.z);
-        let mut asked = [true; 6];
+        let mut angular = tool_from_base * turn * task.length_m;
         if task.free_tool_axis {
-            asked[5] = false;
-            error[5] = 0.0;
-            jacobian.row_mut(5).fill(0.0);
+            angular.z = 0.0;
         }
-        let spin = if task.free_tool_axis { angular.truncate().length() } else { angular.length() };
-        let residual = Residual { m: linear.length(), rad: spin };
-        Self { jacobian, error, asked, joints: model.arm.count(), residual }
+        Self([linear.x, linear.y, linear.z, angular.x, angular.y, angular.z])
+    }
+
+    fn residual(&self, task: &Task) -> Residual {
+        let [x, y, z, a, b, c] = self.0;
+        Residual {
+            m: DVec3::new(x, y, z).length(),
+            rad: DVec3::new(a, b, c).length() / task.length_m,
+        }
     }
 
     /// Whether nothing of the task is left over: then even a singular pose has its solution.
     fn is_done(&self) -> bool {
-        self.error.norm() < ERROR_DONE_M
-    }
-
-    /// The step that the linearised task asks for; `damping` relative to the mean of the normal matrix' diagonal.
-    fn step(&self, damping: f64) -> Option<Joints> {
-        let asked = self.asked.iter().filter(|asked| **asked).count();
-        if asked <= self.joints { self.least_change(damping) } else { self.least_squares(damping) }
-    }
-
-    /// `Jᵀ (J Jᵀ + λ)⁻¹ e`.
-    fn least_change(&self, damping: f64) -> Option<Joints> {
-        let mut normal: Matrix6<f64> = self.jacobian * self.jacobian.transpose();
-        let unasked = |i: usize| !self.asked[i];
-        let cholesky = factored(&mut normal, damping, unasked)?;
-        let step = self.jacobian.transpose() * cholesky.solve(&self.error);
-        Some(step.into())
-    }
-
-    /// `(JᵀJ + λ)⁻¹ Jᵀ e`, for fewer than six joints.
-    fn least_squares(&self, damping: f64) -> Option<Joints> {
-        let columns = self.jacobian.fixed_columns::<6>(0);
-        let mut normal: Matrix6<f64> = columns.transpose() * columns;
-        let cholesky = factored(&mut normal, damping, |i| i >= self.joints)?;
-        let found = cholesky.solve(&(columns.transpose() * self.error));
-        let mut step = [0.0; JOINTS_MAX];
-        step[..6].copy_from_slice(found.as_slice());
-        Some(step)
+        self.0.iter().map(|x| x * x).sum::<f64>() < ERROR_DONE_M * ERROR_DONE_M
     }
 }
 
-/// Factors the normal matrix with damping; rows that take no part become those of the unit matrix.
-fn factored(
-    normal: &mut Matrix6<f64>,
-    damping: f64,
-    takes_no_part: impl Fn(usize) -> bool,
-) -> Option<Cholesky<f64, Const<6>>> {
-    let added = damping * normal.trace() / 6.0;
-    for i in 0..6 {
-        normal[(i, i)] = if takes_no_part(i) { 1.0 } else { normal[(i, i)] + added };
+/// A step of the joints, rad or m.
+#[derive(Clone, Copy)]
+struct Step {
+    by: Joints,
+    /// The largest of it; endless for a damped one, from which nothing may be foretold.
+    size: f64,
+    /// How large the next step will be.
+    foretold: f64,
+}
+
+/// The linearised task at one trial.
+#[derive(Clone, Copy, Debug, Default)]
+struct Slopes {
+    /// How the tool moves with each joint, as in [`TaskError`].
+    columns: [[f64; ROWS]; JOINTS_MAX],
+    joints: usize,
+    frees_tool_axis: bool,
+    factor: Factor,
+}
+
+impl Slopes {
+    /// Linearises at `real`.
+    fn take(&mut self, model: &Model, real: &Chain, wanted: &Frame, task: &Task) {
+        let tool_from_base = wanted.rotation.transpose();
+        let tcp = real.base_from_tool.origin;
+        (self.joints, self.frees_tool_axis) = (model.arm.count(), task.free_tool_axis);
+        for (i, (joint, column)) in model.arm.joints().iter().zip(&mut self.columns).enumerate() {
+            let axis = real.axes[i];
+            let (linear, angular) = match joint.kind {
+                JointKind::Revolute => (axis.cross(tcp - real.points[i]), axis),
+                JointKind::Prismatic => (axis, DVec3::ZERO),
+            };
+            let (v, w) = (tool_from_base * linear, tool_from_base * angular * task.length_m);
+            let z = if task.free_tool_axis { 0.0 } else { w.z };
+            *column = [v.x, v.y, v.z, w.x, w.y, z];
+        }
     }
-    Cholesky::new(*normal)
+
+    /// The step on slopes just taken; damped as little as `allowed` asks for.
+    fn first(&mut self, error: &TaskError, allowed: impl Fn(&Joints) -> bool) -> Option<Step> {
+        let undamped = self.factored(0.0).map(|()| self.step(error)).filter(&allowed);
+        if let Some(by) = undamped {
+            let size = largest(&by);
+            return Some(Step { by, size, foretold: size });
+        }
+        let mut damping = FIRST_DAMPING;
+        for _ in 0..DAMPED_TRIES {
+            self.factored(damping)?;
+            let by = self.step(error);
+            if allowed(&by) {
+                return Some(Step { by, size: f64::INFINITY, foretold: f64::INFINITY });
+            }
+            damping *= 30.0;
+        }
+        None
+    }
+
+    /// The next step on the slopes of the `last`; none where that was damped, or where this is not much smaller.
+    fn again(
+        &self,
+        last: &Step,
+        error: &TaskError,
+        allowed: impl Fn(&Joints) -> bool,
+    ) -> Option<Step> {
+        if last.size == f64::INFINITY {
+            return None;
+        }
+        let by = self.step(error);
+        let size = largest(&by);
+        let shrinks = size / last.size;
+        (shrinks < SHRINKS && allowed(&by)).then_some(Step { by, size, foretold: shrinks * size })
+    }
+
+    fn columns(&self) -> &[[f64; ROWS]] {
+        &self.columns[..self.joints]
+    }
+
+    /// Rows that are asked.
+    fn asked(&self) -> usize {
+        if self.frees_tool_axis { ROWS - 1 } else { ROWS }
+    }
+
+    /// Whether the joints can serve all that is asked: then `J Jᵀ` is factored, else `JᵀJ`.
+    fn serve_all(&self) -> bool {
+        self.asked() <= self.joints
+    }
+
+    /// The normal equations with damping, relative to the mean of their diagonal; rows that take no part become those of the unit matrix.
+    fn factored(&mut self, damping: f64) -> Option<()> {
+        let mut normal = [[0.0; ROWS]; ROWS];
+        let part = if self.serve_all() { self.asked() } else { self.joints };
+        if self.serve_all() {
+            for column in self.columns() {
+                for i in 0..ROWS {
+                    (0..=i).for_each(|k| normal[i][k] += column[i] * column[k]);
+                }
+            }
+        } else {
+            for (i, a) in self.columns().iter().enumerate() {
+                for (k, b) in self.columns()[..=i].iter().enumerate() {
+                    normal[i][k] = dot(a, b);
+                }
+            }
+        }
+        let added = damping * (0..part).map(|i| normal[i][i]).sum::<f64>() / ROWS as f64;
+        (0..part).for_each(|i| normal[i][i] += added);
+        (part..ROWS).for_each(|i| normal[i][i] = 1.0);
+        self.factor = Factor::of(&normal)?;
+        Some(())
+    }
+
+    /// `Jᵀ (J Jᵀ)⁻¹ e`; for fewer joints than rows `(JᵀJ)⁻¹ Jᵀ e`.
+    fn step(&self, error: &TaskError) -> Joints {
+        let mut step = [0.0; JOINTS_MAX];
+        if self.serve_all() {
+            let x = self.factor.solve(&error.0);
+            step.iter_mut().zip(self.columns()).for_each(|(step, column)| *step = dot(column, &x));
+        } else {
+            let mut pull = [0.0; ROWS];
+            pull.iter_mut()
+                .zip(self.columns())
+                .for_each(|(pull, column)| *pull = dot(column, &error.0));
+            step[..ROWS].copy_from_slice(&self.factor.solve(&pull));
+        }
+        step
+    }
+
+    /// What a step leaves of an error where the slopes hold.
+    fn left_of(&self, error: &TaskError, step: &Joints) -> TaskError {
+        let mut left = *error;
+        for (column, step) in self.columns().iter().zip(step) {
+            left.0.iter_mut().zip(column).for_each(|(left, slope)| *left -= slope * step);
+        }
+        left
+    }
+}
+
+fn dot(a: &[f64; ROWS], b: &[f64; ROWS]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn apply(q: &mut Joints, step: &Joints) {
@@ -171,6 +278,7 @@ fn apply(q: &mut Joints, step: &Joints) {
     }
 }
 
+/// What is not a number does not stay anywhere.
 fn stays_within(q: &Joints, step: &Joints, centre: &Joints, reach: &Joints) -> bool {
     let after = q.iter().zip(step).map(|(q, step)| q + step);
     after.zip(centre).zip(reach).all(|((after, centre), reach)| (after - centre).abs() <= *reach)
@@ -178,8 +286,4 @@ fn stays_within(q: &Joints, step: &Joints, centre: &Joints, reach: &Joints) -> b
 
 fn largest(step: &Joints) -> f64 {
     step.iter().fold(0.0, |most, x| most.max(x.abs()))
-}
-
-fn is_finite(step: &Joints) -> bool {
-    step.iter().all(|x| x.is_finite())
 }

@@ -179,8 +179,7 @@ pub fn diagnose(
     let (naming, law) = match unknown::instead_of_names(&asking, &naming, &words, &second_look) {
         Some((bare, law)) => (Naming::none(&bare), Some(law)),
         None => {
-            let fit = &naming.fit;
-            let law = unknown::confirmed(&campaign, fit, &settings, &words, &second_look);
+            let law = unknown::confirmed(&asking, &naming, &words, &second_look);
             (naming, law)
         }
     };
@@ -235,7 +234,7 @@ fn finish(
     let rest = law.map(|law| {
         let [without, with] = law.on(&fitted, words, &held_out);
         Unexplained {
-            depends_on: depends_on(&law, words),
+            depends_on: law.depends_on(words),
             joint: law.joint,
             heldout: [after, after * (with / without).sqrt()],
         }
@@ -301,13 +300,6 @@ impl Diagnosis {
             )
         })
     }
-}
-
-/// The contract's words that a law follows, each once.
-fn depends_on(law: &unknown::Law, words: &[Word]) -> Vec<String> {
-    let mut names: Vec<String> = law.words.iter().map(|word| words[*word].name.clone()).collect();
-    names.dedup();
-    names
 }
 
 /// Root mean square of what was read about the mean of each axis or joint.

@@ -40,17 +40,19 @@ impl Motion {
                 Some(Self::of_joint(arm, &seen.real, joint).times(delta))
             }
             Contribution::Axis { joint, turn, pivot } => {
-                let moved = about(turn, pivot);
-                Some(of_axis(seen, joint, &left(&seen.deviation.axes[joint], &moved)))
+                let bent = seen.deviation.axis(joint).copied().unwrap_or_default();
+                Some(of_axis(seen, joint, &left(&bent, &about(turn, pivot))))
             }
             Contribution::LinkTurn { link, turn, pivot } => {
-                let moved = left(&seen.deviation.links[link].twist, &about(turn, pivot));
+                let bent = seen.deviation.link(link).map_or(Twist::default(), |link| link.twist);
+                let moved = left(&bent, &about(turn, pivot));
                 Some(carried(&before_link(seen, link), tcp, &moved))
             }
             Contribution::LinkShift { link, shift } => {
                 let carrier = before_link(seen, link).rotation;
-                let turned = seen.deviation.links[link].twist.frame().rotation;
-                Some(Self { shift: carrier * (turned * shift), ..Self::default() })
+                let turned = seen.deviation.link(link).map(|link| link.twist.frame().rotation);
+                let turned = turned.map_or(shift, |turned| turned * shift);
+                Some(Self { shift: carrier * turned, ..Self::default() })
             }
             Contribution::BaseTurn { turn } => {
                 let bent = about(seen.deviation.base_turn, DVec3::ZERO);
@@ -58,9 +60,7 @@ impl Motion {
             }
             Contribution::Tool { shift, turn } => {
                 let last = arm.count();
-                let carrier =
-                    before_link(seen, last).after(&seen.deviation.links[last].frame()).rotation
-                        * arm.tool.base_from_tool;
+                let carrier = after_link(seen, last).rotation * arm.tool.base_from_tool;
                 let bent = about(seen.deviation.tool_turn, DVec3::ZERO);
                 let turned = left(&bent, &about(turn, DVec3::ZERO)).turn;
                 Some(Self { turn: carrier * turned, shift: carrier * shift, ..Self::default() })
@@ -102,12 +102,14 @@ impl Motion {
         Self { turn: self.turn * factor, shift: self.shift * factor, joints }
     }
 
-    /// The motion between two places of the tool, per `step` of what changed.
+    /// The motion between two places of the tool (with how far each joint is off), per `step` of what changed.
     #[must_use]
-    pub fn between(below: &Evaluation, above: &Evaluation, step: f64) -> Self {
-        let (a, b) = (&below.real.base_from_tool, &above.real.base_from_tool);
+    pub fn between(
+        (a, a_joints): &(Frame, Joints),
+        (b, b_joints): &(Frame, Joints),
+        step: f64,
+    ) -> Self {
         let turned = b.rotation * a.rotation.transpose();
-        let (b_joints, a_joints) = (&above.deviation.joints, &below.deviation.joints);
         Self {
             turn: physics::frame::vector_from_rotation(&turned) / step,
             shift: (b.origin - a.origin) / step,
@@ -156,6 +158,12 @@ fn before_link(seen: &Evaluation, link: usize) -> Frame {
     }
 }
 
+/// What carries joint `link`, after that link's own deviation.
+fn after_link(seen: &Evaluation, link: usize) -> Frame {
+    let before = before_link(seen, link);
+    seen.deviation.link(link).map_or(before, |link| before.after(&link.frame()))
+}
+
 /// A twist in the axes of `carrier` as a motion of the tool.
 fn carried(carrier: &Frame, tcp: DVec3, twist: &Twist) -> Motion {
     let at = carrier.inverse().point(tcp);
@@ -167,7 +175,7 @@ fn carried(carrier: &Frame, tcp: DVec3, twist: &Twist) -> Motion {
 /// An axis that moves by `moved` while the joint stands where it stands: the joint's motion is then another one,
 /// `X M X⁻¹` instead of `M`, so that what it carries moves by the difference of `moved` before and after it.
 fn of_axis(seen: &Evaluation, joint: usize, moved: &Twist) -> Motion {
-    let carrier = before_link(seen, joint).after(&seen.deviation.links[joint].frame());
+    let carrier = after_link(seen, joint);
     let motion = carrier.inverse().after(&seen.real.bodies[joint]);
     let at = carrier.inverse().point(seen.real.base_from_tool.origin);
     let back = motion.inverse().point(at);

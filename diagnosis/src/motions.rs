@@ -148,7 +148,8 @@ impl Yielding {
                 *effect = *own;
                 effect.values_mut()[value] = value_there;
             }
-            self.model.evaluate(inputs, &self.memories)
+            let seen = self.model.evaluate(inputs, &self.memories);
+            (seen.real.base_from_tool, seen.deviation.joints)
         };
         let motion = Motion::between(&at(stands - step), &at(stands + step), 2.0 * step);
         if let Some(effect) = self.model.effect_mut(place) {

@@ -4,9 +4,10 @@
 //! [`Deviation`] put in; both agree to the bit where the deviation is zero in every entry.
 //! Never: a load or an effect.
 
-use crate::deviation::{Deviation, LinkDeviation};
-use crate::frame::{Twist, rotation_about, rotation_from_vector};
-use crate::{Arm, Frame, JOINTS_MAX, Joint, JointKind, Joints};
+use crate::deviation::Deviation;
+use crate::frame::{rotation_from_vector, turned_about};
+use crate::trig::{sin_cos, sin_cos_all};
+use crate::{Arm, Frame, JOINTS_MAX, JointKind, Joints};
 use glam::DVec3;
 use nalgebra::SMatrix;
 
@@ -25,36 +26,81 @@ pub struct Chain {
     pub points: [DVec3; JOINTS_MAX],
     /// Tool coordinates to base coordinates; its origin is the TCP.
     pub base_from_tool: Frame,
+    /// Sine and cosine of each position.
+    turned: [(f64, f64); JOINTS_MAX],
     count: usize,
+}
+
+impl Default for Chain {
+    /// No arm at all.
+    fn default() -> Self {
+        Self {
+            bodies: [Frame::IDENTITY; JOINTS_MAX],
+            axes: [DVec3::ZERO; JOINTS_MAX],
+            points: [DVec3::ZERO; JOINTS_MAX],
+            base_from_tool: Frame::IDENTITY,
+            turned: [(0.0, 0.0); JOINTS_MAX],
+            count: 0,
+        }
+    }
 }
 
 impl Chain {
     /// The controller's geometry at `q` (rad or m).
     pub fn nominal(arm: &Arm, q: &Joints) -> Self {
-        let mut chain = Self::empty(arm);
-        let mut carried = Frame::IDENTITY;
-        for (i, joint) in arm.joints().iter().enumerate() {
-            carried = chain.place(i, &carried, joint.axis, joint.point, joint.kind, q[i]);
-        }
-        chain.base_from_tool = carried.after(&Frame::new(arm.tool.base_from_tool, arm.tool.tcp));
+        let mut chain = Self::default();
+        chain.stand(arm, q);
         chain
     }
 
     /// The geometry at `q` (rad or m) with `deviation` put in.
     pub fn real(arm: &Arm, q: &Joints, deviation: &Deviation) -> Self {
-        let mut chain = Self::empty(arm);
-        let mut carried = Frame::new(rotation_from_vector(deviation.base_turn), DVec3::ZERO);
-        for (i, joint) in arm.joints().iter().enumerate() {
-            carried = carried_by(carried, &deviation.links[i]);
-            let (axis, point) = deviated_axis(joint, &deviation.axes[i]);
-            let position = q[i] + deviation.joints[i];
-            carried = chain.place(i, &carried, axis, point, joint.kind, position);
-        }
-        carried = carried_by(carried, &deviation.links[arm.count()]);
-        let tool = Frame::new(arm.tool.base_from_tool, arm.tool.tcp);
-        let shifted = Frame::new(rotation_from_vector(deviation.tool_turn), deviation.tool_shift);
-        chain.base_from_tool = carried.after(&tool).after(&shifted);
+        let mut chain = Self::default();
+        chain.deviate(arm, q, deviation, &Self::nominal(arm, q));
         chain
+    }
+
+    /// [`Chain::nominal`] in place of a chain of the same arm.
+    pub(crate) fn stand(&mut self, arm: &Arm, q: &Joints) {
+        self.count = arm.count();
+        sin_cos_all(&q[..self.count], &mut self.turned);
+        let mut carrier = Frame::IDENTITY;
+        for (i, joint) in arm.joints().iter().enumerate() {
+            self.place(i, &carrier, (joint.axis, joint.point), joint.kind, q[i]);
+            carrier = self.bodies[i];
+        }
+        self.base_from_tool = carrier.after(&Frame::new(arm.tool.base_from_tool, arm.tool.tcp));
+    }
+
+    /// [`Chain::real`] in place of a chain of the same arm; `nominal` is the arm without the deviation.
+    pub(crate) fn deviate(&mut self, arm: &Arm, q: &Joints, deviation: &Deviation, nominal: &Self) {
+        self.count = arm.count();
+        let mut carrier = Frame::IDENTITY;
+        if deviation.base_turn != DVec3::ZERO {
+            carrier.rotation = rotation_from_vector(deviation.base_turn);
+        }
+        for (i, joint) in arm.joints().iter().enumerate() {
+            if let Some(link) = deviation.link(i) {
+                carrier = carrier.after(&link.frame());
+            }
+            let axis = deviation.axis(i).map_or((joint.axis, joint.point), |twist| {
+                let moved = twist.frame();
+                (moved.rotation * joint.axis, moved.point(joint.point))
+            });
+            let off = deviation.joints[i];
+            self.turned[i] = turned_on(nominal.turned[i], q[i], off);
+            self.place(i, &carrier, axis, joint.kind, q[i] + off);
+            carrier = self.bodies[i];
+        }
+        if let Some(flange) = deviation.link(self.count) {
+            carrier = carrier.after(&flange.frame());
+        }
+        self.base_from_tool = carrier.after(&Frame::new(arm.tool.base_from_tool, arm.tool.tcp));
+        if deviation.tool_turn != DVec3::ZERO || deviation.tool_shift != DVec3::ZERO {
+            let turn = rotation_from_vector(deviation.tool_turn);
+            self.base_from_tool =
+                self.base_from_tool.after(&Frame::new(turn, deviation.tool_shift));
+        }
     }
 
     /// How the TCP moves with each joint at this configuration.
@@ -78,46 +124,46 @@ impl Chain {
         self.count
     }
 
-    fn empty(arm: &Arm) -> Self {
-        Self {
-            bodies: [Frame::IDENTITY; JOINTS_MAX],
-            axes: [DVec3::ZERO; JOINTS_MAX],
-            points: [DVec3::ZERO; JOINTS_MAX],
-            base_from_tool: Frame::IDENTITY,
-            count: arm.count(),
-        }
-    }
-
-    /// Puts joint `i` onto what carries it and returns what it carries.
+    /// Puts joint `i`, at `position`, onto what carries it.
+    #[inline]
     fn place(
         &mut self,
         i: usize,
         carrier: &Frame,
-        axis: DVec3,
-        point: DVec3,
+        (axis, point): (DVec3, DVec3),
         kind: JointKind,
         position: f64,
-    ) -> Frame {
-        let motion = match kind {
-            JointKind::Revolute => Frame::about(point, rotation_about(axis, position)),
-            JointKind::Prismatic => Frame::translation(axis * position),
-        };
-        self.axes[i] = carrier.rotation * axis;
-        self.points[i] = carrier.point(point);
-        self.bodies[i] = carrier.after(&motion);
-        self.bodies[i]
+    ) {
+        let (axis_now, point_now) = (carrier.rotation * axis, carrier.point(point));
+        (self.axes[i], self.points[i]) = (axis_now, point_now);
+        let body = &mut self.bodies[i];
+        match kind {
+            JointKind::Revolute => {
+                body.rotation = turned_about(&carrier.rotation, axis, self.turned[i]);
+                // What is on the axis stays.
+                body.origin = point_now - body.rotation * point;
+            }
+            JointKind::Prismatic => {
+                body.rotation = carrier.rotation;
+                body.origin = carrier.origin + axis_now * position;
+            }
+        }
     }
 }
 
-/// A joint's axis and point at the zero configuration with the deviation of the axis alone.
-fn deviated_axis(joint: &Joint, axis: &Twist) -> (DVec3, DVec3) {
-    if *axis == Twist::default() {
-        return (joint.axis, joint.point);
-    }
-    let moved = axis.frame();
-    (moved.rotation * joint.axis, moved.point(joint.point))
-}
+/// Below this the rest of a turn is added by series, rad: their next terms are below rounding.
+const LITTLE: f64 = 0.02;
 
-fn carried_by(carried: Frame, link: &LinkDeviation) -> Frame {
-    if *link == LinkDeviation::default() { carried } else { carried.after(&link.frame()) }
+/// Sine and cosine of `q + off`, given those of `q`; the same bits where `off` is zero.
+#[inline]
+fn turned_on((sin, cos): (f64, f64), q: f64, off: f64) -> (f64, f64) {
+    if off.abs() >= LITTLE {
+        return sin_cos(q + off);
+    }
+    let square = off * off;
+    let sine = off
+        * (1.0
+            - square * (1.0 / 6.0) * (1.0 - square * (1.0 / 20.0) * (1.0 - square * (1.0 / 42.0))));
+    let less = 0.5 * square * (1.0 - square * (1.0 / 12.0) * (1.0 - square * (1.0 / 30.0)));
+    (sin + (cos * sine - sin * less), cos - (sin * sine + cos * less))
 }

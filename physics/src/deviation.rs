@@ -185,10 +185,11 @@ impl LinkDeviation {
 pub struct Deviation {
     /// Actual minus commanded per joint, rad or m.
     pub joints: Joints,
-    /// Axes alone: where each is moved to, base axes and frame at the zero configuration.
-    pub axes: [Twist; JOINTS_MAX],
-    /// Links 0 (base) to `n` (flange).
-    pub links: [LinkDeviation; JOINTS_MAX + 1],
+    axes: [Twist; JOINTS_MAX],
+    links: [LinkDeviation; JOINTS_MAX + 1],
+    /// One bit per axis and per link that something was added to.
+    moved: u32,
+    bent: u32,
     /// The whole robot about the base origin: rotation vector, rad.
     pub base_turn: DVec3,
     /// Shift of the TCP, tool axes, m.
@@ -203,6 +204,8 @@ impl Default for Deviation {
             joints: [0.0; JOINTS_MAX],
             axes: [Twist::default(); JOINTS_MAX],
             links: [LinkDeviation::default(); JOINTS_MAX + 1],
+            moved: 0,
+            bent: 0,
             base_turn: DVec3::ZERO,
             tool_shift: DVec3::ZERO,
             tool_turn: DVec3::ZERO,
@@ -211,13 +214,51 @@ impl Default for Deviation {
 }
 
 impl Deviation {
+    /// Joint `i`'s axis alone: where it is moved to, base axes and frame at the zero configuration; none where it is not moved.
+    #[inline]
+    pub fn axis(&self, i: usize) -> Option<&Twist> {
+        (self.moved >> i & 1 == 1).then(|| &self.axes[i])
+    }
+
+    /// Link `link`, 0 (base) to `n` (flange); none where it is as it should be.
+    #[inline]
+    pub fn link(&self, link: usize) -> Option<&LinkDeviation> {
+        (self.bent >> link & 1 == 1).then(|| &self.links[link])
+    }
+
+    /// Forgets what was added.
+    pub(crate) fn clear(&mut self) {
+        self.joints = [0.0; JOINTS_MAX];
+        while self.moved != 0 {
+            self.axes[self.moved.trailing_zeros() as usize] = Twist::default();
+            self.moved &= self.moved - 1;
+        }
+        while self.bent != 0 {
+            self.links[self.bent.trailing_zeros() as usize] = LinkDeviation::default();
+            self.bent &= self.bent - 1;
+        }
+        self.base_turn = DVec3::ZERO;
+        self.tool_shift = DVec3::ZERO;
+        self.tool_turn = DVec3::ZERO;
+    }
+
     /// Adds a contribution to the geometry; contributions to loads and torques are not geometry and pass by.
+    #[inline]
     pub fn add(&mut self, contribution: &Contribution) {
         match *contribution {
             Contribution::Joint { joint, delta } => self.joints[joint] += delta,
-            Contribution::Axis { joint, turn, pivot } => self.axes[joint].add(turn, pivot),
-            Contribution::LinkTurn { link, turn, pivot } => self.links[link].twist.add(turn, pivot),
-            Contribution::LinkShift { link, shift } => self.links[link].shift += shift,
+            Contribution::Axis { joint, turn, pivot } => {
+                self.moved |= 1 << joint;
+                self.axes[joint].add(turn, pivot);
+            }
+            Contribution::LinkTurn { link, turn, pivot } => {
+                self.bent |= 1 << link;
+                self.links[link].twist.add(turn, pivot);
+            }
+            Contribution::LinkShift { link, shift } => {
+                self.bent |= 1 << link;
+                self.links[link].shift += shift;
+            }
             Contribution::BaseTurn { turn } => self.base_turn += turn,
             Contribution::Tool { shift, turn } => {
                 self.tool_shift += shift;

@@ -3,8 +3,9 @@
 //! Promises: rotations stay orthonormal to rounding over an arm's length of products.
 //! Never: Euler angles.
 
+use crate::trig::sin_cos;
 use glam::{DMat3, DVec3};
-use libm::{atan2, sincos, sqrt};
+use libm::{atan2, sqrt};
 
 /// A rigid motion `x ↦ R x + p`.
 ///
@@ -29,21 +30,25 @@ impl Frame {
     pub const IDENTITY: Self = Self { rotation: DMat3::IDENTITY, origin: DVec3::ZERO };
 
     /// A frame from its rotation and translation.
+    #[inline]
     pub const fn new(rotation: DMat3, origin: DVec3) -> Self {
         Self { rotation, origin }
     }
 
     /// A pure translation, m.
+    #[inline]
     pub const fn translation(shift: DVec3) -> Self {
         Self { rotation: DMat3::IDENTITY, origin: shift }
     }
 
     /// The rotation `rotation` about the fixed point `pivot`.
+    #[inline]
     pub fn about(pivot: DVec3, rotation: DMat3) -> Self {
         Self { rotation, origin: pivot - rotation * pivot }
     }
 
     /// This motion after `first`.
+    #[inline]
     pub fn after(&self, first: &Self) -> Self {
         Self {
             rotation: self.rotation * first.rotation,
@@ -52,11 +57,13 @@ impl Frame {
     }
 
     /// Moves a point.
+    #[inline]
     pub fn point(&self, point: DVec3) -> DVec3 {
         self.rotation * point + self.origin
     }
 
     /// The motion back.
+    #[inline]
     pub fn inverse(&self) -> Self {
         let back = self.rotation.transpose();
         Self { rotation: back, origin: -(back * self.origin) }
@@ -75,6 +82,7 @@ pub struct Twist {
 
 impl Twist {
     /// Adds the turn `turn` (rotation vector, rad) about `pivot` (m).
+    #[inline]
     pub fn add(&mut self, turn: DVec3, pivot: DVec3) {
         self.turn += turn;
         self.velocity += pivot.cross(turn);
@@ -82,39 +90,90 @@ impl Twist {
 
     /// The motion: the exponential of the twist. Turns about one pivot give exactly the rotation about it; turns
     /// that cancel about different pivots leave the shift that they are.
+    #[inline]
     pub fn frame(&self) -> Frame {
         let (turn, velocity) = (self.turn, self.velocity);
-        let angle = sqrt(turn.length_squared());
-        let half_sin = libm::sin(0.5 * angle);
-        let (first, second) = if angle > 1e-3 {
-            let cube = angle * angle * angle;
-            (2.0 * half_sin * half_sin / (angle * angle), (angle - libm::sin(angle)) / cube)
-        } else {
-            (0.5 - angle * angle / 24.0, 1.0 / 6.0 - angle * angle / 120.0)
-        };
+        let [first, second, third] = coefficients(turn.length_squared());
         let across = turn.cross(velocity);
-        let origin = velocity + across * first + turn.cross(across) * second;
-        Frame { rotation: rotation_from_vector(turn), origin }
+        let origin = velocity + across * second + turn.cross(across) * third;
+        Frame { rotation: exponential(turn, first, second), origin }
     }
 }
 
 /// The rotation by `angle_rad` about the unit vector `axis` (Rodrigues).
+#[inline]
 pub fn rotation_about(axis: DVec3, angle_rad: f64) -> DMat3 {
-    let (sin, cos) = sincos(angle_rad);
+    turned_about(&DMat3::IDENTITY, axis, sin_cos(angle_rad))
+}
+
+/// `carrier` after the rotation about the unit vector `axis` by an angle of this sine and cosine (Rodrigues). An axis along one of the three, as most
+/// are, mixes two columns only.
+#[inline]
+pub(crate) fn turned_about(carrier: &DMat3, axis: DVec3, (sin, cos): (f64, f64)) -> DMat3 {
+    let DMat3 { x_axis: a, y_axis: b, z_axis: c } = *carrier;
     let (x, y, z) = (axis.x, axis.y, axis.z);
+    if x == 0.0 && z == 0.0 {
+        let sin = sin * y;
+        return DMat3::from_cols(a * cos - c * sin, b, a * sin + c * cos);
+    }
+    if x == 0.0 && y == 0.0 {
+        let sin = sin * z;
+        return DMat3::from_cols(a * cos + b * sin, b * cos - a * sin, c);
+    }
+    if y == 0.0 && z == 0.0 {
+        let sin = sin * x;
+        return DMat3::from_cols(a, b * cos + c * sin, c * cos - b * sin);
+    }
     let rest = 1.0 - cos;
-    DMat3::from_cols(
+    let rotation = DMat3::from_cols(
         DVec3::new(cos + x * x * rest, x * y * rest + z * sin, x * z * rest - y * sin),
         DVec3::new(x * y * rest - z * sin, cos + y * y * rest, y * z * rest + x * sin),
         DVec3::new(x * z * rest + y * sin, y * z * rest - x * sin, cos + z * z * rest),
-    )
+    );
+    *carrier * rotation
 }
 
 /// The rotation by a rotation vector: its direction is the axis, its length the angle in rad.
+#[inline]
 pub fn rotation_from_vector(turn: DVec3) -> DMat3 {
-    let angle = sqrt(turn.length_squared());
-    if angle == 0.0 { DMat3::IDENTITY } else { rotation_about(turn / angle, angle) }
+    let [first, second, _] = coefficients(turn.length_squared());
+    exponential(turn, first, second)
 }
+
+/// Below this square of an angle, rad², series stand for sine and cosine: their next terms are below rounding.
+const SMALL: f64 = 0.01;
+
+/// `sin θ/θ`, `(1 − cos θ)/θ²` and `(θ − sin θ)/θ³`, of `θ²`.
+#[inline]
+fn coefficients(square: f64) -> [f64; 3] {
+    if square < SMALL {
+        let series = |n: f64| {
+            // 1/n! · (1 − θ²/((n+1)(n+2)) (1 − θ²/((n+3)(n+4)) …))
+            let term =
+                |k: f64, inner: f64| 1.0 - square * inner * (1.0 / ((n + k) * (n + k + 1.0)));
+            term(1.0, term(3.0, term(5.0, term(7.0, 1.0))))
+        };
+        return [series(1.0), 0.5 * series(2.0), series(3.0) * (1.0 / 6.0)];
+    }
+    let angle = sqrt(square);
+    let (sin, half_sin) = (sin_cos(angle).0, sin_cos(0.5 * angle).0);
+    [sin / angle, 2.0 * half_sin * half_sin / square, (angle - sin) / (angle * square)]
+}
+
+/// `1 + a [w] + b [w]²` for the rotation vector w.
+#[inline]
+fn exponential(turn: DVec3, a: f64, b: f64) -> DMat3 {
+    let rest = 1.0 - b * turn.length_squared();
+    let (along, w) = (turn * b, turn * a);
+    DMat3::from_cols(
+        DVec3::new(rest + along.x * turn.x, along.x * turn.y + w.z, along.x * turn.z - w.y),
+        DVec3::new(along.x * turn.y - w.z, rest + along.y * turn.y, along.y * turn.z + w.x),
+        DVec3::new(along.x * turn.z + w.y, along.y * turn.z - w.x, rest + along.z * turn.z),
+    )
+}
+
+/// Below this square of a sine its arc is taken by a series, whose next term is below rounding.
+const NEARLY_NONE: f64 = 1e-3;
 
 /// The rotation vector of a rotation, rad; its length is at most π.
 ///
@@ -123,14 +182,18 @@ pub fn rotation_from_vector(turn: DVec3) -> DMat3 {
 pub fn vector_from_rotation(rotation: &DMat3) -> DVec3 {
     let (c0, c1, c2) = (rotation.x_axis, rotation.y_axis, rotation.z_axis);
     let twice_sin = DVec3::new(c1.z - c2.y, c2.x - c0.z, c0.y - c1.x);
-    let length = sqrt(twice_sin.length_squared());
     let twice_cos = c0.x + c1.y + c2.z - 1.0;
+    let square = 0.25 * twice_sin.length_squared();
+    if square < NEARLY_NONE && twice_cos > 0.0 {
+        // The arc sine of s over s, by powers of s².
+        let series = [1.0, 1.0 / 6.0, 3.0 / 40.0, 5.0 / 112.0, 35.0 / 1152.0];
+        let ratio = series.iter().rev().fold(0.0, |sum, term| sum * square + term);
+        return twice_sin * (0.5 * ratio);
+    }
+    let length = 2.0 * sqrt(square);
     let angle = atan2(length, twice_cos);
     if length > 1e-7 {
         return twice_sin * (angle / length);
-    }
-    if twice_cos > 0.0 {
-        return twice_sin * 0.5;
     }
     let square = DVec3::new(c0.x + 1.0, c1.y + 1.0, c2.z + 1.0) * 0.5;
     let column = if square.x >= square.y && square.x >= square.z {

@@ -25,6 +25,7 @@ pub mod loads;
 pub mod model;
 pub mod signals;
 pub mod spec;
+pub mod trig;
 
 pub use arm::{Arm, ArmError, Body, Joint, JointKind, Tool};
 pub use chain::{Chain, Jacobian};

@@ -27,7 +27,7 @@ impl PivotLoad {
 }
 
 /// The loads at one configuration.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Loads {
     /// Gravity, base axes, m/s².
     pub gravity: DVec3,
@@ -107,14 +107,21 @@ impl Loads {
 
     /// The same, with what effects change; `wrench` is then what the sensor reads.
     pub fn changed(arm: &Arm, chain: &Chain, wrench: Wrench, change: &LoadChange) -> Self {
-        let wrench = change.truth(wrench, &chain.base_from_tool.rotation);
-        let mut loads = Self::none(turned(arm.gravity, change.gravity_turn), wrench);
-        loads.carry_gravity(arm, chain, change);
-        loads.carry_wrench(arm, chain);
-        for (torque, load) in loads.gravity_torque.iter_mut().zip(change.joints) {
+        let mut loads = Self::default();
+        loads.carry(arm, chain, wrench, change);
+        loads
+    }
+
+    /// [`Loads::changed`] in place of the loads of the same arm.
+    pub(crate) fn carry(&mut self, arm: &Arm, chain: &Chain, wrench: Wrench, change: &LoadChange) {
+        self.wrench = change.truth(wrench, &chain.base_from_tool.rotation);
+        self.gravity = turned(arm.gravity, change.gravity_turn);
+        self.base_moment = DVec3::ZERO;
+        self.carry_gravity(arm, chain, change);
+        self.carry_wrench(arm, chain);
+        for (torque, load) in self.gravity_torque[..arm.count()].iter_mut().zip(change.joints) {
             *torque += load;
         }
-        loads
     }
 
     /// The torque (or force) that bends joint `i`: gravity, wrench and inertia.
@@ -122,18 +129,10 @@ impl Loads {
         self.gravity_torque[i] + self.wrench_torque[i] + self.inertia_torque[i]
     }
 
-    fn none(gravity: DVec3, wrench: Wrench) -> Self {
-        Self {
-            gravity,
-            wrench,
-            gravity_at: [PivotLoad::default(); JOINTS_MAX],
-            wrench_at: [PivotLoad::default(); JOINTS_MAX],
-            gravity_torque: [0.0; JOINTS_MAX],
-            wrench_torque: [0.0; JOINTS_MAX],
-            inertia_torque: [0.0; JOINTS_MAX],
-            base_moment: DVec3::ZERO,
-            inertia_base_moment: DVec3::ZERO,
-        }
+    /// As of an arm at rest.
+    pub(crate) fn forget_inertia(&mut self) {
+        self.inertia_torque = [0.0; JOINTS_MAX];
+        self.inertia_base_moment = DVec3::ZERO;
     }
 
     /// What the arm's own motion adds, at the speeds and accelerations of `inputs`.

@@ -77,7 +77,7 @@ pub struct Beyond {
 }
 
 /// Everything that the model says of one sample.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Evaluation {
     /// The controller's geometry.
     pub nominal: Chain,
@@ -158,17 +158,24 @@ impl Model {
 
     /// What happens at one sample with these memories; the memories stay.
     pub fn evaluate(&self, inputs: &Inputs, memories: &Memories) -> Evaluation {
-        let nominal = Chain::nominal(&self.arm, &inputs.q);
-        let loads = self.loads(inputs, &nominal, memories);
-        let signals = Signals { arm: &self.arm, inputs, chain: &nominal, loads: &loads };
-        let mut deviation = Deviation::default();
-        deviation.add(&Contribution::BaseTurn { turn: inputs.base_tilt });
+        let mut seen = Evaluation::default();
+        self.evaluate_into(inputs, memories, &mut seen);
+        seen
+    }
+
+    /// [`Model::evaluate`] in place of an evaluation of a model of the same arm, or of the default: nothing is copied.
+    pub fn evaluate_into(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
+        let Evaluation { nominal, loads, deviation, real, beyond } = seen;
+        nominal.stand(&self.arm, &inputs.q);
+        self.load(inputs, nominal, memories, loads);
+        let signals = Signals { arm: &self.arm, inputs, chain: nominal, loads };
+        deviation.clear();
+        deviation.base_turn = inputs.base_tilt;
         for (effect, memory) in self.effects().zip(&memories.0) {
             deviation.add(&effect.predict(&signals, memory));
         }
-        let real = Chain::real(&self.arm, &inputs.q, &deviation);
-        let beyond = if self.hardens { self.beyond(&loads) } else { None };
-        Evaluation { nominal, loads, deviation, real, beyond }
+        real.deviate(&self.arm, &inputs.q, deviation, nominal);
+        *beyond = if self.hardens { self.beyond(loads) } else { None };
     }
 
     /// Calls `visit` with the index and contribution of each effect at one sample.
@@ -280,26 +287,25 @@ impl Model {
         visit: impl FnOnce(&Signals<'_>) -> R,
     ) -> R {
         let chain = Chain::nominal(&self.arm, &inputs.q);
-        let loads = self.loads(inputs, &chain, memories);
+        let mut loads = Loads::default();
+        self.load(inputs, &chain, memories, &mut loads);
         visit(&Signals { arm: &self.arm, inputs, chain: &chain, loads: &loads })
     }
 
-    fn loads(&self, inputs: &Inputs, chain: &Chain, memories: &Memories) -> Loads {
+    fn load(&self, inputs: &Inputs, chain: &Chain, memories: &Memories, loads: &mut Loads) {
         let mut change = LoadChange::default();
         change.add(&Contribution::GravityTurn { turn: inputs.base_tilt });
-        let mut loads = Loads::changed(&self.arm, chain, inputs.wrench_base, &change);
-        if !self.changes_loads {
-            loads.carry_inertia(&self.arm, chain, inputs, &change);
-            return loads;
-        }
-        let signals = Signals { arm: &self.arm, inputs, chain, loads: &loads };
-        for (effect, memory) in self.effects().zip(&memories.0) {
-            if effect.spec().acts_on == ActsOn::Loads {
-                change.add(&effect.predict(&signals, memory));
+        loads.carry(&self.arm, chain, inputs.wrench_base, &change);
+        if self.changes_loads {
+            loads.forget_inertia();
+            let signals = Signals { arm: &self.arm, inputs, chain, loads };
+            for (effect, memory) in self.effects().zip(&memories.0) {
+                if effect.spec().acts_on == ActsOn::Loads {
+                    change.add(&effect.predict(&signals, memory));
+                }
             }
+            loads.carry(&self.arm, chain, inputs.wrench_base, &change);
         }
-        let mut loads = Loads::changed(&self.arm, chain, inputs.wrench_base, &change);
         loads.carry_inertia(&self.arm, chain, inputs, &change);
-        loads
     }
 }

@@ -7,6 +7,8 @@ use serde_json::Value;
 use shm_schema::Cell;
 use trued_client::Client;
 
+use tests::chance::Chance;
+
 use crate::program::{Done, Place, signal};
 use crate::reload::{beside, status};
 
@@ -210,6 +212,39 @@ fn only_missing_physics_is_applied_and_a_daemon_that_is_not_there_costs_no_diagn
     });
     assert_eq!(epoch, 1);
     assert!(sound.names().contains(&"said".to_owned()));
+}
+
+/// Link sides of a path: joint 3 has play whose gap follows its own position, as worn teeth do; noise of 2 mdeg.
+fn worn() -> String {
+    let mut chance = Chance::new(5);
+    let (mut text, mut link_deg) = (String::new(), None::<f64>);
+    for (row, line) in path().lines().enumerate() {
+        let fields: Vec<&str> = line.split(',').collect();
+        if row == 0 {
+            writeln!(text, "{},ql3_deg", fields[..7].join(",")).unwrap();
+            continue;
+        }
+        let q_deg: f64 = fields[3].parse().unwrap();
+        let half = 0.05 * (0.5 + 0.5 * (2.0 * q_deg.to_radians()).sin());
+        let link = link_deg.unwrap_or(q_deg).clamp(q_deg - half, q_deg + half);
+        link_deg = Some(link);
+        let noise: f64 = (0..6).map(|_| chance.unit() - 0.5).sum();
+        writeln!(text, "{},{}", fields[..7].join(","), link + 2.8e-3 * noise).unwrap();
+    }
+    text
+}
+
+#[test]
+fn play_whose_gap_follows_the_position_is_no_play() {
+    let place = Place::new();
+    place.file("worn.csv", &worn());
+    place.file("worn.toml", "schema = \"trued.recording/1\"\nsigma = { ql3_deg = 0.002 }\n");
+    let said = diagnosed(&place, "worn.csv");
+    assert_eq!(said["verdict"], "unknown_structure", "{said:#}");
+    let words: Vec<&str> = said["unexplained"]["depends_on"]
+        .as_array()
+        .map_or_else(Vec::new, |words| words.iter().filter_map(Value::as_str).collect());
+    assert!(words.contains(&"q3") && words.contains(&"direction_3"), "{said:#}");
 }
 
 /// Joint 2 alone, to and fro over ten degrees: what bends under gravity and what turns too far are nearly one thing there.

@@ -137,6 +137,22 @@ fn a_pause_in_sending_moves_a_ramp_no_faster() {
 }
 
 #[test]
+fn a_pause_of_this_thread_is_not_made_up_for_twice() {
+    let mut follower = follower();
+    let at = led_to(&mut follower, 0.01);
+    let command = |ms: u64| Command { t_ns: ms * MS, ..sent(ms, &[0.5; 6]) };
+    let mut put_out = |stamped_ms: u64, made_ms: u64, ms: u64| {
+        let made = answer(made_ms, &[0.5; 6], 0.01);
+        follower.target(&[0.5; 6], Some(&made), Some(&command(stamped_ms)), ms * MS).joints()[0]
+    };
+    put_out(at + 1, at + 1, at + 1);
+    // Stamped, then held up for 60 ms: the last answer is stale by then, and the ramp has used the time.
+    let late = put_out(at + 2, at + 1, at + 62);
+    let next = put_out(at + 65, at + 64, at + 65);
+    assert!((next - late).abs() <= 0.02 * 0.003 * 1.000_1, "{:e}", next - late);
+}
+
+#[test]
 fn a_daemon_that_dies_while_its_correction_moves_leaves_no_kink() {
     let mut follower = follower();
     let limits = Limits::new(0.02, 0.02, 5.0).unwrap();

@@ -5,7 +5,9 @@ use corrector::{Command, Corrector, Outcome, Settings, World};
 use envelope::Limits;
 use glam::{DMat3, DVec3};
 use physics::arm::GRAVITY;
-use physics::{AnyEffect, Arm, Body, Given, Joint, JointKind, Model, Tool};
+use physics::{
+    AnyEffect, Arm, Body, Given, JOINTS_MAX, Joint, JointKind, Joints, Model, Tool, Wrench,
+};
 
 pub(crate) const DT_NS: u64 = 1_000_000;
 
@@ -134,6 +136,32 @@ pub(crate) fn erring(arm: Arm) -> Model {
     push("tool_offset", None, &[("shift", &TOOL_SHIFT), ("turn", &TOOL_TURN)]);
     push("base_compliance", None, &[("compliance", &[BASE_COMPLIANCE])]);
     model
+}
+
+/// Each joint's zero, gear and drive train, the tool and the base: twenty effects.
+pub(crate) fn twenty() -> Model {
+    let kinds = [
+        "joint_offset",
+        "transmission_error",
+        "joint_compliance",
+        "tool_offset",
+        "base_compliance",
+    ];
+    let all = erring(six());
+    let wanted = all.effects().filter(|effect| kinds.contains(&effect.spec().kind));
+    Model::new(six(), &wanted.copied().collect::<Vec<_>>()).expect("sound")
+}
+
+/// Amid the six joints' ranges, rad.
+pub(crate) fn pose() -> Joints {
+    let mut q = [0.0; JOINTS_MAX];
+    q[..6].copy_from_slice(&[0.3, -0.4, 0.5, 0.7, -0.6, 0.4]);
+    q
+}
+
+/// A cut's wrench, at the TCP.
+pub(crate) fn load() -> Wrench {
+    Wrench { force: DVec3::new(50.0, -20.0, 30.0), moment: DVec3::new(1.0, -2.0, 0.5) }
 }
 
 /// One cycle after the other, with the time that goes with it.

@@ -7,7 +7,7 @@ use crate::result::Fit;
 use physics::AnyEffect;
 
 /// Names must carry this share of what was found above the noise, as energy; else the structure is unknown.
-const CARRIED: f64 = 0.99;
+const CARRIED: f64 = 0.999;
 /// Where more than this share of what is named cannot be told apart, nothing is claimed.
 const CLEAR: f64 = 0.5;
 /// Two names that differ by less than this in log-likelihood are one and the same thing in this recording.

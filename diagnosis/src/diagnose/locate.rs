@@ -14,7 +14,7 @@ use crate::result::Fit;
 use crate::score::Fitted;
 use crate::surroundings::Surroundings;
 use glam::DVec3;
-use physics::{Chain, Model};
+use physics::{Chain, Frame, Joints, Model};
 
 /// Parts of a word's range.
 const PARTS: usize = 6;
@@ -105,6 +105,21 @@ pub struct Seen {
     pub intervals_s: Vec<[f64; 2]>,
 }
 
+/// Where the tool is, and how far each joint is off, pose by pose.
+fn places(campaign: &Campaign, model: &Model) -> Vec<(Frame, Joints)> {
+    let mut places = Vec::with_capacity(campaign.poses.len());
+    follow(model, campaign, None, |_, seen, _| {
+        places.push((seen.real.base_from_tool, seen.deviation.joints));
+    });
+    places
+}
+
+/// How the tool moves, pose by pose, from one model to another.
+pub(super) fn moved(campaign: &Campaign, from: &Model, to: &Model) -> Vec<Motion> {
+    let pairs = places(campaign, from).into_iter().zip(places(campaign, to));
+    pairs.map(|(below, above)| Motion::between(&below, &above, 1.0)).collect()
+}
+
 /// Where the difference of two models shows in the readings.
 pub(super) fn seen(
     campaign: &Campaign,
@@ -112,14 +127,7 @@ pub(super) fn seen(
     with: &Model,
     without: &Model,
 ) -> Seen {
-    let places = |model: &Model| {
-        let mut places = Vec::with_capacity(campaign.poses.len());
-        follow(model, campaign, None, |_, seen, _| {
-            places.push((seen.real.base_from_tool, seen.deviation.joints));
-        });
-        places
-    };
-    let (with, without) = (places(with), places(without));
+    let (with, without) = (places(campaign, with), places(campaign, without));
     let mut channels: Vec<(String, f64)> = Vec::new();
     let mut add = |name: String, square: f64| match channels.iter_mut().find(|c| c.0 == name) {
         Some(channel) => channel.1 += square,

@@ -1,21 +1,24 @@
 //! What no name explains: whether anything is left above the noise, and what it follows.
 //!
 //! Each joint's error is asked as a smooth law of each word (Chebyshev polynomials), and of those pairs of words that physics ties together; the law
-//! that is worth most of its numbers says what the rest depends on (an additive model in the manner of Hastie and Tibshirani, 1990, with few terms).
+//! that is worth most of its numbers says what the rest depends on (an additive model in the manner of Hastie and Tibshirani, 1990, with few terms). And
+//! each name is asked whether its size changes with a word: then it is not what its name says (a model with varying coefficients, the same, 1993).
 //!
 //! Promises: a law costs its numbers and the number of laws that were tried. Never: a name of an effect.
 
 use super::features::Word;
-use super::name::{Asking, Naming};
+use super::locate::moved;
+use super::name::{Asking, Naming, without};
 use super::prove::borne_out;
-use crate::campaign::Campaign;
-use crate::fit::{Settings, compare};
+use crate::fit::compare;
 use crate::motion::Motion;
 use crate::problem::Weighing;
 use crate::result::Fit;
 use crate::score::{Asked, Fitted};
 use crate::triangle::dot;
-use physics::{Arm, Chain, Inputs};
+use physics::spec::Need;
+use physics::{AnyEffect, Arm, Chain, Inputs};
+use std::rc::Rc;
 
 /// Polynomials of one word.
 const DEGREE: usize = 5;
@@ -28,34 +31,47 @@ const CLEARLY: f64 = 0.02;
 /// How large a coefficient may be: a joint's error, rad or m.
 const LARGE: f64 = 5e-3;
 
-/// A smooth law of a joint's error.
+/// What a law gives its size to.
+#[derive(Clone, Debug)]
+enum Carrier {
+    /// The joint's error, rad or m.
+    Joint,
+    /// What was named there: how the tool moves with it, pose by pose; and the word that the name itself follows.
+    Named(Rc<[Motion]>, Option<usize>),
+}
+
+/// A smooth law of a joint's error, or of the size of what was named there.
 #[derive(Clone, Debug)]
 pub(super) struct Law {
     /// The joint that errs, from 0.
     pub(super) joint: usize,
+    carrier: Carrier,
     /// Places among the words: one or two.
-    pub(super) words: Vec<usize>,
-    /// One coefficient per term, rad or m.
-    pub(super) found: Vec<f64>,
+    words: Vec<usize>,
+    /// One coefficient per term, rad or m; of what was named, as shares.
+    found: Vec<f64>,
     /// By how much the sum of squares falls, less what its numbers cost; above zero: it is there.
     pub(super) worth: f64,
 }
 
-/// The law that is worth most, where the rows that were kept for a second look bear it out.
+/// The law that is worth most beside what is named, where the rows that were kept for a second look bear it out.
 pub(super) fn confirmed(
-    campaign: &Campaign,
-    fit: &Fit,
-    settings: &Settings<'_>,
+    asking: &Asking<'_>,
+    naming: &Naming,
     words: &[Word],
     kept: &[bool],
 ) -> Option<Law> {
-    let fitted = Fitted::new(campaign, fit, settings);
-    let law = law(&fitted, words)?;
+    let fitted = Fitted::new(asking.campaign, &naming.fit, &asking.settings);
+    let best = unsteady(&fitted, words, asking, naming, law(&fitted, words));
+    borne_out_by(&fitted, words, kept, best.filter(|law| law.worth > 0.0)?)
+}
+
+fn borne_out_by(fitted: &Fitted<'_>, words: &[Word], kept: &[bool], law: Law) -> Option<Law> {
     if !kept.contains(&true) {
         return Some(law);
     }
-    let [without, with] = law.on(&fitted, words, kept);
-    let gain = 0.5 * (without - with) / fit.design_effect;
+    let [without, with] = law.on(fitted, words, kept);
+    let gain = 0.5 * (without - with) / fitted.fit.design_effect;
     (borne_out(0.5 * law.worth, gain) > 0.0).then_some(law)
 }
 
@@ -76,7 +92,7 @@ pub(super) fn instead_of_names(
     let cost =
         price(&fitted, numbers, 1) + naming.named.len() as f64 * price(&fitted, 0, library.len());
     let names = (bare.sum - naming.fit.sum) / bare.design_effect - cost;
-    let law = confirmed(campaign, &bare, settings, words, kept)?;
+    let law = borne_out_by(&fitted, words, kept, law(&fitted, words)?)?;
     (law.worth > (1.0 + CLEARLY) * names).then_some((bare, law))
 }
 
@@ -123,11 +139,72 @@ fn better(
             let worth = score.gain / fitted.fit.design_effect - price(fitted, score.numbers, tried);
             if best.as_ref().is_none_or(|best| worth > best.worth) {
                 let words = groups[score.candidate].clone();
-                best = Some(Law { joint, words, found: score.found, worth });
+                best =
+                    Some(Law { joint, carrier: Carrier::Joint, words, found: score.found, worth });
             }
         }
     }
     best
+}
+
+/// The best law by which a name's size changes, and of what was found before.
+fn unsteady(
+    fitted: &Fitted<'_>,
+    words: &[Word],
+    asking: &Asking<'_>,
+    naming: &Naming,
+    before: Option<Law>,
+) -> Option<Law> {
+    let mut best = before;
+    let Asking { campaign, known, .. } = asking;
+    let whole = &naming.fit.hypothesis.model;
+    let tried = naming.named.len() * words.len();
+    for one in &naming.named {
+        let effect = whole.effects().nth(one.effect);
+        let Some((effect, joint)) = effect.and_then(|e| Some((e, e.joint()?))) else { continue };
+        let bare = without(&naming.fit, &known.model, &[one]).model;
+        let motions: Rc<[Motion]> = moved(campaign, &bare, whole).into();
+        let own = follows(effect, joint, words);
+        let other: Vec<usize> = (0..words.len()).filter(|w| Some(*w) != own).collect();
+        let groups = other.iter().map(|w| [*w]);
+        let counts: Vec<usize> = groups.clone().map(|group| count(words, &group)).collect();
+        let asked = Asked { sigmas: vec![1.0; counts.iter().sum()], numbers: counts };
+        let scores = fitted.scores_of(&asked, |pose, into| {
+            into.clear();
+            for group in groups.clone() {
+                terms(words, &group, pose, |term| into.push(motions[pose].times(term)));
+            }
+        });
+        for score in scores {
+            let worth = score.gain / fitted.fit.design_effect - price(fitted, score.numbers, tried);
+            if best.as_ref().is_none_or(|best| worth > best.worth) {
+                best = Some(Law {
+                    joint,
+                    carrier: Carrier::Named(motions.clone(), own),
+                    words: vec![other[score.candidate]],
+                    found: score.found,
+                    worth,
+                });
+            }
+        }
+    }
+    best
+}
+
+/// The word that an effect follows by its nature.
+fn follows(effect: &AnyEffect, joint: usize, words: &[Word]) -> Option<usize> {
+    let needs = |need: Need| effect.spec().needs.contains(&need);
+    let n = joint + 1;
+    let name = match effect {
+        AnyEffect::OverPath(_) => format!("v{n}"),
+        _ if needs(Need::Direction) => format!("direction_{n}"),
+        _ if needs(Need::Temperature) => format!("temp{n}_C"),
+        _ if needs(Need::Time) => "t_s".to_owned(),
+        _ if needs(Need::Masses) => format!("tau{n}"),
+        _ if needs(Need::Wrench) => "wrench".to_owned(),
+        _ => format!("q{n}"),
+    };
+    words.iter().position(|word| word.name == name)
 }
 
 fn price(fitted: &Fitted<'_>, numbers: usize, tried: usize) -> f64 {
@@ -188,13 +265,26 @@ fn terms(words: &[Word], group: &[usize], pose: usize, mut take: impl FnMut(f64)
 }
 
 impl Law {
+    /// The contract's words that it follows, each once.
+    pub(super) fn depends_on(&self, words: &[Word]) -> Vec<String> {
+        let own = if let Carrier::Named(_, own) = &self.carrier { *own } else { None };
+        let all = own.iter().chain(&self.words);
+        let mut names: Vec<String> = all.map(|word| words[*word].name.clone()).collect();
+        names.dedup();
+        names
+    }
+
     /// How the tool moves with it at a pose.
     fn motion(&self, arm: &Arm, inputs: &Inputs, words: &[Word], pose: usize) -> Motion {
         let mut sum = 0.0;
         let mut found = self.found.iter();
         terms(words, &self.words, pose, |term| sum += term * found.next().unwrap_or(&0.0));
-        let chain = Chain::nominal(arm, &inputs.q);
-        Motion::of_joint(arm, &chain, self.joint).times(sum)
+        match &self.carrier {
+            Carrier::Joint => {
+                Motion::of_joint(arm, &Chain::nominal(arm, &inputs.q), self.joint).times(sum)
+            }
+            Carrier::Named(motions, _) => motions[pose].times(sum),
+        }
     }
 
     /// Sums of squares of the rows `held`, whitened, without the law and with it; what is fitted anyway follows the law as it does on the rows of the fit.

@@ -8,6 +8,7 @@ use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
 use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
+use crate::trig::sin_cos;
 use crate::frame::normals;
 use glam::DVec3;
 
@@ -50,14 +51,14 @@ impl Effect for AxisWobble {
     fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [a1, a2, p1, p2, cycles] = self.values;
         let angle = cycles * signals.inputs.q[self.joint];
-        self.tilted(a1 * libm::sin(angle + p1), a2 * libm::sin(angle + p2))
+        self.tilted(a1 * sin_cos(angle + p1).0, a2 * sin_cos(angle + p2).0)
     }
 
     fn derivative(&self, k: usize, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [a1, a2, p1, p2, cycles] = self.values;
         let q = signals.inputs.q[self.joint];
         let ((sin1, cos1), (sin2, cos2)) =
-            (libm::sincos(cycles * q + p1), libm::sincos(cycles * q + p2));
+            (sin_cos(cycles * q + p1), sin_cos(cycles * q + p2));
         match k {
             0 => self.tilted(sin1, 0.0),
             1 => self.tilted(0.0, sin2),

@@ -9,6 +9,7 @@ use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
 use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+use crate::trig::sin_cos;
 
 /// `counterbalance`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +43,7 @@ impl Effect for Counterbalance {
 
     fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [stiffness, free_length, a, l, angle] = self.values;
-        let (sin, cos) = libm::sincos(angle + signals.inputs.q[self.joint]);
+        let (sin, cos) = sin_cos(angle + signals.inputs.q[self.joint]);
         let lever = a * l * sin;
         let length = libm::sqrt((a * a + l * l + 2.0 * a * l * cos).max(0.0));
         // Where the two pivots meet the spring has no direction, and no lever either.

@@ -8,6 +8,7 @@ use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
 use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+use crate::trig::sin_cos;
 
 /// `transmission_error`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,14 +40,14 @@ impl Effect for TransmissionError {
 
     fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [amplitude, cycles, phase] = self.values;
-        let delta = amplitude * libm::sin(cycles * signals.inputs.q[self.joint] + phase);
+        let delta = amplitude * sin_cos(cycles * signals.inputs.q[self.joint] + phase).0;
         Contribution::Joint { joint: self.joint, delta }
     }
 
     fn derivative(&self, k: usize, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [amplitude, cycles, phase] = self.values;
         let q = signals.inputs.q[self.joint];
-        let (sin, cos) = libm::sincos(cycles * q + phase);
+        let (sin, cos) = sin_cos(cycles * q + phase);
         let delta = [sin, amplitude * q * cos, amplitude * cos][k];
         Contribution::Joint { joint: self.joint, delta }
     }

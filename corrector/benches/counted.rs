@@ -1,0 +1,65 @@
+//! One stage of a correction so many times, for a tool that counts instructions: `counted STAGE TIMES`, or without arguments the stages' names.
+//!
+//! `cargo xtask instructions` runs it under callgrind and compares with what is stored; time on a shared machine would tell nothing of a few per cent.
+#![expect(clippy::expect_used, reason = "the arms of the tests are sound")]
+
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+use corrector::{Settings, Solver, Task, World, WrenchSample};
+use physics::{Chain, Evaluation, Inputs, JOINTS_MAX, Memories};
+use std::hint::black_box;
+use support::{DT_NS, Run, envelope, load, pose, twenty};
+
+/// The stages, the whole cycle last.
+const STAGES: [&str; 4] = ["geometry", "evaluation", "correction", "cycle"];
+
+fn run(stage: &str, times: u64) {
+    let (model, q, inputs) = (twenty(), pose(), pose_under_load());
+    let (memories, reach, task) = (Memories::default(), [0.02; JOINTS_MAX], Task::default());
+    match stage {
+        "geometry" => (0..times).for_each(|_| {
+            black_box(Chain::nominal(black_box(&model.arm), black_box(&q)));
+        }),
+        "evaluation" => {
+            let mut seen = Evaluation::default();
+            (0..times).for_each(|_| {
+                model.evaluate_into(black_box(&inputs), &memories, &mut seen);
+                black_box(&seen.real.base_from_tool);
+            });
+        }
+        "correction" => {
+            let mut solver = Solver::default();
+            (0..times).for_each(|_| {
+                black_box(solver.solve(
+                    black_box(&model),
+                    black_box(&inputs),
+                    &memories,
+                    &task,
+                    &reach,
+                ));
+            });
+        }
+        _ => {
+            let mut run = Run::new(model, Settings::with_envelope(envelope()));
+            let sample = WrenchSample { wrench: load(), in_base: true, age_ns: DT_NS };
+            run.world = World { wrench: Some(sample), ..World::default() };
+            let q: [f64; 6] = std::array::from_fn(|i| q[i]);
+            (0..times).for_each(|_| {
+                black_box(run.cycle(black_box(&q)));
+            });
+        }
+    }
+}
+
+fn pose_under_load() -> Inputs {
+    Inputs { wrench_base: load(), ..Inputs::at_rest(pose()) }
+}
+
+fn main() {
+    let mut arguments = std::env::args().skip(1).filter(|argument| argument != "--bench");
+    match (arguments.next(), arguments.next().and_then(|times| times.parse().ok())) {
+        (Some(stage), Some(times)) if STAGES.contains(&stage.as_str()) => run(&stage, times),
+        _ => STAGES.iter().for_each(|stage| println!("{stage}")),
+    }
+}

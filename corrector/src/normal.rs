@@ -1,0 +1,80 @@
+//! Normal equations of at most six rows, factored once and solved for many right-hand sides (Cholesky).
+//!
+//! Promises: what is not positive definite has no factor. Never: a heap, an index from outside.
+
+/// Rows of a task.
+pub(crate) const ROWS: usize = 6;
+
+/// The lower factor `L` of `N = L Lᵀ`, with the inverses of its diagonal.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Factor {
+    lower: [[f64; ROWS]; ROWS],
+    inverse: [f64; ROWS],
+}
+
+impl Factor {
+    /// Of a symmetric matrix, of which the lower half is looked at; none where it is not positive definite.
+    pub(crate) fn of(normal: &[[f64; ROWS]; ROWS]) -> Option<Self> {
+        let mut factor = Self { lower: [[0.0; ROWS]; ROWS], inverse: [0.0; ROWS] };
+        let Self { lower, inverse } = &mut factor;
+        for i in 0..ROWS {
+            for k in 0..i {
+                let known: f64 = (0..k).map(|j| lower[i][j] * lower[k][j]).sum();
+                lower[i][k] = (normal[i][k] - known) * inverse[k];
+            }
+            let known: f64 = (0..i).map(|j| lower[i][j] * lower[i][j]).sum();
+            let square = normal[i][i] - known;
+            // Not a number is not positive either.
+            if !(square > 0.0 && square.is_finite()) {
+                return None;
+            }
+            inverse[i] = 1.0 / libm::sqrt(square);
+        }
+        Some(factor)
+    }
+
+    /// `N⁻¹ b`.
+    pub(crate) fn solve(&self, b: &[f64; ROWS]) -> [f64; ROWS] {
+        let Self { lower, inverse } = self;
+        let mut x = [0.0; ROWS];
+        for i in 0..ROWS {
+            let known: f64 = (0..i).map(|k| lower[i][k] * x[k]).sum();
+            x[i] = (b[i] - known) * inverse[i];
+        }
+        for i in (0..ROWS).rev() {
+            let known: f64 = (i + 1..ROWS).map(|k| lower[k][i] * x[k]).sum();
+            x[i] = (x[i] - known) * inverse[i];
+        }
+        x
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn what_is_solved_gives_the_right_hand_side_back(
+            rows in prop::array::uniform6(prop::array::uniform6(-1.0..1.0_f64)),
+            b in prop::array::uniform6(-1.0..1.0_f64),
+        ) {
+            let normal: [[f64; ROWS]; ROWS] = std::array::from_fn(|i| std::array::from_fn(|k| {
+                let product: f64 = (0..ROWS).map(|j| rows[i][j] * rows[k][j]).sum();
+                product + if i == k { 0.1 } else { 0.0 }
+            }));
+            let x = Factor::of(&normal).expect("positive definite").solve(&b);
+            for i in 0..ROWS {
+                let back: f64 = (0..ROWS).map(|k| normal[i][k] * x[k]).sum();
+                prop_assert!((back - b[i]).abs() < 1e-11, "{back} {}", b[i]);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_singular_or_no_number_has_no_factor() {
+        assert!(Factor::of(&[[1.0; ROWS]; ROWS]).is_none());
+        assert!(Factor::of(&[[f64::NAN; ROWS]; ROWS]).is_none());
+    }
+}
