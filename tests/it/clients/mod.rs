@@ -52,19 +52,16 @@ fn beside(place: &Place, program: &Path) -> Command {
 
 /// One program per language for which this machine has what it takes.
 fn compiled(prefix: &Prefix, source: &str) -> Vec<(Language, PathBuf)> {
-    let mut all = Vec::new();
-    for language in [Language::C, Language::Cpp] {
-        let needs = ["pkg-config", language.compiler()];
-        match needs.iter().find(|program| !has(program)) {
-            Some(missing) => {
-                skipped(
-                    scratch(),
-                    &format!("{source} in {language:?}"),
-                    &format!("no `{missing}`"),
-                );
-            }
-            None => all.push((language, prefix.build(language, source))),
-        }
+    let all = [Language::C, Language::Cpp].into_iter();
+    all.filter_map(|language| Some((language, built(prefix, language, source)?))).collect()
+}
+
+/// A program in that language; none where this machine lacks what it takes.
+fn built(prefix: &Prefix, language: Language, source: &str) -> Option<PathBuf> {
+    let needs = ["pkg-config", language.compiler()];
+    if let Some(missing) = needs.iter().find(|program| !has(program)) {
+        skipped(scratch(), &format!("{source} in {language:?}"), &format!("no `{missing}`"));
+        return None;
     }
-    all
+    Some(prefix.build(language, source))
 }

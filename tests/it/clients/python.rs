@@ -48,6 +48,11 @@ fn make() -> Result<PathBuf, String> {
         pip
     };
     tried(pip().args(TOOLS), "what builds the package cannot be installed")?;
+    let crates = root().join("client/python/Cargo.toml");
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
+    let mut fetch = Command::new(cargo);
+    fetch.args(["fetch", "--quiet", "--locked", "--manifest-path"]).arg(crates);
+    tried(&mut fetch, "the crates of the package cannot be had")?;
     // From here on nothing is lacking: a failure is the package's. The profile is that of these tests.
     let bin = home.join("bin").display().to_string();
     let path = format!("{bin}:{}", std::env::var("PATH").unwrap_or_default());
