@@ -3,7 +3,7 @@
 #
 #   client/c/install.sh --prefix /usr/local [--destdir DIR] [--libdir lib] [--from DIR]
 #
-# --from DIR takes libtrued_client_c.{so,a} from there instead of building them. `cargo cinstall` (cargo-c) is the other way.
+# --from DIR takes libtrued_client_c.{so,a} from there instead of building them.
 set -eu
 
 here=$(cd "$(dirname "$0")" && pwd)
