@@ -90,8 +90,10 @@ fn listen(force: &mut ForceSource, monitor: &mut Monitor) -> Done {
         *ringing = confirmed.or(*ringing);
         *ringing
     };
+    // The first status comes a moment after connecting.
+    let before = comes_to(|| monitor.status()).ok_or("no status came")?.force_blocks;
     let taken = |monitor: &mut Monitor, blocks: u32| {
-        let enough = |blocks_taken| (blocks_taken >= u64::from(blocks)).then_some(());
+        let enough = |blocks_taken| (blocks_taken >= before + u64::from(blocks)).then_some(());
         comes_to(|| enough(monitor.status()?.force_blocks))
             .ok_or("the daemon does not take the force blocks")
     };

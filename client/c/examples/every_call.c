@@ -81,11 +81,21 @@ static void nap(void) {
     nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
 }
 
+/* How many force blocks the daemon has taken since it started. The first status comes a moment after connecting. */
+static uint64_t blocks_taken(trued_monitor *monitor) {
+    trued_status status = TRUED_INIT(trued_status);
+    for (int look = 0; look < 10000; look++) {
+        if (trued_monitor_status(monitor, &status) == TRUED_OK) return status.force_blocks;
+        nap();
+    }
+    fprintf(stderr, "no status came\n");
+    exit(1);
+}
+
 /* Waits until the daemon has taken so many blocks. */
 static void taken(trued_monitor *monitor, uint64_t blocks) {
     for (int look = 0; look < 10000; look++) {
-        trued_status status = TRUED_INIT(trued_status);
-        if (trued_monitor_status(monitor, &status) == TRUED_OK && status.force_blocks >= blocks) return;
+        if (blocks_taken(monitor) >= blocks) return;
         nap();
     }
     fprintf(stderr, "the daemon does not take the force blocks\n");
@@ -107,7 +117,7 @@ static int heard(trued_monitor *monitor, trued_vibration *confirmed) {
 
 /* Sends noise, then a tone of 72 Hz on y; the watch says what rings. */
 static void listen(trued_force *force, trued_monitor *monitor) {
-    uint64_t chance = 11, start = trued_monotonic_ns(), lost = 0;
+    uint64_t chance = 11, start = trued_monotonic_ns(), before = blocks_taken(monitor), lost = 0;
     double samples[3 * BLOCK];
     trued_vibration ringing = TRUED_INIT(trued_vibration);
     int found = 0;
@@ -125,10 +135,10 @@ static void listen(trued_force *force, trued_monitor *monitor) {
         block.rate_hz = 10000.0;
         block.doubles = samples;
         must("force", trued_force_send(force, &block));
-        if (k % 32 == 31) taken(monitor, k + 1);
+        if (k % 32 == 31) taken(monitor, before + k + 1);
         found |= heard(monitor, &ringing);
     }
-    taken(monitor, BLOCKS);
+    taken(monitor, before + BLOCKS);
     for (int look = 0; look < 2000 && !found; look++) {
         nap();
         found = heard(monitor, &ringing);

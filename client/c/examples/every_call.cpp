@@ -82,11 +82,12 @@ static void listen(trued::force_source &force, trued::monitor &monitor) {
         }
         return ringing.has_value();
     };
+    // The first status comes a moment after connecting.
+    if (!comes_to([&] { return monitor.status().has_value(); })) throw std::runtime_error("no status came");
+    const auto blocks_taken = [&] { return monitor.status().value().force_blocks; };
+    const auto before = blocks_taken();
     const auto taken = [&](unsigned count) {
-        const auto enough = [&] {
-            const auto status = monitor.status();
-            return status && status->force_blocks >= count;
-        };
+        const auto enough = [&] { return blocks_taken() >= before + count; };
         if (!comes_to(enough)) throw std::runtime_error("the daemon does not take the force blocks");
     };
     std::uint64_t chance = 11;

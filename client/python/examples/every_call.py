@@ -72,12 +72,17 @@ def listen(force: trued.ForceSource, monitor: trued.Monitor) -> None:
                 ringing.append(said)
         return bool(ringing)
 
-    def taken(blocks: int) -> None:
-        def enough() -> bool:
-            status = monitor.status()
-            return status is not None and status.force_blocks >= blocks
+    def blocks_taken() -> int:
+        status = monitor.status()
+        return 0 if status is None else status.force_blocks
 
-        if not comes_to(enough):
+    # The first status comes a moment after connecting.
+    if not comes_to(lambda: monitor.status() is not None):
+        raise RuntimeError("no status came")
+    before = blocks_taken()
+
+    def taken(blocks: int) -> None:
+        if not comes_to(lambda: blocks_taken() >= before + blocks):
             raise RuntimeError("the daemon does not take the force blocks")
 
     chance, start = 11, trued.monotonic_ns()
