@@ -18,7 +18,7 @@ use physics::{Chain, Evaluation, Frame, Inputs, JOINTS_MAX, JointKind, Joints, M
 /// The most Newton steps.
 const STEPS_MAX: u32 = 10;
 /// The solution stands once the step after the last is foretold to be below this, rad or m.
-const STEP_DONE: f64 = 1e-10;
+const STEP_DONE: f64 = 1e-11;
 /// It stands too once the weighted error is below this, m: rounding of the geometry.
 const ERROR_DONE_M: f64 = 1e-14;
 /// A step that is larger than this share of the one before asks for a new linearisation.

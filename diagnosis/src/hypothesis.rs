@@ -95,6 +95,19 @@ impl Hypothesis {
         }
     }
 
+    /// Puts the numbers of these effects whose uncertainty is stated to what is believed of them; no fit changes them.
+    pub fn believe(&mut self, wanted: impl Fn(&AnyEffect) -> bool) {
+        let Self { model, free } = self;
+        free.retain(|free| {
+            let Some(effect) = model.effect_mut(free.effect) else { return false };
+            let held = free.stated && wanted(effect);
+            if held {
+                effect.values_mut()[free.value] = free.mean;
+            }
+            !held
+        });
+    }
+
     /// The same without the effect in place `index`.
     #[must_use]
     pub fn without(&self, index: usize) -> Self {

@@ -8,6 +8,7 @@
 )]
 
 mod calibrate;
+mod instructions;
 mod seeds;
 mod watch;
 
@@ -16,6 +17,7 @@ use std::process::ExitCode;
 const HELP: &str = "\
 cargo xtask seeds [COUNT] [--full] [--debug]   the demo over COUNT seeds (20): tool error without, with, after the diagnosis; whether what is hidden was named right
 cargo xtask calibrate [CAMPAIGNS] [--out=DIR]   the calibration: the thesis' virtual robot, coverage of intervals over CAMPAIGNS (1000), outliers, time
+cargo xtask instructions [--store]   the hot path's stages: instructions by callgrind beside those stored; more than a tenth more fails
 cargo xtask watch [HOURS] [--from=JSON] [--out=DIR]   the vibration watch: detection, false alarms in HOURS (10) of noise per axis, transients, cost
 ";
 
@@ -25,6 +27,7 @@ fn main() -> ExitCode {
     let done = match words.as_slice() {
         ["seeds", rest @ ..] => seeds::run(rest),
         ["calibrate", rest @ ..] => calibrate::run(rest),
+        ["instructions", rest @ ..] => instructions::run(rest),
         ["watch", rest @ ..] => watch::run(rest),
         _ => {
             print!("{HELP}");

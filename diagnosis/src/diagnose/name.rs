@@ -262,7 +262,9 @@ impl Asking<'_> {
             if named.is_empty() {
                 return spring(fitted, joint);
             }
-            let bare = without(&naming.fit, &self.known.model, &named);
+            let mut bare = without(&naming.fit, &self.known.model, &named);
+            // While it is missing, what gives way seems stiff, and no spring would bend it: it gives way here as is believed.
+            bare.believe(|effect| is_about_loads(effect.spec()));
             let bare = compare(self.campaign, &bare, &naming.fit, self.settings.used);
             spring(&Fitted::new(self.campaign, &bare, &self.settings), joint)
         };
