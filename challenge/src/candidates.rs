@@ -153,10 +153,7 @@ fn forms(kind: Kind, scene: &Scene, one: &dyn Fn(&[f64]) -> Effect) -> Vec<Vec<E
             let at = |by: [f64; 3]| one(&[1.0, tcp[0] + by[0], tcp[1] + by[1], tcp[2] + by[2]]);
             vec![vec![at([0.0; 3]), at([0.1, 0.0, 0.0]), at([0.0, 0.1, 0.0]), at([0.0, 0.0, 0.1])]]
         }
-        Kind::WrenchScale => vec![
-            (0..6).map(|k| one(&unit(6, k).iter().map(|x| 0.01 * x).collect::<Vec<_>>())).collect(),
-        ],
-        Kind::WrenchMisalignment | Kind::GravityTilt => {
+        Kind::WrenchScale | Kind::WrenchMisalignment | Kind::GravityTilt => {
             let count = kind.count();
             vec![
                 (0..count)

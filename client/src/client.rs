@@ -12,7 +12,7 @@ use shm_schema::{
 use crate::follow::Follower;
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
 use crate::monitor::{Asker, MonitorPorts, ping, reload, switch};
-use crate::{AskError, ConnectError, Measured, NotSent, ProcessState, Setpoint, Target};
+use crate::{AskError, Away, ConnectError, Measured, NotSent, ProcessState, Setpoint, Target};
 
 /// An answer is awaited spinning for so long, then with naps.
 const SPIN: Duration = Duration::from_micros(200);
@@ -106,7 +106,7 @@ impl Client {
     /// [`NotSent`]; the loop goes on with [`target_for`](Self::target_for) whatever it says.
     pub fn send(&mut self, setpoint: &Setpoint) -> Result<u64, NotSent> {
         let command = setpoint.command(self.seq + 1, self.session, monotonic_ns())?;
-        let ports = self.link.ports().ok_or(NotSent::Disconnected)?;
+        let ports = self.link.ports_to_tell()?;
         self.seq += 1;
         self.sent = Some(command);
         match ports.commands.send(&command) {
@@ -131,7 +131,7 @@ impl Client {
             return Err(NotSent::joints(joints));
         }
         let (seq, session) = (self.state_seq + 1, self.session);
-        let ports = self.link.ports().ok_or(NotSent::Disconnected)?;
+        let ports = self.link.ports_to_tell()?;
         self.state_seq = seq;
         match ports.state.send(&RobotState { seq, session, sent_ns: monotonic_ns(), ..*state }) {
             SendOutcome::Delivered => Ok(()),
@@ -230,6 +230,11 @@ impl Client {
         self.link.connection()
     }
 
+    /// Why not connected; none while connected.
+    pub fn away(&mut self) -> Option<Away> {
+        self.link.away()
+    }
+
     /// What happened to the connection since, oldest first.
     pub fn next_event(&mut self) -> Option<ConnectionEvent> {
         self.link.next_event()
@@ -292,7 +297,6 @@ impl Client {
     }
 
     fn ask(&mut self, request: Request, limit: Duration) -> Result<Response, AskError> {
-        let monitor = self.link.ports().map(|ports| &mut ports.monitor);
-        self.asker.ask(monitor, request, limit)
+        self.asker.ask(&mut self.link.ports_to_tell()?.monitor, request, limit)
     }
 }

@@ -4,6 +4,48 @@ use std::time::Duration;
 
 use shm_schema::{DomainError, JOINTS_MAX, JoinError};
 
+/// Why there is no daemon to talk to now. The library goes on trying by itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Away {
+    /// The daemon is gone.
+    #[error("no daemon is there now; start `trued run`: it is joined by itself")]
+    DaemonLost,
+    /// Another daemon than before has been joined; said once, nothing was sent.
+    #[error(
+        "the daemon has restarted and was joined again: tell it anew what the one before was told \
+         (bypass, arm, process state). Said once, and nothing was sent: call again"
+    )]
+    DaemonRestarted,
+    /// The daemon that is there now is of another version.
+    #[error("the daemon that is there now is of another version; bring both to one version")]
+    VersionMismatch,
+    /// The cell is another user's now.
+    #[error("the cell belongs to another user now; run daemon and clients as one user")]
+    WrongUser,
+    /// Another process has taken this role.
+    #[error("another process has taken this role; a cell has one of each: end one of them")]
+    RoleTaken,
+    /// The transport refuses.
+    #[error("the daemon is there and cannot be joined; is shared memory full?")]
+    Transport,
+}
+
+impl From<&JoinError> for Away {
+    fn from(e: &JoinError) -> Self {
+        match e {
+            JoinError::NoDaemon { .. } | JoinError::DaemonDied { .. } => Self::DaemonLost,
+            JoinError::VersionMismatch { .. } | JoinError::Unreadable { .. } => {
+                Self::VersionMismatch
+            }
+            JoinError::WrongUser { .. } => Self::WrongUser,
+            JoinError::RoleTaken { .. } => Self::RoleTaken,
+            JoinError::Cell(_) | JoinError::Transport { .. } | JoinError::Port(_) => {
+                Self::Transport
+            }
+        }
+    }
+}
+
 /// No connection came about.
 #[derive(Debug, thiserror::Error)]
 pub enum ConnectError {
@@ -42,9 +84,9 @@ impl From<DomainError> for ConnectError {
 /// A message was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NotSent {
-    /// There is no daemon now; the library joins by itself when there is one.
-    #[error("no daemon is there now; go on publishing what `target_for` answers")]
-    Disconnected,
+    /// There is no daemon to send to; go on publishing what `target_for` answers.
+    #[error(transparent)]
+    Away(#[from] Away),
     /// The daemon is there, and the message was lost on the way; it is counted.
     #[error("the message was lost: the daemon does not take it; is it overloaded?")]
     Lost,
@@ -70,9 +112,9 @@ impl NotSent {
 /// A request got no answer.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum AskError {
-    /// There is no daemon now.
-    #[error("no daemon is there now; start `trued run`")]
-    Disconnected,
+    /// There is no daemon to ask.
+    #[error(transparent)]
+    Away(#[from] Away),
     /// No answer in time; whether it was done is unknown.
     #[error("no answer within {limit:?}; the daemon's status tells whether it was done")]
     TimedOut {

@@ -12,7 +12,7 @@ use shm_schema::{
 
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
 use crate::setpoint::WrenchFrame;
-use crate::{ConnectError, NotSent};
+use crate::{Away, ConnectError, NotSent};
 
 /// Samples in either precision; f32 is promoted.
 #[derive(Debug, Clone, Copy)]
@@ -79,15 +79,15 @@ impl ForceSource {
     ///
     /// # Errors
     /// [`NotSent::Invalid`] where the block makes no sense (nothing is counted then);
-    /// [`NotSent::Disconnected`] and [`NotSent::Lost`] where it is lost.
+    /// [`NotSent::Away`] and [`NotSent::Lost`] where it is lost.
     pub fn send(&mut self, force: &ForceSamples<'_>) -> Result<(), NotSent> {
         let samples = self.fill(force)?;
-        let outcome = match self.link.ports() {
-            Some(ports) => match ports.blocks.send(&self.block) {
+        let outcome = match self.link.ports_to_tell() {
+            Ok(ports) => match ports.blocks.send(&self.block) {
                 SendOutcome::Delivered => Ok(()),
                 SendOutcome::NoReader | SendOutcome::Lost => Err(NotSent::Lost),
             },
-            None => Err(NotSent::Disconnected),
+            Err(away) => Err(NotSent::Away(away)),
         };
         self.block.samples_before += samples as u64;
         self.lost += u64::from(outcome.is_err());
@@ -104,6 +104,11 @@ impl ForceSource {
     #[must_use]
     pub fn connection(&self) -> Connection {
         self.link.connection()
+    }
+
+    /// Why not connected; none while connected.
+    pub fn away(&mut self) -> Option<Away> {
+        self.link.away()
     }
 
     /// What happened to the connection since, oldest first.

@@ -21,6 +21,7 @@
 //! answers: with the daemon's correction while it is fresh (10 ms unless told otherwise), else with
 //! the last one ramped out by the daemon's own envelope, and with the plain command in the end. When
 //! the daemon comes back, the client joins it by itself and blends the correction in again.
+//! What goes wrong has one [`ErrorKind`], the same in every language.
 //!
 //! Joining, and watching whether the daemon lives, is done by a thread of the library; the calls of
 //! the robot's loop make no system call. Never: a correction of its own.
@@ -29,6 +30,7 @@ mod client;
 mod error;
 mod follow;
 mod force;
+mod kind;
 mod link;
 mod measured;
 mod monitor;
@@ -37,8 +39,9 @@ mod setpoint;
 mod target;
 
 pub use client::Client;
-pub use error::{AskError, ConnectError, NotSent};
+pub use error::{AskError, Away, ConnectError, NotSent};
 pub use force::{ForceSamples, ForceSource, Samples};
+pub use kind::ErrorKind;
 pub use link::{Connection, ConnectionEvent};
 pub use measured::Measured;
 pub use monitor::Monitor;
@@ -46,7 +49,13 @@ pub use process::ProcessState;
 pub use setpoint::{Setpoint, WrenchFrame};
 pub use shm_schema::{
     Advice, Answer, CHANNEL_NAMES, Corrected, CorrectionStatus, ForceFault, Health, InCut,
-    JOINTS_MAX, Mode, Reason, Response, SendOutcome, SensorFault, Status, Verdict, VibrationClass,
-    VibrationState, WatchState, channel_name, monotonic_ns,
+    JOINTS_MAX, Mode, Reason, Response, RobotState, SendOutcome, SensorFault, Status, Verdict,
+    VibrationClass, VibrationState, WatchState, channel_name, monotonic_ns,
 };
 pub use target::{Source, Target};
+
+/// This build's version, and the contract by which it understands a daemon, for people.
+#[must_use]
+pub fn contract() -> String {
+    shm_schema::Contract::ours().to_string()
+}

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use shm_schema::{Cell, Current, JoinError, Joined, PortError, Role, Seat};
 
-use crate::ConnectError;
+use crate::{Away, ConnectError};
 
 /// How often the thread looks whether the daemon lives and which epoch is open.
 const WATCH_PERIOD: Duration = Duration::from_millis(20);
@@ -56,6 +56,8 @@ pub enum ConnectionEvent {
     },
     /// The daemon is gone, or cannot be joined; says why.
     Lost {
+        /// Why, for programs.
+        away: Away,
         /// In words, with what to do.
         why: String,
     },
@@ -74,6 +76,14 @@ pub(crate) struct Link<P: Ports> {
     thread: Option<JoinHandle<()>>,
     ports: Option<P>,
     connection: Connection,
+    /// Why not connected, while that is so.
+    away: Away,
+    /// The daemon's process joined last; 0 before the first.
+    daemon: u32,
+    /// That daemon has gone since.
+    gone: bool,
+    /// A daemon other than before was joined, and nobody has been told.
+    restarted: bool,
     events: VecDeque<ConnectionEvent>,
 }
 
@@ -118,6 +128,10 @@ impl<P: Ports> Link<P> {
             thread: Some(thread),
             ports: None,
             connection: Connection::Lost,
+            away: Away::DaemonLost,
+            daemon: 0,
+            gone: false,
+            restarted: false,
             events: VecDeque::with_capacity(EVENTS_MAX),
         })
     }
@@ -132,15 +146,25 @@ impl<P: Ports> Link<P> {
     fn take(&mut self, news: News<P>) {
         let event = match news {
             News::Joined(ports, Current { pid, epoch, .. }) => {
-                if let (Some(old), Some(retired)) = (self.ports.replace(ports), &self.retired) {
-                    let _ = retired.send(old);
-                }
+                let old = self.ports.replace(ports);
+                self.retire(old);
                 self.connection = Connection::Connected { pid, epoch };
+                // The same process, never gone: an epoch that the daemon renewed, and it knows what it knew.
+                let another = self.gone || self.daemon != pid;
+                self.restarted |= self.daemon != 0 && another;
+                (self.daemon, self.gone) = (pid, false);
                 ConnectionEvent::Connected { pid, epoch }
             }
             News::Lost(why) => {
                 self.connection = Connection::Lost;
-                ConnectionEvent::Lost { why: why.to_string() }
+                self.away = Away::from(&why);
+                self.gone |= self.away == Away::DaemonLost;
+                if self.away != Away::DaemonLost {
+                    // That daemon lives, and may be joined again in the same epoch, where our places are still taken: by us.
+                    let old = self.ports.take();
+                    self.retire(old);
+                }
+                ConnectionEvent::Lost { away: self.away, why: why.to_string() }
             }
         };
         if self.events.len() == EVENTS_MAX {
@@ -149,8 +173,21 @@ impl<P: Ports> Link<P> {
         self.events.push_back(event);
     }
 
+    /// Ports are dropped by the thread, as that makes system calls.
+    fn retire(&self, old: Option<P>) {
+        if let (Some(old), Some(retired)) = (old, &self.retired) {
+            let _ = retired.send(old);
+        }
+    }
+
     pub(crate) fn connection(&self) -> Connection {
         self.connection
+    }
+
+    /// Why not connected; none while connected.
+    pub(crate) fn away(&mut self) -> Option<Away> {
+        self.refresh();
+        (self.connection == Connection::Lost).then_some(self.away)
     }
 
     pub(crate) fn next_event(&mut self) -> Option<ConnectionEvent> {
@@ -165,6 +202,18 @@ impl<P: Ports> Link<P> {
             Connection::Connected { .. } => self.ports.as_mut(),
             Connection::Lost => None,
         }
+    }
+
+    /// The ports for sending and asking, or why not. A restart is told once.
+    pub(crate) fn ports_to_tell(&mut self) -> Result<&mut P, Away> {
+        self.refresh();
+        if self.connection == Connection::Lost {
+            return Err(self.away);
+        }
+        if std::mem::take(&mut self.restarted) {
+            return Err(Away::DaemonRestarted);
+        }
+        self.ports.as_mut().ok_or(self.away)
     }
 }
 

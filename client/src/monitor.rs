@@ -9,7 +9,7 @@ use shm_schema::{
 };
 
 use crate::link::{Connection, ConnectionEvent, Link, Ports};
-use crate::{AskError, ConnectError, Measured, ProcessState};
+use crate::{AskError, Away, ConnectError, Measured, ProcessState};
 
 /// How often an answer is looked for.
 const ANSWER_PERIOD: Duration = Duration::from_micros(200);
@@ -76,14 +76,14 @@ impl Asker {
 
     pub(crate) fn ask(
         &mut self,
-        ports: Option<&mut MonitorPorts>,
+        ports: &mut MonitorPorts,
         request: Request,
         limit: Duration,
     ) -> Result<Response, AskError> {
         self.seq += 1;
         let request =
             Request { seq: self.seq, session: self.session, t_ns: monotonic_ns(), ..request };
-        ports.ok_or(AskError::Disconnected)?.ask(&request, limit)
+        ports.ask(&request, limit)
     }
 }
 
@@ -149,6 +149,11 @@ impl Monitor {
         self.link.connection()
     }
 
+    /// Why not connected; none while connected.
+    pub fn away(&mut self) -> Option<Away> {
+        self.link.away()
+    }
+
     /// What happened to the connection since, oldest first.
     pub fn next_event(&mut self) -> Option<ConnectionEvent> {
         self.link.next_event()
@@ -203,6 +208,6 @@ impl Monitor {
     }
 
     fn ask(&mut self, request: Request, limit: Duration) -> Result<Response, AskError> {
-        self.asker.ask(self.link.ports(), request, limit)
+        self.asker.ask(self.link.ports_to_tell()?, request, limit)
     }
 }

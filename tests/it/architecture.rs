@@ -21,6 +21,7 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("world", &["physics", "spectrum"]),
     ("diagnosis", &["world", "recording", "spectrum", "report", "physics"]),
     ("client", &["shm-schema", "envelope"]),
+    ("client/c", &["client", "shm-schema"]),
     ("daemon", &["corrector", "physics", "envelope", "spectrum", "recording", "shm-schema"]),
     ("challenge", &[]),
     // Of `daemon` the manners of a real-time thread alone, so that what is compared has the same.
@@ -90,9 +91,10 @@ fn every_file_says_what_it_is_for() {
 }
 
 #[test]
-fn unsafe_stands_in_shm_schema_alone() {
+fn unsafe_stands_in_shm_schema_and_at_the_border_to_c_alone() {
+    let allowed = ["shm-schema/", "client/c/"];
     let faults: Vec<_> = sources()
-        .filter(|path| !shown(path).starts_with("shm-schema/"))
+        .filter(|path| !allowed.iter().any(|folder| shown(path).starts_with(folder)))
         .filter(|path| {
             let file = syn::parse_file(&fs::read_to_string(path).unwrap()).unwrap();
             let mut finder = Unsafe { found: false };
@@ -101,7 +103,7 @@ fn unsafe_stands_in_shm_schema_alone() {
         })
         .map(|path| shown(&path))
         .collect();
-    assert!(faults.is_empty(), "unsafe outside shm-schema:\n{}", faults.join("\n"));
+    assert!(faults.is_empty(), "unsafe outside {allowed:?}:\n{}", faults.join("\n"));
 }
 
 #[test]
@@ -215,5 +217,7 @@ fn sources() -> impl Iterator<Item = PathBuf> {
         }
     }
     found.sort();
+    // A member may stand in another's folder.
+    found.dedup();
     found.into_iter()
 }

@@ -12,6 +12,7 @@ mod bench;
 mod calibrate;
 mod challenge;
 mod cli;
+mod clients;
 mod diagnose;
 mod diagnose_garbage;
 mod force;

@@ -25,6 +25,26 @@ fn the_readmes_code_is_the_compiled_example() {
 }
 
 #[test]
+fn the_ten_lines_of_every_language_are_those_of_its_example() {
+    let text = read("docs/clients.md");
+    for (language, example) in [
+        ("rust", "client/examples/robot_loop.rs"),
+        ("c", "client/c/examples/robot_loop.c"),
+        ("cpp", "client/c/examples/robot_loop.cpp"),
+        ("python", "client/python/examples/robot_loop.py"),
+    ] {
+        let start = format!("```{language}\n");
+        let block = text.split(&start).nth(1).and_then(|rest| rest.split("```").next()).unwrap();
+        assert!(block.lines().count() >= 7, "{language}");
+        let example = read(example);
+        for line in block.lines() {
+            let there = example.lines().any(|there| there.trim() == line.trim());
+            assert!(there, "{language}: not in the example: {line}");
+        }
+    }
+}
+
+#[test]
 fn ci_runs_the_readmes_commands() {
     let readme = read("README.md");
     for command in ["cargo test --workspace", "cargo run --release -- demo"] {
@@ -44,6 +64,7 @@ fn every_link_leads_to_a_file() {
         "CHANGELOG.md",
         "docs/bench.md",
         "docs/cell.md",
+        "docs/clients.md",
         "docs/mapping.md",
         "docs/notation.md",
         "docs/vibration.md",

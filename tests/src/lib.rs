@@ -5,6 +5,7 @@
 
 pub mod cell_loop;
 pub mod chance;
+pub mod clients;
 pub mod gauge;
 pub mod hostile;
 pub mod place;

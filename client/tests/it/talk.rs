@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use shm_schema::*;
 use trued_client::{
-    AskError, Client, ConnectError, Connection, ConnectionEvent, ForceSamples, ForceSource,
+    AskError, Away, Client, ConnectError, Connection, ConnectionEvent, ForceSamples, ForceSource,
     Monitor, NotSent, Samples, Setpoint, Source, WrenchFrame,
 };
 
@@ -38,6 +38,18 @@ impl Daemon {
         daemon.turn();
         daemon.side.announce().unwrap();
         daemon
+    }
+
+    /// Goes on in a new epoch, as a client could not get into the old one.
+    fn renew(&mut self) {
+        self.side.renew().unwrap();
+        let ports = self.side.ports();
+        self.commands = ports.subscriber().unwrap();
+        self.answers = ports.publisher().unwrap();
+        self.statuses = ports.publisher().unwrap();
+        self.control = ports.control().unwrap();
+        self.turn();
+        self.side.announce().unwrap();
     }
 
     fn turn(&mut self) -> Option<Command> {
@@ -213,7 +225,7 @@ fn a_daemon_that_goes_and_comes_is_told_and_joined_again() {
         assert!(start.elapsed() < LIMIT);
         std::thread::sleep(Duration::from_millis(1));
     }
-    assert_eq!(client.send(&[0.0; 6].into()), Err(NotSent::Disconnected));
+    assert_eq!(client.send(&[0.0; 6].into()), Err(NotSent::Away(Away::DaemonLost)));
     assert_eq!(client.target_for(&[0.3; 6], monotonic_ns()).source(), Source::Plain);
     assert!(matches!(client.next_event(), Some(ConnectionEvent::Lost { .. })));
 
@@ -224,6 +236,56 @@ fn a_daemon_that_goes_and_comes_is_told_and_joined_again() {
         std::thread::sleep(Duration::from_millis(1));
     }
     assert_ne!(client.connection(), first);
+    assert_eq!(client.ping(LIMIT), Err(AskError::Away(Away::DaemonRestarted)), "said once");
     assert!(client.send(&[0.0; 6].into()).is_ok());
     assert!(daemon.turn().is_some());
+}
+
+#[test]
+fn a_new_epoch_of_the_same_daemon_is_no_restart() {
+    let runtime = Runtime::new("renewed");
+    let cell = runtime.cell();
+    let mut daemon = Daemon::start(&cell);
+    let mut client = {
+        let cell = cell.clone();
+        beside(&mut daemon, move || Client::connect_to(&cell, LIMIT)).unwrap()
+    };
+    let first = client.connection();
+    daemon.renew();
+    let start = Instant::now();
+    while client.connection() == first || client.connection() == Connection::Lost {
+        assert!(start.elapsed() < LIMIT);
+        daemon.turn();
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    assert!(client.send(&[0.0; 6].into()).is_ok(), "the daemon knows what it was told");
+}
+
+#[test]
+fn a_client_of_another_version_or_user_says_which_while_it_runs() {
+    let runtime = Runtime::new("changed");
+    let cell = runtime.cell();
+    let mut daemon = Daemon::start(&cell);
+    let mut client = {
+        let cell = cell.clone();
+        beside(&mut daemon, move || Client::connect_to(&cell, LIMIT)).unwrap()
+    };
+    let until = |client: &mut Client, why: Option<Away>| {
+        let start = Instant::now();
+        while client.away() != why {
+            assert!(start.elapsed() < LIMIT, "{:?}", client.away());
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert_eq!(client.send(&[0.0; 6].into()).err(), why.map(NotSent::Away));
+    };
+    until(&mut client, None);
+    // No daemon gives its directory that mode.
+    let mode = |mode| std::os::unix::fs::PermissionsExt::from_mode(mode);
+    std::fs::set_permissions(cell.dir(), mode(0o755)).unwrap();
+    until(&mut client, Some(Away::WrongUser));
+    std::fs::set_permissions(cell.dir(), mode(0o700)).unwrap();
+    until(&mut client, None);
+    let current = cell.dir().join("current");
+    std::fs::write(&current, "trued.current/9\n").unwrap();
+    until(&mut client, Some(Away::VersionMismatch));
 }

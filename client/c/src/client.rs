@@ -1,0 +1,253 @@
+//! The robot's loop: commands out, corrected targets in.
+
+use core::ffi::c_char;
+
+use ::trued_client::{Client, Connection, Setpoint};
+
+use crate::border::{given, limit, numbers, place, put_if_any};
+use crate::code::{Fault, guard};
+use crate::handle::Handles;
+use crate::reply::{close, connect, put};
+use crate::structs::*;
+use crate::{translate, trued_code};
+
+pub(crate) static CLIENTS: Handles<Client> = Handles::new(1);
+
+/// Joins the daemon of `cell` within the limit. `runtime_dir` is the directory that the daemon was given by
+/// TRUED_RUNTIME_DIR; NULL: that of this process, or /dev/shm. `*client` is NULL where it fails.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_connect(
+    cell: *const c_char,
+    runtime_dir: *const c_char,
+    limit_ns: u64,
+    client: *mut *mut trued_client,
+) -> trued_code {
+    // SAFETY: the rules of the header.
+    guard(|| unsafe { connect(&CLIENTS, cell, runtime_dir, limit_ns, client, Client::connect_to) })
+}
+
+/// Leaves the daemon and frees the handle, within about a second. NULL is no error.
+#[unsafe(no_mangle)]
+pub extern "C" fn trued_client_close(client: *mut trued_client) -> trued_code {
+    guard(|| close(&CLIENTS, client))
+}
+
+/// How old an answer of the daemon may be for trued_client_target(): 10 ms unless told otherwise.
+#[unsafe(no_mangle)]
+pub extern "C" fn trued_client_set_fresh(client: *mut trued_client, fresh_ns: u64) -> trued_code {
+    guard(|| {
+        let fresh = limit(fresh_ns)?;
+        CLIENTS.with(client.addr(), |client| {
+            client.set_fresh(fresh);
+            Ok(trued_code::TRUED_OK)
+        })
+    })
+}
+
+/// Begins another run: nothing of the path so far is remembered. The correction goes on from where it stands.
+#[unsafe(no_mangle)]
+pub extern "C" fn trued_client_start_anew(client: *mut trued_client) -> trued_code {
+    guard(|| {
+        CLIENTS.with(client.addr(), |client| {
+            client.start_anew();
+            Ok(trued_code::TRUED_OK)
+        })
+    })
+}
+
+fn send(client: *mut trued_client, setpoint: &Setpoint) -> Result<u64, Fault> {
+    CLIENTS.with(client.addr(), |client| Ok(client.send(setpoint)?))
+}
+
+/// Sends a commanded target. `seq` (may be NULL) gets its number. Waits for nothing.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_send(
+    client: *mut trued_client,
+    setpoint: *const trued_setpoint,
+    seq: *mut u64,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let setpoint = unsafe { given(setpoint) }?;
+        let number = send(client, &translate::setpoint(&setpoint)?)?;
+        // SAFETY: the rules of the header.
+        unsafe { put_if_any(seq, number) };
+        Ok(trued_code::TRUED_OK)
+    })
+}
+
+/// The same for joints alone, valid now.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_send_joints(
+    client: *mut trued_client,
+    q: *const f64,
+    joints: u32,
+    seq: *mut u64,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let q = unsafe { numbers("q", q, translate::joints(joints)?) }?;
+        let number = send(client, &Setpoint::new(q))?;
+        // SAFETY: the rules of the header.
+        unsafe { put_if_any(seq, number) };
+        Ok(trued_code::TRUED_OK)
+    })
+}
+
+/// Sends what the robot measures of itself.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_send_state(
+    client: *mut trued_client,
+    state: *const trued_robot_state,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let state = translate::robot_state(&unsafe { given(state) }?)?;
+        CLIENTS.with(client.addr(), |client| {
+            client.send_state(&state)?;
+            Ok(trued_code::TRUED_OK)
+        })
+    })
+}
+
+/// What to publish for `q_cmd` at `now_ns` (trued_monotonic_ns()), whatever has become of the daemon: its answer while that
+/// is fresh, else the last correction ramped out by the daemon's own rule, and the plain command in the end. Waits for
+/// nothing; fails only for misuse.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_target(
+    client: *mut trued_client,
+    q_cmd: *const f64,
+    joints: u32,
+    now_ns: u64,
+    target: *mut trued_target,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let target = unsafe { place(target) }?;
+        // SAFETY: the same.
+        let q_cmd = unsafe { numbers("q_cmd", q_cmd, translate::joints(joints)?) }?;
+        let found = CLIENTS.with(client.addr(), |client| Ok(client.target_for(q_cmd, now_ns)))?;
+        put(target, Some(translate::target(&found)))
+    })
+}
+
+/// Sends joints and waits for their answer within the limit; fills in `target` like trued_client_target() in any case.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_exchange(
+    client: *mut trued_client,
+    q_cmd: *const f64,
+    joints: u32,
+    limit_ns: u64,
+    target: *mut trued_target,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let target = unsafe { place(target) }?;
+        // SAFETY: the same.
+        let q_cmd = unsafe { numbers("q_cmd", q_cmd, translate::joints(joints)?) }?;
+        let limit = limit(limit_ns)?;
+        let found = CLIENTS.with(client.addr(), |client| Ok(client.exchange(q_cmd, limit)))?;
+        put(target, Some(translate::target(&found)))
+    })
+}
+
+/// The newest answer of this daemon, however old; TRUED_NOTHING before the first.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_newest(
+    client: *mut trued_client,
+    corrected: *mut trued_corrected,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let corrected = unsafe { place(corrected) }?;
+        let found = CLIENTS.with(client.addr(), |client| Ok(client.newest()))?;
+        put(corrected, found.as_ref().map(translate::corrected))
+    })
+}
+
+/// The answer to the command of that number, within the limit.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_wait_corrected(
+    client: *mut trued_client,
+    seq: u64,
+    limit_ns: u64,
+    corrected: *mut trued_corrected,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let corrected = unsafe { place(corrected) }?;
+        let limit = limit(limit_ns)?;
+        let found = CLIENTS.with(client.addr(), |client| {
+            let found = client.wait_corrected(seq, limit);
+            found.ok_or_else(|| match client.away() {
+                Some(away) => Fault::NotSent(away.into()),
+                None => Fault::TimedOut(limit),
+            })
+        })?;
+        put(corrected, Some(translate::corrected(&found)))
+    })
+}
+
+/// The newest status; TRUED_NOTHING before the first.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_status(
+    client: *mut trued_client,
+    status: *mut trued_status,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let status = unsafe { place(status) }?;
+        let found = CLIENTS.with(client.addr(), |client| Ok(client.status()))?;
+        put(status, found.as_ref().map(translate::status))
+    })
+}
+
+/// The next verdict on vibration not yet taken; TRUED_NOTHING where there is none.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_vibration(
+    client: *mut trued_client,
+    vibration: *mut trued_vibration,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let vibration = unsafe { place(vibration) }?;
+        let found = CLIENTS.with(client.addr(), |client| Ok(client.vibration()))?;
+        put(vibration, found.as_ref().map(translate::vibration))
+    })
+}
+
+/// How the connection is.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_connection(
+    client: *mut trued_client,
+    connection: *mut trued_connection,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let connection = unsafe { place(connection) }?;
+        let found =
+            CLIENTS.with(client.addr(), |client| Ok((client.connection(), client.away())))?;
+        put(connection, Some(linked(found)))
+    })
+}
+
+/// The next event of the connection not yet taken, oldest first; TRUED_NOTHING where there is none.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_next_event(
+    client: *mut trued_client,
+    event: *mut trued_connection,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let event = unsafe { place(event) }?;
+        let found = CLIENTS.with(client.addr(), |client| Ok(client.next_event()))?;
+        put(event, found.as_ref().map(translate::event))
+    })
+}
+
+/// How it is, and why not.
+pub(crate) fn linked((how, away): (Connection, Option<::trued_client::Away>)) -> trued_connection {
+    let why =
+        away.map_or(trued_code::TRUED_OK, |away| ::trued_client::ErrorKind::from(away).into());
+    translate::connection(how, why)
+}

@@ -1,0 +1,58 @@
+//! The border of the client library to C, and by it to everything that speaks C.
+//!
+//! Promise: no panic crosses it, no call waits without a limit, every misuse that can be told is an error with words; what
+//! is in `trued.h` stays while the library is `.so.1`. Never: a correction, a connection, a rule of its own; those are
+//! `trued_client`'s.
+//!
+//! `unsafe` is here for what C cannot promise by types. The rules at the top of `trued.h` are what each `SAFETY` relies on.
+#![expect(unsafe_code, reason = "pointers of C; this crate is where they end")]
+#![expect(non_camel_case_types, reason = "the names are C's")]
+#![expect(clippy::doc_markdown, reason = "these words stand in a C header")]
+#![expect(clippy::missing_safety_doc, reason = "said once for all at the top of trued.h")]
+
+mod border;
+mod client;
+mod client_ask;
+mod code;
+mod force;
+mod handle;
+mod lists;
+mod monitor;
+mod reply;
+mod structs;
+mod translate;
+
+pub use border::TRUED_LIMIT_NS_MAX;
+pub use client::*;
+pub use client_ask::*;
+pub use code::{trued_code, trued_code_name, trued_last_error};
+pub use force::*;
+pub use lists::*;
+pub use monitor::*;
+pub use structs::*;
+
+use core::ffi::c_char;
+
+/// The version of what is declared here: major in the upper 16 bits, minor in the lower ones.
+pub const TRUED_ABI_VERSION: u32 = 0x0001_0000;
+
+/// The version of the library that is loaded. Another major than TRUED_ABI_VERSION's does not fit; a smaller minor lacks
+/// something that this header has.
+#[unsafe(no_mangle)]
+pub extern "C" fn trued_abi_version() -> u32 {
+    TRUED_ABI_VERSION
+}
+
+/// The version of the library for people, with the contract that it shares with the daemon. Never NULL, never to be freed.
+#[unsafe(no_mangle)]
+pub extern "C" fn trued_version() -> *const c_char {
+    static WORDS: std::sync::OnceLock<std::ffi::CString> = std::sync::OnceLock::new();
+    let made = || std::ffi::CString::new(::trued_client::contract()).unwrap_or_default();
+    WORDS.get_or_init(made).as_ptr()
+}
+
+/// CLOCK_MONOTONIC, the one clock of all times here.
+#[unsafe(no_mangle)]
+pub extern "C" fn trued_monotonic_ns() -> u64 {
+    ::trued_client::monotonic_ns()
+}

@@ -1,0 +1,181 @@
+//! Looking at a cell, and asking its daemon: any number of processes may.
+
+use core::ffi::c_char;
+use std::path::Path;
+
+use ::trued_client::Monitor;
+
+use crate::border::{given, place, text};
+use crate::client::linked;
+use crate::code::guard;
+use crate::handle::Handles;
+use crate::reply::{ask, close, connect, put};
+use crate::structs::*;
+use crate::{translate, trued_code};
+
+static MONITORS: Handles<Monitor> = Handles::new(2);
+
+/// Joins the daemon of `cell`, as trued_client_connect() does.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_connect(
+    cell: *const c_char,
+    runtime_dir: *const c_char,
+    limit_ns: u64,
+    monitor: *mut *mut trued_monitor,
+) -> trued_code {
+    let connect_to = Monitor::connect_to;
+    // SAFETY: the rules of the header.
+    guard(|| unsafe { connect(&MONITORS, cell, runtime_dir, limit_ns, monitor, connect_to) })
+}
+
+/// Leaves the daemon and frees the handle, within about a second. NULL is no error.
+#[unsafe(no_mangle)]
+pub extern "C" fn trued_monitor_close(monitor: *mut trued_monitor) -> trued_code {
+    guard(|| close(&MONITORS, monitor))
+}
+
+/// The newest status; TRUED_NOTHING before the first.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_status(
+    monitor: *mut trued_monitor,
+    status: *mut trued_status,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let status = unsafe { place(status) }?;
+        let found = MONITORS.with(monitor.addr(), |monitor| Ok(monitor.status()))?;
+        put(status, found.as_ref().map(translate::status))
+    })
+}
+
+/// The next verdict on vibration not yet taken; TRUED_NOTHING where there is none.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_vibration(
+    monitor: *mut trued_monitor,
+    vibration: *mut trued_vibration,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let vibration = unsafe { place(vibration) }?;
+        let found = MONITORS.with(monitor.addr(), |monitor| Ok(monitor.vibration()))?;
+        put(vibration, found.as_ref().map(translate::vibration))
+    })
+}
+
+/// How the connection is.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_connection(
+    monitor: *mut trued_monitor,
+    connection: *mut trued_connection,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let connection = unsafe { place(connection) }?;
+        let found =
+            MONITORS.with(monitor.addr(), |monitor| Ok((monitor.connection(), monitor.away())))?;
+        put(connection, Some(linked(found)))
+    })
+}
+
+/// The next event of the connection not yet taken, oldest first; TRUED_NOTHING where there is none.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_next_event(
+    monitor: *mut trued_monitor,
+    event: *mut trued_connection,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let event = unsafe { place(event) }?;
+        let found = MONITORS.with(monitor.addr(), |monitor| Ok(monitor.next_event()))?;
+        put(event, found.as_ref().map(translate::event))
+    })
+}
+
+/// Asks for a sign of life. `answer` may be NULL, here and in all requests.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_ping(
+    monitor: *mut trued_monitor,
+    limit_ns: u64,
+    answer: *mut trued_answer,
+) -> trued_code {
+    guard(|| {
+        let act = |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.ping(limit)));
+        // SAFETY: the rules of the header.
+        unsafe { ask(answer, limit_ns, act) }
+    })
+}
+
+/// Asks to load a model file and to swap it in; `path` NULL: the one loaded now, read again.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_reload(
+    monitor: *mut trued_monitor,
+    path: *const c_char,
+    limit_ns: u64,
+    answer: *mut trued_answer,
+) -> trued_code {
+    guard(|| {
+        let path = if path.is_null() {
+            None
+        } else {
+            // SAFETY: the rules of the header.
+            Some(Path::new(unsafe { text("path", path) }?))
+        };
+        let act = |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.reload(path, limit)));
+        // SAFETY: the rules of the header.
+        unsafe { ask(answer, limit_ns, act) }
+    })
+}
+
+/// Asks to ramp the correction out (`on` not 0), or in again.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_bypass(
+    monitor: *mut trued_monitor,
+    on: u32,
+    limit_ns: u64,
+    answer: *mut trued_answer,
+) -> trued_code {
+    guard(|| {
+        let act =
+            |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.bypass(on != 0, limit)));
+        // SAFETY: the rules of the header.
+        unsafe { ask(answer, limit_ns, act) }
+    })
+}
+
+/// Tells what the process does, in place of what was told before.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_process_state(
+    monitor: *mut trued_monitor,
+    process: *const trued_process,
+    limit_ns: u64,
+    answer: *mut trued_answer,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let process = translate::process(&unsafe { given(process) }?)?;
+        let act = |limit| {
+            MONITORS.with(monitor.addr(), |monitor| Ok(monitor.process_state(&process, limit)))
+        };
+        // SAFETY: the rules of the header.
+        unsafe { ask(answer, limit_ns, act) }
+    })
+}
+
+/// Tells where the tool was measured; the answer says whether the model still holds.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_measured(
+    monitor: *mut trued_monitor,
+    measured: *const trued_measured,
+    limit_ns: u64,
+    answer: *mut trued_answer,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let given = unsafe { given(measured) }?;
+        let measured = translate::measured(&given)?;
+        let act =
+            |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.measured(&measured, limit)));
+        // SAFETY: the rules of the header.
+        unsafe { ask(answer, limit_ns, act) }
+    })
+}

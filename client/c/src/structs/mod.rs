@@ -1,0 +1,47 @@
+//! The structs that cross the border.
+//!
+//! Promise: each begins with its size, has no padding, and only grows at its end while the library is `.so.1`; a test pins
+//! every offset. Only the first `joints` entries of a joint array hold; the rest is zero.
+
+mod given;
+mod told;
+
+pub use given::*;
+pub use told::*;
+
+/// Most joints of one robot.
+pub const TRUED_JOINTS_MAX: usize = 16;
+/// Ambient and one per joint.
+pub const TRUED_TEMPERATURES_MAX: usize = 17;
+/// Room for the words of a struct, the zero at their end included.
+pub const TRUED_WORDS_MAX: usize = 520;
+
+/// Which struct, of what size when it was first released, of which types in turn: checked to have no padding.
+macro_rules! grows {
+    ($($name:ident $size:literal = $($type:ty),*;)*) => { $(
+        const _: () = assert!(size_of::<$name>() == 0 $(+ size_of::<$type>())*, "no padding");
+        const _: () = assert!(size_of::<$name>() >= $size, "a struct only grows");
+        const _: () = assert!(core::mem::offset_of!($name, struct_size) == 0);
+        // SAFETY: repr(C), numbers, and pointers that are only pointers; size and first field are asserted above.
+        unsafe impl $crate::border::Grows for $name {
+            const NAME: &'static str = stringify!($name);
+            const SIZE_MIN: usize = $size;
+        }
+    )* };
+}
+use grows;
+
+/// The robot's loop: commands out, corrected targets in. One per cell.
+pub struct trued_client {
+    _opaque: (),
+}
+
+/// Looks at a cell, and asks its daemon: any number of processes may.
+pub struct trued_monitor {
+    _opaque: (),
+}
+
+/// Sends force blocks: one source per cell.
+pub struct trued_force {
+    _opaque: (),
+}

@@ -1,0 +1,56 @@
+//! Every error of the library as the exception of its kind, which `trued/errors.py` defines.
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use trued_client::{AskError, ConnectError, ErrorKind, NotSent};
+
+/// The exception of that name, with those words.
+pub(crate) fn raised(py: Python<'_>, class: &str, words: String) -> PyErr {
+    let made = py.import("trued.errors").and_then(|m| m.getattr(class)?.call1((words,)));
+    made.map_or_else(|failed| failed, |error| PyErr::from_value(error))
+}
+
+fn of_kind(py: Python<'_>, kind: ErrorKind, words: String) -> PyErr {
+    let class = match kind {
+        ErrorKind::Argument => return PyValueError::new_err(words),
+        ErrorKind::NoDaemon => "NoDaemon",
+        ErrorKind::DaemonLost => "DaemonLost",
+        ErrorKind::DaemonRestarted => "DaemonRestarted",
+        ErrorKind::VersionMismatch => "VersionMismatch",
+        ErrorKind::WrongUser => "WrongUser",
+        ErrorKind::RoleTaken => "RoleTaken",
+        ErrorKind::DaemonSilent => "DaemonSilent",
+        ErrorKind::TimedOut => "TimedOut",
+        ErrorKind::MessageLost => "MessageLost",
+        ErrorKind::Transport => "TransportFailed",
+        ErrorKind::System => "SystemFailed",
+    };
+    raised(py, class, words)
+}
+
+/// What the library answers an error with.
+pub(crate) trait Kind: std::fmt::Display {
+    fn kind(&self) -> ErrorKind;
+
+    fn raise(&self, py: Python<'_>) -> PyErr {
+        of_kind(py, self.kind(), self.to_string())
+    }
+}
+
+impl Kind for ConnectError {
+    fn kind(&self) -> ErrorKind {
+        self.kind()
+    }
+}
+
+impl Kind for NotSent {
+    fn kind(&self) -> ErrorKind {
+        self.kind()
+    }
+}
+
+impl Kind for AskError {
+    fn kind(&self) -> ErrorKind {
+        self.kind()
+    }
+}

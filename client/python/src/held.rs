@@ -1,0 +1,144 @@
+//! What a Python object holds of the library: used by one thread at a time, closed once.
+//!
+//! Promise: a second thread is told, not made to wait; a closed object says so. Time limits and arrays are checked here.
+
+use std::path::Path;
+use std::sync::Mutex;
+use std::time::Duration;
+
+use numpy::{AllowTypeChange, PyArrayLike1};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use shm_schema::{Answer as Code, Cell, Response};
+use trued_client::{AskError, ConnectError, JOINTS_MAX};
+
+use crate::errors::{Kind, raised};
+use crate::told::Answer;
+
+/// Longest wait that may be asked for.
+const LONGEST_S: f64 = 3600.0;
+
+/// Numbers of Python: any sequence, an array of doubles without a copy.
+pub(crate) type Numbers<'py> = PyArrayLike1<'py, f64, AllowTypeChange>;
+
+/// One connection.
+pub(crate) struct Held<T>(Mutex<Option<T>>);
+
+impl<T: Send> Held<T> {
+    /// Connects, with the interpreter free meanwhile.
+    pub(crate) fn connect(
+        py: Python<'_>,
+        cell: &str,
+        timeout: f64,
+        runtime_dir: Option<&str>,
+        connect: impl FnOnce(&Cell, Duration) -> Result<T, ConnectError> + Send,
+    ) -> PyResult<Self> {
+        let limit = limit(timeout)?;
+        let cell = match runtime_dir {
+            None => Cell::new(cell),
+            Some(dir) => Cell::at(Path::new(dir), cell),
+        };
+        let cell = cell.map_err(|e| PyValueError::new_err(e.to_string()))?;
+        let made = py.detach(|| connect(&cell, limit)).map_err(|e| e.raise(py))?;
+        Ok(Self(Mutex::new(Some(made))))
+    }
+
+    /// Does something that waits for nothing.
+    pub(crate) fn with<R>(&self, py: Python<'_>, act: impl FnOnce(&mut T) -> R) -> PyResult<R> {
+        self.locked(act).map_err(|no| no.raise(py))
+    }
+
+    /// Does something that may wait, with the interpreter free meanwhile.
+    pub(crate) fn wait<R: Send>(
+        &self,
+        py: Python<'_>,
+        act: impl FnOnce(&mut T) -> R + Send,
+    ) -> PyResult<R> {
+        py.detach(|| self.locked(act)).map_err(|no| no.raise(py))
+    }
+
+    /// Asks; what was not done is raised.
+    pub(crate) fn ask(
+        &self,
+        py: Python<'_>,
+        timeout: f64,
+        ask: impl FnOnce(&mut T, Duration) -> Result<Response, AskError> + Send,
+    ) -> PyResult<Answer> {
+        let limit = limit(timeout)?;
+        let response = self.wait(py, |held| ask(held, limit))?.map_err(|e| e.raise(py))?;
+        match response.answer() {
+            Ok(Code::Done) => Ok(Answer::from(&response)),
+            Ok(Code::Failed) => Err(raised(py, "Failed", response.message.to_string())),
+            Ok(Code::Refused | Code::Malformed) | Err(_) => {
+                Err(raised(py, "Refused", response.message.to_string()))
+            }
+        }
+    }
+
+    /// Closes; once more is no error.
+    pub(crate) fn close(&self, py: Python<'_>) -> PyResult<()> {
+        let taken = match self.0.try_lock() {
+            Ok(mut held) => held.take(),
+            Err(_) => return Err(No::Busy.raise(py)),
+        };
+        py.detach(|| drop(taken));
+        Ok(())
+    }
+
+    fn locked<R>(&self, act: impl FnOnce(&mut T) -> R) -> Result<R, No> {
+        let mut held = self.0.try_lock().map_err(|_| No::Busy)?;
+        held.as_mut().map(act).ok_or(No::Closed)
+    }
+}
+
+enum No {
+    Closed,
+    Busy,
+}
+
+impl No {
+    fn raise(self, py: Python<'_>) -> PyErr {
+        let (class, words) = match self {
+            Self::Closed => ("Closed", "this object has been closed; connect anew"),
+            Self::Busy => (
+                "Busy",
+                "another thread is in a call with this object; use one from one thread at a time",
+            ),
+        };
+        raised(py, class, words.to_owned())
+    }
+}
+
+/// A time limit, which every wait has.
+pub(crate) fn limit(seconds: f64) -> PyResult<Duration> {
+    if !(0.0..=LONGEST_S).contains(&seconds) {
+        let words = format!("a time limit is {seconds} s, expected 0 to {LONGEST_S}");
+        return Err(PyValueError::new_err(words));
+    }
+    Ok(Duration::from_secs_f64(seconds))
+}
+
+/// An array as it lies in memory.
+pub(crate) fn slice<'a>(what: &str, numbers: &'a Numbers<'_>) -> PyResult<&'a [f64]> {
+    let words = || {
+        PyValueError::new_err(format!(
+            "`{what}` is not contiguous; numpy.ascontiguousarray() makes it so"
+        ))
+    };
+    numbers.as_slice().map_err(|_| words())
+}
+
+/// Joints: 1 to 16.
+pub(crate) fn joints<'a>(what: &str, numbers: &'a Numbers<'_>) -> PyResult<&'a [f64]> {
+    let all = slice(what, numbers)?;
+    if all.is_empty() || all.len() > JOINTS_MAX {
+        let words = format!("`{what}` has {} joints, expected 1 to {JOINTS_MAX}", all.len());
+        return Err(PyValueError::new_err(words));
+    }
+    Ok(all)
+}
+
+/// Sides from which joints come.
+pub(crate) fn sides(direction: &[i64]) -> Vec<i8> {
+    direction.iter().map(|side| side.signum() as i8).collect()
+}

@@ -1,0 +1,317 @@
+//! What the library tells, as Python sees it: fields that are read, arrays that are made once and then viewed.
+
+use numpy::{PyArray1, PyArrayMethods, PyUntypedArrayMethods, ToPyArray};
+use pyo3::prelude::*;
+use shm_schema::{
+    Advice, InCut, RecorderState, Response, SensorFault, Verdict, VibrationClass, VibrationState,
+    WrenchGate,
+};
+use trued_client::{ConnectionEvent, ErrorKind, ForceFault, Source, channel_name};
+
+type Array = Py<PyArray1<f64>>;
+
+/// An array that Python may look at and not change.
+fn array(py: Python<'_>, numbers: &[f64]) -> Array {
+    let made = numbers.to_pyarray(py);
+    debug_assert!(made.len() == numbers.len());
+    made.readwrite().make_nonwriteable();
+    made.unbind()
+}
+
+/// A code as its word; a later daemon's as its number.
+fn word<T: TryFrom<u32> + std::fmt::Display>(code: u32) -> String {
+    T::try_from(code).map_or_else(|_| format!("code {code}"), |known| known.to_string())
+}
+
+/// Those of a set, as words.
+fn set<T: TryFrom<u32> + std::fmt::Display>(bits: u32) -> Vec<String> {
+    (0..32).filter(|bit| bits & 1 << bit != 0).map(word::<T>).collect()
+}
+
+/// A joint target that may be published.
+#[pyclass(frozen, get_all, module = "trued")]
+pub(crate) struct Target {
+    joints: Array,
+    source: &'static str,
+}
+
+impl Target {
+    pub(crate) fn new(py: Python<'_>, from: &trued_client::Target) -> Self {
+        let source = match from.source() {
+            Source::Corrected => "corrected",
+            Source::LastCorrection => "last_correction",
+            Source::Rejected => "rejected",
+            Source::Blending => "blending",
+            Source::Ramping => "ramping",
+            Source::Plain => "plain",
+        };
+        Self { joints: array(py, from.joints()), source }
+    }
+}
+
+/// What the daemon answers to a command.
+#[pyclass(frozen, get_all, module = "trued")]
+pub(crate) struct Corrected {
+    seq: u64,
+    command_seq: u64,
+    t_ns: u64,
+    received_ns: u64,
+    made_ns: u64,
+    model_epoch: u64,
+    status: String,
+    reason: String,
+    wrench_gate: String,
+    iterations: u32,
+    joints: Array,
+    correction: Array,
+    correction_rate: Array,
+    correction_acceleration: Array,
+    wanted: Array,
+    residual_m: f64,
+    residual_rad: f64,
+}
+
+impl Corrected {
+    pub(crate) fn new(py: Python<'_>, from: &trued_client::Corrected) -> Self {
+        let count = from.joints().len();
+        let all = |numbers: &[f64]| array(py, &numbers[..count]);
+        Self {
+            seq: from.seq,
+            command_seq: from.command_seq,
+            t_ns: from.t_ns,
+            received_ns: from.received_ns,
+            made_ns: from.made_ns,
+            model_epoch: from.model_epoch,
+            status: word::<trued_client::CorrectionStatus>(from.status),
+            reason: word::<trued_client::Reason>(from.reason),
+            wrench_gate: word::<WrenchGate>(from.wrench_gate),
+            iterations: from.iterations,
+            joints: all(&from.q),
+            correction: all(&from.correction),
+            correction_rate: all(&from.correction_rate),
+            correction_acceleration: all(&from.correction_acceleration),
+            wanted: all(&from.wanted),
+            residual_m: from.residual_m,
+            residual_rad: from.residual_rad,
+        }
+    }
+}
+
+/// How the daemon is.
+#[pyclass(frozen, get_all, module = "trued")]
+pub(crate) struct Status {
+    pid: u32,
+    seq: u64,
+    t_ns: u64,
+    started_ns: u64,
+    model_epoch: u64,
+    model_hash: u64,
+    cycles: u64,
+    missed_cycles: u64,
+    commands: u64,
+    rejected: u64,
+    held: u64,
+    stale: u64,
+    commands_lost: u64,
+    corrected_lost: u64,
+    force_blocks: u64,
+    force_gaps: u64,
+    force_refused: u64,
+    malformed: u64,
+    recorder_dropped: u64,
+    latency_p50_ns: u64,
+    latency_p99_ns: u64,
+    latency_p999_ns: u64,
+    latency_max_ns: u64,
+    model_broken_since_ns: u64,
+    model_measurements: u64,
+    model_residual_m: f64,
+    wrench_loop_gain: f64,
+    spindle_rpm: f64,
+    feed_mm_s: f64,
+    health: String,
+    mode: String,
+    bypassed: bool,
+    joints: u32,
+    wrench_gate: String,
+    recorder: String,
+    watch: String,
+    in_cut: String,
+    uncompensated_effects: u32,
+    force_faults: Vec<String>,
+    q_min: Array,
+    q_max: Array,
+    correction_max: Array,
+    correction_rate_max: Array,
+    correction_jerk_max: Array,
+    message: String,
+}
+
+impl Status {
+    pub(crate) fn new(py: Python<'_>, from: &trued_client::Status) -> Self {
+        let count = (from.joints as usize).min(trued_client::JOINTS_MAX);
+        let all = |numbers: &[f64]| array(py, &numbers[..count]);
+        Self {
+            pid: from.pid,
+            seq: from.seq,
+            t_ns: from.t_ns,
+            started_ns: from.started_ns,
+            model_epoch: from.model_epoch,
+            model_hash: from.model_hash,
+            cycles: from.cycles,
+            missed_cycles: from.missed_cycles,
+            commands: from.commands,
+            rejected: from.rejected,
+            held: from.held,
+            stale: from.stale,
+            commands_lost: from.commands_lost,
+            corrected_lost: from.corrected_lost,
+            force_blocks: from.force_blocks,
+            force_gaps: from.force_gaps,
+            force_refused: from.force_refused,
+            malformed: from.malformed,
+            recorder_dropped: from.recorder_dropped,
+            latency_p50_ns: from.latency_p50_ns,
+            latency_p99_ns: from.latency_p99_ns,
+            latency_p999_ns: from.latency_p999_ns,
+            latency_max_ns: from.latency_max_ns,
+            model_broken_since_ns: from.model_broken_since_ns,
+            model_measurements: from.model_measurements,
+            model_residual_m: from.model_residual_m,
+            wrench_loop_gain: from.wrench_loop_gain,
+            spindle_rpm: from.spindle_rpm,
+            feed_mm_s: from.feed_mm_s,
+            health: word::<trued_client::Health>(from.health),
+            mode: word::<trued_client::Mode>(from.mode),
+            bypassed: from.bypassed != 0,
+            joints: from.joints,
+            wrench_gate: word::<WrenchGate>(from.wrench_gate),
+            recorder: word::<RecorderState>(from.recorder),
+            watch: word::<trued_client::WatchState>(from.watch),
+            in_cut: word::<InCut>(from.in_cut),
+            uncompensated_effects: from.uncompensated_effects,
+            force_faults: from.force_faults().map(|f: ForceFault| f.to_string()).collect(),
+            q_min: all(&from.bounds.min),
+            q_max: all(&from.bounds.max),
+            correction_max: all(&from.bounds.angle),
+            correction_rate_max: all(&from.bounds.rate),
+            correction_jerk_max: all(&from.bounds.jerk),
+            message: from.message.to_string(),
+        }
+    }
+}
+
+/// One verdict on one line of the force spectrum.
+#[pyclass(frozen, get_all, module = "trued")]
+pub(crate) struct Vibration {
+    state: String,
+    kind: String,
+    rivals: Vec<String>,
+    axis: &'static str,
+    suspect_alias: bool,
+    advice: String,
+    sensor_faults: Vec<String>,
+    advice_lobe: u32,
+    gear_joint: u32,
+    gear_shaft: u32,
+    seq: u64,
+    t_ns: u64,
+    made_ns: u64,
+    event: u64,
+    frequency_hz: f64,
+    amplitude: f64,
+    growth_per_s: f64,
+    advice_rpm: f64,
+    nearest_mode_hz: f64,
+    mode_distance_hz: f64,
+    nearest_harmonic_hz: f64,
+    harmonic_distance_hz: f64,
+    nearest_alias_hz: f64,
+    alias_distance_hz: f64,
+    sentence: String,
+}
+
+impl From<&Verdict> for Vibration {
+    fn from(from: &Verdict) -> Self {
+        Self {
+            state: word::<VibrationState>(from.state),
+            kind: word::<VibrationClass>(from.class),
+            rivals: set::<VibrationClass>(from.rivals),
+            axis: channel_name(from.axis),
+            suspect_alias: from.suspect_alias != 0,
+            advice: word::<Advice>(from.advice),
+            sensor_faults: set::<SensorFault>(from.sensor_faults),
+            advice_lobe: from.advice_lobe,
+            gear_joint: from.gear_joint,
+            gear_shaft: from.gear_shaft,
+            seq: from.seq,
+            t_ns: from.t_ns,
+            made_ns: from.made_ns,
+            event: from.event,
+            frequency_hz: from.frequency_hz,
+            amplitude: from.amplitude,
+            growth_per_s: from.growth_per_s,
+            advice_rpm: from.advice_rpm,
+            nearest_mode_hz: from.nearest_mode_hz,
+            mode_distance_hz: from.mode_distance_hz,
+            nearest_harmonic_hz: from.nearest_harmonic_hz,
+            harmonic_distance_hz: from.harmonic_distance_hz,
+            nearest_alias_hz: from.nearest_alias_hz,
+            alias_distance_hz: from.alias_distance_hz,
+            sentence: from.to_string(),
+        }
+    }
+}
+
+/// How the connection is, or what happened to it.
+#[pyclass(frozen, get_all, module = "trued")]
+pub(crate) struct Connection {
+    is_connected: bool,
+    pid: Option<u32>,
+    epoch: Option<u64>,
+    why: Option<&'static str>,
+    words: String,
+}
+
+impl Connection {
+    pub(crate) fn new(from: trued_client::Connection, away: Option<trued_client::Away>) -> Self {
+        match from {
+            trued_client::Connection::Connected { pid, epoch } => Self::joined(pid, epoch),
+            trued_client::Connection::Lost => {
+                Self::lost(away, away.map(|away| away.to_string()).unwrap_or_default())
+            }
+        }
+    }
+
+    fn joined(pid: u32, epoch: u64) -> Self {
+        let (pid, epoch) = (Some(pid), Some(epoch));
+        Self { is_connected: true, pid, epoch, why: None, words: String::new() }
+    }
+
+    fn lost(away: Option<trued_client::Away>, words: String) -> Self {
+        let why = away.map(|away| ErrorKind::from(away).name());
+        Self { is_connected: false, pid: None, epoch: None, why, words }
+    }
+}
+
+impl From<ConnectionEvent> for Connection {
+    fn from(from: ConnectionEvent) -> Self {
+        match from {
+            ConnectionEvent::Connected { pid, epoch } => Self::joined(pid, epoch),
+            ConnectionEvent::Lost { away, why } => Self::lost(Some(away), why),
+        }
+    }
+}
+
+/// What the daemon answered to a request.
+#[pyclass(frozen, get_all, module = "trued")]
+pub(crate) struct Answer {
+    t_ns: u64,
+    message: String,
+}
+
+impl From<&Response> for Answer {
+    fn from(from: &Response) -> Self {
+        Self { t_ns: from.t_ns, message: from.message.to_string() }
+    }
+}

@@ -1,0 +1,116 @@
+//! The one list of what may go wrong, the same in every language.
+//!
+//! Promise: every error of this crate has one kind, and a kind keeps its name. Never: words; those are the errors' own.
+
+use shm_schema::JoinError;
+
+use crate::{AskError, Away, ConnectError, NotSent};
+
+/// What went wrong, as far as a program may want to act on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ErrorKind {
+    /// What was given makes no sense.
+    Argument,
+    /// Connecting: no daemon announced itself in time.
+    NoDaemon,
+    /// The daemon was there and is gone.
+    DaemonLost,
+    /// Another daemon than before was joined.
+    DaemonRestarted,
+    /// Daemon and client are of different versions.
+    VersionMismatch,
+    /// The cell belongs to another user.
+    WrongUser,
+    /// Another process has this role.
+    RoleTaken,
+    /// The daemon is joined and says nothing.
+    DaemonSilent,
+    /// No answer in time.
+    TimedOut,
+    /// The daemon does not take messages fast enough.
+    MessageLost,
+    /// The transport refused.
+    Transport,
+    /// The operating system refused.
+    System,
+}
+
+impl ErrorKind {
+    /// Its name: `daemon_lost`.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Argument => "argument",
+            Self::NoDaemon => "no_daemon",
+            Self::DaemonLost => "daemon_lost",
+            Self::DaemonRestarted => "daemon_restarted",
+            Self::VersionMismatch => "version_mismatch",
+            Self::WrongUser => "wrong_user",
+            Self::RoleTaken => "role_taken",
+            Self::DaemonSilent => "daemon_silent",
+            Self::TimedOut => "timed_out",
+            Self::MessageLost => "message_lost",
+            Self::Transport => "transport",
+            Self::System => "system",
+        }
+    }
+}
+
+impl core::fmt::Display for ErrorKind {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl From<Away> for ErrorKind {
+    fn from(away: Away) -> Self {
+        match away {
+            Away::DaemonLost => Self::DaemonLost,
+            Away::DaemonRestarted => Self::DaemonRestarted,
+            Away::VersionMismatch => Self::VersionMismatch,
+            Away::WrongUser => Self::WrongUser,
+            Away::RoleTaken => Self::RoleTaken,
+            Away::Transport => Self::Transport,
+        }
+    }
+}
+
+impl ConnectError {
+    /// What kind of error it is.
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Refused(JoinError::Cell(_)) => ErrorKind::Argument,
+            Self::Refused(e) | Self::TimedOut { last: e, .. } => match Away::from(e) {
+                Away::DaemonLost => ErrorKind::NoDaemon,
+                away => away.into(),
+            },
+            Self::Silent { .. } => ErrorKind::DaemonSilent,
+            Self::Thread(_) => ErrorKind::System,
+        }
+    }
+}
+
+impl NotSent {
+    /// What kind of error it is.
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Away(away) => (*away).into(),
+            Self::Lost => ErrorKind::MessageLost,
+            Self::Invalid { .. } => ErrorKind::Argument,
+        }
+    }
+}
+
+impl AskError {
+    /// What kind of error it is.
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Away(away) => (*away).into(),
+            Self::TimedOut { .. } => ErrorKind::TimedOut,
+            Self::BadPath { .. } => ErrorKind::Argument,
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! A daemon that is not there, dies, comes back, is of another version, or another user's: each its own error in every
+//! language, and the library joins again by itself.
+
+use super::{LIMIT, OUTAGE, compiled, python};
+use crate::TRUED;
+use shm_schema::CONTRACT_VERSION;
+use std::fs;
+use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use tests::clients::Prefix;
+use tests::place::{CELL, Place};
+use tests::process::Process;
+
+/// A program that prints each change of what it is told.
+struct Told {
+    name: String,
+    process: Process,
+    heard: usize,
+}
+
+/// What a busy machine says in between, and that it is over.
+const BUSY: [&str; 2] = ["daemon_silent", "message_lost"];
+
+impl Told {
+    /// The next change is that one; names are compared as every language writes them.
+    fn next(&mut self, kind: &str) {
+        let mut line = self.line(kind);
+        while BUSY.contains(&named(&line).as_str()) {
+            line = self.line(kind);
+            if kind != "ok" && named(&line) == "ok" {
+                line = self.line(kind);
+            }
+        }
+        assert_eq!(named(&line), kind, "{}: {:#?}", self.name, self.process.lines());
+        assert!(kind == "ok" || line.len() > kind.len() + 20, "{}: no words: {line}", self.name);
+    }
+
+    fn line(&mut self, kind: &str) -> String {
+        let start = Instant::now();
+        loop {
+            if let Some(line) = self.process.lines().get(self.heard) {
+                self.heard += 1;
+                return line.clone();
+            }
+            assert!(start.elapsed() < LIMIT, "{} never said {kind}", self.name);
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+}
+
+fn named(line: &str) -> String {
+    let said = line.split(':').next().unwrap_or_default().to_lowercase();
+    said.trim_start_matches("trued_").trim_start_matches("error_").to_owned()
+}
+
+/// The example in every language for which this machine has what it takes.
+fn everyone(prefix: &Prefix) -> Vec<(String, PathBuf, Vec<PathBuf>)> {
+    let mut all = vec![("Rust".to_owned(), PathBuf::from(OUTAGE), Vec::new())];
+    for (language, program) in compiled(prefix, "outage") {
+        all.push((format!("{language:?}"), program, Vec::new()));
+    }
+    if let Some(interpreter) = python::interpreter("outage in Python") {
+        all.push((
+            "Python".to_owned(),
+            interpreter.to_path_buf(),
+            vec![python::example("outage.py")],
+        ));
+    }
+    all
+}
+
+fn daemon(place: &Place) -> Process {
+    let daemon = Process::daemon(TRUED, place);
+    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    daemon
+}
+
+/// The file by which a daemon announces itself, as one of another version, and of another start, would write it.
+fn as_another_version(current: &Path) {
+    let text = fs::read_to_string(current).unwrap();
+    let ours = format!("contract {CONTRACT_VERSION}\n");
+    assert!(text.contains(&ours), "{text}");
+    let mut lines: Vec<String> =
+        text.replace(&ours, "contract 4711\n").lines().map(str::to_owned).collect();
+    for line in &mut lines {
+        if line.starts_with("epoch ") {
+            *line = "epoch 0000000000000001".to_owned();
+        }
+    }
+    let fresh = current.with_extension("other");
+    fs::write(&fresh, lines.join("\n") + "\n").unwrap();
+    fs::rename(&fresh, current).unwrap();
+}
+
+/// As another user's directory looks: of another owner, or, where that takes rights, of a mode that no daemon gives it.
+fn as_another_users(dir: &Path) {
+    let nobody = 65534;
+    let owner = fs::metadata(dir).unwrap().uid();
+    if owner == 0 && std::os::unix::fs::chown(dir, Some(nobody), None).is_ok() {
+        return;
+    }
+    fs::set_permissions(dir, fs::Permissions::from_mode(0o755)).unwrap();
+}
+
+fn as_ours(dir: &Path) {
+    let me = fs::metadata(dir.parent().unwrap()).unwrap().uid();
+    let _ = std::os::unix::fs::chown(dir, Some(me), None);
+    fs::set_permissions(dir, fs::Permissions::from_mode(0o700)).unwrap();
+}
+
+#[test]
+fn every_outage_has_its_own_error_in_every_language_and_ends_by_itself() {
+    let prefix = Prefix::install("outage");
+    for (name, program, mut arguments) in everyone(&prefix) {
+        let place = Place::new("shadow", "");
+        arguments.push(CELL.into());
+        let process = Process::start(program.to_str().unwrap(), &arguments, &place);
+        let mut told = Told { name, process, heard: 0 };
+        told.next("no_daemon");
+        let mut first = daemon(&place);
+        told.next("ok");
+        first.kill();
+        told.next("daemon_lost");
+        let second = daemon(&place);
+        told.next("daemon_restarted");
+        told.next("ok");
+
+        let dir = place.cell().dir().to_path_buf();
+        as_another_users(&dir);
+        told.next("wrong_user");
+        as_ours(&dir);
+        told.next("ok");
+
+        let current = dir.join("current");
+        let ours = fs::read_to_string(&current).unwrap();
+        as_another_version(&current);
+        told.next("version_mismatch");
+        fs::write(&current, ours).unwrap();
+        told.next("ok");
+        drop(second);
+        told.next("daemon_lost");
+        println!("{}: {:#?}", told.name, told.process.lines());
+    }
+}
+
+#[test]
+fn connecting_says_at_once_what_no_waiting_will_mend() {
+    let place = Place::new("shadow", "");
+    let _daemon = daemon(&place);
+    let dir = place.cell().dir().to_path_buf();
+    let kind = |limit| {
+        let start = Instant::now();
+        let refused = trued_client::Client::connect_to(&place.cell(), limit).err().unwrap();
+        assert!(start.elapsed() < limit, "{refused}");
+        refused.kind()
+    };
+    as_another_users(&dir);
+    assert_eq!(kind(LIMIT), trued_client::ErrorKind::WrongUser);
+    as_ours(&dir);
+    as_another_version(&dir.join("current"));
+    assert_eq!(kind(LIMIT), trued_client::ErrorKind::VersionMismatch);
+}

@@ -1,0 +1,111 @@
+//! The Python package: installed by `pip` into an environment of its own, as a user would.
+//!
+//! Needs `python3` with `venv`, and the package registry for what builds it; where that cannot be had, it is SKIPPED.
+
+use super::{TABLES, lockstep, scratch, started};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+use tests::clients::{figures, has, root, run, skipped};
+
+/// What is needed beside `trued` itself: to build it, to run it, to check its types.
+const TOOLS: [&str; 4] = ["maturin>=1.16,<2", "numpy>=1.23", "mypy", "typing_extensions"];
+
+/// An example of the package.
+pub(super) fn example(name: &str) -> PathBuf {
+    root().join("client/python/examples").join(name)
+}
+
+/// A Python that has the package, built from this tree; none where this machine lacks what it takes.
+pub(super) fn interpreter(what: &str) -> Option<&'static Path> {
+    static MADE: OnceLock<Result<PathBuf, String>> = OnceLock::new();
+    match MADE.get_or_init(make) {
+        Ok(python) => Some(python),
+        Err(why) => {
+            skipped(scratch(), what, why);
+            None
+        }
+    }
+}
+
+fn make() -> Result<PathBuf, String> {
+    if !has("python3") {
+        return Err("no `python3`".to_owned());
+    }
+    let home = scratch().join("python");
+    let python = home.join("bin/python");
+    let tried = |command: &mut Command, what: &str| match command.output() {
+        Ok(output) if output.status.success() => Ok(()),
+        Ok(output) => Err(format!("{what}: {}", String::from_utf8_lossy(&output.stderr))),
+        Err(e) => Err(format!("{what}: {e}")),
+    };
+    if !python.exists() {
+        tried(Command::new("python3").args(["-m", "venv"]).arg(&home), "no `venv`")?;
+    }
+    let pip = || {
+        let mut pip = Command::new(&python);
+        pip.args(["-m", "pip", "--disable-pip-version-check", "install", "--quiet"]);
+        pip
+    };
+    tried(pip().args(TOOLS), "what builds the package cannot be installed")?;
+    let crates = root().join("client/python/Cargo.toml");
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
+    let mut fetch = Command::new(cargo);
+    fetch.args(["fetch", "--quiet", "--locked", "--manifest-path"]).arg(crates);
+    tried(&mut fetch, "the crates of the package cannot be had")?;
+    // From here on nothing is lacking: a failure is the package's. The profile is that of these tests.
+    let bin = home.join("bin").display().to_string();
+    let path = format!("{bin}:{}", std::env::var("PATH").unwrap_or_default());
+    run(pip()
+        .args(["--no-build-isolation", "--no-deps", "--force-reinstall"])
+        .arg(root().join("client/python"))
+        .env("PATH", path)
+        .env("CARGO_TARGET_DIR", scratch().join("python-target"))
+        .env("MATURIN_PEP517_ARGS", "--profile dev")
+        .env_remove("RUSTFLAGS"));
+    Ok(python)
+}
+
+#[test]
+fn python_holds_a_kilohertz() {
+    let Some(python) = interpreter("a kilohertz in Python") else { return };
+    let mut best = 0.0_f64;
+    // The machine may be busy.
+    for _ in 0..5 {
+        let (place, _daemon) = started("full", TABLES, &[]);
+        let mut command = Command::new(python);
+        command.arg(root().join("client/python/tests/kilohertz.py"));
+        command.env(shm_schema::RUNTIME_DIR_ENV, place.root());
+        let said = figures(&run(command.args([tests::place::CELL, "3"])));
+        println!("{said:?}");
+        let number = |name: &str| said[name].parse::<f64>().unwrap();
+        assert!(number("answered") > 0.5 * number("cycles"), "{said:?}");
+        best = best.max(number("rate_hz"));
+        if best > 990.0 {
+            return;
+        }
+    }
+    panic!("{best} Hz at most, expected 1000");
+}
+
+#[test]
+fn the_package_behaves_as_its_types_and_words_say() {
+    let Some(python) = interpreter("behaviour of the Python package") else { return };
+    let (place, _daemon) = lockstep(TABLES);
+    let mut command = Command::new(python);
+    command.arg(root().join("client/python/tests/behaviour.py"));
+    let output =
+        run(command.env(shm_schema::RUNTIME_DIR_ENV, place.root()).arg(tests::place::CELL));
+    println!("{}", String::from_utf8_lossy(&output.stdout));
+}
+
+#[test]
+fn the_stubs_are_those_of_the_package_and_the_examples_keep_to_them() {
+    let Some(python) = interpreter("types of the Python package") else { return };
+    run(Command::new(python).current_dir(scratch()).args(["-m", "mypy.stubtest", "trued"]));
+    let examples = ["robot_loop.py", "every_call.py", "outage.py"].map(example);
+    run(Command::new(python)
+        .current_dir(scratch())
+        .args(["-m", "mypy", "--strict"])
+        .args(examples));
+}
