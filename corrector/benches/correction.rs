@@ -48,8 +48,8 @@ fn stages(criterion: &mut Criterion) {
     });
     let mut solver = Solver::default();
     let found = solver.solve(&model, &inputs, &memories, &task, &reach);
-    println!("one correction takes {} Newton steps", found.steps);
-    criterion.bench_function("one correction, six joints, 20 effects", |bencher| {
+    let name = format!("one correction, six joints, 20 effects, {} Newton steps", found.steps);
+    criterion.bench_function(&name, |bencher| {
         bencher
             .iter(|| solver.solve(black_box(&model), black_box(&inputs), &memories, &task, &reach));
     });

@@ -1,7 +1,11 @@
 //! One stage of a correction so many times, for a tool that counts instructions: `counted STAGE TIMES`, or without arguments the stages' names.
 //!
 //! `cargo xtask instructions` runs it under callgrind and compares with what is stored; time on a shared machine would tell nothing of a few per cent.
-#![expect(clippy::expect_used, reason = "the arms of the tests are sound")]
+#![expect(
+    clippy::expect_used,
+    clippy::print_stdout,
+    reason = "a program for one tool; its arm is sound"
+)]
 
 #[path = "../tests/support/mod.rs"]
 mod support;

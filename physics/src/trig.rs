@@ -4,7 +4,7 @@
 //! Functions, 1980); there two polynomials stand for sine and cosine. Parts and polynomials have the figures of Sun's fdlibm (`e_rem_pio2.c`,
 //! `k_sin.c`, `k_cos.c`).
 //!
-//! Promises: within 1e-16 and an ulp of the true values; beyond [`LARGE`], and for what is not finite, `libm` answers. The same bits whether one angle
+//! Promises: within 1e-16 and an ulp of the true values; beyond 300 000 turns, and for what is not finite, `libm` answers. The same bits whether one angle
 //! is asked or many. Never: a table.
 
 use libm::sincos;
