@@ -74,7 +74,8 @@ impl Travelled {
         let mut all = Vec::new();
         for (segment, rows) in runs {
             let run = Run::of(arm, rows);
-            if run.length_mm() >= SHORTEST_MM {
+            // A cut of just that length is one, whichever way its ends were rounded.
+            if run.length_mm() >= (1.0 - 1e-6) * SHORTEST_MM {
                 all.extend((0..parts).map(|k| run.part(arm, *segment, k, parts)));
             }
         }
