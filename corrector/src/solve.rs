@@ -13,12 +13,13 @@ use crate::outcome::Residual;
 use crate::settings::Task;
 use glam::DVec3;
 use physics::frame::vector_from_rotation;
-use physics::{Chain, Evaluation, Frame, Inputs, JOINTS_MAX, JointKind, Joints, Memories, Model};
+use physics::{Evaluation, Frame, Inputs, JOINTS_MAX, JointKind, Joints, Memories, Model};
 
 /// The most Newton steps.
 const STEPS_MAX: u32 = 10;
-/// The solution stands once the step after the last is foretold to be below this, rad or m.
-const STEP_DONE: f64 = 1e-11;
+/// The solution stands once the step after the last is foretold to be below this, rad or m: a fortieth of what is promised, as the largest of a step
+/// says little of a direction in which the tool hardly moves.
+const STEP_DONE: f64 = 2.5e-11;
 /// It stands too once the weighted error is below this, m: rounding of the geometry.
 const ERROR_DONE_M: f64 = 1e-14;
 /// A step that is larger than this share of the one before asks for a new linearisation.
@@ -84,7 +85,7 @@ impl Solver {
             let allowed = |step: &Joints| stays_within(&trial.q, step, &inputs.q, reach);
             let again = last.and_then(|last| slopes.again(&last, &error, allowed));
             let next = again.or_else(|| {
-                slopes.take(model, &seen.real, wanted, task);
+                slopes.take(model, &trial, seen, wanted, task);
                 slopes.first(&error, allowed)
             });
             let Some(next) = next.filter(|_| steps < STEPS_MAX) else {
@@ -152,18 +153,30 @@ struct Slopes {
 }
 
 impl Slopes {
-    /// Linearises at `real`.
-    fn take(&mut self, model: &Model, real: &Chain, wanted: &Frame, task: &Task) {
+    /// Linearises where `seen` stands.
+    fn take(
+        &mut self,
+        model: &Model,
+        trial: &Inputs,
+        seen: &Evaluation,
+        wanted: &Frame,
+        task: &Task,
+    ) {
+        let (real, more) = (&seen.real, model.slopes(trial, seen));
         let tool_from_base = wanted.rotation.transpose();
         let tcp = real.base_from_tool.origin;
         (self.joints, self.frees_tool_axis) = (model.arm.count(), task.free_tool_axis);
         for (i, (joint, column)) in model.arm.joints().iter().zip(&mut self.columns).enumerate() {
             let axis = real.axes[i];
+            let whole = 1.0 + more[i];
             let (linear, angular) = match joint.kind {
                 JointKind::Revolute => (axis.cross(tcp - real.points[i]), axis),
                 JointKind::Prismatic => (axis, DVec3::ZERO),
             };
-            let (v, w) = (tool_from_base * linear, tool_from_base * angular * task.length_m);
+            let (v, w) = (
+                tool_from_base * linear * whole,
+                tool_from_base * angular * (whole * task.length_m),
+            );
             let z = if task.free_tool_axis { 0.0 } else { w.z };
             *column = [v.x, v.y, v.z, w.x, w.y, z];
         }

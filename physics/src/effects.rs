@@ -134,6 +134,14 @@ macro_rules! effects {
                 }
             }
 
+            /// See [`Effect::slope`].
+            pub fn slope(&self, signals: &Signals<'_>) -> f64 {
+                match self {
+                    $(Self::$Kind(effect) => effect.slope(signals),)+
+                    Self::OverPath(_) => 0.0,
+                }
+            }
+
             /// See [`Effect::settle`].
             pub fn settle(&self, signals: &Signals<'_>, memory: &mut Memory) {
                 match self {

@@ -9,7 +9,7 @@ use crate::deviation::{Contribution, Deviation};
 use crate::loads::{LoadChange, Loads};
 use crate::signals::{Inputs, Signals};
 use crate::spec::{ActsOn, Need};
-use crate::{AnyEffect, Arm, Chain, EFFECTS_MAX, Memory};
+use crate::{AnyEffect, Arm, Chain, EFFECTS_MAX, JOINTS_MAX, Joints, Memory};
 use thiserror::Error;
 
 /// An arm with its effects.
@@ -176,6 +176,18 @@ impl Model {
         }
         real.deviate(&self.arm, &inputs.q, deviation, nominal);
         *beyond = if self.hardens { self.beyond(loads) } else { None };
+    }
+
+    /// How much more each joint deviates per unit of its own position, as far as effects tell; at the sample of `seen`.
+    pub fn slopes(&self, inputs: &Inputs, seen: &Evaluation) -> Joints {
+        let signals = Signals { arm: &self.arm, inputs, chain: &seen.nominal, loads: &seen.loads };
+        let mut slopes = [0.0; JOINTS_MAX];
+        for effect in self.effects() {
+            if let Some(joint) = effect.joint() {
+                slopes[joint] += effect.slope(&signals);
+            }
+        }
+        slopes
     }
 
     /// Calls `visit` with the index and contribution of each effect at one sample.

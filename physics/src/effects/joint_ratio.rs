@@ -35,4 +35,7 @@ impl Effect for JointRatio {
         let [ratio] = self.values;
         Contribution::Joint { joint: self.joint, delta: ratio * signals.inputs.q[self.joint] }
     }
+    fn slope(&self, _signals: &Signals<'_>) -> f64 {
+        self.values[0]
+    }
 }

@@ -44,6 +44,11 @@ impl Effect for TransmissionError {
         Contribution::Joint { joint: self.joint, delta }
     }
 
+    fn slope(&self, signals: &Signals<'_>) -> f64 {
+        let [amplitude, cycles, phase] = self.values;
+        amplitude * cycles * sin_cos(cycles * signals.inputs.q[self.joint] + phase).1
+    }
+
     fn derivative(&self, k: usize, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [amplitude, cycles, phase] = self.values;
         let q = signals.inputs.q[self.joint];
