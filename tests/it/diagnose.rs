@@ -214,6 +214,37 @@ fn only_missing_physics_is_applied_and_a_daemon_that_is_not_there_costs_no_diagn
     assert!(sound.names().contains(&"said".to_owned()));
 }
 
+#[test]
+fn a_counterbalance_that_bends_a_known_compliance_is_no_set_of_waves() {
+    let place = recorded("");
+    let base = preset(BASE).expect("preset").text;
+    let known = "[[effect]]\nkind = \"joint_compliance\"\njoint = 2\ncompliance_mrad_per_kNm = 2.5\n\
+                 sigma = { compliance_mrad_per_kNm = 0.12 }\n";
+    let spring = "[[effect]]\nkind = \"counterbalance\"\njoint = 2\nstiffness_N_per_m = 9600.0\n\
+                  free_length_mm = 75.0\na_mm = 227.0\nL_mm = 314.0\nangle_deg = 202.0\n";
+    place.file("known.toml", &format!("{base}\n{known}"));
+    place.file("truth.toml", &format!("{base}\n{known}\n{spring}"));
+    see(&place, "path.csv", "sprung");
+    place.file("sprung.toml", ABOUT);
+    place.succeed(&[
+        "diagnose",
+        "--model",
+        "known.toml",
+        "--out",
+        "said",
+        "--seed",
+        "1",
+        "sprung.csv",
+    ]);
+    let said = place.json("said/diagnosis.json");
+    let finding = &said["findings"][0];
+    assert_eq!(
+        (&finding["effect"], &finding["joint"]),
+        (&"counterbalance".into(), &2.into()),
+        "{said:#}"
+    );
+}
+
 /// Link sides of a path: joint 3 has play whose gap follows its own position, as worn teeth do; noise of 2 mdeg.
 fn worn() -> String {
     let mut chance = Chance::new(5);

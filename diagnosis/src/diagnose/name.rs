@@ -143,15 +143,6 @@ impl Named {
     }
 }
 
-/// The best spring of a joint, with its numbers, where a fit stands.
-fn spring(fitted: &Fitted<'_>, joint: usize) -> Option<Candidate> {
-    let all = springs_at(&fitted.state.hypothesis.model.arm, joint);
-    let sound = |score: &Score| is_sound(&all[score.candidate], &score.found);
-    let scores = fitted.scores(&all).into_iter().filter(sound);
-    let best = scores.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
-    all.into_iter().nth(best.candidate)
-}
-
 /// The places of effects once `gone` has left the model; a change leaves none.
 pub(super) fn close_up(named: &mut [Named], gone: &Named) {
     if gone.stated.is_none() {
@@ -260,15 +251,32 @@ impl Asking<'_> {
             let named = naming.named.iter().filter(|one| one.candidate.joint == Some(joint));
             let named: Vec<&Named> = named.collect();
             if named.is_empty() {
-                return spring(fitted, joint);
+                return self.spring(fitted, joint);
             }
             let mut bare = without(&naming.fit, &self.known.model, &named);
             // While it is missing, what gives way seems stiff, and no spring would bend it: it gives way here as is believed.
             bare.believe(|effect| is_about_loads(effect.spec()));
             let bare = compare(self.campaign, &bare, &naming.fit, self.settings.used);
-            spring(&Fitted::new(self.campaign, &bare, &self.settings), joint)
+            self.spring(&Fitted::new(self.campaign, &bare, &self.settings), joint)
         };
         (0..model.arm.count()).filter(gives_way).filter_map(best).collect()
+    }
+
+    /// The best spring of a joint where a fit stands, of the shape that it takes once it is fitted: those of the list are far between.
+    fn spring(&self, fitted: &Fitted<'_>, joint: usize) -> Option<Candidate> {
+        let arm = &fitted.state.hypothesis.model.arm;
+        let all = springs_at(arm, joint);
+        let sound = |score: &Score| is_sound(&all[score.candidate], &score.found);
+        let scores = fitted.scores(&all).into_iter().filter(sound);
+        let best = scores.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
+        let candidate = &all[best.candidate];
+        let mut hypothesis = fitted.fit.hypothesis.clone();
+        let Some(at) = put(&mut hypothesis, candidate, candidate.kept(), &best.found) else {
+            return Some(candidate.clone());
+        };
+        let shaped = compare(self.campaign, &hypothesis, fitted.fit, self.settings.used);
+        let effect = shaped.hypothesis.model.effects().nth(at)?;
+        Some(candidate.standing(arm, effect, &[]).0)
     }
 
     /// Adds a candidate to a hypothesis; none where there is no room.
