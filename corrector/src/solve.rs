@@ -13,7 +13,7 @@ use crate::outcome::Residual;
 use crate::settings::Task;
 use glam::DVec3;
 use physics::frame::vector_from_rotation;
-use physics::{Evaluation, Frame, Inputs, JOINTS_MAX, JointKind, Joints, Memories, Model};
+use physics::{Evaluation, Frame, Inputs, JOINTS_MAX, Joints, Memories, Model};
 
 /// The most Newton steps.
 const STEPS_MAX: u32 = 10;
@@ -164,15 +164,10 @@ impl Slopes {
     ) {
         let (real, more) = (&seen.real, model.slopes(trial, seen));
         let tool_from_base = wanted.rotation.transpose();
-        let tcp = real.base_from_tool.origin;
         (self.joints, self.frees_tool_axis) = (model.arm.count(), task.free_tool_axis);
         for (i, (joint, column)) in model.arm.joints().iter().zip(&mut self.columns).enumerate() {
-            let axis = real.axes[i];
+            let (linear, angular) = real.motion_of(i, joint.kind);
             let whole = 1.0 + more[i];
-            let (linear, angular) = match joint.kind {
-                JointKind::Revolute => (axis.cross(tcp - real.points[i]), axis),
-                JointKind::Prismatic => (axis, DVec3::ZERO),
-            };
             let (v, w) = (
                 tool_from_base * linear * whole,
                 tool_from_base * angular * (whole * task.length_m),

@@ -10,7 +10,7 @@
 
 use glam::DVec3;
 use physics::frame::Twist;
-use physics::{Arm, Chain, Contribution, Evaluation, Frame, JointKind, Joints};
+use physics::{Arm, Chain, Contribution, Evaluation, Frame, Joints};
 
 /// A small motion of the tool, base axes, per unit of what causes it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -77,11 +77,7 @@ impl Motion {
     /// The motion when `joint` of the controller's own arm, standing as `chain`, moves by one rad or m.
     #[must_use]
     pub fn of_joint(arm: &Arm, chain: &Chain, joint: usize) -> Self {
-        let (axis, tcp) = (chain.axes[joint], chain.base_from_tool.origin);
-        let (turn, shift) = match arm.joints()[joint].kind {
-            JointKind::Revolute => (axis, axis.cross(tcp - chain.points[joint])),
-            JointKind::Prismatic => (DVec3::ZERO, axis),
-        };
+        let (shift, turn) = chain.motion_of(joint, arm.joints()[joint].kind);
         let mut joints = Joints::default();
         joints[joint] = 1.0;
         Self { turn, shift, joints }

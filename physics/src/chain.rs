@@ -5,8 +5,8 @@
 //! Never: a load or an effect.
 
 use crate::deviation::Deviation;
-use crate::frame::{rotation_from_vector, turned_about};
-use crate::trig::{sin_cos, sin_cos_all};
+use crate::frame::{coefficients, rotation_from_vector, turned_about};
+use crate::trig::sin_cos_all;
 use crate::{Arm, Frame, JOINTS_MAX, JointKind, Joints};
 use glam::DVec3;
 use nalgebra::SMatrix;
@@ -88,7 +88,7 @@ impl Chain {
                 (moved.rotation * joint.axis, moved.point(joint.point))
             });
             let off = deviation.joints[i];
-            self.turned[i] = turned_on(nominal.turned[i], q[i], off);
+            self.turned[i] = turned_on(nominal.turned[i], off);
             self.place(i, &carrier, axis, joint.kind, q[i] + off);
             carrier = self.bodies[i];
         }
@@ -103,16 +103,21 @@ impl Chain {
         }
     }
 
+    /// How the TCP moves (m) and the tool turns (rad) per unit of joint `i`, base axes.
+    #[inline]
+    pub fn motion_of(&self, i: usize, kind: JointKind) -> (DVec3, DVec3) {
+        let axis = self.axes[i];
+        match kind {
+            JointKind::Revolute => (axis.cross(self.base_from_tool.origin - self.points[i]), axis),
+            JointKind::Prismatic => (axis, DVec3::ZERO),
+        }
+    }
+
     /// How the TCP moves with each joint at this configuration.
     pub fn jacobian(&self, arm: &Arm) -> Jacobian {
         let mut jacobian = Jacobian::zeros();
         for (i, joint) in arm.joints().iter().enumerate() {
-            let (linear, angular) = match joint.kind {
-                JointKind::Revolute => {
-                    (self.axes[i].cross(self.base_from_tool.origin - self.points[i]), self.axes[i])
-                }
-                JointKind::Prismatic => (self.axes[i], DVec3::ZERO),
-            };
+            let (linear, angular) = self.motion_of(i, joint.kind);
             let column = [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z];
             jacobian.column_mut(i).copy_from_slice(&column);
         }
@@ -151,19 +156,11 @@ impl Chain {
     }
 }
 
-/// Below this the rest of a turn is added by series, rad: their next terms are below rounding.
-const LITTLE: f64 = 0.02;
-
 /// Sine and cosine of `q + off`, given those of `q`; the same bits where `off` is zero.
 #[inline]
-fn turned_on((sin, cos): (f64, f64), q: f64, off: f64) -> (f64, f64) {
-    if off.abs() >= LITTLE {
-        return sin_cos(q + off);
-    }
+fn turned_on((sin, cos): (f64, f64), off: f64) -> (f64, f64) {
     let square = off * off;
-    let sine = off
-        * (1.0
-            - square * (1.0 / 6.0) * (1.0 - square * (1.0 / 20.0) * (1.0 - square * (1.0 / 42.0))));
-    let less = 0.5 * square * (1.0 - square * (1.0 / 12.0) * (1.0 - square * (1.0 / 30.0)));
+    let [first, second, _] = coefficients(square);
+    let (sine, less) = (off * first, square * second);
     (sin + (cos * sine - sin * less), cos - (sin * sine + cos * less))
 }

@@ -145,16 +145,22 @@ const SMALL: f64 = 0.01;
 
 /// `sin θ/θ`, `(1 − cos θ)/θ²` and `(θ − sin θ)/θ³`, of `θ²`.
 #[inline]
-fn coefficients(square: f64) -> [f64; 3] {
-    if square < SMALL {
-        let series = |n: f64| {
-            // 1/n! · (1 − θ²/((n+1)(n+2)) (1 − θ²/((n+3)(n+4)) …))
-            let term =
-                |k: f64, inner: f64| 1.0 - square * inner * (1.0 / ((n + k) * (n + k + 1.0)));
-            term(1.0, term(3.0, term(5.0, term(7.0, 1.0))))
-        };
-        return [series(1.0), 0.5 * series(2.0), series(3.0) * (1.0 / 6.0)];
-    }
+pub(crate) fn coefficients(square: f64) -> [f64; 3] {
+    if square < SMALL { small_coefficients(square) } else { large_coefficients(square) }
+}
+
+#[inline]
+fn small_coefficients(square: f64) -> [f64; 3] {
+    // 1/n! · (1 − θ²/((n+1)(n+2)) (1 − θ²/((n+3)(n+4)) …))
+    let series = |n: f64| {
+        let term = |k: f64, inner: f64| 1.0 - square * inner * (1.0 / ((n + k) * (n + k + 1.0)));
+        term(1.0, term(3.0, term(5.0, term(7.0, 1.0))))
+    };
+    [series(1.0), 0.5 * series(2.0), series(3.0) * (1.0 / 6.0)]
+}
+
+#[cold]
+fn large_coefficients(square: f64) -> [f64; 3] {
     let angle = sqrt(square);
     let (sin, half_sin) = (sin_cos(angle).0, sin_cos(0.5 * angle).0);
     [sin / angle, 2.0 * half_sin * half_sin / square, (angle - sin) / (angle * square)]

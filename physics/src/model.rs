@@ -284,12 +284,11 @@ impl Model {
         if self.effects().all(|effect| !effect.spec().has_memory) {
             return;
         }
-        let before = *memories;
-        self.with_signals(inputs, &before, |signals| {
-            for (effect, memory) in self.effects().zip(&mut memories.0) {
-                step(effect, signals, memory);
-            }
-        });
+        let (chain, loads) = self.loaded(inputs, memories);
+        let signals = Signals { arm: &self.arm, inputs, chain: &chain, loads: &loads };
+        for (effect, memory) in self.effects().zip(&mut memories.0) {
+            step(effect, &signals, memory);
+        }
     }
 
     fn with_signals<R>(
@@ -298,10 +297,16 @@ impl Model {
         memories: &Memories,
         visit: impl FnOnce(&Signals<'_>) -> R,
     ) -> R {
+        let (chain, loads) = self.loaded(inputs, memories);
+        visit(&Signals { arm: &self.arm, inputs, chain: &chain, loads: &loads })
+    }
+
+    /// The controller's geometry and the loads on it.
+    fn loaded(&self, inputs: &Inputs, memories: &Memories) -> (Chain, Loads) {
         let chain = Chain::nominal(&self.arm, &inputs.q);
         let mut loads = Loads::default();
         self.load(inputs, &chain, memories, &mut loads);
-        visit(&Signals { arm: &self.arm, inputs, chain: &chain, loads: &loads })
+        (chain, loads)
     }
 
     fn load(&self, inputs: &Inputs, chain: &Chain, memories: &Memories, loads: &mut Loads) {
