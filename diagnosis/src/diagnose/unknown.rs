@@ -28,7 +28,7 @@ const DEGREE_OF_PAIR: usize = 3;
 const FAR: f64 = 12.0;
 /// By which share of what names are worth a law has to be worth more than they are: names are simplified physics too.
 const CLEARLY: f64 = 0.02;
-/// How large a coefficient may be: a joint's error, rad or m.
+/// How large a coefficient of a joint's error may be, rad or m.
 const LARGE: f64 = 5e-3;
 
 /// What a law gives its size to.
@@ -38,6 +38,24 @@ enum Carrier {
     Joint,
     /// What was named there: how the tool moves with it, pose by pose; and the word that the name itself follows.
     Named(Rc<[Motion]>, Option<usize>),
+}
+
+impl Carrier {
+    /// How the tool moves with one of it at a pose.
+    fn unit(&self, arm: &Arm, joint: usize, inputs: &Inputs, pose: usize) -> Motion {
+        match self {
+            Self::Joint => Motion::of_joint(arm, &Chain::nominal(arm, &inputs.q), joint),
+            Self::Named(motions, _) => motions[pose],
+        }
+    }
+
+    /// How large a coefficient may be: a joint's error, rad or m; of what was named, as often again.
+    fn large(&self) -> f64 {
+        match self {
+            Self::Joint => LARGE,
+            Self::Named(..) => 1.0,
+        }
+    }
 }
 
 /// A smooth law of a joint's error, or of the size of what was named there.
@@ -120,31 +138,12 @@ fn better(
     groups: impl Fn(usize) -> Vec<Vec<usize>>,
     before: Option<Law>,
 ) -> Option<Law> {
-    let arm = &fitted.state.hypothesis.model.arm;
-    let mut best = before;
-    let tried: usize = (0..arm.count()).map(|joint| groups(joint).len()).sum();
-    for joint in 0..arm.count() {
-        let groups = groups(joint);
-        let counts: Vec<usize> = groups.iter().map(|group| count(words, group)).collect();
-        let asked = Asked { sigmas: vec![LARGE; counts.iter().sum()], numbers: counts };
-        let scores = fitted.scores_of(&asked, |pose, into| {
-            let chain = Chain::nominal(arm, &fitted.campaign.poses[pose].inputs.q);
-            let unit = Motion::of_joint(arm, &chain, joint);
-            into.clear();
-            for group in &groups {
-                terms(words, group, pose, |term| into.push(unit.times(term)));
-            }
-        });
-        for score in scores {
-            let worth = score.gain / fitted.fit.design_effect - price(fitted, score.numbers, tried);
-            if best.as_ref().is_none_or(|best| worth > best.worth) {
-                let words = groups[score.candidate].clone();
-                best =
-                    Some(Law { joint, carrier: Carrier::Joint, words, found: score.found, worth });
-            }
-        }
-    }
-    best
+    let joints = fitted.state.hypothesis.model.arm.count();
+    let groups: Vec<Vec<Vec<usize>>> = (0..joints).map(groups).collect();
+    let tried = groups.iter().map(Vec::len).sum();
+    groups.iter().enumerate().fold(before, |best, (joint, groups)| {
+        best_of(fitted, words, (joint, &Carrier::Joint), (groups, tried), best)
+    })
 }
 
 /// The best law by which a name's size changes, and of what was found before.
@@ -155,37 +154,44 @@ fn unsteady(
     naming: &Naming,
     before: Option<Law>,
 ) -> Option<Law> {
-    let mut best = before;
-    let Asking { campaign, known, .. } = asking;
     let whole = &naming.fit.hypothesis.model;
     let tried = naming.named.len() * words.len();
-    for one in &naming.named {
+    naming.named.iter().fold(before, |best, one| {
         let effect = whole.effects().nth(one.effect);
-        let Some((effect, joint)) = effect.and_then(|e| Some((e, e.joint()?))) else { continue };
-        let bare = without(&naming.fit, &known.model, &[one]).model;
-        let motions: Rc<[Motion]> = moved(campaign, &bare, whole).into();
+        let Some((effect, joint)) = effect.and_then(|e| Some((e, e.joint()?))) else { return best };
+        let bare = without(&naming.fit, &asking.known.model, &[one]).model;
         let own = follows(effect, joint, words);
-        let other: Vec<usize> = (0..words.len()).filter(|w| Some(*w) != own).collect();
-        let groups = other.iter().map(|w| [*w]);
-        let counts: Vec<usize> = groups.clone().map(|group| count(words, &group)).collect();
-        let asked = Asked { sigmas: vec![1.0; counts.iter().sum()], numbers: counts };
-        let scores = fitted.scores_of(&asked, |pose, into| {
-            into.clear();
-            for group in groups.clone() {
-                terms(words, &group, pose, |term| into.push(motions[pose].times(term)));
-            }
-        });
-        for score in scores {
-            let worth = score.gain / fitted.fit.design_effect - price(fitted, score.numbers, tried);
-            if best.as_ref().is_none_or(|best| worth > best.worth) {
-                best = Some(Law {
-                    joint,
-                    carrier: Carrier::Named(motions.clone(), own),
-                    words: vec![other[score.candidate]],
-                    found: score.found,
-                    worth,
-                });
-            }
+        let groups: Vec<Vec<usize>> =
+            (0..words.len()).filter(|w| Some(*w) != own).map(|w| vec![w]).collect();
+        let carrier = Carrier::Named(moved(asking.campaign, &bare, whole).into(), own);
+        best_of(fitted, words, (joint, &carrier), (&groups, tried), best)
+    })
+}
+
+/// The best of the laws by which groups of words size a carrier, and of what was found before.
+fn best_of(
+    fitted: &Fitted<'_>,
+    words: &[Word],
+    (joint, carrier): (usize, &Carrier),
+    (groups, tried): (&[Vec<usize>], usize),
+    before: Option<Law>,
+) -> Option<Law> {
+    let arm = &fitted.state.hypothesis.model.arm;
+    let numbers: Vec<usize> = groups.iter().map(|group| count(words, group)).collect();
+    let asked = Asked { sigmas: vec![carrier.large(); numbers.iter().sum()], numbers };
+    let scores = fitted.scores_of(&asked, |pose, into| {
+        let unit = carrier.unit(arm, joint, &fitted.campaign.poses[pose].inputs, pose);
+        into.clear();
+        for group in groups {
+            terms(words, group, pose, |term| into.push(unit.times(term)));
+        }
+    });
+    let mut best = before;
+    for score in scores {
+        let worth = score.gain / fitted.fit.design_effect - price(fitted, score.numbers, tried);
+        if best.as_ref().is_none_or(|best| worth > best.worth) {
+            let (carrier, words) = (carrier.clone(), groups[score.candidate].clone());
+            best = Some(Law { joint, carrier, words, found: score.found, worth });
         }
     }
     best
@@ -279,12 +285,7 @@ impl Law {
         let mut sum = 0.0;
         let mut found = self.found.iter();
         terms(words, &self.words, pose, |term| sum += term * found.next().unwrap_or(&0.0));
-        match &self.carrier {
-            Carrier::Joint => {
-                Motion::of_joint(arm, &Chain::nominal(arm, &inputs.q), self.joint).times(sum)
-            }
-            Carrier::Named(motions, _) => motions[pose].times(sum),
-        }
+        self.carrier.unit(arm, self.joint, inputs, pose).times(sum)
     }
 
     /// Sums of squares of the rows `held`, whitened, without the law and with it; what is fitted anyway follows the law as it does on the rows of the fit.
