@@ -28,17 +28,18 @@ pub(crate) struct Reaction {
 }
 
 /// How a body moves.
-#[derive(Clone, Copy, Default)]
-struct Moving {
-    spin: DVec3,
-    spin_rate: DVec3,
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Moving {
+    pub(crate) spin: DVec3,
+    pub(crate) spin_rate: DVec3,
     /// Acceleration of `point`, m/s².
     acceleration: DVec3,
     point: DVec3,
 }
 
 impl Moving {
-    fn acceleration_of(&self, point: DVec3) -> DVec3 {
+    /// Of a point of the body, where it is now, m/s².
+    pub(crate) fn acceleration_of(&self, point: DVec3) -> DVec3 {
         let lever = point - self.point;
         self.acceleration + self.spin_rate.cross(lever) + self.spin.cross(self.spin.cross(lever))
     }
@@ -92,7 +93,8 @@ pub(crate) fn reaction(
     Reaction { torque, base_moment: moment }
 }
 
-fn moving(
+/// How each body of the arm moves.
+pub(crate) fn moving(
     arm: &Arm,
     chain: &Chain,
     velocity: &Joints,
@@ -127,7 +129,7 @@ fn moving(
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::arm::GRAVITY;
     use crate::effects::conformance::{scene, sliding_scene};
@@ -159,7 +161,7 @@ mod tests {
     }
 
     /// Kinetic energy by differences of places: no speed of a body is computed here.
-    fn energy(arm: &Arm, q: &Joints, velocity: &Joints) -> f64 {
+    pub(crate) fn energy(arm: &Arm, q: &Joints, velocity: &Joints) -> f64 {
         let h = 1e-5;
         let at = |sign: f64| {
             let moved = std::array::from_fn(|i| q[i] + sign * h * velocity[i]);

@@ -5,7 +5,7 @@
 //! Never: a clock, input or output, shared memory, a heap, a panic on finite input.
 //!
 //! Read in this order: [`arm`] (what the controller believes), [`chain`] (where every axis and the tool
-//! are), [`loads`] (what pulls at each joint), [`effect`] (THE seam: what one physical effect is),
+//! are), [`loads`] (what pulls at each joint), [`dynamics`] (what the drives exert), [`effect`] (THE seam: what one physical effect is),
 //! [`model`] (the sum of the effects: where the tool really goes).
 //!
 //! Units are SI throughout: rad (m for a prismatic joint), N, Nm, kg, s; temperatures in °C.
@@ -15,6 +15,7 @@
 pub mod arm;
 pub mod chain;
 pub mod deviation;
+pub mod dynamics;
 pub mod effect;
 pub mod effects;
 pub mod frame;
@@ -33,7 +34,7 @@ pub use deviation::{Contribution, Deviation};
 pub use effect::{BuildError, Effect, Given, Memory};
 pub use effects::AnyEffect;
 pub use frame::Frame;
-pub use loads::Loads;
+pub use loads::{LoadChange, Loads};
 pub use model::{Beyond, Evaluation, Memories, Model, ModelError};
 pub use signals::{Inputs, Signals, Wrench};
 

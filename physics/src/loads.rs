@@ -129,6 +129,11 @@ impl Loads {
         self.gravity_torque[i] + self.wrench_torque[i] + self.inertia_torque[i]
     }
 
+    /// What the drives exert against these loads: `M q̈ + C q̇ + ∂V/∂q − JᵀW`, Nm or N.
+    pub fn drive_torque(&self) -> Joints {
+        core::array::from_fn(|i| -self.torque(i))
+    }
+
     /// As of an arm at rest.
     pub(crate) fn forget_inertia(&mut self) {
         self.inertia_torque = [0.0; JOINTS_MAX];

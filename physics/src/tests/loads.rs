@@ -14,7 +14,7 @@ fn arms() -> [Arm; 2] {
 }
 
 /// Potential energy of all masses, J, by matrices.
-fn energy(arm: &Arm, q: &Joints) -> f64 {
+pub(super) fn energy(arm: &Arm, q: &Joints) -> f64 {
     let geometry = Geometry::of(arm);
     let of = |(i, body): (usize, &crate::Body)| {
         -body.mass * arm.gravity.dot(geometry.body(q, Some(i)).point(body.centre))
