@@ -15,6 +15,7 @@ mod cli;
 mod clients;
 mod diagnose;
 mod diagnose_garbage;
+mod dynamics;
 mod force;
 mod gauges;
 mod gears;
