@@ -46,6 +46,17 @@ impl Colour {
         self.law.is_empty()
     }
 
+    /// What is new in each of a run's values, in the scale of the noise; the first ones, whose forerunners are missing, stay.
+    #[must_use]
+    pub(crate) fn freed(&self, run: &[f64]) -> Vec<f64> {
+        let order = self.law.len();
+        let new = |k: usize| {
+            let known: f64 = self.law.iter().enumerate().map(|(i, a)| a * run[k - 1 - i]).sum();
+            (run[k] - known) / self.fresh
+        };
+        (0..run.len()).map(|k| if k < order { run[k] } else { new(k) }).collect()
+    }
+
     /// The sum of the law's numbers, below one: how much of a slow change is noise to it, for people.
     #[must_use]
     pub fn memory(&self) -> f64 {

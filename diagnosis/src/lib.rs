@@ -45,6 +45,7 @@ pub mod single_joint;
 pub mod start;
 pub mod stiffness;
 pub mod surroundings;
+pub mod torque;
 pub mod sweeps;
 pub mod triangle;
 mod waves;

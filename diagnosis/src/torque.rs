@@ -1,0 +1,449 @@
+//! What the motors feel and the model does not know: a diagnosis of recorded torque.
+//!
+//! Read in this order: `motion` (torque and motion in one band), `rigid` (what the masses ask for), `columns` and `library` (what may be missing), `case`
+//! (rows and sums), `choose` (which names), `refine`, `zone`, `prove`, `unknown`, `found`.
+//!
+//! Promises: the same input gives the same bits; held-out rows are seen by no choice and no fit. Never: a file, a name of a data set, the controller's own
+//! tracking error as physics.
+
+mod case;
+mod choose;
+mod columns;
+mod filter;
+mod found;
+mod known;
+mod library;
+mod motion;
+mod noise;
+mod prove;
+mod refine;
+mod rigid;
+mod table;
+mod unknown;
+mod view;
+mod zone;
+
+use physics::{Arm, JointKind};
+use recording::series::Recording;
+
+use crate::diagnose::Verdict;
+use case::Case;
+use choose::{Asking, Choice};
+pub use found::{Number, Rival};
+pub use known::Stated;
+pub use motion::has_torque;
+pub use unknown::Law;
+pub use view::Trace;
+pub use zone::Zone;
+
+/// Names must carry this share of what stands above the noise on held-out rows, as energy; else the structure is unknown.
+const CARRIED: f64 = 0.98;
+/// Where more than this share of what is named cannot be told apart, nothing is claimed.
+const CLEAR: f64 = 0.5;
+/// Rounds in which ripples are listened for.
+const RIPPLES: usize = 2;
+
+/// Something that is missing in the model of the drives, or wrong in it.
+#[derive(Clone, Debug)]
+pub struct Finding {
+    /// A name of the contract.
+    pub kind: &'static str,
+    /// From 0; none for the whole robot.
+    pub joint: Option<usize>,
+    /// The one recording in which it acts, from 0; none: all.
+    pub recording: Option<usize>,
+    /// Whether the model has the effect, and this is what its numbers are off by.
+    pub is_change: bool,
+    /// SI.
+    pub numbers: Vec<Number>,
+    /// The probability that the name is right.
+    pub confidence: f64,
+    /// By how much log-likelihood is higher with it than without.
+    pub gain: f64,
+    /// Other names.
+    pub rivals: Vec<Rival>,
+    /// Held-out root mean square without it (all before it in the list at work) and with it, N m or N.
+    pub heldout: [f64; 2],
+}
+
+/// The proof of one joint, N m or N.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JointProof {
+    /// From 0.
+    pub joint: usize,
+    /// Root mean square of the torque itself on held-out rows.
+    pub torque: f64,
+    /// What the model as given is off by, its open masses fitted.
+    pub before: f64,
+    /// What it is off by with all that was found.
+    pub after: f64,
+    /// The same without the zones of low speed.
+    pub after_outside: f64,
+    /// Noise: what no name explains on rows that train.
+    pub noise: f64,
+}
+
+/// All that was found in torque.
+#[derive(Clone, Debug)]
+pub struct Diagnosis {
+    /// The verdict.
+    pub verdict: Verdict,
+    /// Most important first.
+    pub findings: Vec<Finding>,
+    /// Structure beyond them.
+    pub unexplained: Option<Law>,
+    /// Where the torque follows no known law, set apart.
+    pub zones: Vec<Zone>,
+    /// Held-out root mean square as given and with what was found, N m or N; see the contract for joints of different noise.
+    pub heldout: [f64; 2],
+    /// The noise likewise.
+    pub noise: f64,
+    /// Per joint.
+    pub by_joint: Vec<JointProof>,
+    /// Root mean square of the torque on held-out rows, all joints.
+    pub signal: f64,
+    /// The filter's band, Hz.
+    pub band_hz: f64,
+    /// Rows of one joint.
+    pub rows: usize,
+    /// How rows were held out.
+    pub says: String,
+    /// What could not have shown: effect, joint from 0, why.
+    pub not_tested: Vec<(&'static str, Option<usize>, &'static str)>,
+    /// Whether joints turn or slide: N m or N.
+    pub slides: bool,
+    /// What was done with the data, in words.
+    pub notes: Vec<String>,
+    /// Torque over time, for the page.
+    pub traces: Vec<Trace>,
+}
+
+/// Why nothing can be said.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Doubt {
+    /// Too few rows.
+    #[error("{rows} rows of torque and motion without gaps are left, expected at least {least}: record more, or longer stretches")]
+    FewRows {
+        /// Found.
+        rows: usize,
+        /// Needed.
+        least: usize,
+    },
+    /// Nothing moves.
+    #[error("no joint whose torque was recorded moves: move the arm")]
+    Still,
+}
+
+/// Rows of one joint from which on anything can be said.
+const ROWS_LEAST: usize = 200;
+
+/// Diagnoses the torque of `arm`. `stated`: what the model says of its drives; `band_hz`: of the low-pass, none for the usual one.
+///
+/// # Errors
+/// Recordings that say nothing of torque.
+pub fn diagnose(
+    arm: &Arm,
+    stated: &[Stated],
+    recordings: &[Recording],
+    band_hz: Option<f64>,
+    seed: u64,
+) -> Result<Diagnosis, Doubt> {
+    let mut case = Case::new(arm, stated, recordings, band_hz, seed);
+    let rows = case.table.rows();
+    if rows < ROWS_LEAST {
+        return Err(Doubt::FewRows { rows, least: ROWS_LEAST });
+    }
+    let moves = |joint| {
+        let [low, high] = columns::span(&case.motion, joint);
+        high - low > library::STILL
+    };
+    if !case.table.joints().any(moves) {
+        return Err(Doubt::Still);
+    }
+    case.hear_noise();
+    let train = case.rows.train.clone();
+    let (_, choice) = named(&mut case, arm, &[], &train);
+    case.reload(&choice.solved);
+    case.hear_noise();
+    let (always, choice) = named(&mut case, arm, &choice.names, &train);
+    let zones = zones(&mut case, &choice, &train);
+    let (always, choice) = if zones.is_empty() {
+        (always, choice)
+    } else {
+        case.hear_noise();
+        named(&mut case, arm, &choice.names, &train)
+    };
+    let noise = case.table.noise.clone();
+    case.forget_memory();
+    let names = confirmed(&case, &always, choice).names;
+    case.table.noise = noise;
+    let seen = case.rows.seen();
+    let products = case.products(&seen);
+    let asking = refine::asking(&case, &products, &always);
+    let choice = asking.solve(&names);
+    let spreads = refine::settle(&mut case, arm, &choice, &always, &seen);
+    let weighed = weighed(&case, &always, &names);
+    case.forget_memory();
+    Ok(finish(arm, &case, stated, (&always, &weighed), zones, &spreads))
+}
+
+/// A name with what it brings and its rivals, by likelihoods that know how the noise remembers itself.
+struct Weighed {
+    name: usize,
+    gain: f64,
+    confidence: f64,
+    rivals: Vec<Rival>,
+}
+
+fn weighed(case: &Case, always: &[usize], names: &[usize]) -> Vec<Weighed> {
+    let products = case.products(&case.rows.seen());
+    let asking = refine::asking(case, &products, always);
+    let choice = asking.solve(names);
+    let one = |name: &usize| {
+        let (confidence, rivals) = found::rivals(&asking, &choice, *name);
+        Weighed { name: *name, gain: asking.worth(&choice, *name), confidence, rivals }
+    };
+    names.iter().map(one).collect()
+}
+
+/// The names that the rows ask for, whether stated masses are believed or doubted, whichever explains more.
+fn named(case: &mut Case, arm: &Arm, start: &[usize], used: &[bool]) -> (Vec<usize>, Choice) {
+    let exact = case.open.clone();
+    let mut doubted = case.open.clone();
+    doubted.extend(&case.doubted);
+    let mut best: Option<(f64, Vec<usize>, Choice)> = None;
+    let beliefs = if case.doubted.is_empty() { vec![exact] } else { vec![exact, doubted] };
+    for always in beliefs {
+        let mut names = start.to_vec();
+        let mut choice = None;
+        for round in 0..=RIPPLES {
+            let products = case.products(used);
+            let asking = refine::asking(case, &products, &always);
+            let chosen = asking.choose(&names);
+            let goes_on = round < RIPPLES && refine::listen(case, arm, &chosen, used);
+            names.clone_from(&chosen.names);
+            choice = Some(chosen);
+            if !goes_on {
+                break;
+            }
+        }
+        let Some(choice) = choice else { continue };
+        refine::settle(case, arm, &choice, &always, used);
+        let products = case.products(used);
+        let asking = refine::asking(case, &products, &always);
+        let choice = asking.choose(&choice.names);
+        let score = asking.score(&choice) - products.room(&always);
+        if best.as_ref().is_none_or(|(most, ..)| score > *most) {
+            best = Some((score, always, choice));
+        }
+    }
+    match best {
+        Some((_, always, choice)) => (always, choice),
+        None => {
+            let products = case.products(used);
+            let choice = refine::asking(case, &products, &[]).solve(&[]);
+            (Vec::new(), choice)
+        }
+    }
+}
+
+/// Sets zones of low speed apart that follow no law of the library.
+fn zones(case: &mut Case, choice: &Choice, used: &[bool]) -> Vec<Zone> {
+    let joints: Vec<usize> = case.table.joints().collect();
+    let mut zones = Vec::new();
+    for joint in joints {
+        let left = case.residual(&choice.solved, joint);
+        if let Some(zone) = zone::find(&case.motion, &case.table, joint, &left, used) {
+            let speeds = zone::speeds(&case.motion, joint);
+            let counts = case.table.counts[joint].iter_mut();
+            counts.zip(speeds).for_each(|(counts, speed)| *counts &= speed >= zone.below);
+            zones.push(zone);
+        }
+    }
+    zones
+}
+
+/// Without the names that rows kept for a second look do not bear out.
+fn confirmed(case: &Case, always: &[usize], choice: Choice) -> Choice {
+    let products = case.products(&case.rows.train);
+    let asking = refine::asking(case, &products, always);
+    let mut choice = choice;
+    loop {
+        let whole = prove::rms(case, &choice.solved, &case.rows.look, false);
+        let harm = |name: &usize| {
+            let others: Vec<usize> = choice.names.iter().copied().filter(|n| n != name).collect();
+            prove::rms(case, &asking.solve(&others).solved, &case.rows.look, false) - whole
+        };
+        let worst = choice.names.iter().map(|name| (*name, harm(name)));
+        let worst = worst.min_by(|a, b| a.1.total_cmp(&b.1));
+        match worst {
+            Some((name, harm)) if harm < 0.0 => {
+                let others: Vec<usize> =
+                    choice.names.iter().copied().filter(|n| *n != name).collect();
+                choice = asking.solve(&others);
+            }
+            _ => return choice,
+        }
+    }
+}
+
+fn finish(
+    arm: &Arm,
+    case: &Case,
+    stated: &[Stated],
+    (always, weighed): (&[usize], &[Weighed]),
+    zones: Vec<Zone>,
+    spreads: &[(usize, f64)],
+) -> Diagnosis {
+    let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
+    let (seen, held) = (case.rows.seen(), &case.rows.held);
+    let products = case.products(&seen);
+    let asking = refine::asking(case, &products, always);
+    let choice = asking.solve(&names);
+    let given = asking.solve(&[]);
+    let listed = prove::order(case, &asking, &choice, held);
+    let covariance = prove::covariance(case, &choice.solved, &seen);
+    let unzoned = without_zones(case, always, &names, &zones, &seen);
+    let moved = |column: usize| match (&unzoned, choice.solved.value(column)) {
+        (Some(other), Some(value)) => other.solved.value(column).map_or(0.0, |x| x - value),
+        _ => 0.0,
+    };
+    let tcp = arm.tool.tcp.to_array();
+    let finding = |(name, heldout): &(usize, [f64; 2])| {
+        let family = &case.library.families[*name];
+        let spread = spreads.iter().find(|(n, _)| n == name).map_or(0.0, |(_, spread)| *spread);
+        let weighed = weighed.iter().find(|one| one.name == *name);
+        let more = (spread, &moved as &dyn Fn(usize) -> f64, case.motion.by_current);
+        let is_change = stated.iter().any(|s| s.kind == family.kind && s.joint == family.joint);
+        Finding {
+            kind: family.kind,
+            joint: family.joint,
+            recording: family.recording,
+            is_change,
+            numbers: found::numbers(family, &choice.solved, &covariance, more, tcp),
+            confidence: weighed.map_or(0.0, |one| one.confidence),
+            gain: weighed.map_or(0.0, |one| one.gain),
+            rivals: weighed.map_or(Vec::new(), |one| one.rivals.clone()),
+            heldout: *heldout,
+        }
+    };
+    let findings: Vec<Finding> = listed.iter().map(finding).collect();
+    let heldout = [&given, &choice].map(|one| prove::rms(case, &one.solved, held, true));
+    let unexplained = law(case, &choice);
+    let verdict = verdict(case, &findings, (&given, &choice), unexplained.as_ref());
+    let joints: Vec<usize> = case.table.joints().collect();
+    let mut notes = case.motion.notes.clone();
+    notes.extend(zones.iter().map(|zone| zone.says(arm)));
+    if always.len() > case.open.len() {
+        notes.push("the masses that the model states do not fit the torques to the last digit: they were fitted along, within 5 % and 20 mm".to_owned());
+    } else if !case.open.is_empty() {
+        notes.push("masses of which the model says nothing, and numbers of stated uncertainty, were fitted along".to_owned());
+    }
+    if case.motion.by_current && findings.iter().any(|one| one.kind == "payload") {
+        notes.push("a mass is as sure as the motors' constants, about a tenth: weigh the payload, or run once with a known mass".to_owned());
+    }
+    Diagnosis {
+        verdict,
+        findings,
+        unexplained,
+        heldout,
+        noise: prove::rms(case, &choice.solved, &seen, true),
+        by_joint: joints.iter().map(|j| proof(case, (&given, &choice), *j)).collect(),
+        signal: signal(case, held),
+        band_hz: case.motion.band_hz,
+        rows: case.table.rows(),
+        says: case.rows.says.clone(),
+        not_tested: case.library.untested.clone(),
+        slides: arm.joints().iter().all(|joint| joint.kind == JointKind::Prismatic),
+        notes,
+        traces: joints.iter().map(|j| view::trace(case, (&given, &choice), *j)).collect(),
+        zones,
+    }
+}
+
+/// The fit with the rows of the zones in it: what depends on them is no surer than that.
+fn without_zones(
+    case: &Case,
+    always: &[usize],
+    names: &[usize],
+    zones: &[Zone],
+    seen: &[bool],
+) -> Option<Choice> {
+    if zones.is_empty() {
+        return None;
+    }
+    let mut table = case.table.clone();
+    table.counts.iter_mut().for_each(|counts| counts.fill(true));
+    let columns: Vec<&columns::Column> = case.library.columns.iter().collect();
+    let products = table::Products::new(&table, &columns, case.library.prior.clone(), seen);
+    Some(Asking { library: &case.library, products: &products, always }.solve(names))
+}
+
+/// What no name explains, of the joint where it is largest.
+fn law(case: &Case, choice: &Choice) -> Option<Law> {
+    let rows = &case.rows;
+    let one = |joint: usize| {
+        let left = case.residual(&choice.solved, joint);
+        unknown::law(&case.motion, &case.table, joint, &left, [&rows.train, &rows.look, &rows.held])
+    };
+    let explained = |law: &Law| {
+        (law.held[0] - law.held[1]) / (case.table.noise[law.joint].1 * case.table.noise[law.joint].1)
+    };
+    let laws = case.table.joints().filter_map(one);
+    laws.max_by(|a, b| explained(a).total_cmp(&explained(b)))
+}
+
+fn verdict(
+    case: &Case,
+    findings: &[Finding],
+    (given, choice): (&Choice, &Choice),
+    rest: Option<&Law>,
+) -> Verdict {
+    let held = &case.rows.held;
+    let energy = |choice: &Choice| {
+        let rms = prove::rms(case, &choice.solved, held, true);
+        rms * rms
+    };
+    let scale: f64 = case.table.joints().map(|j| case.table.noise[j].1.ln()).sum::<f64>()
+        / case.table.joints().count().max(1) as f64;
+    let count = held.iter().filter(|held| **held).count() as f64
+        * case.table.joints().count().max(1) as f64;
+    let (before, after) = (energy(given), energy(choice));
+    let left = rest.map(|law| {
+        let noise = case.table.noise[law.joint].1;
+        (law.held[0] - law.held[1]) / (noise * noise * count.max(1.0)) * libm::exp(2.0 * scale)
+    });
+    let carried = left.map(|left| (before - after) / (before - after + left).max(1e-300));
+    let named: f64 = findings.iter().map(|one| one.gain).sum();
+    let is_alike = |one: &&Finding| {
+        one.rivals.iter().any(|r| r.alike && r.kind != one.kind && r.dearer <= 0.0)
+    };
+    let alike: f64 = findings.iter().filter(is_alike).map(|one| one.gain).sum();
+    match (findings.is_empty(), carried) {
+        (true, None) => Verdict::Consistent,
+        (true, Some(_)) => Verdict::UnknownStructure,
+        (false, Some(share)) if share < CARRIED => Verdict::UnknownStructure,
+        _ if alike > CLEAR * named => Verdict::Undetermined,
+        _ => Verdict::MissingPhysics,
+    }
+}
+
+fn proof(case: &Case, (given, choice): (&Choice, &Choice), joint: usize) -> JointProof {
+    let held = &case.rows.held;
+    let outside: Vec<bool> =
+        held.iter().zip(&case.table.counts[joint]).map(|(a, b)| *a && *b).collect();
+    JointProof {
+        joint,
+        torque: view::torque_rms(case, joint, held),
+        before: prove::of_joint(case, &given.solved, joint, held),
+        after: prove::of_joint(case, &choice.solved, joint, held),
+        after_outside: prove::of_joint(case, &choice.solved, joint, &outside),
+        noise: case.table.noise[joint].1,
+    }
+}
+
+fn signal(case: &Case, held: &[bool]) -> f64 {
+    let joints: Vec<f64> =
+        case.table.joints().map(|joint| view::torque_rms(case, joint, held)).collect();
+    libm::sqrt(joints.iter().map(|x| x * x).sum::<f64>() / joints.len().max(1) as f64)
+}

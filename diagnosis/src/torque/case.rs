@@ -1,0 +1,313 @@
+//! One question put to the data: rows, what the model states, and the library of what may be missing.
+//!
+//! Promises: what the model states is taken off the torque before anything is asked; stated uncertainties are fitted along within their bounds.
+//! Never: a choice.
+
+use physics::Arm;
+use physics::dynamics::INERTIAL;
+use recording::series::{Heldout, Recording};
+
+use super::columns::Column;
+use super::known::{Stated, load_column};
+use super::library::{Family, Form, Library, Sign};
+use super::motion::Motion;
+use super::noise;
+use super::rigid::Rigid;
+use super::table::{Products, Solved, Table};
+use crate::colour::Colour;
+
+/// Stretches that all runs together are cut into; every fifth is held out, every fifth of another count is kept for a second look.
+const STRETCHES: usize = 20;
+const EVERY: usize = 5;
+/// From a stretch that is held out to one of the second look.
+const BESIDE: usize = 2;
+/// Runs from which on whole ones are held out.
+const RUNS_MANY: usize = 10;
+/// Periods of the band's edge beside what is held out that train nothing.
+const GAP_PERIODS: f64 = 2.0;
+
+/// Which rows are for what.
+#[derive(Clone, Debug)]
+pub(super) struct Rows {
+    pub(super) train: Vec<bool>,
+    /// For a second look at what was chosen; the last fit takes them too.
+    pub(super) look: Vec<bool>,
+    pub(super) held: Vec<bool>,
+    pub(super) says: String,
+}
+
+pub(super) struct Case {
+    pub(super) motion: Motion,
+    pub(super) table: Table,
+    pub(super) library: Library,
+    pub(super) rows: Rows,
+    /// Columns that are in whatever is believed: masses of which nothing is known, numbers with a stated uncertainty.
+    pub(super) open: Vec<usize>,
+    /// Columns of stated masses, in where these are doubted.
+    pub(super) doubted: Vec<usize>,
+    /// Torque that the model states, per joint and row; and the part of it that its masses ask for.
+    pub(super) stated: Vec<Vec<f64>>,
+    rigid: Vec<Vec<f64>>,
+    /// The first columns, those of the arm's own masses.
+    inertial: usize,
+}
+
+impl Rows {
+    fn of(motion: &Motion, recordings: &[Recording], seed: u64) -> Self {
+        let count: usize = motion.runs.iter().map(|run| run.rows.len()).sum();
+        let said = recordings.iter().any(|one| one.about.heldout != Heldout::Unsaid);
+        let whole = motion.runs.len() >= RUNS_MANY;
+        let (mut held, mut look) = (vec![false; count], vec![false; count]);
+        let first = (seed % EVERY as u64) as usize;
+        let (mut from, mut stretch, mut kept) = (0, 0, 0);
+        for run in &motion.runs {
+            let rows = from..from + run.rows.len();
+            from = rows.end;
+            let is_kept = match &recordings[run.recording].about.heldout {
+                Heldout::All => true,
+                Heldout::Segments(list) => list.contains(&run.segment),
+                Heldout::Unsaid => false,
+            };
+            let share = rows.len() as f64 / count.max(1) as f64;
+            let pieces =
+                if whole { 1 } else { ((STRETCHES as f64 * share).round() as usize).max(1) };
+            for piece in 0..pieces {
+                let at = |k: usize| rows.start + k * rows.len() / pieces;
+                let here = at(piece)..at(piece + 1);
+                let turn = (stretch + EVERY - first) % EVERY;
+                let drawn = if said { is_kept } else { turn == 0 };
+                kept += usize::from(drawn);
+                if drawn {
+                    held[here].fill(true);
+                } else if turn == BESIDE {
+                    look[here].fill(true);
+                }
+                stretch += 1;
+            }
+        }
+        let apart = apart(motion, &[&held, &look]);
+        let train = (0..count).map(|row| !held[row] && !look[row] && !apart[row]).collect();
+        let look = (0..count).map(|row| look[row] && !apart[row]).collect();
+        let what = if whole { "runs" } else { "stretches" };
+        let says = if said {
+            "what the recordings keep for validation".to_owned()
+        } else {
+            format!("{kept} of {stretch} {what}, never seen by the selection or the fit")
+        };
+        Self { train, look, held, says }
+    }
+
+    /// All rows but those held out.
+    pub(super) fn seen(&self) -> Vec<bool> {
+        self.train.iter().zip(&self.look).map(|(a, b)| *a || *b).collect()
+    }
+}
+
+/// Rows beside a border of what is set aside: the filter has mixed them.
+fn apart(motion: &Motion, sets: &[&Vec<bool>]) -> Vec<bool> {
+    let mut apart = Vec::new();
+    for run in &motion.runs {
+        let from = apart.len();
+        let stride = run.rows.get(1).map_or(1, |second| second - run.rows[0]);
+        let row_s = stride as f64 * run.step_s;
+        let gap = (GAP_PERIODS / (motion.band_hz * row_s)).ceil() as usize;
+        let side = |row: usize| sets.iter().map(|set| set[from + row]).collect::<Vec<bool>>();
+        let count = run.rows.len();
+        let mut border = vec![false; count];
+        for row in 1..count {
+            if side(row) != side(row - 1) {
+                border[row.saturating_sub(gap)..(row + gap).min(count)].fill(true);
+            }
+        }
+        apart.extend(border);
+    }
+    apart
+}
+
+impl Case {
+    /// Reads motion out of the recordings and lists what may be missing.
+    pub(super) fn new(
+        arm: &Arm,
+        stated: &[Stated],
+        recordings: &[Recording],
+        band_hz: Option<f64>,
+        seed: u64,
+    ) -> Self {
+        let motion = Motion::of(arm, recordings, band_hz);
+        let rows = Rows::of(&motion, recordings, seed);
+        let rigid = Rigid::new(arm, &motion);
+        let mut library = Library {
+            columns: rigid.columns[..INERTIAL * arm.count()].to_vec(),
+            prior: rigid.beliefs.iter().map(|sigma| 1.0 / (sigma * sigma)).collect(),
+            families: Vec::new(),
+            untested: Vec::new(),
+        };
+        let is_stated = |k: &usize| arm.joints()[k / INERTIAL].link.is_some();
+        let all = 0..INERTIAL * arm.count();
+        let doubted: Vec<usize> = all.clone().filter(is_stated).collect();
+        let mut open: Vec<usize> = all.filter(|k| !is_stated(k)).collect();
+        let mut torque = rigid.stated.clone();
+        for effect in stated {
+            for term in effect.terms(arm, &motion, &rigid.stated) {
+                for (joint, values) in &term.column.parts {
+                    let list = &mut torque[*joint];
+                    list.iter_mut().zip(values).for_each(|(sum, x)| *sum += term.number * x);
+                }
+                if term.sigma > 0.0 {
+                    open.push(library.columns.len());
+                    library.columns.push(term.column);
+                    library.prior.push(1.0 / (term.sigma * term.sigma));
+                }
+            }
+        }
+        let table = table(&motion, &torque);
+        let moved: Vec<usize> = table.joints().collect();
+        moved.iter().for_each(|joint| library.add_joint(arm, &motion, *joint));
+        let of_mass = &rigid.columns[INERTIAL * arm.count()..];
+        let several = recordings.len() > 1;
+        let last_is_known = arm.joints().last().is_some_and(|joint| joint.link.is_some());
+        if several || last_is_known {
+            // A mass that hangs there in every recording is one with the last link's where nothing is known of it.
+            let mut each: Vec<Option<usize>> = if last_is_known { vec![None] } else { Vec::new() };
+            each.extend((0..recordings.len()).filter(|_| several).map(Some));
+            each.iter().for_each(|one| library.payload(&motion, of_mass, *one));
+        } else {
+            let why = "nothing is known of the last link's mass: a payload is one with it";
+            library.untested.push(("payload", None, why));
+        }
+        let inertial = INERTIAL * arm.count();
+        let mut case = Self {
+            motion,
+            table,
+            library,
+            rows,
+            open,
+            doubted,
+            stated: torque,
+            rigid: rigid.stated,
+            inertial,
+        };
+        case.of_torques();
+        case
+    }
+
+    /// Laws that go with the torque itself need a first fit of all the others.
+    fn of_torques(&mut self) {
+        let rich = self.rich();
+        let joints: Vec<usize> = self.table.joints().collect();
+        let whole: Vec<(usize, Vec<f64>)> =
+            joints.iter().map(|joint| (*joint, self.modelled(&rich, *joint, &|_| true))).collect();
+        self.library.of_torque(&self.motion, &self.rigid, &whole);
+        for joint in joints {
+            let load = self.load(&rich, joint);
+            let column = load_column(&self.motion, joint, &load);
+            let family = Family {
+                kind: "load_friction",
+                joint: Some(joint),
+                recording: None,
+                columns: Vec::new(),
+                signs: vec![Sign::NotNegative],
+                form: Form::Plain(&["coefficient"]),
+                settings: Vec::new(),
+            };
+            self.library.add(family, vec![column]);
+        }
+    }
+
+    /// Torque of a joint by the columns that `of` takes, without what the model states.
+    fn modelled(&self, solved: &Solved, joint: usize, of: &dyn Fn(usize) -> bool) -> Vec<f64> {
+        let chosen = solved.columns.iter().zip(&solved.values).filter(|(k, _)| of(**k));
+        let parts: Vec<(&Column, f64)> =
+            chosen.map(|(k, value)| (&self.library.columns[*k], *value)).collect();
+        let mut torque = Column::sum(&parts, joint, self.table.rows());
+        torque.iter_mut().zip(&self.stated[joint]).for_each(|(sum, stated)| *sum += stated);
+        torque
+    }
+
+    /// The torque of a joint that masses ask for: stated, fitted and named ones.
+    fn load(&self, solved: &Solved, joint: usize) -> Vec<f64> {
+        let of_masses = |family: &&Family| {
+            matches!(family.kind, "payload" | "inertia" | "gravity_torque")
+        };
+        let named: Vec<usize> =
+            self.library.families.iter().filter(of_masses).flat_map(|f| f.columns.clone()).collect();
+        let of = |k: usize| k < self.inertial || named.contains(&k);
+        let mut load = self.modelled(solved, joint, &of);
+        // What the model states of friction is no load.
+        let other = self.stated[joint].iter().zip(&self.rigid[joint]);
+        load.iter_mut().zip(other).for_each(|(load, (all, rigid))| *load -= all - rigid);
+        load
+    }
+
+    /// Gives friction that goes with the load the load that this fit tells.
+    pub(super) fn reload(&mut self, solved: &Solved) {
+        let joints: Vec<usize> = self.table.joints().collect();
+        for joint in joints {
+            let column = load_column(&self.motion, joint, &self.load(solved, joint));
+            let families = self.library.families.iter();
+            let place = families
+                .filter(|f| f.kind == "load_friction" && f.joint == Some(joint))
+                .find_map(|f| f.columns.first().copied());
+            if let Some(place) = place {
+                self.library.columns[place] = column;
+            }
+        }
+    }
+
+    /// Everything that may be missing at once, on all rows that are seen.
+    fn rich(&self) -> Solved {
+        let products = self.products(&self.rows.train);
+        products.solve(&(0..self.library.columns.len()).collect::<Vec<usize>>())
+    }
+
+    /// The sums over the rows that count and that `used` takes.
+    pub(super) fn products(&self, used: &[bool]) -> Products {
+        let columns: Vec<&Column> = self.library.columns.iter().collect();
+        Products::new(&self.table, &columns, self.library.prior.clone(), used)
+    }
+
+    /// Learns each joint's noise from what no name explains.
+    pub(super) fn hear_noise(&mut self) {
+        // The first look has no weights of joints, the second has.
+        for _ in 0..2 {
+            self.forget_memory();
+            let rich = self.rich();
+            self.table.noise =
+                noise::of(&self.table, &self.library.columns, &rich, &self.rows.train);
+        }
+    }
+
+    /// From here on rows weigh by the size of their noise alone: numbers that shall hold for motions of any speed must not be drawn from the fast ones only, which is
+    /// what noise with a long memory leaves of a model that is not quite right. Their uncertainty is told by blocks of time.
+    pub(super) fn forget_memory(&mut self) {
+        self.table.noise.iter_mut().for_each(|(colour, _)| *colour = Colour::default());
+    }
+
+    /// What is left of a joint's torque.
+    pub(super) fn residual(&self, solved: &Solved, joint: usize) -> Vec<f64> {
+        noise::residual(&self.table, &self.library.columns, solved, joint)
+    }
+}
+
+fn table(motion: &Motion, stated: &[Vec<f64>]) -> Table {
+    let mut runs = Vec::new();
+    let mut rows = 0;
+    for run in &motion.runs {
+        runs.push(rows..rows + run.rows.len());
+        rows += run.rows.len();
+    }
+    let target = |joint: usize| {
+        let mut all = Vec::with_capacity(rows);
+        for run in &motion.runs {
+            let torque = run.joints[joint].torque.as_ref()?;
+            all.extend(run.rows.iter().map(|row| torque[*row]));
+        }
+        Some(all.iter().zip(&stated[joint]).map(|(torque, stated)| torque - stated).collect())
+    };
+    Table {
+        runs,
+        target: (0..stated.len()).map(target).collect(),
+        counts: vec![vec![true; rows]; stated.len()],
+        noise: vec![(Colour::default(), 1.0); stated.len()],
+    }
+}

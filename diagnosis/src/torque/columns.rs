@@ -1,0 +1,178 @@
+//! What a number of an effect adds to the torque of each joint, row by row: the columns that everything is fitted with.
+//!
+//! Sharp laws (a sign, a memory) are evaluated at the rate of the run and then pass the filter of the torque; smooth ones are evaluated on what has passed it.
+//!
+//! Promises: a column is what the contract's table adds, per unit of its number. Never: a decision.
+
+use std::f64::consts::TAU;
+
+use super::motion::{Motion, ROOM_C, Track};
+
+/// Below this share of a joint's usual speed it counts as standing.
+const STANDING: f64 = 2e-3;
+
+/// One law of one number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Law {
+    /// `sign(v)`.
+    Direction,
+    /// `v`.
+    Speed,
+    /// `exp(−(v/v_s)²) sign(v)`.
+    Stribeck { speed: f64 },
+    /// 1.
+    One,
+    /// `|v|`.
+    AbsoluteSpeed,
+    /// `v (T − 20 °C)`.
+    Warmth,
+    /// `a`.
+    Acceleration,
+    /// `cos q`.
+    Cosine,
+    /// `sin q`.
+    Sine,
+    /// `cos n q` or `sin n q`, n in cycles per revolution (per m).
+    Wave { cycles: f64, is_sine: bool },
+    /// `q`.
+    Position,
+    /// `(q − q0)³`.
+    Cube { rest: f64 },
+    /// `z` of unit height that turns over after each reversal within a distance.
+    Memory { distance: f64 },
+}
+
+/// One number's share in the torques: for each joint that it acts on, a value per row.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Column {
+    pub(super) parts: Vec<(usize, Vec<f64>)>,
+}
+
+impl Law {
+    /// The column of a law at one joint.
+    pub(super) fn column(self, motion: &Motion, joint: usize) -> Column {
+        let usual = usual_speed(motion, joint);
+        let mut all = Vec::new();
+        for run in &motion.runs {
+            let samples = self.samples(&run.joints[joint], STANDING * usual);
+            let samples = if self.is_sharp() { run.filter.pass(&samples) } else { samples };
+            all.extend(run.rows.iter().map(|row| samples[*row]));
+        }
+        Column { parts: vec![(joint, all)] }
+    }
+
+    fn is_sharp(self) -> bool {
+        matches!(
+            self,
+            Self::Direction
+                | Self::Stribeck { .. }
+                | Self::AbsoluteSpeed
+                | Self::Memory { .. }
+                | Self::Wave { .. }
+        )
+    }
+
+    fn samples(self, track: &Track, standing: f64) -> Vec<f64> {
+        let sign = |v: f64| libm::tanh(v / standing.max(1e-12));
+        let v = track.v.iter().copied();
+        let q = track.q.iter().copied();
+        match self {
+            Self::Direction => v.map(sign).collect(),
+            Self::Speed => track.v.clone(),
+            Self::Stribeck { speed } => {
+                v.map(|v| libm::exp(-(v / speed) * (v / speed)) * sign(v)).collect()
+            }
+            Self::One => vec![1.0; track.q.len()],
+            Self::AbsoluteSpeed => v.map(f64::abs).collect(),
+            Self::Warmth if track.temperature.is_empty() => vec![0.0; track.q.len()],
+            Self::Warmth => v.zip(&track.temperature).map(|(v, t)| v * (t - ROOM_C)).collect(),
+            Self::Acceleration => track.a.clone(),
+            Self::Cosine => q.map(libm::cos).collect(),
+            Self::Sine => q.map(libm::sin).collect(),
+            Self::Wave { cycles, is_sine: true } => q.map(|q| libm::sin(cycles * q)).collect(),
+            Self::Wave { cycles, is_sine: false } => q.map(|q| libm::cos(cycles * q)).collect(),
+            Self::Position => track.q.clone(),
+            Self::Cube { rest } => q.map(|q| (q - rest) * (q - rest) * (q - rest)).collect(),
+            Self::Memory { distance } => memory(&track.q, distance),
+        }
+    }
+}
+
+/// `dz/d|q| = (sign(dq) − z)/s`, from nothing at the start (Dahl's law; the height is one).
+fn memory(q: &[f64], distance: f64) -> Vec<f64> {
+    let mut z = 0.0;
+    let mut before = q.first().copied().unwrap_or(0.0);
+    let step = |q: &f64| {
+        let moved = q - before;
+        before = *q;
+        let goal = if moved < 0.0 { -1.0 } else { 1.0 };
+        z = goal + (z - goal) * libm::exp(-moved.abs() / distance.max(1e-12));
+        z
+    };
+    q.iter().map(step).collect()
+}
+
+/// The root mean square of a joint's speed in all runs.
+pub(super) fn usual_speed(motion: &Motion, joint: usize) -> f64 {
+    let all = motion.runs.iter().flat_map(|run| {
+        let track = &run.joints[joint];
+        run.rows.iter().map(|row| track.v[*row])
+    });
+    let (sum, count) = all.fold((0.0, 0.0), |(sum, count), v| (sum + v * v, count + 1.0));
+    if count > 0.0 { libm::sqrt(sum / count) } else { 0.0 }
+}
+
+/// The shortest way after a reversal that the band can tell from a sudden turn: what the joint's usual acceleration goes in two periods of the band's edge.
+pub(super) fn shortest_way(motion: &Motion, joint: usize) -> f64 {
+    let all = motion.runs.iter().flat_map(|run| {
+        let track = &run.joints[joint];
+        run.rows.iter().map(|row| track.a[*row])
+    });
+    let (sum, count) = all.fold((0.0, 0.0), |(sum, count), a| (sum + a * a, count + 1.0));
+    let usual = if count > 0.0 { libm::sqrt(sum / count) } else { 0.0 };
+    2.0 * usual / (motion.band_hz * motion.band_hz)
+}
+
+/// The span of a joint's positions in the rows of all runs.
+pub(super) fn span(motion: &Motion, joint: usize) -> [f64; 2] {
+    let all = motion.runs.iter().flat_map(|run| {
+        let track = &run.joints[joint];
+        run.rows.iter().map(|row| track.q[*row])
+    });
+    all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| [low.min(q), high.max(q)])
+}
+
+/// Cycles per revolution as an angle's factor; for a slide, cycles per metre.
+pub(super) fn factor(cycles: f64, turns: bool) -> f64 {
+    if turns { cycles } else { TAU * cycles }
+}
+
+impl Column {
+    /// Several columns as one, each times its number.
+    pub(super) fn sum(columns: &[(&Self, f64)], joint: usize, rows: usize) -> Vec<f64> {
+        let mut all = vec![0.0; rows];
+        for (column, number) in columns {
+            for (_, part) in column.parts.iter().filter(|(at, _)| *at == joint) {
+                all.iter_mut().zip(part).for_each(|(sum, x)| *sum += number * x);
+            }
+        }
+        all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_memory_turns_over_within_its_distance() {
+        let there = (0..=1000).map(|k| 1e-3 * f64::from(k));
+        let q: Vec<f64> = there.clone().chain(there.rev()).collect();
+        let z = memory(&q, 0.05);
+        assert!((z[1000] - 1.0).abs() < 1e-6);
+        // Half a distance of ln 2 after the reversal it has lost all its height.
+        let crossing = (1000..2001).find(|k| z[*k] < 0.0).unwrap_or(0) - 1001;
+        assert!((crossing as f64 * 1e-3 - 0.05 * std::f64::consts::LN_2).abs() < 2e-3);
+        assert!((z[2001] + 1.0).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,114 @@
+//! A low-pass without delay, and the derivative of what it passed: the same for both sides of an equation of motion.
+//!
+//! Butterworth of fourth order, forward and backward, so that its phase is nil and its gain at the band's edge a half (Gautier, Dynamic
+//! identification of robots with power model, ICRA 1997, filters both sides alike for the same reason).
+//!
+//! Promises: what goes into torque and what is derived from motion pass the same filter. Never: a look at what the samples mean.
+
+use std::f64::consts::PI;
+
+/// Quality of the two sections of a Butterworth filter of fourth order.
+const QUALITY: [f64; 2] = [0.541_196_100_146_197, 1.306_562_964_876_376_5];
+/// Periods of the band's edge by which the ends are continued.
+const PADDED: f64 = 3.0;
+
+/// A low-pass for samples at one rate.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LowPass {
+    sections: [Section; 2],
+    pad: usize,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Section {
+    b0: f64,
+    a1: f64,
+    a2: f64,
+}
+
+impl LowPass {
+    /// Passes what is slower than `band_hz`, which lies below half of `rate_hz`.
+    pub(super) fn new(band_hz: f64, rate_hz: f64) -> Self {
+        let k = libm::tan(PI * (band_hz / rate_hz).min(0.45));
+        let sections = QUALITY.map(|quality| {
+            let norm = 1.0 / (1.0 + k / quality + k * k);
+            let [b0, a1, a2] =
+                [k * k * norm, 2.0 * (k * k - 1.0) * norm, (1.0 - k / quality + k * k) * norm];
+            Section { b0, a1, a2 }
+        });
+        Self { sections, pad: (PADDED * rate_hz / band_hz).ceil() as usize }
+    }
+
+    /// The samples without what is faster than the band.
+    pub(super) fn pass(&self, samples: &[f64]) -> Vec<f64> {
+        let (Some(first), Some(last)) = (samples.first(), samples.last()) else {
+            return Vec::new();
+        };
+        let pad = self.pad.min(samples.len() - 1);
+        // Ends are continued by turning them about their last point, so that level and slope go on.
+        let before = (1..=pad).rev().map(|k| 2.0 * first - samples[k]);
+        let after = (1..=pad).map(|k| 2.0 * last - samples[samples.len() - 1 - k]);
+        let mut long: Vec<f64> = before.chain(samples.iter().copied()).chain(after).collect();
+        for _ in 0..2 {
+            self.sections.iter().for_each(|section| section.run(&mut long));
+            long.reverse();
+        }
+        long[pad..pad + samples.len()].to_vec()
+    }
+}
+
+impl Section {
+    /// In place, starting settled at the first sample.
+    fn run(&self, samples: &mut [f64]) {
+        let Some(&start) = samples.first() else { return };
+        let (mut x1, mut x2, mut y1, mut y2) = (start, start, start, start);
+        for x in samples {
+            let y = self.b0 * (*x + 2.0 * x1 + x2) - self.a1 * y1 - self.a2 * y2;
+            (x2, x1, y2, y1) = (x1, *x, y1, y);
+            *x = y;
+        }
+    }
+}
+
+/// The change per second, by central differences; at the ends by the neighbour.
+pub(super) fn derivative(samples: &[f64], step_s: f64) -> Vec<f64> {
+    let last = samples.len().saturating_sub(1);
+    let slope = |k: usize| {
+        let (from, to) = (k.saturating_sub(1), (k + 1).min(last));
+        if to > from { (samples[to] - samples[from]) / ((to - from) as f64 * step_s) } else { 0.0 }
+    };
+    (0..samples.len()).map(slope).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wave(frequency_hz: f64, count: usize) -> Vec<f64> {
+        (0..count).map(|k| libm::sin(2.0 * PI * frequency_hz * k as f64 / 1000.0)).collect()
+    }
+
+    #[test]
+    fn a_slow_wave_passes_without_delay_and_a_fast_one_does_not() {
+        let filter = LowPass::new(40.0, 1000.0);
+        let slow = wave(5.0, 4000);
+        let passed = filter.pass(&slow);
+        let worst = slow.iter().zip(&passed).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst < 0.02, "{worst}");
+        let fast = filter.pass(&wave(200.0, 4000));
+        assert!(fast[500..3500].iter().all(|x| x.abs() < 1e-4));
+        let edge = filter.pass(&wave(40.0, 4000));
+        let top = edge[1000..3000].iter().copied().fold(0.0, f64::max);
+        assert!((top - 0.5).abs() < 0.01, "{top}");
+    }
+
+    #[test]
+    fn a_line_passes_whole_and_its_derivative_is_its_slope() {
+        let line: Vec<f64> = (0..300).map(|k| 2.0 + 0.5 * f64::from(k)).collect();
+        let passed = LowPass::new(10.0, 100.0).pass(&line);
+        assert!(line.iter().zip(&passed).all(|(a, b)| (a - b).abs() < 1e-6));
+        let slopes = derivative(&passed, 0.01);
+        assert!(slopes.iter().all(|slope| (slope - 50.0).abs() < 1e-3));
+        assert!(derivative(&[1.0], 0.01) == [0.0] && LowPass::new(1.0, 10.0).pass(&[]).is_empty());
+    }
+}

@@ -1,0 +1,184 @@
+//! What was found, as numbers with their names: columns become parameters of effects, likelihoods become probabilities.
+//!
+//! Promises: stems and SI units of the contract's parameters. Never: a unit of a file.
+
+use nalgebra::DMatrix;
+
+use super::choose::{Asking, Choice};
+use super::library::{Family, Form};
+use super::table::Solved;
+
+/// The share of a number that stays open whatever the noise: scale, geometry, the form of a law.
+const FLOOR: f64 = 5e-3;
+/// What a motor's constant is off by, gear losses included, as a standard share of what currents are called torque by.
+const CONSTANT: f64 = 0.1;
+/// Names within so much log-likelihood cannot be told apart.
+const ALIKE: f64 = 5.0;
+/// Rivals that are further behind are not listed.
+const FAR: f64 = 12.0;
+
+/// A number of an effect, or several of one stem; SI.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Number {
+    /// The key's stem.
+    pub stem: &'static str,
+    /// SI.
+    pub values: Vec<f64>,
+    /// Standard uncertainties.
+    pub sigma: Vec<f64>,
+}
+
+/// Another name that explains the same.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rival {
+    /// A name of the contract.
+    pub kind: &'static str,
+    /// From 0; none for the whole robot.
+    pub joint: Option<usize>,
+    /// Which numbers it takes.
+    pub stems: Vec<&'static str>,
+    /// By how much it is behind in log-likelihood.
+    pub behind: f64,
+    /// How many more numbers it takes than what was found.
+    pub dearer: f64,
+    /// Whether this recording cannot tell it from what was found.
+    pub alike: bool,
+    /// The probability of this name.
+    pub confidence: f64,
+}
+
+/// Stems of the numbers that a name takes.
+pub(super) fn stems(family: &Family) -> Vec<&'static str> {
+    let mut stems = match family.form {
+        Form::Plain(stems) => stems.to_vec(),
+        Form::Loop => vec!["amplitude"],
+        Form::Spring => vec!["stiffness", "rest_position"],
+        Form::Wave => vec!["amplitude", "phase"],
+        Form::Payload => vec!["mass", "com"],
+    };
+    stems.extend(family.settings.iter().map(|(stem, _)| *stem));
+    stems
+}
+
+/// The numbers of a name in a fit. `spread`: of its searched number, as a share; `moved`: by how much each column's number depends on rows that were set
+/// apart; `by_current`: torque is as sure as a motor's constant.
+pub(super) fn numbers(
+    family: &Family,
+    solved: &Solved,
+    covariance: &DMatrix<f64>,
+    (spread, moved, by_current): (f64, &dyn Fn(usize) -> f64, bool),
+    tcp: [f64; 3],
+) -> Vec<Number> {
+    let at = |column: usize| solved.columns.iter().position(|k| *k == column);
+    let value = |k: usize| solved.value(family.columns[k]).unwrap_or(0.0);
+    let shared = |i: usize, j: usize| match (at(family.columns[i]), at(family.columns[j])) {
+        (Some(a), Some(b)) => covariance[(a, b)],
+        _ => 0.0,
+    };
+    let scale = if by_current && goes_with_torque(family.kind) { CONSTANT } else { 0.0 };
+    let floor = FLOOR.hypot(scale);
+    let sigma = |k: usize| {
+        let own = shared(k, k).max(0.0).sqrt().hypot(moved(family.columns[k]));
+        own.hypot(floor * value(k))
+    };
+    let one = |stem, value: f64, sigma: f64| Number { stem, values: vec![value], sigma: vec![sigma] };
+    let mut all = match family.form {
+        Form::Plain(stems) => {
+            stems.iter().enumerate().map(|(k, stem)| one(*stem, value(k), sigma(k))).collect()
+        }
+        // The contract's amplitude is the whole height of the loop, the column's a half.
+        Form::Loop => vec![one("amplitude", 2.0 * value(0), 2.0 * sigma(0))],
+        Form::Spring => {
+            let (stiffness, rest) = (value(0), -value(1) / value(0));
+            let of_rest = (sigma(1) / value(0)).hypot(rest * sigma(0) / value(0));
+            vec![one("stiffness", stiffness, sigma(0)), one("rest_position", rest, of_rest)]
+        }
+        Form::Wave => {
+            // a sin(x) + b cos(x) = A sin(x + φ).
+            let (a, b) = (value(0), value(1));
+            let amplitude = a.hypot(b);
+            let phase = libm::atan2(b, a);
+            let along = (a * a * shared(0, 0) + b * b * shared(1, 1) + 2.0 * a * b * shared(0, 1))
+                / (amplitude * amplitude);
+            let across = (b * b * shared(0, 0) + a * a * shared(1, 1) - 2.0 * a * b * shared(0, 1))
+                / (amplitude * amplitude);
+            let of_amplitude = along.max(0.0).sqrt().hypot(floor * amplitude);
+            let of_phase = across.max(0.0).sqrt() / amplitude;
+            vec![one("amplitude", amplitude, of_amplitude), one("phase", phase, of_phase)]
+        }
+        Form::Payload => {
+            let mass = value(0);
+            let com = |k: usize| tcp[k] + value(k + 1) / mass;
+            let of_com = |k: usize| {
+                // The first moment and the mass share the torque's scale, which leaves their ratio alone.
+                let own = shared(k + 1, k + 1).max(0.0).sqrt();
+                let of_mass = shared(0, 0).max(0.0).sqrt() * value(k + 1) / mass;
+                (own / mass).hypot(of_mass / mass)
+            };
+            vec![
+                one("mass", mass, sigma(0)),
+                Number {
+                    stem: "com",
+                    values: (0..3).map(com).collect(),
+                    sigma: (0..3).map(of_com).collect(),
+                },
+            ]
+        }
+    };
+    all.extend(family.settings.iter().map(|(stem, value)| one(stem, *value, (spread * value).abs())));
+    all
+}
+
+/// Whether an effect's first numbers are torques: as sure as the torque's scale.
+fn goes_with_torque(kind: &str) -> bool {
+    !matches!(kind, "load_friction" | "drive_gain" | "torque_delay")
+}
+
+/// Other names for what a name explains, the likeliest first, with the probability of the name itself.
+pub(super) fn rivals(asking: &Asking<'_>, choice: &Choice, name: usize) -> (f64, Vec<Rival>) {
+    let families = &asking.library.families;
+    let others: Vec<usize> = choice.names.iter().copied().filter(|n| *n != name).collect();
+    let without = asking.solve(&others);
+    let worth = choice.solved.gain - without.solved.gain;
+    let own = &families[name];
+    let is_other = |other: &usize| {
+        let form = &families[*other];
+        !choice.names.contains(other)
+            && !(form.kind == own.kind && form.columns.len() >= own.columns.len() && form.is_kin(own))
+    };
+    let mut best: Vec<Rival> = Vec::new();
+    for other in (0..families.len()).filter(is_other) {
+        let family = &families[other];
+        // What another name would bring in any case is no rival to this one.
+        let instead = asking.brings(&without, other) - asking.brings(choice, other);
+        let behind = worth - instead;
+        if behind > FAR {
+            continue;
+        }
+        let dearer = family.numbers() - own.numbers();
+        let rival = Rival {
+            kind: family.kind,
+            joint: family.joint,
+            stems: stems(family),
+            behind,
+            dearer,
+            alike: behind < ALIKE,
+            confidence: 0.0,
+        };
+        let known = best.iter().position(|one| {
+            one.kind == rival.kind && one.joint == rival.joint && one.stems == rival.stems
+        });
+        match known {
+            Some(at) if best[at].behind > behind => best[at] = rival,
+            Some(_) => {}
+            None => best.push(rival),
+        }
+    }
+    let price = 0.5 * (asking.products.rows.max(3) as f64).ln();
+    let weight = |rival: &Rival| libm::exp(-(rival.behind + rival.dearer * price).max(-20.0));
+    let all = 1.0 + best.iter().map(weight).sum::<f64>();
+    let shares: Vec<f64> = best.iter().map(|rival| weight(rival) / all).collect();
+    best.iter_mut().zip(shares).for_each(|(rival, share)| rival.confidence = share);
+    best.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
+    (1.0 / all, best)
+}

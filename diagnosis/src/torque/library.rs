@@ -1,0 +1,295 @@
+//! What may be missing in the torque of each joint: every name of the contract's table with the columns that its numbers have.
+//!
+//! Promises: signs and limits of numbers as the contract has them; a name whose condition never occurs in the recording is not asked for, and why is said.
+//! Never: a choice.
+
+use physics::{Arm, JointKind};
+
+use super::columns::{Column, Law, factor, shortest_way, span, usual_speed};
+use super::motion::Motion;
+
+/// Speeds at which a Stribeck friction may have fallen off, in shares of the joint's usual speed.
+const STRIBECK: [f64; 5] = [0.02, 0.05, 0.1, 0.2, 0.4];
+/// Distances within which a memory may turn over, in shares of the joint's span.
+const REVERSALS: [f64; 6] = [0.002, 0.005, 0.015, 0.05, 0.15, 0.4];
+/// A joint that spans less does not move, rad or m.
+pub(super) const STILL: f64 = 1e-3;
+/// Temperatures that span less say nothing, K.
+const STEADY_K: f64 = 1.0;
+
+/// What a number may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sign {
+    Any,
+    NotNegative,
+}
+
+/// How the numbers of columns become the numbers of the effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Form {
+    /// One column each, in this order of stems.
+    Plain(&'static [&'static str]),
+    /// Half the height of a loop.
+    Loop,
+    /// `K q + c`: stiffness and rest position.
+    Spring,
+    /// Sine and cosine: amplitude and phase.
+    Wave,
+    /// Mass and first moment about the TCP.
+    Payload,
+}
+
+/// One name at one place.
+#[derive(Clone, Debug)]
+pub(super) struct Family {
+    pub(super) kind: &'static str,
+    pub(super) joint: Option<usize>,
+    /// The one recording in which it acts; none: all.
+    pub(super) recording: Option<usize>,
+    pub(super) columns: Vec<usize>,
+    pub(super) signs: Vec<Sign>,
+    pub(super) form: Form,
+    /// Numbers that columns do not give: stem and value, SI.
+    pub(super) settings: Vec<(&'static str, f64)>,
+}
+
+/// All columns and names.
+pub(super) struct Library {
+    pub(super) columns: Vec<Column>,
+    /// One over the square of what is believed of each column's number.
+    pub(super) prior: Vec<f64>,
+    pub(super) families: Vec<Family>,
+    /// What cannot show in these recordings: effect, joint, why.
+    pub(super) untested: Vec<(&'static str, Option<usize>, &'static str)>,
+}
+
+impl Family {
+    /// Numbers that it takes, searched ones included.
+    pub(super) fn numbers(&self) -> f64 {
+        (self.columns.len() + self.settings.len()) as f64
+    }
+
+    /// Whether the other is the same name at the same place in another form.
+    pub(super) fn is_kin(&self, other: &Self) -> bool {
+        self.kind == other.kind
+            && self.joint == other.joint
+            && self.recording == other.recording
+            && self.kind != "torque_ripple"
+    }
+}
+
+impl Library {
+    /// Columns of laws of their own, with every name that they make.
+    pub(super) fn add(&mut self, family: Family, columns: Vec<Column>) {
+        let from = self.columns.len();
+        let own = (from..from + columns.len()).collect();
+        self.prior.resize(from + columns.len(), 0.0);
+        self.columns.extend(columns);
+        self.families.push(Family { columns: own, ..family });
+    }
+
+    /// A column that several names share.
+    fn column(&mut self, column: Column) -> usize {
+        self.columns.push(column);
+        self.prior.push(0.0);
+        self.columns.len() - 1
+    }
+
+    /// Every name that one joint's torque may lack.
+    pub(super) fn add_joint(&mut self, arm: &Arm, motion: &Motion, joint: usize) {
+        let [low, high] = span(motion, joint);
+        let (span, usual) = (high - low, usual_speed(motion, joint));
+        if span < STILL {
+            for kind in KINDS {
+                self.untested.push((kind, Some(joint), "the joint does not move"));
+            }
+            return;
+        }
+        let is_angle = arm.joints()[joint].kind == JointKind::Revolute;
+        let mut law = |law: Law| self.column(law.column(motion, joint));
+        let direction = law(Law::Direction);
+        let speed = law(Law::Speed);
+        let one = law(Law::One);
+        let growing = law(Law::AbsoluteSpeed);
+        let acceleration = law(Law::Acceleration);
+        let position = law(Law::Position);
+        let cube = law(Law::Cube { rest: 0.5 * (low + high) });
+        let turns = is_angle.then(|| [law(Law::Cosine), law(Law::Sine)]);
+        let stribeck = STRIBECK.map(|share| share * usual);
+        let stribeck = stribeck.map(|speed| (speed, law(Law::Stribeck { speed })));
+        let shortest = shortest_way(motion, joint);
+        let memory = REVERSALS.map(|share| (share * span).max(shortest));
+        let memory = memory.map(|distance| (distance, law(Law::Memory { distance })));
+        let warm = temperatures(motion, joint) >= STEADY_K;
+        let warmth = warm.then(|| law(Law::Warmth));
+        let mut put = |kind, columns: &[usize], signs: &[Sign], form, settings: &[_]| {
+            self.families.push(Family {
+                kind,
+                joint: Some(joint),
+                recording: None,
+                columns: columns.to_vec(),
+                signs: signs.to_vec(),
+                form,
+                settings: settings.to_vec(),
+            });
+        };
+        let (any, up) = (Sign::Any, Sign::NotNegative);
+        put("coulomb_friction", &[direction], &[up], Form::Plain(&["level"]), &[]);
+        put("viscous_friction", &[speed], &[up], Form::Plain(&["coefficient"]), &[]);
+        put("friction_asymmetry", &[one], &[any], Form::Plain(&["offset"]), &[]);
+        put("friction_asymmetry", &[growing], &[any], Form::Plain(&["coefficient"]), &[]);
+        let both = Form::Plain(&["offset", "coefficient"]);
+        put("friction_asymmetry", &[one, growing], &[any, any], both, &[]);
+        let inertia = if is_angle { &["inertia"] } else { &["mass"] };
+        put("inertia", &[acceleration], &[any], Form::Plain(inertia), &[]);
+        put("spring", &[position, one], &[up, any], Form::Spring, &[]);
+        let middle = [("rest_position", 0.5 * (low + high))];
+        put("spring_hardening", &[cube], &[any], Form::Plain(&["cubic_stiffness"]), &middle);
+        if let Some([cosine, sine]) = turns {
+            let form = Form::Plain(&["cos", "sin"]);
+            put("gravity_torque", &[cosine, sine], &[any, any], form, &[]);
+        }
+        for (speed, column) in stribeck {
+            let set = [("stribeck_speed", speed)];
+            put("stribeck_friction", &[column], &[up], Form::Plain(&["level"]), &set);
+        }
+        for (distance, column) in memory {
+            let set = [("reversal", distance)];
+            put("hysteresis", &[column], &[up], Form::Loop, &set);
+        }
+        match warmth {
+            Some(column) => {
+                put("friction_temperature", &[column], &[any], Form::Plain(&["per_K"]), &[]);
+            }
+            None => self.untested.push((
+                "friction_temperature",
+                Some(joint),
+                "no temperature was recorded, or it did not change",
+            )),
+        }
+    }
+
+    /// A wave of so many cycles at a joint.
+    pub(super) fn ripple(&mut self, motion: &Motion, joint: usize, cycles: f64, is_angle: bool) {
+        let wave = |is_sine| {
+            Law::Wave { cycles: factor(cycles, is_angle), is_sine }.column(motion, joint)
+        };
+        let columns = vec![wave(true), wave(false)];
+        let family = Family {
+            kind: "torque_ripple",
+            joint: Some(joint),
+            recording: None,
+            columns: Vec::new(),
+            signs: vec![Sign::Any; 2],
+            form: Form::Wave,
+            settings: vec![("cycles", cycles)],
+        };
+        self.add(family, columns);
+    }
+
+    /// What comes of the torques themselves: a drive's gain on what the model states, and what all of them lag the motion by, as the model with all
+    /// that it may lack has them.
+    pub(super) fn of_torque(
+        &mut self,
+        motion: &Motion,
+        stated: &[Vec<f64>],
+        torques: &[(usize, Vec<f64>)],
+    ) {
+        let family = |kind, joint, stem| Family {
+            kind,
+            joint,
+            recording: None,
+            columns: Vec::new(),
+            signs: vec![Sign::Any],
+            form: Form::Plain(stem),
+            settings: Vec::new(),
+        };
+        for (joint, _) in torques {
+            let torque = &stated[*joint];
+            if torque.iter().all(|torque| torque.abs() < 1e-9) {
+                let why = "the model states no masses: a gain is one with them";
+                self.untested.push(("drive_gain", Some(*joint), why));
+                continue;
+            }
+            let column = Column { parts: vec![(*joint, torque.clone())] };
+            self.add(family("drive_gain", Some(*joint), &["gain"]), vec![column]);
+        }
+        let late = |(joint, torque): &(usize, Vec<f64>)| {
+            let rates = rates(motion, torque);
+            (*joint, rates.into_iter().map(|rate| -rate).collect())
+        };
+        let column = Column { parts: torques.iter().map(late).collect() };
+        self.add(family("torque_delay", None, &["delay"]), vec![column]);
+    }
+
+    /// A mass at the flange: in all recordings, or in one.
+    pub(super) fn payload(&mut self, motion: &Motion, of_mass: &[Column], recording: Option<usize>) {
+        let rows: Vec<bool> = motion
+            .runs
+            .iter()
+            .flat_map(|run| {
+                let here = recording.is_none_or(|wanted| wanted == run.recording);
+                std::iter::repeat_n(here, run.rows.len())
+            })
+            .collect();
+        let here = |column: &Column| {
+            let only = |values: &[f64]| {
+                values.iter().zip(&rows).map(|(x, here)| if *here { *x } else { 0.0 }).collect()
+            };
+            Column { parts: column.parts.iter().map(|(j, v)| (*j, only(v))).collect() }
+        };
+        let family = Family {
+            kind: "payload",
+            joint: None,
+            recording,
+            columns: Vec::new(),
+            signs: vec![Sign::NotNegative, Sign::Any, Sign::Any, Sign::Any],
+            form: Form::Payload,
+            settings: Vec::new(),
+        };
+        let columns = of_mass.iter().map(here).collect();
+        self.add(family, columns);
+    }
+}
+
+/// The names that need a moving joint.
+const KINDS: [&str; 12] = [
+    "coulomb_friction",
+    "viscous_friction",
+    "stribeck_friction",
+    "friction_asymmetry",
+    "load_friction",
+    "friction_temperature",
+    "inertia",
+    "gravity_torque",
+    "torque_ripple",
+    "spring",
+    "hysteresis",
+    "drive_gain",
+];
+
+/// Changes per second of values at rows, run by run: central differences of sixth order (Fornberg 1988), which hold up to half of the rows' rate.
+fn rates(motion: &Motion, values: &[f64]) -> Vec<f64> {
+    const WEIGHTS: [f64; 3] = [45.0 / 60.0, -9.0 / 60.0, 1.0 / 60.0];
+    let mut all = Vec::with_capacity(values.len());
+    for run in &motion.runs {
+        let piece = &values[all.len()..all.len() + run.rows.len()];
+        let stride = run.rows.get(1).map_or(1, |second| second - run.rows[0]);
+        let step_s = stride as f64 * run.step_s;
+        let at = |k: isize| piece[k.clamp(0, piece.len() as isize - 1) as usize];
+        let rate = |k: isize| {
+            let pairs = WEIGHTS.iter().zip(1..);
+            pairs.map(|(w, n)| w * (at(k + n) - at(k - n))).sum::<f64>() / step_s
+        };
+        all.extend((0..piece.len() as isize).map(rate));
+    }
+    all
+}
+
+/// By how much the temperature of a joint changes, K.
+fn temperatures(motion: &Motion, joint: usize) -> f64 {
+    let all = motion.runs.iter().flat_map(|run| run.joints[joint].temperature.iter());
+    let [low, high] =
+        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], t| [l.min(*t), h.max(*t)]);
+    (high - low).max(0.0)
+}

@@ -1,0 +1,247 @@
+//! Recordings of torque as motion at an even rate: position, speed, acceleration and torque of every joint, all in one band.
+//!
+//! Promises: gaps are never bridged; what lies between samples is drawn by the cubic through the four nearest; both sides pass the same filter.
+//! Never: physics, a value invented beyond the ends of what was recorded.
+
+use physics::Arm;
+use recording::series::{Channel, Recording};
+
+use super::filter::{LowPass, derivative};
+
+/// The band that drives and links of industrial arms move in, Hz: beyond it lies what a rigid body does not do.
+const BAND_HZ: f64 = 40.0;
+/// Of the sampling rate, the band takes at most this.
+const BAND_SHARE: f64 = 0.1;
+/// Samples per period of the band's edge that are kept as rows.
+const ROWS_PER_PERIOD: f64 = 5.0;
+/// Periods of the band's edge that are left out at the ends of a run: the filter does not know what was before.
+const ENDS: f64 = 2.0;
+/// A pause of so many steps is a gap.
+const GAP: f64 = 3.5;
+/// Runs of fewer samples say nothing.
+const SHORTEST: usize = 64;
+/// At most so many rows of all runs together.
+const ROWS_MOST: usize = 40_000;
+/// Temperature where nothing was recorded, °C; no column depends on it then.
+pub(super) const ROOM_C: f64 = 20.0;
+
+/// What one joint did, at the run's rate and in its band; rad or m, N m or N.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Track {
+    pub(super) q: Vec<f64>,
+    pub(super) v: Vec<f64>,
+    pub(super) a: Vec<f64>,
+    /// None where no torque of this joint was recorded.
+    pub(super) torque: Option<Vec<f64>>,
+    /// °C; empty where none was recorded.
+    pub(super) temperature: Vec<f64>,
+}
+
+/// A stretch without gaps.
+#[derive(Clone, Debug)]
+pub(super) struct Run {
+    /// Which recording, from 0.
+    pub(super) recording: usize,
+    pub(super) segment: i64,
+    pub(super) step_s: f64,
+    pub(super) start_s: f64,
+    pub(super) joints: Vec<Track>,
+    /// Force and moment on the tool at the TCP, tool axes or base axes as recorded; zeros where none was.
+    pub(super) filter: LowPass,
+    /// Samples that are rows.
+    pub(super) rows: Vec<usize>,
+}
+
+/// All runs, and how they were made.
+#[derive(Clone, Debug)]
+pub(super) struct Motion {
+    pub(super) runs: Vec<Run>,
+    pub(super) band_hz: f64,
+    /// What was done, for people.
+    pub(super) notes: Vec<String>,
+    /// Whether torque comes from currents and a constant that was told.
+    pub(super) by_current: bool,
+}
+
+impl Run {
+    pub(super) fn time_s(&self, sample: usize) -> f64 {
+        self.start_s + sample as f64 * self.step_s
+    }
+}
+
+/// Whether the recordings hold torque, or current with its constants.
+#[must_use]
+pub fn has_torque(recordings: &[Recording]) -> bool {
+    recordings.iter().any(|recording| {
+        (0..recording.joint_count()).any(|joint| torque(recording, joint).is_some())
+    })
+}
+
+/// The torque of a joint, as recorded or from its current, N m or N.
+fn torque(recording: &Recording, joint: usize) -> Option<Vec<f64>> {
+    if let Some(torque) = recording.column(Channel::Torque(joint)) {
+        return Some(torque.to_vec());
+    }
+    let constant = *recording.about.torque_per_ampere.get(joint)?;
+    let current = recording.column(Channel::Current(joint))?;
+    Some(current.iter().map(|ampere| constant * ampere).collect())
+}
+
+/// Positions: measured on the motor side where they were, since torque goes with what happened, not with what was asked for.
+fn position(recording: &Recording, joint: usize) -> Option<&[f64]> {
+    recording.column(Channel::Motor(joint)).or_else(|| recording.column(Channel::Command(joint)))
+}
+
+impl Motion {
+    /// Motion of `arm` in `band_hz` (none: [`BAND_HZ`], or a tenth of the slowest rate).
+    pub(super) fn of(arm: &Arm, recordings: &[Recording], band_hz: Option<f64>) -> Self {
+        let steps = recordings.iter().filter_map(step_s);
+        let slowest_hz = 1.0 / steps.fold(1e-6, f64::max);
+        let usual = BAND_HZ.min(BAND_SHARE * slowest_hz);
+        let band_hz = band_hz.unwrap_or(usual).min(0.4 * slowest_hz);
+        let mut runs = Vec::new();
+        for (number, recording) in recordings.iter().enumerate() {
+            runs.extend(runs_of(arm, number, recording, band_hz));
+        }
+        let whole: usize = runs.iter().map(|run: &Run| run.rows.len()).sum();
+        let mut notes = vec![format!(
+            "torque and motion pass the same low-pass of {} Hz without delay; {whole} rows in {} runs are left",
+            report_hz(band_hz),
+            runs.len()
+        )];
+        let thin = whole.div_ceil(ROWS_MOST).max(1);
+        if thin > 1 {
+            runs.iter_mut()
+                .for_each(|run| run.rows = run.rows.iter().copied().step_by(thin).collect());
+            notes.push(format!("of these every {thin}th is used"));
+        }
+        let by_current = recordings
+            .iter()
+            .any(|recording| recording.column(Channel::Torque(0)).is_none() && has_torque(&[recording.clone()]));
+        if by_current {
+            notes.push("torque is current times the constants that were told".to_owned());
+        }
+        Self { runs, band_hz, notes, by_current }
+    }
+}
+
+fn report_hz(band_hz: f64) -> String {
+    format!("{:.3}", band_hz).trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
+/// The median step of a recording.
+fn step_s(recording: &Recording) -> Option<f64> {
+    let pairs = recording.t_s.windows(2).zip(recording.segment.windows(2));
+    let mut steps: Vec<f64> =
+        pairs.filter(|(_, s)| s[0] == s[1]).map(|(t, _)| t[1] - t[0]).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied().filter(|step| *step > 0.0)
+}
+
+fn runs_of(arm: &Arm, number: usize, recording: &Recording, band_hz: f64) -> Vec<Run> {
+    let Some(step_s) = step_s(recording) else { return Vec::new() };
+    let joints = arm.count();
+    let columns: Vec<Option<&[f64]>> = (0..joints).map(|j| position(recording, j)).collect();
+    let torques: Vec<Option<Vec<f64>>> = (0..joints).map(|j| torque(recording, j)).collect();
+    if columns.iter().any(Option::is_none) || torques.iter().all(Option::is_none) {
+        return Vec::new();
+    }
+    let columns: Vec<&[f64]> = columns.into_iter().flatten().collect();
+    let whole = |row: usize| {
+        columns.iter().all(|column| column[row].is_finite())
+            && torques.iter().flatten().all(|torque| torque[row].is_finite())
+    };
+    let mut pieces: Vec<Vec<usize>> = Vec::new();
+    for row in (0..recording.len()).filter(|row| whole(*row)) {
+        let goes_on = pieces.last().and_then(|piece| piece.last()).is_some_and(|before| {
+            recording.segment[*before] == recording.segment[row]
+                && recording.t_s[row] - recording.t_s[*before] < GAP * step_s
+                && recording.t_s[row] > recording.t_s[*before]
+        });
+        if goes_on {
+            pieces.last_mut().into_iter().for_each(|piece| piece.push(row));
+        } else {
+            pieces.push(vec![row]);
+        }
+    }
+    pieces.retain(|piece| piece.len() >= SHORTEST);
+    let run = |piece: &Vec<usize>| {
+        let times: Vec<f64> = piece.iter().map(|row| recording.t_s[*row]).collect();
+        let count = ((times[times.len() - 1] - times[0]) / step_s) as usize + 1;
+        let even = |column: &[f64]| {
+            let samples: Vec<f64> = piece.iter().map(|row| column[*row]).collect();
+            resampled(&times, &samples, step_s, count)
+        };
+        let filter = LowPass::new(band_hz, 1.0 / step_s);
+        let track = |joint: usize| {
+            let q = filter.pass(&even(columns[joint]));
+            let v = derivative(&q, step_s);
+            let a = derivative(&v, step_s);
+            let torque = torques[joint].as_ref().map(|torque| filter.pass(&even(torque)));
+            let temperature = recording
+                .column(Channel::JointTemperature(joint))
+                .or_else(|| recording.column(Channel::Ambient))
+                .map_or(Vec::new(), |column| even(&filled(column)));
+            Track { q, v, a, torque, temperature }
+        };
+        let stride = (1.0 / (step_s * band_hz * ROWS_PER_PERIOD)).round().max(1.0) as usize;
+        let ends = ((ENDS / (step_s * band_hz)).ceil() as usize).min(count / 4);
+        Run {
+            recording: number,
+            segment: recording.segment[piece[0]],
+            step_s,
+            start_s: times[0],
+            joints: (0..joints).map(track).collect(),
+            filter,
+            rows: (ends..count.saturating_sub(ends)).step_by(stride).collect(),
+        }
+    };
+    pieces.iter().map(run).collect()
+}
+
+/// Slow samples where none was taken: the last that was.
+fn filled(column: &[f64]) -> Vec<f64> {
+    let first = column.iter().copied().find(|value| value.is_finite()).unwrap_or(ROOM_C);
+    let mut last = first;
+    let mut next = |value: &f64| {
+        last = if value.is_finite() { *value } else { last };
+        last
+    };
+    column.iter().map(&mut next).collect()
+}
+
+/// Samples at even times by the cubic through the four nearest (Lagrange).
+fn resampled(times: &[f64], samples: &[f64], step_s: f64, count: usize) -> Vec<f64> {
+    let mut at = 0;
+    let value = |k: usize| {
+        let time = times[0] + k as f64 * step_s;
+        while at + 2 < times.len() && times[at + 1] <= time {
+            at += 1;
+        }
+        let from = at.saturating_sub(1).min(times.len().saturating_sub(4));
+        let four = from..(from + 4).min(times.len());
+        let mut sum = 0.0;
+        for i in four.clone() {
+            let weight = |j: usize| (time - times[j]) / (times[i] - times[j]);
+            sum += samples[i] * four.clone().filter(|j| *j != i).map(weight).product::<f64>();
+        }
+        sum
+    };
+    (0..count).map(value).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_that_jitter_come_back_even() {
+        let times: Vec<f64> =
+            (0..400).map(|k| 0.01 * f64::from(k) + 0.003 * f64::from(k % 3)).collect();
+        let samples: Vec<f64> = times.iter().map(|t| libm::sin(3.0 * t)).collect();
+        let even = resampled(&times, &samples, 0.01, 390);
+        for (k, value) in even.iter().enumerate() {
+            assert!((value - libm::sin(0.03 * k as f64)).abs() < 1e-6, "{k}");
+        }
+    }
+}

@@ -1,0 +1,63 @@
+//! The noise of each joint's torque: what no name of the library explains, and how it remembers itself.
+//!
+//! Taken after everything that may be missing was fitted at once, so that what is missing is not taken for noise.
+//!
+//! Promises: only rows that train. Never: less than the last digit of what was recorded.
+
+use super::columns::Column;
+use super::table::{Solved, Table};
+use crate::colour::Colour;
+
+/// Of the torque's own size, noise is at least this.
+const LEAST: f64 = 1e-9;
+
+/// What is left of one joint's torque, row by row.
+pub(super) fn residual(
+    table: &Table,
+    columns: &[Column],
+    solved: &Solved,
+    joint: usize,
+) -> Vec<f64> {
+    let parts: Vec<(&Column, f64)> =
+        solved.columns.iter().zip(&solved.values).map(|(k, v)| (&columns[*k], *v)).collect();
+    let model = Column::sum(&parts, joint, table.rows());
+    let target = table.target[joint].iter().flatten();
+    target.zip(model).map(|(target, model)| target - model).collect()
+}
+
+/// How each joint's noise is, from a fit of all that may be missing.
+pub(super) fn of(
+    table: &Table,
+    columns: &[Column],
+    rich: &Solved,
+    used: &[bool],
+) -> Vec<(Colour, f64)> {
+    let joints = table.joints().count().max(1) as f64;
+    let each = rich.columns.len() as f64 / joints;
+    let of_joint = |joint: usize| {
+        let Some(target) = &table.target[joint] else { return (Colour::default(), 1.0) };
+        let left = residual(table, columns, rich, joint);
+        let counts = |row: usize| used[row] && table.counts[joint][row];
+        let kept: Vec<f64> = (0..left.len()).filter(|row| counts(*row)).map(|k| left[k]).collect();
+        let free = (kept.len() as f64 - each).max(1.0);
+        let size = libm::sqrt(kept.iter().map(|x| x * x).sum::<f64>() / free);
+        let whole = libm::sqrt(target.iter().map(|x| x * x).sum::<f64>() / target.len().max(1) as f64);
+        let size = size.max(LEAST * whole).max(f64::MIN_POSITIVE);
+        let mut pieces: Vec<Vec<f64>> = Vec::new();
+        for run in &table.runs {
+            let mut goes_on = false;
+            for row in run.clone() {
+                let here = counts(row);
+                if here && !goes_on {
+                    pieces.push(Vec::new());
+                }
+                goes_on = here;
+                if here {
+                    pieces.last_mut().into_iter().for_each(|piece| piece.push(left[row] / size));
+                }
+            }
+        }
+        (Colour::of_runs(&pieces), size)
+    };
+    (0..table.target.len()).map(of_joint).collect()
+}

@@ -1,0 +1,103 @@
+//! The proof: how far the model is off on rows that nothing has seen, name by name; how sure each number is.
+//!
+//! Uncertainties are those of blocks of time (White's sandwich with the sum of each block as one): noise that remembers itself does not make them small.
+//!
+//! Promises: held-out rows take part in nothing else. Never: an interval below what scale and form leave open.
+
+use nalgebra::DMatrix;
+
+use super::case::Case;
+use super::choose::{Asking, Choice};
+use super::columns::Column;
+use super::table::Solved;
+
+/// Blocks of time that uncertainties are told from.
+const BLOCKS: usize = 40;
+
+/// Root mean square of what is left on `used` rows, whitened by each joint's noise and in units of their geometric mean, N m; rows that do not count too
+/// where `all`.
+pub(super) fn rms(case: &Case, solved: &Solved, used: &[bool], all: bool) -> f64 {
+    let (mut sum, mut count, mut scale, mut joints) = (0.0, 0.0, 0.0, 0.0);
+    for joint in case.table.joints() {
+        let noise = case.table.noise[joint].1;
+        let left = case.residual(solved, joint);
+        for row in (0..left.len()).filter(|row| used[*row]) {
+            if all || case.table.counts[joint][row] {
+                sum += left[row] * left[row] / (noise * noise);
+                count += 1.0;
+            }
+        }
+        scale += noise.ln();
+        joints += 1.0;
+    }
+    if count > 0.0 { libm::sqrt(sum / count) * libm::exp(scale / joints) } else { 0.0 }
+}
+
+/// Root mean square of one joint on `used` rows, N m or N.
+pub(super) fn of_joint(case: &Case, solved: &Solved, joint: usize, used: &[bool]) -> f64 {
+    let left = case.residual(solved, joint);
+    let kept = left.iter().zip(used).filter(|(_, used)| **used).map(|(x, _)| x * x);
+    let (sum, count) = kept.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
+    if count > 0.0 { libm::sqrt(sum / count) } else { 0.0 }
+}
+
+/// Names in the order of what each brings on held-out rows, with the error before and after each, one after the other.
+pub(super) fn order(
+    case: &Case,
+    asking: &Asking<'_>,
+    choice: &Choice,
+    held: &[bool],
+) -> Vec<(usize, [f64; 2])> {
+    let whole = rms(case, &choice.solved, held, true);
+    let alone = |name: &usize| {
+        let others: Vec<usize> = choice.names.iter().copied().filter(|n| n != name).collect();
+        rms(case, &asking.solve(&others).solved, held, true) - whole
+    };
+    let mut names: Vec<(usize, f64)> = choice.names.iter().map(|n| (*n, alone(n))).collect();
+    names.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    let mut before = rms(case, &asking.solve(&[]).solved, held, true);
+    let mut there: Vec<usize> = Vec::new();
+    let mut listed = Vec::new();
+    for (name, _) in names {
+        there.push(name);
+        let after = rms(case, &asking.solve(&there).solved, held, true);
+        listed.push((name, [before, after]));
+        before = after;
+    }
+    listed
+}
+
+/// The covariance of the numbers of a choice, by blocks of time; at least what white noise would leave.
+pub(super) fn covariance(case: &Case, solved: &Solved, used: &[bool]) -> DMatrix<f64> {
+    let count = solved.columns.len();
+    let mut meat = DMatrix::zeros(count, count);
+    let rows = case.table.rows();
+    let mut scores = vec![vec![0.0; count]; BLOCKS];
+    for joint in case.table.joints() {
+        let left = case.table.whitened(joint, &case.residual(solved, joint));
+        for (k, column) in solved.columns.iter().enumerate() {
+            let column: &Column = &case.library.columns[*column];
+            for (_, values) in column.parts.iter().filter(|(at, _)| *at == joint) {
+                let white = case.table.whitened(joint, values);
+                for row in (0..rows).filter(|r| used[*r] && case.table.counts[joint][*r]) {
+                    scores[row * BLOCKS / rows][k] += white[row] * left[row];
+                }
+            }
+        }
+    }
+    let filled = scores.iter().filter(|score| score.iter().any(|x| *x != 0.0)).count();
+    for score in &scores {
+        for i in 0..count {
+            for j in 0..count {
+                meat[(i, j)] += score[i] * score[j];
+            }
+        }
+    }
+    let few = filled as f64 / (filled as f64 - 1.0).max(1.0);
+    let inverse = solved.covariance();
+    let mut all = inverse * meat * inverse * few;
+    for i in 0..count {
+        all[(i, i)] = all[(i, i)].max(inverse[(i, i)]);
+    }
+    all
+}

@@ -1,0 +1,206 @@
+//! Numbers that no column gives: the speed of a Stribeck friction, the distance of a memory, the cycles of a ripple.
+//!
+//! Each is moved to the top of a parabola through three values of the likelihood, the others fitted anew at each; its bend says how sure the number is.
+//!
+//! Promises: a number leaves its neighbourhood only uphill. Never: a name changed.
+
+use physics::{Arm, JointKind};
+
+use super::case::Case;
+use super::choose::{Asking, Choice};
+use super::columns::{Column, Law, factor, shortest_way, span};
+use super::library::Form;
+use super::table::Products;
+
+/// First and last share by which a number is moved to see the bend.
+const STEPS: [f64; 4] = [0.3, 0.15, 0.07, 0.03];
+/// A number leaves by at most so many times its step.
+const LEAP: f64 = 2.0;
+/// Waves between the longest and the shortest that are looked for at most.
+const WAVES: usize = 400;
+/// Rows per cycle, at least, that a ripple needs at the usual speed.
+const ROWS_PER_CYCLE: f64 = 4.0;
+
+/// The columns of a law with a searched number, at another value of it.
+fn columns(case: &Case, arm: &Arm, name: usize, value: f64) -> Option<Vec<Column>> {
+    let family = &case.library.families[name];
+    let joint = family.joint?;
+    let is_angle = arm.joints()[joint].kind == JointKind::Revolute;
+    let column = |law: Law| law.column(&case.motion, joint);
+    match (family.kind, family.form) {
+        ("stribeck_friction", _) => Some(vec![column(Law::Stribeck { speed: value })]),
+        ("hysteresis", _) => Some(vec![column(Law::Memory { distance: value })]),
+        (_, Form::Wave) => {
+            let cycles = factor(value, is_angle);
+            let wave = |is_sine| column(Law::Wave { cycles, is_sine });
+            Some(vec![wave(true), wave(false)])
+        }
+        _ => None,
+    }
+}
+
+/// Brings every searched number of a choice to where it fits best; returns, per name, its standard uncertainty as a share of it.
+pub(super) fn settle(
+    case: &mut Case,
+    arm: &Arm,
+    choice: &Choice,
+    always: &[usize],
+    used: &[bool],
+) -> Vec<(usize, f64)> {
+    let mut spreads = Vec::new();
+    for &name in &choice.names {
+        let Some(&(_, start)) = case.library.families[name].settings.first() else { continue };
+        if columns(case, arm, name, start).is_none() {
+            continue;
+        }
+        let family = &case.library.families[name];
+        let widest = match (family.form, family.joint) {
+            // A wave keeps its phase over the span only within a fraction of a cycle.
+            (Form::Wave, Some(joint)) => {
+                let [low, high] = span(&case.motion, joint);
+                let is_angle = arm.joints()[joint].kind == JointKind::Revolute;
+                let cycles = factor(start, is_angle) * (high - low) / std::f64::consts::TAU;
+                (0.3 / cycles.max(1.0)).min(STEPS[0])
+            }
+            _ => STEPS[0],
+        };
+        let mut value = start;
+        let mut spread = widest;
+        let mut trial = Trial::new(case, choice, always, used);
+        let least = shortest_way(&case.motion, case.library.families[name].joint.unwrap_or(0));
+        for step in STEPS.map(|step| step * widest / STEPS[0]) {
+            let mut gains = [0.0; 3];
+            for (gain, away) in gains.iter_mut().zip([-step, 0.0, step]) {
+                *gain = trial.gain(case, arm, name, value * (1.0 + away), used);
+            }
+            let bend = gains[0] - 2.0 * gains[1] + gains[2];
+            let moved = if bend < 0.0 {
+                spread = step / libm::sqrt(-bend);
+                0.5 * step * (gains[0] - gains[2]) / bend
+            } else if gains[2] > gains[0] {
+                LEAP * step
+            } else {
+                -LEAP * step
+            };
+            value *= 1.0 + moved.clamp(-LEAP * step, LEAP * step).max(-0.9);
+            if case.library.families[name].kind == "hysteresis" {
+                value = value.max(least);
+            }
+        }
+        put(case, arm, name, value);
+        spreads.push((name, spread));
+    }
+    spreads
+}
+
+/// Gives a name's searched number another value.
+fn put(case: &mut Case, arm: &Arm, name: usize, value: f64) {
+    let Some(columns) = columns(case, arm, name, value) else { return };
+    let places = case.library.families[name].columns.clone();
+    places.iter().zip(columns).for_each(|(place, column)| case.library.columns[*place] = column);
+    if let Some(setting) = case.library.families[name].settings.first_mut() {
+        setting.1 = value;
+    }
+}
+
+/// The sums of a choice's columns, with one name's exchanged again and again.
+struct Trial {
+    places: Vec<usize>,
+    products: Products,
+}
+
+impl Trial {
+    fn new(case: &Case, choice: &Choice, always: &[usize], used: &[bool]) -> Self {
+        let mut places = always.to_vec();
+        for name in &choice.names {
+            for column in &case.library.families[*name].columns {
+                if !places.contains(column) {
+                    places.push(*column);
+                }
+            }
+        }
+        let columns: Vec<&Column> = places.iter().map(|k| &case.library.columns[*k]).collect();
+        let prior = places.iter().map(|k| case.library.prior[*k]).collect();
+        let products = Products::new(&case.table, &columns, prior, used);
+        Self { places, products }
+    }
+
+    /// The log-likelihood that the choice gains with this value of a name's searched number.
+    fn gain(&mut self, case: &mut Case, arm: &Arm, name: usize, value: f64, used: &[bool]) -> f64 {
+        put(case, arm, name, value);
+        let own = &case.library.families[name].columns;
+        let changed: Vec<usize> =
+            own.iter().filter_map(|k| self.places.iter().position(|place| place == k)).collect();
+        let columns: Vec<&Column> = self.places.iter().map(|k| &case.library.columns[*k]).collect();
+        self.products.exchange(&case.table, &columns, &changed, used);
+        self.products.solve(&(0..self.places.len()).collect::<Vec<usize>>()).gain
+    }
+}
+
+/// Lists the ripple that fits best what is left of each joint; whether any was found that is worth asking for.
+pub(super) fn listen(case: &mut Case, arm: &Arm, choice: &Choice, used: &[bool]) -> bool {
+    let mut heard = false;
+    let joints: Vec<usize> = case.table.joints().collect();
+    for joint in joints {
+        let left = case.residual(&choice.solved, joint);
+        let is_angle = arm.joints()[joint].kind == JointKind::Revolute;
+        if let Some(cycles) = loudest(case, joint, &left, is_angle, used) {
+            case.library.ripple(&case.motion, joint, cycles, is_angle);
+            heard = true;
+        }
+    }
+    heard
+}
+
+/// The number of cycles per revolution (per m) whose wave explains most of what is left of a joint.
+fn loudest(
+    case: &Case,
+    joint: usize,
+    left: &[f64],
+    is_angle: bool,
+    used: &[bool],
+) -> Option<f64> {
+    let [low, high] = span(&case.motion, joint);
+    let unit = factor(1.0, is_angle);
+    let one = std::f64::consts::TAU / (unit * (high - low));
+    let mut rows: Vec<(f64, f64)> = Vec::new();
+    let mut from = 0;
+    let mut usual = 0.0;
+    for run in &case.motion.runs {
+        let stride = run.rows.get(1).map_or(1, |second| second - run.rows[0]);
+        for (k, row) in run.rows.iter().enumerate() {
+            if used[from + k] && case.table.counts[joint][from + k] {
+                rows.push((run.joints[joint].q[*row], left[from + k]));
+                usual += (run.joints[joint].v[*row] * stride as f64 * run.step_s).abs();
+            }
+        }
+        from += run.rows.len();
+    }
+    let per_row = usual / rows.len().max(1) as f64;
+    if rows.is_empty() || per_row <= 0.0 || !one.is_finite() {
+        return None;
+    }
+    let highest = std::f64::consts::TAU / (unit * per_row * ROWS_PER_CYCLE);
+    let count = (((highest / (0.5 * one)) as usize).max(1)).min(WAVES);
+    let power = |cycles: f64| {
+        let (mut c, mut s) = (0.0, 0.0);
+        for (q, rest) in &rows {
+            let (sine, cosine) = libm::sincos(cycles * unit * q);
+            c += rest * cosine;
+            s += rest * sine;
+        }
+        c * c + s * s
+    };
+    // Fewer cycles than one and a half in the whole span are a slope or a bow.
+    let waves = (3..=count).map(|k| 0.5 * one * k as f64);
+    waves.map(|c| (c, power(c))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(cycles, _)| cycles)
+}
+
+/// What is asked with the library as it stands.
+pub(super) fn asking<'a>(
+    case: &'a Case,
+    products: &'a Products,
+    always: &'a [usize],
+) -> Asking<'a> {
+    Asking { library: &case.library, products, always }
+}

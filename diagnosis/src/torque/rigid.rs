@@ -1,0 +1,111 @@
+//! What the masses of the arm ask of its drives: the part that the model states, and the numbers that it leaves open.
+//!
+//! A body is stated about a point near it (its centre of mass, or its joint's pivot where nothing is known), so that each number can be doubted by itself.
+//!
+//! Promises: ten numbers per body, the payload's four at the TCP. Never: a judgement which of them a motion can tell.
+
+use glam::{DMat3, DVec3};
+use physics::dynamics::{INERTIAL, Inertial, Regressor};
+use physics::{Arm, Body, Chain, Inputs, JOINTS_MAX};
+
+use super::columns::Column;
+use super::motion::Motion;
+
+/// What may be believed of masses that nothing is known of: kg, kg m, kg m².
+const UNKNOWN: [f64; 3] = [100.0, 50.0, 50.0];
+/// What stated masses may be off by: share of the mass, distance of its centre, m, and radius of gyration, m.
+const DOUBT: (f64, f64, f64) = (0.05, 0.02, 0.1);
+
+/// The arm's masses over the rows: what they ask for, and columns for what may be wrong in them.
+pub(super) struct Rigid {
+    /// Per joint, the stated masses' torque, row by row.
+    pub(super) stated: Vec<Vec<f64>>,
+    /// Ten columns per body, then mass and first moment of a payload about the TCP.
+    pub(super) columns: Vec<Column>,
+    /// What is believed of each number but the payload's: its standard deviation.
+    pub(super) beliefs: Vec<f64>,
+}
+
+fn inputs(motion: &Motion, run: usize, sample: usize) -> Inputs {
+    let mut q = [0.0; JOINTS_MAX];
+    let tracks = &motion.runs[run].joints;
+    q.iter_mut().zip(tracks).for_each(|(q, track)| *q = track.q[sample]);
+    let mut inputs = Inputs::at_rest(q);
+    for (joint, track) in tracks.iter().enumerate() {
+        inputs.velocity[joint] = track.v[sample];
+        inputs.acceleration[joint] = track.a[sample];
+    }
+    inputs
+}
+
+/// Columns of one body about `point`, one joint after the other: mass, first moment, inertia.
+fn about(table: &[[f64; INERTIAL]; JOINTS_MAX], point: DVec3, joint: usize) -> [f64; INERTIAL] {
+    let row = &table[joint];
+    let dot = |p: &Inertial| p.values().iter().zip(row).map(|(a, b)| a * b).sum::<f64>();
+    let mass = dot(&Inertial::of(&Body::point_mass(1.0, point)));
+    let moment = |axis: DVec3| {
+        let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
+        let inertia = DMat3::from_diagonal(DVec3::splat(2.0 * point.dot(axis)))
+            - outer(point, axis)
+            - outer(axis, point);
+        dot(&Inertial { mass: 0.0, first_moment: axis, inertia })
+    };
+    let [x, y, z] = DVec3::AXES.map(moment);
+    [mass, x, y, z, row[4], row[5], row[6], row[7], row[8], row[9]]
+}
+
+impl Rigid {
+    pub(super) fn new(arm: &Arm, motion: &Motion) -> Self {
+        let count = arm.count();
+        let points: Vec<DVec3> = arm
+            .joints()
+            .iter()
+            .map(|joint| joint.link.map_or(joint.point, |link| link.centre))
+            .collect();
+        let rows: usize = motion.runs.iter().map(|run| run.rows.len()).sum();
+        let mut columns = vec![Column::default(); INERTIAL * count + 4];
+        for (k, column) in columns.iter_mut().enumerate() {
+            let body = (k / INERTIAL).min(count - 1);
+            column.parts = (0..=body).map(|joint| (joint, Vec::with_capacity(rows))).collect();
+        }
+        let mut stated = vec![Vec::with_capacity(rows); count];
+        for (run, one) in motion.runs.iter().enumerate() {
+            for &sample in &one.rows {
+                let inputs = inputs(motion, run, sample);
+                let torque = physics::dynamics::inverse_dynamics(arm, &inputs);
+                stated.iter_mut().zip(torque.iter()).for_each(|(list, torque)| list.push(*torque));
+                let chain = Chain::nominal(arm, &inputs.q);
+                let regressor = Regressor::new(arm, &chain, &inputs, arm.gravity);
+                for body in 0..count {
+                    let table = regressor.of_body(body);
+                    for joint in 0..=body {
+                        let numbers = about(&table, points[body], joint);
+                        for (k, number) in numbers.into_iter().enumerate() {
+                            columns[INERTIAL * body + k].parts[joint].1.push(number);
+                        }
+                        if body + 1 == count {
+                            let numbers = about(&table, arm.tool.tcp, joint);
+                            for (k, number) in numbers.into_iter().take(4).enumerate() {
+                                columns[INERTIAL * count + k].parts[joint].1.push(number);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        let beliefs = arm.joints().iter().flat_map(|joint| match joint.link {
+            None => doubts(UNKNOWN[0], UNKNOWN[1], UNKNOWN[2]),
+            Some(Body { mass, .. }) => {
+                let (share, off, gyration) = DOUBT;
+                doubts(share * mass, off * mass, gyration * gyration * mass)
+            }
+        });
+        let beliefs = beliefs.collect();
+        Self { stated, columns, beliefs }
+    }
+}
+
+fn doubts(mass: f64, moment: f64, inertia: f64) -> [f64; INERTIAL] {
+    let [m, h, i] = [mass, moment, inertia];
+    [m, h, h, h, i, i, i, i, i, i]
+}

@@ -1,0 +1,272 @@
+//! The rows that are fitted, and the sums of products that every question is answered from.
+//!
+//! Promises: rows of one joint are weighed by that joint's noise and freed of its memory, columns and right-hand side alike; rows set aside count in
+//! nothing. Never: a choice.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use std::ops::Range;
+
+use super::columns::Column;
+use crate::colour::Colour;
+
+/// A column that the others explain but for this share, squared, has no number of its own.
+const OWN: f64 = 1e-7;
+/// A column that is left so little, squared, brings nothing that rounding would not.
+const BRINGS: f64 = 1e-4;
+
+/// What was measured and not yet explained by what the model knows.
+#[derive(Clone, Debug)]
+pub(super) struct Table {
+    /// Rows of each run.
+    pub(super) runs: Vec<Range<usize>>,
+    /// Per joint, a value per row; none where the joint's torque was not recorded. N m or N.
+    pub(super) target: Vec<Option<Vec<f64>>>,
+    /// Per joint and row: whether it counts.
+    pub(super) counts: Vec<Vec<bool>>,
+    /// Per joint: how its noise remembers itself, and its size, N m or N.
+    pub(super) noise: Vec<(Colour, f64)>,
+}
+
+impl Table {
+    pub(super) fn rows(&self) -> usize {
+        self.runs.last().map_or(0, |run| run.end)
+    }
+
+    /// The joints whose torque was recorded.
+    pub(super) fn joints(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.target.len()).filter(|joint| self.target[*joint].is_some())
+    }
+
+    /// Values of one joint in units of what is new in its noise.
+    pub(super) fn whitened(&self, joint: usize, values: &[f64]) -> Vec<f64> {
+        let (colour, size) = &self.noise[joint];
+        let mut all = Vec::with_capacity(values.len());
+        for run in &self.runs {
+            let piece: Vec<f64> = values[run.clone()].iter().map(|x| x / size).collect();
+            all.extend(colour.freed(&piece));
+        }
+        all
+    }
+}
+
+/// Sums of products of columns and right-hand side over some rows.
+#[derive(Clone, Debug)]
+pub(super) struct Products {
+    pub(super) gram: DMatrix<f64>,
+    pub(super) right: DVector<f64>,
+    /// Rows, all joints together.
+    pub(super) rows: usize,
+    /// One over the square of what is believed of each number; 0 where nothing is.
+    pub(super) prior: Vec<f64>,
+}
+
+/// Numbers of some columns, with what they explain.
+#[derive(Clone, Debug)]
+pub(super) struct Solved {
+    pub(super) columns: Vec<usize>,
+    pub(super) values: Vec<f64>,
+    /// By how much log-likelihood is higher than without any of them.
+    pub(super) gain: f64,
+    inverse: DMatrix<f64>,
+}
+
+impl Products {
+    /// Over the rows that count and that `used` takes.
+    pub(super) fn new(table: &Table, columns: &[&Column], prior: Vec<f64>, used: &[bool]) -> Self {
+        let count = columns.len();
+        let (mut gram, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
+        let mut rows = 0;
+        for joint in table.joints() {
+            let keep: Vec<usize> = (0..table.rows())
+                .filter(|row| used[*row] && table.counts[joint][*row])
+                .collect();
+            let here: Vec<(usize, &Vec<f64>)> = columns
+                .iter()
+                .enumerate()
+                .flat_map(|(k, column)| {
+                    let parts = column.parts.iter().filter(|(at, _)| *at == joint);
+                    parts.map(move |(_, values)| (k, values))
+                })
+                .collect();
+            let mut block = DMatrix::zeros(keep.len(), here.len() + 1);
+            let target = table.target[joint].iter();
+            for (k, values) in here.iter().map(|(_, values)| *values).chain(target).enumerate() {
+                let white = table.whitened(joint, values);
+                keep.iter().enumerate().for_each(|(at, row)| block[(at, k)] = white[*row]);
+            }
+            let product = block.tr_mul(&block);
+            for (a, (i, _)) in here.iter().enumerate() {
+                for (b, (j, _)) in here.iter().enumerate() {
+                    gram[(*i, *j)] += product[(a, b)];
+                }
+                right[*i] += product[(a, here.len())];
+            }
+            rows += keep.len();
+        }
+        Self { gram, right, rows, prior }
+    }
+
+    /// The same sums where one column has become another.
+    pub(super) fn exchange(
+        &mut self,
+        table: &Table,
+        columns: &[&Column],
+        changed: &[usize],
+        used: &[bool],
+    ) {
+        for &k in changed {
+            self.gram.row_mut(k).fill(0.0);
+            self.gram.column_mut(k).fill(0.0);
+            self.right[k] = 0.0;
+        }
+        for joint in table.joints() {
+            let here = |k: usize| {
+                let parts = columns[k].parts.iter();
+                parts.filter(|(at, _)| *at == joint).map(|(_, values)| table.whitened(joint, values))
+            };
+            let counts = |row: &usize| used[*row] && table.counts[joint][*row];
+            let rows: Vec<usize> = (0..table.rows()).filter(counts).collect();
+            let dot = |a: &[f64], b: &[f64]| rows.iter().map(|row| a[*row] * b[*row]).sum::<f64>();
+            let new: Vec<(usize, Vec<f64>)> = changed
+                .iter()
+                .flat_map(|k| here(*k).map(move |values| (*k, values)))
+                .collect();
+            if new.is_empty() {
+                continue;
+            }
+            let target = table.target[joint].iter().flatten().copied().collect::<Vec<f64>>();
+            let target = table.whitened(joint, &target);
+            for (k, values) in &new {
+                self.right[*k] += dot(values, &target);
+            }
+            for other in 0..columns.len() {
+                for old in here(other) {
+                    for (k, values) in &new {
+                        let product = dot(values, &old);
+                        if !changed.contains(&other) {
+                            self.gram[(other, *k)] += product;
+                        }
+                        self.gram[(*k, other)] += product;
+                    }
+                }
+            }
+        }
+    }
+
+    /// The least squares of these columns; those that say nothing of their own are left out.
+    pub(super) fn solve(&self, columns: &[usize]) -> Solved {
+        let mut taken: Vec<usize> = Vec::with_capacity(columns.len());
+        let mut solved = Solved {
+            columns: Vec::new(),
+            values: Vec::new(),
+            gain: 0.0,
+            inverse: DMatrix::zeros(0, 0),
+        };
+        // A pivoted look first: a column that the ones before it explain has no number of its own.
+        let mut rest = DMatrix::from_fn(columns.len(), columns.len(), |i, j| {
+            let own = if i == j { self.prior[columns[i]] } else { 0.0 };
+            self.gram[(columns[i], columns[j])] + own
+        });
+        for k in 0..columns.len() {
+            let full = self.gram[(columns[k], columns[k])] + self.prior[columns[k]];
+            let pivot = rest[(k, k)];
+            if full <= 0.0 || pivot <= OWN * full {
+                continue;
+            }
+            taken.push(columns[k]);
+            for i in k + 1..columns.len() {
+                let share = rest[(i, k)] / pivot;
+                for j in k + 1..columns.len() {
+                    rest[(i, j)] -= share * rest[(k, j)];
+                }
+            }
+        }
+        if taken.is_empty() {
+            return solved;
+        }
+        let scale: Vec<f64> = taken
+            .iter()
+            .map(|k| 1.0 / libm::sqrt(self.gram[(*k, *k)] + self.prior[*k]))
+            .collect();
+        let count = taken.len();
+        let normal = DMatrix::from_fn(count, count, |i, j| {
+            let own = if i == j { self.prior[taken[i]] } else { 0.0 };
+            (self.gram[(taken[i], taken[j])] + own) * scale[i] * scale[j]
+        });
+        let Some(factors): Option<Cholesky<f64, Dyn>> = normal.cholesky() else { return solved };
+        let right = DVector::from_fn(count, |i, _| self.right[taken[i]] * scale[i]);
+        let numbers = factors.solve(&right);
+        solved.gain = 0.5 * right.dot(&numbers);
+        solved.values = (0..count).map(|i| numbers[i] * scale[i]).collect();
+        let inverse = factors.inverse();
+        solved.inverse =
+            DMatrix::from_fn(count, count, |i, j| inverse[(i, j)] * scale[i] * scale[j]);
+        solved.columns = taken;
+        solved
+    }
+
+    /// What it costs that these numbers, believed with doubt, may take what values they like (Occam's factor of a Gaussian belief).
+    pub(super) fn room(&self, columns: &[usize]) -> f64 {
+        let kept: Vec<usize> = columns.iter().copied().filter(|k| self.prior[*k] > 0.0).collect();
+        let wide: Vec<f64> = kept.iter().map(|k| 1.0 / libm::sqrt(self.prior[*k])).collect();
+        let count = kept.len();
+        let ratio = DMatrix::from_fn(count, count, |i, j| {
+            f64::from(u8::from(i == j)) + self.gram[(kept[i], kept[j])] * wide[i] * wide[j]
+        });
+        let Some(factors) = ratio.cholesky() else { return 0.0 };
+        (0..count).map(|i| factors.l_dirty()[(i, i)].ln()).sum()
+    }
+
+    /// What more columns would bring beside those that are solved, and their numbers.
+    pub(super) fn more(&self, solved: &Solved, columns: &[usize]) -> (f64, Vec<f64>) {
+        let inside = |k: usize| DVector::from_fn(solved.columns.len(), |i, _| self.gram[(solved.columns[i], k)]);
+        let open: Vec<usize> =
+            columns.iter().copied().filter(|k| !solved.columns.contains(k)).collect();
+        let count = open.len();
+        let beside: Vec<DVector<f64>> = open.iter().map(|k| inside(*k)).collect();
+        let through: Vec<DVector<f64>> = beside.iter().map(|b| &solved.inverse * b).collect();
+        let values = DVector::from_column_slice(&solved.values);
+        let mut left = DMatrix::from_fn(count, count, |i, j| {
+            let own = if i == j { self.prior[open[i]] } else { 0.0 };
+            self.gram[(open[i], open[j])] + own - beside[i].dot(&through[j])
+        });
+        let mut right =
+            DVector::from_fn(count, |i, _| self.right[open[i]] - beside[i].dot(&values));
+        for i in 0..count {
+            let full = self.gram[(open[i], open[i])] + self.prior[open[i]];
+            if left[(i, i)] <= BRINGS * full || full <= 0.0 {
+                left.row_mut(i).fill(0.0);
+                left.column_mut(i).fill(0.0);
+                left[(i, i)] = 1.0;
+                right[i] = 0.0;
+            }
+        }
+        let Some(factors) = left.cholesky() else { return (0.0, vec![0.0; columns.len()]) };
+        let numbers = factors.solve(&right);
+        let gain = 0.5 * right.dot(&numbers);
+        let of = |k: &usize| open.iter().position(|o| o == k).map_or(0.0, |at| numbers[at]);
+        (gain, columns.iter().map(of).collect())
+    }
+}
+
+impl Solved {
+    /// The number of a column; none where it is not in.
+    pub(super) fn value(&self, column: usize) -> Option<f64> {
+        let at = self.columns.iter().position(|k| *k == column)?;
+        Some(self.values[at])
+    }
+
+    /// What these columns bring beside the others that are in: `½ βᵀ C⁻¹ β`, C their part of the inverse.
+    pub(super) fn worth(&self, columns: &[usize]) -> f64 {
+        let at: Vec<usize> =
+            columns.iter().filter_map(|k| self.columns.iter().position(|c| c == k)).collect();
+        let part = DMatrix::from_fn(at.len(), at.len(), |i, j| self.inverse[(at[i], at[j])]);
+        let values = DVector::from_fn(at.len(), |i, _| self.values[at[i]]);
+        part.cholesky().map_or(0.0, |factors| 0.5 * values.dot(&factors.solve(&values)))
+    }
+
+    /// The covariance of two numbers where the noise is as it was taken to be.
+    pub(super) fn covariance(&self) -> &DMatrix<f64> {
+        &self.inverse
+    }
+}

@@ -1,0 +1,63 @@
+//! What the page shows of the torques: measured, and what the model is off by without and with what was found.
+//!
+//! Promises: whole rows, thinned evenly. Never: a number of its own.
+
+use super::case::Case;
+use super::choose::Choice;
+
+/// Points of a trace at most.
+const POINTS: usize = 1500;
+
+/// One joint over the rows of the first runs.
+#[derive(Clone, Debug)]
+pub struct Trace {
+    /// From 0.
+    pub joint: usize,
+    /// Running time without the pauses between runs, s.
+    pub t_s: Vec<f64>,
+    /// rad/s or m/s.
+    pub speed: Vec<f64>,
+    /// Recorded, in the band, N m or N.
+    pub torque: Vec<f64>,
+    /// Off, as given and with what was found.
+    pub off: [Vec<f64>; 2],
+    /// Rows that nothing has seen.
+    pub held: Vec<bool>,
+}
+
+/// Root mean square of a joint's torque on some rows, what the model states included.
+pub(super) fn torque_rms(case: &Case, joint: usize, used: &[bool]) -> f64 {
+    let torque = torque(case, joint);
+    let kept = torque.iter().zip(used).filter(|(_, used)| **used).map(|(x, _)| x * x);
+    let (sum, count) = kept.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
+    if count > 0.0 { libm::sqrt(sum / count) } else { 0.0 }
+}
+
+fn torque(case: &Case, joint: usize) -> Vec<f64> {
+    let target = case.table.target[joint].iter().flatten();
+    target.zip(&case.stated[joint]).map(|(rest, stated)| rest + stated).collect()
+}
+
+/// The trace of one joint.
+pub(super) fn trace(case: &Case, (given, choice): (&Choice, &Choice), joint: usize) -> Trace {
+    let off = [given, choice].map(|one| case.residual(&one.solved, joint));
+    let torque = torque(case, joint);
+    let (mut t_s, mut speed) = (Vec::new(), Vec::new());
+    let mut start = 0.0;
+    for run in &case.motion.runs {
+        let first = run.rows.first().copied().unwrap_or(0);
+        t_s.extend(run.rows.iter().map(|row| start + (row - first) as f64 * run.step_s));
+        speed.extend(run.rows.iter().map(|row| run.joints[joint].v[*row]));
+        start = t_s.last().copied().unwrap_or(start);
+    }
+    let thin = torque.len().div_ceil(POINTS).max(1);
+    let some = |list: &[f64]| list.iter().copied().step_by(thin).collect::<Vec<f64>>();
+    Trace {
+        joint,
+        t_s: some(&t_s),
+        speed: some(&speed),
+        torque: some(&torque),
+        off: off.map(|list| some(&list)),
+        held: case.rows.held.iter().copied().step_by(thin).collect(),
+    }
+}
