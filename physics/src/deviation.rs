@@ -3,6 +3,7 @@
 //! Promises: contributions add up in any order (to rounding); a deviation of all zeros changes nothing.
 //! Never: a judgement whether a deviation is small.
 
+use crate::drive::DriveTerm;
 use crate::frame::Twist;
 use crate::{Frame, JOINTS_MAX, Joints, Wrench};
 use glam::DVec3;
@@ -88,12 +89,12 @@ pub enum Contribution {
         /// Rotation vector of the sensor's mounting, rad.
         turn: DVec3,
     },
-    /// What the drive of joint `joint` has to exert besides the rigid body's need, Nm or N.
+    /// What the drive of joint `joint` has to exert besides the rigid body's need; [`crate::Drive`] adds these up.
     DriveTorque {
         /// 0-based joint.
         joint: usize,
-        /// Positive in the joint's positive sense.
-        torque: f64,
+        /// What, positive in the joint's positive sense.
+        term: DriveTerm,
     },
     /// A force on the tool besides the modelled one, at the TCP, base axes.
     ToolForce(Wrench),
@@ -124,7 +125,7 @@ impl Contribution {
                 *turn *= factor;
             }
             Self::ToolForce(wrench) => *wrench = wrench.times(factor),
-            Self::DriveTorque { torque, .. } => *torque *= factor,
+            Self::DriveTorque { term, .. } => *term = term.times(factor),
         }
         scaled
     }
@@ -157,7 +158,9 @@ impl Contribution {
                 *turn -= *t;
             }
             (Self::ToolForce(a), Self::ToolForce(b)) => *a = a.plus(&b.times(-1.0)),
-            (Self::DriveTorque { torque, .. }, Self::DriveTorque { torque: b, .. }) => *torque -= b,
+            (Self::DriveTorque { term, .. }, Self::DriveTorque { term: b, .. }) => {
+                *term = term.minus(*b);
+            }
             _ => return Self::None,
         }
         difference

@@ -41,8 +41,16 @@ macro_rules! of_robot {
 pub mod over_path;
 
 macro_rules! effects {
-    ($($module:ident :: $Kind:ident),+ $(,)?) => {
+    (
+        moving { $($module:ident :: $Kind:ident),+ $(,)? }
+        driving { $($drive:ident :: $Drive:ident),+ $(,)? }
+    ) => {
         $(pub mod $module;)+
+
+        /// What the motors feel: torques of the drives. They move nothing.
+        pub mod drives {
+            $(pub mod $drive;)+
+        }
 
         /// Any one effect.
         #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,12 +60,16 @@ macro_rules! effects {
         )]
         pub enum AnyEffect {
             $(#[doc = concat!("See [`", stringify!($module), "`].")] $Kind($module::$Kind),)+
+            $(#[doc = concat!("See [`drives::", stringify!($drive), "`].")] $Drive(drives::$drive::$Drive),)+
             /// See [`over_path`].
             OverPath(OverPath),
         }
 
-        /// What every effect says of itself that adds something to a sample.
+        /// What every effect says of itself that adds something to where the tool is at a sample.
         pub static SPECS: &[Spec] = &[$($module::$Kind::SPEC),+];
+
+        /// What every effect says of itself that adds something to what a drive exerts at a sample.
+        pub static DRIVES: &[Spec] = &[$(drives::$drive::$Drive::SPEC),+];
 
         impl AnyEffect {
             /// An effect by its name in the contract, with its numbers in SI; `joint` is 0-based.
@@ -70,9 +82,14 @@ macro_rules! effects {
                 joint: Option<usize>,
                 given: Given<'_>,
             ) -> Result<Self, BuildError> {
-                $(if kind == $module::$Kind::SPEC.kind {
+                let wanted = spec_of_stems(kind, given);
+                $(if wanted == Some(&$module::$Kind::SPEC) {
                     let site = Site::checked(&$module::$Kind::SPEC, arm, joint, given)?;
                     return $module::$Kind::build(&site).map(Self::$Kind);
+                })+
+                $(if wanted == Some(&drives::$drive::$Drive::SPEC) {
+                    let site = Site::checked(&drives::$drive::$Drive::SPEC, arm, joint, given)?;
+                    return drives::$drive::$Drive::build(&site).map(Self::$Drive);
                 })+
                 OverPath::build(kind, arm, joint, given)
                     .map_or(Err(BuildError::UnknownKind), |built| built.map(Self::OverPath))
@@ -82,6 +99,7 @@ macro_rules! effects {
             pub fn spec(&self) -> &'static Spec {
                 match self {
                     $(Self::$Kind(_) => const { &$module::$Kind::SPEC },)+
+                    $(Self::$Drive(_) => const { &drives::$drive::$Drive::SPEC },)+
                     Self::OverPath(effect) => effect.spec(),
                 }
             }
@@ -90,6 +108,7 @@ macro_rules! effects {
             pub fn joint(&self) -> Option<usize> {
                 match self {
                     $(Self::$Kind(effect) => effect.joint(),)+
+                    $(Self::$Drive(effect) => effect.joint(),)+
                     Self::OverPath(effect) => effect.joint(),
                 }
             }
@@ -98,6 +117,7 @@ macro_rules! effects {
             pub fn fitted(&self) -> &'static [Parameter] {
                 match self {
                     $(Self::$Kind(effect) => effect.fitted(),)+
+                    $(Self::$Drive(effect) => effect.fitted(),)+
                     Self::OverPath(effect) => effect.fitted(),
                 }
             }
@@ -106,6 +126,7 @@ macro_rules! effects {
             pub fn values(&self) -> &[f64] {
                 match self {
                     $(Self::$Kind(effect) => effect.values(),)+
+                    $(Self::$Drive(effect) => effect.values(),)+
                     Self::OverPath(effect) => effect.values(),
                 }
             }
@@ -114,6 +135,7 @@ macro_rules! effects {
             pub fn values_mut(&mut self) -> &mut [f64] {
                 match self {
                     $(Self::$Kind(effect) => effect.values_mut(),)+
+                    $(Self::$Drive(effect) => effect.values_mut(),)+
                     Self::OverPath(effect) => effect.values_mut(),
                 }
             }
@@ -122,6 +144,7 @@ macro_rules! effects {
             pub fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution {
                 match self {
                     $(Self::$Kind(effect) => effect.predict(signals, memory),)+
+                    $(Self::$Drive(effect) => effect.predict(signals, memory),)+
                     Self::OverPath(_) => Contribution::None,
                 }
             }
@@ -130,6 +153,7 @@ macro_rules! effects {
             pub fn derivative(&self, k: usize, signals: &Signals<'_>, memory: &Memory) -> Contribution {
                 match self {
                     $(Self::$Kind(effect) => effect.derivative(k, signals, memory),)+
+                    $(Self::$Drive(effect) => effect.derivative(k, signals, memory),)+
                     Self::OverPath(_) => Contribution::None,
                 }
             }
@@ -138,6 +162,7 @@ macro_rules! effects {
             pub fn slope(&self, signals: &Signals<'_>) -> f64 {
                 match self {
                     $(Self::$Kind(effect) => effect.slope(signals),)+
+                    $(Self::$Drive(effect) => effect.slope(signals),)+
                     Self::OverPath(_) => 0.0,
                 }
             }
@@ -146,6 +171,7 @@ macro_rules! effects {
             pub fn settle(&self, signals: &Signals<'_>, memory: &mut Memory) {
                 match self {
                     $(Self::$Kind(effect) => effect.settle(signals, memory),)+
+                    $(Self::$Drive(effect) => effect.settle(signals, memory),)+
                     Self::OverPath(_) => {}
                 }
             }
@@ -154,6 +180,7 @@ macro_rules! effects {
             pub fn advance(&self, signals: &Signals<'_>, memory: &mut Memory) {
                 match self {
                     $(Self::$Kind(effect) => effect.advance(signals, memory),)+
+                    $(Self::$Drive(effect) => effect.advance(signals, memory),)+
                     Self::OverPath(_) => {}
                 }
             }
@@ -162,6 +189,7 @@ macro_rules! effects {
             pub fn follow(&self, signals: &Signals<'_>, memory: &mut Memory) {
                 match self {
                     $(Self::$Kind(effect) => effect.follow(signals, memory),)+
+                    $(Self::$Drive(effect) => effect.follow(signals, memory),)+
                     Self::OverPath(_) => {}
                 }
             }
@@ -170,40 +198,64 @@ macro_rules! effects {
 }
 
 effects! {
-    joint_offset::JointOffset,
-    joint_ratio::JointRatio,
-    joint_coupling::JointCoupling,
-    joint_polynomial::JointPolynomial,
-    transmission_error::TransmissionError,
-    backlash::Backlash,
-    lost_motion::LostMotion,
-    hysteresis::Hysteresis,
-    gravity_compliance::GravityCompliance,
-    gravity_sag::GravitySag,
-    load_compliance::LoadCompliance,
-    joint_compliance::JointCompliance,
-    stiffness_hardening::StiffnessHardening,
-    bearing_compliance::BearingCompliance,
-    base_compliance::BaseCompliance,
-    tool_compliance::ToolCompliance,
-    counterbalance::Counterbalance,
-    axis_tilt::AxisTilt,
-    axis_shift::AxisShift,
-    tool_offset::ToolOffset,
-    gravity_tilt::GravityTilt,
-    payload::Payload,
-    thermal_growth::ThermalGrowth,
-    thermal_zero::ThermalZero,
-    axis_wobble::AxisWobble,
-    spindle_growth::SpindleGrowth,
-    wrench_bias::WrenchBias,
-    wrench_scale::WrenchScale,
-    wrench_misalignment::WrenchMisalignment,
+    moving {
+        joint_offset::JointOffset,
+        joint_ratio::JointRatio,
+        joint_coupling::JointCoupling,
+        joint_polynomial::JointPolynomial,
+        transmission_error::TransmissionError,
+        backlash::Backlash,
+        lost_motion::LostMotion,
+        hysteresis::Hysteresis,
+        gravity_compliance::GravityCompliance,
+        gravity_sag::GravitySag,
+        load_compliance::LoadCompliance,
+        joint_compliance::JointCompliance,
+        stiffness_hardening::StiffnessHardening,
+        bearing_compliance::BearingCompliance,
+        base_compliance::BaseCompliance,
+        tool_compliance::ToolCompliance,
+        counterbalance::Counterbalance,
+        axis_tilt::AxisTilt,
+        axis_shift::AxisShift,
+        tool_offset::ToolOffset,
+        gravity_tilt::GravityTilt,
+        payload::Payload,
+        thermal_growth::ThermalGrowth,
+        thermal_zero::ThermalZero,
+        axis_wobble::AxisWobble,
+        spindle_growth::SpindleGrowth,
+        wrench_bias::WrenchBias,
+        wrench_scale::WrenchScale,
+        wrench_misalignment::WrenchMisalignment,
+    }
+    driving {
+        coulomb_friction::CoulombFriction,
+        viscous_friction::ViscousFriction,
+        stribeck_friction::StribeckFriction,
+        friction_asymmetry::FrictionAsymmetry,
+        load_friction::LoadFriction,
+        friction_temperature::FrictionTemperature,
+        inertia::Inertia,
+        gravity_torque::GravityTorque,
+        torque_ripple::TorqueRipple,
+        spring::Spring,
+        spring_hardening::SpringHardening,
+        torque_hysteresis::TorqueHysteresis,
+        drive_gain::DriveGain,
+    }
 }
 
 /// All specs of that name, what is modelled first. `hysteresis` alone has two: of a position and of a torque.
 pub fn specs_of(kind: &str) -> impl Iterator<Item = &'static Spec> {
-    SPECS.iter().chain(OVER_PATHS).chain(NOT_MODELLED).filter(move |spec| spec.kind == kind)
+    let all = SPECS.iter().chain(OVER_PATHS).chain(DRIVES).chain(NOT_MODELLED);
+    all.filter(move |spec| spec.kind == kind)
+}
+
+/// The spec of that name that has most of these stems; the first where two have as many.
+fn spec_of_stems(kind: &str, given: Given<'_>) -> Option<&'static Spec> {
+    let has = |spec: &Spec, stem: &str| spec.parameters.iter().any(|p| p.stem == stem);
+    specs_of(kind).min_by_key(|spec| given.0.iter().filter(|(stem, _)| !has(spec, stem)).count())
 }
 
 /// The spec of that name that has most of these keys; the one that is modelled where two have as many. `joint_kind`: that of
@@ -213,7 +265,7 @@ pub fn spec_for(kind: &str, joint_kind: JointKind, keys: &[&str]) -> Option<&'st
     specs_of(kind).min_by_key(strange)
 }
 
-/// Whether an effect of this spec adds something to a sample, so that a correction can stand on it; the others are loaded and listed as not compensated.
+/// Whether an effect of this spec adds something to where the tool is at a sample, so that a correction can stand on it; the others are loaded and listed as not compensated.
 pub fn is_modelled(spec: &Spec) -> bool {
     SPECS.contains(spec)
 }

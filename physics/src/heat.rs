@@ -20,7 +20,8 @@ pub(crate) const TIME_CONSTANT: Parameter =
 /// Temperature at which the geometry is right, °C.
 pub(crate) const REFERENCE: Parameter = Parameter::setting("reference", Unit::Celsius, Range::Any);
 
-const REFERENCE_C: f64 = 20.0;
+/// What [`REFERENCE`] is where it is not given.
+pub(crate) const REFERENCE_C: f64 = 20.0;
 
 /// What warms.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,7 +6,7 @@
 //!
 //! Read in this order: [`arm`] (what the controller believes), [`chain`] (where every axis and the tool
 //! are), [`loads`] (what pulls at each joint), [`dynamics`] (what the drives exert), [`effect`] (THE seam: what one physical effect is),
-//! [`model`] (the sum of the effects: where the tool really goes).
+//! [`model`] (the sum of the effects: where the tool really goes), [`drive`] (their sum at the drives).
 //!
 //! Units are SI throughout: rad (m for a prismatic joint), N, Nm, kg, s; temperatures in °C.
 //! Vectors are in base axes unless a name says otherwise (`shift_tool`).
@@ -15,6 +15,7 @@
 pub mod arm;
 pub mod chain;
 pub mod deviation;
+pub mod drive;
 pub mod dynamics;
 pub mod effect;
 pub mod effects;
@@ -31,6 +32,8 @@ pub mod trig;
 pub use arm::{Arm, ArmError, Body, Joint, JointKind, Tool};
 pub use chain::{Chain, Jacobian};
 pub use deviation::{Contribution, Deviation};
+pub use drive::{Drive, DriveTerm};
+pub use dynamics::inverse_dynamics;
 pub use effect::{BuildError, Effect, Given, Memory};
 pub use effects::AnyEffect;
 pub use frame::Frame;

@@ -34,6 +34,10 @@ impl Default for Memories {
 }
 
 impl Memories {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &Memory> {
+        self.0.iter()
+    }
+
     /// What the effect in place `to` remembers becomes what the one in place `from` of `other` does.
     pub fn take(&mut self, to: usize, other: &Self, from: usize) {
         if let (Some(slot), Some(memory)) = (self.0.get_mut(to), other.0.get(from)) {
@@ -167,7 +171,7 @@ impl Model {
     pub fn evaluate_into(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
         let Evaluation { nominal, loads, deviation, real, beyond } = seen;
         nominal.stand(&self.arm, &inputs.q);
-        self.load(inputs, nominal, memories, loads);
+        self.load(inputs, nominal, memories, &mut LoadChange::default(), loads);
         let signals = Signals { arm: &self.arm, inputs, chain: nominal, loads };
         deviation.clear();
         deviation.base_turn = inputs.base_tilt;
@@ -305,14 +309,21 @@ impl Model {
     fn loaded(&self, inputs: &Inputs, memories: &Memories) -> (Chain, Loads) {
         let chain = Chain::nominal(&self.arm, &inputs.q);
         let mut loads = Loads::default();
-        self.load(inputs, &chain, memories, &mut loads);
+        self.load(inputs, &chain, memories, &mut LoadChange::default(), &mut loads);
         (chain, loads)
     }
 
-    fn load(&self, inputs: &Inputs, chain: &Chain, memories: &Memories, loads: &mut Loads) {
-        let mut change = LoadChange::default();
+    /// The loads, and what effects change of them, which is nothing before.
+    pub(crate) fn load(
+        &self,
+        inputs: &Inputs,
+        chain: &Chain,
+        memories: &Memories,
+        change: &mut LoadChange,
+        loads: &mut Loads,
+    ) {
         change.add(&Contribution::GravityTurn { turn: inputs.base_tilt });
-        loads.carry(&self.arm, chain, inputs.wrench_base, &change);
+        loads.carry(&self.arm, chain, inputs.wrench_base, change);
         if self.changes_loads {
             loads.forget_inertia();
             let signals = Signals { arm: &self.arm, inputs, chain, loads };
@@ -321,8 +332,8 @@ impl Model {
                     change.add(&effect.predict(&signals, memory));
                 }
             }
-            loads.carry(&self.arm, chain, inputs.wrench_base, &change);
+            loads.carry(&self.arm, chain, inputs.wrench_base, change);
         }
-        loads.carry_inertia(&self.arm, chain, inputs, &change);
+        loads.carry_inertia(&self.arm, chain, inputs, change);
     }
 }

@@ -79,6 +79,12 @@ impl Inputs {
         }
     }
 
+    /// Which way joint `i` moves: −1, 0 (at rest) or 1.
+    pub fn sign_of_velocity(&self, i: usize) -> f64 {
+        let velocity = self.velocity[i];
+        if velocity == 0.0 { 0.0 } else { velocity.signum() }
+    }
+
     /// Joint `i`'s own temperature where it is known, else the ambient one, °C; NaN where neither is known.
     pub fn celsius(&self, i: usize) -> f64 {
         if self.joint_celsius[i].is_nan() { self.ambient_celsius } else { self.joint_celsius[i] }

@@ -32,6 +32,8 @@ pub enum Unit {
     Micrometre,
     /// `_Nm`; on a prismatic joint `_N`.
     NewtonMetre,
+    /// `m`; on a prismatic joint nothing. Of a torque or force: its stem ends in `_N`, so that it differs from the stem of an angle.
+    MetreAfterNewton,
     /// `_Nm` on every kind of joint.
     Moment,
     /// `_N`.
@@ -94,6 +96,8 @@ impl Unit {
             Self::Micrometre => ("_um", 1e-6),
             Self::NewtonMetre if slides => ("_N", 1.0),
             Self::NewtonMetre | Self::Moment => ("_Nm", 1.0),
+            Self::MetreAfterNewton if slides => ("", 1.0),
+            Self::MetreAfterNewton => ("m", 1.0),
             Self::Newton => ("_N", 1.0),
             Self::Compliance if slides => ("_mm_per_kN", 1e-6),
             Self::Compliance | Self::TurnCompliance => ("_mrad_per_kNm", 1e-6),

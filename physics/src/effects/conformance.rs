@@ -9,7 +9,8 @@ mod scene;
 pub(crate) use scene::{Scene, scene, seen, sliding_scene, with_inputs};
 
 use crate::deviation::Contribution;
-use crate::effects::{AnyEffect, SPECS};
+use crate::drive::DriveTerm;
+use crate::effects::{AnyEffect, DRIVES, SPECS};
 use crate::spec::{ActsOn, Parameter, Range, Role};
 use crate::{Arm, Inputs, JOINTS_MAX, Memories, Memory, Model, Signals, Wrench};
 use glam::DVec3;
@@ -23,9 +24,16 @@ fn numbers(contribution: &Contribution) -> Vec<f64> {
     let wrench = |w: &Wrench| [w.force.to_array(), w.moment.to_array()].concat();
     match contribution {
         Contribution::None => vec![],
-        Contribution::Joint { delta: x, .. }
-        | Contribution::JointLoad { load: x, .. }
-        | Contribution::DriveTorque { torque: x, .. } => vec![*x],
+        Contribution::Joint { delta: x, .. } | Contribution::JointLoad { load: x, .. } => vec![*x],
+        Contribution::DriveTorque { term, .. } => match term {
+            DriveTerm::Torque(x)
+            | DriveTerm::Viscous(x)
+            | DriveTerm::ViscousShare(x)
+            | DriveTerm::Spring { torque: x, .. }
+            | DriveTerm::SpringCubic(x)
+            | DriveTerm::Recorded(x) => vec![*x],
+            DriveTerm::Carried(v) => v.to_array().to_vec(),
+        },
         Contribution::Axis { turn: v, .. }
         | Contribution::LinkTurn { turn: v, .. }
         | Contribution::LinkShift { shift: v, .. }
@@ -73,6 +81,8 @@ fn path_towards(start: &Inputs, sign: f64) -> Vec<Inputs> {
         (inputs.dt_s, inputs.time_s) = (200.0, inputs.time_s + 200.0);
         inputs.ambient_celsius += 100.0 * step;
         inputs.spindle_rpm *= 1.0 - step;
+        inputs.velocity = [0.3 * step.signum(); JOINTS_MAX];
+        inputs.acceleration = [0.7; JOINTS_MAX];
         all.push(inputs);
     }
     all
@@ -102,9 +112,8 @@ fn added(sample: &Sample, effect: &AnyEffect) -> Contribution {
 #[test]
 fn every_effect_of_the_list_has_a_sample_that_does_something() {
     let samples = samples();
-    for spec in SPECS {
-        let of_kind: Vec<_> =
-            samples.iter().filter(|s| s.effect.spec().kind == spec.kind).collect();
+    for spec in SPECS.iter().chain(DRIVES) {
+        let of_kind: Vec<_> = samples.iter().filter(|s| s.effect.spec() == spec).collect();
         assert!(!of_kind.is_empty(), "{} has no sample", spec.kind);
         for sample in of_kind {
             let seen = numbers(&added(sample, &sample.effect));
@@ -127,6 +136,11 @@ fn linear_parameters_of_zero_do_nothing() {
             let seen = silenced.evaluate(&inputs, &memories);
             assert_eq!(seen.real, seen.nominal, "{}: not the same to the bit", sample.name);
             assert_eq!(seen.loads, model.evaluate(&inputs, &memories).loads, "{}", sample.name);
+            let drive = silenced.drive(&inputs, &memories);
+            let bare = model.drive(&inputs, &memories);
+            for i in 0..JOINTS_MAX {
+                assert_eq!(drive.recorded(i), bare.recorded(i), "{}", sample.name);
+            }
         }
     }
 }
@@ -140,6 +154,19 @@ fn what_acts_on_loads_moves_nothing_by_itself() {
         let without = bare.evaluate(&sample.scene.inputs, &Memories::default());
         assert_eq!(seen.real, seen.nominal, "{}", sample.name);
         assert_ne!(seen.loads, without.loads, "{} changes no load", sample.name);
+    }
+}
+
+#[test]
+fn what_acts_on_drives_moves_nothing_and_loads_nothing() {
+    let on_drives = |s: &&Sample| s.effect.spec().acts_on == ActsOn::DriveTorque;
+    for sample in samples().iter().filter(on_drives) {
+        let model = Model::new(sample.scene.arm, &[sample.effect]).expect("sound");
+        let bare = Model::nominal(sample.scene.arm);
+        let (mut memories, inputs) = (Memories::default(), &path(&sample.scene.inputs)[1]);
+        model.advance(inputs, &mut memories);
+        let seen = model.evaluate(inputs, &memories);
+        assert_eq!(seen, bare.evaluate(inputs, &Memories::default()), "{}", sample.name);
     }
 }
 
@@ -207,7 +234,7 @@ fn what_effects_say_of_their_slope_is_the_difference_over_their_joints_position(
 
 #[test]
 fn linear_effects_are_linear_where_they_have_settled() {
-    for sample in samples() {
+    for sample in samples().iter().filter(|sample| sample.linear().contains(&true)) {
         let inputs = Inputs { direction: [-1.0; JOINTS_MAX], ..sample.scene.inputs };
         let settled = |effect: &AnyEffect| numbers(&run(effect, &sample.scene.arm, &[inputs]).1);
         let (one, other) = (settled(&sample.scaled(1.0)), settled(&sample.scaled(2.5)));
@@ -260,10 +287,11 @@ prop_compose! {
         q in prop::array::uniform16(-50.0..50.0), q_before in prop::array::uniform16(-50.0..50.0),
         sign in prop::array::uniform16(-1..=1_i32), force in prop::array::uniform6(-1e5..1e5),
         ambient in prop_oneof![Just(f64::NAN), -60.0..200.0], time_s in -1e5..1e9, dt_s in -10.0..1e6,
-        rpm in prop_oneof![Just(f64::NAN), 0.0..1e5],
+        rpm in prop_oneof![Just(f64::NAN), 0.0..1e5], velocity in prop::array::uniform16(-1e3..1e3),
+        acceleration in prop::array::uniform16(-1e4..1e4),
     ) -> Inputs {
         Inputs {
-            q_before,
+            q_before, velocity, acceleration,
             direction: sign.map(f64::from),
             wrench_base: Wrench { force: DVec3::from_slice(&force), moment: DVec3::from_slice(&force[3..]) },
             ambient_celsius: ambient, spindle_rpm: rpm, time_s, dt_s,

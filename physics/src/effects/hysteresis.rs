@@ -53,11 +53,12 @@ impl Effect for Hysteresis {
     }
 
     fn settle(&self, signals: &Signals<'_>, memory: &mut Memory) {
-        memory.0 = [-0.5 * signals.inputs.direction[self.joint], 0.0, 0.0, 0.0];
+        settle(signals.inputs.direction[self.joint], memory);
     }
 
     fn advance(&self, signals: &Signals<'_>, memory: &mut Memory) {
-        self.carry(signals.inputs.q[self.joint] - signals.inputs.q_before[self.joint], memory);
+        let moved = signals.inputs.q[self.joint] - signals.inputs.q_before[self.joint];
+        carry(moved, self.values[1], memory);
     }
 
     /// The motor goes `m` so that the link goes `d`: `d = m − c (1 − e^(−m/s))`, c what z has yet to lose.
@@ -78,24 +79,26 @@ impl Effect for Hysteresis {
             }
             motor -= over / slope;
         }
-        self.carry(sign * motor, memory);
+        carry(sign * motor, reversal, memory);
     }
 }
 
-impl Hysteresis {
-    /// The exact solution over a motion in one direction, and its derivative by the distance s.
-    fn carry(&self, moved: f64, memory: &mut Memory) {
-        if moved == 0.0 {
-            return;
-        }
-        let [_, reversal] = self.values;
-        let end = if moved > 0.0 { -0.5 } else { 0.5 };
-        let [u, by_reversal, ..] = memory.0;
-        let passed = moved.abs() / reversal;
-        let (gap, rest) = (u - end, exp(-passed));
-        let by_reversal = (by_reversal + gap * passed / reversal) * rest;
-        memory.0 = [end + gap * rest, by_reversal, 0.0, 0.0];
+/// After a long move in this direction.
+pub(super) fn settle(direction: f64, memory: &mut Memory) {
+    memory.0 = [-0.5 * direction, 0.0, 0.0, 0.0];
+}
+
+/// The exact solution over a motion in one direction, and its derivative by the distance s, `reversal`.
+pub(super) fn carry(moved: f64, reversal: f64, memory: &mut Memory) {
+    if moved == 0.0 {
+        return;
     }
+    let end = if moved > 0.0 { -0.5 } else { 0.5 };
+    let [u, by_reversal, ..] = memory.0;
+    let passed = moved.abs() / reversal;
+    let (gap, rest) = (u - end, exp(-passed));
+    let by_reversal = (by_reversal + gap * passed / reversal) * rest;
+    memory.0 = [end + gap * rest, by_reversal, 0.0, 0.0];
 }
 
 #[cfg(test)]
@@ -117,7 +120,7 @@ mod tests {
 
     fn carried(u: f64, effect: &Hysteresis, distance: f64) -> f64 {
         let mut memory = Memory([u, 0.0, 0.0, 0.0]);
-        effect.carry(distance, &mut memory);
+        carry(distance, effect.values[1], &mut memory);
         memory.0[0]
     }
 

@@ -58,12 +58,24 @@ pub static OVER_PATHS: &[Spec] = &[
             Parameter::nonlinear("time_constant", Unit::Millisecond, Range::Positive),
         ],
     },
+    Spec {
+        kind: "torque_delay",
+        place: Place::Robot,
+        acts_on: ActsOn::DriveTorque,
+        needs: &[Need::Time],
+        has_memory: true,
+        parameters: &[
+            // Linear to first order, as above.
+            Parameter::linear("delay", Unit::Millisecond, Range::Any),
+            Parameter::setting("channel", Unit::Word, Range::Any),
+        ],
+    },
 ];
 
 /// The most numbers that one of them has.
 const VALUES_MAX: usize = 4;
 
-/// `time_delay`, `servo_lag`, `flexible_mode` or `reversal_spike`.
+/// `time_delay`, `servo_lag`, `flexible_mode`, `reversal_spike` or `torque_delay`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OverPath {
     spec: &'static Spec,

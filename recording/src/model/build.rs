@@ -1,7 +1,7 @@
 //! From the document to the physics: units to SI, effects by their names.
 
 use glam::{DMat3, DVec3};
-use physics::effects::{OVER_PATHS, SPECS, spec_for};
+use physics::effects::{DRIVES, OVER_PATHS, SPECS, spec_for};
 use physics::spec::{ActsOn, Count, Need, Role, Spec};
 use physics::{AnyEffect, Arm, Body, Given, Joint, JointKind, Model, Tool};
 
@@ -18,8 +18,8 @@ pub(super) type EntryFault = (Option<usize>, Fault);
 pub(super) fn build(file: ModelFile) -> Result<RobotModel, Vec<EntryFault>> {
     let physics = Model::nominal(arm(&file).map_err(|fault| vec![(None, *fault)])?);
     let hash = content_hash(file.to_toml().as_bytes());
-    let (entry_of, sigma, not_compensated) = Default::default();
-    let mut model = RobotModel { file, physics, entry_of, sigma, not_compensated, hash };
+    let (entry_of, sigma, not_compensated, drives) = Default::default();
+    let mut model = RobotModel { file, physics, entry_of, sigma, not_compensated, drives, hash };
     let mut faults = Vec::new();
     for at in 0..model.file.effects.len() {
         if let Err(fault) = model.take_effect(at) {
@@ -50,6 +50,9 @@ impl RobotModel {
             self.sigma.push(entry.sigma_si(spec, kind_at(entry, &arm), effect.values().len()));
         } else {
             self.not_compensated.push(at);
+            if spec.acts_on == ActsOn::DriveTorque {
+                self.drives.push(effect);
+            }
         }
         Ok(())
     }
@@ -215,7 +218,7 @@ impl EffectEntry {
         let fits = |spec: &&Spec| {
             spec.kind == kind && parameters.iter().all(|given| knows(spec, given.stem))
         };
-        let spec = SPECS.iter().chain(OVER_PATHS).find(fits)?;
+        let spec = SPECS.iter().chain(OVER_PATHS).chain(DRIVES).find(fits)?;
         let joint_kind = match joint {
             Some(joint) => arm.joints().get(joint)?.kind,
             None => JointKind::Revolute,

@@ -5,7 +5,7 @@
 //! load whole, so that its other effects can be listed as not compensated.
 
 use physics::JointKind;
-use physics::effects::SPECS;
+use physics::effects::{DRIVES, SPECS};
 use physics::spec::{Count, Parameter, Place, Range, Spec, Unit};
 
 use super::EffectEntry;
@@ -38,7 +38,7 @@ impl Kind {
 /// The kind with this name at a joint of this kind. One name may mean two effects (hysteresis of
 /// position and of torque): the one that knows most of the keys is meant, the physics' own first.
 pub(super) fn find(name: &str, joint: JointKind, has: impl Fn(&str) -> bool) -> Option<Kind> {
-    let modelled = SPECS.iter().filter(|spec| spec.kind == name).map(modelled);
+    let modelled = SPECS.iter().chain(DRIVES).filter(|spec| spec.kind == name).map(modelled);
     let others = OTHERS.iter().copied().filter(|kind| kind.name == name);
     let unknown = |kind: &Kind| {
         let known = |spec: &&Parameter| has(&spec.key(joint).to_string());
@@ -61,7 +61,7 @@ fn modelled(spec: &'static Spec) -> Kind {
 /// All names.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
     let others = OTHERS.iter().map(|kind| kind.name);
-    SPECS.iter().map(|spec| spec.kind).chain(others)
+    SPECS.iter().chain(DRIVES).map(|spec| spec.kind).chain(others)
 }
 
 const fn kind(name: &'static str, place: Place, parameters: &'static [Parameter]) -> Kind {
@@ -210,63 +210,6 @@ const OTHERS: &[Kind] = &[
         ],
     ),
     // What the motors feel.
-    kind("coulomb_friction", JOINT, &[not_negative("level", Unit::NewtonMetre)]),
-    kind("viscous_friction", JOINT, &[not_negative("coefficient", Unit::One)]),
-    kind(
-        "stribeck_friction",
-        JOINT,
-        &[not_negative("level", Unit::NewtonMetre), positive("stribeck_speed", Unit::One)],
-    ),
-    either(
-        kind(
-            "friction_asymmetry",
-            JOINT,
-            &[
-                any("offset", Unit::NewtonMetre).optional(),
-                any("coefficient", Unit::One).optional(),
-            ],
-        ),
-        &[&["offset"], &["coefficient"]],
-    ),
-    kind("load_friction", JOINT, &[not_negative("coefficient", Unit::One)]),
-    kind("friction_temperature", JOINT, &[any("per_K", Unit::One), REFERENCE]),
-    either(
-        kind(
-            "inertia",
-            JOINT,
-            &[any("inertia_kgm2", Unit::One).optional(), any("mass", Unit::Kilogram).optional()],
-        ),
-        &[&["inertia_kgm2"], &["mass"]],
-    ),
-    either(
-        kind(
-            "gravity_torque",
-            JOINT,
-            &[
-                any("cos", Unit::NewtonMetre).optional(),
-                any("sin", Unit::NewtonMetre).optional(),
-                any("first_moment_kgm", Unit::One).of(THREE).optional(),
-            ],
-        ),
-        &[&["cos", "sin"], &["first_moment_kgm"]],
-    ),
-    kind(
-        "torque_ripple",
-        JOINT,
-        &[
-            any("amplitude", Unit::NewtonMetre),
-            positive("cycles", Unit::CyclesPerRevolution),
-            any("phase", Unit::PhaseRadian),
-        ],
-    ),
-    kind("spring", JOINT, &[not_negative("stiffness", Unit::One), any("rest_position", Unit::One)]),
-    kind("spring_hardening", JOINT, &[any("cubic_stiffness", Unit::One)]),
-    kind(
-        "hysteresis",
-        JOINT,
-        &[not_negative("amplitude", Unit::NewtonMetre), positive("reversal", Unit::Milliradian)],
-    ),
-    kind("drive_gain", JOINT, &[any("gain", Unit::One)]),
     Kind { has_channel: true, ..kind("torque_delay", ROBOT, &[any("delay", Unit::Millisecond)]) },
     // What the cutter does.
     kind("edge_force", ROBOT, &[any("coefficient_N_per_mm", Unit::One).of(THREE)]),

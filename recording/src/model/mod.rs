@@ -5,6 +5,8 @@
 //! what is written reads back bit for bit; comments are not kept. [`physics`] sees SI.
 
 mod build;
+#[cfg(test)]
+mod drive_tests;
 mod effects;
 mod kinds;
 mod modes;
@@ -181,6 +183,8 @@ pub struct RobotModel {
     /// Places in `file.effects` of the effects that are loaded and not compensated: delays, lags,
     /// modes, torque, force, and what this version does not model.
     pub not_compensated: Vec<usize>,
+    /// Those of them that the drives feel at a sample: no part of `physics`, since nothing moves by them.
+    pub drives: Vec<physics::AnyEffect>,
     /// Hash of the document as it is written: the same for the same numbers, whatever the comments.
     pub hash: u64,
 }
@@ -225,6 +229,16 @@ impl RobotModel {
             found.into_iter().for_each(|(_, fault)| faults.push(fault));
             faults
         })
+    }
+
+    /// The model with what the drives feel: for [`physics::Model::drive`], not for a correction.
+    ///
+    /// # Errors
+    /// More effects than a model holds.
+    pub fn with_drives(&self) -> Result<physics::Model, physics::ModelError> {
+        let mut model = self.physics;
+        self.drives.iter().try_for_each(|effect| model.push(*effect))?;
+        Ok(model)
     }
 
     /// Names of the effects that are not compensated, as `servo_lag of joint 2`.

@@ -3,7 +3,7 @@
 use super::*;
 use proptest::prelude::*;
 
-const TWO_JOINTS: &str = r#"
+pub(super) const TWO_JOINTS: &str = r#"
 schema = "trued.model/1"
 name = "slide and arm"
 
@@ -55,7 +55,7 @@ tilt_mrad = [0.1, -0.2]
 sigma = { tilt_mrad = [0.01, 0.02] }
 "#;
 
-fn parse(text: &str) -> Result<RobotModel, Faults> {
+pub(super) fn parse(text: &str) -> Result<RobotModel, Faults> {
     RobotModel::parse("robot.toml", text)
 }
 
@@ -252,7 +252,7 @@ fn joint_compliance_stands_alone() {
 }
 
 /// Each kind of the contract with values that make sense; joint 2 is revolute.
-const EVERY_KIND: &[(&str, &str)] = &[
+pub(super) const EVERY_KIND: &[(&str, &str)] = &[
     ("joint_offset", "joint = 2\noffset_mrad = 1"),
     ("joint_ratio", "joint = 2\nratio = 1e-4"),
     ("joint_coupling", "joint = 2\nratio = 1e-4\nfrom_joint = 1"),

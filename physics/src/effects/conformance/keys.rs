@@ -2,11 +2,12 @@
 //!
 //! Angles that stay angles on a prismatic joint (the direction of an axis, a tilt under a moment) keep `_mrad`.
 
+use crate::Given;
 use crate::JointKind::{Prismatic, Revolute};
-use crate::effects::{OVER_PATHS, SPECS, is_modelled, spec_for, specs_of};
-use crate::spec::{NOT_MODELLED, Place, Spec};
+use crate::effects::{AnyEffect, DRIVES, OVER_PATHS, SPECS, is_modelled, spec_for, specs_of};
+use crate::spec::{ActsOn, NOT_MODELLED, Place, Spec};
 
-/// Name, keys, keys on a prismatic joint (none: it has no such form). First what is modelled, both in the order of the lists.
+/// Name, keys, keys on a prismatic joint (none: it has no such form). In the order of the lists.
 const KEYS: &[(&str, &str, &str)] = &[
     ("joint_offset", "offset_mrad", "offset_mm"),
     ("joint_ratio", "ratio", "ratio"),
@@ -61,6 +62,7 @@ const KEYS: &[(&str, &str, &str)] = &[
         "frequency_Hz damping_ratio participation dynamic_compliance_mm_per_kN axis",
     ),
     ("reversal_spike", "amplitude_mrad time_constant_ms", "amplitude_mm time_constant_ms"),
+    ("torque_delay", "delay_ms channel", ""),
     ("coulomb_friction", "level_Nm", "level_N"),
     ("viscous_friction", "coefficient", "coefficient"),
     ("stribeck_friction", "level_Nm stribeck_speed", "level_N stribeck_speed"),
@@ -78,7 +80,6 @@ const KEYS: &[(&str, &str, &str)] = &[
     ("spring_hardening", "cubic_stiffness", "cubic_stiffness"),
     ("hysteresis", "amplitude_Nm reversal_mrad", "amplitude_N reversal_mm"),
     ("drive_gain", "gain", "gain"),
-    ("torque_delay", "delay_ms", ""),
     ("edge_force", "coefficient_N_per_mm", ""),
     ("cutting_force", "coefficient_N_per_mm2", ""),
     ("tool_wear", "growth_per_m", ""),
@@ -88,7 +89,7 @@ const KEYS: &[(&str, &str, &str)] = &[
 ];
 
 fn all() -> impl Iterator<Item = &'static Spec> {
-    SPECS.iter().chain(OVER_PATHS).chain(NOT_MODELLED)
+    SPECS.iter().chain(OVER_PATHS).chain(DRIVES).chain(NOT_MODELLED)
 }
 
 #[test]
@@ -142,6 +143,18 @@ fn a_hysteresis_is_told_by_its_unit() {
         assert_eq!(is_modelled(spec), modelled, "{key}");
     }
     assert!(spec_for("poltergeist", Revolute, &[]).is_none());
+}
+
+#[test]
+fn a_hysteresis_is_built_by_its_stems() {
+    let arm = super::scene().arm;
+    for (stem, acts_on) in
+        [("amplitude", ActsOn::JointPosition), ("amplitude_N", ActsOn::DriveTorque)]
+    {
+        let given: &[(&str, &[f64])] = &[(stem, &[0.1]), ("reversal", &[0.2])];
+        let built = AnyEffect::build("hysteresis", &arm, Some(1), Given(given)).expect("sound");
+        assert_eq!(built.spec().acts_on, acts_on, "{stem}");
+    }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! One or more examples of every effect of the list, from its spec: any new effect is in the suite at once.
 
 use super::scene::{Scene, scene, sliding_scene};
-use crate::effects::{AnyEffect, SPECS};
+use crate::effects::{AnyEffect, DRIVES, SPECS};
 use crate::frame::normals;
 use crate::spec::{Count, Parameter, Place, Range, Role, Spec, Unit};
 use crate::{Arm, Given, JointKind};
@@ -21,6 +21,9 @@ const ALTERNATIVES: &[(&str, &[&[&str]])] = &[
     ("spindle_growth", &[&["growth", "lag"], &["growth_um", "lag"], &["growth_um"]]),
     ("tool_offset", &[&["shift"], &["turn"], &["shift", "turn"]]),
     ("wrench_bias", &[&["bias"], &["bias_Nm"], &["bias", "bias_Nm"]]),
+    ("friction_asymmetry", &[&["offset"], &["coefficient"], &["offset", "coefficient"]]),
+    ("inertia", &[&["inertia"], &["mass"]]),
+    ("gravity_torque", &[&["cos", "sin"], &["first_moment"]]),
 ];
 
 /// The joint that the samples belong to; the second one, which slides in the second scene.
@@ -29,6 +32,7 @@ const JOINT: usize = 1;
 pub(super) fn samples() -> Vec<Sample> {
     SPECS
         .iter()
+        .chain(DRIVES)
         .flat_map(|spec| sets(spec).into_iter().flat_map(|set| of_set(spec, &set)))
         .collect()
 }
@@ -47,13 +51,17 @@ fn sets(spec: &Spec) -> Vec<Vec<&'static Parameter>> {
 }
 
 fn of_set(spec: &'static Spec, set: &[&'static Parameter]) -> Vec<Sample> {
+    let has = |stem: &str| set.iter().any(|p| p.stem == stem);
     let scenes = match spec.place {
+        // What turns has an inertia, what slides a mass.
+        Place::Joint if spec.kind == "inertia" && has("inertia") => vec![scene()],
+        Place::Joint if spec.kind == "inertia" => vec![sliding_scene()],
         Place::Joint => vec![scene(), sliding_scene()],
         _ => vec![scene()],
     };
     let sample = |scene: Scene| {
         let entries: Vec<_> = set.iter().map(|p| (p.stem, numbers(spec, p, &scene.arm))).collect();
-        let effect = built(spec.kind, &scene.arm, &entries);
+        let effect = built(spec, &scene.arm, &entries);
         let kind = scene.arm.joints()[JOINT].kind;
         let stems: Vec<_> = set.iter().map(|p| p.stem).collect();
         Sample { name: format!("{} {stems:?} {kind:?}", spec.kind), scene, effect, entries }
@@ -61,19 +69,20 @@ fn of_set(spec: &'static Spec, set: &[&'static Parameter]) -> Vec<Sample> {
     scenes.into_iter().map(sample).collect()
 }
 
-fn built(kind: &str, arm: &Arm, entries: &[(&'static str, Vec<f64>)]) -> AnyEffect {
+fn built(spec: &Spec, arm: &Arm, entries: &[(&'static str, Vec<f64>)]) -> AnyEffect {
     let given: Vec<(&str, &[f64])> = entries.iter().map(|(s, v)| (*s, v.as_slice())).collect();
-    let spec = SPECS.iter().find(|spec| spec.kind == kind).expect("a kind of the list");
     let joint = (spec.place != Place::Robot).then_some(JOINT);
-    AnyEffect::build(kind, arm, joint, Given(&given)).unwrap_or_else(|e| panic!("{kind}: {e}"))
+    AnyEffect::build(spec.kind, arm, joint, Given(&given))
+        .unwrap_or_else(|e| panic!("{}: {e}", spec.kind))
 }
 
 impl Sample {
-    /// The same effect with each linear number times `factor`.
+    /// The same effect with each linear number times `factor`; where it has none, each number.
     pub(super) fn scaled(&self, factor: f64) -> AnyEffect {
         let mut effect = self.effect;
         let linear = self.linear();
-        for (value, _) in effect.values_mut().iter_mut().zip(&linear).filter(|(_, l)| **l) {
+        let none = !linear.contains(&true);
+        for (value, _) in effect.values_mut().iter_mut().zip(&linear).filter(|(_, l)| none || **l) {
             *value *= factor;
         }
         effect
@@ -163,6 +172,9 @@ fn size(parameter: &Parameter) -> f64 {
         ("lag", _) => 900.0,
         ("reference", _) => 21.0,
         ("cycles", _) => 3.0,
+        ("stribeck_speed", _) => 0.4,
+        ("per_K", _) => 0.01,
+        ("amplitude_N", _) => 30.0,
         (_, Unit::One) => 2e-4,
         (_, Unit::Milliradian | Unit::TurnMilliradian) => 4e-4,
         (_, Unit::PhaseRadian) => 0.7,
@@ -181,6 +193,7 @@ fn size(parameter: &Parameter) -> f64 {
         (_, Unit::Second) => 1200.0,
         (_, Unit::Kilogram) => 2.5,
         (_, Unit::NewtonPerMetre) => 8e4,
+        (_, Unit::KilogramSquareMetre | Unit::KilogramMetre) => 1.5,
         (_, unit) => panic!("no sample for {} in {unit:?}", parameter.stem),
     }
 }

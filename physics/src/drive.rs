@@ -1,0 +1,248 @@
+//! What the drives exert, and what is recorded of it: the rigid body's need, and what effects add.
+//!
+//! Recorded is `(1 + g) (τ + Σ)`, τ of [`crate::dynamics`] with all that effects change of the loads, Σ what drives feel besides: friction, springs,
+//! ripple. Viscous friction stands apart in the sum, since warmth changes it; springs say where they rest, since hardening goes from there.
+//!
+//! Promises: [`Model::drive`] of a model without effects is [`crate::dynamics::inverse_dynamics`]; effects add up in any order;
+//! [`Model::drive_slopes`] are its derivatives by the effects' values. Never: a delay, which needs a path (`world`); a part of the correction.
+
+use crate::deviation::Contribution;
+use crate::loads::{LoadChange, Loads};
+use crate::spec::ActsOn;
+use crate::{
+    AnyEffect, Arm, Chain, Inputs, JOINTS_MAX, JointKind, Joints, Memories, Model, Signals,
+};
+use glam::DVec3;
+
+/// Half of a step of a load effect's derivative, in units of that derivative: loads are nearly linear in it.
+const STEP: f64 = 1e-4;
+
+/// How a drive takes what an effect adds. Torques are Nm, forces N.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DriveTerm {
+    /// A torque of the joint's own drive.
+    Torque(f64),
+    /// A torque of viscous friction.
+    Viscous(f64),
+    /// The share by which the joint's viscous friction is larger than it says.
+    ViscousShare(f64),
+    /// A spring.
+    Spring {
+        /// What it asks of the drive.
+        torque: f64,
+        /// Where it rests, rad or m.
+        rest: f64,
+    },
+    /// Torque per cube of the stretch from where the joint's spring rests, Nm/rad³ or N/m³.
+    SpringCubic(f64),
+    /// A moment that this joint's drive and those of all joints before it hold, base axes, Nm.
+    Carried(DVec3),
+    /// The share by which what is recorded is larger than what acts.
+    Recorded(f64),
+}
+
+impl DriveTerm {
+    /// This term times a number.
+    #[must_use]
+    pub fn times(self, factor: f64) -> Self {
+        match self {
+            Self::Torque(x) => Self::Torque(x * factor),
+            Self::Viscous(x) => Self::Viscous(x * factor),
+            Self::ViscousShare(x) => Self::ViscousShare(x * factor),
+            Self::Spring { torque, rest } => {
+                Self::Spring { torque: torque * factor, rest: rest * factor }
+            }
+            Self::SpringCubic(x) => Self::SpringCubic(x * factor),
+            Self::Carried(x) => Self::Carried(x * factor),
+            Self::Recorded(x) => Self::Recorded(x * factor),
+        }
+    }
+
+    /// The difference of two terms of one kind; of other kinds there is none, and it is this term.
+    #[must_use]
+    pub fn minus(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Torque(a), Self::Torque(b)) => Self::Torque(a - b),
+            (Self::Viscous(a), Self::Viscous(b)) => Self::Viscous(a - b),
+            (Self::ViscousShare(a), Self::ViscousShare(b)) => Self::ViscousShare(a - b),
+            (Self::Spring { torque, rest }, Self::Spring { torque: t, rest: r }) => {
+                Self::Spring { torque: torque - t, rest: rest - r }
+            }
+            (Self::SpringCubic(a), Self::SpringCubic(b)) => Self::SpringCubic(a - b),
+            (Self::Carried(a), Self::Carried(b)) => Self::Carried(a - b),
+            (Self::Recorded(a), Self::Recorded(b)) => Self::Recorded(a - b),
+            (one, _) => one,
+        }
+    }
+}
+
+/// What the drives exert at one sample. Zero beyond the arm's joints.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Drive {
+    /// What the rigid body asks, `M q̈ + C q̇ + ∂V/∂q − JᵀW`, Nm or N.
+    pub rigid: Joints,
+    /// Friction, springs, ripple, but for viscous friction and what hardens, Nm or N.
+    plain: Joints,
+    viscous: Joints,
+    viscous_share: Joints,
+    /// Where the springs rest, rad or m.
+    rest: Joints,
+    cubic: Joints,
+    gain: Joints,
+    /// rad or m.
+    positions: Joints,
+}
+
+impl Drive {
+    fn of(signals: &Signals<'_>) -> Self {
+        let rigid = signals.loads.drive_torque();
+        Self { rigid, positions: signals.inputs.q, ..Self::default() }
+    }
+
+    fn add(&mut self, arm: &Arm, chain: &Chain, contribution: &Contribution) {
+        let Contribution::DriveTorque { joint: i, term } = *contribution else { return };
+        match term {
+            DriveTerm::Torque(torque) => self.plain[i] += torque,
+            DriveTerm::Viscous(torque) => self.viscous[i] += torque,
+            DriveTerm::ViscousShare(share) => self.viscous_share[i] += share,
+            DriveTerm::Spring { torque, rest } => {
+                self.plain[i] += torque;
+                self.rest[i] += rest;
+            }
+            DriveTerm::SpringCubic(cubic) => self.cubic[i] += cubic,
+            DriveTerm::Carried(moment) => {
+                for (k, torque) in held(arm, chain, i, moment) {
+                    self.plain[k] += torque;
+                }
+            }
+            DriveTerm::Recorded(gain) => self.gain[i] += gain,
+        }
+    }
+
+    /// What acts on joint `i`, Nm or N.
+    pub fn acting(&self, i: usize) -> f64 {
+        let viscous = self.viscous[i] * (1.0 + self.viscous_share[i]);
+        let stretch = self.positions[i] - self.rest[i];
+        self.rigid[i] + self.plain[i] + viscous + self.cubic[i] * stretch * stretch * stretch
+    }
+
+    /// What is recorded of joint `i`, Nm or N.
+    pub fn recorded(&self, i: usize) -> f64 {
+        (1.0 + self.gain[i]) * self.acting(i)
+    }
+
+    /// By how much what is recorded changes with a change of what an effect of the drives adds.
+    fn changed(&self, arm: &Arm, chain: &Chain, change: &Contribution) -> Joints {
+        let mut all = [0.0; JOINTS_MAX];
+        let Contribution::DriveTorque { joint: i, term } = *change else { return all };
+        let gain = 1.0 + self.gain[i];
+        let stretch = self.positions[i] - self.rest[i];
+        all[i] = match term {
+            DriveTerm::Torque(torque) => gain * torque,
+            DriveTerm::Viscous(torque) => gain * torque * (1.0 + self.viscous_share[i]),
+            DriveTerm::ViscousShare(share) => gain * self.viscous[i] * share,
+            DriveTerm::Spring { torque, rest } => {
+                gain * (torque - 3.0 * self.cubic[i] * stretch * stretch * rest)
+            }
+            DriveTerm::SpringCubic(cubic) => gain * cubic * stretch * stretch * stretch,
+            DriveTerm::Recorded(gain) => gain * self.acting(i),
+            DriveTerm::Carried(moment) => {
+                for (k, torque) in held(arm, chain, i, moment) {
+                    all[k] = (1.0 + self.gain[k]) * torque;
+                }
+                return all;
+            }
+        };
+        all
+    }
+}
+
+/// What drives up to that of joint `last` exert against a moment, base axes; a slide needs nothing.
+fn held<'a>(
+    arm: &'a Arm,
+    chain: &'a Chain,
+    last: usize,
+    moment: DVec3,
+) -> impl Iterator<Item = (usize, f64)> + 'a {
+    let turning = |(_, joint): &(usize, &crate::Joint)| joint.kind == JointKind::Revolute;
+    let joints = arm.joints().iter().enumerate().take(last + 1).filter(turning);
+    joints.map(move |(k, _)| (k, chain.axes[k].dot(moment)))
+}
+
+impl Model {
+    /// What the drives exert at one sample with these memories; the memories stay.
+    pub fn drive(&self, inputs: &Inputs, memories: &Memories) -> Drive {
+        self.driven(inputs, memories, |signals, _| self.drive_of(signals, memories))
+    }
+
+    /// Calls `visit` with each place in `wanted` and by how much what is recorded changes per unit of that value, Nm or N per SI; `wanted` names places in
+    /// [`Model::effects`] and values of these. Effects that move the tool change nothing here.
+    pub fn drive_slopes(
+        &self,
+        inputs: &Inputs,
+        memories: &Memories,
+        wanted: &[(usize, usize)],
+        mut visit: impl FnMut(usize, &Joints),
+    ) {
+        self.driven(inputs, memories, |signals, change| {
+            let drive = self.drive_of(signals, memories);
+            for (place, &(index, value)) in wanted.iter().enumerate() {
+                let both = self.effects().zip(memories.iter()).nth(index);
+                let Some((effect, memory)) = both else { continue };
+                let slope = effect.derivative(value, signals, memory);
+                let slopes = if effect.spec().acts_on == ActsOn::Loads {
+                    self.by_loads(signals, memories, change, &slope)
+                } else {
+                    drive.changed(&self.arm, signals.chain, &slope)
+                };
+                visit(place, &slopes);
+            }
+        });
+    }
+
+    fn driven<R>(
+        &self,
+        inputs: &Inputs,
+        memories: &Memories,
+        visit: impl FnOnce(&Signals<'_>, &LoadChange) -> R,
+    ) -> R {
+        let chain = Chain::nominal(&self.arm, &inputs.q);
+        let (mut loads, mut change) = (Loads::default(), LoadChange::default());
+        self.load(inputs, &chain, memories, &mut change, &mut loads);
+        visit(&Signals { arm: &self.arm, inputs, chain: &chain, loads: &loads }, &change)
+    }
+
+    fn drive_of(&self, signals: &Signals<'_>, memories: &Memories) -> Drive {
+        let mut drive = Drive::of(signals);
+        for (effect, memory) in self.effects().zip(memories.iter()) {
+            if is_of_drives(effect) {
+                drive.add(&self.arm, signals.chain, &effect.predict(signals, memory));
+            }
+        }
+        drive
+    }
+
+    /// By loads that are a little more and a little less: load friction feels them too.
+    fn by_loads(
+        &self,
+        signals: &Signals<'_>,
+        memories: &Memories,
+        change: &LoadChange,
+        slope: &Contribution,
+    ) -> Joints {
+        let at = |step: f64| {
+            let mut change = *change;
+            change.add(&slope.times(step));
+            let Signals { arm, inputs, chain, .. } = *signals;
+            let mut loads = Loads::changed(arm, chain, inputs.wrench_base, &change);
+            loads.carry_inertia(arm, chain, inputs, &change);
+            self.drive_of(&Signals { loads: &loads, ..*signals }, memories)
+        };
+        let (more, less) = (at(STEP), at(-STEP));
+        core::array::from_fn(|i| (more.recorded(i) - less.recorded(i)) / (2.0 * STEP))
+    }
+}
+
+fn is_of_drives(effect: &AnyEffect) -> bool {
+    effect.spec().acts_on == ActsOn::DriveTorque
+}

@@ -1,0 +1,41 @@
+//! Dry friction: it resists as much at any speed.
+//!
+//! `τ = F sign(v)`    F: `level`, Nm or N, ≥ 0. Source: contract `effects.md`; Coulomb, 1785. At rest it is nothing here: what holds an arm at rest
+//! is not told by its motion. Memoryless.
+
+use crate::deviation::Contribution;
+use crate::drive::DriveTerm;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+
+/// `coulomb_friction`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoulombFriction {
+    joint: usize,
+    values: [f64; 1],
+}
+
+impl Effect for CoulombFriction {
+    const SPEC: Spec = Spec {
+        kind: "coulomb_friction",
+        place: Place::Joint,
+        acts_on: ActsOn::DriveTorque,
+        needs: &[Need::Velocity],
+        has_memory: false,
+        parameters: &[Parameter::linear("level", Unit::NewtonMetre, Range::NotNegative)],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        let values = [site.one("level")];
+        Ok(Self { joint: site.joint, values })
+    }
+
+    of_joint!();
+
+    fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [level] = self.values;
+        let term = DriveTerm::Torque(level * signals.inputs.sign_of_velocity(self.joint));
+        Contribution::DriveTorque { joint: self.joint, term }
+    }
+}

@@ -1,0 +1,40 @@
+//! A drive whose torque is recorded too large or too small.
+//!
+//! Recorded is `1 + g` times what acts    g: `gain`. Source: contract `effects.md`. Beside free masses a gain common to all joints cannot be
+//! told from them. Memoryless.
+
+use crate::deviation::Contribution;
+use crate::drive::DriveTerm;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+
+/// `drive_gain`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriveGain {
+    joint: usize,
+    values: [f64; 1],
+}
+
+impl Effect for DriveGain {
+    const SPEC: Spec = Spec {
+        kind: "drive_gain",
+        place: Place::Joint,
+        acts_on: ActsOn::DriveTorque,
+        needs: &[],
+        has_memory: false,
+        parameters: &[Parameter::linear("gain", Unit::One, Range::Any)],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        let values = [site.one("gain")];
+        Ok(Self { joint: site.joint, values })
+    }
+
+    of_joint!();
+
+    fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [gain] = self.values;
+        Contribution::DriveTorque { joint: self.joint, term: DriveTerm::Recorded(gain) }
+    }
+}

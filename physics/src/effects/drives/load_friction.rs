@@ -1,0 +1,42 @@
+//! Friction of a gear that grows with what the gear carries.
+//!
+//! `τ = μ |τᵢ| sign(v)`    μ: `coefficient`, ≥ 0 · τᵢ: what gravity and the arm's own motion ask of the drive, Nm or N. Source: contract
+//! `effects.md`; Hamon, Gautier and Garrec, 2010. Memoryless.
+
+use crate::deviation::Contribution;
+use crate::drive::DriveTerm;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+
+/// `load_friction`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoadFriction {
+    joint: usize,
+    values: [f64; 1],
+}
+
+impl Effect for LoadFriction {
+    const SPEC: Spec = Spec {
+        kind: "load_friction",
+        place: Place::Joint,
+        acts_on: ActsOn::DriveTorque,
+        needs: &[Need::Velocity, Need::Acceleration, Need::Masses],
+        has_memory: false,
+        parameters: &[Parameter::linear("coefficient", Unit::One, Range::NotNegative)],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        let values = [site.one("coefficient")];
+        Ok(Self { joint: site.joint, values })
+    }
+
+    of_joint!();
+
+    fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [coefficient] = self.values;
+        let carried = signals.loads.gravity_torque[self.joint] + signals.loads.inertia_torque[self.joint];
+        let torque = coefficient * carried.abs() * signals.inputs.sign_of_velocity(self.joint);
+        Contribution::DriveTorque { joint: self.joint, term: DriveTerm::Torque(torque) }
+    }
+}

@@ -1,0 +1,40 @@
+//! A spring that stiffens, or softens, as it is stretched.
+//!
+//! `τ = K₃ (q − q₀)³`    K₃: `cubic_stiffness`, Nm/rad³ or N/m³ · q₀: the rest position of the joint's `spring`, 0 where it has none. Source: contract
+//! `effects.md`; Duffing, 1918. Memoryless.
+
+use crate::deviation::Contribution;
+use crate::drive::DriveTerm;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+
+/// `spring_hardening`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpringHardening {
+    joint: usize,
+    values: [f64; 1],
+}
+
+impl Effect for SpringHardening {
+    const SPEC: Spec = Spec {
+        kind: "spring_hardening",
+        place: Place::Joint,
+        acts_on: ActsOn::DriveTorque,
+        needs: &[],
+        has_memory: false,
+        parameters: &[Parameter::linear("cubic_stiffness", Unit::One, Range::Any)],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        let values = [site.one("cubic_stiffness")];
+        Ok(Self { joint: site.joint, values })
+    }
+
+    of_joint!();
+
+    fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [cubic] = self.values;
+        Contribution::DriveTorque { joint: self.joint, term: DriveTerm::SpringCubic(cubic) }
+    }
+}

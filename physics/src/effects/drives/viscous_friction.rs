@@ -1,0 +1,40 @@
+//! Friction of oil: it resists in proportion to speed.
+//!
+//! `τ = f v`    f: `coefficient`, Nm s/rad or N s/m, ≥ 0. Source: contract `effects.md`. `friction_temperature` changes it. Memoryless.
+
+use crate::deviation::Contribution;
+use crate::drive::DriveTerm;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+
+/// `viscous_friction`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ViscousFriction {
+    joint: usize,
+    values: [f64; 1],
+}
+
+impl Effect for ViscousFriction {
+    const SPEC: Spec = Spec {
+        kind: "viscous_friction",
+        place: Place::Joint,
+        acts_on: ActsOn::DriveTorque,
+        needs: &[Need::Velocity],
+        has_memory: false,
+        parameters: &[Parameter::linear("coefficient", Unit::One, Range::NotNegative)],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        let values = [site.one("coefficient")];
+        Ok(Self { joint: site.joint, values })
+    }
+
+    of_joint!();
+
+    fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [coefficient] = self.values;
+        let term = DriveTerm::Viscous(coefficient * signals.inputs.velocity[self.joint]);
+        Contribution::DriveTorque { joint: self.joint, term }
+    }
+}
