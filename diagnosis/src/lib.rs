@@ -45,8 +45,8 @@ pub mod single_joint;
 pub mod start;
 pub mod stiffness;
 pub mod surroundings;
-pub mod torque;
 pub mod sweeps;
+pub mod torque;
 pub mod triangle;
 mod waves;
 

@@ -17,112 +17,41 @@ mod motion;
 mod noise;
 mod prove;
 mod refine;
+mod result;
 mod rigid;
 mod table;
+#[cfg(test)]
+mod tests;
 mod unknown;
+mod verdict;
 mod view;
 mod zone;
 
 use physics::{Arm, JointKind};
 use recording::series::Recording;
 
-use crate::diagnose::Verdict;
 use case::Case;
 use choose::{Asking, Choice};
 pub use found::{Number, Rival};
 pub use known::Stated;
 pub use motion::has_torque;
+pub use result::{Diagnosis, Finding, JointProof};
 pub use unknown::Law;
 pub use view::Trace;
 pub use zone::Zone;
 
-/// Names must carry this share of what stands above the noise on held-out rows, as energy; else the structure is unknown.
-const CARRIED: f64 = 0.98;
-/// Where more than this share of what is named cannot be told apart, nothing is claimed.
-const CLEAR: f64 = 0.5;
+/// A name that brings less than this share of what is left, on rows that took no part in its choice, tells nothing.
+const TELLS: f64 = 1e-3;
 /// Rounds in which ripples are listened for.
 const RIPPLES: usize = 2;
-
-/// Something that is missing in the model of the drives, or wrong in it.
-#[derive(Clone, Debug)]
-pub struct Finding {
-    /// A name of the contract.
-    pub kind: &'static str,
-    /// From 0; none for the whole robot.
-    pub joint: Option<usize>,
-    /// The one recording in which it acts, from 0; none: all.
-    pub recording: Option<usize>,
-    /// Whether the model has the effect, and this is what its numbers are off by.
-    pub is_change: bool,
-    /// SI.
-    pub numbers: Vec<Number>,
-    /// The probability that the name is right.
-    pub confidence: f64,
-    /// By how much log-likelihood is higher with it than without.
-    pub gain: f64,
-    /// Other names.
-    pub rivals: Vec<Rival>,
-    /// Held-out root mean square without it (all before it in the list at work) and with it, N m or N.
-    pub heldout: [f64; 2],
-}
-
-/// The proof of one joint, N m or N.
-#[derive(Clone, Debug, PartialEq)]
-pub struct JointProof {
-    /// From 0.
-    pub joint: usize,
-    /// Root mean square of the torque itself on held-out rows.
-    pub torque: f64,
-    /// What the model as given is off by, its open masses fitted.
-    pub before: f64,
-    /// What it is off by with all that was found.
-    pub after: f64,
-    /// The same without the zones of low speed.
-    pub after_outside: f64,
-    /// Noise: what no name explains on rows that train.
-    pub noise: f64,
-}
-
-/// All that was found in torque.
-#[derive(Clone, Debug)]
-pub struct Diagnosis {
-    /// The verdict.
-    pub verdict: Verdict,
-    /// Most important first.
-    pub findings: Vec<Finding>,
-    /// Structure beyond them.
-    pub unexplained: Option<Law>,
-    /// Where the torque follows no known law, set apart.
-    pub zones: Vec<Zone>,
-    /// Held-out root mean square as given and with what was found, N m or N; see the contract for joints of different noise.
-    pub heldout: [f64; 2],
-    /// The noise likewise.
-    pub noise: f64,
-    /// Per joint.
-    pub by_joint: Vec<JointProof>,
-    /// Root mean square of the torque on held-out rows, all joints.
-    pub signal: f64,
-    /// The filter's band, Hz.
-    pub band_hz: f64,
-    /// Rows of one joint.
-    pub rows: usize,
-    /// How rows were held out.
-    pub says: String,
-    /// What could not have shown: effect, joint from 0, why.
-    pub not_tested: Vec<(&'static str, Option<usize>, &'static str)>,
-    /// Whether joints turn or slide: N m or N.
-    pub slides: bool,
-    /// What was done with the data, in words.
-    pub notes: Vec<String>,
-    /// Torque over time, for the page.
-    pub traces: Vec<Trace>,
-}
 
 /// Why nothing can be said.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Doubt {
     /// Too few rows.
-    #[error("{rows} rows of torque and motion without gaps are left, expected at least {least}: record more, or longer stretches")]
+    #[error(
+        "{rows} rows of torque and motion without gaps are left, expected at least {least}: record more, or longer stretches"
+    )]
     FewRows {
         /// Found.
         rows: usize,
@@ -162,16 +91,16 @@ pub fn diagnose(
     }
     case.hear_noise();
     let train = case.rows.train.clone();
-    let (_, choice) = named(&mut case, arm, &[], &train);
+    let (_, choice) = named(&mut case, &[], &train);
     case.reload(&choice.solved);
     case.hear_noise();
-    let (always, choice) = named(&mut case, arm, &choice.names, &train);
+    let (always, choice) = named(&mut case, &choice.names, &train);
     let zones = zones(&mut case, &choice, &train);
     let (always, choice) = if zones.is_empty() {
         (always, choice)
     } else {
         case.hear_noise();
-        named(&mut case, arm, &choice.names, &train)
+        named(&mut case, &choice.names, &train)
     };
     let noise = case.table.noise.clone();
     case.forget_memory();
@@ -181,7 +110,7 @@ pub fn diagnose(
     let products = case.products(&seen);
     let asking = refine::asking(&case, &products, &always);
     let choice = asking.solve(&names);
-    let spreads = refine::settle(&mut case, arm, &choice, &always, &seen);
+    let spreads = refine::settle(&mut case, &choice, &always, &seen);
     let weighed = weighed(&case, &always, &names);
     case.forget_memory();
     Ok(finish(arm, &case, stated, (&always, &weighed), zones, &spreads))
@@ -203,11 +132,12 @@ fn weighed(case: &Case, always: &[usize], names: &[usize]) -> Vec<Weighed> {
         let (confidence, rivals) = found::rivals(&asking, &choice, *name);
         Weighed { name: *name, gain: asking.worth(&choice, *name), confidence, rivals }
     };
-    names.iter().map(one).collect()
+    let pays = |one: &Weighed| one.gain > asking.price(&case.library.families[one.name]);
+    names.iter().map(one).filter(pays).collect()
 }
 
 /// The names that the rows ask for, whether stated masses are believed or doubted, whichever explains more.
-fn named(case: &mut Case, arm: &Arm, start: &[usize], used: &[bool]) -> (Vec<usize>, Choice) {
+fn named(case: &mut Case, start: &[usize], used: &[bool]) -> (Vec<usize>, Choice) {
     let exact = case.open.clone();
     let mut doubted = case.open.clone();
     doubted.extend(&case.doubted);
@@ -220,7 +150,7 @@ fn named(case: &mut Case, arm: &Arm, start: &[usize], used: &[bool]) -> (Vec<usi
             let products = case.products(used);
             let asking = refine::asking(case, &products, &always);
             let chosen = asking.choose(&names);
-            let goes_on = round < RIPPLES && refine::listen(case, arm, &chosen, used);
+            let goes_on = round < RIPPLES && refine::listen(case, &chosen, used);
             names.clone_from(&chosen.names);
             choice = Some(chosen);
             if !goes_on {
@@ -228,7 +158,7 @@ fn named(case: &mut Case, arm: &Arm, start: &[usize], used: &[bool]) -> (Vec<usi
             }
         }
         let Some(choice) = choice else { continue };
-        refine::settle(case, arm, &choice, &always, used);
+        refine::settle(case, &choice, &always, used);
         let products = case.products(used);
         let asking = refine::asking(case, &products, &always);
         let choice = asking.choose(&choice.names);
@@ -277,7 +207,7 @@ fn confirmed(case: &Case, always: &[usize], choice: Choice) -> Choice {
         let worst = choice.names.iter().map(|name| (*name, harm(name)));
         let worst = worst.min_by(|a, b| a.1.total_cmp(&b.1));
         match worst {
-            Some((name, harm)) if harm < 0.0 => {
+            Some((name, harm)) if harm < TELLS * whole => {
                 let others: Vec<usize> =
                     choice.names.iter().copied().filter(|n| *n != name).collect();
                 choice = asking.solve(&others);
@@ -330,7 +260,7 @@ fn finish(
     let findings: Vec<Finding> = listed.iter().map(finding).collect();
     let heldout = [&given, &choice].map(|one| prove::rms(case, &one.solved, held, true));
     let unexplained = law(case, &choice);
-    let verdict = verdict(case, &findings, (&given, &choice), unexplained.as_ref());
+    let verdict = verdict::verdict(case, &findings, (&given, &choice), unexplained.as_ref());
     let joints: Vec<usize> = case.table.joints().collect();
     let mut notes = case.motion.notes.clone();
     notes.extend(zones.iter().map(|zone| zone.says(arm)));
@@ -387,45 +317,11 @@ fn law(case: &Case, choice: &Choice) -> Option<Law> {
         unknown::law(&case.motion, &case.table, joint, &left, [&rows.train, &rows.look, &rows.held])
     };
     let explained = |law: &Law| {
-        (law.held[0] - law.held[1]) / (case.table.noise[law.joint].1 * case.table.noise[law.joint].1)
+        (law.held[0] - law.held[1])
+            / (case.table.noise[law.joint].1 * case.table.noise[law.joint].1)
     };
     let laws = case.table.joints().filter_map(one);
     laws.max_by(|a, b| explained(a).total_cmp(&explained(b)))
-}
-
-fn verdict(
-    case: &Case,
-    findings: &[Finding],
-    (given, choice): (&Choice, &Choice),
-    rest: Option<&Law>,
-) -> Verdict {
-    let held = &case.rows.held;
-    let energy = |choice: &Choice| {
-        let rms = prove::rms(case, &choice.solved, held, true);
-        rms * rms
-    };
-    let scale: f64 = case.table.joints().map(|j| case.table.noise[j].1.ln()).sum::<f64>()
-        / case.table.joints().count().max(1) as f64;
-    let count = held.iter().filter(|held| **held).count() as f64
-        * case.table.joints().count().max(1) as f64;
-    let (before, after) = (energy(given), energy(choice));
-    let left = rest.map(|law| {
-        let noise = case.table.noise[law.joint].1;
-        (law.held[0] - law.held[1]) / (noise * noise * count.max(1.0)) * libm::exp(2.0 * scale)
-    });
-    let carried = left.map(|left| (before - after) / (before - after + left).max(1e-300));
-    let named: f64 = findings.iter().map(|one| one.gain).sum();
-    let is_alike = |one: &&Finding| {
-        one.rivals.iter().any(|r| r.alike && r.kind != one.kind && r.dearer <= 0.0)
-    };
-    let alike: f64 = findings.iter().filter(is_alike).map(|one| one.gain).sum();
-    match (findings.is_empty(), carried) {
-        (true, None) => Verdict::Consistent,
-        (true, Some(_)) => Verdict::UnknownStructure,
-        (false, Some(share)) if share < CARRIED => Verdict::UnknownStructure,
-        _ if alike > CLEAR * named => Verdict::Undetermined,
-        _ => Verdict::MissingPhysics,
-    }
 }
 
 fn proof(case: &Case, (given, choice): (&Choice, &Choice), joint: usize) -> JointProof {

@@ -226,11 +226,15 @@ impl Case {
 
     /// The torque of a joint that masses ask for: stated, fitted and named ones.
     fn load(&self, solved: &Solved, joint: usize) -> Vec<f64> {
-        let of_masses = |family: &&Family| {
-            matches!(family.kind, "payload" | "inertia" | "gravity_torque")
-        };
-        let named: Vec<usize> =
-            self.library.families.iter().filter(of_masses).flat_map(|f| f.columns.clone()).collect();
+        let of_masses =
+            |family: &&Family| matches!(family.kind, "payload" | "inertia" | "gravity_torque");
+        let named: Vec<usize> = self
+            .library
+            .families
+            .iter()
+            .filter(of_masses)
+            .flat_map(|f| f.columns.clone())
+            .collect();
         let of = |k: usize| k < self.inertial || named.contains(&k);
         let mut load = self.modelled(solved, joint, &of);
         // What the model states of friction is no load.

@@ -55,9 +55,11 @@ impl Asking<'_> {
         let family = &self.library.families[name];
         let (gain, values) = self.products.more(&choice.solved, &family.columns);
         let inside = |k: usize| choice.solved.value(family.columns[k]).unwrap_or(0.0);
-        let wrong = family.signs.iter().enumerate().any(|(k, sign)| {
-            *sign == Sign::NotNegative && values[k] + inside(k) < 0.0
-        });
+        let wrong = family
+            .signs
+            .iter()
+            .enumerate()
+            .any(|(k, sign)| *sign == Sign::NotNegative && values[k] + inside(k) < 0.0);
         if wrong { 0.0 } else { gain }
     }
 
@@ -120,9 +122,10 @@ impl Asking<'_> {
         let open = (0..self.library.families.len()).filter(|name| {
             let family = &self.library.families[*name];
             !barred.contains(name)
-                && !choice.names.iter().any(|in_| {
-                    in_ == name || self.library.families[*in_].is_kin(family)
-                })
+                && !choice
+                    .names
+                    .iter()
+                    .any(|in_| in_ == name || self.library.families[*in_].is_kin(family))
         });
         let worth = |name| (name, self.brings(choice, name) - self.price_of(name));
         let best = open.map(worth).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))?;

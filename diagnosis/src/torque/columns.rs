@@ -4,12 +4,10 @@
 //!
 //! Promises: a column is what the contract's table adds, per unit of its number. Never: a decision.
 
-use std::f64::consts::TAU;
-
 use super::motion::{Motion, ROOM_C, Track};
 
 /// Below this share of a joint's usual speed it counts as standing.
-const STANDING: f64 = 2e-3;
+const STANDING: f64 = 2e-4;
 
 /// One law of one number.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,7 +30,7 @@ pub(super) enum Law {
     Cosine,
     /// `sin q`.
     Sine,
-    /// `cos n q` or `sin n q`, n in cycles per revolution (per m).
+    /// `cos n q` or `sin n q`, n in cycles per revolution, or radians per metre.
     Wave { cycles: f64, is_sine: bool },
     /// `q`.
     Position,
@@ -122,15 +120,24 @@ pub(super) fn usual_speed(motion: &Motion, joint: usize) -> f64 {
     if count > 0.0 { libm::sqrt(sum / count) } else { 0.0 }
 }
 
-/// The shortest way after a reversal that the band can tell from a sudden turn: what the joint's usual acceleration goes in two periods of the band's edge.
-pub(super) fn shortest_way(motion: &Motion, joint: usize) -> f64 {
+/// The root mean square of a joint's acceleration in all runs.
+fn usual_acceleration(motion: &Motion, joint: usize) -> f64 {
     let all = motion.runs.iter().flat_map(|run| {
         let track = &run.joints[joint];
         run.rows.iter().map(|row| track.a[*row])
     });
     let (sum, count) = all.fold((0.0, 0.0), |(sum, count), a| (sum + a * a, count + 1.0));
-    let usual = if count > 0.0 { libm::sqrt(sum / count) } else { 0.0 };
-    2.0 * usual / (motion.band_hz * motion.band_hz)
+    if count > 0.0 { libm::sqrt(sum / count) } else { 0.0 }
+}
+
+/// The shortest way after a reversal that the band can tell from a sudden turn: what the joint's usual acceleration goes in two periods of the band's edge.
+pub(super) fn shortest_way(motion: &Motion, joint: usize) -> f64 {
+    2.0 * usual_acceleration(motion, joint) / (motion.band_hz * motion.band_hz)
+}
+
+/// The lowest speed that the band can tell from rest: what the joint's usual acceleration reaches in a quarter of a period of the band's edge.
+pub(super) fn lowest_speed(motion: &Motion, joint: usize) -> f64 {
+    0.25 * usual_acceleration(motion, joint) / motion.band_hz
 }
 
 /// The span of a joint's positions in the rows of all runs.
@@ -140,11 +147,6 @@ pub(super) fn span(motion: &Motion, joint: usize) -> [f64; 2] {
         run.rows.iter().map(|row| track.q[*row])
     });
     all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| [low.min(q), high.max(q)])
-}
-
-/// Cycles per revolution as an angle's factor; for a slide, cycles per metre.
-pub(super) fn factor(cycles: f64, turns: bool) -> f64 {
-    if turns { cycles } else { TAU * cycles }
 }
 
 impl Column {

@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 /// Quality of the two sections of a Butterworth filter of fourth order.
 const QUALITY: [f64; 2] = [0.541_196_100_146_197, 1.306_562_964_876_376_5];
 /// Periods of the band's edge by which the ends are continued.
-const PADDED: f64 = 3.0;
+const PADDED: f64 = 6.0;
 
 /// A low-pass for samples at one rate.
 #[derive(Clone, Copy, Debug)]

@@ -14,6 +14,8 @@ const FLOOR: f64 = 5e-3;
 const CONSTANT: f64 = 0.1;
 /// Names within so much log-likelihood cannot be told apart.
 const ALIKE: f64 = 5.0;
+/// A rival explains at least this share of what the name does.
+const SHARES: f64 = 0.5;
 /// Rivals that are further behind are not listed.
 const FAR: f64 = 12.0;
 
@@ -81,7 +83,8 @@ pub(super) fn numbers(
         let own = shared(k, k).max(0.0).sqrt().hypot(moved(family.columns[k]));
         own.hypot(floor * value(k))
     };
-    let one = |stem, value: f64, sigma: f64| Number { stem, values: vec![value], sigma: vec![sigma] };
+    let one =
+        |stem, value: f64, sigma: f64| Number { stem, values: vec![value], sigma: vec![sigma] };
     let mut all = match family.form {
         Form::Plain(stems) => {
             stems.iter().enumerate().map(|(k, stem)| one(*stem, value(k), sigma(k))).collect()
@@ -125,7 +128,9 @@ pub(super) fn numbers(
             ]
         }
     };
-    all.extend(family.settings.iter().map(|(stem, value)| one(stem, *value, (spread * value).abs())));
+    all.extend(
+        family.settings.iter().map(|(stem, value)| one(stem, *value, (spread * value).abs())),
+    );
     all
 }
 
@@ -144,7 +149,9 @@ pub(super) fn rivals(asking: &Asking<'_>, choice: &Choice, name: usize) -> (f64,
     let is_other = |other: &usize| {
         let form = &families[*other];
         !choice.names.contains(other)
-            && !(form.kind == own.kind && form.columns.len() >= own.columns.len() && form.is_kin(own))
+            && !(form.kind == own.kind
+                && form.columns.len() >= own.columns.len()
+                && form.is_kin(own))
     };
     let mut best: Vec<Rival> = Vec::new();
     for other in (0..families.len()).filter(is_other) {
@@ -152,6 +159,9 @@ pub(super) fn rivals(asking: &Asking<'_>, choice: &Choice, name: usize) -> (f64,
         // What another name would bring in any case is no rival to this one.
         let instead = asking.brings(&without, other) - asking.brings(choice, other);
         let behind = worth - instead;
+        if instead < SHARES * worth {
+            continue;
+        }
         if behind > FAR {
             continue;
         }

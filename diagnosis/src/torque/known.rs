@@ -2,9 +2,9 @@
 //!
 //! Promises: a number within its stated uncertainty is no finding, since it is fitted along, held by what is believed of it. Never: a new name.
 
-use physics::{Arm, JointKind};
+use physics::Arm;
 
-use super::columns::{Column, Law, factor};
+use super::columns::{Column, Law};
 use super::motion::Motion;
 
 /// One number that the model states of an effect in the torque domain.
@@ -27,7 +27,10 @@ pub(super) struct Term {
 
 impl Stated {
     fn number(&self, stem: &str) -> Option<(f64, f64)> {
-        self.numbers.iter().find(|(name, ..)| name == stem).map(|(_, value, sigma)| (*value, *sigma))
+        self.numbers
+            .iter()
+            .find(|(name, ..)| name == stem)
+            .map(|(_, value, sigma)| (*value, *sigma))
     }
 
     /// The columns of its linear numbers; none of what is not of the torque domain, or goes with torques that the rows alone give.
@@ -35,7 +38,6 @@ impl Stated {
         let Some(joint) = self.joint.filter(|joint| *joint < arm.count()) else {
             return Vec::new();
         };
-        let is_angle = arm.joints()[joint].kind == JointKind::Revolute;
         let mut terms = Vec::new();
         let mut put = |law: Law, stem: &str| {
             if let Some((number, sigma)) = self.number(stem) {
@@ -61,7 +63,9 @@ impl Stated {
                 put(Law::Cosine, "cos");
                 put(Law::Sine, "sin");
             }
-            "spring_hardening" => put(Law::Cube { rest: value("rest_position") }, "cubic_stiffness"),
+            "spring_hardening" => {
+                put(Law::Cube { rest: value("rest_position") }, "cubic_stiffness")
+            }
             // The amplitude is the loop's whole height, the law's unit half of it.
             "hysteresis" => {
                 let column = Law::Memory { distance: value("reversal") }.column(motion, joint);
@@ -77,7 +81,7 @@ impl Stated {
             }
             "torque_ripple" => {
                 let (amplitude, phase) = (value("amplitude"), value("phase"));
-                let cycles = factor(value("cycles"), is_angle);
+                let cycles = value("cycles");
                 let wave = |is_sine| Law::Wave { cycles, is_sine }.column(motion, joint);
                 let sigma = self.number("amplitude").map_or(0.0, |(_, sigma)| sigma);
                 let parts = [(true, libm::cos(phase)), (false, libm::sin(phase))];

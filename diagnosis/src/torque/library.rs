@@ -5,13 +5,13 @@
 
 use physics::{Arm, JointKind};
 
-use super::columns::{Column, Law, factor, shortest_way, span, usual_speed};
+use super::columns::{Column, Law, lowest_speed, shortest_way, span, usual_speed};
 use super::motion::Motion;
 
 /// Speeds at which a Stribeck friction may have fallen off, in shares of the joint's usual speed.
 const STRIBECK: [f64; 5] = [0.02, 0.05, 0.1, 0.2, 0.4];
 /// Distances within which a memory may turn over, in shares of the joint's span.
-const REVERSALS: [f64; 6] = [0.002, 0.005, 0.015, 0.05, 0.15, 0.4];
+const REVERSALS: [f64; 4] = [0.002, 0.005, 0.015, 0.05];
 /// A joint that spans less does not move, rad or m.
 pub(super) const STILL: f64 = 1e-3;
 /// Temperatures that span less say nothing, K.
@@ -115,7 +115,8 @@ impl Library {
         let position = law(Law::Position);
         let cube = law(Law::Cube { rest: 0.5 * (low + high) });
         let turns = is_angle.then(|| [law(Law::Cosine), law(Law::Sine)]);
-        let stribeck = STRIBECK.map(|share| share * usual);
+        let lowest = lowest_speed(motion, joint);
+        let stribeck = STRIBECK.map(|share| (share * usual).max(lowest));
         let stribeck = stribeck.map(|speed| (speed, law(Law::Stribeck { speed })));
         let shortest = shortest_way(motion, joint);
         let memory = REVERSALS.map(|share| (share * span).max(shortest));
@@ -169,11 +170,9 @@ impl Library {
         }
     }
 
-    /// A wave of so many cycles at a joint.
-    pub(super) fn ripple(&mut self, motion: &Motion, joint: usize, cycles: f64, is_angle: bool) {
-        let wave = |is_sine| {
-            Law::Wave { cycles: factor(cycles, is_angle), is_sine }.column(motion, joint)
-        };
+    /// A wave of so many cycles at a joint: per revolution, or radians per metre.
+    pub(super) fn ripple(&mut self, motion: &Motion, joint: usize, cycles: f64) {
+        let wave = |is_sine| Law::Wave { cycles, is_sine }.column(motion, joint);
         let columns = vec![wave(true), wave(false)];
         let family = Family {
             kind: "torque_ripple",
@@ -223,7 +222,12 @@ impl Library {
     }
 
     /// A mass at the flange: in all recordings, or in one.
-    pub(super) fn payload(&mut self, motion: &Motion, of_mass: &[Column], recording: Option<usize>) {
+    pub(super) fn payload(
+        &mut self,
+        motion: &Motion,
+        of_mass: &[Column],
+        recording: Option<usize>,
+    ) {
         let rows: Vec<bool> = motion
             .runs
             .iter()

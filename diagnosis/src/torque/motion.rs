@@ -115,9 +115,9 @@ impl Motion {
                 .for_each(|run| run.rows = run.rows.iter().copied().step_by(thin).collect());
             notes.push(format!("of these every {thin}th is used"));
         }
-        let by_current = recordings
-            .iter()
-            .any(|recording| recording.column(Channel::Torque(0)).is_none() && has_torque(&[recording.clone()]));
+        let by_current = recordings.iter().any(|recording| {
+            recording.column(Channel::Torque(0)).is_none() && has_torque(&[recording.clone()])
+        });
         if by_current {
             notes.push("torque is current times the constants that were told".to_owned());
         }

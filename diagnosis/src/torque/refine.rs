@@ -4,11 +4,11 @@
 //!
 //! Promises: a number leaves its neighbourhood only uphill. Never: a name changed.
 
-use physics::{Arm, JointKind};
+use std::f64::consts::TAU;
 
 use super::case::Case;
 use super::choose::{Asking, Choice};
-use super::columns::{Column, Law, factor, shortest_way, span};
+use super::columns::{Column, Law, lowest_speed, shortest_way, span};
 use super::library::Form;
 use super::table::Products;
 
@@ -16,23 +16,23 @@ use super::table::Products;
 const STEPS: [f64; 4] = [0.3, 0.15, 0.07, 0.03];
 /// A number leaves by at most so many times its step.
 const LEAP: f64 = 2.0;
+/// Of a joint's span, a memory turns over within this share: one that takes longer is a spring.
+const LONGEST: f64 = 0.15;
 /// Waves between the longest and the shortest that are looked for at most.
 const WAVES: usize = 400;
 /// Rows per cycle, at least, that a ripple needs at the usual speed.
 const ROWS_PER_CYCLE: f64 = 4.0;
 
 /// The columns of a law with a searched number, at another value of it.
-fn columns(case: &Case, arm: &Arm, name: usize, value: f64) -> Option<Vec<Column>> {
+fn columns(case: &Case, name: usize, value: f64) -> Option<Vec<Column>> {
     let family = &case.library.families[name];
     let joint = family.joint?;
-    let is_angle = arm.joints()[joint].kind == JointKind::Revolute;
     let column = |law: Law| law.column(&case.motion, joint);
     match (family.kind, family.form) {
         ("stribeck_friction", _) => Some(vec![column(Law::Stribeck { speed: value })]),
         ("hysteresis", _) => Some(vec![column(Law::Memory { distance: value })]),
         (_, Form::Wave) => {
-            let cycles = factor(value, is_angle);
-            let wave = |is_sine| column(Law::Wave { cycles, is_sine });
+            let wave = |is_sine| column(Law::Wave { cycles: value, is_sine });
             Some(vec![wave(true), wave(false)])
         }
         _ => None,
@@ -42,7 +42,6 @@ fn columns(case: &Case, arm: &Arm, name: usize, value: f64) -> Option<Vec<Column
 /// Brings every searched number of a choice to where it fits best; returns, per name, its standard uncertainty as a share of it.
 pub(super) fn settle(
     case: &mut Case,
-    arm: &Arm,
     choice: &Choice,
     always: &[usize],
     used: &[bool],
@@ -50,7 +49,7 @@ pub(super) fn settle(
     let mut spreads = Vec::new();
     for &name in &choice.names {
         let Some(&(_, start)) = case.library.families[name].settings.first() else { continue };
-        if columns(case, arm, name, start).is_none() {
+        if columns(case, name, start).is_none() {
             continue;
         }
         let family = &case.library.families[name];
@@ -58,8 +57,7 @@ pub(super) fn settle(
             // A wave keeps its phase over the span only within a fraction of a cycle.
             (Form::Wave, Some(joint)) => {
                 let [low, high] = span(&case.motion, joint);
-                let is_angle = arm.joints()[joint].kind == JointKind::Revolute;
-                let cycles = factor(start, is_angle) * (high - low) / std::f64::consts::TAU;
+                let cycles = start * (high - low) / TAU;
                 (0.3 / cycles.max(1.0)).min(STEPS[0])
             }
             _ => STEPS[0],
@@ -67,11 +65,15 @@ pub(super) fn settle(
         let mut value = start;
         let mut spread = widest;
         let mut trial = Trial::new(case, choice, always, used);
-        let least = shortest_way(&case.motion, case.library.families[name].joint.unwrap_or(0));
+        let joint = case.library.families[name].joint.unwrap_or(0);
+        let (least, lowest) =
+            (shortest_way(&case.motion, joint), lowest_speed(&case.motion, joint));
+        let [low, high] = span(&case.motion, joint);
+        let longest = LONGEST * (high - low);
         for step in STEPS.map(|step| step * widest / STEPS[0]) {
             let mut gains = [0.0; 3];
             for (gain, away) in gains.iter_mut().zip([-step, 0.0, step]) {
-                *gain = trial.gain(case, arm, name, value * (1.0 + away), used);
+                *gain = trial.gain(case, name, value * (1.0 + away), used);
             }
             let bend = gains[0] - 2.0 * gains[1] + gains[2];
             let moved = if bend < 0.0 {
@@ -83,19 +85,21 @@ pub(super) fn settle(
                 -LEAP * step
             };
             value *= 1.0 + moved.clamp(-LEAP * step, LEAP * step).max(-0.9);
-            if case.library.families[name].kind == "hysteresis" {
-                value = value.max(least);
-            }
+            value = match case.library.families[name].kind {
+                "hysteresis" => value.clamp(least, longest.max(least)),
+                "stribeck_friction" => value.max(lowest),
+                _ => value,
+            };
         }
-        put(case, arm, name, value);
+        put(case, name, value);
         spreads.push((name, spread));
     }
     spreads
 }
 
 /// Gives a name's searched number another value.
-fn put(case: &mut Case, arm: &Arm, name: usize, value: f64) {
-    let Some(columns) = columns(case, arm, name, value) else { return };
+fn put(case: &mut Case, name: usize, value: f64) {
+    let Some(columns) = columns(case, name, value) else { return };
     let places = case.library.families[name].columns.clone();
     places.iter().zip(columns).for_each(|(place, column)| case.library.columns[*place] = column);
     if let Some(setting) = case.library.families[name].settings.first_mut() {
@@ -126,8 +130,8 @@ impl Trial {
     }
 
     /// The log-likelihood that the choice gains with this value of a name's searched number.
-    fn gain(&mut self, case: &mut Case, arm: &Arm, name: usize, value: f64, used: &[bool]) -> f64 {
-        put(case, arm, name, value);
+    fn gain(&mut self, case: &mut Case, name: usize, value: f64, used: &[bool]) -> f64 {
+        put(case, name, value);
         let own = &case.library.families[name].columns;
         let changed: Vec<usize> =
             own.iter().filter_map(|k| self.places.iter().position(|place| place == k)).collect();
@@ -138,31 +142,23 @@ impl Trial {
 }
 
 /// Lists the ripple that fits best what is left of each joint; whether any was found that is worth asking for.
-pub(super) fn listen(case: &mut Case, arm: &Arm, choice: &Choice, used: &[bool]) -> bool {
+pub(super) fn listen(case: &mut Case, choice: &Choice, used: &[bool]) -> bool {
     let mut heard = false;
     let joints: Vec<usize> = case.table.joints().collect();
     for joint in joints {
         let left = case.residual(&choice.solved, joint);
-        let is_angle = arm.joints()[joint].kind == JointKind::Revolute;
-        if let Some(cycles) = loudest(case, joint, &left, is_angle, used) {
-            case.library.ripple(&case.motion, joint, cycles, is_angle);
+        if let Some(cycles) = loudest(case, joint, &left, used) {
+            case.library.ripple(&case.motion, joint, cycles);
             heard = true;
         }
     }
     heard
 }
 
-/// The number of cycles per revolution (per m) whose wave explains most of what is left of a joint.
-fn loudest(
-    case: &Case,
-    joint: usize,
-    left: &[f64],
-    is_angle: bool,
-    used: &[bool],
-) -> Option<f64> {
+/// The number of cycles per revolution (radians per metre) whose wave explains most of what is left of a joint.
+fn loudest(case: &Case, joint: usize, left: &[f64], used: &[bool]) -> Option<f64> {
     let [low, high] = span(&case.motion, joint);
-    let unit = factor(1.0, is_angle);
-    let one = std::f64::consts::TAU / (unit * (high - low));
+    let one = TAU / (high - low);
     let mut rows: Vec<(f64, f64)> = Vec::new();
     let mut from = 0;
     let mut usual = 0.0;
@@ -180,12 +176,12 @@ fn loudest(
     if rows.is_empty() || per_row <= 0.0 || !one.is_finite() {
         return None;
     }
-    let highest = std::f64::consts::TAU / (unit * per_row * ROWS_PER_CYCLE);
+    let highest = TAU / (per_row * ROWS_PER_CYCLE);
     let count = (((highest / (0.5 * one)) as usize).max(1)).min(WAVES);
     let power = |cycles: f64| {
         let (mut c, mut s) = (0.0, 0.0);
         for (q, rest) in &rows {
-            let (sine, cosine) = libm::sincos(cycles * unit * q);
+            let (sine, cosine) = libm::sincos(cycles * q);
             c += rest * cosine;
             s += rest * sine;
         }

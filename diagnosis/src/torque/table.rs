@@ -77,9 +77,8 @@ impl Products {
         let (mut gram, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
         let mut rows = 0;
         for joint in table.joints() {
-            let keep: Vec<usize> = (0..table.rows())
-                .filter(|row| used[*row] && table.counts[joint][*row])
-                .collect();
+            let keep: Vec<usize> =
+                (0..table.rows()).filter(|row| used[*row] && table.counts[joint][*row]).collect();
             let here: Vec<(usize, &Vec<f64>)> = columns
                 .iter()
                 .enumerate()
@@ -122,15 +121,15 @@ impl Products {
         for joint in table.joints() {
             let here = |k: usize| {
                 let parts = columns[k].parts.iter();
-                parts.filter(|(at, _)| *at == joint).map(|(_, values)| table.whitened(joint, values))
+                parts
+                    .filter(|(at, _)| *at == joint)
+                    .map(|(_, values)| table.whitened(joint, values))
             };
             let counts = |row: &usize| used[*row] && table.counts[joint][*row];
             let rows: Vec<usize> = (0..table.rows()).filter(counts).collect();
             let dot = |a: &[f64], b: &[f64]| rows.iter().map(|row| a[*row] * b[*row]).sum::<f64>();
-            let new: Vec<(usize, Vec<f64>)> = changed
-                .iter()
-                .flat_map(|k| here(*k).map(move |values| (*k, values)))
-                .collect();
+            let new: Vec<(usize, Vec<f64>)> =
+                changed.iter().flat_map(|k| here(*k).map(move |values| (*k, values))).collect();
             if new.is_empty() {
                 continue;
             }
@@ -184,10 +183,8 @@ impl Products {
         if taken.is_empty() {
             return solved;
         }
-        let scale: Vec<f64> = taken
-            .iter()
-            .map(|k| 1.0 / libm::sqrt(self.gram[(*k, *k)] + self.prior[*k]))
-            .collect();
+        let scale: Vec<f64> =
+            taken.iter().map(|k| 1.0 / libm::sqrt(self.gram[(*k, *k)] + self.prior[*k])).collect();
         let count = taken.len();
         let normal = DMatrix::from_fn(count, count, |i, j| {
             let own = if i == j { self.prior[taken[i]] } else { 0.0 };
@@ -219,7 +216,9 @@ impl Products {
 
     /// What more columns would bring beside those that are solved, and their numbers.
     pub(super) fn more(&self, solved: &Solved, columns: &[usize]) -> (f64, Vec<f64>) {
-        let inside = |k: usize| DVector::from_fn(solved.columns.len(), |i, _| self.gram[(solved.columns[i], k)]);
+        let inside = |k: usize| {
+            DVector::from_fn(solved.columns.len(), |i, _| self.gram[(solved.columns[i], k)])
+        };
         let open: Vec<usize> =
             columns.iter().copied().filter(|k| !solved.columns.contains(k)).collect();
         let count = open.len();

@@ -4,6 +4,7 @@
 //! the same bytes. Never: a claim where a recording does not belong to the model.
 
 mod apply;
+mod drives;
 mod page;
 pub(super) mod told;
 
@@ -15,6 +16,8 @@ use diagnosis::gross::{self, Suspicion};
 use diagnosis::{Campaign, Chosen, from_recording};
 use recording::model::RobotModel;
 use recording::series::{Heldout, Recording};
+
+use drives::Drives;
 
 use super::calibrate::numbers::{Entry, entries};
 use super::correct::check_apart;
@@ -30,7 +33,7 @@ const ROWS_LEAST: usize = 30;
 
 /// Say where a model and recordings differ, name the missing physics, and prove the gain on rows that nothing has seen
 ///
-/// Recordings hold joint positions and what was measured: the tool, reflectors, joint positions on the link side. Writes DIR/diagnosis.json,
+/// Recordings hold joint positions and what was measured: the tool, reflectors, joint positions on the link side, the drives' torque or current. Writes DIR/diagnosis.json,
 /// DIR/model.toml (the model with what was found) and DIR/report.html. Measuring frames and places of reflectors are fitted along. Exit 0 whatever is said
 /// (without --apply); 2 for bad input, with nothing written.
 #[derive(Debug, Args)]
@@ -46,6 +49,9 @@ pub(crate) struct Diagnose {
     /// where the verdict is `missing_physics`; else exit 1, and the daemon goes on with its model
     #[arg(long, value_name = "CELL")]
     apply: Option<PathBuf>,
+    /// Torque and motion are compared below this frequency [default: 40, or a tenth of the sampling rate]
+    #[arg(long, value_name = "HZ", value_parser = band)]
+    band: Option<f64>,
     /// Recordings of one robot
     #[arg(value_name = "RECORDING", required = true)]
     recordings: Vec<PathBuf>,
@@ -63,6 +69,20 @@ pub(super) struct Found {
     /// What was seen in the recordings before anything was fitted, and what was done about it.
     notes: Vec<String>,
     rows: usize,
+    /// Whether the recordings say anything of positions.
+    has_positions: bool,
+    /// What the torques say, where they were recorded.
+    drives: Option<Drives>,
+}
+
+/// A frequency above zero.
+fn band(text: &str) -> Result<f64, String> {
+    let hz: f64 = text.parse().map_err(|_| format!("`{text}` is no number"))?;
+    if hz.is_finite() && hz > 0.0 {
+        Ok(hz)
+    } else {
+        Err("expected a frequency above 0 Hz".to_owned())
+    }
 }
 
 impl Diagnose {
@@ -71,14 +91,21 @@ impl Diagnose {
         let cell = self.apply.as_deref().map(apply::cell).transpose()?;
         self.check(&outputs(&self.out))?;
         let seed = self.seed.settle();
-        let found = Found::of(model, recordings, seed)?;
-        let report = told::Report::of(&found);
-        found.write(&report, &self.out)?;
-        console.json("trued.diagnosis/1", &report)?;
-        let head = console.paint(Paint::Strong, &report.verdict.replace('_', " "));
-        console.say(format!("{head}: {}", told::lead(&found, &report)))?;
-        for line in told::lines(&report) {
-            console.say(line)?;
+        let drives = drives::are_recorded(&recordings)
+            .then(|| Drives::of(&model, &recordings, self.band, seed));
+        let found = Found { drives, ..Found::of(model, recordings, seed)? };
+        let reports = found.reports();
+        found.write(&reports, &self.out)?;
+        console.json("trued.diagnosis/1", &told::Whole::of(&reports))?;
+        for report in &reports {
+            let domain =
+                if reports.len() > 1 { format!("{}, ", report.domain()) } else { String::new() };
+            let head = format!("{domain}{}", report.verdict.replace('_', " "));
+            let head = console.paint(Paint::Strong, &head);
+            console.say(format!("{head}: {}", told::lead(report)))?;
+            for line in told::lines(report) {
+                console.say(line)?;
+            }
         }
         console.say(format!("written to {}", self.out.display()))?;
         match cell {
@@ -114,10 +141,15 @@ impl Found {
         seed: u64,
     ) -> Result<Self, Failure> {
         let arm = &base.physics.arm;
-        let Ingested { notes, doubts } = ingest(arm, &mut recordings);
+        let has_positions = drives::positions_are_recorded(&recordings);
         let nothing = |base, doubts, notes, rows| {
-            Ok(Self { base, seed, diagnosis: None, entries: Vec::new(), doubts, notes, rows })
+            let (diagnosis, entries, drives) = (None, Vec::new(), None);
+            Ok(Self { base, seed, diagnosis, entries, doubts, notes, rows, has_positions, drives })
         };
+        if !has_positions && drives::are_recorded(&recordings) {
+            return nothing(base, Vec::new(), Vec::new(), 0);
+        }
+        let Ingested { notes, doubts } = ingest(arm, &mut recordings);
         if !doubts.is_empty() {
             return nothing(base, doubts, notes, 0);
         }
@@ -144,15 +176,33 @@ impl Found {
             })
             .collect();
         let entries = entries(&base, &diagnosis.fit, &chosen, &[])?;
-        Ok(Self { base, seed, diagnosis: Some(diagnosis), entries, doubts, notes, rows })
+        let diagnosis = Some(diagnosis);
+        let drives = None;
+        Ok(Self { base, seed, diagnosis, entries, doubts, notes, rows, has_positions, drives })
+    }
+
+    /// What the torques say, where they could be judged.
+    fn torques(&self) -> Option<&diagnosis::torque::Diagnosis> {
+        self.drives.as_ref().and_then(|drives| drives.result.as_ref().ok())
+    }
+
+    /// What is said of each domain that was recorded.
+    pub(super) fn reports(&self) -> Vec<told::Report> {
+        let of_positions = self.has_positions || self.drives.is_none();
+        let mut reports: Vec<told::Report> =
+            of_positions.then(|| told::Report::of(self)).into_iter().collect();
+        if let Some(drives) = &self.drives {
+            reports.push(told::Report::of_drives(&self.base, drives, &[], self.seed));
+        }
+        reports
     }
 
     /// Writes diagnosis, model and page into `dir`, which is made where it is missing.
     ///
     /// # Errors
     /// A folder or files that cannot be written.
-    pub(super) fn write(&self, report: &told::Report, dir: &Path) -> Result<(), Failure> {
-        let texts = [told::json(report)?, self.model()?, page::render(self, report)];
+    pub(super) fn write(&self, reports: &[told::Report], dir: &Path) -> Result<(), Failure> {
+        let texts = [told::json(reports)?, self.model()?, page::render(self, reports)];
         std::fs::create_dir_all(dir).map_err(|error| {
             Failure::input(format!("{}: cannot be made: {error}", dir.display()))
         })?;
@@ -171,6 +221,9 @@ impl Found {
                 None if entry.is_empty() => {}
                 None => file.effects.push(entry.written.clone()),
             }
+        }
+        if let Some(drives) = &self.drives {
+            file.effects = drives.written(&self.base, &file.effects);
         }
         let by = format!("trued diagnose {}", env!("CARGO_PKG_VERSION"));
         file.meta.insert("diagnosed_by".to_owned(), by.into());

@@ -38,12 +38,12 @@ pub(super) fn play(
     let diagnosis_s = start.elapsed().as_secs_f64();
     let report = told::Report::of(&found);
     let folder = out.join(FOLDER);
-    found.write(&report, &folder)?;
+    found.write(std::slice::from_ref(&report), &folder)?;
     let verdict = report.verdict.replace('_', " ");
-    let mut says = vec![format!("{verdict}: {}", told::lead(&found, &report))];
+    let mut says = vec![format!("{verdict}: {}", told::lead(&report))];
     says.extend(told::lines(&report));
     let head = console.paint(Paint::Strong, &verdict);
-    console.say(format!("{head}: {}", told::lead(&found, &report)))?;
+    console.say(format!("{head}: {}", told::lead(&report)))?;
     says.iter().skip(1).try_for_each(|line| console.say(line))?;
     let claims = found.diagnosis.as_ref().is_some_and(|d| d.verdict == Verdict::MissingPhysics);
     let swapped = claims && swap(console, cell, &folder)?;

@@ -2,6 +2,7 @@
 //!
 //! Promises: a reader who stops anywhere has read the most important of what there is. Never: a number that is not in `diagnosis.json` or its figures.
 
+mod drives;
 mod figures;
 mod tables;
 
@@ -10,35 +11,44 @@ use report::{Number, Page, Tone, significant};
 use super::Found;
 use super::told::{Report, lead};
 
-/// The whole page.
-pub(super) fn render(found: &Found, report: &Report) -> String {
+/// The whole page: positions first, then torques.
+pub(super) fn render(found: &Found, reports: &[Report]) -> String {
+    let verdicts: Vec<String> =
+        reports.iter().map(|report| report.verdict.replace('_', " ")).collect();
     let mut page = Page::new(format!("Diagnosis of {}", found.base.file.name))
-        .kicker(format!("trued diagnose: {}", report.verdict.replace('_', " ")));
-    page = match &found.diagnosis {
-        None => page.lead("These recordings cannot be judged with this model.").note(
-            Tone::Bad,
-            "Why",
-            &lead(found, report),
-        ),
-        Some(_) => page.lead(&sentence(report)).numbers(numbers(report)),
+        .kicker(format!("trued diagnose: {}", verdicts.join("; ")));
+    for report in reports {
+        page = match found.torques().filter(|_| report.domain() == "torque") {
+            Some(torques) => drives::domain(page, found, torques, report),
+            None => domain(page, found, report),
+        };
+    }
+    page.footer("Made by trued diagnose.").render()
+}
+
+/// All of one domain, but its own figures.
+fn words(mut page: Page, report: &Report, is_judged: bool) -> Page {
+    page = if is_judged {
+        page.lead(&sentence(report)).numbers(numbers(report))
+    } else {
+        let lead = page.lead("These recordings cannot be judged with this model.");
+        lead.note(Tone::Bad, "Why", &self::lead(report))
     };
     let sentences: Vec<&str> = report.findings.iter().map(|told| told.says.as_str()).collect();
     if !sentences.is_empty() {
         page = page.section("What was found").list(&sentences).table(&tables::findings(report));
     }
-    if found.diagnosis.is_some()
-        && let Some(rest) = &report.unexplained
-    {
+    if is_judged && let Some(rest) = &report.unexplained {
         page = page.note(Tone::Caution, "Not explained", &rest.says);
     }
     if let Some(next) = &report.next_experiment {
         page = page.note(Tone::Caution, "What would settle it", next);
     }
-    if let Some(diagnosis) = &found.diagnosis {
-        page = figures::proof(page, diagnosis, report);
-        page = figures::places(page, diagnosis, report);
-        page = figures::guilty(page, diagnosis, report);
-    }
+    page
+}
+
+/// The rivals, the numbers, and what is open.
+fn rest(mut page: Page, report: &Report) -> Page {
     page = rivals(page, report);
     if !report.findings.is_empty() {
         page = page.section("The numbers").table(&tables::parameters(report)).text(
@@ -46,8 +56,17 @@ pub(super) fn render(found: &Found, report: &Report) -> String {
              scale and geometry leave open.",
         );
     }
-    page = open(page, report);
-    made_from(page, found, report).footer("Made by trued diagnose.").render()
+    open(page, report)
+}
+
+fn domain(page: Page, found: &Found, report: &Report) -> Page {
+    let mut page = words(page, report, found.diagnosis.is_some());
+    if let Some(diagnosis) = &found.diagnosis {
+        page = figures::proof(page, diagnosis, report);
+        page = figures::places(page, diagnosis, report);
+        page = figures::guilty(page, diagnosis, report);
+    }
+    made_from(rest(page, report), found, report)
 }
 
 fn sentence(report: &Report) -> String {

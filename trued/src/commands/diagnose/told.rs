@@ -2,11 +2,14 @@
 //!
 //! Promises: keys, units and signs of the contract; a change carries the difference. Never: a number that was not found.
 
+mod drives;
+
 use std::collections::BTreeMap;
 
 use diagnosis::diagnose::experiment::Proposed;
 use diagnosis::diagnose::{Cell, Finding, Verdict, says};
 use diagnosis::hypothesis::named;
+use diagnosis::torque::JointProof;
 use physics::spec::{Count, Range};
 use physics::{AnyEffect, Arm, JointKind};
 use report::significant;
@@ -41,6 +44,9 @@ pub(in crate::commands) struct Report {
     pub(super) not_tested: Vec<NotTested>,
     pub(super) unexplained: Option<Unexplained>,
     pub(super) map: Vec<Place>,
+    /// The proof of each joint, in the torque domain.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) joints: Vec<JointErrors>,
     pub(super) notes: Vec<String>,
     seed: u64,
 }
@@ -133,6 +139,31 @@ pub(super) struct Place {
     pub(super) ci95: [f64; 2],
 }
 
+/// Held-out errors of one joint's torque, Nm or N.
+#[derive(Serialize)]
+pub(super) struct JointErrors {
+    pub(super) joint: usize,
+    pub(super) torque_rms: f64,
+    pub(super) heldout_rms_before: f64,
+    pub(super) heldout_rms_after: f64,
+    /// Without the zones of low speed that the notes tell of.
+    pub(super) heldout_rms_after_outside: f64,
+    pub(super) noise_rms: f64,
+}
+
+impl JointErrors {
+    fn of(proof: &JointProof) -> Self {
+        Self {
+            joint: proof.joint + 1,
+            torque_rms: proof.torque,
+            heldout_rms_before: proof.before,
+            heldout_rms_after: proof.after,
+            heldout_rms_after_outside: proof.after_outside,
+            noise_rms: proof.noise,
+        }
+    }
+}
+
 impl Report {
     pub(in crate::commands) fn of(found: &Found) -> Self {
         let Some(diagnosis) = &found.diagnosis else { return Self::nothing(found) };
@@ -172,6 +203,7 @@ impl Report {
                 ),
             }),
             map: diagnosis.map.iter().map(Place::of).collect(),
+            joints: Vec::new(),
             notes: found.notes.iter().chain(&diagnosis.notes).cloned().collect(),
             seed: found.seed,
         }
@@ -202,6 +234,7 @@ impl Report {
                 says,
             }),
             map: Vec::new(),
+            joints: Vec::new(),
             notes: found.notes.clone(),
             seed: found.seed,
         }
@@ -292,24 +325,51 @@ impl Place {
     }
 }
 
+/// `diagnosis.json`: one domain's object, or several domains as the contract has them.
+#[derive(Serialize)]
+#[serde(untagged)]
+pub(super) enum Whole<'a> {
+    One(&'a Report),
+    Several { domains: &'a [Report] },
+}
+
+impl<'a> Whole<'a> {
+    pub(super) fn of(reports: &'a [Report]) -> Self {
+        match reports {
+            [one] => Self::One(one),
+            several => Self::Several { domains: several },
+        }
+    }
+}
+
 /// The object by itself.
-pub(super) fn json(report: &Report) -> Result<String, Failure> {
+pub(super) fn json(reports: &[Report]) -> Result<String, Failure> {
     #[derive(Serialize)]
-    struct Whole<'a> {
+    struct File<'a> {
         schema: &'static str,
         #[serde(flatten)]
-        report: &'a Report,
+        whole: Whole<'a>,
     }
-    let whole = Whole { schema: "trued.diagnosis/1", report };
-    let mut text = serde_json::to_string_pretty(&whole).map_err(Failure::system)?;
+    let file = File { schema: "trued.diagnosis/1", whole: Whole::of(reports) };
+    let mut text = serde_json::to_string_pretty(&file).map_err(Failure::system)?;
     text.push('\n');
     Ok(text)
 }
 
+impl Report {
+    pub(super) fn domain(&self) -> &'static str {
+        self.domain
+    }
+
+    pub(super) fn samples(&self) -> usize {
+        self.samples
+    }
+}
+
 /// The result in one sentence.
-pub(in crate::commands) fn lead(found: &Found, report: &Report) -> String {
-    if found.diagnosis.is_none() {
-        return found.doubts.join("; or: ");
+pub(in crate::commands) fn lead(report: &Report) -> String {
+    if report.samples == 0 || report.heldout_rms_before == 0.0 {
+        return report.unexplained.as_ref().map_or(String::new(), |rest| rest.says.clone());
     }
     let errors = format!(
         "held out, the model is off by {} {} (root mean square of single values) as given and by {} with what was found; the noise is {}",

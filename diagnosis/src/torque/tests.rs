@@ -1,0 +1,137 @@
+//! Torques of a slider and of a pendulum whose physics is known, with noise that is not.
+
+use physics::{Arm, Body, Joint, JointKind, Tool};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::StandardNormal;
+use recording::series::{Channel, Recording};
+
+use super::{Diagnosis, Stated, diagnose};
+use crate::diagnose::Verdict;
+use glam::{DMat3, DVec3};
+
+const MASS: f64 = 90.0;
+
+/// One joint along or about base x resp. y.
+fn arm(kind: JointKind, link: Option<Body>) -> Arm {
+    let axis = if kind == JointKind::Prismatic { DVec3::X } else { DVec3::Y };
+    let joint = Joint {
+        kind,
+        axis,
+        point: DVec3::ZERO,
+        limits: (-10.0, 10.0),
+        max_speed: f64::INFINITY,
+        link,
+    };
+    let tool = Tool { tcp: DVec3::ZERO, base_from_tool: DMat3::IDENTITY, body: None };
+    Arm::new(&[joint], tool, DVec3::new(0.0, 0.0, -9.81)).unwrap()
+}
+
+/// Position, speed, acceleration at a time: three sines that reverse at many places and speeds.
+fn motion(t: f64) -> [f64; 3] {
+    let waves = [(0.12, 0.9, 0.0), (0.05, 2.3, 1.0), (0.02, 5.1, 2.0)];
+    waves.iter().fold([0.0; 3], |[q, v, a], (size, rate, phase)| {
+        let (s, c) = libm::sincos(rate * t + phase);
+        [q + size * s, v + size * rate * c, a - size * rate * rate * s]
+    })
+}
+
+fn recording(kind: JointKind, noise: f64, torque: impl Fn([f64; 3]) -> f64) -> Recording {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let t_s: Vec<f64> = (0..20_000).map(|k| 2e-3 * f64::from(k)).collect();
+    let states: Vec<[f64; 3]> = t_s.iter().map(|t| motion(*t)).collect();
+    let mut made = Recording::new(t_s);
+    made.set_joint_kind(0, kind);
+    made.set(Channel::Motor(0), states.iter().map(|state| state[0]).collect());
+    let mut noisy =
+        |state: &[f64; 3]| torque(*state) + noise * rng.sample::<f64, _>(StandardNormal);
+    let torques = states.iter().map(&mut noisy).collect();
+    made.set(Channel::Torque(0), torques);
+    made
+}
+
+fn slider(link: bool) -> Arm {
+    arm(JointKind::Prismatic, link.then(|| Body::point_mass(MASS, DVec3::ZERO)))
+}
+
+fn of(arm: &Arm, stated: &[Stated], recording: Recording) -> Diagnosis {
+    diagnose(arm, stated, &[recording], None, 1).unwrap()
+}
+
+fn number(diagnosis: &Diagnosis, kind: &str) -> Option<(f64, f64)> {
+    let found = diagnosis.findings.iter().find(|finding| finding.kind == kind)?;
+    Some((found.numbers[0].values[0], found.numbers[0].sigma[0]))
+}
+
+#[test]
+fn friction_that_was_left_out_is_named_with_its_size() {
+    let force = |[_, v, a]: [f64; 3]| MASS * a + 20.0 * v.signum() + 60.0 * v;
+    let found = of(&slider(false), &[], recording(JointKind::Prismatic, 1.0, force));
+    assert_eq!(found.verdict, Verdict::MissingPhysics);
+    let kinds: Vec<&str> = found.findings.iter().map(|finding| finding.kind).collect();
+    assert_eq!(kinds, ["coulomb_friction", "viscous_friction"]);
+    for (kind, truth) in [("coulomb_friction", 20.0), ("viscous_friction", 60.0)] {
+        let (value, sigma) = number(&found, kind).unwrap();
+        assert!(
+            (value - truth).abs() < 4.0 * sigma && sigma < 0.05 * truth,
+            "{kind} {value} {sigma}"
+        );
+    }
+    assert!(found.heldout[1] < 0.1 * found.heldout[0]);
+}
+
+#[test]
+fn a_model_that_knows_its_friction_is_consistent() {
+    let force = |[_, v, a]: [f64; 3]| MASS * a + 20.0 * v.signum();
+    let number = ("level".to_owned(), 20.0, 0.0);
+    let kind = "coulomb_friction".to_owned();
+    let stated = [Stated { kind, joint: Some(0), numbers: vec![number] }];
+    let found = of(&slider(true), &stated, recording(JointKind::Prismatic, 1.0, force));
+    assert_eq!(found.verdict, Verdict::Consistent, "{:?}", found.findings);
+}
+
+#[test]
+fn torque_that_lags_motion_is_a_delay_and_no_friction() {
+    let late = 2e-3;
+    let force = |[_, v, a]: [f64; 3]| MASS * a + 60.0 * v;
+    let mut made = recording(JointKind::Prismatic, 0.2, force);
+    let t_s = made.t_s.clone();
+    let torques = t_s.iter().map(|t| force(motion(t - late))).collect();
+    made.set(Channel::Torque(0), torques);
+    let found = of(&slider(false), &[], made);
+    let (value, _) = number(&found, "torque_delay").unwrap();
+    assert!((value - late).abs() < 0.05 * late, "{value}");
+}
+
+#[test]
+fn a_hanging_mass_is_told_by_gravity_and_a_law_beyond_the_library_is_called_unknown() {
+    let arm = arm(JointKind::Revolute, None);
+    let weight = |[q, _, a]: [f64; 3]| 3.0 * a + 12.0 * libm::sin(q);
+    let found = of(&arm, &[], recording(JointKind::Revolute, 0.05, weight));
+    assert_eq!(found.verdict, Verdict::Consistent, "{:?}", found.findings);
+    let strange = |[q, v, a]: [f64; 3]| 3.0 * a + 40.0 * v * v * v * q;
+    let found = of(&arm, &[], recording(JointKind::Revolute, 0.05, strange));
+    let law = found.unexplained.as_ref().unwrap();
+    assert_eq!(found.verdict, Verdict::UnknownStructure, "{:?}", found.findings);
+    assert!(law.words.iter().any(|word| word == "v1"), "{law:?}");
+}
+
+#[test]
+fn a_recording_without_motion_or_of_few_rows_is_a_doubt() {
+    let force = |[_, _, a]: [f64; 3]| MASS * a;
+    let mut still = recording(JointKind::Prismatic, 1.0, force);
+    still.set(Channel::Motor(0), vec![0.5; still.len()]);
+    assert!(diagnose(&slider(true), &[], &[still], None, 1).is_err());
+    let mut short = Recording::new((0..50).map(|k| 1e-3 * f64::from(k)).collect());
+    short.set(Channel::Motor(0), vec![0.0; 50]);
+    short.set(Channel::Torque(0), vec![f64::NAN; 50]);
+    assert!(diagnose(&slider(true), &[], &[short], None, 1).is_err());
+}
+
+#[test]
+fn the_same_recording_gives_the_same_bits() {
+    let force = |[_, v, a]: [f64; 3]| MASS * a + 20.0 * v.signum();
+    let one = || of(&slider(false), &[], recording(JointKind::Prismatic, 1.0, force));
+    assert_eq!(one().heldout, one().heldout);
+}

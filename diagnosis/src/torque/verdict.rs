@@ -1,0 +1,49 @@
+//! The verdict on torques: consistent, named, unknown, or not to be told apart.
+//!
+//! Promises: what cannot be told apart is never claimed. Never: a number that was not found elsewhere.
+
+use crate::diagnose::Verdict;
+
+use super::case::Case;
+use super::choose::Choice;
+use super::{Finding, Law, prove};
+
+/// Names must carry this share of what stands above the noise on held-out rows, as energy; else the structure is unknown.
+const CARRIED: f64 = 0.98;
+/// Where more than this share of what is named cannot be told apart, nothing is claimed.
+const CLEAR: f64 = 0.5;
+/// Names that carry their share of what stands above the noise on held-out rows are the answer; else the structure is unknown.
+pub(super) fn verdict(
+    case: &Case,
+    findings: &[Finding],
+    (given, choice): (&Choice, &Choice),
+    rest: Option<&Law>,
+) -> Verdict {
+    let held = &case.rows.held;
+    let energy = |choice: &Choice| {
+        let rms = prove::rms(case, &choice.solved, held, true);
+        rms * rms
+    };
+    let scale: f64 = case.table.joints().map(|j| case.table.noise[j].1.ln()).sum::<f64>()
+        / case.table.joints().count().max(1) as f64;
+    let count = held.iter().filter(|held| **held).count() as f64
+        * case.table.joints().count().max(1) as f64;
+    let (before, after) = (energy(given), energy(choice));
+    let left = rest.map(|law| {
+        let noise = case.table.noise[law.joint].1;
+        (law.held[0] - law.held[1]) / (noise * noise * count.max(1.0)) * libm::exp(2.0 * scale)
+    });
+    let carried = left.map(|left| (before - after) / (before - after + left).max(1e-300));
+    let named: f64 = findings.iter().map(|one| one.gain).sum();
+    let is_alike = |one: &&Finding| {
+        one.rivals.iter().any(|r| r.alike && r.kind != one.kind && r.dearer <= 0.0)
+    };
+    let alike: f64 = findings.iter().filter(is_alike).map(|one| one.gain).sum();
+    match (findings.is_empty(), carried) {
+        (true, None) => Verdict::Consistent,
+        (true, Some(_)) => Verdict::UnknownStructure,
+        (false, Some(share)) if share < CARRIED => Verdict::UnknownStructure,
+        _ if alike > CLEAR * named => Verdict::Undetermined,
+        _ => Verdict::MissingPhysics,
+    }
+}

@@ -1,0 +1,286 @@
+//! What a diagnosis of torque says: the same keys as of positions, in N m or N, with the proof joint by joint.
+//!
+//! Promises: sentences that name cause and size. Never: a number that was not found.
+
+use std::collections::BTreeMap;
+
+use diagnosis::diagnose::Verdict;
+use diagnosis::torque::{Diagnosis, Finding, Rival};
+use physics::JointKind;
+use recording::model::{EffectEntry, Numbers, RobotModel};
+use report::significant;
+
+use super::{
+    Alternative, JointErrors, NINETY_FIVE, NotTested, Report, Told, Unexplained, Value, Where,
+};
+use crate::commands::diagnose::drives::{Drives, entry};
+
+impl Report {
+    /// What the torques say of `base`.
+    pub(in crate::commands::diagnose) fn of_drives(
+        base: &RobotModel,
+        drives: &Drives,
+        notes: &[String],
+        seed: u64,
+    ) -> Self {
+        let empty = Self {
+            verdict: Verdict::Undetermined.name(),
+            domain: "torque",
+            unit: "Nm",
+            samples: 0,
+            signal_rms: 0.0,
+            band_Hz: None,
+            noise_rms: 0.0,
+            heldout_rms_before: 0.0,
+            heldout_rms_after: 0.0,
+            heldout: "nothing: the recordings cannot be judged".to_owned(),
+            findings: Vec::new(),
+            next_experiment: None,
+            experiment: None,
+            not_tested: Vec::new(),
+            unexplained: None,
+            map: Vec::new(),
+            joints: Vec::new(),
+            notes: notes.to_vec(),
+            seed,
+        };
+        let diagnosis = match &drives.result {
+            Ok(diagnosis) => diagnosis,
+            Err(doubt) => {
+                let says = doubt.to_string();
+                let rest =
+                    Unexplained { rms: 0.0, depends_on: Vec::new(), heldout_rms_after: 0.0, says };
+                return Self { unexplained: Some(rest), ..empty };
+            }
+        };
+        let unit = if diagnosis.slides { "N" } else { "Nm" };
+        let findings = diagnosis.findings.iter();
+        Self {
+            verdict: diagnosis.verdict.name(),
+            unit,
+            samples: diagnosis.rows,
+            signal_rms: diagnosis.signal,
+            band_Hz: Some([0.0, diagnosis.band_hz]),
+            noise_rms: diagnosis.noise,
+            heldout_rms_before: diagnosis.heldout[0],
+            heldout_rms_after: diagnosis.heldout[1],
+            heldout: diagnosis.says.clone(),
+            findings: findings.map(|one| told(base, drives, one)).collect(),
+            next_experiment: next_experiment(diagnosis),
+            not_tested: diagnosis
+                .not_tested
+                .iter()
+                .map(|(effect, joint, why)| NotTested {
+                    effect,
+                    joint: joint.map(|joint| joint + 1),
+                    why: (*why).to_owned(),
+                })
+                .collect(),
+            unexplained: unexplained(diagnosis),
+            joints: diagnosis.by_joint.iter().map(JointErrors::of).collect(),
+            notes: notes.iter().chain(&diagnosis.notes).cloned().collect(),
+            ..empty
+        }
+    }
+}
+
+fn unexplained(diagnosis: &Diagnosis) -> Option<Unexplained> {
+    let law = diagnosis.unexplained.as_ref()?;
+    let joint = diagnosis.by_joint.iter().find(|one| one.joint == law.joint)?;
+    let left = (law.held[1] / law.held[0].max(f64::MIN_POSITIVE)).sqrt();
+    Some(Unexplained {
+        rms: joint.after,
+        depends_on: law.words.clone(),
+        heldout_rms_after: joint.after * left,
+        says: format!(
+            "What is left of joint {}'s torque follows {}, in a form that no known effect has.",
+            law.joint + 1,
+            law.words.join(" and ")
+        ),
+    })
+}
+
+fn told(base: &RobotModel, drives: &Drives, finding: &Finding) -> Told {
+    let joint = finding.joint.map(|joint| joint + 1);
+    let entry = entry(base, finding);
+    let channels = match finding.joint {
+        Some(joint) => vec![format!("tau{}", joint + 1)],
+        None => (1..=base.physics.arm.count()).map(|joint| format!("tau{joint}")).collect(),
+    };
+    let mut condition = condition(finding.kind).to_owned();
+    if let Some(name) = finding.recording.and_then(|k| drives.recordings.get(k)) {
+        condition = format!("{condition}, in {name} alone");
+    }
+    Told {
+        effect: finding.kind,
+        joint,
+        change: if finding.is_change { "revised" } else { "new" },
+        confidence: finding.confidence,
+        parameters: entry.as_ref().map_or(BTreeMap::new(), parameters),
+        heldout_rms_before: finding.heldout[0],
+        heldout_rms_after: finding.heldout[1],
+        place: Where { joint, channels, condition, intervals_s: Vec::new(), frequency_Hz: None },
+        alternatives: finding.rivals.iter().map(alternative).collect(),
+        says: says(base, drives, finding, entry.as_ref()),
+    }
+}
+
+fn alternative(rival: &Rival) -> Alternative {
+    Alternative {
+        effect: rival.kind,
+        joint: rival.joint.map(|joint| joint + 1),
+        confidence: rival.confidence,
+        is_alike: rival.alike,
+    }
+}
+
+fn parameters(entry: &EffectEntry) -> BTreeMap<String, Value> {
+    let ci = |value: f64, sigma: f64| [value - NINETY_FIVE * sigma, value + NINETY_FIVE * sigma];
+    let one = |parameter: &recording::model::Parameter| {
+        let sigma = parameter.sigma.as_ref().map_or(&[][..], Numbers::as_slice);
+        let at = |k: usize| sigma.get(k).copied().unwrap_or(0.0);
+        let value = match &parameter.value {
+            Numbers::One(value) => Value::One { value: *value, ci95: ci(*value, at(0)) },
+            Numbers::List(list) => Value::List {
+                ci95: list.iter().enumerate().map(|(k, value)| ci(*value, at(k))).collect(),
+                value: list.clone(),
+            },
+        };
+        (parameter.key.clone(), value)
+    };
+    entry.parameters.iter().map(one).collect()
+}
+
+/// What an effect's torque goes with.
+fn condition(kind: &str) -> &'static str {
+    match kind {
+        "coulomb_friction" => "changes sign with the direction of motion",
+        "viscous_friction" => "grows with speed",
+        "stribeck_friction" => "shows at low speed after each reversal",
+        "friction_asymmetry" => "differs by direction",
+        "load_friction" => "grows with the load, against the motion",
+        "friction_temperature" => "grows with speed, less when warm",
+        "inertia" => "grows with acceleration",
+        "gravity_torque" | "payload" => "follows gravity and acceleration of what is carried",
+        "torque_ripple" => "repeats with the angle",
+        "spring" | "spring_hardening" => "grows away from a rest position",
+        "hysteresis" => "builds up over a distance after each reversal",
+        "drive_gain" => "is a share of the torque itself",
+        "torque_delay" => "follows the torque's rate of change",
+        _ => "over the whole recording",
+    }
+}
+
+/// Cause and size in a sentence.
+fn says(
+    base: &RobotModel,
+    drives: &Drives,
+    finding: &Finding,
+    entry: Option<&EffectEntry>,
+) -> String {
+    let slides = finding
+        .joint
+        .is_some_and(|joint| base.physics.arm.joints()[joint].kind == JointKind::Prismatic);
+    let unit = if slides { "N" } else { "Nm" };
+    let number = |stem: &str| {
+        let parameter = entry?.parameters.iter().find(|p| p.key.starts_with(stem))?;
+        parameter.value.as_slice().first().copied()
+    };
+    let said = |stem: &str| number(stem).map_or("some".to_owned(), |value| significant(value, 3));
+    let si = |stem: &str| {
+        let found = finding.numbers.iter().find(|number| number.stem == stem);
+        found.and_then(|number| number.values.first()).copied().unwrap_or(0.0)
+    };
+    let joint = finding.joint.map_or("The arm".to_owned(), |joint| format!("Joint {}", joint + 1));
+    match finding.kind {
+        "coulomb_friction" => {
+            format!("{joint} has dry friction of {} {unit} that the model lacks.", said("level"))
+        }
+        "viscous_friction" => format!(
+            "{joint} has friction that grows with speed, {} {unit} s per {}.",
+            said("coefficient"),
+            if slides { "m" } else { "rad" }
+        ),
+        "stribeck_friction" => format!(
+            "{joint} needs {} {unit} more at low speed (Stribeck), gone above {}.",
+            said("level"),
+            said("stribeck_speed")
+        ),
+        "friction_asymmetry" => {
+            let has = |stem| finding.numbers.iter().any(|number| number.stem == stem);
+            let form = match (has("offset"), has("coefficient")) {
+                (true, true) => format!(
+                    "by {} {unit} and {} per unit of speed",
+                    said("offset"),
+                    said("coefficient")
+                ),
+                (true, false) => format!("by {} {unit}", said("offset")),
+                _ => format!("by {} per unit of speed", said("coefficient")),
+            };
+            format!("{joint}'s friction differs by direction, {form}.")
+        }
+        "load_friction" => format!(
+            "{joint}'s friction grows with its load: {} % of it.",
+            significant(100.0 * si("coefficient"), 3)
+        ),
+        "inertia" => format!(
+            "{joint} moves more inertia than the model has: {} {}.",
+            said(if slides { "mass" } else { "inertia" }),
+            if slides { "kg" } else { "kg m²" }
+        ),
+        "payload" => {
+            let name = finding.recording.and_then(|k| drives.recordings.get(k));
+            let only = name.map_or(String::new(), |name| format!(" in {name}"));
+            format!("The arm carries {} kg that the model does not know{only}.", said("mass"))
+        }
+        "torque_ripple" => format!(
+            "{joint}'s torque ripples by {} {unit}, {} cycles per {}.",
+            said("amplitude"),
+            said("cycles"),
+            if slides { "m" } else { "revolution" }
+        ),
+        "spring" => format!("A spring of {} pulls at {}.", said("stiffness"), joint.to_lowercase()),
+        "hysteresis" => format!(
+            "{joint}'s friction builds up over a distance after each reversal: a loop {} {unit} high.",
+            said("amplitude")
+        ),
+        "drive_gain" => format!(
+            "{joint}'s drive exerts {} % {} than it is said to.",
+            significant(100.0 * si("gain").abs(), 2),
+            if si("gain") < 0.0 { "less" } else { "more" }
+        ),
+        "torque_delay" => {
+            let late = 1e3 * si("delay");
+            let which = if late >= 0.0 {
+                "Torque is recorded late against motion"
+            } else {
+                "Motion is recorded late against torque"
+            };
+            format!("{which}, by {} ms.", significant(late.abs(), 2))
+        }
+        other => format!("{joint}: {}.", other.replace('_', " ")),
+    }
+}
+
+/// What would settle what is open.
+fn next_experiment(diagnosis: &Diagnosis) -> Option<String> {
+    let open = diagnosis.findings.iter().find(|one| one.rivals.iter().any(|rival| rival.alike));
+    if let Some(one) = open {
+        let of = one.joint.map_or("the arm".to_owned(), |joint| format!("joint {}", joint + 1));
+        return Some(match one.kind {
+            "friction_asymmetry" | "viscous_friction" => format!(
+                "Move {of} to and fro at five constant speeds from a tenth to all of its speed, the same both ways."
+            ),
+            "coulomb_friction" | "stribeck_friction" | "hysteresis" | "load_friction" => format!(
+                "Move {of} slowly through twenty reversals of a degree to ten degrees, in two poses of different load."
+            ),
+            "payload" | "drive_gain" | "gravity_torque" | "inertia" => {
+                "Weigh what the arm carries, or repeat the motion with a known mass at the flange."
+                    .to_owned()
+            }
+            _ => format!("Repeat the motion of {of} at half and at double the speed."),
+        });
+    }
+    let weighed = diagnosis.findings.iter().any(|one| one.kind == "payload");
+    weighed.then(|| "Weigh the payload: torques tell a mass only as well as the motors' constants are known.".to_owned())
+}
