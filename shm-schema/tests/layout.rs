@@ -1,7 +1,5 @@
 //! Every byte that both sides share, pinned: a change here is a change of the contract.
 
-#![expect(clippy::unwrap_used, reason = "a test program")]
-
 use core::mem::{align_of, offset_of, size_of};
 
 use shm_schema::*;

@@ -18,6 +18,7 @@ mod diagnose_garbage;
 mod force;
 mod gauges;
 mod gears;
+mod guide;
 mod invariants;
 mod kill;
 mod plan;
