@@ -1,4 +1,4 @@
-//! The controller for ros2_control, against headers that declare what it uses of ROS 2 and against the real daemon. Whether ROS 2's own
+//! The controller for `ros2_control`, against headers that declare what it uses of ROS 2 and against the real daemon. Whether ROS 2's own
 //! headers agree is not tested here: there is none.
 
 use super::{LIMIT, beside, can_build, scratch, started};

@@ -10,7 +10,7 @@ use recording::mapping::Mapping;
 use recording::model::RobotModel;
 use recording::series::{self, About, FileUnits, Need, Recording};
 use recording::urdf::{self, Ends};
-use recording::waves::{self, Grid, Options};
+use recording::waves::{self, Grid, Options, ResponseFunction};
 use std::path::Path;
 
 const NAME: &str = "fuzzed";
@@ -29,6 +29,12 @@ fn shown<T>(read: Result<T, Faults>) -> Option<T> {
     .ok()
 }
 
+/// What was accepted, written, and read again.
+#[expect(clippy::panic, reason = "a find is shown with what is wrong with it")]
+fn again<T>(read: Result<T, Faults>) -> T {
+    read.unwrap_or_else(|faults| panic!("what was accepted does not load again:\n{faults}"))
+}
+
 pub(super) fn model(bytes: &[u8]) {
     let Some(text) = text(bytes) else { return };
     if let Some(model) = shown(RobotModel::parse(NAME, &text)) {
@@ -42,8 +48,7 @@ pub(super) fn model(bytes: &[u8]) {
 /// A model that was accepted stands in its file bit for bit.
 fn written_back(model: &RobotModel) {
     let written = model.file.to_toml();
-    let again = RobotModel::parse(NAME, &written)
-        .unwrap_or_else(|faults| panic!("what was accepted does not load again:\n{faults}"));
+    let again = again(RobotModel::parse(NAME, &written));
     assert_eq!(again.file.to_toml(), written, "the same numbers give the same text");
     assert_eq!(again.hash, model.hash);
 }
@@ -59,8 +64,7 @@ pub(super) fn about(bytes: &[u8]) {
     let mut made = Recording::new(vec![0.0]);
     made.about = about;
     let written = made.about_toml();
-    let again = About::parse(NAME, &written)
-        .unwrap_or_else(|faults| panic!("what was accepted does not load again:\n{faults}"));
+    let again = again(About::parse(NAME, &written));
     made.about = again;
     assert_eq!(made.about_toml(), written, "the same words give the same text");
 }
@@ -86,8 +90,7 @@ pub(super) fn recording(bytes: &[u8]) {
         // In the file's own units numbers may round; in SI they do not.
         recording.units = FileUnits::SI;
         let written = String::from_utf8_lossy(&recording.to_csv()).into_owned();
-        let mut again = series::read_text(NAME, &written, None, None, need)
-            .unwrap_or_else(|faults| panic!("what was accepted does not load again:\n{faults}"));
+        let mut again = again(series::read_text(NAME, &written, None, None, need));
         again.units = FileUnits::SI;
         assert_eq!(String::from_utf8_lossy(&again.to_csv()), written, "the same bits");
     }
@@ -119,7 +122,7 @@ pub(super) fn black_box(bytes: &[u8]) {
     }
 }
 
-/// Whatever an instrument wrote: WAV, UFF and LabVIEW say so themselves, all else is a table.
+/// Whatever an instrument wrote: WAV, UFF and `LabVIEW` say so themselves, all else is a table.
 pub(super) fn waves(bytes: &[u8]) {
     let path = Path::new(NAME);
     for rate_hz in [None, Some(1000.0)] {
@@ -138,7 +141,7 @@ pub(super) fn waves(bytes: &[u8]) {
                 let _ = wave.quantity();
             }
         }
-        let _: Vec<_> = waves.responses.iter().map(|response| response.quantities()).collect();
+        let _: Vec<_> = waves.responses.iter().map(ResponseFunction::quantities).collect();
     }
 }
 
