@@ -41,6 +41,7 @@ impl Cycle {
     pub fn run(&mut self, exchange: &Exchange) {
         let mut stale_from_ns = monotonic_ns() + self.stale_ns;
         while exchange.runs() {
+            count(&exchange.counters.turns);
             self.take_orders(exchange);
             if let Some(received_ns) = self.turn(exchange, stale_from_ns) {
                 stale_from_ns = received_ns + self.stale_ns;

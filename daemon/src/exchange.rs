@@ -102,6 +102,8 @@ pub struct Exchange {
 #[derive(Debug, Default)]
 #[expect(missing_docs, reason = "each name is what shm_schema::Status documents")]
 pub struct Counters {
+    /// Turns of the cycle's loop, with a command or without: it lives.
+    pub turns: AtomicU64,
     pub cycles: AtomicU64,
     pub missed_cycles: AtomicU64,
     pub commands: AtomicU64,

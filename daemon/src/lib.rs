@@ -15,6 +15,7 @@ pub mod cycle;
 pub mod exchange;
 pub mod latency;
 pub mod news;
+pub mod notify;
 pub mod pacer;
 pub mod process;
 pub mod realtime;
@@ -31,6 +32,7 @@ pub mod vibration;
 
 use crate::cycle::Cycle;
 use crate::exchange::{Exchange, LoadedModel};
+use crate::notify::Manager;
 use crate::pacer::Pacer;
 use crate::realtime::Refused;
 use crate::recorder::Recorder;
@@ -119,12 +121,16 @@ pub fn run(options: Options, ready: impl FnOnce()) -> Result<(), DaemonError> {
         start_threads(&config, settings, &model, ears, config_text, &mut supervisor, &exchange)
             .inspect_err(|_| exchange.stop())?;
     info!(cell = config.cell, mode = ?settings.mode, "ready");
+    let mut manager = Manager::of_environment();
+    manager.ready(supervisor.words());
     ready();
     while !stop.load(Relaxed) && threads.iter().all(|(_, thread)| !thread.is_finished()) {
         supervisor.look(&exchange);
+        manager.alive(exchange.counters.turns.load(Relaxed), supervisor.words());
         std::thread::sleep(supervisor::LOOK_EVERY);
     }
     exchange.stop();
+    manager.stopping();
     supervisor.tell(&exchange);
     threads.into_iter().try_for_each(|(name, thread)| finish(name, thread))
 }

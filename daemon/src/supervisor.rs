@@ -14,7 +14,7 @@ use recording::cell::CellConfig;
 use recording::model::RobotModel;
 use shm_schema::{
     Answer, ControlServer, DaemonSide, JointBounds, Operation, PortError, Publisher, Request,
-    Response, Status,
+    Response, Status, Text,
 };
 use std::path::PathBuf;
 use std::sync::atomic::Ordering::Relaxed;
@@ -43,6 +43,8 @@ pub struct Supervisor {
     age: Age,
     news: News,
     looks: u32,
+    /// What the last status said in words.
+    said: Text<512>,
 }
 
 impl Supervisor {
@@ -67,6 +69,7 @@ impl Supervisor {
             age: Age::default(),
             news: News::default(),
             looks: 0,
+            said: Text::new("starting"),
             domain,
             model,
         })
@@ -95,7 +98,14 @@ impl Supervisor {
     pub fn tell(&mut self, exchange: &Exchange) {
         let message = self.constants.status(exchange, &self.process.state(), &self.age);
         self.status.send(&message);
+        self.said = message.message;
         self.news.log(exchange, &message);
+    }
+
+    /// How the daemon is, in words, as the last status said.
+    #[must_use]
+    pub fn words(&self) -> &str {
+        self.said.as_str()
     }
 
     fn serve(&mut self, exchange: &Exchange) {

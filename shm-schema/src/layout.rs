@@ -17,6 +17,10 @@ pub trait Payload:
     /// FNV-1a over the names, offsets and types of all fields.
     const LAYOUT_HASH: u64;
 
+    /// The message whose bytes these are, as another process left them: any bytes make one. [`check`](Self::check) says
+    /// whether it can be read. None where there are not as many bytes as it has.
+    fn from_bytes(bytes: &[u8]) -> Option<Self>;
+
     /// Checks what makes the message readable: its layout version and its counts.
     ///
     /// What another process wrote is a claim. Physical ranges are not checked here.
@@ -49,6 +53,8 @@ pub(crate) trait Field: Copy {
     const ZERO: Self;
     /// Identity of the type for the layout hash.
     const TYPE_HASH: u64;
+    /// Reads the type from the first bytes and moves on behind them; none where there are too few.
+    fn take(bytes: &mut &[u8]) -> Option<Self>;
 }
 
 const FNV_OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
@@ -78,6 +84,11 @@ macro_rules! plain_fields {
         impl Field for $t {
             const ZERO: Self = $zero;
             const TYPE_HASH: u64 = hash_text(stringify!($t));
+            fn take(bytes: &mut &[u8]) -> Option<Self> {
+                let (first, rest) = bytes.split_first_chunk()?;
+                *bytes = rest;
+                Some(Self::from_ne_bytes(*first))
+            }
         }
     )* };
 }
@@ -86,6 +97,13 @@ plain_fields!(u8 = 0, i8 = 0, u32 = 0, u64 = 0, f64 = 0.0);
 impl<T: Field, const N: usize> Field for [T; N] {
     const ZERO: Self = [T::ZERO; N];
     const TYPE_HASH: u64 = mix(T::TYPE_HASH, N as u64);
+    fn take(bytes: &mut &[u8]) -> Option<Self> {
+        let mut all = Self::ZERO;
+        for one in &mut all {
+            *one = T::take(bytes)?;
+        }
+        Some(all)
+    }
 }
 
 /// Declares a payload or a part of one: struct, hash, zero value, and the proof that no byte is padding.
@@ -110,6 +128,10 @@ macro_rules! plain_struct {
                 )*
                 hash
             };
+            // Without padding, one field after the other is what stands in memory.
+            fn take(bytes: &mut &[u8]) -> Option<Self> {
+                Some(Self { $($field: <$type as $crate::layout::Field>::take(bytes)?,)* })
+            }
         }
 
         const _: () = assert!(
@@ -127,6 +149,11 @@ macro_rules! payload {
             const NAME: &'static str = $wire;
             const LAYOUT: u32 = $layout;
             const LAYOUT_HASH: u64 = <$name as $crate::layout::Field>::TYPE_HASH;
+
+            fn from_bytes(mut bytes: &[u8]) -> Option<Self> {
+                let message = <$name as $crate::layout::Field>::take(&mut bytes)?;
+                bytes.is_empty().then_some(message)
+            }
 
             fn check(&self) -> Result<(), $crate::layout::Malformed> {
                 $crate::layout::within::<Self>(

@@ -54,6 +54,9 @@ impl<const N: usize> Text<N> {
 impl<const N: usize> Field for Text<N> {
     const ZERO: Self = Self { bytes: [0; N] };
     const TYPE_HASH: u64 = mix(hash_text("text"), N as u64);
+    fn take(bytes: &mut &[u8]) -> Option<Self> {
+        Some(Self { bytes: Field::take(bytes)? })
+    }
 }
 
 impl<const N: usize> core::fmt::Debug for Text<N> {

@@ -100,6 +100,20 @@ fn the_bounds_inside_a_status_stand() {
 }
 
 #[test]
+fn a_message_is_read_from_bytes_in_the_order_of_its_offsets() {
+    let mut bytes = vec![0; size_of::<Command>()];
+    bytes[36..40].copy_from_slice(&6_u32.to_ne_bytes());
+    bytes[44] = 0xff;
+    bytes[64 + 8..64 + 16].copy_from_slice(&0.5_f64.to_ne_bytes());
+    let command = Command::from_bytes(&bytes).unwrap();
+    assert_eq!((command.joints, command.direction[0], command.q[1]), (6, -1, 0.5));
+    assert!(command.check().is_err(), "layout version 0");
+    assert!(Command::from_bytes(&bytes[1..]).is_none());
+    bytes.push(0);
+    assert!(Command::from_bytes(&bytes).is_none());
+}
+
+#[test]
 fn the_contract_stands() {
     assert_eq!(CONTRACT_VERSION, 3);
     assert_eq!(CONTRACT_HASH, 0xde7c_b6dd_56da_b584, "{CONTRACT_HASH:#018x}");

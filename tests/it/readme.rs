@@ -65,8 +65,11 @@ fn every_link_leads_to_a_file() {
         "docs/bench.md",
         "docs/cell.md",
         "docs/clients.md",
+        "docs/guide.md",
+        "docs/install.md",
         "docs/mapping.md",
         "docs/notation.md",
+        "docs/threat-model.md",
         "docs/vibration.md",
     ];
     let mut dead = Vec::new();

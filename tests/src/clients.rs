@@ -160,17 +160,31 @@ impl Prefix {
     /// Builds an example by what `pkg-config` says.
     #[must_use]
     pub fn build(&self, language: Language, source: &str) -> PathBuf {
+        let name = format!("{source}-{language:?}");
+        self.build_of(language, &[self.source(language, source)], &[], &name)
+    }
+
+    /// Builds a program of these sources, with these folders of headers, by what `pkg-config` says.
+    #[must_use]
+    pub fn build_of(
+        &self,
+        language: Language,
+        sources: &[PathBuf],
+        headers: &[PathBuf],
+        name: &str,
+    ) -> PathBuf {
         let flags = run(Command::new("pkg-config")
             .args(["--cflags", "--libs", "trued_client"])
             .env("PKG_CONFIG_PATH", self.prefix.join("lib/pkgconfig")));
         let flags = String::from_utf8(flags.stdout).expect("UTF-8");
-        let program = self.folder.join(format!("{source}-{language:?}"));
+        let program = self.folder.join(name);
         // Blanks within a path come with a backslash.
         let flags = flags.trim().replace("\\ ", "\u{1}");
         run(Command::new(language.compiler())
             .args([language.standard(), "-O2", "-g", "-D_POSIX_C_SOURCE=200809L"])
             .args(STRICT)
-            .arg(self.source(language, source))
+            .args(headers.iter().map(|folder| format!("-I{}", folder.display())))
+            .args(sources)
             .args(flags.split_whitespace().map(|flag| flag.replace('\u{1}', " ")))
             .args(["-lm", "-pthread"])
             .arg(format!("-Wl,-rpath,{}", self.prefix.join("lib").display()))

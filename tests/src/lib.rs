@@ -6,8 +6,10 @@
 pub mod cell_loop;
 pub mod chance;
 pub mod clients;
+pub mod fuzz;
 pub mod gauge;
 pub mod hostile;
+pub mod mutate;
 pub mod place;
 pub mod process;
 pub mod sensor;

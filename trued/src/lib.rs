@@ -46,8 +46,14 @@ pub fn run(args: impl Iterator<Item = OsString>) -> ExitCode {
     exit::code(&outcome)
 }
 
+/// The command line, for what is made of it: man pages, completions.
+#[must_use]
+pub fn command() -> clap::Command {
+    help::dressed(Cli::command())
+}
+
 fn parse(args: impl Iterator<Item = OsString>) -> Result<Cli, clap::Error> {
-    let mut matches = help::dressed(Cli::command()).try_get_matches_from(args)?;
+    let mut matches = command().try_get_matches_from(args)?;
     Cli::from_arg_matches_mut(&mut matches)
 }
 

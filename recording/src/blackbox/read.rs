@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use mcap::parse_record;
-use mcap::records::Record as McapRecord;
+use mcap::records::{Record as McapRecord, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::records::Record;
@@ -66,10 +66,11 @@ pub fn read_bytes(name: &str, bytes: &[u8]) -> Result<Contents, BlackBoxError> {
                 reader.notify_read(given.len());
                 rest = later;
             }
-            Ok(LinearReadEvent::Record { data, opcode }) => match parse_record(opcode, data) {
-                Ok(record) => gathered.take(record),
-                Err(error) => {
-                    gathered.contents.cut = Some(error.to_string());
+            Ok(LinearReadEvent::Record { data, opcode }) => match of_use(opcode, data) {
+                Ok(Some(record)) => gathered.take(record),
+                Ok(None) => {}
+                Err(cut) => {
+                    gathered.contents.cut = Some(cut);
                     break;
                 }
             },
@@ -80,6 +81,52 @@ pub fn read_bytes(name: &str, bytes: &[u8]) -> Result<Contents, BlackBoxError> {
         }
     }
     if gathered.has_header { Ok(gathered.contents) } else { Err(not_ours("has no header of ours")) }
+}
+
+/// A record, where it is of a kind that is looked at; else why the file ends here.
+fn of_use(opcode: u8, data: &[u8]) -> Result<Option<McapRecord<'_>>, String> {
+    // The library takes memory for a text before it looks whether there is as much of it.
+    let fits = match opcode {
+        op::METADATA => Texts(data).text().and_then(Texts::pairs).is_some(),
+        op::CHANNEL => {
+            let texts = data.get(4..).map(Texts);
+            texts.and_then(Texts::text).and_then(Texts::text).and_then(Texts::pairs).is_some()
+        }
+        op::MESSAGE => true,
+        _ => return Ok(None),
+    };
+    if !fits {
+        return Err("a text is longer than the record that it stands in".to_owned());
+    }
+    parse_record(opcode, data).map(Some).map_err(|error| error.to_string())
+}
+
+/// Texts in a row as they stand in a record, each behind its length.
+struct Texts<'d>(&'d [u8]);
+
+impl<'d> Texts<'d> {
+    /// The length that stands first, and what follows it.
+    fn length(self) -> Option<(usize, &'d [u8])> {
+        let (length, rest) = self.0.split_first_chunk()?;
+        Some((usize::try_from(u32::from_le_bytes(*length)).ok()?, rest))
+    }
+
+    /// Behind the first text; none where it is longer than what there is.
+    fn text(self) -> Option<Self> {
+        let (length, rest) = self.length()?;
+        rest.get(length..).map(Self)
+    }
+
+    /// Behind a list of pairs.
+    fn pairs(self) -> Option<Self> {
+        let (length, rest) = self.length()?;
+        let (pairs, behind) = rest.split_at_checked(length)?;
+        let mut texts = Self(pairs);
+        while !texts.0.is_empty() {
+            texts = texts.text()?.text()?;
+        }
+        Some(Self(behind))
+    }
 }
 
 #[derive(Default)]

@@ -102,7 +102,9 @@ impl Current {
         )
     }
 
-    fn parse(text: &str) -> Option<Self> {
+    /// What such a file's text announces; none where it makes no sense.
+    #[must_use]
+    pub fn parse(text: &str) -> Option<Self> {
         let mut lines = text.lines();
         if lines.next()? != HEADER {
             return None;

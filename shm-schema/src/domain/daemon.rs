@@ -211,6 +211,8 @@ fn open_epoch(cell: &Cell) -> Result<(Node<ipc::Service>, DaemonPorts), DomainEr
     fs::create_dir(&dir).map_err(|e| DomainError::io("create the directory", &dir, e))?;
     let transport = |cause| DomainError::Transport { cell: cell.name().to_owned(), cause };
     let node = super::node(cell, epoch).map_err(transport)?;
+    cell.close_to_others(epoch)
+        .map_err(|e| DomainError::io("close to other users the memory of", &dir, e))?;
     let services = Arc::new(Services::make(&node, Way::Create)?);
     Ok((node, DaemonPorts { services, epoch }))
 }

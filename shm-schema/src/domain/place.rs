@@ -11,7 +11,7 @@
 //! ```
 
 use std::fs;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -150,6 +150,18 @@ impl Cell {
                 let _ = fs::remove_file(&path);
             }
         }
+    }
+
+    /// Closes memory of an epoch to all other users: the transport (0.10.0) makes one small block, its counter of
+    /// identities, for everyone to write.
+    pub(crate) fn close_to_others(&self, epoch: u64) -> std::io::Result<()> {
+        let prefix = self.epoch_prefix(epoch);
+        for (name, path) in entries(Path::new(SHARED_MEMORY)) {
+            if name.starts_with(&prefix) && fs::metadata(&path)?.mode() & 0o077 != 0 {
+                fs::set_permissions(&path, fs::Permissions::from_mode(0o600))?;
+            }
+        }
+        Ok(())
     }
 
     /// Removes every epoch but `keep`: its directory and its memory, both or none.

@@ -5,6 +5,7 @@ mod cost;
 mod figures;
 mod outage;
 mod python;
+mod ros2;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -58,10 +59,15 @@ fn compiled(prefix: &Prefix, source: &str) -> Vec<(Language, PathBuf)> {
 
 /// A program in that language; none where this machine lacks what it takes.
 fn built(prefix: &Prefix, language: Language, source: &str) -> Option<PathBuf> {
+    can_build(language, source).then(|| prefix.build(language, source))
+}
+
+/// Whether this machine has what a program in that language takes; else that it is missing is said and counted.
+fn can_build(language: Language, source: &str) -> bool {
     let needs = ["pkg-config", language.compiler()];
     if let Some(missing) = needs.iter().find(|program| !has(program)) {
         skipped(scratch(), &format!("{source} in {language:?}"), &format!("no `{missing}`"));
-        return None;
+        return false;
     }
-    Some(prefix.build(language, source))
+    true
 }

@@ -1,0 +1,145 @@
+//! What holds for any robot: random errors of random size, random poses, through the whole corrector.
+#![expect(clippy::expect_used, reason = "in a test a panic is the message")]
+
+mod support;
+
+use corrector::{Command, Corrector, Mode, Outcome, Reason, Settings, Status, World};
+use physics::{Arm, Chain, Inputs, JOINTS_MAX, Memories, Model};
+use proptest::prelude::*;
+use support::{DT_NS, effect, envelope, portal, seven, six};
+
+/// Numbers from −1 to 1 for each joint's errors, then the tool's and the base's.
+type Errors = (Vec<[f64; 5]>, [f64; 7]);
+
+fn errors() -> impl Strategy<Value = Errors> {
+    let number = || -1.0..1.0_f64;
+    (prop::collection::vec(prop::array::uniform5(number()), 7), prop::array::uniform7(number()))
+}
+
+fn places() -> impl Strategy<Value = Vec<f64>> {
+    prop::collection::vec(0.0..1.0_f64, 7)
+}
+
+/// Six revolute joints, three slides with a wrist, or seven joints.
+fn arm(which: u8) -> Arm {
+    [six(), portal(), seven()][usize::from(which % 3)]
+}
+
+/// A robot whose errors are those, times `size`.
+fn erring(arm: Arm, (joints, whole): &Errors, size: f64) -> Model {
+    let mut model = Model::nominal(arm);
+    let mut push = |kind: &str, joint: Option<usize>, given: &[(&str, &[f64])]| {
+        model.push(effect(&arm, kind, joint, given)).expect("room");
+    };
+    for (i, [offset, ratio, amplitude, phase, compliance]) in
+        joints.iter().enumerate().take(arm.count())
+    {
+        let joint = Some(i);
+        push("joint_offset", joint, &[("offset", &[2e-3 * size * offset])]);
+        push("joint_ratio", joint, &[("ratio", &[3e-4 * size * ratio])]);
+        let wave: &[(&str, &[f64])] = &[
+            ("amplitude", &[1e-4 * size * amplitude.abs()]),
+            ("cycles", &[(40.0 * ratio.abs()).round() + 1.0]),
+            ("phase", &[3.0 * phase]),
+        ];
+        push("transmission_error", joint, wave);
+        push("joint_compliance", joint, &[("compliance", &[4e-6 * size * compliance.abs()])]);
+    }
+    let [x, y, z, a, b, c, base] = whole.map(|x| x * size);
+    push(
+        "tool_offset",
+        None,
+        &[("shift", &[5e-4 * x, 5e-4 * y, 5e-4 * z]), ("turn", &[5e-4 * a, 5e-4 * b, 5e-4 * c])],
+    );
+    push("base_compliance", None, &[("compliance", &[1e-7 * base.abs()])]);
+    model
+}
+
+/// A pose in the middle eight tenths of the joints' ranges.
+fn pose(arm: &Arm, places: &[f64]) -> Vec<f64> {
+    let within = |(joint, at): (&physics::Joint, &f64)| {
+        let (low, high) = joint.limits;
+        low + (high - low) * (0.1 + 0.8 * at)
+    };
+    arm.joints().iter().zip(places).map(within).collect()
+}
+
+/// A pose at rest, as a corrector answers it that has seen nothing before.
+fn settled(model: &Model, q: &[f64], mode: Mode) -> Outcome {
+    let settings = Settings { mode, lockstep: true, ..Settings::with_envelope(envelope()) };
+    let mut corrector = Corrector::new(settings);
+    let mut command = Command::new(1, DT_NS, q);
+    command.settled = true;
+    let wanted = corrector.correct(model, &command, &World::default(), DT_NS);
+    corrector.bound(model, &wanted)
+}
+
+fn filled(q: &[f64]) -> [f64; JOINTS_MAX] {
+    let mut all = [0.0; JOINTS_MAX];
+    all[..q.len()].copy_from_slice(q);
+    all
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { max_global_rejects: 4000, ..ProptestConfig::with_cases(400) })]
+
+    #[test]
+    fn a_corrected_robot_stands_where_the_nominal_one_would(which in 0..3_u8, errors in errors(), places in places()) {
+        let model = erring(arm(which), &errors, 1.0);
+        let q = pose(&model.arm, &places);
+        let outcome = settled(&model, &q, Mode::Full);
+        prop_assume!((outcome.status, outcome.reason) == (Status::Corrected, Reason::None));
+        let target = outcome.q.expect("a target");
+        let real = model.evaluate(&Inputs::at_rest(target), &Memories::default()).real.base_from_tool;
+        let wanted = Chain::nominal(&model.arm, &filled(&q)).base_from_tool;
+        let off = (real.origin - wanted.origin).length();
+        prop_assert!(off < 1e-8, "{off} m");
+        let turned = real.rotation - wanted.rotation;
+        prop_assert!(turned.to_cols_array().iter().all(|x| x.abs() < 1e-8), "{turned:?}");
+    }
+
+    #[test]
+    fn no_error_however_large_leads_out_of_the_envelope_or_to_no_number(
+        which in 0..3_u8, errors in errors(), places in places(), size in -3.0..6.0_f64, limited in any::<bool>(),
+    ) {
+        let model = erring(arm(which), &errors, 10.0_f64.powf(size));
+        let q = pose(&model.arm, &places);
+        let (mode, share) = if limited { (Mode::Limited, 0.1) } else { (Mode::Full, 1.0) };
+        let outcome = settled(&model, &q, mode);
+        let target = outcome.q.expect("a good command has a target");
+        for (i, joint) in model.arm.joints().iter().enumerate() {
+            let (low, high) = joint.limits;
+            prop_assert!((low..=high).contains(&target[i]), "joint {i} at {}", target[i]);
+            let off = (target[i] - q[i]).abs();
+            prop_assert!(off <= share * envelope().angle() * (1.0 + 1e-12), "joint {i} off by {off}");
+            prop_assert!(outcome.wanted[i].is_finite(), "joint {i} wants {}", outcome.wanted[i]);
+        }
+    }
+
+    #[test]
+    fn a_robot_without_errors_is_left_alone_wherever_it_stands(which in 0..3_u8, places in places()) {
+        let model = Model::nominal(arm(which));
+        let q = pose(&model.arm, &places);
+        for mode in [Mode::Full, Mode::Limited, Mode::Shadow] {
+            let outcome = settled(&model, &q, mode);
+            prop_assert_eq!(outcome.q.expect("a target"), filled(&q));
+        }
+    }
+
+    #[test]
+    fn the_same_target_again_is_the_same_correction(which in 0..3_u8, errors in errors(), places in places()) {
+        let model = erring(arm(which), &errors, 1.0);
+        let q = pose(&model.arm, &places);
+        let mut corrector = Corrector::new(Settings::with_envelope(envelope()));
+        let mut answer = |seq: u64| {
+            let command = Command::new(seq, seq * DT_NS, &q);
+            let wanted = corrector.correct(&model, &command, &World::default(), seq * DT_NS);
+            corrector.bound(&model, &wanted)
+        };
+        let arrived = (1..1500).map(&mut answer).last().expect("cycles");
+        prop_assume!(arrived.status == Status::Corrected);
+        for seq in 1500..1510 {
+            prop_assert_eq!(answer(seq).q, arrived.q);
+        }
+    }
+}

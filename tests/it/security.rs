@@ -1,0 +1,128 @@
+//! What the threat model says (docs/threat-model.md): one user, no network, nothing that others can read or fill.
+
+use crate::{RIG_CELL, TRUED};
+use std::collections::BTreeSet;
+use std::fs;
+use std::os::unix::fs::{PermissionsExt, chown};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+use tests::clients::{run, skipped};
+use tests::place::{CELL, Place};
+use tests::process::Process;
+use trued_client::Client;
+
+const LIMIT: Duration = Duration::from_secs(20);
+/// `nobody`, on every Linux.
+const NOBODY: u32 = 65_534;
+
+fn ready(place: &Place) -> Process {
+    let daemon = Process::daemon(TRUED, place);
+    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    daemon
+}
+
+/// Whether this test may become another user.
+fn may_become_others(claim: &str) -> bool {
+    let root = rustix::process::geteuid().is_root() && tests::clients::has("setpriv");
+    if !root {
+        skipped(Path::new(env!("CARGO_TARGET_TMPDIR")), claim, "not root, or no `setpriv`");
+    }
+    root
+}
+
+/// A command as that user, who may start the program although the tree's own folders are closed to others.
+fn as_nobody(place: &Place, program: &str) -> Command {
+    let copy = place.file("program");
+    fs::copy(program, &copy).unwrap();
+    fs::set_permissions(&copy, fs::Permissions::from_mode(0o755)).unwrap();
+    let id = NOBODY.to_string();
+    let mut command = Command::new("setpriv");
+    command.args(["--reuid", &id, "--regid", &id, "--clear-groups"]).arg(copy);
+    command.env(shm_schema::RUNTIME_DIR_ENV, place.root());
+    command
+}
+
+/// All of a cell that stands where others may look: its directory, which closes all that is in it, and its blocks.
+fn in_memory(place: &Place) -> Vec<PathBuf> {
+    let mut found = vec![place.cell().dir().to_path_buf()];
+    let prefix = place.cell().shared_memory_prefix();
+    let blocks = fs::read_dir("/dev/shm").unwrap().flatten();
+    let ours = blocks.filter(|block| block.file_name().to_string_lossy().starts_with(&prefix));
+    found.extend(ours.map(|block| block.path()));
+    found
+}
+
+#[test]
+fn the_daemon_opens_no_network_socket() {
+    let place = Place::new("full", "[force]\nrate_Hz = 1000.0\n[vibration]\nband_Hz = [5, 400]\n");
+    let daemon = ready(&place);
+    let process = PathBuf::from(format!("/proc/{}", daemon.id()));
+    let links = fs::read_dir(process.join("fd")).unwrap().flatten();
+    let sockets: BTreeSet<String> = links
+        .filter_map(|link| fs::read_link(link.path()).ok())
+        .filter_map(|to| {
+            let to = to.to_string_lossy().into_owned();
+            Some(to.strip_prefix("socket:[")?.trim_end_matches(']').to_owned())
+        })
+        .collect();
+    for table in ["tcp", "tcp6", "udp", "udp6", "raw", "raw6", "packet", "icmp"] {
+        let table = fs::read_to_string(process.join("net").join(table)).unwrap_or_default();
+        for line in table.lines().skip(1) {
+            let open = line.split_whitespace().find(|word| sockets.contains(*word));
+            assert_eq!(open, None, "a network socket: {line}");
+        }
+    }
+}
+
+#[test]
+fn what_a_cell_has_in_memory_is_closed_to_all_others() {
+    let place = Place::new("full", "");
+    let _daemon = ready(&place);
+    // What joins later makes memory of its own.
+    let _client = Client::connect_to(&place.cell(), LIMIT).unwrap();
+    let found = in_memory(&place);
+    assert!(found.len() > 10, "{found:?}");
+    for path in found {
+        let mode = fs::metadata(&path).unwrap().permissions().mode();
+        assert_eq!(mode & 0o077, 0, "{}: mode {mode:o}", path.display());
+    }
+}
+
+#[test]
+fn another_user_is_refused_by_name_and_can_open_nothing() {
+    if !may_become_others("a cell is closed to other users") {
+        return;
+    }
+    let place = Place::new("full", "");
+    let mut daemon = ready(&place);
+    let refused = as_nobody(&place, RIG_CELL).output().unwrap();
+    let words = String::from_utf8_lossy(&refused.stdout).into_owned();
+    assert!(words.contains("user 0") && words.contains(&NOBODY.to_string()), "{words}");
+    for path in in_memory(&place) {
+        for operator in ["-r", "-w"] {
+            let mut test = Command::new("setpriv");
+            let id = NOBODY.to_string();
+            test.args(["--reuid", &id, "--regid", &id, "--clear-groups", "test", operator]);
+            assert!(!test.arg(&path).status().unwrap().success(), "{operator} {}", path.display());
+        }
+    }
+    assert!(daemon.is_running());
+}
+
+#[test]
+fn a_directory_that_another_user_made_first_is_refused_and_the_user_is_named() {
+    if !may_become_others("a squatted directory is refused") {
+        return;
+    }
+    let place = Place::new("full", "");
+    let squatted = place.cell().dir().to_path_buf();
+    fs::create_dir(&squatted).unwrap();
+    fs::set_permissions(&squatted, fs::Permissions::from_mode(0o700)).unwrap();
+    chown(&squatted, Some(NOBODY), Some(NOBODY)).unwrap();
+    let mut daemon = Process::daemon(TRUED, &place);
+    assert_eq!(daemon.wait().code(), Some(3));
+    let words = daemon.lines().join("\n");
+    assert!(words.contains(&format!("user {NOBODY}")) && words.contains(CELL), "{words}");
+    run(Command::new("rm").arg("-r").arg(&squatted));
+}

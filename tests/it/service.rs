@@ -1,0 +1,143 @@
+//! What the package installs: units that a service manager takes, closed as far as is promised, and a cell that starts in shadow.
+
+use crate::TRUED;
+use recording::cell::{CellConfig, Mode};
+use recording::model::RobotModel;
+use shm_schema::RUNTIME_DIR_ENV;
+use std::fs;
+use std::os::unix::net::UnixDatagram;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+use tests::clients::{has, root, run, skipped};
+use tests::place::Place;
+
+const LIMIT: Duration = Duration::from_secs(20);
+/// The largest exposure of a service, by `systemd-analyze security`, times ten.
+const EXPOSURE_MAX: &str = "25";
+
+fn deploy(name: &str) -> PathBuf {
+    root().join("deploy").join(name)
+}
+
+/// Whether a tool is there; else that it is not is said and counted.
+fn can(tool: &str, claim: &str) -> bool {
+    let there = has(tool);
+    if !there {
+        let why = format!("no `{tool}` (Debian: apt-get install systemd)");
+        skipped(Path::new(env!("CARGO_TARGET_TMPDIR")), claim, &why);
+    }
+    there
+}
+
+#[test]
+fn the_daemon_tells_its_service_manager_that_it_is_ready_alive_and_ending() {
+    let place = Place::new("shadow", "");
+    let path = place.file("notify");
+    let manager = UnixDatagram::bind(&path).unwrap();
+    manager.set_read_timeout(Some(LIMIT)).unwrap();
+    let mut daemon = Command::new(TRUED)
+        .args(["run".as_ref(), "--config".as_ref(), place.file("cell.toml").as_os_str()])
+        .env(RUNTIME_DIR_ENV, place.root())
+        .env("NOTIFY_SOCKET", &path)
+        .env("WATCHDOG_USEC", "300000")
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let heard = || {
+        let mut bytes = [0; 1024];
+        let length = manager.recv(&mut bytes).expect("a word within the limit");
+        String::from_utf8_lossy(&bytes[..length]).into_owned()
+    };
+    assert!(heard().starts_with("READY=1\nSTATUS="), "ready first");
+    // Without a single command: the cycle lives all the same.
+    for _ in 0..3 {
+        assert!(heard().starts_with("WATCHDOG=1\nSTATUS="));
+    }
+    let pid = rustix::process::Pid::from_child(&daemon);
+    rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
+    let since = Instant::now();
+    while heard() != "STOPPING=1" {
+        assert!(since.elapsed() < LIMIT);
+    }
+    assert!(daemon.wait().unwrap().success());
+}
+
+#[test]
+fn the_units_are_closed_as_far_as_promised() {
+    if !can("systemd-analyze", "units: exposure") {
+        return;
+    }
+    for unit in ["trued@.service", "trued-bridge@.service"] {
+        let threshold = format!("--threshold={EXPOSURE_MAX}");
+        let mut analyze = Command::new("systemd-analyze");
+        analyze.args(["security", "--offline=true", "--no-pager", &threshold]);
+        let output = run(analyze.arg(deploy("systemd").join(unit)));
+        println!("{}", String::from_utf8_lossy(&output.stdout).lines().last().unwrap_or_default());
+    }
+}
+
+#[test]
+fn the_units_have_no_key_that_the_service_manager_does_not_know() {
+    if !can("systemd-analyze", "units: keys") {
+        return;
+    }
+    for unit in ["trued@.service", "trued-bridge@.service"] {
+        let mut analyze = Command::new("systemd-analyze");
+        let output = analyze.arg("verify").arg(deploy("systemd").join(unit)).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        // The program and its page are not installed where this test runs.
+        let fault = said.lines().find(|line| {
+            !line.contains("/usr/bin/trued is not executable") && !line.contains("'man trued")
+        });
+        assert_eq!(fault, None, "{said}");
+    }
+}
+
+#[test]
+fn user_and_folders_are_made_as_the_unit_needs_them() {
+    if !can("systemd-sysusers", "the user `trued`") || !can("systemd-tmpfiles", "its folders") {
+        return;
+    }
+    let scratch = Place::new("shadow", "");
+    let at = format!("--root={}", scratch.root().display());
+    fs::create_dir(scratch.root().join("etc")).unwrap();
+    run(Command::new("systemd-sysusers").arg(&at).arg(deploy("systemd/trued.sysusers")));
+    let users = fs::read_to_string(scratch.root().join("etc/passwd")).unwrap();
+    let user = users.lines().find(|line| line.starts_with("trued:")).unwrap();
+    assert!(user.ends_with("/nologin") && user.contains(":/var/lib/trued:"), "{user}");
+    let unit = fs::read_to_string(deploy("systemd/trued@.service")).unwrap();
+    assert!(unit.contains("User=trued\n") && unit.contains("TRUED_RUNTIME_DIR=/run/trued\n"));
+    let folders = fs::read_to_string(deploy("systemd/trued.tmpfiles")).unwrap();
+    assert!(folders.contains("d /run/trued 0700 trued trued"), "{folders}");
+    if rustix::process::geteuid().is_root() {
+        run(Command::new("systemd-tmpfiles")
+            .args(["--create", &at])
+            .arg(deploy("systemd/trued.tmpfiles")));
+        assert!(scratch.root().join("var/lib/trued/recordings").is_dir());
+    }
+}
+
+#[test]
+fn the_cell_that_is_installed_starts_as_it_is_and_changes_nothing() {
+    let config = CellConfig::read(&deploy("etc/cell.toml")).unwrap();
+    assert_eq!(config.mode, Mode::Shadow);
+    let model = RobotModel::read(&config.model).unwrap();
+    assert!(
+        config.check_against("cell.toml", &daemon::setup::joint_kinds(&model.physics.arm)).is_ok()
+    );
+    let recorder = config.recorder.unwrap();
+    assert!(recorder.dir.starts_with("/var/lib/trued"), "where the unit may write");
+    // What stands behind a comment sign is as good as what does not.
+    let text = fs::read_to_string(deploy("etc/cell.toml")).unwrap();
+    let all = text.replace("\n#[", "\n[").lines().map(uncommented).collect::<Vec<_>>().join("\n");
+    let whole = CellConfig::parse("cell.toml", &all).unwrap();
+    assert!(whole.force.is_some() && whole.vibration.is_some() && whole.realtime.core.is_some());
+}
+
+/// A key behind a comment sign without a space is one that may be switched on.
+fn uncommented(line: &str) -> &str {
+    let key = line.strip_prefix('#').filter(|rest| rest.starts_with(|c: char| c.is_lowercase()));
+    key.filter(|rest| rest.contains(" = ")).unwrap_or(line)
+}

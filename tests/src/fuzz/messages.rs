@@ -1,0 +1,134 @@
+//! Shared memory: whatever another process left there, no target breaks a bound and no sentence fails.
+//!
+//! Never: a port; these are the checks behind it.
+
+use corrector::{Corrector, Mode, Settings, World, WrenchSample};
+use envelope::Limits;
+use glam::DVec3;
+use physics::{Model, Wrench};
+use recording::model::presets::preset;
+use shm_schema::{
+    Command, Corrected, Current, ForceBlock, Payload, Request, Response, RobotState, Status,
+    Verdict,
+};
+use spectrum::{Block, Watch, WatchConfig};
+use std::fmt::Debug;
+use std::sync::LazyLock;
+
+const PERIOD_NS: u64 = 1_000_000;
+
+/// The messages that these bytes are, one behind the other; the last is filled up with zeros.
+fn messages<T: Payload>(bytes: &[u8]) -> impl Iterator<Item = T> {
+    let whole = |part: &[u8]| {
+        let mut part = part.to_vec();
+        part.resize(size_of::<T>(), 0);
+        T::from_bytes(&part).expect("as many bytes as it has")
+    };
+    bytes.chunks(size_of::<T>()).map(whole)
+}
+
+static MODEL: LazyLock<Model> = LazyLock::new(|| {
+    let preset = preset("irb1600-6-145-thesis").expect("a preset of the house");
+    preset.model().expect("a sound preset").physics
+});
+
+/// Commands in a row, as the cycle takes them: checked, judged, corrected, bounded.
+pub(super) fn commands(bytes: &[u8]) {
+    let limits = Limits::new(0.02, 0.05, 5.0).expect("bounds as a cell has them");
+    let settings = Settings { mode: Mode::Full, ..Settings::with_envelope(limits) };
+    let mut corrector = Corrector::new(settings);
+    let mut last = None;
+    for (at, command) in messages::<Command>(bytes).enumerate() {
+        let now_ns = (at as u64 + 1) * PERIOD_NS;
+        let readable = command.check().map_err(|fault| fault.to_string()).is_ok();
+        let _ = (command.joints().len(), format!("{command:?}"));
+        let made = if readable {
+            let claim = daemon::translate::command(&command, now_ns, false);
+            let world = World { wrench: Some(wrench(&command)), ..World::default() };
+            let wanted = corrector.correct(&MODEL, &claim, &world, now_ns);
+            Some(corrector.bound(&MODEL, &wanted))
+        } else {
+            corrector.idle(&MODEL, now_ns)
+        };
+        let Some(outcome) = made else { continue };
+        let message = daemon::translate::corrected(&outcome, MODEL.arm.count());
+        assert!(message.check().is_ok(), "what goes out can be read");
+        if outcome.status != corrector::Status::Rejected && readable {
+            last = Some(command.q);
+        }
+        let (Some(q), Some(q_cmd)) = (outcome.q, last) else { continue };
+        for (i, joint) in MODEL.arm.joints().iter().enumerate() {
+            let (low, high) = joint.limits;
+            assert!((low..=high).contains(&q[i]), "joint {i} at {}", q[i]);
+            let off = (q[i] - q_cmd[i]).abs();
+            assert!(off <= limits.angle() * (1.0 + 1e-12), "joint {i} off by {off}");
+        }
+    }
+}
+
+fn wrench(command: &Command) -> WrenchSample {
+    let [fx, fy, fz, mx, my, mz] = command.wrench;
+    let wrench = Wrench { force: DVec3::new(fx, fy, fz), moment: DVec3::new(mx, my, mz) };
+    let in_base = command.has(Command::WRENCH_IN_BASE);
+    WrenchSample { wrench, in_base, age_ns: PERIOD_NS }
+}
+
+/// Force blocks in a row, through the vibration watch.
+pub(super) fn force(bytes: &[u8]) {
+    let config = WatchConfig { rate_hz: 1000.0, channels: 3, ..WatchConfig::default() };
+    let mut watch = Watch::new(WatchConfig { band_hz: [5.0, 400.0], ..config }).expect("a band");
+    for block in messages::<ForceBlock>(bytes) {
+        let readable = block.check().map_err(|fault| fault.to_string()).is_ok();
+        let (channels, samples) =
+            if readable { (block.channels as usize, block.samples as usize) } else { (0, 0) };
+        let sample = |i: usize| block.channel(i % channels)[i / channels];
+        let samples: Vec<f64> = (0..channels * samples).map(sample).collect();
+        let _ = block.channel(usize::MAX);
+        let verdicts = watch.push(&Block {
+            session: block.session,
+            seq: block.seq,
+            samples_before: Some(block.samples_before),
+            t_ns: block.t_ns,
+            rate_hz: block.rate_hz,
+            channels,
+            samples: &samples,
+        });
+        for verdict in &verdicts {
+            let health = watch.health();
+            let message = daemon::verdicts::verdict(verdict, &health, 1);
+            assert!(message.check().is_ok() && !message.to_string().is_empty());
+        }
+    }
+    let _ = (watch.health(), watch.lines());
+}
+
+/// Every other message as it may stand in memory, and the file that says which memory that is. The first byte says which.
+pub(super) fn all_others(bytes: &[u8]) {
+    let Some((kind, rest)) = bytes.split_first() else { return };
+    match kind % 7 {
+        0 => each::<RobotState>(rest, |state| format!("{state:?}")),
+        1 => each::<Request>(rest, |request| {
+            format!("{:?} {}", request.operation(), request.path.as_str())
+        }),
+        2 => each::<Response>(rest, |response| format!("{response:?} {}", response.message)),
+        3 => each::<Verdict>(rest, ToString::to_string),
+        4 => each::<Status>(rest, |status| {
+            let faults: Vec<_> = status.force_faults().map(|fault| fault.to_string()).collect();
+            let codes = (status.health(), status.mode(), status.watch());
+            format!("{codes:?} {faults:?} {} {}", status.message, status.verdict)
+        }),
+        5 => each::<Corrected>(rest, |target| {
+            format!("{:?} {:?} {:?}", target.status(), target.reason(), target.joints())
+        }),
+        _ => {
+            let _ = Current::parse(&String::from_utf8_lossy(rest));
+        }
+    }
+}
+
+fn each<T: Payload + Debug>(bytes: &[u8], words: impl Fn(&T) -> String) {
+    for message in messages::<T>(bytes) {
+        let _ = message.check().map_err(|fault| fault.to_string());
+        assert!(!words(&message).is_empty());
+    }
+}

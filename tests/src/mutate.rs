@@ -1,0 +1,162 @@
+//! Inputs that nobody meant well, made from good ones: the same by seed on every machine.
+//!
+//! Promises: an input of at most [`BYTES_MAX`]. Never: knowledge of a format beyond what its examples show.
+
+use crate::chance::Chance;
+
+/// Longest input that is made.
+pub const BYTES_MAX: usize = 64 * 1024;
+
+/// What readers of numbers and texts stumble over.
+const WORDS: &[&[u8]] = &[
+    b"nan",
+    b"inf",
+    b"-inf",
+    b"1e308",
+    b"-1e309",
+    b"1e-320",
+    b"-0.0",
+    b"0",
+    b"1",
+    b"-1",
+    b"18446744073709551616",
+    b"-9223372036854775809",
+    b"4294967295",
+    b"0x7f",
+    b"1_000",
+    b"1,5",
+    b"\"",
+    b"'",
+    b"[",
+    b"]",
+    b"[[",
+    b"{",
+    b"}",
+    b"=",
+    b"#",
+    b",",
+    b";",
+    b"\t",
+    b"\n",
+    b"\r\n",
+    b"\0",
+    b"\x0c",
+    b"\xff",
+    b"\xef\xbb\xbf",
+    b"\xf0\x9f\xa6\xbe",
+    b"<",
+    b"/>",
+    b"&#x0;",
+    b"<!--",
+    b"\xff\xff\xff\xff\xff\xff\xff\xff",
+    b"\0\0\0\x80",
+    b"\x7f\xf0\0\0\0\0\0\0",
+    b"\xff\xff\xff\x7f",
+];
+
+/// Makes inputs out of examples.
+#[derive(Debug)]
+pub struct Mutator<'e> {
+    examples: &'e [Vec<u8>],
+    chance: Chance,
+}
+
+impl<'e> Mutator<'e> {
+    /// Of these examples, which are at least one.
+    #[must_use]
+    pub fn new(examples: &'e [Vec<u8>], seed: u64) -> Self {
+        Self { examples, chance: Chance::new(seed) }
+    }
+
+    /// The next input.
+    pub fn next_input(&mut self) -> Vec<u8> {
+        let mut bytes = self.example().to_vec();
+        for _ in 0..=self.chance.below(6) {
+            self.change(&mut bytes);
+        }
+        bytes.truncate(BYTES_MAX);
+        bytes
+    }
+
+    fn example(&mut self) -> &'e [u8] {
+        let examples = self.examples;
+        &examples[self.chance.below(examples.len() as u64) as usize]
+    }
+
+    /// A place in `length` bytes, their end included.
+    fn place(&mut self, length: usize) -> usize {
+        self.chance.below(length as u64 + 1) as usize
+    }
+
+    /// A stretch of them, short more often than long.
+    fn stretch(&mut self, length: usize) -> std::ops::Range<usize> {
+        let start = self.place(length);
+        let most = [4, 40, 400, length][self.chance.below(4) as usize];
+        start..start + self.place(most.min(length - start))
+    }
+
+    fn change(&mut self, bytes: &mut Vec<u8>) {
+        let stretch = self.stretch(bytes.len());
+        match self.chance.below(9) {
+            0 => self.one_byte(bytes),
+            1 => drop(bytes.drain(stretch)),
+            2 => bytes.truncate(stretch.start),
+            3 => {
+                let word = WORDS[self.chance.below(WORDS.len() as u64) as usize];
+                drop(bytes.splice(stretch, word.iter().copied()));
+            }
+            4 => self.again(bytes, stretch),
+            5 => {
+                let other = self.example();
+                let from = self.stretch(other.len());
+                drop(bytes.splice(stretch, other[from].iter().copied()));
+            }
+            6 => self.a_line_elsewhere(bytes),
+            7 => self.a_number(bytes),
+            _ => bytes[stretch].reverse(),
+        }
+    }
+
+    fn one_byte(&mut self, bytes: &mut [u8]) {
+        let at = self.place(bytes.len());
+        let bits = self.chance.bits();
+        if let Some(byte) = bytes.get_mut(at) {
+            *byte = if bits & 256 == 0 { bits as u8 } else { *byte ^ (1 << (bits & 7)) };
+        }
+    }
+
+    /// The same stretch several times: deep nesting, many rows.
+    fn again(&mut self, bytes: &mut Vec<u8>, stretch: std::ops::Range<usize>) {
+        let times = 1 << self.chance.below(10);
+        let room = BYTES_MAX.saturating_sub(bytes.len()) / stretch.len().max(1);
+        let more = bytes[stretch.clone()].repeat(times.min(room));
+        drop(bytes.splice(stretch.start..stretch.start, more));
+    }
+
+    fn a_line_elsewhere(&mut self, bytes: &mut Vec<u8>) {
+        let at = self.place(bytes.len());
+        let start = bytes[..at].iter().rposition(|b| *b == b'\n').map_or(0, |p| p + 1);
+        let end = bytes[at..].iter().position(|b| *b == b'\n').map_or(bytes.len(), |p| at + p + 1);
+        let line: Vec<u8> = bytes.drain(start..end).collect();
+        let to = self.place(bytes.len());
+        let to = bytes[..to].iter().rposition(|b| *b == b'\n').map_or(0, |p| p + 1);
+        drop(bytes.splice(to..to, line));
+    }
+
+    /// Another number where one stands as text.
+    fn a_number(&mut self, bytes: &mut Vec<u8>) {
+        let at = self.place(bytes.len());
+        let digit = |b: &u8| b.is_ascii_digit() || b".-+eE".contains(b);
+        let Some(start) = bytes[at..].iter().position(u8::is_ascii_digit).map(|p| at + p) else {
+            return;
+        };
+        let length = bytes[start..].iter().position(|b| !digit(b)).unwrap_or(bytes.len() - start);
+        let number = match self.chance.below(4) {
+            0 => f64::from_bits(self.chance.bits()).to_string(),
+            1 => (self.chance.bits() >> self.chance.below(64)).to_string(),
+            2 => format!("{:e}", self.chance.unit()),
+            _ => (self.chance.below(40) as f64 - 20.0).to_string(),
+        };
+        drop(bytes.splice(start..start + length, number.into_bytes()));
+    }
+}
