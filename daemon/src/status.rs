@@ -10,8 +10,8 @@ use corrector::Mode;
 use recording::cell::CellConfig;
 use recording::model::RobotModel;
 use shm_schema::{
-    Health, InCut, JointBounds, Reason, SensorFault, Status, Text, VibrationState, WatchState,
-    monotonic_ns,
+    Health, InCut, JointBounds, Reason, RecorderState, SensorFault, Status, Text, VibrationState,
+    WatchState, monotonic_ns,
 };
 use spectrum::ProcessState;
 use std::fmt::Write as _;
@@ -159,7 +159,7 @@ impl Constants {
     fn health(&self, exchange: &Exchange, status: &Status) -> Health {
         if !exchange.runs() {
             Health::Stopping
-        } else if status.force_faults().next().is_some() {
+        } else if status.force_faults().next().is_some() || recorder_fault(exchange).is_some() {
             Health::Degraded
         } else if !commands_come(exchange) {
             Health::Idle
@@ -202,6 +202,9 @@ impl Constants {
         for fault in status.force_faults() {
             add(format_args!("{fault}"));
         }
+        if let Some(fault) = recorder_fault(exchange) {
+            add(format_args!("{fault}"));
+        }
         if status.verdict.state().is_ok_and(|state| state != VibrationState::Over) {
             add(format_args!("{}", status.verdict));
         }
@@ -212,6 +215,17 @@ impl Constants {
             add(format_args!("{} effects of the model are not compensated", self.uncompensated));
         }
         words
+    }
+}
+
+/// What is wrong with the black box.
+fn recorder_fault(exchange: &Exchange) -> Option<&'static str> {
+    match exchange.recorder() {
+        RecorderState::Off | RecorderState::Recording => None,
+        RecorderState::Dropping => Some("the black box loses records: its disk does not answer"),
+        RecorderState::Failed => {
+            Some("nothing is recorded: the black box cannot be written; is its disk full?")
+        }
     }
 }
 

@@ -7,14 +7,14 @@ use crate::ageing::Age;
 use crate::exchange::{Exchange, LoadedModel};
 use crate::news::News;
 use crate::process::Process;
-use crate::{setup, status};
+use crate::{at_rest, setup, status};
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
 use recording::cell::CellConfig;
 use recording::model::RobotModel;
 use shm_schema::{
-    Answer, ControlServer, DaemonSide, JointBounds, Operation, PortError, Publisher, Request,
-    Response, Status,
+    Answer, ControlServer, DaemonSide, DomainError, JointBounds, Operation, PortError, Publisher,
+    Request, Response, Status,
 };
 use std::path::PathBuf;
 use std::sync::atomic::Ordering::Relaxed;
@@ -27,6 +27,8 @@ pub const LOOK_EVERY: Duration = Duration::from_millis(20);
 const STATUS_EVERY: u32 = 2;
 /// How long a model may take to be adopted, or threads to change over to a new epoch.
 const PATIENCE: Duration = Duration::from_millis(500);
+/// Whoever tears the cell's files again and again does not move its clients more often than this.
+const TORN_AGAIN_AFTER: Duration = Duration::from_millis(250);
 
 /// The supervisor's belongings.
 #[derive(Debug)]
@@ -43,6 +45,7 @@ pub struct Supervisor {
     age: Age,
     news: News,
     looks: u32,
+    torn_at: Option<Instant>,
 }
 
 impl Supervisor {
@@ -67,13 +70,17 @@ impl Supervisor {
             age: Age::default(),
             news: News::default(),
             looks: 0,
+            torn_at: None,
             domain,
             model,
         })
     }
 
     /// One look at everything.
-    pub fn look(&mut self, exchange: &Exchange) {
+    ///
+    /// # Errors
+    /// [`DomainError::AlreadyServed`] where the cell was taken away from this daemon and another one serves it.
+    pub fn look(&mut self, exchange: &Exchange) -> Result<(), DomainError> {
         free_retired(exchange);
         self.serve(exchange);
         let commands_come = status::commands_come(exchange);
@@ -83,12 +90,21 @@ impl Supervisor {
             info!(clients = found.cleaned, "cleaned up after clients that died");
         }
         if found.knocked {
-            self.renew(exchange);
+            warn!("a client cannot join the shared memory; making a new one");
+        }
+        let torn = found.torn && self.torn_at.is_none_or(|at| at.elapsed() > TORN_AGAIN_AFTER);
+        if torn {
+            warn!("files of this cell were removed or changed; making new ones");
+            self.torn_at = Some(Instant::now());
+        }
+        if found.knocked || torn {
+            self.renew(exchange)?;
         }
         if self.looks.is_multiple_of(STATUS_EVERY) {
             self.tell(exchange);
         }
         self.looks = self.looks.wrapping_add(1);
+        Ok(())
     }
 
     /// Publishes the status as it is now, and logs what is new in it.
@@ -108,16 +124,20 @@ impl Supervisor {
         }) {}
     }
 
-    /// A client cannot get into this epoch: threads change over to a new one, then it is announced.
-    fn renew(&mut self, exchange: &Exchange) {
-        warn!("a client cannot join the shared memory; making a new one");
-        if let Err(fault) = self.domain.renew() {
-            warn!(%fault, "no new epoch");
-            return;
+    /// Clients cannot get into this epoch: threads change over to a new one, then it is announced.
+    fn renew(&mut self, exchange: &Exchange) -> Result<(), DomainError> {
+        match self.domain.renew() {
+            Err(fault @ DomainError::AlreadyServed { .. }) => return Err(fault),
+            Err(fault) => {
+                warn!(%fault, "no new epoch");
+                return Ok(());
+            }
+            Ok(()) => {}
         }
         let ports = self.domain.ports();
         for ring in &exchange.new_ports {
-            let _ = ring.push(ports.clone());
+            // Ports of an epoch that a thread has not taken over yet are out of date.
+            ring.force_push(ports.clone());
         }
         let since = Instant::now();
         let taken = || exchange.new_ports.iter().all(ArrayQueue::is_empty);
@@ -132,6 +152,7 @@ impl Supervisor {
         if let Err(fault) = self.domain.announce() {
             warn!(%fault, "the new epoch could not be announced");
         }
+        Ok(())
     }
 }
 
@@ -176,9 +197,9 @@ impl Desk<'_> {
 
     fn reload(&mut self, exchange: &Exchange, path: &str) -> (Answer, String) {
         let path = if path.is_empty() { self.model_path.clone() } else { PathBuf::from(path) };
-        let next = match RobotModel::read(&path) {
+        let next = match at_rest::read(&path) {
             Ok(next) => next,
-            Err(fault) => return (Answer::Refused, brief(&fault.to_string())),
+            Err(fault) => return (Answer::Refused, brief(&fault)),
         };
         let (now, then) = (self.model.physics.arm.count(), next.physics.arm.count());
         if now != then {

@@ -15,6 +15,7 @@ mod cli;
 mod clients;
 mod diagnose;
 mod diagnose_garbage;
+mod faults;
 mod force;
 mod gauges;
 mod gears;
@@ -34,7 +35,9 @@ mod surface;
 mod sweeps;
 mod tap;
 
+use tests::pair::Programs;
+
 /// The program itself.
 const TRUED: &str = env!("CARGO_BIN_EXE_trued-under-test");
 /// A robot's loop that may be killed.
-const RIG_CELL: &str = env!("CARGO_BIN_EXE_rig-cell");
+const PROGRAMS: Programs<'static> = Programs { trued: TRUED, rig: env!("CARGO_BIN_EXE_rig-cell") };

@@ -66,6 +66,8 @@ pub struct CellLoop {
     said: (u64, Gauge),
     status: Status,
     patience: Duration,
+    /// By how much the clock that stamps the commands has been set, ns.
+    pub clock_set_ns: i64,
     due_ns: u64,
     before: Option<(u64, Tick)>,
 }
@@ -81,7 +83,18 @@ impl CellLoop {
         let gauge = Gauge::new(&status.bounds.rate[..JOINTS]);
         let said = (0, gauge.clone());
         let (ticks, broken, due_ns) = (0, Vec::new(), monotonic_ns());
-        Ok(Self { client, ticks, broken, gauge, said, status, patience, due_ns, before: None })
+        Ok(Self {
+            client,
+            ticks,
+            broken,
+            gauge,
+            said,
+            status,
+            patience,
+            clock_set_ns: 0,
+            due_ns,
+            before: None,
+        })
     }
 
     /// Waits until the next tick is due, commands, and looks at what comes.
@@ -90,7 +103,8 @@ impl CellLoop {
         let early_ns = self.due_ns.saturating_sub(monotonic_ns());
         std::thread::sleep(Duration::from_nanos(early_ns));
         let q_cmd = path(monotonic_ns());
-        let sent = self.client.send(&Setpoint::new(&q_cmd));
+        let t_ns = monotonic_ns().saturating_add_signed(self.clock_set_ns);
+        let sent = self.client.send(&Setpoint::new(&q_cmd).at_ns(t_ns));
         let answer = sent.ok().and_then(|seq| self.client.wait_corrected(seq, self.patience));
         let now_ns = monotonic_ns();
         let target = self.client.target_for(&q_cmd, now_ns);

@@ -8,6 +8,7 @@ pub mod chance;
 pub mod clients;
 pub mod gauge;
 pub mod hostile;
+pub mod pair;
 pub mod place;
 pub mod process;
 pub mod sensor;

@@ -13,7 +13,6 @@
 use std::fs;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use super::error::DomainError;
 use crate::layout::hash_text;
@@ -21,14 +20,12 @@ use crate::layout::hash_text;
 /// Environment variable: another directory on tmpfs instead of `/dev/shm`.
 pub const RUNTIME_DIR_ENV: &str = "TRUED_RUNTIME_DIR";
 
-const SHARED_MEMORY: &str = "/dev/shm";
+pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
 /// Longest path of the transport, its own names included; beyond it panics.
 const PATH_BYTES_MAX: usize = 255;
 /// What stands in such a path besides the cell's directory and name: `/EPOCH/trued..PLACE.EPOCH.`, then the transport's
 /// own `HASH_ID_ID.connection` with a hash of 40 digits and two numbers of 128 bits.
 const OTHER_BYTES_MAX: usize = 1 + 16 + 1 + 6 + 1 + 8 + 1 + 16 + 1 + 40 + 1 + 39 + 1 + 39 + 11;
-/// Memory without a size is given up after this time.
-const HALF_MADE_AFTER: Duration = Duration::from_millis(100);
 const NAME_BYTES_MAX: usize = 24;
 const TMPFS_MAGIC: i64 = 0x0102_1994;
 const RAMFS_MAGIC: i64 = 0x8584_58f6;
@@ -139,19 +136,6 @@ impl Cell {
         let _ = fs::remove_dir(&self.dir);
     }
 
-    /// Removes memory that was created and never sized: its creator was killed between the two.
-    ///
-    /// The transport (0.10.0) waits for such a file without end, in whichever thread meets it, and
-    /// goes on as soon as it is gone. A creator that lives needs microseconds; it gets 100 ms.
-    pub(crate) fn mend(&self) {
-        let prefix = self.shared_memory_prefix();
-        for (name, path) in entries(Path::new(SHARED_MEMORY)) {
-            if name.starts_with(&prefix) && fs::metadata(&path).is_ok_and(|m| is_half_made(&m)) {
-                let _ = fs::remove_file(&path);
-            }
-        }
-    }
-
     /// Removes every epoch but `keep`: its directory and its memory, both or none.
     /// Processes that still have them mapped keep what they have; they can only no longer be joined.
     pub(crate) fn sweep_epochs(&self, keep: Option<u64>) {
@@ -173,13 +157,8 @@ impl Cell {
     }
 }
 
-fn is_half_made(meta: &fs::Metadata) -> bool {
-    let age = meta.modified().ok().and_then(|made| made.elapsed().ok());
-    meta.len() == 0 && age.is_some_and(|age| age > HALF_MADE_AFTER)
-}
-
 /// Names and paths in a directory; what cannot be read is left out.
-fn entries(dir: &Path) -> impl Iterator<Item = (String, PathBuf)> {
+pub(crate) fn entries(dir: &Path) -> impl Iterator<Item = (String, PathBuf)> {
     fs::read_dir(dir)
         .into_iter()
         .flatten()
