@@ -10,9 +10,7 @@ use crate::travel::PathPoint;
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
 use physics::Model;
-use shm_schema::{
-    Command, Corrected, DaemonPorts, ForceBlock, RecorderState, Verdict, monotonic_ns,
-};
+use shm_schema::{Command, Corrected, DaemonPorts, ForceBlock, RecorderState, Verdict};
 use spectrum::Health;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
@@ -190,11 +188,11 @@ impl Exchange {
     }
 
     /// How the recorder is. One that does not come back from the disk has said nothing of that itself.
-    pub fn recorder(&self) -> RecorderState {
+    pub fn recorder(&self, now_ns: u64) -> RecorderState {
         let said =
             RecorderState::try_from(self.recorder.load(Relaxed)).unwrap_or(RecorderState::Failed);
         let turn_ns = self.counters.recorder_turn_ns.load(Relaxed);
-        let hangs = monotonic_ns().saturating_sub(turn_ns) > RECORDER_HANGS_NS;
+        let hangs = now_ns.saturating_sub(turn_ns) > RECORDER_HANGS_NS;
         if said == RecorderState::Recording && hangs { RecorderState::Dropping } else { said }
     }
 

@@ -91,7 +91,7 @@ impl Recorder {
                 (self.file, self.retry_at) = (Some(file), None);
             }
             Err(fault) => {
-                if exchange.recorder() != RecorderState::Failed {
+                if exchange.recorder(monotonic_ns()) != RecorderState::Failed {
                     warn!(%fault, "no black box for now");
                 }
                 exchange.set_recorder(RecorderState::Failed);

@@ -14,7 +14,7 @@ use recording::cell::CellConfig;
 use recording::model::RobotModel;
 use shm_schema::{
     Answer, ControlServer, DaemonSide, DomainError, JointBounds, Operation, PortError, Publisher,
-    Request, Response, Status,
+    Request, Response, Status, monotonic_ns,
 };
 use std::path::PathBuf;
 use std::sync::atomic::Ordering::Relaxed;
@@ -65,7 +65,7 @@ impl Supervisor {
             control: ports.control()?,
             model_path: config.model.clone(),
             model_epoch: 1,
-            constants: status::Constants::new(config, &model, bounds),
+            constants: status::Constants::new(config, &model, bounds, monotonic_ns()),
             process: Process::new(config, &model),
             age: Age::default(),
             news: News::default(),
@@ -83,7 +83,7 @@ impl Supervisor {
     pub fn look(&mut self, exchange: &Exchange) -> Result<(), DomainError> {
         free_retired(exchange);
         self.serve(exchange);
-        let commands_come = status::commands_come(exchange);
+        let commands_come = status::commands_come(exchange, monotonic_ns());
         self.process.look(&self.model, exchange, commands_come);
         let found = self.domain.supervise();
         if found.cleaned > 0 {
@@ -109,7 +109,8 @@ impl Supervisor {
 
     /// Publishes the status as it is now, and logs what is new in it.
     pub fn tell(&mut self, exchange: &Exchange) {
-        let message = self.constants.status(exchange, &self.process.state(), &self.age);
+        let process = self.process.state();
+        let message = self.constants.status(exchange, &process, &self.age, monotonic_ns());
         self.status.send(&message);
         self.news.log(exchange, &message);
     }

@@ -12,3 +12,4 @@ pub mod pair;
 pub mod place;
 pub mod process;
 pub mod sensor;
+pub mod simulation;
