@@ -10,6 +10,7 @@
 mod calibrate;
 mod instructions;
 mod seeds;
+mod soak;
 mod watch;
 
 use std::process::ExitCode;
@@ -18,6 +19,7 @@ const HELP: &str = "\
 cargo xtask seeds [COUNT] [--full] [--debug]   the demo over COUNT seeds (20): tool error without, with, after the diagnosis; whether what is hidden was named right
 cargo xtask calibrate [CAMPAIGNS] [--out=DIR]   the calibration: the thesis' virtual robot, coverage of intervals over CAMPAIGNS (1000), outliers, time
 cargo xtask instructions [--store]   the hot path's stages: instructions by callgrind beside those stored; more than a tenth more fails
+cargo xtask soak [--minutes N] [--seed S]   faults at random over real processes for N (60) minutes: what was late, what broke, the daemon's memory
 cargo xtask watch [HOURS] [--from=JSON] [--out=DIR]   the vibration watch: detection, false alarms in HOURS (10) of noise per axis, transients, cost
 ";
 
@@ -28,6 +30,7 @@ fn main() -> ExitCode {
         ["seeds", rest @ ..] => seeds::run(rest),
         ["calibrate", rest @ ..] => calibrate::run(rest),
         ["instructions", rest @ ..] => instructions::run(rest),
+        ["soak", rest @ ..] => soak::run(rest),
         ["watch", rest @ ..] => watch::run(rest),
         _ => {
             print!("{HELP}");
