@@ -27,8 +27,8 @@ pub const LOOK_EVERY: Duration = Duration::from_millis(20);
 const STATUS_EVERY: u32 = 2;
 /// How long a model may take to be adopted, or threads to change over to a new epoch.
 const PATIENCE: Duration = Duration::from_millis(500);
-/// Whoever tears the cell's files again and again does not move its clients more often than this.
-const TORN_AGAIN_AFTER: Duration = Duration::from_millis(250);
+/// Whoever knocks, or tears the cell's files, again and again does not move its clients more often than this.
+const RENEW_AGAIN_AFTER: Duration = Duration::from_millis(250);
 
 /// The supervisor's belongings.
 #[derive(Debug)]
@@ -45,7 +45,7 @@ pub struct Supervisor {
     age: Age,
     news: News,
     looks: u32,
-    torn_at: Option<Instant>,
+    renewed: Option<Instant>,
 }
 
 impl Supervisor {
@@ -70,7 +70,7 @@ impl Supervisor {
             age: Age::default(),
             news: News::default(),
             looks: 0,
-            torn_at: None,
+            renewed: None,
             domain,
             model,
         })
@@ -89,15 +89,15 @@ impl Supervisor {
         if found.cleaned > 0 {
             info!(clients = found.cleaned, "cleaned up after clients that died");
         }
-        if found.knocked {
-            warn!("a client cannot join the shared memory; making a new one");
-        }
-        let torn = found.torn && self.torn_at.is_none_or(|at| at.elapsed() > TORN_AGAIN_AFTER);
-        if torn {
-            warn!("files of this cell were removed or changed; making new ones");
-            self.torn_at = Some(Instant::now());
-        }
-        if found.knocked || torn {
+        let wanted = found.knocked || found.torn;
+        if wanted && self.renewed.is_none_or(|at| at.elapsed() > RENEW_AGAIN_AFTER) {
+            let why = if found.torn {
+                "its files were removed or changed"
+            } else {
+                "a client cannot join"
+            };
+            warn!("{why}: making a new shared memory for this cell");
+            self.renewed = Some(Instant::now());
             self.renew(exchange)?;
         }
         if self.looks.is_multiple_of(STATUS_EVERY) {

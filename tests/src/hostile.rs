@@ -87,7 +87,10 @@ impl Sender {
             11 => set(&mut c, before, refused(Reason::Duplicate)),
             12 => set(&mut c.seq, before.seq.saturating_sub(1), refused(Reason::OutOfOrder)),
             13 => set(&mut c.t_ns, before.t_ns, refused(Reason::OutOfOrder)),
-            14 => set(&mut c.t_ns, before.t_ns - 500_000_000, refused(Reason::OutOfOrder)),
+            14 => {
+                let back_ns = before.t_ns.saturating_sub(500_000_000);
+                set(&mut c.t_ns, back_ns, refused(Reason::OutOfOrder))
+            }
             15 => set(&mut c.sent_ns, 0, refused(Reason::Stale)),
             16 => self.far_away(&mut c),
             17 | 18 => {

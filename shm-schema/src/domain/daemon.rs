@@ -119,7 +119,7 @@ impl DaemonSide {
     fn is_found(&self) -> bool {
         let cell = &self.claim.cell;
         match Current::read(cell) {
-            Err(JoinError::WrongUser { .. }) => true,
+            Err(JoinError::WrongUser { .. }) => !cell.is_ajar(),
             found => {
                 found.is_ok_and(|found| found == self.announcement())
                     && self.claim.holds()
@@ -165,9 +165,10 @@ impl Claim {
 
     /// Takes the cell again where its files were removed.
     fn claim_again(&mut self) -> Result<(), DomainError> {
-        if !self.holds() {
-            self.lock = Some(locked(&self.cell)?);
+        if self.holds() {
+            return self.cell.make_dir();
         }
+        self.lock = Some(locked(&self.cell)?);
         Ok(())
     }
 

@@ -11,7 +11,7 @@
 //! ```
 
 use std::fs;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use super::error::DomainError;
@@ -26,6 +26,8 @@ const PATH_BYTES_MAX: usize = 255;
 /// What stands in such a path besides the cell's directory and name: `/EPOCH/trued..PLACE.EPOCH.`, then the transport's
 /// own `HASH_ID_ID.connection` with a hash of 40 digits and two numbers of 128 bits.
 const OTHER_BYTES_MAX: usize = 1 + 16 + 1 + 6 + 1 + 8 + 1 + 16 + 1 + 40 + 1 + 39 + 1 + 39 + 11;
+/// What all services of a cell take together, several times over.
+const ROOM_BYTES: u64 = 16 << 20;
 const NAME_BYTES_MAX: usize = 24;
 const TMPFS_MAGIC: i64 = 0x0102_1994;
 const RAMFS_MAGIC: i64 = 0x8584_58f6;
@@ -106,6 +108,10 @@ impl Cell {
             Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
             Err(e) => return Err(io(e)),
         }
+        if self.is_ajar() {
+            let closed = fs::Permissions::from_mode(0o700);
+            fs::set_permissions(&self.dir, closed).map_err(io)?;
+        }
         self.check_owner()?;
         let fs_type = rustix::fs::statfs(&self.dir).map_err(|e| io(e.into()))?.f_type as i64;
         if fs_type != TMPFS_MAGIC && fs_type != RAMFS_MAGIC {
@@ -113,6 +119,16 @@ impl Cell {
             return Err(DomainError::NotInMemory { dir: self.dir.clone() });
         }
         Ok(())
+    }
+
+    /// Whether others may look into this user's directory, though not write: the transport of a client makes one like that where
+    /// somebody has removed ours.
+    pub(crate) fn is_ajar(&self) -> bool {
+        let me = rustix::process::geteuid().as_raw();
+        fs::symlink_metadata(&self.dir).is_ok_and(|meta| {
+            let mode = meta.mode() & 0o777;
+            meta.is_dir() && meta.uid() == me && mode != 0o700 && mode & 0o022 == 0
+        })
     }
 
     /// Checks that the directory is a directory of this user, closed to all others.
@@ -155,6 +171,18 @@ impl Cell {
             }
         }
     }
+}
+
+/// Whether shared memory has room for a process that joins: one that writes where there is none is ended by the kernel.
+pub(crate) fn check_room() -> Result<(), String> {
+    let Ok(memory) = rustix::fs::statvfs(SHARED_MEMORY) else { return Ok(()) };
+    let free_bytes = memory.f_bavail.saturating_mul(memory.f_frsize);
+    // Without a bound of its own it has no blocks to tell of.
+    if memory.f_blocks == 0 || free_bytes >= ROOM_BYTES {
+        return Ok(());
+    }
+    let (free, needed) = (free_bytes >> 20, ROOM_BYTES >> 20);
+    Err(format!("{SHARED_MEMORY} has {free} MiB left, expected {needed} or more"))
 }
 
 /// Names and paths in a directory; what cannot be read is left out.

@@ -101,7 +101,7 @@ fn as_another_users(dir: &Path) {
     if owner == 0 && std::os::unix::fs::chown(dir, Some(nobody), None).is_ok() {
         return;
     }
-    fs::set_permissions(dir, fs::Permissions::from_mode(0o755)).unwrap();
+    fs::set_permissions(dir, fs::Permissions::from_mode(0o777)).unwrap();
 }
 
 fn as_ours(dir: &Path) {

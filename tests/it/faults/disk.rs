@@ -151,3 +151,62 @@ fn a_daemon_whose_recorder_hangs_ends_all_the_same_and_says_so() {
     assert_eq!(pair.place.left(), Vec::<String>::new());
     pair.unbroken();
 }
+
+/// In a mount namespace whose shared memory has 20 MB: a daemon, then a cell once that memory is full, then room again.
+const FILLED: &str = "mount -t tmpfs -o size=20m tmpfs /dev/shm || exit 9
+export TRUED_RUNTIME_DIR=/dev/shm
+\"$1\" run --config \"$3\" &
+daemon=$!
+while [ ! -e /dev/shm/trued-cell/current ]; do sleep 0.05; done
+head -c 30000000 /dev/zero > /dev/shm/filler
+\"$2\" &
+cell=$!
+sleep 1.5
+echo room again
+rm /dev/shm/filler
+read end
+kill $daemon
+wait $daemon; echo daemon $?
+kill -9 $cell; wait $cell
+ls -A /dev/shm | sed 's/^/left /'";
+
+#[test]
+fn full_shared_memory_refuses_whoever_comes_and_ends_nobody() {
+    let place = Place::new("full", "");
+    // Seen from within, the place is hidden by the small memory.
+    let config = scratch().join(format!("full-{}.toml", std::process::id()));
+    let model = tests::place::MODEL;
+    fs::write(
+        &config,
+        format!("schema = \"trued.cell/1\"\ncell = \"cell\"\nmodel = \"{model}\"\n"),
+    )
+    .unwrap();
+    let mut command = Command::new("unshare");
+    if !rustix::process::geteuid().is_root() {
+        command.args(["--user", "--map-root-user"]);
+    }
+    command.args(["--mount", "sh", "-c", FILLED, "sh", TRUED, PROGRAMS.rig]).arg(&config);
+    let mut shell = Process::spawn(&mut command, &place);
+    let begun = || shell.says("room again", JAM);
+    if !begun() {
+        assert!(!shell.is_running(), "{:#?}", shell.lines());
+        return skipped(
+            scratch(),
+            "full shared memory",
+            "no mount namespace of its own may be made",
+        );
+    }
+    assert!(shell.says("Connected", JAM), "{:#?}", shell.lines());
+    let said = shell.lines();
+    let place_of = |words: &str| said.iter().position(|line| line.starts_with(words));
+    assert!(place_of("Connected") > place_of("room again"), "not before there was room: {said:#?}");
+    std::thread::sleep(Duration::from_millis(300));
+    shell.let_go();
+    let said = shell.lines();
+    assert!(said.iter().any(|line| line == "daemon 0"), "{said:#?}");
+    assert!(
+        !said.iter().any(|line| line.contains("Bus error") || line.starts_with("broken")),
+        "{said:#?}"
+    );
+    fs::remove_file(&config).unwrap();
+}

@@ -25,6 +25,10 @@ fn memory(place: &Place) -> Vec<PathBuf> {
     entries.filter(ours).collect()
 }
 
+fn mode(mode: u32) -> fs::Permissions {
+    std::os::unix::fs::PermissionsExt::from_mode(mode)
+}
+
 fn is_root(what: &str) -> bool {
     let root = geteuid().is_root();
     if !root {
@@ -38,7 +42,8 @@ fn is_root(what: &str) -> bool {
 fn files_removed_or_changed_under_a_running_daemon_are_made_anew() {
     let mut pair = at_work();
     let dir = pair.place.cell().dir().to_path_buf();
-    let tears: [(&str, &dyn Fn()); 5] = [
+    let tears: [(&str, &dyn Fn()); 6] = [
+        ("its mode", &|| fs::set_permissions(&dir, mode(0o755)).unwrap()),
         ("the folder", &|| fs::remove_dir_all(&dir).unwrap()),
         ("the announcement", &|| fs::remove_file(dir.join("current")).unwrap()),
         ("its words", &|| fs::write(dir.join("current"), "trued.current/1\ncontr").unwrap()),
@@ -116,14 +121,14 @@ fn a_cell_that_others_own_is_refused_and_said() {
     let place = Place::new("full", "");
     let dir = place.cell().dir().to_path_buf();
     fs::create_dir(&dir).unwrap();
-    fs::set_permissions(&dir, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    fs::set_permissions(&dir, mode(0o777)).unwrap();
     let mut open = Process::daemon(TRUED, &place);
     assert_eq!(open.wait().code(), SYSTEM_FAILED);
     assert!(open.lines().join("\n").contains("expected user"), "{:#?}", open.lines());
     if !is_root("a cell's folder that another user owns") {
         return;
     }
-    fs::set_permissions(&dir, std::os::unix::fs::PermissionsExt::from_mode(0o700)).unwrap();
+    fs::set_permissions(&dir, mode(0o700)).unwrap();
     chown(&dir, Some(Uid::from_raw(SOMEBODY)), Some(Gid::from_raw(SOMEBODY))).unwrap();
     let mut daemon = Process::daemon(TRUED, &place);
     assert_eq!(daemon.wait().code(), SYSTEM_FAILED);

@@ -4,7 +4,8 @@ use super::chance;
 use crate::TRUED;
 use rustix::process::Signal;
 use shm_schema::{
-    Command, Corrected, ForceBlock, JOINTS_MAX, Role, Seat, SendOutcome, Status, monotonic_ns,
+    Command, Corrected, ForceBlock, JOINTS_MAX, JointBounds, PeerPublisher, PeerSubscriber, Role,
+    Seat, SendOutcome, Status, monotonic_ns,
 };
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::FileExt;
@@ -74,56 +75,105 @@ impl Drop for End<'_> {
     }
 }
 
+/// A client without the library, and what it is told.
+struct Cell {
+    _seats: [Seat; 2],
+    commands: PeerPublisher<Command>,
+    answers: PeerSubscriber<Corrected>,
+    blocks: PeerPublisher<ForceBlock>,
+    bounds: JointBounds,
+    gauge: Gauge,
+    seq: u64,
+}
+
+impl Cell {
+    fn join(place: &Place) -> Self {
+        let mut seats = [Role::Cell, Role::Force].map(|role| Seat::new(&place.cell(), role));
+        let [cell, force] = [0, 1].map(|i| seats[i].join().unwrap());
+        let mut statuses = cell.subscriber::<Status>().unwrap();
+        let mut bounds = None;
+        assert!(super::wait_for(JAM, || {
+            bounds = statuses.take_newest().map(|status| status.bounds).or(bounds);
+            bounds.is_some()
+        }));
+        let bounds = bounds.unwrap();
+        Self {
+            _seats: seats,
+            commands: cell.publisher().unwrap(),
+            answers: cell.subscriber().unwrap(),
+            blocks: force.publisher().unwrap(),
+            gauge: Gauge::new(&bounds.rate[..JOINTS]),
+            bounds,
+            seq: 0,
+        }
+    }
+
+    fn send(&mut self, session: u64) -> SendOutcome {
+        self.seq += 1;
+        let now_ns = monotonic_ns();
+        let mut q = [0.0; JOINTS_MAX];
+        q[..JOINTS].copy_from_slice(&path(now_ns));
+        let (seq, t_ns, sent_ns, joints) = (self.seq, now_ns, now_ns, JOINTS as u32);
+        let (channels, samples, rate_hz) = (3, 10, 1e4);
+        self.blocks.send(&ForceBlock {
+            seq,
+            session,
+            t_ns,
+            channels,
+            samples,
+            rate_hz,
+            ..ForceBlock::default()
+        });
+        self.commands.send(&Command {
+            seq,
+            session,
+            t_ns,
+            sent_ns,
+            joints,
+            q,
+            ..Command::default()
+        })
+    }
+
+    /// The newest answer, held against the bounds.
+    fn hear(&mut self) -> Option<Corrected> {
+        let said = self.answers.take_newest()?;
+        for i in 0..said.joints as usize {
+            let inside = (self.bounds.min[i]..=self.bounds.max[i]).contains(&said.q[i]);
+            let near = said.correction[i].abs() <= self.bounds.angle[i] + ROUNDING;
+            assert!(inside && near, "{said:?}");
+        }
+        self.gauge.take(said.made_ns, &said.correction[..JOINTS]).unwrap();
+        Some(said)
+    }
+
+    /// Until that session is corrected as if nothing had been.
+    fn corrected_again(&mut self, session: u64) {
+        let mut good = 0;
+        let start = Instant::now();
+        while good < 100 {
+            assert!(start.elapsed() < JAM, "not corrected again");
+            self.send(session);
+            std::thread::sleep(Duration::from_millis(1));
+            let Some(answer) = self.hear() else { continue };
+            let corrected = answer.status() == Ok(shm_schema::CorrectionStatus::Corrected);
+            good += u32::from(answer.command_session == session && corrected);
+        }
+        println!("corrected again after {:?}", start.elapsed());
+    }
+}
+
 #[test]
 fn a_client_that_writes_into_its_sent_messages_breaks_no_bound() {
     let place = Place::new("full", &recorder("box"));
     let mut daemon = Process::daemon(TRUED, &place);
     assert!(daemon.says("ready", JAM), "{:?}", daemon.lines());
-    let mut seats = [Role::Cell, Role::Force].map(|role| Seat::new(&place.cell(), role));
-    let [cell, force] = [0, 1].map(|i| seats[i].join().unwrap());
-    let mut commands = cell.publisher::<Command>().unwrap();
-    let mut answers = cell.subscriber::<Corrected>().unwrap();
-    let mut statuses = cell.subscriber::<Status>().unwrap();
-    let mut blocks = force.publisher::<ForceBlock>().unwrap();
-    let mut bounds = None;
-    assert!(super::wait_for(JAM, || {
-        bounds = statuses.take_newest().map(|status| status.bounds).or(bounds);
-        bounds.is_some()
-    }));
-    let bounds = bounds.unwrap();
-    let mut gauge = Gauge::new(&bounds.rate[..JOINTS]);
-    let mut look = |said: &Corrected| {
-        for i in 0..said.joints as usize {
-            let inside = (bounds.min[i]..=bounds.max[i]).contains(&said.q[i]);
-            let near = said.correction[i].abs() <= bounds.angle[i] + ROUNDING;
-            assert!(inside && near, "{said:?}");
-        }
-        gauge.take(said.made_ns, &said.correction[..JOINTS]).unwrap();
-    };
-    let mut seq = 0;
-    let mut send = |session: u64| {
-        seq += 1;
-        let now_ns = monotonic_ns();
-        let mut q = [0.0; JOINTS_MAX];
-        q[..JOINTS].copy_from_slice(&path(now_ns));
-        let (t_ns, sent_ns, joints) = (now_ns, now_ns, JOINTS as u32);
-        let block = ForceBlock {
-            seq,
-            session,
-            t_ns,
-            channels: 3,
-            samples: 10,
-            rate_hz: 1e4,
-            ..ForceBlock::default()
-        };
-        blocks.send(&block);
-        commands.send(&Command { seq, session, t_ns, sent_ns, joints, q, ..Command::default() })
-    };
+    let mut cell = Cell::join(&place);
     // While it cannot answer, the messages in memory are this side's alone.
     daemon.signal(Signal::STOP);
     std::thread::sleep(Duration::from_millis(50));
     for _ in 0..4 {
-        assert_eq!(send(SESSION), SendOutcome::Delivered);
+        assert_eq!(cell.send(SESSION), SendOutcome::Delivered);
     }
     let places = places(&place);
     assert_eq!(places.len(), 2, "commands and blocks are found in memory");
@@ -136,31 +186,16 @@ fn a_client_that_writes_into_its_sent_messages_breaks_no_bound() {
         // A look that fails ends the other thread too.
         let _end = End(&over);
         for _ in 0..ROUNDS {
-            send(SESSION);
+            cell.send(SESSION);
             std::thread::sleep(Duration::from_micros(300));
-            if let Some(answer) = answers.take_newest() {
-                look(&answer);
-                said += 1;
-            }
+            said += u64::from(cell.hear().is_some());
         }
     });
     println!("{said} answers looked at, {written:?} words written into {ROUNDS} messages");
     assert!(said > 100 && written.load(Relaxed) > ROUNDS);
     assert!(daemon.is_running(), "{:#?}", daemon.lines());
-    // Another session begins anew, and is corrected as if nothing had been.
-    let start = Instant::now();
-    let mut good = 0;
-    while good < 100 {
-        assert!(start.elapsed() < JAM, "not corrected again");
-        send(SESSION + 1);
-        std::thread::sleep(Duration::from_millis(1));
-        let Some(answer) = answers.take_newest() else { continue };
-        look(&answer);
-        let ours = answer.command_session == SESSION + 1;
-        good += u32::from(ours && answer.status() == Ok(shm_schema::CorrectionStatus::Corrected));
-    }
-    println!("corrected again after {:?}", start.elapsed());
-    drop((commands, answers, statuses, blocks, cell, force, seats));
+    cell.corrected_again(SESSION + 1);
+    drop(cell);
     assert!(daemon.end().success(), "{:#?}", daemon.lines());
     assert_eq!(place.left(), Vec::<String>::new());
 }

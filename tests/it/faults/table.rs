@@ -21,7 +21,9 @@ fn every_fault_in_the_table_names_a_test_that_holds_it() {
         sources(&root().join(folder), &mut code);
     }
     let page = fs::read_to_string(root().join("docs/faults.md")).unwrap();
-    let rows: Vec<&str> = page.lines().filter(|line| line.starts_with("| ")).skip(2).collect();
+    let head = |row: &str| row.starts_with("| fault") || row.starts_with("| ---");
+    let rows: Vec<&str> =
+        page.lines().filter(|line| line.starts_with("| ") && !head(line)).collect();
     assert!(rows.len() > 25, "{} rows", rows.len());
     let lacking: Vec<&str> = rows
         .into_iter()
