@@ -84,7 +84,7 @@ impl Even {
             if let Some(next) = self.models[place].take() {
                 let _ = self.exchange.next_model.push(next);
             }
-            self.exchange.bypassed.store(turn % 3 == 0, Relaxed);
+            self.exchange.bypassed.store(turn.is_multiple_of(3), Relaxed);
         }
         if let Some(back) = self.exchange.retired_models.pop() {
             let place = self.models.iter().position(Option::is_none);

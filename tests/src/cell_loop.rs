@@ -15,6 +15,8 @@ pub const TICK_NS: u64 = 1_000_000;
 pub const MIDDLE: [f64; JOINTS] = [0.2, 0.3, -0.2, 0.3, 0.8, 0.1];
 const SWING_RAD: f64 = 0.05;
 const PERIOD_S: f64 = 5.0;
+/// By how much the times of command and target may part between two ticks in which nobody is held up, s.
+const STAMPED_S: f64 = 5e-5;
 /// Rounding of a sum and a difference, rad.
 const ROUNDING: f64 = 1e-12;
 
@@ -184,7 +186,7 @@ impl CellLoop {
         let dt_s = (now_ns - before_ns) as f64 * 1e-9;
         (0..JOINTS).find_map(|i| {
             let moved = (tick.correction[i] - before.correction[i]).abs();
-            let most = self.status.bounds.rate[i] * dt_s + 1e-9;
+            let most = self.status.bounds.rate[i] * (dt_s + STAMPED_S);
             (moved > most).then(|| format!("joint {i} stepped by {moved:.3e} in {dt_s:.6} s"))
         })
     }

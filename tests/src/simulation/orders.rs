@@ -28,7 +28,8 @@ pub(super) fn give(chance: &mut Chance, exchange: &Exchange, models: &[Model; 2]
     match chance.below(1000) {
         0..3 => exchange.bypassed.store(chance.below(2) == 0, Relaxed),
         3..6 => {
-            exchange.set_mode([Mode::Shadow, Mode::Limited, Mode::Full][chance.below(3) as usize])
+            let mode = [Mode::Shadow, Mode::Limited, Mode::Full][chance.below(3) as usize];
+            exchange.set_mode(mode);
         }
         6..12 if exchange.next_model.is_empty() => {
             // As the supervisor does: only while there is room for the one that comes back.

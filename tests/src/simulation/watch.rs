@@ -65,12 +65,12 @@ impl Watch {
     /// The daemon ends: nothing of what it did was lost uncounted.
     pub(super) fn end(&mut self, exchange: &Exchange, after_a_calm: bool) {
         if after_a_calm && self.longest < SETTLED {
-            self.breaks("not as it should be long after the last fault".to_owned());
+            self.breaks("not as it should be long after the last fault");
         }
         let dropped = exchange.counters.recorder_dropped.load(Relaxed);
         let kept = self.recorded + exchange.cycles.len() as u64 + dropped;
         if kept != self.published {
-            self.breaks(format!("{} cycles, {kept} recorded or counted", self.published));
+            self.breaks(&format!("{} cycles, {kept} recorded or counted", self.published));
         }
     }
 
@@ -84,11 +84,11 @@ impl Watch {
                 .wrapping_mul(0x9e37_79b9_7f4a_7c15);
         }
         let (Ok(status), Ok(reason)) = (said.status(), said.reason()) else {
-            return self.breaks(format!("no such word: {said:?}"));
+            return self.breaks(&format!("no such word: {said:?}"));
         };
         *summary.said.entry(format!("{status}/{reason}")).or_default() += 1;
         if said.seq != self.last_seq + 1 {
-            self.breaks(format!("number {} after {}", said.seq, self.last_seq));
+            self.breaks(&format!("number {} after {}", said.seq, self.last_seq));
         }
         self.last_seq = said.seq;
         // Without a command it says the last one again.
@@ -97,7 +97,7 @@ impl Watch {
             self.good = Some(command);
         }
         if let Err(words) = self.judge(said, status) {
-            self.breaks(format!("{words}: {said:?}"));
+            self.breaks(&format!("{words}: {said:?}"));
         }
         self.settle(status, reason, calm, exchange);
     }
@@ -158,16 +158,16 @@ impl Watch {
             let inside = (self.bounds.min[i]..=self.bounds.max[i]).contains(&q);
             let near = correction.abs() <= self.bounds.angle[i] + ROUNDING;
             if !inside || !near {
-                self.breaks(format!("the client's joint {i} out of its bounds: {tick:?}"));
+                self.breaks(&format!("the client's joint {i} out of its bounds: {tick:?}"));
             }
         }
         let broken = self.client.take(now_ns, &tick.correction).err();
         if let Some(words) = broken.filter(|_| tick.source != Source::Rejected) {
-            self.breaks(format!("the client: {words}: {tick:?}"));
+            self.breaks(&format!("the client: {words}: {tick:?}"));
         }
     }
 
-    fn breaks(&mut self, words: String) {
+    fn breaks(&mut self, words: &str) {
         let Summary { cycles, broken, .. } = &mut self.summary;
         broken.get_or_insert(format!("cycle {cycles}: {words}"));
     }
