@@ -1,6 +1,6 @@
 //! The daemon's own cycle and the client's own ramp in one thread, in virtual time, with faults drawn by seed.
 //!
-//! Promises: nothing of the product is copied: [`Cycle`] runs as in the daemon, over a [`Wire`] instead of shared memory, and
+//! Promises: nothing of the product is copied: [`Cycle`] runs as in the daemon, over a wire instead of shared memory, and
 //! [`Follower`](trued_client::Follower) as in the client. The same seed gives the same run, bit for bit. Never: a thread, a real clock.
 
 mod client;
