@@ -15,10 +15,14 @@ pub(crate) const FRESH_NS: u64 = 10_000_000;
 /// that moves, stamped with jitter, is never met exactly, and jumps no less itself.
 const NEAR: f64 = 1e-6;
 const NEAR_ANSWERS: u32 = 50;
+/// Rounding of a sum and a difference, relative.
+const ROUNDING: f64 = 1e-12;
 /// Longest time that one step of a ramp may cover.
 const STEP_S_MAX: f64 = 0.1;
 /// Real time, s, that steps towards a daemon that is back may save up: its clock and this one jitter apart by less.
 const SAVED_S_MAX: f64 = 0.02;
+/// By how much the commands' clock may part from the real one between two targets, ns: beyond, it was set.
+const PARTED_NS_MAX: u64 = 20_000_000;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stage {
@@ -30,7 +34,7 @@ enum Stage {
 
 /// The correction as it is put out, joint by joint.
 #[derive(Debug)]
-pub(crate) struct Follower {
+pub struct Follower {
     stage: Stage,
     correction: [f64; JOINTS_MAX],
     limiters: [Limiter; JOINTS_MAX],
@@ -47,11 +51,20 @@ pub(crate) struct Follower {
     saved_s: f64,
     /// Answers in a row that the blended correction was near to.
     near_answers: u32,
-    pub(crate) fresh_ns: u64,
+    /// A daemon's answer counts this long.
+    pub fresh_ns: u64,
+}
+
+impl Default for Follower {
+    fn default() -> Self {
+        Self::new()
+    }
 }
 
 impl Follower {
-    pub(crate) fn new() -> Self {
+    /// One that has heard nothing yet.
+    #[must_use]
+    pub fn new() -> Self {
         Self {
             stage: Stage::Plain,
             correction: [0.0; JOINTS_MAX],
@@ -69,7 +82,7 @@ impl Follower {
     }
 
     /// Takes over the daemon's bounds; what makes no sense among them is left as it was.
-    pub(crate) fn set_bounds(&mut self, bounds: &JointBounds) {
+    pub fn set_bounds(&mut self, bounds: &JointBounds) {
         for i in 0..JOINTS_MAX {
             if let Ok(limits) = Limits::new(bounds.angle[i], bounds.rate[i], bounds.jerk[i]) {
                 self.limits[i] = Some(limits);
@@ -81,7 +94,7 @@ impl Follower {
     }
 
     /// The target for `q_cmd` at `now_ns`, given the newest answer and the command sent last.
-    pub(crate) fn target(
+    pub fn target(
         &mut self,
         q_cmd: &[f64],
         newest: Option<&Corrected>,
@@ -102,7 +115,11 @@ impl Follower {
             return Target::new(answer.joints(), Source::Rejected);
         }
         match sent {
-            Some(command) if answers(answer, command) && command.joints() == q_cmd => {
+            Some(command)
+                if answers(answer, command)
+                    && command.joints() == q_cmd
+                    && is_of(answer, q_cmd) =>
+            {
                 Target::new(answer.joints(), Source::Corrected)
             }
             _ => self.moved(q_cmd, Source::LastCorrection),
@@ -110,7 +127,7 @@ impl Follower {
     }
 
     /// Another epoch was joined: its correction starts anew, however soon it speaks.
-    pub(crate) fn rejoined(&mut self) {
+    pub fn rejoined(&mut self) {
         if self.stage == Stage::Following {
             self.take_over();
             self.stage = Stage::Blending;
@@ -119,17 +136,21 @@ impl Follower {
 
     /// Time since the target before, s: the real one, or the commands' own where that is longer (their clock does not jitter).
     /// Second, for a ramp: the commands' clock counts only as far as the real one has not passed that time already, so that a
-    /// pause in sending, or a command stamped well before its target, moves nothing twice.
+    /// pause in sending, or a command stamped well before its target, moves nothing twice. A clock that was set counts for nothing.
     fn elapse(&mut self, now_ns: u64, sent: Option<&Command>) -> (f64, f64) {
         let since = |last: Option<u64>, now: u64| last.map_or(0, |last| now.saturating_sub(last));
         let real_ns = since(self.last_ns, now_ns);
         self.last_ns = Some(now_ns.max(self.last_ns.unwrap_or(0)));
         self.saved_s = (self.saved_s + real_ns as f64 * 1e-9).min(SAVED_S_MAX);
-        let commanded_ns = sent.map_or(0, |sent| since(self.sent_t_ns, sent.t_ns));
+        let mut commanded_ns = sent.map_or(0, |sent| since(self.sent_t_ns, sent.t_ns));
         self.sent_t_ns = sent.map(|sent| sent.t_ns);
+        let most_ns = real_ns.saturating_add(PARTED_NS_MAX);
+        if commanded_ns > most_ns.saturating_add(self.ahead_ns) {
+            commanded_ns = real_ns;
+        }
         let ramp_ns = real_ns.max(commanded_ns.saturating_sub(self.ahead_ns));
         self.ahead_ns = self.ahead_ns.saturating_add(real_ns).saturating_sub(commanded_ns);
-        (real_ns.max(commanded_ns) as f64 * 1e-9, ramp_ns as f64 * 1e-9)
+        (real_ns.max(commanded_ns.min(most_ns)) as f64 * 1e-9, ramp_ns as f64 * 1e-9)
     }
 
     fn source(&self) -> Source {
@@ -258,6 +279,12 @@ impl Follower {
 /// Whether the answer is for that command.
 pub(crate) fn answers(answer: &Corrected, command: &Command) -> bool {
     (answer.command_session, answer.command_seq) == (command.session, command.seq)
+}
+
+/// Whether the answer was made of this very target: what lies in shared memory may have been written over.
+fn is_of(answer: &Corrected, q_cmd: &[f64]) -> bool {
+    let off = |i: usize| (answer.q[i] - answer.correction[i] - q_cmd[i]).abs();
+    (0..q_cmd.len()).all(|i| off(i) <= ROUNDING * (1.0 + q_cmd[i].abs()))
 }
 
 #[cfg(test)]

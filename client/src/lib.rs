@@ -40,6 +40,8 @@ mod target;
 
 pub use client::Client;
 pub use error::{AskError, Away, ConnectError, NotSent};
+#[doc(hidden)] // For a simulation that brings its own time.
+pub use follow::Follower;
 pub use force::{ForceSamples, ForceSource, Samples};
 pub use kind::ErrorKind;
 pub use link::{Connection, ConnectionEvent};

@@ -292,9 +292,12 @@ impl<P: Ports> Keeper<P> {
         }
     }
 
-    /// Knocks when an epoch has refused us for a while for no reason of its own.
+    /// Knocks when an epoch has refused us for a while for no reason of its own. Places that many may have are taken by others
+    /// who live: a new epoch would move them all and free none.
     fn insist(&mut self, epoch: u64, e: &JoinError) {
-        if !matches!(e, JoinError::Transport { .. } | JoinError::Port(_)) {
+        let taken = matches!(e, JoinError::Port(PortError::Occupied { .. }));
+        let full = taken && P::ROLE == Role::Monitor;
+        if full || !matches!(e, JoinError::Transport { .. } | JoinError::Port(_)) {
             self.trying_since = None;
             return;
         }

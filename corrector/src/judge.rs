@@ -14,7 +14,7 @@ pub struct Command {
     pub session: u64,
     /// Counts up within a session.
     pub seq: u64,
-    /// When the target holds, ns, by the sender's clock; increases within a session.
+    /// When the target holds, ns, by the sender's clock; increases within a session, unless that clock is set.
     pub t_ns: u64,
     /// How long ago it was sent, ns.
     pub age_ns: u64,
@@ -45,7 +45,7 @@ impl Command {
 pub(crate) enum Follows {
     /// The first of a session: memory of the path starts anew.
     Anew,
-    /// The commands' time went on by more than really passed; memory of the path starts anew.
+    /// The commands' clock was set: it went on by more than really passed, or far back; memory of the path starts anew.
     TimeJump,
     /// By this many ns.
     After(u64),
@@ -112,10 +112,14 @@ impl Judge {
         if command.seq == last.seq {
             return Err(Reason::Duplicate);
         }
-        if command.seq < last.seq || command.t_ns <= last.t_ns {
+        let Some(dt_ns) = command.t_ns.checked_sub(last.t_ns).filter(|dt_ns| *dt_ns > 0) else {
+            // A later number far back in time: a clock that was set. Less than that it makes good itself while it is refused.
+            let was_set = command.seq > last.seq && last.t_ns - command.t_ns > TIME_JUMP_NS;
+            return if was_set { Ok(Follows::TimeJump) } else { Err(Reason::OutOfOrder) };
+        };
+        if command.seq < last.seq {
             return Err(Reason::OutOfOrder);
         }
-        let dt_ns = command.t_ns - last.t_ns;
         let passed_ns = now_ns.saturating_sub(last.now_ns);
         let jumped = dt_ns > passed_ns.saturating_add(TIME_JUMP_NS);
         Ok(if jumped { Follows::TimeJump } else { Follows::After(dt_ns) })

@@ -4,12 +4,12 @@
 //! Nothing here allocates (the transport's one block per message aside), locks, logs or panics.
 
 use crate::exchange::{CycleRecord, Exchange, LoadedModel, count};
-use crate::robot::Robot;
+use crate::robot::{Link, Ports, Robot};
 use crate::senses::Senses;
 use crate::translate;
 use crate::travel::PathPoint;
 use corrector::{Corrector, Outcome, Status};
-use shm_schema::{Command, Corrected, monotonic_ns};
+use shm_schema::{Command, Corrected};
 use std::sync::atomic::Ordering::Relaxed;
 
 /// How often the supervisor's orders are taken while no command comes, ns.
@@ -17,9 +17,9 @@ const ORDERS_EVERY_NS: u64 = 20_000_000;
 
 /// Everything that the cycle owns.
 #[derive(Debug)]
-pub struct Cycle {
+pub struct Cycle<L = Ports> {
     /// The robot's side.
-    pub robot: Robot,
+    pub robot: Robot<L>,
     /// The correction.
     pub corrector: Corrector,
     /// The model in use.
@@ -36,10 +36,10 @@ pub struct Cycle {
     pub last: Command,
 }
 
-impl Cycle {
+impl<L: Link> Cycle<L> {
     /// Runs until the exchange says stop.
     pub fn run(&mut self, exchange: &Exchange) {
-        let mut stale_from_ns = monotonic_ns() + self.stale_ns;
+        let mut stale_from_ns = self.robot.link.now_ns() + self.stale_ns;
         while exchange.runs() {
             count(&exchange.counters.turns);
             self.take_orders(exchange);
@@ -47,7 +47,7 @@ impl Cycle {
                 stale_from_ns = received_ns + self.stale_ns;
                 continue;
             }
-            let now_ns = monotonic_ns();
+            let now_ns = self.robot.link.now_ns();
             if now_ns >= stale_from_ns {
                 self.stand_down(exchange);
                 stale_from_ns = now_ns + self.period_ns;
@@ -57,7 +57,7 @@ impl Cycle {
 
     /// One cycle; tells when its command was taken, none where none came for a while.
     fn turn(&mut self, exchange: &Exchange, stale_from_ns: u64) -> Option<u64> {
-        let deadline_ns = stale_from_ns.min(monotonic_ns() + ORDERS_EVERY_NS);
+        let deadline_ns = stale_from_ns.min(self.robot.link.now_ns() + ORDERS_EVERY_NS);
         let (command, received_ns) = self.robot.newest_command(exchange, deadline_ns)?;
         let now_ns = if self.lockstep { command.t_ns } else { received_ns };
         let state = self.robot.newest_state();
@@ -75,7 +75,7 @@ impl Cycle {
         if self.lockstep {
             return;
         }
-        let now_ns = monotonic_ns();
+        let now_ns = self.robot.link.now_ns();
         if let Some(ramping) = self.corrector.idle(&self.model.physics, now_ns) {
             count(&exchange.counters.stale);
             let last = self.last;
@@ -151,7 +151,7 @@ impl Cycle {
         }
         if let Some(ports) = exchange.new_ports[0].pop() {
             // Refused ports leave the old ones in use: the client then knocks again.
-            let _ = self.robot.rejoin(&ports);
+            let _ = self.robot.link.rejoin(&ports);
         }
     }
 }

@@ -18,6 +18,8 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 const CYCLES_KEPT: usize = 4096;
 /// Force blocks that the recorder may lag behind; 24 kB each.
 const BLOCKS_KEPT: usize = 128;
+/// A recorder that has not come back for so long waits for its disk, ns.
+const RECORDER_HANGS_NS: u64 = 1_000_000_000;
 const VERDICTS_KEPT: usize = 256;
 /// Commanded points that the supervisor may lag behind; what is dropped beyond is not missed.
 const PATH_KEPT: usize = 256;
@@ -127,6 +129,8 @@ pub struct Counters {
     pub last_said: AtomicU64,
     /// `CLOCK_MONOTONIC` of the last command, ns.
     pub last_command_ns: AtomicU64,
+    /// `CLOCK_MONOTONIC` of the recorder's last turn, ns.
+    pub recorder_turn_ns: AtomicU64,
     /// `CLOCK_MONOTONIC` of the last force block, ns; 0 before the first.
     pub last_block_ns: AtomicU64,
 }
@@ -185,9 +189,13 @@ impl Exchange {
         }
     }
 
-    /// How the recorder is.
-    pub fn recorder(&self) -> RecorderState {
-        RecorderState::try_from(self.recorder.load(Relaxed)).unwrap_or(RecorderState::Failed)
+    /// How the recorder is. One that does not come back from the disk has said nothing of that itself.
+    pub fn recorder(&self, now_ns: u64) -> RecorderState {
+        let said =
+            RecorderState::try_from(self.recorder.load(Relaxed)).unwrap_or(RecorderState::Failed);
+        let turn_ns = self.counters.recorder_turn_ns.load(Relaxed);
+        let hangs = now_ns.saturating_sub(turn_ns) > RECORDER_HANGS_NS;
+        if said == RecorderState::Recording && hangs { RecorderState::Dropping } else { said }
     }
 
     /// Says how the recorder is.

@@ -11,6 +11,7 @@
 //! Never: an equation. The cycle is one short file, [`cycle`].
 
 pub mod ageing;
+pub mod at_rest;
 pub mod cycle;
 pub mod exchange;
 pub mod latency;
@@ -23,6 +24,7 @@ pub mod recorder;
 pub mod robot;
 pub mod senses;
 pub mod setup;
+pub mod shelf;
 pub mod status;
 pub mod supervisor;
 pub mod translate;
@@ -49,6 +51,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc;
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 use tracing::{info, warn};
 
 /// How the daemon is to run.
@@ -87,8 +90,8 @@ pub enum DaemonError {
     /// Real-time manners that the configuration insists on.
     #[error(transparent)]
     Refused(#[from] Refused),
-    /// A thread could not be started, or ended before it said so.
-    #[error("thread `{name}` did not start: {why}")]
+    /// A thread could not be started, or did not end as it should.
+    #[error("thread `{name}`: {why}")]
     Thread {
         /// Which.
         name: &'static str,
@@ -124,16 +127,24 @@ pub fn run(options: Options, ready: impl FnOnce()) -> Result<(), DaemonError> {
     let mut manager = Manager::of_environment();
     manager.ready(supervisor.words());
     ready();
-    while !stop.load(Relaxed) && threads.iter().all(|(_, thread)| !thread.is_finished()) {
-        supervisor.look(&exchange);
+    let mut served = Ok(());
+    while served.is_ok()
+        && !stop.load(Relaxed)
+        && threads.iter().all(|(_, thread)| !thread.is_finished())
+    {
+        served = supervisor.look(&exchange);
         manager.alive(exchange.counters.turns.load(Relaxed), supervisor.words());
         std::thread::sleep(supervisor::LOOK_EVERY);
     }
     exchange.stop();
     manager.stopping();
     supervisor.tell(&exchange);
-    threads.into_iter().try_for_each(|(name, thread)| finish(name, thread))
+    threads.into_iter().try_for_each(|(name, thread)| finish(name, thread))?;
+    Ok(served?)
 }
+
+/// How long the threads may take to end.
+const END_PATIENCE: Duration = Duration::from_secs(5);
 
 type Thread = JoinHandle<Result<(), DaemonError>>;
 
@@ -228,8 +239,16 @@ fn start(
     }
 }
 
-/// Waits for a thread that has been told to stop.
+/// Waits for a thread that has been told to stop; for one that waits for its disk not for ever.
 fn finish(name: &'static str, thread: Thread) -> Result<(), DaemonError> {
+    let since = Instant::now();
+    while !thread.is_finished() {
+        if since.elapsed() > END_PATIENCE {
+            let why = "it hangs; what it had not written is lost".to_owned();
+            return Err(DaemonError::Thread { name, why });
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
     match thread.join() {
         Ok(done) => done,
         Err(_) => Err(DaemonError::Thread { name, why: "it panicked".to_owned() }),

@@ -5,15 +5,15 @@
 //! Never: anything that the cycle waits for.
 
 use crate::exchange::{CycleRecord, Exchange};
+use crate::shelf;
 use physics::JointKind;
 use recording::blackbox::{self, BlackBox, BlackBoxError, Few, ForceRecord, Header, VerdictRecord};
 use recording::cell::Recorder as Settings;
 use shm_schema::{
     Command, Corrected, CorrectionStatus, Reason, RecorderState, Verdict, VibrationClass,
-    VibrationState, channel_name,
+    VibrationState, channel_name, monotonic_ns,
 };
 use std::fs;
-use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 use tracing::{info, warn};
@@ -22,8 +22,8 @@ use tracing::{info, warn};
 const DRAIN_EVERY: Duration = Duration::from_millis(50);
 /// How often what was drained is made safe from a kill.
 const FLUSH_EVERY: Duration = Duration::from_millis(500);
-/// How long to wait after a failure before a new file is tried.
-const RETRY_AFTER: Duration = Duration::from_secs(2);
+/// How long to wait after a failure before a new file is tried: back within a second of the failure's end.
+const RETRY_AFTER: Duration = Duration::from_millis(500);
 
 /// The recorder's belongings.
 pub struct Recorder {
@@ -33,7 +33,6 @@ pub struct Recorder {
     file: Option<BlackBox>,
     flushed: Instant,
     retry_at: Option<Instant>,
-    files_begun: u32,
 }
 
 impl Recorder {
@@ -41,7 +40,7 @@ impl Recorder {
     pub fn new(settings: Settings, header: Header) -> Self {
         let joints = header.joints.len();
         let flushed = Instant::now();
-        Self { settings, header, joints, file: None, flushed, retry_at: None, files_begun: 0 }
+        Self { settings, header, joints, file: None, flushed, retry_at: None }
     }
 
     /// Runs until the exchange says stop, then writes what is left and ends the file.
@@ -59,6 +58,7 @@ impl Recorder {
     }
 
     fn turn(&mut self, exchange: &Exchange) {
+        exchange.counters.recorder_turn_ns.store(monotonic_ns(), Relaxed);
         self.begin_file(exchange);
         if let Err(fault) = self.drain(exchange) {
             warn!(%fault, "the black box stops for a while");
@@ -86,11 +86,14 @@ impl Recorder {
             Ok(file) => {
                 info!(file = %file.path().display(), "black box");
                 exchange.set_recorder(RecorderState::Recording);
+                let Settings { dir, keep_files, .. } = &self.settings;
+                shelf::remove_oldest(dir, &self.header.cell, *keep_files, file.path());
                 (self.file, self.retry_at) = (Some(file), None);
-                remove_oldest(&self.settings.dir, &self.header.cell, self.settings.keep_files);
             }
             Err(fault) => {
-                warn!(%fault, "no black box for now");
+                if exchange.recorder(monotonic_ns()) != RecorderState::Failed {
+                    warn!(%fault, "no black box for now");
+                }
                 exchange.set_recorder(RecorderState::Failed);
                 self.retry_at = Some(Instant::now() + RETRY_AFTER);
             }
@@ -104,11 +107,7 @@ impl Recorder {
             path: dir.clone(),
             source,
         })?;
-        self.files_begun += 1;
-        let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH);
-        let seconds = since.map_or(0, |since| since.as_secs());
-        let name = format!("{}-{seconds:010}-{:04}.mcap", self.header.cell, self.files_begun);
-        BlackBox::create(&dir.join(name), &self.header)
+        BlackBox::create(&shelf::next(dir, &self.header.cell), &self.header)
     }
 
     /// Empties the rings. Without a file, what they hold is dropped and counted.
@@ -161,25 +160,6 @@ pub fn header(cell: &str, model: &recording::model::RobotModel, config: String) 
 
 fn dropped(exchange: &Exchange) {
     exchange.counters.recorder_dropped.fetch_add(1, Relaxed);
-}
-
-/// Removes this cell's oldest black boxes beyond `keep`.
-fn remove_oldest(dir: &Path, cell: &str, keep: usize) {
-    let Ok(entries) = fs::read_dir(dir) else { return };
-    let ours = |path: &PathBuf| {
-        let name = path.file_name().map(|name| name.to_string_lossy().into_owned());
-        name.is_some_and(|name| name.starts_with(&format!("{cell}-")) && name.ends_with(".mcap"))
-    };
-    // Their names sort by time.
-    let mut files: Vec<PathBuf> =
-        entries.flatten().map(|entry| entry.path()).filter(ours).collect();
-    files.sort();
-    let surplus = files.len().saturating_sub(keep.max(1));
-    for file in files.into_iter().take(surplus) {
-        if let Err(why) = fs::remove_file(&file) {
-            warn!(%why, file = %file.display(), "an old black box could not be removed");
-        }
-    }
 }
 
 fn cycle_record(cycle: &CycleRecord, joints: usize) -> blackbox::CycleRecord {

@@ -1,6 +1,7 @@
-//! The cycle's side of the shared memory: commands in, corrected targets out.
+//! The cycle's side of the robot: commands in, corrected targets out.
 //!
-//! Promises: numbers and times are put on every message here; what cannot be read is counted and passed over.
+//! Promises: numbers and times are put on every message here; what cannot be read is counted and passed over. Time and messages
+//! come through a [`Link`]: shared memory, or a simulation that brings its own time.
 //! Never: an equation.
 
 use crate::exchange::{Exchange, count};
@@ -11,13 +12,63 @@ use shm_schema::{
 };
 use std::sync::atomic::Ordering::Relaxed;
 
-/// The robot's side, as the cycle sees it.
+/// Where messages come from and go to, and the clock that goes with them.
+pub trait Link {
+    /// `CLOCK_MONOTONIC`, or what stands for it, ns.
+    fn now_ns(&self) -> u64;
+    /// The newest command with the time at which it was found; none if none comes until the deadline.
+    fn wait_command(&mut self, deadline_ns: u64) -> Option<(Command, u64)>;
+    /// The newest measurement of the robot itself, if there is a new one.
+    fn take_state(&mut self) -> Option<RobotState>;
+    /// Sends a target.
+    fn send(&mut self, target: &Corrected) -> SendOutcome;
+    /// Changes over to the ports of a new epoch.
+    ///
+    /// # Errors
+    /// Where the transport refuses a port; the old ones then stay.
+    fn rejoin(&mut self, ports: &DaemonPorts) -> Result<(), PortError>;
+}
+
+/// Shared memory.
 #[derive(Debug)]
-pub struct Robot {
+pub struct Ports {
     commands: Subscriber<Command>,
     states: Subscriber<RobotState>,
     targets: Publisher<Corrected>,
     pacer: Pacer,
+}
+
+impl Link for Ports {
+    fn now_ns(&self) -> u64 {
+        monotonic_ns()
+    }
+
+    fn wait_command(&mut self, deadline_ns: u64) -> Option<(Command, u64)> {
+        let commands = &mut self.commands;
+        self.pacer.wait_for(deadline_ns, || commands.take_newest())
+    }
+
+    fn take_state(&mut self) -> Option<RobotState> {
+        self.states.take_newest()
+    }
+
+    fn send(&mut self, target: &Corrected) -> SendOutcome {
+        self.targets.send(target)
+    }
+
+    fn rejoin(&mut self, ports: &DaemonPorts) -> Result<(), PortError> {
+        let (commands, states, targets) =
+            (ports.subscriber()?, ports.subscriber()?, ports.publisher()?);
+        (self.commands, self.states, self.targets) = (commands, states, targets);
+        Ok(())
+    }
+}
+
+/// The robot's side, as the cycle sees it.
+#[derive(Debug)]
+pub struct Robot<L = Ports> {
+    /// What it is reached by.
+    pub link: L,
     published: u64,
     last_seq: (u64, u64),
 }
@@ -28,25 +79,16 @@ impl Robot {
     /// # Errors
     /// Where the transport refuses a port.
     pub fn join(ports: &DaemonPorts, pacer: Pacer) -> Result<Self, PortError> {
-        Ok(Self {
-            commands: ports.subscriber()?,
-            states: ports.subscriber()?,
-            targets: ports.publisher()?,
-            pacer,
-            published: 0,
-            last_seq: (0, 0),
-        })
-    }
-
-    /// Changes over to the ports of a new epoch.
-    ///
-    /// # Errors
-    /// Where the transport refuses a port; the old ones then stay.
-    pub fn rejoin(&mut self, ports: &DaemonPorts) -> Result<(), PortError> {
         let (commands, states, targets) =
             (ports.subscriber()?, ports.subscriber()?, ports.publisher()?);
-        (self.commands, self.states, self.targets) = (commands, states, targets);
-        Ok(())
+        Ok(Self::over(Ports { commands, states, targets, pacer }))
+    }
+}
+
+impl<L: Link> Robot<L> {
+    /// Reached by that link.
+    pub fn over(link: L) -> Self {
+        Self { link, published: 0, last_seq: (0, 0) }
     }
 
     /// The newest command with the time at which it was taken; none if none comes until the deadline.
@@ -55,8 +97,7 @@ impl Robot {
         exchange: &Exchange,
         deadline_ns: u64,
     ) -> Option<(Command, u64)> {
-        let commands = &mut self.commands;
-        let (command, received_ns) = self.pacer.wait_for(deadline_ns, || commands.take_newest())?;
+        let (command, received_ns) = self.link.wait_command(deadline_ns)?;
         exchange.counters.last_command_ns.store(received_ns, Relaxed);
         count(&exchange.counters.commands);
         if command.check().is_err() {
@@ -74,15 +115,15 @@ impl Robot {
 
     /// The newest measurement of the robot itself, if there is a new one.
     pub fn newest_state(&mut self) -> Option<RobotState> {
-        self.states.take_newest().filter(|state| state.check().is_ok())
+        self.link.take_state().filter(|state| state.check().is_ok())
     }
 
     /// Publishes a target; `made` has everything but number and time.
     pub fn publish(&mut self, exchange: &Exchange, made: &mut Corrected) {
         self.published += 1;
         made.seq = self.published;
-        made.made_ns = monotonic_ns();
-        if self.targets.send(made) == SendOutcome::Lost {
+        made.made_ns = self.link.now_ns();
+        if self.link.send(made) == SendOutcome::Lost {
             count(&exchange.counters.corrected_lost);
         }
     }

@@ -10,8 +10,8 @@ use corrector::Mode;
 use recording::cell::CellConfig;
 use recording::model::RobotModel;
 use shm_schema::{
-    Health, InCut, JointBounds, Reason, SensorFault, Status, Text, VibrationState, WatchState,
-    monotonic_ns,
+    Health, InCut, JointBounds, Reason, RecorderState, SensorFault, Status, Text, VibrationState,
+    WatchState,
 };
 use spectrum::ProcessState;
 use std::fmt::Write as _;
@@ -40,9 +40,9 @@ pub struct Constants {
 
 impl Constants {
     /// Of this cell, model and bounds.
-    pub fn new(config: &CellConfig, model: &RobotModel, bounds: JointBounds) -> Self {
+    pub fn new(config: &CellConfig, model: &RobotModel, bounds: JointBounds, now_ns: u64) -> Self {
         let mut constants = Self {
-            started_ns: monotonic_ns(),
+            started_ns: now_ns,
             joints: 0,
             model_hash: 0,
             model_name: String::new(),
@@ -70,7 +70,13 @@ impl Constants {
     }
 
     /// The status now, while the process is in that state and the model of that age.
-    pub fn status(&mut self, exchange: &Exchange, process: &ProcessState, age: &Age) -> Status {
+    pub fn status(
+        &mut self,
+        exchange: &Exchange,
+        process: &ProcessState,
+        age: &Age,
+        now_ns: u64,
+    ) -> Status {
         self.seq += 1;
         while let Some(hearing) = exchange.hearing.pop() {
             self.hearing = Some(hearing);
@@ -80,7 +86,7 @@ impl Constants {
         let latency = exchange.latency.quantiles();
         let mut status = Status {
             seq: self.seq,
-            t_ns: monotonic_ns(),
+            t_ns: now_ns,
             started_ns: self.started_ns,
             model_epoch: read(&counters.model_epoch),
             model_hash: self.model_hash,
@@ -107,7 +113,7 @@ impl Constants {
             bypassed: u32::from(exchange.bypassed.load(Relaxed)),
             joints: self.joints,
             wrench_gate: counters.gate.load(Relaxed),
-            recorder: exchange.recorder().code(),
+            recorder: exchange.recorder(now_ns).code(),
             uncompensated_effects: self.uncompensated,
             bounds: self.bounds,
             ..Status::default()
@@ -133,7 +139,7 @@ impl Constants {
         }
         .code();
         let Hearing { health, line } = self.hearing.unwrap_or_default();
-        let silent = self.is_silent(exchange);
+        let silent = self.is_silent(exchange, status.t_ns);
         let watch = match (self.watches, self.hearing) {
             (false, _) => WatchState::Off,
             (true, Some(_)) if !health.learning => WatchState::Watching,
@@ -150,18 +156,18 @@ impl Constants {
         }
     }
 
-    fn is_silent(&self, exchange: &Exchange) -> bool {
+    fn is_silent(&self, exchange: &Exchange, now_ns: u64) -> bool {
         let last_ns = exchange.counters.last_block_ns.load(Relaxed).max(self.started_ns);
-        let silence_ns = monotonic_ns().saturating_sub(last_ns);
+        let silence_ns = now_ns.saturating_sub(last_ns);
         self.silent_after_ns.is_some_and(|limit_ns| silence_ns > limit_ns)
     }
 
     fn health(&self, exchange: &Exchange, status: &Status) -> Health {
         if !exchange.runs() {
             Health::Stopping
-        } else if status.force_faults().next().is_some() {
+        } else if status.force_faults().next().is_some() || recorder_fault(status).is_some() {
             Health::Degraded
-        } else if !commands_come(exchange) {
+        } else if !commands_come(exchange, status.t_ns) {
             Health::Idle
         } else if self.last_reason(exchange).is_some() || status.model_broken_since_ns > 0 {
             Health::Degraded
@@ -191,7 +197,7 @@ impl Constants {
             // Writing to a text does not fail.
             let _ = write!(words, "; {part}");
         };
-        if commands_come(exchange)
+        if commands_come(exchange, status.t_ns)
             && let Some(reason) = self.last_reason(exchange)
         {
             add(format_args!("{reason}"));
@@ -200,6 +206,9 @@ impl Constants {
             add(format_args!("{aged}"));
         }
         for fault in status.force_faults() {
+            add(format_args!("{fault}"));
+        }
+        if let Some(fault) = recorder_fault(status) {
             add(format_args!("{fault}"));
         }
         if status.verdict.state().is_ok_and(|state| state != VibrationState::Over) {
@@ -215,10 +224,23 @@ impl Constants {
     }
 }
 
+/// What is wrong with the black box.
+fn recorder_fault(status: &Status) -> Option<&'static str> {
+    match RecorderState::try_from(status.recorder) {
+        Ok(RecorderState::Off | RecorderState::Recording) => None,
+        Ok(RecorderState::Dropping) => {
+            Some("the black box loses records: its disk does not answer")
+        }
+        Ok(RecorderState::Failed) | Err(_) => {
+            Some("nothing is recorded: the black box cannot be written; is its disk full?")
+        }
+    }
+}
+
 /// Whether commands have come lately.
-pub fn commands_come(exchange: &Exchange) -> bool {
+pub fn commands_come(exchange: &Exchange, now_ns: u64) -> bool {
     let last_ns = exchange.counters.last_command_ns.load(Relaxed);
-    last_ns != 0 && monotonic_ns().saturating_sub(last_ns) <= IDLE_AFTER_NS
+    last_ns != 0 && now_ns.saturating_sub(last_ns) <= IDLE_AFTER_NS
 }
 
 fn mode(mode: Mode) -> shm_schema::Mode {

@@ -7,14 +7,14 @@ use crate::ageing::Age;
 use crate::exchange::{Exchange, LoadedModel};
 use crate::news::News;
 use crate::process::Process;
-use crate::{setup, status};
+use crate::{at_rest, setup, status};
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
 use recording::cell::CellConfig;
 use recording::model::RobotModel;
 use shm_schema::{
-    Answer, ControlServer, DaemonSide, JointBounds, Operation, PortError, Publisher, Request,
-    Response, Status, Text,
+    Answer, ControlServer, DaemonSide, DomainError, JointBounds, Operation, PortError, Publisher,
+    Request, Response, Status, Text, monotonic_ns,
 };
 use std::path::PathBuf;
 use std::sync::atomic::Ordering::Relaxed;
@@ -27,6 +27,8 @@ pub const LOOK_EVERY: Duration = Duration::from_millis(20);
 const STATUS_EVERY: u32 = 2;
 /// How long a model may take to be adopted, or threads to change over to a new epoch.
 const PATIENCE: Duration = Duration::from_millis(500);
+/// Whoever knocks, or tears the cell's files, again and again does not move its clients more often than this.
+const RENEW_AGAIN_AFTER: Duration = Duration::from_millis(250);
 
 /// The supervisor's belongings.
 #[derive(Debug)]
@@ -45,6 +47,7 @@ pub struct Supervisor {
     looks: u32,
     /// What the last status said in words.
     said: Text<512>,
+    renewed: Option<Instant>,
 }
 
 impl Supervisor {
@@ -64,39 +67,53 @@ impl Supervisor {
             control: ports.control()?,
             model_path: config.model.clone(),
             model_epoch: 1,
-            constants: status::Constants::new(config, &model, bounds),
+            constants: status::Constants::new(config, &model, bounds, monotonic_ns()),
             process: Process::new(config, &model),
             age: Age::default(),
             news: News::default(),
             looks: 0,
             said: Text::new("starting"),
+            renewed: None,
             domain,
             model,
         })
     }
 
     /// One look at everything.
-    pub fn look(&mut self, exchange: &Exchange) {
+    ///
+    /// # Errors
+    /// [`DomainError::AlreadyServed`] where the cell was taken away from this daemon and another one serves it.
+    pub fn look(&mut self, exchange: &Exchange) -> Result<(), DomainError> {
         free_retired(exchange);
         self.serve(exchange);
-        let commands_come = status::commands_come(exchange);
+        let commands_come = status::commands_come(exchange, monotonic_ns());
         self.process.look(&self.model, exchange, commands_come);
         let found = self.domain.supervise();
         if found.cleaned > 0 {
             info!(clients = found.cleaned, "cleaned up after clients that died");
         }
-        if found.knocked {
-            self.renew(exchange);
+        let wanted = found.knocked || found.torn;
+        if wanted && self.renewed.is_none_or(|at| at.elapsed() > RENEW_AGAIN_AFTER) {
+            let why = if found.torn {
+                "its files were removed or changed"
+            } else {
+                "a client cannot join"
+            };
+            warn!("{why}: making a new shared memory for this cell");
+            self.renewed = Some(Instant::now());
+            self.renew(exchange)?;
         }
         if self.looks.is_multiple_of(STATUS_EVERY) {
             self.tell(exchange);
         }
         self.looks = self.looks.wrapping_add(1);
+        Ok(())
     }
 
     /// Publishes the status as it is now, and logs what is new in it.
     pub fn tell(&mut self, exchange: &Exchange) {
-        let message = self.constants.status(exchange, &self.process.state(), &self.age);
+        let process = self.process.state();
+        let message = self.constants.status(exchange, &process, &self.age, monotonic_ns());
         self.status.send(&message);
         self.said = message.message;
         self.news.log(exchange, &message);
@@ -118,16 +135,20 @@ impl Supervisor {
         }) {}
     }
 
-    /// A client cannot get into this epoch: threads change over to a new one, then it is announced.
-    fn renew(&mut self, exchange: &Exchange) {
-        warn!("a client cannot join the shared memory; making a new one");
-        if let Err(fault) = self.domain.renew() {
-            warn!(%fault, "no new epoch");
-            return;
+    /// Clients cannot get into this epoch: threads change over to a new one, then it is announced.
+    fn renew(&mut self, exchange: &Exchange) -> Result<(), DomainError> {
+        match self.domain.renew() {
+            Err(fault @ DomainError::AlreadyServed { .. }) => return Err(fault),
+            Err(fault) => {
+                warn!(%fault, "no new epoch");
+                return Ok(());
+            }
+            Ok(()) => {}
         }
         let ports = self.domain.ports();
         for ring in &exchange.new_ports {
-            let _ = ring.push(ports.clone());
+            // Ports of an epoch that a thread has not taken over yet are out of date.
+            ring.force_push(ports.clone());
         }
         let since = Instant::now();
         let taken = || exchange.new_ports.iter().all(ArrayQueue::is_empty);
@@ -142,6 +163,7 @@ impl Supervisor {
         if let Err(fault) = self.domain.announce() {
             warn!(%fault, "the new epoch could not be announced");
         }
+        Ok(())
     }
 }
 
@@ -186,9 +208,9 @@ impl Desk<'_> {
 
     fn reload(&mut self, exchange: &Exchange, path: &str) -> (Answer, String) {
         let path = if path.is_empty() { self.model_path.clone() } else { PathBuf::from(path) };
-        let next = match RobotModel::read(&path) {
+        let next = match at_rest::read(&path) {
             Ok(next) => next,
-            Err(fault) => return (Answer::Refused, brief(&fault.to_string())),
+            Err(fault) => return (Answer::Refused, brief(&fault)),
         };
         let (now, then) = (self.model.physics.arm.count(), next.physics.arm.count());
         if now != then {

@@ -9,8 +9,9 @@ use iceoryx2::port::publisher::{Publisher as IoxPublisher, PublisherCreateError}
 use iceoryx2::port::server::Server as IoxServer;
 use iceoryx2::port::subscriber::{Subscriber as IoxSubscriber, SubscriberCreateError};
 use iceoryx2::prelude::{BackpressureStrategy, PortFactory as _, Service, ipc};
+use iceoryx2::service::port_factory::client::ClientCreateError;
 
-use crate::services::{Services, Topic};
+use crate::services::{READERS_MAX, Services, Topic};
 use crate::{Request, Response};
 
 /// A port could not be made.
@@ -104,7 +105,12 @@ pub struct Subscriber<T: Topic, S: Service = ipc::Service> {
 }
 
 impl<T: Topic, S: Service> Subscriber<T, S> {
-    pub(crate) fn new(services: &Services<S>) -> Result<Self, PortError> {
+    /// One that leaves `kept` places to others.
+    pub(crate) fn new(services: &Services<S>, kept: usize) -> Result<Self, PortError> {
+        let taken = T::factory(services).dynamic_config().number_of_subscribers();
+        if taken + kept >= T::KEEPING.subscribers {
+            return Err(occupied::<T>("subscriber"));
+        }
         let port = T::factory(services)
             .subscriber_builder()
             .buffer_size(T::KEEPING.buffer)
@@ -189,13 +195,21 @@ pub struct Pending<S: Service = ipc::Service> {
 }
 
 impl<S: Service> ControlClient<S> {
-    pub(crate) fn new(services: &Services<S>) -> Result<Self, PortError> {
+    /// One that leaves `kept` places to others.
+    pub(crate) fn new(services: &Services<S>, kept: usize) -> Result<Self, PortError> {
+        let occupied = PortError::Occupied { service: "control", port: "client" };
+        if services.control.dynamic_config().number_of_clients() + kept >= READERS_MAX {
+            return Err(occupied);
+        }
         let port = services
             .control
             .client_builder()
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
-            .map_err(|e| control_refused("client", &e))?;
+            .map_err(|e| match e {
+                ClientCreateError::ExceedsMaxSupportedClients => occupied,
+                e => control_refused("client", &e),
+            })?;
         Ok(Self { port })
     }
 

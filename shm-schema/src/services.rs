@@ -35,8 +35,10 @@ pub(crate) const TRANSPORT_VERSION: &str = "0.10.0";
 
 /// Most processes in one epoch: daemon, cell, force source, monitors, and the dead not yet cleaned.
 const NODES_MAX: usize = 32;
-/// Readers of `/vibration` and `/status`, and clients of `/control`.
-pub(crate) const MONITORS_MAX: usize = 16;
+/// Monitors: readers of `/vibration` and `/status`, and clients of `/control`.
+const MONITORS_MAX: usize = 16;
+/// Places for them and for the cell, which is never kept out by those who only look.
+pub(crate) const READERS_MAX: usize = MONITORS_MAX + 1;
 
 /// How a service keeps and hands over its messages.
 #[derive(Debug, Clone, Copy)]
@@ -45,6 +47,13 @@ pub struct Keeping {
     pub(crate) buffer: usize,
     pub(crate) history: usize,
     pub(crate) overflow: bool,
+}
+
+impl Keeping {
+    /// How many of the places no monitor may take.
+    pub(crate) const fn kept_for_the_cell(&self) -> usize {
+        if self.subscribers == READERS_MAX { 1 } else { 0 }
+    }
 }
 
 const NEWEST: Keeping = Keeping { subscribers: 1, buffer: 1, history: 0, overflow: true };
@@ -85,9 +94,9 @@ topics! {
     ForceBlock = force "force" Keeping { subscribers: 1, buffer: 64, history: 0, overflow: false };
     RobotState = state "state" NEWEST;
     Verdict = vibration "vibration"
-        Keeping { subscribers: MONITORS_MAX, buffer: 16, history: 8, overflow: true };
+        Keeping { subscribers: READERS_MAX, buffer: 16, history: 8, overflow: true };
     Status = status "status"
-        Keeping { subscribers: MONITORS_MAX, buffer: 1, history: 1, overflow: true };
+        Keeping { subscribers: READERS_MAX, buffer: 1, history: 1, overflow: true };
 }
 
 /// A service could not be created or opened.
@@ -169,7 +178,7 @@ fn control<S: Service>(node: &Node<S>, way: Way) -> Result<Control<S>, ServiceEr
     }
     builder
         .max_servers(1)
-        .max_clients(MONITORS_MAX)
+        .max_clients(READERS_MAX)
         .max_nodes(NODES_MAX)
         .max_active_requests_per_client(2)
         .max_response_buffer_size(2)

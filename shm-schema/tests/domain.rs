@@ -252,11 +252,29 @@ fn memory_that_its_creator_never_sized_is_removed_as_it_holds_up_whoever_opens_i
 }
 
 #[test]
+fn a_directory_that_the_transport_made_anew_is_closed_again() {
+    let runtime = Runtime::new("ajar");
+    let cell = runtime.cell();
+    std::fs::create_dir(cell.dir()).unwrap();
+    let mode = |mode| std::os::unix::fs::PermissionsExt::from_mode(mode);
+    std::fs::set_permissions(cell.dir(), mode(0o750)).unwrap();
+    let mut daemon = DaemonSide::create(&cell).unwrap();
+    daemon.announce().unwrap();
+    assert!(!daemon.supervise().torn);
+    std::fs::set_permissions(cell.dir(), mode(0o755)).unwrap();
+    assert!(daemon.supervise().torn);
+    daemon.renew().unwrap();
+    daemon.announce().unwrap();
+    assert!(!daemon.supervise().torn);
+    Seat::new(&cell, Role::Cell).join().unwrap();
+}
+
+#[test]
 fn a_directory_on_a_disk_or_of_others_is_refused() {
     let runtime = Runtime::new("place");
     let cell = runtime.cell();
     std::fs::create_dir(cell.dir()).unwrap();
-    std::fs::set_permissions(cell.dir(), std::os::unix::fs::PermissionsExt::from_mode(0o755))
+    std::fs::set_permissions(cell.dir(), std::os::unix::fs::PermissionsExt::from_mode(0o777))
         .unwrap();
     assert!(matches!(DaemonSide::create(&cell), Err(DomainError::WrongOwner { .. })));
     assert!(matches!(Cell::new("Über"), Err(DomainError::BadName { .. })));

@@ -3,78 +3,31 @@
 //! `TRUED_SOAK_ROUNDS` asks for another number of rounds. A round must be over within ten seconds, as the machine may be
 //! busy; how many were over within one is printed.
 
-use crate::{RIG_CELL, TRUED};
+use crate::{PROGRAMS, TRUED};
 use std::time::{Duration, Instant};
 use tests::cell_loop::CellLoop;
 use tests::chance::Chance;
+use tests::pair::{JAM, Pair, Who};
 use tests::place::Place;
 use tests::process::Process;
 use trued_client::{Connection, ConnectionEvent, Health, Monitor, Source, monotonic_ns};
 
 const ROUNDS: u64 = 20;
-const JAM: Duration = Duration::from_secs(10);
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Who {
-    Daemon,
-    Cell,
-}
-
-struct Pair {
-    daemon: Process,
-    cell: Process,
-}
-
-impl Pair {
-    fn start(place: &Place) -> Self {
-        Self { daemon: start(Who::Daemon, place), cell: start(Who::Cell, place) }
-    }
-
-    /// Kills those in that order, and starts them anew in the same order.
-    fn strike(&mut self, place: &Place, order: &[Who], chance: &mut Chance) {
-        for who in order {
-            let victim = self.of(*who);
-            assert!(victim.is_running(), "{who:?} ended by itself: {:#?}", victim.lines());
-            unbroken(victim);
-            victim.kill();
-            std::thread::sleep(Duration::from_micros(chance.below(3_000)));
-        }
-        for who in order {
-            *self.of(*who) = start(*who, place);
-        }
-    }
-
-    fn of(&mut self, who: Who) -> &mut Process {
-        if who == Who::Cell { &mut self.cell } else { &mut self.daemon }
-    }
-}
-
-fn start(who: Who, place: &Place) -> Process {
-    match who {
-        Who::Daemon => Process::daemon(TRUED, place),
-        Who::Cell => Process::start::<&str>(RIG_CELL, &[], place),
-    }
-}
-
-fn unbroken(process: &Process) {
-    let broken = process.lines().into_iter().find(|line| line.starts_with("broken"));
-    assert_eq!(broken, None, "no published target breaks a bound");
-}
 
 /// One round: a victim falls in steady state, then up to three times in its first 30 ms.
-fn round(pair: &mut Pair, place: &Place, number: u64, chance: &mut Chance) -> Option<Duration> {
+fn round(pair: &mut Pair<'_>, number: u64, chance: &mut Chance) -> Duration {
     let orders: [&[Who]; 4] =
         [&[Who::Cell], &[Who::Daemon], &[Who::Cell, Who::Daemon], &[Who::Daemon, Who::Cell]];
     let order = orders[chance.below(4) as usize];
-    pair.strike(place, order, chance);
+    pair.strike(order, chance);
     for _ in 0..(number % 4) {
         std::thread::sleep(Duration::from_micros(chance.below(30_000)));
-        pair.strike(place, order, chance);
+        pair.strike(order, chance);
     }
-    let time = pair.cell.wait_answered(&pair.daemon, JAM)?;
+    let time = pair.back();
     let joined = format!("Connected {{ pid: {}", pair.daemon.id());
     assert!(pair.cell.says(&joined, JAM), "the cell says who it joined: {:#?}", pair.cell.lines());
-    Some(time)
+    time
 }
 
 #[test]
@@ -84,23 +37,15 @@ fn whoever_is_left_goes_on_after_kill_9_at_any_time() {
     let seed = seed.unwrap_or_else(monotonic_ns);
     println!("TRUED_SEED={seed}");
     let mut chance = Chance::new(seed);
-    let place = Place::new("full", "");
-    let mut pair = Pair::start(&place);
-    pair.cell.wait_answered(&pair.daemon, JAM).expect("the pair comes to correct");
+    let mut pair = Pair::start(PROGRAMS);
+    pair.back();
     let mut times = Vec::new();
     for number in 0..asked.unwrap_or(ROUNDS) {
-        let time = round(&mut pair, &place, number, &mut chance).unwrap_or_else(|| {
-            let (cell, daemon) = (pair.cell.lines(), pair.daemon.lines());
-            panic!("round {number}: not back within {JAM:?}; cell: {cell:#?}; daemon: {daemon:#?}")
-        });
-        times.push(time);
+        times.push(round(&mut pair, number, &mut chance));
         std::thread::sleep(Duration::from_micros(chance.below(60_000)));
     }
     told(&mut times);
-    unbroken(&pair.cell);
-    assert!(pair.cell.let_go().success() && pair.daemon.end().success());
-    unbroken(&pair.cell);
-    assert_eq!(place.left(), Vec::<String>::new(), "after a clean end");
+    pair.end();
 }
 
 fn told(times: &mut [Duration]) {
@@ -153,11 +98,10 @@ fn the_client_ramps_the_correction_out_while_the_daemon_is_gone_and_says_so() {
 
 #[test]
 fn the_daemon_ramps_out_counts_and_serves_the_next_when_its_client_is_killed() {
-    let place = Place::new("full", "");
-    let mut pair = Pair::start(&place);
-    pair.cell.wait_answered(&pair.daemon, JAM).expect("the pair comes to correct");
+    let mut pair = Pair::start(PROGRAMS);
+    pair.back();
     std::thread::sleep(Duration::from_millis(300));
-    let mut monitor = Monitor::connect_to(&place.cell(), JAM).unwrap();
+    let mut monitor = Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
     pair.cell.kill();
     let mut last = None;
     let idle = wait_for(JAM, || {
@@ -167,8 +111,8 @@ fn the_daemon_ramps_out_counts_and_serves_the_next_when_its_client_is_killed() {
     assert!(idle, "{last:?}");
     assert!(pair.daemon.says("cleaned up after clients that died", JAM));
 
-    pair.cell = start(Who::Cell, &place);
-    pair.cell.wait_answered(&pair.daemon, JAM).expect("the same daemon serves the next");
+    pair.start_anew(Who::Cell);
+    pair.back();
     let before = last.unwrap();
     assert!(wait_for(JAM, || monitor.status().is_some_and(|s| s.commands > before.commands)));
     assert_eq!(monitor.status().unwrap().pid, pair.daemon.id());
@@ -176,16 +120,15 @@ fn the_daemon_ramps_out_counts_and_serves_the_next_when_its_client_is_killed() {
 
 #[test]
 fn what_two_killed_processes_leave_is_gone_after_the_next_daemon() {
-    let place = Place::new("full", "");
-    let mut pair = Pair::start(&place);
-    pair.cell.wait_answered(&pair.daemon, JAM).expect("the pair comes to correct");
+    let mut pair = Pair::start(PROGRAMS);
+    pair.back();
     pair.daemon.kill();
     pair.cell.kill();
-    assert!(!place.left().is_empty());
-    let mut next = start(Who::Daemon, &place);
-    assert!(next.says("ready", JAM), "{:?}", next.lines());
-    assert!(next.end().success());
-    assert_eq!(place.left(), Vec::<String>::new());
+    assert!(!pair.place.left().is_empty());
+    pair.start_anew(Who::Daemon);
+    assert!(pair.daemon.says("ready", JAM), "{:?}", pair.daemon.lines());
+    assert!(pair.daemon.end().success());
+    assert_eq!(pair.place.left(), Vec::<String>::new());
 }
 
 fn wait_for(limit: Duration, mut holds: impl FnMut() -> bool) -> bool {

@@ -16,6 +16,7 @@ mod clients;
 mod diagnose;
 mod diagnose_garbage;
 mod dynamics;
+mod faults;
 mod force;
 mod gauges;
 mod gears;
@@ -32,13 +33,16 @@ mod security;
 mod sensor;
 mod service;
 mod simulate;
+mod simulation;
 mod spectrum;
 mod status;
 mod surface;
 mod sweeps;
 mod tap;
 
+use tests::pair::Programs;
+
 /// The program itself.
 const TRUED: &str = env!("CARGO_BIN_EXE_trued-under-test");
 /// A robot's loop that may be killed.
-const RIG_CELL: &str = env!("CARGO_BIN_EXE_rig-cell");
+const PROGRAMS: Programs<'static> = Programs { trued: TRUED, rig: env!("CARGO_BIN_EXE_rig-cell") };

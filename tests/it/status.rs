@@ -1,6 +1,7 @@
 //! What the cell is told: versions that do not fit, a cell that is served already, a place that cannot be, shadow, bypass.
 
 use crate::TRUED;
+use rustix::process::Signal;
 use shm_schema::{Command, Corrected, CorrectionStatus, Reason, Role, Seat};
 use std::fs;
 use std::time::Duration;
@@ -21,7 +22,9 @@ fn ready(place: &Place) -> Process {
 #[test]
 fn another_contract_is_refused_at_once_and_both_versions_are_named() {
     let place = Place::new("full", "");
-    let _daemon = ready(&place);
+    let daemon = ready(&place);
+    // One that runs would put right what is changed here.
+    daemon.signal(Signal::STOP);
     let current = place.cell().dir().join("current");
     let text = fs::read_to_string(&current).unwrap();
     let ours = shm_schema::CONTRACT_VERSION;

@@ -1,12 +1,20 @@
-//! Nothing under the cycle takes from the heap, but for the transport's one block per published message.
+//! Nothing under the cycle takes from the heap, but for the transport's one block per published message; nor calls the kernel.
 //!
 //! A program of its own, as its allocator counts, by thread. Chosen: `allocation-counter`, since it brings the allocator with
 //! it (no `unsafe` of ours) and counts by thread, so that the daemon's other threads do not mix in; `assert_no_alloc` aborts at the
 //! first allocation and so cannot show "exactly one", `stats_alloc` counts all threads together.
-#![expect(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on fails")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test that cannot go on fails"
+)]
+#![expect(clippy::print_stdout, reason = "what was measured is said")]
 
 mod cycle;
+mod kernel;
 mod kinds;
+mod million;
 mod watch;
 
 use allocation_counter::{AllocationInfo, measure};

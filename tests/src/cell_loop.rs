@@ -15,6 +15,8 @@ pub const TICK_NS: u64 = 1_000_000;
 pub const MIDDLE: [f64; JOINTS] = [0.2, 0.3, -0.2, 0.3, 0.8, 0.1];
 const SWING_RAD: f64 = 0.05;
 const PERIOD_S: f64 = 5.0;
+/// By how much the times of command and target may part between two ticks in which nobody is held up, s.
+const STAMPED_S: f64 = 5e-5;
 /// Rounding of a sum and a difference, rad.
 const ROUNDING: f64 = 1e-12;
 
@@ -66,6 +68,8 @@ pub struct CellLoop {
     said: (u64, Gauge),
     status: Status,
     patience: Duration,
+    /// By how much the clock that stamps the commands has been set, ns.
+    pub clock_set_ns: i64,
     due_ns: u64,
     before: Option<(u64, Tick)>,
 }
@@ -81,7 +85,18 @@ impl CellLoop {
         let gauge = Gauge::new(&status.bounds.rate[..JOINTS]);
         let said = (0, gauge.clone());
         let (ticks, broken, due_ns) = (0, Vec::new(), monotonic_ns());
-        Ok(Self { client, ticks, broken, gauge, said, status, patience, due_ns, before: None })
+        Ok(Self {
+            client,
+            ticks,
+            broken,
+            gauge,
+            said,
+            status,
+            patience,
+            clock_set_ns: 0,
+            due_ns,
+            before: None,
+        })
     }
 
     /// Waits until the next tick is due, commands, and looks at what comes.
@@ -90,7 +105,8 @@ impl CellLoop {
         let early_ns = self.due_ns.saturating_sub(monotonic_ns());
         std::thread::sleep(Duration::from_nanos(early_ns));
         let q_cmd = path(monotonic_ns());
-        let sent = self.client.send(&Setpoint::new(&q_cmd));
+        let t_ns = monotonic_ns().saturating_add_signed(self.clock_set_ns);
+        let sent = self.client.send(&Setpoint::new(&q_cmd).at_ns(t_ns));
         let answer = sent.ok().and_then(|seq| self.client.wait_corrected(seq, self.patience));
         let now_ns = monotonic_ns();
         let target = self.client.target_for(&q_cmd, now_ns);
@@ -170,7 +186,7 @@ impl CellLoop {
         let dt_s = (now_ns - before_ns) as f64 * 1e-9;
         (0..JOINTS).find_map(|i| {
             let moved = (tick.correction[i] - before.correction[i]).abs();
-            let most = self.status.bounds.rate[i] * dt_s + 1e-9;
+            let most = self.status.bounds.rate[i] * (dt_s + STAMPED_S);
             (moved > most).then(|| format!("joint {i} stepped by {moved:.3e} in {dt_s:.6} s"))
         })
     }

@@ -29,13 +29,15 @@ pub struct Sender {
     pub chance: Chance,
     /// The command sent last that was meant well.
     pub last: Command,
+    /// The time, where it is not the system's.
+    pub now_ns: Option<u64>,
 }
 
 impl Sender {
     /// A stream by seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
-        Self { chance: Chance::new(seed), last: Command::default() }
+        Self { chance: Chance::new(seed), last: Command::default(), now_ns: None }
     }
 
     /// Another session: its numbers and times start anew.
@@ -45,7 +47,7 @@ impl Sender {
 
     /// The next good command.
     pub fn good(&mut self) -> Command {
-        let now_ns = monotonic_ns();
+        let now_ns = self.now_ns.unwrap_or_else(monotonic_ns);
         let t_ns = now_ns.max(self.last.t_ns + 1);
         let mut q = [0.0; JOINTS_MAX];
         q[..JOINTS].copy_from_slice(&path(now_ns));
@@ -85,7 +87,10 @@ impl Sender {
             11 => set(&mut c, before, refused(Reason::Duplicate)),
             12 => set(&mut c.seq, before.seq.saturating_sub(1), refused(Reason::OutOfOrder)),
             13 => set(&mut c.t_ns, before.t_ns, refused(Reason::OutOfOrder)),
-            14 => set(&mut c.t_ns, 0, refused(Reason::OutOfOrder)),
+            14 => {
+                let back_ns = before.t_ns.saturating_sub(500_000_000);
+                set(&mut c.t_ns, back_ns, refused(Reason::OutOfOrder))
+            }
             15 => set(&mut c.sent_ns, 0, refused(Reason::Stale)),
             16 => self.far_away(&mut c),
             17 | 18 => {

@@ -1,7 +1,7 @@
 //! A cell around the real program: a place of its own, the daemon as a process, a robot's loop, and what it watches.
 //!
 //! Promises: what a test starts ends with it; every test has a shared memory of its own. Never: a claim; those stand in `it/`.
-#![expect(clippy::expect_used, reason = "a rig that cannot go on fails its test")]
+#![expect(clippy::expect_used, clippy::panic, reason = "a rig that cannot go on fails its test")]
 
 pub mod cell_loop;
 pub mod chance;
@@ -10,6 +10,8 @@ pub mod fuzz;
 pub mod gauge;
 pub mod hostile;
 pub mod mutate;
+pub mod pair;
 pub mod place;
 pub mod process;
 pub mod sensor;
+pub mod simulation;

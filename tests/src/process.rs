@@ -8,6 +8,7 @@ use shm_schema::{RUNTIME_DIR_ENV, monotonic_ns};
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -24,13 +25,18 @@ struct Heard {
 pub struct Process {
     child: Child,
     heard: Arc<Mutex<Heard>>,
+    deaf: Arc<AtomicBool>,
 }
 
 impl Process {
     /// Starts `program` in that place.
     pub fn start<I: AsRef<OsStr>>(program: &str, args: &[I], place: &Place) -> Self {
-        let mut child = Command::new(program)
-            .args(args)
+        Self::spawn(Command::new(program).args(args), place)
+    }
+
+    /// Starts a command in that place.
+    pub fn spawn(command: &mut Command, place: &Place) -> Self {
+        let mut child = command
             .env(RUNTIME_DIR_ENV, place.root())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -38,9 +44,10 @@ impl Process {
             .spawn()
             .expect("the program starts");
         let heard = Arc::<Mutex<Heard>>::default();
-        listen(child.stdout.take(), &heard);
-        listen(child.stderr.take(), &heard);
-        Self { child, heard }
+        let deaf = Arc::<AtomicBool>::default();
+        listen(child.stdout.take(), &heard, &deaf);
+        listen(child.stderr.take(), &heard, &deaf);
+        Self { child, heard, deaf }
     }
 
     /// Starts the daemon of that place.
@@ -68,9 +75,37 @@ impl Process {
 
     /// Asks it to end, as a service manager does, and waits.
     pub fn end(&mut self) -> ExitStatus {
-        let pid = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw).expect("a process");
-        let _ = kill_process(pid, Signal::TERM);
+        self.signal(Signal::TERM);
         self.wait()
+    }
+
+    /// Sends it a signal.
+    pub fn signal(&self, signal: Signal) {
+        let pid = i32::try_from(self.child.id()).ok().and_then(Pid::from_raw).expect("a process");
+        let _ = kill_process(pid, signal);
+    }
+
+    /// Its thread of that name.
+    #[must_use]
+    pub fn thread(&self, name: &str) -> Option<u32> {
+        let tasks = std::fs::read_dir(format!("/proc/{}/task", self.id())).ok()?;
+        let named = |task: &std::fs::DirEntry| {
+            std::fs::read_to_string(task.path().join("comm")).is_ok_and(|comm| comm.trim() == name)
+        };
+        tasks.flatten().find(named)?.file_name().to_str()?.parse().ok()
+    }
+
+    /// Its resident memory, kB.
+    #[must_use]
+    pub fn resident_kb(&self) -> Option<u64> {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.id())).ok()?;
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+        line.trim().strip_suffix(" kB")?.trim().parse().ok()
+    }
+
+    /// Nobody reads any more what it says.
+    pub fn turn_away(&mut self) {
+        self.deaf.store(true, Relaxed);
     }
 
     /// Closes its standard input, which a rig's cell ends at, and waits.
@@ -132,11 +167,18 @@ impl Drop for Process {
     }
 }
 
-fn listen(stream: Option<impl Read + Send + 'static>, heard: &Arc<Mutex<Heard>>) {
+fn listen(
+    stream: Option<impl Read + Send + 'static>,
+    heard: &Arc<Mutex<Heard>>,
+    deaf: &Arc<AtomicBool>,
+) {
     let Some(stream) = stream else { return };
-    let heard = Arc::clone(heard);
+    let (heard, deaf) = (Arc::clone(heard), Arc::clone(deaf));
     std::thread::spawn(move || {
         for line in BufReader::new(stream).lines().map_while(Result::ok) {
+            if deaf.load(Relaxed) {
+                return;
+            }
             let mut heard = lock(&heard);
             match answered(&line) {
                 Some(answered) => heard.answered = answered,

@@ -1,4 +1,6 @@
 //! Logs to standard error, above the progress bars, never through them.
+//!
+//! Promises: a log that nobody reads any more costs its lines; the program goes on.
 
 use std::io::{self, Write};
 
@@ -12,11 +14,13 @@ struct BesideBars(MultiProgress);
 
 impl Write for BesideBars {
     fn write(&mut self, text: &[u8]) -> io::Result<usize> {
-        self.0.suspend(|| io::stderr().write(text))
+        // There is nobody to tell that there is nobody.
+        let _ = self.0.suspend(|| io::stderr().write_all(text));
+        Ok(text.len())
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        io::stderr().flush()
+        Ok(())
     }
 }
 
@@ -34,6 +38,8 @@ pub(crate) fn start(console: &Console) {
         .with_max_level(level)
         .with_writer(move || BesideBars(bars.clone()))
         .with_ansi(console.colour_on_stderr())
+        // It would say so on standard error, and panic where that is closed.
+        .log_internal_errors(false)
         .with_target(common.verbose > 0)
         .without_time()
         .finish();

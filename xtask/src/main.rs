@@ -11,6 +11,7 @@ mod calibrate;
 mod instructions;
 mod man;
 mod seeds;
+mod soak;
 mod watch;
 
 use std::process::ExitCode;
@@ -20,6 +21,7 @@ cargo xtask seeds [COUNT] [--full] [--debug]   the demo over COUNT seeds (20): t
 cargo xtask calibrate [CAMPAIGNS] [--out=DIR]   the calibration: the thesis' virtual robot, coverage of intervals over CAMPAIGNS (1000), outliers, time
 cargo xtask instructions [--store]   the hot path's stages: instructions by callgrind beside those stored; more than a tenth more fails
 cargo xtask man [--out=DIR]   man pages and shell completions of the program, for the package
+cargo xtask soak [--minutes N] [--seed S]   faults at random over real processes for N (60) minutes: what was late, what broke, the daemon's memory
 cargo xtask watch [HOURS] [--from=JSON] [--out=DIR]   the vibration watch: detection, false alarms in HOURS (10) of noise per axis, transients, cost
 ";
 
@@ -31,6 +33,7 @@ fn main() -> ExitCode {
         ["calibrate", rest @ ..] => calibrate::run(rest),
         ["instructions", rest @ ..] => instructions::run(rest),
         ["man", rest @ ..] => man::run(rest),
+        ["soak", rest @ ..] => soak::run(rest),
         ["watch", rest @ ..] => watch::run(rest),
         _ => {
             print!("{HELP}");

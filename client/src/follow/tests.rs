@@ -82,9 +82,38 @@ fn the_answer_to_this_very_command_is_published_bit_for_bit() {
     let at = led_to(&mut follower, 0.003);
     let q_cmd = [0.7; 6];
     let mut made = answer(at + 1, &q_cmd, 0.003);
-    made.q[0] = 0.703_1;
+    made.q[0] = made.q[0].next_up();
     let target = follower.target(&q_cmd, Some(&made), Some(&sent(at + 1, &q_cmd)), (at + 1) * MS);
     assert_eq!((target.joints(), target.source()), (made.joints(), Source::Corrected));
+}
+
+#[test]
+fn an_answer_that_was_made_of_another_target_is_not_published() {
+    let mut follower = follower();
+    let at = led_to(&mut follower, 0.003);
+    let q_cmd = [0.7; 6];
+    let mut torn = answer(at + 1, &q_cmd, 0.003);
+    torn.q[0] = 0.9;
+    let target = follower.target(&q_cmd, Some(&torn), Some(&sent(at + 1, &q_cmd)), (at + 1) * MS);
+    assert_eq!((target.joints(), target.source()), (&[0.703; 6][..], Source::LastCorrection));
+}
+
+#[test]
+fn a_clock_of_commands_that_is_set_moves_no_ramp() {
+    let mut follower = follower();
+    let at = led_to(&mut follower, 0.003);
+    let mut before = 0.003;
+    for k in 0..200 {
+        // An hour ahead, and back again, while the daemon is silent.
+        let hour_ns = if (60..120).contains(&k) { 3_600_000 * MS } else { 0 };
+        let now_ns = (at + 20 + k) * MS;
+        let command = Command { t_ns: now_ns + hour_ns, ..sent(at + 20 + k, &[0.5; 6]) };
+        let target = follower.target(&[0.5; 6], None, Some(&command), now_ns);
+        let moved = (target.joints()[0] - 0.5 - before).abs();
+        before = target.joints()[0] - 0.5;
+        // After the first, which is 20 ms late: never more than 1 ms at the rate of the bounds.
+        assert!(k == 0 || moved <= 0.02 * 1.01e-3, "{k}: {moved}");
+    }
 }
 
 #[test]

@@ -31,13 +31,21 @@ impl BlackBox {
     /// Creates the file; one that stands there already is not touched.
     ///
     /// # Errors
-    /// The file exists, or the system refuses.
+    /// The file exists, or the system refuses; no file is left then.
     pub fn create(path: &Path, header: &Header) -> Result<Self, BlackBoxError> {
         let file = File::create_new(path).map_err(|source| BlackBoxError::Io {
             action: "create",
             path: path.to_owned(),
             source,
         })?;
+        Self::begin(file, path, header).inspect_err(|_| {
+            // The first error is the one to tell.
+            let _ = std::fs::remove_file(path);
+        })
+    }
+
+    /// Writes what stands before the first record.
+    fn begin(file: File, path: &Path, header: &Header) -> Result<Self, BlackBoxError> {
         let options = WriteOptions::new()
             .compression(None)
             .chunk_size(Some(CHUNK_BYTES))

@@ -3,13 +3,14 @@
 use std::fs;
 use std::io::ErrorKind;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Duration;
 
 use iceoryx2::node::Node;
 use iceoryx2::prelude::ipc;
 
 use super::current::{Contract, Current};
-use super::error::DomainError;
+use super::error::{DomainError, JoinError};
 use super::lock::{Lock, LockError};
 use super::mender::Mender;
 use super::place::Cell;
@@ -30,6 +31,8 @@ pub struct DaemonSide {
     ports: DaemonPorts,
     node: Node<ipc::Service>,
     _mender: Mender,
+    /// The epoch that is open to clients; 0 before the first.
+    announced: AtomicU64,
     claim: Claim,
 }
 
@@ -56,6 +59,8 @@ pub struct Supervision {
     pub failed: u64,
     /// A client cannot get in: [`DaemonSide::renew`] helps.
     pub knocked: bool,
+    /// Somebody has removed or changed files by which clients find this daemon: [`DaemonSide::renew`] helps too.
+    pub torn: bool,
 }
 
 impl DaemonSide {
@@ -69,7 +74,7 @@ impl DaemonSide {
         let mender = Mender::start(cell)
             .map_err(|e| DomainError::io("start a thread for", cell.dir(), e))?;
         let (node, ports) = open_epoch(cell)?;
-        Ok(Self { ports, node, _mender: mender, claim })
+        Ok(Self { ports, node, _mender: mender, announced: AtomicU64::new(0), claim })
     }
 
     /// What makes the ports of the present epoch.
@@ -90,27 +95,47 @@ impl DaemonSide {
     /// [`DomainError::Io`] where the announcement could not be written.
     pub fn announce(&self) -> Result<(), DomainError> {
         let epoch = self.ports.epoch;
-        Current { contract: Contract::ours(), epoch, pid: std::process::id() }
-            .write(&self.claim.cell)?;
+        self.announcement().write(&self.claim.cell)?;
+        self.announced.store(epoch, Relaxed);
         self.claim.cell.sweep_epochs(Some(epoch));
         Ok(())
     }
 
-    /// Cleans up after clients that died, so that their places are free, and looks whether one knocks.
+    fn announcement(&self) -> Current {
+        Current { contract: Contract::ours(), epoch: self.ports.epoch, pid: std::process::id() }
+    }
+
+    /// Cleans up after clients that died, so that their places are free, looks whether one knocks, and whether all is in its place.
     pub fn supervise(&self) -> Supervision {
         let state = self.node.try_cleanup_dead_nodes();
         let knock = self.claim.cell.file("knock");
         let epoch = format!("{:016x}", self.ports.epoch);
         let knocked = fs::read_to_string(&knock).is_ok_and(|text| text.trim() == epoch);
-        Supervision { cleaned: state.cleanups, failed: state.failed_cleanups, knocked }
+        let torn = self.announced.load(Relaxed) == self.ports.epoch && !self.is_found();
+        Supervision { cleaned: state.cleanups, failed: state.failed_cleanups, knocked, torn }
+    }
+
+    /// Whether a client that looks for this daemon finds it. A directory that was given to others is not this daemon's to mend.
+    fn is_found(&self) -> bool {
+        let cell = &self.claim.cell;
+        match Current::read(cell) {
+            Err(JoinError::WrongUser { .. }) => !cell.is_ajar(),
+            found => {
+                found.is_ok_and(|found| found == self.announcement())
+                    && self.claim.holds()
+                    && cell.epoch_dir(self.ports.epoch).is_dir()
+            }
+        }
     }
 
     /// Makes a new epoch beside the present one. Its ports come from [`ports`](Self::ports); when
     /// the threads have changed over, [`announce`](Self::announce) moves the clients.
     ///
     /// # Errors
-    /// See [`DomainError`]; the present epoch then stays.
+    /// See [`DomainError`]; the present epoch then stays. [`DomainError::AlreadyServed`]: the cell was taken away, and another
+    /// daemon has it.
     pub fn renew(&mut self) -> Result<(), DomainError> {
+        self.claim.claim_again()?;
         let (node, ports) = open_epoch(&self.claim.cell)?;
         self.node = node;
         self.ports = ports;
@@ -122,26 +147,29 @@ impl DaemonSide {
 impl Drop for DaemonSide {
     fn drop(&mut self) {
         // Nobody shall join what is about to go.
-        let _ = fs::remove_file(self.claim.cell.file("current"));
+        if self.claim.holds() {
+            let _ = fs::remove_file(self.claim.cell.file("current"));
+        }
     }
 }
 
 impl Claim {
     fn new(cell: &Cell) -> Result<Self, DomainError> {
-        let path = cell.file("daemon.lock");
-        // A client that leaves removes an empty directory; then the next try makes it again.
-        for _ in 0..10 {
-            cell.make_dir()?;
-            match Lock::take(&path, LOCK_PATIENCE) {
-                Ok(lock) => return Ok(Self { cell: cell.clone(), lock: Some(lock) }),
-                Err(LockError::Io(e)) if e.kind() == ErrorKind::NotFound => {}
-                Err(LockError::Io(e)) => return Err(DomainError::io("lock", &path, e)),
-                Err(LockError::Held(pid)) => {
-                    return Err(DomainError::AlreadyServed { cell: cell.name().to_owned(), pid });
-                }
-            }
+        Ok(Self { cell: cell.clone(), lock: Some(locked(cell)?) })
+    }
+
+    /// Whether the cell is still this process's: somebody may have removed the lock's file.
+    fn holds(&self) -> bool {
+        self.lock.as_ref().is_some_and(Lock::holds)
+    }
+
+    /// Takes the cell again where its files were removed.
+    fn claim_again(&mut self) -> Result<(), DomainError> {
+        if self.holds() {
+            return self.cell.make_dir();
         }
-        Err(DomainError::io("lock", &path, ErrorKind::NotFound.into()))
+        self.lock = Some(locked(&self.cell)?);
+        Ok(())
     }
 
     fn clear(&self) {
@@ -154,6 +182,10 @@ impl Claim {
 
 impl Drop for Claim {
     fn drop(&mut self) {
+        // Without the lock, what stands there is another daemon's.
+        if self.claim_again().is_err() {
+            return;
+        }
         self.clear();
         // A dead client's lock file goes with ours; a living one's stays with it.
         for role in ["cell.lock", "force.lock"] {
@@ -184,7 +216,7 @@ impl DaemonPorts {
     /// # Errors
     /// [`PortError::Occupied`] where the daemon has made it already.
     pub fn subscriber<T: Topic>(&self) -> Result<Subscriber<T>, PortError> {
-        Subscriber::new(&self.services)
+        Subscriber::new(&self.services, 0)
     }
 
     /// The end of `/control` that answers, for the calling thread.
@@ -203,6 +235,24 @@ impl DaemonPorts {
 pub fn sweep(cell: &Cell) -> Result<(), DomainError> {
     drop(Claim::new(cell)?);
     Ok(())
+}
+
+/// The cell's directory, and the daemon's lock in it.
+fn locked(cell: &Cell) -> Result<Lock, DomainError> {
+    let path = cell.file("daemon.lock");
+    // A client that leaves removes an empty directory; then the next try makes it again.
+    for _ in 0..10 {
+        cell.make_dir()?;
+        match Lock::take(&path, LOCK_PATIENCE) {
+            Ok(lock) => return Ok(lock),
+            Err(LockError::Io(e)) if e.kind() == ErrorKind::NotFound => {}
+            Err(LockError::Io(e)) => return Err(DomainError::io("lock", &path, e)),
+            Err(LockError::Held(pid)) => {
+                return Err(DomainError::AlreadyServed { cell: cell.name().to_owned(), pid });
+            }
+        }
+    }
+    Err(DomainError::io("lock", &path, ErrorKind::NotFound.into()))
 }
 
 fn open_epoch(cell: &Cell) -> Result<(Node<ipc::Service>, DaemonPorts), DomainError> {

@@ -1,14 +1,53 @@
-//! A thread that removes what killed processes left half-made, as other threads may be stuck on it.
+//! Removes memory that was created and never sized: its creator was killed between the two, and others may be stuck on it.
 //!
-//! It never touches the transport, so it cannot get stuck itself. See [`Cell::mend`].
+//! The transport (0.10.0) waits for such a file without end, in whichever thread meets it, and goes on as soon as it is gone. The
+//! daemon's side has a thread for it, which never touches the transport and so cannot get stuck itself.
+//! Promise: a creator that lives needs microseconds and gets 100 ms, by a clock that nobody sets.
 
+use std::fs;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use super::place::Cell;
+use super::place::{Cell, SHARED_MEMORY, entries};
 
 const PERIOD: Duration = Duration::from_millis(20);
+/// Memory without a size is given up after this time.
+const HALF_MADE_AFTER: Duration = Duration::from_millis(100);
+
+/// A cell's memory files without a size, and since when they are known.
+#[derive(Debug, Default)]
+pub(crate) struct HalfMade {
+    known: Vec<(PathBuf, u64, Instant)>,
+}
+
+impl HalfMade {
+    /// One look; to be called every few milliseconds. Removes what has had no size since long enough.
+    pub(crate) fn mend(&mut self, cell: &Cell) {
+        let prefix = cell.shared_memory_prefix();
+        let empty = |path: &PathBuf| {
+            fs::metadata(path).ok().filter(|meta| meta.len() == 0).map(|meta| meta.ino())
+        };
+        let now = Instant::now();
+        let found: Vec<_> = entries(Path::new(SHARED_MEMORY))
+            .filter(|(name, _)| name.starts_with(&prefix))
+            .filter_map(|(_, path)| Some((empty(&path)?, path)))
+            .map(|(file, path)| {
+                let known = self.known.iter().find(|(p, f, _)| (p, *f) == (&path, file));
+                let since = known.map_or(now, |(_, _, since)| *since);
+                (path, file, since)
+            })
+            .collect();
+        let (old, young): (Vec<_>, Vec<_>) =
+            found.into_iter().partition(|(_, _, since)| now - *since > HALF_MADE_AFTER);
+        self.known = young;
+        for (path, _, _) in old {
+            let _ = fs::remove_file(path);
+        }
+    }
+}
 
 /// Mends a cell's memory until it is dropped.
 #[derive(Debug)]
@@ -23,8 +62,9 @@ impl Mender {
         let cell = cell.clone();
         let thread =
             std::thread::Builder::new().name("trued-mender".to_owned()).spawn(move || {
+                let mut half_made = HalfMade::default();
                 while stopped.recv_timeout(PERIOD) == Err(RecvTimeoutError::Timeout) {
-                    cell.mend();
+                    half_made.mend(&cell);
                 }
             })?;
         Ok(Self { stop: Some(stop), thread: Some(thread) })

@@ -29,6 +29,7 @@ const CREATION_TIMEOUT: core::time::Duration = core::time::Duration::from_millis
 
 /// Joins an epoch as a process: the transport's node, quiet, without signal handlers, cleaning nothing.
 fn node<S: Service>(cell: &Cell, epoch: u64) -> Result<Node<S>, String> {
+    place::check_room()?;
     let mut config = Config::default();
     let dir = cell.epoch_dir(epoch);
     let root = Path::new(dir.to_string_lossy().as_bytes()).map_err(|e| format!("{e:?}"))?;

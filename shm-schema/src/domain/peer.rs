@@ -10,6 +10,7 @@ use iceoryx2::prelude::ipc_threadsafe;
 use super::current::{Contract, Current};
 use super::error::JoinError;
 use super::lock::{Lock, LockError, is_held};
+use super::mender::HalfMade;
 use super::place::Cell;
 use crate::port::{ControlClient, PortError, Publisher, Subscriber};
 use crate::services::{Services, Topic, Way};
@@ -50,6 +51,7 @@ pub struct Seat {
     cell: Cell,
     role: Role,
     lock: Option<Lock>,
+    half_made: HalfMade,
 }
 
 /// An epoch, joined: makes the ports.
@@ -59,13 +61,14 @@ pub struct Joined {
     services: Arc<Services<Transport>>,
     _node: Arc<Node<Transport>>,
     current: Current,
+    role: Role,
 }
 
 impl Seat {
     /// A seat for that role; it is taken with the first [`join`](Self::join).
     #[must_use]
     pub fn new(cell: &Cell, role: Role) -> Self {
-        Self { cell: cell.clone(), role, lock: None }
+        Self { cell: cell.clone(), role, lock: None, half_made: HalfMade::default() }
     }
 
     /// The cell.
@@ -103,7 +106,8 @@ impl Seat {
         let transport = |cause| JoinError::Transport { epoch, cause };
         let node = super::node(&self.cell, epoch).map_err(transport)?;
         let services = Services::make(&node, Way::Open).map_err(|e| transport(e.to_string()))?;
-        Ok(Joined { services: Arc::new(services), _node: Arc::new(node), current })
+        let (services, node) = (Arc::new(services), Arc::new(node));
+        Ok(Joined { services, _node: node, current, role: self.role })
     }
 
     /// Asks the daemon for a new epoch, as `epoch` cannot be joined although this seat is ours.
@@ -111,10 +115,10 @@ impl Seat {
         let _ = fs::write(self.cell.file("knock"), format!("{epoch:016x}\n"));
     }
 
-    /// Removes what a killed process left half-made, and frees threads that are stuck on it. While a
-    /// daemon lives, it does this itself.
-    pub fn mend(&self) {
-        self.cell.mend();
+    /// Removes what a killed process left half-made, and frees threads that are stuck on it: to be called again and again while
+    /// no daemon lives. One that lives does this itself.
+    pub fn mend(&mut self) {
+        self.half_made.mend(&self.cell);
     }
 
     fn take(&mut self) -> Result<(), JoinError> {
@@ -160,16 +164,17 @@ impl Joined {
     /// A receiver.
     ///
     /// # Errors
-    /// As [`publisher`](Self::publisher).
+    /// As [`publisher`](Self::publisher); for a monitor also where all places but the cell's are taken.
     pub fn subscriber<T: Topic>(&self) -> Result<PeerSubscriber<T>, PortError> {
-        Subscriber::new(&self.services)
+        let kept = if self.role == Role::Monitor { T::KEEPING.kept_for_the_cell() } else { 0 };
+        Subscriber::new(&self.services, kept)
     }
 
     /// The end of `/control` that asks.
     ///
     /// # Errors
-    /// As [`publisher`](Self::publisher).
+    /// As [`subscriber`](Self::subscriber).
     pub fn control(&self) -> Result<PeerControl, PortError> {
-        ControlClient::new(&self.services)
+        ControlClient::new(&self.services, usize::from(self.role == Role::Monitor))
     }
 }

@@ -13,7 +13,6 @@
 use std::fs;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 use super::error::DomainError;
 use crate::layout::hash_text;
@@ -21,14 +20,14 @@ use crate::layout::hash_text;
 /// Environment variable: another directory on tmpfs instead of `/dev/shm`.
 pub const RUNTIME_DIR_ENV: &str = "TRUED_RUNTIME_DIR";
 
-const SHARED_MEMORY: &str = "/dev/shm";
+pub(crate) const SHARED_MEMORY: &str = "/dev/shm";
 /// Longest path of the transport, its own names included; beyond it panics.
 const PATH_BYTES_MAX: usize = 255;
 /// What stands in such a path besides the cell's directory and name: `/EPOCH/trued..PLACE.EPOCH.`, then the transport's
 /// own `HASH_ID_ID.connection` with a hash of 40 digits and two numbers of 128 bits.
 const OTHER_BYTES_MAX: usize = 1 + 16 + 1 + 6 + 1 + 8 + 1 + 16 + 1 + 40 + 1 + 39 + 1 + 39 + 11;
-/// Memory without a size is given up after this time.
-const HALF_MADE_AFTER: Duration = Duration::from_millis(100);
+/// What all services of a cell take together, several times over.
+const ROOM_BYTES: u64 = 16 << 20;
 const NAME_BYTES_MAX: usize = 24;
 const TMPFS_MAGIC: i64 = 0x0102_1994;
 const RAMFS_MAGIC: i64 = 0x8584_58f6;
@@ -109,6 +108,10 @@ impl Cell {
             Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => {}
             Err(e) => return Err(io(e)),
         }
+        if self.is_ajar() {
+            let closed = fs::Permissions::from_mode(0o700);
+            fs::set_permissions(&self.dir, closed).map_err(io)?;
+        }
         self.check_owner()?;
         let fs_type = rustix::fs::statfs(&self.dir).map_err(|e| io(e.into()))?.f_type as i64;
         if fs_type != TMPFS_MAGIC && fs_type != RAMFS_MAGIC {
@@ -116,6 +119,16 @@ impl Cell {
             return Err(DomainError::NotInMemory { dir: self.dir.clone() });
         }
         Ok(())
+    }
+
+    /// Whether others may look into this user's directory, though not write: the transport of a client makes one like that where
+    /// somebody has removed ours.
+    pub(crate) fn is_ajar(&self) -> bool {
+        let me = rustix::process::geteuid().as_raw();
+        fs::symlink_metadata(&self.dir).is_ok_and(|meta| {
+            let mode = meta.mode() & 0o777;
+            meta.is_dir() && meta.uid() == me && mode != 0o700 && mode & 0o022 == 0
+        })
     }
 
     /// Checks that the directory is a directory of this user, closed to all others.
@@ -137,19 +150,6 @@ impl Cell {
     /// Removes the directory if nothing is left in it.
     pub(crate) fn leave(&self) {
         let _ = fs::remove_dir(&self.dir);
-    }
-
-    /// Removes memory that was created and never sized: its creator was killed between the two.
-    ///
-    /// The transport (0.10.0) waits for such a file without end, in whichever thread meets it, and
-    /// goes on as soon as it is gone. A creator that lives needs microseconds; it gets 100 ms.
-    pub(crate) fn mend(&self) {
-        let prefix = self.shared_memory_prefix();
-        for (name, path) in entries(Path::new(SHARED_MEMORY)) {
-            if name.starts_with(&prefix) && fs::metadata(&path).is_ok_and(|m| is_half_made(&m)) {
-                let _ = fs::remove_file(&path);
-            }
-        }
     }
 
     /// Closes memory of an epoch to all other users: the transport (0.10.0) makes one small block, its counter of
@@ -185,13 +185,20 @@ impl Cell {
     }
 }
 
-fn is_half_made(meta: &fs::Metadata) -> bool {
-    let age = meta.modified().ok().and_then(|made| made.elapsed().ok());
-    meta.len() == 0 && age.is_some_and(|age| age > HALF_MADE_AFTER)
+/// Whether shared memory has room for a process that joins: one that writes where there is none is ended by the kernel.
+pub(crate) fn check_room() -> Result<(), String> {
+    let Ok(memory) = rustix::fs::statvfs(SHARED_MEMORY) else { return Ok(()) };
+    let free_bytes = memory.f_bavail.saturating_mul(memory.f_frsize);
+    // Without a bound of its own it has no blocks to tell of.
+    if memory.f_blocks == 0 || free_bytes >= ROOM_BYTES {
+        return Ok(());
+    }
+    let (free, needed) = (free_bytes >> 20, ROOM_BYTES >> 20);
+    Err(format!("{SHARED_MEMORY} has {free} MiB left, expected {needed} or more"))
 }
 
 /// Names and paths in a directory; what cannot be read is left out.
-fn entries(dir: &Path) -> impl Iterator<Item = (String, PathBuf)> {
+pub(crate) fn entries(dir: &Path) -> impl Iterator<Item = (String, PathBuf)> {
     fs::read_dir(dir)
         .into_iter()
         .flatten()

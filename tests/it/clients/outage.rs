@@ -3,6 +3,7 @@
 
 use super::{LIMIT, OUTAGE, compiled, python};
 use crate::TRUED;
+use rustix::process::Signal;
 use shm_schema::CONTRACT_VERSION;
 use std::fs;
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
@@ -100,7 +101,7 @@ fn as_another_users(dir: &Path) {
     if owner == 0 && std::os::unix::fs::chown(dir, Some(nobody), None).is_ok() {
         return;
     }
-    fs::set_permissions(dir, fs::Permissions::from_mode(0o755)).unwrap();
+    fs::set_permissions(dir, fs::Permissions::from_mode(0o777)).unwrap();
 }
 
 fn as_ours(dir: &Path) {
@@ -134,9 +135,12 @@ fn every_outage_has_its_own_error_in_every_language_and_ends_by_itself() {
 
         let current = dir.join("current");
         let ours = fs::read_to_string(&current).unwrap();
+        // One that runs would put it right at once.
+        second.signal(Signal::STOP);
         as_another_version(&current);
         told.next("version_mismatch");
         fs::write(&current, ours).unwrap();
+        second.signal(Signal::CONT);
         told.next("ok");
         drop(second);
         told.next("daemon_lost");
@@ -147,7 +151,8 @@ fn every_outage_has_its_own_error_in_every_language_and_ends_by_itself() {
 #[test]
 fn connecting_says_at_once_what_no_waiting_will_mend() {
     let place = Place::new("shadow", "");
-    let _daemon = daemon(&place);
+    let daemon = daemon(&place);
+    daemon.signal(Signal::STOP);
     let dir = place.cell().dir().to_path_buf();
     let kind = |limit| {
         let start = Instant::now();

@@ -1,20 +1,27 @@
-//! A cell in miniature, for tests that kill it: a robot's loop that says what it gets.
+//! A cell in miniature, for tests that kill it: a robot's loop that says what it gets, or (`monitor`, `force`) one of the others
+//! that a cell has.
 //!
 //! On standard output: `answered NS by PID`, events of the connection, `broken WORDS`; in the end `ticks N`.
 //! Ends when its standard input closes.
 #![expect(clippy::print_stdout, reason = "a test listens")]
 
 use shm_schema::Cell;
+use std::fmt::Display;
 use std::io::Read;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 use tests::cell_loop::CellLoop;
+use tests::chance::Chance;
 use tests::place::CELL;
-use trued_client::{Connection, monotonic_ns};
+use trued_client::{
+    Connection, ForceSamples, ForceSource, Monitor, Samples, Source, WrenchFrame, monotonic_ns,
+};
 
 /// Between two signs of life, ns.
 const TELL_EVERY_NS: u64 = 2_000_000;
+/// How long one try to connect may take.
+const PATIENCE: Duration = Duration::from_millis(500);
 
 fn main() {
     let over = Arc::new(AtomicBool::new(false));
@@ -23,28 +30,39 @@ fn main() {
         let _ = std::io::stdin().read(&mut [0]);
         end.store(true, Relaxed);
     });
-    match Cell::new(CELL) {
-        Ok(cell) => run(&cell, &over),
-        Err(fault) => println!("{fault}"),
+    let cell = match Cell::new(CELL) {
+        Ok(cell) => cell,
+        Err(fault) => return println!("{fault}"),
+    };
+    match std::env::args().nth(1).as_deref() {
+        Some("monitor") => look(&cell, &over),
+        Some("force") => push(&cell, &over),
+        _ => run(&cell, &over),
     }
 }
 
-fn run(cell: &Cell, over: &AtomicBool) {
-    let mut cell_loop = loop {
-        match CellLoop::join(cell, Duration::from_millis(5)) {
-            Ok(joined) => break joined,
+/// Tries until it is in; none where the end came before.
+fn joined<T, E: Display>(over: &AtomicBool, mut join: impl FnMut() -> Result<T, E>) -> Option<T> {
+    while !over.load(Relaxed) {
+        match join() {
+            Ok(joined) => return Some(joined),
             Err(fault) => println!("{fault}"),
         }
-        if over.load(Relaxed) {
-            return;
-        }
+    }
+    None
+}
+
+fn run(cell: &Cell, over: &AtomicBool) {
+    let Some(mut cell_loop) = joined(over, || CellLoop::join(cell, Duration::from_millis(5)))
+    else {
+        return;
     };
     let mut told_ns = 0;
     while !over.load(Relaxed) {
         let tick = cell_loop.tick();
         let now_ns = monotonic_ns();
         if let (true, Connection::Connected { pid, .. }) =
-            (tick.answered, cell_loop.client.connection())
+            (tick.answered && tick.source != Source::Rejected, cell_loop.client.connection())
             && now_ns > told_ns + TELL_EVERY_NS
         {
             println!("answered {now_ns} by {pid}");
@@ -58,4 +76,40 @@ fn run(cell: &Cell, over: &AtomicBool) {
         }
     }
     println!("ticks {}", cell_loop.ticks);
+}
+
+/// Whoever looks on: a sign of life with each new status.
+fn look(cell: &Cell, over: &AtomicBool) {
+    let Some(mut monitor) = joined(over, || Monitor::connect_to(cell, PATIENCE)) else { return };
+    let mut seen_ns = 0;
+    while !over.load(Relaxed) {
+        if let Some(status) = monitor.status().filter(|status| status.t_ns != seen_ns) {
+            println!("answered {} by {}", monotonic_ns(), status.pid);
+            seen_ns = status.t_ns;
+        }
+        while monitor.vibration().is_some() {}
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// Noise at 10 kHz in three channels, in blocks of 10 ms.
+fn push(cell: &Cell, over: &AtomicBool) {
+    let Some(mut source) = joined(over, || ForceSource::connect_to(cell, PATIENCE)) else { return };
+    let mut chance = Chance::new(monotonic_ns());
+    let mut due_ns = monotonic_ns();
+    while !over.load(Relaxed) {
+        let noise: Vec<f64> = (0..300).map(|_| chance.unit() - 0.5).collect();
+        let sent = source.send(&ForceSamples {
+            t_ns: due_ns,
+            rate_hz: 10_000.0,
+            channels: 3,
+            frame: WrenchFrame::Base,
+            samples: Samples::F64(&noise),
+        });
+        if let (Ok(()), Connection::Connected { pid, .. }) = (sent, source.connection()) {
+            println!("answered {} by {pid}", monotonic_ns());
+        }
+        due_ns = (due_ns + 10_000_000).max(monotonic_ns().saturating_sub(10_000_000));
+        std::thread::sleep(Duration::from_nanos(due_ns.saturating_sub(monotonic_ns())));
+    }
 }

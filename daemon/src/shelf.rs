@@ -1,0 +1,91 @@
+//! The black boxes of a cell on the disk: what the next one is called, which of them are removed.
+//!
+//! Promises: names sort by time even where the system's clock was set back; the file that is being written is never removed, nor one
+//! that is not of this very cell. Never: writes into a file.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+use tracing::warn;
+
+/// When a file was begun, s since 1970, and which of that second's: what its name sorts by.
+type Number = (u64, u32);
+
+/// Where the next file of that cell goes: after all that stand there.
+pub fn next(dir: &Path, cell: &str) -> PathBuf {
+    let now_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let newest = files(dir, cell).last().map(|(number, _)| *number);
+    let (seconds, count) = after(newest, now_s);
+    dir.join(format!("{cell}-{seconds:010}-{count:04}.mcap"))
+}
+
+/// Removes this cell's oldest files beyond `keep`, `current` never.
+pub fn remove_oldest(dir: &Path, cell: &str, keep: usize, current: &Path) {
+    let files = files(dir, cell);
+    let surplus = files.len().saturating_sub(keep.max(1));
+    for (_, file) in files.into_iter().take(surplus).filter(|(_, file)| file != current) {
+        if let Err(why) = fs::remove_file(&file) {
+            warn!(%why, file = %file.display(), "an old black box could not be removed");
+        }
+    }
+}
+
+fn after(newest: Option<Number>, now_s: u64) -> Number {
+    match newest {
+        Some((seconds, count)) if seconds >= now_s => (seconds, count.saturating_add(1)),
+        _ => (now_s, 1),
+    }
+}
+
+/// This cell's files, oldest first.
+fn files(dir: &Path, cell: &str) -> Vec<(Number, PathBuf)> {
+    let Ok(entries) = fs::read_dir(dir) else { return Vec::new() };
+    let numbered = |path: PathBuf| Some((number_of(path.file_name()?.to_str()?, cell)?, path));
+    let mut files: Vec<_> = entries.flatten().filter_map(|entry| numbered(entry.path())).collect();
+    files.sort();
+    files
+}
+
+/// A name `CELL-SECONDS-COUNT.mcap`, read; another cell's may begin alike.
+fn number_of(name: &str, cell: &str) -> Option<Number> {
+    let numbers = name.strip_prefix(cell)?.strip_prefix('-')?.strip_suffix(".mcap")?;
+    let (seconds, count) = numbers.split_once('-')?;
+    Some((seconds.parse().ok()?, count.parse().ok()?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clock_set_back_does_not_make_the_next_file_the_oldest() {
+        assert_eq!(after(None, 5), (5, 1));
+        assert_eq!(after(Some((4, 7)), 5), (5, 1));
+        assert_eq!(after(Some((5, 1)), 5), (5, 2), "two within a second");
+        assert_eq!(after(Some((9_000_000_000, 1)), 5), (9_000_000_000, 2), "from the future");
+    }
+
+    #[test]
+    fn files_of_a_cell_whose_name_begins_alike_are_not_ours() {
+        assert_eq!(number_of("a-0000000005-0002.mcap", "a"), Some((5, 2)));
+        for foreign in ["a-b-0000000005-0002.mcap", "a-0000000005.mcap", "a-0000000005-0002.csv"] {
+            assert_eq!(number_of(foreign, "a"), None, "{foreign}");
+        }
+    }
+
+    #[test]
+    fn the_oldest_go_and_the_one_being_written_stays() {
+        let dir = std::env::temp_dir().join(format!("trued-shelf-{}", std::process::id()));
+        fs::create_dir_all(&dir).unwrap();
+        let file = |seconds: u64, count: u32| dir.join(format!("a-{seconds:010}-{count:04}.mcap"));
+        let other = dir.join("a-b-0000000001-0001.mcap");
+        for path in [file(5, 1), file(5, 2), file(7, 1), other.clone()] {
+            fs::write(path, "").unwrap();
+        }
+        remove_oldest(&dir, "a", 1, &file(5, 1));
+        let kept: Vec<_> = files(&dir, "a").into_iter().map(|(number, _)| number).collect();
+        assert_eq!(kept, [(5, 1), (7, 1)]);
+        assert!(other.exists());
+        fs::remove_dir_all(&dir).unwrap();
+    }
+}

@@ -1,0 +1,211 @@
+//! A disk that is full, or does not answer: the black box suffers, the robot does not.
+
+use super::wait_for;
+use crate::{PROGRAMS, TRUED};
+use rustix::process::Signal;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+use tests::clients::{has, skipped};
+use tests::pair::{JAM, Pair, recorder};
+use tests::place::Place;
+use tests::process::Process;
+use trued_client::{Health, Monitor, Status};
+
+/// `RecorderState`, as the status carries it.
+const RECORDING: u32 = 1;
+const DROPPING: u32 = 2;
+const FAILED: u32 = 3;
+
+fn scratch() -> &'static Path {
+    Path::new(env!("CARGO_TARGET_TMPDIR"))
+}
+
+fn until(monitor: &mut Monitor, what: &str, holds: impl Fn(&Status) -> bool) -> Duration {
+    let start = Instant::now();
+    let seen = wait_for(JAM, || monitor.status().is_some_and(|status| holds(&status)));
+    assert!(seen, "{what}: {:?}", monitor.status());
+    start.elapsed()
+}
+
+/// A daemon in a mount namespace of its own, whose black boxes go to a disk of that size; none where the system refuses one.
+fn on_a_small_disk(place: &Place, kilobytes: u32) -> Option<Process> {
+    let disk = place.file("box");
+    fs::create_dir(&disk).unwrap();
+    let words = format!(
+        "mount -t tmpfs -o size={kilobytes}k tmpfs \"$1\" && exec \"$2\" run --config \"$3\""
+    );
+    let mut command = Command::new("unshare");
+    if !rustix::process::geteuid().is_root() {
+        command.args(["--user", "--map-root-user"]);
+    }
+    command.args(["--mount", "sh", "-c", &words, "sh"]);
+    command.arg(&disk).arg(TRUED).arg(place.file("cell.toml"));
+    let mut daemon = Process::spawn(&mut command, place);
+    wait_for(JAM, || !daemon.is_running() || daemon.lines().iter().any(|line| line == "ready"));
+    daemon.is_running().then_some(daemon)
+}
+
+/// Black boxes on that disk, as the daemon sees it.
+fn boxes(disk: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(disk).unwrap().flatten().map(|entry| entry.path());
+    let mut boxes: Vec<_> =
+        entries.filter(|p| p.extension().is_some_and(|e| e == "mcap")).collect();
+    boxes.sort();
+    boxes
+}
+
+#[test]
+fn a_full_disk_costs_records_that_are_counted_and_is_written_again_when_there_is_room() {
+    let place = Place::new("full", &recorder("box"));
+    let Some(daemon) = on_a_small_disk(&place, 2048) else {
+        let why = "no mount namespace of its own may be made";
+        return skipped(scratch(), "a full disk", why);
+    };
+    // The daemon's own view of the disk.
+    let disk = format!("/proc/{}/root{}", daemon.id(), place.file("box").display());
+    let disk = PathBuf::from(disk);
+    let mut pair = Pair::with(PROGRAMS, place, daemon);
+    pair.back();
+    let mut monitor = Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
+    until(&mut monitor, "it records", |status| status.recorder == RECORDING);
+    fs::write(disk.join("filler"), vec![1; 1 << 20]).unwrap();
+    until(&mut monitor, "the disk is full", |status| status.recorder == FAILED);
+    let begun = boxes(&disk).len();
+    until(&mut monitor, "the loss is counted and said", |status| {
+        status.recorder_dropped > 1000
+            && status.health() == Ok(Health::Degraded)
+            && status.message.as_str().contains("nothing is recorded")
+    });
+    pair.back();
+    assert_eq!(boxes(&disk).len(), begun, "tries that fail leave nothing behind");
+    for kept in boxes(&disk) {
+        assert!(recording::blackbox::read(&kept).is_ok(), "{}", kept.display());
+    }
+    fs::remove_file(disk.join("filler")).unwrap();
+    let time = until(&mut monitor, "it records again", |status| status.recorder == RECORDING);
+    println!("recording again {time:?} after there was room");
+    let newest = boxes(&disk).pop().unwrap();
+    assert!(wait_for(JAM, || tests::pair::last_recorded_ns(newest.parent().unwrap()) > 0));
+    drop(monitor);
+    pair.end();
+}
+
+/// Holds up what the recorder's thread writes, and it alone.
+fn hold_up(daemon: &Process, seconds: u64) -> Option<std::process::Child> {
+    let thread = daemon.thread("recorder").expect("it records").to_string();
+    let inject = format!("inject=write:delay_enter={}", seconds * 1_000_000);
+    let mut strace = Command::new("strace")
+        .args(["-e", "trace=write", "-e", &inject, "-o", "/dev/null", "-p", &thread])
+        .stdin(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .ok()?;
+    // One that may not trace ends at once.
+    std::thread::sleep(Duration::from_millis(300));
+    matches!(strace.try_wait(), Ok(None)).then_some(strace)
+}
+
+#[test]
+fn a_recorder_that_hangs_is_told_and_holds_up_nobody() {
+    let mut pair = super::at_work();
+    let Some(mut strace) =
+        Some(()).filter(|()| has("strace")).and_then(|()| hold_up(&pair.daemon, 4))
+    else {
+        return skipped(scratch(), "a recorder that hangs", "no `strace` that may trace");
+    };
+    let mut monitor = Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
+    until(&mut monitor, "that it hangs is told", |status| {
+        status.recorder == DROPPING && status.health() == Ok(Health::Degraded)
+    });
+    pair.back();
+    // SIGINT: it lets go of the thread; a kill would leave it stopped.
+    let pid = rustix::process::Pid::from_child(&strace);
+    rustix::process::kill_process(pid, Signal::INT).unwrap();
+    strace.wait().unwrap();
+    let time = until(&mut monitor, "it records again", |status| status.recorder == RECORDING);
+    println!("recording again after {time:?}");
+    drop(monitor);
+    pair.back();
+    pair.end();
+}
+
+#[test]
+fn a_daemon_whose_recorder_hangs_ends_all_the_same_and_says_so() {
+    let mut pair = super::at_work();
+    let Some(mut strace) =
+        Some(()).filter(|()| has("strace")).and_then(|()| hold_up(&pair.daemon, 60))
+    else {
+        return skipped(scratch(), "an end while the disk hangs", "no `strace` that may trace");
+    };
+    assert!(pair.cell.let_go().success());
+    let start = Instant::now();
+    pair.daemon.signal(Signal::TERM);
+    assert!(pair.daemon.says("it hangs", 3 * JAM), "{:#?}", pair.daemon.lines());
+    println!("gave up after {:?}", start.elapsed());
+    // The thread is only gone for the system once its tracer has seen that.
+    let _ = strace.kill();
+    let _ = strace.wait();
+    assert_eq!(pair.daemon.wait().code(), Some(3));
+    assert_eq!(pair.place.left(), Vec::<String>::new());
+    pair.unbroken();
+}
+
+/// In a mount namespace whose shared memory has 20 MB: a daemon, then a cell once that memory is full, then room again.
+const FILLED: &str = "mount -t tmpfs -o size=20m tmpfs /dev/shm || exit 9
+export TRUED_RUNTIME_DIR=/dev/shm
+\"$1\" run --config \"$3\" &
+daemon=$!
+while [ ! -e /dev/shm/trued-cell/current ]; do sleep 0.05; done
+head -c 30000000 /dev/zero > /dev/shm/filler
+sleep 20 | \"$2\" &
+cell=$!
+sleep 1.5
+echo room again
+rm /dev/shm/filler
+read end
+kill $daemon
+wait $daemon; echo daemon $?
+kill -9 $cell";
+
+#[test]
+fn full_shared_memory_refuses_whoever_comes_and_ends_nobody() {
+    let place = Place::new("full", "");
+    // Seen from within, the place is hidden by the small memory.
+    let config = scratch().join(format!("full-{}.toml", std::process::id()));
+    let model = tests::place::MODEL;
+    fs::write(
+        &config,
+        format!("schema = \"trued.cell/1\"\ncell = \"cell\"\nmodel = \"{model}\"\n"),
+    )
+    .unwrap();
+    let mut command = Command::new("unshare");
+    if !rustix::process::geteuid().is_root() {
+        command.args(["--user", "--map-root-user"]);
+    }
+    command.args(["--mount", "sh", "-c", FILLED, "sh", TRUED, PROGRAMS.rig]).arg(&config);
+    let mut shell = Process::spawn(&mut command, &place);
+    let begun = || shell.says("room again", JAM);
+    if !begun() {
+        assert!(!shell.is_running(), "{:#?}", shell.lines());
+        return skipped(
+            scratch(),
+            "full shared memory",
+            "no mount namespace of its own may be made",
+        );
+    }
+    assert!(shell.says("Connected", JAM), "{:#?}", shell.lines());
+    let said = shell.lines();
+    let place_of = |words: &str| said.iter().position(|line| line.starts_with(words));
+    assert!(place_of("Connected") > place_of("room again"), "not before there was room: {said:#?}");
+    std::thread::sleep(Duration::from_millis(300));
+    shell.let_go();
+    let said = shell.lines();
+    assert!(said.iter().any(|line| line == "daemon 0"), "{said:#?}");
+    assert!(
+        !said.iter().any(|line| line.contains("Bus error") || line.starts_with("broken")),
+        "{said:#?}"
+    );
+    fs::remove_file(&config).unwrap();
+}

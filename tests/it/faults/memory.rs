@@ -1,0 +1,180 @@
+//! Files in shared memory that somebody removes, changes, leaves behind or owns.
+
+use super::{at_work, wait_for};
+use crate::{PROGRAMS, TRUED};
+use rustix::fs::chown;
+use rustix::process::{Gid, Signal, Uid, geteuid};
+use std::fs;
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use tests::clients::skipped;
+use tests::pair::{JAM, Pair, Who};
+use tests::place::Place;
+use tests::process::Process;
+
+const SYSTEM_FAILED: Option<i32> = Some(3);
+/// A user who is not this one.
+const SOMEBODY: u32 = 65_534;
+
+/// The cell's memory.
+fn memory(place: &Place) -> Vec<PathBuf> {
+    let prefix = place.cell().shared_memory_prefix();
+    let entries = fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.path());
+    let ours = |path: &PathBuf| path.file_name().unwrap().to_string_lossy().starts_with(&prefix);
+    entries.filter(ours).collect()
+}
+
+fn mode(mode: u32) -> fs::Permissions {
+    std::os::unix::fs::PermissionsExt::from_mode(mode)
+}
+
+fn is_root(what: &str) -> bool {
+    let root = geteuid().is_root();
+    if !root {
+        let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));
+        skipped(scratch, what, "only root may act as another user");
+    }
+    root
+}
+
+#[test]
+fn files_removed_or_changed_under_a_running_daemon_are_made_anew() {
+    let mut pair = at_work();
+    let dir = pair.place.cell().dir().to_path_buf();
+    let tears: [(&str, &dyn Fn()); 6] = [
+        ("its mode", &|| fs::set_permissions(&dir, mode(0o755)).unwrap()),
+        ("the folder", &|| fs::remove_dir_all(&dir).unwrap()),
+        ("the announcement", &|| fs::remove_file(dir.join("current")).unwrap()),
+        ("its words", &|| fs::write(dir.join("current"), "trued.current/1\ncontr").unwrap()),
+        ("the lock", &|| fs::remove_file(dir.join("daemon.lock")).unwrap()),
+        ("the cell's lock", &|| fs::remove_file(dir.join("cell.lock")).unwrap()),
+    ];
+    for (what, tear) in tears {
+        tear();
+        std::thread::sleep(std::time::Duration::from_millis(100));
+        println!("{what}: answered after {:?}", pair.back());
+        pair.start_anew(Who::Monitor);
+        let joined = pair.monitor.as_ref().unwrap().wait_answered(&pair.daemon, JAM);
+        assert!(joined.is_some(), "{what}: a late reader gets in: {:#?}", pair.daemon.lines());
+    }
+    let mut second = Process::daemon(TRUED, &pair.place);
+    assert_eq!(second.wait().code(), SYSTEM_FAILED, "one daemon as before");
+    pair.end();
+}
+
+#[test]
+fn memory_removed_under_a_running_cell_costs_it_nothing_and_a_late_reader_gets_in() {
+    let mut pair = at_work();
+    memory(&pair.place).iter().for_each(|path| fs::remove_file(path).unwrap());
+    pair.back();
+    let lost = pair.cell.lines().iter().any(|line| line.starts_with("Lost"));
+    assert!(!lost, "{:#?}", pair.cell.lines());
+    pair.start_anew(Who::Monitor);
+    let joined = pair.monitor.as_ref().unwrap().wait_answered(&pair.daemon, JAM);
+    println!("a late reader is in after {joined:?}");
+    assert!(joined.is_some(), "{:#?}", pair.daemon.lines());
+    pair.back();
+    pair.end();
+}
+
+#[test]
+fn a_daemon_whose_cell_another_one_took_ends_and_leaves_it_alone() {
+    let mut pair = at_work();
+    pair.daemon.signal(Signal::STOP);
+    fs::remove_dir_all(pair.place.cell().dir()).unwrap();
+    let second = Process::daemon(TRUED, &pair.place);
+    assert!(second.says("ready", JAM), "{:#?}", second.lines());
+    pair.daemon.signal(Signal::CONT);
+    let mut first = std::mem::replace(&mut pair.daemon, second);
+    assert_eq!(first.wait().code(), SYSTEM_FAILED, "{:#?}", first.lines());
+    let words = first.lines().join("\n");
+    assert!(words.contains(&format!("process {}", pair.daemon.id())), "{words}");
+    pair.back();
+    pair.end();
+}
+
+#[test]
+fn what_a_crash_left_half_made_does_not_hold_up_the_next_start() {
+    let mut pair = at_work();
+    pair.daemon.kill();
+    pair.cell.kill();
+    let epoch = fs::read_dir(pair.place.cell().dir()).unwrap().flatten();
+    let epoch = epoch.map(|entry| entry.path()).find(|path| path.is_dir()).unwrap();
+    // As a kill in the middle leaves them: a service cut short, memory without a size, an announcement half written.
+    for service in fs::read_dir(epoch.join("services")).unwrap().flatten() {
+        fs::remove_file(service.path()).unwrap();
+        fs::write(service.path(), "").unwrap();
+    }
+    for path in memory(&pair.place) {
+        fs::write(path, "").unwrap();
+    }
+    fs::write(pair.place.cell().dir().join("current.new"), "trued.cur").unwrap();
+    pair.start_anew(Who::Daemon);
+    pair.start_anew(Who::Cell);
+    println!("answered after {:?}", pair.back());
+    pair.end();
+}
+
+#[test]
+fn a_cell_that_others_own_is_refused_and_said() {
+    let place = Place::new("full", "");
+    let dir = place.cell().dir().to_path_buf();
+    fs::create_dir(&dir).unwrap();
+    fs::set_permissions(&dir, mode(0o777)).unwrap();
+    let mut open = Process::daemon(TRUED, &place);
+    assert_eq!(open.wait().code(), SYSTEM_FAILED);
+    assert!(open.lines().join("\n").contains("expected user"), "{:#?}", open.lines());
+    if !is_root("a cell's folder that another user owns") {
+        return;
+    }
+    fs::set_permissions(&dir, mode(0o700)).unwrap();
+    chown(&dir, Some(Uid::from_raw(SOMEBODY)), Some(Gid::from_raw(SOMEBODY))).unwrap();
+    let mut daemon = Process::daemon(TRUED, &place);
+    assert_eq!(daemon.wait().code(), SYSTEM_FAILED);
+    let words = daemon.lines().join("\n");
+    assert!(words.contains(&format!("belongs to user {SOMEBODY}")), "{words}");
+    fs::remove_dir(&dir).unwrap();
+}
+
+#[test]
+fn memory_that_somebody_else_left_is_no_obstacle() {
+    if !is_root("memory that another user left behind") {
+        return;
+    }
+    let place = Place::new("full", "");
+    for path in [place.root().to_path_buf(), place.file("")] {
+        chown(path, Some(Uid::from_raw(SOMEBODY)), Some(Gid::from_raw(SOMEBODY))).unwrap();
+    }
+    // In a folder whose sticky bit keeps others from removing it.
+    let left = format!("/dev/shm/{}0000000000000001.left", place.cell().shared_memory_prefix());
+    fs::write(&left, "").unwrap();
+    let run_as = |program: &str, args: &[&str]| {
+        Process::spawn(Command::new(program).args(args).uid(SOMEBODY).gid(SOMEBODY), &place)
+    };
+    let config = place.file("cell.toml").display().to_string();
+    let mut daemon = run_as(TRUED, &["run", "--config", &config]);
+    let mut cell = run_as(PROGRAMS.rig, &[]);
+    let answered = wait_for(JAM, || cell.answered_since(0, daemon.id()));
+    assert!(answered, "{:#?} {:#?}", daemon.lines(), cell.lines());
+    assert!(Path::new(&left).exists(), "the test's own premise");
+    assert!(cell.let_go().success() && daemon.end().success());
+    fs::remove_file(&left).unwrap();
+    assert_eq!(place.left(), Vec::<String>::new());
+}
+
+#[test]
+fn two_daemons_that_start_at_once_are_one_that_serves_and_one_that_is_refused() {
+    for _ in 0..4 {
+        let place = Place::new("full", &tests::pair::recorder("box"));
+        let mut both = [0, 1].map(|_| Process::daemon(TRUED, &place));
+        assert!(wait_for(JAM, || both.iter_mut().any(|daemon| !daemon.is_running())));
+        let refused = usize::from(both[0].is_running());
+        assert_eq!(both[refused].wait().code(), SYSTEM_FAILED, "{:#?}", both[refused].lines());
+        let [first, second] = both;
+        let serves = if refused == 0 { second } else { first };
+        let mut pair = Pair::with(PROGRAMS, place, serves);
+        pair.back();
+        pair.end();
+    }
+}

@@ -1,0 +1,47 @@
+//! What a fault does to a running cell, each fault to real processes: `docs/faults.md` states the outcomes, its table names these tests.
+//!
+//! After each: no published target broke a bound, the robot's loop is answered again, nothing is left in shared memory, what was
+//! recorded can be read. `TRUED_SEED` repeats a run. What must be back within a second is given ten here, as the machine may be
+//! busy; how long it took is printed, and `cargo xtask soak` holds it to the second.
+
+mod clock;
+mod disk;
+mod memory;
+mod model;
+mod payload;
+mod readers;
+mod signals;
+mod table;
+
+use crate::PROGRAMS;
+use std::time::{Duration, Instant};
+use tests::chance::Chance;
+use tests::pair::Pair;
+use trued_client::monotonic_ns;
+
+/// A pair that is at work, the correction in.
+fn at_work() -> Pair<'static> {
+    let mut pair = Pair::start(PROGRAMS);
+    pair.back();
+    pair
+}
+
+/// Chance whose seed is printed.
+fn chance() -> Chance {
+    let asked = std::env::var("TRUED_SEED").ok().and_then(|n| n.parse().ok());
+    let seed = asked.unwrap_or_else(monotonic_ns);
+    println!("TRUED_SEED={seed}");
+    Chance::new(seed)
+}
+
+/// Waits until that holds.
+fn wait_for(limit: Duration, mut holds: impl FnMut() -> bool) -> bool {
+    let start = Instant::now();
+    while !holds() {
+        if start.elapsed() > limit {
+            return false;
+        }
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    true
+}

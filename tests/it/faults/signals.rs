@@ -1,0 +1,107 @@
+//! Processes that are stopped, or killed beside the robot's loop.
+
+use super::{at_work, chance};
+use rustix::process::Signal;
+use std::time::Duration;
+use tests::pair::{JAM, Pair, Who};
+
+const ROUNDS: u64 = 16;
+
+/// Whoever has a sign of life has one again.
+fn all_back(pair: &mut Pair<'_>) -> Duration {
+    let time = pair.back();
+    for other in [Who::Monitor, Who::Force] {
+        let daemon = pair.daemon.id();
+        let process = pair.of(other);
+        let since = trued_client::monotonic_ns();
+        let answered = super::wait_for(JAM, || process.answered_since(since, daemon));
+        assert!(answered, "{other:?}: {:#?}", process.lines());
+    }
+    time
+}
+
+#[test]
+fn whoever_is_stopped_and_goes_on_is_served_again_and_nothing_steps() {
+    let mut chance = chance();
+    let mut pair = at_work();
+    pair.complete();
+    all_back(&mut pair);
+    let mut worst = Duration::ZERO;
+    for round in 0..ROUNDS {
+        let who = Who::ALL[(round % 4) as usize];
+        std::thread::sleep(Duration::from_micros(chance.below(30_000)));
+        pair.of(who).signal(Signal::STOP);
+        std::thread::sleep(Duration::from_millis(1 + chance.below(400)));
+        pair.of(who).signal(Signal::CONT);
+        worst = worst.max(all_back(&mut pair));
+    }
+    println!("{ROUNDS} stops: answered again after {worst:?} at worst");
+    pair.end();
+}
+
+#[test]
+fn a_reader_that_stops_reading_holds_up_nobody() {
+    let mut pair = at_work();
+    pair.complete();
+    all_back(&mut pair);
+    pair.of(Who::Monitor).signal(Signal::STOP);
+    // More statuses and verdicts than any buffer keeps.
+    for _ in 0..10 {
+        std::thread::sleep(Duration::from_millis(100));
+        pair.back();
+    }
+    pair.of(Who::Monitor).signal(Signal::CONT);
+    all_back(&mut pair);
+    let lost = pair.cell.lines().iter().any(|line| line.starts_with("Lost"));
+    assert!(!lost, "{:#?}", pair.cell.lines());
+    pair.end();
+}
+
+#[test]
+fn killed_readers_and_force_sources_cost_the_robot_nothing_and_come_back() {
+    let mut chance = chance();
+    let mut pair = at_work();
+    pair.complete();
+    all_back(&mut pair);
+    for round in 0..8 {
+        let who = [Who::Monitor, Who::Force][round % 2];
+        pair.of(who).kill();
+        std::thread::sleep(Duration::from_micros(chance.below(3_000)));
+        pair.start_anew(who);
+        // And in the middle of joining.
+        std::thread::sleep(Duration::from_micros(chance.below(30_000)));
+        pair.of(who).kill();
+        pair.start_anew(who);
+        all_back(&mut pair);
+    }
+    pair.end();
+}
+
+#[test]
+fn a_killed_daemon_leaves_a_recording_up_to_its_last_second() {
+    let mut pair = at_work();
+    for _ in 0..3 {
+        std::thread::sleep(Duration::from_millis(1200));
+        pair.daemon.kill();
+        let unrecorded = pair.unrecorded();
+        println!("recorded until {unrecorded:?} before the kill");
+        assert!(unrecorded < Duration::from_secs(3), "{unrecorded:?}");
+        pair.start_anew(Who::Daemon);
+        pair.back();
+    }
+    pair.end();
+}
+
+#[test]
+fn a_daemon_whose_log_nobody_reads_any_more_goes_on() {
+    let mut pair = at_work();
+    pair.daemon.turn_away();
+    let mut monitor = trued_client::Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
+    for _ in 0..20 {
+        // Each is logged.
+        monitor.ping(JAM).unwrap();
+    }
+    drop(monitor);
+    pair.back();
+    pair.end();
+}

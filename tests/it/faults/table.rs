@@ -1,0 +1,37 @@
+//! The table of `docs/faults.md` names tests that there are.
+
+use std::fs;
+use std::path::Path;
+use tests::clients::root;
+
+fn sources(folder: &Path, text: &mut String) {
+    for entry in fs::read_dir(folder).unwrap().flatten().map(|entry| entry.path()) {
+        if entry.is_dir() && !entry.ends_with("target") {
+            sources(&entry, text);
+        } else if entry.extension().is_some_and(|e| e == "rs") {
+            text.push_str(&fs::read_to_string(entry).unwrap());
+        }
+    }
+}
+
+#[test]
+fn every_fault_in_the_table_names_a_test_that_holds_it() {
+    let mut code = String::new();
+    for folder in ["tests", "corrector", "shm-schema", "client", "daemon", "envelope"] {
+        sources(&root().join(folder), &mut code);
+    }
+    let page = fs::read_to_string(root().join("docs/faults.md")).unwrap();
+    let head = |row: &str| row.starts_with("| fault") || row.starts_with("| ---");
+    let rows: Vec<&str> =
+        page.lines().filter(|line| line.starts_with("| ") && !head(line)).collect();
+    assert!(rows.len() > 25, "{} rows", rows.len());
+    let lacking: Vec<&str> = rows
+        .into_iter()
+        .filter(|row| {
+            let held_by = row.trim_end_matches(" |").rsplit(" | ").next().unwrap_or_default();
+            let mut names = held_by.split('`').skip(1).step_by(2).peekable();
+            names.peek().is_none() || !names.all(|name| code.contains(&format!("fn {name}()")))
+        })
+        .collect();
+    assert!(lacking.is_empty(), "no such test:\n{}", lacking.join("\n"));
+}

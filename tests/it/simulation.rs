@@ -1,0 +1,46 @@
+//! The daemon's logic under random faults in virtual time. `TRUED_SIM_CYCLES` asks for another length (1e7 is the long form),
+//! `TRUED_SEED` repeats a run.
+
+use tests::simulation::run;
+use trued_client::monotonic_ns;
+
+const CYCLES: u64 = 200_000;
+
+fn number(name: &str) -> Option<u64> {
+    std::env::var(name).ok().and_then(|n| n.parse().ok())
+}
+
+#[test]
+fn random_faults_in_virtual_time_break_no_invariant() {
+    let seed = number("TRUED_SEED").unwrap_or_else(monotonic_ns);
+    println!("TRUED_SEED={seed}");
+    let summary = run(seed, number("TRUED_SIM_CYCLES").unwrap_or(CYCLES));
+    println!(
+        "{} cycles, {} ticks, {} storms: {:#?}",
+        summary.cycles, summary.ticks, summary.storms, summary.said
+    );
+    assert_eq!(summary.broken, None, "TRUED_SEED={seed}");
+    for word in [
+        "corrected/none",
+        "rejected/stale",
+        "ramping/stale",
+        "ramping/time_jump",
+        "rejected/out_of_order",
+        "rejected/duplicate",
+        "rejected/not_finite",
+        "bypassed/bypass",
+        "client: Corrected",
+        "client: Ramping",
+        "client: Blending",
+        "client: Plain",
+    ] {
+        assert!(summary.said.contains_key(word), "{word} was never seen: {:?}", summary.said);
+    }
+}
+
+#[test]
+fn the_same_seed_is_the_same_run_to_the_bit() {
+    let [one, two, other] = [7, 7, 8].map(|seed| run(seed, 10_000));
+    assert_eq!(one, two);
+    assert_ne!(one.hash, other.hash);
+}

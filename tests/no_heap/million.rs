@@ -1,0 +1,129 @@
+//! A million cycles of the daemon's own cycle, over a link that takes and gives at once.
+
+use crate::heap_of;
+use corrector::{Corrector, Mode, Settings};
+use daemon::cycle::Cycle;
+use daemon::exchange::{Exchange, LoadedModel};
+use daemon::robot::{Link, Robot};
+use daemon::senses::{Senses, WrenchSource};
+use envelope::Limits;
+use physics::Model;
+use recording::model::presets::preset;
+use shm_schema::{Command, Corrected, DaemonPorts, JOINTS_MAX, PortError, RobotState, SendOutcome};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use tests::cell_loop::{JOINTS, TICK_NS, path};
+use tests::place::MODEL;
+
+const CYCLES: u64 = 1_000_000;
+
+/// Commands at an even pace, some of them bad, with a pause now and then; models and orders come as from the supervisor.
+struct Even {
+    exchange: Arc<Exchange>,
+    now_ns: u64,
+    seq: u64,
+    sent: u64,
+    models: [Option<Box<LoadedModel>>; 2],
+}
+
+impl Link for Even {
+    fn now_ns(&self) -> u64 {
+        self.now_ns
+    }
+
+    fn wait_command(&mut self, deadline_ns: u64) -> Option<(Command, u64)> {
+        if self.sent >= CYCLES {
+            self.exchange.stop();
+            return None;
+        }
+        self.seq += 1;
+        if self.seq % 5_000 < 30 {
+            self.now_ns = deadline_ns;
+            return None;
+        }
+        self.trouble();
+        self.now_ns += TICK_NS;
+        let mut q = [0.0; JOINTS_MAX];
+        q[..JOINTS].copy_from_slice(&path(self.now_ns));
+        if self.seq.is_multiple_of(97) {
+            q[0] = f64::NAN;
+        }
+        let (seq, now_ns, joints) = (self.seq, self.now_ns, JOINTS as u32);
+        let command = Command {
+            seq,
+            session: 1,
+            t_ns: now_ns,
+            sent_ns: now_ns,
+            joints,
+            q,
+            ..Command::default()
+        };
+        Some((command, now_ns))
+    }
+
+    fn take_state(&mut self) -> Option<RobotState> {
+        None
+    }
+
+    fn send(&mut self, _: &Corrected) -> SendOutcome {
+        self.sent += 1;
+        SendOutcome::Delivered
+    }
+
+    fn rejoin(&mut self, _: &DaemonPorts) -> Result<(), PortError> {
+        Ok(())
+    }
+}
+
+impl Even {
+    /// What the other threads do to a cycle, with boxes that were made before.
+    fn trouble(&mut self) {
+        if self.seq % 10_000 == 777 {
+            let turn = self.seq / 10_000;
+            let place = (turn % 2) as usize;
+            if let Some(next) = self.models[place].take() {
+                let _ = self.exchange.next_model.push(next);
+            }
+            self.exchange.bypassed.store(turn.is_multiple_of(3), Relaxed);
+        }
+        if let Some(back) = self.exchange.retired_models.pop() {
+            let place = self.models.iter().position(Option::is_none);
+            match place {
+                Some(place) => self.models[place] = Some(back),
+                None => std::mem::forget(back),
+            }
+        }
+        if self.seq.is_multiple_of(3) {
+            while self.exchange.cycles.pop().is_some() {}
+        }
+        while self.exchange.path.pop().is_some() {}
+    }
+}
+
+#[test]
+fn a_million_cycles_take_nothing_from_the_heap() {
+    let limits = Limits::new(0.02, 0.05, 5.0).unwrap();
+    let settings = Settings { stale_ns: 3_000_000, ..Settings::with_envelope(limits) };
+    let physics = preset(MODEL).unwrap().model().unwrap().physics;
+    let exchange = Arc::new(Exchange::new(Mode::Full, true));
+    let loaded = |physics, epoch| Box::new(LoadedModel { physics, epoch });
+    let models = [Some(loaded(Model::nominal(physics.arm), 2)), Some(loaded(physics, 3))];
+    let link = Even { exchange: Arc::clone(&exchange), now_ns: 1 << 40, seq: 0, sent: 0, models };
+    let mut cycle = Cycle {
+        robot: Robot::over(link),
+        corrector: Corrector::new(settings),
+        model: loaded(physics, 1),
+        senses: Senses::new(WrenchSource::None),
+        stale_ns: settings.stale_ns,
+        period_ns: settings.period_ns,
+        lockstep: false,
+        last: Command::default(),
+    };
+    let heap = heap_of(|| cycle.run(&exchange));
+    let counters = &exchange.counters;
+    let [cycles, rejected, stale] = [&counters.cycles, &counters.rejected, &counters.stale]
+        .map(|counter| counter.load(Relaxed));
+    assert!(cycles >= CYCLES && rejected > 1000 && stale > 100, "{cycles}, {rejected}, {stale}");
+    assert!(counters.model_epoch.load(Relaxed) > 1, "models were swapped");
+    assert_eq!((heap.count_total, heap.bytes_total), (0, 0), "{heap:?}");
+}

@@ -1,0 +1,111 @@
+//! The daemon's own cycle and the client's own ramp in one thread, in virtual time, with faults drawn by seed.
+//!
+//! Promises: nothing of the product is copied: [`Cycle`] runs as in the daemon, over a wire instead of shared memory, and
+//! [`Follower`](trued_client::Follower) as in the client. The same seed gives the same run, bit for bit. Never: a thread, a real clock.
+
+mod client;
+mod orders;
+mod watch;
+mod wire;
+
+use crate::chance::Chance;
+use crate::place::MODEL;
+use corrector::{Corrector, Mode, Settings};
+use daemon::cycle::Cycle;
+use daemon::exchange::{Exchange, LoadedModel};
+use daemon::robot::Robot;
+use daemon::senses::{Senses, WrenchSource};
+use daemon::setup;
+use envelope::Limits;
+use physics::{JOINTS_MAX, Model};
+use recording::model::presets::preset;
+use shm_schema::{Command, JointBounds};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use wire::Wire;
+
+/// Ticks with faults, then without: after those everything must be as if nothing had been.
+const STORM_TICKS: u64 = 1500;
+const CALM_TICKS: u64 = 1500;
+/// Times that the daemon starts anew in a storm, at most.
+const RESTARTS_MAX: u64 = 3;
+
+/// What a run came to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Targets that the daemon published, each held against the invariants.
+    pub cycles: u64,
+    /// Ticks of the robot's loop, each with a target held against them too.
+    pub ticks: u64,
+    /// Storms of faults, each followed by a calm in which all came back.
+    pub storms: u64,
+    /// How often the daemon said what, and where the client's targets came from.
+    pub said: BTreeMap<String, u64>,
+    /// All published numbers, folded: tells two runs apart.
+    pub hash: u64,
+    /// What broke, in words; a run ends with the first.
+    pub broken: Option<String>,
+}
+
+/// The correction's settings: the usual ones.
+fn settings(mode: Mode) -> Settings {
+    let limits = Limits::new(0.02, 0.05, 5.0).expect("positive");
+    Settings { mode, ..Settings::with_envelope(limits) }
+}
+
+/// The models that are swapped.
+fn models() -> [Model; 2] {
+    let full = preset(MODEL).and_then(|p| p.model().ok()).expect("a preset of the house").physics;
+    [full, Model::nominal(full.arm)]
+}
+
+/// Runs until so many targets were published, or something broke.
+#[must_use]
+pub fn run(seed: u64, cycles: u64) -> Summary {
+    let mut chance = Chance::new(seed);
+    let models = models();
+    let bounds = bounds(&models[0]);
+    let mut wire = Wire::new(chance.bits(), &bounds);
+    let mut mode = Mode::Full;
+    while wire.watch.summary.cycles < cycles && wire.watch.summary.broken.is_none() {
+        // Each life of the daemon but the last ends amid the storm.
+        let lives = chance.below(RESTARTS_MAX);
+        for life in 0..=lives {
+            let last = life == lives;
+            let ticks = if last { STORM_TICKS } else { 1 + chance.below(STORM_TICKS) };
+            let exchange = Arc::new(Exchange::new(mode, true));
+            wire.begin(Arc::clone(&exchange), models, ticks, if last { CALM_TICKS } else { 0 });
+            wire = lived(wire, &exchange, models[0], mode);
+        }
+        mode = [Mode::Full, Mode::Limited, Mode::Shadow][chance.below(3) as usize];
+        wire.watch.summary.storms += 1;
+    }
+    wire.watch.summary
+}
+
+/// One life of a daemon, from its start to its end.
+fn lived(wire: Wire, exchange: &Exchange, physics: Model, mode: Mode) -> Wire {
+    let settings = settings(mode);
+    let mut cycle = Cycle {
+        robot: Robot::over(wire),
+        corrector: Corrector::new(settings),
+        model: Box::new(LoadedModel { physics, epoch: 1 }),
+        senses: Senses::new(WrenchSource::Force),
+        stale_ns: settings.stale_ns,
+        period_ns: settings.period_ns,
+        lockstep: false,
+        last: Command::default(),
+    };
+    cycle.run(exchange);
+    cycle.robot.link
+}
+
+/// The bounds as clients are told them.
+fn bounds(model: &Model) -> JointBounds {
+    setup::bounds(&settings(Mode::Full), &model.arm)
+}
+
+/// The first joints of an array.
+fn joints(all: &[f64; JOINTS_MAX]) -> &[f64] {
+    &all[..crate::cell_loop::JOINTS]
+}

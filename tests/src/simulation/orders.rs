@@ -1,0 +1,62 @@
+//! What the daemon's other threads do to the cycle: orders, models, wrenches, and rings that nobody drains.
+
+use super::watch::Watch;
+use crate::chance::Chance;
+use corrector::Mode;
+use daemon::exchange::{Exchange, LoadedModel};
+use daemon::senses::Measured;
+use physics::Model;
+use std::sync::atomic::Ordering::Relaxed;
+
+/// A wrench is far from a number, or from now.
+fn wrench(chance: &mut Chance) -> Measured {
+    let wild = [f64::NAN, f64::INFINITY, -1e300, 1e-320, 1e9];
+    let odd = chance.below(10) == 0;
+    let mut number = |size: f64| match odd {
+        true => wild[chance.below(5) as usize],
+        false => size * (chance.unit() - 0.5),
+    };
+    let wrench = [number(200.0), number(200.0), number(200.0), number(10.0), number(10.0), 0.0];
+    Measured { wrench, in_base: true, t_ns: if odd { chance.bits() } else { u64::MAX } }
+}
+
+/// Now and then one of everything.
+pub(super) fn give(chance: &mut Chance, exchange: &Exchange, models: &[Model; 2]) {
+    if chance.below(10) == 0 {
+        exchange.newest_wrench.force_push(wrench(chance));
+    }
+    match chance.below(1000) {
+        0..3 => exchange.bypassed.store(chance.below(2) == 0, Relaxed),
+        3..6 => {
+            let mode = [Mode::Shadow, Mode::Limited, Mode::Full][chance.below(3) as usize];
+            exchange.set_mode(mode);
+        }
+        6..12 if exchange.next_model.is_empty() => {
+            // As the supervisor does: only while there is room for the one that comes back.
+            while exchange.retired_models.pop().is_some() {}
+            let epoch = 2 + chance.below(1000);
+            let physics = models[chance.below(2) as usize];
+            let _ = exchange.next_model.push(Box::new(LoadedModel { physics, epoch }));
+        }
+        12 => exchange.rearm.store(true, Relaxed),
+        13 => exchange.spindle_rpm_bits.store(chance.bits(), Relaxed),
+        _ => {}
+    }
+}
+
+/// After a storm: nothing is bypassed, no wrench comes.
+pub(super) fn calm(exchange: &Exchange) {
+    exchange.bypassed.store(false, Relaxed);
+    while exchange.newest_wrench.pop().is_some() {}
+}
+
+/// The recorder takes what there is, or sleeps over it for a long time.
+pub(super) fn drain(chance: &mut Chance, exchange: &Exchange, storms: bool, watch: &mut Watch) {
+    let sleeps = if storms { 4000 } else { 20 };
+    if chance.below(sleeps) == 0 {
+        while exchange.cycles.pop().is_some() {
+            watch.recorded += 1;
+        }
+    }
+    while exchange.path.pop().is_some() {}
+}

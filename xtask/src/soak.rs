@@ -1,0 +1,28 @@
+//! Faults at random over real processes, for an hour: what `docs/faults.md` promises, all at once and again and again.
+//!
+//! Never: part of CI.
+
+use std::process::Command;
+
+/// Builds the cell's programs and runs them; tells whether all held.
+pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
+    let [mut minutes, mut seed] = ["60".to_owned(), String::new()];
+    let mut rest = words.iter();
+    while let Some(word) = rest.next() {
+        let value = rest.next().ok_or_else(|| format!("{word}: expected a number behind it"))?;
+        match *word {
+            "--minutes" => minutes = (*value).to_owned(),
+            "--seed" => seed = (*value).to_owned(),
+            _ => return Err(format!("{word}: expected --minutes N or --seed S")),
+        }
+    }
+    done(&["build", "--quiet", "--package", "tests", "--bins"])?;
+    let mut soak = vec!["run", "--quiet", "--package", "tests", "--bin", "soak", "--", &minutes];
+    soak.extend(Some(seed.as_str()).filter(|seed| !seed.is_empty()));
+    done(&soak)
+}
+
+fn done(words: &[&str]) -> Result<bool, String> {
+    let status = Command::new("cargo").args(words).status().map_err(|why| why.to_string())?;
+    Ok(status.success())
+}
