@@ -29,6 +29,7 @@ mod reload;
 mod replay;
 mod sensor;
 mod simulate;
+mod simulate_torques;
 mod spectrum;
 mod status;
 mod surface;
