@@ -97,9 +97,9 @@ fn what_is_recorded_is_what_the_motion_asks() {
     let asked = drives::path(&model, &Dynamics::default(), &moved);
     for i in 0..6 {
         let (mut off, mut all) = (0.0, 0.0);
-        for k in 50..1450 {
-            off += (seen[k].torque[i] - asked[k][i]).powi(2);
-            all += asked[k][i].powi(2);
+        for (seen, asked) in seen.iter().zip(&asked).take(1450).skip(50) {
+            off += (seen.torque[i] - asked[i]).powi(2);
+            all += asked[i].powi(2);
         }
         assert!(off < 5e-4 * all, "joint {}: {off} of {all}", i + 1);
     }
