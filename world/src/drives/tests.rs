@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::test_arm::{effect, irb1600, slide};
-use physics::{Given, inverse_dynamics};
+use physics::inverse_dynamics;
 use std::f64::consts::TAU;
 
 const RATE_HZ: f64 = 1000.0;
@@ -74,11 +74,6 @@ fn a_late_record_is_that_of_some_rows_before() {
     for k in 5..rows.len() {
         assert!((late[k] - exact[k - 5]).abs() < 1e-9, "row {k}");
     }
-    let (mut taken, arm) = (Dynamics::default(), slide(95.0));
-    let given = Given(&[("delay", &[5e-3])]);
-    assert_eq!(taken.take(&arm, "torque_delay", None, None, given), Ok(true));
-    assert_eq!(taken.take(&arm, "time_delay", None, Some("tau"), given), Ok(true));
-    assert_eq!((taken.torque_delay_s, taken.delay_s), (1e-2, 0.0));
 }
 
 #[test]
