@@ -65,8 +65,7 @@ fn the_layout_stays_and_what_was_measured_is_the_models() {
         assert!((seen - wanted).length() < 1e-12, "row {row}");
     }
     let torque = made.column(Channel::Torque(1)).expect("simulated");
-    let moved = (0..6).all(|i| made.input(i).expect("there")[199].is_finite());
-    assert!(moved && torque.iter().all(|torque| torque.is_finite() && *torque != 12.0));
+    assert!(torque.iter().all(|torque| torque.is_finite() && *torque != 12.0));
     assert_eq!(made.other[0].0, "note");
     let toml = place.read("made.toml");
     assert!(toml.starts_with("# simulated: trued simulate --seed 1 --noise 0\n"), "{toml}");

@@ -155,9 +155,15 @@ fn in_a_closed_loop_friction_shows_in_the_motion() {
 }
 
 #[test]
-fn a_loop_around_an_arm_without_masses_is_refused() {
+fn without_masses_a_loop_is_refused_and_without_any_law_torques_are_left_out() {
+    let simulate = ["simulate", "--model", "slide.toml", "--out", "made", "path.csv"];
+    let massless = SLIDE.replace("link = ", "# link = ");
     let place = place("", ",qa1_m,tau1_N");
-    place.file("slide.toml", &SLIDE.replace("link = ", "# link = "));
-    let done = place.run(&["simulate", "--model", "slide.toml", "--out", "made", "path.csv"]);
+    place.file("slide.toml", &format!("{massless}{}", coulomb()));
+    let done = place.run(&simulate);
     assert!(done.code == Some(2) && done.err.contains("no inertia"), "{done:#?}");
+    place.file("slide.toml", &massless);
+    let done = place.run(&simulate);
+    assert!(done.code == Some(0) && done.err.contains("left out: tau1"), "{done:#?}");
+    assert!(!place.read("made.csv").contains("tau1"));
 }

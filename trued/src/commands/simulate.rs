@@ -82,7 +82,7 @@ impl Simulate {
         let Input { model, mut recording, .. } = self.reading.read(&self.input, None)?;
         hold_inputs(&mut recording);
         let seed = self.seed.settle();
-        let run = run(&model, &recording, Loop::of(&recording))?;
+        let run = run(&model, &recording, Loop::of(&model, &recording))?;
         let stand = Stand::find(&model, &recording)?;
         let noise = self.noise * 1e-3;
         let instrument = Instrument { stand: &stand, noise, torque_noise: self.torque_noise, seed };
@@ -207,8 +207,11 @@ enum Loop {
 }
 
 impl Loop {
-    /// By what was measured.
-    fn of(recording: &Recording) -> Self {
+    /// By what was measured; a model without masses and effects of drives says nothing of torques.
+    fn of(model: &RobotModel, recording: &Recording) -> Self {
+        if model.physics.arm.bodies().next().is_none() && model.drives.is_empty() {
+            return Self::Unasked;
+        }
         let has = |wanted: fn(&Channel) -> bool| recording.channels().any(|c| wanted(&c));
         let path = recording.about.kind == Kind::Path;
         let by_command = path && recording.input_kind() == series::Input::Command;

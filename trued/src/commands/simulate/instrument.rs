@@ -1,7 +1,7 @@
 //! What the instruments read of the simulated arm, in the columns and rows of the recording.
 //!
 //! Promises: a value stands where one was measured (everywhere, where a column is there and empty); noise of a row depends on
-//! the seed and the row alone. Never: a current or an acceleration; these columns are left out and named.
+//! the seed and the row alone. Never: a current, an acceleration, or a torque that the model says nothing of; these columns are left out and named.
 
 use glam::{DMat3, DQuat, DVec3};
 use physics::frame::rotation_from_vector;
@@ -42,12 +42,15 @@ impl Instrument<'_> {
             Channel::Link(_)
             | Channel::Position(_)
             | Channel::Target(..)
-            | Channel::Orientation(_)
-            | Channel::Torque(_) => true,
+            | Channel::Orientation(_) => true,
+            Channel::Torque(_) => run.torques.is_some(),
             _ => false,
         };
-        let foreign =
-            |channel: &Channel| matches!(channel, Channel::Current(_) | Channel::Acceleration(_));
+        let foreign = |channel: &Channel| match channel {
+            Channel::Current(_) | Channel::Acceleration(_) => true,
+            Channel::Torque(_) => run.torques.is_none(),
+            _ => false,
+        };
         let named = |channel: &Channel| channel.base();
         let left: Vec<Channel> = recording.channels().filter(foreign).collect();
         for channel in &left {
