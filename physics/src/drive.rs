@@ -128,7 +128,12 @@ impl Drive {
 
     /// What is recorded of joint `i`, Nm or N.
     pub fn recorded(&self, i: usize) -> f64 {
-        (1.0 + self.gain[i]) * self.acting(i)
+        self.read(i, self.acting(i))
+    }
+
+    /// What is recorded of joint `i` where this acts, Nm or N.
+    pub fn read(&self, i: usize, acting: f64) -> f64 {
+        (1.0 + self.gain[i]) * acting
     }
 
     /// By how much what is recorded changes with a change of what an effect of the drives adds.

@@ -34,6 +34,7 @@ mod sensor;
 mod service;
 mod simulate;
 mod simulation;
+mod simulate_torques;
 mod spectrum;
 mod status;
 mod surface;

@@ -54,6 +54,22 @@ impl<'a> Curve<'a> {
     }
 }
 
+impl Curve<'_> {
+    /// How fast the motion goes at `t_s`.
+    pub(crate) fn rate_at(&self, t_s: f64) -> f64 {
+        let Some(last) = self.times_s.len().checked_sub(1) else { return f64::NAN };
+        if t_s <= self.times_s[0] || last == 0 {
+            return self.slopes[0];
+        }
+        if t_s >= self.times_s[last] {
+            return self.slopes[last];
+        }
+        let k = self.times_s.partition_point(|t| *t <= t_s) - 1;
+        let ([_, a, b, c], s) = (self.piece(k), t_s - self.times_s[k]);
+        a + s * (2.0 * b + s * 3.0 * c)
+    }
+}
+
 /// A cubic's value.
 pub(crate) fn value(cubic: &Cubic, s: f64) -> f64 {
     cubic.iter().rev().fold(0.0, |sum, c| sum * s + c)

@@ -57,6 +57,8 @@ pub struct Dynamics {
     pub delay_s: f64,
     /// By how much more joint positions measured on the link side are late, s.
     pub link_delay_s: f64,
+    /// By how much torques are recorded late against the motion, s.
+    pub torque_delay_s: f64,
     /// First-order lags: joint from 0, time constant, s. Two of one joint follow each other.
     pub lags: Vec<(usize, f64)>,
     /// What rings.
@@ -67,7 +69,7 @@ pub struct Dynamics {
 
 impl Dynamics {
     /// Takes an effect by its name in the contract, numbers in SI by stems, `joint` from 0; `channel` is the measured group that a
-    /// delay names. Says whether it took it: an effect of another kind, or a delay of a group that is no position, passes by.
+    /// delay names. Says whether it took it: an effect of another kind, or a delay of a group that is neither position nor torque, passes by.
     ///
     /// # Errors
     /// Numbers or a joint that do not fit.
@@ -87,6 +89,7 @@ impl Dynamics {
         match channel.filter(|_| kind == "time_delay") {
             None => self.add(&effect),
             Some("ql") => self.link_delay_s += effect.values()[0],
+            Some("tau") => self.torque_delay_s += effect.values()[0],
             Some(_) => return Ok(false),
         }
         Ok(true)
@@ -109,6 +112,7 @@ impl Dynamics {
         let (kind, values) = (effect.spec().kind, effect.values());
         match (kind, effect.joint(), values) {
             ("time_delay", _, &[delay_s]) => self.delay_s += delay_s,
+            ("torque_delay", _, &[delay_s]) => self.torque_delay_s += delay_s,
             ("servo_lag", Some(joint), &[lag_s]) => self.lags.push((joint, lag_s)),
             ("reversal_spike", Some(joint), &[amplitude, time_constant_s]) => {
                 self.spikes.push(Spike { joint, amplitude, time_constant_s });

@@ -22,6 +22,8 @@ pub enum Purpose {
     ForceNoise = 4,
     /// Noise of the tracker.
     Tracker = 5,
+    /// Noise of recorded torques.
+    Torque = 6,
 }
 
 /// The stream of `seed` for `purpose`; `index` parts streams of one purpose.

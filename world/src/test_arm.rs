@@ -46,6 +46,14 @@ pub(crate) fn seven_joints() -> Arm {
     Arm::new(&joints, tool, GRAVITY).expect("a sound arm")
 }
 
+/// A level slide along x that carries `mass` kg.
+pub(crate) fn slide(mass: f64) -> Arm {
+    let along = joint(DVec3::X, [0.0; 3], (-180.0, 180.0), mass);
+    let tool = Tool { tcp: DVec3::Z * 0.1, base_from_tool: DMat3::IDENTITY, body: None };
+    let joints = [Joint { kind: JointKind::Prismatic, ..along }];
+    Arm::new(&joints, tool, GRAVITY).expect("a sound slide")
+}
+
 fn tool(tcp: DVec3) -> Tool {
     let forward = DMat3::from_cols(-DVec3::Z, DVec3::Y, DVec3::X);
     let body = Some(Body::point_mass(5.0, DVec3::new(0.9, 0.0, 1.1865)));

@@ -1,4 +1,4 @@
-//! `trued simulate`: the model run forward over a recording's commands, loads and temperatures: where the tool goes.
+//! `trued simulate`: the model run forward over a recording's commands, loads and temperatures: where the tool goes, what the drives exert.
 //!
 //! Promises: the same input and seed give the same bytes; without `--noise` the result is the model's own, to the last digit; the
 //! layout stays the recording's; nothing is written over an input. Never: a fit of the model; only the measuring frame and targets whose
@@ -11,13 +11,15 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use diagnosis::{Arrival, Pose, from_recording};
-use physics::{Given, Inputs};
+use physics::{Given, Inputs, Joints};
 use recording::model::RobotModel;
 use recording::series::{self, Channel, Kind, Recording};
 use serde::Serialize;
 use tracing::warn;
+use world::drives;
 use world::dynamics::Dynamics;
 use world::forward::{self, Seen};
+use world::servo;
 
 use self::instrument::Instrument;
 use self::station::Stand;
@@ -30,8 +32,9 @@ use crate::output::Console;
 /// Run the model forward: where the tool goes on a recording's commands, as a recording
 ///
 /// Takes commanded joints, loads, temperatures and process state of INPUT and replaces what was measured: points, reflectors, orientations,
-/// joint positions of the motor and the link side, in the rows in which they were measured. All effects of positions act, delays, lags and modes
-/// too. An unknown measuring frame is found from what was recorded; with nothing recorded the tool centre point is given in the base frame.
+/// joint positions of the motor and the link side, torques, in the rows in which they were measured. All effects of positions and torques act,
+/// delays, lags and modes too. Where positions of the motors were measured beside torques, a plain controller (P around PI, with the commanded speed ahead)
+/// closes the loop, so that friction shows in the motion; else the motors go where they are sent. An unknown measuring frame is found from what was recorded; with nothing recorded the tool centre point is given in the base frame.
 #[derive(Debug, Args)]
 pub(crate) struct Simulate {
     #[command(flatten)]
@@ -42,6 +45,9 @@ pub(crate) struct Simulate {
     /// Normal noise on every measured value, mm (mrad on angles); none if not given
     #[arg(long, value_name = "SIGMA", default_value_t = 0.0, value_parser = not_negative)]
     noise: f64,
+    /// Normal noise on every torque, Nm (N of a slide); none if not given
+    #[arg(long, value_name = "SIGMA", default_value_t = 0.0, value_parser = not_negative)]
+    torque_noise: f64,
     #[command(flatten)]
     seed: Seed,
     /// The recording whose commands are followed
@@ -54,6 +60,8 @@ struct Report<'a> {
     seed: u64,
     /// mm, mrad on angles.
     noise: f64,
+    /// Nm, N of a slide.
+    torque_noise: f64,
     model: &'a str,
     recording: String,
     rows: usize,
@@ -74,23 +82,25 @@ impl Simulate {
         let Input { model, mut recording, .. } = self.reading.read(&self.input, None)?;
         hold_inputs(&mut recording);
         let seed = self.seed.settle();
-        let seen = run(&model, &recording)?;
+        let run = run(&model, &recording, Loop::of(&model, &recording))?;
         let stand = Stand::find(&model, &recording)?;
-        let instrument = Instrument { stand: &stand, noise: self.noise * 1e-3, seed };
-        let made = instrument.look(&model, recording, &seen);
+        let noise = self.noise * 1e-3;
+        let instrument = Instrument { stand: &stand, noise, torque_noise: self.torque_noise, seed };
+        let made = instrument.look(&model, recording, &run);
         let mut recording = made.recording;
         recording.about.model = Some(self.model_name(&recording, &toml));
         self.write(&recording, seed, (&csv, &toml))?;
         let report = Report {
             seed,
             noise: self.noise,
+            torque_noise: self.torque_noise,
             model: &model.file.name,
             recording: csv.display().to_string(),
             rows: recording.len(),
             columns: made.columns,
             left_out: made.left_out,
             recorded_rms_mm: made.recorded_rms_m.map(|rms| rms * 1e3),
-            rows_beyond_stiffness: seen.iter().filter(|seen| seen.beyond).count(),
+            rows_beyond_stiffness: run.seen.iter().filter(|seen| seen.beyond).count(),
         };
         console.json("trued.simulate/1", &report)?;
         say(console, &report)
@@ -112,8 +122,12 @@ impl Simulate {
         seed: u64,
         (csv, toml): (&Path, &Path),
     ) -> Result<(), Failure> {
+        let torque_noise = match self.torque_noise {
+            0.0 => String::new(),
+            noise => format!(" --torque-noise {noise}"),
+        };
         let about = format!(
-            "# simulated: trued simulate --seed {seed} --noise {}\n{}",
+            "# simulated: trued simulate --seed {seed} --noise {}{torque_noise}\n{}",
             self.noise,
             recording.about_toml()
         );
@@ -178,28 +192,78 @@ fn hold_inputs(recording: &mut Recording) {
 /// Where the arm goes on a recording, row by row.
 pub(super) fn seen_of(model: &RobotModel, mut recording: Recording) -> Result<Vec<Seen>, Failure> {
     hold_inputs(&mut recording);
-    run(model, &recording)
+    Ok(run(model, &recording, Loop::Unasked)?.seen)
+}
+
+/// What is asked of the drives.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Loop {
+    /// Nothing.
+    Unasked,
+    /// Their torques, on motions that are as commanded.
+    Open,
+    /// Their torques, and the motions that come of them.
+    Closed,
+}
+
+impl Loop {
+    /// By what was measured; a model without masses and effects of drives says nothing of torques.
+    fn of(model: &RobotModel, recording: &Recording) -> Self {
+        if model.physics.arm.bodies().next().is_none() && model.drives.is_empty() {
+            return Self::Unasked;
+        }
+        let has = |wanted: fn(&Channel) -> bool| recording.channels().any(|c| wanted(&c));
+        let path = recording.about.kind == Kind::Path;
+        let by_command = path && recording.input_kind() == series::Input::Command;
+        match has(|c| matches!(c, Channel::Torque(_))) {
+            true if by_command && has(|c| matches!(c, Channel::Motor(_))) => Self::Closed,
+            true => Self::Open,
+            false => Self::Unasked,
+        }
+    }
+}
+
+/// The arm, row by row.
+struct Run {
+    seen: Vec<Seen>,
+    /// What is recorded of the drives, Nm or N; none where it was not asked.
+    torques: Option<Vec<Joints>>,
 }
 
 /// Where the arm goes, row by row, on a recording whose inputs are held.
-fn run(model: &RobotModel, recording: &Recording) -> Result<Vec<Seen>, Failure> {
+fn run(model: &RobotModel, recording: &Recording, asked: Loop) -> Result<Run, Failure> {
     let rows = from_recording::motion(&model.physics.arm, recording).map_err(Failure::input)?;
+    let with_drives = model.with_drives().map_err(Failure::input)?;
     if recording.about.kind == Kind::Poses {
         let rows: Vec<(Inputs, bool)> =
             rows.iter().map(|row| (row.inputs, row.arrival == Arrival::FromBefore)).collect();
-        return Ok(forward::poses(&model.physics, &rows));
+        let torques = (asked != Loop::Unasked).then(|| drives::poses(&with_drives, &rows));
+        return Ok(Run { seen: forward::poses(&model.physics, &rows), torques });
     }
     let dynamics = dynamics(model)?;
+    // Of motors whose own motion is late and lags already.
+    let on_motors = Dynamics { delay_s: 0.0, lags: Vec::new(), ..dynamics.clone() };
     let goes_on = |a: &Pose, b: &Pose| recording.segment.get(a.row) == recording.segment.get(b.row);
-    let mut seen = Vec::with_capacity(rows.len());
+    let (mut seen, mut torques) = (Vec::with_capacity(rows.len()), Vec::new());
     for segment in rows.chunk_by(goes_on) {
-        let inputs: Vec<Inputs> = segment.iter().map(|row| row.inputs).collect();
-        seen.extend(forward::path(&model.physics, &dynamics, &inputs));
+        let mut inputs: Vec<Inputs> = segment.iter().map(|row| row.inputs).collect();
+        match asked {
+            Loop::Unasked => {}
+            Loop::Open => torques.extend(drives::path(&with_drives, &dynamics, &inputs)),
+            Loop::Closed => {
+                let followed =
+                    servo::path(&with_drives, &dynamics, &inputs).map_err(Failure::input)?;
+                torques.extend(followed.iter().map(|row| row.torque));
+                inputs.iter_mut().zip(followed).for_each(|(row, seen)| row.q = seen.motor);
+            }
+        }
+        let dynamics = if asked == Loop::Closed { &on_motors } else { &dynamics };
+        seen.extend(forward::path(&model.physics, dynamics, &inputs));
     }
-    Ok(seen)
+    Ok(Run { seen, torques: (asked != Loop::Unasked).then_some(torques) })
 }
 
-/// What of the model lags and rings; effects of torques and forces move no tool and pass by.
+/// What of the model lags and rings; effects of drives and forces have no dynamics and pass by.
 fn dynamics(model: &RobotModel) -> Result<Dynamics, Failure> {
     let mut dynamics = Dynamics::default();
     let arm = &model.physics.arm;

@@ -104,7 +104,9 @@ fn effects_are_taken_by_their_names_and_what_does_not_fit_is_refused() {
     };
     assert_eq!(take("time_delay", None, None, &[("delay", &[2e-3])]), Ok(true));
     assert_eq!(take("time_delay", None, Some("ql"), &[("delay", &[1e-3])]), Ok(true));
-    assert_eq!(take("time_delay", None, Some("tau"), &[("delay", &[1e-3])]), Ok(false));
+    assert_eq!(take("time_delay", None, Some("tau"), &[("delay", &[1e-3])]), Ok(true));
+    assert_eq!(take("torque_delay", None, None, &[("delay", &[5e-3])]), Ok(true));
+    assert_eq!(take("time_delay", None, Some("fx"), &[("delay", &[1e-3])]), Ok(false));
     assert_eq!(take("servo_lag", Some(2), None, &[("time_constant", &[0.02])]), Ok(true));
     assert_eq!(take("coulomb_friction", Some(2), None, &[("level", &[3.0])]), Ok(false));
     assert_eq!(take("backlash", Some(2), None, &[("width", &[1e-4])]), Ok(false));
@@ -113,6 +115,7 @@ fn effects_are_taken_by_their_names_and_what_does_not_fit_is_refused() {
     assert!(take("flexible_mode", None, None, &mode).is_err(), "neither joint nor axis");
     assert!(take("servo_lag", Some(9), None, &[("time_constant", &[0.02])]).is_err());
     assert_eq!((dynamics.delay_s, dynamics.link_delay_s), (2e-3, 1e-3));
+    assert_eq!(dynamics.torque_delay_s, 6e-3);
     assert_eq!(dynamics.lags, [(2, 0.02)]);
     assert_eq!(dynamics.modes[0].participation, 1.0);
 }

@@ -1,15 +1,15 @@
 //! What the instruments read of the simulated arm, in the columns and rows of the recording.
 //!
 //! Promises: a value stands where one was measured (everywhere, where a column is there and empty); noise of a row depends on
-//! the seed and the row alone. Never: a torque, a current or an acceleration; these columns are left out and named.
+//! the seed and the row alone. Never: a current, an acceleration, or a torque that the model says nothing of; these columns are left out and named.
 
 use glam::{DMat3, DQuat, DVec3};
 use physics::frame::rotation_from_vector;
 use recording::model::RobotModel;
 use recording::series::{Channel, Input, Recording};
-use world::forward::Seen;
 use world::random::{Purpose, normals};
 
+use super::Run;
 use super::station::Stand;
 
 /// The instruments.
@@ -17,6 +17,8 @@ pub(super) struct Instrument<'a> {
     pub(super) stand: &'a Stand,
     /// Standard deviation, m and rad.
     pub(super) noise: f64,
+    /// Of torques, Nm and N.
+    pub(super) torque_noise: f64,
     pub(super) seed: u64,
 }
 
@@ -33,7 +35,7 @@ pub(super) struct Made {
 
 impl Instrument<'_> {
     /// The recording with its measured columns replaced.
-    pub(super) fn look(&self, model: &RobotModel, mut recording: Recording, seen: &[Seen]) -> Made {
+    pub(super) fn look(&self, model: &RobotModel, mut recording: Recording, run: &Run) -> Made {
         let motor_is_input = recording.input_kind() == Input::Motor;
         let simulated = |channel: &Channel| match channel {
             Channel::Motor(_) => !motor_is_input,
@@ -41,10 +43,13 @@ impl Instrument<'_> {
             | Channel::Position(_)
             | Channel::Target(..)
             | Channel::Orientation(_) => true,
+            Channel::Torque(_) => run.torques.is_some(),
             _ => false,
         };
-        let foreign = |channel: &Channel| {
-            matches!(channel, Channel::Torque(_) | Channel::Current(_) | Channel::Acceleration(_))
+        let foreign = |channel: &Channel| match channel {
+            Channel::Current(_) | Channel::Acceleration(_) => true,
+            Channel::Torque(_) => run.torques.is_none(),
+            _ => false,
         };
         let named = |channel: &Channel| channel.base();
         let left: Vec<Channel> = recording.channels().filter(foreign).collect();
@@ -59,17 +64,21 @@ impl Instrument<'_> {
         if wanted.is_empty() {
             wanted.extend((0..3).map(Channel::Position));
         }
-        let columns = self.columns(&wanted, &recording, seen);
+        let columns = self.columns(&wanted, &recording, run);
         let squares = Squares::of(&wanted, &columns, &recording);
         for (channel, (mut exact, noise)) in wanted.iter().zip(columns) {
             let stands = mask(&recording, *channel);
             for (row, (value, noise)) in exact.iter_mut().zip(noise).enumerate() {
                 *value = if stands(row) { *value + noise } else { f64::NAN };
             }
-            if self.noise > 0.0 {
+            let sigma = match channel {
                 // A quaternion's parts turn by half of the angle.
-                let share = if matches!(channel, Channel::Orientation(_)) { 0.5 } else { 1.0 };
-                recording.about.sigma.insert(*channel, share * self.noise);
+                Channel::Orientation(_) => 0.5 * self.noise,
+                Channel::Torque(_) => self.torque_noise,
+                _ => self.noise,
+            };
+            if sigma > 0.0 {
+                recording.about.sigma.insert(*channel, sigma);
             }
             if let Some(joint) = channel.joint() {
                 recording.set_joint_kind(joint, model.physics.arm.joints()[joint].kind);
@@ -87,12 +96,16 @@ impl Instrument<'_> {
         &self,
         wanted: &[Channel],
         recording: &Recording,
-        seen: &[Seen],
+        run: &Run,
     ) -> Vec<(Vec<f64>, Vec<f64>)> {
         let mut columns =
-            vec![(Vec::with_capacity(seen.len()), Vec::with_capacity(seen.len())); wanted.len()];
+            vec![
+                (Vec::with_capacity(run.seen.len()), Vec::with_capacity(run.seen.len()));
+                wanted.len()
+            ];
         let mut before = DQuat::IDENTITY;
-        for (row, seen) in seen.iter().enumerate() {
+        for (row, seen) in run.seen.iter().enumerate() {
+            let mut of_torque = normals(self.seed, Purpose::Torque, row as u32);
             let mut normal = normals(self.seed, Purpose::Tracker, row as u32);
             let mut draw = || self.noise * normal();
             let turned = DVec3::from_array(std::array::from_fn(|_| draw()));
@@ -113,6 +126,10 @@ impl Instrument<'_> {
                     }
                     Channel::Motor(joint) => (seen.motor[joint], draw()),
                     Channel::Link(joint) => (seen.link[joint], draw()),
+                    Channel::Torque(joint) => {
+                        let torque = run.torques.as_ref().map_or(f64::NAN, |all| all[row][joint]);
+                        (torque, self.torque_noise * of_torque())
+                    }
                     _ => (f64::NAN, 0.0),
                 };
                 values.push(value);

@@ -1,0 +1,66 @@
+//! What is recorded of the drives on a motion that is known, row by row. Where the motion answers to the drives, see [`crate::servo`].
+//!
+//! Promises: the same rows give the same bits; a path begins settled; a delay of torques shifts them against the motion. Never: noise; a
+//! drive that cannot do what is asked of it.
+
+use crate::dynamics::{Dynamics, at_row, late};
+use crate::ride::Ride;
+use physics::{Inputs, JOINTS_MAX, Joints, Memories, Model};
+
+/// Torques (forces) at settled poses, Nm or N; where `from_before` says so the memory follows from the row before, as in [`crate::forward::poses`].
+#[must_use]
+pub fn poses(model: &Model, rows: &[(Inputs, bool)]) -> Vec<Joints> {
+    let mut memories = Memories::default();
+    rows.iter()
+        .map(|(inputs, from_before)| {
+            if *from_before {
+                model.advance(inputs, &mut memories);
+            } else {
+                model.arrive(inputs, &mut memories);
+            }
+            recorded(model, inputs, &memories)
+        })
+        .collect()
+}
+
+/// Torques (forces) on one segment of a path, Nm or N: what the drives exert so that the motors go where `rows` command them, late and lagging
+/// as `dynamics` says.
+#[must_use]
+pub fn path(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Vec<Joints> {
+    let ride = Ride::of(model, dynamics, rows);
+    let mut memories = Memories::default();
+    let torques = ride.inputs.iter().enumerate().map(|(k, inputs)| {
+        if k == 0 {
+            model.settle(inputs, &mut memories);
+        } else {
+            model.advance(inputs, &mut memories);
+        }
+        recorded(model, inputs, &memories)
+    });
+    delayed(model, rows, torques.collect(), dynamics.torque_delay_s)
+}
+
+fn recorded(model: &Model, inputs: &Inputs, memories: &Memories) -> Joints {
+    let drive = model.drive(inputs, memories);
+    std::array::from_fn(|i| drive.recorded(i))
+}
+
+/// Torques as they are recorded `delay_s` late.
+pub(crate) fn delayed(
+    model: &Model,
+    rows: &[Inputs],
+    torques: Vec<Joints>,
+    delay_s: f64,
+) -> Vec<Joints> {
+    if delay_s == 0.0 {
+        return torques;
+    }
+    let times_s: Vec<f64> = rows.iter().map(|row| row.time_s).collect();
+    let of_joint = |i: usize| torques.iter().map(|torque| torque[i]).collect();
+    let joints = 0..model.arm.count().min(JOINTS_MAX);
+    let late: Vec<Vec<f64>> = joints.map(|i| late(&times_s, of_joint(i), delay_s)).collect();
+    (0..torques.len()).map(|k| at_row(&late, k)).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,264 @@
+//! A path under a plain controller: where the motors really go when the drives have to overcome friction, and what is recorded of the drives.
+//!
+//! Each joint has a position loop (P, with the commanded speed ahead) around a speed loop (PI), as machine tools and robots have had for long; its gains go by the
+//! joint's own inertia at the first row. The plant is the model's whole inverse dynamics turned round. Dry friction holds a joint at rest as long as it can:
+//! per step the speeds are those at which each friction is within its bounds and against the motion (a complementarity problem, by projected Gauss and Seidel).
+//!
+//! Promises: the same rows give the same bits; it begins settled on the path; torque and motion belong to one instant. Never: a drive's limit, a
+//! flexible joint, a tuning that suits everybody.
+
+use crate::curve::Curve;
+use crate::drives::delayed;
+use crate::dynamics::Dynamics;
+use crate::ride::Ride;
+use nalgebra::{SMatrix, SVector};
+use physics::{Inputs, JOINTS_MAX, Joints, Memories, Model};
+use std::f64::consts::TAU;
+use thiserror::Error;
+
+/// Bandwidth of the speed loop, rad/s; position and integral follow at a quarter of it.
+const SPEED_LOOP: f64 = TAU * 20.0;
+const SLOWER: f64 = 0.25;
+/// Longest step of the plant, s.
+const STEP_S: f64 = 2.5e-4;
+/// A speed that only says a direction, rad/s or m/s.
+const BARELY: f64 = 1e-12;
+const SWEEPS: usize = 60;
+/// Change of a friction in a sweep, of its bound, below which it stands.
+const STANDS: f64 = 1e-9;
+
+type Square = SMatrix<f64, JOINTS_MAX, JOINTS_MAX>;
+type Column = SVector<f64, JOINTS_MAX>;
+
+/// The motors at one row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Followed {
+    /// Where they are, rad or m.
+    pub motor: Joints,
+    /// What is recorded of the drives, Nm or N.
+    pub torque: Joints,
+}
+
+/// Why a path cannot be followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum ServoError {
+    /// The mass matrix is not positive definite.
+    #[error(
+        "joint {joint} has no inertia that resists its drive: a controller in the loop needs a `link` with a mass (and `inertia_kgm2`) \
+         or an `inertia` for every joint"
+    )]
+    Massless {
+        /// 1-based: the first joint without, 1 where it is none alone.
+        joint: usize,
+    },
+}
+
+/// One segment of a path: times strictly increase, `q` is what was commanded.
+///
+/// # Errors
+/// An arm without inertia.
+pub fn path(
+    model: &Model,
+    dynamics: &Dynamics,
+    rows: &[Inputs],
+) -> Result<Vec<Followed>, ServoError> {
+    let ride = Ride::of(model, dynamics, rows);
+    let Some(first) = ride.inputs.first() else { return Ok(Vec::new()) };
+    let times_s: Vec<f64> = rows.iter().map(|row| row.time_s).collect();
+    let joint = |i: usize| ride.inputs.iter().map(|row| row.q[i]).collect();
+    let commands: Vec<Curve<'_>> =
+        (0..model.arm.count()).map(|i| Curve::through(&times_s, joint(i))).collect();
+    let mut servo = Servo::settled(model, first, &commands)?;
+    let (mut motors, mut torques) = (Vec::new(), Vec::new());
+    for (k, row) in ride.inputs.iter().enumerate() {
+        servo.weigh()?;
+        motors.push(servo.inputs.q);
+        torques.push(servo.read(&servo.wanted(&commands, times_s[k]), row));
+        let Some(next_s) = times_s.get(k + 1) else { break };
+        let steps = f64::ceil((next_s - times_s[k]) / STEP_S).max(1.0);
+        let step_s = (next_s - times_s[k]) / steps;
+        for n in 0..steps as usize {
+            servo.step(&commands, times_s[k] + n as f64 * step_s, step_s);
+        }
+    }
+    let torques = delayed(model, rows, torques, dynamics.torque_delay_s);
+    Ok(motors.into_iter().zip(torques).map(|(motor, torque)| Followed { motor, torque }).collect())
+}
+
+/// Controller and plant at one instant.
+struct Servo<'a> {
+    model: &'a Model,
+    memories: Memories,
+    inputs: Inputs,
+    /// Of the joints' own inertia at the start, per rad/s or m/s of speed.
+    gain: Joints,
+    /// What the speed loop has gathered, Nm or N.
+    integral: Joints,
+    /// What the drives exerted in the last step, Nm or N; none before the first.
+    exerted: Option<Joints>,
+    /// Dry friction of the last step, Nm or N.
+    friction: Joints,
+    mass: Mass,
+}
+
+/// Inertia at one row.
+#[derive(Clone, Copy)]
+struct Mass {
+    inverse: Square,
+    diagonal: Joints,
+    /// What effects add to the rigid bodies' own.
+    beside: Joints,
+}
+
+impl<'a> Servo<'a> {
+    fn settled(
+        model: &'a Model,
+        first: &Inputs,
+        commands: &[Curve<'_>],
+    ) -> Result<Self, ServoError> {
+        let mut inputs = *first;
+        (inputs.q_before, inputs.dt_s) = (inputs.q, 0.0);
+        inputs.acceleration = Joints::default();
+        for (i, command) in commands.iter().enumerate() {
+            inputs.velocity[i] = command.slope(0);
+        }
+        let mut memories = Memories::default();
+        model.settle(&inputs, &mut memories);
+        let holding = model.drive(&inputs, &memories);
+        let mass = weighed(model, &inputs, &memories)?;
+        Ok(Self {
+            model,
+            memories,
+            inputs,
+            gain: mass.diagonal.map(|inertia| inertia * SPEED_LOOP),
+            integral: std::array::from_fn(|i| holding.acting(i)),
+            exerted: None,
+            friction: Joints::default(),
+            mass,
+        })
+    }
+
+    fn weigh(&mut self) -> Result<(), ServoError> {
+        self.mass = weighed(self.model, &self.inputs, &self.memories)?;
+        Ok(())
+    }
+
+    /// By how much speeds are off what the position loop asks, at the commands of `time_s`.
+    fn slip(&self, commands: &[Curve<'_>], time_s: f64) -> Joints {
+        let mut slip = Joints::default();
+        for (i, command) in commands.iter().enumerate() {
+            let asked = command.rate_at(time_s)
+                + SLOWER * SPEED_LOOP * (command.at(time_s) - self.inputs.q[i]);
+            slip[i] = asked - self.inputs.velocity[i];
+        }
+        slip
+    }
+
+    fn wanted(&self, commands: &[Curve<'_>], time_s: f64) -> Joints {
+        let slip = self.slip(commands, time_s);
+        std::array::from_fn(|i| self.integral[i] + self.gain[i] * slip[i])
+    }
+
+    /// What is recorded at a row: the drives hold a torque over a step, so that between two steps it is their mean.
+    fn read(&self, wanted: &Joints, row: &Inputs) -> Joints {
+        let now = Inputs { q: self.inputs.q, velocity: self.inputs.velocity, ..*row };
+        let drive = self.model.drive(&now, &self.memories);
+        let before = self.exerted.unwrap_or(*wanted);
+        std::array::from_fn(|i| drive.read(i, 0.5 * (before[i] + wanted[i])))
+    }
+
+    fn step(&mut self, commands: &[Curve<'_>], time_s: f64, step_s: f64) {
+        let (slip, exerted) = (self.slip(commands, time_s), self.wanted(commands, time_s));
+        for (i, slip) in slip.iter().enumerate() {
+            self.integral[i] += SLOWER * SPEED_LOOP * self.gain[i] * slip * step_s;
+        }
+        self.exerted = Some(exerted);
+        let after = self.speeds_after(&exerted, step_s);
+        let before = self.inputs;
+        let inputs = &mut self.inputs;
+        inputs.q_before = before.q;
+        (inputs.time_s, inputs.dt_s) = (time_s + step_s, step_s);
+        for (i, after) in after.iter().enumerate().take(commands.len()) {
+            inputs.q[i] += 0.5 * step_s * (before.velocity[i] + after);
+            inputs.velocity[i] = *after;
+            inputs.acceleration[i] = (after - before.velocity[i]) / step_s;
+            if inputs.q[i] != before.q[i] {
+                inputs.direction[i] = (inputs.q[i] - before.q[i]).signum();
+            }
+        }
+        self.model.advance(&self.inputs, &mut self.memories);
+    }
+
+    /// Speeds after a step in which the drives exert this.
+    fn speeds_after(&mut self, exerted: &Joints, step_s: f64) -> Joints {
+        let (free, bound) = self.resisted();
+        let inverse = &self.mass.inverse;
+        let push = Column::from_fn(|i, _| exerted[i] - free[i] - self.friction[i]);
+        let mut speed = Column::from(self.inputs.velocity) + inverse * push * step_s;
+        for _ in 0..SWEEPS {
+            let mut stands = true;
+            for (i, bound) in bound.iter().enumerate().take(self.model.arm.count()) {
+                let stopping = self.friction[i] + speed[i] / (step_s * inverse[(i, i)]);
+                let friction = stopping.clamp(-bound, *bound);
+                let change = friction - self.friction[i];
+                speed -= inverse.column(i) * (change * step_s);
+                self.friction[i] = friction;
+                stands &= change.abs() <= STANDS * bound;
+            }
+            if stands {
+                break;
+            }
+        }
+        for (i, bound) in bound.iter().enumerate() {
+            if self.friction[i].abs() < *bound {
+                speed[i] = 0.0;
+            }
+        }
+        speed.into()
+    }
+
+    /// What resists the drives besides inertia and friction, and the bound of what changes its sign with the motion, at speeds as large as now.
+    fn resisted(&self) -> (Joints, Joints) {
+        let moving = self.inputs.velocity.map(|v| if v == 0.0 { BARELY } else { v });
+        let at = |velocity: Joints, acceleration: Joints| {
+            let inputs = Inputs { velocity, acceleration, ..self.inputs };
+            self.model.drive(&inputs, &self.memories)
+        };
+        let acceleration = self.inputs.acceleration;
+        let (there, back) = (at(moving, acceleration), at(moving.map(|v| -v), acceleration));
+        let rigid = at(moving, Joints::default()).rigid;
+        let (mut free, mut bound) = (rigid, Joints::default());
+        for i in 0..self.model.arm.count() {
+            let beside = [&there, &back].map(|drive| drive.acting(i) - drive.rigid[i]);
+            free[i] += 0.5 * (beside[0] + beside[1]) - self.mass.beside[i] * acceleration[i];
+            bound[i] = (0.5 * (beside[0] - beside[1]) * moving[i].signum()).max(0.0);
+        }
+        (free, bound)
+    }
+}
+
+/// Columns of the mass matrix: what the acceleration of one joint alone asks of the drives more than rest.
+fn weighed(model: &Model, inputs: &Inputs, memories: &Memories) -> Result<Mass, ServoError> {
+    let still = Inputs { velocity: [0.0; JOINTS_MAX], acceleration: [0.0; JOINTS_MAX], ..*inputs };
+    let rest = model.drive(&still, memories);
+    let (mut matrix, mut beside) = (Square::identity(), Joints::default());
+    let count = model.arm.count();
+    for k in 0..count {
+        let mut pushed = still;
+        pushed.acceleration[k] = 1.0;
+        let drive = model.drive(&pushed, memories);
+        for i in 0..count {
+            matrix[(i, k)] = drive.acting(i) - rest.acting(i);
+        }
+        beside[k] = matrix[(k, k)] - (drive.rigid[k] - rest.rigid[k]);
+    }
+    let diagonal: Joints = std::array::from_fn(|i| matrix[(i, i)]);
+    let massless = diagonal[..count].iter().position(|inertia| *inertia <= 0.0);
+    match (massless, matrix.cholesky()) {
+        (None, Some(factor)) => Ok(Mass { inverse: factor.inverse(), diagonal, beside }),
+        (joint, _) => Err(ServoError::Massless { joint: joint.map_or(1, |joint| joint + 1) }),
+    }
+}
+
+#[cfg(test)]
+mod tests;
