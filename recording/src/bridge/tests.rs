@@ -1,0 +1,1 @@
+//! Configurations of bridges, good and bad.
