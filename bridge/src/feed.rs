@@ -124,10 +124,9 @@ impl Feed {
     /// The robot is not guided: nothing is told to the daemon, and what is left of the correction ramps out.
     pub fn rest(&mut self, now_ns: u64) {
         self.is_open = false;
-        if let Some((_, joints)) = self.last {
-            // Where the joints are does not matter to a ramp, their number does.
-            self.correction(&[0.0; JOINTS_MAX][..joints], now_ns);
-        }
+        // Where the joints are does not matter to a ramp, their number does. Before the first target it only joins.
+        let joints = self.last.map_or(0, |(_, joints)| joints);
+        self.correction(&[0.0; JOINTS_MAX][..joints], now_ns);
     }
 
     /// The client, once joined.

@@ -5,6 +5,7 @@
 //! first allocation and so cannot show "exactly one", `stats_alloc` counts all threads together.
 #![expect(clippy::unwrap_used, clippy::panic, reason = "a test that cannot go on fails")]
 
+mod bridge;
 mod cycle;
 mod kinds;
 mod watch;

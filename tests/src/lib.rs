@@ -6,8 +6,11 @@
 pub mod cell_loop;
 pub mod chance;
 pub mod clients;
+pub mod egm;
 pub mod gauge;
 pub mod hostile;
 pub mod place;
 pub mod process;
+pub mod python;
+pub mod retrofit;
 pub mod sensor;

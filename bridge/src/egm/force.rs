@@ -19,7 +19,7 @@ const CHANNELS: usize = 6;
 const JOIN_WITHIN: Duration = Duration::from_secs(1);
 
 /// The way to the watch.
-pub(super) struct ForceWay {
+pub struct ForceWay {
     source: Option<ForceSource>,
     joined: Receiver<ForceSource>,
     over: Arc<AtomicBool>,
@@ -31,7 +31,11 @@ pub(super) struct ForceWay {
 }
 
 impl ForceWay {
-    pub(super) fn start(
+    /// Starts joining in a thread; `rate_hz` is the controller's, `frame` in whose axes the force stands.
+    ///
+    /// # Errors
+    /// The thread cannot be started.
+    pub fn start(
         cell: &str,
         rate_hz: f64,
         frame: Frame,
@@ -56,13 +60,7 @@ impl ForceWay {
     }
 
     /// Takes a sample that came at `now_ns`; where some were lost before it, what came before them goes first.
-    pub(super) fn take(
-        &mut self,
-        wrench: &[f64; CHANNELS],
-        lost: u32,
-        now_ns: u64,
-        counts: &Counts,
-    ) {
+    pub fn take(&mut self, wrench: &[f64; CHANNELS], lost: u32, now_ns: u64, counts: &Counts) {
         if lost > 0 {
             self.send(counts);
         }

@@ -87,7 +87,9 @@ struct Robot {
 }
 
 impl Middle {
-    pub(super) fn new(
+    /// A bridge that has seen nothing yet.
+    #[must_use]
+    pub fn new(
         settings: Settings,
         arm: Arm,
         feed: Feed,

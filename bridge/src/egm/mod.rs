@@ -5,7 +5,7 @@
 //!
 //! Read in this order: [`messages`], [`middle`] (every policy), `run` (the sockets).
 
-mod force;
+pub mod force;
 pub mod joints;
 pub mod messages;
 pub mod middle;

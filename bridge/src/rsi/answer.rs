@@ -109,7 +109,9 @@ impl Sent {
 }
 
 impl Answerer {
-    pub(super) fn new(config: RsiConfig, arm: Arm, feed: Feed, counts: Arc<Counts>) -> Self {
+    /// A sensor that has heard nothing yet.
+    #[must_use]
+    pub fn new(config: RsiConfig, arm: Arm, feed: Feed, counts: Arc<Counts>) -> Self {
         let own = match &config.correction {
             RsiCorrection::Axes(group) | RsiCorrection::Pose(group, _) => group,
         };

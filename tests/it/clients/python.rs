@@ -6,7 +6,8 @@ use super::{TABLES, lockstep, scratch, started};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
-use tests::clients::{figures, has, root, run, skipped};
+use tests::clients::{figures, root, run, skipped};
+use tests::python::{environment, pip, tried};
 
 /// What is needed beside `trued` itself: to build it, to run it, to check its types.
 const TOOLS: [&str; 4] = ["maturin>=1.16,<2", "numpy>=1.23", "mypy", "typing_extensions"];
@@ -29,25 +30,8 @@ pub(super) fn interpreter(what: &str) -> Option<&'static Path> {
 }
 
 fn make() -> Result<PathBuf, String> {
-    if !has("python3") {
-        return Err("no `python3`".to_owned());
-    }
     let home = scratch().join("python");
-    let python = home.join("bin/python");
-    let tried = |command: &mut Command, what: &str| match command.output() {
-        Ok(output) if output.status.success() => Ok(()),
-        Ok(output) => Err(format!("{what}: {}", String::from_utf8_lossy(&output.stderr))),
-        Err(e) => Err(format!("{what}: {e}")),
-    };
-    if !python.exists() {
-        tried(Command::new("python3").args(["-m", "venv"]).arg(&home), "no `venv`")?;
-    }
-    let pip = || {
-        let mut pip = Command::new(&python);
-        pip.args(["-m", "pip", "--disable-pip-version-check", "install", "--quiet"]);
-        pip
-    };
-    tried(pip().args(TOOLS), "what builds the package cannot be installed")?;
+    let python = environment(&home, &TOOLS)?;
     let crates = root().join("client/python/Cargo.toml");
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
     let mut fetch = Command::new(cargo);
@@ -56,7 +40,7 @@ fn make() -> Result<PathBuf, String> {
     // From here on nothing is lacking: a failure is the package's. The profile is that of these tests.
     let bin = home.join("bin").display().to_string();
     let path = format!("{bin}:{}", std::env::var("PATH").unwrap_or_default());
-    run(pip()
+    run(pip(&python)
         .args(["--no-build-isolation", "--no-deps", "--force-reinstall"])
         .arg(root().join("client/python"))
         .env("PATH", path)
