@@ -60,7 +60,7 @@ fn an_egm_cycle_takes_nothing_from_the_heap() {
             if let Ok(message) = SensorMessage::read(target) {
                 message.planned.joints.put(target, &POSE);
             }
-            middle.idle(now_ns);
+            middle.idle();
             let mut own = [0; 128];
             let header = Header { seqno: Some(1), tm: None, mtype: Some(4) };
             PathCorrMessage::write(&mut own, header, [0.0, 1.0, 2.0], 1);

@@ -83,6 +83,7 @@ pub fn run(program: &str, before: &[&str], seed: u64) -> Outcome {
         std::thread::sleep(due.saturating_duration_since(Instant::now()));
     }
     process.end();
+    assert!(process.says("force samples: ", PATIENCE), "{:#?}", process.lines());
     outcome.counted = process.lines();
     outcome
 }

@@ -22,8 +22,8 @@ use crate::counts::{Count, Counts};
 use crate::feed::{Correction, Feed};
 use crate::sequence::{Sequence, Standing};
 
-/// A controller that is silent for so long has ended its run, ns.
-pub const SESSION_NS: u64 = 200_000_000;
+/// A controller that is silent for so long has ended its run, unless it counted on, ns.
+pub const SESSION_NS: u64 = 1_000_000_000;
 
 /// What the bridge is set to.
 #[derive(Debug, Clone, Copy)]
@@ -136,10 +136,11 @@ impl Middle {
 
     /// What the controller's message says of its run.
     fn note(&mut self, message: &RobotMessage, standing: Standing, from: SocketAddr, now_ns: u64) {
+        // A silence in which the controller counted on is the network's; the robot is where it was told to go last.
+        let counted_on = matches!(standing, Standing::Next { lost } if lost > 0);
         let before = self.robot.filter(|robot| {
-            standing != Standing::First
-                && robot.address == from
-                && now_ns.saturating_sub(robot.last_ns) < SESSION_NS
+            let silent = now_ns.saturating_sub(robot.last_ns) >= SESSION_NS;
+            standing != Standing::First && robot.address == from && (!silent || counted_on)
         });
         let is_guided = is_guided(self.settings.guidance, message.mci_state);
         let measured = self.settings.order.rad(&message.feedback);
@@ -301,15 +302,9 @@ impl Middle {
         if self.settings.is_shadow { (0.0, 0.0) } else { (y, z) }
     }
 
-    /// Nothing came for a while: a run that has ended ramps out.
-    pub fn idle(&mut self, now_ns: u64) {
-        match self.robot {
-            Some(robot) if now_ns.saturating_sub(robot.last_ns) < SESSION_NS => {}
-            _ => {
-                self.robot = None;
-                self.feed.rest(now_ns);
-            }
-        }
+    /// Nothing came for a while: the daemon is looked for.
+    pub fn idle(&mut self) {
+        self.feed.client();
     }
 
     /// Counts a datagram that could not be sent.

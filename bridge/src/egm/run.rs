@@ -109,7 +109,7 @@ impl Sides {
     fn turn(&mut self) {
         self.hear_robot();
         self.hear_application();
-        self.middle.idle(monotonic_ns());
+        self.middle.idle();
     }
 
     fn hear_robot(&mut self) {

@@ -18,8 +18,8 @@ use crate::displacement::displaced;
 use crate::feed::{Correction, Feed};
 use crate::sequence::{Sequence, Standing};
 
-/// A controller that is silent for so long has ended its run, ns.
-pub const SESSION_NS: u64 = 200_000_000;
+/// So much of the controller's own clock without a telegram, ms, ends a run, unless late answers were counted meanwhile.
+const SESSION_MS: u32 = 200;
 /// Increments that may be taken back, as the controller has not used them.
 const KEPT: usize = 16;
 
@@ -64,7 +64,6 @@ pub struct Answerer {
     feed: Feed,
     counts: Arc<Counts>,
     sequence: Sequence,
-    last_ns: Option<u64>,
     /// Smallest step of the controller's clock so far: one cycle.
     step: u32,
     late: Option<u64>,
@@ -127,7 +126,6 @@ impl Answerer {
             feed,
             counts,
             sequence: Sequence::default(),
-            last_ns: None,
             step: u32::MAX,
             late: None,
             applied: [0.0; JOINTS_MAX],
@@ -169,10 +167,11 @@ impl Answerer {
     }
 
     fn note(&mut self, telegram: &Telegram<'_>, standing: Standing, now_ns: u64) {
-        let silent_ns = self.last_ns.map_or(u64::MAX, |last| now_ns.saturating_sub(last));
-        self.last_ns = Some(now_ns);
         let late = telegram.late();
-        if standing == Standing::First || silent_ns >= SESSION_NS {
+        // Late answers are counted while RSI is on: a silence with a count is the network's, and the correction stands.
+        let counted_on = late > self.late;
+        let is_silent = matches!(standing, Standing::Next { lost } if lost >= SESSION_MS);
+        if standing == Standing::First || (is_silent && !counted_on) {
             self.counts.one(Count::Sessions);
             self.feed.rest(now_ns);
             (self.sent, self.applied) = (Sent::default(), [0.0; JOINTS_MAX]);
@@ -232,11 +231,9 @@ impl Answerer {
         }
     }
 
-    /// Nothing came for a while: a run that has ended ramps out.
-    pub fn idle(&mut self, now_ns: u64) {
-        if self.last_ns.is_none_or(|last| now_ns.saturating_sub(last) >= SESSION_NS) {
-            self.feed.rest(now_ns);
-        }
+    /// Nothing came for a while: the daemon is looked for.
+    pub fn idle(&mut self) {
+        self.feed.client();
     }
 
     /// Counts a datagram that could not be sent.

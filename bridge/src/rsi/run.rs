@@ -51,7 +51,7 @@ pub fn run(
         {
             answerer.not_sent();
         }
-        answerer.idle(monotonic_ns());
+        answerer.idle();
     }
     drop(answerer);
     // It ends with the last sender of news, and what it had to say was said.

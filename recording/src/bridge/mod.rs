@@ -167,7 +167,7 @@ fn common(root: &Table<'_, '_>, schema: &str, robot: &Table<'_, '_>) -> Option<C
     robot.require("address", "the controller's address, like \"192.168.125.1\"");
     let address = address(robot, "address", "an address, like \"192.168.125.1\"");
     let timing = root.table("timing");
-    let within = timing.as_ref().and_then(|table| table.number("answer_within_ms", 0.05..=3.0));
+    let within = timing.as_ref().and_then(|table| table.number("answer_within_ms", 0.05..=100.0));
     if let Some(table) = timing {
         table.close();
     }

@@ -167,11 +167,10 @@ fn takes(table: &Table<'_, '_>, ethernet: &Ethernet, group: &Group, sums: Sums) 
             _ => {}
         }
     }
-    if sums == Sums::Relative && ethernet.sent("Delay").is_none() {
-        table.fault(
-            "sums",
+    if ethernet.sent("Delay").is_none() {
+        table.fault_here(
             format!("needs the controller's count of late answers: {}", ethernet.name),
-            "<ELEMENT TAG=\"DEF_Delay\" TYPE=\"LONG\" INDX=\"INTERNAL\" /> in SEND there",
+            "add <ELEMENT TAG=\"DEF_Delay\" TYPE=\"LONG\" INDX=\"INTERNAL\" /> to SEND there: it tells a lost network from a new run",
         );
     }
 }

@@ -58,6 +58,15 @@ fn daemon(place: &Place) -> Process {
     daemon
 }
 
+/// Ends a bridge and waits for its last words.
+fn ended(bridge: &mut Process) -> Vec<String> {
+    assert!(bridge.end().success(), "{:#?}", bridge.lines());
+    assert!(bridge.says("answers to the robot: ", LIMIT), "{:#?}", bridge.lines());
+    // The words come at once, their last line last.
+    std::thread::sleep(Duration::from_millis(200));
+    bridge.lines()
+}
+
 /// What a bridge has counted, told at its end.
 fn count(lines: &[String], what: &str) -> u64 {
     let told =

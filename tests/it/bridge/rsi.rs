@@ -1,12 +1,15 @@
 //! RSI: a controller that judges every answer.
 
-use super::{LIMIT, WIDE, corrected, count, daemon, peer, peers, place};
+use super::{LIMIT, WIDE, corrected, count, daemon, ended, peer, peers, place};
 use crate::TRUED;
 use std::net::UdpSocket;
 use tests::clients::figures;
 use tests::egm::bridge;
+use tests::place::Place;
 
 const CYCLES: &str = "10000";
+/// What a correction may move by from one telegram to the next, deg: the envelope's rate for the longest step of a ramp, 0.1 s.
+const STEP_DEG: f64 = 0.06;
 /// The answers' resolution, and that of the emulator's telegrams (0.01 deg) by what the correction changes over it.
 const RESOLUTION_DEG: f64 = 2e-4;
 
@@ -31,11 +34,24 @@ const BRIDGE: &str = "schema = \"trued.bridge-rsi/1\"\ncell = \"cell.toml\"\nabs
     ethernet = \"ethernet.xml\"\n[robot]\naddress = \"127.0.0.1\"\n[setpoint]\nholds_correction = true\n\
     [correction]\nkind = \"axes\"\nsums = \"absolute\"\n[others]\nDiO = 5\n";
 
+/// The emulator tells its axes to two decimals, too few to tell in which sense a slow one moves: the model does without play.
+fn without_play(place: &Place) {
+    let model = std::fs::read_to_string(place.file("model.toml")).unwrap();
+    let has_play =
+        |effect: &&str| ["backlash", "hysteresis"].iter().any(|kind| effect.contains(kind));
+    let mut parts = model.split("[[effect]]");
+    let head = parts.next().unwrap().to_owned();
+    let kept = parts.filter(|effect| !has_play(effect)).map(|effect| format!("[[effect]]{effect}"));
+    place.write("model.toml", &(head + &kept.collect::<String>()));
+}
+
 #[test]
 fn a_controller_that_nobody_here_wrote_finds_no_fault_in_ten_thousand_answers_and_no_jump_when_some_are_late()
  {
     let Some(python) = peers("RSIPI's controller before the RSI bridge") else { return };
-    let place = place(&format!("{WIDE}[cycle]\nperiod_ms = 0.5\nstale_ms = 200.0\n"));
+    let place =
+        place("[envelope]\nrate_mrad_s = 10.0\n[cycle]\nperiod_ms = 0.5\nstale_ms = 200.0\n");
+    without_play(&place);
     let _daemon = daemon(&place);
     let port = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().port();
     place.write("ethernet.xml", &ethernet(port));
@@ -53,7 +69,7 @@ fn a_controller_that_nobody_here_wrote_finds_no_fault_in_ten_thousand_answers_an
         |name: &str| -> Vec<f64> { said[name].split(' ').map(|n| n.parse().unwrap()).collect() };
     assert_eq!((number("accepted"), number("faulty")), (10_000.0, 0.0));
     let (setpoint, correction) = (list("setpoint"), list("correction"));
-    let wanted = corrected(&place, &vec![setpoint.clone(); 400]).pop().unwrap();
+    let wanted = corrected(&place, &vec![setpoint.clone(); 1000]).pop().unwrap();
     for i in 0..6 {
         let off = correction[i] - (wanted[i] - setpoint[i]);
         assert!(off.abs() < RESOLUTION_DEG, "axis {}: {off} deg off", i + 1);
@@ -64,8 +80,9 @@ fn a_controller_that_nobody_here_wrote_finds_no_fault_in_ten_thousand_answers_an
     assert_eq!((number("after_garbage_accepted"), number("after_garbage_faulty")), (50.0, 0.0));
     assert!(number("late_faulty") >= 1.0, "some answers were late");
     assert_eq!(number("late_accepted"), 200.0);
-    assert!(number("late_jump") < 1e-3, "{} deg", number("late_jump"));
-    assert!(number("dead_jump") < 1e-3 && number("running") == 1.0);
+    assert!(number("largest_jump") < STEP_DEG, "{} deg", number("largest_jump"));
+    assert!(number("late_jump") < STEP_DEG, "{} deg", number("late_jump"));
+    assert!(number("dead_jump") < 1e-9 && number("running") == 1.0);
 }
 
 #[test]
@@ -91,6 +108,5 @@ fn a_bridge_that_is_told_to_end_says_what_it_has_seen() {
             format!("<Sen Type=\"Trued\"><AKorr{zeros} /><DiO>5</DiO><IPOC>{ipoc}</IPOC></Sen>");
         assert_eq!(String::from_utf8(answer).unwrap(), wanted);
     }
-    assert!(bridge.end().success());
-    assert_eq!(count(&bridge.lines(), "answers to the robot"), 3, "{:#?}", bridge.lines());
+    assert_eq!(count(&ended(&mut bridge), "answers to the robot"), 3, "{:#?}", bridge.lines());
 }
