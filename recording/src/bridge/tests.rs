@@ -70,7 +70,7 @@ fn what_would_jump_or_drift_where_an_answer_is_late_is_refused() {
     let falls = XML.replacen("HOLDON=\"1\"", "HOLDON=\"0\"", 1);
     let said = words(rsi(RSI, &falls));
     assert!(
-        said.contains("AKorr.A1 falls to zero") && said.contains("ethernet.xml line 19"),
+        said.contains("AKorr.A1 falls to zero") && said.contains("ethernet.xml line 18"),
         "{said}"
     );
     let relative = RSI.replace("sums = \"absolute\"", "sums = \"relative\"");
@@ -86,7 +86,7 @@ fn what_the_controller_does_not_send_or_is_not_told_is_named() {
     let said = words(rsi(RSI, &XML.replace("DEF_ASPos", "DEF_RIst")));
     assert!(said.contains("does not send ASPos"), "{said}");
     let said = words(rsi(&RSI.replace("DiO = 0", ""), XML));
-    assert!(said.contains("says nothing of DiO") && said.contains("line 25"), "{said}");
+    assert!(said.contains("says nothing of DiO") && said.contains("line 24"), "{said}");
     let said = words(rsi(&RSI.replace("DiO = 0", "DiO = 0\nDiP = 1"), XML));
     assert!(said.contains("`others.DiP`"), "{said}");
     let said = words(rsi(RSI, &XML.replace("AKorr.A3", "AKorr.B3")));
