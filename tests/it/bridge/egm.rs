@@ -42,8 +42,9 @@ impl Cell {
     fn stand(&mut self, cycles: usize, gauge: &mut Gauge) -> [f64; 6] {
         let mut correction = [0.0; 6];
         for cycle in 0..cycles {
-            let told =
-                self.rig.cycle(&POSE).unwrap_or_else(|| panic!("cycle {cycle} has no answer"));
+            let told = self.rig.cycle(&POSE);
+            assert!(told.is_some(), "cycle {cycle} has no answer");
+            let told = told.unwrap();
             for (c, (told, pose)) in correction.iter_mut().zip(told.iter().zip(POSE)) {
                 *c = told - pose;
             }
