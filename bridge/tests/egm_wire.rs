@@ -1,6 +1,5 @@
 //! The reader of EGM's messages against `prost`: the same values, the same verdict on what is broken, and in a corrected
 //! datagram nothing else is changed.
-#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
 
 mod proto;
 
