@@ -6,6 +6,7 @@
 //! to do; a file that is written appears whole or not at all. Inside the code all values are SI.
 
 pub mod blackbox;
+pub mod bridge;
 pub mod cell;
 pub mod faults;
 pub mod files;

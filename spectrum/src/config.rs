@@ -66,7 +66,7 @@ pub const WHEELS_MAX: usize = 64;
 /// The watch's settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WatchConfig {
-    /// Sampling rate of every channel, Hz, 400 to 200 000.
+    /// Sampling rate of every channel, Hz, 240 (a controller's own force, as ABB tells it every 4.032 ms) to 200 000.
     pub rate_hz: f64,
     /// Channels, 1 to 6, in the order x, y, z, mx, my, mz: a sensor of fewer axes leaves out the last ones.
     pub channels: usize,
@@ -171,7 +171,7 @@ impl WatchConfig {
     /// # Errors
     /// The first setting that is out of its range.
     pub fn check(&self) -> Result<(), ConfigError> {
-        in_range("rate_hz", self.rate_hz, 400.0..=200_000.0, "400 to 200000 Hz")?;
+        in_range("rate_hz", self.rate_hz, 240.0..=200_000.0, "240 to 200000 Hz")?;
         #[expect(clippy::cast_precision_loss, reason = "a channel count is small")]
         in_range("channels", self.channels as f64, 1.0..=6.0, "1 to 6")?;
         in_range("least_amplitude_n", self.least_amplitude_n, 0.0..=1e9, "0 or more, finite")?;

@@ -22,6 +22,8 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("diagnosis", &["world", "recording", "spectrum", "report", "physics"]),
     ("client", &["shm-schema", "envelope"]),
     ("client/c", &["client", "shm-schema"]),
+    // Of `physics` the controller's geometry alone: what a correction of joints does to the tool.
+    ("bridge", &["client", "recording", "physics"]),
     ("daemon", &["corrector", "physics", "envelope", "spectrum", "recording", "shm-schema"]),
     ("challenge", &[]),
     // Of `daemon` the manners of a real-time thread alone, so that what is compared has the same.

@@ -12,7 +12,8 @@ use physics::dynamics::inverse_dynamics;
 use physics::{Arm, Body, Inputs, JOINTS_MAX, Joint, JointKind, Tool, Wrench};
 use serde_json::json;
 use tests::chance::Chance;
-use tests::clients::{environment, skipped};
+use tests::clients::{skipped};
+use tests::python::environment;
 
 const CASES: usize = 200;
 
@@ -86,7 +87,7 @@ fn told(arm: &Arm, inputs: &Inputs) -> serde_json::Value {
 #[test]
 fn drives_exert_what_pinocchio_says() {
     let scratch = Path::new(env!("CARGO_TARGET_TMPDIR"));
-    let python = match environment(scratch, "pinocchio", &["pin>=3,<5"]) {
+    let python = match environment(&scratch.join("pinocchio"), &["pin>=3,<5"]) {
         Ok(python) => python,
         Err(why) => return skipped(scratch, "rigid-body dynamics against Pinocchio", &why),
     };

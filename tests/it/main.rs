@@ -9,6 +9,7 @@
 mod ageing;
 mod architecture;
 mod bench;
+mod bridge;
 mod calibrate;
 mod challenge;
 mod cli;

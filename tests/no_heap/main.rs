@@ -11,6 +11,7 @@
 )]
 #![expect(clippy::print_stdout, reason = "what was measured is said")]
 
+mod bridge;
 mod cycle;
 mod kernel;
 mod kinds;

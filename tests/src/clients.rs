@@ -30,30 +30,6 @@ pub fn has(program: &str) -> bool {
     Command::new(program).arg("--version").output().is_ok_and(|output| output.status.success())
 }
 
-/// A Python of its own with these packages, made once in `scratch` under `name`.
-///
-/// # Errors
-/// What this machine lacks for it: Python, its `venv`, or the package registry.
-pub fn environment(scratch: &Path, name: &str, packages: &[&str]) -> Result<PathBuf, String> {
-    if !has("python3") {
-        return Err("no `python3`".to_owned());
-    }
-    let home = scratch.join(name);
-    let python = home.join("bin/python");
-    let tried = |command: &mut Command, what: &str| match command.output() {
-        Ok(output) if output.status.success() => Ok(()),
-        Ok(output) => Err(format!("{what}: {}", String::from_utf8_lossy(&output.stderr))),
-        Err(e) => Err(format!("{what}: {e}")),
-    };
-    if !python.exists() {
-        tried(Command::new("python3").args(["-m", "venv"]).arg(&home), "no `venv`")?;
-    }
-    let mut pip = Command::new(&python);
-    pip.args(["-m", "pip", "--disable-pip-version-check", "install", "--quiet"]).args(packages);
-    tried(&mut pip, &format!("{} cannot be installed", packages.join(", ")))?;
-    Ok(python)
-}
-
 /// Runs a command to its end; where it fails, all that it said is told.
 pub fn run(command: &mut Command) -> Output {
     let output = command.output().expect("a program that can be started");

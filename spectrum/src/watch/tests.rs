@@ -92,9 +92,14 @@ pub(super) fn tone_y(
 
 #[test]
 fn a_tone_is_found_on_its_axis_with_its_frequency_and_amplitude() {
-    for (rate_hz, frequency_hz) in
-        [(1000.0, 72.0), (2000.0, 130.0), (10_000.0, 72.3), (10_000.0, 684.0), (51_200.0, 35.0)]
-    {
+    for (rate_hz, frequency_hz) in [
+        (248.0, 72.0),
+        (1000.0, 72.0),
+        (2000.0, 130.0),
+        (10_000.0, 72.3),
+        (10_000.0, 684.0),
+        (51_200.0, 35.0),
+    ] {
         let mut rig = Rig::new(config(rate_hz), 1.0, 3);
         let said = rig.run(4.0, tone_y(frequency_hz, 6.0, 2.0));
         let (at_s, first) = said.first().expect("the tone is seen");
@@ -111,8 +116,8 @@ fn a_tone_is_found_on_its_axis_with_its_frequency_and_amplitude() {
 
 #[test]
 fn noise_alone_raises_nothing() {
-    for seed in 0..4 {
-        let mut rig = Rig::new(config(2000.0), 3.0, seed);
+    for (seed, rate_hz) in (0..4).flat_map(|seed| [(seed, 2000.0), (seed, 248.0)]) {
+        let mut rig = Rig::new(config(rate_hz), 3.0, seed);
         let said = rig.run(60.0, |_, _| 0.0);
         assert!(said.is_empty(), "{said:?}");
     }

@@ -6,7 +6,8 @@ use super::{TABLES, lockstep, scratch, started};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
-use tests::clients::{environment, figures, root, run, skipped};
+use tests::clients::{figures, root, run, skipped};
+use tests::python::{environment, pip, tried};
 
 /// What is needed beside `trued` itself: to build it, to run it, to check its types.
 const TOOLS: [&str; 4] = ["maturin>=1.16,<2", "numpy>=1.23", "mypy", "typing_extensions"];
@@ -29,19 +30,17 @@ pub(super) fn interpreter(what: &str) -> Option<&'static Path> {
 }
 
 fn make() -> Result<PathBuf, String> {
-    let python = environment(scratch(), "python", &TOOLS)?;
+    let home = scratch().join("python");
+    let python = environment(&home, &TOOLS)?;
     let crates = root().join("client/python/Cargo.toml");
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
     let mut fetch = Command::new(cargo);
     fetch.args(["fetch", "--quiet", "--locked", "--manifest-path"]).arg(crates);
-    if !fetch.output().is_ok_and(|output| output.status.success()) {
-        return Err("the crates of the package cannot be had".to_owned());
-    }
+    tried(&mut fetch, "the crates of the package cannot be had")?;
     // From here on nothing is lacking: a failure is the package's. The profile is that of these tests.
-    let bin = scratch().join("python/bin").display().to_string();
+    let bin = home.join("bin").display().to_string();
     let path = format!("{bin}:{}", std::env::var("PATH").unwrap_or_default());
-    run(Command::new(&python)
-        .args(["-m", "pip", "--disable-pip-version-check", "install", "--quiet"])
+    run(pip(&python)
         .args(["--no-build-isolation", "--no-deps", "--force-reinstall"])
         .arg(root().join("client/python"))
         .env("PATH", path)

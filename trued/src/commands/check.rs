@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use daemon::setup;
+use recording::bridge::{self, EgmConfig, RsiConfig};
 use recording::faults::{Fault, Faults};
 use recording::files::{FileError, read_text};
 use recording::mapping::Mapping;
@@ -113,6 +114,18 @@ impl Check {
             Some("trued.mapping/1") => {
                 found.what = "mapping";
                 found.of(Mapping::read(path), |_, _| {})?;
+            }
+            Some(bridge::EGM_SCHEMA) => {
+                found.what = "bridge";
+                found.of(EgmConfig::read(path), |found, config| {
+                    found.summary = format!("EGM, {:?}", config.guidance).to_lowercase();
+                })?;
+            }
+            Some(bridge::RSI_SCHEMA) => {
+                found.what = "bridge";
+                found.of(RsiConfig::read(path), |found, config| {
+                    found.summary = format!("RSI, {:?}", config.sums).to_lowercase();
+                })?;
             }
             Some("trued.recording/1") => {
                 found.what = "recording's description";

@@ -4,6 +4,7 @@
 //! Outcome`, a variant below, an arm in [`run`]. Its place in the help is already kept in `help.rs`.
 
 mod bench;
+mod bridge;
 mod calibrate;
 mod challenge;
 mod check;
@@ -31,6 +32,7 @@ use crate::output::Console;
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     Bench(Box<bench::Bench>),
+    Bridge(bridge::Bridge),
     Calibrate(calibrate::Calibrate),
     Challenge(challenge::Challenge),
     Check(check::Check),
@@ -54,6 +56,7 @@ pub(crate) enum Command {
 pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
     match command {
         Command::Bench(bench) => bench.run(console),
+        Command::Bridge(bridge) => bridge.run(console),
         Command::Calibrate(calibrate) => calibrate.run(console),
         Command::Challenge(challenge) => challenge.run(console),
         Command::Check(check) => check.run(console),

@@ -1,0 +1,139 @@
+//! What came, what became of it, and how often: one counter per policy.
+//!
+//! Promises: the loop only adds to atomics; whoever tells them does so in a thread of its own.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+macro_rules! counters {
+    ($($(#[$doc:meta])* $name:ident = $words:literal, $fault:literal;)*) => {
+        /// What is counted.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+        pub enum Count { $($(#[$doc])* $name,)* }
+
+        impl Count {
+            /// All of them.
+            pub const ALL: &'static [Self] = &[$(Self::$name),*];
+
+            /// In words, as the bridge prints it.
+            #[must_use]
+            pub const fn words(self) -> &'static str {
+                match self { $(Self::$name => $words),* }
+            }
+
+            /// Whether a rise is worth a warning.
+            #[must_use]
+            pub const fn is_fault(self) -> bool {
+                match self { $(Self::$name => $fault),* }
+            }
+        }
+    };
+}
+
+counters! {
+    /// Good datagrams of the controller.
+    Robot = "datagrams of the robot", false;
+    /// Good datagrams of the application.
+    Application = "datagrams of the application", false;
+    /// Answers to the controller.
+    Sent = "answers to the robot", false;
+    /// Answers that hold the daemon's correction for this very target.
+    Corrected = "answers with this target's own correction", false;
+    /// Answers with the correction of an earlier target, as the daemon was late.
+    Late = "answers with the last correction, the daemon being late", true;
+    /// Answers while the correction was on its way out or in by the client's rule.
+    Ramping = "answers with a correction on its way", false;
+    /// Answers without a correction.
+    Plain = "answers without correction", false;
+    /// Answers with the daemon's last good target in place of one that it refused.
+    Refused = "targets that the daemon refused", true;
+    /// Runs of the robot that were seen to begin.
+    Sessions = "sessions", false;
+    /// Datagrams of the controller that never came, by their numbers.
+    RobotMissed = "datagrams of the robot missed", true;
+    /// Datagrams of the application that never came, by their numbers.
+    ApplicationMissed = "datagrams of the application missed", true;
+    /// Cycles of a guided robot in which the application said nothing.
+    Silent = "cycles without a word of the application", true;
+    /// Repeated datagrams.
+    Repeated = "repeated datagrams", true;
+    /// Datagrams that were overtaken by later ones.
+    Old = "overtaken datagrams", true;
+    /// Datagrams that were superseded by newer ones before they could be answered.
+    Superseded = "superseded datagrams", true;
+    /// Datagrams from somebody else.
+    Foreign = "foreign datagrams", true;
+    /// Datagrams that are no message of the protocol, or hold no number where one must be.
+    Broken = "broken datagrams", true;
+    /// Datagrams of the application while no robot is there.
+    Early = "datagrams of the application without a robot", true;
+    /// Targets that this bridge does not correct: poses, other numbers of joints.
+    NotCorrected = "targets passed uncorrected", true;
+    /// Force samples handed to the watch.
+    Forces = "force samples", false;
+    /// Force samples lost on the way to the watch.
+    ForcesLost = "force samples lost", true;
+    /// Datagrams that the system did not send.
+    NotSent = "datagrams not sent", true;
+    /// Answers that the controller says came late.
+    ControllerLate = "answers late by the controller's count", true;
+}
+
+/// All counters.
+#[derive(Debug, Default)]
+pub struct Counts {
+    of: [AtomicU64; Count::ALL.len()],
+}
+
+impl Counts {
+    /// Counts one.
+    pub fn one(&self, what: Count) {
+        self.add(what, 1);
+    }
+
+    /// Counts several.
+    pub fn add(&self, what: Count, several: u64) {
+        // The enum has as many names as the array has places.
+        self.of[what as usize].fetch_add(several, Relaxed);
+    }
+
+    /// How many so far.
+    #[must_use]
+    pub fn get(&self, what: Count) -> u64 {
+        self.of[what as usize].load(Relaxed)
+    }
+
+    /// `words: number`, one line for each that is not zero.
+    #[must_use]
+    pub fn told(&self) -> String {
+        let seen = Count::ALL.iter().filter(|what| self.get(**what) > 0);
+        seen.map(|what| format!("{}: {}\n", what.words(), self.get(*what))).collect()
+    }
+
+    /// Faults that rose since `before`, which is brought up to date.
+    pub fn risen(&self, before: &mut [u64; Count::ALL.len()]) -> Vec<String> {
+        let mut risen = Vec::new();
+        for (what, before) in Count::ALL.iter().zip(before) {
+            let now = self.get(*what);
+            if what.is_fault() && now > *before {
+                risen.push(format!("{}: {} more, {now} in all", what.words(), now - *before));
+            }
+            *before = now;
+        }
+        risen
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_happened_is_told_and_only_rising_faults_are_warned_of() {
+        let (counts, mut before) = (Counts::default(), [0; Count::ALL.len()]);
+        counts.one(Count::Robot);
+        counts.add(Count::Foreign, 3);
+        assert_eq!(counts.told(), "datagrams of the robot: 1\nforeign datagrams: 3\n");
+        assert_eq!(counts.risen(&mut before), ["foreign datagrams: 3 more, 3 in all"]);
+        assert!(counts.risen(&mut before).is_empty());
+    }
+}

@@ -1,0 +1,80 @@
+//! What a correction of the joints does to the tool, in the controller's geometry.
+//!
+//! Promises: no allocation. Never: a look at an effect; those are the daemon's.
+
+use glam::DVec3;
+use physics::{Arm, Chain, Frame, JOINTS_MAX, Joints};
+
+/// Moves shorter than this, m, tell no direction.
+const MOVE_MIN_M: f64 = 1e-6;
+/// The sine of an angle below which two directions are one.
+const PARALLEL: f64 = 1e-3;
+
+/// Where the tool is at `q`, and where it is once `correction` is added, rad.
+pub(crate) fn displaced(arm: &Arm, q: &[f64], correction: &[f64; JOINTS_MAX]) -> (Frame, Frame) {
+    let mut at: Joints = [0.0; JOINTS_MAX];
+    at.iter_mut().zip(q).for_each(|(to, q)| *to = *q);
+    let before = Chain::nominal(arm, &at).base_from_tool;
+    at.iter_mut().zip(correction).for_each(|(q, more)| *q += more);
+    (before, Chain::nominal(arm, &at).base_from_tool)
+}
+
+/// The frame of a path: x along it, y = tool z × x, z = x × y.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct PathFrame {
+    before: Option<DVec3>,
+    across: Option<(DVec3, DVec3)>,
+}
+
+impl PathFrame {
+    /// The path goes on to `tool`. Where it stands, or runs along the tool's z, the frame stays.
+    pub(crate) fn follow(&mut self, tool: &Frame) {
+        let Some(before) = self.before else {
+            self.before = Some(tool.origin);
+            return;
+        };
+        let moved = tool.origin - before;
+        if moved.length() < MOVE_MIN_M {
+            return;
+        }
+        self.before = Some(tool.origin);
+        let along = moved.normalize();
+        let across = tool.rotation.z_axis.cross(along);
+        if across.length() > PARALLEL {
+            let y = across.normalize();
+            self.across = Some((y, along.cross(y)));
+        }
+    }
+
+    /// A shift, m, base axes, as y and z of the path, m; nothing before the path has a direction.
+    pub(crate) fn across(&self, shift: DVec3) -> (f64, f64) {
+        self.across.map_or((0.0, 0.0), |(y, z)| (y.dot(shift), z.dot(shift)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DMat3;
+
+    fn at(x: f64, y: f64) -> Frame {
+        // A tool that looks down.
+        let down = DMat3::from_cols(DVec3::X, -DVec3::Y, -DVec3::Z);
+        Frame::new(down, DVec3::new(x, y, 0.5))
+    }
+
+    #[test]
+    fn across_a_path_is_what_is_not_along_it() {
+        let mut path = PathFrame::default();
+        path.follow(&at(0.0, 0.0));
+        assert_eq!(path.across(DVec3::ONE), (0.0, 0.0), "no direction yet");
+        path.follow(&at(0.01, 0.0));
+        let (y, z) = path.across(DVec3::new(0.5, 0.2, 0.1));
+        assert!((y + 0.2).abs() < 1e-15 && (z + 0.1).abs() < 1e-15, "{y} {z}");
+        path.follow(&at(0.01, 0.0));
+        assert_eq!(path.across(DVec3::new(0.5, 0.2, 0.1)), (y, z), "standing still it stays");
+        path.follow(&at(0.01, 0.01));
+        let (y, _) = path.across(DVec3::new(0.5, 0.2, 0.1));
+        assert!((y - 0.5).abs() < 1e-15, "round the corner: {y}");
+    }
+}

@@ -1,0 +1,101 @@
+//! The controller's measured force on its way to the vibration watch.
+//!
+//! Promises: no waiting; where another force source has the cell, this one stands back and says so once.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
+
+use recording::series::Frame;
+use trued_client::{ForceSamples, ForceSource, Samples, WrenchFrame};
+
+use crate::counts::{Count, Counts};
+use crate::feed::{News, keep_trying};
+
+/// Samples that go together: 16 ms.
+const BLOCK: usize = 4;
+const CHANNELS: usize = 6;
+const JOIN_WITHIN: Duration = Duration::from_secs(1);
+
+/// The way to the watch.
+pub struct ForceWay {
+    source: Option<ForceSource>,
+    joined: Receiver<ForceSource>,
+    over: Arc<AtomicBool>,
+    frame: WrenchFrame,
+    rate_hz: f64,
+    block: [f64; BLOCK * CHANNELS],
+    filled: usize,
+    first_ns: u64,
+}
+
+impl ForceWay {
+    /// Starts joining in a thread; `rate_hz` is the controller's, `frame` in whose axes the force stands.
+    ///
+    /// # Errors
+    /// The thread cannot be started.
+    pub fn start(
+        cell: &str,
+        rate_hz: f64,
+        frame: Frame,
+        news: Sender<News>,
+    ) -> std::io::Result<Self> {
+        let (tell, joined) = channel();
+        let over = Arc::new(AtomicBool::new(false));
+        let (cell, until) = (cell.to_owned(), Arc::clone(&over));
+        std::thread::Builder::new().name("trued-force".to_owned()).spawn(move || {
+            let found = keep_trying(|| ForceSource::connect(&cell, JOIN_WITHIN), &news, &until);
+            if let Some(source) = found {
+                // Nobody takes it any more where the bridge has ended.
+                let _ = tell.send(source);
+            }
+        })?;
+        let frame = match frame {
+            Frame::Tool => WrenchFrame::Tool,
+            Frame::Base => WrenchFrame::Base,
+        };
+        let block = [0.0; BLOCK * CHANNELS];
+        Ok(Self { source: None, joined, over, frame, rate_hz, block, filled: 0, first_ns: 0 })
+    }
+
+    /// Takes a sample that came at `now_ns`; where some were lost before it, what came before them goes first.
+    pub fn take(&mut self, wrench: &[f64; CHANNELS], lost: u32, now_ns: u64, counts: &Counts) {
+        if lost > 0 {
+            self.send(counts);
+        }
+        if self.filled == 0 {
+            self.first_ns = now_ns;
+        }
+        let start = self.filled * CHANNELS;
+        if let Some(place) = self.block.get_mut(start..start + CHANNELS) {
+            place.copy_from_slice(wrench);
+            self.filled += 1;
+        }
+        if self.filled == BLOCK {
+            self.send(counts);
+        }
+    }
+
+    fn send(&mut self, counts: &Counts) {
+        if self.source.is_none() {
+            self.source = self.joined.try_recv().ok();
+        }
+        let samples = std::mem::take(&mut self.filled);
+        let Some(source) = self.source.as_mut().filter(|_| samples > 0) else { return };
+        let sent = source.send(&ForceSamples {
+            t_ns: self.first_ns,
+            rate_hz: self.rate_hz,
+            channels: CHANNELS,
+            frame: self.frame,
+            samples: Samples::F64(&self.block[..samples * CHANNELS]),
+        });
+        counts.add(if sent.is_ok() { Count::Forces } else { Count::ForcesLost }, samples as u64);
+    }
+}
+
+impl Drop for ForceWay {
+    fn drop(&mut self) {
+        self.over.store(true, Relaxed);
+    }
+}

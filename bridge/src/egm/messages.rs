@@ -1,0 +1,311 @@
+//! What the bridge reads of EGM's messages, and the one that it writes.
+//!
+//! By the messages of ABB's Application manual EGM (3HAC073318-001), in both forms that are in the field: a force may
+//! come as field 1, or as field 2 behind a flag. Angles are degrees and lengths mm here, as on the wire.
+//!
+//! Promises: no allocation; what is not read is neither judged nor changed.
+
+use trued_client::JOINTS_MAX;
+
+use super::wire::{Broken, Field, Fields, Value, Writer};
+
+/// `EgmHeader.mtype` of a target.
+pub const CORRECTION: u32 = 3;
+/// `EgmHeader.mtype` of a path correction.
+pub const PATH_CORRECTION: u32 = 4;
+/// `EgmMCIState` of a robot that is being guided.
+pub const MCI_RUNNING: u32 = 3;
+/// `EgmMCIState` after a fault.
+pub const MCI_ERROR: u32 = 1;
+/// `EgmMCIState` of a robot that is not being guided.
+pub const MCI_STOPPED: u32 = 2;
+
+/// `EgmHeader`.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Header {
+    /// Counts up with each message of its sender.
+    pub seqno: Option<u32>,
+    /// The sender's clock, ms.
+    pub tm: Option<u32>,
+    /// Kind of message.
+    pub mtype: Option<u32>,
+}
+
+/// Numbers of a message with their places in the datagram.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Numbers {
+    values: [f64; JOINTS_MAX],
+    places: [usize; JOINTS_MAX],
+    count: usize,
+}
+
+impl Default for Numbers {
+    fn default() -> Self {
+        Self { values: [0.0; JOINTS_MAX], places: [0; JOINTS_MAX], count: 0 }
+    }
+}
+
+impl Numbers {
+    fn push(&mut self, value: f64, at: usize) -> Result<(), Broken> {
+        let places = self.values.get_mut(self.count).zip(self.places.get_mut(self.count));
+        let (to, place) = places.ok_or(Broken::TooManyJoints)?;
+        (*to, *place) = (value, at);
+        self.count += 1;
+        Ok(())
+    }
+
+    /// The numbers.
+    #[must_use]
+    pub fn values(&self) -> &[f64] {
+        &self.values[..self.count]
+    }
+
+    /// Puts other numbers in the places of these; nothing else of the datagram changes.
+    pub fn put(&self, datagram: &mut [u8], values: &[f64]) {
+        for (at, value) in self.places[..self.count].iter().zip(values) {
+            if let Some(place) = datagram.get_mut(*at..at + 8) {
+                place.copy_from_slice(&value.to_le_bytes());
+            }
+        }
+    }
+}
+
+/// Joint positions in one message, degrees.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Posture {
+    /// The robot's axes.
+    pub joints: Numbers,
+    /// External axes; the seventh of a seven-axis robot is the first of them.
+    pub external: Numbers,
+    /// A pose stands there too, or instead.
+    pub has_pose: bool,
+}
+
+/// `EgmRobot`, as far as it is read.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct RobotMessage {
+    /// Number and clock.
+    pub header: Header,
+    /// Where the robot is.
+    pub feedback: Posture,
+    /// Where its program wants it.
+    pub planned: Posture,
+    /// State of the motion, where it is told.
+    pub mci_state: Option<u32>,
+    /// Measured force, N, and moment, Nm, where they are told and force control does not say that they are idle.
+    pub force: Force,
+}
+
+/// `EgmMeasuredForce` in either layout.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Force {
+    /// `fcActive`, where it is told.
+    pub is_active: Option<bool>,
+    /// Fx Fy Fz Mx My Mz, N and Nm.
+    pub values: Numbers,
+}
+
+/// `EgmSensor`, as far as it is read.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct SensorMessage {
+    /// Number and kind.
+    pub header: Header,
+    /// The target.
+    pub planned: Posture,
+}
+
+/// `EgmSensorPathCorr`.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct PathCorrMessage {
+    /// Number and kind.
+    pub header: Header,
+    /// x, y, z in the path's frame, mm, with their places; all three or none.
+    pub offset: Option<Offset>,
+}
+
+/// Three numbers with their places.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Offset {
+    /// x, y, z, mm.
+    pub mm: [f64; 3],
+    places: [usize; 3],
+}
+
+impl Offset {
+    /// Puts another offset in the place of this one.
+    pub fn put(&self, datagram: &mut [u8], mm: [f64; 3]) {
+        for (at, value) in self.places.iter().zip(mm) {
+            if let Some(place) = datagram.get_mut(*at..at + 8) {
+                place.copy_from_slice(&value.to_le_bytes());
+            }
+        }
+    }
+}
+
+impl Header {
+    fn read(&mut self, mut fields: Fields<'_>) -> Result<(), Broken> {
+        while let Some(field) = fields.next()? {
+            match field.number {
+                1 => self.seqno = Some(field.uint32()?),
+                2 => self.tm = Some(field.uint32()?),
+                3 => self.mtype = Some(field.uint32()?),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+fn joints(numbers: &mut Numbers, field: &Field<'_>) -> Result<(), Broken> {
+    let mut fields = field.message()?;
+    while let Some(field) = fields.next()? {
+        if field.number == 1 {
+            field.doubles(|value, at| numbers.push(value, at))?;
+        }
+    }
+    Ok(())
+}
+
+impl Posture {
+    /// `EgmPlanned` and `EgmFeedBack` have these fields alike.
+    fn read(&mut self, mut fields: Fields<'_>) -> Result<(), Broken> {
+        while let Some(field) = fields.next()? {
+            match field.number {
+                1 => joints(&mut self.joints, &field)?,
+                2 => self.has_pose = true,
+                3 => joints(&mut self.external, &field)?,
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Force {
+    fn read(&mut self, mut fields: Fields<'_>) -> Result<(), Broken> {
+        while let Some(field) = fields.next()? {
+            match (field.number, field.value) {
+                (1, Value::Varint(flag)) => self.is_active = Some(flag != 0),
+                (1 | 2, _) => field.doubles(|value, at| self.values.push(value, at))?,
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// The six numbers, where they are all there and force control is not idle.
+    #[must_use]
+    pub fn wrench(&self) -> Option<[f64; 6]> {
+        let six = self.values.values().try_into().ok()?;
+        (self.is_active != Some(false)).then_some(six)
+    }
+}
+
+impl RobotMessage {
+    /// Reads a datagram of the controller.
+    ///
+    /// # Errors
+    /// What is no `EgmRobot`.
+    pub fn read(datagram: &[u8]) -> Result<Self, Broken> {
+        let (mut message, mut fields) = (Self::default(), Fields::of(datagram));
+        while let Some(field) = fields.next()? {
+            match field.number {
+                1 => message.header.read(field.message()?)?,
+                2 => message.feedback.read(field.message()?)?,
+                3 => message.planned.read(field.message()?)?,
+                5 => {
+                    let mut fields = field.message()?;
+                    while let Some(field) = fields.next()? {
+                        if field.number == 1 {
+                            message.mci_state = Some(field.uint32()?);
+                        }
+                    }
+                }
+                9 => message.force.read(field.message()?)?,
+                _ => {}
+            }
+        }
+        Ok(message)
+    }
+}
+
+impl SensorMessage {
+    /// Reads a datagram of the application.
+    ///
+    /// # Errors
+    /// What is no `EgmSensor`.
+    pub fn read(datagram: &[u8]) -> Result<Self, Broken> {
+        let (mut message, mut fields) = (Self::default(), Fields::of(datagram));
+        while let Some(field) = fields.next()? {
+            match field.number {
+                1 => message.header.read(field.message()?)?,
+                2 => message.planned.read(field.message()?)?,
+                _ => {}
+            }
+        }
+        Ok(message)
+    }
+}
+
+impl PathCorrMessage {
+    /// Reads a datagram of the application.
+    ///
+    /// # Errors
+    /// What is no `EgmSensorPathCorr`.
+    pub fn read(datagram: &[u8]) -> Result<Self, Broken> {
+        let (mut header, mut fields) = (Header::default(), Fields::of(datagram));
+        let mut found = [None; 3];
+        while let Some(field) = fields.next()? {
+            match field.number {
+                1 => header.read(field.message()?)?,
+                2 => {
+                    let mut fields = field.message()?;
+                    while let Some(field) = fields.next()? {
+                        if field.number == 1 {
+                            cartesian(&mut found, field.message()?)?;
+                        }
+                    }
+                }
+                _ => {}
+            }
+        }
+        let offset = match found {
+            [Some(x), Some(y), Some(z)] => {
+                Some(Offset { mm: [x.0, y.0, z.0], places: [x.1, y.1, z.1] })
+            }
+            _ => None,
+        };
+        Ok(Self { header, offset })
+    }
+
+    /// Writes one of our own: `offset_mm` in the path's frame, seen `age_ms` ago. Tells its length; none where `to` is too short.
+    pub fn write(to: &mut [u8], header: Header, offset_mm: [f64; 3], age_ms: u32) -> Option<usize> {
+        let mut writer = Writer::into(to);
+        writer.message(1, |writer| {
+            let numbers = [(1, header.seqno), (2, header.tm), (3, header.mtype)];
+            for (field, number) in numbers {
+                if let Some(number) = number {
+                    writer.varint(field, u64::from(number));
+                }
+            }
+        });
+        writer.message(2, |writer| {
+            writer.message(1, |writer| {
+                for (field, value) in (1..).zip(offset_mm) {
+                    writer.double(field, value);
+                }
+            });
+            writer.varint(2, u64::from(age_ms));
+        });
+        writer.finish()
+    }
+}
+
+fn cartesian(found: &mut [Option<(f64, usize)>; 3], mut fields: Fields<'_>) -> Result<(), Broken> {
+    while let Some(field) = fields.next()? {
+        if let Some(place) = (field.number as usize).checked_sub(1).and_then(|i| found.get_mut(i)) {
+            *place = Some(field.double()?);
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,368 @@
+//! What becomes of each datagram: the policies of the EGM bridge, without sockets.
+//!
+//! Promises: feedback and unknown fields pass byte for byte; of a target the joints alone are changed; nothing is sent
+//! before the controller has spoken; where anything is wrong, the application's own target passes, or nothing does.
+//! No allocation but the transport's.
+
+use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+
+use physics::Arm;
+use recording::bridge::Guidance;
+use trued_client::{JOINTS_MAX, RobotState, Source};
+
+use super::force::ForceWay;
+use super::joints::Order;
+use super::messages::{
+    CORRECTION, Header, MCI_ERROR, MCI_RUNNING, MCI_STOPPED, PathCorrMessage, Posture,
+    RobotMessage, SensorMessage,
+};
+use super::path::Path;
+use crate::counts::{Count, Counts};
+use crate::feed::{Correction, Feed};
+use crate::sequence::{Sequence, Standing};
+
+/// A controller that is silent for so long has ended its run, unless it counted on, ns.
+pub const SESSION_NS: u64 = 1_000_000_000;
+
+/// What the bridge is set to.
+#[derive(Debug, Clone, Copy)]
+pub struct Settings {
+    /// The controller.
+    pub robot: IpAddr,
+    /// The application, where there is one.
+    pub application: Option<SocketAddr>,
+    /// What is corrected.
+    pub guidance: Guidance,
+    /// Where the arm's joints stand on the wire.
+    pub order: Order,
+    /// Nothing of the correction goes out.
+    pub is_shadow: bool,
+    /// Least time between two path corrections, ns.
+    pub path_period_ns: u64,
+}
+
+/// A target of the application that may be answered.
+#[expect(clippy::large_enum_variant, reason = "a box would be a heap under the loop")]
+#[derive(Debug, Clone, Copy)]
+pub enum Screened {
+    /// A joint target.
+    Joints {
+        /// As read.
+        planned: Posture,
+        /// The same target again.
+        is_repeated: bool,
+    },
+    /// An offset across a path.
+    Offset(PathCorrMessage),
+    /// Something that is passed on as it is.
+    AsItIs,
+}
+
+/// The bridge between its two sides.
+pub struct Middle {
+    settings: Settings,
+    arm: Arm,
+    feed: Feed,
+    force: Option<ForceWay>,
+    counts: Arc<Counts>,
+    path: Path,
+    robot: Option<Robot>,
+    robot_sequence: Sequence,
+    application_sequence: Sequence,
+}
+
+/// The controller's run.
+#[derive(Debug, Clone, Copy)]
+struct Robot {
+    address: SocketAddr,
+    last_ns: u64,
+    is_guided: bool,
+    /// The newest joints of the program (else measured ones), in the arm's order, rad.
+    q: Option<[f64; JOINTS_MAX]>,
+    /// The application has spoken in this run, and since the controller last did.
+    has_target: bool,
+    is_answered: bool,
+    tm: Option<u32>,
+}
+
+impl Middle {
+    /// A bridge that has seen nothing yet.
+    #[must_use]
+    pub fn new(
+        settings: Settings,
+        arm: Arm,
+        feed: Feed,
+        force: Option<ForceWay>,
+        counts: Arc<Counts>,
+    ) -> Self {
+        Self {
+            path: Path::new(settings.path_period_ns),
+            settings,
+            arm,
+            feed,
+            force,
+            counts,
+            robot: None,
+            robot_sequence: Sequence::default(),
+            application_sequence: Sequence::default(),
+        }
+    }
+
+    /// Takes a datagram of the controller's side; says whether it is passed on to the application.
+    pub fn of_robot(&mut self, datagram: &[u8], from: SocketAddr, now_ns: u64) -> bool {
+        if from.ip() != self.settings.robot {
+            return self.drop(Count::Foreign);
+        }
+        let Some(message) = RobotMessage::read(datagram).ok().filter(|_| !datagram.is_empty())
+        else {
+            return self.drop(Count::Broken);
+        };
+        let standing = self.robot_sequence.judge(message.header.seqno, datagram, now_ns);
+        let lost = match standing {
+            Standing::Repeated => return self.drop(Count::Repeated),
+            Standing::Old => return self.drop(Count::Old),
+            Standing::First => 0,
+            Standing::Next { lost } => lost,
+        };
+        self.counts.one(Count::Robot);
+        self.counts.add(Count::RobotMissed, u64::from(lost));
+        self.note(&message, standing, from, now_ns);
+        if let (Some(way), Some(wrench)) = (&mut self.force, message.force.wrench()) {
+            way.take(&wrench, lost, now_ns, &self.counts);
+        }
+        true
+    }
+
+    /// What the controller's message says of its run.
+    fn note(&mut self, message: &RobotMessage, standing: Standing, from: SocketAddr, now_ns: u64) {
+        // A silence in which the controller counted on is the network's; the robot is where it was told to go last.
+        let counted_on = matches!(standing, Standing::Next { lost } if lost > 0);
+        let before = self.robot.filter(|robot| {
+            let silent = now_ns.saturating_sub(robot.last_ns) >= SESSION_NS;
+            standing != Standing::First && robot.address == from && (!silent || counted_on)
+        });
+        let is_guided = is_guided(self.settings.guidance, message.mci_state);
+        let measured = self.settings.order.rad(&message.feedback);
+        let (has_target, was_answered) = match before {
+            Some(before) => (before.has_target, before.is_answered),
+            None => {
+                self.counts.one(Count::Sessions);
+                self.path = Path::new(self.settings.path_period_ns);
+                self.feed.rest(now_ns);
+                (false, true)
+            }
+        };
+        if !is_guided {
+            self.feed.rest(now_ns);
+        } else if has_target && !was_answered {
+            self.counts.one(Count::Silent);
+            self.feed.keep();
+        }
+        self.robot = Some(Robot {
+            address: from,
+            last_ns: now_ns,
+            is_guided,
+            q: self.settings.order.rad(&message.planned).or(measured),
+            has_target,
+            is_answered: false,
+            tm: message.header.tm,
+        });
+        if let (Some(q_measured), Some(client)) = (measured, self.feed.client()) {
+            let joints = self.arm.count() as u32;
+            let flags = RobotState::HAS_Q;
+            let state =
+                RobotState { joints, flags, q_measured, t_ns: now_ns, ..RobotState::default() };
+            // What was not sent is missing in a recording, and nowhere else.
+            let _ = client.send_state(&state);
+        }
+    }
+
+    /// Takes a datagram of the application's side; says what may be answered.
+    pub fn of_application(
+        &mut self,
+        datagram: &[u8],
+        from: SocketAddr,
+        now_ns: u64,
+    ) -> Option<Screened> {
+        let refused = |what| {
+            self.counts.one(what);
+            None
+        };
+        if Some(from) != self.settings.application {
+            return refused(Count::Foreign);
+        }
+        if self.robot.is_none_or(|robot| now_ns.saturating_sub(robot.last_ns) >= SESSION_NS) {
+            return refused(Count::Early);
+        }
+        let (header, screened) = match read(self.settings.guidance, datagram) {
+            Some(read) if !datagram.is_empty() => read,
+            _ => return refused(Count::Broken),
+        };
+        let is_repeated = match self.application_sequence.judge(header.seqno, datagram, now_ns) {
+            Standing::Old => return refused(Count::Old),
+            Standing::Repeated => {
+                self.counts.one(Count::Repeated);
+                true
+            }
+            Standing::Next { lost } => {
+                self.counts.add(Count::ApplicationMissed, u64::from(lost));
+                false
+            }
+            Standing::First => false,
+        };
+        self.counts.one(Count::Application);
+        Some(match screened {
+            Screened::Joints { planned, .. } => Screened::Joints { planned, is_repeated },
+            other => other,
+        })
+    }
+
+    /// Corrects a screened datagram in place; says where it goes.
+    pub fn answer(
+        &mut self,
+        datagram: &mut [u8],
+        screened: &Screened,
+        now_ns: u64,
+    ) -> Option<SocketAddr> {
+        let robot = self.robot.as_mut()?;
+        (robot.has_target, robot.is_answered) = (true, true);
+        let robot = *robot;
+        match screened {
+            Screened::Joints { planned, is_repeated } if robot.is_guided => {
+                self.correct_joints(datagram, planned, *is_repeated, now_ns);
+            }
+            Screened::Offset(message) if robot.is_guided => {
+                let offset_mm = self.offset_mm(&robot, now_ns);
+                if let Some(offset) = message.offset {
+                    let [x, y, z] = offset.mm;
+                    offset.put(datagram, [x, y + offset_mm.0, z + offset_mm.1]);
+                }
+            }
+            Screened::AsItIs => self.counts.one(Count::NotCorrected),
+            // A robot that is not guided does not listen; its first target shall be the application's own.
+            _ => self.counts.one(Count::Plain),
+        }
+        self.counts.one(Count::Sent);
+        Some(robot.address)
+    }
+
+    fn correct_joints(
+        &mut self,
+        datagram: &mut [u8],
+        planned: &Posture,
+        is_repeated: bool,
+        now_ns: u64,
+    ) {
+        let Some(q) = self.settings.order.rad(planned) else {
+            self.counts.one(Count::NotCorrected);
+            return;
+        };
+        let q = &q[..self.arm.count()];
+        let made =
+            if is_repeated { self.feed.repeat(q, now_ns) } else { self.feed.command(q, now_ns) };
+        self.count(&made);
+        if self.settings.is_shadow || made.is_none() {
+            return;
+        }
+        self.settings.order.put(datagram, planned, |i, degrees| match &made.instead {
+            Some(instead) => instead[i].to_degrees(),
+            None => degrees + made.rad[i].to_degrees(),
+        });
+    }
+
+    /// An answer of our own to the controller, where no application guides it: its length in `to`, and where it goes.
+    pub fn own_answer(&mut self, to: &mut [u8], now_ns: u64) -> Option<(usize, SocketAddr)> {
+        let is_ours =
+            self.settings.guidance == Guidance::Path && self.settings.application.is_none();
+        let robot = self.robot.filter(|robot| is_ours && robot.is_guided && !robot.is_answered)?;
+        if !self.path.is_due(now_ns) {
+            return None;
+        }
+        let (y, z) = self.offset_mm(&robot, now_ns);
+        let header = self.path.header(robot.tm);
+        let length = PathCorrMessage::write(to, header, [0.0, y, z], Path::AGE_MS)?;
+        if let Some(robot) = &mut self.robot {
+            robot.is_answered = true;
+        }
+        self.counts.one(Count::Sent);
+        Some((length, robot.address))
+    }
+
+    /// What the correction is across the path, mm.
+    fn offset_mm(&mut self, robot: &Robot, now_ns: u64) -> (f64, f64) {
+        let Some(q) = robot.q else {
+            self.counts.one(Count::NotCorrected);
+            return (0.0, 0.0);
+        };
+        let q = &q[..self.arm.count()];
+        let made = self.feed.command(q, now_ns);
+        self.count(&made);
+        let (y, z) = self.path.across_mm(&self.arm, q, &made.rad);
+        if self.settings.is_shadow { (0.0, 0.0) } else { (y, z) }
+    }
+
+    /// Nothing came for a while: the daemon is looked for.
+    pub fn idle(&mut self) {
+        self.feed.client();
+    }
+
+    /// Counts a datagram that could not be sent.
+    pub fn not_sent(&self) {
+        self.counts.one(Count::NotSent);
+    }
+
+    /// Counts a target that a newer one overtook before it was answered.
+    pub fn superseded(&self) {
+        self.counts.one(Count::Superseded);
+    }
+
+    fn drop(&self, what: Count) -> bool {
+        self.counts.one(what);
+        false
+    }
+
+    fn count(&self, made: &Correction) {
+        self.counts.one(match made.source {
+            Source::Corrected => Count::Corrected,
+            Source::LastCorrection => Count::Late,
+            Source::Blending | Source::Ramping => Count::Ramping,
+            Source::Plain => Count::Plain,
+            Source::Rejected => Count::Refused,
+        });
+    }
+}
+
+/// The controller says that targets move the robot, or says nothing of it. A path runs before its state is known.
+fn is_guided(guidance: Guidance, mci_state: Option<u32>) -> bool {
+    match guidance {
+        Guidance::Joints => mci_state.is_none_or(|state| state == MCI_RUNNING),
+        Guidance::Path => !matches!(mci_state, Some(MCI_ERROR | MCI_STOPPED)),
+    }
+}
+
+/// What the application's datagram is, by how the robot is guided; none where it is broken.
+fn read(guidance: Guidance, datagram: &[u8]) -> Option<(Header, Screened)> {
+    if guidance == Guidance::Path {
+        let message = PathCorrMessage::read(datagram).ok()?;
+        let offset = message.offset?;
+        let is_good = offset.mm.iter().all(|mm| mm.is_finite());
+        return is_good.then_some((message.header, Screened::Offset(message)));
+    }
+    let message = SensorMessage::read(datagram).ok()?;
+    let joints = message.planned.joints.values().iter().chain(message.planned.external.values());
+    if !joints.clone().all(|degrees| degrees.is_finite()) {
+        return None;
+    }
+    let is_target = message.header.mtype.is_none_or(|mtype| mtype == CORRECTION);
+    let is_joints = is_target && !message.planned.joints.values().is_empty();
+    let screened = if is_joints && !message.planned.has_pose {
+        Screened::Joints { planned: message.planned, is_repeated: false }
+    } else {
+        Screened::AsItIs
+    };
+    Some((message.header, screened))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,173 @@
+//! Every policy of the EGM bridge, on datagrams that are made here byte by byte; without a daemon, so that a target passes.
+
+use super::*;
+use crate::egm::wire::Writer;
+use recording::model::presets::preset;
+
+const MS: u64 = 1_000_000;
+const ROBOT: &str = "192.168.125.1:6510";
+const APPLICATION: &str = "127.0.0.1:6511";
+
+fn at(address: &str) -> SocketAddr {
+    address.parse().unwrap()
+}
+
+fn middle(guidance: Guidance) -> (Middle, Arc<Counts>) {
+    let counts = Arc::new(Counts::default());
+    let arm = preset("irb1600-6-145-thesis").unwrap().model().unwrap().physics.arm;
+    let settings = Settings {
+        robot: at(ROBOT).ip(),
+        application: Some(at(APPLICATION)),
+        guidance,
+        order: Order { count: 6, seventh_after: None },
+        is_shadow: false,
+        path_period_ns: 48 * MS,
+    };
+    (Middle::new(settings, arm, Feed::nowhere(), None, Arc::clone(&counts)), counts)
+}
+
+fn message(field: u32, number: u32, mtype: u32, joints: &[f64], mci_state: Option<u64>) -> Vec<u8> {
+    let mut bytes = vec![0; 400];
+    let mut writer = Writer::into(&mut bytes);
+    writer.message(1, |writer| {
+        writer.varint(1, u64::from(number));
+        writer.varint(3, u64::from(mtype));
+    });
+    writer.message(field, |writer| {
+        writer.message(1, |writer| joints.iter().for_each(|joint| writer.double(1, *joint)));
+    });
+    if let Some(state) = mci_state {
+        writer.message(5, |writer| writer.varint(1, state));
+    }
+    let length = writer.finish().unwrap();
+    bytes.truncate(length);
+    bytes
+}
+
+fn feedback(number: u32) -> Vec<u8> {
+    message(2, number, 2, &[0.0; 6], Some(3))
+}
+
+fn target(number: u32) -> Vec<u8> {
+    message(2, number, 3, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], None)
+}
+
+fn answered(middle: &mut Middle, datagram: &[u8], ms: u64) -> Option<(Vec<u8>, SocketAddr)> {
+    let mut datagram = datagram.to_vec();
+    let screened = middle.of_application(&datagram, at(APPLICATION), ms * MS)?;
+    let to = middle.answer(&mut datagram, &screened, ms * MS)?;
+    Some((datagram, to))
+}
+
+#[test]
+fn nothing_is_sent_before_the_controller_has_spoken_nor_after_it_fell_silent() {
+    let (mut middle, counts) = middle(Guidance::Joints);
+    assert!(answered(&mut middle, &target(0), 0).is_none());
+    assert!(middle.of_robot(&feedback(1), at(ROBOT), MS));
+    assert_eq!(answered(&mut middle, &target(1), 2), Some((target(1), at(ROBOT))));
+    assert!(answered(&mut middle, &target(2), 100).is_some());
+    assert!(answered(&mut middle, &target(3), 1300).is_none());
+    assert_eq!(counts.get(Count::Early), 2);
+}
+
+#[test]
+fn foreign_datagrams_reach_nobody() {
+    let (mut middle, counts) = middle(Guidance::Joints);
+    assert!(!middle.of_robot(&feedback(1), at("192.168.125.2:6510"), 0));
+    assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
+    assert!(middle.of_application(&target(1), at("127.0.0.1:7000"), MS).is_none());
+    assert_eq!(counts.get(Count::Foreign), 2);
+    assert!(
+        middle.of_robot(&feedback(2), at("192.168.125.1:51000"), 4 * MS),
+        "its port may change"
+    );
+    assert_eq!(answered(&mut middle, &target(1), 5).unwrap().1, at("192.168.125.1:51000"));
+}
+
+#[test]
+fn broken_datagrams_reach_nobody_and_the_next_good_one_does() {
+    let (mut middle, counts) = middle(Guidance::Joints);
+    assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
+    let good = target(1);
+    for cut in [0, 1, 5, good.len() - 1] {
+        assert!(answered(&mut middle, &good[..cut], 1).is_none(), "{cut} bytes");
+        assert!(!middle.of_robot(&feedback(2)[..cut], at(ROBOT), MS), "{cut} bytes");
+    }
+    for bad in [f64::NAN, f64::INFINITY] {
+        let no_number = message(2, 2, 3, &[0.0, bad, 0.0, 0.0, 0.0, 0.0], None);
+        assert!(answered(&mut middle, &no_number, 1).is_none());
+    }
+    assert_eq!(counts.get(Count::Broken), 10);
+    assert!(answered(&mut middle, &good, 2).is_some());
+}
+
+#[test]
+fn a_repeated_target_goes_out_again_and_an_overtaken_one_does_not() {
+    let (mut middle, counts) = middle(Guidance::Joints);
+    assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
+    for (number, goes) in [(5, true), (5, true), (7, true), (6, false), (8, true)] {
+        assert_eq!(answered(&mut middle, &target(number), 1).is_some(), goes, "number {number}");
+    }
+    let seen = [Count::Repeated, Count::Old, Count::ApplicationMissed].map(|what| counts.get(what));
+    assert_eq!(seen, [1, 1, 1]);
+}
+
+#[test]
+fn repeated_feedback_is_seen_once_and_missed_feedback_is_counted() {
+    let (mut middle, counts) = middle(Guidance::Joints);
+    let passed = [1, 1, 4, 3, 5].map(|number| middle.of_robot(&feedback(number), at(ROBOT), MS));
+    assert_eq!(passed, [true, false, true, false, true]);
+    let seen = [Count::Repeated, Count::Old, Count::RobotMissed].map(|what| counts.get(what));
+    assert_eq!(seen, [1, 1, 2]);
+}
+
+#[test]
+fn an_application_that_says_nothing_leaves_the_robot_without_an_answer() {
+    let (mut middle, counts) = middle(Guidance::Joints);
+    for number in 1..=5 {
+        assert!(middle.of_robot(&feedback(number), at(ROBOT), u64::from(number) * 4 * MS));
+        assert!(middle.own_answer(&mut [0; 200], u64::from(number) * 4 * MS).is_none());
+        if number == 1 {
+            assert!(answered(&mut middle, &target(1), 5).is_some());
+        }
+    }
+    assert_eq!((counts.get(Count::Silent), counts.get(Count::Sent)), (3, 1));
+}
+
+#[test]
+fn what_is_no_joint_target_of_this_arm_passes_as_it_is_and_is_counted() {
+    let (mut middle, counts) = middle(Guidance::Joints);
+    assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
+    let others = [
+        message(2, 1, 3, &[], None),
+        message(2, 2, 3, &[1.0; 7], None),
+        message(2, 3, 1, &[1.0; 6], None),
+    ];
+    for other in others {
+        assert_eq!(answered(&mut middle, &other, 1).unwrap().0, other);
+    }
+    assert_eq!(counts.get(Count::NotCorrected), 3);
+}
+
+#[test]
+fn a_controller_that_begins_anew_is_a_new_run() {
+    let (mut middle, counts) = middle(Guidance::Joints);
+    for (number, ms) in [(100, 0), (101, 4), (0, 8), (1, 12), (2, 1500), (60, 3000)] {
+        // Numbers that fall far back, a silence; a silence in which it counted on is none.
+        assert!(middle.of_robot(&feedback(number), at(ROBOT), ms * MS));
+    }
+    assert_eq!(counts.get(Count::Sessions), 3);
+}
+
+#[test]
+fn of_a_path_y_and_z_are_changed_and_x_is_not() {
+    let (mut middle, _) = middle(Guidance::Path);
+    assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
+    let mut bytes = vec![0; 100];
+    let header = Header { seqno: Some(1), tm: None, mtype: Some(4) };
+    let length = PathCorrMessage::write(&mut bytes, header, [0.5, 1.0, -2.0], 7).unwrap();
+    bytes.truncate(length);
+    // Without a daemon nothing is added.
+    assert_eq!(answered(&mut middle, &bytes, 1).unwrap().0, bytes);
+    assert!(answered(&mut middle, &target(2), 2).is_none(), "no path correction");
+}

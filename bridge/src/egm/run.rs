@@ -1,0 +1,160 @@
+//! The loop of the EGM bridge: its sockets, and the order in which they are looked at.
+
+use std::net::{SocketAddr, UdpSocket};
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+
+use recording::bridge::{EgmConfig, Guidance};
+use trued_client::monotonic_ns;
+
+use super::force::ForceWay;
+use super::joints::Order;
+use super::middle::{Middle, Screened, Settings};
+use crate::error::BridgeError;
+use crate::socket::{DATAGRAM_MAX, DRAIN_MAX, bind, receive, wait};
+use crate::start::{CYCLE_S, Ground, Options};
+
+/// How long the loop waits for a datagram before it looks whether a run has ended.
+const WAIT_NS: u32 = 4_000_000;
+/// A cell's force rate may be this far from the controller's.
+const RATE_SHARE: f64 = 0.1;
+
+/// Runs the bridge until it is told to stop; `ready` is called once it listens.
+///
+/// # Errors
+/// See [`BridgeError`]; none once it listens.
+pub fn run(
+    config: &EgmConfig,
+    options: &Options,
+    ready: impl FnOnce(SocketAddr),
+) -> Result<(), BridgeError> {
+    let period_s = match config.guidance {
+        Guidance::Joints => CYCLE_S,
+        Guidance::Path => config.path_period_s,
+    };
+    let robot = bind(config.listen)?;
+    let application = config.application.map(|(_, ours)| bind(ours)).transpose()?;
+    let ground = Ground::lay(&config.common, period_s, options)?;
+    fits(config, &ground)?;
+    let force = match (config.force, ground.cell.force) {
+        (Some(frame), Some(force)) => {
+            Some(ForceWay::start(&ground.cell.cell, force.rate_hz, frame, ground.news.clone())?)
+        }
+        _ => None,
+    };
+    let settings = Settings {
+        robot: config.common.robot,
+        application: config.application.map(|(theirs, _)| theirs),
+        guidance: config.guidance,
+        order: Order { count: ground.arm.count(), seventh_after: config.seventh_after },
+        is_shadow: config.common.absolute_accuracy,
+        path_period_ns: (config.path_period_s * 1e9) as u64,
+    };
+    let Ground { arm, feed, news, teller, .. } = ground;
+    drop(news);
+    let counts = Arc::clone(&options.counts);
+    let middle = Middle::new(settings, arm, feed, force, counts);
+    ready(robot.local_addr()?);
+    let mut sides = Sides {
+        robot,
+        application: application.zip(settings.application),
+        middle,
+        buffer: vec![0; DATAGRAM_MAX].into(),
+        held: vec![0; DATAGRAM_MAX].into(),
+    };
+    while !options.stop.load(Relaxed) {
+        wait([Some(&sides.robot), sides.application.as_ref().map(|(ours, _)| ours)], WAIT_NS);
+        sides.turn();
+    }
+    drop(sides);
+    // It ends with the last sender of news, and what it had to say was said.
+    let _ = teller.join();
+    Ok(())
+}
+
+fn fits(config: &EgmConfig, ground: &Ground) -> Result<(), BridgeError> {
+    let count = ground.arm.count();
+    let on_wire = count - usize::from(config.seventh_after.is_some()).min(count);
+    if on_wire > 6 || config.seventh_after.is_some_and(|after| after > on_wire) {
+        return Err(BridgeError::misfit(
+            format!("the model has {count} joints, and EGM carries 6 and external axes"),
+            "where the arm has seven, say `seventh_after` under [robot]: how many axes stand before it",
+        ));
+    }
+    if config.force.is_none() {
+        return Ok(());
+    }
+    let rate_hz = 1.0 / 0.004_032;
+    let fits = |force: recording::cell::Force| (force.rate_hz / rate_hz - 1.0).abs() < RATE_SHARE;
+    if !ground.cell.force.is_some_and(|force| fits(force) && force.channels == 6) {
+        return Err(BridgeError::misfit(
+            "[force] of the bridge hands the controller's force to the watch, and the cell expects another stream",
+            "set [force] rate_Hz = 248.0 and channels = 6 in the cell, or enabled = false in the bridge's [force]",
+        ));
+    }
+    Ok(())
+}
+
+struct Sides {
+    robot: UdpSocket,
+    /// Our socket towards the application, and where it listens.
+    application: Option<(UdpSocket, SocketAddr)>,
+    middle: Middle,
+    buffer: Box<[u8]>,
+    held: Box<[u8]>,
+}
+
+impl Sides {
+    /// One look at both sides: the controller first, as the application answers it.
+    fn turn(&mut self) {
+        self.hear_robot();
+        self.hear_application();
+        self.middle.idle();
+    }
+
+    fn hear_robot(&mut self) {
+        let mut heard = false;
+        for _ in 0..DRAIN_MAX {
+            let Some((length, from)) = receive(&self.robot, &mut self.buffer) else { break };
+            let datagram = &self.buffer[..length];
+            let passes = self.middle.of_robot(datagram, from, monotonic_ns());
+            heard |= passes;
+            if let (true, Some((ours, theirs))) = (passes, &self.application)
+                && ours.send_to(datagram, theirs).is_err()
+            {
+                self.middle.not_sent();
+            }
+        }
+        if heard
+            && let Some((length, to)) = self.middle.own_answer(&mut self.held, monotonic_ns())
+            && self.robot.send_to(&self.held[..length], to).is_err()
+        {
+            self.middle.not_sent();
+        }
+    }
+
+    /// Of several targets the newest is answered, as the controller takes the newest.
+    fn hear_application(&mut self) {
+        let Some((ours, _)) = &self.application else { return };
+        let mut newest: Option<(Screened, usize)> = None;
+        for _ in 0..DRAIN_MAX {
+            let Some((length, from)) = receive(ours, &mut self.buffer) else { break };
+            let now_ns = monotonic_ns();
+            let Some(screened) = self.middle.of_application(&self.buffer[..length], from, now_ns)
+            else {
+                continue;
+            };
+            if newest.replace((screened, length)).is_some() {
+                self.middle.superseded();
+            }
+            std::mem::swap(&mut self.buffer, &mut self.held);
+        }
+        let Some((screened, length)) = newest else { return };
+        let datagram = &mut self.held[..length];
+        if let Some(to) = self.middle.answer(datagram, &screened, monotonic_ns())
+            && self.robot.send_to(datagram, to).is_err()
+        {
+            self.middle.not_sent();
+        }
+    }
+}

@@ -1,0 +1,244 @@
+//! Protocol Buffers on the wire, read where they lie: fields of a byte slice, one after the other.
+//!
+//! Promises: no allocation, no panic on any bytes, and the verdict of `prost` on what is well-formed
+//! (`tests/egm_wire.rs`); but groups, which no EGM message has, are refused. A value knows its place in the datagram,
+//! so that a number can be changed in place and every other byte, known or unknown, stays as it came.
+//! Never: a copy of a message.
+
+/// The datagram is no message of this kind.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Broken {
+    /// It ends within a field.
+    #[error("the message ends within a field")]
+    CutOff,
+    /// A tag, or a number, that Protocol Buffers do not know.
+    #[error("a tag or number that is none")]
+    NoField,
+    /// A field holds another type than the protocol says.
+    #[error("field {number} has wire type {wire_type}, which it cannot have")]
+    WrongType {
+        /// Number of the field.
+        number: u32,
+        /// Its type on the wire.
+        wire_type: u8,
+    },
+    /// More joints than any robot has.
+    #[error("more than {} joints", trued_client::JOINTS_MAX)]
+    TooManyJoints,
+}
+
+/// Bits of a tag that hold the wire type.
+const TYPE_BITS: u32 = 3;
+/// Bytes of the longest number.
+const VARINT_MAX: usize = 10;
+
+/// A field's value.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Value<'a> {
+    /// A number of variable length.
+    Varint(u64),
+    /// Eight bytes.
+    Eight([u8; 8]),
+    /// Four bytes.
+    Four,
+    /// A message, a text, or packed numbers.
+    Bytes(&'a [u8]),
+}
+
+/// A field and where its value begins in the datagram.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Field<'a> {
+    pub(crate) number: u32,
+    pub(crate) value: Value<'a>,
+    pub(crate) at: usize,
+}
+
+/// The fields of a message.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Fields<'a> {
+    rest: &'a [u8],
+    /// Where `rest` begins in the datagram.
+    at: usize,
+}
+
+impl<'a> Fields<'a> {
+    /// The fields of a whole datagram.
+    pub(crate) fn of(datagram: &'a [u8]) -> Self {
+        Self { rest: datagram, at: 0 }
+    }
+
+    /// The next field; none at the end.
+    pub(crate) fn next(&mut self) -> Result<Option<Field<'a>>, Broken> {
+        if self.rest.is_empty() {
+            return Ok(None);
+        }
+        let tag = u32::try_from(self.varint()?).map_err(|_| Broken::NoField)?;
+        let (number, wire_type) = (tag >> TYPE_BITS, tag & ((1 << TYPE_BITS) - 1));
+        if number == 0 {
+            return Err(Broken::NoField);
+        }
+        let mut at = self.at;
+        let value = match wire_type {
+            0 => Value::Varint(self.varint()?),
+            1 => Value::Eight(self.array()?),
+            2 => {
+                let length = usize::try_from(self.varint()?).map_err(|_| Broken::CutOff)?;
+                at = self.at;
+                Value::Bytes(self.take(length)?)
+            }
+            5 => {
+                self.array::<4>()?;
+                Value::Four
+            }
+            _ => return Err(Broken::WrongType { number, wire_type: wire_type as u8 }),
+        };
+        Ok(Some(Field { number, value, at }))
+    }
+
+    fn take(&mut self, length: usize) -> Result<&'a [u8], Broken> {
+        let (head, rest) = self.rest.split_at_checked(length).ok_or(Broken::CutOff)?;
+        self.rest = rest;
+        self.at += length;
+        Ok(head)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], Broken> {
+        self.take(N)?.try_into().map_err(|_| Broken::CutOff)
+    }
+
+    fn varint(&mut self) -> Result<u64, Broken> {
+        let mut number = 0_u64;
+        for i in 0..VARINT_MAX {
+            let [byte] = self.array::<1>()?;
+            // The tenth byte has room for one bit.
+            if i == VARINT_MAX - 1 && byte > 1 {
+                return Err(Broken::NoField);
+            }
+            number |= u64::from(byte & 0x7f) << (7 * i);
+            if byte & 0x80 == 0 {
+                return Ok(number);
+            }
+        }
+        Err(Broken::NoField)
+    }
+}
+
+impl<'a> Field<'a> {
+    fn wire_type(&self) -> u8 {
+        match self.value {
+            Value::Varint(_) => 0,
+            Value::Eight(_) => 1,
+            Value::Bytes(_) => 2,
+            Value::Four => 5,
+        }
+    }
+
+    fn wrong<T>(&self) -> Result<T, Broken> {
+        Err(Broken::WrongType { number: self.number, wire_type: self.wire_type() })
+    }
+
+    /// A number of variable length.
+    pub(crate) fn varint(&self) -> Result<u64, Broken> {
+        if let Value::Varint(number) = self.value { Ok(number) } else { self.wrong() }
+    }
+
+    /// A `uint32`: as everywhere, what is too long loses its head.
+    pub(crate) fn uint32(&self) -> Result<u32, Broken> {
+        Ok(self.varint()? as u32)
+    }
+
+    /// A message within.
+    pub(crate) fn message(&self) -> Result<Fields<'a>, Broken> {
+        match self.value {
+            Value::Bytes(bytes) => Ok(Fields { rest: bytes, at: self.at }),
+            _ => self.wrong(),
+        }
+    }
+
+    /// A `double`, and its place.
+    pub(crate) fn double(&self) -> Result<(f64, usize), Broken> {
+        if let Value::Eight(bytes) = self.value {
+            Ok((f64::from_le_bytes(bytes), self.at))
+        } else {
+            self.wrong()
+        }
+    }
+
+    /// Some of a `repeated double`, one at a time or packed, each with its place.
+    pub(crate) fn doubles(
+        &self,
+        mut each: impl FnMut(f64, usize) -> Result<(), Broken>,
+    ) -> Result<(), Broken> {
+        let Value::Bytes(packed) = self.value else {
+            let (value, at) = self.double()?;
+            return each(value, at);
+        };
+        let (chunks, rest) = packed.as_chunks::<8>();
+        for (i, chunk) in chunks.iter().enumerate() {
+            each(f64::from_le_bytes(*chunk), self.at + 8 * i)?;
+        }
+        if rest.is_empty() { Ok(()) } else { Err(Broken::CutOff) }
+    }
+}
+
+/// Writes a message into a slice; what finds no room is left out and told at the end.
+#[derive(Debug)]
+pub(crate) struct Writer<'a> {
+    to: &'a mut [u8],
+    length: usize,
+    full: bool,
+}
+
+impl<'a> Writer<'a> {
+    pub(crate) fn into(to: &'a mut [u8]) -> Self {
+        Self { to, length: 0, full: false }
+    }
+
+    /// What was written; none where it found no room.
+    pub(crate) fn finish(self) -> Option<usize> {
+        (!self.full).then_some(self.length)
+    }
+
+    fn byte(&mut self, byte: u8) {
+        match self.to.get_mut(self.length) {
+            Some(place) => {
+                *place = byte;
+                self.length += 1;
+            }
+            None => self.full = true,
+        }
+    }
+
+    fn number(&mut self, mut number: u64) {
+        while number >= 0x80 {
+            self.byte((number as u8 & 0x7f) | 0x80);
+            number >>= 7;
+        }
+        self.byte(number as u8);
+    }
+
+    pub(crate) fn varint(&mut self, field: u32, number: u64) {
+        self.number(u64::from(field << TYPE_BITS));
+        self.number(number);
+    }
+
+    pub(crate) fn double(&mut self, field: u32, value: f64) {
+        self.number(u64::from(field << TYPE_BITS | 1));
+        for byte in value.to_le_bytes() {
+            self.byte(byte);
+        }
+    }
+
+    /// A message within, of at most 127 bytes.
+    pub(crate) fn message(&mut self, field: u32, write: impl FnOnce(&mut Self)) {
+        self.number(u64::from(field << TYPE_BITS | 2));
+        let place = self.length;
+        self.byte(0);
+        write(self);
+        let length = self.length.saturating_sub(place + 1);
+        match (u8::try_from(length), self.to.get_mut(place)) {
+            (Ok(length), Some(byte)) if length < 0x80 => *byte = length,
+            _ => self.full = true,
+        }
+    }
+}

@@ -1,0 +1,281 @@
+//! What becomes of each telegram: the policies of the RSI bridge, without a socket.
+//!
+//! Promises: every telegram that can be read is answered with its own `IPOC`, whatever the daemon does; a run begins at a
+//! correction of zero; what is sent changes by the client's own rule, never by a step. No allocation but the transport's.
+
+use std::net::{IpAddr, SocketAddr};
+use std::sync::Arc;
+
+use glam::DMat3;
+use physics::{Arm, Frame};
+use recording::bridge::{Group, RsiConfig, RsiCorrection, Sums};
+use recording::series::Frame as Axes;
+use trued_client::{JOINTS_MAX, Source};
+
+use super::telegram::{Form, IPOC_MAX, NUMBERS_MAX, Telegram, as_written};
+use crate::counts::{Count, Counts};
+use crate::displacement::displaced;
+use crate::feed::{Correction, Feed};
+use crate::sequence::{Sequence, Standing};
+
+/// So much of the controller's own clock without a telegram, ms, ends a run, unless late answers were counted meanwhile.
+const SESSION_MS: u32 = 200;
+/// Increments that may be taken back, as the controller has not used them.
+const KEPT: usize = 16;
+
+/// What a telegram asks for.
+#[derive(Debug, Clone, Copy)]
+pub struct Asked {
+    /// Where the program wants the axes, rad; none where the telegram does not say.
+    q: Option<[f64; JOINTS_MAX]>,
+    ipoc: Ipoc,
+    from: SocketAddr,
+}
+
+/// The controller's clock as it wrote it: it wants the same digits back.
+#[derive(Debug, Clone, Copy, Default)]
+struct Ipoc {
+    digits: [u8; IPOC_MAX],
+    count: usize,
+}
+
+impl Ipoc {
+    fn of(text: &str) -> Option<Self> {
+        let mut ipoc = Self { count: text.len(), ..Self::default() };
+        ipoc.digits.get_mut(..text.len())?.copy_from_slice(text.as_bytes());
+        Some(ipoc)
+    }
+
+    fn text(&self) -> &str {
+        std::str::from_utf8(&self.digits[..self.count]).unwrap_or_default()
+    }
+}
+
+/// The sensor's side of RSI.
+pub struct Answerer {
+    robot: IpAddr,
+    is_shadow: bool,
+    setpoint: Group,
+    holds_correction: bool,
+    correction: RsiCorrection,
+    sums: Sums,
+    form: Form,
+    arm: Arm,
+    feed: Feed,
+    counts: Arc<Counts>,
+    sequence: Sequence,
+    /// Smallest step of the controller's clock so far: one cycle.
+    step: u32,
+    late: Option<u64>,
+    /// What the controller adds to the program's axes by what it was sent, rad.
+    applied: [f64; JOINTS_MAX],
+    sent: Sent,
+}
+
+/// What was sent, as the controller adds it up: degrees, mm.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sent {
+    sum: [f64; NUMBERS_MAX],
+    /// The newest increments, newest first.
+    increments: [[f64; NUMBERS_MAX]; KEPT],
+}
+
+impl Sent {
+    /// What to send so that the sum becomes `wanted`.
+    fn next(&mut self, wanted: [f64; NUMBERS_MAX], sums: Sums) -> [f64; NUMBERS_MAX] {
+        if sums == Sums::Absolute {
+            self.sum = wanted.map(as_written);
+            return self.sum;
+        }
+        let mut more = [0.0; NUMBERS_MAX];
+        for (more, (sum, wanted)) in more.iter_mut().zip(self.sum.iter_mut().zip(wanted)) {
+            *more = as_written(wanted - *sum);
+            *sum += *more;
+        }
+        self.increments.rotate_right(1);
+        self.increments[0] = more;
+        more
+    }
+
+    /// The controller has not used the newest answers.
+    fn take_back(&mut self, answers: u64) {
+        let answers = usize::try_from(answers).unwrap_or(KEPT).min(KEPT);
+        for lost in &mut self.increments[..answers] {
+            self.sum.iter_mut().zip(*lost).for_each(|(sum, lost)| *sum -= lost);
+            *lost = [0.0; NUMBERS_MAX];
+        }
+    }
+}
+
+impl Answerer {
+    /// A sensor that has heard nothing yet.
+    #[must_use]
+    pub fn new(config: RsiConfig, arm: Arm, feed: Feed, counts: Arc<Counts>) -> Self {
+        let own = match &config.correction {
+            RsiCorrection::Axes(group) | RsiCorrection::Pose(group, _) => group,
+        };
+        Self {
+            form: Form::new(&config.ethernet, own, &config.others),
+            robot: config.common.robot,
+            is_shadow: config.common.absolute_accuracy,
+            setpoint: config.setpoint,
+            holds_correction: config.setpoint_holds_correction,
+            correction: config.correction,
+            sums: config.sums,
+            arm,
+            feed,
+            counts,
+            sequence: Sequence::default(),
+            step: u32::MAX,
+            late: None,
+            applied: [0.0; JOINTS_MAX],
+            sent: Sent::default(),
+        }
+    }
+
+    /// Takes a datagram; says what it asks for where it is to be answered.
+    pub fn of_robot(&mut self, datagram: &[u8], from: SocketAddr, now_ns: u64) -> Option<Asked> {
+        if from.ip() != self.robot {
+            return self.refuse(Count::Foreign);
+        }
+        let Some(telegram) = Telegram::read(datagram) else { return self.refuse(Count::Broken) };
+        let number = telegram.ipoc.parse::<u64>().ok();
+        let Some((ipoc, number)) = Ipoc::of(telegram.ipoc).zip(number) else {
+            return self.refuse(Count::Broken);
+        };
+        // The clock may be longer than 32 bits; its steps are not.
+        let standing = match self.sequence.judge(Some(number as u32), datagram, now_ns) {
+            Standing::Old => return self.refuse(Count::Old),
+            Standing::Repeated => return self.refuse(Count::Repeated),
+            standing => standing,
+        };
+        self.counts.one(Count::Robot);
+        self.note(&telegram, standing, now_ns);
+        let numbers = telegram.numbers(&self.setpoint);
+        if numbers.is_none() {
+            self.counts.one(Count::NotCorrected);
+        }
+        let q = numbers.map(|degrees| {
+            let mut q = [0.0; JOINTS_MAX];
+            for (i, q) in q.iter_mut().enumerate().take(self.arm.count()) {
+                let held = if self.holds_correction { self.applied[i] } else { 0.0 };
+                *q = degrees[i].to_radians() - held;
+            }
+            q
+        });
+        Some(Asked { q, ipoc, from })
+    }
+
+    fn note(&mut self, telegram: &Telegram<'_>, standing: Standing, now_ns: u64) {
+        let late = telegram.late();
+        // Late answers are counted while RSI is on: a silence with a count is the network's, and the correction stands.
+        let counted_on = late > self.late;
+        let is_silent = matches!(standing, Standing::Next { lost } if lost >= SESSION_MS);
+        if standing == Standing::First || (is_silent && !counted_on) {
+            self.counts.one(Count::Sessions);
+            self.feed.rest(now_ns);
+            (self.sent, self.applied) = (Sent::default(), [0.0; JOINTS_MAX]);
+            (self.step, self.late) = (u32::MAX, late);
+            return;
+        }
+        if let Standing::Next { lost } = standing {
+            self.step = self.step.min(lost + 1);
+            self.counts.add(Count::RobotMissed, u64::from((lost + 1) / self.step - 1));
+        }
+        if let (Some(before), Some(now)) = (self.late, late)
+            && now > before
+        {
+            self.counts.add(Count::ControllerLate, now - before);
+            if self.sums == Sums::Relative {
+                self.sent.take_back(now - before);
+            }
+        }
+        self.late = late;
+    }
+
+    /// Writes the answer into `to`: its length, and where it goes.
+    pub fn answer(
+        &mut self,
+        asked: &Asked,
+        to: &mut [u8],
+        now_ns: u64,
+    ) -> Option<(usize, SocketAddr)> {
+        let wanted = match asked.q {
+            Some(q) => self.wanted(&q, now_ns),
+            // What stands, stands.
+            None => self.sent.sum,
+        };
+        let numbers = self.sent.next(wanted, self.sums);
+        let length = self.form.write(to, &numbers, asked.ipoc.text())?;
+        self.counts.one(Count::Sent);
+        Some((length, asked.from))
+    }
+
+    /// The whole correction at `q`, rad, as the controller takes it.
+    fn wanted(&mut self, q: &[f64; JOINTS_MAX], now_ns: u64) -> [f64; NUMBERS_MAX] {
+        let q = &q[..self.arm.count()];
+        let made = self.feed.command(q, now_ns);
+        self.count(&made);
+        if self.is_shadow {
+            return [0.0; NUMBERS_MAX];
+        }
+        self.applied = made.rad;
+        match &self.correction {
+            RsiCorrection::Axes(_) => {
+                std::array::from_fn(|i| made.rad.get(i).map_or(0.0, |rad| rad.to_degrees()))
+            }
+            RsiCorrection::Pose(_, axes) => {
+                let (before, after) = displaced(&self.arm, q, &made.rad);
+                pose(&before, &after, *axes)
+            }
+        }
+    }
+
+    /// Nothing came for a while: the daemon is looked for.
+    pub fn idle(&mut self) {
+        self.feed.client();
+    }
+
+    /// Counts a datagram that could not be sent.
+    pub fn not_sent(&self) {
+        self.counts.one(Count::NotSent);
+    }
+
+    /// Counts a telegram that a newer one overtook before it was answered.
+    pub fn superseded(&self) {
+        self.counts.one(Count::Superseded);
+    }
+
+    fn refuse(&self, what: Count) -> Option<Asked> {
+        self.counts.one(what);
+        None
+    }
+
+    fn count(&self, made: &Correction) {
+        self.counts.one(match made.source {
+            Source::Corrected => Count::Corrected,
+            Source::LastCorrection => Count::Late,
+            Source::Blending | Source::Ramping => Count::Ramping,
+            Source::Plain => Count::Plain,
+            Source::Rejected => Count::Refused,
+        });
+    }
+}
+
+/// How `after` differs from `before`, in these axes, about the TCP: mm, then degrees about z, y, x.
+fn pose(before: &Frame, after: &Frame, axes: Axes) -> [f64; NUMBERS_MAX] {
+    let shift = after.origin - before.origin;
+    let back = before.rotation.transpose();
+    let (shift, turn) = match axes {
+        Axes::Base => (shift, after.rotation * back),
+        Axes::Tool => (back * shift, back * after.rotation),
+    };
+    let [a, b, c] = z_y_x(&turn).map(f64::to_degrees);
+    [shift.x * 1e3, shift.y * 1e3, shift.z * 1e3, a, b, c]
+}
+
+/// The angles A, B, C of KUKA's frames: `turn = Rz(A) Ry(B) Rx(C)`, rad; a correction is far from B = 90°.
+fn z_y_x(turn: &DMat3) -> [f64; 3] {
+    let (x, y, z) = (turn.x_axis, turn.y_axis, turn.z_axis);
+    [libm::atan2(x.y, x.x), libm::atan2(-x.z, libm::hypot(x.x, x.y)), libm::atan2(y.z, z.z)]
+}

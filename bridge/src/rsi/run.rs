@@ -1,0 +1,79 @@
+//! The loop of the RSI bridge.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+
+use recording::bridge::{RsiConfig, RsiCorrection};
+use trued_client::monotonic_ns;
+
+use super::answer::Answerer;
+use crate::error::BridgeError;
+use crate::socket::{DATAGRAM_MAX, DRAIN_MAX, bind, receive, wait};
+use crate::start::{Ground, Options};
+
+/// The controller's slower cycle, s: the cell has to bear it.
+const CYCLE_MAX_S: f64 = 0.012;
+/// How long the loop waits for a telegram before it looks whether a run has ended.
+const WAIT_NS: u32 = 4_000_000;
+
+/// Runs the bridge until it is told to stop; `ready` is called once it listens.
+///
+/// # Errors
+/// See [`BridgeError`]; none once it listens.
+pub fn run(
+    config: RsiConfig,
+    options: &Options,
+    ready: impl FnOnce(SocketAddr),
+) -> Result<(), BridgeError> {
+    let socket = bind(config.listen)?;
+    let ground = Ground::lay(&config.common, CYCLE_MAX_S, options)?;
+    fits(&config, &ground)?;
+    let Ground { arm, feed, news, teller, .. } = ground;
+    drop(news);
+    let mut answerer = Answerer::new(config, arm, feed, Arc::clone(&options.counts));
+    ready(socket.local_addr()?);
+    let mut buffer = vec![0; DATAGRAM_MAX];
+    while !options.stop.load(Relaxed) {
+        wait([Some(&socket), None], WAIT_NS);
+        let mut newest = None;
+        for _ in 0..DRAIN_MAX {
+            let Some((length, from)) = receive(&socket, &mut buffer) else { break };
+            let asked = answerer.of_robot(&buffer[..length], from, monotonic_ns());
+            // A late answer to an older telegram is of no use: the newest is answered.
+            if asked.is_some() && std::mem::replace(&mut newest, asked).is_some() {
+                answerer.superseded();
+            }
+        }
+        if let Some(asked) = newest
+            && let Some((length, to)) = answerer.answer(&asked, &mut buffer, monotonic_ns())
+            && socket.send_to(&buffer[..length], to).is_err()
+        {
+            answerer.not_sent();
+        }
+        answerer.idle();
+    }
+    drop(answerer);
+    // It ends with the last sender of news, and what it had to say was said.
+    let _ = teller.join();
+    Ok(())
+}
+
+fn fits(config: &RsiConfig, ground: &Ground) -> Result<(), BridgeError> {
+    let count = ground.arm.count();
+    let misfit = |what: &str, names: usize| {
+        Err(BridgeError::misfit(
+            format!("the model has {count} joints, and [{what}] names {names} axes"),
+            format!("say `names` under [{what}], one per joint of the model, in its order"),
+        ))
+    };
+    if config.setpoint.names.len() != count {
+        return misfit("setpoint", config.setpoint.names.len());
+    }
+    match &config.correction {
+        RsiCorrection::Axes(group) if group.names.len() != count => {
+            misfit("correction", group.names.len())
+        }
+        _ => Ok(()),
+    }
+}

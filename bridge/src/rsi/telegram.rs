@@ -1,0 +1,195 @@
+//! RSI's telegrams: reading numbers where they lie, and writing the answer.
+//!
+//! Promises: no allocation, no panic on any bytes. A telegram is a page of XML without entities or sections; what else an
+//! XML document may hold is not looked for.
+
+use std::io::Write;
+
+use recording::bridge::{Element, Ethernet, Group};
+
+/// Most numbers of one group.
+pub const NUMBERS_MAX: usize = 6;
+/// Most digits of the controller's clock.
+pub const IPOC_MAX: usize = 19;
+/// Parts of a degree, and of a mm, that an answer is written to: beyond what a robot resolves.
+const PARTS: f64 = 1e6;
+
+/// A telegram of the controller.
+#[derive(Debug, Clone, Copy)]
+pub struct Telegram<'a> {
+    text: &'a str,
+    /// The controller's clock as it is to be echoed.
+    pub ipoc: &'a str,
+}
+
+impl<'a> Telegram<'a> {
+    /// Reads a datagram; none where it is no `<Rob>` with an `IPOC` of digits.
+    #[must_use]
+    pub fn read(datagram: &'a [u8]) -> Option<Self> {
+        let text = std::str::from_utf8(datagram).ok()?.trim_end_matches('\0').trim();
+        element(text, "Rob").filter(|_| text.starts_with("<Rob") && text.ends_with("</Rob>"))?;
+        let after = text.split_once("<IPOC>")?.1;
+        let ipoc = after.split_once("</IPOC>")?.0.trim();
+        let is_number =
+            (1..=IPOC_MAX).contains(&ipoc.len()) && ipoc.bytes().all(|b| b.is_ascii_digit());
+        is_number.then_some(Self { text, ipoc })
+    }
+
+    /// The numbers of a group, in the group's order; none where one is missing or no number.
+    #[must_use]
+    pub fn numbers(&self, group: &Group) -> Option<[f64; NUMBERS_MAX]> {
+        let head = element(self.text, &group.tag)?;
+        let mut numbers = [0.0; NUMBERS_MAX];
+        for (number, name) in numbers.iter_mut().zip(&group.names) {
+            let value: f64 = attribute(head, name)?.parse().ok()?;
+            *number = value;
+        }
+        numbers.iter().all(|number| number.is_finite()).then_some(numbers)
+    }
+
+    /// How many answers came late, by the controller's own count, where it tells.
+    #[must_use]
+    pub fn late(&self) -> Option<u64> {
+        attribute(element(self.text, "Delay")?, "D")?.trim().parse().ok()
+    }
+}
+
+/// What stands between `<tag` and `>`, for the first such element.
+fn element<'a>(text: &'a str, tag: &str) -> Option<&'a str> {
+    text.match_indices('<').find_map(|(at, _)| {
+        let rest = text.get(at + 1..)?.strip_prefix(tag)?;
+        rest.starts_with(|c: char| c.is_ascii_whitespace() || c == '/' || c == '>').then_some(())?;
+        rest.split_once('>').map(|(head, _)| head)
+    })
+}
+
+/// The value of an attribute.
+fn attribute<'a>(head: &'a str, name: &str) -> Option<&'a str> {
+    let mut rest = head;
+    loop {
+        let (before, after) = rest.split_once('=')?;
+        let after = after.trim_start();
+        let quote = after.chars().next().filter(|c| *c == '"' || *c == '\'')?;
+        let (value, next) = after.get(1..)?.split_once(quote)?;
+        if before.trim() == name {
+            return Some(value);
+        }
+        rest = next;
+    }
+}
+
+/// A number as an answer carries it.
+#[must_use]
+pub fn as_written(value: f64) -> f64 {
+    (value * PARTS).round() / PARTS
+}
+
+/// The answer's text, but for its numbers and the `IPOC`.
+#[derive(Debug, Clone)]
+pub struct Form {
+    /// Text in front of each number, and the number's place in the group.
+    numbers: Vec<(String, usize)>,
+    /// Text behind the last number, up to the `IPOC`.
+    tail: String,
+}
+
+impl Form {
+    /// The answer to this controller: `own` as it comes, `others` as they are.
+    #[must_use]
+    pub fn new(ethernet: &Ethernet, own: &Group, others: &[(Element, f64)]) -> Self {
+        let mut form =
+            Self { numbers: Vec::new(), tail: format!("<Sen Type=\"{}\">", ethernet.sentype) };
+        let mut done: Vec<&str> = Vec::new();
+        for element in ethernet.receive.iter().filter(|element| !element.is_internal) {
+            let head = element.tag.split('.').next().unwrap_or_default();
+            if done.contains(&head) {
+                continue;
+            }
+            done.push(head);
+            form.element(ethernet, head, own, others);
+        }
+        form.tail += "<IPOC>";
+        form
+    }
+
+    /// One element with all its attributes, in the controller's order.
+    fn element(&mut self, ethernet: &Ethernet, head: &str, own: &Group, others: &[(Element, f64)]) {
+        let constant = |tag: &str| others.iter().find(|(element, _)| element.tag == tag);
+        let of_head = ethernet.receive.iter().filter_map(|element| {
+            element.tag.split_once('.').filter(|(group, _)| *group == head).map(|(_, name)| name)
+        });
+        let names: Vec<&str> = of_head.collect();
+        if names.is_empty() {
+            if let Some((element, value)) = constant(head) {
+                self.tail += &format!("<{head}>{}</{head}>", written(element, *value));
+            }
+            return;
+        }
+        self.tail += &format!("<{head}");
+        for name in names {
+            let place = own.names.iter().position(|one| one == name).filter(|_| own.tag == head);
+            self.tail += &format!(" {name}=\"");
+            match (place, constant(&format!("{head}.{name}"))) {
+                (Some(place), _) => self.numbers.push((std::mem::take(&mut self.tail), place)),
+                (None, Some((element, value))) => self.tail += &written(element, *value),
+                (None, None) => self.tail.push('0'),
+            }
+            self.tail.push('"');
+        }
+        self.tail += " />";
+    }
+
+    /// Writes the answer; tells its length, none where `to` is too short.
+    #[must_use]
+    pub fn write(&self, to: &mut [u8], numbers: &[f64; NUMBERS_MAX], ipoc: &str) -> Option<usize> {
+        let room = to.len();
+        let mut rest = to;
+        for (text, place) in &self.numbers {
+            rest.write_all(text.as_bytes()).ok()?;
+            write!(rest, "{:.6}", numbers.get(*place)?).ok()?;
+        }
+        rest.write_all(self.tail.as_bytes()).ok()?;
+        rest.write_all(ipoc.as_bytes()).ok()?;
+        rest.write_all(b"</IPOC></Sen>").ok()?;
+        Some(room - rest.len())
+    }
+}
+
+fn written(element: &Element, value: f64) -> String {
+    if element.is_whole { format!("{value:.0}") } else { format!("{value:.6}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ROB: &str = "<Rob Type=\"KUKA\"><ASPosX A1=\"9\"/><ASPos A1=\"1.5\" A2='-2' A3=\"3e0\" />\
+                       <Delay D=\"4\" /><IPOC>0012345</IPOC></Rob>";
+
+    fn group(names: &[&str]) -> Group {
+        Group { tag: "ASPos".to_owned(), names: names.iter().map(|n| (*n).to_owned()).collect() }
+    }
+
+    #[test]
+    fn numbers_are_found_by_their_names_and_the_clock_as_it_is_written() {
+        let telegram = Telegram::read(ROB.as_bytes()).unwrap();
+        assert_eq!(telegram.ipoc, "0012345");
+        assert_eq!(telegram.late(), Some(4));
+        let numbers = telegram.numbers(&group(&["A3", "A1", "A2"])).unwrap();
+        assert_eq!(numbers[..3], [3.0, 1.5, -2.0]);
+        assert!(telegram.numbers(&group(&["A1", "A4"])).is_none());
+    }
+
+    #[test]
+    fn what_is_no_telegram_is_none() {
+        let no_clock = ROB.replace("0012345", "12x");
+        let torn = &ROB[..ROB.len() - 3];
+        for text in ["", "<Rob", "<Robot><IPOC>1</IPOC></Rob>", &no_clock, torn, "\u{0}"] {
+            assert!(Telegram::read(text.as_bytes()).is_none(), "{text}");
+        }
+        assert!(Telegram::read(&[0xff, b'<']).is_none());
+        let nan = ROB.replace("1.5", "nan");
+        let telegram = Telegram::read(nan.as_bytes()).unwrap();
+        assert!(telegram.numbers(&group(&["A1"])).is_none(), "no number");
+    }
+}

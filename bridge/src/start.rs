@@ -1,0 +1,91 @@
+//! What both bridges do before their loop: the cell, its model, the way to the daemon, and words on what is (not) corrected.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::{Sender, channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use physics::JointKind;
+use recording::bridge::Common;
+use recording::cell::CellConfig;
+use recording::model::RobotModel;
+
+use crate::counts::Counts;
+use crate::error::BridgeError;
+use crate::feed::{Feed, News};
+use crate::teller;
+
+/// Time between a controller's cycles, s.
+pub(crate) const CYCLE_S: f64 = 0.004;
+
+/// How a bridge is run, beside its configuration.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// Ends the bridge once set.
+    pub stop: Arc<AtomicBool>,
+    /// What is counted.
+    pub counts: Arc<Counts>,
+}
+
+/// What the loop stands on.
+pub(crate) struct Ground {
+    pub(crate) cell: CellConfig,
+    pub(crate) arm: physics::Arm,
+    pub(crate) feed: Feed,
+    pub(crate) news: Sender<News>,
+    pub(crate) teller: JoinHandle<()>,
+}
+
+impl Ground {
+    /// Reads the cell and its model, holds them against a bridge that commands every `period_s`, and starts joining.
+    pub(crate) fn lay(
+        common: &Common,
+        period_s: f64,
+        options: &Options,
+    ) -> Result<Self, BridgeError> {
+        let cell = CellConfig::read(&common.cell)?;
+        let arm = RobotModel::read(&cell.model)?.physics.arm;
+        fits(&common.cell, &cell, &arm, period_s)?;
+        if common.absolute_accuracy {
+            tracing::warn!(
+                "absolute_accuracy = \"on\": the controller compensates its robot itself, and nothing may be corrected twice. \
+                 The daemon sees every target, and nothing of its correction goes out. To correct: switch the controller's \
+                 compensation off, calibrate the model with it off, and set absolute_accuracy = \"off\""
+            );
+        }
+        let (news, heard) = channel();
+        let teller = teller::start(Arc::clone(&options.counts), heard)?;
+        let within = Duration::from_secs_f64(common.answer_within_s);
+        let fresh = Duration::from_secs_f64((2.5 * period_s).max(0.01));
+        let feed = Feed::start(&cell.cell, within, fresh, news.clone())?;
+        Ok(Self { cell, arm, feed, news, teller })
+    }
+}
+
+fn fits(
+    path: &Path,
+    cell: &CellConfig,
+    arm: &physics::Arm,
+    period_s: f64,
+) -> Result<(), BridgeError> {
+    if arm.joints().iter().any(|joint| joint.kind != JointKind::Revolute) {
+        return Err(BridgeError::misfit(
+            format!("the model of {} has a joint that slides", path.display()),
+            "a bridge serves arms that turn in every joint, as both protocols carry degrees",
+        ));
+    }
+    if cell.cycle.stale_s <= 2.0 * period_s {
+        return Err(BridgeError::misfit(
+            format!(
+                "[cycle] stale_ms = {} in {}: commands come every {} ms here",
+                cell.cycle.stale_s * 1e3,
+                path.display(),
+                period_s * 1e3
+            ),
+            format!("set it to {} or more", 5.0 * period_s * 1e3),
+        ));
+    }
+    Ok(())
+}

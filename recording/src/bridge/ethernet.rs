@@ -1,0 +1,191 @@
+//! The controller's own RSI configuration (`RSI_EthernetConfig.xml`): which elements it sends and receives.
+//!
+//! Promises: all faults at once, with line and caret; what is not needed here is not judged.
+
+use std::ops::Range;
+
+use roxmltree::{Document, Node, ParsingOptions};
+
+use crate::faults::{Fault, Faults, Place};
+
+/// More elements, texts and comments than the 64 channels need.
+const NODES_MAX: u32 = 20_000;
+
+/// One element of the telegram.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Element {
+    /// Its tag without `DEF_`: `ASPos`, `AKorr.A1`.
+    pub tag: String,
+    /// A value of the controller itself; its attributes are given, it takes no channel.
+    pub is_internal: bool,
+    /// The output stays at the last value where an answer is late; else it falls to zero.
+    pub holds: bool,
+    /// `BOOL` or `LONG`: written without decimals.
+    pub is_whole: bool,
+    /// Where it stands in its file.
+    pub place: Place,
+}
+
+/// What the controller sends and receives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ethernet {
+    /// Name of the file.
+    pub name: String,
+    /// Port to which it sends.
+    pub port: u16,
+    /// Type of the answer.
+    pub sentype: String,
+    /// What it sends.
+    pub send: Vec<Element>,
+    /// What it receives.
+    pub receive: Vec<Element>,
+}
+
+impl Ethernet {
+    /// Reads a configuration from a text.
+    ///
+    /// # Errors
+    /// All faults of the text.
+    pub fn parse(name: &str, text: &str) -> Result<Self, Faults> {
+        let options = ParsingOptions { nodes_limit: NODES_MAX, ..ParsingOptions::default() };
+        let document = Document::parse_with_options(text, options).map_err(|error| {
+            let at = error.pos();
+            let row = usize::try_from(at.row).unwrap_or(1).max(1);
+            let line = text.lines().nth(row - 1).unwrap_or_default();
+            let mut faults = Faults::of(name);
+            let fault = Fault::new("", format!("is no XML that can be read: {error}"));
+            faults.push(fault.at(Place::in_line(row, line, &(0..line.len()))));
+            faults
+        })?;
+        let mut source = Source { text, faults: Faults::of(name) };
+        let read = source.read(name, document.root_element());
+        source.faults.or(read)
+    }
+
+    /// The element that the controller sends under this tag.
+    #[must_use]
+    pub fn sent(&self, tag: &str) -> Option<&Element> {
+        self.send.iter().find(|element| element.tag == tag)
+    }
+
+    /// The element that the controller receives under this tag.
+    #[must_use]
+    pub fn received(&self, tag: &str) -> Option<&Element> {
+        self.receive.iter().find(|element| element.tag == tag)
+    }
+}
+
+struct Source<'t> {
+    text: &'t str,
+    faults: Faults,
+}
+
+impl Source<'_> {
+    fn fault(&mut self, span: &Range<usize>, key: &str, message: String, expected: &str) {
+        let fault = Fault::new(key, message).expected(expected);
+        self.faults.push(fault.at(Place::of_span(self.text, span)));
+    }
+
+    fn read(&mut self, name: &str, root: Node<'_, '_>) -> Option<Ethernet> {
+        let config = child(root, "CONFIG");
+        let port = self.word(root, config, "PORT").and_then(|(word, span)| {
+            let port = word.parse().ok().filter(|port| *port != 0);
+            if port.is_none() {
+                self.fault(&span, "PORT", format!("is \"{word}\""), "a port, 1 to 65535");
+            }
+            port
+        });
+        let sentype = self.word(root, config, "SENTYPE").map(|(word, _)| word);
+        if let Some(word) = &sentype
+            && !word.chars().all(|c| c.is_ascii_alphanumeric() || "_-.".contains(c))
+        {
+            self.fault(
+                &root.range(),
+                "SENTYPE",
+                format!("is \"{word}\""),
+                "letters, digits, _ - .",
+            );
+        }
+        if let Some(node) = config.and_then(|config| child(config, "ONLYSEND"))
+            && node.text().is_some_and(|text| text.trim().eq_ignore_ascii_case("TRUE"))
+        {
+            self.fault(
+                &node.range(),
+                "ONLYSEND",
+                "is TRUE: the controller takes no answers".to_owned(),
+                "FALSE",
+            );
+        }
+        let send = self.elements(root, "SEND");
+        let receive = self.elements(root, "RECEIVE");
+        Some(Ethernet { name: name.to_owned(), port: port?, sentype: sentype?, send, receive })
+    }
+
+    fn word(
+        &mut self,
+        root: Node<'_, '_>,
+        config: Option<Node<'_, '_>>,
+        tag: &str,
+    ) -> Option<(String, Range<usize>)> {
+        let found = config.and_then(|config| child(config, tag));
+        let word =
+            found.and_then(|node| node.text()).map(str::trim).filter(|word| !word.is_empty());
+        if word.is_none() {
+            let span = found.or(config).unwrap_or(root).range();
+            self.fault(&span, tag, "is missing".to_owned(), "CONFIG with PORT and SENTYPE");
+        }
+        word.map(|word| (word.to_owned(), found.map_or(0..0, |node| node.range())))
+    }
+
+    fn elements(&mut self, root: Node<'_, '_>, section: &str) -> Vec<Element> {
+        let list = child(root, section).and_then(|node| child(node, "ELEMENTS"));
+        let Some(list) = list else {
+            self.fault(
+                &root.range(),
+                section,
+                "is missing".to_owned(),
+                "SEND and RECEIVE, each with ELEMENTS",
+            );
+            return Vec::new();
+        };
+        let mut elements: Vec<Element> = Vec::new();
+        for node in list.children().filter(|node| node.has_tag_name("ELEMENT")) {
+            let Some(tag) = node.attribute("TAG").filter(|tag| is_tag(tag)) else {
+                self.fault(
+                    &node.range(),
+                    "ELEMENT",
+                    "has no TAG that can be used".to_owned(),
+                    "a TAG of letters, digits, `_` and one dot",
+                );
+                continue;
+            };
+            let tag = tag.strip_prefix("DEF_").unwrap_or(tag).to_owned();
+            if elements.iter().any(|element| element.tag == tag) {
+                self.fault(&node.range(), &tag, "stands here twice".to_owned(), "every TAG once");
+                continue;
+            }
+            elements.push(Element {
+                is_internal: node.attribute("INDX") == Some("INTERNAL"),
+                holds: node.attribute("HOLDON") != Some("0"),
+                is_whole: matches!(node.attribute("TYPE"), Some("BOOL" | "LONG")),
+                place: Place::of_span(self.text, &node.range()),
+                tag,
+            });
+        }
+        elements
+    }
+}
+
+fn is_tag(tag: &str) -> bool {
+    let word = |word: &str| {
+        !word.is_empty() && word.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+    };
+    match tag.split_once('.') {
+        Some((group, name)) => word(group) && word(name),
+        None => word(tag),
+    }
+}
+
+fn child<'d, 's>(node: Node<'d, 's>, tag: &str) -> Option<Node<'d, 's>> {
+    node.children().find(|child| child.has_tag_name(tag))
+}

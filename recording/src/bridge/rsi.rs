@@ -1,0 +1,222 @@
+//! Reading `trued.bridge-rsi/1`: every key with its range and its default in one place, held against the controller's
+//! own configuration.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+
+use super::{
+    Element, Ethernet, RSI_SCHEMA, RsiConfig, RsiCorrection, SOCKET, Sums, address, common,
+};
+use crate::faults::Faults;
+use crate::series::Frame;
+use crate::walk::{Document, Table, number_of};
+
+const AXES: [&str; 6] = ["A1", "A2", "A3", "A4", "A5", "A6"];
+const POSE: [&str; 6] = ["X", "Y", "Z", "A", "B", "C"];
+
+/// An element with several numbers: `<AKorr A1=".." A2=".." />`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Group {
+    /// Its tag.
+    pub tag: String,
+    /// Its attributes, in the order of the joints, or of x, y, z, A, B, C.
+    pub names: Vec<String>,
+}
+
+/// Where the controller's own configuration is.
+pub(super) fn ethernet_path(name: &str, text: &str) -> Result<PathBuf, Faults> {
+    let document = Document::parse(name, text)?;
+    let root = document.root();
+    let path = root.text("ethernet").map(PathBuf::from);
+    if path.is_none() {
+        root.fault("ethernet", "is missing", "the path of the controller's RSI_EthernetConfig.xml");
+    }
+    document.finish(path)
+}
+
+pub(super) fn parse(name: &str, text: &str, ethernet: Ethernet) -> Result<RsiConfig, Faults> {
+    let document = Document::parse(name, text)?;
+    let config = read(&document.root(), ethernet);
+    document.finish(config)
+}
+
+fn read(root: &Table<'_, '_>, ethernet: Ethernet) -> Option<RsiConfig> {
+    root.require("ethernet", "the path of the controller's RSI_EthernetConfig.xml");
+    root.text("ethernet");
+    for (key, expected) in [
+        ("robot", "a table [robot] with the controller's address"),
+        ("setpoint", "a table [setpoint]: where the program wants the axes"),
+        ("correction", "a table [correction]: what is corrected, and how it adds up"),
+    ] {
+        root.require(key, expected);
+    }
+    let robot = root.table("robot");
+    let common = robot.as_ref().and_then(|robot| common(root, RSI_SCHEMA, robot));
+    let listen = robot.as_ref().and_then(|robot| address(robot, "listen", SOCKET));
+    if let Some(robot) = &robot {
+        robot.close();
+    }
+    let setpoint = root.table("setpoint").map(|table| setpoint(&table, &ethernet));
+    let correction = root.table("correction").map(|table| correction(&table, &ethernet));
+    let own = correction.as_ref().and_then(|(group, _)| group.as_ref()).map(group_of);
+    let others = others(root, &ethernet, own);
+    root.close();
+    let (setpoint, setpoint_holds_correction) = setpoint?;
+    let (correction, sums) = correction?;
+    let any = SocketAddr::from((Ipv4Addr::UNSPECIFIED, ethernet.port));
+    Some(RsiConfig {
+        common: common?,
+        listen: listen.unwrap_or(any),
+        setpoint: setpoint?,
+        setpoint_holds_correction: setpoint_holds_correction?,
+        correction: correction?,
+        sums: sums?,
+        others,
+        ethernet,
+    })
+}
+
+fn group_of(correction: &RsiCorrection) -> &Group {
+    match correction {
+        RsiCorrection::Axes(group) | RsiCorrection::Pose(group, _) => group,
+    }
+}
+
+/// A tag with its attributes; the attributes are given, or those of KUKA's own groups.
+fn group(table: &Table<'_, '_>, tag: &str, usual: [&str; 6]) -> Group {
+    let tag = table.text("tag").unwrap_or(tag).to_owned();
+    let given = if table.has("names") { table.texts("names") } else { None };
+    let names = given.unwrap_or_else(|| usual.to_vec());
+    if names.is_empty() || names.len() > 6 {
+        table.fault("names", format!("has {} names", names.len()), "1 to 6 attributes");
+    }
+    Group { tag, names: names.into_iter().map(str::to_owned).collect() }
+}
+
+fn setpoint(table: &Table<'_, '_>, ethernet: &Ethernet) -> (Option<Group>, Option<bool>) {
+    table.require(
+        "holds_correction",
+        "true where the controller's setpoint holds the correction already, else false",
+    );
+    let group = group(table, "ASPos", AXES);
+    let whole = ethernet.sent(&group.tag).is_some_and(|element| element.is_internal);
+    let missing = group.names.iter().map(|name| format!("{}.{name}", group.tag));
+    let missing = missing.into_iter().find(|tag| ethernet.sent(tag).is_none());
+    if let (false, Some(missing)) = (whole, missing) {
+        table.fault_here(
+            format!("the controller does not send {} (nor {missing}): {}", group.tag, ethernet.name),
+            format!("add <ELEMENT TAG=\"DEF_{}\" TYPE=\"DOUBLE\" INDX=\"INTERNAL\" /> to SEND there, or name another tag here", group.tag),
+        );
+    }
+    let holds = table.flag("holds_correction");
+    table.close();
+    (Some(group), holds)
+}
+
+fn correction(table: &Table<'_, '_>, ethernet: &Ethernet) -> (Option<RsiCorrection>, Option<Sums>) {
+    table.require("kind", "\"axes\" (AXISCORR) or \"pose\" (POSCORR)");
+    table.require("sums", "\"absolute\" or \"relative\", as RSI_ON in the robot's program");
+    let is_pose = table.choice("kind", &[("axes", false), ("pose", true)]);
+    let sums = table.choice("sums", &[("absolute", Sums::Absolute), ("relative", Sums::Relative)]);
+    let frames = [("base", Frame::Base), ("tool", Frame::Tool)];
+    let correction = match is_pose {
+        Some(true) => {
+            table.require("frame", "\"base\" (ROBROOT) or \"tool\", as RefCorrSys of POSCORR");
+            let frame = table.choice("frame", &frames);
+            let group = group(table, "RKorr", POSE);
+            if group.names.len() != POSE.len() {
+                table.fault(
+                    "names",
+                    format!("has {} names", group.names.len()),
+                    "x, y, z, A, B, C: six names",
+                );
+            }
+            frame.map(|frame| RsiCorrection::Pose(group, frame))
+        }
+        Some(false) => Some(RsiCorrection::Axes(group(table, "AKorr", AXES))),
+        None => None,
+    };
+    if let (Some(correction), Some(sums)) = (&correction, sums) {
+        takes(table, ethernet, group_of(correction), sums);
+    }
+    table.close();
+    (correction, sums)
+}
+
+/// Whether the controller takes this correction, and what it does where an answer is late.
+fn takes(table: &Table<'_, '_>, ethernet: &Ethernet, group: &Group, sums: Sums) {
+    for name in &group.names {
+        let tag = format!("{}.{name}", group.tag);
+        let Some(element) = ethernet.received(&tag) else {
+            table.fault_here(
+                format!("the controller does not receive {tag}: {}", ethernet.name),
+                format!("add <ELEMENT TAG=\"{tag}\" TYPE=\"DOUBLE\" INDX=\"…\" HOLDON=\"1\" /> to RECEIVE there, and connect it"),
+            );
+            continue;
+        };
+        let line = element.place.line;
+        match (sums, element.holds) {
+            (Sums::Absolute, false) => table.fault_here(
+                format!("{tag} falls to zero where an answer is late, and the robot jumps: {} line {line}", ethernet.name),
+                "set HOLDON=\"1\" there",
+            ),
+            (Sums::Relative, true) => table.fault_here(
+                format!("{tag} is added once more where an answer is late, and the robot drifts: {} line {line}", ethernet.name),
+                "set HOLDON=\"0\" there, or use sums = \"absolute\"",
+            ),
+            _ => {}
+        }
+    }
+    if ethernet.sent("Delay").is_none() {
+        table.fault_here(
+            format!("needs the controller's count of late answers: {}", ethernet.name),
+            "add <ELEMENT TAG=\"DEF_Delay\" TYPE=\"LONG\" INDX=\"INTERNAL\" /> to SEND there: it tells a lost network from a new run",
+        );
+    }
+}
+
+/// Everything else that the controller receives must be given a value.
+fn others(root: &Table<'_, '_>, ethernet: &Ethernet, own: Option<&Group>) -> Vec<(Element, f64)> {
+    let table = root.table("others");
+    let mut others = Vec::new();
+    let is_own = |tag: &str| {
+        own.is_some_and(|own| {
+            tag.split_once('.').is_some_and(|(group, name)| {
+                group == own.tag && own.names.iter().any(|one| one == name)
+            })
+        })
+    };
+    for element in ethernet.receive.iter().filter(|element| !element.is_internal) {
+        if element.tag == "FREE" || is_own(&element.tag) {
+            continue;
+        }
+        let value = table.as_ref().and_then(|table| {
+            let value = table.raw(&element.tag)?;
+            let number = number_of(value.get_ref()).filter(|number| number.is_finite());
+            if number.is_none() {
+                table.fault(&element.tag, "is no number", "what the controller is sent, always");
+            }
+            number
+        });
+        let is_given = table.as_ref().is_some_and(|table| table.has(&element.tag));
+        match value {
+            Some(value) => others.push((element.clone(), value)),
+            None if !is_given => root.fault(
+                "others",
+                format!(
+                    "says nothing of {}, which the controller receives: {} line {}",
+                    element.tag, ethernet.name, element.place.line
+                ),
+                format!(
+                    "\"{}\" = 0.0 under [others], or what it shall be; or take it out of RECEIVE",
+                    element.tag
+                ),
+            ),
+            None => {}
+        }
+    }
+    if let Some(table) = table {
+        table.close();
+    }
+    others
+}

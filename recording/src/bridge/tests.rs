@@ -1,0 +1,130 @@
+//! Configurations of bridges, good and bad.
+
+use super::*;
+use proptest::prelude::*;
+
+const EGM: &str = include_str!("../../../deploy/bridge-egm.toml");
+const RSI: &str = include_str!("../../../deploy/bridge-rsi.toml");
+const XML: &str = include_str!("../../../deploy/rsi-ethernet.xml");
+
+fn ethernet(xml: &str) -> Ethernet {
+    Ethernet::parse("ethernet.xml", xml).unwrap()
+}
+
+fn rsi(text: &str, xml: &str) -> Result<RsiConfig, Faults> {
+    RsiConfig::parse("bridge.toml", text, ethernet(xml))
+}
+
+/// The words of a refusal; empty where there is none.
+fn words<T>(parsed: Result<T, Faults>) -> String {
+    parsed.err().map(|faults| faults.plain()).unwrap_or_default()
+}
+
+#[test]
+fn the_examples_that_are_shipped_load() {
+    let egm = EgmConfig::parse("bridge.toml", EGM).unwrap();
+    assert_eq!((egm.listen.port(), egm.guidance), (6510, Guidance::Joints));
+    assert_eq!((egm.path_period_s, egm.common.answer_within_s), (0.048, 0.001));
+    assert_eq!((egm.force, egm.common.absolute_accuracy), (Some(Frame::Tool), false));
+    let rsi = rsi(RSI, XML).unwrap();
+    assert_eq!((rsi.listen.port(), rsi.ethernet.sentype.as_str()), (49152, "Trued"));
+    assert_eq!((rsi.others.len(), rsi.others[0].1, rsi.others[0].0.is_whole), (1, 0.0, true));
+    assert!(matches!(&rsi.correction, RsiCorrection::Axes(group) if group.names.len() == 6));
+}
+
+#[test]
+fn whether_the_controller_compensates_itself_must_be_said() {
+    for text in [EGM, RSI] {
+        let silent: Vec<&str> = text.lines().filter(|l| !l.starts_with("absolute_acc")).collect();
+        let silent = silent.join("\n");
+        let said = if text == EGM {
+            words(EgmConfig::parse("b", &silent))
+        } else {
+            words(rsi(&silent, XML))
+        };
+        assert!(said.contains("`absolute_accuracy`: is missing"), "{said}");
+    }
+}
+
+#[test]
+fn every_fault_of_a_bridge_is_told_at_once() {
+    let text = "schema = \"trued.bridge-egm/1\"\ncell = \"c.toml\"\nabsolute_accuracy = \"of\"\nguidance = \"joints\"\n\
+                [robot]\naddress = \"192.168.125\"\nlisten = \"6510\"\nseventh_after = 9\n[path]\nperiod_ms = 50\n[forse]\n";
+    let said = words(EgmConfig::parse("bridge.toml", text));
+    for part in [
+        "bridge.toml:3:21",
+        "perhaps \"off\"",
+        "is \"192.168.125\"",
+        "is \"6510\"",
+        "from 1 to 6",
+        "a multiple of 24 ms",
+        "needs an application that streams targets",
+        "`forse`",
+    ] {
+        assert!(said.contains(part), "{part} in\n{said}");
+    }
+}
+
+#[test]
+fn what_would_jump_or_drift_where_an_answer_is_late_is_refused() {
+    let falls = XML.replacen("HOLDON=\"1\"", "HOLDON=\"0\"", 1);
+    let said = words(rsi(RSI, &falls));
+    assert!(
+        said.contains("AKorr.A1 falls to zero") && said.contains("ethernet.xml line 18"),
+        "{said}"
+    );
+    let relative = RSI.replace("sums = \"absolute\"", "sums = \"relative\"");
+    assert!(words(rsi(&relative, XML)).contains("the robot drifts"));
+    let all_fall = XML.replace("HOLDON=\"1\"", "HOLDON=\"0\"");
+    assert!(rsi(&relative, &all_fall).is_ok());
+    let untold = all_fall.replace("DEF_Delay", "DEF_Other");
+    assert!(words(rsi(&relative, &untold)).contains("count of late answers"));
+}
+
+#[test]
+fn what_the_controller_does_not_send_or_is_not_told_is_named() {
+    let said = words(rsi(RSI, &XML.replace("DEF_ASPos", "DEF_RIst")));
+    assert!(said.contains("does not send ASPos"), "{said}");
+    let said = words(rsi(&RSI.replace("DiO = 0", ""), XML));
+    assert!(said.contains("says nothing of DiO") && said.contains("line 24"), "{said}");
+    let said = words(rsi(&RSI.replace("DiO = 0", "DiO = 0\nDiP = 1"), XML));
+    assert!(said.contains("`others.DiP`"), "{said}");
+    let said = words(rsi(RSI, &XML.replace("AKorr.A3", "AKorr.B3")));
+    assert!(
+        said.contains("does not receive AKorr.A3") && said.contains("nothing of AKorr.B3"),
+        "{said}"
+    );
+    let own = XML.replace("DEF_ASPos", "Axes.A1").replace("DEF_AIPos", "Axes.A2");
+    let named =
+        RSI.replace("\"ASPos\"", "\"Axes\"").replacen(", \"A3\", \"A4\", \"A5\", \"A6\"", "", 1);
+    assert_eq!(rsi(&named, &own).unwrap().setpoint.names, ["A1", "A2"], "the site's own channels");
+}
+
+#[test]
+fn a_configuration_of_the_controller_that_cannot_be_used_is_told_with_its_line() {
+    let said = |xml: &str| words(Ethernet::parse("ethernet.xml", xml));
+    assert!(said(&XML.replace("FALSE", "TRUE")).contains("the controller takes no answers"));
+    assert!(said(&XML.replace("49152", "x")).contains("ethernet.xml:5"));
+    assert!(
+        said(&XML.replace("<SEND>", "<SENT>").replace("</SEND>", "</SENT>")).contains("`SEND`")
+    );
+    assert!(said(&XML.replace("AKorr.A2", "AKorr.A1")).contains("stands here twice"));
+    assert!(said("<ROOT>").contains("is no XML"));
+    assert!(said(&XML.replace("Trued", "a\"b")).contains("letters, digits"));
+}
+
+proptest! {
+    #[test]
+    fn no_text_makes_the_readers_panic(text in "\\PC{0,200}", at in 0_usize..900, with in "\\PC{0,5}") {
+        let spoil = |good: &str| {
+            let at = (0..=at.min(good.len())).rev().find(|at| good.is_char_boundary(*at)).unwrap_or(0);
+            format!("{}{with}{}", &good[..at], &good[at..])
+        };
+        let _ = EgmConfig::parse("x", &text);
+        let _ = EgmConfig::parse("x", &spoil(EGM));
+        let _ = rsi(&spoil(RSI), XML);
+        let _ = rsi(&text, XML);
+        let _ = Ethernet::parse("x", &spoil(XML));
+        let _ = Ethernet::parse("x", &text);
+    }
+}

@@ -1,0 +1,257 @@
+//! EGM: what the application sees, what the robot is told, and what happens when somebody is away.
+
+use super::{LIMIT, WIDE, corrected, count, daemon, ended, peer, peers, place};
+use crate::TRUED;
+use prost::Message;
+use std::net::UdpSocket;
+use std::time::{Duration, Instant};
+use tests::egm::{EgmRobot, Rig, STOPPED, bridge, config, heard, joints, socket, target};
+use tests::gauge::Gauge;
+use tests::place::Place;
+use tests::process::Process;
+
+const CYCLE: Duration = Duration::from_millis(4);
+const POSE: [f64; 6] = [10.0, 15.0, -10.0, 15.0, 45.0, 5.0];
+/// The bounds of the tests' cell.
+const RATE_RAD_S: f64 = 0.01;
+const SLOW: &str = "[envelope]\nrate_mrad_s = 10.0\n";
+const CYCLES: &str = "[cycle]\nperiod_ms = 4.0\nstale_ms = 200.0\n";
+/// Cycles until what was ramped in at the start is over.
+const BEGINNING: usize = 100;
+const JUDGED: usize = 1000;
+
+struct Cell {
+    daemon: Process,
+    bridge: Process,
+    rig: Rig,
+    place: Place,
+}
+
+impl Cell {
+    fn start(tables: &str, accuracy: &str) -> Self {
+        let place = place(&format!("{tables}{CYCLES}"));
+        let daemon = daemon(&place);
+        let application = socket();
+        let config = config(accuracy, "joints", application.local_addr().ok(), "");
+        let (bridge, at) = bridge(TRUED, &[], "egm", &place, &config);
+        assert!(bridge.says("joined the daemon", LIMIT), "{:#?}", bridge.lines());
+        Self { daemon, bridge, rig: Rig { robot: EgmRobot::new(at, &POSE), application }, place }
+    }
+
+    /// Cycles at rest; every one is answered, and no correction steps. The last correction, degrees.
+    fn stand(&mut self, cycles: usize, gauge: &mut Gauge) -> [f64; 6] {
+        let mut correction = [0.0; 6];
+        for cycle in 0..cycles {
+            let told = self.rig.cycle(&POSE);
+            assert!(told.is_some(), "cycle {cycle} has no answer");
+            let told = told.unwrap();
+            for (c, (told, pose)) in correction.iter_mut().zip(told.iter().zip(POSE)) {
+                *c = told - pose;
+            }
+            let rad = correction.map(f64::to_radians);
+            gauge.take(trued_client::monotonic_ns(), &rad).unwrap();
+            std::thread::sleep(CYCLE);
+        }
+        correction
+    }
+}
+
+fn largest(correction: &[f64; 6]) -> f64 {
+    correction.iter().fold(0.0, |most, c| f64::max(most, c.abs()))
+}
+
+#[test]
+fn an_application_that_nobody_here_wrote_sees_its_targets_corrected_by_the_model() {
+    let Some(python) = peers("ABBRobotEGM behind the EGM bridge") else { return };
+    let place = place(&format!("{WIDE}{CYCLES}"));
+    let _daemon = daemon(&place);
+    let free = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    // The machine is shared: the daemon is waited for, so that what is judged is the correction, not this hour's load.
+    let config = config("off", "joints", Some(free), "[timing]\nanswer_within_ms = 100.0\n");
+    let (mut bridge, at) = bridge(TRUED, &[], "egm", &place, &config);
+    assert!(bridge.says("joined the daemon", LIMIT), "{:#?}", bridge.lines());
+    let (port, cycles) = (free.port().to_string(), (BEGINNING + JUDGED).to_string());
+    let script = peer("egm_application.py");
+    let mut application = Process::start(
+        python.to_str().unwrap(),
+        &[script.to_str().unwrap(), &port, &cycles],
+        &place,
+    );
+    assert!(application.says("listening", LIMIT), "{:#?}", application.lines());
+
+    let mut robot = EgmRobot::new(at, &POSE);
+    let (mut missed, mut late) = (0, 0);
+    for _ in 0..BEGINNING + JUDGED {
+        let start = Instant::now();
+        robot.say();
+        match robot.hear() {
+            Some(told) => robot.joints = joints(&told),
+            None => missed += 1,
+        }
+        late += usize::from(start.elapsed() > CYCLE);
+        std::thread::sleep(CYCLE.saturating_sub(start.elapsed()));
+    }
+    robot.say();
+    assert!(application.wait().success(), "{:#?}", application.lines());
+    let counted = ended(&mut bridge);
+    println!("{missed} missed, {late} of {} answered late on this machine", BEGINNING + JUDGED);
+    assert_eq!(missed, 0, "{:#?}", bridge.lines());
+    judge(&place, &application.lines(), &counted);
+}
+
+/// Every target that the peer sent, corrected by `trued correct`, is what the peer's own decoder saw of the robot.
+fn judge(place: &Place, said: &[String], counted: &[String]) {
+    let numbers = |line: &String| {
+        let numbers = line.strip_prefix("cycle ")?.split(' ').map(|number| number.parse().unwrap());
+        Some(numbers.collect::<Vec<f64>>())
+    };
+    let rows: Vec<Vec<f64>> = said.iter().filter_map(numbers).collect();
+    assert_eq!(rows.len(), BEGINNING + JUDGED);
+    assert!(rows.windows(2).all(|two| two[1][0] - two[0][0] == 1.0), "one after the other");
+    let targets: Vec<Vec<f64>> = rows.iter().map(|row| row[1..7].to_vec()).collect();
+    let wanted = corrected(place, &targets);
+    let own = count(counted, "answers with this target's own correction");
+    let (mut worst, mut least) = (0.0_f64, f64::INFINITY);
+    for (row, wanted) in rows.iter().zip(&wanted).skip(BEGINNING) {
+        let off = row[7..].iter().zip(wanted).map(|(seen, wanted)| (seen - wanted).abs());
+        worst = off.fold(worst, f64::max);
+        let moved = wanted.iter().zip(&row[1..7]).map(|(wanted, q)| (wanted - q).abs());
+        least = least.min(moved.fold(0.0, f64::max));
+    }
+    println!(
+        "{worst:.2e} deg off at most, corrected by {least:.4} deg or more, {own} by their own answer"
+    );
+    assert!(least > 0.01, "there is something to correct: {least}");
+    assert!(worst < 1e-9, "{worst} deg off");
+}
+
+#[test]
+fn a_daemon_that_dies_takes_no_cycle_with_it_and_its_correction_ramps_out_and_in_again() {
+    let mut cell = Cell::start(SLOW, "off");
+    let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
+    let stood = cell.stand(400, &mut gauge);
+    assert!(largest(&stood) > 0.05, "{stood:?}");
+    cell.daemon.kill();
+    let after = cell.stand(400, &mut gauge);
+    assert_eq!(largest(&after), 0.0, "the application's own target, to the bit: {after:?}");
+    cell.daemon = daemon(&cell.place);
+    assert!(cell.bridge.says("the daemon is process", LIMIT));
+    let again = cell.stand(800, &mut gauge);
+    let off = again.iter().zip(stood).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+    assert!(off < 1e-6, "{again:?} after {stood:?}");
+}
+
+#[test]
+fn a_controller_that_compensates_itself_gets_the_applications_own_bytes() {
+    let mut cell = Cell::start(WIDE, "on");
+    assert!(cell.bridge.says("nothing may be corrected twice", LIMIT));
+    let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
+    assert_eq!(largest(&cell.stand(100, &mut gauge)), 0.0);
+    let own = count(&ended(&mut cell.bridge), "answers with this target's own correction");
+    assert!(own > 0, "the daemon sees every target all the same: {:#?}", cell.bridge.lines());
+}
+
+#[test]
+fn a_run_begins_at_a_correction_of_zero_however_the_last_one_ended() {
+    let mut cell = Cell::start(SLOW, "off");
+    let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
+    assert!(largest(&cell.stand(400, &mut gauge)) > 0.05);
+    // Not guided, and again: shorter than the correction needs to ramp out.
+    cell.rig.robot.mci_state = STOPPED;
+    for _ in 0..5 {
+        assert_eq!(cell.rig.cycle(&POSE).unwrap(), POSE);
+        std::thread::sleep(CYCLE);
+    }
+    cell.rig.robot.mci_state = tests::egm::RUNNING;
+    let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
+    let first = cell.stand(1, &mut gauge);
+    assert!(largest(&first) < 1e-3, "{first:?}");
+    assert!(largest(&cell.stand(800, &mut gauge)) > 0.05);
+}
+
+#[test]
+fn an_application_that_falls_silent_leaves_the_robot_alone_and_comes_back_without_a_step() {
+    let mut cell = Cell::start(SLOW, "off");
+    let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
+    let stood = cell.stand(400, &mut gauge);
+    cell.rig.robot.socket.set_read_timeout(Some(Duration::from_millis(1))).unwrap();
+    for _ in 0..300 {
+        cell.rig.robot.say();
+        assert!(
+            cell.rig.robot.hear().is_none(),
+            "the controller's own watch over its sensor stays"
+        );
+        assert!(heard(&cell.rig.application).is_some());
+        std::thread::sleep(CYCLE);
+    }
+    cell.rig.robot.socket.set_read_timeout(Some(LIMIT)).unwrap();
+    let again = cell.stand(1, &mut gauge);
+    let off = again.iter().zip(stood).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+    assert!(off < 1e-3, "{again:?} after {stood:?}");
+    assert!(count(&ended(&mut cell.bridge), "cycles without a word of the application") > 250);
+}
+
+#[test]
+fn across_a_path_the_robot_is_told_y_and_z_at_its_slower_rate() {
+    let place = place(&format!("{WIDE}[cycle]\nperiod_ms = 48.0\nstale_ms = 1000.0\n"));
+    let _daemon = daemon(&place);
+    let (mut bridge, at) = bridge(TRUED, &[], "egm", &place, &config("off", "path", None, ""));
+    assert!(bridge.says("joined the daemon", LIMIT), "{:#?}", bridge.lines());
+    let mut robot = EgmRobot::new(at, &POSE);
+    robot.socket.set_read_timeout(Some(CYCLE)).unwrap();
+    let (mut told, start) = (Vec::new(), Instant::now());
+    for cycle in 0..400 {
+        robot.joints[0] = POSE[0] + 0.01 * f64::from(cycle);
+        robot.say();
+        if let Some((bytes, _)) = heard(&robot.socket) {
+            told.push(tests::egm::proto::SensorPathCorr::decode(&bytes[..]).unwrap());
+        }
+        std::thread::sleep(CYCLE);
+    }
+    let periods = start.elapsed().as_secs_f64() / 0.048;
+    assert!(
+        !told.is_empty() && told.len() as f64 <= 1.15 * periods + 1.0,
+        "{} in {periods}",
+        told.len()
+    );
+    let numbers: Vec<u32> =
+        told.iter().map(|one| one.header.as_ref().unwrap().seqno.unwrap()).collect();
+    assert!(numbers.windows(2).all(|two| two[1] == two[0] + 1), "{numbers:?}");
+    let last = told.last().unwrap().path_corr.as_ref().unwrap().pos.as_ref().unwrap();
+    println!("{} path corrections, the last y {:.3} z {:.3} mm", told.len(), last.y, last.z);
+    assert_eq!(last.x, 0.0);
+    // The arm sags by some tenths of a mm, and the tool looks forward and down: there is something across the path.
+    assert!((0.01..5.0).contains(&last.y.hypot(last.z)), "{last:?}");
+    bridge.end();
+}
+
+#[test]
+fn a_seventh_axis_is_corrected_and_other_external_axes_pass() {
+    let Some(known) = recording::model::presets::PRESETS
+        .iter()
+        .find(|preset| preset.model().is_ok_and(|model| model.physics.arm.count() == 7))
+    else {
+        // No preset has seven axes: the order on the wire is tested in the crate itself.
+        return;
+    };
+    let place = place("");
+    let model = place.model("model.toml", known.name);
+    let cell = std::fs::read_to_string(place.file("cell.toml")).unwrap();
+    place.write("cell.toml", &format!("{cell}{WIDE}{CYCLES}"));
+    assert!(model.exists());
+    let _daemon = daemon(&place);
+    let application = socket();
+    let tables = config("off", "joints", application.local_addr().ok(), "");
+    let tables = tables.replace("[application]", "seventh_after = 2\n[application]");
+    let (_bridge, at) = bridge(TRUED, &[], "egm", &place, &tables);
+    let mut robot = EgmRobot::new(at, &POSE);
+    robot.say();
+    let (_, to) = heard(&application).unwrap();
+    let mut sent = target(1, &POSE);
+    sent.planned.as_mut().unwrap().external =
+        Some(tests::egm::proto::Joints { joints: vec![3.0, 44.0, 55.0] });
+    application.send_to(&sent.encode_to_vec(), to).unwrap();
+    let told = robot.hear().unwrap();
+    let external = told.planned.unwrap().external.unwrap().joints;
+    assert_eq!(external[1..], [44.0, 55.0]);
+}

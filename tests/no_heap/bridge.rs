@@ -1,0 +1,98 @@
+//! What a bridge does with a datagram takes nothing from the heap: reading, judging, changing in place, writing an answer.
+//!
+//! Without a daemon: what a command costs beside, `cycle` and the client's own tests count.
+
+use crate::heap_of;
+use bridge::Counts;
+use bridge::egm::joints::Order;
+use bridge::egm::messages::{Header, PathCorrMessage, SensorMessage};
+use bridge::egm::middle::{Middle, Settings};
+use bridge::feed::Feed;
+use bridge::rsi::answer::Answerer;
+use prost::Message;
+use recording::bridge::{Ethernet, Guidance, RsiConfig};
+use recording::model::presets::preset;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::mpsc::channel;
+use std::time::Duration;
+use tests::egm::{EgmRobot, target};
+use tests::place::MODEL;
+
+const CYCLES: u32 = 1000;
+const MS: u64 = 1_000_000;
+const POSE: [f64; 6] = [10.0, 15.0, -10.0, 15.0, 45.0, 5.0];
+
+fn at() -> SocketAddr {
+    "127.0.0.1:6510".parse().unwrap()
+}
+
+/// No daemon of that name runs.
+fn feed() -> Feed {
+    let (news, _) = channel();
+    Feed::start("no-heap-nobody", Duration::ZERO, Duration::from_millis(10), news).unwrap()
+}
+
+#[test]
+fn an_egm_cycle_takes_nothing_from_the_heap() {
+    let arm = preset(MODEL).unwrap().model().unwrap().physics.arm;
+    let settings = Settings {
+        robot: at().ip(),
+        application: Some(at()),
+        guidance: Guidance::Joints,
+        order: Order { count: 6, seventh_after: None },
+        is_shadow: false,
+        path_period_ns: 48 * MS,
+    };
+    let mut middle = Middle::new(settings, arm, feed(), None, Arc::new(Counts::default()));
+    let mut robot = EgmRobot::new(at(), &POSE);
+    let feedback: Vec<Vec<u8>> = (0..CYCLES).map(|_| robot.message()).collect();
+    let mut targets: Vec<Vec<u8>> =
+        (0..CYCLES).map(|number| target(number, &POSE).encode_to_vec()).collect();
+    let mut sent = 0;
+    let counted = heap_of(|| {
+        for (k, (feedback, target)) in (0..).zip(feedback.iter().zip(&mut targets)) {
+            let now_ns = k * 4 * MS;
+            middle.of_robot(feedback, at(), now_ns);
+            if let Some(screened) = middle.of_application(target, at(), now_ns) {
+                sent += u32::from(middle.answer(target, &screened, now_ns).is_some());
+            }
+            if let Ok(message) = SensorMessage::read(target) {
+                message.planned.joints.put(target, &POSE);
+            }
+            middle.idle();
+            let mut own = [0; 128];
+            let header = Header { seqno: Some(1), tm: None, mtype: Some(4) };
+            PathCorrMessage::write(&mut own, header, [0.0, 1.0, 2.0], 1);
+        }
+    });
+    assert_eq!((sent, counted.count_total), (CYCLES, 0));
+}
+
+#[test]
+fn an_rsi_cycle_takes_nothing_from_the_heap() {
+    let arm = preset(MODEL).unwrap().model().unwrap().physics.arm;
+    let xml = include_str!("../../deploy/rsi-ethernet.xml");
+    let ethernet = Ethernet::parse("ethernet.xml", xml).unwrap();
+    let text = include_str!("../../deploy/bridge-rsi.toml").replace("192.168.1.2", "127.0.0.1");
+    let config = RsiConfig::parse("bridge.toml", &text, ethernet).unwrap();
+    let mut answerer = Answerer::new(config, arm, feed(), Arc::new(Counts::default()));
+    let telegram = |k: u32| {
+        format!(
+            "<Rob Type=\"KUKA\"><ASPos A1=\"10\" A2=\"15\" A3=\"-10\" A4=\"15\" A5=\"45\" A6=\"5\" />\
+             <Delay D=\"0\" /><IPOC>{}</IPOC></Rob>",
+            123_456 + 4 * k
+        )
+    };
+    let telegrams: Vec<String> = (0..CYCLES).map(telegram).collect();
+    let (mut sent, mut buffer) = (0, [0; 1000]);
+    let counted = heap_of(|| {
+        for (k, telegram) in (0..).zip(&telegrams) {
+            let now_ns = k * 4 * MS;
+            if let Some(asked) = answerer.of_robot(telegram.as_bytes(), at(), now_ns) {
+                sent += u32::from(answerer.answer(&asked, &mut buffer, now_ns).is_some());
+            }
+        }
+    });
+    assert_eq!((sent, counted.count_total), (CYCLES, 0));
+}

@@ -1,0 +1,186 @@
+//! An EGM robot and an application in one thread, with the bridge between them: one cycle after the other.
+//!
+//! Promises: the messages are made and read by `prost`, not by the bridge's own code. Datagrams that do not come are none.
+
+#[path = "../../bridge/tests/proto/mod.rs"]
+pub mod proto;
+
+use crate::place::Place;
+use crate::process::Process;
+use prost::Message;
+use std::ffi::OsStr;
+use std::net::{SocketAddr, UdpSocket};
+use std::time::Duration;
+
+/// How long a datagram is waited for: generous, as the machine may be busy.
+pub const PATIENCE: Duration = Duration::from_secs(10);
+/// `EgmMCIState` of a robot that is guided.
+pub const RUNNING: i32 = 3;
+/// And of one that is not.
+pub const STOPPED: i32 = 2;
+
+/// The bridge's configuration towards this robot, and the application where there is one.
+#[must_use]
+pub fn config(
+    accuracy: &str,
+    guidance: &str,
+    application: Option<SocketAddr>,
+    more: &str,
+) -> String {
+    let application =
+        application.map(|at| format!("[application]\naddress = \"{at}\"\n")).unwrap_or_default();
+    format!(
+        "schema = \"trued.bridge-egm/1\"\ncell = \"cell.toml\"\nabsolute_accuracy = \"{accuracy}\"\n\
+         guidance = \"{guidance}\"\n[robot]\naddress = \"127.0.0.1\"\nlisten = \"127.0.0.1:0\"\n{application}{more}"
+    )
+}
+
+/// Starts a bridge by that configuration; `before` stands in front of the arguments. Tells where it listens.
+pub fn bridge(
+    program: &str,
+    before: &[&str],
+    protocol: &str,
+    place: &Place,
+    config: &str,
+) -> (Process, SocketAddr) {
+    place.write("bridge.toml", config);
+    let file = place.file("bridge.toml");
+    let mut arguments: Vec<&OsStr> = before.iter().map(OsStr::new).collect();
+    arguments.extend(["bridge", protocol, "--config"].map(OsStr::new));
+    arguments.push(file.as_os_str());
+    let process = Process::start(program, &arguments, place);
+    assert!(process.says("ready", PATIENCE), "{:#?}", process.lines());
+    let at = process
+        .lines()
+        .iter()
+        .find_map(|line| line.strip_prefix("ready: listens at ")?.parse().ok());
+    (process, at.expect("an address"))
+}
+
+/// A socket of this machine.
+#[must_use]
+pub fn socket() -> UdpSocket {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a port");
+    socket.set_read_timeout(Some(PATIENCE)).expect("a time limit");
+    socket
+}
+
+/// The robot's side.
+#[derive(Debug)]
+pub struct EgmRobot {
+    /// Its socket.
+    pub socket: UdpSocket,
+    /// Where the bridge listens.
+    pub bridge: SocketAddr,
+    /// Number of its next message.
+    pub seqno: u32,
+    /// Where it is, degrees.
+    pub joints: Vec<f64>,
+    /// What its force sensor reads, N and Nm.
+    pub force: Option<[f64; 6]>,
+    /// `EgmMCIState`.
+    pub mci_state: i32,
+}
+
+impl EgmRobot {
+    /// A robot that is guided.
+    #[must_use]
+    pub fn new(bridge: SocketAddr, joints: &[f64]) -> Self {
+        let joints = joints.to_vec();
+        Self { socket: socket(), bridge, seqno: 0, joints, force: None, mci_state: RUNNING }
+    }
+
+    /// Its next message.
+    #[must_use]
+    pub fn message(&mut self) -> Vec<u8> {
+        self.seqno += 1;
+        let joints = proto::Joints { joints: self.joints.clone() };
+        let posture = proto::Posture { joints: Some(joints), ..proto::Posture::default() };
+        let header =
+            proto::Header { seqno: Some(self.seqno), tm: Some(4 * self.seqno), mtype: Some(2) };
+        proto::Robot {
+            header: Some(header),
+            feedback: Some(posture.clone()),
+            planned: Some(posture),
+            motor_state: Some(proto::State { state: 1 }),
+            mci_state: Some(proto::State { state: self.mci_state }),
+            mci_convergence_met: Some(false),
+            rapid_state: Some(proto::State { state: 2 }),
+            force: self
+                .force
+                .map(|force| proto::Force { is_active: Some(true), force: force.to_vec() }),
+            utilization_rate: Some(1.0),
+            move_index: None,
+        }
+        .encode_to_vec()
+    }
+
+    /// Says where it is.
+    pub fn say(&mut self) {
+        let message = self.message();
+        self.socket.send_to(&message, self.bridge).expect("a datagram goes out");
+    }
+
+    /// What it is told; none where nothing comes.
+    #[must_use]
+    pub fn hear(&self) -> Option<proto::Sensor> {
+        proto::Sensor::decode(&heard(&self.socket)?.0[..]).ok()
+    }
+}
+
+/// A datagram and its sender.
+#[must_use]
+pub fn heard(socket: &UdpSocket) -> Option<(Vec<u8>, SocketAddr)> {
+    let mut bytes = [0; 4096];
+    let (length, from) = socket.recv_from(&mut bytes).ok()?;
+    Some((bytes[..length].to_vec(), from))
+}
+
+/// A target as the application sends it, degrees.
+#[must_use]
+pub fn target(seqno: u32, joints: &[f64]) -> proto::Sensor {
+    let joints = proto::Joints { joints: joints.to_vec() };
+    proto::Sensor {
+        header: Some(proto::Header { seqno: Some(seqno), tm: None, mtype: Some(3) }),
+        planned: Some(proto::Posture { joints: Some(joints), ..proto::Posture::default() }),
+        speed_ref: None,
+        later: Some("a field of a later version".to_owned()),
+    }
+}
+
+/// The joints of a target, degrees.
+#[must_use]
+pub fn joints(sensor: &proto::Sensor) -> Vec<f64> {
+    let joints = sensor.planned.as_ref().and_then(|planned| planned.joints.as_ref());
+    joints.map(|joints| joints.joints.clone()).unwrap_or_default()
+}
+
+/// Both sides of a bridge.
+#[derive(Debug)]
+pub struct Rig {
+    /// The robot.
+    pub robot: EgmRobot,
+    /// The application's socket.
+    pub application: UdpSocket,
+}
+
+impl Rig {
+    /// One cycle: the robot says where it is, the application answers, the robot hears what became of it and goes there.
+    pub fn cycle(&mut self, target_deg: &[f64]) -> Option<Vec<f64>> {
+        self.robot.say();
+        let (feedback, bridge) = heard(&self.application)?;
+        let seen = proto::Robot::decode(&feedback[..]).ok()?;
+        assert_eq!(seen.header?.seqno, Some(self.robot.seqno), "feedback in its order");
+        let answer = target(self.robot.seqno, target_deg).encode_to_vec();
+        self.application.send_to(&answer, bridge).ok()?;
+        let heard = self.robot.hear()?;
+        assert_eq!(
+            heard.header.as_ref()?.seqno,
+            Some(self.robot.seqno),
+            "the answer to this target"
+        );
+        assert_eq!(heard.later.as_deref(), Some("a field of a later version"));
+        self.robot.joints = joints(&heard);
+        Some(self.robot.joints.clone())
+    }
+}
