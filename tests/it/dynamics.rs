@@ -12,7 +12,7 @@ use physics::dynamics::inverse_dynamics;
 use physics::{Arm, Body, Inputs, JOINTS_MAX, Joint, JointKind, Tool, Wrench};
 use serde_json::json;
 use tests::chance::Chance;
-use tests::clients::{skipped};
+use tests::clients::skipped;
 use tests::python::environment;
 
 const CASES: usize = 200;

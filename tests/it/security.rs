@@ -1,6 +1,6 @@
 //! What the threat model says (docs/threat-model.md): one user, no network, nothing that others can read or fill.
 
-use crate::{RIG_CELL, TRUED};
+use crate::{PROGRAMS, TRUED};
 use std::collections::BTreeSet;
 use std::fs;
 use std::os::unix::fs::{PermissionsExt, chown};
@@ -96,7 +96,7 @@ fn another_user_is_refused_by_name_and_can_open_nothing() {
     }
     let place = Place::new("full", "");
     let mut daemon = ready(&place);
-    let refused = as_nobody(&place, RIG_CELL).output().unwrap();
+    let refused = as_nobody(&place, PROGRAMS.rig).output().unwrap();
     let words = String::from_utf8_lossy(&refused.stdout).into_owned();
     assert!(words.contains("user 0") && words.contains(&NOBODY.to_string()), "{words}");
     for path in in_memory(&place) {

@@ -6,8 +6,8 @@
 pub mod cell_loop;
 pub mod chance;
 pub mod clients;
-pub mod fuzz;
 pub mod egm;
+pub mod fuzz;
 pub mod gauge;
 pub mod hostile;
 pub mod mutate;

@@ -148,10 +148,8 @@ pub(super) fn rivals(asking: &Asking<'_>, choice: &Choice, name: usize) -> (f64,
     let own = &families[name];
     let is_other = |other: &usize| {
         let form = &families[*other];
-        !choice.names.contains(other)
-            && !(form.kind == own.kind
-                && form.columns.len() >= own.columns.len()
-                && form.is_kin(own))
+        let is_more_of_it = form.is_kin(own) && form.columns.len() >= own.columns.len();
+        !(choice.names.contains(other) || is_more_of_it)
     };
     let mut best: Vec<Rival> = Vec::new();
     for other in (0..families.len()).filter(is_other) {

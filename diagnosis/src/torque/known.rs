@@ -64,14 +64,7 @@ impl Stated {
                 put(Law::Sine, "sin");
             }
             "spring_hardening" => {
-                put(Law::Cube { rest: value("rest_position") }, "cubic_stiffness")
-            }
-            // The amplitude is the loop's whole height, the law's unit half of it.
-            "hysteresis" => {
-                let column = Law::Memory { distance: value("reversal") }.column(motion, joint);
-                if let Some((height, sigma)) = self.number("amplitude") {
-                    terms.push(Term { column, number: 0.5 * height, sigma: 0.5 * sigma });
-                }
+                put(Law::Cube { rest: value("rest_position") }, "cubic_stiffness");
             }
             "spring" => {
                 put(Law::Position, "stiffness");
@@ -79,19 +72,8 @@ impl Stated {
                 let column = Law::One.column(motion, joint);
                 terms.push(Term { column, number: rest, sigma: 0.0 });
             }
-            "torque_ripple" => {
-                let (amplitude, phase) = (value("amplitude"), value("phase"));
-                let cycles = value("cycles");
-                let wave = |is_sine| Law::Wave { cycles, is_sine }.column(motion, joint);
-                let sigma = self.number("amplitude").map_or(0.0, |(_, sigma)| sigma);
-                let parts = [(true, libm::cos(phase)), (false, libm::sin(phase))];
-                let part = |(is_sine, share): (bool, f64)| Term {
-                    column: wave(is_sine),
-                    number: amplitude * share,
-                    sigma: sigma * share.abs(),
-                };
-                terms.extend(parts.map(part));
-            }
+            "hysteresis" => terms.extend(self.memory(motion, joint)),
+            "torque_ripple" => terms.extend(self.ripple(motion, joint)),
             "load_friction" => {
                 if let Some((number, sigma)) = self.number("coefficient") {
                     let column = load_column(motion, joint, &rigid[joint]);
@@ -107,6 +89,29 @@ impl Stated {
             _ => {}
         }
         terms
+    }
+
+    /// The amplitude is the loop's whole height, the law's unit half of it.
+    fn memory(&self, motion: &Motion, joint: usize) -> Option<Term> {
+        let (height, sigma) = self.number("amplitude")?;
+        let (distance, _) = self.number("reversal")?;
+        let column = Law::Memory { distance }.column(motion, joint);
+        Some(Term { column, number: 0.5 * height, sigma: 0.5 * sigma })
+    }
+
+    /// `A sin(n q + φ)` by its sine and cosine.
+    fn ripple(&self, motion: &Motion, joint: usize) -> Vec<Term> {
+        let numbers = ["amplitude", "cycles", "phase"].map(|stem| self.number(stem));
+        let [Some((amplitude, sigma)), Some((cycles, _)), Some((phase, _))] = numbers else {
+            return Vec::new();
+        };
+        let parts = [(true, libm::cos(phase)), (false, libm::sin(phase))];
+        let part = |(is_sine, share): (bool, f64)| Term {
+            column: Law::Wave { cycles, is_sine }.column(motion, joint),
+            number: amplitude * share,
+            sigma: sigma * share.abs(),
+        };
+        parts.map(part).into()
     }
 }
 

@@ -121,8 +121,6 @@ impl Library {
         let shortest = shortest_way(motion, joint);
         let memory = REVERSALS.map(|share| (share * span).max(shortest));
         let memory = memory.map(|distance| (distance, law(Law::Memory { distance })));
-        let warm = temperatures(motion, joint) >= STEADY_K;
-        let warmth = warm.then(|| law(Law::Warmth));
         let mut put = |kind, columns: &[usize], signs: &[Sign], form, settings: &[_]| {
             self.families.push(Family {
                 kind,
@@ -158,16 +156,27 @@ impl Library {
             let set = [("reversal", distance)];
             put("hysteresis", &[column], &[up], Form::Loop, &set);
         }
-        match warmth {
-            Some(column) => {
-                put("friction_temperature", &[column], &[any], Form::Plain(&["per_K"]), &[]);
-            }
-            None => self.untested.push((
-                "friction_temperature",
-                Some(joint),
-                "no temperature was recorded, or it did not change",
-            )),
+        self.add_warmth(motion, joint);
+    }
+
+    /// Friction that falls with the joint's temperature.
+    fn add_warmth(&mut self, motion: &Motion, joint: usize) {
+        let kind = "friction_temperature";
+        if temperatures(motion, joint) < STEADY_K {
+            let why = "no temperature was recorded, or it did not change";
+            self.untested.push((kind, Some(joint), why));
+            return;
         }
+        let family = Family {
+            kind,
+            joint: Some(joint),
+            recording: None,
+            columns: Vec::new(),
+            signs: vec![Sign::Any],
+            form: Form::Plain(&["per_K"]),
+            settings: Vec::new(),
+        };
+        self.add(family, vec![Law::Warmth.column(motion, joint)]);
     }
 
     /// A wave of so many cycles at a joint: per revolution, or radians per metre.

@@ -115,9 +115,11 @@ impl Motion {
                 .for_each(|run| run.rows = run.rows.iter().copied().step_by(thin).collect());
             notes.push(format!("of these every {thin}th is used"));
         }
-        let by_current = recordings.iter().any(|recording| {
-            recording.column(Channel::Torque(0)).is_none() && has_torque(&[recording.clone()])
-        });
+        let has_only_current = |recording: &Recording| {
+            let is_torque = |channel| matches!(channel, Channel::Torque(_));
+            !recording.channels().any(is_torque) && has_torque(std::slice::from_ref(recording))
+        };
+        let by_current = recordings.iter().any(has_only_current);
         if by_current {
             notes.push("torque is current times the constants that were told".to_owned());
         }
@@ -126,7 +128,7 @@ impl Motion {
 }
 
 fn report_hz(band_hz: f64) -> String {
-    format!("{:.3}", band_hz).trim_end_matches('0').trim_end_matches('.').to_owned()
+    format!("{band_hz:.3}").trim_end_matches('0').trim_end_matches('.').to_owned()
 }
 
 /// The median step of a recording.

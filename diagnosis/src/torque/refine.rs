@@ -177,7 +177,7 @@ fn loudest(case: &Case, joint: usize, left: &[f64], used: &[bool]) -> Option<f64
         return None;
     }
     let highest = TAU / (per_row * ROWS_PER_CYCLE);
-    let count = (((highest / (0.5 * one)) as usize).max(1)).min(WAVES);
+    let count = ((highest / (0.5 * one)) as usize).clamp(1, WAVES);
     let power = |cycles: f64| {
         let (mut c, mut s) = (0.0, 0.0);
         for (q, rest) in &rows {

@@ -171,6 +171,127 @@ fn condition(kind: &str) -> &'static str {
     }
 }
 
+/// A finding with the words that its sentence needs.
+struct Sentence<'a> {
+    finding: &'a Finding,
+    entry: Option<&'a EffectEntry>,
+    joint: String,
+    slides: bool,
+}
+
+impl Sentence<'_> {
+    /// A number in the unit of the file, to three digits.
+    fn said(&self, stem: &str) -> String {
+        let number = || {
+            let parameter = self.entry?.parameters.iter().find(|p| p.key.starts_with(stem))?;
+            parameter.value.as_slice().first().copied()
+        };
+        number().map_or("some".to_owned(), |value| significant(value, 3))
+    }
+
+    /// The same in SI.
+    fn si(&self, stem: &str) -> f64 {
+        let found = self.finding.numbers.iter().find(|number| number.stem == stem);
+        found.and_then(|number| number.values.first()).copied().unwrap_or(0.0)
+    }
+
+    fn unit(&self) -> &'static str {
+        if self.slides { "N" } else { "Nm" }
+    }
+
+    /// Of friction in all its forms; none for what is no friction.
+    fn of_friction(&self) -> Option<String> {
+        let (joint, unit) = (&self.joint, self.unit());
+        Some(match self.finding.kind {
+            "coulomb_friction" => {
+                format!(
+                    "{joint} has dry friction of {} {unit} that the model lacks.",
+                    self.said("level")
+                )
+            }
+            "viscous_friction" => format!(
+                "{joint} has friction that grows with speed, {} {unit} s per {}.",
+                self.said("coefficient"),
+                if self.slides { "m" } else { "rad" }
+            ),
+            "stribeck_friction" => format!(
+                "{joint} needs {} {unit} more at low speed (Stribeck), gone above {} {}.",
+                self.said("level"),
+                self.said("stribeck_speed"),
+                if self.slides { "m/s" } else { "rad/s" }
+            ),
+            "friction_asymmetry" => {
+                let has = |stem| self.finding.numbers.iter().any(|number| number.stem == stem);
+                let level = format!("by {} {unit}", self.said("offset"));
+                let slope = format!("by {} {unit} per unit of speed", self.said("coefficient"));
+                let form = match (has("offset"), has("coefficient")) {
+                    (true, true) => format!("{level} and {slope}"),
+                    (true, false) => level,
+                    _ => slope,
+                };
+                format!("{joint}'s friction differs by direction, {form}.")
+            }
+            "load_friction" => {
+                let share = significant(100.0 * self.si("coefficient"), 3);
+                format!("{joint}'s friction grows with its load: {share} % of it.")
+            }
+            "hysteresis" => format!(
+                "{joint}'s friction builds up over a distance after each reversal: a loop {} {unit} high.",
+                self.said("amplitude")
+            ),
+            _ => return None,
+        })
+    }
+
+    /// Of masses, drives and springs. `only`: the recording in which it acts, if one.
+    fn of_others(&self, only: Option<&String>) -> String {
+        let (joint, unit) = (&self.joint, self.unit());
+        match self.finding.kind {
+            "inertia" => {
+                let (stem, unit) = if self.slides { ("mass", "kg") } else { ("inertia", "kg m²") };
+                format!(
+                    "{joint} moves more inertia than the model has: {} {unit}.",
+                    self.said(stem)
+                )
+            }
+            "payload" => {
+                let only = only.map_or(String::new(), |name| format!(" in {name}"));
+                format!(
+                    "The arm carries {} kg that the model does not know{only}.",
+                    self.said("mass")
+                )
+            }
+            "torque_ripple" => format!(
+                "{joint}'s torque ripples by {} {unit}, {} cycles per {}.",
+                self.said("amplitude"),
+                self.said("cycles"),
+                if self.slides { "m" } else { "revolution" }
+            ),
+            "spring" => format!(
+                "A spring of {} {unit} per {} pulls at {}.",
+                self.said("stiffness"),
+                if self.slides { "m" } else { "rad" },
+                joint.to_lowercase()
+            ),
+            "drive_gain" => format!(
+                "{joint}'s drive exerts {} % {} than it is said to.",
+                significant(100.0 * self.si("gain").abs(), 2),
+                if self.si("gain") > 0.0 { "less" } else { "more" }
+            ),
+            "torque_delay" => {
+                let late_ms = 1e3 * self.si("delay");
+                let which = if late_ms >= 0.0 {
+                    "Torque is recorded late against motion"
+                } else {
+                    "Motion is recorded late against torque"
+                };
+                format!("{which}, by {} ms.", significant(late_ms.abs(), 2))
+            }
+            other => format!("{joint}: {}.", other.replace('_', " ")),
+        }
+    }
+}
+
 /// Cause and size in a sentence.
 fn says(
     base: &RobotModel,
@@ -178,88 +299,12 @@ fn says(
     finding: &Finding,
     entry: Option<&EffectEntry>,
 ) -> String {
-    let slides = finding
-        .joint
-        .is_some_and(|joint| base.physics.arm.joints()[joint].kind == JointKind::Prismatic);
-    let unit = if slides { "N" } else { "Nm" };
-    let number = |stem: &str| {
-        let parameter = entry?.parameters.iter().find(|p| p.key.starts_with(stem))?;
-        parameter.value.as_slice().first().copied()
-    };
-    let said = |stem: &str| number(stem).map_or("some".to_owned(), |value| significant(value, 3));
-    let si = |stem: &str| {
-        let found = finding.numbers.iter().find(|number| number.stem == stem);
-        found.and_then(|number| number.values.first()).copied().unwrap_or(0.0)
-    };
+    let kind = |joint: usize| base.physics.arm.joints()[joint].kind;
     let joint = finding.joint.map_or("The arm".to_owned(), |joint| format!("Joint {}", joint + 1));
-    match finding.kind {
-        "coulomb_friction" => {
-            format!("{joint} has dry friction of {} {unit} that the model lacks.", said("level"))
-        }
-        "viscous_friction" => format!(
-            "{joint} has friction that grows with speed, {} {unit} s per {}.",
-            said("coefficient"),
-            if slides { "m" } else { "rad" }
-        ),
-        "stribeck_friction" => format!(
-            "{joint} needs {} {unit} more at low speed (Stribeck), gone above {}.",
-            said("level"),
-            said("stribeck_speed")
-        ),
-        "friction_asymmetry" => {
-            let has = |stem| finding.numbers.iter().any(|number| number.stem == stem);
-            let form = match (has("offset"), has("coefficient")) {
-                (true, true) => format!(
-                    "by {} {unit} and {} per unit of speed",
-                    said("offset"),
-                    said("coefficient")
-                ),
-                (true, false) => format!("by {} {unit}", said("offset")),
-                _ => format!("by {} per unit of speed", said("coefficient")),
-            };
-            format!("{joint}'s friction differs by direction, {form}.")
-        }
-        "load_friction" => format!(
-            "{joint}'s friction grows with its load: {} % of it.",
-            significant(100.0 * si("coefficient"), 3)
-        ),
-        "inertia" => format!(
-            "{joint} moves more inertia than the model has: {} {}.",
-            said(if slides { "mass" } else { "inertia" }),
-            if slides { "kg" } else { "kg m²" }
-        ),
-        "payload" => {
-            let name = finding.recording.and_then(|k| drives.recordings.get(k));
-            let only = name.map_or(String::new(), |name| format!(" in {name}"));
-            format!("The arm carries {} kg that the model does not know{only}.", said("mass"))
-        }
-        "torque_ripple" => format!(
-            "{joint}'s torque ripples by {} {unit}, {} cycles per {}.",
-            said("amplitude"),
-            said("cycles"),
-            if slides { "m" } else { "revolution" }
-        ),
-        "spring" => format!("A spring of {} pulls at {}.", said("stiffness"), joint.to_lowercase()),
-        "hysteresis" => format!(
-            "{joint}'s friction builds up over a distance after each reversal: a loop {} {unit} high.",
-            said("amplitude")
-        ),
-        "drive_gain" => format!(
-            "{joint}'s drive exerts {} % {} than it is said to.",
-            significant(100.0 * si("gain").abs(), 2),
-            if si("gain") < 0.0 { "less" } else { "more" }
-        ),
-        "torque_delay" => {
-            let late = 1e3 * si("delay");
-            let which = if late >= 0.0 {
-                "Torque is recorded late against motion"
-            } else {
-                "Motion is recorded late against torque"
-            };
-            format!("{which}, by {} ms.", significant(late.abs(), 2))
-        }
-        other => format!("{joint}: {}.", other.replace('_', " ")),
-    }
+    let slides = finding.joint.is_some_and(|joint| kind(joint) == JointKind::Prismatic);
+    let sentence = Sentence { finding, entry, joint, slides };
+    let only = finding.recording.and_then(|k| drives.recordings.get(k));
+    sentence.of_friction().unwrap_or_else(|| sentence.of_others(only))
 }
 
 /// What would settle what is open.
