@@ -111,6 +111,7 @@ pub fn diagnose(
     let asking = refine::asking(&case, &products, &always);
     let choice = asking.solve(&names);
     let spreads = refine::settle(&mut case, &choice, &always, &seen);
+    let names = likeliest(&weighed(&case, &always, &names));
     let weighed = weighed(&case, &always, &names);
     case.forget_memory();
     Ok(finish(arm, &case, stated, (&always, &weighed), zones, &spreads))
@@ -122,6 +123,19 @@ struct Weighed {
     gain: f64,
     confidence: f64,
     rivals: Vec<Rival>,
+}
+
+/// Names, each in the place of a likelier rival's.
+fn likeliest(weighed: &[Weighed]) -> Vec<usize> {
+    let mut names: Vec<usize> = Vec::new();
+    for one in weighed {
+        let best = one.rivals.first().filter(|rival| rival.confidence > one.confidence);
+        let name = best.map_or(one.name, |rival| rival.place);
+        if !names.contains(&name) {
+            names.push(name);
+        }
+    }
+    names
 }
 
 fn weighed(case: &Case, always: &[usize], names: &[usize]) -> Vec<Weighed> {
@@ -262,16 +276,7 @@ fn finish(
     let unexplained = law(case, &choice);
     let verdict = verdict::verdict(case, &findings, (&given, &choice), unexplained.as_ref());
     let joints: Vec<usize> = case.table.joints().collect();
-    let mut notes = case.motion.notes.clone();
-    notes.extend(zones.iter().map(|zone| zone.says(arm)));
-    if always.len() > case.open.len() {
-        notes.push("the masses that the model states do not fit the torques to the last digit: they were fitted along, within 5 % and 20 mm".to_owned());
-    } else if !case.open.is_empty() {
-        notes.push("masses of which the model says nothing, and numbers of stated uncertainty, were fitted along".to_owned());
-    }
-    if case.motion.by_current && findings.iter().any(|one| one.kind == "payload") {
-        notes.push("a mass is as sure as the motors' constants, about a tenth: weigh the payload, or run once with a known mass".to_owned());
-    }
+    let notes = notes(arm, case, always, &zones, &findings);
     Diagnosis {
         verdict,
         findings,
@@ -289,6 +294,27 @@ fn finish(
         traces: joints.iter().map(|j| view::trace(case, (&given, &choice), *j)).collect(),
         zones,
     }
+}
+
+/// What was done with the data, in words.
+fn notes(
+    arm: &Arm,
+    case: &Case,
+    always: &[usize],
+    zones: &[Zone],
+    findings: &[Finding],
+) -> Vec<String> {
+    let mut notes = case.motion.notes.clone();
+    notes.extend(zones.iter().map(|zone| zone.says(arm)));
+    if always.len() > case.open.len() {
+        notes.push("the masses that the model states do not fit the torques to the last digit: they were fitted along, within 5 % and 20 mm".to_owned());
+    } else if !case.open.is_empty() {
+        notes.push("masses of which the model says nothing, and numbers of stated uncertainty, were fitted along".to_owned());
+    }
+    if case.motion.by_current && findings.iter().any(|one| one.kind == "payload") {
+        notes.push("a mass is as sure as the motors' constants, about a tenth: weigh the payload, or run once with a known mass".to_owned());
+    }
+    notes
 }
 
 /// The fit with the rows of the zones in it: what depends on them is no surer than that.

@@ -16,6 +16,7 @@ mod cli;
 mod clients;
 mod diagnose;
 mod diagnose_garbage;
+mod diagnose_torques;
 mod dynamics;
 mod faults;
 mod force;

@@ -37,6 +37,8 @@ pub struct Rival {
     pub kind: &'static str,
     /// From 0; none for the whole robot.
     pub joint: Option<usize>,
+    /// Its place in the library.
+    pub(super) place: usize,
     /// Which numbers it takes.
     pub stems: Vec<&'static str>,
     /// By how much it is behind in log-likelihood.
@@ -53,7 +55,7 @@ pub struct Rival {
 pub(super) fn stems(family: &Family) -> Vec<&'static str> {
     let mut stems = match family.form {
         Form::Plain(stems) => stems.to_vec(),
-        Form::Loop => vec!["amplitude"],
+        Form::Loop => vec!["amplitude_N"],
         Form::Spring => vec!["stiffness", "rest_position"],
         Form::Wave => vec!["amplitude", "phase"],
         Form::Payload => vec!["mass", "com"],
@@ -90,7 +92,7 @@ pub(super) fn numbers(
             stems.iter().enumerate().map(|(k, stem)| one(*stem, value(k), sigma(k))).collect()
         }
         // The contract's amplitude is the whole height of the loop, the column's a half.
-        Form::Loop => vec![one("amplitude", 2.0 * value(0), 2.0 * sigma(0))],
+        Form::Loop => vec![one("amplitude_N", 2.0 * value(0), 2.0 * sigma(0))],
         Form::Spring => {
             let (stiffness, rest) = (value(0), -value(1) / value(0));
             let of_rest = (sigma(1) / value(0)).hypot(rest * sigma(0) / value(0));
@@ -167,6 +169,7 @@ pub(super) fn rivals(asking: &Asking<'_>, choice: &Choice, name: usize) -> (f64,
         let rival = Rival {
             kind: family.kind,
             joint: family.joint,
+            place: other,
             stems: stems(family),
             behind,
             dearer,

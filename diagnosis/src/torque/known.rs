@@ -93,7 +93,7 @@ impl Stated {
 
     /// The amplitude is the loop's whole height, the law's unit half of it.
     fn memory(&self, motion: &Motion, joint: usize) -> Option<Term> {
-        let (height, sigma) = self.number("amplitude")?;
+        let (height, sigma) = self.number("amplitude_N")?;
         let (distance, _) = self.number("reversal")?;
         let column = Law::Memory { distance }.column(motion, joint);
         Some(Term { column, number: 0.5 * height, sigma: 0.5 * sigma })

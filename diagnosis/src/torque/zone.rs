@@ -78,13 +78,16 @@ pub(super) fn find(
         libm::sqrt(rows.iter().map(|r| left[*r] * left[*r]).sum::<f64>() / rows.len().max(1) as f64)
     };
     let sizes = [size(within), size(beyond)].map(libm::sqrt);
-    let stands_out = sizes[0] > STANDS_OUT * sizes[1] && gain(cut) > GAIN;
+    // Rows at rest are alike, so that little is new in them: what is left must stand out by itself, too.
+    let [inside, outside] = [rms(within), rms(beyond)];
+    let stands_out =
+        sizes[0] > STANDS_OUT * sizes[1] && inside > STANDS_OUT * outside && gain(cut) > GAIN;
     let below = speeds[*beyond.first()?];
     stands_out.then(|| Zone {
         joint,
         below,
         share: within.len() as f64 / count as f64,
-        left: [rms(within), rms(beyond)],
+        left: [inside, outside],
     })
 }
 

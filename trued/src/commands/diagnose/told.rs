@@ -3,6 +3,8 @@
 //! Promises: keys, units and signs of the contract; a change carries the difference. Never: a number that was not found.
 
 mod drives;
+mod file;
+mod lines;
 
 use std::collections::BTreeMap;
 
@@ -15,15 +17,15 @@ use physics::{AnyEffect, Arm, JointKind};
 use report::significant;
 use serde::Serialize;
 
+pub(super) use file::{Whole, json};
+pub(in crate::commands) use lines::lines;
+
 use super::Found;
-use crate::exit::Failure;
 
 /// Standard uncertainties to each side that hold 95 in 100.
 const NINETY_FIVE: f64 = 1.96;
 /// mm per m, mrad per rad.
 const MILLI: f64 = 1e3;
-/// Lines for people, at most.
-const LINES: usize = 12;
 
 #[derive(Serialize)]
 #[expect(non_snake_case, reason = "the contract's keys")]
@@ -325,37 +327,6 @@ impl Place {
     }
 }
 
-/// `diagnosis.json`: one domain's object, or several domains as the contract has them.
-#[derive(Serialize)]
-#[serde(untagged)]
-pub(super) enum Whole<'a> {
-    One(&'a Report),
-    Several { domains: &'a [Report] },
-}
-
-impl<'a> Whole<'a> {
-    pub(super) fn of(reports: &'a [Report]) -> Self {
-        match reports {
-            [one] => Self::One(one),
-            several => Self::Several { domains: several },
-        }
-    }
-}
-
-/// The object by itself.
-pub(super) fn json(reports: &[Report]) -> Result<String, Failure> {
-    #[derive(Serialize)]
-    struct File<'a> {
-        schema: &'static str,
-        #[serde(flatten)]
-        whole: Whole<'a>,
-    }
-    let file = File { schema: "trued.diagnosis/1", whole: Whole::of(reports) };
-    let mut text = serde_json::to_string_pretty(&file).map_err(Failure::system)?;
-    text.push('\n');
-    Ok(text)
-}
-
 impl Report {
     pub(super) fn domain(&self) -> &'static str {
         self.domain
@@ -384,35 +355,6 @@ pub(in crate::commands) fn lead(report: &Report) -> String {
         1 => format!("one effect; {errors}"),
         count => format!("{count} effects; {errors}"),
     }
-}
-
-/// The findings, the rest, and what to do, line by line.
-pub(in crate::commands) fn lines(report: &Report) -> Vec<String> {
-    let mut lines: Vec<String> = Vec::new();
-    for told in report.findings.iter().take(LINES) {
-        let alike = told.alternatives.iter().filter(|other| other.is_alike);
-        let rivals: Vec<String> = alike.map(Alternative::name).collect();
-        let rivals = if rivals.is_empty() {
-            String::new()
-        } else {
-            format!(" (cannot be told from {})", rivals.join(", "))
-        };
-        lines.push(format!(
-            "  {} Confidence {:.2}; held out {} to {} {}{rivals}",
-            told.says,
-            told.confidence,
-            significant(told.heldout_rms_before, 3),
-            significant(told.heldout_rms_after, 3),
-            report.unit
-        ));
-    }
-    if report.findings.len() > LINES {
-        lines.push(format!("  and {} more", report.findings.len() - LINES));
-    }
-    lines.extend(report.unexplained.as_ref().map(|rest| format!("  {}", rest.says)));
-    lines.extend(report.next_experiment.as_ref().map(|next| format!("  next: {next}")));
-    lines.extend(report.notes.iter().map(|note| format!("  {note}")));
-    lines
 }
 
 impl Alternative {
