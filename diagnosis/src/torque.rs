@@ -111,7 +111,7 @@ pub fn diagnose(
     let asking = refine::asking(&case, &products, &always);
     let choice = asking.solve(&names);
     let spreads = refine::settle(&mut case, &choice, &always, &seen);
-    let names = likeliest(&weighed(&case, &always, &names));
+    let names = likeliest(&case, &weighed(&case, &always, &names));
     let weighed = weighed(&case, &always, &names);
     case.forget_memory();
     Ok(finish(arm, &case, stated, (&always, &weighed), zones, &spreads))
@@ -125,13 +125,17 @@ struct Weighed {
     rivals: Vec<Rival>,
 }
 
-/// Names, each in the place of a likelier rival's.
-fn likeliest(weighed: &[Weighed]) -> Vec<usize> {
+/// Names, each in the place of a likelier rival's; one whose rival is another form of a name that stands goes without.
+fn likeliest(case: &Case, weighed: &[Weighed]) -> Vec<usize> {
+    let families = &case.library.families;
     let mut names: Vec<usize> = Vec::new();
     for one in weighed {
         let best = one.rivals.first().filter(|rival| rival.confidence > one.confidence);
         let name = best.map_or(one.name, |rival| rival.place);
-        if !names.contains(&name) {
+        let stands = |other: &usize| *other == name || families[*other].is_kin(&families[name]);
+        let is_there = names.iter().any(stands)
+            || weighed.iter().any(|w| w.name != one.name && stands(&w.name));
+        if name == one.name || !is_there {
             names.push(name);
         }
     }
