@@ -4,7 +4,7 @@
 //! Never: physics, a value invented beyond the ends of what was recorded.
 
 use physics::Arm;
-use recording::series::{Channel, Recording};
+use recording::series::{Channel, Kind, Recording};
 
 use super::filter::{LowPass, derivative};
 
@@ -69,11 +69,12 @@ impl Run {
     }
 }
 
-/// Whether the recordings hold torque, or current with its constants.
+/// Whether the recordings hold torque along a path, or current with its constants. At settled poses stiction may hold anything: nothing is asked of them.
 #[must_use]
 pub fn has_torque(recordings: &[Recording]) -> bool {
-    recordings.iter().any(|recording| {
-        (0..recording.joint_count()).any(|joint| torque(recording, joint).is_some())
+    let some = |torque: Vec<f64>| torque.iter().any(|torque| torque.is_finite());
+    recordings.iter().filter(|recording| recording.about.kind == Kind::Path).any(|recording| {
+        (0..recording.joint_count()).any(|joint| torque(recording, joint).is_some_and(some))
     })
 }
 
@@ -141,7 +142,9 @@ fn step_s(recording: &Recording) -> Option<f64> {
 }
 
 fn runs_of(arm: &Arm, number: usize, recording: &Recording, band_hz: f64) -> Vec<Run> {
-    let Some(step_s) = step_s(recording) else { return Vec::new() };
+    let Some(step_s) = step_s(recording).filter(|_| recording.about.kind == Kind::Path) else {
+        return Vec::new();
+    };
     let joints = arm.count();
     let columns: Vec<Option<&[f64]>> = (0..joints).map(|j| position(recording, j)).collect();
     let torques: Vec<Option<Vec<f64>>> = (0..joints).map(|j| torque(recording, j)).collect();
