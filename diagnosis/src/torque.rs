@@ -1,7 +1,7 @@
 //! What the motors feel and the model does not know: a diagnosis of recorded torque.
 //!
 //! Read in this order: `motion` (torque and motion in one band), `rigid` (what the masses ask for), `columns` and `library` (what may be missing), `case`
-//! (rows and sums), `choose` (which names), `refine`, `zone`, `prove`, `unknown`, `found`.
+//! (rows and sums), `choose` (which names), `refine`, `zone`, `prove`, `unknown`, `found`, `finish`.
 //!
 //! Promises: the same input gives the same bits; held-out rows are seen by no choice and no fit. Never: a file, a name of a data set, the controller's own
 //! tracking error as physics.
@@ -10,6 +10,7 @@ mod case;
 mod choose;
 mod columns;
 mod filter;
+mod finish;
 mod found;
 mod known;
 mod library;
@@ -27,13 +28,13 @@ mod verdict;
 mod view;
 mod zone;
 
-use physics::{Arm, JointKind};
 use recording::series::Recording;
 
 use case::Case;
-use choose::{Asking, Choice};
+use choose::Choice;
 pub use found::{Number, Rival};
 pub use known::Stated;
+use library::Form;
 pub use motion::has_torque;
 pub use result::{Diagnosis, Finding, JointProof};
 pub use unknown::Law;
@@ -66,18 +67,17 @@ pub enum Doubt {
 /// Rows of one joint from which on anything can be said.
 const ROWS_LEAST: usize = 200;
 
-/// Diagnoses the torque of `arm`. `stated`: what the model says of its drives; `band_hz`: of the low-pass, none for the usual one.
+/// Diagnoses the torque of the arm of `stated`; `band_hz`: of the low-pass, none for the usual one.
 ///
 /// # Errors
 /// Recordings that say nothing of torque.
 pub fn diagnose(
-    arm: &Arm,
-    stated: &[Stated],
+    stated: &Stated<'_>,
     recordings: &[Recording],
     band_hz: Option<f64>,
     seed: u64,
 ) -> Result<Diagnosis, Doubt> {
-    let mut case = Case::new(arm, stated, recordings, band_hz, seed);
+    let mut case = Case::new(stated, recordings, band_hz, seed);
     let rows = case.table.rows();
     if rows < ROWS_LEAST {
         return Err(Doubt::FewRows { rows, least: ROWS_LEAST });
@@ -92,7 +92,7 @@ pub fn diagnose(
     case.hear_noise();
     let train = case.rows.train.clone();
     let (_, choice) = named(&mut case, &[], &train);
-    case.reload(&choice.solved);
+    case.reload(&choice);
     case.hear_noise();
     let (always, choice) = named(&mut case, &choice.names, &train);
     let zones = zones(&mut case, &choice, &train);
@@ -112,9 +112,32 @@ pub fn diagnose(
     let choice = asking.solve(&names);
     let spreads = refine::settle(&mut case, &choice, &always, &seen);
     let names = likeliest(&case, &weighed(&case, &always, &names));
+    let names = warmed(&mut case, stated, &always, &names, &seen);
     let weighed = weighed(&case, &always, &names);
     case.forget_memory();
-    Ok(finish(arm, &case, stated, (&always, &weighed), zones, &spreads))
+    Ok(finish::finish(&case, stated, (&always, &weighed), zones, &spreads))
+}
+
+/// Friction that falls with warmth needs friction: without, the name falls.
+fn warmed(
+    case: &mut Case,
+    stated: &Stated<'_>,
+    always: &[usize],
+    names: &[usize],
+    used: &[bool],
+) -> Vec<usize> {
+    let products = case.products(used);
+    let solved = refine::asking(case, &products, always).solve(names).solved;
+    let has_friction = |name: &usize| {
+        let family = &case.library.families[*name];
+        let viscous = |joint: usize| {
+            stated.viscous(joint) + refine::found_viscous(case, names, &solved, joint)
+        };
+        family.form != Form::Warmth || family.joint.is_some_and(|joint| viscous(joint) > 0.0)
+    };
+    let kept: Vec<usize> = names.iter().copied().filter(has_friction).collect();
+    refine::warm(case, &kept, always, used, &|joint| stated.viscous(joint));
+    kept
 }
 
 /// A name with what it brings and its rivals, by likelihoods that know how the noise remembers itself.
@@ -233,143 +256,4 @@ fn confirmed(case: &Case, always: &[usize], choice: Choice) -> Choice {
             _ => return choice,
         }
     }
-}
-
-fn finish(
-    arm: &Arm,
-    case: &Case,
-    stated: &[Stated],
-    (always, weighed): (&[usize], &[Weighed]),
-    zones: Vec<Zone>,
-    spreads: &[(usize, f64)],
-) -> Diagnosis {
-    let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
-    let (seen, held) = (case.rows.seen(), &case.rows.held);
-    let products = case.products(&seen);
-    let asking = refine::asking(case, &products, always);
-    let choice = asking.solve(&names);
-    let given = asking.solve(&[]);
-    let listed = prove::order(case, &asking, &choice, held);
-    let covariance = prove::covariance(case, &choice.solved, &seen);
-    let unzoned = without_zones(case, always, &names, &zones, &seen);
-    let moved = |column: usize| match (&unzoned, choice.solved.value(column)) {
-        (Some(other), Some(value)) => other.solved.value(column).map_or(0.0, |x| x - value),
-        _ => 0.0,
-    };
-    let tcp = arm.tool.tcp.to_array();
-    let finding = |(name, heldout): &(usize, [f64; 2])| {
-        let family = &case.library.families[*name];
-        let spread = spreads.iter().find(|(n, _)| n == name).map_or(0.0, |(_, spread)| *spread);
-        let weighed = weighed.iter().find(|one| one.name == *name);
-        let more = (spread, &moved as &dyn Fn(usize) -> f64, case.motion.by_current);
-        let is_change = stated.iter().any(|s| s.kind == family.kind && s.joint == family.joint);
-        Finding {
-            kind: family.kind,
-            joint: family.joint,
-            recording: family.recording,
-            is_change,
-            numbers: found::numbers(family, &choice.solved, &covariance, more, tcp),
-            confidence: weighed.map_or(0.0, |one| one.confidence),
-            gain: weighed.map_or(0.0, |one| one.gain),
-            rivals: weighed.map_or(Vec::new(), |one| one.rivals.clone()),
-            heldout: *heldout,
-        }
-    };
-    let findings: Vec<Finding> = listed.iter().map(finding).collect();
-    let heldout = [&given, &choice].map(|one| prove::rms(case, &one.solved, held, true));
-    let unexplained = law(case, &choice);
-    let verdict = verdict::verdict(case, &findings, (&given, &choice), unexplained.as_ref());
-    let joints: Vec<usize> = case.table.joints().collect();
-    let notes = notes(arm, case, always, &zones, &findings);
-    Diagnosis {
-        verdict,
-        findings,
-        unexplained,
-        heldout,
-        noise: prove::rms(case, &choice.solved, &seen, true),
-        by_joint: joints.iter().map(|j| proof(case, (&given, &choice), *j)).collect(),
-        signal: signal(case, held),
-        band_hz: case.motion.band_hz,
-        rows: case.table.rows(),
-        says: case.rows.says.clone(),
-        not_tested: case.library.untested.clone(),
-        slides: arm.joints().iter().all(|joint| joint.kind == JointKind::Prismatic),
-        notes,
-        traces: joints.iter().map(|j| view::trace(case, (&given, &choice), *j)).collect(),
-        zones,
-    }
-}
-
-/// What was done with the data, in words.
-fn notes(
-    arm: &Arm,
-    case: &Case,
-    always: &[usize],
-    zones: &[Zone],
-    findings: &[Finding],
-) -> Vec<String> {
-    let mut notes = case.motion.notes.clone();
-    notes.extend(zones.iter().map(|zone| zone.says(arm)));
-    if always.len() > case.open.len() {
-        notes.push("the masses that the model states do not fit the torques to the last digit: they were fitted along, within 5 % and 20 mm".to_owned());
-    } else if !case.open.is_empty() {
-        notes.push("masses of which the model says nothing, and numbers of stated uncertainty, were fitted along".to_owned());
-    }
-    if case.motion.by_current && findings.iter().any(|one| one.kind == "payload") {
-        notes.push("a mass is as sure as the motors' constants, about a tenth: weigh the payload, or run once with a known mass".to_owned());
-    }
-    notes
-}
-
-/// The fit with the rows of the zones in it: what depends on them is no surer than that.
-fn without_zones(
-    case: &Case,
-    always: &[usize],
-    names: &[usize],
-    zones: &[Zone],
-    seen: &[bool],
-) -> Option<Choice> {
-    if zones.is_empty() {
-        return None;
-    }
-    let mut table = case.table.clone();
-    table.counts.iter_mut().for_each(|counts| counts.fill(true));
-    let columns: Vec<&columns::Column> = case.library.columns.iter().collect();
-    let products = table::Products::new(&table, &columns, case.library.prior.clone(), seen);
-    Some(Asking { library: &case.library, products: &products, always }.solve(names))
-}
-
-/// What no name explains, of the joint where it is largest.
-fn law(case: &Case, choice: &Choice) -> Option<Law> {
-    let rows = &case.rows;
-    let one = |joint: usize| {
-        let left = case.residual(&choice.solved, joint);
-        unknown::law(&case.motion, &case.table, joint, &left, [&rows.train, &rows.look, &rows.held])
-    };
-    let explained = |law: &Law| {
-        (law.held[0] - law.held[1])
-            / (case.table.noise[law.joint].1 * case.table.noise[law.joint].1)
-    };
-    let laws = case.table.joints().filter_map(one);
-    laws.max_by(|a, b| explained(a).total_cmp(&explained(b)))
-}
-
-fn proof(case: &Case, (given, choice): (&Choice, &Choice), joint: usize) -> JointProof {
-    let held = &case.rows.held;
-    let outside: Vec<bool> =
-        held.iter().zip(&case.table.counts[joint]).map(|(a, b)| *a && *b).collect();
-    JointProof {
-        joint,
-        torque: view::torque_rms(case, joint, held),
-        before: prove::of_joint(case, &given.solved, joint, held),
-        after: prove::of_joint(case, &choice.solved, joint, held),
-        after_outside: prove::of_joint(case, &choice.solved, joint, &outside),
-        noise: case.table.noise[joint].1,
-    }
-}
-
-fn signal(case: &Case, held: &[bool]) -> f64 {
-    let joints: Vec<f64> =
-        case.table.joints().map(|joint| view::torque_rms(case, joint, held)).collect();
-    libm::sqrt(joints.iter().map(|x| x * x).sum::<f64>() / joints.len().max(1) as f64)
 }

@@ -31,16 +31,21 @@ fn may_become_others(claim: &str) -> bool {
     root
 }
 
-/// A command as that user, who may start the program although the tree's own folders are closed to others.
-fn as_nobody(place: &Place, program: &str) -> Command {
-    let copy = place.file("program");
-    fs::copy(program, &copy).unwrap();
-    fs::set_permissions(&copy, fs::Permissions::from_mode(0o755)).unwrap();
+/// What comes next, as that user.
+fn as_nobody() -> Command {
     let id = NOBODY.to_string();
     let mut command = Command::new("setpriv");
-    command.args(["--reuid", &id, "--regid", &id, "--clear-groups"]).arg(copy);
-    command.env(shm_schema::RUNTIME_DIR_ENV, place.root());
+    command.args(["--reuid", &id, "--regid", &id, "--clear-groups"]);
     command
+}
+
+/// A copy of a program that every user may start: the tree's own folders may be closed to others, and nothing may be
+/// started from `/dev/shm` where it is mounted so.
+fn program_for_all(program: &str) -> PathBuf {
+    let copy = Path::new("/var/tmp").join(format!("trued-it-{:016x}", shm_schema::new_session()));
+    fs::copy(program, &copy).unwrap();
+    fs::set_permissions(&copy, fs::Permissions::from_mode(0o755)).unwrap();
+    copy
 }
 
 /// All of a cell that stands where others may look: its directory, which closes all that is in it, and its blocks.
@@ -96,15 +101,18 @@ fn another_user_is_refused_by_name_and_can_open_nothing() {
     }
     let place = Place::new("full", "");
     let mut daemon = ready(&place);
-    let refused = as_nobody(&place, PROGRAMS.rig).output().unwrap();
-    let words = String::from_utf8_lossy(&refused.stdout).into_owned();
-    assert!(words.contains("user 0") && words.contains(&NOBODY.to_string()), "{words}");
+    let program = program_for_all(PROGRAMS.rig);
+    let refused = Process::spawn(as_nobody().arg(&program), &place);
+    let named = refused.says("user 0", LIMIT) && refused.says(&NOBODY.to_string(), LIMIT);
+    fs::remove_file(&program).unwrap();
+    assert!(named, "{:?}", refused.lines());
+    let may = |operator, path: &Path| {
+        as_nobody().args(["test", operator]).arg(path).status().unwrap().success()
+    };
+    assert!(may("-r", Path::new("/dev/shm")), "the question itself is answered");
     for path in in_memory(&place) {
         for operator in ["-r", "-w"] {
-            let mut test = Command::new("setpriv");
-            let id = NOBODY.to_string();
-            test.args(["--reuid", &id, "--regid", &id, "--clear-groups", "test", operator]);
-            assert!(!test.arg(&path).status().unwrap().success(), "{operator} {}", path.display());
+            assert!(!may(operator, &path), "{operator} {}", path.display());
         }
     }
     assert!(daemon.is_running());

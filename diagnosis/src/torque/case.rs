@@ -3,11 +3,11 @@
 //! Promises: what the model states is taken off the torque before anything is asked; stated uncertainties are fitted along within their bounds.
 //! Never: a choice.
 
-use physics::Arm;
 use physics::dynamics::INERTIAL;
 use recording::series::{Heldout, Recording};
 
-use super::columns::Column;
+use super::choose::Choice;
+use super::columns::{Column, Law};
 use super::known::{Stated, load_column};
 use super::library::{Family, Form, Library, Sign};
 use super::motion::Motion;
@@ -127,13 +127,13 @@ fn apart(motion: &Motion, sets: &[&Vec<bool>]) -> Vec<bool> {
 impl Case {
     /// Reads motion out of the recordings and lists what may be missing.
     pub(super) fn new(
-        arm: &Arm,
-        stated: &[Stated],
+        stated: &Stated<'_>,
         recordings: &[Recording],
         band_hz: Option<f64>,
         seed: u64,
     ) -> Self {
-        let motion = Motion::of(arm, recordings, band_hz);
+        let arm = &stated.model.arm;
+        let motion = Motion::of(arm, stated.delay_s, recordings, band_hz);
         let rows = Rows::of(&motion, recordings, seed);
         let rigid = Rigid::new(arm, &motion);
         let mut library = Library {
@@ -146,23 +146,19 @@ impl Case {
         let all = 0..INERTIAL * arm.count();
         let doubted: Vec<usize> = all.clone().filter(is_stated).collect();
         let mut open: Vec<usize> = all.filter(|k| !is_stated(k)).collect();
-        let mut torque = rigid.stated.clone();
-        for effect in stated {
-            for term in effect.terms(arm, &motion, &rigid.stated) {
-                for (joint, values) in &term.column.parts {
-                    let list = &mut torque[*joint];
-                    list.iter_mut().zip(values).for_each(|(sum, x)| *sum += term.number * x);
-                }
-                if term.sigma > 0.0 {
-                    open.push(library.columns.len());
-                    library.columns.push(term.column);
-                    library.prior.push(1.0 / (term.sigma * term.sigma));
-                }
-            }
+        let known = stated.known(&motion);
+        for (column, sigma) in known.open {
+            open.push(library.columns.len());
+            library.columns.push(column);
+            library.prior.push(1.0 / (sigma * sigma));
         }
+        let sum = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(a, b)| a + b).collect();
+        let torque: Vec<Vec<f64>> = rigid.stated.iter().zip(&known.torque).map(sum).collect();
         let table = table(&motion, &torque);
         let moved: Vec<usize> = table.joints().collect();
-        moved.iter().for_each(|joint| library.add_joint(arm, &motion, *joint));
+        for joint in moved {
+            library.add_joint(arm, &motion, joint, stated.rest(joint));
+        }
         let of_mass = &rigid.columns[INERTIAL * arm.count()..];
         let several = recordings.len() > 1;
         let last_is_known = arm.joints().last().is_some_and(|joint| joint.link.is_some());
@@ -197,7 +193,7 @@ impl Case {
         let joints: Vec<usize> = self.table.joints().collect();
         let whole: Vec<(usize, Vec<f64>)> =
             joints.iter().map(|joint| (*joint, self.modelled(&rich, *joint, &|_| true))).collect();
-        self.library.of_torque(&self.motion, &self.rigid, &whole);
+        self.library.of_torque(&self.motion, &self.stated, &whole);
         for joint in joints {
             let load = self.load(&rich, joint);
             let column = load_column(&self.motion, joint, &load);
@@ -243,8 +239,25 @@ impl Case {
         load
     }
 
-    /// Gives friction that goes with the load the load that this fit tells.
-    pub(super) fn reload(&mut self, solved: &Solved) {
+    /// Gives friction that goes with the load the load that this fit tells, and springs that harden the place where the spring rests.
+    pub(super) fn reload(&mut self, choice: &Choice) {
+        let solved = &choice.solved;
+        for name in &choice.names {
+            let spring = &self.library.families[*name];
+            let values: Vec<f64> = spring.columns.iter().filter_map(|k| solved.value(*k)).collect();
+            let (Form::Spring, Some(joint), [stiffness, level]) =
+                (spring.form, spring.joint, values.as_slice())
+            else {
+                continue;
+            };
+            let column = Law::Cube { rest: -level / stiffness }.column(&self.motion, joint);
+            let mut families = self.library.families.iter();
+            let hardening =
+                families.find(|f| f.kind == "spring_hardening" && f.joint == Some(joint));
+            if let Some(place) = hardening.and_then(|f| f.columns.first().copied()) {
+                self.library.columns[place] = column;
+            }
+        }
         let joints: Vec<usize> = self.table.joints().collect();
         for joint in joints {
             let column = load_column(&self.motion, joint, &self.load(solved, joint));

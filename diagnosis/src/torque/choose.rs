@@ -10,6 +10,8 @@ use super::table::{Products, Solved};
 const MARGIN: f64 = 5.0;
 /// Names at most.
 const MOST: usize = 80;
+/// So many others are tried in a name's place.
+const LIKELY: usize = 3;
 
 /// Names that stand together, with the columns that are in whatever is named.
 #[derive(Clone, Debug)]
@@ -117,19 +119,25 @@ impl Asking<'_> {
         choice.solved.gain - choice.names.iter().map(|name| self.price_of(*name)).sum::<f64>()
     }
 
+    /// What the open names bring beyond their price beside a choice.
+    fn open<'a>(
+        &'a self,
+        choice: &'a Choice,
+        barred: &'a [usize],
+    ) -> impl Iterator<Item = (usize, f64)> + 'a {
+        let families = &self.library.families;
+        let stands = move |name: usize| {
+            choice.names.iter().any(|in_| *in_ == name || families[*in_].is_kin(&families[name]))
+        };
+        (0..families.len())
+            .filter(move |name| !barred.contains(name) && !stands(*name))
+            .map(|name| (name, self.brings(choice, name) - self.price_of(name)))
+    }
+
     /// The name that brings most beyond its price.
     fn best(&self, choice: &Choice, barred: &[usize]) -> Option<(usize, f64)> {
-        let open = (0..self.library.families.len()).filter(|name| {
-            let family = &self.library.families[*name];
-            !barred.contains(name)
-                && !choice
-                    .names
-                    .iter()
-                    .any(|in_| in_ == name || self.library.families[*in_].is_kin(family))
-        });
-        let worth = |name| (name, self.brings(choice, name) - self.price_of(name));
-        let best = open.map(worth).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)))?;
-        (best.1 > MARGIN).then_some(best)
+        let best = self.open(choice, barred).max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+        best.filter(|best| best.1 > MARGIN)
     }
 
     /// Without the names that others make needless, or that took a sign which is not theirs.
@@ -160,32 +168,28 @@ impl Asking<'_> {
         }
     }
 
-    /// With another name or form in the place of one of a joint, where that explains more for its price.
+    /// With another name or form in the place of one of a joint, where that explains more for its price: itself, or as it makes a third name needless.
     fn exchanged(&self, mut choice: Choice, joint: Option<usize>) -> Choice {
         for _ in 0..3 {
-            let mut changed = false;
-            let beside = |name: &usize| self.library.families[*name].joint == joint;
-            for name in choice.names.clone().into_iter().filter(beside) {
-                let others: Vec<usize> =
-                    choice.names.iter().copied().filter(|n| *n != name).collect();
-                let without = self.solve(&others);
-                let Some((other, _)) = self.best(&without, &[]) else { continue };
-                if other == name {
-                    continue;
-                }
-                let mut names = others.clone();
-                names.push(other);
-                let next = self.pruned(self.solve(&names));
-                if self.score(&next) > self.score(&choice) + 1.0 {
-                    choice = next;
-                    changed = true;
-                    break;
-                }
-            }
-            if !changed {
-                break;
-            }
+            let beside = |name: &&usize| self.library.families[**name].joint == joint;
+            let better = |name: &usize| self.exchange(&choice, *name);
+            let Some(next) = choice.names.iter().filter(beside).find_map(better) else { break };
+            choice = next;
         }
         choice
+    }
+
+    /// A better choice with one of the likeliest others in a name's place.
+    fn exchange(&self, choice: &Choice, name: usize) -> Option<Choice> {
+        let others: Vec<usize> = choice.names.iter().copied().filter(|n| *n != name).collect();
+        let without = self.solve(&others);
+        let mut open: Vec<(usize, f64)> = self.open(&without, &[name]).collect();
+        open.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        let with = |(other, _): &(usize, f64)| {
+            let names: Vec<usize> = others.iter().copied().chain([*other]).collect();
+            self.pruned(self.solve(&names))
+        };
+        let likely = open.iter().take(LIKELY).filter(|(_, worth)| *worth > MARGIN);
+        likely.map(with).find(|next| self.score(next) > self.score(choice) + 1.0)
     }
 }

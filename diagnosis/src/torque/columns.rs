@@ -7,7 +7,7 @@
 use super::motion::{Motion, ROOM_C, Track};
 
 /// Below this share of a joint's usual speed it counts as standing.
-const STANDING: f64 = 2e-4;
+pub(super) const STANDING: f64 = 2e-4;
 
 /// One law of one number.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,8 +22,8 @@ pub(super) enum Law {
     One,
     /// `|v|`.
     AbsoluteSpeed,
-    /// `v (T − 20 °C)`.
-    Warmth,
+    /// `v (1 − exp(−k (T − 20 °C)))/k`.
+    Warmth { per_kelvin: f64 },
     /// `a`.
     Acceleration,
     /// `cos q`.
@@ -53,8 +53,11 @@ impl Law {
         let mut all = Vec::new();
         for run in &motion.runs {
             let samples = self.samples(&run.joints[joint], STANDING * usual);
-            let samples = if self.is_sharp() { run.filter.pass(&samples) } else { samples };
-            all.extend(run.rows.iter().map(|row| samples[*row]));
+            if self.is_sharp() {
+                all.extend(run.at_rows(&samples));
+            } else {
+                all.extend(run.rows.iter().map(|row| samples[*row]));
+            }
         }
         Column { parts: vec![(joint, all)] }
     }
@@ -82,8 +85,14 @@ impl Law {
             }
             Self::One => vec![1.0; track.q.len()],
             Self::AbsoluteSpeed => v.map(f64::abs).collect(),
-            Self::Warmth if track.temperature.is_empty() => vec![0.0; track.q.len()],
-            Self::Warmth => v.zip(&track.temperature).map(|(v, t)| v * (t - ROOM_C)).collect(),
+            Self::Warmth { .. } if track.temperature.is_empty() => vec![0.0; track.q.len()],
+            Self::Warmth { per_kelvin } => {
+                let cooled = |t: f64| match per_kelvin {
+                    0.0 => t - ROOM_C,
+                    k => -libm::expm1(-k * (t - ROOM_C)) / k,
+                };
+                v.zip(&track.temperature).map(|(v, t)| v * cooled(*t)).collect()
+            }
             Self::Acceleration => track.a.clone(),
             Self::Cosine => q.map(libm::cos).collect(),
             Self::Sine => q.map(libm::sin).collect(),

@@ -56,6 +56,7 @@ pub(super) fn stems(family: &Family) -> Vec<&'static str> {
     let mut stems = match family.form {
         Form::Plain(stems) => stems.to_vec(),
         Form::Loop => vec!["amplitude_N"],
+        Form::Warmth => vec!["per_K"],
         Form::Spring => vec!["stiffness", "rest_position"],
         Form::Wave => vec!["amplitude", "phase"],
         Form::Payload => vec!["mass", "com"],
@@ -64,32 +65,47 @@ pub(super) fn stems(family: &Family) -> Vec<&'static str> {
     stems
 }
 
-/// The numbers of a name in a fit. `spread`: of its searched number, as a share; `moved`: by how much each column's number depends on rows that were set
-/// apart; `by_current`: torque is as sure as a motor's constant.
-pub(super) fn numbers(
-    family: &Family,
-    solved: &Solved,
-    covariance: &DMatrix<f64>,
-    (spread, moved, by_current): (f64, &dyn Fn(usize) -> f64, bool),
-    tcp: [f64; 3],
-) -> Vec<Number> {
+/// What the numbers of a name are told with.
+pub(super) struct Context<'a> {
+    /// Of the numbers of the fit.
+    pub(super) covariance: &'a DMatrix<f64>,
+    /// Of its searched number, as a share.
+    pub(super) spread: f64,
+    /// By how much each column's number depends on rows that were set apart.
+    pub(super) moved: &'a dyn Fn(usize) -> f64,
+    /// Torque is as sure as a motor's constant.
+    pub(super) by_current: bool,
+    /// The tool centre point at the zero configuration, m.
+    pub(super) tcp: [f64; 3],
+    /// The gain that was found of the joint's drive: what acts is what is recorded over `1 + g`.
+    pub(super) gain: f64,
+    /// The joint's viscous friction, stated and found, as recorded.
+    pub(super) viscous: f64,
+}
+
+/// The numbers of a name in a fit.
+pub(super) fn numbers(family: &Family, solved: &Solved, context: &Context<'_>) -> Vec<Number> {
     let at = |column: usize| solved.columns.iter().position(|k| *k == column);
-    let value = |k: usize| solved.value(family.columns[k]).unwrap_or(0.0);
+    let is_torque = goes_with_torque(family.kind);
+    let is_driven = is_torque || family.kind == "load_friction";
+    let acting = if is_driven { 1.0 / (1.0 + context.gain) } else { 1.0 };
+    let value = |k: usize| acting * solved.value(family.columns[k]).unwrap_or(0.0);
     let shared = |i: usize, j: usize| match (at(family.columns[i]), at(family.columns[j])) {
-        (Some(a), Some(b)) => covariance[(a, b)],
+        (Some(a), Some(b)) => acting * acting * context.covariance[(a, b)],
         _ => 0.0,
     };
-    let scale = if by_current && goes_with_torque(family.kind) { CONSTANT } else { 0.0 };
-    let floor = FLOOR.hypot(scale);
+    let floor = FLOOR.hypot(if context.by_current && is_torque { CONSTANT } else { 0.0 });
     let sigma = |k: usize| {
-        let own = shared(k, k).max(0.0).sqrt().hypot(moved(family.columns[k]));
+        let own = shared(k, k).max(0.0).sqrt().hypot((context.moved)(family.columns[k]));
         own.hypot(floor * value(k))
     };
-    let one =
-        |stem, value: f64, sigma: f64| Number { stem, values: vec![value], sigma: vec![sigma] };
     let mut all = match family.form {
         Form::Plain(stems) => {
             stems.iter().enumerate().map(|(k, stem)| one(*stem, value(k), sigma(k))).collect()
+        }
+        Form::Warmth => {
+            let viscous = context.viscous;
+            vec![one("per_K", -value(0) / viscous, sigma(0) / viscous.abs())]
         }
         // The contract's amplitude is the whole height of the loop, the column's a half.
         Form::Loop => vec![one("amplitude_N", 2.0 * value(0), 2.0 * sigma(0))],
@@ -98,47 +114,53 @@ pub(super) fn numbers(
             let of_rest = (sigma(1) / value(0)).hypot(rest * sigma(0) / value(0));
             vec![one("stiffness", stiffness, sigma(0)), one("rest_position", rest, of_rest)]
         }
-        Form::Wave => {
-            // a sin(x) + b cos(x) = A sin(x + φ).
-            let (a, b) = (value(0), value(1));
-            let amplitude = a.hypot(b);
-            let phase = libm::atan2(b, a);
-            let along = (a * a * shared(0, 0) + b * b * shared(1, 1) + 2.0 * a * b * shared(0, 1))
-                / (amplitude * amplitude);
-            let across = (b * b * shared(0, 0) + a * a * shared(1, 1) - 2.0 * a * b * shared(0, 1))
-                / (amplitude * amplitude);
-            let of_amplitude = along.max(0.0).sqrt().hypot(floor * amplitude);
-            let of_phase = across.max(0.0).sqrt() / amplitude;
-            vec![one("amplitude", amplitude, of_amplitude), one("phase", phase, of_phase)]
-        }
-        Form::Payload => {
-            let mass = value(0);
-            let com = |k: usize| tcp[k] + value(k + 1) / mass;
-            let of_com = |k: usize| {
-                // The first moment and the mass share the torque's scale, which leaves their ratio alone.
-                let own = shared(k + 1, k + 1).max(0.0).sqrt();
-                let of_mass = shared(0, 0).max(0.0).sqrt() * value(k + 1) / mass;
-                (own / mass).hypot(of_mass / mass)
-            };
-            vec![
-                one("mass", mass, sigma(0)),
-                Number {
-                    stem: "com",
-                    values: (0..3).map(com).collect(),
-                    sigma: (0..3).map(of_com).collect(),
-                },
-            ]
-        }
+        Form::Wave => wave([value(0), value(1)], shared, floor),
+        Form::Payload => payload([0, 1, 2, 3].map(value), context.tcp, sigma(0), |k| {
+            shared(k, k).max(0.0).sqrt()
+        }),
     };
     all.extend(
-        family.settings.iter().map(|(stem, value)| one(stem, *value, (spread * value).abs())),
+        family
+            .settings
+            .iter()
+            .map(|(stem, value)| one(stem, *value, (context.spread * value).abs())),
     );
     all
 }
 
+/// `a sin(x) + b cos(x) = A sin(x + φ)`.
+fn wave([a, b]: [f64; 2], shared: impl Fn(usize, usize) -> f64, floor: f64) -> Vec<Number> {
+    let amplitude = a.hypot(b);
+    let square = amplitude * amplitude;
+    let cross = 2.0 * a * b * shared(0, 1);
+    let along = (a * a * shared(0, 0) + b * b * shared(1, 1) + cross) / square;
+    let across = (b * b * shared(0, 0) + a * a * shared(1, 1) - cross) / square;
+    let of_amplitude = along.max(0.0).sqrt().hypot(floor * amplitude);
+    let of_phase = across.max(0.0).sqrt() / amplitude;
+    vec![one("amplitude", amplitude, of_amplitude), one("phase", libm::atan2(b, a), of_phase)]
+}
+
+/// Mass and centre from mass and first moment about the tool centre point. Both share the torque's scale, which leaves the centre alone.
+fn payload(
+    [mass, moment @ ..]: [f64; 4],
+    tcp: [f64; 3],
+    of_mass: f64,
+    own: impl Fn(usize) -> f64,
+) -> Vec<Number> {
+    let com = |k: usize| tcp[k] + moment[k] / mass;
+    let of_com = |k: usize| (own(k + 1) / mass).hypot(own(0) * moment[k] / (mass * mass));
+    let values = (0..3).map(com).collect();
+    let sigma = (0..3).map(of_com).collect();
+    vec![one("mass", mass, of_mass), Number { stem: "com", values, sigma }]
+}
+
+fn one(stem: &'static str, value: f64, sigma: f64) -> Number {
+    Number { stem, values: vec![value], sigma: vec![sigma] }
+}
+
 /// Whether an effect's first numbers are torques: as sure as the torque's scale.
 fn goes_with_torque(kind: &str) -> bool {
-    !matches!(kind, "load_friction" | "drive_gain" | "torque_delay")
+    !matches!(kind, "load_friction" | "drive_gain" | "torque_delay" | "friction_temperature")
 }
 
 /// Other names for what a name explains, the likeliest first, with the probability of the name itself.

@@ -31,6 +31,8 @@ pub(super) enum Form {
     Plain(&'static [&'static str]),
     /// Half the height of a loop.
     Loop,
+    /// Minus viscous friction times what a kelvin takes of it.
+    Warmth,
     /// `K q + c`: stiffness and rest position.
     Spring,
     /// Sine and cosine: amplitude and phase.
@@ -95,8 +97,8 @@ impl Library {
         self.columns.len() - 1
     }
 
-    /// Every name that one joint's torque may lack.
-    pub(super) fn add_joint(&mut self, arm: &Arm, motion: &Motion, joint: usize) {
+    /// Every name that one joint's torque may lack, its spring resting at `rest`.
+    pub(super) fn add_joint(&mut self, arm: &Arm, motion: &Motion, joint: usize, rest: f64) {
         let [low, high] = span(motion, joint);
         let (span, usual) = (high - low, usual_speed(motion, joint));
         if span < STILL {
@@ -113,7 +115,7 @@ impl Library {
         let growing = law(Law::AbsoluteSpeed);
         let acceleration = law(Law::Acceleration);
         let position = law(Law::Position);
-        let cube = law(Law::Cube { rest: 0.5 * (low + high) });
+        let cube = law(Law::Cube { rest });
         let turns = is_angle.then(|| [law(Law::Cosine), law(Law::Sine)]);
         let lowest = lowest_speed(motion, joint);
         let stribeck = STRIBECK.map(|share| (share * usual).max(lowest));
@@ -142,8 +144,7 @@ impl Library {
         let inertia = if is_angle { &["inertia"] } else { &["mass"] };
         put("inertia", &[acceleration], &[any], Form::Plain(inertia), &[]);
         put("spring", &[position, one], &[up, any], Form::Spring, &[]);
-        let middle = [("rest_position", 0.5 * (low + high))];
-        put("spring_hardening", &[cube], &[any], Form::Plain(&["cubic_stiffness"]), &middle);
+        put("spring_hardening", &[cube], &[any], Form::Plain(&["cubic_stiffness"]), &[]);
         if let Some([cosine, sine]) = turns {
             let form = Form::Plain(&["cos", "sin"]);
             put("gravity_torque", &[cosine, sine], &[any, any], form, &[]);
@@ -173,10 +174,10 @@ impl Library {
             recording: None,
             columns: Vec::new(),
             signs: vec![Sign::Any],
-            form: Form::Plain(&["per_K"]),
+            form: Form::Warmth,
             settings: Vec::new(),
         };
-        self.add(family, vec![Law::Warmth.column(motion, joint)]);
+        self.add(family, vec![Law::Warmth { per_kelvin: 0.0 }.column(motion, joint)]);
     }
 
     /// A wave of so many cycles at a joint: per revolution, or radians per metre.

@@ -3,7 +3,7 @@
 //! Promises: gaps are never bridged; what lies between samples is drawn by the cubic through the four nearest; both sides pass the same filter.
 //! Never: physics, a value invented beyond the ends of what was recorded.
 
-use physics::Arm;
+use physics::{Arm, Inputs, JOINTS_MAX};
 use recording::series::{Channel, Kind, Recording};
 
 use super::filter::{LowPass, derivative};
@@ -64,6 +64,24 @@ pub(super) struct Motion {
 }
 
 impl Run {
+    /// The state of the arm at a sample.
+    pub(super) fn inputs(&self, sample: usize) -> Inputs {
+        let mut q = [0.0; JOINTS_MAX];
+        q.iter_mut().zip(&self.joints).for_each(|(q, track)| *q = track.q[sample]);
+        let mut inputs = Inputs::at_rest(q);
+        for (joint, track) in self.joints.iter().enumerate() {
+            inputs.velocity[joint] = track.v[sample];
+            inputs.acceleration[joint] = track.a[sample];
+        }
+        inputs
+    }
+
+    /// Sharp samples in the band of the torque, at the rows.
+    pub(super) fn at_rows(&self, samples: &[f64]) -> Vec<f64> {
+        let passed = self.filter.pass(samples);
+        self.rows.iter().map(|row| passed[*row]).collect()
+    }
+
     pub(super) fn time_s(&self, sample: usize) -> f64 {
         self.start_s + sample as f64 * self.step_s
     }
@@ -94,15 +112,20 @@ fn position(recording: &Recording, joint: usize) -> Option<&[f64]> {
 }
 
 impl Motion {
-    /// Motion of `arm` in `band_hz` (none: [`BAND_HZ`], or a tenth of the slowest rate).
-    pub(super) fn of(arm: &Arm, recordings: &[Recording], band_hz: Option<f64>) -> Self {
+    /// Motion of `arm`, its torques recorded `delay_s` late, in `band_hz` (none: [`BAND_HZ`], or a tenth of the slowest rate).
+    pub(super) fn of(
+        arm: &Arm,
+        delay_s: f64,
+        recordings: &[Recording],
+        band_hz: Option<f64>,
+    ) -> Self {
         let steps = recordings.iter().filter_map(step_s);
         let slowest_hz = 1.0 / steps.fold(1e-6, f64::max);
         let usual = BAND_HZ.min(BAND_SHARE * slowest_hz);
         let band_hz = band_hz.unwrap_or(usual).min(0.4 * slowest_hz);
         let mut runs = Vec::new();
         for (number, recording) in recordings.iter().enumerate() {
-            runs.extend(runs_of(arm, number, recording, band_hz));
+            runs.extend(runs_of(arm, (number, recording), delay_s, band_hz));
         }
         let whole: usize = runs.iter().map(|run: &Run| run.rows.len()).sum();
         let mut notes = vec![format!(
@@ -141,7 +164,12 @@ fn step_s(recording: &Recording) -> Option<f64> {
     steps.get(steps.len() / 2).copied().filter(|step| *step > 0.0)
 }
 
-fn runs_of(arm: &Arm, number: usize, recording: &Recording, band_hz: f64) -> Vec<Run> {
+fn runs_of(
+    arm: &Arm,
+    (number, recording): (usize, &Recording),
+    delay_s: f64,
+    band_hz: f64,
+) -> Vec<Run> {
     let Some(step_s) = step_s(recording).filter(|_| recording.about.kind == Kind::Path) else {
         return Vec::new();
     };
@@ -173,16 +201,17 @@ fn runs_of(arm: &Arm, number: usize, recording: &Recording, band_hz: f64) -> Vec
     let run = |piece: &Vec<usize>| {
         let times: Vec<f64> = piece.iter().map(|row| recording.t_s[*row]).collect();
         let count = ((times[times.len() - 1] - times[0]) / step_s) as usize + 1;
-        let even = |column: &[f64]| {
+        let late = |column: &[f64], delay_s: f64| {
             let samples: Vec<f64> = piece.iter().map(|row| column[*row]).collect();
-            resampled(&times, &samples, step_s, count)
+            resampled(&times, &samples, times[0] + delay_s, step_s, count)
         };
+        let even = |column: &[f64]| late(column, 0.0);
         let filter = LowPass::new(band_hz, 1.0 / step_s);
         let track = |joint: usize| {
             let q = filter.pass(&even(columns[joint]));
             let v = derivative(&q, step_s);
             let a = derivative(&v, step_s);
-            let torque = torques[joint].as_ref().map(|torque| filter.pass(&even(torque)));
+            let torque = torques[joint].as_ref().map(|torque| filter.pass(&late(torque, delay_s)));
             let temperature = recording
                 .column(Channel::JointTemperature(joint))
                 .or_else(|| recording.column(Channel::Ambient))
@@ -216,10 +245,12 @@ fn filled(column: &[f64]) -> Vec<f64> {
 }
 
 /// Samples at even times by the cubic through the four nearest (Lagrange).
-fn resampled(times: &[f64], samples: &[f64], step_s: f64, count: usize) -> Vec<f64> {
+fn resampled(times: &[f64], samples: &[f64], start_s: f64, step_s: f64, count: usize) -> Vec<f64> {
+    let last_s = times.last().copied().unwrap_or(start_s);
     let mut at = 0;
     let value = |k: usize| {
-        let time = times[0] + k as f64 * step_s;
+        // What was delayed is not known beyond the ends.
+        let time = (start_s + k as f64 * step_s).clamp(times[0], last_s);
         while at + 2 < times.len() && times[at + 1] <= time {
             at += 1;
         }
@@ -244,7 +275,7 @@ mod tests {
         let times: Vec<f64> =
             (0..400).map(|k| 0.01 * f64::from(k) + 0.003 * f64::from(k % 3)).collect();
         let samples: Vec<f64> = times.iter().map(|t| libm::sin(3.0 * t)).collect();
-        let even = resampled(&times, &samples, 0.01, 390);
+        let even = resampled(&times, &samples, 0.0, 0.01, 390);
         for (k, value) in even.iter().enumerate() {
             assert!((value - libm::sin(0.03 * k as f64)).abs() < 1e-6, "{k}");
         }

@@ -10,7 +10,7 @@ use super::case::Case;
 use super::choose::{Asking, Choice};
 use super::columns::{Column, Law, lowest_speed, shortest_way, span};
 use super::library::Form;
-use super::table::Products;
+use super::table::{Products, Solved};
 
 /// First and last share by which a number is moved to see the bend.
 const STEPS: [f64; 4] = [0.3, 0.15, 0.07, 0.03];
@@ -18,6 +18,8 @@ const STEPS: [f64; 4] = [0.3, 0.15, 0.07, 0.03];
 const LEAP: f64 = 2.0;
 /// Of a joint's span, a memory turns over within this share: one that takes longer is a spring.
 const LONGEST: f64 = 0.15;
+/// Rounds until a bend and its number agree.
+const ROUNDS: usize = 4;
 /// Waves between the longest and the shortest that are looked for at most.
 const WAVES: usize = 400;
 /// Rows per cycle, at least, that a ripple needs at the usual speed.
@@ -95,6 +97,38 @@ pub(super) fn settle(
         spreads.push((name, spread));
     }
     spreads
+}
+
+/// Bends each friction that falls with warmth by as much as its own number says, until both agree; `viscous`: the stated friction of a joint.
+pub(super) fn warm(
+    case: &mut Case,
+    names: &[usize],
+    always: &[usize],
+    used: &[bool],
+    viscous: &dyn Fn(usize) -> f64,
+) {
+    for &name in names {
+        let family = &case.library.families[name];
+        let (Form::Warmth, Some(joint)) = (family.form, family.joint) else { continue };
+        let place = family.columns[0];
+        for _ in 0..ROUNDS {
+            let products = case.products(used);
+            let solved = asking(case, &products, always).solve(names).solved;
+            let friction = viscous(joint) + found_viscous(case, names, &solved, joint);
+            let per_kelvin = -solved.value(place).unwrap_or(0.0) / friction;
+            if !per_kelvin.is_finite() {
+                break;
+            }
+            case.library.columns[place] = Law::Warmth { per_kelvin }.column(&case.motion, joint);
+        }
+    }
+}
+
+/// The viscous friction that was found of a joint.
+pub(super) fn found_viscous(case: &Case, names: &[usize], solved: &Solved, joint: usize) -> f64 {
+    let families = names.iter().map(|name| &case.library.families[*name]);
+    let mut viscous = families.filter(|f| f.kind == "viscous_friction" && f.joint == Some(joint));
+    viscous.next().and_then(|f| solved.value(f.columns[0])).unwrap_or(0.0)
 }
 
 /// Gives a name's searched number another value.

@@ -6,7 +6,7 @@
 
 use glam::{DMat3, DVec3};
 use physics::dynamics::{INERTIAL, Inertial, Regressor};
-use physics::{Arm, Body, Chain, Inputs, JOINTS_MAX};
+use physics::{Arm, Body, Chain, JOINTS_MAX};
 
 use super::columns::Column;
 use super::motion::Motion;
@@ -24,18 +24,6 @@ pub(super) struct Rigid {
     pub(super) columns: Vec<Column>,
     /// What is believed of each number but the payload's: its standard deviation.
     pub(super) beliefs: Vec<f64>,
-}
-
-fn inputs(motion: &Motion, run: usize, sample: usize) -> Inputs {
-    let mut q = [0.0; JOINTS_MAX];
-    let tracks = &motion.runs[run].joints;
-    q.iter_mut().zip(tracks).for_each(|(q, track)| *q = track.q[sample]);
-    let mut inputs = Inputs::at_rest(q);
-    for (joint, track) in tracks.iter().enumerate() {
-        inputs.velocity[joint] = track.v[sample];
-        inputs.acceleration[joint] = track.a[sample];
-    }
-    inputs
 }
 
 /// Columns of one body about `point`, one joint after the other: mass, first moment, inertia.
@@ -69,9 +57,9 @@ impl Rigid {
             column.parts = (0..=body).map(|joint| (joint, Vec::with_capacity(rows))).collect();
         }
         let mut stated = vec![Vec::with_capacity(rows); count];
-        for (run, one) in motion.runs.iter().enumerate() {
+        for one in &motion.runs {
             for &sample in &one.rows {
-                let inputs = inputs(motion, run, sample);
+                let inputs = one.inputs(sample);
                 let torque = physics::dynamics::inverse_dynamics(arm, &inputs);
                 stated.iter_mut().zip(torque.iter()).for_each(|(list, torque)| list.push(*torque));
                 let chain = Chain::nominal(arm, &inputs.q);

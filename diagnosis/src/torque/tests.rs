@@ -1,13 +1,15 @@
 //! Torques of a slider and of a pendulum whose physics is known, with noise that is not.
 
-use physics::{Arm, Body, Joint, JointKind, Tool};
+use physics::{
+    AnyEffect, Arm, Body, Given, Inputs, JOINTS_MAX, Joint, JointKind, Memories, Model, Tool,
+};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::StandardNormal;
 use recording::series::{Channel, Recording};
 
-use super::{Diagnosis, Stated, diagnose};
+use super::{Diagnosis, Doubt, Stated, diagnose};
 use crate::diagnose::Verdict;
 use glam::{DMat3, DVec3};
 
@@ -55,8 +57,15 @@ fn slider(link: bool) -> Arm {
     arm(JointKind::Prismatic, link.then(|| Body::point_mass(MASS, DVec3::ZERO)))
 }
 
-fn of(arm: &Arm, stated: &[Stated], recording: Recording) -> Diagnosis {
-    diagnose(arm, stated, &[recording], None, 1).unwrap()
+fn told(arm: &Arm, effects: &[AnyEffect], recording: Recording) -> Result<Diagnosis, Doubt> {
+    let model = Model::new(*arm, effects).unwrap();
+    let sigma = vec![vec![0.0; 8]; effects.len()];
+    let stated = Stated { model: &model, sigma: &sigma, delay_s: 0.0 };
+    diagnose(&stated, &[recording], None, 1)
+}
+
+fn of(arm: &Arm, effects: &[AnyEffect], recording: Recording) -> Diagnosis {
+    told(arm, effects, recording).unwrap()
 }
 
 fn number(diagnosis: &Diagnosis, kind: &str) -> Option<(f64, f64)> {
@@ -84,10 +93,9 @@ fn friction_that_was_left_out_is_named_with_its_size() {
 #[test]
 fn a_model_that_knows_its_friction_is_consistent() {
     let force = |[_, v, a]: [f64; 3]| MASS * a + 20.0 * v.signum();
-    let number = ("level".to_owned(), 20.0, 0.0);
-    let kind = "coulomb_friction".to_owned();
-    let stated = [Stated { kind, joint: Some(0), numbers: vec![number] }];
-    let found = of(&slider(true), &stated, recording(JointKind::Prismatic, 1.0, force));
+    let arm = slider(true);
+    let known = effect(&arm, "coulomb_friction", &[("level", &[20.0])]);
+    let found = of(&arm, &[known], recording(JointKind::Prismatic, 1.0, force));
     assert_eq!(found.verdict, Verdict::Consistent, "{:?}", found.findings);
 }
 
@@ -122,11 +130,11 @@ fn a_recording_without_motion_or_of_few_rows_is_a_doubt() {
     let force = |[_, _, a]: [f64; 3]| MASS * a;
     let mut still = recording(JointKind::Prismatic, 1.0, force);
     still.set(Channel::Motor(0), vec![0.5; still.len()]);
-    assert!(diagnose(&slider(true), &[], &[still], None, 1).is_err());
+    assert!(told(&slider(true), &[], still).is_err());
     let mut short = Recording::new((0..50).map(|k| 1e-3 * f64::from(k)).collect());
     short.set(Channel::Motor(0), vec![0.0; 50]);
     short.set(Channel::Torque(0), vec![f64::NAN; 50]);
-    assert!(diagnose(&slider(true), &[], &[short], None, 1).is_err());
+    assert!(told(&slider(true), &[], short).is_err());
 }
 
 #[test]
@@ -134,4 +142,83 @@ fn the_same_recording_gives_the_same_bits() {
     let force = |[_, v, a]: [f64; 3]| MASS * a + 20.0 * v.signum();
     let one = || of(&slider(false), &[], recording(JointKind::Prismatic, 1.0, force));
     assert_eq!(one().heldout, one().heldout);
+}
+
+fn effect(arm: &Arm, kind: &str, given: &[(&str, &[f64])]) -> AnyEffect {
+    AnyEffect::build(kind, arm, Some(0), Given(given)).expect(kind)
+}
+
+fn near(found: &Diagnosis, kind: &str, truth: f64, share: f64) {
+    let (value, sigma) = number(found, kind).unwrap_or_else(|| panic!("{:?}", found.findings));
+    assert!((value - truth).abs() < share * truth.abs() + 3.0 * sigma, "{kind} {value} {sigma}");
+    assert!(sigma < 0.3 * truth.abs(), "{kind} {value} {sigma}");
+}
+
+#[test]
+fn a_drive_that_is_recorded_too_large_leaves_its_friction_the_size_that_acts() {
+    let arm = slider(true);
+    // Beside the mass alone a gain would be more mass.
+    let known = effect(&arm, "viscous_friction", &[("coefficient", &[150.0])]);
+    let force = |[_, v, a]: [f64; 3]| 1.08 * (MASS * a + 20.0 * v.signum() + 150.0 * v);
+    let found = of(&arm, &[known], recording(JointKind::Prismatic, 0.5, force));
+    near(&found, "drive_gain", 0.08, 0.02);
+    near(&found, "coulomb_friction", 20.0, 0.01);
+}
+
+#[test]
+fn oil_that_thins_is_told_by_what_a_kelvin_takes_of_the_friction_that_is_known() {
+    let arm = slider(true);
+    let viscous = effect(&arm, "viscous_friction", &[("coefficient", &[150.0])]);
+    let mut made = recording(JointKind::Prismatic, 0.5, |_| 0.0);
+    let warm = |t: f64| 20.0 + 15.0 * t / 40.0;
+    let force = |t: f64| {
+        let [_, v, a] = motion(t);
+        MASS * a + 150.0 * v * libm::exp(-0.02 * (warm(t) - 20.0))
+    };
+    let noise = made.column(Channel::Torque(0)).unwrap().to_vec();
+    let t_s = made.t_s.clone();
+    made.set(Channel::Torque(0), t_s.iter().zip(noise).map(|(t, n)| force(*t) + n).collect());
+    made.set(Channel::Ambient, t_s.iter().map(|t| warm(*t)).collect());
+    let found = of(&arm, &[viscous], made);
+    near(&found, "friction_temperature", 0.02, 0.03);
+}
+
+#[test]
+fn a_spring_that_hardens_does_so_from_where_it_rests() {
+    let arm = slider(true);
+    let spring = effect(&arm, "spring", &[("stiffness", &[1000.0]), ("rest_position", &[0.06])]);
+    let force = |[q, _, a]: [f64; 3]| {
+        MASS * a + 1000.0 * (q - 0.06) + 4e4 * (q - 0.06) * (q - 0.06) * (q - 0.06)
+    };
+    let found = of(&arm, &[spring], recording(JointKind::Prismatic, 0.5, force));
+    near(&found, "spring_hardening", 4e4, 0.02);
+    assert_eq!(found.findings.len(), 1, "{:?}", found.findings);
+}
+
+#[test]
+fn what_the_model_states_of_its_drives_is_no_finding_whatever_its_law() {
+    let arm = slider(true);
+    let ripple: &[(&str, &[f64])] =
+        &[("amplitude", &[6.0]), ("cycles", &[200.0]), ("phase", &[0.4])];
+    let loop_: &[(&str, &[f64])] = &[("amplitude_N", &[14.0]), ("reversal", &[4e-3])];
+    let known = [effect(&arm, "torque_ripple", ripple), effect(&arm, "hysteresis", loop_)];
+    let model = Model::new(arm, &known).unwrap();
+    let mut made = recording(JointKind::Prismatic, 0.5, |_| 0.0);
+    let noise = made.column(Channel::Torque(0)).unwrap().to_vec();
+    let mut memories = Memories::default();
+    let mut before = None;
+    let t_s = made.t_s.clone();
+    let row = |(t, noise): (&f64, f64)| {
+        let [q, v, a] = motion(*t);
+        let mut inputs = Inputs::at_rest([0.0; JOINTS_MAX]);
+        (inputs.q[0], inputs.velocity[0], inputs.acceleration[0]) = (q, v, a);
+        inputs.q_before[0] = before.unwrap_or(q);
+        before = Some(q);
+        model.advance(&inputs, &mut memories);
+        model.drive(&inputs, &memories).recorded(0) + noise
+    };
+    let torques = t_s.iter().zip(noise).map(row).collect();
+    made.set(Channel::Torque(0), torques);
+    assert_eq!(of(&arm, &known, made.clone()).verdict, Verdict::Consistent);
+    assert_ne!(of(&arm, &[], made).verdict, Verdict::Consistent);
 }

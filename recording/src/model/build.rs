@@ -18,8 +18,9 @@ pub(super) type EntryFault = (Option<usize>, Fault);
 pub(super) fn build(file: ModelFile) -> Result<RobotModel, Vec<EntryFault>> {
     let physics = Model::nominal(arm(&file).map_err(|fault| vec![(None, *fault)])?);
     let hash = content_hash(file.to_toml().as_bytes());
-    let (entry_of, sigma, not_compensated, drives) = Default::default();
-    let mut model = RobotModel { file, physics, entry_of, sigma, not_compensated, drives, hash };
+    let (entry_of, sigma, not_compensated, drives, drives_sigma) = Default::default();
+    let mut model =
+        RobotModel { file, physics, entry_of, sigma, not_compensated, drives, drives_sigma, hash };
     let mut faults = Vec::new();
     for at in 0..model.file.effects.len() {
         if let Err(fault) = model.take_effect(at) {
@@ -44,14 +45,16 @@ impl RobotModel {
             return Ok(());
         };
         let effect = effect(entry, spec, &arm).map_err(fault)?;
+        let sigma = entry.sigma_si(spec, kind_at(entry, &arm), effect.values().len());
         if compensated(spec) {
             self.physics.push(effect).map_err(|error| fault(error.to_string()))?;
             self.entry_of.push(at);
-            self.sigma.push(entry.sigma_si(spec, kind_at(entry, &arm), effect.values().len()));
+            self.sigma.push(sigma);
         } else {
             self.not_compensated.push(at);
             if spec.acts_on == ActsOn::DriveTorque {
                 self.drives.push(effect);
+                self.drives_sigma.push(sigma);
             }
         }
         Ok(())

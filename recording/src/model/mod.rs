@@ -185,6 +185,8 @@ pub struct RobotModel {
     pub not_compensated: Vec<usize>,
     /// Those of them that the drives feel at a sample: no part of `physics`, since nothing moves by them.
     pub drives: Vec<physics::AnyEffect>,
+    /// For each of `drives`: as `sigma`.
+    pub drives_sigma: Vec<Vec<f64>>,
     /// Hash of the document as it is written: the same for the same numbers, whatever the comments.
     pub hash: u64,
 }

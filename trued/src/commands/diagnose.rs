@@ -92,7 +92,8 @@ impl Diagnose {
         self.check(&outputs(&self.out))?;
         let seed = self.seed.settle();
         let drives = drives::are_recorded(&recordings)
-            .then(|| Drives::of(&model, &recordings, self.band, seed));
+            .then(|| Drives::of(&model, &recordings, self.band, seed))
+            .transpose()?;
         let found = Found { drives, ..Found::of(model, recordings, seed)? };
         let reports = found.reports();
         found.write(&reports, &self.out)?;

@@ -6,6 +6,8 @@ use diagnosis::torque::{self, Diagnosis, Doubt, Finding, Stated};
 use recording::model::{EffectEntry, Numbers, RobotModel, SiParameter};
 use recording::series::{Channel, Recording};
 
+use crate::exit::Failure;
+
 /// What was found in the torques.
 pub(super) struct Drives {
     pub(super) result: Result<Diagnosis, Doubt>,
@@ -42,17 +44,17 @@ impl Drives {
         recordings: &[Recording],
         band_hz: Option<f64>,
         seed: u64,
-    ) -> Self {
-        let stated: Vec<Stated> =
-            base.file.effects.iter().filter_map(|entry| stated(base, entry)).collect();
-        let arm = &base.physics.arm;
+    ) -> Result<Self, Failure> {
         let name = |recording: &Recording| {
             recording.file.file_name().map_or(String::new(), |n| n.to_string_lossy().into_owned())
         };
-        Self {
-            result: torque::diagnose(arm, &stated, recordings, band_hz, seed),
+        let model = base.with_drives().map_err(Failure::input)?;
+        let sigma: Vec<Vec<f64>> = base.sigma.iter().chain(&base.drives_sigma).cloned().collect();
+        let stated = Stated { model: &model, sigma: &sigma, delay_s: delay_s(base) };
+        Ok(Self {
+            result: torque::diagnose(&stated, recordings, band_hz, seed),
             recordings: recordings.iter().map(name).collect(),
-        }
+        })
     }
 
     /// The model's effects with what was found.
@@ -109,20 +111,9 @@ pub(super) fn entry(base: &RobotModel, finding: &Finding) -> Option<EffectEntry>
     EffectEntry::from_si(&base.physics.arm, finding.kind, finding.joint, &parameters)
 }
 
-/// An effect of the model in SI, by stems.
-fn stated(base: &RobotModel, entry: &EffectEntry) -> Option<Stated> {
-    let numbers = entry.to_si(&base.physics.arm)?;
-    let number = |(stem, values): &(&'static str, Vec<f64>)| {
-        let value = values.first().copied()?;
-        let given = entry.parameters.iter().find(|p| p.key.starts_with(stem))?;
-        let own = given.value.as_slice().first().copied().filter(|own| *own != 0.0);
-        let sigma = given.sigma.as_ref().and_then(|sigma| sigma.as_slice().first().copied());
-        let si = own.map_or(1.0, |own| value / own);
-        Some(((*stem).to_owned(), value, (sigma.unwrap_or(0.0) * si).abs()))
-    };
-    Some(Stated {
-        kind: entry.kind.clone(),
-        joint: entry.joint.map(|joint| joint - 1),
-        numbers: numbers.iter().filter_map(number).collect(),
-    })
+/// By how much the model says that torques are recorded late, s.
+fn delay_s(base: &RobotModel) -> f64 {
+    let delays = base.file.effects.iter().filter(|entry| entry.kind == "torque_delay");
+    let values = delays.filter_map(|entry| entry.to_si(&base.physics.arm));
+    values.flatten().flat_map(|(_, values)| values).sum()
 }

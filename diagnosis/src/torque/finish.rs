@@ -1,0 +1,170 @@
+//! The result of a diagnosis of torque: names with their numbers, what they bring on held-out rows, what remains.
+//!
+//! Promises: held-out rows are read here first, and change no choice.
+
+use physics::{Arm, JointKind};
+
+use super::case::Case;
+use super::choose::{Asking, Choice};
+use super::zone::Zone;
+use super::{
+    Diagnosis, Finding, JointProof, Law, Stated, Weighed, columns, found, prove, refine, table,
+    unknown, verdict, view,
+};
+
+pub(super) fn finish(
+    case: &Case,
+    stated: &Stated<'_>,
+    (always, weighed): (&[usize], &[Weighed]),
+    zones: Vec<Zone>,
+    spreads: &[(usize, f64)],
+) -> Diagnosis {
+    let arm = &stated.model.arm;
+    let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
+    let (seen, held) = (case.rows.seen(), &case.rows.held);
+    let products = case.products(&seen);
+    let asking = refine::asking(case, &products, always);
+    let choice = asking.solve(&names);
+    let given = asking.solve(&[]);
+    let listed = prove::order(case, &asking, &choice, held);
+    let covariance = prove::covariance(case, &choice.solved, &seen);
+    let unzoned = without_zones(case, always, &names, &zones, &seen);
+    let moved = |column: usize| match (&unzoned, choice.solved.value(column)) {
+        (Some(other), Some(value)) => other.solved.value(column).map_or(0.0, |x| x - value),
+        _ => 0.0,
+    };
+    let finding = |(name, heldout): &(usize, [f64; 2])| {
+        let family = &case.library.families[*name];
+        let spread = spreads.iter().find(|(n, _)| n == name).map_or(0.0, |(_, spread)| *spread);
+        let weighed = weighed.iter().find(|one| one.name == *name);
+        let viscous = |joint| viscous(case, stated, &choice, joint);
+        let context = found::Context {
+            covariance: &covariance,
+            spread,
+            moved: &moved,
+            by_current: case.motion.by_current,
+            tcp: arm.tool.tcp.to_array(),
+            gain: gain(case, &choice, family.joint),
+            viscous: family.joint.map_or(0.0, viscous),
+        };
+        Finding {
+            kind: family.kind,
+            joint: family.joint,
+            recording: family.recording,
+            is_change: stated.has(family.kind, family.joint),
+            numbers: found::numbers(family, &choice.solved, &context),
+            confidence: weighed.map_or(0.0, |one| one.confidence),
+            gain: weighed.map_or(0.0, |one| one.gain),
+            rivals: weighed.map_or(Vec::new(), |one| one.rivals.clone()),
+            heldout: *heldout,
+        }
+    };
+    let findings: Vec<Finding> = listed.iter().map(finding).collect();
+    let heldout = [&given, &choice].map(|one| prove::rms(case, &one.solved, held, true));
+    let unexplained = law(case, &choice);
+    let verdict = verdict::verdict(case, &findings, (&given, &choice), unexplained.as_ref());
+    let joints: Vec<usize> = case.table.joints().collect();
+    Diagnosis {
+        verdict,
+        notes: notes(arm, case, always, &zones, &findings),
+        findings,
+        unexplained,
+        heldout,
+        noise: prove::rms(case, &choice.solved, &seen, true),
+        by_joint: joints.iter().map(|j| proof(case, (&given, &choice), *j)).collect(),
+        signal: signal(case, held),
+        band_hz: case.motion.band_hz,
+        rows: case.table.rows(),
+        says: case.rows.says.clone(),
+        not_tested: case.library.untested.clone(),
+        slides: arm.joints().iter().all(|joint| joint.kind == JointKind::Prismatic),
+        traces: joints.iter().map(|j| view::trace(case, (&given, &choice), *j)).collect(),
+        zones,
+    }
+}
+
+/// A joint's viscous friction, stated and found.
+fn viscous(case: &Case, stated: &Stated<'_>, choice: &Choice, joint: usize) -> f64 {
+    stated.viscous(joint) + refine::found_viscous(case, &choice.names, &choice.solved, joint)
+}
+
+/// The gain that was found of a joint's drive.
+fn gain(case: &Case, choice: &Choice, joint: Option<usize>) -> f64 {
+    let families = choice.names.iter().map(|name| &case.library.families[*name]);
+    let mut gains = families.filter(|f| f.kind == "drive_gain" && f.joint == joint);
+    gains.next().and_then(|f| choice.solved.value(f.columns[0])).unwrap_or(0.0)
+}
+
+/// What was done with the data, in words.
+fn notes(
+    arm: &Arm,
+    case: &Case,
+    always: &[usize],
+    zones: &[Zone],
+    findings: &[Finding],
+) -> Vec<String> {
+    let mut notes = case.motion.notes.clone();
+    notes.extend(zones.iter().map(|zone| zone.says(arm)));
+    if always.len() > case.open.len() {
+        notes.push("the masses that the model states do not fit the torques to the last digit: they were fitted along, within 5 % and 20 mm".to_owned());
+    } else if !case.open.is_empty() {
+        notes.push("masses of which the model says nothing, and numbers of stated uncertainty, were fitted along".to_owned());
+    }
+    if case.motion.by_current && findings.iter().any(|one| one.kind == "payload") {
+        notes.push("a mass is as sure as the motors' constants, about a tenth: weigh the payload, or run once with a known mass".to_owned());
+    }
+    notes
+}
+
+/// The fit with the rows of the zones in it: what depends on them is no surer than that.
+fn without_zones(
+    case: &Case,
+    always: &[usize],
+    names: &[usize],
+    zones: &[Zone],
+    seen: &[bool],
+) -> Option<Choice> {
+    if zones.is_empty() {
+        return None;
+    }
+    let mut table = case.table.clone();
+    table.counts.iter_mut().for_each(|counts| counts.fill(true));
+    let columns: Vec<&columns::Column> = case.library.columns.iter().collect();
+    let products = table::Products::new(&table, &columns, case.library.prior.clone(), seen);
+    Some(Asking { library: &case.library, products: &products, always }.solve(names))
+}
+
+/// What no name explains, of the joint where it is largest.
+fn law(case: &Case, choice: &Choice) -> Option<Law> {
+    let rows = &case.rows;
+    let one = |joint: usize| {
+        let left = case.residual(&choice.solved, joint);
+        unknown::law(&case.motion, &case.table, joint, &left, [&rows.train, &rows.look, &rows.held])
+    };
+    let explained = |law: &Law| {
+        (law.held[0] - law.held[1])
+            / (case.table.noise[law.joint].1 * case.table.noise[law.joint].1)
+    };
+    let laws = case.table.joints().filter_map(one);
+    laws.max_by(|a, b| explained(a).total_cmp(&explained(b)))
+}
+
+fn proof(case: &Case, (given, choice): (&Choice, &Choice), joint: usize) -> JointProof {
+    let held = &case.rows.held;
+    let outside: Vec<bool> =
+        held.iter().zip(&case.table.counts[joint]).map(|(a, b)| *a && *b).collect();
+    JointProof {
+        joint,
+        torque: view::torque_rms(case, joint, held),
+        before: prove::of_joint(case, &given.solved, joint, held),
+        after: prove::of_joint(case, &choice.solved, joint, held),
+        after_outside: prove::of_joint(case, &choice.solved, joint, &outside),
+        noise: case.table.noise[joint].1,
+    }
+}
+
+fn signal(case: &Case, held: &[bool]) -> f64 {
+    let joints: Vec<f64> =
+        case.table.joints().map(|joint| view::torque_rms(case, joint, held)).collect();
+    libm::sqrt(joints.iter().map(|x| x * x).sum::<f64>() / joints.len().max(1) as f64)
+}
