@@ -101,7 +101,7 @@ pub(super) fn numbers(family: &Family, solved: &Solved, context: &Context<'_>) -
     };
     let mut all = match family.form {
         Form::Plain(stems) => {
-            stems.iter().enumerate().map(|(k, stem)| one(*stem, value(k), sigma(k))).collect()
+            stems.iter().enumerate().map(|(k, stem)| one(stem, value(k), sigma(k))).collect()
         }
         Form::Warmth => {
             let viscous = context.viscous;
