@@ -6,6 +6,7 @@
 use physics::dynamics::INERTIAL;
 use recording::series::{Heldout, Recording};
 
+use super::ROWS_LEAST;
 use super::choose::Choice;
 use super::columns::{Column, Law};
 use super::known::{Stated, load_column};
@@ -154,10 +155,15 @@ impl Case {
         }
         let sum = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(a, b)| a + b).collect();
         let torque: Vec<Vec<f64>> = rigid.stated.iter().zip(&known.torque).map(sum).collect();
-        let table = table(&motion, &torque);
-        let moved: Vec<usize> = table.joints().collect();
-        for joint in moved {
-            library.add_joint(arm, &motion, joint, stated.rest(joint));
+        let mut table = table(&motion, &torque);
+        let recorded: Vec<usize> = table.joints().collect();
+        for joint in recorded {
+            if table.moves[joint].iter().filter(|moves| **moves).count() < ROWS_LEAST {
+                table.target[joint] = None;
+                library.skip_joint(joint);
+            } else {
+                library.add_joint(arm, &motion, joint, stated.rest(joint));
+            }
         }
         let of_mass = &rigid.columns[INERTIAL * arm.count()..];
         let several = recordings.len() > 1;
@@ -321,10 +327,12 @@ fn table(motion: &Motion, stated: &[Vec<f64>]) -> Table {
         }
         Some(all.iter().zip(&stated[joint]).map(|(torque, stated)| torque - stated).collect())
     };
+    let moves: Vec<Vec<bool>> = (0..stated.len()).map(|joint| motion.moves(joint)).collect();
     Table {
         runs,
         target: (0..stated.len()).map(target).collect(),
-        counts: vec![vec![true; rows]; stated.len()],
+        counts: moves.clone(),
+        moves,
         noise: vec![(Colour::default(), 1.0); stated.len()],
     }
 }

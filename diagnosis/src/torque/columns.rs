@@ -149,15 +149,6 @@ pub(super) fn lowest_speed(motion: &Motion, joint: usize) -> f64 {
     0.25 * usual_acceleration(motion, joint) / motion.band_hz
 }
 
-/// The span of a joint's positions in the rows of all runs.
-pub(super) fn span(motion: &Motion, joint: usize) -> [f64; 2] {
-    let all = motion.runs.iter().flat_map(|run| {
-        let track = &run.joints[joint];
-        run.rows.iter().map(|row| track.q[*row])
-    });
-    all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], q| [low.min(q), high.max(q)])
-}
-
 impl Column {
     /// Several columns as one, each times its number.
     pub(super) fn sum(columns: &[(&Self, f64)], joint: usize, rows: usize) -> Vec<f64> {

@@ -24,8 +24,9 @@ pub(super) fn finish(
     let (seen, held) = (case.rows.seen(), &case.rows.held);
     let products = case.products(&seen);
     let asking = refine::asking(case, &products, always);
-    let choice = asking.solve(&names);
     let given = asking.solve(&[]);
+    let (names, refuted) = prove::borne_out(case, &asking, names, held);
+    let choice = asking.solve(&names);
     let listed = prove::order(case, &asking, &choice, held);
     let covariance = prove::covariance(case, &choice.solved, &seen);
     let unzoned = without_zones(case, always, &names, &zones, &seen);
@@ -64,15 +65,17 @@ pub(super) fn finish(
     let unexplained = law(case, &choice);
     let verdict = verdict::verdict(case, &findings, (&given, &choice), unexplained.as_ref());
     let joints: Vec<usize> = case.table.joints().collect();
+    let by_joint: Vec<JointProof> =
+        joints.iter().map(|j| proof(case, (&given, &choice), *j)).collect();
     Diagnosis {
         verdict,
-        notes: notes(arm, case, always, &zones, &findings),
+        notes: notes(arm, case, always, &zones, &findings, &refuted),
         findings,
         unexplained,
         heldout,
         noise: prove::rms(case, &choice.solved, &seen, true),
-        by_joint: joints.iter().map(|j| proof(case, (&given, &choice), *j)).collect(),
-        signal: signal(case, held),
+        signal: signal(&by_joint),
+        by_joint,
         band_hz: case.motion.band_hz,
         rows: case.table.rows(),
         says: case.rows.says.clone(),
@@ -102,8 +105,25 @@ fn notes(
     always: &[usize],
     zones: &[Zone],
     findings: &[Finding],
+    refuted: &[usize],
 ) -> Vec<String> {
     let mut notes = case.motion.notes.clone();
+    let at_rest = |joint: usize| {
+        let moves = &case.table.moves[joint];
+        let still = moves.iter().filter(|moves| !**moves).count();
+        100.0 * still as f64 / moves.len().max(1) as f64
+    };
+    let most = case.table.joints().map(at_rest).fold(0.0, f64::max);
+    if most > 0.0 {
+        notes.push(format!(
+            "a joint at rest is held by stiction, as strong as it takes: rows at rest are left out, up to {most:.1} % of a joint's"
+        ));
+    }
+    notes.extend(refuted.iter().map(|name| {
+        let family = &case.library.families[*name];
+        let of = family.joint.map_or(String::new(), |joint| format!(" of joint {}", joint + 1));
+        format!("`{}`{of} was chosen, but makes the error larger on rows that nothing had seen: it is not told", family.kind)
+    }));
     notes.extend(zones.iter().map(|zone| zone.says(arm)));
     if always.len() > case.open.len() {
         notes.push("the masses that the model states do not fit the torques to the last digit: they were fitted along, within 5 % and 20 mm".to_owned());
@@ -128,7 +148,7 @@ fn without_zones(
         return None;
     }
     let mut table = case.table.clone();
-    table.counts.iter_mut().for_each(|counts| counts.fill(true));
+    table.counts.clone_from(&table.moves);
     let columns: Vec<&columns::Column> = case.library.columns.iter().collect();
     let products = table::Products::new(&table, &columns, case.library.prior.clone(), seen);
     Some(Asking { library: &case.library, products: &products, always }.solve(names))
@@ -150,9 +170,11 @@ fn law(case: &Case, choice: &Choice) -> Option<Law> {
 }
 
 fn proof(case: &Case, (given, choice): (&Choice, &Choice), joint: usize) -> JointProof {
-    let held = &case.rows.held;
-    let outside: Vec<bool> =
-        held.iter().zip(&case.table.counts[joint]).map(|(a, b)| *a && *b).collect();
+    let held_and = |of: &[bool]| -> Vec<bool> {
+        case.rows.held.iter().zip(of).map(|(held, counts)| *held && *counts).collect()
+    };
+    let held = &held_and(&case.table.moves[joint]);
+    let outside = held_and(&case.table.counts[joint]);
     JointProof {
         joint,
         torque: view::torque_rms(case, joint, held),
@@ -163,8 +185,8 @@ fn proof(case: &Case, (given, choice): (&Choice, &Choice), joint: usize) -> Join
     }
 }
 
-fn signal(case: &Case, held: &[bool]) -> f64 {
-    let joints: Vec<f64> =
-        case.table.joints().map(|joint| view::torque_rms(case, joint, held)).collect();
-    libm::sqrt(joints.iter().map(|x| x * x).sum::<f64>() / joints.len().max(1) as f64)
+/// The joints' torques together, root mean square.
+fn signal(joints: &[JointProof]) -> f64 {
+    let sum: f64 = joints.iter().map(|joint| joint.torque * joint.torque).sum();
+    libm::sqrt(sum / joints.len().max(1) as f64)
 }

@@ -5,15 +5,13 @@
 
 use physics::{Arm, JointKind};
 
-use super::columns::{Column, Law, lowest_speed, shortest_way, span, usual_speed};
+use super::columns::{Column, Law, lowest_speed, shortest_way, usual_speed};
 use super::motion::Motion;
 
 /// Speeds at which a Stribeck friction may have fallen off, in shares of the joint's usual speed.
 const STRIBECK: [f64; 5] = [0.02, 0.05, 0.1, 0.2, 0.4];
 /// Distances within which a memory may turn over, in shares of the joint's span.
 const REVERSALS: [f64; 4] = [0.002, 0.005, 0.015, 0.05];
-/// A joint that spans less does not move, rad or m.
-pub(super) const STILL: f64 = 1e-3;
 /// Temperatures that span less say nothing, K.
 const STEADY_K: f64 = 1.0;
 
@@ -97,16 +95,16 @@ impl Library {
         self.columns.len() - 1
     }
 
+    /// A joint of which nothing can be asked.
+    pub(super) fn skip_joint(&mut self, joint: usize) {
+        let all = KINDS.iter().map(|kind| (*kind, Some(joint), "the joint does not move"));
+        self.untested.extend(all);
+    }
+
     /// Every name that one joint's torque may lack, its spring resting at `rest`.
     pub(super) fn add_joint(&mut self, arm: &Arm, motion: &Motion, joint: usize, rest: f64) {
-        let [low, high] = span(motion, joint);
+        let [low, high] = motion.span(joint);
         let (span, usual) = (high - low, usual_speed(motion, joint));
-        if span < STILL {
-            for kind in KINDS {
-                self.untested.push((kind, Some(joint), "the joint does not move"));
-            }
-            return;
-        }
         let is_angle = arm.joints()[joint].kind == JointKind::Revolute;
         let mut law = |law: Law| self.column(law.column(motion, joint));
         let direction = law(Law::Direction);

@@ -16,6 +16,12 @@ const BAND_SHARE: f64 = 0.1;
 const ROWS_PER_PERIOD: f64 = 5.0;
 /// Periods of the band's edge that are left out at the ends of a run: the filter does not know what was before.
 const ENDS: f64 = 2.0;
+/// A joint that goes less than this share of its whole way in [`REST_S`] stands still.
+const REST: f64 = 1e-4;
+/// A joint that goes no further at all does not move, rad or m.
+const STILL: f64 = 1e-3;
+/// s.
+const REST_S: f64 = 0.2;
 /// A pause of so many steps is a gap.
 const GAP: f64 = 3.5;
 /// Runs of fewer samples say nothing.
@@ -85,6 +91,17 @@ impl Run {
     pub(super) fn time_s(&self, sample: usize) -> f64 {
         self.start_s + sample as f64 * self.step_s
     }
+
+    /// Whether a joint goes at least `least` about each row.
+    fn moves(&self, joint: usize, least: f64) -> impl Iterator<Item = bool> + '_ {
+        let q = &self.joints[joint].q;
+        let half = (0.5 * REST_S / self.step_s).ceil() as usize;
+        self.rows.iter().map(move |row| {
+            let near = &q[row.saturating_sub(half)..(row + half + 1).min(q.len())];
+            let [low, high] = span(near.iter().copied());
+            high - low >= least
+        })
+    }
 }
 
 /// Whether the recordings hold torque along a path, or current with its constants. At settled poses stiction may hold anything: nothing is asked of them.
@@ -149,6 +166,27 @@ impl Motion {
         }
         Self { runs, band_hz, notes, by_current }
     }
+
+    /// Whether a joint moves, row by row.
+    pub(super) fn moves(&self, joint: usize) -> Vec<bool> {
+        let [low, high] = self.span(joint);
+        let least = if high - low > STILL { REST * (high - low) } else { f64::INFINITY };
+        self.runs.iter().flat_map(|run| run.moves(joint, least)).collect()
+    }
+
+    /// Where a joint was, from the lowest to the highest, rad or m.
+    pub(super) fn span(&self, joint: usize) -> [f64; 2] {
+        let rows = |run| {
+            let Run { rows, joints, .. }: &Run = run;
+            rows.iter().map(|row| joints[joint].q[*row])
+        };
+        span(self.runs.iter().flat_map(rows))
+    }
+}
+
+/// The lowest and the highest.
+pub(super) fn span(values: impl Iterator<Item = f64>) -> [f64; 2] {
+    values.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
 }
 
 fn report_hz(band_hz: f64) -> String {

@@ -14,15 +14,16 @@ use super::table::Solved;
 /// Blocks of time that uncertainties are told from.
 const BLOCKS: usize = 40;
 
-/// Root mean square of what is left on `used` rows, whitened by each joint's noise and in units of their geometric mean, N m; rows that do not count too
+/// Root mean square of what is left on `used` rows, whitened by each joint's noise and in units of their geometric mean, N m; those of zones too
 /// where `all`.
 pub(super) fn rms(case: &Case, solved: &Solved, used: &[bool], all: bool) -> f64 {
     let (mut sum, mut count, mut scale, mut joints) = (0.0, 0.0, 0.0, 0.0);
     for joint in case.table.joints() {
         let noise = case.table.noise[joint].1;
         let left = case.residual(solved, joint);
+        let counts = &if all { &case.table.moves } else { &case.table.counts }[joint];
         for row in (0..left.len()).filter(|row| used[*row]) {
-            if all || case.table.counts[joint][row] {
+            if counts[row] {
                 sum += left[row] * left[row] / (noise * noise);
                 count += 1.0;
             }
@@ -39,6 +40,30 @@ pub(super) fn of_joint(case: &Case, solved: &Solved, joint: usize, used: &[bool]
     let kept = left.iter().zip(used).filter(|(_, used)| **used).map(|(x, _)| x * x);
     let (sum, count) = kept.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
     if count > 0.0 { libm::sqrt(sum / count) } else { 0.0 }
+}
+
+/// The names that held-out rows do not speak against, and those that make the error larger there. Nothing is chosen in their place.
+pub(super) fn borne_out(
+    case: &Case,
+    asking: &Asking<'_>,
+    mut names: Vec<usize>,
+    held: &[bool],
+) -> (Vec<usize>, Vec<usize>) {
+    let of = |names: &[usize]| rms(case, &asking.solve(names).solved, held, true);
+    let without = |names: &[usize], name: usize| -> Vec<usize> {
+        names.iter().copied().filter(|n| *n != name).collect()
+    };
+    let mut refuted = Vec::new();
+    loop {
+        let whole = of(&names);
+        let harm = names.iter().map(|name| (*name, whole - of(&without(&names, *name))));
+        let worst = harm.max_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((name, _)) = worst.filter(|(_, harm)| *harm > 0.0) else {
+            return (names, refuted);
+        };
+        names = without(&names, name);
+        refuted.push(name);
+    }
 }
 
 /// Names in the order of what each brings on held-out rows, with the error before and after each, one after the other.

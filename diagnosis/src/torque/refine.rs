@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 use super::case::Case;
 use super::choose::{Asking, Choice};
-use super::columns::{Column, Law, lowest_speed, shortest_way, span};
+use super::columns::{Column, Law, lowest_speed, shortest_way};
 use super::library::Form;
 use super::table::{Products, Solved};
 
@@ -58,7 +58,7 @@ pub(super) fn settle(
         let widest = match (family.form, family.joint) {
             // A wave keeps its phase over the span only within a fraction of a cycle.
             (Form::Wave, Some(joint)) => {
-                let [low, high] = span(&case.motion, joint);
+                let [low, high] = case.motion.span(joint);
                 let cycles = start * (high - low) / TAU;
                 (0.3 / cycles.max(1.0)).min(STEPS[0])
             }
@@ -70,7 +70,7 @@ pub(super) fn settle(
         let joint = case.library.families[name].joint.unwrap_or(0);
         let (least, lowest) =
             (shortest_way(&case.motion, joint), lowest_speed(&case.motion, joint));
-        let [low, high] = span(&case.motion, joint);
+        let [low, high] = case.motion.span(joint);
         let longest = LONGEST * (high - low);
         for step in STEPS.map(|step| step * widest / STEPS[0]) {
             let mut gains = [0.0; 3];
@@ -191,7 +191,7 @@ pub(super) fn listen(case: &mut Case, choice: &Choice, used: &[bool]) -> bool {
 
 /// The number of cycles per revolution (radians per metre) whose wave explains most of what is left of a joint.
 fn loudest(case: &Case, joint: usize, left: &[f64], used: &[bool]) -> Option<f64> {
-    let [low, high] = span(&case.motion, joint);
+    let [low, high] = case.motion.span(joint);
     let one = TAU / (high - low);
     let mut rows: Vec<(f64, f64)> = Vec::new();
     let mut from = 0;

@@ -21,6 +21,8 @@ pub(super) struct Table {
     pub(super) runs: Vec<Range<usize>>,
     /// Per joint, a value per row; none where the joint's torque was not recorded. N m or N.
     pub(super) target: Vec<Option<Vec<f64>>>,
+    /// Per joint and row: whether the joint moves. At rest stiction holds whatever it has to: such rows tell nothing and prove nothing.
+    pub(super) moves: Vec<Vec<bool>>,
     /// Per joint and row: whether it counts.
     pub(super) counts: Vec<Vec<bool>>,
     /// Per joint: how its noise remembers itself, and its size, N m or N.

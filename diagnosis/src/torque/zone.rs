@@ -59,7 +59,8 @@ pub(super) fn find(
 ) -> Option<Zone> {
     let speeds = speeds(motion, joint);
     let white = table.whitened(joint, left);
-    let mut order: Vec<usize> = (0..left.len()).filter(|row| used[*row]).collect();
+    let mut order: Vec<usize> =
+        (0..left.len()).filter(|row| used[*row] && table.moves[joint][*row]).collect();
     order.sort_by(|a, b| speeds[*a].total_cmp(&speeds[*b]).then(a.cmp(b)));
     let count = order.len();
     let sum = |rows: &[usize]| rows.iter().map(|row| white[*row] * white[*row]).sum::<f64>();
