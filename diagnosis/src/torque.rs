@@ -96,7 +96,8 @@ pub fn diagnose(
         (always, choice)
     } else {
         case.hear_noise();
-        named(&mut case, &choice.names, &train)
+        // What such rows asked for may be nothing.
+        named(&mut case, &[], &train)
     };
     let noise = case.table.noise.clone();
     case.forget_memory();
@@ -127,12 +128,13 @@ fn warmed(
     let has_friction = |name: &usize| {
         let family = &case.library.families[*name];
         let viscous = |joint: usize| {
-            stated.viscous(joint) + refine::found_viscous(case, names, &solved, joint)
+            stated.first("viscous_friction", joint)
+                + refine::found_viscous(case, names, &solved, joint)
         };
         family.form != Form::Warmth || family.joint.is_some_and(|joint| viscous(joint) > 0.0)
     };
     let kept: Vec<usize> = names.iter().copied().filter(has_friction).collect();
-    refine::warm(case, &kept, always, used, &|joint| stated.viscous(joint));
+    refine::warm(case, &kept, always, used, &|joint| stated.first("viscous_friction", joint));
     kept
 }
 
@@ -237,11 +239,12 @@ fn confirmed(case: &Case, always: &[usize], choice: Choice) -> Choice {
     let mut choice = choice;
     loop {
         let whole = prove::rms(case, &choice.solved, &case.rows.look, false);
+        let asked = choice.names.iter().filter(|name| !case.library.families[**name].revises);
         let harm = |name: &usize| {
             let others: Vec<usize> = choice.names.iter().copied().filter(|n| n != name).collect();
             prove::rms(case, &asking.solve(&others).solved, &case.rows.look, false) - whole
         };
-        let worst = choice.names.iter().map(|name| (*name, harm(name)));
+        let worst = asked.map(|name| (*name, harm(name)));
         let worst = worst.min_by(|a, b| a.1.total_cmp(&b.1));
         match worst {
             Some((name, harm)) if harm < TELLS * whole => {

@@ -162,9 +162,10 @@ impl Case {
                 table.target[joint] = None;
                 library.skip_joint(joint);
             } else {
-                library.add_joint(arm, &motion, joint, stated.rest(joint));
+                library.add_joint(stated, &motion, joint);
             }
         }
+        library.add_moments(arm, &motion);
         let of_mass = &rigid.columns[INERTIAL * arm.count()..];
         let several = recordings.len() > 1;
         let last_is_known = arm.joints().last().is_some_and(|joint| joint.link.is_some());
@@ -189,27 +190,29 @@ impl Case {
             rigid: rigid.stated,
             inertial,
         };
-        case.of_torques();
+        case.of_torques(stated);
         case
     }
 
     /// Laws that go with the torque itself need a first fit of all the others.
-    fn of_torques(&mut self) {
+    fn of_torques(&mut self, stated: &Stated<'_>) {
         let rich = self.rich();
         let joints: Vec<usize> = self.table.joints().collect();
         let whole: Vec<(usize, Vec<f64>)> =
             joints.iter().map(|joint| (*joint, self.modelled(&rich, *joint, &|_| true))).collect();
         self.library.of_torque(&self.motion, &self.stated, &whole);
+        const KIND: &str = "load_friction";
         for joint in joints {
             let load = self.load(&rich, joint);
             let column = load_column(&self.motion, joint, &load);
             let family = Family {
-                kind: "load_friction",
+                kind: KIND,
                 joint: Some(joint),
                 recording: None,
                 columns: Vec::new(),
-                signs: vec![Sign::NotNegative],
+                signs: vec![Sign::AtLeast(-stated.first(KIND, joint))],
                 form: Form::Plain(&["coefficient"]),
+                revises: stated.revises(KIND, joint),
                 settings: Vec::new(),
             };
             self.library.add(family, vec![column]);

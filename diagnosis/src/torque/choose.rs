@@ -3,7 +3,7 @@
 //! Promises: a name with a number of the wrong sign is not that name; what a later name makes needless goes out again; the same sums give the same choice.
 //! Never: a look at rows that were set apart.
 
-use super::library::{Family, Library, Sign};
+use super::library::{Family, Library};
 use super::table::{Products, Solved};
 
 /// What a name must bring beyond its price, in log-likelihood.
@@ -57,21 +57,16 @@ impl Asking<'_> {
         let family = &self.library.families[name];
         let (gain, values) = self.products.more(&choice.solved, &family.columns);
         let inside = |k: usize| choice.solved.value(family.columns[k]).unwrap_or(0.0);
-        let wrong = family
-            .signs
-            .iter()
-            .enumerate()
-            .any(|(k, sign)| *sign == Sign::NotNegative && values[k] + inside(k) < 0.0);
+        let wrong =
+            family.signs.iter().enumerate().any(|(k, sign)| !sign.admits(values[k] + inside(k)));
         if wrong { 0.0 } else { gain }
     }
 
-    fn is_admissible(&self, choice: &Choice) -> bool {
-        choice.names.iter().all(|name| {
-            let family = &self.library.families[*name];
-            family.signs.iter().zip(&family.columns).all(|(sign, column)| {
-                *sign == Sign::Any || choice.solved.value(*column).unwrap_or(0.0) >= 0.0
-            })
-        })
+    /// Whether the numbers of a name have the signs that are its own.
+    fn is_admissible(&self, choice: &Choice, name: usize) -> bool {
+        let family = &self.library.families[name];
+        let mut numbers = family.signs.iter().zip(&family.columns);
+        numbers.all(|(sign, column)| sign.admits(choice.solved.value(*column).unwrap_or(0.0)))
     }
 
     /// What a name that stands brings beside the others.
@@ -149,19 +144,13 @@ impl Asking<'_> {
                 .map(|name| (*name, self.worth(&choice, *name) - self.price_of(*name)))
                 .min_by(|a, b| a.1.total_cmp(&b.1));
             let Some((name, worth)) = weakest else { return choice };
+            let wrong = || choice.names.iter().find(|name| !self.is_admissible(&choice, **name));
             let drop = if worth < 0.0 {
                 name
-            } else if self.is_admissible(&choice) {
-                return choice;
+            } else if let Some(wrong) = wrong() {
+                *wrong
             } else {
-                let wrong = choice.names.iter().copied().find(|name| {
-                    let family = &self.library.families[*name];
-                    family.signs.iter().zip(&family.columns).any(|(sign, column)| {
-                        *sign == Sign::NotNegative
-                            && choice.solved.value(*column).unwrap_or(0.0) < 0.0
-                    })
-                });
-                wrong.unwrap_or(name)
+                return choice;
             };
             let names: Vec<usize> = choice.names.iter().copied().filter(|n| *n != drop).collect();
             choice = self.solve(&names);

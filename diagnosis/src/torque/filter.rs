@@ -70,12 +70,20 @@ impl Section {
     }
 }
 
-/// The change per second, by central differences; at the ends by the neighbour.
+/// The change per second, by central differences of sixth order (Fornberg, Generation of finite difference formulas, 1988): a wave at a tenth of the rate loses
+/// less than a thousandth. Within three samples of the ends of lower order.
 pub(super) fn derivative(samples: &[f64], step_s: f64) -> Vec<f64> {
+    const WEIGHTS: [&[f64]; 4] =
+        [&[], &[0.5], &[8.0 / 12.0, -1.0 / 12.0], &[45.0 / 60.0, -9.0 / 60.0, 1.0 / 60.0]];
     let last = samples.len().saturating_sub(1);
     let slope = |k: usize| {
-        let (from, to) = (k.saturating_sub(1), (k + 1).min(last));
-        if to > from { (samples[to] - samples[from]) / ((to - from) as f64 * step_s) } else { 0.0 }
+        let weights = WEIGHTS[k.min(last - k).min(3)];
+        if weights.is_empty() {
+            let (from, to) = (k.saturating_sub(1), (k + 1).min(last));
+            return (samples[to] - samples[from]) / ((to - from).max(1) as f64 * step_s);
+        }
+        let pairs = weights.iter().zip(1..);
+        pairs.map(|(weight, n)| weight * (samples[k + n] - samples[k - n])).sum::<f64>() / step_s
     };
     (0..samples.len()).map(slope).collect()
 }
@@ -109,6 +117,12 @@ mod tests {
         assert!(line.iter().zip(&passed).all(|(a, b)| (a - b).abs() < 1e-6));
         let slopes = derivative(&passed, 0.01);
         assert!(slopes.iter().all(|slope| (slope - 50.0).abs() < 1e-3));
+        let swing = derivative(&wave(100.0, 400), 1e-3);
+        let worst = (10..390).map(|k| {
+            let exact = 200.0 * PI * libm::cos(0.2 * PI * k as f64);
+            (swing[k] - exact).abs() / (200.0 * PI)
+        });
+        assert!(worst.fold(0.0, f64::max) < 1e-3);
         assert!(derivative(&[1.0], 0.01) == [0.0] && LowPass::new(1.0, 10.0).pass(&[]).is_empty());
     }
 }

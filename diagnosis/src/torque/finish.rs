@@ -25,13 +25,17 @@ pub(super) fn finish(
     let products = case.products(&seen);
     let asking = refine::asking(case, &products, always);
     let given = asking.solve(&[]);
+    let names = prove::told(case, &asking, names, &seen);
     let (names, refuted) = prove::borne_out(case, &asking, names, held);
     let choice = asking.solve(&names);
     let listed = prove::order(case, &asking, &choice, held);
     let covariance = prove::covariance(case, &choice.solved, &seen);
     let unzoned = without_zones(case, always, &names, &zones, &seen);
     let moved = |column: usize| match (&unzoned, choice.solved.value(column)) {
-        (Some(other), Some(value)) => other.solved.value(column).map_or(0.0, |x| x - value),
+        // What holds lies anywhere between the two fits: uniform, and seen from one end.
+        (Some(other), Some(value)) => {
+            other.solved.value(column).map_or(0.0, |x| (x - value) / libm::sqrt(3.0))
+        }
         _ => 0.0,
     };
     let finding = |(name, heldout): &(usize, [f64; 2])| {
@@ -88,7 +92,8 @@ pub(super) fn finish(
 
 /// A joint's viscous friction, stated and found.
 fn viscous(case: &Case, stated: &Stated<'_>, choice: &Choice, joint: usize) -> f64 {
-    stated.viscous(joint) + refine::found_viscous(case, &choice.names, &choice.solved, joint)
+    stated.first("viscous_friction", joint)
+        + refine::found_viscous(case, &choice.names, &choice.solved, joint)
 }
 
 /// The gain that was found of a joint's drive.

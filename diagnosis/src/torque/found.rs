@@ -59,6 +59,7 @@ pub(super) fn stems(family: &Family) -> Vec<&'static str> {
         Form::Warmth => vec!["per_K"],
         Form::Spring => vec!["stiffness", "rest_position"],
         Form::Wave => vec!["amplitude", "phase"],
+        Form::Moment => vec!["first_moment"],
         Form::Payload => vec!["mass", "com"],
     };
     stems.extend(family.settings.iter().map(|(stem, _)| *stem));
@@ -113,6 +114,10 @@ pub(super) fn numbers(family: &Family, solved: &Solved, context: &Context<'_>) -
             let (stiffness, rest) = (value(0), -value(1) / value(0));
             let of_rest = (sigma(1) / value(0)).hypot(rest * sigma(0) / value(0));
             vec![one("stiffness", stiffness, sigma(0)), one("rest_position", rest, of_rest)]
+        }
+        Form::Moment => {
+            let values = (0..3).map(value).collect();
+            vec![Number { stem: "first_moment", values, sigma: (0..3).map(sigma).collect() }]
         }
         Form::Wave => wave([value(0), value(1)], shared, floor),
         Form::Payload => payload([0, 1, 2, 3].map(value), context.tcp, sigma(0), |k| {

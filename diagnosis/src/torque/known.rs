@@ -5,7 +5,7 @@
 //! Promises: a number within its stated uncertainty is no finding, since it is fitted along, held by what is believed of it. Never: a law of its own.
 
 use physics::dynamics::inverse_dynamics;
-use physics::{AnyEffect, Inputs, JOINTS_MAX, Memories, Model};
+use physics::{AnyEffect, Arm, Given, Inputs, JOINTS_MAX, Memories, Model};
 
 use super::columns::{Column, Law, STANDING, usual_speed};
 use super::motion::{Motion, Run};
@@ -41,23 +41,32 @@ impl Stated<'_> {
         }
     }
 
-    /// The viscous friction of a joint, N m s/rad or N s/m.
-    pub(super) fn viscous(&self, joint: usize) -> f64 {
-        let effects = self.model.effects().filter(|effect| effect.joint() == Some(joint));
-        let viscous = effects.filter(|effect| matches!(effect, AnyEffect::ViscousFriction(_)));
-        viscous.map(|effect| effect.values()[0]).sum()
+    /// The first number of a joint's effects of one name, SI; 0 where it has none.
+    pub(super) fn first(&self, kind: &str, joint: usize) -> f64 {
+        self.of(kind, joint).map(|effect| effect.values()[0]).sum()
+    }
+
+    /// Whether a joint has an effect of this name whose number is believed with doubt.
+    pub(super) fn revises(&self, kind: &str, joint: usize) -> bool {
+        let with_sigma = self.model.effects().zip(self.sigma);
+        let mut same = with_sigma
+            .filter(|(effect, _)| effect.spec().kind == kind && effect.joint() == Some(joint));
+        same.any(|(_, sigma)| sigma.first().is_some_and(|sigma| *sigma > 0.0))
     }
 
     /// Where the spring of a joint rests, rad or m; 0 where it has none.
     pub(super) fn rest(&self, joint: usize) -> f64 {
-        let effects = self.model.effects().filter(|effect| effect.joint() == Some(joint));
-        let springs = effects.filter(|effect| matches!(effect, AnyEffect::Spring(_)));
-        springs.map(|effect| effect.values()[1]).sum()
+        self.of("spring", joint).map(|effect| effect.values()[1]).sum()
+    }
+
+    fn of(&self, kind: &str, joint: usize) -> impl Iterator<Item = &AnyEffect> {
+        let same =
+            move |effect: &&AnyEffect| effect.spec().kind == kind && effect.joint() == Some(joint);
+        self.model.effects().filter(same)
     }
 
     /// Runs the model's effects over the motion.
     pub(super) fn known(&self, motion: &Motion) -> Known {
-        let count = self.model.arm.count();
         let wanted: Vec<(usize, usize, f64)> = self
             .sigma
             .iter()
@@ -67,27 +76,33 @@ impl Stated<'_> {
                 open.map(move |(value, sigma)| (effect, value, *sigma))
             })
             .collect();
-        let mut known = Known { torque: vec![Vec::new(); count], open: Vec::new() };
+        let places: Vec<(usize, usize)> = wanted.iter().map(|(e, v, _)| (*e, *v)).collect();
+        let (torque, columns) = self.over_all(motion, &places);
+        let open = columns.into_iter().zip(&wanted);
+        let open = open.filter(|(column, _)| !column.parts.is_empty());
+        Known { torque, open: open.map(|(column, (_, _, sigma))| (column, *sigma)).collect() }
+    }
+
+    /// Per joint, what effects add at the rows; and a column for each number that is wanted.
+    fn over_all(&self, motion: &Motion, wanted: &[(usize, usize)]) -> (Vec<Vec<f64>>, Vec<Column>) {
+        let count = self.model.arm.count();
+        let mut all = vec![Vec::new(); count];
         let mut columns = vec![vec![Vec::new(); count]; wanted.len()];
         let standing: Vec<f64> = (0..count).map(|j| STANDING * usual_speed(motion, j)).collect();
         for run in &motion.runs {
-            let (torque, slopes) = self.over(run, &standing, &wanted);
+            let (torque, slopes) = self.over(run, &standing, wanted);
             for joint in 0..count {
-                known.torque[joint].extend(run.at_rows(&torque[joint]));
+                all[joint].extend(run.at_rows(&torque[joint]));
                 for (column, slopes) in columns.iter_mut().zip(&slopes) {
                     column[joint].extend(run.at_rows(&slopes[joint]));
                 }
             }
         }
-        for (column, (_, _, sigma)) in columns.into_iter().zip(&wanted) {
-            let felt = |values: &Vec<f64>| values.iter().any(|x| *x != 0.0);
-            let parts: Vec<(usize, Vec<f64>)> =
-                column.into_iter().enumerate().filter(|(_, values)| felt(values)).collect();
-            if !parts.is_empty() {
-                known.open.push((Column { parts }, *sigma));
-            }
-        }
-        known
+        let felt = |values: &Vec<f64>| values.iter().any(|x| *x != 0.0);
+        let column = |parts: Vec<Vec<f64>>| Column {
+            parts: parts.into_iter().enumerate().filter(|(_, values)| felt(values)).collect(),
+        };
+        (all, columns.into_iter().map(column).collect())
     }
 
     /// Per joint and sample of one run: what effects add, and by how much it changes with each number that is wanted.
@@ -95,7 +110,7 @@ impl Stated<'_> {
         &self,
         run: &Run,
         standing: &[f64],
-        wanted: &[(usize, usize, f64)],
+        wanted: &[(usize, usize)],
     ) -> (Vec<Vec<f64>>, Vec<Vec<Vec<f64>>>) {
         let count = self.model.arm.count();
         let samples = run.joints.first().map_or(0, |track| track.q.len());
@@ -104,7 +119,6 @@ impl Stated<'_> {
         if self.model.effects().len() == 0 {
             return (vec![vec![0.0; samples]; count], slopes);
         }
-        let places: Vec<(usize, usize)> = wanted.iter().map(|(e, v, _)| (*e, *v)).collect();
         let mut memories = Memories::default();
         let mut before = None;
         for sample in 0..samples {
@@ -120,7 +134,7 @@ impl Stated<'_> {
             for (joint, list) in torque.iter_mut().enumerate() {
                 list.push(drive.recorded(joint) - rigid[joint]);
             }
-            self.model.drive_slopes(&inputs, &memories, &places, |place, slope| {
+            self.model.drive_slopes(&inputs, &memories, wanted, |place, slope| {
                 for (joint, list) in slopes[place].iter_mut().enumerate() {
                     list[sample] = slope[joint];
                 }
@@ -128,6 +142,22 @@ impl Stated<'_> {
         }
         (torque, slopes)
     }
+}
+
+/// Columns for the first moment of each body whose masses the model states, where a drive feels it.
+pub(super) fn moments(arm: &Arm, motion: &Motion) -> Vec<(usize, Vec<Column>)> {
+    let is_stated = |joint: &usize| arm.joints()[*joint].link.is_some();
+    let given: &[(&str, &[f64])] = &[("first_moment", &[0.0; 3])];
+    let build = |joint| AnyEffect::build("gravity_torque", arm, Some(joint), Given(given)).ok();
+    let joints: Vec<usize> = (0..arm.count()).filter(is_stated).collect();
+    let effects: Vec<AnyEffect> = joints.iter().filter_map(|joint| build(*joint)).collect();
+    let Ok(model) = Model::new(*arm, &effects) else { return Vec::new() };
+    let wanted: Vec<(usize, usize)> =
+        (0..effects.len()).flat_map(|effect| (0..3).map(move |value| (effect, value))).collect();
+    let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
+    let (_, columns) = stated.over_all(motion, &wanted);
+    let each = joints.iter().zip(columns.chunks(3)).map(|(joint, three)| (*joint, three.to_vec()));
+    each.filter(|(_, three)| three.iter().any(|column| !column.parts.is_empty())).collect()
 }
 
 /// The state of the arm at one sample; a joint that moves less than `standing` stands.

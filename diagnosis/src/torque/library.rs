@@ -6,6 +6,8 @@
 use physics::{Arm, JointKind};
 
 use super::columns::{Column, Law, lowest_speed, shortest_way, usual_speed};
+use super::filter::derivative;
+use super::known::{Stated, moments};
 use super::motion::Motion;
 
 /// Speeds at which a Stribeck friction may have fallen off, in shares of the joint's usual speed.
@@ -16,10 +18,20 @@ const REVERSALS: [f64; 4] = [0.002, 0.005, 0.015, 0.05];
 const STEADY_K: f64 = 1.0;
 
 /// What a number may be.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Sign {
     Any,
-    NotNegative,
+    /// At least this: 0, or what takes away all that the model states.
+    AtLeast(f64),
+}
+
+impl Sign {
+    pub(super) fn admits(self, value: f64) -> bool {
+        match self {
+            Self::Any => true,
+            Self::AtLeast(least) => value >= least,
+        }
+    }
 }
 
 /// How the numbers of columns become the numbers of the effect.
@@ -35,6 +47,8 @@ pub(super) enum Form {
     Spring,
     /// Sine and cosine: amplitude and phase.
     Wave,
+    /// Three numbers of one first moment.
+    Moment,
     /// Mass and first moment about the TCP.
     Payload,
 }
@@ -49,6 +63,8 @@ pub(super) struct Family {
     pub(super) columns: Vec<usize>,
     pub(super) signs: Vec<Sign>,
     pub(super) form: Form,
+    /// A change of a number that the model states with an uncertainty: what is fitted along within it explains as much, so that belief alone speaks for the name.
+    pub(super) revises: bool,
     /// Numbers that columns do not give: stem and value, SI.
     pub(super) settings: Vec<(&'static str, f64)>,
 }
@@ -101,8 +117,10 @@ impl Library {
         self.untested.extend(all);
     }
 
-    /// Every name that one joint's torque may lack, its spring resting at `rest`.
-    pub(super) fn add_joint(&mut self, arm: &Arm, motion: &Motion, joint: usize, rest: f64) {
+    /// Every name that one joint's torque may lack.
+    pub(super) fn add_joint(&mut self, stated: &Stated<'_>, motion: &Motion, joint: usize) {
+        let arm = &stated.model.arm;
+        let rest = stated.rest(joint);
         let [low, high] = motion.span(joint);
         let (span, usual) = (high - low, usual_speed(motion, joint));
         let is_angle = arm.joints()[joint].kind == JointKind::Revolute;
@@ -129,12 +147,15 @@ impl Library {
                 columns: columns.to_vec(),
                 signs: signs.to_vec(),
                 form,
+                revises: stated.revises(kind, joint),
                 settings: settings.to_vec(),
             });
         };
-        let (any, up) = (Sign::Any, Sign::NotNegative);
-        put("coulomb_friction", &[direction], &[up], Form::Plain(&["level"]), &[]);
-        put("viscous_friction", &[speed], &[up], Form::Plain(&["coefficient"]), &[]);
+        let (any, up) = (Sign::Any, Sign::AtLeast(0.0));
+        let beside = |kind| Sign::AtLeast(-stated.first(kind, joint));
+        let [dry, viscous] = ["coulomb_friction", "viscous_friction"].map(beside);
+        put("coulomb_friction", &[direction], &[dry], Form::Plain(&["level"]), &[]);
+        put("viscous_friction", &[speed], &[viscous], Form::Plain(&["coefficient"]), &[]);
         put("friction_asymmetry", &[one], &[any], Form::Plain(&["offset"]), &[]);
         put("friction_asymmetry", &[growing], &[any], Form::Plain(&["coefficient"]), &[]);
         let both = Form::Plain(&["offset", "coefficient"]);
@@ -173,9 +194,27 @@ impl Library {
             columns: Vec::new(),
             signs: vec![Sign::Any],
             form: Form::Warmth,
+            revises: false,
             settings: Vec::new(),
         };
         self.add(family, vec![Law::Warmth { per_kelvin: 0.0 }.column(motion, joint)]);
+    }
+
+    /// First moments of the bodies whose masses are stated, on top of these.
+    pub(super) fn add_moments(&mut self, arm: &Arm, motion: &Motion) {
+        for (joint, columns) in moments(arm, motion) {
+            let family = Family {
+                kind: "gravity_torque",
+                joint: Some(joint),
+                recording: None,
+                columns: Vec::new(),
+                signs: vec![Sign::Any; 3],
+                form: Form::Moment,
+                revises: false,
+                settings: Vec::new(),
+            };
+            self.add(family, columns);
+        }
     }
 
     /// A wave of so many cycles at a joint: per revolution, or radians per metre.
@@ -189,6 +228,7 @@ impl Library {
             columns: Vec::new(),
             signs: vec![Sign::Any; 2],
             form: Form::Wave,
+            revises: false,
             settings: vec![("cycles", cycles)],
         };
         self.add(family, columns);
@@ -209,6 +249,7 @@ impl Library {
             columns: Vec::new(),
             signs: vec![Sign::Any],
             form: Form::Plain(stem),
+            revises: false,
             settings: Vec::new(),
         };
         for (joint, _) in torques {
@@ -255,8 +296,9 @@ impl Library {
             joint: None,
             recording,
             columns: Vec::new(),
-            signs: vec![Sign::NotNegative, Sign::Any, Sign::Any, Sign::Any],
+            signs: vec![Sign::AtLeast(0.0), Sign::Any, Sign::Any, Sign::Any],
             form: Form::Payload,
+            revises: false,
             settings: Vec::new(),
         };
         let columns = of_mass.iter().map(here).collect();
@@ -280,20 +322,13 @@ const KINDS: [&str; 12] = [
     "drive_gain",
 ];
 
-/// Changes per second of values at rows, run by run: central differences of sixth order (Fornberg 1988), which hold up to half of the rows' rate.
+/// Changes per second of values at rows, run by run.
 fn rates(motion: &Motion, values: &[f64]) -> Vec<f64> {
-    const WEIGHTS: [f64; 3] = [45.0 / 60.0, -9.0 / 60.0, 1.0 / 60.0];
     let mut all = Vec::with_capacity(values.len());
     for run in &motion.runs {
-        let piece = &values[all.len()..all.len() + run.rows.len()];
         let stride = run.rows.get(1).map_or(1, |second| second - run.rows[0]);
-        let step_s = stride as f64 * run.step_s;
-        let at = |k: isize| piece[k.clamp(0, piece.len() as isize - 1) as usize];
-        let rate = |k: isize| {
-            let pairs = WEIGHTS.iter().zip(1..);
-            pairs.map(|(w, n)| w * (at(k + n) - at(k - n))).sum::<f64>() / step_s
-        };
-        all.extend((0..piece.len() as isize).map(rate));
+        let piece = &values[all.len()..all.len() + run.rows.len()];
+        all.extend(derivative(piece, stride as f64 * run.step_s));
     }
     all
 }

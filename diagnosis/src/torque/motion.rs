@@ -92,15 +92,18 @@ impl Run {
         self.start_s + sample as f64 * self.step_s
     }
 
-    /// Whether a joint goes at least `least` about each row.
-    fn moves(&self, joint: usize, least: f64) -> impl Iterator<Item = bool> + '_ {
+    /// Whether a joint goes at least `least` about each row, and about all that is within `after` samples of it.
+    fn moves(&self, joint: usize, least: f64, after: usize) -> Vec<bool> {
         let q = &self.joints[joint].q;
         let half = (0.5 * REST_S / self.step_s).ceil() as usize;
-        self.rows.iter().map(move |row| {
-            let near = &q[row.saturating_sub(half)..(row + half + 1).min(q.len())];
-            let [low, high] = span(near.iter().copied());
+        let around = |k: usize, far: usize| k.saturating_sub(far)..(k + far + 1).min(q.len());
+        let moves = |k| {
+            let [low, high] = span(q[around(k, half)].iter().copied());
             high - low >= least
-        })
+        };
+        let moves: Vec<bool> = (0..q.len()).map(moves).collect();
+        let near = |row: &usize| moves[around(*row, after)].iter().all(|moves| *moves);
+        self.rows.iter().map(near).collect()
     }
 }
 
@@ -171,7 +174,9 @@ impl Motion {
     pub(super) fn moves(&self, joint: usize) -> Vec<bool> {
         let [low, high] = self.span(joint);
         let least = if high - low > STILL { REST * (high - low) } else { f64::INFINITY };
-        self.runs.iter().flat_map(|run| run.moves(joint, least)).collect()
+        // The filter rings where a joint stops.
+        let after = |run: &Run| (ENDS / (run.step_s * self.band_hz)).ceil() as usize;
+        self.runs.iter().flat_map(|run| run.moves(joint, least, after(run))).collect()
     }
 
     /// Where a joint was, from the lowest to the highest, rad or m.

@@ -11,6 +11,8 @@ use super::choose::{Asking, Choice};
 use super::columns::Column;
 use super::table::Solved;
 
+/// A number is at least so many times its uncertainty.
+const SURE: f64 = 2.0;
 /// Blocks of time that uncertainties are told from.
 const BLOCKS: usize = 40;
 
@@ -42,6 +44,31 @@ pub(super) fn of_joint(case: &Case, solved: &Solved, joint: usize, used: &[bool]
     if count > 0.0 { libm::sqrt(sum / count) } else { 0.0 }
 }
 
+/// The names whose number is not nothing: those of one column that is less than twice its uncertainty go, the least sure first.
+pub(super) fn told(
+    case: &Case,
+    asking: &Asking<'_>,
+    mut names: Vec<usize>,
+    seen: &[bool],
+) -> Vec<usize> {
+    loop {
+        let solved = asking.solve(&names).solved;
+        let covariance = covariance(case, &solved, seen);
+        let sure = |name: usize| {
+            let [column] = case.library.families[name].columns[..] else { return f64::INFINITY };
+            let at = solved.columns.iter().position(|k| *k == column);
+            at.map_or(0.0, |at| solved.values[at].abs() / covariance[(at, at)].sqrt())
+        };
+        let asked = names.iter().filter(|name| !case.library.families[**name].revises);
+        let least = asked.map(|name| (*name, sure(*name)));
+        let least = least.min_by(|a, b| a.1.total_cmp(&b.1));
+        match least {
+            Some((name, sure)) if sure < SURE => names.retain(|n| *n != name),
+            _ => return names,
+        }
+    }
+}
+
 /// The names that held-out rows do not speak against, and those that make the error larger there. Nothing is chosen in their place.
 pub(super) fn borne_out(
     case: &Case,
@@ -56,7 +83,8 @@ pub(super) fn borne_out(
     let mut refuted = Vec::new();
     loop {
         let whole = of(&names);
-        let harm = names.iter().map(|name| (*name, whole - of(&without(&names, *name))));
+        let asked = names.iter().filter(|name| !case.library.families[**name].revises);
+        let harm = asked.map(|name| (*name, whole - of(&without(&names, *name))));
         let worst = harm.max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((name, _)) = worst.filter(|(_, harm)| *harm > 0.0) else {
             return (names, refuted);
