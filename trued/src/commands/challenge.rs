@@ -3,6 +3,7 @@
 //! Promises: the solver sees a model and a recording and nothing else; the truth stands in no file until all answers are hashed; the same seed
 //! gives the same cases whatever the number of threads. Never: a case dropped because its answer is bad.
 
+mod drawn;
 mod page;
 mod solver;
 mod told;
@@ -14,13 +15,13 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use challenge::answer::Answer;
 use challenge::case::Tier;
-use challenge::draw::{self, Drawn};
 use challenge::score::{Line, Outcome as Scored, figures};
+use challenge::seal;
 use challenge::truth::{self, Truth};
-use challenge::{seal, write};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
+use self::drawn::{Domain, Drawn};
 use self::solver::{Run, Solver};
 use crate::exit::{Answer as Done, Failure, Outcome};
 use crate::options::{Seed, Threads};
@@ -43,6 +44,9 @@ pub(crate) struct Challenge {
     /// Where cases, answers, truth and report go; must not hold anything yet
     #[arg(long, value_name = "DIR", default_value = "challenge")]
     out: PathBuf,
+    /// What is measured and diagnosed
+    #[arg(long, value_name = "DOMAIN", value_enum, default_value_t = Domain::Position)]
+    domain: Domain,
     /// One kind of case alone; if not given, a mixture
     #[arg(long, value_name = "TIER", value_enum)]
     tier: Option<AskedTier>,
@@ -120,12 +124,12 @@ impl Challenge {
         let work = Work { threads: self.threads.settle().get(), stop: &stop };
         let drawn = work.each(console, count, "drawing cases", |index| {
             let tier = self.tier.map_or_else(|| Tier::mixed(index), |tier| (tier.into(), index));
-            let drawn = draw::case(seed, index, tier);
+            let drawn = self.domain.draw(seed, index, tier);
             put(&folder.case(index), &drawn)?;
             Ok(drawn)
         })?;
         let truths: Vec<Truth> =
-            drawn.iter().enumerate().map(|(index, drawn)| Truth::of(&name(index), drawn)).collect();
+            drawn.iter().enumerate().map(|(index, drawn)| drawn.truth(&name(index))).collect();
         let text = truth::text(&truths);
         let sealed = seal::sha256(&text);
         commit(&folder, count, &sealed)?;
@@ -138,14 +142,15 @@ impl Challenge {
         seal::open(&text, &sealed).map_err(Failure::system)?;
         crate::atomic::write(&folder.0.join("truth.json"), |file| file.write_all(text.as_bytes()))?;
         let errors = work.each(console, count, "proving", |index| {
-            Ok(worth::of(&drawn[index], runs[index].model.as_deref()))
+            Ok(drawn[index].errors(runs[index].model.as_deref()))
         })?;
+        let domain = self.domain.word();
         let scored: Vec<Scored> = truths
             .into_iter()
             .zip(runs.iter().zip(errors))
             .map(|(truth, (run, errors))| Scored {
                 truth,
-                answer: run.diagnosis.as_deref().and_then(|text| Answer::parse(text).ok()),
+                answer: run.diagnosis.as_deref().and_then(|text| Answer::parse(text, domain).ok()),
                 errors,
                 seconds: run.seconds,
             })
@@ -178,7 +183,7 @@ impl Challenge {
 
 fn put(folder: &Path, drawn: &Drawn) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(Failure::system)?;
-    for (name, text) in write::files(&drawn.case) {
+    for (name, text) in drawn.files() {
         crate::atomic::write(&folder.join(name), |file| file.write_all(text.as_bytes()))?;
     }
     Ok(())
