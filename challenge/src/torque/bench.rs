@@ -175,7 +175,7 @@ pub(super) fn minus(a: &[Joints], b: &[Joints]) -> Vec<Joints> {
 }
 
 /// Names of masses: where they show the same, either is right.
-fn are_masses(one: &str, other: &str) -> bool {
+pub(super) fn are_masses(one: &str, other: &str) -> bool {
     let is = |name: &str| matches!(name, "inertia" | "payload" | "gravity_torque");
     is(one) && is(other)
 }

@@ -21,15 +21,15 @@ pub type Drawn = crate::draw::Drawn<Case>;
 
 /// How the torque of a joint is.
 #[derive(Clone, Copy, Debug)]
-struct Scale {
+pub struct Scale {
     /// Root mean square of the torque, Nm or N.
-    torque: f64,
+    pub torque: f64,
     /// rad/s or m/s.
-    speed: f64,
+    pub speed: f64,
     /// rad/s² or m/s².
-    acceleration: f64,
+    pub acceleration: f64,
     /// Half of the range, rad or m.
-    reach: f64,
+    pub reach: f64,
 }
 
 /// Case `index` of a challenge, of a tier; `turn` says whose turn it is among the tier's kinds.
@@ -237,7 +237,13 @@ fn effect(case: &Case, scales: &[Scale], kind: Kind, chance: &mut Chance) -> Opt
 }
 
 /// Numbers of a kind, the leading ones of size one.
-fn numbers(case: &Case, scale: &Scale, kind: Kind, joint: usize, chance: &mut Chance) -> Vec<f64> {
+pub(super) fn numbers(
+    case: &Case,
+    scale: &Scale,
+    kind: Kind,
+    joint: usize,
+    chance: &mut Chance,
+) -> Vec<f64> {
     let sign = if kind.facts().not_negative { 1.0 } else { chance.sign() };
     let mut around = || chance.between(-1.0, 1.0);
     match kind {
@@ -265,7 +271,7 @@ fn numbers(case: &Case, scale: &Scale, kind: Kind, joint: usize, chance: &mut Ch
 }
 
 /// The largest of the leading number that a robot may have.
-fn most(effect: &Effect, scale: &Scale) -> f64 {
+pub(super) fn most(effect: &Effect, scale: &Scale) -> f64 {
     let Scale { torque, speed, acceleration, reach } = *scale;
     match effect.kind {
         Kind::ViscousFriction | Kind::AsymmetrySlope | Kind::PlaceDamping => torque / speed,

@@ -207,18 +207,21 @@ impl Kind {
                 &[],
             ),
             Self::DriveGain => of("drive_gain", const { &[one("gain")] }, 1, false, &[]),
-            Self::TorqueDelay => Facts {
-                of_joint: false,
-                ..of("torque_delay", const { &[milli("delay_ms", "delay_ms")] }, 1, true, &[])
-            },
-            Self::Payload => Facts {
-                of_joint: false,
-                ..of("payload", const { &[one("mass_kg"), PLACE] }, 1, true, &[])
-            },
-            Self::SpeedCube | Self::PlaceFriction | Self::PlaceDamping | Self::Wander => {
-                outside(&[])
+            _ => self.facts_of_the_whole(),
+        }
+    }
+
+    /// Of what belongs to no joint, and of what no library has.
+    fn facts_of_the_whole(self) -> Facts {
+        const DELAY: &[Entry] = &[milli("delay_ms", "delay_ms")];
+        const MASS: &[Entry] = &[one("mass_kg"), PLACE];
+        match self {
+            Self::TorqueDelay => {
+                Facts { of_joint: false, ..of("torque_delay", DELAY, 1, true, &[]) }
             }
+            Self::Payload => Facts { of_joint: false, ..of("payload", MASS, 1, true, &[]) },
             Self::CrossTorque => outside(&[Several]),
+            _ => outside(&[]),
         }
     }
 

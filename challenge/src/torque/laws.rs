@@ -27,6 +27,8 @@ pub struct Ride {
     places: Vec<Places>,
     /// What the rig's own masses ask.
     rigid: Vec<Joints>,
+    /// What acts besides, of a recording that was made elsewhere.
+    besides: Option<Vec<Joints>>,
 }
 
 impl Ride {
@@ -53,7 +55,7 @@ impl Ride {
         celsius: Vec<Joints>,
     ) -> Self {
         let places: Vec<Places> = states.iter().map(|states| rig.places(states)).collect();
-        let mut ride = Self { at, states, celsius, places, rigid: Vec::new() };
+        let mut ride = Self { at, states, celsius, places, rigid: Vec::new(), besides: None };
         ride.rigid = ride.held(rig, &rig.points);
         ride
     }
@@ -67,6 +69,35 @@ impl Ride {
             torques
         };
         self.places.iter().map(of_row).collect()
+    }
+
+    /// Takes what was recorded: what masses ask of it, and what acts besides.
+    pub fn take_recorded(&mut self, rigid: Vec<Joints>, besides: Vec<Joints>) {
+        (self.rigid, self.besides) = (rigid, Some(besides));
+    }
+
+    /// Torques at rows as they were `late_s` before, between rows on the straight line; at a run's start its first.
+    #[must_use]
+    pub fn recorded_late(&self, torques: &[Joints], late_s: f64) -> Vec<Joints> {
+        let mut late = Vec::with_capacity(torques.len());
+        for run in self.runs() {
+            let mut before = run.start;
+            for row in run.clone() {
+                let wanted = self.at[row].1 - late_s;
+                while before + 1 < row && self.at[before + 1].1 <= wanted {
+                    before += 1;
+                }
+                let after = (before + 1).min(run.end - 1);
+                let step_s = self.at[after].1 - self.at[before].1;
+                let share = if step_s > 0.0 { (wanted - self.at[before].1) / step_s } else { 0.0 };
+                let share = share.clamp(0.0, 1.0);
+                let between = |i: usize| {
+                    torques[before][i] + share * (torques[after][i] - torques[before][i])
+                };
+                late.push(std::array::from_fn(between));
+            }
+        }
+        late
     }
 
     /// Rows of each run, as ranges.
@@ -106,6 +137,9 @@ pub fn on(rig: &Rig, ride: &Ride, effects: &[Effect]) -> Vec<Joints> {
         add_masses(rig, ride, effect, &mut loads);
     }
     let mut torques = loads.clone();
+    for (torques, besides) in torques.iter_mut().zip(ride.besides.iter().flatten()) {
+        torques.iter_mut().zip(besides).for_each(|(torque, besides)| *torque += besides);
+    }
     for effect in effects {
         add_own(rig, ride, effect, effects, &loads, &mut torques);
     }

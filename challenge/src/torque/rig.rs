@@ -7,8 +7,8 @@
 use crate::arm::{Arm, JOINTS, Joints, Mass};
 use crate::chance::Chance;
 use crate::space::{
-    ONE, T4, V3, add, column, cross, dot, mul, norm, origin, point, rotate, shift, sub, times,
-    turn, turn_z,
+    ONE, T4, V3, add, column, cross, dot, inverse, mul, norm, origin, point, rotate, shift, sub,
+    times, turn, turn_z,
 };
 
 use super::motion::{Room, State};
@@ -85,6 +85,23 @@ impl Rig {
         Self { arm, slides: false, points, told, rooms }
     }
 
+    /// A chain of axes through points, base axes at the zero configuration, m; nothing is said of masses. Several joints turn; a single one may slide.
+    #[must_use]
+    pub fn of_axes(axes: &[(V3, V3)], slides: bool, tcp: V3, gravity: V3) -> Self {
+        let mut links = Vec::with_capacity(axes.len() + 1);
+        let mut before = ONE;
+        for (axis, at) in axes {
+            let frame = mul(&shift(*at), &with_z(*axis));
+            links.push(mul(&inverse(&before), &frame));
+            before = frame;
+        }
+        links.push(mul(&inverse(&before), &shift(tcp)));
+        let mut arm = plain("a recorded robot", links);
+        arm.gravity = gravity;
+        let rooms = vec![Room { home: 0.0, reach: 1.0, fastest: 1.0 }; axes.len()];
+        Self { arm, slides, points: Vec::new(), told: false, rooms }
+    }
+
     /// The number of joints.
     #[must_use]
     pub fn count(&self) -> usize {
@@ -140,7 +157,7 @@ impl Rig {
     pub fn at_flange(&self, kg: f64, at: V3) -> Mass {
         let joint = self.count() - 1;
         let zero = self.frames(&[0.0; JOINTS])[joint];
-        Mass { joint, kg, at: point(&crate::space::inverse(&zero), at), tool: true }
+        Mass { joint, kg, at: point(&inverse(&zero), at), tool: true }
     }
 
     /// The tool centre point at the zero configuration, m.
@@ -193,6 +210,17 @@ impl Rig {
     }
 }
 
+/// A turn after which z points along a unit vector.
+fn with_z(axis: V3) -> T4 {
+    let about = cross([0.0, 0.0, 1.0], axis);
+    let sine = norm(about);
+    if sine < 1e-12 {
+        let half = if axis[2] > 0.0 { 0.0 } else { std::f64::consts::PI };
+        return turn([half, 0.0, 0.0]);
+    }
+    turn(times(about, sine.atan2(axis[2]) / sine))
+}
+
 fn plain(name: &str, links: Vec<T4>) -> Arm {
     Arm {
         name: name.to_owned(),
@@ -237,6 +265,21 @@ mod tests {
         // At zero it hangs: gravity asks m g l sin q beside m l² a; a steady turn asks nothing.
         let expected = 2.0 * 9.806_65 * 0.3 * 0.5_f64.sin() - 2.0 * 0.09 * 3.0;
         assert!((torques[0] - expected).abs() < 1e-5, "{} not {expected}", torques[0]);
+    }
+
+    #[test]
+    fn a_chain_of_axes_stands_where_it_was_said_to() {
+        let axes = [
+            ([0.0, 0.0, 1.0], [0.0; 3]),
+            ([0.0, -1.0, 0.0], [0.1, 0.0, 0.4]),
+            ([0.0, 0.0, -1.0], [0.5, 0.1, 0.3]),
+        ];
+        let rig = Rig::of_axes(&axes, false, [0.6, 0.0, 0.2], [0.0, 0.0, -9.8]);
+        for ((axis, at), frame) in axes.iter().zip(rig.frames(&[0.0; JOINTS])) {
+            assert!(norm(sub(column(&frame, 2), *axis)) < 1e-12);
+            assert!(norm(sub(origin(&frame), *at)) < 1e-12);
+        }
+        assert!(norm(sub(rig.tcp(), [0.6, 0.0, 0.2])) < 1e-12);
     }
 
     #[test]

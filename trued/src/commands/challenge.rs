@@ -4,6 +4,7 @@
 //! gives the same cases whatever the number of threads. Never: a case dropped because its answer is bad.
 
 mod drawn;
+mod inject;
 mod page;
 mod solver;
 mod told;
@@ -22,8 +23,10 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use self::drawn::{Domain, Drawn};
+use self::inject::Injection;
 use self::solver::{Run, Solver};
 use crate::exit::{Answer as Done, Failure, Outcome};
+use crate::input::Reading;
 use crate::options::{Seed, Threads};
 use crate::output::Console;
 use crate::{interrupt, progress};
@@ -47,6 +50,11 @@ pub(crate) struct Challenge {
     /// What is measured and diagnosed
     #[arg(long, value_name = "DOMAIN", value_enum, default_value_t = Domain::Position)]
     domain: Domain,
+    /// Instead of cases: effects of torques added to these real recordings of the robot of --model
+    #[arg(long, value_name = "RECORDING", num_args = 1..)]
+    inject: Vec<PathBuf>,
+    #[command(flatten)]
+    reading: Reading,
     /// One kind of case alone; if not given, a mixture
     #[arg(long, value_name = "TIER", value_enum)]
     tier: Option<AskedTier>,
@@ -122,6 +130,18 @@ impl Challenge {
         let stop = interrupt::flag()?;
         let count = self.cases as usize;
         let work = Work { threads: self.threads.settle().get(), stop: &stop };
+        if self.inject.is_empty()
+            && (self.reading.model.is_some() || self.reading.mapping.is_some())
+        {
+            return Err(Failure::input(
+                "--model and --mapping are of the recordings of --inject: give these too",
+            ));
+        }
+        if !self.inject.is_empty() {
+            let (reading, recordings) = (&self.reading, self.inject.as_slice());
+            let (out, solver) = (folder.0.as_path(), &solver);
+            return Injection { reading, recordings, out, seed, solver }.run(console, &work);
+        }
         let drawn = work.each(console, count, "drawing cases", |index| {
             let tier = self.tier.map_or_else(|| Tier::mixed(index), |tier| (tier.into(), index));
             let drawn = self.domain.draw(seed, index, tier);
