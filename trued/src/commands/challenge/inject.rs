@@ -173,12 +173,19 @@ impl Injection<'_> {
                 for (step, z) in STRENGTHS.into_iter().enumerate() {
                     let number = ((place * Kind::LIBRARY.len() + turn) * 3 + step) as u64;
                     let mut chance = Chance::new(self.seed, number);
-                    let counts = |one: &Injected| one.judged.least_gain >= APART;
-                    let draws: Vec<Injected> = (0..DRAWS)
-                        .filter_map(|_| plain.real.inject(kind, z, &mut chance))
-                        .collect();
-                    let best = draws.iter().position(counts).unwrap_or(0);
-                    match draws.into_iter().nth(best) {
+                    let mut best: Option<Injected> = None;
+                    // What counts is asked; what does not count is told where nothing else can be added.
+                    for _ in 0..DRAWS {
+                        let Some(one) = plain.real.inject(kind, z, &mut chance) else { continue };
+                        let counts = one.judged.least_gain >= APART;
+                        if counts || best.is_none() {
+                            best = Some(one);
+                        }
+                        if counts {
+                            break;
+                        }
+                    }
+                    match best {
                         Some(injected) => cases.push(Case { plain, z, injected }),
                         None => cannot.push(format!("{kind:?} at {z} to {}", plain.name)),
                     }
