@@ -85,32 +85,30 @@ pub enum NoAnswer {
     /// Another schema.
     #[error("its `schema` is no trued.diagnosis/1")]
     Schema,
-    /// No position domain in it.
-    #[error("it says nothing of the position domain")]
-    NoPosition,
+    /// The domain that was asked is not in it.
+    #[error("it says nothing of the {0} domain")]
+    NoDomain(&'static str),
     /// A verdict that the contract has not.
     #[error("its `verdict` is `{0}`")]
     Verdict(String),
 }
 
 impl Answer {
-    /// Reads an answer.
+    /// Reads an answer of a domain; one that names no domain is of any.
     ///
     /// # Errors
     /// What makes it none.
-    pub fn parse(text: &str) -> Result<Self, NoAnswer> {
+    pub fn parse(text: &str, domain: &'static str) -> Result<Self, NoAnswer> {
         let whole: Value =
             serde_json::from_str(text).map_err(|error| NoAnswer::NotJson(error.to_string()))?;
         if whole["schema"].as_str() != Some("trued.diagnosis/1") {
             return Err(NoAnswer::Schema);
         }
-        let position = match whole["domains"].as_array() {
-            Some(domains) => domains.iter().find(|d| d["domain"].as_str() == Some("position")),
-            None => {
-                Some(&whole).filter(|d| d["domain"].as_str().is_none_or(|name| name == "position"))
-            }
+        let asked = match whole["domains"].as_array() {
+            Some(domains) => domains.iter().find(|d| d["domain"].as_str() == Some(domain)),
+            None => Some(&whole).filter(|d| d["domain"].as_str().is_none_or(|name| name == domain)),
         };
-        let body = position.ok_or(NoAnswer::NoPosition)?;
+        let body = asked.ok_or(NoAnswer::NoDomain(domain))?;
         let word = body["verdict"].as_str().unwrap_or_default();
         let verdict = match word {
             "consistent" => Verdict::Consistent,
@@ -181,7 +179,7 @@ mod tests {
 
     #[test]
     fn an_answer_by_the_contract_is_read() {
-        let answer = Answer::parse(ANSWER).expect("an answer");
+        let answer = Answer::parse(ANSWER, "position").expect("an answer");
         assert_eq!(answer.verdict, Verdict::MissingPhysics);
         let finding = &answer.findings[0];
         assert_eq!((finding.named.effect.as_str(), finding.named.joint), ("axis_tilt", Some(3)));
@@ -191,21 +189,22 @@ mod tests {
     }
 
     #[test]
-    fn several_domains_are_read_by_the_position() {
+    fn of_several_domains_the_one_that_was_asked_is_read() {
         let both = format!(
             r#"{{"schema": "trued.diagnosis/1", "domains": [{{"domain": "torque", "verdict": "consistent"}}, {ANSWER}]}}"#
         );
-        assert_eq!(Answer::parse(&both).map(|a| a.findings.len()), Ok(1));
+        assert_eq!(Answer::parse(&both, "position").map(|a| a.findings.len()), Ok(1));
+        assert_eq!(Answer::parse(&both, "torque").map(|a| a.verdict), Ok(Verdict::Consistent));
         let torque =
             r#"{"schema": "trued.diagnosis/1", "domain": "torque", "verdict": "consistent"}"#;
-        assert_eq!(Answer::parse(torque), Err(NoAnswer::NoPosition));
+        assert_eq!(Answer::parse(torque, "position"), Err(NoAnswer::NoDomain("position")));
     }
 
     proptest! {
         #[test]
         fn no_text_makes_it_panic(at in 0..ANSWER.len(), with in ".{0,3}") {
-            let _ = Answer::parse(&format!("{}{with}{}", &ANSWER[..at], &ANSWER[at..]));
-            let _ = Answer::parse(&ANSWER[..at]);
+            let _ = Answer::parse(&format!("{}{with}{}", &ANSWER[..at], &ANSWER[at..]), "torque");
+            let _ = Answer::parse(&ANSWER[..at], "position");
         }
     }
 }

@@ -7,7 +7,7 @@
 //! Promises: no answer of a solver is looked at. Never: noise drawn; expected values alone.
 
 use crate::bent::{Bend, NUMBERS, of_point, tangent};
-use crate::candidates::{Candidate, candidates, free_numbers};
+use crate::candidates::{candidates, free_numbers};
 use crate::case::Case;
 use crate::kinds::{Effect, Kind};
 use crate::laws::Run;
@@ -16,35 +16,8 @@ use crate::ride::{Fine, loads};
 use crate::scene::Scene;
 use crate::space::{T4, V3, rotate};
 use crate::view::Whitener;
-
-/// Below this share of an effect's energy what a rival leaves is rounding: the two are one thing under two names.
-const SAME: f64 = 1e-6;
-/// Share of a number's own column that must be left for it to be told at all.
-const CLEAR: f64 = 1e-4;
-/// Half of the energy below which candidates cannot be told apart (contract `diagnosis.md`).
-pub const APART: f64 = 5.0;
-
-/// A name in answers: kind and joint (from 1).
-pub type Name = (&'static str, Option<usize>);
-
-/// What can be said of one hidden effect before anyone answers.
-#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
-pub struct Judged {
-    /// Length of the whitened effect.
-    pub z: f64,
-    /// Per value.
-    pub rho: f64,
-    /// Least expected gain over rivals with no more numbers.
-    pub least_gain: f64,
-    /// Rivals with no more numbers that cannot be told apart.
-    pub rivals: Vec<Name>,
-    /// Names that mean the same here.
-    pub same: Vec<Name>,
-    /// Length of what the best single candidate leaves.
-    pub unexplained_z: f64,
-    /// Which of its numbers can be told at all beside the others and what is fitted anyway.
-    pub determined: Vec<bool>,
-}
+pub use crate::weigh::{APART, Judged, Name};
+use crate::weigh::{Question, own_columns};
 
 /// A case's columns.
 pub struct Bench<'a> {
@@ -189,35 +162,18 @@ impl<'a> Bench<'a> {
             }
         }
         let rest = span.rest(&self.whiten(shown));
-        let energy = dot(&rest, &rest);
-        let mut judged = Judged {
-            z: energy.sqrt(),
-            rho: (energy / self.count() as f64).sqrt(),
-            least_gain: 0.5 * energy,
-            unexplained_z: energy.sqrt(),
-            ..Judged::default()
+        let question = Question {
+            name: truth.kind.name().map(|name| (name, truth.joint_said())),
+            numbers: free_numbers(truth.kind, self.scene, truth.joint),
+            span: &span,
+            rest: &rest,
+            values: self.count(),
         };
-        for candidate in candidates(self.case, self.scene) {
-            let name = (candidate.name, candidate.joint);
-            if truth.kind.name() == Some(candidate.name) && truth.joint_said() == candidate.joint {
-                continue;
-            }
-            let left = self.left(&candidate, &span, &rest, energy);
-            judged.unexplained_z = judged.unexplained_z.min(left.sqrt());
-            if candidate.count > free_numbers(truth.kind, self.scene, truth.joint) {
-                continue;
-            }
-            if left < SAME * energy && one_family(truth.kind, candidate.name) {
-                judged.same.push(name);
-                continue;
-            }
-            judged.least_gain = judged.least_gain.min(0.5 * left);
-            if 0.5 * left < APART {
-                judged.rivals.push(name);
-            }
-        }
-        judged.rivals.dedup();
-        judged.same.dedup();
+        let mut judged = question.weigh(
+            &candidates(self.case, self.scene),
+            |effect| self.column(effect),
+            |name| one_family(truth.kind, name),
+        );
         judged.determined = self.determined(truth, &span);
         judged
     }
@@ -233,38 +189,7 @@ impl<'a> Bench<'a> {
             let length = dot(&column, &column).sqrt();
             (span.rest(&column), length)
         };
-        let slopes: Vec<(Vec<f64>, f64)> = (0..effect.numbers.len()).map(slope).collect();
-        let own = |n: usize| {
-            let mut others = Span::default();
-            for (k, (column, length)) in slopes.iter().enumerate() {
-                if k != n && dot(column, column).sqrt() > CLEAR * length {
-                    others.take(column.clone());
-                }
-            }
-            let rest = others.rest(&slopes[n].0);
-            dot(&rest, &rest).sqrt() > CLEAR * slopes[n].1
-        };
-        (0..slopes.len()).map(own).collect()
-    }
-
-    /// The energy that the best form of a candidate leaves.
-    fn left(&self, candidate: &Candidate, span: &Span, rest: &[f64], energy: f64) -> f64 {
-        let mut least = energy;
-        for form in &candidate.forms {
-            let mut own = Span::default();
-            for effect in form {
-                own.take(span.rest(&self.column(effect)));
-            }
-            let mut left = rest.to_vec();
-            let shares = own.remove(&mut left);
-            let wrong_sign = candidate.not_negative
-                && form.len() == 1
-                && shares.first().is_some_and(|x| *x < 0.0);
-            if !wrong_sign {
-                least = least.min(dot(&left, &left));
-            }
-        }
-        least
+        own_columns(&(0..effect.numbers.len()).map(slope).collect::<Vec<_>>())
     }
 }
 

@@ -9,7 +9,7 @@ use crate::scene::Scene;
 
 /// A name with the forms that it may take.
 #[derive(Clone, Debug)]
-pub struct Candidate {
+pub struct Candidate<E = Effect> {
     /// Name in answers.
     pub name: &'static str,
     /// From 1.
@@ -19,7 +19,7 @@ pub struct Candidate {
     /// Whether its one number may not be negative.
     pub not_negative: bool,
     /// Each form: effects that add up with free shares.
-    pub forms: Vec<Vec<Effect>>,
+    pub forms: Vec<Vec<E>>,
 }
 
 /// All candidates.

@@ -65,11 +65,11 @@ impl Tier {
 
 /// An effect that the model has.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Known {
+pub struct Known<E = Effect> {
     /// As the model says.
-    pub nominal: Effect,
+    pub nominal: E,
     /// As it is, within its uncertainty.
-    pub real: Effect,
+    pub real: E,
     /// Standard uncertainty of the first number, SI.
     pub sigma: f64,
 }

@@ -23,9 +23,9 @@ const OF_ONE_KIND: u64 = 8;
 
 /// A case with what can be said of it.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Drawn {
+pub struct Drawn<C = Case> {
     /// The case.
-    pub case: Case,
+    pub case: C,
     /// One per hidden effect.
     pub judged: Vec<Judged>,
 }
@@ -34,20 +34,51 @@ pub struct Drawn {
 #[must_use]
 pub fn case(seed: u64, index: usize, (tier, turn): (Tier, usize)) -> Drawn {
     let number = index as u64;
-    for attempt in 0..ATTEMPTS {
-        let mut chance = Chance::new(seed, number * 1000 + attempt);
-        if let Some(drawn) = attempt_at(
-            seed ^ (number << 20) ^ attempt,
-            turn + (attempt / OF_ONE_KIND) as usize,
-            tier,
-            &mut chance,
-        ) {
-            return drawn;
-        }
+    let drawn =
+        attempts(seed, number, turn, |seed, turn, chance| attempt_at(seed, turn, tier, chance));
+    if let Some(drawn) = drawn {
+        return drawn;
     }
     let mut chance = Chance::new(seed, number * 1000 + 999);
     let case = empty(number, Tier::Null, &[], None, &mut chance);
     Drawn { case, judged: Vec::new() }
+}
+
+/// The first attempt that gives a case: each has its own seed and chance; after some the next kind takes its turn.
+pub(crate) fn attempts<T>(
+    seed: u64,
+    number: u64,
+    turn: usize,
+    one: impl Fn(u64, usize, &mut Chance) -> Option<T>,
+) -> Option<T> {
+    (0..ATTEMPTS).find_map(|attempt| {
+        let mut chance = Chance::new(seed, number * 1000 + attempt);
+        let turn = turn + (attempt / OF_ONE_KIND) as usize;
+        one(seed ^ (number << 20) ^ attempt, turn, &mut chance)
+    })
+}
+
+/// Whether what can be said of the hidden effects is what the tier asks.
+pub(crate) fn asks(tier: Tier, judged: &[Judged]) -> bool {
+    let shows = |least: f64| judged.iter().all(|j| j.z >= least);
+    match tier {
+        Tier::Null => true,
+        Tier::Single => shows(8.0) && judged.iter().all(|j| j.least_gain >= APART),
+        Tier::Multiple => shows(8.0),
+        Tier::Limit => shows(2.0),
+        Tier::Outside => judged.iter().all(|j| j.unexplained_z >= 10.0),
+        Tier::Ambiguous => shows(12.0) && judged.iter().all(|j| !j.rivals.is_empty()),
+    }
+}
+
+/// How much an effect of a tier shall show.
+pub(crate) fn wanted_z(tier: Tier, chance: &mut Chance) -> f64 {
+    match tier {
+        Tier::Limit => chance.log_between(3.0, 14.0),
+        Tier::Outside => chance.log_between(30.0, 400.0),
+        Tier::Ambiguous => chance.log_between(15.0, 120.0),
+        _ => chance.log_between(9.0, 400.0),
+    }
 }
 
 fn attempt_at(seed: u64, turn: usize, tier: Tier, chance: &mut Chance) -> Option<Drawn> {
@@ -68,17 +99,7 @@ fn attempt_at(seed: u64, turn: usize, tier: Tier, chance: &mut Chance) -> Option
     if !case.hidden.iter().all(certain) {
         return None;
     }
-    let shows = |least: f64| judged.iter().all(|j| j.z >= least);
-    let apart = |j: &Judged| j.least_gain >= APART;
-    let fits = match tier {
-        Tier::Null => true,
-        Tier::Single => shows(8.0) && judged.iter().all(apart),
-        Tier::Multiple => shows(8.0),
-        Tier::Limit => shows(2.0),
-        Tier::Outside => judged.iter().all(|j| j.unexplained_z >= 10.0),
-        Tier::Ambiguous => shows(12.0) && judged.iter().all(|j| !j.rivals.is_empty()),
-    };
-    fits.then_some(Drawn { case, judged })
+    asks(tier, &judged).then_some(Drawn { case, judged })
 }
 
 /// What can be said of each hidden effect.
@@ -318,12 +339,7 @@ fn size(case: &mut Case, tier: Tier, chance: &mut Chance) -> Option<()> {
         right: vec![true; case.scene.rows.len()],
     };
     for which in 0..case.hidden.len() {
-        let wanted = match tier {
-            Tier::Limit => chance.log_between(3.0, 14.0),
-            Tier::Outside => chance.log_between(30.0, 400.0),
-            Tier::Ambiguous => chance.log_between(15.0, 120.0),
-            _ => chance.log_between(9.0, 400.0),
-        };
+        let wanted = wanted_z(tier, chance);
         // Twice: what is bent far is not bent in proportion.
         let most = case.hidden[which].kind.facts().most;
         case.hidden[which] =

@@ -170,7 +170,10 @@ impl<'a> Run<'a> {
                     let gap = |q: f64| effect.numbers[0].abs() * (0.5 + 0.5 * q.sin());
                     at_rows(fine, &contact(&fine.q[effect.joint], start, gap))
                 }
-                Kind::Hysteresis => at_rows(fine, &slipping(&fine.q[effect.joint], effect)),
+                Kind::Hysteresis => {
+                    let [height, distance] = [effect.numbers[0], effect.numbers[1]];
+                    at_rows(fine, &slipping(&fine.q[effect.joint], height, distance))
+                }
                 Kind::FlexibleMode => at_rows(fine, &ringing(fine, effect)),
                 Kind::ReversalSpike => snapping(fine, effect),
                 _ => fine.at.iter().map(|k| of_speed(effect, fine, *k)).collect(),
@@ -264,8 +267,7 @@ fn contact(motor: &[f64], start: f64, gap: impl Fn(f64) -> f64) -> Vec<f64> {
 }
 
 /// Springs that slip, of equal shares; their yield distances are spread so that the sum builds up exponentially.
-fn slipping(motor: &[f64], effect: &Effect) -> Vec<f64> {
-    let (height, distance) = (effect.numbers[0], effect.numbers[1]);
+pub(crate) fn slipping(motor: &[f64], height: f64, distance: f64) -> Vec<f64> {
     // Turned back by x, a spring gives way over twice its yield y: 1 − e^(−x/s) of the whole asks for twice the yields to be spread as x e^(−x/s).
     let yields: Vec<f64> =
         (0..SLIPS).map(|k| 0.5 * distance * gamma2((k as f64 + 0.5) / SLIPS as f64)).collect();

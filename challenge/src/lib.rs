@@ -8,6 +8,8 @@
 //! [`mod@draw`] (cases by chance), [`mod@bench`] (what can be known of a case before anyone answers), [`proof`] (what an answer is worth on a
 //! motion that nobody saw), [`mod@write`] (the files), [`seal`], [`answer`] and [`score`].
 //!
+//! What the motors feel instead of where the tool goes: [`torque`].
+//!
 //! Promises: the same seed gives the same bytes. Never: a file read or written, a process, a clock.
 
 pub mod answer;
@@ -27,6 +29,8 @@ pub mod scene;
 pub mod score;
 pub mod seal;
 pub mod space;
+pub mod torque;
 pub mod truth;
 pub mod view;
+pub mod weigh;
 pub mod write;

@@ -146,6 +146,13 @@ impl Whitener {
         Self { width, sigma: noise.total(), colour: noise.colour, rows }
     }
 
+    /// For values in units of their noise, `width` to a row, that remembers itself from row to row; each row that counts, and whether it follows the one
+    /// before it in time.
+    #[must_use]
+    pub fn plain(width: usize, colour: f64, rows: Vec<(usize, bool)>) -> Self {
+        Self { width, sigma: 1.0, colour, rows }
+    }
+
     /// How many values count.
     #[must_use]
     pub fn count(&self) -> usize {

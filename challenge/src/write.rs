@@ -4,22 +4,22 @@
 
 use std::fmt::Write as _;
 
-use crate::arm::JOINTS;
+use crate::arm::{Arm, JOINTS};
 use crate::case::Case;
 use crate::kinds::{Effect, Entry};
 use crate::scene::Scene;
-use crate::space::{V3, column, origin, point};
+use crate::space::{T4, V3, column, origin, point};
 use crate::view::Measured;
 
 /// A file's name and text.
 pub type File = (&'static str, String);
 
-fn list(numbers: &[f64]) -> String {
+pub(crate) fn list(numbers: &[f64]) -> String {
     let texts: Vec<String> = numbers.iter().map(|x| format!("{x:?}")).collect();
     format!("[{}]", texts.join(", "))
 }
 
-fn mm(v: V3) -> String {
+pub(crate) fn mm(v: V3) -> String {
     list(&v.map(|x| x * 1e3))
 }
 
@@ -27,29 +27,57 @@ fn mm(v: V3) -> String {
 #[must_use]
 pub fn model(case: &Case) -> String {
     let arm = &case.scene.arm;
+    let link = |i: usize, frame: &T4| {
+        let mass = arm.masses.iter().find(|m| m.joint == i && !m.tool)?;
+        let at = mm(point(frame, mass.at));
+        Some(format!("mass_kg = {:?}, com_mm = {at}", mass.kg))
+    };
+    let tool = arm.masses.iter().find(|m| m.tool);
+    let mut text = geometry(arm, false, link);
+    if let Some(mass) = tool {
+        let zero = arm.frames(&[0.0; JOINTS]);
+        text.push_str(&tool_mass(mass.kg, point(&zero[mass.joint], mass.at)));
+    }
+    for known in &case.known {
+        text.push_str(&effect(&known.nominal, Some(known.sigma)));
+    }
+    text
+}
+
+/// The mass of the tool, kg, and its centre in base axes at the zero configuration, m.
+pub(crate) fn tool_mass(kg: f64, at: V3) -> String {
+    format!("mass_kg = {kg:?}\ncom_mm = {}\n", mm(at))
+}
+
+/// The chain of an arm, its joints turning or sliding, with what is said of each link, and the tool.
+pub(crate) fn geometry(
+    arm: &Arm,
+    slides: bool,
+    link: impl Fn(usize, &T4) -> Option<String>,
+) -> String {
     let zero = arm.frames(&[0.0; JOINTS]);
     let mut text = format!(
         "schema = \"trued.model/1\"\nname = \"{}, a case\"\ngravity_m_s2 = {}\n",
         arm.name,
         list(&arm.gravity)
     );
+    let (kind, limits) = if slides {
+        ("prismatic", "limits_mm = [-2000.0, 2000.0]\nmax_speed_mm_s = 2500.0")
+    } else {
+        ("revolute", "limits_deg = [-355.0, 355.0]\nmax_speed_deg_s = 250.0")
+    };
     for (i, frame) in zero.iter().enumerate().take(arm.count()) {
         let axis = column(frame, 2);
         let length = crate::space::norm(axis);
         let _ = write!(
             text,
-            "\n[[joint]]\nname = \"{}\"\nkind = \"revolute\"\naxis = {}\npoint_mm = {}\nlimits_deg = [-355.0, 355.0]\nmax_speed_deg_s = 250.0\n",
+            "\n[[joint]]\nname = \"{}\"\nkind = \"{kind}\"\naxis = {}\npoint_mm = {}\n{limits}\n",
             i + 1,
             list(&axis.map(|x| x / length)),
             mm(origin(frame))
         );
-        if let Some(mass) = arm.masses.iter().find(|m| m.joint == i && !m.tool) {
-            let _ = writeln!(
-                text,
-                "link = {{ mass_kg = {:?}, com_mm = {} }}",
-                mass.kg,
-                mm(point(frame, mass.at))
-            );
+        if let Some(link) = link(i, frame) {
+            let _ = writeln!(text, "link = {{ {link} }}");
         }
     }
     let tool = &zero[arm.count()];
@@ -60,34 +88,41 @@ pub fn model(case: &Case) -> String {
         mm(origin(tool)),
         rows.join(", ")
     );
-    if let Some(mass) = arm.masses.iter().find(|m| m.tool) {
-        let at = point(&zero[mass.joint], mass.at);
-        let _ = write!(text, "mass_kg = {:?}\ncom_mm = {}\n", mass.kg, mm(at));
-    }
-    for known in &case.known {
-        text.push_str(&effect(&known.nominal, Some(known.sigma)));
-    }
     text
 }
 
 /// An effect as an entry of a model; `sigma` of its first number, SI.
 #[must_use]
 pub fn effect(effect: &Effect, sigma: Option<f64>) -> String {
-    let facts = effect.kind.facts();
-    let mut text = format!("\n[[effect]]\nkind = \"{}\"\n", facts.name.unwrap_or("none"));
-    if let Some(joint) = effect.joint_said() {
+    let joint = effect.joint_said();
+    let from = (effect.kind == crate::kinds::Kind::JointCoupling).then_some(effect.other + 1);
+    let entries = entries(effect).map(|(entry, numbers)| (entry.key, entry.si, numbers));
+    entry(effect.kind.name(), (joint, from), entries, sigma)
+}
+
+/// An entry of a model: its name, its joints, its keys with the SI of their unit and their numbers, and the uncertainty of the first.
+pub(crate) fn entry<'a>(
+    name: Option<&str>,
+    (joint, from): (Option<usize>, Option<usize>),
+    entries: impl Iterator<Item = (&'a str, f64, &'a [f64])>,
+    sigma: Option<f64>,
+) -> String {
+    let mut text = format!("\n[[effect]]\nkind = \"{}\"\n", name.unwrap_or("none"));
+    if let Some(joint) = joint {
         let _ = writeln!(text, "joint = {joint}");
     }
-    if effect.kind == crate::kinds::Kind::JointCoupling {
-        let _ = writeln!(text, "from_joint = {}", effect.other + 1);
+    if let Some(from) = from {
+        let _ = writeln!(text, "from_joint = {from}");
     }
-    for (entry, values) in entries(effect) {
-        let values: Vec<f64> = values.iter().map(|x| x / entry.si).collect();
-        let shown = if entry.count == 1 { format!("{:?}", values[0]) } else { list(&values) };
-        let _ = writeln!(text, "{} = {shown}", entry.key);
+    let mut first = None;
+    for (key, si, numbers) in entries {
+        first = first.or(Some((key, si)));
+        let values: Vec<f64> = numbers.iter().map(|x| x / si).collect();
+        let shown = if values.len() == 1 { format!("{:?}", values[0]) } else { list(&values) };
+        let _ = writeln!(text, "{key} = {shown}");
     }
-    if let (Some(sigma), Some(entry)) = (sigma, facts.entries.first()) {
-        let _ = writeln!(text, "sigma = {{ {} = {:?} }}", entry.key, sigma / entry.si);
+    if let (Some(sigma), Some((key, si))) = (sigma, first) {
+        let _ = writeln!(text, "sigma = {{ {key} = {:?} }}", sigma / si);
     }
     text
 }

@@ -46,10 +46,10 @@ fn play_has_one_width_whatever_the_amplitude_and_the_link_stays_within_it() {
 
 #[test]
 fn a_hysteresis_builds_up_over_its_distance_and_its_loop_closes() {
-    let law = effect(Kind::Hysteresis, &[5e-4, 4e-3]);
+    let (height, distance) = (5e-4, 4e-3);
     let there: Vec<f64> = (0..=4000).map(|k| f64::from(k) * 2e-5).collect();
     let back: Vec<f64> = (1..=4000).map(|k| 0.08 - f64::from(k) * 2e-5).collect();
-    let seen = slipping(&[there, back].concat(), &law);
+    let seen = slipping(&[there, back].concat(), height, distance);
     assert!((seen[4000] + 2.5e-4).abs() < 1e-6, "fully built up");
     // A distance s after the reversal 63 % of the whole height is crossed.
     let after = seen[4200] - seen[4000];
@@ -62,7 +62,7 @@ fn a_hysteresis_builds_up_over_its_distance_and_its_loop_closes() {
         q += if n < 400 { -1e-5 } else { 1e-5 };
         way.push(q);
     }
-    let seen = slipping(&way, &law);
+    let seen = slipping(&way, height, distance);
     assert!((seen[4800] - seen[4000]).abs() < 1e-9, "return point memory");
 }
 

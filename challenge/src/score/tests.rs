@@ -26,7 +26,12 @@ fn hidden(z: f64, rivals: &[(&'static str, Option<usize>)]) -> Hidden {
 fn outcome(tier: Tier, hidden: Vec<Hidden>, answer: &str) -> Outcome {
     let truth =
         Truth { case: "0001".into(), tier, hidden, depends_on: vec!["q2".into(), "v3".into()] };
-    Outcome { truth, answer: Answer::parse(answer).ok(), errors: None, seconds: Some(1.0) }
+    Outcome {
+        truth,
+        answer: Answer::parse(answer, "position").ok(),
+        errors: None,
+        seconds: Some(1.0),
+    }
 }
 
 fn said(verdict: &str, effect: &str, joint: usize, alternative: &str, ci: [f64; 2]) -> String {

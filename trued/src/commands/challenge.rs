@@ -3,6 +3,8 @@
 //! Promises: the solver sees a model and a recording and nothing else; the truth stands in no file until all answers are hashed; the same seed
 //! gives the same cases whatever the number of threads. Never: a case dropped because its answer is bad.
 
+mod drawn;
+mod inject;
 mod page;
 mod solver;
 mod told;
@@ -14,15 +16,17 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use challenge::answer::Answer;
 use challenge::case::Tier;
-use challenge::draw::{self, Drawn};
 use challenge::score::{Line, Outcome as Scored, figures};
+use challenge::seal;
 use challenge::truth::{self, Truth};
-use challenge::{seal, write};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 
+use self::drawn::{Domain, Drawn};
+use self::inject::Injection;
 use self::solver::{Run, Solver};
 use crate::exit::{Answer as Done, Failure, Outcome};
+use crate::input::Reading;
 use crate::options::{Seed, Threads};
 use crate::output::Console;
 use crate::{interrupt, progress};
@@ -43,6 +47,14 @@ pub(crate) struct Challenge {
     /// Where cases, answers, truth and report go; must not hold anything yet
     #[arg(long, value_name = "DIR", default_value = "challenge")]
     out: PathBuf,
+    /// What is measured and diagnosed
+    #[arg(long, value_name = "DOMAIN", value_enum, default_value_t = Domain::Position)]
+    domain: Domain,
+    /// Instead of cases: effects of torques added to these real recordings of the robot of --model
+    #[arg(long, value_name = "RECORDING", num_args = 1..)]
+    inject: Vec<PathBuf>,
+    #[command(flatten)]
+    reading: Reading,
     /// One kind of case alone; if not given, a mixture
     #[arg(long, value_name = "TIER", value_enum)]
     tier: Option<AskedTier>,
@@ -118,14 +130,26 @@ impl Challenge {
         let stop = interrupt::flag()?;
         let count = self.cases as usize;
         let work = Work { threads: self.threads.settle().get(), stop: &stop };
+        if self.inject.is_empty()
+            && (self.reading.model.is_some() || self.reading.mapping.is_some())
+        {
+            return Err(Failure::input(
+                "--model and --mapping are of the recordings of --inject: give these too",
+            ));
+        }
+        if !self.inject.is_empty() {
+            let (reading, recordings) = (&self.reading, self.inject.as_slice());
+            let (out, solver) = (folder.0.as_path(), &solver);
+            return Injection { reading, recordings, out, seed, solver }.run(console, &work);
+        }
         let drawn = work.each(console, count, "drawing cases", |index| {
             let tier = self.tier.map_or_else(|| Tier::mixed(index), |tier| (tier.into(), index));
-            let drawn = draw::case(seed, index, tier);
+            let drawn = self.domain.draw(seed, index, tier);
             put(&folder.case(index), &drawn)?;
             Ok(drawn)
         })?;
         let truths: Vec<Truth> =
-            drawn.iter().enumerate().map(|(index, drawn)| Truth::of(&name(index), drawn)).collect();
+            drawn.iter().enumerate().map(|(index, drawn)| drawn.truth(&name(index))).collect();
         let text = truth::text(&truths);
         let sealed = seal::sha256(&text);
         commit(&folder, count, &sealed)?;
@@ -138,14 +162,15 @@ impl Challenge {
         seal::open(&text, &sealed).map_err(Failure::system)?;
         crate::atomic::write(&folder.0.join("truth.json"), |file| file.write_all(text.as_bytes()))?;
         let errors = work.each(console, count, "proving", |index| {
-            Ok(worth::of(&drawn[index], runs[index].model.as_deref()))
+            Ok(drawn[index].errors(runs[index].model.as_deref()))
         })?;
+        let domain = self.domain.word();
         let scored: Vec<Scored> = truths
             .into_iter()
             .zip(runs.iter().zip(errors))
             .map(|(truth, (run, errors))| Scored {
                 truth,
-                answer: run.diagnosis.as_deref().and_then(|text| Answer::parse(text).ok()),
+                answer: run.diagnosis.as_deref().and_then(|text| Answer::parse(text, domain).ok()),
                 errors,
                 seconds: run.seconds,
             })
@@ -178,7 +203,7 @@ impl Challenge {
 
 fn put(folder: &Path, drawn: &Drawn) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(Failure::system)?;
-    for (name, text) in write::files(&drawn.case) {
+    for (name, text) in drawn.files() {
         crate::atomic::write(&folder.join(name), |file| file.write_all(text.as_bytes()))?;
     }
     Ok(())

@@ -195,6 +195,15 @@ pub(super) fn seen_of(model: &RobotModel, mut recording: Recording) -> Result<Ve
     Ok(run(model, &recording, Loop::Unasked)?.seen)
 }
 
+/// What the drives exert on a recording that goes as it is commanded, row by row, Nm or N.
+pub(super) fn torques_of(
+    model: &RobotModel,
+    mut recording: Recording,
+) -> Result<Vec<Joints>, Failure> {
+    hold_inputs(&mut recording);
+    Ok(run(model, &recording, Loop::Open)?.torques.unwrap_or_default())
+}
+
 /// What is asked of the drives.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Loop {

@@ -2,18 +2,23 @@
 //!
 //! Promises: a model that does not load, or is missing, is worth as much as the model that was given. Never: a fit.
 
+use challenge::arm::JOINTS;
 use challenge::case::Case;
 use challenge::draw::Drawn;
 use challenge::proof::{Predicted, Proof};
 use challenge::scene::Scene;
 use challenge::score::Errors;
 use challenge::space::{ONE, T4};
+use challenge::torque;
 use challenge::write;
 use recording::model::RobotModel;
 use recording::series::{self, About, Need};
 use world::forward::Seen;
 
-use super::super::simulate::seen_of;
+use super::super::simulate::{seen_of, torques_of};
+
+/// Rows per second on which torques are predicted.
+const FINE_HZ: f64 = 2000.0;
 
 /// The errors of a case with something hidden; none of a null.
 pub(super) fn of(drawn: &Drawn, model: Option<&str>) -> Option<Errors> {
@@ -32,6 +37,37 @@ pub(super) fn of(drawn: &Drawn, model: Option<&str>) -> Option<Errors> {
         proof.after(&training, &unseen)
     });
     Some(Errors { before, after: after.unwrap_or(before), oracle: proof.oracle() })
+}
+
+/// The errors of a case of torques with something hidden; none of a null.
+pub(super) fn of_torques(case: &torque::case::Case, model: Option<&str>) -> Option<Errors> {
+    if case.hidden.is_empty() {
+        return None;
+    }
+    let unseen = case.unseen();
+    let proof = torque::proof::Proof::of(case, &unseen);
+    let before = proof.before();
+    let written = model.and_then(|text| RobotModel::parse("model.toml", text).ok());
+    let after = written.and_then(|model| {
+        let [training, unseen] = proof.motions().map(|motion| torques(case, motion, &model));
+        proof.after(&training?, &unseen?)
+    });
+    Some(Errors { before, after: after.unwrap_or(before), oracle: proof.oracle() })
+}
+
+/// What the model says that drives exert in each row of a motion. Rates are differences of rows there, so it is asked of finer ones.
+fn torques(
+    case: &torque::case::Case,
+    motion: &torque::motion::Motion,
+    model: &RobotModel,
+) -> Option<Vec<[f64; JOINTS]>> {
+    let finer = (FINE_HZ / motion.rate_hz).round().max(1.0) as usize;
+    let about = About::parse("recording.toml", &torque::write::about()).ok()?;
+    let text = torque::write::command(case, motion, finer);
+    let recording = series::read_text("motion.csv", &text, None, Some(about), Need::Path).ok()?;
+    let exerted = torques_of(model, recording).ok()?;
+    let row = |row: &physics::Joints| std::array::from_fn(|joint| row[joint]);
+    Some(exerted.iter().step_by(finer).map(row).collect())
 }
 
 /// Where the model puts the robot in each row of a motion.

@@ -1,0 +1,147 @@
+//! One blind case of torques: a rig, what its model knows of it, what is hidden, how it is measured.
+//!
+//! Promises: everything follows from it and its seed. Never: what the solver is told beyond the files.
+
+use crate::arm::{JOINTS, Joints};
+use crate::case::{Known as Known_, Tier};
+use crate::chance::Chance;
+use crate::scene::Richness;
+
+use super::kinds::{Effect, Kind};
+use super::laws::{Ride, recorded};
+use super::motion::Motion;
+use super::rig::Rig;
+
+/// An effect that the model has.
+pub type Known = Known_<Effect>;
+
+/// How well torques and positions are read.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Noise {
+    /// Standard deviation of each joint's torque, Nm or N.
+    pub sigma: Joints,
+    /// Last digit of each joint's torque, Nm or N.
+    pub digit: Joints,
+    /// Correlation from row to row.
+    pub colour: f64,
+    /// Step of the encoders on the joint's side, rad or m.
+    pub step: f64,
+    /// Stretches in which nothing was recorded.
+    pub gaps: usize,
+}
+
+/// What was recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measured {
+    /// Torques, row by row.
+    pub torques: Vec<Joints>,
+    /// Positions as encoders read them, row by row.
+    pub places: Vec<Joints>,
+    /// Rows that are there.
+    pub there: Vec<bool>,
+}
+
+/// A case.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Case {
+    /// What it asks.
+    pub tier: Tier,
+    /// What moves.
+    pub rig: Rig,
+    /// How it moves.
+    pub motion: Motion,
+    /// How rich its motion is.
+    pub richness: Richness,
+    /// How well it is measured.
+    pub noise: Noise,
+    /// What the model knows.
+    pub known: Vec<Known>,
+    /// What it does not.
+    pub hidden: Vec<Effect>,
+    /// Seed of its noise and of its unseen motion.
+    pub seed: u64,
+}
+
+impl Noise {
+    /// All that disturbs a value of a joint, as a standard deviation.
+    #[must_use]
+    pub fn total(&self, joint: usize) -> f64 {
+        let (sigma, digit) = (self.sigma[joint], self.digit[joint]);
+        (sigma * sigma + digit * digit / 12.0).sqrt()
+    }
+}
+
+fn rounded(value: f64, step: f64) -> f64 {
+    if step > 0.0 { (value / step).round() * step } else { value }
+}
+
+impl Case {
+    /// The effects that the model has, with its numbers.
+    #[must_use]
+    pub fn nominal(&self) -> Vec<Effect> {
+        self.known.iter().map(|known| known.nominal.clone()).collect()
+    }
+
+    /// All effects, as they are.
+    #[must_use]
+    pub fn real(&self) -> Vec<Effect> {
+        let known = self.known.iter().map(|known| known.real.clone());
+        known.chain(self.hidden.iter().cloned()).collect()
+    }
+
+    /// What is recorded of a motion; `part` tells one recording's noise from another's.
+    #[must_use]
+    pub fn measured(&self, motion: &Motion, ride: &Ride, part: u64) -> Measured {
+        let exact = recorded(&self.rig, motion, ride, &self.real());
+        let mut chance = Chance::new(self.seed, 100 + part);
+        let (keep, count) = (self.noise.colour, self.rig.count());
+        let fresh = (1.0 - keep * keep).sqrt();
+        let mut memory = [0.0; JOINTS];
+        let there = self.there(&ride.at, &mut chance);
+        let mut measured = Measured { torques: exact, places: Vec::new(), there };
+        for (row, torques) in measured.torques.iter_mut().enumerate() {
+            let anew = row == 0 || ride.at[row - 1].0 != ride.at[row].0;
+            for i in 0..count {
+                let draw = chance.normal();
+                memory[i] = if anew { draw } else { keep * memory[i] + fresh * draw };
+                let read = torques[i] + self.noise.sigma[i] * memory[i];
+                torques[i] = rounded(read, self.noise.digit[i]);
+            }
+            let place = |i: usize| rounded(ride.states[row][i][0], self.noise.step);
+            measured.places.push(std::array::from_fn(place));
+        }
+        measured
+    }
+
+    /// Rows without those in which nothing was recorded.
+    fn there(&self, rows: &[(usize, f64)], chance: &mut Chance) -> Vec<bool> {
+        let mut there = vec![true; rows.len()];
+        for _ in 0..self.noise.gaps {
+            let from = chance.pick(rows.len());
+            let to = (from + 5 + chance.pick(40)).min(rows.len());
+            there[from..to].fill(false);
+        }
+        there
+    }
+
+    /// A motion of the same rig that the solver never sees.
+    #[must_use]
+    pub fn unseen(&self) -> Motion {
+        let mut chance = Chance::new(self.seed, 50);
+        let length_s = (self.motion.rows() as f64 / self.motion.rate_hz).min(12.0);
+        let so = (length_s, self.motion.rate_hz);
+        Motion::draw(&self.rig.rooms, so, self.motion.warms, self.richness, &mut chance)
+    }
+
+    /// What the model knows of this kind on this joint.
+    #[must_use]
+    pub fn known_of(&self, kind: Kind, joint: usize) -> Option<&Known> {
+        self.known.iter().find(|k| k.nominal.kind == kind && k.nominal.joint == joint)
+    }
+
+    /// What the model has where a hidden effect stands: its numbers are then the difference.
+    #[must_use]
+    pub fn revised(&self, effect: &Effect) -> Option<&Known> {
+        self.known_of(effect.kind, effect.joint)
+    }
+}

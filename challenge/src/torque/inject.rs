@@ -1,0 +1,349 @@
+//! Effects added to a real recording: where all the rest is as it was, what is asked is only what was added.
+//!
+//! Motion is read off the recorded positions by cubics through neighbouring rows. Noise is what a fit of free masses and plain frictions leaves of the
+//! recorded torque, means over a hundredth of a second, its memory taken out by a long linear predictor. `z` and gains are then those of [`crate::weigh`].
+//!
+//! Promises: rows, positions and times stay as recorded; torques change by what the effect's law says, and by nothing else. Never: a solver's answer.
+
+use crate::arm::{JOINTS, Joints};
+use crate::case::Tier;
+use crate::chance::Chance;
+use crate::linear::{Span, dot};
+use crate::scene::Richness;
+use crate::weigh::{Judged, Question};
+
+use super::bench::{are_masses, minus};
+use super::candidates::{candidates, fits};
+use super::case::{Case, Noise};
+use super::draw::{Scale, most, numbers};
+use super::kinds::{Effect, Kind};
+use super::laws::{Ride, on};
+use super::motion::{Motion, Room, State};
+use super::predictor::Predictor;
+use super::rig::Rig;
+
+/// Half of the window that a cubic is laid through, s.
+const HALF_S: f64 = 0.02;
+/// Values are means over so long, s: a robot's drive says little beyond.
+const MEAN_S: f64 = 0.01;
+/// A pause of so many steps parts two runs.
+const PAUSE: f64 = 3.5;
+/// Less of a column than this beside what is fitted anyway is nothing to size an effect by.
+const LEAST_SHARE: f64 = 0.02;
+
+/// One real recording.
+pub struct Real {
+    case: Case,
+    scales: Vec<Scale>,
+    ride: Ride,
+    torques: Vec<Joints>,
+    runs: Vec<std::ops::Range<usize>>,
+    sources: Vec<usize>,
+    step_s: f64,
+    predictors: Vec<Predictor>,
+    span: Span,
+    still: Vec<Joints>,
+}
+
+/// An effect that was added.
+#[derive(Clone, Debug)]
+pub struct Injected {
+    /// Which.
+    pub effect: Effect,
+    /// What can be said of it before anyone answers.
+    pub judged: Judged,
+    /// What is recorded with it, row by row.
+    pub torques: Vec<Joints>,
+}
+
+/// A row of a recording: its segment, its time (s), positions and torques.
+pub type Row = (usize, f64, Joints, Joints);
+
+impl Real {
+    /// Rows in order of time, of a rig whose masses and rooms do not matter.
+    #[must_use]
+    pub fn of(mut rig: Rig, rows: &[Row]) -> Option<Self> {
+        let step_s = step_s(rows)?;
+        let half = ((HALF_S / step_s).round() as usize).max(3);
+        let runs = runs(rows, step_s, 4 * half + 1);
+        let mut at = Vec::new();
+        let (mut states, mut smooth, mut torques) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut kept, mut sources) = (Vec::new(), Vec::new());
+        for (number, run) in runs.into_iter().enumerate() {
+            let from = at.len();
+            for row in run.clone() {
+                let (now, torque) = local(rows, &run, row, half, rig.count());
+                at.push((number, rows[row].1));
+                states.push(now);
+                smooth.push(torque);
+                torques.push(rows[row].3);
+                sources.push(row);
+            }
+            kept.push(from..at.len());
+        }
+        if at.is_empty() {
+            return None;
+        }
+        rig.points.clear();
+        rig.rooms = (0..rig.count()).map(|i| room(&states, i)).collect();
+        let celsius = vec![[20.0; JOINTS]; at.len()];
+        let mut ride = Ride::of_states(&rig, at, states, celsius);
+        let scales = scales(&rig, &ride, &torques);
+        let (rigid, left) = parts(&rig, &ride, &torques, &scales);
+        let besides = minus(&smooth, &rigid);
+        ride.take_recorded(rigid, besides);
+        let case = shell(rig, 1.0 / step_s);
+        let mut real = Self {
+            case,
+            scales,
+            ride,
+            torques,
+            runs: kept,
+            sources,
+            step_s,
+            predictors: Vec::new(),
+            span: Span::default(),
+            still: Vec::new(),
+        };
+        real.still = on(&real.case.rig, &real.ride, &[]);
+        real.predictors =
+            (0..real.case.rig.count()).map(|i| Predictor::of(&real.means(&left, i))).collect();
+        let mut span = Span::default();
+        for torques in probes(&real.case.rig, &real.ride) {
+            span.take(real.white(&torques));
+        }
+        real.span = span;
+        Some(real)
+    }
+
+    /// Rows that are left, each with its run and time, and the recorded torques.
+    #[must_use]
+    pub fn rows(&self) -> (&[(usize, f64)], &[Joints]) {
+        (&self.ride.at, &self.torques)
+    }
+
+    /// Of each row that is left, its place among those given.
+    #[must_use]
+    pub fn sources(&self) -> &[usize] {
+        &self.sources
+    }
+
+    /// The number of joints.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.case.rig.count()
+    }
+
+    /// An effect of this kind by chance, so that it shows by `z`; none where nothing of it would show, or it would have to be larger than it can be.
+    #[must_use]
+    pub fn inject(&self, kind: Kind, z: f64, chance: &mut Chance) -> Option<Injected> {
+        let can =
+            |joint: &usize| fits(&self.case, kind, *joint) && self.scales[*joint].speed > 0.05;
+        let joints: Vec<usize> = (0..self.case.rig.count()).filter(can).collect();
+        if joints.is_empty() {
+            return None;
+        }
+        let joint = if kind.facts().of_joint { joints[chance.pick(joints.len())] } else { 0 };
+        let scale = &self.scales[joint];
+        let numbers = numbers(&self.case, scale, kind, joint, chance);
+        let mut effect = Effect { kind, joint, other: joint, numbers };
+        let most = most(&effect, scale);
+        effect = effect.scaled(1e-2 * most / effect.lead().max(1e-300));
+        for _ in 0..2 {
+            let column = self.column(&effect);
+            let rest = self.span.rest(&column);
+            let shows = dot(&rest, &rest).sqrt();
+            if shows < LEAST_SHARE * dot(&column, &column).sqrt() || shows == 0.0 {
+                return None;
+            }
+            effect = effect.scaled(z / shows);
+            if effect.lead() > most {
+                return None;
+            }
+        }
+        let changed = self.changed(&effect);
+        let rest = self.span.rest(&self.white(&changed));
+        let question = Question {
+            name: kind.name().map(|name| (name, effect.joint_said())),
+            numbers: kind.count(),
+            span: &self.span,
+            rest: &rest,
+            values: rest.len(),
+        };
+        let kin = |name: &str| kind.name().is_some_and(|own| are_masses(own, name));
+        let judged = question.weigh(&candidates(&self.case), |other| self.column(other), kin);
+        let sum = |(a, b): (&Joints, &Joints)| std::array::from_fn(|i| a[i] + b[i]);
+        let torques = self.torques.iter().zip(&changed).map(sum).collect();
+        Some(Injected { effect, judged, torques })
+    }
+
+    /// What an effect changes of what is recorded.
+    fn changed(&self, effect: &Effect) -> Vec<Joints> {
+        if effect.kind == Kind::TorqueDelay {
+            let late = self.ride.recorded_late(&self.still, effect.numbers[0]);
+            return minus(&late, &self.still);
+        }
+        minus(&on(&self.case.rig, &self.ride, std::slice::from_ref(effect)), &self.still)
+    }
+
+    fn column(&self, effect: &Effect) -> Vec<f64> {
+        self.white(&self.changed(effect))
+    }
+
+    /// A joint's values as means, run by run.
+    fn means(&self, torques: &[Joints], joint: usize) -> Vec<Vec<f64>> {
+        let count = ((MEAN_S / self.step_s).round() as usize).max(1);
+        let mean =
+            |rows: &[Joints]| rows.iter().map(|row| row[joint]).sum::<f64>() / rows.len() as f64;
+        self.runs.iter().map(|run| torques[run.clone()].chunks(count).map(mean).collect()).collect()
+    }
+
+    fn white(&self, torques: &[Joints]) -> Vec<f64> {
+        let joints = self.predictors.iter().enumerate();
+        joints.flat_map(|(i, predictor)| predictor.white(&self.means(torques, i))).collect()
+    }
+}
+
+/// Rows in runs without a pause, of at least so many rows.
+fn runs(rows: &[Row], step_s: f64, least: usize) -> Vec<std::ops::Range<usize>> {
+    let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
+    for row in 0..rows.len() {
+        let goes_on = row > 0
+            && rows[row].0 == rows[row - 1].0
+            && rows[row].1 - rows[row - 1].1 < PAUSE * step_s
+            && rows[row].1 > rows[row - 1].1;
+        match runs.last_mut() {
+            Some(run) if goes_on => run.end = row + 1,
+            _ => runs.push(row..row + 1),
+        }
+    }
+    runs.retain(|run| run.len() >= least);
+    runs
+}
+
+/// The median step.
+fn step_s(rows: &[Row]) -> Option<f64> {
+    let pairs = rows.windows(2).filter(|pair| pair[0].0 == pair[1].0);
+    let mut steps: Vec<f64> = pairs.map(|pair| pair[1].1 - pair[0].1).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied().filter(|step| *step > 0.0)
+}
+
+/// State and torque at a row, by a cubic through the rows beside it.
+fn local(
+    rows: &[Row],
+    run: &std::ops::Range<usize>,
+    row: usize,
+    half: usize,
+    joints: usize,
+) -> ([State; JOINTS], Joints) {
+    let middle = row.clamp(run.start + half, run.end - half - 1);
+    let window = &rows[middle - half..=middle + half];
+    let scale_s = 0.5 * (window[window.len() - 1].1 - window[0].1);
+    let u: Vec<f64> = window.iter().map(|one| (one.1 - rows[row].1) / scale_s).collect();
+    let mut span = Span::default();
+    for order in 0..4 {
+        span.take(u.iter().map(|u| u.powi(order)).collect());
+    }
+    let (mut states, mut torques) = ([[0.0; 3]; JOINTS], [0.0; JOINTS]);
+    for i in 0..joints {
+        let q = span.solve(&window.iter().map(|one| one.2[i]).collect::<Vec<f64>>());
+        states[i] = [q[0], q[1] / scale_s, 2.0 * q[2] / (scale_s * scale_s)];
+        torques[i] = span.solve(&window.iter().map(|one| one.3[i]).collect::<Vec<f64>>())[0];
+    }
+    (states, torques)
+}
+
+fn room(states: &[[State; JOINTS]], joint: usize) -> Room {
+    let places = states.iter().map(|states| states[joint][0]);
+    let [low, high] =
+        places.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], q| [l.min(q), h.max(q)]);
+    let fastest = states.iter().fold(0.0_f64, |most, states| most.max(states[joint][1].abs()));
+    Room { home: 0.5 * (low + high), reach: 0.5 * (high - low).max(1e-6), fastest }
+}
+
+fn scales(rig: &Rig, ride: &Ride, torques: &[Joints]) -> Vec<Scale> {
+    let rms = |of: &dyn Fn(usize) -> f64| {
+        ((0..torques.len()).map(|row| of(row).powi(2)).sum::<f64>() / torques.len() as f64).sqrt()
+    };
+    let of_joint = |i: usize| Scale {
+        torque: rms(&|row| torques[row][i]).max(1e-6),
+        speed: rig.rooms[i].fastest.max(1e-6),
+        acceleration: rms(&|row| ride.states[row][i][2]).max(1e-3),
+        reach: rig.rooms[i].reach,
+    };
+    (0..rig.count()).map(of_joint).collect()
+}
+
+fn probes(rig: &Rig, ride: &Ride) -> Vec<Vec<Joints>> {
+    (0..rig.count()).flat_map(Rig::probes).map(|probe| ride.held(rig, &[probe])).collect()
+}
+
+/// What masses ask of the recorded torques, and what masses and plain frictions leave of them.
+fn parts(
+    rig: &Rig,
+    ride: &Ride,
+    torques: &[Joints],
+    scales: &[Scale],
+) -> (Vec<Joints>, Vec<Joints>) {
+    let n = rig.count();
+    let flat = |torques: &[Joints]| -> Vec<f64> {
+        torques.iter().flat_map(|row| (0..n).map(|i| row[i] / scales[i].torque)).collect()
+    };
+    let masses = probes(rig, ride);
+    let mut columns = masses.clone();
+    let laws: [fn(State) -> f64; 6] = [
+        |_| 1.0,
+        |[_, v, _]| if v == 0.0 { 0.0 } else { v.signum() },
+        |[_, v, _]| v,
+        |[_, v, _]| v.abs(),
+        |[q, _, _]| q.sin(),
+        |[q, _, _]| q.cos(),
+    ];
+    for i in 0..n {
+        for law in laws {
+            let of_row = |states: &[State; JOINTS]| {
+                let mut row = [0.0; JOINTS];
+                row[i] = law(states[i]);
+                row
+            };
+            columns.push(ride.states.iter().map(of_row).collect());
+        }
+    }
+    let mut span = Span::default();
+    columns.iter().for_each(|column| {
+        span.take(flat(column));
+    });
+    let found = span.solve(&flat(torques));
+    let sum = |columns: &[Vec<Joints>], found: &[f64]| {
+        let mut all = vec![[0.0; JOINTS]; torques.len()];
+        for (column, share) in columns.iter().zip(found) {
+            for (sum, row) in all.iter_mut().zip(column) {
+                sum.iter_mut().zip(row).for_each(|(sum, x)| *sum += share * x);
+            }
+        }
+        all
+    };
+    let rigid = sum(&masses, &found);
+    let left = minus(torques, &sum(&columns, &found));
+    (rigid, left)
+}
+
+/// A case that holds the rig and nothing else.
+fn shell(rig: Rig, rate_hz: f64) -> Case {
+    let noise =
+        Noise { sigma: [1.0; JOINTS], digit: [0.0; JOINTS], colour: 0.0, step: 0.0, gaps: 0 };
+    Case {
+        tier: Tier::Single,
+        rig,
+        motion: Motion { segments: Vec::new(), rate_hz, warms: false },
+        richness: Richness::Full,
+        noise,
+        known: Vec::new(),
+        hidden: Vec::new(),
+        seed: 0,
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,272 @@
+//! What a robot does in a torque case: each joint's motion as a formula, known at any instant with its velocity and acceleration.
+//!
+//! Sums of sines that swell from rest, moves from stop to stop with rounded corners and a stretch of even speed (trapezoids), or moves with random
+//! stops between them. Where temperatures are recorded, several runs at other temperatures.
+//!
+//! Promises: position, velocity and acceleration are of one formula. Never: an effect.
+
+use crate::arm::{JOINTS, Joints};
+use crate::chance::Chance;
+use crate::scene::Richness;
+
+/// Position, velocity and acceleration.
+pub type State = [f64; 3];
+
+/// One joint's motion.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Track {
+    /// Sines about a centre: amplitude, rate (rad/s), phase.
+    Waves {
+        /// rad or m.
+        centre: f64,
+        /// Amplitude, rate, phase.
+        waves: Vec<[f64; 3]>,
+        /// The time over which they swell, s.
+        swell_s: f64,
+    },
+    /// Moves, one after the other, at rest between them.
+    Moves(Vec<Move>),
+}
+
+/// A move from stop to stop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Move {
+    /// When it begins, s.
+    pub start_s: f64,
+    /// How long it takes, s.
+    pub takes_s: f64,
+    /// From and to, rad or m.
+    pub ends: [f64; 2],
+    /// Share of its time in which it gains speed; as much to lose it.
+    pub ramp: f64,
+}
+
+impl Track {
+    /// At an instant; before the start and after the end at rest where moves are.
+    #[must_use]
+    pub fn at(&self, t_s: f64) -> State {
+        match self {
+            Self::Waves { centre, waves, swell_s } => {
+                let t = t_s.max(0.0);
+                let mut sum = [0.0; 3];
+                for [amplitude, rate, phase] in waves {
+                    let (s, c) = (rate * t + phase).sin_cos();
+                    sum[0] += amplitude * s;
+                    sum[1] += amplitude * rate * c;
+                    sum[2] -= amplitude * rate * rate * s;
+                }
+                let [g, dg, ddg] = swell(t / swell_s);
+                let (dg, ddg) = (dg / swell_s, ddg / (swell_s * swell_s));
+                [
+                    centre + g * sum[0],
+                    dg * sum[0] + g * sum[1],
+                    ddg * sum[0] + 2.0 * dg * sum[1] + g * sum[2],
+                ]
+            }
+            Self::Moves(moves) => {
+                let begun = moves.iter().rev().find(|one| one.start_s <= t_s);
+                match begun {
+                    Some(one) => one.at(t_s),
+                    None => [moves.first().map_or(0.0, |first| first.ends[0]), 0.0, 0.0],
+                }
+            }
+        }
+    }
+}
+
+/// From 0 to 1 with rest at both ends: value, slope, curvature.
+fn swell(x: f64) -> State {
+    if x >= 1.0 {
+        return [1.0, 0.0, 0.0];
+    }
+    let (x2, x3) = (x * x, x * x * x);
+    [
+        x3 * (10.0 - 15.0 * x + 6.0 * x2),
+        30.0 * x2 * (1.0 - 2.0 * x + x2),
+        60.0 * x * (1.0 - 3.0 * x + 2.0 * x2),
+    ]
+}
+
+impl Move {
+    fn at(&self, t_s: f64) -> State {
+        let [from, to] = self.ends;
+        let (way, r) = (to - from, self.ramp);
+        let x = (t_s - self.start_s) / self.takes_s;
+        if x >= 1.0 {
+            return [to, 0.0, 0.0];
+        }
+        let speed = 1.0 / (1.0 - r);
+        // Speed rises as 3 u² − 2 u³, so that acceleration has no step.
+        let rising = |x: f64| {
+            let u = x / r;
+            let place = speed * r * u * u * u * (1.0 - 0.5 * u);
+            [place, speed * u * u * (3.0 - 2.0 * u), speed * 6.0 * u * (1.0 - u) / r]
+        };
+        let [place, rate, gain] = if x < r {
+            rising(x)
+        } else if x > 1.0 - r {
+            let [place, rate, gain] = rising(1.0 - x);
+            [1.0 - place, rate, -gain]
+        } else {
+            [speed * (x - 0.5 * r), speed, 0.0]
+        };
+        [from + way * place, way * rate / self.takes_s, way * gain / (self.takes_s * self.takes_s)]
+    }
+}
+
+/// A run: every joint's motion, when it is looked at, how warm the joints are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Segment {
+    /// One per joint.
+    pub tracks: Vec<Track>,
+    /// When it is looked at, s from its start.
+    pub times_s: Vec<f64>,
+    /// Of each joint at the start, °C.
+    pub warm_c: Joints,
+    /// By how much each joint warms, K/s.
+    pub warming: Joints,
+}
+
+/// A motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// Its runs.
+    pub segments: Vec<Segment>,
+    /// Looks per second.
+    pub rate_hz: f64,
+    /// Whether temperatures are recorded.
+    pub warms: bool,
+}
+
+/// Where each joint may be and how fast.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Room {
+    /// Middle, rad or m.
+    pub home: f64,
+    /// Half of the range, rad or m.
+    pub reach: f64,
+    /// rad/s or m/s.
+    pub fastest: f64,
+}
+
+impl Segment {
+    /// State of each joint at an instant.
+    #[must_use]
+    pub fn at(&self, t_s: f64) -> [State; JOINTS] {
+        let mut all = [[0.0; 3]; JOINTS];
+        all.iter_mut().zip(&self.tracks).for_each(|(state, track)| *state = track.at(t_s));
+        all
+    }
+
+    /// Temperature of a joint at an instant, °C, as it is recorded.
+    #[must_use]
+    pub fn celsius(&self, joint: usize, t_s: f64) -> f64 {
+        let warm = self.warm_c[joint] + self.warming[joint] * t_s;
+        (warm * 100.0).round() / 100.0
+    }
+}
+
+impl Motion {
+    /// How many rows it has.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.segments.iter().map(|segment| segment.times_s.len()).sum()
+    }
+
+    /// A motion by chance: so long, s, at this rate, Hz.
+    pub fn draw(
+        rooms: &[Room],
+        (length_s, rate_hz): (f64, f64),
+        warms: bool,
+        richness: Richness,
+        chance: &mut Chance,
+    ) -> Self {
+        let parts = if warms { 6 } else { 1 };
+        let mut levels: Vec<usize> = (0..parts).collect();
+        chance.shuffle(&mut levels);
+        let style = chance.pick(3);
+        let rise: Joints = std::array::from_fn(|_| chance.between(8.0, 20.0));
+        let moving = [chance.pick(rooms.len()), chance.pick(rooms.len())];
+        let segments = levels.into_iter().map(|level| {
+            let takes_s = length_s / parts as f64;
+            let of_joint = |(joint, room): (usize, &Room)| match richness {
+                Richness::Full => full(room, takes_s, style, chance),
+                Richness::Poor if moving.contains(&joint) => poor(room, chance),
+                Richness::Poor => still(room, chance),
+            };
+            let tracks = rooms.iter().enumerate().map(of_joint).collect();
+            let count = (takes_s * rate_hz).round() as usize;
+            let times_s = (0..count).map(|k| (k as f64 / rate_hz * 1e6).round() * 1e-6).collect();
+            let share = level as f64 / parts as f64;
+            let warm_c = rise.map(|rise| 20.0 + if warms { rise * share } else { 0.0 });
+            let warming = rise.map(|rise| if warms { 0.3 * rise / length_s } else { 0.0 });
+            Segment { tracks, times_s, warm_c, warming }
+        });
+        Self { segments: segments.collect(), rate_hz, warms }
+    }
+}
+
+/// One sine, little.
+fn poor(room: &Room, chance: &mut Chance) -> Track {
+    let amplitude = room.reach * chance.between(0.1, 0.4);
+    let rate = chance.between(1.0, 4.0).min(room.fastest / amplitude);
+    let waves = vec![[amplitude, rate, 0.0]];
+    let centre = room.home + 0.4 * room.reach * chance.between(-1.0, 1.0);
+    Track::Waves { centre, waves, swell_s: 1.0 }
+}
+
+fn still(room: &Room, chance: &mut Chance) -> Track {
+    let centre = room.home + 0.5 * room.reach * chance.between(-1.0, 1.0);
+    Track::Waves { centre, waves: Vec::new(), swell_s: 1.0 }
+}
+
+fn full(room: &Room, length_s: f64, style: usize, chance: &mut Chance) -> Track {
+    if style == 0 {
+        let waves = [0.5, 0.25, 0.15, 0.1].iter().enumerate().map(|(k, share)| {
+            let amplitude = share * room.reach * chance.between(0.6, 1.0);
+            let low = 0.5 * 1.8_f64.powi(k as i32);
+            let rate = chance.log_between(low, 3.0 * low).min(0.7 * room.fastest / amplitude);
+            [amplitude, rate, chance.between(0.0, std::f64::consts::TAU)]
+        });
+        return Track::Waves { centre: room.home, waves: waves.collect(), swell_s: 1.0 };
+    }
+    let mut moves = Vec::new();
+    let place = |chance: &mut Chance| room.home + room.reach * chance.between(-1.0, 1.0);
+    let (mut t_s, mut from) = (chance.between(0.0, 0.3), place(chance));
+    while t_s < length_s {
+        let to = place(chance);
+        // Trapezoids hold their speed for long; the others do not hold it at all.
+        let ramp = if style == 1 { chance.between(0.15, 0.3) } else { chance.between(0.35, 0.5) };
+        let speed = room.fastest * chance.log_between(0.1, 1.0);
+        let takes_s = ((to - from).abs() / ((1.0 - ramp) * speed)).max(0.25);
+        moves.push(Move { start_s: t_s, takes_s, ends: [from, to], ramp });
+        let stop_s = if style == 1 { 0.1 } else { chance.between(0.0, 0.8) };
+        (t_s, from) = (t_s + takes_s + stop_s, to);
+    }
+    Track::Moves(moves)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn velocity_and_acceleration_are_the_slopes_of_what_stands_before_them() {
+        let room = Room { home: 0.2, reach: 1.0, fastest: 2.0 };
+        for style in 0..3 {
+            let track = full(&room, 6.0, style, &mut Chance::new(4, style as u64));
+            for k in 1..590 {
+                let (t, h) = (0.01 * f64::from(k), 1e-5);
+                let ([before, now, after], mut off) =
+                    ([track.at(t - h), track.at(t), track.at(t + h)], 0.0_f64);
+                for order in 0..2 {
+                    let slope = (after[order] - before[order]) / (2.0 * h);
+                    off = off.max((slope - now[order + 1]).abs());
+                }
+                // Where a move begins or ends its ramp, the slope of the acceleration jumps.
+                assert!(off < 2e-2, "style {style} at {t}: {off}");
+                assert!((now[0] - 0.2).abs() < 1.1 && now[1].abs() < 4.0);
+            }
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! A case of torques as the files that a solver gets: model, recording, and what the recording says of itself (contract `model.md`, `recording.md`).
+//!
+//! Promises: nothing that is hidden is in them. Never: read back.
+
+use std::fmt::Write as _;
+
+use crate::write::{File, entry, geometry, list, mm, tool_mass};
+
+use super::case::{Case, Measured};
+use super::kinds::{Effect, Entry};
+use super::laws::Ride;
+use super::motion::Motion;
+
+/// The keys of an effect on a joint that turns or slides, each with its numbers, SI.
+pub fn entries(
+    effect: &Effect,
+    slides: bool,
+) -> impl Iterator<Item = (&'static str, &'static Entry, &[f64])> {
+    let mut from = 0;
+    effect.kind.facts().entries.iter().map(move |entry| {
+        let numbers = &effect.numbers[from..from + entry.count];
+        from += entry.count;
+        (entry.keys[usize::from(slides)], entry, numbers)
+    })
+}
+
+/// An effect as an entry of a model; `sigma` of its first number, SI.
+#[must_use]
+pub fn effect(effect: &Effect, slides: bool, sigma: Option<f64>) -> String {
+    let entries = entries(effect, slides).map(|(key, entry, numbers)| (key, entry.si, numbers));
+    entry(effect.kind.name(), (effect.joint_said(), None), entries, sigma)
+}
+
+/// The model that the solver is given.
+#[must_use]
+pub fn model(case: &Case) -> String {
+    let rig = &case.rig;
+    let mut text = geometry(&rig.arm, rig.slides, |joint, _| {
+        let (kg, centre, inertia) = rig.body(joint, false).filter(|_| rig.told)?;
+        let inertia = list(&inertia);
+        Some(format!("mass_kg = {kg:?}, com_mm = {}, inertia_kgm2 = {inertia}", mm(centre)))
+    });
+    if let Some((kg, centre, _)) = rig.body(rig.count() - 1, true).filter(|_| rig.told) {
+        text.push_str(&tool_mass(kg, centre));
+    }
+    for known in &case.known {
+        text.push_str(&effect(&known.nominal, rig.slides, Some(known.sigma)));
+    }
+    text
+}
+
+/// What the recording says of itself.
+#[must_use]
+pub fn about() -> String {
+    "schema = \"trued.recording/1\"\nmodel = \"model.toml\"\n".to_owned()
+}
+
+/// A motion as it is commanded, `finer` rows for each of its own, with no torque that says anything: for a program that runs a model over it. What differences
+/// rows sees a fine motion as it is.
+#[must_use]
+pub fn command(case: &Case, motion: &Motion, finer: usize) -> String {
+    let (n, finer) = (case.rig.count(), finer.max(1));
+    let mut text = header(case, "q");
+    for (number, segment) in motion.segments.iter().enumerate() {
+        let between = |k: usize| {
+            let (row, part) = (k / finer, (k % finer) as f64);
+            segment.times_s[row] + part / (motion.rate_hz * finer as f64)
+        };
+        for k in 0..segment.times_s.len() * finer {
+            let t_s = between(k);
+            let states = segment.at(t_s);
+            let _ = write!(text, "{t_s:.7},{number}");
+            states.iter().take(n).for_each(|[q, _, _]| {
+                let _ = write!(text, ",{q:.13}");
+            });
+            text.push_str(&",0.0".repeat(n));
+            // Temperatures are those of the row, as they are recorded.
+            warmth(&mut text, case, |i| segment.celsius(i, segment.times_s[k / finer]));
+            text.push('\n');
+        }
+    }
+    text
+}
+
+/// A recording of what was measured, positions as motors' ones.
+#[must_use]
+pub fn recording(case: &Case, ride: &Ride, measured: &Measured) -> String {
+    let n = case.rig.count();
+    let mut text = header(case, "qa");
+    for (row, (segment, t_s)) in ride.at.iter().enumerate().filter(|(row, _)| measured.there[*row])
+    {
+        let _ = write!(text, "{t_s:.6},{segment}");
+        measured.places[row].iter().take(n).for_each(|q| {
+            let _ = write!(text, ",{q:.10}");
+        });
+        measured.torques[row].iter().take(n).for_each(|torque| {
+            let _ = write!(text, ",{torque:.6}");
+        });
+        warmth(&mut text, case, |i| ride.celsius[row][i]);
+        text.push('\n');
+    }
+    text
+}
+
+fn warmth(text: &mut String, case: &Case, celsius: impl Fn(usize) -> f64) {
+    if case.motion.warms {
+        (0..case.rig.count()).for_each(|i| {
+            let _ = write!(text, ",{:.2}", celsius(i));
+        });
+    }
+}
+
+fn header(case: &Case, stem: &str) -> String {
+    let n = case.rig.count();
+    let mut names = vec!["t_s".to_owned(), "segment".to_owned()];
+    let (place, torque) = if case.rig.slides { ("m", "N") } else { ("rad", "Nm") };
+    names.extend((1..=n).map(|i| format!("{stem}{i}_{place}")));
+    names.extend((1..=n).map(|i| format!("tau{i}_{torque}")));
+    if case.motion.warms {
+        names.extend((1..=n).map(|i| format!("temp{i}_C")));
+    }
+    names.join(",") + "\n"
+}
+
+/// The files of a case that the solver is given.
+#[must_use]
+pub fn files(case: &Case) -> [File; 3] {
+    let ride = Ride::of(&case.rig, &case.motion, 0.0);
+    let measured = case.measured(&case.motion, &ride, 0);
+    [
+        ("model.toml", model(case)),
+        ("recording.csv", recording(case, &ride, &measured)),
+        ("recording.toml", about()),
+    ]
+}

@@ -1,0 +1,166 @@
+//! `trued challenge --domain torque`: the laws of what motors feel, held in two formulations against each other; the seal; injection into recordings.
+
+use ::challenge::arm::{JOINTS, Joints};
+use ::challenge::case::{Known, Tier};
+use ::challenge::chance::Chance;
+use ::challenge::scene::Richness;
+use ::challenge::torque::candidates::fits;
+use ::challenge::torque::case::{Case, Noise};
+use ::challenge::torque::kinds::{Effect, Kind};
+use ::challenge::torque::laws::{Ride, recorded};
+use ::challenge::torque::motion::Motion;
+use ::challenge::torque::rig::Rig;
+use ::challenge::torque::{draw, write};
+use recording::series::{Channel, Need as Wanted, read};
+
+use crate::program::Place;
+
+/// Rows that are simulated for each that is compared.
+const FINER: usize = 2;
+
+/// A case whose model knows viscous friction and a spring on joint `joint`; it warms.
+fn case(rig: Rig, joint: usize) -> Case {
+    let room = rig.rooms[joint];
+    let mut chance = Chance::new(12, 0);
+    let motion = Motion::draw(&rig.rooms, (6.0, 1000.0), true, Richness::Full, &mut chance);
+    let known = [(Kind::ViscousFriction, vec![8.0]), (Kind::Spring, vec![20.0, room.home + 0.01])];
+    let known = known.map(|(kind, numbers)| {
+        let nominal = Effect::of(kind, joint, &numbers);
+        Known { real: nominal.clone(), nominal, sigma: 0.1 }
+    });
+    let quiet =
+        Noise { sigma: [0.0; JOINTS], digit: [0.0; JOINTS], colour: 0.0, step: 0.0, gaps: 0 };
+    Case {
+        tier: Tier::Single,
+        rig,
+        motion,
+        richness: Richness::Full,
+        noise: quiet,
+        known: known.to_vec(),
+        hidden: Vec::new(),
+        seed: 1,
+    }
+}
+
+fn sizes(case: &Case, kind: Kind, joint: usize) -> Vec<f64> {
+    let room = case.rig.rooms[joint];
+    match kind {
+        Kind::StribeckFriction => vec![7.0, 0.15 * room.fastest],
+        Kind::AsymmetryBoth => vec![3.0, -4.0],
+        Kind::LoadFriction | Kind::DriveGain => vec![0.15],
+        Kind::FrictionTemperature => vec![0.03],
+        Kind::GravityTorque => vec![4.0, -7.0],
+        Kind::GravityMoment => vec![0.8, -0.5, 0.3],
+        Kind::TorqueRipple => vec![5.0, 11.0, 0.6],
+        Kind::Spring => vec![30.0, room.home - 0.1],
+        Kind::SpringHardening => vec![5.0 / room.reach.powi(3)],
+        Kind::Hysteresis => vec![9.0, 0.05 * room.reach],
+        Kind::TorqueDelay => vec![4e-3],
+        Kind::Payload => {
+            let [x, y, z] = case.rig.tcp();
+            vec![2.5, x + 0.04, y - 0.03, z + 0.05]
+        }
+        _ => vec![6.0],
+    }
+}
+
+fn simulated(case: &Case, effects: &[Effect]) -> Vec<Joints> {
+    let place = Place::new();
+    let mut model = write::model(case);
+    for effect in effects {
+        model.push_str(&write::effect(effect, case.rig.slides, None));
+    }
+    place.file("model.toml", &model);
+    place.file("motion.csv", &write::command(case, &case.motion, FINER));
+    place.succeed(&["simulate", "--model", "model.toml", "--out", "seen", "motion.csv", "-q"]);
+    let seen = read(&place.path("seen.csv"), None, Wanted::Measurement).expect("a recording");
+    let columns: Vec<&[f64]> =
+        (0..case.rig.count()).map(|i| seen.column(Channel::Torque(i)).expect("there")).collect();
+    let row = |row: usize| std::array::from_fn(|i| columns.get(i).map_or(0.0, |c| c[row]));
+    (0..seen.len()).step_by(FINER).map(row).collect()
+}
+
+/// Root of the mean square of what two lists differ in, all joints, over the rows that are asked.
+fn apart(a: &[Joints], b: &[Joints], asked: &[bool]) -> f64 {
+    let kept = a.iter().zip(b).zip(asked).filter(|(_, asked)| **asked);
+    let squares = kept.flat_map(|((a, b), _)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)));
+    (squares.sum::<f64>() / a.len() as f64).sqrt()
+}
+
+/// Rows beside which no joint turns round, starts or stops: there a sign turns over between two rows.
+fn steady(case: &Case, ride: &Ride) -> Vec<bool> {
+    let sign = |row: usize, i: usize| {
+        let v = ride.states[row][i][1];
+        if v.abs() < 1e-5 { 0.0 } else { v.signum() }
+    };
+    let rows = ride.states.len();
+    let is_steady = |row: usize| {
+        let near = row.saturating_sub(6)..(row + 7).min(rows);
+        (0..case.rig.count()).all(|i| near.clone().all(|other| sign(other, i) == sign(row, i)))
+    };
+    (0..rows).map(is_steady).collect()
+}
+
+/// How far the two may be apart, as a share of the effect.
+fn may_be_apart(kind: Kind) -> f64 {
+    match kind {
+        // Springs that slip build up the first loading another way than after a reversal.
+        Kind::Hysteresis => 0.2,
+        _ => 0.01,
+    }
+}
+
+#[test]
+fn every_effect_of_torques_is_the_same_in_two_formulations_that_share_nothing() {
+    let mut chance = Chance::new(5, 0);
+    let rigs = [
+        (Rig::slide(true, &mut chance), 0),
+        (Rig::pendulum(true, &mut chance), 0),
+        (Rig::arm(true, &mut chance), 1),
+    ];
+    let mut faults = Vec::new();
+    for (rig, joint) in rigs {
+        let case = case(rig, joint);
+        let name = &case.rig.arm.name;
+        let ride = Ride::of(&case.rig, &case.motion, 0.0);
+        let exact = |effects: &[Effect]| recorded(&case.rig, &case.motion, &ride, effects);
+        let (own, theirs) = (exact(&case.nominal()), simulated(&case, &[]));
+        let asked = steady(&case, &ride);
+        let whole = apart(&own, &vec![[0.0; JOINTS]; own.len()], &asked);
+        let rigid = apart(&own, &theirs, &asked);
+        // Rates of what was asked for are differences of rows there.
+        if rigid > 2e-3 * whole {
+            faults.push(format!("{name}: masses {rigid:.2e} of {whole:.2e}"));
+        }
+        for kind in Kind::LIBRARY {
+            if kind == Kind::Spring || !fits(&case, kind, joint) {
+                continue;
+            }
+            let joint = if kind.facts().of_joint { joint } else { 0 };
+            let effect = Effect::of(kind, joint, &sizes(&case, kind, joint));
+            let all: Vec<Effect> = case.nominal().into_iter().chain([effect.clone()]).collect();
+            let with = exact(&all);
+            let size = apart(&with, &own, &asked);
+            let off = apart(&with, &simulated(&case, &[effect]), &asked);
+            if size < 0.02 || off > may_be_apart(kind) * size + 1.5 * rigid {
+                faults
+                    .push(format!("{name}, {kind:?}: {off:.2e} of {size:.2e}, masses {rigid:.1e}"));
+            }
+        }
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+}
+
+#[test]
+fn every_model_and_recording_of_torques_that_is_handed_out_reads_and_repeats() {
+    for index in 0..20 {
+        let drawn = draw::case(8, index, Tier::mixed(index));
+        let place = Place::new();
+        for (name, text) in write::files(&drawn.case) {
+            place.file(name, &text);
+        }
+        place.succeed(&["simulate", "--out", "again", "-q", "recording.csv"]);
+    }
+    let one = || write::files(&draw::case(8, 3, Tier::mixed(3)).case);
+    assert_eq!(one(), one());
+}

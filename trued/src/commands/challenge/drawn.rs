@@ -1,0 +1,70 @@
+//! A drawn case of either domain, behind one face: its files, its truth, and what a written model is worth on it.
+//!
+//! Promises: the position domain's cases are what they were before there was another. Never: an answer.
+
+use challenge::case::Tier;
+use challenge::score::Errors;
+use challenge::torque;
+use challenge::truth::Truth;
+use challenge::{draw, write};
+use clap::ValueEnum;
+
+use super::worth;
+
+/// What is measured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum Domain {
+    /// Where the tool goes
+    Position,
+    /// What the motors feel
+    Torque,
+}
+
+impl Domain {
+    /// Its word in answers.
+    pub(super) const fn word(self) -> &'static str {
+        match self {
+            Self::Position => "position",
+            Self::Torque => "torque",
+        }
+    }
+
+    /// Case `index` of a seed; with the tier whose turn it is among the tier's kinds.
+    pub(super) fn draw(self, seed: u64, index: usize, tier: (Tier, usize)) -> Drawn {
+        match self {
+            Self::Position => Drawn::Position(draw::case(seed, index, tier)),
+            Self::Torque => Drawn::Torque(torque::draw::case(seed, index, tier)),
+        }
+    }
+}
+
+/// A case.
+#[derive(Debug)]
+pub(super) enum Drawn {
+    Position(draw::Drawn),
+    Torque(torque::draw::Drawn),
+}
+
+impl Drawn {
+    pub(super) fn files(&self) -> [write::File; 3] {
+        match self {
+            Self::Position(drawn) => write::files(&drawn.case),
+            Self::Torque(drawn) => torque::write::files(&drawn.case),
+        }
+    }
+
+    pub(super) fn truth(&self, name: &str) -> Truth {
+        match self {
+            Self::Position(drawn) => Truth::of(name, drawn),
+            Self::Torque(drawn) => torque::truth::of(name, drawn),
+        }
+    }
+
+    /// The errors of a written model; none of a null.
+    pub(super) fn errors(&self, model: Option<&str>) -> Option<Errors> {
+        match self {
+            Self::Position(drawn) => worth::of(drawn, model),
+            Self::Torque(drawn) => worth::of_torques(&drawn.case, model),
+        }
+    }
+}
