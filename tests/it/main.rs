@@ -35,6 +35,7 @@ mod security;
 mod sensor;
 mod service;
 mod simulate;
+mod simulate_forces;
 mod simulate_torques;
 mod simulation;
 mod spectrum;
