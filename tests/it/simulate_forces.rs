@@ -87,7 +87,7 @@ fn every_effect_of_cutter_and_sensor_changes_what_is_read() {
     for (kind, numbers) in [
         ("edge_force", "coefficient_N_per_mm = [4.0, 0.0, 0.0]"),
         ("cutting_force", "coefficient_N_per_mm2 = [50.0, 20.0, 5.0]"),
-        ("tool_wear", "growth_per_m = 2.0"),
+        ("tool_wear", "growth_per_m = 200.0"),
         ("runout", "radial_um = 5.0\nphase_rad = 0.3"),
         ("chatter", "frequency_Hz = 684.0\namplitude_N = 3.0"),
         ("cross_talk", "matrix = [0, 0.03, 0, 0, 0, 0, 0, 0, 0]"),

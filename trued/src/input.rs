@@ -94,8 +94,10 @@ impl Reading {
         &self,
         path: &Path,
     ) -> Result<Option<(RobotModel, Recording)>, Failure> {
-        let recording =
-            series::read(path, self.mapping.as_deref(), Need::Samples).map_err(unusable)?;
+        // What cannot be read is told by whoever asks for joints.
+        let Ok(recording) = series::read(path, self.mapping.as_deref(), Need::Samples) else {
+            return Ok(None);
+        };
         if recording.joint_count() > 0 {
             return Ok(None);
         }
