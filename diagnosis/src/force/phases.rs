@@ -21,6 +21,8 @@ const SHORT_S: f64 = 0.1;
 const WHOLE: f64 = 0.85;
 /// Every so many blocks of air are held out.
 const EVERY: usize = 5;
+/// Blocks of air whose level is so many times the middle one of air are not taken for the sensor's reading.
+const STIRS: f64 = 3.0;
 /// A reading in air counts where it is so many times its own uncertainty.
 const SURE: f64 = 4.0;
 
@@ -169,8 +171,7 @@ pub(super) fn of(signal: &Signal, levels: &Levels) -> Vec<Phase> {
     // What is short takes the state of what is around it: gaps first.
     for wanted in [State::Air, State::Cut] {
         for piece in same(&states, levels) {
-            let inside = piece.start > 0 && piece.end < states.len();
-            if states[piece.start] == wanted && piece.len() < short && inside {
+            if states[piece.start] == wanted && piece.len() < short && piece.len() < states.len() {
                 let other = if wanted == State::Air { State::Cut } else { State::Air };
                 states[piece].fill(other);
             }
@@ -237,6 +238,9 @@ pub(super) fn bias(levels: &Levels, phases: &[Phase]) -> Option<Finding> {
     // The ends are on their way.
     let edge = (blocks.len() / 20).max(1);
     let blocks = blocks.get(edge..blocks.len().saturating_sub(edge))?;
+    // Where it stirs the tool begins to touch.
+    let usual = median(&mut blocks.iter().map(|block| block.level).collect::<Vec<f64>>());
+    let blocks: Vec<&Block> = blocks.iter().filter(|block| block.level < STIRS * usual).collect();
     if blocks.len() < 2 * EVERY {
         return None;
     }
