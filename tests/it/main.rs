@@ -15,6 +15,7 @@ mod challenge;
 mod cli;
 mod clients;
 mod diagnose;
+mod diagnose_forces;
 mod diagnose_garbage;
 mod diagnose_torques;
 mod dynamics;
