@@ -44,12 +44,12 @@ fn air_and_cut_are_told_apart_and_the_sensors_bias_goes_into_the_model() {
     let json = place.json("diagnosis/diagnosis.json");
     assert_eq!((json["domain"].as_str(), json["unit"].as_str()), (Some("force"), Some("N")));
     assert_eq!(effects(&json), ["wrench_bias"]);
-    let states: Vec<&str> = json["phases"]
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|one| one["state"].as_str().unwrap())
-        .collect();
+    // The edge of the cut falls into a block of 20 ms, which may count as an entry or exit of its own.
+    let lasts = |one: &&serde_json::Value| {
+        one["to_s"].as_f64().unwrap() - one["from_s"].as_f64().unwrap() > 0.03
+    };
+    let phases = json["phases"].as_array().unwrap().iter().filter(lasts);
+    let states: Vec<&str> = phases.map(|one| one["state"].as_str().unwrap()).collect();
     assert_eq!(states, ["air", "cut", "air"]);
     let bias = &json["findings"][0]["parameters"]["bias_N"]["value"];
     for (axis, wanted) in [4.0, -6.0, 2.0].into_iter().enumerate() {
