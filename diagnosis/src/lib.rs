@@ -14,6 +14,7 @@ pub mod diagnose;
 pub mod enhanced;
 pub mod expected;
 pub mod fit;
+pub mod force;
 pub mod from_recording;
 pub mod gross;
 pub mod hypothesis;

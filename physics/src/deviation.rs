@@ -3,6 +3,7 @@
 //! Promises: contributions add up in any order (to rounding); a deviation of all zeros changes nothing.
 //! Never: a judgement whether a deviation is small.
 
+use crate::cut::ForceTerm;
 use crate::drive::DriveTerm;
 use crate::frame::Twist;
 use crate::{Frame, JOINTS_MAX, Joints, Wrench};
@@ -96,8 +97,8 @@ pub enum Contribution {
         /// What, positive in the joint's positive sense.
         term: DriveTerm,
     },
-    /// A force on the tool besides the modelled one, at the TCP, base axes.
-    ToolForce(Wrench),
+    /// What changes of the force of a cut, or of what is read of it; [`crate::CutForce`] adds these up.
+    ToolForce(ForceTerm),
 }
 
 impl Contribution {
@@ -124,7 +125,7 @@ impl Contribution {
                 *scale = scale.times(factor);
                 *turn *= factor;
             }
-            Self::ToolForce(wrench) => *wrench = wrench.times(factor),
+            Self::ToolForce(term) => *term = term.times(factor),
             Self::DriveTorque { term, .. } => *term = term.times(factor),
         }
         scaled
@@ -157,7 +158,7 @@ impl Contribution {
                 *scale = scale.plus(&s.times(-1.0));
                 *turn -= *t;
             }
-            (Self::ToolForce(a), Self::ToolForce(b)) => *a = a.plus(&b.times(-1.0)),
+            (Self::ToolForce(term), Self::ToolForce(b)) => *term = term.minus(*b),
             (Self::DriveTorque { term, .. }, Self::DriveTorque { term: b, .. }) => {
                 *term = term.minus(*b);
             }

@@ -6,7 +6,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Given, Memory, Site};
 use crate::signals::Signals;
-use crate::spec::{NOT_MODELLED, Parameter, Spec};
+use crate::spec::{Parameter, Spec};
 use crate::{Arm, JointKind};
 pub use over_path::{OVER_PATHS, OverPath};
 
@@ -44,12 +44,18 @@ macro_rules! effects {
     (
         moving { $($module:ident :: $Kind:ident),+ $(,)? }
         driving { $($drive:ident :: $Drive:ident),+ $(,)? }
+        cutting { $($cut:ident :: $Cut:ident),+ $(,)? }
     ) => {
         $(pub mod $module;)+
 
         /// What the motors feel: torques of the drives. They move nothing.
         pub mod drives {
             $(pub mod $drive;)+
+        }
+
+        /// What the cutter does, and what a sensor makes of it: forces on the tool. They move nothing.
+        pub mod cutting {
+            $(pub mod $cut;)+
         }
 
         /// Any one effect.
@@ -61,6 +67,7 @@ macro_rules! effects {
         pub enum AnyEffect {
             $(#[doc = concat!("See [`", stringify!($module), "`].")] $Kind($module::$Kind),)+
             $(#[doc = concat!("See [`drives::", stringify!($drive), "`].")] $Drive(drives::$drive::$Drive),)+
+            $(#[doc = concat!("See [`cutting::", stringify!($cut), "`].")] $Cut(cutting::$cut::$Cut),)+
             /// See [`over_path`].
             OverPath(OverPath),
         }
@@ -70,6 +77,9 @@ macro_rules! effects {
 
         /// What every effect says of itself that adds something to what a drive exerts at a sample.
         pub static DRIVES: &[Spec] = &[$(drives::$drive::$Drive::SPEC),+];
+
+        /// What every effect says of itself that changes the force of a cut at a sample, or what is read of it.
+        pub static CUTTING: &[Spec] = &[$(cutting::$cut::$Cut::SPEC),+];
 
         impl AnyEffect {
             /// An effect by its name in the contract, with its numbers in SI; `joint` is 0-based.
@@ -91,6 +101,10 @@ macro_rules! effects {
                     let site = Site::checked(&drives::$drive::$Drive::SPEC, arm, joint, given)?;
                     return drives::$drive::$Drive::build(&site).map(Self::$Drive);
                 })+
+                $(if wanted == Some(&cutting::$cut::$Cut::SPEC) {
+                    let site = Site::checked(&cutting::$cut::$Cut::SPEC, arm, joint, given)?;
+                    return cutting::$cut::$Cut::build(&site).map(Self::$Cut);
+                })+
                 OverPath::build(kind, arm, joint, given)
                     .map_or(Err(BuildError::UnknownKind), |built| built.map(Self::OverPath))
             }
@@ -100,6 +114,7 @@ macro_rules! effects {
                 match self {
                     $(Self::$Kind(_) => const { &$module::$Kind::SPEC },)+
                     $(Self::$Drive(_) => const { &drives::$drive::$Drive::SPEC },)+
+                    $(Self::$Cut(_) => const { &cutting::$cut::$Cut::SPEC },)+
                     Self::OverPath(effect) => effect.spec(),
                 }
             }
@@ -109,6 +124,7 @@ macro_rules! effects {
                 match self {
                     $(Self::$Kind(effect) => effect.joint(),)+
                     $(Self::$Drive(effect) => effect.joint(),)+
+                    $(Self::$Cut(effect) => effect.joint(),)+
                     Self::OverPath(effect) => effect.joint(),
                 }
             }
@@ -118,6 +134,7 @@ macro_rules! effects {
                 match self {
                     $(Self::$Kind(effect) => effect.fitted(),)+
                     $(Self::$Drive(effect) => effect.fitted(),)+
+                    $(Self::$Cut(effect) => effect.fitted(),)+
                     Self::OverPath(effect) => effect.fitted(),
                 }
             }
@@ -127,6 +144,7 @@ macro_rules! effects {
                 match self {
                     $(Self::$Kind(effect) => effect.values(),)+
                     $(Self::$Drive(effect) => effect.values(),)+
+                    $(Self::$Cut(effect) => effect.values(),)+
                     Self::OverPath(effect) => effect.values(),
                 }
             }
@@ -136,6 +154,7 @@ macro_rules! effects {
                 match self {
                     $(Self::$Kind(effect) => effect.values_mut(),)+
                     $(Self::$Drive(effect) => effect.values_mut(),)+
+                    $(Self::$Cut(effect) => effect.values_mut(),)+
                     Self::OverPath(effect) => effect.values_mut(),
                 }
             }
@@ -145,6 +164,7 @@ macro_rules! effects {
                 match self {
                     $(Self::$Kind(effect) => effect.predict(signals, memory),)+
                     $(Self::$Drive(effect) => effect.predict(signals, memory),)+
+                    $(Self::$Cut(effect) => effect.predict(signals, memory),)+
                     Self::OverPath(_) => Contribution::None,
                 }
             }
@@ -154,6 +174,7 @@ macro_rules! effects {
                 match self {
                     $(Self::$Kind(effect) => effect.derivative(k, signals, memory),)+
                     $(Self::$Drive(effect) => effect.derivative(k, signals, memory),)+
+                    $(Self::$Cut(effect) => effect.derivative(k, signals, memory),)+
                     Self::OverPath(_) => Contribution::None,
                 }
             }
@@ -163,6 +184,7 @@ macro_rules! effects {
                 match self {
                     $(Self::$Kind(effect) => effect.slope(signals),)+
                     $(Self::$Drive(effect) => effect.slope(signals),)+
+                    $(Self::$Cut(effect) => effect.slope(signals),)+
                     Self::OverPath(_) => 0.0,
                 }
             }
@@ -172,6 +194,7 @@ macro_rules! effects {
                 match self {
                     $(Self::$Kind(effect) => effect.settle(signals, memory),)+
                     $(Self::$Drive(effect) => effect.settle(signals, memory),)+
+                    $(Self::$Cut(effect) => effect.settle(signals, memory),)+
                     Self::OverPath(_) => {}
                 }
             }
@@ -181,6 +204,7 @@ macro_rules! effects {
                 match self {
                     $(Self::$Kind(effect) => effect.advance(signals, memory),)+
                     $(Self::$Drive(effect) => effect.advance(signals, memory),)+
+                    $(Self::$Cut(effect) => effect.advance(signals, memory),)+
                     Self::OverPath(_) => {}
                 }
             }
@@ -190,6 +214,7 @@ macro_rules! effects {
                 match self {
                     $(Self::$Kind(effect) => effect.follow(signals, memory),)+
                     $(Self::$Drive(effect) => effect.follow(signals, memory),)+
+                    $(Self::$Cut(effect) => effect.follow(signals, memory),)+
                     Self::OverPath(_) => {}
                 }
             }
@@ -244,11 +269,19 @@ effects! {
         torque_hysteresis::TorqueHysteresis,
         drive_gain::DriveGain,
     }
+    cutting {
+        edge_force::EdgeForce,
+        cutting_force::CuttingForce,
+        tool_wear::ToolWear,
+        runout::Runout,
+        chatter::Chatter,
+        cross_talk::CrossTalk,
+    }
 }
 
-/// All specs of that name, what is modelled first. `hysteresis` alone has two: of a position and of a torque.
+/// All specs of that name. `hysteresis` alone has two: of a position and of a torque.
 pub fn specs_of(kind: &str) -> impl Iterator<Item = &'static Spec> {
-    let all = SPECS.iter().chain(OVER_PATHS).chain(DRIVES).chain(NOT_MODELLED);
+    let all = SPECS.iter().chain(OVER_PATHS).chain(DRIVES).chain(CUTTING);
     all.filter(move |spec| spec.kind == kind)
 }
 

@@ -6,7 +6,7 @@
 //!
 //! Read in this order: [`arm`] (what the controller believes), [`chain`] (where every axis and the tool
 //! are), [`loads`] (what pulls at each joint), [`dynamics`] (what the drives exert), [`effect`] (THE seam: what one physical effect is),
-//! [`model`] (the sum of the effects: where the tool really goes), [`drive`] (their sum at the drives).
+//! [`model`] (the sum of the effects: where the tool really goes), [`drive`] (their sum at the drives), [`cut`] (their sum at a cutter).
 //!
 //! Units are SI throughout: rad (m for a prismatic joint), N, Nm, kg, s; temperatures in °C.
 //! Vectors are in base axes unless a name says otherwise (`shift_tool`).
@@ -14,6 +14,7 @@
 
 pub mod arm;
 pub mod chain;
+pub mod cut;
 pub mod deviation;
 pub mod drive;
 pub mod dynamics;
@@ -31,6 +32,7 @@ pub mod trig;
 
 pub use arm::{Arm, ArmError, Body, Joint, JointKind, Tool};
 pub use chain::{Chain, Jacobian};
+pub use cut::{Bite, CutForce, Cutter, ForceTerm};
 pub use deviation::{Contribution, Deviation};
 pub use drive::{Drive, DriveTerm};
 pub use dynamics::inverse_dynamics;

@@ -4,10 +4,6 @@
 //! its unit's suffix, and the suffix follows the kind of joint (`offset_mrad`, on a prismatic joint `offset_mm`).
 //! Never: a value.
 
-mod not_modelled;
-
-pub use not_modelled::NOT_MODELLED;
-
 use crate::JointKind;
 use core::fmt;
 

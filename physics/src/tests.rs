@@ -1,5 +1,6 @@
 //! Physics held against formulas written another way: 4×4 matrices by hand, energies, virtual work, reciprocity.
 
+mod cut;
 mod drives;
 mod dynamics;
 mod geometric_effects;

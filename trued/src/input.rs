@@ -19,6 +19,9 @@ use crate::exit::Failure;
 /// From here on the bound of a correction's step takes a row for late, s (`corrector`, the most time of one step).
 const STEP_S_MAX: f64 = 0.02;
 
+/// The model where forces were recorded without a robot.
+const NO_ARM: &str = include_str!("no_arm.toml");
+
 /// Whose recording it is, and how it is read.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct Reading {
@@ -84,6 +87,29 @@ impl Reading {
             return Err(Failure::input(Different(other.recording.file.clone())));
         }
         Ok((model, inputs.into_iter().map(|input| input.recording).collect()))
+    }
+
+    /// A recording without any joint position, and the model that is given or named for it, or one that stands in for no arm; none where there are joints.
+    pub(crate) fn without_arm(
+        &self,
+        path: &Path,
+    ) -> Result<Option<(RobotModel, Recording)>, Failure> {
+        // What cannot be read is told by whoever asks for joints.
+        let Ok(recording) = series::read(path, self.mapping.as_deref(), Need::Samples) else {
+            return Ok(None);
+        };
+        if recording.joint_count() > 0 {
+            return Ok(None);
+        }
+        for note in &recording.notes {
+            warn!("{}: {note}", recording.file.display());
+        }
+        let named = recording.about.model.as_ref().map(|name| beside(path, Path::new(name)));
+        let model = match self.model.as_deref().or(named.as_deref()) {
+            Some(name) => model(name)?,
+            None => RobotModel::parse("no arm", NO_ARM).map_err(Failure::system)?,
+        };
+        Ok(Some((model, recording)))
     }
 
     fn read_with(

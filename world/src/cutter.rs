@@ -10,7 +10,7 @@
 //! Never: helix (at 0.25 mm depth and 30° it lags 2.8°), runout, deflection of the tool, or a depth that follows the path.
 
 use glam::DVec3;
-use libm::sincos;
+use physics::cut::{Teeth, swept};
 use std::f64::consts::{PI, TAU};
 
 /// A mill in a cut. Angles in rad from the normal axis, with the rotation; `0 ≤ entry < exit ≤ 2π`.
@@ -94,19 +94,9 @@ impl Cutter {
 
     /// Integral of one tooth's force over an engaged span of angle, N rad.
     fn integral(&self, feed_m_s: f64, from: f64, to: f64) -> DVec3 {
-        self.antiderivative(feed_m_s, to) - self.antiderivative(feed_m_s, from)
-    }
-
-    fn antiderivative(&self, feed_m_s: f64, angle: f64) -> DVec3 {
-        let (sin, cos) = sincos(angle);
-        let chip = self.chip_n_m2 * self.feed_per_tooth_m(feed_m_s) * self.axial_depth_m;
-        let edge = self.edge_n_m * self.axial_depth_m;
-        let (sin_cos, sin_sin) = (0.5 * sin * sin, 0.5 * (angle - sin * cos));
-        DVec3::new(
-            -(chip.x * sin_cos + edge.x * sin) - (chip.y * sin_sin - edge.y * cos),
-            (chip.x * sin_sin - edge.x * cos) - (chip.y * sin_cos + edge.y * sin),
-            edge.z * angle - chip.z * cos,
-        )
+        let Teeth { edge, chip } = swept(from, to);
+        let feed_per_tooth_m = self.feed_per_tooth_m(feed_m_s);
+        (edge * self.edge_n_m + chip * (self.chip_n_m2 * feed_per_tooth_m)) * self.axial_depth_m
     }
 }
 

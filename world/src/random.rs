@@ -24,6 +24,8 @@ pub enum Purpose {
     Tracker = 5,
     /// Noise of recorded torques.
     Torque = 6,
+    /// Noise of recorded forces.
+    Force = 7,
 }
 
 /// The stream of `seed` for `purpose`; `index` parts streams of one purpose.

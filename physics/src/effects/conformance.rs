@@ -8,9 +8,10 @@ mod scene;
 
 pub(crate) use scene::{Scene, scene, seen, sliding_scene, with_inputs};
 
+use crate::cut::ForceTerm;
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;
-use crate::effects::{AnyEffect, DRIVES, SPECS};
+use crate::effects::{AnyEffect, CUTTING, DRIVES, SPECS};
 use crate::spec::{ActsOn, Parameter, Range, Role};
 use crate::{Arm, Inputs, JOINTS_MAX, Memories, Memory, Model, Signals, Wrench};
 use glam::DVec3;
@@ -44,7 +45,12 @@ fn numbers(contribution: &Contribution) -> Vec<f64> {
         Contribution::Sensor { bias, scale, turn } => {
             [wrench(bias), wrench(scale), turn.to_array().to_vec()].concat()
         }
-        Contribution::ToolForce(w) => wrench(w),
+        Contribution::ToolForce(term) => match term {
+            ForceTerm::Edge(v) | ForceTerm::Chip(v) => v.to_array().to_vec(),
+            ForceTerm::Wear(x) | ForceTerm::Ring(x) => vec![*x],
+            ForceTerm::Runout(pair) => pair.to_vec(),
+            ForceTerm::Leak(matrix) => matrix.to_cols_array().to_vec(),
+        },
     }
 }
 
@@ -112,7 +118,7 @@ fn added(sample: &Sample, effect: &AnyEffect) -> Contribution {
 #[test]
 fn every_effect_of_the_list_has_a_sample_that_does_something() {
     let samples = samples();
-    for spec in SPECS.iter().chain(DRIVES) {
+    for spec in SPECS.iter().chain(DRIVES).chain(CUTTING) {
         let of_kind: Vec<_> = samples.iter().filter(|s| s.effect.spec() == spec).collect();
         assert!(!of_kind.is_empty(), "{} has no sample", spec.kind);
         for sample in of_kind {
@@ -158,9 +164,10 @@ fn what_acts_on_loads_moves_nothing_by_itself() {
 }
 
 #[test]
-fn what_acts_on_drives_moves_nothing_and_loads_nothing() {
-    let on_drives = |s: &&Sample| s.effect.spec().acts_on == ActsOn::DriveTorque;
-    for sample in samples().iter().filter(on_drives) {
+fn what_acts_on_drives_or_cuts_moves_nothing_and_loads_nothing() {
+    let elsewhere =
+        |s: &&Sample| matches!(s.effect.spec().acts_on, ActsOn::DriveTorque | ActsOn::ToolForce);
+    for sample in samples().iter().filter(elsewhere) {
         let model = Model::new(sample.scene.arm, &[sample.effect]).expect("sound");
         let bare = Model::nominal(sample.scene.arm);
         let (mut memories, inputs) = (Memories::default(), &path(&sample.scene.inputs)[1]);

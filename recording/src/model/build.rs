@@ -1,7 +1,7 @@
 //! From the document to the physics: units to SI, effects by their names.
 
 use glam::{DMat3, DVec3};
-use physics::effects::{DRIVES, OVER_PATHS, SPECS, spec_for};
+use physics::effects::{CUTTING, DRIVES, OVER_PATHS, SPECS, spec_for};
 use physics::spec::{ActsOn, Count, Need, Role, Spec};
 use physics::{AnyEffect, Arm, Body, Given, Joint, JointKind, Model, Tool};
 
@@ -18,9 +18,18 @@ pub(super) type EntryFault = (Option<usize>, Fault);
 pub(super) fn build(file: ModelFile) -> Result<RobotModel, Vec<EntryFault>> {
     let physics = Model::nominal(arm(&file).map_err(|fault| vec![(None, *fault)])?);
     let hash = content_hash(file.to_toml().as_bytes());
-    let (entry_of, sigma, not_compensated, drives, drives_sigma) = Default::default();
-    let mut model =
-        RobotModel { file, physics, entry_of, sigma, not_compensated, drives, drives_sigma, hash };
+    let (entry_of, sigma, not_compensated, drives, drives_sigma, cutting) = Default::default();
+    let mut model = RobotModel {
+        file,
+        physics,
+        entry_of,
+        sigma,
+        not_compensated,
+        drives,
+        drives_sigma,
+        cutting,
+        hash,
+    };
     let mut faults = Vec::new();
     for at in 0..model.file.effects.len() {
         if let Err(fault) = model.take_effect(at) {
@@ -52,9 +61,13 @@ impl RobotModel {
             self.sigma.push(sigma);
         } else {
             self.not_compensated.push(at);
-            if spec.acts_on == ActsOn::DriveTorque {
-                self.drives.push(effect);
-                self.drives_sigma.push(sigma);
+            match spec.acts_on {
+                ActsOn::DriveTorque => {
+                    self.drives.push(effect);
+                    self.drives_sigma.push(sigma);
+                }
+                ActsOn::ToolForce => self.cutting.push(effect),
+                _ => {}
             }
         }
         Ok(())
@@ -221,7 +234,8 @@ impl EffectEntry {
         let fits = |spec: &&Spec| {
             spec.kind == kind && parameters.iter().all(|given| knows(spec, given.stem))
         };
-        let spec = SPECS.iter().chain(OVER_PATHS).chain(DRIVES).find(fits)?;
+        let all = SPECS.iter().chain(OVER_PATHS).chain(DRIVES).chain(CUTTING);
+        let spec = { all }.find(fits)?;
         let joint_kind = match joint {
             Some(joint) => arm.joints().get(joint)?.kind,
             None => JointKind::Revolute,

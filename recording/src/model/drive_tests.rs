@@ -50,3 +50,19 @@ fn inertias_of_links_reach_the_drives() {
     let by = axis.dot(glam::DVec3::new(0.2, 0.3, 0.4) * axis);
     assert!((more - torque(TWO_JOINTS) - by).abs() < 1e-12, "{more}");
 }
+
+#[test]
+fn what_a_cut_feels_is_built_and_listed_as_not_compensated() {
+    let cuts = EVERY_KIND.iter().skip_while(|(kind, _)| *kind != "edge_force").take(6);
+    let bare = parse(TWO_JOINTS).unwrap();
+    for (kind, entries) in cuts {
+        let text = format!("{TWO_JOINTS}\n[[effect]]\nkind = \"{kind}\"\n{entries}\n");
+        let model = parse(&text).unwrap();
+        assert_eq!(model.physics, bare.physics, "{kind} takes part in the correction");
+        assert_eq!(model.not_compensated_names().last().map(String::as_str), Some(*kind));
+        let [effect] = model.cutting[..] else { panic!("{kind} is not built") };
+        assert_eq!((effect.spec().kind, effect.joint()), (*kind, None));
+        let again = parse(&model.file.to_toml()).unwrap();
+        assert_eq!(again.cutting, model.cutting, "{kind}: other bits");
+    }
+}

@@ -5,7 +5,7 @@
 //! load whole, so that its other effects can be listed as not compensated.
 
 use physics::JointKind;
-use physics::effects::{DRIVES, SPECS};
+use physics::effects::{CUTTING, DRIVES, SPECS};
 use physics::spec::{Count, Parameter, Place, Range, Spec, Unit};
 
 use super::EffectEntry;
@@ -38,7 +38,7 @@ impl Kind {
 /// The kind with this name at a joint of this kind. One name may mean two effects (hysteresis of
 /// position and of torque): the one that knows most of the keys is meant, the physics' own first.
 pub(super) fn find(name: &str, joint: JointKind, has: impl Fn(&str) -> bool) -> Option<Kind> {
-    let modelled = SPECS.iter().chain(DRIVES).filter(|spec| spec.kind == name).map(modelled);
+    let modelled = at_a_sample().filter(|spec| spec.kind == name).map(modelled);
     let others = OTHERS.iter().copied().filter(|kind| kind.name == name);
     let unknown = |kind: &Kind| {
         let known = |spec: &&Parameter| has(&spec.key(joint).to_string());
@@ -61,7 +61,12 @@ fn modelled(spec: &'static Spec) -> Kind {
 /// All names.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
     let others = OTHERS.iter().map(|kind| kind.name);
-    SPECS.iter().chain(DRIVES).map(|spec| spec.kind).chain(others)
+    at_a_sample().map(|spec| spec.kind).chain(others)
+}
+
+/// What the physics predicts sample by sample.
+fn at_a_sample() -> impl Iterator<Item = &'static Spec> {
+    SPECS.iter().chain(DRIVES).chain(CUTTING)
 }
 
 const fn kind(name: &'static str, place: Place, parameters: &'static [Parameter]) -> Kind {
@@ -211,15 +216,4 @@ const OTHERS: &[Kind] = &[
     ),
     // What the motors feel.
     Kind { has_channel: true, ..kind("torque_delay", ROBOT, &[any("delay", Unit::Millisecond)]) },
-    // What the cutter does.
-    kind("edge_force", ROBOT, &[any("coefficient_N_per_mm", Unit::One).of(THREE)]),
-    kind("cutting_force", ROBOT, &[any("coefficient_N_per_mm2", Unit::One).of(THREE)]),
-    kind("tool_wear", ROBOT, &[any("growth_per_m", Unit::One)]),
-    kind("runout", ROBOT, &[any("radial", Unit::Micrometre), any("phase", Unit::PhaseRadian)]),
-    kind(
-        "chatter",
-        ROBOT,
-        &[positive("frequency", Unit::Hertz), not_negative("amplitude", Unit::Newton)],
-    ),
-    kind("cross_talk", ROBOT, &[any("matrix", Unit::One).of(Count::Exactly(9))]),
 ];

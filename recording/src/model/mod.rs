@@ -187,6 +187,8 @@ pub struct RobotModel {
     pub drives: Vec<physics::AnyEffect>,
     /// For each of `drives`: as `sigma`.
     pub drives_sigma: Vec<Vec<f64>>,
+    /// Those of them that change the force of a cut, or what is read of it.
+    pub cutting: Vec<physics::AnyEffect>,
     /// Hash of the document as it is written: the same for the same numbers, whatever the comments.
     pub hash: u64,
 }
@@ -238,8 +240,20 @@ impl RobotModel {
     /// # Errors
     /// More effects than a model holds.
     pub fn with_drives(&self) -> Result<physics::Model, physics::ModelError> {
+        self.with(&self.drives)
+    }
+
+    /// The model with what changes the force of a cut: for [`physics::Model::cut_force`], not for a correction.
+    ///
+    /// # Errors
+    /// More effects than a model holds.
+    pub fn with_cutting(&self) -> Result<physics::Model, physics::ModelError> {
+        self.with(&self.cutting)
+    }
+
+    fn with(&self, more: &[physics::AnyEffect]) -> Result<physics::Model, physics::ModelError> {
         let mut model = self.physics;
-        self.drives.iter().try_for_each(|effect| model.push(*effect))?;
+        more.iter().try_for_each(|effect| model.push(*effect))?;
         Ok(model)
     }
 

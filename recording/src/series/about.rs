@@ -85,6 +85,26 @@ pub struct Cut {
     pub cutting_pa: [f64; 3],
     /// Tangential, radial, axial edge coefficients, N/m.
     pub edge_n_per_m: [f64; 3],
+    /// The work turns and the tool stands (`operation = "turning"`).
+    pub turning: bool,
+}
+
+impl Cut {
+    /// The cutter, as the physics takes it.
+    #[must_use]
+    pub fn cutter(&self) -> physics::Cutter {
+        physics::Cutter {
+            teeth: self.teeth,
+            diameter_m: self.diameter_m,
+            helix_rad: self.helix_rad,
+            axial_depth_m: self.axial_depth_m,
+            entry_rad: self.entry_rad,
+            exit_rad: self.exit_rad,
+            turning: self.turning,
+            chip_n_m2: self.cutting_pa.into(),
+            edge_n_m: self.edge_n_per_m.into(),
+        }
+    }
 }
 
 /// What a recording says of itself.
@@ -247,6 +267,11 @@ fn cut_of(table: &Table<'_, '_>) -> Option<Cut> {
     let exit = table.number("exit_deg", -360.0..=360.0).unwrap_or(180.0);
     let cutting = table.vector::<3>("coefficients_N_per_mm2");
     let edge = table.vector::<3>("coefficients_N_per_mm");
+    let turning = table.choice("operation", &[("milling", false), ("turning", true)]);
+    let turning = turning.unwrap_or_default();
+    if turning && teeth.is_some_and(|teeth| teeth != 1) {
+        table.fault("teeth", "a turning tool has one".to_owned(), "teeth = 1");
+    }
     if entry >= exit {
         table.fault("exit_deg", format!("is {exit}"), format!("more than entry_deg ({entry})"));
     }
@@ -260,5 +285,6 @@ fn cut_of(table: &Table<'_, '_>) -> Option<Cut> {
         exit_rad: exit.to_radians(),
         cutting_pa: cutting?.map(|value| value * 1e6),
         edge_n_per_m: edge?.map(|value| value * 1e3),
+        turning,
     })
 }

@@ -76,6 +76,9 @@ fn approach(approach: Approach) -> Option<&'static str> {
 
 fn write_cut(out: &mut String, cut: &Cut) {
     out.push_str("\n[cut]\n");
+    if cut.turning {
+        line(out, "operation", "\"turning\"");
+    }
     line(out, "teeth", &cut.teeth.to_string());
     for (key, value) in [
         ("diameter_mm", cut.diameter_m / 1e-3),

@@ -5,6 +5,7 @@
 
 mod apply;
 mod drives;
+mod forces;
 mod page;
 pub(super) mod told;
 
@@ -33,7 +34,8 @@ const ROWS_LEAST: usize = 30;
 
 /// Say where a model and recordings differ, name the missing physics, and prove the gain on rows that nothing has seen
 ///
-/// Recordings hold joint positions and what was measured: the tool, reflectors, joint positions on the link side, the drives' torque or current. Writes DIR/diagnosis.json,
+/// Recordings hold joint positions and what was measured: the tool, reflectors, joint positions on the link side, the drives' torque or current; or forces
+/// or accelerations at the tool, without any joint. Writes DIR/diagnosis.json,
 /// DIR/model.toml (the model with what was found) and DIR/report.html. Measuring frames and places of reflectors are fitted along. Exit 0 whatever is said
 /// (without --apply); 2 for bad input, with nothing written.
 #[derive(Debug, Args)]
@@ -87,6 +89,9 @@ fn band(text: &str) -> Result<f64, String> {
 
 impl Diagnose {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        if let Some(answer) = forces::alone(self, console)? {
+            return Ok(answer);
+        }
         let (model, recordings) = self.reading.measured(&self.recordings)?;
         let cell = self.apply.as_deref().map(apply::cell).transpose()?;
         self.check(&outputs(&self.out))?;
@@ -203,14 +208,7 @@ impl Found {
     /// # Errors
     /// A folder or files that cannot be written.
     pub(super) fn write(&self, reports: &[told::Report], dir: &Path) -> Result<(), Failure> {
-        let texts = [told::json(reports)?, self.model()?, page::render(self, reports)];
-        std::fs::create_dir_all(dir).map_err(|error| {
-            Failure::input(format!("{}: cannot be made: {error}", dir.display()))
-        })?;
-        for (path, text) in outputs(dir).iter().zip(&texts) {
-            crate::atomic::write(path, |file| file.write_all(text.as_bytes()))?;
-        }
-        Ok(())
+        write(&[told::json(reports)?, self.model()?, page::render(self, reports)], dir)
     }
 
     /// The model with what was found, as text that loads.
@@ -234,6 +232,16 @@ impl Found {
         RobotModel::parse("the diagnosed model", &text).map_err(Failure::system)?;
         Ok(text)
     }
+}
+
+/// Writes diagnosis, model and page into `dir`, which is made where it is missing.
+fn write(texts: &[String; 3], dir: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(dir)
+        .map_err(|error| Failure::input(format!("{}: cannot be made: {error}", dir.display())))?;
+    for (path, text) in outputs(dir).iter().zip(texts) {
+        crate::atomic::write(path, |file| file.write_all(text.as_bytes()))?;
+    }
+    Ok(())
 }
 
 /// Why nothing can be said of these recordings.

@@ -4,6 +4,7 @@
 //! layout stays the recording's; nothing is written over an input. Never: a fit of the model; only the measuring frame and targets whose
 //! place is not known are found, from what was recorded.
 
+mod cut;
 mod instrument;
 mod station;
 
@@ -21,7 +22,7 @@ use world::dynamics::Dynamics;
 use world::forward::{self, Seen};
 use world::servo;
 
-use self::instrument::Instrument;
+use self::instrument::{Instrument, Made};
 use self::station::Stand;
 use super::correct::check_apart;
 use crate::exit::{Answer, Failure, Outcome};
@@ -34,7 +35,8 @@ use crate::output::Console;
 /// Takes commanded joints, loads, temperatures and process state of INPUT and replaces what was measured: points, reflectors, orientations,
 /// joint positions of the motor and the link side, torques, in the rows in which they were measured. All effects of positions and torques act,
 /// delays, lags and modes too. Where positions of the motors were measured beside torques, a plain controller (P around PI, with the commanded speed ahead)
-/// closes the loop, so that friction shows in the motion; else the motors go where they are sent. An unknown measuring frame is found from what was recorded; with nothing recorded the tool centre point is given in the base frame.
+/// closes the loop, so that friction shows in the motion; else the motors go where they are sent. Where the TOML tells of a `[cut]`, forces are those of its cutter
+/// at the recorded spindle speed and feed, with the model's effects of cutter and sensor; such a recording needs no joints and no model. An unknown measuring frame is found from what was recorded; with nothing recorded the tool centre point is given in the base frame.
 #[derive(Debug, Args)]
 pub(crate) struct Simulate {
     #[command(flatten)]
@@ -48,6 +50,9 @@ pub(crate) struct Simulate {
     /// Normal noise on every torque, Nm (N of a slide); none if not given
     #[arg(long, value_name = "SIGMA", default_value_t = 0.0, value_parser = not_negative)]
     torque_noise: f64,
+    /// Normal noise on every force of a cut, N; none if not given
+    #[arg(long, value_name = "SIGMA", default_value_t = 0.0, value_parser = not_negative)]
+    force_noise: f64,
     #[command(flatten)]
     seed: Seed,
     /// The recording whose commands are followed
@@ -62,6 +67,8 @@ struct Report<'a> {
     noise: f64,
     /// Nm, N of a slide.
     torque_noise: f64,
+    /// N.
+    force_noise: f64,
     model: &'a str,
     recording: String,
     rows: usize,
@@ -79,41 +86,62 @@ impl Simulate {
             check_apart(input, &csv)?;
             check_apart(input, &toml)?;
         }
-        let Input { model, mut recording, .. } = self.reading.read(&self.input, None)?;
-        hold_inputs(&mut recording);
         let seed = self.seed.settle();
-        let run = run(&model, &recording, Loop::of(&model, &recording))?;
-        let stand = Stand::find(&model, &recording)?;
-        let noise = self.noise * 1e-3;
-        let instrument = Instrument { stand: &stand, noise, torque_noise: self.torque_noise, seed };
-        let made = instrument.look(&model, recording, &run);
-        let mut recording = made.recording;
-        recording.about.model = Some(self.model_name(&recording, &toml));
+        let (model, made) = match self.reading.without_arm(&self.input)? {
+            Some((model, recording)) => {
+                let made = Made::untouched(recording);
+                (model, made)
+            }
+            None => self.moved(seed)?,
+        };
+        let Made { mut recording, columns, left_out, recorded_rms_m, rows_beyond } = made;
+        let with_cutting = model.with_cutting().map_err(Failure::input)?;
+        let of_cut = cut::read(&with_cutting, &mut recording, self.force_noise, seed)?;
+        if columns.is_empty() && of_cut.columns.is_empty() {
+            return Err(lacking(format!(
+                "{}: neither joint positions nor a [cut]: nothing can be simulated",
+                self.input.display()
+            )));
+        }
+        recording.about.model = self.model_name(&recording, &toml);
         self.write(&recording, seed, (&csv, &toml))?;
         let report = Report {
             seed,
             noise: self.noise,
             torque_noise: self.torque_noise,
+            force_noise: self.force_noise,
             model: &model.file.name,
             recording: csv.display().to_string(),
             rows: recording.len(),
-            columns: made.columns,
-            left_out: made.left_out,
-            recorded_rms_mm: made.recorded_rms_m.map(|rms| rms * 1e3),
-            rows_beyond_stiffness: run.seen.iter().filter(|seen| seen.beyond).count(),
+            columns: [columns, of_cut.columns].concat(),
+            left_out: [left_out, of_cut.left_out].concat(),
+            recorded_rms_mm: recorded_rms_m.map(|rms| rms * 1e3),
+            rows_beyond_stiffness: rows_beyond,
         };
         console.json("trued.simulate/1", &report)?;
         say(console, &report)
     }
 
+    /// The arm run forward, and what the instruments read of it.
+    fn moved(&self, seed: u64) -> Result<(RobotModel, Made), Failure> {
+        let Input { model, mut recording, .. } = self.reading.read(&self.input, None)?;
+        hold_inputs(&mut recording);
+        let run = run(&model, &recording, Loop::of(&model, &recording))?;
+        let stand = Stand::find(&model, &recording)?;
+        let noise = self.noise * 1e-3;
+        let instrument = Instrument { stand: &stand, noise, torque_noise: self.torque_noise, seed };
+        let made = instrument.look(&model, recording, &run);
+        Ok((model, made))
+    }
+
     /// As the recording's TOML shall name it: a preset by its name, a file by its way from there.
-    fn model_name(&self, recording: &Recording, toml: &Path) -> String {
+    fn model_name(&self, recording: &Recording, toml: &Path) -> Option<String> {
         let Some(given) = &self.reading.model else {
-            let named = recording.about.model.clone().unwrap_or_default();
-            let from = crate::input::beside(&recording.file, Path::new(&named));
-            return from_folder(&from, toml);
+            let named = recording.about.model.as_ref()?;
+            let from = crate::input::beside(&recording.file, Path::new(named));
+            return Some(from_folder(&from, toml));
         };
-        from_folder(given, toml)
+        Some(from_folder(given, toml))
     }
 
     fn write(
@@ -122,13 +150,15 @@ impl Simulate {
         seed: u64,
         (csv, toml): (&Path, &Path),
     ) -> Result<(), Failure> {
-        let torque_noise = match self.torque_noise {
+        let more = |name: &str, noise: f64| match noise {
             0.0 => String::new(),
-            noise => format!(" --torque-noise {noise}"),
+            noise => format!(" --{name}-noise {noise}"),
         };
         let about = format!(
-            "# simulated: trued simulate --seed {seed} --noise {}{torque_noise}\n{}",
+            "# simulated: trued simulate --seed {seed} --noise {}{}{}\n{}",
             self.noise,
+            more("torque", self.torque_noise),
+            more("force", self.force_noise),
             recording.about_toml()
         );
         crate::atomic::write(toml, |file| file.write_all(about.as_bytes()))?;
@@ -171,11 +201,11 @@ fn from_folder(model: &Path, toml: &Path) -> String {
 
 /// What was not sampled in a row is what it was last: loads, temperatures, process state.
 fn hold_inputs(recording: &mut Recording) {
-    let is_input = |channel: &Channel| {
-        matches!(
-            channel,
-            Channel::Wrench(_) | Channel::Ambient | Channel::JointTemperature(_) | Channel::Spindle
-        )
+    let is_measured = recording.about.cut.is_some();
+    let is_input = |channel: &Channel| match channel {
+        Channel::Wrench(_) => !is_measured,
+        Channel::Ambient | Channel::JointTemperature(_) | Channel::Spindle | Channel::Feed => true,
+        _ => false,
     };
     let channels: Vec<Channel> = recording.channels().filter(is_input).collect();
     for channel in channels {

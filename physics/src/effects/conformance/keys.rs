@@ -4,8 +4,10 @@
 
 use crate::Given;
 use crate::JointKind::{Prismatic, Revolute};
-use crate::effects::{AnyEffect, DRIVES, OVER_PATHS, SPECS, is_modelled, spec_for, specs_of};
-use crate::spec::{ActsOn, NOT_MODELLED, Place, Spec};
+use crate::effects::{
+    AnyEffect, CUTTING, DRIVES, OVER_PATHS, SPECS, is_modelled, spec_for, specs_of,
+};
+use crate::spec::{ActsOn, Place, Spec};
 
 /// Name, keys, keys on a prismatic joint (none: it has no such form). In the order of the lists.
 const KEYS: &[(&str, &str, &str)] = &[
@@ -89,7 +91,7 @@ const KEYS: &[(&str, &str, &str)] = &[
 ];
 
 fn all() -> impl Iterator<Item = &'static Spec> {
-    SPECS.iter().chain(OVER_PATHS).chain(DRIVES).chain(NOT_MODELLED)
+    SPECS.iter().chain(OVER_PATHS).chain(DRIVES).chain(CUTTING)
 }
 
 #[test]

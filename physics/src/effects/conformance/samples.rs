@@ -1,7 +1,7 @@
 //! One or more examples of every effect of the list, from its spec: any new effect is in the suite at once.
 
 use super::scene::{Scene, scene, sliding_scene};
-use crate::effects::{AnyEffect, DRIVES, SPECS};
+use crate::effects::{AnyEffect, CUTTING, DRIVES, SPECS};
 use crate::frame::normals;
 use crate::spec::{Count, Parameter, Place, Range, Role, Spec, Unit};
 use crate::{Arm, Given, JointKind};
@@ -33,6 +33,7 @@ pub(super) fn samples() -> Vec<Sample> {
     SPECS
         .iter()
         .chain(DRIVES)
+        .chain(CUTTING)
         .flat_map(|spec| sets(spec).into_iter().flat_map(|set| of_set(spec, &set)))
         .collect()
 }
@@ -194,6 +195,11 @@ fn size(parameter: &Parameter) -> f64 {
         (_, Unit::Kilogram) => 2.5,
         (_, Unit::NewtonPerMetre) => 8e4,
         (_, Unit::KilogramSquareMetre | Unit::KilogramMetre) => 1.5,
+        (_, Unit::PerMetre) => 0.02,
+        (_, Unit::NewtonPerMillimetre) => 8e3,
+        (_, Unit::NewtonPerSquareMillimetre) => 8e8,
+        // A wave of hours: the scene's times are far from the segment's start.
+        (_, Unit::Hertz) => 1e-4,
         (_, unit) => panic!("no sample for {} in {unit:?}", parameter.stem),
     }
 }

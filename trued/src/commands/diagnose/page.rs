@@ -4,6 +4,7 @@
 
 mod drives;
 mod figures;
+pub(super) mod forces;
 mod tables;
 
 use report::{Number, Page, Tone, significant};

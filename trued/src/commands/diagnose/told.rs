@@ -4,6 +4,7 @@
 
 mod drives;
 mod file;
+mod forces;
 mod lines;
 
 use std::collections::BTreeMap;
@@ -49,6 +50,12 @@ pub(in crate::commands) struct Report {
     /// The proof of each joint, in the torque domain.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(super) joints: Vec<JointErrors>,
+    /// What the tool did, in the force domain.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) phases: Vec<forces::Stretch>,
+    /// Tones of the cut, in the force domain.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) tones: Vec<forces::Heard>,
     pub(super) notes: Vec<String>,
     seed: u64,
 }
@@ -206,6 +213,8 @@ impl Report {
             }),
             map: diagnosis.map.iter().map(Place::of).collect(),
             joints: Vec::new(),
+            phases: Vec::new(),
+            tones: Vec::new(),
             notes: found.notes.iter().chain(&diagnosis.notes).cloned().collect(),
             seed: found.seed,
         }
@@ -237,6 +246,8 @@ impl Report {
             }),
             map: Vec::new(),
             joints: Vec::new(),
+            phases: Vec::new(),
+            tones: Vec::new(),
             notes: found.notes.clone(),
             seed: found.seed,
         }

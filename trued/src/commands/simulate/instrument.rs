@@ -31,6 +31,17 @@ pub(super) struct Made {
     pub(super) left_out: Vec<String>,
     /// Recorded minus simulated points without noise, rms over single values, m.
     pub(super) recorded_rms_m: Option<f64>,
+    /// Rows in which a joint is loaded beyond what its stiffness holds for.
+    pub(super) rows_beyond: usize,
+}
+
+impl Made {
+    /// Of an arm that was not run: what is known of the process stands in every row.
+    pub(super) fn untouched(mut recording: Recording) -> Self {
+        super::hold_inputs(&mut recording);
+        let (columns, left_out) = Default::default();
+        Self { recording, columns, left_out, recorded_rms_m: None, rows_beyond: 0 }
+    }
 }
 
 impl Instrument<'_> {
@@ -88,7 +99,8 @@ impl Instrument<'_> {
         recording.about.measured_in_base = self.stand.in_base;
         let columns = wanted.iter().map(named).collect();
         let left_out = left.iter().map(named).collect();
-        Made { recording, columns, left_out, recorded_rms_m: squares.rms() }
+        let rows_beyond = run.seen.iter().filter(|seen| seen.beyond).count();
+        Made { recording, columns, left_out, recorded_rms_m: squares.rms(), rows_beyond }
     }
 
     /// Exact values and noise of each wanted column.
@@ -141,7 +153,7 @@ impl Instrument<'_> {
 }
 
 /// Where a column has values: where it had, everywhere if it had none.
-fn mask(recording: &Recording, channel: Channel) -> impl Fn(usize) -> bool + use<> {
+pub(super) fn mask(recording: &Recording, channel: Channel) -> impl Fn(usize) -> bool + use<> {
     let there: Vec<bool> =
         recording.column(channel).unwrap_or_default().iter().map(|x| x.is_finite()).collect();
     let all = !there.contains(&true);

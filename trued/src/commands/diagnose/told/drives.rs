@@ -41,6 +41,8 @@ impl Report {
             unexplained: None,
             map: Vec::new(),
             joints: Vec::new(),
+            phases: Vec::new(),
+            tones: Vec::new(),
             notes: notes.to_vec(),
             seed,
         };

@@ -1,0 +1,314 @@
+//! Air, entry, cut and exit, told apart by the signal itself: in the cut it stands elsewhere, or swings more, than where it is quiet.
+//!
+//! Blocks of time have a level: how far their mean is from that of the quietest blocks, and how much they swing. Two groups of levels that stand well apart are air
+//! and cut (Otsu 1979, over logarithms); a cut's ends, up to where it first and last reaches most of its own middle level, are entry and exit.
+//!
+//! Promises: where the levels do not fall into two groups nothing is told apart. Never: a threshold in newtons.
+
+use super::Finding;
+use super::signal::{Signal, median};
+
+/// Length of a block, s, and the fewest rows that it has.
+const BLOCK_S: f64 = 0.02;
+const BLOCK_ROWS: usize = 16;
+/// The quietest blocks: this share of all.
+const QUIET: f64 = 0.15;
+/// The middle level of a cut is at least so many times the upper level of air.
+const APART: f64 = 2.0;
+/// Phases shorter than this, s, are not told apart.
+const SHORT_S: f64 = 0.1;
+/// A cut has begun where its level reaches this share of its middle level.
+const WHOLE: f64 = 0.85;
+/// Every so many blocks of air are held out.
+const EVERY: usize = 5;
+/// Blocks of air whose level is so many times the middle one of air are not taken for the sensor's reading.
+const STIRS: f64 = 3.0;
+/// A reading in air counts where it is so many times its own uncertainty.
+const SURE: f64 = 4.0;
+
+/// What the tool does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// It touches nothing.
+    Air,
+    /// It goes in.
+    Entry,
+    /// It is in.
+    Cut,
+    /// It leaves.
+    Exit,
+    /// Air and cut cannot be told apart.
+    Unknown,
+}
+
+impl State {
+    /// As files say it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Air => "air",
+            Self::Entry => "entry",
+            Self::Cut => "cut",
+            Self::Exit => "exit",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
+/// A stretch of one state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Phase {
+    /// Of the tool.
+    pub state: State,
+    /// s.
+    pub from_s: f64,
+    /// s.
+    pub to_s: f64,
+    /// Mean of each channel that was looked at.
+    pub mean: Vec<f64>,
+    /// Scatter of single values of each.
+    pub scatter: Vec<f64>,
+    /// The blocks that it is made of.
+    pub(super) blocks: std::ops::Range<usize>,
+    /// Its rows.
+    pub(super) rows: std::ops::Range<usize>,
+}
+
+/// One block of time.
+pub(super) struct Block {
+    rows: std::ops::Range<usize>,
+    run: usize,
+    mean: Vec<f64>,
+    scatter: Vec<f64>,
+    level: f64,
+}
+
+/// All blocks in time order.
+pub(super) struct Levels {
+    blocks: Vec<Block>,
+    axes: Vec<usize>,
+    t_s: Vec<f64>,
+}
+
+impl Levels {
+    /// Level over time.
+    pub(super) fn plot(&self) -> Vec<(f64, f64)> {
+        self.blocks.iter().map(|block| (self.t_s[block.rows.start], block.level)).collect()
+    }
+}
+
+pub(super) fn levels(signal: &Signal) -> Levels {
+    let length = ((BLOCK_S * signal.rate_hz) as usize).max(BLOCK_ROWS);
+    let mut blocks = Vec::new();
+    for (number, run) in signal.runs.iter().enumerate() {
+        let mut from = run.start;
+        while from + length <= run.end {
+            let rows = from..from + length;
+            let of = |samples: &Vec<f64>| moments(&samples[rows.clone()]);
+            let (mean, scatter) = signal.channels.iter().map(|(_, samples)| of(samples)).unzip();
+            blocks.push(Block { rows, run: number, mean, scatter, level: 0.0 });
+            from += length;
+        }
+    }
+    let swing = |block: &Block| block.scatter.iter().map(|x| x * x).sum::<f64>();
+    let mut order: Vec<usize> = (0..blocks.len()).collect();
+    order.sort_by(|a, b| swing(&blocks[*a]).total_cmp(&swing(&blocks[*b])));
+    let quiet = &order[..((QUIET * order.len() as f64) as usize).clamp(1, order.len())];
+    let channels = signal.channels.len();
+    let base: Vec<f64> = (0..channels)
+        .map(|k| median(&mut quiet.iter().map(|b| blocks[*b].mean[k]).collect::<Vec<f64>>()))
+        .collect();
+    for block in &mut blocks {
+        let off = block.mean.iter().zip(&base).map(|(mean, base)| (mean - base) * (mean - base));
+        block.level = libm::sqrt(off.sum::<f64>() + swing(block));
+    }
+    let axes = signal.channels.iter().map(|(axis, _)| *axis).collect();
+    Levels { blocks, axes, t_s: signal.t_s.clone() }
+}
+
+fn moments(samples: &[f64]) -> (f64, f64) {
+    let count = samples.len().max(1) as f64;
+    let mean = samples.iter().sum::<f64>() / count;
+    let square = samples.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>();
+    (mean, libm::sqrt(square / count))
+}
+
+/// The level between two groups, where there are two.
+fn border(levels: &[f64]) -> Option<f64> {
+    let mut logs: Vec<f64> = levels.iter().map(|x| x.max(1e-300).ln()).collect();
+    logs.sort_by(f64::total_cmp);
+    let count = logs.len();
+    let total: f64 = logs.iter().sum();
+    let mut best = (0.0, 0);
+    let mut low = 0.0;
+    for k in 1..count {
+        low += logs[k - 1];
+        let (n, m) = (k as f64, (count - k) as f64);
+        let apart = low / n - (total - low) / m;
+        let between = n * m * apart * apart;
+        if between > best.0 {
+            best = (between, k);
+        }
+    }
+    let k = best.1;
+    if k == 0 || k >= count {
+        return None;
+    }
+    // What swings most in air against the middle of the cut.
+    let (air, cut) = (logs[k * 9 / 10], logs[k + (count - k) / 2]);
+    (cut - air > APART.ln()).then_some((0.5 * (air + cut)).exp())
+}
+
+pub(super) fn of(signal: &Signal, levels: &Levels) -> Vec<Phase> {
+    let all: Vec<f64> = levels.blocks.iter().map(|block| block.level).collect();
+    let Some(border) = border(&all) else {
+        return stretches(signal, levels, &vec![State::Unknown; all.len()]);
+    };
+    let mut states: Vec<State> =
+        all.iter().map(|x| if *x > border { State::Cut } else { State::Air }).collect();
+    let block_s = levels.blocks.first().map_or(BLOCK_S, |b| b.rows.len() as f64 / signal.rate_hz);
+    let short = (SHORT_S / block_s).ceil() as usize;
+    // What is short takes the state of what is around it: gaps first.
+    for wanted in [State::Air, State::Cut] {
+        for piece in same(&states, levels) {
+            if states[piece.start] == wanted && piece.len() < short && piece.len() < states.len() {
+                let other = if wanted == State::Air { State::Cut } else { State::Air };
+                states[piece].fill(other);
+            }
+        }
+    }
+    for piece in same(&states, levels) {
+        if states[piece.start] != State::Cut {
+            continue;
+        }
+        let middle = median(&mut all[piece.clone()].to_vec());
+        let is_whole = |block: &usize| all[*block] >= WHOLE * middle;
+        let first = piece.clone().find(is_whole).unwrap_or(piece.start);
+        let last = piece.clone().rev().find(is_whole).map_or(piece.end, |block| block + 1);
+        states[piece.start..first].fill(State::Entry);
+        states[last.max(first)..piece.end].fill(State::Exit);
+    }
+    stretches(signal, levels, &states)
+}
+
+/// Ranges of blocks of one state and one run.
+fn same(states: &[State], levels: &Levels) -> Vec<std::ops::Range<usize>> {
+    let mut all: Vec<std::ops::Range<usize>> = Vec::new();
+    for k in 0..states.len() {
+        let run = |k: usize| levels.blocks[k].run;
+        let goes_on = k > 0 && states[k] == states[k - 1] && run(k) == run(k - 1);
+        match all.last_mut().filter(|_| goes_on) {
+            Some(piece) => piece.end = k + 1,
+            None => all.push(k..k + 1),
+        }
+    }
+    all
+}
+
+fn stretches(signal: &Signal, levels: &Levels, states: &[State]) -> Vec<Phase> {
+    let one = |blocks: std::ops::Range<usize>| {
+        let rows = levels.blocks[blocks.start].rows.start..levels.blocks[blocks.end - 1].rows.end;
+        let of = |samples: &Vec<f64>| moments(&samples[rows.clone()]);
+        let (mean, scatter) = signal.channels.iter().map(|(_, samples)| of(samples)).unzip();
+        Phase {
+            state: states[blocks.start],
+            from_s: signal.t_s[rows.start],
+            to_s: signal.t_s[rows.end - 1],
+            mean,
+            scatter,
+            blocks,
+            rows,
+        }
+    };
+    same(states, levels).into_iter().map(one).collect()
+}
+
+/// The air that tells of the sensor: what comes before the first cut; after a cut it may still touch, or drift.
+fn first_air(phases: &[Phase]) -> Option<&Phase> {
+    let first_cut = phases.iter().position(|phase| phase.state == State::Cut);
+    let is_air = |phase: &&Phase| phase.state == State::Air;
+    let before = phases[..first_cut.unwrap_or(phases.len())].iter().filter(is_air);
+    before.max_by_key(|phase| phase.blocks.len()).or_else(|| phases.iter().find(is_air))
+}
+
+/// What the sensor reads in air, proved on blocks that were held out.
+pub(super) fn bias(levels: &Levels, phases: &[Phase]) -> Option<Finding> {
+    let air = first_air(phases)?;
+    let blocks = &levels.blocks[air.blocks.clone()];
+    // The ends are on their way.
+    let edge = (blocks.len() / 20).max(1);
+    let blocks = blocks.get(edge..blocks.len().saturating_sub(edge))?;
+    // Where it stirs the tool begins to touch.
+    let usual = median(&mut blocks.iter().map(|block| block.level).collect::<Vec<f64>>());
+    let blocks: Vec<&Block> = blocks.iter().filter(|block| block.level < STIRS * usual).collect();
+    if blocks.len() < 2 * EVERY {
+        return None;
+    }
+    let (mut force, mut sigma) = ([0.0; 3], [0.0; 3]);
+    let mut heldout = [0.0; 2];
+    let (mut held, mut is_sure) = (0.0, false);
+    for (k, axis) in levels.axes.iter().enumerate() {
+        let seen = blocks.iter().enumerate().filter(|(at, _)| at % EVERY != 0);
+        let means: Vec<f64> = seen.map(|(_, block)| block.mean[k]).collect();
+        let (mean, scatter) = moments(&means);
+        // Neighbours agree more than white noise would: the halves tell how much the reading wanders.
+        let (a, b) = means.split_at(means.len() / 2);
+        let wander = 0.5 * (moments(a).0 - moments(b).0).abs();
+        let uncertain = (scatter / libm::sqrt(means.len() as f64)).hypot(wander);
+        for (_, block) in blocks.iter().enumerate().filter(|(at, _)| at % EVERY == 0) {
+            let swing = block.scatter[k] * block.scatter[k];
+            heldout[0] += block.mean[k] * block.mean[k] + swing;
+            heldout[1] += (block.mean[k] - mean) * (block.mean[k] - mean) + swing;
+            held += 1.0;
+        }
+        (force[*axis], sigma[*axis]) = (mean, uncertain);
+        let noise = moments(&blocks.iter().map(|block| block.scatter[k]).collect::<Vec<f64>>()).0;
+        is_sure |= mean.abs() > SURE * uncertain && mean.abs() > noise;
+    }
+    let heldout = heldout.map(|sum| libm::sqrt(sum / f64::max(held, 1.0)));
+    (is_sure && heldout[1] < heldout[0]).then_some(Finding::Bias {
+        force,
+        sigma,
+        heldout,
+        confidence: 0.95,
+    })
+}
+
+/// What the sensor reads in later air, where that is another thing than before.
+pub(super) fn drift(levels: &Levels, phases: &[Phase]) -> Option<String> {
+    let first = first_air(phases)?;
+    let last = phases.iter().rfind(|phase| phase.state == State::Air)?;
+    if last.from_s <= first.from_s {
+        return None;
+    }
+    let change: Vec<f64> = last.mean.iter().zip(&first.mean).map(|(b, a)| b - a).collect();
+    let scatter = last.scatter.iter().chain(&first.scatter).copied().fold(0.0, f64::max);
+    let size = change.iter().map(|x| x * x).sum::<f64>();
+    let names = ["x", "y", "z"];
+    let parts: Vec<String> = levels
+        .axes
+        .iter()
+        .zip(&change)
+        .map(|(axis, by)| format!("{} by {by:.1} N", names[*axis % 3]))
+        .collect();
+    (libm::sqrt(size) > scatter).then(|| {
+        format!(
+            "After the cut the sensor rests elsewhere than before it ({}): it drifts, or the tool still touches the work.",
+            parts.join(", ")
+        )
+    })
+}
+
+/// Scatter of single values in air; of all where there is no air.
+pub(super) fn noise(levels: &Levels, phases: &[Phase]) -> f64 {
+    let blocks =
+        first_air(phases).map_or(&levels.blocks[..], |air| &levels.blocks[air.blocks.clone()]);
+    let mut swings: Vec<f64> = blocks
+        .iter()
+        .map(|block| {
+            let square: f64 = block.scatter.iter().map(|x| x * x).sum();
+            libm::sqrt(square / block.scatter.len().max(1) as f64)
+        })
+        .collect();
+    median(&mut swings)
+}

@@ -1,0 +1,111 @@
+//! Channels of a recording as runs of even samples without holes.
+//!
+//! Promises: a channel that is empty or always the same takes no part, and that is said; a row that any other channel lacks ends a run.
+//! Never: a sample that was not taken.
+
+use recording::series::{Channel, Recording};
+use std::ops::Range;
+
+use super::Doubt;
+
+/// Rows of a run from which on anything can be said.
+const LEAST: usize = 500;
+/// A step longer than so many usual ones is a hole.
+const HOLE: f64 = 1.5;
+/// A channel with fewer of its samples taken is empty.
+const TAKEN: f64 = 0.5;
+
+/// What is looked at.
+pub(super) struct Signal {
+    pub(super) is_force: bool,
+    /// Axis (0 to 2) and samples.
+    pub(super) channels: Vec<(usize, Vec<f64>)>,
+    pub(super) t_s: Vec<f64>,
+    pub(super) runs: Vec<Range<usize>>,
+    pub(super) rate_hz: f64,
+    pub(super) notes: Vec<String>,
+}
+
+impl Signal {
+    pub(super) fn of(recording: &Recording) -> Result<Self, Doubt> {
+        let has_force = (0..3).any(|k| recording.column(Channel::Wrench(k)).is_some());
+        let channel = |k| if has_force { Channel::Wrench(k) } else { Channel::Acceleration(k) };
+        let (mut channels, mut notes, mut constant) = (Vec::new(), Vec::new(), 0);
+        for axis in 0..3 {
+            let Some(samples) = recording.column(channel(axis)) else { continue };
+            let taken: Vec<f64> = samples.iter().copied().filter(|x| x.is_finite()).collect();
+            let name = channel(axis).base();
+            if (taken.len() as f64) < TAKEN * samples.len() as f64 || taken.is_empty() {
+                notes.push(format!("{name} is empty and was left out"));
+            } else if taken.iter().all(|x| *x == taken[0]) {
+                constant += 1;
+                notes.push(format!("{name} always reads {} and was left out", taken[0]));
+            } else {
+                channels.push((axis, samples.to_vec()));
+            }
+        }
+        if channels.is_empty() {
+            return Err(if constant > 0 { Doubt::Constant } else { Doubt::Empty });
+        }
+        let t_s = recording.t_s.clone();
+        let step_s = usual_step(&t_s);
+        let is_whole = |row: usize| channels.iter().all(|(_, samples)| samples[row].is_finite());
+        let mut runs: Vec<Range<usize>> = Vec::new();
+        for row in 0..t_s.len() {
+            if !is_whole(row) {
+                continue;
+            }
+            let goes_on = row > 0
+                && recording.segment[row] == recording.segment[row - 1]
+                && t_s[row] - t_s[row - 1] < HOLE * step_s;
+            match runs.last_mut().filter(|run| run.end == row && goes_on) {
+                Some(run) => run.end = row + 1,
+                None => runs.push(row..row + 1),
+            }
+        }
+        let longest = runs.iter().map(ExactSizeIterator::len).max().unwrap_or(0);
+        if longest < LEAST || step_s <= 0.0 {
+            return Err(Doubt::Short { rows: longest, least: LEAST });
+        }
+        runs.retain(|run| run.len() >= LEAST);
+        Ok(Self { is_force: has_force, channels, t_s, runs, rate_hz: 1.0 / step_s, notes })
+    }
+
+    pub(super) fn rows(&self) -> usize {
+        self.runs.iter().map(ExactSizeIterator::len).sum()
+    }
+
+    pub(super) fn names(&self) -> Vec<String> {
+        let channel = |k| {
+            if self.is_force { Channel::Wrench(k) } else { Channel::Acceleration(k) }
+        };
+        self.channels.iter().map(|(axis, _)| channel(*axis).base()).collect()
+    }
+
+    /// Root mean square of single values.
+    pub(super) fn rms(&self) -> f64 {
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (_, samples) in &self.channels {
+            for x in self.runs.iter().flat_map(|run| &samples[run.clone()]) {
+                sum += x * x;
+                count += 1.0;
+            }
+        }
+        libm::sqrt(sum / f64::max(count, 1.0))
+    }
+}
+
+fn usual_step(t_s: &[f64]) -> f64 {
+    let mut steps: Vec<f64> = t_s.windows(2).map(|two| two[1] - two[0]).collect();
+    steps.retain(|step| *step > 0.0);
+    median(&mut steps)
+}
+
+/// The middle value; 0 of none.
+pub(super) fn median(values: &mut [f64]) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}

@@ -1,0 +1,43 @@
+//! A cut that rings by itself: a force that swings near a mode of tool, work or robot, while the tool cuts.
+//!
+//! `F_y += A sin(2π f t)` in the cut    A: `amplitude`, N, ≥ 0 · f: `frequency`, Hz, > 0 · t: since the segment began · y: across the feed, along which
+//! chips grow on the tool's own track. Source: contract `effects.md`. A limit cycle as it stands; how it grew is not told. Memoryless.
+
+use crate::cut::ForceTerm;
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+use core::f64::consts::TAU;
+
+/// `chatter`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chatter {
+    values: [f64; 2],
+}
+
+impl Effect for Chatter {
+    const SPEC: Spec = Spec {
+        kind: "chatter",
+        place: Place::Robot,
+        acts_on: ActsOn::ToolForce,
+        needs: &[Need::Time],
+        has_memory: false,
+        parameters: &[
+            Parameter::nonlinear("frequency", Unit::Hertz, Range::Positive),
+            Parameter::linear("amplitude", Unit::Newton, Range::NotNegative),
+        ],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        Ok(Self { values: [site.one("frequency"), site.one("amplitude")] })
+    }
+
+    of_robot!();
+
+    fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [frequency, amplitude] = self.values;
+        let swing = libm::sin(TAU * frequency * signals.inputs.time_s);
+        Contribution::ToolForce(ForceTerm::Ring(amplitude * swing))
+    }
+}

@@ -1,0 +1,39 @@
+//! A dynamometer one of whose channels leaks into another.
+//!
+//! `reading += M F`    M: `matrix`, nine numbers, row by row; a row is a channel, a column the axis that leaks into it.
+//! Source: contract `effects.md`. Zeros leak nothing; the diagonal is a scale. Before scale and bias of the sensor. Memoryless.
+
+use crate::cut::ForceTerm;
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Spec, Unit};
+use glam::DMat3;
+
+/// `cross_talk`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CrossTalk {
+    values: [f64; 9],
+}
+
+impl Effect for CrossTalk {
+    const SPEC: Spec = Spec {
+        kind: "cross_talk",
+        place: Place::Robot,
+        acts_on: ActsOn::ToolForce,
+        needs: &[Need::Wrench],
+        has_memory: false,
+        parameters: &[Parameter::linear("matrix", Unit::One, Range::Any).of(Count::Exactly(9))],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        Ok(Self { values: site.array("matrix") })
+    }
+
+    of_robot!();
+
+    fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let leak = DMat3::from_cols_array(&self.values).transpose();
+        Contribution::ToolForce(ForceTerm::Leak(leak))
+    }
+}

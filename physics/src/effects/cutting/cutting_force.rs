@@ -1,0 +1,43 @@
+//! A work that is harder to shear than the recording says: a force that goes with the chip.
+//!
+//! `F += k a h`, `h = f_t sin φ`    k: `coefficient`, tangential, radial, axial, N/m²; on top of what the recording's `[cut]` says.
+//! Source: contract `effects.md`; thesis 4.7. Memoryless.
+
+use crate::cut::ForceTerm;
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
+use glam::DVec3;
+
+/// `cutting_force`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CuttingForce {
+    values: [f64; 3],
+}
+
+impl Effect for CuttingForce {
+    const SPEC: Spec = Spec {
+        kind: "cutting_force",
+        place: Place::Robot,
+        acts_on: ActsOn::ToolForce,
+        needs: &[],
+        has_memory: false,
+        parameters: &[Parameter::linear(
+            "coefficient",
+            Unit::NewtonPerSquareMillimetre,
+            Range::Any,
+        )
+        .of(Count::Exactly(3))],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        Ok(Self { values: site.array("coefficient") })
+    }
+
+    of_robot!();
+
+    fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        Contribution::ToolForce(ForceTerm::Chip(DVec3::from_array(self.values)))
+    }
+}

@@ -1,0 +1,43 @@
+//! A tool whose axis stands off the spindle's: one tooth takes more than its share, and forces repeat with the spindle, not with its teeth alone.
+//!
+//! Tooth j stands out by `r_j = ρ cos(λ − 2πj/N)` and takes `h + r_j − r_{j+1}`, tooth `j + 1` being the one that went before it.
+//! ρ: `radial`, m, ≥ 0 · λ: `phase`, rad, from tooth 0 towards tooth 1. With two teeth `ρ cos λ` alone acts; with one tooth nothing does.
+//! Source: contract `effects.md`; Kline, 1983. Holds while every tooth still cuts. Memoryless.
+
+use crate::cut::ForceTerm;
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
+
+/// `runout`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Runout {
+    values: [f64; 2],
+}
+
+impl Effect for Runout {
+    const SPEC: Spec = Spec {
+        kind: "runout",
+        place: Place::Robot,
+        acts_on: ActsOn::ToolForce,
+        needs: &[Need::SpindleSpeed],
+        has_memory: false,
+        parameters: &[
+            Parameter::linear("radial", Unit::Micrometre, Range::NotNegative),
+            Parameter::nonlinear("phase", Unit::PhaseRadian, Range::Any),
+        ],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        Ok(Self { values: [site.one("radial"), site.one("phase")] })
+    }
+
+    of_robot!();
+
+    fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        let [radial, phase] = self.values;
+        let (sin, cos) = libm::sincos(phase);
+        Contribution::ToolForce(ForceTerm::Runout([radial * cos, radial * sin]))
+    }
+}

@@ -1,0 +1,37 @@
+//! Edges that grow blunt: their force rises along the cut.
+//!
+//! `F_edge ← F_edge (1 + g s)`    g: `growth`, 1/m, ≥ 0 · s: metres that the tool was fed through the work since the segment began.
+//! Source: contract `effects.md`. All edge forces take part, those of `edge_force` too. Memoryless: the way comes with the sample.
+
+use crate::cut::ForceTerm;
+use crate::deviation::Contribution;
+use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::signals::Signals;
+use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
+
+/// `tool_wear`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolWear {
+    values: [f64; 1],
+}
+
+impl Effect for ToolWear {
+    const SPEC: Spec = Spec {
+        kind: "tool_wear",
+        place: Place::Robot,
+        acts_on: ActsOn::ToolForce,
+        needs: &[],
+        has_memory: false,
+        parameters: &[Parameter::linear("growth", Unit::PerMetre, Range::NotNegative)],
+    };
+
+    fn build(site: &Site<'_>) -> Result<Self, BuildError> {
+        Ok(Self { values: [site.one("growth")] })
+    }
+
+    of_robot!();
+
+    fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+        Contribution::ToolForce(ForceTerm::Wear(self.values[0]))
+    }
+}

@@ -1,0 +1,69 @@
+//! The force side of `trued diagnose`: recordings of forces (or accelerations) without any joint.
+//!
+//! Promises: the same three files as for a robot, together or not at all. Never: a cut's coefficients.
+
+use diagnosis::force::{self, Diagnosis, Doubt, Finding};
+use recording::model::{EffectEntry, RobotModel, SiParameter};
+
+use super::{Diagnose, outputs, page, told};
+use crate::exit::{Answer, Failure};
+use crate::output::{Console, Paint};
+
+/// What was found in the forces.
+pub(super) struct Forces {
+    pub(super) base: RobotModel,
+    pub(super) result: Result<Diagnosis, Doubt>,
+    pub(super) seed: u64,
+}
+
+/// Diagnoses a recording without joints; none where there are joints, or nothing that a tool feels.
+pub(super) fn alone(asked: &Diagnose, console: &mut Console) -> Result<Option<Answer>, Failure> {
+    let Some(first) = asked.recordings.first() else { return Ok(None) };
+    let Some((base, recording)) = asked.reading.without_arm(first)? else { return Ok(None) };
+    if !force::has_force(&recording) {
+        return Ok(None);
+    }
+    if asked.recordings.len() > 1 {
+        return Err(Failure::input("recordings of forces alone are diagnosed one at a time"));
+    }
+    if asked.apply.is_some() {
+        return Err(Failure::input("--apply: forces alone say nothing of where the tool is"));
+    }
+    asked.check(&outputs(&asked.out))?;
+    let seed = asked.seed.settle();
+    let found = Forces { base, result: force::diagnose(&recording), seed };
+    let report = told::Report::of_forces(&found);
+    let texts = [
+        told::json(std::slice::from_ref(&report))?,
+        found.model()?,
+        page::forces::render(&found, &report),
+    ];
+    super::write(&texts, &asked.out)?;
+    console.json("trued.diagnosis/1", &told::Whole::of(std::slice::from_ref(&report)))?;
+    let head = console.paint(Paint::Strong, &report.verdict.replace('_', " "));
+    console.say(format!("{head}: {}", report.heldout))?;
+    for line in told::lines(&report) {
+        console.say(line)?;
+    }
+    console.say(format!("written to {}", asked.out.display()))?;
+    Ok(Some(Answer::Done))
+}
+
+impl Forces {
+    /// The model with what was found of the sensor.
+    fn model(&self) -> Result<String, Failure> {
+        let mut file = self.base.file.clone();
+        for finding in self.result.iter().flat_map(|found| &found.findings) {
+            if let Finding::Bias { force, sigma, .. } = finding {
+                let bias = SiParameter { stem: "bias", values: force, sigma: Some(sigma) };
+                let arm = &self.base.physics.arm;
+                file.effects.extend(EffectEntry::from_si(arm, "wrench_bias", None, &[bias]));
+            }
+        }
+        let by = format!("trued diagnose {}", env!("CARGO_PKG_VERSION"));
+        file.meta.insert("diagnosed_by".to_owned(), by.into());
+        let text = file.to_toml();
+        RobotModel::parse("the diagnosed model", &text).map_err(Failure::system)?;
+        Ok(text)
+    }
+}

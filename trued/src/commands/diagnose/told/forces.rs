@@ -1,0 +1,240 @@
+//! What a diagnosis of forces says: phases of the cut, tones, the sensor, with the keys of the contract.
+//!
+//! Promises: no tone is called chatter whose cause is known. Never: a number that was not found.
+
+use std::collections::BTreeMap;
+
+use diagnosis::diagnose::Verdict;
+use diagnosis::force::{Cause, Diagnosis, Finding, Phase, State, Tone};
+use report::significant;
+use serde::Serialize;
+
+use super::{Alternative, NINETY_FIVE, NotTested, Report, Told, Unexplained, Value, Where};
+use crate::commands::diagnose::forces::Forces;
+
+/// N/m² per N/mm².
+const MEGA: f64 = 1e6;
+
+/// What the tool did from when to when.
+#[derive(Serialize)]
+pub(in crate::commands::diagnose) struct Stretch {
+    pub(in crate::commands::diagnose) state: &'static str,
+    pub(in crate::commands::diagnose) from_s: f64,
+    pub(in crate::commands::diagnose) to_s: f64,
+    /// Of each channel.
+    pub(in crate::commands::diagnose) mean: Vec<f64>,
+    pub(in crate::commands::diagnose) scatter: Vec<f64>,
+}
+
+/// A tone of the cut.
+#[derive(Serialize)]
+#[expect(non_snake_case, reason = "keys carry units")]
+pub(in crate::commands::diagnose) struct Heard {
+    pub(in crate::commands::diagnose) frequency_Hz: f64,
+    pub(in crate::commands::diagnose) amplitude: f64,
+    pub(in crate::commands::diagnose) amplitude_in_air: f64,
+    pub(in crate::commands::diagnose) share_of_swing: f64,
+    pub(in crate::commands::diagnose) channel: String,
+    pub(in crate::commands::diagnose) cause: String,
+}
+
+impl Report {
+    /// What forces alone say.
+    pub(in crate::commands::diagnose) fn of_forces(found: &Forces) -> Self {
+        let empty = Self {
+            verdict: Verdict::Undetermined.name(),
+            domain: "force",
+            unit: "N",
+            samples: 0,
+            signal_rms: 0.0,
+            band_Hz: None,
+            noise_rms: 0.0,
+            heldout_rms_before: 0.0,
+            heldout_rms_after: 0.0,
+            heldout: "nothing: the recording cannot be judged".to_owned(),
+            findings: Vec::new(),
+            next_experiment: None,
+            experiment: None,
+            not_tested: Vec::new(),
+            unexplained: None,
+            map: Vec::new(),
+            joints: Vec::new(),
+            phases: Vec::new(),
+            tones: Vec::new(),
+            notes: Vec::new(),
+            seed: found.seed,
+        };
+        let diagnosis = match &found.result {
+            Ok(diagnosis) => diagnosis,
+            Err(doubt) => {
+                let says = doubt.to_string();
+                let rest =
+                    Unexplained { rms: 0.0, depends_on: Vec::new(), heldout_rms_after: 0.0, says };
+                return Self { unexplained: Some(rest), ..empty };
+            }
+        };
+        let findings: Vec<Told> =
+            diagnosis.findings.iter().map(|one| told(diagnosis, one)).collect();
+        let proof = diagnosis.findings.iter().find_map(|one| match one {
+            Finding::Bias { heldout, .. } => Some(*heldout),
+            Finding::Chatter { .. } => None,
+        });
+        let [before, after] = proof.unwrap_or([diagnosis.noise; 2]);
+        Self {
+            verdict: diagnosis.verdict.name(),
+            unit: if diagnosis.is_force { "N" } else { "m/s²" },
+            samples: diagnosis.rows,
+            signal_rms: diagnosis.signal,
+            noise_rms: diagnosis.noise,
+            heldout_rms_before: before,
+            heldout_rms_after: after,
+            heldout: phases_in_words(diagnosis),
+            next_experiment: next_experiment(diagnosis),
+            findings,
+            not_tested: diagnosis
+                .not_tested
+                .iter()
+                .map(|(effect, why)| NotTested { effect, joint: None, why: (*why).to_owned() })
+                .collect(),
+            phases: diagnosis.phases.iter().map(stretch).collect(),
+            tones: diagnosis.tones.iter().map(|tone| heard(diagnosis, tone)).collect(),
+            notes: notes(diagnosis),
+            ..empty
+        }
+    }
+}
+
+fn stretch(phase: &Phase) -> Stretch {
+    Stretch {
+        state: phase.state.name(),
+        from_s: phase.from_s,
+        to_s: phase.to_s,
+        mean: phase.mean.clone(),
+        scatter: phase.scatter.clone(),
+    }
+}
+
+fn heard(diagnosis: &Diagnosis, tone: &Tone) -> Heard {
+    Heard {
+        frequency_Hz: tone.frequency_hz,
+        amplitude: tone.amplitude,
+        amplitude_in_air: tone.in_air,
+        share_of_swing: tone.share,
+        channel: diagnosis.channels.get(tone.channel).cloned().unwrap_or_default(),
+        cause: match tone.cause {
+            Cause::Spindle(k) => format!("spindle, {k} per revolution"),
+            Cause::Air => "stands in air too".to_owned(),
+            Cause::Small => "stands in the cut, small".to_owned(),
+            Cause::Unforced => "stands in the cut alone".to_owned(),
+        },
+    }
+}
+
+fn phases_in_words(diagnosis: &Diagnosis) -> String {
+    let one = |phase: &Phase| {
+        let [from, to] = [phase.from_s, phase.to_s].map(|t| significant(t, 3));
+        match phase.state {
+            State::Unknown => format!("air and cut cannot be told apart from {from} to {to} s"),
+            state => format!("{} from {from} to {to} s", state.name()),
+        }
+    };
+    diagnosis.phases.iter().map(one).collect::<Vec<String>>().join(", ")
+}
+
+fn notes(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut notes = Vec::new();
+    let has_cut = diagnosis.phases.iter().any(|phase| phase.state == State::Cut);
+    let chatters = diagnosis.tones.iter().any(|tone| tone.cause == Cause::Unforced);
+    if has_cut && !chatters {
+        notes.push("no chatter: no tone of the cut stands by itself".to_owned());
+    }
+    notes.extend(
+        diagnosis
+            .specific_force_pa
+            .map(|pa| format!("specific cutting force {} N/mm²", significant(pa / MEGA, 4))),
+    );
+    notes.extend(
+        diagnosis.spindle_hz.map(|hz| format!("spindle {} rpm", significant(60.0 * hz, 4))),
+    );
+    notes.extend(diagnosis.notes.iter().cloned());
+    notes
+}
+
+fn next_experiment(diagnosis: &Diagnosis) -> Option<String> {
+    let open = |one: &Finding| matches!(one, Finding::Chatter { is_alone: false, .. });
+    if diagnosis.findings.iter().any(open) {
+        return Some("Record the spindle speed (spindle_rpm, or one pulse per revolution as tacho), and repeat the cut at another speed: chatter stays where it is.".to_owned());
+    }
+    let unknown = diagnosis.phases.iter().all(|phase| phase.state == State::Unknown);
+    unknown.then(|| "Record from air into the cut and out again.".to_owned())
+}
+
+fn told(diagnosis: &Diagnosis, finding: &Finding) -> Told {
+    let intervals = |wanted: State| {
+        let here = diagnosis.phases.iter().filter(|phase| phase.state == wanted);
+        here.map(|phase| [phase.from_s, phase.to_s]).collect::<Vec<[f64; 2]>>()
+    };
+    match finding {
+        Finding::Bias { force, sigma, heldout, confidence } => {
+            let ci95 = (0..3)
+                .map(|k| [force[k] - NINETY_FIVE * sigma[k], force[k] + NINETY_FIVE * sigma[k]]);
+            let value = Value::List { value: force.to_vec(), ci95: ci95.collect() };
+            let said = force.map(|force| significant(force, 3)).join(", ");
+            Told {
+                effect: "wrench_bias",
+                joint: None,
+                change: "new",
+                confidence: *confidence,
+                parameters: BTreeMap::from([("bias_N".to_owned(), value)]),
+                heldout_rms_before: heldout[0],
+                heldout_rms_after: heldout[1],
+                place: Where {
+                    joint: None,
+                    channels: diagnosis.channels.clone(),
+                    condition: "constant, in air too".to_owned(),
+                    intervals_s: intervals(State::Air).into_iter().take(1).collect(),
+                    frequency_Hz: None,
+                },
+                alternatives: Vec::new(),
+                says: format!(
+                    "The sensor reads {said} N (x, y, z) where the tool touches nothing."
+                ),
+            }
+        }
+        Finding::Chatter { tone, resolution_hz, is_alone } => {
+            let around = |x: f64, by: f64| Value::One { value: x, ci95: [x - by, x + by] };
+            let mut parameters = BTreeMap::from([(
+                "frequency_Hz".to_owned(),
+                around(tone.frequency_hz, *resolution_hz),
+            )]);
+            if diagnosis.is_force {
+                let amplitude = around(tone.amplitude, 0.3 * tone.amplitude);
+                parameters.insert("amplitude_N".to_owned(), amplitude);
+            }
+            let forced =
+                Alternative { effect: "runout", joint: None, confidence: 0.4, is_alike: true };
+            Told {
+                effect: "chatter",
+                joint: None,
+                change: "new",
+                confidence: if *is_alone { 0.9 } else { 0.5 },
+                parameters,
+                heldout_rms_before: diagnosis.noise,
+                heldout_rms_after: diagnosis.noise,
+                place: Where {
+                    joint: None,
+                    channels: diagnosis.channels.get(tone.channel).cloned().into_iter().collect(),
+                    condition: "in the cut, not in air, at no multiple of the spindle".to_owned(),
+                    intervals_s: intervals(State::Cut),
+                    frequency_Hz: Some(tone.frequency_hz),
+                },
+                alternatives: if *is_alone { Vec::new() } else { vec![forced] },
+                says: format!(
+                    "The cut rings at {} Hz by itself: chatter, {} % of what swings there.",
+                    significant(tone.frequency_hz, 4),
+                    significant(100.0 * tone.share, 2)
+                ),
+            }
+        }
+    }
+}

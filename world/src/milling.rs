@@ -1,0 +1,89 @@
+//! A cut that is recorded: how the cutter stands in each row, and what the sensor reads there.
+//!
+//! Promises: the same rows give the same bits; tooth 0 stands at angle 0 where a segment begins; where spindle or feed stand still nothing is cut.
+//! Never: noise; a mean over the sensor's own time, a row is an instant.
+
+use glam::DVec3;
+use physics::{Cutter, Inputs, Joints, Memories, Model};
+use std::f64::consts::TAU;
+
+/// What is known of the process in a row; NaN where it is not known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// s.
+    pub t_s: f64,
+    /// Rows of one number belong together.
+    pub segment: i64,
+    /// rev/min.
+    pub spindle_rpm: f64,
+    /// m/s.
+    pub feed_m_s: f64,
+}
+
+/// How the cutter stands in a row.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Stand {
+    /// Since the segment began, s.
+    pub time_s: f64,
+    /// How far the spindle has turned since the segment began, rad.
+    pub angle_rad: f64,
+    /// m; 0 where nothing is cut.
+    pub feed_per_tooth_m: f64,
+    /// How far the tool was fed since the segment began, m.
+    pub cut_m: f64,
+}
+
+impl Stand {
+    /// Whether tool and work meet.
+    #[must_use]
+    pub fn cuts(&self) -> bool {
+        self.feed_per_tooth_m > 0.0
+    }
+}
+
+/// How the cutter stands in each row.
+#[must_use]
+pub fn stands(cutter: &Cutter, rows: &[Row]) -> Vec<Stand> {
+    let known = |x: f64| if x.is_finite() { x.max(0.0) } else { 0.0 };
+    let mut all: Vec<Stand> = Vec::with_capacity(rows.len());
+    let mut start_s = 0.0;
+    for (k, row) in rows.iter().enumerate() {
+        let (spindle_hz, feed) = (known(row.spindle_rpm) / 60.0, known(row.feed_m_s));
+        let mut stand = Stand::default();
+        match k.checked_sub(1).and_then(|k| Some((rows.get(k)?, all.get(k)?))) {
+            Some((before, last)) if before.segment == row.segment => {
+                let step_s = row.t_s - before.t_s;
+                let mean = |a: f64, b: f64| 0.5 * (known(a) + known(b)) * step_s;
+                stand.time_s = row.t_s - start_s;
+                stand.angle_rad =
+                    last.angle_rad + TAU / 60.0 * mean(before.spindle_rpm, row.spindle_rpm);
+                stand.cut_m = last.cut_m + mean(before.feed_m_s, row.feed_m_s);
+            }
+            _ => start_s = row.t_s,
+        }
+        if spindle_hz > 0.0 {
+            stand.feed_per_tooth_m = cutter.feed_per_tooth_m(feed, spindle_hz);
+        }
+        all.push(stand);
+    }
+    all
+}
+
+/// What the sensor reads in each row, N, cut axes: the cutter's own law with all that the model's effects change of it.
+#[must_use]
+pub fn readings(model: &Model, cutter: &Cutter, rows: &[Row]) -> Vec<DVec3> {
+    let mut inputs = Inputs::at_rest(Joints::default());
+    let memories = Memories::default();
+    let one = |stand: Stand| {
+        inputs.time_s = stand.time_s;
+        let force = model.cut_force(&inputs, &memories);
+        let acting = if stand.cuts() {
+            let bite = cutter.bite(stand.angle_rad, stand.feed_per_tooth_m);
+            force.acting(cutter, &bite, stand.cut_m)
+        } else {
+            DVec3::ZERO
+        };
+        force.read(acting)
+    };
+    stands(cutter, rows).into_iter().map(one).collect()
+}
