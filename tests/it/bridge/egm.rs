@@ -225,33 +225,69 @@ fn across_a_path_the_robot_is_told_y_and_z_at_its_slower_rate() {
     bridge.end();
 }
 
+/// A seven-axis arm whose gears and zeros are off; the third of its axes travels among EGM's external ones.
+const SEVEN: &str = "fr3";
+const SEVEN_POSE: [f64; 7] = [10.0, 15.0, -10.0, -100.0, 20.0, 95.0, 5.0];
+const SEVEN_ERRORS: &str = "[[effect]]\nkind = \"joint_offset\"\njoint = 3\noffset_mrad = 2.0\n\
+    [[effect]]\nkind = \"joint_compliance\"\njoint = 2\ncompliance_mrad_per_kNm = 20.0\n";
+
 #[test]
-fn a_seventh_axis_is_corrected_and_other_external_axes_pass() {
-    let Some(known) = recording::model::presets::PRESETS
-        .iter()
-        .find(|preset| preset.model().is_ok_and(|model| model.physics.arm.count() == 7))
-    else {
-        // No preset has seven axes: the order on the wire is tested in the crate itself.
-        return;
-    };
-    let place = place("");
-    let model = place.model("model.toml", known.name);
-    let cell = std::fs::read_to_string(place.file("cell.toml")).unwrap();
-    place.write("cell.toml", &format!("{cell}{WIDE}{CYCLES}"));
-    assert!(model.exists());
+fn a_seventh_axis_is_corrected_by_the_model_and_other_external_axes_pass() {
+    let place = place(&format!("{WIDE}{CYCLES}"));
+    let model = std::fs::read_to_string(place.model("model.toml", SEVEN)).unwrap();
+    place.write("model.toml", &format!("{model}{SEVEN_ERRORS}"));
     let _daemon = daemon(&place);
     let application = socket();
     let tables = config("off", "joints", application.local_addr().ok(), "");
     let tables = tables.replace("[application]", "seventh_after = 2\n[application]");
-    let (_bridge, at) = bridge(TRUED, &[], "egm", &place, &tables);
-    let mut robot = EgmRobot::new(at, &POSE);
-    robot.say();
-    let (_, to) = heard(&application).unwrap();
-    let mut sent = target(1, &POSE);
-    sent.planned.as_mut().unwrap().external =
-        Some(tests::egm::proto::Joints { joints: vec![3.0, 44.0, 55.0] });
-    application.send_to(&sent.encode_to_vec(), to).unwrap();
-    let told = robot.hear().unwrap();
-    let external = told.planned.unwrap().external.unwrap().joints;
+    let (bridge, at) = bridge(TRUED, &[], "egm", &place, &tables);
+    assert!(bridge.says("joined the daemon", LIMIT), "{:#?}", bridge.lines());
+    let [first, second, third, rest @ ..] = SEVEN_POSE;
+    let axes: Vec<f64> = [first, second].into_iter().chain(rest).collect();
+    let mut robot = EgmRobot::new(at, &axes);
+    let mut told = None;
+    for cycle in 0..BEGINNING {
+        robot.say();
+        let (_, to) = heard(&application).unwrap();
+        let mut sent = target(cycle as u32, &axes);
+        sent.planned.as_mut().unwrap().external =
+            Some(tests::egm::proto::Joints { joints: vec![third, 44.0, 55.0] });
+        application.send_to(&sent.encode_to_vec(), to).unwrap();
+        told = robot.hear();
+        std::thread::sleep(CYCLE);
+    }
+    let told = told.unwrap();
+    let external = told.planned.as_ref().unwrap().external.as_ref().unwrap().joints.clone();
     assert_eq!(external[1..], [44.0, 55.0]);
+    let mut seen = joints(&told);
+    seen.insert(2, external[0]);
+    let wanted = corrected(&place, &vec![SEVEN_POSE.to_vec(); 1000]).pop().unwrap();
+    let off = seen.iter().zip(&wanted).fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
+    println!(
+        "seven axes: {off:.1e} deg off at most, the seventh corrected by {:.4} deg",
+        external[0] - third
+    );
+    assert!(off < 1e-9, "{seen:?}, expected {wanted:?}");
+    assert!((external[0] - third).abs() > 0.01, "the seventh axis has something to correct");
+}
+
+#[test]
+fn a_daemon_that_is_late_costs_no_cycle_and_no_step() {
+    let mut cell = Cell::start(SLOW, "off");
+    let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
+    let stood = cell.stand(400, &mut gauge);
+    assert!(largest(&stood) > 0.05, "{stood:?}");
+    // For a moment, and for so long that the correction is out.
+    for (cycles, is_out) in [(2, false), (400, true)] {
+        cell.daemon.signal(rustix::process::Signal::STOP);
+        let late = cell.stand(cycles, &mut gauge);
+        assert_eq!(largest(&late) == 0.0, is_out, "after {cycles} cycles: {late:?}");
+        cell.daemon.signal(rustix::process::Signal::CONT);
+        let again = cell.stand(800, &mut gauge);
+        let off = again.iter().zip(stood).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+        assert!(off < 1e-6, "{again:?} after {stood:?}");
+    }
+    let counted = ended(&mut cell.bridge);
+    assert!(count(&counted, "answers with the last correction, the daemon being late") > 0);
+    assert!(count(&counted, "answers with a correction on its way") > 0, "{counted:#?}");
 }
