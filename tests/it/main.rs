@@ -14,6 +14,7 @@ mod calibrate;
 mod challenge;
 mod cli;
 mod clients;
+mod convert;
 mod diagnose;
 mod diagnose_garbage;
 mod diagnose_torques;

@@ -29,6 +29,8 @@ pub(super) struct Made {
     pub(super) columns: Vec<String>,
     /// Columns that were measured and cannot be simulated.
     pub(super) left_out: Vec<String>,
+    /// Columns whose noise is more than the recording states of them.
+    pub(super) understated: Vec<String>,
     /// Recorded minus simulated points without noise, rms over single values, m.
     pub(super) recorded_rms_m: Option<f64>,
 }
@@ -65,6 +67,7 @@ impl Instrument<'_> {
             wanted.extend((0..3).map(Channel::Position));
         }
         let columns = self.columns(&wanted, &recording, run);
+        let mut understated = Vec::new();
         let squares = Squares::of(&wanted, &columns, &recording);
         for (channel, (mut exact, noise)) in wanted.iter().zip(columns) {
             let stands = mask(&recording, *channel);
@@ -78,7 +81,11 @@ impl Instrument<'_> {
                 _ => self.noise,
             };
             if sigma > 0.0 {
-                recording.about.sigma.insert(*channel, sigma);
+                // What is stated of an instrument may hold more than its noise: what a calibration left, a reflector's seat.
+                let stated = *recording.about.sigma.entry(*channel).or_insert(sigma);
+                if sigma > stated {
+                    understated.push(channel.base());
+                }
             }
             if let Some(joint) = channel.joint() {
                 recording.set_joint_kind(joint, model.physics.arm.joints()[joint].kind);
@@ -88,7 +95,7 @@ impl Instrument<'_> {
         recording.about.measured_in_base = self.stand.in_base;
         let columns = wanted.iter().map(named).collect();
         let left_out = left.iter().map(named).collect();
-        Made { recording, columns, left_out, recorded_rms_m: squares.rms() }
+        Made { recording, columns, left_out, understated, recorded_rms_m: squares.rms() }
     }
 
     /// Exact values and noise of each wanted column.
