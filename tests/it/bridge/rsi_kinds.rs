@@ -32,7 +32,7 @@ struct Controller {
 
 impl Controller {
     /// A cell with a bridge that sends these numbers, in this way.
-    fn start(envelope: &str, names: [String; 6], hold_on: u8, correction: &str) -> Self {
+    fn start(envelope: &str, names: &[String; 6], hold_on: u8, correction: &str) -> Self {
         let place = place(&format!("{envelope}{CYCLES}"));
         place.write("ethernet.xml", &ethernet_of(0x1000, names, hold_on));
         let text = format!(
@@ -76,7 +76,7 @@ impl Controller {
 #[test]
 fn relative_corrections_add_up_to_the_models_though_some_come_late() {
     let names = [1, 2, 3, 4, 5, 6].map(|i| format!("AKorr.A{i}"));
-    let mut controller = Controller::start(SLOW, names, 0, "kind = \"axes\"\nsums = \"relative\"");
+    let mut controller = Controller::start(SLOW, &names, 0, "kind = \"axes\"\nsums = \"relative\"");
     let (mut sum, mut largest, mut lost) = ([0.0; 6], 0.0_f64, 0.0_f64);
     for cycle in 0..1200 {
         let more = controller.cycle();
@@ -106,7 +106,7 @@ fn a_pose_correction_puts_the_controllers_tool_where_the_corrected_joints_do() {
     for frame in ["base", "tool"] {
         let names = ["X", "Y", "Z", "A", "B", "C"].map(|name| format!("RKorr.{name}"));
         let kind = format!("kind = \"pose\"\nframe = \"{frame}\"\nsums = \"absolute\"");
-        let mut controller = Controller::start(WIDE, names, 1, &kind);
+        let mut controller = Controller::start(WIDE, &names, 1, &kind);
         let told = (0..200).map(|_| controller.cycle()).last().unwrap();
         let arm = RobotModel::read(&controller.place.file("model.toml")).unwrap().physics.arm;
         let at = |degrees: &[f64; 6]| {
