@@ -4,6 +4,8 @@
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
+use trued_client::Source;
+
 macro_rules! counters {
     ($($(#[$doc:meta])* $name:ident = $words:literal, $fault:literal;)*) => {
         /// What is counted.
@@ -94,6 +96,17 @@ impl Counts {
     pub fn add(&self, what: Count, several: u64) {
         // The enum has as many names as the array has places.
         self.of[what as usize].fetch_add(several, Relaxed);
+    }
+
+    /// Counts an answer by where its correction comes from.
+    pub fn answer(&self, source: Source) {
+        self.one(match source {
+            Source::Corrected => Count::Corrected,
+            Source::LastCorrection => Count::Late,
+            Source::Blending | Source::Ramping => Count::Ramping,
+            Source::Plain => Count::Plain,
+            Source::Rejected => Count::Refused,
+        });
     }
 
     /// How many so far.

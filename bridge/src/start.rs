@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -27,6 +27,8 @@ pub struct Options {
     pub stop: Arc<AtomicBool>,
     /// What is counted.
     pub counts: Arc<Counts>,
+    /// Rises with every turn of the loop, with datagrams or without: 250 times a second or more.
+    pub turns: Arc<AtomicU64>,
 }
 
 /// What the loop stands on.

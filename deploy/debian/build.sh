@@ -1,14 +1,21 @@
 #!/bin/sh
-# Builds the Debian packages into target/debian: trued, libtrued-client1, libtrued-client-dev. Needs cargo-deb (cargo install --locked cargo-deb).
+# Builds the Debian packages into target/debian: trued, libtrued-client1, libtrued-client-dev, python3-trued.
+# Needs cargo-deb, and Python with `venv` and pip for the last: deploy/debian/tools.sh gets what is missing.
 set -eu
 
 cd "$(dirname "$0")/../.."
+target=${CARGO_TARGET_DIR:-$PWD/target}
 cargo build --release --package trued --package trued-client-c
 cargo xtask man
-rm -rf target/package/client
-client/c/install.sh --prefix /usr --destdir "$PWD/target/package/client" --from "${CARGO_TARGET_DIR:-target}/release"
+rm -rf target/package/client target/package/python target/package/wheel
+client/c/install.sh --prefix /usr --destdir "$PWD/target/package/client" --from "$target/release"
+# In the same folder as the program: what both are made of is built once.
+CARGO_TARGET_DIR=$target python3 -m pip --disable-pip-version-check wheel --quiet --no-deps --wheel-dir target/package/wheel ./client/python
+python3 -m zipfile --extract target/package/wheel/*.whl target/package/python
+rm -f target/package/python/*.dist-info/RECORD
 rm -f target/debian/*.deb
 cargo deb --quiet --no-build --package trued
 cargo deb --quiet --no-build --package trued-client-c
 cargo deb --quiet --no-build --package trued-client-c --variant dev
+cargo deb --quiet --no-build --manifest-path client/python/Cargo.toml --output target/debian/
 ls target/debian/*.deb

@@ -15,6 +15,7 @@ mod challenge;
 mod challenge_torques;
 mod cli;
 mod clients;
+mod convert;
 mod diagnose;
 mod diagnose_forces;
 mod diagnose_garbage;

@@ -33,11 +33,27 @@ fn can(tool: &str, claim: &str) -> bool {
 #[test]
 fn the_daemon_tells_its_service_manager_that_it_is_ready_alive_and_ending() {
     let place = Place::new("shadow", "");
+    // Without a single command: the cycle lives all the same.
+    attended(&place, &["run", "--config"], "cell.toml");
+}
+
+#[test]
+fn a_bridge_tells_its_service_manager_that_it_is_ready_alive_and_ending() {
+    let place = Place::new("shadow", "[cycle]\nperiod_ms = 4.0\nstale_ms = 100.0\n");
+    // Without a controller, an application, a daemon: its loop turns all the same.
+    let application = tests::egm::socket().local_addr().ok();
+    place.write("bridge.toml", &tests::egm::config("off", "joints", application, ""));
+    attended(&place, &["bridge", "egm", "--config"], "bridge.toml");
+}
+
+/// A process says to a stand-in for the service manager that it is ready, lives, and ends.
+fn attended(place: &Place, arguments: &[&str], config: &str) {
     let path = place.file("notify");
     let manager = UnixDatagram::bind(&path).unwrap();
     manager.set_read_timeout(Some(LIMIT)).unwrap();
-    let mut daemon = Command::new(TRUED)
-        .args(["run".as_ref(), "--config".as_ref(), place.file("cell.toml").as_os_str()])
+    let mut process = Command::new(TRUED)
+        .args(arguments)
+        .arg(place.file(config))
         .env(RUNTIME_DIR_ENV, place.root())
         .env("NOTIFY_SOCKET", &path)
         .env("WATCHDOG_USEC", "300000")
@@ -51,17 +67,16 @@ fn the_daemon_tells_its_service_manager_that_it_is_ready_alive_and_ending() {
         String::from_utf8_lossy(&bytes[..length]).into_owned()
     };
     assert!(heard().starts_with("READY=1\nSTATUS="), "ready first");
-    // Without a single command: the cycle lives all the same.
     for _ in 0..3 {
         assert!(heard().starts_with("WATCHDOG=1\nSTATUS="));
     }
-    let pid = rustix::process::Pid::from_child(&daemon);
+    let pid = rustix::process::Pid::from_child(&process);
     rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
     let since = Instant::now();
     while heard() != "STOPPING=1" {
         assert!(since.elapsed() < LIMIT);
     }
-    assert!(daemon.wait().unwrap().success());
+    assert!(process.wait().unwrap().success());
 }
 
 #[test]

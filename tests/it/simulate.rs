@@ -92,6 +92,18 @@ fn the_same_seed_gives_the_same_bytes_and_noise_is_of_the_size_asked_for() {
 }
 
 #[test]
+fn what_is_stated_of_an_instrument_stays_and_noise_beyond_it_is_said() {
+    let place = place(100, "", &format!("{IN_BASE}sigma = {{ x_mm = 0.15, y_mm = 0.01 }}\n"));
+    let arguments =
+        ["simulate", "--model", "robot.toml", "--out", "made", "--noise", "0.04", "path.csv"];
+    let said = place.succeed(&arguments).err;
+    let made = read(&place.path("made.csv"), None, Need::Measurement).expect("a recording");
+    let sigma = [0, 1, 2].map(|axis| made.sigma(Channel::Position(axis)));
+    assert_eq!(sigma, [Some(1.5e-4), Some(1e-5), Some(4e-5)]);
+    assert!(said.contains("stays as it is: y\n"), "{said}");
+}
+
+#[test]
 fn a_delay_moves_the_tool_to_where_it_was_before() {
     let delay = "[[effect]]\nkind = \"time_delay\"\ndelay_ms = 20.0\n";
     let (late, exact) = (place(300, delay, IN_BASE), place(300, "", IN_BASE));

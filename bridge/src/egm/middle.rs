@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use physics::Arm;
 use recording::bridge::Guidance;
-use trued_client::{JOINTS_MAX, RobotState, Source};
+use trued_client::{JOINTS_MAX, RobotState};
 
 use super::force::ForceWay;
 use super::joints::Order;
@@ -19,7 +19,7 @@ use super::messages::{
 };
 use super::path::Path;
 use crate::counts::{Count, Counts};
-use crate::feed::{Correction, Feed};
+use crate::feed::Feed;
 use crate::sequence::{Sequence, Standing};
 
 /// A controller that is silent for so long has ended its run, unless it counted on, ns.
@@ -261,7 +261,7 @@ impl Middle {
         let q = &q[..self.arm.count()];
         let made =
             if is_repeated { self.feed.repeat(q, now_ns) } else { self.feed.command(q, now_ns) };
-        self.count(&made);
+        self.counts.answer(made.source);
         if self.settings.is_shadow || made.is_none() {
             return;
         }
@@ -297,7 +297,7 @@ impl Middle {
         };
         let q = &q[..self.arm.count()];
         let made = self.feed.command(q, now_ns);
-        self.count(&made);
+        self.counts.answer(made.source);
         let (y, z) = self.path.across_mm(&self.arm, q, &made.rad);
         if self.settings.is_shadow { (0.0, 0.0) } else { (y, z) }
     }
@@ -320,16 +320,6 @@ impl Middle {
     fn drop(&self, what: Count) -> bool {
         self.counts.one(what);
         false
-    }
-
-    fn count(&self, made: &Correction) {
-        self.counts.one(match made.source {
-            Source::Corrected => Count::Corrected,
-            Source::LastCorrection => Count::Late,
-            Source::Blending | Source::Ramping => Count::Ramping,
-            Source::Plain => Count::Plain,
-            Source::Rejected => Count::Refused,
-        });
     }
 }
 

@@ -65,6 +65,7 @@ pub fn run(
     while !options.stop.load(Relaxed) {
         wait([Some(&sides.robot), sides.application.as_ref().map(|(ours, _)| ours)], WAIT_NS);
         sides.turn();
+        options.turns.fetch_add(1, Relaxed);
     }
     drop(sides);
     // It ends with the last sender of news, and what it had to say was said.

@@ -10,12 +10,12 @@ use glam::DMat3;
 use physics::{Arm, Frame};
 use recording::bridge::{Group, RsiConfig, RsiCorrection, Sums};
 use recording::series::Frame as Axes;
-use trued_client::{JOINTS_MAX, Source};
+use trued_client::JOINTS_MAX;
 
 use super::telegram::{Form, IPOC_MAX, NUMBERS_MAX, Telegram, as_written};
 use crate::counts::{Count, Counts};
 use crate::displacement::displaced;
-use crate::feed::{Correction, Feed};
+use crate::feed::Feed;
 use crate::sequence::{Sequence, Standing};
 
 /// So much of the controller's own clock without a telegram, ms, ends a run, unless late answers were counted meanwhile.
@@ -215,7 +215,7 @@ impl Answerer {
     fn wanted(&mut self, q: &[f64; JOINTS_MAX], now_ns: u64) -> [f64; NUMBERS_MAX] {
         let q = &q[..self.arm.count()];
         let made = self.feed.command(q, now_ns);
-        self.count(&made);
+        self.counts.answer(made.source);
         if self.is_shadow {
             return [0.0; NUMBERS_MAX];
         }
@@ -249,16 +249,6 @@ impl Answerer {
     fn refuse(&self, what: Count) -> Option<Asked> {
         self.counts.one(what);
         None
-    }
-
-    fn count(&self, made: &Correction) {
-        self.counts.one(match made.source {
-            Source::Corrected => Count::Corrected,
-            Source::LastCorrection => Count::Late,
-            Source::Blending | Source::Ramping => Count::Ramping,
-            Source::Plain => Count::Plain,
-            Source::Rejected => Count::Refused,
-        });
     }
 }
 

@@ -52,6 +52,7 @@ pub fn run(
             answerer.not_sent();
         }
         answerer.idle();
+        options.turns.fetch_add(1, Relaxed);
     }
     drop(answerer);
     // It ends with the last sender of news, and what it had to say was said.

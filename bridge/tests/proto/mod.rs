@@ -9,6 +9,25 @@
 
 use prost::Message;
 
+/// A message whose every field is another one that may be missing.
+macro_rules! of_messages {
+    ($($(#[$doc:meta])* $name:ident { $($tag:tt $field:ident: $of:ty,)* })*) => {
+        $($(#[$doc])*
+        #[derive(Clone, PartialEq, Message)]
+        pub struct $name {
+            $(#[prost(message, optional, tag = $tag)] pub $field: Option<$of>,)*
+        })*
+    };
+}
+
+of_messages! {
+    Pose { "1" pos: Cartesian, "2" orient: Quaternion, }
+    /// `EgmPlanned` and `EgmFeedBack`.
+    Posture { "1" joints: Joints, "2" cartesian: Pose, "3" external: Joints, "4" time: Clock, }
+    SpeedRef { "1" joints: Joints, }
+    SensorPathCorr { "1" header: Header, "2" path_corr: PathCorr, }
+}
+
 #[derive(Clone, PartialEq, Message)]
 pub struct Header {
     #[prost(uint32, optional, tag = "1")]
@@ -41,14 +60,6 @@ pub struct Quaternion {
     pub u3: f64,
 }
 
-#[derive(Clone, PartialEq, Message)]
-pub struct Pose {
-    #[prost(message, optional, tag = "1")]
-    pub pos: Option<Cartesian>,
-    #[prost(message, optional, tag = "2")]
-    pub orient: Option<Quaternion>,
-}
-
 /// Not packed, as proto2 writes it.
 #[derive(Clone, PartialEq, Message)]
 pub struct Joints {
@@ -68,19 +79,6 @@ pub struct Clock {
     pub sec: u64,
     #[prost(uint64, required, tag = "2")]
     pub usec: u64,
-}
-
-/// `EgmPlanned` and `EgmFeedBack`.
-#[derive(Clone, PartialEq, Message)]
-pub struct Posture {
-    #[prost(message, optional, tag = "1")]
-    pub joints: Option<Joints>,
-    #[prost(message, optional, tag = "2")]
-    pub cartesian: Option<Pose>,
-    #[prost(message, optional, tag = "3")]
-    pub external: Option<Joints>,
-    #[prost(message, optional, tag = "4")]
-    pub time: Option<Clock>,
 }
 
 #[derive(Clone, PartialEq, Message)]
@@ -136,12 +134,6 @@ robot!(Robot, Force);
 robot!(OldRobot, OldForce);
 
 #[derive(Clone, PartialEq, Message)]
-pub struct SpeedRef {
-    #[prost(message, optional, tag = "1")]
-    pub joints: Option<Joints>,
-}
-
-#[derive(Clone, PartialEq, Message)]
 pub struct Sensor {
     #[prost(message, optional, tag = "1")]
     pub header: Option<Header>,
@@ -162,43 +154,13 @@ pub struct PathCorr {
     pub age: u32,
 }
 
-#[derive(Clone, PartialEq, Message)]
-pub struct SensorPathCorr {
-    #[prost(message, optional, tag = "1")]
-    pub header: Option<Header>,
-    #[prost(message, optional, tag = "2")]
-    pub path_corr: Option<PathCorr>,
-}
-
 /// What the bridge reads, and not a field more: what it does not read, it does not judge.
 pub mod partial {
     use super::{Header, Joints, Message, State};
 
-    #[derive(Clone, PartialEq, Message)]
-    pub struct Posture {
-        #[prost(message, optional, tag = "1")]
-        pub joints: Option<Joints>,
-        #[prost(message, optional, tag = "3")]
-        pub external: Option<Joints>,
-    }
-
-    #[derive(Clone, PartialEq, Message)]
-    pub struct Robot {
-        #[prost(message, optional, tag = "1")]
-        pub header: Option<Header>,
-        #[prost(message, optional, tag = "2")]
-        pub feedback: Option<Posture>,
-        #[prost(message, optional, tag = "3")]
-        pub planned: Option<Posture>,
-        #[prost(message, optional, tag = "5")]
-        pub mci_state: Option<State>,
-    }
-
-    #[derive(Clone, PartialEq, Message)]
-    pub struct Sensor {
-        #[prost(message, optional, tag = "1")]
-        pub header: Option<Header>,
-        #[prost(message, optional, tag = "2")]
-        pub planned: Option<Posture>,
+    of_messages! {
+        Posture { "1" joints: Joints, "3" external: Joints, }
+        Robot { "1" header: Header, "2" feedback: Posture, "3" planned: Posture, "5" mci_state: State, }
+        Sensor { "1" header: Header, "2" planned: Posture, }
     }
 }

@@ -6,6 +6,7 @@
 use core::ffi::c_char;
 use core::mem::MaybeUninit;
 use core::time::Duration;
+use std::path::Path;
 
 use crate::code::Fault;
 
@@ -150,6 +151,18 @@ pub(crate) unsafe fn text<'a>(what: &'static str, at: *const c_char) -> Result<&
     // SAFETY: so many bytes were just read there.
     let bytes = unsafe { core::slice::from_raw_parts(at.cast::<u8>(), length) };
     core::str::from_utf8(bytes).map_err(|_| Fault::Malformed { what, expected: "a text in UTF-8" })
+}
+
+/// A file's path; NULL names none.
+///
+/// # Safety
+/// As [`text`].
+pub(crate) unsafe fn path_given<'a>(at: *const c_char) -> Result<Option<&'a Path>, Fault> {
+    if at.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: the caller's promise.
+    unsafe { text("path", at) }.map(|text| Some(Path::new(text)))
 }
 
 /// A time limit, which every wait has.

@@ -1,9 +1,8 @@
 //! What the robot's side may ask of the daemon. Requests wait, within their limit: not for the robot's loop.
 
 use core::ffi::c_char;
-use std::path::Path;
 
-use crate::border::{given, text};
+use crate::border::{given, path_given};
 use crate::client::CLIENTS;
 use crate::code::guard;
 use crate::reply::ask;
@@ -33,12 +32,8 @@ pub unsafe extern "C" fn trued_client_reload(
     answer: *mut trued_answer,
 ) -> trued_code {
     guard(|| {
-        let path = if path.is_null() {
-            None
-        } else {
-            // SAFETY: the rules of the header.
-            Some(Path::new(unsafe { text("path", path) }?))
-        };
+        // SAFETY: the rules of the header.
+        let path = unsafe { path_given(path) }?;
         let act = |limit| CLIENTS.with(client.addr(), |client| Ok(client.reload(path, limit)));
         // SAFETY: the rules of the header.
         unsafe { ask(answer, limit_ns, act) }

@@ -1,11 +1,10 @@
 //! Looking at a cell, and asking its daemon: any number of processes may.
 
 use core::ffi::c_char;
-use std::path::Path;
 
 use ::trued_client::Monitor;
 
-use crate::border::{given, place, text};
+use crate::border::{given, path_given, place};
 use crate::client::linked;
 use crate::code::guard;
 use crate::handle::Handles;
@@ -114,12 +113,8 @@ pub unsafe extern "C" fn trued_monitor_reload(
     answer: *mut trued_answer,
 ) -> trued_code {
     guard(|| {
-        let path = if path.is_null() {
-            None
-        } else {
-            // SAFETY: the rules of the header.
-            Some(Path::new(unsafe { text("path", path) }?))
-        };
+        // SAFETY: the rules of the header.
+        let path = unsafe { path_given(path) }?;
         let act = |limit| MONITORS.with(monitor.addr(), |monitor| Ok(monitor.reload(path, limit)));
         // SAFETY: the rules of the header.
         unsafe { ask(answer, limit_ns, act) }

@@ -2,7 +2,7 @@
 
 from os import PathLike
 from types import TracebackType
-from typing import Literal, final
+from typing import Final, Literal, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -32,223 +32,127 @@ def contract() -> str:
 class Target:
     """A joint target that may be published."""
 
-    @property
-    def joints(self) -> NDArray[np.float64]: ...
-    @property
-    def source(self) -> Literal["corrected", "last_correction", "rejected", "blending", "ramping", "plain"]: ...
+    joints: Final[NDArray[np.float64]]
+    source: Final[Literal["corrected", "last_correction", "rejected", "blending", "ramping", "plain"]]
 
 @final
 class Corrected:
     """What the daemon answers to a command."""
 
-    @property
-    def seq(self) -> int: ...
-    @property
-    def command_seq(self) -> int: ...
-    @property
-    def t_ns(self) -> int: ...
-    @property
-    def received_ns(self) -> int: ...
-    @property
-    def made_ns(self) -> int: ...
-    @property
-    def model_epoch(self) -> int: ...
-    @property
-    def status(self) -> str: ...
-    @property
-    def reason(self) -> str: ...
-    @property
-    def wrench_gate(self) -> str: ...
-    @property
-    def iterations(self) -> int: ...
-    @property
-    def joints(self) -> NDArray[np.float64]: ...
-    @property
-    def correction(self) -> NDArray[np.float64]: ...
-    @property
-    def correction_rate(self) -> NDArray[np.float64]: ...
-    @property
-    def correction_acceleration(self) -> NDArray[np.float64]: ...
-    @property
-    def wanted(self) -> NDArray[np.float64]: ...
-    @property
-    def residual_m(self) -> float: ...
-    @property
-    def residual_rad(self) -> float: ...
+    seq: Final[int]
+    command_seq: Final[int]
+    t_ns: Final[int]
+    received_ns: Final[int]
+    made_ns: Final[int]
+    model_epoch: Final[int]
+    status: Final[str]
+    reason: Final[str]
+    wrench_gate: Final[str]
+    iterations: Final[int]
+    joints: Final[NDArray[np.float64]]
+    correction: Final[NDArray[np.float64]]
+    correction_rate: Final[NDArray[np.float64]]
+    correction_acceleration: Final[NDArray[np.float64]]
+    wanted: Final[NDArray[np.float64]]
+    residual_m: Final[float]
+    residual_rad: Final[float]
 
 @final
 class Status:
     """How the daemon is."""
 
-    @property
-    def pid(self) -> int: ...
-    @property
-    def seq(self) -> int: ...
-    @property
-    def t_ns(self) -> int: ...
-    @property
-    def started_ns(self) -> int: ...
-    @property
-    def model_epoch(self) -> int: ...
-    @property
-    def model_hash(self) -> int: ...
-    @property
-    def cycles(self) -> int: ...
-    @property
-    def missed_cycles(self) -> int: ...
-    @property
-    def commands(self) -> int: ...
-    @property
-    def rejected(self) -> int: ...
-    @property
-    def held(self) -> int: ...
-    @property
-    def stale(self) -> int: ...
-    @property
-    def commands_lost(self) -> int: ...
-    @property
-    def corrected_lost(self) -> int: ...
-    @property
-    def force_blocks(self) -> int: ...
-    @property
-    def force_gaps(self) -> int: ...
-    @property
-    def force_refused(self) -> int: ...
-    @property
-    def malformed(self) -> int: ...
-    @property
-    def recorder_dropped(self) -> int: ...
-    @property
-    def latency_p50_ns(self) -> int: ...
-    @property
-    def latency_p99_ns(self) -> int: ...
-    @property
-    def latency_p999_ns(self) -> int: ...
-    @property
-    def latency_max_ns(self) -> int: ...
-    @property
-    def model_broken_since_ns(self) -> int: ...
-    @property
-    def model_measurements(self) -> int: ...
-    @property
-    def model_residual_m(self) -> float: ...
-    @property
-    def wrench_loop_gain(self) -> float: ...
-    @property
-    def spindle_rpm(self) -> float: ...
-    @property
-    def feed_mm_s(self) -> float: ...
-    @property
-    def health(self) -> str: ...
-    @property
-    def mode(self) -> str: ...
-    @property
-    def bypassed(self) -> bool: ...
-    @property
-    def joints(self) -> int: ...
-    @property
-    def wrench_gate(self) -> str: ...
-    @property
-    def recorder(self) -> str: ...
-    @property
-    def watch(self) -> str: ...
-    @property
-    def in_cut(self) -> str: ...
-    @property
-    def uncompensated_effects(self) -> int: ...
-    @property
-    def force_faults(self) -> list[str]: ...
-    @property
-    def q_min(self) -> NDArray[np.float64]: ...
-    @property
-    def q_max(self) -> NDArray[np.float64]: ...
-    @property
-    def correction_max(self) -> NDArray[np.float64]: ...
-    @property
-    def correction_rate_max(self) -> NDArray[np.float64]: ...
-    @property
-    def correction_jerk_max(self) -> NDArray[np.float64]: ...
-    @property
-    def message(self) -> str: ...
+    pid: Final[int]
+    seq: Final[int]
+    t_ns: Final[int]
+    started_ns: Final[int]
+    model_epoch: Final[int]
+    model_hash: Final[int]
+    cycles: Final[int]
+    missed_cycles: Final[int]
+    commands: Final[int]
+    rejected: Final[int]
+    held: Final[int]
+    stale: Final[int]
+    commands_lost: Final[int]
+    corrected_lost: Final[int]
+    force_blocks: Final[int]
+    force_gaps: Final[int]
+    force_refused: Final[int]
+    malformed: Final[int]
+    recorder_dropped: Final[int]
+    latency_p50_ns: Final[int]
+    latency_p99_ns: Final[int]
+    latency_p999_ns: Final[int]
+    latency_max_ns: Final[int]
+    model_broken_since_ns: Final[int]
+    model_measurements: Final[int]
+    model_residual_m: Final[float]
+    wrench_loop_gain: Final[float]
+    spindle_rpm: Final[float]
+    feed_mm_s: Final[float]
+    health: Final[str]
+    mode: Final[str]
+    bypassed: Final[bool]
+    joints: Final[int]
+    wrench_gate: Final[str]
+    recorder: Final[str]
+    watch: Final[str]
+    in_cut: Final[str]
+    uncompensated_effects: Final[int]
+    force_faults: Final[list[str]]
+    q_min: Final[NDArray[np.float64]]
+    q_max: Final[NDArray[np.float64]]
+    correction_max: Final[NDArray[np.float64]]
+    correction_rate_max: Final[NDArray[np.float64]]
+    correction_jerk_max: Final[NDArray[np.float64]]
+    message: Final[str]
 
 @final
 class Vibration:
     """One verdict on one line of the force spectrum."""
 
-    @property
-    def state(self) -> str: ...
-    @property
-    def kind(self) -> str: ...
-    @property
-    def rivals(self) -> list[str]: ...
-    @property
-    def axis(self) -> str: ...
-    @property
-    def suspect_alias(self) -> bool: ...
-    @property
-    def advice(self) -> str: ...
-    @property
-    def sensor_faults(self) -> list[str]: ...
-    @property
-    def advice_lobe(self) -> int: ...
-    @property
-    def gear_joint(self) -> int: ...
-    @property
-    def gear_shaft(self) -> int: ...
-    @property
-    def seq(self) -> int: ...
-    @property
-    def t_ns(self) -> int: ...
-    @property
-    def made_ns(self) -> int: ...
-    @property
-    def event(self) -> int: ...
-    @property
-    def frequency_hz(self) -> float: ...
-    @property
-    def amplitude(self) -> float: ...
-    @property
-    def growth_per_s(self) -> float: ...
-    @property
-    def advice_rpm(self) -> float: ...
-    @property
-    def nearest_mode_hz(self) -> float: ...
-    @property
-    def mode_distance_hz(self) -> float: ...
-    @property
-    def nearest_harmonic_hz(self) -> float: ...
-    @property
-    def harmonic_distance_hz(self) -> float: ...
-    @property
-    def nearest_alias_hz(self) -> float: ...
-    @property
-    def alias_distance_hz(self) -> float: ...
-    @property
-    def sentence(self) -> str: ...
+    state: Final[str]
+    kind: Final[str]
+    rivals: Final[list[str]]
+    axis: Final[str]
+    suspect_alias: Final[bool]
+    advice: Final[str]
+    sensor_faults: Final[list[str]]
+    advice_lobe: Final[int]
+    gear_joint: Final[int]
+    gear_shaft: Final[int]
+    seq: Final[int]
+    t_ns: Final[int]
+    made_ns: Final[int]
+    event: Final[int]
+    frequency_hz: Final[float]
+    amplitude: Final[float]
+    growth_per_s: Final[float]
+    advice_rpm: Final[float]
+    nearest_mode_hz: Final[float]
+    mode_distance_hz: Final[float]
+    nearest_harmonic_hz: Final[float]
+    harmonic_distance_hz: Final[float]
+    nearest_alias_hz: Final[float]
+    alias_distance_hz: Final[float]
+    sentence: Final[str]
 
 @final
 class Connection:
     """How the connection is, or what happened to it."""
 
-    @property
-    def is_connected(self) -> bool: ...
-    @property
-    def pid(self) -> int | None: ...
-    @property
-    def epoch(self) -> int | None: ...
-    @property
-    def why(self) -> str | None: ...
-    @property
-    def words(self) -> str: ...
+    is_connected: Final[bool]
+    pid: Final[int | None]
+    epoch: Final[int | None]
+    why: Final[str | None]
+    words: Final[str]
 
 @final
 class Answer:
     """What the daemon answered to a request."""
 
-    @property
-    def t_ns(self) -> int: ...
-    @property
-    def message(self) -> str: ...
+    t_ns: Final[int]
+    message: Final[str]
 
 @final
 class Client:
@@ -320,6 +224,7 @@ class Client:
 
     def arm(self, on: bool, timeout: float = 1.0) -> Answer:
         """Asks to leave shadow mode, or to go back to it."""
+
     def process_state(
         self,
         *,
@@ -380,6 +285,7 @@ class Monitor:
 
     def bypass(self, on: bool, timeout: float = 1.0) -> Answer:
         """Asks to ramp the correction out, or in again."""
+
     def process_state(
         self,
         *,

@@ -51,7 +51,8 @@ fn other_format(path: &Path, extension: &str) -> Faults {
     let fault = if extension == "parquet" {
         Fault::new("", "this build does not read Parquet").help("export it as CSV")
     } else {
-        Fault::new("", "this is a black box, not a table").help("convert it first: `trued convert`")
+        Fault::new("", "this is a black box, not a table")
+            .help("convert it first: `trued convert FILE.mcap --out NAME`")
     };
     faults.push(fault.expected("a CSV file"));
     faults

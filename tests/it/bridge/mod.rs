@@ -3,6 +3,7 @@
 mod egm;
 mod retrofit;
 mod rsi;
+mod rsi_kinds;
 
 use crate::TRUED;
 use std::path::{Path, PathBuf};
@@ -76,7 +77,9 @@ fn count(lines: &[String], what: &str) -> u64 {
 
 /// What `trued correct` makes of these joints, degrees, 4 ms apart.
 fn corrected(place: &Place, path: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let mut csv = "t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n".to_owned();
+    let joints = path[0].len();
+    let names: Vec<String> = (1..=joints).map(|i| format!("q{i}_deg")).collect();
+    let mut csv = format!("t_s,{}\n", names.join(","));
     for (k, q) in path.iter().enumerate() {
         let q: Vec<String> = q.iter().map(|q| format!("{q:?}")).collect();
         csv += &format!("{},{}\n", k as f64 * 0.004, q.join(","));
@@ -92,7 +95,7 @@ fn corrected(place: &Place, path: &[Vec<f64>]) -> Vec<Vec<f64>> {
     let first = head.iter().position(|name| *name == "c1_deg").expect("corrected joints");
     let row = |line: &str| {
         let fields: Vec<&str> = line.split(',').collect();
-        fields[first..first + 6].iter().map(|field| field.parse().unwrap()).collect()
+        fields[first..first + joints].iter().map(|field| field.parse().unwrap()).collect()
     };
     lines.map(row).collect()
 }

@@ -15,10 +15,16 @@ const RESOLUTION_DEG: f64 = 2e-4;
 
 /// A site's configuration: one port, the setpoints out, axis corrections in, and an output that somebody else owns.
 fn ethernet(port: u16) -> String {
-    let axis = |i: usize| {
-        format!("<ELEMENT TAG=\"AKorr.A{i}\" TYPE=\"DOUBLE\" INDX=\"{i}\" HOLDON=\"1\" />\n")
+    ethernet_of(port, &["A1", "A2", "A3", "A4", "A5", "A6"].map(|axis| format!("AKorr.{axis}")), 1)
+}
+
+/// The same with these corrections, which stay where an answer is late, or fall to zero.
+pub(super) fn ethernet_of(port: u16, corrections: &[String; 6], hold_on: u8) -> String {
+    let element = |(i, tag): (usize, &String)| {
+        let i = i + 1;
+        format!("<ELEMENT TAG=\"{tag}\" TYPE=\"DOUBLE\" INDX=\"{i}\" HOLDON=\"{hold_on}\" />\n")
     };
-    let axes: String = (1..=6).map(axis).collect();
+    let axes: String = corrections.iter().enumerate().map(element).collect();
     format!(
         "<ROOT>\n<CONFIG><IP_NUMBER>127.0.0.1</IP_NUMBER><PORT>{port}</PORT><SENTYPE>Trued</SENTYPE>\
          <ONLYSEND>FALSE</ONLYSEND></CONFIG>\n<SEND><ELEMENTS>\n\

@@ -1,10 +1,15 @@
 //! `trued bridge`: a controller's own protocol, as a client of the daemon like any other.
+//!
+//! Promise: a service manager is told that the bridge listens, and that it lives while its loop turns, by a thread of its own.
 
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
+use std::thread::JoinHandle;
 
-use bridge::{BridgeError, Counts, Options};
+use bridge::{BridgeError, Count, Options};
 use clap::{Args, Subcommand};
+use daemon::notify::Manager;
+use daemon::supervisor::LOOK_EVERY;
 use recording::bridge::{EgmConfig, RsiConfig};
 
 use crate::exit::{Answer, Failure, Outcome};
@@ -39,9 +44,11 @@ struct With {
 
 impl Bridge {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        let options = Options { stop: interrupt::flag()?, counts: Arc::new(Counts::default()) };
-        let mut told = Ok(());
-        let mut ready = |at| told = console.say(format!("ready: listens at {at}"));
+        let options = Options { stop: interrupt::flag()?, ..Options::default() };
+        let mut told = Ok(None);
+        let mut ready = |at| {
+            told = console.say(format!("ready: listens at {at}")).and_then(|()| attended(&options));
+        };
         match &self.protocol {
             Protocol::Egm(with) => {
                 let config = EgmConfig::read(&with.config).map_err(unusable)?;
@@ -53,10 +60,31 @@ impl Bridge {
             }
         }
         .map_err(failure)?;
-        told?;
+        if let Some(attendant) = told? {
+            // The loop has ended, and what the service manager had to hear was said.
+            let _ = attendant.join();
+        }
         console.say(options.counts.told().trim_end())?;
         Ok(Answer::Done)
     }
+}
+
+/// Tells the service manager that the bridge is ready, and from then on that it lives.
+fn attended(options: &Options) -> Result<Option<JoinHandle<()>>, Failure> {
+    let mut manager = Manager::of_environment();
+    manager.ready("listens");
+    let options = options.clone();
+    let attend = move || {
+        while !options.stop.load(Relaxed) {
+            let [heard, sent] = [Count::Robot, Count::Sent].map(|what| options.counts.get(what));
+            let words = format!("{heard} datagrams of the robot, {sent} answers");
+            manager.alive(options.turns.load(Relaxed), &words);
+            std::thread::sleep(LOOK_EVERY);
+        }
+        manager.stopping();
+    };
+    let thread = std::thread::Builder::new().name("trued-alive".to_owned()).spawn(attend);
+    thread.map(Some).map_err(Failure::system)
 }
 
 fn failure(error: BridgeError) -> Failure {

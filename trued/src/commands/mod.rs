@@ -8,6 +8,7 @@ mod bridge;
 mod calibrate;
 mod challenge;
 mod check;
+mod convert;
 mod correct;
 mod demo;
 mod diagnose;
@@ -36,6 +37,7 @@ pub(crate) enum Command {
     Calibrate(calibrate::Calibrate),
     Challenge(challenge::Challenge),
     Check(check::Check),
+    Convert(convert::Convert),
     Correct(correct::Correct),
     Demo(demo::Demo),
     Diagnose(diagnose::Diagnose),
@@ -60,6 +62,7 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Calibrate(calibrate) => calibrate.run(console),
         Command::Challenge(challenge) => challenge.run(console),
         Command::Check(check) => check.run(console),
+        Command::Convert(convert) => convert.run(console),
         Command::Correct(correct) => correct.run(console),
         Command::Demo(demo) => demo.run(console),
         Command::Diagnose(diagnose) => diagnose.run(console),

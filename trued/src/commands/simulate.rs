@@ -33,7 +33,7 @@ use crate::output::Console;
 /// Run the model forward: where the tool goes on a recording's commands, as a recording
 ///
 /// Takes commanded joints, loads, temperatures and process state of INPUT and replaces what was measured: points, reflectors, orientations,
-/// joint positions of the motor and the link side, torques, in the rows in which they were measured. All effects of positions and torques act,
+/// joint positions of the motor and the link side, torques, in the rows in which they were measured. What INPUT states of its instruments (`sigma`) stays; else the noise is stated. All effects of positions and torques act,
 /// delays, lags and modes too. Where positions of the motors were measured beside torques, a plain controller (P around PI, with the commanded speed ahead)
 /// closes the loop, so that friction shows in the motion; else the motors go where they are sent. Where the TOML tells of a `[cut]`, forces are those of its cutter
 /// at the recorded spindle speed and feed, with the model's effects of cutter and sensor; such a recording needs no joints and no model. An unknown measuring frame is found from what was recorded; with nothing recorded the tool centre point is given in the base frame.
@@ -94,7 +94,8 @@ impl Simulate {
             }
             None => self.moved(seed)?,
         };
-        let Made { mut recording, columns, left_out, recorded_rms_m, rows_beyond } = made;
+        let Made { mut recording, columns, left_out, understated, recorded_rms_m, rows_beyond } =
+            made;
         let with_cutting = model.with_cutting().map_err(Failure::input)?;
         let of_cut = cut::read(&with_cutting, &mut recording, self.force_noise, seed)?;
         if columns.is_empty() && of_cut.columns.is_empty() {
@@ -104,6 +105,12 @@ impl Simulate {
             )));
         }
         recording.about.model = self.model_name(&recording, &toml);
+        if !understated.is_empty() {
+            let columns = understated.join(", ");
+            warn!(
+                "the noise is more than `sigma` of the recording states, which stays as it is: {columns}"
+            );
+        }
         self.write(&recording, seed, (&csv, &toml))?;
         let report = Report {
             seed,
@@ -173,7 +180,7 @@ fn not_negative(text: &str) -> Result<f64, String> {
 }
 
 /// `NAME.csv` and `NAME.toml`; a name that ends so already keeps its ending.
-fn files(out: &Path) -> (PathBuf, PathBuf) {
+pub(super) fn files(out: &Path) -> (PathBuf, PathBuf) {
     let has =
         |ending: &str| out.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending));
     let stem = if has("csv") || has("toml") { out.with_extension("") } else { out.to_owned() };

@@ -29,6 +29,8 @@ pub(super) struct Made {
     pub(super) columns: Vec<String>,
     /// Columns that were measured and cannot be simulated.
     pub(super) left_out: Vec<String>,
+    /// Columns whose noise is more than the recording states of them.
+    pub(super) understated: Vec<String>,
     /// Recorded minus simulated points without noise, rms over single values, m.
     pub(super) recorded_rms_m: Option<f64>,
     /// Rows in which a joint is loaded beyond what its stiffness holds for.
@@ -39,8 +41,8 @@ impl Made {
     /// Of an arm that was not run: what is known of the process stands in every row.
     pub(super) fn untouched(mut recording: Recording) -> Self {
         super::hold_inputs(&mut recording);
-        let (columns, left_out) = Default::default();
-        Self { recording, columns, left_out, recorded_rms_m: None, rows_beyond: 0 }
+        let (columns, left_out, understated) = Default::default();
+        Self { recording, columns, left_out, understated, recorded_rms_m: None, rows_beyond: 0 }
     }
 }
 
@@ -76,6 +78,7 @@ impl Instrument<'_> {
             wanted.extend((0..3).map(Channel::Position));
         }
         let columns = self.columns(&wanted, &recording, run);
+        let mut understated = Vec::new();
         let squares = Squares::of(&wanted, &columns, &recording);
         for (channel, (mut exact, noise)) in wanted.iter().zip(columns) {
             let stands = mask(&recording, *channel);
@@ -89,7 +92,11 @@ impl Instrument<'_> {
                 _ => self.noise,
             };
             if sigma > 0.0 {
-                recording.about.sigma.insert(*channel, sigma);
+                // What is stated of an instrument may hold more than its noise: what a calibration left, a reflector's seat.
+                let stated = *recording.about.sigma.entry(*channel).or_insert(sigma);
+                if sigma > stated {
+                    understated.push(channel.base());
+                }
             }
             if let Some(joint) = channel.joint() {
                 recording.set_joint_kind(joint, model.physics.arm.joints()[joint].kind);
@@ -100,7 +107,8 @@ impl Instrument<'_> {
         let columns = wanted.iter().map(named).collect();
         let left_out = left.iter().map(named).collect();
         let rows_beyond = run.seen.iter().filter(|seen| seen.beyond).count();
-        Made { recording, columns, left_out, recorded_rms_m: squares.rms(), rows_beyond }
+        let recorded_rms_m = squares.rms();
+        Made { recording, columns, left_out, understated, recorded_rms_m, rows_beyond }
     }
 
     /// Exact values and noise of each wanted column.
