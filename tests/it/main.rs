@@ -34,6 +34,7 @@ mod replay;
 mod security;
 mod sensor;
 mod service;
+mod several;
 mod simulate;
 mod simulate_torques;
 mod simulation;
