@@ -235,13 +235,13 @@ impl Costing<'_> {
 
 /// The lowest figure of all passes, for each number.
 fn lowest(
-    numbers: impl Iterator<Item = usize> + Clone,
+    numbers: impl IntoIterator<Item = usize>,
     measure: impl Fn(usize) -> Result<Point, BenchError>,
 ) -> Result<Costs, BenchError> {
-    let mut points = numbers.clone().map(&measure).collect::<Result<Vec<_>, _>>()?;
+    let mut points = numbers.into_iter().map(&measure).collect::<Result<Vec<_>, _>>()?;
     for _ in 1..PASSES {
-        for (point, n) in points.iter_mut().zip(numbers.clone()) {
-            let again = measure(n)?;
+        for point in &mut points {
+            let again = measure(point.n)?;
             *point = if again.cost_us < point.cost_us { again } else { *point };
         }
     }
