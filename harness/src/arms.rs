@@ -1,6 +1,6 @@
 //! Robots of any number of joints and effects, as texts of models: what a cost is measured on.
 //!
-//! Promises: a robot's solve takes as many steps with many effects as with few, as the effects that are added are small beside the zeros that
+//! Promises: a robot's solve takes as many steps with many effects as with few, as the effects that are added are small beside the gears that
 //! are off anyway. Never: a robot that anybody has.
 
 use std::fmt::Write as _;
@@ -16,8 +16,8 @@ const AXES: [[f64; 3]; 6] = [
 ];
 /// What stands between two joints, mm.
 const LINK_MM: [f64; 3] = [120.0, 30.0, 180.0];
-/// How far each joint's zero is off, mrad.
-const OFFSET_MRAD: f64 = 0.5;
+/// By how much each joint's gear is off: then every correction moves along the path, and its bounds are planned at every joint.
+const RATIO: f64 = 5e-4;
 /// What is added, one after the other, joint by joint.
 const ADDED: [&str; 4] = [
     "kind = \"transmission_error\"\namplitude_mrad = 0.002\ncycles_per_rev = 13.0\nphase_rad = 0.7",
@@ -26,7 +26,7 @@ const ADDED: [&str; 4] = [
     "kind = \"backlash\"\nwidth_mrad = 0.002",
 ];
 
-/// A robot whose zeros are all off, with so many effects more.
+/// A robot whose gears are all off, with so many effects more.
 pub(crate) fn arm(joints: usize, effects: usize) -> String {
     let at = |link: usize, share: f64| LINK_MM.map(|mm| mm * (link as f64 + share));
     let mut text = format!(
@@ -43,7 +43,7 @@ pub(crate) fn arm(joints: usize, effects: usize) -> String {
             "[[joint]]\nname = \"{0}\"\nkind = \"revolute\"\naxis = {axis:?}\npoint_mm = {point:?}\n\
              limits_deg = [-170.0, 170.0]\nmax_speed_deg_s = 180.0\n\
              link = {{ mass_kg = 5.0, com_mm = {centre:?} }}\n\
-             [[effect]]\nkind = \"joint_offset\"\njoint = {0}\noffset_mrad = {OFFSET_MRAD}\n",
+             [[effect]]\nkind = \"joint_ratio\"\njoint = {0}\nratio = {RATIO:?}\n",
             joint + 1
         );
     }

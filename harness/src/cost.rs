@@ -26,7 +26,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 const JOINTS: usize = trued_client::JOINTS_MAX;
 /// The joints of the robot whose effects are counted.
 const SIX: usize = 6;
-/// The most effects beside the zeros, and how many come at a time.
+/// The most effects beside the gears, and how many come at a time.
 const EFFECTS: usize = 100;
 const EFFECTS_STEP: usize = 10;
 /// The most cells of one daemon.
@@ -79,9 +79,9 @@ pub struct Costs {
 /// What was found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Cost {
-    /// Time of one correction, by joints, each with a zero that is off.
+    /// Time of one correction, by joints, each with a gear that is off.
     pub joints: Costs,
-    /// Time of one correction of six joints, by effects beside their zeros.
+    /// Time of one correction of six joints, by effects beside their gears.
     pub effects: Costs,
     /// Processor time of the daemon in a second, by cells that are each commanded at [`Cost::cell_rate_hz`].
     pub cells: Costs,
