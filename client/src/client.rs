@@ -264,7 +264,8 @@ impl Client {
         self.ask(switch(Operation::Bypass, on), limit)
     }
 
-    /// Asks to leave shadow mode, or to go back to it.
+    /// Asks to go to shadow mode (`false`), or back to the configured mode. A cell whose configuration says `shadow` refuses to leave it: how much it
+    /// may correct is its commissioning's to say. A refusal is an answer, not an error.
     ///
     /// # Errors
     /// See [`AskError`].

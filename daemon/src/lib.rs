@@ -5,7 +5,9 @@
 //! | `cycle` ([`cycle`]) | takes commands, corrects, publishes | the commands' |
 //! | `vibration` ([`vibration`]) | force blocks in, verdicts out, the newest wrench to the cycle | the blocks' |
 //! | `recorder` ([`recorder`]) | drains the rings into the black box | 20 per second |
-//! | the caller's ([`supervisor`]) | status, requests, reload, dead clients | 50 per second |
+//! | `supervisor` ([`supervisor`]) | status, requests, reload, dead clients | 50 per second |
+//!
+//! Each cell has these four of its own; the caller's thread waits for their end.
 //!
 //! Promises: the daemon never makes the robot step, whatever fails; a start that fails leaves nothing behind.
 //! Never: an equation. The cycle is one short file, [`cycle`].
@@ -47,10 +49,9 @@ use recording::cell::{CellConfig, Realtime};
 use recording::files::FileError;
 use recording::model::RobotModel;
 use shm_schema::{Cell, Command, DaemonPorts, DaemonSide, DomainError, PortError};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::mpsc;
-use std::thread::JoinHandle;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
+use std::thread::{JoinHandle, ScopedJoinHandle};
 use std::time::{Duration, Instant};
 use tracing::{info, warn};
 
@@ -65,8 +66,6 @@ pub struct Options {
     pub config_text: String,
     /// Commands pace the cycle and carry the time: a replay.
     pub lockstep: bool,
-    /// Set from outside to end.
-    pub stop: Arc<AtomicBool>,
 }
 
 /// Why the daemon did not start, or ended early.
@@ -100,12 +99,89 @@ pub enum DaemonError {
     },
 }
 
-/// Runs the daemon until `stop` is set. Calls `ready` once clients can join.
+impl DaemonError {
+    fn thread(name: &'static str, why: impl Into<String>) -> Self {
+        Self::Thread { name, why: why.into() }
+    }
+}
+
+/// Runs the daemon for one cell or several until `stop` is set. Calls `ready` once clients can join all of them. Cells share the process and
+/// nothing else; where one of them does not start, or ends, the others end with it.
 ///
 /// # Errors
-/// See [`DaemonError`]; the shared memory is cleaned up then.
-pub fn run(options: Options, ready: impl FnOnce()) -> Result<(), DaemonError> {
-    let Options { config, config_name, config_text, lockstep, stop } = options;
+/// See [`DaemonError`], that of the first cell that has one; the shared memory is cleaned up then.
+pub fn run(
+    cells: Vec<Options>,
+    stop: &AtomicBool,
+    ready: impl FnOnce() + Send,
+) -> Result<(), DaemonError> {
+    let over = Over { stop, ended: AtomicBool::new(false) };
+    let manager = Mutex::new(Manager::of_environment(cells.len()));
+    let mut ready = Some(ready);
+    std::thread::scope(|scope| {
+        let mut supervisors = Vec::new();
+        for (place, options) in cells.into_iter().enumerate() {
+            let (tell, told) = mpsc::channel();
+            let (over, manager) = (&over, &manager);
+            let supervisor = std::thread::Builder::new().name("supervisor".to_owned());
+            let served = supervisor.spawn_scoped(scope, move || {
+                let ready = || {
+                    // Whoever waits for this has not gone: it waits.
+                    let _ = tell.send(());
+                };
+                let served = serve(options, (manager, place), over, ready);
+                over.ended.store(true, Relaxed);
+                served
+            });
+            let refused = |why: std::io::Error| DaemonError::thread("supervisor", why.to_string());
+            supervisors.push(served.map_err(refused));
+            // One that ends before it says anything has its reason to tell: below.
+            if told.recv().is_err() {
+                over.ended.store(true, Relaxed);
+                break;
+            }
+        }
+        if !over.ended.load(Relaxed) {
+            lock(&manager).ready();
+            ready.take().into_iter().for_each(|ready| ready());
+        }
+        let ended = |thread: ScopedJoinHandle<'_, Result<(), DaemonError>>| {
+            let panicked = |_| Err(DaemonError::thread("supervisor", "it panicked"));
+            thread.join().unwrap_or_else(panicked)
+        };
+        // All of them are waited for, whatever the first one has to say.
+        let served: Vec<_> = supervisors.into_iter().map(|thread| thread.and_then(ended)).collect();
+        served.into_iter().collect()
+    })
+}
+
+/// When a cell's threads are to end.
+struct Over<'a> {
+    /// From outside.
+    stop: &'a AtomicBool,
+    /// A cell of this daemon has ended.
+    ended: AtomicBool,
+}
+
+impl Over<'_> {
+    fn over(&self) -> bool {
+        self.stop.load(Relaxed) || self.ended.load(Relaxed)
+    }
+}
+
+/// A supervisor that panicked ends the daemon: its half of a word does no harm.
+fn lock(manager: &Mutex<Manager>) -> MutexGuard<'_, Manager> {
+    manager.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Serves one cell, in the thread of its supervisor, until it is over.
+fn serve(
+    options: Options,
+    (manager, place): (&Mutex<Manager>, usize),
+    over: &Over<'_>,
+    ready: impl FnOnce(),
+) -> Result<(), DaemonError> {
+    let Options { config, config_name, config_text, lockstep } = options;
     let model = RobotModel::read(&config.model)?;
     let arm = &model.physics.arm;
     config.check_against(&config_name, &setup::joint_kinds(arm)).map_err(FileError::from)?;
@@ -124,20 +200,17 @@ pub fn run(options: Options, ready: impl FnOnce()) -> Result<(), DaemonError> {
         start_threads(&config, settings, &model, ears, config_text, &mut supervisor, &exchange)
             .inspect_err(|_| exchange.stop())?;
     info!(cell = config.cell, mode = ?settings.mode, "ready");
-    let mut manager = Manager::of_environment();
-    manager.ready(supervisor.words());
+    lock(manager).says(place, 0, supervisor.words());
     ready();
     let mut served = Ok(());
-    while served.is_ok()
-        && !stop.load(Relaxed)
-        && threads.iter().all(|(_, thread)| !thread.is_finished())
+    while served.is_ok() && !over.over() && threads.iter().all(|(_, thread)| !thread.is_finished())
     {
         served = supervisor.look(&exchange);
-        manager.alive(exchange.counters.turns.load(Relaxed), supervisor.words());
+        lock(manager).says(place, exchange.counters.turns.load(Relaxed), supervisor.words());
         std::thread::sleep(supervisor::LOOK_EVERY);
     }
     exchange.stop();
-    manager.stopping();
+    lock(manager).stopping();
     supervisor.tell(&exchange);
     threads.into_iter().try_for_each(|(name, thread)| finish(name, thread))?;
     Ok(served?)
@@ -229,13 +302,13 @@ fn start(
                 let _ = tell.send(());
             })
         })
-        .map_err(|why| DaemonError::Thread { name, why: why.to_string() })?;
+        .map_err(|why| DaemonError::thread(name, why.to_string()))?;
     if told.recv().is_ok() {
         return Ok(thread);
     }
     match thread.join() {
         Ok(Err(fault)) => Err(fault),
-        _ => Err(DaemonError::Thread { name, why: "it ended at once".to_owned() }),
+        _ => Err(DaemonError::thread(name, "it ended at once")),
     }
 }
 
@@ -244,14 +317,13 @@ fn finish(name: &'static str, thread: Thread) -> Result<(), DaemonError> {
     let since = Instant::now();
     while !thread.is_finished() {
         if since.elapsed() > END_PATIENCE {
-            let why = "it hangs; what it had not written is lost".to_owned();
-            return Err(DaemonError::Thread { name, why });
+            return Err(DaemonError::thread(name, "it hangs; what it had not written is lost"));
         }
         std::thread::sleep(Duration::from_millis(1));
     }
     match thread.join() {
         Ok(done) => done,
-        Err(_) => Err(DaemonError::Thread { name, why: "it panicked".to_owned() }),
+        Err(_) => Err(DaemonError::thread(name, "it panicked")),
     }
 }
 

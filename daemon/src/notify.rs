@@ -1,6 +1,6 @@
 //! What a service manager is told: ready, alive, ending (the protocol of `sd_notify(3)`; one datagram each).
 //!
-//! Promises: the watchdog is fed only while the cycle has gone on since the last time; without a manager nothing happens.
+//! Promises: the watchdog is fed only while the cycle of every cell has gone on since the last time; without a manager nothing happens.
 //! Never: a wait, a socket that anyone could send to.
 
 use std::ffi::OsStr;
@@ -17,23 +17,33 @@ pub struct Manager {
     /// The watchdog's patience.
     patience: Option<Duration>,
     fed: Instant,
+    cells: Vec<Word>,
+}
+
+/// What a cell said last.
+#[derive(Clone, Debug, Default)]
+struct Word {
+    /// Turns of its cycle: now, and when the watchdog was fed.
     turns: u64,
+    fed: u64,
+    /// One line for people.
+    words: String,
 }
 
 impl Manager {
-    /// As this process's environment names it (`NOTIFY_SOCKET`, `WATCHDOG_USEC`, `WATCHDOG_PID`).
+    /// As this process's environment names it (`NOTIFY_SOCKET`, `WATCHDOG_USEC`, `WATCHDOG_PID`), for so many cells.
     #[must_use]
-    pub fn of_environment() -> Self {
+    pub fn of_environment(cells: usize) -> Self {
         let words = |key: &str| std::env::var(key).ok();
         let ours = words("WATCHDOG_PID").is_none_or(|pid| pid.parse() == Ok(std::process::id()));
         let microseconds = words("WATCHDOG_USEC").and_then(|us| us.parse().ok());
         let patience = microseconds.filter(|us| ours && *us > 0).map(Duration::from_micros);
-        Self::at(std::env::var_os("NOTIFY_SOCKET").as_deref(), patience)
+        Self::at(std::env::var_os("NOTIFY_SOCKET").as_deref(), patience, cells)
     }
 
     /// The manager at that socket: a path, or an abstract name behind an `@`.
     #[must_use]
-    pub fn at(socket: Option<&OsStr>, patience: Option<Duration>) -> Self {
+    pub fn at(socket: Option<&OsStr>, patience: Option<Duration>, cells: usize) -> Self {
         let address = socket.map(|name| match name.as_bytes() {
             [b'@', name @ ..] => SocketAddr::from_abstract_name(name),
             _ => SocketAddr::from_pathname(name),
@@ -42,23 +52,38 @@ impl Manager {
         let to = to.transpose().inspect_err(|why: &std::io::Error| {
             warn!(%why, "the service manager cannot be told anything: NOTIFY_SOCKET");
         });
-        Self { to: to.ok().flatten(), patience, fed: Instant::now(), turns: 0 }
+        Self {
+            to: to.ok().flatten(),
+            patience,
+            fed: Instant::now(),
+            cells: vec![Word::default(); cells],
+        }
     }
 
-    /// The daemon serves. `words` are one line for people.
-    pub fn ready(&self, words: &str) {
-        self.tell(&format!("READY=1\nSTATUS={}", one_line(words)));
+    /// The daemon serves.
+    pub fn ready(&self) {
+        self.tell(&format!("READY=1\nSTATUS={}", self.words()));
     }
 
-    /// The daemon lives: told two to three times within the watchdog's patience, and only where `turns`, which the cycle counts,
-    /// has changed.
-    pub fn alive(&mut self, turns: u64, words: &str) {
+    /// Cell `place` lives. The manager is told two to three times within the watchdog's patience, and only where `turns`, which a cycle counts,
+    /// has changed in every cell. `words` are one line for people.
+    pub fn says(&mut self, place: usize, turns: u64, words: &str) {
+        let Some(cell) = self.cells.get_mut(place) else { return };
+        cell.turns = turns;
+        words.clone_into(&mut cell.words);
         let Some(patience) = self.patience else { return };
-        if turns == self.turns || self.fed.elapsed() < patience / 3 {
+        let stands = self.cells.iter().any(|cell| cell.turns == cell.fed);
+        if stands || self.fed.elapsed() < patience / 3 {
             return;
         }
-        (self.fed, self.turns) = (Instant::now(), turns);
-        self.tell(&format!("WATCHDOG=1\nSTATUS={}", one_line(words)));
+        self.fed = Instant::now();
+        self.cells.iter_mut().for_each(|cell| cell.fed = cell.turns);
+        self.tell(&format!("WATCHDOG=1\nSTATUS={}", self.words()));
+    }
+
+    fn words(&self) -> String {
+        let all: Vec<_> = self.cells.iter().map(|cell| one_line(&cell.words)).collect();
+        all.join("; ")
     }
 
     /// The daemon ends.
@@ -89,23 +114,24 @@ mod tests {
         Some(String::from_utf8_lossy(&bytes[..length]).into_owned())
     }
 
-    fn manager(name: &str, patience: Duration) -> (UnixDatagram, Manager) {
+    fn manager(name: &str, patience: Duration, cells: usize) -> (UnixDatagram, Manager) {
         let name = format!("trued-notify-{}-{name}", std::process::id());
         let address = SocketAddr::from_abstract_name(&name).unwrap();
         let socket = UnixDatagram::bind_addr(&address).unwrap();
         socket.set_nonblocking(true).unwrap();
-        (socket, Manager::at(Some(OsStr::new(&format!("@{name}"))), Some(patience)))
+        (socket, Manager::at(Some(OsStr::new(&format!("@{name}"))), Some(patience), cells))
     }
 
     #[test]
     fn a_cycle_that_stands_feeds_no_watchdog() {
-        let (socket, mut daemon) = manager("stands", Duration::from_nanos(3));
-        daemon.ready("ready");
+        let (socket, mut daemon) = manager("stands", Duration::from_nanos(3), 1);
+        daemon.says(0, 0, "ready");
+        daemon.ready();
         assert_eq!(heard(&socket).unwrap(), "READY=1\nSTATUS=ready");
         for turns in 1..=3 {
-            daemon.alive(turns, "it\nruns");
+            daemon.says(0, turns, "it\nruns");
             assert_eq!(heard(&socket).unwrap(), "WATCHDOG=1\nSTATUS=it runs");
-            daemon.alive(turns, "it runs");
+            daemon.says(0, turns, "it runs");
             assert_eq!(heard(&socket), None, "the cycle has not gone on");
         }
         daemon.stopping();
@@ -113,20 +139,32 @@ mod tests {
     }
 
     #[test]
+    fn one_cycle_of_several_that_stands_feeds_no_watchdog() {
+        let (socket, mut daemon) = manager("several", Duration::from_nanos(3), 2);
+        (1..100).for_each(|turns| daemon.says(0, turns, "a runs"));
+        assert_eq!(heard(&socket), None, "the second has not gone on");
+        daemon.says(1, 1, "b runs");
+        assert_eq!(heard(&socket).unwrap(), "WATCHDOG=1\nSTATUS=a runs; b runs");
+        (1..100).for_each(|_| daemon.says(1, 1, "b stands"));
+        daemon.says(0, 101, "a runs");
+        assert_eq!(heard(&socket), None, "the second stands");
+    }
+
+    #[test]
     fn the_watchdog_is_not_fed_more_often_than_it_needs() {
-        let (socket, mut daemon) = manager("often", Duration::from_secs(3600));
-        (1..1000).for_each(|turns| daemon.alive(turns, ""));
+        let (socket, mut daemon) = manager("often", Duration::from_secs(3600), 1);
+        (1..1000).for_each(|turns| daemon.says(0, turns, ""));
         assert_eq!(heard(&socket), None);
     }
 
     #[test]
     fn without_a_manager_nothing_happens() {
-        let mut alone = Manager::at(None, Some(Duration::from_nanos(1)));
-        alone.ready("");
-        alone.alive(1, "");
-        let mut gone =
-            Manager::at(Some(OsStr::new("/nowhere/at/all")), Some(Duration::from_nanos(1)));
-        gone.alive(1, "");
+        let patience = Some(Duration::from_nanos(1));
+        let mut alone = Manager::at(None, patience, 1);
+        alone.ready();
+        alone.says(0, 1, "");
+        let mut gone = Manager::at(Some(OsStr::new("/nowhere/at/all")), patience, 1);
+        gone.says(0, 1, "");
         gone.stopping();
     }
 }

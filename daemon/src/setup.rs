@@ -123,12 +123,9 @@ pub fn joint_kinds(arm: &Arm) -> Vec<JointKind> {
     arm.joints().iter().map(|joint| joint.kind).collect()
 }
 
-/// The mode that arming leads to: the configured one, or full where that is shadow.
-pub fn armed_mode(config: &CellConfig) -> Mode {
-    match mode(config.mode) {
-        Mode::Shadow => Mode::Full,
-        armed => armed,
-    }
+/// The mode that arming leads to: the configured one. None where that is shadow: a client does not go beyond what was commissioned.
+pub fn armed_mode(config: &CellConfig) -> Option<Mode> {
+    Some(mode(config.mode)).filter(|mode| *mode != Mode::Shadow)
 }
 
 fn envelope(config: &CellConfig, arm: &Arm) -> Result<[Limits; JOINTS_MAX], LimitsError> {

@@ -30,7 +30,7 @@ pub struct Constants {
     uncompensated: u32,
     bounds: JointBounds,
     /// The mode that arming leads to.
-    pub armed_mode: Mode,
+    pub armed_mode: Option<Mode>,
     /// Silence of the force stream that is told, ns; none where the cell has no stream.
     silent_after_ns: Option<u64>,
     watches: bool,

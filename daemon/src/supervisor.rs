@@ -191,19 +191,25 @@ impl Desk<'_> {
                 let words = if on { "the correction ramps out" } else { "the correction ramps in" };
                 (Answer::Done, words.to_owned())
             }
-            Operation::Arm => {
-                exchange.set_mode(if on { self.constants.armed_mode } else { Mode::Shadow });
-                exchange.rearm.store(on, Relaxed);
-                let words = if on {
-                    "armed: corrections go out"
-                } else {
-                    "shadow: commands go out as they come"
-                };
-                (Answer::Done, words.to_owned())
-            }
+            Operation::Arm => self.arm(exchange, on),
             Operation::ProcessState => self.process.tell(exchange, request),
             Operation::Measured => self.age.tell(&self.model.physics, request),
         }
+    }
+
+    fn arm(&self, exchange: &Exchange, on: bool) -> (Answer, String) {
+        let (mode, words) = match (on, self.constants.armed_mode) {
+            (false, _) => (Mode::Shadow, "shadow: commands go out as they come"),
+            (true, Some(mode)) => (mode, "armed: corrections go out"),
+            (true, None) => {
+                let words = "this cell is configured to look on: set mode = \"limited\" or \"full\" \
+                             in its configuration and restart the daemon";
+                return (Answer::Refused, words.to_owned());
+            }
+        };
+        exchange.set_mode(mode);
+        exchange.rearm.store(on, Relaxed);
+        (Answer::Done, words.to_owned())
     }
 
     fn reload(&mut self, exchange: &Exchange, path: &str) -> (Answer, String) {

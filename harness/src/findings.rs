@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::chunks::{Counted, Flat};
+use crate::cost::Cost;
 use crate::cyclictest::Cyclictest;
 use crate::empty::Missed;
 use crate::force::Force;
@@ -90,6 +91,8 @@ pub struct Findings {
     pub starts: Option<Latencies>,
     /// Swaps of the model.
     pub swap: Option<Swap>,
+    /// What a correction costs.
+    pub cost: Option<Cost>,
     /// What was not measured.
     pub skipped: Vec<Skipped>,
     /// What was asked of the figures.
@@ -105,6 +108,7 @@ impl Findings {
             settings: Vec::new(),
             starts: None,
             swap: None,
+            cost: None,
             skipped: Vec::new(),
             judged: Vec::new(),
         }
@@ -135,6 +139,7 @@ impl Findings {
             settings: self.settings.iter().map(told_setting).collect(),
             first_corrected_ns: self.starts.as_ref().map(Latencies::quantiles),
             model_swap: self.swap.as_ref().map(told_swap),
+            cost: self.cost.as_ref(),
             judged: &self.judged,
             skipped: &self.skipped,
             skipped_count: self.skipped.len(),
@@ -162,6 +167,7 @@ pub struct Told<'a> {
     settings: Vec<ToldSetting<'a>>,
     first_corrected_ns: Option<Quantiles>,
     model_swap: Option<ToldSwap>,
+    cost: Option<&'a Cost>,
     judged: &'a [Judged],
     skipped: &'a [Skipped],
     skipped_count: usize,

@@ -3,11 +3,13 @@
 //! Promises: what was asked for and refused (policy, pinning, locked memory) ends the bench; all that is compared is measured in the
 //! same run, by turns, on the same two cores; what could not be measured is said and counted. Never: a correction of its own.
 //!
-//! In what order to read: [`plan`] (what is asked); `flat.rs`, `paced.rs`, `force.rs`, `start.rs`, `swap.rs` (what is measured);
+//! In what order to read: [`plan`] (what is asked); `flat.rs`, `paced.rs`, `force.rs`, `start.rs`, `swap.rs`, [`cost`] (what is measured);
 //! [`judged`] (what that is held against); [`findings`], [`tables`], [`page`] (what is told).
 
+mod arms;
 mod child;
 mod chunks;
+pub mod cost;
 mod cyclictest;
 pub mod doctor;
 mod empty;
@@ -46,6 +48,7 @@ pub use peers::Kind;
 pub use placement::{Placement, Sorter};
 pub use swap::Swap;
 
+use crate::cost::Costing;
 use crate::doctor::Texts;
 use crate::findings::{AtRate, Findings, Setting, Skipped};
 use crate::flat::Flats;
@@ -184,7 +187,7 @@ impl Bench<'_> {
     /// The parts that need to be measured once.
     fn once(&mut self, policy: Policy, say: &mut dyn FnMut(&str)) -> Result<(), BenchError> {
         if self.plan.cell.is_some() {
-            for stage in [Stage::Start, Stage::Swap] {
+            for stage in [Stage::Start, Stage::Swap, Stage::Cost] {
                 self.skip(stage.name(), "not done to a running cell");
             }
             return Ok(());
@@ -211,6 +214,13 @@ impl Bench<'_> {
                 stop: self.stop,
             };
             self.findings.swap = Some(swap::run(self.plan, &self.place, &pacing)?);
+        }
+        if self.plan.has(Stage::Cost) {
+            say("cost of joints, effects, cells");
+            let Self { plan, programs, stop, .. } = *self;
+            let manners = self.manners(policy);
+            let costing = Costing { plan, programs, place: &self.place, manners, stop };
+            self.findings.cost = Some(costing.run()?);
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 use report::{Axis, Number, Page, Plot, Series, Svg, Table, Tone};
 
 use crate::chunks::Flat;
+use crate::cost::Costs;
 use crate::findings::{Findings, Setting};
 use crate::peers::Kind;
 use crate::tables::{self, Words};
@@ -30,7 +31,21 @@ pub fn plots(findings: &Findings) -> Vec<(String, String, Svg)> {
             plots.push((name("paced"), caption, paced(setting)));
         }
     }
+    for (name, what, _, costs) in findings.cost.iter().flat_map(tables::kinds) {
+        let caption = format!("{what}, by {name}, with the straight line through the figures.");
+        plots.push((format!("cost-{name}"), caption, line(name, costs)));
+    }
     plots
+}
+
+fn line(name: &str, costs: &Costs) -> Svg {
+    let measured = costs.points.iter().map(|point| (point.n as f64, point.cost_us));
+    let ends = costs.points.first().into_iter().chain(costs.points.last());
+    let line = ends.map(|point| (point.n as f64, costs.line.at(point.n)));
+    Plot::new(format!("Cost by {name}"), Axis::new(name, ""), Axis::new("Cost", "µs"))
+        .series(Series::line("straight line", line).muted())
+        .series(Series::dots("measured", measured))
+        .render()
 }
 
 fn axes(title: &str) -> Plot {

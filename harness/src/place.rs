@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use shm_schema::{Cell, RUNTIME_DIR_ENV, sweep};
 
+use crate::cost::CELLS;
 use crate::error::BenchError;
 
 const SHARED_MEMORY: &str = "/dev/shm";
@@ -35,9 +36,9 @@ impl Place {
         &self.dir
     }
 
-    /// The name of the cell that the bench serves itself.
-    pub(crate) fn cell(&self) -> &str {
-        &self.cell
+    /// The name of a cell that the bench serves itself, from 0 on.
+    pub(crate) fn cell(&self, k: usize) -> String {
+        if k == 0 { self.cell.clone() } else { format!("{}-{k}", self.cell) }
     }
 
     /// How all names of the plain transport start.
@@ -55,7 +56,7 @@ impl Place {
 
 impl Drop for Place {
     fn drop(&mut self) {
-        if let Ok(cell) = Cell::new(&self.cell) {
+        for cell in (0..CELLS).flat_map(|k| Cell::new(&self.cell(k))) {
             // The daemon cleans up after itself, unless it was killed.
             let _ = sweep(&cell);
         }

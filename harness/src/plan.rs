@@ -98,12 +98,14 @@ pub enum Stage {
     Start,
     /// Models swapped under a running path.
     Swap,
+    /// What a correction costs by joints, effects and cells.
+    Cost,
 }
 
 impl Stage {
     /// All, in the order of running.
-    pub const ALL: [Self; 6] =
-        [Self::Flat, Self::Woken, Self::Paced, Self::Force, Self::Start, Self::Swap];
+    pub const ALL: [Self; 7] =
+        [Self::Flat, Self::Woken, Self::Paced, Self::Force, Self::Start, Self::Swap, Self::Cost];
 
     /// The word for it.
     #[must_use]
@@ -115,6 +117,7 @@ impl Stage {
             Self::Force => "force",
             Self::Start => "start",
             Self::Swap => "swap",
+            Self::Cost => "cost",
         }
     }
 
@@ -127,11 +130,11 @@ impl Stage {
 
 /// How other processes of this very program are started: the harness knows no command line but what stands here.
 pub trait Programs: Sync {
-    /// The daemon for that configuration; it ends with its parent and says `ready` on standard output.
+    /// The daemon for these configurations, one a cell; it ends with its parent and says `ready` on standard output.
     ///
     /// # Errors
     /// Where this program cannot be found.
-    fn daemon(&self, config: &std::path::Path) -> std::io::Result<Command>;
+    fn daemon(&self, configs: &[PathBuf]) -> std::io::Result<Command>;
 
     /// A part of the bench in a process of its own: what [`crate::part`] is given.
     ///

@@ -14,7 +14,7 @@ use crate::latencies::Latencies;
 use crate::peers::trued::Trued;
 use crate::place::Place;
 use crate::plan::{Plan, Programs, Stage};
-use crate::subject::{Setup, launch, ready};
+use crate::subject::{Served, Setup, launch, ready};
 
 /// How long one start may take.
 const WITHIN: Duration = Duration::from_secs(10);
@@ -29,15 +29,16 @@ pub(crate) fn run(
     setup: Setup,
     stop: &AtomicBool,
 ) -> Result<Latencies, BenchError> {
+    let served = Served { model: &plan.models[0], cells: 1 };
     let mut starts = Latencies::default();
     let mut trued: Option<Trued> = None;
     // The first start gives the client what it has to know of the robot; it is not counted.
     for start in 0..=plan.repeats {
         let since_ns = monotonic_ns();
-        let daemon = ready(launch(plan, programs, place, setup)?)?;
+        let daemon = ready(launch(programs, place, served, setup)?)?;
         let mut client = match trued.take() {
             Some(client) => client,
-            None => Trued::new(Client::connect(place.cell(), WITHIN)?),
+            None => Trued::new(Client::connect(&place.cell(0), WITHIN)?),
         };
         let first_ns = first_corrected(&mut client, since_ns, stop)?;
         if start > 0 {

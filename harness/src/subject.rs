@@ -15,7 +15,7 @@ use crate::place::Place;
 use crate::plan::{Plan, Policy, Programs, Wait};
 
 /// How long joining may take.
-const JOIN_WITHIN: Duration = Duration::from_secs(10);
+pub(crate) const JOIN_WITHIN: Duration = Duration::from_secs(10);
 /// Sampling rate of the force stream that the bench plays, Hz.
 pub(crate) const FORCE_RATE_HZ: f64 = 10_000.0;
 
@@ -29,6 +29,15 @@ pub(crate) struct Setup {
     pub(crate) period_s: f64,
     /// Whether it listens to force blocks.
     pub(crate) listens: bool,
+}
+
+/// What a daemon is to serve.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Served<'a> {
+    /// The text of its model.
+    pub(crate) model: &'a str,
+    /// Cells, all of that model.
+    pub(crate) cells: usize,
 }
 
 /// A cell that can be joined.
@@ -50,10 +59,20 @@ impl Subject {
         match &plan.cell {
             Some(cell) => Ok(Self { daemon: None, cell: cell.clone() }),
             None => {
-                let started = launch(plan, programs, place, setup)?;
-                Ok(Self { daemon: Some(ready(started)?), cell: place.cell().to_owned() })
+                Self::start(programs, place, Served { model: &plan.models[0], cells: 1 }, setup)
             }
         }
+    }
+
+    /// A daemon of the bench's own; where it serves several cells, this is the first.
+    pub(crate) fn start(
+        programs: &dyn Programs,
+        place: &Place,
+        served: Served<'_>,
+        setup: Setup,
+    ) -> Result<Self, BenchError> {
+        let started = launch(programs, place, served, setup)?;
+        Ok(Self { daemon: Some(ready(started)?), cell: place.cell(0) })
     }
 
     pub(crate) fn client(&self) -> Result<Client, BenchError> {
@@ -73,16 +92,18 @@ impl Subject {
 
 /// Starts a daemon; it has said nothing yet.
 pub(crate) fn launch(
-    plan: &Plan,
     programs: &dyn Programs,
     place: &Place,
+    served: Served<'_>,
     setup: Setup,
 ) -> Result<Guarded, BenchError> {
-    place.write("model.toml", &plan.models[0])?;
-    let config = place.write("cell.toml", &cell_toml(place.cell(), setup))?;
-    let mut command = programs.daemon(&config).map_err(|e| BenchError::io("start", &config, e))?;
+    let model = place.write("model.toml", served.model)?;
+    let config = |k| place.write(&format!("cell-{k}.toml"), &cell_toml(&place.cell(k), setup));
+    let configs = (0..served.cells).map(config).collect::<Result<Vec<_>, _>>()?;
+    let failed = |e| BenchError::io("start the daemon for", &model, e);
+    let mut command = programs.daemon(&configs).map_err(failed)?;
     command.stderr(Stdio::piped());
-    Guarded::spawn(command).map_err(|e| BenchError::io("start", &config, e))
+    Guarded::spawn(command).map_err(failed)
 }
 
 /// Waits until a daemon has said that it is ready.

@@ -1,6 +1,7 @@
 //! What was found, as tables of words. Never how they are laid out.
 
 use crate::chunks::Flat;
+use crate::cost::{Cost, Costs};
 use crate::findings::{Findings, Setting};
 use crate::latencies::Quantiles;
 use crate::peers::Kind;
@@ -44,6 +45,7 @@ pub fn tables(findings: &Findings) -> Vec<Words> {
         tables.extend(cyclictest(setting));
     }
     tables.extend(once(findings));
+    tables.extend(findings.cost.iter().flat_map(costs));
     if !findings.judged.is_empty() {
         tables.push(judged(findings));
     }
@@ -205,6 +207,45 @@ fn once(findings: &Findings) -> Vec<Words> {
         });
     }
     tables
+}
+
+/// Each kind of cost: its name, what it is, what stands beside it, its figures.
+pub(crate) fn kinds(cost: &Cost) -> [(&'static str, String, &'static str, &Costs); 3] {
+    let correction = "Time of one correction, µs (lowest median of batches)".to_owned();
+    let of_six = format!("{correction}, six joints");
+    let rate_hz = cost.cell_rate_hz;
+    let in_all = format!(
+        "Processor time of one daemon, µs in a second, each cell commanded at {rate_hz} Hz"
+    );
+    [
+        ("joints", correction, "steps of the solve", &cost.joints),
+        ("effects", of_six, "steps of the solve", &cost.effects),
+        ("cells", in_all, "commands without answer", &cost.cells),
+    ]
+}
+
+fn costs(cost: &Cost) -> Vec<Words> {
+    let table = |(name, what, beside, costs): (&str, String, &str, &Costs)| {
+        let line = &costs.line;
+        let row = |point: &crate::cost::Point| {
+            let off = 100.0 * (point.cost_us / line.at(point.n) - 1.0);
+            let numbers = [format!("{:.2}", point.cost_us), format!("{off:+.1} %")];
+            let mut cells = vec![point.n.to_string()];
+            cells.extend(numbers);
+            cells.push(point.beside.to_string());
+            cells
+        };
+        let title = format!(
+            "{what}: {:.3} and {:.3} for each of the {name}; the worst, at {}, is {:.1} % off the line",
+            line.none_us,
+            line.slope_us,
+            line.worst_at,
+            100.0 * line.worst
+        );
+        let heads = [name, "cost, µs", "off the line", beside].map(str::to_owned).to_vec();
+        Words { title, heads, rows: costs.points.iter().map(row).collect() }
+    };
+    kinds(cost).map(table).to_vec()
 }
 
 fn judged(findings: &Findings) -> Words {

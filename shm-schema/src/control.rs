@@ -124,7 +124,7 @@ codes! {
         Reload = 1 "reload",
         /// Ramp the correction out, or in again.
         Bypass = 2 "bypass",
-        /// Leave shadow mode, or go back to it.
+        /// Go to shadow mode, or back to the configured one.
         Arm = 3 "arm",
         /// Tell what the process does: spindle, teeth, feed, cut.
         ProcessState = 4 "process_state",

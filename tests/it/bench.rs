@@ -88,6 +88,41 @@ fn a_short_bench_counts_every_cycle_of_its_schedule_and_leaves_nothing() {
 }
 
 #[test]
+fn costs_are_told_for_every_number_with_the_line_through_them() {
+    if !has_two_cores() {
+        return;
+    }
+    let place = Place::new();
+    let done = bench(&place, &["--only", "cost", "--seconds", "0.05", "--out", "out"]);
+    assert_eq!(done.code, Some(0), "{done:#?}");
+    let cost = &place.json("bench.json")["cost"];
+    for (kind, numbers) in [
+        ("joints", (1..=16).collect::<Vec<u64>>()),
+        ("effects", (0..=100).step_by(10).collect()),
+        ("cells", (1..=8).collect()),
+    ] {
+        let points = cost[kind]["points"].as_array().unwrap();
+        let found: Vec<u64> = points.iter().map(|point| point["n"].as_u64().unwrap()).collect();
+        assert_eq!(found, numbers, "{kind}");
+        let costs = points.iter().map(|point| point["cost_us"].as_f64().unwrap());
+        assert!(costs.clone().all(|cost| cost > 0.0), "{kind}: {points:?}");
+        // By least squares the line has as much above it as below.
+        let line = |n: u64| {
+            let of = |name: &str| cost[kind]["line"][name].as_f64().unwrap();
+            of("none_us") + of("slope_us") * n as f64
+        };
+        let off: Vec<f64> = costs.zip(&found).map(|(cost, n)| cost - line(*n)).collect();
+        let (sum, size) = (off.iter().sum::<f64>(), off.iter().map(|x| x.abs()).sum::<f64>());
+        assert!(sum.abs() < 1e-6 * (1.0 + size), "{kind}: {off:?}");
+        roxmltree::Document::parse(&place.read(&format!("out/cost-{kind}.svg"))).expect("a plot");
+    }
+    // A solve that found nothing to do would cost nothing.
+    let steps = |kind: &str| cost[kind]["points"][3]["beside"].as_u64();
+    assert!(steps("joints") > Some(0) && steps("effects") > Some(0), "{cost}");
+    assert!(place.litter().is_empty() && left().is_empty(), "{:?} {:?}", place.litter(), left());
+}
+
+#[test]
 fn a_policy_that_is_refused_fails_and_measures_nothing() {
     if !has_two_cores() {
         return;

@@ -37,6 +37,7 @@ mod replay;
 mod security;
 mod sensor;
 mod service;
+mod several;
 mod simulate;
 mod simulate_forces;
 mod simulate_torques;

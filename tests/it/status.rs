@@ -8,7 +8,7 @@ use std::time::Duration;
 use tests::cell_loop::{CellLoop, JOINTS, Tick};
 use tests::place::Place;
 use tests::process::Process;
-use trued_client::{Client, ConnectError, Mode, Source};
+use trued_client::{Answer, Client, ConnectError, Mode, Source};
 
 const LIMIT: Duration = Duration::from_secs(10);
 const SYSTEM_FAILED: Option<i32> = Some(3);
@@ -127,10 +127,12 @@ fn until(cell: &mut CellLoop, status: CorrectionStatus, zero: bool) -> u32 {
 
 #[test]
 fn arming_and_bypass_ramp_the_correction_in_and_out() {
-    let place = Place::new("shadow", "");
+    let place = Place::new("full", "");
     let _daemon = ready(&place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
-    until(&mut cell, CorrectionStatus::Shadow, true);
+    until(&mut cell, CorrectionStatus::Corrected, false);
+    cell.client.arm(false, LIMIT).unwrap();
+    assert!(until(&mut cell, CorrectionStatus::Shadow, true) > 5, "out by a ramp");
     cell.client.arm(true, LIMIT).unwrap();
     assert!(until(&mut cell, CorrectionStatus::Corrected, false) > 5, "in by a ramp");
     cell.client.bypass(true, LIMIT).unwrap();
@@ -138,8 +140,34 @@ fn arming_and_bypass_ramp_the_correction_in_and_out() {
     assert_eq!(said(&mut cell).reason(), Ok(Reason::Bypass));
     cell.client.bypass(false, LIMIT).unwrap();
     assert!(until(&mut cell, CorrectionStatus::Corrected, false) > 5, "in again");
-    cell.client.arm(false, LIMIT).unwrap();
-    assert!(until(&mut cell, CorrectionStatus::Shadow, true) > 5, "out again");
+}
+
+#[test]
+fn a_cell_that_is_configured_to_look_on_refuses_to_be_armed_and_says_what_to_do() {
+    let place = Place::new("shadow", "");
+    let _daemon = ready(&place);
+    let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
+    until(&mut cell, CorrectionStatus::Shadow, true);
+    let said = cell.client.arm(true, LIMIT).unwrap();
+    assert_eq!(said.answer(), Ok(Answer::Refused));
+    let words = said.message.as_str();
+    assert!(words.contains("configured to look on") && words.contains("mode = "), "{words}");
+    assert_eq!(cell.client.arm(false, LIMIT).unwrap().answer(), Ok(Answer::Done));
+    until(&mut cell, CorrectionStatus::Shadow, true);
+}
+
+#[test]
+fn an_armed_cell_goes_back_to_the_configured_mode_and_no_further() {
+    let place = Place::new("limited", "");
+    let _daemon = ready(&place);
+    let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
+    for on in [false, true] {
+        assert_eq!(cell.client.arm(on, LIMIT).unwrap().answer(), Ok(Answer::Done));
+    }
+    let said = cell.tick_until(LIMIT, |cell, _| {
+        cell.client.status().is_some_and(|status| status.mode() == Ok(Mode::Limited))
+    });
+    assert!(said, "{:?}", cell.client.status());
 }
 
 #[test]

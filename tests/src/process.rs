@@ -36,11 +36,16 @@ impl Process {
 
     /// Starts a command in that place.
     pub fn spawn(command: &mut Command, place: &Place) -> Self {
+        Self::with_log(command, place, Stdio::piped())
+    }
+
+    /// The same; its standard error goes there.
+    pub fn with_log(command: &mut Command, place: &Place, log: Stdio) -> Self {
         let mut child = command
             .env(RUNTIME_DIR_ENV, place.root())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
+            .stderr(log)
             .spawn()
             .expect("the program starts");
         let heard = Arc::<Mutex<Heard>>::default();

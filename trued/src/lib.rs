@@ -43,6 +43,7 @@ pub fn run(args: impl Iterator<Item = OsString>) -> ExitCode {
     if let Err(failure) = &outcome {
         console.complain(failure);
     }
+    logs::finish();
     exit::code(&outcome)
 }
 

@@ -1,21 +1,87 @@
 //! Logs to standard error, above the progress bars, never through them.
 //!
-//! Promises: a log that nobody reads any more costs its lines; the program goes on.
+//! Promises: a log that nobody reads any more costs its lines; the program goes on. A daemon's log waits in a queue for whoever reads it, so that a
+//! reader that stalls stalls nothing else; lines beyond the queue are lost, counted, and told of when the reader is back.
 
 use std::io::{self, Write};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::sync::{Arc, OnceLock};
+use std::time::{Duration, Instant};
 
 use indicatif::MultiProgress;
 use tracing_subscriber::filter::LevelFilter;
 
+use crate::exit::Failure;
 use crate::output::Console;
+
+/// Lines that wait for a reader at most.
+const WAITING_MAX: usize = 1024;
+/// How long the end waits for a reader.
+const LAST_WORDS: Duration = Duration::from_millis(300);
+
+/// What waits for a reader, once this process serves robots.
+static QUEUE: OnceLock<Queue> = OnceLock::new();
+
+/// Lines on their way to a thread that may wait.
+struct Queue {
+    to: SyncSender<Vec<u8>>,
+    counts: Arc<Counts>,
+}
+
+#[derive(Default)]
+struct Counts {
+    waiting: AtomicUsize,
+    lost: AtomicU64,
+}
+
+impl Queue {
+    /// Starts the thread that writes to `out`.
+    fn start(mut out: impl Write + Send + 'static) -> io::Result<Self> {
+        let (to, lines) = sync_channel::<Vec<u8>>(WAITING_MAX);
+        let counts = Arc::<Counts>::default();
+        let shared = Arc::clone(&counts);
+        std::thread::Builder::new().name("log".to_owned()).spawn(move || {
+            for line in lines {
+                let lost = shared.lost.swap(0, Relaxed);
+                // There is nobody to tell that there is nobody.
+                if lost > 0 {
+                    let _ = writeln!(out, " WARN {lost} lines of log were lost: nobody read them");
+                }
+                let _ = out.write_all(&line);
+                shared.waiting.fetch_sub(1, Relaxed);
+            }
+        })?;
+        Ok(Self { to, counts })
+    }
+
+    fn push(&self, line: &[u8]) {
+        self.counts.waiting.fetch_add(1, Relaxed);
+        if self.to.try_send(line.to_vec()).is_err() {
+            self.counts.waiting.fetch_sub(1, Relaxed);
+            self.counts.lost.fetch_add(1, Relaxed);
+        }
+    }
+
+    /// Waits until all is written, for so long at most.
+    fn drain(&self, limit: Duration) {
+        let since = Instant::now();
+        while self.counts.waiting.load(Relaxed) > 0 && since.elapsed() < limit {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+}
 
 /// A line of log that waits until the bars are out of the way.
 struct BesideBars(MultiProgress);
 
 impl Write for BesideBars {
     fn write(&mut self, text: &[u8]) -> io::Result<usize> {
-        // There is nobody to tell that there is nobody.
-        let _ = self.0.suspend(|| io::stderr().write_all(text));
+        match QUEUE.get() {
+            Some(queue) => queue.push(text),
+            // There is nobody to tell that there is nobody.
+            None => drop(self.0.suspend(|| io::stderr().write_all(text))),
+        }
         Ok(text.len())
     }
 
@@ -45,4 +111,78 @@ pub(crate) fn start(console: &Console) {
         .finish();
     // Already set: a test runs the program several times in one process, and the first log serves them all.
     let _ = tracing::subscriber::set_global_default(log);
+}
+
+/// From now on nobody waits for whoever reads the log, to the end of the process.
+///
+/// # Errors
+/// [`Failure::System`] where the system refuses a thread.
+pub(crate) fn never_wait() -> Result<(), Failure> {
+    if QUEUE.get().is_none() {
+        let queue = Queue::start(io::stderr()).map_err(Failure::system)?;
+        // Another thread that was first has one that serves as well.
+        let _ = QUEUE.set(queue);
+    }
+    Ok(())
+}
+
+/// Writes a program's own last words where its log goes; waits for their reader as long as the log does.
+pub(crate) fn write(bars: &MultiProgress, text: &[u8]) {
+    // Where even standard error is gone, the exit code still tells.
+    let _ = BesideBars(bars.clone()).write_all(text);
+}
+
+/// Gives whoever reads a last moment.
+pub(crate) fn finish() {
+    if let Some(queue) = QUEUE.get() {
+        queue.drain(LAST_WORDS);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Mutex;
+    use std::sync::mpsc::{Receiver, channel};
+
+    /// A reader that reads nothing until it is told to.
+    struct Stalled {
+        until: Option<Receiver<()>>,
+        read: Arc<Mutex<Vec<u8>>>,
+    }
+
+    impl Write for Stalled {
+        fn write(&mut self, text: &[u8]) -> io::Result<usize> {
+            if let Some(until) = self.until.take() {
+                let _ = until.recv();
+            }
+            self.read.lock().expect("one writer").extend_from_slice(text);
+            Ok(text.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_reader_that_stalls_costs_the_lines_beyond_the_queue_and_is_told_how_many() {
+        let (go_on, until) = channel();
+        let read = Arc::<Mutex<Vec<u8>>>::default();
+        let stalled = Stalled { until: Some(until), read: Arc::clone(&read) };
+        let queue = Queue::start(stalled).expect("a thread");
+        let lines = 2 * WAITING_MAX;
+        (0..lines).for_each(|k| queue.push(format!("line {k}\n").as_bytes()));
+        queue.drain(Duration::from_millis(1));
+        assert!(read.lock().expect("one writer").is_empty(), "nothing was read so far");
+        go_on.send(()).expect("the reader waits");
+        queue.drain(Duration::from_secs(10));
+        queue.push(b"after\n");
+        queue.drain(Duration::from_secs(10));
+        let text = String::from_utf8(read.lock().expect("one writer").clone()).expect("text");
+        let kept = text.lines().filter(|line| line.starts_with("line ")).count();
+        assert!((WAITING_MAX..=WAITING_MAX + 1).contains(&kept), "{kept}");
+        let told = format!("{} lines of log were lost", lines - kept);
+        assert!(text.contains(&told) && text.ends_with("after\n"), "{told}: {text}");
+    }
 }

@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use crate::atomic;
 use crate::exit::Failure;
+use crate::logs;
 use crate::options::{Color, Common};
 
 /// How a word is meant; shown by colour where there is any.
@@ -132,8 +133,7 @@ impl Console {
             said = words;
             cause = error.source();
         }
-        // Where even standard error is gone, the exit code still tells.
-        let _ = self.progress.suspend(|| io::stderr().write_all(text.as_bytes()));
+        logs::write(&self.progress, text.as_bytes());
     }
 
     pub(crate) fn colour_on_stderr(&self) -> bool {

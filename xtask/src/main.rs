@@ -10,6 +10,7 @@
 mod calibrate;
 mod instructions;
 mod man;
+mod peers;
 mod seeds;
 mod soak;
 mod watch;
@@ -21,6 +22,7 @@ cargo xtask seeds [COUNT] [--full] [--debug]   the demo over COUNT seeds (20): t
 cargo xtask calibrate [CAMPAIGNS] [--out=DIR]   the calibration: the thesis' virtual robot, coverage of intervals over CAMPAIGNS (1000), outliers, time
 cargo xtask instructions [--store]   the hot path's stages: instructions by callgrind beside those stored; more than a tenth more fails
 cargo xtask man [--out=DIR]   man pages and shell completions of the program, for the package
+cargo xtask peers   one correction beside Pinocchio's forward kinematics, Jacobian and gravity (from the package registry), by turns in one run; exit 1 above its bar
 cargo xtask soak [--minutes N] [--seed S]   faults at random over real processes for N (60) minutes: what was late, what broke, the daemon's memory
 cargo xtask watch [HOURS] [--from=JSON] [--out=DIR]   the vibration watch: detection, false alarms in HOURS (10) of noise per axis, transients, cost
 ";
@@ -29,6 +31,7 @@ fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let done = match words.as_slice() {
+        ["peers"] => peers::run(),
         ["seeds", rest @ ..] => seeds::run(rest),
         ["calibrate", rest @ ..] => calibrate::run(rest),
         ["instructions", rest @ ..] => instructions::run(rest),

@@ -953,7 +953,7 @@ trued_code trued_client_bypass(struct trued_client *client,
                                uint64_t limit_ns,
                                struct trued_answer *answer);
 
-// Asks to leave shadow mode (`on` not 0), or to go back to it.
+// Asks to go to shadow mode (`on` 0), or back to the configured one; where that is shadow, the answer is a refusal.
 trued_code trued_client_arm(struct trued_client *client, uint32_t on, uint64_t limit_ns, struct trued_answer *answer);
 
 // Tells what the process does, in place of what was told before.

@@ -346,7 +346,7 @@ public:
     }
     void set_fresh(nanoseconds fresh) { detail::check(::trued_client_set_fresh(raw(), detail::ns(fresh))); }
     void start_anew() { detail::check(::trued_client_start_anew(raw())); }
-    // Leaves shadow mode, or goes back to it. A request, like those of a monitor.
+    // Goes to shadow mode, or back to the configured one; where that is shadow, it is refused. A request, like those of a monitor.
     answer arm(bool on, nanoseconds limit) { return asked(&::trued_client_arm, limit, on ? 1u : 0u); }
 };
 

@@ -55,7 +55,7 @@ pub unsafe extern "C" fn trued_client_bypass(
     })
 }
 
-/// Asks to leave shadow mode (`on` not 0), or to go back to it.
+/// Asks to go to shadow mode (`on` 0), or back to the configured one; where that is shadow, the answer is a refusal.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_arm(
     client: *mut trued_client,

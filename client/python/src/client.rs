@@ -184,7 +184,7 @@ impl Client {
         self.held.ask(py, timeout, |client, limit| client.bypass(on, limit))
     }
 
-    /// Asks to leave shadow mode, or to go back to it.
+    /// Asks to go to shadow mode, or back to the configured one; where that is shadow, the answer is a refusal.
     #[pyo3(signature = (on, timeout = 1.0))]
     fn arm(&self, py: Python<'_>, on: bool, timeout: f64) -> PyResult<Answer> {
         self.held.ask(py, timeout, |client, limit| client.arm(on, limit))

@@ -223,7 +223,7 @@ class Client:
         """Asks to ramp the correction out, or in again."""
 
     def arm(self, on: bool, timeout: float = 1.0) -> Answer:
-        """Asks to leave shadow mode, or to go back to it."""
+        """Asks to go to shadow mode, or back to the configured one; where that is shadow, the answer is a refusal."""
 
     def process_state(
         self,

@@ -45,11 +45,14 @@ fn wave(cutter: &Cutter, under: &CutForce, cycles: f64) -> DVec3 {
     DVec3::new(length(0), length(1), length(2))
 }
 
-fn with(effects: &[(&str, &[(&str, &[f64])])]) -> CutForce {
+/// An effect's name with its numbers.
+type Named<'a> = (&'a str, &'a [(&'a str, &'a [f64])]);
+
+fn with(effects: &[Named<'_>]) -> CutForce {
     at(effects, 0.0)
 }
 
-fn at(effects: &[(&str, &[(&str, &[f64])])], time_s: f64) -> CutForce {
+fn at(effects: &[Named<'_>], time_s: f64) -> CutForce {
     let scene = scene();
     let mut model = Model::nominal(scene.arm);
     for (kind, numbers) in effects {
@@ -205,7 +208,7 @@ fn a_sensor_reads_turned_then_leaking_then_scaled_then_off() {
 
 #[test]
 fn chatter_swings_across_the_feed_only_where_a_tooth_cuts() {
-    let chatter: &[(&str, &[(&str, &[f64])])] =
+    let chatter: &[Named<'_>] =
         &[("chatter", &[("frequency", &[250.0]), ("amplitude", &[7.0])])];
     let cutter = Cutter { teeth: 1, ..mill() };
     let crest = at(chatter, 1e-3);

@@ -1,9 +1,15 @@
 //! Processes that are stopped, or killed beside the robot's loop.
 
 use super::{at_work, chance};
+use crate::PROGRAMS;
 use rustix::process::Signal;
+use std::io::{PipeReader, Read, Write};
+use std::process::Command;
+use std::thread::JoinHandle;
 use std::time::Duration;
-use tests::pair::{JAM, Pair, Who};
+use tests::pair::{JAM, Pair, Who, recorder};
+use tests::place::Place;
+use tests::process::Process;
 
 const ROUNDS: u64 = 16;
 
@@ -90,6 +96,50 @@ fn a_killed_daemon_leaves_a_recording_up_to_its_last_second() {
         pair.back();
     }
     pair.end();
+}
+
+/// A pair whose daemon finds the pipe of its log full, its reader, and whoever goes on filling it.
+fn with_a_full_log() -> (Pair<'static>, PipeReader, JoinHandle<std::io::Result<()>>) {
+    let place = Place::new("full", &recorder("box"));
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    let log = writer.try_clone().unwrap();
+    // More than any pipe holds: what does not fit waits in a thread of its own.
+    let filling = std::thread::spawn(move || writer.write_all(&[b'.'; 1 << 22]));
+    std::thread::sleep(Duration::from_millis(100));
+    let mut command = Command::new(PROGRAMS.trued);
+    command.arg("run").arg("--config").arg(place.file("cell.toml"));
+    let daemon = Process::with_log(&mut command, &place, log.into());
+    (Pair::with(PROGRAMS, place, daemon), reader, filling)
+}
+
+#[test]
+fn a_log_whose_reader_stalls_holds_up_nobody_and_is_read_when_it_is_back() {
+    let (mut pair, mut reader, filling) = with_a_full_log();
+    pair.back();
+    let mut monitor = trued_client::Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
+    for _ in 0..20 {
+        // Each is logged, by the thread that answers.
+        monitor.ping(JAM).unwrap();
+    }
+    drop(monitor);
+    pair.back();
+    let reading = std::thread::spawn(move || {
+        let mut text = String::new();
+        reader.read_to_string(&mut text).map(|_| text)
+    });
+    filling.join().unwrap().unwrap();
+    pair.end();
+    let text = reading.join().unwrap().unwrap();
+    assert!(text.contains("ready"), "what was said before anybody read");
+    assert_eq!(text.matches("request").count(), 20, "nothing was lost");
+}
+
+#[test]
+fn a_daemon_whose_log_is_never_read_ends_all_the_same() {
+    let (mut pair, reader, _filling) = with_a_full_log();
+    pair.back();
+    pair.end();
+    drop(reader);
 }
 
 #[test]

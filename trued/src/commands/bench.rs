@@ -2,7 +2,7 @@
 
 mod asked;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::Command;
 
 use clap::Args;
@@ -103,9 +103,12 @@ fn bar(console: &Console) -> ProgressBar {
 struct Myself;
 
 impl Programs for Myself {
-    fn daemon(&self, config: &Path) -> std::io::Result<Command> {
+    fn daemon(&self, configs: &[PathBuf]) -> std::io::Result<Command> {
         let mut command = myself()?;
-        command.args(["run", "--with-parent", "--quiet", "--config"]).arg(config);
+        command.args(["run", "--with-parent", "--quiet"]);
+        for config in configs {
+            command.arg("--config").arg(config);
+        }
         Ok(command)
     }
 

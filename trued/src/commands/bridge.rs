@@ -71,14 +71,15 @@ impl Bridge {
 
 /// Tells the service manager that the bridge is ready, and from then on that it lives.
 fn attended(options: &Options) -> Result<Option<JoinHandle<()>>, Failure> {
-    let mut manager = Manager::of_environment();
-    manager.ready("listens");
+    let mut manager = Manager::of_environment(1);
+    manager.says(0, 0, "listens");
+    manager.ready();
     let options = options.clone();
     let attend = move || {
         while !options.stop.load(Relaxed) {
             let [heard, sent] = [Count::Robot, Count::Sent].map(|what| options.counts.get(what));
             let words = format!("{heard} datagrams of the robot, {sent} answers");
-            manager.alive(options.turns.load(Relaxed), &words);
+            manager.says(0, options.turns.load(Relaxed), &words);
             std::thread::sleep(LOOK_EVERY);
         }
         manager.stopping();

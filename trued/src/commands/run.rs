@@ -1,6 +1,6 @@
-//! `trued run`: the daemon for one cell.
+//! `trued run`: the daemon for one cell or several.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use daemon::{DaemonError, Options};
@@ -9,15 +9,15 @@ use recording::files::{FileError, read_text};
 use rustix::process::{Signal, set_parent_process_death_signal};
 
 use crate::exit::{Answer, Failure, Outcome};
-use crate::interrupt;
 use crate::output::Console;
+use crate::{interrupt, logs};
 
-/// Run the daemon for one cell until it is told to end
+/// Run the daemon for one cell, or for several, until it is told to end
 #[derive(Debug, Args)]
 pub(crate) struct Run {
-    /// The cell's configuration
-    #[arg(long, value_name = "CELL.toml")]
-    config: PathBuf,
+    /// The cell's configuration; given again, a further cell's: they start and end together
+    #[arg(long, value_name = "CELL.toml", required = true, num_args = 1)]
+    config: Vec<PathBuf>,
     /// Commands pace the cycle and carry the time, as in a replay: nothing is stale, poses may be settled
     #[arg(long)]
     lockstep: bool,
@@ -32,18 +32,31 @@ impl Run {
             // A refusal leaves a daemon that a killed parent does not end: not worth a failure.
             let _ = set_parent_process_death_signal(Some(Signal::TERM));
         }
-        let config = CellConfig::read(&self.config).map_err(unusable)?;
-        let options = Options {
-            config_text: read_text(&self.config).map_err(unusable)?,
-            config_name: self.config.display().to_string(),
-            lockstep: self.lockstep,
-            stop: interrupt::flag()?,
-            config,
-        };
+        let cells = self.config.iter().map(|path| self.options(path));
+        let cells = cells.collect::<Result<Vec<_>, _>>()?;
+        let mut names: Vec<&str> = cells.iter().map(|cell| cell.config.cell.as_str()).collect();
+        names.sort_unstable();
+        if let Some(twice) = names.windows(2).find(|two| two[0] == two[1]) {
+            let name = twice[0];
+            let why =
+                format!("--config: two of the files are for cell `{name}`, expected one each");
+            return Err(Failure::input(why));
+        }
+        logs::never_wait()?;
         let mut told = Ok(());
-        daemon::run(options, || told = console.say("ready")).map_err(failure)?;
+        let stop = interrupt::flag()?;
+        daemon::run(cells, &stop, || told = console.say("ready")).map_err(failure)?;
         told?;
         Ok(Answer::Done)
+    }
+
+    fn options(&self, path: &Path) -> Result<Options, Failure> {
+        Ok(Options {
+            config: CellConfig::read(path).map_err(unusable)?,
+            config_text: read_text(path).map_err(unusable)?,
+            config_name: path.display().to_string(),
+            lockstep: self.lockstep,
+        })
     }
 }
 

@@ -62,7 +62,7 @@ pub(super) struct Asked {
         default_value = "sleep,spin"
     )]
     waits: Vec<String>,
-    /// Parts to run: flat, woken, paced, force, start, swap
+    /// Parts to run: flat, woken, paced, force, start, swap, cost
     #[arg(long = "only", value_name = "PART,…", value_delimiter = ',')]
     stages: Vec<String>,
     /// How long each part takes, for each policy, load, rate and wait: 10, 90s, 10m, 2h
@@ -121,7 +121,7 @@ impl Asked {
             return Ok(Stage::ALL.to_vec());
         }
         all(&self.stages, "--only", |word| {
-            Stage::named(word).ok_or("flat, woken, paced, force, start, swap")
+            Stage::named(word).ok_or("flat, woken, paced, force, start, swap, cost")
         })
     }
 }
