@@ -4,7 +4,7 @@
 //! its places is its acceleration, and a joint holds the moment of its force. Hysteresis is springs that slip; what is recorded late is the torque of
 //! an earlier instant of a motion that is known at any instant; velocities and accelerations are those of the motion's own formula.
 //!
-//! Read in this order: [`kinds`], [`motion`], [`rig`], [`laws`], [`case`], [`bench`], [`mod@draw`], [`proof`], [`mod@write`]; [`inject`] for effects that are
+//! Read in this order: [`kinds`], [`motion`], [`rig`], [`laws`], [`case`], [`mod@bench`], [`mod@draw`], [`proof`], [`mod@write`]; [`inject`] for effects that are
 //! added to a real recording.
 //!
 //! Promises: the same seed gives the same bytes. Never: a file, a process, a line of another crate's physics.

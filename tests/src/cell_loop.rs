@@ -71,7 +71,7 @@ pub struct CellLoop {
     /// By how much the clock that stamps the commands has been set, ns.
     pub clock_set_ns: i64,
     due_ns: u64,
-    before: Option<(u64, Tick)>,
+    before: Option<([u64; 2], Tick)>,
 }
 
 impl CellLoop {
@@ -105,7 +105,8 @@ impl CellLoop {
         let early_ns = self.due_ns.saturating_sub(monotonic_ns());
         std::thread::sleep(Duration::from_nanos(early_ns));
         let q_cmd = path(monotonic_ns());
-        let t_ns = monotonic_ns().saturating_add_signed(self.clock_set_ns);
+        let sent_ns = monotonic_ns();
+        let t_ns = sent_ns.saturating_add_signed(self.clock_set_ns);
         let sent = self.client.send(&Setpoint::new(&q_cmd).at_ns(t_ns));
         let answer = sent.ok().and_then(|seq| self.client.wait_corrected(seq, self.patience));
         let now_ns = monotonic_ns();
@@ -125,7 +126,7 @@ impl CellLoop {
             tick.correction.copy_from_slice(&said.correction[..JOINTS]);
         }
         self.ticks += 1;
-        self.look(now_ns, &tick);
+        self.look([now_ns, sent_ns], &tick);
         tick
     }
 
@@ -145,7 +146,7 @@ impl CellLoop {
         false
     }
 
-    fn look(&mut self, now_ns: u64, tick: &Tick) {
+    fn look(&mut self, at_ns: [u64; 2], tick: &Tick) {
         let bounds = &self.status.bounds;
         let mut broken = Vec::new();
         for i in 0..JOINTS {
@@ -158,12 +159,12 @@ impl CellLoop {
                 broken.push(format!("joint {i} is corrected by {correction}"));
             }
         }
-        broken.extend(self.gauge.take(now_ns, &tick.correction).err());
-        broken.extend(self.steps_in_a_ramp(now_ns, tick));
+        broken.extend(self.gauge.take(at_ns[0], &tick.correction).err());
+        broken.extend(self.steps_in_a_ramp(at_ns, tick));
         broken.extend(self.step_of_the_daemon());
         let about = |words| format!("tick {} ({:?}): {words}", self.ticks, tick.source);
         self.broken.extend(broken.into_iter().map(about));
-        self.before = Some((now_ns, *tick));
+        self.before = Some((at_ns, *tick));
     }
 
     /// A daemon that has just started knows nothing of the one before.
@@ -177,13 +178,15 @@ impl CellLoop {
         broken.map(|words| format!("the daemon itself: {words}"))
     }
 
-    /// While the client itself ramps out, not even the daemon's allowance for a pause holds.
-    fn steps_in_a_ramp(&self, now_ns: u64, tick: &Tick) -> Option<String> {
+    /// While the client itself ramps out, not even the daemon's allowance for a pause holds. A ramp takes the time between targets or between commands,
+    /// whichever is longer: a loop that is held up between its command and its target parts the two.
+    fn steps_in_a_ramp(&self, at_ns: [u64; 2], tick: &Tick) -> Option<String> {
         let (before_ns, before) = self.before.as_ref()?;
         if tick.source != Source::Ramping {
             return None;
         }
-        let dt_s = (now_ns - before_ns) as f64 * 1e-9;
+        let [of_targets, of_commands] = [0, 1].map(|k| at_ns[k] - before_ns[k]);
+        let dt_s = of_targets.max(of_commands) as f64 * 1e-9;
         (0..JOINTS).find_map(|i| {
             let moved = (tick.correction[i] - before.correction[i]).abs();
             let most = self.status.bounds.rate[i] * (dt_s + STAMPED_S);

@@ -164,12 +164,13 @@ pub fn recorder(folder: &str) -> String {
     )
 }
 
-/// When the last recorded cycle was received (`CLOCK_MONOTONIC`, ns); every file must be readable.
+/// When the last recorded cycle was received (`CLOCK_MONOTONIC`, ns); every file must be readable, but for one that was killed before it held anything.
 #[must_use]
 pub fn last_recorded_ns(folder: &std::path::Path) -> u64 {
     let boxes = |folder: &std::path::Path| -> Vec<PathBuf> {
         let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-        entries.map(|entry| entry.path()).collect()
+        let begun = |path: &PathBuf| std::fs::metadata(path).is_ok_and(|file| file.len() > 0);
+        entries.map(|entry| entry.path()).filter(begun).collect()
     };
     let last = |path: PathBuf| {
         let read = blackbox::read(&path);

@@ -31,18 +31,11 @@ pub(super) fn finish(
     let listed = prove::order(case, &asking, &choice, held);
     let covariance = prove::covariance(case, &choice.solved, &seen);
     let unzoned = without_zones(case, always, &names, &zones, &seen);
-    let moved = |column: usize| match (&unzoned, choice.solved.value(column)) {
-        // What holds lies anywhere between the two fits: uniform, and seen from one end.
-        (Some(other), Some(value)) => {
-            other.solved.value(column).map_or(0.0, |x| (x - value) / libm::sqrt(3.0))
-        }
-        _ => 0.0,
-    };
+    let moved = |column: usize| moved(unzoned.as_ref(), &choice, column);
     let finding = |(name, heldout): &(usize, [f64; 2])| {
         let family = &case.library.families[*name];
         let spread = spreads.iter().find(|(n, _)| n == name).map_or(0.0, |(_, spread)| *spread);
         let weighed = weighed.iter().find(|one| one.name == *name);
-        let viscous = |joint| viscous(case, stated, &choice, joint);
         let context = found::Context {
             covariance: &covariance,
             spread,
@@ -50,7 +43,7 @@ pub(super) fn finish(
             by_current: case.motion.by_current,
             tcp: arm.tool.tcp.to_array(),
             gain: gain(case, &choice, family.joint),
-            viscous: family.joint.map_or(0.0, viscous),
+            viscous: family.joint.map_or(0.0, |joint| viscous(case, stated, &choice, joint)),
         };
         Finding {
             kind: family.kind,
@@ -88,6 +81,13 @@ pub(super) fn finish(
         traces: joints.iter().map(|j| view::trace(case, (&given, &choice), *j)).collect(),
         zones,
     }
+}
+
+/// What holds of a column's number lies anywhere between the fits without and with the rows of zones: uniform, and seen from one end.
+fn moved(unzoned: Option<&Choice>, choice: &Choice, column: usize) -> f64 {
+    let with = unzoned.and_then(|other| other.solved.value(column));
+    let apart = with.zip(choice.solved.value(column)).map_or(0.0, |(with, without)| with - without);
+    apart / libm::sqrt(3.0)
 }
 
 /// A joint's viscous friction, stated and found.

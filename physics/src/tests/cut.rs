@@ -208,8 +208,7 @@ fn a_sensor_reads_turned_then_leaking_then_scaled_then_off() {
 
 #[test]
 fn chatter_swings_across_the_feed_only_where_a_tooth_cuts() {
-    let chatter: &[Named<'_>] =
-        &[("chatter", &[("frequency", &[250.0]), ("amplitude", &[7.0])])];
+    let chatter: &[Named<'_>] = &[("chatter", &[("frequency", &[250.0]), ("amplitude", &[7.0])])];
     let cutter = Cutter { teeth: 1, ..mill() };
     let crest = at(chatter, 1e-3);
     let inside = cutter.bite(1.0, FEED);

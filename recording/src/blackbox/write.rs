@@ -55,7 +55,7 @@ impl BlackBox {
             .library(concat!("trued ", env!("CARGO_PKG_VERSION")));
         let write_error = |source| write_error(path, source);
         let bytes = Arc::new(AtomicU64::new(0));
-        let counted = Counted { file, bytes: Arc::clone(&bytes) };
+        let counted = Counted { file, bytes: Arc::clone(&bytes), opening: Some(Vec::new()) };
         let mut writer = options.create(counted).map_err(write_error)?;
         writer.write_metadata(&metadata(header)).map_err(write_error)?;
         let channels = BTreeMap::new();
@@ -197,16 +197,24 @@ fn metadata(header: &Header) -> Metadata {
 struct Counted {
     file: File,
     bytes: Arc<AtomicU64>,
+    /// What stands before the first record, until it is whole: it is written in one go, so that a kill leaves no half of it.
+    opening: Option<Vec<u8>>,
 }
 
 impl Write for Counted {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = self.file.write(bytes)?;
+        let written = match &mut self.opening {
+            Some(opening) => opening.write(bytes)?,
+            None => self.file.write(bytes)?,
+        };
         self.bytes.fetch_add(written as u64, Ordering::Relaxed);
         Ok(written)
     }
 
     fn flush(&mut self) -> io::Result<()> {
+        if let Some(opening) = self.opening.take() {
+            self.file.write_all(&opening)?;
+        }
         self.file.flush()
     }
 }
