@@ -239,7 +239,7 @@ fn confirmed(case: &Case, always: &[usize], choice: Choice) -> Choice {
     let mut choice = choice;
     loop {
         let whole = prove::rms(case, &choice.solved, &case.rows.look, false);
-        let asked = choice.names.iter().filter(|name| !case.library.families[**name].revises);
+        let asked = choice.names.iter().filter(|name| !case.is_belief(**name, always));
         let harm = |name: &usize| {
             let others: Vec<usize> = choice.names.iter().copied().filter(|n| n != name).collect();
             prove::rms(case, &asking.solve(&others).solved, &case.rows.look, false) - whole

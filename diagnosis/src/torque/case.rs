@@ -286,6 +286,13 @@ impl Case {
         products.solve(&(0..self.library.columns.len()).collect::<Vec<usize>>())
     }
 
+    /// Whether numbers that are fitted along, held by what is believed of them, explain as much as a name: then belief alone speaks for it.
+    pub(super) fn is_belief(&self, name: usize, always: &[usize]) -> bool {
+        let family = &self.library.families[name];
+        let is_of_masses = matches!(family.kind, "payload" | "inertia" | "gravity_torque");
+        family.revises || (is_of_masses && self.doubted.iter().any(|k| always.contains(k)))
+    }
+
     /// The sums over the rows that count and that `used` takes.
     pub(super) fn products(&self, used: &[bool]) -> Products {
         let columns: Vec<&Column> = self.library.columns.iter().collect();

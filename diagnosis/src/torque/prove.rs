@@ -59,7 +59,7 @@ pub(super) fn told(
             let at = solved.columns.iter().position(|k| *k == column);
             at.map_or(0.0, |at| solved.values[at].abs() / covariance[(at, at)].sqrt())
         };
-        let asked = names.iter().filter(|name| !case.library.families[**name].revises);
+        let asked = names.iter().filter(|name| !case.is_belief(**name, asking.always));
         let least = asked.map(|name| (*name, sure(*name)));
         let least = least.min_by(|a, b| a.1.total_cmp(&b.1));
         match least {
@@ -83,7 +83,7 @@ pub(super) fn borne_out(
     let mut refuted = Vec::new();
     loop {
         let whole = of(&names);
-        let asked = names.iter().filter(|name| !case.library.families[**name].revises);
+        let asked = names.iter().filter(|name| !case.is_belief(**name, asking.always));
         let harm = asked.map(|name| (*name, whole - of(&without(&names, *name))));
         let worst = harm.max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((name, _)) = worst.filter(|(_, harm)| *harm > 0.0) else {
