@@ -1,7 +1,5 @@
 //! `trued challenge`: two formulations of one physics held against each other, the seal, and the score of solvers whose answers are known.
 
-use std::os::unix::fs::PermissionsExt;
-
 use ::challenge::arm::Arm;
 use ::challenge::case::{Case, Tier};
 use ::challenge::chance::Chance;
@@ -146,12 +144,15 @@ fn every_effect_is_the_same_in_two_formulations_that_share_nothing() {
 /// A solver that says the same whatever it is asked.
 fn solver(place: &Place, answer: &str) -> String {
     let script = format!(
-        "#!/bin/sh\nwhile [ $# -gt 1 ]; do\n  case \"$1\" in --out) out=\"$2\"; shift;; --model) model=\"$2\"; shift;; esac\n  shift\ndone\n\
+        "while [ $# -gt 1 ]; do\n  case \"$1\" in --out) out=\"$2\"; shift;; --model) model=\"$2\"; shift;; esac\n  shift\ndone\n\
          cp \"$model\" \"$out/model.toml\"\ncat > \"$out/diagnosis.json\" <<'END'\n{answer}\nEND\n"
     );
-    let path = place.file("solver.sh", &script);
-    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
-    path.display().to_string()
+    scripted(place, "solver.sh", &script)
+}
+
+/// How a script of that place is called; nothing is started from there, where nothing may be.
+fn scripted(place: &Place, name: &str, script: &str) -> String {
+    format!("sh {}", place.file(name, script).display())
 }
 
 const CONSISTENT: &str = r#"{"schema": "trued.diagnosis/1", "verdict": "consistent", "domain": "position", "findings": []}"#;
@@ -224,10 +225,8 @@ fn every_model_and_recording_that_is_handed_out_reads() {
 #[test]
 fn a_solver_that_fails_hangs_or_talks_nonsense_is_no_answer() {
     let place = Place::new();
-    for (number, script) in ["#!/bin/sh\nexit 3\n", "#!/bin/sh\nsleep 60\n"].iter().enumerate() {
-        let path = place.file("bad.sh", script);
-        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
-        let (out, solver) = (format!("bad{number}"), path.display().to_string());
+    for (number, script) in ["exit 3\n", "sleep 60\n"].iter().enumerate() {
+        let (out, solver) = (format!("bad{number}"), scripted(&place, "bad.sh", script));
         let arguments =
             ["challenge", "--cases", "2", "--seed", "1", "--out", &out, "--solver", &solver];
         place.succeed(&[&arguments[..], &["--limit", "0.2", "--json", "said.json"]].concat());
@@ -286,13 +285,11 @@ fn a_solver_that_knows_the_truth_scores_all_and_its_model_is_worth_the_oracles()
         place.file(&format!("truth/{index:05}.toml"), &model);
     }
     let script = format!(
-        "#!/bin/sh\nwhile [ $# -gt 1 ]; do\n  case \"$1\" in --out) out=\"$2\"; shift;; --model) model=\"$2\"; shift;; esac\n  shift\ndone\n\
+        "while [ $# -gt 1 ]; do\n  case \"$1\" in --out) out=\"$2\"; shift;; --model) model=\"$2\"; shift;; esac\n  shift\ndone\n\
          case=$(basename $(dirname \"$model\"))\ncp {0}/$case.json \"$out/diagnosis.json\"\ncp {0}/$case.toml \"$out/model.toml\"\n",
         place.path("truth").display()
     );
-    let solver = place.file("knows.sh", &script);
-    std::fs::set_permissions(&solver, std::fs::Permissions::from_mode(0o755)).unwrap();
-    let solver = solver.display().to_string();
+    let solver = scripted(&place, "knows.sh", &script);
     place.succeed(&[
         "challenge",
         "--seed",
