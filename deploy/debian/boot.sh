@@ -17,6 +17,8 @@ if [ $# -gt 0 ]; then
     root=$1
 else
     root=$(mktemp -d /var/tmp/trued-debian.XXXXXX)
+    # It becomes `/`, which all users go through.
+    chmod 755 "$root"
     trap 'rm -rf --one-file-system "$root"' EXIT
 fi
 
