@@ -16,6 +16,7 @@ mod known;
 mod library;
 mod motion;
 mod noise;
+mod payload;
 mod prove;
 mod refine;
 mod result;
@@ -43,6 +44,8 @@ pub use zone::Zone;
 
 /// A name that brings less than this share of what is left, on rows that took no part in its choice, tells nothing.
 const TELLS: f64 = 1e-3;
+/// Stated masses, which carry no uncertainty, are doubted only where that explains so much more, in log-likelihood.
+const DOUBTED: f64 = 20.0;
 /// Rounds in which ripples are listened for.
 const RIPPLES: usize = 2;
 
@@ -99,10 +102,7 @@ pub fn diagnose(
         // What such rows asked for may be nothing.
         named(&mut case, &[], &train)
     };
-    let noise = case.table.noise.clone();
-    case.forget_memory();
     let names = confirmed(&case, &always, choice).names;
-    case.table.noise = noise;
     let seen = case.rows.seen();
     let products = case.products(&seen);
     let asking = refine::asking(&case, &products, &always);
@@ -189,7 +189,8 @@ fn named(case: &mut Case, start: &[usize], used: &[bool]) -> (Vec<usize>, Choice
             let products = case.products(used);
             let asking = refine::asking(case, &products, &always);
             let chosen = asking.choose(&names);
-            let goes_on = round < RIPPLES && refine::listen(case, &chosen, used);
+            let moved = case.recentre(&chosen);
+            let goes_on = round < RIPPLES && (refine::listen(case, &chosen, used) || moved);
             names.clone_from(&chosen.names);
             choice = Some(chosen);
             if !goes_on {
@@ -201,7 +202,8 @@ fn named(case: &mut Case, start: &[usize], used: &[bool]) -> (Vec<usize>, Choice
         let products = case.products(used);
         let asking = refine::asking(case, &products, &always);
         let choice = asking.choose(&choice.names);
-        let score = asking.score(&choice) - products.room(&always);
+        let doubts = if always.len() > case.open.len() { DOUBTED } else { 0.0 };
+        let score = asking.score(&choice) - products.room(&always) - doubts;
         if best.as_ref().is_none_or(|(most, ..)| score > *most) {
             best = Some((score, always, choice));
         }
@@ -232,27 +234,32 @@ fn zones(case: &mut Case, choice: &Choice, used: &[bool]) -> Vec<Zone> {
     zones
 }
 
-/// Without the names that rows kept for a second look do not bear out.
+/// Without the names that rows kept for a second look do not bear out, neither as they stand nor freed of the noise's memory.
 fn confirmed(case: &Case, always: &[usize], choice: Choice) -> Choice {
     let products = case.products(&case.rows.train);
     let asking = refine::asking(case, &products, always);
+    let look = &case.rows.look;
+    let left = |choice: &Choice| {
+        [prove::rms(case, &choice.solved, look, false), prove::news(case, &choice.solved, look)]
+    };
     let mut choice = choice;
     loop {
-        let whole = prove::rms(case, &choice.solved, &case.rows.look, false);
+        let whole = left(&choice);
         let asked = choice.names.iter().filter(|name| !case.is_belief(**name, always));
         let harm = |name: &usize| {
-            let others: Vec<usize> = choice.names.iter().copied().filter(|n| n != name).collect();
-            prove::rms(case, &asking.solve(&others).solved, &case.rows.look, false) - whole
+            let without = left(&asking.solve(&others(&choice.names, *name)));
+            (without[0] / whole[0]).max(without[1] / whole[1]) - 1.0
         };
         let worst = asked.map(|name| (*name, harm(name)));
-        let worst = worst.min_by(|a, b| a.1.total_cmp(&b.1));
-        match worst {
-            Some((name, harm)) if harm < TELLS * whole => {
-                let others: Vec<usize> =
-                    choice.names.iter().copied().filter(|n| *n != name).collect();
-                choice = asking.solve(&others);
+        match worst.min_by(|a, b| a.1.total_cmp(&b.1)) {
+            Some((name, harm)) if harm < TELLS => {
+                choice = asking.solve(&others(&choice.names, name));
             }
             _ => return choice,
         }
     }
+}
+
+fn others(names: &[usize], name: usize) -> Vec<usize> {
+    names.iter().copied().filter(|other| *other != name).collect()
 }

@@ -136,7 +136,7 @@ impl Case {
         let arm = &stated.model.arm;
         let motion = Motion::of(arm, stated.delay_s, recordings, band_hz);
         let rows = Rows::of(&motion, recordings, seed);
-        let rigid = Rigid::new(arm, &motion);
+        let rigid = Rigid::new(arm, &motion, arm.tool.tcp);
         let mut library = Library {
             columns: rigid.columns[..INERTIAL * arm.count()].to_vec(),
             prior: rigid.beliefs.iter().map(|sigma| 1.0 / (sigma * sigma)).collect(),
@@ -148,10 +148,10 @@ impl Case {
         let doubted: Vec<usize> = all.clone().filter(is_stated).collect();
         let mut open: Vec<usize> = all.filter(|k| !is_stated(k)).collect();
         let known = stated.known(&motion);
-        for (column, sigma) in known.open {
+        for one in &known.open {
             open.push(library.columns.len());
-            library.columns.push(column);
-            library.prior.push(1.0 / (sigma * sigma));
+            library.columns.push(one.column.clone());
+            library.prior.push(1.0 / (one.sigma * one.sigma));
         }
         let sum = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(a, b)| a + b).collect();
         let torque: Vec<Vec<f64>> = rigid.stated.iter().zip(&known.torque).map(sum).collect();
@@ -165,6 +165,7 @@ impl Case {
                 library.add_joint(stated, &motion, joint);
             }
         }
+        library.revise(&known.open);
         library.add_moments(arm, &motion);
         let of_mass = &rigid.columns[INERTIAL * arm.count()..];
         let several = recordings.len() > 1;
@@ -173,7 +174,7 @@ impl Case {
             // A mass that hangs there in every recording is one with the last link's where nothing is known of it.
             let mut each: Vec<Option<usize>> = if last_is_known { vec![None] } else { Vec::new() };
             each.extend((0..recordings.len()).filter(|_| several).map(Some));
-            each.iter().for_each(|one| library.payload(&motion, of_mass, *one));
+            each.iter().for_each(|one| library.payload(&motion, of_mass, arm.tool.tcp, *one));
         } else {
             let why = "nothing is known of the last link's mass: a payload is one with it";
             library.untested.push(("payload", None, why));
@@ -278,6 +279,16 @@ impl Case {
                 self.library.columns[place] = column;
             }
         }
+    }
+
+    /// Tells payloads about the places where this fit has them; whether any moved.
+    pub(super) fn recentre(&mut self, choice: &Choice) -> bool {
+        let of_inertia = self.inertial - 6..self.inertial;
+        let names = choice.names.iter();
+        let moved = names.map(|name| {
+            self.library.recentre(&self.motion, *name, of_inertia.clone(), &choice.solved)
+        });
+        moved.fold(false, |any, moved| any || moved)
     }
 
     /// Everything that may be missing at once, on all rows that are seen.

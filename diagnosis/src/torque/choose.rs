@@ -46,10 +46,15 @@ impl Asking<'_> {
         Choice { names: names.to_vec(), solved: self.products.solve(&self.columns(names)) }
     }
 
+    /// Numbers that a name takes, searched ones included, as far as these rows tell them apart.
+    pub(super) fn numbers(&self, family: &Family) -> f64 {
+        (self.products.rank(&family.columns) + family.settings.len()) as f64
+    }
+
     /// What a name costs: its numbers, and that so many names were asked.
     pub(super) fn price(&self, family: &Family) -> f64 {
         let rows = (self.products.rows.max(3) as f64).ln();
-        0.5 * family.numbers() * rows + (self.library.families.len().max(1) as f64).ln()
+        0.5 * self.numbers(family) * rows + (self.library.families.len().max(1) as f64).ln()
     }
 
     /// What a name would bring beside a choice; nothing where its signs are wrong.
@@ -97,7 +102,7 @@ impl Asking<'_> {
                 barred.push(name);
                 continue;
             }
-            next = self.exchanged(next, self.library.families[name].joint);
+            next = self.gathered(self.exchanged(next, self.library.families[name].joint));
             // A step that was taken back would be taken again.
             if self.score(&next) <= self.score(&choice) + 1e-9 {
                 barred.push(name);
@@ -166,6 +171,22 @@ impl Asking<'_> {
             choice = next;
         }
         choice
+    }
+
+    /// With one payload in the place of all that joints are said to lack of inertia and gravity, where that explains more for its price.
+    fn gathered(&self, choice: Choice) -> Choice {
+        let families = &self.library.families;
+        let is_mass = |name: &usize| matches!(families[*name].kind, "inertia" | "gravity_torque");
+        if !choice.names.iter().any(is_mass) {
+            return choice;
+        }
+        let payloads = (0..families.len()).filter(|name| families[*name].kind == "payload");
+        let with = |name: usize| {
+            let kept = choice.names.iter().copied().filter(|n| !is_mass(n) && *n != name);
+            self.pruned(self.solve(&kept.chain([name]).collect::<Vec<usize>>()))
+        };
+        let best = payloads.map(with).max_by(|a, b| self.score(a).total_cmp(&self.score(b)));
+        best.filter(|best| self.score(best) > self.score(&choice) + 1.0).unwrap_or(choice)
     }
 
     /// A better choice with one of the likeliest others in a name's place.

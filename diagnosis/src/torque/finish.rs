@@ -41,7 +41,6 @@ pub(super) fn finish(
             spread,
             moved: &moved,
             by_current: case.motion.by_current,
-            tcp: arm.tool.tcp.to_array(),
             gain: gain(case, &choice, family.joint),
             viscous: family.joint.map_or(0.0, |joint| viscous(case, stated, &choice, joint)),
         };

@@ -2,6 +2,7 @@
 //!
 //! Promises: stems and SI units of the contract's parameters. Never: a unit of a file.
 
+use glam::DVec3;
 use nalgebra::DMatrix;
 
 use super::choose::{Asking, Choice};
@@ -60,7 +61,7 @@ pub(super) fn stems(family: &Family) -> Vec<&'static str> {
         Form::Spring => vec!["stiffness", "rest_position"],
         Form::Wave => vec!["amplitude", "phase"],
         Form::Moment => vec!["first_moment"],
-        Form::Payload => vec!["mass", "com"],
+        Form::Payload { .. } => vec!["mass", "com"],
     };
     stems.extend(family.settings.iter().map(|(stem, _)| *stem));
     stems
@@ -76,8 +77,6 @@ pub(super) struct Context<'a> {
     pub(super) moved: &'a dyn Fn(usize) -> f64,
     /// Torque is as sure as a motor's constant.
     pub(super) by_current: bool,
-    /// The tool centre point at the zero configuration, m.
-    pub(super) tcp: [f64; 3],
     /// The gain that was found of the joint's drive: what acts is what is recorded over `1 + g`.
     pub(super) gain: f64,
     /// The joint's viscous friction, stated and found, as recorded.
@@ -120,9 +119,9 @@ pub(super) fn numbers(family: &Family, solved: &Solved, context: &Context<'_>) -
             vec![Number { stem: "first_moment", values, sigma: (0..3).map(sigma).collect() }]
         }
         Form::Wave => wave([value(0), value(1)], shared, floor),
-        Form::Payload => payload([0, 1, 2, 3].map(value), context.tcp, sigma(0), |k| {
-            shared(k, k).max(0.0).sqrt()
-        }),
+        Form::Payload { about } => {
+            payload([0, 1, 2, 3].map(value), about, sigma(0), |k| shared(k, k).max(0.0).sqrt())
+        }
     };
     all.extend(
         family
@@ -145,14 +144,14 @@ fn wave([a, b]: [f64; 2], shared: impl Fn(usize, usize) -> f64, floor: f64) -> V
     vec![one("amplitude", amplitude, of_amplitude), one("phase", libm::atan2(b, a), of_phase)]
 }
 
-/// Mass and centre from mass and first moment about the tool centre point. Both share the torque's scale, which leaves the centre alone.
+/// Mass and centre from mass and first moment about a point. Both share the torque's scale, which leaves the centre alone.
 fn payload(
     [mass, moment @ ..]: [f64; 4],
-    tcp: [f64; 3],
+    about: DVec3,
     of_mass: f64,
     own: impl Fn(usize) -> f64,
 ) -> Vec<Number> {
-    let com = |k: usize| tcp[k] + moment[k] / mass;
+    let com = |k: usize| about[k] + moment[k] / mass;
     let of_com = |k: usize| (own(k + 1) / mass).hypot(own(0) * moment[k] / (mass * mass));
     let values = (0..3).map(com).collect();
     let sigma = (0..3).map(of_com).collect();
@@ -192,7 +191,7 @@ pub(super) fn rivals(asking: &Asking<'_>, choice: &Choice, name: usize) -> (f64,
         if behind > FAR {
             continue;
         }
-        let dearer = family.numbers() - own.numbers();
+        let dearer = asking.numbers(family) - asking.numbers(own);
         let rival = Rival {
             kind: family.kind,
             joint: family.joint,

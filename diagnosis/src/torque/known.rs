@@ -25,8 +25,16 @@ pub struct Stated<'a> {
 pub(super) struct Known {
     /// Per joint, N m or N.
     pub(super) torque: Vec<Vec<f64>>,
-    /// A column for each number of stated uncertainty, with that uncertainty.
-    pub(super) open: Vec<(Column, f64)>,
+    /// A column for each number of stated uncertainty.
+    pub(super) open: Vec<Open>,
+}
+
+/// A number of stated uncertainty.
+pub(super) struct Open {
+    pub(super) column: Column,
+    pub(super) sigma: f64,
+    /// The effect whose first number it is.
+    pub(super) first_of: Option<(&'static str, Option<usize>)>,
 }
 
 impl Stated<'_> {
@@ -80,7 +88,14 @@ impl Stated<'_> {
         let (torque, columns) = self.over_all(motion, &places);
         let open = columns.into_iter().zip(&wanted);
         let open = open.filter(|(column, _)| !column.parts.is_empty());
-        Known { torque, open: open.map(|(column, (_, _, sigma))| (column, *sigma)).collect() }
+        let effects: Vec<&AnyEffect> = self.model.effects().collect();
+        let one = |(column, (effect, value, sigma)): (Column, &(usize, usize, f64))| Open {
+            column,
+            sigma: *sigma,
+            first_of: (*value == 0)
+                .then(|| (effects[*effect].spec().kind, effects[*effect].joint())),
+        };
+        Known { torque, open: open.map(one).collect() }
     }
 
     /// Per joint, what effects add at the rows; and a column for each number that is wanted.

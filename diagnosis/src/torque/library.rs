@@ -3,11 +3,12 @@
 //! Promises: signs and limits of numbers as the contract has them; a name whose condition never occurs in the recording is not asked for, and why is said.
 //! Never: a choice.
 
+use glam::DVec3;
 use physics::{Arm, JointKind};
 
 use super::columns::{Column, Law, lowest_speed, shortest_way, usual_speed};
 use super::filter::derivative;
-use super::known::{Stated, moments};
+use super::known::{Open, Stated, moments};
 use super::motion::Motion;
 
 /// Speeds at which a Stribeck friction may have fallen off, in shares of the joint's usual speed.
@@ -17,12 +18,17 @@ const REVERSALS: [f64; 4] = [0.002, 0.005, 0.015, 0.05];
 /// Temperatures that span less say nothing, K.
 const STEADY_K: f64 = 1.0;
 
+/// A drive pushes at least this share less, or more, than its plate says: beyond, something else is wrong.
+pub(super) const GAIN: [f64; 2] = [-0.8, 1.0];
+
 /// What a number may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Sign {
     Any,
     /// At least this: 0, or what takes away all that the model states.
     AtLeast(f64),
+    /// From and to.
+    Within([f64; 2]),
 }
 
 impl Sign {
@@ -30,12 +36,13 @@ impl Sign {
         match self {
             Self::Any => true,
             Self::AtLeast(least) => value >= least,
+            Self::Within([least, most]) => (least..=most).contains(&value),
         }
     }
 }
 
 /// How the numbers of columns become the numbers of the effect.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Form {
     /// One column each, in this order of stems.
     Plain(&'static [&'static str]),
@@ -49,8 +56,8 @@ pub(super) enum Form {
     Wave,
     /// Three numbers of one first moment.
     Moment,
-    /// Mass and first moment about the TCP.
-    Payload,
+    /// Mass and first moment about this point of the zero configuration, m.
+    Payload { about: DVec3 },
 }
 
 /// One name at one place.
@@ -80,11 +87,6 @@ pub(super) struct Library {
 }
 
 impl Family {
-    /// Numbers that it takes, searched ones included.
-    pub(super) fn numbers(&self) -> f64 {
-        (self.columns.len() + self.settings.len()) as f64
-    }
-
     /// Whether the other is the same name at the same place in another form.
     pub(super) fn is_kin(&self, other: &Self) -> bool {
         self.kind == other.kind
@@ -179,6 +181,18 @@ impl Library {
         self.add_warmth(motion, joint);
     }
 
+    /// A number that the model has takes the column of what the model says of it: two forms of one law would name their difference.
+    pub(super) fn revise(&mut self, open: &[Open]) {
+        let is_plain =
+            |family: &&Family| matches!(family.form, Form::Plain(_)) && family.settings.is_empty();
+        for family in self.families.iter().filter(is_plain) {
+            let same = |one: &&Open| one.first_of == Some((family.kind, family.joint));
+            if let (Some(one), [column]) = (open.iter().find(same), &family.columns[..]) {
+                self.columns[*column] = one.column.clone();
+            }
+        }
+    }
+
     /// Friction that falls with the joint's temperature.
     fn add_warmth(&mut self, motion: &Motion, joint: usize) {
         let kind = "friction_temperature";
@@ -242,12 +256,12 @@ impl Library {
         stated: &[Vec<f64>],
         torques: &[(usize, Vec<f64>)],
     ) {
-        let family = |kind, joint, stem| Family {
+        let family = |kind, joint, stem, sign| Family {
             kind,
             joint,
             recording: None,
             columns: Vec::new(),
-            signs: vec![Sign::Any],
+            signs: vec![sign],
             form: Form::Plain(stem),
             revises: false,
             settings: Vec::new(),
@@ -260,49 +274,15 @@ impl Library {
                 continue;
             }
             let column = Column { parts: vec![(*joint, torque.clone())] };
-            self.add(family("drive_gain", Some(*joint), &["gain"]), vec![column]);
+            let sign = Sign::Within(GAIN);
+            self.add(family("drive_gain", Some(*joint), &["gain"], sign), vec![column]);
         }
         let late = |(joint, torque): &(usize, Vec<f64>)| {
             let rates = rates(motion, torque);
             (*joint, rates.into_iter().map(|rate| -rate).collect())
         };
         let column = Column { parts: torques.iter().map(late).collect() };
-        self.add(family("torque_delay", None, &["delay"]), vec![column]);
-    }
-
-    /// A mass at the flange: in all recordings, or in one.
-    pub(super) fn payload(
-        &mut self,
-        motion: &Motion,
-        of_mass: &[Column],
-        recording: Option<usize>,
-    ) {
-        let rows: Vec<bool> = motion
-            .runs
-            .iter()
-            .flat_map(|run| {
-                let here = recording.is_none_or(|wanted| wanted == run.recording);
-                std::iter::repeat_n(here, run.rows.len())
-            })
-            .collect();
-        let here = |column: &Column| {
-            let only = |values: &[f64]| {
-                values.iter().zip(&rows).map(|(x, here)| if *here { *x } else { 0.0 }).collect()
-            };
-            Column { parts: column.parts.iter().map(|(j, v)| (*j, only(v))).collect() }
-        };
-        let family = Family {
-            kind: "payload",
-            joint: None,
-            recording,
-            columns: Vec::new(),
-            signs: vec![Sign::AtLeast(0.0), Sign::Any, Sign::Any, Sign::Any],
-            form: Form::Payload,
-            revises: false,
-            settings: Vec::new(),
-        };
-        let columns = of_mass.iter().map(here).collect();
-        self.add(family, columns);
+        self.add(family("torque_delay", None, &["delay"], Sign::Any), vec![column]);
     }
 }
 

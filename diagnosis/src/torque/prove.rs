@@ -36,6 +36,20 @@ pub(super) fn rms(case: &Case, solved: &Solved, used: &[bool], all: bool) -> f64
     if count > 0.0 { libm::sqrt(sum / count) * libm::exp(scale / joints) } else { 0.0 }
 }
 
+/// Root mean square of what is new in what is left, in units of the noise: what a law that is quick beside the noise's memory changes.
+pub(super) fn news(case: &Case, solved: &Solved, used: &[bool]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for joint in case.table.joints() {
+        let left = case.table.whitened(joint, &case.residual(solved, joint));
+        let counts = &case.table.counts[joint];
+        for row in (0..left.len()).filter(|row| used[*row] && counts[*row]) {
+            sum += left[row] * left[row];
+            count += 1.0;
+        }
+    }
+    libm::sqrt(sum / f64::max(count, 1.0))
+}
+
 /// Root mean square of one joint on `used` rows, N m or N.
 pub(super) fn of_joint(case: &Case, solved: &Solved, joint: usize, used: &[bool]) -> f64 {
     let left = case.residual(solved, joint);

@@ -2,7 +2,7 @@
 //!
 //! A body is stated about a point near it (its centre of mass, or its joint's pivot where nothing is known), so that each number can be doubted by itself.
 //!
-//! Promises: ten numbers per body, the payload's four at the TCP. Never: a judgement which of them a motion can tell.
+//! Promises: ten numbers per body, the payload's four about a point that is given. Never: a judgement which of them a motion can tell.
 
 use glam::{DMat3, DVec3};
 use physics::dynamics::{INERTIAL, Inertial, Regressor};
@@ -20,30 +20,47 @@ const DOUBT: (f64, f64, f64) = (0.05, 0.02, 0.1);
 pub(super) struct Rigid {
     /// Per joint, the stated masses' torque, row by row.
     pub(super) stated: Vec<Vec<f64>>,
-    /// Ten columns per body, then mass and first moment of a payload about the TCP.
+    /// Ten columns per body, then mass and first moment of a payload.
     pub(super) columns: Vec<Column>,
     /// What is believed of each number but the payload's: its standard deviation.
     pub(super) beliefs: Vec<f64>,
 }
 
-/// Columns of one body about `point`, one joint after the other: mass, first moment, inertia.
-fn about(table: &[[f64; INERTIAL]; JOINTS_MAX], point: DVec3, joint: usize) -> [f64; INERTIAL] {
-    let row = &table[joint];
-    let dot = |p: &Inertial| p.values().iter().zip(row).map(|(a, b)| a * b).sum::<f64>();
-    let mass = dot(&Inertial::of(&Body::point_mass(1.0, point)));
+/// A unit mass at a point, and a unit of first moment about it along each axis, as inertial parameters.
+fn at_point(point: DVec3) -> [[f64; INERTIAL]; 4] {
     let moment = |axis: DVec3| {
         let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
         let inertia = DMat3::from_diagonal(DVec3::splat(2.0 * point.dot(axis)))
             - outer(point, axis)
             - outer(axis, point);
-        dot(&Inertial { mass: 0.0, first_moment: axis, inertia })
+        Inertial { mass: 0.0, first_moment: axis, inertia }.values()
     };
     let [x, y, z] = DVec3::AXES.map(moment);
+    [Inertial::of(&Body::point_mass(1.0, point)).values(), x, y, z]
+}
+
+/// Columns of one body about `point`, one joint after the other: mass, first moment, inertia.
+fn about(table: &[[f64; INERTIAL]; JOINTS_MAX], point: DVec3, joint: usize) -> [f64; INERTIAL] {
+    let row = &table[joint];
+    let dot = |p: [f64; INERTIAL]| p.iter().zip(row).map(|(a, b)| a * b).sum::<f64>();
+    let [mass, x, y, z] = at_point(point).map(dot);
     [mass, x, y, z, row[4], row[5], row[6], row[7], row[8], row[9]]
 }
 
+/// Mass and first moment of a body about a point, told about another that lies `by` from it, m; `columns`: its ten about the first.
+pub(super) fn carried(columns: [&Column; INERTIAL], by: DVec3) -> [Column; 4] {
+    at_point(by).map(|numbers| {
+        let sum = |joint: usize, rows: usize| {
+            let parts: Vec<(&Column, f64)> = columns.iter().copied().zip(numbers).collect();
+            Column::sum(&parts, joint, rows)
+        };
+        let parts = columns[0].parts.iter().map(|(joint, old)| (*joint, sum(*joint, old.len())));
+        Column { parts: parts.collect() }
+    })
+}
+
 impl Rigid {
-    pub(super) fn new(arm: &Arm, motion: &Motion) -> Self {
+    pub(super) fn new(arm: &Arm, motion: &Motion, of_payload: DVec3) -> Self {
         let count = arm.count();
         let points: Vec<DVec3> = arm
             .joints()
@@ -72,7 +89,7 @@ impl Rigid {
                             columns[INERTIAL * body + k].parts[joint].1.push(number);
                         }
                         if body + 1 == count {
-                            let numbers = about(&table, arm.tool.tcp, joint);
+                            let numbers = about(&table, of_payload, joint);
                             for (k, number) in numbers.into_iter().take(4).enumerate() {
                                 columns[INERTIAL * count + k].parts[joint].1.push(number);
                             }

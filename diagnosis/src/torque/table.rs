@@ -156,7 +156,6 @@ impl Products {
 
     /// The least squares of these columns; those that say nothing of their own are left out.
     pub(super) fn solve(&self, columns: &[usize]) -> Solved {
-        let mut taken: Vec<usize> = Vec::with_capacity(columns.len());
         let mut solved = Solved {
             columns: Vec::new(),
             values: Vec::new(),
@@ -168,20 +167,7 @@ impl Products {
             let own = if i == j { self.prior[columns[i]] } else { 0.0 };
             self.gram[(columns[i], columns[j])] + own
         });
-        for k in 0..columns.len() {
-            let full = self.gram[(columns[k], columns[k])] + self.prior[columns[k]];
-            let pivot = rest[(k, k)];
-            if full <= 0.0 || pivot <= OWN * full {
-                continue;
-            }
-            taken.push(columns[k]);
-            for i in k + 1..columns.len() {
-                let share = rest[(i, k)] / pivot;
-                for j in k + 1..columns.len() {
-                    rest[(i, j)] -= share * rest[(k, j)];
-                }
-            }
-        }
+        let taken = Self::own(columns, &mut rest);
         if taken.is_empty() {
             return solved;
         }
@@ -202,6 +188,34 @@ impl Products {
             DMatrix::from_fn(count, count, |i, j| inverse[(i, j)] * scale[i] * scale[j]);
         solved.columns = taken;
         solved
+    }
+
+    /// How many of these columns say something of their own.
+    pub(super) fn rank(&self, columns: &[usize]) -> usize {
+        let mut rest = DMatrix::from_fn(columns.len(), columns.len(), |i, j| {
+            self.gram[(columns[i], columns[j])]
+        });
+        Self::own(columns, &mut rest).len()
+    }
+
+    /// Which of these columns the ones before them do not explain; `rest`: their sums of products, used up.
+    fn own(columns: &[usize], rest: &mut DMatrix<f64>) -> Vec<usize> {
+        let full: Vec<f64> = (0..columns.len()).map(|k| rest[(k, k)]).collect();
+        let mut taken = Vec::with_capacity(columns.len());
+        for k in 0..columns.len() {
+            let pivot = rest[(k, k)];
+            if full[k] <= 0.0 || pivot <= OWN * full[k] {
+                continue;
+            }
+            taken.push(columns[k]);
+            for i in k + 1..columns.len() {
+                let share = rest[(i, k)] / pivot;
+                for j in k + 1..columns.len() {
+                    rest[(i, j)] -= share * rest[(k, j)];
+                }
+            }
+        }
+        taken
     }
 
     /// What it costs that these numbers, believed with doubt, may take what values they like (Occam's factor of a Gaussian belief).

@@ -9,6 +9,7 @@ use rand_chacha::rand_core::SeedableRng;
 use rand_distr::StandardNormal;
 use recording::series::{Channel, Recording};
 
+use super::library::{GAIN, Sign};
 use super::{Diagnosis, Doubt, Stated, diagnose};
 use crate::diagnose::Verdict;
 use glam::{DMat3, DVec3};
@@ -202,8 +203,15 @@ fn what_the_model_states_of_its_drives_is_no_finding_whatever_its_law() {
         &[("amplitude", &[6.0]), ("cycles", &[200.0]), ("phase", &[0.4])];
     let loop_: &[(&str, &[f64])] = &[("amplitude_N", &[14.0]), ("reversal", &[4e-3])];
     let known = [effect(&arm, "torque_ripple", ripple), effect(&arm, "hysteresis", loop_)];
-    let model = Model::new(arm, &known).unwrap();
-    let mut made = recording(JointKind::Prismatic, 0.5, |_| 0.0);
+    let made = driven(&arm, &known, JointKind::Prismatic, 0.5);
+    assert_eq!(of(&arm, &known, made.clone()).verdict, Verdict::Consistent);
+    assert_ne!(of(&arm, &[], made).verdict, Verdict::Consistent);
+}
+
+/// What the drives of a model exert on the motion, with noise.
+fn driven(arm: &Arm, effects: &[AnyEffect], kind: JointKind, noise: f64) -> Recording {
+    let model = Model::new(*arm, effects).unwrap();
+    let mut made = recording(kind, noise, |_| 0.0);
     let noise = made.column(Channel::Torque(0)).unwrap().to_vec();
     let mut memories = Memories::default();
     let mut before = None;
@@ -219,6 +227,41 @@ fn what_the_model_states_of_its_drives_is_no_finding_whatever_its_law() {
     };
     let torques = t_s.iter().zip(noise).map(row).collect();
     made.set(Channel::Torque(0), torques);
-    assert_eq!(of(&arm, &known, made.clone()).verdict, Verdict::Consistent);
-    assert_ne!(of(&arm, &[], made).verdict, Verdict::Consistent);
+    made
+}
+
+fn pendulum() -> Arm {
+    let bare = arm(JointKind::Revolute, Some(Body::point_mass(5.0, DVec3::new(0.0, 0.0, -0.3))));
+    let tool = Tool { tcp: DVec3::new(0.0, 0.0, -0.4), ..bare.tool };
+    Arm::new(bare.joints(), tool, bare.gravity).unwrap()
+}
+
+#[test]
+fn a_mass_that_hangs_far_from_the_tool_is_one_payload_and_no_sum_of_inertia_and_gravity() {
+    let arm = pendulum();
+    let given: &[(&str, &[f64])] = &[("mass", &[2.0]), ("com", &[0.1, 0.0, -0.5])];
+    let hangs = AnyEffect::build("payload", &arm, None, Given(given)).unwrap();
+    let found = of(&arm, &[], driven(&arm, &[hangs], JointKind::Revolute, 0.05));
+    let kinds: Vec<&str> = found.findings.iter().map(|finding| finding.kind).collect();
+    assert_eq!(kinds, ["payload"], "{:?}", found.findings);
+    near(&found, "payload", 2.0, 0.05);
+    let com = &found.findings[0].numbers[1];
+    assert!((com.values[0] - 0.1).abs() < 0.01 && (com.values[2] + 0.5).abs() < 0.02, "{com:?}");
+}
+
+#[test]
+fn stated_masses_are_believed_where_a_name_explains_as_much_as_their_doubt() {
+    let arm = pendulum();
+    // A centre that is 4 mm off would ask for nearly the same.
+    let pull = effect(&arm, "friction_asymmetry", &[("offset", &[0.2])]);
+    let found = of(&arm, &[], driven(&arm, &[pull], JointKind::Revolute, 0.05));
+    assert_eq!(found.verdict, Verdict::MissingPhysics, "{:?}", found.findings);
+    near(&found, "friction_asymmetry", 0.2, 0.02);
+}
+
+#[test]
+fn a_drive_gain_stays_within_what_a_drive_can_be_off_by() {
+    let [less, more] = [-0.5, 0.5].map(|gain| Sign::Within(GAIN).admits(gain));
+    assert!(less && more);
+    assert!(![-24.3, -1.0, 3.0].into_iter().any(|gain| Sign::Within(GAIN).admits(gain)));
 }

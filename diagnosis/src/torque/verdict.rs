@@ -12,6 +12,9 @@ use super::{Finding, Law, prove};
 const CARRIED: f64 = 0.98;
 /// Where more than this share of what is named cannot be told apart, nothing is claimed.
 const CLEAR: f64 = 0.5;
+/// A rival that is so much behind is listed, but the verdict no longer waits for it: where names differ by 5 in expectation, chance takes more than this of it only in
+/// one case in four, and where they do not differ it seldom gives as much.
+const BEHIND: f64 = 3.0;
 /// Names that carry their share of what stands above the noise on held-out rows are the answer; else the structure is unknown.
 pub(super) fn verdict(
     case: &Case,
@@ -36,7 +39,7 @@ pub(super) fn verdict(
     let carried = left.map(|left| (before - after) / (before - after + left).max(1e-300));
     let named: f64 = findings.iter().map(|one| one.gain).sum();
     let is_alike = |one: &&Finding| {
-        one.rivals.iter().any(|r| r.alike && r.kind != one.kind && r.dearer <= 0.0)
+        one.rivals.iter().any(|r| r.behind < BEHIND && r.kind != one.kind && r.dearer <= 0.0)
     };
     let alike: f64 = findings.iter().filter(is_alike).map(|one| one.gain).sum();
     match (findings.is_empty(), carried) {

@@ -1,0 +1,100 @@
+//! A mass at the flange that the model does not know of: four numbers, linear about a point; a mass that lies elsewhere has inertia about that point besides.
+//!
+//! Promises: told about the place where it was found, a point mass is exact to first order. Never: a choice.
+
+use glam::DVec3;
+use physics::dynamics::INERTIAL;
+
+use super::columns::Column;
+use super::library::{Family, Form, Library, Sign};
+use super::motion::Motion;
+use super::rigid::carried;
+use super::table::Solved;
+
+/// A payload is found within this of the tool centre point, m; a fit that says more says nothing of the place.
+const REACH_M: f64 = 2.0;
+
+/// A shift of the place below this changes nothing, m.
+const NEAR_M: f64 = 1e-3;
+
+impl Library {
+    /// In all recordings, or in one; `of_mass`: mass and first moment about `about`.
+    pub(super) fn payload(
+        &mut self,
+        motion: &Motion,
+        of_mass: &[Column],
+        about: DVec3,
+        recording: Option<usize>,
+    ) {
+        let family = Family {
+            kind: "payload",
+            joint: None,
+            recording,
+            columns: Vec::new(),
+            signs: vec![Sign::AtLeast(f64::MIN_POSITIVE), Sign::Any, Sign::Any, Sign::Any],
+            form: Form::Payload { about },
+            revises: false,
+            settings: Vec::new(),
+        };
+        let columns = of_mass.iter().map(|column| within(motion, column, recording));
+        self.add(family, felt(columns.collect()));
+    }
+
+    /// Tells a payload about the place where a fit has it, and whether that is another; `inertia`: the columns of the last body's inertia.
+    pub(super) fn recentre(
+        &mut self,
+        motion: &Motion,
+        name: usize,
+        inertia: std::ops::Range<usize>,
+        solved: &Solved,
+    ) -> bool {
+        let family = &self.families[name];
+        let (Form::Payload { about }, &[m, x, y, z]) = (family.form, &family.columns[..]) else {
+            return false;
+        };
+        let number = |column| solved.value(column).unwrap_or(0.0);
+        let by = DVec3::new(number(x), number(y), number(z)) / number(m);
+        if !(NEAR_M..REACH_M).contains(&by.length()) {
+            return false;
+        }
+        let of_inertia: Vec<Column> = self.columns[inertia]
+            .iter()
+            .map(|column| within(motion, column, family.recording))
+            .collect();
+        let places = [m, x, y, z];
+        let own = places.map(|place| &self.columns[place]);
+        let all: [&Column; INERTIAL] =
+            std::array::from_fn(|k| if k < 4 { own[k] } else { &of_inertia[k - 4] });
+        let new = carried(all, by);
+        for (place, column) in places.into_iter().zip(felt(new.to_vec())) {
+            self.columns[place] = column;
+        }
+        self.families[name].form = Form::Payload { about: about + by };
+        true
+    }
+}
+
+/// Below this share of what a mass asks for, a moment is rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// Mass and first moment, those that no drive feels as nothing.
+fn felt(mut columns: Vec<Column>) -> Vec<Column> {
+    let square = |column: &Column| column.parts.iter().flat_map(|(_, x)| x).map(|x| x * x).sum();
+    let squares: Vec<f64> = columns.iter().map(square).collect();
+    let least = ROUNDING * ROUNDING * squares[0];
+    let unfelt = columns.iter_mut().zip(&squares).filter(|(_, square)| **square < least);
+    unfelt.for_each(|(column, _)| column.parts.clear());
+    columns
+}
+
+/// What a column is in one recording, nothing elsewhere; in all, itself.
+fn within(motion: &Motion, column: &Column, recording: Option<usize>) -> Column {
+    let here = |run: usize| recording.is_none_or(|wanted| wanted == motion.runs[run].recording);
+    let runs = motion.runs.iter().enumerate();
+    let rows: Vec<bool> =
+        runs.flat_map(|(k, run)| std::iter::repeat_n(here(k), run.rows.len())).collect();
+    let only = |values: &[f64]| {
+        values.iter().zip(&rows).map(|(x, here)| if *here { *x } else { 0.0 }).collect()
+    };
+    Column { parts: column.parts.iter().map(|(joint, x)| (*joint, only(x))).collect() }
+}
