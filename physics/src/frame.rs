@@ -88,6 +88,13 @@ impl Twist {
         self.velocity += pivot.cross(turn);
     }
 
+    /// Adds so many times a twist of what `frame` has moved.
+    pub(crate) fn follow(&mut self, twist: &Self, frame: &Frame, times: f64) {
+        let turn = frame.rotation * twist.turn * times;
+        self.turn += turn;
+        self.velocity += frame.rotation * twist.velocity * times + frame.origin.cross(turn);
+    }
+
     /// The motion: the exponential of the twist. Turns about one pivot give exactly the rotation about it; turns
     /// that cancel about different pivots leave the shift that they are.
     #[inline]

@@ -1,0 +1,69 @@
+//! What effects say of how they follow the arm, against differences over the joints' positions.
+
+use super::{Sample, samples};
+use crate::{Evaluation, Inputs, JOINTS_MAX, Memories, Model, Told};
+use glam::DVec3;
+
+const STEP: f64 = 1e-6;
+
+/// At rest, as inertia follows by a law of its own.
+fn at_rest(sample: &Sample) -> Inputs {
+    let still = Inputs { velocity: [0.0; JOINTS_MAX], ..sample.scene.inputs };
+    Inputs { acceleration: [0.0; JOINTS_MAX], direction: [1.0; JOINTS_MAX], ..still }
+}
+
+/// What the deviation of a model with this effect alone tells of a step of all joints, and what becomes of it by that step.
+fn followed(
+    sample: &Sample,
+    step: &[f64; JOINTS_MAX],
+) -> Option<([f64; JOINTS_MAX], DVec3, [Evaluation; 2])> {
+    let inputs = at_rest(sample);
+    let mut model = Model::nominal(sample.scene.arm);
+    model.push(sample.effect).expect("room");
+    let mut memories = Memories::default();
+    model.settle(&inputs, &mut memories);
+    let (mut here, mut told) = (Evaluation::default(), Told::default());
+    model.deviate_into(&inputs, &memories, &mut here, Some(&mut told));
+    let beside = |times: f64| {
+        let mut inputs = inputs;
+        inputs.q.iter_mut().zip(step).for_each(|(q, step)| *q += times * step);
+        model.evaluate(&inputs, &memories)
+    };
+    let (joints, base) = told.follow(&model.arm, &here, step);
+    told.is_whole.then(|| (joints, base, [beside(-STEP), beside(STEP)]))
+}
+
+#[test]
+fn what_effects_tell_is_how_what_they_add_follows_the_arm() {
+    let mut told = 0;
+    for sample in samples() {
+        // One joint after the other, then all at once.
+        for k in 0..=sample.scene.arm.count() {
+            let one = |i: usize| {
+                if k == i || k == sample.scene.arm.count() { 1.0 - 0.1 * i as f64 } else { 0.0 }
+            };
+            let step = core::array::from_fn(one);
+            let Some((joints, base, [less, more])) = followed(&sample, &step) else { continue };
+            told += 1;
+            let (a, b) = (less.deviation, more.deviation);
+            for i in 0..sample.scene.arm.count() {
+                let found = (b.joints[i] - a.joints[i]) / (2.0 * STEP);
+                let close = (joints[i] - found).abs() < 1e-5 * found.abs().max(1e-3);
+                assert!(close, "{}: joint {i} by {k}: {} {found}", sample.name, joints[i]);
+            }
+            let turned = (b.base_turn - a.base_turn) / (2.0 * STEP);
+            assert!((base - turned).length() < 1e-8, "{}: {base} {turned}", sample.name);
+            // Of the rest, that it stays.
+            let rest = |d: &crate::Deviation| {
+                (
+                    d.tool_shift,
+                    d.tool_turn,
+                    (0..=JOINTS_MAX).map(|i| d.link(i).copied()).collect::<Vec<_>>(),
+                )
+            };
+            assert_eq!(rest(&a), rest(&b), "{}", sample.name);
+            assert!((0..JOINTS_MAX).all(|i| a.axis(i) == b.axis(i)), "{}", sample.name);
+        }
+    }
+    assert!(told > 100, "{told}");
+}
