@@ -74,13 +74,17 @@ impl Solver {
         reach: &Joints,
     ) -> Solution {
         let Self { seen, told, slopes } = self;
-        let (mut trial, mut last, mut steps) = (*inputs, None::<Step>, 0);
+        let (mut trial, mut last, mut steps, mut is_real) = (*inputs, None::<Step>, 0, false);
         model.deviate_into(&trial, memories, seen, Some(told));
         let rows = Rows::of(&seen.nominal.base_from_tool, task);
-        // Small as deviations are, what they do to the tool is told to first order without the geometry that they make.
+        // What deviations do to the tool is told to first order without the geometry that they make: enough for a step, not for an end.
         let (moved, turned) = seen.deviation.moves(&model.arm, &seen.nominal);
         let mut error = rows.error(-moved, -turned);
         loop {
+            if !is_real && error.is_done() {
+                seen.stand(&model.arm, &trial);
+                (error, is_real) = (rows.between(&seen.real.base_from_tool), true);
+            }
             let here = |converged| {
                 let residual = error.residual(task);
                 Solution { q: trial.q, converged, residual, steps }
@@ -89,7 +93,7 @@ impl Solver {
             if seen.beyond.is_some() || error.is_done() {
                 return here(seen.beyond.is_none());
             }
-            let chain = if steps == 0 { &seen.nominal } else { &seen.real };
+            let chain = if is_real { &seen.real } else { &seen.nominal };
             let allowed = |step: &Joints| stays_within(&trial.q, step, &inputs.q, reach);
             let stands = Here { arm: &model.arm, seen, chain, told, rows: &rows };
             let again = last.and_then(|last| slopes.again(&last, &error, &stands));
@@ -102,14 +106,14 @@ impl Solver {
             };
             apply(&mut trial.q, &next.by);
             steps += 1;
-            if next.foretold < STEP_DONE {
+            if is_real && next.foretold < STEP_DONE {
                 let residual = next.left.residual(task);
                 return Solution { q: trial.q, converged: true, residual, steps };
             }
             last = Some(next);
             model.deviate_into(&trial, memories, seen, Some(told));
             seen.stand(&model.arm, &trial);
-            error = rows.between(&seen.real.base_from_tool);
+            (error, is_real) = (rows.between(&seen.real.base_from_tool), true);
         }
     }
 }

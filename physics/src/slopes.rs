@@ -44,7 +44,9 @@ pub struct Told {
 impl Told {
     /// Nothing was told yet.
     pub(crate) fn clear(&mut self, is_whole: bool) {
-        *self = Self { is_whole, ..Self::default() };
+        let none = [0.0; JOINTS_MAX];
+        (self.position, self.gravity, self.wrench) = (none, none, none);
+        (self.base, self.is_coupled, self.is_whole) = (0.0, false, is_whole);
     }
 
     /// Adds what an effect of `joint` tells.

@@ -1,7 +1,9 @@
 //! What effects say of how they follow the arm, against differences over the joints' positions.
 
-use super::{Sample, samples};
-use crate::{Evaluation, Inputs, JOINTS_MAX, Memories, Model, Told};
+use super::{Sample, Scene, numbers, samples, seen};
+use crate::frame::vector_from_rotation;
+use crate::spec::ActsOn;
+use crate::{Chain, Deviation, Evaluation, Inputs, JOINTS_MAX, Memories, Memory, Model, Told};
 use glam::DVec3;
 
 const STEP: f64 = 1e-6;
@@ -46,15 +48,15 @@ fn what_effects_tell_is_how_what_they_add_follows_the_arm() {
             let Some((joints, base, [less, more])) = followed(&sample, &step) else { continue };
             told += 1;
             let (a, b) = (less.deviation, more.deviation);
-            for i in 0..sample.scene.arm.count() {
+            for (i, said) in joints[..sample.scene.arm.count()].iter().enumerate() {
                 let found = (b.joints[i] - a.joints[i]) / (2.0 * STEP);
-                let close = (joints[i] - found).abs() < 1e-5 * found.abs().max(1e-3);
-                assert!(close, "{}: joint {i} by {k}: {} {found}", sample.name, joints[i]);
+                let close = (said - found).abs() < 1e-5 * found.abs().max(1e-3);
+                assert!(close, "{}: joint {i} by {k}: {said} {found}", sample.name);
             }
             let turned = (b.base_turn - a.base_turn) / (2.0 * STEP);
             assert!((base - turned).length() < 1e-8, "{}: {base} {turned}", sample.name);
             // Of the rest, that it stays.
-            let rest = |d: &crate::Deviation| {
+            let rest = |d: &Deviation| {
                 (
                     d.tool_shift,
                     d.tool_turn,
@@ -66,4 +68,35 @@ fn what_effects_tell_is_how_what_they_add_follows_the_arm() {
         }
     }
     assert!(told > 100, "{told}");
+}
+
+#[test]
+fn what_a_deviation_does_to_the_tool_is_told_to_first_order() {
+    let moving =
+        |s: &&Sample| matches!(s.effect.spec().acts_on, ActsOn::JointPosition | ActsOn::Geometry);
+    let mut told = 0;
+    for sample in samples().iter().filter(moving) {
+        let Scene { arm, inputs, .. } = &sample.scene;
+        let mut memory = Memory::default();
+        let added = seen(arm, inputs, |signals| {
+            sample.effect.advance(signals, &mut memory);
+            sample.effect.predict(signals, &memory)
+        });
+        let size = numbers(&added).iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        if size == 0.0 {
+            continue;
+        }
+        told += 1;
+        let mut deviation = Deviation::default();
+        deviation.add(&added.times(STEP / size));
+        let (nominal, real) =
+            (Chain::nominal(arm, &inputs.q), Chain::real(arm, &inputs.q, &deviation));
+        let (linear, angular) = deviation.moves(arm, &nominal);
+        let (here, there) = (&nominal.base_from_tool, &real.base_from_tool);
+        let turned = vector_from_rotation(&(there.rotation * here.rotation.transpose()));
+        assert!((there.origin - here.origin - linear).length() < 1e-10, "{}", sample.name);
+        assert!((turned - angular).length() < 1e-10, "{}", sample.name);
+        assert!(linear.length() + angular.length() > 1e-9, "{} moves nothing", sample.name);
+    }
+    assert!(told > 20, "{told}");
 }
