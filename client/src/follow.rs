@@ -22,7 +22,7 @@ const STEP_S_MAX: f64 = 0.1;
 /// Real time, s, that steps towards a daemon that is back may save up: its clock and this one jitter apart by less.
 const SAVED_S_MAX: f64 = 0.02;
 /// By how much the commands' clock may part from the real one between two targets, ns: beyond, it was set.
-const PARTED_NS_MAX: u64 = 20_000_000;
+const PARTED_NS_MAX: i64 = 20_000_000;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Stage {
@@ -45,8 +45,8 @@ pub struct Follower {
     last_ns: Option<u64>,
     /// Time of the command sent last, by its own clock.
     sent_t_ns: Option<u64>,
-    /// By how much the real clock has run ahead of the commands'.
-    ahead_ns: u64,
+    /// By how much the real clock has run ahead of the commands'; below zero: behind them.
+    ahead_ns: i64,
     /// Real time that no step has used yet, s.
     saved_s: f64,
     /// Answers in a row that the blended correction was near to.
@@ -144,12 +144,19 @@ impl Follower {
         self.saved_s = (self.saved_s + real_ns as f64 * 1e-9).min(SAVED_S_MAX);
         let mut commanded_ns = sent.map_or(0, |sent| since(self.sent_t_ns, sent.t_ns));
         self.sent_t_ns = sent.map(|sent| sent.t_ns);
-        let most_ns = real_ns.saturating_add(PARTED_NS_MAX);
-        if commanded_ns > most_ns.saturating_add(self.ahead_ns) {
+        let most_ns = real_ns.saturating_add(PARTED_NS_MAX.unsigned_abs());
+        let parts = |commanded_ns: u64| {
+            let signed = |ns: u64| i64::try_from(ns).unwrap_or(i64::MAX);
+            self.ahead_ns.saturating_add(signed(real_ns)).saturating_sub(signed(commanded_ns))
+        };
+        if parts(commanded_ns) < -PARTED_NS_MAX {
             commanded_ns = real_ns;
         }
-        let ramp_ns = real_ns.max(commanded_ns.saturating_sub(self.ahead_ns));
-        self.ahead_ns = self.ahead_ns.saturating_add(real_ns).saturating_sub(commanded_ns);
+        // Whichever clock is further on counts, from where the further one was before.
+        let (before_ns, ahead_ns) = (self.ahead_ns, parts(commanded_ns));
+        let past_ns = ahead_ns.max(0).saturating_sub(before_ns.max(0));
+        let ramp_ns = past_ns.saturating_add_unsigned(commanded_ns);
+        self.ahead_ns = ahead_ns;
         (real_ns.max(commanded_ns.min(most_ns)) as f64 * 1e-9, ramp_ns as f64 * 1e-9)
     }
 
@@ -193,7 +200,7 @@ impl Follower {
             self.correction = answer.correction;
         } else {
             if self.stage == Stage::Following {
-                self.take_over_motion();
+                self.take_over();
             }
             self.blend(answer, dt_s);
         }
@@ -207,15 +214,6 @@ impl Follower {
             let moved = (answer.correction[i] - self.correction[i]).abs();
             moved <= reach(i) * (1.0 + 1e-6) + 1e-12
         })
-    }
-
-    /// The limiters go on from the motion of the answer used last.
-    fn take_over_motion(&mut self) {
-        let Some(used) = self.used else { return };
-        for i in 0..JOINTS_MAX {
-            let (rate, acceleration) = (used.correction_rate[i], used.correction_acceleration[i]);
-            self.limiters[i] = Limiter::from_motion(self.correction[i], rate, acceleration);
-        }
     }
 
     /// One step towards the daemon's correction, in the daemon's time, as the client's own jitter

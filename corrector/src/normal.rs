@@ -1,11 +1,11 @@
-//! Normal equations of at most six rows, factored once and solved for many right-hand sides (Cholesky).
+//! Normal equations of at most six rows, factored once and solved for many right-hand sides (Cholesky without roots).
 //!
 //! Promises: what is not positive definite has no factor. Never: a heap, an index from outside.
 
 /// Rows of a task.
 pub(crate) const ROWS: usize = 6;
 
-/// The lower factor `L` of `N = L Lᵀ`, with the inverses of its diagonal.
+/// The factors of `N = L D Lᵀ`, L with ones on its diagonal; of D the inverse. No root is taken.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Factor {
     lower: [[f64; ROWS]; ROWS],
@@ -18,17 +18,20 @@ impl Factor {
         let mut factor = Self { lower: [[0.0; ROWS]; ROWS], inverse: [0.0; ROWS] };
         let Self { lower, inverse } = &mut factor;
         for i in 0..ROWS {
+            // A row of `L D`.
+            let mut row = [0.0; ROWS];
             for k in 0..i {
-                let known: f64 = (0..k).map(|j| lower[i][j] * lower[k][j]).sum();
-                lower[i][k] = (normal[i][k] - known) * inverse[k];
+                let known: f64 = (0..k).map(|j| row[j] * lower[k][j]).sum();
+                row[k] = normal[i][k] - known;
+                lower[i][k] = row[k] * inverse[k];
             }
-            let known: f64 = (0..i).map(|j| lower[i][j] * lower[i][j]).sum();
-            let square = normal[i][i] - known;
+            let known: f64 = (0..i).map(|j| row[j] * lower[i][j]).sum();
+            let left = normal[i][i] - known;
             // Not a number is not positive either.
-            if !(square > 0.0 && square.is_finite()) {
+            if !(left > 0.0 && left.is_finite()) {
                 return None;
             }
-            inverse[i] = 1.0 / libm::sqrt(square);
+            inverse[i] = 1.0 / left;
         }
         Some(factor)
     }
@@ -36,14 +39,13 @@ impl Factor {
     /// `N⁻¹ b`.
     pub(crate) fn solve(&self, b: &[f64; ROWS]) -> [f64; ROWS] {
         let Self { lower, inverse } = self;
-        let mut x = [0.0; ROWS];
-        for i in 0..ROWS {
-            let known: f64 = (0..i).map(|k| lower[i][k] * x[k]).sum();
-            x[i] = (b[i] - known) * inverse[i];
+        let mut x = *b;
+        for i in 1..ROWS {
+            x[i] -= (0..i).map(|k| lower[i][k] * x[k]).sum::<f64>();
         }
-        for i in (0..ROWS).rev() {
-            let known: f64 = (i + 1..ROWS).map(|k| lower[k][i] * x[k]).sum();
-            x[i] = (x[i] - known) * inverse[i];
+        x.iter_mut().zip(inverse).for_each(|(x, inverse)| *x *= inverse);
+        for i in (0..ROWS - 1).rev() {
+            x[i] -= (i + 1..ROWS).map(|k| lower[k][i] * x[k]).sum::<f64>();
         }
         x
     }

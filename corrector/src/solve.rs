@@ -2,7 +2,8 @@
 //!
 //! Solves `FK_real(q + δθ(q, W, T)) = FK_nominal(q_cmd)` from `q_cmd` by at most [`STEPS_MAX`] Newton steps, rows in the wanted tool's
 //! axes, weighted by the task. As many freedoms asked as joints there are, or fewer: least change of the joints; more: least squares.
-//! The geometry is linearised once; later steps reuse it while each is much smaller than the one before (chord steps).
+//! Each step stands on slopes of its own, of the geometry and of the effects that tell theirs; the normal equations are factored once, and the factor put right
+//! by one refinement while each step is much smaller than the one before.
 //!
 //! Promises: converged means that nothing is left over, or that an UNDAMPED step was taken after which the next is foretold to be below [`STEP_DONE`]:
 //! a singular pose, where damping hides what is left, is refused with the residual. A trial never leaves `reach` (the envelope's angle) about the command.
@@ -11,9 +12,9 @@
 use crate::normal::{Factor, ROWS};
 use crate::outcome::Residual;
 use crate::settings::Task;
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use physics::frame::vector_from_rotation;
-use physics::{Evaluation, Frame, Inputs, JOINTS_MAX, Joints, Memories, Model};
+use physics::{Arm, Chain, Evaluation, Frame, Inputs, JOINTS_MAX, Joints, Memories, Model, Told};
 
 /// The most Newton steps.
 const STEPS_MAX: u32 = 10;
@@ -22,8 +23,10 @@ const STEPS_MAX: u32 = 10;
 const STEP_DONE: f64 = 2.5e-11;
 /// It stands too once the weighted error is below this, m: rounding of the geometry.
 const ERROR_DONE_M: f64 = 1e-14;
-/// A step that is larger than this share of the one before asks for a new linearisation.
+/// A step that is larger than this share of the one before asks for a new factor.
 const SHRINKS: f64 = 0.1;
+/// Where all slopes are told, steps shrink by squares; so many times what the last two foretell by that is believed.
+const MARGIN: f64 = 10.0;
 /// Damping of the first damped try, relative to the mean of the diagonal; each further try has 30 times as much.
 const FIRST_DAMPING: f64 = 1e-8;
 const DAMPED_TRIES: u32 = 6;
@@ -45,6 +48,7 @@ pub struct Solution {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Solver {
     seen: Evaluation,
+    told: Told,
     slopes: Slopes,
 }
 
@@ -69,55 +73,91 @@ impl Solver {
         task: &Task,
         reach: &Joints,
     ) -> Solution {
-        let mut trial = *inputs;
-        let (mut wanted, mut last): (Option<Frame>, Option<Step>) = (None, None);
-        let mut steps = 0;
+        let Self { seen, told, slopes } = self;
+        let (mut trial, mut last, mut steps, mut is_real) = (*inputs, None::<Step>, 0, false);
+        model.deviate_into(&trial, memories, seen, Some(told));
+        let rows = Rows::of(&seen.nominal.base_from_tool, task);
+        // What deviations do to the tool is told to first order without the geometry that they make: enough for a step, not for an end.
+        let (moved, turned) = seen.deviation.moves(&model.arm, &seen.nominal);
+        let mut error = rows.error(-moved, -turned);
         loop {
-            let Self { seen, slopes } = self;
-            model.evaluate_into(&trial, memories, seen);
-            let wanted = wanted.get_or_insert(seen.nominal.base_from_tool);
-            let error = TaskError::between(&seen.real.base_from_tool, wanted, task);
-            let here = |residual, converged| Solution { q: trial.q, converged, residual, steps };
+            if !is_real && error.is_done() {
+                seen.stand(&model.arm, &trial);
+                (error, is_real) = (rows.between(&seen.real.base_from_tool), true);
+            }
+            let here = |converged| {
+                let residual = error.residual(task);
+                Solution { q: trial.q, converged, residual, steps }
+            };
             // Beyond its law's limit a hardening joint's prediction is worth nothing: nothing may be built on it.
             if seen.beyond.is_some() || error.is_done() {
-                return here(error.residual(task), seen.beyond.is_none());
+                return here(seen.beyond.is_none());
             }
+            let chain = if is_real { &seen.real } else { &seen.nominal };
             let allowed = |step: &Joints| stays_within(&trial.q, step, &inputs.q, reach);
-            let again = last.and_then(|last| slopes.again(&last, &error, allowed));
-            let next = again.or_else(|| {
-                slopes.take(model, &trial, seen, wanted, task);
-                slopes.first(&error, allowed)
+            let stands = Here { arm: &model.arm, seen, chain, told, rows: &rows };
+            let again = last.and_then(|last| slopes.again(&last, &error, &stands));
+            let next = again.filter(|next| allowed(&next.by)).or_else(|| {
+                slopes.take(&model.arm, chain, told, &rows);
+                slopes.first(&error, &stands, allowed)
             });
             let Some(next) = next.filter(|_| steps < STEPS_MAX) else {
-                return here(error.residual(task), false);
+                return here(false);
             };
             apply(&mut trial.q, &next.by);
             steps += 1;
-            if next.foretold < STEP_DONE {
-                let residual = slopes.left_of(&error, &next.by).residual(task);
+            if is_real && next.foretold < STEP_DONE {
+                let residual = next.left.residual(task);
                 return Solution { q: trial.q, converged: true, residual, steps };
             }
             last = Some(next);
+            model.deviate_into(&trial, memories, seen, Some(told));
+            seen.stand(&model.arm, &trial);
+            (error, is_real) = (rows.between(&seen.real.base_from_tool), true);
         }
     }
 }
 
-/// What is left between where the tool is and where it should be: the wanted tool's axes, m, rotations times the task's length.
+/// What is asked of the tool, as rows: the wanted tool's axes, m, rotations times the task's length.
+struct Rows {
+    wanted: Frame,
+    tool_from_base: DMat3,
+    length_m: f64,
+    free_tool_axis: bool,
+}
+
+impl Rows {
+    fn of(wanted: &Frame, task: &Task) -> Self {
+        Self {
+            wanted: *wanted,
+            tool_from_base: wanted.rotation.transpose(),
+            length_m: task.length_m,
+            free_tool_axis: task.free_tool_axis,
+        }
+    }
+
+    /// A motion of the tool, m and rad in base axes.
+    fn motion(&self, linear: DVec3, angular: DVec3) -> [f64; ROWS] {
+        let (v, w) = (self.tool_from_base * linear, self.tool_from_base * angular * self.length_m);
+        [v.x, v.y, v.z, w.x, w.y, if self.free_tool_axis { 0.0 } else { w.z }]
+    }
+
+    fn error(&self, linear: DVec3, angular: DVec3) -> TaskError {
+        TaskError(self.motion(linear, angular))
+    }
+
+    /// From where the tool is to where it should be.
+    fn between(&self, here: &Frame) -> TaskError {
+        let turn = vector_from_rotation(&(self.wanted.rotation * here.rotation.transpose()));
+        self.error(self.wanted.origin - here.origin, turn)
+    }
+}
+
+/// What is left between where the tool is and where it should be, as [`Rows`] say.
 #[derive(Clone, Copy)]
 struct TaskError([f64; ROWS]);
 
 impl TaskError {
-    fn between(here: &Frame, wanted: &Frame, task: &Task) -> Self {
-        let tool_from_base = wanted.rotation.transpose();
-        let linear = tool_from_base * (wanted.origin - here.origin);
-        let turn = vector_from_rotation(&(wanted.rotation * here.rotation.transpose()));
-        let mut angular = tool_from_base * turn * task.length_m;
-        if task.free_tool_axis {
-            angular.z = 0.0;
-        }
-        Self([linear.x, linear.y, linear.z, angular.x, angular.y, angular.z])
-    }
-
     fn residual(&self, task: &Task) -> Residual {
         let [x, y, z, a, b, c] = self.0;
         Residual {
@@ -132,6 +172,42 @@ impl TaskError {
     }
 }
 
+/// Where the arm stands in the midst of a solve.
+struct Here<'a> {
+    arm: &'a Arm,
+    seen: &'a Evaluation,
+    /// The geometry that counts.
+    chain: &'a Chain,
+    told: &'a Told,
+    rows: &'a Rows,
+}
+
+impl Here<'_> {
+    /// How a small step of the joints moves the tool, with all that effects tell.
+    fn motion(&self, step: &Joints) -> [f64; ROWS] {
+        let (more, mut angular) = self.told.follow(self.arm, self.seen, step);
+        let mut linear = angular.cross(self.chain.base_from_tool.origin);
+        for (i, joint) in self.arm.joints().iter().enumerate() {
+            let (v, w) = self.chain.motion_of(i, joint.kind);
+            let whole = step[i] + more[i];
+            linear += v * whole;
+            angular += w * whole;
+        }
+        self.rows.motion(linear, angular)
+    }
+}
+
+/// A step that was refined.
+struct Refined {
+    by: Joints,
+    /// The largest of it.
+    size: f64,
+    /// What it leaves of the task.
+    left: TaskError,
+    /// The largest that another refinement would add.
+    error: f64,
+}
+
 /// A step of the joints, rad or m.
 #[derive(Clone, Copy)]
 struct Step {
@@ -140,12 +216,14 @@ struct Step {
     size: f64,
     /// How large the next step will be.
     foretold: f64,
+    /// What it leaves of the task where the slopes hold.
+    left: TaskError,
 }
 
 /// The linearised task at one trial.
 #[derive(Clone, Copy, Debug, Default)]
 struct Slopes {
-    /// How the tool moves with each joint, as in [`TaskError`].
+    /// How the tool moves with each joint, as in [`Rows`].
     columns: [[f64; ROWS]; JOINTS_MAX],
     joints: usize,
     frees_tool_axis: bool,
@@ -153,63 +231,64 @@ struct Slopes {
 }
 
 impl Slopes {
-    /// Linearises where `seen` stands.
-    fn take(
-        &mut self,
-        model: &Model,
-        trial: &Inputs,
-        seen: &Evaluation,
-        wanted: &Frame,
-        task: &Task,
-    ) {
-        let (real, more) = (&seen.real, model.slopes(trial, seen));
-        let tool_from_base = wanted.rotation.transpose();
-        (self.joints, self.frees_tool_axis) = (model.arm.count(), task.free_tool_axis);
-        for (i, (joint, column)) in model.arm.joints().iter().zip(&mut self.columns).enumerate() {
-            let (linear, angular) = real.motion_of(i, joint.kind);
-            let whole = 1.0 + more[i];
-            let (v, w) = (
-                tool_from_base * linear * whole,
-                tool_from_base * angular * (whole * task.length_m),
-            );
-            let z = if task.free_tool_axis { 0.0 } else { w.z };
-            *column = [v.x, v.y, v.z, w.x, w.y, z];
+    /// Linearises on the geometry of `chain`, with what joints' deviations tell of their own joint.
+    fn take(&mut self, arm: &Arm, chain: &Chain, told: &Told, rows: &Rows) {
+        (self.joints, self.frees_tool_axis) = (arm.count(), rows.free_tool_axis);
+        let joints = arm.joints().iter().zip(&told.position).enumerate();
+        for ((i, (joint, slope)), column) in joints.zip(&mut self.columns) {
+            let (linear, angular) = chain.motion_of(i, joint.kind);
+            *column = rows.motion(linear, angular).map(|row| row * (1.0 + slope));
         }
     }
 
     /// The step on slopes just taken; damped as little as `allowed` asks for.
-    fn first(&mut self, error: &TaskError, allowed: impl Fn(&Joints) -> bool) -> Option<Step> {
-        let undamped = self.factored(0.0).map(|()| self.step(error)).filter(&allowed);
-        if let Some(by) = undamped {
-            let size = largest(&by);
-            return Some(Step { by, size, foretold: size });
+    fn first(
+        &mut self,
+        error: &TaskError,
+        here: &Here<'_>,
+        allowed: impl Fn(&Joints) -> bool,
+    ) -> Option<Step> {
+        let undamped = self.factored(0.0).map(|()| self.refined(error, here));
+        if let Some(Refined { by, size, left, .. }) = undamped.filter(|step| allowed(&step.by)) {
+            return Some(Step { by, size, foretold: size, left });
         }
         let mut damping = FIRST_DAMPING;
         for _ in 0..DAMPED_TRIES {
             self.factored(damping)?;
             let by = self.step(error);
             if allowed(&by) {
-                return Some(Step { by, size: f64::INFINITY, foretold: f64::INFINITY });
+                let left = self.left_of(error, &by);
+                return Some(Step { by, size: f64::INFINITY, foretold: f64::INFINITY, left });
             }
             damping *= 30.0;
         }
         None
     }
 
-    /// The next step on the slopes of the `last`; none where that was damped, or where this is not much smaller.
-    fn again(
-        &self,
-        last: &Step,
-        error: &TaskError,
-        allowed: impl Fn(&Joints) -> bool,
-    ) -> Option<Step> {
+    /// The next step with the factor of the `last`; none where that was damped, or where this is not much smaller.
+    fn again(&self, last: &Step, error: &TaskError, here: &Here<'_>) -> Option<Step> {
         if last.size == f64::INFINITY {
             return None;
         }
-        let by = self.step(error);
-        let size = largest(&by);
+        let Refined { by, size, left, error } = self.refined(error, here);
         let shrinks = size / last.size;
-        (shrinks < SHRINKS && allowed(&by)).then_some(Step { by, size, foretold: shrinks * size })
+        // What the slopes do not tell shrinks by the same share again, what they do by its square. Of what stays of the task they tell nothing.
+        let is_whole = here.told.is_whole && self.serve_all() && !self.frees_tool_axis;
+        let next = if is_whole { MARGIN * shrinks * shrinks } else { shrinks };
+        let foretold = next * size + error;
+        (shrinks < SHRINKS).then_some(Step { by, size, foretold, left })
+    }
+
+    /// The step, and once more for what it leaves of the error as all slopes are here.
+    fn refined(&self, error: &TaskError, here: &Here<'_>) -> Refined {
+        let mut by = self.step(error);
+        let rough = largest(&by);
+        let mut left = *error;
+        left.0.iter_mut().zip(here.motion(&by)).for_each(|(left, moved)| *left -= moved);
+        let more = self.step(&left);
+        apply(&mut by, &more);
+        let (left, more) = (self.left_of(&left, &more), largest(&more));
+        Refined { by, size: largest(&by), left, error: more * (more / rough) }
     }
 
     fn columns(&self) -> &[[f64; ROWS]] {

@@ -116,7 +116,8 @@ pub fn run(
     ready: impl FnOnce() + Send,
 ) -> Result<(), DaemonError> {
     let over = Over { stop, ended: AtomicBool::new(false) };
-    let manager = Mutex::new(Manager::of_environment(cells.len()));
+    let count = cells.len();
+    let manager = Mutex::new(Manager::of_environment(count));
     let mut ready = Some(ready);
     std::thread::scope(|scope| {
         let mut supervisors = Vec::new();
@@ -131,6 +132,7 @@ pub fn run(
                 };
                 let served = serve(options, (manager, place), over, ready);
                 over.ended.store(true, Relaxed);
+                lock(manager).ended(place);
                 served
             });
             let refused = |why: std::io::Error| DaemonError::thread("supervisor", why.to_string());
@@ -141,6 +143,8 @@ pub fn run(
                 break;
             }
         }
+        // Those behind one that did not start never will.
+        (supervisors.len()..count).for_each(|place| lock(&manager).ended(place));
         if !over.ended.load(Relaxed) {
             lock(&manager).ready();
             ready.take().into_iter().for_each(|ready| ready());
@@ -210,7 +214,7 @@ fn serve(
         std::thread::sleep(supervisor::LOOK_EVERY);
     }
     exchange.stop();
-    lock(manager).stopping();
+    lock(manager).ended(place);
     supervisor.tell(&exchange);
     threads.into_iter().try_for_each(|(name, thread)| finish(name, thread))?;
     Ok(served?)

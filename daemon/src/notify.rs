@@ -1,6 +1,7 @@
 //! What a service manager is told: ready, alive, ending (the protocol of `sd_notify(3)`; one datagram each).
 //!
-//! Promises: the watchdog is fed only while the cycle of every cell has gone on since the last time; without a manager nothing happens.
+//! Promises: the watchdog is fed only while the cycle of every cell that has not ended has gone on since the last time; the end is told when the last
+//! cell ends; without a manager nothing happens.
 //! Never: a wait, a socket that anyone could send to.
 
 use std::ffi::OsStr;
@@ -28,6 +29,7 @@ struct Word {
     fed: u64,
     /// One line for people.
     words: String,
+    has_ended: bool,
 }
 
 impl Manager {
@@ -72,7 +74,7 @@ impl Manager {
         cell.turns = turns;
         words.clone_into(&mut cell.words);
         let Some(patience) = self.patience else { return };
-        let stands = self.cells.iter().any(|cell| cell.turns == cell.fed);
+        let stands = self.cells.iter().any(|cell| !cell.has_ended && cell.turns == cell.fed);
         if stands || self.fed.elapsed() < patience / 3 {
             return;
         }
@@ -86,7 +88,16 @@ impl Manager {
         all.join("; ")
     }
 
-    /// The daemon ends.
+    /// Cell `place` has ended. The manager is told where all have.
+    pub fn ended(&mut self, place: usize) {
+        let Some(cell) = self.cells.get_mut(place) else { return };
+        let is_news = !std::mem::replace(&mut cell.has_ended, true);
+        if is_news && self.cells.iter().all(|cell| cell.has_ended) {
+            self.stopping();
+        }
+    }
+
+    /// The process ends.
     pub fn stopping(&self) {
         self.tell("STOPPING=1");
     }
@@ -134,8 +145,23 @@ mod tests {
             daemon.says(0, turns, "it runs");
             assert_eq!(heard(&socket), None, "the cycle has not gone on");
         }
-        daemon.stopping();
+        daemon.ended(0);
         assert_eq!(heard(&socket).unwrap(), "STOPPING=1");
+    }
+
+    #[test]
+    fn the_end_is_told_once_when_the_last_cell_ends() {
+        let (socket, mut daemon) = manager("ends", Duration::from_nanos(3), 3);
+        daemon.ended(1);
+        daemon.ended(1);
+        daemon.ended(0);
+        assert_eq!(heard(&socket), None, "a cell is left");
+        daemon.says(2, 1, "c runs");
+        assert_eq!(heard(&socket).unwrap(), "WATCHDOG=1\nSTATUS=; ; c runs");
+        daemon.ended(2);
+        daemon.ended(2);
+        assert_eq!(heard(&socket).unwrap(), "STOPPING=1");
+        assert_eq!(heard(&socket), None);
     }
 
     #[test]

@@ -139,18 +139,19 @@ impl Chain {
         kind: JointKind,
         position: f64,
     ) {
-        let (axis_now, point_now) = (carrier.rotation * axis, carrier.point(point));
-        (self.axes[i], self.points[i]) = (axis_now, point_now);
-        let body = &mut self.bodies[i];
+        let point_now = carrier.point(point);
+        self.points[i] = point_now;
         match kind {
             JointKind::Revolute => {
-                body.rotation = turned_about(&carrier.rotation, axis, self.turned[i]);
+                let (axis, rotation) = turned_about(&carrier.rotation, axis, self.turned[i]);
                 // What is on the axis stays.
-                body.origin = point_now - body.rotation * point;
+                let body = Frame { rotation, origin: point_now - rotation * point };
+                (self.axes[i], self.bodies[i]) = (axis, body);
             }
             JointKind::Prismatic => {
-                body.rotation = carrier.rotation;
-                body.origin = carrier.origin + axis_now * position;
+                let axis = carrier.rotation * axis;
+                let origin = carrier.origin + axis * position;
+                (self.axes[i], self.bodies[i]) = (axis, Frame { origin, ..*carrier });
             }
         }
     }

@@ -6,7 +6,7 @@
 use crate::cut::ForceTerm;
 use crate::drive::DriveTerm;
 use crate::frame::Twist;
-use crate::{Frame, JOINTS_MAX, Joints, Wrench};
+use crate::{Arm, Chain, Frame, JOINTS_MAX, Joints, Wrench};
 use glam::DVec3;
 
 /// What one effect adds, at the one place where it acts. Joints and links are 0-based.
@@ -230,6 +230,33 @@ impl Deviation {
         (self.bent >> link & 1 == 1).then(|| &self.links[link])
     }
 
+    /// How it moves the TCP (m) and turns the tool (rad) to first order, base axes; `chain` is the arm without it.
+    pub fn moves(&self, arm: &Arm, chain: &Chain) -> (DVec3, DVec3) {
+        let tool = &chain.base_from_tool;
+        let mut sum = Twist { turn: self.base_turn, velocity: DVec3::ZERO };
+        let carrier = |link: usize| match link {
+            0 => Frame::IDENTITY,
+            _ => chain.bodies[link - 1],
+        };
+        for (i, joint) in arm.joints().iter().enumerate() {
+            let (linear, angular) = chain.motion_of(i, joint.kind);
+            sum.turn += angular * self.joints[i];
+            sum.velocity += (linear - angular.cross(tool.origin)) * self.joints[i];
+            if let Some(axis) = self.axis(i) {
+                // What an axis that stands elsewhere adds at its joint's zero, it takes away again at its position.
+                sum.follow(axis, &carrier(i), 1.0);
+                sum.follow(axis, &chain.bodies[i], -1.0);
+            }
+        }
+        for (link, by) in (0..=arm.count()).filter_map(|link| Some((link, self.link(link)?))) {
+            let shifted = Twist { velocity: by.twist.velocity + by.shift, ..by.twist };
+            sum.follow(&shifted, &carrier(link), 1.0);
+        }
+        let shift = tool.rotation * self.tool_shift;
+        let turn = tool.rotation * self.tool_turn;
+        (sum.velocity + sum.turn.cross(tool.origin) + shift, sum.turn + turn)
+    }
+
     /// Forgets what was added.
     pub(crate) fn clear(&mut self) {
         self.joints = [0.0; JOINTS_MAX];
@@ -247,7 +274,7 @@ impl Deviation {
     }
 
     /// Adds a contribution to the geometry; contributions to loads and torques are not geometry and pass by.
-    #[inline]
+    #[inline(always)]
     pub fn add(&mut self, contribution: &Contribution) {
         match *contribution {
             Contribution::Joint { joint, delta } => self.joints[joint] += delta,

@@ -11,6 +11,7 @@
 
 use crate::deviation::Contribution;
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{Count, Parameter, Place, Range, Role, Spec};
 use crate::{Arm, JOINTS_MAX, JointKind};
 use glam::DVec3;
@@ -61,10 +62,9 @@ pub trait Effect: Copy + Sized {
         derivative_of(self, k, signals, memory)
     }
 
-    /// How much more it adds per unit of its own joint's position, loads and memory as they are; zero where it does not say. A solver converges
-    /// the sooner for it and is no less exact without.
-    fn slope(&self, _signals: &Signals<'_>) -> f64 {
-        0.0
+    /// How what it adds follows the arm, memory as it is; untold unless it says. A solver converges the sooner for it and is no less exact without.
+    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+        Slope::Untold
     }
 
     /// Brings the memory to where it stands after a long move that ended in `inputs.direction`.

@@ -3,9 +3,10 @@
 //! Promises: whoever asks for "all effects" (files, corrector, simulation, diagnosis, the conformance suite) asks this list.
 //! Never: a heap or a virtual table; an effect is a value that can be copied.
 
-use crate::deviation::Contribution;
+use crate::deviation::{Contribution, Deviation};
 use crate::effect::{BuildError, Effect, Given, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::{Slope, Told};
 use crate::spec::{Parameter, Spec};
 use crate::{Arm, JointKind};
 pub use over_path::{OVER_PATHS, OverPath};
@@ -169,6 +170,24 @@ macro_rules! effects {
                 }
             }
 
+            /// Puts [`AnyEffect::predict`] into a deviation and [`AnyEffect::slope`] into a sum where one is asked for: one look at the kind for all.
+            pub(crate) fn act(
+                &self,
+                (signals, memory): (&Signals<'_>, &Memory),
+                deviation: &mut Deviation,
+                told: Option<&mut Told>,
+            ) {
+                match self {
+                    $(Self::$Kind(effect) => {
+                        deviation.add(&effect.predict(signals, memory));
+                        if let Some(told) = told {
+                            told.add(effect.joint(), effect.slope(signals));
+                        }
+                    })+
+                    _ => {}
+                }
+            }
+
             /// See [`Effect::derivative`].
             pub fn derivative(&self, k: usize, signals: &Signals<'_>, memory: &Memory) -> Contribution {
                 match self {
@@ -180,12 +199,12 @@ macro_rules! effects {
             }
 
             /// See [`Effect::slope`].
-            pub fn slope(&self, signals: &Signals<'_>) -> f64 {
+            pub fn slope(&self, signals: &Signals<'_>) -> Slope {
                 match self {
                     $(Self::$Kind(effect) => effect.slope(signals),)+
                     $(Self::$Drive(effect) => effect.slope(signals),)+
                     $(Self::$Cut(effect) => effect.slope(signals),)+
-                    Self::OverPath(_) => 0.0,
+                    Self::OverPath(_) => Slope::Steady,
                 }
             }
 

@@ -88,6 +88,13 @@ impl Twist {
         self.velocity += pivot.cross(turn);
     }
 
+    /// Adds so many times a twist of what `frame` has moved.
+    pub(crate) fn follow(&mut self, twist: &Self, frame: &Frame, times: f64) {
+        let turn = frame.rotation * twist.turn * times;
+        self.turn += turn;
+        self.velocity += frame.rotation * twist.velocity * times + frame.origin.cross(turn);
+    }
+
     /// The motion: the exponential of the twist. Turns about one pivot give exactly the rotation about it; turns
     /// that cancel about different pivots leave the shift that they are.
     #[inline]
@@ -103,26 +110,26 @@ impl Twist {
 /// The rotation by `angle_rad` about the unit vector `axis` (Rodrigues).
 #[inline]
 pub fn rotation_about(axis: DVec3, angle_rad: f64) -> DMat3 {
-    turned_about(&DMat3::IDENTITY, axis, sin_cos(angle_rad))
+    turned_about(&DMat3::IDENTITY, axis, sin_cos(angle_rad)).1
 }
 
-/// `carrier` after the rotation about the unit vector `axis` by an angle of this sine and cosine (Rodrigues). An axis along one of the three, as most
-/// are, mixes two columns only.
+/// The unit vector `axis` carried by `carrier`, and `carrier` after the rotation about that axis by an angle of this sine and cosine (Rodrigues). An axis
+/// along one of the three, as most are, is one column, and mixes the two others.
 #[inline]
-pub(crate) fn turned_about(carrier: &DMat3, axis: DVec3, (sin, cos): (f64, f64)) -> DMat3 {
+pub(crate) fn turned_about(carrier: &DMat3, axis: DVec3, (sin, cos): (f64, f64)) -> (DVec3, DMat3) {
     let DMat3 { x_axis: a, y_axis: b, z_axis: c } = *carrier;
     let (x, y, z) = (axis.x, axis.y, axis.z);
     if x == 0.0 && z == 0.0 {
         let sin = sin * y;
-        return DMat3::from_cols(a * cos - c * sin, b, a * sin + c * cos);
+        return (b * y, DMat3::from_cols(a * cos - c * sin, b, a * sin + c * cos));
     }
     if x == 0.0 && y == 0.0 {
         let sin = sin * z;
-        return DMat3::from_cols(a * cos + b * sin, b * cos - a * sin, c);
+        return (c * z, DMat3::from_cols(a * cos + b * sin, b * cos - a * sin, c));
     }
     if y == 0.0 && z == 0.0 {
         let sin = sin * x;
-        return DMat3::from_cols(a, b * cos + c * sin, c * cos - b * sin);
+        return (a * x, DMat3::from_cols(a, b * cos + c * sin, c * cos - b * sin));
     }
     let rest = 1.0 - cos;
     let rotation = DMat3::from_cols(
@@ -130,7 +137,7 @@ pub(crate) fn turned_about(carrier: &DMat3, axis: DVec3, (sin, cos): (f64, f64))
         DVec3::new(x * y * rest - z * sin, cos + y * y * rest, y * z * rest + x * sin),
         DVec3::new(x * z * rest + y * sin, y * z * rest - x * sin, cos + z * z * rest),
     );
-    *carrier * rotation
+    (*carrier * axis, *carrier * rotation)
 }
 
 /// The rotation by a rotation vector: its direction is the axis, its length the angle in rad.

@@ -27,6 +27,7 @@ mod inertia;
 pub mod loads;
 pub mod model;
 pub mod signals;
+pub mod slopes;
 pub mod spec;
 pub mod trig;
 
@@ -42,6 +43,7 @@ pub use frame::Frame;
 pub use loads::{LoadChange, Loads};
 pub use model::{Beyond, Evaluation, Memories, Model, ModelError};
 pub use signals::{Inputs, Signals, Wrench};
+pub use slopes::{Slope, Told};
 
 /// The most joints an arm may have.
 pub const JOINTS_MAX: usize = 16;

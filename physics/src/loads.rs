@@ -26,6 +26,17 @@ impl PivotLoad {
     }
 }
 
+/// What moves with one joint, per unit of it, base axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Motion {
+    /// The first moment of all that the joint carries, kg m per rad or per m.
+    pub(crate) swing: DVec3,
+    /// The TCP, m per rad or per m.
+    pub(crate) linear: DVec3,
+    /// The tool, rad per rad or per m.
+    pub(crate) angular: DVec3,
+}
+
 /// The loads at one configuration.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Loads {
@@ -33,10 +44,10 @@ pub struct Loads {
     pub gravity: DVec3,
     /// The wrench at the TCP, base axes.
     pub wrench: Wrench,
-    /// What gravity exerts at each joint's point.
-    pub gravity_at: [PivotLoad; JOINTS_MAX],
-    /// What the wrench exerts at each joint's point.
-    pub wrench_at: [PivotLoad; JOINTS_MAX],
+    /// Of all that each joint carries: its mass, kg, and its first moment about the joint's point, kg m.
+    carried: [(f64, DVec3); JOINTS_MAX],
+    /// What moves with each joint.
+    pub(crate) motions: [Motion; JOINTS_MAX],
     /// `−∂V/∂q_i`, Nm or N, with what effects say of springs.
     pub gravity_torque: Joints,
     /// `(JᵀW)_i`, Nm or N.
@@ -116,12 +127,7 @@ impl Loads {
     pub(crate) fn carry(&mut self, arm: &Arm, chain: &Chain, wrench: Wrench, change: &LoadChange) {
         self.wrench = change.truth(wrench, &chain.base_from_tool.rotation);
         self.gravity = turned(arm.gravity, change.gravity_turn);
-        self.base_moment = DVec3::ZERO;
-        self.carry_gravity(arm, chain, change);
-        self.carry_wrench(arm, chain);
-        for (torque, load) in self.gravity_torque[..arm.count()].iter_mut().zip(change.joints) {
-            *torque += load;
-        }
+        self.carry_along(arm, chain, change);
     }
 
     /// The torque (or force) that bends joint `i`: gravity, wrench and inertia.
@@ -132,6 +138,19 @@ impl Loads {
     /// What the drives exert against these loads: `M q̈ + C q̇ + ∂V/∂q − JᵀW`, Nm or N.
     pub fn drive_torque(&self) -> Joints {
         core::array::from_fn(|i| -self.torque(i))
+    }
+
+    /// What gravity exerts at the point of joint `i`.
+    pub fn gravity_at(&self, i: usize) -> PivotLoad {
+        let (mass, first_moment) = self.carried[i];
+        PivotLoad { force: self.gravity * mass, moment: first_moment.cross(self.gravity) }
+    }
+
+    /// What the wrench exerts at the point of joint `i` of the chain that these loads were taken on.
+    pub fn wrench_at(&self, i: usize, chain: &Chain) -> PivotLoad {
+        let lever = chain.base_from_tool.origin - chain.points[i];
+        let moment = self.wrench.moment + lever.cross(self.wrench.force);
+        PivotLoad { force: self.wrench.force, moment }
     }
 
     /// As of an arm at rest.
@@ -153,8 +172,8 @@ impl Loads {
         (self.inertia_torque, self.inertia_base_moment) = (moved.torque, moved.base_moment);
     }
 
-    /// From the tool back to the base: mass and first moment of all that a joint carries.
-    fn carry_gravity(&mut self, arm: &Arm, chain: &Chain, change: &LoadChange) {
+    /// From the tool back to the base: mass and first moment of all that a joint carries; what gravity and wrench then do along the joint's motion.
+    fn carry_along(&mut self, arm: &Arm, chain: &Chain, change: &LoadChange) {
         let last = arm.count() - 1;
         let (mut mass, mut first_moment) = (0.0, DVec3::ZERO);
         if change.mass != 0.0 || change.first_moment != DVec3::ZERO {
@@ -166,37 +185,25 @@ impl Loads {
             mass += tool.mass;
             first_moment += chain.bodies[last].point(tool.centre) * tool.mass;
         }
-        for i in (0..arm.count()).rev() {
-            let joint = &arm.joints()[i];
+        for (i, joint) in arm.joints().iter().enumerate().rev() {
             if let Some(link) = &joint.link {
                 mass += link.mass;
                 first_moment += chain.bodies[i].point(link.centre) * link.mass;
             }
-            let lever = first_moment - chain.points[i] * mass;
-            let load = PivotLoad { force: self.gravity * mass, moment: lever.cross(self.gravity) };
-            self.gravity_torque[i] = along(chain.axes[i], joint.kind, &load);
-            self.gravity_at[i] = load;
+            let about_point = first_moment - chain.points[i] * mass;
+            self.carried[i] = (mass, about_point);
+            let swing = match joint.kind {
+                JointKind::Revolute => chain.axes[i].cross(about_point),
+                JointKind::Prismatic => chain.axes[i] * mass,
+            };
+            let (linear, angular) = chain.motion_of(i, joint.kind);
+            self.motions[i] = Motion { swing, linear, angular };
+            self.gravity_torque[i] = swing.dot(self.gravity) + change.joints[i];
+            self.wrench_torque[i] = linear.dot(self.wrench.force) + angular.dot(self.wrench.moment);
         }
-        self.base_moment += first_moment.cross(self.gravity);
-    }
-
-    fn carry_wrench(&mut self, arm: &Arm, chain: &Chain) {
         let tcp = chain.base_from_tool.origin;
-        for (i, joint) in arm.joints().iter().enumerate() {
-            let lever = tcp - chain.points[i];
-            let moment = self.wrench.moment + lever.cross(self.wrench.force);
-            let load = PivotLoad { force: self.wrench.force, moment };
-            self.wrench_torque[i] = along(chain.axes[i], joint.kind, &load);
-            self.wrench_at[i] = load;
-        }
-        self.base_moment += self.wrench.moment + tcp.cross(self.wrench.force);
-    }
-}
-
-fn along(axis: DVec3, kind: JointKind, load: &PivotLoad) -> f64 {
-    match kind {
-        JointKind::Revolute => axis.dot(load.moment),
-        JointKind::Prismatic => axis.dot(load.force),
+        self.base_moment =
+            first_moment.cross(self.gravity) + tcp.cross(self.wrench.force) + self.wrench.moment;
     }
 }
 

@@ -8,8 +8,9 @@
 use crate::deviation::{Contribution, Deviation};
 use crate::loads::{LoadChange, Loads};
 use crate::signals::{Inputs, Signals};
+use crate::slopes::Told;
 use crate::spec::{ActsOn, Need};
-use crate::{AnyEffect, Arm, Chain, EFFECTS_MAX, JOINTS_MAX, Joints, Memory};
+use crate::{AnyEffect, Arm, Chain, EFFECTS_MAX, JOINTS_MAX, Memory};
 use thiserror::Error;
 
 /// An arm with its effects.
@@ -95,6 +96,13 @@ pub struct Evaluation {
     pub beyond: Option<Beyond>,
 }
 
+impl Evaluation {
+    /// The second half of [`Model::evaluate_into`]: where everything really is.
+    pub fn stand(&mut self, arm: &Arm, inputs: &Inputs) {
+        self.real.deviate(arm, &inputs.q, &self.deviation, &self.nominal);
+    }
+}
+
 impl Model {
     /// An arm without any effect.
     pub const fn nominal(arm: Arm) -> Self {
@@ -169,29 +177,33 @@ impl Model {
 
     /// [`Model::evaluate`] in place of an evaluation of a model of the same arm, or of the default: nothing is copied.
     pub fn evaluate_into(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
-        let Evaluation { nominal, loads, deviation, real, beyond } = seen;
+        self.deviate_into(inputs, memories, seen, None);
+        seen.stand(&self.arm, inputs);
+    }
+
+    /// The first half of [`Model::evaluate_into`], all but where everything really is; with what the effects tell of their slopes, where that is asked for.
+    pub fn deviate_into(
+        &self,
+        inputs: &Inputs,
+        memories: &Memories,
+        seen: &mut Evaluation,
+        mut told: Option<&mut Told>,
+    ) {
+        let Evaluation { nominal, loads, deviation, beyond, .. } = seen;
         nominal.stand(&self.arm, &inputs.q);
         self.load(inputs, nominal, memories, &mut LoadChange::default(), loads);
         let signals = Signals { arm: &self.arm, inputs, chain: nominal, loads };
         deviation.clear();
         deviation.base_turn = inputs.base_tilt;
+        if let Some(told) = &mut told {
+            // What effects change of the loads, and inertia, follow the arm by laws of their own.
+            let at_rest = loads.inertia_torque == [0.0; JOINTS_MAX];
+            told.clear(at_rest && !self.changes_loads);
+        }
         for (effect, memory) in self.effects().zip(&memories.0) {
-            deviation.add(&effect.predict(&signals, memory));
+            effect.act((&signals, memory), deviation, told.as_deref_mut());
         }
-        real.deviate(&self.arm, &inputs.q, deviation, nominal);
         *beyond = if self.hardens { self.beyond(loads) } else { None };
-    }
-
-    /// How much more each joint deviates per unit of its own position, as far as effects tell; at the sample of `seen`.
-    pub fn slopes(&self, inputs: &Inputs, seen: &Evaluation) -> Joints {
-        let signals = Signals { arm: &self.arm, inputs, chain: &seen.nominal, loads: &seen.loads };
-        let mut slopes = [0.0; JOINTS_MAX];
-        for effect in self.effects() {
-            if let Some(joint) = effect.joint() {
-                slopes[joint] += effect.slope(&signals);
-            }
-        }
-        slopes
     }
 
     /// Calls `visit` with the index and contribution of each effect at one sample.

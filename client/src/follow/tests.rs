@@ -166,6 +166,25 @@ fn a_pause_in_sending_moves_a_ramp_no_faster() {
 }
 
 #[test]
+fn a_loop_that_jitters_ramps_no_further_than_time_has_passed() {
+    let mut follower = follower();
+    let at = led_to(&mut follower, 0.01);
+    // As if commands had been sent all the while.
+    (follower.sent_t_ns, follower.ahead_ns) = (Some(at * MS), 0);
+    let last = answer(at, &[0.5; 6], 0.01);
+    let mut put_out = |k: u64| {
+        // Commands are stamped evenly; every other target is asked for early, ever more so.
+        let command = Command { t_ns: (at + k) * MS, ..sent(at + k, &[0.5; 6]) };
+        let now_ns = (at + k) * MS - if k.is_multiple_of(2) { 3_000 * k } else { 0 };
+        follower.target(&[0.5; 6], Some(&last), Some(&command), now_ns).joints()[0] - 0.5
+    };
+    let row: Vec<f64> = (1..320).map(&mut put_out).collect();
+    // At a ramp's full rate, nine tenths of the bound, between two targets that were asked for in time.
+    let (ramped, due) = (row[170] - row[318], 0.9 * 0.02 * 0.148);
+    assert!((ramped / due - 1.0).abs() < 3e-4, "{ramped}, not {due}");
+}
+
+#[test]
 fn a_pause_of_this_thread_is_not_made_up_for_twice() {
     let mut follower = follower();
     let at = led_to(&mut follower, 0.01);

@@ -7,6 +7,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
 use glam::DVec3;
 
@@ -51,5 +52,9 @@ impl Effect for AxisShift {
         let shift = DVec3::from_array(self.values);
         let shift = shift - self.barred * self.barred.dot(shift);
         Contribution::LinkShift { link: self.joint, shift }
+    }
+
+    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+        Slope::Steady
     }
 }

@@ -8,6 +8,7 @@ use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::frame::normals;
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
 use glam::DVec3;
 
@@ -49,5 +50,9 @@ impl Effect for AxisTilt {
         let [t1, t2] = self.values;
         let turn = self.normals.0 * t1 + self.normals.1 * t2;
         Contribution::Axis { joint: self.joint, turn, pivot: self.pivot }
+    }
+
+    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+        Slope::Steady
     }
 }

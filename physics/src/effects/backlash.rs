@@ -9,6 +9,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
 
 /// `backlash`.
@@ -36,6 +37,10 @@ impl Effect for Backlash {
 
     fn predict(&self, _signals: &Signals<'_>, memory: &Memory) -> Contribution {
         Contribution::Joint { joint: self.joint, delta: memory.0[0] }
+    }
+
+    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+        Slope::Steady
     }
 
     /// A wider gap moves the end that z last touched; inside the gap z is carried along from there.

@@ -7,6 +7,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
 use glam::DVec3;
 
@@ -36,5 +37,9 @@ impl Effect for BaseCompliance {
         let [compliance] = self.values;
         let moment = signals.loads.base_moment;
         Contribution::BaseTurn { turn: DVec3::new(moment.x, moment.y, 0.0) * compliance }
+    }
+
+    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+        Slope::Base(self.values[0])
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! That no effect allocates needs no test: the crate is `no_std` without `alloc`, there is no heap to take from.
 
+mod follows;
 mod keys;
 mod samples;
 mod scene;
@@ -13,7 +14,7 @@ use crate::deviation::Contribution;
 use crate::drive::DriveTerm;
 use crate::effects::{AnyEffect, CUTTING, DRIVES, SPECS};
 use crate::spec::{ActsOn, Parameter, Range, Role};
-use crate::{Arm, Inputs, JOINTS_MAX, Memories, Memory, Model, Signals, Wrench};
+use crate::{Arm, Inputs, JOINTS_MAX, Memories, Memory, Model, Wrench};
 use glam::DVec3;
 use proptest::prelude::*;
 use samples::{Sample, lengths, samples};
@@ -211,31 +212,6 @@ fn derivatives_agree_with_finite_differences_along_a_path() {
                 assert!((s - f).abs() <= error, "{} value {k}: {s} not {f}", sample.name);
             }
         }
-    }
-}
-
-#[test]
-fn what_effects_say_of_their_slope_is_the_difference_over_their_joints_position() {
-    for sample in samples() {
-        let Scene { arm, inputs, .. } = &sample.scene;
-        let Some(joint) = sample.effect.joint() else { continue };
-        seen(arm, inputs, |signals| {
-            let at = |step: f64| {
-                let mut inputs = *inputs;
-                inputs.q[joint] += step;
-                let added = sample
-                    .effect
-                    .predict(&Signals { inputs: &inputs, ..*signals }, &Memory::default());
-                numbers(&added).first().copied().unwrap_or(0.0)
-            };
-            let slope = (at(1e-6) - at(-1e-6)) / 2e-6;
-            let said = sample.effect.slope(signals);
-            assert!(
-                said == 0.0 || (said - slope).abs() < 1e-6 * slope.abs().max(1e-3),
-                "{}: {said} {slope}",
-                sample.name
-            );
-        });
     }
 }
 

@@ -6,6 +6,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
 
 /// `gravity_compliance`.
@@ -35,5 +36,9 @@ impl Effect for GravityCompliance {
         let [compliance] = self.values;
         let delta = compliance * signals.loads.gravity_torque[self.joint];
         Contribution::Joint { joint: self.joint, delta }
+    }
+
+    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+        Slope::Load { gravity: self.values[0], wrench: 0.0 }
     }
 }

@@ -6,6 +6,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Spec, Unit};
 use glam::DVec3;
 
@@ -36,5 +37,9 @@ impl Effect for GravityTilt {
     fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [x, y] = self.values;
         Contribution::GravityTurn { turn: DVec3::new(x, y, 0.0) }
+    }
+
+    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+        Slope::Steady
     }
 }

@@ -9,6 +9,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
 use libm::{exp, expm1};
 
@@ -44,6 +45,10 @@ impl Effect for Hysteresis {
     fn predict(&self, _signals: &Signals<'_>, memory: &Memory) -> Contribution {
         let [amplitude, _] = self.values;
         Contribution::Joint { joint: self.joint, delta: amplitude * memory.0[0] }
+    }
+
+    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+        Slope::Steady
     }
 
     fn derivative(&self, k: usize, _signals: &Signals<'_>, memory: &Memory) -> Contribution {

@@ -7,6 +7,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
 
 /// `joint_compliance`.
@@ -35,5 +36,10 @@ impl Effect for JointCompliance {
     fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [compliance] = self.values;
         Contribution::Joint { joint: self.joint, delta: compliance * signals.loads.torque(self.joint) }
+    }
+
+    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+        let [compliance] = self.values;
+        Slope::Load { gravity: compliance, wrench: compliance }
     }
 }

@@ -6,6 +6,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
 
 /// `joint_offset`.
@@ -34,5 +35,9 @@ impl Effect for JointOffset {
     fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [offset] = self.values;
         Contribution::Joint { joint: self.joint, delta: offset }
+    }
+
+    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+        Slope::Steady
     }
 }

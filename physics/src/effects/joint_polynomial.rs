@@ -7,6 +7,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
 
 const TERMS_MAX: usize = 16;
@@ -67,5 +68,21 @@ impl Effect for JointPolynomial {
             (term, next) = (next, 2.0 * x * next - term);
         }
         Contribution::Joint { joint: self.joint, delta }
+    }
+
+    fn slope(&self, signals: &Signals<'_>) -> Slope {
+        let [low, high] = self.range;
+        let per_joint = 2.0 / (high - low);
+        let x = per_joint * (signals.inputs.q[self.joint] - low) - 1.0;
+        if x.abs() >= 1.0 {
+            return Slope::Steady;
+        }
+        let (mut term, mut next, mut position) = ((1.0, 0.0), (x, 1.0), 0.0);
+        for coefficient in self.values() {
+            position += coefficient * term.1;
+            let slope = 2.0 * (next.0 + x * next.1) - term.1;
+            (term, next) = (next, (2.0 * x * next.0 - term.0, slope));
+        }
+        Slope::Position(position * per_joint)
     }
 }

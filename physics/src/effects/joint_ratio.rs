@@ -6,6 +6,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
 
 /// `joint_ratio`.
@@ -35,7 +36,8 @@ impl Effect for JointRatio {
         let [ratio] = self.values;
         Contribution::Joint { joint: self.joint, delta: ratio * signals.inputs.q[self.joint] }
     }
-    fn slope(&self, _signals: &Signals<'_>) -> f64 {
-        self.values[0]
+
+    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+        Slope::Position(self.values[0])
     }
 }

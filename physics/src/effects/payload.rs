@@ -7,6 +7,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
 use glam::DVec3;
 
@@ -39,6 +40,10 @@ impl Effect for Payload {
     fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [mass, x, y, z] = self.values;
         Contribution::Mass { mass, first_moment: DVec3::new(x, y, z) * mass }
+    }
+
+    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+        Slope::Steady
     }
 
     fn derivative(&self, k: usize, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {

@@ -8,6 +8,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
 
 /// `stiffness_hardening`.
@@ -37,5 +38,11 @@ impl Effect for StiffnessHardening {
         let [cubic] = self.values;
         let torque = signals.loads.torque(self.joint);
         Contribution::Joint { joint: self.joint, delta: -cubic * torque * torque * torque }
+    }
+
+    fn slope(&self, signals: &Signals<'_>) -> Slope {
+        let torque = signals.loads.torque(self.joint);
+        let compliance = -3.0 * self.values[0] * torque * torque;
+        Slope::Load { gravity: compliance, wrench: compliance }
     }
 }

@@ -10,6 +10,7 @@ use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::heat::{Cause, Heat, LAG, REFERENCE, TIME_CONSTANT};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Count, Need, Parameter, Place, Range, Spec, Unit};
 use glam::DVec3;
 
@@ -71,6 +72,10 @@ impl Effect for ThermalGrowth {
 
     fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution {
         self.grown(self.heat.level(self.values, signals.inputs, memory))
+    }
+
+    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+        Slope::Steady
     }
 
     fn derivative(&self, k: usize, signals: &Signals<'_>, memory: &Memory) -> Contribution {

@@ -6,6 +6,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
 use glam::DVec3;
 
@@ -62,5 +63,9 @@ impl Effect for ToolOffset {
     fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [x, y, z, a, b, c] = self.values;
         Contribution::Tool { shift: DVec3::new(x, y, z), turn: DVec3::new(a, b, c) }
+    }
+
+    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+        Slope::Steady
     }
 }

@@ -7,6 +7,7 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
 use crate::trig::sin_cos;
 
@@ -38,15 +39,18 @@ impl Effect for TransmissionError {
 
     of_joint!();
 
+    #[inline(always)]
     fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [amplitude, cycles, phase] = self.values;
         let delta = amplitude * sin_cos(cycles * signals.inputs.q[self.joint] + phase).0;
         Contribution::Joint { joint: self.joint, delta }
     }
 
-    fn slope(&self, signals: &Signals<'_>) -> f64 {
+    #[inline(always)]
+    fn slope(&self, signals: &Signals<'_>) -> Slope {
         let [amplitude, cycles, phase] = self.values;
-        amplitude * cycles * sin_cos(cycles * signals.inputs.q[self.joint] + phase).1
+        let cosine = sin_cos(cycles * signals.inputs.q[self.joint] + phase).1;
+        Slope::Position(amplitude * cycles * cosine)
     }
 
     fn derivative(&self, k: usize, signals: &Signals<'_>, _memory: &Memory) -> Contribution {

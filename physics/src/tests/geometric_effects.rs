@@ -206,7 +206,7 @@ fn a_tilting_base_turns_everything_about_its_origin() {
 fn a_tilting_bearing_turns_all_beyond_about_its_pivot_where_it_is_now() {
     for scene in scenes() {
         let (geometry, q) = (Geometry::of(&scene.arm), scene.inputs.q);
-        let loads = evaluated(scene.arm, &[], &scene.inputs).loads;
+        let seen = evaluated(scene.arm, &[], &scene.inputs);
         for joint in [0_usize, 1, 3] {
             let (_, axis, point) = geometry.joints[joint];
             let carrier = joint.checked_sub(1).map_or(identity(), |k| geometry.body(&q, Some(k)));
@@ -215,7 +215,8 @@ fn a_tilting_bearing_turns_all_beyond_about_its_pivot_where_it_is_now() {
             let axis_now = carrier.point(axis) - carrier.point(DVec3::ZERO);
             let about =
                 |load: &crate::loads::PivotLoad| load.moment + (point_now - now).cross(load.force);
-            let moment = about(&loads.gravity_at[joint]) + about(&loads.wrench_at[joint]);
+            let moment = about(&seen.loads.gravity_at(joint))
+                + about(&seen.loads.wrench_at(joint, &seen.nominal));
             let tilt = (moment - axis_now * axis_now.dot(moment)) * 4e-4;
             let wanted = turn(tilt.to_array(), now.to_array()).times(&geometry.base_from_tool(&q));
             let entries: [(&str, &[f64]); 2] =

@@ -82,7 +82,7 @@ fn a_payload_is_a_mass_more_at_the_tool() {
     let wanted = evaluated(heavier, &[], &scene.inputs).loads;
     for i in 0..6 {
         assert!((found.gravity_torque[i] - wanted.gravity_torque[i]).abs() < 1e-11);
-        assert!((found.gravity_at[i].moment - wanted.gravity_at[i].moment).length() < 1e-11);
+        assert!((found.gravity_at(i).moment - wanted.gravity_at(i).moment).length() < 1e-11);
     }
     assert!((found.base_moment - wanted.base_moment).length() < 1e-11);
 }

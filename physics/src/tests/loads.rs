@@ -112,9 +112,9 @@ proptest! {
             for i in 0..6_usize {
                 let carrier = i.checked_sub(1);
                 let point = geometry.body(&q, carrier).point(arm.joints()[i].point);
-                prop_assert!((loads.gravity_at[i].moment - about(point, i)).length() < 1e-10);
+                prop_assert!((loads.gravity_at(i).moment - about(point, i)).length() < 1e-10);
                 let far = DVec3::new(0.3, -1.0, 2.0);
-                let there = loads.gravity_at[i].moment_about(point, far);
+                let there = loads.gravity_at(i).moment_about(point, far);
                 prop_assert!((there - about(far, i)).length() < 1e-10);
             }
             let tcp = chain.base_from_tool.origin;

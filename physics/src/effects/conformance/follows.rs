@@ -1,0 +1,102 @@
+//! What effects say of how they follow the arm, against differences over the joints' positions.
+
+use super::{Sample, Scene, numbers, samples, seen};
+use crate::frame::vector_from_rotation;
+use crate::spec::ActsOn;
+use crate::{Chain, Deviation, Evaluation, Inputs, JOINTS_MAX, Memories, Memory, Model, Told};
+use glam::DVec3;
+
+const STEP: f64 = 1e-6;
+
+/// At rest, as inertia follows by a law of its own.
+fn at_rest(sample: &Sample) -> Inputs {
+    let still = Inputs { velocity: [0.0; JOINTS_MAX], ..sample.scene.inputs };
+    Inputs { acceleration: [0.0; JOINTS_MAX], direction: [1.0; JOINTS_MAX], ..still }
+}
+
+/// What the deviation of a model with this effect alone tells of a step of all joints, and what becomes of it by that step.
+fn followed(
+    sample: &Sample,
+    step: &[f64; JOINTS_MAX],
+) -> Option<([f64; JOINTS_MAX], DVec3, [Evaluation; 2])> {
+    let inputs = at_rest(sample);
+    let mut model = Model::nominal(sample.scene.arm);
+    model.push(sample.effect).expect("room");
+    let mut memories = Memories::default();
+    model.settle(&inputs, &mut memories);
+    let (mut here, mut told) = (Evaluation::default(), Told::default());
+    model.deviate_into(&inputs, &memories, &mut here, Some(&mut told));
+    let beside = |times: f64| {
+        let mut inputs = inputs;
+        inputs.q.iter_mut().zip(step).for_each(|(q, step)| *q += times * step);
+        model.evaluate(&inputs, &memories)
+    };
+    let (joints, base) = told.follow(&model.arm, &here, step);
+    told.is_whole.then(|| (joints, base, [beside(-STEP), beside(STEP)]))
+}
+
+#[test]
+fn what_effects_tell_is_how_what_they_add_follows_the_arm() {
+    let mut told = 0;
+    for sample in samples() {
+        // One joint after the other, then all at once.
+        for k in 0..=sample.scene.arm.count() {
+            let one = |i: usize| {
+                if k == i || k == sample.scene.arm.count() { 1.0 - 0.1 * i as f64 } else { 0.0 }
+            };
+            let step = core::array::from_fn(one);
+            let Some((joints, base, [less, more])) = followed(&sample, &step) else { continue };
+            told += 1;
+            let (a, b) = (less.deviation, more.deviation);
+            for (i, said) in joints[..sample.scene.arm.count()].iter().enumerate() {
+                let found = (b.joints[i] - a.joints[i]) / (2.0 * STEP);
+                let close = (said - found).abs() < 1e-5 * found.abs().max(1e-3);
+                assert!(close, "{}: joint {i} by {k}: {said} {found}", sample.name);
+            }
+            let turned = (b.base_turn - a.base_turn) / (2.0 * STEP);
+            assert!((base - turned).length() < 1e-8, "{}: {base} {turned}", sample.name);
+            // Of the rest, that it stays.
+            let rest = |d: &Deviation| {
+                (
+                    d.tool_shift,
+                    d.tool_turn,
+                    (0..=JOINTS_MAX).map(|i| d.link(i).copied()).collect::<Vec<_>>(),
+                )
+            };
+            assert_eq!(rest(&a), rest(&b), "{}", sample.name);
+            assert!((0..JOINTS_MAX).all(|i| a.axis(i) == b.axis(i)), "{}", sample.name);
+        }
+    }
+    assert!(told > 100, "{told}");
+}
+
+#[test]
+fn what_a_deviation_does_to_the_tool_is_told_to_first_order() {
+    let moving =
+        |s: &&Sample| matches!(s.effect.spec().acts_on, ActsOn::JointPosition | ActsOn::Geometry);
+    let mut told = 0;
+    for sample in samples().iter().filter(moving) {
+        let Scene { arm, inputs, .. } = &sample.scene;
+        let mut memory = Memory::default();
+        let added = seen(arm, inputs, |signals| {
+            sample.effect.advance(signals, &mut memory);
+            sample.effect.predict(signals, &memory)
+        });
+        let size = numbers(&added).iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        if size == 0.0 {
+            continue;
+        }
+        told += 1;
+        let mut deviation = Deviation::default();
+        deviation.add(&added.times(STEP / size));
+        let (nominal, real) =
+            (Chain::nominal(arm, &inputs.q), Chain::real(arm, &inputs.q, &deviation));
+        let (linear, angular) = deviation.moves(arm, &nominal);
+        let (here, there) = (&nominal.base_from_tool, &real.base_from_tool);
+        let turned = vector_from_rotation(&(there.rotation * here.rotation.transpose()));
+        assert!((there.origin - here.origin - linear).length() < 1e-10, "{}", sample.name);
+        assert!((turned - angular).length() < 1e-10, "{}", sample.name);
+        assert!(linear.length() + angular.length() > 1e-9, "{} moves nothing", sample.name);
+    }
+    assert!(told > 20, "{told}");
+}
