@@ -284,11 +284,12 @@ impl Case {
     /// Tells payloads about the places where this fit has them; whether any moved.
     pub(super) fn recentre(&mut self, choice: &Choice) -> bool {
         let of_inertia = self.inertial - 6..self.inertial;
-        let names = choice.names.iter();
-        let moved = names.map(|name| {
-            self.library.recentre(&self.motion, *name, of_inertia.clone(), &choice.solved)
-        });
-        moved.fold(false, |any, moved| any || moved)
+        let mut moved = false;
+        for name in &choice.names {
+            let inertia = of_inertia.clone();
+            moved |= self.library.recentre(&self.motion, *name, inertia, &choice.solved);
+        }
+        moved
     }
 
     /// Everything that may be missing at once, on all rows that are seen.
