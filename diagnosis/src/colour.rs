@@ -135,6 +135,8 @@ pub(crate) fn follows(campaign: &Campaign, before: usize, now: usize) -> bool {
 struct Past {
     pose: usize,
     rows: Vec<Vec<f64>>,
+    /// Room of a row that is too far back to count.
+    spare: Vec<f64>,
 }
 
 /// Takes the colour out of rows that come in order.
@@ -166,13 +168,15 @@ impl<'a> Filter<'a> {
             past.rows.clear();
         }
         past.pose = pose;
-        let raw = row.to_vec();
+        let mut raw = std::mem::take(&mut past.spare);
+        raw.clear();
+        raw.extend_from_slice(row);
         if past.rows.len() >= law.len() {
             for (share, before) in law.iter().zip(&past.rows) {
                 row.iter_mut().zip(before).for_each(|(x, b)| *x -= share * b);
             }
             row.iter_mut().for_each(|x| *x /= fresh);
-            past.rows.truncate(law.len() - 1);
+            past.spare = past.rows.pop().unwrap_or_default();
         }
         past.rows.insert(0, raw);
     }

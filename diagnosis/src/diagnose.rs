@@ -6,6 +6,7 @@
 //! Promises: the same input and seed give the same bits; held-out rows are seen by no choice and no fit; nothing found is a result
 //! like any other. Never: a file, a name of a data set.
 
+mod bank;
 mod choice;
 pub mod experiment;
 mod features;
@@ -36,6 +37,7 @@ use crate::readback;
 use crate::result::Fit;
 use crate::robust::Influence;
 use crate::score::Fitted;
+use bank::Bank;
 use experiment::Proposed;
 use features::Word;
 use flexible::Taken;
@@ -163,19 +165,23 @@ pub fn diagnose(
     let known = ready::known(model, sigma);
     let base = fit(&campaign, &known, &settings);
     let library = library::library(model, &campaign);
+    let bank = Bank::default();
     let base =
         whiten(&mut campaign, &known, &settings, &base, (&words, Taken::All)).unwrap_or(base);
-    let asking = Asking { campaign: &campaign, known: &known, settings, library: &library };
+    let asking =
+        Asking { campaign: &campaign, known: &known, settings, library: &library, bank: &bank };
     let first = name::chosen(&asking, Naming::none(&base));
     // What is named tells what is noise, and what is noise tells what can be named.
     let again = whiten(&mut campaign, &known, &settings, &first.fit, (&words, Taken::BorneOut));
-    let asking = Asking { campaign: &campaign, known: &known, settings, library: &library };
+    let asking =
+        Asking { campaign: &campaign, known: &known, settings, library: &library, bank: &bank };
     let start = again.map_or(first, |base| Naming::none(&base));
     let naming = name::name(&asking, start);
     let second_look = split.training.iter().zip(used).map(|(trains, used)| *trains && !used);
     let second_look: Vec<bool> = second_look.collect();
     let naming = prove::confirmed(&campaign, model, (&naming_split, &second_look), naming);
-    let asking = Asking { campaign: &campaign, known: &known, settings, library: &library };
+    let asking =
+        Asking { campaign: &campaign, known: &known, settings, library: &library, bank: &bank };
     let (naming, law) = match unknown::instead_of_names(&asking, &naming, &words, &second_look) {
         Some((bare, law)) => (Naming::none(&bare), Some(law)),
         None => {
@@ -187,7 +193,8 @@ pub fn diagnose(
     let around = naming.fit.surroundings.clone();
     let settings = Settings { used: &split.training, from: Some(&around), ..settings };
     let naming = Naming { fit: fit(&campaign, &naming.fit.hypothesis, &settings), ..naming };
-    let asking = Asking { campaign: &campaign, known: &known, settings, library: &library };
+    let asking =
+        Asking { campaign: &campaign, known: &known, settings, library: &library, bank: &bank };
     let naming = name::with_rivals(&asking, naming);
     let not_tested = untested::untested(&model.arm, &library, &words);
     finish(campaign, model, naming, law, split, &words, (not_tested, notes))

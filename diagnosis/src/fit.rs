@@ -10,11 +10,13 @@ use crate::campaign::Campaign;
 use crate::hypothesis::Hypothesis;
 use crate::independent::Dependent;
 use crate::minimise::{Minimum, minimise};
-use crate::problem::{Look, State, Weighing, cost, data_triangle, visit};
+use crate::problem::{State, Weighing};
 use crate::result::{Fit, Parts};
 use crate::robust::{Influence, scale, weight};
+use crate::sheet::Sheet;
 use crate::start;
 use crate::surroundings::Surroundings;
+use std::sync::Arc;
 
 /// Rounds in which the noise's scale and the set of determined numbers may change.
 const SETTLING: usize = 4;
@@ -93,7 +95,7 @@ fn careful(influence: Influence) -> Influence {
 
 struct Fitting<'a> {
     campaign: &'a Campaign,
-    state: State,
+    sheet: Arc<Sheet>,
     weighing: Weighing,
     active: Vec<usize>,
     dependent: Vec<Dependent>,
@@ -108,7 +110,7 @@ impl<'a> Fitting<'a> {
         let weighing = Weighing::equal(campaign, used);
         Self {
             campaign,
-            state,
+            sheet: Arc::new(Sheet::of(campaign, state, used)),
             weighing,
             active: Vec::new(),
             dependent: Vec::new(),
@@ -121,7 +123,7 @@ impl<'a> Fitting<'a> {
     /// Follows the noise's scale, the weights and the set of determined numbers until they stand.
     fn settle(&mut self, afresh: bool, influence: Influence) {
         if afresh {
-            self.active = (0..self.state.surroundings.numbers().len()).collect();
+            self.active = (0..self.sheet.state.surroundings.numbers().len()).collect();
             self.look_again(influence);
             self.run(STEPS);
         }
@@ -179,20 +181,21 @@ impl<'a> Fitting<'a> {
     }
 
     fn run(&mut self, steps_max: usize) {
-        let state = self.state.clone();
-        let found = minimise(self.campaign, state, &self.weighing, &self.active, steps_max);
-        self.state = found.state.clone();
+        let from = Arc::clone(&self.sheet);
+        let found = minimise(self.campaign, from, &self.weighing, &self.active, steps_max);
+        self.sheet = Arc::clone(&found.sheet);
         self.steps += found.steps;
         self.minimum = Some(found);
     }
 
     /// Columns that the data determine, or a stated belief; the others go back to what is believed of them.
     fn choose_columns(&mut self) {
-        let all: Vec<usize> = (0..self.state.width()).collect();
-        let data = data_triangle(self.campaign, &self.state, &self.weighing, &all);
-        let (kept, dependent) = self.state.sort(&data);
-        let first = self.state.surroundings.numbers().len();
-        let free = &self.state.hypothesis.free;
+        let state = &self.sheet.state;
+        let all: Vec<usize> = (0..state.width()).collect();
+        let data = self.sheet.triangle(self.campaign, &self.weighing, &all);
+        let (kept, dependent) = state.sort(&data);
+        let first = state.surroundings.numbers().len();
+        let free = &state.hypothesis.free;
         let places = dependent.iter().filter_map(|d| d.column.checked_sub(first));
         let believed: Vec<(usize, f64)> = places.map(|k| (k, free[k].mean)).collect();
         self.active = kept;
@@ -202,7 +205,7 @@ impl<'a> Fitting<'a> {
 
     /// Numbers that ended at the zero below which they must not go are held there: as if below zero they would stand for what others are.
     fn leave_at_zero(&mut self) {
-        let lowest = self.state.lowest(&self.active);
+        let lowest = self.sheet.state.lowest(&self.active);
         let at_zero = self.active.iter().zip(&lowest).filter(|(_, least)| **least == 0.0);
         self.bounded = at_zero.map(|(column, _)| *column).collect();
         self.active.retain(|column| !self.bounded.contains(column));
@@ -210,29 +213,22 @@ impl<'a> Fitting<'a> {
 
     /// Puts free numbers to values.
     fn put(&mut self, values: &[(usize, f64)]) {
-        let hypothesis = &mut self.state.hypothesis;
+        let mut state = self.sheet.state.clone();
+        let State { hypothesis, .. } = &mut state;
         for (k, value) in values {
             let free = hypothesis.free[*k];
             if let Some(effect) = hypothesis.model.effect_mut(free.effect) {
                 effect.values_mut()[free.value] = *value;
             }
         }
-    }
-
-    /// Lengths of the residuals of the poses that take part, in stated noises: reading, instrument, count, length.
-    fn lengths(&self) -> Vec<(usize, usize, usize, f64)> {
-        let mut lengths = Vec::new();
-        let look = Look { used: Some(&self.weighing.used), derivatives: false };
-        visit(self.campaign, &self.state, look, |at| {
-            let length = at.rows.residual.length();
-            lengths.push((at.reading, at.instrument, at.rows.count, length));
-        });
-        lengths
+        if state != self.sheet.state {
+            self.sheet = Arc::new(Sheet::of(self.campaign, state, &self.weighing.used));
+        }
     }
 
     /// The noise's factor of each instrument from its residuals; never below one where the noise is known.
     fn rescale(&mut self) {
-        let lengths = self.lengths();
+        let lengths = self.sheet.lengths();
         for (index, instrument) in self.campaign.instruments.iter().enumerate() {
             let own = lengths.iter().filter(|(_, i, _, _)| *i == index);
             let least = if instrument.noise_is_known { 1.0 } else { 1e-9 };
@@ -243,23 +239,23 @@ impl<'a> Fitting<'a> {
     }
 
     fn reweigh(&mut self, influence: Influence) {
-        for (reading, instrument, count, length) in self.lengths() {
+        for (reading, instrument, count, length) in self.sheet.lengths() {
             let length = length / self.weighing.factors[instrument];
             self.weighing.weights[reading] = weight(influence, count, length);
         }
     }
 
     fn done(self) -> Fit {
-        let sum = cost(self.campaign, &self.state, &self.weighing);
-        let Self { campaign, state, weighing, active, dependent, bounded, minimum, steps } = self;
-        let parts = Parts { state, weighing, active, dependent, bounded, minimum, steps, sum };
+        let sum = self.sheet.cost(self.campaign, &self.weighing);
+        let Self { campaign, sheet, weighing, active, dependent, bounded, minimum, steps } = self;
+        let parts = Parts { sheet, weighing, active, dependent, bounded, minimum, steps, sum };
         Fit::of(campaign, parts)
     }
 
     /// The factors by root mean square, which uses clean data whole, instead of by the median; what weighs less than half is no part of the noise. A
     /// known noise stands unless the residuals are too large for it (three standard deviations of their mean square).
     fn final_factors(&mut self) {
-        let lengths = self.lengths();
+        let lengths = self.sheet.lengths();
         let clean = lengths.iter().filter(|l| self.weighing.weights[l.0] >= 0.5);
         let all: f64 = clean.clone().map(|l| self.weighing.weights[l.0] * l.2 as f64).sum();
         let freedom = (all - self.active.len() as f64).max(1.0) / all.max(1.0);

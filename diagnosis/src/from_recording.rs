@@ -114,6 +114,21 @@ pub fn motion(arm: &Arm, recording: &Recording) -> Result<Vec<Pose>, Unusable> {
     Reader { arm, recording, index: 0, frames: Vec::new() }.motion()
 }
 
+/// Where the joints of the robot `arm` were in `recording`, row by row, rad or m.
+///
+/// # Errors
+/// An input that lacks a joint.
+pub(crate) fn positions(arm: &Arm, recording: &Recording) -> Result<Vec<Joints>, Unusable> {
+    let reader = Reader { arm, recording, index: 0, frames: Vec::new() };
+    let mut all: Vec<Joints> = Vec::with_capacity(recording.len());
+    for row in 0..recording.len() {
+        let before = all.last().filter(|_| reader.goes_on(row));
+        let q = reader.positions(row, before)?;
+        all.push(q);
+    }
+    Ok(all)
+}
+
 /// The poses that a recording keeps for validation, one entry per pose of the campaign.
 #[must_use]
 pub fn held_out(campaign: &Campaign, recordings: &[Recording]) -> Vec<bool> {
@@ -240,11 +255,11 @@ impl Reader<'_> {
     }
 
     fn motion(&self) -> Result<Vec<Pose>, Unusable> {
-        let Recording { t_s, segment, about, .. } = self.recording;
+        let Recording { t_s, about, .. } = self.recording;
         let mut poses: Vec<Pose> = Vec::with_capacity(self.recording.len());
         let mut start_s = 0.0;
         for (row, now_s) in t_s.iter().enumerate() {
-            let goes_on = row > 0 && segment.get(row) == segment.get(row - 1);
+            let goes_on = self.goes_on(row);
             let before = poses.last().filter(|_| goes_on);
             start_s = if goes_on { start_s } else { *now_s };
             let inputs = self.inputs(row, now_s - start_s, before.map(|pose| &pose.inputs))?;
@@ -256,16 +271,26 @@ impl Reader<'_> {
         Ok(poses)
     }
 
-    fn inputs(&self, row: usize, time_s: f64, before: Option<&Inputs>) -> Result<Inputs, Unusable> {
+    /// Whether a row is of the segment of the one before it.
+    fn goes_on(&self, row: usize) -> bool {
+        let segment = &self.recording.segment;
+        row > 0 && segment.get(row) == segment.get(row - 1)
+    }
+
+    fn positions(&self, row: usize, before: Option<&Joints>) -> Result<Joints, Unusable> {
         let mut q = Joints::default();
         for (joint, slot) in q.iter_mut().enumerate().take(self.arm.count()) {
             let column = self.recording.input(joint);
             let missing = || Unusable::JointMissing { file: self.name(), joint: joint + 1 };
             let value = column.and_then(|column| column.get(row)).copied().ok_or_else(missing)?;
             // A sample that was not taken: the joint is where it was.
-            *slot = if value.is_nan() { before.map_or(0.0, |b| b.q[joint]) } else { value };
+            *slot = if value.is_nan() { before.map_or(0.0, |q| q[joint]) } else { value };
         }
-        let mut inputs = Inputs::at_rest(q);
+        Ok(q)
+    }
+
+    fn inputs(&self, row: usize, time_s: f64, before: Option<&Inputs>) -> Result<Inputs, Unusable> {
+        let mut inputs = Inputs::at_rest(self.positions(row, before.map(|before| &before.q))?);
         inputs.time_s = time_s;
         if let Some(before) = before {
             inputs.q_before = before.q;

@@ -117,7 +117,13 @@ fn thinned(campaign: &Campaign) -> Campaign {
     let measured: Vec<_> = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).collect();
     let step = measured.len().div_ceil(POSES_MAX).max(1);
     let poses = measured.into_iter().step_by(step).cloned().collect();
-    Campaign { poses, ..campaign.clone() }
+    let Campaign { surroundings, instruments, recordings, .. } = campaign;
+    Campaign {
+        poses,
+        surroundings: surroundings.clone(),
+        instruments: instruments.clone(),
+        recordings: recordings.clone(),
+    }
 }
 
 fn with_joints(campaign: &Campaign, change: impl Fn(&mut Joints)) -> Campaign {

@@ -41,6 +41,7 @@ pub mod robust;
 mod score;
 pub mod select;
 pub mod share;
+mod sheet;
 pub mod simulate;
 pub mod single_joint;
 pub mod start;

@@ -8,8 +8,10 @@
 //! Never: a choice of columns or weights.
 
 use crate::campaign::Campaign;
-use crate::problem::{State, Weighing, cost, data_triangle, with_priors};
+use crate::problem::{State, Weighing, cost, with_priors};
+use crate::sheet::Sheet;
 use crate::triangle::Triangle;
+use std::sync::Arc;
 
 /// The fit has converged when a full step would lower the sum by no more than this part of it.
 const ENOUGH: f64 = 1e-13;
@@ -19,7 +21,7 @@ const DAMPING_MAX: f64 = 1e12;
 
 /// Where the steps ended.
 pub(crate) struct Minimum {
-    pub(crate) state: State,
+    pub(crate) sheet: Arc<Sheet>,
     /// Data and priors, at the end.
     pub(crate) triangle: Triangle,
     /// The data alone, at the end.
@@ -28,21 +30,22 @@ pub(crate) struct Minimum {
     pub(crate) converged: bool,
 }
 
-/// Steps from `state` over the columns `active` until nothing is left to gain, at most `steps_max` times.
+/// Steps from where `sheet` stands over the columns `active` until nothing is left to gain, at most `steps_max` times.
 pub(crate) fn minimise(
     campaign: &Campaign,
-    mut state: State,
+    mut sheet: Arc<Sheet>,
     weighing: &Weighing,
     active: &[usize],
     steps_max: usize,
 ) -> Minimum {
-    let mut sum = cost(campaign, &state, weighing);
-    let mut data = data_triangle(campaign, &state, weighing, active);
-    let mut triangle = with_priors(&data, &state, active);
+    let mut sum = sheet.cost(campaign, weighing);
+    let mut data = sheet.triangle(campaign, weighing, active);
+    let mut triangle = with_priors(&data, &sheet.state, active);
     let mut largest = vec![0.0_f64; active.len()];
     let (mut damping, mut growth) = (DAMPING_START, 2.0);
     let (mut steps, mut converged) = (0, false);
     while steps < steps_max.min(STEPS_MAX) && damping < DAMPING_MAX {
+        let state = &sheet.state;
         for (j, norm) in largest.iter_mut().enumerate() {
             *norm = norm.max(triangle.norm(j));
         }
@@ -56,14 +59,14 @@ pub(crate) fn minimise(
         let promised = promise(&triangle, &step);
         let mut full = vec![0.0; state.width()];
         active.iter().zip(&step).for_each(|(column, by)| full[*column] = *by);
-        let next = state.stepped(&full);
-        let reached = cost(campaign, &next, weighing);
-        let ratio = if promised > 0.0 { (sum - reached) / promised } else { -1.0 };
-        if reached < sum {
-            state = next;
-            sum = reached;
-            data = data_triangle(campaign, &state, weighing, active);
-            triangle = with_priors(&data, &state, active);
+        // After a step that failed the next may fail too: its derivatives wait until it is known.
+        let next = Next::at(campaign, state.stepped(&full), weighing, growth == 2.0);
+        let ratio = if promised > 0.0 { (sum - next.reached) / promised } else { -1.0 };
+        if next.reached < sum {
+            sum = next.reached;
+            sheet = next.sheet(campaign, weighing);
+            data = sheet.triangle(campaign, weighing, active);
+            triangle = with_priors(&data, &sheet.state, active);
             let back = 2.0 * ratio - 1.0;
             damping = (damping * (1.0 - back * back * back).max(1.0 / 3.0)).max(1e-12);
             growth = 2.0;
@@ -78,7 +81,36 @@ pub(crate) fn minimise(
             growth *= 2.0;
         }
     }
-    Minimum { state, triangle, data, steps, converged }
+    Minimum { sheet, triangle, data, steps, converged }
+}
+
+/// Where a step would lead: with derivatives, or the sum alone.
+struct Next {
+    reached: f64,
+    stands: Stands,
+}
+
+enum Stands {
+    Whole(Sheet),
+    Alone(State),
+}
+
+impl Next {
+    fn at(campaign: &Campaign, state: State, weighing: &Weighing, whole: bool) -> Self {
+        if whole {
+            let sheet = Sheet::of(campaign, state, &weighing.used);
+            Self { reached: sheet.cost(campaign, weighing), stands: Stands::Whole(sheet) }
+        } else {
+            Self { reached: cost(campaign, &state, weighing), stands: Stands::Alone(state) }
+        }
+    }
+
+    fn sheet(self, campaign: &Campaign, weighing: &Weighing) -> Arc<Sheet> {
+        Arc::new(match self.stands {
+            Stands::Whole(sheet) => sheet,
+            Stands::Alone(state) => Sheet::of(campaign, state, &weighing.used),
+        })
+    }
 }
 
 /// By how much the linearised sum would fall with a full step.

@@ -13,12 +13,13 @@ use crate::motion::Motion;
 use crate::motions::Motions;
 use crate::residual::{Columns, Rows};
 use crate::rides::Rides;
+use crate::sheet::Sheet;
 use crate::surroundings::{Number, Surroundings};
 use crate::triangle::Triangle;
 use physics::{Evaluation, Memories, Model};
 
 /// What a fit changes.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct State {
     pub(crate) surroundings: Surroundings,
     pub(crate) hypothesis: Hypothesis,
@@ -184,8 +185,9 @@ fn ride(
     used: Option<&[bool]>,
     mut look: impl FnMut(usize, &Evaluation, &Memories),
 ) {
+    let mut seen = Evaluation::default();
     remember(model, campaign, rides, used, |pose, memories| {
-        let mut seen = model.evaluate(rides.inputs(campaign, pose), memories);
+        model.evaluate_into(rides.inputs(campaign, pose), memories, &mut seen);
         rides.bend(&model.arm, pose, &mut seen);
         look(pose, &seen, memories);
     });
@@ -219,13 +221,21 @@ pub(crate) fn cost(campaign: &Campaign, state: &State, weighing: &Weighing) -> f
     let mut filter = Filter::new(campaign);
     visit(campaign, state, look, |at| {
         let scale = weighing.scale(at);
+        if scale == 0.0 {
+            return;
+        }
         for part in 0..at.rows.count {
             let mut left = [scale * at.rows.residual[part]];
             filter.pass(at.pose, at.instrument, at.stream, part, &mut left);
             sum += left[0] * left[0];
         }
     });
-    sum + prior_rows(&state.hypothesis).map(|(_, right)| right * right).sum::<f64>()
+    sum + prior_cost(&state.hypothesis)
+}
+
+/// The sum of squares of the priors.
+pub(crate) fn prior_cost(hypothesis: &Hypothesis) -> f64 {
+    prior_rows(hypothesis).map(|(_, right)| right * right).sum()
 }
 
 /// Weight and right-hand side of each free number's prior.
@@ -244,41 +254,10 @@ pub(crate) fn data_rows(
     state: &State,
     weighing: &Weighing,
     active: &[usize],
-    mut take: impl FnMut(&At<'_>, &[f64], f64),
+    take: impl FnMut(&At<'_>, &[f64], f64),
 ) {
-    let effects_from = state.surroundings.numbers().len();
-    let mut rows = vec![vec![0.0; state.width()]; 3];
-    let mut row = vec![0.0; active.len() + 1];
-    let mut filter = Filter::new(campaign);
-    let look = Look { used: Some(&weighing.used), derivatives: true };
-    visit(campaign, state, look, |at| {
-        let scale = weighing.scale(at);
-        if scale == 0.0 {
-            return;
-        }
-        at.rows.fill(effects_from, at.motions, &mut rows);
-        for (k, full) in rows.iter().enumerate().take(at.rows.count) {
-            for (slot, column) in row.iter_mut().zip(active) {
-                *slot = scale * full[*column];
-            }
-            row[active.len()] = scale * at.rows.residual[k];
-            filter.pass(at.pose, at.instrument, at.stream, k, &mut row);
-            take(at, &row[..active.len()], row[active.len()]);
-        }
-    });
-}
-
-/// Data reduced to a triangle over the columns `active`.
-pub(crate) fn data_triangle(
-    campaign: &Campaign,
-    state: &State,
-    weighing: &Weighing,
-    active: &[usize],
-) -> Triangle {
-    let mut triangle = Triangle::new(active.len());
-    data_rows(campaign, state, weighing, active, |_, row, right| triangle.push(row, right));
-    triangle.reduce();
-    triangle
+    let sheet = Sheet::of(campaign, state.clone(), &weighing.used);
+    sheet.rows(campaign, weighing, active, take);
 }
 
 /// The triangle with the priors of the free numbers among `active` added.

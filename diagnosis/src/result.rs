@@ -9,10 +9,12 @@ use crate::campaign::Campaign;
 use crate::hypothesis::Hypothesis;
 use crate::independent::Dependent;
 use crate::minimise::Minimum;
-use crate::problem::{Look, State, Weighing, data_rows, visit};
+use crate::problem::{Look, State, Weighing, visit};
+use crate::sheet::Sheet;
 use crate::surroundings::Surroundings;
 use crate::triangle::{Triangle, dot};
 use glam::DVec3;
+use std::sync::Arc;
 
 /// A fit.
 #[derive(Clone, Debug)]
@@ -40,6 +42,8 @@ pub struct Fit {
     active: Vec<usize>,
     inverse: Vec<Vec<f64>>,
     pub(crate) triangle: Triangle,
+    /// The rows where it stands.
+    pub(crate) sheet: Arc<Sheet>,
 }
 
 /// A number that was not fitted.
@@ -82,7 +86,7 @@ pub struct Off {
 
 /// What a fit leaves when it ends.
 pub(crate) struct Parts {
-    pub(crate) state: State,
+    pub(crate) sheet: Arc<Sheet>,
     pub(crate) weighing: Weighing,
     pub(crate) active: Vec<usize>,
     pub(crate) dependent: Vec<Dependent>,
@@ -94,12 +98,12 @@ pub(crate) struct Parts {
 
 impl Fit {
     pub(crate) fn of(campaign: &Campaign, parts: Parts) -> Self {
-        let Parts { state, weighing, active, dependent, bounded, minimum, steps, sum } = parts;
+        let Parts { sheet, weighing, active, dependent, bounded, minimum, steps, sum } = parts;
         let triangle = minimum.as_ref().map_or(Triangle::new(0), |m| m.triangle.clone());
         let readings = minimum.as_ref().map_or(0, |m| m.data.rows());
         let inverse = triangle.inverse();
-        let design_effect = design_effect(campaign, &state, &weighing, &active, &triangle);
-        let names = Names(&state);
+        let design_effect = design_effect(campaign, &sheet, &weighing, &active, &triangle);
+        let names = Names(&sheet.state);
         let mut undetermined: Vec<Undetermined> =
             dependent.iter().map(|d| names.undetermined(d)).collect();
         undetermined.extend(bounded.iter().map(|column| Undetermined {
@@ -119,8 +123,9 @@ impl Fit {
             active,
             inverse,
             triangle,
-            hypothesis: state.hypothesis,
-            surroundings: state.surroundings,
+            hypothesis: sheet.state.hypothesis.clone(),
+            surroundings: sheet.state.surroundings.clone(),
+            sheet,
         }
     }
 
@@ -226,7 +231,7 @@ impl Names<'_> {
 /// At least one: the mean variance of the numbers with poses as clusters, against that of independent readings.
 fn design_effect(
     campaign: &Campaign,
-    state: &State,
+    sheet: &Sheet,
     weighing: &Weighing,
     active: &[usize],
     triangle: &Triangle,
@@ -239,7 +244,7 @@ fn design_effect(
         let seen = triangle.forward(std::mem::replace(gradient, vec![0.0; width]));
         dot(&seen, &seen)
     };
-    data_rows(campaign, state, weighing, active, |at, row, right| {
+    sheet.rows(campaign, weighing, active, |at, row, right| {
         if at.pose != now {
             sum += close(&mut gradient);
             (now, poses) = (at.pose, poses + 1);

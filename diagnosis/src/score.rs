@@ -5,6 +5,8 @@
 //!
 //! Promises: one pass over the campaign for all candidates. Never: a decision; see [`mod@crate::select`].
 
+mod sums;
+
 use crate::campaign::Campaign;
 use crate::candidates::Candidate;
 use crate::colour::Filter;
@@ -12,16 +14,16 @@ use crate::fit::Settings;
 use crate::hypothesis::{Free, Hypothesis, much};
 use crate::motion::Motion;
 use crate::motions::{Motions, is_about_loads};
-use crate::problem::{Look, State, Weighing, remember, visit};
+use crate::problem::{At, State, Weighing, remember};
 use crate::result::Fit;
 use crate::rides::Rides;
-use crate::triangle::{Triangle, dot};
+use crate::sheet::Sheet;
 use glam::DVec3;
 use nalgebra::DMatrix;
 use physics::{AnyEffect, Chain, Deviation, EFFECTS_MAX, Evaluation, Loads};
+use std::sync::Arc;
+use sums::Sums;
 
-/// A candidate's share of its own length that must be left after the fit's columns, squared.
-const LEFT: f64 = 1e-6;
 /// Rows that are multiplied at once.
 const ROWS: usize = 256;
 
@@ -52,6 +54,7 @@ pub(crate) struct Fitted<'a> {
     pub(crate) fit: &'a Fit,
     pub(crate) state: State,
     pub(crate) weighing: Weighing,
+    pub(crate) sheet: Arc<Sheet>,
 }
 
 impl<'a> Fitted<'a> {
@@ -63,7 +66,19 @@ impl<'a> Fitted<'a> {
             weights: fit.weights.clone(),
             factors: fit.factors.clone(),
         };
-        Self { campaign, fit, state, weighing }
+        let sheet = if fit.sheet.shows(&state, settings.used) {
+            Arc::clone(&fit.sheet)
+        } else {
+            Arc::new(Sheet::of(campaign, state.clone(), settings.used))
+        };
+        Self { campaign, fit, state, weighing, sheet }
+    }
+
+    /// The same fit, asked on other poses.
+    pub(crate) fn among(&self, used: &[bool]) -> Self {
+        let weighing = Weighing { used: used.to_vec(), ..self.weighing.clone() };
+        let sheet = Arc::new(Sheet::of(self.campaign, self.state.clone(), used));
+        Self { weighing, sheet, state: self.state.clone(), ..*self }
     }
 
     /// The pull that is left of the fit itself: zero at a minimum, but for priors.
@@ -83,7 +98,10 @@ impl<'a> Fitted<'a> {
                 numbers: candidates[from..end].iter().map(|c| c.probes.len()).collect(),
                 sigmas: batch.free.iter().map(|free| free.sigma).collect(),
             };
-            let found = self.scores_of(&asked, |pose, into| into.clone_from(&motions[pose]));
+            let found = self.scores_of(&asked, |pose, into| {
+                into.clear();
+                into.extend(motions.iter().map(|series| series[pose]));
+            });
             scores.extend(found.into_iter().map(|s| Score { candidate: s.candidate + from, ..s }));
             from = end;
         }
@@ -106,16 +124,20 @@ impl<'a> Fitted<'a> {
         asked.numbers.iter().enumerate().filter_map(group).collect()
     }
 
+    /// The effects that are there whatever is asked: what changes the loads or the way is felt by the candidates too, and what gives way shows those that
+    /// change loads.
+    pub(crate) fn context(&self) -> Vec<AnyEffect> {
+        let over_path = |effect: &AnyEffect| matches!(effect, AnyEffect::OverPath(_));
+        let all = self.state.hypothesis.model.effects();
+        all.filter(|effect| is_about_loads(effect.spec()) || over_path(effect)).copied().collect()
+    }
+
     /// As many candidates as fit into one model, from place `from`; and where the next batch begins.
     fn batch(&self, candidates: &[Candidate], from: usize) -> (Hypothesis, usize) {
         let arm = self.state.hypothesis.model.arm;
         let mut batch = Hypothesis::fixed(physics::Model::nominal(arm));
-        // What changes the loads or the way is felt by the candidates too, and what gives way shows those that change loads.
-        for effect in self.state.hypothesis.model.effects() {
-            let over_path = matches!(effect, AnyEffect::OverPath(_));
-            if is_about_loads(effect.spec()) || over_path {
-                batch.model.push(*effect).unwrap_or_default();
-            }
+        for effect in self.context() {
+            batch.model.push(effect).unwrap_or_default();
         }
         let mut end = from;
         for candidate in &candidates[from..] {
@@ -147,28 +169,41 @@ impl<'a> Fitted<'a> {
         &self,
         count: usize,
         mut motions: impl FnMut(usize, &mut Vec<Motion>),
-        mut take: impl FnMut(&[f64], &[f64], f64),
+        take: impl FnMut(&[f64], &[f64], f64),
     ) {
-        let (active, width) = (self.fit.columns(), self.fit.columns().len());
-        let effects_from = self.state.surroundings.numbers().len();
-        let mut full = vec![vec![0.0; self.state.width()]; 3];
-        let mut row = vec![0.0; width + count + 1];
-        let mut filter = Filter::new(self.campaign);
         let (mut now, mut moved) = (usize::MAX, Vec::new());
-        let look = Look { used: Some(&self.weighing.used), derivatives: true };
-        visit(self.campaign, &self.state, look, |at| {
-            let scale = self.weighing.scale(at);
-            if scale == 0.0 {
-                return;
-            }
-            at.rows.fill(effects_from, at.motions, &mut full);
+        let along = |at: &At<'_>, into: &mut Vec<DVec3>| {
             if now != at.pose {
                 now = at.pose;
                 motions(now, &mut moved);
             }
-            let along: Vec<DVec3> = moved.iter().map(|motion| at.rows.along(motion)).collect();
+            into.extend(moved.iter().map(|motion| at.rows.along(motion)));
+        };
+        self.rows_along(count, along, take);
+    }
+
+    /// The same, told by what each column is at a reading.
+    fn rows_along(
+        &self,
+        count: usize,
+        mut columns: impl FnMut(&At<'_>, &mut Vec<DVec3>),
+        mut take: impl FnMut(&[f64], &[f64], f64),
+    ) {
+        let (active, width) = (self.fit.columns(), self.fit.columns().len());
+        let all = self.state.width();
+        let mut row = vec![0.0; width + count + 1];
+        let mut filter = Filter::new(self.campaign);
+        let mut along: Vec<DVec3> = Vec::with_capacity(count);
+        self.sheet.look(|at, slopes| {
+            let scale = self.weighing.scale(at);
+            if scale == 0.0 {
+                return;
+            }
+            along.clear();
+            columns(at, &mut along);
             for k in 0..at.rows.count {
-                row.iter_mut().zip(active).for_each(|(slot, j)| *slot = scale * full[k][*j]);
+                let full = &slopes[k * all..];
+                row.iter_mut().zip(active).for_each(|(slot, j)| *slot = scale * full[*j]);
                 row[width..].iter_mut().zip(&along).for_each(|(slot, c)| *slot = scale * c[k]);
                 row[width + count] = scale * at.rows.residual[k];
                 filter.pass(at.pose, at.instrument, at.stream, k, &mut row);
@@ -187,31 +222,39 @@ impl<'a> Fitted<'a> {
         sums
     }
 
-    /// Products of all candidates' columns `C`: with the fit's columns at `places` (`JᵀC`), with each other (`CᵀC`), with what is left (`Cᵀr`); and how
-    /// large each number may be.
-    pub(crate) fn products(
-        &self,
-        candidates: &[Candidate],
-        places: &[usize],
-    ) -> (DMatrix<f64>, DMatrix<f64>, Vec<f64>, Vec<f64>) {
-        let mut motions: Vec<Vec<Motion>> = vec![Vec::new(); self.campaign.poses.len()];
-        let mut sigmas = Vec::new();
+    /// How the tool moves with each probe of each candidate, and how large its number may be.
+    pub(crate) fn moves(&self, candidates: &[Candidate]) -> Vec<Moves> {
+        let mut all = Vec::with_capacity(candidates.len());
         let mut from = 0;
         while from < candidates.len() {
             let (batch, end) = self.batch(candidates, from);
-            let found = self.batch_motions(&batch);
-            motions.iter_mut().zip(found).for_each(|(all, found)| all.extend(found));
-            sigmas.extend(batch.free.iter().map(|free| free.sigma));
+            let mut found = self.batch_motions(&batch).into_iter();
+            let mut sigmas = batch.free.iter().map(|free| free.sigma);
+            for candidate in &candidates[from..end] {
+                let count = candidate.probes.len();
+                let of_probes = found.by_ref().take(count).collect();
+                all.push(Moves { of_probes, sigmas: sigmas.by_ref().take(count).collect() });
+            }
             from = end;
         }
-        let count = sigmas.len();
+        all
+    }
+
+    /// Products of all columns `C` that are told by how the tool moves with them: with the fit's columns at `places` (`JᵀC`), with each other (`CᵀC`),
+    /// with what is left (`Cᵀr`).
+    pub(crate) fn products(
+        &self,
+        series: &[&[Motion]],
+        places: &[usize],
+    ) -> (DMatrix<f64>, DMatrix<f64>, Vec<f64>) {
+        let count = series.len();
         let wide = places.len() + count + 1;
         let mut sums = DMatrix::zeros(wide, wide);
         let mut block = DMatrix::zeros(wide, ROWS);
         let mut filled = 0;
-        self.rows(
+        self.rows_along(
             count,
-            |pose, into| into.clone_from(&motions[pose]),
+            |at, into| into.extend(series.iter().map(|one| at.rows.along(&one[at.pose]))),
             |fitted, columns, right| {
                 let mut slot = block.column_mut(filled);
                 places.iter().enumerate().for_each(|(k, place)| slot[k] = fitted[*place]);
@@ -230,13 +273,13 @@ impl<'a> Fitted<'a> {
         let mixed = sums.view((0, fixed), (fixed, count)).into_owned();
         let own = sums.view((fixed, fixed), (count, count)).into_owned();
         let pulls = (0..count).map(|k| sums[(fixed + k, wide - 1)]).collect();
-        (mixed, own, pulls, sigmas)
+        (mixed, own, pulls)
     }
 
-    /// How the tool would move with each probe, at each pose that takes part. The candidates remember for themselves.
+    /// How the tool would move with each probe: one series over all poses, of which those that take part are told. The candidates remember for themselves.
     fn batch_motions(&self, batch: &Hypothesis) -> Vec<Vec<Motion>> {
         let arm = &batch.model.arm;
-        let mut all = vec![Vec::new(); self.campaign.poses.len()];
+        let mut all = vec![vec![Motion::default(); self.campaign.poses.len()]; batch.free.len()];
         let rides = Rides::of(&batch.model, self.campaign);
         let slopes = rides.slopes(batch, self.campaign);
         let mut at_pose = Motions::of_candidates(batch);
@@ -253,109 +296,16 @@ impl<'a> Fitted<'a> {
             };
             let mut motions = at_pose.at(inputs, memories, &bare);
             slopes.fill(arm, &bare, pose, &mut motions);
-            all[pose] = motions;
+            all.iter_mut().zip(motions).for_each(|(series, motion)| series[pose] = motion);
         });
         all
     }
 }
 
-/// Sums over all rows, for a batch of columns.
-struct Sums {
-    width: usize,
-    count: usize,
-    /// `Jᵀ C`, one slice of `count` per column of the fit.
-    mixed: Vec<f64>,
-    /// `Cᵀ C` near the diagonal: `near[k][d] = c_k · c_{k+d}`.
-    near: Vec<Vec<f64>>,
-    pull: Vec<f64>,
-    /// `Y`, one column after the other.
-    seen: Vec<Vec<f64>>,
-    right: Vec<f64>,
-}
-
-/// No candidate has more probes than this.
-const PROBES_MAX: usize = 3 * physics::JOINTS_MAX;
-
-impl Sums {
-    fn new(width: usize, count: usize) -> Self {
-        Self {
-            width,
-            count,
-            mixed: vec![0.0; width * count],
-            near: vec![Vec::new(); count],
-            pull: vec![0.0; count],
-            seen: Vec::new(),
-            right: Vec::new(),
-        }
-    }
-
-    fn add(&mut self, row: impl Iterator<Item = f64>, columns: &[f64], right: f64) {
-        for (j, slice) in row.zip(self.mixed.chunks_exact_mut(self.count.max(1))) {
-            if j != 0.0 {
-                slice.iter_mut().zip(columns).for_each(|(sum, c)| *sum += j * c);
-            }
-        }
-        for (k, c) in columns.iter().enumerate() {
-            self.pull[k] += c * right;
-            let beside = &columns[k..columns.len().min(k + PROBES_MAX)];
-            self.near[k].resize(beside.len(), 0.0);
-            self.near[k].iter_mut().zip(beside).for_each(|(sum, b)| *sum += c * b);
-        }
-    }
-
-    fn project(&mut self, triangle: &Triangle, right: &[f64]) {
-        let column = |k: usize| (0..self.width).map(|j| self.mixed[j * self.count + k]).collect();
-        self.seen = (0..self.count).map(|k| triangle.forward(column(k))).collect();
-        self.right = right.to_vec();
-    }
-
-    fn score(
-        &self,
-        candidate: usize,
-        columns: std::ops::Range<usize>,
-        sigmas: &[f64],
-    ) -> Option<Score> {
-        let count = columns.len();
-        let mut kept: Vec<usize> = Vec::new();
-        let mut left = Triangle::new(count);
-        let first = columns.start;
-        // Cholesky of S with its dependent columns left out, written as rows of a triangle.
-        let mut factor: Vec<Vec<f64>> = Vec::new();
-        let mut pulls: Vec<f64> = Vec::new();
-        for k in columns {
-            let of = |a: usize, b: usize| {
-                let (a, b) = (a.min(b), a.max(b));
-                self.near[a].get(b - a).copied().unwrap_or(0.0) - dot(&self.seen[a], &self.seen[b])
-            };
-            let prior = sigmas[k].powi(-2);
-            let mut row: Vec<f64> = Vec::new();
-            for (i, other) in kept.iter().enumerate() {
-                let known: f64 = dot(&factor[i][..i], &row[..i]);
-                row.push((of(*other, k) - known) / factor[i][i]);
-            }
-            let own = of(k, k);
-            let rest = own + prior - dot(&row, &row);
-            let pull = self.pull[k] - dot(&self.seen[k], &self.right) - dot(&row, &pulls);
-            if own > LEFT * self.near[k][0] && rest > LEFT * self.near[k][0] {
-                let root = rest.sqrt();
-                pulls.push(pull / root);
-                row.push(root);
-                factor.push(row);
-                kept.push(k);
-            }
-        }
-        if kept.is_empty() {
-            return None;
-        }
-        for (i, pull) in pulls.iter().enumerate() {
-            let mut row = vec![0.0; count];
-            for (j, column) in kept.iter().enumerate().skip(i) {
-                row[column - first] = factor[j][i];
-            }
-            left.push(&row, *pull);
-        }
-        left.reduce();
-        let found = left.solve(&vec![1e-12; count]);
-        Some(Score { candidate, gain: dot(&pulls, &pulls), numbers: kept.len(), found })
-    }
+/// How the tool moves with each probe of a candidate.
+pub(crate) struct Moves {
+    /// One series over all poses each.
+    pub(crate) of_probes: Vec<Vec<Motion>>,
+    /// How large the number of each may be.
+    pub(crate) sigmas: Vec<f64>,
 }

@@ -7,7 +7,6 @@
 //! Never: a decision; see [`mod@crate::select`].
 
 use crate::motion::Motion;
-use crate::problem::{Look, visit};
 use crate::score::Fitted;
 use crate::triangle::dot;
 use physics::Chain;
@@ -44,48 +43,46 @@ struct Part {
 
 /// The best line of each joint.
 pub(crate) fn lines(fitted: &Fitted<'_>) -> Vec<Line> {
-    let joints = fitted.state.hypothesis.model.arm.count();
-    (0..joints).filter_map(|joint| best(&parts(fitted, joint), joint)).collect()
+    let parts = parts(fitted);
+    parts.iter().enumerate().filter_map(|(joint, parts)| best(parts, joint)).collect()
 }
 
-fn parts(fitted: &Fitted<'_>, joint: usize) -> Vec<Part> {
+/// The parts of every joint.
+fn parts(fitted: &Fitted<'_>) -> Vec<Vec<Part>> {
     let active = fitted.fit.columns();
-    let effects_from = fitted.state.surroundings.numbers().len();
+    let width = fitted.state.width();
     let arm = &fitted.state.hypothesis.model.arm;
-    let mut full = vec![vec![0.0; fitted.state.width()]; 3];
-    let mut parts: Vec<Part> = Vec::new();
+    let mut parts: Vec<Vec<Part>> = (0..arm.count()).map(|_| Vec::new()).collect();
     let mut pose = usize::MAX;
-    let mut motion = Motion::default();
-    let look = Look { used: Some(&fitted.weighing.used), derivatives: true };
-    visit(fitted.campaign, &fitted.state, look, |at| {
+    let mut motions: Vec<Motion> = Vec::new();
+    fitted.sheet.look(|at, slopes| {
         let scale = fitted.weighing.scale(at);
         if scale == 0.0 {
             return;
         }
         if at.pose != pose {
             pose = at.pose;
-            let chain = Chain::nominal(arm, &fitted.campaign.poses[pose].inputs.q);
-            motion = Motion::of_joint(arm, &chain, joint);
-            let seen = vec![0.0; active.len()];
-            parts.push(Part {
-                position: fitted.campaign.poses[pose].inputs.q[joint],
-                own: 0.0,
-                pull: 0.0,
-                seen,
-            });
+            let q = &fitted.campaign.poses[pose].inputs.q;
+            let chain = Chain::nominal(arm, q);
+            motions = (0..arm.count()).map(|joint| Motion::of_joint(arm, &chain, joint)).collect();
+            for (parts, position) in parts.iter_mut().zip(q) {
+                let seen = vec![0.0; active.len()];
+                parts.push(Part { position: *position, own: 0.0, pull: 0.0, seen });
+            }
         }
-        let Some(part) = parts.last_mut() else { return };
-        at.rows.fill(effects_from, at.motions, &mut full);
-        let column = at.rows.along(&motion) * scale;
-        part.own += column.length_squared();
-        part.pull += column.dot(at.rows.residual) * scale;
-        for k in 0..at.rows.count {
-            let share = scale * column[k];
-            part.seen.iter_mut().zip(active).for_each(|(s, j)| *s += share * full[k][*j]);
+        for (parts, motion) in parts.iter_mut().zip(&motions) {
+            let Some(part) = parts.last_mut() else { continue };
+            let column = at.rows.along(motion) * scale;
+            part.own += column.length_squared();
+            part.pull += column.dot(at.rows.residual) * scale;
+            for k in 0..at.rows.count {
+                let (share, full) = (scale * column[k], &slopes[k * width..]);
+                part.seen.iter_mut().zip(active).for_each(|(s, j)| *s += share * full[*j]);
+            }
         }
     });
     let right = fitted.right();
-    for part in &mut parts {
+    for part in parts.iter_mut().flatten() {
         part.seen = fitted.fit.triangle.forward(std::mem::take(&mut part.seen));
         part.pull -= dot(&part.seen, right);
     }
@@ -107,37 +104,46 @@ fn best(parts: &[Part], joint: usize) -> Option<Line> {
     let step = TAU / range / STEPS_PER_LINE;
     let least = CYCLES_MIN * TAU / range;
     let tried = ((most - least) / step).floor().max(0.0) as usize;
-    let mut sums = Sums::new(parts);
-    let all = (0..tried).map(|k| least + step * k as f64).map(|n| (n, sums.gain(parts, n)));
+    let mut turns = Turns::new(parts, least, step);
+    let all = (0..tried).map(|k| (least + step * k as f64, turns.next_gain(parts)));
     let (cycles, gain) = all.max_by(|a, b| a.1.total_cmp(&b.1))?;
     Some(Line { joint, cycles, gain, tried })
 }
 
-struct Sums {
+/// Sine and cosine of every part at one period after the other, each turned on from the one before, and room for their sums.
+struct Turns {
+    now: Vec<(f64, f64)>,
+    by: Vec<(f64, f64)>,
     sine: Vec<f64>,
     cosine: Vec<f64>,
 }
 
-impl Sums {
-    fn new(parts: &[Part]) -> Self {
+impl Turns {
+    fn new(parts: &[Part], first: f64, step: f64) -> Self {
         let width = parts.first().map_or(0, |part| part.seen.len());
-        Self { sine: vec![0.0; width], cosine: vec![0.0; width] }
+        let at = |cycles: f64| parts.iter().map(|p| libm::sincos(cycles * p.position)).collect();
+        let (sine, cosine) = (vec![0.0; width], vec![0.0; width]);
+        Self { now: at(first), by: at(step), sine, cosine }
     }
 
-    /// By how much sine and cosine of `cycles` together would lower the sum of squares.
-    fn gain(&mut self, parts: &[Part], cycles: f64) -> f64 {
+    /// By how much sine and cosine together would lower the sum of squares; then on to the next period.
+    fn next_gain(&mut self, parts: &[Part]) -> f64 {
         self.sine.fill(0.0);
         self.cosine.fill(0.0);
         let (mut ss, mut sc, mut cc, mut bs, mut bc) = (0.0, 0.0, 0.0, 0.0, 0.0);
-        for part in parts {
-            let (sin, cos) = libm::sincos(cycles * part.position);
+        for ((part, now), by) in parts.iter().zip(&mut self.now).zip(&self.by) {
+            let (sin, cos) = *now;
             ss += sin * sin * part.own;
             sc += sin * cos * part.own;
             cc += cos * cos * part.own;
             bs += sin * part.pull;
             bc += cos * part.pull;
-            self.sine.iter_mut().zip(&part.seen).for_each(|(s, y)| *s += sin * y);
-            self.cosine.iter_mut().zip(&part.seen).for_each(|(s, y)| *s += cos * y);
+            let sums = self.sine.iter_mut().zip(&mut self.cosine);
+            for ((sine, cosine), y) in sums.zip(&part.seen) {
+                *sine += sin * y;
+                *cosine += cos * y;
+            }
+            *now = (sin * by.1 + cos * by.0, cos * by.1 - sin * by.0);
         }
         let whole = ss.min(cc);
         ss -= dot(&self.sine, &self.sine);

@@ -27,6 +27,7 @@ const VARIANT: f64 = 3.84;
 const TIE: f64 = 1e-3;
 
 /// A choice under way, where a fit stands.
+#[derive(Clone)]
 pub(super) struct Choice<'a> {
     given: &'a Model,
     pub(super) entries: Vec<Entry>,
@@ -43,11 +44,12 @@ impl<'a> Choice<'a> {
         let Naming { fit, named } = naming;
         let fitted = Fitted::new(asking.campaign, fit, &asking.settings);
         let arm = &fit.hypothesis.model.arm;
-        let mut entries: Vec<Entry> = asking
-            .library
-            .iter()
-            .map(|candidate| Entry::open(candidate.kept(), candidate.clone()))
-            .collect();
+        let moves = asking.bank.moves(&fitted, asking.library);
+        let of_library = asking.library.iter().zip(moves).map(|(candidate, moves)| Entry {
+            moves: Some(moves),
+            ..Entry::open(candidate.kept(), candidate.clone())
+        });
+        let mut entries: Vec<Entry> = of_library.collect();
         for one in named {
             let Some(effect) = fit.hypothesis.model.effects().nth(one.effect) else { continue };
             let had =
@@ -58,7 +60,8 @@ impl<'a> Choice<'a> {
             entries.retain(|e| {
                 candidate.changes().is_none() || e.candidate.changes() != candidate.changes()
             });
-            entries.push(Entry { candidate, stands, kept: one.kept, spared: one.spared });
+            let open = Entry::open(one.kept, candidate);
+            entries.push(Entry { stands, spared: one.spared, ..open });
         }
         entries.extend_from_slice(also);
         for line in lines(&fitted) {

@@ -9,10 +9,11 @@
 
 use crate::candidates::Candidate;
 use crate::hypothesis::named;
-use crate::score::Fitted;
+use crate::score::{Fitted, Moves};
 use nalgebra::DMatrix;
 use physics::spec::{Role, Unit};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// A column's share of its own length that must be left by those that are in, squared.
 const LEFT: f64 = 1e-6;
@@ -29,12 +30,15 @@ pub(super) struct Entry {
     pub(super) kept: &'static [&'static str],
     /// What its numbers need not pay, in the sum of squares: by evidence it has taken the place of a name of fewer.
     pub(super) spared: f64,
+    /// How the tool moves with it, where that is known.
+    pub(super) moves: Option<Arc<Moves>>,
 }
 
 impl Entry {
     /// A candidate that nothing in the fit stands for.
     pub(super) fn open(kept: &'static [&'static str], candidate: Candidate) -> Self {
-        Self { stands: vec![0.0; candidate.probes.len()], candidate, kept, spared: 0.0 }
+        let stands = vec![0.0; candidate.probes.len()];
+        Self { stands, candidate, kept, spared: 0.0, moves: None }
     }
 
     /// Numbers that are searched for outside the columns: those that are not linear, but a wave's phase, which its sine and cosine stand for.
@@ -94,8 +98,10 @@ impl Gram {
         nuisance: &[usize],
         stated: &[(usize, f64)],
     ) -> Self {
-        let candidates: Vec<Candidate> = entries.iter().map(|e| e.candidate.clone()).collect();
-        let (mixed, own, pulls, priors) = fitted.products(&candidates, nuisance);
+        let moves = moves(fitted, entries);
+        let series = moves.iter().flat_map(|moves| moves.of_probes.iter().map(Vec::as_slice));
+        let priors: Vec<f64> = moves.iter().flat_map(|moves| moves.sigmas.clone()).collect();
+        let (mixed, own, pulls) = fitted.products(&series.collect::<Vec<_>>(), nuisance);
         let (fixed, count): (usize, usize) = (nuisance.len(), own.ncols());
         let part = fitted.fit.triangle.of_columns(nuisance);
         let width = fixed + count;
@@ -275,6 +281,14 @@ impl Gram {
         }
         Gain { gain, numbers: size, found }
     }
+}
+
+/// How the tool moves with every entry; asked where it is not known.
+fn moves(fitted: &Fitted<'_>, entries: &[Entry]) -> Vec<Arc<Moves>> {
+    let open = entries.iter().filter(|entry| entry.moves.is_none());
+    let open: Vec<Candidate> = open.map(|entry| entry.candidate.clone()).collect();
+    let mut asked = fitted.moves(&open).into_iter().map(Arc::new);
+    entries.iter().filter_map(|entry| entry.moves.clone().or_else(|| asked.next())).collect()
 }
 
 /// Adds to the right-hand side what columns explain with the numbers that they stand at.

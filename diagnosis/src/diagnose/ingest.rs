@@ -9,7 +9,7 @@ mod channel;
 mod stamps;
 mod straight;
 
-use physics::{Arm, Joints};
+use physics::Arm;
 use recording::series::{Channel, Recording};
 
 use crate::from_recording;
@@ -32,8 +32,7 @@ pub fn ingest(arm: &Arm, recordings: &mut [Recording]) -> Ingested {
         let mut notes = stamps::notes(recording);
         notes.extend(without_readings(recording));
         // A recording that lacks a joint is refused where it is read.
-        let Ok(poses) = from_recording::motion(arm, recording) else { continue };
-        let q: Vec<Joints> = poses.iter().map(|pose| pose.inputs.q).collect();
+        let Ok(q) = from_recording::positions(arm, recording) else { continue };
         let had = measured(recording);
         notes.extend(Looking::at(arm, recording, &q).look());
         let gone = had && !measured(recording);

@@ -7,6 +7,7 @@
 //!
 //! Promises: sums of rivals are compared with the same weights and the same noise. Never: a look at held-out poses.
 
+use super::bank::Bank;
 use super::choice::Choice;
 use super::gram::Entry;
 use super::modes::modes;
@@ -91,6 +92,8 @@ pub(super) struct Asking<'a> {
     pub(super) known: &'a Hypothesis,
     pub(super) settings: Settings<'a>,
     pub(super) library: &'a [Candidate],
+    /// How the tool moves with each candidate of the library.
+    pub(super) bank: &'a Bank,
 }
 
 /// Names what the poses that take part ask for beyond `start`, without a look at rivals: enough to tell what is noise.

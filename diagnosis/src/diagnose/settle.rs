@@ -51,8 +51,9 @@ impl Asking<'_> {
         let named = &best.named;
         let ways = [Way::AsFarAsSteps, Way::OneStep, Way::FromAnyStart];
         let mut same = None;
+        let open = Choice::at(self, best, also);
         for way in ways.iter().skip(if named.is_empty() { 2 } else { 0 }) {
-            let mut choice = Choice::at(self, best, also);
+            let mut choice = open.clone();
             match way {
                 Way::AsFarAsSteps => choice.make_from(named),
                 Way::OneStep => choice.step_from(named),

@@ -12,7 +12,6 @@ use super::name::{Asking, Naming, without};
 use super::prove::borne_out;
 use crate::fit::compare;
 use crate::motion::Motion;
-use crate::problem::Weighing;
 use crate::result::Fit;
 use crate::score::{Asked, Fitted};
 use crate::triangle::dot;
@@ -103,7 +102,7 @@ pub(super) fn instead_of_names(
     if naming.named.is_empty() {
         return None;
     }
-    let Asking { campaign, known, settings, library } = asking;
+    let Asking { campaign, known, settings, library, .. } = asking;
     let bare = compare(campaign, known, &naming.fit, settings.used);
     let numbers: usize = naming.named.iter().map(|one| one.numbers).sum();
     let fitted = Fitted::new(campaign, &bare, settings);
@@ -301,8 +300,7 @@ impl Law {
         });
         let triangle = &fitted.fit.triangle;
         let follows = triangle.back(triangle.forward(pull));
-        let weighing = Weighing { used: held.to_vec(), ..fitted.weighing.clone() };
-        let there = Fitted { weighing, state: fitted.state.clone(), ..*fitted };
+        let there = fitted.among(held);
         let mut sums = [0.0; 2];
         there.rows(1, motion, |row, law, left| {
             if left.abs() < FAR {

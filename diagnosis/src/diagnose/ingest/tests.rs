@@ -3,7 +3,7 @@
 use super::*;
 use crate::made::nominal;
 use glam::{DMat3, DVec3};
-use physics::Chain;
+use physics::{Chain, Joints};
 
 const ROWS: usize = 600;
 

@@ -1,0 +1,76 @@
+//! How the tool moves with each candidate of the library, kept from choice to choice: little of it changes with a fit.
+//!
+//! Columns stand on the controller's own geometry. Only what changes the loads or the way is felt by all of them, and what gives way by those that
+//! change loads.
+//!
+//! Promises: the same columns as if they were asked anew. Never: a look at what was measured.
+
+use crate::candidates::Candidate;
+use crate::score::{Fitted, Moves};
+use physics::AnyEffect;
+use physics::spec::ActsOn;
+use std::cell::RefCell;
+use std::sync::Arc;
+
+/// Columns of those that act upon the loads, and of all others.
+#[derive(Default)]
+pub(super) struct Bank {
+    of_loads: RefCell<Kept>,
+    others: RefCell<Kept>,
+}
+
+/// Columns, and what they hold for.
+#[derive(Default)]
+struct Kept {
+    context: Vec<AnyEffect>,
+    used: Vec<bool>,
+    moves: Vec<Arc<Moves>>,
+}
+
+impl Bank {
+    /// The columns of every candidate of `library`, which is always the same, where a fit stands.
+    pub(super) fn moves(&self, fitted: &Fitted<'_>, library: &[Candidate]) -> Vec<Arc<Moves>> {
+        let (mut of_loads, mut others) = (self.of_loads.borrow_mut(), self.others.borrow_mut());
+        let whole = fitted.context();
+        let changes_all = |effect: &&AnyEffect| on_loads(effect) || is_over_path(effect);
+        let felt: Vec<AnyEffect> = whole.iter().filter(changes_all).copied().collect();
+        of_loads.hold(fitted, whole, library.iter().filter(|candidate| is_of_loads(candidate)));
+        others.hold(fitted, felt, library.iter().filter(|candidate| !is_of_loads(candidate)));
+        let (mut of_loads, mut others) = (of_loads.moves.iter(), others.moves.iter());
+        let next = |candidate: &Candidate| {
+            if is_of_loads(candidate) { of_loads.next() } else { others.next() }.cloned()
+        };
+        library.iter().filter_map(next).collect()
+    }
+}
+
+impl Kept {
+    fn hold<'a>(
+        &mut self,
+        fitted: &Fitted<'_>,
+        context: Vec<AnyEffect>,
+        candidates: impl Iterator<Item = &'a Candidate>,
+    ) {
+        let used = &fitted.weighing.used;
+        if self.context == context && self.used == *used {
+            return;
+        }
+        let candidates: Vec<Candidate> = candidates.cloned().collect();
+        // What was kept goes first: it is large.
+        self.moves.clear();
+        self.moves = fitted.moves(&candidates).into_iter().map(Arc::new).collect();
+        (self.context, self.used) = (context, used.clone());
+    }
+}
+
+fn on_loads(effect: &AnyEffect) -> bool {
+    effect.spec().acts_on == ActsOn::Loads
+}
+
+fn is_over_path(effect: &AnyEffect) -> bool {
+    matches!(effect, AnyEffect::OverPath(_))
+}
+
+fn is_of_loads(candidate: &Candidate) -> bool {
+    candidate.probes.iter().any(|probe| on_loads(&probe.effect))
+}

@@ -1,0 +1,116 @@
+//! All that a campaign's readings say where a state stands, kept: who changes weights, columns or the noise looks again without asking the arm.
+//!
+//! Promises: the rows of [`visit`], in its order, of the poses that take part. Never: a weight, a memory of the noise; both come with each look.
+
+use crate::campaign::Campaign;
+use crate::colour::Filter;
+use crate::problem::{At, Look, State, Weighing, prior_cost, visit};
+use crate::residual::Rows;
+use crate::triangle::Triangle;
+
+/// A reading with where its derivatives begin.
+#[derive(Debug)]
+struct Entry {
+    pose: usize,
+    reading: usize,
+    instrument: usize,
+    stream: usize,
+    rows: Rows,
+    first: usize,
+}
+
+/// The rows of a state.
+#[derive(Debug)]
+pub(crate) struct Sheet {
+    pub(crate) state: State,
+    used: Vec<bool>,
+    entries: Vec<Entry>,
+    /// Derivatives by every column of the state, one row after the other, in units of the noise.
+    slopes: Vec<f64>,
+}
+
+impl Sheet {
+    pub(crate) fn of(campaign: &Campaign, state: State, used: &[bool]) -> Self {
+        let effects_from = state.surroundings.numbers().len();
+        let mut full = vec![vec![0.0; state.width()]; 3];
+        let (mut entries, mut slopes) = (Vec::new(), Vec::new());
+        let look = Look { used: Some(used), derivatives: true };
+        visit(campaign, &state, look, |at| {
+            at.rows.fill(effects_from, at.motions, &mut full);
+            let At { pose, reading, instrument, stream, .. } = *at;
+            let first = slopes.len();
+            full.iter().take(at.rows.count).for_each(|row| slopes.extend_from_slice(row));
+            let rows = at.rows.clone();
+            entries.push(Entry { pose, reading, instrument, stream, rows, first });
+        });
+        Self { state, used: used.to_vec(), entries, slopes }
+    }
+
+    /// Whether it shows this state and these poses.
+    pub(crate) fn shows(&self, state: &State, used: &[bool]) -> bool {
+        self.used == used && self.state == *state
+    }
+
+    /// The readings in order, each with its derivatives row after row.
+    pub(crate) fn look(&self, mut look: impl FnMut(&At<'_>, &[f64])) {
+        let width = self.state.width();
+        for Entry { pose, reading, instrument, stream, rows, first } in &self.entries {
+            let (pose, reading, instrument) = (*pose, *reading, *instrument);
+            let at = At { pose, reading, rows, motions: &[], instrument, stream: *stream };
+            look(&at, &self.slopes[*first..first + rows.count * width]);
+        }
+    }
+
+    /// The rows over the columns `active`, weighed, the noise's memory taken out: each with its right-hand side.
+    pub(crate) fn rows(
+        &self,
+        campaign: &Campaign,
+        weighing: &Weighing,
+        active: &[usize],
+        mut take: impl FnMut(&At<'_>, &[f64], f64),
+    ) {
+        let width = self.state.width();
+        let mut row = vec![0.0; active.len() + 1];
+        let mut filter = Filter::new(campaign);
+        self.look(|at, slopes| {
+            let scale = weighing.scale(at);
+            if scale == 0.0 {
+                return;
+            }
+            for k in 0..at.rows.count {
+                let full = &slopes[k * width..];
+                row.iter_mut().zip(active).for_each(|(slot, j)| *slot = scale * full[*j]);
+                row[active.len()] = scale * at.rows.residual[k];
+                filter.pass(at.pose, at.instrument, at.stream, k, &mut row);
+                take(at, &row[..active.len()], row[active.len()]);
+            }
+        });
+    }
+
+    /// Data reduced to a triangle over the columns `active`.
+    pub(crate) fn triangle(
+        &self,
+        campaign: &Campaign,
+        weighing: &Weighing,
+        active: &[usize],
+    ) -> Triangle {
+        let mut triangle = Triangle::new(active.len());
+        self.rows(campaign, weighing, active, |_, row, right| triangle.push(row, right));
+        triangle.reduce();
+        triangle
+    }
+
+    /// The weighed sum of squares of data and priors: bit for bit that of [`crate::problem::cost`].
+    pub(crate) fn cost(&self, campaign: &Campaign, weighing: &Weighing) -> f64 {
+        let mut sum = 0.0;
+        self.rows(campaign, weighing, &[], |_, _, right| sum += right * right);
+        sum + prior_cost(&self.state.hypothesis)
+    }
+
+    /// Lengths of the residuals, in stated noises: reading, instrument, count, length.
+    pub(crate) fn lengths(&self) -> Vec<(usize, usize, usize, f64)> {
+        let length =
+            |one: &Entry| (one.reading, one.instrument, one.rows.count, one.rows.residual.length());
+        self.entries.iter().map(length).collect()
+    }
+}
