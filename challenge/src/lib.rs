@@ -4,8 +4,8 @@
 //! Denavit–Hartenberg tables, play as a contact of two faces, hysteresis by springs that slip, warmth by two nodes, gear errors as series with
 //! sidebands, noise with colour, a last digit, gaps and outliers.
 //!
-//! Read in this order: [`kinds`] and [`laws`] (what may be hidden), [`scene`] (what the robot does), [`view`] (what is seen),
-//! [`mod@draw`] (cases by chance), [`mod@bench`] (what can be known of a case before anyone answers), [`proof`] (what an answer is worth on a
+//! Read in this order: [`mod@law`] (what all domains have in common), [`kinds`] and [`laws`] (what may be hidden), [`scene`] (what the robot does), [`view`] (what is seen),
+//! [`mod@draw`] (cases by chance), [`mod@bench`] (what can be known of a case before anyone answers), [`fit`] and [`proof`] (what an answer is worth on a
 //! motion that nobody saw), [`mod@write`] (the files), [`seal`], [`answer`] and [`score`].
 //!
 //! What the motors feel instead of where the tool goes: [`torque`].
@@ -20,7 +20,9 @@ pub mod candidates;
 pub mod case;
 pub mod chance;
 pub mod draw;
+pub mod fit;
 pub mod kinds;
+pub mod law;
 pub mod laws;
 pub mod linear;
 pub mod proof;

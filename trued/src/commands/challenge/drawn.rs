@@ -56,7 +56,7 @@ impl Drawn {
     pub(super) fn truth(&self, name: &str) -> Truth {
         match self {
             Self::Position(drawn) => Truth::of(name, drawn),
-            Self::Torque(drawn) => torque::truth::of(name, drawn),
+            Self::Torque(drawn) => Truth::of(name, drawn),
         }
     }
 
