@@ -8,7 +8,7 @@
 //! [`mod@draw`] (cases by chance), [`mod@bench`] (what can be known of a case before anyone answers), [`fit`] and [`proof`] (what an answer is worth on a
 //! motion that nobody saw), [`mod@write`] (the files), [`seal`], [`answer`] and [`score`].
 //!
-//! What the motors feel instead of where the tool goes: [`torque`].
+//! What the motors feel instead of where the tool goes: [`torque`]; what a cutter exerts: [`force`].
 //!
 //! Promises: the same seed gives the same bytes. Never: a file read or written, a process, a clock.
 
@@ -21,6 +21,7 @@ pub mod case;
 pub mod chance;
 pub mod draw;
 pub mod fit;
+pub mod force;
 pub mod kinds;
 pub mod law;
 pub mod laws;
