@@ -22,18 +22,19 @@ use crate::program::Place;
 fn case(cut: Cut) -> Case {
     let mut chance = Chance::new(12, 0);
     let scene = Scene::draw(&cut, Richness::Full, true, &mut chance);
-    let noise = Noise { sigma: [0.0; 3], digit: [0.0; 3], colour: 0.0, drift: 0.0, gaps: 0 };
+    let noise = Noise { sigma: [1.0; 3], digit: [0.0; 3], colour: 0.0, drift: 0.0, gaps: 0 };
     let (tier, known, hidden) = (Tier::Single, Vec::new(), Vec::new());
     Case { tier, cut, scene, noise, known, hidden, seed: 1 }
 }
 
-/// A fluted slot, a straight mill that cuts down, one that cuts up, and a bar that is turned.
-fn cuts() -> [(&'static str, Cut); 4] {
+/// A fluted slot, a straight mill that cuts down, a fluted one that cuts up, one in the middle of its arc, and a bar that is turned.
+fn cuts() -> [(&'static str, Cut); 5] {
     let chance = &mut Chance::new(5, 0);
-    let slot = Cut { helix_rad: 0.5, entry_rad: 0.0, exit_rad: PI, ..Cut::mill(4, chance) };
-    let down = Cut { helix_rad: 0.0, entry_rad: 2.0, exit_rad: PI, ..Cut::mill(2, chance) };
-    let up = Cut { helix_rad: 0.6, entry_rad: 0.0, exit_rad: 1.2, ..Cut::mill(3, chance) };
-    [("slot", slot), ("down", down), ("up", up), ("turning", Cut::lathe(chance))]
+    let slot = Cut { helix_rad: 0.5, entry_rad: 0.0, exit_rad: PI, ..Cut::mill(4, false, chance) };
+    let down = Cut { helix_rad: 0.0, entry_rad: 2.0, exit_rad: PI, ..Cut::mill(2, false, chance) };
+    let up = Cut { helix_rad: 0.6, entry_rad: 0.0, exit_rad: 1.2, ..Cut::mill(3, false, chance) };
+    let side = Cut { helix_rad: 0.6, ..Cut::mill(3, true, chance) };
+    [("slot", slot), ("down", down), ("up", up), ("side", side), ("turning", Cut::lathe(chance))]
 }
 
 fn sizes(case: &Case, kind: Kind) -> Vec<f64> {
@@ -82,21 +83,24 @@ fn every_effect_of_forces_is_the_same_in_two_formulations_that_share_nothing() {
         let (own, theirs) = (ride.read(&[]), simulated(&case, &ride, &[]));
         let whole = apart(&own, &vec![[0.0; 3]; own.len()], &asked);
         let told = apart(&own, &theirs, &asked);
-        // A chip along the tool's path is the sine's but for feed over radius, some thousandths; slices of a helix differ in number.
-        let feed = case.scene.feed_m / case.cut.radius_m;
-        let may = if case.cut.turning { 1e-6 } else { 2.0 * feed * case.cut.teeth as f64 + 5e-3 };
+        // A chip along the tool's path is the sine's but for feed over radius; slices of a helix are of other sizes.
+        let slices = if case.cut.helix_rad == 0.0 { 0.0 } else { 2.5e-2 };
+        let may =
+            if case.cut.turning { 1e-9 } else { case.scene.feed_m / case.cut.radius_m + slices };
         if told > may * whole {
             faults.push(format!("{name}: told law {told:.2e} of {whole:.2e}, may {may:.1e}"));
         }
-        for kind in Kind::LIBRARY.into_iter().filter(|kind| fits(&case.cut, &case.scene, *kind)) {
+        // Where chips are thin a tooth that runs out leaves the work: no chip is negative here, and the library's law goes on.
+        let asks = |kind: &Kind| {
+            fits(&case.cut, &case.scene, *kind) && (*kind != Kind::Runout || name == "side")
+        };
+        for kind in Kind::LIBRARY.into_iter().filter(asks) {
             let effect = Effect::of(kind, 0, &sizes(&case, kind));
             assert_eq!(effect.numbers.len(), kind.count());
             let with = ride.read(std::slice::from_ref(&effect));
             let off = apart(&with, &simulated(&case, &ride, &[effect]), &asked);
             let size = apart(&with, &own, &asked);
-            // No chip is negative here, where the library's law goes on.
-            let share = if kind == Kind::Runout { 0.1 } else { 0.02 };
-            if size < 0.01 * whole || off > share * size + 1.5 * told {
+            if size < 0.05 || off > 0.03 * size + 1.5 * told {
                 faults.push(format!("{name}, {kind:?}: {off:.2e} of {size:.2e}, told {told:.1e}"));
             }
         }

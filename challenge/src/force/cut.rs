@@ -7,6 +7,9 @@ use std::f64::consts::PI;
 use crate::chance::Chance;
 use crate::space::V3;
 
+/// From so far from the normal axis a chip is thick, rad.
+const THIN: f64 = 0.35;
+
 /// A cutter in its work. SI; angles in rad from the normal axis, with the rotation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cut {
@@ -31,12 +34,16 @@ pub struct Cut {
 }
 
 impl Cut {
-    /// A mill of at least so many teeth.
+    /// A mill of at least so many teeth; `thick`: one whose chips are nowhere thin, so that every tooth cuts though it may run out.
     #[must_use]
-    pub fn mill(least_teeth: usize, chance: &mut Chance) -> Self {
+    pub fn mill(least_teeth: usize, thick: bool, chance: &mut Chance) -> Self {
         let teeth = [1, 2, 2, 3, 3, 4][chance.pick(6)].max(least_teeth);
         let wide = chance.between(0.7, 2.2);
         let (entry_rad, exit_rad) = match chance.pick(4) {
+            _ if thick => {
+                let middle = chance.between(1.2, 1.9);
+                (THIN.max(middle - 0.5 * wide), (PI - THIN).min(middle + 0.5 * wide))
+            }
             0 => (0.0, PI),
             1 => (0.0, wide),
             2 => (PI - wide, PI),

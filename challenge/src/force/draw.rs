@@ -69,10 +69,12 @@ fn empty(seed: u64, tier: Tier, kinds: &[Kind], chance: &mut Chance) -> Case {
     let cut = if !mills && chance.happens(if poor { 0.8 } else { 0.25 }) {
         Cut::lathe(chance)
     } else {
-        Cut::mill(
-            if needs(Need::ManyTeeth) { 4 } else { 1 + usize::from(needs(Need::Teeth)) },
-            chance,
-        )
+        let teeth = match (needs(Need::ManyTeeth), needs(Need::Teeth)) {
+            (true, _) => 4,
+            (_, true) => 2,
+            _ => 1,
+        };
+        Cut::mill(teeth, kinds.contains(&Kind::Runout), chance)
     };
     let richness = if poor { Richness::Poor } else { Richness::Full };
     let has_air = if poor && kinds.contains(&Kind::WrenchBias) {
@@ -213,7 +215,7 @@ fn most(case: &Case, kind: Kind, loud: f64) -> f64 {
         Kind::EdgeForce => 2.0 * cut.edge[0],
         Kind::CuttingForce => 0.7 * cut.chip[0],
         Kind::ToolWear => 2.0 / way.fold(0.0, f64::max),
-        // Every tooth still cuts all but a sliver of its arc.
+        // Every tooth still cuts: two side by side differ by less than twice that.
         Kind::Runout => 0.12 * case.scene.least_feed(cut),
         Kind::CrossTalk => 0.25,
         Kind::WrenchScale => 0.3,

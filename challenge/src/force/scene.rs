@@ -16,7 +16,7 @@ use super::cut::Cut;
 pub enum Phase {
     /// It touches nothing.
     Air,
-    /// It enters or leaves, or its first chips are thinner than the others.
+    /// It enters or leaves, or stands at a border, or its first chips are thinner than the others.
     Between,
     /// It cuts all that it is set to.
     Cut,
@@ -88,7 +88,11 @@ impl Pass {
         rises(way_m - self.work_m[0]).min(rises(self.work_m[1] - way_m)).clamp(0.0, 1.0)
     }
 
-    fn phase(&self, way_m: f64) -> Phase {
+    fn phase(&self, t_s: f64, way_m: f64) -> Phase {
+        // As a pass begins a tooth stands just where many a work begins.
+        if t_s == 0.0 && self.share(way_m) > 0.0 {
+            return Phase::Between;
+        }
         // Until a turn is full, chips are bounded by the bevel, not by the tooth before.
         let turn_m = 1.5 * self.feed_m_s / self.spindle_hz;
         match self.share(way_m) {
@@ -183,7 +187,7 @@ impl Scene {
                 let way_m = pass.way(*t_s);
                 let moves = *t_s >= pass.waits_s && *t_s < pass.stops_s;
                 let feed_m_s = if moves { pass.feed_m_s } else { 0.0 };
-                let phase = pass.phase(way_m);
+                let phase = pass.phase(*t_s, way_m);
                 Row { pass: number, t_s: *t_s, phase, feed_m_s, way_m }
             };
             pass.times_s.iter().map(row).collect()

@@ -6,7 +6,7 @@
 //!
 //! Promises: no chip is negative. Never: a coefficient.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 use crate::space::V3;
 
@@ -121,11 +121,29 @@ impl Edges<'_> {
     }
 }
 
+/// How much of a slice that is `wide` rad in angle is in the work, its middle being here.
+fn inside(cut: &Cut, [x, y]: [f64; 2], wide: f64) -> f64 {
+    // A border that moves past at `rate` m/rad, `beyond` m away.
+    let share = |beyond: f64, rate: f64| {
+        let width = rate.abs() * wide;
+        if width > 0.0 { (0.5 + beyond / width).clamp(0.0, 1.0) } else { f64::from(beyond >= 0.0) }
+    };
+    let border = |angle: f64| angle.cos() * cut.radius_m;
+    let mut inside = share(x, y);
+    // Where a work is as wide as the tool, the tool's own front is the border.
+    if cut.entry_rad > 0.0 {
+        inside = inside.min(share(border(cut.entry_rad) - y, x));
+    }
+    if cut.exit_rad < PI {
+        inside = inside.min(share(y - border(cut.exit_rad), x));
+    }
+    inside
+}
+
 fn milled(cut: &Cut, pass: &Pass, row: &Row, shape: Shape, depth_m: f64) -> Bite {
     let edges = Edges { cut, pass, shape };
     let lag = depth_m * cut.helix_rad.tan() / cut.radius_m;
     let slices = (lag / SLICE_RAD).ceil().clamp(1.0, SLICES);
-    let band = [cut.exit_rad.cos(), cut.entry_rad.cos()].map(|y| y * cut.radius_m);
     let feed_m = pass.feed_m_s / (pass.spindle_hz * cut.teeth as f64);
     let mut bite = Bite::default();
     for tooth in 0..cut.teeth {
@@ -133,7 +151,8 @@ fn milled(cut: &Cut, pass: &Pass, row: &Row, shape: Shape, depth_m: f64) -> Bite
         for slice in 0..slices as usize {
             let place = place - lag * (slice as f64 + 0.5) / slices;
             let [x, y] = edges.at(row.t_s, place, row.way_m);
-            if x <= 0.0 || y < band[0] || y > band[1] {
+            let inside = inside(cut, [x, y], lag / slices);
+            if inside <= 0.0 {
                 continue;
             }
             let far = x.hypot(y);
@@ -154,7 +173,7 @@ fn milled(cut: &Cut, pass: &Pass, row: &Row, shape: Shape, depth_m: f64) -> Bite
                 b if b > 0.0 && follows => (1.0, (1.0 - b) * whole + b * beyond(2)),
                 _ => (1.0, whole),
             };
-            bite.take(ray, depth * depth_m / slices, chip);
+            bite.take(ray, inside * depth * depth_m / slices, chip);
         }
     }
     bite
