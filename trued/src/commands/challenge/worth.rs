@@ -94,7 +94,7 @@ fn forces(
     let recording =
         series::read_text("passes.csv", &text, None, Some(about), Need::Samples).ok()?;
     let read = forces_of(model, &recording).ok()?;
-    Some(read.iter().map(|force| force.to_array()).collect())
+    Some(read.iter().map(glam::DVec3::to_array).collect())
 }
 
 /// Where the model puts the robot in each row of a motion.
