@@ -10,14 +10,15 @@ use crate::bent::{Bend, NUMBERS, of_point, tangent};
 use crate::candidates::{candidates, free_numbers};
 use crate::case::Case;
 use crate::kinds::{Effect, Kind};
+use crate::law::{Law, Trial};
 use crate::laws::Run;
-use crate::linear::{Span, dot};
+use crate::linear::Span;
 use crate::ride::{Fine, loads};
 use crate::scene::Scene;
 use crate::space::{T4, V3, rotate};
 use crate::view::Whitener;
 pub use crate::weigh::{APART, Judged, Name};
-use crate::weigh::{Question, own_columns};
+use crate::weigh::{Question, determined, readings, take_known};
 
 /// A case's columns.
 pub struct Bench<'a> {
@@ -47,7 +48,7 @@ impl<'a> Bench<'a> {
             case.view.places.iter().map(|place| rotate(&tool, *place)).collect()
         };
         let levers = motors.iter().map(lever).collect();
-        Self { case, scene, run, still, slopes, levers, whitener, priors: case.known.len() }
+        Self { case, scene, run, still, slopes, levers, whitener, priors: readings(case) }
     }
 
     /// How many values count.
@@ -135,19 +136,7 @@ impl<'a> Bench<'a> {
         for values in registration(self.case, self.scene, &self.run.motors()) {
             span.take(self.whiten(&values));
         }
-        for (place, known) in self.case.known.iter().enumerate() {
-            let revised =
-                |e: &&Effect| e.kind == known.nominal.kind && e.joint == known.nominal.joint;
-            if except.iter().any(revised) {
-                continue;
-            }
-            let mut unit = known.nominal.clone();
-            unit.numbers[0] = 1.0;
-            let mut column = self.column(&unit);
-            let at = column.len() - self.priors + place;
-            column[at] = 1.0 / known.sigma;
-            span.take(column);
-        }
+        take_known(&mut span, self.case, except, |effect| self.column(effect));
         span
     }
 
@@ -174,22 +163,8 @@ impl<'a> Bench<'a> {
             |effect| self.column(effect),
             |name| one_family(truth.kind, name),
         );
-        judged.determined = self.determined(truth, &span);
+        judged.determined = determined(truth, &span, |effect| self.column(effect));
         judged
-    }
-
-    /// Which numbers of an effect have a column of their own.
-    fn determined(&self, effect: &Effect, span: &Span) -> Vec<bool> {
-        let here = self.column(effect);
-        let slope = |n: usize| {
-            let mut moved = effect.clone();
-            moved.numbers[n] += 1e-4 * effect.numbers[n].abs().max(effect.lead());
-            let column =
-                self.column(&moved).into_iter().zip(&here).map(|(a, b)| a - b).collect::<Vec<_>>();
-            let length = dot(&column, &column).sqrt();
-            (span.rest(&column), length)
-        };
-        own_columns(&(0..effect.numbers.len()).map(slope).collect::<Vec<_>>())
     }
 }
 

@@ -5,6 +5,7 @@
 use crate::arm::JOINTS;
 use crate::case::Case;
 use crate::kinds::{Effect, Kind, Need};
+use crate::law::Law;
 use crate::scene::Scene;
 
 /// A name with the forms that it may take.

@@ -4,6 +4,7 @@
 
 use crate::chance::Chance;
 use crate::kinds::{Effect, Kind};
+use crate::law::{self, Law, Trial};
 use crate::laws::Run;
 use crate::scene::{Richness, Scene};
 use crate::view::{Measured, Noise, View};
@@ -65,13 +66,13 @@ impl Tier {
 
 /// An effect that the model has.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Known<E = Effect> {
+pub struct Known<K: Law = Kind> {
     /// As the model says.
-    pub nominal: E,
+    pub nominal: law::Effect<K>,
     /// As it is, within its uncertainty.
-    pub real: E,
-    /// Standard uncertainty of the first number, SI.
-    pub sigma: f64,
+    pub real: law::Effect<K>,
+    /// Standard uncertainties of the first numbers, SI; the others are certain.
+    pub sigma: Vec<f64>,
 }
 
 /// A case.
@@ -96,19 +97,6 @@ pub struct Case {
 }
 
 impl Case {
-    /// The effects that the model has, with its numbers.
-    #[must_use]
-    pub fn nominal(&self) -> Vec<Effect> {
-        self.known.iter().map(|known| known.nominal.clone()).collect()
-    }
-
-    /// All effects, as they are.
-    #[must_use]
-    pub fn real(&self) -> Vec<Effect> {
-        let known = self.known.iter().map(|known| known.real.clone());
-        known.chain(self.hidden.iter().cloned()).collect()
-    }
-
     /// What would be seen of a robot with these effects doing `scene`, without noise.
     #[must_use]
     pub fn exact(&self, scene: &Scene, effects: &[Effect]) -> Vec<f64> {
@@ -138,18 +126,38 @@ impl Case {
         crate::space::point(&self.view.measuring_from_base, home)
     }
 
-    /// Whether a hidden effect stands where the model has one of its kind: its numbers are then the difference.
-    #[must_use]
-    pub fn revises(&self, effect: &Effect) -> bool {
-        self.known.iter().any(|k| k.nominal.kind == effect.kind && k.nominal.joint == effect.joint)
-    }
-
     /// Whether the joint `joint` (from 0) has a compliance that the model knows.
     #[must_use]
     pub fn knows_compliance(&self, joint: usize) -> bool {
-        self.known
-            .iter()
-            .any(|k| k.nominal.kind == Kind::JointCompliance && k.nominal.joint == joint)
+        self.known_of(Kind::JointCompliance, joint).is_some()
+    }
+}
+
+impl Trial for Case {
+    type Kind = Kind;
+
+    fn tier(&self) -> Tier {
+        self.tier
+    }
+
+    fn known(&self) -> &[Known] {
+        &self.known
+    }
+
+    fn hidden(&self) -> &[Effect] {
+        &self.hidden
+    }
+
+    fn follows(&self, effect: &Effect) -> Vec<String> {
+        let (own, other) = (effect.joint + 1, effect.other + 1);
+        match effect.kind {
+            Kind::CableDrag => vec![format!("q{own}"), format!("v{own}")],
+            Kind::VaryingDelay => vec![format!("q{other}"), format!("v{own}")],
+            Kind::SpeedCube => vec![format!("v{own}")],
+            Kind::CrossJoint => vec![format!("q{other}")],
+            Kind::VaryingPlay => vec![format!("direction_{own}"), format!("q{own}")],
+            _ => Vec::new(),
+        }
     }
 }
 

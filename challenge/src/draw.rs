@@ -11,6 +11,7 @@ use crate::candidates::{fits, may_answer};
 use crate::case::{Case, Known, Tier};
 use crate::chance::Chance;
 use crate::kinds::{Effect, Kind, Need};
+use crate::law::{Law, Trial};
 use crate::linear::dot;
 use crate::scene::{Has, Richness, Scene};
 use crate::space::{mul, shift, turn};
@@ -82,7 +83,7 @@ pub(crate) fn wanted_z(tier: Tier, chance: &mut Chance) -> f64 {
 }
 
 fn attempt_at(seed: u64, turn: usize, tier: Tier, chance: &mut Chance) -> Option<Drawn> {
-    let kinds = kinds(turn, tier, chance);
+    let kinds = hide((turn, tier), &Kind::LIBRARY, &Kind::OUTSIDE, &POOR, chance);
     let settled = settled(&kinds, chance)?;
     let mut case = empty(seed, tier, &kinds, Some(settled), chance);
     for kind in &kinds {
@@ -91,12 +92,7 @@ fn attempt_at(seed: u64, turn: usize, tier: Tier, chance: &mut Chance) -> Option
     }
     size(&mut case, tier, chance)?;
     let judged = judge(&case);
-    // A known number that is off within its uncertainty is no finding.
-    let certain = |effect: &Effect| {
-        let same = |k: &&Known| k.nominal.kind == effect.kind && k.nominal.joint == effect.joint;
-        case.known.iter().find(same).is_none_or(|known| effect.lead() > 6.0 * known.sigma)
-    };
-    if !case.hidden.iter().all(certain) {
+    if !case.is_certain() {
         return None;
     }
     asks(tier, &judged).then_some(Drawn { case, judged })
@@ -120,33 +116,41 @@ pub fn judge(case: &Case) -> Vec<Judged> {
         .collect()
 }
 
-/// Which kinds are hidden: the first one by turns.
-fn kinds(turn: usize, tier: Tier, chance: &mut Chance) -> Vec<Kind> {
-    let turn = |list: &[Kind]| list[turn % list.len()];
-    let poor = [
-        Kind::JointOffset,
-        Kind::JointRatio,
-        Kind::JointCompliance,
-        Kind::AxisTilt,
-        Kind::TransmissionError,
-        Kind::BearingCompliance,
-        Kind::JointCoupling,
-    ];
+/// Which kinds are hidden, of all of the library, of those outside it, and of those that a poor motion cannot part: the first one by turns.
+pub(crate) fn hide<K: Copy>(
+    (turn, tier): (usize, Tier),
+    library: &[K],
+    outside: &[K],
+    poor: &[K],
+    chance: &mut Chance,
+) -> Vec<K> {
+    let turn = |list: &[K]| list[turn % list.len()];
     match tier {
         Tier::Null => Vec::new(),
-        Tier::Single | Tier::Limit => vec![turn(&Kind::LIBRARY)],
-        Tier::Outside => vec![turn(&Kind::OUTSIDE)],
+        Tier::Single | Tier::Limit => vec![turn(library)],
+        Tier::Outside => vec![turn(outside)],
         Tier::Ambiguous => vec![poor[chance.pick(poor.len())]],
         Tier::Multiple => {
             let count = if chance.happens(0.3) { 3 } else { 2 };
-            let mut kinds = vec![turn(&Kind::LIBRARY)];
+            let mut kinds = vec![turn(library)];
             while kinds.len() < count {
-                kinds.push(Kind::LIBRARY[chance.pick(Kind::LIBRARY.len())]);
+                kinds.push(library[chance.pick(library.len())]);
             }
             kinds
         }
     }
 }
+
+/// Kinds that a poor motion cannot part.
+const POOR: [Kind; 7] = [
+    Kind::JointOffset,
+    Kind::JointRatio,
+    Kind::JointCompliance,
+    Kind::AxisTilt,
+    Kind::TransmissionError,
+    Kind::BearingCompliance,
+    Kind::JointCoupling,
+];
 
 /// Poses or a path, as the kinds need; none where they need both.
 fn settled(kinds: &[Kind], chance: &mut Chance) -> Option<bool> {
@@ -284,7 +288,7 @@ fn know(case: &mut Case, kinds: &[Kind], chance: &mut Chance) {
             numbers: vec![if kind.facts().not_negative { real.max(0.0) } else { real }],
             ..nominal.clone()
         };
-        case.known.push(Known { nominal, real, sigma });
+        case.known.push(Known { nominal, real, sigma: vec![sigma] });
     }
 }
 
@@ -353,7 +357,7 @@ fn size(case: &mut Case, tier: Tier, chance: &mut Chance) -> Option<()> {
             let lead = case.hidden[which].lead();
             case.hidden[which] = case.hidden[which].scaled(factor.min(most / lead));
         }
-        if case.revises(&case.hidden[which])
+        if case.revised(&case.hidden[which]).is_some()
             && case.hidden[which].kind.facts().not_negative
             && chance.happens(0.5)
         {
@@ -366,8 +370,7 @@ fn size(case: &mut Case, tier: Tier, chance: &mut Chance) -> Option<()> {
 /// A revised number may also be less than the model says.
 fn turn_down(case: &mut Case, which: usize) {
     let hidden = &case.hidden[which];
-    let same = |k: &&Known| k.nominal.kind == hidden.kind && k.nominal.joint == hidden.joint;
-    let Some(known) = case.known.iter().find(same) else { return };
+    let Some(known) = case.revised(hidden) else { return };
     if hidden.numbers[0] < 0.9 * known.real.numbers[0] {
         let turned = hidden.scaled(-1.0);
         case.hidden[which] = turned;

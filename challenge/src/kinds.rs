@@ -4,6 +4,13 @@
 
 mod facts;
 
+use crate::law::{self, Law};
+
+/// What is said of a kind.
+pub type Facts = law::Facts<Need>;
+/// An effect with its numbers.
+pub type Effect = law::Effect<Kind>;
+
 /// Kinds that the library of the contract has, one per set of parameters, and kinds that it has not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[expect(
@@ -52,38 +59,6 @@ pub enum Kind {
     SpeedCube,
     CrossJoint,
     VaryingPlay,
-}
-
-/// A key of an effect in a model file.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Entry {
-    /// Key with its unit.
-    pub key: &'static str,
-    /// Numbers.
-    pub count: usize,
-    /// SI of one such unit.
-    pub si: f64,
-    /// Whether intervals are counted on it: not where the contract's law and the one here have no common number.
-    pub counted: bool,
-}
-
-/// What is said of a kind.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Facts {
-    /// Name in the contract; none outside the library.
-    pub name: Option<&'static str>,
-    /// Whether it belongs to a joint.
-    pub of_joint: bool,
-    /// Keys in order.
-    pub entries: &'static [Entry],
-    /// How many numbers, from the first, the effect is proportional to.
-    pub leads: usize,
-    /// The largest magnitude of a leading number, SI.
-    pub most: f64,
-    /// Whether the leading number may not be negative.
-    pub not_negative: bool,
-    /// What it needs.
-    pub needs: &'static [Need],
 }
 
 /// What must be there for an effect to show.
@@ -153,65 +128,13 @@ impl Kind {
     /// Physics that no library of the contract has.
     pub const OUTSIDE: [Self; 5] =
         [Self::CableDrag, Self::VaryingDelay, Self::SpeedCube, Self::CrossJoint, Self::VaryingPlay];
-
-    /// What is said of it.
-    #[must_use]
-    pub fn facts(self) -> &'static Facts {
-        &facts::FACTS[self as usize].1
-    }
-
-    /// Its name in answers; outside the library none.
-    #[must_use]
-    pub fn name(self) -> Option<&'static str> {
-        self.facts().name
-    }
-
-    /// How many numbers it has.
-    #[must_use]
-    pub fn count(self) -> usize {
-        self.facts().entries.iter().map(|entry| entry.count).sum()
-    }
-
-    /// Whether it needs this.
-    #[must_use]
-    pub fn needs(self, need: Need) -> bool {
-        self.facts().needs.contains(&need)
-    }
 }
 
-/// An effect with its numbers.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Effect {
-    /// Which law.
-    pub kind: Kind,
-    /// From 0; 0 for effects of the whole robot.
-    pub joint: usize,
-    /// The other joint of a coupling, from 0.
-    pub other: usize,
-    /// SI, in the order of the keys.
-    pub numbers: Vec<f64>,
-}
+impl Law for Kind {
+    type Need = Need;
 
-impl Effect {
-    /// The same with its leading numbers times `factor`.
-    #[must_use]
-    pub fn scaled(&self, factor: f64) -> Self {
-        let mut scaled = self.clone();
-        scaled.numbers.iter_mut().take(self.kind.facts().leads).for_each(|x| *x *= factor);
-        scaled
-    }
-
-    /// The largest of its leading numbers.
-    #[must_use]
-    pub fn lead(&self) -> f64 {
-        let leads = self.numbers.iter().take(self.kind.facts().leads);
-        leads.fold(0.0, |most, x| most.max(x.abs()))
-    }
-
-    /// The joint as answers name it, from 1.
-    #[must_use]
-    pub fn joint_said(&self) -> Option<usize> {
-        self.kind.facts().of_joint.then_some(self.joint + 1)
+    fn facts(self) -> Facts {
+        facts::FACTS[self as usize].1
     }
 }
 

@@ -4,11 +4,11 @@
 //! Denavit–Hartenberg tables, play as a contact of two faces, hysteresis by springs that slip, warmth by two nodes, gear errors as series with
 //! sidebands, noise with colour, a last digit, gaps and outliers.
 //!
-//! Read in this order: [`kinds`] and [`laws`] (what may be hidden), [`scene`] (what the robot does), [`view`] (what is seen),
-//! [`mod@draw`] (cases by chance), [`mod@bench`] (what can be known of a case before anyone answers), [`proof`] (what an answer is worth on a
+//! Read in this order: [`mod@law`] (what all domains have in common), [`kinds`] and [`laws`] (what may be hidden), [`scene`] (what the robot does), [`view`] (what is seen),
+//! [`mod@draw`] (cases by chance), [`mod@bench`] (what can be known of a case before anyone answers), [`fit`] and [`proof`] (what an answer is worth on a
 //! motion that nobody saw), [`mod@write`] (the files), [`seal`], [`answer`] and [`score`].
 //!
-//! What the motors feel instead of where the tool goes: [`torque`].
+//! What the motors feel instead of where the tool goes: [`torque`]; what a cutter exerts: [`force`].
 //!
 //! Promises: the same seed gives the same bytes. Never: a file read or written, a process, a clock.
 
@@ -20,7 +20,10 @@ pub mod candidates;
 pub mod case;
 pub mod chance;
 pub mod draw;
+pub mod fit;
+pub mod force;
 pub mod kinds;
+pub mod law;
 pub mod laws;
 pub mod linear;
 pub mod proof;

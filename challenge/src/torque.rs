@@ -20,5 +20,4 @@ pub mod motion;
 pub mod predictor;
 pub mod proof;
 pub mod rig;
-pub mod truth;
 pub mod write;

@@ -1,4 +1,4 @@
-//! What is hidden in a case, as it is sealed and opened.
+//! What is hidden in a case of any domain, as it is sealed and opened.
 //!
 //! Promises: numbers in the units of the contract's keys; of a revised effect the difference to what the model says. Never: an answer.
 
@@ -7,10 +7,9 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::bench::{APART, Judged, Name};
-use crate::case::{Case, Tier};
+use crate::case::Tier;
 use crate::draw::Drawn;
-use crate::kinds::{Effect, Kind};
-use crate::write::entries;
+use crate::law::{Effect, Law, Trial};
 
 /// Below this z nothing can be asked (contract `diagnosis.md`).
 pub const LEAST_Z: f64 = 8.0;
@@ -65,13 +64,13 @@ pub struct Truth {
 impl Truth {
     /// The truth about a drawn case.
     #[must_use]
-    pub fn of(name: &str, drawn: &Drawn) -> Self {
+    pub fn of<C: Trial>(name: &str, drawn: &Drawn<C>) -> Self {
         let case = &drawn.case;
-        let hidden = case.hidden.iter().zip(&drawn.judged);
-        let depends_on = case.hidden.iter().flat_map(depends_on).collect();
+        let hidden = case.hidden().iter().zip(&drawn.judged);
+        let depends_on = case.hidden().iter().flat_map(|effect| case.follows(effect)).collect();
         Self {
             case: name.to_owned(),
-            tier: case.tier,
+            tier: case.tier(),
             hidden: hidden.map(|(effect, judged)| of(case, effect, judged)).collect(),
             depends_on,
         }
@@ -84,25 +83,22 @@ impl Truth {
     }
 }
 
-fn of(case: &Case, effect: &Effect, judged: &Judged) -> Hidden {
-    let revised = case.revises(effect);
+fn of<C: Trial>(case: &C, effect: &Effect<C::Kind>, judged: &Judged) -> Hidden {
+    let revised = case.revised(effect);
     let mut whole = effect.clone();
-    if revised {
-        let same = |k: &&crate::case::Known| {
-            k.nominal.kind == effect.kind && k.nominal.joint == effect.joint
-        };
-        if let Some(known) = case.known.iter().find(same) {
-            whole.numbers[0] += known.real.numbers[0] - known.nominal.numbers[0];
-        }
+    if let Some(known) = revised {
+        let off = known.real.numbers.iter().zip(&known.nominal.numbers).map(|(a, b)| a - b);
+        whole.numbers.iter_mut().zip(off).for_each(|(number, off)| *number += off);
     }
     let mut parameters = BTreeMap::new();
     let mut counted = Vec::new();
     let mut number = 0;
-    for (entry, numbers) in entries(&whole) {
-        parameters.insert(entry.key, numbers.iter().map(|x| x / entry.si).collect());
+    for (entry, numbers) in whole.entries() {
+        let key = entry.key(case.slides());
+        parameters.insert(key, numbers.iter().map(|x| x / entry.si).collect());
         for k in 0..numbers.len() {
             if entry.counted && judged.determined.get(number).copied().unwrap_or(false) {
-                counted.push((entry.key, k));
+                counted.push((key, k));
             }
             number += 1;
         }
@@ -111,23 +107,10 @@ fn of(case: &Case, effect: &Effect, judged: &Judged) -> Hidden {
         effect: effect.kind.name(),
         law: format!("{:?}", effect.kind),
         joint: effect.joint_said(),
-        change: if revised { "revised" } else { "new" },
+        change: if revised.is_some() { "revised" } else { "new" },
         parameters,
         counted,
         judged: judged.clone(),
-    }
-}
-
-/// The words of the contract for what a law outside the library follows.
-fn depends_on(effect: &Effect) -> Vec<String> {
-    let (own, other) = (effect.joint + 1, effect.other + 1);
-    match effect.kind {
-        Kind::CableDrag => vec![format!("q{own}"), format!("v{own}")],
-        Kind::VaryingDelay => vec![format!("q{other}"), format!("v{own}")],
-        Kind::SpeedCube => vec![format!("v{own}")],
-        Kind::CrossJoint => vec![format!("q{other}")],
-        Kind::VaryingPlay => vec![format!("direction_{own}"), format!("q{own}")],
-        _ => Vec::new(),
     }
 }
 

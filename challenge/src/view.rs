@@ -133,24 +133,24 @@ impl Whitener {
     /// For the rows that are right.
     #[must_use]
     pub fn of(scene: &Scene, noise: &Noise, right: &[bool], width: usize) -> Self {
-        let mut rows: Vec<(usize, bool)> = Vec::new();
-        for (row, right) in right.iter().enumerate() {
-            if !right {
-                continue;
-            }
-            let follows = rows.last().is_some_and(|(before, _)| {
-                before + 1 == row && scene.rows[*before].segment == scene.rows[row].segment
-            });
-            rows.push((row, follows));
-        }
-        Self { width, sigma: noise.total(), colour: noise.colour, rows }
+        let segment = |row: usize| scene.rows[row].segment;
+        let follows = |before, row| segment(before) == segment(row);
+        let plain = Self::plain(width, noise.colour, right, follows);
+        Self { sigma: noise.total(), ..plain }
     }
 
-    /// For values in units of their noise, `width` to a row, that remembers itself from row to row; each row that counts, and whether it follows the one
-    /// before it in time.
+    /// For values in units of their noise, `width` to a row, that remembers itself from row to row; `right`: rows that count, `follows`: whether of two
+    /// that stand side by side the second goes on from the first.
     #[must_use]
-    pub fn plain(width: usize, colour: f64, rows: Vec<(usize, bool)>) -> Self {
-        Self { width, sigma: 1.0, colour, rows }
+    pub fn plain(
+        width: usize,
+        colour: f64,
+        right: &[bool],
+        follows: impl Fn(usize, usize) -> bool,
+    ) -> Self {
+        let goes_on = |row: usize| row > 0 && right[row - 1] && follows(row - 1, row);
+        let rows = (0..right.len()).filter(|row| right[*row]).map(|row| (row, goes_on(row)));
+        Self { width, sigma: 1.0, colour, rows: rows.collect() }
     }
 
     /// How many values count.

@@ -5,6 +5,7 @@
 //! Promises: no answer of a solver is looked at. Never: a law.
 
 use crate::candidates::Candidate;
+use crate::law::{Effect, Law, Trial};
 use crate::linear::{Span, dot};
 
 /// Below this share of an effect's energy what a rival leaves is rounding: the two are one thing under two names.
@@ -118,9 +119,63 @@ impl Question<'_> {
     }
 }
 
-/// Which columns, each with its length before what is fitted anyway was taken out, say something that the others do not.
+/// Takes what a case's model knows, each uncertain number with one reading of its uncertainty behind the values; not what `except` revises.
+/// `column` gives values with [`readings`] places behind them.
+pub fn take_known<C: Trial>(
+    span: &mut Span,
+    case: &C,
+    except: &[&Effect<C::Kind>],
+    column: impl Fn(&Effect<C::Kind>) -> Vec<f64>,
+) {
+    let readings = readings(case);
+    let mut reading = 0;
+    for known in case.known() {
+        let nominal = &known.nominal;
+        let is_revised = except.iter().any(|e| e.kind == nominal.kind && e.joint == nominal.joint);
+        for (number, sigma) in known.sigma.iter().enumerate() {
+            let place = reading;
+            reading += 1;
+            if is_revised {
+                continue;
+            }
+            let mut unit = nominal.clone();
+            unit.numbers[..known.sigma.len()].fill(0.0);
+            unit.numbers[number] = 1.0;
+            let mut column = column(&unit);
+            let at = column.len() - readings + place;
+            column[at] = 1.0 / sigma;
+            span.take(column);
+        }
+    }
+}
+
+/// How many numbers of a case's model are uncertain.
 #[must_use]
-pub fn own_columns(slopes: &[(Vec<f64>, f64)]) -> Vec<bool> {
+pub fn readings<C: Trial>(case: &C) -> usize {
+    case.known().iter().map(|known| known.sigma.len()).sum()
+}
+
+/// Which numbers of an effect have a column of their own beside what is fitted anyway.
+#[must_use]
+pub fn determined<K: Law>(
+    effect: &Effect<K>,
+    span: &Span,
+    column: impl Fn(&Effect<K>) -> Vec<f64>,
+) -> Vec<bool> {
+    let here = column(effect);
+    let slope = |n: usize| {
+        let mut moved = effect.clone();
+        moved.numbers[n] += 1e-4 * K::step(effect, n);
+        let moved = column(&moved);
+        let slope: Vec<f64> = moved.iter().zip(&here).map(|(a, b)| a - b).collect();
+        let length = dot(&slope, &slope).sqrt();
+        (span.rest(&slope), length)
+    };
+    own_columns(&(0..effect.numbers.len()).map(slope).collect::<Vec<_>>())
+}
+
+/// Which columns, each with its length before what is fitted anyway was taken out, say something that the others do not.
+fn own_columns(slopes: &[(Vec<f64>, f64)]) -> Vec<bool> {
     let own = |n: usize| {
         let mut others = Span::default();
         for (k, (column, length)) in slopes.iter().enumerate() {

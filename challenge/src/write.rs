@@ -6,7 +6,9 @@ use std::fmt::Write as _;
 
 use crate::arm::{Arm, JOINTS};
 use crate::case::Case;
-use crate::kinds::{Effect, Entry};
+use crate::kinds::Effect;
+use crate::law;
+use crate::law::Law;
 use crate::scene::Scene;
 use crate::space::{T4, V3, column, origin, point};
 use crate::view::Measured;
@@ -39,7 +41,7 @@ pub fn model(case: &Case) -> String {
         text.push_str(&tool_mass(mass.kg, point(&zero[mass.joint], mass.at)));
     }
     for known in &case.known {
-        text.push_str(&effect(&known.nominal, Some(known.sigma)));
+        text.push_str(&effect(&known.nominal, &known.sigma));
     }
     text
 }
@@ -91,50 +93,38 @@ pub(crate) fn geometry(
     text
 }
 
-/// An effect as an entry of a model; `sigma` of its first number, SI.
+/// An effect as an entry of a model; `sigma` of its first numbers, SI.
 #[must_use]
-pub fn effect(effect: &Effect, sigma: Option<f64>) -> String {
-    let joint = effect.joint_said();
+pub fn effect(effect: &Effect, sigma: &[f64]) -> String {
     let from = (effect.kind == crate::kinds::Kind::JointCoupling).then_some(effect.other + 1);
-    let entries = entries(effect).map(|(entry, numbers)| (entry.key, entry.si, numbers));
-    entry(effect.kind.name(), (joint, from), entries, sigma)
+    entry(effect, false, from, sigma)
 }
 
-/// An entry of a model: its name, its joints, its keys with the SI of their unit and their numbers, and the uncertainty of the first.
-pub(crate) fn entry<'a>(
-    name: Option<&str>,
-    (joint, from): (Option<usize>, Option<usize>),
-    entries: impl Iterator<Item = (&'a str, f64, &'a [f64])>,
-    sigma: Option<f64>,
+/// An entry of a model: its name, its joints, its keys with their numbers, and the uncertainties of the first key's.
+pub(crate) fn entry<K: Law>(
+    effect: &law::Effect<K>,
+    slides: bool,
+    from: Option<usize>,
+    sigma: &[f64],
 ) -> String {
-    let mut text = format!("\n[[effect]]\nkind = \"{}\"\n", name.unwrap_or("none"));
-    if let Some(joint) = joint {
+    let shown = |numbers: &[f64], si: f64| {
+        let values: Vec<f64> = numbers.iter().map(|x| x / si).collect();
+        if values.len() == 1 { format!("{:?}", values[0]) } else { list(&values) }
+    };
+    let mut text = format!("\n[[effect]]\nkind = \"{}\"\n", effect.kind.name().unwrap_or("none"));
+    if let Some(joint) = effect.joint_said() {
         let _ = writeln!(text, "joint = {joint}");
     }
     if let Some(from) = from {
         let _ = writeln!(text, "from_joint = {from}");
     }
-    let mut first = None;
-    for (key, si, numbers) in entries {
-        first = first.or(Some((key, si)));
-        let values: Vec<f64> = numbers.iter().map(|x| x / si).collect();
-        let shown = if values.len() == 1 { format!("{:?}", values[0]) } else { list(&values) };
-        let _ = writeln!(text, "{key} = {shown}");
+    for (entry, numbers) in effect.entries() {
+        let _ = writeln!(text, "{} = {}", entry.key(slides), shown(numbers, entry.si));
     }
-    if let (Some(sigma), Some((key, si))) = (sigma, first) {
-        let _ = writeln!(text, "sigma = {{ {key} = {:?} }}", sigma / si);
+    if let Some(first) = effect.kind.facts().entries.first().filter(|_| !sigma.is_empty()) {
+        let _ = writeln!(text, "sigma = {{ {} = {} }}", first.key(slides), shown(sigma, first.si));
     }
     text
-}
-
-/// The keys of an effect, each with its numbers, SI.
-pub fn entries(effect: &Effect) -> impl Iterator<Item = (&'static Entry, &[f64])> {
-    let mut from = 0;
-    effect.kind.facts().entries.iter().map(move |entry| {
-        let numbers = &effect.numbers[from..from + entry.count];
-        from += entry.count;
-        (entry, numbers)
-    })
 }
 
 /// What the recording says of itself.

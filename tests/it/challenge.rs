@@ -5,6 +5,7 @@ use ::challenge::case::{Case, Tier};
 use ::challenge::chance::Chance;
 use ::challenge::draw;
 use ::challenge::kinds::{Effect, Kind, Need};
+use ::challenge::law::{Law, Trial};
 use ::challenge::scene::{Has, Richness, Scene};
 use ::challenge::space::{ONE, shift};
 use ::challenge::truth::{Hidden, Truth};
@@ -87,7 +88,7 @@ fn simulated(case: &Case) -> Vec<f64> {
     let place = Place::new();
     for (name, mut text) in write::files(case) {
         if name == "model.toml" {
-            case.hidden.iter().for_each(|effect| text.push_str(&write::effect(effect, None)));
+            case.hidden.iter().for_each(|effect| text.push_str(&write::effect(effect, &[])));
         }
         place.file(name, &text);
     }
@@ -254,7 +255,7 @@ fn perfect(index: usize, seed: u64) -> (String, String) {
     let mut case = drawn.case;
     case.known.iter_mut().for_each(|known| known.nominal = known.real.clone());
     let hidden = case.hidden.iter().filter(|effect| effect.kind.name().is_some());
-    let effects: String = hidden.map(|effect| write::effect(effect, None)).collect();
+    let effects: String = hidden.map(|effect| write::effect(effect, &[])).collect();
     (answer.to_string(), write::model(&case) + &effects)
 }
 

@@ -3,6 +3,7 @@
 use ::challenge::arm::{JOINTS, Joints};
 use ::challenge::case::{Known, Tier};
 use ::challenge::chance::Chance;
+use ::challenge::law::{Law, Trial};
 use ::challenge::scene::Richness;
 use ::challenge::torque::candidates::fits;
 use ::challenge::torque::case::{Case, Noise};
@@ -26,7 +27,7 @@ fn case(rig: Rig, joint: usize) -> Case {
     let known = [(Kind::ViscousFriction, vec![8.0]), (Kind::Spring, vec![20.0, room.home + 0.01])];
     let known = known.map(|(kind, numbers)| {
         let nominal = Effect::of(kind, joint, &numbers);
-        Known { real: nominal.clone(), nominal, sigma: 0.1 }
+        Known { real: nominal.clone(), nominal, sigma: vec![0.1] }
     });
     let quiet =
         Noise { sigma: [0.0; JOINTS], digit: [0.0; JOINTS], colour: 0.0, step: 0.0, gaps: 0 };
@@ -68,7 +69,7 @@ fn simulated(case: &Case, effects: &[Effect]) -> Vec<Joints> {
     let place = Place::new();
     let mut model = write::model(case);
     for effect in effects {
-        model.push_str(&write::effect(effect, case.rig.slides, None));
+        model.push_str(&write::effect(effect, case.rig.slides, &[]));
     }
     place.file("model.toml", &model);
     place.file("motion.csv", &write::command(case, &case.motion, FINER));

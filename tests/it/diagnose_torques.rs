@@ -5,18 +5,12 @@ use std::fmt::Write as _;
 use serde_json::Value;
 
 use crate::program::Place;
+use crate::simulate_torques::SLIDE;
 
 /// A slide whose mass is not told.
-const SLIDE: &str = r#"
-schema = "trued.model/1"
-name = "slide"
-[[joint]]
-kind = "prismatic"
-axis = [1.0, 0.0, 0.0]
-limits_mm = [-500.0, 500.0]
-[tool]
-tcp_mm = [0.0, 0.0, 100.0]
-"#;
+fn slide() -> String {
+    SLIDE.lines().filter(|line| !line.starts_with("link")).map(|line| format!("{line}\n")).collect()
+}
 
 /// 95 kg with 20 N of dry friction; `positions` adds a measured tool that stands where it should.
 fn recording(positions: bool) -> String {
@@ -45,7 +39,7 @@ fn recording(positions: bool) -> String {
 #[test]
 fn dry_friction_that_was_left_out_is_named_in_the_torque_domain_and_written_into_the_model() {
     let place = Place::new();
-    place.file("slide.toml", SLIDE);
+    place.file("slide.toml", &slide());
     place.file("force.csv", &recording(false));
     place.succeed(&["diagnose", "--model", "slide.toml", "--out", "out", "force.csv"]);
     let said: Value = serde_json::from_str(&place.read("out/diagnosis.json")).unwrap();
@@ -68,7 +62,7 @@ fn dry_friction_that_was_left_out_is_named_in_the_torque_domain_and_written_into
 #[test]
 fn positions_and_torques_give_both_domains() {
     let place = Place::new();
-    place.file("slide.toml", SLIDE);
+    place.file("slide.toml", &slide());
     place.file("both.csv", &recording(true));
     place.succeed(&["diagnose", "--model", "slide.toml", "--out", "out", "both.csv"]);
     let said: Value = serde_json::from_str(&place.read("out/diagnosis.json")).unwrap();

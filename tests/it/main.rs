@@ -12,6 +12,7 @@ mod bench;
 mod bridge;
 mod calibrate;
 mod challenge;
+mod challenge_forces;
 mod challenge_torques;
 mod cli;
 mod clients;

@@ -13,7 +13,7 @@ const LEVEL: f64 = 20.4;
 const SPEED: f64 = 0.15;
 
 /// A level slide of one axis, as test rigs have it.
-const SLIDE: &str = r#"
+pub(crate) const SLIDE: &str = r#"
 schema = "trued.model/1"
 name = "slide"
 [[joint]]

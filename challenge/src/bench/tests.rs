@@ -5,6 +5,7 @@ use crate::arm::Arm;
 use crate::case::{Known, Tier};
 use crate::chance::Chance;
 use crate::draw::judge;
+use crate::linear::dot;
 use crate::scene::{Has, Richness};
 use crate::space::{ONE, column as axis, cross, norm, origin, sub};
 use crate::view::{Noise, View};
@@ -70,7 +71,7 @@ fn a_number_known_to_one_sigma_hides_as_a_reading_of_that_noise_would() {
     // shape is z²/(1 + s² z²) of its energy.
     let mut with = case(of(Kind::GravityCompliance, 1, &[2e-6]), true);
     let other = of(Kind::JointCompliance, 1, &[0.0]);
-    with.known = vec![Known { nominal: other.clone(), real: other, sigma: 1e-8 }];
+    with.known = vec![Known { nominal: other.clone(), real: other, sigma: vec![1e-8] }];
     let everything = vec![true; with.scene.rows.len()];
     let unit =
         Bench::of(&with, &with.scene, &everything).column(&of(Kind::GravityCompliance, 1, &[1.0]));

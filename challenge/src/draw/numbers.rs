@@ -6,6 +6,7 @@ use crate::arm::JOINTS;
 use crate::case::Case;
 use crate::chance::Chance;
 use crate::kinds::Kind;
+use crate::law::Law;
 
 /// Numbers of a kind on a joint, the leading ones of size one.
 pub(super) fn of(case: &Case, kind: Kind, joint: usize, chance: &mut Chance) -> Vec<f64> {

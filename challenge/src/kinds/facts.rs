@@ -2,21 +2,22 @@
 //!
 //! Promises: one line per kind, in their order. Never: a law.
 
-use super::{Entry, Facts, Kind, Need};
+use super::{Facts, Kind, Need};
+use crate::law::Entry;
 use Need::{
     Compliance, Masses, NoTemperature, OwnCompliance, Path, Poses, Spindle, Temperature, Wrench,
 };
 
 const fn one(key: &'static str, si: f64) -> Entry {
-    Entry { key, count: 1, si, counted: true }
+    Entry::of(key, 1, si)
 }
 
 const fn many(key: &'static str, count: usize, si: f64) -> Entry {
-    Entry { key, count, si, counted: true }
+    Entry::of(key, count, si)
 }
 
 const fn loose(key: &'static str, si: f64) -> Entry {
-    Entry { key, count: 1, si, counted: false }
+    Entry::of(key, 1, si).loose()
 }
 
 const fn of(

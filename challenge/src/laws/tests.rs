@@ -3,6 +3,7 @@
 use super::*;
 use crate::arm::Arm;
 use crate::chance::Chance;
+use crate::law::Law;
 use crate::scene::{Has, Richness};
 
 fn scene(settled: bool) -> Scene {

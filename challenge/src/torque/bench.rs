@@ -4,13 +4,14 @@
 //! Promises: no answer of a solver is looked at. Never: noise drawn; expected values alone.
 
 use crate::arm::Joints;
+use crate::law::{Law, Trial};
 use crate::linear::{Span, dot};
 use crate::view::Whitener;
-use crate::weigh::{Judged, Question, own_columns};
+use crate::weigh::{Judged, Question, determined, readings, take_known};
 
 use super::candidates::candidates;
 use super::case::Case;
-use super::kinds::{Effect, Kind};
+use super::kinds::Effect;
 use super::laws::{Ride, recorded};
 use super::motion::Motion;
 use super::rig::Rig;
@@ -28,14 +29,8 @@ pub struct Bench<'a> {
 /// Whitens the rows that are there.
 #[must_use]
 pub fn whitener(case: &Case, ride: &Ride, there: &[bool]) -> Whitener {
-    let mut rows: Vec<(usize, bool)> = Vec::new();
-    for row in (0..there.len()).filter(|row| there[*row]) {
-        let follows = rows
-            .last()
-            .is_some_and(|(before, _)| before + 1 == row && ride.at[*before].0 == ride.at[row].0);
-        rows.push((row, follows));
-    }
-    Whitener::plain(case.rig.count(), case.noise.colour, rows)
+    let follows = |before: usize, row: usize| ride.at[before].0 == ride.at[row].0;
+    Whitener::plain(case.rig.count(), case.noise.colour, there, follows)
 }
 
 /// All joints' values in units of their noise, row by row.
@@ -76,7 +71,7 @@ impl<'a> Bench<'a> {
 
     fn whiten(&self, torques: &[Joints]) -> Vec<f64> {
         let mut whitened = self.whitener.apply(&in_noise(self.case, torques));
-        whitened.resize(whitened.len() + self.case.known.len(), 0.0);
+        whitened.resize(whitened.len() + readings(self.case), 0.0);
         whitened
     }
 
@@ -96,17 +91,7 @@ impl<'a> Bench<'a> {
         for torques in unsaid(&self.case.rig, self.ride) {
             span.take(self.whiten(&torques));
         }
-        for (place, known) in self.case.known.iter().enumerate() {
-            if known.nominal.kind == except.kind && known.nominal.joint == except.joint {
-                continue;
-            }
-            let mut unit = known.nominal.clone();
-            unit.numbers[0] = 1.0;
-            let mut column = self.column(&unit);
-            let at = column.len() - self.case.known.len() + place;
-            column[at] = 1.0 / known.sigma;
-            span.take(column);
-        }
+        take_known(&mut span, self.case, &[except], |effect| self.column(effect));
         span
     }
 
@@ -141,31 +126,8 @@ impl<'a> Bench<'a> {
         };
         let kin = |name: &str| truth.kind.name().is_some_and(|own| are_masses(own, name));
         let mut judged = question.weigh(&candidates(self.case), |effect| self.column(effect), kin);
-        judged.determined = self.determined(truth, &span);
+        judged.determined = determined(truth, &span, |effect| self.column(effect));
         judged
-    }
-
-    fn determined(&self, effect: &Effect, span: &Span) -> Vec<bool> {
-        let here = self.column(effect);
-        let slope = |n: usize| {
-            let mut moved = effect.clone();
-            moved.numbers[n] += 1e-4 * step(effect, n);
-            let moved = self.column(&moved);
-            let column: Vec<f64> = moved.iter().zip(&here).map(|(a, b)| a - b).collect();
-            let length = dot(&column, &column).sqrt();
-            (span.rest(&column), length)
-        };
-        own_columns(&(0..effect.numbers.len()).map(slope).collect::<Vec<_>>())
-    }
-}
-
-/// Of what size a change of a number is.
-pub(super) fn step(effect: &Effect, number: usize) -> f64 {
-    let size = effect.numbers[number].abs();
-    match effect.kind {
-        // A centre of mass on an axis, a phase or a rest position of nothing still move.
-        Kind::Payload | Kind::TorqueRipple | Kind::Spring if number > 0 => size.max(0.1),
-        _ => size.max(effect.lead()).max(1e-9),
     }
 }
 

@@ -3,6 +3,7 @@
 //! Promises: numbers that do not enter linearly stand on a grid, one form each. Never: names that need what was not recorded.
 
 use crate::candidates::Candidate;
+use crate::law::{Law, Trial};
 
 use super::case::Case;
 use super::kinds::{Effect, Kind, Need};

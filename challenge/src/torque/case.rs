@@ -5,6 +5,7 @@
 use crate::arm::{JOINTS, Joints};
 use crate::case::{Known as Known_, Tier};
 use crate::chance::Chance;
+use crate::law::Trial;
 use crate::scene::Richness;
 
 use super::kinds::{Effect, Kind};
@@ -13,7 +14,7 @@ use super::motion::Motion;
 use super::rig::Rig;
 
 /// An effect that the model has.
-pub type Known = Known_<Effect>;
+pub type Known = Known_<Kind>;
 
 /// How well torques and positions are read.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,20 +76,18 @@ fn rounded(value: f64, step: f64) -> f64 {
     if step > 0.0 { (value / step).round() * step } else { value }
 }
 
+/// Rows without so many stretches in which nothing was recorded.
+pub(crate) fn without_gaps(rows: usize, gaps: usize, chance: &mut Chance) -> Vec<bool> {
+    let mut there = vec![true; rows];
+    for _ in 0..gaps {
+        let from = chance.pick(rows);
+        let to = (from + 5 + chance.pick(40)).min(rows);
+        there[from..to].fill(false);
+    }
+    there
+}
+
 impl Case {
-    /// The effects that the model has, with its numbers.
-    #[must_use]
-    pub fn nominal(&self) -> Vec<Effect> {
-        self.known.iter().map(|known| known.nominal.clone()).collect()
-    }
-
-    /// All effects, as they are.
-    #[must_use]
-    pub fn real(&self) -> Vec<Effect> {
-        let known = self.known.iter().map(|known| known.real.clone());
-        known.chain(self.hidden.iter().cloned()).collect()
-    }
-
     /// What is recorded of a motion; `part` tells one recording's noise from another's.
     #[must_use]
     pub fn measured(&self, motion: &Motion, ride: &Ride, part: u64) -> Measured {
@@ -97,7 +96,7 @@ impl Case {
         let (keep, count) = (self.noise.colour, self.rig.count());
         let fresh = (1.0 - keep * keep).sqrt();
         let mut memory = [0.0; JOINTS];
-        let there = self.there(&ride.at, &mut chance);
+        let there = without_gaps(ride.at.len(), self.noise.gaps, &mut chance);
         let mut measured = Measured { torques: exact, places: Vec::new(), there };
         for (row, torques) in measured.torques.iter_mut().enumerate() {
             let anew = row == 0 || ride.at[row - 1].0 != ride.at[row].0;
@@ -113,17 +112,6 @@ impl Case {
         measured
     }
 
-    /// Rows without those in which nothing was recorded.
-    fn there(&self, rows: &[(usize, f64)], chance: &mut Chance) -> Vec<bool> {
-        let mut there = vec![true; rows.len()];
-        for _ in 0..self.noise.gaps {
-            let from = chance.pick(rows.len());
-            let to = (from + 5 + chance.pick(40)).min(rows.len());
-            there[from..to].fill(false);
-        }
-        there
-    }
-
     /// A motion of the same rig that the solver never sees.
     #[must_use]
     pub fn unseen(&self) -> Motion {
@@ -132,16 +120,36 @@ impl Case {
         let so = (length_s, self.motion.rate_hz);
         Motion::draw(&self.rig.rooms, so, self.motion.warms, self.richness, &mut chance)
     }
+}
 
-    /// What the model knows of this kind on this joint.
-    #[must_use]
-    pub fn known_of(&self, kind: Kind, joint: usize) -> Option<&Known> {
-        self.known.iter().find(|k| k.nominal.kind == kind && k.nominal.joint == joint)
+impl Trial for Case {
+    type Kind = Kind;
+
+    fn tier(&self) -> Tier {
+        self.tier
     }
 
-    /// What the model has where a hidden effect stands: its numbers are then the difference.
-    #[must_use]
-    pub fn revised(&self, effect: &Effect) -> Option<&Known> {
-        self.known_of(effect.kind, effect.joint)
+    fn known(&self) -> &[Known] {
+        &self.known
+    }
+
+    fn hidden(&self) -> &[Effect] {
+        &self.hidden
+    }
+
+    fn slides(&self) -> bool {
+        self.rig.slides
+    }
+
+    fn follows(&self, effect: &Effect) -> Vec<String> {
+        let (own, other) = (effect.joint + 1, effect.other + 1);
+        match effect.kind {
+            Kind::SpeedCube => vec![format!("v{own}")],
+            Kind::PlaceFriction => vec![format!("q{own}"), format!("direction_{own}")],
+            Kind::PlaceDamping => vec![format!("q{own}"), format!("v{own}")],
+            Kind::CrossTorque => vec![format!("q{other}")],
+            Kind::Wander => vec!["t_s".to_owned()],
+            _ => Vec::new(),
+        }
     }
 }

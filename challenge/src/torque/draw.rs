@@ -5,7 +5,8 @@
 use crate::arm::{JOINTS, Joints};
 use crate::case::Tier;
 use crate::chance::Chance;
-use crate::draw::{asks, attempts, wanted_z};
+use crate::draw::{asks, attempts, hide, wanted_z};
+use crate::law::{Law, Trial};
 use crate::scene::Richness;
 
 use super::bench::Bench;
@@ -46,7 +47,7 @@ pub fn case(seed: u64, index: usize, (tier, turn): (Tier, usize)) -> Drawn {
 }
 
 fn attempt_at(seed: u64, turn: usize, tier: Tier, chance: &mut Chance) -> Option<Drawn> {
-    let kinds = kinds(turn, tier, chance);
+    let kinds = hide((turn, tier), &Kind::LIBRARY, &Kind::OUTSIDE, &POOR, chance);
     let (mut case, scales) = empty(seed, tier, &kinds, chance);
     for kind in &kinds {
         let effect = effect(&case, &scales, *kind, chance)?;
@@ -55,11 +56,7 @@ fn attempt_at(seed: u64, turn: usize, tier: Tier, chance: &mut Chance) -> Option
     let ride = Ride::of(&case.rig, &case.motion, 0.0);
     let there = case.measured(&case.motion, &ride, 0).there;
     size(&mut case, &scales, (&ride, &there), chance)?;
-    // A known number that is off within its uncertainty is no finding.
-    let certain = |effect: &Effect| {
-        case.revised(effect).is_none_or(|known| effect.lead() > 6.0 * known.sigma)
-    };
-    if !case.hidden.iter().all(certain) {
+    if !case.is_certain() {
         return None;
     }
     let judge = |which| Bench::of(&case, (&case.motion, &ride), &there, Some(which)).judge(which);
@@ -67,35 +64,18 @@ fn attempt_at(seed: u64, turn: usize, tier: Tier, chance: &mut Chance) -> Option
     asks(tier, &judged).then_some(Drawn { case, judged })
 }
 
-/// Which kinds are hidden: the first one by turns.
-fn kinds(turn: usize, tier: Tier, chance: &mut Chance) -> Vec<Kind> {
-    let turn = |list: &[Kind]| list[turn % list.len()];
-    let poor = [
-        Kind::CoulombFriction,
-        Kind::ViscousFriction,
-        Kind::StribeckFriction,
-        Kind::AsymmetryOffset,
-        Kind::Inertia,
-        Kind::GravityTorque,
-        Kind::Spring,
-        Kind::TorqueDelay,
-        Kind::DriveGain,
-    ];
-    match tier {
-        Tier::Null => Vec::new(),
-        Tier::Single | Tier::Limit => vec![turn(&Kind::LIBRARY)],
-        Tier::Outside => vec![turn(&Kind::OUTSIDE)],
-        Tier::Ambiguous => vec![poor[chance.pick(poor.len())]],
-        Tier::Multiple => {
-            let count = if chance.happens(0.3) { 3 } else { 2 };
-            let mut kinds = vec![turn(&Kind::LIBRARY)];
-            while kinds.len() < count {
-                kinds.push(Kind::LIBRARY[chance.pick(Kind::LIBRARY.len())]);
-            }
-            kinds
-        }
-    }
-}
+/// Kinds that a poor motion cannot part.
+const POOR: [Kind; 9] = [
+    Kind::CoulombFriction,
+    Kind::ViscousFriction,
+    Kind::StribeckFriction,
+    Kind::AsymmetryOffset,
+    Kind::Inertia,
+    Kind::GravityTorque,
+    Kind::Spring,
+    Kind::TorqueDelay,
+    Kind::DriveGain,
+];
 
 /// A case of which nothing is hidden yet, and how its joints' torques are.
 fn empty(seed: u64, tier: Tier, kinds: &[Kind], chance: &mut Chance) -> (Case, Vec<Scale>) {
@@ -207,7 +187,7 @@ fn know(case: &mut Case, scales: &[Scale], kinds: &[Kind], chance: &mut Chance) 
         let sigma = nominal.numbers[0] * chance.between(0.01, 0.1);
         let mut real = nominal.clone();
         real.numbers[0] += sigma * chance.normal_within_two();
-        case.known.push(Known { nominal, real, sigma });
+        case.known.push(Known { nominal, real, sigma: vec![sigma] });
     }
 }
 

@@ -8,6 +8,7 @@
 use crate::arm::{JOINTS, Joints};
 use crate::case::Tier;
 use crate::chance::Chance;
+use crate::law::Law;
 use crate::linear::{Span, dot};
 use crate::scene::Richness;
 use crate::weigh::{Judged, Question};

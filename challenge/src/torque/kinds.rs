@@ -2,6 +2,7 @@
 //!
 //! Promises: numbers are SI in the order of the keys. Never: a law; see [`super::laws`].
 
+use crate::law::{self, Entry, Law};
 use Need::{Arm, OwnSpring, OwnViscous, Revolute, Several, Temperature};
 
 /// Kinds that the torque table of the contract has, one per set of parameters, and kinds that it has not.
@@ -53,38 +54,13 @@ pub enum Need {
     Arm,
 }
 
-/// A key of an effect in a model file, on a joint that turns and on one that slides.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Entry {
-    /// Key with its unit where the joint turns, and where it slides.
-    pub keys: [&'static str; 2],
-    /// Numbers.
-    pub count: usize,
-    /// SI of one such unit.
-    pub si: f64,
-    /// Whether intervals are counted on it: not where the contract's law and the one here have no common number.
-    pub counted: bool,
-}
-
 /// What is said of a kind.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Facts {
-    /// Name in the contract; none outside the library.
-    pub name: Option<&'static str>,
-    /// Whether it belongs to a joint.
-    pub of_joint: bool,
-    /// Keys in order.
-    pub entries: &'static [Entry],
-    /// How many numbers, from the first, the effect is proportional to.
-    pub leads: usize,
-    /// Whether the leading number may not be negative.
-    pub not_negative: bool,
-    /// What it needs.
-    pub needs: &'static [Need],
-}
+pub type Facts = law::Facts<Need>;
+/// An effect with its numbers.
+pub type Effect = law::Effect<Kind>;
 
 const fn one(key: &'static str) -> Entry {
-    Entry { keys: [key; 2], count: 1, si: 1.0, counted: true }
+    Entry::of(key, 1, 1.0)
 }
 
 const fn two(turns: &'static str, slides: &'static str) -> Entry {
@@ -102,21 +78,22 @@ const fn of(
     not_negative: bool,
     needs: &'static [Need],
 ) -> Facts {
-    Facts { name: Some(name), of_joint: true, entries, leads, not_negative, needs }
+    let most = f64::INFINITY;
+    Facts { name: Some(name), of_joint: true, entries, leads, most, not_negative, needs }
 }
 
 const fn outside(needs: &'static [Need]) -> Facts {
     const SIZE: &[Entry] = &[one("size")];
-    Facts { name: None, of_joint: true, entries: SIZE, leads: 1, not_negative: false, needs }
+    Facts { name: None, ..of("", SIZE, 1, false, needs) }
 }
 
 const LEVEL: Entry = two("level_Nm", "level_N");
 const OFFSET: Entry = two("offset_Nm", "offset_N");
 const COEFFICIENT: Entry = one("coefficient");
-const PLACE: Entry = Entry { keys: ["com_mm"; 2], count: 3, si: 1e-3, counted: true };
-const MOMENT: Entry = Entry { keys: ["first_moment_kgm"; 2], count: 3, si: 1.0, counted: true };
+const PLACE: Entry = Entry::of("com_mm", 3, 1e-3);
+const MOMENT: Entry = Entry::of("first_moment_kgm", 3, 1.0);
 /// Springs that slip and the contract's law reach the same height, not by the same way.
-const REVERSAL: Entry = Entry { counted: false, ..milli("reversal_mrad", "reversal_mm") };
+const REVERSAL: Entry = milli("reversal_mrad", "reversal_mm").loose();
 
 impl Kind {
     /// Every kind of the contract's torque table.
@@ -145,9 +122,7 @@ impl Kind {
     pub const OUTSIDE: [Self; 5] =
         [Self::SpeedCube, Self::PlaceFriction, Self::PlaceDamping, Self::CrossTorque, Self::Wander];
 
-    /// What is said of it.
-    #[must_use]
-    pub fn facts(self) -> Facts {
+    fn facts_of_joint(self) -> Facts {
         match self {
             Self::CoulombFriction => of("coulomb_friction", const { &[LEVEL] }, 1, true, &[]),
             Self::ViscousFriction => of("viscous_friction", const { &[COEFFICIENT] }, 1, true, &[]),
@@ -224,70 +199,28 @@ impl Kind {
             _ => outside(&[]),
         }
     }
-
-    /// Its name in answers; outside the library none.
-    #[must_use]
-    pub fn name(self) -> Option<&'static str> {
-        self.facts().name
-    }
-
-    /// How many numbers it has.
-    #[must_use]
-    pub fn count(self) -> usize {
-        self.facts().entries.iter().map(|entry| entry.count).sum()
-    }
-
-    /// Whether it needs this.
-    #[must_use]
-    pub fn needs(self, need: Need) -> bool {
-        self.facts().needs.contains(&need)
-    }
 }
 
-/// An effect with its numbers.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Effect {
-    /// Which law.
-    pub kind: Kind,
-    /// From 0; 0 for effects of the whole robot.
-    pub joint: usize,
-    /// The other joint of a law outside the library, from 0.
-    pub other: usize,
-    /// SI, in the order of the keys.
-    pub numbers: Vec<f64>,
-}
+impl Law for Kind {
+    type Need = Need;
 
-impl Effect {
-    /// An effect of one joint.
-    #[must_use]
-    pub fn of(kind: Kind, joint: usize, numbers: &[f64]) -> Self {
-        Self { kind, joint, other: joint, numbers: numbers.to_vec() }
+    fn facts(self) -> Facts {
+        self.facts_of_joint()
     }
 
-    /// The same with its leading numbers times `factor`.
-    #[must_use]
-    pub fn scaled(&self, factor: f64) -> Self {
-        let mut scaled = self.clone();
-        scaled.numbers.iter_mut().take(self.kind.facts().leads).for_each(|x| *x *= factor);
-        scaled
+    fn step(effect: &Effect, number: usize) -> f64 {
+        let size = effect.numbers[number].abs();
+        match effect.kind {
+            // A centre of mass on an axis, a phase or a rest position of nothing still move.
+            Self::Payload | Self::TorqueRipple | Self::Spring if number > 0 => size.max(0.1),
+            _ => size.max(effect.lead()).max(1e-9),
+        }
     }
 
-    /// The largest of its leading numbers.
-    #[must_use]
-    pub fn lead(&self) -> f64 {
-        let leads = self.numbers.iter().take(self.kind.facts().leads);
-        leads.fold(0.0, |most, x| most.max(x.abs()))
-    }
-
-    /// The joint as answers name it, from 1.
-    #[must_use]
-    pub fn joint_said(&self) -> Option<usize> {
-        self.kind.facts().of_joint.then_some(self.joint + 1)
-    }
-
-    /// Whether the other is of the same name at the same place.
-    #[must_use]
-    pub fn is_like(&self, other: &Self) -> bool {
-        self.kind.name() == other.kind.name() && self.joint_said() == other.joint_said()
+    fn bounded(effect: &Effect, number: usize, wanted: f64) -> f64 {
+        let from = effect.numbers[number];
+        // A speed or a way stays above nothing; masses, centres and phases may be anywhere.
+        let scales = number == 1 && effect.kind.facts().leads == 1 && effect.numbers.len() <= 3;
+        if scales && from > 0.0 { wanted.max(0.3 * from) } else { wanted }
     }
 }

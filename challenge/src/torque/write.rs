@@ -7,28 +7,14 @@ use std::fmt::Write as _;
 use crate::write::{File, entry, geometry, list, mm, tool_mass};
 
 use super::case::{Case, Measured};
-use super::kinds::{Effect, Entry};
+use super::kinds::Effect;
 use super::laws::Ride;
 use super::motion::Motion;
 
-/// The keys of an effect on a joint that turns or slides, each with its numbers, SI.
-pub fn entries(
-    effect: &Effect,
-    slides: bool,
-) -> impl Iterator<Item = (&'static str, &'static Entry, &[f64])> {
-    let mut from = 0;
-    effect.kind.facts().entries.iter().map(move |entry| {
-        let numbers = &effect.numbers[from..from + entry.count];
-        from += entry.count;
-        (entry.keys[usize::from(slides)], entry, numbers)
-    })
-}
-
 /// An effect as an entry of a model; `sigma` of its first number, SI.
 #[must_use]
-pub fn effect(effect: &Effect, slides: bool, sigma: Option<f64>) -> String {
-    let entries = entries(effect, slides).map(|(key, entry, numbers)| (key, entry.si, numbers));
-    entry(effect.kind.name(), (effect.joint_said(), None), entries, sigma)
+pub fn effect(effect: &Effect, slides: bool, sigma: &[f64]) -> String {
+    entry(effect, slides, None, sigma)
 }
 
 /// The model that the solver is given.
@@ -44,7 +30,7 @@ pub fn model(case: &Case) -> String {
         text.push_str(&tool_mass(kg, centre));
     }
     for known in &case.known {
-        text.push_str(&effect(&known.nominal, rig.slides, Some(known.sigma)));
+        text.push_str(&effect(&known.nominal, rig.slides, &known.sigma));
     }
     text
 }

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use diagnosis::{Arrival, Pose, from_recording};
+use glam::DVec3;
 use physics::{Given, Inputs, Joints};
 use recording::model::RobotModel;
 use recording::series::{self, Channel, Kind, Recording};
@@ -239,6 +240,12 @@ pub(super) fn torques_of(
 ) -> Result<Vec<Joints>, Failure> {
     hold_inputs(&mut recording);
     Ok(run(model, &recording, Loop::Open)?.torques.unwrap_or_default())
+}
+
+/// What a sensor reads of the cut that the recording tells of, row by row, N.
+pub(super) fn forces_of(model: &RobotModel, recording: &Recording) -> Result<Vec<DVec3>, Failure> {
+    let Some(told) = &recording.about.cut else { return Ok(Vec::new()) };
+    cut::forces(&model.with_cutting().map_err(Failure::input)?, told, recording)
 }
 
 /// What is asked of the drives.

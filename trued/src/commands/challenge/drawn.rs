@@ -1,12 +1,12 @@
-//! A drawn case of either domain, behind one face: its files, its truth, and what a written model is worth on it.
+//! A drawn case of any domain, behind one face: its files, its truth, and what a written model is worth on it.
 //!
 //! Promises: the position domain's cases are what they were before there was another. Never: an answer.
 
 use challenge::case::Tier;
 use challenge::score::Errors;
-use challenge::torque;
 use challenge::truth::Truth;
 use challenge::{draw, write};
+use challenge::{force, torque};
 use clap::ValueEnum;
 
 use super::worth;
@@ -18,6 +18,8 @@ pub(super) enum Domain {
     Position,
     /// What the motors feel
     Torque,
+    /// What a cutter exerts
+    Force,
 }
 
 impl Domain {
@@ -26,6 +28,7 @@ impl Domain {
         match self {
             Self::Position => "position",
             Self::Torque => "torque",
+            Self::Force => "force",
         }
     }
 
@@ -34,6 +37,7 @@ impl Domain {
         match self {
             Self::Position => Drawn::Position(draw::case(seed, index, tier)),
             Self::Torque => Drawn::Torque(torque::draw::case(seed, index, tier)),
+            Self::Force => Drawn::Force(force::draw::case(seed, index, tier)),
         }
     }
 }
@@ -43,6 +47,7 @@ impl Domain {
 pub(super) enum Drawn {
     Position(draw::Drawn),
     Torque(torque::draw::Drawn),
+    Force(force::draw::Drawn),
 }
 
 impl Drawn {
@@ -50,21 +55,24 @@ impl Drawn {
         match self {
             Self::Position(drawn) => write::files(&drawn.case),
             Self::Torque(drawn) => torque::write::files(&drawn.case),
+            Self::Force(drawn) => force::write::files(&drawn.case),
         }
     }
 
     pub(super) fn truth(&self, name: &str) -> Truth {
         match self {
             Self::Position(drawn) => Truth::of(name, drawn),
-            Self::Torque(drawn) => torque::truth::of(name, drawn),
+            Self::Torque(drawn) => Truth::of(name, drawn),
+            Self::Force(drawn) => Truth::of(name, drawn),
         }
     }
 
-    /// The errors of a written model; none of a null.
+    /// The errors of a written model; none of a null, or where a gain says nothing.
     pub(super) fn errors(&self, model: Option<&str>) -> Option<Errors> {
         match self {
             Self::Position(drawn) => worth::of(drawn, model),
             Self::Torque(drawn) => worth::of_torques(&drawn.case, model),
+            Self::Force(drawn) => worth::of_forces(&drawn.case, model),
         }
     }
 }

@@ -10,6 +10,7 @@ use std::sync::atomic::AtomicBool;
 use challenge::answer::{Answer, Finding};
 use challenge::arm::{JOINTS, Joints};
 use challenge::chance::Chance;
+use challenge::law::Law;
 use challenge::torque::inject::{Injected, Real, Row};
 use challenge::torque::kinds::Kind;
 use challenge::torque::rig::Rig;

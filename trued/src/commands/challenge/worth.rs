@@ -8,14 +8,14 @@ use challenge::draw::Drawn;
 use challenge::proof::{Predicted, Proof};
 use challenge::scene::Scene;
 use challenge::score::Errors;
-use challenge::space::{ONE, T4};
-use challenge::torque;
+use challenge::space::{ONE, T4, V3};
 use challenge::write;
+use challenge::{force, torque};
 use recording::model::RobotModel;
 use recording::series::{self, About, Need};
 use world::forward::Seen;
 
-use super::super::simulate::{seen_of, torques_of};
+use super::super::simulate::{forces_of, seen_of, torques_of};
 
 /// Rows per second on which torques are predicted.
 const FINE_HZ: f64 = 2000.0;
@@ -68,6 +68,33 @@ fn torques(
     let exerted = torques_of(model, recording).ok()?;
     let row = |row: &physics::Joints| std::array::from_fn(|joint| row[joint]);
     Some(exerted.iter().step_by(finer).map(row).collect())
+}
+
+/// The errors of a case of forces; none of a null, and none where something swings by itself.
+pub(super) fn of_forces(case: &force::case::Case, model: Option<&str>) -> Option<Errors> {
+    let unseen = case.unseen();
+    let proof = force::proof::Proof::of(case, &unseen)?;
+    let before = proof.before();
+    let written = model.and_then(|text| RobotModel::parse("model.toml", text).ok());
+    let after = written.and_then(|model| {
+        let [training, unseen] = proof.rides().each_ref().map(|ride| forces(case, ride, &model));
+        proof.after(&training?, &unseen?)
+    });
+    Some(Errors { before, after: after.unwrap_or(before), oracle: proof.oracle() })
+}
+
+/// What the model says that the sensor reads in each row.
+fn forces(
+    case: &force::case::Case,
+    ride: &force::laws::Ride<'_>,
+    model: &RobotModel,
+) -> Option<Vec<V3>> {
+    let about = About::parse("recording.toml", &force::write::about(case)).ok()?;
+    let text = force::write::command(ride);
+    let recording =
+        series::read_text("passes.csv", &text, None, Some(about), Need::Samples).ok()?;
+    let read = forces_of(model, &recording).ok()?;
+    Some(read.iter().map(glam::DVec3::to_array).collect())
 }
 
 /// Where the model puts the robot in each row of a motion.

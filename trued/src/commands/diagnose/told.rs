@@ -220,14 +220,20 @@ impl Report {
         }
     }
 
-    /// Recordings of which nothing can be said.
+    /// Positions of which nothing can be said.
     fn nothing(found: &Found) -> Self {
-        let says = found.doubts.join(" Or: ");
+        let empty = Self::empty("position", "mm", found.seed);
+        let (samples, notes) = (found.rows, found.notes.clone());
+        Self { samples, notes, ..empty }.because(found.doubts.join(" Or: "))
+    }
+
+    /// Of which nothing is said yet.
+    fn empty(domain: &'static str, unit: &'static str, seed: u64) -> Self {
         Self {
             verdict: Verdict::Undetermined.name(),
-            domain: "position",
-            unit: "mm",
-            samples: found.rows,
+            domain,
+            unit,
+            samples: 0,
             signal_rms: 0.0,
             band_Hz: None,
             noise_rms: 0.0,
@@ -238,19 +244,20 @@ impl Report {
             next_experiment: None,
             experiment: None,
             not_tested: Vec::new(),
-            unexplained: Some(Unexplained {
-                rms: 0.0,
-                depends_on: Vec::new(),
-                heldout_rms_after: 0.0,
-                says,
-            }),
+            unexplained: None,
             map: Vec::new(),
             joints: Vec::new(),
             phases: Vec::new(),
             tones: Vec::new(),
-            notes: found.notes.clone(),
-            seed: found.seed,
+            notes: Vec::new(),
+            seed,
         }
+    }
+
+    /// The same with why nothing can be said.
+    fn because(self, says: String) -> Self {
+        let why = Unexplained { rms: 0.0, depends_on: Vec::new(), heldout_rms_after: 0.0, says };
+        Self { unexplained: Some(why), ..self }
     }
 }
 

@@ -3,8 +3,9 @@
 //! Promises: forces stand where forces were measured (everywhere, where a column is there and empty); noise of a row depends on the seed and the
 //! row alone. Never: a moment; these columns are left out and named.
 
+use glam::DVec3;
 use physics::Model;
-use recording::series::{Channel, Recording};
+use recording::series::{Channel, Cut, Recording};
 use world::milling::{self, Row};
 use world::random::{Purpose, normals};
 
@@ -27,7 +28,7 @@ pub(super) fn read(
     seed: u64,
 ) -> Result<Read, Failure> {
     let Some(cut) = recording.about.cut.clone() else { return Ok(Read::default()) };
-    let forces = milling::readings(model, &cut.cutter(), &rows(recording)?);
+    let forces = forces(model, &cut, recording)?;
     let mut said = Read::default();
     for moment in (3..6).map(Channel::Wrench) {
         if recording.remove(moment).is_some() {
@@ -40,12 +41,12 @@ pub(super) fn read(
     if wanted.is_empty() {
         wanted.extend(0..3);
     }
-    let noisy = |(row, force): (usize, &glam::DVec3)| {
+    let noisy = |(row, force): (usize, &DVec3)| {
         let mut normal = normals(seed, Purpose::Force, row as u32);
         let noise: [f64; 3] = std::array::from_fn(|_| noise * normal());
-        *force + glam::DVec3::from_array(noise)
+        *force + DVec3::from_array(noise)
     };
-    let readings: Vec<glam::DVec3> = forces.iter().enumerate().map(noisy).collect();
+    let readings: Vec<DVec3> = forces.iter().enumerate().map(noisy).collect();
     for axis in wanted {
         let channel = Channel::Wrench(axis);
         let stands = mask(recording, channel);
@@ -57,6 +58,15 @@ pub(super) fn read(
         said.columns.push(channel.base());
     }
     Ok(said)
+}
+
+/// What the sensor reads in each row, N.
+pub(super) fn forces(
+    model: &Model,
+    cut: &Cut,
+    recording: &Recording,
+) -> Result<Vec<DVec3>, Failure> {
+    Ok(milling::readings(model, &cut.cutter(), &rows(recording)?))
 }
 
 /// What a recording says of the process.

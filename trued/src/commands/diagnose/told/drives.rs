@@ -4,7 +4,6 @@
 
 use std::collections::BTreeMap;
 
-use diagnosis::diagnose::Verdict;
 use diagnosis::torque::{Diagnosis, Finding, Rival};
 use physics::JointKind;
 use recording::model::{EffectEntry, Numbers, RobotModel};
@@ -23,37 +22,10 @@ impl Report {
         notes: &[String],
         seed: u64,
     ) -> Self {
-        let empty = Self {
-            verdict: Verdict::Undetermined.name(),
-            domain: "torque",
-            unit: "Nm",
-            samples: 0,
-            signal_rms: 0.0,
-            band_Hz: None,
-            noise_rms: 0.0,
-            heldout_rms_before: 0.0,
-            heldout_rms_after: 0.0,
-            heldout: "nothing: the recordings cannot be judged".to_owned(),
-            findings: Vec::new(),
-            next_experiment: None,
-            experiment: None,
-            not_tested: Vec::new(),
-            unexplained: None,
-            map: Vec::new(),
-            joints: Vec::new(),
-            phases: Vec::new(),
-            tones: Vec::new(),
-            notes: notes.to_vec(),
-            seed,
-        };
+        let empty = Self { notes: notes.to_vec(), ..Self::empty("torque", "Nm", seed) };
         let diagnosis = match &drives.result {
             Ok(diagnosis) => diagnosis,
-            Err(doubt) => {
-                let says = doubt.to_string();
-                let rest =
-                    Unexplained { rms: 0.0, depends_on: Vec::new(), heldout_rms_after: 0.0, says };
-                return Self { unexplained: Some(rest), ..empty };
-            }
+            Err(doubt) => return empty.because(doubt.to_string()),
         };
         let unit = if diagnosis.slides { "N" } else { "Nm" };
         let findings = diagnosis.findings.iter();

@@ -4,12 +4,11 @@
 
 use std::collections::BTreeMap;
 
-use diagnosis::diagnose::Verdict;
 use diagnosis::force::{Cause, Diagnosis, Finding, Phase, State, Tone};
 use report::significant;
 use serde::Serialize;
 
-use super::{Alternative, NINETY_FIVE, NotTested, Report, Told, Unexplained, Value, Where};
+use super::{Alternative, NINETY_FIVE, NotTested, Report, Told, Value, Where};
 use crate::commands::diagnose::forces::Forces;
 
 /// N/m² per N/mm².
@@ -41,37 +40,10 @@ pub(in crate::commands::diagnose) struct Heard {
 impl Report {
     /// What forces alone say.
     pub(in crate::commands::diagnose) fn of_forces(found: &Forces) -> Self {
-        let empty = Self {
-            verdict: Verdict::Undetermined.name(),
-            domain: "force",
-            unit: "N",
-            samples: 0,
-            signal_rms: 0.0,
-            band_Hz: None,
-            noise_rms: 0.0,
-            heldout_rms_before: 0.0,
-            heldout_rms_after: 0.0,
-            heldout: "nothing: the recording cannot be judged".to_owned(),
-            findings: Vec::new(),
-            next_experiment: None,
-            experiment: None,
-            not_tested: Vec::new(),
-            unexplained: None,
-            map: Vec::new(),
-            joints: Vec::new(),
-            phases: Vec::new(),
-            tones: Vec::new(),
-            notes: Vec::new(),
-            seed: found.seed,
-        };
+        let empty = Self::empty("force", "N", found.seed);
         let diagnosis = match &found.result {
             Ok(diagnosis) => diagnosis,
-            Err(doubt) => {
-                let says = doubt.to_string();
-                let rest =
-                    Unexplained { rms: 0.0, depends_on: Vec::new(), heldout_rms_after: 0.0, says };
-                return Self { unexplained: Some(rest), ..empty };
-            }
+            Err(doubt) => return empty.because(doubt.to_string()),
         };
         let findings: Vec<Told> =
             diagnosis.findings.iter().map(|one| told(diagnosis, one)).collect();

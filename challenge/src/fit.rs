@@ -1,0 +1,117 @@
+//! Error on a recording that nobody saw, and the oracle: the true form's numbers and the model's own fitted by Gauss and Newton. Of any domain.
+//!
+//! What is fitted anyway is fitted on training rows alone, of a prediction as of the oracle.
+//!
+//! Promises: errors of one pair are over the same rows. Never: a look at an answer's name.
+
+use crate::law::{Effect, Law, Trial};
+use crate::linear::Span;
+use crate::view::Whitener;
+use crate::weigh::readings;
+
+/// One recording: what was measured, which rows of it count, and what is fitted anyway.
+pub struct Part {
+    /// In one order, in one unit.
+    pub measured: Vec<f64>,
+    /// Keeps the rows that count.
+    pub whitener: Whitener,
+    /// Columns of what is fitted anyway, in the order of the values.
+    pub anyway: Vec<Vec<f64>>,
+}
+
+impl Part {
+    fn off(&self, predicted: &[f64]) -> Vec<f64> {
+        self.measured.iter().zip(predicted).map(|(a, b)| a - b).collect()
+    }
+}
+
+/// The recording that a solver got, and the one that it never sees.
+pub struct Pair {
+    /// The first.
+    pub training: Part,
+    /// The other.
+    pub unseen: Part,
+}
+
+impl Pair {
+    /// Root mean square of what predictions of both recordings leave of the unseen one.
+    #[must_use]
+    pub fn error(&self, training: &[f64], unseen: &[f64]) -> f64 {
+        let mut span = Span::default();
+        for column in &self.training.anyway {
+            span.take(self.training.whitener.apply(column));
+        }
+        let found = span.solve(&self.training.whitener.apply(&self.training.off(training)));
+        let mut rest = self.unseen.off(unseen);
+        for (column, share) in self.unseen.anyway.iter().zip(found) {
+            rest.iter_mut().zip(column).for_each(|(x, c)| *x -= share * c);
+        }
+        let kept = self.unseen.whitener.kept(&rest);
+        (kept.iter().map(|x| x * x).sum::<f64>() / kept.len().max(1) as f64).sqrt()
+    }
+
+    /// All effects with their numbers fitted to the training rows in so many steps; `exact` predicts these rows.
+    #[must_use]
+    pub fn fitted<C: Trial>(
+        &self,
+        case: &C,
+        steps: usize,
+        exact: impl Fn(&[Effect<C::Kind>]) -> Vec<f64>,
+    ) -> Vec<Effect<C::Kind>> {
+        let mut all = case.nominal();
+        all.extend(case.hidden().iter().cloned());
+        for _ in 0..steps {
+            self.step(case, &mut all, &exact);
+        }
+        all
+    }
+
+    /// One step on the uncertain numbers of what is known, which come first, and on all numbers of what is hidden.
+    fn step<C: Trial>(
+        &self,
+        case: &C,
+        all: &mut [Effect<C::Kind>],
+        exact: &impl Fn(&[Effect<C::Kind>]) -> Vec<f64>,
+    ) {
+        let part = &self.training;
+        let now = exact(all);
+        let mut target = part.whitener.apply(&part.off(&now));
+        for (known, effect) in case.known().iter().zip(all.iter()) {
+            let numbers = known.nominal.numbers.iter().zip(&effect.numbers).zip(&known.sigma);
+            target.extend(numbers.map(|((told, now), sigma)| (told - now) / sigma));
+        }
+        let mut span = Span::default();
+        let whole = |values: &[f64]| {
+            let mut column = part.whitener.apply(values);
+            column.resize(target.len(), 0.0);
+            column
+        };
+        part.anyway.iter().for_each(|column| {
+            span.take(whole(column));
+        });
+        let mut reading = target.len() - readings(case);
+        let mut places = Vec::new();
+        for which in 0..all.len() {
+            let sigma = case.known().get(which).map(|known| known.sigma.as_slice());
+            for n in 0..sigma.map_or(all[which].numbers.len(), <[f64]>::len) {
+                let h = 1e-3 * C::Kind::step(&all[which], n);
+                let mut moved = all.to_vec();
+                moved[which].numbers[n] += h;
+                let moved = exact(&moved);
+                let slope: Vec<f64> = moved.iter().zip(&now).map(|(a, b)| (a - b) / h).collect();
+                let mut column = whole(&slope);
+                if let Some(sigma) = sigma {
+                    column[reading] = 1.0 / sigma[n];
+                    reading += 1;
+                }
+                span.take(column);
+                places.push((which, n));
+            }
+        }
+        let found = span.solve(&target);
+        for ((which, n), by) in places.into_iter().zip(&found[part.anyway.len()..]) {
+            let effect = &mut all[which];
+            effect.numbers[n] = C::Kind::bounded(effect, n, effect.numbers[n] + by);
+        }
+    }
+}

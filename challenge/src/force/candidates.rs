@@ -1,0 +1,77 @@
+//! The rivals of a hidden effect of forces: every name that this recording could be answered with.
+//!
+//! Promises: numbers that do not enter linearly stand on a grid, one form each. Never: names that need what was not recorded.
+
+use crate::candidates::Candidate;
+use crate::law::Law;
+use crate::scene::Richness;
+
+use super::cut::Cut;
+use super::kinds::{Effect, Kind, Need};
+use super::scene::Scene;
+
+/// Whether a kind can show of this cut on these passes.
+#[must_use]
+pub fn fits(cut: &Cut, scene: &Scene, kind: Kind) -> bool {
+    kind.facts().needs.iter().all(|need| match need {
+        Need::Teeth => !cut.turning && cut.teeth > 1,
+        Need::ManyTeeth => !cut.turning && cut.teeth > 3,
+        Need::Mill => !cut.turning,
+        Need::Speeds => scene.richness == Richness::Full,
+        Need::Air => scene.has_air,
+    })
+}
+
+/// All candidates.
+#[must_use]
+pub fn candidates(cut: &Cut, scene: &Scene) -> Vec<Candidate<Effect>> {
+    let kinds = Kind::LIBRARY.into_iter().filter(|kind| fits(cut, scene, *kind));
+    let one = |kind: Kind| {
+        let facts = kind.facts();
+        Some(Candidate {
+            name: facts.name?,
+            joint: None,
+            count: free_numbers(cut, kind),
+            not_negative: facts.not_negative,
+            forms: forms(scene, kind),
+        })
+    };
+    kinds.filter_map(one).collect()
+}
+
+/// How many of its numbers are free where forces alone are measured; a leak into its own channel is a scale, two teeth feel one number of a runout.
+#[must_use]
+pub fn free_numbers(cut: &Cut, kind: Kind) -> usize {
+    match kind {
+        Kind::CrossTalk => 6,
+        Kind::WrenchBias | Kind::WrenchScale => 3,
+        Kind::Runout if cut.teeth == 2 => 1,
+        _ => kind.count(),
+    }
+}
+
+fn forms(scene: &Scene, kind: Kind) -> Vec<Vec<Effect>> {
+    let one = |numbers: &[f64]| Effect::of(kind, 0, numbers);
+    let unit = |place: usize, size: f64| {
+        let mut numbers = vec![0.0; kind.count()];
+        numbers[place] = size;
+        one(&numbers)
+    };
+    let units = |places: &[usize], size: f64| {
+        vec![places.iter().map(|place| unit(*place, size)).collect::<Vec<_>>()]
+    };
+    match kind {
+        Kind::Runout => {
+            let little = 1e-3 * scene.feed_m;
+            vec![vec![one(&[little, 0.0]), one(&[little, std::f64::consts::FRAC_PI_2])]]
+        }
+        Kind::Chatter => {
+            let hz = [0.1, 0.2, 0.35].map(|share| share * scene.rate_hz);
+            hz.iter().map(|hz| vec![one(&[1.0, *hz])]).collect()
+        }
+        Kind::CrossTalk => units(&[1, 2, 3, 5, 6, 7], 1e-3),
+        Kind::WrenchScale | Kind::WrenchMisalignment => units(&[0, 1, 2], 1e-3),
+        Kind::ToolWear => units(&[0], 1.0),
+        _ => units(&[0, 1, 2], 1.0),
+    }
+}

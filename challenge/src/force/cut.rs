@@ -1,0 +1,105 @@
+//! What is cut and with what, as a recording tells of it, drawn by chance.
+//!
+//! Promises: sizes, coefficients and feeds of real milling and turning. Never: what is hidden.
+
+use std::f64::consts::PI;
+
+use crate::chance::Chance;
+use crate::space::V3;
+
+/// From so far from the normal axis a chip is thick, rad.
+const THIN: f64 = 0.35;
+
+/// A cutter in its work. SI; angles in rad from the normal axis, with the rotation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cut {
+    /// The work turns, and the tool stands.
+    pub turning: bool,
+    /// Number of teeth.
+    pub teeth: usize,
+    /// m.
+    pub radius_m: f64,
+    /// rad.
+    pub helix_rad: f64,
+    /// Axial depth, m.
+    pub depth_m: f64,
+    /// Where a tooth enters the work.
+    pub entry_rad: f64,
+    /// Where it leaves.
+    pub exit_rad: f64,
+    /// Tangential, radial, axial, N/m² of chip.
+    pub chip: V3,
+    /// Tangential, radial, axial, N/m of depth.
+    pub edge: V3,
+}
+
+impl Cut {
+    /// A mill of at least so many teeth; `thick`: one whose chips are nowhere thin, so that every tooth cuts though it may run out.
+    #[must_use]
+    pub fn mill(least_teeth: usize, thick: bool, chance: &mut Chance) -> Self {
+        let teeth = [1, 2, 2, 3, 3, 4][chance.pick(6)].max(least_teeth);
+        let wide = chance.between(0.7, 2.2);
+        let (entry_rad, exit_rad) = match chance.pick(4) {
+            _ if thick => {
+                let middle = chance.between(1.2, 1.9);
+                (THIN.max(middle - 0.5 * wide), (PI - THIN).min(middle + 0.5 * wide))
+            }
+            0 => (0.0, PI),
+            1 => (0.0, wide),
+            2 => (PI - wide, PI),
+            _ => {
+                let middle = chance.between(1.2, 1.9);
+                (middle - 0.5 * wide, middle + 0.5 * wide)
+            }
+        };
+        let (chip, edge) = coefficients(chance);
+        Self {
+            turning: false,
+            teeth,
+            radius_m: [3e-3, 4e-3, 5e-3, 6e-3, 8e-3][chance.pick(5)],
+            helix_rad: if chance.happens(0.3) { 0.0 } else { chance.between(0.3, 0.7) },
+            depth_m: chance.log_between(2.5e-4, 1.5e-3),
+            entry_rad,
+            exit_rad,
+            chip,
+            edge,
+        }
+    }
+
+    /// A tool that turns a bar.
+    #[must_use]
+    pub fn lathe(chance: &mut Chance) -> Self {
+        let (chip, edge) = coefficients(chance);
+        Self {
+            turning: true,
+            teeth: 1,
+            radius_m: chance.between(5e-3, 3e-2),
+            helix_rad: 0.0,
+            depth_m: chance.log_between(3e-4, 2e-3),
+            entry_rad: 0.0,
+            exit_rad: PI,
+            chip,
+            edge,
+        }
+    }
+
+    /// A middle feed: of a tooth, or of a turn of the work, m.
+    #[must_use]
+    pub fn feed_m(&self, chance: &mut Chance) -> f64 {
+        if self.turning {
+            chance.log_between(6e-5, 2.5e-4)
+        } else {
+            self.radius_m * chance.log_between(6e-4, 2.5e-3)
+        }
+    }
+}
+
+/// Shearing and edge coefficients of aluminium to steel.
+fn coefficients(chance: &mut Chance) -> (V3, V3) {
+    let hard = chance.log_between(4e8, 2.5e9);
+    let chip = [hard, hard * chance.between(0.2, 0.5), hard * chance.between(0.05, 0.3)];
+    // An edge rubs as much as a chip of so much would cost.
+    let rubs = hard * chance.log_between(4e-6, 1.5e-5);
+    let edge = [rubs, rubs * chance.between(0.6, 1.3), rubs * chance.between(0.1, 0.4)];
+    (chip, edge)
+}

@@ -1,0 +1,133 @@
+//! The kinds of hidden effects of cutter and sensor: their names and keys in the contract (`effects.md`), and what they need to show.
+//!
+//! Promises: numbers are SI in the order of the keys. Never: a law; see [`super::laws`].
+
+use crate::law::{self, Entry, Law};
+
+/// Kinds that the contract has for forces, and kinds that it has not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[expect(
+    missing_docs,
+    reason = "the names are the contract's; what stands outside it is told in `laws`"
+)]
+pub enum Kind {
+    EdgeForce,
+    CuttingForce,
+    ToolWear,
+    Runout,
+    Chatter,
+    CrossTalk,
+    WrenchBias,
+    WrenchScale,
+    WrenchMisalignment,
+    BrokenTooth,
+    PloughingSpeed,
+    BuiltUpEdge,
+    TableFriction,
+    SensorCreep,
+}
+
+/// What must be there for an effect to show.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Need {
+    /// A mill of several teeth.
+    Teeth,
+    /// A mill of four teeth or more.
+    ManyTeeth,
+    /// A mill.
+    Mill,
+    /// Several speeds of the spindle.
+    Speeds,
+    /// Rows in air.
+    Air,
+}
+
+/// What is said of a kind.
+pub type Facts = law::Facts<Need>;
+/// An effect with its numbers.
+pub type Effect = law::Effect<Kind>;
+
+const fn of(
+    name: &'static str,
+    entries: &'static [Entry],
+    leads: usize,
+    not_negative: bool,
+    needs: &'static [Need],
+) -> Facts {
+    let most = f64::INFINITY;
+    Facts { name: Some(name), of_joint: false, entries, leads, most, not_negative, needs }
+}
+
+const fn outside(needs: &'static [Need]) -> Facts {
+    const SIZE: &[Entry] = &[Entry::of("size", 1, 1.0)];
+    Facts { name: None, ..of("", SIZE, 1, false, needs) }
+}
+
+const EDGE: &[Entry] = &[Entry::of("coefficient_N_per_mm", 3, 1e3)];
+const CHIP: &[Entry] = &[Entry::of("coefficient_N_per_mm2", 3, 1e6)];
+const WEAR: &[Entry] = &[Entry::of("growth_per_m", 1, 1.0)];
+const RUNOUT: &[Entry] = &[Entry::of("radial_um", 1, 1e-6), Entry::of("phase_rad", 1, 1.0)];
+const CHATTER: &[Entry] = &[Entry::of("amplitude_N", 1, 1.0), Entry::of("frequency_Hz", 1, 1.0)];
+const LEAK: &[Entry] = &[Entry::of("matrix", 9, 1.0)];
+const BIAS: &[Entry] = &[Entry::of("bias_N", 3, 1.0), Entry::of("bias_Nm", 3, 1.0)];
+const SCALE: &[Entry] = &[Entry::of("scale", 6, 1.0)];
+const TURN: &[Entry] = &[Entry::of("turn_mrad", 3, 1e-3)];
+
+impl Kind {
+    /// Every kind that the contract has for forces.
+    pub const LIBRARY: [Self; 9] = [
+        Self::EdgeForce,
+        Self::CuttingForce,
+        Self::ToolWear,
+        Self::Runout,
+        Self::Chatter,
+        Self::CrossTalk,
+        Self::WrenchBias,
+        Self::WrenchScale,
+        Self::WrenchMisalignment,
+    ];
+
+    /// Physics that no library of the contract has.
+    pub const OUTSIDE: [Self; 5] = [
+        Self::BrokenTooth,
+        Self::PloughingSpeed,
+        Self::BuiltUpEdge,
+        Self::TableFriction,
+        Self::SensorCreep,
+    ];
+}
+
+impl Law for Kind {
+    type Need = Need;
+
+    fn facts(self) -> Facts {
+        match self {
+            Self::EdgeForce => of("edge_force", EDGE, 3, false, &[]),
+            Self::CuttingForce => of("cutting_force", CHIP, 3, false, &[]),
+            Self::ToolWear => of("tool_wear", WEAR, 1, true, &[]),
+            Self::Runout => of("runout", RUNOUT, 1, true, &[Need::Teeth]),
+            Self::Chatter => of("chatter", CHATTER, 1, true, &[]),
+            Self::CrossTalk => of("cross_talk", LEAK, 9, false, &[]),
+            Self::WrenchBias => of("wrench_bias", BIAS, 6, false, &[]),
+            Self::WrenchScale => of("wrench_scale", SCALE, 6, false, &[]),
+            Self::WrenchMisalignment => of("wrench_misalignment", TURN, 3, false, &[]),
+            Self::BrokenTooth => outside(&[Need::ManyTeeth]),
+            Self::PloughingSpeed => outside(&[Need::Speeds]),
+            Self::TableFriction => outside(&[Need::Mill, Need::Air]),
+            Self::BuiltUpEdge | Self::SensorCreep => outside(&[]),
+        }
+    }
+
+    fn step(effect: &Effect, number: usize) -> f64 {
+        match (effect.kind, number) {
+            // A phase of nothing still turns, and over a second a tone beats with one that is a few hertz off.
+            (Self::Runout | Self::Chatter, 1) => 1.0,
+            _ => effect.numbers[number].abs().max(effect.lead()).max(1e-9),
+        }
+    }
+
+    fn bounded(effect: &Effect, number: usize, wanted: f64) -> f64 {
+        let facts = effect.kind.facts();
+        if facts.not_negative && number < facts.leads { wanted.max(0.0) } else { wanted }
+    }
+}

@@ -1,0 +1,158 @@
+//! The laws: what each effect makes of the forces of the teeth, and what the sensor makes of these; laws that no library has.
+//!
+//! Outside the library: a tooth whose lower edge broke off, so that the next one cuts twice as thick there (`BrokenTooth`); edges that plough the more the
+//! faster they go (`PloughingSpeed`); an edge that builds up, cuts harder, and falls off (`BuiltUpEdge`); guides of the table that resist the feed
+//! (`TableFriction`); a sensor that creeps after it was reset at a pass' begin (`SensorCreep`).
+//!
+//! Promises: the sensor turns, leaks, scales and is off, in this order. Never: noise.
+
+use std::cell::RefCell;
+use std::f64::consts::TAU;
+use std::rc::Rc;
+
+use crate::space::{ONE, T4, V3, rotate_back, turn};
+
+use super::cut::Cut;
+use super::kinds::{Effect, Kind};
+use super::scene::{Row, Scene};
+use super::teeth::{Bite, Shape, bites};
+
+/// Shapes whose teeth are remembered; the first one always is.
+const REMEMBERED: usize = 6;
+/// An edge builds up and falls so many times in a second of milling, and in one of turning.
+const BUILDS_HZ: [f64; 2] = [9.0, 2.3];
+
+/// A scene with what its teeth do.
+pub struct Ride<'a> {
+    cut: &'a Cut,
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its rows.
+    pub rows: Vec<Row>,
+    shaped: RefCell<Vec<(Shape, Rc<Vec<Bite>>)>>,
+    speed_hz: f64,
+}
+
+impl<'a> Ride<'a> {
+    /// A cutter on its scene.
+    #[must_use]
+    pub fn of(cut: &'a Cut, scene: &'a Scene) -> Self {
+        let speeds = scene.passes.iter().map(|pass| pass.spindle_hz);
+        let speed_hz = speeds.sum::<f64>() / scene.passes.len().max(1) as f64;
+        Self { cut, scene, rows: scene.rows(), shaped: RefCell::default(), speed_hz }
+    }
+
+    fn bites(&self, shape: Shape) -> Rc<Vec<Bite>> {
+        if let Some((_, known)) = self.shaped.borrow().iter().find(|(of, _)| *of == shape) {
+            return Rc::clone(known);
+        }
+        let made = Rc::new(bites(self.cut, self.scene, &self.rows, shape));
+        let mut shaped = self.shaped.borrow_mut();
+        if shaped.len() >= REMEMBERED {
+            shaped.remove(1);
+        }
+        shaped.push((shape, Rc::clone(&made)));
+        made
+    }
+
+    /// What the sensor reads without noise, row by row, N.
+    #[must_use]
+    pub fn read(&self, effects: &[Effect]) -> Vec<V3> {
+        self.read_by(effects, Shape::default())
+    }
+
+    /// The same of a tool that is made or stands otherwise, beside what the effects make of it.
+    #[must_use]
+    pub fn read_by(&self, effects: &[Effect], mut shape: Shape) -> Vec<V3> {
+        for effect in effects {
+            let x = &effect.numbers;
+            match effect.kind {
+                Kind::Runout => {
+                    shape.off[0] += x[0] * x[1].cos();
+                    shape.off[1] += x[0] * x[1].sin();
+                }
+                Kind::BrokenTooth => shape.broken += x[0],
+                _ => {}
+            }
+        }
+        let sensor = Sensor::of(effects);
+        let all = self.bites(shape);
+        let one = |(row, bite): (&Row, &Bite)| sensor.read(self.acting(effects, row, bite));
+        let mut read: Vec<V3> = self.rows.iter().zip(all.iter()).map(one).collect();
+        for creep in effects.iter().filter(|effect| effect.kind == Kind::SensorCreep) {
+            for (row, read) in self.rows.iter().zip(&mut read) {
+                let lasts_s = self.scene.passes[row.pass].times_s.last().copied().unwrap_or(1.0);
+                read[2] += creep.numbers[0] * (1.0 - (-3.0 * row.t_s / lasts_s).exp());
+            }
+        }
+        read
+    }
+
+    /// What acts on the tool in a row, cut axes, N.
+    fn acting(&self, effects: &[Effect], row: &Row, bite: &Bite) -> V3 {
+        let (mut chip, mut edge) = (self.cut.chip, self.cut.edge);
+        let mut force = [0.0; 3];
+        let (mut wear, mut harder) = (0.0, 0.0);
+        let pass = &self.scene.passes[row.pass];
+        for effect in effects {
+            let x = &effect.numbers;
+            match effect.kind {
+                Kind::EdgeForce => (0..3).for_each(|k| edge[k] += x[k]),
+                Kind::CuttingForce => (0..3).for_each(|k| chip[k] += x[k]),
+                Kind::ToolWear => wear += x[0] * row.way_m,
+                Kind::PloughingSpeed => wear += x[0] * (pass.spindle_hz / self.speed_hz - 1.0),
+                Kind::BuiltUpEdge => {
+                    let builds = BUILDS_HZ[usize::from(self.cut.turning)] * row.t_s;
+                    harder += x[0] * (builds - builds.floor() - 0.5);
+                }
+                Kind::Chatter if bite.is_engaged => force[1] += x[0] * (TAU * x[1] * row.t_s).sin(),
+                Kind::TableFriction if row.feed_m_s > 0.0 => force[0] -= x[0],
+                _ => {}
+            }
+        }
+        for (axis, force) in force.iter_mut().enumerate() {
+            for k in 0..3 {
+                *force += bite.edge[k][axis] * edge[k] * (1.0 + wear);
+                *force += bite.chip[k][axis] * chip[k] * (1.0 + harder);
+            }
+        }
+        force
+    }
+}
+
+/// What a sensor makes of a force.
+struct Sensor {
+    turn: T4,
+    leak: [V3; 3],
+    scale: V3,
+    bias: V3,
+}
+
+impl Sensor {
+    fn of(effects: &[Effect]) -> Self {
+        let mut turned = [0.0; 3];
+        let mut sensor = Self { turn: ONE, leak: [[0.0; 3]; 3], scale: [1.0; 3], bias: [0.0; 3] };
+        for effect in effects {
+            let add = |to: &mut V3, from: &[f64]| (0..3).for_each(|k| to[k] += from[k]);
+            let x = effect.numbers.as_slice();
+            match effect.kind {
+                Kind::WrenchMisalignment => add(&mut turned, x),
+                Kind::WrenchScale => add(&mut sensor.scale, x),
+                Kind::WrenchBias => add(&mut sensor.bias, x),
+                Kind::CrossTalk => {
+                    sensor.leak.iter_mut().zip(x.chunks(3)).for_each(|(to, row)| add(to, row));
+                }
+                _ => {}
+            }
+        }
+        sensor.turn = turn(turned);
+        sensor
+    }
+
+    fn read(&self, force: V3) -> V3 {
+        // A sensor that is turned one way sees forces turned the other.
+        let felt = rotate_back(&self.turn, force);
+        let leaks = |row: &V3| row.iter().zip(&felt).map(|(m, f)| m * f).sum::<f64>();
+        std::array::from_fn(|k| self.bias[k] + self.scale[k] * (felt[k] + leaks(&self.leak[k])))
+    }
+}

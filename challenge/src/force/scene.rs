@@ -1,0 +1,218 @@
+//! What spindle and feed do: passes through a work with bevelled borders, row by row.
+//!
+//! A pass may begin in air, standing or moving, and end in air. The depth grows over the bevel as the tool enters, and falls as it leaves.
+//!
+//! Promises: tooth 0 stands at angle 0 where a pass begins; speeds and feeds are such as the recording's columns say them. Never: a force.
+
+use std::f64::consts::TAU;
+
+use crate::chance::Chance;
+use crate::scene::Richness;
+
+use super::cut::Cut;
+
+/// What the tool does in a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// It touches nothing.
+    Air,
+    /// It enters or leaves, or stands at a border, or its first chips are thinner than the others.
+    Between,
+    /// It cuts all that it is set to.
+    Cut,
+}
+
+/// One pass.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pass {
+    /// rev/s.
+    pub spindle_hz: f64,
+    /// m/s, once it moves.
+    pub feed_m_s: f64,
+    /// How long it stands before, s; 0 where it moves from before the recording.
+    pub waits_s: f64,
+    /// When it stops, s.
+    pub stops_s: f64,
+    /// The way at which the bevel begins and at which the far one ends, m, from where the pass begins.
+    pub work_m: [f64; 2],
+    /// Length of each bevel along the way, m.
+    pub bevel_m: f64,
+    /// When rows are taken, s from the pass' begin.
+    pub times_s: Vec<f64>,
+}
+
+/// How the tool stands in a row.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row {
+    /// Which pass.
+    pub pass: usize,
+    /// Since the pass began, s.
+    pub t_s: f64,
+    /// What it does.
+    pub phase: Phase,
+    /// m/s.
+    pub feed_m_s: f64,
+    /// Fed since the pass began, m.
+    pub way_m: f64,
+}
+
+/// All passes of a recording.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// In order of time.
+    pub passes: Vec<Pass>,
+    /// How rich it is.
+    pub richness: Richness,
+    /// A middle spindle speed, rev/s.
+    pub spindle_hz: f64,
+    /// A middle feed per tooth, m.
+    pub feed_m: f64,
+    /// Rows per second.
+    pub rate_hz: f64,
+    /// Whether the tool is in air at times.
+    pub has_air: bool,
+}
+
+impl Pass {
+    /// How far the tool was fed at this instant, m; before the recording too.
+    #[must_use]
+    pub fn way(&self, t_s: f64) -> f64 {
+        let moves_s = t_s.min(self.stops_s) - self.waits_s;
+        self.feed_m_s * if self.waits_s > 0.0 { moves_s.max(0.0) } else { moves_s }
+    }
+
+    /// Of the depth that is set, how much is cut at this way.
+    #[must_use]
+    pub fn share(&self, way_m: f64) -> f64 {
+        let rises = |far: f64| if far == f64::INFINITY { 1.0 } else { far / self.bevel_m };
+        rises(way_m - self.work_m[0]).min(rises(self.work_m[1] - way_m)).clamp(0.0, 1.0)
+    }
+
+    fn phase(&self, t_s: f64, way_m: f64) -> Phase {
+        // As a pass begins a tooth stands just where many a work begins.
+        if t_s == 0.0 && self.share(way_m) > 0.0 {
+            return Phase::Between;
+        }
+        // Until a turn is full, chips are bounded by the bevel, not by the tooth before.
+        let turn_m = 1.5 * self.feed_m_s / self.spindle_hz;
+        match self.share(way_m) {
+            share if share <= 0.0 => Phase::Air,
+            share if share < 1.0 || way_m < self.work_m[0] + self.bevel_m + turn_m => {
+                Phase::Between
+            }
+            _ => Phase::Cut,
+        }
+    }
+}
+
+impl Scene {
+    /// Passes of a cutter; rich ones have several feeds and speeds, poor ones one.
+    #[must_use]
+    pub fn draw(cut: &Cut, richness: Richness, has_air: bool, chance: &mut Chance) -> Self {
+        let feed_m = cut.feed_m(chance);
+        let spindle_hz = if cut.turning {
+            chance.log_between(8.0, 25.0)
+        } else {
+            chance.log_between(60.0, 200.0)
+        };
+        let per_turn = chance.between(24.0, 48.0);
+        let rate_hz = (spindle_hz * per_turn).round();
+        let scene = Self { passes: Vec::new(), richness, spindle_hz, feed_m, rate_hz, has_air };
+        scene.again(cut, chance)
+    }
+
+    /// Other passes of the same kind.
+    #[must_use]
+    pub fn again(&self, cut: &Cut, chance: &mut Chance) -> Self {
+        let count = if self.richness == Richness::Poor { 2 } else { 3 };
+        let mut feeds = [1.0, chance.between(0.5, 0.7), chance.between(1.3, 1.6)];
+        let mut speeds = [1.0, chance.between(0.75, 0.9), chance.between(1.1, 1.25)];
+        chance.shuffle(&mut feeds);
+        chance.shuffle(&mut speeds);
+        if self.richness == Richness::Poor {
+            (feeds, speeds) = ([1.0; 3], [1.0; 3]);
+        }
+        let pass = |number: usize| {
+            let spindle_hz = (6000.0 * self.spindle_hz * speeds[number]).round() / 6000.0;
+            let feed = self.feed_m * feeds[number] * cut.teeth as f64 * spindle_hz;
+            let feed_m_s = (1e6 * feed).round() / 1e6;
+            let border = (self.has_air && number == 0, self.has_air && number + 1 == count);
+            self.pass((spindle_hz, feed_m_s), border, chance)
+        };
+        Self { passes: (0..count).map(pass).collect(), ..self.clone() }
+    }
+
+    fn pass(
+        &self,
+        (spindle_hz, feed_m_s): (f64, f64),
+        (enters, leaves): (bool, bool),
+        chance: &mut Chance,
+    ) -> Pass {
+        let turn_m = feed_m_s / spindle_hz;
+        let bevel_m = turn_m * chance.between(6.0, 16.0);
+        let cut_m = turn_m * chance.between(45.0, 75.0);
+        let air_s = chance.between(14.0, 24.0) / spindle_hz;
+        let mut pass = Pass {
+            spindle_hz,
+            feed_m_s,
+            waits_s: 0.0,
+            stops_s: f64::INFINITY,
+            work_m: [f64::NEG_INFINITY, f64::INFINITY],
+            bevel_m,
+            times_s: Vec::new(),
+        };
+        let mut length_s = cut_m / feed_m_s;
+        if enters {
+            let stands = chance.happens(0.6);
+            let gap_m = if stands { 0.5 * turn_m } else { feed_m_s * air_s };
+            pass.waits_s = if stands { air_s } else { 0.0 };
+            pass.work_m[0] = gap_m;
+            length_s += pass.waits_s + (gap_m + bevel_m) / feed_m_s;
+        }
+        if leaves {
+            pass.work_m[1] = feed_m_s * (length_s - pass.waits_s) + bevel_m;
+            length_s += bevel_m / feed_m_s + air_s;
+            pass.stops_s = pass.waits_s + pass.work_m[1] / feed_m_s + 1.0 / spindle_hz;
+        }
+        let rows = (length_s * self.rate_hz) as usize;
+        pass.times_s = (0..rows).map(|row| row as f64 / self.rate_hz).collect();
+        pass
+    }
+
+    /// All rows in order.
+    #[must_use]
+    pub fn rows(&self) -> Vec<Row> {
+        let of_pass = |(number, pass): (usize, &Pass)| -> Vec<Row> {
+            let row = |t_s: &f64| {
+                let way_m = pass.way(*t_s);
+                let moves = *t_s >= pass.waits_s && *t_s < pass.stops_s;
+                let feed_m_s = if moves { pass.feed_m_s } else { 0.0 };
+                let phase = pass.phase(*t_s, way_m);
+                Row { pass: number, t_s: *t_s, phase, feed_m_s, way_m }
+            };
+            pass.times_s.iter().map(row).collect()
+        };
+        self.passes.iter().enumerate().flat_map(of_pass).collect()
+    }
+
+    /// The smallest feed of a tooth, m.
+    #[must_use]
+    pub fn least_feed(&self, cut: &Cut) -> f64 {
+        let feeds = self.passes.iter().map(|p| p.feed_m_s / (p.spindle_hz * cut.teeth as f64));
+        feeds.fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl Row {
+    /// How far the spindle has turned since the pass began, rad.
+    #[must_use]
+    pub fn angle(&self, pass: &Pass) -> f64 {
+        TAU * pass.spindle_hz * self.t_s
+    }
+
+    /// Whether a law of the cut says what is exerted: it cuts as set, or nothing moves.
+    #[must_use]
+    pub fn is_lawful(&self) -> bool {
+        self.phase == Phase::Cut || self.phase == Phase::Air && self.feed_m_s == 0.0
+    }
+}
