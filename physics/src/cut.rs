@@ -83,8 +83,7 @@ impl Teeth {
 /// A tooth that stands at one angle over its whole depth.
 fn straight(angle: f64) -> Teeth {
     let (sin, cos) = libm::sincos(angle);
-    let edge =
-        DMat3::from_cols(DVec3::new(-cos, sin, 0.0), DVec3::new(-sin, -cos, 0.0), DVec3::Z);
+    let edge = DMat3::from_cols(DVec3::new(-cos, sin, 0.0), DVec3::new(-sin, -cos, 0.0), DVec3::Z);
     Teeth { edge, chip: edge * sin }
 }
 
