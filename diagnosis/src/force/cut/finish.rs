@@ -149,6 +149,15 @@ pub(super) fn finish(
     }
 }
 
+/// Whether the numbers of a name, as the law itself has them, keep their limits.
+fn is_within(case: &Case, name: usize) -> bool {
+    let family = &case.library.families[name];
+    family.columns.iter().zip(&family.signs).all(|(column, sign)| {
+        let number = case.belief.numbers.get(*column);
+        number.is_none_or(|number| sign.admits(*number))
+    })
+}
+
 /// A tone that is of no cut.
 fn a_tone(case: &Case, held: [f64; 2]) -> Rest {
     let words = vec!["t_s".to_owned()];
@@ -210,11 +219,16 @@ fn settled(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
         case.take();
     };
     fit(case, names);
+    let mut names = names.to_vec();
+    while let Some(wrong) = names.iter().position(|name| !is_within(case, *name)) {
+        names.remove(wrong);
+        fit(case, &names);
+    }
     let kept = {
         let products = case.products(seen);
         let asking = Asking { library: &case.library, products: &products, always: &case.always };
         let covariance = |solved: &Solved| case.covariance(solved, seen);
-        let kept = told_by(&asking, names.to_vec(), &covariance, &|_| false);
+        let kept = told_by(&asking, names.clone(), &covariance, &|_| false);
         let rms = |solved: &Solved| case.rms(solved, &case.sets.held);
         borne_out_by(&asking, kept, &rms, &|_| false).0
     };

@@ -20,6 +20,10 @@ const ROWS_MOST: usize = 20_000;
 const WINDOWS: usize = 20;
 /// Air that the forces tell lasts at least so many turns of the spindle.
 const AIR_TURNS: f64 = 3.0;
+/// Air that the forces tell is where the law has at most so many times what it has in the cut.
+const QUIETER: f64 = 1.5;
+/// A way into the work or out of it takes fewer turns; what takes more is a cut that changes.
+const WAY_TURNS: f64 = 25.0;
 /// Where the law has at least this share of what it has in the cut, air that the forces tell is none of the law's.
 const LOUD: f64 = 0.5;
 /// Stretches that all rows together are cut into; of every five one is held out and one kept for a second look.
@@ -231,19 +235,29 @@ fn heard(
     };
     let cuts = phases.iter().filter(|phase| phase.state == State::Cut);
     let usual = cuts.map(|phase| mean(&phase.rows)).fold(0.0, f64::max);
-    let is_heard = |phase: &&Phase| {
-        let rows = &phase.rows;
-        let turned = stands[rows.end - 1].angle_rad - stands[rows.start].angle_rad;
-        phase.state == State::Air
-            && turned.abs() > AIR_TURNS * std::f64::consts::TAU
-            && mean(rows) > LOUD * usual
+    let turned = |rows: &Range<usize>| {
+        let [from, to] = [rows.start, rows.end - 1].map(|row| stands[row].angle_rad);
+        (to - from).abs() / std::f64::consts::TAU
     };
-    let air: Vec<&Phase> = phases.iter().filter(is_heard).collect();
-    let is_way = |phase: &&Phase| matches!(phase.state, State::Entry | State::Exit);
-    for phase in phases.iter().filter(is_way).filter(|_| !air.is_empty()) {
-        is_between[phase.rows.clone()].fill(true);
+    let air = phases.iter().filter(|phase| phase.state == State::Air);
+    if air.map(|phase| mean(&phase.rows)).fold(0.0, f64::max) > QUIETER * usual {
+        // What the forces take for air is where the law cuts, and the other way round: the law is believed.
+        return;
     }
-    for phase in air {
-        is_air[phase.rows.clone()].fill(true);
+    let is_heard =
+        |phase: &Phase| turned(&phase.rows) > AIR_TURNS && mean(&phase.rows) > LOUD * usual;
+    for phase in phases {
+        let rows = phase.rows.clone();
+        match phase.state {
+            State::Air if is_heard(phase) => is_air[rows].fill(true),
+            State::Air => rows.for_each(|row| is_between[row] |= stands[row].cuts()),
+            State::Entry | State::Exit if turned(&phase.rows) < WAY_TURNS => {
+                // The way goes on a little beyond where the cut is nearly whole.
+                let beside = rows.len() / 2 + 1;
+                let wide = rows.start.saturating_sub(beside)..(rows.end + beside).min(stands.len());
+                wide.for_each(|row| is_between[row] |= stands[row].cuts());
+            }
+            _ => {}
+        }
     }
 }
