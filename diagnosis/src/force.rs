@@ -1,23 +1,27 @@
 //! What a recording of forces tells by itself: where the tool is in air, enters, cuts and leaves, what the sensor reads in air, which lines stand in the
 //! cut and whether one of them is chatter.
 //!
-//! Read in this order: `signal` (runs without holes, blocks of time), `phases` (air, entry, cut, exit), `lines` (tones of the cut beside those of the air).
+//! Read in this order: `signal` (runs without holes, blocks of time), `phases` (air, entry, cut, exit), `lines` (tones of the cut beside those of the air),
+//! `cut` (the same forces beside the law of a told cut).
 //! Accelerations are taken where no force was recorded.
 //!
 //! Promises: the same input gives the same bits; a line that stands in air too, or at a multiple of the spindle's speed, is never called chatter; without
-//! air nothing is said of the sensor. Never: a file, a coefficient of cutting, a name of a data set.
+//! air nothing is said of the sensor. Never: a file, a name of a data set.
 
+mod cut;
 mod lines;
 mod phases;
 mod signal;
 #[cfg(test)]
 mod tests;
 
+use physics::Model;
 use recording::series::{Channel, Recording};
 
 use crate::diagnose::Verdict;
 use signal::Signal;
 
+pub use cut::{Compared, Rest, Silence, Traced};
 pub use lines::{Cause, Tone};
 pub use phases::{Phase, State};
 
@@ -100,9 +104,22 @@ pub struct Diagnosis {
     pub notes: Vec<String>,
     /// What could not have shown: effect and why.
     pub not_tested: Vec<(&'static str, &'static str)>,
+    /// Forces held against the told cut; else why not.
+    pub compared: Result<Compared, Silence>,
     /// Level over time for a page: s, level.
     pub level: Vec<(f64, f64)>,
 }
+
+/// Names that need a told cut.
+const OF_CUT: [&str; 7] = [
+    "edge_force",
+    "cutting_force",
+    "tool_wear",
+    "runout",
+    "wrench_scale",
+    "wrench_misalignment",
+    "cross_talk",
+];
 
 /// Whether this is a recording of forces or accelerations without joints.
 #[must_use]
@@ -117,7 +134,7 @@ pub fn has_force(recording: &Recording) -> bool {
 ///
 /// # Errors
 /// Recordings that say nothing.
-pub fn diagnose(recording: &Recording) -> Result<Diagnosis, Doubt> {
+pub fn diagnose(model: &Model, recording: &Recording) -> Result<Diagnosis, Doubt> {
     let signal = Signal::of(recording)?;
     let level = phases::levels(&signal);
     let phases = phases::of(&signal, &level);
@@ -147,28 +164,22 @@ pub fn diagnose(recording: &Recording) -> Result<Diagnosis, Doubt> {
             "the tool is never in air, so the sensor is never known to be unloaded",
         ));
     }
-    let why = match recording.about.cut {
-        None => "the recording has no [cut]: teeth, depth and engagement are not known",
-        Some(_) => "forces are not compared with the law of the [cut] by this version",
-    };
-    not_tested.extend(
-        [
-            "edge_force",
-            "cutting_force",
-            "tool_wear",
-            "runout",
-            "wrench_scale",
-            "wrench_misalignment",
-            "cross_talk",
-        ]
-        .map(|kind| (kind, why)),
-    );
-    let doubtful = |one: &Finding| matches!(one, Finding::Chatter { is_alone: false, .. });
-    let verdict = match findings.as_slice() {
-        [] => Verdict::Undetermined,
-        all if all.iter().any(doubtful) => Verdict::Undetermined,
-        _ => Verdict::MissingPhysics,
-    };
+    let compared = cut::compare(model, recording, &signal, &phases);
+    match &compared {
+        Ok(compared) => {
+            findings.clear();
+            not_tested.clone_from(&compared.not_tested);
+        }
+        Err(silence) => {
+            not_tested.extend(OF_CUT.map(|kind| (kind, silence.why())));
+            // Whoever tells of a cut that the forces cannot be held against is told of nothing else.
+            if silence.is_grave() {
+                findings.clear();
+                notes.push(format!("not compared with the told cut: {}", silence.why()));
+            }
+        }
+    }
+    let verdict = compared.as_ref().map_or_else(|_| alone(&findings), |one| one.verdict);
     not_tested.sort_unstable();
     Ok(Diagnosis {
         verdict,
@@ -184,8 +195,19 @@ pub fn diagnose(recording: &Recording) -> Result<Diagnosis, Doubt> {
         spindle_hz,
         notes,
         not_tested,
+        compared,
         level: level.plot(),
     })
+}
+
+/// What forces say that are held against nothing.
+fn alone(findings: &[Finding]) -> Verdict {
+    let doubtful = |one: &Finding| matches!(one, Finding::Chatter { is_alone: false, .. });
+    match findings {
+        [] => Verdict::Undetermined,
+        all if all.iter().any(doubtful) => Verdict::Undetermined,
+        _ => Verdict::MissingPhysics,
+    }
 }
 
 /// Of turning, force across the feed and the axis over depth times feed per turn, the reading in air taken off.

@@ -7,24 +7,24 @@
 //! tracking error as physics.
 
 mod case;
-mod choose;
-mod columns;
+pub(crate) mod choose;
+pub(crate) mod columns;
 mod filter;
 mod finish;
 mod found;
 mod known;
-mod library;
+pub(crate) mod library;
 mod motion;
-mod noise;
+pub(crate) mod noise;
 mod payload;
-mod prove;
+pub(crate) mod prove;
 mod refine;
 mod result;
 mod rigid;
-mod table;
+pub(crate) mod table;
 #[cfg(test)]
 mod tests;
-mod unknown;
+pub(crate) mod unknown;
 mod verdict;
 mod view;
 mod zone;

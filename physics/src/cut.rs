@@ -14,10 +14,8 @@ use crate::{AnyEffect, Effect, Inputs, Memories, Model, Wrench};
 use core::f64::consts::TAU;
 use glam::{DMat3, DVec3};
 
-/// A slice of a helical tooth lags the one below by at most this, rad.
-const SLICE_RAD: f64 = 0.02;
-/// Slices of a tooth at most.
-const SLICES_MAX: f64 = 64.0;
+/// A tooth that lags by less than this from tip to top is straight, rad.
+const STRAIGHT_RAD: f64 = 1e-6;
 /// A tool that gives way along its axis never cuts deeper than so many times what was set.
 const DEEPEST: f64 = 20.0;
 
@@ -74,6 +72,19 @@ pub struct Teeth {
     pub edge: DMat3,
     /// The same, each tooth times the sine of its angle: per N of a chip of the whole feed.
     pub chip: DMat3,
+}
+
+impl Teeth {
+    fn times(self, factor: f64) -> Self {
+        Self { edge: self.edge * factor, chip: self.chip * factor }
+    }
+}
+
+/// A tooth that stands at one angle over its whole depth.
+fn straight(angle: f64) -> Teeth {
+    let (sin, cos) = libm::sincos(angle);
+    let edge = DMat3::from_cols(DVec3::new(-cos, sin, 0.0), DVec3::new(-sin, -cos, 0.0), DVec3::Z);
+    Teeth { edge, chip: edge * sin }
 }
 
 /// The integral of [`Teeth`] of one tooth over its angle, N rad.
@@ -140,6 +151,14 @@ impl Bite {
     /// Nothing is cut.
     pub const NONE: Self =
         Self { edge: DMat3::ZERO, chip: DMat3::ZERO, runout: [DMat3::ZERO; 2], engaged: 0.0 };
+
+    fn add(&mut self, teeth: Teeth, engaged: f64, leads: [f64; 2]) {
+        self.edge += teeth.edge;
+        self.chip += teeth.chip;
+        self.runout[0] += teeth.edge * leads[0];
+        self.runout[1] += teeth.edge * leads[1];
+        self.engaged += engaged;
+    }
 }
 
 impl Cutter {
@@ -154,32 +173,33 @@ impl Cutter {
             return self.standing(feed_per_tooth_m);
         }
         let mut bite = Bite::NONE;
-        let radius = 0.5 * self.diameter_m;
-        let lag = self.axial_depth_m * libm::tan(self.helix_rad) / radius;
-        let slices = libm::ceil(libm::fabs(lag) / SLICE_RAD).clamp(1.0, SLICES_MAX);
-        let depth = self.axial_depth_m / slices;
+        let lag = self.axial_depth_m * libm::tan(self.helix_rad) / (0.5 * self.diameter_m);
         let span = self.exit_rad - self.entry_rad;
         for tooth in 0..self.teeth {
             let place = TAU * f64::from(tooth) / f64::from(self.teeth);
             let leads = self.leads(place);
-            for slice in 0..slices as u32 {
-                let angle = angle_rad + place - lag * (f64::from(slice) + 0.5) / slices;
-                if turn_part(angle - self.entry_rad) > span {
-                    continue;
+            let angle = angle_rad + place;
+            if libm::fabs(lag) < STRAIGHT_RAD {
+                if turn_part(angle - self.entry_rad) <= span {
+                    bite.add(straight(angle), 1.0, leads);
                 }
-                let (sin, cos) = libm::sincos(angle);
-                let along = DMat3::from_cols(
-                    DVec3::new(-cos, sin, 0.0),
-                    DVec3::new(-sin, -cos, 0.0),
-                    DVec3::Z,
-                ) * depth;
-                bite.edge += along;
-                bite.chip += along * (feed_per_tooth_m * sin);
-                bite.runout[0] += along * leads[0];
-                bite.runout[1] += along * leads[1];
-                bite.engaged += 1.0 / slices;
+                continue;
+            }
+            // From tip to top the tooth stands at all angles between these: each turn's window of engagement takes its part.
+            let (low, high) = (angle.min(angle - lag), angle.max(angle - lag));
+            let mut entry = self.entry_rad + TAU * libm::floor((low - self.entry_rad) / TAU);
+            while entry < high {
+                let (from, to) = (entry.max(low), (entry + span).min(high));
+                if to > from {
+                    let size = high - low;
+                    bite.add(swept(from, to).times(1.0 / size), (to - from) / size, leads);
+                }
+                entry += TAU;
             }
         }
+        bite.edge *= self.axial_depth_m;
+        bite.chip *= self.axial_depth_m * feed_per_tooth_m;
+        bite.runout = bite.runout.map(|part| part * self.axial_depth_m);
         bite
     }
 
@@ -256,7 +276,8 @@ impl Default for CutForce {
 }
 
 impl CutForce {
-    fn add(&mut self, contribution: &Contribution) {
+    /// With what one more effect says.
+    pub fn add(&mut self, contribution: &Contribution) {
         match *contribution {
             Contribution::ToolForce(term) => match term {
                 ForceTerm::Edge(more) => self.edge += more,

@@ -99,3 +99,98 @@ fn what_is_constant_empty_or_short_is_never_a_finding() {
         }
     }
 }
+
+/// A milled cut of four feeds, air before it, run forward by `trued simulate` with effects that the model does not have.
+fn milled(effects: &str) -> Place {
+    let place = Place::new();
+    let mut text = "t_s,spindle_rpm,feed_mm_s,fx_N,fy_N,fz_N\n".to_owned();
+    for row in 0..8000_u32 {
+        let feed = [0.0, 4.0, 8.0, 16.0][row as usize / 2000];
+        writeln!(text, "{},4020,{feed},1,1,1", f64::from(row) / 4000.0).unwrap();
+    }
+    place.file("cut.csv", &text);
+    let cut = "[cut]\nteeth = 4\ndiameter_mm = 10.0\nhelix_deg = 30.0\naxial_depth_mm = 2.0\nentry_deg = 0.0\nexit_deg = 90.0\n\
+               coefficients_N_per_mm2 = [800.0, 300.0, 150.0]\ncoefficients_N_per_mm = [8.0, 10.0, 2.0]\n";
+    place.file("cut.toml", &format!("schema = \"trued.recording/1\"\n{cut}"));
+    let model = include_str!("../../trued/src/no_arm.toml");
+    place.file("bare.toml", model);
+    place.file("truth.toml", &format!("{model}\n{effects}"));
+    let simulate = ["simulate", "--out", "made", "--model", "truth.toml", "--force-noise", "2"];
+    place.succeed(&[&simulate[..], &["--seed", "5", "cut.csv"]].concat());
+    place
+}
+
+/// The force of one channel, row by row.
+fn force(place: &Place, name: &str, column: usize) -> Vec<f64> {
+    let text = place.read(name);
+    let rows = text.lines().skip(1);
+    rows.map(|row| row.split(',').nth(column).unwrap().parse().unwrap()).collect()
+}
+
+#[test]
+fn what_a_told_cut_lacks_is_named_and_the_model_with_it_reads_the_same_forces() {
+    let place = milled(
+        "[[effect]]\nkind = \"runout\"\nradial_um = 4.0\nphase_rad = 0.7\n\
+         [[effect]]\nkind = \"edge_force\"\ncoefficient_N_per_mm = [4.0, 3.0, 1.0]\n",
+    );
+    place.succeed(&["diagnose", "--model", "bare.toml", "made.csv"]);
+    let json = place.json("diagnosis/diagnosis.json");
+    assert_eq!(
+        (json["verdict"].as_str(), json["domain"].as_str()),
+        (Some("missing_physics"), Some("force"))
+    );
+    let mut found = effects(&json);
+    found.sort_unstable();
+    assert_eq!(found, ["edge_force", "runout"]);
+    let page = place.read("diagnosis/report.html");
+    assert!(page.contains("Over one turn of the spindle"));
+    // The same model, told: nothing is missing any more.
+    place.succeed(&["diagnose", "--model", "truth.toml", "--out", "told", "made.csv"]);
+    assert_eq!(place.json("told/diagnosis.json")["verdict"], "consistent");
+    let simulate = ["simulate", "--model"];
+    place
+        .succeed(&[&simulate[..], &["diagnosis/model.toml", "--out", "again", "cut.csv"]].concat());
+    place.succeed(&[&simulate[..], &["truth.toml", "--out", "exact", "cut.csv"]].concat());
+    let header = place.read("exact.csv").lines().next().unwrap().to_owned();
+    for (column, _) in header.split(',').enumerate().filter(|(_, name)| name.ends_with("_N")) {
+        let [a, b] = ["again.csv", "exact.csv"].map(|name| force(&place, name, column));
+        let off: f64 = a.iter().zip(&b).map(|(a, b)| (a - b) * (a - b)).sum();
+        let rms = (off / a.len() as f64).sqrt();
+        assert!(rms < 0.3, "column {column}: {rms} N of 2 N noise");
+    }
+}
+
+#[test]
+fn a_broken_recording_of_a_told_cut_is_an_error_or_undetermined() {
+    let place = milled("");
+    let whole = place.read("made.csv");
+    let about = place.read("made.toml");
+    let lines: Vec<&str> = whole.lines().collect();
+    let without_speed: String = lines
+        .iter()
+        .map(|line| {
+            let cells: Vec<&str> = line.split(',').collect();
+            let header: Vec<&str> = lines[0].split(',').collect();
+            let kept = cells.iter().zip(&header).filter(|(_, name)| **name != "spindle_rpm");
+            format!("{}\n", kept.map(|(cell, _)| *cell).collect::<Vec<&str>>().join(","))
+        })
+        .collect();
+    for (name, text) in [
+        ("truncated", lines[..60].join("\n")),
+        ("header", lines[0].to_owned()),
+        ("speedless", without_speed),
+    ] {
+        place.file(&format!("{name}.csv"), &text);
+        place.file(&format!("{name}.toml"), &about);
+        let done =
+            place.run(&["diagnose", "--out", name, "--model", "bare.toml", &format!("{name}.csv")]);
+        if done.code == Some(0) {
+            let json = place.json(&format!("{name}/diagnosis.json"));
+            assert_eq!(json["verdict"], "undetermined", "{name}");
+            assert!(effects(&json).is_empty(), "{name}");
+        } else {
+            assert_eq!(done.code, Some(2), "{name}: {}", done.err);
+            assert!(!done.err.is_empty());
+        }
+    }
+}

@@ -1,10 +1,30 @@
 //! Made signals: air, a cut and air again, with a sensor that is off and tones of known cause.
 
+use recording::model::RobotModel;
 use recording::series::{Channel, Recording};
 use std::f64::consts::TAU;
 
-use super::{Cause, Doubt, Finding, State, diagnose};
+use super::{Cause, Diagnosis, Doubt, Finding, State};
 use crate::diagnose::Verdict;
+
+/// A tool on nothing.
+pub(super) const NO_ARM: &str = r#"
+schema = "trued.model/1"
+name = "no arm"
+
+[[joint]]
+kind = "prismatic"
+axis = [0.0, 0.0, 1.0]
+limits_mm = [-1.0, 1.0]
+
+[tool]
+tcp_mm = [0.0, 0.0, 0.0]
+"#;
+
+fn diagnose(recording: &Recording) -> Result<Diagnosis, Doubt> {
+    let model = RobotModel::parse("no arm", NO_ARM).expect("sound");
+    super::diagnose(&model.physics, recording)
+}
 
 const RATE_HZ: f64 = 5000.0;
 const BIAS: [f64; 3] = [5.0, -3.0, 0.0];

@@ -15,22 +15,22 @@ const LIKELY: usize = 3;
 
 /// Names that stand together, with the columns that are in whatever is named.
 #[derive(Clone, Debug)]
-pub(super) struct Choice {
+pub(crate) struct Choice {
     /// Places in the library's families.
-    pub(super) names: Vec<usize>,
-    pub(super) solved: Solved,
+    pub(crate) names: Vec<usize>,
+    pub(crate) solved: Solved,
 }
 
 /// What is asked, of which sums.
-pub(super) struct Asking<'a> {
-    pub(super) library: &'a Library,
-    pub(super) products: &'a Products,
+pub(crate) struct Asking<'a> {
+    pub(crate) library: &'a Library,
+    pub(crate) products: &'a Products,
     /// Columns that are always in: what is believed with doubt.
-    pub(super) always: &'a [usize],
+    pub(crate) always: &'a [usize],
 }
 
 impl Asking<'_> {
-    fn columns(&self, names: &[usize]) -> Vec<usize> {
+    pub(crate) fn columns(&self, names: &[usize]) -> Vec<usize> {
         let mut all = self.always.to_vec();
         for name in names {
             for column in &self.library.families[*name].columns {
@@ -42,23 +42,23 @@ impl Asking<'_> {
         all
     }
 
-    pub(super) fn solve(&self, names: &[usize]) -> Choice {
+    pub(crate) fn solve(&self, names: &[usize]) -> Choice {
         Choice { names: names.to_vec(), solved: self.products.solve(&self.columns(names)) }
     }
 
     /// Numbers that a name takes, searched ones included, as far as these rows tell them apart.
-    pub(super) fn numbers(&self, family: &Family) -> f64 {
+    pub(crate) fn numbers(&self, family: &Family) -> f64 {
         (self.products.rank(&family.columns) + family.settings.len()) as f64
     }
 
     /// What a name costs: its numbers, and that so many names were asked.
-    pub(super) fn price(&self, family: &Family) -> f64 {
+    pub(crate) fn price(&self, family: &Family) -> f64 {
         let rows = (self.products.rows.max(3) as f64).ln();
         0.5 * self.numbers(family) * rows + (self.library.families.len().max(1) as f64).ln()
     }
 
     /// What a name would bring beside a choice; nothing where its signs are wrong.
-    pub(super) fn brings(&self, choice: &Choice, name: usize) -> f64 {
+    pub(crate) fn brings(&self, choice: &Choice, name: usize) -> f64 {
         let family = &self.library.families[name];
         let (gain, values) = self.products.more(&choice.solved, &family.columns);
         let inside = |k: usize| choice.solved.value(family.columns[k]).unwrap_or(0.0);
@@ -75,7 +75,7 @@ impl Asking<'_> {
     }
 
     /// What a name that stands brings beside the others.
-    pub(super) fn worth(&self, choice: &Choice, name: usize) -> f64 {
+    pub(crate) fn worth(&self, choice: &Choice, name: usize) -> f64 {
         let families = &self.library.families;
         let shared = |column: &usize| {
             self.always.contains(column)
@@ -90,7 +90,7 @@ impl Asking<'_> {
     }
 
     /// The names to choose, from those that stand.
-    pub(super) fn choose(&self, start: &[usize]) -> Choice {
+    pub(crate) fn choose(&self, start: &[usize]) -> Choice {
         let mut choice = self.solve(start);
         let mut barred: Vec<usize> = Vec::new();
         while choice.names.len() < MOST {

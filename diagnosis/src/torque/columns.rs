@@ -42,8 +42,8 @@ pub(super) enum Law {
 
 /// One number's share in the torques: for each joint that it acts on, a value per row.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Column {
-    pub(super) parts: Vec<(usize, Vec<f64>)>,
+pub(crate) struct Column {
+    pub(crate) parts: Vec<(usize, Vec<f64>)>,
 }
 
 impl Law {
@@ -151,7 +151,7 @@ pub(super) fn lowest_speed(motion: &Motion, joint: usize) -> f64 {
 
 impl Column {
     /// Several columns as one, each times its number.
-    pub(super) fn sum(columns: &[(&Self, f64)], joint: usize, rows: usize) -> Vec<f64> {
+    pub(crate) fn sum(columns: &[(&Self, f64)], joint: usize, rows: usize) -> Vec<f64> {
         let mut all = vec![0.0; rows];
         for (column, number) in columns {
             for (_, part) in column.parts.iter().filter(|(at, _)| *at == joint) {

@@ -39,7 +39,7 @@ pub struct Rival {
     /// From 0; none for the whole robot.
     pub joint: Option<usize>,
     /// Its place in the library.
-    pub(super) place: usize,
+    pub(crate) place: usize,
     /// Which numbers it takes.
     pub stems: Vec<&'static str>,
     /// By how much it is behind in log-likelihood.

@@ -23,7 +23,7 @@ pub(super) const GAIN: [f64; 2] = [-0.8, 1.0];
 
 /// What a number may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Sign {
+pub(crate) enum Sign {
     Any,
     /// At least this: 0, or what takes away all that the model states.
     AtLeast(f64),
@@ -32,7 +32,7 @@ pub(super) enum Sign {
 }
 
 impl Sign {
-    pub(super) fn admits(self, value: f64) -> bool {
+    pub(crate) fn admits(self, value: f64) -> bool {
         match self {
             Self::Any => true,
             Self::AtLeast(least) => value >= least,
@@ -43,7 +43,7 @@ impl Sign {
 
 /// How the numbers of columns become the numbers of the effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Form {
+pub(crate) enum Form {
     /// One column each, in this order of stems.
     Plain(&'static [&'static str]),
     /// Half the height of a loop.
@@ -62,28 +62,28 @@ pub(super) enum Form {
 
 /// One name at one place.
 #[derive(Clone, Debug)]
-pub(super) struct Family {
-    pub(super) kind: &'static str,
-    pub(super) joint: Option<usize>,
+pub(crate) struct Family {
+    pub(crate) kind: &'static str,
+    pub(crate) joint: Option<usize>,
     /// The one recording in which it acts; none: all.
-    pub(super) recording: Option<usize>,
-    pub(super) columns: Vec<usize>,
-    pub(super) signs: Vec<Sign>,
-    pub(super) form: Form,
+    pub(crate) recording: Option<usize>,
+    pub(crate) columns: Vec<usize>,
+    pub(crate) signs: Vec<Sign>,
+    pub(crate) form: Form,
     /// A change of a number that the model states with an uncertainty: what is fitted along within it explains as much, so that belief alone speaks for the name.
-    pub(super) revises: bool,
+    pub(crate) revises: bool,
     /// Numbers that columns do not give: stem and value, SI.
-    pub(super) settings: Vec<(&'static str, f64)>,
+    pub(crate) settings: Vec<(&'static str, f64)>,
 }
 
 /// All columns and names.
-pub(super) struct Library {
-    pub(super) columns: Vec<Column>,
+pub(crate) struct Library {
+    pub(crate) columns: Vec<Column>,
     /// One over the square of what is believed of each column's number.
-    pub(super) prior: Vec<f64>,
-    pub(super) families: Vec<Family>,
+    pub(crate) prior: Vec<f64>,
+    pub(crate) families: Vec<Family>,
     /// What cannot show in these recordings: effect, joint, why.
-    pub(super) untested: Vec<(&'static str, Option<usize>, &'static str)>,
+    pub(crate) untested: Vec<(&'static str, Option<usize>, &'static str)>,
 }
 
 impl Family {

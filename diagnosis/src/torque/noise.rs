@@ -12,7 +12,7 @@ use crate::colour::Colour;
 const LEAST: f64 = 1e-9;
 
 /// What is left of one joint's torque, row by row.
-pub(super) fn residual(
+pub(crate) fn residual(
     table: &Table,
     columns: &[Column],
     solved: &Solved,
@@ -26,7 +26,7 @@ pub(super) fn residual(
 }
 
 /// How each joint's noise is, from a fit of all that may be missing.
-pub(super) fn of(
+pub(crate) fn of(
     table: &Table,
     columns: &[Column],
     rich: &Solved,

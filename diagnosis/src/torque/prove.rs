@@ -9,7 +9,8 @@ use nalgebra::DMatrix;
 use super::case::Case;
 use super::choose::{Asking, Choice};
 use super::columns::Column;
-use super::table::Solved;
+use super::noise;
+use super::table::{Solved, Table};
 
 /// A number is at least so many times its uncertainty.
 const SURE: f64 = 2.0;
@@ -19,13 +20,24 @@ const BLOCKS: usize = 40;
 /// Root mean square of what is left on `used` rows, whitened by each joint's noise and in units of their geometric mean, N m; those of zones too
 /// where `all`.
 pub(super) fn rms(case: &Case, solved: &Solved, used: &[bool], all: bool) -> f64 {
+    let counts = if all { &case.table.moves } else { &case.table.counts };
+    rms_of(&case.table, &case.library.columns, solved, used, counts)
+}
+
+/// The same of any table, on rows that `counts` takes.
+pub(crate) fn rms_of(
+    table: &Table,
+    columns: &[Column],
+    solved: &Solved,
+    used: &[bool],
+    counts: &[Vec<bool>],
+) -> f64 {
     let (mut sum, mut count, mut scale, mut joints) = (0.0, 0.0, 0.0, 0.0);
-    for joint in case.table.joints() {
-        let noise = case.table.noise[joint].1;
-        let left = case.residual(solved, joint);
-        let counts = &if all { &case.table.moves } else { &case.table.counts }[joint];
+    for joint in table.joints() {
+        let noise = table.noise[joint].1;
+        let left = noise::residual(table, columns, solved, joint);
         for row in (0..left.len()).filter(|row| used[*row]) {
-            if counts[row] {
+            if counts[joint][row] {
                 sum += left[row] * left[row] / (noise * noise);
                 count += 1.0;
             }
@@ -62,18 +74,29 @@ pub(super) fn of_joint(case: &Case, solved: &Solved, joint: usize, used: &[bool]
 pub(super) fn told(
     case: &Case,
     asking: &Asking<'_>,
-    mut names: Vec<usize>,
+    names: Vec<usize>,
     seen: &[bool],
+) -> Vec<usize> {
+    let covariance = |solved: &Solved| covariance(case, solved, seen);
+    told_by(asking, names, &covariance, &|name| case.is_belief(name, asking.always))
+}
+
+/// The same by any covariance; `is_belief`: names that are not asked.
+pub(crate) fn told_by(
+    asking: &Asking<'_>,
+    mut names: Vec<usize>,
+    covariance: &dyn Fn(&Solved) -> DMatrix<f64>,
+    is_belief: &dyn Fn(usize) -> bool,
 ) -> Vec<usize> {
     loop {
         let solved = asking.solve(&names).solved;
-        let covariance = covariance(case, &solved, seen);
+        let covariance = covariance(&solved);
         let sure = |name: usize| {
-            let [column] = case.library.families[name].columns[..] else { return f64::INFINITY };
+            let [column] = asking.library.families[name].columns[..] else { return f64::INFINITY };
             let at = solved.columns.iter().position(|k| *k == column);
             at.map_or(0.0, |at| solved.values[at].abs() / covariance[(at, at)].sqrt())
         };
-        let asked = names.iter().filter(|name| !case.is_belief(**name, asking.always));
+        let asked = names.iter().filter(|name| !is_belief(**name));
         let least = asked.map(|name| (*name, sure(*name)));
         let least = least.min_by(|a, b| a.1.total_cmp(&b.1));
         match least {
@@ -87,17 +110,28 @@ pub(super) fn told(
 pub(super) fn borne_out(
     case: &Case,
     asking: &Asking<'_>,
-    mut names: Vec<usize>,
+    names: Vec<usize>,
     held: &[bool],
 ) -> (Vec<usize>, Vec<usize>) {
-    let of = |names: &[usize]| rms(case, &asking.solve(names).solved, held, true);
+    let rms = |solved: &Solved| rms(case, solved, held, true);
+    borne_out_by(asking, names, &rms, &|name| case.is_belief(name, asking.always))
+}
+
+/// The same by any measure of what is left; `is_belief`: names that are not asked.
+pub(crate) fn borne_out_by(
+    asking: &Asking<'_>,
+    mut names: Vec<usize>,
+    rms: &dyn Fn(&Solved) -> f64,
+    is_belief: &dyn Fn(usize) -> bool,
+) -> (Vec<usize>, Vec<usize>) {
+    let of = |names: &[usize]| rms(&asking.solve(names).solved);
     let without = |names: &[usize], name: usize| -> Vec<usize> {
         names.iter().copied().filter(|n| *n != name).collect()
     };
     let mut refuted = Vec::new();
     loop {
         let whole = of(&names);
-        let asked = names.iter().filter(|name| !case.is_belief(**name, asking.always));
+        let asked = names.iter().filter(|name| !is_belief(**name));
         let harm = asked.map(|name| (*name, whole - of(&without(&names, *name))));
         let worst = harm.max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((name, _)) = worst.filter(|(_, harm)| *harm > 0.0) else {
@@ -115,19 +149,28 @@ pub(super) fn order(
     choice: &Choice,
     held: &[bool],
 ) -> Vec<(usize, [f64; 2])> {
-    let whole = rms(case, &choice.solved, held, true);
+    order_by(asking, choice, &|solved| rms(case, solved, held, true))
+}
+
+/// The same by any measure of what is left.
+pub(crate) fn order_by(
+    asking: &Asking<'_>,
+    choice: &Choice,
+    rms: &dyn Fn(&Solved) -> f64,
+) -> Vec<(usize, [f64; 2])> {
+    let whole = rms(&choice.solved);
     let alone = |name: &usize| {
         let others: Vec<usize> = choice.names.iter().copied().filter(|n| n != name).collect();
-        rms(case, &asking.solve(&others).solved, held, true) - whole
+        rms(&asking.solve(&others).solved) - whole
     };
     let mut names: Vec<(usize, f64)> = choice.names.iter().map(|n| (*n, alone(n))).collect();
     names.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    let mut before = rms(case, &asking.solve(&[]).solved, held, true);
+    let mut before = rms(&asking.solve(&[]).solved);
     let mut there: Vec<usize> = Vec::new();
     let mut listed = Vec::new();
     for (name, _) in names {
         there.push(name);
-        let after = rms(case, &asking.solve(&there).solved, held, true);
+        let after = rms(&asking.solve(&there).solved);
         listed.push((name, [before, after]));
         before = after;
     }
@@ -136,17 +179,27 @@ pub(super) fn order(
 
 /// The covariance of the numbers of a choice, by blocks of time; at least what white noise would leave.
 pub(super) fn covariance(case: &Case, solved: &Solved, used: &[bool]) -> DMatrix<f64> {
+    covariance_of(&case.table, &case.library.columns, solved, used)
+}
+
+/// The same of any table.
+pub(crate) fn covariance_of(
+    table: &Table,
+    columns: &[Column],
+    solved: &Solved,
+    used: &[bool],
+) -> DMatrix<f64> {
     let count = solved.columns.len();
     let mut meat = DMatrix::zeros(count, count);
-    let rows = case.table.rows();
+    let rows = table.rows();
     let mut scores = vec![vec![0.0; count]; BLOCKS];
-    for joint in case.table.joints() {
-        let left = case.table.whitened(joint, &case.residual(solved, joint));
+    for joint in table.joints() {
+        let left = table.whitened(joint, &noise::residual(table, columns, solved, joint));
         for (k, column) in solved.columns.iter().enumerate() {
-            let column: &Column = &case.library.columns[*column];
+            let column: &Column = &columns[*column];
             for (_, values) in column.parts.iter().filter(|(at, _)| *at == joint) {
-                let white = case.table.whitened(joint, values);
-                for row in (0..rows).filter(|r| used[*r] && case.table.counts[joint][*r]) {
+                let white = table.whitened(joint, values);
+                for row in (0..rows).filter(|r| used[*r] && table.counts[joint][*r]) {
                     scores[row * BLOCKS / rows][k] += white[row] * left[row];
                 }
             }

@@ -16,31 +16,31 @@ const BRINGS: f64 = 1e-4;
 
 /// What was measured and not yet explained by what the model knows.
 #[derive(Clone, Debug)]
-pub(super) struct Table {
+pub(crate) struct Table {
     /// Rows of each run.
-    pub(super) runs: Vec<Range<usize>>,
+    pub(crate) runs: Vec<Range<usize>>,
     /// Per joint, a value per row; none where the joint's torque was not recorded. N m or N.
-    pub(super) target: Vec<Option<Vec<f64>>>,
+    pub(crate) target: Vec<Option<Vec<f64>>>,
     /// Per joint and row: whether the joint moves. At rest stiction holds whatever it has to: such rows tell nothing and prove nothing.
-    pub(super) moves: Vec<Vec<bool>>,
+    pub(crate) moves: Vec<Vec<bool>>,
     /// Per joint and row: whether it counts.
-    pub(super) counts: Vec<Vec<bool>>,
+    pub(crate) counts: Vec<Vec<bool>>,
     /// Per joint: how its noise remembers itself, and its size, N m or N.
-    pub(super) noise: Vec<(Colour, f64)>,
+    pub(crate) noise: Vec<(Colour, f64)>,
 }
 
 impl Table {
-    pub(super) fn rows(&self) -> usize {
+    pub(crate) fn rows(&self) -> usize {
         self.runs.last().map_or(0, |run| run.end)
     }
 
     /// The joints whose torque was recorded.
-    pub(super) fn joints(&self) -> impl Iterator<Item = usize> + '_ {
+    pub(crate) fn joints(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.target.len()).filter(|joint| self.target[*joint].is_some())
     }
 
     /// Values of one joint in units of what is new in its noise.
-    pub(super) fn whitened(&self, joint: usize, values: &[f64]) -> Vec<f64> {
+    pub(crate) fn whitened(&self, joint: usize, values: &[f64]) -> Vec<f64> {
         let (colour, size) = &self.noise[joint];
         let mut all = Vec::with_capacity(values.len());
         for run in &self.runs {
@@ -53,28 +53,28 @@ impl Table {
 
 /// Sums of products of columns and right-hand side over some rows.
 #[derive(Clone, Debug)]
-pub(super) struct Products {
-    pub(super) gram: DMatrix<f64>,
-    pub(super) right: DVector<f64>,
+pub(crate) struct Products {
+    pub(crate) gram: DMatrix<f64>,
+    pub(crate) right: DVector<f64>,
     /// Rows, all joints together.
-    pub(super) rows: usize,
+    pub(crate) rows: usize,
     /// One over the square of what is believed of each number; 0 where nothing is.
-    pub(super) prior: Vec<f64>,
+    pub(crate) prior: Vec<f64>,
 }
 
 /// Numbers of some columns, with what they explain.
 #[derive(Clone, Debug)]
-pub(super) struct Solved {
-    pub(super) columns: Vec<usize>,
-    pub(super) values: Vec<f64>,
+pub(crate) struct Solved {
+    pub(crate) columns: Vec<usize>,
+    pub(crate) values: Vec<f64>,
     /// By how much log-likelihood is higher than without any of them.
-    pub(super) gain: f64,
+    pub(crate) gain: f64,
     inverse: DMatrix<f64>,
 }
 
 impl Products {
     /// Over the rows that count and that `used` takes.
-    pub(super) fn new(table: &Table, columns: &[&Column], prior: Vec<f64>, used: &[bool]) -> Self {
+    pub(crate) fn new(table: &Table, columns: &[&Column], prior: Vec<f64>, used: &[bool]) -> Self {
         let count = columns.len();
         let (mut gram, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
         let mut rows = 0;
@@ -108,7 +108,7 @@ impl Products {
     }
 
     /// The same sums where one column has become another.
-    pub(super) fn exchange(
+    pub(crate) fn exchange(
         &mut self,
         table: &Table,
         columns: &[&Column],
@@ -155,7 +155,7 @@ impl Products {
     }
 
     /// The least squares of these columns; those that say nothing of their own are left out.
-    pub(super) fn solve(&self, columns: &[usize]) -> Solved {
+    pub(crate) fn solve(&self, columns: &[usize]) -> Solved {
         let mut solved = Solved {
             columns: Vec::new(),
             values: Vec::new(),
@@ -219,7 +219,7 @@ impl Products {
     }
 
     /// What it costs that these numbers, believed with doubt, may take what values they like (Occam's factor of a Gaussian belief).
-    pub(super) fn room(&self, columns: &[usize]) -> f64 {
+    pub(crate) fn room(&self, columns: &[usize]) -> f64 {
         let kept: Vec<usize> = columns.iter().copied().filter(|k| self.prior[*k] > 0.0).collect();
         let wide: Vec<f64> = kept.iter().map(|k| 1.0 / libm::sqrt(self.prior[*k])).collect();
         let count = kept.len();
@@ -231,7 +231,7 @@ impl Products {
     }
 
     /// What more columns would bring beside those that are solved, and their numbers.
-    pub(super) fn more(&self, solved: &Solved, columns: &[usize]) -> (f64, Vec<f64>) {
+    pub(crate) fn more(&self, solved: &Solved, columns: &[usize]) -> (f64, Vec<f64>) {
         let inside = |k: usize| {
             DVector::from_fn(solved.columns.len(), |i, _| self.gram[(solved.columns[i], k)])
         };
@@ -266,13 +266,13 @@ impl Products {
 
 impl Solved {
     /// The number of a column; none where it is not in.
-    pub(super) fn value(&self, column: usize) -> Option<f64> {
+    pub(crate) fn value(&self, column: usize) -> Option<f64> {
         let at = self.columns.iter().position(|k| *k == column)?;
         Some(self.values[at])
     }
 
     /// What these columns bring beside the others that are in: `½ βᵀ C⁻¹ β`, C their part of the inverse.
-    pub(super) fn worth(&self, columns: &[usize]) -> f64 {
+    pub(crate) fn worth(&self, columns: &[usize]) -> f64 {
         let at: Vec<usize> =
             columns.iter().filter_map(|k| self.columns.iter().position(|c| c == k)).collect();
         let part = DMatrix::from_fn(at.len(), at.len(), |i, j| self.inverse[(at[i], at[j])]);
@@ -281,7 +281,7 @@ impl Solved {
     }
 
     /// The covariance of two numbers where the noise is as it was taken to be.
-    pub(super) fn covariance(&self) -> &DMatrix<f64> {
+    pub(crate) fn covariance(&self) -> &DMatrix<f64> {
         &self.inverse
     }
 }

@@ -30,9 +30,9 @@ pub struct Law {
 }
 
 /// One word and its value per row.
-struct Word {
-    name: String,
-    values: Vec<f64>,
+pub(crate) struct Word {
+    pub(crate) name: String,
+    pub(crate) values: Vec<f64>,
 }
 
 fn words(motion: &Motion, joint: usize) -> Vec<Word> {
@@ -108,9 +108,19 @@ pub(super) fn law(
     table: &Table,
     joint: usize,
     left: &[f64],
+    sets: [&[bool]; 3],
+) -> Option<Law> {
+    law_of(&words(motion, joint), table, joint, left, sets)
+}
+
+/// The same of any words; the first three go in pairs too.
+pub(crate) fn law_of(
+    words: &[Word],
+    table: &Table,
+    joint: usize,
+    left: &[f64],
     [train, look, held]: [&[bool]; 3],
 ) -> Option<Law> {
-    let words = words(motion, joint);
     let counts = |used: &[bool], row: usize| used[row] && table.counts[joint][row];
     let trained = (0..left.len()).filter(|row| counts(train, *row)).count();
     if trained < ROWS {

@@ -59,26 +59,32 @@ impl Drives {
 
     /// The model's effects with what was found.
     pub(super) fn written(&self, base: &RobotModel, effects: &[EffectEntry]) -> Vec<EffectEntry> {
-        let mut all = effects.to_vec();
         let findings = self.result.iter().flat_map(|diagnosis| &diagnosis.findings);
-        for finding in findings.filter(|finding| finding.recording.is_none()) {
-            let Some(entry) = entry(base, finding) else { continue };
-            let same = |known: &&mut EffectEntry| {
-                finding.is_change
-                    && known.kind == entry.kind
-                    && known.joint == entry.joint
-                    && known
-                        .parameters
-                        .iter()
-                        .any(|p| entry.parameters.iter().any(|q| q.key == p.key))
-            };
-            match all.iter_mut().find(same) {
-                Some(known) => add(known, &entry),
-                None => all.push(entry),
-            }
-        }
-        all
+        written(base, effects, findings.filter(|finding| finding.recording.is_none()))
     }
+}
+
+/// A model's effects with what was found.
+pub(super) fn written<'a>(
+    base: &RobotModel,
+    effects: &[EffectEntry],
+    findings: impl Iterator<Item = &'a Finding>,
+) -> Vec<EffectEntry> {
+    let mut all = effects.to_vec();
+    for finding in findings {
+        let Some(entry) = entry(base, finding) else { continue };
+        let same = |known: &&mut EffectEntry| {
+            finding.is_change
+                && known.kind == entry.kind
+                && known.joint == entry.joint
+                && known.parameters.iter().any(|p| entry.parameters.iter().any(|q| q.key == p.key))
+        };
+        match all.iter_mut().find(same) {
+            Some(known) => add(known, &entry),
+            None => all.push(entry),
+        }
+    }
+    all
 }
 
 /// Adds the difference that was found to the numbers that stand there.

@@ -1,10 +1,11 @@
 //! The force side of `trued diagnose`: recordings of forces (or accelerations) without any joint.
 //!
-//! Promises: the same three files as for a robot, together or not at all. Never: a cut's coefficients.
+//! Promises: the same three files as for a robot, together or not at all. Never: a claim of what was not compared.
 
 use diagnosis::force::{self, Diagnosis, Doubt, Finding};
 use recording::model::{EffectEntry, RobotModel, SiParameter};
 
+use super::drives::written;
 use super::{Diagnose, outputs, page, told};
 use crate::exit::{Answer, Failure};
 use crate::output::{Console, Paint};
@@ -31,7 +32,9 @@ pub(super) fn alone(asked: &Diagnose, console: &mut Console) -> Result<Option<An
     }
     asked.check(&outputs(&asked.out))?;
     let seed = asked.seed.settle();
-    let found = Forces { base, result: force::diagnose(&recording), seed };
+    let with_cutting = base.with_cutting().map_err(Failure::input)?;
+    let result = force::diagnose(&with_cutting, &recording);
+    let found = Forces { base, result, seed };
     let report = told::Report::of_forces(&found);
     let texts = [
         told::json(std::slice::from_ref(&report))?,
@@ -53,6 +56,9 @@ impl Forces {
     /// The model with what was found of the sensor.
     fn model(&self) -> Result<String, Failure> {
         let mut file = self.base.file.clone();
+        if let Some(compared) = self.result.iter().find_map(|found| found.compared.as_ref().ok()) {
+            file.effects = written(&self.base, &file.effects, compared.findings.iter());
+        }
         for finding in self.result.iter().flat_map(|found| &found.findings) {
             if let Finding::Bias { force, sigma, .. } = finding {
                 let bias = SiParameter { stem: "bias", values: force, sigma: Some(sigma) };

@@ -2,6 +2,7 @@
 //!
 //! Promises: a reader who stops anywhere has read the most important of what there is. Never: a number that is not in `diagnosis.json` or its figures.
 
+mod cut;
 mod drives;
 mod figures;
 pub(super) mod forces;

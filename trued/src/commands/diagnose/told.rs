@@ -2,6 +2,7 @@
 //!
 //! Promises: keys, units and signs of the contract; a change carries the difference. Never: a number that was not found.
 
+mod cut;
 mod drives;
 mod file;
 mod forces;

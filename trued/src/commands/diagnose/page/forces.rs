@@ -4,9 +4,9 @@
 
 use report::{Axis, Column, Page, Plot, Series, Table, Tone, significant};
 
-use super::tables;
+use super::{cut, tables};
 use crate::commands::diagnose::forces::Forces;
-use crate::commands::diagnose::told::Report;
+use crate::commands::diagnose::told::{NotTested, Report};
 
 /// Points of a drawing.
 const POINTS: usize = 2000;
@@ -23,7 +23,17 @@ pub(in crate::commands::diagnose) fn render(found: &Forces, report: &Report) -> 
             );
         }
         Ok(diagnosis) => {
-            page = page.lead(&format!("The tool: {}.", report.heldout));
+            let lead = match &diagnosis.compared {
+                Ok(_) => format!(
+                    "Held against the told cut: off by {} N before, {} N after, {} N noise; {}.",
+                    significant(report.heldout_rms_before, 3),
+                    significant(report.heldout_rms_after, 3),
+                    significant(report.noise_rms, 3),
+                    report.heldout
+                ),
+                Err(_) => format!("The tool: {}.", report.heldout),
+            };
+            page = page.lead(&lead);
             let sentences: Vec<&str> =
                 report.findings.iter().map(|told| told.says.as_str()).collect();
             if !sentences.is_empty() {
@@ -32,6 +42,17 @@ pub(in crate::commands::diagnose) fn render(found: &Forces, report: &Report) -> 
             }
             if let Some(next) = &report.next_experiment {
                 page = page.note(Tone::Caution, "What would settle it", next);
+            }
+            if let Some(rest) = &report.unexplained {
+                page = page.note(Tone::Caution, "What no name explains", &rest.says);
+            }
+            if let Ok(compared) = &diagnosis.compared {
+                page = cut::figures(page, compared);
+                if !report.not_tested.is_empty() {
+                    let open = |one: &NotTested| format!("{}: {}", one.effect, one.why);
+                    let open: Vec<String> = report.not_tested.iter().map(open).collect();
+                    page = page.section("What could not have shown").list(&open);
+                }
             }
             let stride = diagnosis.level.len().div_ceil(POINTS).max(1);
             let points: Vec<(f64, f64)> = diagnosis.level.iter().step_by(stride).copied().collect();

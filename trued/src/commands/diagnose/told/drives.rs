@@ -99,7 +99,7 @@ fn told(base: &RobotModel, drives: &Drives, finding: &Finding) -> Told {
     }
 }
 
-fn alternative(rival: &Rival) -> Alternative {
+pub(super) fn alternative(rival: &Rival) -> Alternative {
     Alternative {
         effect: rival.kind,
         joint: rival.joint.map(|joint| joint + 1),
@@ -108,7 +108,7 @@ fn alternative(rival: &Rival) -> Alternative {
     }
 }
 
-fn parameters(entry: &EffectEntry) -> BTreeMap<String, Value> {
+pub(super) fn parameters(entry: &EffectEntry) -> BTreeMap<String, Value> {
     let ci = |value: f64, sigma: f64| [value - NINETY_FIVE * sigma, value + NINETY_FIVE * sigma];
     let one = |parameter: &recording::model::Parameter| {
         let sigma = parameter.sigma.as_ref().map_or(&[][..], Numbers::as_slice);

@@ -52,7 +52,7 @@ impl Report {
             Finding::Chatter { .. } => None,
         });
         let [before, after] = proof.unwrap_or([diagnosis.noise; 2]);
-        Self {
+        let alone = Self {
             verdict: diagnosis.verdict.name(),
             unit: if diagnosis.is_force { "N" } else { "m/s²" },
             samples: diagnosis.rows,
@@ -72,6 +72,10 @@ impl Report {
             tones: diagnosis.tones.iter().map(|tone| heard(diagnosis, tone)).collect(),
             notes: notes(diagnosis),
             ..empty
+        };
+        match &diagnosis.compared {
+            Ok(compared) => alone.against_cut(&found.base, compared),
+            Err(_) => alone,
         }
     }
 }
@@ -116,7 +120,9 @@ fn phases_in_words(diagnosis: &Diagnosis) -> String {
 fn notes(diagnosis: &Diagnosis) -> Vec<String> {
     let mut notes = Vec::new();
     let has_cut = diagnosis.phases.iter().any(|phase| phase.state == State::Cut);
-    let chatters = diagnosis.tones.iter().any(|tone| tone.cause == Cause::Unforced);
+    let of_cut = diagnosis.compared.iter().flat_map(|compared| &compared.findings);
+    let chatters = diagnosis.tones.iter().any(|tone| tone.cause == Cause::Unforced)
+        || of_cut.into_iter().any(|finding| finding.kind == "chatter");
     if has_cut && !chatters {
         notes.push("no chatter: no tone of the cut stands by itself".to_owned());
     }

@@ -1,0 +1,280 @@
+//! One question put to the forces: rows, the law at the numbers that are believed, its slopes as columns, the noise.
+//!
+//! The law is taken as it is at the numbers believed, plus slopes: what is solved with these columns are the numbers themselves, and the law is taken anew there.
+//!
+//! Promises: phases of the spindle and a speed that is a little off are always fitted along. Never: a choice.
+
+use glam::DVec3;
+use nalgebra::DMatrix;
+use physics::Bite;
+
+use super::law::{CHIP, EDGE, Law, NUMBERS, Spindle};
+use super::rows::Sets;
+use crate::colour::Colour;
+use crate::torque::columns::Column;
+use crate::torque::library::Library;
+use crate::torque::noise;
+use crate::torque::prove::{covariance_of, rms_of};
+use crate::torque::table::{Products, Solved, Table};
+
+/// By so much the spindle is turned to see what that changes, rad.
+const TURNED: f64 = 5e-3;
+/// A row where so much of a tooth enters or leaves within a turn by `TURNED` lies on a border of engagement.
+const BORDER: f64 = 0.3;
+/// The furthest that a phase moves at once, rad.
+const LEAP: f64 = 0.2;
+/// Rounds of a fit that takes the law anew.
+const ROUNDS: usize = 4;
+/// A fit that gains less than this stands.
+const STANDS: f64 = 0.05;
+
+/// What is believed.
+#[derive(Clone, Debug)]
+pub(super) struct Belief {
+    pub(super) numbers: Vec<f64>,
+    pub(super) spindle: Spindle,
+}
+
+pub(super) struct Case {
+    pub(super) law: Law,
+    pub(super) belief: Belief,
+    /// Per axis, a value per row.
+    pub(super) measured: [Option<Vec<f64>>; 3],
+    pub(super) table: Table,
+    pub(super) library: Library,
+    /// What each column of the library is: numbers with their weights; those from `NUMBERS` on are phases of segments, the last the speed.
+    pub(super) directions: Vec<Vec<(usize, f64)>>,
+    pub(super) always: Vec<usize>,
+    pub(super) sets: Sets,
+}
+
+impl Case {
+    /// What the law reads at a belief, per axis.
+    pub(super) fn readings(&self, belief: &Belief) -> [Vec<f64>; 3] {
+        let bites = self.law.bites(&belief.spindle);
+        by_axis(bites.iter().enumerate().map(|(k, b)| self.law.reading(k, b, &belief.numbers)))
+    }
+
+    /// What is left of an axis.
+    pub(super) fn left(&self, belief: &Belief) -> [Vec<f64>; 3] {
+        let mut left = self.readings(belief);
+        for (left, measured) in left.iter_mut().zip(&self.measured) {
+            match measured {
+                Some(values) => left.iter_mut().zip(values).for_each(|(x, m)| *x = m - *x),
+                None => left.fill(0.0),
+            }
+        }
+        left
+    }
+
+    /// How many phases and speeds are fitted along.
+    pub(super) fn nuisances(&self) -> usize {
+        self.belief.spindle.phases.len() + 1
+    }
+
+    /// Takes the law anew at a belief: what is measured beyond it, and the columns that are wanted.
+    fn taken(&self, belief: &Belief, wanted: &[usize]) -> ([Vec<f64>; 3], Vec<(usize, Column)>) {
+        let bites = self.law.bites(&belief.spindle);
+        let mut used: Vec<usize> =
+            wanted.iter().flat_map(|k| self.directions[*k].iter().map(|(at, _)| *at)).collect();
+        used.sort_unstable();
+        used.dedup();
+        let (numbers, turned): (Vec<usize>, Vec<usize>) = used.iter().partition(|k| **k < NUMBERS);
+        let slopes = self.law.slopes(&bites, &belief.numbers, &numbers);
+        let mut target = self.left(belief);
+        for (k, slope) in numbers.iter().zip(&slopes) {
+            for (target, slope) in target.iter_mut().zip(slope) {
+                let own = belief.numbers[*k];
+                target.iter_mut().zip(slope).for_each(|(t, x)| *t += own * x);
+            }
+        }
+        let by_angle = if turned.is_empty() { Default::default() } else { self.turned(belief) };
+        let column = |k: usize| {
+            let mut parts: [Vec<f64>; 3] = std::array::from_fn(|_| vec![0.0; self.law.rows.len()]);
+            for (at, weight) in &self.directions[k] {
+                match numbers.iter().position(|n| n == at) {
+                    Some(place) => add(&mut parts, &slopes[place], *weight),
+                    None => add(&mut parts, &self.of_spindle(at - NUMBERS, &by_angle), 1.0),
+                }
+            }
+            Column { parts: parts.into_iter().enumerate().collect() }
+        };
+        let columns = wanted.iter().map(|k| (*k, column(*k))).collect();
+        (target, columns)
+    }
+
+    /// How readings change with the angle, N/rad.
+    fn turned(&self, belief: &Belief) -> [Vec<f64>; 3] {
+        by_axis(self.law.rows.iter().enumerate().map(|(row, stood)| {
+            let at = |by: f64| -> DVec3 {
+                let bite: Bite = self.law.bite(&belief.spindle, stood, by);
+                self.law.reading(row, &bite, &belief.numbers)
+            };
+            (at(TURNED) - at(-TURNED)) / (2.0 * TURNED)
+        }))
+    }
+
+    /// The column of one segment's phase, or, the last, of the speed.
+    fn of_spindle(&self, which: usize, by_angle: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
+        let is_speed = which + 1 == self.nuisances();
+        let weight = |row: usize| {
+            let stood = &self.law.rows[row];
+            if is_speed { stood.angle_rad } else { f64::from(u8::from(stood.segment == which)) }
+        };
+        std::array::from_fn(|axis| {
+            by_angle[axis].iter().enumerate().map(|(row, x)| x * weight(row)).collect()
+        })
+    }
+
+    /// Takes the law anew at what is believed, for every column of the library.
+    pub(super) fn take(&mut self) {
+        let all: Vec<usize> = (0..self.directions.len()).collect();
+        let (target, columns) = self.taken(&self.belief, &all);
+        self.put_target(target);
+        columns.into_iter().for_each(|(k, column)| self.library.columns[k] = column);
+    }
+
+    fn put_target(&mut self, target: [Vec<f64>; 3]) {
+        for (axis, values) in target.into_iter().enumerate() {
+            self.table.target[axis] = self.measured[axis].is_some().then_some(values);
+        }
+    }
+
+    /// Rows that count: in the cut or in air, not between, not where a tooth just enters or leaves.
+    pub(super) fn count(&mut self, is_between: &[bool]) {
+        let spindle = &self.belief.spindle;
+        let counts: Vec<bool> = self
+            .law
+            .rows
+            .iter()
+            .zip(is_between)
+            .map(|(stood, between)| {
+                let engaged = |by: f64| self.law.bite(spindle, stood, by).engaged;
+                !between && (engaged(TURNED) - engaged(-TURNED)).abs() < BORDER
+            })
+            .collect();
+        self.table.counts.fill(counts);
+    }
+
+    pub(super) fn products(&self, used: &[bool]) -> Products {
+        let columns: Vec<&Column> = self.library.columns.iter().collect();
+        Products::new(&self.table, &columns, self.library.prior.clone(), used)
+    }
+
+    /// Learns each axis' noise from what no name explains.
+    pub(super) fn hear_noise(&mut self) {
+        for _ in 0..2 {
+            self.table.noise.iter_mut().for_each(|(colour, _)| *colour = Colour::default());
+            let rich = self.products(&self.sets.train);
+            let rich = rich.solve(&(0..self.library.columns.len()).collect::<Vec<usize>>());
+            self.table.noise =
+                noise::of(&self.table, &self.library.columns, &rich, &self.sets.train);
+        }
+    }
+
+    /// The belief that solved columns say.
+    pub(super) fn believed(&self, from: &Belief, solved: &Solved) -> Belief {
+        let mut belief = Belief { numbers: vec![0.0; NUMBERS], spindle: from.spindle.clone() };
+        for (k, value) in solved.columns.iter().zip(&solved.values) {
+            for (at, weight) in &self.directions[*k] {
+                match at.checked_sub(NUMBERS) {
+                    None => belief.numbers[*at] += weight * value,
+                    Some(which) if which + 1 == self.nuisances() => {
+                        belief.spindle.faster += value;
+                    }
+                    Some(which) => {
+                        belief.spindle.phases[which] += value.clamp(-LEAP, LEAP);
+                    }
+                }
+            }
+        }
+        belief
+    }
+
+    /// Minus log-likelihood of a belief on rows, but for a constant.
+    pub(super) fn misfit(&self, belief: &Belief, used: &[bool]) -> f64 {
+        let left = self.left(belief);
+        let mut sum = 0.0;
+        for axis in self.table.joints() {
+            let white = self.table.whitened(axis, &left[axis]);
+            let counts = &self.table.counts[axis];
+            let rows = (0..white.len()).filter(|row| used[*row] && counts[*row]);
+            sum += 0.5 * rows.map(|row| white[row] * white[row]).sum::<f64>();
+        }
+        sum
+    }
+
+    /// The numbers of some columns where the law itself, not its slopes, fits best; with the misfit there.
+    pub(super) fn fitted(&self, start: &Belief, columns: &[usize], used: &[bool]) -> (Belief, f64) {
+        let mut belief = start.clone();
+        let kept: Vec<usize> =
+            columns.iter().flat_map(|k| self.directions[*k].iter().map(|d| d.0)).collect();
+        for (k, number) in belief.numbers.iter_mut().enumerate() {
+            if !kept.contains(&k) {
+                *number = 0.0;
+            }
+        }
+        let mut best = (belief.clone(), self.misfit(&belief, used));
+        for _ in 0..ROUNDS {
+            let (target, taken) = self.taken(&belief, columns);
+            let mut table = self.table.clone();
+            for (axis, values) in target.into_iter().enumerate() {
+                table.target[axis] = self.measured[axis].is_some().then_some(values);
+            }
+            let refs: Vec<&Column> = taken.iter().map(|(_, column)| column).collect();
+            let prior = columns.iter().map(|k| self.library.prior[*k]).collect();
+            let products = Products::new(&table, &refs, prior, used);
+            let mut solved = products.solve(&(0..columns.len()).collect::<Vec<usize>>());
+            solved.columns.iter_mut().for_each(|k| *k = columns[*k]);
+            belief = self.believed(&belief, &solved);
+            let misfit = self.misfit(&belief, used);
+            let gained = best.1 - misfit;
+            if gained > 0.0 {
+                best = (belief.clone(), misfit);
+            }
+            if gained < STANDS {
+                break;
+            }
+        }
+        best
+    }
+
+    /// Root mean square of what is left on some rows, in units of the noise times the geometric mean of the noises, N.
+    pub(super) fn rms(&self, solved: &Solved, used: &[bool]) -> f64 {
+        rms_of(&self.table, &self.library.columns, solved, used, &self.table.counts)
+    }
+
+    pub(super) fn covariance(&self, solved: &Solved, used: &[bool]) -> DMatrix<f64> {
+        covariance_of(&self.table, &self.library.columns, solved, used)
+    }
+
+    /// The largest told coefficients: N/m², N/m.
+    pub(super) fn told(&self) -> [f64; 2] {
+        let force = self.law.base.first().copied().unwrap_or_default();
+        [
+            force.chip(&self.law.cutter).abs().max_element(),
+            force.edge(&self.law.cutter, 0.0).abs().max_element(),
+        ]
+    }
+
+    /// Coefficients as told and as the model has them: tangential, radial, axial.
+    pub(super) fn coefficients(&self) -> [(usize, DVec3); 2] {
+        let force = self.law.base.first().copied().unwrap_or_default();
+        let cutter = &self.law.cutter;
+        [(CHIP.from, force.chip(cutter)), (EDGE.from, force.edge(cutter, 0.0))]
+    }
+}
+
+fn add(parts: &mut [Vec<f64>; 3], more: &[Vec<f64>; 3], weight: f64) {
+    for (part, more) in parts.iter_mut().zip(more) {
+        part.iter_mut().zip(more).for_each(|(x, m)| *x += weight * m);
+    }
+}
+
+fn by_axis(rows: impl Iterator<Item = DVec3>) -> [Vec<f64>; 3] {
+    let mut all: [Vec<f64>; 3] = Default::default();
+    for row in rows {
+        all.iter_mut().zip(row.to_array()).for_each(|(list, x)| list.push(x));
+    }
+    all
+}

@@ -1,0 +1,229 @@
+//! What was found in a cut: numbers with their names and uncertainties, and the other names that explain the same.
+//!
+//! Rivals are fitted by the law itself, not by its slopes: a scale that is a fifth off bends every other number.
+//!
+//! Promises: stems and SI units of the contract's parameters. Never: a unit of a file.
+
+use glam::DVec2;
+use nalgebra::DMatrix;
+use physics::Model;
+
+use super::case::Case;
+use super::names::{TONE, slot};
+use crate::torque::choose::{Asking, Choice};
+use crate::torque::library::Family;
+use crate::torque::{Number, Rival};
+
+/// The share of a number that stays open whatever the noise.
+const FLOOR: f64 = 5e-3;
+/// Names within so much log-likelihood cannot be told apart.
+const ALIKE: f64 = 5.0;
+/// Rivals that are further behind are not listed.
+const FAR: f64 = 12.0;
+/// A rival explains at least this share of what the name does, by slopes; the law itself may give it the rest.
+const SHARES: f64 = 0.5;
+/// A rival takes a name's place from so much on.
+const BETTER: f64 = 1.0;
+
+/// A name in the light of its rivals.
+pub(super) struct Weighed {
+    pub(super) gain: f64,
+    pub(super) confidence: f64,
+    pub(super) rivals: Vec<Rival>,
+}
+
+/// What a name brings, by the law itself, and what others would bring in its place.
+pub(super) fn weighed(
+    case: &Case,
+    asking: &Asking<'_>,
+    choice: &Choice,
+    name: usize,
+    used: &[bool],
+) -> Weighed {
+    let families = &asking.library.families;
+    let own = &families[name];
+    let others: Vec<usize> = choice.names.iter().copied().filter(|n| *n != name).collect();
+    let misfit = |names: &[usize]| case.fitted(&case.belief, &asking.columns(names), used).1;
+    let whole = misfit(&choice.names);
+    let gain = misfit(&others) - whole;
+    let without = asking.solve(&others);
+    let by_slopes = choice.solved.gain - without.solved.gain;
+    let mut rivals: Vec<Rival> = Vec::new();
+    for (place, family) in families.iter().enumerate() {
+        let is_taken = others.iter().any(|n| families[*n].kind == family.kind);
+        if is_taken || family.kind == own.kind {
+            continue;
+        }
+        if asking.brings(&without, place) < SHARES * by_slopes {
+            continue;
+        }
+        let names: Vec<usize> = others.iter().copied().chain([place]).collect();
+        let behind = misfit(&names) - whole;
+        let dearer = asking.numbers(family) - asking.numbers(own);
+        if behind > FAR {
+            continue;
+        }
+        let rival = Rival {
+            kind: family.kind,
+            joint: None,
+            place,
+            stems: Vec::new(),
+            behind,
+            dearer,
+            // Whoever takes more numbers to explain the same is no rival on an even footing.
+            alike: behind < ALIKE && dearer <= 0.0,
+            confidence: 0.0,
+        };
+        let cost = |one: &Rival| one.behind + one.dearer * price(asking);
+        match rivals.iter().position(|one| one.kind == rival.kind) {
+            Some(at) if cost(&rivals[at]) > cost(&rival) => rivals[at] = rival,
+            Some(_) => {}
+            None => rivals.push(rival),
+        }
+    }
+    // That nothing is there at all is one more rival.
+    let nothing = libm::exp(-(gain - asking.price(own)).max(-20.0));
+    let weight =
+        |rival: &Rival| libm::exp(-(rival.behind + rival.dearer * price(asking)).max(-20.0));
+    let all = 1.0 + nothing + rivals.iter().map(weight).sum::<f64>();
+    let shares: Vec<f64> = rivals.iter().map(|rival| weight(rival) / all).collect();
+    rivals.iter_mut().zip(shares).for_each(|(rival, share)| rival.confidence = share);
+    rivals.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
+    rivals.retain(|rival| rival.kind != TONE);
+    Weighed { gain, confidence: 1.0 / all, rivals }
+}
+
+/// What one more number costs.
+fn price(asking: &Asking<'_>) -> f64 {
+    0.5 * (asking.products.rows.max(3) as f64).ln()
+}
+
+/// The names with a likelier rival in the place of one of them, where there is one.
+pub(super) fn likelier(case: &Case, names: &[usize], used: &[bool]) -> Option<Vec<usize>> {
+    let products = case.products(used);
+    let asking = Asking { library: &case.library, products: &products, always: &case.always };
+    let choice = asking.solve(names);
+    names.iter().find_map(|name| {
+        let weighed = weighed(case, &asking, &choice, *name, used);
+        let best = weighed.rivals.iter().min_by(|a, b| {
+            let cost = |one: &Rival| one.behind + one.dearer * price(&asking);
+            cost(a).total_cmp(&cost(b))
+        })?;
+        let is_better = best.behind + best.dearer * price(&asking) < -BETTER;
+        let swapped = |n: &usize| if n == name { best.place } else { *n };
+        is_better.then(|| names.iter().map(swapped).collect())
+    })
+}
+
+/// The numbers of a name, by their differences from what the model states.
+pub(super) fn numbers(
+    case: &Case,
+    model: &Model,
+    asking: &Asking<'_>,
+    choice: &Choice,
+    family: &Family,
+    covariance: &DMatrix<f64>,
+) -> Vec<Number> {
+    let slot = slot(family.kind);
+    let values = slot.of(&case.belief.numbers).to_vec();
+    let sigma: Vec<f64> = (0..slot.count)
+        .map(|k| doubt(case, asking, choice, slot.from + k, covariance).hypot(FLOOR * values[k]))
+        .collect();
+    let many = |stem, values: Vec<f64>, sigma: Vec<f64>| vec![Number { stem, values, sigma }];
+    match family.kind {
+        "runout" => runout(case, model, &values, &sigma),
+        "wrench_scale" => {
+            let six = |list: &[f64]| list.iter().copied().chain([0.0; 3]).collect();
+            many("scale", six(&values), six(&sigma))
+        }
+        "tool_wear" => many("growth", values, sigma),
+        "wrench_bias" => many("bias", values, sigma),
+        "wrench_misalignment" => many("turn", values, sigma),
+        "cross_talk" => many("matrix", values, sigma),
+        "chatter" => {
+            let amplitude = libm::sqrt(values.iter().map(|x| x * x).sum());
+            let pull: f64 = values.iter().zip(&sigma).map(|(x, s)| x * x * s * s).sum();
+            let sigma = libm::sqrt(pull) / amplitude.max(f64::MIN_POSITIVE);
+            let frequency = case.law.tone_hz;
+            let lasts_s = case.law.rows.iter().map(|stood| stood.time_s).fold(0.0, f64::max);
+            // A tone's frequency is as sure as its phase at both ends (Rife and Boorstyn 1974).
+            let sharp = libm::sqrt(6.0) * sigma
+                / (amplitude.max(f64::MIN_POSITIVE) * std::f64::consts::PI * lasts_s.max(1e-9));
+            let least = 0.25 / lasts_s.max(1e-9);
+            vec![
+                Number {
+                    stem: "frequency",
+                    values: vec![frequency],
+                    sigma: vec![sharp.max(least)],
+                },
+                Number { stem: "amplitude", values: vec![amplitude], sigma: vec![sigma] },
+            ]
+        }
+        _ => many("coefficient", values, sigma),
+    }
+}
+
+/// The standard uncertainty of one number: in the fit, or, where its name does without it, beside the fit.
+fn doubt(
+    case: &Case,
+    asking: &Asking<'_>,
+    choice: &Choice,
+    number: usize,
+    covariance: &DMatrix<f64>,
+) -> f64 {
+    let weights = |columns: &[usize]| -> Vec<f64> {
+        let of = |k: &usize| {
+            let parts = case.directions[*k].iter().filter(|(at, _)| *at == number);
+            parts.map(|(_, weight)| *weight).sum::<f64>()
+        };
+        columns.iter().map(of).collect()
+    };
+    let spread = |covariance: &DMatrix<f64>, weights: &[f64]| {
+        let mut sum = 0.0;
+        for (i, a) in weights.iter().enumerate() {
+            for (j, b) in weights.iter().enumerate() {
+                sum += a * b * covariance[(i, j)];
+            }
+        }
+        libm::sqrt(sum.max(0.0))
+    };
+    let inside = weights(&choice.solved.columns);
+    if inside.iter().any(|weight| *weight != 0.0) {
+        return spread(covariance, &inside);
+    }
+    let mut columns = asking.columns(&choice.names);
+    columns.push(number);
+    let solved = asking.products.solve(&columns);
+    spread(solved.covariance(), &weights(&solved.columns))
+}
+
+/// Radial and phase as differences from what the model states.
+fn runout(case: &Case, model: &Model, values: &[f64], sigma: &[f64]) -> Vec<Number> {
+    let runouts = model.effects().filter(|effect| effect.spec().kind == "runout");
+    let stated: DVec2 = runouts
+        .map(|effect| match effect.values() {
+            [radial, phase, ..] => DVec2::from_angle(*phase) * *radial,
+            _ => DVec2::ZERO,
+        })
+        .sum();
+    let whole = stated + DVec2::new(values[0], values[1]);
+    let radial = whole.length().max(f64::MIN_POSITIVE);
+    let along = (whole.x * sigma[0]).hypot(whole.y * sigma[1]) / radial;
+    let across = (whole.y * sigma[0]).hypot(whole.x * sigma[1]) / (radial * radial);
+    // Two teeth feel one direction alone.
+    let across = if case.law.cutter.teeth == 2 { 1.0 } else { across };
+    let phase = if whole.y == 0.0 && whole.x < 0.0 {
+        std::f64::consts::PI
+    } else {
+        libm::atan2(whole.y, whole.x)
+    };
+    let (had, at) = if stated.length() > 0.0 {
+        (stated.length(), libm::atan2(stated.y, stated.x))
+    } else {
+        (0.0, 0.0)
+    };
+    vec![
+        Number { stem: "radial", values: vec![radial - had], sigma: vec![along] },
+        Number { stem: "phase", values: vec![phase - at], sigma: vec![across] },
+    ]
+}

@@ -1,0 +1,180 @@
+//! What the sensor would read in each row, for any numbers of the cutter and of the sensor: the told law of the cut with numbers of effects on top.
+//!
+//! Numbers are in SI and stand in one list ([`Slot`]); what the model states of the same effects is in already, so that 0 is the model as it is.
+//!
+//! Promises: rows are read by `physics::CutForce` alone. Never: a law of its own.
+
+use glam::{DMat3, DVec3};
+use physics::{Bite, Contribution, CutForce, Cutter, ForceTerm, Wrench};
+use std::f64::consts::TAU;
+
+/// Where the numbers of one effect stand in the list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Slot {
+    pub(super) from: usize,
+    pub(super) count: usize,
+}
+
+impl Slot {
+    const fn after(before: Self, count: usize) -> Self {
+        Self { from: before.from + before.count, count }
+    }
+
+    pub(super) fn of<'a>(&self, numbers: &'a [f64]) -> &'a [f64] {
+        &numbers[self.from..self.from + self.count]
+    }
+}
+
+/// Tangential, radial, axial, N/m².
+pub(super) const CHIP: Slot = Slot { from: 0, count: 3 };
+/// Tangential, radial, axial, N/m.
+pub(super) const EDGE: Slot = Slot::after(CHIP, 3);
+/// 1/m.
+pub(super) const WEAR: Slot = Slot::after(EDGE, 1);
+/// Towards tooth 0 and across, m.
+pub(super) const RUNOUT: Slot = Slot::after(WEAR, 2);
+/// N.
+pub(super) const BIAS: Slot = Slot::after(RUNOUT, 3);
+/// Shares.
+pub(super) const SCALE: Slot = Slot::after(BIAS, 3);
+/// rad.
+pub(super) const TURN: Slot = Slot::after(SCALE, 3);
+/// Row by row.
+pub(super) const LEAK: Slot = Slot::after(TURN, 9);
+/// Sine and cosine of each axis while the tool cuts, N.
+pub(super) const RING: Slot = Slot::after(LEAK, 6);
+/// The same whether it cuts or not, in the reading.
+pub(super) const HUM: Slot = Slot::after(RING, 6);
+/// Numbers in all.
+pub(super) const NUMBERS: usize = HUM.from + HUM.count;
+
+/// How the tool stands in one row.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stood {
+    /// Since the segment began, s.
+    pub(super) time_s: f64,
+    /// By the told speed, rad.
+    pub(super) angle_rad: f64,
+    pub(super) feed_per_tooth_m: f64,
+    pub(super) cut_m: f64,
+    /// Which of the segments.
+    pub(super) segment: usize,
+    pub(super) cuts: bool,
+}
+
+/// How far the spindle stands off what the recording says of it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Spindle {
+    /// Where each segment begins, rad.
+    pub(super) phases: Vec<f64>,
+    /// How much faster it turns, as a share.
+    pub(super) faster: f64,
+}
+
+impl Spindle {
+    pub(super) fn angle(&self, stood: &Stood) -> f64 {
+        self.phases[stood.segment] + stood.angle_rad * (1.0 + self.faster)
+    }
+}
+
+/// The law of one recording.
+pub(super) struct Law {
+    pub(super) cutter: Cutter,
+    pub(super) rows: Vec<Stood>,
+    /// What the model's effects change, per row.
+    pub(super) base: Vec<CutForce>,
+    /// Of the tone that is asked for, Hz.
+    pub(super) tone_hz: f64,
+}
+
+impl Law {
+    pub(super) fn bites(&self, spindle: &Spindle) -> Vec<Bite> {
+        self.rows.iter().map(|stood| self.bite(spindle, stood, 0.0)).collect()
+    }
+
+    /// How the teeth stand in a row, the spindle turned on by an angle, rad.
+    pub(super) fn bite(&self, spindle: &Spindle, stood: &Stood, by: f64) -> Bite {
+        // Whoever turns faster than is told feeds less per tooth.
+        let feed_per_tooth_m = stood.feed_per_tooth_m / (1.0 + spindle.faster);
+        let angle = spindle.angle(stood) + by;
+        if stood.cuts { self.cutter.bite(angle, feed_per_tooth_m) } else { Bite::NONE }
+    }
+
+    /// What is read in a row, N.
+    pub(super) fn reading(&self, row: usize, bite: &Bite, numbers: &[f64]) -> DVec3 {
+        let stood = &self.rows[row];
+        let force = with(self.base[row], numbers);
+        let mut acting =
+            if stood.cuts { force.acting(&self.cutter, bite, stood.cut_m) } else { DVec3::ZERO };
+        let (sin, cos) = libm::sincos(TAU * self.tone_hz * stood.time_s);
+        if bite.engaged > 0.0 {
+            acting += swing(RING.of(numbers), sin, cos);
+        }
+        force.read(acting) + swing(HUM.of(numbers), sin, cos)
+    }
+
+    /// What each of the wanted numbers adds to the reading of each row, at these numbers: a column for each, three axes.
+    pub(super) fn slopes(
+        &self,
+        bites: &[Bite],
+        numbers: &[f64],
+        wanted: &[usize],
+    ) -> Vec<[Vec<f64>; 3]> {
+        let steps = steps();
+        let mut at = numbers.to_vec();
+        let column = |k: &usize| {
+            let k = *k;
+            let mut all: [Vec<f64>; 3] = Default::default();
+            let here = numbers[k];
+            for (row, bite) in bites.iter().enumerate() {
+                at[k] = here + steps[k];
+                let high = self.reading(row, bite, &at);
+                at[k] = here - steps[k];
+                let slope = (high - self.reading(row, bite, &at)) / (2.0 * steps[k]);
+                all.iter_mut().zip(slope.to_array()).for_each(|(list, x)| list.push(x));
+            }
+            at[k] = here;
+            all
+        };
+        wanted.iter().map(column).collect()
+    }
+}
+
+fn swing(numbers: &[f64], sin: f64, cos: f64) -> DVec3 {
+    let axis = |k: usize| numbers[2 * k] * sin + numbers[2 * k + 1] * cos;
+    DVec3::new(axis(0), axis(1), axis(2))
+}
+
+/// Steps of the numbers: readings are linear in all but the turn.
+fn steps() -> [f64; NUMBERS] {
+    let mut steps = [1e-3; NUMBERS];
+    for (slot, step) in [(CHIP, 1e6), (EDGE, 1e2), (WEAR, 1e-2), (RUNOUT, 1e-7), (BIAS, 1.0)] {
+        steps[slot.from..slot.from + slot.count].fill(step);
+    }
+    for slot in [RING, HUM] {
+        steps[slot.from..slot.from + slot.count].fill(1.0);
+    }
+    steps
+}
+
+/// A force with numbers on top.
+fn with(mut force: CutForce, numbers: &[f64]) -> CutForce {
+    let three = |slot: Slot| DVec3::from_slice(slot.of(numbers));
+    let leak: [f64; 9] = std::array::from_fn(|k| numbers[LEAK.from + k]);
+    for term in [
+        ForceTerm::Chip(three(CHIP)),
+        ForceTerm::Edge(three(EDGE)),
+        ForceTerm::Wear(numbers[WEAR.from]),
+        ForceTerm::Runout([numbers[RUNOUT.from], numbers[RUNOUT.from + 1]]),
+        ForceTerm::Leak(DMat3::from_cols_array(&leak).transpose()),
+    ] {
+        force.add(&Contribution::ToolForce(term));
+    }
+    let of_force = |slot: Slot| Wrench { force: three(slot), moment: DVec3::ZERO };
+    force.add(&Contribution::Sensor {
+        bias: of_force(BIAS),
+        scale: of_force(SCALE),
+        turn: three(TURN),
+    });
+    force
+}

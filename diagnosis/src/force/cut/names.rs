@@ -1,0 +1,173 @@
+//! What may be missing in a cut and in the sensor that feels it: every name of the contract's table with the numbers that it may have.
+//!
+//! A name has several forms: one direction, or all; a material that is harder in every direction alike; a sensor that reads too much on one axis, or on all.
+//!
+//! Promises: signs as the contract has them; a name that this recording cannot show is not asked for, and why is said. Never: a choice.
+
+use crate::torque::columns::Column;
+use crate::torque::library::{Family, Form, Library, Sign};
+
+use super::case::Case;
+use super::law::{BIAS, CHIP, EDGE, HUM, LEAK, NUMBERS, RING, RUNOUT, SCALE, Slot, TURN, WEAR};
+
+/// A tone of which no name of the contract tells: it swings whether the tool cuts or not.
+pub(super) const TONE: &str = "";
+/// The spindle is off what is told by about this share.
+const SPEED_OFF: f64 = 1e-3;
+
+/// The names, with the numbers of each.
+pub(super) const KINDS: [(&str, Slot); 9] = [
+    ("cutting_force", CHIP),
+    ("edge_force", EDGE),
+    ("tool_wear", WEAR),
+    ("runout", RUNOUT),
+    ("wrench_bias", BIAS),
+    ("wrench_scale", SCALE),
+    ("wrench_misalignment", TURN),
+    ("cross_talk", LEAK),
+    ("chatter", RING),
+];
+
+/// The numbers of a name; none for what is no name.
+pub(super) fn slot(kind: &str) -> Slot {
+    KINDS.iter().find(|(name, _)| *name == kind).map_or(HUM, |(_, slot)| *slot)
+}
+
+/// A library with a column for each number, for proportional changes, and for the spindle.
+pub(super) fn library(case: &mut Case) {
+    let mut directions: Vec<Vec<(usize, f64)>> = (0..NUMBERS).map(|k| vec![(k, 1.0)]).collect();
+    let nuisances = case.nuisances();
+    let mut proportional = Vec::new();
+    for (from, coefficients) in case.coefficients() {
+        proportional.push(directions.len());
+        let largest = coefficients.abs().max_element().max(f64::MIN_POSITIVE);
+        let part = |k: usize| (from + k, coefficients[k] / largest);
+        directions.push((0..3).map(part).collect());
+    }
+    let alike = directions.len();
+    directions.push((0..3).map(|k| (SCALE.from + k, 1.0)).collect());
+    let spindle = directions.len();
+    directions.extend((0..nuisances).map(|k| vec![(NUMBERS + k, 1.0)]));
+    let mut prior = vec![0.0; directions.len()];
+    if let Some(of_speed) = prior.last_mut() {
+        *of_speed = 1.0 / (SPEED_OFF * SPEED_OFF);
+    }
+    case.always = (spindle..directions.len()).collect();
+    let columns = vec![Column::default(); directions.len()];
+    let mut library = Library { columns, prior, families: Vec::new(), untested: Vec::new() };
+    let mut put = |kind: &'static str, columns: Vec<usize>, stem: &'static [&'static str]| {
+        library.families.push(Family {
+            kind,
+            joint: None,
+            recording: None,
+            signs: vec![Sign::Any; columns.len()],
+            columns,
+            form: Form::Plain(stem),
+            revises: false,
+            settings: Vec::new(),
+        });
+    };
+    const AXES: [&[&str]; 3] = [&["x"], &["y"], &["z"]];
+    const PARTS: [&[&str]; 3] = [&["tangential"], &["radial"], &["axial"]];
+    for ((kind, slot), proportional) in KINDS.into_iter().zip(proportional) {
+        (0..3).for_each(|k| put(kind, vec![slot.from + k], PARTS[k]));
+        put(kind, vec![proportional], &["all alike"]);
+        put(kind, vec![slot.from, slot.from + 1], &["tangential", "radial"]);
+        put(kind, (0..3).map(|k| slot.from + k).collect(), &["tangential", "radial", "axial"]);
+    }
+    for (kind, slot) in [KINDS[4], KINDS[5], KINDS[6]] {
+        (0..3).for_each(|k| put(kind, vec![slot.from + k], AXES[k]));
+        if kind == "wrench_scale" {
+            put(kind, vec![alike], &["all alike"]);
+        }
+        put(kind, (0..3).map(|k| slot.from + k).collect(), &["x", "y", "z"]);
+    }
+    let leaks: Vec<usize> = (0..9).filter(|k| k % 4 != 0).map(|k| LEAK.from + k).collect();
+    const LEAKS: [&[&str]; 6] = [&["xy"], &["xz"], &["yx"], &["yz"], &["zx"], &["zy"]];
+    leaks.iter().zip(LEAKS).for_each(|(leak, stem)| put("cross_talk", vec![*leak], stem));
+    put("cross_talk", leaks, &["xy", "xz", "yx", "yz", "zx", "zy"]);
+    put("tool_wear", vec![WEAR.from], &["growth"]);
+    put("runout", vec![RUNOUT.from, RUNOUT.from + 1], &["radial", "phase"]);
+    case.library = library;
+    case.directions = directions;
+}
+
+/// A tone to ask for: in the cut alone, or always; on each axis, or on all.
+pub(super) fn add_tone(case: &mut Case, tone_hz: f64) {
+    const AXES: [&[&str]; 3] = [&["x"], &["y"], &["z"]];
+    case.law.tone_hz = tone_hz;
+    case.library.families.retain(|family| family.settings.is_empty());
+    for (kind, slot) in [("chatter", RING), (TONE, HUM)] {
+        let mut forms: Vec<(Vec<usize>, &'static [&'static str])> =
+            (0..3).map(|k| (vec![slot.from + 2 * k, slot.from + 2 * k + 1], AXES[k])).collect();
+        forms.push(((slot.from..slot.from + slot.count).collect(), &["x", "y", "z"]));
+        for (columns, stem) in forms {
+            case.library.families.push(Family {
+                kind,
+                joint: None,
+                recording: None,
+                signs: vec![Sign::Any; columns.len()],
+                columns,
+                form: Form::Plain(stem),
+                revises: false,
+                settings: vec![("frequency", tone_hz)],
+            });
+        }
+    }
+}
+
+/// Limits of the numbers, beside what the model states: edges that are blunt do not sharpen, and what shears does not push.
+pub(super) fn limit(case: &mut Case, stated_wear: f64) {
+    let coefficients = case.coefficients();
+    let least = |column: usize| -> Sign {
+        let tangential = coefficients.iter().find(|(from, _)| *from == column);
+        match tangential {
+            Some((_, stated)) => Sign::AtLeast(-stated.x),
+            None if column == WEAR.from => Sign::AtLeast(-stated_wear),
+            None => Sign::Any,
+        }
+    };
+    for family in &mut case.library.families {
+        family.signs = family.columns.iter().map(|column| least(*column)).collect();
+    }
+}
+
+/// Takes out what no row could show: numbers without a column, forms that are then the same; and says why a name cannot show.
+pub(super) fn narrow(case: &mut Case) {
+    let is_there = |column: &usize| {
+        let parts = &case.library.columns[*column].parts;
+        parts.iter().any(|(axis, values)| {
+            case.measured[*axis].is_some()
+                && values
+                    .iter()
+                    .zip(&case.table.counts[*axis])
+                    .any(|(x, counts)| *counts && *x != 0.0)
+        })
+    };
+    let there: Vec<bool> = (0..case.library.columns.len()).map(|k| is_there(&k)).collect();
+    let mut kept: Vec<Family> = Vec::new();
+    for mut family in std::mem::take(&mut case.library.families) {
+        let signs = std::mem::take(&mut family.signs);
+        let pairs = family.columns.iter().copied().zip(signs).filter(|(k, _)| there[*k]);
+        (family.columns, family.signs) = pairs.unzip();
+        let is_new =
+            kept.iter().all(|one| one.kind != family.kind || one.columns != family.columns);
+        if !family.columns.is_empty() && is_new {
+            kept.push(family);
+        }
+    }
+    let cutter = &case.law.cutter;
+    for (kind, _) in KINDS.iter().filter(|(kind, _)| *kind != "chatter") {
+        if kept.iter().any(|family| family.kind == *kind) {
+            continue;
+        }
+        let why = match *kind {
+            "tool_wear" => "no edge force is told that could grow",
+            "runout" if cutter.turning => "a turning tool does not turn",
+            "runout" => "the tool has one tooth, or nothing is told of what it shears",
+            _ => "nothing that was recorded shows it",
+        };
+        case.library.untested.push((kind, None, why));
+    }
+    case.library.families = kept;
+}

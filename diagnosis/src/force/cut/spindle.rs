@@ -1,0 +1,256 @@
+//! Where the spindle stands and how fast it really turns: the recording tells a speed that may be a little off, and no angle.
+//!
+//! The speed is where forces repeat best from turn to turn; the angle of each segment is where the law of the teeth fits best, its coefficients free within what is
+//! told of them.
+//!
+//! Promises: an angle that is told as well as another (0 where a segment begins) stands. Never: a name.
+
+use nalgebra::{SMatrix, SVector};
+use std::f64::consts::TAU;
+
+use super::case::Case;
+use super::law::{Law, Spindle, Stood};
+
+/// The spindle is off by at most this share.
+const OFF_MOST: f64 = 4e-3;
+/// Steps of the speed, in turns of the highest harmonic over the longest segment.
+const STEP_TURNS: f64 = 0.2;
+/// Steps at most.
+const STEPS_MOST: f64 = 3000.0;
+/// Harmonics of the tooth passing that are listened to.
+const HARMONICS: u32 = 2;
+/// A speed stands out where it gathers so many times what other speeds do.
+const STANDS_OUT: f64 = 3.0;
+/// Angles of one pitch that are tried; then finer ones around the best.
+const ANGLES: u32 = 72;
+const FINER: i32 = 8;
+/// Coefficients are off by about this share of the largest.
+const DOUBT: f64 = 0.3;
+/// Angles within so much log-likelihood are one.
+const ALIKE: f64 = 3.0;
+/// Numbers: three of the chip, three of the edge, three of the sensor's bias.
+const COUNT: usize = 9;
+
+type Matrix = SMatrix<f64, COUNT, COUNT>;
+type Vector = SVector<f64, COUNT>;
+
+/// Finds how the spindle stands on the rows that are `used`.
+pub(super) fn find(case: &Case, used: &[bool]) -> Spindle {
+    let segments = case.belief.spindle.phases.len();
+    let mut spindle = Spindle { phases: vec![0.0; segments], faster: 0.0 };
+    if case.law.cutter.turning {
+        return spindle;
+    }
+    spindle.faster = faster(case, used);
+    for segment in 0..segments {
+        let rows: Vec<usize> = (0..used.len())
+            .filter(|row| used[*row] && case.law.rows[*row].segment == segment)
+            .filter(|row| case.law.rows[*row].cuts)
+            .collect();
+        if rows.len() > 2 * COUNT {
+            spindle.phases[segment] = angle(case, &rows, &spindle, segment);
+        }
+    }
+    spindle
+}
+
+/// How much faster the spindle turns than is told.
+fn faster(case: &Case, used: &[bool]) -> f64 {
+    let teeth = case.law.cutter.teeth;
+    let rows: Vec<usize> = (0..used.len()).filter(|k| used[*k] && case.law.rows[*k].cuts).collect();
+    let turns = |segment: usize| {
+        let own = rows.iter().map(|row| &case.law.rows[*row]).filter(|s| s.segment == segment);
+        let [low, high] = own.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], stood: &Stood| {
+            [l.min(stood.angle_rad), h.max(stood.angle_rad)]
+        });
+        ((high - low) / TAU).max(0.0)
+    };
+    let longest = (0..case.belief.spindle.phases.len()).map(turns).fold(0.0, f64::max);
+    let highest = f64::from(HARMONICS * teeth);
+    let step = (STEP_TURNS / (longest.max(1.0) * highest)).max(2.0 * OFF_MOST / STEPS_MOST);
+    let steps = (OFF_MOST / step) as i32;
+    let gathered: Vec<f64> =
+        (-steps..=steps).map(|k| gathers(case, &rows, f64::from(k) * step)).collect();
+    let best = (0..gathered.len()).max_by(|a, b| gathered[*a].total_cmp(&gathered[*b]));
+    let Some(best) = best.filter(|best| *best > 0 && *best + 1 < gathered.len()) else {
+        return 0.0;
+    };
+    let mut sorted = gathered.clone();
+    sorted.sort_by(f64::total_cmp);
+    if gathered[best] < STANDS_OUT * sorted[sorted.len() / 2] {
+        return 0.0;
+    }
+    let [a, b, c] = [gathered[best - 1], gathered[best], gathered[best + 1]];
+    let bend = a - 2.0 * b + c;
+    let beside = if bend < 0.0 { 0.5 * (a - c) / bend } else { 0.0 };
+    (f64::from(best as i32 - steps) + beside) * step
+}
+
+/// Energy of all segments at multiples of the tooth passing.
+fn gathers(case: &Case, rows: &[usize], faster: f64) -> f64 {
+    let segments = case.belief.spindle.phases.len();
+    let teeth = f64::from(case.law.cutter.teeth);
+    let mut sums = vec![[[0.0; 2 * HARMONICS as usize]; 3]; segments];
+    let mut means = vec![([0.0; 3], 0.0); segments];
+    for row in rows {
+        let (sum, count) = &mut means[case.law.rows[*row].segment];
+        *count += 1.0;
+        for (axis, measured) in case.measured.iter().enumerate() {
+            sum[axis] += measured.as_ref().map_or(0.0, |values| values[*row]);
+        }
+    }
+    for row in rows {
+        let stood = &case.law.rows[*row];
+        let (sin, cos) = libm::sincos(teeth * stood.angle_rad * (1.0 + faster));
+        let (mean, count) = &means[stood.segment];
+        let values: [f64; 3] = std::array::from_fn(|axis| {
+            let measured = case.measured[axis].as_ref();
+            measured.map_or(0.0, |values| values[*row] - mean[axis] / count)
+        });
+        let (mut s, mut c) = (sin, cos);
+        for harmonic in 0..HARMONICS as usize {
+            for (axis, value) in values.iter().enumerate() {
+                sums[stood.segment][axis][2 * harmonic] += value * c;
+                sums[stood.segment][axis][2 * harmonic + 1] += value * s;
+            }
+            (s, c) = (s * cos + c * sin, c * cos - s * sin);
+        }
+    }
+    let energy = |(sum, mean): (&[[f64; 4]; 3], &([f64; 3], f64))| {
+        sum.iter().flatten().map(|x| x * x).sum::<f64>() / mean.1.max(1.0)
+    };
+    sums.iter().zip(&means).map(energy).sum()
+}
+
+/// The angle at which a segment begins.
+fn angle(case: &Case, rows: &[usize], spindle: &Spindle, segment: usize) -> f64 {
+    let pitch = TAU / f64::from(case.law.cutter.teeth.max(1));
+    let step = pitch / f64::from(ANGLES);
+    let at = |phase: f64| {
+        let mut spindle = spindle.clone();
+        spindle.phases[segment] = phase;
+        Sums::of(case, rows, &spindle)
+    };
+    let coarse: Vec<(f64, Sums)> = (0..ANGLES)
+        .map(|k| f64::from(k) * step)
+        .map(|phase| (if phase > 0.5 * pitch { phase - pitch } else { phase }, at(phase)))
+        .collect();
+    // The noise is what the best angle leaves with coefficients free.
+    let free = coarse.iter().map(|(_, sums)| sums.left(&[1e-12; COUNT]));
+    let count = 3.0 * rows.len() as f64;
+    let variance = |left: f64| (left / count).max(1e-18);
+    let mut noise = variance(free.fold(f64::INFINITY, f64::min));
+    let told = Told::of(case, rows);
+    let mut best = told.best(&coarse, noise);
+    let mut finer = step;
+    for _ in 0..3 {
+        let from = best.0;
+        finer /= f64::from(FINER);
+        let mut around: Vec<(f64, Sums)> = (-FINER..=FINER)
+            .map(|k| from + f64::from(k) * finer)
+            .map(|phase| (phase, at(phase)))
+            .collect();
+        let free = around.iter().map(|(_, sums)| sums.left(&[1e-12; COUNT]));
+        noise = noise.min(variance(free.fold(f64::INFINITY, f64::min)));
+        around.push((0.0, at(0.0)));
+        best = told.best(&around, noise);
+    }
+    best.0
+}
+
+/// Sums of products of a fit with the teeth at one angle.
+struct Sums {
+    gram: Matrix,
+    right: Vector,
+    square: f64,
+}
+
+impl Sums {
+    fn of(case: &Case, rows: &[usize], spindle: &Spindle) -> Self {
+        let law: &Law = &case.law;
+        let (mut gram, mut right, mut square) = (Matrix::zeros(), Vector::zeros(), 0.0);
+        for row in rows {
+            let stood = &law.rows[*row];
+            let bite = law.bite(spindle, stood, 0.0);
+            for (axis, measured) in case.measured.iter().enumerate() {
+                let Some(values) = measured else { continue };
+                let mut column = Vector::zeros();
+                for k in 0..3 {
+                    column[k] = bite.chip.col(k)[axis];
+                    column[3 + k] = bite.edge.col(k)[axis];
+                }
+                column[6 + axis] = 1.0;
+                gram.syger(1.0, &column, &column, 1.0);
+                right += column * values[*row];
+                square += values[*row] * values[*row];
+            }
+        }
+        gram.fill_upper_triangle_with_lower_triangle();
+        Self { gram, right, square }
+    }
+
+    /// What is left, squared and with the pull of what is believed: `belief` per number, relative to the sums' own size.
+    fn left(&self, belief: &[f64; COUNT]) -> f64 {
+        let prior = std::array::from_fn(|k| belief[k] * self.gram[(k, k)]);
+        self.pulled(&prior, &Vector::zeros())
+    }
+
+    fn pulled(&self, prior: &[f64; COUNT], told: &Vector) -> f64 {
+        let mut gram = self.gram;
+        let mut right = self.right;
+        let mut square = self.square;
+        for k in 0..COUNT {
+            gram[(k, k)] += prior[k];
+            right[k] += prior[k] * told[k];
+            square += prior[k] * told[k] * told[k];
+            if gram[(k, k)] <= 0.0 {
+                gram[(k, k)] = 1.0;
+            }
+        }
+        let scale = Vector::from_fn(|k, _| 1.0 / libm::sqrt(gram[(k, k)]));
+        let scaled = Matrix::from_fn(|i, j| gram[(i, j)] * scale[i] * scale[j]);
+        let right = right.component_mul(&scale);
+        match scaled.cholesky() {
+            Some(factors) => square - right.dot(&factors.solve(&right)),
+            None => square,
+        }
+    }
+}
+
+/// What is told of coefficients, with doubt.
+struct Told {
+    numbers: Vector,
+    doubt: Vector,
+}
+
+impl Told {
+    fn of(case: &Case, rows: &[usize]) -> Self {
+        let [(_, chip), (_, edge)] = case.coefficients();
+        let feeds = rows.iter().map(|row| case.law.rows[*row].feed_per_tooth_m);
+        let feed = feeds.sum::<f64>() / rows.len().max(1) as f64;
+        let [of_chip, of_edge] = case.told();
+        let mut numbers = Vector::zeros();
+        let mut doubt = Vector::repeat(f64::INFINITY);
+        for k in 0..3 {
+            (numbers[k], numbers[3 + k]) = (chip[k], edge[k]);
+            doubt[k] = DOUBT * of_chip.max(of_edge / feed.max(1e-9));
+            doubt[3 + k] = DOUBT * of_edge.max(of_chip * feed);
+        }
+        Self { numbers, doubt }
+    }
+
+    /// The likeliest angle; the first that is 0 where it is as likely.
+    fn best(&self, tried: &[(f64, Sums)], noise: f64) -> (f64, f64) {
+        let misfit = |sums: &Sums| {
+            let prior = std::array::from_fn(|k| {
+                let one = self.doubt[k];
+                if one.is_finite() { noise / (one * one) } else { 1e-12 * sums.gram[(k, k)] }
+            });
+            0.5 * sums.pulled(&prior, &self.numbers) / noise
+        };
+        let all: Vec<(f64, f64)> = tried.iter().map(|(at, sums)| (*at, misfit(sums))).collect();
+        let least = all.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.0, 0.0));
+        let told = all.iter().copied().find(|(at, _)| *at == 0.0);
+        told.filter(|(_, misfit)| *misfit < least.1 + ALIKE).unwrap_or(least)
+    }
+}

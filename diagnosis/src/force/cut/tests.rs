@@ -1,0 +1,272 @@
+//! Cuts run forward by `world::milling` with one thing hidden, or two, or none; and recordings that are broken.
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::StandardNormal;
+use recording::model::RobotModel;
+use recording::series::{Channel, Cut, Recording};
+use world::milling::{Row, readings};
+
+use super::super::tests::NO_ARM;
+use super::super::{Compared, Diagnosis, Silence, diagnose};
+use crate::diagnose::Verdict;
+use crate::torque::Finding;
+
+/// A cut that is recorded.
+struct Made {
+    rate_hz: f64,
+    lasts_s: f64,
+    feeds_m_s: &'static [f64],
+    /// From entry to exit, rad.
+    engaged: [f64; 2],
+    turning: bool,
+    /// N.
+    noise: f64,
+    /// How much of the noise stays from row to row.
+    stays: f64,
+    /// What the recording tells of the spindle's speed over what it is.
+    tells: f64,
+}
+
+const MADE: Made = Made {
+    rate_hz: 4000.0,
+    lasts_s: 2.0,
+    feeds_m_s: &[0.0, 4e-3, 8e-3, 16e-3],
+    engaged: [0.0, 1.6],
+    turning: false,
+    noise: 2.0,
+    stays: 0.0,
+    tells: 1.0,
+};
+
+const RPM: f64 = 4020.0;
+
+impl Made {
+    fn cut(&self) -> Cut {
+        Cut {
+            teeth: if self.turning { 1 } else { 4 },
+            diameter_m: 10e-3,
+            helix_rad: 0.5,
+            axial_depth_m: 2e-3,
+            entry_rad: self.engaged[0],
+            exit_rad: self.engaged[1],
+            cutting_pa: [800e6, 300e6, 150e6],
+            edge_n_per_m: [8e3, 10e3, 2e3],
+            turning: self.turning,
+        }
+    }
+
+    /// What is recorded where the model lacks these effects.
+    fn recorded(&self, effects: &str) -> Recording {
+        let model = RobotModel::parse("hidden", &format!("{NO_ARM}\n{effects}")).expect("sound");
+        let count = (self.rate_hz * self.lasts_s) as usize;
+        let rows: Vec<Row> = (0..count)
+            .map(|k| Row {
+                t_s: k as f64 / self.rate_hz,
+                segment: 0,
+                spindle_rpm: RPM,
+                feed_m_s: self.feeds_m_s[k * self.feeds_m_s.len() / count],
+            })
+            .collect();
+        let model = model.with_cutting().expect("few effects");
+        let forces = readings(&model, &self.cut().cutter(), &rows);
+        let mut recording = Recording::new(rows.iter().map(|row| row.t_s).collect());
+        recording.set(Channel::Spindle, vec![RPM * self.tells; count]);
+        recording.set(Channel::Feed, rows.iter().map(|row| row.feed_m_s).collect());
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let fresh = (1.0 - self.stays * self.stays).sqrt();
+        for axis in 0..3 {
+            let mut last = 0.0;
+            let mut noise = || {
+                last = self.stays * last + fresh * rng.sample::<f64, _>(StandardNormal);
+                self.noise * last
+            };
+            recording
+                .set(Channel::Wrench(axis), forces.iter().map(|f| f[axis] + noise()).collect());
+        }
+        recording.about.cut = Some(self.cut());
+        recording
+    }
+
+    fn compared(&self, effects: &str) -> Compared {
+        of(&self.recorded(effects)).compared.expect("compared")
+    }
+}
+
+fn of(recording: &Recording) -> Diagnosis {
+    let model = RobotModel::parse("no arm", NO_ARM).expect("sound");
+    diagnose(&model.physics, recording).expect("sound")
+}
+
+fn effect(kind: &str, numbers: &str) -> String {
+    format!("[[effect]]\nkind = \"{kind}\"\n{numbers}\n")
+}
+
+fn kinds(compared: &Compared) -> Vec<&'static str> {
+    compared.findings.iter().map(|one| one.kind).collect()
+}
+
+/// Every number of the truth lies within four standard uncertainties of what was found.
+fn holds(finding: &Finding, truth: &[(&str, &[f64])]) {
+    for (stem, wanted) in truth {
+        let found = finding.numbers.iter().find(|number| number.stem == *stem).expect("a number");
+        for (k, wanted) in wanted.iter().enumerate() {
+            let (value, sigma) = (found.values[k], found.sigma[k]);
+            assert!(
+                (value - wanted).abs() < 4.0 * sigma + 1e-12,
+                "{stem} {k}: {found:?}, {wanted}"
+            );
+        }
+    }
+}
+
+#[test]
+fn each_effect_alone_is_named_and_its_numbers_hold_the_truth() {
+    type Hidden = (&'static str, &'static str, &'static [(&'static str, &'static [f64])]);
+    let hidden: [Hidden; 9] = [
+        (
+            "edge_force",
+            "coefficient_N_per_mm = [4.0, 3.0, 1.0]",
+            &[("coefficient", &[4e3, 3e3, 1e3])],
+        ),
+        (
+            "cutting_force",
+            "coefficient_N_per_mm2 = [80.0, 40.0, 15.0]",
+            &[("coefficient", &[80e6, 40e6, 15e6])],
+        ),
+        ("tool_wear", "growth_per_m = 40.0", &[("growth", &[40.0])]),
+        ("runout", "radial_um = 4.0\nphase_rad = 0.7", &[("radial", &[4e-6]), ("phase", &[0.7])]),
+        (
+            "chatter",
+            "frequency_Hz = 684.0\namplitude_N = 6.0",
+            &[("frequency", &[684.0]), ("amplitude", &[6.0])],
+        ),
+        ("cross_talk", "matrix = [0, 0.08, 0, 0, 0, 0, 0, 0, 0]", &[("matrix", &[0.0, 0.08, 0.0])]),
+        ("wrench_bias", "bias_N = [2.0, -3.0, 1.0]", &[("bias", &[2.0, -3.0, 1.0])]),
+        ("wrench_scale", "scale = [0.1, 0, 0, 0, 0, 0]", &[("scale", &[0.1, 0.0, 0.0])]),
+        ("wrench_misalignment", "turn_mrad = [20, -30, 40]", &[("turn", &[0.02, -0.03, 0.04])]),
+    ];
+    for (kind, numbers, truth) in hidden {
+        let compared = MADE.compared(&effect(kind, numbers));
+        assert_eq!(kinds(&compared), [kind], "{kind}: {:?}", compared.findings);
+        assert_eq!(compared.verdict, Verdict::MissingPhysics, "{kind}");
+        let [finding] = &compared.findings[..] else { unreachable!() };
+        holds(finding, truth);
+        assert!(finding.confidence > 0.5, "{kind}: {}", finding.confidence);
+        let [before, after] = compared.heldout;
+        assert!(after < before && after < 1.1 * MADE.noise, "{kind}: {before} {after}");
+    }
+}
+
+#[test]
+fn a_law_that_holds_is_consistent_up_and_down_milling_and_whatever_the_noise_remembers() {
+    for made in [
+        Made { ..MADE },
+        Made { engaged: [1.5, 3.1], ..MADE },
+        Made { stays: 0.9, ..MADE },
+        Made { turning: true, ..MADE },
+    ] {
+        let compared = made.compared("");
+        assert!(compared.findings.is_empty(), "{:?}", compared.findings);
+        assert_eq!(compared.verdict, Verdict::Consistent);
+    }
+}
+
+#[test]
+fn two_effects_at_once_are_both_named() {
+    let runout = effect("runout", "radial_um = 4.0\nphase_rad = 0.7");
+    let harder = effect("cutting_force", "coefficient_N_per_mm2 = [80.0, 40.0, 15.0]");
+    let off = effect("wrench_bias", "bias_N = [2.0, -3.0, 1.0]");
+    for (one, other) in [(&runout, &harder), (&harder, &off)] {
+        let compared = MADE.compared(&format!("{one}{other}"));
+        let mut found = kinds(&compared);
+        found.sort_unstable();
+        let mut wanted: Vec<&str> =
+            [one, other].map(|text| text.split('"').nth(1).expect("a kind")).to_vec();
+        wanted.sort_unstable();
+        assert_eq!(found, wanted, "{:?}", compared.findings);
+    }
+}
+
+#[test]
+fn down_milling_noise_with_a_memory_and_aliases_do_not_hide_an_edge() {
+    let edge = effect("edge_force", "coefficient_N_per_mm = [4.0, 3.0, 1.0]");
+    for made in [
+        Made { engaged: [1.5, 3.1], ..MADE },
+        Made { stays: 0.9, ..MADE },
+        // Teeth pass at 268 Hz.
+        Made { rate_hz: 430.0, lasts_s: 12.0, ..MADE },
+    ] {
+        let compared = made.compared(&edge);
+        assert_eq!(kinds(&compared), ["edge_force"], "{:?}", compared.findings);
+        holds(&compared.findings[0], &[("coefficient", &[4e3, 3e3, 1e3])]);
+    }
+}
+
+#[test]
+fn a_told_speed_that_is_a_thousandth_off_is_found_and_is_no_physics() {
+    let made = Made { tells: 1.001, ..MADE };
+    let compared = made.compared("");
+    assert!(compared.findings.is_empty(), "{:?}", compared.findings);
+    assert!(compared.notes.iter().any(|note| note.contains("slower")), "{:?}", compared.notes);
+    let compared = made.compared(&effect("runout", "radial_um = 4.0\nphase_rad = 0.7"));
+    assert_eq!(kinds(&compared), ["runout"], "{:?}", compared.findings);
+}
+
+#[test]
+fn turned_at_one_feed_what_shears_and_what_rubs_is_not_told_apart() {
+    let made = Made { turning: true, feeds_m_s: &[0.0, 8e-3], ..MADE };
+    let compared = made.compared(&effect("edge_force", "coefficient_N_per_mm = [4.0, 0, 0]"));
+    assert_eq!(compared.verdict, Verdict::Undetermined, "{:?}", compared.findings);
+    let [one] = &compared.findings[..] else { panic!("{:?}", compared.findings) };
+    let mut names: Vec<&str> =
+        one.rivals.iter().filter(|rival| rival.alike).map(|rival| rival.kind).collect();
+    names.push(one.kind);
+    for kind in ["edge_force", "cutting_force", "wrench_scale"] {
+        assert!(names.contains(&kind), "{names:?}");
+    }
+    assert!(compared.has_one_feed);
+}
+
+#[test]
+fn a_force_that_no_name_has_is_unknown_structure() {
+    let mut recording = MADE.recorded("");
+    let along = recording.column(Channel::Wrench(0)).expect("made").to_vec();
+    // A sensor that gives way: what is large reads too small.
+    let soft = along.iter().map(|force| force - 1.5e-3 * force * force.abs()).collect();
+    recording.set(Channel::Wrench(0), soft);
+    let found = of(&recording);
+    assert_eq!(found.verdict, Verdict::UnknownStructure, "{:?}", found.compared);
+    let rest = found.compared.expect("compared").unexplained.expect("a law");
+    assert_eq!((rest.axis, rest.words[0].as_str()), (0, "wrench"));
+}
+
+#[test]
+fn swapped_channels_another_unit_and_no_speed_are_never_a_finding() {
+    let mut swapped = MADE.recorded("");
+    let [x, y] = [0, 1].map(|axis| swapped.column(Channel::Wrench(axis)).expect("made").to_vec());
+    swapped.set(Channel::Wrench(0), y);
+    swapped.set(Channel::Wrench(1), x);
+    let mut other_unit = MADE.recorded("");
+    for axis in 0..3 {
+        let values = other_unit.column(Channel::Wrench(axis)).expect("made");
+        let values = values.iter().map(|force| 1e3 * force).collect();
+        other_unit.set(Channel::Wrench(axis), values);
+    }
+    let mut speedless = MADE.recorded("");
+    speedless.remove(Channel::Spindle);
+    let mut unknown = MADE.recorded("");
+    unknown.set(Channel::Spindle, vec![f64::NAN; unknown.len()]);
+    for (recording, why) in [
+        (swapped, Silence::Places),
+        (other_unit, Silence::Size),
+        (speedless, Silence::NoSpeed),
+        (unknown, Silence::NoRows),
+    ] {
+        let found = of(&recording);
+        assert_eq!(found.compared.as_ref().err(), Some(&why));
+        assert!(found.findings.is_empty(), "{why:?}: {:?}", found.findings);
+        assert_eq!(found.verdict, Verdict::Undetermined, "{why:?}");
+    }
+}

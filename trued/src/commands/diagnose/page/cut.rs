@@ -1,0 +1,66 @@
+//! Forces beside the law of the told cut: over one turn of the spindle, over time, and as spectra of what the law is off by.
+//!
+//! Promises: a bounded number of points in each drawing. Never: a number of its own.
+
+use diagnosis::force::{Compared, Traced};
+use report::{Axis, Multiples, Page, Plot, Series, Svg};
+use spectrum::welch::{Segments, welch};
+
+/// Points of a spectrum at most.
+const POINTS: usize = 1000;
+/// Samples of a segment of a spectrum at most.
+const SEGMENT: usize = 2048;
+const AXES: [&str; 3] = ["fx_N", "fy_N", "fz_N"];
+
+pub(super) fn figures(page: Page, compared: &Compared) -> Page {
+    let turn: Vec<&Traced> = compared.traces.iter().collect();
+    page.section("Forces beside the law of the cut")
+        .figure(
+            "Over one turn of the spindle: what was read, what the told law says, and what it says with what was found.",
+            &all(&turn, "Over one turn", &|one| {
+                Plot::new(AXES[one.axis], Axis::new("turn", ""), Axis::new("force", "N"))
+                    .series(Series::dots("read", points(&one.turn, &one.read)).muted())
+                    .series(Series::dots("law as told", points(&one.turn, &one.law[0])))
+                    .series(Series::dots("with what was found", points(&one.turn, &one.law[1])))
+            }),
+        )
+        .figure(
+            "What the law is off by over time, before and after.",
+            &all(&turn, "Over time", &|one| {
+                Plot::new(AXES[one.axis], Axis::new("time", "s"), Axis::new("off by", "N"))
+                    .series(Series::dots("as told", points(&one.t_s, &one.off[0])).muted())
+                    .series(Series::dots("with what was found", points(&one.t_s, &one.off[1])))
+            }),
+        )
+        .figure(
+            "Spectra of what the law is off by: lines at multiples of the spindle are forced, others ring by themselves.",
+            &all(&turn, "Spectra", &|one| {
+                let hertz = Axis::new("frequency", "Hz");
+                Plot::new(AXES[one.axis], hertz, Axis::new("off by", "N²/Hz").log())
+                    .series(Series::line("as told", power(&one.run[0], one.rate_hz)).muted())
+                    .series(Series::line(
+                        "with what was found",
+                        power(&one.run[1], one.rate_hz),
+                    ))
+            }),
+        )
+}
+
+fn all(traces: &[&Traced], title: &str, plot: &dyn Fn(&Traced) -> Plot) -> Svg {
+    let start = Multiples::new(title, 1).own_y();
+    traces.iter().fold(start, |all, one| all.plot(plot(one))).render()
+}
+
+fn points(x: &[f64], y: &[f64]) -> Vec<(f64, f64)> {
+    x.iter().copied().zip(y.iter().copied()).collect()
+}
+
+/// A spectrum without what is not above zero, for an axis of logarithms.
+fn power(samples: &[f64], rate_hz: f64) -> Vec<(f64, f64)> {
+    let plan = Segments::new(rate_hz, samples.len().min(SEGMENT));
+    let Ok(spectrum) = welch(samples, &plan) else { return Vec::new() };
+    let pairs = spectrum.frequency.iter().copied().zip(spectrum.power.iter().copied());
+    let pairs: Vec<(f64, f64)> = pairs.filter(|(_, power)| *power > 0.0).collect();
+    let thin = pairs.len().div_ceil(POINTS).max(1);
+    pairs.into_iter().step_by(thin).collect()
+}

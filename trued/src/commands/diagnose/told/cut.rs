@@ -1,0 +1,193 @@
+//! What is said of forces that were held against the law of a told cut, with the keys of the contract.
+//!
+//! Promises: what cannot be told apart is said with the record that would part it. Never: a number that was not found.
+
+use diagnosis::diagnose::Verdict;
+use diagnosis::force::{Compared, Rest};
+use diagnosis::torque::Finding;
+use recording::model::{EffectEntry, RobotModel};
+use report::significant;
+
+use super::drives::{alternative, parameters};
+use super::{NotTested, Report, Told, Unexplained, Where};
+use crate::commands::diagnose::drives::entry;
+
+/// Axes as files name them.
+const CHANNELS: [&str; 3] = ["fx_N", "fy_N", "fz_N"];
+
+impl Report {
+    /// The same report with what the comparison says in the place of what forces tell alone.
+    pub(super) fn against_cut(self, base: &RobotModel, compared: &Compared) -> Self {
+        let not_tested = |(effect, why): &(&'static str, &'static str)| NotTested {
+            effect,
+            joint: None,
+            why: (*why).to_owned(),
+        };
+        let mut notes = self.notes;
+        notes.extend(compared.notes.iter().cloned());
+        Self {
+            verdict: compared.verdict.name(),
+            samples: compared.rows,
+            signal_rms: compared.signal,
+            noise_rms: compared.noise,
+            heldout_rms_before: compared.heldout[0],
+            heldout_rms_after: compared.heldout[1],
+            heldout: compared.says.clone(),
+            findings: compared.findings.iter().map(|one| told(base, one)).collect(),
+            next_experiment: next_experiment(compared),
+            not_tested: compared.not_tested.iter().map(not_tested).collect(),
+            unexplained: compared.unexplained.as_ref().map(unexplained),
+            notes,
+            ..self
+        }
+    }
+}
+
+fn told(base: &RobotModel, finding: &Finding) -> Told {
+    let entry = entry(base, finding);
+    let frequency = finding.numbers.iter().find(|number| number.stem == "frequency");
+    Told {
+        effect: finding.kind,
+        joint: None,
+        change: if finding.is_change { "revised" } else { "new" },
+        confidence: finding.confidence,
+        parameters: entry.as_ref().map(parameters).unwrap_or_default(),
+        heldout_rms_before: finding.heldout[0],
+        heldout_rms_after: finding.heldout[1],
+        place: Where {
+            joint: None,
+            channels: CHANNELS.map(str::to_owned).to_vec(),
+            condition: condition(finding.kind).to_owned(),
+            intervals_s: Vec::new(),
+            frequency_Hz: frequency.and_then(|number| number.values.first()).copied(),
+        },
+        alternatives: finding.rivals.iter().map(alternative).collect(),
+        says: says(finding, entry.as_ref()),
+    }
+}
+
+/// What an effect's force goes with.
+fn condition(kind: &str) -> &'static str {
+    match kind {
+        "cutting_force" => "goes with the chip, tooth by tooth",
+        "edge_force" => "goes with the depth of cut, whatever the feed",
+        "tool_wear" => "grows along the cut",
+        "runout" => "repeats with the spindle, not with its teeth alone",
+        "chatter" => "in the cut, not in air, at no multiple of the spindle",
+        "wrench_bias" => "constant, in air too",
+        "wrench_scale" => "is a share of the force itself, axis by axis",
+        "wrench_misalignment" => "as if the force were turned",
+        "cross_talk" => "follows the force of another axis",
+        _ => "over the whole recording",
+    }
+}
+
+/// Cause and size in a sentence.
+fn says(finding: &Finding, entry: Option<&EffectEntry>) -> String {
+    let list = |stem: &str| -> Vec<f64> {
+        let found = entry.and_then(|e| e.parameters.iter().find(|p| p.key.starts_with(stem)));
+        found.map(|p| p.value.as_slice().to_vec()).unwrap_or_default()
+    };
+    let said = |stem: &str| {
+        list(stem).iter().map(|x| significant(*x, 3)).collect::<Vec<String>>().join(", ")
+    };
+    let share = |k: usize| significant(100.0 * list("scale").get(k).copied().unwrap_or(0.0), 3);
+    match finding.kind {
+        "cutting_force" => format!(
+            "The work shears {} N/mm² harder than is told (tangential, radial, axial).",
+            said("coefficient")
+        ),
+        "edge_force" => format!(
+            "The edges rub by {} N per mm of depth more than is told (tangential, radial, axial).",
+            said("coefficient")
+        ),
+        "tool_wear" => format!(
+            "The tool wears: its edge force grows by {} of itself per metre of cut.",
+            said("growth")
+        ),
+        "runout" => format!(
+            "The tool runs out by {} µm: one tooth cuts more than the others.",
+            said("radial")
+        ),
+        "chatter" => format!(
+            "The cut rings at {} Hz by itself, by {} N: chatter.",
+            said("frequency"),
+            said("amplitude")
+        ),
+        "wrench_bias" => format!("The sensor reads {} N too much (x, y, z).", said("bias")),
+        "wrench_scale" => format!(
+            "The sensor's scale is off by {}, {}, {} % (x, y, z).",
+            share(0),
+            share(1),
+            share(2)
+        ),
+        "wrench_misalignment" => format!(
+            "The sensor is turned by {} mrad (about x, y, z) against what is believed.",
+            said("turn")
+        ),
+        "cross_talk" => "One channel of the sensor leaks into another.".to_owned(),
+        other => format!("{}.", other.replace('_', " ")),
+    }
+}
+
+fn unexplained(rest: &Rest) -> Unexplained {
+    let says = match rest.tone_hz {
+        Some(hz) => format!(
+            "A tone of {} Hz stands in the forces whether the tool cuts or not: it is of no cut.",
+            significant(hz, 4)
+        ),
+        None => {
+            let words: Vec<&str> = rest.words.iter().map(|word| in_words(word)).collect();
+            format!(
+                "What is left of {} follows {}, in a form that no known effect has.",
+                CHANNELS[rest.axis],
+                words.join(" and ")
+            )
+        }
+    };
+    Unexplained {
+        rms: rest.held[0],
+        depends_on: rest.words.clone(),
+        heldout_rms_after: rest.held[1],
+        says,
+    }
+}
+
+/// A word of the contract, for people.
+fn in_words(word: &str) -> &str {
+    match word {
+        "spindle_rpm" => "the turn of the spindle",
+        "feed_mm_s" => "the feed",
+        "wrench" => "the force itself",
+        "t_s" => "time",
+        other => other,
+    }
+}
+
+/// What would settle what is open.
+fn next_experiment(compared: &Compared) -> Option<String> {
+    let open = |one: &&Finding| one.rivals.iter().any(|rival| rival.alike);
+    let Some(one) = compared.findings.iter().find(open) else {
+        let rests = compared.verdict == Verdict::UnknownStructure;
+        return rests.then(|| {
+            "Repeat the cut at half the depth and at another feed, with ten seconds of air before it: what goes with neither is not of the cut.".to_owned()
+        });
+    };
+    let is_among = |kinds: &[&str]| {
+        kinds.contains(&one.kind)
+            || one.rivals.iter().any(|rival| rival.alike && kinds.contains(&rival.kind))
+    };
+    let of_coefficients = ["cutting_force", "edge_force", "tool_wear"];
+    let of_sensor = ["wrench_scale", "wrench_misalignment", "cross_talk"];
+    Some(if is_among(&["wrench_bias"]) && !compared.has_air {
+        "Record two seconds in air before the cut: there the sensor alone is heard.".to_owned()
+    } else if is_among(&of_sensor) {
+        "Hang a known weight on the sensor along x, along y and along z, and record it: that tells the sensor apart from the cut.".to_owned()
+    } else if is_among(&of_coefficients) && compared.has_one_feed {
+        "Repeat the cut at three feeds, at least as 1 to 2 to 4, the rest unchanged: what shears goes with the feed, what rubs does not.".to_owned()
+    } else if is_among(&of_coefficients) {
+        "Repeat the cut with a new edge, and with the used one over a longer way: what the edge does changes, what the work does stays.".to_owned()
+    } else {
+        "Repeat the cut at half the width of cut and at another feed, sampled at least twenty times per tooth.".to_owned()
+    })
+}
