@@ -147,8 +147,10 @@ impl Bench {
         Ok(match status.code() {
             Some(0 | 1) => "done".to_owned(),
             _ => {
+                // The first fault of several stands under a line that counts them.
                 let why = said.lines().find_map(|line| line.strip_prefix("error: "));
-                format!("refused {}", why.unwrap_or("without a word"))
+                let why = why.unwrap_or("without a word").trim_start_matches("error: ");
+                format!("refused {why}")
             }
         })
     }

@@ -5,7 +5,7 @@
 use report::significant;
 
 use super::bench::Answer;
-use super::said::Said;
+use super::said::{Found, Said};
 
 /// Findings of a case that the document lists, and reasons for silence.
 const LISTED: usize = 12;
@@ -122,8 +122,8 @@ impl Case {
         };
         let said = Said::of(folder, domain);
         case.was_run = true;
-        case.verdict = said.verdict().to_owned();
-        case.short = format!("{}: {}", said.verdict().replace('_', " "), said.names(5));
+        case.verdict = said.verdict().replace('_', " ");
+        case.short = format!("{}: {}", case.verdict, said.names(5));
         case.tell(&said);
         (case, Some(said))
     }
@@ -167,8 +167,23 @@ impl Case {
                 "Chosen and taken back, as unseen rows spoke against them: {refuted}."
             ));
         }
-        for note in notes.filter(|note| note.contains("follows no law that is known")) {
-            self.short_of.push(sentence(note));
+        let zones: Vec<&str> =
+            notes.filter(|note| note.contains("follows no law that is known")).collect();
+        match zones.as_slice() {
+            [] => {}
+            [one] => self.short_of.push(sentence(one)),
+            many => self.short_of.push(format!(
+                "Zones of low speed whose torque follows no known law, told apart: of {} joints.",
+                many.len()
+            )),
+        }
+        let open: Vec<String> =
+            said.findings().filter(Found::may_be_nothing).map(|one| one.name()).collect();
+        if !open.is_empty() {
+            self.short_of.push(format!(
+                "Named, though the interval of its one number holds zero: {}.",
+                open.join(", ")
+            ));
         }
         let reasons = said.not_tested();
         let more = reasons.len().saturating_sub(REASONS);
@@ -189,9 +204,11 @@ impl Case {
         });
     }
 
-    /// Whether nothing that was asked is missed; a case without a bar misses none.
+    /// Whether nothing that was asked is missed, and an answer came where one was asked for.
     pub(super) fn is_met(&self) -> bool {
-        self.judged.iter().all(|one| one.met)
+        let is_answered =
+            !(self.verdict.starts_with("no answer") || self.verdict.starts_with("refused"));
+        is_answered && self.judged.iter().all(|one| one.met)
     }
 
     /// All that falls short, in words.
@@ -215,7 +232,11 @@ impl Case {
                 unit = errors.unit
             ));
         }
-        if self.rows.is_empty() && matches!(self.verdict.as_str(), "undetermined" | "consistent") {
+        let was_asked = self.judged.iter().any(|one| one.met && one.what == "verdict");
+        if self.rows.is_empty()
+            && !was_asked
+            && matches!(self.verdict.as_str(), "undetermined" | "consistent")
+        {
             all.push(format!("Silent: {}, nothing named.", self.verdict));
         }
         all.extend(self.short_of.iter().cloned());

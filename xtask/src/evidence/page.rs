@@ -14,7 +14,7 @@ const HEAD: &str = "\
 
 Made by `cargo xtask evidence`; never edited by hand. Real recordings of machines, each with the effect in question concealed from the program: what it was given, what it said, and the
 error on rows that no choice and no fit has seen. `trued diagnose` and its kin run as their users run them; every statement about a run is made of its files by rule. The recordings are not
-part of this tree: their sources stand in each section and in [deploy/mappings](../deploy/mappings). Files named `…` in the commands are made by the task from a set's own files and stand under `target/evidence/SET`.
+part of this tree: their sources stand in each section and in [deploy/mappings](../deploy/mappings). Files in the commands are those of the set, or made of them by the task; both stand under `target/evidence/SET` after a run.
 
 ";
 
@@ -30,7 +30,7 @@ pub(super) struct Section {
 
 /// The whole document.
 pub(super) fn render(sections: &[Section]) -> String {
-    let mut text = HEAD.replace("Files named `…` in the commands", "Files in the commands");
+    let mut text = HEAD.to_owned();
     table(&mut text, sections);
     for section in sections {
         write_section(&mut text, section);
@@ -107,7 +107,7 @@ fn write_section(text: &mut String, section: &Section) {
 fn write_case(text: &mut String, case: &Case) {
     line(text, &format!("### {}\n", case.name));
     line(text, &format!("Concealed: {}. `{}`\n", case.concealed, case.command));
-    line(text, &format!("Said: **{}**.\n", case.verdict.replace('_', " ")));
+    line(text, &format!("Said: **{}**.\n", case.verdict));
     for said in &case.said {
         line(text, &format!("- {said}"));
     }

@@ -75,9 +75,9 @@ impl Said {
 
     /// What could not have shown, together where the reason is one.
     pub(super) fn not_tested(&self) -> Vec<String> {
-        let mut reasons: Vec<(&str, Vec<String>)> = Vec::new();
+        let mut reasons: Vec<(String, Vec<String>)> = Vec::new();
         for one in self.list("not_tested") {
-            let why = one["why"].as_str().unwrap_or("");
+            let why = of_any_joint(one["why"].as_str().unwrap_or(""));
             let name = Found(one).effect().replace('_', " ");
             match reasons.iter_mut().find(|(known, _)| *known == why) {
                 Some((_, names)) if names.contains(&name) => {}
@@ -121,12 +121,23 @@ impl<'a> Found<'a> {
         Some((one["value"].as_f64()?, [one["ci95"][0].as_f64()?, one["ci95"][1].as_f64()?]))
     }
 
+    /// Whether it has one number, and zero is within its interval.
+    pub(super) fn may_be_nothing(&self) -> bool {
+        let all = self.0["parameters"].as_object();
+        let keys: Vec<&String> = all.into_iter().flat_map(serde_json::Map::keys).collect();
+        let [key] = keys.as_slice() else { return false };
+        self.parameter(key).is_some_and(|(_, [low, high])| low < 0.0 && 0.0 < high)
+    }
+
     /// All parameters: `level_N 20.4 (19.9 to 20.9)`.
     pub(super) fn parameters(&self) -> String {
         let all = self.0["parameters"].as_object();
         let told = |(key, one): (&String, &Value)| {
             let said = |value: &Value, ci: &Value| {
                 let number = |value: &Value| significant(value.as_f64().unwrap_or(f64::NAN), 3);
+                if ci[0] == ci[1] {
+                    return number(value);
+                }
                 format!("{} ({} to {})", number(value), number(&ci[0]), number(&ci[1]))
             };
             let values = match one["value"].as_array() {
@@ -141,4 +152,20 @@ impl<'a> Found<'a> {
         };
         all.into_iter().flatten().map(told).collect::<Vec<_>>().join(", ")
     }
+}
+
+/// `joint 3 never reverses` as `a joint never reverses`.
+fn of_any_joint(why: &str) -> String {
+    let words: Vec<&str> = why.split(' ').collect();
+    let is_number =
+        |k: usize| k > 0 && words[k - 1] == "joint" && words[k].chars().all(|c| c.is_ascii_digit());
+    let mut text: Vec<&str> = Vec::new();
+    for (k, word) in words.iter().enumerate() {
+        match *word {
+            "joint" if k + 1 < words.len() && is_number(k + 1) => text.extend(["a", "joint"]),
+            _ if is_number(k) => {}
+            word => text.push(word),
+        }
+    }
+    text.join(" ")
 }

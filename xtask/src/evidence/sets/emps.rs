@@ -96,6 +96,8 @@ fn dry(bench: &Bench, band: &str) -> Result<Case, String> {
     if band == "40" {
         let alone =
             dry.as_ref().map_or(f64::NAN, |one| share(&said, one.number("heldout_rms_after")));
+        let whole = share(&said, said.number("heldout_rms_after"));
+        case.judged.push(Judged::at_most("force error with all that was named", whole, 5.7, "%"));
         case.judged.push(Judged::at_most("force error with dry friction alone", alone, 5.7, "%"));
     }
     let level = dry.and_then(|one| one.parameter("level_N"));
@@ -256,7 +258,7 @@ fn consistent(bench: &Bench) -> Result<Case, String> {
         "OUT",
         "noisy.csv",
     ];
-    let concealed = "nothing: force simulated along the commanded motion by the model itself (mass 95.1 kg, with all that it found), plus what the real force differs by, reversed in time and \
+    let concealed = "nothing: force simulated along the measured motion (smoothed over 0.02 s) by the model itself, of 95.1 kg and with all that it found, plus what the real force differs by, reversed in time and \
                      turned by a third of the recording";
     let Answer::Done(found) = bench.ask("plain-40", &plain("40"))? else {
         return Ok(Case {
@@ -269,17 +271,18 @@ fn consistent(bench: &Bench) -> Result<Case, String> {
     let mass = "limits_mm = [-500.0, 500.0]\nlink = { mass_kg = 95.1, com_mm = [0.0, 0.0, 0.0] }";
     bench.write("full.toml", model.replacen("limits_mm = [-500.0, 500.0]", mass, 1))?;
     let real = Sheet::read(&bench.data(TRAIN)?);
-    let [t_s, asked, volts] = ["t_s", "q_ref_m", "vir_V"].map(|column| real.numbers(column));
+    let [t_s, place, volts] = ["t_s", "q_meas_m", "vir_V"].map(|column| real.numbers(column));
+    let place = smooth(&place);
     let gain = toml_scale(MAPPING);
     let force: Vec<f64> = volts.iter().map(|volts| gain * volts).collect();
     let rows = |force: &dyn Fn(usize) -> f64| -> String {
-        let line = |k: usize| format!("{},{},{:.6}\n", t_s[k], asked[k], force(k));
+        let line = |k: usize| format!("{},{:.9},{:.6}\n", t_s[k], place[k], force(k));
         std::iter::once("t_s,qa1_m,tau1_N\n".to_owned()).chain((0..t_s.len()).map(line)).collect()
     };
-    bench.write("commanded.csv", rows(&|k| force[k]))?;
+    bench.write("motion.csv", rows(&|k| force[k]))?;
     let simulated = bench.ask(
         "simulated",
-        &["simulate", "--model", "full.toml", "--out", "OUT/sim", "--seed", "1", "commanded.csv"],
+        &["simulate", "--model", "full.toml", "--out", "OUT/sim", "--seed", "1", "motion.csv"],
     )?;
     let Answer::Done(simulated) = simulated else {
         return Ok(Case {
@@ -302,9 +305,19 @@ fn consistent(bench: &Bench) -> Result<Case, String> {
         case.rms(&said, "N");
         let is_so = said.verdict() == "consistent";
         case.judged.push(Judged::new("verdict", said.verdict(), "consistent", is_so));
-        case.short_of.retain(|_| !is_so);
     }
     Ok(case)
+}
+
+/// Three running means over 7 samples: what is differentiated twice must not carry the encoder's steps.
+fn smooth(values: &[f64]) -> Vec<f64> {
+    let mean = |values: &[f64], k: usize| {
+        let reach = 3.min(k).min(values.len() - 1 - k);
+        let part = &values[k - reach..=k + reach];
+        part.iter().sum::<f64>() / part.len() as f64
+    };
+    let once = |values: &[f64]| (0..values.len()).map(|k| mean(values, k)).collect::<Vec<f64>>();
+    once(&once(&once(values)))
 }
 
 /// The drive's gain, N per V, as the mapping has it.

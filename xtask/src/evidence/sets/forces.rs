@@ -155,7 +155,11 @@ fn milling(bench: &Bench) -> Result<Vec<Case>, String> {
     let mut watched = listened("the vibration watch", concealed, &words, &watch);
     watched.reference = reference();
     if let Answer::Done(folder) = &watch {
-        bench.offer(&folder.join("report.html"), "Amplitude of", "Amplitude over time and frequency: the burst of the cut, and the electrical tone that is there all the time.");
+        bench.offer(
+            &folder.join("report.html"),
+            "Power density",
+            "Power density of the whole recording, and where the spindle's multiples are.",
+        );
         let alarms = alarms(&json(&folder.join("said.json")));
         let near = |hz: f64| alarms.iter().any(|one| (one.1 - hz).abs() < 2.0);
         let told = lines(&alarms);
@@ -183,8 +187,8 @@ fn beam(bench: &Bench) -> Result<Vec<Case>, String> {
             if name == "test 3" {
                 bench.offer(
                     &folder.join("report.html"),
-                    "Amplitude of",
-                    "Test 3: amplitude over time and frequency; the tones change at 9.75 s.",
+                    "Power density",
+                    "Test 3: power density of the whole recording.",
                 );
                 let said = json(&folder.join("said.json"));
                 let first = said["events"]
@@ -259,14 +263,16 @@ fn event(one: &Value) -> String {
     )
 }
 
-/// Lines that alarmed: number and frequency at the first alarm, Hz.
+/// Lines that alarmed: number, and frequency as it was told last, Hz.
 fn alarms(said: &Value) -> Vec<(u64, f64)> {
     let mut known: Vec<(u64, f64)> = Vec::new();
-    for one in said["events"].as_array().into_iter().flatten().filter(|one| one["state"] == "alarm")
-    {
+    for one in said["events"].as_array().into_iter().flatten() {
         let line = one["line"].as_u64().unwrap_or(0);
-        if known.iter().all(|(other, _)| *other != line) {
-            known.push((line, one["frequency_Hz"].as_f64().unwrap_or(f64::NAN)));
+        let hz = one["frequency_Hz"].as_f64().unwrap_or(f64::NAN);
+        match known.iter_mut().find(|(other, _)| *other == line) {
+            Some((_, last)) if one["state"] == "alarm" || one["state"] == "confirmed" => *last = hz,
+            None if one["state"] == "alarm" => known.push((line, hz)),
+            _ => {}
         }
     }
     known

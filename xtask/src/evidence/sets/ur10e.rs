@@ -137,8 +137,8 @@ fn alone(bench: &Bench) -> Result<Case, String> {
         let [before, after] = ["heldout_rms_before", "heldout_rms_after"]
             .map(|key| report::significant(said.number(key), 3));
         case.said.push(format!(
-            "{stem}: {count} named, first {}; held out {before} to {after} Nm",
-            said.names(1)
+            "{stem}: {count} named ({}); held out {before} to {after} Nm",
+            said.names(3)
         ));
         if said.finding("payload", None).is_some() && name != LOADED {
             carried.push(stem);
@@ -150,7 +150,7 @@ fn alone(bench: &Bench) -> Result<Case, String> {
     verdicts.sort();
     verdicts.dedup();
     case.verdict = verdicts.join(", ");
-    case.short = format!("{}: see the section", case.verdict.replace('_', " "));
+    case.short = format!("{}: see the section", case.verdict);
     if case.was_run {
         let told = if carried.is_empty() { "none".to_owned() } else { carried.join(", ") };
         case.judged.push(Judged::new(
@@ -256,7 +256,7 @@ fn load_friction(bench: &Bench) -> Result<Case, String> {
         Some(Errors { before, after, unit: "Nm", of: "root mean square of joint 2, unseen runs" });
     case.reference = Some(Reference {
         value: Some(2.4),
-        says: "3.6 to 4.0 Nm without, 2.3 to 2.4 Nm with load friction (least squares on these runs, set's readme)",
+        says: "3.6 to 4.0 Nm without, 2.3 to 2.4 Nm with load friction (our own least squares on these runs, before the program existed)",
     });
     load_shares(&said, &mut case);
     case.judged.push(Judged::at_most("joint 2 on unseen runs", after, 2.4, "Nm"));

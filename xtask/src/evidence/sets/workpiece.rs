@@ -79,7 +79,7 @@ fn tap(bench: &Bench) -> Result<Vec<Case>, String> {
             ))
         })
         .collect();
-    case.verdict = format!("{} modes", modes.len());
+    case.verdict = format!("modes: {}", modes.len());
     for (hz, sigma, _) in &modes {
         case.said.push(format!(
             "A mode at {} ± {} Hz.",
@@ -88,8 +88,10 @@ fn tap(bench: &Bench) -> Result<Vec<Case>, String> {
         ));
     }
     case.short.clone_from(&case.verdict);
-    case.reference =
-        Some(Reference { value: None, says: "modes near 1056, 1941, 2598 Hz (the sets' readme)" });
+    case.reference = Some(Reference {
+        value: None,
+        says: "modes near 1056, 1941, 2598 Hz (noted with the set)",
+    });
     for known in MODES_HZ {
         let nearest = modes
             .iter()
@@ -146,7 +148,7 @@ fn surface(bench: &Bench) -> Result<Vec<Case>, String> {
             case.judged.push(Judged::at_most(&format!("{what} off theirs"), off, 0.1, "%"));
         }
         let lines = said["profiles"][0]["lines"].as_array().map_or(0, Vec::len);
-        case.verdict = format!("{lines} lines in the spectrum");
+        case.verdict = format!("lines in the spectrum: {lines}");
         case.short.clone_from(&case.verdict);
         cases.push(case);
     }
