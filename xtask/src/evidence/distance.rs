@@ -7,8 +7,8 @@ use super::sheet::Sheet;
 
 type Point = [f64; 3];
 
-/// Rounds of least squares: frames are all but right already.
-const ROUNDS: usize = 4;
+/// Rounds of least squares: a frame may be far off where the program knows of one station alone.
+const ROUNDS: usize = 60;
 
 /// A row's points: measured and foretold, m.
 struct Pair {

@@ -97,6 +97,7 @@ fn write_section(text: &mut String, section: &Section) {
     }
     line(text, &format!("What the program was given: {}\n", set.given));
     if let Some(caption) = &section.caption {
+        let caption = super::case::sentence(caption);
         line(text, &format!("![{caption}](evidence/{}.svg)\n\n{caption}\n", set.name));
     }
     for case in &section.cases {

@@ -9,6 +9,9 @@ use serde_json::Value;
 
 use super::bench::json;
 
+/// Numbers of one parameter that are listed one by one, at most.
+const LISTED: usize = 6;
+
 /// One domain of a diagnosis.
 pub(super) struct Said(Value);
 
@@ -141,6 +144,11 @@ impl<'a> Found<'a> {
                 format!("{} ({} to {})", number(value), number(&ci[0]), number(&ci[1]))
             };
             let values = match one["value"].as_array() {
+                Some(list) if list.len() > LISTED => {
+                    let sizes = list.iter().filter_map(Value::as_f64).map(f64::abs);
+                    let largest = significant(sizes.fold(0.0, f64::max), 3);
+                    format!("of {} numbers, the largest {largest}", list.len())
+                }
                 Some(list) => {
                     let each =
                         list.iter().enumerate().map(|(k, value)| said(value, &one["ci95"][k]));

@@ -57,16 +57,21 @@ impl Sheet {
         self
     }
 
+    /// The same rows, of which some were not measured: in these columns they are empty.
+    pub(super) fn without(&self, columns: &[&String], gone: &[bool]) -> Self {
+        let mut sheet = self.clone();
+        let at: Vec<usize> =
+            (0..self.head.len()).filter(|k| columns.contains(&&self.head[*k])).collect();
+        for (row, _) in sheet.rows.iter_mut().zip(gone).filter(|(_, gone)| **gone) {
+            at.iter().for_each(|k| row[*k].clear());
+        }
+        sheet
+    }
+
     pub(super) fn text(&self) -> String {
         let lines = std::iter::once(&self.head).chain(&self.rows);
         lines.flat_map(|row| [row.join(","), "\n".to_owned()]).collect()
     }
-}
-
-/// A mapping that tells seen rows from unseen ones by the column `half`, and keeps these for validation.
-pub(super) fn halved(mapping: &str) -> String {
-    let columns = "[columns]\nsegment = { from = \"half\", numbers = { seen = 0, unseen = 1 } }\n";
-    with_about(&mapping.replacen("[columns]\n", columns, 1), "heldout = [1]")
 }
 
 /// A mapping with a line more in `[recording]`.
@@ -114,9 +119,17 @@ mod tests {
     }
 
     #[test]
+    fn readings_go_and_the_rest_of_a_row_stays() {
+        let sheet = Sheet::read("q,x\n1.0,5\n2.0,6\n");
+        let column = "x".to_owned();
+        assert_eq!(sheet.without(&[&column], &[false, true]).text(), "q,x\n1.0,5\n2.0,\n");
+    }
+
+    #[test]
     fn what_a_mapping_says_of_the_recording_stays() {
-        let text = halved("[columns]\nt_s = { from = \"t\" }\n\n[recording]\nkind = \"poses\"\n");
+        let text = with_about("[columns]\n\n[recording]\nkind = \"poses\"\n", "heldout = [1]");
         assert!(text.contains("heldout = [1]\nkind = \"poses\""), "{text}");
-        assert!(text.contains("segment = "), "{text}");
+        let text = with_about("[columns]\n", "heldout = [1]");
+        assert!(text.ends_with("[recording]\nheldout = [1]\n"), "{text}");
     }
 }

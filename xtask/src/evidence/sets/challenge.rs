@@ -207,14 +207,36 @@ pub(super) fn injected(
         case.short_of.push(format!(
             "Added {}{joint} at z of {}: answered {}.",
             one["effect"].as_str().unwrap_or("").replace('_', " "),
-            one["z"],
+            report::significant(one["z"].as_f64().unwrap_or(f64::NAN), 2),
             instead.replace('_', " ")
         ));
     }
-    for one in said["cannot_be_added"].as_array().into_iter().flatten().filter_map(Value::as_str) {
-        case.short_of.push(format!("Cannot be added: {one}."));
+    let mut barred: Vec<String> = said["cannot_be_added"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(|one| Some(words_of(one.as_str()?.split(' ').next()?)))
+        .collect();
+    barred.dedup();
+    if !barred.is_empty() {
+        case.short_of.push(format!(
+            "Cannot be added, as no size that a robot has shows beside what is fitted anyway: {}.",
+            barred.join(", ")
+        ));
     }
     case.verdict = "answered".to_owned();
     case.short = "see the section".to_owned();
     Ok(case)
+}
+
+/// `SpringHardening` as `spring hardening`.
+fn words_of(name: &str) -> String {
+    let mut text = String::new();
+    for letter in name.chars() {
+        if letter.is_uppercase() && !text.is_empty() {
+            text.push(' ');
+        }
+        text.extend(letter.to_lowercase());
+    }
+    text
 }

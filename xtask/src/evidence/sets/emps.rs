@@ -4,7 +4,7 @@
 
 use super::super::bench::{Answer, Bench};
 use super::super::case::{Case, Errors, Judged, Reference};
-use super::super::said::Said;
+use super::super::said::{Found, Said};
 use super::super::sheet::{Sheet, with_about};
 use super::Set;
 use super::challenge::injected;
@@ -90,7 +90,7 @@ fn dry(bench: &Bench, band: &str) -> Result<Case, String> {
     });
     let first = said.findings().next();
     let is_first = first.as_ref().is_some_and(|one| one.effect() == "coulomb_friction");
-    let named = first.as_ref().map_or("nothing".to_owned(), |one| one.name());
+    let named = first.as_ref().map_or("nothing".to_owned(), Found::name);
     case.judged.push(Judged::new("named first", named, "coulomb friction 1", is_first));
     let dry = said.finding("coulomb_friction", Some(1));
     if band == "40" {
@@ -260,12 +260,9 @@ fn consistent(bench: &Bench) -> Result<Case, String> {
     ];
     let concealed = "nothing: force simulated along the measured motion (smoothed over 0.02 s) by the model itself, of 95.1 kg and with all that it found, plus what the real force differs by, reversed in time and \
                      turned by a third of the recording";
-    let Answer::Done(found) = bench.ask("plain-40", &plain("40"))? else {
-        return Ok(Case {
-            name: name.to_owned(),
-            verdict: "not run".to_owned(),
-            ..Case::default()
-        });
+    let plain = bench.ask("plain-40", &plain("40"))?;
+    let Answer::Done(found) = &plain else {
+        return Ok(Case::of(name, concealed, &words, &plain, "torque").0);
     };
     let model = std::fs::read_to_string(found.join("model.toml")).map_err(|why| why.to_string())?;
     let mass = "limits_mm = [-500.0, 500.0]\nlink = { mass_kg = 95.1, com_mm = [0.0, 0.0, 0.0] }";
@@ -284,12 +281,8 @@ fn consistent(bench: &Bench) -> Result<Case, String> {
         "simulated",
         &["simulate", "--model", "full.toml", "--out", "OUT/sim", "--seed", "1", "motion.csv"],
     )?;
-    let Answer::Done(simulated) = simulated else {
-        return Ok(Case {
-            name: name.to_owned(),
-            verdict: super::super::case::why(&simulated),
-            ..Case::default()
-        });
+    let Answer::Done(simulated) = &simulated else {
+        return Ok(Case::of(name, concealed, &words, &simulated, "torque").0);
     };
     let text = std::fs::read_to_string(simulated.join("sim.csv")).map_err(|why| why.to_string())?;
     let exact = Sheet::read(&text).numbers("tau1_N");

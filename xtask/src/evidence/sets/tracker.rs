@@ -1,13 +1,13 @@
 //! Arms before a laser tracker or a total station: from the nominal model to the names of what is off, on halves and scenes that nothing has seen.
 //!
 //! The mean distance is that of the written model, run forward by `trued simulate`: the measuring frame is laid on the rows that train; places of reflectors
-//! are those that the program finds.
+//! are those that the program finds. Rows that are unseen stand in the recording without their readings, so that time and the way to each pose stay whole.
 
 use super::super::bench::{Answer, Bench};
 use super::super::case::{Case, Errors, Judged, Reference};
 use super::super::distance::{Columns, mean};
 use super::super::said::Said;
-use super::super::sheet::{Sheet, halved, random_half};
+use super::super::sheet::{Sheet, random_half};
 use super::Set;
 
 const IRB: &str = include_str!("../../../../deploy/mappings/irb120-tracker.mapping.toml");
@@ -77,8 +77,18 @@ struct Campaign<'a> {
 impl Campaign<'_> {
     fn case(&self, bench: &Bench) -> Result<(Case, Option<Said>), String> {
         let file = format!("{}.csv", self.run);
-        bench.write(&file, self.sheet.text())?;
         bench.write(&format!("{}.mapping.toml", self.run), &self.mapping)?;
+        let mut whole = file.clone();
+        if self.mapping.contains("\nheldout = ") {
+            bench.write(&file, self.sheet.text())?;
+        } else {
+            // A segment of its own would restart time and forget how a pose was reached.
+            let columns: Vec<&String> = self.points.iter().flat_map(|(seen, _)| seen).collect();
+            bench.write(&file, self.sheet.without(&columns, &self.held).text())?;
+            whole = format!("{}-all.csv", self.run);
+            bench.write(&whole, self.sheet.text())?;
+            bench.write(&format!("{}-all.mapping.toml", self.run), &self.mapping)?;
+        }
         let words =
             ["diagnose", "--model", self.model, "--seed", "1", "--out", "OUT", file.as_str()];
         let answer = bench.ask(self.run, &words)?;
@@ -93,11 +103,11 @@ impl Campaign<'_> {
             ),
         );
         let found = format!("{}/model.toml", self.run);
-        let before = self.distance(bench, "given", self.model, &file)?;
-        let after = self.distance(bench, "found", &found, &file)?;
+        let before = self.distance(bench, "given", self.model, &whole)?;
+        let after = self.distance(bench, "found", &found, &whole)?;
         if let (Some(before), Some(after)) = (before, after) {
             case.errors =
-                Some(Errors { before, after, unit: "mm", of: "mean distance on held-out rows" });
+                Some(Errors { before, after, unit: "mm", of: "mean distance on unseen rows" });
         }
         Ok((case, Some(said)))
     }
@@ -134,10 +144,6 @@ fn axes(prefix: &str, unit: &str) -> [String; 3] {
     ["x", "y", "z"].map(|axis| format!("{prefix}{axis}_{unit}"))
 }
 
-fn with_half(sheet: &Sheet, held: &[bool]) -> Sheet {
-    sheet.clone().with("half", |k| if held[k] { "unseen" } else { "seen" }.to_owned())
-}
-
 fn reflectors() -> Vec<([String; 3], [String; 3])> {
     (1..=3).map(|k| (axes(&format!("smr{k}_"), "mm"), axes(&format!("target{k}_"), "mm"))).collect()
 }
@@ -158,8 +164,8 @@ fn irb120(bench: &Bench) -> Result<Vec<Case>, String> {
             run,
             concealed: "all but the maker's geometry",
             model: "irb120",
-            mapping: halved(IRB),
-            sheet: with_half(&sheet, &held),
+            mapping: IRB.to_owned(),
+            sheet: sheet.clone(),
             held,
             points: reflectors(),
             metres: MM,
@@ -181,8 +187,8 @@ fn irb120(bench: &Bench) -> Result<Vec<Case>, String> {
         run: "read-back",
         concealed: "that these joints were read before the arm had settled",
         model: "irb120",
-        mapping: halved(&IRB.replace("\"q*_deg\" = { from = \"cmd_q*_deg\" }\n", "")),
-        sheet: with_half(&sheet, &in_time),
+        mapping: IRB.replace("\"q*_deg\" = { from = \"cmd_q*_deg\" }\n", ""),
+        sheet: sheet.clone(),
         held: in_time,
         points: reflectors(),
         metres: MM,
@@ -241,19 +247,14 @@ fn motoman(bench: &Bench) -> Result<Vec<Case>, String> {
         let kept = mapping.lines().find(|line| line.starts_with("keep = ")).unwrap_or("");
         let sheet = whole.keep(|k| kept.contains(&format!("\"{}\"", files[k])));
         let held = random_half(sheet.len(), 1);
-        let without: String = mapping
-            .lines()
-            .filter(|line| !line.starts_with("segment = "))
-            .flat_map(|line| [line, "\n"])
-            .collect();
         let station = station_of(&sheet, mapping);
         let campaign = Campaign {
             name,
             run,
             concealed: "all but the nominal geometry",
             model: if run == "right" { "motoman-right" } else { "motoman-left" },
-            mapping: halved(&without),
-            sheet: with_half(&sheet, &held).with("station_of_row", |k| station[k].clone()),
+            mapping: mapping.to_owned(),
+            sheet: sheet.with("station_of_row", |k| station[k].clone()),
             held,
             points: vec![(axes("leica_", "m"), axes("target1_", "m"))],
             metres: 1.0,
@@ -292,8 +293,8 @@ fn sweeps(bench: &Bench) -> Result<Vec<Case>, String> {
         run: "sweeps",
         concealed: "all but the published geometry",
         model: "fanuc-r2000ib",
-        mapping: halved(SWEPT),
-        sheet: with_half(&sheet, &held),
+        mapping: SWEPT.to_owned(),
+        sheet: sheet.clone(),
         held,
         points: reflectors(),
         metres: MM,

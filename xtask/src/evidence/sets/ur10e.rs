@@ -4,7 +4,7 @@
 
 use super::super::bench::{Answer, Bench};
 use super::super::case::{Case, Errors, Judged, Reference};
-use super::super::said::Said;
+use super::super::said::{Found, Said};
 use super::super::sheet::{Sheet, with_about};
 use super::Set;
 use super::challenge::injected;
@@ -77,7 +77,7 @@ fn mass(said: &Said) -> Option<(f64, [f64; 2])> {
 fn load_shares(said: &Said, case: &mut Case) {
     for joint in [2, 3] {
         let found = said.finding("load_friction", Some(joint));
-        let told = found.as_ref().map_or("not named".to_owned(), |one| one.parameters());
+        let told = found.as_ref().map_or("not named".to_owned(), Found::parameters);
         let what = format!("load friction of joint {joint}");
         case.judged.push(Judged::new(what, told, "named", found.is_some()));
     }
