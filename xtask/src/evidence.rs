@@ -4,7 +4,7 @@
 //! Promises: the program runs as its users run it, in a process of its own, and its files are read back; every sentence about a run is made of that run
 //! by rule; the same data, program and seed give the same bytes. Never: a figure that no run gave, a time in the document, a change to the data.
 //!
-//! Read in this order: [`sets`] (what is run), [`bench`] (how), [`case`] (what is made of an answer), [`page`] (how it is written).
+//! Read in this order: `sets` (what is run), `bench` (how), `case` (what is made of an answer), `page` (how it is written).
 
 mod bench;
 mod case;

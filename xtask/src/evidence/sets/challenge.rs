@@ -196,6 +196,14 @@ pub(super) fn injected(
             ));
         }
     }
+    unanswered(&mut case, &said);
+    case.verdict = "answered".to_owned();
+    case.short = "see the section".to_owned();
+    Ok(case)
+}
+
+/// What was added and not found, and what could not be added.
+fn unanswered(case: &mut Case, said: &Value) {
     let wrong = said["cases"]
         .as_array()
         .into_iter()
@@ -224,9 +232,6 @@ pub(super) fn injected(
             barred.join(", ")
         ));
     }
-    case.verdict = "answered".to_owned();
-    case.short = "see the section".to_owned();
-    Ok(case)
 }
 
 /// `SpringHardening` as `spring hardening`.
