@@ -49,7 +49,10 @@ fn a_recording_becomes_a_section_and_absent_sets_are_said() {
     let text = place.read("docs/evidence.md");
     // What the program said of a slide that hides 20 N of dry friction.
     assert!(text.contains("coulomb friction 1"), "{text}");
-    assert!(text.contains("| named first | coulomb friction 1 | coulomb friction 1 | met |"), "{text}");
+    assert!(
+        text.contains("| named first | coulomb friction 1 | coulomb friction 1 | met |"),
+        "{text}"
+    );
     // Said by rule: what this slide lacks is asked for and missed.
     assert!(text.contains("**Missed**: friction that differs by direction"), "{text}");
     let plot = place.read("docs/evidence/emps.svg");
