@@ -206,6 +206,19 @@ fn beam(bench: &Bench) -> Result<Vec<Case>, String> {
                     "s",
                 ));
             }
+            let said = json(&folder.join("said.json"));
+            let chatter = said["episodes"]
+                .as_array()
+                .into_iter()
+                .flatten()
+                .any(|one| one["alarm_s"].is_number() && one["class"] == "chatter");
+            let told = if chatter { "said" } else { "not said" };
+            case.judged.push(Judged::new(
+                "chatter, where nothing cuts",
+                told,
+                "not said",
+                !chatter,
+            ));
             case.reference = Some(Reference {
                 value: None,
                 says: "tones of 100, 120, 150 Hz and the change as the set's readme has them",
@@ -236,8 +249,8 @@ fn listened(name: &str, concealed: &str, words: &[&str], answer: &Answer) -> Cas
         format!("alarms at {}", lines(&alarms))
     };
     case.short.clone_from(&case.verdict);
-    let known = said["events"].as_array().into_iter().flatten();
-    let mut told: Vec<String> = known.filter(|one| one["state"] == "alarm").map(event).collect();
+    let known = said["episodes"].as_array().into_iter().flatten();
+    let mut told: Vec<String> = known.filter(|one| one["alarm_s"].is_number()).map(event).collect();
     let more = told.len().saturating_sub(8);
     told.truncate(8);
     told.extend((more > 0).then(|| format!("and {more} more")));
@@ -256,26 +269,18 @@ fn event(one: &Value) -> String {
         if rivals.is_empty() { String::new() } else { format!(" (or {})", rivals.join(", ")) };
     format!(
         "Alarm at {} s: {} Hz on {}, {}{rivals}.",
-        number("t_s", 3),
+        number("alarm_s", 3),
         number("frequency_Hz", 4),
         one["channel"].as_str().unwrap_or(""),
         one["class"].as_str().unwrap_or("").replace('_', " ")
     )
 }
 
-/// Lines that alarmed: number, and frequency as it was told last, Hz.
+/// Lines that alarmed: number and frequency, Hz, the strongest first as the program lists them.
 fn alarms(said: &Value) -> Vec<(u64, f64)> {
-    let mut known: Vec<(u64, f64)> = Vec::new();
-    for one in said["events"].as_array().into_iter().flatten() {
-        let line = one["line"].as_u64().unwrap_or(0);
-        let hz = one["frequency_Hz"].as_f64().unwrap_or(f64::NAN);
-        match known.iter_mut().find(|(other, _)| *other == line) {
-            Some((_, last)) if one["state"] == "alarm" || one["state"] == "confirmed" => *last = hz,
-            None if one["state"] == "alarm" => known.push((line, hz)),
-            _ => {}
-        }
-    }
-    known
+    let all = said["episodes"].as_array().into_iter().flatten();
+    let alarmed = all.filter(|one| one["alarm_s"].is_number());
+    alarmed.filter_map(|one| Some((one["line"].as_u64()?, one["frequency_Hz"].as_f64()?))).collect()
 }
 
 fn lines(alarms: &[(u64, f64)]) -> String {
