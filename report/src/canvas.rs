@@ -23,6 +23,17 @@ impl Svg {
         &self.0
     }
 
+    /// The drawing of a rendered [`crate::Page`] whose caption begins so (markup escaped); none where the page has no such figure.
+    #[must_use]
+    pub fn of_page(page: &str, caption: &str) -> Option<Self> {
+        let caption = escape(caption);
+        page.split("<figure><div class=\"wide\">").skip(1).find_map(|figure| {
+            let (drawing, rest) = figure.split_once("</div><figcaption>")?;
+            let (_, says) = rest.split_once("</b> ")?;
+            says.starts_with(&caption).then(|| Self(drawing.to_owned()))
+        })
+    }
+
     /// A file of its own: the drawing with the page's stylesheet inside, on paper of its own colour.
     #[must_use]
     pub fn file(&self) -> String {

@@ -22,6 +22,7 @@ mod diagnose_forces;
 mod diagnose_garbage;
 mod diagnose_torques;
 mod dynamics;
+mod evidence;
 mod faults;
 mod force;
 mod gauges;

@@ -8,6 +8,7 @@
 )]
 
 mod calibrate;
+mod evidence_task;
 mod instructions;
 mod man;
 mod peers;
@@ -20,6 +21,7 @@ use std::process::ExitCode;
 const HELP: &str = "\
 cargo xtask seeds [COUNT] [--full] [--debug]   the demo over COUNT seeds (20): tool error without, with, after the diagnosis; whether what is hidden was named right
 cargo xtask calibrate [CAMPAIGNS] [--out=DIR]   the calibration: the thesis' virtual robot, coverage of intervals over CAMPAIGNS (1000), outliers, time
+cargo xtask evidence [--data DIR] [--only SET] [--challenge CASES] [--limit SECONDS] [--trued PROGRAM]   docs/evidence.md and its plots, from the recordings in DIR ($TRUED_DATA); runs that are kept under target/evidence and whose program and input are unchanged are not repeated
 cargo xtask instructions [--store]   the hot path's stages: instructions by callgrind beside those stored; more than a tenth more fails
 cargo xtask man [--out=DIR]   man pages and shell completions of the program, for the package
 cargo xtask peers   one correction beside Pinocchio's forward kinematics, Jacobian and gravity (from the package registry), by turns in one run; exit 1 above its bar
@@ -34,6 +36,7 @@ fn main() -> ExitCode {
         ["peers"] => peers::run(),
         ["seeds", rest @ ..] => seeds::run(rest),
         ["calibrate", rest @ ..] => calibrate::run(rest),
+        ["evidence", rest @ ..] => evidence_task::run(rest),
         ["instructions", rest @ ..] => instructions::run(rest),
         ["man", rest @ ..] => man::run(rest),
         ["soak", rest @ ..] => soak::run(rest),

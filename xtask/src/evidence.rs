@@ -1,0 +1,78 @@
+//! `docs/evidence.md` and its plots, made from real recordings and the blind challenge: what was concealed, what the program said, the error before and
+//! after, the reference figure, and where the program is worse, silent or wrong.
+//!
+//! Promises: the program runs as its users run it, in a process of its own, and its files are read back; every sentence about a run is made of that run
+//! by rule; the same data, program and seed give the same bytes. Never: a figure that no run gave, a time in the document, a change to the data.
+//!
+//! Read in this order: `sets` (what is run), `bench` (how), `case` (what is made of an answer), `page` (how it is written).
+
+mod bench;
+mod case;
+mod distance;
+mod page;
+mod said;
+mod sets;
+mod sheet;
+
+use std::fs;
+use std::path::PathBuf;
+
+use bench::Bench;
+use page::Section;
+
+/// What the document is made of.
+#[derive(Debug, Clone)]
+pub struct Asked {
+    /// The program under test, built.
+    pub program: PathBuf,
+    /// The folder of recordings, one folder in it for each set.
+    pub data: PathBuf,
+    /// Where `evidence.md` and `evidence/` go.
+    pub out: PathBuf,
+    /// Where runs and their answers are kept; a run whose program, words and inputs are unchanged is not repeated.
+    pub work: PathBuf,
+    /// Run this set alone; of the others what is kept is told.
+    pub only: Option<String>,
+    /// Blind cases of each domain; none: the challenge is not run.
+    pub challenge: Option<u32>,
+    /// The longest that one run may take, s.
+    pub limit_s: f64,
+}
+
+/// The names of all sets, in the order of the document.
+#[must_use]
+pub fn set_names() -> Vec<&'static str> {
+    sets::SETS.iter().map(|set| set.name).collect()
+}
+
+/// Runs what is to be run and writes the document; tells whether every bar was met.
+///
+/// # Errors
+/// A set that nobody knows; a folder that cannot be read or written; a program that cannot be started.
+pub fn make(asked: &Asked) -> Result<bool, String> {
+    if let Some(only) = &asked.only
+        && !set_names().contains(&only.as_str())
+    {
+        return Err(format!("{only}: no such set; expected one of {}", set_names().join(", ")));
+    }
+    let plots = asked.out.join("evidence");
+    fs::create_dir_all(&plots).map_err(|why| format!("{}: {why}", plots.display()))?;
+    let mut sections = Vec::new();
+    for set in sets::SETS {
+        let bench = Bench::of(asked, set.name)?;
+        let missing = bench.missing(set.needs);
+        let cases = if missing.is_empty() { (set.run)(&bench)? } else { Vec::new() };
+        let figure = bench.figure();
+        if let Some(figure) = &figure {
+            let path = plots.join(format!("{}.svg", set.name));
+            fs::write(&path, figure.drawing.file())
+                .map_err(|why| format!("{}: {why}", path.display()))?;
+        }
+        let caption = figure.map(|figure| figure.caption);
+        sections.push(Section { set, missing, cases, caption });
+    }
+    let path = asked.out.join("evidence.md");
+    fs::write(&path, page::render(&sections))
+        .map_err(|why| format!("{}: {why}", path.display()))?;
+    Ok(sections.iter().flat_map(|section| &section.cases).all(case::Case::is_met))
+}

@@ -1,0 +1,214 @@
+//! Where a set is run: its recordings copied into a folder of its own, the program as a child process, its answers kept.
+//!
+//! Promises: an answer is that of this program, these words and these input bytes; a run beyond its time is ended and said to be late. Never: a write into
+//! the folder of data, a run that was not asked for.
+
+use std::cell::{OnceCell, RefCell};
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::time::{Duration, Instant};
+
+use report::Svg;
+use sha2::{Digest, Sha256};
+
+use super::Asked;
+
+/// A drawing of the set, and what it shows.
+pub(super) struct Figure {
+    pub(super) caption: String,
+    pub(super) drawing: Svg,
+}
+
+/// What became of a run.
+pub(super) enum Answer {
+    /// Its files stand in this folder.
+    Done(PathBuf),
+    /// Ended after so many seconds.
+    Late(f64),
+    /// Bad input or a failure, in the program's own words.
+    Refused(String),
+    /// Another set alone was asked for, and nothing is kept.
+    NotRun,
+}
+
+/// A set at work.
+pub(super) struct Bench {
+    program: PathBuf,
+    data: PathBuf,
+    folder: PathBuf,
+    limit_s: f64,
+    is_asked: bool,
+    pub(super) challenge: Option<u32>,
+    figure: RefCell<Option<Figure>>,
+    /// Of the program's bytes.
+    digest: OnceCell<Vec<u8>>,
+}
+
+impl Bench {
+    pub(super) fn of(asked: &Asked, set: &str) -> Result<Self, String> {
+        let whole = |path: &Path| std::path::absolute(path).map_err(|why| why.to_string());
+        let folder = whole(&asked.work)?.join(set);
+        fs::create_dir_all(&folder).map_err(|why| format!("{}: {why}", folder.display()))?;
+        Ok(Self {
+            program: whole(&asked.program)?,
+            data: whole(&asked.data)?.join(set),
+            folder,
+            limit_s: asked.limit_s,
+            is_asked: asked.only.as_deref().is_none_or(|only| only == set),
+            challenge: asked.challenge,
+            figure: RefCell::new(None),
+            digest: OnceCell::new(),
+        })
+    }
+
+    /// Which of a set's files are not there.
+    pub(super) fn missing(&self, needs: &[&str]) -> Vec<String> {
+        let absent = needs.iter().filter(|name| !self.data.join(name).is_file());
+        absent.map(|name| (*name).to_owned()).collect()
+    }
+
+    /// A file of the set.
+    pub(super) fn data(&self, name: &str) -> Result<String, String> {
+        let path = self.data.join(name);
+        fs::read_to_string(&path).map_err(|why| format!("{}: {why}", path.display()))
+    }
+
+    /// Copies files of the set to where its runs are, unchanged.
+    pub(super) fn copy(&self, names: &[&str]) -> Result<(), String> {
+        names.iter().try_for_each(|name| {
+            let bytes = fs::read(self.data.join(name)).map_err(|why| format!("{name}: {why}"))?;
+            self.write(name, &bytes)
+        })
+    }
+
+    /// A file where the set's runs are.
+    pub(super) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> Result<(), String> {
+        let path = self.folder.join(name);
+        fs::write(&path, bytes).map_err(|why| format!("{}: {why}", path.display()))
+    }
+
+    /// What stands there, empty where nothing does.
+    pub(super) fn read(&self, name: &str) -> String {
+        fs::read_to_string(self.folder.join(name)).unwrap_or_default()
+    }
+
+    /// The set's drawing: the first that a run offers.
+    pub(super) fn offer(&self, page: &Path, caption: &str, says: &str) {
+        let page = fs::read_to_string(page).unwrap_or_default();
+        let mut figure = self.figure.borrow_mut();
+        if let (None, Some(drawing)) = (figure.as_ref(), Svg::of_page(&page, caption)) {
+            *figure = Some(Figure { caption: says.to_owned(), drawing });
+        }
+    }
+
+    pub(super) fn figure(&self) -> Option<Figure> {
+        self.figure.borrow_mut().take()
+    }
+
+    /// Runs `trued WORDS` in the set's folder; `run` names it, `OUT` in the words is its own folder.
+    pub(super) fn ask(&self, run: &str, words: &[&str]) -> Result<Answer, String> {
+        let out = self.folder.join(run);
+        let kept = self.folder.join(format!("{run}.kept"));
+        let key = self.key(words)?;
+        let before = fs::read_to_string(&kept).unwrap_or_default();
+        if let Some(outcome) = before.strip_prefix(&format!("{key}\n")) {
+            return Ok(outcome_of(outcome, out));
+        }
+        if !self.is_asked {
+            return Ok(Answer::NotRun);
+        }
+        if out.exists() {
+            fs::remove_dir_all(&out).map_err(|why| format!("{}: {why}", out.display()))?;
+        }
+        let place = run.to_owned();
+        let words: Vec<String> = words.iter().map(|word| word.replace("OUT", &place)).collect();
+        // A command that writes single files finds its folder there; one that must find it empty does.
+        fs::create_dir_all(&out).map_err(|why| format!("{}: {why}", out.display()))?;
+        let outcome = self.run(run, &words)?;
+        fs::write(&kept, format!("{key}\n{outcome}")).map_err(|why| why.to_string())?;
+        Ok(outcome_of(&outcome, out))
+    }
+
+    /// `done`, `late SECONDS` or `refused WHY`.
+    fn run(&self, run: &str, words: &[String]) -> Result<String, String> {
+        let log = self.folder.join(format!("{run}.log"));
+        let file = fs::File::create(&log).map_err(|why| format!("{}: {why}", log.display()))?;
+        let mut command = Command::new(&self.program);
+        command.args(words).current_dir(&self.folder).env("NO_COLOR", "1");
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(file);
+        let child = command.spawn().map_err(|why| format!("{}: {why}", self.program.display()))?;
+        let Some(status) = within(child, self.limit_s)? else {
+            return Ok(format!("late {}", self.limit_s));
+        };
+        let said = fs::read_to_string(&log).unwrap_or_default();
+        // 1 is an answer too: a check that found faults.
+        Ok(match status.code() {
+            Some(0 | 1) => "done".to_owned(),
+            _ => {
+                // The first fault of several stands under a line that counts them.
+                let why = said.lines().find_map(|line| line.strip_prefix("error: "));
+                let why = why.unwrap_or("without a word").trim_start_matches("error: ");
+                format!("refused {why}")
+            }
+        })
+    }
+
+    /// The program, the words, and the bytes of every file here that a word names, with its mapping and its TOML.
+    fn key(&self, words: &[&str]) -> Result<String, String> {
+        let mut hash = Sha256::new();
+        if self.digest.get().is_none() {
+            let program = fs::read(&self.program)
+                .map_err(|why| format!("{}: {why}", self.program.display()))?;
+            self.digest.get_or_init(|| Sha256::digest(program).to_vec());
+        }
+        hash.update(self.digest.get().map_or(&[][..], Vec::as_slice));
+        for word in words {
+            hash.update(word.as_bytes());
+            let path = self.folder.join(word);
+            for path in
+                [path.clone(), path.with_extension("mapping.toml"), path.with_extension("toml")]
+            {
+                if path.is_file() {
+                    hash.update(fs::read(&path).map_err(|why| why.to_string())?);
+                }
+            }
+            hash.update([0]);
+        }
+        Ok(hash.finalize().iter().fold(String::new(), |mut text, byte| {
+            let _ = write!(text, "{byte:02x}");
+            text
+        }))
+    }
+}
+
+fn outcome_of(outcome: &str, out: PathBuf) -> Answer {
+    match outcome.split_once(' ') {
+        Some(("late", seconds)) => Answer::Late(seconds.parse().unwrap_or(0.0)),
+        Some(("refused", why)) => Answer::Refused(why.to_owned()),
+        _ => Answer::Done(out),
+    }
+}
+
+/// How a child ended; none where it had to be ended.
+fn within(mut child: Child, limit_s: f64) -> Result<Option<ExitStatus>, String> {
+    let start = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait().map_err(|why| why.to_string())? {
+            return Ok(Some(status));
+        }
+        if start.elapsed().as_secs_f64() > limit_s {
+            child.kill().map_err(|why| why.to_string())?;
+            child.wait().map_err(|why| why.to_string())?;
+            return Ok(None);
+        }
+        std::thread::sleep(Duration::from_millis(200));
+    }
+}
+
+/// The JSON of a file; null where there is none.
+pub(super) fn json(path: &Path) -> serde_json::Value {
+    let text = fs::read_to_string(path).unwrap_or_default();
+    serde_json::from_str(&text).unwrap_or_default()
+}

@@ -1,0 +1,56 @@
+//! The sets, in the order of the document: what each is, what the program is given, and where its reference figures come from.
+//!
+//! Promises: what stands here are facts of the set and of its authors. Never: a statement about a run.
+
+mod challenge;
+mod emps;
+mod forces;
+mod link_encoder;
+mod tracker;
+mod ur10e;
+mod workpiece;
+
+use super::bench::Bench;
+use super::case::Case;
+
+/// A set.
+pub(super) struct Set {
+    pub(super) name: &'static str,
+    /// What it is, in a sentence.
+    pub(super) what: &'static str,
+    pub(super) source: &'static str,
+    /// What the model holds that the program is given.
+    pub(super) given: &'static str,
+    pub(super) needs: &'static [&'static str],
+    /// Why it is not run at all.
+    pub(super) cannot: Option<&'static str>,
+    pub(super) run: fn(&Bench) -> Result<Vec<Case>, String>,
+}
+
+/// All sets.
+pub(super) const SETS: &[Set] = &[
+    emps::SET,
+    ur10e::SET,
+    link_encoder::SET,
+    tracker::IRB120,
+    tracker::MOTOMAN,
+    tracker::SWEEPS,
+    tracker::HILTI,
+    Set {
+        name: "dlr-elastic",
+        what: "A humanoid's arm and torso, two markers seen by cameras, 500 poses.",
+        source: "github.com/dlr-alr/dlr-elastic-calibration",
+        given: "",
+        needs: &[],
+        cannot: Some(
+            "its nominal geometry and masses are published in an image only, and it is a branched body",
+        ),
+        run: |_| Ok(Vec::new()),
+    },
+    forces::TURNING,
+    forces::MILLING,
+    forces::BEAM,
+    workpiece::TAP,
+    workpiece::SURFACE,
+    challenge::SET,
+];

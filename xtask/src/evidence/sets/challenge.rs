@@ -1,0 +1,247 @@
+//! The blind challenge, and effects added to real recordings of torque.
+//!
+//! Never: a case chosen; seeds are fixed.
+
+use serde_json::Value;
+
+use super::super::bench::{Answer, Bench, json};
+use super::super::case::{Case, Judged, shown, why};
+use super::Set;
+
+/// First answer right where z is at least so much: of drawn cases, of injected ones.
+const DRAWN: [(f64, f64); 3] = [(20.0, 0.90), (40.0, 0.97), (80.0, 0.98)];
+const INJECTED: [(f64, f64); 3] = [(10.0, 0.70), (20.0, 0.90), (40.0, 0.97)];
+
+pub(super) const SET: Set = Set {
+    name: "challenge",
+    what: "The project's own blind challenge ([challenge.md](../challenge.md)): sealed cases of a generator that shares no physics with the program, whose answers are hashed before the truth is opened.",
+    source: "`trued challenge`",
+    given: "a model and a recording per case.",
+    needs: &[],
+    cannot: None,
+    run,
+};
+
+fn run(bench: &Bench) -> Result<Vec<Case>, String> {
+    let Some(count) = bench.challenge else {
+        return Ok(vec![not_asked("blind cases", "an effect, or none, in every case")]);
+    };
+    let count = count.to_string();
+    let mut cases = Vec::new();
+    for domain in ["position", "torque"] {
+        for (tier, concealed) in
+            [("", "an effect or several, or none"), ("null", "nothing: no name is right")]
+        {
+            let run = if tier.is_empty() { domain.to_owned() } else { format!("{domain}-{tier}") };
+            let mut words = vec![
+                "challenge",
+                "--domain",
+                domain,
+                "--cases",
+                &count,
+                "--seed",
+                "1",
+                "--threads",
+                "2",
+                "--out",
+                "OUT/all",
+                "--json",
+                "OUT/said.json",
+            ];
+            if !tier.is_empty() {
+                words.extend(["--tier", tier]);
+            }
+            let answer = bench.ask(&run, &words)?;
+            let name = if tier.is_empty() {
+                format!("{domain}, all tiers")
+            } else {
+                format!("{domain}, nothing missing")
+            };
+            let mut case = plain(&name, concealed, &words, &answer);
+            if let Answer::Done(folder) = &answer {
+                judge(&mut case, &json(&folder.join("said.json")), &count);
+            }
+            cases.push(case);
+        }
+    }
+    Ok(cases)
+}
+
+fn plain(name: &str, concealed: &str, words: &[&str], answer: &Answer) -> Case {
+    let verdict = why(answer);
+    Case {
+        name: name.to_owned(),
+        concealed: concealed.to_owned(),
+        command: shown(words),
+        short: verdict.clone(),
+        verdict,
+        was_run: !matches!(answer, Answer::NotRun),
+        ..Case::default()
+    }
+}
+
+fn not_asked(name: &str, concealed: &str) -> Case {
+    Case {
+        name: name.to_owned(),
+        concealed: concealed.to_owned(),
+        command: "cargo xtask evidence --challenge CASES".to_owned(),
+        verdict: "not run".to_owned(),
+        short: "not run".to_owned(),
+        ..Case::default()
+    }
+}
+
+/// The figures that have a bar; of too few cases, one that says nothing is left out.
+fn judge(case: &mut Case, said: &Value, count: &str) {
+    case.verdict =
+        format!("{count} cases, sealed {}", said["sealed_sha256"].as_str().unwrap_or("?"));
+    case.short = format!("{count} cases");
+    let share = |value: f64| format!("{:.1} %", 100.0 * value);
+    for (z, bar) in DRAWN {
+        let bins = said["first_right_at_z"].as_array().into_iter().flatten();
+        let Some(bin) = bins.into_iter().find(|bin| bin["from"] == z) else { continue };
+        let Some(right) = bin["first_right"].as_f64() else { continue };
+        let what = format!("first answer right, z at least {z} ({} cases)", bin["cases"]);
+        case.judged.push(Judged::new(
+            what,
+            share(right),
+            format!("at least {}", share(bar)),
+            right >= bar,
+        ));
+    }
+    let least = [
+        ("joint_right", "joint right, given the effect", 0.99),
+        ("unknown_recognised", "unknown physics called unknown", 0.95),
+        ("undetermined_recognised", "alike, and said to be so", 0.95),
+        ("gain_vs_oracle_median", "share of the oracle's gain, median", 0.95),
+        ("gain_vs_oracle_p10", "share of the oracle's gain, worst tenth", 0.85),
+    ];
+    for (key, what, bar) in least {
+        if let Some(value) = said[key].as_f64() {
+            case.judged.push(Judged::new(
+                what,
+                share(value),
+                format!("at least {}", share(bar)),
+                value >= bar,
+            ));
+        }
+    }
+    for (key, what, bar) in [
+        ("false_findings_on_nulls", "false findings where nothing is missing", 0.01),
+        ("named_wrong", "wrong names among names", 0.03),
+    ] {
+        if let Some(value) = said[key].as_f64() {
+            case.judged.push(Judged::new(
+                what,
+                share(value),
+                format!("at most {}", share(bar)),
+                value <= bar,
+            ));
+        }
+    }
+    if let Some(value) = said["coverage95"].as_f64() {
+        case.judged.push(Judged::new(
+            "95 % intervals hold",
+            share(value),
+            "93 to 97 %",
+            (0.93..=0.97).contains(&value),
+        ));
+    }
+}
+
+/// Effects of torque added to real recordings of the set.
+pub(super) fn injected(
+    bench: &Bench,
+    model: &str,
+    mapping: &str,
+    recordings: &[&str],
+) -> Result<Case, String> {
+    let (name, concealed) = (
+        "effects added to the real recording",
+        "each law of the torque table in turn, at z of 10, 20 and 40, joints by chance",
+    );
+    if bench.challenge.is_none() {
+        return Ok(not_asked(name, concealed));
+    }
+    let mut words = vec![
+        "challenge",
+        "--model",
+        model,
+        "--mapping",
+        mapping,
+        "--seed",
+        "1",
+        "--threads",
+        "2",
+        "--out",
+        "OUT/all",
+        "--json",
+        "OUT/said.json",
+        "--inject",
+    ];
+    words.extend(recordings);
+    let answer = bench.ask("injected", &words)?;
+    let mut case = plain(name, concealed, &words, &answer);
+    let Answer::Done(folder) = &answer else { return Ok(case) };
+    let said = json(&folder.join("said.json"));
+    for (z, bar) in INJECTED {
+        let at = said["at_z"].as_array().into_iter().flatten().find(|one| one["z"] == z);
+        if let Some((one, right)) = at.and_then(|one| Some((one, one["share"].as_f64()?))) {
+            let measured = format!("{right:.2} ({} of {})", one["right"], one["cases"]);
+            case.judged.push(Judged::new(
+                format!("first answer right at z of {z}"),
+                measured,
+                format!("at least {bar:.2}"),
+                right >= bar,
+            ));
+        }
+    }
+    unanswered(&mut case, &said);
+    case.verdict = "answered".to_owned();
+    case.short = "see the section".to_owned();
+    Ok(case)
+}
+
+/// What was added and not found, and what could not be added.
+fn unanswered(case: &mut Case, said: &Value) {
+    let wrong = said["cases"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter(|one| one["counts"] == true && one["right"] == false);
+    for one in wrong {
+        let joint = one["joint"].as_u64().map_or(String::new(), |joint| format!(" {joint}"));
+        let instead = one["first_new"].as_str().unwrap_or("nothing");
+        case.short_of.push(format!(
+            "Added {}{joint} at z of {}: answered {}.",
+            one["effect"].as_str().unwrap_or("").replace('_', " "),
+            report::significant(one["z"].as_f64().unwrap_or(f64::NAN), 2),
+            instead.replace('_', " ")
+        ));
+    }
+    let mut barred: Vec<String> = said["cannot_be_added"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(|one| Some(words_of(one.as_str()?.split(' ').next()?)))
+        .collect();
+    barred.dedup();
+    if !barred.is_empty() {
+        case.short_of.push(format!(
+            "Cannot be added, as no size that a robot has shows beside what is fitted anyway: {}.",
+            barred.join(", ")
+        ));
+    }
+}
+
+/// `SpringHardening` as `spring hardening`.
+fn words_of(name: &str) -> String {
+    let mut text = String::new();
+    for letter in name.chars() {
+        if letter.is_uppercase() && !text.is_empty() {
+            text.push(' ');
+        }
+        text.extend(letter.to_lowercase());
+    }
+    text
+}

@@ -1,0 +1,321 @@
+//! EMPS: one linear axis, force and position, two experiments of which one is never seen by choice or fit.
+//!
+//! Never: a mass or a friction told, but in the cases that say so.
+
+use super::super::bench::{Answer, Bench};
+use super::super::case::{Case, Errors, Judged, Reference};
+use super::super::said::{Found, Said};
+use super::super::sheet::{Sheet, with_about};
+use super::Set;
+use super::challenge::injected;
+
+const SLIDE: &str = include_str!("emps.toml");
+const MAPPING: &str = include_str!("../../../../deploy/mappings/emps.mapping.toml");
+const TRAIN: &str = "DATA_EMPS.csv";
+const UNSEEN: &str = "DATA_EMPS_PULSES.csv";
+/// What the authors found of dry friction, N.
+const LEVEL_N: f64 = 20.4;
+
+pub(super) const SET: Set = Set {
+    name: "emps",
+    what: "EMPS, one linear axis driven through a ball screw at 1 kHz: force and position, 24.8 s each. `DATA_EMPS` trains; `DATA_EMPS_PULSES`, another experiment with pulses of \
+           force, is seen by no choice and no fit. Errors are shares of the root mean square of its force.",
+    source: "Janot, Gautier, Brunot 2019, nonlinearbenchmark.org",
+    given: "one level prismatic joint without mass and without friction; what a case says besides.",
+    needs: &[TRAIN, UNSEEN],
+    cannot: None,
+    run,
+};
+
+fn run(bench: &Bench) -> Result<Vec<Case>, String> {
+    bench.copy(&[TRAIN, UNSEEN])?;
+    bench.write("DATA_EMPS.mapping.toml", MAPPING)?;
+    bench.write("DATA_EMPS_PULSES.mapping.toml", with_about(MAPPING, "heldout = \"all\""))?;
+    bench.write("slide.toml", SLIDE)?;
+    let viscous = "\n[[effect]]\nkind = \"viscous_friction\"\njoint = 1\ncoefficient = 200.0\nsigma = { coefficient = 100.0 }\n";
+    bench.write("viscous.toml", format!("{SLIDE}{viscous}"))?;
+    let mut cases = vec![dry(bench, "40")?, dry(bench, "100")?];
+    for band in ["40", "100"] {
+        cases.push(nothing_told(bench, band)?);
+    }
+    cases.push(leak(bench)?);
+    cases.push(consistent(bench)?);
+    cases.push(injected(bench, "slide.toml", "DATA_EMPS.mapping.toml", &[TRAIN])?);
+    Ok(cases)
+}
+
+/// The share of the unseen experiment's force, %.
+fn share(said: &Said, rms: f64) -> f64 {
+    let force = said.joint(1).and_then(|joint| joint["torque_rms"].as_f64());
+    100.0 * rms / force.unwrap_or(f64::NAN)
+}
+
+fn errors(said: &Said) -> Errors {
+    let of = |key: &str| share(said, said.number(key));
+    Errors {
+        before: of("heldout_rms_before"),
+        after: of("heldout_rms_after"),
+        unit: "%",
+        of: "force error on the unseen experiment",
+    }
+}
+
+/// All dry friction concealed, what grows with speed known roughly.
+fn dry(bench: &Bench, band: &str) -> Result<Case, String> {
+    let words = [
+        "diagnose",
+        "--model",
+        "viscous.toml",
+        "--band",
+        band,
+        "--seed",
+        "1",
+        "--out",
+        "OUT",
+        TRAIN,
+        UNSEEN,
+    ];
+    let answer = bench.ask(&format!("dry-{band}"), &words)?;
+    let name = format!("dry friction, {band} Hz");
+    let concealed = "all dry friction and the mass; viscous friction is stated as 200 ± 100 N s/m";
+    let (mut case, said) = Case::of(&name, concealed, &words, &answer, "torque");
+    let Some(said) = said else { return Ok(case) };
+    case.errors = Some(errors(&said));
+    case.reference = Some(match band {
+        "100" => Reference {
+            value: Some(5.98),
+            says: "5.98 % across experiments with symmetric friction, 100 Hz (authors' description of EMPS)",
+        },
+        _ => Reference { value: None, says: "the authors give 100 Hz alone" },
+    });
+    let first = said.findings().next();
+    let is_first = first.as_ref().is_some_and(|one| one.effect() == "coulomb_friction");
+    let named = first.as_ref().map_or("nothing".to_owned(), Found::name);
+    case.judged.push(Judged::new("named first", named, "coulomb friction 1", is_first));
+    let dry = said.finding("coulomb_friction", Some(1));
+    if band == "40" {
+        let alone =
+            dry.as_ref().map_or(f64::NAN, |one| share(&said, one.number("heldout_rms_after")));
+        let whole = share(&said, said.number("heldout_rms_after"));
+        case.judged.push(Judged::at_most("force error with all that was named", whole, 5.7, "%"));
+        case.judged.push(Judged::at_most("force error with dry friction alone", alone, 5.7, "%"));
+    }
+    let level = dry.and_then(|one| one.parameter("level_N"));
+    case.judged.push(Judged::holds("its level, 95 %, N", level, LEVEL_N));
+    Ok(case)
+}
+
+/// The words of the run that is told nothing.
+fn plain(band: &'static str) -> Vec<&'static str> {
+    let words = [
+        "diagnose",
+        "--model",
+        "slide.toml",
+        "--band",
+        band,
+        "--seed",
+        "1",
+        "--out",
+        "OUT",
+        TRAIN,
+        UNSEEN,
+    ];
+    words.to_vec()
+}
+
+fn nothing_told(bench: &Bench, band: &'static str) -> Result<Case, String> {
+    let words = plain(band);
+    let answer = bench.ask(&format!("plain-{band}"), &words)?;
+    if let (Answer::Done(folder), "40") = (&answer, band) {
+        bench.offer(
+            &folder.join("report.html"),
+            "What the torque is off by over time",
+            "What the force is off by over time, nothing told, 40 Hz: recorded minus model, as given and with what was found.",
+        );
+    }
+    let name = format!("nothing told, {band} Hz");
+    let (mut case, said) =
+        Case::of(&name, "mass, every friction, delay", &words, &answer, "torque");
+    let Some(said) = said else { return Ok(case) };
+    case.errors = Some(errors(&said));
+    case.reference = Some(Reference {
+        value: (band == "100").then_some(5.98),
+        says: match band {
+            "100" => {
+                "5.98 % across experiments with symmetric friction, 100 Hz; with asymmetric friction the authors give 3.11 % on the experiment that trained"
+            }
+            _ => "the authors give 100 Hz alone",
+        },
+    });
+    if band != "40" {
+        return Ok(case);
+    }
+    for (effect, name) in [
+        ("coulomb_friction", "dry friction"),
+        ("friction_asymmetry", "friction that differs by direction"),
+    ] {
+        let found = said.finding(effect, Some(1)).is_some();
+        case.judged.push(Judged::new(
+            name,
+            if found { "named" } else { "not named" },
+            "named",
+            found,
+        ));
+    }
+    case.judged.push(delay_or_zone(&said));
+    let whole = share(&said, said.number("heldout_rms_after"));
+    case.judged.push(Judged::at_most("force error, all samples", whole, 4.0, "%"));
+    let outside = said.joint(1).and_then(|joint| joint["heldout_rms_after_outside"].as_f64());
+    let outside = share(&said, outside.unwrap_or(f64::NAN));
+    case.judged.push(Judged::at_most(
+        "force error outside the zone that it located itself",
+        outside,
+        2.8,
+        "%",
+    ));
+    let stribeck = said.finding("stribeck_friction", None).and_then(|one| one.parameter("level_N"));
+    let negative = stribeck.is_some_and(|(level, _)| level < 0.0);
+    case.judged.push(Judged::new(
+        "Stribeck friction of the wrong sign",
+        if negative { "told" } else { "none" },
+        "none",
+        !negative,
+    ));
+    Ok(case)
+}
+
+/// A delay of 0.7 to 0.8 ms, or the zone of low speed.
+fn delay_or_zone(said: &Said) -> Judged {
+    let delay = said.finding("torque_delay", None).and_then(|one| one.parameter("delay_ms"));
+    let zone = said.list("notes").iter().any(|note| {
+        note.as_str().is_some_and(|note| note.contains("follows no law that is known"))
+    });
+    let of_delay = delay.map_or("no delay".to_owned(), |(ms, _)| {
+        format!("{:.2} ms between force and motion", ms.abs())
+    });
+    let of_zone = if zone { "a zone of low speed" } else { "no zone" };
+    let right = delay.is_some_and(|(ms, _)| (0.7..=0.8).contains(&ms.abs()));
+    Judged::new(
+        "a delay or the zone of low speed",
+        format!("{of_delay}; {of_zone}"),
+        "0.7 to 0.8 ms, or the zone",
+        right || zone,
+    )
+}
+
+/// The controller's tracking error stands in the file as a column.
+fn leak(bench: &Bench) -> Result<Case, String> {
+    for name in [TRAIN, UNSEEN] {
+        let sheet = Sheet::read(&bench.data(name)?);
+        let [asked, measured] = ["q_ref_m", "q_meas_m"].map(|column| sheet.numbers(column));
+        let with = sheet.with("tracking_error_m", |k| format!("{:.9}", asked[k] - measured[k]));
+        let stem = name.trim_end_matches(".csv");
+        bench.write(&format!("{stem}_leak.csv"), with.text())?;
+        bench.write(
+            &format!("{stem}_leak.mapping.toml"),
+            bench.read(&format!("{stem}.mapping.toml")),
+        )?;
+    }
+    let words = [
+        "diagnose",
+        "--model",
+        "slide.toml",
+        "--band",
+        "40",
+        "--seed",
+        "1",
+        "--out",
+        "OUT",
+        "DATA_EMPS_leak.csv",
+        "DATA_EMPS_PULSES_leak.csv",
+    ];
+    let answer = bench.ask("leak", &words)?;
+    let plain = bench.ask("plain-40", &plain("40"))?;
+    let concealed = "as before; the controller's tracking error stands in both files, as commanded minus measured position and as a column";
+    let (mut case, said) =
+        Case::of("tracking error as a column", concealed, &words, &answer, "torque");
+    let (Some(said), Answer::Done(plain)) = (said, plain) else { return Ok(case) };
+    case.errors = Some(errors(&said));
+    let plain = Said::of(&plain, "torque");
+    let same = said.list("findings") == plain.list("findings");
+    let told = if same { "the same as without it" } else { "others than without it" };
+    case.judged.push(Judged::new("findings", told, "the same as without it", same));
+    Ok(case)
+}
+
+/// A full simulation with the real residuals as noise, judged by the model that it was made of.
+fn consistent(bench: &Bench) -> Result<Case, String> {
+    let name = "full simulation with real residuals as noise";
+    let words = [
+        "diagnose",
+        "--model",
+        "full.toml",
+        "--band",
+        "40",
+        "--seed",
+        "1",
+        "--out",
+        "OUT",
+        "noisy.csv",
+    ];
+    let concealed = "nothing: force simulated along the measured motion (smoothed over 0.02 s) by the model itself, of 95.1 kg and with all that it found, plus what the real force differs by, reversed in time and \
+                     turned by a third of the recording";
+    let plain = bench.ask("plain-40", &plain("40"))?;
+    let Answer::Done(found) = &plain else {
+        return Ok(Case::of(name, concealed, &words, &plain, "torque").0);
+    };
+    let model = std::fs::read_to_string(found.join("model.toml")).map_err(|why| why.to_string())?;
+    let mass = "limits_mm = [-500.0, 500.0]\nlink = { mass_kg = 95.1, com_mm = [0.0, 0.0, 0.0] }";
+    bench.write("full.toml", model.replacen("limits_mm = [-500.0, 500.0]", mass, 1))?;
+    let real = Sheet::read(&bench.data(TRAIN)?);
+    let [t_s, place, volts] = ["t_s", "q_meas_m", "vir_V"].map(|column| real.numbers(column));
+    let place = smooth(&place);
+    let gain = toml_scale(MAPPING);
+    let force: Vec<f64> = volts.iter().map(|volts| gain * volts).collect();
+    let rows = |force: &dyn Fn(usize) -> f64| -> String {
+        let line = |k: usize| format!("{},{:.9},{:.6}\n", t_s[k], place[k], force(k));
+        std::iter::once("t_s,qa1_m,tau1_N\n".to_owned()).chain((0..t_s.len()).map(line)).collect()
+    };
+    bench.write("motion.csv", rows(&|k| force[k]))?;
+    let simulated = bench.ask(
+        "simulated",
+        &["simulate", "--model", "full.toml", "--out", "OUT/sim", "--seed", "1", "motion.csv"],
+    )?;
+    let Answer::Done(simulated) = &simulated else {
+        return Ok(Case::of(name, concealed, &words, &simulated, "torque").0);
+    };
+    let text = std::fs::read_to_string(simulated.join("sim.csv")).map_err(|why| why.to_string())?;
+    let exact = Sheet::read(&text).numbers("tau1_N");
+    let count = exact.len().min(force.len());
+    let noise = |k: usize| {
+        let at = (count - 1 - k + count / 3) % count;
+        force[at] - exact[at]
+    };
+    bench.write("noisy.csv", rows(&|k| if k < count { exact[k] + noise(k) } else { 0.0 }))?;
+    let answer = bench.ask("consistent", &words)?;
+    let (mut case, said) = Case::of(name, concealed, &words, &answer, "torque");
+    if let Some(said) = said {
+        case.rms(&said, "N");
+        let is_so = said.verdict() == "consistent";
+        case.judged.push(Judged::new("verdict", said.verdict(), "consistent", is_so));
+    }
+    Ok(case)
+}
+
+/// Three running means over 7 samples: what is differentiated twice must not carry the encoder's steps.
+fn smooth(values: &[f64]) -> Vec<f64> {
+    let mean = |values: &[f64], k: usize| {
+        let reach = 3.min(k).min(values.len() - 1 - k);
+        let part = &values[k - reach..=k + reach];
+        part.iter().sum::<f64>() / part.len() as f64
+    };
+    let once = |values: &[f64]| (0..values.len()).map(|k| mean(values, k)).collect::<Vec<f64>>();
+    once(&once(&once(values)))
+}
+
+/// The drive's gain, N per V, as the mapping has it.
+fn toml_scale(mapping: &str) -> f64 {
+    let after = mapping.split_once("scale = ").map_or("", |(_, rest)| rest);
+    let number: String = after.chars().take_while(|c| c.is_ascii_digit() || *c == '.').collect();
+    number.parse().unwrap_or(f64::NAN)
+}

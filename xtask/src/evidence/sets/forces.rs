@@ -1,0 +1,291 @@
+//! Forces and vibration of real cuts, and of a beam whose tone changes at a known time.
+
+use serde_json::Value;
+
+use super::super::bench::{Answer, Bench, json};
+use super::super::case::{Case, Judged, Reference, why};
+use super::super::said::Said;
+use super::Set;
+
+const TURNED: &str = include_str!("../../../../deploy/mappings/turning-force.mapping.toml");
+const MILLED: &str = include_str!("../../../../deploy/mappings/milling-chatter.mapping.toml");
+
+pub(super) const TURNING: Set = Set {
+    name: "turning-force",
+    what: "Turning of steel, three forces and a tacho at 10 kHz, 6.5 s: air, entry, cut, exit. By its authors' figures a stable cut.",
+    source: "github.com/mati-paredes/Turning-Cutting-Forces",
+    given: "depth, feed and the authors' cutting coefficient, in the mapping; no model.",
+    needs: &["f416_a100.csv"],
+    cannot: None,
+    run: turning,
+};
+
+pub(super) const MILLING: Set = Set {
+    name: "milling-chatter",
+    what: "Milling, one accelerometer at 10 kHz, 8 s, 4 teeth at 5000 rev/min; the file carries the one label \"chatter\". Its largest line is an electrical tone at 150 Hz.",
+    source: "github.com/mhrahimi/Real-time-chatter-detection-using-AutoML-CNN, MIT licence",
+    given: "the spindle's speed; no model.",
+    needs: &["N255_S5000_accY.csv"],
+    cannot: None,
+    run: milling,
+};
+
+pub(super) const BEAM: Set = Set {
+    name: "beam-tone",
+    what: "A steel beam on a shaker, force and acceleration at 3200 Hz; the tones change at a known time, 9.75 s into test 3.",
+    source: "github.com/PujaChowdhury/Dataset-4-Univariate-signal-with-non-stationarity, CC BY-SA 4.0",
+    given: "nothing but the samples.",
+    needs: &["test_2_ds16.lvm", "test_3_ds16.lvm"],
+    cannot: None,
+    run: beam,
+};
+
+fn turning(bench: &Bench) -> Result<Vec<Case>, String> {
+    bench.copy(&["f416_a100.csv"])?;
+    bench.write("f416_a100.mapping.toml", TURNED)?;
+    let words = ["diagnose", "--seed", "1", "--out", "OUT", "f416_a100.csv"];
+    let answer = bench.ask("cut", &words)?;
+    let (mut case, said) = Case::of(
+        "phases and chatter",
+        "when the tool cuts; whether it chatters; what the sensor reads by itself",
+        &words,
+        &answer,
+        "force",
+    );
+    if let (Some(said), Answer::Done(folder)) = (said, &answer) {
+        bench.offer(
+            &folder.join("report.html"),
+            "How far the signal is",
+            "How far the signal is from where it is quiet: the phases of the cut.",
+        );
+        case.rms(&said, "N");
+        case.reference = Some(Reference {
+            value: None,
+            says: "means of the cut 250.9, 287.8, 725.6 N and K_s of 1609.5 N/mm² (the authors' tables)",
+        });
+        phases(&said, &mut case);
+        let chatter = said.finding("chatter", None).is_some();
+        case.judged.push(Judged::new(
+            "chatter",
+            if chatter { "named" } else { "none" },
+            "none",
+            !chatter,
+        ));
+    }
+    let words =
+        ["spectrum", "--json", "OUT/said.json", "--report", "OUT/report.html", "f416_a100.csv"];
+    let watch = bench.ask("watch", &words)?;
+    let mut watched = listened("the vibration watch", "whether it chatters", &words, &watch);
+    if let Answer::Done(folder) = &watch {
+        let alarms = alarms(&json(&folder.join("said.json")));
+        let told = lines(&alarms);
+        watched.judged.push(Judged::new("alarms", told, "none", alarms.is_empty()));
+    }
+    Ok(vec![case, watched])
+}
+
+/// Air, cut and exit, and the forces of the cut.
+fn phases(said: &Said, case: &mut Case) {
+    let all = said.list("phases");
+    let states: Vec<&str> = all.iter().filter_map(|one| one["state"].as_str()).collect();
+    let apart = ["air", "cut", "exit"].iter().all(|state| states.contains(state));
+    case.judged.push(Judged::new(
+        "phases",
+        states.join(", "),
+        "air, cut and exit told apart",
+        apart,
+    ));
+    for one in all {
+        let number = |key: &str| report::significant(one[key].as_f64().unwrap_or(f64::NAN), 3);
+        let mean: Vec<String> = one["mean"]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .map(|x| report::significant(x.as_f64().unwrap_or(f64::NAN), 3))
+            .collect();
+        let state = one["state"].as_str().unwrap_or("");
+        case.said.push(format!(
+            "{state} from {} to {} s: {} {} in the mean",
+            number("from_s"),
+            number("to_s"),
+            mean.join(", "),
+            said.text("unit")
+        ));
+    }
+    case.said.extend(
+        said.list("notes")
+            .iter()
+            .filter_map(|note| note.as_str())
+            .map(super::super::case::sentence),
+    );
+}
+
+fn milling(bench: &Bench) -> Result<Vec<Case>, String> {
+    bench.copy(&["N255_S5000_accY.csv"])?;
+    bench.write("N255_S5000_accY.mapping.toml", MILLED)?;
+    let words = ["diagnose", "--seed", "1", "--out", "OUT", "N255_S5000_accY.csv"];
+    let answer = bench.ask("cut", &words)?;
+    let concealed = "when the tool cuts; whether it chatters, and where";
+    let (mut case, said) = Case::of("chatter", concealed, &words, &answer, "force");
+    let reference = || {
+        Some(Reference {
+            value: None,
+            says: "684 Hz from 4.0 to 5.0 s (our own reading, set's note); the authors' label covers the whole file",
+        })
+    };
+    if let Some(said) = said {
+        case.reference = reference();
+        let tone = said.finding("chatter", None).and_then(|one| one.parameter("frequency_Hz"));
+        let (told, right) = tone.map_or(("not named".to_owned(), false), |(hz, _)| {
+            (format!("{hz:.1} Hz"), (hz - 684.0).abs() < 2.0)
+        });
+        case.judged.push(Judged::new("chatter", told, "684 Hz within 2", right));
+    }
+    let words = [
+        "spectrum",
+        "--teeth",
+        "4",
+        "--json",
+        "OUT/said.json",
+        "--report",
+        "OUT/report.html",
+        "N255_S5000_accY.csv",
+    ];
+    let watch = bench.ask("watch", &words)?;
+    let mut watched = listened("the vibration watch", concealed, &words, &watch);
+    watched.reference = reference();
+    if let Answer::Done(folder) = &watch {
+        bench.offer(
+            &folder.join("report.html"),
+            "Power density",
+            "Power density of the whole recording, and where the spindle's multiples are.",
+        );
+        let alarms = alarms(&json(&folder.join("said.json")));
+        let near = |hz: f64| alarms.iter().any(|one| (one.1 - hz).abs() < 2.0);
+        let told = lines(&alarms);
+        watched.judged.push(Judged::new("alarms near 684 Hz", told.clone(), "one", near(684.0)));
+        let mains = near(150.0);
+        watched.judged.push(Judged::new(
+            "alarm of the electrical tone at 150 Hz",
+            if mains { "alarmed" } else { "none" },
+            "none",
+            !mains,
+        ));
+    }
+    Ok(vec![case, watched])
+}
+
+fn beam(bench: &Bench) -> Result<Vec<Case>, String> {
+    let mut cases = Vec::new();
+    for (name, file) in [("test 2", "test_2_ds16.lvm"), ("test 3", "test_3_ds16.lvm")] {
+        bench.copy(&[file])?;
+        let words = ["spectrum", "--json", "OUT/said.json", "--report", "OUT/report.html", file];
+        let run = file.trim_end_matches(".lvm");
+        let answer = bench.ask(run, &words)?;
+        let mut case = listened(name, "which tones, and when they change", &words, &answer);
+        if let Answer::Done(folder) = &answer {
+            if name == "test 3" {
+                bench.offer(
+                    &folder.join("report.html"),
+                    "Power density",
+                    "Test 3: power density of the whole recording.",
+                );
+                let said = json(&folder.join("said.json"));
+                let first = said["events"]
+                    .as_array()
+                    .into_iter()
+                    .flatten()
+                    .filter(|one| one["channel"] == "Acceleration")
+                    .filter_map(|one| one["t_s"].as_f64())
+                    .filter(|t| *t > 9.75)
+                    .fold(f64::INFINITY, f64::min);
+                case.judged.push(Judged::at_most(
+                    "from the change at 9.75 s to the first event on the accelerometer",
+                    first - 9.75,
+                    0.5,
+                    "s",
+                ));
+            }
+            let said = json(&folder.join("said.json"));
+            let chatter = said["episodes"]
+                .as_array()
+                .into_iter()
+                .flatten()
+                .any(|one| one["alarm_s"].is_number() && one["class"] == "chatter");
+            let told = if chatter { "said" } else { "not said" };
+            case.judged.push(Judged::new(
+                "chatter, where nothing cuts",
+                told,
+                "not said",
+                !chatter,
+            ));
+            case.reference = Some(Reference {
+                value: None,
+                says: "tones of 100, 120, 150 Hz and the change as the set's readme has them",
+            });
+        }
+        cases.push(case);
+    }
+    Ok(cases)
+}
+
+/// What `trued spectrum` said: its alarms in words.
+fn listened(name: &str, concealed: &str, words: &[&str], answer: &Answer) -> Case {
+    let mut case = Case {
+        name: name.to_owned(),
+        concealed: concealed.to_owned(),
+        command: super::super::case::shown(words),
+        verdict: why(answer),
+        ..Case::default()
+    };
+    case.short.clone_from(&case.verdict);
+    case.was_run = !matches!(answer, Answer::NotRun);
+    let Answer::Done(folder) = answer else { return case };
+    let said = json(&folder.join("said.json"));
+    let alarms = alarms(&said);
+    case.verdict = if alarms.is_empty() {
+        "no alarm".to_owned()
+    } else {
+        format!("alarms at {}", lines(&alarms))
+    };
+    case.short.clone_from(&case.verdict);
+    let known = said["episodes"].as_array().into_iter().flatten();
+    let mut told: Vec<String> = known.filter(|one| one["alarm_s"].is_number()).map(event).collect();
+    let more = told.len().saturating_sub(8);
+    told.truncate(8);
+    told.extend((more > 0).then(|| format!("and {more} more")));
+    case.said = told;
+    case
+}
+
+/// `684.2 Hz on ay_m_s2 at 4.36 s: chatter (or structural)`.
+fn event(one: &Value) -> String {
+    let number = |key: &str, digits: usize| {
+        report::significant(one[key].as_f64().unwrap_or(f64::NAN), digits)
+    };
+    let rivals: Vec<&str> =
+        one["rivals"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+    let rivals =
+        if rivals.is_empty() { String::new() } else { format!(" (or {})", rivals.join(", ")) };
+    format!(
+        "Alarm at {} s: {} Hz on {}, {}{rivals}.",
+        number("alarm_s", 3),
+        number("frequency_Hz", 4),
+        one["channel"].as_str().unwrap_or(""),
+        one["class"].as_str().unwrap_or("").replace('_', " ")
+    )
+}
+
+/// Lines that alarmed: number and frequency, Hz, the strongest first as the program lists them.
+fn alarms(said: &Value) -> Vec<(u64, f64)> {
+    let all = said["episodes"].as_array().into_iter().flatten();
+    let alarmed = all.filter(|one| one["alarm_s"].is_number());
+    alarmed.filter_map(|one| Some((one["line"].as_u64()?, one["frequency_Hz"].as_f64()?))).collect()
+}
+
+fn lines(alarms: &[(u64, f64)]) -> String {
+    let mut all: Vec<String> =
+        alarms.iter().map(|(_, hz)| format!("{} Hz", report::significant(*hz, 4))).collect();
+    all.dedup();
+    if all.is_empty() { "none".to_owned() } else { all.join(", ") }
+}

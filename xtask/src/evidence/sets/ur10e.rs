@@ -1,0 +1,278 @@
+//! UR10e, motor currents: friction, a payload that nobody told of, friction that grows with the load.
+//!
+//! Never: a mass of a link told.
+
+use super::super::bench::{Answer, Bench};
+use super::super::case::{Case, Errors, Judged, Reference};
+use super::super::said::{Found, Said};
+use super::super::sheet::{Sheet, with_about};
+use super::Set;
+use super::challenge::injected;
+use super::tracker::no_single_name;
+
+const PRESET: &str = include_str!("../../../../deploy/presets/ur10e.toml");
+const MAPPING: &str = include_str!("../../../../deploy/mappings/ur10e.mapping.toml");
+const THIRTY: &str = "ur-20_02_10-30sec_12harm.csv";
+const FIFTY: &str = "ur-20_02_12-50sec_12harm.csv";
+const FREE: &str = "ur-20_02_19_14harm50sec.csv";
+const LOADED: &str = "ur-20_02_19_14harm50secLoad.csv";
+const RUNS: [&str; 8] = [
+    THIRTY,
+    FIFTY,
+    FREE,
+    LOADED,
+    "ur-20_01_17-ptp_10_points.csv",
+    "ur-20_01_22-joint_1.csv",
+    "ur-20_01_22-joint_2.csv",
+    "ur-20_01_22-joint_3.csv",
+];
+/// What was weighed, kg.
+const PAYLOAD_KG: f64 = 2.805;
+const WEIGHED: &str = "2.805 kg, weighed (the set's note)";
+
+pub(super) const SET: Set = Set {
+    name: "ur10e",
+    what: "UR10e, joints and motor currents at about 95 Hz with uneven stamps: harmonic motions, point to point, single joints; one run carries 2.805 kg.",
+    source: "github.com/shamilmamedov/dynamic_calibration",
+    given: "the preset `ur10e` without its masses: the published geometry, the drive gains that the authors identified (`torque_per_ampere`), no friction, no payload.",
+    needs: &RUNS,
+    cannot: None,
+    run,
+};
+
+fn run(bench: &Bench) -> Result<Vec<Case>, String> {
+    bench.copy(&RUNS)?;
+    let lines = PRESET.lines().filter(|line| !line.starts_with("link = "));
+    bench.write("ur10e-bare.toml", lines.flat_map(|line| [line, "\n"]).collect::<String>())?;
+    for name in RUNS {
+        bench.write(&name.replace(".csv", ".mapping.toml"), MAPPING)?;
+    }
+    Ok(vec![
+        together(bench)?,
+        alone(bench)?,
+        payload(bench)?,
+        load_friction(bench)?,
+        other(bench)?,
+        injected(bench, "ur10e-bare.toml", "ur-20_02_12-50sec_12harm.mapping.toml", &[FIFTY])?,
+    ])
+}
+
+fn words<'a>(model: &'a str, files: &[&'a str]) -> Vec<&'a str> {
+    let mut words = vec!["diagnose", "--model", model, "--seed", "1", "--out", "OUT"];
+    words.extend(files);
+    words
+}
+
+/// Findings of a payload: in which recording, and how heavy.
+fn payloads(said: &Said) -> Vec<String> {
+    let of = said.findings().filter(|one| one.effect() == "payload");
+    of.map(|one| one.condition().split_once(", in ").map_or("all", |(_, only)| only).to_owned())
+        .collect()
+}
+
+fn mass(said: &Said) -> Option<(f64, [f64; 2])> {
+    said.finding("payload", None)?.parameter("mass_kg")
+}
+
+fn load_shares(said: &Said, case: &mut Case) {
+    for joint in [2, 3] {
+        let found = said.finding("load_friction", Some(joint));
+        let told = found.as_ref().map_or("not named".to_owned(), Found::parameters);
+        let what = format!("load friction of joint {joint}");
+        case.judged.push(Judged::new(what, told, "named", found.is_some()));
+    }
+}
+
+/// Four harmonic runs at once, of which one carries something.
+fn together(bench: &Bench) -> Result<Case, String> {
+    let words = words("ur10e-bare.toml", &[THIRTY, FIFTY, FREE, LOADED]);
+    let answer = bench.ask("together", &words)?;
+    if let Answer::Done(folder) = &answer {
+        bench.offer(
+            &folder.join("report.html"),
+            "What the torque is off by over time",
+            "What the torques are off by over time, four runs at once: recorded minus model, as given and with what was found.",
+        );
+    }
+    let (mut case, said) = Case::of(
+        "four runs at once",
+        "masses, all friction, the payload of one run",
+        &words,
+        &answer,
+        "torque",
+    );
+    let Some(said) = said else { return Ok(case) };
+    case.rms(&said, "Nm");
+    case.reference = Some(Reference { value: None, says: WEIGHED });
+    let named = payloads(&said);
+    let only = named == [format!("{LOADED} alone")];
+    let told = if named.is_empty() { "none".to_owned() } else { named.join("; ") };
+    case.judged.push(Judged::new("payload named in", told, format!("{LOADED} alone"), only));
+    case.judged.push(Judged::holds("its mass, 95 %, kg", mass(&said), PAYLOAD_KG));
+    load_shares(&said, &mut case);
+    Ok(case)
+}
+
+/// Each run by itself: nothing that none carries may be named.
+fn alone(bench: &Bench) -> Result<Case, String> {
+    let mut case = Case {
+        name: "each run alone".to_owned(),
+        concealed: "masses, all friction, the payload of one run".to_owned(),
+        command: "trued diagnose --model ur10e-bare.toml --seed 1 --out OUT RUN".to_owned(),
+        was_run: true,
+        ..Case::default()
+    };
+    let (mut verdicts, mut carried, mut silent) = (Vec::new(), Vec::new(), Vec::new());
+    for name in RUNS {
+        let stem = name.trim_end_matches(".csv");
+        let answer = bench.ask(stem, &words("ur10e-bare.toml", &[name]))?;
+        let (one, said) = Case::of(stem, "", &[], &answer, "torque");
+        case.was_run &= one.was_run;
+        verdicts.push(one.verdict.clone());
+        let Some(said) = said else {
+            case.said.push(format!("{stem}: {}", one.verdict));
+            continue;
+        };
+        let count = said.findings().count();
+        let [before, after] = ["heldout_rms_before", "heldout_rms_after"]
+            .map(|key| report::significant(said.number(key), 3));
+        case.said.push(format!(
+            "{stem}: {count} named ({}); held out {before} to {after} Nm",
+            said.names(3)
+        ));
+        if said.finding("payload", None).is_some() && name != LOADED {
+            carried.push(stem);
+        }
+        if said.not_tested().iter().any(|one| one.contains("payload")) {
+            silent.push(stem);
+        }
+    }
+    verdicts.sort();
+    verdicts.dedup();
+    case.verdict = verdicts.join(", ");
+    case.short = format!("{}: see the section", case.verdict);
+    if case.was_run {
+        let told = if carried.is_empty() { "none".to_owned() } else { carried.join(", ") };
+        case.judged.push(Judged::new(
+            "payload where none is carried",
+            told,
+            "none",
+            carried.is_empty(),
+        ));
+    }
+    if !silent.is_empty() {
+        case.short_of.push(format!("Of a payload nothing could be said in {} of {} runs by themselves: masses are unknown there too.", silent.len(), RUNS.len()));
+    }
+    Ok(case)
+}
+
+/// How much of what the payload leaves on the unseen half its name explains.
+fn payload(bench: &Bench) -> Result<Case, String> {
+    let name = "payload, first half of its run to the second";
+    let friction = bench.ask("friction", &words("ur10e-bare.toml", &[THIRTY, FIFTY, FREE]))?;
+    let Answer::Done(folder) = &friction else {
+        return Ok(Case::of(
+            name,
+            "the payload",
+            &words("ur10e-bare.toml", &[THIRTY, FIFTY, FREE]),
+            &friction,
+            "torque",
+        )
+        .0);
+    };
+    let model =
+        std::fs::read_to_string(folder.join("model.toml")).map_err(|why| why.to_string())?;
+    bench.write("with-friction.toml", model)?;
+    let sheet = Sheet::read(&bench.data(LOADED)?);
+    let half = sheet.len() / 2;
+    bench.write(
+        "loaded-halves.csv",
+        sheet.with("half", |k| u8::from(k >= half).to_string()).text(),
+    )?;
+    let segment = "[columns]\nsegment = { from = \"half\" }\n";
+    let mapping = with_about(&MAPPING.replacen("[columns]\n", segment, 1), "heldout = [1]");
+    bench.write("loaded-halves.mapping.toml", mapping)?;
+    let words = words("with-friction.toml", &[THIRTY, FIFTY, FREE, "loaded-halves.csv"]);
+    let answer = bench.ask("payload", &words)?;
+    let concealed = "the payload and the masses; friction is what the program itself found on the three runs without it";
+    let (mut case, said) = Case::of(name, concealed, &words, &answer, "torque");
+    let Some(said) = said else { return Ok(case) };
+    case.reference = Some(Reference { value: None, says: WEIGHED });
+    let found = said.finding("payload", None);
+    let errors = found
+        .as_ref()
+        .map(|one| ["heldout_rms_before", "heldout_rms_after"].map(|key| one.number(key)));
+    let [before, after] = errors.unwrap_or([f64::NAN; 2]);
+    case.errors = Some(Errors {
+        before,
+        after,
+        unit: "Nm",
+        of: "root mean square, unseen half, without and with the payload",
+    });
+    let share = 100.0 * (1.0 - (after / before).powi(2));
+    case.judged.push(Judged::at_least(
+        "residual energy of the unseen half that the payload explains",
+        share,
+        95.0,
+        "%",
+    ));
+    case.judged.push(Judged::holds("its mass, 95 %, kg", mass(&said), PAYLOAD_KG));
+    Ok(case)
+}
+
+/// What the program found, less the friction that grows with load; other runs are unseen.
+fn load_friction(bench: &Bench) -> Result<Case, String> {
+    let name = "load friction of joints 2 and 3";
+    for run in [THIRTY, FREE] {
+        let stem = format!("unseen-{}", run.trim_end_matches(".csv"));
+        bench.write(&format!("{stem}.csv"), bench.data(run)?)?;
+        bench.write(&format!("{stem}.mapping.toml"), with_about(MAPPING, "heldout = \"all\""))?;
+    }
+    let [thirty, free] = [THIRTY, FREE].map(|run| format!("unseen-{run}"));
+    let files = [FIFTY, thirty.as_str(), free.as_str()];
+    let whole = bench.ask("from-fifty", &words("ur10e-bare.toml", &files))?;
+    let Answer::Done(folder) = &whole else {
+        return Ok(Case::of(
+            name,
+            "load friction",
+            &words("ur10e-bare.toml", &files),
+            &whole,
+            "torque",
+        )
+        .0);
+    };
+    let model =
+        std::fs::read_to_string(folder.join("model.toml")).map_err(|why| why.to_string())?;
+    let kept = model.split("[[effect]]").filter(|part| !part.contains("\"load_friction\""));
+    bench.write("without-load-friction.toml", kept.collect::<Vec<_>>().join("[[effect]]"))?;
+    let words = words("without-load-friction.toml", &files);
+    let answer = bench.ask("load-friction", &words)?;
+    let concealed = "masses and load friction; all other friction is what the program found on the 50 s run. Unseen: the runs of 30 s and of 14 harmonics";
+    let (mut case, said) = Case::of(name, concealed, &words, &answer, "torque");
+    let Some(said) = said else { return Ok(case) };
+    let joint = |key: &str| said.joint(2).and_then(|one| one[key].as_f64()).unwrap_or(f64::NAN);
+    let [before, after] = ["heldout_rms_before", "heldout_rms_after"].map(joint);
+    case.errors =
+        Some(Errors { before, after, unit: "Nm", of: "root mean square of joint 2, unseen runs" });
+    case.reference = Some(Reference {
+        value: Some(2.4),
+        says: "3.6 to 4.0 Nm without, 2.3 to 2.4 Nm with load friction (our own least squares on these runs, before the program existed)",
+    });
+    load_shares(&said, &mut case);
+    case.judged.push(Judged::at_most("joint 2 on unseen runs", after, 2.4, "Nm"));
+    Ok(case)
+}
+
+/// Another robot's model.
+fn other(bench: &Bench) -> Result<Case, String> {
+    let words = words("kuka-kr240", &[FIFTY]);
+    let answer = bench.ask("other-robot", &words)?;
+    let concealed =
+        "that the recording is another robot's: the model is the KUKA KR 240's, masses and all";
+    let (mut case, said) =
+        Case::of("a model of another robot", concealed, &words, &answer, "torque");
+    if let Some(said) = said {
+        case.judged.push(no_single_name(&said));
+    }
+    Ok(case)
+}

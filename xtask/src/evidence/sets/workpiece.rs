@@ -1,0 +1,162 @@
+//! A hammer's blow on a tool, and profiles of machined surfaces.
+
+use super::super::bench::{Answer, Bench, json};
+use super::super::case::{Case, Judged, Reference, shown, why};
+use super::Set;
+
+/// Natural frequencies of the tool by the set's note, Hz.
+const MODES_HZ: [f64; 3] = [1056.0, 1941.0, 2598.0];
+
+pub(super) const TAP: Set = Set {
+    name: "tap-test",
+    what: "A tool struck once by an instrumented hammer, force and acceleration at 51.2 kHz.",
+    source: "github.com/leekunhwee/Vibration-Signal-Processing",
+    given: "which column is the force and which the response.",
+    needs: &["impact_time_Point1_Channel1_CH1.txt"],
+    cannot: None,
+    run: tap,
+};
+
+pub(super) const SURFACE: Set = Set {
+    name: "surface-profile",
+    what: "Stylus profiles of a milled and an eroded surface, 5.6 mm at 0.25 µm, with the parameters that the National Physical Laboratory computed of them.",
+    source: "github.com/NavierPy/surface-roughness-profile-analyser (data: National Physical Laboratory, UK)",
+    given: "nothing but the profiles; a line is taken out as form.",
+    needs: &["mill_profile.csv", "edm_profile.csv", "mill.xml", "edm.xml"],
+    cannot: None,
+    run: surface,
+};
+
+/// A case whose command is no diagnosis.
+fn case(name: &str, concealed: &str, words: &[&str], answer: &Answer) -> Case {
+    let verdict = why(answer);
+    Case {
+        name: name.to_owned(),
+        concealed: concealed.to_owned(),
+        command: shown(words),
+        short: verdict.clone(),
+        verdict,
+        was_run: !matches!(answer, Answer::NotRun),
+        ..Case::default()
+    }
+}
+
+fn tap(bench: &Bench) -> Result<Vec<Case>, String> {
+    let file = "impact_time_Point1_Channel1_CH1.txt";
+    bench.copy(&[file])?;
+    let words = [
+        "tap",
+        "--force",
+        "2",
+        "--response",
+        "3",
+        "--response-kind",
+        "acceleration",
+        "--json",
+        "OUT/said.json",
+        "--report",
+        "OUT/report.html",
+        file,
+    ];
+    let answer = bench.ask("tap", &words)?;
+    let mut case = case("natural frequencies", "the tool's modes", &words, &answer);
+    let Answer::Done(folder) = &answer else { return Ok(vec![case]) };
+    bench.offer(
+        &folder.join("report.html"),
+        "Size of the accelerance",
+        "Size of the accelerance, with the natural frequencies as found.",
+    );
+    let said = json(&folder.join("said.json"));
+    let modes: Vec<(f64, f64, bool)> = said["modes"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(|one| {
+            Some((
+                one["frequency_Hz"].as_f64()?,
+                one["sigma_frequency_Hz"].as_f64()?,
+                one["verified"] == true,
+            ))
+        })
+        .collect();
+    case.verdict = format!("modes: {}", modes.len());
+    for (hz, sigma, _) in &modes {
+        case.said.push(format!(
+            "A mode at {} ± {} Hz.",
+            report::significant(*hz, 4),
+            report::significant(*sigma, 2)
+        ));
+    }
+    case.short.clone_from(&case.verdict);
+    case.reference = Some(Reference {
+        value: None,
+        says: "modes near 1056, 1941, 2598 Hz (noted with the set)",
+    });
+    for known in MODES_HZ {
+        let nearest = modes
+            .iter()
+            .map(|mode| mode.0)
+            .min_by(|a, b| (a - known).abs().total_cmp(&(b - known).abs()));
+        let off = nearest.map_or(f64::NAN, |hz| 100.0 * (hz - known).abs() / known);
+        case.judged.push(Judged::at_most(&format!("off the mode near {known} Hz"), off, 3.0, "%"));
+    }
+    let doubtful = modes.iter().filter(|mode| !mode.2).count();
+    if doubtful > 0 {
+        case.short_of.push(format!("Marked unverified by the program itself: {doubtful} of {} modes; one hit has no coherence.", modes.len()));
+    }
+    Ok(vec![case])
+}
+
+fn surface(bench: &Bench) -> Result<Vec<Case>, String> {
+    let mut cases = Vec::new();
+    for (name, run, xml) in
+        [("milled surface", "mill", "mill.xml"), ("eroded surface", "edm", "edm.xml")]
+    {
+        let file = format!("{run}_profile.csv");
+        bench.copy(&[file.as_str()])?;
+        let words =
+            ["surface", "--json", "OUT/said.json", "--report", "OUT/report.html", file.as_str()];
+        let answer = bench.ask(run, &words)?;
+        let mut case = case(name, "the parameters", &words, &answer);
+        let Answer::Done(folder) = &answer else {
+            cases.push(case);
+            continue;
+        };
+        if run == "mill" {
+            bench.offer(
+                &folder.join("report.html"),
+                "",
+                "The milled profile as `trued surface` draws it.",
+            );
+        }
+        case.reference = Some(Reference {
+            value: None,
+            says: "the parameters in the set's own files, computed by the National Physical Laboratory",
+        });
+        let said = json(&folder.join("said.json"));
+        let text = bench.data(xml)?;
+        let primary = &said["profiles"][0]["primary"];
+        for (tag, key, what) in [("PA", "a_um", "Pa"), ("PQ", "q_um", "Pq")] {
+            let known = tagged(&text, tag);
+            let found = primary[key].as_f64().unwrap_or(f64::NAN);
+            case.said.push(format!(
+                "{what} {} µm; theirs {} µm.",
+                report::significant(found, 5),
+                report::significant(known, 5)
+            ));
+            let off = 100.0 * (found - known).abs() / known;
+            case.judged.push(Judged::at_most(&format!("{what} off theirs"), off, 0.1, "%"));
+        }
+        let lines = said["profiles"][0]["lines"].as_array().map_or(0, Vec::len);
+        case.verdict = format!("lines in the spectrum: {lines}");
+        case.short.clone_from(&case.verdict);
+        cases.push(case);
+    }
+    Ok(cases)
+}
+
+/// `<PA>0.19942</PA>`.
+fn tagged(xml: &str, tag: &str) -> f64 {
+    let after = xml.split_once(&format!("<{tag}>")).map_or("", |(_, rest)| rest);
+    after.split('<').next().and_then(|number| number.trim().parse().ok()).unwrap_or(f64::NAN)
+}
