@@ -83,10 +83,8 @@ fn every_effect_of_forces_is_the_same_in_two_formulations_that_share_nothing() {
         let (own, theirs) = (ride.read(&[]), simulated(&case, &ride, &[]));
         let whole = apart(&own, &vec![[0.0; 3]; own.len()], &asked);
         let told = apart(&own, &theirs, &asked);
-        // A chip along the tool's path is the sine's but for feed over radius; slices of a helix are of other sizes.
-        let slices = if case.cut.helix_rad == 0.0 { 0.0 } else { 2.5e-2 };
-        let may =
-            if case.cut.turning { 1e-9 } else { case.scene.feed_m / case.cut.radius_m + slices };
+        // A chip along the tool's path is the sine's but for feed over radius.
+        let may = if case.cut.turning { 1e-9 } else { case.scene.feed_m / case.cut.radius_m };
         if told > may * whole {
             faults.push(format!("{name}: told law {told:.2e} of {whole:.2e}, may {may:.1e}"));
         }

@@ -67,6 +67,16 @@ impl Asking<'_> {
         if wrong { 0.0 } else { gain }
     }
 
+    /// Without the names whose numbers are not theirs to have, one after the other.
+    pub(super) fn admissible(&self, mut names: Vec<usize>) -> Vec<usize> {
+        loop {
+            let choice = self.solve(&names);
+            let wrong = names.iter().find(|name| !self.is_admissible(&choice, **name)).copied();
+            let Some(wrong) = wrong else { return names };
+            names.retain(|name| *name != wrong);
+        }
+    }
+
     /// Whether the numbers of a name have the signs that are its own.
     fn is_admissible(&self, choice: &Choice, name: usize) -> bool {
         let family = &self.library.families[name];

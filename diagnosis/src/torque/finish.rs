@@ -26,7 +26,8 @@ pub(super) fn finish(
     let asking = refine::asking(case, &products, always);
     let given = asking.solve(&[]);
     let names = prove::told(case, &asking, names, &seen);
-    let (names, refuted) = prove::borne_out(case, &asking, names, held);
+    let (names, refuted) = prove::borne_out(case, &asking, asking.admissible(names), held);
+    let names = asking.admissible(names);
     let choice = asking.solve(&names);
     let listed = prove::order(case, &asking, &choice, held);
     let covariance = prove::covariance(case, &choice.solved, &seen);
