@@ -16,6 +16,7 @@ use ::challenge::law::Law;
 use ::challenge::scene::Richness;
 use recording::series::{Channel, Need, read};
 
+use crate::challenge_torques::reads_and_repeats;
 use crate::program::Place;
 
 /// A case of a cut without noise; it enters the work and leaves it, at three feeds and speeds.
@@ -124,14 +125,5 @@ fn in_air_both_are_silent_and_a_bias_is_read_by_both() {
 
 #[test]
 fn every_model_and_recording_of_forces_that_is_handed_out_reads_and_repeats() {
-    for index in 0..20 {
-        let drawn = draw::case(8, index, Tier::mixed(index));
-        let place = Place::new();
-        for (name, text) in write::files(&drawn.case) {
-            place.file(name, &text);
-        }
-        place.succeed(&["simulate", "--out", "again", "-q", "recording.csv"]);
-    }
-    let one = || write::files(&draw::case(8, 3, Tier::mixed(3)).case);
-    assert_eq!(one(), one());
+    reads_and_repeats(|index| write::files(&draw::case(8, index, Tier::mixed(index)).case));
 }

@@ -12,6 +12,7 @@ use ::challenge::torque::laws::{Ride, recorded};
 use ::challenge::torque::motion::Motion;
 use ::challenge::torque::rig::Rig;
 use ::challenge::torque::{draw, write};
+use ::challenge::write::File;
 use recording::series::{Channel, Need as Wanted, read};
 
 use crate::program::Place;
@@ -154,14 +155,17 @@ fn every_effect_of_torques_is_the_same_in_two_formulations_that_share_nothing() 
 
 #[test]
 fn every_model_and_recording_of_torques_that_is_handed_out_reads_and_repeats() {
+    reads_and_repeats(|index| write::files(&draw::case(8, index, Tier::mixed(index)).case));
+}
+
+/// Holds it of twenty cases of a challenge, each as its files.
+pub(crate) fn reads_and_repeats(files: impl Fn(usize) -> [File; 3]) {
     for index in 0..20 {
-        let drawn = draw::case(8, index, Tier::mixed(index));
         let place = Place::new();
-        for (name, text) in write::files(&drawn.case) {
+        for (name, text) in files(index) {
             place.file(name, &text);
         }
         place.succeed(&["simulate", "--out", "again", "-q", "recording.csv"]);
     }
-    let one = || write::files(&draw::case(8, 3, Tier::mixed(3)).case);
-    assert_eq!(one(), one());
+    assert_eq!(files(3), files(3));
 }

@@ -97,6 +97,20 @@ impl Judged {
 }
 
 impl Case {
+    /// What a run of a command came to that is no diagnosis.
+    pub(super) fn plain(name: &str, concealed: &str, command: &[&str], answer: &Answer) -> Self {
+        let verdict = why(answer);
+        Self {
+            name: name.to_owned(),
+            concealed: concealed.to_owned(),
+            command: shown(command),
+            short: verdict.clone(),
+            verdict,
+            was_run: !matches!(answer, Answer::NotRun),
+            ..Self::default()
+        }
+    }
+
     /// What a run of `trued diagnose` said, of one domain; else why it said nothing.
     pub(super) fn of(
         name: &str,
@@ -105,23 +119,9 @@ impl Case {
         answer: &Answer,
         domain: &str,
     ) -> (Self, Option<Said>) {
-        let mut case = Self {
-            name: name.to_owned(),
-            concealed: concealed.to_owned(),
-            command: shown(command),
-            ..Self::default()
-        };
-        let folder = match answer {
-            Answer::Done(folder) => folder,
-            other => {
-                case.verdict = why(other);
-                case.short = case.verdict.clone();
-                case.was_run = !matches!(other, Answer::NotRun);
-                return (case, None);
-            }
-        };
+        let mut case = Self::plain(name, concealed, command, answer);
+        let Answer::Done(folder) = answer else { return (case, None) };
         let said = Said::of(folder, domain);
-        case.was_run = true;
         case.verdict = said.verdict().replace('_', " ");
         case.short = format!("{}: {}", case.verdict, said.names(5));
         case.tell(&said);

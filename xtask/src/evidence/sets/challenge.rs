@@ -5,7 +5,7 @@
 use serde_json::Value;
 
 use super::super::bench::{Answer, Bench, json};
-use super::super::case::{Case, Judged, shown, why};
+use super::super::case::{Case, Judged};
 use super::Set;
 
 /// First answer right where z is at least so much: of drawn cases, of injected ones.
@@ -57,7 +57,7 @@ fn run(bench: &Bench) -> Result<Vec<Case>, String> {
             } else {
                 format!("{domain}, nothing missing")
             };
-            let mut case = plain(&name, concealed, &words, &answer);
+            let mut case = Case::plain(&name, concealed, &words, &answer);
             if let Answer::Done(folder) = &answer {
                 judge(&mut case, &json(&folder.join("said.json")), &count);
             }
@@ -65,19 +65,6 @@ fn run(bench: &Bench) -> Result<Vec<Case>, String> {
         }
     }
     Ok(cases)
-}
-
-fn plain(name: &str, concealed: &str, words: &[&str], answer: &Answer) -> Case {
-    let verdict = why(answer);
-    Case {
-        name: name.to_owned(),
-        concealed: concealed.to_owned(),
-        command: shown(words),
-        short: verdict.clone(),
-        verdict,
-        was_run: !matches!(answer, Answer::NotRun),
-        ..Case::default()
-    }
 }
 
 fn not_asked(name: &str, concealed: &str) -> Case {
@@ -181,7 +168,7 @@ pub(super) fn injected(
     ];
     words.extend(recordings);
     let answer = bench.ask("injected", &words)?;
-    let mut case = plain(name, concealed, &words, &answer);
+    let mut case = Case::plain(name, concealed, &words, &answer);
     let Answer::Done(folder) = &answer else { return Ok(case) };
     let said = json(&folder.join("said.json"));
     for (z, bar) in INJECTED {

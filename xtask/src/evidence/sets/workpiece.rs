@@ -1,7 +1,7 @@
 //! A hammer's blow on a tool, and profiles of machined surfaces.
 
 use super::super::bench::{Answer, Bench, json};
-use super::super::case::{Case, Judged, Reference, shown, why};
+use super::super::case::{Case, Judged, Reference};
 use super::Set;
 
 /// Natural frequencies of the tool by the set's note, Hz.
@@ -27,20 +27,6 @@ pub(super) const SURFACE: Set = Set {
     run: surface,
 };
 
-/// A case whose command is no diagnosis.
-fn case(name: &str, concealed: &str, words: &[&str], answer: &Answer) -> Case {
-    let verdict = why(answer);
-    Case {
-        name: name.to_owned(),
-        concealed: concealed.to_owned(),
-        command: shown(words),
-        short: verdict.clone(),
-        verdict,
-        was_run: !matches!(answer, Answer::NotRun),
-        ..Case::default()
-    }
-}
-
 fn tap(bench: &Bench) -> Result<Vec<Case>, String> {
     let file = "impact_time_Point1_Channel1_CH1.txt";
     bench.copy(&[file])?;
@@ -59,7 +45,7 @@ fn tap(bench: &Bench) -> Result<Vec<Case>, String> {
         file,
     ];
     let answer = bench.ask("tap", &words)?;
-    let mut case = case("natural frequencies", "the tool's modes", &words, &answer);
+    let mut case = Case::plain("natural frequencies", "the tool's modes", &words, &answer);
     let Answer::Done(folder) = &answer else { return Ok(vec![case]) };
     bench.offer(
         &folder.join("report.html"),
@@ -117,7 +103,7 @@ fn surface(bench: &Bench) -> Result<Vec<Case>, String> {
         let words =
             ["surface", "--json", "OUT/said.json", "--report", "OUT/report.html", file.as_str()];
         let answer = bench.ask(run, &words)?;
-        let mut case = case(name, "the parameters", &words, &answer);
+        let mut case = Case::plain(name, "the parameters", &words, &answer);
         let Answer::Done(folder) = &answer else {
             cases.push(case);
             continue;
