@@ -55,7 +55,8 @@ pub fn command(case: &Case, motion: &Motion, finer: usize) -> String {
         for k in 0..segment.times_s.len() * finer {
             let t_s = between(k);
             let states = segment.at(t_s);
-            let _ = write!(text, "{t_s:.7},{number}");
+            // A time that is off by 1e-7 s is an acceleration that is off by half a radian per second squared.
+            let _ = write!(text, "{t_s:.13},{number}");
             states.iter().take(n).for_each(|[q, _, _]| {
                 let _ = write!(text, ",{q:.13}");
             });
