@@ -32,7 +32,7 @@ mod zone;
 use recording::series::Recording;
 
 use case::Case;
-use choose::Choice;
+use choose::{Choice, others};
 pub use found::{Number, Rival};
 pub use known::Stated;
 use library::Form;
@@ -258,8 +258,4 @@ fn confirmed(case: &Case, always: &[usize], choice: Choice) -> Choice {
             _ => return choice,
         }
     }
-}
-
-fn others(names: &[usize], name: usize) -> Vec<usize> {
-    names.iter().copied().filter(|other| *other != name).collect()
 }

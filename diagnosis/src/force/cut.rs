@@ -26,7 +26,7 @@ use world::milling::Stand;
 use super::phases::Phase;
 use super::signal::Signal;
 use crate::colour::Colour;
-use crate::torque::choose::Asking;
+use crate::torque::choose::{Asking, others};
 use crate::torque::table::Table;
 use case::{Belief, Case};
 use law::{Law, NUMBERS, Spindle};
@@ -166,10 +166,7 @@ fn confirmed(case: &Case, mut names: Vec<usize>) -> Vec<usize> {
     loop {
         let of = |names: &[usize]| case.rms(&asking.solve(names).solved, &case.sets.look);
         let whole = of(&names);
-        let harm = |name: &usize| {
-            let others: Vec<usize> = names.iter().copied().filter(|n| n != name).collect();
-            of(&others) - whole
-        };
+        let harm = |name: &usize| of(&others(&names, *name)) - whole;
         let worst = names.iter().map(|name| (*name, harm(name)));
         let worst = worst.min_by(|a, b| a.1.total_cmp(&b.1));
         match worst {

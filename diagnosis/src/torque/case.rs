@@ -136,7 +136,7 @@ impl Case {
         let arm = &stated.model.arm;
         let motion = Motion::of(arm, stated.delay_s, recordings, band_hz);
         let rows = Rows::of(&motion, recordings, seed);
-        let rigid = Rigid::new(arm, &motion, arm.tool.tcp);
+        let rigid = Rigid::new(arm, &motion);
         let mut library = Library {
             columns: rigid.columns[..INERTIAL * arm.count()].to_vec(),
             prior: rigid.beliefs.iter().map(|sigma| 1.0 / (sigma * sigma)).collect(),

@@ -21,6 +21,11 @@ pub(crate) struct Choice {
     pub(crate) solved: Solved,
 }
 
+/// Names without one of them.
+pub(crate) fn others(names: &[usize], name: usize) -> Vec<usize> {
+    names.iter().copied().filter(|other| *other != name).collect()
+}
+
 /// What is asked, of which sums.
 pub(crate) struct Asking<'a> {
     pub(crate) library: &'a Library,
@@ -201,7 +206,7 @@ impl Asking<'_> {
 
     /// A better choice with one of the likeliest others in a name's place.
     fn exchange(&self, choice: &Choice, name: usize) -> Option<Choice> {
-        let others: Vec<usize> = choice.names.iter().copied().filter(|n| *n != name).collect();
+        let others = others(&choice.names, name);
         let without = self.solve(&others);
         let mut open: Vec<(usize, f64)> = self.open(&without, &[name]).collect();
         open.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));

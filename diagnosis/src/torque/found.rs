@@ -5,7 +5,7 @@
 use glam::DVec3;
 use nalgebra::DMatrix;
 
-use super::choose::{Asking, Choice};
+use super::choose::{Asking, Choice, others};
 use super::library::{Family, Form};
 use super::table::Solved;
 
@@ -170,7 +170,7 @@ fn goes_with_torque(kind: &str) -> bool {
 /// Other names for what a name explains, the likeliest first, with the probability of the name itself.
 pub(super) fn rivals(asking: &Asking<'_>, choice: &Choice, name: usize) -> (f64, Vec<Rival>) {
     let families = &asking.library.families;
-    let others: Vec<usize> = choice.names.iter().copied().filter(|n| *n != name).collect();
+    let others = others(&choice.names, name);
     let without = asking.solve(&others);
     let worth = choice.solved.gain - without.solved.gain;
     let own = &families[name];

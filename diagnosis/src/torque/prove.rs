@@ -7,7 +7,7 @@
 use nalgebra::DMatrix;
 
 use super::case::Case;
-use super::choose::{Asking, Choice};
+use super::choose::{Asking, Choice, others};
 use super::columns::Column;
 use super::noise;
 use super::table::{Solved, Table};
@@ -125,19 +125,16 @@ pub(crate) fn borne_out_by(
     is_belief: &dyn Fn(usize) -> bool,
 ) -> (Vec<usize>, Vec<usize>) {
     let of = |names: &[usize]| rms(&asking.solve(names).solved);
-    let without = |names: &[usize], name: usize| -> Vec<usize> {
-        names.iter().copied().filter(|n| *n != name).collect()
-    };
     let mut refuted = Vec::new();
     loop {
         let whole = of(&names);
         let asked = names.iter().filter(|name| !is_belief(**name));
-        let harm = asked.map(|name| (*name, whole - of(&without(&names, *name))));
+        let harm = asked.map(|name| (*name, whole - of(&others(&names, *name))));
         let worst = harm.max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((name, _)) = worst.filter(|(_, harm)| *harm > 0.0) else {
             return (names, refuted);
         };
-        names = without(&names, name);
+        names = others(&names, name);
         refuted.push(name);
     }
 }
@@ -159,10 +156,7 @@ pub(crate) fn order_by(
     rms: &dyn Fn(&Solved) -> f64,
 ) -> Vec<(usize, [f64; 2])> {
     let whole = rms(&choice.solved);
-    let alone = |name: &usize| {
-        let others: Vec<usize> = choice.names.iter().copied().filter(|n| n != name).collect();
-        rms(&asking.solve(&others).solved) - whole
-    };
+    let alone = |name: &usize| rms(&asking.solve(&others(&choice.names, *name)).solved) - whole;
     let mut names: Vec<(usize, f64)> = choice.names.iter().map(|n| (*n, alone(n))).collect();
     names.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     let mut before = rms(&asking.solve(&[]).solved);

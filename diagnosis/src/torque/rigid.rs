@@ -2,7 +2,7 @@
 //!
 //! A body is stated about a point near it (its centre of mass, or its joint's pivot where nothing is known), so that each number can be doubted by itself.
 //!
-//! Promises: ten numbers per body, the payload's four about a point that is given. Never: a judgement which of them a motion can tell.
+//! Promises: ten numbers per body, the payload's four at the TCP. Never: a judgement which of them a motion can tell.
 
 use glam::{DMat3, DVec3};
 use physics::dynamics::{INERTIAL, Inertial, Regressor};
@@ -20,7 +20,7 @@ const DOUBT: (f64, f64, f64) = (0.05, 0.02, 0.1);
 pub(super) struct Rigid {
     /// Per joint, the stated masses' torque, row by row.
     pub(super) stated: Vec<Vec<f64>>,
-    /// Ten columns per body, then mass and first moment of a payload.
+    /// Ten columns per body, then mass and first moment of a payload about the TCP.
     pub(super) columns: Vec<Column>,
     /// What is believed of each number but the payload's: its standard deviation.
     pub(super) beliefs: Vec<f64>,
@@ -60,7 +60,7 @@ pub(super) fn carried(columns: [&Column; INERTIAL], by: DVec3) -> [Column; 4] {
 }
 
 impl Rigid {
-    pub(super) fn new(arm: &Arm, motion: &Motion, of_payload: DVec3) -> Self {
+    pub(super) fn new(arm: &Arm, motion: &Motion) -> Self {
         let count = arm.count();
         let points: Vec<DVec3> = arm
             .joints()
@@ -89,7 +89,7 @@ impl Rigid {
                             columns[INERTIAL * body + k].parts[joint].1.push(number);
                         }
                         if body + 1 == count {
-                            let numbers = about(&table, of_payload, joint);
+                            let numbers = about(&table, arm.tool.tcp, joint);
                             for (k, number) in numbers.into_iter().take(4).enumerate() {
                                 columns[INERTIAL * count + k].parts[joint].1.push(number);
                             }

@@ -10,7 +10,7 @@ use physics::Model;
 
 use super::case::Case;
 use super::names::{TONE, slot};
-use crate::torque::choose::{Asking, Choice};
+use crate::torque::choose::{Asking, Choice, others};
 use crate::torque::library::Family;
 use crate::torque::{Number, Rival};
 
@@ -42,7 +42,7 @@ pub(super) fn weighed(
 ) -> Weighed {
     let families = &asking.library.families;
     let own = &families[name];
-    let others: Vec<usize> = choice.names.iter().copied().filter(|n| *n != name).collect();
+    let others = others(&choice.names, name);
     let misfit = |names: &[usize]| case.fitted(&case.belief, &asking.columns(names), used).1;
     let whole = misfit(&choice.names);
     let gain = misfit(&others) - whole;

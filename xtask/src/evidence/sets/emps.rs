@@ -62,19 +62,7 @@ fn errors(said: &Said) -> Errors {
 
 /// All dry friction concealed, what grows with speed known roughly.
 fn dry(bench: &Bench, band: &str) -> Result<Case, String> {
-    let words = [
-        "diagnose",
-        "--model",
-        "viscous.toml",
-        "--band",
-        band,
-        "--seed",
-        "1",
-        "--out",
-        "OUT",
-        TRAIN,
-        UNSEEN,
-    ];
+    let words = words("viscous.toml", band);
     let answer = bench.ask(&format!("dry-{band}"), &words)?;
     let name = format!("dry friction, {band} Hz");
     let concealed = "all dry friction and the mass; viscous friction is stated as 200 ± 100 N s/m";
@@ -105,22 +93,14 @@ fn dry(bench: &Bench, band: &str) -> Result<Case, String> {
     Ok(case)
 }
 
+/// The words of a run with this model.
+fn words<'a>(model: &'a str, band: &'a str) -> [&'a str; 11] {
+    ["diagnose", "--model", model, "--band", band, "--seed", "1", "--out", "OUT", TRAIN, UNSEEN]
+}
+
 /// The words of the run that is told nothing.
-fn plain(band: &'static str) -> Vec<&'static str> {
-    let words = [
-        "diagnose",
-        "--model",
-        "slide.toml",
-        "--band",
-        band,
-        "--seed",
-        "1",
-        "--out",
-        "OUT",
-        TRAIN,
-        UNSEEN,
-    ];
-    words.to_vec()
+fn plain(band: &str) -> [&str; 11] {
+    words("slide.toml", band)
 }
 
 fn nothing_told(bench: &Bench, band: &'static str) -> Result<Case, String> {
