@@ -4,7 +4,7 @@
 //! Promise: between two answers the correction never steps, by the daemon's own envelope; while the
 //! daemon is there, what it says is put out bit for bit. No clock, no IPC: time comes in.
 
-use envelope::{Limiter, Limits};
+use envelope::{Limiters, Limits};
 use shm_schema::{Command, Corrected, CorrectionStatus, JOINTS_MAX, JointBounds};
 
 use crate::{Source, Target};
@@ -37,7 +37,7 @@ enum Stage {
 pub struct Follower {
     stage: Stage,
     correction: [f64; JOINTS_MAX],
-    limiters: [Limiter; JOINTS_MAX],
+    limiters: Limiters<JOINTS_MAX>,
     limits: [Option<Limits>; JOINTS_MAX],
     range: [(f64, f64); JOINTS_MAX],
     /// The answer used last.
@@ -68,7 +68,7 @@ impl Follower {
         Self {
             stage: Stage::Plain,
             correction: [0.0; JOINTS_MAX],
-            limiters: [Limiter::at_rest(); JOINTS_MAX],
+            limiters: Limiters::at_rest(),
             limits: [None; JOINTS_MAX],
             range: [(f64::NEG_INFINITY, f64::INFINITY); JOINTS_MAX],
             used: None,
@@ -248,7 +248,7 @@ impl Follower {
             self.step(&[0.0; JOINTS_MAX], dt_s);
             if self.correction == [0.0; JOINTS_MAX] {
                 self.stage = Stage::Plain;
-                self.limiters = [Limiter::at_rest(); JOINTS_MAX];
+                self.limiters = Limiters::at_rest();
             }
         }
     }
@@ -256,21 +256,16 @@ impl Follower {
     /// The limiters go on from the motion that the daemon had last.
     fn take_over(&mut self) {
         let Some(used) = self.used else { return };
-        for (i, limiter) in self.limiters.iter_mut().enumerate() {
-            let (rate, acceleration) = (used.correction_rate[i], used.correction_acceleration[i]);
-            *limiter = Limiter::from_motion(self.correction[i], rate, acceleration);
-        }
+        let motion = |i: usize| {
+            (self.correction[i], used.correction_rate[i], used.correction_acceleration[i])
+        };
+        self.limiters = Limiters::from_motion(motion);
     }
 
+    /// Without bounds from the daemon there has been no correction to move.
     fn step(&mut self, wanted: &[f64; JOINTS_MAX], dt_s: f64) {
         self.saved_s = (self.saved_s - dt_s).max(0.0);
-        let joints = self.limiters.iter_mut().zip(&self.limits).zip(&mut self.correction);
-        for (((limiter, limits), correction), wanted) in joints.zip(wanted) {
-            // Without bounds from the daemon there has been no correction to move.
-            if let Some(limits) = limits {
-                *correction = limiter.step(*wanted, limits, dt_s);
-            }
-        }
+        self.correction = self.limiters.step(wanted, |i| self.limits[i], dt_s);
     }
 }
 

@@ -10,11 +10,9 @@ use crate::settings::{Mode, Settings};
 use crate::solve::{Solution, Solver};
 use crate::world::World;
 use crate::wrench::WrenchPath;
-use envelope::{Limiter, Limits};
+use envelope::{Limiter, Limiters};
 use physics::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Model, Wrench};
 
-/// Share of the envelope's angle in limited mode.
-const LIMITED_SHARE: f64 = 0.1;
 /// The most time that one bound step may take, ns: after a pause the correction goes on as if it had been this short.
 const STEP_NS_MAX: u64 = 20_000_000;
 
@@ -26,7 +24,7 @@ pub struct Corrector {
     path: Path,
     wrench: WrenchPath,
     solver: Solver,
-    limiters: [Limiter; JOINTS_MAX],
+    limiters: Limiters<JOINTS_MAX>,
     /// What the last good solution asked for.
     last_wanted: Joints,
     refused_ns: u64,
@@ -63,7 +61,7 @@ impl Corrector {
             path: Path::new(),
             wrench: WrenchPath::new(),
             solver: Solver::default(),
-            limiters: [Limiter::at_rest(); JOINTS_MAX],
+            limiters: Limiters::at_rest(),
             last_wanted: [0.0; JOINTS_MAX],
             refused_ns: 0,
             cause: Reason::Starting,
@@ -157,7 +155,7 @@ impl Corrector {
         let (q, correction, cut) = clamped(&model.arm, &q_cmd, &bounded);
         outcome.q = Some(q);
         outcome.correction = correction;
-        for (i, limiter) in self.limiters.iter().enumerate() {
+        for (i, limiter) in self.limiters.joints().iter().enumerate() {
             outcome.correction_rate[i] = limiter.rate();
             outcome.correction_acceleration[i] = limiter.acceleration();
         }
@@ -171,7 +169,7 @@ impl Corrector {
         self.path.last()?;
         let out = |limiter: &Limiter| limiter.value() == 0.0 && limiter.is_following();
         let dt_ns = self.move_on(elapsed_ns);
-        if self.limiters[..model.arm.count()].iter().all(out) {
+        if self.limiters.joints()[..model.arm.count()].iter().all(out) {
             return None;
         }
         self.cause = Reason::Stale;
@@ -275,27 +273,27 @@ impl Corrector {
         }
     }
 
-    /// One step of every joint's limiter, and how far they got.
+    /// One step of the joints' limiters, and how far they got.
     fn step(&mut self, joints: usize, goal: &Joints, wanted: &Wanted) -> (Joints, Reached) {
-        let dt_s = seconds(wanted.dt_ns);
-        let mut bounded = [0.0; JOINTS_MAX];
-        let mut reached = Reached::Goal;
-        for i in 0..joints {
-            let limits = self.limits(i);
-            let limiter = &mut self.limiters[i];
-            let allowed = goal[i].clamp(-limits.angle(), limits.angle());
-            bounded[i] = if wanted.settled {
-                limiter.jump(allowed);
-                limiter.value()
-            } else {
-                limiter.step(allowed, &limits, dt_s)
-            };
-            reached = match reached {
-                _ if bounded[i] != allowed => Reached::NotYet,
-                Reached::Goal if allowed != goal[i] => Reached::Bound,
-                before => before,
-            };
+        let mut allowed = [0.0; JOINTS_MAX];
+        for (i, allowed) in allowed[..joints].iter_mut().enumerate() {
+            let angle = self.settings.limits(i).angle();
+            *allowed = goal[i].clamp(-angle, angle);
         }
+        let bounded = if wanted.settled {
+            self.limiters.jump(&allowed);
+            allowed
+        } else {
+            let limits = |i| (i < joints).then(|| self.settings.limits(i));
+            self.limiters.step(&allowed, limits, seconds(wanted.dt_ns))
+        };
+        let reached = if bounded != allowed {
+            Reached::NotYet
+        } else if allowed[..joints] != goal[..joints] {
+            Reached::Bound
+        } else {
+            Reached::Goal
+        };
         (bounded, reached)
     }
 
@@ -322,15 +320,6 @@ impl Corrector {
                 Reached::Bound => Reason::Envelope,
                 _ => Reason::None,
             };
-        }
-    }
-
-    fn limits(&self, i: usize) -> Limits {
-        let full = self.settings.envelope[i];
-        if self.settings.mode == Mode::Limited {
-            Limits::new(full.angle() * LIMITED_SHARE, full.rate(), full.jerk()).unwrap_or(full)
-        } else {
-            full
         }
     }
 

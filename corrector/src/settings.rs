@@ -3,6 +3,9 @@
 use envelope::Limits;
 use physics::JOINTS_MAX;
 
+/// Share of the envelope's angle in limited mode.
+const LIMITED_SHARE: f64 = 0.1;
+
 /// How much may be corrected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Mode {
@@ -93,6 +96,15 @@ impl Settings {
             hold_ns: 50_000_000,
             reversal: 2e-6,
             lockstep: false,
+        }
+    }
+    /// Bounds of joint `i`'s correction in this mode.
+    pub(crate) fn limits(&self, i: usize) -> Limits {
+        let full = self.envelope[i];
+        if self.mode == Mode::Limited {
+            Limits::new(full.angle() * LIMITED_SHARE, full.rate(), full.jerk()).unwrap_or(full)
+        } else {
+            full
         }
     }
 }

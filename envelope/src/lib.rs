@@ -1,11 +1,11 @@
 //! How a correction may change in time: angle, rate and jerk, the same rule on both sides of the
 //! shared memory.
 //!
-//! The daemon's corrector bounds each joint's correction with a [`Limiter`]; the client library
-//! ramps the last correction out with the same one when the daemon is gone. One joint each; joint
-//! units are rad for a revolute, m for a prismatic joint.
+//! The daemon's corrector bounds an arm's corrections with [`Limiters`]; the client library ramps the
+//! last correction out with the same ones when the daemon is gone. Joint units are rad for a
+//! revolute, m for a prismatic joint.
 //!
-//! What it promises, whatever `wanted` does and however the cycle jitters:
+//! What it promises for each joint, whatever `wanted` does and however the cycle jitters:
 //! - `|c| ≤ angle` at every output, `|Δc|/dt ≤ rate` between two, and the third divided difference
 //!   of any four in a row (`Δ³c/dt³` at an even pace) at most `jerk`, all to rounding;
 //! - the output is `wanted` bit for bit, without lag, while `wanted` stays inside the limits with
@@ -17,10 +17,12 @@
 #![no_std]
 
 mod limiter;
+mod limiters;
 mod limits;
 mod motion;
 mod plan;
 mod track;
 
 pub use limiter::Limiter;
+pub use limiters::Limiters;
 pub use limits::{Limits, LimitsError};

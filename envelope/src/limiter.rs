@@ -22,7 +22,9 @@ const PLANNED_JERK: f64 = 0.5;
 /// A plan relative to a moving `wanted` keeps at least this share of the rate, to get on at all.
 const LEAST_RATE: f64 = 0.05;
 /// Over this time the trend of a `wanted` that shakes is smoothed.
-const TREND_S: f64 = 0.01;
+const TREND_S: f64 = 0.03;
+/// Over about this time what was wanted is forgotten.
+const REACH_S: f64 = 0.1;
 /// So many samples in a row must be steady before `wanted` is trusted again; noise near the jerk
 /// bound has a few by chance.
 const TRUSTED_AFTER: u8 = 8;
@@ -40,11 +42,25 @@ pub struct Limiter {
     wanted: Track,
     /// Where `wanted` goes: exactly while it is steady, smoothed (without lag on a ramp) while not.
     trend: Motion,
+    /// Between these the output comes to rest, wherever it is stopped: what was wanted lately, and where it goes.
+    reach: (f64, f64),
     /// Steady samples in a row, up to [`TRUSTED_AFTER`].
     steady: u8,
     /// The offset of the output from `wanted`, as it dies out; none while `wanted` is not trusted.
     offset: Option<Plan>,
-    following: bool,
+    /// What was wanted last, as it was said.
+    asked: f64,
+}
+
+/// At which share of its jerk and of its rate a joint's plans go; 1 for a joint that is alone.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pace {
+    pub(crate) rate: f64,
+    pub(crate) jerk: f64,
+}
+
+impl Pace {
+    const ALONE: Self = Self { rate: 1.0, jerk: 1.0 };
 }
 
 impl Limiter {
@@ -67,9 +83,10 @@ impl Limiter {
             motion,
             wanted: Track::from_motion(motion),
             trend: motion,
+            reach: (motion.value, motion.value),
             steady: TRUSTED_AFTER,
             offset: Some(Plan::OVER),
-            following: false,
+            asked: f64::NAN,
         }
     }
 
@@ -99,7 +116,7 @@ impl Limiter {
     /// Whether the last output was exactly what was wanted.
     #[must_use]
     pub fn is_following(&self) -> bool {
-        self.following
+        self.output.value() == self.asked
     }
 
     /// The output `dt_s` after the last one.
@@ -111,19 +128,35 @@ impl Limiter {
     ///
     /// Where `limits` shrink below the motion they bind again as soon as the jerk allows.
     pub fn step(&mut self, wanted: f64, limits: &Limits, dt_s: f64) -> f64 {
-        if dt_s > 0.0 && dt_s.is_finite() {
-            self.observe(finite(wanted), limits, dt_s);
-            if !self.follow(limits, dt_s) {
-                if self.offset.is_some() {
-                    self.steady = 0;
-                }
-                self.chase(limits, dt_s);
-                let plan = || plan_onto(self.motion.minus(self.trend), self.trend.rate, limits);
-                self.offset = (self.steady >= TRUSTED_AFTER).then(plan);
-            }
+        if !self.step_with(wanted, limits, dt_s) {
+            self.step_onto(limits, Pace::ALONE, dt_s);
         }
-        self.following = self.output.value() == wanted;
-        self.output.value()
+        self.value()
+    }
+
+    /// The output `dt_s` after the last one, if it may be `wanted` and its offset; else [`Limiter::step_onto`] is to make it.
+    pub(crate) fn step_with(&mut self, wanted: f64, limits: &Limits, dt_s: f64) -> bool {
+        self.asked = wanted;
+        if !(dt_s > 0.0 && dt_s.is_finite()) {
+            return true;
+        }
+        self.observe(finite(wanted), limits, dt_s);
+        self.follow(limits, dt_s)
+    }
+
+    /// The output `dt_s` after the last one, on a plan at that pace.
+    pub(crate) fn step_onto(&mut self, limits: &Limits, pace: Pace, dt_s: f64) {
+        if self.offset.is_some() {
+            self.steady = 0;
+        }
+        self.chase(limits, pace, dt_s);
+        let plan = || plan_onto(self.motion.minus(self.trend), self.trend.rate, limits, pace);
+        self.offset = (self.steady >= TRUSTED_AFTER).then(plan);
+    }
+
+    /// How far the output is from where `wanted` goes, and how it moves against that, in a step that `wanted` has made already.
+    pub(crate) fn offset(&self, dt_s: f64) -> Motion {
+        self.motion.minus(self.trend.after(-dt_s, 0.0))
     }
 
     /// Takes note of what is wanted, and whether its last samples say how it moves.
@@ -139,6 +172,12 @@ impl Limiter {
             self.steady = 0;
             self.trend = smoothed(self.trend, wanted, dt_s);
         }
+        let keep = REACH_S / (REACH_S + dt_s);
+        let (lowest, highest) = self.reach;
+        self.reach = (
+            (wanted + keep * (lowest - wanted)).min(wanted),
+            (wanted + keep * (highest - wanted)).max(wanted),
+        );
     }
 
     /// Puts out `wanted` and its offset, if both are known and that is allowed.
@@ -157,25 +196,37 @@ impl Limiter {
     }
 
     /// Moves onto the trend, or to a stop where that would leave the limits.
-    fn chase(&mut self, limits: &Limits, dt_s: f64) {
-        let motion = self.onto_trend(limits, dt_s);
+    fn chase(&mut self, limits: &Limits, pace: Pace, dt_s: f64) {
+        let motion = self.onto_trend(limits, pace, dt_s);
         let (output, _) = self.output.with(motion.value, dt_s);
         (self.output, self.motion) = (output, motion);
     }
 
-    fn onto_trend(&self, limits: &Limits, dt_s: f64) -> Motion {
+    fn onto_trend(&self, limits: &Limits, pace: Pace, dt_s: f64) -> Motion {
         let Motion { value, rate, .. } = self.trend;
         let trend = Motion { value: value - rate * dt_s, rate, acceleration: 0.0 };
-        let ahead = plan_onto(self.motion.minus(trend), rate, limits).advance(dt_s);
+        let ahead = plan_onto(self.motion.minus(trend), rate, limits, pace).advance(dt_s);
         let next = Motion { value, ..trend }.plus(ahead);
         // Half the jerk may let the rate pass its bound within a long step, though not at its ends.
         let mean_rate = (next.value - self.motion.value) / dt_s;
-        let allowed = next.stops_inside(limits) && mean_rate.abs() <= limits.rate();
+        let allowed = next.stops_inside(limits)
+            && self.is_within_reach(next, limits)
+            && mean_rate.abs() <= limits.rate();
         if allowed || !self.is_inside(limits) {
             return next;
         }
         let stop = Ramp::to_rate(self.motion, 0.0, limits.jerk()).after(self.motion, dt_s);
         Motion { value: stop.value.clamp(-limits.angle(), limits.angle()), ..stop }
+    }
+
+    /// Whether a stop from there ends between here and what was wanted: a way back and forth gains no swing.
+    fn is_within_reach(&self, next: Motion, limits: &Limits) -> bool {
+        let stop = |motion, jerk| Ramp::to_rate(motion, 0.0, jerk).end_of(motion).value;
+        let ends = [self.motion.value, stop(self.trend, PLANNED_JERK * limits.jerk())];
+        let lowest = ends.iter().fold(self.reach.0, |lowest, end| lowest.min(*end));
+        let highest = ends.iter().fold(self.reach.1, |highest, end| highest.max(*end));
+        let slack = ROUNDING * limits.angle();
+        (lowest - slack..=highest + slack).contains(&stop(next, limits.jerk()))
     }
 
     /// Whether the motion now keeps the limits, to rounding.
@@ -187,10 +238,12 @@ impl Limiter {
 }
 
 /// How an offset from a target that moves at `target_rate` dies out.
-fn plan_onto(offset: Motion, target_rate: f64, limits: &Limits) -> Plan {
+fn plan_onto(offset: Motion, target_rate: f64, limits: &Limits, pace: Pace) -> Plan {
     let (rate, least) = (PLANNED_RATE * limits.rate(), LEAST_RATE * limits.rate());
-    let rates = ((-rate - target_rate).min(-least), (rate - target_rate).max(least));
-    Plan::to_zero(offset, rates, PLANNED_JERK * limits.jerk())
+    let most = pace.rate * rate;
+    let lowest = (-rate - target_rate).min(-least).max(-most);
+    let highest = (rate - target_rate).max(least).min(most);
+    Plan::to_zero(offset, (lowest, highest), pace.jerk * PLANNED_JERK * limits.jerk())
 }
 
 /// The trend with one sample more: critically damped double exponential smoothing.

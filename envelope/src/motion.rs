@@ -46,6 +46,12 @@ impl Motion {
         }
     }
 
+    /// The largest of the value and of the ways that rate and acceleration make in `time_s`.
+    pub(crate) fn reach(self, time_s: f64) -> f64 {
+        let Self { value, rate, acceleration } = self;
+        value.abs().max(rate.abs() * time_s).max(acceleration.abs() * time_s * time_s)
+    }
+
     /// The rate that is left when the acceleration is taken out at `jerk`.
     pub(crate) fn coasting_rate(self, jerk: f64) -> f64 {
         self.rate + self.acceleration * self.acceleration.abs() / (2.0 * jerk)

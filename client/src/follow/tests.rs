@@ -1,6 +1,7 @@
 //! The correction on the robot's side, without a daemon and without a clock.
 
 use super::*;
+use envelope::Limiter;
 use proptest::prelude::*;
 
 const MS: u64 = 1_000_000;

@@ -176,6 +176,21 @@ proptest! {
     }
 
     #[test]
+    fn a_target_that_comes_and_goes_makes_no_swing_grow(
+        pauses in prop::collection::vec(1..80_usize, 400), to in 0.1e-3..1e-3_f64,
+    ) {
+        // What a daemon that answers now and then asks of a ramp. Before the reach was bounded: ten times `to`, the bound of the angle.
+        let wide = Limits::new(0.01, 0.1, 5.0).expect("positive");
+        let mut limiter = Limiter::at_rest();
+        for (k, pause) in pauses.into_iter().enumerate() {
+            for _ in 0..pause {
+                let output = limiter.step(if k % 2 == 0 { to } else { 0.0 }, &wide, 4.0 * DT_S);
+                prop_assert!((-0.75 * to..=1.75 * to).contains(&output), "{output} of {to}");
+            }
+        }
+    }
+
+    #[test]
     fn noise_beyond_the_jerk_is_smoothed_without_lag(
         noise in prop_oneof![1e-9..1e-8_f64, 1e-8..1e-6_f64, 1e-6..1e-4_f64],
         slope in -2e-3..2e-3_f64,

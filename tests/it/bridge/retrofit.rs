@@ -27,6 +27,8 @@ fn a_retrofitted_cell_mills_nearer_to_its_path() {
         );
         assert_eq!(done.missed, 0, "{:#?}", done.counted);
         assert!(of("force samples") > 500.0, "{:#?}", done.counted);
+        // Busy or not, a correction that comes and goes never leaves the robot much worse off than none.
+        assert!(with.1 < 1.2 * without.1, "{with:?} after {without:?}: {:#?}", done.counted);
         if with.0 < 0.25 * without.0 && with.1 < 0.6 * without.1 {
             return;
         }

@@ -1,0 +1,102 @@
+//! The corrections of an arm's joints, which move together.
+//!
+//! Promises: each joint keeps its own limits as [`Limiter`] does. Joints that ramp at the same time do so along one line in
+//! joint space, as far as their motions at its beginning let them: joints whose corrections take each other back at the tool
+//! would let it err by more than either end of the ramp does, were each as fast as it can be. Never reads a clock,
+//! allocates or panics.
+
+use crate::limiter::Pace;
+use crate::motion::Motion;
+use crate::{Limiter, Limits};
+
+/// A way counts as this share of the longest at least: what little is left does not wait for the others.
+const LEAST_WAY: f64 = 0.01;
+
+/// Bounds the corrections of `N` joints; see [`Limiter`] for each.
+#[derive(Clone, Copy, Debug)]
+pub struct Limiters<const N: usize> {
+    joints: [Limiter; N],
+}
+
+impl<const N: usize> Limiters<N> {
+    /// No correction, at rest.
+    #[must_use]
+    pub const fn at_rest() -> Self {
+        Self { joints: [Limiter::at_rest(); N] }
+    }
+
+    /// Takes over corrections that others left: of each joint its value, rate and acceleration.
+    #[must_use]
+    pub fn from_motion(motion: impl Fn(usize) -> (f64, f64, f64)) -> Self {
+        let joint = |i| {
+            let (value, rate, acceleration) = motion(i);
+            Limiter::from_motion(value, rate, acceleration)
+        };
+        Self { joints: core::array::from_fn(joint) }
+    }
+
+    /// Each joint's.
+    #[must_use]
+    pub fn joints(&self) -> &[Limiter; N] {
+        &self.joints
+    }
+
+    /// Stands at these values at once, without bounds: for settled poses, that no motion connects.
+    pub fn jump(&mut self, values: &[f64; N]) {
+        self.joints.iter_mut().zip(values).for_each(|(joint, value)| joint.jump(*value));
+    }
+
+    /// The outputs `dt_s` after the last ones, by the rule of [`Limiter::step`]. A joint without limits stands.
+    pub fn step(
+        &mut self,
+        wanted: &[f64; N],
+        limits: impl Fn(usize) -> Option<Limits>,
+        dt_s: f64,
+    ) -> [f64; N] {
+        let mut behind = [false; N];
+        for (i, joint) in self.joints.iter_mut().enumerate() {
+            behind[i] = limits(i).is_some_and(|limits| !joint.step_with(wanted[i], &limits, dt_s));
+        }
+        if behind.contains(&true) {
+            self.step_together(&behind, limits, dt_s);
+        }
+        core::array::from_fn(|i| self.joints[i].value())
+    }
+
+    /// Those that are `behind`, each as far in its share of the way as the others.
+    fn step_together(
+        &mut self,
+        behind: &[bool; N],
+        limits: impl Fn(usize) -> Option<Limits>,
+        dt_s: f64,
+    ) {
+        let offsets: [Motion; N] = core::array::from_fn(|i| self.joints[i].offset(dt_s));
+        let fastest = |ways: &[f64; N]| {
+            let bound =
+                (0..N).filter(|i| ways[*i] > 0.0).filter_map(|i| Some((limits(i)?, ways[i])));
+            bound.fold(Pace { rate: f64::MAX, jerk: f64::MAX }, |least, (limits, way)| Pace {
+                rate: least.rate.min(limits.rate() / way),
+                jerk: least.jerk.min(limits.jerk() / way),
+            })
+        };
+        let distances = offsets.map(|offset| offset.value.abs());
+        let Pace { rate, jerk } = fastest(&distances);
+        let time_s = libm::cbrt(1.0 / jerk).max(1.0 / rate);
+        // A motion is worth the way that it makes in that time.
+        let ways = offsets.map(|offset| offset.reach(time_s));
+        let longest = ways.iter().fold(0.0_f64, |longest, way| longest.max(*way));
+        let ways = ways.map(|way| way.max(LEAST_WAY * longest));
+        let Pace { rate, jerk } = fastest(&ways);
+        for (i, joint) in self.joints.iter_mut().enumerate().filter(|(i, _)| behind[*i]) {
+            let Some(limits) = limits(i) else { continue };
+            let share = |of: f64, limit: f64| {
+                if longest > 0.0 { (of * ways[i] / limit).min(1.0) } else { 1.0 }
+            };
+            let pace = Pace { rate: share(rate, limits.rate()), jerk: share(jerk, limits.jerk()) };
+            joint.step_onto(&limits, pace, dt_s);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

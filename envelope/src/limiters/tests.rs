@@ -1,0 +1,111 @@
+//! Joints that ramp keep to one line, and each to its own limits.
+
+use super::*;
+use proptest::prelude::*;
+use std::vec::Vec;
+
+extern crate std;
+
+const DT_S: f64 = 1e-3;
+
+fn limits(angle: f64, rate: f64, jerk: f64) -> Limits {
+    Limits::new(angle, rate, jerk).expect("positive")
+}
+
+/// By how much `c` lies beside the line from zero to `from`.
+fn beside<const N: usize>(c: &[f64; N], from: &[f64; N]) -> f64 {
+    let along = |a: &[f64; N], b: &[f64; N]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let share = along(c, from) / along(from, from);
+    c.iter().zip(from).map(|(c, f)| (c - share * f).abs()).fold(0.0, f64::max)
+}
+
+proptest! {
+    #[test]
+    fn a_correction_at_rest_ramps_out_along_a_line(
+        from in prop::array::uniform3(-5e-3..5e-3_f64), rates in prop::array::uniform3(5e-3..0.2_f64),
+        jerks in prop::array::uniform3(1.0..20.0_f64),
+    ) {
+        let limits = |i: usize| Some(limits(0.01, rates[i], jerks[i]));
+        let mut arm = Limiters::from_motion(|i| (from[i], 0.0, 0.0));
+        let longest = from.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
+        for _ in 0..5000 {
+            let c = arm.step(&[0.0; 3], limits, DT_S);
+            // What is less than a hundredth of the longest way may be through sooner.
+            prop_assert!(beside(&c, &from) <= 0.011 * longest, "{c:?} from {from:?}");
+        }
+        prop_assert_eq!(arm.step(&[0.0; 3], limits, DT_S), [0.0; 3]);
+    }
+
+    #[test]
+    fn a_correction_in_motion_ramps_out_near_its_line(
+        motion in prop::array::uniform3((-5e-3..5e-3_f64, -0.02..0.02_f64, -0.1..0.1_f64)),
+    ) {
+        let limits = |_| Some(limits(0.02, 0.1, 5.0));
+        let mut arm = Limiters::from_motion(|i| motion[i]);
+        let from = motion.map(|(value, ..)| value);
+        // What the fastest stop of the motion at the beginning comes to.
+        let reach = motion.iter().map(|(_, rate, acceleration)| {
+            let alone = Motion { value: 0.0, rate: *rate, acceleration: *acceleration };
+            crate::plan::Ramp::to_rate(alone, 0.0, 2.5).end_of(alone).value.abs()
+        });
+        let reach = from.iter().fold(0.0_f64, |most, c| most.max(c.abs())).max(reach.fold(0.0, f64::max));
+        for _ in 0..3000 {
+            let c = arm.step(&[0.0; 3], limits, DT_S);
+            prop_assert!(beside(&c, &from) <= 2.0 * reach, "{c:?} from {from:?}");
+        }
+        prop_assert_eq!(arm.step(&[0.0; 3], limits, DT_S), [0.0; 3]);
+    }
+
+    #[test]
+    fn each_joint_keeps_its_limits_whatever_the_others_do(
+        jumps in prop::collection::vec((0..600_usize, 0..3_usize, -6e-3..6e-3_f64), 0..12),
+        noise in prop_oneof![Just(0.0), 1e-9..1e-3_f64], sine in (0.0..3e-3_f64, 0.1..300.0_f64),
+    ) {
+        let own = [limits(2e-3, 0.02, 5.0), limits(4e-3, 0.1, 1.0), limits(1e-3, 0.01, 20.0)];
+        let mut arm = Limiters::<3>::at_rest();
+        let mut outputs: Vec<[f64; 3]> = Vec::new();
+        for k in 0..900_usize {
+            let wanted = core::array::from_fn(|i| {
+                let jumped: f64 =
+                    jumps.iter().filter(|(from, joint, _)| *from <= k && *joint == i).map(|j| j.2).sum();
+                let hash = ((k * 3 + i) as u64).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 11;
+                let shake = noise * (hash as f64 / (1u64 << 52) as f64 - 1.0);
+                jumped + if k < 600 { sine.0 * libm::sin(sine.1 * DT_S * (k + i) as f64) + shake } else { 0.0 }
+            });
+            outputs.push(arm.step(&wanted, |i| Some(own[i]), DT_S));
+        }
+        for i in 0..3 {
+            let c = |k: usize| outputs[k][i];
+            for k in 3..outputs.len() {
+                let jerk = (c(k) - 3.0 * c(k - 1) + 3.0 * c(k - 2) - c(k - 3)) / (DT_S * DT_S * DT_S);
+                prop_assert!(c(k).abs() <= own[i].angle());
+                prop_assert!((c(k) - c(k - 1)).abs() / DT_S <= own[i].rate() * (1.0 + 1e-9));
+                prop_assert!(jerk.abs() <= own[i].jerk() * (1.0 + 1e-6) + 1e-5, "{jerk} at {k}");
+            }
+        }
+    }
+}
+
+#[test]
+fn joints_that_take_each_other_back_do_so_all_the_way_out() {
+    // Two joints whose corrections cancel at the tool but for a tenth: 5 and -4 mrad, worth 0.8 and 0.9 m.
+    let (from, worth) = ([5e-3, -4e-3], [0.8, 0.9]);
+    let at_tool = |c: &[f64; 2]| c[0] * worth[0] + c[1] * worth[1];
+    let mut arm = Limiters::from_motion(|i| (from[i], 0.0, 0.0));
+    let mut most = 0.0_f64;
+    for _ in 0..2000 {
+        let c = arm.step(&[0.0; 2], |_| Some(limits(0.01, 0.1, 5.0)), DT_S);
+        most = most.max(at_tool(&c).abs());
+    }
+    assert!(most <= at_tool(&from).abs() * (1.0 + 1e-9), "{most}");
+}
+
+#[test]
+fn a_joint_without_limits_stands_and_holds_nobody_up() {
+    let mut arm = Limiters::from_motion(|i| ([1e-3, 2e-3][i], 0.0, 0.0));
+    let limits = |i| (i == 0).then(|| limits(0.01, 0.1, 5.0));
+    for _ in 0..1000 {
+        arm.step(&[0.0; 2], limits, DT_S);
+    }
+    assert_eq!(arm.step(&[0.0; 2], limits, DT_S), [0.0, 2e-3]);
+}
