@@ -110,6 +110,13 @@ pub(super) fn instead_of_names(
         price(&fitted, numbers, 1) + naming.named.len() as f64 * price(&fitted, 0, library.len());
     let names = (bare.sum - naming.fit.sum) / bare.design_effect - cost;
     let law = borne_out_by(&fitted, words, kept, law(&fitted, words)?)?;
+    if kept.contains(&true) {
+        // Where neither was fitted, it must leave less than the names do.
+        let named = Fitted::new(campaign, &naming.fit, settings);
+        if law.on(&fitted, words, kept)[1] >= law.on(&named, words, kept)[0] {
+            return None;
+        }
+    }
     (law.worth > (1.0 + CLEARLY) * names).then_some((bare, law))
 }
 
