@@ -85,6 +85,17 @@ impl Reading {
         }
     }
 
+    /// What of the surroundings it was read against, if anything: its kind and its place among those of its kind.
+    pub(crate) fn against(&self) -> Option<(u8, usize)> {
+        match *self {
+            Self::Point { frame, .. } | Self::Orientation { frame, .. } => Some((0, frame)),
+            Self::Distance { anchor, .. } => Some((1, anchor)),
+            Self::Plane { plane, .. } => Some((2, plane)),
+            Self::Sphere { sphere, .. } => Some((3, sphere)),
+            Self::JointPosition { .. } => None,
+        }
+    }
+
     /// Whether it is a length in m; else an angle.
     #[must_use]
     pub fn is_length(&self) -> bool {

@@ -13,6 +13,7 @@ use physics::Model;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 /// Joint positions that differ by less everywhere are one pose measured again, rad or m.
@@ -79,29 +80,11 @@ impl Split {
         Self { training, says: format!("the first {trained} of {count} poses train") }
     }
 
-    /// Whole runs are held out where there are many, else stretches of them: every fifth, the first by `seed`.
+    /// Whole runs are held out where there are many, else stretches of them: every fifth, the first by `seed`. A frame, an anchor or a body that
+    /// readings were taken against keeps at least half of them for the fit, or its place would be unknown where it is held out: runs are cut for it.
     #[must_use]
     pub fn in_blocks(campaign: &Campaign, seed: u64) -> Self {
-        let runs = runs(campaign);
-        let whole = runs.len() >= RUNS_MANY;
-        let mut blocks: Vec<std::ops::Range<usize>> = Vec::new();
-        for run in &runs {
-            let share = run.len() as f64 / campaign.poses.len().max(1) as f64;
-            let pieces = if whole { 1 } else { (BLOCKS * share).round().max(1.0) as usize };
-            let at = |k: usize| run.start + k * run.len() / pieces;
-            blocks.extend((0..pieces).map(|k| at(k)..at(k + 1)));
-        }
-        let first = (seed % HELD_EVERY as u64) as usize;
-        let mut training = vec![true; campaign.poses.len()];
-        let mut held = 0;
-        for block in blocks.iter().skip(first).step_by(HELD_EVERY) {
-            held += 1;
-            training[block.clone()].fill(false);
-        }
-        let what = if whole { "segments" } else { "stretches" };
-        let says =
-            format!("{held} of {} {what}, never seen by the selection or the fit", blocks.len());
-        Self { training, says }
+        Self::of_blocks(campaign, seed, &vec![true; campaign.poses.len()])
     }
 
     /// Of what trains here every fifth stretch is kept for another look before the end; of few readings none is.
@@ -112,9 +95,37 @@ impl Split {
         if read < FEW {
             return self.clone();
         }
-        let other = Self::in_blocks(campaign, seed.wrapping_add(BESIDE));
-        let both = self.training.iter().zip(&other.training);
-        Self { training: both.map(|(a, b)| *a && *b).collect(), says: self.says.clone() }
+        let other = Self::of_blocks(campaign, seed.wrapping_add(BESIDE), &self.training);
+        Self { training: other.training, says: self.says.clone() }
+    }
+
+    /// Every fifth block of what trains is held out; blocks are as large as they may be.
+    fn of_blocks(campaign: &Campaign, seed: u64, training: &[bool]) -> Self {
+        let runs = runs(campaign);
+        let pieces = |fineness: usize, run: &std::ops::Range<usize>| {
+            let share = run.len() as f64 / campaign.poses.len().max(1) as f64;
+            let of_all = (BLOCKS * share).round() as usize;
+            [1, of_all.max(1), of_all.max(HELD_EVERY)][fineness]
+        };
+        let cut = |fineness: usize| {
+            let mut blocks: Vec<std::ops::Range<usize>> = Vec::new();
+            for run in &runs {
+                let pieces = pieces(fineness, run);
+                let at = |k: usize| run.start + k * run.len() / pieces;
+                blocks.extend((0..pieces).map(|k| at(k)..at(k + 1)).filter(|b| !b.is_empty()));
+            }
+            let mut left = training.to_vec();
+            let first = (seed % HELD_EVERY as u64) as usize;
+            let held = blocks.iter().skip(first).step_by(HELD_EVERY);
+            let held = held.map(|block| left[block.clone()].fill(false)).count();
+            let what = if fineness == 0 { "segments" } else { "stretches" };
+            let count = blocks.len();
+            let says = format!("{held} of {count} {what}, never seen by the selection or the fit");
+            Self { training: left, says }
+        };
+        let whole = usize::from(runs.len() < RUNS_MANY);
+        let enough = |split: &Self| all_keep_half(campaign, training, &split.training);
+        (whole..2).map(cut).find(enough).unwrap_or_else(|| cut(2))
     }
 
     /// One split per pose: it is held out, with all poses that repeat it, and the others train.
@@ -149,6 +160,19 @@ pub(crate) fn runs(campaign: &Campaign) -> Vec<std::ops::Range<usize>> {
         }
     }
     runs
+}
+
+/// Whether all that readings were taken against keeps at least half of them, of those `before`, in `after`.
+fn all_keep_half(campaign: &Campaign, before: &[bool], after: &[bool]) -> bool {
+    let mut counts: BTreeMap<(u8, usize), [usize; 2]> = BTreeMap::new();
+    for (k, pose) in campaign.poses.iter().enumerate() {
+        for against in pose.seen.iter().filter_map(|seen| seen.reading.against()) {
+            let [all, kept] = counts.entry(against).or_default();
+            *all += usize::from(before[k]);
+            *kept += usize::from(after[k]);
+        }
+    }
+    counts.values().all(|[all, kept]| 2 * kept >= *all)
 }
 
 /// Whether two poses are one that was measured twice; whole turns of a joint do not count.
@@ -232,6 +256,7 @@ pub fn calibrate(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::campaign::Reading;
 
     #[test]
     fn a_pose_that_was_measured_again_is_on_the_side_of_the_first() {
@@ -247,6 +272,29 @@ mod tests {
         }
         let alone = &Split::one_by_one(&campaign)[3].held_out();
         assert_eq!((0..20).filter(|pose| alone[*pose]).collect::<Vec<_>>(), [3, 13]);
+    }
+
+    #[test]
+    fn a_frame_keeps_readings_to_be_found_by_whatever_is_held_out() {
+        // Twelve runs of 20 poses each but the first, of 200; the last two alone see a second frame.
+        let mut campaign = crate::made::empty(0, 420);
+        for (k, pose) in campaign.poses.iter_mut().enumerate() {
+            let run = if k < 200 { 0 } else { 1 + (k - 200) / 20 };
+            pose.inputs.time_s = if run == 0 { k } else { (k - 200) % 20 } as f64;
+            if let Reading::Point { frame, .. } = &mut pose.seen[0].reading {
+                *frame = usize::from(run > 9);
+            }
+        }
+        for seed in 0..10 {
+            let split = Split::in_blocks(&campaign, seed);
+            for split in [split.keeping_some(&campaign, seed), split] {
+                let train = |poses: std::ops::Range<usize>| {
+                    split.training[poses].iter().filter(|trains| **trains).count()
+                };
+                assert!(train(380..420) >= 10, "seed {seed}: {}", split.says);
+                assert!((230..=380).contains(&train(0..420)), "seed {seed}: {}", split.says);
+            }
+        }
     }
 
     #[test]
