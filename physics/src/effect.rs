@@ -13,7 +13,7 @@ use crate::deviation::Contribution;
 use crate::signals::Signals;
 use crate::slopes::Slope;
 use crate::spec::{Count, Parameter, Place, Range, Role, Spec};
-use crate::{Arm, JOINTS_MAX, JointKind};
+use crate::{Arm, Inputs, JOINTS_MAX, JointKind};
 use glam::DVec3;
 use thiserror::Error;
 
@@ -68,15 +68,15 @@ pub trait Effect: Copy + Sized {
     }
 
     /// Brings the memory to where it stands after a long move that ended in `inputs.direction`.
-    fn settle(&self, _signals: &Signals<'_>, _memory: &mut Memory) {}
+    fn settle(&self, _inputs: &Inputs, _memory: &mut Memory) {}
 
     /// Lets the memory follow one sample, the motor going from `inputs.q_before` to `inputs.q`.
-    fn advance(&self, _signals: &Signals<'_>, _memory: &mut Memory) {}
+    fn advance(&self, _inputs: &Inputs, _memory: &mut Memory) {}
 
     /// The inverse: lets the memory follow one sample in which the LINK shall go from `inputs.q_before` to
     /// `inputs.q`, the motor doing what that takes. The corrector asks this.
-    fn follow(&self, signals: &Signals<'_>, memory: &mut Memory) {
-        self.advance(signals, memory);
+    fn follow(&self, inputs: &Inputs, memory: &mut Memory) {
+        self.advance(inputs, memory);
     }
 }
 

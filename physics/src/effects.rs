@@ -8,7 +8,7 @@ use crate::effect::{BuildError, Effect, Given, Memory, Site};
 use crate::signals::Signals;
 use crate::slopes::{Slope, Told};
 use crate::spec::{Parameter, Spec};
-use crate::{Arm, JointKind};
+use crate::{Arm, Inputs, JointKind};
 pub use over_path::{OVER_PATHS, OverPath};
 
 /// The three accessors of an effect that keeps `joint: usize` and `values: [f64; N]`.
@@ -209,31 +209,31 @@ macro_rules! effects {
             }
 
             /// See [`Effect::settle`].
-            pub fn settle(&self, signals: &Signals<'_>, memory: &mut Memory) {
+            pub fn settle(&self, inputs: &Inputs, memory: &mut Memory) {
                 match self {
-                    $(Self::$Kind(effect) => effect.settle(signals, memory),)+
-                    $(Self::$Drive(effect) => effect.settle(signals, memory),)+
-                    $(Self::$Cut(effect) => effect.settle(signals, memory),)+
+                    $(Self::$Kind(effect) => effect.settle(inputs, memory),)+
+                    $(Self::$Drive(effect) => effect.settle(inputs, memory),)+
+                    $(Self::$Cut(effect) => effect.settle(inputs, memory),)+
                     Self::OverPath(_) => {}
                 }
             }
 
             /// See [`Effect::advance`].
-            pub fn advance(&self, signals: &Signals<'_>, memory: &mut Memory) {
+            pub fn advance(&self, inputs: &Inputs, memory: &mut Memory) {
                 match self {
-                    $(Self::$Kind(effect) => effect.advance(signals, memory),)+
-                    $(Self::$Drive(effect) => effect.advance(signals, memory),)+
-                    $(Self::$Cut(effect) => effect.advance(signals, memory),)+
+                    $(Self::$Kind(effect) => effect.advance(inputs, memory),)+
+                    $(Self::$Drive(effect) => effect.advance(inputs, memory),)+
+                    $(Self::$Cut(effect) => effect.advance(inputs, memory),)+
                     Self::OverPath(_) => {}
                 }
             }
 
             /// See [`Effect::follow`].
-            pub fn follow(&self, signals: &Signals<'_>, memory: &mut Memory) {
+            pub fn follow(&self, inputs: &Inputs, memory: &mut Memory) {
                 match self {
-                    $(Self::$Kind(effect) => effect.follow(signals, memory),)+
-                    $(Self::$Drive(effect) => effect.follow(signals, memory),)+
-                    $(Self::$Cut(effect) => effect.follow(signals, memory),)+
+                    $(Self::$Kind(effect) => effect.follow(inputs, memory),)+
+                    $(Self::$Drive(effect) => effect.follow(inputs, memory),)+
+                    $(Self::$Cut(effect) => effect.follow(inputs, memory),)+
                     Self::OverPath(_) => {}
                 }
             }

@@ -247,11 +247,11 @@ impl Model {
     /// A settled pose after another one, `inputs.dt_s` later: what remembers the way of a joint settles, what remembers warmth follows the
     /// time; without a pose before (`dt_s` of 0) all settles.
     pub fn arrive(&self, inputs: &Inputs, memories: &mut Memories) {
-        self.update(inputs, memories, |effect, signals, memory| {
-            if signals.inputs.dt_s > 0.0 && !effect.spec().needs.contains(&Need::Direction) {
-                effect.advance(signals, memory);
+        self.update(inputs, memories, |effect, inputs, memory| {
+            if inputs.dt_s > 0.0 && !effect.spec().needs.contains(&Need::Direction) {
+                effect.advance(inputs, memory);
             } else {
-                effect.settle(signals, memory);
+                effect.settle(inputs, memory);
             }
         });
     }
@@ -295,15 +295,10 @@ impl Model {
         &self,
         inputs: &Inputs,
         memories: &mut Memories,
-        step: impl Fn(&AnyEffect, &Signals<'_>, &mut Memory),
+        step: impl Fn(&AnyEffect, &Inputs, &mut Memory),
     ) {
-        if self.effects().all(|effect| !effect.spec().has_memory) {
-            return;
-        }
-        let (chain, loads) = self.loaded(inputs, memories);
-        let signals = Signals { arm: &self.arm, inputs, chain: &chain, loads: &loads };
         for (effect, memory) in self.effects().zip(&mut memories.0) {
-            step(effect, &signals, memory);
+            step(effect, inputs, memory);
         }
     }
 
@@ -313,16 +308,10 @@ impl Model {
         memories: &Memories,
         visit: impl FnOnce(&Signals<'_>) -> R,
     ) -> R {
-        let (chain, loads) = self.loaded(inputs, memories);
-        visit(&Signals { arm: &self.arm, inputs, chain: &chain, loads: &loads })
-    }
-
-    /// The controller's geometry and the loads on it.
-    fn loaded(&self, inputs: &Inputs, memories: &Memories) -> (Chain, Loads) {
         let chain = Chain::nominal(&self.arm, &inputs.q);
         let mut loads = Loads::default();
         self.load(inputs, &chain, memories, &mut LoadChange::default(), &mut loads);
-        (chain, loads)
+        visit(&Signals { arm: &self.arm, inputs, chain: &chain, loads: &loads })
     }
 
     /// The loads, and what effects change of them, which is nothing before.

@@ -6,6 +6,7 @@
 //!
 //! Memory: `[z, side]`, side the sign of z where it last touched the gap's end.
 
+use crate::Inputs;
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
@@ -48,14 +49,14 @@ impl Effect for Backlash {
         Contribution::Joint { joint: self.joint, delta: 0.5 * memory.0[1] }
     }
 
-    fn settle(&self, signals: &Signals<'_>, memory: &mut Memory) {
-        let side = -signals.inputs.direction[self.joint];
+    fn settle(&self, inputs: &Inputs, memory: &mut Memory) {
+        let side = -inputs.direction[self.joint];
         memory.0 = [0.5 * self.values[0] * side, side, 0.0, 0.0];
     }
 
-    fn advance(&self, signals: &Signals<'_>, memory: &mut Memory) {
+    fn advance(&self, inputs: &Inputs, memory: &mut Memory) {
         let half = 0.5 * self.values[0];
-        let moved = signals.inputs.q[self.joint] - signals.inputs.q_before[self.joint];
+        let moved = inputs.q[self.joint] - inputs.q_before[self.joint];
         let carried = memory.0[0] - moved;
         let z = carried.clamp(-half, half);
         if z != carried {
@@ -66,9 +67,9 @@ impl Effect for Backlash {
     }
 
     /// For the link to turn back at once, the motor has to cross the gap at once.
-    fn follow(&self, signals: &Signals<'_>, memory: &mut Memory) {
-        if signals.inputs.direction[self.joint] != 0.0 {
-            self.settle(signals, memory);
+    fn follow(&self, inputs: &Inputs, memory: &mut Memory) {
+        if inputs.direction[self.joint] != 0.0 {
+            self.settle(inputs, memory);
         }
     }
 }
@@ -88,7 +89,7 @@ mod tests {
         let mut inputs = scene().inputs;
         inputs.q_before[1] = from;
         inputs.q[1] = to;
-        with_inputs(&inputs, |signals| effect.advance(signals, memory));
+        effect.advance(&inputs, memory);
         to + memory.0[0]
     }
 
@@ -122,10 +123,8 @@ mod tests {
         for direction in [-1.0, 0.0, 1.0] {
             inputs.direction[1] = direction;
             let mut memory = Memory::default();
-            let seen = with_inputs(&inputs, |signals| {
-                effect.settle(signals, &mut memory);
-                effect.predict(signals, &memory)
-            });
+            effect.settle(&inputs, &mut memory);
+            let seen = with_inputs(&inputs, |signals| effect.predict(signals, &memory));
             let expected = Contribution::Joint { joint: 1, delta: -0.5 * WIDTH * direction };
             assert_eq!(seen, expected);
         }

@@ -102,9 +102,9 @@ fn run(
     path: &[Inputs],
 ) -> (Memory, Contribution, Vec<Contribution>) {
     let mut memory = Memory::default();
-    seen(arm, &path[0], |signals| effect.settle(signals, &mut memory));
+    effect.settle(&path[0], &mut memory);
     for inputs in &path[1..] {
-        seen(arm, inputs, |signals| effect.advance(signals, &mut memory));
+        effect.advance(inputs, &mut memory);
     }
     seen(arm, &path[path.len() - 1], |signals| {
         let slopes = (0..effect.values().len()).map(|k| effect.derivative(k, signals, &memory));
@@ -287,11 +287,11 @@ prop_compose! {
 fn lived(sample: &Sample, life: &[(Inputs, u8)]) -> Memory {
     let mut memory = Memory::default();
     for (inputs, what) in life {
-        seen(&sample.scene.arm, inputs, |signals| match what {
-            0 => sample.effect.settle(signals, &mut memory),
-            1 => sample.effect.advance(signals, &mut memory),
-            _ => sample.effect.follow(signals, &mut memory),
-        });
+        match what {
+            0 => sample.effect.settle(inputs, &mut memory),
+            1 => sample.effect.advance(inputs, &mut memory),
+            _ => sample.effect.follow(inputs, &mut memory),
+        }
     }
     memory
 }
@@ -306,10 +306,8 @@ proptest! {
         for sample in samples() {
             let mut memory = lived(&sample, &life);
             let mut fresh = Memory::default();
-            seen(&sample.scene.arm, &last, |signals| {
-                sample.effect.settle(signals, &mut memory);
-                sample.effect.settle(signals, &mut fresh);
-            });
+            sample.effect.settle(&last, &mut memory);
+            sample.effect.settle(&last, &mut fresh);
             prop_assert_eq!(memory, fresh, "{}", sample.name);
             if !sample.effect.spec().has_memory {
                 prop_assert_eq!(memory, Memory::default(), "{} remembers", sample.name);

@@ -6,6 +6,7 @@
 //!
 //! Memory: `[u, du/ds]` with `z = h u`.
 
+use crate::Inputs;
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::signals::Signals;
@@ -57,19 +58,19 @@ impl Effect for Hysteresis {
         Contribution::Joint { joint: self.joint, delta }
     }
 
-    fn settle(&self, signals: &Signals<'_>, memory: &mut Memory) {
-        settle(signals.inputs.direction[self.joint], memory);
+    fn settle(&self, inputs: &Inputs, memory: &mut Memory) {
+        settle(inputs.direction[self.joint], memory);
     }
 
-    fn advance(&self, signals: &Signals<'_>, memory: &mut Memory) {
-        let moved = signals.inputs.q[self.joint] - signals.inputs.q_before[self.joint];
+    fn advance(&self, inputs: &Inputs, memory: &mut Memory) {
+        let moved = inputs.q[self.joint] - inputs.q_before[self.joint];
         carry(moved, self.values[1], memory);
     }
 
     /// The motor goes `m` so that the link goes `d`: `d = m − c (1 − e^(−m/s))`, c what z has yet to lose.
-    fn follow(&self, signals: &Signals<'_>, memory: &mut Memory) {
+    fn follow(&self, inputs: &Inputs, memory: &mut Memory) {
         let [amplitude, reversal] = self.values;
-        let link = signals.inputs.q[self.joint] - signals.inputs.q_before[self.joint];
+        let link = inputs.q[self.joint] - inputs.q_before[self.joint];
         let (sign, distance) = (if link < 0.0 { -1.0 } else { 1.0 }, link.abs());
         let left = (amplitude * (sign * memory.0[0] + 0.5)).max(0.0);
         if distance == 0.0 {
@@ -109,18 +110,18 @@ pub(super) fn carry(moved: f64, reversal: f64, memory: &mut Memory) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::conformance::{scene, with_inputs};
+    use crate::effects::conformance::scene;
     use proptest::prelude::*;
 
     fn effect(amplitude: f64, reversal: f64) -> Hysteresis {
         Hysteresis { joint: 1, values: [amplitude, reversal] }
     }
 
-    fn by(distance: f64, step: impl Fn(&Signals<'_>)) {
+    fn by(distance: f64) -> Inputs {
         let mut inputs = scene().inputs;
         inputs.q_before[1] = 0.0;
         inputs.q[1] = distance;
-        with_inputs(&inputs, |signals| step(signals));
+        inputs
     }
 
     fn carried(u: f64, effect: &Hysteresis, distance: f64) -> f64 {
@@ -148,12 +149,9 @@ mod tests {
             let link = motor + amplitude * (there - u);
             // A motion within a gap that is wider than its distance turns the link back first: no inverse there.
             prop_assume!(link * motor > 0.0);
-            let start = Memory([u, 0.0, 0.0, 0.0]);
-            by(link, |signals| {
-                let mut memory = start;
-                effect.follow(signals, &mut memory);
-                assert!((memory.0[0] - there).abs() < 1e-9, "{} for {there}", memory.0[0]);
-            });
+            let mut memory = Memory([u, 0.0, 0.0, 0.0]);
+            effect.follow(&by(link), &mut memory);
+            prop_assert!((memory.0[0] - there).abs() < 1e-9, "{} for {there}", memory.0[0]);
         }
     }
 }

@@ -4,6 +4,7 @@
 //! k: `growth`, m/K; or `growth_um` per krpm, in m/(rev/min) inside · T: ambient, °C · T₀: `reference`, 20 unless given.
 //! Source: contract `effects.md`. Linear in speed holds for moderate speeds (bearing losses rise faster).
 
+use crate::Inputs;
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::heat::{Cause, Heat, LAG, REFERENCE};
@@ -75,12 +76,12 @@ impl Effect for SpindleGrowth {
         self.grown(self.heat.slope(self.values, k, signals.inputs, memory))
     }
 
-    fn settle(&self, signals: &Signals<'_>, memory: &mut Memory) {
-        self.heat.settle(signals.inputs, memory);
+    fn settle(&self, inputs: &Inputs, memory: &mut Memory) {
+        self.heat.settle(inputs, memory);
     }
 
-    fn advance(&self, signals: &Signals<'_>, memory: &mut Memory) {
-        self.heat.advance(self.values, signals.inputs, memory);
+    fn advance(&self, inputs: &Inputs, memory: &mut Memory) {
+        self.heat.advance(self.values, inputs, memory);
     }
 }
 

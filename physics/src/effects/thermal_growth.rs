@@ -6,6 +6,7 @@
 //! the zero configuration, needed where the points coincide. Source: contract `effects.md`; for a link of length L, k = αL.
 //! Uniform warming: a link that bends because one side is warmer is not in it.
 
+use crate::Inputs;
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::heat::{Cause, Heat, LAG, REFERENCE, TIME_CONSTANT};
@@ -82,12 +83,12 @@ impl Effect for ThermalGrowth {
         self.grown(self.heat.slope(self.values, k, signals.inputs, memory))
     }
 
-    fn settle(&self, signals: &Signals<'_>, memory: &mut Memory) {
-        self.heat.settle(signals.inputs, memory);
+    fn settle(&self, inputs: &Inputs, memory: &mut Memory) {
+        self.heat.settle(inputs, memory);
     }
 
-    fn advance(&self, signals: &Signals<'_>, memory: &mut Memory) {
-        self.heat.advance(self.values, signals.inputs, memory);
+    fn advance(&self, inputs: &Inputs, memory: &mut Memory) {
+        self.heat.advance(self.values, inputs, memory);
     }
 }
 

@@ -4,6 +4,7 @@
 //! k: `drift`, rad/K or m/K · T₀: `reference`, °C, 20 unless given · A: `amplitude`, rad or m · t₀: `time_constant`, s.
 //! Source: contract `effects.md`. A regression of what warmth does to a drive and its housing, good near the temperatures it was found at.
 
+use crate::Inputs;
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
 use crate::heat::{Cause, Heat, LAG, REFERENCE, TIME_CONSTANT};
@@ -71,12 +72,12 @@ impl Effect for ThermalZero {
         self.drifted(self.heat.slope(self.values, k, signals.inputs, memory))
     }
 
-    fn settle(&self, signals: &Signals<'_>, memory: &mut Memory) {
-        self.heat.settle(signals.inputs, memory);
+    fn settle(&self, inputs: &Inputs, memory: &mut Memory) {
+        self.heat.settle(inputs, memory);
     }
 
-    fn advance(&self, signals: &Signals<'_>, memory: &mut Memory) {
-        self.heat.advance(self.values, signals.inputs, memory);
+    fn advance(&self, inputs: &Inputs, memory: &mut Memory) {
+        self.heat.advance(self.values, inputs, memory);
     }
 }
 

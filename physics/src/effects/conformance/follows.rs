@@ -78,10 +78,8 @@ fn what_a_deviation_does_to_the_tool_is_told_to_first_order() {
     for sample in samples().iter().filter(moving) {
         let Scene { arm, inputs, .. } = &sample.scene;
         let mut memory = Memory::default();
-        let added = seen(arm, inputs, |signals| {
-            sample.effect.advance(signals, &mut memory);
-            sample.effect.predict(signals, &memory)
-        });
+        sample.effect.advance(inputs, &mut memory);
+        let added = seen(arm, inputs, |signals| sample.effect.predict(signals, &memory));
         let size = numbers(&added).iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         if size == 0.0 {
             continue;

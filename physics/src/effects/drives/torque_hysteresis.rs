@@ -6,6 +6,7 @@
 //!
 //! Memory: that of [`super::super::hysteresis`], whose position lags as this force resists: `z = −h u`.
 
+use crate::Inputs;
 use crate::deviation::Contribution;
 use crate::drive::DriveTerm;
 use crate::effect::{BuildError, Effect, Memory, Site};
@@ -53,13 +54,12 @@ impl Effect for TorqueHysteresis {
         Contribution::DriveTorque { joint: self.joint, term }
     }
 
-    fn settle(&self, signals: &Signals<'_>, memory: &mut Memory) {
-        settle(signals.inputs.direction[self.joint], memory);
+    fn settle(&self, inputs: &Inputs, memory: &mut Memory) {
+        settle(inputs.direction[self.joint], memory);
     }
 
-    fn advance(&self, signals: &Signals<'_>, memory: &mut Memory) {
+    fn advance(&self, inputs: &Inputs, memory: &mut Memory) {
         let [_, reversal] = self.values;
-        let inputs = signals.inputs;
         carry(inputs.q[self.joint] - inputs.q_before[self.joint], reversal, memory);
     }
 }
