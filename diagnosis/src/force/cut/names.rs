@@ -14,6 +14,8 @@ use super::law::{BIAS, CHIP, EDGE, HUM, LEAK, NUMBERS, RING, RUNOUT, SCALE, Slot
 
 /// A tone of which no name of the contract tells: it swings whether the tool cuts or not.
 pub(super) const TONE: &str = "";
+/// Segments up to which each may have drifts of its own.
+const DRIFTING: usize = 16;
 /// The spindle is off what is told by about this share.
 const SPEED_OFF: f64 = 1e-3;
 
@@ -121,9 +123,11 @@ fn anyway(case: &Case, directions: &mut Vec<Vec<(usize, f64)>>, prior: &mut Vec<
     let [phases, speed, drifts, bends] = case.anyway_at();
     let mut spindle: Vec<usize> = (phases..speed).map(|at| put(at, 0.0)).collect();
     spindle.push(put(speed, 1.0 / (SPEED_OFF * SPEED_OFF)));
-    let drift = (drifts..bends).map(|at| put(at, 0.0)).collect();
+    // So many columns would cost more than they tell.
+    let last = if speed - phases <= DRIFTING { bends } else { drifts };
+    let drift = (drifts..last).map(|at| put(at, 0.0)).collect();
     // In no fit: what is slow and bent is not to be taken for a memory of the noise.
-    (bends..2 * bends - drifts).for_each(|at| {
+    (bends..bends + last - drifts).for_each(|at| {
         put(at, 0.0);
     });
     let of_model = case.doubts.iter();
