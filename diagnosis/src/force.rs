@@ -130,11 +130,15 @@ pub fn has_force(recording: &Recording) -> bool {
             .any(|channel| matches!(channel, Channel::Wrench(_) | Channel::Acceleration(_)))
 }
 
-/// Reads what forces say by themselves.
+/// Reads what forces say by themselves, and beside a told cut; `sigma`: standard uncertainties of the values of each of the model's effects, SI, in their order.
 ///
 /// # Errors
 /// Recordings that say nothing.
-pub fn diagnose(model: &Model, recording: &Recording) -> Result<Diagnosis, Doubt> {
+pub fn diagnose(
+    model: &Model,
+    sigma: &[Vec<f64>],
+    recording: &Recording,
+) -> Result<Diagnosis, Doubt> {
     let signal = Signal::of(recording)?;
     let level = phases::levels(&signal);
     let phases = phases::of(&signal, &level);
@@ -164,7 +168,7 @@ pub fn diagnose(model: &Model, recording: &Recording) -> Result<Diagnosis, Doubt
             "the tool is never in air, so the sensor is never known to be unloaded",
         ));
     }
-    let compared = cut::compare(model, recording, &signal, &phases);
+    let compared = cut::compare(model, sigma, recording, &signal);
     match &compared {
         Ok(compared) => {
             findings.clear();

@@ -1,6 +1,6 @@
 //! Forces against a told cut: where they differ from what the law of the teeth says, and which effect of cutter or sensor that is.
 //!
-//! Read in this order: `law` (what a sensor would read), `rows` (which rows are compared), `spindle` (where it stands), `gross` (whether it is this cut), `case` (slopes, noise), `names` (what may
+//! Read in this order: `law` (what a sensor would read), `rows` (which rows are compared), `ways` (into the work and out of it), `spindle` (where it stands), `gross` (whether it is this cut), `case` (slopes, noise), `names` (what may
 //! be missing), `tone`, `found` (numbers and rivals), `rest` (what no name explains), `finish` (the proof, the verdict).
 //!
 //! Promises: the same input gives the same bits; held-out rows are seen by no choice and no fit; where the told cut does not say enough, why is said.
@@ -18,18 +18,17 @@ mod spindle;
 #[cfg(test)]
 mod tests;
 mod tone;
+mod ways;
 
-use physics::{Inputs, Joints, Memories, Model};
-use recording::series::Recording;
-use world::milling::Stand;
+use physics::{CutForce, Inputs, Joints, Memories, Model};
+use recording::series::{Channel, Recording};
 
-use super::phases::Phase;
 use super::signal::Signal;
 use crate::colour::Colour;
 use crate::torque::choose::{Asking, others};
 use crate::torque::table::Table;
-use case::{Belief, Case};
-use law::{Law, NUMBERS, Spindle};
+use case::{Anyway, Belief, Case};
+use law::{Law, Spindle};
 use rows::Rows;
 
 pub use finish::{Compared, Traced};
@@ -39,8 +38,10 @@ pub use rest::Rest;
 const ROUNDS: usize = 6;
 /// Rounds in which a likelier rival takes a name's place.
 const SWAPS: usize = 4;
-/// A name that brings less than this share of what is left, on rows that took no part in its choice, tells nothing.
-const TELLS: f64 = 1e-3;
+/// Another angle or speed of the spindle than is told explains so much more, in log-likelihood, beyond its price.
+const INSISTS: f64 = 10.0;
+/// A name that brings less than this on rows that took no part in its choice, in log-likelihood, tells nothing.
+const TELLS: f64 = 1.0;
 /// Rows of the cut from which on anything can be compared.
 const ROWS_LEAST: usize = 200;
 
@@ -98,38 +99,76 @@ impl Silence {
     }
 }
 
-/// Compares forces with the cut that the recording tells of.
+/// Compares forces with the cut that the recording tells of; `sigma`: of each value of each of the model's effects.
 ///
 /// # Errors
 /// Why they cannot be compared.
 pub(super) fn compare(
     model: &Model,
+    sigma: &[Vec<f64>],
     recording: &Recording,
     signal: &Signal,
-    phases: &[Phase],
 ) -> Result<Compared, Silence> {
-    let (mut case, rows) = begun(model, recording, signal, phases)?;
-    let train = case.sets.train.clone();
-    case.belief.spindle = spindle::find(&case, &train);
+    let (mut case, rows) = begun(model, recording, signal)?;
+    case.doubts = names::doubts(model, sigma);
+    let told = case.belief.spindle.clone();
+    let found = spindle::find(&case, &case.sets.train);
+    case.belief.spindle = found.clone();
     gross::look(&case)?;
+    let as_told = Case { belief: Belief::as_told(told.clone()), ..case.clone() };
+    let mut best = answered(as_told, model, &rows, false);
+    if found != told {
+        let other = answered(case, model, &rows, true);
+        if turns_otherwise(&best, &other) {
+            best = other;
+        }
+    }
+    let names = confirmed(&best.0, best.1);
+    Ok(finish::finish(best.0, model, recording, &rows, &names))
+}
+
+/// Whether forces insist on a spindle that stands otherwise than is told: both are weighed on the same rows, by the same noise.
+fn turns_otherwise(told: &(Case, Vec<usize>), other: &(Case, Vec<usize>)) -> bool {
+    let mut as_told = told.0.clone();
+    as_told.table.noise.clone_from(&other.0.table.noise);
+    as_told.table.counts.clone_from(&other.0.table.counts);
+    let cost = |case: &Case, names: &[usize]| {
+        let products = case.products(&case.sets.train);
+        let asking = Asking { library: &case.library, products: &products, always: &case.always };
+        let (_, misfit) = case.fitted(&case.belief, &asking.columns(names), &case.sets.train);
+        let prices = names.iter().map(|name| asking.price(&case.library.families[*name]));
+        misfit + prices.sum::<f64>()
+    };
+    let free = other.0.anyway.spindle.len() as f64;
+    let rows = as_told.law.rows.len() as f64;
+    cost(&as_told, &told.1) - cost(&other.0, &other.1) > INSISTS + 0.5 * free * rows.ln()
+}
+
+/// The names that forces ask for where the spindle stands as is believed, or about there.
+fn answered(mut case: Case, model: &Model, rows: &Rows, is_doubted: bool) -> (Case, Vec<usize>) {
+    let train = case.sets.train.clone();
     case.count(&rows.is_between);
     names::library(&mut case);
+    case.doubt_spindle(is_doubted);
     case.take();
     names::limit(&mut case, stated_wear(model));
     names::narrow(&mut case);
     case.hear_noise();
     let mut names: Vec<usize> = Vec::new();
-    let mut is_listening = true;
+    let mut listened: Option<Vec<usize>> = None;
     for _ in 0..ROUNDS {
         let before = names.clone();
         names = chosen(&mut case, &names, &train);
         case.count(&rows.is_between);
         let rings = names.iter().any(|k| !case.library.families[*k].settings.is_empty());
-        let heard = (is_listening && !rings).then(|| tone::loudest(&case, &train)).flatten();
-        is_listening = heard.is_some() && is_listening;
+        // Whatever was named or taken back since may have hidden a tone.
+        let is_new = !rings && listened.as_ref() != Some(&names);
+        let heard = is_new.then(|| tone::loudest(&case, &train)).flatten();
+        if is_new {
+            listened = Some(names.clone());
+        }
         if let Some(tone_hz) = heard {
             names::add_tone(&mut case, tone_hz);
-            is_listening = false;
         }
         case.take();
         case.hear_noise();
@@ -143,8 +182,7 @@ pub(super) fn compare(
         case.take();
         case.hear_noise();
     }
-    let names = confirmed(&case, names);
-    Ok(finish::finish(case, model, recording, &rows, &names))
+    (case, names)
 }
 
 /// The names that the rows ask for, and the belief that they make.
@@ -164,25 +202,21 @@ fn confirmed(case: &Case, mut names: Vec<usize>) -> Vec<usize> {
     let products = case.products(&case.sets.train);
     let asking = Asking { library: &case.library, products: &products, always: &case.always };
     loop {
-        let of = |names: &[usize]| case.rms(&asking.solve(names).solved, &case.sets.look);
+        let of = |names: &[usize]| case.left_white(&asking.solve(names).solved, &case.sets.look);
         let whole = of(&names);
         let harm = |name: &usize| of(&others(&names, *name)) - whole;
-        let worst = names.iter().map(|name| (*name, harm(name)));
+        let asked = names.iter().filter(|name| !case.library.families[**name].revises);
+        let worst = asked.map(|name| (*name, harm(name)));
         let worst = worst.min_by(|a, b| a.1.total_cmp(&b.1));
         match worst {
-            Some((name, harm)) if harm < TELLS * whole => names.retain(|n| *n != name),
+            Some((name, harm)) if harm < TELLS => names.retain(|n| *n != name),
             _ => return names,
         }
     }
 }
 
 /// Rows, measured forces and the law, nothing yet asked.
-fn begun(
-    model: &Model,
-    recording: &Recording,
-    signal: &Signal,
-    phases: &[Phase],
-) -> Result<(Case, Rows), Silence> {
+fn begun(model: &Model, recording: &Recording, signal: &Signal) -> Result<(Case, Rows), Silence> {
     let cut = recording.about.cut.as_ref().ok_or(Silence::NoCut)?;
     if !signal.is_force {
         return Err(Silence::NoForce);
@@ -202,26 +236,25 @@ fn begun(
         inputs.time_s = time_s;
         model.cut_force(&inputs, &memories)
     };
-    let first = force(0.0);
-    let size = |stand: &Stand| {
-        let bite = cutter.mean(stand.feed_per_tooth_m);
-        if stand.cuts() { first.acting(&cutter, &bite, stand.cut_m).length() } else { 0.0 }
-    };
-    let rows = Rows::of(recording, &cutter, signal, phases, &size)?;
+    let rows = Rows::of(recording, &cutter, signal)?;
     let count = rows.at.len();
     if rows.stood.iter().filter(|stood| stood.cuts).count() < ROWS_LEAST {
         return Err(Silence::NoRows);
     }
-    let base = rows.stood.iter().map(|stood| force(stood.time_s)).collect();
+    let mut base: Vec<CutForce> = rows.stood.iter().map(|stood| force(stood.time_s)).collect();
+    if base.iter().all(|force| *force == base[0]) {
+        base.truncate(1);
+    }
     let column = |axis: usize| {
         let (_, samples) = signal.channels.iter().find(|(one, _)| *one == axis)?;
         Some(rows.at.iter().map(|row| samples[*row]).collect::<Vec<f64>>())
     };
     let measured: [Option<Vec<f64>>; 3] = std::array::from_fn(column);
-    let phases = vec![0.0; rows.segments];
+    let spindle = Spindle { phases: vec![0.0; rows.segments], faster: 0.0 };
+    let told_noise = |axis: usize| recording.about.sigma.get(&Channel::Wrench(axis)).copied();
     let case = Case {
         law: Law { cutter, rows: rows.stood.clone(), base, tone_hz: 0.0 },
-        belief: Belief { numbers: vec![0.0; NUMBERS], spindle: Spindle { phases, faster: 0.0 } },
+        belief: Belief::as_told(spindle),
         table: Table {
             runs: rows.runs.clone(),
             target: measured.to_vec(),
@@ -238,6 +271,9 @@ fn begun(
         },
         directions: Vec::new(),
         always: Vec::new(),
+        anyway: Anyway::default(),
+        doubts: Vec::new(),
+        told_noise: std::array::from_fn(told_noise),
         sets: rows.sets(recording),
     };
     Ok((case, rows))

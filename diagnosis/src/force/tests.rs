@@ -23,7 +23,7 @@ tcp_mm = [0.0, 0.0, 0.0]
 
 fn diagnose(recording: &Recording) -> Result<Diagnosis, Doubt> {
     let model = RobotModel::parse("no arm", NO_ARM).expect("sound");
-    super::diagnose(&model.physics, recording)
+    super::diagnose(&model.physics, &[], recording)
 }
 
 const RATE_HZ: f64 = 5000.0;

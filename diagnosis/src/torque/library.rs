@@ -77,6 +77,7 @@ pub(crate) struct Family {
 }
 
 /// All columns and names.
+#[derive(Clone)]
 pub(crate) struct Library {
     pub(crate) columns: Vec<Column>,
     /// One over the square of what is believed of each column's number.

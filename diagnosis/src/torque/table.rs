@@ -60,6 +60,8 @@ pub(crate) struct Products {
     pub(crate) rows: usize,
     /// One over the square of what is believed of each number; 0 where nothing is.
     pub(crate) prior: Vec<f64>,
+    /// A column that is left so little, squared, brings nothing.
+    pub(crate) brings: f64,
 }
 
 /// Numbers of some columns, with what they explain.
@@ -104,7 +106,7 @@ impl Products {
             }
             rows += keep.len();
         }
-        Self { gram, right, rows, prior }
+        Self { gram, right, rows, prior, brings: BRINGS }
     }
 
     /// The same sums where one column has become another.
@@ -249,7 +251,7 @@ impl Products {
             DVector::from_fn(count, |i, _| self.right[open[i]] - beside[i].dot(&values));
         for i in 0..count {
             let full = self.gram[(open[i], open[i])] + self.prior[open[i]];
-            if left[(i, i)] <= BRINGS * full || full <= 0.0 {
+            if left[(i, i)] <= self.brings * full || full <= 0.0 {
                 left.row_mut(i).fill(0.0);
                 left.column_mut(i).fill(0.0);
                 left[(i, i)] = 1.0;

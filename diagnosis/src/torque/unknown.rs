@@ -110,16 +110,17 @@ pub(super) fn law(
     left: &[f64],
     sets: [&[bool]; 3],
 ) -> Option<Law> {
-    law_of(&words(motion, joint), table, joint, left, sets)
+    law_of(&words(motion, joint), table, joint, left, sets, SHARE)
 }
 
-/// The same of any words; the first three go in pairs too.
+/// The same of any words; the first three go in pairs too. `share`: of what is left, it explains at least this on rows unseen, as energy.
 pub(crate) fn law_of(
     words: &[Word],
     table: &Table,
     joint: usize,
     left: &[f64],
     [train, look, held]: [&[bool]; 3],
+    share: f64,
 ) -> Option<Law> {
     let counts = |used: &[bool], row: usize| used[row] && table.counts[joint][row];
     let trained = (0..left.len()).filter(|row| counts(train, *row)).count();
@@ -146,14 +147,14 @@ pub(crate) fn law_of(
             })
         };
         let [without, with] = sums(look);
-        let bears_out = with < (1.0 - SHARE) * without;
+        let bears_out = with < (1.0 - share) * without;
         let worth = gain - price;
         if worth > MARGIN && bears_out && best.as_ref().is_none_or(|(most, _)| worth > *most) {
             let words = of.iter().map(|word| word.name.clone()).collect();
             best = Some((worth, Law { joint, words, held: sums(held) }));
         }
     }
-    best.map(|(_, law)| law).filter(|law| law.held[1] < (1.0 - SHARE) * law.held[0])
+    best.map(|(_, law)| law).filter(|law| law.held[1] < (1.0 - share) * law.held[0])
 }
 
 /// The table that fits what is left best, whitened: the gain in log-likelihood, and its values row by row.

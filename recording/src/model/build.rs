@@ -18,7 +18,8 @@ pub(super) type EntryFault = (Option<usize>, Fault);
 pub(super) fn build(file: ModelFile) -> Result<RobotModel, Vec<EntryFault>> {
     let physics = Model::nominal(arm(&file).map_err(|fault| vec![(None, *fault)])?);
     let hash = content_hash(file.to_toml().as_bytes());
-    let (entry_of, sigma, not_compensated, drives, drives_sigma, cutting) = Default::default();
+    let (entry_of, sigma, not_compensated) = Default::default();
+    let (drives, drives_sigma, cutting, cutting_sigma) = Default::default();
     let mut model = RobotModel {
         file,
         physics,
@@ -28,6 +29,7 @@ pub(super) fn build(file: ModelFile) -> Result<RobotModel, Vec<EntryFault>> {
         drives,
         drives_sigma,
         cutting,
+        cutting_sigma,
         hash,
     };
     let mut faults = Vec::new();
@@ -66,7 +68,10 @@ impl RobotModel {
                     self.drives.push(effect);
                     self.drives_sigma.push(sigma);
                 }
-                ActsOn::ToolForce => self.cutting.push(effect),
+                ActsOn::ToolForce => {
+                    self.cutting.push(effect);
+                    self.cutting_sigma.push(sigma);
+                }
                 _ => {}
             }
         }

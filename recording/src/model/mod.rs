@@ -189,6 +189,8 @@ pub struct RobotModel {
     pub drives_sigma: Vec<Vec<f64>>,
     /// Those of them that change the force of a cut, or what is read of it.
     pub cutting: Vec<physics::AnyEffect>,
+    /// For each of `cutting`: as `sigma`.
+    pub cutting_sigma: Vec<Vec<f64>>,
     /// Hash of the document as it is written: the same for the same numbers, whatever the comments.
     pub hash: u64,
 }

@@ -2,13 +2,13 @@
 //!
 //! The law is taken as it is at the numbers believed, plus slopes: what is solved with these columns are the numbers themselves, and the law is taken anew there.
 //!
-//! Promises: phases of the spindle and a speed that is a little off are always fitted along. Never: a choice.
+//! Promises: drifts of the amplifier and numbers that are told with doubt are always fitted along; phases of the spindle and its speed where these are doubted. Never: a choice.
 
 use glam::DVec3;
 use nalgebra::DMatrix;
 use physics::Bite;
 
-use super::law::{CHIP, EDGE, Law, NUMBERS, Spindle};
+use super::law::{CHIP, EDGE, Law, NUMBERS, Spindle, Stood};
 use super::rows::Sets;
 use crate::colour::Colour;
 use crate::torque::columns::Column;
@@ -28,13 +28,45 @@ const ROUNDS: usize = 4;
 /// A fit that gains less than this stands.
 const STANDS: f64 = 0.05;
 
+/// A column that is left so little, squared, brings nothing: numbers that are told with doubt leave of a change of theirs what the doubt is beside the noise.
+const BRINGS: f64 = 1e-8;
+/// An amplifier drifts over a segment by this share of the noise, as a standard deviation.
+const DRIFTS: f64 = 0.15;
+/// Noise that is told holds where what no name explains is no more than so many times as large.
+const HOLDS: f64 = 2.0;
+
 /// What is believed.
 #[derive(Clone, Debug)]
 pub(super) struct Belief {
     pub(super) numbers: Vec<f64>,
     pub(super) spindle: Spindle,
+    /// How far each axis has drifted as a segment ends, three by three, N.
+    pub(super) drift: Vec<f64>,
+    /// What numbers that are believed with doubt cost where they stand, in log-likelihood.
+    pub(super) pull: f64,
 }
 
+/// A number of the model that is believed with doubt.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Doubt {
+    /// In the list of numbers.
+    pub(super) number: usize,
+    /// Standard uncertainty, SI.
+    pub(super) sigma: f64,
+}
+
+/// Columns that are in whatever is named.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Anyway {
+    /// Of the spindle: phases, and the speed.
+    pub(super) spindle: Vec<usize>,
+    /// Of the amplifier: three per segment.
+    pub(super) drift: Vec<usize>,
+    /// Of numbers with doubt.
+    pub(super) doubts: Vec<usize>,
+}
+
+#[derive(Clone)]
 pub(super) struct Case {
     pub(super) law: Law,
     pub(super) belief: Belief,
@@ -45,31 +77,61 @@ pub(super) struct Case {
     /// What each column of the library is: numbers with their weights; those from `NUMBERS` on are phases of segments, the last the speed.
     pub(super) directions: Vec<Vec<(usize, f64)>>,
     pub(super) always: Vec<usize>,
+    pub(super) anyway: Anyway,
+    pub(super) doubts: Vec<Doubt>,
+    /// The noise that is told of each axis, N.
+    pub(super) told_noise: [Option<f64>; 3],
     pub(super) sets: Sets,
+}
+
+impl Belief {
+    /// The model as it is.
+    pub(super) fn as_told(spindle: Spindle) -> Self {
+        let drift = vec![0.0; 3 * spindle.phases.len()];
+        Self { numbers: vec![0.0; NUMBERS], spindle, drift, pull: 0.0 }
+    }
+
+    /// What has drifted in a row, N.
+    fn drifted(&self, axis: usize, stood: &Stood) -> f64 {
+        self.drift[3 * stood.segment + axis] * stood.along
+    }
 }
 
 impl Case {
     /// What the law reads at a belief, per axis.
     pub(super) fn readings(&self, belief: &Belief) -> [Vec<f64>; 3] {
         let bites = self.law.bites(&belief.spindle);
-        by_axis(bites.iter().enumerate().map(|(k, b)| self.law.reading(k, b, &belief.numbers)))
+        let reader = self.law.reader(&belief.numbers);
+        by_axis(bites.iter().enumerate().map(|(k, b)| reader.reading(k, b)))
     }
 
     /// What is left of an axis.
     pub(super) fn left(&self, belief: &Belief) -> [Vec<f64>; 3] {
         let mut left = self.readings(belief);
-        for (left, measured) in left.iter_mut().zip(&self.measured) {
-            match measured {
-                Some(values) => left.iter_mut().zip(values).for_each(|(x, m)| *x = m - *x),
-                None => left.fill(0.0),
+        for (axis, (left, measured)) in left.iter_mut().zip(&self.measured).enumerate() {
+            let Some(values) = measured else {
+                left.fill(0.0);
+                continue;
+            };
+            for ((x, m), stood) in left.iter_mut().zip(values).zip(&self.law.rows) {
+                *x = m - *x - belief.drifted(axis, stood);
             }
         }
         left
     }
 
-    /// How many phases and speeds are fitted along.
-    pub(super) fn nuisances(&self) -> usize {
-        self.belief.spindle.phases.len() + 1
+    /// What number each of the spindle's and the amplifier's stands for, after those of the law: phases, the speed, drifts, and bends of these.
+    pub(super) fn anyway_at(&self) -> [usize; 4] {
+        let segments = self.belief.spindle.phases.len();
+        let speed = NUMBERS + segments;
+        [NUMBERS, speed, speed + 1, speed + 1 + 3 * segments]
+    }
+
+    /// Which columns are in whatever is named: the spindle's where it is doubted.
+    pub(super) fn doubt_spindle(&mut self, is_doubted: bool) {
+        let of_spindle = self.anyway.spindle.iter().filter(|_| is_doubted);
+        let rest = self.anyway.drift.iter().chain(&self.anyway.doubts);
+        self.always = of_spindle.chain(rest).copied().collect();
     }
 
     /// Takes the law anew at a belief: what is measured beyond it, and the columns that are wanted.
@@ -82,22 +144,31 @@ impl Case {
         let (numbers, turned): (Vec<usize>, Vec<usize>) = used.iter().partition(|k| **k < NUMBERS);
         let slopes = self.law.slopes(&bites, &belief.numbers, &numbers);
         let mut target = self.left(belief);
+        for (axis, target) in target.iter_mut().enumerate() {
+            let rows = target.iter_mut().zip(&self.law.rows);
+            rows.for_each(|(x, stood)| *x += belief.drifted(axis, stood));
+        }
         for (k, slope) in numbers.iter().zip(&slopes) {
             for (target, slope) in target.iter_mut().zip(slope) {
                 let own = belief.numbers[*k];
                 target.iter_mut().zip(slope).for_each(|(t, x)| *t += own * x);
             }
         }
-        let by_angle = if turned.is_empty() { Default::default() } else { self.turned(belief) };
+        let drifts = self.anyway_at()[2];
+        let is_turned = turned.iter().any(|at| *at < drifts);
+        let by_angle = if is_turned { self.turned(belief) } else { Default::default() };
         let column = |k: usize| {
             let mut parts: [Vec<f64>; 3] = std::array::from_fn(|_| vec![0.0; self.law.rows.len()]);
             for (at, weight) in &self.directions[k] {
                 match numbers.iter().position(|n| n == at) {
                     Some(place) => add(&mut parts, &slopes[place], *weight),
+                    None if *at >= drifts => self.drifting(at - drifts, &mut parts),
                     None => add(&mut parts, &self.of_spindle(at - NUMBERS, &by_angle), 1.0),
                 }
             }
-            Column { parts: parts.into_iter().enumerate().collect() }
+            let mut parts: Vec<(usize, Vec<f64>)> = parts.into_iter().enumerate().collect();
+            parts.retain(|(_, values)| values.iter().any(|x| *x != 0.0));
+            Column { parts }
         };
         let columns = wanted.iter().map(|k| (*k, column(*k))).collect();
         (target, columns)
@@ -105,10 +176,11 @@ impl Case {
 
     /// How readings change with the angle, N/rad.
     fn turned(&self, belief: &Belief) -> [Vec<f64>; 3] {
+        let reader = self.law.reader(&belief.numbers);
         by_axis(self.law.rows.iter().enumerate().map(|(row, stood)| {
             let at = |by: f64| -> DVec3 {
                 let bite: Bite = self.law.bite(&belief.spindle, stood, by);
-                self.law.reading(row, &bite, &belief.numbers)
+                reader.reading(row, &bite)
             };
             (at(TURNED) - at(-TURNED)) / (2.0 * TURNED)
         }))
@@ -116,7 +188,7 @@ impl Case {
 
     /// The column of one segment's phase, or, the last, of the speed.
     fn of_spindle(&self, which: usize, by_angle: &[Vec<f64>; 3]) -> [Vec<f64>; 3] {
-        let is_speed = which + 1 == self.nuisances();
+        let is_speed = which == self.belief.spindle.phases.len();
         let weight = |row: usize| {
             let stood = &self.law.rows[row];
             if is_speed { stood.angle_rad } else { f64::from(u8::from(stood.segment == which)) }
@@ -124,6 +196,16 @@ impl Case {
         std::array::from_fn(|axis| {
             by_angle[axis].iter().enumerate().map(|(row, x)| x * weight(row)).collect()
         })
+    }
+
+    /// The line of one axis over one segment, or its bend.
+    fn drifting(&self, which: usize, parts: &mut [Vec<f64>; 3]) {
+        let lines = 3 * self.belief.spindle.phases.len();
+        let (which, is_bend) = (which % lines, which >= lines);
+        let rows = parts[which % 3].iter_mut().zip(&self.law.rows);
+        for (x, stood) in rows.filter(|(_, stood)| stood.segment == which / 3) {
+            *x += if is_bend { stood.along * (1.0 - stood.along) } else { stood.along };
+        }
     }
 
     /// Takes the law anew at what is believed, for every column of the library.
@@ -158,7 +240,8 @@ impl Case {
 
     pub(super) fn products(&self, used: &[bool]) -> Products {
         let columns: Vec<&Column> = self.library.columns.iter().collect();
-        Products::new(&self.table, &columns, self.library.prior.clone(), used)
+        let products = Products::new(&self.table, &columns, self.library.prior.clone(), used);
+        Products { brings: BRINGS, ..products }
     }
 
     /// Learns each axis' noise from what no name explains.
@@ -169,32 +252,41 @@ impl Case {
             let rich = rich.solve(&(0..self.library.columns.len()).collect::<Vec<usize>>());
             self.table.noise =
                 noise::of(&self.table, &self.library.columns, &rich, &self.sets.train);
+            for ((_, size), told) in self.table.noise.iter_mut().zip(self.told_noise) {
+                *size = told.map_or(*size, |told| told.clamp(*size / HOLDS, *size));
+            }
+            for (at, column) in self.anyway.drift.iter().enumerate() {
+                let sigma = DRIFTS * self.table.noise[at % 3].1;
+                self.library.prior[*column] = 1.0 / (sigma * sigma);
+            }
         }
     }
 
     /// The belief that solved columns say.
     pub(super) fn believed(&self, from: &Belief, solved: &Solved) -> Belief {
-        let mut belief = Belief { numbers: vec![0.0; NUMBERS], spindle: from.spindle.clone() };
+        let mut belief = Belief::as_told(from.spindle.clone());
+        let [phases, speed, drifts, bends] = self.anyway_at();
         for (k, value) in solved.columns.iter().zip(&solved.values) {
+            belief.pull += 0.5 * self.library.prior[*k] * value * value;
             for (at, weight) in &self.directions[*k] {
-                match at.checked_sub(NUMBERS) {
-                    None => belief.numbers[*at] += weight * value,
-                    Some(which) if which + 1 == self.nuisances() => {
-                        belief.spindle.faster += value;
+                match *at {
+                    at if at >= bends => {}
+                    at if at >= drifts => belief.drift[at - drifts] += value,
+                    at if at == speed => belief.spindle.faster += value,
+                    at if at >= phases => {
+                        belief.spindle.phases[at - phases] += value.clamp(-LEAP, LEAP);
                     }
-                    Some(which) => {
-                        belief.spindle.phases[which] += value.clamp(-LEAP, LEAP);
-                    }
+                    at => belief.numbers[at] += weight * value,
                 }
             }
         }
         belief
     }
 
-    /// Minus log-likelihood of a belief on rows, but for a constant.
+    /// Minus log-likelihood of a belief on rows, with what it costs to believe it, but for a constant.
     pub(super) fn misfit(&self, belief: &Belief, used: &[bool]) -> f64 {
         let left = self.left(belief);
-        let mut sum = 0.0;
+        let mut sum = belief.pull;
         for axis in self.table.joints() {
             let white = self.table.whitened(axis, &left[axis]);
             let counts = &self.table.counts[axis];
@@ -214,7 +306,7 @@ impl Case {
                 *number = 0.0;
             }
         }
-        let mut best = (belief.clone(), self.misfit(&belief, used));
+        let mut best = (belief.clone(), f64::INFINITY);
         for _ in 0..ROUNDS {
             let (target, taken) = self.taken(&belief, columns);
             let mut table = self.table.clone();
@@ -242,6 +334,19 @@ impl Case {
     /// Root mean square of what is left on some rows, in units of the noise times the geometric mean of the noises, N.
     pub(super) fn rms(&self, solved: &Solved, used: &[bool]) -> f64 {
         rms_of(&self.table, &self.library.columns, solved, used, &self.table.counts)
+    }
+
+    /// Half the sum of squares of what is new in what is left on some rows, in units of the noise: minus log-likelihood.
+    pub(super) fn left_white(&self, solved: &Solved, used: &[bool]) -> f64 {
+        let mut sum = 0.0;
+        for axis in self.table.joints() {
+            let left = noise::residual(&self.table, &self.library.columns, solved, axis);
+            let white = self.table.whitened(axis, &left);
+            let counts = &self.table.counts[axis];
+            let rows = (0..white.len()).filter(|row| used[*row] && counts[*row]);
+            sum += 0.5 * rows.map(|row| white[row] * white[row]).sum::<f64>();
+        }
+        sum
     }
 
     pub(super) fn covariance(&self, solved: &Solved, used: &[bool]) -> DMatrix<f64> {

@@ -8,9 +8,9 @@ use std::f64::consts::TAU;
 
 use super::case::{Belief, Case};
 use super::found;
-use super::law::{LEAK, NUMBERS, SCALE, Slot, TURN};
+use super::law::{LEAK, SCALE, Slot, TURN};
 use super::names::{KINDS, TONE};
-use super::rest::{Rest, rest};
+use super::rest::{self, Rest};
 use super::rows::Rows;
 use crate::diagnose::Verdict;
 use crate::torque::Finding;
@@ -24,6 +24,10 @@ const CARRIED: f64 = 0.98;
 const CLEAR: f64 = 0.5;
 /// One law says more than all names where it carries more by this share.
 const CLEARLY: f64 = 0.02;
+/// And by so much more than chance makes of it, in units of the noise, squared.
+const BY_CHANCE: f64 = 20.0;
+/// The other numbers make one no less sure than this, as a ratio of variances, or it is not asked for.
+const APART: f64 = 300.0;
 /// Sensors are off by at most this share, and turned by at most this, rad.
 const BEYOND: f64 = 0.5;
 /// Points of a trace at most.
@@ -125,7 +129,7 @@ pub(super) fn finish(
             heldout: *heldout,
         });
     }
-    let law = rest(&case, &choice.solved, &case.belief);
+    let law = rest::rest(&case, &choice.solved, &case.belief);
     let given = asking.solve(&[]);
     let heldout = [&given, &choice].map(|one| rms(&one.solved));
     let is_strange = is_patched || hum.is_some();
@@ -182,10 +186,10 @@ fn is_patched(case: &Case, names: &[usize], seen: &[bool]) -> bool {
     let products = case.products(seen);
     let asking = Asking { library: &case.library, products: &products, always: &case.always };
     let (given, choice) = (asking.solve(&[]), asking.solve(names));
-    let spindle = case.belief.spindle.clone();
-    let told = Belief { numbers: vec![0.0; NUMBERS], spindle };
-    let law = rest(case, &given.solved, &told);
-    law.is_some_and(|law| law.carries > (1.0 + CLEARLY) * carried(case, &given, &choice))
+    let told = Belief::as_told(case.belief.spindle.clone());
+    let law = rest::law(case, &given.solved, &told);
+    let least = BY_CHANCE + (1.0 + CLEARLY) * carried(case, &given, &choice);
+    law.is_some_and(|law| law.carries > least)
 }
 
 /// What a choice carries on held-out rows of the energy that is off as given, in units of the noise.
@@ -228,14 +232,43 @@ fn settled(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
         let products = case.products(seen);
         let asking = Asking { library: &case.library, products: &products, always: &case.always };
         let covariance = |solved: &Solved| case.covariance(solved, seen);
-        let kept = told_by(&asking, names.clone(), &covariance, &|_| false);
-        let rms = |solved: &Solved| case.rms(solved, &case.sets.held);
-        borne_out_by(&asking, kept, &rms, &|_| false).0
+        let is_belief = |name: usize| case.library.families[name].revises;
+        let kept = told_by(&asking, names.clone(), &covariance, &is_belief);
+        let left = |solved: &Solved| case.left_white(solved, &case.sets.held);
+        borne_out_by(&asking, kept, &left, &is_belief).0
     };
-    if kept.len() < names.len() {
-        fit(case, &kept);
+    let full = fullest(case, &kept, seen);
+    if full != names {
+        fit(case, &full);
     }
-    kept
+    full
+}
+
+/// The names with all numbers that theirs may have, where rows tell these apart: a number that is left out is no number that is nothing.
+fn fullest(case: &Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
+    let families = &case.library.families;
+    let products = case.products(seen);
+    let asking = Asking { library: &case.library, products: &products, always: &case.always };
+    let mut all = names.to_vec();
+    for k in 0..all.len() {
+        let own = &families[all[k]];
+        let same = |place: &usize| {
+            families[*place].kind == own.kind && families[*place].settings.is_empty()
+        };
+        let forms = (0..families.len()).filter(same);
+        let Some(full) = forms.max_by_key(|place| families[*place].columns.len()) else { continue };
+        let mut tried = all.clone();
+        tried[k] = full;
+        let solved = asking.solve(&tried).solved;
+        let is_apart = |(at, column): (usize, &usize)| {
+            let spread = solved.covariance()[(at, at)] * products.gram[(*column, *column)];
+            families[full].revises || !families[full].columns.contains(column) || spread < APART
+        };
+        if own.settings.is_empty() && solved.columns.iter().enumerate().all(is_apart) {
+            all = tried;
+        }
+    }
+    all
 }
 
 fn verdict(
@@ -248,7 +281,7 @@ fn verdict(
     let explained = carried(case, given, choice);
     let share = rest.map(|rest| explained / (explained + rest.carries).max(f64::MIN_POSITIVE));
     let named: f64 = findings.iter().map(|one| one.gain).sum();
-    let is_alike = |one: &&Finding| one.rivals.iter().any(|r| r.alike && r.dearer <= 0.0);
+    let is_alike = |one: &&Finding| one.rivals.iter().any(|r| r.alike);
     let alike: f64 = findings.iter().filter(is_alike).map(|one| one.gain).sum();
     match (findings.is_empty(), share) {
         _ if is_strange => Verdict::UnknownStructure,
@@ -323,7 +356,7 @@ fn notes(case: &Case, recording: &Recording) -> Vec<String> {
 
 /// What the page shows.
 fn traces(case: &Case) -> Vec<Traced> {
-    let told = Belief { numbers: vec![0.0; NUMBERS], spindle: case.belief.spindle.clone() };
+    let told = Belief::as_told(case.belief.spindle.clone());
     let law = [&told, &case.belief].map(|belief| case.readings(belief));
     let off = [&told, &case.belief].map(|belief| case.left(belief));
     let count = case.law.rows.len();

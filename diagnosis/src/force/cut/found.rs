@@ -48,6 +48,10 @@ pub(super) fn weighed(
     let gain = misfit(&others) - whole;
     let without = asking.solve(&others);
     let by_slopes = choice.solved.gain - without.solved.gain;
+    let most = |kind: &str| {
+        let forms = families.iter().filter(|family| family.kind == kind);
+        forms.map(|family| asking.numbers(family)).fold(0.0, f64::max)
+    };
     let mut rivals: Vec<Rival> = Vec::new();
     for (place, family) in families.iter().enumerate() {
         let is_taken = others.iter().any(|n| families[*n].kind == family.kind);
@@ -70,8 +74,8 @@ pub(super) fn weighed(
             stems: Vec::new(),
             behind,
             dearer,
-            // Whoever takes more numbers to explain the same is no rival on an even footing.
-            alike: behind < ALIKE && dearer <= 0.0,
+            // Whoever takes more numbers to explain the same is no rival on an even footing; a name may have as many as its fullest form.
+            alike: behind < ALIKE && (dearer <= 0.0 || most(family.kind) <= most(own.kind)),
             confidence: 0.0,
         };
         let cost = |one: &Rival| one.behind + one.dearer * price(asking);

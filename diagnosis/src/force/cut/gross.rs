@@ -8,7 +8,6 @@ use std::f64::consts::TAU;
 
 use super::Silence;
 use super::case::{Belief, Case};
-use super::law::NUMBERS;
 
 /// Rows that are looked at, at most.
 const ROWS: usize = 3000;
@@ -77,14 +76,15 @@ pub(super) fn look(case: &Case) -> Result<(), Silence> {
 }
 
 fn sums(case: &Case, rows: &[usize], phase: f64) -> Sums {
-    let mut belief = Belief { numbers: vec![0.0; NUMBERS], ..case.belief.clone() };
+    let mut belief = Belief::as_told(case.belief.spindle.clone());
     belief.spindle.phases.fill(phase);
+    let reader = case.law.reader(&belief.numbers);
     let told: Vec<[f64; 3]> = rows
         .iter()
         .map(|row| {
             let stood = &case.law.rows[*row];
             let bite = case.law.bite(&belief.spindle, stood, 0.0);
-            case.law.reading(*row, &bite, &belief.numbers).to_array()
+            reader.reading(*row, &bite).to_array()
         })
         .collect();
     let measured =

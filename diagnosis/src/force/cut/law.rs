@@ -60,6 +60,8 @@ pub(super) struct Stood {
     /// Which of the segments.
     pub(super) segment: usize,
     pub(super) cuts: bool,
+    /// How far along its segment, from 0 to 1.
+    pub(super) along: f64,
 }
 
 /// How far the spindle stands off what the recording says of it.
@@ -78,10 +80,11 @@ impl Spindle {
 }
 
 /// The law of one recording.
+#[derive(Clone)]
 pub(super) struct Law {
     pub(super) cutter: Cutter,
     pub(super) rows: Vec<Stood>,
-    /// What the model's effects change, per row.
+    /// What the model's effects change: per row, or one for all.
     pub(super) base: Vec<CutForce>,
     /// Of the tone that is asked for, Hz.
     pub(super) tone_hz: f64,
@@ -100,17 +103,11 @@ impl Law {
         if stood.cuts { self.cutter.bite(angle, feed_per_tooth_m) } else { Bite::NONE }
     }
 
-    /// What is read in a row, N.
-    pub(super) fn reading(&self, row: usize, bite: &Bite, numbers: &[f64]) -> DVec3 {
-        let stood = &self.rows[row];
-        let force = with(self.base[row], numbers);
-        let mut acting =
-            if stood.cuts { force.acting(&self.cutter, bite, stood.cut_m) } else { DVec3::ZERO };
-        let (sin, cos) = libm::sincos(TAU * self.tone_hz * stood.time_s);
-        if bite.engaged > 0.0 {
-            acting += swing(RING.of(numbers), sin, cos);
-        }
-        force.read(acting) + swing(HUM.of(numbers), sin, cos)
+    /// What reads every row at these numbers.
+    pub(super) fn reader(&self, numbers: &[f64]) -> Reader<'_> {
+        let swings = [RING, HUM].map(|slot| std::array::from_fn(|k| slot.of(numbers)[k]));
+        let each = self.base.iter().map(|base| Felt::of(with(*base, numbers))).collect();
+        Reader { law: self, each, swings }
     }
 
     /// What each of the wanted numbers adds to the reading of each row, at these numbers: a column for each, three axes.
@@ -124,19 +121,70 @@ impl Law {
         let mut at = numbers.to_vec();
         let column = |k: &usize| {
             let k = *k;
+            at[k] = numbers[k] + steps[k];
+            let high = self.reader(&at);
+            at[k] = numbers[k] - steps[k];
+            let low = self.reader(&at);
+            at[k] = numbers[k];
             let mut all: [Vec<f64>; 3] = Default::default();
-            let here = numbers[k];
             for (row, bite) in bites.iter().enumerate() {
-                at[k] = here + steps[k];
-                let high = self.reading(row, bite, &at);
-                at[k] = here - steps[k];
-                let slope = (high - self.reading(row, bite, &at)) / (2.0 * steps[k]);
+                let slope = (high.reading(row, bite) - low.reading(row, bite)) / (2.0 * steps[k]);
                 all.iter_mut().zip(slope.to_array()).for_each(|(list, x)| list.push(x));
             }
-            at[k] = here;
             all
         };
         wanted.iter().map(column).collect()
+    }
+}
+
+/// Reads rows at given numbers.
+pub(super) struct Reader<'a> {
+    law: &'a Law,
+    /// One for all rows, or one for each.
+    each: Vec<Felt>,
+    /// In the cut, and always.
+    swings: [[f64; 6]; 2],
+}
+
+/// A force, and what a sensor makes of it: straight in what acts.
+struct Felt {
+    force: CutForce,
+    off: DVec3,
+    matrix: DMat3,
+}
+
+impl Felt {
+    fn of(force: CutForce) -> Self {
+        let off = force.read(DVec3::ZERO);
+        let along = |axis: DVec3| force.read(axis) - off;
+        let matrix = DMat3::from_cols(along(DVec3::X), along(DVec3::Y), along(DVec3::Z));
+        Self { force, off, matrix }
+    }
+}
+
+impl Reader<'_> {
+    /// What is read where nothing acts, N.
+    pub(super) fn in_air(&self) -> [f64; 3] {
+        self.each.first().map_or([0.0; 3], |felt| felt.off.to_array())
+    }
+
+    /// What is read in a row, N.
+    pub(super) fn reading(&self, row: usize, bite: &Bite) -> DVec3 {
+        let stood = &self.law.rows[row];
+        let felt = if self.each.len() == 1 { &self.each[0] } else { &self.each[row] };
+        let mut acting = DVec3::ZERO;
+        if stood.cuts {
+            acting = felt.force.acting(&self.law.cutter, bite, stood.cut_m);
+        }
+        let mut hum = DVec3::ZERO;
+        if self.law.tone_hz > 0.0 {
+            let (sin, cos) = libm::sincos(TAU * self.law.tone_hz * stood.time_s);
+            if bite.engaged > 0.0 {
+                acting += swing(&self.swings[0], sin, cos);
+            }
+            hum = swing(&self.swings[1], sin, cos);
+        }
+        felt.off + felt.matrix * acting + hum
     }
 }
 

@@ -4,14 +4,18 @@
 //!
 //! Promises: signs as the contract has them; a name that this recording cannot show is not asked for, and why is said. Never: a choice.
 
+use physics::{AnyEffect, Model};
+
 use crate::torque::columns::Column;
 use crate::torque::library::{Family, Form, Library, Sign};
 
-use super::case::Case;
+use super::case::{Anyway, Case, Doubt};
 use super::law::{BIAS, CHIP, EDGE, HUM, LEAK, NUMBERS, RING, RUNOUT, SCALE, Slot, TURN, WEAR};
 
 /// A tone of which no name of the contract tells: it swings whether the tool cuts or not.
 pub(super) const TONE: &str = "";
+/// Segments up to which each may have drifts of its own.
+const DRIFTING: usize = 16;
 /// The spindle is off what is told by about this share.
 const SPEED_OFF: f64 = 1e-3;
 
@@ -33,10 +37,22 @@ pub(super) fn slot(kind: &str) -> Slot {
     KINDS.iter().find(|(name, _)| *name == kind).map_or(HUM, |(_, slot)| *slot)
 }
 
+/// The numbers of the model's effects that are stated with doubt; `sigma`: of each value of each effect.
+pub(super) fn doubts(model: &Model, sigma: &[Vec<f64>]) -> Vec<Doubt> {
+    let of_effect = |(effect, sigma): (&AnyEffect, &Vec<f64>)| -> Vec<Doubt> {
+        let kind = effect.spec().kind;
+        let known =
+            KINDS.iter().find(|(name, _)| *name == kind && !matches!(kind, "runout" | "chatter"));
+        let Some((_, slot)) = known else { return Vec::new() };
+        let open = sigma.iter().take(slot.count).enumerate().filter(|(_, sigma)| **sigma > 0.0);
+        open.map(|(k, sigma)| Doubt { number: slot.from + k, sigma: *sigma }).collect()
+    };
+    model.effects().zip(sigma).flat_map(of_effect).collect()
+}
+
 /// A library with a column for each number, for proportional changes, and for the spindle.
 pub(super) fn library(case: &mut Case) {
     let mut directions: Vec<Vec<(usize, f64)>> = (0..NUMBERS).map(|k| vec![(k, 1.0)]).collect();
-    let nuisances = case.nuisances();
     let mut proportional = Vec::new();
     for (from, coefficients) in case.coefficients() {
         proportional.push(directions.len());
@@ -46,13 +62,9 @@ pub(super) fn library(case: &mut Case) {
     }
     let alike = directions.len();
     directions.push((0..3).map(|k| (SCALE.from + k, 1.0)).collect());
-    let spindle = directions.len();
-    directions.extend((0..nuisances).map(|k| vec![(NUMBERS + k, 1.0)]));
     let mut prior = vec![0.0; directions.len()];
-    if let Some(of_speed) = prior.last_mut() {
-        *of_speed = 1.0 / (SPEED_OFF * SPEED_OFF);
-    }
-    case.always = (spindle..directions.len()).collect();
+    let anyway = anyway(case, &mut directions, &mut prior);
+    case.anyway = anyway;
     let columns = vec![Column::default(); directions.len()];
     let mut library = Library { columns, prior, families: Vec::new(), untested: Vec::new() };
     let mut put = |kind: &'static str, columns: Vec<usize>, stem: &'static [&'static str]| {
@@ -85,11 +97,42 @@ pub(super) fn library(case: &mut Case) {
     let leaks: Vec<usize> = (0..9).filter(|k| k % 4 != 0).map(|k| LEAK.from + k).collect();
     const LEAKS: [&[&str]; 6] = [&["xy"], &["xz"], &["yx"], &["yz"], &["zx"], &["zy"]];
     leaks.iter().zip(LEAKS).for_each(|(leak, stem)| put("cross_talk", vec![*leak], stem));
+    for (k, leak) in leaks.iter().enumerate() {
+        leaks[..k].iter().for_each(|other| put("cross_talk", vec![*other, *leak], &["two"]));
+    }
     put("cross_talk", leaks, &["xy", "xz", "yx", "yz", "zx", "zy"]);
     put("tool_wear", vec![WEAR.from], &["growth"]);
     put("runout", vec![RUNOUT.from, RUNOUT.from + 1], &["radial", "phase"]);
+    let is_doubted = |column: &usize| {
+        directions[*column].iter().any(|(at, _)| case.doubts.iter().any(|one| one.number == *at))
+    };
+    for family in &mut library.families {
+        family.revises = family.columns.iter().any(is_doubted);
+    }
     case.library = library;
     case.directions = directions;
+}
+
+/// Columns of what is fitted along whatever is named: the spindle, the amplifier, numbers that the model states with doubt.
+fn anyway(case: &Case, directions: &mut Vec<Vec<(usize, f64)>>, prior: &mut Vec<f64>) -> Anyway {
+    let mut put = |at: usize, belief: f64| {
+        directions.push(vec![(at, 1.0)]);
+        prior.push(belief);
+        directions.len() - 1
+    };
+    let [phases, speed, drifts, bends] = case.anyway_at();
+    let mut spindle: Vec<usize> = (phases..speed).map(|at| put(at, 0.0)).collect();
+    spindle.push(put(speed, 1.0 / (SPEED_OFF * SPEED_OFF)));
+    // So many columns would cost more than they tell.
+    let last = if speed - phases <= DRIFTING { bends } else { drifts };
+    let drift = (drifts..last).map(|at| put(at, 0.0)).collect();
+    // In no fit: what is slow and bent is not to be taken for a memory of the noise.
+    (bends..bends + last - drifts).for_each(|at| {
+        put(at, 0.0);
+    });
+    let of_model = case.doubts.iter();
+    let doubts = of_model.map(|doubt| put(doubt.number, 1.0 / (doubt.sigma * doubt.sigma)));
+    Anyway { spindle, drift, doubts: doubts.collect() }
 }
 
 /// A tone to ask for: in the cut alone, or always; on each axis, or on all.
@@ -146,7 +189,11 @@ pub(super) fn narrow(case: &mut Case) {
     };
     let there: Vec<bool> = (0..case.library.columns.len()).map(|k| is_there(&k)).collect();
     let mut kept: Vec<Family> = Vec::new();
+    let has_runout = case.law.cutter.teeth > 1;
     for mut family in std::mem::take(&mut case.library.families) {
+        if family.kind == "runout" && !has_runout {
+            continue;
+        }
         let signs = std::mem::take(&mut family.signs);
         let pairs = family.columns.iter().copied().zip(signs).filter(|(k, _)| there[*k]);
         (family.columns, family.signs) = pairs.unzip();

@@ -2,11 +2,20 @@
 //!
 //! Promises: a law is claimed where rows that took no part in its choice bear it out. Never: a formula.
 
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use super::case::{Belief, Case};
 use crate::torque::table::Solved;
 use crate::torque::unknown::{Word, law_of};
+
+/// The least share of what is left that a law explains on rows unseen, as energy.
+const SHARE: f64 = 5e-3;
+/// Turns from which on it is asked whether the force wanders from turn to turn.
+const TURNS: f64 = 30.0;
+/// It does where it is so many times what the noise makes of it, and so many standard deviations beyond.
+const WANDERS: f64 = 1.6;
+const CHANCE: f64 = 8.0;
 
 /// What the rest follows.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,8 +32,15 @@ pub struct Rest {
     pub(super) carries: f64,
 }
 
-/// The law that explains most of what is left on one axis beside a belief.
+/// What explains most of what is left beside a belief: a law of one axis, or a force that wanders.
 pub(super) fn rest(case: &Case, solved: &Solved, belief: &Belief) -> Option<Rest> {
+    let law = law(case, solved, belief);
+    let carried = law.as_ref().map_or(0.0, |one| one.carries);
+    wandering(case, belief).filter(|one| one.carries > carried).or(law)
+}
+
+/// The law that explains most of what is left on one axis beside a belief.
+pub(super) fn law(case: &Case, solved: &Solved, belief: &Belief) -> Option<Rest> {
     let spindle = &belief.spindle;
     let angle = |row: usize| spindle.angle(&case.law.rows[row]);
     let of = |value: &dyn Fn(usize) -> f64| -> Vec<f64> {
@@ -32,6 +48,7 @@ pub(super) fn rest(case: &Case, solved: &Solved, belief: &Belief) -> Option<Rest
     };
     let pitch = TAU / f64::from(case.law.cutter.teeth.max(1));
     let word = |name: &str, values: Vec<f64>| Word { name: name.to_owned(), values };
+    let speeds = speeds(case);
     let sets = [&case.sets.train[..], &case.sets.look[..], &case.sets.held[..]];
     let read = case.readings(belief);
     let mut best: Option<Rest> = None;
@@ -39,15 +56,17 @@ pub(super) fn rest(case: &Case, solved: &Solved, belief: &Belief) -> Option<Rest
         let left = crate::torque::noise::residual(&case.table, &case.library.columns, solved, axis);
         let mut words = vec![
             word("spindle_rpm", of(&|row| angle(row).rem_euclid(pitch))),
-            word("feed_mm_s", of(&|row| case.law.rows[row].feed_per_tooth_m)),
+            word("spindle_rpm", of(&|row| speeds[case.law.rows[row].segment])),
             word("wrench", read[axis].clone()),
+            word("feed_mm_s", of(&|row| case.law.rows[row].feed_per_tooth_m)),
             word("t_s", of(&|row| case.law.rows[row].time_s)),
+            word("t_s", of(&|row| case.law.rows[row].along)),
         ];
         if case.law.cutter.teeth > 1 {
             words.push(word("spindle_rpm", of(&|row| angle(row).rem_euclid(TAU))));
         }
         words.retain(|word| word.values.iter().any(|x| *x != word.values[0]));
-        let Some(law) = law_of(&words, &case.table, axis, &left, sets) else { continue };
+        let Some(law) = law_of(&words, &case.table, axis, &left, sets, SHARE) else { continue };
         let counts = &case.table.counts[axis];
         let count = counts.iter().zip(sets[2]).filter(|(a, b)| **a && **b).count().max(1) as f64;
         let held = law.held.map(|sum| libm::sqrt(sum / count));
@@ -60,4 +79,70 @@ pub(super) fn rest(case: &Case, solved: &Solved, belief: &Belief) -> Option<Rest
         }
     }
     best
+}
+
+/// How fast the spindle turns in each segment, rad/s.
+fn speeds(case: &Case) -> Vec<f64> {
+    let mut speeds = vec![0.0; case.belief.spindle.phases.len()];
+    for stood in case.law.rows.iter().filter(|stood| stood.time_s > 0.0) {
+        speeds[stood.segment] = stood.angle_rad / stood.time_s;
+    }
+    speeds
+}
+
+/// A force that is larger in one turn and smaller in another, beyond what the noise makes of it, and follows no word but time: an edge that builds up, a tool that swings.
+fn wandering(case: &Case, belief: &Belief) -> Option<Rest> {
+    let left = case.left(belief);
+    let air = case.law.reader(&belief.numbers).in_air();
+    let turn = |row: usize| {
+        let stood = &case.law.rows[row];
+        (stood.segment, (belief.spindle.angle(stood) / TAU).floor() as i64)
+    };
+    let mut force = case.readings(belief);
+    force.iter_mut().zip(air).for_each(|(axis, air)| axis.iter_mut().for_each(|x| *x -= air));
+    // Per turn: products of what is left with the force, and of the force with itself.
+    let mut turns: BTreeMap<(usize, i64), [f64; 2]> = BTreeMap::new();
+    for axis in case.table.joints() {
+        let [left, force] = [&left, &force].map(|all| case.table.whitened(axis, &all[axis]));
+        let counts = &case.table.counts[axis];
+        for row in (0..left.len()).filter(|row| counts[*row] && case.law.rows[*row].cuts) {
+            let sums = turns.entry(turn(row)).or_default();
+            sums[0] += left[row] * force[row];
+            sums[1] += force[row] * force[row];
+        }
+    }
+    turns.retain(|_, [_, square]| *square > 0.0);
+    // What is so in all of a segment wanders nowhere.
+    let mut usual = vec![[0.0; 2]; case.belief.spindle.phases.len()];
+    for ((segment, _), [both, square]) in &turns {
+        usual[*segment][0] += both;
+        usual[*segment][1] += square;
+    }
+    for ((segment, _), [both, square]) in &mut turns {
+        *both -= *square * usual[*segment][0] / usual[*segment][1];
+    }
+    let free = turns.len() as f64;
+    let chi: f64 = turns.values().map(|[both, square]| both * both / square).sum();
+    if free < TURNS || chi < WANDERS * free || chi < free + CHANCE * libm::sqrt(2.0 * free) {
+        return None;
+    }
+    let share = |row: usize| turns.get(&turn(row)).map_or(0.0, |[both, square]| both / square);
+    let held = &case.sets.held;
+    let of_axis = |axis: usize| {
+        let counts = &case.table.counts[axis];
+        let rows = (0..held.len()).filter(|row| held[*row] && counts[*row]);
+        let sums = rows.fold([0.0; 3], |[without, with, count], row| {
+            let rest = left[axis][row] - share(row) * force[axis][row];
+            [without + left[axis][row] * left[axis][row], with + rest * rest, count + 1.0]
+        });
+        (axis, [sums[0], sums[1]].map(|sum| libm::sqrt(sum / f64::max(sums[2], 1.0))))
+    };
+    let (axis, held_rms) = case
+        .table
+        .joints()
+        .map(of_axis)
+        .max_by(|a, b| (a.1[0] / a.1[1]).total_cmp(&(b.1[0] / b.1[1])))?;
+    let kept = held.iter().filter(|held| **held).count() as f64 / held.len().max(1) as f64;
+    let words = vec!["t_s".to_owned()];
+    Some(Rest { axis, words, held: held_rms, tone_hz: None, carries: kept * (chi - free) })
 }

@@ -7,25 +7,17 @@ use physics::Cutter;
 use recording::series::{Channel, Heldout, Recording};
 use spectrum::offline::speed_of_pulses;
 use std::ops::Range;
-use world::milling::{Row, Stand, stands};
+use world::milling::{Row, stands};
 
-use super::super::phases::{Phase, State};
 use super::super::signal::Signal;
 use super::Silence;
 use super::law::Stood;
+use super::ways::heard;
 
 /// Rows that are looked at, at most; of longer recordings stretches, evenly spread.
 const ROWS_MOST: usize = 20_000;
 /// Stretches of a recording that is too long.
 const WINDOWS: usize = 20;
-/// Air that the forces tell lasts at least so many turns of the spindle.
-const AIR_TURNS: f64 = 3.0;
-/// Air that the forces tell is where the law has at most so many times what it has in the cut.
-const QUIETER: f64 = 1.5;
-/// A way into the work or out of it takes fewer turns; what takes more is a cut that changes.
-const WAY_TURNS: f64 = 25.0;
-/// Where the law has at least this share of what it has in the cut, air that the forces tell is none of the law's.
-const LOUD: f64 = 0.5;
 /// Stretches that all rows together are cut into; of every five one is held out and one kept for a second look.
 const STRETCHES: usize = 25;
 const EVERY: usize = 5;
@@ -96,8 +88,6 @@ impl Rows {
         recording: &Recording,
         cutter: &Cutter,
         signal: &Signal,
-        phases: &[Phase],
-        law: &dyn Fn(&Stand) -> f64,
     ) -> Result<Self, Silence> {
         let (speed, feed) = process(recording, signal.rate_hz)?;
         let row = |k: usize| Row {
@@ -109,9 +99,7 @@ impl Rows {
         let known: Vec<Row> = (0..recording.len()).map(row).collect();
         let stands = stands(cutter, &known);
         let is_known = |k: &usize| speed[*k].is_finite() && feed[*k].is_finite();
-        let mut is_air = vec![false; stands.len()];
-        let mut is_between = vec![false; stands.len()];
-        heard(phases, &stands, law, &mut is_air, &mut is_between);
+        let heard = heard(signal, &stands, &recording.segment);
         let mut all = Self {
             at: Vec::new(),
             runs: Vec::new(),
@@ -129,14 +117,15 @@ impl Rows {
                 }
                 let stand = &stands[k];
                 all.at.push(k);
-                all.is_between.push(is_between[k]);
+                all.is_between.push(heard.is_between[k]);
                 all.stood.push(Stood {
                     time_s: stand.time_s,
                     angle_rad: stand.angle_rad,
                     feed_per_tooth_m: stand.feed_per_tooth_m,
                     cut_m: stand.cut_m,
                     segment: names.len() - 1,
-                    cuts: stand.cuts() && !is_air[k],
+                    along: 0.0,
+                    cuts: stand.cuts() && !heard.is_air[k],
                 });
             }
             if all.at.len() > from {
@@ -144,7 +133,18 @@ impl Rows {
             }
         }
         all.segments = names.len().max(1);
+        all.lay_along();
         Ok(all)
+    }
+
+    /// Tells of each row how far it stands along its segment.
+    fn lay_along(&mut self) {
+        let mut lasts_s = vec![f64::MIN_POSITIVE; self.segments];
+        for stood in &self.stood {
+            let last = &mut lasts_s[stood.segment];
+            *last = last.max(stood.time_s);
+        }
+        self.stood.iter_mut().for_each(|stood| stood.along = stood.time_s / lasts_s[stood.segment]);
     }
 
     /// Sets rows apart that take no part in choices.
@@ -220,44 +220,4 @@ fn windows(runs: &[Range<usize>]) -> Vec<Range<usize>> {
         }
     }
     windows
-}
-
-/// Air that the forces tell while the law of the cut says that they should be as large as elsewhere.
-fn heard(
-    phases: &[Phase],
-    stands: &[Stand],
-    law: &dyn Fn(&Stand) -> f64,
-    is_air: &mut [bool],
-    is_between: &mut [bool],
-) {
-    let mean = |rows: &Range<usize>| {
-        stands[rows.clone()].iter().map(law).sum::<f64>() / rows.len().max(1) as f64
-    };
-    let cuts = phases.iter().filter(|phase| phase.state == State::Cut);
-    let usual = cuts.map(|phase| mean(&phase.rows)).fold(0.0, f64::max);
-    let turned = |rows: &Range<usize>| {
-        let [from, to] = [rows.start, rows.end - 1].map(|row| stands[row].angle_rad);
-        (to - from).abs() / std::f64::consts::TAU
-    };
-    let air = phases.iter().filter(|phase| phase.state == State::Air);
-    if air.map(|phase| mean(&phase.rows)).fold(0.0, f64::max) > QUIETER * usual {
-        // What the forces take for air is where the law cuts, and the other way round: the law is believed.
-        return;
-    }
-    let is_heard =
-        |phase: &Phase| turned(&phase.rows) > AIR_TURNS && mean(&phase.rows) > LOUD * usual;
-    for phase in phases {
-        let rows = phase.rows.clone();
-        match phase.state {
-            State::Air if is_heard(phase) => is_air[rows].fill(true),
-            State::Air => rows.for_each(|row| is_between[row] |= stands[row].cuts()),
-            State::Entry | State::Exit if turned(&phase.rows) < WAY_TURNS => {
-                // The way goes on a little beyond where the cut is nearly whole.
-                let beside = rows.len() / 2 + 1;
-                let wide = rows.start.saturating_sub(beside)..(rows.end + beside).min(stands.len());
-                wide.for_each(|row| is_between[row] |= stands[row].cuts());
-            }
-            _ => {}
-        }
-    }
 }

@@ -96,7 +96,7 @@ impl Made {
 
 fn of(recording: &Recording) -> Diagnosis {
     let model = RobotModel::parse("no arm", NO_ARM).expect("sound");
-    diagnose(&model.physics, recording).expect("sound")
+    diagnose(&model.physics, &[], recording).expect("sound")
 }
 
 fn effect(kind: &str, numbers: &str) -> String {
@@ -269,4 +269,52 @@ fn swapped_channels_another_unit_and_no_speed_are_never_a_finding() {
         assert!(found.findings.is_empty(), "{why:?}: {:?}", found.findings);
         assert_eq!(found.verdict, Verdict::Undetermined, "{why:?}");
     }
+}
+
+#[test]
+fn a_number_that_is_off_within_what_the_model_doubts_is_no_finding() {
+    let recording = MADE.recorded(&effect("edge_force", "coefficient_N_per_mm = [4.0, 3.0, 1.0]"));
+    let stated = effect("edge_force", "coefficient_N_per_mm = [3.6, 3.3, 0.8]");
+    for (sigma, wanted) in [(0.4, Verdict::Consistent), (0.004, Verdict::MissingPhysics)] {
+        let sigma = format!("sigma = {{ coefficient_N_per_mm = [{sigma}, {sigma}, {sigma}] }}");
+        let model = RobotModel::parse("stated", &format!("{NO_ARM}\n{stated}{sigma}\n"));
+        let model = model.expect("sound");
+        let with_cutting = model.with_cutting().expect("few effects");
+        let sigma: Vec<Vec<f64>> =
+            model.sigma.iter().chain(&model.cutting_sigma).cloned().collect();
+        let compared = diagnose(&with_cutting, &sigma, &recording).expect("sound").compared;
+        let compared = compared.expect("compared");
+        assert_eq!(compared.verdict, wanted, "{:?}", compared.findings);
+        assert!(compared.findings.iter().all(|one| one.kind == "edge_force" && one.is_change));
+    }
+}
+
+/// A cut that was told with forces that are `share` of it at an instant, s; noise stays.
+fn partly(share: &dyn Fn(f64) -> f64) -> Recording {
+    let [mut cut, air] = [&[8e-3], &[0.0]]
+        .map(|feeds: &'static [f64; 1]| Made { feeds_m_s: feeds, ..MADE }.recorded(""));
+    for axis in 0..3 {
+        let [whole, none] =
+            [&cut, &air].map(|one| one.column(Channel::Wrench(axis)).expect("made").to_vec());
+        let one = |(k, t_s): (usize, &f64)| none[k] + share(*t_s) * (whole[k] - none[k]);
+        let mixed = cut.t_s.iter().enumerate().map(one).collect();
+        cut.set(Channel::Wrench(axis), mixed);
+    }
+    cut
+}
+
+#[test]
+fn air_that_is_fed_through_and_the_way_into_the_work_are_no_finding() {
+    let compared = of(&partly(&|t_s| ((t_s - 0.3) / 0.2).clamp(0.0, 1.0))).compared;
+    let compared = compared.expect("compared");
+    assert!(compared.findings.is_empty(), "{:?}", compared.findings);
+    assert_eq!(compared.verdict, Verdict::Consistent, "{:?}", compared.unexplained);
+}
+
+#[test]
+fn a_force_that_rises_and_falls_from_turn_to_turn_is_unknown_structure_over_time() {
+    let found = of(&partly(&|t_s| 1.0 + 0.3 * (9.0 * t_s).fract()));
+    assert_eq!(found.verdict, Verdict::UnknownStructure, "{:?}", found.compared);
+    let rest = found.compared.expect("compared").unexplained.expect("a law");
+    assert_eq!(rest.words, ["t_s"]);
 }

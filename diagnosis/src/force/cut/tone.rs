@@ -19,7 +19,7 @@ const STEPS: f64 = 4.0;
 /// Steps at most.
 const STEPS_MOST: f64 = 800.0;
 /// Multiples of the spindle's speed that are forced.
-const MULTIPLES: u32 = 100;
+const MULTIPLES: u32 = 60;
 
 /// Its frequency, Hz.
 pub(super) fn loudest(case: &Case, used: &[bool]) -> Option<f64> {
@@ -69,7 +69,7 @@ pub(super) fn loudest(case: &Case, used: &[bool]) -> Option<f64> {
     best.map(|(hz, _)| hz)
 }
 
-/// Whether a frequency is a multiple of the spindle's, as sampled, at any of its speeds.
+/// Whether a frequency is a multiple of the spindle's, as sampled, at each of its speeds: a line that is forced moves with the speed.
 fn is_forced(case: &Case, hz: f64, rate_hz: f64, width_hz: f64) -> bool {
     let rows = &case.law.rows;
     let speeds = case.table.runs.iter().filter_map(|run| {
@@ -78,8 +78,8 @@ fn is_forced(case: &Case, hz: f64, rate_hz: f64, width_hz: f64) -> bool {
         let speed = turned / (TAU * (last.time_s - first.time_s));
         (speed.is_finite() && speed > 0.0).then_some(speed)
     });
-    let mut speeds = speeds;
-    speeds.any(|speed| {
+    let speeds: Vec<f64> = speeds.collect();
+    speeds.iter().all(|speed| {
         (1..=MULTIPLES).any(|k| (folded_hz(f64::from(k) * speed, rate_hz) - hz).abs() < width_hz)
     })
 }

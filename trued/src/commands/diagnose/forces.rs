@@ -33,7 +33,8 @@ pub(super) fn alone(asked: &Diagnose, console: &mut Console) -> Result<Option<An
     asked.check(&outputs(&asked.out))?;
     let seed = asked.seed.settle();
     let with_cutting = base.with_cutting().map_err(Failure::input)?;
-    let result = force::diagnose(&with_cutting, &recording);
+    let sigma: Vec<Vec<f64>> = base.sigma.iter().chain(&base.cutting_sigma).cloned().collect();
+    let result = force::diagnose(&with_cutting, &sigma, &recording);
     let found = Forces { base, result, seed };
     let report = told::Report::of_forces(&found);
     let texts = [

@@ -1,0 +1,214 @@
+//! Where the tool goes into the work or out of it, though speed and feed tell nothing of it: air that is fed through, and the way from there to the whole cut.
+//!
+//! The forces of whole turns of the spindle, their means and how much they swing, are laid along the line from where a pass begins to where it cuts. A pass that
+//! begins in air is nothing, then a ramp, then a cut that may still grow (least squares over both ends of the ramp); a pass that ends in air is the same backwards.
+//!
+//! Promises: a pass that cuts from its first row has no way into the work; what is claimed stands far out of what turns scatter by. Never: a force of a law.
+
+use nalgebra::{Matrix3, Vector3};
+use std::f64::consts::TAU;
+use std::ops::Range;
+use world::milling::Stand;
+
+use super::super::signal::{Signal, median};
+
+/// A feed that changes by more than this share begins another pass.
+const SAME_FEED: f64 = 0.02;
+/// Turns before a pass that are looked at.
+const BEFORE_TURNS: f64 = 24.0;
+/// Blocks of turns of half a pass, at most and at least.
+const BLOCKS_MOST: f64 = 90.0;
+const BLOCKS_LEAST: usize = 12;
+/// Rows of a block, at least.
+const ROWS_LEAST: f64 = 12.0;
+/// A block of which fewer of its rows are there tells nothing.
+const THERE: f64 = 0.6;
+/// Blocks that tell how a pass begins.
+const FIRST: usize = 3;
+/// A pass that begins in air begins with less than this share of the force of its cut.
+const QUIET: f64 = 0.5;
+/// The ramp takes the force up by at least this share.
+const RISES: f64 = 0.5;
+/// And explains so much more than a straight line, in log-likelihood.
+const CLEAR: f64 = 12.0;
+/// Blocks, and a share of the ramp, by which what is set aside is wider than the ramp.
+const WIDER: f64 = 1.5;
+const WIDER_SHARE: f64 = 0.15;
+
+/// What the forces tell of each row that speed and feed do not.
+pub(super) struct Heard {
+    pub(super) is_air: Vec<bool>,
+    pub(super) is_between: Vec<bool>,
+}
+
+/// Listens to every pass.
+pub(super) fn heard(signal: &Signal, stands: &[Stand], segment: &[i64]) -> Heard {
+    let count = stands.len();
+    let mut heard = Heard { is_air: vec![false; count], is_between: vec![false; count] };
+    for pass in passes(stands, segment) {
+        let middle = (pass.start + pass.end) / 2;
+        let is_apart =
+            |row: usize, beside: usize| segment[row] != segment[beside] || !stands[beside].cuts();
+        if pass.start == 0 || is_apart(pass.start, pass.start - 1) {
+            let rows: Vec<usize> = (reach(stands, segment, pass.start, false)..middle).collect();
+            heard.mark(signal, stands, &rows);
+        }
+        if pass.end == count || is_apart(pass.end - 1, pass.end) {
+            let last = reach(stands, segment, pass.end - 1, true);
+            let rows: Vec<usize> = (middle..=last).rev().collect();
+            heard.mark(signal, stands, &rows);
+        }
+    }
+    heard
+}
+
+impl Heard {
+    /// Marks the rows of half a pass, in order from its end.
+    fn mark(&mut self, signal: &Signal, stands: &[Stand], rows: &[usize]) {
+        let Some((from, to)) = ramp(signal, stands, rows) else { return };
+        let start = stands[rows[0]].angle_rad;
+        for row in rows.iter().filter(|row| stands[**row].cuts()) {
+            let turns = (stands[*row].angle_rad - start).abs() / TAU;
+            self.is_air[*row] = turns < from;
+            self.is_between[*row] = (from..to).contains(&turns);
+        }
+    }
+}
+
+/// Rows of one segment and one feed.
+fn passes(stands: &[Stand], segment: &[i64]) -> Vec<Range<usize>> {
+    let mut all: Vec<Range<usize>> = Vec::new();
+    for (row, stand) in stands.iter().enumerate().filter(|(_, stand)| stand.cuts()) {
+        let feed = stand.feed_per_tooth_m;
+        let goes_on = |pass: &&mut Range<usize>| {
+            let first = stands[pass.start].feed_per_tooth_m;
+            pass.end == row
+                && segment[pass.start] == segment[row]
+                && (feed - first).abs() < SAME_FEED * first
+        };
+        match all.last_mut().filter(goes_on) {
+            Some(pass) => pass.end = row + 1,
+            None => all.push(row..row + 1),
+        }
+    }
+    all
+}
+
+/// The last row of a segment before a pass, or after it, that is no further off than is looked at and cuts nothing.
+fn reach(stands: &[Stand], segment: &[i64], from: usize, is_after: bool) -> usize {
+    let next = |row: usize| if is_after { Some(row + 1) } else { row.checked_sub(1) };
+    let mut at = from;
+    while let Some(row) = next(at).filter(|row| *row < stands.len()) {
+        let turns = (stands[row].angle_rad - stands[from].angle_rad).abs() / TAU;
+        if segment[row] != segment[from] || stands[row].cuts() || turns > BEFORE_TURNS {
+            break;
+        }
+        at = row;
+    }
+    at
+}
+
+/// Between which turns of these rows the tool goes in, where it does.
+fn ramp(signal: &Signal, stands: &[Stand], rows: &[usize]) -> Option<(f64, f64)> {
+    let first = stands[*rows.first()?].angle_rad;
+    let turns = (stands[*rows.last()?].angle_rad - first).abs() / TAU;
+    let per_turn = rows.len() as f64 / turns.max(1e-9);
+    let wide = (turns / BLOCKS_MOST).max(ROWS_LEAST / per_turn).ceil().max(1.0);
+    let blocks = (turns / wide) as usize;
+    if blocks < BLOCKS_LEAST {
+        return None;
+    }
+    let mut members: Vec<Vec<usize>> = vec![Vec::new(); blocks];
+    for row in rows {
+        let at = ((stands[*row].angle_rad - first).abs() / (TAU * wide)) as usize;
+        let is_there = signal.channels.iter().all(|(_, values)| values[*row].is_finite());
+        if let Some(block) = members.get_mut(at).filter(|_| is_there) {
+            block.push(*row);
+        }
+    }
+    let least = THERE * per_turn * wide;
+    let known: Vec<(f64, Vec<f64>)> = members
+        .iter()
+        .enumerate()
+        .filter(|(_, block)| block.len() as f64 >= least)
+        .map(|(k, block)| (k as f64 + 0.5, traits(signal, block)))
+        .collect();
+    let levels = along(&known)?;
+    let (from, to) = bent(&levels)?;
+    let wider = WIDER + WIDER_SHARE * (to - from);
+    Some((wide * (from - 1.0), wide * (to + wider)))
+}
+
+/// Means and swings of each channel.
+fn traits(signal: &Signal, rows: &[usize]) -> Vec<f64> {
+    let count = rows.len().max(1) as f64;
+    let mut all = Vec::new();
+    for (_, values) in &signal.channels {
+        let mean = rows.iter().map(|row| values[*row]).sum::<f64>() / count;
+        let square = rows.iter().map(|row| (values[*row] - mean) * (values[*row] - mean));
+        all.push(mean);
+        all.push(libm::sqrt(square.sum::<f64>() / count));
+    }
+    all
+}
+
+/// How far each block is on the way from the first ones, 0, to the later ones, about 1; none where the first ones are no quieter.
+fn along(blocks: &[(f64, Vec<f64>)]) -> Option<Vec<(f64, f64)>> {
+    if blocks.len() < BLOCKS_LEAST {
+        return None;
+    }
+    let middle = |some: &[(f64, Vec<f64>)], k: usize| {
+        median(&mut some.iter().map(|(_, traits)| traits[k]).collect::<Vec<f64>>())
+    };
+    let count = blocks[0].1.len();
+    let quiet: Vec<f64> = (0..count).map(|k| middle(&blocks[..FIRST], k)).collect();
+    let whole: Vec<f64> = (0..count).map(|k| middle(&blocks[blocks.len() / 2..], k)).collect();
+    let size = |traits: &[f64]| libm::sqrt(traits.iter().map(|x| x * x).sum());
+    if size(&quiet) > QUIET * size(&whole) {
+        return None;
+    }
+    let way: Vec<f64> = whole.iter().zip(&quiet).map(|(a, b)| a - b).collect();
+    let square = way.iter().map(|x| x * x).sum::<f64>();
+    let of = |traits: &[f64]| {
+        let off = traits.iter().zip(&quiet).zip(&way);
+        off.map(|((x, from), way)| (x - from) * way).sum::<f64>() / square
+    };
+    Some(blocks.iter().map(|(at, traits)| (*at, of(traits))).collect())
+}
+
+/// Where a ramp begins and ends, in blocks.
+fn bent(levels: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let last = levels.last()?.0;
+    let line = fitted(levels, &|at| (1.0, at / last))?;
+    let edges = last.ceil() as usize;
+    let mut best: Option<(f64, f64, f64)> = None;
+    for from in 0..edges {
+        for to in from..edges {
+            let (from, to) = (from as f64, to as f64);
+            let share = |at: f64| ((at - from) / (to - from).max(0.5)).clamp(0.0, 1.0);
+            let shape = |at: f64| (share(at), share(at) * (at - to) / last);
+            let Some((left, rises)) = fitted(levels, &shape) else { continue };
+            if rises > RISES && best.is_none_or(|(least, _, _)| left < least) {
+                best = Some((left, from, to));
+            }
+        }
+    }
+    let (left, from, to) = best?;
+    let gain = 0.5 * levels.len() as f64 * (line.0 / left.max(f64::MIN_POSITIVE)).ln();
+    (gain > CLEAR).then_some((from, to))
+}
+
+/// What a level and two shapes leave, squared, and by how much the first one rises.
+fn fitted(levels: &[(f64, f64)], shape: &dyn Fn(f64) -> (f64, f64)) -> Option<(f64, f64)> {
+    let (mut gram, mut right, mut square) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
+    for (at, level) in levels {
+        let (rise, grows) = shape(*at);
+        let column = Vector3::new(1.0, rise, grows);
+        gram += column * column.transpose();
+        right += column * *level;
+        square += level * level;
+    }
+    gram += Matrix3::identity() * 1e-9;
+    let numbers = gram.cholesky()?.solve(&right);
+    Some((square - right.dot(&numbers), numbers.y))
+}
