@@ -34,7 +34,7 @@ use recording::series::Recording;
 use case::Case;
 use choose::{Choice, others};
 pub use found::{Number, Rival};
-pub use known::Stated;
+pub use known::{Refit, Stated};
 use library::Form;
 pub use motion::has_torque;
 pub use result::{Diagnosis, Finding, JointProof};

@@ -79,7 +79,7 @@ fn simulated(case: &Case, effects: &[Effect]) -> Vec<Joints> {
     let columns: Vec<&[f64]> =
         (0..case.rig.count()).map(|i| seen.column(Channel::Torque(i)).expect("there")).collect();
     let row = |row: usize| std::array::from_fn(|i| columns.get(i).map_or(0.0, |c| c[row]));
-    (0..seen.len()).step_by(FINER).map(row).collect()
+    write::commanded(&case.motion, FINER).into_iter().map(row).collect()
 }
 
 /// Root of the mean square of what two lists differ in, all joints, over the rows that are asked.

@@ -2,12 +2,19 @@
 //!
 //! Between two samples a cubic with the slopes of the parabola through three neighbours (Bessel's); beside a stretch at rest the slope is
 //! zero, so that a rest stays a rest; beyond the ends it goes on straight. Speeds and accelerations at the samples come from a parabola
-//! fitted to a window, since positions in files have a last digit (Savitzky and Golay, 1964).
+//! fitted to a window, since positions in files have a last digit (Savitzky and Golay, 1964); the window is no wider than that digit asks for, since a stop or
+//! a turn within it is smeared.
 //!
 //! Promises: passes through every sample; times may be uneven. Never: more than three samples seen by one stretch.
 
-/// Half of the window of speeds and accelerations, s: ten samples of a kilohertz, the neighbours alone of 100 Hz.
+use libm::sqrt;
+
+/// Half of the widest window of speeds and accelerations, s: ten samples of a kilohertz, the neighbours alone of 100 Hz.
 const HALF_WINDOW_S: f64 = 8e-3;
+/// Of a motion's own acceleration, rounding may make this share.
+const ROUGH: f64 = 2e-3;
+/// Median of the absolute fourth difference of white noise, in units of its standard deviation: 0.6745 √70.
+const FOURTH: f64 = 5.643;
 
 /// A cubic from one sample to the next: `c0 + c1 s + c2 s² + c3 s³`, s from the first of the two, s.
 pub(crate) type Cubic = [f64; 4];
@@ -100,16 +107,51 @@ fn slopes(t: &[f64], y: &[f64]) -> Vec<f64> {
     }
 }
 
-/// Speed and acceleration at each sample.
+/// Speed and acceleration at each sample; where a rest begins or ends there is no speed, and within it no acceleration either.
 pub(crate) fn derivatives(t: &[f64], y: &[f64]) -> Vec<(f64, f64)> {
+    let widest = by_windows(t, y, HALF_WINDOW_S);
+    let Some((half, step_s)) = narrower(t, y, &widest) else { return widest };
+    let mut found = by_windows(t, y, (half as f64 + 0.5) * step_s);
+    if half == 1 {
+        for k in (1..y.len()).filter(|k| y[*k] == y[k - 1]) {
+            (found[k - 1].0, found[k].0) = (0.0, 0.0);
+        }
+    }
+    found
+}
+
+/// Half of the narrowest window that rounding does not spoil, in samples, and their step, s; none where that is the widest.
+fn narrower(t: &[f64], y: &[f64], widest: &[(f64, f64)]) -> Option<(usize, f64)> {
+    let mut steps: Vec<f64> = t.windows(2).map(|t| t[1] - t[0]).collect();
+    let step_s = median(&mut steps)?;
+    let fourth = |y: &[f64]| (y[0] - 4.0 * y[1] + 6.0 * y[2] - 4.0 * y[3] + y[4]).abs();
+    let mut rough: Vec<f64> = y.windows(5).map(fourth).filter(|rough| *rough > 0.0).collect();
+    let rough = median(&mut rough)? / FOURTH;
+    let squares = widest.iter().map(|(_, a)| a * a).sum::<f64>();
+    let usual = sqrt(squares / widest.len() as f64);
+    let spoilt = |half: usize| {
+        let n = (2 * half + 1) as f64;
+        let square = 720.0 / (n * (n * n - 1.0) * (n * n - 4.0));
+        rough * sqrt(square) / (step_s * step_s) > ROUGH * usual
+    };
+    let most = (HALF_WINDOW_S / step_s + 1e-6) as usize;
+    (1..most).find(|half| !spoilt(*half)).map(|half| (half, step_s))
+}
+
+fn median(values: &mut [f64]) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+fn by_windows(t: &[f64], y: &[f64], half_s: f64) -> Vec<(f64, f64)> {
     let n = t.len();
     let mut found = Vec::with_capacity(n);
     let (mut from, mut to) = (0, 0);
     for k in 0..n {
-        while t[from] < t[k] - HALF_WINDOW_S {
+        while t[from] < t[k] - half_s {
             from += 1;
         }
-        while to < n && t[to] <= t[k] + HALF_WINDOW_S {
+        while to < n && t[to] <= t[k] + half_s {
             to += 1;
         }
         // At least three samples, on both sides where there are any.
@@ -125,6 +167,10 @@ pub(crate) fn derivatives(t: &[f64], y: &[f64]) -> Vec<(f64, f64)> {
 /// Slope and curvature at `at` of the parabola of least squares.
 fn parabola(at: f64, t: &[f64], y: &[f64]) -> (f64, f64) {
     let (Some(first), Some(last)) = (t.first(), t.last()) else { return (0.0, 0.0) };
+    // At rest rounding would leave a sign to the speed.
+    if y.iter().all(|value| *value == y[0]) {
+        return (0.0, 0.0);
+    }
     let scale = last - first;
     if t.len() < 3 || scale <= 0.0 {
         let slope = if t.len() == 2 { (y[1] - y[0]) / scale } else { 0.0 };
@@ -189,6 +235,23 @@ mod tests {
             if (10..990).contains(&k) {
                 assert!((speed - 3.0 * (3.0 * t[k]).cos()).abs() < 5e-4);
                 assert!((acceleration + 9.0 * (3.0 * t[k]).sin()).abs() < 0.05);
+            }
+        }
+    }
+
+    #[test]
+    fn a_motion_without_rounding_stops_where_it_stops() {
+        // Speed falls evenly to nothing at 0.3 s.
+        let t = times(1000, 5e-4);
+        let at = |t: f64| if t < 0.3 { 2.0 * t - t * t / 0.3 } else { 0.3 };
+        let y: Vec<f64> = t.iter().map(|t| at(*t)).collect();
+        for (k, (speed, acceleration)) in derivatives(&t, &y).into_iter().enumerate() {
+            if k >= 600 {
+                assert_eq!(speed, 0.0, "{k}");
+                assert!(k == 600 || acceleration == 0.0, "{k}");
+            } else if k < 598 {
+                assert!((speed - 2.0 * (1.0 - t[k] / 0.3)).abs() < 1e-6, "{k}: {speed}");
+                assert!((acceleration + 2.0 / 0.3).abs() < 1e-3, "{k}: {acceleration}");
             }
         }
     }

@@ -41,8 +41,24 @@ pub fn about() -> String {
     "schema = \"trued.recording/1\"\nmodel = \"model.toml\"\n".to_owned()
 }
 
-/// A motion as it is commanded, `finer` rows for each of its own, with no torque that says anything: for a program that runs a model over it. What differences
-/// rows sees a fine motion as it is.
+/// Rows at rest before each run of a [`command`], where its motion begins: what differences rows sees that it begins there.
+const BEFORE: usize = 8;
+
+/// Which rows of a [`command`] are those of the motion.
+#[must_use]
+pub fn commanded(motion: &Motion, finer: usize) -> Vec<usize> {
+    let mut from = 0;
+    let mut rows = Vec::with_capacity(motion.rows());
+    for segment in &motion.segments {
+        let count = segment.times_s.len();
+        rows.extend((0..count).map(|k| from + BEFORE + k * finer.max(1)));
+        from += BEFORE + count * finer.max(1);
+    }
+    rows
+}
+
+/// A motion as it is commanded, `finer` rows for each of its own ([`commanded`]), with no torque that says anything: for a program that runs a model over it. What
+/// differences rows sees a fine motion as it is.
 #[must_use]
 pub fn command(case: &Case, motion: &Motion, finer: usize) -> String {
     let (n, finer) = (case.rig.count(), finer.max(1));
@@ -52,9 +68,10 @@ pub fn command(case: &Case, motion: &Motion, finer: usize) -> String {
             let (row, part) = (k / finer, (k % finer) as f64);
             segment.times_s[row] + part / (motion.rate_hz * finer as f64)
         };
-        for k in 0..segment.times_s.len() * finer {
-            let t_s = between(k);
-            let states = segment.at(t_s);
+        let rest = (1..=BEFORE).rev().map(|k| -(k as f64) / (motion.rate_hz * finer as f64));
+        let moving = (0..segment.times_s.len() * finer).map(|k| (k / finer, between(k)));
+        for (row, t_s) in rest.map(|t_s| (0, t_s)).chain(moving) {
+            let states = segment.at(t_s.max(0.0));
             // A time that is off by 1e-7 s is an acceleration that is off by half a radian per second squared.
             let _ = write!(text, "{t_s:.13},{number}");
             states.iter().take(n).for_each(|[q, _, _]| {
@@ -62,7 +79,7 @@ pub fn command(case: &Case, motion: &Motion, finer: usize) -> String {
             });
             text.push_str(&",0.0".repeat(n));
             // Temperatures are those of the row, as they are recorded.
-            warmth(&mut text, case, |i| segment.celsius(i, segment.times_s[k / finer]));
+            warmth(&mut text, case, |i| segment.celsius(i, segment.times_s[row]));
             text.push('\n');
         }
     }

@@ -9,7 +9,7 @@ use recording::series::{Heldout, Recording};
 use super::ROWS_LEAST;
 use super::choose::Choice;
 use super::columns::{Column, Law};
-use super::known::{Stated, load_column};
+use super::known::{First, Stated, load_column};
 use super::library::{Family, Form, Library, Sign};
 use super::motion::Motion;
 use super::noise;
@@ -44,6 +44,8 @@ pub(super) struct Case {
     pub(super) rows: Rows,
     /// Columns that are in whatever is believed: masses of which nothing is known, numbers with a stated uncertainty.
     pub(super) open: Vec<usize>,
+    /// Of these, the model's own numbers: column, the number's effect and place, the effect whose first it is.
+    pub(super) known: Vec<(usize, (usize, usize), Option<First>)>,
     /// Columns of stated masses, in where these are doubted.
     pub(super) doubted: Vec<usize>,
     /// Torque that the model states, per joint and row; and the part of it that its masses ask for.
@@ -148,7 +150,9 @@ impl Case {
         let doubted: Vec<usize> = all.clone().filter(is_stated).collect();
         let mut open: Vec<usize> = all.filter(|k| !is_stated(k)).collect();
         let known = stated.known(&motion);
+        let mut places = Vec::with_capacity(known.open.len());
         for one in &known.open {
+            places.push((library.columns.len(), one.of, one.first_of));
             open.push(library.columns.len());
             library.columns.push(one.column.clone());
             library.prior.push(1.0 / (one.sigma * one.sigma));
@@ -186,6 +190,7 @@ impl Case {
             library,
             rows,
             open,
+            known: places,
             doubted,
             stated: torque,
             rigid: rigid.stated,

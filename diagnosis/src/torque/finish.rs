@@ -2,14 +2,15 @@
 //!
 //! Promises: held-out rows are read here first, and change no choice.
 
+use nalgebra::DMatrix;
 use physics::{Arm, JointKind};
 
 use super::case::Case;
 use super::choose::{Asking, Choice};
 use super::zone::Zone;
 use super::{
-    Diagnosis, Finding, JointProof, Law, Stated, Weighed, columns, found, prove, refine, table,
-    unknown, verdict, view,
+    Diagnosis, Finding, JointProof, Law, Refit, Stated, Weighed, columns, found, prove, refine,
+    table, unknown, verdict, view,
 };
 
 pub(super) fn finish(
@@ -58,7 +59,6 @@ pub(super) fn finish(
         }
     };
     let findings: Vec<Finding> = listed.iter().map(finding).collect();
-    let heldout = [&given, &choice].map(|one| prove::rms(case, &one.solved, held, true));
     let unexplained = law(case, &choice);
     let verdict = verdict::verdict(case, &findings, (&given, &choice), unexplained.as_ref());
     let joints: Vec<usize> = case.table.joints().collect();
@@ -68,8 +68,9 @@ pub(super) fn finish(
         verdict,
         notes: notes(arm, case, always, &zones, &findings, &refuted),
         findings,
+        refits: refits(case, stated, &choice, &covariance),
         unexplained,
-        heldout,
+        heldout: [&given, &choice].map(|one| prove::rms(case, &one.solved, held, true)),
         noise: prove::rms(case, &choice.solved, &seen, true),
         signal: signal(&by_joint),
         by_joint,
@@ -81,6 +82,21 @@ pub(super) fn finish(
         traces: joints.iter().map(|j| view::trace(case, (&given, &choice), *j)).collect(),
         zones,
     }
+}
+
+/// The model's own numbers as the fit has them.
+fn refits(
+    case: &Case,
+    stated: &Stated<'_>,
+    choice: &Choice,
+    covariance: &DMatrix<f64>,
+) -> Vec<Refit> {
+    let solved = &choice.solved;
+    let one = |(column, of, _): &(usize, (usize, usize), _)| {
+        let at = solved.columns.iter().position(|k| k == column)?;
+        stated.refit(*of, solved.values[at], covariance[(at, at)].sqrt())
+    };
+    case.known.iter().filter_map(one).collect()
 }
 
 /// What holds of a column's number lies anywhere between the fits without and with the rows of zones: uniform, and seen from one end.

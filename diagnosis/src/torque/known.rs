@@ -5,9 +5,11 @@
 //! Promises: a number within its stated uncertainty is no finding, since it is fitted along, held by what is believed of it. Never: a law of its own.
 
 use physics::dynamics::inverse_dynamics;
+use physics::spec::Range;
 use physics::{AnyEffect, Arm, Given, Inputs, JOINTS_MAX, Memories, Model};
 
 use super::columns::{Column, Law, STANDING, usual_speed};
+use super::found::Number;
 use super::motion::{Motion, Run};
 
 /// What a model states of an arm and its drives.
@@ -29,12 +31,28 @@ pub(super) struct Known {
     pub(super) open: Vec<Open>,
 }
 
+/// The name and the joint of an effect of which something is the first number.
+pub(super) type First = (&'static str, Option<usize>);
+
 /// A number of stated uncertainty.
 pub(super) struct Open {
     pub(super) column: Column,
     pub(super) sigma: f64,
     /// The effect whose first number it is.
-    pub(super) first_of: Option<(&'static str, Option<usize>)>,
+    pub(super) first_of: Option<First>,
+    /// Place among the model's effects, and among that one's values.
+    pub(super) of: (usize, usize),
+}
+
+/// A number that the model states with an uncertainty, as the fit has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refit {
+    /// A name of the contract.
+    pub kind: &'static str,
+    /// From 0.
+    pub joint: Option<usize>,
+    /// The difference to what is stated, and how sure the number is now; SI.
+    pub number: Number,
 }
 
 impl Stated<'_> {
@@ -47,6 +65,28 @@ impl Stated<'_> {
             | "drive_gain" => self.model.effects().any(same),
             _ => false,
         }
+    }
+
+    /// A number of an effect as a fit has it that finds it `off`; what the effect cannot have stays within what it can. None of an effect with lists.
+    pub(super) fn refit(
+        &self,
+        (effect, value): (usize, usize),
+        off: f64,
+        sigma: f64,
+    ) -> Option<Refit> {
+        let effect = self.model.effects().nth(effect)?;
+        let spec = effect.spec();
+        if spec.parameters.len() != effect.values().len() {
+            return None;
+        }
+        let (stated, parameter) = (*effect.values().get(value)?, spec.parameters.get(value)?);
+        let off = match parameter.range {
+            Range::NotNegative => off.max(-stated),
+            range if range.holds(stated + off) => off,
+            _ => return None,
+        };
+        let number = Number { stem: parameter.stem, values: vec![off], sigma: vec![sigma] };
+        Some(Refit { kind: spec.kind, joint: effect.joint(), number })
     }
 
     /// The first number of a joint's effects of one name, SI; 0 where it has none.
@@ -92,6 +132,7 @@ impl Stated<'_> {
         let one = |(column, (effect, value, sigma)): (Column, &(usize, usize, f64))| Open {
             column,
             sigma: *sigma,
+            of: (*effect, *value),
             first_of: (*value == 0)
                 .then(|| (effects[*effect].spec().kind, effects[*effect].joint())),
         };

@@ -22,6 +22,8 @@ const REST: f64 = 1e-4;
 const STILL: f64 = 1e-3;
 /// s.
 const REST_S: f64 = 0.2;
+/// A joint whose recorded position does not change by a digit for so long stands still too, s: a turn passes its crest sooner.
+const STOP_S: f64 = 0.03;
 /// A pause of so many steps is a gap.
 const GAP: f64 = 3.5;
 /// Runs of fewer samples say nothing.
@@ -39,6 +41,8 @@ pub(super) struct Track {
     pub(super) a: Vec<f64>,
     /// None where no torque of this joint was recorded.
     pub(super) torque: Option<Vec<f64>>,
+    /// Whether the recorded position stays the same about each sample.
+    stops: Vec<bool>,
     /// °C; empty where none was recorded.
     pub(super) temperature: Vec<f64>,
 }
@@ -92,9 +96,9 @@ impl Run {
         self.start_s + sample as f64 * self.step_s
     }
 
-    /// Whether a joint goes at least `least` about each row, and about all that is within `after` samples of it.
+    /// Whether a joint goes at least `least` about all that is within `after` samples of each row, and stops nowhere within half of that.
     fn moves(&self, joint: usize, least: f64, after: usize) -> Vec<bool> {
-        let q = &self.joints[joint].q;
+        let Track { q, stops, .. } = &self.joints[joint];
         let half = (0.5 * REST_S / self.step_s).ceil() as usize;
         let around = |k: usize, far: usize| k.saturating_sub(far)..(k + far + 1).min(q.len());
         let moves = |k| {
@@ -102,7 +106,10 @@ impl Run {
             high - low >= least
         };
         let moves: Vec<bool> = (0..q.len()).map(moves).collect();
-        let near = |row: &usize| moves[around(*row, after)].iter().all(|moves| *moves);
+        let near = |row: &usize| {
+            let stops = stops[around(*row, after / 2)].contains(&true);
+            !stops && moves[around(*row, after)].iter().all(|moves| *moves)
+        };
         self.rows.iter().map(near).collect()
     }
 }
@@ -251,7 +258,9 @@ fn runs_of(
         let even = |column: &[f64]| late(column, 0.0);
         let filter = LowPass::new(band_hz, 1.0 / step_s);
         let track = |joint: usize| {
-            let q = filter.pass(&even(columns[joint]));
+            let recorded = even(columns[joint]);
+            let stops = stops(&recorded, digit(columns[joint]), step_s);
+            let q = filter.pass(&recorded);
             let v = derivative(&q, step_s);
             let a = derivative(&v, step_s);
             let torque = torques[joint].as_ref().map(|torque| filter.pass(&late(torque, delay_s)));
@@ -259,7 +268,7 @@ fn runs_of(
                 .column(Channel::JointTemperature(joint))
                 .or_else(|| recording.column(Channel::Ambient))
                 .map_or(Vec::new(), |column| even(&filled(column)));
-            Track { q, v, a, torque, temperature }
+            Track { q, v, a, torque, stops, temperature }
         };
         let stride = (1.0 / (step_s * band_hz * ROWS_PER_PERIOD)).round().max(1.0) as usize;
         let ends = ((ENDS / (step_s * band_hz)).ceil() as usize).min(count / 4);
@@ -274,6 +283,29 @@ fn runs_of(
         }
     };
     pieces.iter().map(run).collect()
+}
+
+/// The least step between two samples of a position that differ.
+fn digit(samples: &[f64]) -> f64 {
+    let steps = samples.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    steps.filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min)
+}
+
+/// Which samples are of a stretch, [`STOP_S`] long at least, in which the position stays within half a digit.
+fn stops(q: &[f64], digit: f64, step_s: f64) -> Vec<bool> {
+    let shortest = (STOP_S / step_s).ceil().max(3.0) as usize;
+    let mut all = vec![false; q.len()];
+    let mut from = 0;
+    for k in 1..=q.len() {
+        if k < q.len() && (q[k] - q[from]).abs() < 0.5 * digit {
+            continue;
+        }
+        if k - from > shortest {
+            all[from..k].fill(true);
+        }
+        from = k;
+    }
+    all
 }
 
 /// Slow samples where none was taken: the last that was.
@@ -312,6 +344,22 @@ fn resampled(times: &[f64], samples: &[f64], start_s: f64, step_s: f64, count: u
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_short_stop_is_rest_and_a_turn_is_none() {
+        let step_s = 2e-3;
+        let rounded = |x: f64| (x / 1e-6).round() * 1e-6;
+        let turning: Vec<f64> =
+            (0..1000).map(|k| rounded(libm::sin(step_s * f64::from(k)))).collect();
+        assert!(!stops(&turning, digit(&turning), step_s).contains(&true));
+        let mut stopping = turning.clone();
+        stopping[300..350].fill(turning[300]);
+        let found = stops(&stopping, digit(&stopping), step_s);
+        assert!((0..1000).all(|k| found[k] == (300..350).contains(&k)));
+        stopping[300..1000].copy_from_slice(&turning[300..]);
+        stopping[300..310].fill(turning[300]);
+        assert!(!stops(&stopping, digit(&stopping), step_s).contains(&true));
+    }
 
     #[test]
     fn samples_that_jitter_come_back_even() {

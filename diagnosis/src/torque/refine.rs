@@ -9,6 +9,7 @@ use std::f64::consts::TAU;
 use super::case::Case;
 use super::choose::{Asking, Choice};
 use super::columns::{Column, Law, lowest_speed, shortest_way};
+use super::known::First;
 use super::library::Form;
 use super::table::{Products, Solved};
 
@@ -124,11 +125,15 @@ pub(super) fn warm(
     }
 }
 
-/// The viscous friction that was found of a joint.
+/// The viscous friction of a joint beyond what the model states: found, or fitted along within its doubt.
 pub(super) fn found_viscous(case: &Case, names: &[usize], solved: &Solved, joint: usize) -> f64 {
     let families = names.iter().map(|name| &case.library.families[*name]);
     let mut viscous = families.filter(|f| f.kind == "viscous_friction" && f.joint == Some(joint));
-    viscous.next().and_then(|f| solved.value(f.columns[0])).unwrap_or(0.0)
+    let found = viscous.next().and_then(|f| solved.value(f.columns[0])).unwrap_or(0.0);
+    let own = |(column, _, first_of): &(usize, (usize, usize), Option<First>)| {
+        (*first_of == Some(("viscous_friction", Some(joint)))).then(|| solved.value(*column))?
+    };
+    found + case.known.iter().filter_map(own).sum::<f64>()
 }
 
 /// Gives a name's searched number another value.

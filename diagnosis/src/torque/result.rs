@@ -4,7 +4,7 @@
 
 use crate::diagnose::Verdict;
 
-use super::{Law, Number, Rival, Trace, Zone};
+use super::{Law, Number, Refit, Rival, Trace, Zone};
 
 /// Something that is missing in the model of the drives, or wrong in it.
 #[derive(Clone, Debug)]
@@ -53,6 +53,8 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// Most important first.
     pub findings: Vec<Finding>,
+    /// The model's own numbers of stated uncertainty, fitted along: no findings, but what the proof is with.
+    pub refits: Vec<Refit>,
     /// Structure beyond them.
     pub unexplained: Option<Law>,
     /// Where the torque follows no known law, set apart.

@@ -100,6 +100,69 @@ fn a_model_that_knows_its_friction_is_consistent() {
     assert_eq!(found.verdict, Verdict::Consistent, "{:?}", found.findings);
 }
 
+/// Position, speed, acceleration at a time: moves of 0.6 s with stops of 0.1 s between them.
+fn stopping(t: f64) -> [f64; 3] {
+    let (takes, whole) = (0.6, 0.7);
+    let number = libm::floor(t / whole);
+    let place = |number: f64| 0.2 * libm::sin(2.3 * number * number);
+    let (from, way) = (place(number), place(number + 1.0) - place(number));
+    let u = (t - number * whole) / takes;
+    if u >= 1.0 {
+        return [from + way, 0.0, 0.0];
+    }
+    let [q, v, a] = [
+        u * u * u * (10.0 - 15.0 * u + 6.0 * u * u),
+        30.0 * u * u * (1.0 - u) * (1.0 - u),
+        60.0 * u * (1.0 - 3.0 * u + 2.0 * u * u),
+    ];
+    [from + way * q, way * v / takes, way * a / (takes * takes)]
+}
+
+/// What was recorded on moves with stops: positions to a micrometre; dry friction is nothing at rest.
+fn with_stops(noise: f64, force: impl Fn([f64; 3]) -> f64) -> Recording {
+    let mut made = recording(JointKind::Prismatic, noise, |_| 0.0);
+    let noise = made.column(Channel::Torque(0)).unwrap().to_vec();
+    let states: Vec<[f64; 3]> = made.t_s.iter().map(|t| stopping(*t)).collect();
+    let rounded = |[q, ..]: &[f64; 3]| libm::round(q * 1e6) * 1e-6;
+    made.set(Channel::Motor(0), states.iter().map(rounded).collect());
+    let torques = states.iter().zip(noise).map(|(state, noise)| force(*state) + noise);
+    made.set(Channel::Torque(0), torques.collect());
+    made
+}
+
+fn sign(v: f64) -> f64 {
+    if v == 0.0 { 0.0 } else { v.signum() }
+}
+
+#[test]
+fn short_stops_of_a_friction_that_is_known_make_no_name() {
+    let force = |[_, v, a]: [f64; 3]| MASS * a + 40.0 * sign(v);
+    let arm = slider(true);
+    let known = effect(&arm, "coulomb_friction", &[("level", &[40.0])]);
+    let found = of(&arm, &[known], with_stops(0.3, force));
+    assert_eq!(found.verdict, Verdict::Consistent, "{:?}", found.findings);
+}
+
+#[test]
+fn a_friction_off_within_its_doubt_is_no_finding_and_is_refitted() {
+    let force = |[_, v, a]: [f64; 3]| MASS * a + 40.0 * sign(v) + 60.0 * v;
+    let arm = slider(true);
+    let dry = effect(&arm, "coulomb_friction", &[("level", &[37.0])]);
+    let viscous = effect(&arm, "viscous_friction", &[("coefficient", &[60.0])]);
+    let model = Model::new(arm, &[dry, viscous]).unwrap();
+    let sigma = vec![vec![2.0], vec![0.0]];
+    let stated = Stated { model: &model, sigma: &sigma, delay_s: 0.0 };
+    let found = diagnose(&stated, &[with_stops(0.3, force)], None, 1).unwrap();
+    assert_eq!(found.verdict, Verdict::Consistent, "{:?}", found.findings);
+    let [refit] = &found.refits[..] else { panic!("{:?}", found.refits) };
+    assert_eq!(
+        (refit.kind, refit.joint, refit.number.stem),
+        ("coulomb_friction", Some(0), "level")
+    );
+    assert!((refit.number.values[0] - 3.0).abs() < 0.1, "{refit:?}");
+    assert!(refit.number.sigma[0] < 0.2, "{refit:?}");
+}
+
 #[test]
 fn torque_that_lags_motion_is_a_delay_and_no_friction() {
     let late = 2e-3;

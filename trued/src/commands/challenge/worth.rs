@@ -66,8 +66,8 @@ fn torques(
     let text = torque::write::command(case, motion, finer);
     let recording = series::read_text("motion.csv", &text, None, Some(about), Need::Path).ok()?;
     let exerted = torques_of(model, recording).ok()?;
-    let row = |row: &physics::Joints| std::array::from_fn(|joint| row[joint]);
-    Some(exerted.iter().step_by(finer).map(row).collect())
+    let row = |row: usize| exerted.get(row).map(|row| std::array::from_fn(|joint| row[joint]));
+    torque::write::commanded(motion, finer).into_iter().map(row).collect()
 }
 
 /// The errors of a case of forces; none of a null, and none where something swings by itself.

@@ -2,8 +2,8 @@
 //!
 //! Promises: what acts in one recording alone (a payload of that day) is told and not written into the model. Never: a fit of its own.
 
-use diagnosis::torque::{self, Diagnosis, Doubt, Finding, Stated};
-use recording::model::{EffectEntry, Numbers, RobotModel, SiParameter};
+use diagnosis::torque::{self, Diagnosis, Doubt, Finding, Refit, Stated};
+use recording::model::{EffectEntry, Numbers, Parameter, RobotModel, SiParameter};
 use recording::series::{Channel, Recording};
 
 use crate::exit::Failure;
@@ -57,8 +57,13 @@ impl Drives {
         })
     }
 
-    /// The model's effects with what was found.
+    /// The model's effects with what was found, and its own numbers as they were fitted along.
     pub(super) fn written(&self, base: &RobotModel, effects: &[EffectEntry]) -> Vec<EffectEntry> {
+        let mut effects = effects.to_vec();
+        for refit in self.result.iter().flat_map(|diagnosis| &diagnosis.refits) {
+            refitted(base, &mut effects, refit);
+        }
+        let effects = &effects;
         let findings = self.result.iter().flat_map(|diagnosis| &diagnosis.findings);
         written(base, effects, findings.filter(|finding| finding.recording.is_none()))
     }
@@ -85,6 +90,24 @@ pub(super) fn written<'a>(
         }
     }
     all
+}
+
+/// Gives a number of stated uncertainty what the fit made of it.
+fn refitted(base: &RobotModel, effects: &mut [EffectEntry], refit: &Refit) {
+    let number = &refit.number;
+    let one = SiParameter { stem: number.stem, values: &number.values, sigma: Some(&number.sigma) };
+    let Some(off) = EffectEntry::from_si(&base.physics.arm, refit.kind, refit.joint, &[one]) else {
+        return;
+    };
+    let is_it = |known: &&mut EffectEntry| {
+        let same = |p: &Parameter| off.parameters.iter().any(|q| q.key == p.key);
+        known.kind == off.kind
+            && known.joint == off.joint
+            && known.parameters.iter().any(|p| p.sigma.is_some() && same(p))
+    };
+    if let Some(known) = effects.iter_mut().find(is_it) {
+        add(known, &off);
+    }
 }
 
 /// Adds the difference that was found to the numbers that stand there.
