@@ -45,6 +45,8 @@ pub struct Follower {
     last_ns: Option<u64>,
     /// Time of the command sent last, by its own clock.
     sent_t_ns: Option<u64>,
+    /// Time that has passed since without another command, ns: it is counted, and no command brings it again.
+    unsent_ns: u64,
     /// By how much the real clock has run ahead of the commands'; below zero: behind them.
     ahead_ns: i64,
     /// Real time that no step has used yet, s.
@@ -74,6 +76,7 @@ impl Follower {
             used: None,
             last_ns: None,
             sent_t_ns: None,
+            unsent_ns: 0,
             ahead_ns: 0,
             saved_s: SAVED_S_MAX,
             near_answers: 0,
@@ -142,8 +145,15 @@ impl Follower {
         let real_ns = since(self.last_ns, now_ns);
         self.last_ns = Some(now_ns.max(self.last_ns.unwrap_or(0)));
         self.saved_s = (self.saved_s + real_ns as f64 * 1e-9).min(SAVED_S_MAX);
-        let mut commanded_ns = sent.map_or(0, |sent| since(self.sent_t_ns, sent.t_ns));
-        self.sent_t_ns = sent.map(|sent| sent.t_ns);
+        let t_ns = sent.map(|sent| sent.t_ns);
+        let mut commanded_ns = if t_ns.is_some() && t_ns == self.sent_t_ns {
+            self.unsent_ns = self.unsent_ns.saturating_add(real_ns);
+            real_ns
+        } else {
+            let since_ns = t_ns.map_or(0, |t_ns| since(self.sent_t_ns, t_ns));
+            since_ns.saturating_sub(std::mem::take(&mut self.unsent_ns))
+        };
+        self.sent_t_ns = t_ns;
         let most_ns = real_ns.saturating_add(PARTED_NS_MAX.unsigned_abs());
         let parts = |commanded_ns: u64| {
             let signed = |ns: u64| i64::try_from(ns).unwrap_or(i64::MAX);

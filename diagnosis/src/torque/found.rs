@@ -13,6 +13,8 @@ use super::table::Solved;
 const FLOOR: f64 = 5e-3;
 /// What a motor's constant is off by, gear losses included, as a standard share of what currents are called torque by.
 const CONSTANT: f64 = 0.1;
+/// A first moment that is open by as much, kg m, is one that nothing feels: no arm carries it.
+const UNFELT: f64 = 1e4;
 /// Names within so much log-likelihood cannot be told apart.
 const ALIKE: f64 = 5.0;
 /// A rival explains at least this share of what the name does.
@@ -115,7 +117,9 @@ pub(super) fn numbers(family: &Family, solved: &Solved, context: &Context<'_>) -
             vec![one("stiffness", stiffness, sigma(0)), one("rest_position", rest, of_rest)]
         }
         Form::Moment => {
-            let values = (0..3).map(value).collect();
+            // Along its axis a joint feels nothing: what comes out there is rounding.
+            let felt = |k: usize| if sigma(k) < UNFELT { value(k) } else { 0.0 };
+            let values = (0..3).map(felt).collect();
             vec![Number { stem: "first_moment", values, sigma: (0..3).map(sigma).collect() }]
         }
         Form::Wave => wave([value(0), value(1)], shared, floor),
