@@ -146,13 +146,14 @@ impl Follower {
         self.last_ns = Some(now_ns.max(self.last_ns.unwrap_or(0)));
         self.saved_s = (self.saved_s + real_ns as f64 * 1e-9).min(SAVED_S_MAX);
         let t_ns = sent.map(|sent| sent.t_ns);
-        let mut commanded_ns = if t_ns.is_some() && t_ns == self.sent_t_ns {
+        let mut commanded_ns = t_ns.map_or(0, |t_ns| since(self.sent_t_ns, t_ns));
+        if t_ns.is_some() && t_ns == self.sent_t_ns {
             self.unsent_ns = self.unsent_ns.saturating_add(real_ns);
-            real_ns
-        } else {
-            let since_ns = t_ns.map_or(0, |t_ns| since(self.sent_t_ns, t_ns));
-            since_ns.saturating_sub(std::mem::take(&mut self.unsent_ns))
-        };
+            commanded_ns = real_ns;
+        } else if self.unsent_ns > 0 {
+            commanded_ns =
+                commanded_ns.saturating_sub(std::mem::take(&mut self.unsent_ns)).min(real_ns);
+        }
         self.sent_t_ns = t_ns;
         let most_ns = real_ns.saturating_add(PARTED_NS_MAX.unsigned_abs());
         let parts = |commanded_ns: u64| {
