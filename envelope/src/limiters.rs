@@ -11,6 +11,8 @@ use crate::{Limiter, Limits};
 
 /// A way counts as this share of the longest at least: what little is left does not wait for the others.
 const LEAST_WAY: f64 = 0.01;
+/// And as this share of the joint's angle at least: what follows a target that moves is no ramp, and waits for nobody.
+const NO_RAMP: f64 = 2e-3;
 
 /// Bounds the corrections of `N` joints; see [`Limiter`] for each.
 #[derive(Clone, Copy, Debug)]
@@ -85,13 +87,14 @@ impl<const N: usize> Limiters<N> {
         // A motion is worth the way that it makes in that time.
         let ways = offsets.map(|offset| offset.reach(time_s));
         let longest = ways.iter().fold(0.0_f64, |longest, way| longest.max(*way));
-        let ways = ways.map(|way| way.max(LEAST_WAY * longest));
+        let ways: [f64; N] = core::array::from_fn(|i| {
+            let least = limits(i).map_or(0.0, |limits| NO_RAMP * limits.angle());
+            ways[i].max(LEAST_WAY * longest).max(least)
+        });
         let Pace { rate, jerk } = fastest(&ways);
         for (i, joint) in self.joints.iter_mut().enumerate().filter(|(i, _)| behind[*i]) {
             let Some(limits) = limits(i) else { continue };
-            let share = |of: f64, limit: f64| {
-                if longest > 0.0 { (of * ways[i] / limit).min(1.0) } else { 1.0 }
-            };
+            let share = |of: f64, limit: f64| (of * ways[i] / limit).min(1.0);
             let pace = Pace { rate: share(rate, limits.rate()), jerk: share(jerk, limits.jerk()) };
             joint.step_onto(&limits, pace, dt_s);
         }

@@ -30,8 +30,8 @@ proptest! {
         let longest = from.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
         for _ in 0..5000 {
             let c = arm.step(&[0.0; 3], limits, DT_S);
-            // What is less than a hundredth of the longest way may be through sooner.
-            prop_assert!(beside(&c, &from) <= 0.011 * longest, "{c:?} from {from:?}");
+            // What is less than a hundredth of the longest way, or than 20 µrad, may be through sooner.
+            prop_assert!(beside(&c, &from) <= 0.011 * longest + 2e-5, "{c:?} from {from:?}");
         }
         prop_assert_eq!(arm.step(&[0.0; 3], limits, DT_S), [0.0; 3]);
     }
