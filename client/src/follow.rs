@@ -151,6 +151,7 @@ impl Follower {
             self.unsent_ns = self.unsent_ns.saturating_add(real_ns);
             commanded_ns = real_ns;
         } else if self.unsent_ns > 0 {
+            // The command that comes after brings no more than has really passed: nobody saw when the missing one was due.
             commanded_ns =
                 commanded_ns.saturating_sub(std::mem::take(&mut self.unsent_ns)).min(real_ns);
         }

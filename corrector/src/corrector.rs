@@ -281,8 +281,7 @@ impl Corrector {
             *allowed = goal[i].clamp(-angle, angle);
         }
         let bounded = if wanted.settled {
-            self.limiters.jump(&allowed);
-            allowed
+            self.limiters.jump(&allowed)
         } else {
             let limits = |i| (i < joints).then(|| self.settings.limits(i));
             self.limiters.step(&allowed, limits, seconds(wanted.dt_ns))

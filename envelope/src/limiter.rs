@@ -42,7 +42,7 @@ pub struct Limiter {
     wanted: Track,
     /// Where `wanted` goes: exactly while it is steady, smoothed (without lag on a ramp) while not.
     trend: Motion,
-    /// Between these the output comes to rest, wherever it is stopped: what was wanted lately, and where it goes.
+    /// The lowest and the highest of what was wanted lately, fading.
     reach: (f64, f64),
     /// Steady samples in a row, up to [`TRUSTED_AFTER`].
     steady: u8,

@@ -44,8 +44,13 @@ impl<const N: usize> Limiters<N> {
     }
 
     /// Stands at these values at once, without bounds: for settled poses, that no motion connects.
-    pub fn jump(&mut self, values: &[f64; N]) {
+    pub fn jump(&mut self, values: &[f64; N]) -> [f64; N] {
         self.joints.iter_mut().zip(values).for_each(|(joint, value)| joint.jump(*value));
+        self.values()
+    }
+
+    fn values(&self) -> [f64; N] {
+        core::array::from_fn(|i| self.joints[i].value())
     }
 
     /// The outputs `dt_s` after the last ones, by the rule of [`Limiter::step`]. A joint without limits stands.
@@ -62,7 +67,7 @@ impl<const N: usize> Limiters<N> {
         if behind.contains(&true) {
             self.step_together(&behind, limits, dt_s);
         }
-        core::array::from_fn(|i| self.joints[i].value())
+        self.values()
     }
 
     /// Those that are `behind`, each as far in its share of the way as the others.
