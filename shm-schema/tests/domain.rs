@@ -270,6 +270,22 @@ fn a_directory_that_the_transport_made_anew_is_closed_again() {
 }
 
 #[test]
+fn files_that_are_removed_while_an_epoch_is_announced_are_made_once_more() {
+    let runtime = Runtime::new("again");
+    let cell = runtime.cell();
+    let mut daemon = DaemonSide::create(&cell).unwrap();
+    daemon.announce().unwrap();
+    daemon.renew().unwrap();
+    std::fs::remove_dir_all(cell.dir()).unwrap();
+    daemon.announce().unwrap_err();
+    assert!(daemon.supervise().torn, "nobody finds this daemon, and it does not see it");
+    daemon.renew().unwrap();
+    daemon.announce().unwrap();
+    assert!(!daemon.supervise().torn);
+    Seat::new(&cell, Role::Cell).join().unwrap();
+}
+
+#[test]
 fn a_directory_on_a_disk_or_of_others_is_refused() {
     let runtime = Runtime::new("place");
     let cell = runtime.cell();

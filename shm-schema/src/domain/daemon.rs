@@ -31,7 +31,7 @@ pub struct DaemonSide {
     ports: DaemonPorts,
     node: Node<ipc::Service>,
     _mender: Mender,
-    /// The epoch that is open to clients; 0 before the first.
+    /// The epoch that was announced to clients, or was to be; 0 before the first.
     announced: AtomicU64,
     claim: Claim,
 }
@@ -95,8 +95,9 @@ impl DaemonSide {
     /// [`DomainError::Io`] where the announcement could not be written.
     pub fn announce(&self) -> Result<(), DomainError> {
         let epoch = self.ports.epoch;
-        self.announcement().write(&self.claim.cell)?;
+        // Whether it succeeds or not: an announcement that failed is as torn as one that was removed.
         self.announced.store(epoch, Relaxed);
+        self.announcement().write(&self.claim.cell)?;
         self.claim.cell.sweep_epochs(Some(epoch));
         Ok(())
     }
