@@ -175,8 +175,10 @@ pub fn diagnose(
     let again = whiten(&mut campaign, &known, &settings, &first.fit, (&words, Taken::BorneOut));
     let asking =
         Asking { campaign: &campaign, known: &known, settings, library: &library, bank: &bank };
-    let start = again.map_or(first, |base| Naming::none(&base));
-    let naming = name::name(&asking, start);
+    let naming = match again {
+        None => name::name(&asking, first),
+        Some(bare) => name::anew(&asking, &bare, first),
+    };
     let second_look = split.training.iter().zip(used).map(|(trains, used)| *trains && !used);
     let second_look: Vec<bool> = second_look.collect();
     let naming = prove::confirmed(&campaign, model, (&naming_split, &second_look), naming);

@@ -126,7 +126,8 @@ impl<'a> Pair<'a> {
         self.unbroken();
         time.unwrap_or_else(|| {
             let (cell, daemon) = (self.cell.lines(), self.daemon.lines());
-            panic!("no answer within {JAM:?}; cell: {cell:#?}; daemon: {daemon:#?}")
+            let waits = [self.cell.waits(), self.daemon.waits()];
+            panic!("no answer within {JAM:?}; cell: {cell:#?}; daemon: {daemon:#?}; threads: {waits:#?}")
         })
     }
 

@@ -100,6 +100,17 @@ impl Process {
         tasks.flatten().find(named)?.file_name().to_str()?.parse().ok()
     }
 
+    /// What each of its threads waits for: name, place in the kernel, system call with its arguments.
+    #[must_use]
+    pub fn waits(&self) -> Vec<String> {
+        let tasks = std::fs::read_dir(format!("/proc/{}/task", self.id()));
+        let of = |task: std::fs::DirEntry| {
+            let read = |what| std::fs::read_to_string(task.path().join(what)).unwrap_or_default();
+            ["comm", "wchan", "syscall"].map(|what| read(what).trim().to_owned()).join(" ")
+        };
+        tasks.into_iter().flatten().flatten().map(of).collect()
+    }
+
     /// Its resident memory, kB.
     #[must_use]
     pub fn resident_kb(&self) -> Option<u64> {

@@ -23,8 +23,8 @@ use physics::{AnyEffect, Model};
 
 /// Rounds in which rivals that were fitted may take a name's place.
 const RENAMING: usize = 3;
-/// By how much the sum of squares has to be lower for that, beside the numbers' cost.
-const CLEARLY: f64 = 0.5;
+/// By how much log-likelihood has to be higher for that, beside the numbers' cost.
+const CLEARLY: f64 = 0.25;
 /// A rival within this many units of log-likelihood cannot be told apart (contract `diagnosis.md`).
 pub(super) const ALIKE: f64 = 5.0;
 
@@ -116,6 +116,20 @@ pub(super) fn name(asking: &Asking<'_>, start: Naming) -> Naming {
     naming
 }
 
+/// Names under noise that is told otherwise than when `first` was named: from nothing, which a `bare` model leaves, and from there. Noise that remembers itself
+/// hides from single steps what an arm with many things amiss lacks first, while names that stand are taken out again where they are worth nothing.
+pub(super) fn anew(asking: &Asking<'_>, bare: &Fit, first: Naming) -> Naming {
+    let fresh = name(asking, Naming::none(bare));
+    if titles(&fresh.named) == titles(&first.named) {
+        return fresh;
+    }
+    let around = first.fit.surroundings.clone();
+    let settings = Settings { from: Some(&around), ..asking.settings };
+    let under = fit(asking.campaign, &first.fit.hypothesis, &settings);
+    let kept = name(asking, Naming { fit: under, ..first });
+    if asking.is_better(&kept, &fresh) { kept } else { fresh }
+}
+
 /// Names that stand, each with its rivals on the rows that `asking` uses; none is added, none is taken away.
 pub(super) fn with_rivals(asking: &Asking<'_>, mut naming: Naming) -> Naming {
     for round in 0..=RENAMING {
@@ -140,7 +154,7 @@ impl Named {
 
     /// The rival that is the better name.
     fn better(&self, price: f64) -> Option<&Rival> {
-        let loss = |rival: &Rival| 2.0 * (rival.behind + self.dearer(rival, price));
+        let loss = |rival: &Rival| rival.behind + self.dearer(rival, price);
         let best = self.rivals.iter().min_by(|a, b| loss(a).total_cmp(&loss(b)))?;
         (loss(best) < -CLEARLY).then_some(best)
     }
@@ -224,6 +238,17 @@ impl Asking<'_> {
         let entry = Entry::open(rival.kept, rival.candidate.clone());
         let (effect, stated) = Self::joined(&mut hypothesis, &entry, &rival.found)?;
         close_up(&mut named, gone);
+        let compared = |hypothesis: &Hypothesis| {
+            compare(self.campaign, hypothesis, &naming.fit, self.settings.used)
+        };
+        let fit = compared(&hypothesis);
+        // Others may have been renamed since this one was found to be better.
+        let before = compared(&naming.fit.hypothesis).sum;
+        let behind = 0.5 * (fit.sum - before) / naming.fit.design_effect;
+        let dearer = gone.dearer(rival, price);
+        if behind + dearer >= -CLEARLY {
+            return None;
+        }
         let more = rival.numbers.saturating_sub(gone.numbers) as f64;
         named[k] = Named {
             candidate: entry.candidate,
@@ -231,16 +256,13 @@ impl Asking<'_> {
             stated,
             kept: rival.kept,
             spared: gone.spared.max(price * more),
-            gain: gone.gain - rival.behind,
-            margin: gone.margin - rival.behind - gone.dearer(rival, price),
+            gain: gone.gain - behind,
+            margin: gone.margin - behind - dearer,
             numbers: rival.numbers,
             rivals: Vec::new(),
             variants: Vec::new(),
         };
-        Some(Naming {
-            fit: compare(self.campaign, &hypothesis, &naming.fit, self.settings.used),
-            named,
-        })
+        Some(Naming { fit, named })
     }
 
     /// The best spring of every joint that gives way, in the stead of what is named there.

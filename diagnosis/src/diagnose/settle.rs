@@ -74,7 +74,8 @@ impl Asking<'_> {
         same
     }
 
-    fn is_better(&self, next: &Naming, best: &Naming) -> bool {
+    /// Whether one choice is better than another under the same noise, by log-likelihood less what numbers cost.
+    pub(super) fn is_better(&self, next: &Naming, best: &Naming) -> bool {
         let together = next.fit.design_effect.max(best.fit.design_effect);
         let cost = |naming: &Naming| {
             let readings = (naming.fit.readings as f64 / together).max(2.0);

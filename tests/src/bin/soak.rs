@@ -71,6 +71,7 @@ fn soak(programs: Programs<'_>, seconds: f64, seed: u64) -> bool {
         let spares = start.elapsed().as_secs_f64() > seconds / 3.0;
         let least = if spares { DEADLY } else { 0 };
         let kind = FAULTS[(least + chance.below(FAULTS.len() as u64 - least)) as usize];
+        println!("{:.2} s: {kind}", start.elapsed().as_secs_f64());
         strike(kind, &mut pair, &mut chance);
         let time = pair.back();
         let seen = seen.entry(kind).or_default();
