@@ -84,8 +84,14 @@ pub(super) fn finish(
     let mut weighed = weighed(&case, &names, &seen);
     let full = fullest(&case, &names, &seen);
     if full != names {
-        names = full;
-        fit(&mut case, &names, &seen);
+        let chosen = case.clone();
+        fit(&mut case, &full, &seen);
+        // Numbers that its name cannot have are what rows do not tell apart.
+        if full.iter().all(|name| is_within(&case, *name)) {
+            names = full;
+        } else {
+            case = chosen;
+        }
     }
     let held = case.sets.held.clone();
     let products = case.products(&seen);
