@@ -82,17 +82,7 @@ pub(super) fn finish(
     }
     // A name is weighed in the form that was chosen, and told with all of its numbers.
     let mut weighed = weighed(&case, &names, &seen);
-    let full = fullest(&case, &names, &seen);
-    if full != names {
-        let chosen = case.clone();
-        fit(&mut case, &full, &seen);
-        // Numbers that its name cannot have are what rows do not tell apart.
-        if full.iter().all(|name| is_within(&case, *name)) {
-            names = full;
-        } else {
-            case = chosen;
-        }
-    }
+    names = filled(&mut case, names, &seen);
     let held = case.sets.held.clone();
     let products = case.products(&seen);
     let asking = Asking { library: &case.library, products: &products, always: &case.always };
@@ -250,6 +240,21 @@ fn weighed(case: &Case, names: &[usize], seen: &[bool]) -> BTreeMap<&'static str
         (kind, found::weighed(case, &asking, &choice, *name, seen))
     };
     names.iter().map(one).collect()
+}
+
+/// Names with all of their numbers, believed, where these are their names' to have: those that are not are what rows do not tell apart.
+fn filled(case: &mut Case, names: Vec<usize>, seen: &[bool]) -> Vec<usize> {
+    let full = fullest(case, &names, seen);
+    if full == names {
+        return names;
+    }
+    let chosen = case.clone();
+    fit(case, &full, seen);
+    if full.iter().all(|name| is_within(case, *name)) {
+        return full;
+    }
+    *case = chosen;
+    names
 }
 
 /// The names with all numbers that theirs may have, where rows tell these apart: a number that is left out is no number that is nothing.
