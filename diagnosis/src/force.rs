@@ -26,7 +26,7 @@ pub use lines::{Cause, Tone};
 pub use phases::{Phase, State};
 
 /// Why nothing can be said.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Doubt {
     /// No channel with samples.
     #[error(
@@ -38,6 +38,18 @@ pub enum Doubt {
         "every channel reads the same in every row: nothing was connected, or the sensor is overloaded"
     )]
     Constant,
+    /// An amplifier or a converter at its end.
+    #[error(
+        "{channel} stands at {limit} N (m/s²) in {percent:.1} % of its rows: the amplifier is at its limit there, so no force is known; record with a larger range"
+    )]
+    Overloaded {
+        /// Its name.
+        channel: String,
+        /// Where it stands.
+        limit: f64,
+        /// In how much of its rows.
+        percent: f64,
+    },
     /// Too little.
     #[error(
         "the longest run without a hole is {rows} rows, expected at least {least}: record more"

@@ -1,7 +1,7 @@
 //! Forces against a told cut: where they differ from what the law of the teeth says, and which effect of cutter or sensor that is.
 //!
 //! Read in this order: `law` (what a sensor would read), `rows` (which rows are compared), `ways` (into the work and out of it), `spindle` (where it stands), `gross` (whether it is this cut), `case` (slopes, noise), `names` (what may
-//! be missing), `tone`, `found` (numbers and rivals), `rest` (what no name explains), `finish` (the proof, the verdict).
+//! be missing), `sets` (which of them), `tone`, `found` (numbers and rivals), `rest` (what no name explains), `finish` (the proof, the verdict), `view` (for the page).
 //!
 //! Promises: the same input gives the same bits; held-out rows are seen by no choice and no fit; where the told cut does not say enough, why is said.
 //! Never: a file, a law of cutting that `physics` does not have.
@@ -14,10 +14,12 @@ mod law;
 mod names;
 mod rest;
 mod rows;
+mod sets;
 mod spindle;
 #[cfg(test)]
 mod tests;
 mod tone;
+mod view;
 mod ways;
 
 use physics::{CutForce, Inputs, Joints, Memories, Model};
@@ -31,8 +33,9 @@ use case::{Anyway, Belief, Case};
 use law::{Law, Spindle};
 use rows::Rows;
 
-pub use finish::{Compared, Traced};
+pub use finish::Compared;
 pub use rest::Rest;
+pub use view::Traced;
 
 /// Rounds of choice, each with the law taken anew.
 const ROUNDS: usize = 6;
@@ -41,7 +44,7 @@ const SWAPS: usize = 4;
 /// Another angle or speed of the spindle than is told explains so much more, in log-likelihood, beyond its price.
 const INSISTS: f64 = 10.0;
 /// A name that brings less than this on rows that took no part in its choice, in log-likelihood, tells nothing.
-const TELLS: f64 = 1.0;
+const TELLS: f64 = 0.0;
 /// Rows of the cut from which on anything can be compared.
 const ROWS_LEAST: usize = 200;
 
@@ -158,43 +161,81 @@ fn answered(mut case: Case, model: &Model, rows: &Rows, is_doubted: bool) -> (Ca
     let mut listened: Option<Vec<usize>> = None;
     for _ in 0..ROUNDS {
         let before = names.clone();
-        names = chosen(&mut case, &names, &train);
+        names = chosen(&case, &names, &train);
+        stand(&mut case, &names, &train);
         case.count(&rows.is_between);
-        let rings = names.iter().any(|k| !case.library.families[*k].settings.is_empty());
-        // Whatever was named or taken back since may have hidden a tone.
-        let is_new = !rings && listened.as_ref() != Some(&names);
-        let heard = is_new.then(|| tone::loudest(&case, &train)).flatten();
-        if is_new {
-            listened = Some(names.clone());
-        }
-        if let Some(tone_hz) = heard {
-            names::add_tone(&mut case, tone_hz);
-        }
+        let is_heard = listen(&mut case, &names, &mut listened);
         case.take();
         case.hear_noise();
-        if before == names && heard.is_none() {
+        if before == names && !is_heard {
             break;
         }
     }
     for _ in 0..SWAPS {
-        let Some(better) = found::likelier(&case, &names, &train) else { break };
-        names = chosen(&mut case, &better, &train);
+        let better = sets::likelier(&case, &names, &train);
+        let better = better.or_else(|| found::likelier(&case, &names, &train));
+        if let Some(better) = &better {
+            names.clone_from(better);
+            stand(&mut case, &names, &train);
+        }
+        let is_heard = listen(&mut case, &names, &mut listened);
+        if better.is_none() && !is_heard {
+            break;
+        }
+        case.take();
+        case.hear_noise();
+    }
+    if rings(&case, &names) {
+        case.law.tone_hz = tone::refined(&case, &train);
+        case.take();
+        stand(&mut case, &names, &train);
         case.take();
         case.hear_noise();
     }
     (case, names)
 }
 
-/// The names that the rows ask for, and the belief that they make.
-fn chosen(case: &mut Case, start: &[usize], used: &[bool]) -> Vec<usize> {
+/// Whether a tone is named.
+fn rings(case: &Case, names: &[usize]) -> bool {
+    names.iter().any(|name| !case.library.families[*name].settings.is_empty())
+}
+
+/// Asks for the loudest tone that these names leave, where none of them rings; whether there is one.
+fn listen(case: &mut Case, names: &[usize], listened: &mut Option<Vec<usize>>) -> bool {
+    // Whatever was named or taken back since may have hidden a tone.
+    if rings(case, names) || listened.as_deref() == Some(names) {
+        return false;
+    }
+    *listened = Some(names.to_vec());
+    let heard = tone::loudest(case, &case.sets.train);
+    if let Some(tone_hz) = heard {
+        names::add_tone(case, tone_hz);
+    }
+    heard.is_some()
+}
+
+/// The names that the rows ask for, by slopes.
+fn chosen(case: &Case, start: &[usize], used: &[bool]) -> Vec<usize> {
     let products = case.products(used);
     let asking = Asking { library: &case.library, products: &products, always: &case.always };
-    let choice = asking.choose(start);
-    let columns = asking.columns(&choice.names);
+    let one_by_one = asking.choose(start).names;
+    let score = sets::Set::of(&asking, &one_by_one).map(|set| set.score);
+    let together = sets::likely(&asking).into_iter().next();
+    match together {
+        Some(set) if score.is_none_or(|score| set.score > score + 1.0) => set.names,
+        _ => one_by_one,
+    }
+}
+
+/// Believes names where the law itself fits best with them.
+fn stand(case: &mut Case, names: &[usize], used: &[bool]) {
+    let products = case.products(used);
+    let asking = Asking { library: &case.library, products: &products, always: &case.always };
+    let choice = asking.solve(names);
+    let columns = asking.columns(names);
     let start = case.believed(&case.belief, &choice.solved);
     let (belief, _) = case.fitted(&start, &columns, used);
     case.belief = belief;
-    choice.names
 }
 
 /// Without the names that rows kept for a second look do not bear out.

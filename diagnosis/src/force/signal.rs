@@ -15,6 +15,13 @@ const HOLE: f64 = 1.5;
 /// A channel with fewer of its samples taken is empty.
 const TAKEN: f64 = 0.5;
 
+/// A channel is cut off where this share of its rows, and so many, stand at its end, so many times as many as at the value beside it.
+const LIMITED: f64 = 0.01;
+const LIMITED_ROWS: f64 = 20.0;
+const CROWDED: f64 = 5.0;
+/// An end that is less than this share of the largest value is where a quiet channel rests.
+const FURTHEST: f64 = 0.8;
+
 /// What is looked at.
 pub(super) struct Signal {
     pub(super) is_force: bool,
@@ -40,6 +47,8 @@ impl Signal {
             } else if taken.iter().all(|x| *x == taken[0]) {
                 constant += 1;
                 notes.push(format!("{name} always reads {} and was left out", taken[0]));
+            } else if let Some((limit, share)) = limit(&taken) {
+                return Err(Doubt::Overloaded { channel: name, limit, percent: 100.0 * share });
             } else {
                 channels.push((axis, samples.to_vec()));
             }
@@ -93,6 +102,25 @@ impl Signal {
         }
         libm::sqrt(sum / f64::max(count, 1.0))
     }
+}
+
+/// The value at which a channel is cut off, and in how much of its rows, where it is: many times as many rows stand there as at the value beside it.
+fn limit(taken: &[f64]) -> Option<(f64, f64)> {
+    let mut sorted = taken.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let least = (LIMITED * taken.len() as f64).max(LIMITED_ROWS);
+    let furthest = sorted.iter().map(|x| x.abs()).fold(0.0, f64::max);
+    let at_end = |values: &[f64]| {
+        let end = *values.first().filter(|end| end.abs() >= FURTHEST * furthest)?;
+        let same = values.partition_point(|x| *x == end);
+        let beside = *values.get(same)?;
+        let next = values[same..].partition_point(|x| *x == beside);
+        let is_crowded = same as f64 >= least && same as f64 > CROWDED * next as f64;
+        is_crowded.then(|| (end, same as f64 / taken.len() as f64))
+    };
+    let low = at_end(&sorted);
+    sorted.reverse();
+    low.or_else(|| at_end(&sorted))
 }
 
 fn usual_step(t_s: &[f64]) -> f64 {

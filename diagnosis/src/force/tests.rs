@@ -144,3 +144,17 @@ fn what_is_empty_constant_or_short_is_doubted() {
     short.set(Channel::Wrench(0), (0..300).map(noise).collect());
     assert!(matches!(diagnose(&short).err(), Some(Doubt::Short { rows: 300, .. })));
 }
+
+#[test]
+fn an_amplifier_at_its_limit_is_said_and_nothing_is_claimed_and_a_coarse_digit_is_none() {
+    let whole = made((684.0, 15.0), (0.0, 0.0), Some(5130.0));
+    let values = whole.column(Channel::Wrench(0)).expect("forces").to_vec();
+    let most = values.iter().fold(0.0, |most, x| f64::max(most, x.abs()));
+    let mut cut_off = whole.clone();
+    let limited = values.iter().map(|x| x.clamp(-0.6 * most, 0.6 * most));
+    cut_off.set(Channel::Wrench(0), limited.collect());
+    assert!(matches!(diagnose(&cut_off).err(), Some(Doubt::Overloaded { .. })));
+    let mut coarse = whole;
+    coarse.set(Channel::Wrench(0), values.iter().map(|x| (x / 3.0).round() * 3.0).collect());
+    assert!(diagnose(&coarse).is_ok());
+}

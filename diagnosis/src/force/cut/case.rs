@@ -31,7 +31,7 @@ const STANDS: f64 = 0.05;
 /// A column that is left so little, squared, brings nothing: numbers that are told with doubt leave of a change of theirs what the doubt is beside the noise.
 const BRINGS: f64 = 1e-8;
 /// An amplifier drifts over a segment by this share of the noise, as a standard deviation.
-const DRIFTS: f64 = 0.15;
+pub(super) const DRIFTS: f64 = 0.15;
 /// Noise that is told holds where what no name explains is no more than so many times as large.
 const HOLDS: f64 = 2.0;
 

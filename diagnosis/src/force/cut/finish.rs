@@ -4,14 +4,15 @@
 
 use physics::Model;
 use recording::series::Recording;
-use std::f64::consts::TAU;
+use std::collections::BTreeMap;
 
 use super::case::{Belief, Case};
-use super::found;
+use super::found::{self, Weighed};
 use super::law::{LEAK, SCALE, Slot, TURN};
-use super::names::{KINDS, TONE};
+use super::names::TONE;
 use super::rest::{self, Rest};
 use super::rows::Rows;
+use super::view::{Traced, has_one_feed, not_tested, notes, signal, traces};
 use crate::diagnose::Verdict;
 use crate::torque::Finding;
 use crate::torque::choose::{Asking, Choice};
@@ -22,39 +23,18 @@ use crate::torque::table::Solved;
 const CARRIED: f64 = 0.98;
 /// Where more than this share of what is named cannot be told apart, nothing is claimed.
 const CLEAR: f64 = 0.5;
+/// A name is a claim from this confidence on.
+const LIKELY: f64 = 0.5;
+/// Beside a name that brings so much and is alike none other, the alike ones are told as sets.
+const SURE: f64 = 20.0;
 /// One law says more than all names where it carries more by this share.
 const CLEARLY: f64 = 0.02;
 /// And by so much more than chance makes of it, in units of the noise, squared.
 const BY_CHANCE: f64 = 20.0;
 /// The other numbers make one no less sure than this, as a ratio of variances, or it is not asked for.
-const APART: f64 = 300.0;
+const APART: f64 = 1e5;
 /// Sensors are off by at most this share, and turned by at most this, rad.
-const BEYOND: f64 = 0.5;
-/// Points of a trace at most.
-const POINTS: usize = 1500;
-/// A feed that changes by less than this share of itself is one.
-const ONE_FEED: f64 = 0.02;
-
-/// One axis of the forces, for the page.
-#[derive(Clone, Debug)]
-pub struct Traced {
-    /// From 0: x, y, z.
-    pub axis: usize,
-    /// s.
-    pub t_s: Vec<f64>,
-    /// Of the spindle, in turns from 0 to 1.
-    pub turn: Vec<f64>,
-    /// What was read, N.
-    pub read: Vec<f64>,
-    /// Off: by the law as told, and with what was found.
-    pub off: [Vec<f64>; 2],
-    /// What the law as told, and with what was found, reads.
-    pub law: [Vec<f64>; 2],
-    /// The first run, unthinned, off before and after, with its rate in Hz, for spectra.
-    pub run: [Vec<f64>; 2],
-    /// Hz.
-    pub rate_hz: f64,
-}
+pub(super) const BEYOND: f64 = 0.5;
 
 /// Forces held against the told cut.
 #[derive(Clone, Debug)]
@@ -100,6 +80,9 @@ pub(super) fn finish(
     if is_patched {
         names = settled(&mut case, &[], &seen);
     }
+    // A name is weighed in the form that was chosen, and told with all of its numbers.
+    let mut weighed = weighed(&case, &names, &seen);
+    names = filled(&mut case, names, &seen);
     let held = case.sets.held.clone();
     let products = case.products(&seen);
     let asking = Asking { library: &case.library, products: &products, always: &case.always };
@@ -116,7 +99,7 @@ pub(super) fn finish(
             hum = Some(*heldout);
             continue;
         }
-        let weighed = found::weighed(&case, &asking, &choice, *name, &seen);
+        let Some(weighed) = weighed.remove(family.kind) else { continue };
         findings.push(Finding {
             kind: family.kind,
             joint: None,
@@ -132,10 +115,12 @@ pub(super) fn finish(
     let law = rest::rest(&case, &choice.solved, &case.belief);
     let given = asking.solve(&[]);
     let heldout = [&given, &choice].map(|one| rms(&one.solved));
-    let is_strange = is_patched || hum.is_some();
+    let creeping = rest::creeping(&case, &case.belief);
+    let is_strange = is_patched || hum.is_some() || creeping.is_some();
     let verdict = verdict(&case, &findings, (&given, &choice), law.as_ref(), is_strange);
     let nameless = || is_patched.then(|| beyond_names(heldout));
-    let unexplained = hum.map(|held| a_tone(&case, held)).or(law).or_else(nameless);
+    let tone = hum.map(|held| a_tone(&case, held));
+    let unexplained = tone.or(law).or(creeping).or_else(nameless);
     Compared {
         verdict,
         findings,
@@ -214,19 +199,11 @@ fn carried(case: &Case, given: &Choice, choice: &Choice) -> f64 {
 
 /// The names that stand on all rows that were seen, and the belief that they make: numbers that are not nothing, borne out by rows held out.
 fn settled(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
-    let fit = |case: &mut Case, names: &[usize]| {
-        let products = case.products(seen);
-        let asking = Asking { library: &case.library, products: &products, always: &case.always };
-        let columns = asking.columns(names);
-        let (belief, _) = case.fitted(&case.belief, &columns, seen);
-        case.belief = belief;
-        case.take();
-    };
-    fit(case, names);
+    fit(case, names, seen);
     let mut names = names.to_vec();
     while let Some(wrong) = names.iter().position(|name| !is_within(case, *name)) {
         names.remove(wrong);
-        fit(case, &names);
+        fit(case, &names, seen);
     }
     let kept = {
         let products = case.products(seen);
@@ -237,11 +214,47 @@ fn settled(case: &mut Case, names: &[usize], seen: &[bool]) -> Vec<usize> {
         let left = |solved: &Solved| case.left_white(solved, &case.sets.held);
         borne_out_by(&asking, kept, &left, &is_belief).0
     };
-    let full = fullest(case, &kept, seen);
-    if full != names {
-        fit(case, &full);
+    if kept != names {
+        fit(case, &kept, seen);
     }
-    full
+    kept
+}
+
+/// Believes names where the law fits best with them on all rows that were seen, and takes it anew there.
+fn fit(case: &mut Case, names: &[usize], seen: &[bool]) {
+    let products = case.products(seen);
+    let asking = Asking { library: &case.library, products: &products, always: &case.always };
+    let columns = asking.columns(names);
+    let (belief, _) = case.fitted(&case.belief, &columns, seen);
+    case.belief = belief;
+    case.take();
+}
+
+/// What each name brings and who rivals it, by kind.
+fn weighed(case: &Case, names: &[usize], seen: &[bool]) -> BTreeMap<&'static str, Weighed> {
+    let products = case.products(seen);
+    let asking = Asking { library: &case.library, products: &products, always: &case.always };
+    let choice = asking.solve(names);
+    let one = |name: &usize| {
+        let kind = case.library.families[*name].kind;
+        (kind, found::weighed(case, &asking, &choice, *name, seen))
+    };
+    names.iter().map(one).collect()
+}
+
+/// Names with all of their numbers, believed, where these are their names' to have: those that are not are what rows do not tell apart.
+fn filled(case: &mut Case, names: Vec<usize>, seen: &[bool]) -> Vec<usize> {
+    let full = fullest(case, &names, seen);
+    if full == names {
+        return names;
+    }
+    let chosen = case.clone();
+    fit(case, &full, seen);
+    if full.iter().all(|name| is_within(case, *name)) {
+        return full;
+    }
+    *case = chosen;
+    names
 }
 
 /// The names with all numbers that theirs may have, where rows tell these apart: a number that is left out is no number that is nothing.
@@ -281,109 +294,19 @@ fn verdict(
     let explained = carried(case, given, choice);
     let share = rest.map(|rest| explained / (explained + rest.carries).max(f64::MIN_POSITIVE));
     let named: f64 = findings.iter().map(|one| one.gain).sum();
-    let is_alike = |one: &&Finding| one.rivals.iter().any(|r| r.alike);
+    // Whoever is less likely than its rivals together is no claim either.
+    let is_alike = |one: &&Finding| {
+        one.confidence < LIKELY && !one.rivals.is_empty() || one.rivals.iter().any(|r| r.alike)
+    };
     let alike: f64 = findings.iter().filter(is_alike).map(|one| one.gain).sum();
+    let clear = findings.iter().filter(|one| !is_alike(one));
+    let surest = clear.map(|one| one.gain).fold(0.0, f64::max);
     match (findings.is_empty(), share) {
         _ if is_strange => Verdict::UnknownStructure,
         (true, None) => Verdict::Consistent,
         (true, Some(_)) => Verdict::UnknownStructure,
         (false, Some(share)) if share < CARRIED => Verdict::UnknownStructure,
-        _ if alike > CLEAR * named => Verdict::Undetermined,
+        _ if alike > CLEAR * named && surest < SURE => Verdict::Undetermined,
         _ => Verdict::MissingPhysics,
     }
-}
-
-fn signal(case: &Case) -> f64 {
-    let values = case.measured.iter().flatten().flatten();
-    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), x| (sum + x * x, count + 1.0));
-    libm::sqrt(sum / f64::max(count, 1.0))
-}
-
-fn feeds(case: &Case) -> [f64; 2] {
-    let cuts = case.law.rows.iter().filter(|stood| stood.cuts);
-    cuts.map(|stood| stood.feed_per_tooth_m)
-        .fold([f64::INFINITY, 0.0], |[low, high], feed| [low.min(feed), high.max(feed)])
-}
-
-fn has_one_feed(case: &Case) -> bool {
-    let [low, high] = feeds(case);
-    high - low <= ONE_FEED * high
-}
-
-/// What this recording could not have shown, though it was not found.
-fn not_tested(case: &Case) -> Vec<(&'static str, &'static str)> {
-    let mut all: Vec<(&'static str, &'static str)> =
-        case.library.untested.iter().map(|(kind, _, why)| (*kind, *why)).collect();
-    const LACKING: [(&str, &str); 3] = [
-        ("fx_N", "fx_N was not recorded or does not change: what shows there alone is not seen"),
-        ("fy_N", "fy_N was not recorded or does not change: what shows there alone is not seen"),
-        ("fz_N", "fz_N was not recorded or does not change: what shows there alone is not seen"),
-    ];
-    for (measured, (_, why)) in case.measured.iter().zip(LACKING) {
-        if measured.is_none() {
-            all.push(("cutting_force", why));
-        }
-    }
-    all
-}
-
-fn notes(case: &Case, recording: &Recording) -> Vec<String> {
-    let mut notes = Vec::new();
-    let faster = case.belief.spindle.faster;
-    let is_off = libm::fabs(faster) > 1e-5;
-    if is_off {
-        notes.push(format!(
-            "the spindle turns {:.3} % {} than the recording tells",
-            100.0 * libm::fabs(faster),
-            if faster > 0.0 { "faster" } else { "slower" }
-        ));
-    }
-    let turned = case.belief.spindle.phases.iter().map(|phase| phase.abs()).fold(0.0, f64::max);
-    if turned > 0.02 {
-        notes.push(format!(
-            "tooth 0 does not stand at angle 0 where a segment begins: off by up to {turned:.2} rad, fitted along"
-        ));
-    }
-    if recording.len() > case.law.rows.len() {
-        notes.push(format!(
-            "{} of {} rows were compared, in stretches spread over the recording",
-            case.law.rows.len(),
-            recording.len()
-        ));
-    }
-    notes
-}
-
-/// What the page shows.
-fn traces(case: &Case) -> Vec<Traced> {
-    let told = Belief::as_told(case.belief.spindle.clone());
-    let law = [&told, &case.belief].map(|belief| case.readings(belief));
-    let off = [&told, &case.belief].map(|belief| case.left(belief));
-    let count = case.law.rows.len();
-    let thin = count.div_ceil(POINTS).max(1);
-    let rows: Vec<usize> = (0..count).step_by(thin).collect();
-    let some = |list: &[f64]| -> Vec<f64> { rows.iter().map(|row| list[*row]).collect() };
-    let run = case.table.runs.iter().max_by_key(|run| run.len()).cloned().unwrap_or(0..0);
-    let time = |row: usize| case.law.rows[row].time_s;
-    let lasts_s = if run.len() > 1 { time(run.end - 1) - time(run.start) } else { 0.0 };
-    let rate_hz = (run.len().saturating_sub(1)) as f64 / lasts_s.max(f64::MIN_POSITIVE);
-    let spindle = &case.belief.spindle;
-    KINDS[..3]
-        .iter()
-        .enumerate()
-        .filter_map(|(axis, _)| Some((axis, case.measured[axis].as_ref()?)))
-        .map(|(axis, read)| Traced {
-            axis,
-            t_s: rows.iter().map(|row| time(*row)).collect(),
-            turn: rows
-                .iter()
-                .map(|row| (spindle.angle(&case.law.rows[*row]) / TAU).rem_euclid(1.0))
-                .collect(),
-            read: some(read),
-            off: [some(&off[0][axis]), some(&off[1][axis])],
-            law: [some(&law[0][axis]), some(&law[1][axis])],
-            run: [off[0][axis][run.clone()].to_vec(), off[1][axis][run.clone()].to_vec()],
-            rate_hz,
-        })
-        .collect()
 }

@@ -48,10 +48,6 @@ pub(super) fn weighed(
     let gain = misfit(&others) - whole;
     let without = asking.solve(&others);
     let by_slopes = choice.solved.gain - without.solved.gain;
-    let most = |kind: &str| {
-        let forms = families.iter().filter(|family| family.kind == kind);
-        forms.map(|family| asking.numbers(family)).fold(0.0, f64::max)
-    };
     let mut rivals: Vec<Rival> = Vec::new();
     for (place, family) in families.iter().enumerate() {
         let is_taken = others.iter().any(|n| families[*n].kind == family.kind);
@@ -74,8 +70,8 @@ pub(super) fn weighed(
             stems: Vec::new(),
             behind,
             dearer,
-            // Whoever takes more numbers to explain the same is no rival on an even footing; a name may have as many as its fullest form.
-            alike: behind < ALIKE && (dearer <= 0.0 || most(family.kind) <= most(own.kind)),
+            // Whoever takes more numbers to explain the same is no rival on an even footing.
+            alike: behind + dearer.max(0.0) * price(asking) < ALIKE,
             confidence: 0.0,
         };
         let cost = |one: &Rival| one.behind + one.dearer * price(asking);

@@ -41,7 +41,7 @@ pub(super) fn look(case: &Case) -> Result<(), Silence> {
     // A cut of which one direction alone is told says nothing of places.
     let is_whole = told.iter().any(|(_, three)| three.abs().min_element() > 0.0);
     let (mut as_told, mut other) = (f64::INFINITY, f64::INFINITY);
-    let (mut least, mut size, mut whole) = (f64::INFINITY, 1.0, 0.0);
+    let (mut least, mut size, mut whole, mut loudest) = (f64::INFINITY, 1.0, 0.0, 0.0_f64);
     for angle in 0..angles {
         let sums = sums(case, &rows, f64::from(angle) * pitch / f64::from(angles));
         let there: Vec<usize> = (0..3).filter(|k| case.measured[*k].is_some()).collect();
@@ -61,6 +61,7 @@ pub(super) fn look(case: &Case) -> Result<(), Silence> {
         }
         let both: f64 = there.iter().map(|k| sums.both[*k][*k]).sum();
         let square: f64 = there.iter().map(|k| sums.told[*k]).sum();
+        loudest = loudest.max(square);
         let left = whole - both * both / square.max(f64::MIN_POSITIVE);
         if left < least && square > 0.0 {
             (least, size) = (left, both / square);
@@ -69,7 +70,9 @@ pub(super) fn look(case: &Case) -> Result<(), Silence> {
     if is_whole && as_told > WRONG * whole && other < CLEAR * as_told {
         return Err(Silence::Places);
     }
-    if least < WRONG * whole && !(1.0 / SIZE..SIZE).contains(&size) {
+    // Forces that hardly swing where the told ones do are of no such cut, whatever they are.
+    let is_still = whole * SIZE * SIZE < loudest;
+    if is_still || least < WRONG * whole && !(1.0 / SIZE..SIZE).contains(&size) {
         return Err(Silence::Size);
     }
     Ok(())

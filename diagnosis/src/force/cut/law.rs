@@ -107,7 +107,8 @@ impl Law {
     pub(super) fn reader(&self, numbers: &[f64]) -> Reader<'_> {
         let swings = [RING, HUM].map(|slot| std::array::from_fn(|k| slot.of(numbers)[k]));
         let each = self.base.iter().map(|base| Felt::of(with(*base, numbers))).collect();
-        Reader { law: self, each, swings }
+        let is_loud = swings.iter().flatten().any(|number: &f64| *number != 0.0);
+        Reader { law: self, each, swings, swings_at_all: is_loud && self.tone_hz > 0.0 }
     }
 
     /// What each of the wanted numbers adds to the reading of each row, at these numbers: a column for each, three axes.
@@ -144,6 +145,8 @@ pub(super) struct Reader<'a> {
     each: Vec<Felt>,
     /// In the cut, and always.
     swings: [[f64; 6]; 2],
+    /// Whether any of these is more than nothing.
+    swings_at_all: bool,
 }
 
 /// A force, and what a sensor makes of it: straight in what acts.
@@ -177,7 +180,7 @@ impl Reader<'_> {
             acting = felt.force.acting(&self.law.cutter, bite, stood.cut_m);
         }
         let mut hum = DVec3::ZERO;
-        if self.law.tone_hz > 0.0 {
+        if self.swings_at_all {
             let (sin, cos) = libm::sincos(TAU * self.law.tone_hz * stood.time_s);
             if bite.engaged > 0.0 {
                 acting += swing(&self.swings[0], sin, cos);

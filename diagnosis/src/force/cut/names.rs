@@ -10,6 +10,7 @@ use crate::torque::columns::Column;
 use crate::torque::library::{Family, Form, Library, Sign};
 
 use super::case::{Anyway, Case, Doubt};
+use super::finish::BEYOND;
 use super::law::{BIAS, CHIP, EDGE, HUM, LEAK, NUMBERS, RING, RUNOUT, SCALE, Slot, TURN, WEAR};
 
 /// A tone of which no name of the contract tells: it swings whether the tool cuts or not.
@@ -159,14 +160,21 @@ pub(super) fn add_tone(case: &mut Case, tone_hz: f64) {
     }
 }
 
-/// Limits of the numbers, beside what the model states: edges that are blunt do not sharpen, and what shears does not push.
+/// Limits of the numbers, beside what the model states: edges that are blunt do not sharpen, and what
+/// shears does not push; no sensor is off beyond all measure.
 pub(super) fn limit(case: &mut Case, stated_wear: f64) {
     let coefficients = case.coefficients();
+    let is_of_sensor = |column: usize| {
+        let number = case.directions[column].first().map_or(NUMBERS, |(at, _)| *at);
+        let holds = |slot: Slot| (slot.from..slot.from + slot.count).contains(&number);
+        [SCALE, TURN, LEAK].into_iter().any(holds)
+    };
     let least = |column: usize| -> Sign {
         let tangential = coefficients.iter().find(|(from, _)| *from == column);
         match tangential {
             Some((_, stated)) => Sign::AtLeast(-stated.x),
             None if column == WEAR.from => Sign::AtLeast(-stated_wear),
+            None if is_of_sensor(column) => Sign::Within([-BEYOND, BEYOND]),
             None => Sign::Any,
         }
     };

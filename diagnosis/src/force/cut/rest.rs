@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-use super::case::{Belief, Case};
+use super::case::{Belief, Case, DRIFTS};
 use crate::torque::table::Solved;
 use crate::torque::unknown::{Word, law_of};
 
@@ -16,6 +16,9 @@ const TURNS: f64 = 30.0;
 /// It does where it is so many times what the noise makes of it, and so many standard deviations beyond.
 const WANDERS: f64 = 1.6;
 const CHANCE: f64 = 8.0;
+
+/// Drifts of an axis are more than an amplifier's where their squares, in units of what is believed of them, sum to so many standard deviations, and so much, beyond their count.
+const CREEPS: [f64; 2] = [4.0, 6.0];
 
 /// What the rest follows.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,6 +62,10 @@ pub(super) fn law(case: &Case, solved: &Solved, belief: &Belief) -> Option<Rest>
             word("spindle_rpm", of(&|row| speeds[case.law.rows[row].segment])),
             word("wrench", read[axis].clone()),
             word("feed_mm_s", of(&|row| case.law.rows[row].feed_per_tooth_m)),
+            word(
+                "feed_mm_s",
+                of(&|row| f64::from(u8::from(case.law.rows[row].feed_per_tooth_m > 0.0))),
+            ),
             word("t_s", of(&|row| case.law.rows[row].time_s)),
             word("t_s", of(&|row| case.law.rows[row].along)),
         ];
@@ -79,6 +86,32 @@ pub(super) fn law(case: &Case, solved: &Solved, belief: &Belief) -> Option<Rest>
         }
     }
     best
+}
+
+/// An amplifier that drifts much further than amplifiers do: a sensor that creeps after a segment began.
+pub(super) fn creeping(case: &Case, belief: &Belief) -> Option<Rest> {
+    let segments = belief.spindle.phases.len();
+    let free = segments as f64;
+    let least = free + CREEPS[0] * libm::sqrt(2.0 * free) + CREEPS[1];
+    let far = |axis: usize| {
+        let sigma = DRIFTS * case.table.noise[axis].1;
+        let each = (0..segments).map(|segment| belief.drift[3 * segment + axis] / sigma);
+        each.map(|x| x * x).sum::<f64>()
+    };
+    let furthest = case.table.joints().map(|axis| (axis, far(axis)));
+    let (axis, _) = furthest.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, far)| *far > least)?;
+    let left = case.left(belief);
+    let mut still = belief.clone();
+    still.drift.fill(0.0);
+    let without = case.left(&still);
+    let rms = |all: &[f64]| {
+        let counts = &case.table.counts[axis];
+        let rows = (0..all.len()).filter(|row| case.sets.held[*row] && counts[*row]);
+        let (sum, count) = rows.fold((0.0, 0.0), |(s, n), row| (s + all[row] * all[row], n + 1.0));
+        libm::sqrt(sum / f64::max(count, 1.0))
+    };
+    let held = [rms(&without[axis]), rms(&left[axis])];
+    Some(Rest { axis, words: vec!["t_s".to_owned()], held, tone_hz: None, carries: 0.0 })
 }
 
 /// How fast the spindle turns in each segment, rad/s.

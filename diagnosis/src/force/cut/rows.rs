@@ -15,7 +15,7 @@ use super::law::Stood;
 use super::ways::heard;
 
 /// Rows that are looked at, at most; of longer recordings stretches, evenly spread.
-const ROWS_MOST: usize = 20_000;
+const ROWS_MOST: usize = 12_000;
 /// Stretches of a recording that is too long.
 const WINDOWS: usize = 20;
 /// Stretches that all rows together are cut into; of every five one is held out and one kept for a second look.

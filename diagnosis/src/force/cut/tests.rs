@@ -256,11 +256,18 @@ fn swapped_channels_another_unit_and_no_speed_are_never_a_finding() {
     }
     let mut speedless = MADE.recorded("");
     speedless.remove(Channel::Spindle);
+    // The told cut, of which nothing is in the forces.
+    let mut uncut = MADE.recorded("");
+    let air = Made { feeds_m_s: &[0.0], ..MADE }.recorded("");
+    for axis in 0..3 {
+        uncut.set(Channel::Wrench(axis), air.column(Channel::Wrench(axis)).expect("made").to_vec());
+    }
     let mut unknown = MADE.recorded("");
     unknown.set(Channel::Spindle, vec![f64::NAN; unknown.len()]);
     for (recording, why) in [
         (swapped, Silence::Places),
         (other_unit, Silence::Size),
+        (uncut, Silence::Size),
         (speedless, Silence::NoSpeed),
         (unknown, Silence::NoRows),
     ] {
@@ -317,4 +324,39 @@ fn a_force_that_rises_and_falls_from_turn_to_turn_is_unknown_structure_over_time
     assert_eq!(found.verdict, Verdict::UnknownStructure, "{:?}", found.compared);
     let rest = found.compared.expect("compared").unexplained.expect("a law");
     assert_eq!(rest.words, ["t_s"]);
+}
+
+#[test]
+fn chatter_much_quieter_than_the_noise_is_heard_beside_another_name() {
+    let harder = effect("cutting_force", "coefficient_N_per_mm2 = [80.0, 40.0, 15.0]");
+    let rings = effect("chatter", "frequency_Hz = 684.0\namplitude_N = 0.6");
+    let found = MADE.compared(&format!("{harder}{rings}"));
+    let mut names = kinds(&found);
+    names.sort_unstable();
+    assert_eq!(names, ["chatter", "cutting_force"]);
+    let chatter = found.findings.iter().find(|one| one.kind == "chatter").expect("named");
+    holds(chatter, &[("frequency", &[684.0]), ("amplitude", &[0.6])]);
+}
+
+#[test]
+fn a_turned_sensor_that_leaks_in_one_channel_too_is_told_as_both_and_not_as_six_leaks() {
+    let turned = effect("wrench_misalignment", "turn_mrad = [40, -30, 50]");
+    let leaks = effect("cross_talk", "matrix = [0, 0.08, 0, 0, 0, 0, 0, 0, 0]");
+    let found = MADE.compared(&format!("{turned}{leaks}"));
+    let mut names = kinds(&found);
+    names.sort_unstable();
+    assert_eq!(names, ["cross_talk", "wrench_misalignment"]);
+}
+
+#[test]
+fn an_amplifier_that_drifts_further_than_any_does_is_no_bias() {
+    let mut recording = MADE.recorded("");
+    let last = recording.t_s.last().copied().expect("rows");
+    let column = recording.column(Channel::Wrench(2)).expect("forces").to_vec();
+    let times = recording.t_s.clone();
+    let crept = column.iter().zip(times).map(|(force, t_s)| force + 2.0 * MADE.noise * t_s / last);
+    recording.set(Channel::Wrench(2), crept.collect());
+    let found = of(&recording).compared.expect("compared");
+    assert_eq!(found.verdict, Verdict::UnknownStructure);
+    assert_eq!(found.unexplained.expect("told").words, ["t_s"]);
 }

@@ -1,72 +1,169 @@
-//! The tone that carries most of what is left and is no multiple of the spindle's speed.
+//! The tone that stands out most in what is left and is no multiple of the spindle's speed.
+//!
+//! What is left while a tooth cuts (and, beside that, always) is laid on one grid of time since each segment began, all segments on top of one another: a tone of
+//! one phase adds up there, noise does not. A line is held against the middle of its neighbours, since noise has a colour.
 //!
 //! Promises: a multiple of the spindle's speed, folded or not, is none. Never: a name; whether it stands in the cut alone is asked like any other question.
 
 use spectrum::folded_hz;
-use spectrum::offline::Averaged;
-use spectrum::welch::Segments;
+use spectrum::welch::{Detrend, Segments, Taper, welch};
 use std::f64::consts::TAU;
 
+use super::super::signal::median;
 use super::case::Case;
+use super::law::{HUM, RING, Slot};
 
-/// Length of a segment of the first look, s, and its fewest rows.
-const SEGMENT_S: f64 = 0.5;
-const ROWS_LEAST: usize = 64;
-/// Tones that are looked at more closely.
-const CLOSER: usize = 4;
-/// Steps per bin of a whole run.
-const STEPS: f64 = 4.0;
-/// Steps at most.
-const STEPS_MOST: f64 = 800.0;
+/// Points of a grid of time, at least and at most.
+const POINTS_LEAST: usize = 256;
+const POINTS_MOST: usize = 1 << 20;
+/// Bins that tell together what noise makes of a line among them.
+const AROUND: usize = 120;
+/// Lines that are looked at, strongest first.
+const LOOKED_AT: usize = 60;
+/// A line is looked at more closely where it is so many times its neighbours' middle.
+const STANDS_OUT: f64 = 8.0;
+/// Steps to each side of a line, and how many of these make one turn over the whole time.
+const STEPS: i32 = 12;
+const STEPS_PER_TURN: f64 = 8.0;
+/// Golden sections that make a frequency sharp.
+const SECTIONS: usize = 24;
 /// Multiples of the spindle's speed that are forced.
 const MULTIPLES: u32 = 60;
 
 /// Its frequency, Hz.
 pub(super) fn loudest(case: &Case, used: &[bool]) -> Option<f64> {
     let left = case.left(&case.belief);
-    let table = &case.table;
-    let longest = table.runs.iter().max_by_key(|run| run.len())?;
-    let time = |row: usize| case.law.rows[row].time_s;
-    let lasts_s = time(longest.end - 1) - time(longest.start);
+    let spindle = &case.belief.spindle;
+    let rows = &case.law.rows;
+    let longest = case.table.runs.iter().max_by_key(|run| run.len())?;
+    let lasts_s = rows[longest.end - 1].time_s - rows[longest.start].time_s;
     let rate_hz = (longest.len() - 1) as f64 / lasts_s;
-    let length = ((SEGMENT_S * rate_hz) as usize).min(longest.len());
-    if length < ROWS_LEAST || !rate_hz.is_finite() {
+    if !(rate_hz.is_finite() && rate_hz > 0.0) {
         return None;
     }
-    let plan = Segments::new(rate_hz, length);
-    let bin_hz = rate_hz / length as f64;
-    let span_s = case.law.rows.iter().map(|stood| stood.time_s).fold(0.0, f64::max);
+    let engaged: Vec<bool> =
+        rows.iter().map(|stood| case.law.bite(spindle, stood, 0.0).engaged > 0.0).collect();
     let mut best: Option<(f64, f64)> = None;
-    for axis in table.joints() {
-        let size = table.noise[axis].1;
-        let values = &left[axis];
-        let runs: Vec<&[f64]> = table.runs.iter().map(|run| &values[run.clone()]).collect();
-        let Ok(heard) = Averaged::of(runs, &plan) else { continue };
-        let rows: Vec<usize> =
-            (0..values.len()).filter(|row| used[*row] && table.counts[axis][*row]).collect();
-        for line in heard.lines().into_iter().take(CLOSER) {
-            let step = (1.0 / (STEPS * span_s)).max(2.0 * bin_hz / STEPS_MOST);
-            let steps = (bin_hz / step) as i32;
-            let near = (-steps..=steps).map(|k| line.frequency + f64::from(k) * step);
-            let power = |hz: f64| {
-                let (mut c, mut s) = (0.0, 0.0);
-                for row in &rows {
-                    let (sin, cos) = libm::sincos(TAU * hz * time(*row));
-                    c += values[*row] * cos;
-                    s += values[*row] * sin;
-                }
-                (c * c + s * s) / (size * size * rows.len().max(1) as f64)
-            };
-            let found = near.map(|hz| (hz, power(hz))).max_by(|a, b| a.1.total_cmp(&b.1));
-            let Some((hz, power)) = found else { continue };
-            if !is_forced(case, hz, rate_hz, 1.5 / span_s)
-                && best.is_none_or(|(_, most)| power > most)
-            {
-                best = Some((hz, power));
+    for axis in case.table.joints() {
+        let counts = &case.table.counts[axis];
+        for cuts_only in [true, false] {
+            let is_in = |row: usize| used[row] && counts[row] && (engaged[row] || !cuts_only);
+            let kept: Vec<(f64, f64)> = (0..rows.len())
+                .filter(|row| is_in(*row))
+                .map(|row| (rows[row].time_s, left[axis][row]))
+                .collect();
+            let found = line(&kept, rate_hz, |hz, width_hz| is_forced(case, hz, rate_hz, width_hz));
+            if let Some((hz, ratio)) = found.filter(|f| best.is_none_or(|(_, most)| f.1 > most)) {
+                best = Some((hz, ratio));
             }
         }
     }
     best.map(|(hz, _)| hz)
+}
+
+/// The line of some values (time, value) that stands out most, Hz, and how far.
+fn line(
+    kept: &[(f64, f64)],
+    rate_hz: f64,
+    is_forced: impl Fn(f64, f64) -> bool,
+) -> Option<(f64, f64)> {
+    let span_s = kept.iter().map(|(time_s, _)| *time_s).fold(0.0, f64::max);
+    let points = ((2.0 * span_s * rate_hz) as usize).next_power_of_two();
+    let points = points.clamp(POINTS_LEAST, POINTS_MOST);
+    let mean = kept.iter().map(|(_, x)| x).sum::<f64>() / kept.len().max(1) as f64;
+    let mut grid = vec![0.0; points];
+    let about: Vec<(f64, f64)> = kept.iter().map(|(time_s, x)| (*time_s, x - mean)).collect();
+    let kept = &about[..];
+    for (time_s, x) in kept {
+        if let Some(point) = grid.get_mut((time_s * rate_hz).round() as usize) {
+            *point += x;
+        }
+    }
+    let plan = Segments {
+        overlap: 0,
+        detrend: Detrend::None,
+        taper: Taper::Boxcar,
+        ..Segments::new(rate_hz, points)
+    };
+    let spectrum = welch(&grid, &plan).ok()?;
+    let power = &spectrum.power;
+    let middle = |some: &[f64]| median(&mut some.to_vec()).max(f64::MIN_POSITIVE);
+    let floors: Vec<f64> = power.chunks(AROUND).map(middle).collect();
+    let is_peak = |at: &usize| power[*at] >= power[*at - 1] && power[*at] >= power[*at + 1];
+    let peaks = (2..power.len().saturating_sub(2)).filter(is_peak);
+    let mut peaks: Vec<(usize, f64)> =
+        peaks.map(|at| (at, power[at] / floors[at / AROUND])).collect();
+    peaks.retain(|(_, ratio)| *ratio > STANDS_OUT);
+    peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let width_hz = 1.5 / span_s;
+    let mut free = peaks.into_iter().take(LOOKED_AT).map(|(at, r)| (spectrum.frequency[at], r));
+    let (middle, ratio) = free.find(|(hz, _)| !is_forced(*hz, width_hz))?;
+    let near = (-STEPS..=STEPS).map(|k| middle + f64::from(k) / (STEPS_PER_TURN * span_s));
+    let best = near.map(|hz| (hz, strength(kept, hz))).max_by(|a, b| a.1.total_cmp(&b.1));
+    best.map(|(hz, _)| (sharpened(kept, hz, 1.0 / (STEPS_PER_TURN * span_s)), ratio))
+}
+
+/// How strong a tone of this frequency is in some values, but for a constant.
+fn strength(kept: &[(f64, f64)], hz: f64) -> f64 {
+    let sums = kept.iter().fold([0.0; 2], |[c, s], (time_s, x)| {
+        let (sin, cos) = libm::sincos(TAU * hz * time_s);
+        [c + x * cos, s + x * sin]
+    });
+    sums[0] * sums[0] + sums[1] * sums[1]
+}
+
+/// The frequency within a reach of another where a tone is strongest (golden section).
+fn sharpened(kept: &[(f64, f64)], hz: f64, reach_hz: f64) -> f64 {
+    let golden = 0.5 * (libm::sqrt(5.0) - 1.0);
+    let (mut low, mut high) = (hz - reach_hz, hz + reach_hz);
+    let inner = |low: f64, high: f64| [high - golden * (high - low), low + golden * (high - low)];
+    let [mut a, mut b] = inner(low, high);
+    let (mut at_a, mut at_b) = (strength(kept, a), strength(kept, b));
+    for _ in 0..SECTIONS {
+        if at_a > at_b {
+            (high, b, at_b) = (b, a, at_a);
+            a = inner(low, high)[0];
+            at_a = strength(kept, a);
+        } else {
+            (low, a, at_a) = (a, b, at_b);
+            b = inner(low, high)[1];
+            at_b = strength(kept, b);
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// The frequency of a tone that is named, now that its neighbours are: what is left beside all but the tone tells it.
+pub(super) fn refined(case: &Case, used: &[bool]) -> f64 {
+    let mut still = case.belief.clone();
+    let loud = |axis: usize| {
+        let of = |slot: Slot| slot.of(&case.belief.numbers)[2 * axis..2 * axis + 2].iter();
+        of(RING).chain(of(HUM)).map(|x| x * x).sum::<f64>()
+    };
+    let axis = case.table.joints().max_by(|a, b| loud(*a).total_cmp(&loud(*b)));
+    let Some(axis) = axis else { return case.law.tone_hz };
+    let is_hum = slot_size(&case.belief.numbers, HUM) > 0.0;
+    for slot in [RING, HUM] {
+        still.numbers[slot.from..slot.from + slot.count].fill(0.0);
+    }
+    let left = case.left(&still);
+    let rows = &case.law.rows;
+    let engaged = |row: usize| case.law.bite(&case.belief.spindle, &rows[row], 0.0).engaged > 0.0;
+    let counts = |row: usize| used[row] && case.table.counts[axis][row];
+    let kept: Vec<(f64, f64)> = (0..rows.len())
+        .filter(|row| counts(*row) && (is_hum || engaged(*row)))
+        .map(|row| (rows[row].time_s, left[axis][row]))
+        .collect();
+    let span_s = kept.iter().map(|(time_s, _)| *time_s).fold(0.0, f64::max);
+    if span_s > 0.0 {
+        sharpened(&kept, case.law.tone_hz, 1.0 / (STEPS_PER_TURN * span_s))
+    } else {
+        case.law.tone_hz
+    }
+}
+
+fn slot_size(numbers: &[f64], slot: Slot) -> f64 {
+    slot.of(numbers).iter().map(|x| x * x).sum()
 }
 
 /// Whether a frequency is a multiple of the spindle's, as sampled, at each of its speeds: a line that is forced moves with the speed.

@@ -1,0 +1,130 @@
+//! What the page and the report show of forces held against a cut, beside names and numbers: traces, notes, what could not have shown.
+//!
+//! Promises: nothing here changes what is named. Never: a fit.
+
+use recording::series::Recording;
+use std::f64::consts::TAU;
+
+use super::case::{Belief, Case};
+use super::names::KINDS;
+
+/// Points of a trace at most.
+const POINTS: usize = 1500;
+/// A feed that changes by less than this share of itself is one.
+const ONE_FEED: f64 = 0.02;
+
+/// One axis of the forces, for the page.
+#[derive(Clone, Debug)]
+pub struct Traced {
+    /// From 0: x, y, z.
+    pub axis: usize,
+    /// s.
+    pub t_s: Vec<f64>,
+    /// Of the spindle, in turns from 0 to 1.
+    pub turn: Vec<f64>,
+    /// What was read, N.
+    pub read: Vec<f64>,
+    /// Off: by the law as told, and with what was found.
+    pub off: [Vec<f64>; 2],
+    /// What the law as told, and with what was found, reads.
+    pub law: [Vec<f64>; 2],
+    /// The first run, unthinned, off before and after, with its rate in Hz, for spectra.
+    pub run: [Vec<f64>; 2],
+    /// Hz.
+    pub rate_hz: f64,
+}
+
+pub(super) fn signal(case: &Case) -> f64 {
+    let values = case.measured.iter().flatten().flatten();
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), x| (sum + x * x, count + 1.0));
+    libm::sqrt(sum / f64::max(count, 1.0))
+}
+
+fn feeds(case: &Case) -> [f64; 2] {
+    let cuts = case.law.rows.iter().filter(|stood| stood.cuts);
+    cuts.map(|stood| stood.feed_per_tooth_m)
+        .fold([f64::INFINITY, 0.0], |[low, high], feed| [low.min(feed), high.max(feed)])
+}
+
+pub(super) fn has_one_feed(case: &Case) -> bool {
+    let [low, high] = feeds(case);
+    high - low <= ONE_FEED * high
+}
+
+/// What this recording could not have shown, though it was not found.
+pub(super) fn not_tested(case: &Case) -> Vec<(&'static str, &'static str)> {
+    let mut all: Vec<(&'static str, &'static str)> =
+        case.library.untested.iter().map(|(kind, _, why)| (*kind, *why)).collect();
+    const LACKING: [(&str, &str); 3] = [
+        ("fx_N", "fx_N was not recorded or does not change: what shows there alone is not seen"),
+        ("fy_N", "fy_N was not recorded or does not change: what shows there alone is not seen"),
+        ("fz_N", "fz_N was not recorded or does not change: what shows there alone is not seen"),
+    ];
+    for (measured, (_, why)) in case.measured.iter().zip(LACKING) {
+        if measured.is_none() {
+            all.push(("cutting_force", why));
+        }
+    }
+    all
+}
+
+pub(super) fn notes(case: &Case, recording: &Recording) -> Vec<String> {
+    let mut notes = Vec::new();
+    let faster = case.belief.spindle.faster;
+    let is_off = libm::fabs(faster) > 1e-5;
+    if is_off {
+        notes.push(format!(
+            "the spindle turns {:.3} % {} than the recording tells",
+            100.0 * libm::fabs(faster),
+            if faster > 0.0 { "faster" } else { "slower" }
+        ));
+    }
+    let turned = case.belief.spindle.phases.iter().map(|phase| phase.abs()).fold(0.0, f64::max);
+    if turned > 0.02 {
+        notes.push(format!(
+            "tooth 0 does not stand at angle 0 where a segment begins: off by up to {turned:.2} rad, fitted along"
+        ));
+    }
+    if recording.len() > case.law.rows.len() {
+        notes.push(format!(
+            "{} of {} rows were compared, in stretches spread over the recording",
+            case.law.rows.len(),
+            recording.len()
+        ));
+    }
+    notes
+}
+
+/// What the page shows.
+pub(super) fn traces(case: &Case) -> Vec<Traced> {
+    let told = Belief::as_told(case.belief.spindle.clone());
+    let law = [&told, &case.belief].map(|belief| case.readings(belief));
+    let off = [&told, &case.belief].map(|belief| case.left(belief));
+    let count = case.law.rows.len();
+    let thin = count.div_ceil(POINTS).max(1);
+    let rows: Vec<usize> = (0..count).step_by(thin).collect();
+    let some = |list: &[f64]| -> Vec<f64> { rows.iter().map(|row| list[*row]).collect() };
+    let run = case.table.runs.iter().max_by_key(|run| run.len()).cloned().unwrap_or(0..0);
+    let time = |row: usize| case.law.rows[row].time_s;
+    let lasts_s = if run.len() > 1 { time(run.end - 1) - time(run.start) } else { 0.0 };
+    let rate_hz = (run.len().saturating_sub(1)) as f64 / lasts_s.max(f64::MIN_POSITIVE);
+    let spindle = &case.belief.spindle;
+    KINDS[..3]
+        .iter()
+        .enumerate()
+        .filter_map(|(axis, _)| Some((axis, case.measured[axis].as_ref()?)))
+        .map(|(axis, read)| Traced {
+            axis,
+            t_s: rows.iter().map(|row| time(*row)).collect(),
+            turn: rows
+                .iter()
+                .map(|row| (spindle.angle(&case.law.rows[*row]) / TAU).rem_euclid(1.0))
+                .collect(),
+            read: some(read),
+            off: [some(&off[0][axis]), some(&off[1][axis])],
+            law: [some(&law[0][axis]), some(&law[1][axis])],
+            run: [off[0][axis][run.clone()].to_vec(), off[1][axis][run.clone()].to_vec()],
+            rate_hz,
+        })
+        .collect()
+}
