@@ -21,6 +21,7 @@ pub(crate) mod prove;
 mod refine;
 mod result;
 mod rigid;
+mod smooth;
 pub(crate) mod table;
 #[cfg(test)]
 mod tests;

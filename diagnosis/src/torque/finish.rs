@@ -9,8 +9,8 @@ use super::case::Case;
 use super::choose::{Asking, Choice};
 use super::zone::Zone;
 use super::{
-    Diagnosis, Finding, JointProof, Law, Refit, Stated, Weighed, columns, found, prove, refine,
-    table, unknown, verdict, view,
+    Diagnosis, Finding, JointProof, Refit, Stated, Weighed, columns, found, prove, refine, smooth,
+    table, verdict, view,
 };
 
 pub(super) fn finish(
@@ -59,8 +59,8 @@ pub(super) fn finish(
         }
     };
     let findings: Vec<Finding> = listed.iter().map(finding).collect();
-    let unexplained = law(case, &choice);
-    let verdict = verdict::verdict(case, &findings, (&given, &choice), unexplained.as_ref());
+    let beyond = smooth::law(case, always, &names);
+    let verdict = verdict::verdict(&findings, beyond.as_ref());
     let joints: Vec<usize> = case.table.joints().collect();
     let by_joint: Vec<JointProof> =
         joints.iter().map(|j| proof(case, (&given, &choice), *j)).collect();
@@ -69,7 +69,7 @@ pub(super) fn finish(
         notes: notes(arm, case, always, &zones, &findings, &refuted),
         findings,
         refits: refits(case, stated, &choice, &covariance),
-        unexplained,
+        unexplained: beyond.map(|beyond| beyond.law),
         heldout: [&given, &choice].map(|one| prove::rms(case, &one.solved, held, true)),
         noise: prove::rms(case, &choice.solved, &seen, true),
         signal: signal(&by_joint),
@@ -173,21 +173,6 @@ fn without_zones(
     let columns: Vec<&columns::Column> = case.library.columns.iter().collect();
     let products = table::Products::new(&table, &columns, case.library.prior.clone(), seen);
     Some(Asking { library: &case.library, products: &products, always }.solve(names))
-}
-
-/// What no name explains, of the joint where it is largest.
-fn law(case: &Case, choice: &Choice) -> Option<Law> {
-    let rows = &case.rows;
-    let one = |joint: usize| {
-        let left = case.residual(&choice.solved, joint);
-        unknown::law(&case.motion, &case.table, joint, &left, [&rows.train, &rows.look, &rows.held])
-    };
-    let explained = |law: &Law| {
-        (law.held[0] - law.held[1])
-            / (case.table.noise[law.joint].1 * case.table.noise[law.joint].1)
-    };
-    let laws = case.table.joints().filter_map(one);
-    laws.max_by(|a, b| explained(a).total_cmp(&explained(b)))
 }
 
 fn proof(case: &Case, (given, choice): (&Choice, &Choice), joint: usize) -> JointProof {
