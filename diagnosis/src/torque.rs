@@ -22,6 +22,7 @@ mod refine;
 mod result;
 mod rigid;
 mod smooth;
+mod still;
 pub(crate) mod table;
 #[cfg(test)]
 mod tests;

@@ -48,6 +48,8 @@ pub(super) struct Case {
     pub(super) known: Vec<(usize, (usize, usize), Option<First>)>,
     /// Columns of stated masses, in where these are doubted.
     pub(super) doubted: Vec<usize>,
+    /// Joints that never move, with what they hold beyond what the model states, row by row.
+    pub(super) still: Vec<(usize, Vec<f64>)>,
     /// Torque that the model states, per joint and row; and the part of it that its masses ask for.
     pub(super) stated: Vec<Vec<f64>>,
     rigid: Vec<Vec<f64>>,
@@ -161,9 +163,11 @@ impl Case {
         let torque: Vec<Vec<f64>> = rigid.stated.iter().zip(&known.torque).map(sum).collect();
         let mut table = table(&motion, &torque);
         let recorded: Vec<usize> = table.joints().collect();
+        let mut still = Vec::new();
         for joint in recorded {
             if table.moves[joint].iter().filter(|moves| **moves).count() < ROWS_LEAST {
-                table.target[joint] = None;
+                let held = table.target[joint].take();
+                still.extend(held.filter(|_| !table.moves[joint].contains(&true)).map(|held| (joint, held)));
                 library.skip_joint(joint);
             } else {
                 library.add_joint(stated, &motion, joint);
@@ -192,6 +196,7 @@ impl Case {
             open,
             known: places,
             doubted,
+            still,
             stated: torque,
             rigid: rigid.stated,
             inertial,
@@ -269,8 +274,9 @@ impl Case {
             let mut families = self.library.families.iter();
             let hardening =
                 families.find(|f| f.kind == "spring_hardening" && f.joint == Some(joint));
-            if let Some(place) = hardening.and_then(|f| f.columns.first().copied()) {
-                self.library.columns[place] = column;
+            match hardening.and_then(|f| f.columns.first().copied()) {
+                Some(place) => self.library.columns[place] = column,
+                None => self.library.add_hardening(joint, column),
             }
         }
         let joints: Vec<usize> = self.table.joints().collect();

@@ -10,7 +10,7 @@ use super::choose::{Asking, Choice};
 use super::zone::Zone;
 use super::{
     Diagnosis, Finding, JointProof, Refit, Stated, Weighed, columns, found, prove, refine, smooth,
-    table, verdict, view,
+    still, table, verdict, view,
 };
 
 pub(super) fn finish(
@@ -58,8 +58,11 @@ pub(super) fn finish(
             heldout: *heldout,
         }
     };
-    let findings: Vec<Finding> = listed.iter().map(finding).collect();
+    let mut findings: Vec<Finding> = listed.iter().map(finding).collect();
     let beyond = smooth::law(case, always, &names);
+    if findings.is_empty() && beyond.is_none() {
+        findings = still::findings(case, stated, always);
+    }
     let verdict = verdict::verdict(&findings, beyond.as_ref());
     let joints: Vec<usize> = case.table.joints().collect();
     let by_joint: Vec<JointProof> =

@@ -187,7 +187,7 @@ pub(super) fn rivals(asking: &Asking<'_>, choice: &Choice, name: usize) -> (f64,
     for other in (0..families.len()).filter(is_other) {
         let family = &families[other];
         // What another name would bring in any case is no rival to this one.
-        let instead = asking.brings(&without, other) - asking.brings(choice, other);
+        let instead = asking.could_bring(&without, other) - asking.could_bring(choice, other);
         let behind = worth - instead;
         if instead < SHARES * worth {
             continue;
