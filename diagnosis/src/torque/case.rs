@@ -167,7 +167,9 @@ impl Case {
         for joint in recorded {
             if table.moves[joint].iter().filter(|moves| **moves).count() < ROWS_LEAST {
                 let held = table.target[joint].take();
-                still.extend(held.filter(|_| !table.moves[joint].contains(&true)).map(|held| (joint, held)));
+                still.extend(
+                    held.filter(|_| !table.moves[joint].contains(&true)).map(|held| (joint, held)),
+                );
                 library.skip_joint(joint);
             } else {
                 library.add_joint(stated, &motion, joint);

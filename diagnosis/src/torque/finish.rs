@@ -9,8 +9,8 @@ use super::case::Case;
 use super::choose::{Asking, Choice};
 use super::zone::Zone;
 use super::{
-    Diagnosis, Finding, JointProof, Refit, Stated, Weighed, columns, found, prove, refine, smooth,
-    still, table, verdict, view,
+    Diagnosis, Finding, JointProof, Refit, Rival, Stated, Weighed, columns, found, prove, refine,
+    smooth, still, table, verdict, view,
 };
 
 pub(super) fn finish(
@@ -21,11 +21,12 @@ pub(super) fn finish(
     spreads: &[(usize, f64)],
 ) -> Diagnosis {
     let arm = &stated.model.arm;
-    let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
     let (seen, held) = (case.rows.seen(), &case.rows.held);
     let products = case.products(&seen);
     let asking = refine::asking(case, &products, always);
     let given = asking.solve(&[]);
+    let weighed = &replaced(&asking, weighed);
+    let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
     let names = prove::told(case, &asking, names, &seen);
     let (names, refuted) = prove::borne_out(case, &asking, asking.admissible(names), held);
     let names = asking.admissible(names);
@@ -85,6 +86,28 @@ pub(super) fn finish(
         traces: joints.iter().map(|j| view::trace(case, (&given, &choice), *j)).collect(),
         zones,
     }
+}
+
+/// Names, each whose numbers are not its own to have in this fit in the place of the likeliest rival that cannot be told from it, if one has them.
+fn replaced(asking: &Asking<'_>, weighed: &[Weighed]) -> Vec<Weighed> {
+    let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
+    let stand = asking.admissible(names.clone());
+    let one = |one: &Weighed| {
+        let mut one = one.clone();
+        if stand.contains(&one.name) {
+            return one;
+        }
+        let fits = |rival: &Rival| {
+            let with: Vec<usize> = stand.iter().copied().chain([rival.place]).collect();
+            asking.admissible(with.clone()) == with
+        };
+        let alike = one.rivals.iter().position(|rival| rival.alike && fits(rival));
+        if let Some(rival) = alike.map(|at| one.rivals.remove(at)) {
+            (one.name, one.confidence) = (rival.place, rival.confidence);
+        }
+        one
+    };
+    weighed.iter().map(one).collect()
 }
 
 /// The model's own numbers as the fit has them.

@@ -181,7 +181,9 @@ pub(super) fn rivals(asking: &Asking<'_>, choice: &Choice, name: usize) -> (f64,
     let is_other = |other: &usize| {
         let form = &families[*other];
         let is_more_of_it = form.is_kin(own) && form.columns.len() >= own.columns.len();
-        !(choice.names.contains(other) || is_more_of_it)
+        // What hardens a spring is on top of it, never in its place.
+        let is_on_top = form.kind == "spring_hardening" && own.kind == "spring";
+        !(choice.names.contains(other) || is_more_of_it || is_on_top)
     };
     let mut best: Vec<Rival> = Vec::new();
     for other in (0..families.len()).filter(is_other) {

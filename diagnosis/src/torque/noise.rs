@@ -56,8 +56,7 @@ pub(super) fn of_left(
     let kept: Vec<f64> = (0..left.len()).filter(|row| counts(*row)).map(|k| left[k]).collect();
     let free = (kept.len() as f64 - numbers).max(1.0);
     let size = libm::sqrt(kept.iter().map(|x| x * x).sum::<f64>() / free);
-    let whole =
-        libm::sqrt(target().map(|x| x * x).sum::<f64>() / target().count().max(1) as f64);
+    let whole = libm::sqrt(target().map(|x| x * x).sum::<f64>() / target().count().max(1) as f64);
     let size = size.max(LEAST * whole).max(f64::MIN_POSITIVE);
     let mut pieces: Vec<Vec<f64>> = Vec::new();
     for run in &table.runs {

@@ -1,4 +1,4 @@
-//! Structure that no name explains: a torque, dry friction, drag or inertia whose size changes smoothly with a word of the contract.
+//! Structure that no name explains: a torque, dry friction or drag whose size changes smoothly with a word of the contract.
 //!
 //! Each law is a series of Chebyshev polynomials of a word (or two) times what it sizes (a model with varying coefficients: Hastie and Tibshirani 1993). It is
 //! asked beside the names that stand and in the place of those of its joint, with the noise's memory heard anew once the law itself is taken out: slow
@@ -11,16 +11,18 @@ use super::columns::{Column, Law as Sized};
 use super::motion::{Motion, span};
 use super::table::{Products, Solved, Table};
 use super::unknown::{Law, Word, words};
-use super::{noise, refine};
+use super::{noise, prove, refine};
 
 /// Polynomials of one word; of time, which may swing more often; of each word of a pair.
 const DEGREE: usize = 5;
 const DEGREE_OF_TIME: usize = 9;
 const DEGREE_OF_PAIR: usize = 3;
+/// So many laws are shown to held-out rows, the one that is worth most first.
+const LIKELY: usize = 6;
 /// What a law must bring beyond its price, in log-likelihood.
-const MARGIN: f64 = 10.0;
-/// Of what a law would bring on held-out rows if it were right, it brings at least this share.
-const BORNE_OUT: f64 = 0.2;
+const MARGIN: f64 = 15.0;
+/// Beside names a law explains at least this share of what is left, as energy: less may be what the band does to a turn.
+const SHARE: f64 = 0.02;
 /// Rounds of hearing the noise and asking.
 const ROUNDS: usize = 2;
 
@@ -70,7 +72,8 @@ struct Question<'a> {
 fn chebyshev(word: &Word, degree: usize) -> Vec<f64> {
     let [low, high] = span(word.values.iter().copied());
     let half = (0.5 * (high - low)).max(f64::MIN_POSITIVE);
-    let of = |x: &f64| libm::cos(degree as f64 * libm::acos(((x - low) / half - 1.0).clamp(-1.0, 1.0)));
+    let of =
+        |x: &f64| libm::cos(degree as f64 * libm::acos(((x - low) / half - 1.0).clamp(-1.0, 1.0)));
     word.values.iter().map(of).collect()
 }
 
@@ -100,25 +103,23 @@ fn laws(motion: &Motion, joint: usize) -> Vec<Asked> {
         all.push(Asked { words: of, columns: columns.collect(), nested: true });
     };
     let one = carrier(Sized::One);
-    (0..words.len()).for_each(|word| add(&one, None, word));
-    // What rubs or drags by the place of another joint does so by the load: that has a name.
     let [q, v, a, t] = [0, 1, 2, 3];
+    // What bends with acceleration is torque and motion that do not quite meet in time.
+    (0..words.len()).filter(|word| *word != a).for_each(|word| add(&one, None, word));
+    // What rubs or drags by the place of another joint does so by the load: that has a name.
     let sized = [
         // By speed or acceleration friction seems to change where it turns round, as the band does not tell when exactly it does.
         (Sized::Direction, own("direction_"), &[q, t][..]),
         (Sized::Speed, own("v"), &[q, t]),
-        (Sized::Acceleration, own("a"), &[q, t]),
     ];
     for (law, name, of) in sized {
         let carrier = carrier(law);
         of.iter().for_each(|word| add(&carrier, Some(name.clone()), *word));
     }
-    for (first, second) in [(q, v), (q, a), (v, a)] {
-        let degrees = (0..=DEGREE_OF_PAIR).flat_map(|i| (0..=DEGREE_OF_PAIR).map(move |k| (i, k)));
-        let columns = degrees.map(|(i, k)| column(times(&series[first][i], &series[second][k])));
-        let of = vec![words[first].name.clone(), words[second].name.clone()];
-        all.push(Asked { words: of, columns: columns.collect(), nested: false });
-    }
+    let degrees = (0..=DEGREE_OF_PAIR).flat_map(|i| (0..=DEGREE_OF_PAIR).map(move |k| (i, k)));
+    let columns = degrees.map(|(i, k)| column(times(&series[q][i], &series[v][k])));
+    let of = vec![words[q].name.clone(), words[v].name.clone()];
+    all.push(Asked { words: of, columns: columns.collect(), nested: false });
     all
 }
 
@@ -162,19 +163,22 @@ impl<'a> Question<'a> {
         Self { case, joint, columns, prior, laws, places, kept, always: always.len() }
     }
 
-    /// The law that is worth most, by what `table` believes of the noise, if any is worth its price; and the fit of the names without any.
-    fn best(&self, table: &Table, used: &[bool]) -> (Option<Best>, Solved) {
+    /// Laws that are worth their price by what `table` believes of the noise, the one that is worth most first; and the fit of the names without any.
+    fn best(&self, table: &Table, used: &[bool]) -> (Vec<Best>, Solved) {
         let products = Products::new(table, &self.columns, self.prior.clone(), used);
         let tried = (self.laws.len() * DEGREE) as f64;
         let rows = (products.rows.max(3) as f64).ln();
         let price = |count: usize| 0.5 * count as f64 * rows + tried.ln();
-        let mut best: Option<Best> = None;
+        let bare = products.solve(&self.kept[0].1);
+        let least = bare.gain - self.kept[0].2 + MARGIN;
+        let mut all: Vec<Best> = Vec::new();
         for (kept, (_, places, of_names)) in self.kept.iter().enumerate() {
             let names = products.solve(places);
             for (asked, own) in self.places.iter().enumerate() {
                 let (steady, _) = products.more(&names, &own[..1]);
-                let least = if self.laws[asked].nested { 2 } else { own.len() };
-                for count in least..=own.len() {
+                let fewest = if self.laws[asked].nested { 2 } else { own.len() };
+                let mut best: Option<Best> = None;
+                for count in fewest..=own.len() {
                     let (gain, _) = products.more(&names, &own[..count]);
                     let worth = names.gain - of_names + gain - price(count);
                     // What is always of the same size is no law.
@@ -183,11 +187,11 @@ impl<'a> Question<'a> {
                         best = Some(Best { kept, asked, count, worth });
                     }
                 }
+                all.extend(best.filter(|best| best.worth > least));
             }
         }
-        let bare = products.solve(&self.kept[0].1);
-        let least = bare.gain - self.kept[0].2 + MARGIN;
-        (best.filter(|best| best.worth > least), bare)
+        all.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+        (all, bare)
     }
 
     /// The log-likelihood without any name.
@@ -211,29 +215,16 @@ impl<'a> Question<'a> {
 
     /// What is left of the joint's torque.
     fn left(&self, solved: &Solved) -> Vec<f64> {
-        let parts: Vec<(&Column, f64)> =
-            solved.columns.iter().zip(&solved.values).map(|(k, x)| (self.columns[*k], *x)).collect();
+        let parts: Vec<(&Column, f64)> = solved
+            .columns
+            .iter()
+            .zip(&solved.values)
+            .map(|(k, x)| (self.columns[*k], *x))
+            .collect();
         let model = Column::sum(&parts, self.joint, self.case.table.rows());
         let target = self.case.table.target[self.joint].iter().flatten();
         target.zip(model).map(|(target, model)| target - model).collect()
     }
-}
-
-/// Sums of squares over rows, as they are and whitened.
-fn sums(table: &Table, joint: usize, left: &[f64], used: &[bool]) -> [f64; 2] {
-    let white = table.whitened(joint, left);
-    let rows = (0..left.len()).filter(|row| used[*row] && table.counts[joint][*row]);
-    rows.fold([0.0; 2], |[plain, new], row| {
-        [plain + left[row] * left[row], new + white[row] * white[row]]
-    })
-}
-
-/// Whether rows that took no part speak for a law by at least a share of what it says of them, as far as chance lets them.
-fn is_borne_out(table: &Table, joint: usize, left: [&[f64]; 2], held: &[bool]) -> bool {
-    let law: Vec<f64> = left[0].iter().zip(left[1]).map(|(before, after)| before - after).collect();
-    let [before, after, law] = [left[0], left[1], &law].map(|one| sums(table, joint, one, held)[1]);
-    let [gain, wanted] = [0.5 * (before - after), 0.5 * law];
-    gain > BORNE_OUT * wanted - libm::sqrt(wanted)
 }
 
 /// The law of one joint, where held-out rows bear it out.
@@ -242,26 +233,32 @@ fn of_joint(case: &Case, question: &Question<'_>) -> Option<Beyond> {
     let mut table = case.table.clone();
     let (mut found, mut bare) = question.best(&table, seen);
     for _ in 1..ROUNDS {
-        let solved = found.as_ref().map(|best| question.solved(&table, seen, best));
+        let solved = found.first().map(|best| question.solved(&table, seen, best));
         let left = question.left(solved.as_ref().unwrap_or(&bare));
         table.noise[joint] = noise::of_left(&table, joint, &left, seen, 0.0);
         (found, bare) = question.best(&table, seen);
     }
-    let best = found?;
-    let solved = question.solved(&table, seen, &best);
     let before = question.left(&bare);
-    let after = question.left(&solved);
     let of_names = bare.gain - question.without(&table, seen);
-    if !is_borne_out(&table, joint, [&before, &after].map(Vec::as_slice), held) {
-        return None;
-    }
+    let mut fits = found.into_iter().take(LIKELY).map(|best| {
+        let solved = question.solved(&table, seen, &best);
+        let after = question.left(&solved);
+        (best, solved, after)
+    });
+    let sum = |left: &Vec<f64>| prove::sum(&table, joint, left, seen);
+    let stands = |(best, _, after): &(Best, Solved, Vec<f64>)| {
+        let is_patched = best.kept > 0;
+        (is_patched || sum(after) < (1.0 - SHARE) * sum(&before))
+            && prove::is_borne_out(&table, joint, [&before, after], held)
+    };
+    let (best, solved, after) = fits.find(stands)?;
     let kept = &question.kept[best.kept].0;
     let names = &question.kept[0].0;
     Some(Beyond {
         law: Law {
             joint,
             words: question.laws[best.asked].words.clone(),
-            held: [&before, &after].map(|left| sums(&table, joint, left, held)[0]),
+            held: [&before, &after].map(|left| prove::sum(&table, joint, left, held)),
         },
         gain: solved.gain - bare.gain,
         of_names,

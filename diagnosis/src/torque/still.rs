@@ -28,7 +28,8 @@ struct Held {
 /// The constants that joints hold, each as a set of names.
 pub(super) fn findings(case: &Case, stated: &Stated<'_>, always: &[usize]) -> Vec<Finding> {
     let held = case.still.iter().filter_map(|(joint, target)| held(case, *joint, target, always));
-    let beyond = held.filter(|held| held.value.abs() > stated.first("coulomb_friction", held.joint));
+    let beyond =
+        held.filter(|held| held.value.abs() > stated.first("coulomb_friction", held.joint));
     let mut all: Vec<Finding> = beyond.map(|held| finding(case, stated, &held)).collect();
     all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     all
@@ -100,6 +101,9 @@ fn finding(case: &Case, stated: &Stated<'_>, held: &Held) -> Finding {
         confidence,
         gain: held.gain,
         rivals: others.into_iter().map(rival).collect(),
-        heldout: [held.before, (held.before * held.before - held.value * held.value).max(0.0).sqrt()],
+        heldout: [
+            held.before,
+            (held.before * held.before - held.value * held.value).max(0.0).sqrt(),
+        ],
     }
 }
