@@ -104,7 +104,7 @@ pub fn diagnose(
         // What such rows asked for may be nothing.
         named(&mut case, &[], &train)
     };
-    let names = sprung(&case, stated, confirmed(&case, &always, choice).names);
+    let names = sprung(&case, stated, &confirmed(&case, &always, choice).names);
     let seen = case.rows.seen();
     let products = case.products(&seen);
     let asking = refine::asking(&case, &products, &always);
@@ -118,7 +118,7 @@ pub fn diagnose(
 }
 
 /// What hardens is a spring: where none is stated or named, what is named so is the spring itself.
-fn sprung(case: &Case, stated: &Stated<'_>, names: Vec<usize>) -> Vec<usize> {
+fn sprung(case: &Case, stated: &Stated<'_>, names: &[usize]) -> Vec<usize> {
     let families = &case.library.families;
     let is_spring =
         |name: usize, joint| families[name].kind == "spring" && families[name].joint == joint;

@@ -162,19 +162,7 @@ impl Case {
         let sum = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(a, b)| a + b).collect();
         let torque: Vec<Vec<f64>> = rigid.stated.iter().zip(&known.torque).map(sum).collect();
         let mut table = table(&motion, &torque);
-        let recorded: Vec<usize> = table.joints().collect();
-        let mut still = Vec::new();
-        for joint in recorded {
-            if table.moves[joint].iter().filter(|moves| **moves).count() < ROWS_LEAST {
-                let held = table.target[joint].take();
-                still.extend(
-                    held.filter(|_| !table.moves[joint].contains(&true)).map(|held| (joint, held)),
-                );
-                library.skip_joint(joint);
-            } else {
-                library.add_joint(stated, &motion, joint);
-            }
-        }
+        let still = ask(stated, &motion, &mut table, &mut library);
         library.revise(&known.open);
         library.add_moments(arm, &motion);
         let of_mass = &rigid.columns[INERTIAL * arm.count()..];
@@ -345,6 +333,28 @@ impl Case {
     pub(super) fn residual(&self, solved: &Solved, joint: usize) -> Vec<f64> {
         noise::residual(&self.table, &self.library.columns, solved, joint)
     }
+}
+
+/// Lists what each joint that moves may lack; gives the joints that never do, with what they hold.
+fn ask(
+    stated: &Stated<'_>,
+    motion: &Motion,
+    table: &mut Table,
+    library: &mut Library,
+) -> Vec<(usize, Vec<f64>)> {
+    let mut still = Vec::new();
+    for joint in table.joints().collect::<Vec<usize>>() {
+        let moves = &table.moves[joint];
+        if moves.iter().filter(|moves| **moves).count() >= ROWS_LEAST {
+            library.add_joint(stated, motion, joint);
+            continue;
+        }
+        let never = !moves.contains(&true);
+        let held = table.target[joint].take();
+        still.extend(held.filter(|_| never).map(|held| (joint, held)));
+        library.skip_joint(joint);
+    }
+    still
 }
 
 fn table(motion: &Motion, stated: &[Vec<f64>]) -> Table {

@@ -37,8 +37,7 @@ pub(super) fn finish(
     let moved = |column: usize| moved(unzoned.as_ref(), &choice, column);
     let finding = |(name, heldout): &(usize, [f64; 2])| {
         let family = &case.library.families[*name];
-        let spread = spreads.iter().find(|(n, _)| n == name).map_or(0.0, |(_, spread)| *spread);
-        let weighed = weighed.iter().find(|one| one.name == *name);
+        let spread = spreads.iter().find(|(n, _)| n == name).map_or(0.0, |one| one.1);
         let context = found::Context {
             covariance: &covariance,
             spread,
@@ -47,23 +46,13 @@ pub(super) fn finish(
             gain: gain(case, &choice, family.joint),
             viscous: family.joint.map_or(0.0, |joint| viscous(case, stated, &choice, joint)),
         };
-        Finding {
-            kind: family.kind,
-            joint: family.joint,
-            recording: family.recording,
-            is_change: stated.has(family.kind, family.joint),
-            numbers: found::numbers(family, &choice.solved, &context),
-            confidence: weighed.map_or(0.0, |one| one.confidence),
-            gain: weighed.map_or(0.0, |one| one.gain),
-            rivals: weighed.map_or(Vec::new(), |one| one.rivals.clone()),
-            heldout: *heldout,
-        }
+        let is_change = stated.has(family.kind, family.joint);
+        let numbers = found::numbers(family, &choice.solved, &context);
+        named(case, weighed, (*name, *heldout), (is_change, numbers))
     };
-    let mut findings: Vec<Finding> = listed.iter().map(finding).collect();
+    let findings: Vec<Finding> = listed.iter().map(finding).collect();
     let beyond = smooth::law(case, always, &names);
-    if findings.is_empty() && beyond.is_none() {
-        findings = still::findings(case, stated, always);
-    }
+    let findings = or_still(case, stated, always, (findings, beyond.is_some()));
     let verdict = verdict::verdict(&findings, beyond.as_ref());
     let joints: Vec<usize> = case.table.joints().collect();
     let by_joint: Vec<JointProof> =
@@ -85,6 +74,38 @@ pub(super) fn finish(
         slides: arm.joints().iter().all(|joint| joint.kind == JointKind::Prismatic),
         traces: joints.iter().map(|j| view::trace(case, (&given, &choice), *j)).collect(),
         zones,
+    }
+}
+
+/// What was found; where that is nothing, and no law either, what joints hold that never move.
+fn or_still(
+    case: &Case,
+    stated: &Stated<'_>,
+    always: &[usize],
+    (findings, is_law): (Vec<Finding>, bool),
+) -> Vec<Finding> {
+    if findings.is_empty() && !is_law { still::findings(case, stated, always) } else { findings }
+}
+
+/// The finding of a name, with its numbers and what it brings on held-out rows.
+fn named(
+    case: &Case,
+    weighed: &[Weighed],
+    (name, heldout): (usize, [f64; 2]),
+    (is_change, numbers): (bool, Vec<found::Number>),
+) -> Finding {
+    let family = &case.library.families[name];
+    let weighed = weighed.iter().find(|one| one.name == name);
+    Finding {
+        kind: family.kind,
+        joint: family.joint,
+        recording: family.recording,
+        is_change,
+        numbers,
+        confidence: weighed.map_or(0.0, |one| one.confidence),
+        gain: weighed.map_or(0.0, |one| one.gain),
+        rivals: weighed.map_or(Vec::new(), |one| one.rivals.clone()),
+        heldout,
     }
 }
 
