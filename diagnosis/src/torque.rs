@@ -21,6 +21,8 @@ pub(crate) mod prove;
 mod refine;
 mod result;
 mod rigid;
+mod smooth;
+mod still;
 pub(crate) mod table;
 #[cfg(test)]
 mod tests;
@@ -102,7 +104,7 @@ pub fn diagnose(
         // What such rows asked for may be nothing.
         named(&mut case, &[], &train)
     };
-    let names = confirmed(&case, &always, choice).names;
+    let names = sprung(&case, stated, &confirmed(&case, &always, choice).names);
     let seen = case.rows.seen();
     let products = case.products(&seen);
     let asking = refine::asking(&case, &products, &always);
@@ -113,6 +115,23 @@ pub fn diagnose(
     let weighed = weighed(&case, &always, &names);
     case.forget_memory();
     Ok(finish::finish(&case, stated, (&always, &weighed), zones, &spreads))
+}
+
+/// What hardens is a spring: where none is stated or named, what is named so is the spring itself.
+fn sprung(case: &Case, stated: &Stated<'_>, names: &[usize]) -> Vec<usize> {
+    let families = &case.library.families;
+    let is_spring =
+        |name: usize, joint| families[name].kind == "spring" && families[name].joint == joint;
+    let one = |name: &usize| {
+        let joint = families[*name].joint;
+        let stands = joint.is_some_and(|joint| stated.has_spring(joint))
+            || names.iter().any(|other| is_spring(*other, joint));
+        if families[*name].kind != "spring_hardening" || stands {
+            return *name;
+        }
+        (0..families.len()).find(|other| is_spring(*other, joint)).unwrap_or(*name)
+    };
+    names.iter().map(one).collect()
 }
 
 /// Friction that falls with warmth needs friction: without, the name falls.
@@ -139,6 +158,7 @@ fn warmed(
 }
 
 /// A name with what it brings and its rivals, by likelihoods that know how the noise remembers itself.
+#[derive(Clone)]
 struct Weighed {
     name: usize,
     gain: f64,

@@ -48,6 +48,8 @@ pub(super) struct Case {
     pub(super) known: Vec<(usize, (usize, usize), Option<First>)>,
     /// Columns of stated masses, in where these are doubted.
     pub(super) doubted: Vec<usize>,
+    /// Joints that never move, with what they hold beyond what the model states, row by row.
+    pub(super) still: Vec<(usize, Vec<f64>)>,
     /// Torque that the model states, per joint and row; and the part of it that its masses ask for.
     pub(super) stated: Vec<Vec<f64>>,
     rigid: Vec<Vec<f64>>,
@@ -160,15 +162,7 @@ impl Case {
         let sum = |(a, b): (&Vec<f64>, &Vec<f64>)| a.iter().zip(b).map(|(a, b)| a + b).collect();
         let torque: Vec<Vec<f64>> = rigid.stated.iter().zip(&known.torque).map(sum).collect();
         let mut table = table(&motion, &torque);
-        let recorded: Vec<usize> = table.joints().collect();
-        for joint in recorded {
-            if table.moves[joint].iter().filter(|moves| **moves).count() < ROWS_LEAST {
-                table.target[joint] = None;
-                library.skip_joint(joint);
-            } else {
-                library.add_joint(stated, &motion, joint);
-            }
-        }
+        let still = ask(stated, &motion, &mut table, &mut library);
         library.revise(&known.open);
         library.add_moments(arm, &motion);
         let of_mass = &rigid.columns[INERTIAL * arm.count()..];
@@ -192,6 +186,7 @@ impl Case {
             open,
             known: places,
             doubted,
+            still,
             stated: torque,
             rigid: rigid.stated,
             inertial,
@@ -269,8 +264,9 @@ impl Case {
             let mut families = self.library.families.iter();
             let hardening =
                 families.find(|f| f.kind == "spring_hardening" && f.joint == Some(joint));
-            if let Some(place) = hardening.and_then(|f| f.columns.first().copied()) {
-                self.library.columns[place] = column;
+            match hardening.and_then(|f| f.columns.first().copied()) {
+                Some(place) => self.library.columns[place] = column,
+                None => self.library.add_hardening(joint, column),
             }
         }
         let joints: Vec<usize> = self.table.joints().collect();
@@ -337,6 +333,28 @@ impl Case {
     pub(super) fn residual(&self, solved: &Solved, joint: usize) -> Vec<f64> {
         noise::residual(&self.table, &self.library.columns, solved, joint)
     }
+}
+
+/// Lists what each joint that moves may lack; gives the joints that never do, with what they hold.
+fn ask(
+    stated: &Stated<'_>,
+    motion: &Motion,
+    table: &mut Table,
+    library: &mut Library,
+) -> Vec<(usize, Vec<f64>)> {
+    let mut still = Vec::new();
+    for joint in table.joints().collect::<Vec<usize>>() {
+        let moves = &table.moves[joint];
+        if moves.iter().filter(|moves| **moves).count() >= ROWS_LEAST {
+            library.add_joint(stated, motion, joint);
+            continue;
+        }
+        let never = !moves.contains(&true);
+        let held = table.target[joint].take();
+        still.extend(held.filter(|_| never).map(|held| (joint, held)));
+        library.skip_joint(joint);
+    }
+    still
 }
 
 fn table(motion: &Motion, stated: &[Vec<f64>]) -> Table {

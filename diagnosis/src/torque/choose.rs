@@ -3,7 +3,7 @@
 //! Promises: a name with a number of the wrong sign is not that name; what a later name makes needless goes out again; the same sums give the same choice.
 //! Never: a look at rows that were set apart.
 
-use super::library::{Family, Library};
+use super::library::{Family, Form, Library};
 use super::table::{Products, Solved};
 
 /// What a name must bring beyond its price, in log-likelihood.
@@ -60,6 +60,15 @@ impl Asking<'_> {
     pub(crate) fn price(&self, family: &Family) -> f64 {
         let rows = (self.products.rows.max(3) as f64).ln();
         0.5 * self.numbers(family) * rows + (self.library.families.len().max(1) as f64).ln()
+    }
+
+    /// The same of a rival: a spring past its dead point pulls away from where it rests.
+    pub(super) fn could_bring(&self, choice: &Choice, name: usize) -> f64 {
+        let family = &self.library.families[name];
+        match family.form {
+            Form::Spring => self.products.more(&choice.solved, &family.columns).0,
+            _ => self.brings(choice, name),
+        }
     }
 
     /// What a name would bring beside a choice; nothing where its signs are wrong.

@@ -9,8 +9,8 @@ use super::case::Case;
 use super::choose::{Asking, Choice};
 use super::zone::Zone;
 use super::{
-    Diagnosis, Finding, JointProof, Law, Refit, Stated, Weighed, columns, found, prove, refine,
-    table, unknown, verdict, view,
+    Diagnosis, Finding, JointProof, Refit, Rival, Stated, Weighed, columns, found, prove, refine,
+    smooth, still, table, verdict, view,
 };
 
 pub(super) fn finish(
@@ -21,11 +21,12 @@ pub(super) fn finish(
     spreads: &[(usize, f64)],
 ) -> Diagnosis {
     let arm = &stated.model.arm;
-    let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
     let (seen, held) = (case.rows.seen(), &case.rows.held);
     let products = case.products(&seen);
     let asking = refine::asking(case, &products, always);
     let given = asking.solve(&[]);
+    let weighed = &replaced(&asking, weighed);
+    let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
     let names = prove::told(case, &asking, names, &seen);
     let (names, refuted) = prove::borne_out(case, &asking, asking.admissible(names), held);
     let names = asking.admissible(names);
@@ -36,8 +37,7 @@ pub(super) fn finish(
     let moved = |column: usize| moved(unzoned.as_ref(), &choice, column);
     let finding = |(name, heldout): &(usize, [f64; 2])| {
         let family = &case.library.families[*name];
-        let spread = spreads.iter().find(|(n, _)| n == name).map_or(0.0, |(_, spread)| *spread);
-        let weighed = weighed.iter().find(|one| one.name == *name);
+        let spread = spreads.iter().find(|(n, _)| n == name).map_or(0.0, |one| one.1);
         let context = found::Context {
             covariance: &covariance,
             spread,
@@ -46,21 +46,14 @@ pub(super) fn finish(
             gain: gain(case, &choice, family.joint),
             viscous: family.joint.map_or(0.0, |joint| viscous(case, stated, &choice, joint)),
         };
-        Finding {
-            kind: family.kind,
-            joint: family.joint,
-            recording: family.recording,
-            is_change: stated.has(family.kind, family.joint),
-            numbers: found::numbers(family, &choice.solved, &context),
-            confidence: weighed.map_or(0.0, |one| one.confidence),
-            gain: weighed.map_or(0.0, |one| one.gain),
-            rivals: weighed.map_or(Vec::new(), |one| one.rivals.clone()),
-            heldout: *heldout,
-        }
+        let is_change = stated.has(family.kind, family.joint);
+        let numbers = found::numbers(family, &choice.solved, &context);
+        named(case, weighed, (*name, *heldout), (is_change, numbers))
     };
     let findings: Vec<Finding> = listed.iter().map(finding).collect();
-    let unexplained = law(case, &choice);
-    let verdict = verdict::verdict(case, &findings, (&given, &choice), unexplained.as_ref());
+    let beyond = smooth::law(case, always, &names);
+    let findings = or_still(case, stated, always, (findings, beyond.is_some()));
+    let verdict = verdict::verdict(&findings, beyond.as_ref());
     let joints: Vec<usize> = case.table.joints().collect();
     let by_joint: Vec<JointProof> =
         joints.iter().map(|j| proof(case, (&given, &choice), *j)).collect();
@@ -69,7 +62,7 @@ pub(super) fn finish(
         notes: notes(arm, case, always, &zones, &findings, &refuted),
         findings,
         refits: refits(case, stated, &choice, &covariance),
-        unexplained,
+        unexplained: beyond.map(|beyond| beyond.law),
         heldout: [&given, &choice].map(|one| prove::rms(case, &one.solved, held, true)),
         noise: prove::rms(case, &choice.solved, &seen, true),
         signal: signal(&by_joint),
@@ -82,6 +75,60 @@ pub(super) fn finish(
         traces: joints.iter().map(|j| view::trace(case, (&given, &choice), *j)).collect(),
         zones,
     }
+}
+
+/// What was found; where that is nothing, and no law either, what joints hold that never move.
+fn or_still(
+    case: &Case,
+    stated: &Stated<'_>,
+    always: &[usize],
+    (findings, is_law): (Vec<Finding>, bool),
+) -> Vec<Finding> {
+    if findings.is_empty() && !is_law { still::findings(case, stated, always) } else { findings }
+}
+
+/// The finding of a name, with its numbers and what it brings on held-out rows.
+fn named(
+    case: &Case,
+    weighed: &[Weighed],
+    (name, heldout): (usize, [f64; 2]),
+    (is_change, numbers): (bool, Vec<found::Number>),
+) -> Finding {
+    let family = &case.library.families[name];
+    let weighed = weighed.iter().find(|one| one.name == name);
+    Finding {
+        kind: family.kind,
+        joint: family.joint,
+        recording: family.recording,
+        is_change,
+        numbers,
+        confidence: weighed.map_or(0.0, |one| one.confidence),
+        gain: weighed.map_or(0.0, |one| one.gain),
+        rivals: weighed.map_or(Vec::new(), |one| one.rivals.clone()),
+        heldout,
+    }
+}
+
+/// Names, each whose numbers are not its own to have in this fit in the place of the likeliest rival that cannot be told from it, if one has them.
+fn replaced(asking: &Asking<'_>, weighed: &[Weighed]) -> Vec<Weighed> {
+    let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
+    let stand = asking.admissible(names.clone());
+    let one = |one: &Weighed| {
+        let mut one = one.clone();
+        if stand.contains(&one.name) {
+            return one;
+        }
+        let fits = |rival: &Rival| {
+            let with: Vec<usize> = stand.iter().copied().chain([rival.place]).collect();
+            asking.admissible(with.clone()) == with
+        };
+        let alike = one.rivals.iter().position(|rival| rival.alike && fits(rival));
+        if let Some(rival) = alike.map(|at| one.rivals.remove(at)) {
+            (one.name, one.confidence) = (rival.place, rival.confidence);
+        }
+        one
+    };
+    weighed.iter().map(one).collect()
 }
 
 /// The model's own numbers as the fit has them.
@@ -173,21 +220,6 @@ fn without_zones(
     let columns: Vec<&columns::Column> = case.library.columns.iter().collect();
     let products = table::Products::new(&table, &columns, case.library.prior.clone(), seen);
     Some(Asking { library: &case.library, products: &products, always }.solve(names))
-}
-
-/// What no name explains, of the joint where it is largest.
-fn law(case: &Case, choice: &Choice) -> Option<Law> {
-    let rows = &case.rows;
-    let one = |joint: usize| {
-        let left = case.residual(&choice.solved, joint);
-        unknown::law(&case.motion, &case.table, joint, &left, [&rows.train, &rows.look, &rows.held])
-    };
-    let explained = |law: &Law| {
-        (law.held[0] - law.held[1])
-            / (case.table.noise[law.joint].1 * case.table.noise[law.joint].1)
-    };
-    let laws = case.table.joints().filter_map(one);
-    laws.max_by(|a, b| explained(a).total_cmp(&explained(b)))
 }
 
 fn proof(case: &Case, (given, choice): (&Choice, &Choice), joint: usize) -> JointProof {

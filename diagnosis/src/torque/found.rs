@@ -181,13 +181,15 @@ pub(super) fn rivals(asking: &Asking<'_>, choice: &Choice, name: usize) -> (f64,
     let is_other = |other: &usize| {
         let form = &families[*other];
         let is_more_of_it = form.is_kin(own) && form.columns.len() >= own.columns.len();
-        !(choice.names.contains(other) || is_more_of_it)
+        // What hardens a spring is on top of it, never in its place.
+        let is_on_top = form.kind == "spring_hardening" && own.kind == "spring";
+        !(choice.names.contains(other) || is_more_of_it || is_on_top)
     };
     let mut best: Vec<Rival> = Vec::new();
     for other in (0..families.len()).filter(is_other) {
         let family = &families[other];
         // What another name would bring in any case is no rival to this one.
-        let instead = asking.brings(&without, other) - asking.brings(choice, other);
+        let instead = asking.could_bring(&without, other) - asking.could_bring(choice, other);
         let behind = worth - instead;
         if instead < SHARES * worth {
             continue;

@@ -107,6 +107,11 @@ impl Stated<'_> {
         self.of("spring", joint).map(|effect| effect.values()[1]).sum()
     }
 
+    /// Whether the model has a spring at a joint.
+    pub(super) fn has_spring(&self, joint: usize) -> bool {
+        self.of("spring", joint).next().is_some()
+    }
+
     fn of(&self, kind: &str, joint: usize) -> impl Iterator<Item = &AnyEffect> {
         let same =
             move |effect: &&AnyEffect| effect.spec().kind == kind && effect.joint() == Some(joint);

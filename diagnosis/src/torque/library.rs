@@ -123,7 +123,6 @@ impl Library {
     /// Every name that one joint's torque may lack.
     pub(super) fn add_joint(&mut self, stated: &Stated<'_>, motion: &Motion, joint: usize) {
         let arm = &stated.model.arm;
-        let rest = stated.rest(joint);
         let [low, high] = motion.span(joint);
         let (span, usual) = (high - low, usual_speed(motion, joint));
         let is_angle = arm.joints()[joint].kind == JointKind::Revolute;
@@ -134,7 +133,6 @@ impl Library {
         let growing = law(Law::AbsoluteSpeed);
         let acceleration = law(Law::Acceleration);
         let position = law(Law::Position);
-        let cube = law(Law::Cube { rest });
         let turns = is_angle.then(|| [law(Law::Cosine), law(Law::Sine)]);
         let lowest = lowest_speed(motion, joint);
         let stribeck = STRIBECK.map(|share| (share * usual).max(lowest));
@@ -166,7 +164,6 @@ impl Library {
         let inertia = if is_angle { &["inertia"] } else { &["mass"] };
         put("inertia", &[acceleration], &[any], Form::Plain(inertia), &[]);
         put("spring", &[position, one], &[up, any], Form::Spring, &[]);
-        put("spring_hardening", &[cube], &[any], Form::Plain(&["cubic_stiffness"]), &[]);
         if let Some([cosine, sine]) = turns {
             let form = Form::Plain(&["cos", "sin"]);
             put("gravity_torque", &[cosine, sine], &[any, any], form, &[]);
@@ -179,7 +176,25 @@ impl Library {
             let set = [("reversal", distance)];
             put("hysteresis", &[column], &[up], Form::Loop, &set);
         }
+        if stated.has_spring(joint) {
+            self.add_hardening(joint, Law::Cube { rest: stated.rest(joint) }.column(motion, joint));
+        }
         self.add_warmth(motion, joint);
+    }
+
+    /// A spring that hardens: of a joint that has a spring, stated or found; `cube`: the cube of the way from where it rests.
+    pub(super) fn add_hardening(&mut self, joint: usize, cube: Column) {
+        let family = Family {
+            kind: "spring_hardening",
+            joint: Some(joint),
+            recording: None,
+            columns: Vec::new(),
+            signs: vec![Sign::Any],
+            form: Form::Plain(&["cubic_stiffness"]),
+            revises: false,
+            settings: Vec::new(),
+        };
+        self.add(family, vec![cube]);
     }
 
     /// A number that the model has takes the column of what the model says of it: two forms of one law would name their difference.

@@ -35,30 +35,42 @@ pub(crate) fn of(
     let joints = table.joints().count().max(1) as f64;
     let each = rich.columns.len() as f64 / joints;
     let of_joint = |joint: usize| {
-        let Some(target) = &table.target[joint] else { return (Colour::default(), 1.0) };
-        let left = residual(table, columns, rich, joint);
-        let counts = |row: usize| used[row] && table.counts[joint][row];
-        let kept: Vec<f64> = (0..left.len()).filter(|row| counts(*row)).map(|k| left[k]).collect();
-        let free = (kept.len() as f64 - each).max(1.0);
-        let size = libm::sqrt(kept.iter().map(|x| x * x).sum::<f64>() / free);
-        let whole =
-            libm::sqrt(target.iter().map(|x| x * x).sum::<f64>() / target.len().max(1) as f64);
-        let size = size.max(LEAST * whole).max(f64::MIN_POSITIVE);
-        let mut pieces: Vec<Vec<f64>> = Vec::new();
-        for run in &table.runs {
-            let mut goes_on = false;
-            for row in run.clone() {
-                let here = counts(row);
-                if here && !goes_on {
-                    pieces.push(Vec::new());
-                }
-                goes_on = here;
-                if here {
-                    pieces.last_mut().into_iter().for_each(|piece| piece.push(left[row] / size));
-                }
-            }
+        if table.target[joint].is_none() {
+            return (Colour::default(), 1.0);
         }
-        (Colour::of_runs(&pieces), size)
+        of_left(table, joint, &residual(table, columns, rich, joint), used, each)
     };
     (0..table.target.len()).map(of_joint).collect()
+}
+
+/// The same of one joint, from what is left of its torque once `numbers` were fitted.
+pub(super) fn of_left(
+    table: &Table,
+    joint: usize,
+    left: &[f64],
+    used: &[bool],
+    numbers: f64,
+) -> (Colour, f64) {
+    let target = || table.target[joint].iter().flatten();
+    let counts = |row: usize| used[row] && table.counts[joint][row];
+    let kept: Vec<f64> = (0..left.len()).filter(|row| counts(*row)).map(|k| left[k]).collect();
+    let free = (kept.len() as f64 - numbers).max(1.0);
+    let size = libm::sqrt(kept.iter().map(|x| x * x).sum::<f64>() / free);
+    let whole = libm::sqrt(target().map(|x| x * x).sum::<f64>() / target().count().max(1) as f64);
+    let size = size.max(LEAST * whole).max(f64::MIN_POSITIVE);
+    let mut pieces: Vec<Vec<f64>> = Vec::new();
+    for run in &table.runs {
+        let mut goes_on = false;
+        for row in run.clone() {
+            let here = counts(row);
+            if here && !goes_on {
+                pieces.push(Vec::new());
+            }
+            goes_on = here;
+            if here {
+                pieces.last_mut().into_iter().for_each(|piece| piece.push(left[row] / size));
+            }
+        }
+    }
+    (Colour::of_runs(&pieces), size)
 }

@@ -14,6 +14,8 @@ use super::table::{Solved, Table};
 
 /// A number is at least so many times its uncertainty.
 const SURE: f64 = 2.0;
+/// Of what a law would bring on rows unseen if it were true, it brings at least this share.
+const BORNE_OUT: f64 = 0.2;
 /// Blocks of time that uncertainties are told from.
 const BLOCKS: usize = 40;
 
@@ -60,6 +62,27 @@ pub(super) fn news(case: &Case, solved: &Solved, used: &[bool]) -> f64 {
         }
     }
     libm::sqrt(sum / f64::max(count, 1.0))
+}
+
+/// The sum of squares of one joint's values over rows that count.
+pub(super) fn sum(table: &Table, joint: usize, values: &[f64], used: &[bool]) -> f64 {
+    let rows = (0..values.len()).filter(|row| used[*row] && table.counts[joint][*row]);
+    rows.map(|row| values[row] * values[row]).sum()
+}
+
+/// Whether rows that took no part bring at least a share of what they would if what changes a joint's torque so were true, as far as chance lets them.
+pub(super) fn is_borne_out(
+    table: &Table,
+    joint: usize,
+    left: [&Vec<f64>; 2],
+    used: &[bool],
+) -> bool {
+    let told: Vec<f64> =
+        left[0].iter().zip(left[1]).map(|(before, after)| before - after).collect();
+    let [before, after, told] = [left[0], left[1], &told]
+        .map(|values| sum(table, joint, &table.whitened(joint, values), used));
+    let [gain, wanted] = [0.5 * (before - after), 0.5 * told];
+    gain > BORNE_OUT * wanted - libm::sqrt(wanted)
 }
 
 /// Root mean square of one joint on `used` rows, N m or N.

@@ -328,3 +328,49 @@ fn a_drive_gain_stays_within_what_a_drive_can_be_off_by() {
     assert!(less && more);
     assert!(![-24.3, -1.0, 3.0].into_iter().any(|gain| Sign::Within(GAIN).admits(gain)));
 }
+
+#[test]
+fn dry_friction_that_comes_and_goes_along_the_way_is_no_dry_friction() {
+    let place = |q: f64| libm::sin(q / 0.06);
+    let force = |[q, v, a]: [f64; 3]| MASS * a + 4.0 * v.signum() * (0.5 + place(q));
+    let found = of(&slider(true), &[], recording(JointKind::Prismatic, 1.0, force));
+    assert_eq!(found.verdict, Verdict::UnknownStructure, "{:?}", found.findings);
+    let law = found.unexplained.as_ref().unwrap();
+    assert_eq!(law.words, ["q1", "direction_1"]);
+}
+
+#[test]
+fn what_a_still_joint_holds_is_a_set_and_no_claim() {
+    let arm = pendulum();
+    let [joint] = arm.joints() else { panic!() };
+    let other = Joint { point: DVec3::new(0.0, 0.0, -0.2), ..*joint };
+    let two = Arm::new(&[*joint, other], arm.tool, arm.gravity).unwrap();
+    let model = Model::new(two, &[]).unwrap();
+    let moving = recording(JointKind::Revolute, 0.05, |_| 0.0);
+    let noise = moving.column(Channel::Torque(0)).unwrap().to_vec();
+    let holds = |extra: f64| {
+        let mut made = moving.clone();
+        made.set(Channel::Motor(1), vec![0.3; made.len()]);
+        let (mut first, mut second) = (Vec::new(), Vec::new());
+        for (t, noise) in made.t_s.iter().zip(&noise) {
+            let [q, v, a] = motion(*t);
+            let mut inputs = Inputs::at_rest([0.0; JOINTS_MAX]);
+            (inputs.q[0], inputs.velocity[0], inputs.acceleration[0]) = (q, v, a);
+            inputs.q[1] = 0.3;
+            let torque = model.drive(&inputs, &Memories::default());
+            first.push(torque.recorded(0) + noise);
+            second.push(torque.recorded(1) + extra - noise);
+        }
+        made.set(Channel::Torque(0), first);
+        made.set(Channel::Torque(1), second);
+        of(&two, &[], made)
+    };
+    assert_eq!(holds(0.0).verdict, Verdict::Consistent);
+    let found = holds(0.4);
+    assert_eq!(found.verdict, Verdict::Undetermined, "{:?}", found.findings);
+    let [set] = &found.findings[..] else { panic!("{:?}", found.findings) };
+    assert_eq!(set.joint, Some(1));
+    assert!((set.numbers[0].values[0] - 0.4).abs() < 0.02, "{set:?}");
+    let rivals: Vec<&str> = set.rivals.iter().map(|rival| rival.kind).collect();
+    assert!(rivals.contains(&"coulomb_friction") && rivals.contains(&"spring"), "{rivals:?}");
+}

@@ -13,8 +13,6 @@ use super::table::Table;
 const KNOTS: [usize; 2] = [8, 5];
 /// What a law must bring beyond its price.
 const MARGIN: f64 = 10.0;
-/// The least share of what is left that it explains on rows unseen, as energy.
-const SHARE: f64 = 0.05;
 /// Words tell from rows of at least this number.
 const ROWS: usize = 100;
 
@@ -35,7 +33,8 @@ pub(crate) struct Word {
     pub(crate) values: Vec<f64>,
 }
 
-fn words(motion: &Motion, joint: usize) -> Vec<Word> {
+/// What a joint's torque may follow: its position, speed, acceleration and time first.
+pub(super) fn words(motion: &Motion, joint: usize) -> Vec<Word> {
     let all = |value: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
         let runs = motion.runs.iter().enumerate();
         runs.flat_map(|(k, run)| run.rows.iter().map(move |row| (k, *row)))
@@ -52,7 +51,7 @@ fn words(motion: &Motion, joint: usize) -> Vec<Word> {
     ];
     if motion.runs.iter().all(|run| !run.joints[joint].temperature.is_empty()) {
         let values = all(&|run, row| track(run).temperature[row]);
-        words.push(Word { name: name("temp"), values });
+        words.push(Word { name: format!("{}_C", name("temp")), values });
     }
     for other in 0..motion.runs.first().map_or(0, |run| run.joints.len()) {
         if other != joint {
@@ -102,18 +101,8 @@ fn cells(of: &[&Word], count: usize) -> (usize, Vec<Vec<(usize, f64)>>) {
     (knots.iter().map(Vec::len).product(), cells)
 }
 
-/// The best law of one joint: chosen on rows that train, borne out on rows of the second look, weighed on those held out.
-pub(super) fn law(
-    motion: &Motion,
-    table: &Table,
-    joint: usize,
-    left: &[f64],
-    sets: [&[bool]; 3],
-) -> Option<Law> {
-    law_of(&words(motion, joint), table, joint, left, sets, SHARE)
-}
-
-/// The same of any words; the first three go in pairs too. `share`: of what is left, it explains at least this on rows unseen, as energy.
+/// The best law of these words in what is left of one joint: chosen on rows that train, borne out on rows of the second look, weighed on those held out; the first
+/// three go in pairs too. `share`: of what is left, it explains at least this on rows unseen, as energy.
 pub(crate) fn law_of(
     words: &[Word],
     table: &Table,

@@ -1,0 +1,279 @@
+//! Structure that no name explains: a torque, dry friction or drag whose size changes smoothly with a word of the contract.
+//!
+//! Each law is a series of Chebyshev polynomials of a word (or two) times what it sizes (a model with varying coefficients: Hastie and Tibshirani 1993). It is
+//! asked beside the names that stand and in the place of those of its joint, with the noise's memory heard anew once the law itself is taken out: slow
+//! structure is else taken for slow noise. So it is told, too, that a name's size changes with speed or place: then it is none.
+//!
+//! Promises: a law costs its numbers and the number of laws that were asked, and stands only where held-out rows are likelier with it. Never: a formula.
+
+use super::case::Case;
+use super::columns::{Column, Law as Sized};
+use super::motion::{Motion, span};
+use super::table::{Products, Solved, Table};
+use super::unknown::{Law, Word, words};
+use super::{noise, prove, refine};
+
+/// Polynomials of one word; of time, which may swing more often; of each word of a pair.
+const DEGREE: usize = 5;
+const DEGREE_OF_TIME: usize = 9;
+const DEGREE_OF_PAIR: usize = 3;
+/// So many laws are shown to held-out rows, the one that is worth most first.
+const LIKELY: usize = 6;
+/// What a law must bring beyond its price, in log-likelihood.
+const MARGIN: f64 = 15.0;
+/// Beside names a law explains at least this share of what is left, as energy: less may be what the band does to a turn.
+const SHARE: f64 = 0.02;
+/// Rounds of hearing the noise and asking.
+const ROUNDS: usize = 2;
+
+/// A law, with what stands beside it.
+pub(super) struct Beyond {
+    pub(super) law: Law,
+    /// By how much log-likelihood is higher with it, and with the names alone than without any.
+    pub(super) gain: f64,
+    pub(super) of_names: f64,
+    /// Names in whose place it stands: they were patches on it.
+    pub(super) instead_of: Vec<usize>,
+}
+
+/// One law: words, and columns of growing degree; the first says that the size is always the same.
+struct Asked {
+    words: Vec<String>,
+    columns: Vec<Column>,
+    /// Whether fewer of its columns are a law too.
+    nested: bool,
+}
+
+/// The law of one joint that is worth most.
+struct Best {
+    /// Which names stand beside it.
+    kept: usize,
+    asked: usize,
+    count: usize,
+    worth: f64,
+}
+
+/// What is asked of one joint: columns of names and laws, and the names' prices.
+struct Question<'a> {
+    case: &'a Case,
+    joint: usize,
+    columns: Vec<&'a Column>,
+    prior: Vec<f64>,
+    laws: &'a [Asked],
+    /// Places of each law's columns.
+    places: Vec<Vec<usize>>,
+    /// Names that stand, their columns' places and prices: all, and without the joint's.
+    kept: Vec<(Vec<usize>, Vec<usize>, f64)>,
+    /// Of the first columns, those that are in whatever is named.
+    always: usize,
+}
+
+/// `T_k` of a word's values, mapped to −1 to 1, row by row.
+fn chebyshev(word: &Word, degree: usize) -> Vec<f64> {
+    let [low, high] = span(word.values.iter().copied());
+    let half = (0.5 * (high - low)).max(f64::MIN_POSITIVE);
+    let of =
+        |x: &f64| libm::cos(degree as f64 * libm::acos(((x - low) / half - 1.0).clamp(-1.0, 1.0)));
+    word.values.iter().map(of).collect()
+}
+
+/// A word in all its polynomials.
+fn series(word: &Word) -> Vec<Vec<f64>> {
+    let most = if word.name == "t_s" { DEGREE_OF_TIME } else { DEGREE };
+    (0..=most).map(|degree| chebyshev(word, degree)).collect()
+}
+
+fn times(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a * b).collect()
+}
+
+/// Everything that is asked of a joint.
+fn laws(motion: &Motion, joint: usize) -> Vec<Asked> {
+    let words = words(motion, joint);
+    let series: Vec<Vec<Vec<f64>>> = words.iter().map(series).collect();
+    let own = |stem: &str| format!("{stem}{}", joint + 1);
+    // A smooth size passes the filter as its carrier does.
+    let carrier = |law: Sized| law.column(motion, joint).parts.remove(0).1;
+    let column = |values| Column { parts: vec![(joint, values)] };
+    let mut all = Vec::new();
+    let mut add = |carrier: &[f64], name: Option<String>, word: usize| {
+        let columns = series[word].iter().map(|one| column(times(carrier, one)));
+        let mut of = vec![words[word].name.clone()];
+        of.extend(name.filter(|name| *name != of[0]));
+        all.push(Asked { words: of, columns: columns.collect(), nested: true });
+    };
+    let one = carrier(Sized::One);
+    let [q, v, a, t] = [0, 1, 2, 3];
+    // What bends with acceleration is torque and motion that do not quite meet in time.
+    (0..words.len()).filter(|word| *word != a).for_each(|word| add(&one, None, word));
+    // What rubs or drags by the place of another joint does so by the load: that has a name.
+    let sized = [
+        // By speed or acceleration friction seems to change where it turns round, as the band does not tell when exactly it does.
+        (Sized::Direction, own("direction_"), &[q, t][..]),
+        (Sized::Speed, own("v"), &[q, t]),
+    ];
+    for (law, name, of) in sized {
+        let carrier = carrier(law);
+        of.iter().for_each(|word| add(&carrier, Some(name.clone()), *word));
+    }
+    let degrees = (0..=DEGREE_OF_PAIR).flat_map(|i| (0..=DEGREE_OF_PAIR).map(move |k| (i, k)));
+    let columns = degrees.map(|(i, k)| column(times(&series[q][i], &series[v][k])));
+    let of = vec![words[q].name.clone(), words[v].name.clone()];
+    all.push(Asked { words: of, columns: columns.collect(), nested: false });
+    all
+}
+
+impl<'a> Question<'a> {
+    fn new(
+        case: &'a Case,
+        (always, names): (&[usize], &[usize]),
+        price: &dyn Fn(usize) -> f64,
+        joint: usize,
+        laws: &'a [Asked],
+    ) -> Self {
+        let families = &case.library.families;
+        let mut of = always.to_vec();
+        let columns = names.iter().flat_map(|name| &families[*name].columns);
+        columns.for_each(|column| {
+            if !of.contains(column) {
+                of.push(*column);
+            }
+        });
+        let place = |column: &usize| of.iter().position(|other| other == column);
+        let elsewhere = |name: &usize| families[*name].joint.is_some_and(|other| other != joint);
+        let beside: Vec<usize> = names.iter().copied().filter(elsewhere).collect();
+        let set = |kept: Vec<usize>| {
+            let own = kept.iter().flat_map(|name| &families[*name].columns);
+            let places = always.iter().chain(own).filter_map(place);
+            let price = kept.iter().map(|name| price(*name)).sum();
+            (kept.clone(), places.collect(), price)
+        };
+        let mut kept = vec![set(names.to_vec())];
+        if beside.len() < names.len() {
+            kept.push(set(beside));
+        }
+        let mut columns: Vec<&Column> = of.iter().map(|k| &case.library.columns[*k]).collect();
+        let mut prior: Vec<f64> = of.iter().map(|k| case.library.prior[*k]).collect();
+        let mut places = Vec::new();
+        for law in laws {
+            places.push((columns.len()..columns.len() + law.columns.len()).collect());
+            columns.extend(&law.columns);
+            prior.resize(columns.len(), 0.0);
+        }
+        Self { case, joint, columns, prior, laws, places, kept, always: always.len() }
+    }
+
+    /// Laws that are worth their price by what `table` believes of the noise, the one that is worth most first; and the fit of the names without any.
+    fn best(&self, table: &Table, used: &[bool]) -> (Vec<Best>, Solved) {
+        let products = Products::new(table, &self.columns, self.prior.clone(), used);
+        let tried = (self.laws.len() * DEGREE) as f64;
+        let rows = (products.rows.max(3) as f64).ln();
+        let price = |count: usize| 0.5 * count as f64 * rows + tried.ln();
+        let bare = products.solve(&self.kept[0].1);
+        let least = bare.gain - self.kept[0].2 + MARGIN;
+        let mut all: Vec<Best> = Vec::new();
+        for (kept, (_, places, of_names)) in self.kept.iter().enumerate() {
+            let names = products.solve(places);
+            for (asked, own) in self.places.iter().enumerate() {
+                let (steady, _) = products.more(&names, &own[..1]);
+                let fewest = if self.laws[asked].nested { 2 } else { own.len() };
+                let mut best: Option<Best> = None;
+                for count in fewest..=own.len() {
+                    let (gain, _) = products.more(&names, &own[..count]);
+                    let worth = names.gain - of_names + gain - price(count);
+                    // What is always of the same size is no law.
+                    let changes = gain - steady > price(count - 1);
+                    if changes && best.as_ref().is_none_or(|best| worth > best.worth) {
+                        best = Some(Best { kept, asked, count, worth });
+                    }
+                }
+                all.extend(best.filter(|best| best.worth > least));
+            }
+        }
+        all.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+        (all, bare)
+    }
+
+    /// The log-likelihood without any name.
+    fn without(&self, table: &Table, used: &[bool]) -> f64 {
+        let all: Vec<usize> = (0..self.always).collect();
+        let (columns, prior) = (&self.columns[..self.always], self.prior[..self.always].to_vec());
+        Products::new(table, columns, prior, used).solve(&all).gain
+    }
+
+    /// The fit of a law with the names beside which it stands.
+    fn solved(&self, table: &Table, used: &[bool], best: &Best) -> Solved {
+        let mut places = self.kept[best.kept].1.clone();
+        places.extend(&self.places[best.asked][..best.count]);
+        let columns: Vec<&Column> = places.iter().map(|k| self.columns[*k]).collect();
+        let prior = places.iter().map(|k| self.prior[*k]).collect();
+        let all: Vec<usize> = (0..places.len()).collect();
+        let mut solved = Products::new(table, &columns, prior, used).solve(&all);
+        solved.columns.iter_mut().for_each(|k| *k = places[*k]);
+        solved
+    }
+
+    /// What is left of the joint's torque.
+    fn left(&self, solved: &Solved) -> Vec<f64> {
+        let parts: Vec<(&Column, f64)> = solved
+            .columns
+            .iter()
+            .zip(&solved.values)
+            .map(|(k, x)| (self.columns[*k], *x))
+            .collect();
+        let model = Column::sum(&parts, self.joint, self.case.table.rows());
+        let target = self.case.table.target[self.joint].iter().flatten();
+        target.zip(model).map(|(target, model)| target - model).collect()
+    }
+}
+
+/// The law of one joint, where held-out rows bear it out.
+fn of_joint(case: &Case, question: &Question<'_>) -> Option<Beyond> {
+    let (seen, held, joint) = (&case.rows.seen(), &case.rows.held, question.joint);
+    let mut table = case.table.clone();
+    let (mut found, mut bare) = question.best(&table, seen);
+    for _ in 1..ROUNDS {
+        let solved = found.first().map(|best| question.solved(&table, seen, best));
+        let left = question.left(solved.as_ref().unwrap_or(&bare));
+        table.noise[joint] = noise::of_left(&table, joint, &left, seen, 0.0);
+        (found, bare) = question.best(&table, seen);
+    }
+    let before = question.left(&bare);
+    let of_names = bare.gain - question.without(&table, seen);
+    let mut fits = found.into_iter().take(LIKELY).map(|best| {
+        let solved = question.solved(&table, seen, &best);
+        let after = question.left(&solved);
+        (best, solved, after)
+    });
+    let sum = |left: &Vec<f64>| prove::sum(&table, joint, left, seen);
+    let stands = |(best, _, after): &(Best, Solved, Vec<f64>)| {
+        let is_patched = best.kept > 0;
+        (is_patched || sum(after) < (1.0 - SHARE) * sum(&before))
+            && prove::is_borne_out(&table, joint, [&before, after], held)
+    };
+    let (best, solved, after) = fits.find(stands)?;
+    let kept = &question.kept[best.kept].0;
+    let names = &question.kept[0].0;
+    Some(Beyond {
+        law: Law {
+            joint,
+            words: question.laws[best.asked].words.clone(),
+            held: [&before, &after].map(|left| prove::sum(&table, joint, left, held)),
+        },
+        gain: solved.gain - bare.gain,
+        of_names,
+        instead_of: names.iter().copied().filter(|name| !kept.contains(name)).collect(),
+    })
+}
+
+/// The law that brings most, of the joint that it is of.
+pub(super) fn law(case: &Case, always: &[usize], names: &[usize]) -> Option<Beyond> {
+    let products = case.products(&case.rows.seen());
+    let asking = refine::asking(case, &products, always);
+    let price = |name: usize| asking.price(&case.library.families[name]);
+    let one = |joint: usize| {
+        let laws = laws(&case.motion, joint);
+        of_joint(case, &Question::new(case, (always, names), &price, joint, &laws))
+    };
+    case.table.joints().filter_map(one).max_by(|a, b| a.gain.total_cmp(&b.gain))
+}

@@ -1,0 +1,109 @@
+//! What a joint holds that never moves: one constant, which friction at rest, gravity, a spring, a bias or a drive's gain may be alike.
+//!
+//! Promises: it is asked only where nothing else was found, beyond what the stated dry friction may hold, and it is never a claim: a set of all that it can be.
+//! Never: a number of one of them alone.
+
+use physics::JointKind;
+
+use super::case::Case;
+use super::columns::Column;
+use super::found::{Number, Rival};
+use super::library::GAIN;
+use super::table::Products;
+use super::{Finding, Stated, noise};
+use crate::colour::Colour;
+
+/// What a constant must bring beyond its price, in log-likelihood.
+const MARGIN: f64 = 10.0;
+
+/// A constant that a joint holds, N m or N, with its standard uncertainty and what it brings.
+struct Held {
+    joint: usize,
+    value: f64,
+    sigma: f64,
+    gain: f64,
+    before: f64,
+}
+
+/// The constants that joints hold, each as a set of names.
+pub(super) fn findings(case: &Case, stated: &Stated<'_>, always: &[usize]) -> Vec<Finding> {
+    let held = case.still.iter().filter_map(|(joint, target)| held(case, *joint, target, always));
+    let beyond =
+        held.filter(|held| held.value.abs() > stated.first("coulomb_friction", held.joint));
+    let mut all: Vec<Finding> = beyond.map(|held| finding(case, stated, &held)).collect();
+    all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    all
+}
+
+/// The constant of one joint beside what is fitted anyway, where it is there.
+fn held(case: &Case, joint: usize, target: &[f64], always: &[usize]) -> Option<Held> {
+    let seen = case.rows.seen();
+    let mut table = case.table.clone();
+    table.counts[joint] = vec![true; target.len()];
+    let mean = target.iter().sum::<f64>() / target.len().max(1) as f64;
+    let about: Vec<f64> = target.iter().map(|x| x - mean).collect();
+    table.target[joint] = Some(target.to_vec());
+    table.noise[joint] = (Colour::default(), 1.0);
+    table.noise[joint] = noise::of_left(&table, joint, &about, &seen, 1.0);
+    let one = Column { parts: vec![(joint, vec![1.0; target.len()])] };
+    let mut columns: Vec<&Column> = always.iter().map(|k| &case.library.columns[*k]).collect();
+    let mut prior: Vec<f64> = always.iter().map(|k| case.library.prior[*k]).collect();
+    columns.push(&one);
+    prior.push(0.0);
+    let products = Products::new(&table, &columns, prior, &seen);
+    let places: Vec<usize> = (0..columns.len()).collect();
+    let whole = products.solve(&places);
+    let gain = whole.gain - products.solve(&places[..always.len()]).gain;
+    let at = whole.columns.iter().position(|k| *k == always.len())?;
+    let price = 0.5 * (products.rows.max(3) as f64).ln() + (case.still.len() as f64).ln();
+    let sigma = whole.covariance()[(at, at)].sqrt();
+    let squares = target.iter().map(|x| x * x).sum::<f64>() / target.len().max(1) as f64;
+    (gain > price + MARGIN).then(|| Held {
+        joint,
+        value: whole.values[at],
+        sigma,
+        gain,
+        before: libm::sqrt(squares),
+    })
+}
+
+fn finding(case: &Case, stated: &Stated<'_>, held: &Held) -> Finding {
+    let arm = &stated.model.arm;
+    let joint = held.joint;
+    let turns = arm.joints()[joint].kind == JointKind::Revolute;
+    let torque = &case.stated[joint];
+    let usual = torque.iter().sum::<f64>() / torque.len().max(1) as f64;
+    let mut others = vec![("coulomb_friction", vec!["level"])];
+    if turns {
+        others.push(("gravity_torque", vec!["cos", "sin"]));
+    }
+    others.push(("spring", vec!["stiffness", "rest_position"]));
+    if (GAIN[0]..GAIN[1]).contains(&(held.value / usual)) {
+        others.push(("drive_gain", vec!["gain"]));
+    }
+    let confidence = 1.0 / (others.len() + 1) as f64;
+    let rival = |(kind, stems): (&'static str, Vec<&'static str>)| Rival {
+        kind,
+        joint: Some(joint),
+        place: usize::MAX,
+        dearer: stems.len() as f64 - 1.0,
+        stems,
+        behind: 0.0,
+        alike: true,
+        confidence,
+    };
+    Finding {
+        kind: "friction_asymmetry",
+        joint: Some(joint),
+        recording: None,
+        is_change: false,
+        numbers: vec![Number { stem: "offset", values: vec![held.value], sigma: vec![held.sigma] }],
+        confidence,
+        gain: held.gain,
+        rivals: others.into_iter().map(rival).collect(),
+        heldout: [
+            held.before,
+            (held.before * held.before - held.value * held.value).max(0.0).sqrt(),
+        ],
+    }
+}
