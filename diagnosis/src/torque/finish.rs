@@ -53,7 +53,7 @@ pub(super) fn finish(
     let findings: Vec<Finding> = listed.iter().map(finding).collect();
     let beyond = smooth::law(case, always, &names);
     let findings = or_still(case, stated, always, (findings, beyond.is_some()));
-    let verdict = verdict::verdict(&findings, beyond.as_ref());
+    let verdict = verdict::verdict(case, &findings, (&given, &choice), beyond.as_ref());
     let joints: Vec<usize> = case.table.joints().collect();
     let by_joint: Vec<JointProof> =
         joints.iter().map(|j| proof(case, (&given, &choice), *j)).collect();

@@ -29,9 +29,8 @@ const ROUNDS: usize = 2;
 /// A law, with what stands beside it.
 pub(super) struct Beyond {
     pub(super) law: Law,
-    /// By how much log-likelihood is higher with it, and with the names alone than without any.
-    pub(super) gain: f64,
-    pub(super) of_names: f64,
+    /// By how much log-likelihood is higher with it than with the names alone.
+    gain: f64,
     /// Names in whose place it stands: they were patches on it.
     pub(super) instead_of: Vec<usize>,
 }
@@ -64,8 +63,6 @@ struct Question<'a> {
     places: Vec<Vec<usize>>,
     /// Names that stand, their columns' places and prices: all, and without the joint's.
     kept: Vec<(Vec<usize>, Vec<usize>, f64)>,
-    /// Of the first columns, those that are in whatever is named.
-    always: usize,
 }
 
 /// `T_k` of a word's values, mapped to −1 to 1, row by row.
@@ -160,7 +157,7 @@ impl<'a> Question<'a> {
             columns.extend(&law.columns);
             prior.resize(columns.len(), 0.0);
         }
-        Self { case, joint, columns, prior, laws, places, kept, always: always.len() }
+        Self { case, joint, columns, prior, laws, places, kept }
     }
 
     /// Laws that are worth their price by what `table` believes of the noise, the one that is worth most first; and the fit of the names without any.
@@ -192,13 +189,6 @@ impl<'a> Question<'a> {
         }
         all.sort_by(|a, b| b.worth.total_cmp(&a.worth));
         (all, bare)
-    }
-
-    /// The log-likelihood without any name.
-    fn without(&self, table: &Table, used: &[bool]) -> f64 {
-        let all: Vec<usize> = (0..self.always).collect();
-        let (columns, prior) = (&self.columns[..self.always], self.prior[..self.always].to_vec());
-        Products::new(table, columns, prior, used).solve(&all).gain
     }
 
     /// The fit of a law with the names beside which it stands.
@@ -239,7 +229,6 @@ fn of_joint(case: &Case, question: &Question<'_>) -> Option<Beyond> {
         (found, bare) = question.best(&table, seen);
     }
     let before = question.left(&bare);
-    let of_names = bare.gain - question.without(&table, seen);
     let mut fits = found.into_iter().take(LIKELY).map(|best| {
         let solved = question.solved(&table, seen, &best);
         let after = question.left(&solved);
@@ -261,7 +250,6 @@ fn of_joint(case: &Case, question: &Question<'_>) -> Option<Beyond> {
             held: [&before, &after].map(|left| prove::sum(&table, joint, left, held)),
         },
         gain: solved.gain - bare.gain,
-        of_names,
         instead_of: names.iter().copied().filter(|name| !kept.contains(name)).collect(),
     })
 }

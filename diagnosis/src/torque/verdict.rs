@@ -4,21 +4,42 @@
 
 use crate::diagnose::Verdict;
 
-use super::Finding;
+use super::case::Case;
+use super::choose::Choice;
 use super::smooth::Beyond;
+use super::{Finding, prove};
 
-/// Names must carry this share of what can be explained; else the structure is unknown.
+/// Names must carry this share of what stands above the noise on held-out rows, as energy; else the structure is unknown.
 const CARRIED: f64 = 0.98;
 /// Where more than this share of what is named cannot be told apart, nothing is claimed.
 const CLEAR: f64 = 0.5;
 /// A rival that is so much behind is listed, but the verdict no longer waits for it: where names differ by 5 in expectation, chance takes more than this of it only in
 /// one case in four, and where they do not differ it seldom gives as much.
 const BEHIND: f64 = 3.0;
-/// Names that carry their share of the log-likelihood are the answer; else the structure is unknown.
-pub(super) fn verdict(findings: &[Finding], beyond: Option<&Beyond>) -> Verdict {
-    let carried = beyond.map(|beyond| {
-        let stand = beyond.instead_of.is_empty();
-        if stand { beyond.of_names / (beyond.of_names + beyond.gain) } else { 0.0 }
+/// Names that carry their share of what stands above the noise on held-out rows are the answer; else the structure is unknown, as it is where a law stands
+/// in the place of names.
+pub(super) fn verdict(
+    case: &Case,
+    findings: &[Finding],
+    (given, choice): (&Choice, &Choice),
+    rest: Option<&Beyond>,
+) -> Verdict {
+    let held = &case.rows.held;
+    let energy = |choice: &Choice| {
+        let rms = prove::rms(case, &choice.solved, held, true);
+        rms * rms
+    };
+    let scale: f64 = case.table.joints().map(|j| case.table.noise[j].1.ln()).sum::<f64>()
+        / case.table.joints().count().max(1) as f64;
+    let count = held.iter().filter(|held| **held).count() as f64
+        * case.table.joints().count().max(1) as f64;
+    let (before, after) = (energy(given), energy(choice));
+    let carried = rest.map(|Beyond { law, instead_of, .. }| {
+        let noise = case.table.noise[law.joint].1;
+        let left = (law.held[0] - law.held[1]) / (noise * noise * count.max(1.0));
+        let left = left * libm::exp(2.0 * scale);
+        let stand = instead_of.is_empty();
+        if stand { (before - after) / (before - after + left).max(1e-300) } else { 0.0 }
     });
     let named: f64 = findings.iter().map(|one| one.gain).sum();
     let is_alike = |one: &&Finding| {
