@@ -43,7 +43,7 @@ impl<const N: usize> Limiters<N> {
         &self.joints
     }
 
-    /// Stands at these values at once, without bounds: for settled poses, that no motion connects.
+    /// Stands at these values at once, without bounds: for settled poses, that no motion connects. Gives where it stands: zero for what is not finite.
     pub fn jump(&mut self, values: &[f64; N]) -> [f64; N] {
         self.joints.iter_mut().zip(values).for_each(|(joint, value)| joint.jump(*value));
         self.values()

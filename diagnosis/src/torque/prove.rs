@@ -65,7 +65,7 @@ pub(super) fn news(case: &Case, solved: &Solved, used: &[bool]) -> f64 {
 }
 
 /// The sum of squares of one joint's values over rows that count.
-pub(super) fn sum(table: &Table, joint: usize, values: &[f64], used: &[bool]) -> f64 {
+pub(crate) fn sum(table: &Table, joint: usize, values: &[f64], used: &[bool]) -> f64 {
     let rows = (0..values.len()).filter(|row| used[*row] && table.counts[joint][*row]);
     rows.map(|row| values[row] * values[row]).sum()
 }

@@ -176,7 +176,7 @@ proptest! {
     }
 
     #[test]
-    fn a_target_that_comes_and_goes_makes_no_swing_grow(
+    fn a_target_that_comes_and_goes_drives_no_swing_to_the_envelope(
         pauses in prop::collection::vec(1..80_usize, 400), to in 0.1e-3..1e-3_f64,
     ) {
         // What a daemon that answers now and then asks of a ramp. Before the reach was bounded: ten times `to`, the bound of the angle; of 30 000 draws the worst

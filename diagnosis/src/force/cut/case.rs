@@ -14,7 +14,7 @@ use crate::colour::Colour;
 use crate::torque::columns::Column;
 use crate::torque::library::Library;
 use crate::torque::noise;
-use crate::torque::prove::{covariance_of, rms_of};
+use crate::torque::prove::{covariance_of, rms_of, sum};
 use crate::torque::table::{Products, Solved, Table};
 
 /// By so much the spindle is turned to see what that changes, rad.
@@ -338,15 +338,11 @@ impl Case {
 
     /// Half the sum of squares of what is new in what is left on some rows, in units of the noise: minus log-likelihood.
     pub(super) fn left_white(&self, solved: &Solved, used: &[bool]) -> f64 {
-        let mut sum = 0.0;
-        for axis in self.table.joints() {
+        let of_axis = |axis: usize| {
             let left = noise::residual(&self.table, &self.library.columns, solved, axis);
-            let white = self.table.whitened(axis, &left);
-            let counts = &self.table.counts[axis];
-            let rows = (0..white.len()).filter(|row| used[*row] && counts[*row]);
-            sum += 0.5 * rows.map(|row| white[row] * white[row]).sum::<f64>();
-        }
-        sum
+            0.5 * sum(&self.table, axis, &self.table.whitened(axis, &left), used)
+        };
+        self.table.joints().map(of_axis).sum()
     }
 
     pub(super) fn covariance(&self, solved: &Solved, used: &[bool]) -> DMatrix<f64> {

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use super::case::{Belief, Case};
 use super::found::{self, Weighed};
 use super::law::{LEAK, SCALE, Slot, TURN};
-use super::names::TONE;
+use super::names::{BEYOND, TONE};
 use super::rest::{self, Rest};
 use super::rows::Rows;
 use super::view::{Traced, has_one_feed, not_tested, notes, signal, traces};
@@ -33,8 +33,6 @@ const CLEARLY: f64 = 0.02;
 const BY_CHANCE: f64 = 20.0;
 /// The other numbers make one no less sure than this, as a ratio of variances, or it is not asked for.
 const APART: f64 = 1e5;
-/// Sensors are off by at most this share, and turned by at most this, rad.
-pub(super) const BEYOND: f64 = 0.5;
 
 /// Forces held against the told cut.
 #[derive(Clone, Debug)]

@@ -10,11 +10,12 @@ use crate::torque::columns::Column;
 use crate::torque::library::{Family, Form, Library, Sign};
 
 use super::case::{Anyway, Case, Doubt};
-use super::finish::BEYOND;
 use super::law::{BIAS, CHIP, EDGE, HUM, LEAK, NUMBERS, RING, RUNOUT, SCALE, Slot, TURN, WEAR};
 
 /// A tone of which no name of the contract tells: it swings whether the tool cuts or not.
 pub(super) const TONE: &str = "";
+/// Sensors are off by at most this share, and turned by at most this, rad.
+pub(super) const BEYOND: f64 = 0.5;
 /// Segments up to which each may have drifts of its own.
 const DRIFTING: usize = 16;
 /// The spindle is off what is told by about this share.

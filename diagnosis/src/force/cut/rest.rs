@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use super::case::{Belief, Case, DRIFTS};
+use crate::torque::prove::sum;
 use crate::torque::table::Solved;
 use crate::torque::unknown::{Word, law_of};
 
@@ -62,6 +63,7 @@ pub(super) fn law(case: &Case, solved: &Solved, belief: &Belief) -> Option<Rest>
             word("spindle_rpm", of(&|row| speeds[case.law.rows[row].segment])),
             word("wrench", read[axis].clone()),
             word("feed_mm_s", of(&|row| case.law.rows[row].feed_per_tooth_m)),
+            // How fast it feeds, and whether it feeds at all.
             word(
                 "feed_mm_s",
                 of(&|row| f64::from(u8::from(case.law.rows[row].feed_per_tooth_m > 0.0))),
@@ -104,12 +106,8 @@ pub(super) fn creeping(case: &Case, belief: &Belief) -> Option<Rest> {
     let mut still = belief.clone();
     still.drift.fill(0.0);
     let without = case.left(&still);
-    let rms = |all: &[f64]| {
-        let counts = &case.table.counts[axis];
-        let rows = (0..all.len()).filter(|row| case.sets.held[*row] && counts[*row]);
-        let (sum, count) = rows.fold((0.0, 0.0), |(s, n), row| (s + all[row] * all[row], n + 1.0));
-        libm::sqrt(sum / f64::max(count, 1.0))
-    };
+    let rows = sum(&case.table, axis, &vec![1.0; left[axis].len()], &case.sets.held).max(1.0);
+    let rms = |all: &[f64]| libm::sqrt(sum(&case.table, axis, all, &case.sets.held) / rows);
     let held = [rms(&without[axis]), rms(&left[axis])];
     Some(Rest { axis, words: vec!["t_s".to_owned()], held, tone_hz: None, carries: 0.0 })
 }
