@@ -7,6 +7,7 @@
 //! Never: a file; see [`crate::from_recording`].
 
 use crate::colour::Colour;
+use crate::nests::Nests;
 use crate::surroundings::Surroundings;
 use glam::{DMat3, DVec3};
 use physics::Inputs;
@@ -220,7 +221,7 @@ pub struct Instrument {
 }
 
 /// One recording that poses come from.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Source {
     /// Its name, for people.
     pub name: String,
@@ -228,6 +229,8 @@ pub struct Source {
     pub is_path: bool,
     /// Whether joint positions were read back from the controller; else they were commanded.
     pub reads_back: bool,
+    /// How the instrument wandered, where targets on the base tell; points and orientations are free of it.
+    pub nests: Option<Nests>,
 }
 
 impl Source {

@@ -11,6 +11,7 @@ mod gauges;
 use crate::campaign::{
     Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source,
 };
+use crate::nests::Nests;
 use crate::surroundings::{Fitted, Station, Surroundings};
 use glam::{DMat3, DQuat, DVec3};
 use physics::{Arm, Chain, Frame, Inputs, Joints, Wrench};
@@ -89,7 +90,8 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
     gauges::surround(recordings, &mut campaign.surroundings)?;
     let mut stations = Vec::new();
     for (index, recording) in recordings.iter().enumerate() {
-        let mut reader = Reader { arm, recording, index, frames: Vec::new() };
+        let nests = Nests::of(recording);
+        let mut reader = Reader { arm, recording, index, frames: Vec::new(), nests };
         reader.surround(&mut campaign.surroundings, &mut stations);
         let instruments = reader.instruments(&mut campaign)?;
         let before = campaign.readings();
@@ -111,7 +113,7 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
 /// # Errors
 /// An input that lacks a joint.
 pub fn motion(arm: &Arm, recording: &Recording) -> Result<Vec<Pose>, Unusable> {
-    Reader { arm, recording, index: 0, frames: Vec::new() }.motion()
+    Reader { arm, recording, index: 0, frames: Vec::new(), nests: None }.motion()
 }
 
 /// Where the joints of the robot `arm` were in `recording`, row by row, rad or m.
@@ -119,7 +121,7 @@ pub fn motion(arm: &Arm, recording: &Recording) -> Result<Vec<Pose>, Unusable> {
 /// # Errors
 /// An input that lacks a joint.
 pub(crate) fn positions(arm: &Arm, recording: &Recording) -> Result<Vec<Joints>, Unusable> {
-    let reader = Reader { arm, recording, index: 0, frames: Vec::new() };
+    let reader = Reader { arm, recording, index: 0, frames: Vec::new(), nests: None };
     let mut all: Vec<Joints> = Vec::with_capacity(recording.len());
     for row in 0..recording.len() {
         let before = all.last().filter(|_| reader.goes_on(row));
@@ -157,6 +159,7 @@ struct Reader<'a> {
     index: usize,
     /// The measuring frame of each row.
     frames: Vec<usize>,
+    nests: Option<Nests>,
 }
 
 impl Reader<'_> {
@@ -169,6 +172,7 @@ impl Reader<'_> {
             name: self.name(),
             is_path: self.recording.about.kind == Kind::Path,
             reads_back: self.recording.input_kind() == Input::Motor,
+            nests: self.nests.clone(),
         }
     }
 
@@ -350,19 +354,23 @@ impl Reader<'_> {
             Ok(())
         };
         let frame = self.frames[row];
-        if let Some(at) = self.vector(Channel::Position, row) {
+        let laid = self.nests.as_ref().map_or(Frame::IDENTITY, |nests| nests.laid_from_seen(row));
+        if let Some(at) = self.vector(Channel::Position, row).map(|at| laid.point(at)) {
             let place = Place::Tcp;
             take(Reading::Point { place, frame, at }, instruments.points, at, "x, y, z")?;
         }
         for target in 0..surroundings.targets.len() {
-            if let Some(at) = self.vector(|k| Channel::Target(target, k), row) {
+            if let Some(at) =
+                self.vector(|k| Channel::Target(target, k), row).map(|at| laid.point(at))
+            {
                 let place = Place::Target(target);
                 take(Reading::Point { place, frame, at }, instruments.points, at, "targets")?;
             }
         }
         let [w, x, y, z] = [0, 1, 2, 3].map(|k| self.value(Channel::Orientation(k), row));
         if [w, x, y, z].iter().all(|part| part.is_finite()) {
-            let measuring_from_tool = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
+            let read = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
+            let measuring_from_tool = laid.rotation * read;
             let reading = Reading::Orientation { frame, measuring_from_tool };
             take(reading, instruments.orientations, DVec3::ZERO, "orientations")?;
         }

@@ -27,6 +27,7 @@ mod made;
 mod minimise;
 pub mod motion;
 mod motions;
+pub mod nests;
 pub mod on_links;
 pub mod per_joint;
 pub mod plan;

@@ -114,7 +114,35 @@ impl<'a> Fitted<'a> {
         asked: &Asked,
         motions: impl FnMut(usize, &mut Vec<Motion>),
     ) -> Vec<Score> {
-        let sums = self.sums(asked.sigmas.len(), motions);
+        self.scores_along(asked, pose_by_pose(motions))
+    }
+
+    /// Scores of groups of columns that all move the tool as one motion does, told by how often they do so at a pose.
+    pub(crate) fn scores_of_multiples(
+        &self,
+        asked: &Asked,
+        mut motion: impl FnMut(usize) -> Motion,
+        mut multiples: impl FnMut(usize, &mut Vec<f64>),
+    ) -> Vec<Score> {
+        let (mut now, mut moved, mut times) = (usize::MAX, Motion::default(), Vec::new());
+        self.scores_along(asked, |at, into| {
+            if now != at.pose {
+                now = at.pose;
+                moved = motion(now);
+                times.clear();
+                multiples(now, &mut times);
+            }
+            let along = at.rows.along(&moved);
+            into.extend(times.iter().map(|times| along * *times));
+        })
+    }
+
+    fn scores_along(
+        &self,
+        asked: &Asked,
+        columns: impl FnMut(&At<'_>, &mut Vec<DVec3>),
+    ) -> Vec<Score> {
+        let sums = self.sums(&asked.numbers, columns);
         let mut column = 0;
         let group = |(index, count): (usize, &usize)| {
             let columns = column..column + count;
@@ -168,18 +196,10 @@ impl<'a> Fitted<'a> {
     pub(crate) fn rows(
         &self,
         count: usize,
-        mut motions: impl FnMut(usize, &mut Vec<Motion>),
+        motions: impl FnMut(usize, &mut Vec<Motion>),
         take: impl FnMut(&[f64], &[f64], f64),
     ) {
-        let (mut now, mut moved) = (usize::MAX, Vec::new());
-        let along = |at: &At<'_>, into: &mut Vec<DVec3>| {
-            if now != at.pose {
-                now = at.pose;
-                motions(now, &mut moved);
-            }
-            into.extend(moved.iter().map(|motion| at.rows.along(motion)));
-        };
-        self.rows_along(count, along, take);
+        self.rows_along(count, pose_by_pose(motions), take);
     }
 
     /// The same, told by what each column is at a reading.
@@ -213,9 +233,9 @@ impl<'a> Fitted<'a> {
         });
     }
 
-    fn sums(&self, count: usize, motions: impl FnMut(usize, &mut Vec<Motion>)) -> Sums {
-        let mut sums = Sums::new(self.fit.columns().len(), count);
-        self.rows(count, motions, |fitted, columns, right| {
+    fn sums(&self, groups: &[usize], columns: impl FnMut(&At<'_>, &mut Vec<DVec3>)) -> Sums {
+        let mut sums = Sums::new(self.fit.columns().len(), groups);
+        self.rows_along(groups.iter().sum(), columns, |fitted, columns, right| {
             sums.add(fitted.iter().copied(), columns, right);
         });
         sums.project(&self.fit.triangle, self.right());
@@ -299,6 +319,20 @@ impl<'a> Fitted<'a> {
             all.iter_mut().zip(motions).for_each(|(series, motion)| series[pose] = motion);
         });
         all
+    }
+}
+
+/// What each column is at a reading, of motions that are asked for once at each pose.
+fn pose_by_pose(
+    mut motions: impl FnMut(usize, &mut Vec<Motion>),
+) -> impl FnMut(&At<'_>, &mut Vec<DVec3>) {
+    let (mut now, mut moved) = (usize::MAX, Vec::new());
+    move |at, into| {
+        if now != at.pose {
+            now = at.pose;
+            motions(now, &mut moved);
+        }
+        into.extend(moved.iter().map(|motion| at.rows.along(motion)));
     }
 }
 

@@ -262,7 +262,7 @@ fn confirmed(case: &Case, always: &[usize], choice: Choice) -> Choice {
     let left = |choice: &Choice| {
         [prove::rms(case, &choice.solved, look, false), prove::news(case, &choice.solved, look)]
     };
-    let mut choice = choice;
+    let (mut choice, mut fell) = (choice, false);
     loop {
         let whole = left(&choice);
         let asked = choice.names.iter().filter(|name| !case.is_belief(**name, always));
@@ -274,8 +274,9 @@ fn confirmed(case: &Case, always: &[usize], choice: Choice) -> Choice {
         match worst.min_by(|a, b| a.1.total_cmp(&b.1)) {
             Some((name, harm)) if harm < TELLS => {
                 choice = asking.solve(&others(&choice.names, name));
+                fell = true;
             }
-            _ => return choice,
+            _ => return if fell { asking.renamed(choice) } else { choice },
         }
     }
 }

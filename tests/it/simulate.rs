@@ -186,3 +186,43 @@ fn nothing_is_written_over_an_input_or_where_an_input_is_unusable() {
     assert!(done.code == Some(2) && done.err.contains("target1_mm"), "{done:#?}");
     assert_eq!(place.names(), ["path.csv", "path.toml", "robot.toml"]);
 }
+
+/// Sixty poses; three nests that a tracker sees to wander by a tenth of a millimetre.
+fn poses_with_nests() -> String {
+    let joints: Vec<String> = (1..=6).map(|joint| format!("q{joint}_deg")).collect();
+    let points = (1..=4).flat_map(|t| ["x", "y", "z"].map(|axis| format!("target{t}_{axis}_mm")));
+    let head: Vec<String> = ["t_s".to_owned()].into_iter().chain(joints).chain(points).collect();
+    let mut text = head.join(",");
+    for k in 0..60 {
+        let at = |joint: u32| 30.0 * (f64::from(k) * (0.37 + 0.11 * f64::from(joint))).sin();
+        write!(text, "\n{k}").unwrap();
+        (0..6).for_each(|joint| write!(text, ",{:.4}", at(joint)).unwrap());
+        text += ",1,2,3";
+        let wander = 0.1 * f64::from(k) / 59.0;
+        for [x, y, z] in [[900.0, 500.0, 10.0], [-700.0, 600.0, 0.0], [200.0, -800.0, 30.0]] {
+            write!(text, ",{:.5},{y},{z}", x + wander).unwrap();
+        }
+    }
+    text + "\n"
+}
+
+#[test]
+fn an_instrument_that_wanders_is_simulated_as_it_stood_and_is_no_missing_physics() {
+    let place = place(20, "", IN_BASE);
+    let on = "target2_on_link = 0\ntarget3_on_link = 0\ntarget4_on_link = 0\n";
+    let about = format!(
+        "schema = \"trued.recording/1\"\nkind = \"poses\"\n{IN_BASE}target1_mm = [0.0, 0.0, 50.0]\n{on}"
+    );
+    place.file("path.csv", &poses_with_nests());
+    place.file("path.toml", &about);
+    let exact = simulated(&place, "exact", &["--seed", "1"]);
+    let nest = exact.column(Channel::Target(2, 0)).expect("there");
+    assert!((nest[59] - nest[0] - 1e-4).abs() < 1e-9, "a nest stays as it was seen");
+    simulated(&place, "made", &["--seed", "1", "--noise", "0.01"]);
+    let asked =
+        ["diagnose", "--model", "robot.toml", "--seed", "1", "--json", "d.json", "--out", "d"];
+    place.succeed(&[&asked[..], &["made.csv"]].concat());
+    let said = place.json("d.json");
+    assert_eq!(said["verdict"], "consistent", "{said:#}");
+    assert!(said["notes"].to_string().contains("wandered by up to 0.05"), "{:#}", said["notes"]);
+}

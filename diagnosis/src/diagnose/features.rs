@@ -37,8 +37,9 @@ impl Word {
     /// Chebyshev's polynomials `T_1` to `T_count` at a pose.
     pub(super) fn chebyshev(&self, pose: usize, count: usize) -> impl Iterator<Item = f64> {
         let x = self.values[pose].clamp(-1.0, 1.0);
-        let angle = libm::acos(x);
-        (1..=count).map(move |k| libm::cos(k as f64 * angle))
+        // T_{k+1} = 2 x T_k − T_{k−1}
+        let next = move |(before, now): &(f64, f64)| Some((*now, 2.0 * x * now - before));
+        std::iter::successors(Some((1.0, x)), next).map(|(_, now)| now).take(count)
     }
 }
 

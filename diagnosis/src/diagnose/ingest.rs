@@ -1,4 +1,5 @@
-//! A first look at recordings, before anything is fitted: stamps, rows without readings, channels that stand still, are cut off, are held, or come in coarse steps.
+//! A first look at recordings, before anything is fitted: stamps, rows without readings, where the instrument stood, channels that stand still, are cut off, are held,
+//! or come in coarse steps.
 //!
 //! Read in this order: `stamps` (time), `straight` (what the arm should have shown in a channel, whatever the frame), `channel` (what is wrong with one).
 //!
@@ -13,6 +14,7 @@ use physics::Arm;
 use recording::series::{Channel, Recording};
 
 use crate::from_recording;
+use crate::nests::Nests;
 use channel::Looking;
 
 /// What was seen, and what was done.
@@ -31,6 +33,7 @@ pub fn ingest(arm: &Arm, recordings: &mut [Recording]) -> Ingested {
     for recording in recordings.iter_mut() {
         let mut notes = stamps::notes(recording);
         notes.extend(without_readings(recording));
+        notes.extend(Nests::of(recording).map(|nests| nests.note()));
         // A recording that lacks a joint is refused where it is read.
         let Ok(q) = from_recording::positions(arm, recording) else { continue };
         let had = measured(recording);
@@ -50,7 +53,8 @@ pub fn ingest(arm: &Arm, recordings: &mut [Recording]) -> Ingested {
 /// The groups that are read together, as far as the recording has them.
 fn groups(recording: &Recording) -> Vec<Vec<Channel>> {
     let mut groups = vec![(0..3).map(Channel::Position).collect::<Vec<_>>()];
-    for target in 0..recording.target_count() {
+    let on_links = &recording.about.targets_on_link;
+    for target in (0..recording.target_count()).filter(|t| !on_links.contains_key(t)) {
         groups.push((0..3).map(|axis| Channel::Target(target, axis)).collect());
     }
     groups.push((0..4).map(Channel::Orientation).collect());

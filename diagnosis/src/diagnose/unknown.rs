@@ -185,12 +185,9 @@ fn best_of(
     let arm = &fitted.state.hypothesis.model.arm;
     let numbers: Vec<usize> = groups.iter().map(|group| count(words, group)).collect();
     let asked = Asked { sigmas: vec![carrier.large(); numbers.iter().sum()], numbers };
-    let scores = fitted.scores_of(&asked, |pose, into| {
-        let unit = carrier.unit(arm, joint, &fitted.campaign.poses[pose].inputs, pose);
-        into.clear();
-        for group in groups {
-            terms(words, group, pose, |term| into.push(unit.times(term)));
-        }
+    let unit = |pose: usize| carrier.unit(arm, joint, &fitted.campaign.poses[pose].inputs, pose);
+    let scores = fitted.scores_of_multiples(&asked, unit, |pose, into| {
+        groups.iter().for_each(|group| terms(words, group, pose, |term| into.push(term)));
     });
     let mut best = before;
     for score in scores {

@@ -13,7 +13,7 @@ pub(super) struct Sums {
     count: usize,
     /// `Jᵀ C`, one slice of `count` per column of the fit.
     mixed: Vec<f64>,
-    /// `Cᵀ C` near the diagonal: `near[k][d] = c_k · c_{k+d}`.
+    /// `Cᵀ C` within the groups: `near[k][d] = c_k · c_{k+d}`.
     near: Vec<Vec<f64>>,
     pull: Vec<f64>,
     /// `Y`, one column after the other.
@@ -21,16 +21,17 @@ pub(super) struct Sums {
     right: Vec<f64>,
 }
 
-/// No candidate has more probes than this.
-const PROBES_MAX: usize = 3 * physics::JOINTS_MAX;
-
 impl Sums {
-    pub(super) fn new(width: usize, count: usize) -> Self {
+    /// `groups`: columns of each.
+    pub(super) fn new(width: usize, groups: &[usize]) -> Self {
+        let of_group = |count: &usize| (1..=*count).rev().map(|left| vec![0.0; left]);
+        let near: Vec<Vec<f64>> = groups.iter().flat_map(of_group).collect();
+        let count = near.len();
         Self {
             width,
             count,
             mixed: vec![0.0; width * count],
-            near: vec![Vec::new(); count],
+            near,
             pull: vec![0.0; count],
             seen: Vec::new(),
             right: Vec::new(),
@@ -43,11 +44,9 @@ impl Sums {
                 slice.iter_mut().zip(columns).for_each(|(sum, c)| *sum += j * c);
             }
         }
-        for (k, c) in columns.iter().enumerate() {
+        for (k, (c, near)) in columns.iter().zip(&mut self.near).enumerate() {
             self.pull[k] += c * right;
-            let beside = &columns[k..columns.len().min(k + PROBES_MAX)];
-            self.near[k].resize(beside.len(), 0.0);
-            self.near[k].iter_mut().zip(beside).for_each(|(sum, b)| *sum += c * b);
+            near.iter_mut().zip(&columns[k..]).for_each(|(sum, b)| *sum += c * b);
         }
     }
 
@@ -73,7 +72,7 @@ impl Sums {
         for k in columns {
             let of = |a: usize, b: usize| {
                 let (a, b) = (a.min(b), a.max(b));
-                self.near[a].get(b - a).copied().unwrap_or(0.0) - dot(&self.seen[a], &self.seen[b])
+                self.near[a][b - a] - dot(&self.seen[a], &self.seen[b])
             };
             let prior = sigmas[k].powi(-2);
             let mut row: Vec<f64> = Vec::new();

@@ -10,6 +10,8 @@ use super::table::{Products, Solved};
 const MARGIN: f64 = 5.0;
 /// Names at most.
 const MOST: usize = 80;
+/// Names that are exchanged in a row at most.
+const EXCHANGES: usize = 3;
 /// So many others are tried in a name's place.
 const LIKELY: usize = 3;
 
@@ -187,11 +189,20 @@ impl Asking<'_> {
     }
 
     /// With another name or form in the place of one of a joint, where that explains more for its price: itself, or as it makes a third name needless.
-    fn exchanged(&self, mut choice: Choice, joint: Option<usize>) -> Choice {
-        for _ in 0..3 {
-            let beside = |name: &&usize| self.library.families[**name].joint == joint;
+    fn exchanged(&self, choice: Choice, joint: Option<usize>) -> Choice {
+        self.exchanged_where(choice, |name| self.library.families[*name].joint == joint)
+    }
+
+    /// The same of all joints: a name that stood beside another may not be the one to stand without it.
+    pub(super) fn renamed(&self, choice: Choice) -> Choice {
+        self.exchanged_where(choice, |_| true)
+    }
+
+    fn exchanged_where(&self, mut choice: Choice, wanted: impl Fn(&usize) -> bool) -> Choice {
+        for _ in 0..EXCHANGES {
             let better = |name: &usize| self.exchange(&choice, *name);
-            let Some(next) = choice.names.iter().filter(beside).find_map(better) else { break };
+            let names = choice.names.iter().filter(|name| wanted(*name));
+            let Some(next) = names.into_iter().find_map(better) else { break };
             choice = next;
         }
         choice

@@ -111,14 +111,15 @@ fn take(group: &dyn RowGroupReader, rows: &mut Vec<StringRecord>) -> Result<(), 
             }
         });
     }
-    let mut cell = Vec::new();
+    let (mut cell, mut longest) = (Vec::new(), 0);
     for row in 0..count {
-        let mut record = StringRecord::new();
+        let mut record = StringRecord::with_capacity(longest, columns.len());
         for column in &columns {
             cell.clear();
             column.write(row, &mut cell);
             record.push_field(&String::from_utf8_lossy(&cell));
         }
+        longest = longest.max(record.as_slice().len());
         rows.push(record);
     }
     Ok(())
@@ -153,12 +154,11 @@ fn values<T: DataType>(
 impl Values {
     /// The shortest text that reads back to the same number; nothing for a null.
     fn write(&self, row: usize, cell: &mut Vec<u8>) {
+        let mut shortest = |value: f64| cell.write_all(ryu::Buffer::new().format(value).as_bytes());
         // Writing into memory cannot fail.
         let _ = match self {
-            Self::Double(all) => at(all, row).map_or(Ok(()), |v| write!(cell, "{v:?}")),
-            Self::Float(all) => {
-                at(all, row).map_or(Ok(()), |v| write!(cell, "{:?}", f64::from(*v)))
-            }
+            Self::Double(all) => at(all, row).map_or(Ok(()), |v| shortest(*v)),
+            Self::Float(all) => at(all, row).map_or(Ok(()), |v| shortest(f64::from(*v))),
             Self::Long(all) => at(all, row).map_or(Ok(()), |v| write!(cell, "{v}")),
             Self::Int(all) => at(all, row).map_or(Ok(()), |v| write!(cell, "{v}")),
             Self::Truth(all) => at(all, row).map_or(Ok(()), |v| write!(cell, "{}", u8::from(*v))),

@@ -1,7 +1,7 @@
 //! What the instruments read of the simulated arm, in the columns and rows of the recording.
 //!
 //! Promises: a value stands where one was measured (everywhere, where a column is there and empty); noise of a row depends on
-//! the seed and the row alone. Never: a current, an acceleration, or a torque that the model says nothing of; these columns are left out and named.
+//! the seed and the row alone; the instrument stands in each row where targets on the base say that it stood. Never: a target that sits on the base or on a link changed; a current, an acceleration, or a torque that the model says nothing of; these columns are left out and named.
 
 use glam::{DMat3, DQuat, DVec3};
 use physics::frame::rotation_from_vector;
@@ -50,7 +50,9 @@ impl Instrument<'_> {
     /// The recording with its measured columns replaced.
     pub(super) fn look(&self, model: &RobotModel, mut recording: Recording, run: &Run) -> Made {
         let motor_is_input = recording.input_kind() == Input::Motor;
+        let on_links = recording.about.targets_on_link.clone();
         let simulated = |channel: &Channel| match channel {
+            Channel::Target(target, _) if on_links.contains_key(target) => false,
             Channel::Motor(_) => !motor_is_input,
             Channel::Link(_)
             | Channel::Position(_)
@@ -129,7 +131,8 @@ impl Instrument<'_> {
             let mut normal = normals(self.seed, Purpose::Tracker, row as u32);
             let mut draw = || self.noise * normal();
             let turned = DVec3::from_array(std::array::from_fn(|_| draw()));
-            let measuring_from_tool = self.stand.measuring_from_base.after(&seen.base_from_tool);
+            let measuring_from_tool =
+                self.stand.measuring_from_base(row).after(&seen.base_from_tool);
             let exact = quaternion(&measuring_from_tool.rotation, recorded(recording, row), before);
             let read = rotation_from_vector(turned) * measuring_from_tool.rotation;
             let read = quaternion(&read, None, exact);

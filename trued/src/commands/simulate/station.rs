@@ -2,6 +2,7 @@
 //!
 //! Promises: without anything recorded the frame is the base, and that is said in the result. Never: a fit of the robot.
 
+use diagnosis::nests::Nests;
 use diagnosis::{Campaign, Hypothesis, Influence, Settings, fit, from_recording};
 use glam::DVec3;
 use physics::Frame;
@@ -17,19 +18,31 @@ const ROWS: usize = 2000;
 /// The instrument's place.
 #[derive(Debug)]
 pub(super) struct Stand {
-    /// Base coordinates to measuring coordinates.
-    pub(super) measuring_from_base: Frame,
+    /// Base coordinates to measuring coordinates, the instrument's wandering apart.
+    measuring_from_base: Frame,
     /// Targets on the tool, tool frame, m.
     pub(super) targets: Vec<DVec3>,
     /// Whether measured positions are in the base frame.
     pub(super) in_base: bool,
+    /// How the instrument wandered.
+    pub(super) nests: Option<Nests>,
 }
 
 impl Stand {
+    /// Base coordinates to those that the instrument reads in a row.
+    pub(super) fn measuring_from_base(&self, row: usize) -> Frame {
+        let seen_from_laid = self.nests.as_ref().map(|nests| nests.laid_from_seen(row).inverse());
+        seen_from_laid
+            .map_or(self.measuring_from_base, |seen| seen.after(&self.measuring_from_base))
+    }
+
     pub(super) fn find(model: &RobotModel, recording: &Recording) -> Result<Self, Failure> {
         let about = &recording.about;
         let targets = 0..recording.target_count();
-        let known: Vec<_> = targets.map(|t| about.targets_tool.get(&t)).collect();
+        let on_link = |t: &usize| about.targets_on_link.contains_key(t);
+        let known: Vec<_> = targets
+            .map(|t| about.targets_tool.get(&t).copied().or(on_link(&t).then_some([0.0; 3])))
+            .collect();
         let measured =
             |channel: &Channel| matches!(channel, Channel::Position(_) | Channel::Target(..));
         let sampled = |channel: Channel| {
@@ -49,8 +62,9 @@ impl Stand {
         }
         Ok(Self {
             measuring_from_base: Frame::IDENTITY,
-            targets: known.into_iter().flatten().map(|place| DVec3::from_array(*place)).collect(),
+            targets: known.into_iter().flatten().map(DVec3::from_array).collect(),
             in_base: true,
+            nests: Nests::of(recording),
         })
     }
 
@@ -70,6 +84,7 @@ impl Stand {
             measuring_from_base: measuring_from_base.unwrap_or(Frame::IDENTITY),
             targets: found.targets.iter().map(|target| target.value).collect(),
             in_base: recording.about.measured_in_base,
+            nests: campaign.recordings.first().and_then(|source| source.nests.clone()),
         })
     }
 }

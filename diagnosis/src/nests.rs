@@ -1,0 +1,240 @@
+//! How the instrument's frame wanders, by targets that sit on the base: each row's readings are brought to one frame.
+//!
+//! A tracker on its stand moves by hundredths of a millimetre over hours, as much as a good model leaves. Three nests beside the robot, measured along, tell by how
+//! much; the motion of each row is the rigid one that takes them to where they stood
+//! in the mean. Nests are noisy too: as many rows are averaged as
+//! make the expected error least (Mallows, Some comments on Cp, Technometrics 15, 1973), the noise told by what the rigid motions leave.
+//!
+//! Promises: rows in which the nests' distances from each other are off (a nest mistaken for another, a beam broken) say nothing, their neighbours do. Never: a look at
+//! the tool. A base that tilts under load moves the same nests: then the readings are those seen from the base, which is what a model of the arm speaks of.
+
+use crate::rigid::{left_over, rigid};
+use glam::DVec3;
+use physics::Frame;
+use recording::series::{Channel, Recording};
+
+/// A distance this many times its usual scatter away from its middle is no measurement of the same nests.
+const STRANGE: f64 = 6.0;
+/// No instrument repeats a distance better than this, m.
+const REPEATS: f64 = 1e-6;
+/// How far from a line nests must stand, as a share of the longest distance between them.
+const OFF_LINE: f64 = 0.05;
+/// Rows that are averaged, at most; three times more at each step.
+const ROWS_MAX: usize = 729;
+/// A standard deviation is this many times the middle deviation of normal noise.
+const NORMAL: f64 = 1.4826;
+
+/// How each row's frame lies in the one that all are brought to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Nests {
+    /// Targets on the base, from 0.
+    pub targets: Vec<usize>,
+    laid_from_seen: Vec<Frame>,
+    /// Rows in which the nests contradict their distances.
+    pub strange: Vec<usize>,
+    /// By how much a nest went from its place at most, m.
+    pub wander_m: f64,
+    /// Rows that were averaged.
+    pub averaged: usize,
+}
+
+/// Rows of one set-up, with what was seen of all nests in each.
+struct Seen {
+    row: usize,
+    nests: Vec<DVec3>,
+}
+
+impl Nests {
+    /// What the targets on the base tell; none for fewer than three that stand off a line.
+    #[must_use]
+    pub fn of(recording: &Recording) -> Option<Self> {
+        let on_base = recording.about.targets_on_link.iter().filter(|(_, link)| **link == 0);
+        let targets: Vec<usize> = on_base.map(|(target, _)| *target).collect();
+        if targets.len() < 3 {
+            return None;
+        }
+        let mut nests = Self {
+            targets,
+            laid_from_seen: vec![Frame::IDENTITY; recording.len()],
+            strange: Vec::new(),
+            wander_m: 0.0,
+            averaged: 0,
+        };
+        set_ups(recording).iter().for_each(|rows| nests.lay(recording, rows));
+        nests.strange.sort_unstable();
+        (nests.averaged > 0).then_some(nests)
+    }
+
+    /// From what the instrument reads in a row to the frame that all rows are brought to.
+    #[must_use]
+    pub fn laid_from_seen(&self, row: usize) -> Frame {
+        self.laid_from_seen.get(row).copied().unwrap_or(Frame::IDENTITY)
+    }
+
+    /// For people.
+    #[must_use]
+    pub fn note(&self) -> String {
+        let numbers: Vec<String> = self.targets.iter().map(|t| (t + 1).to_string()).collect();
+        let strange = match self.strange.len() {
+            0 => String::new(),
+            one => format!("; in {one} rows they contradict each other and say nothing"),
+        };
+        let rows = match self.averaged {
+            1 => "row by row".to_owned(),
+            rows => format!("averaged over {rows} rows"),
+        };
+        format!(
+            "the measuring frame was laid on targets {} on the base, {rows}: it wandered by up to {:.3} mm{strange}",
+            numbers.join(", "),
+            self.wander_m * 1e3
+        )
+    }
+
+    /// Brings rows of one set-up to one frame.
+    fn lay(&mut self, recording: &Recording, rows: &[usize]) {
+        let seen: Vec<Seen> = rows.iter().filter_map(|row| self.seen(recording, *row)).collect();
+        let Some((sound, ordinary)) = sound(&seen) else { return };
+        self.strange
+            .extend(seen.iter().zip(&sound).filter(|(_, sound)| !**sound).map(|(s, _)| s.row));
+        let shape = seen[ordinary].nests.clone();
+        let seen: Vec<Seen> =
+            seen.into_iter().zip(sound).filter_map(|(seen, sound)| sound.then_some(seen)).collect();
+        let Some(place) = amid(&shape, &seen) else { return };
+        let (averaged, smooth) = smoothed(&seen, &place);
+        self.averaged = self.averaged.max(averaged);
+        let mut next = 0;
+        for row in rows {
+            while next + 1 < seen.len() && seen[next].row < *row {
+                next += 1;
+            }
+            let before = next.saturating_sub(usize::from(seen[next].row > *row));
+            let apart = (seen[next].row - seen[before].row) as f64;
+            let share = row.saturating_sub(seen[before].row) as f64 / apart.max(1.0);
+            let between = smooth[before].iter().zip(&smooth[next]);
+            let here: Vec<DVec3> = between.map(|(a, b)| a.lerp(*b, share.min(1.0))).collect();
+            if let Some(motion) = rigid(&here, &place) {
+                let wander = here.iter().map(|nest| (motion.point(*nest) - *nest).length());
+                self.wander_m = wander.fold(self.wander_m, f64::max);
+                self.laid_from_seen[*row] = motion;
+            }
+        }
+    }
+
+    fn seen(&self, recording: &Recording, row: usize) -> Option<Seen> {
+        let value = |target, axis| {
+            recording.column(Channel::Target(target, axis)).map_or(f64::NAN, |column| column[row])
+        };
+        let at = |target: &usize| DVec3::from_array([0, 1, 2].map(|axis| value(*target, axis)));
+        let nests: Vec<DVec3> = self.targets.iter().map(at).collect();
+        nests.iter().all(|nest| nest.is_finite()).then_some(Seen { row, nests })
+    }
+}
+
+/// Rows by where the instrument stood.
+fn set_ups(recording: &Recording) -> Vec<Vec<usize>> {
+    let station = |row: usize| {
+        let number = recording.column(Channel::Station).map_or(f64::NAN, |column| column[row]);
+        (!number.is_nan()).then_some(number.to_bits())
+    };
+    let mut all = std::collections::BTreeMap::<Option<u64>, Vec<usize>>::new();
+    (0..recording.len()).for_each(|row| all.entry(station(row)).or_default().push(row));
+    all.into_values().collect()
+}
+
+/// The nests' shape laid on the mean of all rows.
+fn amid(shape: &[DVec3], seen: &[Seen]) -> Option<Vec<DVec3>> {
+    let of = |k: usize| seen.iter().map(move |seen| seen.nests[k] - shape[k]).sum::<DVec3>();
+    let mean = |k: usize| shape[k] + of(k) / seen.len() as f64;
+    let means: Vec<DVec3> = (0..shape.len()).map(mean).collect();
+    let motion = rigid(shape, &means)?;
+    Some(shape.iter().map(|nest| motion.point(*nest)).collect())
+}
+
+/// Which rows keep the nests' distances, and the one of them that keeps them best; none where nests stand on a line.
+fn sound(seen: &[Seen]) -> Option<(Vec<bool>, usize)> {
+    let all: Vec<Vec<f64>> = seen.iter().map(|one| distances(&one.nests)).collect();
+    let pairs = all.first()?.len();
+    let of_pair = |pair: usize, from: f64| all.iter().map(move |d| (d[pair] - from).abs());
+    let middles: Vec<f64> = (0..pairs).map(|pair| middle(of_pair(pair, 0.0))).collect();
+    let off: Vec<f64> = middles.iter().enumerate().map(|(k, at)| middle(of_pair(k, *at))).collect();
+    let strangeness = |distances: &Vec<f64>| {
+        let one = |k: usize| (distances[k] - middles[k]).abs() / (NORMAL * off[k]).max(REPEATS);
+        (0..pairs).map(one).fold(0.0, f64::max)
+    };
+    let strangeness: Vec<f64> = all.iter().map(strangeness).collect();
+    let ordinary = (0..seen.len()).min_by(|a, b| strangeness[*a].total_cmp(&strangeness[*b]))?;
+    let sound = strangeness.iter().map(|s| *s <= STRANGE).collect();
+    (!on_a_line(&seen[ordinary].nests)).then_some((sound, ordinary))
+}
+
+fn distances(nests: &[DVec3]) -> Vec<f64> {
+    let from = |i: usize| nests[i + 1..].iter().map(move |other| (nests[i] - *other).length());
+    (0..nests.len()).flat_map(from).collect()
+}
+
+fn on_a_line(nests: &[DVec3]) -> bool {
+    let longest = distances(nests).into_iter().fold(0.0, f64::max);
+    let end = |nest: &DVec3| (*nest - nests[0]).length();
+    let far = nests.iter().copied().max_by(|a, b| end(a).total_cmp(&end(b))).unwrap_or(nests[0]);
+    let along = (far - nests[0]).normalize_or_zero();
+    let off = |nest: &DVec3| (*nest - nests[0]).cross(along).length();
+    !(nests.iter().map(off).fold(0.0, f64::max) > OFF_LINE * longest)
+}
+
+fn middle(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    let at = values.len() / 2;
+    *values.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
+/// Where the nests were in each row, averaged over as many rows as the expected error asks for; and how many.
+fn smoothed(seen: &[Seen], place: &[DVec3]) -> (usize, Vec<Vec<DVec3>>) {
+    let one = |seen: &Seen| {
+        let motion = rigid(place, &seen.nests).unwrap_or(Frame::IDENTITY);
+        let left = left_over(&motion, place, &seen.nests).powi(2) * place.len() as f64;
+        (place.iter().map(|at| motion.point(*at)).collect(), left)
+    };
+    let (rigid, left): (Vec<Vec<DVec3>>, Vec<f64>) = seen.iter().map(one).unzip();
+    // Six numbers of each row's readings are its motion; the rest is noise.
+    let free = (3 * place.len() - 6) * seen.len();
+    let variance = left.iter().sum::<f64>() / free as f64;
+    let error = |rows: usize, smooth: &[Vec<DVec3>]| {
+        let apart = |(a, b): (&Vec<DVec3>, &Vec<DVec3>)| -> f64 {
+            a.iter().zip(b).map(|(x, y)| (*x - *y).length_squared()).sum()
+        };
+        let away: f64 = rigid.iter().zip(smooth).map(apart).sum();
+        away / seen.len() as f64 + 12.0 * variance / rows as f64
+    };
+    let mut best = (1, rigid.clone(), error(1, &rigid));
+    let mut rows = 3;
+    while rows <= ROWS_MAX.min(seen.len()) {
+        let smooth = running(&rigid, rows);
+        let found = error(rows, &smooth);
+        if found < best.2 {
+            best = (rows, smooth, found);
+        }
+        rows *= 3;
+    }
+    (best.0, best.1)
+}
+
+/// Means of `rows` neighbours each; towards the ends those that are nearest.
+fn running(series: &[Vec<DVec3>], rows: usize) -> Vec<Vec<DVec3>> {
+    let width = series.first().map_or(0, Vec::len);
+    let from = series.first().cloned().unwrap_or_default();
+    // Sums of differences from the first, so that metres do not take the micrometres' digits.
+    let mut sums = vec![vec![DVec3::ZERO; width]];
+    for one in series {
+        let last = &sums[sums.len() - 1];
+        sums.push((0..width).map(|k| last[k] + (one[k] - from[k])).collect());
+    }
+    let at = |row: usize| {
+        let first = row.saturating_sub(rows / 2).min(series.len() - rows);
+        let mean = |k: usize| from[k] + (sums[first + rows][k] - sums[first][k]) / rows as f64;
+        (0..width).map(mean).collect()
+    };
+    (0..series.len()).map(at).collect()
+}
+
+#[cfg(test)]
+mod tests;
