@@ -50,11 +50,16 @@ impl Colour {
     #[must_use]
     pub(crate) fn freed(&self, run: &[f64]) -> Vec<f64> {
         let order = self.law.len();
-        let new = |k: usize| {
-            let known: f64 = self.law.iter().enumerate().map(|(i, a)| a * run[k - 1 - i]).sum();
-            (run[k] - known) / self.fresh
-        };
-        (0..run.len()).map(|k| if k < order { run[k] } else { new(k) }).collect()
+        let mut new = run.to_vec();
+        let Some(behind) = new.get_mut(order..) else { return new };
+        for (i, a) in self.law.iter().enumerate() {
+            behind
+                .iter_mut()
+                .zip(&run[order - 1 - i..])
+                .for_each(|(new, before)| *new -= a * before);
+        }
+        behind.iter_mut().for_each(|new| *new /= self.fresh);
+        new
     }
 
     /// The sum of the law's numbers, below one: how much of a slow change is noise to it, for people.

@@ -178,7 +178,7 @@ fn on_a_line(nests: &[DVec3]) -> bool {
     let far = nests.iter().copied().max_by(|a, b| end(a).total_cmp(&end(b))).unwrap_or(nests[0]);
     let along = (far - nests[0]).normalize_or_zero();
     let off = |nest: &DVec3| (*nest - nests[0]).cross(along).length();
-    !(nests.iter().map(off).fold(0.0, f64::max) > OFF_LINE * longest)
+    nests.iter().map(off).fold(0.0, f64::max) <= OFF_LINE * longest
 }
 
 fn middle(values: impl Iterator<Item = f64>) -> f64 {

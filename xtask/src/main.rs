@@ -14,6 +14,7 @@ mod man;
 mod peers;
 mod seeds;
 mod soak;
+mod speed;
 mod watch;
 
 use std::process::ExitCode;
@@ -26,6 +27,7 @@ cargo xtask instructions [--store]   the hot path's stages: instructions by call
 cargo xtask man [--out=DIR]   man pages and shell completions of the program, for the package
 cargo xtask peers   one correction beside Pinocchio's forward kinematics, Jacobian and gravity (from the package registry), by turns in one run; exit 1 above its bar
 cargo xtask soak [--minutes N] [--seed S]   faults at random over real processes for N (60) minutes: what was late, what broke, the daemon's memory
+cargo xtask speed [position|torque|force]   processor time of a diagnosis of 1e5 and 1e6 rows, Parquet in, report out; exit 1 above its bar
 cargo xtask watch [HOURS] [--from=JSON] [--out=DIR]   the vibration watch: detection, false alarms in HOURS (10) of noise per axis, transients, cost
 ";
 
@@ -40,6 +42,7 @@ fn main() -> ExitCode {
         ["instructions", rest @ ..] => instructions::run(rest),
         ["man", rest @ ..] => man::run(rest),
         ["soak", rest @ ..] => soak::run(rest),
+        ["speed", rest @ ..] => speed::run(rest),
         ["watch", rest @ ..] => watch::run(rest),
         _ => {
             print!("{HELP}");

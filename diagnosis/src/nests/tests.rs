@@ -28,7 +28,7 @@ fn seen(seen_from_still: impl Fn(usize) -> Frame) -> Recording {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut normal = || rng.sample::<f64, _>(StandardNormal);
     let mut made = Recording::new((0..ROWS).map(|row| row as f64).collect());
-    let mut columns = vec![Vec::with_capacity(ROWS); 12];
+    let mut columns = vec![Vec::new(); 12];
     for row in 0..ROWS {
         let wander = seen_from_still(row);
         let noisy = places()

@@ -23,6 +23,8 @@ const LONGEST: f64 = 0.15;
 const ROUNDS: usize = 4;
 /// Waves between the longest and the shortest that are looked for at most.
 const WAVES: usize = 400;
+/// The fewest half cycles in the whole span that a ripple has.
+const FEWEST: usize = 3;
 /// Rows per cycle, at least, that a ripple needs at the usual speed.
 const ROWS_PER_CYCLE: f64 = 4.0;
 
@@ -217,18 +219,31 @@ fn loudest(case: &Case, joint: usize, left: &[f64], used: &[bool]) -> Option<f64
     }
     let highest = TAU / (per_row * ROWS_PER_CYCLE);
     let count = ((highest / (0.5 * one)) as usize).clamp(1, WAVES);
-    let power = |cycles: f64| {
-        let (mut c, mut s) = (0.0, 0.0);
-        for (q, rest) in &rows {
-            let (sine, cosine) = libm::sincos(cycles * q);
-            c += rest * cosine;
-            s += rest * sine;
-        }
-        c * c + s * s
-    };
     // Fewer cycles than one and a half in the whole span are a slope or a bow.
-    let waves = (3..=count).map(|k| 0.5 * one * k as f64);
-    waves.map(|c| (c, power(c))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(cycles, _)| cycles)
+    let step = 0.5 * one;
+    let powers = powers(&rows, FEWEST, step, count);
+    let waves = (FEWEST..=count).map(|k| step * k as f64).zip(powers);
+    waves.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(cycles, _)| cycles)
+}
+
+/// `|Σ r e^{i k step q}|²` of rows `(q, r)` for `k` from `from` to `to`: each wave is the one before, turned by a step.
+fn powers(rows: &[(f64, f64)], from: usize, step: f64, to: usize) -> Vec<f64> {
+    let at = |cycles: f64| -> (Vec<f64>, Vec<f64>) {
+        rows.iter().map(|(q, _)| libm::sincos(cycles * q)).unzip()
+    };
+    let ((mut sines, mut cosines), (by_sine, by_cosine)) = (at(step * from as f64), at(step));
+    let mut powers = Vec::new();
+    for _ in from..=to {
+        let (mut of_sine, mut of_cosine) = (0.0, 0.0);
+        let waves = sines.iter_mut().zip(&mut cosines).zip(by_sine.iter().zip(&by_cosine));
+        for (((sine, cosine), (s, c)), (_, rest)) in waves.zip(rows) {
+            of_sine += rest * *sine;
+            of_cosine += rest * *cosine;
+            (*sine, *cosine) = (*sine * c + *cosine * s, *cosine * c - *sine * s);
+        }
+        powers.push(of_sine * of_sine + of_cosine * of_cosine);
+    }
+    powers
 }
 
 /// What is asked with the library as it stands.

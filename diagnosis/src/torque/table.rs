@@ -97,7 +97,9 @@ impl Products {
                 let white = table.whitened(joint, values);
                 keep.iter().enumerate().for_each(|(at, row)| block[(at, k)] = white[*row]);
             }
-            let product = block.tr_mul(&block);
+            let mut product = DMatrix::zeros(here.len() + 1, here.len() + 1);
+            // Not `tr_mul`, which takes one scalar product after the other.
+            product.gemm(1.0, &block.transpose(), &block, 0.0);
             for (a, (i, _)) in here.iter().enumerate() {
                 for (b, (j, _)) in here.iter().enumerate() {
                     gram[(*i, *j)] += product[(a, b)];
