@@ -17,6 +17,8 @@ use recording::series::{Channel, Recording};
 const STRANGE: f64 = 6.0;
 /// No instrument repeats a distance better than this, m.
 const REPEATS: f64 = 1e-6;
+/// Distances that usually scatter by more are not those of nests, m.
+const LOOSE: f64 = 1e-3;
 /// How far from a line nests must stand, as a share of the longest distance between them.
 const OFF_LINE: f64 = 0.05;
 /// Rows that are averaged, at most; three times more at each step.
@@ -150,21 +152,24 @@ fn amid(shape: &[DVec3], seen: &[Seen]) -> Option<Vec<DVec3>> {
     Some(shape.iter().map(|nest| motion.point(*nest)).collect())
 }
 
-/// Which rows keep the nests' distances, and the one of them that keeps them best; none where nests stand on a line.
+/// Which rows keep the nests' distances, and the one of them that keeps them best; none where none does, or nests stand on a line.
 fn sound(seen: &[Seen]) -> Option<(Vec<bool>, usize)> {
     let all: Vec<Vec<f64>> = seen.iter().map(|one| distances(&one.nests)).collect();
     let pairs = all.first()?.len();
     let of_pair = |pair: usize, from: f64| all.iter().map(move |d| (d[pair] - from).abs());
     let middles: Vec<f64> = (0..pairs).map(|pair| middle(of_pair(pair, 0.0))).collect();
     let off: Vec<f64> = middles.iter().enumerate().map(|(k, at)| middle(of_pair(k, *at))).collect();
+    if off.iter().any(|off| NORMAL * off > LOOSE) {
+        return None;
+    }
     let strangeness = |distances: &Vec<f64>| {
         let one = |k: usize| (distances[k] - middles[k]).abs() / (NORMAL * off[k]).max(REPEATS);
         (0..pairs).map(one).fold(0.0, f64::max)
     };
     let strangeness: Vec<f64> = all.iter().map(strangeness).collect();
     let ordinary = (0..seen.len()).min_by(|a, b| strangeness[*a].total_cmp(&strangeness[*b]))?;
-    let sound = strangeness.iter().map(|s| *s <= STRANGE).collect();
-    (!on_a_line(&seen[ordinary].nests)).then_some((sound, ordinary))
+    let sound: Vec<bool> = strangeness.iter().map(|s| *s <= STRANGE).collect();
+    (sound[ordinary] && !on_a_line(&seen[ordinary].nests)).then_some((sound, ordinary))
 }
 
 fn distances(nests: &[DVec3]) -> Vec<f64> {

@@ -157,6 +157,21 @@ fn two_nests_or_nests_on_a_line_lay_nothing() {
     assert_eq!(Nests::of(&recording), None);
 }
 
+#[test]
+fn rows_that_all_contradict_each_other_lay_nothing() {
+    // In each row another of `count` nests is far off: of three, most distances change; of five, few do, but in every row some.
+    for count in [3, 5] {
+        let mut made = Recording::new((0..40).map(f64::from).collect());
+        for k in 0..3 * count {
+            let place = ((7 * k) % 11) as f64;
+            let at = |row: usize| place + if row % count == k / 3 { 1.0 + row as f64 } else { 0.0 };
+            made.set(Channel::Target(k / 3, k % 3), (0..40).map(at).collect());
+            made.about.targets_on_link.insert(k / 3, 0);
+        }
+        assert!(Nests::of(&made).is_none(), "{count}");
+    }
+}
+
 proptest! {
     #[test]
     fn no_numbers_make_it_panic_or_move_a_reading_to_nowhere(
