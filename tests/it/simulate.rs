@@ -225,4 +225,10 @@ fn an_instrument_that_wanders_is_simulated_as_it_stood_and_is_no_missing_physics
     let said = place.json("d.json");
     assert_eq!(said["verdict"], "consistent", "{said:#}");
     assert!(said["notes"].to_string().contains("wandered by up to 0.05"), "{:#}", said["notes"]);
+    let fitted =
+        place.succeed(&["calibrate", "--model", "robot.toml", "--out", "m.toml", "made.csv"]);
+    assert!(
+        fitted.out.contains("frame     the measuring frame was laid on targets 2, 3, 4"),
+        "{fitted:#?}"
+    );
 }

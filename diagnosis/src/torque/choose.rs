@@ -201,8 +201,8 @@ impl Asking<'_> {
     fn exchanged_where(&self, mut choice: Choice, wanted: impl Fn(&usize) -> bool) -> Choice {
         for _ in 0..EXCHANGES {
             let better = |name: &usize| self.exchange(&choice, *name);
-            let names = choice.names.iter().filter(|name| wanted(name));
-            let Some(next) = names.into_iter().find_map(better) else { break };
+            let mut asked = choice.names.iter().filter(|name| wanted(name));
+            let Some(next) = asked.find_map(better) else { break };
             choice = next;
         }
         choice

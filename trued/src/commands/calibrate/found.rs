@@ -153,6 +153,12 @@ impl Found {
         super::open::sentences(&self.last, self.open())
     }
 
+    /// How the instruments wandered, in words.
+    pub(super) fn nests(&self) -> Vec<String> {
+        let nests = self.campaign.recordings.iter().filter_map(|source| source.nests.as_ref());
+        nests.map(diagnosis::nests::Nests::note).collect()
+    }
+
     /// The name of a recording, without its folder.
     pub(super) fn recording(&self, place: usize) -> &str {
         let name = self.campaign.recordings.get(place).map_or("", |source| source.name.as_str());

@@ -57,6 +57,10 @@ pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Strin
     if !around.is_empty() {
         page = page.text("Around the robot, in its base frame, as found:").list(&around);
     }
+    let nests = found.nests();
+    if !nests.is_empty() {
+        page = page.list(&nests);
+    }
     let by_themselves = alone.lines();
     if !by_themselves.is_empty() {
         page = page

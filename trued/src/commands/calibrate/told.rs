@@ -257,6 +257,9 @@ pub(super) fn told(command: &Calibrate, found: &Found, alone: &Alone) -> String 
     for line in lines(&things(&found.last)).into_iter().chain(alone.lines()) {
         text += &format!("  {line}\n");
     }
+    for sentence in found.nests() {
+        text += &format!("frame     {sentence}\n");
+    }
     for sentence in found.left_open() {
         text += &format!("open      {sentence}\n");
     }
