@@ -344,3 +344,37 @@ fn a_diagnosis_that_asks_for_nothing_gives_no_request() {
     }
     assert!(!place.path("said/experiment.csv").exists());
 }
+
+#[test]
+fn a_number_off_by_many_times_its_doubt_is_named_and_one_within_it_is_not() {
+    let offset = |mrad: f64| {
+        format!("[[effect]]\nkind = \"joint_offset\"\njoint = 2\noffset_mrad = {mrad}\n")
+    };
+    let place = recorded(&offset(1.3));
+    for (stated, verdict) in [(0.5, "missing_physics"), (1.27, "consistent")] {
+        let doubt = "sigma = { offset_mrad = 0.05 }\n";
+        let model = format!("{}\n{}{doubt}", preset(BASE).expect("preset").text, offset(stated));
+        place.file("known.toml", &model);
+        place.succeed(&[
+            "diagnose",
+            "--model",
+            "known.toml",
+            "--out",
+            "k",
+            "--seed",
+            "1",
+            "seen.csv",
+        ]);
+        let said = place.json("k/diagnosis.json");
+        assert_eq!(said["verdict"], verdict, "{stated}: {said:#}");
+        if verdict == "missing_physics" {
+            let finding = &said["findings"][0];
+            assert_eq!(
+                (&finding["effect"], &finding["joint"]),
+                (&"joint_offset".into(), &2.into())
+            );
+            let change = finding["parameters"]["offset_mrad"]["value"].as_f64().expect("a number");
+            assert!((change - 0.8).abs() < 0.05, "{finding:#}");
+        }
+    }
+}

@@ -11,7 +11,7 @@ use crate::hypothesis::Hypothesis;
 use crate::problem::{Look, State, visit};
 use crate::proof::Split;
 use crate::result::Fit;
-use physics::Model;
+use physics::{AnyEffect, Model};
 
 /// A name is borne out where rows that chose nothing speak for it by this much in log-likelihood: what is not there loses there about what it promised.
 const SPEAKS: f64 = 1.0;
@@ -72,7 +72,17 @@ pub(super) fn confirmed(
         let held = Held::new(campaign, (split, kept), &naming.fit);
         let left = held.whitened(&naming.fit);
         let told = |one: &Named| {
-            let bare = held.beside(&without(&naming.fit, model, &[one]), &naming.fit);
+            let mut bare = without(&naming.fit, model, &[one]);
+            if one.stated.is_some() {
+                // Left free within its doubt, a number that is far off would be fitted to where the data have it, and nothing would be missing.
+                let same = |effect: &AnyEffect| {
+                    let candidate = &one.candidate;
+                    let kind = candidate.probes.first().map(|probe| probe.effect.spec().kind);
+                    Some(effect.spec().kind) == kind && effect.joint() == candidate.joint
+                };
+                bare.believe(same);
+            }
+            let bare = held.beside(&bare, &naming.fit);
             borne_out(one.margin, 0.5 * (held.whitened(&bare) - left) / together)
         };
         // What stood by far stands: those that stood by least are asked again.
