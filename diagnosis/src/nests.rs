@@ -1,12 +1,13 @@
 //! How the instrument's frame wanders, by targets that sit on the base: each row's readings are brought to one frame.
 //!
-//! A tracker on its stand moves by hundredths of a millimetre over hours, as much as a good model leaves. Three nests beside the robot, measured along, tell by how
-//! much; the motion of each row is the rigid one that takes them to where they stood
-//! in the mean. Nests are noisy too: as many rows are averaged as
-//! make the expected error least (Mallows, Some comments on Cp, Technometrics 15, 1973), the noise told by what the rigid motions leave.
+//! A tracker on its stand moves by hundredths of a millimetre over hours, as much as a good model leaves. Three nests beside the robot, measured along, tell by
+//! how much; the motion of each row is the rigid one that takes them to where they stood in the mean. Nests are noisy too: as many rows are averaged as make the
+//! expected error least (Mallows, Some comments on Cp, Technometrics 15, 1973), the noise told by what the rigid motions leave.
 //!
-//! Promises: rows in which the nests' distances from each other are off (a nest mistaken for another, a beam broken) say nothing, their neighbours do. Never: a look at
-//! the tool. A base that tilts under load moves the same nests: then the readings are those seen from the base, which is what a model of the arm speaks of.
+//! A base that tilts under load moves the same nests: then the readings are those seen from the base, which is what a model of the arm speaks of.
+//!
+//! Promises: rows in which the nests' distances from each other are off (a nest mistaken for another, a beam broken) say nothing, their neighbours do; nests that
+//! cannot lay a frame leave it as it was, and that is said. Never: a look at the tool.
 
 use crate::rigid::{left_over, rigid};
 use glam::DVec3;
@@ -36,7 +37,7 @@ pub struct Nests {
     pub strange: Vec<usize>,
     /// By how much a nest went from its place at most, m.
     pub wander_m: f64,
-    /// Rows that were averaged.
+    /// Rows that were averaged; 0 where the nests lay nothing.
     pub averaged: usize,
 }
 
@@ -47,7 +48,7 @@ struct Seen {
 }
 
 impl Nests {
-    /// What the targets on the base tell; none for fewer than three that stand off a line.
+    /// What the targets on the base tell; none for fewer than three.
     #[must_use]
     pub fn of(recording: &Recording) -> Option<Self> {
         let on_base = recording.about.targets_on_link.iter().filter(|(_, link)| **link == 0);
@@ -64,7 +65,7 @@ impl Nests {
         };
         set_ups(recording).iter().for_each(|rows| nests.lay(recording, rows));
         nests.strange.sort_unstable();
-        (nests.averaged > 0).then_some(nests)
+        Some(nests)
     }
 
     /// From what the instrument reads in a row to the frame that all rows are brought to.
@@ -77,6 +78,12 @@ impl Nests {
     #[must_use]
     pub fn note(&self) -> String {
         let numbers: Vec<String> = self.targets.iter().map(|t| (t + 1).to_string()).collect();
+        let numbers = numbers.join(", ");
+        if self.averaged == 0 {
+            return format!(
+                "targets {numbers} on the base lay no measuring frame: they were never read together, stand on a line, or do not keep their distances"
+            );
+        }
         let strange = match self.strange.len() {
             0 => String::new(),
             one => format!("; in {one} rows they contradict each other and say nothing"),
@@ -86,8 +93,7 @@ impl Nests {
             rows => format!("averaged over {rows} rows"),
         };
         format!(
-            "the measuring frame was laid on targets {} on the base, {rows}: it wandered by up to {:.3} mm{strange}",
-            numbers.join(", "),
+            "the measuring frame was laid on targets {numbers} on the base, {rows}: it wandered by up to {:.3} mm{strange}",
             self.wander_m * 1e3
         )
     }

@@ -1,7 +1,9 @@
 //! What the instruments read of the simulated arm, in the columns and rows of the recording.
 //!
 //! Promises: a value stands where one was measured (everywhere, where a column is there and empty); noise of a row depends on
-//! the seed and the row alone; the instrument stands in each row where targets on the base say that it stood. Never: a target that sits on the base or on a link changed; a current, an acceleration, or a torque that the model says nothing of; these columns are left out and named.
+//! the seed and the row alone; the instrument stands in each row where targets on the base say that it stood.
+//! Never: a target that sits on the base or on a link changed; a current, an acceleration, or a torque that the model says nothing of: these columns are left
+//! out and named.
 
 use glam::{DMat3, DQuat, DVec3};
 use physics::frame::rotation_from_vector;
