@@ -218,6 +218,15 @@ fn an_instrument_that_wanders_is_simulated_as_it_stood_and_is_no_missing_physics
     let exact = simulated(&place, "exact", &["--seed", "1"]);
     let nest = exact.column(Channel::Target(2, 0)).expect("there");
     assert!((nest[59] - nest[0] - 1e-4).abs() < 1e-9, "a nest stays as it was seen");
+    // What the tool's target is read at in the first and the last row wanders as the nests do.
+    let arm = RobotModel::read(&place.path("robot.toml")).expect("sound").physics.arm;
+    let off = |row: usize| {
+        let mut q = physics::Joints::default();
+        (0..6).for_each(|joint| q[joint] = exact.input(joint).expect("commanded")[row]);
+        let tool = physics::Chain::nominal(&arm, &q).base_from_tool.point(DVec3::Z * 0.05);
+        exact.column(Channel::Target(0, 0)).expect("there")[row] - tool.x
+    };
+    assert!((off(59) - off(0) - 1e-4).abs() < 1e-8, "{} {}", off(0), off(59));
     simulated(&place, "made", &["--seed", "1", "--noise", "0.01"]);
     let asked =
         ["diagnose", "--model", "robot.toml", "--seed", "1", "--json", "d.json", "--out", "d"];
