@@ -132,6 +132,16 @@ impl Candidate {
         self.slot == slot(effect) || own.is_some_and(|own| families::clash(own, effect))
     }
 
+    /// Whether it cannot stand beside what another would add.
+    pub(crate) fn is_rival_to(&self, other: &Self) -> bool {
+        let effect = |candidate: &Self| candidate.probes.first().map(|probe| probe.effect);
+        let clash = || {
+            let pair = effect(self).zip(effect(other));
+            pair.is_some_and(|(own, other)| families::clash(&own, &other))
+        };
+        self.changes().is_none() && (self.slot == other.slot || clash())
+    }
+
     /// Whether what it works upon is there.
     pub(crate) fn has_its_ground(&self, model: &Model) -> bool {
         let own = self.probes.first().map(|probe| &probe.effect);

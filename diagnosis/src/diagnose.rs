@@ -10,6 +10,7 @@ mod bank;
 mod choice;
 pub mod experiment;
 mod features;
+mod findings;
 mod flexible;
 mod gram;
 mod ingest;
@@ -31,7 +32,7 @@ mod view;
 use crate::campaign::{Campaign, Reading};
 use crate::colour::stream;
 use crate::fit::{Effort, Settings, fit};
-use crate::hypothesis::{Hypothesis, named};
+use crate::hypothesis::Hypothesis;
 use crate::proof::Split;
 use crate::readback;
 use crate::result::Fit;
@@ -42,13 +43,11 @@ use experiment::Proposed;
 use features::Word;
 use flexible::Taken;
 use glam::DVec3;
-use name::{Asking, Named, Naming};
-use physics::spec::Unit;
+use name::{Asking, Naming};
 use physics::{AnyEffect, Model};
 use prove::Held;
 
 use std::collections::BTreeMap;
-use std::f64::consts::TAU;
 
 pub use ingest::{Ingested, ingest};
 pub use judge::Verdict;
@@ -149,6 +148,7 @@ pub fn diagnose(
     let mut notes = Vec::new();
     ready::set_moving(&mut campaign, model.arm.count());
     let kept = ready::thin(&mut campaign, model.arm.count(), &mut notes);
+    ready::set_begun(&mut campaign, model, &mut notes);
     let split = match held_out {
         Some(held) => Split {
             says: "what the recordings keep for validation".to_owned(),
@@ -170,25 +170,32 @@ pub fn diagnose(
         whiten(&mut campaign, &known, &settings, &base, (&words, Taken::All)).unwrap_or(base);
     let asking =
         Asking { campaign: &campaign, known: &known, settings, library: &library, bank: &bank };
-    let first = name::chosen(&asking, Naming::none(&base));
-    // What is named tells what is noise, and what is noise tells what can be named.
-    let again = whiten(&mut campaign, &known, &settings, &first.fit, (&words, Taken::BorneOut));
-    let asking =
-        Asking { campaign: &campaign, known: &known, settings, library: &library, bank: &bank };
-    let naming = match again {
-        None => name::name(&asking, first),
-        Some(bare) => name::anew(&asking, &bare, first),
-    };
     let second_look = split.training.iter().zip(used).map(|(trains, used)| *trains && !used);
     let second_look: Vec<bool> = second_look.collect();
-    let naming = prove::confirmed(&campaign, model, (&naming_split, &second_look), naming);
-    let asking =
-        Asking { campaign: &campaign, known: &known, settings, library: &library, bank: &bank };
-    let (naming, law) = match unknown::instead_of_names(&asking, &naming, &words, &second_look) {
+    let (glimpse, also) = name::glimpsed(&asking, &base);
+    let (naming, law) = match unknown::ahead_at_once(&asking, &glimpse, &words, &second_look) {
         Some((bare, law)) => (Naming::none(&bare), Some(law)),
         None => {
-            let law = unknown::confirmed(&asking, &naming, &words, &second_look);
-            (naming, law)
+            // Without a look at rivals: enough to tell what is noise.
+            let first = asking.settled(glimpse, &also);
+            // What is named tells what is noise, and what is noise tells what can be named.
+            let taken = (words.as_slice(), Taken::BorneOut);
+            let again = whiten(&mut campaign, &known, &settings, &first.fit, taken);
+            let (known, library, bank) = (&known, library.as_slice(), &bank);
+            let asking = Asking { campaign: &campaign, known, settings, library, bank };
+            let naming = match again {
+                None => name::name(&asking, first),
+                Some(bare) => name::anew(&asking, &bare, first),
+            };
+            let looks = (&naming_split, second_look.as_slice());
+            let naming = prove::confirmed(&campaign, model, looks, naming);
+            match unknown::instead_of_names(&asking, &naming, &words, &second_look) {
+                Some((bare, law)) => (Naming::none(&bare), Some(law)),
+                None => {
+                    let law = unknown::confirmed(&asking, &naming, &words, &second_look);
+                    (naming, law)
+                }
+            }
         }
     };
     // Names and laws stand; their numbers, and which rivals come near, are told by all that is not held out.
@@ -255,7 +262,7 @@ fn finish(
     let verdict = judge::verdict(&named, &last, carried);
     let map = locate::map(&campaign, &given, &settings, words);
     let uncertainty = fitted.uncertainty();
-    let findings = findings(&held, model, (&last, &uncertainty), &named, &given);
+    let findings = findings::findings(&held, model, (&last, &uncertainty), &named, &given);
     let unexplained = rest;
     let proof = Proof {
         says: split.says.clone(),
@@ -329,72 +336,4 @@ fn signal_rms(campaign: &Campaign, lengths: bool) -> f64 {
         count += if lengths { 3.0 } else { 1.0 } * values.len() as f64;
     }
     if count > 0.0 { (sum / count).sqrt() } else { 0.0 }
-}
-
-fn findings(
-    held: &Held<'_>,
-    model: &Model,
-    (last, uncertainty): (&Fit, &[f64]),
-    all: &[Named],
-    given: &Fit,
-) -> Vec<Finding> {
-    let mut order: Vec<&Named> = all.iter().collect();
-    order.sort_by(|a, b| b.gain.total_cmp(&a.gain));
-    let mut before = held.rms(given);
-    let mut findings = Vec::new();
-    let whole = &last.hypothesis.model;
-    for (k, one) in order.iter().enumerate() {
-        let left: Vec<&Named> = order[k + 1..].to_vec();
-        let after = held.rms(&held.beside(&name::without(last, model, &left), last));
-        let Some(effect) = last.hypothesis.model.effects().nth(one.effect).copied() else {
-            continue;
-        };
-        let sigma = |value: usize| sigma(one, &effect, value, (last, uncertainty));
-        let (confidence, shares) = judge::confidence(one, last);
-        let had = one
-            .stated
-            .as_ref()
-            .and_then(|_| Some(model.effects().nth(one.effect)?.values().to_vec()));
-        let bare = name::without(last, model, &[one]).model;
-        let seen = locate::seen(held.campaign, &last.surroundings, whole, &bare);
-        findings.push(Finding {
-            seen,
-            sigma: (0..effect.values().len()).map(sigma).collect(),
-            effect,
-            place: one.effect,
-            had,
-            settings: one.candidate.settings.clone(),
-            confidence,
-            gain: one.gain,
-            rivals: one.rivals.iter().cloned().zip(shares).collect(),
-            heldout: [before, after],
-        });
-        before = after;
-    }
-    findings
-}
-
-/// The standard uncertainty of a value of what was named, SI; none for one that neither was fitted nor has variants.
-fn sigma(
-    one: &Named,
-    effect: &AnyEffect,
-    value: usize,
-    (last, uncertainty): (&Fit, &[f64]),
-) -> Option<f64> {
-    let free = last.hypothesis.free.iter();
-    let free = free.enumerate().find(|(_, free)| free.effect == one.effect && free.value == value);
-    let fitted = free.map(|(k, free)| {
-        let place = last.columns().iter().position(|column| *column == last.column_of(k));
-        // What the data do not determine is as open as it was believed to be.
-        let sigma = place.map_or(free.sigma, |place| uncertainty[place]);
-        sigma.hypot(FLOOR * effect.values()[value])
-    });
-    let is_phase =
-        named(effect, value).is_some_and(|named| named.parameter.unit == Unit::PhaseRadian);
-    let away = |variant: &AnyEffect| {
-        let away = variant.values()[value] - effect.values()[value];
-        if is_phase { libm::remainder(away, TAU).abs() } else { away.abs() }
-    };
-    let widest = one.variants.iter().map(away).fold(0.0, f64::max) / QUANTILE;
-    (fitted.is_some() || widest > 0.0).then(|| fitted.unwrap_or_default() + widest)
 }

@@ -283,6 +283,7 @@ pub fn much(effect: &AnyEffect, value: usize) -> f64 {
         ("tool_offset" | "gravity_tilt", Unit::TurnMilliradian) => 0.02,
         ("gravity_sag" | "joint_polynomial", _) => 5e-3,
         ("axis_wobble", Unit::TurnMilliradian) => 5e-4,
+        ("joint_ratio" | "joint_coupling", _) => 3e-3,
         ("wrench_misalignment", _) => 0.2,
         (_, Unit::Milliradian | Unit::TurnMilliradian) => 1e-3,
         ("wrench_bias", _) => 30.0,

@@ -23,6 +23,7 @@ mod result;
 mod rigid;
 mod smooth;
 mod still;
+mod sums;
 pub(crate) mod table;
 #[cfg(test)]
 mod tests;

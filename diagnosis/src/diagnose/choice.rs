@@ -117,17 +117,15 @@ impl<'a> Choice<'a> {
         self.take_out() || self.add() || self.exchange()
     }
 
-    /// Effects of all that was chosen but `but`.
-    fn beside(&self, but: Option<usize>) -> Vec<&AnyEffect> {
+    /// What is new of all that was chosen but `but`.
+    fn beside(&self, but: Option<usize>) -> Vec<&Candidate> {
         let others = self.chosen.iter().filter(|entry| Some(**entry) != but);
-        let others = others.filter(|entry| self.entries[**entry].candidate.changes().is_none());
-        others
-            .filter_map(|entry| Some(&self.entries[*entry].candidate.probes.first()?.effect))
-            .collect()
+        let others = others.map(|entry| &self.entries[*entry].candidate);
+        others.filter(|other| other.changes().is_none()).collect()
     }
 
-    /// Whether a candidate may stand beside these effects: no other name of one of them, and what it works upon is there.
-    fn fits(&self, candidate: &Candidate, beside: &[&AnyEffect]) -> bool {
+    /// Whether a candidate may stand beside these: no other name of one of them, and what it works upon is there.
+    fn fits(&self, candidate: &Candidate, beside: &[&Candidate]) -> bool {
         let gives_way = |effect: &AnyEffect| {
             effect.joint() == candidate.joint
                 && ["joint_compliance", "gravity_compliance", "load_compliance"]
@@ -138,9 +136,9 @@ impl<'a> Choice<'a> {
             .first()
             .is_some_and(|probe| matches!(probe.effect, AnyEffect::StiffnessHardening(_)));
         let grounded = !needs_ground
-            || beside.iter().any(|effect| gives_way(effect))
+            || beside.iter().flat_map(|other| other.probes.first()).any(|p| gives_way(&p.effect))
             || self.given.effects().any(gives_way);
-        grounded && !beside.iter().any(|effect| candidate.is_rival_of(effect))
+        grounded && !beside.iter().any(|other| candidate.is_rival_to(other))
     }
 
     /// What could stand beside all that was chosen but `but`, best first; of equals the earlier in the library.

@@ -11,7 +11,7 @@ const CARRIED: f64 = 0.999;
 /// Where more than this share of what is named cannot be told apart, nothing is claimed.
 const CLEAR: f64 = 0.5;
 /// Two names that differ by less than this in log-likelihood are one and the same thing in this recording.
-const SAME: f64 = 0.1;
+const SAME: f64 = 1e-3;
 
 /// A dearer name that is at least as probable as this keeps a cheaper one from being claimed.
 const LIKELY: f64 = 0.35;

@@ -96,10 +96,11 @@ pub(super) struct Asking<'a> {
     pub(super) bank: &'a Bank,
 }
 
-/// Names what the poses that take part ask for beyond `start`, without a look at rivals: enough to tell what is noise.
-pub(super) fn chosen(asking: &Asking<'_>, start: Naming) -> Naming {
-    let also = asking.searched(&start);
-    asking.settled(start, &also)
+/// Names after one round of choosing and fitting from where nothing is named, and what was asked besides the library.
+pub(super) fn glimpsed(asking: &Asking<'_>, base: &Fit) -> (Naming, Vec<Entry>) {
+    let bare = Naming::none(base);
+    let also = asking.searched(&bare);
+    (asking.next(&bare, &also).unwrap_or(bare), also)
 }
 
 /// The same; rivals that are better once they are fitted take a name's place.

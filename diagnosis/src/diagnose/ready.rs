@@ -4,8 +4,10 @@
 
 use crate::campaign::Campaign;
 use crate::hypothesis::Hypothesis;
+use crate::problem::follow;
 use crate::proof::runs;
 use crate::rides::paths;
+use glam::DVec3;
 use physics::{Inputs, Model};
 use std::ops::Range;
 
@@ -15,6 +17,8 @@ const SETTLED_MAX: usize = 6000;
 const POSES_MAX: usize = 3000;
 /// Stretches of neighbours among them: half of all.
 const STRETCHES: usize = 10;
+/// Two starts of which the tool shows less than this are one, m.
+const TOLD_M: f64 = 1e-6;
 
 /// Speeds and accelerations along paths: an arm that moves is bent by its own inertia too.
 pub(super) fn set_moving(campaign: &mut Campaign, joints: usize) {
@@ -24,6 +28,42 @@ pub(super) fn set_moving(campaign: &mut Campaign, joints: usize) {
         let mut rows: Vec<Inputs> = poses.iter().map(|pose| pose.inputs).collect();
         world::forward::moving(&mut rows, joints);
         poses.iter_mut().zip(rows).for_each(|(pose, inputs)| pose.inputs = inputs);
+    }
+}
+
+/// Leaves out the readings that depend on how play and friction stood when a path began, which nobody recorded: those before a start from either side puts
+/// the tool in one place. Where it never does (a joint that stands still) all stay.
+pub(super) fn set_begun(campaign: &mut Campaign, model: &Model, notes: &mut Vec<String>) {
+    let paths: Vec<Range<usize>> = paths(campaign).collect();
+    if paths.is_empty() || !model.effects().any(|effect| effect.spec().has_memory) {
+        return;
+    }
+    let told: Vec<_> =
+        paths.iter().map(|path| campaign.poses[path.start].inputs.direction).collect();
+    let mut begun = |side: f64| -> Vec<DVec3> {
+        for (path, told) in paths.iter().zip(&told) {
+            let sided = told.map(|direction| if direction == 0.0 { side } else { direction });
+            campaign.poses[path.start].inputs.direction = sided;
+        }
+        let mut tool = Vec::with_capacity(campaign.poses.len());
+        follow(model, campaign, None, |_, seen, _| tool.push(seen.real.base_from_tool.origin));
+        tool
+    };
+    let (above, below) = (begun(1.0), begun(-1.0));
+    let mut open = 0;
+    for (path, told) in paths.iter().zip(told) {
+        campaign.poses[path.start].inputs.direction = told;
+        let is_one = |k: &usize| above[*k].distance(below[*k]) < TOLD_M;
+        let first = path.clone().find(is_one).unwrap_or(path.start);
+        for pose in &mut campaign.poses[path.start..first] {
+            open += usize::from(!pose.seen.is_empty());
+            pose.seen.clear();
+        }
+    }
+    if open > 0 {
+        notes.push(format!(
+            "{open} rows at the beginning of paths were left out: how the play that the model has stood then is not recorded"
+        ));
     }
 }
 
@@ -189,6 +229,40 @@ mod tests {
             (read, notes),
             (4_334, vec!["of 13000 rows 4334 were looked at: one in 3".to_owned()])
         );
+    }
+
+    #[test]
+    fn rows_before_known_play_has_touched_an_end_of_its_gap_are_left_out() {
+        let mut campaign = long_path(400);
+        campaign.poses[0].arrival = Arrival::Settled;
+        campaign.poses[0].inputs.direction = [0.0; physics::JOINTS_MAX];
+        for k in 1..400 {
+            campaign.poses[k].inputs.q_before = campaign.poses[k - 1].inputs.q;
+        }
+        let whole = campaign.clone();
+        let mut notes = Vec::new();
+        set_begun(&mut campaign, &made::nominal(), &mut notes);
+        let unread =
+            |campaign: &Campaign| campaign.poses.iter().filter(|pose| pose.seen.is_empty()).count();
+        assert_eq!(unread(&campaign), 0, "nothing of this model remembers");
+        let mut model = made::nominal();
+        let width: &[(&str, &[f64])] = &[("width", &[0.035])];
+        let play =
+            physics::AnyEffect::build("backlash", &model.arm, Some(0), physics::Given(width));
+        model.push(play.expect("sound")).expect("room");
+        set_begun(&mut campaign, &model, &mut notes);
+        // sin(0.7 t) reaches 0.035, the whole gap, at t = 0.05 s.
+        assert_eq!(unread(&campaign), 6, "{notes:?}");
+        assert!(campaign.poses[..6].iter().all(|pose| pose.seen.is_empty()) && notes.len() == 1);
+        let start = |campaign: &Campaign| campaign.poses[0].inputs.direction;
+        assert_eq!(start(&campaign), start(&whole), "the start stays as it was told");
+        let mut still = whole.clone();
+        still.poses.iter_mut().for_each(|pose| {
+            pose.inputs.q_before = pose.inputs.q;
+            pose.inputs.direction = [0.0; physics::JOINTS_MAX];
+        });
+        set_begun(&mut still, &model, &mut notes);
+        assert_eq!(unread(&still), 0, "a joint that stands still");
     }
 
     #[test]

@@ -47,7 +47,7 @@ impl Asking<'_> {
 
     /// A better choice than `best`: as far as steps from there lead, else one step from there, else from any start; where all lead to the same names,
     /// these with better numbers.
-    fn next(&self, best: &Naming, also: &[Entry]) -> Option<Naming> {
+    pub(super) fn next(&self, best: &Naming, also: &[Entry]) -> Option<Naming> {
         let named = &best.named;
         let ways = [Way::AsFarAsSteps, Way::OneStep, Way::FromAnyStart];
         let mut same = None;

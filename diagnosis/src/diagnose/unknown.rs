@@ -27,6 +27,11 @@ const DEGREE_OF_PAIR: usize = 3;
 const FAR: f64 = 12.0;
 /// By which share of what names are worth a law has to be worth more than they are: names are simplified physics too.
 const CLEARLY: f64 = 0.02;
+/// The same where names are not settled yet, and how many they are at least.
+const FAR_AHEAD: f64 = 0.2;
+const PATCHES: usize = 4;
+/// And what a law has to be worth there, in the sum of squares: how the noise remembers itself is not known well yet.
+const PLAIN: f64 = 200.0;
 /// How large a coefficient of a joint's error may be, rad or m.
 const LARGE: f64 = 5e-3;
 
@@ -99,6 +104,29 @@ pub(super) fn instead_of_names(
     words: &[Word],
     kept: &[bool],
 ) -> Option<(Fit, Law)> {
+    ahead(asking, naming, words, kept, CLEARLY)
+}
+
+/// The same at the first glimpse of names that are many and far behind: no more of them would catch up, and to look for them takes long.
+pub(super) fn ahead_at_once(
+    asking: &Asking<'_>,
+    naming: &Naming,
+    words: &[Word],
+    kept: &[bool],
+) -> Option<(Fit, Law)> {
+    let many = naming.named.len() >= PATCHES;
+    let (bare, law) = many.then(|| ahead(asking, naming, words, kept, FAR_AHEAD))??;
+    (law.worth > PLAIN).then_some((bare, law))
+}
+
+/// The law that is ahead of all names by a share of what they are worth.
+fn ahead(
+    asking: &Asking<'_>,
+    naming: &Naming,
+    words: &[Word],
+    kept: &[bool],
+    share: f64,
+) -> Option<(Fit, Law)> {
     if naming.named.is_empty() {
         return None;
     }
@@ -117,7 +145,7 @@ pub(super) fn instead_of_names(
             return None;
         }
     }
-    (law.worth > (1.0 + CLEARLY) * names).then_some((bare, law))
+    (law.worth > (1.0 + share) * names).then_some((bare, law))
 }
 
 /// The law that is worth most; none where nothing is left to explain.
@@ -225,15 +253,17 @@ fn singles(words: &[Word], _joint: usize) -> Vec<Vec<usize>> {
     (0..words.len()).map(|word| vec![word]).collect()
 }
 
-/// A joint's own words with each other, its position with those of others, and its motion with temperature and load.
+/// A joint's own words with each other, its position and speed with the positions of others (what it carries changes with these), and its motion with
+/// temperature and load.
 fn pairs(words: &[Word], joint: usize) -> Vec<Vec<usize>> {
     let own = |word: &Word| word.joint == Some(joint);
     let position = |word: &Word| word.name.starts_with('q');
+    let moves = |word: &Word| own(word) && (position(word) || word.name.starts_with('v'));
     let mut pairs = Vec::new();
     for (a, first) in words.iter().enumerate() {
         for (b, second) in words.iter().enumerate().skip(a + 1) {
             let tied = own(first) && own(second);
-            let places = position(first) && position(second) && (own(first) || own(second));
+            let places = (moves(first) && position(second)) || (position(first) && moves(second));
             let heat = own(first) && second.joint.is_none();
             if tied || places || heat {
                 pairs.push(vec![a, b]);

@@ -5,6 +5,7 @@
 
 use physics::dynamics::INERTIAL;
 use recording::series::{Heldout, Recording};
+use std::cell::RefCell;
 
 use super::ROWS_LEAST;
 use super::choose::Choice;
@@ -14,6 +15,7 @@ use super::library::{Family, Form, Library, Sign};
 use super::motion::Motion;
 use super::noise;
 use super::rigid::Rigid;
+use super::sums::Sums;
 use super::table::{Products, Solved, Table};
 use crate::colour::Colour;
 
@@ -55,6 +57,8 @@ pub(super) struct Case {
     rigid: Vec<Vec<f64>>,
     /// The first columns, those of the arm's own masses.
     inertial: usize,
+    /// The sums that were taken last.
+    sums: RefCell<Option<Sums>>,
 }
 
 impl Rows {
@@ -190,6 +194,7 @@ impl Case {
             stated: torque,
             rigid: rigid.stated,
             inertial,
+            sums: RefCell::default(),
         };
         case.of_torques(stated);
         case
@@ -308,8 +313,10 @@ impl Case {
 
     /// The sums over the rows that count and that `used` takes.
     pub(super) fn products(&self, used: &[bool]) -> Products {
-        let columns: Vec<&Column> = self.library.columns.iter().collect();
-        Products::new(&self.table, &columns, self.library.prior.clone(), used)
+        let sums = Sums::taken(self.sums.take(), &self.table, &self.library.columns, used);
+        let products = sums.products(self.library.prior.clone());
+        self.sums.replace(Some(sums));
+        products
     }
 
     /// Learns each joint's noise from what no name explains.

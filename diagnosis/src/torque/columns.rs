@@ -4,6 +4,8 @@
 //!
 //! Promises: a column is what the contract's table adds, per unit of its number. Never: a decision.
 
+use std::sync::Arc;
+
 use super::motion::{Motion, ROOM_C, Track};
 
 /// Below this share of a joint's usual speed it counts as standing.
@@ -43,7 +45,7 @@ pub(super) enum Law {
 /// One number's share in the torques: for each joint that it acts on, a value per row.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Column {
-    pub(crate) parts: Vec<(usize, Vec<f64>)>,
+    pub(crate) parts: Vec<(usize, Arc<[f64]>)>,
 }
 
 impl Law {
@@ -59,7 +61,7 @@ impl Law {
                 all.extend(run.rows.iter().map(|row| samples[*row]));
             }
         }
-        Column { parts: vec![(joint, all)] }
+        Column { parts: vec![(joint, all.into())] }
     }
 
     fn is_sharp(self) -> bool {
@@ -150,12 +152,19 @@ pub(super) fn lowest_speed(motion: &Motion, joint: usize) -> f64 {
 }
 
 impl Column {
+    /// Whether it is the very same column, not one of the same numbers.
+    pub(super) fn is(&self, other: &Self) -> bool {
+        let mut pairs = self.parts.iter().zip(&other.parts);
+        self.parts.len() == other.parts.len()
+            && pairs.all(|(own, other)| own.0 == other.0 && Arc::ptr_eq(&own.1, &other.1))
+    }
+
     /// Several columns as one, each times its number.
     pub(crate) fn sum(columns: &[(&Self, f64)], joint: usize, rows: usize) -> Vec<f64> {
         let mut all = vec![0.0; rows];
         for (column, number) in columns {
             for (_, part) in column.parts.iter().filter(|(at, _)| *at == joint) {
-                all.iter_mut().zip(part).for_each(|(sum, x)| *sum += number * x);
+                all.iter_mut().zip(part.iter()).for_each(|(sum, x)| *sum += number * x);
             }
         }
         all

@@ -7,6 +7,7 @@
 use physics::dynamics::inverse_dynamics;
 use physics::spec::Range;
 use physics::{AnyEffect, Arm, Given, Inputs, JOINTS_MAX, Memories, Model};
+use std::sync::Arc;
 
 use super::columns::{Column, Law, STANDING, usual_speed};
 use super::found::Number;
@@ -161,7 +162,12 @@ impl Stated<'_> {
         }
         let felt = |values: &Vec<f64>| values.iter().any(|x| *x != 0.0);
         let column = |parts: Vec<Vec<f64>>| Column {
-            parts: parts.into_iter().enumerate().filter(|(_, values)| felt(values)).collect(),
+            parts: parts
+                .into_iter()
+                .enumerate()
+                .filter(|(_, values)| felt(values))
+                .map(|(joint, values)| (joint, values.into()))
+                .collect(),
         };
         (all, columns.into_iter().map(column).collect())
     }
@@ -241,7 +247,7 @@ fn inputs(run: &Run, sample: usize, standing: &[f64], before: Option<[f64; JOINT
 /// `|τ| sign(v)`, the rigid body's torque given row by row.
 pub(super) fn load_column(motion: &Motion, joint: usize, load: &[f64]) -> Column {
     let direction = Law::Direction.column(motion, joint);
-    let times = |(joint, sign): &(usize, Vec<f64>)| {
+    let times = |(joint, sign): &(usize, Arc<[f64]>)| {
         (*joint, sign.iter().zip(load).map(|(sign, load)| sign * load.abs()).collect())
     };
     Column { parts: direction.parts.iter().map(times).collect() }

@@ -289,7 +289,7 @@ impl Library {
                 self.untested.push(("drive_gain", Some(*joint), why));
                 continue;
             }
-            let column = Column { parts: vec![(*joint, torque.clone())] };
+            let column = Column { parts: vec![(*joint, torque.as_slice().into())] };
             let sign = Sign::Within(GAIN);
             self.add(family("drive_gain", Some(*joint), &["gain"], sign), vec![column]);
         }

@@ -79,7 +79,8 @@ const ROUNDING: f64 = 1e-9;
 
 /// Mass and first moment, those that no drive feels as nothing.
 fn felt(mut columns: Vec<Column>) -> Vec<Column> {
-    let square = |column: &Column| column.parts.iter().flat_map(|(_, x)| x).map(|x| x * x).sum();
+    let square =
+        |column: &Column| column.parts.iter().flat_map(|(_, x)| x.iter()).map(|x| x * x).sum();
     let squares: Vec<f64> = columns.iter().map(square).collect();
     let least = ROUNDING * ROUNDING * squares[0];
     let unfelt = columns.iter_mut().zip(&squares).filter(|(_, square)| **square < least);

@@ -21,6 +21,8 @@ const LEAP: f64 = 2.0;
 const LONGEST: f64 = 0.15;
 /// Rounds until a bend and its number agree.
 const ROUNDS: usize = 4;
+/// Rows that are summed side by side.
+const LANES: usize = 8;
 /// Waves between the longest and the shortest that are looked for at most.
 const WAVES: usize = 400;
 /// The fewest half cycles in the whole span that a ripple has.
@@ -69,7 +71,6 @@ pub(super) fn settle(
         };
         let mut value = start;
         let mut spread = widest;
-        let mut trial = Trial::new(case, choice, always, used);
         let joint = case.library.families[name].joint.unwrap_or(0);
         let (least, lowest) =
             (shortest_way(&case.motion, joint), lowest_speed(&case.motion, joint));
@@ -78,7 +79,7 @@ pub(super) fn settle(
         for step in STEPS.map(|step| step * widest / STEPS[0]) {
             let mut gains = [0.0; 3];
             for (gain, away) in gains.iter_mut().zip([-step, 0.0, step]) {
-                *gain = trial.gain(case, name, value * (1.0 + away), used);
+                *gain = self::gain(case, choice, always, (name, value * (1.0 + away)), used);
             }
             let bend = gains[0] - 2.0 * gains[1] + gains[2];
             let moved = if bend < 0.0 {
@@ -148,38 +149,17 @@ fn put(case: &mut Case, name: usize, value: f64) {
     }
 }
 
-/// The sums of a choice's columns, with one name's exchanged again and again.
-struct Trial {
-    places: Vec<usize>,
-    products: Products,
-}
-
-impl Trial {
-    fn new(case: &Case, choice: &Choice, always: &[usize], used: &[bool]) -> Self {
-        let mut places = always.to_vec();
-        for name in &choice.names {
-            for column in &case.library.families[*name].columns {
-                if !places.contains(column) {
-                    places.push(*column);
-                }
-            }
-        }
-        let columns: Vec<&Column> = places.iter().map(|k| &case.library.columns[*k]).collect();
-        let prior = places.iter().map(|k| case.library.prior[*k]).collect();
-        let products = Products::new(&case.table, &columns, prior, used);
-        Self { places, products }
-    }
-
-    /// The log-likelihood that the choice gains with this value of a name's searched number.
-    fn gain(&mut self, case: &mut Case, name: usize, value: f64, used: &[bool]) -> f64 {
-        put(case, name, value);
-        let own = &case.library.families[name].columns;
-        let changed: Vec<usize> =
-            own.iter().filter_map(|k| self.places.iter().position(|place| place == k)).collect();
-        let columns: Vec<&Column> = self.places.iter().map(|k| &case.library.columns[*k]).collect();
-        self.products.exchange(&case.table, &columns, &changed, used);
-        self.products.solve(&(0..self.places.len()).collect::<Vec<usize>>()).gain
-    }
+/// The log-likelihood that a choice gains with this value of a name's searched number.
+fn gain(
+    case: &mut Case,
+    choice: &Choice,
+    always: &[usize],
+    (name, value): (usize, f64),
+    used: &[bool],
+) -> f64 {
+    put(case, name, value);
+    let products = case.products(used);
+    asking(case, &products, always).solve(&choice.names).solved.gain
 }
 
 /// Lists the ripple that fits best what is left of each joint; whether any was found that is worth asking for.
@@ -228,20 +208,29 @@ fn loudest(case: &Case, joint: usize, left: &[f64], used: &[bool]) -> Option<f64
 
 /// `|Σ r e^{i k step q}|²` of rows `(q, r)` for `k` from `from` to `to`: each wave is the one before, turned by a step.
 fn powers(rows: &[(f64, f64)], from: usize, step: f64, to: usize) -> Vec<f64> {
+    let mut rows = rows.to_vec();
+    rows.resize(rows.len().next_multiple_of(LANES), (0.0, 0.0));
     let at = |cycles: f64| -> (Vec<f64>, Vec<f64>) {
         rows.iter().map(|(q, _)| libm::sincos(cycles * q)).unzip()
     };
+    let rests: Vec<f64> = rows.iter().map(|(_, rest)| *rest).collect();
     let ((mut sines, mut cosines), (by_sine, by_cosine)) = (at(step * from as f64), at(step));
     let mut powers = Vec::new();
     for _ in from..=to {
-        let (mut of_sine, mut of_cosine) = (0.0, 0.0);
-        let waves = sines.iter_mut().zip(&mut cosines).zip(by_sine.iter().zip(&by_cosine));
-        for (((sine, cosine), (s, c)), (_, rest)) in waves.zip(rows) {
-            of_sine += rest * *sine;
-            of_cosine += rest * *cosine;
-            (*sine, *cosine) = (*sine * c + *cosine * s, *cosine * c - *sine * s);
+        let (mut of_sine, mut of_cosine) = ([0.0; LANES], [0.0; LANES]);
+        let (sines, _) = sines.as_chunks_mut::<LANES>();
+        let (cosines, _) = cosines.as_chunks_mut::<LANES>();
+        let by = by_sine.as_chunks::<LANES>().0.iter().zip(by_cosine.as_chunks::<LANES>().0);
+        let rests = rests.as_chunks::<LANES>().0;
+        for (((sine, cosine), (s, c)), rest) in sines.iter_mut().zip(cosines).zip(by).zip(rests) {
+            for k in 0..LANES {
+                of_sine[k] += rest[k] * sine[k];
+                of_cosine[k] += rest[k] * cosine[k];
+                (sine[k], cosine[k]) =
+                    (sine[k] * c[k] + cosine[k] * s[k], cosine[k] * c[k] - sine[k] * s[k]);
+            }
         }
-        powers.push(of_sine * of_sine + of_cosine * of_cosine);
+        powers.push(of_sine.iter().sum::<f64>().powi(2) + of_cosine.iter().sum::<f64>().powi(2));
     }
     powers
 }

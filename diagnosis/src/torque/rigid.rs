@@ -54,7 +54,8 @@ pub(super) fn carried(columns: [&Column; INERTIAL], by: DVec3) -> [Column; 4] {
             let parts: Vec<(&Column, f64)> = columns.iter().copied().zip(numbers).collect();
             Column::sum(&parts, joint, rows)
         };
-        let parts = columns[0].parts.iter().map(|(joint, old)| (*joint, sum(*joint, old.len())));
+        let parts =
+            columns[0].parts.iter().map(|(joint, old)| (*joint, sum(*joint, old.len()).into()));
         Column { parts: parts.collect() }
     })
 }
@@ -68,11 +69,8 @@ impl Rigid {
             .map(|joint| joint.link.map_or(joint.point, |link| link.centre))
             .collect();
         let rows: usize = motion.runs.iter().map(|run| run.rows.len()).sum();
-        let mut columns = vec![Column::default(); INERTIAL * count + 4];
-        for (k, column) in columns.iter_mut().enumerate() {
-            let body = (k / INERTIAL).min(count - 1);
-            column.parts = (0..=body).map(|joint| (joint, Vec::with_capacity(rows))).collect();
-        }
+        let parts = |k: usize| vec![Vec::with_capacity(rows); (k / INERTIAL).min(count - 1) + 1];
+        let mut columns: Vec<Vec<Vec<f64>>> = (0..INERTIAL * count + 4).map(parts).collect();
         let mut stated = vec![Vec::with_capacity(rows); count];
         for one in &motion.runs {
             for &sample in &one.rows {
@@ -81,18 +79,16 @@ impl Rigid {
                 stated.iter_mut().zip(torque.iter()).for_each(|(list, torque)| list.push(*torque));
                 let chain = Chain::nominal(arm, &inputs.q);
                 let regressor = Regressor::new(arm, &chain, &inputs, arm.gravity);
-                for body in 0..count {
+                for (body, point) in points.iter().enumerate() {
                     let table = regressor.of_body(body);
                     for joint in 0..=body {
-                        let numbers = about(&table, points[body], joint);
-                        for (k, number) in numbers.into_iter().enumerate() {
-                            columns[INERTIAL * body + k].parts[joint].1.push(number);
-                        }
+                        let mut push = |from: usize, numbers: [f64; INERTIAL]| {
+                            let columns = columns[from..].iter_mut();
+                            columns.zip(numbers).for_each(|(column, x)| column[joint].push(x));
+                        };
+                        push(INERTIAL * body, about(&table, *point, joint));
                         if body + 1 == count {
-                            let numbers = about(&table, arm.tool.tcp, joint);
-                            for (k, number) in numbers.into_iter().take(4).enumerate() {
-                                columns[INERTIAL * count + k].parts[joint].1.push(number);
-                            }
+                            push(INERTIAL * count, about(&table, arm.tool.tcp, joint));
                         }
                     }
                 }
@@ -106,6 +102,10 @@ impl Rigid {
             }
         });
         let beliefs = beliefs.collect();
+        let column = |parts: Vec<Vec<f64>>| Column {
+            parts: parts.into_iter().map(Into::into).enumerate().collect(),
+        };
+        let columns = columns.into_iter().map(column).collect();
         Self { stated, columns, beliefs }
     }
 }

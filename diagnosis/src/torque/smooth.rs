@@ -91,7 +91,7 @@ fn laws(motion: &Motion, joint: usize) -> Vec<Asked> {
     let own = |stem: &str| format!("{stem}{}", joint + 1);
     // A smooth size passes the filter as its carrier does.
     let carrier = |law: Sized| law.column(motion, joint).parts.remove(0).1;
-    let column = |values| Column { parts: vec![(joint, values)] };
+    let column = |values: Vec<f64>| Column { parts: vec![(joint, values.into())] };
     let mut all = Vec::new();
     let mut add = |carrier: &[f64], name: Option<String>, word: usize| {
         let columns = series[word].iter().map(|one| column(times(carrier, one)));

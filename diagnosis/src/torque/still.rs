@@ -45,7 +45,7 @@ fn held(case: &Case, joint: usize, target: &[f64], always: &[usize]) -> Option<H
     table.target[joint] = Some(target.to_vec());
     table.noise[joint] = (Colour::default(), 1.0);
     table.noise[joint] = noise::of_left(&table, joint, &about, &seen, 1.0);
-    let one = Column { parts: vec![(joint, vec![1.0; target.len()])] };
+    let one = Column { parts: vec![(joint, vec![1.0; target.len()].into())] };
     let mut columns: Vec<&Column> = always.iter().map(|k| &case.library.columns[*k]).collect();
     let mut prior: Vec<f64> = always.iter().map(|k| case.library.prior[*k]).collect();
     columns.push(&one);

@@ -1,4 +1,4 @@
-//! The rows that are fitted, and the sums of products that every question is answered from.
+//! The rows that are fitted, and what sums of their products answer.
 //!
 //! Promises: rows of one joint are weighed by that joint's noise and freed of its memory, columns and right-hand side alike; rows set aside count in
 //! nothing. Never: a choice.
@@ -7,12 +7,13 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::ops::Range;
 
 use super::columns::Column;
+use super::sums::Sums;
 use crate::colour::Colour;
 
 /// A column that the others explain but for this share, squared, has no number of its own.
 const OWN: f64 = 1e-7;
 /// A column that is left so little, squared, brings nothing that rounding would not.
-const BRINGS: f64 = 1e-4;
+pub(super) const BRINGS: f64 = 1e-4;
 
 /// What was measured and not yet explained by what the model knows.
 #[derive(Clone, Debug)]
@@ -77,85 +78,8 @@ pub(crate) struct Solved {
 impl Products {
     /// Over the rows that count and that `used` takes.
     pub(crate) fn new(table: &Table, columns: &[&Column], prior: Vec<f64>, used: &[bool]) -> Self {
-        let count = columns.len();
-        let (mut gram, mut right) = (DMatrix::zeros(count, count), DVector::zeros(count));
-        let mut rows = 0;
-        for joint in table.joints() {
-            let keep: Vec<usize> =
-                (0..table.rows()).filter(|row| used[*row] && table.counts[joint][*row]).collect();
-            let here: Vec<(usize, &Vec<f64>)> = columns
-                .iter()
-                .enumerate()
-                .flat_map(|(k, column)| {
-                    let parts = column.parts.iter().filter(|(at, _)| *at == joint);
-                    parts.map(move |(_, values)| (k, values))
-                })
-                .collect();
-            let mut block = DMatrix::zeros(keep.len(), here.len() + 1);
-            let target = table.target[joint].iter();
-            for (k, values) in here.iter().map(|(_, values)| *values).chain(target).enumerate() {
-                let white = table.whitened(joint, values);
-                keep.iter().enumerate().for_each(|(at, row)| block[(at, k)] = white[*row]);
-            }
-            let mut product = DMatrix::zeros(here.len() + 1, here.len() + 1);
-            // Not `tr_mul`, which takes one scalar product after the other.
-            product.gemm(1.0, &block.transpose(), &block, 0.0);
-            for (a, (i, _)) in here.iter().enumerate() {
-                for (b, (j, _)) in here.iter().enumerate() {
-                    gram[(*i, *j)] += product[(a, b)];
-                }
-                right[*i] += product[(a, here.len())];
-            }
-            rows += keep.len();
-        }
-        Self { gram, right, rows, prior, brings: BRINGS }
-    }
-
-    /// The same sums where one column has become another.
-    pub(crate) fn exchange(
-        &mut self,
-        table: &Table,
-        columns: &[&Column],
-        changed: &[usize],
-        used: &[bool],
-    ) {
-        for &k in changed {
-            self.gram.row_mut(k).fill(0.0);
-            self.gram.column_mut(k).fill(0.0);
-            self.right[k] = 0.0;
-        }
-        for joint in table.joints() {
-            let here = |k: usize| {
-                let parts = columns[k].parts.iter();
-                parts
-                    .filter(|(at, _)| *at == joint)
-                    .map(|(_, values)| table.whitened(joint, values))
-            };
-            let counts = |row: &usize| used[*row] && table.counts[joint][*row];
-            let rows: Vec<usize> = (0..table.rows()).filter(counts).collect();
-            let dot = |a: &[f64], b: &[f64]| rows.iter().map(|row| a[*row] * b[*row]).sum::<f64>();
-            let new: Vec<(usize, Vec<f64>)> =
-                changed.iter().flat_map(|k| here(*k).map(move |values| (*k, values))).collect();
-            if new.is_empty() {
-                continue;
-            }
-            let target = table.target[joint].iter().flatten().copied().collect::<Vec<f64>>();
-            let target = table.whitened(joint, &target);
-            for (k, values) in &new {
-                self.right[*k] += dot(values, &target);
-            }
-            for other in 0..columns.len() {
-                for old in here(other) {
-                    for (k, values) in &new {
-                        let product = dot(values, &old);
-                        if !changed.contains(&other) {
-                            self.gram[(other, *k)] += product;
-                        }
-                        self.gram[(*k, other)] += product;
-                    }
-                }
-            }
-        }
+        let columns: Vec<Column> = columns.iter().copied().cloned().collect();
+        Sums::taken(None, table, &columns, used).products(prior)
     }
 
     /// The least squares of these columns; those that say nothing of their own are left out.

@@ -166,9 +166,9 @@ impl Case {
                     None => add(&mut parts, &self.of_spindle(at - NUMBERS, &by_angle), 1.0),
                 }
             }
-            let mut parts: Vec<(usize, Vec<f64>)> = parts.into_iter().enumerate().collect();
-            parts.retain(|(_, values)| values.iter().any(|x| *x != 0.0));
-            Column { parts }
+            let felt = |values: &Vec<f64>| values.iter().any(|x| *x != 0.0);
+            let parts = parts.into_iter().enumerate().filter(|(_, values)| felt(values));
+            Column { parts: parts.map(|(axis, values)| (axis, values.into())).collect() }
         };
         let columns = wanted.iter().map(|k| (*k, column(*k))).collect();
         (target, columns)
