@@ -285,8 +285,12 @@ fn terms(words: &[Word], group: &[usize], pose: usize, mut take: impl FnMut(f64)
     match *group {
         [one] => words[one].chebyshev(pose, degree(&words[one], DEGREE)).for_each(take),
         [one, two] => {
+            let joints = [one, two].map(|w| words[w].joint);
+            let sways = joints[0] != joints[1] && !joints.contains(&None);
             let of = |w: usize| {
-                let most = degree(&words[w], DEGREE_OF_PAIR);
+                // What other joints change of a lag goes straight with the speed.
+                let straight = sways && words[w].name.starts_with('v');
+                let most = if straight { 1 } else { degree(&words[w], DEGREE_OF_PAIR) };
                 let mut all = vec![1.0];
                 all.extend(words[w].chebyshev(pose, most));
                 all
