@@ -1,7 +1,7 @@
 //! Where a model and a recording differ: where, which physics is missing, how much of it, and the proof on data that no fit has seen.
 //!
 //! Read in this order: `ingest` (what the recordings are worth), `ready` (which rows), `library` (what is asked), `noise`, `name` (which, with rivals) with `choice`, `starts` and `settle`
-//! (how they are chosen), `prove` (second look and proof), `unknown` (what no name explains), `judge`.
+//! (how they are chosen), `prove` (second look and proof), `unknown` (what no name explains), `judge`, `findings`.
 //!
 //! Promises: the same input and seed give the same bits; held-out rows are seen by no choice and no fit; nothing found is a result
 //! like any other. Never: a file, a name of a data set.

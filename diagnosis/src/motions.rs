@@ -61,6 +61,16 @@ impl<'a> Motions<'a> {
                 Yielding::of(self.model, counts)
             });
             yielding.stand_at(memories);
+            // What one unit of load does is told by the change that loads most: others may do next to nothing here, as at a spring's dead point.
+            let size = |(place, change): &(usize, Contribution)| match change {
+                Contribution::JointLoad { load, .. } => {
+                    let (effect, value) = self.wanted[*place];
+                    let effect = self.model.effects().nth(effect);
+                    effect.map_or(0.0, |effect| much(effect, value)) * load.abs()
+                }
+                _ => 0.0,
+            };
+            on_loads.sort_by(|a, b| size(b).total_cmp(&size(a)));
             for (place, change) in on_loads {
                 motions[place] = yielding.motion(self.model, self.wanted[place], &change, inputs);
             }
