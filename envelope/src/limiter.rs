@@ -60,7 +60,7 @@ pub(crate) struct Pace {
 }
 
 impl Pace {
-    const ALONE: Self = Self { rate: 1.0, jerk: 1.0 };
+    pub(crate) const ALONE: Self = Self { rate: 1.0, jerk: 1.0 };
 }
 
 impl Limiter {
@@ -157,6 +157,11 @@ impl Limiter {
     /// How far the output is from where `wanted` goes, and how it moves against that, in a step that `wanted` has made already.
     pub(crate) fn offset(&self, dt_s: f64) -> Motion {
         self.motion.minus(self.trend.after(-dt_s, 0.0))
+    }
+
+    /// How far the output is from what is wanted, in a step that `wanted` has made already.
+    pub(crate) fn distance(&self) -> f64 {
+        (self.output.value() - self.wanted.value()).abs()
     }
 
     /// Takes note of what is wanted, and whether its last samples say how it moves.

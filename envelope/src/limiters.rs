@@ -11,8 +11,11 @@ use crate::{Limiter, Limits};
 
 /// A way counts as this share of the longest at least: what little is left does not wait for the others.
 const LEAST_WAY: f64 = 0.01;
-/// And as this share of the joint's angle at least: what follows a target that moves is no ramp, and waits for nobody.
+/// And as this share of the joint's angle at least; what is nearer follows a target that moves: that is no ramp, and waits for nobody.
 const NO_RAMP: f64 = 2e-3;
+/// A rate or an acceleration takes as long to come to rest as the way that it makes in so many times a ramp's own time (the cube
+/// root of its way over the jerk): 2.1 for a rate, 1.5 for an acceleration, by the fastest plan of each.
+const TO_REST: f64 = 2.1;
 
 /// Bounds the corrections of `N` joints; see [`Limiter`] for each.
 #[derive(Clone, Copy, Debug)]
@@ -88,8 +91,8 @@ impl<const N: usize> Limiters<N> {
         };
         let distances = offsets.map(|offset| offset.value.abs());
         let Pace { rate, jerk } = fastest(&distances);
-        let time_s = libm::cbrt(1.0 / jerk).max(1.0 / rate);
-        // A motion is worth the way that it makes in that time.
+        let time_s = TO_REST * libm::cbrt(1.0 / jerk).max(1.0 / rate);
+        // A motion is worth the way that takes as long: slower, it would swing far beyond where it is.
         let ways = offsets.map(|offset| offset.reach(time_s));
         let longest = ways.iter().fold(0.0_f64, |longest, way| longest.max(*way));
         let ways: [f64; N] = core::array::from_fn(|i| {
@@ -100,7 +103,11 @@ impl<const N: usize> Limiters<N> {
         for (i, joint) in self.joints.iter_mut().enumerate().filter(|(i, _)| behind[*i]) {
             let Some(limits) = limits(i) else { continue };
             let share = |of: f64, limit: f64| (of * ways[i] / limit).min(1.0);
-            let pace = Pace { rate: share(rate, limits.rate()), jerk: share(jerk, limits.jerk()) };
+            let pace = if joint.distance().max(distances[i]) < NO_RAMP * limits.angle() {
+                Pace::ALONE
+            } else {
+                Pace { rate: share(rate, limits.rate()), jerk: share(jerk, limits.jerk()) }
+            };
             joint.step_onto(&limits, pace, dt_s);
         }
     }

@@ -87,6 +87,33 @@ proptest! {
 }
 
 #[test]
+fn a_joint_that_hardly_jumps_keeps_to_what_is_wanted_while_another_ramps() {
+    // As at a reversal: one joint's backlash turns over, which the others' corrections hardly feel.
+    let run = |jump: f64, speed: f64, phase: f64| {
+        let wave = |k: i32| 1e-4 * libm::sin(phase + speed / 1e-4 * DT_S * f64::from(k));
+        let mut arm = Limiters::from_motion(|i| (wave(0) * i as f64, 0.0, 0.0));
+        let mut most = 0.0_f64;
+        for k in 1..3000 {
+            let wanted = if k < 1000 { [0.0, wave(k)] } else { [3e-4, wave(k) - jump] };
+            let c = arm.step(&wanted, |_| Some(limits(2e-3, 0.05, 5.0)), DT_S);
+            most = if k < 900 { 0.0 } else { most.max((c[1] - wanted[1]).abs()) };
+        }
+        most
+    };
+    for jump in [1e-9, 1e-8, 5e-8, 2e-7, 1e-6, 3e-6, 5e-6, 1e-5, 3e-5, 1e-4] {
+        for speed in [1e-6, 2e-5, 1e-4, 1e-3] {
+            for phase in 0..12 {
+                let most = run(jump, speed, f64::from(phase) * 0.5);
+                assert!(
+                    most < 1e-6 + 3.0 * jump,
+                    "{most:e} at a jump by {jump:e}, {speed}, {phase}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
 fn joints_that_take_each_other_back_do_so_all_the_way_out() {
     // Two joints whose corrections cancel at the tool but for a tenth: 5 and -4 mrad, worth 0.8 and 0.9 m.
     let (from, worth) = ([5e-3, -4e-3], [0.8, 0.9]);
