@@ -163,6 +163,15 @@ impl Corrector {
         outcome
     }
 
+    /// What later cycles need and this one's target does not: to be called once that is out. The gate of a wrench in a contact of known stiffness
+    /// stays closed without it.
+    pub fn prepare(&mut self, model: &Model) {
+        let Some(inputs) = self.path.last() else { return };
+        if self.settings.wrench.enabled && self.settings.wrench.process_stiffness.is_some() {
+            self.wrench.probe(model, inputs, self.path.memories(), self.solver.room());
+        }
+    }
+
     /// Without a command: the correction ramps out. None once it is out, or before the first good command.
     pub fn idle(&mut self, model: &Model, now_ns: u64) -> Option<Outcome> {
         let elapsed_ns = self.elapse(now_ns);
@@ -237,9 +246,6 @@ impl Corrector {
             self.wrench.step(&self.settings.wrench, measured, seconds(dt_ns))
         };
         inputs.wrench_base = wrench;
-        if self.settings.wrench.process_stiffness.is_some() && measured.is_some() {
-            self.wrench.probe(model, &inputs, self.path.memories());
-        }
         (inputs, gate)
     }
 

@@ -3,6 +3,7 @@
 //! ```text
 //! let wanted  = corrector.correct(&model, &command, &world, now_ns);
 //! let allowed = corrector.bound(&model, &wanted);
+//! corrector.prepare(&model);
 //! ```
 //!
 //! Promises, whatever comes in: `allowed.q` is finite, inside the joint limits, and no further from the last good command than

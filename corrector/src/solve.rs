@@ -64,6 +64,11 @@ pub fn solve(
 }
 
 impl Solver {
+    /// Room for an evaluation of the arm that was solved for; the next solve begins anew there.
+    pub(crate) fn room(&mut self) -> &mut Evaluation {
+        &mut self.seen
+    }
+
     /// [`solve`] for the arm that this solver has seen before, or for its first.
     pub fn solve(
         &mut self,

@@ -14,7 +14,7 @@ use crate::low_pass::LowPass;
 use crate::outcome::Gate;
 use crate::settings::WrenchSettings;
 use glam::DVec3;
-use physics::{Inputs, Memories, Model, Wrench};
+use physics::{Evaluation, Inputs, Memories, Model, Wrench};
 
 /// How long the share takes from zero to one, s.
 const FADE_S: f64 = 0.5;
@@ -22,6 +22,8 @@ const FADE_S: f64 = 0.5;
 const SAFE_SHARE: f64 = 0.5;
 /// The force that probes the model's compliance, N.
 const PROBE_N: f64 = 100.0;
+/// How old a column of the compliance gets at least, s: the arm hardly moves in that time.
+const PROBE_EVERY_S: f64 = 1e-3;
 
 /// The filter and its gate.
 #[derive(Clone, Copy, Debug)]
@@ -30,10 +32,15 @@ pub(crate) struct WrenchPath {
     share: f64,
     latched: bool,
     found: LoopGain,
-    /// The model's translational compliance at the TCP, base axes, m/N; one column is renewed per cycle.
+    /// The model's translational compliance at the TCP, base axes, m/N; one column is renewed at a time.
     compliance: [DVec3; 3],
     column: usize,
-    known: bool,
+    /// Since a column was renewed, s.
+    probed_s: f64,
+    /// The largest eigenvalue of the compliance's symmetric part, m/N, once all columns are known.
+    largest: Option<f64>,
+    /// What the correction took last, base axes.
+    last: Wrench,
     loop_gain: f64,
 }
 
@@ -46,7 +53,9 @@ impl WrenchPath {
             found: LoopGain::default(),
             compliance: [DVec3::ZERO; 3],
             column: 0,
-            known: false,
+            probed_s: f64::INFINITY,
+            largest: None,
+            last: Wrench::ZERO,
             loop_gain: f64::NAN,
         }
     }
@@ -75,6 +84,7 @@ impl WrenchPath {
         let fresh = fresh(settings, measured);
         let filtered = self.filtered(fresh, settings.low_pass_hz, dt_s);
         let goal = if fresh.is_some() { self.goal(settings, filtered.force, dt_s) } else { 0.0 };
+        self.probed_s += if fresh.is_some() { dt_s } else { 0.0 };
         let most = dt_s / FADE_S;
         self.share += (goal - self.share).clamp(-most, most);
         let gate = match fresh {
@@ -84,7 +94,8 @@ impl WrenchPath {
             Some(_) if self.share == 1.0 => Gate::Open,
             Some(_) => Gate::Partly,
         };
-        (self.taken(settings, &filtered), gate)
+        self.last = self.taken(settings, &filtered);
+        (self.last, gate)
     }
 
     /// The same for a recorded pose at rest: the wrench is whole, as nothing that was recorded can push back.
@@ -120,10 +131,8 @@ impl WrenchPath {
         if force.length_squared() < CONTACT_N * CONTACT_N {
             self.latched = false;
         }
-        if !self.known {
-            return 0.0;
-        }
-        self.loop_gain = stiffness * self.largest_compliance();
+        let Some(compliance) = self.largest else { return 0.0 };
+        self.loop_gain = stiffness * compliance;
         self.latched |= self.loop_gain >= settings.loop_gain_max;
         if self.latched { 0.0 } else { 1.0 }
     }
@@ -149,17 +158,31 @@ impl WrenchPath {
         filtered.times(SAFE_SHARE).plus(&Wrench { force: beyond, moment: DVec3::ZERO })
     }
 
-    /// Renews one column of the model's compliance: how the TCP gives way to a force along one base axis.
-    pub(crate) fn probe(&mut self, model: &Model, inputs: &Inputs, memories: &Memories) {
-        let mut pushed = *inputs;
+    /// Renews one column of the model's compliance, if it is time: how the TCP gives way to a force along one base axis. `inputs` as the last
+    /// correction had them, but for the wrench; `room` of the model's arm.
+    pub(crate) fn probe(
+        &mut self,
+        model: &Model,
+        inputs: &Inputs,
+        memories: &Memories,
+        room: &mut Evaluation,
+    ) {
+        if self.probed_s < PROBE_EVERY_S {
+            return;
+        }
+        let mut pushed = Inputs { wrench_base: self.last, ..*inputs };
         let along = [DVec3::X, DVec3::Y, DVec3::Z][self.column];
-        let tcp = |inputs: &Inputs| model.evaluate(inputs, memories).real.base_from_tool.origin;
-        pushed.wrench_base.force = inputs.wrench_base.force + along * PROBE_N;
-        let there = tcp(&pushed);
-        pushed.wrench_base.force = inputs.wrench_base.force - along * PROBE_N;
-        self.compliance[self.column] = (there - tcp(&pushed)) / (2.0 * PROBE_N);
-        self.known |= self.column == 2;
+        let [there, back] = [PROBE_N, -PROBE_N].map(|newtons| {
+            pushed.wrench_base.force = self.last.force + along * newtons;
+            model.evaluate_into(&pushed, memories, room);
+            room.real.base_from_tool.origin
+        });
+        self.compliance[self.column] = (there - back) / (2.0 * PROBE_N);
+        self.probed_s = 0.0;
         self.column = (self.column + 1) % 3;
+        if self.largest.is_some() || self.column == 0 {
+            self.largest = Some(self.largest_compliance());
+        }
     }
 
     /// The largest eigenvalue of the symmetric part, m/N.

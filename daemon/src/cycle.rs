@@ -67,6 +67,7 @@ impl<L: Link> Cycle<L> {
         let wanted = self.corrector.correct(&self.model.physics, &claim, &world, now_ns);
         let allowed = self.corrector.bound(&self.model.physics, &wanted);
         self.publish(exchange, &command, received_ns, &allowed);
+        self.corrector.prepare(&self.model.physics);
         Some(received_ns)
     }
 

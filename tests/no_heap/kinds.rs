@@ -128,6 +128,7 @@ fn run(corrector: &mut Corrector, model: &Model, cycles: u64) -> Outcome {
         }
         let wanted = corrector.correct(model, &command(k), &world(k), now_ns);
         last = corrector.bound(model, &wanted);
+        corrector.prepare(model);
     }
     last
 }

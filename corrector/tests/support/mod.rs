@@ -185,6 +185,8 @@ impl Run {
 
     pub(crate) fn give(&mut self, command: &Command, now_ns: u64) -> Outcome {
         let wanted = self.corrector.correct(&self.model, command, &self.world, now_ns);
-        self.corrector.bound(&self.model, &wanted)
+        let outcome = self.corrector.bound(&self.model, &wanted);
+        self.corrector.prepare(&self.model);
+        outcome
     }
 }

@@ -51,7 +51,9 @@ impl Trued {
         for (i, (stands, width)) in self.stands.iter().enumerate() {
             q[i] = stands + SWING * width * (phase + i as f64).sin();
         }
+        // The path is where it is said to be at that time, or a trip's jitter would be a jerk.
         Setpoint::new(&q[..self.stands.len()])
+            .at_ns(t_ns)
             .wrench(WRENCH, WrenchFrame::Tool)
             .temperatures(AMBIENT_C, &[])
     }

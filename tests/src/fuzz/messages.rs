@@ -46,7 +46,9 @@ pub(super) fn commands(bytes: &[u8]) {
             let claim = daemon::translate::command(&command, now_ns, false);
             let world = World { wrench: Some(wrench(&command)), ..World::default() };
             let wanted = corrector.correct(&MODEL, &claim, &world, now_ns);
-            Some(corrector.bound(&MODEL, &wanted))
+            let outcome = corrector.bound(&MODEL, &wanted);
+            corrector.prepare(&MODEL);
+            Some(outcome)
         } else {
             corrector.idle(&MODEL, now_ns)
         };

@@ -119,6 +119,7 @@ fn correct(
         let claim = translate::command(&command, row.t_ns, true);
         let wanted = corrector.correct(&model.physics, &claim, &world, row.t_ns);
         let allowed = corrector.bound(&model.physics, &wanted);
+        corrector.prepare(&model.physics);
         corrections.take(&translate::corrected(&allowed, joints)).map_err(unknown)?;
     }
     Ok(corrections)
