@@ -28,7 +28,7 @@ impl Factor {
             let known: f64 = (0..i).map(|j| row[j] * lower[i][j]).sum();
             let left = normal[i][i] - known;
             // Not a number is not positive either.
-            if !(left > 0.0 && left.is_finite()) {
+            if !(left > 0.0 && left < f64::INFINITY) {
                 return None;
             }
             inverse[i] = 1.0 / left;
