@@ -8,7 +8,7 @@
 //! Not physical where the contact changes within the window; the residual then widens the standard error.
 //! Promises: γ is called known only where it is clear of one half. Never: a share of its own; the gate asks what it may open.
 
-use crate::low_pass::LowPass;
+use crate::low_pass::{LowPass, Pace};
 use glam::DVec3;
 use nalgebra::{Matrix3, Vector3};
 
@@ -126,8 +126,9 @@ impl LoopGain {
     }
 
     fn sample(&mut self, force: f64, share: f64, corner_hz: f64, dt_s: f64) {
-        let taken = self.taken.step(share * force, corner_hz, dt_s);
-        let share = self.share.step(share, corner_hz, dt_s);
+        let pace = Pace::of(corner_hz, dt_s);
+        let taken = self.taken.step(share * force, &pace);
+        let share = self.share.step(share, &pace);
         let time_s = self.watched_s.unwrap_or_default();
         if self.count < SAMPLES && time_s >= self.count as f64 * SPACING_S {
             self.samples[self.count] = Sample { time_s, share, taken, force };

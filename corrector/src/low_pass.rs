@@ -1,37 +1,54 @@
-//! A second-order Butterworth low pass for steps that may vary.
+//! A second-order Butterworth low pass for steps that may vary from one to the next.
 //!
-//! Bilinear transform with prewarping, so that the corner stays where it is said to be. Source: Oppenheim and Schafer,
-//! Discrete-Time Signal Processing, chapter 7.
-//! Promises: finite in, finite out for inputs below 1e100; unit gain at rest. Never: a reaction to a step of no time.
+//! `y'' = ω²(u − y) − √2 ω y'` with `u` straight from sample to sample, solved exactly over each step: the state is the output and its rate, in
+//! seconds, and forgets at the same pace whatever the steps. (Past outputs as a state mean another rate after a step of another length: a
+//! pause amid short steps made it grow without bound.) Source: any text on linear systems, the matrix exponential of a damped oscillator.
+//! Promises: finite in, finite out for inputs below 1e100; unit gain at rest; what it remembers never grows. Never: a reaction to a step of no time.
 
 use core::f64::consts::{PI, SQRT_2};
 
-/// The corner is at most this share of the sampling rate.
-const CORNER_MAX: f64 = 0.45;
+/// How one step goes, for all signals of one corner.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pace {
+    dt_s: f64,
+    /// What decays at this rate swings at it too, rad/s: `ω/√2`.
+    rate: f64,
+    /// What is left of a swing, times its cosine and its sine.
+    cos: f64,
+    sin: f64,
+}
+
+impl Pace {
+    pub(crate) fn of(corner_hz: f64, dt_s: f64) -> Self {
+        let rate = SQRT_2 * PI * corner_hz;
+        let (left, (sin, cos)) = (libm::exp(-rate * dt_s), libm::sincos(rate * dt_s));
+        Self { dt_s, rate, cos: left * cos, sin: left * sin }
+    }
+}
 
 /// The filter's state.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct LowPass {
-    input: [f64; 2],
-    past: [f64; 2],
+    input: f64,
     pub(crate) output: f64,
+    /// How the output changes, per s.
+    change: f64,
 }
 
 impl LowPass {
-    /// Takes one sample, `dt_s` after the last; its output.
-    pub(crate) fn step(&mut self, input: f64, corner_hz: f64, dt_s: f64) -> f64 {
+    /// Takes one sample, a step after the last; its output.
+    pub(crate) fn step(&mut self, input: f64, pace: &Pace) -> f64 {
+        let Pace { dt_s, rate, cos, sin } = *pace;
         if dt_s <= 0.0 {
             return self.output;
         }
-        let k = libm::tan(PI * (corner_hz * dt_s).min(CORNER_MAX));
-        let norm = 1.0 / (1.0 + SQRT_2 * k + k * k);
-        let [x1, x2] = self.input;
-        let [y1, y2] = self.past;
-        let forward = k * k * norm * (input + 2.0 * x1 + x2);
-        let back = norm * (2.0 * (k * k - 1.0) * y1 + (1.0 - SQRT_2 * k + k * k) * y2);
-        self.output = forward - back;
-        self.input = [input, x1];
-        self.past = [self.output, y1];
+        // Behind a straight input the output follows at its slope, by a constant; what it lacks of that swings out.
+        let slope = (input - self.input) / dt_s;
+        let behind = slope / rate;
+        let (lacks, slower) = (self.output - (self.input - behind), self.change - slope);
+        self.output = input - behind + lacks * cos + (slower / rate + lacks) * sin;
+        self.change = slope + slower * cos - (slower + 2.0 * rate * lacks) * sin;
+        self.input = input;
         self.output
     }
 }
@@ -39,13 +56,15 @@ impl LowPass {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use core::f64::consts::TAU;
 
     /// Amplitude that is left of a sine of unit amplitude.
     fn gain_at(hz: f64, corner_hz: f64) -> f64 {
         let (mut filter, dt_s) = (LowPass::default(), 1e-3);
         let mut largest = 0.0_f64;
         for k in 0..20_000 {
-            let out = filter.step(libm::sin(2.0 * PI * hz * k as f64 * dt_s), corner_hz, dt_s);
+            let out =
+                filter.step(libm::sin(2.0 * PI * hz * k as f64 * dt_s), &Pace::of(corner_hz, dt_s));
             largest = if k > 10_000 { largest.max(out.abs()) } else { 0.0 };
         }
         largest
@@ -55,8 +74,9 @@ mod tests {
     fn it_has_the_gain_of_a_second_order_butterworth() {
         for hz in [0.3, 1.0, 3.0, 10.0, 40.0_f64] {
             let expected = 1.0 / libm::sqrt(1.0 + (hz / 3.0).powi(4));
-            let warped = 0.02 * expected + 1e-4;
-            assert!((gain_at(hz, 3.0) - expected).abs() < warped, "{hz} Hz: {}", gain_at(hz, 3.0));
+            let between_samples = 0.01 * expected + 1e-4;
+            let gain = gain_at(hz, 3.0);
+            assert!((gain - expected).abs() < between_samples, "{hz} Hz: {gain}");
         }
     }
 
@@ -64,10 +84,49 @@ mod tests {
     fn a_constant_passes_at_any_pace() {
         let mut filter = LowPass::default();
         for _ in 0..20_000 {
-            filter.step(7.0, 3.0, 1e-3);
+            filter.step(7.0, &Pace::of(3.0, 1e-3));
         }
         for dt_s in [1e-3, 4e-3, 1e-5, 0.2, 0.0, 1e-3] {
-            assert!((filter.step(7.0, 3.0, dt_s) - 7.0).abs() < 1e-6);
+            assert!((filter.step(7.0, &Pace::of(3.0, dt_s)) - 7.0).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn how_time_is_cut_into_steps_does_not_matter() {
+        // A ramp, seen at an even pace and in short steps with pauses amid them.
+        let at = |steps: &[f64]| {
+            let (mut filter, mut t_s) = (LowPass::default(), 0.0);
+            let mut last = steps.iter().cycle().map(|dt_s| {
+                t_s += dt_s;
+                (t_s, filter.step(50.0 * t_s, &Pace::of(3.0, *dt_s)))
+            });
+            last.find(|(t_s, _)| *t_s >= 1.0).expect("endless")
+        };
+        let (t_s, even) = at(&[1e-3]);
+        assert!(
+            (even - 50.0 * (t_s - SQRT_2 / (TAU * 3.0))).abs() < 1e-3,
+            "a ramp is followed at a constant lag"
+        );
+        for steps in [&[1e-5, 1e-5, 1e-5, 2e-2][..], &[2e-2, 1e-6, 1e-6], &[1e-9, 0.1]] {
+            let (t_s, output) = at(steps);
+            let expected = 50.0 * (t_s - SQRT_2 / (TAU * 3.0));
+            assert!((output - expected).abs() < 1e-3, "{steps:?}: {output} for {expected}");
+        }
+    }
+
+    #[test]
+    fn nothing_grows_whatever_the_steps() {
+        let mut chance = 1_u64;
+        let mut filter = LowPass::default();
+        for k in 0..200_000 {
+            chance = chance
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            let dt_s = 0.5_f64.powi(((chance >> 40) % 30) as i32);
+            let output =
+                filter.step(if chance >> 63 == 1 { 1.0 } else { -1.0 }, &Pace::of(3.0, dt_s));
+            // What overshoots a step by 4.3 % overshoots the worst of steps by little more.
+            assert!(output.abs() < 1.1, "{output} at {k}");
         }
     }
 }

@@ -10,7 +10,7 @@
 //! Promises: the share takes [`FADE_S`] for its whole way, at least. Never: a clock.
 
 use crate::loop_gain::{CONTACT_N, LoopGain, Verdict};
-use crate::low_pass::LowPass;
+use crate::low_pass::{LowPass, Pace};
 use crate::outcome::Gate;
 use crate::settings::WrenchSettings;
 use glam::DVec3;
@@ -116,8 +116,9 @@ impl WrenchPath {
         // A lost wrench keeps its last filtered value while the share takes it out.
         if let Some(w) = fresh {
             let values = [w.force.x, w.force.y, w.force.z, w.moment.x, w.moment.y, w.moment.z];
+            let pace = Pace::of(corner_hz, dt_s);
             for (filter, value) in self.filter.iter_mut().zip(values) {
-                filter.step(value, corner_hz, dt_s);
+                filter.step(value, &pace);
             }
         }
         let [fx, fy, fz, mx, my, mz] = self.filter.map(|f| f.output);

@@ -1,7 +1,7 @@
 //! The fastest motion to rest at zero under a jerk and a rate bound, in continuous time.
 //!
 //! Full jerk towards zero for some time, then the fastest stop: the longer the push, the further the
-//! stop ends, so that the push which ends at zero is found by bisection. Where it would pass the rate
+//! stop ends, so that the push which ends at zero is found by Newton's steps between bounds. Where it would pass the rate
 //! bound: a ramp to that rate, a cruise, a stop. Source: time-optimal control of the triple
 //! integrator; cf. Haschke, Weitnauer, Ritter, "On-line planning of time-optimal, jerk-limited
 //! trajectories", IROS 2008.
@@ -10,8 +10,10 @@
 
 use crate::motion::Motion;
 
-/// Halvings that take the length of a push from its longest to its last bit.
-const BISECTIONS: u32 = 60;
+/// The most steps to the length of a push, were each a halving: from its longest to its last bit.
+const STEPS_MAX: u32 = 60;
+/// A step by the slope that is smaller than this share ends at the last bit, as the next would be by its square.
+const NEAR: f64 = 1e-8;
 
 /// A change of rate that ends without acceleration: one jerk, then its opposite.
 #[derive(Clone, Copy, Debug, Default)]
@@ -118,15 +120,39 @@ impl Plan {
 }
 
 /// How long to push so that the stop after it ends at zero; the longest push ends beyond zero.
+///
+/// With the stop's peak `p` and the acceleration `a` along the push, the end moves by `(2p + a)(p + a) / j` per s of pushing while what is
+/// pushed goes that way, and not at all before: pushing is the stop's own first part then.
 fn push_time(start: Motion, push: f64, longest_s: f64) -> f64 {
+    let (jerk, sign) = (push.abs(), push.signum());
+    let end = |pushed_s: f64| {
+        let pushed = start.after(pushed_s, push);
+        let stop = Ramp::to_rate(pushed, 0.0, jerk);
+        let (peak, along) = (stop.second_s * jerk, pushed.acceleration * sign);
+        let goes_along = stop.first_jerk() * push < 0.0;
+        let slope = if goes_along { (2.0 * peak + along) * (peak + along) / jerk } else { 0.0 };
+        (stop.end_of(pushed).value * sign, slope)
+    };
     let (mut low_s, mut high_s) = (0.0, longest_s);
-    for _ in 0..BISECTIONS {
-        let middle_s = (low_s + high_s) / 2.0;
-        let pushed = start.after(middle_s, push);
-        let end = Ramp::to_rate(pushed, 0.0, push.abs()).end_of(pushed).value;
-        if end * push > 0.0 { high_s = middle_s } else { low_s = middle_s }
+    // Right for what is at rest.
+    let mut at_s = libm::cbrt(-end(0.0).0 / (2.0 * jerk)).max(low_s).min(high_s);
+    for _ in 0..STEPS_MAX {
+        let (value, slope) = end(at_s);
+        if value > 0.0 {
+            high_s = at_s
+        } else {
+            low_s = at_s
+        }
+        let by_slope_s = at_s - value / slope;
+        if !(by_slope_s >= low_s && by_slope_s <= high_s) {
+            at_s = (low_s + high_s) / 2.0;
+        } else if (by_slope_s - at_s).abs() <= NEAR * at_s {
+            return by_slope_s;
+        } else {
+            at_s = by_slope_s;
+        }
     }
-    low_s
+    at_s
 }
 
 #[cfg(test)]

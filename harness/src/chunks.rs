@@ -11,6 +11,8 @@ use crate::peers::Kind;
 use crate::peers::trued::Trued;
 use crate::placement::{Placement, Sorter};
 
+/// Where less of the answers was solved for, the trips are of something else.
+const SOLVED_SHARE: f64 = 0.9;
 /// Chunks that wait to be sorted: the more there are, the better the placements are known by then.
 const PENDING_MAX: usize = 128;
 /// References that are remembered while they have not parted.
@@ -46,6 +48,22 @@ pub struct Flat {
     pub around: Latencies,
     /// Answers of the daemon by how they were made.
     pub by_status: BTreeMap<&'static str, u64>,
+    /// Those among them that a solution stands behind.
+    pub solved: u64,
+}
+
+impl Flat {
+    /// Which share of the daemon's answers a solution stands behind; none where it answered nothing.
+    #[must_use]
+    pub fn solved_share(&self) -> Option<f64> {
+        let all: u64 = self.by_status.values().sum();
+        (all > 0).then(|| self.solved as f64 / all as f64)
+    }
+
+    /// Whether its trips are those of a daemon that corrects, and may be held against others'.
+    pub(crate) fn is_of_corrections(&self) -> bool {
+        self.solved_share().is_none_or(|share| share >= SOLVED_SHARE)
+    }
 }
 
 /// One chunk as it was measured.
@@ -105,6 +123,7 @@ impl Chunks {
             correction: trued.correction.clone(),
             around: trued.around.clone(),
             by_status: by_status.collect(),
+            solved: trued.solved,
         }
     }
 

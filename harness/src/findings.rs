@@ -194,6 +194,7 @@ struct ToldFlat {
     correction_ns: Quantiles,
     around_correction_ns: Quantiles,
     answers: BTreeMap<&'static str, u64>,
+    answers_solved: u64,
 }
 
 #[derive(Debug, Serialize)]
@@ -267,6 +268,7 @@ fn told_flat(flat: &Flat) -> ToldFlat {
         correction_ns: flat.correction.quantiles(),
         around_correction_ns: flat.around.quantiles(),
         answers: flat.by_status.clone(),
+        answers_solved: flat.solved,
     }
 }
 

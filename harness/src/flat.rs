@@ -27,6 +27,8 @@ const CHUNK_NS: u64 = 5_000_000;
 const WOKEN_CHUNK_NS: u64 = 20_000_000;
 /// Trips before a chunk that are not counted.
 const WARM_UP: usize = 64;
+/// How long the daemon may take until it corrects: it ramps in, and a wrench more slowly than that.
+const SETTLES_WITHIN: Duration = Duration::from_secs(5);
 /// Trips of a reference.
 const REFERENCE: usize = 1000;
 /// How long both cores are left to others between two chunks.
@@ -59,7 +61,11 @@ impl Flats<'_> {
                     None => None,
                 };
                 self.manners[0].take()?;
-                self.measure(Trued::new(client), echo)
+                let mut trued = Trued::new(client);
+                self.go_on();
+                trued.settle(SETTLES_WITHIN);
+                self.stand()?;
+                self.measure(trued, echo)
             });
             measuring.join().unwrap_or(Err(BenchError::Thread(self.stage().name())))
         })
@@ -114,6 +120,7 @@ impl Flats<'_> {
         match (kind, atomics, echo) {
             (Kind::Trued, ..) => {
                 self.go_on();
+                trued.stood();
                 let counted = self.trips(trued);
                 self.stand()?;
                 Ok(counted)

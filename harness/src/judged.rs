@@ -1,6 +1,6 @@
 //! What the figures are held against: ratios of medians in one run, and counts.
 //!
-//! Promises: a figure that was not measured is not judged; near is held against near, far against far. Never: an absolute tail, which on
+//! Promises: a figure that was not measured is not judged, nor are trips without a correction; near is held against near, far against far. Never: an absolute tail, which on
 //! most machines says more of the machine.
 
 use serde::Serialize;
@@ -45,7 +45,7 @@ pub fn judge(findings: &Findings) -> Vec<Judged> {
     let strict = || findings.settings.iter().filter(|s| s.policy == findings.machine.scheduling);
     let mut judged = Vec::new();
     let flat = strict().filter(|s| s.load.is_empty()).chain(strict()).find_map(|s| s.flat.as_ref());
-    if let Some(flat) = flat {
+    if let Some(flat) = flat.filter(|flat| flat.is_of_corrections()) {
         judged.extend(round_trips(flat));
     }
     judged.extend(strict().flat_map(missed));
@@ -152,6 +152,7 @@ mod tests {
             correction: Latencies::default(),
             around: Latencies::default(),
             by_status: BTreeMap::new(),
+            solved: 0,
         }
     }
 

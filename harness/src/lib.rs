@@ -160,6 +160,10 @@ impl Bench<'_> {
                     let why = "beside a running cell, whose core is not the bench's";
                     self.skip("what trued is compared with", why);
                 }
+                if !flat.is_of_corrections() {
+                    let why = "for more than a tenth of the daemon's answers no correction was solved for: see `answers` of --json, and the daemon's log";
+                    self.skip("trued's round trips beside their bars", why);
+                }
                 *(if way == Way::Poll { &mut setting.flat } else { &mut setting.woken }) =
                     Some(flat);
             }

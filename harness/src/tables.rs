@@ -27,7 +27,7 @@ pub fn tables(findings: &Findings) -> Vec<Words> {
         let under = setting.name();
         if let Some(flat) = &setting.flat {
             tables.push(trips(
-                format!("Round trip flat out, polled on both sides, µs ({under})"),
+                format!("Round trip flat out, polled on both sides, µs ({under}){}", solved(flat)),
                 flat,
             ));
         }
@@ -80,6 +80,14 @@ fn cells(first: &[&str], quantiles: &Quantiles) -> Vec<String> {
     let worst = if quantiles.n == 0 { "–".to_owned() } else { microseconds(quantiles.max) };
     cells.extend([worst, quantiles.n.to_string()]);
     cells
+}
+
+/// How much of what the daemon answered was solved for.
+fn solved(flat: &Flat) -> String {
+    let share = flat.solved_share();
+    share.map_or_else(String::new, |share| {
+        format!("; solved for {:.1} % of trued's answers", 100.0 * share)
+    })
 }
 
 fn trips(title: String, flat: &Flat) -> Words {

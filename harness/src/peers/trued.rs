@@ -5,7 +5,9 @@
 
 use std::time::Duration;
 
-use trued_client::{Client, Corrected, CorrectionStatus, Setpoint, WrenchFrame, monotonic_ns};
+use trued_client::{
+    Client, Corrected, CorrectionStatus, Reason, Setpoint, WrenchFrame, monotonic_ns,
+};
 
 use super::{ANSWER_WITHIN, Peer};
 use crate::latencies::Latencies;
@@ -18,17 +20,25 @@ const STANDS: f64 = 0.65;
 /// What acts on the tool, N and N·m.
 const WRENCH: [f64; 6] = [50.0, -20.0, 30.0, 0.5, 0.2, 0.1];
 const AMBIENT_C: f64 = 24.0;
+/// So many answers in a row that are corrected, and the daemon does what it is there for.
+const SETTLED: u32 = 50;
+/// Time between commands meanwhile.
+const SETTLES_BY: Duration = Duration::from_millis(1);
 
 /// The client's end.
 pub(crate) struct Trued {
     pub(crate) client: Client,
     stands: Vec<(f64, f64)>,
+    /// How far along its path the arm is, and when it was there, ns.
+    path_ns: u64,
+    there_ns: u64,
     /// Time in the daemon, from taking a command to its answer.
     pub(crate) correction: Latencies,
     /// The trip without that time: what both libraries and the transport take.
     pub(crate) around: Latencies,
-    /// Answers by [`CorrectionStatus`].
+    /// Answers by [`CorrectionStatus`], and those that a solution stands behind, on its way to them though the correction may be.
     pub(crate) by_status: [u64; CorrectionStatus::ALL.len()],
+    pub(crate) solved: u64,
     pub(crate) newest: Option<Corrected>,
 }
 
@@ -41,13 +51,47 @@ impl Trued {
         });
         let by_status = [0; CorrectionStatus::ALL.len()];
         let (correction, around) = (Latencies::default(), Latencies::default());
-        Self { client, stands, correction, around, by_status, newest: None }
+        let (path_ns, there_ns) = (0, monotonic_ns());
+        Self {
+            client,
+            stands,
+            path_ns,
+            there_ns,
+            correction,
+            around,
+            by_status,
+            solved: 0,
+            newest: None,
+        }
+    }
+
+    /// The arm has stood since the last command: a daemon that was stopped for others to be measured shall not find it elsewhere, and ramp.
+    pub(crate) fn stood(&mut self) {
+        self.there_ns = monotonic_ns();
+    }
+
+    /// Commands until the daemon corrects, for at most `within`; none of it counts.
+    pub(crate) fn settle(&mut self, within: Duration) {
+        self.stood();
+        let until_ns = monotonic_ns() + within.as_nanos() as u64;
+        let mut row = 0;
+        while row < SETTLED && monotonic_ns() < until_ns {
+            let answered = self.command(ANSWER_WITHIN).1.is_some();
+            let corrected =
+                self.newest.is_some_and(|made| made.status() == Ok(CorrectionStatus::Corrected));
+            row = if answered && corrected { row + 1 } else { 0 };
+            std::thread::sleep(SETTLES_BY);
+        }
+        (self.correction, self.around) = (Latencies::default(), Latencies::default());
+        (self.by_status, self.solved) = ([0; CorrectionStatus::ALL.len()], 0);
     }
 
     /// Where the path is at `t_ns`.
-    fn setpoint(&self, t_ns: u64) -> Setpoint {
+    fn setpoint(&mut self, t_ns: u64) -> Setpoint {
         let mut q = [0.0; trued_client::JOINTS_MAX];
-        let phase = std::f64::consts::TAU * t_ns as f64 * 1e-9 / SWING_S;
+        self.path_ns += t_ns.saturating_sub(self.there_ns);
+        self.there_ns = t_ns;
+        let phase = std::f64::consts::TAU * self.path_ns as f64 * 1e-9 / SWING_S;
         for (i, (stands, width)) in self.stands.iter().enumerate() {
             q[i] = stands + SWING * width * (phase + i as f64).sin();
         }
@@ -76,8 +120,19 @@ impl Trued {
         if let Some(count) = self.by_status.get_mut(answer.status as usize) {
             *count += 1;
         }
+        self.solved += u64::from(is_solved(answer));
         self.newest = Some(*answer);
     }
+}
+
+/// Whether a correction was solved for, bounded or not.
+fn is_solved(answer: &Corrected) -> bool {
+    let made = [CorrectionStatus::Corrected, CorrectionStatus::Ramping, CorrectionStatus::Shadow];
+    let asked = answer.status().is_ok_and(|status| made.contains(&status));
+    asked
+        && answer
+            .reason()
+            .is_ok_and(|reason| ![Reason::NotConverged, Reason::Stale].contains(&reason))
 }
 
 impl Peer for Trued {
