@@ -6,7 +6,7 @@
 //!
 //! Spinning is for an isolated core: a spinning `SCHED_FIFO` thread that shares its core is stalled for 50 ms each second
 //! by the kernel's fair server. Sleeping wakes shortly before the next command is due and looks again every
-//! `LOOK_EVERY_NS` until it is there; however short the period, it sleeps through a part of it. When a command is due follows from
+//! `LOOK_EVERY_NS` until it is there, and less often once nobody seems to command; however short the period, it sleeps through a part of it. When a command is due follows from
 //! those before it, so that what a stall has held up and comes all at once is found at once.
 
 use rustix::thread::clock_nanosleep_absolute;
@@ -15,6 +15,8 @@ use shm_schema::monotonic_ns;
 
 /// How often a sleeping wait looks, ns.
 const LOOK_EVERY_NS: u64 = 50_000;
+/// How often it looks where nobody has commanded for [`LATE_PERIODS_MAX`], ns: what looks more often takes a fifth of a core for nothing.
+const IDLE_LOOK_EVERY_NS: u64 = 1_000_000;
 /// How long before the next command is due a sleeping wait begins to look without sleeping, ns: what a wake-up may be late.
 const SPIN_BEFORE_NS: u64 = 300_000;
 /// The largest part of a period that this may be: the rest is left to others, however short the period.
@@ -23,6 +25,8 @@ const SPIN_SHARE: f64 = 0.7;
 const SPIN_AFTER_NS: u64 = 200_000;
 /// How much of a command's lateness the time at which the next is due takes over: enough to follow a sender whose clock drifts.
 const FOLLOW_SHARE: u64 = 256;
+/// So many commands in a row that come after it has gone back to sleep, and the sender has begun anew at another time within its period.
+const LATE_ROW: u32 = 16;
 /// Periods after which a late command is no longer late but the first of others.
 const LATE_PERIODS_MAX: u64 = 100;
 /// Looks between two looks at the clock, while not sleeping: a look takes less.
@@ -46,12 +50,14 @@ pub struct Pacer {
     due_ns: u64,
     /// When the last one came.
     last_ns: u64,
+    /// How many in a row came late, and by how much at least.
+    late: (u32, u64),
 }
 
 impl Pacer {
     /// A pacer that has seen no command yet.
     pub fn new(wait: Wait, period_ns: u64) -> Self {
-        Self { wait, period_ns, due_ns: 0, last_ns: 0 }
+        Self { wait, period_ns, due_ns: 0, last_ns: 0, late: (0, u64::MAX) }
     }
 
     /// Looks until there is something, and tells when it was found; none once the deadline (`CLOCK_MONOTONIC`, ns) has passed.
@@ -87,13 +93,26 @@ impl Pacer {
     }
 
     /// When the next command is due, after one that came at `now_ns`.
-    fn next_due_ns(&self, now_ns: u64) -> u64 {
+    fn next_due_ns(&mut self, now_ns: u64) -> u64 {
         match now_ns.checked_sub(self.due_ns) {
             Some(late_ns) if late_ns < LATE_PERIODS_MAX * self.period_ns => {
-                self.due_ns + self.period_ns + late_ns / FOLLOW_SHARE
+                self.due_ns + self.period_ns + self.made_up_ns(late_ns)
             }
             _ => now_ns + self.period_ns,
         }
+    }
+
+    /// How much of a command's lateness the next are expected to have too: a little, or all that a row of them had.
+    fn made_up_ns(&mut self, late_ns: u64) -> u64 {
+        let (row, least_ns) = self.late;
+        self.late = match late_ns > SPIN_AFTER_NS {
+            true => (row + 1, least_ns.min(late_ns)),
+            false => (0, u64::MAX),
+        };
+        if self.late.0 < LATE_ROW {
+            return late_ns / FOLLOW_SHARE;
+        }
+        std::mem::replace(&mut self.late, (0, u64::MAX)).1
     }
 
     /// When to wake next; none: look again at once.
@@ -109,7 +128,9 @@ impl Pacer {
         }
         // Behind one that is late, others may wait.
         let spin_to_ns = due_ns.max(self.last_ns) + SPIN_AFTER_NS;
-        (now_ns > spin_to_ns).then_some(now_ns + LOOK_EVERY_NS)
+        let idles = now_ns > spin_to_ns + LATE_PERIODS_MAX * self.period_ns;
+        let every_ns = if idles { IDLE_LOOK_EVERY_NS } else { LOOK_EVERY_NS };
+        (now_ns > spin_to_ns).then_some(now_ns + every_ns)
     }
 }
 
@@ -143,6 +164,7 @@ mod tests {
             period_ns: 100_000,
             due_ns: 10_100_000,
             last_ns: 10_000_000,
+            late: (0, u64::MAX),
         };
         assert_eq!(pacer.sleep_until_ns(10_010_000), Some(10_030_000), "just answered: sleep");
         assert_eq!(pacer.sleep_until_ns(10_090_000), None, "about due: look");
@@ -150,7 +172,7 @@ mod tests {
 
     #[test]
     fn what_a_stall_held_up_is_awaited_without_a_sleep_and_a_drifting_sender_is_followed() {
-        let at = |due_ns| Pacer { wait: Wait::Sleep, period_ns: 1_000_000, due_ns, last_ns: 0 };
+        let at = |due_ns| Pacer { due_ns, ..Pacer::new(Wait::Sleep, 1_000_000) };
         let mut pacer = at(100_000_000);
         // Ten periods late, then all at once.
         for k in 0..9 {
@@ -167,6 +189,19 @@ mod tests {
         assert!(now_ns - pacer.due_ns < SPIN_AFTER_NS, "100 ppm: {}", now_ns - pacer.due_ns);
         assert_eq!(at(1_000_000).next_due_ns(900_000_000), 901_000_000, "the first of others");
         assert_eq!(at(10_000_000).next_due_ns(9_500_000), 10_500_000, "earlier than due");
+    }
+
+    #[test]
+    fn a_sender_that_begins_anew_amid_the_period_is_expected_there_soon() {
+        // At 25 Hz, 13 ms after the old time: found by looks in between until then, at each of which a sleeping cycle wakes.
+        let mut pacer = Pacer { due_ns: 1_000_000_000, ..Pacer::new(Wait::Sleep, 40_000_000) };
+        let came_ns = |k: u64| 1_013_000_000 + 40_000_000 * k;
+        for k in 0..u64::from(LATE_ROW) {
+            assert!(pacer.due_ns < came_ns(k) - SPIN_AFTER_NS, "one that is late moves it little");
+            pacer.due_ns = pacer.next_due_ns(came_ns(k));
+        }
+        let late_ns = came_ns(u64::from(LATE_ROW)) - pacer.due_ns;
+        assert!(late_ns < SPIN_AFTER_NS, "{late_ns}");
     }
 
     #[test]
@@ -189,10 +224,12 @@ mod tests {
             period_ns: 1_000_000,
             due_ns: 11_000_000,
             last_ns: 10_000_000,
+            late: (0, u64::MAX),
         };
         assert_eq!(pacer.sleep_until_ns(10_100_000), Some(10_700_000), "long before: sleep");
         assert_eq!(pacer.sleep_until_ns(10_950_000), None, "shortly before: look");
         assert_eq!(pacer.sleep_until_ns(11_100_000), None, "a little late: look");
         assert_eq!(pacer.sleep_until_ns(11_300_000), Some(11_350_000), "late: sleep in between");
+        assert_eq!(pacer.sleep_until_ns(112_000_000), Some(113_000_000), "nobody: sleep longer");
     }
 }

@@ -1,7 +1,8 @@
 //! Listens to the force samples: verdicts out, the newest wrench to the cycle, the sensor's health to the supervisor.
 //!
 //! Thread `vibration`, at the pace of the blocks. Promises: after [`Listener::join`] nothing is allocated but the transport's one
-//! block per verdict; a block that cannot be read is counted and named. Never: a wait longer than `LOOK_EVERY_NS`.
+//! block per verdict; a block that cannot be read is counted and named. Never: a wait longer than
+//! `LOOK_EVERY_NS` while blocks come.
 
 use crate::exchange::{Exchange, Hearing, count};
 use crate::pacer::sleep_until;
@@ -16,6 +17,10 @@ use std::sync::atomic::Ordering::Relaxed;
 
 /// How often the thread looks for blocks, ns.
 const LOOK_EVERY_NS: u64 = 500_000;
+/// How often where no block has come for [`SILENT_AFTER_NS`], ns.
+const SILENT_LOOK_EVERY_NS: u64 = 5_000_000;
+/// A sensor that has said nothing for so long is not expected from one look to the next, ns.
+const SILENT_AFTER_NS: u64 = 1_000_000_000;
 /// Blocks taken in one look at most: a sender without pause must not keep the thread from its orders.
 const BLOCKS_PER_LOOK: usize = 64;
 /// How often it gives an account of itself, ns.
@@ -82,6 +87,7 @@ impl Listener {
 
     /// Runs until the exchange says stop.
     pub fn run(&mut self, exchange: &Exchange) {
+        let mut heard_ns = 0;
         while exchange.runs() {
             self.take_orders(exchange);
             let mut blocks = 0;
@@ -92,8 +98,11 @@ impl Listener {
                 blocks += 1;
             }
             self.give_account(exchange);
+            let now_ns = monotonic_ns();
+            heard_ns = if blocks > 0 { now_ns } else { heard_ns };
+            let silent = now_ns - heard_ns > SILENT_AFTER_NS;
             if blocks < BLOCKS_PER_LOOK {
-                sleep_until(monotonic_ns() + LOOK_EVERY_NS);
+                sleep_until(now_ns + if silent { SILENT_LOOK_EVERY_NS } else { LOOK_EVERY_NS });
             }
         }
     }

@@ -139,9 +139,9 @@ fn push_time(start: Motion, push: f64, longest_s: f64) -> f64 {
     for _ in 0..STEPS_MAX {
         let (value, slope) = end(at_s);
         if value > 0.0 {
-            high_s = at_s
+            high_s = at_s;
         } else {
-            low_s = at_s
+            low_s = at_s;
         }
         let by_slope_s = at_s - value / slope;
         if !(by_slope_s >= low_s && by_slope_s <= high_s) {

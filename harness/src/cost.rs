@@ -193,7 +193,8 @@ impl Costing<'_> {
         let daemon = subject.daemon.as_ref().ok_or(BenchError::Thread(Stage::Cost.name()))?;
         let cycles = (self.seconds() * CELL_RATE_HZ as f64) as u64;
         let mut command_all = |cycles: u64| -> Result<u64, BenchError> {
-            let (start_ns, mut lost) = (monotonic_ns() + period_ns, 0);
+            // At the same time within the period whenever it is called.
+            let (start_ns, mut lost) = ((monotonic_ns() / period_ns + 2) * period_ns, 0);
             for cycle in 0..cycles {
                 for (k, trued) in clients.iter_mut().enumerate() {
                     sleep_until(start_ns + cycle * period_ns + k as u64 * period_ns / n as u64);
