@@ -24,6 +24,17 @@ pub enum BenchError {
         "what was asked for was refused, so nothing is measured: {0}; or ask for --policy other"
     )]
     Refused(#[from] Refused),
+    /// A running cell is not served as was asked.
+    #[error(
+        "the daemon of cell `{cell}` (process {pid}) does not run its cycle under SCHED_FIFO, so nothing is measured; start it with \
+         `[realtime] policy = \"fifo\"`, or ask for --policy other"
+    )]
+    OfCell {
+        /// The cell.
+        cell: String,
+        /// Its daemon.
+        pid: u32,
+    },
     /// The daemon of the bench did not start.
     #[error("the daemon did not start ({status}); it said: {said}")]
     Daemon {

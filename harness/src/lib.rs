@@ -46,6 +46,7 @@ pub use manners::fifo_is_granted;
 pub use paced::Paced;
 pub use peers::Kind;
 pub use placement::{Placement, Sorter};
+pub use subject::runs_fifo;
 pub use swap::Swap;
 
 use crate::cost::Costing;
@@ -109,6 +110,9 @@ fn all(
         if plan.policies.contains(&Policy::Fifo) { Policy::Fifo } else { Policy::Other };
     if strictest == Policy::Fifo {
         daemon::realtime::lock_memory()?;
+        if let Some(cell) = &plan.cell {
+            subject::wants_fifo(cell, subject::JOIN_WITHIN)?;
+        }
     }
     let mut bench = Bench {
         plan,
@@ -147,7 +151,7 @@ impl Bench<'_> {
         load: &[Load],
         say: &mut dyn FnMut(&str),
     ) -> Result<(), BenchError> {
-        let _made = load::start(self.plan, self.programs, load)?;
+        let mut made = load::start(self.plan, self.programs, load)?;
         let mut setting = Setting::new(policy, load);
         let under = setting.name();
         for (stage, way) in [(Stage::Flat, Way::Poll), (Stage::Woken, Way::Wake)] {
@@ -156,6 +160,7 @@ impl Bench<'_> {
             } else if self.plan.has(stage) {
                 say(&format!("{}, {under}", stage.name()));
                 let flat = self.flat(policy, way)?;
+                load::still_made(&mut made)?;
                 if way == Way::Poll && self.plan.cell.is_some() {
                     let why = "beside a running cell, whose core is not the bench's";
                     self.skip("what trued is compared with", why);
@@ -173,6 +178,7 @@ impl Bench<'_> {
                 for rate_hz in &self.plan.rates_hz {
                     say(&format!("paced at {rate_hz} Hz, daemon by {}, {under}", wait.name()));
                     let paced = self.paced(policy, *wait, *rate_hz)?;
+                    load::still_made(&mut made)?;
                     setting.paced.push(AtRate { wait: *wait, rate_hz: *rate_hz, paced });
                 }
             }
@@ -180,6 +186,7 @@ impl Bench<'_> {
         if self.plan.has(Stage::Force) {
             say(&format!("force blocks, {under}"));
             setting.force = self.force(policy)?;
+            load::still_made(&mut made)?;
         }
         if self.plan.has(Stage::Woken) {
             self.cyclictest(policy, &mut setting);

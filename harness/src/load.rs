@@ -1,12 +1,13 @@
 //! A load that the bench makes itself, in a process of its own with ordinary priority.
 //!
-//! Promises: it ends with its parent; it works on whatever core it gets. Never: real-time, or pinned.
+//! Promises: it ends with its parent, and as soon as one of its loads cannot be made; it works on whatever core it gets. Never: real-time, or pinned.
 
 use std::fs::File;
 use std::hint::black_box;
 use std::io::{Read, Seek, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
+use std::sync::mpsc;
 
 use rustix::process::{Signal, set_parent_process_death_signal};
 
@@ -41,27 +42,38 @@ pub(crate) fn start(
     Ok(Some(Guarded::spawn(programs.part(&words).map_err(failed)?).map_err(failed)?))
 }
 
+/// Whether a load is still made, as long as it should be.
+///
+/// # Errors
+/// Where it has ended: what was measured meanwhile was measured without it.
+pub(crate) fn still_made(made: &mut Option<Guarded>) -> Result<(), BenchError> {
+    match made.as_mut().and_then(Guarded::ended) {
+        Some(status) => Err(BenchError::part("load", format!("it ended ({status})"))),
+        None => Ok(()),
+    }
+}
+
 /// The process' own side: makes the loads until it is ended.
 pub(crate) fn make(arguments: &[&str]) -> Result<(), BenchError> {
     // A refusal leaves a process that a killed parent does not end; its standard input then does.
     let _ = set_parent_process_death_signal(Some(Signal::KILL));
     let [scratch, names] = arguments else { return Err(BenchError::part("load", "arguments")) };
+    let (end, ended) = mpsc::channel();
     for load in names.split(',').filter_map(Load::named) {
-        let scratch = PathBuf::from(scratch);
+        let (scratch, end) = (PathBuf::from(scratch), end.clone());
         std::thread::spawn(move || {
-            if let Err(e) = one(load, &scratch) {
-                complain(load, &e);
-            }
+            let failed = one(load, &scratch).err();
+            let why = failed.map_or_else(|| "it ended".to_owned(), |e| e.to_string());
+            // Nobody listens any more where another has failed before.
+            let _ = end.send(Err(BenchError::part("load", format!("{}: {why}", load.name()))));
         });
     }
-    // Closed by the parent's end.
-    let _ = std::io::stdin().read_to_end(&mut Vec::new());
-    Ok(())
-}
-
-#[expect(clippy::print_stderr, reason = "a process without a console; the bench passes it on")]
-fn complain(load: Load, error: &std::io::Error) {
-    eprintln!("load {}: {error}", load.name());
+    std::thread::spawn(move || {
+        // Closed by the parent's end.
+        let _ = std::io::stdin().read_to_end(&mut Vec::new());
+        let _ = end.send(Ok(()));
+    });
+    ended.recv().unwrap_or(Ok(()))
 }
 
 fn one(load: Load, scratch: &Path) -> std::io::Result<()> {

@@ -9,6 +9,8 @@ use crate::cost::CELLS;
 use crate::error::BenchError;
 
 const SHARED_MEMORY: &str = "/dev/shm";
+/// What the names of a bench's cells begin with; its process' number follows.
+const CELL_PREFIX: &str = "bench-";
 
 /// The directory, and the names that belong to it.
 #[derive(Debug)]
@@ -20,8 +22,9 @@ pub(crate) struct Place {
 impl Place {
     pub(crate) fn new() -> Result<Self, BenchError> {
         let root = std::env::var_os(RUNTIME_DIR_ENV).unwrap_or_else(|| SHARED_MEMORY.into());
+        sweep_dead(Path::new(&root));
         // Short: the transport bounds its paths. One of that name is of a process that is dead.
-        let cell = format!("bench-{:x}", std::process::id());
+        let cell = cell(std::process::id());
         let dir = Path::new(&root).join(&cell);
         let _ = fs::remove_dir_all(&dir);
         fs::create_dir_all(&dir).map_err(|e| BenchError::io("make the directory", &dir, e))?;
@@ -38,7 +41,7 @@ impl Place {
 
     /// The name of a cell that the bench serves itself, from 0 on.
     pub(crate) fn cell(&self, k: usize) -> String {
-        if k == 0 { self.cell.clone() } else { format!("{}-{k}", self.cell) }
+        numbered(&self.cell, k)
     }
 
     /// How all names of the plain transport start.
@@ -54,17 +57,74 @@ impl Place {
     }
 }
 
-impl Drop for Place {
-    fn drop(&mut self) {
-        for cell in (0..CELLS).flat_map(|k| Cell::new(&self.cell(k))) {
-            // The daemon cleans up after itself, unless it was killed.
-            let _ = sweep(&cell);
-        }
-        let _ = fs::remove_dir_all(&self.dir);
-        let prefix = Self::prefix(&self.dir);
-        let entries = fs::read_dir(SHARED_MEMORY).into_iter().flatten().flatten();
-        for entry in entries.filter(|e| e.file_name().to_string_lossy().starts_with(&prefix)) {
+/// Removes what a bench of that process has made: its cells' memory, its directory, files of the plain transport.
+fn remove(root: &Path, pid: u32) {
+    let (cell, dir) = (cell(pid), root.join(cell(pid)));
+    for cell in (0..CELLS).flat_map(|k| Cell::new(&numbered(&cell, k))) {
+        // The daemon cleans up after itself, unless it was killed.
+        let _ = sweep(&cell);
+    }
+    let _ = fs::remove_dir_all(&dir);
+    let prefix = Place::prefix(&dir);
+    for entry in entries(Path::new(SHARED_MEMORY)) {
+        if entry.file_name().to_string_lossy().starts_with(&prefix) {
             let _ = fs::remove_file(entry.path());
         }
+    }
+}
+
+/// Removes what benches have left that were killed.
+fn sweep_dead(root: &Path) {
+    let names = entries(root).map(|entry| entry.file_name().to_string_lossy().into_owned());
+    let mut pids: Vec<u32> = names.filter_map(|name| pid_in(&name)).collect();
+    pids.sort_unstable();
+    pids.dedup();
+    for pid in pids.into_iter().filter(|pid| !Path::new(&format!("/proc/{pid}")).exists()) {
+        remove(root, pid);
+    }
+}
+
+fn entries(dir: &Path) -> impl Iterator<Item = fs::DirEntry> + use<> {
+    fs::read_dir(dir).into_iter().flatten().flatten()
+}
+
+/// The process whose bench made a file or directory of that name.
+fn pid_in(name: &str) -> Option<u32> {
+    let name = name.strip_prefix("trued-").unwrap_or(name).strip_prefix(CELL_PREFIX)?;
+    u32::from_str_radix(name.split(['-', '.']).next()?, 16).ok()
+}
+
+fn cell(pid: u32) -> String {
+    format!("{CELL_PREFIX}{pid:x}")
+}
+
+fn numbered(cell: &str, k: usize) -> String {
+    if k == 0 { cell.to_owned() } else { format!("{cell}-{k}") }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        if let (Some(root), Some(pid)) = (self.dir.parent(), pid_in(&self.cell)) {
+            remove(root, pid);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_killed_bench_has_left_is_gone_with_the_next_and_others_stay() {
+        let root = std::env::temp_dir().join(format!("trued-place-{}", std::process::id()));
+        // No process has a number beyond the kernel's largest, 2²².
+        let (dead, living) = (root.join(cell(u32::MAX)), root.join(cell(std::process::id())));
+        for dir in [&dead, &living, &root.join("cell-7")] {
+            fs::create_dir_all(dir).expect("a directory");
+        }
+        sweep_dead(&root);
+        let left = entries(&root).count();
+        let _ = fs::remove_dir_all(&root);
+        assert_eq!(left, 2, "the living one's and the other's");
     }
 }

@@ -2,11 +2,12 @@
 //!
 //! Promises: the daemon has the manners that were asked for or does not start; it ends with the bench. Never: a correction of its own.
 
+use std::fs::DirEntry;
 use std::io::{BufRead, BufReader, Read};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use trued_client::{Client, ForceSource, Monitor};
+use trued_client::{Client, Connection, ForceSource, Monitor};
 
 use crate::child::Guarded;
 use crate::error::BenchError;
@@ -14,8 +15,13 @@ use crate::manners::Manners;
 use crate::place::Place;
 use crate::plan::{Plan, Policy, Programs, Wait};
 
+/// What the daemon calls the thread of a cell's cycle, and the kernel its policy.
+const CYCLE_THREAD: &str = "cycle";
+const SCHED_FIFO: u32 = 1;
 /// How long joining may take.
 pub(crate) const JOIN_WITHIN: Duration = Duration::from_secs(10);
+/// How long a look at a cell may take.
+const LOOK_WITHIN: Duration = Duration::from_secs(1);
 /// Sampling rate of the force stream that the bench plays, Hz.
 pub(crate) const FORCE_RATE_HZ: f64 = 10_000.0;
 
@@ -88,6 +94,35 @@ impl Subject {
     pub(crate) fn force(&self) -> Result<ForceSource, BenchError> {
         Ok(ForceSource::connect(&self.cell, JOIN_WITHIN)?)
     }
+}
+
+/// Holds a running cell to the real-time policy that was asked for: its daemon took its own.
+///
+/// # Errors
+/// Where its cycle has another policy, or it cannot be joined.
+pub(crate) fn wants_fifo(cell: &str, within: Duration) -> Result<(), BenchError> {
+    let mut monitor = Monitor::connect(cell, within)?;
+    let Connection::Connected { pid, .. } = monitor.connection() else { return Ok(()) };
+    let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten();
+    let text = |task: &DirEntry, name| std::fs::read_to_string(task.path().join(name));
+    let cycles =
+        tasks.filter(|task| text(task, "comm").is_ok_and(|comm| comm.trim() == CYCLE_THREAD));
+    let mut policies = cycles.filter_map(|task| policy_in(&text(&task, "stat").ok()?));
+    if policies.any(|policy| policy != SCHED_FIFO) {
+        return Err(BenchError::OfCell { cell: cell.to_owned(), pid });
+    }
+    Ok(())
+}
+
+/// Whether the daemon of a running cell has the real-time policy; false where none answers.
+#[must_use]
+pub fn runs_fifo(cell: &str) -> bool {
+    wants_fifo(cell, LOOK_WITHIN).is_ok()
+}
+
+/// The policy in `/proc/PID/task/TID/stat`: the 41st field (proc(5)), the 39th behind the name's bracket.
+fn policy_in(stat: &str) -> Option<u32> {
+    stat.rsplit(')').next()?.split_whitespace().nth(38)?.parse().ok()
 }
 
 /// Starts a daemon; it has said nothing yet.

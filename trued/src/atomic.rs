@@ -41,6 +41,22 @@ pub fn write(
     replace(path, fill).map_err(|source| WriteError { path: path.to_owned(), source })
 }
 
+/// Whether [`write()`] could begin now: for what takes long before there is anything to write.
+///
+/// # Errors
+///
+/// [`WriteError`] as [`write()`] would.
+pub fn check(path: &Path) -> Result<(), WriteError> {
+    let tried = match fs::metadata(path) {
+        Ok(before) if before.is_dir() => Err(ErrorKind::IsADirectory.into()),
+        Ok(before) if !before.is_file() => File::options().write(true).open(path).map(drop),
+        Ok(_) => fs::canonicalize(path).and_then(|place| Part::create(&place).map(drop)),
+        Err(error) if error.kind() == ErrorKind::NotFound => Part::create(path).map(drop),
+        Err(error) => Err(error),
+    };
+    tried.map_err(|source| WriteError { path: path.to_owned(), source })
+}
+
 fn replace(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let before = match fs::metadata(path) {
         Ok(before) => Some(before),
@@ -142,6 +158,18 @@ mod tests {
         write(&place.0.join("a.json"), |out| out.write_all(b"{}")).expect("written");
         assert_eq!(fs::read(place.0.join("a.json")).expect("read"), b"{}");
         assert_eq!(place.names(), ["a.json"]);
+    }
+
+    #[test]
+    fn what_could_not_be_written_is_known_before_and_asking_leaves_nothing() {
+        let place = Place::new("check");
+        check(&place.0.join("a.json")).expect("can be made");
+        assert!(place.names().is_empty());
+        fs::write(place.0.join("a.json"), "{}").expect("written");
+        check(&place.0.join("a.json")).expect("can be replaced");
+        assert_eq!(place.names(), ["a.json"]);
+        assert!(check(&place.0).is_err() && check(&place.0.join("none/a.json")).is_err());
+        assert!(check(&place.0.join("a.json/b.json")).is_err(), "below a file");
     }
 
     #[test]

@@ -98,6 +98,16 @@ impl Console {
         Ok(atomic::write(&path, |out| writeln!(out, "{text}"))?)
     }
 
+    /// Whether what `--json` asks for, and `more`, could be written: to be asked before what takes long.
+    ///
+    /// # Errors
+    ///
+    /// [`Failure`] where a file cannot be written.
+    pub fn check_files(&self, more: &[std::path::PathBuf]) -> Result<(), Failure> {
+        let json = self.common.json.iter().filter(|path| *path != Path::new("-"));
+        Ok(json.chain(more).try_for_each(|path| atomic::check(path))?)
+    }
+
     /// Writes a page (or any text) to a file, whole or not at all.
     ///
     /// # Errors

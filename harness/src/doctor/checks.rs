@@ -33,6 +33,9 @@ pub fn examine(texts: &Texts) -> Vec<Check> {
     ]
 }
 
+/// The kernel that brought the fair server.
+const FAIR_SERVER_SINCE: (u32, u32) = (6, 12);
+
 fn kernel(texts: &Texts) -> Check {
     let name = "real-time kernel";
     let version = texts.version.as_deref();
@@ -113,11 +116,16 @@ fn isolated(texts: &Texts) -> Check {
     }
 }
 
+/// Since Linux 6.12 the fair server stalls what spins; before, throttling did, and `sched_rt_runtime_us` tells of it.
 fn throttling(texts: &Texts) -> Check {
     let name = "real-time throttling";
+    let release = texts.version.as_deref().and_then(parse::release).and_then(parse::numbers);
+    if release.is_some_and(|release| release >= FAIR_SERVER_SINCE) {
+        return fair_server(texts, name);
+    }
     match texts.rt_runtime_us.as_deref().map(str::parse::<i64>) {
-        Some(Ok(-1)) => Check::pass(name, "off"),
-        Some(Ok(runtime_us)) => Check::fix(
+        Some(Ok(-1)) if release.is_some() => Check::pass(name, "off"),
+        Some(Ok(runtime_us)) if release.is_some() => Check::fix(
             name,
             format!(
                 "real-time threads get {runtime_us} µs of each second's part; what spins is stalled"
@@ -125,6 +133,26 @@ fn throttling(texts: &Texts) -> Check {
             "let the cycle sleep (cycle.wait = \"sleep\"), or isolate its core and: sysctl kernel.sched_rt_runtime_us=-1",
         ),
         _ => Check::unknown(name, "the kernel does not say", "sysctl kernel.sched_rt_runtime_us"),
+    }
+}
+
+fn fair_server(texts: &Texts, name: &'static str) -> Check {
+    let isolated = texts.isolated.as_deref().and_then(parse::list).unwrap_or_default();
+    let is_off = |core: &Core| core.fair_runtime_ns.as_deref() == Some("0");
+    let off: Vec<_> = texts.cores.iter().filter(|core| is_off(core)).map(|c| c.number).collect();
+    if !off.is_empty() {
+        Check::pass(name, format!("the kernel's fair server is off on {off:?}"))
+    } else if !isolated.is_empty() {
+        let found = format!(
+            "nobody else is on {isolated:?}, so the kernel's fair server stalls nothing there"
+        );
+        Check::pass(name, found)
+    } else {
+        Check::fix(
+            name,
+            "what spins is stalled by 50 ms in each second where others want its core (the kernel's fair server; sched_rt_runtime_us is none of it since 6.12)",
+            "let the cycle sleep (cycle.wait = \"sleep\"), or isolate its core N, or: echo 0 > /sys/kernel/debug/sched/fair_server/cpuN/runtime",
+        )
     }
 }
 

@@ -68,6 +68,12 @@ pub(crate) fn release(version: &str) -> Option<&str> {
     version.strip_prefix("Linux version ")?.split_whitespace().next()
 }
 
+/// Major and minor number of a kernel's release.
+pub(crate) fn numbers(release: &str) -> Option<(u32, u32)> {
+    let mut numbers = release.split(['.', '-']).map(|number| number.parse().ok());
+    Some((numbers.next()??, numbers.next()??))
+}
+
 /// Whether `/proc/cpuinfo` shows a hypervisor beneath.
 pub(crate) fn is_virtual(cpuinfo: &str) -> Option<bool> {
     let flags = cpuinfo.lines().find(|line| line.starts_with("flags"))?;

@@ -25,6 +25,8 @@ pub struct Core {
     pub siblings: Option<String>,
     /// Its idle states.
     pub idle: Vec<IdleState>,
+    /// What of each period the kernel's fair server may take from real-time threads, ns: in debugfs, for root alone.
+    pub fair_runtime_ns: Option<String>,
 }
 
 /// All that is looked at; none where the machine has no such file.
@@ -72,7 +74,7 @@ impl Texts {
         Self {
             version: text("proc/version"),
             realtime: text("sys/kernel/realtime"),
-            cores: cores(&root.join("sys/devices/system/cpu")),
+            cores: cores(root),
             isolated: text("sys/devices/system/cpu/isolated"),
             nohz_full: text("sys/devices/system/cpu/nohz_full"),
             rt_runtime_us: text("proc/sys/kernel/sched_rt_runtime_us"),
@@ -96,9 +98,14 @@ fn read(path: &Path) -> Option<String> {
     fs::read(path).ok().map(|bytes| String::from_utf8_lossy(&bytes).trim().to_owned())
 }
 
-fn cores(dir: &Path) -> Vec<Core> {
-    let mut cores: Vec<Core> =
-        numbered(dir, "cpu").into_iter().map(|(number, path)| core(number, &path)).collect();
+fn cores(root: &Path) -> Vec<Core> {
+    let dir = root.join("sys/devices/system/cpu");
+    let fair = root.join("sys/kernel/debug/sched/fair_server");
+    let core = |(number, path): (usize, PathBuf)| Core {
+        fair_runtime_ns: read(&fair.join(format!("cpu{number}/runtime"))),
+        ..core(number, &path)
+    };
+    let mut cores: Vec<Core> = numbered(&dir, "cpu").into_iter().map(core).collect();
     let online = read(&dir.join("online")).and_then(|text| super::parse::list(&text));
     if let Some(online) = online {
         cores.retain(|core| online.contains(&core.number));
@@ -117,6 +124,7 @@ fn core(number: usize, path: &Path) -> Core {
         governor: read(&path.join("cpufreq/scaling_governor")),
         siblings: read(&path.join("topology/thread_siblings_list")),
         idle: idle.collect(),
+        fair_runtime_ns: None,
     }
 }
 

@@ -20,6 +20,9 @@ use crate::table::Table;
 
 use asked::Asked;
 
+/// The page, in the directory that was asked for.
+const PAGE: &str = "bench.html";
+
 /// Measure this machine: round trips through the daemon beside bare atomics, plain iceoryx2 and the kernel's own ways
 #[derive(Debug, Args)]
 pub(crate) struct Bench {
@@ -45,9 +48,13 @@ impl Bench {
         let stop = interrupt::flag()?;
         let plan = self.asked.plan()?;
         if let Some(out) = &self.out {
-            std::fs::create_dir_all(out)
-                .map_err(|e| Failure::input(format!("{}: {e}", out.display())))?;
+            std::fs::create_dir_all(out).map_err(|e| {
+                let out = out.display();
+                Failure::input(format!("--out {out}: {e}; expected a directory, or a name for a new one where one can be made"))
+            })?;
         }
+        // Hours may pass before there is anything to write.
+        console.check_files(&self.out.iter().map(|out| out.join(PAGE)).collect::<Vec<_>>())?;
         let bar = bar(console);
         let findings = harness::run(&plan, &Myself, &stop, &mut |about| {
             bar.set_message(about.to_owned());
@@ -83,11 +90,11 @@ impl Bench {
         }
         if let Some(out) = &self.out {
             let command = self.asked.command();
-            console.file(&out.join("bench.html"), &page::render(findings, &command))?;
+            console.file(&out.join(PAGE), &page::render(findings, &command))?;
             for (name, _, plot) in page::plots(findings) {
                 console.file(&out.join(format!("{name}.svg")), &plot.file())?;
             }
-            console.say(format!("\n{}", out.join("bench.html").display()))?;
+            console.say(format!("\n{}", out.join(PAGE).display()))?;
         }
         console.json("trued.bench/1", &findings.json())
     }
@@ -105,7 +112,7 @@ struct Myself;
 impl Programs for Myself {
     fn daemon(&self, configs: &[PathBuf]) -> std::io::Result<Command> {
         let mut command = myself()?;
-        command.args(["run", "--with-parent", "--quiet"]);
+        command.args(["run", "--with-parent=kill", "--quiet"]);
         for config in configs {
             command.arg("--config").arg(config);
         }
@@ -126,7 +133,7 @@ fn myself() -> std::io::Result<Command> {
 fn failure(error: BenchError) -> Failure {
     match error {
         BenchError::Interrupted => Failure::Interrupted,
-        BenchError::Cores { .. } => Failure::input(error),
+        BenchError::Cores { .. } | BenchError::OfCell { .. } => Failure::input(error),
         _ => Failure::system(error),
     }
 }

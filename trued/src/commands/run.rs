@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use daemon::{DaemonError, Options};
 use recording::cell::CellConfig;
 use recording::files::{FileError, read_text};
@@ -21,16 +21,24 @@ pub(crate) struct Run {
     /// Commands pace the cycle and carry the time, as in a replay: nothing is stale, poses may be settled
     #[arg(long)]
     lockstep: bool,
-    /// End with the process that started this one, however it ends
-    #[arg(long, hide = true)]
-    with_parent: bool,
+    /// End with the process that started this one, however it ends: in order, or at once, even where this one is stopped then
+    #[arg(long, hide = true, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "term")]
+    with_parent: Option<Ending>,
+}
+
+/// How a daemon ends with its parent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Ending {
+    Term,
+    Kill,
 }
 
 impl Run {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        if self.with_parent {
+        if let Some(how) = self.with_parent {
+            let signal = if how == Ending::Kill { Signal::KILL } else { Signal::TERM };
             // A refusal leaves a daemon that a killed parent does not end: not worth a failure.
-            let _ = set_parent_process_death_signal(Some(Signal::TERM));
+            let _ = set_parent_process_death_signal(Some(signal));
         }
         let cells = self.config.iter().map(|path| self.options(path));
         let cells = cells.collect::<Result<Vec<_>, _>>()?;

@@ -16,6 +16,7 @@ fn good() -> Texts {
             IdleState { name: "POLL".into(), latency_us: "0".into(), disable: "0".into() },
             IdleState { name: "C6".into(), latency_us: "133".into(), disable: "1".into() },
         ],
+        fair_runtime_ns: text(if number < 2 { "50000000" } else { "0" }),
     };
     Texts {
         version: text("Linux version 6.12.1-rt1 (a@b) #1 SMP PREEMPT_RT"),
@@ -60,7 +61,10 @@ fn each_fault_is_found_by_its_own_check_alone_and_has_a_fix() {
         ("frequency governor", |t| t.cores[3].governor = text("powersave")),
         ("idle states", |t| t.cores[2].idle[1].disable = "0".into()),
         ("isolated cores", |t| t.isolated = text("")),
-        ("real-time throttling", |t| t.rt_runtime_us = text("950000")),
+        ("real-time throttling", |t| {
+            t.version = text("Linux version 6.1.0-18-rt (a@b) #1 SMP PREEMPT_RT");
+            t.rt_runtime_us = text("950000");
+        }),
         ("real-time priority", |t| {
             t.limits = text("Max locked memory unlimited\nMax realtime priority 0 0");
         }),
@@ -83,6 +87,17 @@ fn each_fault_is_found_by_its_own_check_alone_and_has_a_fix() {
 }
 
 #[test]
+fn since_the_fair_server_the_old_bound_tells_nothing() {
+    let mut texts = good();
+    texts.rt_runtime_us = text("950000");
+    assert_eq!(state_of(&texts, "real-time throttling").0, State::Pass, "off on cores 2 and 3");
+    texts.cores.iter_mut().for_each(|core| core.fair_runtime_ns = None);
+    assert_eq!(state_of(&texts, "real-time throttling").0, State::Pass, "isolated cores");
+    (texts.isolated, texts.rt_runtime_us) = (text(""), text("-1"));
+    assert_eq!(state_of(&texts, "real-time throttling").0, State::Fix);
+}
+
+#[test]
 fn what_the_machine_does_not_say_is_unknown_and_never_good() {
     let checks = examine(&Texts::default());
     assert!(checks.iter().all(|check| check.state != State::Pass), "{checks:#?}");
@@ -97,7 +112,8 @@ fn nonsense_is_never_good_and_never_a_panic() {
             latency_us: nonsense.into(),
             disable: nonsense.into(),
         };
-        let core = Core { number: 0, governor: said(), siblings: said(), idle: vec![idle] };
+        let (governor, siblings, fair_runtime_ns) = (said(), said(), said());
+        let core = Core { number: 0, governor, siblings, idle: vec![idle], fair_runtime_ns };
         let texts = Texts {
             version: said(),
             realtime: said(),

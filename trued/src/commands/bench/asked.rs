@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use harness::fifo_is_granted;
 use harness::plan::{Load, Plan, Policy, Stage, Wait};
+use harness::{fifo_is_granted, runs_fifo};
 use recording::model::presets::preset;
 
 use crate::exit::Failure;
@@ -109,11 +109,18 @@ impl Asked {
 
     fn policies(&self) -> Vec<Policy> {
         match self.policy {
-            Policies::Auto if fifo_is_granted(self.priority) => vec![Policy::Fifo],
+            Policies::Auto if fifo_is_granted(self.priority) && self.cell_has_it() => {
+                vec![Policy::Fifo]
+            }
             Policies::Fifo => vec![Policy::Fifo],
             Policies::Auto | Policies::Other => vec![Policy::Other],
             Policies::Both => vec![Policy::Fifo, Policy::Other],
         }
+    }
+
+    /// A running cell has a policy of its own.
+    fn cell_has_it(&self) -> bool {
+        self.cell.as_deref().is_none_or(runs_fifo)
     }
 
     fn stages(&self) -> Result<Vec<Stage>, Failure> {
@@ -126,7 +133,7 @@ impl Asked {
     }
 }
 
-/// The short form: every part once, idle but for the count of missed cycles.
+/// The short form: every part once, idle.
 fn quick(plan: Plan) -> Plan {
     Plan {
         loads: vec![vec![]],
