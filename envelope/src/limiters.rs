@@ -89,11 +89,13 @@ impl<const N: usize> Limiters<N> {
                 jerk: least.jerk.min(limits.jerk() / way),
             })
         };
-        let distances = offsets.map(|offset| offset.value.abs());
+        // Just after a jump the trend has hardly moved: the jump itself tells how far it is.
+        let distances: [f64; N] =
+            core::array::from_fn(|i| offsets[i].value.abs().max(self.joints[i].distance()));
         let Pace { rate, jerk } = fastest(&distances);
         let time_s = TO_REST * libm::cbrt(1.0 / jerk).max(1.0 / rate);
         // A motion is worth the way that takes as long: slower, it would swing far beyond where it is.
-        let ways = offsets.map(|offset| offset.reach(time_s));
+        let ways: [f64; N] = core::array::from_fn(|i| distances[i].max(offsets[i].reach(time_s)));
         let longest = ways.iter().fold(0.0_f64, |longest, way| longest.max(*way));
         let ways: [f64; N] = core::array::from_fn(|i| {
             let least = limits(i).map_or(0.0, |limits| NO_RAMP * limits.angle());
@@ -103,7 +105,7 @@ impl<const N: usize> Limiters<N> {
         for (i, joint) in self.joints.iter_mut().enumerate().filter(|(i, _)| behind[*i]) {
             let Some(limits) = limits(i) else { continue };
             let share = |of: f64, limit: f64| (of * ways[i] / limit).min(1.0);
-            let pace = if joint.distance().max(distances[i]) < NO_RAMP * limits.angle() {
+            let pace = if distances[i] < NO_RAMP * limits.angle() {
                 Pace::ALONE
             } else {
                 Pace { rate: share(rate, limits.rate()), jerk: share(jerk, limits.jerk()) }
