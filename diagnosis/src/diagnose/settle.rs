@@ -49,10 +49,14 @@ impl Asking<'_> {
     /// these with better numbers.
     pub(super) fn next(&self, best: &Naming, also: &[Entry]) -> Option<Naming> {
         let named = &best.named;
-        let ways = [Way::AsFarAsSteps, Way::OneStep, Way::FromAnyStart];
+        let ways: &[Way] = match named.is_empty() {
+            // What looks best where nothing is named may lead nowhere once it is fitted, where its first name alone leads on.
+            true => &[Way::FromAnyStart, Way::OneStep],
+            false => &[Way::AsFarAsSteps, Way::OneStep, Way::FromAnyStart],
+        };
         let mut same = None;
         let open = Choice::at(self, best, also);
-        for way in ways.iter().skip(if named.is_empty() { 2 } else { 0 }) {
+        for way in ways {
             let mut choice = open.clone();
             match way {
                 Way::AsFarAsSteps => choice.make_from(named),
