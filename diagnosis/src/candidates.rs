@@ -312,7 +312,7 @@ impl<'a> List<'a> {
             self.values("bearing_compliance", at, &[("compliance", &[0.0])]);
         }
         if self.shows.masses {
-            let most = loads::largest(self.arm, campaign, joint);
+            let most = loads::largest(self.arm, campaign, |loads| loads.torque(joint));
             for share in SOFT.iter().filter(|_| most > 0.0) {
                 let torque = [share * most];
                 self.values("lost_motion", at, &[("width", &[0.0]), ("torque", &torque)]);

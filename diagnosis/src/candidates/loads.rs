@@ -6,11 +6,13 @@
 use super::{Candidate, Make, Probe};
 use crate::campaign::Campaign;
 use glam::DVec3;
-use physics::{AnyEffect, Arm, Given, JointKind};
+use physics::{AnyEffect, Arm, Evaluation, Given, JointKind, Loads, Memories, Model};
 use std::f64::consts::TAU;
 
 /// Numbers of a spring that its list is of: free length, fixed pivot, angle.
 pub(super) const SHAPE: usize = 3;
+/// What loads a joint less is none, Nm or N: an axis that is upright but for rounding.
+const ROUNDING: f64 = 1e-6;
 /// How far apart masses are tried, m.
 const APART_M: f64 = 0.2;
 /// Angles of a spring that are tried.
@@ -74,7 +76,8 @@ pub(super) fn at_corners(probes: &[Probe], mass: f64, middle: &[f64]) -> Vec<f64
 /// Springs at the joint that most of the weight hangs on.
 pub(super) fn springs(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let turns = |joint: &usize| arm.joints()[*joint].kind == JointKind::Revolute;
-    let loads = (0..arm.count()).filter(turns).map(|j| (largest(arm, campaign, j), j));
+    let hangs = |j: usize| move |loads: &Loads| loads.gravity_torque[j] + loads.wrench_torque[j];
+    let loads = (0..arm.count()).filter(turns).map(|j| (largest(arm, campaign, hangs(j)), j));
     let most = loads.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(load, _)| *load > 0.0);
     most.map_or_else(Vec::new, |(_, joint)| springs_at(arm, joint))
 }
@@ -134,11 +137,14 @@ pub(crate) fn remainders(arm: &Arm, campaign: &Campaign, used: &[bool]) -> Vec<C
     (0..arm.count()).filter_map(one).collect()
 }
 
-/// The largest load of gravity and wrench on a joint over the campaign, Nm or N.
-pub(super) fn largest(arm: &Arm, campaign: &Campaign, joint: usize) -> f64 {
-    let load = |inputs: &physics::Inputs| {
-        let chain = physics::Chain::nominal(arm, &inputs.q);
-        physics::Loads::on(arm, &chain, inputs.wrench_base).torque(joint).abs()
+/// The largest of a load of the arm's over the campaign, Nm or N; zero where it is rounding.
+pub(super) fn largest(arm: &Arm, campaign: &Campaign, of: impl Fn(&Loads) -> f64) -> f64 {
+    let (model, memories) = (Model::nominal(*arm), Memories::default());
+    let mut seen = Evaluation::default();
+    let load = |pose: &crate::Pose| {
+        model.evaluate_into(&pose.inputs, &memories, &mut seen);
+        of(&seen.loads).abs()
     };
-    campaign.poses.iter().map(|pose| load(&pose.inputs)).fold(0.0, f64::max)
+    let most = campaign.poses.iter().map(load).fold(0.0, f64::max);
+    if most > ROUNDING { most } else { 0.0 }
 }
