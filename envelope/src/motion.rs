@@ -62,21 +62,6 @@ impl Motion {
     /// The stop's rate is extreme now or where its acceleration first vanishes; its value where the
     /// rate changes sign (at most once, in the first segment) or at its end.
     pub(crate) fn stops_inside(self, limits: &Limits) -> bool {
-        self.surely_stops_inside(limits) || self.stop_is_inside(limits)
-    }
-
-    /// The same without a root, for whoever is far from all limits, as a correction nearly always is: never true where it is not.
-    ///
-    /// The acceleration is gone after `a / j`, until when the rate stays below `r + a² / 2j = c`; the way from there is at most `c √(c / j)`.
-    fn surely_stops_inside(self, limits: &Limits) -> bool {
-        let slowed_s = self.acceleration.abs() / limits.jerk();
-        let fastest = self.rate.abs() + self.acceleration.abs() * slowed_s / 2.0;
-        let room = limits.angle() - self.value.abs() - 2.0 * fastest * slowed_s;
-        let (way, room) = (fastest * fastest * fastest, room * room.max(0.0) * limits.jerk());
-        fastest <= limits.rate() && 4.0 * way < room
-    }
-
-    fn stop_is_inside(self, limits: &Limits) -> bool {
         let stop = Ramp::to_rate(self, 0.0, limits.jerk());
         let turn = self.turning_point(stop.first_jerk());
         let end = stop.end_of(self);
@@ -96,23 +81,5 @@ impl Motion {
         }
         let reach = self.acceleration.abs() + libm::sqrt(square);
         self.after(2.0 * self.rate.abs() / reach, jerk).value
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn what_surely_stops_inside_does(
-            value in -1.0..1.0_f64, rate in -1.0..1.0_f64, acceleration in -3.0..3.0_f64,
-            angle in 0.1..3.0_f64, fastest in 0.1..2.0_f64, jerk in 0.5..50.0_f64,
-        ) {
-            let motion = Motion { value, rate, acceleration };
-            let limits = Limits::new(angle, fastest, jerk).expect("positive");
-            prop_assert!(!motion.surely_stops_inside(&limits) || motion.stop_is_inside(&limits));
-        }
     }
 }
