@@ -306,9 +306,14 @@ impl Case {
 
     /// Whether numbers that are fitted along, held by what is believed of them, explain as much as a name: then belief alone speaks for it.
     pub(super) fn is_belief(&self, name: usize, always: &[usize]) -> bool {
-        let family = &self.library.families[name];
-        let is_of_masses = matches!(family.kind, "payload" | "inertia" | "gravity_torque");
-        family.revises || (is_of_masses && self.doubted.iter().any(|k| always.contains(k)))
+        self.library.families[name].revises || self.is_of_masses(name, always)
+    }
+
+    /// Whether masses that are doubted may explain as much as a name.
+    pub(super) fn is_of_masses(&self, name: usize, always: &[usize]) -> bool {
+        let kind = self.library.families[name].kind;
+        matches!(kind, "payload" | "inertia" | "gravity_torque")
+            && self.doubted.iter().any(|k| always.contains(k))
     }
 
     /// The sums over the rows that count and that `used` takes.

@@ -117,8 +117,13 @@ impl Asking<'_> {
 
     /// The names to choose, from those that stand.
     pub(crate) fn choose(&self, start: &[usize]) -> Choice {
+        self.choose_but(start, &[])
+    }
+
+    /// The same, without any of `never`.
+    pub(super) fn choose_but(&self, start: &[usize], never: &[usize]) -> Choice {
         let mut choice = self.solve(start);
-        let mut barred: Vec<usize> = Vec::new();
+        let mut barred = never.to_vec();
         while choice.names.len() < MOST {
             let Some((name, _)) = self.best(&choice, &barred) else { break };
             let mut names = choice.names.clone();
@@ -128,14 +133,14 @@ impl Asking<'_> {
                 barred.push(name);
                 continue;
             }
-            next = self.gathered(self.exchanged(next, self.library.families[name].joint));
+            next = self.gathered(self.exchanged(next, never, self.library.families[name].joint));
             // A step that was taken back would be taken again.
             if self.score(&next) <= self.score(&choice) + 1e-9 {
                 barred.push(name);
                 continue;
             }
             choice = next;
-            barred.clear();
+            barred = never.to_vec();
         }
         choice
     }
@@ -189,18 +194,23 @@ impl Asking<'_> {
     }
 
     /// With another name or form in the place of one of a joint, where that explains more for its price: itself, or as it makes a third name needless.
-    fn exchanged(&self, choice: Choice, joint: Option<usize>) -> Choice {
-        self.exchanged_where(choice, |name| self.library.families[*name].joint == joint)
+    fn exchanged(&self, choice: Choice, never: &[usize], joint: Option<usize>) -> Choice {
+        self.exchanged_where(choice, never, |name| self.library.families[*name].joint == joint)
     }
 
     /// The same of all joints: a name that stood beside another may not be the one to stand without it.
     pub(super) fn renamed(&self, choice: Choice) -> Choice {
-        self.exchanged_where(choice, |_| true)
+        self.exchanged_where(choice, &[], |_| true)
     }
 
-    fn exchanged_where(&self, mut choice: Choice, wanted: impl Fn(&usize) -> bool) -> Choice {
+    fn exchanged_where(
+        &self,
+        mut choice: Choice,
+        never: &[usize],
+        wanted: impl Fn(&usize) -> bool,
+    ) -> Choice {
         for _ in 0..EXCHANGES {
-            let better = |name: &usize| self.exchange(&choice, *name);
+            let better = |name: &usize| self.exchange(&choice, never, *name);
             let mut asked = choice.names.iter().filter(|name| wanted(name));
             let Some(next) = asked.find_map(better) else { break };
             choice = next;
@@ -225,10 +235,11 @@ impl Asking<'_> {
     }
 
     /// A better choice with one of the likeliest others in a name's place.
-    fn exchange(&self, choice: &Choice, name: usize) -> Option<Choice> {
+    fn exchange(&self, choice: &Choice, never: &[usize], name: usize) -> Option<Choice> {
         let others = others(&choice.names, name);
         let without = self.solve(&others);
-        let mut open: Vec<(usize, f64)> = self.open(&without, &[name]).collect();
+        let mut open: Vec<(usize, f64)> =
+            self.open(&without, never).filter(|(other, _)| *other != name).collect();
         open.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
         let with = |(other, _): &(usize, f64)| {
             let names: Vec<usize> = others.iter().copied().chain([*other]).collect();

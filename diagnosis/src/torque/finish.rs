@@ -27,9 +27,7 @@ pub(super) fn finish(
     let given = asking.solve(&[]);
     let weighed = &replaced(&asking, weighed);
     let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
-    let names = prove::told(case, &asking, names, &seen);
-    let (names, refuted) = prove::borne_out(case, &asking, asking.admissible(names), held);
-    let names = asking.admissible(names);
+    let (names, refuted) = stand(case, &asking, names, &seen);
     let choice = asking.solve(&names);
     let listed = prove::order(case, &asking, &choice, held);
     let covariance = prove::covariance(case, &choice.solved, &seen);
@@ -63,8 +61,8 @@ pub(super) fn finish(
         findings,
         refits: refits(case, stated, &choice, &covariance),
         unexplained: beyond.map(|beyond| beyond.law),
-        heldout: [&given, &choice].map(|one| prove::rms(case, &one.solved, held, true)),
-        noise: prove::rms(case, &choice.solved, &seen, true),
+        heldout: [&given, &choice].map(|one| prove::rms(case, &one.solved, held)),
+        noise: prove::rms(case, &choice.solved, &seen),
         signal: signal(&by_joint),
         by_joint,
         band_hz: case.motion.band_hz,
@@ -74,6 +72,26 @@ pub(super) fn finish(
         slides: arm.joints().iter().all(|joint| joint.kind == JointKind::Prismatic),
         traces: joints.iter().map(|j| view::trace(case, (&given, &choice), *j)).collect(),
         zones,
+    }
+}
+
+/// The names that are sure and that held-out rows bear out, and those that these speak against: a name that falls may leave another unsure.
+fn stand(
+    case: &Case,
+    asking: &Asking<'_>,
+    mut names: Vec<usize>,
+    seen: &[bool],
+) -> (Vec<usize>, Vec<usize>) {
+    let mut refuted = Vec::new();
+    loop {
+        let before = names.len();
+        let (kept, fell) =
+            prove::borne_out(case, asking, asking.admissible(names), &case.rows.held);
+        refuted.extend(fell);
+        names = asking.admissible(prove::told(case, asking, kept, seen));
+        if names.len() == before {
+            return (names, refuted);
+        }
     }
 }
 
@@ -189,10 +207,18 @@ fn notes(
     }
     notes.extend(refuted.iter().map(|name| {
         let family = &case.library.families[*name];
-        let of = family.joint.map_or(String::new(), |joint| format!(" of joint {}", joint + 1));
+        let of = of_joint(family.joint);
         format!("`{}`{of} was chosen, but makes the error larger on rows that nothing had seen: it is not told", family.kind)
     }));
     notes.extend(zones.iter().map(|zone| zone.says(arm)));
+    let grows = |one: &&Finding| !zones.is_empty() && one.heldout[1] > one.heldout[0];
+    notes.extend(findings.iter().filter(grows).map(|one| {
+        format!(
+            "`{}`{} makes the error smaller but where rows are told apart",
+            one.kind,
+            of_joint(one.joint)
+        )
+    }));
     if always.len() > case.open.len() {
         notes.push("the masses that the model states do not fit the torques to the last digit: they were fitted along, within 5 % and 20 mm".to_owned());
     } else if !case.open.is_empty() {
@@ -202,6 +228,10 @@ fn notes(
         notes.push("a mass is as sure as the motors' constants, about a tenth: weigh the payload, or run once with a known mass".to_owned());
     }
     notes
+}
+
+fn of_joint(joint: Option<usize>) -> String {
+    joint.map_or(String::new(), |joint| format!(" of joint {}", joint + 1))
 }
 
 /// The fit with the rows of the zones in it: what depends on them is no surer than that.

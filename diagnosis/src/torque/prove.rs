@@ -19,11 +19,14 @@ const BORNE_OUT: f64 = 0.2;
 /// Blocks of time that uncertainties are told from.
 const BLOCKS: usize = 40;
 
-/// Root mean square of what is left on `used` rows, whitened by each joint's noise and in units of their geometric mean, N m; those of zones too
-/// where `all`.
-pub(super) fn rms(case: &Case, solved: &Solved, used: &[bool], all: bool) -> f64 {
-    let counts = if all { &case.table.moves } else { &case.table.counts };
-    rms_of(&case.table, &case.library.columns, solved, used, counts)
+/// Root mean square of what is left on `used` rows, whitened by each joint's noise and in units of their geometric mean, N m.
+pub(super) fn rms(case: &Case, solved: &Solved, used: &[bool]) -> f64 {
+    rms_of(&case.table, &case.library.columns, solved, used, &case.table.moves)
+}
+
+/// The same without the rows of zones, of which no name claims anything.
+pub(super) fn rms_outside(case: &Case, solved: &Solved, used: &[bool]) -> f64 {
+    rms_of(&case.table, &case.library.columns, solved, used, &case.table.counts)
 }
 
 /// The same of any table, on rows that `counts` takes.
@@ -101,7 +104,7 @@ pub(super) fn told(
     seen: &[bool],
 ) -> Vec<usize> {
     let covariance = |solved: &Solved| covariance(case, solved, seen);
-    told_by(asking, names, &covariance, &|name| case.is_belief(name, asking.always))
+    told_by(asking, names, &covariance, &|name| case.is_of_masses(name, asking.always))
 }
 
 /// The same by any covariance; `is_belief`: names that are not asked.
@@ -136,8 +139,10 @@ pub(super) fn borne_out(
     names: Vec<usize>,
     held: &[bool],
 ) -> (Vec<usize>, Vec<usize>) {
-    let rms = |solved: &Solved| rms(case, solved, held, true);
-    borne_out_by(asking, names, &rms, &|name| case.is_belief(name, asking.always))
+    // Within zones no law that is known holds: they have half a say, and what is plain outside stands against them.
+    let left =
+        |solved: &Solved| libm::sqrt(rms(case, solved, held) * rms_outside(case, solved, held));
+    borne_out_by(asking, names, &left, &|name| case.is_belief(name, asking.always))
 }
 
 /// The same by any measure of what is left; `is_belief`: names that are not asked.
@@ -152,7 +157,10 @@ pub(crate) fn borne_out_by(
     loop {
         let whole = of(&names);
         let asked = names.iter().filter(|name| !is_belief(**name));
-        let harm = asked.map(|name| (*name, whole - of(&others(&names, *name))));
+        // What a name leaves has to stand by itself: a rival that then takes the wrong sign is not that rival.
+        let rest = asked.map(|name| (*name, others(&names, *name)));
+        let stands = rest.filter(|(_, rest)| asking.admissible(rest.clone()) == *rest);
+        let harm = stands.map(|(name, rest)| (name, whole - of(&rest)));
         let worst = harm.max_by(|a, b| a.1.total_cmp(&b.1));
         let Some((name, _)) = worst.filter(|(_, harm)| *harm > 0.0) else {
             return (names, refuted);
@@ -162,14 +170,15 @@ pub(crate) fn borne_out_by(
     }
 }
 
-/// Names in the order of what each brings on held-out rows, with the error before and after each, one after the other.
+/// Names in the order of what each brings on held-out rows, with the error before and after each, one after the other: first the one that brings most by
+/// itself, which another may stand in for; then by what each brings beside all others.
 pub(super) fn order(
     case: &Case,
     asking: &Asking<'_>,
     choice: &Choice,
     held: &[bool],
 ) -> Vec<(usize, [f64; 2])> {
-    order_by(asking, choice, &|solved| rms(case, solved, held, true))
+    order_by(asking, choice, &|solved| rms(case, solved, held))
 }
 
 /// The same by any measure of what is left.
@@ -179,8 +188,13 @@ pub(crate) fn order_by(
     rms: &dyn Fn(&Solved) -> f64,
 ) -> Vec<(usize, [f64; 2])> {
     let whole = rms(&choice.solved);
-    let alone = |name: &usize| rms(&asking.solve(&others(&choice.names, *name)).solved) - whole;
-    let mut names: Vec<(usize, f64)> = choice.names.iter().map(|n| (*n, alone(n))).collect();
+    let beside = |name: &usize| rms(&asking.solve(&others(&choice.names, *name)).solved) - whole;
+    let mut names: Vec<(usize, f64)> = choice.names.iter().map(|n| (*n, beside(n))).collect();
+    let alone = |name: &usize| rms(&asking.solve(&[*name]).solved);
+    let first = choice.names.iter().map(|name| (*name, alone(name)));
+    if let Some((first, _)) = first.min_by(|a, b| a.1.total_cmp(&b.1)) {
+        names.iter_mut().filter(|(name, _)| *name == first).for_each(|one| one.1 = f64::INFINITY);
+    }
     names.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
     let mut before = rms(&asking.solve(&[]).solved);
     let mut there: Vec<usize> = Vec::new();

@@ -26,7 +26,7 @@ pub(super) fn verdict(
 ) -> Verdict {
     let held = &case.rows.held;
     let energy = |choice: &Choice| {
-        let rms = prove::rms(case, &choice.solved, held, true);
+        let rms = prove::rms(case, &choice.solved, held);
         rms * rms
     };
     let scale: f64 = case.table.joints().map(|j| case.table.noise[j].1.ln()).sum::<f64>()

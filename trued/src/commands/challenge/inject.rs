@@ -16,6 +16,7 @@ use challenge::torque::kinds::Kind;
 use challenge::torque::rig::Rig;
 use challenge::weigh::APART;
 use physics::{Arm, JointKind};
+use recording::model::RobotModel;
 use recording::series::{Channel, Recording};
 use serde::Serialize;
 
@@ -141,7 +142,7 @@ impl Injection<'_> {
                 plain.name
             ))
         })?;
-        plain.model = written;
+        plain.model = exact(&plain.name, &written)?;
         let again = self.answer(&plain, "again", &torques, stop)?;
         plain.said = again.0.map_or_else(Vec::new, |answer| claims(&answer));
         Ok(plain)
@@ -236,6 +237,15 @@ fn share(z: f64, cases: &[Case<'_>], lines: &[Line]) -> Share {
 /// Findings that are claims.
 fn claims(answer: &Answer) -> Vec<Finding> {
     if answer.verdict.claims() { answer.findings.clone() } else { Vec::new() }
+}
+
+/// A model without doubt of its numbers: of the recording that they were drawn from they are what they are, and what is added counts from there.
+fn exact(name: &str, model: &str) -> Result<String, Failure> {
+    let mut file = RobotModel::parse(name, model).map_err(Failure::input)?.file;
+    for parameter in file.effects.iter_mut().flat_map(|effect| &mut effect.parameters) {
+        parameter.sigma = None;
+    }
+    Ok(file.to_toml())
 }
 
 /// The chain of a model, in the challenge's own words.

@@ -1,0 +1,67 @@
+//! Names that lie near one another: what low speed alone tells, what is the same at every place, what fell once.
+
+use physics::JointKind;
+
+use super::*;
+use crate::torque::reopened;
+use crate::torque::zone::{self, Zone};
+
+fn kinds(found: &Diagnosis) -> Vec<&'static str> {
+    found.findings.iter().map(|finding| finding.kind).collect()
+}
+
+/// A slider that knows its mass and its dry friction.
+fn known(noise: f64, lacks: impl Fn([f64; 3]) -> f64) -> Diagnosis {
+    let force = |state: [f64; 3]| MASS * state[2] + 20.0 * state[1].signum() + lacks(state);
+    let arm = slider(true);
+    let dry = effect(&arm, "coulomb_friction", &[("level", &[20.0])]);
+    of(&arm, &[dry], recording(JointKind::Prismatic, noise, force))
+}
+
+#[test]
+fn rows_of_a_zone_come_back_where_a_law_would_be_lost_with_them() {
+    let force =
+        |[_, v, a]: [f64; 3]| MASS * a + 10.0 * v.signum() * libm::exp(-(v / 0.01) * (v / 0.01));
+    let model = Model::new(slider(true), &[]).unwrap();
+    let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
+    let mut case = Case::new(&stated, &[recording(JointKind::Prismatic, 0.1, force)], None, 1);
+    case.hear_noise();
+    let train = case.rows.train.clone();
+    let products = case.products(&train);
+    let asking = refine::asking(&case, &products, &[]);
+    let [lost, kept] = [asking.solve(&[]), asking.choose(&[])];
+    let left = case.residual(&kept.solved, 0);
+    let speeds = zone::speeds(&case.motion, 0);
+    let within: Vec<f64> =
+        left.iter().zip(&speeds).filter(|(_, v)| **v < 0.02).map(|(x, _)| x * x).collect();
+    let rms = libm::sqrt(within.iter().sum::<f64>() / within.len() as f64);
+    let zone = Zone { joint: 0, below: 0.02, share: 0.05, left: [rms, 0.1] };
+    for (choice, comes_back) in [(kept, false), (lost, true)] {
+        case.table.counts[0].iter_mut().zip(&speeds).for_each(|(c, v)| *c &= *v >= zone.below);
+        let mut zones = vec![zone];
+        assert_eq!(reopened(&mut case, &mut zones, &choice, &train), comes_back);
+        assert_eq!(zones.is_empty(), comes_back);
+        assert_eq!(case.table.counts == case.table.moves, comes_back);
+    }
+}
+
+#[test]
+fn what_pulls_alike_everywhere_is_no_spring_though_a_little_of_it_follows_the_place() {
+    let found = known(1.0, |[q, ..]| 3.0 + 0.5 * q);
+    assert_eq!(kinds(&found), ["friction_asymmetry"]);
+    let found = known(1.0, |[q, ..]| 3.0 + 10.0 * q);
+    assert_eq!(kinds(&found), ["spring"]);
+}
+
+#[test]
+fn what_fell_once_is_not_chosen_again() {
+    let force = |[_, v, a]: [f64; 3]| MASS * a + 20.0 * v.signum();
+    let model = Model::new(slider(false), &[]).unwrap();
+    let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
+    let mut case = Case::new(&stated, &[recording(JointKind::Prismatic, 1.0, force)], None, 1);
+    case.hear_noise();
+    let products = case.products(&case.rows.train);
+    let asking = refine::asking(&case, &products, &case.open);
+    let best = asking.choose(&[]).names[0];
+    assert!(!asking.choose_but(&[], &[best]).names.contains(&best));
+}
