@@ -6,7 +6,6 @@ use crate::chance::Chance;
 use crate::place::Place;
 use crate::process::Process;
 use recording::blackbox::{self, Record};
-use shm_schema::monotonic_ns;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -148,11 +147,11 @@ impl<'a> Pair<'a> {
         last_recorded_ns(&self.place.file("box"))
     }
 
-    /// What was recorded until now is read up to its last second: tells how old its last cycle is.
+    /// How much of what a daemon that was killed had answered is missing in its recording, every file of which must be readable.
     #[must_use]
     pub fn unrecorded(&self) -> Duration {
         let last_ns = last_recorded_ns(&self.place.file("box"));
-        Duration::from_nanos(monotonic_ns().saturating_sub(last_ns))
+        Duration::from_nanos(self.cell.answered_ns().saturating_sub(last_ns))
     }
 }
 

@@ -111,6 +111,15 @@ impl Process {
         tasks.into_iter().flatten().flatten().map(of).collect()
     }
 
+    /// How long the thread of that name has been ready to run and had no core; zero where the kernel does not tell.
+    #[must_use]
+    pub fn waited(&self, name: &str) -> Duration {
+        let told = |thread| std::fs::read_to_string(format!("/proc/{thread}/schedstat")).ok();
+        let text = self.thread(name).and_then(told).unwrap_or_default();
+        let ns = text.split_whitespace().nth(1).and_then(|ns| ns.parse().ok());
+        Duration::from_nanos(ns.unwrap_or(0))
+    }
+
     /// Its resident memory, kB.
     #[must_use]
     pub fn resident_kb(&self) -> Option<u64> {
@@ -161,6 +170,12 @@ impl Process {
     pub fn answered_since(&self, ns: u64, daemon: u32) -> bool {
         let (at_ns, by) = lock(&self.heard).answered;
         at_ns > ns && by == daemon
+    }
+
+    /// When this cell said that it had its last answer (`CLOCK_MONOTONIC`, ns).
+    #[must_use]
+    pub fn answered_ns(&self) -> u64 {
+        lock(&self.heard).answered.0
     }
 
     /// Waits for an answer that is made from now on.
