@@ -59,15 +59,9 @@ impl<'a> Pair<'a> {
     /// A daemon with the usual configuration and its cell.
     #[must_use]
     pub fn start(programs: Programs<'a>) -> Self {
-        Self::start_with(programs, "")
-    }
-
-    /// The same with further tables in the configuration.
-    #[must_use]
-    pub fn start_with(programs: Programs<'a>, tables: &str) -> Self {
-        let place = Place::new("full", &format!("{}{tables}", recorder("box")));
-        let (daemon, cell) = (run(programs, Who::Daemon, &place), run(programs, Who::Cell, &place));
-        Self { place, daemon, cell, monitor: None, force: None, programs }
+        let place = Place::new("full", &recorder("box"));
+        let daemon = run(programs, Who::Daemon, &place);
+        Self::with(programs, place, daemon)
     }
 
     /// A pair whose daemon is somebody else's to start.
@@ -75,6 +69,12 @@ impl<'a> Pair<'a> {
     pub fn with(programs: Programs<'a>, place: Place, daemon: Process) -> Self {
         let cell = run(programs, Who::Cell, &place);
         Self { place, daemon, cell, monitor: None, force: None, programs }
+    }
+
+    /// What it is made of.
+    #[must_use]
+    pub fn programs(&self) -> Programs<'a> {
+        self.programs
     }
 
     /// Starts those who look on and who send forces, too.
