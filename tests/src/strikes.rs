@@ -51,7 +51,7 @@ const REQUEST: Duration = Duration::from_secs(1);
 /// What the daemon mends it has mended by then: it does so four times a second at most.
 const MENDED: Duration = Duration::from_millis(400);
 /// How far the clock of the commands may stand from where it began, ns: by the step between two of these it is set.
-const CLOCKS_NS: [i64; 4] = [0, 300_000_000, 2_000_000_000, 3_600_000_000_000];
+const CLOCKS_NS: [i64; 5] = [0, 300_000_000, 600_000_000, 2_000_000_000, 3_600_000_000_000];
 
 /// Strikes; tells how long it took until what is not the robot's loop was as it should be.
 pub fn strike(kind: &str, pair: &mut Pair<'_>, chance: &mut Chance) -> Duration {
@@ -88,6 +88,8 @@ pub fn strike(kind: &str, pair: &mut Pair<'_>, chance: &mut Chance) -> Duration 
         "set the clock" => {
             let set_ns = CLOCKS_NS[chance.below(CLOCKS_NS.len() as u64) as usize];
             pair.cell.tell(&format!("clock {set_ns}"));
+            // Until it has heard.
+            std::thread::sleep(Duration::from_millis(10));
         }
         "nobody reads the log" => unread(pair, chance),
         "the recorder hangs" => return hung(pair, chance),
