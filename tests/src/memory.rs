@@ -4,8 +4,8 @@
 
 /// What the last third may take beyond the one before it and still count as flat. Freed pages come back late, and models differ in size.
 pub const FLAT: f64 = 1.02;
-/// Fewer samples in a third tell nothing.
-const LEAST: usize = 5;
+/// With fewer samples in a third, the second third is a start still.
+const LEAST: usize = 60;
 
 /// The medians of the three thirds, in time; none where there are too few samples.
 #[must_use]
@@ -39,12 +39,12 @@ mod tests {
     #[test]
     fn a_start_that_costs_and_a_peak_are_flat_and_what_grows_all_along_is_not() {
         let warm = |k: u64| 30_000 - 10_000 / (k + 1);
-        assert_eq!(judged((0..60).map(warm)), Some(true));
-        assert_eq!(judged((0..60).map(|k| if k == 59 { 90_000 } else { 30_000 })), Some(true));
-        assert_eq!(judged((0..60).map(|k| 30_000 + 60 * k)), Some(false));
+        assert_eq!(judged((0..180).map(warm)), Some(true));
+        assert_eq!(judged((0..180).map(|k| if k == 179 { 90_000 } else { 30_000 })), Some(true));
+        assert_eq!(judged((0..180).map(|k| 30_000 + 20 * k)), Some(false));
         // A judge who compares the end with the larger of beginning and middle would let this pass.
-        let after_a_peak = |k: u64| if k < 3 { 40_000 } else { 30_000 + 60 * k };
-        assert_eq!(judged((0..60).map(after_a_peak)), Some(false));
-        assert_eq!(judged((0..14).map(|_| 1)), None);
+        let after_a_peak = |k: u64| if k < 3 { 40_000 } else { 30_000 + 20 * k };
+        assert_eq!(judged((0..180).map(after_a_peak)), Some(false));
+        assert_eq!(judged((0..179).map(|_| 1)), None);
     }
 }

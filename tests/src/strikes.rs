@@ -85,12 +85,7 @@ pub fn strike(kind: &str, pair: &mut Pair<'_>, chance: &mut Chance) -> Duration 
         }
         "a second daemon comes" => return second(pair),
         "scribble into messages" => scribble(pair, chance),
-        "set the clock" => {
-            let set_ns = CLOCKS_NS[chance.below(CLOCKS_NS.len() as u64) as usize];
-            pair.cell.tell(&format!("clock {set_ns}"));
-            // Until it has heard.
-            std::thread::sleep(Duration::from_millis(10));
-        }
+        "set the clock" => return clocks(pair, chance),
         "nobody reads the log" => unread(pair, chance),
         "the recorder hangs" => return hung(pair, chance),
         FULL_DISK => return full(pair, chance),
@@ -160,6 +155,18 @@ fn scribble(pair: &mut Pair<'_>, chance: &mut Chance) {
     for who in [Who::Cell, Who::Force] {
         pair.start_anew(who);
     }
+}
+
+/// The clock of the commands is set, and set again: how long the slower of both took to be overcome.
+fn clocks(pair: &mut Pair<'_>, chance: &mut Chance) -> Duration {
+    let mut set = |_| {
+        let set_ns = CLOCKS_NS[chance.below(CLOCKS_NS.len() as u64) as usize];
+        pair.cell.tell(&format!("clock {set_ns}"));
+        // Until it has heard.
+        std::thread::sleep(Duration::from_millis(10));
+        pair.back()
+    };
+    [(); 2].map(&mut set).into_iter().max().unwrap_or_default()
 }
 
 /// The pipe of the daemon's log is full, and nobody reads it.
