@@ -87,7 +87,7 @@ pub enum DaemonError {
     #[error(transparent)]
     Port(#[from] PortError),
     /// Real-time manners that the configuration insists on.
-    #[error(transparent)]
+    #[error("{0}; or set `[realtime] enforce = false`, and the daemon goes on without")]
     Refused(#[from] Refused),
     /// A thread could not be started, or did not end as it should.
     #[error("thread `{name}`: {why}")]

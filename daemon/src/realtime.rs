@@ -1,10 +1,11 @@
 //! Real-time manners of a thread: policy, core, locked memory.
 //!
-//! Promises: what was asked and refused is told, with the fix; whether that ends the daemon is the configuration's word
+//! Promises: what was asked and refused is told, with what it takes, whoever asked; whether that ends the daemon is the configuration's word
 //! (`[realtime] enforce`). Never: a policy for the whole process, which its helper threads would inherit.
 
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::thread::{CpuSet, sched_setaffinity};
+use std::io;
 use std::num::NonZeroU64;
 use thread_priority::{
     RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
@@ -16,14 +17,14 @@ use thread_priority::{
 pub enum Refused {
     /// `SCHED_FIFO`.
     #[error(
-        "SCHED_FIFO priority {priority} was refused: {why}; give the service LimitRTPRIO={priority} or more, \
-         or set `[realtime] policy = \"other\"`"
+        "SCHED_FIFO priority {priority} was refused: {why}; it takes an RTPRIO limit of {priority} or more (LimitRTPRIO={priority} in a \
+         unit, rtprio {priority} in /etc/security/limits.d), or CAP_SYS_NICE"
     )]
     Policy {
         /// 1 to 99.
         priority: u8,
         /// The system's word.
-        why: String,
+        why: io::Error,
     },
     /// Pinning to a core.
     #[error("pinning to core {core} was refused: {why}; choose a core that this process may use")]
@@ -31,15 +32,16 @@ pub enum Refused {
         /// 0-based.
         core: usize,
         /// The system's word.
-        why: std::io::Error,
+        why: io::Error,
     },
     /// Locking memory.
     #[error(
-        "locking memory was refused: {why}; give the service LimitMEMLOCK=infinity, or set `[realtime] lock_memory = false`"
+        "locking memory was refused: {why}; it takes a MEMLOCK limit that is infinite (LimitMEMLOCK=infinity in a unit, memlock \
+         unlimited in /etc/security/limits.d), or CAP_IPC_LOCK"
     )]
     Memory {
         /// The system's word.
-        why: std::io::Error,
+        why: io::Error,
     },
 }
 
@@ -57,11 +59,15 @@ pub fn lock_memory() -> Result<(), Refused> {
 /// # Errors
 /// Where the system refuses.
 pub fn set_fifo(priority: u8) -> Result<(), Refused> {
-    let refused = |why: String| Refused::Policy { priority, why };
-    let value = ThreadPriorityValue::try_from(priority).map_err(|why| refused(why.to_owned()))?;
+    let refused = |why: io::Error| Refused::Policy { priority, why };
+    let value =
+        ThreadPriorityValue::try_from(priority).map_err(|why| refused(io::Error::other(why)))?;
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(value), policy)
-        .map_err(|why| refused(format!("{why:?}")))
+        .map_err(|why| match why {
+            thread_priority::Error::OS(code) => refused(io::Error::from_raw_os_error(code)),
+            other => refused(io::Error::other(other)),
+        })
 }
 
 /// Asks for sleeps of the calling thread to end when they should, not within the usual 50 µs. Without effect under a real-time
@@ -76,7 +82,7 @@ pub fn sleep_exactly() {
 /// Where the system refuses, or the core does not exist.
 pub fn pin_to(core: usize) -> Result<(), Refused> {
     if core >= CpuSet::MAX_CPU {
-        let why = std::io::Error::from(std::io::ErrorKind::InvalidInput);
+        let why = io::Error::from(io::ErrorKind::InvalidInput);
         return Err(Refused::Core { core, why });
     }
     let mut set = CpuSet::new();

@@ -20,8 +20,8 @@ use tracing::{info, warn};
 
 /// How often the rings are drained: far below the time in which they fill.
 const DRAIN_EVERY: Duration = Duration::from_millis(50);
-/// How often what was drained is made safe from a kill.
-const FLUSH_EVERY: Duration = Duration::from_millis(500);
+/// How often what was drained is made safe from a kill: with a drain's wait on top, below the half second that is promised.
+const FLUSH_EVERY: Duration = Duration::from_millis(400);
 /// How long to wait after a failure before a new file is tried: back within a second of the failure's end.
 const RETRY_AFTER: Duration = Duration::from_millis(500);
 

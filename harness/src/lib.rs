@@ -110,6 +110,7 @@ fn all(
         if plan.policies.contains(&Policy::Fifo) { Policy::Fifo } else { Policy::Other };
     if strictest == Policy::Fifo {
         daemon::realtime::lock_memory()?;
+        manners::ask_fifo(plan.priority)?;
         if let Some(cell) = &plan.cell {
             subject::wants_fifo(cell, subject::JOIN_WITHIN)?;
         }

@@ -34,13 +34,15 @@ impl Manners {
     }
 }
 
-/// Whether this process may have the real-time policy at that priority, asked in a thread that ends at once.
+/// Whether this process may have the real-time policy at that priority, and locked memory.
 #[must_use]
 pub fn fifo_is_granted(priority: u8) -> bool {
-    let asked = std::thread::spawn(move || {
-        realtime::set_fifo(priority).is_ok() && realtime::lock_memory().is_ok()
-    });
-    asked.join().unwrap_or(false)
+    ask_fifo(priority).is_ok() && realtime::lock_memory().is_ok()
+}
+
+/// Asks for the real-time policy, in a thread that ends at once.
+pub(crate) fn ask_fifo(priority: u8) -> Result<(), Refused> {
+    std::thread::spawn(move || realtime::set_fifo(priority)).join().unwrap_or(Ok(()))
 }
 
 /// The cores that this process may run on.

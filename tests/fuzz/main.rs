@@ -121,4 +121,6 @@ macro_rules! targets {
         }
     };
 }
-targets!(model cell about mapping recording black_box waves urdf commands force messages);
+targets!(
+    model cell about mapping recording black_box waves urdf commands force messages rsi egm bridge answer request
+);

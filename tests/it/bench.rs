@@ -133,6 +133,8 @@ fn a_policy_that_is_refused_fails_and_measures_nothing() {
     assert_eq!(done.code, Some(3), "{done:#?}");
     assert!(done.err.contains("refused, so nothing is measured"), "{}", done.err);
     assert!(done.err.contains("--policy other"), "says what to do: {}", done.err);
+    assert!(done.err.contains("memlock unlimited"), "and what it takes: {}", done.err);
+    assert!(!done.err.contains("[realtime]"), "a bench has no such key: {}", done.err);
     assert!(!place.names().contains(&"bench.json".to_owned()));
     assert!(place.litter().is_empty() && left().is_empty(), "{:?} {:?}", place.litter(), left());
 }
@@ -149,6 +151,8 @@ fn cores_that_cannot_be_and_parts_that_do_not_exist_are_bad_input() {
         &["--rate", "1000000"],
         &["--seconds", "-1"],
         &["--quick", "--seconds", "3"],
+        &["--cell", "No Cell"],
+        &["--cell", ""],
     ] {
         let done = bench(&place, wrong);
         assert_eq!(done.code, Some(2), "{wrong:?}: {done:#?}");

@@ -1,5 +1,5 @@
-//! The daemon's logic under random faults in virtual time. `TRUED_SIM_CYCLES` asks for another length (1e7 is the long form),
-//! `TRUED_SEED` repeats a run.
+//! The daemon's logic under random faults in virtual time. `TRUED_SIM_CYCLES` asks for another length (1e7 is the long form, as CI runs it),
+//! `TRUED_SEED` repeats a run; without it the seed is another each time.
 
 use tests::simulation::run;
 use trued_client::monotonic_ns;
@@ -13,13 +13,15 @@ fn number(name: &str) -> Option<u64> {
 #[test]
 fn random_faults_in_virtual_time_break_no_invariant() {
     let seed = number("TRUED_SEED").unwrap_or_else(monotonic_ns);
-    println!("TRUED_SEED={seed}");
-    let summary = run(seed, number("TRUED_SIM_CYCLES").unwrap_or(CYCLES));
+    let cycles = number("TRUED_SIM_CYCLES").unwrap_or(CYCLES);
+    let again = format!("TRUED_SIM_CYCLES={cycles} TRUED_SEED={seed}");
+    println!("{again}");
+    let summary = run(seed, cycles);
     println!(
         "{} cycles, {} ticks, {} storms: {:#?}",
         summary.cycles, summary.ticks, summary.storms, summary.said
     );
-    assert_eq!(summary.broken, None, "TRUED_SEED={seed}");
+    assert_eq!(summary.broken, None, "{again}");
     for word in [
         "corrected/none",
         "rejected/stale",

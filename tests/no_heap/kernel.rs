@@ -86,6 +86,8 @@ impl Trace {
             }
             std::thread::sleep(Duration::from_millis(5));
         }
+        // It stops the thread once, soon after: that is no sleep of the cycle's.
+        std::thread::sleep(Duration::from_millis(300));
         Some(Self { strace, file })
     }
 

@@ -6,7 +6,6 @@ use crate::chance::Chance;
 use crate::place::Place;
 use crate::process::Process;
 use recording::blackbox::{self, Record};
-use shm_schema::monotonic_ns;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -60,15 +59,9 @@ impl<'a> Pair<'a> {
     /// A daemon with the usual configuration and its cell.
     #[must_use]
     pub fn start(programs: Programs<'a>) -> Self {
-        Self::start_with(programs, "")
-    }
-
-    /// The same with further tables in the configuration.
-    #[must_use]
-    pub fn start_with(programs: Programs<'a>, tables: &str) -> Self {
-        let place = Place::new("full", &format!("{}{tables}", recorder("box")));
-        let (daemon, cell) = (run(programs, Who::Daemon, &place), run(programs, Who::Cell, &place));
-        Self { place, daemon, cell, monitor: None, force: None, programs }
+        let place = Place::new("full", &recorder("box"));
+        let daemon = run(programs, Who::Daemon, &place);
+        Self::with(programs, place, daemon)
     }
 
     /// A pair whose daemon is somebody else's to start.
@@ -76,6 +69,12 @@ impl<'a> Pair<'a> {
     pub fn with(programs: Programs<'a>, place: Place, daemon: Process) -> Self {
         let cell = run(programs, Who::Cell, &place);
         Self { place, daemon, cell, monitor: None, force: None, programs }
+    }
+
+    /// What it is made of.
+    #[must_use]
+    pub fn programs(&self) -> Programs<'a> {
+        self.programs
     }
 
     /// Starts those who look on and who send forces, too.
@@ -148,11 +147,11 @@ impl<'a> Pair<'a> {
         last_recorded_ns(&self.place.file("box"))
     }
 
-    /// What was recorded until now is read up to its last second: tells how old its last cycle is.
+    /// How much of what a daemon that was killed had answered is missing in its recording, every file of which must be readable.
     #[must_use]
     pub fn unrecorded(&self) -> Duration {
         let last_ns = last_recorded_ns(&self.place.file("box"));
-        Duration::from_nanos(monotonic_ns().saturating_sub(last_ns))
+        Duration::from_nanos(self.cell.answered_ns().saturating_sub(last_ns))
     }
 }
 

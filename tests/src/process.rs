@@ -6,7 +6,7 @@ use crate::place::Place;
 use rustix::process::{Pid, Signal, kill_process};
 use shm_schema::{RUNTIME_DIR_ENV, monotonic_ns};
 use std::ffi::OsStr;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -26,6 +26,7 @@ pub struct Process {
     child: Child,
     heard: Arc<Mutex<Heard>>,
     deaf: Arc<AtomicBool>,
+    stalled: Arc<AtomicBool>,
 }
 
 impl Process {
@@ -49,10 +50,10 @@ impl Process {
             .spawn()
             .expect("the program starts");
         let heard = Arc::<Mutex<Heard>>::default();
-        let deaf = Arc::<AtomicBool>::default();
-        listen(child.stdout.take(), &heard, &deaf);
-        listen(child.stderr.take(), &heard, &deaf);
-        Self { child, heard, deaf }
+        let [deaf, stalled] = [(); 2].map(|()| Arc::<AtomicBool>::default());
+        listen(child.stdout.take(), &heard, [&deaf, &stalled]);
+        listen(child.stderr.take(), &heard, [&deaf, &stalled]);
+        Self { child, heard, deaf, stalled }
     }
 
     /// Starts the daemon of that place.
@@ -111,6 +112,15 @@ impl Process {
         tasks.into_iter().flatten().flatten().map(of).collect()
     }
 
+    /// How long the thread of that name has been ready to run and had no core; zero where the kernel does not tell.
+    #[must_use]
+    pub fn waited(&self, name: &str) -> Duration {
+        let told = |thread| std::fs::read_to_string(format!("/proc/{thread}/schedstat")).ok();
+        let text = self.thread(name).and_then(told).unwrap_or_default();
+        let ns = text.split_whitespace().nth(1).and_then(|ns| ns.parse().ok());
+        Duration::from_nanos(ns.unwrap_or(0))
+    }
+
     /// Its resident memory, kB.
     #[must_use]
     pub fn resident_kb(&self) -> Option<u64> {
@@ -122,6 +132,17 @@ impl Process {
     /// Nobody reads any more what it says.
     pub fn turn_away(&mut self) {
         self.deaf.store(true, Relaxed);
+    }
+
+    /// What it says is read; or, for a while, it is not.
+    pub fn listen(&mut self, on: bool) {
+        self.stalled.store(!on, Relaxed);
+    }
+
+    /// Says a line to it.
+    pub fn tell(&mut self, line: &str) {
+        // One that has ended hears nothing.
+        let _ = self.child.stdin.as_mut().map(|stdin| writeln!(stdin, "{line}"));
     }
 
     /// Closes its standard input, which a rig's cell ends at, and waits.
@@ -163,6 +184,12 @@ impl Process {
         at_ns > ns && by == daemon
     }
 
+    /// When this cell said that it had its last answer (`CLOCK_MONOTONIC`, ns).
+    #[must_use]
+    pub fn answered_ns(&self) -> u64 {
+        lock(&self.heard).answered.0
+    }
+
     /// Waits for an answer that is made from now on.
     #[must_use]
     pub fn wait_answered(&self, daemon: &Self, limit: Duration) -> Option<Duration> {
@@ -186,14 +213,17 @@ impl Drop for Process {
 fn listen(
     stream: Option<impl Read + Send + 'static>,
     heard: &Arc<Mutex<Heard>>,
-    deaf: &Arc<AtomicBool>,
+    [deaf, stalled]: [&Arc<AtomicBool>; 2],
 ) {
     let Some(stream) = stream else { return };
-    let (heard, deaf) = (Arc::clone(heard), Arc::clone(deaf));
+    let (heard, deaf, stalled) = (Arc::clone(heard), Arc::clone(deaf), Arc::clone(stalled));
     std::thread::spawn(move || {
         for line in BufReader::new(stream).lines().map_while(Result::ok) {
             if deaf.load(Relaxed) {
                 return;
+            }
+            while stalled.load(Relaxed) {
+                std::thread::sleep(Duration::from_millis(1));
             }
             let mut heard = lock(&heard);
             match answered(&line) {

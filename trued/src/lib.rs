@@ -3,6 +3,7 @@
 //! Promises: the conventions of `contract/cli.md` (streams, `--json`, exit codes, files whole or not at all) hold for
 //! every command because they are kept here, once. Never: logic that a library of the house could offer.
 
+pub mod asked;
 pub mod atomic;
 mod child;
 mod cli;

@@ -10,6 +10,10 @@ use crate::faults::{Fault, Faults, Place};
 
 /// More elements, texts and comments than the 64 channels need.
 const NODES_MAX: u32 = 20_000;
+/// Channels of RSI in each direction.
+const CHANNELS_MAX: usize = 64;
+/// Longest tag or type, so that an answer fits into a datagram; what is in the field has a third of it.
+const WORD_MAX: usize = 64;
 
 /// One element of the telegram.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,13 +101,14 @@ impl Source<'_> {
         });
         let sentype = self.word(root, config, "SENTYPE").map(|(word, _)| word);
         if let Some(word) = &sentype
-            && !word.chars().all(|c| c.is_ascii_alphanumeric() || "_-.".contains(c))
+            && !(word.len() <= WORD_MAX
+                && word.chars().all(|c| c.is_ascii_alphanumeric() || "_-.".contains(c)))
         {
             self.fault(
                 &root.range(),
                 "SENTYPE",
                 format!("is \"{word}\""),
-                "letters, digits, _ - .",
+                "up to 64 letters, digits, _ - .",
             );
         }
         if let Some(node) = config.and_then(|config| child(config, "ONLYSEND"))
@@ -155,7 +160,7 @@ impl Source<'_> {
                     &node.range(),
                     "ELEMENT",
                     "has no TAG that can be used".to_owned(),
-                    "a TAG of letters, digits, `_` and one dot",
+                    "a TAG of up to 64 letters, digits, `_` and one dot",
                 );
                 continue;
             };
@@ -172,6 +177,11 @@ impl Source<'_> {
                 tag,
             });
         }
+        let channels = elements.iter().filter(|element| !element.is_internal).count();
+        if channels > CHANNELS_MAX {
+            let found = format!("has {channels} channels");
+            self.fault(&list.range(), section, found, "at most 64, as RSI has");
+        }
         elements
     }
 }
@@ -180,10 +190,11 @@ fn is_tag(tag: &str) -> bool {
     let word = |word: &str| {
         !word.is_empty() && word.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
     };
-    match tag.split_once('.') {
+    let is_form = match tag.split_once('.') {
         Some((group, name)) => word(group) && word(name),
         None => word(tag),
-    }
+    };
+    is_form && tag.len() <= WORD_MAX
 }
 
 fn child<'d, 's>(node: Node<'d, 's>, tag: &str) -> Option<Node<'d, 's>> {

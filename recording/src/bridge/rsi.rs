@@ -12,6 +12,8 @@ use crate::series::Frame;
 use crate::walk::{Document, Table, number_of};
 
 const AXES: [&str; 6] = ["A1", "A2", "A3", "A4", "A5", "A6"];
+/// No constant is as large; with more, an answer would not fit into a datagram.
+const CONSTANT_MAX: f64 = 1e9;
 const POSE: [&str; 6] = ["X", "Y", "Z", "A", "B", "C"];
 
 /// An element with several numbers: `<AKorr A1=".." A2=".." />`.
@@ -89,6 +91,10 @@ fn group(table: &Table<'_, '_>, tag: &str, usual: [&str; 6]) -> Group {
     let names = given.unwrap_or_else(|| usual.to_vec());
     if names.is_empty() || names.len() > 6 {
         table.fault("names", format!("has {} names", names.len()), "1 to 6 attributes");
+    }
+    let twice = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name));
+    if let Some((_, name)) = twice {
+        table.fault("names", format!("names {name} twice"), "each attribute once, one per joint");
     }
     Group { tag, names: names.into_iter().map(str::to_owned).collect() }
 }
@@ -190,11 +196,23 @@ fn others(root: &Table<'_, '_>, ethernet: &Ethernet, own: Option<&Group>) -> Vec
         if element.tag == "FREE" || is_own(&element.tag) {
             continue;
         }
+        if element.tag.split('.').next() == Some("IPOC") {
+            root.fault(
+                "ethernet",
+                format!(
+                    "IPOC is among what the controller receives: {} line {}",
+                    ethernet.name, element.place.line
+                ),
+                "take it out of RECEIVE there: every answer carries the controller's own",
+            );
+            continue;
+        }
         let value = table.as_ref().and_then(|table| {
             let value = table.raw(&element.tag)?;
-            let number = number_of(value.get_ref()).filter(|number| number.is_finite());
+            let number = number_of(value.get_ref()).filter(|number| number.abs() <= CONSTANT_MAX);
             if number.is_none() {
-                table.fault(&element.tag, "is no number", "what the controller is sent, always");
+                let expected = "a number up to 1e9: what the controller is sent, always";
+                table.fault(&element.tag, "is no number that can be sent", expected);
             }
             number
         });

@@ -101,6 +101,26 @@ fn what_the_controller_does_not_send_or_is_not_told_is_named() {
 }
 
 #[test]
+fn what_would_make_an_answer_that_no_controller_can_read_is_refused() {
+    let twice = RSI.replace("\"A2\"", "\"A1\"");
+    let said = words(rsi(&twice, XML));
+    assert_eq!(said.matches("names A1 twice").count(), 2, "setpoint and correction: {said}");
+    let said = words(rsi(&RSI.replace("DiO", "IPOC"), &XML.replace("DiO", "IPOC")));
+    assert!(said.contains("IPOC is among what the controller receives"), "{said}");
+    for constant in ["nan", "-inf", "1e10"] {
+        let said = words(rsi(&RSI.replace("DiO = 0", &format!("DiO = {constant}")), XML));
+        assert!(said.contains("`others.DiO`: is no number that can be sent"), "{said}");
+    }
+    let said = |xml: &str| words(Ethernet::parse("ethernet.xml", xml));
+    assert!(said(&XML.replace("DiO", &"D".repeat(65))).contains("no TAG that can be used"));
+    assert!(said(&XML.replace("Trued", &"T".repeat(65))).contains("up to 64 letters"));
+    let channel = |k: usize| format!("<ELEMENT TAG=\"D{k}\" TYPE=\"DOUBLE\" INDX=\"{k}\" />\n");
+    let many: String = (0..60).map(channel).collect();
+    let xml = XML.replacen("<ELEMENT TAG=\"AKorr.A1\"", &(many + "<ELEMENT TAG=\"AKorr.A1\""), 1);
+    assert!(said(&xml).contains("`RECEIVE`: has 67 channels"), "{}", said(&xml));
+}
+
+#[test]
 fn a_configuration_of_the_controller_that_cannot_be_used_is_told_with_its_line() {
     let said = |xml: &str| words(Ethernet::parse("ethernet.xml", xml));
     assert!(said(&XML.replace("FALSE", "TRUE")).contains("the controller takes no answers"));

@@ -5,9 +5,10 @@ use crate::{PROGRAMS, TRUED};
 use rustix::process::Signal;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::time::{Duration, Instant};
-use tests::clients::{has, skipped};
+use tests::clients::skipped;
+use tests::hang::Hang;
 use tests::pair::{JAM, Pair, recorder};
 use tests::place::Place;
 use tests::process::Process;
@@ -92,27 +93,15 @@ fn a_full_disk_costs_records_that_are_counted_and_is_written_again_when_there_is
     pair.end();
 }
 
-/// Holds up what the recorder's thread writes, and it alone.
-fn hold_up(daemon: &Process, seconds: u64) -> Option<std::process::Child> {
-    let thread = daemon.thread("recorder").expect("it records").to_string();
-    let inject = format!("inject=write:delay_enter={}", seconds * 1_000_000);
-    let mut strace = Command::new("strace")
-        .args(["-e", "trace=write", "-e", &inject, "-o", "/dev/null", "-p", &thread])
-        .stdin(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .ok()?;
-    // One that may not trace ends at once.
-    std::thread::sleep(Duration::from_millis(300));
-    matches!(strace.try_wait(), Ok(None)).then_some(strace)
+/// Its writes hang; none where nobody may trace.
+fn hung(daemon: &Process, seconds: u64) -> Option<Hang> {
+    Hang::start(daemon, "recorder", Duration::from_secs(seconds))
 }
 
 #[test]
 fn a_recorder_that_hangs_is_told_and_holds_up_nobody() {
     let mut pair = super::at_work();
-    let Some(mut strace) =
-        Some(()).filter(|()| has("strace")).and_then(|()| hold_up(&pair.daemon, 4))
-    else {
+    let Some(hang) = hung(&pair.daemon, 4) else {
         return skipped(scratch(), "a recorder that hangs", "no `strace` that may trace");
     };
     let mut monitor = Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
@@ -120,10 +109,7 @@ fn a_recorder_that_hangs_is_told_and_holds_up_nobody() {
         status.recorder == DROPPING && status.health() == Ok(Health::Degraded)
     });
     pair.back();
-    // SIGINT: it lets go of the thread; a kill would leave it stopped.
-    let pid = rustix::process::Pid::from_child(&strace);
-    rustix::process::kill_process(pid, Signal::INT).unwrap();
-    strace.wait().unwrap();
+    hang.end();
     let time = until(&mut monitor, "it records again", |status| status.recorder == RECORDING);
     println!("recording again after {time:?}");
     drop(monitor);
@@ -134,9 +120,7 @@ fn a_recorder_that_hangs_is_told_and_holds_up_nobody() {
 #[test]
 fn a_daemon_whose_recorder_hangs_ends_all_the_same_and_says_so() {
     let mut pair = super::at_work();
-    let Some(mut strace) =
-        Some(()).filter(|()| has("strace")).and_then(|()| hold_up(&pair.daemon, 60))
-    else {
+    let Some(hang) = hung(&pair.daemon, 60) else {
         return skipped(scratch(), "an end while the disk hangs", "no `strace` that may trace");
     };
     assert!(pair.cell.let_go().success());
@@ -144,9 +128,7 @@ fn a_daemon_whose_recorder_hangs_ends_all_the_same_and_says_so() {
     pair.daemon.signal(Signal::TERM);
     assert!(pair.daemon.says("it hangs", 3 * JAM), "{:#?}", pair.daemon.lines());
     println!("gave up after {:?}", start.elapsed());
-    // The thread is only gone for the system once its tracer has seen that.
-    let _ = strace.kill();
-    let _ = strace.wait();
+    hang.kill();
     assert_eq!(pair.daemon.wait().code(), Some(3));
     assert_eq!(pair.place.left(), Vec::<String>::new());
     pair.unbroken();

@@ -2,14 +2,13 @@
 //! that a cell has.
 //!
 //! On standard output: `answered NS by PID`, events of the connection, `broken WORDS`; in the end `ticks N`.
-//! Ends when its standard input closes.
+//! On standard input: `clock NS` sets the clock that stamps its commands to so much before the system's. Ends when that closes.
 #![expect(clippy::print_stdout, reason = "a test listens")]
 
 use shm_schema::Cell;
 use std::fmt::Display;
-use std::io::Read;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicI64, Ordering::Relaxed};
 use std::time::Duration;
 use tests::cell_loop::CellLoop;
 use tests::chance::Chance;
@@ -25,9 +24,13 @@ const PATIENCE: Duration = Duration::from_millis(500);
 
 fn main() {
     let over = Arc::new(AtomicBool::new(false));
-    let end = over.clone();
+    let clock_ns = Arc::new(AtomicI64::new(0));
+    let (end, set) = (over.clone(), clock_ns.clone());
     std::thread::spawn(move || {
-        let _ = std::io::stdin().read(&mut [0]);
+        for line in std::io::stdin().lines().map_while(Result::ok) {
+            let ns = line.strip_prefix("clock ").and_then(|ns| ns.parse().ok());
+            set.store(ns.unwrap_or(0), Relaxed);
+        }
         end.store(true, Relaxed);
     });
     let cell = match Cell::new(CELL) {
@@ -37,7 +40,7 @@ fn main() {
     match std::env::args().nth(1).as_deref() {
         Some("monitor") => look(&cell, &over),
         Some("force") => push(&cell, &over),
-        _ => run(&cell, &over),
+        _ => run(&cell, &over, &clock_ns),
     }
 }
 
@@ -52,13 +55,14 @@ fn joined<T, E: Display>(over: &AtomicBool, mut join: impl FnMut() -> Result<T, 
     None
 }
 
-fn run(cell: &Cell, over: &AtomicBool) {
+fn run(cell: &Cell, over: &AtomicBool, clock_ns: &AtomicI64) {
     let Some(mut cell_loop) = joined(over, || CellLoop::join(cell, Duration::from_millis(5)))
     else {
         return;
     };
     let mut told_ns = 0;
     while !over.load(Relaxed) {
+        cell_loop.clock_set_ns = clock_ns.load(Relaxed);
         let tick = cell_loop.tick();
         let now_ns = monotonic_ns();
         if let (true, Connection::Connected { pid, .. }) =

@@ -13,15 +13,15 @@ use recording::urdf::{self, Ends};
 use recording::waves::{self, Grid, Options, ResponseFunction};
 use std::path::Path;
 
-const NAME: &str = "fuzzed";
+pub(super) const NAME: &str = "fuzzed";
 
 /// The text of these bytes, as every reader of a text file takes it.
-fn text(bytes: &[u8]) -> Option<String> {
+pub(super) fn text(bytes: &[u8]) -> Option<String> {
     shown(text_of(NAME, bytes.to_vec()))
 }
 
 /// What was read; faults are shown, as a person would see them.
-fn shown<T>(read: Result<T, Faults>) -> Option<T> {
+pub(super) fn shown<T>(read: Result<T, Faults>) -> Option<T> {
     read.map_err(|faults| {
         assert!(!faults.is_empty(), "refused without a reason");
         (faults.plain(), faults.styled())

@@ -27,7 +27,7 @@ fn messages<T: Payload>(bytes: &[u8]) -> impl Iterator<Item = T> {
     bytes.chunks(size_of::<T>()).map(whole)
 }
 
-static MODEL: LazyLock<Model> = LazyLock::new(|| {
+pub(super) static MODEL: LazyLock<Model> = LazyLock::new(|| {
     let preset = preset("irb1600-6-145-thesis").expect("a preset of the house");
     preset.model().expect("a sound preset").physics
 });

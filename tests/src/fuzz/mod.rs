@@ -3,6 +3,8 @@
 //! Shared by `tests/fuzz` (stable, bounded, in CI) and the programs in `fuzz/` (`cargo fuzz`). Promises: a function returns, whatever
 //! the bytes; where what was read breaks its contract, it panics and says how. Never: chance, a file, a clock.
 
+mod answers;
+mod bridges;
 mod files;
 mod messages;
 
@@ -50,6 +52,11 @@ pub const ALL: &[Target] = &[
     Target { name: "commands", run: messages::commands, examples: &[], share: 100 },
     Target { name: "force", run: messages::force, examples: &[], share: 40 },
     Target { name: "messages", run: messages::all_others, examples: &[], share: 100 },
+    Target { name: "rsi", run: bridges::rsi, examples: &[], share: 100 },
+    Target { name: "egm", run: bridges::egm, examples: &[], share: 100 },
+    Target { name: "bridge", run: bridges::config, examples: &[("deploy", "toml")], share: 100 },
+    Target { name: "answer", run: answers::answer, examples: &[], share: 40 },
+    Target { name: "request", run: answers::request, examples: &[], share: 20 },
 ];
 
 /// Runs the target of that name.

@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 use harness::plan::{Load, Plan, Policy, Stage, Wait};
 use harness::{fifo_is_granted, runs_fifo};
 use recording::model::presets::preset;
+use shm_schema::Cell;
 
 use crate::exit::Failure;
 
@@ -80,6 +81,9 @@ impl Asked {
             [a, b] => Some([*a, *b]),
             _ => return Err(Failure::input("--cores: expected two, for example 2,3")),
         };
+        if let Some(cell) = &self.cell {
+            Cell::new(cell).map_err(|fault| Failure::input(format!("--cell: {fault}")))?;
+        }
         let text = |name: &str| {
             let known = preset(name).ok_or("the bench's preset is missing from this build");
             known.map(|known| known.text.to_owned()).map_err(Failure::system)

@@ -5,11 +5,12 @@
 
 use std::path::Path;
 
-use diagnosis::diagnose::experiment::{Experiment, Measured, menu};
-use recording::series::{Channel, JOINTS_MAX, TARGETS_MAX, about_path};
+use diagnosis::diagnose::experiment::{Experiment, Measured};
+use recording::series::about_path;
 use report::significant;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
+use crate::asked::Asked;
 use crate::atomic;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input;
@@ -17,20 +18,6 @@ use crate::output::Console;
 
 /// What is not looked at.
 const NOT_CHECKED: &str = "what stands around the robot, and whether the tool meets floor, base or cables: run it slowly first, with a hand on the stop";
-
-/// What is needed of `diagnosis.json`.
-#[derive(Deserialize)]
-struct Diagnosed {
-    next_experiment: Option<String>,
-    experiment: Option<Asked>,
-}
-
-#[derive(Deserialize)]
-struct Asked {
-    name: String,
-    expected_separation: f64,
-    measure: Vec<String>,
-}
 
 #[derive(Serialize)]
 struct Report<'a> {
@@ -48,14 +35,13 @@ struct Report<'a> {
 pub(super) fn run(diagnosed: &Path, out: Option<&Path>, console: &mut Console) -> Outcome {
     let found = read(&diagnosed.join("diagnosis.json"))?;
     let model = input::model(&diagnosed.join("model.toml"))?;
-    let (Some(asked), Some(says)) = (found.experiment, found.next_experiment) else {
+    let Some(asked) = found else {
         return Err(Failure::input(format!(
             "{}: this diagnosis asks for no experiment: nothing in it is ambiguous, or nothing was measured that an experiment could show",
             diagnosed.display()
         )));
     };
-    let mut all = menu(&model.physics.arm).into_iter();
-    let experiment = all.find(|one| one.name == asked.name).ok_or_else(|| {
+    let experiment = asked.experiment(&model.physics.arm).ok_or_else(|| {
         Failure::input(format!(
             "{}: asks for the experiment `{}`, which this version does not know: diagnose again",
             diagnosed.display(),
@@ -63,13 +49,13 @@ pub(super) fn run(diagnosed: &Path, out: Option<&Path>, console: &mut Console) -
         ))
     })?;
     let out = out.unwrap_or(diagnosed);
-    let files = write(&experiment, &measured(&asked.measure)?, out)?;
+    let files = write(&experiment, &asked.measured, out)?;
     console.json(
         "trued.plan/1",
         &Report {
             does: "experiment",
             experiment: &experiment.name,
-            says: &says,
+            says: &asked.says,
             expected_separation: asked.expected_separation,
             takes_s: experiment.takes_s(),
             rows: experiment.rows.len(),
@@ -77,7 +63,7 @@ pub(super) fn run(diagnosed: &Path, out: Option<&Path>, console: &mut Console) -
             not_checked: [NOT_CHECKED],
         },
     )?;
-    console.say(&says)?;
+    console.say(&asked.says)?;
     console.say(format!(
         "{} rows over {} s, written to {} and {}",
         experiment.rows.len(),
@@ -90,32 +76,14 @@ pub(super) fn run(diagnosed: &Path, out: Option<&Path>, console: &mut Console) -
     Ok(Answer::Done)
 }
 
-fn read(path: &Path) -> Result<Diagnosed, Failure> {
+fn read(path: &Path) -> Result<Option<Asked>, Failure> {
     let shown = path.display();
     let text = std::fs::read_to_string(path).map_err(|error| {
         Failure::input(format!(
             "{shown}: cannot be read: {error}; expected what `trued diagnose` wrote"
         ))
     })?;
-    serde_json::from_str(&text)
-        .map_err(|error| Failure::input(format!("{shown}: is no diagnosis: {error}")))
-}
-
-/// Columns by their names without units.
-fn measured(names: &[String]) -> Result<Measured, Failure> {
-    let points = (0..TARGETS_MAX).flat_map(|t| (0..3).map(move |axis| Channel::Target(t, axis)));
-    let all = (0..3).map(Channel::Position).chain(points);
-    let all = all.chain((0..4).map(Channel::Orientation)).chain((0..JOINTS_MAX).map(Channel::Link));
-    let all: Vec<Channel> = all.collect();
-    let channel = |name: &String| {
-        let found = all.iter().copied().find(|channel| channel.base() == *name);
-        found.ok_or_else(|| {
-            Failure::input(format!(
-                "diagnosis.json: `measure` names `{name}`, which is no measured column"
-            ))
-        })
-    };
-    Ok(Measured { channels: names.iter().map(channel).collect::<Result<_, _>>()? })
+    Asked::parse(&text).map_err(|error| Failure::input(format!("{shown}: {error}")))
 }
 
 fn write(experiment: &Experiment, measured: &Measured, out: &Path) -> Result<[String; 2], Failure> {

@@ -1,0 +1,74 @@
+//! Answers and requests that come as JSON: a solver's answer to a challenge, and what a diagnosis asks to be done.
+//!
+//! Never: a file, a solver.
+
+use challenge::answer::Answer;
+use challenge::bench::Judged;
+use challenge::case::Tier;
+use challenge::score::{Outcome, figures};
+use challenge::truth::{Hidden, Truth};
+use recording::series::{self, FileUnits, Need};
+use trued::asked::Asked;
+
+use super::files::NAME;
+use super::messages::MODEL;
+
+/// What an answer is held against: play at joint 3, shown well, and alike something else.
+fn truth(tier: Tier) -> Truth {
+    let rivals = vec![("hysteresis", Some(3))];
+    Truth {
+        case: "0001".to_owned(),
+        tier,
+        hidden: vec![Hidden {
+            effect: Some("backlash"),
+            law: "Backlash".to_owned(),
+            joint: Some(3),
+            change: "new",
+            parameters: [("width_mrad", vec![0.4])].into(),
+            counted: vec![("width_mrad", 0)],
+            judged: Judged { z: 40.0, rho: 1.0, least_gain: 50.0, rivals, ..Judged::default() },
+        }],
+        depends_on: vec!["q2".to_owned(), "v3".to_owned()],
+    }
+}
+
+/// An answer is scored whatever it says; every share is one.
+pub(super) fn answer(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    for domain in ["position", "torque", "force"] {
+        let read = Answer::parse(&text, domain).map_err(|fault| fault.to_string());
+        if let Ok(answer) = &read {
+            assert!(answer.names().count() >= answer.findings.len());
+            for number in answer.findings.iter().flat_map(|finding| &finding.numbers) {
+                assert!(number.value.is_finite(), "{number:?}");
+            }
+        }
+        let answer = read.ok();
+        for tier in [Tier::Single, Tier::Null, Tier::Outside] {
+            let outcome =
+                Outcome { truth: truth(tier), answer: answer.clone(), errors: None, seconds: None };
+            assert_eq!(outcome.line().verdict, answer.as_ref().map(|answer| answer.verdict));
+            let scored = figures(1, "", "", &[outcome]);
+            let shares = [scored.first_right, scored.joint_right, scored.named_wrong];
+            let shares = shares.into_iter().chain([scored.coverage95, scored.calibration_error]);
+            let mut shares = shares.flatten();
+            assert!(shares.all(|share| (0.0..=1.0).contains(&share)), "{scored:?}");
+        }
+    }
+}
+
+/// What is asked for is a path that can be read, once it was measured.
+pub(super) fn request(bytes: &[u8]) {
+    let text = String::from_utf8_lossy(bytes);
+    let asked = match Asked::parse(&text) {
+        Ok(asked) => asked,
+        Err(fault) => return assert!(!fault.to_string().is_empty()),
+    };
+    let Some(asked) = asked else { return };
+    let Some(experiment) = asked.experiment(&MODEL.arm) else { return };
+    let mut made = experiment.recording(&asked.measured, 0.5);
+    made.units = FileUnits::SI;
+    let written = String::from_utf8_lossy(&made.to_csv()).into_owned();
+    let again = series::read_text(NAME, &written, None, None, Need::Path);
+    assert_eq!(again.map(|again| again.len()).ok(), Some(made.len()), "{written}");
+}

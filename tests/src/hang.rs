@@ -1,0 +1,43 @@
+//! A thread whose writes hang, as in a disk that does not answer: `strace` holds up each of them.
+//!
+//! Promises: nothing else of the process is held up; let go, the thread goes on.
+
+use crate::process::Process;
+use rustix::process::{Pid, Signal, kill_process};
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+/// Writes of one thread that hang, until it is let go.
+#[derive(Debug)]
+pub struct Hang(Child);
+
+impl Hang {
+    /// Each write of the thread of that name takes so long from now on; none where this machine has no `strace` that may trace.
+    #[must_use]
+    pub fn start(process: &Process, thread: &str, each: Duration) -> Option<Self> {
+        let thread = process.thread(thread)?.to_string();
+        let inject = format!("inject=write:delay_enter={}", each.as_micros());
+        let mut strace = Command::new("strace")
+            .args(["-e", "trace=write", "-e", &inject, "-o", "/dev/null", "-p", &thread])
+            .stdin(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .ok()?;
+        // One that may not trace ends at once.
+        std::thread::sleep(Duration::from_millis(300));
+        matches!(strace.try_wait(), Ok(None)).then_some(Self(strace))
+    }
+
+    /// Lets go of the thread.
+    pub fn end(mut self) {
+        // SIGINT: a kill would leave it stopped.
+        let _ = kill_process(Pid::from_child(&self.0), Signal::INT);
+        let _ = self.0.wait();
+    }
+
+    /// Ends at once, where the process is to end too: its thread is only gone once its tracer has seen that.
+    pub fn kill(mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}

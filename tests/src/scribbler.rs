@@ -1,0 +1,221 @@
+//! A client without the library that writes into its messages after it has sent them: every byte that the daemon reads may change under its eyes.
+//!
+//! Promises: what the daemon answers is held against the bounds, all the while. Never: a byte of the transport's own, or of anybody else's messages.
+
+use crate::cell_loop::{JOINTS, path};
+use crate::chance::Chance;
+use crate::gauge::Gauge;
+use crate::pair::JAM;
+use crate::place::Place;
+use crate::process::Process;
+use rustix::process::Signal;
+use shm_schema::{
+    Command, Corrected, CorrectionStatus, ForceBlock, JOINTS_MAX, JoinError, JointBounds,
+    PeerPublisher, PeerSubscriber, Role, Seat, SendOutcome, Status, monotonic_ns,
+};
+use std::fs::{File, OpenOptions};
+use std::os::unix::fs::FileExt;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+const ROUNDING: f64 = 1e-12;
+/// Between two requests for a new epoch.
+const KNOCK_AFTER: Duration = Duration::from_millis(300);
+
+/// A file of the cell's memory, where in it messages begin, and how long they are.
+type Where = (File, Vec<u64>, u64);
+
+/// The client, in the places of the robot and of the force source.
+pub struct Scribbler {
+    _seats: [Seat; 2],
+    ports: Ports,
+    bounds: JointBounds,
+    gauge: Gauge,
+    /// How the names of the cell's memory begin.
+    prefix: String,
+    session: u64,
+    seq: u64,
+}
+
+/// The ports of both places, in one epoch.
+struct Ports {
+    commands: PeerPublisher<Command>,
+    answers: PeerSubscriber<Corrected>,
+    blocks: PeerPublisher<ForceBlock>,
+    statuses: PeerSubscriber<Status>,
+}
+
+impl Ports {
+    fn of(seats: &mut [Seat; 2]) -> Result<Self, JoinError> {
+        let [cell, force] = seats;
+        let (cell, force) = (cell.join()?, force.join()?);
+        Ok(Self {
+            commands: cell.publisher()?,
+            answers: cell.subscriber()?,
+            blocks: force.publisher()?,
+            statuses: cell.subscriber()?,
+        })
+    }
+
+    /// The bounds that the daemon tells; none where it tells nothing.
+    fn bounds(&mut self) -> Option<JointBounds> {
+        let start = Instant::now();
+        while start.elapsed() < KNOCK_AFTER {
+            if let Some(status) = self.statuses.take_newest() {
+                return Some(status.bounds);
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        None
+    }
+}
+
+impl Scribbler {
+    /// Takes both places, which must be free or become so.
+    #[must_use]
+    pub fn join(place: &Place, session: u64) -> Self {
+        let mut seats = [Role::Cell, Role::Force].map(|role| Seat::new(&place.cell(), role));
+        let (start, mut knocked) = (Instant::now(), Instant::now());
+        let (ports, bounds) = loop {
+            let why = match Ports::of(&mut seats) {
+                Ok(mut ports) => match ports.bounds() {
+                    Some(bounds) => break (ports, bounds),
+                    None => "no status".to_owned(),
+                },
+                Err(why) => why.to_string(),
+            };
+            assert!(start.elapsed() < JAM, "{why}");
+            std::thread::sleep(Duration::from_millis(2));
+            // As the library does: an epoch whose files are gone lets nobody in.
+            if let Some(current) = seats[0].look().ok().filter(|_| knocked.elapsed() > KNOCK_AFTER)
+            {
+                seats[0].knock(current.epoch);
+                knocked = Instant::now();
+            }
+        };
+        let gauge = Gauge::new(&bounds.rate[..JOINTS]);
+        let prefix = place.cell().shared_memory_prefix();
+        Self { _seats: seats, ports, bounds, gauge, prefix, session, seq: 0 }
+    }
+
+    fn send(&mut self) -> SendOutcome {
+        self.seq += 1;
+        let now_ns = monotonic_ns();
+        let mut q = [0.0; JOINTS_MAX];
+        q[..JOINTS].copy_from_slice(&path(now_ns));
+        let (seq, session, t_ns, sent_ns) = (self.seq, self.session, now_ns, now_ns);
+        let (channels, samples, rate_hz) = (3, 10, 1e4);
+        let block = ForceBlock { seq, session, t_ns, channels, samples, rate_hz, ..<_>::default() };
+        self.ports.blocks.send(&block);
+        let joints = JOINTS as u32;
+        self.ports.commands.send(&Command {
+            seq,
+            session,
+            t_ns,
+            sent_ns,
+            joints,
+            q,
+            ..<_>::default()
+        })
+    }
+
+    /// The newest answer, held against the bounds.
+    fn hear(&mut self) -> Option<Corrected> {
+        let said = self.ports.answers.take_newest()?;
+        for i in 0..said.joints as usize {
+            let inside = (self.bounds.min[i]..=self.bounds.max[i]).contains(&said.q[i]);
+            let near = said.correction[i].abs() <= self.bounds.angle[i] + ROUNDING;
+            assert!(inside && near, "{said:?}");
+        }
+        self.gauge.take(said.made_ns, &said.correction[..JOINTS]).expect("within its rate");
+        Some(said)
+    }
+
+    /// Sends so many messages, and writes into them all the while: how many answers were looked at, and how many words written.
+    pub fn scribble(&mut self, daemon: &Process, messages: u64, chance: Chance) -> [u64; 2] {
+        // While it cannot answer, the messages in memory are this side's alone.
+        daemon.signal(Signal::STOP);
+        std::thread::sleep(Duration::from_millis(50));
+        for _ in 0..4 {
+            assert_eq!(self.send(), SendOutcome::Delivered);
+        }
+        let places = self.places();
+        daemon.signal(Signal::CONT);
+        assert_eq!(places.len(), 2, "commands and blocks are found in memory");
+        let (over, written) = (AtomicBool::new(false), AtomicU64::new(0));
+        let mut said = 0;
+        std::thread::scope(|scope| {
+            scope.spawn(|| write(&places, &over, &written, chance));
+            // A look that fails ends the other thread too.
+            let _end = End(&over);
+            for _ in 0..messages {
+                self.send();
+                std::thread::sleep(Duration::from_micros(300));
+                said += u64::from(self.hear().is_some());
+            }
+        });
+        [said, written.into_inner()]
+    }
+
+    /// Goes on as another session, until it is corrected as if nothing had been: how long that took.
+    pub fn corrected_again(&mut self) -> Duration {
+        self.session += 1;
+        let (start, mut good) = (Instant::now(), 0);
+        while good < 100 {
+            assert!(start.elapsed() < JAM, "not corrected again");
+            self.send();
+            std::thread::sleep(Duration::from_millis(1));
+            let Some(answer) = self.hear() else { continue };
+            let corrected = answer.status() == Ok(CorrectionStatus::Corrected);
+            good += u32::from(answer.command_session == self.session && corrected);
+        }
+        start.elapsed()
+    }
+
+    /// Places of this session's messages in shared memory.
+    fn places(&self) -> Vec<Where> {
+        let mut found = Vec::new();
+        for entry in std::fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+            let ours = entry.file_name().to_string_lossy().starts_with(&self.prefix);
+            let Some(bytes) = std::fs::read(entry.path()).ok().filter(|_| ours) else { continue };
+            // `session` is the second number of both kinds.
+            let words = bytes.chunks_exact(8).zip(0_u64..);
+            let at = words.filter(|(word, _)| *word == self.session.to_ne_bytes());
+            let begins: Vec<u64> = at.map(|(_, number)| 8 * number - 8).collect();
+            let force = bytes.len() > 8 * size_of::<ForceBlock>();
+            let size = if force { size_of::<ForceBlock>() } else { size_of::<Command>() };
+            if !begins.is_empty() {
+                let file = OpenOptions::new().write(true).open(entry.path()).expect("our memory");
+                found.push((file, begins, size as u64));
+            }
+        }
+        found
+    }
+}
+
+/// Writes into all of them until told to end: any bytes, or numbers that are none.
+fn write(places: &[Where], over: &AtomicBool, written: &AtomicU64, mut chance: Chance) {
+    while !over.load(Relaxed) {
+        for (file, begins, size) in places {
+            let begin = begins[chance.below(begins.len() as u64) as usize];
+            let at = begin + 8 * chance.below(size / 8);
+            let bytes = match chance.below(4) {
+                0 => f64::NAN.to_ne_bytes(),
+                1 => f64::INFINITY.to_ne_bytes(),
+                2 => (f64::from_bits(chance.bits())).to_ne_bytes(),
+                _ => chance.bits().to_ne_bytes(),
+            };
+            let length = 1 + chance.below(8) as usize;
+            file.write_all_at(&bytes[..length], at).expect("memory can be written");
+            written.fetch_add(1, Relaxed);
+        }
+    }
+}
+
+struct End<'a>(&'a AtomicBool);
+
+impl Drop for End<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Relaxed);
+    }
+}

@@ -1,0 +1,227 @@
+//! Faults that strike a cell at work, one at a time: what the soak draws from.
+//!
+//! Promises: each is over when its function returns; what had to come back of its own (a recording, a refusal) was waited for, and how long
+//! is told. Never: harm to what is outside the cell.
+#![expect(clippy::print_stdout, reason = "what could not be struck is said")]
+
+use crate::chance::Chance;
+use crate::clients::has;
+use crate::hang::Hang;
+use crate::pair::{JAM, Pair, Who};
+use crate::process::Process;
+use crate::scribbler::Scribbler;
+use rustix::process::Signal;
+use shm_schema::RecorderState;
+use std::fs::{self, OpenOptions};
+use std::io::Write;
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::Path;
+use std::time::{Duration, Instant};
+use trued_client::Monitor;
+
+/// All kinds.
+pub const KINDS: [&str; 20] = [
+    "kill the daemon",
+    "kill daemon and cell",
+    "kill the cell",
+    "kill whoever looks on",
+    "kill the force source",
+    "stop one for a while",
+    "remove the folder",
+    "remove the lock",
+    "spoil the announcement",
+    "remove the memory",
+    "leave half-made memory",
+    "swap the model",
+    "offer broken models",
+    "a crowd looks on",
+    "a second daemon comes",
+    "scribble into messages",
+    "set the clock",
+    "nobody reads the log",
+    "the recorder hangs",
+    FULL_DISK,
+];
+/// The first of them end the daemon.
+pub const DEADLY: usize = 2;
+/// Needs a disk of the cell's own.
+pub const FULL_DISK: &str = "fill the disk";
+/// An answer to a request has come by then.
+const REQUEST: Duration = Duration::from_secs(1);
+/// What the daemon mends it has mended by then: it does so four times a second at most.
+const MENDED: Duration = Duration::from_millis(400);
+/// How far the clock of the commands may stand from where it began, ns: by the step between two of these it is set.
+const CLOCKS_NS: [i64; 5] = [0, 300_000_000, 600_000_000, 2_000_000_000, 3_600_000_000_000];
+
+/// Strikes; tells how long it took until what is not the robot's loop was as it should be.
+pub fn strike(kind: &str, pair: &mut Pair<'_>, chance: &mut Chance) -> Duration {
+    let dir = pair.place.cell().dir().to_path_buf();
+    match kind {
+        "kill the daemon" => again(pair, chance, &[Who::Daemon]),
+        "kill daemon and cell" => again(pair, chance, &[Who::Daemon, Who::Cell]),
+        "kill the cell" => again(pair, chance, &[Who::Cell]),
+        "kill whoever looks on" => again(pair, chance, &[Who::Monitor]),
+        "kill the force source" => again(pair, chance, &[Who::Force]),
+        "stop one for a while" => {
+            let who = Who::ALL[chance.below(4) as usize];
+            pair.of(who).signal(Signal::STOP);
+            for_a_while(chance, 500);
+            pair.of(who).signal(Signal::CONT);
+        }
+        // What the daemon has just mended may be half there: what cannot be removed is not.
+        "remove the folder" => drop(fs::remove_dir_all(&dir)),
+        "remove the lock" => drop(fs::remove_file(dir.join("daemon.lock"))),
+        "spoil the announcement" => drop(fs::write(dir.join("current"), "trued.cur")),
+        "remove the memory" => memory(pair, |path| drop(fs::remove_file(path))),
+        "leave half-made memory" => {
+            let prefix = pair.place.cell().shared_memory_prefix();
+            let name = format!("/dev/shm/{prefix}{:016x}.half", chance.bits());
+            fs::write(name, "").expect("a file in /dev/shm");
+        }
+        "swap the model" | "offer broken models" => offer(kind == "swap the model", pair, chance),
+        "a crowd looks on" => {
+            let join = || Monitor::connect_to(&pair.place.cell(), Duration::from_millis(300));
+            drop((0..20).map(|_| join()).collect::<Vec<_>>());
+        }
+        "a second daemon comes" => return second(pair),
+        "scribble into messages" => scribble(pair, chance),
+        "set the clock" => return clocks(pair, chance),
+        "nobody reads the log" => unread(pair, chance),
+        "the recorder hangs" => return hung(pair, chance),
+        FULL_DISK => return full(pair, chance),
+        other => panic!("no such fault: {other}"),
+    }
+    Duration::ZERO
+}
+
+fn for_a_while(chance: &mut Chance, most_ms: u64) {
+    std::thread::sleep(Duration::from_micros(chance.below(1000 * most_ms)));
+}
+
+/// Kills them, and up to twice in their first 30 ms.
+fn again(pair: &mut Pair<'_>, chance: &mut Chance, order: &[Who]) {
+    pair.strike(order, chance);
+    for _ in 0..chance.below(3) {
+        for_a_while(chance, 30);
+        pair.strike(order, chance);
+    }
+}
+
+fn memory(pair: &Pair<'_>, what: impl Fn(&Path)) {
+    let prefix = pair.place.cell().shared_memory_prefix();
+    for entry in fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+        if entry.file_name().to_string_lossy().starts_with(&prefix) {
+            what(&entry.path());
+        }
+    }
+}
+
+/// Asks the daemon to load models; what it answers is its own affair, as it may be busy with another fault.
+fn offer(good: bool, pair: &Pair<'_>, chance: &mut Chance) {
+    let Ok(mut monitor) = Monitor::connect_to(&pair.place.cell(), JAM) else { return };
+    let whole = fs::read_to_string(pair.place.file("model.toml")).expect("the model");
+    for _ in 0..5 {
+        let end = if good { whole.len() } else { chance.below(whole.len() as u64) as usize };
+        // A cut may fall between two tables: then it is a model, and what follows is a swap all the same.
+        pair.place.write("offered.toml", whole.get(..end).unwrap_or_default());
+        let _ = monitor.reload(Some(&pair.place.file("offered.toml")), REQUEST);
+    }
+    let _ = monitor.reload(Some(&pair.place.file("model.toml")), REQUEST);
+}
+
+/// Another daemon for the same cell, which must be refused by the first one's process id.
+fn second(pair: &Pair<'_>) -> Duration {
+    // A cell whose files are gone may be taken.
+    std::thread::sleep(MENDED);
+    let start = Instant::now();
+    let mut second = Process::daemon(pair.programs().trued, &pair.place);
+    let refused = format!("process {}", pair.daemon.id());
+    assert!(second.says(&refused, JAM), "not refused: {:#?}", second.lines());
+    let time = start.elapsed();
+    assert_eq!(second.wait().code(), Some(3), "{:#?}", second.lines());
+    time
+}
+
+/// Another client takes the places of robot and force source, and writes into what it has sent.
+fn scribble(pair: &mut Pair<'_>, chance: &mut Chance) {
+    std::thread::sleep(MENDED);
+    for who in [Who::Cell, Who::Force] {
+        pair.of(who).kill();
+    }
+    let mut client = Scribbler::join(&pair.place, chance.bits());
+    let (messages, writes) = (100 + chance.below(1000), Chance::new(chance.bits()));
+    client.scribble(&pair.daemon, messages, writes);
+    drop(client);
+    for who in [Who::Cell, Who::Force] {
+        pair.start_anew(who);
+    }
+}
+
+/// The clock of the commands is set, and set again: how long the slower of both took to be overcome.
+fn clocks(pair: &mut Pair<'_>, chance: &mut Chance) -> Duration {
+    let mut set = |_| {
+        let set_ns = CLOCKS_NS[chance.below(CLOCKS_NS.len() as u64) as usize];
+        pair.cell.tell(&format!("clock {set_ns}"));
+        // Until it has heard.
+        std::thread::sleep(Duration::from_millis(10));
+        pair.back()
+    };
+    [(); 2].map(&mut set).into_iter().max().unwrap_or_default()
+}
+
+/// The pipe of the daemon's log is full, and nobody reads it.
+fn unread(pair: &mut Pair<'_>, chance: &mut Chance) {
+    pair.daemon.listen(false);
+    let log = format!("/proc/{}/fd/2", pair.daemon.id());
+    let log = OpenOptions::new().write(true).custom_flags(NONBLOCKING).open(log);
+    let mut log = log.expect("the daemon's log");
+    while log.write(&b"....\n".repeat(100)).is_ok() {}
+    // Each request is logged.
+    if let Ok(mut monitor) = Monitor::connect_to(&pair.place.cell(), JAM) {
+        (0..10).for_each(|_| drop(monitor.ping(REQUEST)));
+    }
+    for_a_while(chance, 500);
+    pair.back();
+    pair.daemon.listen(true);
+}
+
+const NONBLOCKING: i32 = rustix::fs::OFlags::NONBLOCK.bits() as i32;
+
+/// The disk of the black box does not answer for a while.
+fn hung(pair: &Pair<'_>, chance: &mut Chance) -> Duration {
+    let hang = Some(()).filter(|()| has("strace"));
+    let each = Duration::from_millis(250);
+    let Some(hang) = hang.and_then(|()| Hang::start(&pair.daemon, "recorder", each)) else {
+        println!("SKIPPED: a recorder that hangs: no `strace` that may trace");
+        return Duration::ZERO;
+    };
+    for_a_while(chance, 1500);
+    hang.end();
+    records(pair, true)
+}
+
+/// The disk of the black box is full for a while.
+fn full(pair: &mut Pair<'_>, chance: &mut Chance) -> Duration {
+    let filler = pair.place.file("box").join("filler");
+    let mut file = fs::File::create(&filler).expect("a file on the cell's disk");
+    while file.write(&[1; 1 << 16]).is_ok() {}
+    drop(file);
+    records(pair, false);
+    for_a_while(chance, 500);
+    pair.back();
+    fs::remove_file(&filler).expect("our own file");
+    records(pair, true)
+}
+
+/// Until the daemon records, or has told that it cannot: how long that took.
+fn records(pair: &Pair<'_>, well: bool) -> Duration {
+    let mut monitor = Monitor::connect_to(&pair.place.cell(), JAM).expect("a place");
+    let start = Instant::now();
+    let wanted = if well { RecorderState::Recording } else { RecorderState::Failed };
+    let is = |monitor: &mut Monitor| monitor.status().is_some_and(|s| s.recorder == wanted.code());
+    while !is(&mut monitor) {
+        assert!(start.elapsed() < JAM, "not {wanted:?}: {:?}", monitor.status());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    start.elapsed()
+}
