@@ -16,6 +16,8 @@ use super::table::{Solved, Table};
 const SURE: f64 = 2.0;
 /// Of what a law would bring on rows unseen if it were true, it brings at least this share.
 const BORNE_OUT: f64 = 0.2;
+/// Where within a step between rows a motion reverses is not known better than to this share, and friction turns there.
+const WITHIN_A_STEP: f64 = 0.01;
 /// Blocks of time that uncertainties are told from.
 const BLOCKS: usize = 40;
 
@@ -208,9 +210,17 @@ pub(crate) fn order_by(
     listed
 }
 
-/// The covariance of the numbers of a choice, by blocks of time; at least what white noise would leave.
+/// The covariance of the numbers of a choice, by blocks of time; at least what white noise would leave. A delay is no surer than a share of a step.
 pub(super) fn covariance(case: &Case, solved: &Solved, used: &[bool]) -> DMatrix<f64> {
-    covariance_of(&case.table, &case.library.columns, solved, used)
+    let mut all = covariance_of(&case.table, &case.library.columns, solved, used);
+    let step_s = case.motion.runs.iter().map(|run| run.step_s).fold(0.0, f64::max);
+    let delays = case.library.families.iter().filter(|family| family.kind == "torque_delay");
+    for column in delays.flat_map(|family| &family.columns) {
+        if let Some(at) = solved.columns.iter().position(|k| k == column) {
+            all[(at, at)] += (WITHIN_A_STEP * step_s) * (WITHIN_A_STEP * step_s);
+        }
+    }
+    all
 }
 
 /// The same of any table.

@@ -3,8 +3,8 @@
 use physics::JointKind;
 
 use super::*;
-use crate::torque::reopened;
 use crate::torque::zone::{self, Zone};
+use crate::torque::{prove, reopened};
 
 fn kinds(found: &Diagnosis) -> Vec<&'static str> {
     found.findings.iter().map(|finding| finding.kind).collect()
@@ -64,4 +64,18 @@ fn what_fell_once_is_not_chosen_again() {
     let asking = refine::asking(&case, &products, &case.open);
     let best = asking.choose(&[]).names[0];
     assert!(!asking.choose_but(&[], &[best]).names.contains(&best));
+}
+
+#[test]
+fn a_delay_is_no_surer_than_a_hundredth_of_a_step() {
+    let force = |[_, v, a]: [f64; 3]| MASS * a + 20.0 * v.signum();
+    let model = Model::new(slider(true), &[]).unwrap();
+    let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
+    let case = Case::new(&stated, &[recording(JointKind::Prismatic, 1e-6, force)], None, 1);
+    let products = case.products(&case.rows.train);
+    let asking = refine::asking(&case, &products, &[]);
+    let mut families = case.library.families.iter();
+    let delay = families.position(|family| family.kind == "torque_delay").unwrap();
+    let solved = asking.solve(&[delay]).solved;
+    assert!(prove::covariance(&case, &solved, &case.rows.train)[(0, 0)].sqrt() >= 0.01 * 2e-3);
 }
