@@ -62,6 +62,15 @@ fn slider(link: bool) -> Arm {
     arm(JointKind::Prismatic, link.then(|| Body::point_mass(MASS, DVec3::ZERO)))
 }
 
+/// What is asked of a slider whose model states no effect.
+fn case(arm: Arm, noise: f64, force: impl Fn([f64; 3]) -> f64) -> Case {
+    let model = Model::new(arm, &[]).unwrap();
+    let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
+    let mut case = Case::new(&stated, &[recording(JointKind::Prismatic, noise, force)], None, 1);
+    case.hear_noise();
+    case
+}
+
 fn told(arm: &Arm, effects: &[AnyEffect], recording: Recording) -> Result<Diagnosis, Doubt> {
     let model = Model::new(*arm, effects).unwrap();
     let sigma = vec![vec![0.0; 8]; effects.len()];
@@ -93,21 +102,6 @@ fn friction_that_was_left_out_is_named_with_its_size() {
         );
     }
     assert!(found.heldout[1] < 0.1 * found.heldout[0]);
-}
-
-#[test]
-fn a_loop_that_stood_beside_dry_friction_gives_way_to_it_when_it_stands_alone() {
-    let force = |[_, v, a]: [f64; 3]| MASS * a + 20.0 * v.signum();
-    let model = Model::new(slider(false), &[]).unwrap();
-    let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
-    let mut case = Case::new(&stated, &[recording(JointKind::Prismatic, 1.0, force)], None, 1);
-    case.hear_noise();
-    let products = case.products(&case.rows.train);
-    let asking = refine::asking(&case, &products, &case.open);
-    let kind = |name: &usize| case.library.families[*name].kind;
-    let narrow = (0..case.library.families.len()).find(|name| kind(name) == "hysteresis").unwrap();
-    let renamed = asking.renamed(asking.solve(&[narrow]));
-    assert_eq!(renamed.names.iter().map(kind).collect::<Vec<_>>(), ["coulomb_friction"]);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use physics::JointKind;
 
 use super::*;
+use crate::torque::table::Solved;
 use crate::torque::zone::{self, Zone};
 use crate::torque::{prove, reopened};
 
@@ -22,10 +23,7 @@ fn known(noise: f64, lacks: impl Fn([f64; 3]) -> f64) -> Diagnosis {
 fn rows_of_a_zone_come_back_where_a_law_would_be_lost_with_them() {
     let force =
         |[_, v, a]: [f64; 3]| MASS * a + 10.0 * v.signum() * libm::exp(-(v / 0.01) * (v / 0.01));
-    let model = Model::new(slider(true), &[]).unwrap();
-    let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
-    let mut case = Case::new(&stated, &[recording(JointKind::Prismatic, 0.1, force)], None, 1);
-    case.hear_noise();
+    let mut case = case(slider(true), 0.1, force);
     let train = case.rows.train.clone();
     let products = case.products(&train);
     let asking = refine::asking(&case, &products, &[]);
@@ -56,10 +54,7 @@ fn what_pulls_alike_everywhere_is_no_spring_though_a_little_of_it_follows_the_pl
 #[test]
 fn what_fell_once_is_not_chosen_again() {
     let force = |[_, v, a]: [f64; 3]| MASS * a + 20.0 * v.signum();
-    let model = Model::new(slider(false), &[]).unwrap();
-    let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
-    let mut case = Case::new(&stated, &[recording(JointKind::Prismatic, 1.0, force)], None, 1);
-    case.hear_noise();
+    let case = case(slider(false), 1.0, force);
     let products = case.products(&case.rows.train);
     let asking = refine::asking(&case, &products, &case.open);
     let best = asking.choose(&[]).names[0];
@@ -69,9 +64,7 @@ fn what_fell_once_is_not_chosen_again() {
 #[test]
 fn a_delay_is_no_surer_than_a_hundredth_of_a_step() {
     let force = |[_, v, a]: [f64; 3]| MASS * a + 20.0 * v.signum();
-    let model = Model::new(slider(true), &[]).unwrap();
-    let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
-    let case = Case::new(&stated, &[recording(JointKind::Prismatic, 1e-6, force)], None, 1);
+    let case = case(slider(true), 1e-6, force);
     let products = case.products(&case.rows.train);
     let asking = refine::asking(&case, &products, &[]);
     let mut families = case.library.families.iter();
@@ -81,4 +74,30 @@ fn a_delay_is_no_surer_than_a_hundredth_of_a_step() {
     let of_rows = prove::covariance_of(&case.table, &case.library.columns, &solved, used)[(0, 0)];
     let told = prove::covariance(&case, &solved, used)[(0, 0)];
     assert!(((told - of_rows).sqrt() - 0.01 * 2e-3).abs() < 1e-9, "{told} {of_rows}");
+}
+
+#[test]
+fn no_name_falls_for_a_rival_that_alone_would_have_the_wrong_sign() {
+    let case = case(slider(true), 1.0, |[_, v, a]| MASS * a - 2.0 * v.signum());
+    let products = case.products(&case.rows.train);
+    let asking = refine::asking(&case, &products, &[]);
+    let find = |kind: &str| case.library.families.iter().position(|f| f.kind == kind).unwrap();
+    let (loop_, dry) = (find("hysteresis"), find("friction_asymmetry"));
+    // The loop alone would have to run backwards here; a measure that likes it best without the other must not have its way.
+    let likes = |solved: &Solved| solved.columns.len() as f64;
+    let (names, refuted) = prove::borne_out_by(&asking, vec![loop_, dry], &likes, &|_| false);
+    assert!(!names.contains(&loop_) && refuted.contains(&loop_), "{names:?} {refuted:?}");
+    assert_eq!(refuted[0], loop_, "the other fell first, and left what cannot be");
+}
+
+#[test]
+fn a_loop_that_stood_beside_dry_friction_gives_way_to_it_when_it_stands_alone() {
+    let force = |[_, v, a]: [f64; 3]| MASS * a + 20.0 * v.signum();
+    let case = case(slider(false), 1.0, force);
+    let products = case.products(&case.rows.train);
+    let asking = refine::asking(&case, &products, &case.open);
+    let kind = |name: &usize| case.library.families[*name].kind;
+    let narrow = (0..case.library.families.len()).find(|name| kind(name) == "hysteresis").unwrap();
+    let renamed = asking.renamed(asking.solve(&[narrow]));
+    assert_eq!(renamed.names.iter().map(kind).collect::<Vec<_>>(), ["coulomb_friction"]);
 }
