@@ -58,6 +58,19 @@ impl Cell {
         }
         correction
     }
+
+    /// The same until there is a correction and it has come to rest: on a busy machine a late answer is blended in, which takes longer.
+    fn settle(&mut self, gauge: &mut Gauge) -> [f64; 6] {
+        let mut before = self.stand(100, gauge);
+        for _ in 0..50 {
+            let now = self.stand(100, gauge);
+            if now == before && largest(&now) > 0.0 {
+                break;
+            }
+            before = now;
+        }
+        before
+    }
 }
 
 fn largest(correction: &[f64; 6]) -> f64 {
@@ -149,14 +162,14 @@ fn judge(place: &Place, said: &[String], counted: &[String]) -> usize {
 fn a_daemon_that_dies_takes_no_cycle_with_it_and_its_correction_ramps_out_and_in_again() {
     let mut cell = Cell::start(SLOW, "off");
     let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
-    let stood = cell.stand(400, &mut gauge);
+    let stood = cell.settle(&mut gauge);
     assert!(largest(&stood) > 0.05, "{stood:?}");
     cell.daemon.kill();
     let after = cell.stand(400, &mut gauge);
     assert_eq!(largest(&after), 0.0, "the application's own target, to the bit: {after:?}");
     cell.daemon = daemon(&cell.place);
     assert!(cell.bridge.says("the daemon is process", LIMIT));
-    let again = cell.stand(800, &mut gauge);
+    let again = cell.settle(&mut gauge);
     let off = again.iter().zip(stood).fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
     assert!(off < 1e-6, "{again:?} after {stood:?}");
 }
