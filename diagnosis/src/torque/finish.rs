@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 use physics::{Arm, JointKind};
 
 use super::case::Case;
-use super::choose::{Asking, Choice};
+use super::choose::{Asking, Choice, others};
 use super::zone::Zone;
 use super::{
     Diagnosis, Finding, JointProof, Refit, Rival, Stated, Weighed, columns, found, prove, refine,
@@ -30,6 +30,8 @@ pub(super) fn finish(
     let (names, refuted) = stand(case, &asking, names, &seen);
     let choice = asking.solve(&names);
     let listed = prove::order(case, &asking, &choice, held);
+    let outside =
+        if zones.is_empty() { Vec::new() } else { outside_alone(case, &asking, &choice, held) };
     let covariance = prove::covariance(case, &choice.solved, &seen);
     let unzoned = without_zones(case, always, &names, &zones, &seen);
     let moved = |column: usize| moved(unzoned.as_ref(), &choice, column);
@@ -57,7 +59,7 @@ pub(super) fn finish(
         joints.iter().map(|j| proof(case, (&given, &choice), *j)).collect();
     Diagnosis {
         verdict,
-        notes: notes(arm, case, always, &zones, &findings, &refuted),
+        notes: notes(arm, case, always, &zones, &findings, (&refuted, &outside)),
         findings,
         refits: refits(case, stated, &choice, &covariance),
         unexplained: beyond.map(|beyond| beyond.law),
@@ -93,6 +95,14 @@ fn stand(
             return (names, refuted);
         }
     }
+}
+
+/// The names without which the error on all held-out rows, those of zones among them, would be smaller.
+fn outside_alone(case: &Case, asking: &Asking<'_>, choice: &Choice, held: &[bool]) -> Vec<usize> {
+    let whole = prove::rms(case, &choice.solved, held);
+    let without = |name: &usize| asking.solve(&others(&choice.names, *name)).solved;
+    let harms = |name: &usize| prove::rms(case, &without(name), held) < whole;
+    choice.names.iter().copied().filter(harms).collect()
 }
 
 /// What was found; where that is nothing, and no law either, what joints hold that never move.
@@ -191,7 +201,7 @@ fn notes(
     always: &[usize],
     zones: &[Zone],
     findings: &[Finding],
-    refuted: &[usize],
+    (refuted, outside): (&[usize], &[usize]),
 ) -> Vec<String> {
     let mut notes = case.motion.notes.clone();
     let at_rest = |joint: usize| {
@@ -211,13 +221,10 @@ fn notes(
         format!("`{}`{of} was chosen, but makes the error larger on rows that nothing had seen: it is not told", family.kind)
     }));
     notes.extend(zones.iter().map(|zone| zone.says(arm)));
-    let grows = |one: &&Finding| !zones.is_empty() && one.heldout[1] > one.heldout[0];
-    notes.extend(findings.iter().filter(grows).map(|one| {
-        format!(
-            "`{}`{} makes the error smaller but where rows are told apart",
-            one.kind,
-            of_joint(one.joint)
-        )
+    notes.extend(outside.iter().map(|name| {
+        let family = &case.library.families[*name];
+        let of = of_joint(family.joint);
+        format!("`{}`{of} makes the error smaller but where rows are told apart", family.kind)
     }));
     if always.len() > case.open.len() {
         notes.push("the masses that the model states do not fit the torques to the last digit: they were fitted along, within 5 % and 20 mm".to_owned());
