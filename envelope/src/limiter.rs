@@ -149,7 +149,9 @@ impl Limiter {
         if self.offset.is_some() {
             self.steady = 0;
         }
-        self.chase(limits, pace, dt_s);
+        let on_plan = self.chase(limits, pace, dt_s);
+        // A stop leaves more acceleration than a slow pace could take out without a swing.
+        let pace = if on_plan { pace } else { Pace::ALONE };
         let plan = || plan_onto(self.motion.minus(self.trend), self.trend.rate, limits, pace);
         self.offset = (self.steady >= TRUSTED_AFTER).then(plan);
     }
@@ -200,14 +202,17 @@ impl Limiter {
         allowed
     }
 
-    /// Moves onto the trend, or to a stop where that would leave the limits.
-    fn chase(&mut self, limits: &Limits, pace: Pace, dt_s: f64) {
-        let motion = self.onto_trend(limits, pace, dt_s);
+    /// Moves onto the trend, or to a stop where that would leave the limits. Tells whether it was onto the trend.
+    fn chase(&mut self, limits: &Limits, pace: Pace, dt_s: f64) -> bool {
+        let planned = self.onto_trend(limits, pace, dt_s);
+        let motion = planned.unwrap_or_else(|| self.stopping(limits, dt_s));
         let (output, _) = self.output.with(motion.value, dt_s);
         (self.output, self.motion) = (output, motion);
+        planned.is_some()
     }
 
-    fn onto_trend(&self, limits: &Limits, pace: Pace, dt_s: f64) -> Motion {
+    /// None where the limits do not allow it.
+    fn onto_trend(&self, limits: &Limits, pace: Pace, dt_s: f64) -> Option<Motion> {
         let Motion { value, rate, .. } = self.trend;
         let trend = Motion { value: value - rate * dt_s, rate, acceleration: 0.0 };
         let ahead = plan_onto(self.motion.minus(trend), rate, limits, pace).advance(dt_s);
@@ -217,9 +222,10 @@ impl Limiter {
         let allowed = next.stops_inside(limits)
             && self.is_within_reach(next, limits)
             && mean_rate.abs() <= limits.rate();
-        if allowed || !self.is_inside(limits) {
-            return next;
-        }
+        (allowed || !self.is_inside(limits)).then_some(next)
+    }
+
+    fn stopping(&self, limits: &Limits, dt_s: f64) -> Motion {
         let stop = Ramp::to_rate(self.motion, 0.0, limits.jerk()).after(self.motion, dt_s);
         Motion { value: stop.value.clamp(-limits.angle(), limits.angle()), ..stop }
     }

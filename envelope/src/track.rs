@@ -2,58 +2,84 @@
 //!
 //! Promises: [`Track::with`] gives the third divided difference as a jerk, the mean of the third
 //! derivative of any smooth signal through the samples, so that even pace or jitter do not matter.
-//! Never keeps more than the last three samples say.
+//! It is taken of the newest sample and three nodes: the first sample, and each that is [`NODES_S`]
+//! or more after the node before. Samples of a cycle are nodes all; closer ones, of a robot that is
+//! run flat out, would make a jerk of the rounding of its position. Never keeps more samples.
 
 use crate::motion::Motion;
 
-/// The last sample, and the backward differences that end there.
-///
-/// With `dt_s = before_s = 0` the differences are derivatives at one instant (Hermite), which is how
-/// a signal starts.
+/// The least time between nodes: half the period of the fastest cycle.
+pub(crate) const NODES_S: f64 = 5e-5;
+
+/// The last nodes and the newest sample.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Track {
-    value: f64,
-    rate: f64,
-    acceleration: f64,
-    /// Between the last two samples.
-    dt_s: f64,
-    /// Between the two before.
-    before_s: f64,
+    node: Differences,
+    newest: Differences,
+    /// From the last node to the newest sample.
+    since_s: f64,
 }
 
 impl Track {
     pub(crate) const fn from_motion(motion: Motion) -> Self {
         let Motion { value, rate, acceleration } = motion;
-        Self { value, rate, acceleration, dt_s: 0.0, before_s: 0.0 }
+        let start = Differences { value, rate, acceleration, dt_s: 0.0, before_s: 0.0 };
+        Self { node: start, newest: start, since_s: 0.0 }
     }
 
     pub(crate) fn value(&self) -> f64 {
-        self.value
+        self.newest.value
     }
 
-    /// Mean rate over the last step.
+    /// Mean rate since the node before.
     pub(crate) fn rate(&self) -> f64 {
-        self.rate
+        self.newest.rate
     }
 
-    /// The track with one sample more, `dt_s > 0` later, and the jerk of the last four.
+    /// The track with one sample more, `dt_s > 0` later, and its jerk.
     pub(crate) fn with(&self, value: f64, dt_s: f64) -> (Self, f64) {
-        let rate = (value - self.value) / dt_s;
-        let acceleration = 2.0 * (rate - self.rate) / (dt_s + self.dt_s);
-        let jerk = 3.0 * (acceleration - self.acceleration) / (dt_s + self.dt_s + self.before_s);
-        (Self { value, rate, acceleration, dt_s, before_s: self.dt_s }, jerk)
+        let since_s = self.since_s + dt_s;
+        let (newest, jerk) = self.node.with(value, since_s);
+        let track = if since_s < NODES_S {
+            Self { newest, since_s, ..*self }
+        } else {
+            Self { node: newest, newest, since_s: 0.0 }
+        };
+        (track, jerk)
     }
 
-    /// The motion at the last sample of the parabola through the last three.
+    /// The motion at the newest sample of the parabola through it and the two nodes before.
     ///
     /// The parabola has no jerk, so that whatever continues it within a jerk also keeps that jerk in
     /// every divided difference that mixes samples of before and after.
     pub(crate) fn motion(&self) -> Motion {
-        Motion {
-            value: self.value,
-            rate: self.rate + self.acceleration * self.dt_s / 2.0,
-            acceleration: self.acceleration,
-        }
+        let Differences { value, rate, acceleration, dt_s, .. } = self.newest;
+        Motion { value, rate: rate + acceleration * dt_s / 2.0, acceleration }
+    }
+}
+
+/// A sample, and the backward differences that end there.
+///
+/// With `dt_s = before_s = 0` the differences are derivatives at one instant (Hermite), which is how
+/// a signal starts.
+#[derive(Clone, Copy, Debug)]
+struct Differences {
+    value: f64,
+    rate: f64,
+    acceleration: f64,
+    /// Since the sample before.
+    dt_s: f64,
+    /// Between that and the one before it.
+    before_s: f64,
+}
+
+impl Differences {
+    /// With one sample more, and the jerk of the last four.
+    fn with(&self, value: f64, dt_s: f64) -> (Self, f64) {
+        let rate = (value - self.value) / dt_s;
+        let acceleration = 2.0 * (rate - self.rate) / (dt_s + self.dt_s);
+        let jerk = 3.0 * (acceleration - self.acceleration) / (dt_s + self.dt_s + self.before_s);
+        (Self { value, rate, acceleration, dt_s, before_s: self.dt_s }, jerk)
     }
 }
 

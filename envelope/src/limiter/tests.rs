@@ -1,6 +1,7 @@
 //! Hard bounds whatever is wanted; exactness inside them; return after a jump.
 
 use super::*;
+use crate::track::NODES_S;
 use proptest::prelude::*;
 use std::vec::Vec;
 
@@ -51,12 +52,13 @@ fn signal() -> impl Strategy<Value = Signal> {
         .prop_map(|(jumps, sine, slope, noise)| Signal { jumps, sine, slope, noise })
 }
 
-/// Uneven steps: jitter, with a pause or a burst now and then.
+/// Uneven steps: jitter, with a pause or a burst now and then; or a burst all along.
 fn steps_s() -> impl Strategy<Value = Vec<f64>> {
-    prop::collection::vec(
-        prop_oneof![20 => 0.5e-3..1.5e-3_f64, 1 => 1e-5..1e-4_f64, 1 => 0.01..0.3_f64],
-        600,
-    )
+    let mixed = prop_oneof![20 => 0.5e-3..1.5e-3_f64, 1 => 1e-5..1e-4_f64, 1 => 0.01..0.3_f64];
+    prop_oneof![
+        4 => prop::collection::vec(mixed, 600),
+        1 => prop::collection::vec(4e-6..2e-5_f64, 600),
+    ]
 }
 
 fn run(limiter: &mut Limiter, wanted: &[f64], steps_s: &[f64]) -> Vec<(f64, f64)> {
@@ -74,19 +76,27 @@ fn assert_bounded(outputs: &[(f64, f64)]) -> Result<(), TestCaseError> {
     for (t, c) in outputs {
         prop_assert!(c.abs() <= limits.angle(), "angle {c} at {t}");
     }
-    for pair in outputs.windows(2) {
-        let rate = (pair[1].1 - pair[0].1) / (pair[1].0 - pair[0].0);
-        prop_assert!(rate.abs() <= limits.rate() * (1.0 + 1e-9), "rate {rate} at {}", pair[1].0);
-    }
-    for four in outputs.windows(4) {
-        let shortest = four.windows(2).map(|w| w[1].0 - w[0].0).fold(f64::INFINITY, f64::min);
-        let rounding = 4e-18 / (shortest * shortest * shortest);
-        let jerk = jerk_of(four);
+    let mut nodes = std::vec![(0.0, 0.0)];
+    for sample in outputs {
+        let before = nodes[nodes.len() - 1];
+        let since_s = sample.0 - before.0;
+        let rounding = 4e-18 / since_s;
+        let rate = (sample.1 - before.1) / since_s;
         prop_assert!(
-            jerk.abs() <= limits.jerk() * (1.0 + 1e-6) + rounding,
-            "jerk {jerk} at {}",
-            four[3].0
+            rate.abs() <= limits.rate() * (1.0 + 1e-9) + rounding,
+            "rate {rate} at {sample:?}"
         );
+        if let [.., a, b, c] = nodes[..] {
+            // Of the value, and of the time since the run began.
+            let rounding = (4e-18 + limits.rate() * 2e-15 * sample.0)
+                / (since_s * (sample.0 - b.0) * (sample.0 - a.0));
+            let jerk = jerk_of(&[a, b, c, *sample]);
+            let bound = limits.jerk() * (1.0 + 1e-6) + rounding;
+            prop_assert!(jerk.abs() <= bound, "jerk {jerk} at {sample:?}");
+        }
+        if since_s >= NODES_S {
+            nodes.push(*sample);
+        }
     }
     Ok(())
 }
@@ -100,6 +110,29 @@ proptest! {
         let wanted: Vec<f64> =
             steps_s.iter().enumerate().map(|(k, dt)| { t += dt; signal.at(k, t) }).collect();
         assert_bounded(&run(&mut Limiter::at_rest(), &wanted, &steps_s))?;
+    }
+
+    #[test]
+    fn the_rounding_of_a_position_sets_off_no_ramp_however_short_the_steps(
+        phase in 0.0..6.3_f64, rad_s in 0.1..10.0_f64,
+        steps_s in prop::collection::vec(4e-6..2e-5_f64, 3000),
+    ) {
+        let l = limits();
+        let amplitude = 0.5 * l.angle().min(l.rate() / rad_s);
+        let wanted = |t: f64| {
+            let joint_rad = 1.5 + t;
+            (joint_rad + amplitude * libm::sin(rad_s * t + phase)) - joint_rad
+        };
+        let (sin, cos) = libm::sincos(phase);
+        let mut limiter = Limiter::from_motion(
+            amplitude * sin, amplitude * rad_s * cos, -amplitude * rad_s * rad_s * sin);
+        let mut t = 0.0;
+        for (k, dt) in steps_s.iter().enumerate() {
+            t += dt;
+            limiter.step(wanted(t), &l, *dt);
+            // The first steps lie closer to the start than a node.
+            prop_assert!(k < 1000 || limiter.is_following(), "step {k}");
+        }
     }
 
     #[test]
