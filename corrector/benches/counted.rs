@@ -15,8 +15,8 @@ use physics::{Chain, Evaluation, Inputs, JOINTS_MAX, Memories};
 use std::hint::black_box;
 use support::{DT_NS, Run, envelope, load, pose, twenty};
 
-/// The stages, the whole cycle last.
-const STAGES: [&str; 4] = ["geometry", "evaluation", "correction", "cycle"];
+/// The stages, the whole cycle last: of a robot that stands, and of one that moves.
+const STAGES: [&str; 5] = ["geometry", "evaluation", "correction", "cycle", "moving"];
 
 fn run(stage: &str, times: u64) {
     let (model, q, inputs) = (twenty(), pose(), pose_under_load());
@@ -44,12 +44,16 @@ fn run(stage: &str, times: u64) {
                 ));
             });
         }
-        _ => {
+        stage => {
+            let way_rad = if stage == "moving" { 0.1 } else { 0.0 };
             let mut run = Run::new(model, Settings::with_envelope(envelope()));
             let sample = WrenchSample { wrench: load(), in_base: true, age_ns: DT_NS };
             run.world = World { wrench: Some(sample), ..World::default() };
-            let q: [f64; 6] = std::array::from_fn(|i| q[i]);
-            (0..times).for_each(|_| {
+            (0..times).for_each(|cycle| {
+                // To and fro at half a rad a second at most, joints against each other.
+                let turn = way_rad * (5e-9 * (cycle * DT_NS) as f64).sin();
+                let q: [f64; 6] =
+                    std::array::from_fn(|i| q[i] + if i % 2 == 0 { turn } else { -0.7 * turn });
                 black_box(run.cycle(black_box(&q)));
             });
         }

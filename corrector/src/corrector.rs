@@ -133,7 +133,11 @@ impl Corrector {
         let settled = command.settled && self.settings.lockstep;
         let (inputs, gate) = self.with_wrench(model, inputs, &world, (dt_ns, settled));
         let (task, reach) = (&self.settings.task, self.reach());
-        let solution = self.solver.solve(model, &inputs, self.path.memories(), task, &reach);
+        // Poses at rest do not lead to each other.
+        if settled || follows.after_ns().is_none() {
+            self.solver.forget();
+        }
+        let solution = self.solver.track(model, &inputs, self.path.memories(), task, &reach);
         self.wanted(&inputs, &solution, Wanted { gate, dt_ns, settled, ..Wanted::nothing(dt_ns) })
     }
 

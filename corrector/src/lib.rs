@@ -21,8 +21,11 @@ mod low_pass;
 mod normal;
 mod outcome;
 mod path;
+mod rows;
 mod settings;
+mod slopes;
 mod solve;
+mod trace;
 mod world;
 mod wrench;
 

@@ -49,6 +49,23 @@ impl Factor {
         }
         x
     }
+
+    /// The sum of the diagonal of `N⁻¹`: the square of the norm of the inverse of what N is the square of.
+    pub(crate) fn trace_of_inverse(&self) -> f64 {
+        let Self { lower, inverse } = self;
+        let mut trace = 0.0;
+        for j in 0..ROWS {
+            // A column of `L⁻¹`.
+            let mut column = [0.0; ROWS];
+            column[j] = 1.0;
+            trace += inverse[j];
+            for i in j + 1..ROWS {
+                column[i] = -(j..i).map(|k| lower[i][k] * column[k]).sum::<f64>();
+                trace += column[i] * column[i] * inverse[i];
+            }
+        }
+        trace
+    }
 }
 
 #[cfg(test)]
@@ -66,7 +83,11 @@ mod tests {
                 let product: f64 = (0..ROWS).map(|j| rows[i][j] * rows[k][j]).sum();
                 product + if i == k { 0.1 } else { 0.0 }
             }));
-            let x = Factor::of(&normal).expect("positive definite").solve(&b);
+            let factor = Factor::of(&normal).expect("positive definite");
+            let column = |i| factor.solve(&std::array::from_fn(|k| f64::from(u8::from(i == k))));
+            let trace: f64 = (0..ROWS).map(|i| column(i)[i]).sum();
+            prop_assert!((factor.trace_of_inverse() / trace - 1.0).abs() < 1e-9);
+            let x = factor.solve(&b);
             for i in 0..ROWS {
                 let back: f64 = (0..ROWS).map(|k| normal[i][k] * x[k]).sum();
                 prop_assert!((back - b[i]).abs() < 1e-11, "{back} {}", b[i]);

@@ -60,6 +60,18 @@ impl Chain {
         chain
     }
 
+    /// Where the tool is at `q`: [`Chain::nominal`]'s to the bit, and nothing else of it.
+    pub fn tool_at(arm: &Arm, q: &Joints) -> Frame {
+        let mut turned = [(0.0, 0.0); JOINTS_MAX];
+        sin_cos_all(&q[..arm.count()], &mut turned);
+        let joints = arm.joints().iter().zip(q).zip(&turned);
+        let carrier = joints.fold(Frame::IDENTITY, |carrier, ((joint, q), turned)| {
+            let axis = (joint.axis, joint.point);
+            placed(&carrier, axis, joint.kind, (*q, *turned)).body
+        });
+        carrier.after(&Frame::new(arm.tool.base_from_tool, arm.tool.tcp))
+    }
+
     /// [`Chain::nominal`] in place of a chain of the same arm.
     pub(crate) fn stand(&mut self, arm: &Arm, q: &Joints) {
         self.count = arm.count();
@@ -135,24 +147,42 @@ impl Chain {
         &mut self,
         i: usize,
         carrier: &Frame,
-        (axis, point): (DVec3, DVec3),
+        axis: (DVec3, DVec3),
         kind: JointKind,
         position: f64,
     ) {
-        let point_now = carrier.point(point);
-        self.points[i] = point_now;
-        match kind {
-            JointKind::Revolute => {
-                let (axis, rotation) = turned_about(&carrier.rotation, axis, self.turned[i]);
-                // What is on the axis stays.
-                let body = Frame { rotation, origin: point_now - rotation * point };
-                (self.axes[i], self.bodies[i]) = (axis, body);
-            }
-            JointKind::Prismatic => {
-                let axis = carrier.rotation * axis;
-                let origin = carrier.origin + axis * position;
-                (self.axes[i], self.bodies[i]) = (axis, Frame { origin, ..*carrier });
-            }
+        let placed = placed(carrier, axis, kind, (position, self.turned[i]));
+        (self.axes[i], self.points[i], self.bodies[i]) = (placed.axis, placed.point, placed.body);
+    }
+}
+
+/// A joint on what carries it.
+struct Placed {
+    axis: DVec3,
+    point: DVec3,
+    body: Frame,
+}
+
+/// A joint with this axis through this point (zero configuration), at a position with this sine and cosine, onto what carries it.
+#[inline(always)]
+fn placed(
+    carrier: &Frame,
+    (axis, point): (DVec3, DVec3),
+    kind: JointKind,
+    (position, turned): (f64, (f64, f64)),
+) -> Placed {
+    let point_now = carrier.point(point);
+    match kind {
+        JointKind::Revolute => {
+            let (axis, rotation) = turned_about(&carrier.rotation, axis, turned);
+            // What is on the axis stays.
+            let body = Frame { rotation, origin: point_now - rotation * point };
+            Placed { axis, point: point_now, body }
+        }
+        JointKind::Prismatic => {
+            let axis = carrier.rotation * axis;
+            let origin = carrier.origin + axis * position;
+            Placed { axis, point: point_now, body: Frame { origin, ..*carrier } }
         }
     }
 }

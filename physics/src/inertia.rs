@@ -54,8 +54,7 @@ pub(crate) fn reaction(
     extra: &Extra,
 ) -> Reaction {
     let count = arm.count();
-    let still = |all: &Joints| all[..count].iter().all(|x| *x == 0.0);
-    if still(velocity) && still(acceleration) {
+    if is_still(arm, velocity, acceleration) {
         return Reaction::default();
     }
     let bodies = moving(arm, chain, velocity, acceleration);
@@ -91,6 +90,13 @@ pub(crate) fn reaction(
         };
     }
     Reaction { torque, base_moment: moment }
+}
+
+/// Whether no joint moves: then nothing moves the masses.
+#[inline]
+pub(crate) fn is_still(arm: &Arm, velocity: &Joints, acceleration: &Joints) -> bool {
+    let still = |all: &Joints| all[..arm.count()].iter().all(|x| *x == 0.0);
+    still(velocity) && still(acceleration)
 }
 
 /// How each body of the arm moves.

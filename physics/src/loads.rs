@@ -6,7 +6,7 @@
 
 use crate::deviation::Contribution;
 use crate::frame::rotation_from_vector;
-use crate::inertia::{Extra, reaction};
+use crate::inertia::{Extra, is_still, reaction};
 use crate::{Arm, Chain, Inputs, JOINTS_MAX, JointKind, Joints, Wrench};
 use glam::{DMat3, DVec3};
 
@@ -167,6 +167,10 @@ impl Loads {
         inputs: &Inputs,
         change: &LoadChange,
     ) {
+        if is_still(arm, &inputs.velocity, &inputs.acceleration) {
+            self.forget_inertia();
+            return;
+        }
         let extra = Extra { mass: change.mass, first_moment: change.first_moment };
         let moved = reaction(arm, chain, &inputs.velocity, &inputs.acceleration, &extra);
         (self.inertia_torque, self.inertia_base_moment) = (moved.torque, moved.base_moment);

@@ -189,9 +189,8 @@ impl Model {
         seen: &mut Evaluation,
         mut told: Option<&mut Told>,
     ) {
+        self.load_into(inputs, memories, seen);
         let Evaluation { nominal, loads, deviation, beyond, .. } = seen;
-        nominal.stand(&self.arm, &inputs.q);
-        self.load(inputs, nominal, memories, &mut LoadChange::default(), loads);
         let signals = Signals { arm: &self.arm, inputs, chain: nominal, loads };
         deviation.clear();
         deviation.base_turn = inputs.base_tilt;
@@ -206,6 +205,13 @@ impl Model {
         *beyond = if self.hardens { self.beyond(loads) } else { None };
     }
 
+    /// The first part of [`Model::deviate_into`]: the controller's geometry and the loads on it.
+    pub fn load_into(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
+        seen.nominal.stand(&self.arm, &inputs.q);
+        let (chain, loads) = (&seen.nominal, &mut seen.loads);
+        self.load(inputs, chain, memories, &mut LoadChange::default(), loads);
+    }
+
     /// Calls `visit` with the index and contribution of each effect at one sample.
     pub fn contributions(
         &self,
@@ -213,11 +219,13 @@ impl Model {
         memories: &Memories,
         mut visit: impl FnMut(usize, &Contribution),
     ) {
-        self.with_signals(inputs, memories, |signals| {
-            for (index, (effect, memory)) in self.effects().zip(&memories.0).enumerate() {
-                visit(index, &effect.predict(signals, memory));
-            }
-        });
+        let mut seen = Evaluation::default();
+        self.load_into(inputs, memories, &mut seen);
+        let Evaluation { nominal: chain, loads, .. } = &seen;
+        let signals = Signals { arm: &self.arm, inputs, chain, loads };
+        for (index, (effect, memory)) in self.effects().zip(&memories.0).enumerate() {
+            visit(index, &effect.predict(&signals, memory));
+        }
     }
 
     /// Calls `visit` with each place in `wanted` and the derivative of that effect's contribution by that value; `wanted` names
@@ -227,16 +235,28 @@ impl Model {
         inputs: &Inputs,
         memories: &Memories,
         wanted: &[(usize, usize)],
+        visit: impl FnMut(usize, &Contribution),
+    ) {
+        let mut seen = Evaluation::default();
+        self.load_into(inputs, memories, &mut seen);
+        self.derivatives_under((inputs, memories), &seen, wanted, visit);
+    }
+
+    /// [`Model::derivatives`] at a sample of which [`Model::load_into`] has said where the arm stands and what pulls at it.
+    pub fn derivatives_under(
+        &self,
+        (inputs, memories): (&Inputs, &Memories),
+        seen: &Evaluation,
+        wanted: &[(usize, usize)],
         mut visit: impl FnMut(usize, &Contribution),
     ) {
-        self.with_signals(inputs, memories, |signals| {
-            for (place, &(index, value)) in wanted.iter().enumerate() {
-                if let Some(effect) = self.effects[..self.count].get(index).and_then(Option::as_ref)
-                {
-                    visit(place, &effect.derivative(value, signals, &memories.0[index]));
-                }
+        let Evaluation { nominal: chain, loads, .. } = seen;
+        let signals = Signals { arm: &self.arm, inputs, chain, loads };
+        for (place, &(index, value)) in wanted.iter().enumerate() {
+            if let Some(effect) = self.effects[..self.count].get(index).and_then(Option::as_ref) {
+                visit(place, &effect.derivative(value, &signals, &memories.0[index]));
             }
-        });
+        }
     }
 
     /// See [`crate::Effect::settle`], for all effects.
@@ -264,6 +284,12 @@ impl Model {
     /// See [`crate::Effect::follow`], for all effects. Correction: follow once per cycle, then solve.
     pub fn follow(&self, inputs: &Inputs, memories: &mut Memories) {
         self.update(inputs, memories, AnyEffect::follow);
+    }
+
+    /// Whether a joint hardens: then its law has a limit ([`Evaluation::beyond`]).
+    #[must_use]
+    pub fn hardens(&self) -> bool {
+        self.hardens
     }
 
     /// The first joint whose load is at or above `sqrt(C/3D)`, C and D being the sums over that joint. Where gravity
@@ -300,18 +326,6 @@ impl Model {
         for (effect, memory) in self.effects().zip(&mut memories.0) {
             step(effect, inputs, memory);
         }
-    }
-
-    fn with_signals<R>(
-        &self,
-        inputs: &Inputs,
-        memories: &Memories,
-        visit: impl FnOnce(&Signals<'_>) -> R,
-    ) -> R {
-        let chain = Chain::nominal(&self.arm, &inputs.q);
-        let mut loads = Loads::default();
-        self.load(inputs, &chain, memories, &mut LoadChange::default(), &mut loads);
-        visit(&Signals { arm: &self.arm, inputs, chain: &chain, loads: &loads })
     }
 
     /// The loads, and what effects change of them, which is nothing before.

@@ -5,7 +5,8 @@
 //!
 //! Promises: exact where [`Told::is_whole`], held by the conformance suite. Never: a deviation of links, axes or tool.
 
-use crate::{Arm, Evaluation, JOINTS_MAX, Joints, Loads};
+use crate::loads::Motion;
+use crate::{Arm, Evaluation, JOINTS_MAX, Joints, Loads, Wrench};
 use glam::DVec3;
 
 /// How what one effect adds follows the arm, memory as it is.
@@ -17,6 +18,8 @@ pub enum Slope {
     Untold,
     /// So much per unit of its joint's position.
     Position(f64),
+    /// So much per unit of each joint's position.
+    Positions(Joints),
     /// So much per unit of the load on its joint, rad/Nm or m/N.
     Load {
         /// Of gravity's load.
@@ -33,10 +36,15 @@ pub enum Slope {
 pub struct Told {
     /// Each joint's deviation per unit of its own position.
     pub position: Joints,
+    /// Per unit of all joints' positions, of those joints that `are_wide` has a bit for.
+    positions: [Joints; JOINTS_MAX],
+    are_wide: u32,
     gravity: Joints,
     wrench: Joints,
     base: f64,
     is_coupled: bool,
+    /// Whether gravity and the wrench bend every joint alike.
+    is_even: bool,
     /// Whether that is all that follows the arm.
     pub is_whole: bool,
 }
@@ -46,7 +54,8 @@ impl Told {
     pub(crate) fn clear(&mut self, is_whole: bool) {
         let none = [0.0; JOINTS_MAX];
         (self.position, self.gravity, self.wrench) = (none, none, none);
-        (self.base, self.is_coupled, self.is_whole) = (0.0, false, is_whole);
+        (self.base, self.is_coupled, self.is_even, self.is_whole) = (0.0, false, true, is_whole);
+        self.are_wide = 0;
     }
 
     /// Adds what an effect of `joint` tells.
@@ -57,10 +66,19 @@ impl Told {
             Slope::Steady => {}
             Slope::Untold => self.is_whole = false,
             Slope::Position(position) => self.position[joint] += position,
+            Slope::Positions(positions) if self.is_wide(joint) => {
+                let sums = self.positions[joint].iter_mut().zip(positions);
+                sums.for_each(|(sum, slope)| *sum += slope);
+            }
+            Slope::Positions(positions) => {
+                self.positions[joint] = positions;
+                self.are_wide |= 1 << joint;
+            }
             Slope::Load { gravity, wrench } => {
                 self.gravity[joint] += gravity;
                 self.wrench[joint] += wrench;
                 self.is_coupled = true;
+                self.is_even &= gravity == wrench;
             }
             Slope::Base(base) => {
                 self.base += base;
@@ -69,31 +87,53 @@ impl Told {
         }
     }
 
+    fn is_wide(&self, joint: usize) -> bool {
+        self.are_wide >> joint & 1 == 1
+    }
+
     /// How much more each joint deviates, and the base turns (rad), for a small step of the joints at `seen`.
     pub fn follow(&self, arm: &Arm, seen: &Evaluation, step: &Joints) -> (Joints, DVec3) {
         let (mut more, count) = ([0.0; JOINTS_MAX], arm.count());
         let own = more.iter_mut().zip(&self.position).zip(step);
         own.take(count).for_each(|((more, slope), step)| *more = slope * step);
+        for joint in (0..count).filter(|joint| self.is_wide(*joint)) {
+            let slopes = self.positions[joint].iter().zip(step).take(count);
+            more[joint] += slopes.map(|(slope, step)| slope * step).sum::<f64>();
+        }
         if !self.is_coupled {
             return (more, DVec3::ZERO);
         }
         let Loads { gravity, wrench, .. } = seen.loads;
-        let motions = seen.loads.motions[..count].iter().zip(step);
-        let mut turn: DVec3 = motions.map(|(motion, step)| motion.angular * *step).sum();
-        // How the first moment of all beyond a joint moves, and the TCP with what is beyond.
-        let (mut swung, mut reached) = (DVec3::ZERO, DVec3::ZERO);
-        for i in (0..count).rev() {
-            let (motion, step) = (&seen.loads.motions[i], step[i]);
-            let (by_gravity, by_force) = (gravity.cross(turn), wrench.force.cross(turn));
-            let gravity = motion.swing.dot(by_gravity) + motion.angular.dot(swung.cross(gravity));
-            let wrench = motion.linear.dot(by_force)
-                + motion.angular.dot(wrench.moment.cross(turn) + reached.cross(wrench.force));
-            more[i] += self.gravity[i] * gravity + self.wrench[i] * wrench;
-            swung += motion.swing * step;
-            reached += motion.linear * step;
-            turn -= motion.angular * step;
+        let motions = &seen.loads.motions[..count];
+        let mut moment = DVec3::ZERO;
+        if self.is_even {
+            moment += swing(motions, step, (gravity, wrench), &self.gravity, &mut more);
+        } else {
+            moment += swing(motions, step, (gravity, Wrench::ZERO), &self.gravity, &mut more);
+            moment += swing(motions, step, (DVec3::ZERO, wrench), &self.wrench, &mut more);
         }
-        let moment = swung.cross(gravity) + reached.cross(wrench.force);
         (more, DVec3::new(moment.x, moment.y, 0.0) * self.base)
     }
+}
+
+/// Adds to `more` what a small step of the joints changes of each joint's load, times its compliance; how the moment about the base's origin changes, Nm.
+fn swing(
+    motions: &[Motion],
+    step: &Joints,
+    (gravity, wrench): (DVec3, Wrench),
+    compliance: &Joints,
+    more: &mut Joints,
+) -> DVec3 {
+    // What the joints up to this one turn, and how the moment of what the joints beyond it move changes.
+    let steps = motions.iter().zip(step);
+    let mut turn: DVec3 = steps.map(|(motion, step)| motion.angular * *step).sum();
+    let mut moment = DVec3::ZERO;
+    for (i, motion) in motions.iter().enumerate().rev() {
+        let pulled = motion.swing.cross(gravity) + motion.linear.cross(wrench.force);
+        let turned = pulled + motion.angular.cross(wrench.moment);
+        more[i] += compliance[i] * (turn.dot(turned) + motion.angular.dot(moment));
+        moment += pulled * step[i];
+        turn -= motion.angular * step[i];
+    }
+    moment
 }

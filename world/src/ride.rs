@@ -6,7 +6,7 @@
 use crate::curve::derivatives;
 use crate::dynamics::{Dynamics, Mode, Rings, Spike, at_row};
 use physics::effects::OverPath;
-use physics::{Deviation, Inputs, Loads, Memories, Model};
+use physics::{Deviation, Evaluation, Inputs, Loads, Memories, Model};
 use std::cell::OnceCell;
 
 /// A path under [`Dynamics`].
@@ -76,9 +76,15 @@ impl Ride {
     }
 
     fn of_mode(&self, model: &Model, mode: &Mode) -> Vec<f64> {
-        let pulled = |inputs: &Inputs| model.evaluate(inputs, &Memories::default()).loads;
         let loads: Vec<f64> = if mode.compliance > 0.0 {
-            let all = self.loads.get_or_init(|| self.inputs.iter().map(pulled).collect());
+            let all = self.loads.get_or_init(|| {
+                let mut seen = Box::<Evaluation>::default();
+                let pulled = |inputs: &Inputs| {
+                    model.load_into(inputs, &Memories::default(), &mut seen);
+                    seen.loads
+                };
+                self.inputs.iter().map(pulled).collect()
+            });
             all.iter().map(|loads| mode.rings.load(loads)).collect()
         } else {
             Vec::new()

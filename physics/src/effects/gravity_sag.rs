@@ -8,7 +8,9 @@
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site, VALUES_MAX};
 use crate::signals::Signals;
+use crate::slopes::Slope;
 use crate::spec::{ActsOn, Count, Parameter, Place, Range, Spec, Unit};
+use crate::{JOINTS_MAX, JointKind};
 use glam::DVec3;
 
 /// `gravity_sag`.
@@ -49,11 +51,43 @@ impl Effect for GravitySag {
     }
 
     fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
-        let bodies = &signals.chain.bodies[self.joint..];
-        let levers = self.values().chunks_exact(3).map(DVec3::from_slice);
-        let sum: DVec3 = bodies.iter().zip(levers).map(|(body, s)| body.rotation * s).sum();
+        let sum: DVec3 = self.levers(signals).sum();
         let down = signals.loads.gravity.normalize_or_zero();
         let delta = signals.chain.axes[self.joint].dot(sum.cross(down));
         Contribution::Joint { joint: self.joint, delta }
+    }
+
+    /// A joint turns the levers of the bodies beyond it; one before ours turns our axis too.
+    fn slope(&self, signals: &Signals<'_>) -> Slope {
+        let (axes, joints) = (&signals.chain.axes, signals.arm.joints());
+        let down = signals.loads.gravity.normalize_or_zero();
+        let mut slopes = [0.0; JOINTS_MAX];
+        let mut sum = DVec3::ZERO;
+        let turns = |k: usize| {
+            joints.get(k).is_some_and(|joint| joint.kind == JointKind::Revolute).then(|| axes[k])
+        };
+        for (k, lever) in self.levers(signals).enumerate().map(|(k, s)| (self.joint + k, s)).rev() {
+            sum += lever;
+            slopes[k] = turns(k).map_or(0.0, |by| axes[self.joint].dot(by.cross(sum).cross(down)));
+        }
+        for (k, slope) in slopes[..self.joint].iter_mut().enumerate() {
+            *slope = turns(k).map_or(0.0, |by| {
+                let turned = by.cross(axes[self.joint]).dot(sum.cross(down));
+                turned + axes[self.joint].dot(by.cross(sum).cross(down))
+            });
+        }
+        Slope::Positions(slopes)
+    }
+}
+
+impl GravitySag {
+    /// Of each body that the joint carries, its own first, where it is now, rad.
+    fn levers<'s>(
+        &'s self,
+        signals: &'s Signals<'_>,
+    ) -> impl DoubleEndedIterator<Item = DVec3> + ExactSizeIterator + 's {
+        let bodies = &signals.chain.bodies[self.joint..];
+        let levers = self.values().chunks_exact(3).map(DVec3::from_slice);
+        bodies.iter().zip(levers).map(|(body, s)| body.rotation * s)
     }
 }

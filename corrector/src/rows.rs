@@ -1,0 +1,67 @@
+//! What is asked of the tool, as rows, and what is left between where it is and where it should be.
+//!
+//! Promises: rows are in the wanted tool's axes, m, rotations times the task's length. Never: a step of the joints.
+
+use crate::normal::ROWS;
+use crate::outcome::Residual;
+use crate::settings::Task;
+use glam::{DMat3, DVec3};
+use physics::Frame;
+use physics::frame::vector_from_rotation;
+
+/// Nothing is left over once the weighted error is below this, m: rounding of the geometry.
+const ERROR_DONE_M: f64 = 1e-14;
+
+/// What is asked of the tool, as rows: the wanted tool's axes, m, rotations times the task's length.
+pub(crate) struct Rows {
+    wanted: Frame,
+    tool_from_base: DMat3,
+    length_m: f64,
+    pub(crate) free_tool_axis: bool,
+}
+
+impl Rows {
+    pub(crate) fn of(wanted: &Frame, task: &Task) -> Self {
+        Self {
+            wanted: *wanted,
+            tool_from_base: wanted.rotation.transpose(),
+            length_m: task.length_m,
+            free_tool_axis: task.free_tool_axis,
+        }
+    }
+
+    /// A motion of the tool, m and rad in base axes.
+    pub(crate) fn motion(&self, linear: DVec3, angular: DVec3) -> [f64; ROWS] {
+        let (v, w) = (self.tool_from_base * linear, self.tool_from_base * angular * self.length_m);
+        [v.x, v.y, v.z, w.x, w.y, if self.free_tool_axis { 0.0 } else { w.z }]
+    }
+
+    pub(crate) fn error(&self, linear: DVec3, angular: DVec3) -> TaskError {
+        TaskError(self.motion(linear, angular))
+    }
+
+    /// From where the tool is to where it should be.
+    pub(crate) fn between(&self, here: &Frame) -> TaskError {
+        let turn = vector_from_rotation(&(self.wanted.rotation * here.rotation.transpose()));
+        self.error(self.wanted.origin - here.origin, turn)
+    }
+}
+
+/// What is left between where the tool is and where it should be, as [`Rows`] say.
+#[derive(Clone, Copy)]
+pub(crate) struct TaskError(pub(crate) [f64; ROWS]);
+
+impl TaskError {
+    pub(crate) fn residual(&self, task: &Task) -> Residual {
+        let [x, y, z, a, b, c] = self.0;
+        Residual {
+            m: DVec3::new(x, y, z).length(),
+            rad: DVec3::new(a, b, c).length() / task.length_m,
+        }
+    }
+
+    /// Whether nothing of the task is left over: then even a singular pose has its solution.
+    pub(crate) fn is_done(&self) -> bool {
+        self.0.iter().map(|x| x * x).sum::<f64>() < ERROR_DONE_M * ERROR_DONE_M
+    }
+}

@@ -1,0 +1,135 @@
+//! Where the last solutions were: where the next will be, and whether one Newton step from there is enough.
+//!
+//! The correction is carried on in a straight line by how far the joints go. Where it was off last time by so little that the step after the first would
+//! have been foretold below [`STEP_DONE`], the next solve may begin there.
+//!
+//! Promises: what is foretold holds for the geometry whatever the memory (it is bound by the present slopes); for how effects bend, it is ten times what
+//! the last solve from a command showed, and at least [`BENDS`]. A pose where another solution could be near, or whose correction is large, is solved from its
+//! command; so is every [`RENEWED`]th of a motion. Never: a part in what a solution is.
+
+use crate::slopes::{MARGIN, largest};
+use crate::solve::{STEP_DONE, Solution};
+use physics::{Inputs, Joints};
+
+/// How much slopes of effects are taken to turn with their joint at least, per rad: twice that of a wave of 0.1 mrad and 300 cycles in a turn.
+const BENDS: f64 = 20.0;
+/// Commands of a motion after which one is solved from the command again.
+const RENEWED: u32 = 256;
+/// The longest from one command to the next, s: what comes later begins anew.
+const PAUSE_S: f64 = 0.02;
+/// The correction times the curvature, below which there is one solution only near the command: Kantorovich's half.
+const UNIQUE: f64 = 0.5;
+/// So much of what the joints may go from the command.
+const WITHIN: f64 = 0.5;
+/// A straight line is not carried on by more than so many of the last steps.
+const CARRIED_MAX: f64 = 2.0;
+
+/// What a solve knew at its end.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Ended {
+    /// See [`crate::slopes::Slopes::curvature`]; none where one step can never do.
+    pub(crate) curvature: Option<f64>,
+    /// The last step over the square of the one before; zero for less than two steps.
+    pub(crate) bent: f64,
+    /// Whether it ended with an undamped step.
+    pub(crate) by_step: bool,
+    /// Whether it began at the command.
+    pub(crate) from_command: bool,
+}
+
+/// The last two solutions of a motion.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Trace {
+    last: Option<Stand>,
+    before: Option<Stand>,
+    /// How effects bend, per rad.
+    bends: f64,
+    is_sure: bool,
+    /// Commands that moved since one was solved from the command.
+    moved: u32,
+}
+
+/// A command and its correction, rad or m.
+#[derive(Clone, Copy, Debug)]
+struct Stand {
+    q: Joints,
+    correction: Joints,
+}
+
+impl Trace {
+    /// The correction that is expected for a command; none where nothing leads to it.
+    pub(crate) fn guess(&self, inputs: &Inputs) -> Option<Joints> {
+        let last = self.last.as_ref()?;
+        if !(inputs.dt_s > 0.0 && inputs.dt_s <= PAUSE_S) {
+            return None;
+        }
+        let mut guess = last.correction;
+        if let Some(before) = &self.before {
+            let (mut along, mut square) = (0.0, 0.0);
+            for (q, (last, before)) in inputs.q.iter().zip(last.q.iter().zip(&before.q)) {
+                along += (q - last) * (last - before);
+                square += (last - before) * (last - before);
+            }
+            // No way at all: the correction stays.
+            let carried = if square > 0.0 { along / square } else { 0.0 };
+            let carried = carried.clamp(-CARRIED_MAX, CARRIED_MAX);
+            for (guess, before) in guess.iter_mut().zip(&before.correction) {
+                *guess += carried * (*guess - before);
+            }
+        }
+        Some(guess)
+    }
+
+    /// Whether one step from the next guess is expected to do.
+    pub(crate) fn is_sure(&self) -> bool {
+        self.is_sure && self.moved < RENEWED
+    }
+
+    /// Whether the command is the last one again.
+    pub(crate) fn stands(&self, q: &Joints) -> bool {
+        self.last.as_ref().is_some_and(|last| last.q == *q)
+    }
+
+    /// How large the step after `by` is at most.
+    pub(crate) fn foretell(&self, by: &Joints, curvature: f64) -> f64 {
+        let (sum, size) = (by.iter().map(|by| by.abs()).sum::<f64>(), largest(by));
+        0.5 * curvature * sum * sum + self.bends * size * size
+    }
+
+    /// Takes a solution for the command in `inputs`, and what had been guessed of it.
+    pub(crate) fn take(
+        &mut self,
+        inputs: &Inputs,
+        solution: &Solution,
+        guess: Option<&Joints>,
+        ended: &Ended,
+    ) {
+        if !solution.converged {
+            *self = Self::default();
+            return;
+        }
+        let off = |a: &Joints, b: &Joints| -> Joints { core::array::from_fn(|i| a[i] - b[i]) };
+        let correction = off(&solution.q, &inputs.q);
+        if ended.from_command {
+            (self.bends, self.moved) = (BENDS, 0);
+        } else if !self.stands(&inputs.q) {
+            self.moved += 1;
+        }
+        self.bends = self.bends.max(MARGIN * ended.bent);
+        self.is_sure = guess.zip(ended.curvature).is_some_and(|(guess, curvature)| {
+            let missed = off(&correction, guess);
+            self.foretell(&missed, curvature) < STEP_DONE
+        });
+        self.before = self.last.replace(Stand { q: inputs.q, correction });
+    }
+}
+
+/// Whether a correction is so small a part of `reach` that no step from the command to it is damped.
+pub(crate) fn is_small(correction: &Joints, reach: &Joints) -> bool {
+    correction.iter().zip(reach).all(|(correction, reach)| correction.abs() <= WITHIN * reach)
+}
+
+/// Whether a correction is so small for this curvature that a solve from the command finds no other.
+pub(crate) fn is_alone(correction: &Joints, curvature: f64) -> bool {
+    curvature * correction.iter().map(|x| x.abs()).sum::<f64>() < UNIQUE
+}
