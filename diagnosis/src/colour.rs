@@ -46,12 +46,11 @@ impl Colour {
         self.law.is_empty()
     }
 
-    /// What is new in each of a run's values, in the scale of the noise; the first ones, whose forerunners are missing, stay.
-    #[must_use]
-    pub(crate) fn freed(&self, run: &[f64]) -> Vec<f64> {
-        let order = self.law.len();
-        let mut new = run.to_vec();
-        let Some(behind) = new.get_mut(order..) else { return new };
+    /// Adds what is new in each of a run's values, in the scale of the noise, to `all`; the first ones, whose forerunners are missing, stay.
+    pub(crate) fn free(&self, run: &[f64], all: &mut Vec<f64>) {
+        let (order, first) = (self.law.len(), all.len());
+        all.extend_from_slice(run);
+        let Some(behind) = all.get_mut(first + order..) else { return };
         for (i, a) in self.law.iter().enumerate() {
             behind
                 .iter_mut()
@@ -59,7 +58,6 @@ impl Colour {
                 .for_each(|(new, before)| *new -= a * before);
         }
         behind.iter_mut().for_each(|new| *new /= self.fresh);
-        new
     }
 
     /// The sum of the law's numbers, below one: how much of a slow change is noise to it, for people.

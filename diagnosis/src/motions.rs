@@ -24,6 +24,8 @@ pub(crate) struct Motions<'a> {
     model: &'a Model,
     /// Effect and value of each free number.
     wanted: Vec<(usize, usize)>,
+    /// How large each of them may be.
+    much: Vec<f64>,
     are_candidates: bool,
     yielding: Option<Yielding>,
 }
@@ -31,7 +33,10 @@ pub(crate) struct Motions<'a> {
 impl<'a> Motions<'a> {
     pub(crate) fn of(hypothesis: &'a Hypothesis) -> Self {
         let wanted = hypothesis.free.iter().map(|free| (free.effect, free.value)).collect();
-        Self { model: &hypothesis.model, wanted, are_candidates: false, yielding: None }
+        let effects: Vec<&AnyEffect> = hypothesis.model.effects().collect();
+        let much =
+            hypothesis.free.iter().map(|free| much(effects[free.effect], free.value)).collect();
+        Self { model: &hypothesis.model, wanted, much, are_candidates: false, yielding: None }
     }
 
     /// The same of candidates, which stand beside one another without being there.
@@ -39,7 +44,7 @@ impl<'a> Motions<'a> {
         Self { are_candidates: true, ..Self::of(hypothesis) }
     }
 
-    /// At one pose, of which `seen` is what the model says; one motion per free number.
+    /// At one pose, of which `seen` is what the model says, or at least [`Model::load_into`]; one motion per free number.
     pub(crate) fn at(
         &mut self,
         inputs: &Inputs,
@@ -48,7 +53,8 @@ impl<'a> Motions<'a> {
     ) -> Vec<Motion> {
         let mut motions = vec![Motion::default(); self.wanted.len()];
         let mut on_loads = Vec::new();
-        self.model.derivatives(inputs, memories, &self.wanted, |place, change| {
+        let here = (inputs, memories);
+        self.model.derivatives_under(here, seen, &self.wanted, |place, change| {
             match Motion::of(&self.model.arm, seen, change) {
                 Some(motion) => motions[place] = motion,
                 None => on_loads.push((place, *change)),
@@ -62,17 +68,20 @@ impl<'a> Motions<'a> {
             });
             yielding.stand_at(memories);
             // What one unit of load does is told by the change that loads most: others may do next to nothing here, as at a spring's dead point.
-            let size = |(place, change): &(usize, Contribution)| match change {
-                Contribution::JointLoad { load, .. } => {
-                    let (effect, value) = self.wanted[*place];
-                    let effect = self.model.effects().nth(effect);
-                    effect.map_or(0.0, |effect| much(effect, value)) * load.abs()
+            let mut most = [(0.0, None); JOINTS_MAX];
+            for (place, change) in &on_loads {
+                if let Contribution::JointLoad { joint, load } = change {
+                    let size = self.much[*place] * load.abs();
+                    if size > most[*joint].0 {
+                        most[*joint] = (size, Some((*place, change)));
+                    }
                 }
-                _ => 0.0,
-            };
-            on_loads.sort_by(|a, b| size(b).total_cmp(&size(a)));
-            for (place, change) in on_loads {
-                motions[place] = yielding.motion(self.model, self.wanted[place], &change, inputs);
+            }
+            for (place, change) in most.iter().filter_map(|(_, most)| *most) {
+                yielding.motion(self.model, self.wanted[place], change, inputs);
+            }
+            for (place, change) in &on_loads {
+                motions[*place] = yielding.motion(self.model, self.wanted[*place], change, inputs);
             }
         }
         motions
@@ -87,6 +96,8 @@ struct Yielding {
     places: Vec<Option<usize>>,
     /// How the tool moves per unit of load on a joint.
     responses: [Option<Motion>; JOINTS_MAX],
+    /// Room for what the model says.
+    seen: Box<Evaluation>,
 }
 
 impl Yielding {
@@ -103,7 +114,8 @@ impl Yielding {
             let stands = at_work && model.push(*effect).is_ok();
             places.push(stands.then(|| model.effects().len() - 1));
         }
-        Self { model, memories: Memories::default(), places, responses: [None; JOINTS_MAX] }
+        let (memories, seen) = (Memories::default(), Box::default());
+        Self { model, memories, places, responses: [None; JOINTS_MAX], seen }
     }
 
     fn stand_at(&mut self, all: &Memories) {
@@ -158,8 +170,8 @@ impl Yielding {
                 *effect = *own;
                 effect.values_mut()[value] = value_there;
             }
-            let seen = self.model.evaluate(inputs, &self.memories);
-            (seen.real.base_from_tool, seen.deviation.joints)
+            self.model.evaluate_into(inputs, &self.memories, &mut self.seen);
+            (self.seen.real.base_from_tool, self.seen.deviation.joints)
         };
         let motion = Motion::between(&at(stands - step), &at(stands + step), 2.0 * step);
         if let Some(effect) = self.model.effect_mut(place) {

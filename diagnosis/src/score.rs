@@ -20,7 +20,7 @@ use crate::rides::Rides;
 use crate::sheet::Sheet;
 use glam::DVec3;
 use nalgebra::DMatrix;
-use physics::{AnyEffect, Chain, Deviation, EFFECTS_MAX, Evaluation, Loads};
+use physics::{AnyEffect, EFFECTS_MAX, Evaluation};
 use std::sync::Arc;
 use sums::Sums;
 
@@ -304,16 +304,11 @@ impl<'a> Fitted<'a> {
         let slopes = rides.slopes(batch, self.campaign);
         let mut at_pose = Motions::of_candidates(batch);
         let used = Some(self.weighing.used.as_slice());
+        let mut bare = Box::<Evaluation>::default();
         remember(&batch.model, self.campaign, &rides, used, |pose, memories| {
             let inputs = rides.inputs(self.campaign, pose);
-            let nominal = Chain::nominal(arm, &inputs.q);
-            let bare = Evaluation {
-                nominal,
-                loads: Loads::on(arm, &nominal, inputs.wrench_base),
-                deviation: Deviation::default(),
-                real: nominal,
-                beyond: None,
-            };
+            batch.model.load_into(inputs, memories, &mut bare);
+            bare.real = bare.nominal;
             let mut motions = at_pose.at(inputs, memories, &bare);
             slopes.fill(arm, &bare, pose, &mut motions);
             all.iter_mut().zip(motions).for_each(|(series, motion)| series[pose] = motion);

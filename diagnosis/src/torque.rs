@@ -123,12 +123,12 @@ pub fn diagnose(
     let asking = refine::asking(&case, &products, &always);
     let names = pushed(&asking, names);
     let choice = asking.solve(&names);
-    let spreads = refine::settle(&mut case, &choice, &always, &seen);
+    refine::settle(&mut case, &choice, &always, &seen);
     let names = likeliest(&case, &weighed(&case, &always, &names));
     let names = warmed(&mut case, stated, &always, &names, &seen);
     let weighed = weighed(&case, &always, &names);
     case.forget_memory();
-    Ok(finish::finish(&case, stated, (&always, &weighed), zones, &spreads))
+    Ok(finish::finish(&case, stated, (&always, &weighed), zones))
 }
 
 /// What hardens is a spring: where none is stated or named, what is named so is the spring itself.

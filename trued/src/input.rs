@@ -42,6 +42,14 @@ pub(crate) struct Input {
     pub(crate) joint_kinds: Vec<JointKind>,
 }
 
+/// A recording that somebody has looked into.
+pub(crate) enum Looked {
+    /// No joint is in it: with the model that is given or named for it, or one that stands in for no arm.
+    WithoutArm(Box<(RobotModel, Recording)>),
+    /// Joints are in it; none where it cannot be read.
+    OfArm(Option<Box<Recording>>),
+}
+
 /// No model under this name.
 #[derive(Debug, thiserror::Error)]
 #[error("`{}` is neither a model file nor a preset{meant}; `trued model presets` lists the presets", name.display())]
@@ -69,7 +77,7 @@ impl Reading {
     /// Reads a recording of joint positions and the model that it belongs to; `fallback` is the model where neither
     /// the command line nor the recording names one.
     pub(crate) fn read(&self, path: &Path, fallback: Option<&Path>) -> Result<Input, Failure> {
-        self.read_with(Need::Path, path, fallback)
+        self.read_with(Need::Path, path, fallback, None)
     }
 
     /// Reads recordings of what was measured of one robot, and its model.
@@ -77,9 +85,18 @@ impl Reading {
         &self,
         paths: &[PathBuf],
     ) -> Result<(RobotModel, Vec<Recording>), Failure> {
+        self.measured_after(None, paths)
+    }
+
+    /// The same where somebody has looked into the first one already.
+    pub(crate) fn measured_after(
+        &self,
+        mut read: Option<Recording>,
+        paths: &[PathBuf],
+    ) -> Result<(RobotModel, Vec<Recording>), Failure> {
         let mut inputs = Vec::with_capacity(paths.len());
         for path in paths {
-            inputs.push(self.read_with(Need::Measurement, path, None)?);
+            inputs.push(self.read_with(Need::Measurement, path, None, read.take())?);
         }
         let first = inputs.first().map(|input| input.model.clone());
         let model = first.ok_or_else(|| Failure::input("no recording was given"))?;
@@ -89,17 +106,14 @@ impl Reading {
         Ok((model, inputs.into_iter().map(|input| input.recording).collect()))
     }
 
-    /// A recording without any joint position, and the model that is given or named for it, or one that stands in for no arm; none where there are joints.
-    pub(crate) fn without_arm(
-        &self,
-        path: &Path,
-    ) -> Result<Option<(RobotModel, Recording)>, Failure> {
+    /// Reads a recording of which it is not known yet whether joints are in it.
+    pub(crate) fn look(&self, path: &Path) -> Result<Looked, Failure> {
         // What cannot be read is told by whoever asks for joints.
         let Ok(recording) = series::read(path, self.mapping.as_deref(), Need::Samples) else {
-            return Ok(None);
+            return Ok(Looked::OfArm(None));
         };
         if recording.joint_count() > 0 {
-            return Ok(None);
+            return Ok(Looked::OfArm(Some(Box::new(recording))));
         }
         for note in &recording.notes {
             warn!("{}: {note}", recording.file.display());
@@ -109,7 +123,7 @@ impl Reading {
             Some(name) => model(name)?,
             None => RobotModel::parse("no arm", NO_ARM).map_err(Failure::system)?,
         };
-        Ok(Some((model, recording)))
+        Ok(Looked::WithoutArm(Box::new((model, recording))))
     }
 
     fn read_with(
@@ -117,8 +131,15 @@ impl Reading {
         need: Need,
         path: &Path,
         fallback: Option<&Path>,
+        read: Option<Recording>,
     ) -> Result<Input, Failure> {
-        let recording = series::read(path, self.mapping.as_deref(), need).map_err(unusable)?;
+        let recording = match read {
+            Some(recording) => {
+                recording.check_need(need).map_err(|faults| Failure::input(Faulty(faults)))?;
+                recording
+            }
+            None => series::read(path, self.mapping.as_deref(), need).map_err(unusable)?,
+        };
         let named = recording.about.model.as_ref();
         let beside = named.map(|name| beside(path, Path::new(name)));
         let name = self.model.as_deref().or(fallback).or(beside.as_deref());

@@ -152,13 +152,6 @@ pub(super) fn lowest_speed(motion: &Motion, joint: usize) -> f64 {
 }
 
 impl Column {
-    /// Whether it is the very same column, not one of the same numbers.
-    pub(super) fn is(&self, other: &Self) -> bool {
-        let mut pairs = self.parts.iter().zip(&other.parts);
-        self.parts.len() == other.parts.len()
-            && pairs.all(|(own, other)| own.0 == other.0 && Arc::ptr_eq(&own.1, &other.1))
-    }
-
     /// Several columns as one, each times its number.
     pub(crate) fn sum(columns: &[(&Self, f64)], joint: usize, rows: usize) -> Vec<f64> {
         let mut all = vec![0.0; rows];

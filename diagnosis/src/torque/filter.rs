@@ -49,24 +49,31 @@ impl LowPass {
         let before = (1..=pad).rev().map(|k| 2.0 * first - samples[k]);
         let after = (1..=pad).map(|k| 2.0 * last - samples[samples.len() - 1 - k]);
         let mut long: Vec<f64> = before.chain(samples.iter().copied()).chain(after).collect();
-        for _ in 0..2 {
-            self.sections.iter().for_each(|section| section.run(&mut long));
-            long.reverse();
-        }
+        self.run(long.iter_mut());
+        self.run(long.iter_mut().rev());
         long[pad..pad + samples.len()].to_vec()
+    }
+
+    /// In place through both sections at once, each starting settled at its first sample.
+    fn run<'s>(&self, mut samples: impl Iterator<Item = &'s mut f64>) {
+        let [first, second] = &self.sections;
+        let Some(start) = samples.next() else { return };
+        let mut before = [*start; 4];
+        let mut between = [first.step(*start, &mut before); 4];
+        *start = second.step(between[0], &mut between);
+        for x in samples {
+            *x = second.step(first.step(*x, &mut before), &mut between);
+        }
     }
 }
 
 impl Section {
-    /// In place, starting settled at the first sample.
-    fn run(&self, samples: &mut [f64]) {
-        let Some(&start) = samples.first() else { return };
-        let (mut x1, mut x2, mut y1, mut y2) = (start, start, start, start);
-        for x in samples {
-            let y = self.b0 * (*x + 2.0 * x1 + x2) - self.a1 * y1 - self.a2 * y2;
-            (x2, x1, y2, y1) = (x1, *x, y1, y);
-            *x = y;
-        }
+    /// What comes out when `x` goes in; `before`: what went in and what came out, each one and two samples ago.
+    fn step(&self, x: f64, before: &mut [f64; 4]) -> f64 {
+        let [x1, x2, y1, y2] = *before;
+        let y = self.b0 * (x + 2.0 * x1 + x2) - self.a1 * y1 - self.a2 * y2;
+        *before = [x, x1, y, y1];
+        y
     }
 }
 

@@ -18,7 +18,6 @@ pub(super) fn finish(
     stated: &Stated<'_>,
     (always, weighed): (&[usize], &[Weighed]),
     zones: Vec<Zone>,
-    spreads: &[(usize, f64)],
 ) -> Diagnosis {
     let arm = &stated.model.arm;
     let (seen, held) = (case.rows.seen(), &case.rows.held);
@@ -32,7 +31,7 @@ pub(super) fn finish(
     let listed = prove::order(case, &asking, &choice, held);
     let outside =
         if zones.is_empty() { Vec::new() } else { outside_alone(case, &asking, &choice, held) };
-    let covariance = prove::covariance(case, &choice.solved, &seen);
+    let (covariance, spreads) = prove::sureness(case, &choice, &seen);
     let unzoned = without_zones(case, always, &names, &zones, &seen);
     let moved = |column: usize| moved(unzoned.as_ref(), &choice, column);
     let finding = |(name, heldout): &(usize, [f64; 2])| {

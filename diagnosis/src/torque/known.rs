@@ -131,7 +131,7 @@ impl Stated<'_> {
             })
             .collect();
         let places: Vec<(usize, usize)> = wanted.iter().map(|(e, v, _)| (*e, *v)).collect();
-        let (torque, columns) = self.over_all(motion, &places);
+        let (torque, columns) = self.over_all(motion, &places, true);
         let open = columns.into_iter().zip(&wanted);
         let open = open.filter(|(column, _)| !column.parts.is_empty());
         let effects: Vec<&AnyEffect> = self.model.effects().collect();
@@ -145,16 +145,21 @@ impl Stated<'_> {
         Known { torque, open: open.map(one).collect() }
     }
 
-    /// Per joint, what effects add at the rows; and a column for each number that is wanted.
-    fn over_all(&self, motion: &Motion, wanted: &[(usize, usize)]) -> (Vec<Vec<f64>>, Vec<Column>) {
+    /// Per joint, what effects add at the rows, where `torque` is asked for; and a column for each number that is wanted.
+    fn over_all(
+        &self,
+        motion: &Motion,
+        wanted: &[(usize, usize)],
+        torque: bool,
+    ) -> (Vec<Vec<f64>>, Vec<Column>) {
         let count = self.model.arm.count();
         let mut all = vec![Vec::new(); count];
         let mut columns = vec![vec![Vec::new(); count]; wanted.len()];
         let standing: Vec<f64> = (0..count).map(|j| STANDING * usual_speed(motion, j)).collect();
         for run in &motion.runs {
-            let (torque, slopes) = self.over(run, &standing, wanted);
+            let (added, slopes) = self.over(run, &standing, wanted, torque);
             for joint in 0..count {
-                all[joint].extend(run.at_rows(&torque[joint]));
+                all[joint].extend(run.at_rows(&added[joint]));
                 for (column, slopes) in columns.iter_mut().zip(&slopes) {
                     column[joint].extend(run.at_rows(&slopes[joint]));
                 }
@@ -178,13 +183,14 @@ impl Stated<'_> {
         run: &Run,
         standing: &[f64],
         wanted: &[(usize, usize)],
+        torque: bool,
     ) -> (Vec<Vec<f64>>, Vec<Vec<Vec<f64>>>) {
         let count = self.model.arm.count();
         let samples = run.joints.first().map_or(0, |track| track.q.len());
-        let mut torque = vec![Vec::with_capacity(samples); count];
+        let mut added = vec![vec![0.0; samples]; count];
         let mut slopes = vec![vec![vec![0.0; samples]; count]; wanted.len()];
         if self.model.effects().len() == 0 {
-            return (vec![vec![0.0; samples]; count], slopes);
+            return (added, slopes);
         }
         let mut memories = Memories::default();
         let mut before = None;
@@ -196,10 +202,12 @@ impl Stated<'_> {
             } else {
                 self.model.advance(&inputs, &mut memories);
             }
-            let drive = self.model.drive(&inputs, &memories);
-            let rigid = inverse_dynamics(&self.model.arm, &inputs);
-            for (joint, list) in torque.iter_mut().enumerate() {
-                list.push(drive.recorded(joint) - rigid[joint]);
+            if torque {
+                let drive = self.model.drive(&inputs, &memories);
+                let rigid = inverse_dynamics(&self.model.arm, &inputs);
+                for (joint, list) in added.iter_mut().enumerate() {
+                    list[sample] = drive.recorded(joint) - rigid[joint];
+                }
             }
             self.model.drive_slopes(&inputs, &memories, wanted, |place, slope| {
                 for (joint, list) in slopes[place].iter_mut().enumerate() {
@@ -207,7 +215,7 @@ impl Stated<'_> {
                 }
             });
         }
-        (torque, slopes)
+        (added, slopes)
     }
 }
 
@@ -222,7 +230,7 @@ pub(super) fn moments(arm: &Arm, motion: &Motion) -> Vec<(usize, Vec<Column>)> {
     let wanted: Vec<(usize, usize)> =
         (0..effects.len()).flat_map(|effect| (0..3).map(move |value| (effect, value))).collect();
     let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
-    let (_, columns) = stated.over_all(motion, &wanted);
+    let (_, columns) = stated.over_all(motion, &wanted, false);
     let each = joints.iter().zip(columns.chunks(3)).map(|(joint, three)| (*joint, three.to_vec()));
     each.filter(|(_, three)| three.iter().any(|column| !column.parts.is_empty())).collect()
 }

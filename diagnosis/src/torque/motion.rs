@@ -88,6 +88,9 @@ impl Run {
 
     /// Sharp samples in the band of the torque, at the rows.
     pub(super) fn at_rows(&self, samples: &[f64]) -> Vec<f64> {
+        if samples.iter().all(|x| *x == 0.0) {
+            return vec![0.0; self.rows.len()];
+        }
         let passed = self.filter.pass(samples);
         self.rows.iter().map(|row| passed[*row]).collect()
     }

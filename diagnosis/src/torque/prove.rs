@@ -10,7 +10,8 @@ use super::case::Case;
 use super::choose::{Asking, Choice, others};
 use super::columns::Column;
 use super::noise;
-use super::table::{Solved, Table};
+use super::refine;
+use super::table::{Products, Solved, Table};
 
 /// A number is at least so many times its uncertainty.
 const SURE: f64 = 2.0;
@@ -221,6 +222,42 @@ pub(super) fn covariance(case: &Case, solved: &Solved, used: &[bool]) -> DMatrix
         }
     }
     all
+}
+
+/// The same with what searched numbers leave open, and how sure these are: per name, the standard uncertainty as a share of the number.
+pub(super) fn sureness(
+    case: &Case,
+    choice: &Choice,
+    used: &[bool],
+) -> (DMatrix<f64>, Vec<(usize, f64)>) {
+    let covariance = covariance(case, &choice.solved, used);
+    let slopes: Vec<(usize, Column)> = choice
+        .names
+        .iter()
+        .filter_map(|name| Some((*name, refine::slope(case, *name, &choice.solved)?)))
+        .collect();
+    if slopes.is_empty() {
+        return (covariance, Vec::new());
+    }
+    let own = choice.solved.columns.iter().map(|column| &case.library.columns[*column]);
+    let columns: Vec<&Column> = own.chain(slopes.iter().map(|(_, slope)| slope)).collect();
+    let mut prior: Vec<f64> =
+        choice.solved.columns.iter().map(|column| case.library.prior[*column]).collect();
+    prior.resize(columns.len(), 0.0);
+    let places: Vec<usize> = (0..columns.len()).collect();
+    let solved = Products::new(&case.table, &columns, prior, used).solve(&places);
+    let columns: Vec<Column> = columns.into_iter().cloned().collect();
+    let whole = covariance_of(&case.table, &columns, &solved, used);
+    let at = |column: usize| solved.columns.iter().position(|k| *k == column);
+    let count = choice.solved.columns.len();
+    let all = DMatrix::from_fn(count, count, |i, j| match (at(i), at(j)) {
+        // Freedom more leaves nothing surer.
+        (Some(a), Some(b)) if i == j => whole[(a, b)].max(covariance[(i, j)]),
+        (Some(a), Some(b)) => whole[(a, b)],
+        _ => covariance[(i, j)],
+    });
+    let spread = |k: usize| at(count + k).map_or(1.0, |at| libm::sqrt(whole[(at, at)]));
+    (all, slopes.iter().enumerate().map(|(k, (name, _))| (*name, spread(k))).collect())
 }
 
 /// The same of any table.

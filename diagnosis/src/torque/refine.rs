@@ -1,6 +1,6 @@
 //! Numbers that no column gives: the speed of a Stribeck friction, the distance of a memory, the cycles of a ripple.
 //!
-//! Each is moved to the top of a parabola through three values of the likelihood, the others fitted anew at each; its bend says how sure the number is.
+//! Each is moved to the top of a parabola through three values of the likelihood, the others fitted anew at each. How sure it is, its slope tells in `prove`.
 //!
 //! Promises: a number leaves its neighbourhood only uphill. Never: a name changed.
 
@@ -19,10 +19,13 @@ const STEPS: [f64; 4] = [0.3, 0.15, 0.07, 0.03];
 const LEAP: f64 = 2.0;
 /// Of a joint's span, a memory turns over within this share: one that takes longer is a spring.
 const LONGEST: f64 = 0.15;
-/// Rounds until a bend and its number agree.
-const ROUNDS: usize = 4;
+/// Rounds until a bend and its number agree, to this share.
+const ROUNDS: usize = 10;
+const AGREES: f64 = 1e-4;
 /// Rows that are summed side by side.
 const LANES: usize = 8;
+/// Rows whose waves are turned through all steps before the next ones are looked at: so many stay near.
+const PIECE: usize = 512;
 /// Waves between the longest and the shortest that are looked for at most.
 const WAVES: usize = 400;
 /// The fewest half cycles in the whole span that a ripple has.
@@ -46,31 +49,50 @@ fn columns(case: &Case, name: usize, value: f64) -> Option<Vec<Column>> {
     }
 }
 
-/// Brings every searched number of a choice to where it fits best; returns, per name, its standard uncertainty as a share of it.
-pub(super) fn settle(
-    case: &mut Case,
-    choice: &Choice,
-    always: &[usize],
-    used: &[bool],
-) -> Vec<(usize, f64)> {
-    let mut spreads = Vec::new();
+/// What a name adds more as its searched number grows by a share, with the other numbers as they are solved; none where it has none.
+pub(super) fn slope(case: &Case, name: usize, solved: &Solved) -> Option<Column> {
+    let family = &case.library.families[name];
+    let &(_, value) = family.settings.first()?;
+    let step = STEPS[STEPS.len() - 1] * widest(case, name, value) / STEPS[0];
+    let (below, above) =
+        (columns(case, name, value * (1.0 - step))?, columns(case, name, value * (1.0 + step))?);
+    let mut parts: Vec<(usize, Vec<f64>)> = Vec::new();
+    for ((place, below), above) in family.columns.iter().zip(below).zip(above) {
+        let share = solved.value(*place)? / (2.0 * step);
+        for ((joint, below), (_, above)) in below.parts.iter().zip(&above.parts) {
+            let more = below.iter().zip(above.iter()).map(|(below, above)| share * (above - below));
+            match parts.iter_mut().find(|(other, _)| other == joint) {
+                Some((_, sum)) => sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += more),
+                None => parts.push((*joint, more.collect())),
+            }
+        }
+    }
+    Some(Column { parts: parts.into_iter().map(|(joint, sum)| (joint, sum.into())).collect() })
+}
+
+/// The share by which a searched number may be moved at first.
+fn widest(case: &Case, name: usize, value: f64) -> f64 {
+    let family = &case.library.families[name];
+    match (family.form, family.joint) {
+        // A wave keeps its phase over the span only within a fraction of a cycle.
+        (Form::Wave, Some(joint)) => {
+            let [low, high] = case.motion.span(joint);
+            let cycles = value * (high - low) / TAU;
+            (0.3 / cycles.max(1.0)).min(STEPS[0])
+        }
+        _ => STEPS[0],
+    }
+}
+
+/// Brings every searched number of a choice to where it fits best.
+pub(super) fn settle(case: &mut Case, choice: &Choice, always: &[usize], used: &[bool]) {
     for &name in &choice.names {
         let Some(&(_, start)) = case.library.families[name].settings.first() else { continue };
         if columns(case, name, start).is_none() {
             continue;
         }
-        let family = &case.library.families[name];
-        let widest = match (family.form, family.joint) {
-            // A wave keeps its phase over the span only within a fraction of a cycle.
-            (Form::Wave, Some(joint)) => {
-                let [low, high] = case.motion.span(joint);
-                let cycles = start * (high - low) / TAU;
-                (0.3 / cycles.max(1.0)).min(STEPS[0])
-            }
-            _ => STEPS[0],
-        };
+        let widest = widest(case, name, start);
         let mut value = start;
-        let mut spread = widest;
         let joint = case.library.families[name].joint.unwrap_or(0);
         let (least, lowest) =
             (shortest_way(&case.motion, joint), lowest_speed(&case.motion, joint));
@@ -83,7 +105,6 @@ pub(super) fn settle(
             }
             let bend = gains[0] - 2.0 * gains[1] + gains[2];
             let moved = if bend < 0.0 {
-                spread = step / libm::sqrt(-bend);
                 0.5 * step * (gains[0] - gains[2]) / bend
             } else if gains[2] > gains[0] {
                 LEAP * step
@@ -98,9 +119,7 @@ pub(super) fn settle(
             };
         }
         put(case, name, value);
-        spreads.push((name, spread));
     }
-    spreads
 }
 
 /// Bends each friction that falls with warmth by as much as its own number says, until both agree; `viscous`: the stated friction of a joint.
@@ -115,14 +134,20 @@ pub(super) fn warm(
         let family = &case.library.families[name];
         let (Form::Warmth, Some(joint)) = (family.form, family.joint) else { continue };
         let place = family.columns[0];
+        let (mut per_kelvin, mut before) = (0.0, None::<(f64, f64)>);
         for _ in 0..ROUNDS {
             let products = case.products(used);
             let solved = asking(case, &products, always).solve(names).solved;
             let friction = viscous(joint) + found_viscous(case, names, &solved, joint);
-            let per_kelvin = -solved.value(place).unwrap_or(0.0) / friction;
-            if !per_kelvin.is_finite() {
+            let told = -solved.value(place).unwrap_or(0.0) / friction;
+            let off = told - per_kelvin;
+            if !told.is_finite() || off.abs() <= AGREES * told.abs() {
                 break;
             }
+            // What is told falls as steeply as the bend rises, or more: put in as it is, it would swing.
+            let secant = before.map(|(k, o)| per_kelvin - off * (per_kelvin - k) / (off - o));
+            before = Some((per_kelvin, off));
+            per_kelvin = secant.filter(|k| k.is_finite() && k * told > 0.0).unwrap_or(told);
             case.library.columns[place] = Law::Warmth { per_kelvin }.column(&case.motion, joint);
         }
     }
@@ -208,31 +233,35 @@ fn loudest(case: &Case, joint: usize, left: &[f64], used: &[bool]) -> Option<f64
 
 /// `|Σ r e^{i k step q}|²` of rows `(q, r)` for `k` from `from` to `to`: each wave is the one before, turned by a step.
 fn powers(rows: &[(f64, f64)], from: usize, step: f64, to: usize) -> Vec<f64> {
-    let mut rows = rows.to_vec();
-    rows.resize(rows.len().next_multiple_of(LANES), (0.0, 0.0));
-    let at = |cycles: f64| -> (Vec<f64>, Vec<f64>) {
-        rows.iter().map(|(q, _)| libm::sincos(cycles * q)).unzip()
-    };
-    let rests: Vec<f64> = rows.iter().map(|(_, rest)| *rest).collect();
-    let ((mut sines, mut cosines), (by_sine, by_cosine)) = (at(step * from as f64), at(step));
-    let mut powers = Vec::new();
-    for _ in from..=to {
-        let (mut of_sine, mut of_cosine) = ([0.0; LANES], [0.0; LANES]);
-        let (sines, _) = sines.as_chunks_mut::<LANES>();
-        let (cosines, _) = cosines.as_chunks_mut::<LANES>();
-        let by = by_sine.as_chunks::<LANES>().0.iter().zip(by_cosine.as_chunks::<LANES>().0);
-        let rests = rests.as_chunks::<LANES>().0;
-        for (((sine, cosine), (s, c)), rest) in sines.iter_mut().zip(cosines).zip(by).zip(rests) {
-            for k in 0..LANES {
-                of_sine[k] += rest[k] * sine[k];
-                of_cosine[k] += rest[k] * cosine[k];
-                (sine[k], cosine[k]) =
-                    (sine[k] * c[k] + cosine[k] * s[k], cosine[k] * c[k] - sine[k] * s[k]);
+    let mut sums: Vec<(f64, f64)> = (from..=to).map(|_| (0.0, 0.0)).collect();
+    for piece in rows.chunks(PIECE) {
+        let mut piece = piece.to_vec();
+        piece.resize(piece.len().next_multiple_of(LANES), (0.0, 0.0));
+        let at = |cycles: f64| -> (Vec<f64>, Vec<f64>) {
+            piece.iter().map(|(q, _)| libm::sincos(cycles * q)).unzip()
+        };
+        let rests: Vec<f64> = piece.iter().map(|(_, rest)| *rest).collect();
+        let ((mut sines, mut cosines), (by_sine, by_cosine)) = (at(step * from as f64), at(step));
+        for sum in &mut sums {
+            let (mut of_sine, mut of_cosine) = ([0.0; LANES], [0.0; LANES]);
+            let (sines, _) = sines.as_chunks_mut::<LANES>();
+            let (cosines, _) = cosines.as_chunks_mut::<LANES>();
+            let by = by_sine.as_chunks::<LANES>().0.iter().zip(by_cosine.as_chunks::<LANES>().0);
+            let rests = rests.as_chunks::<LANES>().0;
+            for (((sine, cosine), (s, c)), rest) in sines.iter_mut().zip(cosines).zip(by).zip(rests)
+            {
+                for k in 0..LANES {
+                    of_sine[k] += rest[k] * sine[k];
+                    of_cosine[k] += rest[k] * cosine[k];
+                    (sine[k], cosine[k]) =
+                        (sine[k] * c[k] + cosine[k] * s[k], cosine[k] * c[k] - sine[k] * s[k]);
+                }
             }
+            sum.0 += of_sine.iter().sum::<f64>();
+            sum.1 += of_cosine.iter().sum::<f64>();
         }
-        powers.push(of_sine.iter().sum::<f64>().powi(2) + of_cosine.iter().sum::<f64>().powi(2));
     }
-    powers
+    sums.into_iter().map(|(sine, cosine)| sine * sine + cosine * cosine).collect()
 }
 
 /// What is asked with the library as it stands.

@@ -6,9 +6,12 @@
 //!
 //! Promises: a law costs its numbers and the number of laws that were asked, and stands only where held-out rows are likelier with it. Never: a formula.
 
+use std::cell::RefCell;
+
 use super::case::Case;
 use super::columns::{Column, Law as Sized};
 use super::motion::{Motion, span};
+use super::sums::Sums;
 use super::table::{Products, Solved, Table};
 use super::unknown::{Law, Word, words};
 use super::{noise, prove, refine};
@@ -56,28 +59,40 @@ struct Best {
 struct Question<'a> {
     case: &'a Case,
     joint: usize,
-    columns: Vec<&'a Column>,
+    columns: Vec<Column>,
     prior: Vec<f64>,
     laws: &'a [Asked],
     /// Places of each law's columns.
     places: Vec<Vec<usize>>,
     /// Names that stand, their columns' places and prices: all, and without the joint's.
     kept: Vec<(Vec<usize>, Vec<usize>, f64)>,
+    /// What was summed last, of this joint's question or another's.
+    sums: &'a RefCell<Option<Sums>>,
 }
 
-/// `T_k` of a word's values, mapped to −1 to 1, row by row.
-fn chebyshev(word: &Word, degree: usize) -> Vec<f64> {
-    let [low, high] = span(word.values.iter().copied());
-    let half = (0.5 * (high - low)).max(f64::MIN_POSITIVE);
-    let of =
-        |x: &f64| libm::cos(degree as f64 * libm::acos(((x - low) / half - 1.0).clamp(-1.0, 1.0)));
-    word.values.iter().map(of).collect()
+/// What a look at a question says.
+struct Looked {
+    /// Laws that are worth their price, the one that is worth most first.
+    found: Vec<Best>,
+    /// The fit of the names without any.
+    bare: Solved,
+    products: Products,
 }
 
-/// A word in all its polynomials.
+/// A word in all its Chebyshev polynomials, its values mapped to −1 to 1: row by row, `T_{k+1} = 2 x T_k − T_{k−1}`.
 fn series(word: &Word) -> Vec<Vec<f64>> {
     let most = if word.name == "t_s" { DEGREE_OF_TIME } else { DEGREE };
-    (0..=most).map(|degree| chebyshev(word, degree)).collect()
+    let [low, high] = span(word.values.iter().copied());
+    let half = (0.5 * (high - low)).max(f64::MIN_POSITIVE);
+    let x: Vec<f64> =
+        word.values.iter().map(|x| ((x - low) / half - 1.0).clamp(-1.0, 1.0)).collect();
+    let mut all = vec![vec![1.0; x.len()], x];
+    for k in 1..most {
+        let both = all[k].iter().zip(&all[k - 1]);
+        let next = all[1].iter().zip(both).map(|(x, (one, before))| 2.0 * x * one - before);
+        all.push(next.collect());
+    }
+    all
 }
 
 fn times(a: &[f64], b: &[f64]) -> Vec<f64> {
@@ -125,8 +140,8 @@ impl<'a> Question<'a> {
         case: &'a Case,
         (always, names): (&[usize], &[usize]),
         price: &dyn Fn(usize) -> f64,
-        joint: usize,
-        laws: &'a [Asked],
+        (joint, laws): (usize, &'a [Asked]),
+        sums: &'a RefCell<Option<Sums>>,
     ) -> Self {
         let families = &case.library.families;
         let mut of = always.to_vec();
@@ -149,20 +164,23 @@ impl<'a> Question<'a> {
         if beside.len() < names.len() {
             kept.push(set(beside));
         }
-        let mut columns: Vec<&Column> = of.iter().map(|k| &case.library.columns[*k]).collect();
+        let mut columns: Vec<Column> =
+            of.iter().map(|k| case.library.columns[*k].clone()).collect();
         let mut prior: Vec<f64> = of.iter().map(|k| case.library.prior[*k]).collect();
         let mut places = Vec::new();
         for law in laws {
             places.push((columns.len()..columns.len() + law.columns.len()).collect());
-            columns.extend(&law.columns);
+            columns.extend_from_slice(&law.columns);
             prior.resize(columns.len(), 0.0);
         }
-        Self { case, joint, columns, prior, laws, places, kept }
+        Self { case, joint, columns, prior, laws, places, kept, sums }
     }
 
-    /// Laws that are worth their price by what `table` believes of the noise, the one that is worth most first; and the fit of the names without any.
-    fn best(&self, table: &Table, used: &[bool]) -> (Vec<Best>, Solved) {
-        let products = Products::new(table, &self.columns, self.prior.clone(), used);
+    /// The laws by what `table` believes of the noise.
+    fn look(&self, table: &Table, used: &[bool]) -> Looked {
+        let sums = Sums::taken(self.sums.take(), table, &self.columns, used);
+        let products = sums.products(self.prior.clone());
+        self.sums.replace(Some(sums));
         let tried = (self.laws.len() * DEGREE) as f64;
         let rows = (products.rows.max(3) as f64).ln();
         let price = |count: usize| 0.5 * count as f64 * rows + tried.ln();
@@ -188,19 +206,14 @@ impl<'a> Question<'a> {
             }
         }
         all.sort_by(|a, b| b.worth.total_cmp(&a.worth));
-        (all, bare)
+        Looked { found: all, bare, products }
     }
 
     /// The fit of a law with the names beside which it stands.
-    fn solved(&self, table: &Table, used: &[bool], best: &Best) -> Solved {
+    fn solved(&self, products: &Products, best: &Best) -> Solved {
         let mut places = self.kept[best.kept].1.clone();
         places.extend(&self.places[best.asked][..best.count]);
-        let columns: Vec<&Column> = places.iter().map(|k| self.columns[*k]).collect();
-        let prior = places.iter().map(|k| self.prior[*k]).collect();
-        let all: Vec<usize> = (0..places.len()).collect();
-        let mut solved = Products::new(table, &columns, prior, used).solve(&all);
-        solved.columns.iter_mut().for_each(|k| *k = places[*k]);
-        solved
+        products.solve(&places)
     }
 
     /// What is left of the joint's torque.
@@ -209,7 +222,7 @@ impl<'a> Question<'a> {
             .columns
             .iter()
             .zip(&solved.values)
-            .map(|(k, x)| (self.columns[*k], *x))
+            .map(|(k, x)| (&self.columns[*k], *x))
             .collect();
         let model = Column::sum(&parts, self.joint, self.case.table.rows());
         let target = self.case.table.target[self.joint].iter().flatten();
@@ -221,16 +234,17 @@ impl<'a> Question<'a> {
 fn of_joint(case: &Case, question: &Question<'_>) -> Option<Beyond> {
     let (seen, held, joint) = (&case.rows.seen(), &case.rows.held, question.joint);
     let mut table = case.table.clone();
-    let (mut found, mut bare) = question.best(&table, seen);
+    let mut looked = question.look(&table, seen);
     for _ in 1..ROUNDS {
-        let solved = found.first().map(|best| question.solved(&table, seen, best));
-        let left = question.left(solved.as_ref().unwrap_or(&bare));
+        let solved = looked.found.first().map(|best| question.solved(&looked.products, best));
+        let left = question.left(solved.as_ref().unwrap_or(&looked.bare));
         table.noise[joint] = noise::of_left(&table, joint, &left, seen, 0.0);
-        (found, bare) = question.best(&table, seen);
+        looked = question.look(&table, seen);
     }
+    let Looked { found, bare, products } = looked;
     let before = question.left(&bare);
     let mut fits = found.into_iter().take(LIKELY).map(|best| {
-        let solved = question.solved(&table, seen, &best);
+        let solved = question.solved(&products, &best);
         let after = question.left(&solved);
         (best, solved, after)
     });
@@ -259,9 +273,10 @@ pub(super) fn law(case: &Case, always: &[usize], names: &[usize]) -> Option<Beyo
     let products = case.products(&case.rows.seen());
     let asking = refine::asking(case, &products, always);
     let price = |name: usize| asking.price(&case.library.families[name]);
+    let sums = RefCell::default();
     let one = |joint: usize| {
         let laws = laws(&case.motion, joint);
-        of_joint(case, &Question::new(case, (always, names), &price, joint, &laws))
+        of_joint(case, &Question::new(case, (always, names), &price, (joint, &laws), &sums))
     };
     case.table.joints().filter_map(one).max_by(|a, b| a.gain.total_cmp(&b.gain))
 }

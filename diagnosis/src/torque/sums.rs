@@ -1,9 +1,11 @@
 //! Sums of products of columns, kept from one question to the next: only columns that have changed are whitened and multiplied anew.
 //!
-//! Promises: sums over the rows that count and that were asked for, with the noise as it is; what was kept of other rows or another noise is
+//! Promises: sums over the rows that count and that were asked for, with the noise as it is; what was kept of other rows or another memory of the noise is
 //! thrown away. Never: a choice.
 
-use nalgebra::{DMatrix, DVector};
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DMatrixView, DVector};
 
 use super::columns::Column;
 use super::table::{BRINGS, Products, Table};
@@ -11,27 +13,33 @@ use crate::colour::Colour;
 
 /// Rows that are multiplied at once: so many stay near while they are turned.
 const PIECE: usize = 256;
+/// So few columns are multiplied one by one: `gemm` would go through them row by row.
+const FEW: usize = 5;
 
-/// The columns that act on one joint, free of the noise's memory, over the rows that count.
+/// Values that were taken in; none where a column has come to act on other joints alone.
+type Taken = Option<Arc<[f64]>>;
+
+/// The columns that act on one joint, free of the noise's memory, over the rows that count. The noise's size comes to their sums at last, so that these outlive it.
 #[derive(Clone, Debug)]
 struct Block {
     joint: usize,
     rows: Vec<usize>,
+    colour: Colour,
+    /// N m or N.
+    size: f64,
     /// The right-hand side, then one column for each of `of`.
-    white: DMatrix<f64>,
-    of: Vec<usize>,
+    white: Vec<f64>,
+    /// Places of columns, with what was taken of them.
+    of: Vec<(usize, Taken)>,
+    /// Of each in `white` with each.
+    products: DMatrix<f64>,
 }
 
 /// Sums, and what they were taken of.
 #[derive(Clone, Debug)]
 pub(crate) struct Sums {
-    used: Vec<bool>,
-    counts: Vec<Vec<bool>>,
-    noise: Vec<(Colour, f64)>,
-    columns: Vec<Column>,
     blocks: Vec<Block>,
-    gram: DMatrix<f64>,
-    right: DVector<f64>,
+    columns: usize,
 }
 
 impl Sums {
@@ -42,104 +50,119 @@ impl Sums {
         columns: &[Column],
         used: &[bool],
     ) -> Self {
-        let holds = |sums: &Self| {
-            sums.used == used && sums.counts == table.counts && sums.noise == table.noise
+        let mut before = before.map_or(Vec::new(), |sums| sums.blocks);
+        let block = |joint: usize| {
+            let counts = |row: &usize| used[*row] && table.counts[joint][*row];
+            let rows: Vec<usize> = (0..table.rows()).filter(counts).collect();
+            let (colour, size) = &table.noise[joint];
+            let had = before.iter().position(|block| block.joint == joint);
+            let mut block = match had.map(|at| before.swap_remove(at)) {
+                Some(block) if block.rows == rows && block.colour == *colour => block,
+                had => Block::none(table, joint, rows, had.map_or(Vec::new(), |had| had.white)),
+            };
+            block.size = *size;
+            block.take(table, columns);
+            block
         };
-        let mut sums = before.filter(holds).unwrap_or_else(|| Self::none(table, used));
-        let is_new = |k: &usize| sums.columns.get(*k).is_none_or(|had| !had.is(&columns[*k]));
-        let changed: Vec<usize> = (0..columns.len()).filter(is_new).collect();
-        sums.gram.resize_mut(columns.len(), columns.len(), 0.0);
-        sums.right.resize_vertically_mut(columns.len(), 0.0);
-        for k in &changed {
-            sums.gram.row_mut(*k).fill(0.0);
-            sums.gram.column_mut(*k).fill(0.0);
-            sums.right[*k] = 0.0;
-        }
-        for block in &mut sums.blocks {
-            block.take(table, columns, &changed, (&mut sums.gram, &mut sums.right));
-        }
-        sums.columns = columns.to_vec();
-        sums
-    }
-
-    /// Of no columns yet.
-    fn none(table: &Table, used: &[bool]) -> Self {
-        Self {
-            used: used.to_vec(),
-            counts: table.counts.clone(),
-            noise: table.noise.clone(),
-            columns: Vec::new(),
-            blocks: table.joints().map(|joint| Block::none(table, joint, used)).collect(),
-            gram: DMatrix::zeros(0, 0),
-            right: DVector::zeros(0),
-        }
+        Self { blocks: table.joints().map(block).collect(), columns: columns.len() }
     }
 
     /// `prior`: one over the square of what is believed of each number; 0 where nothing is.
     pub(crate) fn products(&self, prior: Vec<f64>) -> Products {
         let rows = self.blocks.iter().map(|block| block.rows.len()).sum();
-        Products { gram: self.gram.clone(), right: self.right.clone(), rows, prior, brings: BRINGS }
+        let mut gram = DMatrix::zeros(self.columns, self.columns);
+        let mut right = DVector::zeros(self.columns);
+        for Block { size, of, products, .. } in &self.blocks {
+            let weight = 1.0 / (size * size);
+            for (a, (k, _)) in of.iter().enumerate() {
+                right[*k] += weight * products[(0, a + 1)];
+                for (b, (other, _)) in of.iter().enumerate() {
+                    gram[(*other, *k)] += weight * products[(b + 1, a + 1)];
+                }
+            }
+        }
+        Products { gram, right, rows, prior, brings: BRINGS }
     }
 }
 
 impl Block {
-    fn none(table: &Table, joint: usize, used: &[bool]) -> Self {
-        let counts = |row: &usize| used[*row] && table.counts[joint][*row];
-        let rows: Vec<usize> = (0..table.rows()).filter(counts).collect();
-        let white = DMatrix::zeros(rows.len(), 1);
-        let mut block = Self { joint, rows, white, of: Vec::new() };
-        table.target[joint].iter().for_each(|target| block.put(0, &table.whitened(joint, target)));
+    /// Of no columns yet; `room`: what is used no more.
+    fn none(table: &Table, joint: usize, rows: Vec<usize>, mut room: Vec<f64>) -> Self {
+        room.clear();
+        room.resize(rows.len(), 0.0);
+        let (colour, size) = table.noise[joint].clone();
+        let products = DMatrix::zeros(1, 1);
+        let mut block = Self { joint, rows, colour, size, white: room, of: Vec::new(), products };
+        table.target[joint].iter().for_each(|target| block.put(0, table, target));
         block
     }
 
-    fn put(&mut self, place: usize, values: &[f64]) {
-        let mut column = self.white.column_mut(place);
-        column.iter_mut().zip(&self.rows).for_each(|(white, row)| *white = values[*row]);
+    fn put(&mut self, place: usize, table: &Table, values: &[f64]) {
+        let free = table.freed(self.joint, values);
+        let count = self.rows.len();
+        let column = self.white[place * count..].iter_mut();
+        column.zip(&self.rows).for_each(|(white, row)| *white = free[*row]);
     }
 
-    /// Takes in the columns that have changed, and adds their products to the sums.
-    fn take(
-        &mut self,
-        table: &Table,
-        columns: &[Column],
-        changed: &[usize],
-        (gram, right): (&mut DMatrix<f64>, &mut DVector<f64>),
-    ) {
-        let part = |k: usize| columns[k].parts.iter().find(|(joint, _)| *joint == self.joint);
-        let here: Vec<(usize, &[f64])> =
-            changed.iter().filter_map(|k| Some((*k, &*part(*k)?.1))).collect();
-        let gone: Vec<usize> = changed.iter().copied().filter(|k| part(*k).is_none()).collect();
-        let open: Vec<usize> =
-            here.iter().map(|(k, _)| *k).filter(|k| !self.of.contains(k)).collect();
-        self.of.extend(open);
-        self.white.resize_mut(self.rows.len(), self.of.len() + 1, 0.0);
-        let place = |of: &[usize], k: usize| of.iter().position(|other| *other == k);
-        for k in gone {
-            place(&self.of, k).into_iter().for_each(|at| self.white.column_mut(at + 1).fill(0.0));
+    /// Takes in the columns that have changed, and multiplies them.
+    fn take(&mut self, table: &Table, columns: &[Column]) {
+        let part = |k: usize| {
+            let mut parts = columns.get(k)?.parts.iter();
+            parts.find(|(joint, _)| *joint == self.joint).map(|(_, values)| values)
+        };
+        let count = self.rows.len();
+        while self.of.last().is_some_and(|(k, _)| part(*k).is_none()) {
+            self.of.pop();
         }
-        let mut moved = Vec::with_capacity(here.len());
-        for (k, values) in here {
-            if let Some(at) = place(&self.of, k) {
-                self.put(at + 1, &table.whitened(self.joint, values));
-                moved.push(at);
+        for k in (0..columns.len()).filter(|k| part(*k).is_some()) {
+            if self.of.iter().all(|(other, _)| *other != k) {
+                self.of.push((k, None));
             }
         }
-        let places: Vec<usize> = moved.iter().map(|at| at + 1).collect();
-        let mut product = DMatrix::zeros(moved.len(), self.of.len() + 1);
-        for from in (0..self.rows.len()).step_by(PIECE) {
-            let piece = self.white.rows(from, PIECE.min(self.rows.len() - from));
-            // Not `tr_mul`, which takes one scalar product after the other.
-            product.gemm(1.0, &piece.select_columns(&places).transpose(), &piece, 1.0);
-        }
-        for (row, at) in moved.iter().enumerate() {
-            let k = self.of[*at];
-            right[k] += product[(row, 0)];
-            for (b, other) in self.of.iter().enumerate() {
-                gram[(k, *other)] += product[(row, b + 1)];
-                if !moved.contains(&b) {
-                    gram[(*other, k)] += product[(row, b + 1)];
-                }
+        let changed = |(at, (k, had)): (usize, &(usize, Taken))| {
+            let now = part(*k);
+            let same = match (had, now) {
+                (Some(had), Some(now)) => Arc::ptr_eq(had, now),
+                (had, now) => had.is_none() && now.is_none(),
+            };
+            (!same).then(|| (at, now.cloned()))
+        };
+        let changed: Vec<(usize, Taken)> = self.of.iter().enumerate().filter_map(changed).collect();
+        let wide = self.of.len() + 1;
+        self.white.resize(count * wide, 0.0);
+        self.products.resize_mut(wide, wide, 0.0);
+        let mut moved = Vec::with_capacity(changed.len());
+        for (at, values) in changed {
+            match &values {
+                Some(values) => self.put(at + 1, table, values),
+                None => self.white[(at + 1) * count..(at + 2) * count].fill(0.0),
             }
+            self.of[at].1 = values;
+            moved.push(at + 1);
+        }
+        self.multiply(&moved);
+    }
+
+    /// The products of the columns at these places with all.
+    fn multiply(&mut self, places: &[usize]) {
+        if places.is_empty() {
+            return;
+        }
+        let (count, wide) = (self.rows.len(), self.of.len() + 1);
+        let white = DMatrixView::from_slice(&self.white, count, wide);
+        let mut product = DMatrix::zeros(places.len(), wide);
+        for from in (0..count).step_by(PIECE) {
+            let piece = white.rows(from, PIECE.min(count - from));
+            let own = piece.select_columns(places);
+            if places.len() > FEW {
+                product.gemm(1.0, &own.transpose(), &piece, 1.0);
+            } else {
+                product.gemm_tr(1.0, &own, &piece, 1.0);
+            }
+        }
+        for (row, at) in places.iter().enumerate() {
+            self.products.row_mut(*at).copy_from(&product.row(row));
+            self.products.column_mut(*at).tr_copy_from(&product.row(row));
         }
     }
 }
@@ -174,13 +197,20 @@ mod tests {
         columns[2] = column(&[1]);
         columns[3].parts.clear();
         columns.push(column(&[0]));
-        let again = Sums::taken(Some(kept.clone()), &table, &columns, &used);
-        let anew = Sums::taken(None, &table, &columns, &used);
+        let of = |before: Option<&Sums>, table: &Table, used: &[bool]| {
+            Sums::taken(before.cloned(), table, &columns, used).products(Vec::new())
+        };
+        let (again, anew) = (of(Some(&kept), &table, &used), of(None, &table, &used));
         assert!((&again.gram - &anew.gram).amax() < 1e-12, "{}", &again.gram - &anew.gram);
         assert!((&again.right - &anew.right).amax() < 1e-12);
         assert!((&anew.gram - anew.gram.transpose()).amax() < 1e-12);
         let fewer: Vec<bool> = used.iter().enumerate().map(|(row, u)| *u && row > 30).collect();
-        let others = Sums::taken(Some(kept), &table, &columns, &fewer);
-        assert!((others.gram - &anew.gram).amax() > 0.1);
+        let others = of(Some(&kept), &table, &fewer);
+        assert!((&others.gram - &anew.gram).amax() > 0.1);
+        assert!((&others.gram - of(None, &table, &fewer).gram).amax() < 1e-12);
+        let louder =
+            Table { noise: table.noise.iter().map(|n| (n.0.clone(), 3.0)).collect(), ..table };
+        let (again, anew) = (of(Some(&kept), &louder, &used), of(None, &louder, &used));
+        assert!((&again.gram - &anew.gram).amax() < 1e-12);
     }
 }

@@ -4,6 +4,7 @@
 //! nothing. Never: a choice.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use std::borrow::Cow;
 use std::ops::Range;
 
 use super::columns::Column;
@@ -42,13 +43,21 @@ impl Table {
 
     /// Values of one joint in units of what is new in its noise.
     pub(crate) fn whitened(&self, joint: usize, values: &[f64]) -> Vec<f64> {
-        let (colour, size) = &self.noise[joint];
-        let mut all = Vec::with_capacity(values.len());
-        for run in &self.runs {
-            let piece: Vec<f64> = values[run.clone()].iter().map(|x| x / size).collect();
-            all.extend(colour.freed(&piece));
-        }
+        let size = self.noise[joint].1;
+        let mut all = self.freed(joint, values).into_owned();
+        all.iter_mut().for_each(|x| *x /= size);
         all
+    }
+
+    /// The same in units of torque.
+    pub(super) fn freed<'v>(&self, joint: usize, values: &'v [f64]) -> Cow<'v, [f64]> {
+        let colour = &self.noise[joint].0;
+        if colour.is_white() {
+            return Cow::Borrowed(values);
+        }
+        let mut all = Vec::with_capacity(values.len());
+        self.runs.iter().for_each(|run| colour.free(&values[run.clone()], &mut all));
+        Cow::Owned(all)
     }
 }
 

@@ -244,20 +244,21 @@ fn a_drive_that_is_recorded_too_large_leaves_its_friction_the_size_that_acts() {
 
 #[test]
 fn oil_that_thins_is_told_by_what_a_kelvin_takes_of_the_friction_that_is_known() {
-    let arm = slider(true);
-    let viscous = effect(&arm, "viscous_friction", &[("coefficient", &[150.0])]);
-    let mut made = recording(JointKind::Prismatic, 0.5, |_| 0.0);
-    let warm = |t: f64| 20.0 + 15.0 * t / 40.0;
-    let force = |t: f64| {
-        let [_, v, a] = motion(t);
-        MASS * a + 150.0 * v * libm::exp(-0.02 * (warm(t) - 20.0))
-    };
-    let noise = made.column(Channel::Torque(0)).unwrap().to_vec();
-    let t_s = made.t_s.clone();
-    made.set(Channel::Torque(0), t_s.iter().zip(noise).map(|(t, n)| force(*t) + n).collect());
-    made.set(Channel::Ambient, t_s.iter().map(|t| warm(*t)).collect());
-    let found = of(&arm, &[viscous], made);
-    near(&found, "friction_temperature", 0.02, 0.03);
+    for per_kelvin in [0.02, -0.1] {
+        let arm = slider(true);
+        let viscous = effect(&arm, "viscous_friction", &[("coefficient", &[150.0])]);
+        let mut made = recording(JointKind::Prismatic, 0.5, |_| 0.0);
+        let warm = |t: f64| 20.0 + 15.0 * t / 40.0;
+        let force = |t: f64| {
+            let [_, v, a] = motion(t);
+            MASS * a + 150.0 * v * libm::exp(-per_kelvin * (warm(t) - 20.0))
+        };
+        let noise = made.column(Channel::Torque(0)).unwrap().to_vec();
+        let t_s = made.t_s.clone();
+        made.set(Channel::Torque(0), t_s.iter().zip(noise).map(|(t, n)| force(*t) + n).collect());
+        made.set(Channel::Ambient, t_s.iter().map(|t| warm(*t)).collect());
+        near(&of(&arm, &[viscous], made), "friction_temperature", per_kelvin, 0.03);
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Applying a mapping to a foreign table.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{MappedColumn, Mapping, Source};
@@ -41,11 +42,11 @@ impl Mapping {
                 faults.push(missing(table, name));
                 continue;
             };
-            let before = table.rows.len();
-            table
-                .rows
-                .retain(|row| row.get(at).is_some_and(|cell| wanted.iter().any(|w| w == cell)));
-            let kept = table.rows.len();
+            let before = table.len();
+            table.keep(|row, table| {
+                table.cell(row, at).is_some_and(|cell| wanted.iter().any(|w| *w == cell))
+            });
+            let kept = table.len();
             table.notes.push(format!("kept {kept} of {before} rows by `{name}`"));
         }
     }
@@ -59,19 +60,18 @@ impl Mapping {
         let (time, segment) = (theirs("t_s"), theirs("segment"));
         let Some(time) = time.first().copied() else { return };
         let mut last: BTreeMap<Vec<String>, f64> = BTreeMap::new();
-        let mut rows = std::mem::take(&mut table.rows);
-        let before = rows.len();
-        rows.retain(|row| {
-            let key = segment.iter().map(|at| row.get(*at).unwrap_or("").to_owned()).collect();
-            let t = row.get(time).and_then(|cell| table.number(cell)).unwrap_or(f64::NAN);
+        let before = table.len();
+        table.keep(|row, table| {
+            let cell = |at: &usize| table.cell(row, *at).unwrap_or_default().into_owned();
+            let key = segment.iter().map(cell).collect();
+            let t = table.cell(row, time).and_then(|cell| table.number(&cell)).unwrap_or(f64::NAN);
             let repeated = last.get(&key).is_some_and(|last| t <= *last);
             if !repeated {
                 last.insert(key, t);
             }
             !repeated
         });
-        let dropped = before - rows.len();
-        table.rows = rows;
+        let dropped = before - table.len();
         if dropped > 0 {
             table.notes.push(format!("left out {dropped} rows whose time does not increase"));
         }
@@ -89,7 +89,7 @@ impl MappedColumn {
     }
 
     fn apply(&self, table: &RawTable<'_>, builder: &mut Builder<'_, '_>) {
-        let rows = table.rows.len();
+        let rows = table.len();
         let mut places = Vec::new();
         for name in self.theirs() {
             let Some(at) = table.position(name) else {
@@ -140,10 +140,10 @@ impl MappedColumn {
 }
 
 fn labels(table: &RawTable<'_>, places: &[usize]) -> Vec<f64> {
-    let mut known: BTreeMap<Vec<&str>, usize> = BTreeMap::new();
-    let mut numbers = Vec::with_capacity(table.rows.len());
-    for row in &table.rows {
-        let texts = places.iter().map(|at| row.get(*at).unwrap_or("")).collect();
+    let mut known: BTreeMap<Vec<Cow<'_, str>>, usize> = BTreeMap::new();
+    let mut numbers = Vec::with_capacity(table.len());
+    for row in 0..table.len() {
+        let texts = places.iter().map(|at| table.cell(row, *at).unwrap_or_default()).collect();
         let next = known.len();
         numbers.push(*known.entry(texts).or_insert(next) as f64);
     }
@@ -158,11 +158,11 @@ fn stands_for(
     builder: &mut Builder<'_, '_>,
 ) -> Vec<f64> {
     let known: BTreeMap<&str, f64> = numbers.iter().map(|(text, x)| (text.as_str(), *x)).collect();
-    let number = |row: usize| table.rows[row].get(at).and_then(|cell| known.get(cell)).copied();
-    let rows = 0..table.rows.len();
+    let number = |row: usize| known.get(table.cell(row, at)?.as_ref()).copied();
+    let rows = 0..table.len();
     if let Some(row) = rows.clone().find(|row| number(*row).is_none()) {
         let name = table.header.get(at).cloned().unwrap_or_default();
-        let cell = table.rows[row].get(at).unwrap_or("");
+        let cell = table.cell(row, at).unwrap_or_default();
         let texts: Vec<&str> = known.keys().copied().collect();
         let fault = Fault::new(name, format!("\"{cell}\" stands for no number"))
             .expected(format!("one of: {}", texts.join(", ")))

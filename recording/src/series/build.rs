@@ -74,8 +74,8 @@ impl<'t, 's> Builder<'t, 's> {
     /// Takes a column that is not ours, as text.
     pub(crate) fn keep(&mut self, from: usize) {
         let name = self.table.header.get(from).cloned().unwrap_or_default();
-        let cells = self.table.rows.iter();
-        let cells = cells.map(|row| row.get(from).unwrap_or("").to_owned()).collect();
+        let cell = |row| self.table.cell(row, from).unwrap_or_default().into_owned();
+        let cells = (0..self.table.len()).map(cell).collect();
         self.other.push((name, cells));
     }
 
@@ -140,7 +140,7 @@ impl<'t, 's> Builder<'t, 's> {
 
     /// The recording, or every fault.
     pub(crate) fn finish(mut self, about: About, need: Need) -> Result<Recording, Faults> {
-        let rows = self.table.rows.len();
+        let rows = self.table.len();
         if rows == 0 {
             self.faults.push(Fault::new("", "the table has no rows"));
         }
@@ -232,43 +232,15 @@ impl<'t, 's> Builder<'t, 's> {
     }
 
     fn judge_groups(&mut self, about: &About, need: Need) {
-        let has = |wanted: fn(&Channel) -> bool| self.columns.keys().any(wanted);
-        let inputs = has(|c| matches!(c, Channel::Command(_) | Channel::Motor(_)));
-        let forces = has(|c| matches!(c, Channel::Wrench(_) | Channel::Acceleration(_)));
-        let both =
-            has(|c| matches!(c, Channel::Command(_))) && has(|c| matches!(c, Channel::Motor(_)));
-        let measured = both
-            || forces
-            || has(|c| {
-                matches!(
-                    c,
-                    Channel::Link(_)
-                        | Channel::Position(_)
-                        | Channel::Target(..)
-                        | Channel::Orientation(_)
-                        | Channel::Torque(_)
-                        | Channel::Current(_)
-                        | Channel::Distance(_)
-                        | Channel::TouchPlane
-                        | Channel::TouchSphere
-                )
-            });
         let quaternion = (0..4).filter(|p| self.columns.contains_key(&Channel::Orientation(*p)));
         if !matches!(quaternion.count(), 0 | 4) {
             let fault = Fault::new("ow, ox, oy, oz", "some of them are missing");
             self.faults.push(fault.expected("all four parts of a quaternion"));
         }
-        if need == Need::Samples {
-            // Any column may be looked at.
-        } else if !inputs && (need == Need::Path || !forces) {
-            let fault = Fault::new("q1_deg", "no joint position is there");
-            self.faults.push(fault.expected("`q1_deg` …, or `qa1_deg` …").help(MAPPING_HELP));
-        } else if need == Need::Measurement && !measured {
-            let fault = Fault::new("", "nothing was measured besides the inputs");
-            self.faults.push(fault.expected(
-                "x_mm, target1_x_mm, distance1_mm, touch_plane, ql1_deg, tau1_Nm, fx_N or the like",
-            ));
+        if let Some(fault) = lacking(&self.columns, need) {
+            self.faults.push(fault);
         }
+        let has = |wanted: fn(&Channel) -> bool| self.columns.keys().any(wanted);
         if about.approach == Approach::Columns && !has(|c| matches!(c, Channel::Direction(_))) {
             let fault = Fault::new("approach", "is \"columns\", and there is no column `d1`");
             self.faults.push(fault.expected("columns `d1` …, or approach = \"sequence\""));
@@ -296,6 +268,44 @@ impl<'t, 's> Builder<'t, 's> {
                 self.faults.push(fault.expected("segments of this recording"));
             }
         }
+    }
+}
+
+/// What a reader needs to find and these columns lack.
+pub(super) fn lacking(columns: &BTreeMap<Channel, Vec<f64>>, need: Need) -> Option<Fault> {
+    let has = |wanted: fn(&Channel) -> bool| columns.keys().any(wanted);
+    let inputs = has(|c| matches!(c, Channel::Command(_) | Channel::Motor(_)));
+    let forces = has(|c| matches!(c, Channel::Wrench(_) | Channel::Acceleration(_)));
+    let both = has(|c| matches!(c, Channel::Command(_))) && has(|c| matches!(c, Channel::Motor(_)));
+    let measured = both
+        || forces
+        || has(|c| {
+            matches!(
+                c,
+                Channel::Link(_)
+                    | Channel::Position(_)
+                    | Channel::Target(..)
+                    | Channel::Orientation(_)
+                    | Channel::Torque(_)
+                    | Channel::Current(_)
+                    | Channel::Distance(_)
+                    | Channel::TouchPlane
+                    | Channel::TouchSphere
+            )
+        });
+    if need == Need::Samples {
+        // Any column may be looked at.
+        None
+    } else if !inputs && (need == Need::Path || !forces) {
+        let fault = Fault::new("q1_deg", "no joint position is there");
+        Some(fault.expected("`q1_deg` …, or `qa1_deg` …").help(MAPPING_HELP))
+    } else if need == Need::Measurement && !measured {
+        let fault = Fault::new("", "nothing was measured besides the inputs");
+        Some(fault.expected(
+            "x_mm, target1_x_mm, distance1_mm, touch_plane, ql1_deg, tau1_Nm, fx_N or the like",
+        ))
+    } else {
+        None
     }
 }
 

@@ -81,6 +81,21 @@ impl Recording {
         }
     }
 
+    /// Checks what [`read`] does of a recording that was read for less.
+    ///
+    /// # Errors
+    /// What is needed and not there.
+    pub fn check_need(&self, need: Need) -> Result<(), Faults> {
+        let mut faults = Faults::of(self.file.display().to_string());
+        match build::lacking(&self.columns, need) {
+            Some(fault) => {
+                faults.push(fault);
+                Err(faults)
+            }
+            None => Ok(()),
+        }
+    }
+
     /// Number of rows.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -1,34 +1,32 @@
 //! A table in a Parquet file: flat columns of numbers, texts or truths; what is null was not taken.
 //!
-//! Contract: contract/recording.md. The same checks as for a text follow, since it becomes the same table. Compression: none, Snappy or Zstandard.
+//! Contract: contract/recording.md. The same checks as for a text follow, since it becomes the same table; numbers stay what they are. Compression: none, Snappy or Zstandard.
 //! No input makes it panic: what the library cannot read is a fault.
 
+use std::borrow::Cow;
 use std::fs::File;
-use std::io::Write as _;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use csv::StringRecord;
-use parquet::basic::LogicalType;
-use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
-use parquet::data_type::{ByteArray, DataType, FixedLenByteArray};
+use parquet::basic::{LogicalType, Type};
+use parquet::column::reader::get_typed_column_reader;
+use parquet::data_type::{
+    BoolType, ByteArrayType, DataType, DoubleType, FixedLenByteArrayType, FloatType, Int32Type,
+    Int64Type,
+};
 use parquet::errors::ParquetError;
-use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
+use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use super::table::RawTable;
 use crate::faults::{Fault, Faults};
 use crate::files::FileError;
 
-/// The values of a column in a group of rows; none for a null.
-enum Values {
-    Double(Vec<Option<f64>>),
-    Float(Vec<Option<f32>>),
-    Long(Vec<Option<i64>>),
-    Int(Vec<Option<i32>>),
-    Truth(Vec<Option<bool>>),
-    Bytes(Vec<Option<ByteArray>>),
-    Fixed(Vec<Option<FixedLenByteArray>>),
+/// A column; none for a null.
+pub(crate) enum Cells {
+    Numbers(Vec<Option<f64>>),
+    Whole(Vec<Option<i64>>),
+    Texts(Vec<Option<String>>),
 }
 
 /// The table of a file.
@@ -69,11 +67,9 @@ fn cut(file: File, name: &str) -> Result<Result<RawTable<'static>, Faults>, Parq
     if !faults.is_empty() {
         return Ok(Err(faults));
     }
-    let mut rows = Vec::new();
-    for group in 0..reader.num_row_groups() {
-        take(reader.get_row_group(group)?.as_ref(), &mut rows)?;
-    }
-    Ok(Ok(RawTable::made(header, rows)))
+    let whole = |place: usize| Cells::of(&reader, place, columns[place].physical_type());
+    let cells: Vec<Cells> = (0..columns.len()).map(whole).collect::<Result<_, _>>()?;
+    Ok(Ok(RawTable::made(header, cells)))
 }
 
 /// What a column is that is no plain value.
@@ -91,80 +87,105 @@ fn strange(column: &ColumnDescriptor) -> Option<&'static str> {
     }
 }
 
-fn take(group: &dyn RowGroupReader, rows: &mut Vec<StringRecord>) -> Result<(), ParquetError> {
-    let count = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
-    let mut columns = Vec::with_capacity(group.num_columns());
-    for column in 0..group.num_columns() {
+/// A column of all groups of rows; `ours`: its values as we keep them.
+fn all<T: DataType, V>(
+    file: &SerializedFileReader<File>,
+    column: usize,
+    ours: impl Fn(T::T) -> V,
+) -> Result<Vec<Option<V>>, ParquetError> {
+    let mut all = Vec::new();
+    for group in 0..file.num_row_groups() {
+        let group = file.get_row_group(group)?;
+        let count = usize::try_from(group.metadata().num_rows()).unwrap_or(0);
+        // The level at which a value is there, 0 where it always is.
         let nullable = group.metadata().column(column).column_descr().max_def_level();
-        columns.push(match group.get_column_reader(column)? {
-            ColumnReader::DoubleColumnReader(r) => Values::Double(values(r, count, nullable)?),
-            ColumnReader::FloatColumnReader(r) => Values::Float(values(r, count, nullable)?),
-            ColumnReader::Int64ColumnReader(r) => Values::Long(values(r, count, nullable)?),
-            ColumnReader::Int32ColumnReader(r) => Values::Int(values(r, count, nullable)?),
-            ColumnReader::BoolColumnReader(r) => Values::Truth(values(r, count, nullable)?),
-            ColumnReader::ByteArrayColumnReader(r) => Values::Bytes(values(r, count, nullable)?),
-            ColumnReader::FixedLenByteArrayColumnReader(r) => {
-                Values::Fixed(values(r, count, nullable)?)
+        let mut reader = get_typed_column_reader::<T>(group.get_column_reader(column)?);
+        let (mut levels, mut found): (Vec<i16>, Vec<T::T>) = (Vec::new(), Vec::new());
+        let mut read = 0;
+        while read < count {
+            let wanted = (nullable > 0).then_some(&mut levels);
+            let (records, ..) = reader.read_records(count - read, wanted, None, &mut found)?;
+            if records == 0 {
+                return Err(ParquetError::EOF("a column ends before its rows do".to_owned()));
             }
-            ColumnReader::Int96ColumnReader(_) => {
-                return Err(ParquetError::NYI("columns of 96 bits".to_owned()));
-            }
-        });
-    }
-    let (mut cell, mut longest) = (Vec::new(), 0);
-    for row in 0..count {
-        let mut record = StringRecord::with_capacity(longest, columns.len());
-        for column in &columns {
-            cell.clear();
-            column.write(row, &mut cell);
-            record.push_field(&String::from_utf8_lossy(&cell));
+            read += records;
         }
-        longest = longest.max(record.as_slice().len());
-        rows.push(record);
+        let whole = all.len() + count;
+        let mut found = found.into_iter().map(&ours);
+        if nullable == 0 {
+            all.extend(found.map(Some));
+        } else {
+            let there = |level| if level == nullable { found.next() } else { None };
+            all.extend(levels.into_iter().map(there));
+        }
+        all.resize_with(whole, || None);
     }
-    Ok(())
+    Ok(all)
 }
 
-/// The values of a column; `nullable`: the level at which a value is there, 0 where it always is.
-fn values<T: DataType>(
-    mut reader: ColumnReaderImpl<T>,
-    count: usize,
-    nullable: i16,
-) -> Result<Vec<Option<T::T>>, ParquetError> {
-    let (mut levels, mut found): (Vec<i16>, Vec<T::T>) = (Vec::new(), Vec::new());
-    let mut read = 0;
-    while read < count {
-        let wanted = (nullable > 0).then_some(&mut levels);
-        let (records, ..) = reader.read_records(count - read, wanted, None, &mut found)?;
-        if records == 0 {
-            return Err(ParquetError::EOF("a column ends before its rows do".to_owned()));
-        }
-        read += records;
+impl Cells {
+    fn of(
+        file: &SerializedFileReader<File>,
+        column: usize,
+        kind: Type,
+    ) -> Result<Self, ParquetError> {
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        Ok(match kind {
+            Type::DOUBLE => Self::Numbers(all::<DoubleType, _>(file, column, |v| v)?),
+            Type::FLOAT => Self::Numbers(all::<FloatType, _>(file, column, f64::from)?),
+            Type::INT64 => Self::Whole(all::<Int64Type, _>(file, column, |v| v)?),
+            Type::INT32 => Self::Whole(all::<Int32Type, _>(file, column, i64::from)?),
+            Type::BOOLEAN => Self::Whole(all::<BoolType, _>(file, column, i64::from)?),
+            Type::BYTE_ARRAY => {
+                Self::Texts(all::<ByteArrayType, _>(file, column, |v| text(v.data()))?)
+            }
+            Type::FIXED_LEN_BYTE_ARRAY => {
+                Self::Texts(all::<FixedLenByteArrayType, _>(file, column, |v| text(v.data()))?)
+            }
+            Type::INT96 => return Err(ParquetError::NYI("columns of 96 bits".to_owned())),
+        })
     }
-    let mut found = found.into_iter();
-    if nullable == 0 {
-        return Ok(found.map(Some).collect());
-    }
-    Ok(levels
-        .into_iter()
-        .map(|level| if level == nullable { found.next() } else { None })
-        .collect())
-}
 
-impl Values {
-    /// The shortest text that reads back to the same number; nothing for a null.
-    fn write(&self, row: usize, cell: &mut Vec<u8>) {
-        let mut shortest = |value: f64| cell.write_all(ryu::Buffer::new().format(value).as_bytes());
-        // Writing into memory cannot fail.
-        let _ = match self {
-            Self::Double(all) => at(all, row).map_or(Ok(()), |v| shortest(*v)),
-            Self::Float(all) => at(all, row).map_or(Ok(()), |v| shortest(f64::from(*v))),
-            Self::Long(all) => at(all, row).map_or(Ok(()), |v| write!(cell, "{v}")),
-            Self::Int(all) => at(all, row).map_or(Ok(()), |v| write!(cell, "{v}")),
-            Self::Truth(all) => at(all, row).map_or(Ok(()), |v| write!(cell, "{}", u8::from(*v))),
-            Self::Bytes(all) => at(all, row).map_or(Ok(()), |v| cell.write_all(v.data())),
-            Self::Fixed(all) => at(all, row).map_or(Ok(()), |v| cell.write_all(v.data())),
+    pub(crate) fn len(&self) -> usize {
+        match self {
+            Self::Numbers(all) => all.len(),
+            Self::Whole(all) => all.len(),
+            Self::Texts(all) => all.len(),
+        }
+    }
+
+    /// The number in a row: NaN where nothing is; none where a text stands.
+    pub(crate) fn number(&self, row: usize) -> Option<f64> {
+        match self {
+            Self::Numbers(all) => Some(at(all, row).map_or(f64::NAN, |v| *v)),
+            Self::Whole(all) => Some(at(all, row).map_or(f64::NAN, |v| *v as f64)),
+            Self::Texts(_) => None,
+        }
+    }
+
+    /// A row as text: for numbers the shortest that reads back to the same one; nothing for a null.
+    pub(crate) fn text(&self, row: usize) -> Cow<'_, str> {
+        let text = match self {
+            Self::Numbers(all) => {
+                at(all, row).map(|v| ryu::Buffer::new().format(*v).to_owned().into())
+            }
+            Self::Whole(all) => at(all, row).map(|v| v.to_string().into()),
+            Self::Texts(all) => at(all, row).map(|v| Cow::Borrowed(v.as_str())),
         };
+        text.unwrap_or_default()
+    }
+
+    /// Leaves out the rows that are not `wanted`.
+    pub(crate) fn keep(&mut self, wanted: &[bool]) {
+        fn only<T>(all: &mut Vec<T>, wanted: &[bool]) {
+            let mut wanted = wanted.iter();
+            all.retain(|_| wanted.next() == Some(&true));
+        }
+        match self {
+            Self::Numbers(all) => only(all, wanted),
+            Self::Whole(all) => only(all, wanted),
+            Self::Texts(all) => only(all, wanted),
+        }
     }
 }
 

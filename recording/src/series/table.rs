@@ -1,12 +1,15 @@
-//! A foreign table as text: separators, comments and the last line's end found out and said.
+//! A foreign table, of text or of cells: separators, comments and the last line's end found out and said.
 //!
 //! Contract: no number is interpreted but when asked for ([`RawTable::numbers`]), and to judge a last line that was cut
-//! off. Every row keeps the line it came from.
+//! off. Every row of text keeps the line it came from.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use csv::{ReaderBuilder, StringRecord};
 
+#[cfg(feature = "parquet")]
+use super::parquet::Cells;
 use crate::faults::{Fault, Faults, Place};
 
 /// How a table is written down; `None` means: find out.
@@ -23,11 +26,15 @@ pub(crate) struct Dialect {
     pub(crate) width: Option<usize>,
 }
 
-/// A table as text.
+/// A table as it was found.
 pub(crate) struct RawTable<'s> {
     source: &'s str,
     pub(crate) header: Vec<String>,
-    pub(crate) rows: Vec<StringRecord>,
+    /// Of a table of text.
+    rows: Vec<StringRecord>,
+    /// Column by column, of one that was no text.
+    #[cfg(feature = "parquet")]
+    cells: Vec<Cells>,
     pub(crate) notes: Vec<String>,
     separator: u8,
     decimal_comma: bool,
@@ -49,6 +56,8 @@ impl<'s> RawTable<'s> {
             source,
             header: Vec::new(),
             rows: Vec::new(),
+            #[cfg(feature = "parquet")]
+            cells: Vec::new(),
             notes: Vec::new(),
             separator,
             decimal_comma: dialect.decimal_comma.unwrap_or(separator == b';'),
@@ -67,17 +76,54 @@ impl<'s> RawTable<'s> {
 
     /// A table that was no text; faults then name rows instead of lines.
     #[cfg(feature = "parquet")]
-    pub(crate) fn made(header: Vec<String>, rows: Vec<StringRecord>) -> RawTable<'static> {
+    pub(crate) fn made(header: Vec<String>, cells: Vec<Cells>) -> RawTable<'static> {
         RawTable {
             source: "",
             header,
-            rows,
+            rows: Vec::new(),
+            cells,
             notes: Vec::new(),
             separator: b',',
             decimal_comma: false,
             header_line: 0,
             body_start: 0,
         }
+    }
+
+    /// How many rows there are.
+    pub(crate) fn len(&self) -> usize {
+        #[cfg(feature = "parquet")]
+        if let Some(first) = self.cells.first() {
+            return first.len();
+        }
+        self.rows.len()
+    }
+
+    /// What stands in a cell; none where its row is too short.
+    pub(crate) fn cell(&self, row: usize, column: usize) -> Option<Cow<'_, str>> {
+        #[cfg(feature = "parquet")]
+        if let Some(cells) = self.cells.get(column) {
+            return Some(cells.text(row));
+        }
+        self.rows.get(row)?.get(column).map(Cow::Borrowed)
+    }
+
+    /// The number in a cell: NaN where it is empty, `None` where it is no number.
+    fn number_in(&self, row: usize, column: usize) -> Option<f64> {
+        #[cfg(feature = "parquet")]
+        if let Some(number) = self.cells.get(column).and_then(|cells| cells.number(row)) {
+            return Some(number);
+        }
+        self.cell(row, column).map_or(Some(f64::NAN), |cell| self.number(&cell))
+    }
+
+    /// Leaves out the rows that are not `wanted`.
+    pub(crate) fn keep(&mut self, mut wanted: impl FnMut(usize, &Self) -> bool) {
+        let wanted: Vec<bool> = (0..self.len()).map(|row| wanted(row, self)).collect();
+        #[cfg(feature = "parquet")]
+        self.cells.iter_mut().for_each(|cells| cells.keep(&wanted));
+        let mut wanted = wanted.iter();
+        self.rows.retain(|_| wanted.next() == Some(&true));
     }
 
     fn read_rows(&mut self, body: &str, dialect: &Dialect, faults: &mut Faults) {
@@ -181,12 +227,12 @@ impl<'s> RawTable<'s> {
     /// The numbers of a column; what is none, or infinite, is a fault and stays in place as NaN or itself.
     pub(crate) fn numbers(&self, column: usize, faults: &mut Faults) -> Vec<f64> {
         let name = self.header.get(column).cloned().unwrap_or_default();
-        let mut numbers = Vec::with_capacity(self.rows.len());
-        for (row, record) in self.rows.iter().enumerate() {
-            let cell = record.get(column).unwrap_or("");
-            let number = self.number(cell);
+        let mut numbers = Vec::with_capacity(self.len());
+        for row in 0..self.len() {
+            let number = self.number_in(row, column);
             let fault = match number {
                 None => {
+                    let cell = self.cell(row, column).unwrap_or_default();
                     Some(Fault::new(&name, format!("`{cell}` is no number")).expected("a number"))
                 }
                 Some(number) if number.is_infinite() => {

@@ -47,7 +47,7 @@ pub(super) fn records(
         table.header = heads;
     }
     notes.append(&mut table.notes);
-    if table.rows.is_empty() {
+    if table.len() == 0 {
         let fault = Fault::new("", "holds no rows of numbers");
         faults.push(fault.expected("a table of numbers, one row per sample"));
         return Vec::new();
@@ -131,7 +131,7 @@ impl Sheet<'_, '_> {
         let spacing =
             Spacing::of(&self.table.numbers(first, &mut Faults::of("")), |_| false).ok()?;
         let even = spacing.notes.is_empty() && spacing.runs.len() == 1;
-        if !even || (spacing.step - 1.0).abs() < 1e-9 || self.table.rows.len() < 3 {
+        if !even || (spacing.step - 1.0).abs() < 1e-9 || self.table.len() < 3 {
             return None;
         }
         let name = &heads[first];
@@ -181,8 +181,8 @@ impl Sheet<'_, '_> {
 
     /// Whether most of the first rows hold numbers, or nothing: a single bad cell is a fault, not a column of text.
     fn is_numeric(&self, at: usize) -> bool {
-        let rows = self.table.rows.len().min(10);
-        let cells = self.table.rows.iter().take(rows).map(|row| row.get(at).unwrap_or(""));
+        let rows = self.table.len().min(10);
+        let cells = (0..rows).map(|row| self.table.cell(row, at).unwrap_or_default());
         2 * cells.filter(|cell| self.table.number(cell).is_some()).count() > rows
     }
 

@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use diagnosis::diagnose::{Diagnosis, Ingested, diagnose, ingest};
+use diagnosis::force::has_force;
 use diagnosis::gross::{self, Suspicion};
 use diagnosis::{Campaign, Chosen, from_recording};
 use recording::model::RobotModel;
@@ -23,7 +24,7 @@ use drives::Drives;
 use super::calibrate::numbers::{Entry, entries};
 use super::correct::check_apart;
 use crate::exit::{Answer, Failure, Outcome};
-use crate::input::Reading;
+use crate::input::{Looked, Reading};
 use crate::options::Seed;
 use crate::output::{Console, Paint};
 
@@ -89,10 +90,16 @@ fn band(text: &str) -> Result<f64, String> {
 
 impl Diagnose {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        if let Some(answer) = forces::alone(self, console)? {
-            return Ok(answer);
-        }
-        let (model, recordings) = self.reading.measured(&self.recordings)?;
+        let looked = self.recordings.first().map(|first| self.reading.look(first)).transpose()?;
+        let read = match looked {
+            Some(Looked::WithoutArm(alone)) if has_force(&alone.1) => {
+                return forces::alone(self, *alone, console);
+            }
+            Some(Looked::WithoutArm(alone)) => Some(alone.1),
+            Some(Looked::OfArm(read)) => read.map(|read| *read),
+            None => None,
+        };
+        let (model, recordings) = self.reading.measured_after(read, &self.recordings)?;
         let cell = self.apply.as_deref().map(apply::cell).transpose()?;
         self.check(&outputs(&self.out))?;
         let seed = self.seed.settle();

@@ -27,7 +27,7 @@ use self::instrument::{Instrument, Made};
 use self::station::Stand;
 use super::correct::check_apart;
 use crate::exit::{Answer, Failure, Outcome};
-use crate::input::{Input, Reading, count};
+use crate::input::{Input, Looked, Reading, count};
 use crate::options::Seed;
 use crate::output::Console;
 
@@ -88,12 +88,12 @@ impl Simulate {
             check_apart(input, &toml)?;
         }
         let seed = self.seed.settle();
-        let (model, made) = match self.reading.without_arm(&self.input)? {
-            Some((model, recording)) => {
-                let made = Made::untouched(recording);
-                (model, made)
+        let (model, made) = match self.reading.look(&self.input)? {
+            Looked::WithoutArm(alone) => {
+                let (model, recording) = *alone;
+                (model, Made::untouched(recording))
             }
-            None => self.moved(seed)?,
+            Looked::OfArm(_) => self.moved(seed)?,
         };
         let Made { mut recording, columns, left_out, understated, recorded_rms_m, rows_beyond } =
             made;

@@ -101,3 +101,25 @@ fn a_loop_that_stood_beside_dry_friction_gives_way_to_it_when_it_stands_alone() 
     let renamed = asking.renamed(asking.solve(&[narrow]));
     assert_eq!(renamed.names.iter().map(kind).collect::<Vec<_>>(), ["coulomb_friction"]);
 }
+
+#[test]
+fn a_searched_number_is_told_with_its_doubt_and_leaves_the_number_beside_it_less_sure() {
+    let speed = 0.05;
+    let force =
+        |[_, v, a]: [f64; 3]| MASS * a + 10.0 * v.signum() * libm::exp(-(v / speed) * (v / speed));
+    let mut case = case(slider(true), 1.0, force);
+    let seen = case.rows.seen();
+    let products = case.products(&seen);
+    let choice = refine::asking(&case, &products, &[]).choose(&[]);
+    refine::settle(&mut case, &choice, &[], &seen);
+    let products = case.products(&seen);
+    let choice = refine::asking(&case, &products, &[]).solve(&choice.names);
+    let family = &case.library.families[choice.names[0]];
+    assert_eq!((family.kind, choice.names.len()), ("stribeck_friction", 1));
+    let (covariance, spreads) = prove::sureness(&case, &choice, &seen);
+    let fixed = prove::covariance(&case, &choice.solved, &seen);
+    assert!(covariance[(0, 0)] > 1.1 * fixed[(0, 0)], "{covariance} {fixed}");
+    let (found, spread) = (family.settings[0].1, spreads[0].1);
+    assert!(spread > 1e-4 && spread < 0.05, "{spread}");
+    assert!((found / speed - 1.0).abs() < 3.0 * spread, "{found} {spread}");
+}

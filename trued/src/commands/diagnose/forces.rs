@@ -4,10 +4,11 @@
 
 use diagnosis::force::{self, Diagnosis, Doubt, Finding};
 use recording::model::{EffectEntry, RobotModel, SiParameter};
+use recording::series::Recording;
 
 use super::drives::written;
 use super::{Diagnose, outputs, page, told};
-use crate::exit::{Answer, Failure};
+use crate::exit::{Answer, Failure, Outcome};
 use crate::output::{Console, Paint};
 
 /// What was found in the forces.
@@ -17,13 +18,12 @@ pub(super) struct Forces {
     pub(super) seed: u64,
 }
 
-/// Diagnoses a recording without joints; none where there are joints, or nothing that a tool feels.
-pub(super) fn alone(asked: &Diagnose, console: &mut Console) -> Result<Option<Answer>, Failure> {
-    let Some(first) = asked.recordings.first() else { return Ok(None) };
-    let Some((base, recording)) = asked.reading.without_arm(first)? else { return Ok(None) };
-    if !force::has_force(&recording) {
-        return Ok(None);
-    }
+/// Diagnoses a recording without joints, of forces.
+pub(super) fn alone(
+    asked: &Diagnose,
+    (base, recording): (RobotModel, Recording),
+    console: &mut Console,
+) -> Outcome {
     if asked.recordings.len() > 1 {
         return Err(Failure::input("recordings of forces alone are diagnosed one at a time"));
     }
@@ -50,7 +50,7 @@ pub(super) fn alone(asked: &Diagnose, console: &mut Console) -> Result<Option<An
         console.say(line)?;
     }
     console.say(format!("written to {}", asked.out.display()))?;
-    Ok(Some(Answer::Done))
+    Ok(Answer::Done)
 }
 
 impl Forces {
