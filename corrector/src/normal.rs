@@ -14,7 +14,8 @@ pub(crate) struct Factor {
 
 impl Factor {
     /// Of a symmetric matrix, of which the lower half is looked at; none where it is not positive definite.
-    pub(crate) fn of(normal: &[[f64; ROWS]; ROWS]) -> Option<Self> {
+    #[inline(always)]
+    pub(crate) fn of<const N: usize>(normal: &[[f64; N]; ROWS]) -> Option<Self> {
         let mut factor = Self { lower: [[0.0; ROWS]; ROWS], inverse: [0.0; ROWS] };
         let Self { lower, inverse } = &mut factor;
         for i in 0..ROWS {
@@ -37,6 +38,7 @@ impl Factor {
     }
 
     /// `N⁻¹ b`.
+    #[inline(always)]
     pub(crate) fn solve(&self, b: &[f64; ROWS]) -> [f64; ROWS] {
         let Self { lower, inverse } = self;
         let mut x = *b;

@@ -6,8 +6,9 @@ use crate::normal::ROWS;
 use crate::outcome::Residual;
 use crate::settings::Task;
 use glam::{DMat3, DVec3};
-use physics::Frame;
 use physics::frame::vector_from_rotation;
+use physics::lanes::{Lanes, Three};
+use physics::{Frame, Joints};
 
 /// Nothing is left over once the weighted error is below this, m: rounding of the geometry.
 const ERROR_DONE_M: f64 = 1e-14;
@@ -34,6 +35,26 @@ impl Rows {
     pub(crate) fn motion(&self, linear: DVec3, angular: DVec3) -> [f64; ROWS] {
         let (v, w) = (self.tool_from_base * linear, self.tool_from_base * angular * self.length_m);
         [v.x, v.y, v.z, w.x, w.y, if self.free_tool_axis { 0.0 } else { w.z }]
+    }
+
+    /// Motions of the tool with four joints, m and rad in base axes, into each row's places for these.
+    #[inline(always)]
+    pub(crate) fn put<S: Lanes>(
+        &self,
+        lanes: S,
+        (linear, angular): (Three<S>, Three<S>),
+        into: &mut [Joints; ROWS],
+        k: usize,
+    ) {
+        let DMat3 { x_axis, y_axis, z_axis } = self.wanted.rotation;
+        let axes = [x_axis, y_axis, z_axis];
+        for row in 0..axes.len() {
+            let axis = axes[row];
+            lanes.put(Three::same(lanes, axis).dot(linear), &mut into[row], k);
+            let is_free = self.free_tool_axis && row == 2;
+            let length_m = if is_free { 0.0 } else { self.length_m };
+            lanes.put(Three::same(lanes, axis * length_m).dot(angular), &mut into[3 + row], k);
+        }
     }
 
     pub(crate) fn error(&self, linear: DVec3, angular: DVec3) -> TaskError {

@@ -11,7 +11,7 @@
 use crate::outcome::Residual;
 use crate::rows::{Rows, TaskError};
 use crate::settings::Task;
-use crate::slopes::{Here, Refined, Slopes, Step, apply};
+use crate::slopes::{Here, Slopes, Step, apply};
 use crate::trace::{Ended, Trace, is_alone, is_small};
 use physics::{Chain, Evaluation, Inputs, Joints, Memories, Model, Told};
 
@@ -111,7 +111,7 @@ impl Solver {
         let Self { seen, told, .. } = self;
         model.deviate_into(inputs, memories, seen, Some(told));
         let rows = Rows::of(&seen.nominal.base_from_tool, task);
-        let (moved, turned) = seen.deviation.moves(&model.arm, &seen.nominal);
+        let (moved, turned) = seen.deviation.moves(&seen.nominal, &seen.loads.motions);
         let error = rows.error(-moved, -turned);
         let (trial, ended) = (**inputs, Ended::default());
         let mut way = Way { trial, rows, error, is_real: false, last: None, steps: 0, ended };
@@ -130,10 +130,10 @@ impl Solver {
         let error = rows.between(&seen.real.base_from_tool);
         let ended = Ended::default();
         let mut way = Way { trial, rows, error, is_real: true, last: None, steps: 0, ended };
-        slopes.take(&model.arm, &seen.real, told, &way.rows);
-        slopes.factored(0.0)?;
-        let here = Here { arm: &model.arm, seen, chain: &seen.real, told, rows: &way.rows };
-        let Refined { by, size, left, error: more } = slopes.refined(&way.error, &here);
+        let arm = &model.arm;
+        slopes.see(&Here { arm, seen, chain: &seen.real, told, rows: &way.rows });
+        let step = slopes.undamped(&way.error)?;
+        let Step { by, size, left, .. } = step;
         let curvature = slopes.curvature(told)?;
         let mut correction = *guess;
         apply(&mut correction, &by);
@@ -147,10 +147,10 @@ impl Solver {
         }
         apply(&mut way.trial.q, &by);
         way.steps = 1;
-        if trace.foretell(&by, curvature) + more < STEP_DONE {
+        if trace.foretell(&by, curvature) < STEP_DONE {
             return Some((way.here(true, &left, task), way.ended));
         }
-        way.last = Some(Step { by, size, foretold: size, left });
+        way.last = Some(step);
         self.stand(case, &mut way);
         let solution = self.walk(case, &mut way, NEAR_STEPS_MAX);
         solution.converged.then_some((solution, way.ended))
@@ -171,12 +171,10 @@ impl Solver {
             }
             let chain = if way.is_real { &seen.real } else { &seen.nominal };
             let allowed = |step: &Joints| stays_within(&way.trial.q, step, &inputs.q, reach);
-            let stands = Here { arm: &model.arm, seen, chain, told, rows: &way.rows };
-            let again = way.last.and_then(|last| slopes.again(&last, &way.error, &stands));
-            let next = again.filter(|next| allowed(&next.by)).or_else(|| {
-                slopes.take(&model.arm, chain, told, &way.rows);
-                slopes.first(&way.error, &stands, allowed)
-            });
+            slopes.see(&Here { arm: &model.arm, seen, chain, told, rows: &way.rows });
+            let again = way.last.as_ref().and_then(|last| slopes.again(last, &way.error, told));
+            let next = again.filter(|next| allowed(&next.by));
+            let next = next.or_else(|| slopes.first(&way.error, allowed));
             let Some(next) = next.filter(|_| way.steps < steps_max) else {
                 return way.here(false, &way.error, task);
             };

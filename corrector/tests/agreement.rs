@@ -142,8 +142,8 @@ proptest! {
         let miss_at = |q: &[f64]| case.miss_at(q);
         let slope = steepest(&slopes(&miss_at, &found.q[..5]), &weighted);
         let size = weighted.iter().map(|x| x * x).sum::<f64>().sqrt();
-        // The solver's slopes are those of the geometry; errors bend them by some parts in a thousand.
-        prop_assert!(slope <= 0.05 * size + 1e-12, "{slope} of {size}");
+        // Of a miss that these joints can do away with, a solution may leave what its last step is allowed to: 2.5e-11 rad, at a metre.
+        prop_assert!(slope <= 0.05 * size + 2.5e-11, "{slope} of {size}");
     }
 
     #[test]

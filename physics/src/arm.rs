@@ -3,6 +3,7 @@
 //! Promises: an [`Arm`] that exists is usable: axes are unit vectors, limits are ordered, all is finite.
 //! Never: an effect. Deviations from this geometry live in [`crate::effects`].
 
+use crate::placed::Along;
 use crate::{JOINTS_MAX, Joints};
 use glam::{DMat3, DVec3};
 use thiserror::Error;
@@ -70,6 +71,7 @@ pub struct Tool {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arm {
     joints: [Joint; JOINTS_MAX],
+    along: [Along; JOINTS_MAX],
     count: usize,
     /// The tool.
     pub tool: Tool,
@@ -123,7 +125,8 @@ impl Arm {
             return Err(ArmError::Gravity);
         }
         check_tool(&tool)?;
-        Ok(Self { joints: all, count: joints.len(), tool, gravity })
+        let along = all.map(|joint| Along::of(joint.axis));
+        Ok(Self { joints: all, along, count: joints.len(), tool, gravity })
     }
 
     /// The joints, base to flange.
@@ -134,6 +137,12 @@ impl Arm {
     /// The number of joints, 1 to [`JOINTS_MAX`].
     pub const fn count(&self) -> usize {
         self.count
+    }
+
+    /// Which of the base's axes the axis of joint `i` is along.
+    #[inline(always)]
+    pub(crate) fn along(&self, i: usize) -> Along {
+        self.along[i]
     }
 
     /// Whether every position is finite and within its joint's limits.

@@ -5,7 +5,9 @@
 //! Never: a load or an effect.
 
 use crate::deviation::Deviation;
-use crate::frame::{coefficients, rotation_from_vector, turned_about};
+use crate::frame::rotation_from_vector;
+use crate::lanes::{Lanes, Work, widest};
+use crate::placed::{Along, Axis, Placed, turned_on};
 use crate::trig::sin_cos_all;
 use crate::{Arm, Frame, JOINTS_MAX, JointKind, Joints};
 use glam::DVec3;
@@ -26,8 +28,9 @@ pub struct Chain {
     pub points: [DVec3; JOINTS_MAX],
     /// Tool coordinates to base coordinates; its origin is the TCP.
     pub base_from_tool: Frame,
-    /// Sine and cosine of each position.
-    turned: [(f64, f64); JOINTS_MAX],
+    /// Of each position.
+    sines: Joints,
+    cosines: Joints,
     count: usize,
 }
 
@@ -39,7 +42,8 @@ impl Default for Chain {
             axes: [DVec3::ZERO; JOINTS_MAX],
             points: [DVec3::ZERO; JOINTS_MAX],
             base_from_tool: Frame::IDENTITY,
-            turned: [(0.0, 0.0); JOINTS_MAX],
+            sines: [0.0; JOINTS_MAX],
+            cosines: [0.0; JOINTS_MAX],
             count: 0,
         }
     }
@@ -62,57 +66,72 @@ impl Chain {
 
     /// Where the tool is at `q`: [`Chain::nominal`]'s to the bit, and nothing else of it.
     pub fn tool_at(arm: &Arm, q: &Joints) -> Frame {
-        let mut turned = [(0.0, 0.0); JOINTS_MAX];
-        sin_cos_all(&q[..arm.count()], &mut turned);
-        let joints = arm.joints().iter().zip(q).zip(&turned);
-        let carrier = joints.fold(Frame::IDENTITY, |carrier, ((joint, q), turned)| {
-            let axis = (joint.axis, joint.point);
-            placed(&carrier, axis, joint.kind, (*q, *turned)).body
-        });
-        carrier.after(&Frame::new(arm.tool.base_from_tool, arm.tool.tcp))
+        widest(arm.count(), ToolAt { arm, q })
     }
 
     /// [`Chain::nominal`] in place of a chain of the same arm.
     pub(crate) fn stand(&mut self, arm: &Arm, q: &Joints) {
+        widest(arm.count(), Stand { chain: self, arm, q });
+    }
+
+    /// The same, with these lanes.
+    #[inline(always)]
+    pub(crate) fn stand_in<S: Lanes>(&mut self, lanes: S, arm: &Arm, q: &Joints) {
         self.count = arm.count();
-        sin_cos_all(&q[..self.count], &mut self.turned);
-        let mut carrier = Frame::IDENTITY;
+        sin_cos_all(lanes, q, &mut self.sines, &mut self.cosines);
+        let mut carrier = Placed::of(lanes, &Frame::IDENTITY);
         for (i, joint) in arm.joints().iter().enumerate() {
-            self.place(i, &carrier, (joint.axis, joint.point), joint.kind, q[i]);
-            carrier = self.bodies[i];
+            let axis = Axis { along: arm.along(i), axis: joint.axis, point: joint.point };
+            carrier = self.place(i, &carrier, &axis, joint.kind, q[i]);
         }
-        self.base_from_tool = carrier.after(&Frame::new(arm.tool.base_from_tool, arm.tool.tcp));
+        self.base_from_tool = carrier.after(&tool_of(arm)).frame();
     }
 
     /// [`Chain::real`] in place of a chain of the same arm; `nominal` is the arm without the deviation.
     pub(crate) fn deviate(&mut self, arm: &Arm, q: &Joints, deviation: &Deviation, nominal: &Self) {
+        widest(arm.count(), Deviate { chain: self, arm, q, deviation, nominal });
+    }
+
+    #[inline(always)]
+    fn deviate_in<S: Lanes>(
+        &mut self,
+        lanes: S,
+        arm: &Arm,
+        q: &Joints,
+        deviation: &Deviation,
+        nominal: &Self,
+    ) {
         self.count = arm.count();
-        let mut carrier = Frame::IDENTITY;
+        let now = (&mut self.sines, &mut self.cosines);
+        turned_on(lanes, (&nominal.sines, &nominal.cosines), &deviation.joints, now);
+        let mut base = Frame::IDENTITY;
         if deviation.base_turn != DVec3::ZERO {
-            carrier.rotation = rotation_from_vector(deviation.base_turn);
+            base.rotation = rotation_from_vector(deviation.base_turn);
         }
+        let mut carrier = Placed::of(lanes, &base);
         for (i, joint) in arm.joints().iter().enumerate() {
             if let Some(link) = deviation.link(i) {
                 carrier = carrier.after(&link.frame());
             }
-            let axis = deviation.axis(i).map_or((joint.axis, joint.point), |twist| {
+            let mut axis = Axis { along: arm.along(i), axis: joint.axis, point: joint.point };
+            if let Some(twist) = deviation.axis(i) {
                 let moved = twist.frame();
-                (moved.rotation * joint.axis, moved.point(joint.point))
-            });
-            let off = deviation.joints[i];
-            self.turned[i] = turned_on(nominal.turned[i], off);
-            self.place(i, &carrier, axis, joint.kind, q[i] + off);
-            carrier = self.bodies[i];
+                axis.axis = moved.rotation * joint.axis;
+                axis.point = moved.point(joint.point);
+                axis.along = Along::of(axis.axis);
+            }
+            let position = q[i] + deviation.joints[i];
+            carrier = self.place(i, &carrier, &axis, joint.kind, position);
         }
         if let Some(flange) = deviation.link(self.count) {
             carrier = carrier.after(&flange.frame());
         }
-        self.base_from_tool = carrier.after(&Frame::new(arm.tool.base_from_tool, arm.tool.tcp));
+        carrier = carrier.after(&tool_of(arm));
         if deviation.tool_turn != DVec3::ZERO || deviation.tool_shift != DVec3::ZERO {
             let turn = rotation_from_vector(deviation.tool_turn);
-            self.base_from_tool =
-                self.base_from_tool.after(&Frame::new(turn, deviation.tool_shift));
+            carrier = carrier.after(&Frame::new(turn, deviation.tool_shift));
         }
+        self.base_from_tool = carrier.frame();
     }
 
     /// How the TCP moves (m) and the tool turns (rad) per unit of joint `i`, base axes.
@@ -141,57 +160,79 @@ impl Chain {
         self.count
     }
 
-    /// Puts joint `i`, at `position`, onto what carries it.
-    #[inline]
-    fn place(
+    /// Puts joint `i`, at `position`, onto what carries it; where its body is then.
+    #[inline(always)]
+    fn place<S: Lanes>(
         &mut self,
         i: usize,
-        carrier: &Frame,
-        axis: (DVec3, DVec3),
+        carrier: &Placed<S>,
+        axis: &Axis,
         kind: JointKind,
         position: f64,
-    ) {
-        let placed = placed(carrier, axis, kind, (position, self.turned[i]));
-        (self.axes[i], self.points[i], self.bodies[i]) = (placed.axis, placed.point, placed.body);
+    ) -> Placed<S> {
+        let turned = (self.sines[i], self.cosines[i]);
+        let (now, body) = carrier.joint(axis, kind, position, turned);
+        (self.axes[i], self.points[i], self.bodies[i]) = (now.0, now.1, body.frame());
+        body
     }
 }
 
-/// A joint on what carries it.
-struct Placed {
-    axis: DVec3,
-    point: DVec3,
-    body: Frame,
-}
-
-/// A joint with this axis through this point (zero configuration), at a position with this sine and cosine, onto what carries it.
+/// The tool on the last body, at the zero configuration.
 #[inline(always)]
-fn placed(
-    carrier: &Frame,
-    (axis, point): (DVec3, DVec3),
-    kind: JointKind,
-    (position, turned): (f64, (f64, f64)),
-) -> Placed {
-    let point_now = carrier.point(point);
-    match kind {
-        JointKind::Revolute => {
-            let (axis, rotation) = turned_about(&carrier.rotation, axis, turned);
-            // What is on the axis stays.
-            let body = Frame { rotation, origin: point_now - rotation * point };
-            Placed { axis, point: point_now, body }
-        }
-        JointKind::Prismatic => {
-            let axis = carrier.rotation * axis;
-            let origin = carrier.origin + axis * position;
-            Placed { axis, point: point_now, body: Frame { origin, ..*carrier } }
-        }
+fn tool_of(arm: &Arm) -> Frame {
+    Frame::new(arm.tool.base_from_tool, arm.tool.tcp)
+}
+
+struct Stand<'a> {
+    chain: &'a mut Chain,
+    arm: &'a Arm,
+    q: &'a Joints,
+}
+
+impl Work for Stand<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        self.chain.stand_in(lanes, self.arm, self.q);
     }
 }
 
-/// Sine and cosine of `q + off`, given those of `q`; the same bits where `off` is zero.
-#[inline]
-fn turned_on((sin, cos): (f64, f64), off: f64) -> (f64, f64) {
-    let square = off * off;
-    let [first, second, _] = coefficients(square);
-    let (sine, less) = (off * first, square * second);
-    (sin + (cos * sine - sin * less), cos - (sin * sine + cos * less))
+struct Deviate<'a> {
+    chain: &'a mut Chain,
+    arm: &'a Arm,
+    q: &'a Joints,
+    deviation: &'a Deviation,
+    nominal: &'a Chain,
+}
+
+impl Work for Deviate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        self.chain.deviate_in(lanes, self.arm, self.q, self.deviation, self.nominal);
+    }
+}
+
+struct ToolAt<'a> {
+    arm: &'a Arm,
+    q: &'a Joints,
+}
+
+impl Work for ToolAt<'_> {
+    type Output = Frame;
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) -> Frame {
+        let Self { arm, q } = self;
+        let (mut sines, mut cosines) = ([0.0; JOINTS_MAX], [0.0; JOINTS_MAX]);
+        sin_cos_all(lanes, q, &mut sines, &mut cosines);
+        let mut carrier = Placed::of(lanes, &Frame::IDENTITY);
+        for (i, joint) in arm.joints().iter().enumerate() {
+            let axis = Axis { along: arm.along(i), axis: joint.axis, point: joint.point };
+            carrier = carrier.joint(&axis, joint.kind, q[i], (sines[i], cosines[i])).1;
+        }
+        carrier.after(&tool_of(arm)).frame()
+    }
 }

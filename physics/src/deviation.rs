@@ -6,7 +6,8 @@
 use crate::cut::ForceTerm;
 use crate::drive::DriveTerm;
 use crate::frame::Twist;
-use crate::{Arm, Chain, Frame, JOINTS_MAX, Joints, Wrench};
+use crate::lanes::{Lanes, Three, Work, widest};
+use crate::{Chain, Frame, JOINTS_MAX, Joints, Motions, Wrench};
 use glam::DVec3;
 
 /// What one effect adds, at the one place where it acts. Joints and links are 0-based.
@@ -184,6 +185,28 @@ impl LinkDeviation {
     }
 }
 
+/// How the tool moves, m and rad, where each joint goes by so much.
+struct ByJoints<'a> {
+    by: &'a Joints,
+    motions: &'a Motions,
+}
+
+impl Work for ByJoints<'_> {
+    type Output = (DVec3, DVec3);
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) -> (DVec3, DVec3) {
+        let none = Three::same(lanes, DVec3::ZERO);
+        let (mut linear, mut angular) = (none, none);
+        for k in 0..S::PARTS {
+            let by = lanes.part(self.by, k);
+            linear = linear.plus_times(self.motions.linear.part(lanes, k), by);
+            angular = angular.plus_times(self.motions.angular.part(lanes, k), by);
+        }
+        (linear.sum(), angular.sum())
+    }
+}
+
 /// The sum of all contributions to the geometry.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Deviation {
@@ -230,31 +253,32 @@ impl Deviation {
         (self.bent >> link & 1 == 1).then(|| &self.links[link])
     }
 
-    /// How it moves the TCP (m) and turns the tool (rad) to first order, base axes; `chain` is the arm without it.
-    pub fn moves(&self, arm: &Arm, chain: &Chain) -> (DVec3, DVec3) {
+    /// How it moves the TCP (m) and turns the tool (rad) to first order, base axes; `chain` is the arm without it, `motions` how that moves the tool.
+    pub fn moves(&self, chain: &Chain, motions: &Motions) -> (DVec3, DVec3) {
         let tool = &chain.base_from_tool;
+        let (linear, angular) = widest(chain.count(), ByJoints { by: &self.joints, motions });
         let mut sum = Twist { turn: self.base_turn, velocity: DVec3::ZERO };
         let carrier = |link: usize| match link {
             0 => Frame::IDENTITY,
             _ => chain.bodies[link - 1],
         };
-        for (i, joint) in arm.joints().iter().enumerate() {
-            let (linear, angular) = chain.motion_of(i, joint.kind);
-            sum.turn += angular * self.joints[i];
-            sum.velocity += (linear - angular.cross(tool.origin)) * self.joints[i];
-            if let Some(axis) = self.axis(i) {
-                // What an axis that stands elsewhere adds at its joint's zero, it takes away again at its position.
-                sum.follow(axis, &carrier(i), 1.0);
-                sum.follow(axis, &chain.bodies[i], -1.0);
+        if self.moved | self.bent != 0 {
+            for i in 0..=chain.count() {
+                if let Some(axis) = self.axis(i) {
+                    // What an axis that stands elsewhere adds at its joint's zero, it takes away again at its position.
+                    sum.follow(axis, &carrier(i), 1.0);
+                    sum.follow(axis, &chain.bodies[i], -1.0);
+                }
+                if let Some(by) = self.link(i) {
+                    let velocity = by.twist.velocity + by.shift;
+                    sum.follow(&Twist { velocity, ..by.twist }, &carrier(i), 1.0);
+                }
             }
-        }
-        for (link, by) in (0..=arm.count()).filter_map(|link| Some((link, self.link(link)?))) {
-            let shifted = Twist { velocity: by.twist.velocity + by.shift, ..by.twist };
-            sum.follow(&shifted, &carrier(link), 1.0);
         }
         let shift = tool.rotation * self.tool_shift;
         let turn = tool.rotation * self.tool_turn;
-        (sum.velocity + sum.turn.cross(tool.origin) + shift, sum.turn + turn)
+        let moved = linear + sum.velocity + sum.turn.cross(tool.origin) + shift;
+        (moved, angular + sum.turn + turn)
     }
 
     /// Forgets what was added.

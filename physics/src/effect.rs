@@ -67,6 +67,12 @@ pub trait Effect: Copy + Sized {
         Slope::Untold
     }
 
+    /// Both at once, for an effect that has most of their work in common.
+    #[inline(always)]
+    fn predict_and_slope(&self, signals: &Signals<'_>, memory: &Memory) -> (Contribution, Slope) {
+        (self.predict(signals, memory), self.slope(signals))
+    }
+
     /// Brings the memory to where it stands after a long move that ended in `inputs.direction`.
     fn settle(&self, _inputs: &Inputs, _memory: &mut Memory) {}
 

@@ -171,6 +171,7 @@ macro_rules! effects {
             }
 
             /// Puts [`AnyEffect::predict`] into a deviation and [`AnyEffect::slope`] into a sum where one is asked for: one look at the kind for all.
+            #[inline(always)]
             pub(crate) fn act(
                 &self,
                 (signals, memory): (&Signals<'_>, &Memory),
@@ -179,10 +180,12 @@ macro_rules! effects {
             ) {
                 match self {
                     $(Self::$Kind(effect) => {
-                        deviation.add(&effect.predict(signals, memory));
-                        if let Some(told) = told {
-                            told.add(effect.joint(), effect.slope(signals));
-                        }
+                        let Some(told) = told else {
+                            return deviation.add(&effect.predict(signals, memory));
+                        };
+                        let (adds, slope) = effect.predict_and_slope(signals, memory);
+                        deviation.add(&adds);
+                        told.add(effect.joint(), slope);
                     })+
                     _ => {}
                 }

@@ -110,34 +110,19 @@ impl Twist {
 /// The rotation by `angle_rad` about the unit vector `axis` (Rodrigues).
 #[inline]
 pub fn rotation_about(axis: DVec3, angle_rad: f64) -> DMat3 {
-    turned_about(&DMat3::IDENTITY, axis, sin_cos(angle_rad)).1
+    let (sin, cos) = sin_cos(angle_rad);
+    rodrigues(axis, sin, cos)
 }
 
-/// The unit vector `axis` carried by `carrier`, and `carrier` after the rotation about that axis by an angle of this sine and cosine (Rodrigues). An axis
-/// along one of the three, as most are, is one column, and mixes the two others.
+/// The rotation about the unit vector `axis` by an angle of this sine and cosine.
 #[inline]
-pub(crate) fn turned_about(carrier: &DMat3, axis: DVec3, (sin, cos): (f64, f64)) -> (DVec3, DMat3) {
-    let DMat3 { x_axis: a, y_axis: b, z_axis: c } = *carrier;
-    let (x, y, z) = (axis.x, axis.y, axis.z);
-    if x == 0.0 && z == 0.0 {
-        let sin = sin * y;
-        return (b * y, DMat3::from_cols(a * cos - c * sin, b, a * sin + c * cos));
-    }
-    if x == 0.0 && y == 0.0 {
-        let sin = sin * z;
-        return (c * z, DMat3::from_cols(a * cos + b * sin, b * cos - a * sin, c));
-    }
-    if y == 0.0 && z == 0.0 {
-        let sin = sin * x;
-        return (a * x, DMat3::from_cols(a, b * cos + c * sin, c * cos - b * sin));
-    }
-    let rest = 1.0 - cos;
-    let rotation = DMat3::from_cols(
+pub(crate) fn rodrigues(axis: DVec3, sin: f64, cos: f64) -> DMat3 {
+    let (DVec3 { x, y, z }, rest) = (axis, 1.0 - cos);
+    DMat3::from_cols(
         DVec3::new(cos + x * x * rest, x * y * rest + z * sin, x * z * rest - y * sin),
         DVec3::new(x * y * rest - z * sin, cos + y * y * rest, y * z * rest + x * sin),
         DVec3::new(x * z * rest + y * sin, y * z * rest - x * sin, cos + z * z * rest),
-    );
-    (*carrier * axis, *carrier * rotation)
+    )
 }
 
 /// The rotation by a rotation vector: its direction is the axis, its length the angle in rad.
@@ -148,7 +133,7 @@ pub fn rotation_from_vector(turn: DVec3) -> DMat3 {
 }
 
 /// Below this square of an angle, rad², series stand for sine and cosine: their next terms are below rounding.
-const SMALL: f64 = 0.01;
+pub(crate) const SMALL: f64 = 0.01;
 
 /// `sin θ/θ`, `(1 − cos θ)/θ²` and `(θ − sin θ)/θ³`, of `θ²`.
 #[inline]

@@ -93,10 +93,11 @@ pub(crate) fn reaction(
 }
 
 /// Whether no joint moves: then nothing moves the masses.
-#[inline]
+#[inline(always)]
 pub(crate) fn is_still(arm: &Arm, velocity: &Joints, acceleration: &Joints) -> bool {
-    let still = |all: &Joints| all[..arm.count()].iter().all(|x| *x == 0.0);
-    still(velocity) && still(acceleration)
+    // Without a branch, of all that is not a zero of either sign.
+    let both = velocity.iter().zip(acceleration).take(arm.count());
+    both.fold(0, |any, (v, a)| any | (v.to_bits() << 1) | (a.to_bits() << 1)) == 0
 }
 
 /// How each body of the arm moves.

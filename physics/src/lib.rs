@@ -24,8 +24,11 @@ pub mod frame;
 pub mod gears;
 mod heat;
 mod inertia;
+pub mod lanes;
 pub mod loads;
 pub mod model;
+pub mod motions;
+mod placed;
 pub mod signals;
 pub mod slopes;
 pub mod spec;
@@ -42,8 +45,9 @@ pub use effects::AnyEffect;
 pub use frame::Frame;
 pub use loads::{LoadChange, Loads};
 pub use model::{Beyond, Evaluation, Memories, Model, ModelError};
+pub use motions::Motions;
 pub use signals::{Inputs, Signals, Wrench};
-pub use slopes::{Slope, Told};
+pub use slopes::{Following, Slope, Told};
 
 /// The most joints an arm may have.
 pub const JOINTS_MAX: usize = 16;

@@ -7,7 +7,9 @@
 use crate::deviation::Contribution;
 use crate::frame::rotation_from_vector;
 use crate::inertia::{Extra, is_still, reaction};
-use crate::{Arm, Chain, Inputs, JOINTS_MAX, JointKind, Joints, Wrench};
+use crate::lanes::{Lanes, Three, Vectors, Work, widest};
+use crate::placed::Placed;
+use crate::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Motions, Wrench};
 use glam::{DMat3, DVec3};
 
 /// Force and moment that all beyond a joint exerts at the joint's point, base axes.
@@ -26,17 +28,6 @@ impl PivotLoad {
     }
 }
 
-/// What moves with one joint, per unit of it, base axes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Motion {
-    /// The first moment of all that the joint carries, kg m per rad or per m.
-    pub(crate) swing: DVec3,
-    /// The TCP, m per rad or per m.
-    pub(crate) linear: DVec3,
-    /// The tool, rad per rad or per m.
-    pub(crate) angular: DVec3,
-}
-
 /// The loads at one configuration.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Loads {
@@ -45,9 +36,12 @@ pub struct Loads {
     /// The wrench at the TCP, base axes.
     pub wrench: Wrench,
     /// Of all that each joint carries: its mass, kg, and its first moment about the joint's point, kg m.
-    carried: [(f64, DVec3); JOINTS_MAX],
-    /// What moves with each joint.
-    pub(crate) motions: [Motion; JOINTS_MAX],
+    masses: Joints,
+    first_moments: [DVec3; JOINTS_MAX],
+    /// The first moment of all that each joint carries, kg m per rad or per m of it.
+    pub(crate) swings: Vectors,
+    /// How the tool moves with each joint.
+    pub motions: Motions,
     /// `−∂V/∂q_i`, Nm or N, with what effects say of springs.
     pub gravity_torque: Joints,
     /// `(JᵀW)_i`, Nm or N.
@@ -56,6 +50,8 @@ pub struct Loads {
     pub inertia_torque: Joints,
     /// Moment of gravity and wrench about the base frame's origin, Nm.
     pub base_moment: DVec3,
+    /// Whether the arm is taken as at rest.
+    pub(crate) at_rest: bool,
     /// Moment of the arm's own motion about the base frame's origin, Nm; zero for an arm taken as at rest.
     pub inertia_base_moment: DVec3,
 }
@@ -119,15 +115,28 @@ impl Loads {
     /// The same, with what effects change; `wrench` is then what the sensor reads.
     pub fn changed(arm: &Arm, chain: &Chain, wrench: Wrench, change: &LoadChange) -> Self {
         let mut loads = Self::default();
-        loads.carry(arm, chain, wrench, change);
+        widest(arm.count(), Carry { loads: &mut loads, arm, chain, wrench, change });
         loads
     }
 
     /// [`Loads::changed`] in place of the loads of the same arm.
-    pub(crate) fn carry(&mut self, arm: &Arm, chain: &Chain, wrench: Wrench, change: &LoadChange) {
+    #[inline(always)]
+    pub(crate) fn carry<S: Lanes>(
+        &mut self,
+        lanes: S,
+        (arm, chain): (&Arm, &Chain),
+        wrench: Wrench,
+        change: &LoadChange,
+    ) {
         self.wrench = change.truth(wrench, &chain.base_from_tool.rotation);
         self.gravity = turned(arm.gravity, change.gravity_turn);
-        self.carry_along(arm, chain, change);
+        let first_moment = self.carry_along(lanes, arm, chain, change);
+        self.swing(lanes, arm, chain);
+        let joints = self.gravity_torque.iter_mut().zip(&change.joints);
+        joints.take(arm.count()).for_each(|(torque, more)| *torque += more);
+        let tcp = chain.base_from_tool.origin;
+        self.base_moment =
+            first_moment.cross(self.gravity) + tcp.cross(self.wrench.force) + self.wrench.moment;
     }
 
     /// The torque (or force) that bends joint `i`: gravity, wrench and inertia.
@@ -142,7 +151,7 @@ impl Loads {
 
     /// What gravity exerts at the point of joint `i`.
     pub fn gravity_at(&self, i: usize) -> PivotLoad {
-        let (mass, first_moment) = self.carried[i];
+        let (mass, first_moment) = (self.masses[i], self.first_moments[i]);
         PivotLoad { force: self.gravity * mass, moment: first_moment.cross(self.gravity) }
     }
 
@@ -157,9 +166,11 @@ impl Loads {
     pub(crate) fn forget_inertia(&mut self) {
         self.inertia_torque = [0.0; JOINTS_MAX];
         self.inertia_base_moment = DVec3::ZERO;
+        self.at_rest = true;
     }
 
     /// What the arm's own motion adds, at the speeds and accelerations of `inputs`.
+    #[inline(always)]
     pub(crate) fn carry_inertia(
         &mut self,
         arm: &Arm,
@@ -171,43 +182,86 @@ impl Loads {
             self.forget_inertia();
             return;
         }
+        self.at_rest = false;
         let extra = Extra { mass: change.mass, first_moment: change.first_moment };
         let moved = reaction(arm, chain, &inputs.velocity, &inputs.acceleration, &extra);
         (self.inertia_torque, self.inertia_base_moment) = (moved.torque, moved.base_moment);
     }
 
-    /// From the tool back to the base: mass and first moment of all that a joint carries; what gravity and wrench then do along the joint's motion.
-    fn carry_along(&mut self, arm: &Arm, chain: &Chain, change: &LoadChange) {
-        let last = arm.count() - 1;
-        let (mut mass, mut first_moment) = (0.0, DVec3::ZERO);
+    /// From the tool back to the base: mass and first moment of all that each joint carries; the first moment of all about the base frame's origin.
+    #[inline(always)]
+    fn carry_along<S: Lanes>(
+        &mut self,
+        lanes: S,
+        arm: &Arm,
+        chain: &Chain,
+        change: &LoadChange,
+    ) -> DVec3 {
+        let flange = Placed::of(lanes, &chain.bodies[arm.count() - 1]);
+        let (mut mass, mut first_moment) = (0.0, lanes.same(0.0));
         if change.mass != 0.0 || change.first_moment != DVec3::ZERO {
-            let flange = &chain.bodies[last];
+            let flange = &chain.bodies[arm.count() - 1];
             mass = change.mass;
-            first_moment = flange.rotation * change.first_moment + flange.origin * change.mass;
+            let moved = flange.rotation * change.first_moment + flange.origin * change.mass;
+            first_moment = lanes.vector(moved);
         }
         if let Some(tool) = &arm.tool.body {
             mass += tool.mass;
-            first_moment += chain.bodies[last].point(tool.centre) * tool.mass;
+            let centre = flange.point(tool.centre);
+            first_moment = lanes.times_plus(centre, lanes.same(tool.mass), first_moment);
         }
         for (i, joint) in arm.joints().iter().enumerate().rev() {
             if let Some(link) = &joint.link {
                 mass += link.mass;
-                first_moment += chain.bodies[i].point(link.centre) * link.mass;
+                let centre = Placed::of(lanes, &chain.bodies[i]).point(link.centre);
+                first_moment = lanes.times_plus(centre, lanes.same(link.mass), first_moment);
             }
-            let about_point = first_moment - chain.points[i] * mass;
-            self.carried[i] = (mass, about_point);
-            let swing = match joint.kind {
-                JointKind::Revolute => chain.axes[i].cross(about_point),
-                JointKind::Prismatic => chain.axes[i] * mass,
-            };
-            let (linear, angular) = chain.motion_of(i, joint.kind);
-            self.motions[i] = Motion { swing, linear, angular };
-            self.gravity_torque[i] = swing.dot(self.gravity) + change.joints[i];
-            self.wrench_torque[i] = linear.dot(self.wrench.force) + angular.dot(self.wrench.moment);
+            let point = lanes.vector(chain.points[i]);
+            let about_point = lanes.times_from(point, lanes.same(mass), first_moment);
+            (self.masses[i], self.first_moments[i]) = (mass, lanes.xyz(about_point));
         }
-        let tcp = chain.base_from_tool.origin;
-        self.base_moment =
-            first_moment.cross(self.gravity) + tcp.cross(self.wrench.force) + self.wrench.moment;
+        lanes.xyz(first_moment)
+    }
+
+    /// What moves with each joint, and what gravity and wrench do along that.
+    #[inline(always)]
+    fn swing<S: Lanes>(&mut self, lanes: S, arm: &Arm, chain: &Chain) {
+        self.motions.take(lanes, arm, chain);
+        for k in 0..S::PARTS {
+            let about_point = Three::gathered(lanes, &self.first_moments, k);
+            self.swings.put(self.motions.angular.part(lanes, k).cross(about_point), k);
+        }
+        for i in arm.slides() {
+            self.swings.set(i, chain.axes[i] * self.masses[i]);
+        }
+        let gravity = Three::same(lanes, self.gravity);
+        let force = Three::same(lanes, self.wrench.force);
+        let moment = Three::same(lanes, self.wrench.moment);
+        for k in 0..S::PARTS {
+            let (linear, angular) =
+                (self.motions.linear.part(lanes, k), self.motions.angular.part(lanes, k));
+            let by_gravity = self.swings.part(lanes, k).dot(gravity);
+            lanes.put(by_gravity, &mut self.gravity_torque, k);
+            let by_wrench = angular.dot_plus(moment, linear.dot(force));
+            lanes.put(by_wrench, &mut self.wrench_torque, k);
+        }
+    }
+}
+
+struct Carry<'a> {
+    loads: &'a mut Loads,
+    arm: &'a Arm,
+    chain: &'a Chain,
+    wrench: Wrench,
+    change: &'a LoadChange,
+}
+
+impl Work for Carry<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        self.loads.carry(lanes, (self.arm, self.chain), self.wrench, self.change);
     }
 }
 

@@ -6,12 +6,13 @@
 //! Never: an inverse. Solving for the joint positions that put the tool right is the corrector's.
 
 use crate::deviation::{Contribution, Deviation};
-use crate::loads::{LoadChange, Loads};
+use crate::loads::Loads;
 use crate::signals::{Inputs, Signals};
-use crate::slopes::Told;
 use crate::spec::{ActsOn, Need};
-use crate::{AnyEffect, Arm, Chain, EFFECTS_MAX, JOINTS_MAX, Memory};
+use crate::{AnyEffect, Arm, Chain, EFFECTS_MAX, Memory};
 use thiserror::Error;
+
+mod evaluate;
 
 /// An arm with its effects.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -175,43 +176,6 @@ impl Model {
         seen
     }
 
-    /// [`Model::evaluate`] in place of an evaluation of a model of the same arm, or of the default: nothing is copied.
-    pub fn evaluate_into(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
-        self.deviate_into(inputs, memories, seen, None);
-        seen.stand(&self.arm, inputs);
-    }
-
-    /// The first half of [`Model::evaluate_into`], all but where everything really is; with what the effects tell of their slopes, where that is asked for.
-    pub fn deviate_into(
-        &self,
-        inputs: &Inputs,
-        memories: &Memories,
-        seen: &mut Evaluation,
-        mut told: Option<&mut Told>,
-    ) {
-        self.load_into(inputs, memories, seen);
-        let Evaluation { nominal, loads, deviation, beyond, .. } = seen;
-        let signals = Signals { arm: &self.arm, inputs, chain: nominal, loads };
-        deviation.clear();
-        deviation.base_turn = inputs.base_tilt;
-        if let Some(told) = &mut told {
-            // What effects change of the loads, and inertia, follow the arm by laws of their own.
-            let at_rest = loads.inertia_torque == [0.0; JOINTS_MAX];
-            told.clear(at_rest && !self.changes_loads);
-        }
-        for (effect, memory) in self.effects().zip(&memories.0) {
-            effect.act((&signals, memory), deviation, told.as_deref_mut());
-        }
-        *beyond = if self.hardens { self.beyond(loads) } else { None };
-    }
-
-    /// The first part of [`Model::deviate_into`]: the controller's geometry and the loads on it.
-    pub fn load_into(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
-        seen.nominal.stand(&self.arm, &inputs.q);
-        let (chain, loads) = (&seen.nominal, &mut seen.loads);
-        self.load(inputs, chain, memories, &mut LoadChange::default(), loads);
-    }
-
     /// Calls `visit` with the index and contribution of each effect at one sample.
     pub fn contributions(
         &self,
@@ -326,29 +290,5 @@ impl Model {
         for (effect, memory) in self.effects().zip(&mut memories.0) {
             step(effect, inputs, memory);
         }
-    }
-
-    /// The loads, and what effects change of them, which is nothing before.
-    pub(crate) fn load(
-        &self,
-        inputs: &Inputs,
-        chain: &Chain,
-        memories: &Memories,
-        change: &mut LoadChange,
-        loads: &mut Loads,
-    ) {
-        change.add(&Contribution::GravityTurn { turn: inputs.base_tilt });
-        loads.carry(&self.arm, chain, inputs.wrench_base, change);
-        if self.changes_loads {
-            loads.forget_inertia();
-            let signals = Signals { arm: &self.arm, inputs, chain, loads };
-            for (effect, memory) in self.effects().zip(&memories.0) {
-                if effect.spec().acts_on == ActsOn::Loads {
-                    change.add(&effect.predict(&signals, memory));
-                }
-            }
-            loads.carry(&self.arm, chain, inputs.wrench_base, change);
-        }
-        loads.carry_inertia(&self.arm, chain, inputs, change);
     }
 }

@@ -5,8 +5,8 @@
 //!
 //! Promises: exact where [`Told::is_whole`], held by the conformance suite. Never: a deviation of links, axes or tool.
 
-use crate::loads::Motion;
-use crate::{Arm, Evaluation, JOINTS_MAX, Joints, Loads, Wrench};
+use crate::lanes::{Lanes, Three, Vectors};
+use crate::{JOINTS_MAX, Joints, Loads, Wrench};
 use glam::DVec3;
 
 /// How what one effect adds follows the arm, memory as it is.
@@ -91,49 +91,137 @@ impl Told {
         self.are_wide >> joint & 1 == 1
     }
 
-    /// How much more each joint deviates, and the base turns (rad), for a small step of the joints at `seen`.
-    pub fn follow(&self, arm: &Arm, seen: &Evaluation, step: &Joints) -> (Joints, DVec3) {
-        let (mut more, count) = ([0.0; JOINTS_MAX], arm.count());
-        let own = more.iter_mut().zip(&self.position).zip(step);
-        own.take(count).for_each(|((more, slope), step)| *more = slope * step);
-        for joint in (0..count).filter(|joint| self.is_wide(*joint)) {
-            let slopes = self.positions[joint].iter().zip(step).take(count);
-            more[joint] += slopes.map(|(slope, step)| slope * step).sum::<f64>();
+    /// How the deviations follow the arm at `loads`; in place of what followed the same arm.
+    #[inline(always)]
+    pub fn follow<S: Lanes>(&self, lanes: S, count: usize, loads: &Loads, into: &mut Following) {
+        let count = count.min(JOINTS_MAX);
+        for i in 0..count {
+            let (row, is_wide) = (&mut into.joints[i], self.is_wide(i));
+            for k in 0..S::PARTS {
+                let from =
+                    if is_wide { lanes.part(&self.positions[i], k) } else { lanes.same(0.0) };
+                // One number put among four that were just written would have to wait until these are.
+                let own = lanes.part(&OWN[i], k);
+                lanes.put(lanes.times_plus(own, lanes.same(self.position[i]), from), row, k);
+            }
         }
+        into.turns_base = self.base != 0.0;
         if !self.is_coupled {
-            return (more, DVec3::ZERO);
+            return;
         }
-        let Loads { gravity, wrench, .. } = seen.loads;
-        let motions = &seen.loads.motions[..count];
-        let mut moment = DVec3::ZERO;
+        let Loads { gravity, wrench, .. } = *loads;
         if self.is_even {
-            moment += swing(motions, step, (gravity, wrench), &self.gravity, &mut more);
+            swing(lanes, loads, (gravity, wrench), (&self.gravity, count), into);
         } else {
-            moment += swing(motions, step, (gravity, Wrench::ZERO), &self.gravity, &mut more);
-            moment += swing(motions, step, (DVec3::ZERO, wrench), &self.wrench, &mut more);
+            let nothing = DVec3::ZERO;
+            swing(lanes, loads, (gravity, Wrench::ZERO), (&self.gravity, count), into);
+            swing(lanes, loads, (nothing, wrench), (&self.wrench, count), into);
         }
-        (more, DVec3::new(moment.x, moment.y, 0.0) * self.base)
+        if into.turns_base {
+            if !self.is_even {
+                into.pulls.take(lanes, loads, (gravity, wrench));
+            }
+            for k in 0..S::PARTS {
+                let (pulled, base) = (into.pulls.pulled.part(lanes, k), lanes.same(self.base));
+                lanes.put(lanes.times(pulled.x, base), &mut into.base_x, k);
+                lanes.put(lanes.times(pulled.y, base), &mut into.base_y, k);
+            }
+        }
     }
 }
 
-/// Adds to `more` what a small step of the joints changes of each joint's load, times its compliance; how the moment about the base's origin changes, Nm.
-fn swing(
-    motions: &[Motion],
-    step: &Joints,
-    (gravity, wrench): (DVec3, Wrench),
-    compliance: &Joints,
-    more: &mut Joints,
-) -> DVec3 {
-    // What the joints up to this one turn, and how the moment of what the joints beyond it move changes.
-    let steps = motions.iter().zip(step);
-    let mut turn: DVec3 = steps.map(|(motion, step)| motion.angular * *step).sum();
-    let mut moment = DVec3::ZERO;
-    for (i, motion) in motions.iter().enumerate().rev() {
-        let pulled = motion.swing.cross(gravity) + motion.linear.cross(wrench.force);
-        let turned = pulled + motion.angular.cross(wrench.moment);
-        more[i] += compliance[i] * (turn.dot(turned) + motion.angular.dot(moment));
-        moment += pulled * step[i];
-        turn -= motion.angular * step[i];
+/// How deviations follow the arm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Following {
+    /// What each joint deviates more, per unit of each joint's position: a row a joint.
+    pub joints: [Joints; JOINTS_MAX],
+    /// Whether the base turns; what it turns more about x and y, rad per unit of each joint's position.
+    pub turns_base: bool,
+    /// About x.
+    pub base_x: Joints,
+    /// About y.
+    pub base_y: Joints,
+    pulls: Pulls,
+}
+
+impl Default for Following {
+    fn default() -> Self {
+        let none = [0.0; JOINTS_MAX];
+        let pulls = Pulls::default();
+        Self { joints: [none; JOINTS_MAX], turns_base: false, base_x: none, base_y: none, pulls }
     }
-    moment
+}
+
+/// What pulls at what moves with each joint.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Pulls {
+    /// How the moment about what the joint does changes, per unit of the joint, Nm.
+    pulled: Vectors,
+    /// The same, and how the wrench's own moment does.
+    turned: Vectors,
+}
+
+impl Pulls {
+    #[inline(always)]
+    fn take<S: Lanes>(&mut self, lanes: S, loads: &Loads, (gravity, wrench): (DVec3, Wrench)) {
+        let (gravity, force) = (Three::same(lanes, gravity), Three::same(lanes, wrench.force));
+        let moment = Three::same(lanes, wrench.moment);
+        for k in 0..S::PARTS {
+            let swing = loads.swings.part(lanes, k);
+            let linear = loads.motions.linear.part(lanes, k);
+            let pulled = linear.cross_plus(force, swing.cross(gravity));
+            let angular = loads.motions.angular.part(lanes, k);
+            self.pulled.put(pulled, k);
+            self.turned.put(angular.cross_plus(moment, pulled), k);
+        }
+    }
+}
+
+/// One where a joint is the row's.
+static OWN: [Joints; JOINTS_MAX] = ones(false);
+/// One where a joint is not beyond the row's: what it turns, else what pulls at it counts.
+static UP_TO: [Joints; JOINTS_MAX] = ones(true);
+
+const fn ones(below_too: bool) -> [Joints; JOINTS_MAX] {
+    let mut rows = [[0.0; JOINTS_MAX]; JOINTS_MAX];
+    let mut i = 0;
+    while i < JOINTS_MAX {
+        let mut k = if below_too { 0 } else { i };
+        while k <= i {
+            rows[i][k] = 1.0;
+            k += 1;
+        }
+        i += 1;
+    }
+    rows
+}
+
+/// Adds what each joint's load changes by per unit of each joint, times its compliance. A joint up to the loaded one turns what is loaded; one beyond it
+/// moves what pulls.
+#[inline(always)]
+fn swing<S: Lanes>(
+    lanes: S,
+    loads: &Loads,
+    pulling: (DVec3, Wrench),
+    (compliance, count): (&Joints, usize),
+    into: &mut Following,
+) {
+    into.pulls.take(lanes, loads, pulling);
+    let angular = &loads.motions.angular;
+    for i in 0..count.min(JOINTS_MAX) {
+        if compliance[i] == 0.0 {
+            continue;
+        }
+        let turned = Three::same(lanes, into.pulls.turned.at(i));
+        let own = Three::same(lanes, angular.at(i));
+        for k in 0..S::PARTS {
+            let before = angular.part(lanes, k).dot(turned);
+            let beyond = into.pulls.pulled.part(lanes, k).dot(own);
+            let up_to = lanes.part(&UP_TO[i], k);
+            let change = lanes.times_plus(up_to, lanes.minus(before, beyond), beyond);
+            let row = lanes.part(&into.joints[i], k);
+            let more = lanes.times_plus(change, lanes.same(compliance[i]), row);
+            lanes.put(more, &mut into.joints[i], k);
+        }
+    }
 }

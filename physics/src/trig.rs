@@ -5,8 +5,10 @@
 //! `k_sin.c`, `k_cos.c`).
 //!
 //! Promises: within 1e-16 and an ulp of the true values; beyond 300 000 turns, and for what is not finite, `libm` answers. The same bits whether one angle
-//! is asked or many. Never: a table.
+//! is asked or many, the sign of a zero aside. Never: a table.
 
+use crate::Joints;
+use crate::lanes::{Lanes, WIDTH};
 use libm::sincos;
 
 /// The largest angle that three parts bring back exactly, rad: 300 000 turns.
@@ -34,22 +36,89 @@ const COSINE: [f64; 6] = [
 ];
 
 /// Sine and cosine of an angle, rad.
-#[inline]
+#[inline(always)]
 pub fn sin_cos(angle_rad: f64) -> (f64, f64) {
     if angle_rad.abs() < LARGE { reduced(angle_rad) } else { sincos(angle_rad) }
 }
 
-/// Sines and cosines of `angles_rad`, as many as there is room for.
-#[inline]
-pub(crate) fn sin_cos_all(angles_rad: &[f64], into: &mut [(f64, f64)]) {
-    if angles_rad.iter().all(|angle| angle.abs() < LARGE) {
-        angles_rad.iter().zip(into).for_each(|(angle, into)| *into = reduced(*angle));
-    } else {
-        angles_rad.iter().zip(into).for_each(|(angle, into)| *into = sin_cos(*angle));
+/// Sines and cosines of all joints' angles, four by four.
+#[inline(always)]
+pub(crate) fn sin_cos_all<S: Lanes>(
+    lanes: S,
+    angles_rad: &Joints,
+    sines: &mut Joints,
+    cosines: &mut Joints,
+) {
+    for k in 0..S::PARTS {
+        let angles = &angles_rad.as_chunks::<WIDTH>().0[k];
+        if angles.iter().all(|angle| angle.abs() < LARGE) {
+            let (sine, cosine) = reduced_four(lanes, lanes.of(*angles));
+            lanes.put(sine, sines, k);
+            lanes.put(cosine, cosines, k);
+        } else {
+            for i in 0..WIDTH {
+                let at = k * WIDTH + i;
+                (sines[at], cosines[at]) = sin_cos(angles[i]);
+            }
+        }
     }
 }
 
-#[inline]
+/// [`reduced`], without a look at bits: which quarter it is, is told by whole numbers.
+#[inline(always)]
+fn reduced_four<S: Lanes>(lanes: S, angle: S::Four) -> (S::Four, S::Four) {
+    let one = lanes.same(1.0);
+    let turns = lanes.times(angle, lanes.same(core::f64::consts::FRAC_2_PI));
+    let quarters = whole(lanes, turns);
+    let mut rest = angle;
+    for part in QUARTER {
+        rest = lanes.minus(rest, lanes.times(quarters, lanes.same(part)));
+    }
+    let square = lanes.times(rest, rest);
+    let bent = lanes.times(lanes.times(rest, square), polynomial_four(lanes, square, &SINE));
+    let sine = lanes.plus(rest, bent);
+    let half = lanes.times(lanes.same(0.5), square);
+    let near = lanes.minus(one, half);
+    let fourth = lanes.times(lanes.times(square, square), polynomial_four(lanes, square, &COSINE));
+    let lost = lanes.minus(lanes.minus(one, near), half);
+    let cosine = lanes.plus(near, lanes.plus(lost, fourth));
+    // Of an odd quarter sine and cosine change places; the sign of the sine turns every two.
+    let (twos, odd) = halved(lanes, quarters);
+    let (_, odd_twos) = halved(lanes, twos);
+    let even = lanes.minus(one, odd);
+    let first = lanes.plus(lanes.times(sine, even), lanes.times(cosine, odd));
+    let second = lanes.plus(lanes.times(cosine, even), lanes.times(sine, odd));
+    let two = lanes.same(2.0);
+    let sign = lanes.times_from(two, odd_twos, one);
+    let other = lanes.times(sign, lanes.times_from(two, odd, one));
+    (lanes.times(first, sign), lanes.times(second, other))
+}
+
+/// The nearest whole numbers.
+#[inline(always)]
+fn whole<S: Lanes>(lanes: S, of: S::Four) -> S::Four {
+    lanes.minus(lanes.plus(of, lanes.same(WHOLE)), lanes.same(WHOLE))
+}
+
+/// Halves of whole numbers, rounded down, and what remains: nothing or one.
+#[inline(always)]
+fn halved<S: Lanes>(lanes: S, of: S::Four) -> (S::Four, S::Four) {
+    let below = lanes.minus(lanes.times(of, lanes.same(0.5)), lanes.same(0.25));
+    let half = whole(lanes, below);
+    (half, lanes.times_from(lanes.same(2.0), half, of))
+}
+
+/// [`polynomial`], four times.
+#[inline(always)]
+fn polynomial_four<S: Lanes>(lanes: S, x: S::Four, coefficients: &[f64; 6]) -> S::Four {
+    let mut sum = lanes.same(coefficients[5]);
+    for k in (0..5).rev() {
+        sum = lanes.plus(lanes.same(coefficients[k]), lanes.times(x, sum));
+    }
+    sum
+}
+
+#[inline(always)]
 fn reduced(angle: f64) -> (f64, f64) {
     let shifted = angle * core::f64::consts::FRAC_2_PI + WHOLE;
     let quarters = shifted - WHOLE;
@@ -60,14 +129,16 @@ fn reduced(angle: f64) -> (f64, f64) {
     let near = 1.0 - half;
     let cosine = near + ((1.0 - near) - half + square * square * polynomial(square, &COSINE));
     let bits = shifted.to_bits();
-    let (first, second) = if bits & 1 == 0 { (sine, cosine) } else { (cosine, sine) };
+    // Of an odd quarter they change places: by bits, as no processor could guess which way a branch goes.
+    let other = (sine.to_bits() ^ cosine.to_bits()) & (bits & 1).wrapping_neg();
+    let (first, second) = (sine.to_bits() ^ other, cosine.to_bits() ^ other);
     // The second and third quarter turn the sine's sign, the first and second the cosine's.
-    let signed = |x: f64, turns: u64| f64::from_bits(x.to_bits() ^ ((turns >> 1) << 63));
+    let signed = |x: u64, turns: u64| f64::from_bits(x ^ ((turns >> 1) << 63));
     (signed(first, bits), signed(second, bits.wrapping_add(1)))
 }
 
 /// Horner's rule, lowest coefficient first.
-#[inline]
+#[inline(always)]
 fn polynomial(x: f64, coefficients: &[f64; 6]) -> f64 {
     let [a, b, c, d, e, f] = *coefficients;
     a + x * (b + x * (c + x * (d + x * (e + x * f))))
@@ -76,7 +147,18 @@ fn polynomial(x: f64, coefficients: &[f64; 6]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lanes::{Work, widest};
     use proptest::prelude::*;
+
+    struct Many<'a>(&'a Joints, &'a mut Joints, &'a mut Joints);
+
+    impl Work for Many<'_> {
+        type Output = ();
+
+        fn run<S: Lanes>(self, lanes: S) {
+            sin_cos_all(lanes, self.0, self.1, self.2);
+        }
+    }
 
     fn is_near(angle: f64) -> bool {
         let (found, known) = (sin_cos(angle), sincos(angle));
@@ -101,13 +183,13 @@ mod tests {
         }
 
         #[test]
-        fn many_at_once_are_the_same_bits_as_one_by_one(angles in prop::array::uniform7(-9.0..9.0_f64), far in any::<f64>()) {
-            for angles in [angles, [far; 7]] {
-                let mut all = [(0.0, 0.0); 7];
-                sin_cos_all(&angles, &mut all);
-                for (angle, (sine, cosine)) in angles.iter().zip(all) {
+        fn many_at_once_are_the_same_bits_as_one_by_one(angles in prop::array::uniform16(-9.0..9.0_f64), far in any::<f64>()) {
+            for angles in [angles, [far; 16]] {
+                let (mut sines, mut cosines) = ([0.0; 16], [0.0; 16]);
+                widest(16, Many(&angles, &mut sines, &mut cosines));
+                for (angle, found) in angles.iter().zip(sines.iter().zip(&cosines)) {
                     let one = sin_cos(*angle);
-                    prop_assert_eq!((one.0.to_bits(), one.1.to_bits()), (sine.to_bits(), cosine.to_bits()));
+                    prop_assert_eq!((one.0.to_bits(), one.1.to_bits()), (found.0.to_bits(), found.1.to_bits()));
                 }
             }
         }

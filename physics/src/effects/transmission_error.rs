@@ -39,18 +39,20 @@ impl Effect for TransmissionError {
 
     of_joint!();
 
-    #[inline(always)]
-    fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
-        let [amplitude, cycles, phase] = self.values;
-        let delta = amplitude * sin_cos(cycles * signals.inputs.q[self.joint] + phase).0;
-        Contribution::Joint { joint: self.joint, delta }
+    fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution {
+        self.predict_and_slope(signals, memory).0
+    }
+
+    fn slope(&self, signals: &Signals<'_>) -> Slope {
+        self.predict_and_slope(signals, &Memory::default()).1
     }
 
     #[inline(always)]
-    fn slope(&self, signals: &Signals<'_>) -> Slope {
+    fn predict_and_slope(&self, signals: &Signals<'_>, _memory: &Memory) -> (Contribution, Slope) {
         let [amplitude, cycles, phase] = self.values;
-        let cosine = sin_cos(cycles * signals.inputs.q[self.joint] + phase).1;
-        Slope::Position(amplitude * cycles * cosine)
+        let (sine, cosine) = sin_cos(cycles * signals.inputs.q[self.joint] + phase);
+        let adds = Contribution::Joint { joint: self.joint, delta: amplitude * sine };
+        (adds, Slope::Position(amplitude * cycles * cosine))
     }
 
     fn derivative(&self, k: usize, signals: &Signals<'_>, _memory: &Memory) -> Contribution {

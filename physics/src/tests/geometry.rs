@@ -3,9 +3,10 @@
 use super::matrix::{Geometry, Matrix, denavit_hartenberg, identity};
 use super::six_joints;
 use crate::deviation::Deviation;
-use crate::effects::conformance::{scene, sliding_scene};
+use crate::effects::conformance::{Scene, scene, sliding_scene};
 use crate::frame::vector_from_rotation;
-use crate::{Arm, Chain, Joint, JointKind, Joints, Tool};
+use crate::lanes::Plain;
+use crate::{Arm, Chain, Joint, JointKind, Joints, Loads, Tool};
 use core::f64::consts::FRAC_PI_2;
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
@@ -138,5 +139,28 @@ proptest! {
             }
             prop_assert!(jacobian.columns(6, 10).iter().all(|x| *x == 0.0));
         }
+    }
+}
+
+/// Whoever has no wide lanes, or an arm of more joints than most, gets the same geometry but for rounding.
+#[test]
+fn the_lanes_of_any_machine_say_the_same() {
+    for scene in [scene(), sliding_scene()] {
+        let Scene { arm, inputs, .. } = scene;
+        let mut plain = [Chain::nominal(&arm, &inputs.q); 2];
+        plain[0].stand_in(Plain::<2>, &arm, &inputs.q);
+        plain[1].stand_in(Plain::<4>, &arm, &inputs.q);
+        let wide = Chain::nominal(&arm, &inputs.q);
+        assert_eq!(plain[0].bodies, plain[1].bodies);
+        for i in 0..arm.count() {
+            let axis = plain[0].axes[i] - wide.axes[i];
+            let point = plain[0].points[i] - wide.points[i];
+            assert!(axis.length() < 1e-15 && point.length() < 1e-15, "joint {i}");
+            let loads = |chain: &Chain| Loads::on(&arm, chain, inputs.wrench_base);
+            let (a, b) = (loads(&plain[0]).torque(i), loads(&wide).torque(i));
+            assert!((a - b).abs() < 1e-12 * (1.0 + a.abs()), "joint {i}: {a} {b}");
+        }
+        let tcp = plain[0].base_from_tool.origin - wide.base_from_tool.origin;
+        assert!(tcp.length() < 4e-15, "{tcp}");
     }
 }

@@ -2,11 +2,27 @@
 
 use super::{Sample, Scene, numbers, samples, seen};
 use crate::frame::vector_from_rotation;
+use crate::lanes::{Lanes, Work, widest};
 use crate::spec::ActsOn;
-use crate::{Chain, Deviation, Evaluation, Inputs, JOINTS_MAX, Memories, Memory, Model, Told};
+use crate::{
+    Arm, Chain, Deviation, Evaluation, Following, Inputs, JOINTS_MAX, Loads, Memories, Memory,
+    Model, Told, Wrench,
+};
 use glam::DVec3;
 
 const STEP: f64 = 1e-6;
+
+struct Follow<'a>(&'a Told, &'a Arm, &'a Evaluation);
+
+impl Work for Follow<'_> {
+    type Output = Following;
+
+    fn run<S: Lanes>(self, lanes: S) -> Following {
+        let mut into = Following::default();
+        self.0.follow(lanes, self.1.count(), &self.2.loads, &mut into);
+        into
+    }
+}
 
 /// At rest, as inertia follows by a law of its own.
 fn at_rest(sample: &Sample) -> Inputs {
@@ -31,7 +47,12 @@ fn followed(
         inputs.q.iter_mut().zip(step).for_each(|(q, step)| *q += times * step);
         model.evaluate(&inputs, &memories)
     };
-    let (joints, base) = told.follow(&model.arm, &here, step);
+    let following = widest(model.arm.count(), Follow(&told, &model.arm, &here));
+    let by = |rates: &[f64; JOINTS_MAX]| {
+        rates.iter().zip(step).map(|(rate, step)| rate * step).sum::<f64>()
+    };
+    let joints = following.joints.map(|rates| by(&rates));
+    let base = DVec3::new(by(&following.base_x), by(&following.base_y), 0.0);
     told.is_whole.then(|| (joints, base, [beside(-STEP), beside(STEP)]))
 }
 
@@ -89,7 +110,8 @@ fn what_a_deviation_does_to_the_tool_is_told_to_first_order() {
         deviation.add(&added.times(STEP / size));
         let (nominal, real) =
             (Chain::nominal(arm, &inputs.q), Chain::real(arm, &inputs.q, &deviation));
-        let (linear, angular) = deviation.moves(arm, &nominal);
+        let (linear, angular) =
+            deviation.moves(&nominal, &Loads::on(arm, &nominal, Wrench::ZERO).motions);
         let (here, there) = (&nominal.base_from_tool, &real.base_from_tool);
         let turned = vector_from_rotation(&(there.rotation * here.rotation.transpose()));
         assert!((there.origin - here.origin - linear).length() < 1e-10, "{}", sample.name);

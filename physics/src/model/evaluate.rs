@@ -1,0 +1,161 @@
+//! What a model says of one sample, with the lanes of the machine: the controller's geometry, the loads on it, what the effects add.
+//!
+//! Promises: those of [`crate::model`]. Never: a heap.
+
+use crate::deviation::Contribution;
+use crate::lanes::{Lanes, Work, widest};
+use crate::loads::{LoadChange, Loads};
+use crate::signals::{Inputs, Signals};
+use crate::slopes::Told;
+use crate::spec::ActsOn;
+use crate::{Chain, Evaluation, JOINTS_MAX, Memories, Model};
+
+impl Model {
+    /// [`Model::evaluate`] in place of an evaluation of a model of the same arm, or of the default: nothing is copied.
+    pub fn evaluate_into(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
+        self.deviate_into(inputs, memories, seen, None);
+        seen.stand(&self.arm, inputs);
+    }
+
+    /// The first half of [`Model::evaluate_into`], all but where everything really is; with what the effects tell of their slopes, where that is asked for.
+    pub fn deviate_into(
+        &self,
+        inputs: &Inputs,
+        memories: &Memories,
+        seen: &mut Evaluation,
+        told: Option<&mut Told>,
+    ) {
+        widest(self.arm.count(), Deviate { model: self, inputs, memories, seen, told });
+    }
+
+    /// The first part of [`Model::deviate_into`]: the controller's geometry and the loads on it.
+    pub fn load_into(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
+        widest(self.arm.count(), Load { model: self, inputs, memories, seen });
+    }
+
+    #[inline(always)]
+    fn deviate<S: Lanes>(
+        &self,
+        lanes: S,
+        (inputs, memories): (&Inputs, &Memories),
+        seen: &mut Evaluation,
+        mut told: Option<&mut Told>,
+    ) {
+        self.stand_and_load(lanes, inputs, memories, seen);
+        let Evaluation { nominal, loads, deviation, beyond, .. } = seen;
+        let signals = Signals { arm: &self.arm, inputs, chain: nominal, loads };
+        deviation.clear();
+        deviation.base_turn = inputs.base_tilt;
+        if let Some(told) = &mut told {
+            // What effects change of the loads, and inertia, follow the arm by laws of their own.
+            let at_rest = loads.at_rest || loads.inertia_torque == [0.0; JOINTS_MAX];
+            told.clear(at_rest && !self.changes_loads);
+        }
+        for (effect, memory) in self.effects().zip(memories.iter()) {
+            effect.act((&signals, memory), deviation, told.as_deref_mut());
+        }
+        *beyond = if self.hardens { self.beyond(loads) } else { None };
+    }
+
+    #[inline(always)]
+    fn stand_and_load<S: Lanes>(
+        &self,
+        lanes: S,
+        inputs: &Inputs,
+        memories: &Memories,
+        seen: &mut Evaluation,
+    ) {
+        seen.nominal.stand_in(lanes, &self.arm, &inputs.q);
+        let (chain, loads) = (&seen.nominal, &mut seen.loads);
+        self.load_in(lanes, (inputs, chain), memories, &mut LoadChange::default(), loads);
+    }
+
+    /// The loads, and what effects change of them, which is nothing before.
+    pub(crate) fn load(
+        &self,
+        inputs: &Inputs,
+        chain: &Chain,
+        memories: &Memories,
+        change: &mut LoadChange,
+        loads: &mut Loads,
+    ) {
+        widest(self.arm.count(), LoadOn { model: self, inputs, chain, memories, change, loads });
+    }
+
+    #[inline(always)]
+    fn load_in<S: Lanes>(
+        &self,
+        lanes: S,
+        (inputs, chain): (&Inputs, &Chain),
+        memories: &Memories,
+        change: &mut LoadChange,
+        loads: &mut Loads,
+    ) {
+        change.add(&Contribution::GravityTurn { turn: inputs.base_tilt });
+        let stands = (&self.arm, chain);
+        loads.carry(lanes, stands, inputs.wrench_base, change);
+        if self.changes_loads {
+            loads.forget_inertia();
+            let signals = Signals { arm: &self.arm, inputs, chain, loads };
+            for (effect, memory) in self.effects().zip(memories.iter()) {
+                if effect.spec().acts_on == ActsOn::Loads {
+                    change.add(&effect.predict(&signals, memory));
+                }
+            }
+            loads.carry(lanes, stands, inputs.wrench_base, change);
+        }
+        loads.carry_inertia(&self.arm, chain, inputs, change);
+    }
+}
+
+struct Deviate<'a> {
+    model: &'a Model,
+    inputs: &'a Inputs,
+    memories: &'a Memories,
+    seen: &'a mut Evaluation,
+    told: Option<&'a mut Told>,
+}
+
+impl Work for Deviate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        self.model.deviate(lanes, (self.inputs, self.memories), self.seen, self.told);
+    }
+}
+
+struct Load<'a> {
+    model: &'a Model,
+    inputs: &'a Inputs,
+    memories: &'a Memories,
+    seen: &'a mut Evaluation,
+}
+
+impl Work for Load<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        self.model.stand_and_load(lanes, self.inputs, self.memories, self.seen);
+    }
+}
+
+struct LoadOn<'a> {
+    model: &'a Model,
+    inputs: &'a Inputs,
+    chain: &'a Chain,
+    memories: &'a Memories,
+    change: &'a mut LoadChange,
+    loads: &'a mut Loads,
+}
+
+impl Work for LoadOn<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        let Self { model, inputs, chain, memories, change, loads } = self;
+        model.load_in(lanes, (inputs, chain), memories, change, loads);
+    }
+}

@@ -1,0 +1,208 @@
+//! A body's place in lanes, and a joint put onto it: the step of the product that [`crate::Chain`] is made of.
+//!
+//! Columns of a rotation and an origin are four vectors of three coordinates each, so that a joint along one of the base's axes, as most are, mixes two columns
+//! with four products.
+//!
+//! Promises: the same bits for a tool as for a whole chain. Never: a load or an effect.
+
+use crate::frame::{SMALL, coefficients, rodrigues};
+use crate::lanes::{Lanes, WIDTH};
+use crate::{Frame, JOINTS_MAX, JointKind, Joints};
+use glam::{DMat3, DVec3};
+
+/// Which of the base's axes a unit vector is along, either way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Along {
+    X,
+    Y,
+    Z,
+    None,
+}
+
+impl Along {
+    /// Of a unit vector.
+    pub(crate) fn of(axis: DVec3) -> Self {
+        match (axis.x == 0.0, axis.y == 0.0, axis.z == 0.0) {
+            (false, true, true) => Self::X,
+            (true, false, true) => Self::Y,
+            (true, true, false) => Self::Z,
+            _ => Self::None,
+        }
+    }
+}
+
+/// A joint's axis at the zero configuration.
+pub(crate) struct Axis {
+    pub(crate) along: Along,
+    /// Unit vector.
+    pub(crate) axis: DVec3,
+    pub(crate) point: DVec3,
+}
+
+/// Where a body is: `x ↦ columns · x + origin`.
+#[derive(Clone, Copy)]
+pub(crate) struct Placed<S: Lanes> {
+    lanes: S,
+    columns: [S::Four; 3],
+    origin: S::Four,
+}
+
+impl<S: Lanes> Placed<S> {
+    #[inline(always)]
+    pub(crate) fn of(lanes: S, frame: &Frame) -> Self {
+        let DMat3 { x_axis, y_axis, z_axis } = frame.rotation;
+        let columns = [lanes.vector(x_axis), lanes.vector(y_axis), lanes.vector(z_axis)];
+        Self { lanes, columns, origin: lanes.vector(frame.origin) }
+    }
+
+    #[inline(always)]
+    pub(crate) fn frame(&self) -> Frame {
+        let (lanes, [a, b, c]) = (self.lanes, self.columns);
+        let rotation = DMat3::from_cols(lanes.xyz(a), lanes.xyz(b), lanes.xyz(c));
+        Frame { rotation, origin: lanes.xyz(self.origin) }
+    }
+
+    /// Another body's place, told in this one's.
+    #[inline(always)]
+    pub(crate) fn after(&self, first: &Frame) -> Self {
+        let DMat3 { x_axis, y_axis, z_axis } = first.rotation;
+        let columns = [self.turned(x_axis), self.turned(y_axis), self.turned(z_axis)];
+        Self { columns, origin: self.point(first.origin), ..*self }
+    }
+
+    /// A joint at a position with this sine and cosine: its axis and its point now, and the body that it moves.
+    #[inline(always)]
+    pub(crate) fn joint(
+        &self,
+        axis: &Axis,
+        kind: JointKind,
+        position: f64,
+        turned: (f64, f64),
+    ) -> ((DVec3, DVec3), Self) {
+        let lanes = self.lanes;
+        let point_now = self.point(axis.point);
+        let (axis_now, body) = match kind {
+            JointKind::Revolute => {
+                let (axis_now, columns) = self.about(axis, turned);
+                // What is on the axis stays.
+                let body = Self { columns, origin: point_now, ..*self };
+                (axis_now, Self { origin: body.without(axis.point), ..body })
+            }
+            JointKind::Prismatic => {
+                let axis_now = self.turned(axis.axis);
+                let origin = lanes.times_plus(axis_now, lanes.same(position), self.origin);
+                (axis_now, Self { origin, ..*self })
+            }
+        };
+        ((lanes.xyz(axis_now), lanes.xyz(point_now)), body)
+    }
+
+    /// The axis now, and the columns after a turn about it.
+    #[inline(always)]
+    fn about(&self, axis: &Axis, (sin, cos): (f64, f64)) -> (S::Four, [S::Four; 3]) {
+        let lanes = self.lanes;
+        let [a, b, c] = self.columns;
+        match axis.along {
+            Along::X => {
+                let (b, c) = mixed(lanes, (b, c), (sin * axis.axis.x, cos));
+                (lanes.times(a, lanes.same(axis.axis.x)), [a, b, c])
+            }
+            Along::Y => {
+                let (c, a) = mixed(lanes, (c, a), (sin * axis.axis.y, cos));
+                (lanes.times(b, lanes.same(axis.axis.y)), [a, b, c])
+            }
+            Along::Z => {
+                let (a, b) = mixed(lanes, (a, b), (sin * axis.axis.z, cos));
+                (lanes.times(c, lanes.same(axis.axis.z)), [a, b, c])
+            }
+            Along::None => {
+                let DMat3 { x_axis, y_axis, z_axis } = rodrigues(axis.axis, sin, cos);
+                let columns = [self.turned(x_axis), self.turned(y_axis), self.turned(z_axis)];
+                (self.turned(axis.axis), columns)
+            }
+        }
+    }
+
+    /// A vector of the body.
+    #[inline(always)]
+    fn turned(&self, v: DVec3) -> S::Four {
+        let (lanes, [a, b, c]) = (self.lanes, self.columns);
+        let along_z = lanes.times(c, lanes.same(v.z));
+        lanes.times_plus(a, lanes.same(v.x), lanes.times_plus(b, lanes.same(v.y), along_z))
+    }
+
+    /// A point of the body.
+    #[inline(always)]
+    pub(crate) fn point(&self, at: DVec3) -> S::Four {
+        let (lanes, [a, b, c]) = (self.lanes, self.columns);
+        let along_z = lanes.times_plus(c, lanes.same(at.z), self.origin);
+        lanes.times_plus(a, lanes.same(at.x), lanes.times_plus(b, lanes.same(at.y), along_z))
+    }
+
+    /// The origin less a vector of the body.
+    #[inline(always)]
+    fn without(&self, v: DVec3) -> S::Four {
+        let (lanes, [a, b, c]) = (self.lanes, self.columns);
+        let along_z = lanes.times_from(c, lanes.same(v.z), self.origin);
+        lanes.times_from(a, lanes.same(v.x), lanes.times_from(b, lanes.same(v.y), along_z))
+    }
+}
+
+/// Two columns turned into each other: `u cos + v sin`, `v cos − u sin`.
+#[inline(always)]
+fn mixed<S: Lanes>(
+    lanes: S,
+    (u, v): (S::Four, S::Four),
+    (sin, cos): (f64, f64),
+) -> (S::Four, S::Four) {
+    let (sine, cosine) = (lanes.same(sin), lanes.same(cos));
+    let first = lanes.times_plus(v, sine, lanes.times(u, cosine));
+    (first, lanes.times_from(u, sine, lanes.times(v, cosine)))
+}
+
+/// Sines and cosines of positions that are `off` by a little from those of these sines and cosines; the same bits where `off` is zero.
+#[inline(always)]
+pub(crate) fn turned_on<S: Lanes>(
+    lanes: S,
+    (sines, cosines): (&Joints, &Joints),
+    off: &Joints,
+    now: (&mut Joints, &mut Joints),
+) {
+    for k in 0..S::PARTS {
+        let by = lanes.part(off, k);
+        let square = lanes.times(by, by);
+        let (first, second) = first_coefficients(lanes, square);
+        let (sine, less) = (lanes.times(by, first), lanes.times(square, second));
+        let (sin, cos) = (lanes.part(sines, k), lanes.part(cosines, k));
+        let more = lanes.times_from(sin, less, lanes.times(cos, sine));
+        lanes.put(lanes.plus(sin, more), now.0, k);
+        let fewer = lanes.times_plus(sin, sine, lanes.times(cos, less));
+        lanes.put(lanes.minus(cos, fewer), now.1, k);
+    }
+}
+
+/// The first two of [`coefficients`], of four squares.
+#[inline(always)]
+fn first_coefficients<S: Lanes>(lanes: S, square: S::Four) -> (S::Four, S::Four) {
+    let [a, b, c, d] = lanes.numbers(square);
+    if a < SMALL && b < SMALL && c < SMALL && d < SMALL {
+        let half = lanes.times(lanes.same(0.5), series(lanes, square, 2.0));
+        return (series(lanes, square, 1.0), half);
+    }
+    let [a, b, c, d] = [coefficients(a), coefficients(b), coefficients(c), coefficients(d)];
+    (lanes.of([a[0], b[0], c[0], d[0]]), lanes.of([a[1], b[1], c[1], d[1]]))
+}
+
+/// `1 − θ²/((n+1)(n+2)) (1 − θ²/((n+3)(n+4)) …)`, of four θ².
+#[inline(always)]
+fn series<S: Lanes>(lanes: S, square: S::Four, n: f64) -> S::Four {
+    let one = lanes.same(1.0);
+    let mut sum = one;
+    for k in [7.0, 5.0, 3.0, 1.0] {
+        let share = lanes.same(1.0 / ((n + k) * (n + k + 1.0)));
+        sum = lanes.times_from(lanes.times(square, share), sum, one);
+    }
+    sum
+}
+
+const _: () = assert!(JOINTS_MAX.is_multiple_of(WIDTH));
