@@ -11,10 +11,13 @@ use crate::solve::{Solution, Solver};
 use crate::world::World;
 use crate::wrench::WrenchPath;
 use envelope::{Limiter, Limiters};
-use physics::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Model, Wrench};
+use physics::{Arm, Chain, JOINTS_MAX, Joints, Model, Wrench};
 
 /// The most time that one bound step may take, ns: after a pause the correction goes on as if it had been this short.
 const STEP_NS_MAX: u64 = 20_000_000;
+/// Of a longer pause so much stays for later, ns: a command that is less long on its way than those before finds all of its time, or what it brings
+/// would look like a jerk.
+const SPARE_NS: u64 = 5_000_000;
 
 /// The correction of one robot.
 #[derive(Clone, Debug)]
@@ -66,7 +69,7 @@ impl Corrector {
             refused_ns: 0,
             cause: Reason::Starting,
             bypassed: false,
-            budget_ns: STEP_NS_MAX,
+            budget_ns: STEP_NS_MAX + SPARE_NS,
             ahead_ns: 0,
             last_now_ns: None,
         }
@@ -129,16 +132,20 @@ impl Corrector {
         let dt_ns = self.spend(asked_ns.saturating_sub(self.ahead_ns));
         self.ahead_ns = 0;
         let world = world.sound();
-        let inputs = self.path.follow(model, &self.settings, command, &world, follows);
+        self.path.follow(model, &self.settings, command, &world, follows);
         let settled = command.settled && self.settings.lockstep;
-        let (inputs, gate) = self.with_wrench(model, inputs, &world, (dt_ns, settled));
-        let (task, reach) = (&self.settings.task, self.reach());
+        let gate = self.take_wrench(model, &world, (dt_ns, settled));
         // Poses at rest do not lead to each other.
         if settled || follows.after_ns().is_none() {
             self.solver.forget();
         }
-        let solution = self.solver.track(model, &inputs, self.path.memories(), task, &reach);
-        self.wanted(&inputs, &solution, Wanted { gate, dt_ns, settled, ..Wanted::nothing(dt_ns) })
+        let blank = Wanted { gate, dt_ns, settled, ..Wanted::nothing(dt_ns) };
+        let (task, reach) = (&self.settings.task, self.reach());
+        // Followed just now: there is a last command.
+        let Some(inputs) = self.path.last() else { return blank };
+        let solution = self.solver.track(model, inputs, self.path.memories(), task, &reach);
+        let q_cmd = inputs.q;
+        self.wanted(&q_cmd, &solution, blank)
     }
 
     /// Bounds what is wanted and makes it the target.
@@ -159,7 +166,7 @@ impl Corrector {
         let (q, correction, cut) = clamped(&model.arm, &q_cmd, &bounded);
         outcome.q = Some(q);
         outcome.correction = correction;
-        for (i, limiter) in self.limiters.joints().iter().enumerate() {
+        for (i, limiter) in self.limiters.joints()[..model.arm.count()].iter().enumerate() {
             outcome.correction_rate[i] = limiter.rate();
             outcome.correction_acceleration[i] = limiter.acceleration();
         }
@@ -196,13 +203,13 @@ impl Corrector {
         let since_ns =
             self.last_now_ns.map_or(self.settings.period_ns, |last| now_ns.saturating_sub(last));
         self.last_now_ns = Some(now_ns);
-        self.budget_ns = self.budget_ns.saturating_add(since_ns).min(STEP_NS_MAX);
+        self.budget_ns = self.budget_ns.saturating_add(since_ns).min(STEP_NS_MAX + SPARE_NS);
         since_ns
     }
 
     /// Takes time for a bound step out of what has really passed.
     fn spend(&mut self, asked_ns: u64) -> u64 {
-        let spent_ns = asked_ns.min(self.budget_ns);
+        let spent_ns = asked_ns.min(STEP_NS_MAX).min(self.budget_ns);
         self.budget_ns -= spent_ns;
         spent_ns
     }
@@ -228,38 +235,35 @@ impl Corrector {
         self.refused_ns <= self.settings.hold_ns
     }
 
-    fn with_wrench(
-        &mut self,
-        model: &Model,
-        mut inputs: Inputs,
-        world: &World,
-        (dt_ns, settled): (u64, bool),
-    ) -> (Inputs, Gate) {
-        let measured = world.wrench.map(|sample| {
-            let axes = if sample.in_base {
-                glam::DMat3::IDENTITY
-            } else {
-                Chain::nominal(&model.arm, &inputs.q).base_from_tool.rotation
-            };
+    /// Takes the measured wrench to the last command, as far as its gate lets it; what the gate says.
+    fn take_wrench(&mut self, model: &Model, world: &World, (dt_ns, settled): (u64, bool)) -> Gate {
+        let q_cmd = self.path.last().map(|inputs| &inputs.q);
+        let measured = world.wrench.zip(q_cmd).map(|(sample, q_cmd)| {
             let w = sample.wrench;
-            (Wrench { force: axes * w.force, moment: axes * w.moment }, sample.age_ns)
+            let in_base = if sample.in_base {
+                w
+            } else {
+                let axes = Chain::tool_at(&model.arm, q_cmd).rotation;
+                Wrench { force: axes * w.force, moment: axes * w.moment }
+            };
+            (in_base, sample.age_ns)
         });
         let (wrench, gate) = if settled {
             self.wrench.settled(&self.settings.wrench, measured)
         } else {
             self.wrench.step(&self.settings.wrench, measured, seconds(dt_ns))
         };
-        inputs.wrench_base = wrench;
-        (inputs, gate)
+        self.path.load(wrench);
+        gate
     }
 
     /// A refused solution holds the last good one for a while, then ramps out; at a pose at rest it is out already.
-    fn wanted(&mut self, inputs: &Inputs, solution: &Solution, blank: Wanted) -> Wanted {
+    fn wanted(&mut self, q_cmd: &Joints, solution: &Solution, blank: Wanted) -> Wanted {
         let mut wanted = Wanted { residual: solution.residual, steps: solution.steps, ..blank };
         if solution.converged {
             self.refused_ns = 0;
             for (i, correction) in wanted.correction.iter_mut().enumerate() {
-                *correction = solution.q[i] - inputs.q[i];
+                *correction = solution.q[i] - q_cmd[i];
             }
             self.last_wanted = wanted.correction;
             return wanted;

@@ -7,12 +7,17 @@
 
 use core::f64::consts::{PI, SQRT_2};
 
+/// Up to here the series of [`decay`] is exact to the last bit.
+const SMALL: f64 = 1.0 / 32.0;
+
 /// How one step goes, for all signals of one corner.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pace {
-    dt_s: f64,
+    per_s: f64,
     /// What decays at this rate swings at it too, rad/s: `ω/√2`.
     rate: f64,
+    /// One over that.
+    time_s: f64,
     /// What is left of a swing, times its cosine and its sine.
     cos: f64,
     sin: f64,
@@ -21,9 +26,24 @@ pub(crate) struct Pace {
 impl Pace {
     pub(crate) fn of(corner_hz: f64, dt_s: f64) -> Self {
         let rate = SQRT_2 * PI * corner_hz;
-        let (left, (sin, cos)) = (libm::exp(-rate * dt_s), libm::sincos(rate * dt_s));
-        Self { dt_s, rate, cos: left * cos, sin: left * sin }
+        let (cos, sin) = decay(rate * dt_s);
+        let per_s = if dt_s > 0.0 { 1.0 / dt_s } else { 0.0 };
+        Self { per_s, rate, time_s: 1.0 / rate, cos, sin }
     }
+}
+
+/// `e⁻ˣ cos x` and `e⁻ˣ sin x`: real and imaginary part of `exp((−1 + i) x)`, for what is small by its series.
+fn decay(x: f64) -> (f64, f64) {
+    if x > SMALL {
+        let (left, (sin, cos)) = (libm::exp(-x), libm::sincos(x));
+        return (left * cos, left * sin);
+    }
+    let (mut real, mut imaginary) = (1.0, 0.0);
+    for n in [8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0] {
+        let share = x * (1.0 / n);
+        (real, imaginary) = (1.0 - share * (real + imaginary), share * (real - imaginary));
+    }
+    (real, imaginary)
 }
 
 /// The filter's state.
@@ -38,15 +58,15 @@ pub(crate) struct LowPass {
 impl LowPass {
     /// Takes one sample, a step after the last; its output.
     pub(crate) fn step(&mut self, input: f64, pace: &Pace) -> f64 {
-        let Pace { dt_s, rate, cos, sin } = *pace;
-        if dt_s <= 0.0 {
+        let Pace { per_s, rate, time_s, cos, sin } = *pace;
+        if per_s <= 0.0 {
             return self.output;
         }
         // Behind a straight input the output follows at its slope, by a constant; what it lacks of that swings out.
-        let slope = (input - self.input) / dt_s;
-        let behind = slope / rate;
+        let slope = (input - self.input) * per_s;
+        let behind = slope * time_s;
         let (lacks, slower) = (self.output - (self.input - behind), self.change - slope);
-        self.output = input - behind + lacks * cos + (slower / rate + lacks) * sin;
+        self.output = input - behind + lacks * cos + (slower * time_s + lacks) * sin;
         self.change = slope + slower * cos - (slower + 2.0 * rate * lacks) * sin;
         self.input = input;
         self.output
@@ -77,6 +97,17 @@ mod tests {
             let between_samples = 0.01 * expected + 1e-4;
             let gain = gain_at(hz, 3.0);
             assert!((gain - expected).abs() < between_samples, "{hz} Hz: {gain}");
+        }
+    }
+
+    #[test]
+    fn the_series_of_a_short_step_is_the_decay_itself() {
+        for n in 0..=1000 {
+            let x = SMALL * f64::from(n) / 1000.0;
+            let (left, (sin, cos)) = (libm::exp(-x), libm::sincos(x));
+            let (real, imaginary) = decay(x);
+            assert!((real - left * cos).abs() < 3e-16, "{x}: {real}");
+            assert!((imaginary - left * sin).abs() < 3e-16 * (0.1 + 10.0 * x), "{x}: {imaginary}");
         }
     }
 

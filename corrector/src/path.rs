@@ -6,7 +6,7 @@ use crate::direction::Directions;
 use crate::judge::{Command, Follows};
 use crate::settings::Settings;
 use crate::world::World;
-use physics::{Inputs, JOINTS_MAX, Memories, Model};
+use physics::{Inputs, JOINTS_MAX, Memories, Model, Wrench};
 
 /// The path so far.
 #[derive(Clone, Debug)]
@@ -31,15 +31,23 @@ impl Path {
         &self.memories
     }
 
+    /// What the environment exerts on the tool at the last command, base axes.
+    pub(crate) fn load(&mut self, wrench_base: Wrench) {
+        if let Some(inputs) = &mut self.last {
+            inputs.wrench_base = wrench_base;
+        }
+    }
+
     /// Another model: its effects remember nothing yet and settle from the present directions.
     pub(crate) fn settle_anew(&mut self, model: &Model) {
         self.memories = Memories::default();
         if let Some(inputs) = &self.last {
-            model.settle(inputs, &mut self.memories);
+            let unloaded = Inputs { wrench_base: Wrench::ZERO, ..*inputs };
+            model.settle(&unloaded, &mut self.memories);
         }
     }
 
-    /// Follows a command that passed; what goes into the model, without a wrench.
+    /// Follows a command that passed; what goes into the model, without a wrench yet.
     pub(crate) fn follow(
         &mut self,
         model: &Model,
@@ -47,31 +55,36 @@ impl Path {
         command: &Command,
         world: &World,
         follows: Follows,
-    ) -> Inputs {
-        let mut inputs = Inputs::at_rest(command.q);
-        inputs.q[model.arm.count()..].fill(0.0);
-        inputs.q_before = inputs.q;
+    ) {
+        let Self { memories, directions, last } = self;
+        let mut q = command.q;
+        q[model.arm.count()..].fill(0.0);
+        // In place: inputs are large, and go from here into the solve.
+        let (inputs, goes_on) = match (last, follows.after_ns()) {
+            (Some(inputs), Some(dt_ns)) => {
+                inputs.q_before = inputs.q;
+                inputs.q = q;
+                inputs.dt_s = dt_ns as f64 * 1e-9;
+                inputs.time_s += inputs.dt_s;
+                inputs.wrench_base = Wrench::ZERO;
+                (inputs, true)
+            }
+            (last, _) => {
+                *directions = Directions::at(&q);
+                *memories = Memories::default();
+                (last.insert(Inputs::at_rest(q)), false)
+            }
+        };
         inputs.ambient_celsius = world.ambient_celsius;
         inputs.joint_celsius = world.joint_celsius;
         inputs.spindle_rpm = world.spindle_rpm;
-        let after = self.last.zip(follows.after_ns());
-        if let Some((before, dt_ns)) = after {
-            inputs.q_before = before.q;
-            inputs.dt_s = dt_ns as f64 * 1e-9;
-            inputs.time_s = before.time_s + inputs.dt_s;
-        } else {
-            self.directions = Directions::at(&inputs.q);
-            self.memories = Memories::default();
-        }
-        self.directions.moved_to(&inputs.q, settings.reversal);
-        inputs.direction = command.direction.unwrap_or(*self.directions.signs());
+        directions.moved_to(&q, settings.reversal);
+        inputs.direction = command.direction.unwrap_or(*directions.signs());
         let settled = command.settled && settings.lockstep;
-        if after.is_some() && !settled {
-            model.follow(&inputs, &mut self.memories);
+        if goes_on && !settled {
+            model.follow(inputs, memories);
         } else {
-            model.settle(&inputs, &mut self.memories);
+            model.settle(inputs, memories);
         }
-        self.last = Some(inputs);
-        inputs
     }
 }

@@ -14,7 +14,7 @@
 use crate::Limits;
 use crate::motion::Motion;
 use crate::plan::{Plan, Ramp};
-use crate::track::Track;
+use crate::track::{Times, Track};
 
 /// Plans leave this share of the rate, and half of the jerk, to `wanted` itself.
 const PLANNED_RATE: f64 = 0.9;
@@ -34,6 +34,8 @@ const ROUNDING: f64 = 1e-9;
 /// Bounds one joint's correction in angle, rate and jerk. Joint units: rad, or m when prismatic.
 #[derive(Clone, Copy, Debug)]
 pub struct Limiter {
+    /// When all that follows was sampled.
+    times: Times,
     /// What was put out.
     output: Track,
     /// The motion in continuous time that the outputs are samples of.
@@ -79,6 +81,7 @@ impl Limiter {
         let motion =
             Motion { value: finite(value), rate: finite(rate), acceleration: finite(acceleration) };
         Self {
+            times: Times::START,
             output: Track::from_motion(motion),
             motion,
             wanted: Track::from_motion(motion),
@@ -140,6 +143,7 @@ impl Limiter {
         if !(dt_s > 0.0 && dt_s.is_finite()) {
             return true;
         }
+        self.times.pass(dt_s);
         self.observe(finite(wanted), limits, dt_s);
         self.follow(limits, dt_s)
     }
@@ -169,12 +173,12 @@ impl Limiter {
     /// Takes note of what is wanted, and whether its last samples say how it moves.
     fn observe(&mut self, wanted: f64, limits: &Limits, dt_s: f64) {
         let wanted = wanted.clamp(-limits.angle(), limits.angle());
-        let (track, jerk) = self.wanted.with(wanted, dt_s);
+        let (track, jerk) = self.wanted.with(wanted, &self.times);
         self.wanted = track;
         let spare_jerk = (1.0 - PLANNED_JERK) * limits.jerk();
         if jerk.abs() <= spare_jerk && track.rate().abs() <= limits.rate() {
             self.steady = (self.steady + 1).min(TRUSTED_AFTER);
-            self.trend = track.motion();
+            self.trend = track.motion(&self.times);
         } else {
             self.steady = 0;
             self.trend = smoothed(self.trend, wanted, dt_s);
@@ -189,15 +193,16 @@ impl Limiter {
 
     /// Puts out `wanted` and its offset, if both are known and that is allowed.
     fn follow(&mut self, limits: &Limits, dt_s: f64) -> bool {
-        let Some(mut offset) = self.offset else { return false };
-        let wanted = self.wanted.value() + offset.advance(dt_s).value;
-        let (output, jerk) = self.output.with(wanted, dt_s);
-        let motion = output.motion();
+        let Some(offset) = &mut self.offset else { return false };
+        let wanted = self.wanted.value() + offset.ahead(dt_s).value;
+        let (output, jerk) = self.output.with(wanted, &self.times);
+        let motion = output.motion(&self.times);
         let allowed = jerk.abs() <= limits.jerk()
             && output.rate().abs() <= limits.rate()
             && motion.stops_inside(limits);
         if allowed {
-            (self.output, self.motion, self.offset) = (output, motion, Some(offset));
+            offset.pass(dt_s);
+            (self.output, self.motion) = (output, motion);
         }
         allowed
     }
@@ -206,7 +211,7 @@ impl Limiter {
     fn chase(&mut self, limits: &Limits, pace: Pace, dt_s: f64) -> bool {
         let planned = self.onto_trend(limits, pace, dt_s);
         let motion = planned.unwrap_or_else(|| self.stopping(limits, dt_s));
-        let (output, _) = self.output.with(motion.value, dt_s);
+        let (output, _) = self.output.with(motion.value, &self.times);
         (self.output, self.motion) = (output, motion);
         planned.is_some()
     }
@@ -215,7 +220,7 @@ impl Limiter {
     fn onto_trend(&self, limits: &Limits, pace: Pace, dt_s: f64) -> Option<Motion> {
         let Motion { value, rate, .. } = self.trend;
         let trend = Motion { value: value - rate * dt_s, rate, acceleration: 0.0 };
-        let ahead = plan_onto(self.motion.minus(trend), rate, limits, pace).advance(dt_s);
+        let ahead = plan_onto(self.motion.minus(trend), rate, limits, pace).ahead(dt_s);
         let next = Motion { value, ..trend }.plus(ahead);
         // Half the jerk may let the rate pass its bound within a long step, though not at its ends.
         let mean_rate = (next.value - self.motion.value) / dt_s;

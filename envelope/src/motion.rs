@@ -62,6 +62,22 @@ impl Motion {
     /// The stop's rate is extreme now or where its acceleration first vanishes; its value where the
     /// rate changes sign (at most once, in the first segment) or at its end.
     pub(crate) fn stops_inside(self, limits: &Limits) -> bool {
+        self.stops_far_inside(limits) || self.stops_just_inside(limits)
+    }
+
+    /// The same for a stop that would end inside even were it as fast as it ever gets for as long as it lasts: no root is needed to see that.
+    fn stops_far_inside(self, limits: &Limits) -> bool {
+        let Self { value, rate, acceleration } = self;
+        // Never faster than this; to rest in `brake_s` and twice the root of `fastest / jerk` at most.
+        let brake_s = acceleration.abs() / limits.jerk();
+        let fastest = rate.abs() + acceleration.abs() * brake_s / 2.0;
+        let room = limits.angle() - value.abs() - fastest * brake_s;
+        fastest <= limits.rate()
+            && room >= 0.0
+            && 4.0 * fastest * fastest * fastest <= limits.jerk() * room * room
+    }
+
+    fn stops_just_inside(self, limits: &Limits) -> bool {
         let stop = Ramp::to_rate(self, 0.0, limits.jerk());
         let turn = self.turning_point(stop.first_jerk());
         let end = stop.end_of(self);

@@ -70,13 +70,19 @@ pub(crate) struct Plan {
     start: Motion,
     /// Duration in s, jerk.
     segments: [(f64, f64); 5],
+    /// All segments together.
+    lasts_s: f64,
     elapsed_s: f64,
 }
 
 impl Plan {
     /// At rest at zero already.
-    pub(crate) const OVER: Self =
-        Self { start: Motion::at_rest(0.0), segments: [(0.0, 0.0); 5], elapsed_s: 0.0 };
+    pub(crate) const OVER: Self = Self {
+        start: Motion::at_rest(0.0),
+        segments: [(0.0, 0.0); 5],
+        lasts_s: 0.0,
+        elapsed_s: 0.0,
+    };
 
     /// The fastest way from `start` to rest at zero; cruises within `rates` (lowest below 0, highest
     /// above 0), or as fast as it came where that was faster.
@@ -100,14 +106,22 @@ impl Plan {
             let [b, c] = Ramp::to_rate(start.after(pushed_s, push), 0.0, jerk).segments();
             [(pushed_s, push), b, c, (0.0, 0.0), (0.0, 0.0)]
         };
-        Self { start, segments, elapsed_s: 0.0 }
+        let lasts_s = segments.iter().map(|(duration_s, _)| duration_s).sum();
+        Self { start, segments, lasts_s, elapsed_s: 0.0 }
+    }
+
+    /// Time passes.
+    pub(crate) fn pass(&mut self, dt_s: f64) {
+        self.elapsed_s += dt_s;
     }
 
     /// The motion `dt_s` further on; at rest at zero once the plan is over.
-    pub(crate) fn advance(&mut self, dt_s: f64) -> Motion {
-        self.elapsed_s += dt_s;
+    pub(crate) fn ahead(&self, dt_s: f64) -> Motion {
+        let mut left_s = self.elapsed_s + dt_s;
+        if left_s >= self.lasts_s {
+            return Motion::default();
+        }
         let mut motion = self.start;
-        let mut left_s = self.elapsed_s;
         for (duration_s, jerk) in self.segments {
             if left_s < duration_s {
                 return motion.after(left_s, jerk);
@@ -189,9 +203,10 @@ mod tests {
             start in motion(), jerk in 0.5..5.0_f64, at_s in 0.0..2.0_f64,
         ) {
             let mut whole = Plan::to_zero(start, (-3.0, 3.0), jerk);
-            let middle = whole.advance(at_s);
-            let mut again = Plan::to_zero(middle, (-3.0, 3.0), jerk);
-            let (a, b) = (whole.advance(0.3), again.advance(0.3));
+            let middle = whole.ahead(at_s);
+            whole.pass(at_s);
+            let again = Plan::to_zero(middle, (-3.0, 3.0), jerk);
+            let (a, b) = (whole.ahead(0.3), again.ahead(0.3));
             prop_assert!((a.value - b.value).abs() < 1e-7, "{a:?} {b:?}");
             prop_assert!((a.rate - b.rate).abs() < 1e-6, "{a:?} {b:?}");
         }

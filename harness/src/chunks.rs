@@ -8,7 +8,7 @@ use trued_client::CorrectionStatus;
 
 use crate::latencies::Latencies;
 use crate::peers::Kind;
-use crate::peers::trued::Trued;
+use crate::peers::trued::Answers;
 use crate::placement::{Placement, Sorter};
 
 /// Where less of the answers was solved for, the trips are of something else.
@@ -112,18 +112,18 @@ impl Chunks {
         }
     }
 
-    pub(crate) fn finish(mut self, trued: &Trued) -> Flat {
+    pub(crate) fn finish(mut self, answers: Answers) -> Flat {
         self.sort();
-        let by_status = CorrectionStatus::ALL.iter().zip(trued.by_status);
+        let by_status = CorrectionStatus::ALL.iter().zip(answers.by_status);
         let by_status = by_status.filter(|(_, n)| *n > 0).map(|(status, n)| (status.name(), n));
         Flat {
             counted: self.counted,
             sorter: self.sorter,
             reference: self.reference,
-            correction: trued.correction.clone(),
-            around: trued.around.clone(),
+            correction: answers.correction,
+            around: answers.around,
             by_status: by_status.collect(),
-            solved: trued.solved,
+            solved: answers.solved,
         }
     }
 

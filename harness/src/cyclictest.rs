@@ -1,33 +1,36 @@
-//! `cyclictest` beside the bench, where it is installed: how late the kernel wakes a thread, by the tool that everybody knows.
+//! `cyclictest` amid the bench's own chunks, where it is installed: how late the kernel wakes a thread, by the tool that everybody knows.
 //!
 //! Promises: where it is missing that is said, never passed over. Never: a figure of our own in its name.
 
 use std::process::Command;
 
-use serde::Serialize;
-
+use crate::error::BenchError;
+use crate::latencies::Latencies;
 use crate::manners::Manners;
 use crate::plan::Policy;
 
-/// What it said, µs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub struct Cyclictest {
-    /// The least.
-    pub min_us: u64,
-    /// The mean.
-    pub mean_us: u64,
-    /// The worst.
-    pub max_us: u64,
-    /// Wake-ups.
-    pub n: u64,
+/// Wake-ups in a chunk, and the time between them, µs.
+const LOOPS: u32 = 30;
+const INTERVAL_US: u32 = 1000;
+/// What is later counts as the latest of its chunk, µs.
+const HISTOGRAM_US: u32 = 2000;
+
+/// Whether it runs with these manners; why not, where not.
+pub(crate) fn runs(manners: Manners) -> Result<(), String> {
+    run(manners, 1).map(drop)
 }
 
-/// Runs it on the core of these manners; why not, where not.
-pub(crate) fn run(manners: Manners, seconds: f64) -> Result<Cyclictest, String> {
-    let loops = (seconds * 1000.0).max(100.0) as u64;
+/// One chunk of wake-ups on the core of these manners.
+pub(crate) fn chunk(manners: Manners) -> Result<Latencies, BenchError> {
+    run(manners, LOOPS).map_err(|why| BenchError::part("cyclictest", why))
+}
+
+fn run(manners: Manners, loops: u32) -> Result<Latencies, String> {
     let mut command = Command::new("cyclictest");
-    command.args(["--quiet", "--interval=1000", "--threads=1"]);
-    command.arg(format!("--loops={loops}")).arg(format!("--affinity={}", manners.core));
+    command.args(["--quiet", "--threads=1"]);
+    command.arg(format!("--interval={INTERVAL_US}")).arg(format!("--loops={loops}"));
+    command.arg(format!("--histogram={HISTOGRAM_US}"));
+    command.arg(format!("--affinity={}", manners.core));
     if manners.policy == Policy::Fifo {
         command.arg("--mlockall").arg(format!("--priority={}", manners.priority));
     }
@@ -35,45 +38,50 @@ pub(crate) fn run(manners: Manners, seconds: f64) -> Result<Cyclictest, String> 
         std::io::ErrorKind::NotFound => "not installed; on Debian: apt install rt-tests".to_owned(),
         _ => e.to_string(),
     })?;
-    let said = String::from_utf8_lossy(&done.stdout);
-    parse(&said).ok_or_else(|| {
+    parse(&String::from_utf8_lossy(&done.stdout)).ok_or_else(|| {
         let why = String::from_utf8_lossy(&done.stderr);
         format!("ended with {}, which said nothing that can be read: {}", done.status, why.trim())
     })
 }
 
-/// Reads a line like `T: 0 ( 123) P:80 I:1000 C:  1000 Min:  2 Act:  5 Avg:  4 Max:  19`.
-fn parse(said: &str) -> Option<Cyclictest> {
-    let line = said.lines().rev().find(|line| line.trim_start().starts_with("T:"))?;
-    let after = |key: &str| {
-        let rest = line.split(key).nth(1)?.trim_start();
-        rest.split_whitespace().next()?.parse().ok()
+/// Reads its histogram: lines like `000017 000003` (µs, how often), and what it says of those beyond.
+fn parse(said: &str) -> Option<Latencies> {
+    let mut found = Latencies::default();
+    let mut add = |us: u64, times: u64| (0..times).for_each(|_| found.record(1000 * us));
+    for line in said.lines().filter(|line| !line.starts_with('#')) {
+        let Some((us, times)) = line.split_once(char::is_whitespace) else { continue };
+        add(us.trim().parse().ok()?, times.trim().parse().ok()?);
+    }
+    let after = |key: &str| -> Option<u64> {
+        let line = said.lines().find_map(|line| line.strip_prefix(key))?;
+        line.trim().parse().ok()
     };
-    Some(Cyclictest {
-        min_us: after("Min:")?,
-        mean_us: after("Avg:")?,
-        max_us: after("Max:")?,
-        n: after(" C:")?,
-    })
+    add(after("# Max Latencies:")?, after("# Histogram Overflows:")?);
+    (found.count() > 0).then_some(found)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const SAID: &str = "# /dev/cpu_dma_latency set to 0us\n# Histogram\n000000 000000\n000016 000002\n\
+        000017 000005\n\n# Total: 000000007\n# Min Latencies: 00016\n# Avg Latencies: 00017\n\
+        # Max Latencies: 02345\n# Histogram Overflows: 00001\n# Histogram Overflow at cycle number:\n\
+        # Thread 0: 00003\n";
+
     #[test]
-    fn its_line_is_read() {
-        let said = "# /dev/cpu_dma_latency set to 0us\n\
-                    T: 0 ( 4711) P:80 I:1000 C:   5000 Min:      3 Act:    9 Avg:   12 Max:    1042\n";
-        let found = Cyclictest { min_us: 3, mean_us: 12, max_us: 1042, n: 5000 };
-        assert_eq!(parse(said), Some(found));
+    fn its_histogram_is_read_and_what_is_beyond_counts_as_its_latest() {
+        let found = parse(SAID).expect("a histogram");
+        assert_eq!(found.count(), 8);
+        assert!((16_000..17_000).contains(&found.at(0.2)), "{}", found.at(0.2));
+        assert!((17_000..18_000).contains(&found.at(0.5)), "{}", found.at(0.5));
+        assert!(found.at(1.0) >= 2_340_000, "{}", found.at(1.0));
     }
 
     #[test]
     fn anything_else_is_no_figure() {
-        for said in ["", "T: 0", "Min: 3", "T: 0 ( 1) P: 0 I:1000 C: x Min: 1 Act: 1 Avg: 1 Max: 1"]
-        {
-            assert_eq!(parse(said), None, "{said}");
+        for said in ["", "T: 0", "000001 x\n", "# Max Latencies: 1\n# Histogram Overflows: 0\n"] {
+            assert!(parse(said).is_none(), "{said}");
         }
     }
 }

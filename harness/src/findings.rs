@@ -6,7 +6,6 @@ use serde::Serialize;
 
 use crate::chunks::{Counted, Flat};
 use crate::cost::Cost;
-use crate::cyclictest::Cyclictest;
 use crate::empty::Missed;
 use crate::force::Force;
 use crate::judged::Judged;
@@ -52,14 +51,12 @@ pub struct Setting {
     pub paced: Vec<AtRate>,
     /// Force blocks.
     pub force: Option<Force>,
-    /// The tool that everybody knows.
-    pub cyclictest: Option<Cyclictest>,
 }
 
 impl Setting {
     pub(crate) fn new(policy: Policy, load: &[Load]) -> Self {
-        let (flat, woken, force, cyclictest) = (None, None, None, None);
-        Self { policy, load: load.to_vec(), flat, woken, paced: Vec::new(), force, cyclictest }
+        let (flat, woken, force) = (None, None, None);
+        Self { policy, load: load.to_vec(), flat, woken, paced: Vec::new(), force }
     }
 
     /// The setting in words.
@@ -232,7 +229,6 @@ struct ToldSetting<'a> {
     woken: Option<ToldFlat>,
     paced: Vec<ToldPaced<'a>>,
     force: Option<ToldForce>,
-    cyclictest: Option<Cyclictest>,
 }
 
 #[derive(Debug, Serialize)]
@@ -305,7 +301,6 @@ fn told_setting(setting: &Setting) -> ToldSetting<'_> {
             taken: force.taken,
             lost: force.lost,
         }),
-        cyclictest: setting.cyclictest,
     }
 }
 

@@ -10,6 +10,7 @@ use std::time::Duration;
 use shm_schema::monotonic_ns;
 
 use crate::chunks::{Chunk, Chunks, Flat};
+use crate::cyclictest;
 use crate::error::BenchError;
 use crate::latencies::Latencies;
 use crate::manners::Manners;
@@ -29,6 +30,10 @@ const WOKEN_CHUNK_NS: u64 = 20_000_000;
 const WARM_UP: usize = 64;
 /// How long the daemon may take until it corrects: it ramps in, and a wrench more slowly than that.
 const SETTLES_WITHIN: Duration = Duration::from_secs(5);
+/// The same before each of its chunks, after the arm has stood for those of others.
+const RESUMES_WITHIN: Duration = Duration::from_millis(300);
+/// Chunks of trued in a row: to have it correct takes longer than a chunk.
+const TRUED_ROW: u32 = 4;
 /// Trips of a reference.
 const REFERENCE: usize = 1000;
 /// How long both cores are left to others between two chunks.
@@ -42,6 +47,7 @@ pub(crate) struct Flats<'a> {
     /// Of the measuring thread, and of the daemon's cycle.
     pub(crate) manners: [Manners; 2],
     pub(crate) way: Way,
+    pub(crate) has_cyclictest: bool,
     pub(crate) seconds: f64,
     pub(crate) stop: &'a AtomicBool,
 }
@@ -62,9 +68,7 @@ impl Flats<'_> {
                 };
                 self.manners[0].take()?;
                 let mut trued = Trued::new(client);
-                self.go_on();
-                trued.settle(SETTLES_WITHIN);
-                self.stand()?;
+                self.settle(&mut trued, SETTLES_WITHIN)?;
                 self.measure(trued, echo)
             });
             measuring.join().unwrap_or(Err(BenchError::Thread(self.stage().name())))
@@ -76,11 +80,14 @@ impl Flats<'_> {
     }
 
     fn kinds(&self) -> Vec<Kind> {
-        let of_kernel = [Kind::Trued, Kind::Bare];
-        let is_measured = |kind: &Kind| match &self.subject.daemon {
+        let is_measured = |kind: &Kind| match (&self.subject.daemon, self.way) {
             // Of a running cell the core is not ours.
-            None => *kind == Kind::Trued,
-            Some(_) => self.way == Way::Poll || !of_kernel.contains(kind),
+            (None, _) => *kind == Kind::Trued,
+            (Some(_), Way::Poll) => *kind != Kind::Cyclictest,
+            (Some(_), Way::Wake) => {
+                ![Kind::Trued, Kind::Bare].contains(kind)
+                    && (*kind != Kind::Cyclictest || self.has_cyclictest)
+            }
         };
         Kind::ALL.into_iter().filter(is_measured).collect()
     }
@@ -98,16 +105,23 @@ impl Flats<'_> {
                 if self.stop.load(Relaxed) {
                     return Err(BenchError::Interrupted);
                 }
-                let before_ns = reference(atomics.as_mut());
-                let (trips, lost) =
-                    self.chunk(kind, &mut trued, atomics.as_mut(), echo.as_mut())?;
-                let after_ns = reference(atomics.as_mut());
-                chunks.push(Chunk { kind, before_ns, after_ns, trips, lost });
-                std::thread::sleep(GIVE_WAY);
+                let mut row = 1;
+                if kind == Kind::Trued {
+                    self.settle(&mut trued, RESUMES_WITHIN)?;
+                    row = TRUED_ROW;
+                }
+                for _ in 0..row {
+                    let before_ns = reference(atomics.as_mut());
+                    let (trips, lost) =
+                        self.chunk(kind, &mut trued, atomics.as_mut(), echo.as_mut())?;
+                    let after_ns = reference(atomics.as_mut());
+                    chunks.push(Chunk { kind, before_ns, after_ns, trips, lost });
+                    std::thread::sleep(GIVE_WAY);
+                }
             }
             rounds += 1;
         }
-        Ok(chunks.finish(&trued))
+        Ok(chunks.finish(trued.answers))
     }
 
     fn chunk(
@@ -120,11 +134,11 @@ impl Flats<'_> {
         match (kind, atomics, echo) {
             (Kind::Trued, ..) => {
                 self.go_on();
-                trued.stood();
                 let counted = self.trips(trued);
                 self.stand()?;
                 Ok(counted)
             }
+            (Kind::Cyclictest, ..) => cyclictest::chunk(self.manners[1]).map(|trips| (trips, 0)),
             (Kind::Bare, Some(atomics), _) => Ok(self.trips(&mut atomics.bare())),
             (Kind::Atomics, Some(atomics), _) => Ok(self.trips(&mut atomics.copying(self.way))),
             (kind, _, Some(echo)) => {
@@ -169,6 +183,13 @@ impl Flats<'_> {
             }
         }
         (trips, lost)
+    }
+
+    /// Has the daemon correct a moving arm before it stands for a reference.
+    fn settle(&self, trued: &mut Trued, within: Duration) -> Result<(), BenchError> {
+        self.go_on();
+        trued.settle(within);
+        self.stand()
     }
 
     fn stand(&self) -> Result<(), BenchError> {

@@ -36,7 +36,6 @@ pub mod tables;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 pub use chunks::{Counted, Flat};
-pub use cyclictest::Cyclictest;
 pub use empty::Missed;
 pub use error::BenchError;
 pub use force::Force;
@@ -67,8 +66,6 @@ const FLAT_PERIOD_S: f64 = 1e-4;
 const SWAP_RATE_HZ: u32 = 1000;
 /// Stands between the words that a part is given: paths have spaces.
 pub(crate) const BETWEEN_WORDS: &str = "\t";
-/// How long `cyclictest` runs at most, s.
-const CYCLICTEST_S_MAX: f64 = 10.0;
 
 /// A part of the bench in a process of its own: what [`Programs::part`] was given.
 ///
@@ -189,9 +186,6 @@ impl Bench<'_> {
             setting.force = self.force(policy)?;
             load::still_made(&mut made)?;
         }
-        if self.plan.has(Stage::Woken) {
-            self.cyclictest(policy, &mut setting);
-        }
         self.findings.settings.push(setting);
         Ok(())
     }
@@ -237,7 +231,9 @@ impl Bench<'_> {
         Ok(())
     }
 
-    fn flat(&self, policy: Policy, way: Way) -> Result<Flat, BenchError> {
+    fn flat(&mut self, policy: Policy, way: Way) -> Result<Flat, BenchError> {
+        let may = if way == Way::Wake { cyclictest::runs(self.manners(policy)[1]) } else { Ok(()) };
+        let has_cyclictest = may.map_err(|why| self.skip("cyclictest", &why)).is_ok();
         let subject = self.subject(policy, Wait::Spin, FLAT_PERIOD_S, false)?;
         let flats = Flats {
             subject: &subject,
@@ -245,6 +241,7 @@ impl Bench<'_> {
             place: &self.place,
             manners: self.manners(policy),
             way,
+            has_cyclictest,
             seconds: self.plan.seconds,
             stop: self.stop,
         };
@@ -273,14 +270,6 @@ impl Bench<'_> {
         let forces =
             Forces { subject: &subject, manners, seconds: self.plan.seconds, stop: self.stop };
         Ok(Some(forces.run()?))
-    }
-
-    fn cyclictest(&mut self, policy: Policy, setting: &mut Setting) {
-        let manners = self.manners(policy)[1];
-        match cyclictest::run(manners, self.plan.seconds.min(CYCLICTEST_S_MAX)) {
-            Ok(found) => setting.cyclictest = Some(found),
-            Err(why) => self.skip("cyclictest", &why),
-        }
     }
 
     fn subject(

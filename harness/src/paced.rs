@@ -15,7 +15,7 @@ use crate::empty::{Empty, Missed, Schedule, beyond, missed_by_any, remember};
 use crate::error::BenchError;
 use crate::latencies::Latencies;
 use crate::manners::Manners;
-use crate::peers::trued::Trued;
+use crate::peers::trued::{Answers, Trued};
 use crate::plan::Stage;
 use crate::subject::Subject;
 
@@ -102,7 +102,7 @@ impl Pacing<'_> {
         paced.beyond.truncate(BEYOND_SHOWN);
         paced.empty_missed = missed_by_any(&beside);
         beside.iter().for_each(|empty| paced.empty.add(&empty.late));
-        paced.correction = trued.correction;
+        paced.correction = trued.answers.correction;
         Ok(paced)
     }
 
@@ -152,7 +152,7 @@ impl Pacing<'_> {
             trued.command(GIVE_UP);
             due_ns = monotonic_ns() + schedule.period_ns;
         }
-        trued.correction = Latencies::default();
+        trued.answers = Answers::default();
         Ok(())
     }
 }

@@ -34,15 +34,18 @@ pub enum Wait {
     Spin,
     /// It sleeps to absolute times and looks around the time a command is due.
     Sleep,
+    /// As its own configuration says: a running cell's, which is not told.
+    Own,
 }
 
 impl Wait {
-    /// The word for it, as in a cell's configuration.
+    /// The word for it; of those that can be asked for, as in a cell's configuration.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Spin => "spin",
             Self::Sleep => "sleep",
+            Self::Own => "its own way",
         }
     }
 }

@@ -42,7 +42,6 @@ pub fn tables(findings: &Findings) -> Vec<Words> {
             tables.push(counts(setting));
         }
         tables.extend(force(setting));
-        tables.extend(cyclictest(setting));
     }
     tables.extend(once(findings));
     tables.extend(findings.cost.iter().flat_map(costs));
@@ -171,16 +170,6 @@ fn force(setting: &Setting) -> Option<Words> {
         table.rows.push(cells(&[from], &counted.quantiles()));
     }
     Some(table)
-}
-
-fn cyclictest(setting: &Setting) -> Option<Words> {
-    let found = setting.cyclictest?;
-    let numbers = [found.min_us, found.mean_us, found.max_us, found.n];
-    Some(Words {
-        title: format!("cyclictest, µs ({})", setting.name()),
-        heads: ["least", "mean", "worst", "n"].map(str::to_owned).to_vec(),
-        rows: vec![numbers.map(|number| number.to_string()).to_vec()],
-    })
 }
 
 fn once(findings: &Findings) -> Vec<Words> {

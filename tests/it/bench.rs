@@ -3,6 +3,7 @@
 
 use crate::program::{Done, Place};
 use serde_json::Value;
+use std::os::unix::fs::PermissionsExt;
 
 /// The parts of a bench that any machine with two cores can run, none of them longer than a second.
 const SHORT: &[&str] = &["bench", "--policy", "other", "--load", "idle", "--json", "bench.json"];
@@ -153,6 +154,7 @@ fn cores_that_cannot_be_and_parts_that_do_not_exist_are_bad_input() {
         &["--quick", "--seconds", "3"],
         &["--cell", "No Cell"],
         &["--cell", ""],
+        &["--cell", "mine", "--wait", "spin"],
     ] {
         let done = bench(&place, wrong);
         assert_eq!(done.code, Some(2), "{wrong:?}: {done:#?}");
@@ -225,6 +227,28 @@ fn what_cannot_be_measured_is_said_and_counted() {
     assert!(told["skipped"][0]["why"].as_str().unwrap().contains("apt install rt-tests"));
     assert!(told["round_trip_woken_ns"]["pipe"]["n"].as_u64() > Some(0));
     assert_eq!(told["round_trip_ns"], Value::Null);
+}
+
+#[test]
+fn cyclictest_takes_turns_with_what_it_stands_beside() {
+    if !has_two_cores() {
+        return;
+    }
+    let place = Place::new();
+    let stub = place.path("cyclictest");
+    let says = "# Max Latencies: 00007\n# Histogram Overflows: 00000";
+    let script = format!("#!/bin/sh\necho '000007 000030\n{says}'\n");
+    std::fs::write(&stub, script).unwrap();
+    std::fs::set_permissions(&stub, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let folder = stub.parent().unwrap();
+    let done = place.run_beside(folder, &[SHORT, &["--only", "woken", "--seconds", "1"]].concat());
+    assert_eq!(done.code, Some(0), "{done:#?}");
+    let told = &place.json("bench.json")["settings"][0]["woken"]["round_trip_ns"];
+    let turns = |kind: &str| -> u64 {
+        told[kind]["chunks"].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).sum()
+    };
+    assert!(turns("cyclictest") > 1 && turns("cyclictest") == turns("pipe"), "{told}");
+    assert_eq!(told["cyclictest"]["n"], 30 * turns("cyclictest"));
 }
 
 #[test]

@@ -86,8 +86,13 @@ impl Place {
 
     /// The same where no other program can be found.
     pub(crate) fn run_alone(&self, arguments: &[&str]) -> Done {
+        self.run_beside(Path::new("/nowhere"), arguments)
+    }
+
+    /// The same where no other programs can be found than those in that folder.
+    pub(crate) fn run_beside(&self, folder: &Path, arguments: &[&str]) -> Done {
         let mut command = self.command(arguments);
-        command.env("PATH", "/nowhere");
+        command.env("PATH", folder);
         ended(command)
     }
 

@@ -41,12 +41,22 @@ pub enum Kind {
     Udp,
     /// Two pipes.
     Pipe,
+    /// No round trip: a timer of the kernel and the thread that it wakes, by the tool of that name.
+    Cyclictest,
 }
 
 impl Kind {
     /// Everybody, in the order in which their chunks follow each other.
-    pub const ALL: [Self; 7] =
-        [Self::Trued, Self::Iceoryx2, Self::Atomics, Self::Bare, Self::Unix, Self::Udp, Self::Pipe];
+    pub const ALL: [Self; 8] = [
+        Self::Trued,
+        Self::Iceoryx2,
+        Self::Atomics,
+        Self::Bare,
+        Self::Unix,
+        Self::Udp,
+        Self::Pipe,
+        Self::Cyclictest,
+    ];
 
     /// The word for it, as in the JSON.
     #[must_use]
@@ -59,6 +69,7 @@ impl Kind {
             Self::Unix => "unix",
             Self::Udp => "udp",
             Self::Pipe => "pipe",
+            Self::Cyclictest => "cyclictest",
         }
     }
 
@@ -73,6 +84,7 @@ impl Kind {
             Self::Unix => "Unix datagram",
             Self::Udp => "UDP loopback",
             Self::Pipe => "pipe",
+            Self::Cyclictest => "cyclictest, its wake-up",
         }
     }
 

@@ -21,7 +21,7 @@ const STANDS: f64 = 0.65;
 const WRENCH: [f64; 6] = [50.0, -20.0, 30.0, 0.5, 0.2, 0.1];
 const AMBIENT_C: f64 = 24.0;
 /// So many answers in a row that are corrected, and the daemon does what it is there for.
-const SETTLED: u32 = 50;
+const SETTLED: u32 = 16;
 /// Time between commands meanwhile.
 const SETTLES_BY: Duration = Duration::from_millis(1);
 
@@ -32,14 +32,20 @@ pub(crate) struct Trued {
     /// How far along its path the arm is, and when it was there, ns.
     path_ns: u64,
     there_ns: u64,
+    pub(crate) answers: Answers,
+    pub(crate) newest: Option<Corrected>,
+}
+
+/// What was counted of the answers.
+#[derive(Debug, Default)]
+pub(crate) struct Answers {
     /// Time in the daemon, from taking a command to its answer.
     pub(crate) correction: Latencies,
     /// The trip without that time: what both libraries and the transport take.
     pub(crate) around: Latencies,
-    /// Answers by [`CorrectionStatus`], and those that a solution stands behind, on its way to them though the correction may be.
+    /// By [`CorrectionStatus`], and those that a solution stands behind, on its way to them though the correction may be.
     pub(crate) by_status: [u64; CorrectionStatus::ALL.len()],
     pub(crate) solved: u64,
-    pub(crate) newest: Option<Corrected>,
 }
 
 impl Trued {
@@ -49,30 +55,25 @@ impl Trued {
             let range = |i: usize| (bounds.min[i], bounds.max[i] - bounds.min[i]);
             (0..joints).map(range).map(|(min, width)| (min + STANDS * width, width)).collect()
         });
-        let by_status = [0; CorrectionStatus::ALL.len()];
-        let (correction, around) = (Latencies::default(), Latencies::default());
-        let (path_ns, there_ns) = (0, monotonic_ns());
         Self {
             client,
             stands,
-            path_ns,
-            there_ns,
-            correction,
-            around,
-            by_status,
-            solved: 0,
+            path_ns: 0,
+            there_ns: monotonic_ns(),
+            answers: Answers::default(),
             newest: None,
         }
     }
 
     /// The arm has stood since the last command: a daemon that was stopped for others to be measured shall not find it elsewhere, and ramp.
-    pub(crate) fn stood(&mut self) {
+    fn stood(&mut self) {
         self.there_ns = monotonic_ns();
     }
 
-    /// Commands until the daemon corrects, for at most `within`; none of it counts.
+    /// Commands until the daemon corrects, for at most `within`; none of it counts. The arm moves on from there: one that goes at once would ramp.
     pub(crate) fn settle(&mut self, within: Duration) {
         self.stood();
+        let counted = std::mem::take(&mut self.answers);
         let until_ns = monotonic_ns() + within.as_nanos() as u64;
         let mut row = 0;
         while row < SETTLED && monotonic_ns() < until_ns {
@@ -82,8 +83,7 @@ impl Trued {
             row = if answered && corrected { row + 1 } else { 0 };
             std::thread::sleep(SETTLES_BY);
         }
-        (self.correction, self.around) = (Latencies::default(), Latencies::default());
-        (self.by_status, self.solved) = ([0; CorrectionStatus::ALL.len()], 0);
+        self.answers = counted;
     }
 
     /// Where the path is at `t_ns`.
@@ -115,12 +115,13 @@ impl Trued {
 
     fn note(&mut self, answer: &Corrected, trip_ns: u64) {
         let made_in_ns = answer.made_ns.saturating_sub(answer.received_ns);
-        self.correction.record(made_in_ns);
-        self.around.record(trip_ns.saturating_sub(made_in_ns));
-        if let Some(count) = self.by_status.get_mut(answer.status as usize) {
+        let counted = &mut self.answers;
+        counted.correction.record(made_in_ns);
+        counted.around.record(trip_ns.saturating_sub(made_in_ns));
+        if let Some(count) = counted.by_status.get_mut(answer.status as usize) {
             *count += 1;
         }
-        self.solved += u64::from(is_solved(answer));
+        counted.solved += u64::from(is_solved(answer));
         self.newest = Some(*answer);
     }
 }

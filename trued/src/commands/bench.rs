@@ -70,13 +70,16 @@ impl Bench {
     fn tell(&self, console: &mut Console, plan: &Plan, findings: &Findings) -> Result<(), Failure> {
         let machine = &findings.machine;
         console.say(format!(
-            "{}, kernel {}{}{}, client on core {}, daemon on core {}, scheduling {}, {} s each part",
+            "{}, kernel {}{}{}, client on core {}, {}, scheduling {}, {} s each part",
             machine.processor,
             machine.kernel,
             if machine.preempt_rt { ", PREEMPT_RT" } else { "" },
             if machine.is_virtual { ", virtual" } else { "" },
             machine.cores[0],
-            machine.cores[1],
+            match &findings.cell {
+                None => format!("daemon on core {}", machine.cores[1]),
+                Some(cell) => format!("cell {cell} where its daemon runs"),
+            },
             machine.scheduling.name(),
             plan.seconds
         ))?;

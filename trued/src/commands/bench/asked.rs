@@ -55,9 +55,10 @@ pub(super) struct Asked {
     /// Loads, one after the other: idle, all, or kinds joined by + (memory, cache, disk, network)
     #[arg(long = "load", value_name = "LOAD,…", value_delimiter = ',', default_value = "idle,all")]
     loads: Vec<String>,
-    /// How the daemon waits for commands, one after the other: sleep, spin
+    /// How the daemon waits for commands, one after the other: sleep, spin; a running cell waits its own way
     #[arg(
         long = "wait",
+        conflicts_with = "cell",
         value_name = "WAIT,…",
         value_delimiter = ',',
         default_value = "sleep,spin"
@@ -95,7 +96,7 @@ impl Asked {
             policies: self.policies(),
             priority: self.priority,
             loads: all(&self.loads, "--load", load)?,
-            waits: all(&self.waits, "--wait", wait)?,
+            waits: self.waits()?,
             rates_hz: self.rates.clone(),
             stages: self.stages()?,
             seconds: self.seconds,
@@ -103,6 +104,13 @@ impl Asked {
             scratch: std::env::current_dir().unwrap_or_else(|_| PathBuf::from(".")),
         };
         Ok(if self.quick { quick(plan) } else { plan })
+    }
+
+    fn waits(&self) -> Result<Vec<Wait>, Failure> {
+        if self.cell.is_some() {
+            return Ok(vec![Wait::Own]);
+        }
+        all(&self.waits, "--wait", wait)
     }
 
     /// The command that asks for the same again.
@@ -141,7 +149,7 @@ impl Asked {
 fn quick(plan: Plan) -> Plan {
     Plan {
         loads: vec![vec![]],
-        waits: vec![Wait::Sleep],
+        waits: plan.waits.into_iter().take(1).collect(),
         rates_hz: vec![1000],
         seconds: QUICK_SECONDS,
         repeats: 5,
