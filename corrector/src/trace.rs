@@ -5,7 +5,7 @@
 //!
 //! Promises: what is foretold holds for the geometry whatever the memory (it is bound by the present slopes); for how effects bend, it is ten times what
 //! the last solve from a command showed, and at least [`BENDS`]. A pose where another solution could be near, or whose correction is large, is solved from its
-//! command; so is every [`RENEWED`]th of a motion. Never: a part in what a solution is.
+//! command; so is every command that comes [`RENEWED_S`] after the last such one of a motion. Never: a part in what a solution is.
 
 use crate::slopes::{MARGIN, largest};
 use crate::solve::{STEP_DONE, Solution};
@@ -13,8 +13,8 @@ use physics::{Inputs, Joints};
 
 /// How much slopes of effects are taken to turn with their joint at least, per rad: twice that of a wave of 0.1 mrad and 300 cycles in a turn.
 const BENDS: f64 = 20.0;
-/// Commands of a motion after which one is solved from the command again.
-const RENEWED: u32 = 256;
+/// Time of a motion after which one is solved from the command again, s.
+const RENEWED_S: f64 = 0.256;
 /// The longest from one command to the next, s: what comes later begins anew.
 const PAUSE_S: f64 = 0.02;
 /// The correction times the curvature, below which there is one solution only near the command: Kantorovich's half.
@@ -45,8 +45,8 @@ pub(crate) struct Trace {
     /// How effects bend, per rad.
     bends: f64,
     is_sure: bool,
-    /// Commands that moved since one was solved from the command.
-    moved: u32,
+    /// How long the command has moved since one was solved from the command, s.
+    moved_s: f64,
 }
 
 /// A command and its correction, rad or m.
@@ -82,7 +82,7 @@ impl Trace {
 
     /// Whether one step from the next guess is expected to do.
     pub(crate) fn is_sure(&self) -> bool {
-        self.is_sure && self.moved < RENEWED
+        self.is_sure && self.moved_s < RENEWED_S
     }
 
     /// Whether the command is the last one again.
@@ -111,9 +111,9 @@ impl Trace {
         let off = |a: &Joints, b: &Joints| -> Joints { core::array::from_fn(|i| a[i] - b[i]) };
         let correction = off(&solution.q, &inputs.q);
         if ended.from_command {
-            (self.bends, self.moved) = (BENDS, 0);
+            (self.bends, self.moved_s) = (BENDS, 0.0);
         } else if !self.stands(&inputs.q) {
-            self.moved += 1;
+            self.moved_s += inputs.dt_s;
         }
         self.bends = self.bends.max(MARGIN * ended.bent);
         self.is_sure = guess.zip(ended.curvature).is_some_and(|(guess, curvature)| {
