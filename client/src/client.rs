@@ -10,7 +10,7 @@ use shm_schema::{
 };
 
 use crate::follow::Follower;
-use crate::link::{Connection, ConnectionEvent, Link, Ports};
+use crate::link::{Connection, ConnectionEvent, KNOCK_AFTER, Link, Ports};
 use crate::monitor::{Asker, MonitorPorts, ping, reload, switch};
 use crate::{AskError, Away, ConnectError, Measured, NotSent, ProcessState, Setpoint, Target};
 
@@ -50,6 +50,8 @@ pub struct Client {
     state_seq: u64,
     newest: Option<Corrected>,
     epoch: u64,
+    /// Since when commands are sent in this epoch without any answer.
+    unheard_since_ns: Option<u64>,
     status: Option<Status>,
 }
 
@@ -78,6 +80,7 @@ impl Client {
             state_seq: 0,
             newest: None,
             epoch: 0,
+            unheard_since_ns: None,
             status: None,
         };
         // The status brings the envelope, without which nothing could be ramped out.
@@ -105,13 +108,33 @@ impl Client {
     /// # Errors
     /// [`NotSent`]; the loop goes on with [`target_for`](Self::target_for) whatever it says.
     pub fn send(&mut self, setpoint: &Setpoint) -> Result<u64, NotSent> {
-        let command = setpoint.command(self.seq + 1, self.session, monotonic_ns())?;
+        let now_ns = monotonic_ns();
+        let command = setpoint.command(self.seq + 1, self.session, now_ns)?;
+        self.mind_silence(now_ns);
         let ports = self.link.ports_to_tell()?;
         self.seq += 1;
         self.sent = Some(command);
         match ports.commands.send(&command) {
             SendOutcome::Delivered => Ok(command.seq),
             SendOutcome::NoReader | SendOutcome::Lost => Err(NotSent::Lost),
+        }
+    }
+
+    /// Knocks where not one command of this epoch has had an answer for a while: what both ends joined may not be one memory, if its files were removed
+    /// in between. No error tells.
+    fn mind_silence(&mut self, now_ns: u64) {
+        if self.newest.is_some() || self.link.ports().is_none() {
+            self.unheard_since_ns = None;
+            return;
+        }
+        let since_ns = *self.unheard_since_ns.get_or_insert(now_ns);
+        if now_ns.saturating_sub(since_ns) > KNOCK_AFTER.as_nanos() as u64 {
+            self.unheard_since_ns = Some(now_ns);
+            // Who never asked for an answer has not seen those that came.
+            self.look();
+            if self.newest.is_none() {
+                self.link.knock();
+            }
         }
     }
 
@@ -151,7 +174,7 @@ impl Client {
             && epoch != self.epoch
         {
             self.epoch = epoch;
-            self.newest = None;
+            (self.newest, self.unheard_since_ns) = (None, None);
             self.follower.rejoined();
         }
         if let Some(ports) = self.link.ports()

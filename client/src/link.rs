@@ -18,7 +18,7 @@ const WATCH_PERIOD: Duration = Duration::from_millis(20);
 /// How often it tries to get in.
 const JOIN_PERIOD: Duration = Duration::from_millis(5);
 /// How long it tries before it knocks.
-const KNOCK_AFTER: Duration = Duration::from_millis(250);
+pub(crate) const KNOCK_AFTER: Duration = Duration::from_millis(250);
 /// How long leaving may take.
 const LEAVE_LIMIT: Duration = Duration::from_secs(1);
 /// Most events kept for the caller; older ones are dropped.
@@ -63,6 +63,14 @@ pub enum ConnectionEvent {
     },
 }
 
+/// What goes back to the thread.
+enum Errand<P> {
+    /// Old ports, to be dropped.
+    Retired(P),
+    /// Nobody answers in this epoch.
+    Knock,
+}
+
 enum News<P> {
     Joined(P, Current),
     Lost(JoinError),
@@ -72,7 +80,7 @@ enum News<P> {
 pub(crate) struct Link<P: Ports> {
     news: Receiver<News<P>>,
     /// Old ports go back to the thread, which drops them; closing it ends the thread.
-    retired: Option<Sender<P>>,
+    errands: Option<Sender<Errand<P>>>,
     thread: Option<JoinHandle<()>>,
     ports: Option<P>,
     connection: Connection,
@@ -110,7 +118,7 @@ impl<P: Ports> Link<P> {
 
     fn start(cell: &Cell) -> Result<Self, ConnectError> {
         let (tell, news) = channel();
-        let (retired, leavings) = channel();
+        let (errands, leavings) = channel();
         let mut keeper = Keeper {
             seat: Seat::new(cell, P::ROLE),
             tell,
@@ -124,7 +132,7 @@ impl<P: Ports> Link<P> {
             .spawn(move || keeper.run())?;
         Ok(Self {
             news,
-            retired: Some(retired),
+            errands: Some(errands),
             thread: Some(thread),
             ports: None,
             connection: Connection::Lost,
@@ -175,8 +183,15 @@ impl<P: Ports> Link<P> {
 
     /// Ports are dropped by the thread, as that makes system calls.
     fn retire(&self, old: Option<P>) {
-        if let (Some(old), Some(retired)) = (old, &self.retired) {
-            let _ = retired.send(old);
+        if let (Some(old), Some(errands)) = (old, &self.errands) {
+            let _ = errands.send(Errand::Retired(old));
+        }
+    }
+
+    /// Asks the daemon for a new epoch, as this one was joined and nobody answers in it: each end may have memory of its own under one name.
+    pub(crate) fn knock(&self) {
+        if let Some(errands) = &self.errands {
+            let _ = errands.send(Errand::Knock);
         }
     }
 
@@ -221,7 +236,7 @@ impl<P: Ports> Drop for Link<P> {
     fn drop(&mut self) {
         // Ports first, as the thread gives up the role when it ends.
         self.ports = None;
-        self.retired = None;
+        self.errands = None;
         // The thread ends within milliseconds, unless a killed process left something half-made that
         // it is stuck on: then it is left alone, and ends when the next daemon has cleaned up.
         let start = Instant::now();
@@ -241,7 +256,7 @@ impl<P: Ports> Drop for Link<P> {
 struct Keeper<P: Ports> {
     seat: Seat,
     tell: Sender<News<P>>,
-    leavings: Receiver<P>,
+    leavings: Receiver<Errand<P>>,
     joined: Option<u64>,
     trying_since: Option<(u64, Instant)>,
     /// The last obstacle reported, so that it is said once.
@@ -254,7 +269,12 @@ impl<P: Ports> Keeper<P> {
             let alive = self.watch();
             let period = if self.trying_since.is_some() { JOIN_PERIOD } else { WATCH_PERIOD };
             match self.leavings.recv_timeout(period) {
-                Ok(old) => drop(old),
+                Ok(Errand::Retired(old)) => drop(old),
+                Ok(Errand::Knock) => {
+                    if let Some(epoch) = self.joined {
+                        self.seat.knock(epoch);
+                    }
+                }
                 Err(RecvTimeoutError::Timeout) if alive => {}
                 Err(_) => return,
             }

@@ -8,6 +8,7 @@ use std::fs;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::{Duration, Instant};
 use tests::clients::skipped;
 use tests::pair::{JAM, Pair, Who};
 use tests::place::Place;
@@ -75,6 +76,22 @@ fn memory_removed_under_a_running_cell_costs_it_nothing_and_a_late_reader_gets_i
     println!("a late reader is in after {joined:?}");
     assert!(joined.is_some(), "{:#?}", pair.daemon.lines());
     pair.back();
+    pair.end();
+}
+
+#[test]
+fn memory_removed_while_a_new_epoch_is_joined_is_found_out_though_no_error_tells() {
+    let mut pair = at_work();
+    for round in 0..8 {
+        fs::remove_file(pair.place.cell().dir().join("current")).unwrap();
+        // While ports are made at both ends: each then has memory of its own under one name.
+        let torn = Instant::now();
+        while torn.elapsed() < Duration::from_millis(60 + 10 * round) {
+            memory(&pair.place).iter().for_each(|path| drop(fs::remove_file(path)));
+        }
+        pair.back();
+        std::thread::sleep(Duration::from_millis(400));
+    }
     pair.end();
 }
 
