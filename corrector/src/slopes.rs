@@ -222,9 +222,8 @@ impl Slopes {
         let mut sums = [0.0; JOINTS_MAX];
         for k in 0..S::PARTS {
             let mut sum = lanes.same(0.0);
-            for i in 0..ROWS {
-                let row = lanes.part(&self.factored[i], k);
-                sum = lanes.times_plus(row, lanes.same(weights[i]), sum);
+            for (row, weight) in self.factored.iter().zip(weights) {
+                sum = lanes.times_plus(lanes.part(row, k), lanes.same(*weight), sum);
             }
             lanes.put(sum, &mut sums, k);
         }

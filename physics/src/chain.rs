@@ -102,8 +102,8 @@ impl Chain {
         nominal: &Self,
     ) {
         self.count = arm.count();
-        let now = (&mut self.sines, &mut self.cosines);
-        turned_on(lanes, (&nominal.sines, &nominal.cosines), &deviation.joints, now);
+        let before = (&nominal.sines, &nominal.cosines);
+        turned_on(lanes, before, &deviation.joints, &mut self.sines, &mut self.cosines);
         let mut base = Frame::IDENTITY;
         if deviation.base_turn != DVec3::ZERO {
             base.rotation = rotation_from_vector(deviation.base_turn);

@@ -166,7 +166,8 @@ pub(crate) fn turned_on<S: Lanes>(
     lanes: S,
     (sines, cosines): (&Joints, &Joints),
     off: &Joints,
-    now: (&mut Joints, &mut Joints),
+    now_sines: &mut Joints,
+    now_cosines: &mut Joints,
 ) {
     for k in 0..S::PARTS {
         let by = lanes.part(off, k);
@@ -175,9 +176,9 @@ pub(crate) fn turned_on<S: Lanes>(
         let (sine, less) = (lanes.times(by, first), lanes.times(square, second));
         let (sin, cos) = (lanes.part(sines, k), lanes.part(cosines, k));
         let more = lanes.times_from(sin, less, lanes.times(cos, sine));
-        lanes.put(lanes.plus(sin, more), now.0, k);
+        lanes.put(lanes.plus(sin, more), now_sines, k);
         let fewer = lanes.times_plus(sin, sine, lanes.times(cos, less));
-        lanes.put(lanes.minus(cos, fewer), now.1, k);
+        lanes.put(lanes.minus(cos, fewer), now_cosines, k);
     }
 }
 

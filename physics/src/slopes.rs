@@ -95,13 +95,13 @@ impl Told {
     #[inline(always)]
     pub fn follow<S: Lanes>(&self, lanes: S, count: usize, loads: &Loads, into: &mut Following) {
         let count = count.min(JOINTS_MAX);
-        for i in 0..count {
+        for (i, own) in OWN.iter().enumerate().take(count) {
             let (row, is_wide) = (&mut into.joints[i], self.is_wide(i));
             for k in 0..S::PARTS {
                 let from =
                     if is_wide { lanes.part(&self.positions[i], k) } else { lanes.same(0.0) };
                 // One number put among four that were just written would have to wait until these are.
-                let own = lanes.part(&OWN[i], k);
+                let own = lanes.part(own, k);
                 lanes.put(lanes.times_plus(own, lanes.same(self.position[i]), from), row, k);
             }
         }

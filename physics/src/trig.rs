@@ -56,9 +56,9 @@ pub(crate) fn sin_cos_all<S: Lanes>(
             lanes.put(sine, sines, k);
             lanes.put(cosine, cosines, k);
         } else {
-            for i in 0..WIDTH {
+            for (i, angle) in angles.iter().enumerate() {
                 let at = k * WIDTH + i;
-                (sines[at], cosines[at]) = sin_cos(angles[i]);
+                (sines[at], cosines[at]) = sin_cos(*angle);
             }
         }
     }
