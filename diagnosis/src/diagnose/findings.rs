@@ -25,7 +25,7 @@ pub(super) fn findings(
 ) -> Vec<Finding> {
     let left = |gone: &[usize]| {
         let gone: Vec<&Named> = gone.iter().map(|k| &all[*k]).collect();
-        held.rms(&held.beside(&without(last, model, &gone), last)).powi(2)
+        held.energy(&held.beside(&without(last, model, &gone), last))
     };
     let shares = shares(all.len(), left);
     let mut order: Vec<(&Named, f64)> = all.iter().zip(shares).collect();
