@@ -13,9 +13,10 @@ use crate::minimise::{Minimum, minimise};
 use crate::problem::{State, Weighing};
 use crate::result::{Fit, Parts};
 use crate::robust::{Influence, scale, weight};
-use crate::sheet::Sheet;
+use crate::sheet::{Length, Sheet};
 use crate::start;
 use crate::surroundings::Surroundings;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Rounds in which the noise's scale and the set of determined numbers may change.
@@ -28,6 +29,9 @@ const STEPS: usize = 12;
 const SKETCH: usize = 3;
 /// Weights that changed less than this stand.
 const STANDS: f64 = 1e-3;
+
+/// Readings of one stream from which their middle tells how far off they are.
+const ENOUGH: usize = 20;
 
 /// How a fit is made.
 #[derive(Clone, Copy, Debug)]
@@ -230,17 +234,30 @@ impl<'a> Fitting<'a> {
     fn rescale(&mut self) {
         let lengths = self.sheet.lengths();
         for (index, instrument) in self.campaign.instruments.iter().enumerate() {
-            let own = lengths.iter().filter(|(_, i, _, _)| *i == index);
+            let own = lengths.iter().filter(|one| one.instrument == index);
             let least = if instrument.noise_is_known { 1.0 } else { 1e-9 };
-            if let Some(found) = scale(own.map(|(_, _, count, length)| (*count, *length))) {
+            if let Some(found) = scale(own.map(|one| (one.count, one.length))) {
                 self.weighing.factors[index] = found.max(least);
             }
         }
     }
 
+    /// Weights by how far readings lie out among those of their own stream: where half of what one encoder or target says is far off, these are no
+    /// readings gone wrong, but something that is missing there, and it is to be seen.
     fn reweigh(&mut self, influence: Influence) {
-        for (reading, instrument, count, length) in self.sheet.lengths() {
-            let length = length / self.weighing.factors[instrument];
+        let lengths = self.sheet.lengths();
+        let mut streams: BTreeMap<(usize, usize), Vec<(usize, f64)>> = BTreeMap::new();
+        for Length { instrument, stream, count, length, .. } in &lengths {
+            streams.entry((*instrument, *stream)).or_default().push((*count, *length));
+        }
+        let own = |((instrument, stream), of): ((usize, usize), Vec<(usize, f64)>)| {
+            let factor = self.weighing.factors[instrument];
+            let wide = if of.len() < ENOUGH { 0.0 } else { scale(of.into_iter()).unwrap_or(0.0) };
+            ((instrument, stream), wide.max(factor))
+        };
+        let own: BTreeMap<(usize, usize), f64> = streams.into_iter().map(own).collect();
+        for Length { reading, instrument, stream, count, length } in lengths {
+            let length = length / own[&(instrument, stream)];
             self.weighing.weights[reading] = weight(influence, count, length);
         }
     }
@@ -256,15 +273,16 @@ impl<'a> Fitting<'a> {
     /// known noise stands unless the residuals are too large for it (three standard deviations of their mean square).
     fn final_factors(&mut self) {
         let lengths = self.sheet.lengths();
-        let clean = lengths.iter().filter(|l| self.weighing.weights[l.0] >= 0.5);
-        let all: f64 = clean.clone().map(|l| self.weighing.weights[l.0] * l.2 as f64).sum();
+        let clean = lengths.iter().filter(|l| self.weighing.weights[l.reading] >= 0.5);
+        let all: f64 =
+            clean.clone().map(|l| self.weighing.weights[l.reading] * l.count as f64).sum();
         let freedom = (all - self.active.len() as f64).max(1.0) / all.max(1.0);
         for (index, instrument) in self.campaign.instruments.iter().enumerate() {
             let (mut square, mut count) = (0.0, 0.0);
-            for (reading, _, numbers, length) in clean.clone().filter(|l| l.1 == index) {
-                let weight = self.weighing.weights[*reading];
-                square += weight * length * length;
-                count += weight * *numbers as f64;
+            for one in clean.clone().filter(|one| one.instrument == index) {
+                let weight = self.weighing.weights[one.reading];
+                square += weight * one.length * one.length;
+                count += weight * one.count as f64;
             }
             let ratio = square / (count * freedom).max(1.0);
             let too_large = ratio > 1.0 + 3.0 * (2.0 / (count * freedom).max(1.0)).sqrt();

@@ -19,6 +19,16 @@ struct Entry {
     first: usize,
 }
 
+/// How far a reading of so many numbers lies from a state, in units of the noise.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Length {
+    pub(crate) reading: usize,
+    pub(crate) instrument: usize,
+    pub(crate) stream: usize,
+    pub(crate) count: usize,
+    pub(crate) length: f64,
+}
+
 /// The rows of a state.
 #[derive(Debug)]
 pub(crate) struct Sheet {
@@ -107,10 +117,18 @@ impl Sheet {
         sum + prior_cost(&self.state.hypothesis)
     }
 
-    /// Lengths of the residuals, in stated noises: reading, instrument, count, length.
-    pub(crate) fn lengths(&self) -> Vec<(usize, usize, usize, f64)> {
-        let length =
-            |one: &Entry| (one.reading, one.instrument, one.rows.count, one.rows.residual.length());
+    /// Lengths of the residuals, in stated noises.
+    pub(crate) fn lengths(&self) -> Vec<Length> {
+        let length = |one: &Entry| {
+            let Entry { reading, instrument, stream, ref rows, .. } = *one;
+            Length {
+                reading,
+                instrument,
+                stream,
+                count: rows.count,
+                length: rows.residual.length(),
+            }
+        };
         self.entries.iter().map(length).collect()
     }
 }

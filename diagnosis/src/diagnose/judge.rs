@@ -10,6 +10,8 @@ use physics::AnyEffect;
 const CARRIED: f64 = 0.999;
 /// Where more than this share of what is named cannot be told apart, nothing is claimed.
 const CLEAR: f64 = 0.5;
+/// Beside a name that brings so much log-likelihood and is alike none other, the alike ones are told as sets.
+const SURE: f64 = 20.0;
 /// Two names that differ by less than this in log-likelihood are one and the same thing in this recording.
 const SAME: f64 = 1e-3;
 
@@ -44,16 +46,23 @@ impl Verdict {
 
 /// The verdict on names that carry the share `carried` of what stands above the noise on held-out rows; none: all of it.
 pub(super) fn verdict(found: &[Named], fit: &Fit, carried: Option<f64>) -> Verdict {
-    let named: f64 = found.iter().map(|one| 2.0 * one.gain).sum();
-    let alike = found.iter().filter(|one| is_ambiguous(one, fit));
-    let alike: f64 = alike.map(|one| 2.0 * one.gain).sum();
+    let gains = found.iter().map(|one| (one.gain, is_ambiguous(one, fit)));
+    let gains: Vec<(f64, bool)> = gains.collect();
     match found {
         [] if carried.is_none() => Verdict::Consistent,
         [] => Verdict::UnknownStructure,
         _ if carried.is_some_and(|share| share < CARRIED) => Verdict::UnknownStructure,
-        _ if alike > CLEAR * named => Verdict::Undetermined,
+        _ if !is_clear(&gains) => Verdict::Undetermined,
         _ => Verdict::MissingPhysics,
     }
+}
+
+/// Whether names, each with what it brings and whether it is alike another, are clear enough for a claim.
+fn is_clear(names: &[(f64, bool)]) -> bool {
+    let gain = |of_alike: bool| names.iter().filter(move |(_, alike)| *alike == of_alike);
+    let sum = |of_alike: bool| gain(of_alike).map(|(gain, _)| gain).sum::<f64>();
+    let surest = gain(false).map(|(gain, _)| *gain).fold(0.0, f64::max);
+    sum(true) <= CLEAR * (sum(true) + sum(false)) || surest >= SURE
 }
 
 /// Whether another name, one that is not the same thing by another word, explains it as well; one of more numbers only where it is likely.
@@ -95,4 +104,20 @@ pub(super) fn confidence(one: &Named, fit: &Fit) -> (f64, Vec<f64>) {
     let weights: Vec<f64> = one.rivals.iter().map(weight).collect();
     let all = 1.0 + weights.iter().sum::<f64>();
     (1.0 / all, weights.iter().map(|weight| weight / all).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_clear;
+
+    #[test]
+    fn what_is_alike_takes_no_claim_from_a_name_that_is_sure_by_itself() {
+        assert!(!is_clear(&[(400.0, true)]), "nothing but what is alike");
+        assert!(is_clear(&[(400.0, true), (60.0, false)]), "a sure one beside it");
+        assert!(
+            !is_clear(&[(400.0, true), (9.0, false)]),
+            "what little else there is carries no claim"
+        );
+        assert!(is_clear(&[(9.0, true), (12.0, false)]), "most is clear");
+    }
 }

@@ -5,13 +5,14 @@
 
 use super::name::{Named, Naming, close_up, without};
 use crate::campaign::Campaign;
-use crate::colour::Filter;
+use crate::colour::{Filter, stream};
 use crate::fit::compare;
 use crate::hypothesis::Hypothesis;
 use crate::problem::{Look, State, visit};
 use crate::proof::Split;
 use crate::result::Fit;
 use physics::{AnyEffect, Model};
+use std::collections::BTreeMap;
 
 /// A name is borne out where rows that chose nothing speak for it by this much in log-likelihood: what is not there loses there about what it promised.
 const SPEAKS: f64 = 1.0;
@@ -151,6 +152,23 @@ impl<'a> Held<'a> {
         (sum, count)
     }
 
+    /// The mean square of single numbers. Of joints that encoders of their own read, what never changes is left out: an encoder's zero is where somebody put it.
+    pub(super) fn energy(&self, fit: &Fit) -> f64 {
+        if self.is_length {
+            return self.rms(fit).powi(2);
+        }
+        let readings: Vec<_> = self.campaign.poses.iter().flat_map(|pose| &pose.seen).collect();
+        let mut encoders: BTreeMap<usize, [f64; 3]> = BTreeMap::new();
+        for off in fit.off(self.campaign).iter().filter(|off| self.counts[off.reading]) {
+            let of = encoders.entry(stream(&readings[off.reading].reading)).or_default();
+            let more = [1.0, off.off.x, off.off.x * off.off.x];
+            of.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+        }
+        let varies = |[count, sum, square]: &[f64; 3]| square - sum * sum / count;
+        let count: f64 = encoders.values().map(|of| of[0]).sum();
+        encoders.values().map(varies).sum::<f64>() / count.max(1.0)
+    }
+
     /// The sum of squares of single numbers in units of the noise, what it remembers of itself taken out.
     fn whitened(&self, fit: &Fit) -> f64 {
         let mut sum = 0.0;
@@ -189,5 +207,41 @@ impl<'a> Held<'a> {
     /// The fit of `hypothesis` beside `last`, with its weights.
     pub(super) fn beside(&self, hypothesis: &Hypothesis, last: &Fit) -> Fit {
         compare(self.campaign, hypothesis, last, &self.split.training)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Held, Split};
+    use crate::campaign::{Noise, Observation, Reading};
+    use crate::fit::{Effort, Settings, fit};
+    use crate::hypothesis::Hypothesis;
+    use crate::made::{empty, nominal};
+    use crate::robust::Influence;
+    use glam::DVec3;
+
+    #[test]
+    fn where_an_encoders_zero_was_put_makes_no_energy() {
+        let (zero, swing) = (5e-4, 1e-4);
+        let mut campaign = empty(0, 120);
+        for (k, pose) in campaign.poses.iter_mut().enumerate() {
+            let off = [zero, if k % 2 == 0 { swing } else { -swing }];
+            let whitening = Noise::Equal(1e-5).whitening(DVec3::ZERO).expect("sound");
+            let seen = off.iter().enumerate().map(|(joint, off)| Observation {
+                reading: Reading::JointPosition { joint, position: pose.inputs.q[joint] + off },
+                whitening,
+                instrument: 0,
+            });
+            pose.seen = seen.collect();
+        }
+        let used = vec![true; 120];
+        let (influence, effort) = (Influence::Equal, Effort::Full);
+        let settings = Settings { used: &used, influence, from: None, effort };
+        let found = fit(&campaign, &Hypothesis::fixed(nominal()), &settings);
+        let split = Split { says: String::new(), training: used.clone() };
+        let held = Held::new(&campaign, (&split, &used), &found);
+        let energy = held.energy(&found);
+        assert!((energy - 0.5 * swing * swing).abs() < 1e-12, "{energy}");
+        assert!(held.rms(&found) > 0.7 * zero, "the error as it is has it");
     }
 }

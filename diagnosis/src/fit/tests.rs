@@ -254,3 +254,38 @@ fn a_wave_is_found_from_the_opposite_phase() {
         assert!(off < 6e-5, "{amplitude} {phase}");
     }
 }
+
+/// Three encoders on the link side, of which that of joint 2 says forty times the noise more or less as the joint came from here or there.
+fn with_play() -> Campaign {
+    const NOISE_RAD: f64 = 1e-5;
+    let mut campaign = empty(0, 120);
+    let noise = |k: usize| NOISE_RAD * [0.3, -1.1, 0.8, -0.4, 1.5, -0.7, 0.1][k % 7];
+    for (k, pose) in campaign.poses.iter_mut().enumerate() {
+        let play = if k / 5 % 2 == 0 { 20.0 } else { -20.0 } * NOISE_RAD;
+        let position = |joint: usize| {
+            let off = if joint == 1 { play } else { 0.0 };
+            pose.inputs.q[joint] + off + noise(3 * k + joint)
+        };
+        let reading = |joint| Reading::JointPosition { joint, position: position(joint) };
+        let whitening = Noise::Equal(NOISE_RAD).whitening(DVec3::ZERO).expect("sound");
+        let observe = |joint| Observation { reading: reading(joint), whitening, instrument: 0 };
+        pose.seen = (0..3).map(observe).collect();
+    }
+    campaign
+}
+
+#[test]
+fn what_half_of_an_encoders_readings_say_is_no_reading_gone_wrong() {
+    let mut campaign = with_play();
+    let wild = &mut campaign.poses[60].seen[0].reading;
+    if let Reading::JointPosition { position, .. } = wild {
+        *position += 4e-4;
+    }
+    let used = vec![true; 120];
+    let hypothesis = Hypothesis::fixed(nominal());
+    let found = fit(&campaign, &hypothesis, &settings(&used, Influence::Redescending));
+    let of_joint_2 = (0..120).map(|pose| found.weights[3 * pose + 1]);
+    assert!(of_joint_2.fold(1.0, f64::min) > 0.9, "play is to be seen");
+    let spoilt = found.weights[3 * 60];
+    assert!(spoilt < 0.5, "a single reading of a good encoder that is off weighs {spoilt}");
+}
