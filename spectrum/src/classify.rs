@@ -66,9 +66,9 @@ pub(crate) fn classify(e: &Evidence) -> (Class, ClassSet) {
         rival(Class::Chatter, e.near_mode || e.in_air == Some(false));
         rival(Class::Structural, e.in_air.is_none());
         Class::Gear
-    } else if e.near_mode || e.in_air == Some(false) || !e.from_start {
-        // What arises while it is watched, and nothing drives it, excites itself; the rivals say how
-        // much of that is known.
+    } else if e.near_mode || e.in_air == Some(false) || (e.speed_known && !e.from_start) {
+        // What arises while it is watched, and no spindle of a known speed drives it, excites itself;
+        // the rivals say how much of that is known.
         rival(Class::Electrical, e.on_mains);
         rival(Class::Forced, !e.speed_known);
         rival(Class::Structural, e.in_air.is_none());
@@ -81,6 +81,9 @@ pub(crate) fn classify(e: &Evidence) -> (Class, ClassSet) {
             Class::Chatter
         }
     } else {
+        // Who knows of no mode, no cut and no spindle cannot say that a tone excites itself.
+        rival(Class::Chatter, self_excited && !e.from_start);
+        rival(Class::Structural, e.in_air.is_none() && !e.from_start);
         rival(Class::Electrical, e.on_mains);
         rival(Class::Forced, !e.speed_known);
         rival(Class::Gear, gear_rival(e));
@@ -143,6 +146,17 @@ mod tests {
         assert_eq!(class(mains), Class::Electrical);
         let always = Evidence { in_air: None, from_start: true, ..CUT };
         assert_eq!(class(always), Class::Unknown);
+    }
+
+    #[test]
+    fn a_tone_that_arises_is_no_chatter_while_neither_spindle_nor_cut_nor_mode_is_known() {
+        let tone = Evidence { speed_known: false, in_air: None, ..CUT };
+        assert_eq!(classify(&tone).0, Class::Unknown);
+        assert_eq!(rivals(&tone), [Class::Forced, Class::Chatter, Class::Structural]);
+        let class = |e: Evidence| classify(&e).0;
+        assert_eq!(class(Evidence { speed_known: true, ..tone }), Class::Chatter);
+        assert_eq!(class(Evidence { near_mode: true, ..tone }), Class::Chatter);
+        assert_eq!(class(Evidence { in_air: Some(false), ..tone }), Class::Chatter);
     }
 
     #[test]

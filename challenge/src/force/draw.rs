@@ -24,6 +24,8 @@ pub type Drawn = crate::draw::Drawn<Case>;
 
 /// The two ways to write a chip may show by so much, as a length of whitened values.
 const SAME_Z: f64 = 2.0;
+/// An edge's force along the speed is less than what is told by at most this share.
+const KEEPS_RUBBING: f64 = 0.6;
 /// Kinds that a poor cut cannot part.
 const POOR: [Kind; 4] = [Kind::EdgeForce, Kind::CuttingForce, Kind::WrenchScale, Kind::WrenchBias];
 
@@ -207,12 +209,16 @@ fn lone_tone(case: &Case, chance: &mut Chance) -> f64 {
 }
 
 /// The largest of the leading numbers that a cut may have.
-fn most(case: &Case, kind: Kind, loud: f64) -> f64 {
-    let cut = &case.cut;
+fn most(case: &Case, hidden: &Effect, loud: f64) -> f64 {
+    let (cut, kind) = (&case.cut, hidden.kind);
     let passes = case.scene.passes.iter();
     let way = passes.map(|pass| pass.way(pass.times_s.last().copied().unwrap_or(0.0)));
     match kind {
-        Kind::EdgeForce => 2.0 * cut.edge[0],
+        Kind::EdgeForce => {
+            // An edge that rubs takes power, however little: its force along the speed stays one that resists, whatever the model knows of it.
+            let down = (-hidden.numbers[0] / hidden.lead().max(1e-300)).max(0.0);
+            f64::min(2.0, KEEPS_RUBBING / down.max(1e-9)) * cut.edge[0]
+        }
         Kind::CuttingForce => 0.7 * cut.chip[0],
         Kind::ToolWear => 2.0 / way.fold(0.0, f64::max),
         // Every tooth still cuts: two side by side differ by less than twice that.
@@ -232,7 +238,7 @@ fn size(case: &mut Case, ride: &Ride<'_>, there: &[bool], chance: &mut Chance) -
     let loud = loudness(case);
     for which in 0..case.hidden.len() {
         let wanted = wanted_z(case.tier, chance);
-        let most = most(case, case.hidden[which].kind, loud);
+        let most = most(case, &case.hidden[which], loud);
         let lead = case.hidden[which].lead().max(1e-300);
         case.hidden[which] = case.hidden[which].scaled(1e-2 * most / lead);
         let bench = Bench::of(case, ride, there, Some(which));
@@ -291,6 +297,24 @@ mod tests {
         };
         assert!(rivals(Richness::Poor).contains(&("cutting_force", None)));
         assert!(!rivals(Richness::Full).contains(&("cutting_force", None)));
+    }
+
+    #[test]
+    fn edges_resist_the_cut_whatever_is_hidden() {
+        let cases = (0..60).map(|index| case(5, 8 * index, (Tier::Single, 0)).case);
+        let edges = cases.filter(|case| case.hidden.iter().any(|h| h.kind == Kind::EdgeForce));
+        let mut count = 0;
+        for case in edges {
+            let off = case
+                .real()
+                .iter()
+                .filter(|e| e.kind == Kind::EdgeForce)
+                .map(|e| e.numbers[0])
+                .sum::<f64>();
+            assert!(case.cut.edge[0] + off > 0.0, "{off} of {}", case.cut.edge[0]);
+            count += usize::from(off < 0.0);
+        }
+        assert!(count > 10, "{count}");
     }
 
     #[test]

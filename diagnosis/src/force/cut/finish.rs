@@ -2,29 +2,33 @@
 //!
 //! Promises: held-out rows are read here first, and change no choice but to take a name out. Never: a claim of what cannot be told apart.
 
+use nalgebra::DMatrix;
 use physics::Model;
 use recording::series::Recording;
 use std::collections::BTreeMap;
 
 use super::case::{Belief, Case};
-use super::found::{self, Weighed};
+use super::found::{self, Weighed, with_instead};
 use super::law::{LEAK, SCALE, Slot, TURN};
-use super::names::{BEYOND, TONE};
+use super::names::{BEYOND, KINDS, TONE};
 use super::rest::{self, Rest};
 use super::rows::Rows;
 use super::view::{Traced, has_one_feed, not_tested, notes, signal, traces};
 use crate::diagnose::Verdict;
-use crate::torque::Finding;
-use crate::torque::choose::{Asking, Choice};
+use crate::torque::choose::{Asking, Choice, others};
+use crate::torque::library::Family;
 use crate::torque::prove::{borne_out_by, order_by, told_by};
 use crate::torque::table::Solved;
+use crate::torque::{Finding, Refit};
 
 /// Names must carry this share of what stands above the noise on held-out rows, as energy; else the structure is unknown.
 const CARRIED: f64 = 0.98;
 /// Where more than this share of what is named cannot be told apart, nothing is claimed.
 const CLEAR: f64 = 0.5;
-/// A name is a claim from this confidence on.
-const LIKELY: f64 = 0.5;
+/// A name that is likelier than all its rivals together by so much is a claim, its rivals told beside it.
+const LIKELY: f64 = 0.95;
+/// Rounds in which a likelier rival takes a name's place once all rows are seen.
+const SWAPS: usize = 3;
 /// Beside a name that brings so much and is alike none other, the alike ones are told as sets.
 const SURE: f64 = 20.0;
 /// One law says more than all names where it carries more by this share.
@@ -41,6 +45,8 @@ pub struct Compared {
     pub verdict: Verdict,
     /// Most important first; SI.
     pub findings: Vec<Finding>,
+    /// The model's own numbers of stated uncertainty, fitted along: no findings, but what the proof is with.
+    pub refits: Vec<Refit>,
     /// Structure beyond them.
     pub unexplained: Option<Rest>,
     /// Held-out root mean square as told and with what was found, N.
@@ -79,7 +85,7 @@ pub(super) fn finish(
         names = settled(&mut case, &[], &seen);
     }
     // A name is weighed in the form that was chosen, and told with all of its numbers.
-    let mut weighed = weighed(&case, &names, &seen);
+    let mut weighed = reweighed(&mut case, &mut names, &seen);
     names = filled(&mut case, names, &seen);
     let held = case.sets.held.clone();
     let products = case.products(&seen);
@@ -88,17 +94,13 @@ pub(super) fn finish(
     let rms = |solved: &Solved| case.rms(solved, &held);
     let listed = order_by(&asking, &choice, &rms);
     let covariance = case.covariance(&choice.solved, &seen);
+    let hum = listed.iter().find(|(name, _)| case.library.families[*name].kind == TONE);
+    let hum = hum.map(|(_, heldout)| *heldout);
     let stated = |kind: &str| model.effects().any(|effect| effect.spec().kind == kind);
-    let mut findings = Vec::new();
-    let mut hum = None;
-    for (name, heldout) in &listed {
-        let family = &case.library.families[*name];
-        if family.kind == TONE {
-            hum = Some(*heldout);
-            continue;
-        }
-        let Some(weighed) = weighed.remove(family.kind) else { continue };
-        findings.push(Finding {
+    let finding = |(name, heldout): (usize, [f64; 2])| {
+        let family = &case.library.families[name];
+        let weighed = weighed.remove(family.kind).filter(|_| family.kind != TONE)?;
+        Some(Finding {
             kind: family.kind,
             joint: None,
             recording: None,
@@ -107,9 +109,11 @@ pub(super) fn finish(
             confidence: weighed.confidence,
             gain: weighed.gain,
             rivals: weighed.rivals,
-            heldout: *heldout,
-        });
-    }
+            heldout,
+        })
+    };
+    let findings: Vec<Finding> = listed.into_iter().filter_map(finding).collect();
+    let refits = refits(&case, model, &asking, &choice, &covariance);
     let law = rest::rest(&case, &choice.solved, &case.belief);
     let given = asking.solve(&[]);
     let heldout = [&given, &choice].map(|one| rms(&one.solved));
@@ -122,6 +126,7 @@ pub(super) fn finish(
     Compared {
         verdict,
         findings,
+        refits,
         unexplained,
         heldout,
         noise: case.rms(&choice.solved, &seen),
@@ -240,6 +245,64 @@ fn weighed(case: &Case, names: &[usize], seen: &[bool]) -> BTreeMap<&'static str
     names.iter().map(one).collect()
 }
 
+/// What each name brings, once none is left that another says more than, or that brings less than it costs.
+fn reweighed(
+    case: &mut Case,
+    names: &mut Vec<usize>,
+    seen: &[bool],
+) -> BTreeMap<&'static str, Weighed> {
+    for _ in 0..SWAPS {
+        let weighed = weighed(case, names, seen);
+        let Some(better) = better(case, names, &weighed, seen) else { return weighed };
+        *names = settled(case, &better, seen);
+    }
+    weighed(case, names, seen)
+}
+
+/// The names without one that brings less than it costs, or with a likelier rival in its place: rows kept for a second look may tell what those of the choice did not.
+fn better(
+    case: &Case,
+    names: &[usize],
+    weighed: &BTreeMap<&'static str, Weighed>,
+    seen: &[bool],
+) -> Option<Vec<usize>> {
+    let products = case.products(seen);
+    let asking = Asking { library: &case.library, products: &products, always: &case.always };
+    let families = &case.library.families;
+    let asked = || names.iter().filter(|name| !families[**name].revises);
+    let of = |name: &usize| weighed.get(families[*name].kind);
+    let swapped = asked().find_map(|name| {
+        let better = of(name)?.better(&asking)?;
+        Some(with_instead(names, *name, better))
+    });
+    let idle = || asked().find(|name| of(name).is_some_and(|one| one.is_idle));
+    swapped.or_else(|| idle().map(|name| others(names, *name)))
+}
+
+/// The model's own numbers as the fit has them, of effects that are no finding.
+fn refits(
+    case: &Case,
+    model: &Model,
+    asking: &Asking<'_>,
+    choice: &Choice,
+    covariance: &DMatrix<f64>,
+) -> Vec<Refit> {
+    let families = &case.library.families;
+    let is_named = |kind: &str| choice.names.iter().any(|name| families[*name].kind == kind);
+    let is_open = |slot: &Slot| {
+        let own = slot.from..slot.from + slot.count;
+        case.doubts.iter().any(|doubt| own.contains(&doubt.number))
+    };
+    let open = KINDS.iter().filter(|(kind, slot)| is_open(slot) && !is_named(kind));
+    let family = |(kind, _): &(&str, Slot)| families.iter().find(|family| family.kind == *kind);
+    let of = |family: &Family| {
+        let kind = family.kind;
+        let numbers = found::numbers(case, model, asking, choice, family, covariance);
+        numbers.into_iter().map(move |number| Refit { kind, joint: None, number })
+    };
+    open.filter_map(family).flat_map(of).collect()
+}
+
 /// Names with all of their numbers, believed, where these are their names' to have: those that are not are what rows do not tell apart.
 fn filled(case: &mut Case, names: Vec<usize>, seen: &[bool]) -> Vec<usize> {
     let full = fullest(case, &names, seen);
@@ -292,10 +355,7 @@ fn verdict(
     let explained = carried(case, given, choice);
     let share = rest.map(|rest| explained / (explained + rest.carries).max(f64::MIN_POSITIVE));
     let named: f64 = findings.iter().map(|one| one.gain).sum();
-    // Whoever is less likely than its rivals together is no claim either.
-    let is_alike = |one: &&Finding| {
-        one.confidence < LIKELY && !one.rivals.is_empty() || one.rivals.iter().any(|r| r.alike)
-    };
+    let is_alike = |one: &&Finding| one.confidence < LIKELY && !one.rivals.is_empty();
     let alike: f64 = findings.iter().filter(is_alike).map(|one| one.gain).sum();
     let clear = findings.iter().filter(|one| !is_alike(one));
     let surest = clear.map(|one| one.gain).fold(0.0, f64::max);

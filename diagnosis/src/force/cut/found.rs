@@ -10,6 +10,7 @@ use physics::Model;
 
 use super::case::Case;
 use super::names::{TONE, slot};
+use super::sets::price_of;
 use crate::torque::choose::{Asking, Choice, others};
 use crate::torque::library::Family;
 use crate::torque::{Number, Rival};
@@ -30,6 +31,17 @@ pub(super) struct Weighed {
     pub(super) gain: f64,
     pub(super) confidence: f64,
     pub(super) rivals: Vec<Rival>,
+    /// Whether it brings less than it costs.
+    pub(super) is_idle: bool,
+}
+
+impl Weighed {
+    /// The rival that explains more for its price, where there is one.
+    pub(super) fn better(&self, asking: &Asking<'_>) -> Option<usize> {
+        let cost = |one: &Rival| one.behind + one.dearer * price(asking);
+        let best = self.rivals.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
+        (cost(best) < -BETTER).then_some(best.place)
+    }
 }
 
 /// What a name brings, by the law itself, and what others would bring in its place.
@@ -59,7 +71,8 @@ pub(super) fn weighed(
         }
         let names: Vec<usize> = others.iter().copied().chain([place]).collect();
         let behind = misfit(&names) - whole;
-        let dearer = asking.numbers(family) - asking.numbers(own);
+        // In numbers: a choice among many forms is worth a part of one.
+        let dearer = (price_of(asking, family) - price_of(asking, own)) / price(asking);
         if behind > FAR {
             continue;
         }
@@ -82,7 +95,7 @@ pub(super) fn weighed(
         }
     }
     // That nothing is there at all is one more rival.
-    let nothing = libm::exp(-(gain - asking.price(own)).max(-20.0));
+    let nothing = libm::exp(-(gain - price_of(asking, own)).max(-20.0));
     let weight =
         |rival: &Rival| libm::exp(-(rival.behind + rival.dearer * price(asking)).max(-20.0));
     let all = 1.0 + nothing + rivals.iter().map(weight).sum::<f64>();
@@ -90,7 +103,8 @@ pub(super) fn weighed(
     rivals.iter_mut().zip(shares).for_each(|(rival, share)| rival.confidence = share);
     rivals.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
     rivals.retain(|rival| rival.kind != TONE);
-    Weighed { gain, confidence: 1.0 / all, rivals }
+    let is_idle = gain < price_of(asking, own);
+    Weighed { gain, confidence: 1.0 / all, rivals, is_idle }
 }
 
 /// What one more number costs.
@@ -104,15 +118,14 @@ pub(super) fn likelier(case: &Case, names: &[usize], used: &[bool]) -> Option<Ve
     let asking = Asking { library: &case.library, products: &products, always: &case.always };
     let choice = asking.solve(names);
     names.iter().find_map(|name| {
-        let weighed = weighed(case, &asking, &choice, *name, used);
-        let best = weighed.rivals.iter().min_by(|a, b| {
-            let cost = |one: &Rival| one.behind + one.dearer * price(&asking);
-            cost(a).total_cmp(&cost(b))
-        })?;
-        let is_better = best.behind + best.dearer * price(&asking) < -BETTER;
-        let swapped = |n: &usize| if n == name { best.place } else { *n };
-        is_better.then(|| names.iter().map(swapped).collect())
+        let better = weighed(case, &asking, &choice, *name, used).better(&asking)?;
+        Some(with_instead(names, *name, better))
     })
+}
+
+/// Names with another in the place of one.
+pub(super) fn with_instead(names: &[usize], name: usize, other: usize) -> Vec<usize> {
+    names.iter().map(|n| if *n == name { other } else { *n }).collect()
 }
 
 /// The numbers of a name, by their differences from what the model states.

@@ -94,6 +94,9 @@ pub(super) fn library(case: &mut Case) {
         if kind == "wrench_scale" {
             put(kind, vec![alike], &["all alike"]);
         }
+        for (k, other) in [(0, 1), (0, 2), (1, 2)] {
+            put(kind, vec![slot.from + k, slot.from + other], &["two"]);
+        }
         put(kind, (0..3).map(|k| slot.from + k).collect(), &["x", "y", "z"]);
     }
     let leaks: Vec<usize> = (0..9).filter(|k| k % 4 != 0).map(|k| LEAK.from + k).collect();

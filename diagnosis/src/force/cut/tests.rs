@@ -293,6 +293,15 @@ fn a_number_that_is_off_within_what_the_model_doubts_is_no_finding() {
         let compared = compared.expect("compared");
         assert_eq!(compared.verdict, wanted, "{:?}", compared.findings);
         assert!(compared.findings.iter().all(|one| one.kind == "edge_force" && one.is_change));
+        // What is no finding is told as it was fitted along, and is surer than it was believed.
+        let refits = &compared.refits;
+        assert_eq!(refits.len(), usize::from(wanted == Verdict::Consistent), "{refits:?}");
+        for number in refits.iter().map(|refit| &refit.number) {
+            for (k, off) in [400.0, -300.0, 200.0].iter().enumerate() {
+                let (value, sigma) = (number.values[k], number.sigma[k]);
+                assert!((value - off).abs() < 4.0 * sigma && sigma < 200.0, "{number:?}");
+            }
+        }
     }
 }
 
@@ -346,6 +355,12 @@ fn a_turned_sensor_that_leaks_in_one_channel_too_is_told_as_both_and_not_as_six_
     let mut names = kinds(&found);
     names.sort_unstable();
     assert_eq!(names, ["cross_talk", "wrench_misalignment"]);
+}
+
+#[test]
+fn a_sensor_turned_about_two_axes_is_no_pair_of_leaks() {
+    let found = MADE.compared(&effect("wrench_misalignment", "turn_mrad = [12, -10, 0]"));
+    assert_eq!(kinds(&found), ["wrench_misalignment"]);
 }
 
 #[test]

@@ -59,23 +59,21 @@ impl Drives {
 
     /// The model's effects with what was found, and its own numbers as they were fitted along.
     pub(super) fn written(&self, base: &RobotModel, effects: &[EffectEntry]) -> Vec<EffectEntry> {
-        let mut effects = effects.to_vec();
-        for refit in self.result.iter().flat_map(|diagnosis| &diagnosis.refits) {
-            refitted(base, &mut effects, refit);
-        }
-        let effects = &effects;
+        let refits = self.result.iter().flat_map(|diagnosis| &diagnosis.refits);
         let findings = self.result.iter().flat_map(|diagnosis| &diagnosis.findings);
-        written(base, effects, findings.filter(|finding| finding.recording.is_none()))
+        written(base, effects, refits, findings.filter(|finding| finding.recording.is_none()))
     }
 }
 
-/// A model's effects with what was found.
+/// A model's effects with what was found, and its own numbers as they were fitted along.
 pub(super) fn written<'a>(
     base: &RobotModel,
     effects: &[EffectEntry],
+    refits: impl Iterator<Item = &'a Refit>,
     findings: impl Iterator<Item = &'a Finding>,
 ) -> Vec<EffectEntry> {
     let mut all = effects.to_vec();
+    refits.for_each(|refit| refitted(base, &mut all, refit));
     for finding in findings {
         let Some(entry) = entry(base, finding) else { continue };
         let same = |known: &&mut EffectEntry| {

@@ -54,11 +54,12 @@ pub(super) fn alone(
 }
 
 impl Forces {
-    /// The model with what was found of the sensor.
+    /// The model with what was found, and its own numbers as they were fitted along.
     fn model(&self) -> Result<String, Failure> {
         let mut file = self.base.file.clone();
         if let Some(compared) = self.result.iter().find_map(|found| found.compared.as_ref().ok()) {
-            file.effects = written(&self.base, &file.effects, compared.findings.iter());
+            let (refits, findings) = (compared.refits.iter(), compared.findings.iter());
+            file.effects = written(&self.base, &file.effects, refits, findings);
         }
         for finding in self.result.iter().flat_map(|found| &found.findings) {
             if let Finding::Bias { force, sigma, .. } = finding {
