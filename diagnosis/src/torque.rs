@@ -22,6 +22,7 @@ mod refine;
 mod result;
 mod rigid;
 mod smooth;
+mod stand;
 mod still;
 mod sums;
 pub(crate) mod table;
@@ -124,10 +125,12 @@ pub fn diagnose(
     let names = pushed(&asking, names);
     let choice = asking.solve(&names);
     refine::settle(&mut case, &choice, &always, &seen);
+    refine::agree(&mut case, &choice.names, &always, &seen);
     let names = likeliest(&case, &weighed(&case, &always, &names));
     let names = warmed(&mut case, stated, &always, &names, &seen);
     let weighed = weighed(&case, &always, &names);
     case.forget_memory();
+    resettle(&mut case, stated, &always, &weighed);
     Ok(finish::finish(&case, stated, (&always, &weighed), zones))
 }
 
@@ -169,6 +172,17 @@ fn pushed(asking: &Asking<'_>, mut names: Vec<usize>) -> Vec<usize> {
         names = instead.find(is_enough).unwrap_or(names);
     }
     names
+}
+
+/// Numbers that are searched, bent or met half-way by what others tell, by the weights that all numbers are told with.
+fn resettle(case: &mut Case, stated: &Stated<'_>, always: &[usize], weighed: &[Weighed]) {
+    let seen = case.rows.seen();
+    let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
+    let products = case.products(&seen);
+    let choice = refine::asking(case, &products, always).solve(&names);
+    refine::settle(case, &choice, always, &seen);
+    refine::agree(case, &names, always, &seen);
+    refine::warm(case, &names, always, &seen, &|joint| stated.first("viscous_friction", joint));
 }
 
 /// Friction that falls with warmth needs friction: without, the name falls.

@@ -7,7 +7,7 @@ use super::library::{Family, Form, Library};
 use super::table::{Products, Solved};
 
 /// What a name must bring beyond its price, in log-likelihood.
-const MARGIN: f64 = 5.0;
+pub(super) const MARGIN: f64 = 5.0;
 /// Names at most.
 const MOST: usize = 80;
 /// Names that are exchanged in a row at most.

@@ -1,6 +1,7 @@
 //! What a number of an effect adds to the torque of each joint, row by row: the columns that everything is fitted with.
 //!
-//! Sharp laws (a sign, a memory) are evaluated at the rate of the run and then pass the filter of the torque; smooth ones are evaluated on what has passed it.
+//! Sharp laws (a sign, a memory) are evaluated at the rate of the run, on motion in a wider band, and then pass the filter of the torque; smooth ones are
+//! evaluated on what has passed it.
 //!
 //! Promises: a column is what the contract's table adds, per unit of its number. Never: a decision.
 
@@ -26,6 +27,10 @@ pub(super) enum Law {
     AbsoluteSpeed,
     /// `v (1 − exp(−k (T − 20 °C)))/k`.
     Warmth { per_kelvin: f64 },
+    /// `v (T − 20 °C) exp(−k (T − 20 °C))`: what friction loses as `k` grows.
+    Warmer { per_kelvin: f64 },
+    /// `v exp(−k (T − 20 °C))`: what warmth leaves of friction.
+    Warm { per_kelvin: f64 },
     /// `a`.
     Acceleration,
     /// `cos q`.
@@ -77,8 +82,11 @@ impl Law {
 
     fn samples(self, track: &Track, standing: f64) -> Vec<f64> {
         let sign = |v: f64| libm::tanh(v / standing.max(1e-12));
-        let v = track.v.iter().copied();
-        let q = track.q.iter().copied();
+        let [quick_q, quick_v] = &track.quick;
+        let (places, speeds) =
+            if self.is_sharp() { (quick_q, quick_v) } else { (&track.q, &track.v) };
+        let v = speeds.iter().copied();
+        let q = places.iter().copied();
         match self {
             Self::Direction => v.map(sign).collect(),
             Self::Speed => track.v.clone(),
@@ -87,13 +95,24 @@ impl Law {
             }
             Self::One => vec![1.0; track.q.len()],
             Self::AbsoluteSpeed => v.map(f64::abs).collect(),
-            Self::Warmth { .. } if track.temperature.is_empty() => vec![0.0; track.q.len()],
+            Self::Warmth { .. } | Self::Warmer { .. } if track.temperature.is_empty() => {
+                vec![0.0; track.q.len()]
+            }
+            Self::Warm { .. } if track.temperature.is_empty() => track.v.clone(),
             Self::Warmth { per_kelvin } => {
                 let cooled = |t: f64| match per_kelvin {
                     0.0 => t - ROOM_C,
                     k => -libm::expm1(-k * (t - ROOM_C)) / k,
                 };
                 v.zip(&track.temperature).map(|(v, t)| v * cooled(*t)).collect()
+            }
+            Self::Warmer { per_kelvin } => {
+                let left = |t: f64| (t - ROOM_C) * libm::exp(-per_kelvin * (t - ROOM_C));
+                v.zip(&track.temperature).map(|(v, t)| v * left(*t)).collect()
+            }
+            Self::Warm { per_kelvin } => {
+                let left = |t: f64| libm::exp(-per_kelvin * (t - ROOM_C));
+                v.zip(&track.temperature).map(|(v, t)| v * left(*t)).collect()
             }
             Self::Acceleration => track.a.clone(),
             Self::Cosine => q.map(libm::cos).collect(),
@@ -102,7 +121,7 @@ impl Law {
             Self::Wave { cycles, is_sine: false } => q.map(|q| libm::cos(cycles * q)).collect(),
             Self::Position => track.q.clone(),
             Self::Cube { rest } => q.map(|q| (q - rest) * (q - rest) * (q - rest)).collect(),
-            Self::Memory { distance } => memory(&track.q, distance),
+            Self::Memory { distance } => memory(places, distance),
         }
     }
 }
@@ -141,14 +160,15 @@ fn usual_acceleration(motion: &Motion, joint: usize) -> f64 {
     if count > 0.0 { libm::sqrt(sum / count) } else { 0.0 }
 }
 
-/// The shortest way after a reversal that the band can tell from a sudden turn: what the joint's usual acceleration goes in two periods of the band's edge.
+/// The shortest way after a reversal that the band can tell from a sudden turn: what the joint's usual acceleration goes in two periods of the edge
+/// of the band that sharp laws are told from.
 pub(super) fn shortest_way(motion: &Motion, joint: usize) -> f64 {
-    2.0 * usual_acceleration(motion, joint) / (motion.band_hz * motion.band_hz)
+    2.0 * usual_acceleration(motion, joint) / (motion.quick_hz * motion.quick_hz)
 }
 
-/// The lowest speed that the band can tell from rest: what the joint's usual acceleration reaches in a quarter of a period of the band's edge.
+/// The lowest speed that the band can tell from rest: what the joint's usual acceleration reaches in a quarter of a period of its edge.
 pub(super) fn lowest_speed(motion: &Motion, joint: usize) -> f64 {
-    0.25 * usual_acceleration(motion, joint) / motion.band_hz
+    0.25 * usual_acceleration(motion, joint) / motion.quick_hz
 }
 
 impl Column {

@@ -9,8 +9,8 @@ use super::case::Case;
 use super::choose::{Asking, Choice, others};
 use super::zone::Zone;
 use super::{
-    Diagnosis, Finding, JointProof, Refit, Rival, Stated, Weighed, columns, found, prove, refine,
-    smooth, still, table, verdict, view,
+    Diagnosis, Finding, JointProof, Refit, Stated, Weighed, columns, found, prove, refine, smooth,
+    stand, still, table, verdict, view,
 };
 
 pub(super) fn finish(
@@ -24,14 +24,14 @@ pub(super) fn finish(
     let products = case.products(&seen);
     let asking = refine::asking(case, &products, always);
     let given = asking.solve(&[]);
-    let weighed = &replaced(&asking, weighed);
+    let (weighed, refuted) = &stand::stand(case, &asking, weighed, &seen);
     let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
-    let (names, refuted) = stand(case, &asking, names, &seen);
     let choice = asking.solve(&names);
     let listed = prove::order(case, &asking, &choice, held);
     let outside =
         if zones.is_empty() { Vec::new() } else { outside_alone(case, &asking, &choice, held) };
-    let (covariance, spreads) = prove::sureness(case, &choice, &seen);
+    let viscous = |joint| viscous(case, stated, &choice, joint);
+    let (covariance, spreads) = prove::sureness(case, &choice, &seen, &viscous);
     let unzoned = without_zones(case, always, &names, &zones, &seen);
     let moved = |column: usize| moved(unzoned.as_ref(), &choice, column);
     let finding = |(name, heldout): &(usize, [f64; 2])| {
@@ -43,7 +43,7 @@ pub(super) fn finish(
             moved: &moved,
             by_current: case.motion.by_current,
             gain: gain(case, &choice, family.joint),
-            viscous: family.joint.map_or(0.0, |joint| viscous(case, stated, &choice, joint)),
+            viscous: family.joint.map_or(0.0, viscous),
         };
         let is_change = stated.has(family.kind, family.joint);
         let numbers = found::numbers(family, &choice.solved, &context);
@@ -58,7 +58,7 @@ pub(super) fn finish(
         joints.iter().map(|j| proof(case, (&given, &choice), *j)).collect();
     Diagnosis {
         verdict,
-        notes: notes(arm, case, always, &zones, &findings, (&refuted, &outside)),
+        notes: notes(arm, case, always, &zones, &findings, (refuted, &outside)),
         findings,
         refits: refits(case, stated, &choice, &covariance),
         unexplained: beyond.map(|beyond| beyond.law),
@@ -73,26 +73,6 @@ pub(super) fn finish(
         slides: arm.joints().iter().all(|joint| joint.kind == JointKind::Prismatic),
         traces: joints.iter().map(|j| view::trace(case, (&given, &choice), *j)).collect(),
         zones,
-    }
-}
-
-/// The names that are sure and that held-out rows bear out, and those that these speak against: a name that falls may leave another unsure.
-fn stand(
-    case: &Case,
-    asking: &Asking<'_>,
-    mut names: Vec<usize>,
-    seen: &[bool],
-) -> (Vec<usize>, Vec<usize>) {
-    let mut refuted = Vec::new();
-    loop {
-        let before = names.len();
-        let (kept, fell) =
-            prove::borne_out(case, asking, asking.admissible(names), &case.rows.held);
-        refuted.extend(fell);
-        names = asking.admissible(prove::told(case, asking, kept, seen));
-        if names.len() == before {
-            return (names, refuted);
-        }
     }
 }
 
@@ -134,28 +114,6 @@ fn named(
         rivals: weighed.map_or(Vec::new(), |one| one.rivals.clone()),
         heldout,
     }
-}
-
-/// Names, each whose numbers are not its own to have in this fit in the place of the likeliest rival that cannot be told from it, if one has them.
-fn replaced(asking: &Asking<'_>, weighed: &[Weighed]) -> Vec<Weighed> {
-    let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
-    let stand = asking.admissible(names.clone());
-    let one = |one: &Weighed| {
-        let mut one = one.clone();
-        if stand.contains(&one.name) {
-            return one;
-        }
-        let fits = |rival: &Rival| {
-            let with: Vec<usize> = stand.iter().copied().chain([rival.place]).collect();
-            asking.admissible(with.clone()) == with
-        };
-        let alike = one.rivals.iter().position(|rival| rival.alike && fits(rival));
-        if let Some(rival) = alike.map(|at| one.rivals.remove(at)) {
-            (one.name, one.confidence) = (rival.place, rival.confidence);
-        }
-        one
-    };
-    weighed.iter().map(one).collect()
 }
 
 /// The model's own numbers as the fit has them.

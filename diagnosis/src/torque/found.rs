@@ -127,11 +127,13 @@ pub(super) fn numbers(family: &Family, solved: &Solved, context: &Context<'_>) -
             payload([0, 1, 2, 3].map(value), about, sigma(0), |k| shared(k, k).max(0.0).sqrt())
         }
     };
+    // How often a wave turns is told by its phase alone, whatever its height.
+    let of_form = if family.form == Form::Wave { 0.0 } else { FLOOR };
     all.extend(
         family
             .settings
             .iter()
-            .map(|(stem, value)| one(stem, *value, (context.spread * value).abs())),
+            .map(|(stem, value)| one(stem, *value, (context.spread.hypot(of_form) * value).abs())),
     );
     all
 }

@@ -230,8 +230,11 @@ impl Library {
         self.add(family, vec![Law::Warmth { per_kelvin: 0.0 }.column(motion, joint)]);
     }
 
-    /// First moments of the bodies whose masses are stated, on top of these.
+    /// First moments of the bodies whose masses are stated, on top of these. The only joint there is feels of one what its sine and cosine say.
     pub(super) fn add_moments(&mut self, arm: &Arm, motion: &Motion) {
+        if arm.count() == 1 {
+            return;
+        }
         for (joint, columns) in moments(arm, motion) {
             let family = Family {
                 kind: "gravity_torque",

@@ -12,6 +12,8 @@ use super::filter::{LowPass, derivative};
 const BAND_HZ: f64 = 40.0;
 /// Of the sampling rate, the band takes at most this.
 const BAND_SHARE: f64 = 0.1;
+/// What turns sharply with motion is told from motion in a wider band, up to [`BAND_HZ`] and this share of the sampling rate: smoothed motion turns too late.
+const QUICK_SHARE: f64 = 0.25;
 /// Samples per period of the band's edge that are kept as rows.
 const ROWS_PER_PERIOD: f64 = 5.0;
 /// Periods of the band's edge that are left out at the ends of a run: the filter does not know what was before.
@@ -39,6 +41,8 @@ pub(super) struct Track {
     pub(super) q: Vec<f64>,
     pub(super) v: Vec<f64>,
     pub(super) a: Vec<f64>,
+    /// Position and speed in the wider band of what turns sharply.
+    pub(super) quick: [Vec<f64>; 2],
     /// None where no torque of this joint was recorded.
     pub(super) torque: Option<Vec<f64>>,
     /// Whether the recorded position stays the same about each sample.
@@ -67,6 +71,8 @@ pub(super) struct Run {
 pub(super) struct Motion {
     pub(super) runs: Vec<Run>,
     pub(super) band_hz: f64,
+    /// The band of motion that turns sharply, at least as wide.
+    pub(super) quick_hz: f64,
     /// What was done, for people.
     pub(super) notes: Vec<String>,
     /// Whether torque comes from currents and a constant that was told.
@@ -153,9 +159,10 @@ impl Motion {
         let slowest_hz = 1.0 / steps.fold(1e-6, f64::max);
         let usual = BAND_HZ.min(BAND_SHARE * slowest_hz);
         let band_hz = band_hz.unwrap_or(usual).min(0.4 * slowest_hz);
+        let quick_hz = BAND_HZ.min(QUICK_SHARE * slowest_hz).max(band_hz);
         let mut runs = Vec::new();
         for (number, recording) in recordings.iter().enumerate() {
-            runs.extend(runs_of(arm, (number, recording), delay_s, band_hz));
+            runs.extend(runs_of(arm, (number, recording), delay_s, [band_hz, quick_hz]));
         }
         let whole: usize = runs.iter().map(|run: &Run| run.rows.len()).sum();
         let mut notes = vec![format!(
@@ -177,7 +184,7 @@ impl Motion {
         if by_current {
             notes.push("torque is current times the constants that were told".to_owned());
         }
-        Self { runs, band_hz, notes, by_current }
+        Self { runs, band_hz, quick_hz, notes, by_current }
     }
 
     /// Whether a joint moves, row by row.
@@ -221,7 +228,7 @@ fn runs_of(
     arm: &Arm,
     (number, recording): (usize, &Recording),
     delay_s: f64,
-    band_hz: f64,
+    [band_hz, quick_hz]: [f64; 2],
 ) -> Vec<Run> {
     let Some(step_s) = step_s(recording).filter(|_| recording.about.kind == Kind::Path) else {
         return Vec::new();
@@ -260,18 +267,26 @@ fn runs_of(
         };
         let even = |column: &[f64]| late(column, 0.0);
         let filter = LowPass::new(band_hz, 1.0 / step_s);
+        let quick = LowPass::new(quick_hz, 1.0 / step_s);
         let track = |joint: usize| {
             let recorded = even(columns[joint]);
             let stops = stops(&recorded, digit(columns[joint]), step_s);
             let q = filter.pass(&recorded);
             let v = derivative(&q, step_s);
             let a = derivative(&v, step_s);
+            let quick = if quick_hz > band_hz {
+                let q = quick.pass(&recorded);
+                let v = derivative(&q, step_s);
+                [q, v]
+            } else {
+                [q.clone(), v.clone()]
+            };
             let torque = torques[joint].as_ref().map(|torque| filter.pass(&late(torque, delay_s)));
             let temperature = recording
                 .column(Channel::JointTemperature(joint))
                 .or_else(|| recording.column(Channel::Ambient))
                 .map_or(Vec::new(), |column| even(&filled(column)));
-            Track { q, v, a, torque, stops, temperature }
+            Track { q, v, a, quick, torque, stops, temperature }
         };
         let stride = (1.0 / (step_s * band_hz * ROWS_PER_PERIOD)).round().max(1.0) as usize;
         let ends = ((ENDS / (step_s * band_hz)).ceil() as usize).min(count / 4);

@@ -99,6 +99,20 @@ pub(super) fn of_joint(case: &Case, solved: &Solved, joint: usize, used: &[bool]
     if count > 0.0 { libm::sqrt(sum / count) } else { 0.0 }
 }
 
+/// How many times its uncertainty, by blocks of time, a column's number is among these names.
+pub(super) fn sure(
+    case: &Case,
+    asking: &Asking<'_>,
+    names: &[usize],
+    column: usize,
+    seen: &[bool],
+) -> f64 {
+    let solved = asking.solve(names).solved;
+    let covariance = covariance(case, &solved, seen);
+    let at = solved.columns.iter().position(|k| *k == column);
+    at.map_or(0.0, |at| solved.values[at].abs() / covariance[(at, at)].sqrt())
+}
+
 /// The names whose number is not nothing: those of one column that is less than twice its uncertainty go, the least sure first.
 pub(super) fn told(
     case: &Case,
@@ -224,11 +238,13 @@ pub(super) fn covariance(case: &Case, solved: &Solved, used: &[bool]) -> DMatrix
     all
 }
 
-/// The same with what searched numbers leave open, and how sure these are: per name, the standard uncertainty as a share of the number.
+/// The same with what searched numbers and the bend of warmth leave open, and how sure searched numbers are: per name, the standard uncertainty as a
+/// share of the number. `viscous`: a joint's friction, stated and found.
 pub(super) fn sureness(
     case: &Case,
     choice: &Choice,
     used: &[bool],
+    viscous: &dyn Fn(usize) -> f64,
 ) -> (DMatrix<f64>, Vec<(usize, f64)>) {
     let covariance = covariance(case, &choice.solved, used);
     let slopes: Vec<(usize, Column)> = choice
@@ -236,18 +252,28 @@ pub(super) fn sureness(
         .iter()
         .filter_map(|name| Some((*name, refine::slope(case, *name, &choice.solved)?)))
         .collect();
-    if slopes.is_empty() {
+    let bent = refine::bent(case, choice, viscous);
+    if slopes.is_empty() && bent.is_empty() {
         return (covariance, Vec::new());
     }
-    let own = choice.solved.columns.iter().map(|column| &case.library.columns[*column]);
+    let own = choice.solved.columns.iter().map(|column| {
+        let bent = bent.iter().find(|(place, _)| place == column);
+        bent.map_or(&case.library.columns[*column], |(_, bent)| bent)
+    });
     let columns: Vec<&Column> = own.chain(slopes.iter().map(|(_, slope)| slope)).collect();
     let mut prior: Vec<f64> =
         choice.solved.columns.iter().map(|column| case.library.prior[*column]).collect();
     prior.resize(columns.len(), 0.0);
     let places: Vec<usize> = (0..columns.len()).collect();
-    let solved = Products::new(&case.table, &columns, prior, used).solve(&places);
+    // The fit as a straight one about where it stands: what is left is left.
+    let mut table = case.table.clone();
+    for joint in case.table.joints() {
+        table.target[joint] = Some(case.residual(&choice.solved, joint));
+    }
+    let mut solved = Products::new(&table, &columns, prior, used).solve(&places);
+    solved.values.fill(0.0);
     let columns: Vec<Column> = columns.into_iter().cloned().collect();
-    let whole = covariance_of(&case.table, &columns, &solved, used);
+    let whole = covariance_of(&table, &columns, &solved, used);
     let at = |column: usize| solved.columns.iter().position(|k| *k == column);
     let count = choice.solved.columns.len();
     let all = DMatrix::from_fn(count, count, |i, j| match (at(i), at(j)) {

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 use super::case::Case;
 use super::choose::{Asking, Choice};
-use super::columns::{Column, Law, lowest_speed, shortest_way};
+use super::columns::{Column, Law, lowest_speed, shortest_way, usual_speed};
 use super::known::First;
 use super::library::Form;
 use super::table::{Products, Solved};
@@ -98,6 +98,8 @@ pub(super) fn settle(case: &mut Case, choice: &Choice, always: &[usize], used: &
             (shortest_way(&case.motion, joint), lowest_speed(&case.motion, joint));
         let [low, high] = case.motion.span(joint);
         let longest = LONGEST * (high - low);
+        // What falls off beyond the speeds that the joint has is dry friction.
+        let highest = usual_speed(&case.motion, joint);
         for step in STEPS.map(|step| step * widest / STEPS[0]) {
             let mut gains = [0.0; 3];
             for (gain, away) in gains.iter_mut().zip([-step, 0.0, step]) {
@@ -114,7 +116,7 @@ pub(super) fn settle(case: &mut Case, choice: &Choice, always: &[usize], used: &
             value *= 1.0 + moved.clamp(-LEAP * step, LEAP * step).max(-0.9);
             value = match case.library.families[name].kind {
                 "hysteresis" => value.clamp(least, longest.max(least)),
-                "stribeck_friction" => value.max(lowest),
+                "stribeck_friction" => value.clamp(lowest, highest.max(lowest)),
                 _ => value,
             };
         }
@@ -150,6 +152,55 @@ pub(super) fn warm(
             per_kelvin = secant.filter(|k| k.is_finite() && k * told > 0.0).unwrap_or(told);
             case.library.columns[place] = Law::Warmth { per_kelvin }.column(&case.motion, joint);
         }
+    }
+}
+
+/// Where friction falls with warmth: by how much torque changes with its numbers as they stand, in the place of the columns that say it as a whole.
+pub(super) fn bent(
+    case: &Case,
+    choice: &Choice,
+    viscous: &dyn Fn(usize) -> f64,
+) -> Vec<(usize, Column)> {
+    let mut all = Vec::new();
+    for name in &choice.names {
+        let family = &case.library.families[*name];
+        let (Form::Warmth, Some(joint)) = (family.form, family.joint) else { continue };
+        let Some(value) = choice.solved.value(family.columns[0]) else { continue };
+        let per_kelvin = -value / viscous(joint);
+        let column = |law: Law| law.column(&case.motion, joint);
+        all.push((family.columns[0], column(Law::Warmer { per_kelvin })));
+        let families = choice.names.iter().map(|name| &case.library.families[*name]);
+        let found = families
+            .filter(|f| f.kind == "viscous_friction" && f.joint == Some(joint))
+            .map(|f| f.columns[0]);
+        let first = Some(("viscous_friction", Some(joint)));
+        let stated = case.known.iter().filter(|known| known.2 == first).map(|known| known.0);
+        all.extend(found.chain(stated).map(|place| (place, column(Law::Warm { per_kelvin }))));
+    }
+    all
+}
+
+/// Numbers that columns were made with agree with those that they give: the place of a payload, the load that friction goes with, where a spring rests.
+pub(super) fn agree(case: &mut Case, names: &[usize], always: &[usize], used: &[bool]) {
+    let families = &case.library.families;
+    let is_of_load = |name: &usize| {
+        matches!(families[*name].form, Form::Payload { .. })
+            || families[*name].kind == "load_friction"
+    };
+    let of_load: Vec<usize> = names.iter().copied().filter(is_of_load).collect();
+    let mut before: Vec<f64> = Vec::new();
+    for _ in 0..if of_load.is_empty() { 0 } else { ROUNDS } {
+        let products = case.products(used);
+        let choice = asking(case, &products, always).solve(names);
+        let first = |name: &usize| choice.solved.value(case.library.families[*name].columns[0]);
+        let now: Vec<f64> = of_load.iter().map(|name| first(name).unwrap_or(0.0)).collect();
+        let mut both = now.iter().zip(&before);
+        if !before.is_empty() && both.all(|(now, old)| (now - old).abs() <= AGREES * now.abs()) {
+            break;
+        }
+        before = now;
+        case.recentre(&choice);
+        case.reload(&choice);
     }
 }
 

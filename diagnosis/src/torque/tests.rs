@@ -1,6 +1,7 @@
 //! Torques of a slider and of a pendulum whose physics is known, with noise that is not.
 
 mod choice;
+mod numbers;
 
 use physics::{
     AnyEffect, Arm, Body, Given, Inputs, JOINTS_MAX, Joint, JointKind, Memories, Model, Tool,

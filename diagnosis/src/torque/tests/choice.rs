@@ -116,7 +116,7 @@ fn a_searched_number_is_told_with_its_doubt_and_leaves_the_number_beside_it_less
     let choice = refine::asking(&case, &products, &[]).solve(&choice.names);
     let family = &case.library.families[choice.names[0]];
     assert_eq!((family.kind, choice.names.len()), ("stribeck_friction", 1));
-    let (covariance, spreads) = prove::sureness(&case, &choice, &seen);
+    let (covariance, spreads) = prove::sureness(&case, &choice, &seen, &|_| 0.0);
     let fixed = prove::covariance(&case, &choice.solved, &seen);
     assert!(covariance[(0, 0)] > 1.1 * fixed[(0, 0)], "{covariance} {fixed}");
     let (found, spread) = (family.settings[0].1, spreads[0].1);

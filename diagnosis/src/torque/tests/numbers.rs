@@ -1,0 +1,105 @@
+//! Numbers of names that stand: in which form they are told, and how sure they are.
+
+use physics::JointKind;
+
+use super::*;
+use crate::torque::motion::Motion;
+use crate::torque::{prove, stand};
+
+#[test]
+fn a_stated_number_far_off_its_doubt_is_told_where_what_stood_for_it_fell() {
+    let force = |[_, v, a]: [f64; 3]| MASS * a + 22.0 * v.signum();
+    let arm = slider(true);
+    let dry = effect(&arm, "coulomb_friction", &[("level", &[20.0])]);
+    let model = Model::new(arm, &[dry]).unwrap();
+    for (sigma, said) in [(0.1, Some("coulomb_friction")), (2.0, None)] {
+        let sigma = [vec![sigma]];
+        let stated = Stated { model: &model, sigma: &sigma, delay_s: 0.0 };
+        let made = recording(JointKind::Prismatic, 1.0, force);
+        let mut case = Case::new(&stated, &[made], None, 1);
+        case.hear_noise();
+        case.forget_memory();
+        let seen = case.rows.seen();
+        let products = case.products(&seen);
+        let asking = refine::asking(&case, &products, &case.open);
+        let name = stand::contradicted(&case, &asking, &[], &seen);
+        assert_eq!(name.map(|name| case.library.families[name].kind), said);
+    }
+}
+
+#[test]
+fn the_only_joint_is_told_its_gravity_as_sine_and_cosine() {
+    let arm = pendulum();
+    let gravity = effect(&arm, "gravity_torque", &[("cos", &[0.5]), ("sin", &[0.8])]);
+    let found = of(&arm, &[], driven(&arm, &[gravity], JointKind::Revolute, 0.02));
+    let stems: Vec<&str> = found.findings[0].numbers.iter().map(|number| number.stem).collect();
+    assert_eq!(stems, ["cos", "sin"], "{:?}", found.findings);
+    near(&found, "gravity_torque", 0.5, 0.02);
+}
+
+#[test]
+fn a_small_second_number_of_a_name_is_told_and_bends_the_first_no_more() {
+    let force = |[_, v, a]: [f64; 3]| MASS * a + 4.0 - 1.5 * v.abs();
+    let found = of(&slider(true), &[], recording(JointKind::Prismatic, 1.0, force));
+    let [one] = &found.findings[..] else { panic!("{:?}", found.findings) };
+    for (number, truth) in one.numbers.iter().zip([4.0, -1.5]) {
+        let (value, sigma) = (number.values[0], number.sigma[0]);
+        assert!((value - truth).abs() < 3.0 * sigma, "{:?}", one.numbers);
+    }
+    assert_eq!(one.numbers.len(), 2);
+}
+
+#[test]
+fn where_warmth_bends_friction_its_number_is_told_with_the_slope_at_the_bend() {
+    let force = |[_, v, a]: [f64; 3]| MASS * a + 150.0 * v;
+    let arm = slider(true);
+    let viscous = effect(&arm, "viscous_friction", &[("coefficient", &[150.0])]);
+    let mut made = recording(JointKind::Prismatic, 0.5, force);
+    let warm: Vec<f64> = made.t_s.iter().map(|t| 20.0 + 15.0 * t / 40.0).collect();
+    let cooled = |(torque, (t, celsius)): (&f64, (&f64, &f64))| {
+        torque + 150.0 * motion(*t)[1] * libm::expm1(-0.1 * (celsius - 20.0))
+    };
+    let torques = made.column(Channel::Torque(0)).unwrap().to_vec();
+    let torques = torques.iter().zip(made.t_s.iter().zip(&warm)).map(cooled).collect();
+    made.set(Channel::Torque(0), torques);
+    made.set(Channel::Ambient, warm);
+    let model = Model::new(arm, &[viscous]).unwrap();
+    let stated = Stated { model: &model, sigma: &[vec![0.0]], delay_s: 0.0 };
+    let mut case = Case::new(&stated, &[made], None, 1);
+    case.hear_noise();
+    case.forget_memory();
+    let mut families = case.library.families.iter();
+    let name = families.position(|f| f.kind == "friction_temperature").unwrap();
+    let seen = case.rows.seen();
+    refine::warm(&mut case, &[name], &[], &seen, &|_| 150.0);
+    let products = case.products(&seen);
+    let choice = refine::asking(&case, &products, &[]).solve(&[name]);
+    let flat = prove::covariance(&case, &choice.solved, &seen)[(0, 0)];
+    let (bent, _) = prove::sureness(&case, &choice, &seen, &|_| 150.0);
+    // Friction that is nearly gone says little more of how fast it goes: the column rises to 1 − e⁻¹˙⁵, its slope is down to 1.5 e⁻¹˙⁵.
+    assert!(bent[(0, 0)] > 1.5 * flat, "{bent} {flat}");
+    let per_kelvin = -choice.solved.values[0] / 150.0;
+    assert!((per_kelvin - 0.1).abs() < 3.0 * bent[(0, 0)].sqrt() / 150.0, "{per_kelvin}");
+}
+
+#[test]
+fn what_turns_sharply_is_told_from_quicker_motion_where_rows_are_few() {
+    let swing = |hz: f64, t: f64| libm::sin(std::f64::consts::TAU * hz * t);
+    let of = |step_s: f64| {
+        let t_s: Vec<f64> = (0..4000).map(|k| step_s * f64::from(k)).collect();
+        let mut made = Recording::new(t_s.clone());
+        made.set_joint_kind(0, JointKind::Prismatic);
+        let q = t_s.iter().map(|t| swing(0.3, *t) + 1e-3 * swing(20.0, *t)).collect();
+        made.set(Channel::Motor(0), q);
+        made.set(Channel::Torque(0), vec![0.0; t_s.len()]);
+        Motion::of(&slider(true), 0.0, &[made], None)
+    };
+    let quicker = |motion: &Motion| {
+        let track = &motion.runs[0].joints[0];
+        let apart = track.quick[1].iter().zip(&track.v).map(|(quick, v)| (quick - v).abs());
+        apart.skip(200).take(3000).fold(0.0, f64::max)
+    };
+    // 20 Hz of a thousandth is a speed of 0.126; a band of 12.5 Hz has little of it.
+    assert!(quicker(&of(8e-3)) > 0.06);
+    assert_eq!(quicker(&of(1e-3)), 0.0);
+}
