@@ -224,6 +224,25 @@ fn step_s(recording: &Recording) -> Option<f64> {
     steps.get(steps.len() / 2).copied().filter(|step| *step > 0.0)
 }
 
+/// Rows that are whole and follow each other without a gap, long enough to be told of.
+fn pieces(recording: &Recording, step_s: f64, whole: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
+    let mut pieces: Vec<Vec<usize>> = Vec::new();
+    for row in (0..recording.len()).filter(|row| whole(*row)) {
+        let goes_on = pieces.last().and_then(|piece| piece.last()).is_some_and(|before| {
+            recording.segment[*before] == recording.segment[row]
+                && recording.t_s[row] - recording.t_s[*before] < GAP * step_s
+                && recording.t_s[row] > recording.t_s[*before]
+        });
+        if goes_on {
+            pieces.last_mut().into_iter().for_each(|piece| piece.push(row));
+        } else {
+            pieces.push(vec![row]);
+        }
+    }
+    pieces.retain(|piece| piece.len() >= SHORTEST);
+    pieces
+}
+
 fn runs_of(
     arm: &Arm,
     (number, recording): (usize, &Recording),
@@ -244,20 +263,7 @@ fn runs_of(
         columns.iter().all(|column| column[row].is_finite())
             && torques.iter().flatten().all(|torque| torque[row].is_finite())
     };
-    let mut pieces: Vec<Vec<usize>> = Vec::new();
-    for row in (0..recording.len()).filter(|row| whole(*row)) {
-        let goes_on = pieces.last().and_then(|piece| piece.last()).is_some_and(|before| {
-            recording.segment[*before] == recording.segment[row]
-                && recording.t_s[row] - recording.t_s[*before] < GAP * step_s
-                && recording.t_s[row] > recording.t_s[*before]
-        });
-        if goes_on {
-            pieces.last_mut().into_iter().for_each(|piece| piece.push(row));
-        } else {
-            pieces.push(vec![row]);
-        }
-    }
-    pieces.retain(|piece| piece.len() >= SHORTEST);
+    let pieces = pieces(recording, step_s, whole);
     let run = |piece: &Vec<usize>| {
         let times: Vec<f64> = piece.iter().map(|row| recording.t_s[*row]).collect();
         let count = ((times[times.len() - 1] - times[0]) / step_s) as usize + 1;
