@@ -18,6 +18,8 @@ const CYCLE: Duration = Duration::from_millis(1);
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Who {
     Daemon,
+    /// In its first epoch it gets no command, as if its memory were another under the same name.
+    DeafDaemon,
     Cell,
 }
 
@@ -151,19 +153,24 @@ fn as_another_process() {
         end.store(true, Ordering::Relaxed);
     });
     println!();
-    if role == "Daemon" { daemon(&over) } else { cell(&over) }
+    match role.as_str() {
+        "Daemon" => daemon(&over, true),
+        "DeafDaemon" => daemon(&over, false),
+        _ => cell(&over),
+    }
 }
 
-fn daemon(over: &AtomicBool) {
+fn daemon(over: &AtomicBool, mut hears: bool) {
     let mut side = DaemonSide::create(&Cell::new("test").unwrap()).unwrap();
-    while !over.load(Ordering::Relaxed) && serve(&side, over) {
+    while !over.load(Ordering::Relaxed) && serve(&side, over, hears) {
         side.renew().unwrap();
+        hears = true;
         println!("renewed");
     }
 }
 
 /// Serves one epoch; true when a new one is asked for.
-fn serve(side: &DaemonSide, over: &AtomicBool) -> bool {
+fn serve(side: &DaemonSide, over: &AtomicBool, hears: bool) -> bool {
     let ports = side.ports();
     let mut commands = ports.subscriber::<Command>().unwrap();
     let mut answers = ports.publisher::<Corrected>().unwrap();
@@ -184,7 +191,9 @@ fn serve(side: &DaemonSide, over: &AtomicBool) -> bool {
         }
         answer.seq += 1;
         answer.made_ns = monotonic_ns();
-        answers.send(&answer);
+        if hears {
+            answers.send(&answer);
+        }
         if cycle % 20 == 0 {
             status.seq += 1;
             statuses.send(&status);

@@ -80,7 +80,7 @@ fn memory_removed_under_a_running_cell_costs_it_nothing_and_a_late_reader_gets_i
 }
 
 #[test]
-fn memory_removed_while_a_new_epoch_is_joined_is_found_out_though_no_error_tells() {
+fn memory_removed_while_a_new_epoch_is_joined_leaves_no_cell_unanswered() {
     let mut pair = at_work();
     for round in 0..8 {
         fs::remove_file(pair.place.cell().dir().join("current")).unwrap();
