@@ -197,17 +197,16 @@ impl Loads {
         chain: &Chain,
         change: &LoadChange,
     ) -> DVec3 {
-        let flange = Placed::of(lanes, &chain.bodies[arm.count() - 1]);
+        let flange = &chain.bodies[arm.count() - 1];
         let (mut mass, mut first_moment) = (0.0, lanes.same(0.0));
         if change.mass != 0.0 || change.first_moment != DVec3::ZERO {
-            let flange = &chain.bodies[arm.count() - 1];
             mass = change.mass;
             let moved = flange.rotation * change.first_moment + flange.origin * change.mass;
             first_moment = lanes.vector(moved);
         }
         if let Some(tool) = &arm.tool.body {
             mass += tool.mass;
-            let centre = flange.point(tool.centre);
+            let centre = Placed::of(lanes, flange).point(tool.centre);
             first_moment = lanes.times_plus(centre, lanes.same(tool.mass), first_moment);
         }
         for (i, joint) in arm.joints().iter().enumerate().rev() {

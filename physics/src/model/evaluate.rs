@@ -30,7 +30,9 @@ impl Model {
 
     /// The first part of [`Model::deviate_into`]: the controller's geometry and the loads on it.
     pub fn load_into(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
-        widest(self.arm.count(), Load { model: self, inputs, memories, seen });
+        seen.nominal.stand(&self.arm, &inputs.q);
+        let (chain, loads) = (&seen.nominal, &mut seen.loads);
+        self.load(inputs, chain, memories, &mut LoadChange::default(), loads);
     }
 
     #[inline(always)]
@@ -41,8 +43,10 @@ impl Model {
         seen: &mut Evaluation,
         mut told: Option<&mut Told>,
     ) {
-        self.stand_and_load(lanes, inputs, memories, seen);
         let Evaluation { nominal, loads, deviation, beyond, .. } = seen;
+        nominal.stand_in(lanes, &self.arm, &inputs.q);
+        let change = &mut LoadChange::default();
+        self.load_in(lanes, (inputs, nominal), memories, change, loads);
         let signals = Signals { arm: &self.arm, inputs, chain: nominal, loads };
         deviation.clear();
         deviation.base_turn = inputs.base_tilt;
@@ -57,19 +61,6 @@ impl Model {
         *beyond = if self.hardens { self.beyond(loads) } else { None };
     }
 
-    #[inline(always)]
-    fn stand_and_load<S: Lanes>(
-        &self,
-        lanes: S,
-        inputs: &Inputs,
-        memories: &Memories,
-        seen: &mut Evaluation,
-    ) {
-        seen.nominal.stand_in(lanes, &self.arm, &inputs.q);
-        let (chain, loads) = (&seen.nominal, &mut seen.loads);
-        self.load_in(lanes, (inputs, chain), memories, &mut LoadChange::default(), loads);
-    }
-
     /// The loads, and what effects change of them, which is nothing before.
     pub(crate) fn load(
         &self,
@@ -79,7 +70,7 @@ impl Model {
         change: &mut LoadChange,
         loads: &mut Loads,
     ) {
-        widest(self.arm.count(), LoadOn { model: self, inputs, chain, memories, change, loads });
+        widest(self.arm.count(), Load { model: self, inputs, chain, memories, change, loads });
     }
 
     #[inline(always)]
@@ -128,29 +119,13 @@ impl Work for Deviate<'_> {
 struct Load<'a> {
     model: &'a Model,
     inputs: &'a Inputs,
-    memories: &'a Memories,
-    seen: &'a mut Evaluation,
-}
-
-impl Work for Load<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<S: Lanes>(self, lanes: S) {
-        self.model.stand_and_load(lanes, self.inputs, self.memories, self.seen);
-    }
-}
-
-struct LoadOn<'a> {
-    model: &'a Model,
-    inputs: &'a Inputs,
     chain: &'a Chain,
     memories: &'a Memories,
     change: &'a mut LoadChange,
     loads: &'a mut Loads,
 }
 
-impl Work for LoadOn<'_> {
+impl Work for Load<'_> {
     type Output = ();
 
     #[inline(always)]
