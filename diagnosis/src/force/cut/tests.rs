@@ -358,9 +358,11 @@ fn a_turned_sensor_that_leaks_in_one_channel_too_is_told_as_both_and_not_as_six_
 }
 
 #[test]
-fn a_sensor_turned_about_two_axes_is_no_pair_of_leaks() {
-    let found = MADE.compared(&effect("wrench_misalignment", "turn_mrad = [12, -10, 0]"));
-    assert_eq!(kinds(&found), ["wrench_misalignment"]);
+fn a_sensor_turned_about_two_or_three_axes_is_no_pair_of_leaks() {
+    for turn in ["[12, -10, 0]", "[8, -6, 5]"] {
+        let turned = effect("wrench_misalignment", &format!("turn_mrad = {turn}"));
+        assert_eq!(kinds(&MADE.compared(&turned)), ["wrench_misalignment"], "{turn}");
+    }
 }
 
 #[test]
