@@ -1,105 +1,134 @@
-//! Normal equations of at most six rows, factored once and solved for many right-hand sides (Cholesky without roots).
+//! Normal equations of at most six rows, inverted for many right-hand sides.
 //!
-//! Promises: what is not positive definite has no factor. Never: a heap, an index from outside.
+//! Promises: what is not positive definite has no inverse. Never: a heap, an index from outside.
 
-/// Rows of a task.
+use physics::lanes::{Lanes, WIDTH};
+use physics::{JOINTS_MAX, Joints};
+
+/// Matrix of a task.
 pub(crate) const ROWS: usize = 6;
 
-/// The factors of `N = L D Lᵀ`, L with ones on its diagonal; of D the inverse. No root is taken.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Factor {
-    lower: [[f64; ROWS]; ROWS],
-    inverse: [f64; ROWS],
+/// As many rows, of a number for each joint.
+pub(crate) type Matrix = [Joints; ROWS];
+
+/// A symmetric matrix of that many rows in lanes; the two columns too many are zero.
+pub(crate) type Normal<S> = [[<S as Lanes>::Four; 2]; ROWS];
+
+/// The inverse of a matrix with `more` on its diagonal; none where it is not positive definite. Rows are swept out in their order (Gauss and Jordan), all lanes
+/// at once: the pivots are those of a Cholesky factor.
+#[inline(always)]
+pub(crate) fn invert<S: Lanes>(
+    lanes: S,
+    mut rows: Normal<S>,
+    more: &[f64; ROWS],
+) -> Option<Normal<S>> {
+    for (i, row) in rows.iter_mut().enumerate() {
+        for (k, part) in row.iter_mut().enumerate() {
+            *part = lanes.times_plus(lanes.part(&ONE[i], k), lanes.same(more[i]), *part);
+        }
+    }
+    sweep::<S, 0>(lanes, &mut rows)?;
+    sweep::<S, 1>(lanes, &mut rows)?;
+    sweep::<S, 2>(lanes, &mut rows)?;
+    sweep::<S, 3>(lanes, &mut rows)?;
+    sweep::<S, 4>(lanes, &mut rows)?;
+    sweep::<S, 5>(lanes, &mut rows)?;
+    Some(rows)
 }
 
-impl Factor {
-    /// Of a symmetric matrix, of which the lower half is looked at; none where it is not positive definite.
-    #[inline(always)]
-    pub(crate) fn of<const N: usize>(normal: &[[f64; N]; ROWS]) -> Option<Self> {
-        let mut factor = Self { lower: [[0.0; ROWS]; ROWS], inverse: [0.0; ROWS] };
-        let Self { lower, inverse } = &mut factor;
-        for i in 0..ROWS {
-            // A row of `L D`.
-            let mut row = [0.0; ROWS];
-            for k in 0..i {
-                let known: f64 = (0..k).map(|j| row[j] * lower[k][j]).sum();
-                row[k] = normal[i][k] - known;
-                lower[i][k] = row[k] * inverse[k];
-            }
-            let known: f64 = (0..i).map(|j| row[j] * lower[i][j]).sum();
-            let left = normal[i][i] - known;
-            // Not a number is not positive either.
-            if !(left > 0.0 && left < f64::INFINITY) {
-                return None;
-            }
-            inverse[i] = 1.0 / left;
-        }
-        Some(factor)
+/// Sweeps row `K` out, which is known to the compiler so that all rows stay in registers; none where its pivot is not positive.
+#[inline(always)]
+fn sweep<S: Lanes, const K: usize>(lanes: S, rows: &mut Normal<S>) -> Option<()> {
+    let pivot = entry::<S, K>(lanes, &rows[K]);
+    // Not a number is not positive either.
+    if !(pivot > 0.0 && pivot < f64::INFINITY) {
+        return None;
     }
+    let inverse = lanes.same(1.0 / pivot);
+    // The column that is swept out makes room for that of the inverse.
+    let others = [lanes.part(&OTHERS[K], 0), lanes.part(&OTHERS[K], 1)];
+    let low = lanes.times_plus(rows[K][0], others[0], lanes.part(&ONE[K], 0));
+    let high = lanes.times_plus(rows[K][1], others[1], lanes.part(&ONE[K], 1));
+    for (i, row) in rows.iter_mut().enumerate() {
+        *row = if i == K {
+            [lanes.times(low, inverse), lanes.times(high, inverse)]
+        } else {
+            let factor = lanes.same(entry::<S, K>(lanes, row));
+            let kept = [lanes.times(row[0], others[0]), lanes.times(row[1], others[1])];
+            let (low, high) = (lanes.times(low, factor), lanes.times(high, factor));
+            [lanes.times_from(low, inverse, kept[0]), lanes.times_from(high, inverse, kept[1])]
+        };
+    }
+    Some(())
+}
 
-    /// `N⁻¹ b`.
-    #[inline(always)]
-    pub(crate) fn solve(&self, b: &[f64; ROWS]) -> [f64; ROWS] {
-        let Self { lower, inverse } = self;
-        let mut x = *b;
-        for i in 1..ROWS {
-            x[i] -= (0..i).map(|k| lower[i][k] * x[k]).sum::<f64>();
-        }
-        x.iter_mut().zip(inverse).for_each(|(x, inverse)| *x *= inverse);
-        for i in (0..ROWS - 1).rev() {
-            x[i] -= (i + 1..ROWS).map(|k| lower[k][i] * x[k]).sum::<f64>();
-        }
-        x
-    }
+#[inline(always)]
+fn entry<S: Lanes, const K: usize>(lanes: S, row: &[S::Four; 2]) -> f64 {
+    lanes.numbers(row[K / WIDTH])[K % WIDTH]
+}
 
-    /// The sum of the diagonal of `N⁻¹`: the square of the norm of the inverse of what N is the square of.
-    pub(crate) fn trace_of_inverse(&self) -> f64 {
-        let Self { lower, inverse } = self;
-        let mut trace = 0.0;
-        for j in 0..ROWS {
-            // A column of `L⁻¹`.
-            let mut column = [0.0; ROWS];
-            column[j] = 1.0;
-            trace += inverse[j];
-            for i in j + 1..ROWS {
-                column[i] = -(j..i).map(|k| lower[i][k] * column[k]).sum::<f64>();
-                trace += column[i] * column[i] * inverse[i];
-            }
-        }
-        trace
+/// One where the column is the row's.
+static ONE: Matrix = columns(1.0, 0.0);
+/// One where it is not.
+static OTHERS: Matrix = columns(0.0, 1.0);
+
+const fn columns(own: f64, others: f64) -> Matrix {
+    let mut rows = [[others; JOINTS_MAX]; ROWS];
+    let mut i = 0;
+    while i < ROWS {
+        rows[i][i] = own;
+        i += 1;
     }
+    rows
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use physics::lanes::{Work, widest};
     use proptest::prelude::*;
+
+    struct Invert<'a>(&'a Matrix, f64);
+
+    impl Work for Invert<'_> {
+        type Output = Option<Matrix>;
+
+        fn run<S: Lanes>(self, lanes: S) -> Option<Matrix> {
+            let rows = self.0.map(|row| [lanes.part(&row, 0), lanes.part(&row, 1)]);
+            let mut found = [[0.0; JOINTS_MAX]; ROWS];
+            for (row, found) in invert(lanes, rows, &[self.1; ROWS])?.iter().zip(&mut found) {
+                row.iter().enumerate().for_each(|(k, part)| lanes.put(*part, found, k));
+            }
+            Some(found)
+        }
+    }
+
+    fn inverse(normal: &Matrix, more: f64) -> Option<Matrix> {
+        widest(ROWS, Invert(normal, more))
+    }
 
     proptest! {
         #[test]
-        fn what_is_solved_gives_the_right_hand_side_back(
-            rows in prop::array::uniform6(prop::array::uniform6(-1.0..1.0_f64)),
-            b in prop::array::uniform6(-1.0..1.0_f64),
-        ) {
-            let normal: [[f64; ROWS]; ROWS] = std::array::from_fn(|i| std::array::from_fn(|k| {
+        fn an_inverse_times_its_matrix_is_the_unit_matrix(rows in prop::array::uniform6(prop::array::uniform6(-1.0..1.0_f64))) {
+            let mut normal = Matrix::default();
+            for (i, k) in (0..ROWS).flat_map(|i| (0..ROWS).map(move |k| (i, k))) {
                 let product: f64 = (0..ROWS).map(|j| rows[i][j] * rows[k][j]).sum();
-                product + if i == k { 0.1 } else { 0.0 }
-            }));
-            let factor = Factor::of(&normal).expect("positive definite");
-            let column = |i| factor.solve(&std::array::from_fn(|k| f64::from(u8::from(i == k))));
-            let trace: f64 = (0..ROWS).map(|i| column(i)[i]).sum();
-            prop_assert!((factor.trace_of_inverse() / trace - 1.0).abs() < 1e-9);
-            let x = factor.solve(&b);
-            for i in 0..ROWS {
-                let back: f64 = (0..ROWS).map(|k| normal[i][k] * x[k]).sum();
-                prop_assert!((back - b[i]).abs() < 1e-11, "{back} {}", b[i]);
+                normal[i][k] = product;
+            }
+            let found = inverse(&normal, 0.1).expect("positive definite");
+            (0..ROWS).for_each(|i| normal[i][i] += 0.1);
+            for (i, k) in (0..ROWS).flat_map(|i| (0..ROWS).map(move |k| (i, k))) {
+                let unit: f64 = (0..ROWS).map(|j| normal[i][j] * found[j][k]).sum();
+                let expected = f64::from(u8::from(i == k));
+                prop_assert!((unit - expected).abs() < 1e-11, "{i} {k} {unit}");
+                prop_assert!((found[i][k] - found[k][i]).abs() < 1e-11);
             }
         }
     }
 
     #[test]
-    fn what_is_singular_or_no_number_has_no_factor() {
-        assert!(Factor::of(&[[1.0; ROWS]; ROWS]).is_none());
-        assert!(Factor::of(&[[f64::NAN; ROWS]; ROWS]).is_none());
+    fn what_is_singular_or_no_number_has_no_inverse() {
+        assert!(inverse(&[[1.0; JOINTS_MAX]; ROWS], 0.0).is_none());
+        assert!(inverse(&[[f64::NAN; JOINTS_MAX]; ROWS], 1.0).is_none());
     }
 }

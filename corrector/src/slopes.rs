@@ -1,17 +1,18 @@
 //! The task linearised at one trial, and the steps that follow from it.
 //!
-//! Each step stands on slopes of its own, of the geometry and of the effects that tell theirs; the normal equations are factored once, and the factor put right
+//! Each step stands on slopes of its own, of the geometry and of the effects that tell theirs; the normal equations are inverted once, and the inverse put right
 //! by one refinement while each step is much smaller than the one before.
 //!
 //! Promises: an undamped step foretells how large the next will be, a damped one nothing. Never: an evaluation of the model.
 
-use crate::normal::{Factor, ROWS};
+use crate::normal::{Matrix, ROWS, invert};
 use crate::rows::{Rows, TaskError};
+use core::array;
 use libm::sqrt;
-use physics::lanes::{Lanes, Three, WIDTH, Work, widest};
+use physics::lanes::{Lanes, Three, Work, widest};
 use physics::{Arm, Chain, Evaluation, Following, JOINTS_MAX, Joints, Motions, Told};
 
-/// A step that is larger than this share of the one before asks for a new factor.
+/// A step that is larger than this share of the one before asks for a new inverse.
 const SHRINKS: f64 = 0.1;
 /// Where all slopes are told, steps shrink by squares; so many times what the last two foretell by that is believed.
 pub(crate) const MARGIN: f64 = 10.0;
@@ -41,8 +42,8 @@ pub(crate) struct Step {
     pub(crate) left: TaskError,
 }
 
-/// How each of the task's rows changes with each joint.
-type Rates = [Joints; ROWS];
+/// How each of the task's rows changes with each joint, or each joint with each row.
+type Rates = Matrix;
 
 /// The linearised task at one trial.
 #[derive(Clone, Copy, Debug, Default)]
@@ -51,11 +52,10 @@ pub(crate) struct Slopes {
     following: Following,
     /// As the arm stands.
     rates: Rates,
-    /// What the factor was made of.
-    factored: Rates,
+    /// The step for a unit of each row's error: the pseudo-inverse of the rates as the arm stood when it was last asked for.
+    steps: Rates,
     joints: usize,
     frees_tool_axis: bool,
-    factor: Factor,
 }
 
 impl Slopes {
@@ -120,7 +120,7 @@ impl Slopes {
         Some(Step { by, size, foretold: size, left })
     }
 
-    /// The next step with the factor of the `last`, on slopes just seen; none where that was damped, or where this is not much smaller.
+    /// The next step with the inverse of the `last`, on slopes just seen; none where that was damped, or where this is not much smaller.
     pub(crate) fn again(&self, last: &Step, error: &TaskError, told: &Told) -> Option<Step> {
         if last.size == f64::INFINITY {
             return None;
@@ -143,9 +143,8 @@ impl Slopes {
         if !(is_square && told.is_whole) {
             return None;
         }
-        let square = |i: usize| self.factored.iter().map(|row| row[i] * row[i]).sum::<f64>();
-        let longest = (0..self.joints).map(square).fold(0.0_f64, f64::max);
-        Some(sqrt(self.factor.trace_of_inverse() * longest))
+        let (inverse, longest) = widest(self.joints, Lengths(self));
+        Some(sqrt(inverse * longest))
     }
 
     /// Rows that are asked.
@@ -158,95 +157,102 @@ impl Slopes {
         self.asked() <= self.joints
     }
 
-    /// Whether `JᵀJ` is factored, as no more joints are there than rows; else `J Jᵀ`.
+    /// Whether `JᵀJ` is inverted, as no more joints are there than rows; else `J Jᵀ`.
     fn goes_by_joints(&self) -> bool {
         self.joints <= self.asked()
     }
 
-    /// Factors the slopes just seen, with damping relative to the mean of the normal equations' diagonal; rows that take no part become those of the unit matrix.
+    /// `(JᵀJ)⁻¹ Jᵀ`, for more joints than rows `Jᵀ (J Jᵀ)⁻¹`, of the slopes just seen, with damping relative to the mean of the normal equations' diagonal; rows that take
+    /// no part become those of the unit matrix.
     #[inline(always)]
-    fn factored_in<S: Lanes>(&mut self, lanes: S, damping: f64) -> Option<()> {
-        for i in 0..ROWS {
-            for k in 0..S::PARTS {
-                lanes.put(lanes.part(&self.rates[i], k), &mut self.factored[i], k);
-            }
-        }
-        let rates = &self.factored;
-        let mut normal = [[0.0; 2 * WIDTH]; ROWS];
-        let part = if self.goes_by_joints() { self.joints } else { self.asked() }.min(ROWS);
-        if self.goes_by_joints() {
-            for i in 0..part {
-                // The lower half alone is looked at.
-                for k in 0..=i / WIDTH {
-                    let mut sum = lanes.same(0.0);
-                    for row in rates {
-                        sum = lanes.times_plus(lanes.part(row, k), lanes.same(row[i]), sum);
+    fn inverted_in<S: Lanes>(&mut self, lanes: S, damping: f64) -> Option<()> {
+        let (by_joints, asked) = (self.goes_by_joints(), self.asked());
+        let Self { rates, steps, joints, .. } = self;
+        let mut normal = [[lanes.same(0.0); 2]; ROWS];
+        for (i, sums) in normal.iter_mut().enumerate() {
+            if by_joints {
+                for row in rates.iter() {
+                    let weight = lanes.same(row[i]);
+                    for (k, sum) in sums.iter_mut().enumerate() {
+                        *sum = lanes.times_plus(lanes.part(row, k), weight, *sum);
                     }
-                    normal[i].as_chunks_mut().0[k] = lanes.numbers(sum);
                 }
-            }
-        } else {
-            for i in 0..part {
-                for k in 0..=i {
-                    normal[i][k] = self.product(lanes, &rates[i], &rates[k]);
-                }
+            } else {
+                let [a, b, c, d, e, f] = products(lanes, rates, &rates[i]);
+                *sums = [lanes.of([a, b, c, d]), lanes.of([e, f, 0.0, 0.0])];
             }
         }
-        let added = damping * (0..part).map(|i| normal[i][i]).sum::<f64>() / ROWS as f64;
-        (0..part).for_each(|i| normal[i][i] += added);
-        (part..ROWS).for_each(|i| normal[i][i] = 1.0);
-        self.factor = Factor::of(&normal)?;
+        let mut damped = 0.0;
+        if damping != 0.0 {
+            damped = damping * rates.iter().flatten().map(|x| x * x).sum::<f64>() / ROWS as f64;
+        }
+        let part = if by_joints { *joints } else { asked };
+        let more = array::from_fn(|i| if i < part { damped } else { 1.0 });
+        let inverse = invert(lanes, normal, &more)?;
+        for (i, (step, rate)) in steps.iter_mut().zip(rates.iter()).enumerate() {
+            if by_joints {
+                let mut sums = [lanes.same(0.0); 2];
+                for (row, weight) in inverse.iter().zip(rate) {
+                    let weight = lanes.same(*weight);
+                    for (sum, part) in sums.iter_mut().zip(row) {
+                        *sum = lanes.times_plus(*part, weight, *sum);
+                    }
+                }
+                sums.iter().enumerate().for_each(|(k, sum)| lanes.put(*sum, step, k));
+            } else {
+                let [[a, b, c, d], [e, f, ..]] = inverse[i].map(|part| lanes.numbers(part));
+                combine(lanes, rates, &[a, b, c, d, e, f], step);
+            }
+        }
         Some(())
     }
 
-    /// `(JᵀJ)⁻¹ Jᵀ e`; for more joints than rows `Jᵀ (J Jᵀ)⁻¹ e`.
+    /// The step for an error.
     #[inline(always)]
     fn step_in<S: Lanes>(&self, lanes: S, error: &TaskError) -> Joints {
-        if self.goes_by_joints() {
-            let pull = self.combined(lanes, &error.0);
-            let mut step = [0.0; JOINTS_MAX];
-            let [a, b, c, d, e, f, ..] = pull;
-            let [a, b, c, d, e, f] = self.factor.solve(&[a, b, c, d, e, f]);
-            // Four at once, as they will be read.
-            lanes.put(lanes.of([a, b, c, d]), &mut step, 0);
-            lanes.put(lanes.of([e, f, 0.0, 0.0]), &mut step, 1);
-            step
-        } else {
-            self.combined(lanes, &self.factor.solve(&error.0))
-        }
-    }
-
-    /// The sum of the factored rows, each times its weight.
-    #[inline(always)]
-    fn combined<S: Lanes>(&self, lanes: S, weights: &[f64; ROWS]) -> Joints {
-        let mut sums = [0.0; JOINTS_MAX];
-        for k in 0..S::PARTS {
-            let mut sum = lanes.same(0.0);
-            for (row, weight) in self.factored.iter().zip(weights) {
-                sum = lanes.times_plus(lanes.part(row, k), lanes.same(*weight), sum);
-            }
-            lanes.put(sum, &mut sums, k);
-        }
-        sums
+        let mut step = [0.0; JOINTS_MAX];
+        combine(lanes, &self.steps, &error.0, &mut step);
+        step
     }
 
     /// What a step leaves of an error where the slopes as the arm stands hold.
     #[inline(always)]
     fn left_in<S: Lanes>(&self, lanes: S, error: &TaskError, step: &Joints) -> TaskError {
         let mut left = *error;
-        for i in 0..ROWS {
-            left.0[i] -= self.product(lanes, &self.rates[i], step);
-        }
+        let told = products(lanes, &self.rates, step);
+        left.0.iter_mut().zip(told).for_each(|(left, told)| *left -= told);
         left
     }
+}
 
-    #[inline(always)]
-    fn product<S: Lanes>(&self, lanes: S, a: &Joints, b: &Joints) -> f64 {
+/// What each row and the one given have in common.
+#[inline(always)]
+fn products<S: Lanes>(lanes: S, rows: &Rates, with: &Joints) -> [f64; ROWS] {
+    let mut products = [0.0; ROWS];
+    for (found, row) in products.iter_mut().zip(rows) {
+        *found = product(lanes, row, with);
+    }
+    products
+}
+
+#[inline(always)]
+fn product<S: Lanes>(lanes: S, a: &Joints, b: &Joints) -> f64 {
+    let mut sum = lanes.same(0.0);
+    for k in 0..S::PARTS {
+        sum = lanes.times_plus(lanes.part(a, k), lanes.part(b, k), sum);
+    }
+    lanes.sum(sum)
+}
+
+/// The sum of rows, each times its weight.
+#[inline(always)]
+fn combine<S: Lanes>(lanes: S, rows: &Rates, weights: &[f64; ROWS], into: &mut Joints) {
+    for k in 0..S::PARTS {
         let mut sum = lanes.same(0.0);
-        for k in 0..S::PARTS {
-            sum = lanes.times_plus(lanes.part(a, k), lanes.part(b, k), sum);
+        for (row, weight) in rows.iter().zip(weights) {
+            sum = lanes.times_plus(lanes.part(row, k), lanes.same(*weight), sum);
         }
-        lanes.sum(sum)
+        lanes.put(sum, into, k);
     }
 }
 
@@ -264,7 +270,30 @@ impl Work for See<'_> {
     }
 }
 
-/// A step on slopes that are factored for it, and what it leaves.
+/// The square of the norm of the inverse, and that of the longest motion of one joint.
+struct Lengths<'a>(&'a Slopes);
+
+impl Work for Lengths<'_> {
+    type Output = (f64, f64);
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) -> (f64, f64) {
+        let Slopes { rates, steps, .. } = self.0;
+        let (mut inverse, mut longest) = (lanes.same(0.0), 0.0_f64);
+        for k in 0..S::PARTS {
+            let mut lengths = lanes.same(0.0);
+            for row in 0..ROWS {
+                let (rate, step) = (lanes.part(&rates[row], k), lanes.part(&steps[row], k));
+                lengths = lanes.times_plus(rate, rate, lengths);
+                inverse = lanes.times_plus(step, step, inverse);
+            }
+            longest = lanes.numbers(lengths).iter().fold(longest, |most, x| most.max(*x));
+        }
+        (lanes.sum(inverse), longest)
+    }
+}
+
+/// A step on slopes that are inverted for it, and what it leaves.
 struct Solve<'a> {
     slopes: &'a mut Slopes,
     error: &'a TaskError,
@@ -277,13 +306,13 @@ impl Work for Solve<'_> {
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) -> Self::Output {
         let Self { slopes, error, damping } = self;
-        slopes.factored_in(lanes, damping)?;
+        slopes.inverted_in(lanes, damping)?;
         let by = slopes.step_in(lanes, error);
         Some((by, slopes.left_in(lanes, error, &by)))
     }
 }
 
-/// A step on slopes that were factored where the arm stood before, once more for what it leaves as the arm stands; what then is left, and the largest that
+/// A step on slopes that were inverted where the arm stood before, once more for what it leaves as the arm stands; what then is left, and the largest that
 /// another refinement would add.
 struct Refine<'a> {
     slopes: &'a Slopes,
