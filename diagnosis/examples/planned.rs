@@ -336,10 +336,11 @@ fn sound(model: &RobotModel, seed: u64) -> Model {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut truth = model.physics;
     for (effect, sigma) in model.sigma.iter().enumerate() {
-        let Some(effect) = truth.effect_mut(effect) else { continue };
-        for (value, sigma) in effect.values_mut().iter_mut().zip(sigma) {
-            *value += sigma * rng.sample::<f64, _>(StandardNormal);
-        }
+        truth.change(effect, |effect| {
+            for (value, sigma) in effect.values_mut().iter_mut().zip(sigma) {
+                *value += sigma * rng.sample::<f64, _>(StandardNormal);
+            }
+        });
     }
     truth
 }

@@ -221,9 +221,7 @@ impl<'a> Fitting<'a> {
         let State { hypothesis, .. } = &mut state;
         for (k, value) in values {
             let free = hypothesis.free[*k];
-            if let Some(effect) = hypothesis.model.effect_mut(free.effect) {
-                effect.values_mut()[free.value] = *value;
-            }
+            hypothesis.model.change(free.effect, |effect| effect.values_mut()[free.value] = *value);
         }
         if state != self.sheet.state {
             self.sheet = Arc::new(Sheet::of(self.campaign, state, &self.weighing.used));

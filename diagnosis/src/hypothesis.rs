@@ -90,8 +90,8 @@ impl Hypothesis {
         self.free.retain(|free| free.effect != index);
         self.free.extend_from_slice(stated);
         let values = given.effects().nth(index).map(AnyEffect::values);
-        if let (Some(effect), Some(values)) = (self.model.effect_mut(index), values) {
-            effect.values_mut().copy_from_slice(values);
+        if let Some(values) = values {
+            self.model.change(index, |effect| effect.values_mut().copy_from_slice(values));
         }
     }
 
@@ -99,12 +99,14 @@ impl Hypothesis {
     pub fn believe(&mut self, wanted: impl Fn(&AnyEffect) -> bool) {
         let Self { model, free } = self;
         free.retain(|free| {
-            let Some(effect) = model.effect_mut(free.effect) else { return false };
-            let held = free.stated && wanted(effect);
-            if held {
-                effect.values_mut()[free.value] = free.mean;
-            }
-            !held
+            let held = model.change(free.effect, |effect| {
+                let held = free.stated && wanted(effect);
+                if held {
+                    effect.values_mut()[free.value] = free.mean;
+                }
+                held
+            });
+            !held.unwrap_or(true)
         });
     }
 
@@ -153,21 +155,21 @@ impl Hypothesis {
     pub fn stepped(&self, step: &[f64]) -> Self {
         let mut next = self.clone();
         for ((free, by), least) in self.free.iter().zip(step).zip(self.lowest()) {
-            if let Some(effect) = next.model.effect_mut(free.effect) {
+            next.model.change(free.effect, |effect| {
                 effect.values_mut()[free.value] += by.max(least).min(most(effect, free.value));
-            }
+            });
         }
         let values = self.values();
         for (amplitude, phase) in self.waves() {
             let (along, across) =
                 (values[amplitude] + step[amplitude], values[amplitude] * step[phase]);
-            if let Some(effect) = next.model.effect_mut(self.free[phase].effect) {
+            next.model.change(self.free[phase].effect, |effect| {
                 // The nearer of the two ways to write the same wave: an amplitude may be negative.
                 let sign = 1.0_f64.copysign(along);
                 let turn = libm::atan2(sign * across, sign * along);
                 effect.values_mut()[self.free[amplitude].value] = sign * along.hypot(across);
                 effect.values_mut()[self.free[phase].value] = values[phase] + turn;
-            }
+            });
         }
         next
     }

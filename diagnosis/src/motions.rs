@@ -166,21 +166,21 @@ impl Yielding {
         let stands = own.values()[value];
         let step = STEP * much(own, value).max(stands.abs());
         let mut at = |value_there: f64| {
-            if let Some(effect) = self.model.effect_mut(place) {
+            self.model.change(place, |effect| {
                 *effect = *own;
                 effect.values_mut()[value] = value_there;
-            }
+            });
             self.model.evaluate_into(inputs, &self.memories, &mut self.seen);
             (self.seen.real.base_from_tool, self.seen.deviation.joints)
         };
         let motion = Motion::between(&at(stands - step), &at(stands + step), 2.0 * step);
-        if let Some(effect) = self.model.effect_mut(place) {
+        self.model.change(place, |effect| {
             *effect = *own;
             // What is only a guest here does nothing to the next.
             if place == spare {
                 effect.values_mut().fill(0.0);
             }
-        }
+        });
         motion
     }
 }

@@ -130,9 +130,7 @@ impl Rides {
             let rows = rows(campaign, run);
             let ridden = |effect: &OverPath| {
                 let mut model = *hypothesis.model;
-                if let Some(place) = model.effect_mut(free.effect) {
-                    *place = AnyEffect::OverPath(*effect);
-                }
+                model.change(free.effect, |place| *place = AnyEffect::OverPath(*effect));
                 Ride::of(&model, &Dynamics::of(&model), &rows)
             };
             let (low, high) = (ridden(&low), ridden(&high));

@@ -135,9 +135,7 @@ impl Compliances {
                     hypothesis.model.effects().len() - 1
                 }
             };
-            if let Some(effect) = hypothesis.model.effect_mut(index) {
-                effect.values_mut()[0] = mean.max(0.0);
-            }
+            hypothesis.model.change(index, |effect| effect.values_mut()[0] = mean.max(0.0));
             hypothesis.free.retain(|free| free.effect != index);
             let sigma = self.sigma(joint);
             hypothesis.free.push(Free { effect: index, value: 0, mean, sigma, stated: true });

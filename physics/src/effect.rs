@@ -10,6 +10,7 @@
 //! Never: a clock, a heap, a look at another effect.
 
 use crate::deviation::Contribution;
+use crate::laws::Law;
 use crate::signals::Signals;
 use crate::slopes::Slope;
 use crate::spec::{Count, Parameter, Place, Range, Role, Spec};
@@ -54,6 +55,11 @@ pub trait Effect: Copy + Sized {
 
     /// What it adds, for these signals and this memory.
     fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution;
+
+    /// What it is where it is a law of its joint alone; [`Effect::predict`] and [`Effect::slope`] then say the same.
+    fn law(&self) -> Option<Law> {
+        None
+    }
 
     /// The derivative of [`Effect::predict`] by value `k`, for a memory that was settled or advanced with the same
     /// values (what memory owes to them it carries along). Exact where the value enters linearly, else a central

@@ -5,6 +5,7 @@
 
 use crate::deviation::{Contribution, Deviation};
 use crate::effect::{BuildError, Effect, Given, Memory, Site};
+use crate::laws::Law;
 use crate::signals::Signals;
 use crate::slopes::{Slope, Told};
 use crate::spec::{Parameter, Spec};
@@ -35,6 +36,23 @@ macro_rules! of_robot {
         }
         fn values_mut(&mut self) -> &mut [f64] {
             &mut self.values
+        }
+    };
+}
+
+/// What an effect says that is a law of its joint, which `law_of_joint` gives.
+macro_rules! by_law {
+    () => {
+        fn law(&self) -> Option<Law> {
+            Some(self.law_of_joint())
+        }
+
+        fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
+            self.law_of_joint().at(self.joint, signals).0
+        }
+
+        fn slope(&self, signals: &Signals<'_>) -> Slope {
+            self.law_of_joint().at(self.joint, signals).1
         }
     };
 }
@@ -188,6 +206,14 @@ macro_rules! effects {
                         told.add(effect.joint(), slope);
                     })+
                     _ => {}
+                }
+            }
+
+            /// See [`Effect::law`].
+            pub(crate) fn law(&self) -> Option<Law> {
+                match self {
+                    $(Self::$Kind(effect) => effect.law(),)+
+                    _ => None,
                 }
             }
 

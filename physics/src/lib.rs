@@ -25,6 +25,7 @@ pub mod gears;
 mod heat;
 mod inertia;
 pub mod lanes;
+pub mod laws;
 pub mod loads;
 pub mod model;
 pub mod motions;

@@ -6,6 +6,7 @@
 //! Never: an inverse. Solving for the joint positions that put the tool right is the corrector's.
 
 use crate::deviation::{Contribution, Deviation};
+use crate::laws::Laws;
 use crate::loads::Loads;
 use crate::signals::{Inputs, Signals};
 use crate::spec::{ActsOn, Need};
@@ -23,6 +24,10 @@ pub struct Model {
     count: usize,
     changes_loads: bool,
     hardens: bool,
+    /// Effects that are a law of their joint, summed; places of all others.
+    laws: Laws,
+    others: [u8; EFFECTS_MAX],
+    others_count: usize,
 }
 
 /// What the effects of one model remember in one run, in the order of [`Model::effects`].
@@ -107,7 +112,16 @@ impl Evaluation {
 impl Model {
     /// An arm without any effect.
     pub const fn nominal(arm: Arm) -> Self {
-        Self { arm, effects: [None; EFFECTS_MAX], count: 0, changes_loads: false, hardens: false }
+        Self {
+            arm,
+            effects: [None; EFFECTS_MAX],
+            count: 0,
+            changes_loads: false,
+            hardens: false,
+            laws: Laws::NONE,
+            others: [0; EFFECTS_MAX],
+            others_count: 0,
+        }
     }
 
     /// An arm with effects that fit each other.
@@ -152,6 +166,7 @@ impl Model {
         self.hardens |= matches!(effect, AnyEffect::StiffnessHardening(_));
         *slot = Some(effect);
         self.count += 1;
+        self.sort(self.count - 1);
         Ok(())
     }
 
@@ -164,9 +179,29 @@ impl Model {
         })
     }
 
-    /// The effect in place `index`, to be changed.
-    pub fn effect_mut(&mut self, index: usize) -> Option<&mut AnyEffect> {
-        self.effects[..self.count].get_mut(index)?.as_mut()
+    /// Changes the effect in place `index`; what the change answers, none where there is no such effect.
+    pub fn change<R>(
+        &mut self,
+        index: usize,
+        change: impl FnOnce(&mut AnyEffect) -> R,
+    ) -> Option<R> {
+        let effect = self.effects[..self.count].get_mut(index)?.as_mut()?;
+        let before = effect.law();
+        let answer = change(effect);
+        if effect.law() != before {
+            (self.laws, self.others_count) = (Laws::NONE, 0);
+            (0..self.count).for_each(|index| self.sort(index));
+        }
+        Some(answer)
+    }
+
+    /// Sums the effect in place `index` with the laws of joints, or puts it among the others.
+    fn sort(&mut self, index: usize) {
+        let law = self.effects[index].as_ref().and_then(|e| e.joint().zip(e.law()));
+        if !law.is_some_and(|(joint, law)| self.laws.take(joint, &law)) {
+            self.others[self.others_count] = index as u8;
+            self.others_count += 1;
+        }
     }
 
     /// What happens at one sample with these memories; the memories stay.

@@ -6,6 +6,7 @@
 //! Promises: exact where [`Told::is_whole`], held by the conformance suite. Never: a deviation of links, axes or tool.
 
 use crate::lanes::{Lanes, Three, Vectors};
+use crate::laws::Laws;
 use crate::{JOINTS_MAX, Joints, Loads, Wrench};
 use glam::DVec3;
 
@@ -50,12 +51,11 @@ pub struct Told {
 }
 
 impl Told {
-    /// Nothing was told yet.
-    pub(crate) fn clear(&mut self, is_whole: bool) {
-        let none = [0.0; JOINTS_MAX];
-        (self.position, self.gravity, self.wrench) = (none, none, none);
-        (self.base, self.is_coupled, self.is_even, self.is_whole) = (0.0, false, true, is_whole);
-        self.are_wide = 0;
+    /// Nothing was told yet but what the laws of joints do.
+    pub(crate) fn begin(&mut self, is_whole: bool, laws: &Laws) {
+        (self.gravity, self.wrench) = (laws.gravity, laws.wrench);
+        (self.is_coupled, self.is_even) = (laws.is_compliant, laws.is_even);
+        (self.base, self.is_whole, self.are_wide) = (0.0, is_whole, 0);
     }
 
     /// Adds what an effect of `joint` tells.

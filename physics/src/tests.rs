@@ -5,6 +5,7 @@ mod drives;
 mod dynamics;
 mod geometric_effects;
 mod geometry;
+mod laws;
 mod load_effects;
 mod loads;
 mod matrix;

@@ -90,9 +90,7 @@ fn moved(calibration: &Calibration<'_>, seed: u64) -> Result<Model, DrawError> {
         return Err(DrawError::Lists { found, expected });
     }
     for (index, sigmas) in calibration.sigmas.iter().enumerate() {
-        if let Some(effect) = model.effect_mut(index) {
-            move_effect(effect, index, sigmas, seed)?;
-        }
+        model.change(index, |effect| move_effect(effect, index, sigmas, seed)).transpose()?;
     }
     Ok(model)
 }

@@ -94,9 +94,7 @@ fn draw(open: &Hypothesis, fixed: &[usize], chance: &mut ChaCha8Rng) -> Model {
             (_, "phase", _) => between(chance, -3.0, 3.0),
             _ => free.mean + free.sigma * normal,
         };
-        if let Some(effect) = truth.effect_mut(free.effect) {
-            effect.values_mut()[free.value] = value;
-        }
+        truth.change(free.effect, |effect| effect.values_mut()[free.value] = value);
     }
     truth
 }

@@ -163,9 +163,7 @@ impl Diagnosis {
         let whole = &self.fit.hypothesis;
         let Some(had) = &finding.had else { return whole.without(finding.place) };
         let mut bare = whole.clone();
-        if let Some(effect) = bare.model.effect_mut(finding.place) {
-            effect.values_mut().copy_from_slice(had);
-        }
+        bare.model.change(finding.place, |effect| effect.values_mut().copy_from_slice(had));
         bare
     }
 

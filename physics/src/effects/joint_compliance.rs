@@ -6,6 +6,7 @@
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::laws::Law;
 use crate::signals::Signals;
 use crate::slopes::Slope;
 use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
@@ -33,13 +34,12 @@ impl Effect for JointCompliance {
 
     of_joint!();
 
-    fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
-        let [compliance] = self.values;
-        Contribution::Joint { joint: self.joint, delta: compliance * signals.loads.torque(self.joint) }
-    }
+    by_law!();
+}
 
-    fn slope(&self, _signals: &Signals<'_>) -> Slope {
+impl JointCompliance {
+    fn law_of_joint(&self) -> Law {
         let [compliance] = self.values;
-        Slope::Load { gravity: compliance, wrench: compliance }
+        Law::Compliance { gravity: compliance, wrench: compliance, inertia: compliance }
     }
 }

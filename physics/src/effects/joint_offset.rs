@@ -5,6 +5,7 @@
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::laws::Law;
 use crate::signals::Signals;
 use crate::slopes::Slope;
 use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
@@ -32,12 +33,12 @@ impl Effect for JointOffset {
 
     of_joint!();
 
-    fn predict(&self, _signals: &Signals<'_>, _memory: &Memory) -> Contribution {
-        let [offset] = self.values;
-        Contribution::Joint { joint: self.joint, delta: offset }
-    }
+    by_law!();
+}
 
-    fn slope(&self, _signals: &Signals<'_>) -> Slope {
-        Slope::Steady
+impl JointOffset {
+    fn law_of_joint(&self) -> Law {
+        let [offset] = self.values;
+        Law::Offset(offset)
     }
 }

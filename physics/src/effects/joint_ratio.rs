@@ -5,6 +5,7 @@
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::laws::Law;
 use crate::signals::Signals;
 use crate::slopes::Slope;
 use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
@@ -32,12 +33,12 @@ impl Effect for JointRatio {
 
     of_joint!();
 
-    fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
-        let [ratio] = self.values;
-        Contribution::Joint { joint: self.joint, delta: ratio * signals.inputs.q[self.joint] }
-    }
+    by_law!();
+}
 
-    fn slope(&self, _signals: &Signals<'_>) -> Slope {
-        Slope::Position(self.values[0])
+impl JointRatio {
+    fn law_of_joint(&self) -> Law {
+        let [ratio] = self.values;
+        Law::Ratio(ratio)
     }
 }

@@ -5,6 +5,7 @@
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::laws::Law;
 use crate::signals::Signals;
 use crate::slopes::Slope;
 use crate::spec::{ActsOn, Need, Parameter, Place, Range, Spec, Unit};
@@ -32,13 +33,12 @@ impl Effect for LoadCompliance {
 
     of_joint!();
 
-    fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
-        let [compliance] = self.values;
-        let delta = compliance * signals.loads.wrench_torque[self.joint];
-        Contribution::Joint { joint: self.joint, delta }
-    }
+    by_law!();
+}
 
-    fn slope(&self, _signals: &Signals<'_>) -> Slope {
-        Slope::Load { gravity: 0.0, wrench: self.values[0] }
+impl LoadCompliance {
+    fn law_of_joint(&self) -> Law {
+        let [compliance] = self.values;
+        Law::Compliance { gravity: 0.0, wrench: compliance, inertia: 0.0 }
     }
 }

@@ -6,6 +6,7 @@
 
 use crate::deviation::Contribution;
 use crate::effect::{BuildError, Effect, Memory, Site};
+use crate::laws::Law;
 use crate::signals::Signals;
 use crate::slopes::Slope;
 use crate::spec::{ActsOn, Parameter, Place, Range, Spec, Unit};
@@ -39,21 +40,7 @@ impl Effect for TransmissionError {
 
     of_joint!();
 
-    fn predict(&self, signals: &Signals<'_>, memory: &Memory) -> Contribution {
-        self.predict_and_slope(signals, memory).0
-    }
-
-    fn slope(&self, signals: &Signals<'_>) -> Slope {
-        self.predict_and_slope(signals, &Memory::default()).1
-    }
-
-    #[inline(always)]
-    fn predict_and_slope(&self, signals: &Signals<'_>, _memory: &Memory) -> (Contribution, Slope) {
-        let [amplitude, cycles, phase] = self.values;
-        let (sine, cosine) = sin_cos(cycles * signals.inputs.q[self.joint] + phase);
-        let adds = Contribution::Joint { joint: self.joint, delta: amplitude * sine };
-        (adds, Slope::Position(amplitude * cycles * cosine))
-    }
+    by_law!();
 
     fn derivative(&self, k: usize, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [amplitude, cycles, phase] = self.values;
@@ -61,5 +48,12 @@ impl Effect for TransmissionError {
         let (sin, cos) = sin_cos(cycles * q + phase);
         let delta = [sin, amplitude * q * cos, amplitude * cos][k];
         Contribution::Joint { joint: self.joint, delta }
+    }
+}
+
+impl TransmissionError {
+    fn law_of_joint(&self) -> Law {
+        let [amplitude, cycles, phase] = self.values;
+        Law::Wave { amplitude, cycles, phase }
     }
 }

@@ -53,10 +53,14 @@ impl Model {
         if let Some(told) = &mut told {
             // What effects change of the loads, and inertia, follow the arm by laws of their own.
             let at_rest = loads.at_rest || loads.inertia_torque == [0.0; JOINTS_MAX];
-            told.clear(at_rest && !self.changes_loads);
+            told.begin(at_rest && !self.changes_loads, &self.laws);
         }
-        for (effect, memory) in self.effects().zip(memories.iter()) {
-            effect.act((&signals, memory), deviation, told.as_deref_mut());
+        self.laws.begin(lanes, &signals, deviation, told.as_deref_mut());
+        for index in &self.others[..self.others_count] {
+            let place = usize::from(*index);
+            if let Some(effect) = &self.effects[place] {
+                effect.act((&signals, &memories.0[place]), deviation, told.as_deref_mut());
+            }
         }
         *beyond = if self.hardens { self.beyond(loads) } else { None };
     }

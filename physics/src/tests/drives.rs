@@ -199,7 +199,9 @@ fn slopes_of_what_is_recorded_are_its_differences_whatever_else_acts() {
         let beside = |sign: f64| -> Joints {
             let mut changed = whole;
             let size = 1e-4 * effects[index].values()[value].abs().max(1e-2);
-            changed.effect_mut(index).expect("there").values_mut()[value] += sign * size;
+            changed
+                .change(index, |effect| effect.values_mut()[value] += sign * size)
+                .expect("there");
             let drive = changed.drive(&inputs, &memories);
             std::array::from_fn(|i| drive.recorded(i) / (2.0 * size))
         };

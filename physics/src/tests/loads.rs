@@ -9,7 +9,7 @@ use glam::DVec3;
 use nalgebra::Matrix6;
 use proptest::prelude::*;
 
-fn arms() -> [Arm; 2] {
+pub(super) fn arms() -> [Arm; 2] {
     [scene().arm, sliding_scene().arm]
 }
 

@@ -1,0 +1,159 @@
+//! Laws of a joint's own position and of the loads on it, those of all joints at once.
+//!
+//! Most effects of a calibrated arm are of this kind: what they add is summed with four joints side by side, without a look at each effect.
+//!
+//! Promises: the sum of what the effects say one by one, to rounding. Never: a memory.
+
+use crate::deviation::{Contribution, Deviation};
+use crate::lanes::Lanes;
+use crate::signals::Signals;
+use crate::slopes::{Slope, Told};
+use crate::trig::{sin_cos, sin_cos_four};
+use crate::{JOINTS_MAX, Joints};
+
+/// What one effect adds to its joint's position, rad or m.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Law {
+    /// Always as much.
+    Offset(f64),
+    /// So much per unit of the position.
+    Ratio(f64),
+    /// `amplitude · sin(cycles · q + phase)`.
+    Wave {
+        /// rad or m.
+        amplitude: f64,
+        /// rad of phase per unit of the position.
+        cycles: f64,
+        /// rad.
+        phase: f64,
+    },
+    /// So much per unit of load, rad/Nm or m/N.
+    Compliance {
+        /// Of gravity's load.
+        gravity: f64,
+        /// Of the wrench's.
+        wrench: f64,
+        /// Of the arm's own motion.
+        inertia: f64,
+    },
+}
+
+impl Law {
+    /// What it adds at `joint`, and how that follows the arm.
+    pub(crate) fn at(&self, joint: usize, signals: &Signals<'_>) -> (Contribution, Slope) {
+        let (q, loads) = (signals.inputs.q[joint], signals.loads);
+        let (delta, slope) = match *self {
+            Self::Offset(offset) => (offset, Slope::Steady),
+            Self::Ratio(ratio) => (ratio * q, Slope::Position(ratio)),
+            Self::Wave { amplitude, cycles, phase } => {
+                let (sine, cosine) = sin_cos(cycles * q + phase);
+                (amplitude * sine, Slope::Position(amplitude * cycles * cosine))
+            }
+            Self::Compliance { gravity, wrench, inertia } => {
+                let at_rest = gravity * loads.gravity_torque[joint];
+                let under_wrench = at_rest + wrench * loads.wrench_torque[joint];
+                let delta = under_wrench + inertia * loads.inertia_torque[joint];
+                (delta, Slope::Load { gravity, wrench })
+            }
+        };
+        (Contribution::Joint { joint, delta }, slope)
+    }
+}
+
+/// Waves that one joint has room for.
+const WAVES_MAX: usize = 4;
+
+/// A wave of each joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Waves {
+    amplitude: Joints,
+    cycles: Joints,
+    phase: Joints,
+}
+
+/// The laws of all joints.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Laws {
+    offset: Joints,
+    ratio: Joints,
+    pub(crate) gravity: Joints,
+    pub(crate) wrench: Joints,
+    inertia: Joints,
+    waves: [Waves; WAVES_MAX],
+    /// How many each joint has, and the most of them.
+    counts: [usize; JOINTS_MAX],
+    most: usize,
+    pub(crate) is_compliant: bool,
+    /// Whether gravity and the wrench bend every joint alike.
+    pub(crate) is_even: bool,
+}
+
+impl Laws {
+    /// Of no effect.
+    pub(crate) const NONE: Self = {
+        let none = [0.0; JOINTS_MAX];
+        let waves = [Waves { amplitude: none, cycles: none, phase: none }; WAVES_MAX];
+        let (counts, most, is_compliant, is_even) = ([0; JOINTS_MAX], 0, false, true);
+        let (offset, ratio, gravity, wrench, inertia) = (none, none, none, none, none);
+        Self { offset, ratio, gravity, wrench, inertia, waves, counts, most, is_compliant, is_even }
+    };
+
+    /// Takes a law of `joint` in; false where there is no room for it.
+    pub(crate) fn take(&mut self, joint: usize, law: &Law) -> bool {
+        match *law {
+            Law::Offset(offset) => self.offset[joint] += offset,
+            Law::Ratio(ratio) => self.ratio[joint] += ratio,
+            Law::Wave { amplitude, cycles, phase } => {
+                let Some(waves) = self.waves.get_mut(self.counts[joint]) else { return false };
+                waves.amplitude[joint] = amplitude;
+                (waves.cycles[joint], waves.phase[joint]) = (cycles, phase);
+                self.counts[joint] += 1;
+                self.most = self.most.max(self.counts[joint]);
+            }
+            Law::Compliance { gravity, wrench, inertia } => {
+                self.gravity[joint] += gravity;
+                self.wrench[joint] += wrench;
+                self.inertia[joint] += inertia;
+                self.is_compliant = true;
+                self.is_even &= gravity == wrench;
+            }
+        }
+        true
+    }
+
+    /// Begins a deviation of the joints, and what follows the arm where that is asked for.
+    #[inline(always)]
+    pub(crate) fn begin<S: Lanes>(
+        &self,
+        lanes: S,
+        signals: &Signals<'_>,
+        deviation: &mut Deviation,
+        mut told: Option<&mut Told>,
+    ) {
+        let loads = signals.loads;
+        for k in 0..S::PARTS {
+            let q = lanes.part(&signals.inputs.q, k);
+            let mut slope = lanes.part(&self.ratio, k);
+            let mut sum = lanes.times_plus(slope, q, lanes.part(&self.offset, k));
+            for (bends, load) in [
+                (&self.gravity, &loads.gravity_torque),
+                (&self.wrench, &loads.wrench_torque),
+                (&self.inertia, &loads.inertia_torque),
+            ] {
+                sum = lanes.times_plus(lanes.part(bends, k), lanes.part(load, k), sum);
+            }
+            for waves in self.waves.iter().take(self.most) {
+                let amplitude = lanes.part(&waves.amplitude, k);
+                let cycles = lanes.part(&waves.cycles, k);
+                let angle = lanes.times_plus(cycles, q, lanes.part(&waves.phase, k));
+                let (sine, cosine) = sin_cos_four(lanes, angle);
+                sum = lanes.times_plus(amplitude, sine, sum);
+                slope = lanes.times_plus(lanes.times(amplitude, cycles), cosine, slope);
+            }
+            lanes.put(sum, &mut deviation.joints, k);
+            if let Some(told) = &mut told {
+                lanes.put(slope, &mut told.position, k);
+            }
+        }
+    }
+}

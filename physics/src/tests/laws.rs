@@ -1,0 +1,72 @@
+//! Laws of joints summed side by side, held against what each effect says by itself.
+
+use super::{effect, six_joints};
+use crate::{AnyEffect, Arm, Contribution, Inputs, Joints, Memories, Model, Wrench};
+use glam::DVec3;
+use proptest::prelude::*;
+
+/// More waves on the first joint than are summed side by side, every kind of law on the second.
+fn effects(arm: &Arm, size: f64) -> Vec<AnyEffect> {
+    let mut effects = Vec::new();
+    let mut push = |kind: &str, joint: usize, given: &[(&str, &[f64])]| {
+        effects.push(effect(arm, kind, joint, given));
+    };
+    for n in 1..=6 {
+        let n = f64::from(n);
+        let wave: &[(&str, &[f64])] =
+            &[("amplitude", &[1e-4 * n * size]), ("cycles", &[3.0 * n]), ("phase", &[0.4 * n])];
+        push("transmission_error", 0, wave);
+    }
+    push("joint_offset", 1, &[("offset", &[2e-3 * size])]);
+    push("joint_offset", 1, &[("offset", &[1e-3])]);
+    push("joint_ratio", 1, &[("ratio", &[1e-3 * size])]);
+    push("gravity_compliance", 1, &[("compliance", &[2e-6 * size])]);
+    push("load_compliance", 1, &[("compliance", &[3e-6 * size])]);
+    push("joint_compliance", 2, &[("compliance", &[4e-6 * size])]);
+    push("backlash", 2, &[("width", &[1e-4 * size])]);
+    push("joint_ratio", 5, &[("ratio", &[-5e-4 * size])]);
+    effects
+}
+
+/// What the effects add to the joints, one by one.
+fn one_by_one(model: &Model, inputs: &Inputs, memories: &Memories) -> Joints {
+    let mut sum = [0.0; crate::JOINTS_MAX];
+    model.contributions(inputs, memories, |_, contribution| {
+        if let Contribution::Joint { joint, delta } = *contribution {
+            sum[joint] += delta;
+        }
+    });
+    sum
+}
+
+proptest! {
+    #[test]
+    fn laws_side_by_side_are_the_sum_of_the_effects_whatever_was_changed_before(
+        q in six_joints(), velocity in six_joints(), acceleration in six_joints(), force in prop::array::uniform3(-80.0..80.0_f64),
+        size in -2.0..2.0_f64, swapped in 0..14_usize,
+    ) {
+        let arm = super::loads::arms()[0];
+        let wrench_base = Wrench { force: DVec3::from_array(force), moment: DVec3::new(1.0, -2.0, 3.0) };
+        let inputs = Inputs { velocity, acceleration, wrench_base, direction: [1.0; crate::JOINTS_MAX], ..Inputs::at_rest(q) };
+        let (first, then) = (effects(&arm, 1.0), effects(&arm, size.abs()));
+        let mut model = Model::nominal(arm);
+        first.iter().for_each(|effect| model.push(*effect).expect("room"));
+        for (index, effect) in then.iter().enumerate() {
+            model.change(index, |place| *place = *effect).expect("there");
+        }
+        // One of another kind comes and goes.
+        model.change(swapped, |place| *place = first[12]).expect("there");
+        let mut memories = Memories::default();
+        model.settle(&inputs, &mut memories);
+        let found = model.evaluate(&inputs, &memories).deviation.joints;
+        for (found, expected) in found.iter().zip(one_by_one(&model, &inputs, &memories)) {
+            prop_assert!((found - expected).abs() < 1e-15, "{found} {expected}");
+        }
+    }
+}
+
+#[test]
+fn what_is_not_there_is_not_changed() {
+    let mut model = Model::nominal(super::loads::arms()[0]);
+    assert_eq!(model.change(0, |_| ()), None);
+}
