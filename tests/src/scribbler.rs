@@ -71,9 +71,9 @@ impl Ports {
 }
 
 impl Scribbler {
-    /// Takes both places, which must be free or become so.
+    /// Takes both places, which must be free or become so; panics with all that the daemon said where it does not let it in.
     #[must_use]
-    pub fn join(place: &Place, session: u64) -> Self {
+    pub fn join(place: &Place, daemon: &Process, session: u64) -> Self {
         let mut seats = [Role::Cell, Role::Force].map(|role| Seat::new(&place.cell(), role));
         let (start, mut knocked) = (Instant::now(), Instant::now());
         let (ports, bounds) = loop {
@@ -84,7 +84,7 @@ impl Scribbler {
                 },
                 Err(why) => why.to_string(),
             };
-            assert!(start.elapsed() < JAM, "{why}");
+            assert!(start.elapsed() < JAM, "{why}: {:#?} {:#?}", daemon.lines(), daemon.waits());
             std::thread::sleep(Duration::from_millis(2));
             // As the library does: an epoch whose files are gone lets nobody in.
             if let Some(current) = seats[0].look().ok().filter(|_| knocked.elapsed() > KNOCK_AFTER)

@@ -148,7 +148,7 @@ fn scribble(pair: &mut Pair<'_>, chance: &mut Chance) {
     for who in [Who::Cell, Who::Force] {
         pair.of(who).kill();
     }
-    let mut client = Scribbler::join(&pair.place, chance.bits());
+    let mut client = Scribbler::join(&pair.place, &pair.daemon, chance.bits());
     let (messages, writes) = (100 + chance.below(1000), Chance::new(chance.bits()));
     client.scribble(&pair.daemon, messages, writes);
     drop(client);

@@ -15,7 +15,7 @@ fn a_client_that_writes_into_its_sent_messages_breaks_no_bound() {
     let mut daemon = Process::daemon(TRUED, &place);
     assert!(daemon.says("ready", JAM), "{:?}", daemon.lines());
     let mut chance = chance();
-    let mut client = Scribbler::join(&place, chance.bits());
+    let mut client = Scribbler::join(&place, &daemon, chance.bits());
     let [said, written] = client.scribble(&daemon, MESSAGES, chance);
     println!("{said} answers looked at, {written} words written into {MESSAGES} messages");
     assert!(said > 100 && written > MESSAGES);
