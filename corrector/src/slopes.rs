@@ -9,7 +9,7 @@ use crate::normal::{Matrix, ROWS, invert};
 use crate::rows::{Rows, TaskError};
 use core::array;
 use libm::sqrt;
-use physics::lanes::{Lanes, Three, Work, widest};
+use physics::lanes::{Lanes, Three, WIDTH, Work, widest};
 use physics::{Arm, Chain, Evaluation, Following, JOINTS_MAX, Joints, Motions, Told};
 
 /// A step that is larger than this share of the one before asks for a new inverse.
@@ -342,5 +342,12 @@ pub(crate) fn apply(q: &mut Joints, step: &Joints) {
 }
 
 pub(crate) fn largest(step: &Joints) -> f64 {
-    step.iter().fold(0.0, |most, x| most.max(x.abs()))
+    // Four at once: one after the other, each would wait for the last.
+    let mut most = [0.0_f64; WIDTH];
+    for four in step.as_chunks::<WIDTH>().0 {
+        for (most, x) in most.iter_mut().zip(four) {
+            *most = if x.abs() > *most { x.abs() } else { *most };
+        }
+    }
+    most.iter().fold(0.0, |most, x| most.max(*x))
 }

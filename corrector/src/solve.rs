@@ -235,5 +235,7 @@ impl Way {
 /// What is not a number does not stay anywhere.
 fn stays_within(q: &Joints, step: &Joints, centre: &Joints, reach: &Joints) -> bool {
     let after = q.iter().zip(step).map(|(q, step)| q + step);
-    after.zip(centre).zip(reach).all(|((after, centre), reach)| (after - centre).abs() <= *reach)
+    let ways = after.zip(centre).zip(reach);
+    // Without a way out in between, so that all joints are looked at at once.
+    ways.fold(true, |stays, ((after, centre), reach)| stays & ((after - centre).abs() <= *reach))
 }
