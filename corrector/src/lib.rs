@@ -15,6 +15,7 @@
 mod ageing;
 mod corrector;
 mod direction;
+mod joints;
 mod judge;
 mod loop_gain;
 mod low_pass;

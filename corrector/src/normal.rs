@@ -45,18 +45,17 @@ fn sweep<S: Lanes, const K: usize>(lanes: S, rows: &mut Normal<S>) -> Option<()>
         return None;
     }
     let inverse = lanes.same(1.0 / pivot);
-    // The column that is swept out makes room for that of the inverse.
-    let others = [lanes.part(&OTHERS[K], 0), lanes.part(&OTHERS[K], 1)];
-    let low = lanes.times_plus(rows[K][0], others[0], lanes.part(&ONE[K], 0));
-    let high = lanes.times_plus(rows[K][1], others[1], lanes.part(&ONE[K], 1));
+    // The column that is swept out makes room for that of the inverse: with one more than the pivot in its place, what all other columns do does that too.
+    let one = [lanes.part(&ONE[K], 0), lanes.part(&ONE[K], 1)];
+    let (low, high) = (lanes.plus(rows[K][0], one[0]), lanes.plus(rows[K][1], one[1]));
     for (i, row) in rows.iter_mut().enumerate() {
         *row = if i == K {
-            [lanes.times(low, inverse), lanes.times(high, inverse)]
+            let swept = [lanes.times(low, inverse), lanes.times(high, inverse)];
+            [lanes.minus(swept[0], one[0]), lanes.minus(swept[1], one[1])]
         } else {
             let factor = lanes.same(entry::<S, K>(lanes, row));
-            let kept = [lanes.times(row[0], others[0]), lanes.times(row[1], others[1])];
             let (low, high) = (lanes.times(low, factor), lanes.times(high, factor));
-            [lanes.times_from(low, inverse, kept[0]), lanes.times_from(high, inverse, kept[1])]
+            [lanes.times_from(low, inverse, row[0]), lanes.times_from(high, inverse, row[1])]
         };
     }
     Some(())
@@ -68,19 +67,15 @@ fn entry<S: Lanes, const K: usize>(lanes: S, row: &[S::Four; 2]) -> f64 {
 }
 
 /// One where the column is the row's.
-static ONE: Matrix = columns(1.0, 0.0);
-/// One where it is not.
-static OTHERS: Matrix = columns(0.0, 1.0);
-
-const fn columns(own: f64, others: f64) -> Matrix {
-    let mut rows = [[others; JOINTS_MAX]; ROWS];
+static ONE: Matrix = {
+    let mut rows = [[0.0; JOINTS_MAX]; ROWS];
     let mut i = 0;
     while i < ROWS {
-        rows[i][i] = own;
+        rows[i][i] = 1.0;
         i += 1;
     }
     rows
-}
+};
 
 #[cfg(test)]
 mod tests {

@@ -5,12 +5,14 @@
 //!
 //! Promises: an undamped step foretells how large the next will be, a damped one nothing. Never: an evaluation of the model.
 
+use crate::joints::{apply, largest};
 use crate::normal::{Matrix, ROWS, invert};
 use crate::rows::{Rows, TaskError};
 use core::array;
+use glam::DVec3;
 use libm::sqrt;
 use physics::lanes::{Lanes, Three, WIDTH, Work, widest};
-use physics::{Arm, Chain, Evaluation, Following, JOINTS_MAX, Joints, Motions, Told};
+use physics::{Arm, Evaluation, Following, JOINTS_MAX, Joints, Motions, Told};
 
 /// A step that is larger than this share of the one before asks for a new inverse.
 const SHRINKS: f64 = 0.1;
@@ -24,8 +26,8 @@ const DAMPED_TRIES: u32 = 6;
 pub(crate) struct Here<'a> {
     pub(crate) arm: &'a Arm,
     pub(crate) seen: &'a Evaluation,
-    /// The geometry that counts.
-    pub(crate) chain: &'a Chain,
+    /// Whether the real geometry counts, else the controller's.
+    pub(crate) is_real: bool,
     pub(crate) told: &'a Told,
     pub(crate) rows: &'a Rows,
 }
@@ -44,6 +46,9 @@ pub(crate) struct Step {
 
 /// How each of the task's rows changes with each joint, or each joint with each row.
 type Rates = Matrix;
+
+/// Parts of four that hold all joints of any arm.
+const PARTS_MAX: usize = JOINTS_MAX / WIDTH;
 
 /// The linearised task at one trial.
 #[derive(Clone, Copy, Debug, Default)]
@@ -66,29 +71,42 @@ impl Slopes {
 
     #[inline(always)]
     fn see_in<S: Lanes>(&mut self, lanes: S, here: &Here<'_>) {
-        let Here { arm, seen, chain, told, rows } = here;
+        let Here { arm, seen, is_real, told, rows } = here;
         let count = arm.count().min(JOINTS_MAX);
         (self.joints, self.frees_tool_axis) = (count, rows.free_tool_axis);
-        self.motions.take(lanes, arm, chain);
-        told.follow(lanes, count, &seen.loads, &mut self.following);
-        let Self { motions: Motions { linear, angular }, following, .. } = self;
-        let tcp = chain.base_from_tool.origin;
+        let Self { motions, following, rates, .. } = self;
+        let chain = if *is_real { &seen.real } else { &seen.nominal };
+        let mut taken = &seen.loads.motions;
+        if *is_real {
+            motions.take(lanes, arm, chain);
+            taken = motions;
+        }
+        let Motions { linear, angular } = taken;
+        told.follow(lanes, &seen.loads, following);
+        // A joint moves the tool by itself, and by what it changes of all joints' deviations and of the base's turn.
+        let nothing = Three::same(lanes, DVec3::ZERO);
+        let (mut moved, mut turned) = ([nothing; PARTS_MAX], [nothing; PARTS_MAX]);
         for k in 0..S::PARTS {
-            // A joint moves the tool by itself, and by what it changes of all joints' deviations and of the base's turn.
-            let (mut moved, mut turned) = (linear.part(lanes, k), angular.part(lanes, k));
-            for i in 0..count {
-                let follows = lanes.part(&following.joints[i], k);
-                moved = moved.plus_times(Three::same(lanes, linear.at(i)), follows);
-                turned = turned.plus_times(Three::same(lanes, angular.at(i)), follows);
+            (moved[k], turned[k]) = (linear.part(lanes, k), angular.part(lanes, k));
+        }
+        for i in 0..count {
+            let (along, about) =
+                (Three::same(lanes, linear.at(i)), Three::same(lanes, angular.at(i)));
+            for k in 0..S::PARTS {
+                let follows = told.row(lanes, (following, &seen.loads), (i, k));
+                moved[k] = moved[k].plus_times(along, follows);
+                turned[k] = turned[k].plus_times(about, follows);
             }
+        }
+        let tcp = Three::same(lanes, chain.base_from_tool.origin);
+        for k in 0..S::PARTS {
+            let (mut moved, mut turned) = (moved[k], turned[k]);
             if following.turns_base {
                 let (x, y) = (lanes.part(&following.base_x, k), lanes.part(&following.base_y, k));
-                let z = lanes.same(0.0);
                 (turned.x, turned.y) = (lanes.plus(turned.x, x), lanes.plus(turned.y, y));
-                let base = Three::of(lanes, [x, y, z]);
-                moved = base.cross_plus(Three::same(lanes, tcp), moved);
+                moved = Three::of(lanes, [x, y, lanes.same(0.0)]).cross_plus(tcp, moved);
             }
-            rows.put(lanes, (moved, turned), &mut self.rates, k);
+            rows.put(lanes, (moved, turned), rates, k);
         }
     }
 
@@ -333,21 +351,4 @@ impl Work for Refine<'_> {
         let (left, more) = (slopes.left_in(lanes, &left, &more), largest(&more));
         (by, left, more * (more / rough))
     }
-}
-
-pub(crate) fn apply(q: &mut Joints, step: &Joints) {
-    for (q, step) in q.iter_mut().zip(step) {
-        *q += step;
-    }
-}
-
-pub(crate) fn largest(step: &Joints) -> f64 {
-    // Four at once: one after the other, each would wait for the last.
-    let mut most = [0.0_f64; WIDTH];
-    for four in step.as_chunks::<WIDTH>().0 {
-        for (most, x) in most.iter_mut().zip(four) {
-            *most = if x.abs() > *most { x.abs() } else { *most };
-        }
-    }
-    most.iter().fold(0.0, |most, x| most.max(*x))
 }

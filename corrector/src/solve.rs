@@ -8,10 +8,11 @@
 //! Where a solve begins decides how many evaluations it takes, not what it finds: to 1e-9 rad, as [`solve`] does.
 //! Never: a jump to another branch of solutions, memory of effects (what they remember stays as it is during the solve).
 
+use crate::joints::{apply, are_within, off};
 use crate::outcome::Residual;
 use crate::rows::{Rows, TaskError};
 use crate::settings::Task;
-use crate::slopes::{Here, Slopes, Step, apply};
+use crate::slopes::{Here, Slopes, Step};
 use crate::trace::{Ended, Trace, is_alone, is_small};
 use physics::{Chain, Evaluation, Inputs, Joints, Memories, Model, Told};
 
@@ -131,7 +132,7 @@ impl Solver {
         let ended = Ended::default();
         let mut way = Way { trial, rows, error, is_real: true, last: None, steps: 0, ended };
         let arm = &model.arm;
-        slopes.see(&Here { arm, seen, chain: &seen.real, told, rows: &way.rows });
+        slopes.see(&Here { arm, seen, is_real: true, told, rows: &way.rows });
         let step = slopes.undamped(&way.error)?;
         let Step { by, size, left, .. } = step;
         let curvature = slopes.curvature(told)?;
@@ -169,9 +170,9 @@ impl Solver {
             if seen.beyond.is_some() || way.error.is_done() {
                 return way.here(seen.beyond.is_none(), &way.error, task);
             }
-            let chain = if way.is_real { &seen.real } else { &seen.nominal };
             let allowed = |step: &Joints| stays_within(&way.trial.q, step, &inputs.q, reach);
-            slopes.see(&Here { arm: &model.arm, seen, chain, told, rows: &way.rows });
+            let Way { is_real, rows, .. } = &*way;
+            slopes.see(&Here { arm: &model.arm, seen, is_real: *is_real, told, rows });
             let again = way.last.as_ref().and_then(|last| slopes.again(last, &way.error, told));
             let next = again.filter(|next| allowed(&next.by));
             let next = next.or_else(|| slopes.first(&way.error, allowed));
@@ -232,10 +233,8 @@ impl Way {
     }
 }
 
-/// What is not a number does not stay anywhere.
 fn stays_within(q: &Joints, step: &Joints, centre: &Joints, reach: &Joints) -> bool {
-    let after = q.iter().zip(step).map(|(q, step)| q + step);
-    let ways = after.zip(centre).zip(reach);
-    // Without a way out in between, so that all joints are looked at at once.
-    ways.fold(true, |stays, ((after, centre), reach)| stays & ((after - centre).abs() <= *reach))
+    let mut way = off(q, centre);
+    apply(&mut way, step);
+    are_within(&way, reach, 1.0)
 }

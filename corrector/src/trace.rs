@@ -7,7 +7,8 @@
 //! the last solve from a command showed, and at least [`BENDS`]. A pose where another solution could be near, or whose correction is large, is solved from its
 //! command; so is every command that comes [`RENEWED_S`] after the last such one of a motion. Never: a part in what a solution is.
 
-use crate::slopes::{MARGIN, largest};
+use crate::joints::{are_within, largest, length, off, product};
+use crate::slopes::MARGIN;
 use crate::solve::{STEP_DONE, Solution};
 use physics::{Inputs, Joints};
 
@@ -65,11 +66,8 @@ impl Trace {
         }
         let mut guess = last.correction;
         if let Some(before) = &self.before {
-            let (mut along, mut square) = (0.0, 0.0);
-            for (q, (last, before)) in inputs.q.iter().zip(last.q.iter().zip(&before.q)) {
-                along += (q - last) * (last - before);
-                square += (last - before) * (last - before);
-            }
+            let (way, way_before) = (off(&inputs.q, &last.q), off(&last.q, &before.q));
+            let (along, square) = (product(&way, &way_before), product(&way_before, &way_before));
             // No way at all: the correction stays.
             let carried = if square > 0.0 { along / square } else { 0.0 };
             let carried = carried.clamp(-CARRIED_MAX, CARRIED_MAX);
@@ -92,8 +90,8 @@ impl Trace {
 
     /// How large the step after `by` is at most.
     pub(crate) fn foretell(&self, by: &Joints, curvature: f64) -> f64 {
-        let (sum, size) = (by.iter().map(|by| by.abs()).sum::<f64>(), largest(by));
-        0.5 * curvature * sum * sum + self.bends * size * size
+        let (length, size) = (length(by), largest(by));
+        0.5 * curvature * length * length + self.bends * size * size
     }
 
     /// Takes a solution for the command in `inputs`, and what had been guessed of it.
@@ -108,7 +106,6 @@ impl Trace {
             *self = Self::default();
             return;
         }
-        let off = |a: &Joints, b: &Joints| -> Joints { core::array::from_fn(|i| a[i] - b[i]) };
         let correction = off(&solution.q, &inputs.q);
         if ended.from_command {
             (self.bends, self.moved_s) = (BENDS, 0.0);
@@ -126,10 +123,10 @@ impl Trace {
 
 /// Whether a correction is so small a part of `reach` that no step from the command to it is damped.
 pub(crate) fn is_small(correction: &Joints, reach: &Joints) -> bool {
-    correction.iter().zip(reach).all(|(correction, reach)| correction.abs() <= WITHIN * reach)
+    are_within(correction, reach, WITHIN)
 }
 
 /// Whether a correction is so small for this curvature that a solve from the command finds no other.
 pub(crate) fn is_alone(correction: &Joints, curvature: f64) -> bool {
-    curvature * correction.iter().map(|x| x.abs()).sum::<f64>() < UNIQUE
+    curvature * length(correction) < UNIQUE
 }

@@ -72,6 +72,8 @@ pub struct Tool {
 pub struct Arm {
     joints: [Joint; JOINTS_MAX],
     along: [Along; JOINTS_MAX],
+    /// A bit for each joint that slides.
+    slides: u32,
     count: usize,
     /// The tool.
     pub tool: Tool,
@@ -126,7 +128,9 @@ impl Arm {
         }
         check_tool(&tool)?;
         let along = all.map(|joint| Along::of(joint.axis));
-        Ok(Self { joints: all, along, count: joints.len(), tool, gravity })
+        let slides = |i: usize| u32::from(joints[i].kind == JointKind::Prismatic) << i;
+        let slides = (0..joints.len()).map(slides).sum();
+        Ok(Self { joints: all, along, slides, count: joints.len(), tool, gravity })
     }
 
     /// The joints, base to flange.
@@ -143,6 +147,13 @@ impl Arm {
     #[inline(always)]
     pub(crate) fn along(&self, i: usize) -> Along {
         self.along[i]
+    }
+
+    /// Joints that slide.
+    #[inline(always)]
+    pub(crate) fn slides(&self) -> impl Iterator<Item = usize> {
+        let slides = self.slides;
+        (0..self.count).take_while(move |i| slides >> i != 0).filter(move |i| slides >> i & 1 == 1)
     }
 
     /// Whether every position is finite and within its joint's limits.

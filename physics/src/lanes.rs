@@ -120,6 +120,14 @@ impl<S: Lanes> Three<S> {
         Self { lanes, x, y, z: lanes.minus(self.z, other.z) }
     }
 
+    /// `self × factor`.
+    #[inline(always)]
+    pub fn times(self, factor: S::Four) -> Self {
+        let lanes = self.lanes;
+        let (x, y) = (lanes.times(self.x, factor), lanes.times(self.y, factor));
+        Self { lanes, x, y, z: lanes.times(self.z, factor) }
+    }
+
     /// `self + other × factor`.
     #[inline(always)]
     pub fn plus_times(self, other: Self, factor: S::Four) -> Self {

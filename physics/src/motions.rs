@@ -3,7 +3,7 @@
 //! Promises: those of [`Chain::motion_of`], to rounding. Never: a load or an effect.
 
 use crate::lanes::{Lanes, Three, Vectors};
-use crate::{Arm, Chain, JointKind};
+use crate::{Arm, Chain};
 use glam::DVec3;
 
 /// How the tool moves per unit of each joint, base axes.
@@ -30,14 +30,5 @@ impl Motions {
             self.linear.set(i, chain.axes[i]);
             self.angular.set(i, DVec3::ZERO);
         }
-    }
-}
-
-impl Arm {
-    /// Joints that slide.
-    #[inline(always)]
-    pub(crate) fn slides(&self) -> impl Iterator<Item = usize> {
-        let joints = self.joints().iter().enumerate();
-        joints.filter(|(_, joint)| joint.kind == JointKind::Prismatic).map(|(i, _)| i)
     }
 }

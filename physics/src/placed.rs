@@ -51,7 +51,12 @@ impl<S: Lanes> Placed<S> {
     #[inline(always)]
     pub(crate) fn of(lanes: S, frame: &Frame) -> Self {
         let DMat3 { x_axis, y_axis, z_axis } = frame.rotation;
-        let columns = [lanes.vector(x_axis), lanes.vector(y_axis), lanes.vector(z_axis)];
+        // The fourth of each does not count: with what lies beside it, four are read at once.
+        let columns = [
+            lanes.of([x_axis.x, x_axis.y, x_axis.z, y_axis.x]),
+            lanes.of([y_axis.x, y_axis.y, y_axis.z, z_axis.x]),
+            lanes.of([z_axis.x, z_axis.y, z_axis.z, frame.origin.x]),
+        ];
         Self { lanes, columns, origin: lanes.vector(frame.origin) }
     }
 

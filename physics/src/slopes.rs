@@ -5,10 +5,9 @@
 //!
 //! Promises: exact where [`Told::is_whole`], held by the conformance suite. Never: a deviation of links, axes or tool.
 
-use crate::lanes::{Lanes, Three, Vectors};
+use crate::lanes::{Lanes, Three, Vectors, WIDTH};
 use crate::laws::Laws;
-use crate::{JOINTS_MAX, Joints, Loads, Wrench};
-use glam::DVec3;
+use crate::{JOINTS_MAX, Joints, Loads, Motions};
 
 /// How what one effect adds follows the arm, memory as it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -93,99 +92,111 @@ impl Told {
 
     /// How the deviations follow the arm at `loads`; in place of what followed the same arm.
     #[inline(always)]
-    pub fn follow<S: Lanes>(&self, lanes: S, count: usize, loads: &Loads, into: &mut Following) {
-        let count = count.min(JOINTS_MAX);
-        for (i, own) in OWN.iter().enumerate().take(count) {
-            let (row, is_wide) = (&mut into.joints[i], self.is_wide(i));
-            for k in 0..S::PARTS {
-                let from =
-                    if is_wide { lanes.part(&self.positions[i], k) } else { lanes.same(0.0) };
-                // One number put among four that were just written would have to wait until these are.
-                let own = lanes.part(own, k);
-                lanes.put(lanes.times_plus(own, lanes.same(self.position[i]), from), row, k);
-            }
-        }
+    pub fn follow<S: Lanes>(&self, lanes: S, loads: &Loads, into: &mut Following) {
         into.turns_base = self.base != 0.0;
         if !self.is_coupled {
             return;
         }
-        let Loads { gravity, wrench, .. } = *loads;
-        if self.is_even {
-            swing(lanes, loads, (gravity, wrench), (&self.gravity, count), into);
-        } else {
-            let nothing = DVec3::ZERO;
-            swing(lanes, loads, (gravity, Wrench::ZERO), (&self.gravity, count), into);
-            swing(lanes, loads, (nothing, wrench), (&self.wrench, count), into);
+        let (gravity, force) = (loads.gravity, loads.wrench.force);
+        let (gravity, force) = (Three::same(lanes, gravity), Three::same(lanes, force));
+        let moment = Three::same(lanes, loads.wrench.moment);
+        for k in 0..S::PARTS {
+            let Motions { linear, angular } = &loads.motions;
+            let (linear, angular) = (linear.part(lanes, k), angular.part(lanes, k));
+            let (of_gravity, of_wrench) =
+                (lanes.part(&self.gravity, k), lanes.part(&self.wrench, k));
+            let swung = loads.swings.part(lanes, k).cross(gravity);
+            let all = linear.cross_plus(force, swung);
+            if self.is_even {
+                into.pulled[0].put(all, k);
+                into.bent.put(angular.cross_plus(moment, all).times(of_gravity), k);
+            } else {
+                let pulled = linear.cross(force);
+                into.pulled[0].put(swung, k);
+                into.pulled[1].put(pulled, k);
+                let turned = angular.cross_plus(moment, pulled).times(of_wrench);
+                into.bent.put(turned.plus_times(swung, of_gravity), k);
+                into.bends[1].put(angular.times(of_wrench), k);
+            }
+            into.bends[0].put(angular.times(of_gravity), k);
+            if into.turns_base {
+                let base = lanes.same(self.base);
+                lanes.put(lanes.times(all.x, base), &mut into.base_x, k);
+                lanes.put(lanes.times(all.y, base), &mut into.base_y, k);
+            }
         }
-        if into.turns_base {
+    }
+
+    /// What joint `i` deviates more per unit of joints `4 k` to `4 k + 3`, by what [`Told::follow`] found at `loads`. A joint up to the loaded one turns what is
+    /// loaded; one beyond it moves what pulls.
+    #[inline(always)]
+    pub fn row<S: Lanes>(
+        &self,
+        lanes: S,
+        (following, loads): (&Following, &Loads),
+        (i, k): (usize, usize),
+    ) -> S::Four {
+        let (own, lane) = (i / WIDTH, i % WIDTH);
+        let mut row = lanes.same(0.0);
+        if self.is_wide(i) {
+            row = lanes.part(&self.positions[i], k);
+        }
+        if own == k {
+            row = lanes.times_plus(lanes.of(OWN[lane]), lanes.same(self.position[i]), row);
+        }
+        if !self.is_coupled {
+            return row;
+        }
+        let (mut before, mut beyond) = (row, row);
+        if k <= own {
+            let bent = Three::same(lanes, following.bent.at(i));
+            before = loads.motions.angular.part(lanes, k).dot_plus(bent, row);
+        }
+        if k >= own {
+            let bends = Three::same(lanes, following.bends[0].at(i));
+            beyond = following.pulled[0].part(lanes, k).dot_plus(bends, beyond);
             if !self.is_even {
-                into.pulls.take(lanes, loads, (gravity, wrench));
+                let bends = Three::same(lanes, following.bends[1].at(i));
+                beyond = following.pulled[1].part(lanes, k).dot_plus(bends, beyond);
             }
-            for k in 0..S::PARTS {
-                let (pulled, base) = (into.pulls.pulled.part(lanes, k), lanes.same(self.base));
-                lanes.put(lanes.times(pulled.x, base), &mut into.base_x, k);
-                lanes.put(lanes.times(pulled.y, base), &mut into.base_y, k);
-            }
+        }
+        if k == own {
+            let up_to = lanes.of(UP_TO[lane]);
+            lanes.times_plus(up_to, lanes.minus(before, beyond), beyond)
+        } else if k < own {
+            before
+        } else {
+            beyond
         }
     }
 }
 
-/// How deviations follow the arm.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// How deviations follow the arm, as far as loads go.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Following {
-    /// What each joint deviates more, per unit of each joint's position: a row a joint.
-    pub joints: [Joints; JOINTS_MAX],
     /// Whether the base turns; what it turns more about x and y, rad per unit of each joint's position.
     pub turns_base: bool,
     /// About x.
     pub base_x: Joints,
     /// About y.
     pub base_y: Joints,
-    pulls: Pulls,
+    /// How the moment about what a joint does changes, per unit of the joint, Nm: of all loads where gravity and the wrench bend every joint alike, else of each.
+    pulled: [Vectors; 2],
+    /// What each joint does, times what it bends under these loads.
+    bends: [Vectors; 2],
+    /// What bends each joint more as it is turned, in all.
+    bent: Vectors,
 }
 
-impl Default for Following {
-    fn default() -> Self {
-        let none = [0.0; JOINTS_MAX];
-        let pulls = Pulls::default();
-        Self { joints: [none; JOINTS_MAX], turns_base: false, base_x: none, base_y: none, pulls }
-    }
-}
+/// One where a joint of four is the row's.
+static OWN: [[f64; WIDTH]; WIDTH] = ones(false);
+/// One where it is not beyond the row's.
+static UP_TO: [[f64; WIDTH]; WIDTH] = ones(true);
 
-/// What pulls at what moves with each joint.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Pulls {
-    /// How the moment about what the joint does changes, per unit of the joint, Nm.
-    pulled: Vectors,
-    /// The same, and how the wrench's own moment does.
-    turned: Vectors,
-}
-
-impl Pulls {
-    #[inline(always)]
-    fn take<S: Lanes>(&mut self, lanes: S, loads: &Loads, (gravity, wrench): (DVec3, Wrench)) {
-        let (gravity, force) = (Three::same(lanes, gravity), Three::same(lanes, wrench.force));
-        let moment = Three::same(lanes, wrench.moment);
-        for k in 0..S::PARTS {
-            let swing = loads.swings.part(lanes, k);
-            let linear = loads.motions.linear.part(lanes, k);
-            let pulled = linear.cross_plus(force, swing.cross(gravity));
-            let angular = loads.motions.angular.part(lanes, k);
-            self.pulled.put(pulled, k);
-            self.turned.put(angular.cross_plus(moment, pulled), k);
-        }
-    }
-}
-
-/// One where a joint is the row's.
-static OWN: [Joints; JOINTS_MAX] = ones(false);
-/// One where a joint is not beyond the row's: what it turns, else what pulls at it counts.
-static UP_TO: [Joints; JOINTS_MAX] = ones(true);
-
-const fn ones(below_too: bool) -> [Joints; JOINTS_MAX] {
-    let mut rows = [[0.0; JOINTS_MAX]; JOINTS_MAX];
+const fn ones(below_too: bool) -> [[f64; WIDTH]; WIDTH] {
+    let mut rows = [[0.0; WIDTH]; WIDTH];
     let mut i = 0;
-    while i < JOINTS_MAX {
+    while i < WIDTH {
         let mut k = if below_too { 0 } else { i };
         while k <= i {
             rows[i][k] = 1.0;
@@ -194,34 +205,4 @@ const fn ones(below_too: bool) -> [Joints; JOINTS_MAX] {
         i += 1;
     }
     rows
-}
-
-/// Adds what each joint's load changes by per unit of each joint, times its compliance. A joint up to the loaded one turns what is loaded; one beyond it
-/// moves what pulls.
-#[inline(always)]
-fn swing<S: Lanes>(
-    lanes: S,
-    loads: &Loads,
-    pulling: (DVec3, Wrench),
-    (compliance, count): (&Joints, usize),
-    into: &mut Following,
-) {
-    into.pulls.take(lanes, loads, pulling);
-    let angular = &loads.motions.angular;
-    for i in 0..count.min(JOINTS_MAX) {
-        if compliance[i] == 0.0 {
-            continue;
-        }
-        let turned = Three::same(lanes, into.pulls.turned.at(i));
-        let own = Three::same(lanes, angular.at(i));
-        for k in 0..S::PARTS {
-            let before = angular.part(lanes, k).dot(turned);
-            let beyond = into.pulls.pulled.part(lanes, k).dot(own);
-            let up_to = lanes.part(&UP_TO[i], k);
-            let change = lanes.times_plus(up_to, lanes.minus(before, beyond), beyond);
-            let row = lanes.part(&into.joints[i], k);
-            let more = lanes.times_plus(change, lanes.same(compliance[i]), row);
-            lanes.put(more, &mut into.joints[i], k);
-        }
-    }
 }

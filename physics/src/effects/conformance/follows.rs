@@ -5,8 +5,8 @@ use crate::frame::vector_from_rotation;
 use crate::lanes::{Lanes, Work, widest};
 use crate::spec::ActsOn;
 use crate::{
-    Arm, Chain, Deviation, Evaluation, Following, Inputs, JOINTS_MAX, Loads, Memories, Memory,
-    Model, Told, Wrench,
+    Arm, Chain, Deviation, Evaluation, Following, Inputs, JOINTS_MAX, Joints, Loads, Memories,
+    Memory, Model, Told, Wrench,
 };
 use glam::DVec3;
 
@@ -15,12 +15,18 @@ const STEP: f64 = 1e-6;
 struct Follow<'a>(&'a Told, &'a Arm, &'a Evaluation);
 
 impl Work for Follow<'_> {
-    type Output = Following;
+    type Output = ([Joints; JOINTS_MAX], Following);
 
-    fn run<S: Lanes>(self, lanes: S) -> Following {
-        let mut into = Following::default();
-        self.0.follow(lanes, self.1.count(), &self.2.loads, &mut into);
-        into
+    fn run<S: Lanes>(self, lanes: S) -> Self::Output {
+        let Self(told, arm, Evaluation { loads, .. }) = self;
+        let (mut joints, mut following) = ([[0.0; JOINTS_MAX]; JOINTS_MAX], Following::default());
+        told.follow(lanes, loads, &mut following);
+        for (i, row) in joints.iter_mut().enumerate().take(arm.count()) {
+            for k in 0..S::PARTS {
+                lanes.put(told.row(lanes, (&following, loads), (i, k)), row, k);
+            }
+        }
+        (joints, following)
     }
 }
 
@@ -47,11 +53,11 @@ fn followed(
         inputs.q.iter_mut().zip(step).for_each(|(q, step)| *q += times * step);
         model.evaluate(&inputs, &memories)
     };
-    let following = widest(model.arm.count(), Follow(&told, &model.arm, &here));
+    let (joints, following) = widest(model.arm.count(), Follow(&told, &model.arm, &here));
     let by = |rates: &[f64; JOINTS_MAX]| {
         rates.iter().zip(step).map(|(rate, step)| rate * step).sum::<f64>()
     };
-    let joints = following.joints.map(|rates| by(&rates));
+    let joints = joints.map(|rates| by(&rates));
     let base = DVec3::new(by(&following.base_x), by(&following.base_y), 0.0);
     told.is_whole.then(|| (joints, base, [beside(-STEP), beside(STEP)]))
 }

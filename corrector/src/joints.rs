@@ -1,0 +1,54 @@
+//! Numbers of all joints looked at four side by side: one after the other, each would wait for the last.
+//!
+//! Promises: no way out in between, so that the compiler may take them together. Never: a judgement.
+
+use core::array;
+use physics::Joints;
+use physics::lanes::WIDTH;
+
+/// Adds a step.
+pub(crate) fn apply(q: &mut Joints, step: &Joints) {
+    for (q, step) in q.iter_mut().zip(step) {
+        *q += step;
+    }
+}
+
+/// `a − b`.
+pub(crate) fn off(a: &Joints, b: &Joints) -> Joints {
+    array::from_fn(|i| a[i] - b[i])
+}
+
+/// The largest of a step, whichever way.
+pub(crate) fn largest(step: &Joints) -> f64 {
+    let mut most = [0.0_f64; WIDTH];
+    for four in step.as_chunks::<WIDTH>().0 {
+        for (most, x) in most.iter_mut().zip(four) {
+            *most = if x.abs() > *most { x.abs() } else { *most };
+        }
+    }
+    most.iter().fold(0.0, |most, x| most.max(*x))
+}
+
+/// The sum of a step, all taken as ways to the same side.
+pub(crate) fn length(step: &Joints) -> f64 {
+    sum(&step.map(f64::abs))
+}
+
+/// `a · b`.
+pub(crate) fn product(a: &Joints, b: &Joints) -> f64 {
+    sum(&array::from_fn(|i| a[i] * b[i]))
+}
+
+fn sum(of: &Joints) -> f64 {
+    let mut sums = [0.0_f64; WIDTH];
+    for four in of.as_chunks::<WIDTH>().0 {
+        sums.iter_mut().zip(four).for_each(|(sum, x)| *sum += x);
+    }
+    let [a, b, c, d] = sums;
+    (a + b) + (c + d)
+}
+
+/// Whether each is within so many times what is allowed of it; what is not a number is not.
+pub(crate) fn are_within(step: &Joints, allowed: &Joints, times: f64) -> bool {
+    step.iter().zip(allowed).fold(true, |are, (x, allowed)| are & (x.abs() <= times * allowed))
+}
