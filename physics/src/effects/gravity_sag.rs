@@ -52,35 +52,43 @@ impl Effect for GravitySag {
 
     fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let sum: DVec3 = self.levers(signals).sum();
-        let down = signals.loads.gravity.normalize_or_zero();
-        let delta = signals.chain.axes[self.joint].dot(sum.cross(down));
-        Contribution::Joint { joint: self.joint, delta }
+        Contribution::Joint { joint: self.joint, delta: sum.dot(self.pull(signals)) }
+    }
+
+    fn slope(&self, signals: &Signals<'_>) -> Slope {
+        self.predict_and_slope(signals, &Memory::default()).1
     }
 
     /// A joint turns the levers of the bodies beyond it; one before ours turns our axis too.
-    fn slope(&self, signals: &Signals<'_>) -> Slope {
-        let (axes, joints) = (&signals.chain.axes, signals.arm.joints());
-        let down = signals.loads.gravity.normalize_or_zero();
-        let mut slopes = [0.0; JOINTS_MAX];
-        let mut sum = DVec3::ZERO;
+    fn predict_and_slope(&self, signals: &Signals<'_>, _memory: &Memory) -> (Contribution, Slope) {
+        let (axes, joints, joint) = (&signals.chain.axes, signals.arm.joints(), self.joint);
         let turns = |k: usize| {
             joints.get(k).is_some_and(|joint| joint.kind == JointKind::Revolute).then(|| axes[k])
         };
-        for (k, lever) in self.levers(signals).enumerate().map(|(k, s)| (self.joint + k, s)).rev() {
+        let (mut slopes, mut sum, pull) = ([0.0; JOINTS_MAX], DVec3::ZERO, self.pull(signals));
+        for (k, lever) in self.levers(signals).enumerate().map(|(k, s)| (joint + k, s)).rev() {
             sum += lever;
-            slopes[k] = turns(k).map_or(0.0, |by| axes[self.joint].dot(by.cross(sum).cross(down)));
+            slopes[k] = turns(k).map_or(0.0, |by| by.dot(sum.cross(pull)));
         }
-        for (k, slope) in slopes[..self.joint].iter_mut().enumerate() {
-            *slope = turns(k).map_or(0.0, |by| {
-                let turned = by.cross(axes[self.joint]).dot(sum.cross(down));
-                turned + axes[self.joint].dot(by.cross(sum).cross(down))
-            });
+        let all = sum.cross(pull) + axes[joint].cross(sum.cross(down(signals)));
+        for (k, slope) in slopes[..joint].iter_mut().enumerate() {
+            *slope = turns(k).map_or(0.0, |by| by.dot(all));
         }
-        Slope::Positions(slopes)
+        (Contribution::Joint { joint, delta: sum.dot(pull) }, Slope::Positions(slopes))
     }
 }
 
+/// Unit gravity, base axes.
+fn down(signals: &Signals<'_>) -> DVec3 {
+    signals.loads.gravity.normalize_or_zero()
+}
+
 impl GravitySag {
+    /// What the joint yields per unit of the levers' sum: `ĝ × eᵢ`.
+    fn pull(&self, signals: &Signals<'_>) -> DVec3 {
+        down(signals).cross(signals.chain.axes[self.joint])
+    }
+
     /// Of each body that the joint carries, its own first, where it is now, rad.
     fn levers<'s>(
         &'s self,
