@@ -1,8 +1,6 @@
-//! Structure that no name explains: a smooth law of the contract's words, and how much of what is left it explains on rows that it has not seen.
+//! What structure that no name explains may follow: the contract's words with their values, and the law that is told in them.
 //!
-//! Words alone and in pairs, each as a table of linear pieces (a tent at every knot; knots at even shares of the rows).
-//!
-//! Promises: a law is claimed where rows that took no part in its choice bear it out. Never: a formula.
+//! Promises: a joint's own words come first. Never: a fit.
 
 use super::motion::Motion;
 

@@ -36,21 +36,6 @@ fn an_amplifier_that_drifts_further_than_any_does_is_no_bias() {
     assert_eq!(found.unexplained.expect("told").words, ["t_s"]);
 }
 
-#[test]
-fn guides_that_resist_the_feed_follow_the_feed_and_not_time() {
-    let mut recording = MADE.recorded("");
-    let along = recording.column(Channel::Wrench(0)).expect("made");
-    let feed = recording.column(Channel::Feed).expect("made");
-    // In air the tool stands, so that nothing resists there: a bias would be in both.
-    let resisted = |(force, feed): (&f64, &f64)| force - if *feed > 0.0 { MADE.noise } else { 0.0 };
-    let resisted = along.iter().zip(feed).map(resisted).collect();
-    recording.set(Channel::Wrench(0), resisted);
-    let found = of(&recording);
-    assert_eq!(found.verdict, Verdict::UnknownStructure);
-    let rest = found.compared.expect("compared").unexplained.expect("a law");
-    assert_eq!((rest.axis, &rest.words[..]), (0, &["feed_mm_s".to_owned()][..]));
-}
-
 /// Passes one after the other, each a segment of its own.
 fn joined(passes: &[Recording]) -> Recording {
     let first = &passes[0];
