@@ -107,9 +107,18 @@ impl Rows {
 
     /// How the prediction changes with a motion of the tool, in units of the noise.
     pub(crate) fn along(&self, motion: &Motion) -> DVec3 {
+        self.along_parts((motion.turn, motion.shift), |joint| motion.joints[joint])
+    }
+
+    /// The same of a motion that is told in parts: how the tool turns and shifts, and how far a joint moves.
+    pub(crate) fn along_parts(
+        &self,
+        (turn, shift): (DVec3, DVec3),
+        joint_moves: impl FnOnce(usize) -> f64,
+    ) -> DVec3 {
         match self.by_joint {
-            Some(joint) => self.whitening.x_axis * motion.joints[joint],
-            None => self.by_turn * motion.turn + self.by_shift * motion.shift,
+            Some(joint) => self.whitening.x_axis * joint_moves(joint),
+            None => self.by_turn * turn + self.by_shift * shift,
         }
     }
 

@@ -5,6 +5,7 @@
 //!
 //! Promises: one pass over the campaign for all candidates. Never: a decision; see [`mod@crate::select`].
 
+mod series;
 mod sums;
 
 use crate::campaign::Campaign;
@@ -21,6 +22,7 @@ use crate::sheet::Sheet;
 use glam::DVec3;
 use nalgebra::DMatrix;
 use physics::{AnyEffect, EFFECTS_MAX, Evaluation};
+use series::Series;
 use std::sync::Arc;
 use sums::Sums;
 
@@ -98,23 +100,13 @@ impl<'a> Fitted<'a> {
                 numbers: candidates[from..end].iter().map(|c| c.probes.len()).collect(),
                 sigmas: batch.free.iter().map(|free| free.sigma).collect(),
             };
-            let found = self.scores_of(&asked, |pose, into| {
-                into.clear();
-                into.extend(motions.iter().map(|series| series[pose]));
+            let found = self.scores_along(&asked, |at, into| {
+                into.extend(motions.iter().map(|series| series.along(at.rows, at.pose)));
             });
             scores.extend(found.into_iter().map(|s| Score { candidate: s.candidate + from, ..s }));
             from = end;
         }
         scores
-    }
-
-    /// Scores of groups of columns, told by how the tool would move with each at a pose.
-    pub(crate) fn scores_of(
-        &self,
-        asked: &Asked,
-        motions: impl FnMut(usize, &mut Vec<Motion>),
-    ) -> Vec<Score> {
-        self.scores_along(asked, pose_by_pose(motions))
     }
 
     /// Scores of groups of columns that all move the tool as one motion does, told by how often they do so at a pose.
@@ -137,7 +129,8 @@ impl<'a> Fitted<'a> {
         })
     }
 
-    fn scores_along(
+    /// Scores of groups of columns, told by what each is at a reading.
+    pub(crate) fn scores_along(
         &self,
         asked: &Asked,
         columns: impl FnMut(&At<'_>, &mut Vec<DVec3>),
@@ -264,7 +257,7 @@ impl<'a> Fitted<'a> {
     /// with what is left (`Cᵀr`).
     pub(crate) fn products(
         &self,
-        series: &[&[Motion]],
+        series: &[&Series],
         places: &[usize],
     ) -> (DMatrix<f64>, DMatrix<f64>, Vec<f64>) {
         let count = series.len();
@@ -274,7 +267,7 @@ impl<'a> Fitted<'a> {
         let mut filled = 0;
         self.rows_along(
             count,
-            |at, into| into.extend(series.iter().map(|one| at.rows.along(&one[at.pose]))),
+            |at, into| into.extend(series.iter().map(|one| one.along(at.rows, at.pose))),
             |fitted, columns, right| {
                 let mut slot = block.column_mut(filled);
                 places.iter().enumerate().for_each(|(k, place)| slot[k] = fitted[*place]);
@@ -296,10 +289,13 @@ impl<'a> Fitted<'a> {
         (mixed, own, pulls)
     }
 
-    /// How the tool would move with each probe: one series over all poses, of which those that take part are told. The candidates remember for themselves.
-    fn batch_motions(&self, batch: &Hypothesis) -> Vec<Vec<Motion>> {
+    /// How the tool would move with each probe: one series over the poses up to the last that takes part. The candidates remember for themselves.
+    fn batch_motions(&self, batch: &Hypothesis) -> Vec<Series> {
         let arm = &batch.model.arm;
-        let mut all = vec![vec![Motion::default(); self.campaign.poses.len()]; batch.free.len()];
+        let (poses, reads_joints) =
+            (self.campaign.poses.len(), series::reads_joints(self.campaign));
+        let mut all: Vec<Series> =
+            batch.free.iter().map(|_| Series::new(poses, reads_joints)).collect();
         let rides = Rides::of(&batch.model, self.campaign);
         let slopes = rides.slopes(batch, self.campaign);
         let mut at_pose = Motions::of_candidates(batch);
@@ -311,7 +307,7 @@ impl<'a> Fitted<'a> {
             bare.real = bare.nominal;
             let mut motions = at_pose.at(inputs, memories, &bare);
             slopes.fill(arm, &bare, pose, &mut motions);
-            all.iter_mut().zip(motions).for_each(|(series, motion)| series[pose] = motion);
+            all.iter_mut().zip(&motions).for_each(|(series, motion)| series.put(pose, motion));
         });
         all
     }
@@ -333,8 +329,8 @@ fn pose_by_pose(
 
 /// How the tool moves with each probe of a candidate.
 pub(crate) struct Moves {
-    /// One series over all poses each.
-    pub(crate) of_probes: Vec<Vec<Motion>>,
+    /// One series each.
+    pub(crate) of_probes: Vec<Series>,
     /// How large the number of each may be.
     pub(crate) sigmas: Vec<f64>,
 }

@@ -24,11 +24,11 @@ mod rigid;
 mod smooth;
 mod stand;
 mod still;
-mod sums;
+pub(crate) mod sums;
 pub(crate) mod table;
 #[cfg(test)]
 mod tests;
-pub(crate) mod unknown;
+mod unknown;
 mod verdict;
 mod view;
 mod zone;

@@ -99,7 +99,7 @@ impl Gram {
         stated: &[(usize, f64)],
     ) -> Self {
         let moves = moves(fitted, entries);
-        let series = moves.iter().flat_map(|moves| moves.of_probes.iter().map(Vec::as_slice));
+        let series = moves.iter().flat_map(|moves| &moves.of_probes);
         let priors: Vec<f64> = moves.iter().flat_map(|moves| moves.sigmas.clone()).collect();
         let (mixed, own, pulls) = fitted.products(&series.collect::<Vec<_>>(), nuisance);
         let (fixed, count): (usize, usize) = (nuisance.len(), own.ncols());

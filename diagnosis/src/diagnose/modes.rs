@@ -10,7 +10,7 @@ use crate::candidates::{Candidate, Driven, mode};
 use crate::motion::Motion;
 use crate::rides::{Rides, paths};
 use crate::score::{Asked, Fitted, Score};
-use physics::{AnyEffect, Arm, Chain, Contribution, Deviation, Evaluation, Loads};
+use physics::{AnyEffect, Arm, Chain, Contribution, Evaluation, Joints};
 use world::dynamics::Rings;
 
 /// From one frequency to the next.
@@ -139,24 +139,56 @@ fn best(
         numbers: candidates.iter().map(|candidate| candidate.probes.len()).collect(),
         sigmas: candidates.iter().flat_map(|c| &c.probes).map(|p| sigma(p.value)).collect(),
     };
-    let arm = &model.arm;
-    let scores = fitted.scores_of(&asked, |pose, into| {
-        let inputs = rides.inputs(fitted.campaign, pose);
-        let nominal = Chain::nominal(arm, &inputs.q);
-        let loads = Loads::on(arm, &nominal, inputs.wrench_base);
-        let deviation = Deviation::default();
-        let bare = Evaluation { nominal, loads, deviation, real: nominal, beyond: None };
-        let unit = |rings: &Rings| match *rings {
-            Rings::Joint(joint) => Motion::of_joint(arm, &nominal, joint),
-            Rings::Base(axis) => {
-                let turn = Contribution::BaseTurn { turn: axis };
-                Motion::of(arm, &bare, &turn).unwrap_or_default()
-            }
+    let units = Units::of(&model.arm, &columns);
+    let (mut now, mut moved) = (usize::MAX, Vec::new());
+    let scores = fitted.scores_along(&asked, |at, into| {
+        if now != at.pose {
+            now = at.pose;
+            moved = units.at(&rides.inputs(fitted.campaign, now).q);
+        }
+        let along = |((_, by), unit): (&(Rings, Vec<f64>), &usize)| {
+            let (unit, by): (&Motion, f64) = (&moved[*unit], by[now]);
+            at.rows.along_parts((unit.turn * by, unit.shift * by), |joint| unit.joints[joint] * by)
         };
-        into.clear();
-        into.extend(columns.iter().map(|(rings, by)| unit(rings).times(by[pose])));
+        into.extend(columns.iter().zip(&units.of_column).map(along));
     });
     let sound = |score: &Score| crate::select::is_sound(&candidates[score.candidate], &score.found);
     let sound = scores.into_iter().filter(sound);
     sound.map(|score| (candidates[score.candidate].clone(), score.gain)).collect()
+}
+
+/// How the tool moves with one of each thing that rings.
+struct Units<'a> {
+    arm: &'a Arm,
+    rings: Vec<Rings>,
+    /// Which of them each column is a multiple of.
+    of_column: Vec<usize>,
+}
+
+impl<'a> Units<'a> {
+    fn of(arm: &'a Arm, columns: &[(Rings, Vec<f64>)]) -> Self {
+        let mut rings: Vec<Rings> = Vec::new();
+        let mut place = |one: &Rings| {
+            rings.iter().position(|other| other == one).unwrap_or_else(|| {
+                rings.push(*one);
+                rings.len() - 1
+            })
+        };
+        let of_column = columns.iter().map(|(one, _)| place(one)).collect();
+        Self { arm, rings, of_column }
+    }
+
+    /// Where the controller has the joints.
+    fn at(&self, q: &Joints) -> Vec<Motion> {
+        let nominal = Chain::nominal(self.arm, q);
+        let bare = Evaluation { nominal, real: nominal, ..Evaluation::default() };
+        let unit = |rings: &Rings| match *rings {
+            Rings::Joint(joint) => Motion::of_joint(self.arm, &nominal, joint),
+            Rings::Base(axis) => {
+                let turn = Contribution::BaseTurn { turn: axis };
+                Motion::of(self.arm, &bare, &turn).unwrap_or_default()
+            }
+        };
+        self.rings.iter().map(unit).collect()
+    }
 }

@@ -1,7 +1,7 @@
 //! Forces against a told cut: where they differ from what the law of the teeth says, and which effect of cutter or sensor that is.
 //!
 //! Read in this order: `law` (what a sensor would read), `rows` (which rows are compared), `ways` (into the work and out of it), `spindle` (where it stands), `gross` (whether it is this cut), `case` (slopes, noise), `names` (what may
-//! be missing), `sets` (which of them), `tone`, `found` (numbers and rivals), `rest` (what no name explains), `finish` (the proof, the verdict), `view` (for the page).
+//! be missing), `sets` (which of them), `tone`, `found` (numbers and rivals), `laws`, `rest` (what no name explains), `finish` (the proof, the verdict), `view` (for the page).
 //!
 //! Promises: the same input gives the same bits; held-out rows are seen by no choice and no fit; where the told cut does not say enough, why is said.
 //! Never: a file, a law of cutting that `physics` does not have.
@@ -11,6 +11,7 @@ mod finish;
 mod found;
 mod gross;
 mod law;
+mod laws;
 mod names;
 mod rest;
 mod rows;

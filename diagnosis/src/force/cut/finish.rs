@@ -10,9 +10,11 @@ use std::collections::BTreeMap;
 use super::case::{Belief, Case};
 use super::found::{self, Weighed, with_instead};
 use super::law::{LEAK, SCALE, Slot, TURN};
+use super::laws;
 use super::names::{BEYOND, KINDS, TONE};
 use super::rest::{self, Rest};
 use super::rows::Rows;
+use super::sets;
 use super::view::{Traced, has_one_feed, not_tested, notes, signal, traces};
 use crate::diagnose::Verdict;
 use crate::torque::choose::{Asking, Choice, others};
@@ -31,10 +33,10 @@ const LIKELY: f64 = 0.95;
 const SWAPS: usize = 3;
 /// Beside a name that brings so much and is alike none other, the alike ones are told as sets.
 const SURE: f64 = 20.0;
-/// One law says more than all names where it carries more by this share.
-const CLEARLY: f64 = 0.02;
-/// And by so much more than chance makes of it, in units of the noise, squared.
-const BY_CHANCE: f64 = 20.0;
+/// One law says more than all names where it is worth more by this share, rows that train and rows held out together: names are the cut's own law to about as much.
+const CLEARLY: f64 = 0.01;
+/// And by so much more than chance makes of it, in log-likelihood.
+const BY_CHANCE: f64 = 10.0;
 /// The other numbers make one no less sure than this, as a ratio of variances, or it is not asked for.
 const APART: f64 = 1e5;
 
@@ -80,7 +82,7 @@ pub(super) fn finish(
 ) -> Compared {
     let seen = case.sets.seen();
     let mut names = settled(&mut case, names, &seen);
-    let is_patched = is_patched(&case, &names, &seen);
+    let is_patched = is_patched(&case, &names);
     if is_patched {
         names = settled(&mut case, &[], &seen);
     }
@@ -114,7 +116,7 @@ pub(super) fn finish(
     };
     let findings: Vec<Finding> = listed.into_iter().filter_map(finding).collect();
     let refits = refits(&case, model, &asking, &choice, &covariance);
-    let law = rest::rest(&case, &choice.solved, &case.belief);
+    let law = rest::rest(&case, &asking.columns(&names));
     let given = asking.solve(&[]);
     let heldout = [&given, &choice].map(|one| rms(&one.solved));
     let creeping = rest::creeping(&case, &case.belief);
@@ -161,8 +163,8 @@ fn beyond_names(held: [f64; 2]) -> Rest {
     Rest { axis: 0, words: vec!["wrench".to_owned()], held, tone_hz: None, carries: 0.0 }
 }
 
-/// Whether names are patches on something that is none of them: one law of one axis says more than all of them, or a number is beyond what a sensor can be off by.
-fn is_patched(case: &Case, names: &[usize], seen: &[bool]) -> bool {
+/// Whether names are patches on something that is none of them: one law says more than all of them, or a number is beyond what a sensor can be off by.
+fn is_patched(case: &Case, names: &[usize]) -> bool {
     if names.is_empty() {
         return false;
     }
@@ -171,33 +173,22 @@ fn is_patched(case: &Case, names: &[usize], seen: &[bool]) -> bool {
     if [SCALE, TURN, LEAK].into_iter().any(is_beyond) {
         return true;
     }
-    let products = case.products(seen);
+    let products = case.products(&case.sets.train);
     let asking = Asking { library: &case.library, products: &products, always: &case.always };
     let (given, choice) = (asking.solve(&[]), asking.solve(names));
-    let told = Belief::as_told(case.belief.spindle.clone());
-    let law = rest::law(case, &given.solved, &told);
-    let least = BY_CHANCE + (1.0 + CLEARLY) * carried(case, &given, &choice);
-    law.is_some_and(|law| law.carries > least)
+    let prices = names.iter().map(|name| sets::price_of(&asking, &case.library.families[*name]));
+    let worth = choice.solved.gain - given.solved.gain - prices.sum::<f64>();
+    let bare = Case { belief: Belief::as_told(case.belief.spindle.clone()), ..case.clone() };
+    let law = laws::law(&bare, &case.always, &bare.belief);
+    let evidence = |worth: f64, carries: f64| worth + 0.5 * carries;
+    let least = (1.0 + CLEARLY) * evidence(worth, carried(case, &given, &choice)) + BY_CHANCE;
+    law.is_some_and(|law| evidence(law.worth, law.rest.carries) > least)
 }
 
-/// What a choice carries on held-out rows of the energy that is off as given, in units of the noise.
+/// What a choice carries on held-out rows of the energy that is off as given, in units of what is new in the noise.
 fn carried(case: &Case, given: &Choice, choice: &Choice) -> f64 {
-    let held = &case.sets.held;
-    let energy = |choice: &Choice| {
-        let rms = case.rms(&choice.solved, held);
-        rms * rms
-    };
-    let axes: Vec<usize> = case.table.joints().collect();
-    let count: f64 = axes
-        .iter()
-        .map(|axis| {
-            let counts = case.table.counts[*axis].iter().zip(held);
-            counts.filter(|(a, b)| **a && **b).count() as f64
-        })
-        .sum();
-    let scale = axes.iter().map(|axis| case.table.noise[*axis].1.ln()).sum::<f64>();
-    let scale = libm::exp(2.0 * scale / (axes.len().max(1) as f64));
-    (energy(given) - energy(choice)).max(0.0) * count / scale
+    let left = |choice: &Choice| 2.0 * case.left_white(&choice.solved, &case.sets.held);
+    (left(given) - left(choice)).max(0.0)
 }
 
 /// The names that stand on all rows that were seen, and the belief that they make: numbers that are not nothing, borne out by rows held out.

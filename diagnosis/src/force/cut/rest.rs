@@ -6,12 +6,9 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use super::case::{Belief, Case, DRIFTS};
+use super::laws::{self, Law};
 use crate::torque::prove::sum;
-use crate::torque::table::Solved;
-use crate::torque::unknown::{Word, law_of};
 
-/// The least share of what is left that a law explains on rows unseen, as energy.
-const SHARE: f64 = 5e-3;
 /// Turns from which on it is asked whether the force wanders from turn to turn.
 const TURNS: f64 = 30.0;
 /// It does where it is so many times what the noise makes of it, and so many standard deviations beyond.
@@ -32,62 +29,19 @@ pub struct Rest {
     pub held: [f64; 2],
     /// The tone that it is, Hz, where it is one.
     pub tone_hz: Option<f64>,
-    /// What it carries of the energy of what is left, N².
+    /// What it carries of the energy of what is left on rows held out, in units of what is new in the noise.
     pub(super) carries: f64,
 }
 
-/// What explains most of what is left beside a belief: a law of one axis, or a force that wanders.
-pub(super) fn rest(case: &Case, solved: &Solved, belief: &Belief) -> Option<Rest> {
-    let law = law(case, solved, belief);
-    let carried = law.as_ref().map_or(0.0, |one| one.carries);
-    wandering(case, belief).filter(|one| one.carries > carried).or(law)
-}
-
-/// The law that explains most of what is left on one axis beside a belief.
-pub(super) fn law(case: &Case, solved: &Solved, belief: &Belief) -> Option<Rest> {
-    let spindle = &belief.spindle;
-    let angle = |row: usize| spindle.angle(&case.law.rows[row]);
-    let of = |value: &dyn Fn(usize) -> f64| -> Vec<f64> {
-        (0..case.law.rows.len()).map(value).collect()
+/// What explains most of what is left beside some columns of the library: a law, or a force that wanders beside that law.
+pub(super) fn rest(case: &Case, beside: &[usize]) -> Option<Rest> {
+    let law = laws::law(case, beside, &case.belief);
+    let (law, left) = match law {
+        Some(Law { rest, left, .. }) => (Some(rest), left),
+        None => (None, case.left(&case.belief)),
     };
-    let pitch = TAU / f64::from(case.law.cutter.teeth.max(1));
-    let word = |name: &str, values: Vec<f64>| Word { name: name.to_owned(), values };
-    let speeds = speeds(case);
-    let sets = [&case.sets.train[..], &case.sets.look[..], &case.sets.held[..]];
-    let read = case.readings(belief);
-    let mut best: Option<Rest> = None;
-    for axis in case.table.joints() {
-        let left = crate::torque::noise::residual(&case.table, &case.library.columns, solved, axis);
-        let mut words = vec![
-            word("spindle_rpm", of(&|row| angle(row).rem_euclid(pitch))),
-            word("spindle_rpm", of(&|row| speeds[case.law.rows[row].segment])),
-            word("wrench", read[axis].clone()),
-            word("feed_mm_s", of(&|row| case.law.rows[row].feed_per_tooth_m)),
-            // How fast it feeds, and whether it feeds at all.
-            word(
-                "feed_mm_s",
-                of(&|row| f64::from(u8::from(case.law.rows[row].feed_per_tooth_m > 0.0))),
-            ),
-            word("t_s", of(&|row| case.law.rows[row].time_s)),
-            word("t_s", of(&|row| case.law.rows[row].along)),
-        ];
-        if case.law.cutter.teeth > 1 {
-            words.push(word("spindle_rpm", of(&|row| angle(row).rem_euclid(TAU))));
-        }
-        words.retain(|word| word.values.iter().any(|x| *x != word.values[0]));
-        let Some(law) = law_of(&words, &case.table, axis, &left, sets, SHARE) else { continue };
-        let counts = &case.table.counts[axis];
-        let count = counts.iter().zip(sets[2]).filter(|(a, b)| **a && **b).count().max(1) as f64;
-        let held = law.held.map(|sum| libm::sqrt(sum / count));
-        let size = case.table.noise[axis].1;
-        let carries = (law.held[0] - law.held[1]) / (size * size);
-        let mut names = law.words;
-        names.dedup();
-        if best.as_ref().is_none_or(|one| carries > one.carries) {
-            best = Some(Rest { axis, words: names, held, tone_hz: None, carries });
-        }
-    }
-    best
+    let carried = law.as_ref().map_or(0.0, |one| one.carries);
+    wandering(case, &case.belief, &left).filter(|one| one.carries > carried).or(law)
 }
 
 /// An amplifier that drifts much further than amplifiers do: a sensor that creeps after a segment began.
@@ -112,18 +66,8 @@ pub(super) fn creeping(case: &Case, belief: &Belief) -> Option<Rest> {
     Some(Rest { axis, words: vec!["t_s".to_owned()], held, tone_hz: None, carries: 0.0 })
 }
 
-/// How fast the spindle turns in each segment, rad/s.
-fn speeds(case: &Case) -> Vec<f64> {
-    let mut speeds = vec![0.0; case.belief.spindle.phases.len()];
-    for stood in case.law.rows.iter().filter(|stood| stood.time_s > 0.0) {
-        speeds[stood.segment] = stood.angle_rad / stood.time_s;
-    }
-    speeds
-}
-
 /// A force that is larger in one turn and smaller in another, beyond what the noise makes of it, and follows no word but time: an edge that builds up, a tool that swings.
-fn wandering(case: &Case, belief: &Belief) -> Option<Rest> {
-    let left = case.left(belief);
+fn wandering(case: &Case, belief: &Belief, left: &[Vec<f64>; 3]) -> Option<Rest> {
     let air = case.law.reader(&belief.numbers).in_air();
     let turn = |row: usize| {
         let stood = &case.law.rows[row];
@@ -134,7 +78,7 @@ fn wandering(case: &Case, belief: &Belief) -> Option<Rest> {
     // Per turn: products of what is left with the force, and of the force with itself.
     let mut turns: BTreeMap<(usize, i64), [f64; 2]> = BTreeMap::new();
     for axis in case.table.joints() {
-        let [left, force] = [&left, &force].map(|all| case.table.whitened(axis, &all[axis]));
+        let [left, force] = [left, &force].map(|all| case.table.whitened(axis, &all[axis]));
         let counts = &case.table.counts[axis];
         for row in (0..left.len()).filter(|row| counts[*row] && case.law.rows[*row].cuts) {
             let sums = turns.entry(turn(row)).or_default();

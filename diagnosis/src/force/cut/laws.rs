@@ -1,0 +1,275 @@
+//! What a force that no name explains may follow: a push on one axis, or the force of the cut, of its chips or of its edges, whose size changes with a word of the contract.
+//!
+//! Each law is what it sizes times a line over the word, or times pieces of lines between knots (a model with varying coefficients: Hastie and Tibshirani 1993). It
+//! is fitted together with all that is fitted anyway, on all axes that it acts on: an amplifier that may drift else takes a part of a step for drift, and leaves time
+//! what follows the feed. Of laws that explain the same, the one of fewer numbers is worth more: with three feeds and three speeds a line over one of them is a
+//! law of it, while pieces over the other can be bent to pass through.
+//!
+//! Promises: a law costs its numbers and the number of laws that were asked; it is chosen on rows that train and stands where rows of the second look bear it out,
+//! and those held out. Never: a formula.
+
+use std::f64::consts::TAU;
+
+use super::case::{Belief, Case};
+use super::law::{CHIP, EDGE};
+use super::rest::Rest;
+use crate::torque::columns::Column;
+use crate::torque::noise::residual;
+use crate::torque::prove::sum;
+use crate::torque::sums::Sums;
+use crate::torque::table::{Products, Solved};
+
+/// Knots of a word; of a turn, for each tooth.
+const KNOTS: usize = 8;
+const KNOTS_OF_TOOTH: usize = 4;
+/// What a law must bring beyond its price, in log-likelihood.
+const MARGIN: f64 = 10.0;
+/// The least share of what is left on its axes that a law explains on rows unseen, as energy.
+const SHARE: f64 = 5e-3;
+
+/// A word of the contract and its value row by row.
+struct Word {
+    name: &'static str,
+    values: Vec<f64>,
+    knots: usize,
+}
+
+/// One law: its words, and columns; the first says that the size is always the same, the second that it is a line over the word.
+struct Asked {
+    words: Vec<&'static str>,
+    columns: Vec<Column>,
+}
+
+/// A law that rows bear out.
+pub(super) struct Law {
+    pub(super) rest: Rest,
+    /// What it leaves of each axis, N.
+    pub(super) left: [Vec<f64>; 3],
+    /// By how much more log-likelihood rises on rows that train than the law costs.
+    pub(super) worth: f64,
+}
+
+/// A law that is worth its price.
+struct Worth {
+    law: usize,
+    columns: usize,
+    worth: f64,
+}
+
+/// The law that is worth most beside some columns of the library, at a belief.
+pub(super) fn law(case: &Case, beside: &[usize], belief: &Belief) -> Option<Law> {
+    let laws = laws(case, belief);
+    let mut found = asked(case, beside, &laws);
+    found.sort_by(|a, b| b.worth.total_cmp(&a.worth));
+    found.iter().find_map(|one| borne_out(case, beside, &laws[one.law], one))
+}
+
+/// What is sized with each word: a push on each axis, then the force of the cut, of its chips, of its edges.
+fn laws(case: &Case, belief: &Belief) -> Vec<Asked> {
+    let read = case.readings(belief);
+    let mut all = Vec::new();
+    let mut add = |carrier: &[(usize, Vec<f64>)], word: &Word, beside: Option<&'static str>| {
+        let counts = |value: &f64| *value != word.values[0];
+        if word.values.iter().any(counts) {
+            let words = [Some(word.name), beside].into_iter().flatten().collect();
+            all.push(Asked { words, columns: sized(carrier, word) });
+        }
+    };
+    let words = words(case, belief);
+    for axis in case.table.joints() {
+        let push = [(axis, vec![1.0; case.law.rows.len()])];
+        let own = Word { name: "wrench", values: read[axis].clone(), knots: KNOTS };
+        words.iter().chain([&moving(case), &own]).for_each(|word| add(&push, word, None));
+    }
+    for carrier in carriers(case, belief, &read) {
+        words.iter().for_each(|word| add(&carrier, word, Some("wrench")));
+    }
+    all
+}
+
+/// What is known of every row.
+fn words(case: &Case, belief: &Belief) -> Vec<Word> {
+    let rows = &case.law.rows;
+    let teeth = case.law.cutter.teeth.max(1);
+    let turn = |row: usize, by: f64| belief.spindle.angle(&rows[row]).rem_euclid(by);
+    let speeds = speeds(case);
+    let word = |name, knots, value: &dyn Fn(usize) -> f64| Word {
+        name,
+        values: (0..rows.len()).map(value).collect(),
+        knots,
+    };
+    let mut words = vec![
+        word("spindle_rpm", KNOTS, &|row| speeds[rows[row].segment]),
+        word("spindle_rpm", KNOTS, &|row| turn(row, TAU / f64::from(teeth))),
+        word("feed_mm_s", KNOTS, &|row| rows[row].feed_per_tooth_m),
+        word("t_s", KNOTS, &|row| rows[row].time_s),
+        word("t_s", KNOTS, &|row| rows[row].along),
+    ];
+    if teeth > 1 {
+        let knots = KNOTS.max(KNOTS_OF_TOOTH * teeth as usize);
+        words.push(word("spindle_rpm", knots, &|row| turn(row, TAU)));
+    }
+    words
+}
+
+/// Whether the tool is fed at all.
+fn moving(case: &Case) -> Word {
+    let of = case.law.rows.iter().map(|stood| f64::from(u8::from(stood.feed_per_tooth_m > 0.0)));
+    Word { name: "feed_mm_s", values: of.collect(), knots: 2 }
+}
+
+/// How fast the spindle turns in each segment, rad/s.
+fn speeds(case: &Case) -> Vec<f64> {
+    let mut speeds = vec![0.0; case.belief.spindle.phases.len()];
+    for stood in case.law.rows.iter().filter(|stood| stood.time_s > 0.0) {
+        speeds[stood.segment] = stood.angle_rad / stood.time_s;
+    }
+    speeds
+}
+
+/// The force of the cut as it is read, that of its chips and that of its edges: axes and their values, N.
+fn carriers(case: &Case, belief: &Belief, read: &[Vec<f64>; 3]) -> [Vec<(usize, Vec<f64>)>; 3] {
+    let air = case.law.reader(&belief.numbers).in_air();
+    let axes = || case.table.joints();
+    let whole = axes().map(|axis| (axis, read[axis].iter().map(|x| x - air[axis]).collect()));
+    let bites = case.law.bites(&belief.spindle);
+    let coefficients = case.coefficients();
+    let part = |which: usize| {
+        let (from, told) = coefficients[which];
+        let wanted: Vec<usize> = (from..from + 3).collect();
+        let slopes = case.law.slopes(&bites, &belief.numbers, &wanted);
+        let sizes: Vec<f64> = (0..3).map(|k| told[k] + belief.numbers[from + k]).collect();
+        let value = |axis: usize, row: usize| -> f64 {
+            sizes.iter().zip(&slopes).map(|(size, slope)| size * slope[axis][row]).sum()
+        };
+        let of = |axis| (axis, (0..bites.len()).map(|row| value(axis, row)).collect());
+        axes().map(of).collect()
+    };
+    debug_assert_eq!([coefficients[0].0, coefficients[1].0], [CHIP.from, EDGE.from]);
+    [whole.collect(), part(0), part(1)]
+}
+
+/// What is sized times one, times the word from −1 to 1, and times a tent at every knot but the ends.
+fn sized(carrier: &[(usize, Vec<f64>)], word: &Word) -> Vec<Column> {
+    let mut knots = knots(&word.values, word.knots);
+    if knots.len() < 2 {
+        knots = vec![word.values[0], word.values[0] + 1.0];
+    }
+    let (low, high) = (knots[0], knots[knots.len() - 1]);
+    let column = |size: &dyn Fn(f64) -> f64| {
+        let part = |(axis, values): &(usize, Vec<f64>)| {
+            let rows = values.iter().zip(&word.values).map(|(x, at)| x * size(*at));
+            (*axis, rows.collect::<Vec<f64>>().into())
+        };
+        Column { parts: carrier.iter().map(part).collect() }
+    };
+    let mut all = vec![column(&|_| 1.0), column(&|at| 2.0 * (at - low) / (high - low) - 1.0)];
+    for three in knots.windows(3) {
+        let rises = |at: f64| (at - three[0]) / (three[1] - three[0]);
+        let falls = |at: f64| (three[2] - at) / (three[2] - three[1]);
+        all.push(column(&|at| rises(at).min(falls(at)).max(0.0)));
+    }
+    all
+}
+
+/// Knots at even shares of the rows.
+fn knots(values: &[f64], count: usize) -> Vec<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let at = |k: usize| sorted[(k * (sorted.len() - 1)) / (count - 1)];
+    let mut knots: Vec<f64> = (0..count).map(at).collect();
+    knots.dedup_by(|a, b| *a <= *b);
+    knots
+}
+
+/// The laws that are worth their price on rows that train.
+fn asked(case: &Case, beside: &[usize], laws: &[Asked]) -> Vec<Worth> {
+    let mut kept = None;
+    let mut found = Vec::new();
+    for (law, asked) in laws.iter().enumerate() {
+        let (sums, products) = products(case, beside, asked, &case.sets.train, kept.take());
+        kept = Some(sums);
+        let gain = |columns: usize| solved(&products, beside, columns).gain;
+        let rows = 0.5 * (products.rows.max(3) as f64).ln();
+        let price = |columns: usize| rows * columns as f64 + (laws.len() as f64).ln();
+        let (bare, steady) = (gain(0), gain(1));
+        for columns in [2, asked.columns.len()] {
+            let whole = gain(columns);
+            let worth = whole - bare - price(columns);
+            // What is always of the same size is no law.
+            if worth > MARGIN && whole - steady > MARGIN + price(columns - 1) {
+                found.push(Worth { law, columns, worth });
+            }
+        }
+    }
+    found
+}
+
+/// Sums of a law's columns and those that it stands beside, these first.
+fn products(
+    case: &Case,
+    beside: &[usize],
+    law: &Asked,
+    used: &[bool],
+    kept: Option<Sums>,
+) -> (Sums, Products) {
+    let library = beside.iter().map(|k| case.library.columns[*k].clone());
+    let columns: Vec<Column> = library.chain(law.columns.iter().cloned()).collect();
+    let mut prior: Vec<f64> = beside.iter().map(|k| case.library.prior[*k]).collect();
+    prior.resize(columns.len(), 0.0);
+    let sums = Sums::taken(kept, &case.table, &columns, used);
+    let products = sums.products(prior);
+    (sums, products)
+}
+
+/// The fit with so many of a law's columns.
+fn solved(products: &Products, beside: &[usize], columns: usize) -> Solved {
+    products.solve(&(0..beside.len() + columns).collect::<Vec<usize>>())
+}
+
+/// A law beside what it stands beside, where rows bear it out that took no part in its choice.
+fn borne_out(case: &Case, beside: &[usize], law: &Asked, found: &Worth) -> Option<Law> {
+    let library = beside.iter().map(|k| case.library.columns[*k].clone());
+    let all: Vec<Column> = library.chain(law.columns.iter().cloned()).collect();
+    // What is left without and with the law.
+    let lefts = |used: &[bool]| {
+        let (_, products) = products(case, beside, law, used, None);
+        [0, found.columns].map(|columns| {
+            let solved = solved(&products, beside, columns);
+            let left = |axis| residual(&case.table, &all, &solved, axis);
+            std::array::from_fn(|axis| {
+                case.measured[axis].as_ref().map_or(Vec::new(), |_| left(axis))
+            })
+        })
+    };
+    let axes: Vec<usize> = law.columns[0].parts.iter().map(|(axis, _)| *axis).collect();
+    // Its energy, in units of what is new in the noise.
+    let energy = |left: &[Vec<f64>; 3], used: &[bool]| -> f64 {
+        let white = |axis: &usize| case.table.whitened(*axis, &left[*axis]);
+        axes.iter().map(|axis| sum(&case.table, *axis, &white(axis), used)).sum()
+    };
+    let explains = |[without, with]: &[[Vec<f64>; 3]; 2], used: &[bool]| {
+        energy(with, used) < (1.0 - SHARE) * energy(without, used)
+    };
+    if !explains(&lefts(&case.sets.train), &case.sets.look) {
+        return None;
+    }
+    let held = &case.sets.held;
+    let both = lefts(&case.sets.seen());
+    if !explains(&both, held) {
+        return None;
+    }
+    let carries = energy(&both[0], held) - energy(&both[1], held);
+    let rms = |axis: usize, left: &[Vec<f64>; 3]| {
+        let ones = vec![1.0; left[axis].len()];
+        let rows = sum(&case.table, axis, &ones, held).max(1.0);
+        libm::sqrt(sum(&case.table, axis, &left[axis], held) / rows)
+    };
+    let each = axes.iter().map(|axis| (*axis, [rms(*axis, &both[0]), rms(*axis, &both[1])]));
+    let (axis, rms) = each.max_by(|a, b| (a.1[0] / a.1[1]).total_cmp(&(b.1[0] / b.1[1])))?;
+    let mut words: Vec<String> = law.words.iter().map(|word| (*word).to_owned()).collect();
+    words.dedup();
+    let rest = Rest { axis, words, held: rms, tone_hz: None, carries };
+    let [_, left] = both;
+    Some(Law { rest, left, worth: found.worth })
+}

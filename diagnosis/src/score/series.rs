@@ -1,0 +1,76 @@
+//! How the tool moves with one number, pose by pose, in as little room as its readings need: a library's columns are most of what a diagnosis keeps.
+//!
+//! Promises: at a reading the same bits as the motions that were put in. Never: how joints move where no reading is of a joint.
+
+use crate::campaign::{Campaign, Reading};
+use crate::motion::Motion;
+use crate::residual::Rows;
+use glam::DVec3;
+use physics::Joints;
+
+/// One motion per pose.
+#[derive(Clone, Debug)]
+pub(crate) struct Series {
+    /// How the tool turns and shifts.
+    tool: Vec<(DVec3, DVec3)>,
+    /// How the joints move; empty where nobody reads them.
+    joints: Vec<Joints>,
+    reads_joints: bool,
+}
+
+impl Series {
+    /// Of no pose yet; `reads_joints`: [`reads_joints`].
+    pub(super) fn new(poses: usize, reads_joints: bool) -> Self {
+        let joints = Vec::with_capacity(if reads_joints { poses } else { 0 });
+        Self { tool: Vec::with_capacity(poses), joints, reads_joints }
+    }
+
+    /// Puts the motion at a pose behind those of the poses before it; at poses that are passed over nothing moves.
+    pub(super) fn put(&mut self, pose: usize, motion: &Motion) {
+        self.tool.resize(pose, (DVec3::ZERO, DVec3::ZERO));
+        self.tool.push((motion.turn, motion.shift));
+        if self.reads_joints {
+            self.joints.resize(pose, Joints::default());
+            self.joints.push(motion.joints);
+        }
+    }
+
+    /// How a prediction at a pose changes with it, in units of the noise.
+    pub(super) fn along(&self, rows: &Rows, pose: usize) -> DVec3 {
+        rows.along_parts(self.tool[pose], |joint| self.joints[pose][joint])
+    }
+}
+
+/// Whether any reading is of a joint's position.
+pub(super) fn reads_joints(campaign: &Campaign) -> bool {
+    let mut readings = campaign.poses.iter().flat_map(|pose| &pose.seen);
+    readings.any(|one| matches!(one.reading, Reading::JointPosition { .. }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::campaign::Observation;
+    use crate::residual::Columns;
+    use crate::surroundings::Surroundings;
+    use glam::DMat3;
+    use physics::Evaluation;
+
+    #[test]
+    fn a_reading_of_a_joint_sees_the_motion_that_was_put_in_past_poses_that_take_no_part() {
+        let reading = Reading::JointPosition { joint: 2, position: 0.1 };
+        let whitening = DMat3::from_diagonal(DVec3::splat(3.0));
+        let observation = Observation { reading, whitening, instrument: 0 };
+        let (seen, around) = (Evaluation::default(), Surroundings::default());
+        let columns = Columns::of(&around);
+        let rows = Rows::of(&observation, &seen, &Joints::default(), &around, &columns);
+        let mut motion = Motion { turn: DVec3::X, shift: DVec3::Y, ..Motion::default() };
+        motion.joints[2] = 0.7;
+        let mut series = Series::new(5, true);
+        [1, 4].into_iter().for_each(|pose| series.put(pose, &motion));
+        for (pose, wanted) in [(0, DVec3::ZERO), (3, DVec3::ZERO), (4, rows.along(&motion))] {
+            assert_eq!(series.along(&rows, pose), wanted, "{pose}");
+        }
+        assert_eq!(series.along(&rows, 1).x, 3.0 * 0.7);
+    }
+}
