@@ -60,6 +60,17 @@ impl Colour {
         behind.iter_mut().for_each(|new| *new /= self.fresh);
     }
 
+    /// The variance of a sum of noise, each value times its weight, of noise of unit variance: what is new at one time is in all that remember it.
+    pub(crate) fn variance_of(&self, weights: &[f64]) -> f64 {
+        let mut shares = weights.to_vec();
+        for at in (0..shares.len()).rev() {
+            let later = self.law.iter().zip(&shares[at + 1..]);
+            let remembered: f64 = later.map(|(law, share)| law * share).sum();
+            shares[at] += remembered;
+        }
+        self.fresh * self.fresh * shares.iter().map(|share| share * share).sum::<f64>()
+    }
+
     /// The sum of the law's numbers, below one: how much of a slow change is noise to it, for people.
     #[must_use]
     pub fn memory(&self) -> f64 {
@@ -212,6 +223,19 @@ mod tests {
         assert!((coloured.fresh - 0.6).abs() < 0.03, "{coloured:?}");
         let white = Colour::of_runs(&[run(0.0, 2000, 3)]);
         assert!(white.is_white(), "{white:?}");
+    }
+
+    #[test]
+    fn sums_of_noise_that_remembers_itself_vary_as_its_law_says() {
+        let colour = Colour { law: vec![0.8], fresh: 0.6 };
+        let sums: Vec<f64> =
+            (0..400).map(|seed| run(0.8, 300, seed)[100..200].iter().sum()).collect();
+        let varies = sums.iter().map(|sum| sum * sum).sum::<f64>() / 400.0;
+        let mut weights = vec![0.0; 100];
+        weights.extend([1.0; 100]);
+        let told = colour.variance_of(&weights);
+        assert!((varies / told - 1.0).abs() < 0.2, "{varies} {told}");
+        assert!((Colour::default().variance_of(&weights) - 100.0).abs() < 1e-9);
     }
 
     #[test]

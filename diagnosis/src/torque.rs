@@ -14,6 +14,7 @@ mod finish;
 mod found;
 mod known;
 pub(crate) mod library;
+mod memory;
 mod motion;
 pub(crate) mod noise;
 mod payload;

@@ -209,7 +209,9 @@ impl Case {
         self.library.of_torque(&self.motion, &self.stated, &whole);
         const KIND: &str = "load_friction";
         for joint in joints {
-            let load = self.load(&rich, joint);
+            // Of the masses alone of which nothing is known: what is named or doubted comes once it is found.
+            let is_open = |k: usize| k < self.inertial && self.open.contains(&k);
+            let load = self.load(&rich, joint, &is_open);
             let column = load_column(&self.motion, joint, &load);
             let family = Family {
                 kind: KIND,
@@ -235,19 +237,9 @@ impl Case {
         torque
     }
 
-    /// The torque of a joint that masses ask for: stated, fitted and named ones.
-    fn load(&self, solved: &Solved, joint: usize) -> Vec<f64> {
-        let of_masses =
-            |family: &&Family| matches!(family.kind, "payload" | "inertia" | "gravity_torque");
-        let named: Vec<usize> = self
-            .library
-            .families
-            .iter()
-            .filter(of_masses)
-            .flat_map(|f| f.columns.clone())
-            .collect();
-        let of = |k: usize| k < self.inertial || named.contains(&k);
-        let mut load = self.modelled(solved, joint, &of);
+    /// The torque of a joint that masses ask for: stated ones and those of the columns that `of` takes.
+    fn load(&self, solved: &Solved, joint: usize, of: &dyn Fn(usize) -> bool) -> Vec<f64> {
+        let mut load = self.modelled(solved, joint, of);
         // What the model states of friction is no load.
         let other = self.stated[joint].iter().zip(&self.rigid[joint]);
         load.iter_mut().zip(other).for_each(|(load, (all, rigid))| *load -= all - rigid);
@@ -274,9 +266,15 @@ impl Case {
                 None => self.library.add_hardening(joint, column),
             }
         }
+        let of_masses =
+            |family: &&Family| matches!(family.kind, "payload" | "inertia" | "gravity_torque");
+        let families = self.library.families.iter();
+        let named: Vec<usize> =
+            families.filter(of_masses).flat_map(|f| f.columns.clone()).collect();
+        let of = |k: usize| k < self.inertial || named.contains(&k);
         let joints: Vec<usize> = self.table.joints().collect();
         for joint in joints {
-            let column = load_column(&self.motion, joint, &self.load(solved, joint));
+            let column = load_column(&self.motion, joint, &self.load(solved, joint, &of));
             let families = self.library.families.iter();
             let place = families
                 .filter(|f| f.kind == "load_friction" && f.joint == Some(joint))

@@ -82,7 +82,7 @@ impl Law {
 
     fn samples(self, track: &Track, standing: f64) -> Vec<f64> {
         let sign = |v: f64| libm::tanh(v / standing.max(1e-12));
-        let [quick_q, quick_v] = &track.quick;
+        let [quick_q, quick_v, _] = &track.quick;
         let (places, speeds) =
             if self.is_sharp() { (quick_q, quick_v) } else { (&track.q, &track.v) };
         let v = speeds.iter().copied();

@@ -95,6 +95,13 @@ pub(super) fn derivative(samples: &[f64], step_s: f64) -> Vec<f64> {
     (0..samples.len()).map(slope).collect()
 }
 
+/// Positions with their speeds and accelerations.
+pub(super) fn moved(q: Vec<f64>, step_s: f64) -> [Vec<f64>; 3] {
+    let v = derivative(&q, step_s);
+    let a = derivative(&v, step_s);
+    [q, v, a]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

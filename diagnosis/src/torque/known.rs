@@ -1,6 +1,6 @@
 //! What the model already knows of the drives: its torque, and how far its numbers may be off by their stated uncertainty.
 //!
-//! The physics' own effects say it, at the rate of the runs; what they add to the rigid body then passes the filter of the torque.
+//! The physics' own effects say it, at the rate of the runs and of motion in a wider band; what they add to the rigid body then passes the filter of the torque.
 //!
 //! Promises: a number within its stated uncertainty is no finding, since it is fitted along, held by what is believed of it. Never: a law of its own.
 
@@ -237,7 +237,7 @@ pub(super) fn moments(arm: &Arm, motion: &Motion) -> Vec<(usize, Vec<Column>)> {
 
 /// The state of the arm at one sample; a joint that moves less than `standing` stands.
 fn inputs(run: &Run, sample: usize, standing: &[f64], before: Option<[f64; JOINTS_MAX]>) -> Inputs {
-    let mut inputs = run.inputs(sample);
+    let mut inputs = run.quick(sample);
     inputs.q_before = before.unwrap_or(inputs.q);
     inputs.dt_s = if sample == 0 { 0.0 } else { run.step_s };
     inputs.time_s = sample as f64 * run.step_s;

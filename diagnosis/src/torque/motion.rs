@@ -6,7 +6,7 @@
 use physics::{Arm, Inputs, JOINTS_MAX};
 use recording::series::{Channel, Kind, Recording};
 
-use super::filter::{LowPass, derivative};
+use super::filter::{LowPass, moved};
 
 /// The band that drives and links of industrial arms move in, Hz: beyond it lies what a rigid body does not do.
 const BAND_HZ: f64 = 40.0;
@@ -41,8 +41,8 @@ pub(super) struct Track {
     pub(super) q: Vec<f64>,
     pub(super) v: Vec<f64>,
     pub(super) a: Vec<f64>,
-    /// Position and speed in the wider band of what turns sharply.
-    pub(super) quick: [Vec<f64>; 2],
+    /// Position, speed and acceleration in the wider band of what turns sharply.
+    pub(super) quick: [Vec<f64>; 3],
     /// None where no torque of this joint was recorded.
     pub(super) torque: Option<Vec<f64>>,
     /// Whether the recorded position stays the same about each sample.
@@ -60,7 +60,7 @@ pub(super) struct Run {
     pub(super) step_s: f64,
     pub(super) start_s: f64,
     pub(super) joints: Vec<Track>,
-    /// Force and moment on the tool at the TCP, tool axes or base axes as recorded; zeros where none was.
+    /// What the torque has passed.
     pub(super) filter: LowPass,
     /// Samples that are rows.
     pub(super) rows: Vec<usize>,
@@ -80,14 +80,20 @@ pub(super) struct Motion {
 }
 
 impl Run {
-    /// The state of the arm at a sample.
+    /// The state of the arm at a sample, in the band of the torque.
     pub(super) fn inputs(&self, sample: usize) -> Inputs {
-        let mut q = [0.0; JOINTS_MAX];
-        q.iter_mut().zip(&self.joints).for_each(|(q, track)| *q = track.q[sample]);
-        let mut inputs = Inputs::at_rest(q);
+        self.state(|Track { q, v, a, .. }| [q, v, a].map(|list| list[sample]))
+    }
+
+    /// The same in the wider band of what turns sharply.
+    pub(super) fn quick(&self, sample: usize) -> Inputs {
+        self.state(|track| track.quick.each_ref().map(|list| list[sample]))
+    }
+
+    fn state(&self, of: impl Fn(&Track) -> [f64; 3]) -> Inputs {
+        let mut inputs = Inputs::at_rest([0.0; JOINTS_MAX]);
         for (joint, track) in self.joints.iter().enumerate() {
-            inputs.velocity[joint] = track.v[sample];
-            inputs.acceleration[joint] = track.a[sample];
+            [inputs.q[joint], inputs.velocity[joint], inputs.acceleration[joint]] = of(track);
         }
         inputs
     }
@@ -277,15 +283,12 @@ fn runs_of(
         let track = |joint: usize| {
             let recorded = even(columns[joint]);
             let stops = stops(&recorded, digit(columns[joint]), step_s);
-            let q = filter.pass(&recorded);
-            let v = derivative(&q, step_s);
-            let a = derivative(&v, step_s);
-            let quick = if quick_hz > band_hz {
-                let q = quick.pass(&recorded);
-                let v = derivative(&q, step_s);
-                [q, v]
+            let [q, v, a] = moved(filter.pass(&recorded), step_s);
+            let is_same = quick_hz <= band_hz;
+            let quick = if is_same {
+                [&q, &v, &a].map(Vec::clone)
             } else {
-                [q.clone(), v.clone()]
+                moved(quick.pass(&recorded), step_s)
             };
             let torque = torques[joint].as_ref().map(|torque| filter.pass(&late(torque, delay_s)));
             let temperature = recording

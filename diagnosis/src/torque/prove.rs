@@ -4,17 +4,20 @@
 //!
 //! Promises: held-out rows take part in nothing else. Never: an interval below what scale and form leave open.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::case::Case;
 use super::choose::{Asking, Choice, others};
 use super::columns::Column;
+use super::memory;
 use super::noise;
 use super::refine;
 use super::table::{Products, Solved, Table};
 
 /// A number is at least so many times its uncertainty.
 const SURE: f64 = 2.0;
+/// What the squares of one to four numbers together, in units of their uncertainty, exceed by chance as seldom as one alone exceeds the square of [`SURE`].
+const TOGETHER: [f64; 4] = [SURE * SURE, 6.18, 8.02, 9.72];
 /// Of what a law would bring on rows unseen if it were true, it brings at least this share.
 const BORNE_OUT: f64 = 0.2;
 /// Where within a step between rows a motion reverses is not known better than to this share, and friction turns there.
@@ -113,7 +116,7 @@ pub(super) fn sure(
     at.map_or(0.0, |at| solved.values[at].abs() / covariance[(at, at)].sqrt())
 }
 
-/// The names whose number is not nothing: those of one column that is less than twice its uncertainty go, the least sure first.
+/// The names whose numbers are not nothing: those that chance would give go, the least sure first.
 pub(super) fn told(
     case: &Case,
     asking: &Asking<'_>,
@@ -121,7 +124,7 @@ pub(super) fn told(
     seen: &[bool],
 ) -> Vec<usize> {
     let covariance = |solved: &Solved| covariance(case, solved, seen);
-    told_by(asking, names, &covariance, &|name| case.is_of_masses(name, asking.always))
+    told_by(asking, names, &covariance, &|_| false)
 }
 
 /// The same by any covariance; `is_belief`: names that are not asked.
@@ -135,18 +138,29 @@ pub(crate) fn told_by(
         let solved = asking.solve(&names).solved;
         let covariance = covariance(&solved);
         let sure = |name: usize| {
-            let [column] = asking.library.families[name].columns[..] else { return f64::INFINITY };
-            let at = solved.columns.iter().position(|k| *k == column);
-            at.map_or(0.0, |at| solved.values[at].abs() / covariance[(at, at)].sqrt())
+            let columns = asking.library.families[name].columns.iter();
+            let places = columns.filter_map(|k| solved.columns.iter().position(|own| own == k));
+            sureness_of(&solved, &covariance, &places.collect::<Vec<usize>>())
         };
         let asked = names.iter().filter(|name| !is_belief(**name));
         let least = asked.map(|name| (*name, sure(*name)));
         let least = least.min_by(|a, b| a.1.total_cmp(&b.1));
         match least {
-            Some((name, sure)) if sure < SURE => names.retain(|n| *n != name),
+            Some((name, sure)) if sure < 1.0 => names.retain(|n| *n != name),
             _ => return names,
         }
     }
+}
+
+/// How far from nothing these numbers are together (Wald), as a share of what chance seldom exceeds.
+fn sureness_of(solved: &Solved, covariance: &DMatrix<f64>, places: &[usize]) -> f64 {
+    let Some(bar) = places.len().checked_sub(1).map(|more| TOGETHER[more.min(3)]) else {
+        return 0.0;
+    };
+    let own =
+        DMatrix::from_fn(places.len(), places.len(), |i, j| covariance[(places[i], places[j])]);
+    let values = DVector::from_fn(places.len(), |i, _| solved.values[places[i]]);
+    own.cholesky().map_or(f64::INFINITY, |factors| values.dot(&factors.solve(&values)) / bar)
 }
 
 /// The names that held-out rows do not speak against, and those that make the error larger there. Nothing is chosen in their place.
@@ -246,7 +260,12 @@ pub(super) fn sureness(
     used: &[bool],
     viscous: &dyn Fn(usize) -> f64,
 ) -> (DMatrix<f64>, Vec<(usize, f64)>) {
-    let covariance = covariance(case, &choice.solved, used);
+    let (solved, columns) = (&choice.solved, &case.library.columns);
+    let own = |column: &usize| is_told(case, choice, *column);
+    let places: Vec<usize> =
+        (0..solved.columns.len()).filter(|k| own(&solved.columns[*k])).collect();
+    let covariance = covariance(case, solved, used);
+    let covariance = memory::at_least(covariance, (&case.table, columns), solved, &places, used);
     let slopes: Vec<(usize, Column)> = choice
         .names
         .iter()
@@ -264,16 +283,20 @@ pub(super) fn sureness(
     let mut prior: Vec<f64> =
         choice.solved.columns.iter().map(|column| case.library.prior[*column]).collect();
     prior.resize(columns.len(), 0.0);
-    let places: Vec<usize> = (0..columns.len()).collect();
+    let all: Vec<usize> = (0..columns.len()).collect();
     // The fit as a straight one about where it stands: what is left is left.
     let mut table = case.table.clone();
     for joint in case.table.joints() {
         table.target[joint] = Some(case.residual(&choice.solved, joint));
     }
-    let mut solved = Products::new(&table, &columns, prior, used).solve(&places);
+    let mut solved = Products::new(&table, &columns, prior, used).solve(&all);
     solved.values.fill(0.0);
     let columns: Vec<Column> = columns.into_iter().cloned().collect();
     let whole = covariance_of(&table, &columns, &solved, used);
+    let told = places.into_iter().chain(choice.solved.columns.len()..columns.len());
+    let told = told.filter_map(|column| solved.columns.iter().position(|k| *k == column));
+    let whole =
+        memory::at_least(whole, (&table, &columns), &solved, &told.collect::<Vec<usize>>(), used);
     let at = |column: usize| solved.columns.iter().position(|k| *k == column);
     let count = choice.solved.columns.len();
     let all = DMatrix::from_fn(count, count, |i, j| match (at(i), at(j)) {
@@ -284,6 +307,13 @@ pub(super) fn sureness(
     });
     let spread = |k: usize| at(count + k).map_or(1.0, |at| libm::sqrt(whole[(at, at)]));
     (all, slopes.iter().enumerate().map(|(k, (name, _))| (*name, spread(k))).collect())
+}
+
+/// Whether a column's number is told: a name's or the model's own.
+fn is_told(case: &Case, choice: &Choice, column: usize) -> bool {
+    let families = &case.library.families;
+    choice.names.iter().any(|name| families[*name].columns.contains(&column))
+        || case.known.iter().any(|known| known.0 == column)
 }
 
 /// The same of any table.

@@ -249,9 +249,11 @@ fn of_joint(case: &Case, question: &Question<'_>) -> Option<Beyond> {
         (best, solved, after)
     });
     let sum = |left: &Vec<f64>| prove::sum(&table, joint, left, seen);
+    let unseen = |left: &Vec<f64>| prove::sum(&table, joint, left, held);
     let stands = |(best, _, after): &(Best, Solved, Vec<f64>)| {
         let is_patched = best.kept > 0;
         (is_patched || sum(after) < (1.0 - SHARE) * sum(&before))
+            && unseen(after) < unseen(&before)
             && prove::is_borne_out(&table, joint, [&before, after], held)
     };
     let (best, solved, after) = fits.find(stands)?;
@@ -261,7 +263,7 @@ fn of_joint(case: &Case, question: &Question<'_>) -> Option<Beyond> {
         law: Law {
             joint,
             words: question.laws[best.asked].words.clone(),
-            held: [&before, &after].map(|left| prove::sum(&table, joint, left, held)),
+            held: [&before, &after].map(unseen),
         },
         gain: solved.gain - bare.gain,
         instead_of: names.iter().copied().filter(|name| !kept.contains(name)).collect(),

@@ -1,0 +1,68 @@
+//! What noise that remembers itself leaves open of the numbers of a fit.
+//!
+//! Blocks of time tell uncertainties without a law of the noise, but from few blocks, of which every number that is fitted takes a part. So they are held against
+//! what the law says that is left in the residual: `Var β = A Xᵀ Σ X A`, Σ autoregressive.
+//!
+//! Promises: an uncertainty is only made larger, and what two numbers share with it. Never: a number changed.
+
+use nalgebra::DMatrix;
+
+use super::columns::Column;
+use super::noise;
+use super::table::{Solved, Table};
+
+/// A covariance of all numbers of a fit, those at `places` as unsure at least as noise with the memory of what is left makes them.
+pub(super) fn at_least(
+    mut covariance: DMatrix<f64>,
+    (table, columns): (&Table, &[Column]),
+    solved: &Solved,
+    places: &[usize],
+    used: &[bool],
+) -> DMatrix<f64> {
+    let told = variances((table, columns), solved, places, used);
+    for (at, variance) in places.iter().zip(told) {
+        let wider = libm::sqrt(variance / covariance[(*at, *at)]);
+        if wider > 1.0 && wider.is_finite() {
+            covariance.row_mut(*at).iter_mut().for_each(|x| *x *= wider);
+            covariance.column_mut(*at).iter_mut().for_each(|x| *x *= wider);
+        }
+    }
+    covariance
+}
+
+/// The variances of the numbers at these places.
+fn variances(
+    (table, columns): (&Table, &[Column]),
+    solved: &Solved,
+    places: &[usize],
+    used: &[bool],
+) -> Vec<f64> {
+    let mut all = vec![0.0; places.len()];
+    let each = solved.columns.len() as f64 / table.joints().count().max(1) as f64;
+    for joint in table.joints() {
+        let left = noise::residual(table, columns, solved, joint);
+        let (colour, size) = noise::of_left(table, joint, &left, used, each);
+        let own = |(k, column): (usize, &usize)| {
+            let mut parts = columns[*column].parts.iter();
+            let (_, values) = parts.find(|(at, _)| *at == joint)?;
+            Some((k, table.whitened(joint, values)))
+        };
+        let white: Vec<(usize, Vec<f64>)> =
+            solved.columns.iter().enumerate().filter_map(own).collect();
+        let scale = size / table.noise[joint].1;
+        for (all, place) in all.iter_mut().zip(places) {
+            let mut weights = vec![0.0; table.rows()];
+            for (k, values) in &white {
+                let share = scale * solved.covariance()[(*place, *k)];
+                weights.iter_mut().zip(values).for_each(|(sum, x)| *sum += share * x);
+            }
+            let counts = used.iter().zip(&table.counts[joint]);
+            weights.iter_mut().zip(counts).for_each(|(weight, (used, counts))| {
+                *weight *= f64::from(u8::from(*used && *counts));
+            });
+            *all +=
+                table.runs.iter().map(|run| colour.variance_of(&weights[run.clone()])).sum::<f64>();
+        }
+    }
+    all
+}
