@@ -60,7 +60,6 @@ pub(super) struct Run {
     pub(super) step_s: f64,
     pub(super) start_s: f64,
     pub(super) joints: Vec<Track>,
-    /// What the torque has passed.
     pub(super) filter: LowPass,
     /// Samples that are rows.
     pub(super) rows: Vec<usize>,
@@ -284,11 +283,9 @@ fn runs_of(
             let recorded = even(columns[joint]);
             let stops = stops(&recorded, digit(columns[joint]), step_s);
             let [q, v, a] = moved(filter.pass(&recorded), step_s);
-            let is_same = quick_hz <= band_hz;
-            let quick = if is_same {
-                [&q, &v, &a].map(Vec::clone)
-            } else {
-                moved(quick.pass(&recorded), step_s)
+            let quick = match quick_hz > band_hz {
+                true => moved(quick.pass(&recorded), step_s),
+                false => [&q, &v, &a].map(Vec::clone),
             };
             let torque = torques[joint].as_ref().map(|torque| filter.pass(&late(torque, delay_s)));
             let temperature = recording
