@@ -140,7 +140,11 @@ pub(crate) fn told_by(
         let sure = |name: usize| {
             let columns = asking.library.families[name].columns.iter();
             let places = columns.filter_map(|k| solved.columns.iter().position(|own| own == k));
-            sureness_of(&solved, &covariance, &places.collect::<Vec<usize>>())
+            let places: Vec<usize> = places.collect();
+            let count = places.len();
+            let values = DVector::from_fn(count, |i, _| solved.values[places[i]]);
+            let own = |i: usize, k: usize| covariance[(places[i], places[k])];
+            sureness_of(&values, DMatrix::from_fn(count, count, own))
         };
         let asked = names.iter().filter(|name| !is_belief(**name));
         let least = asked.map(|name| (*name, sure(*name)));
@@ -153,14 +157,10 @@ pub(crate) fn told_by(
 }
 
 /// How far from nothing these numbers are together (Wald), as a share of what chance seldom exceeds.
-fn sureness_of(solved: &Solved, covariance: &DMatrix<f64>, places: &[usize]) -> f64 {
-    let Some(bar) = places.len().checked_sub(1).map(|more| TOGETHER[more.min(3)]) else {
-        return 0.0;
-    };
-    let own =
-        DMatrix::from_fn(places.len(), places.len(), |i, j| covariance[(places[i], places[j])]);
-    let values = DVector::from_fn(places.len(), |i, _| solved.values[places[i]]);
-    own.cholesky().map_or(f64::INFINITY, |factors| values.dot(&factors.solve(&values)) / bar)
+fn sureness_of(values: &DVector<f64>, covariance: DMatrix<f64>) -> f64 {
+    let Some(more) = values.len().checked_sub(1) else { return 0.0 };
+    let bar = TOGETHER[more.min(TOGETHER.len() - 1)];
+    covariance.cholesky().map_or(f64::INFINITY, |factors| values.dot(&factors.solve(values)) / bar)
 }
 
 /// The names that held-out rows do not speak against, and those that make the error larger there. Nothing is chosen in their place.
@@ -354,4 +354,24 @@ pub(crate) fn covariance_of(
         all[(i, i)] = all[(i, i)].max(inverse[(i, i)]);
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_that_are_nothing_each_may_be_something_together() {
+        let values = DVector::from_vec(vec![1.5, -1.5]);
+        let alone = DMatrix::identity(2, 2);
+        assert!(sureness_of(&values, alone) < 1.0);
+        // Each is as unsure as before, but their difference is well known.
+        let tied = DMatrix::from_row_slice(2, 2, &[1.0, 0.9, 0.9, 1.0]);
+        assert!(sureness_of(&values, tied) > 5.0);
+        // One that is plain is not lost among those that are nothing.
+        let values = DVector::from_vec(vec![4.0, 0.1, -0.2]);
+        assert!(sureness_of(&values, DMatrix::identity(3, 3)) > 1.0);
+        assert!(sureness_of(&DVector::from_vec(vec![1.9]), DMatrix::identity(1, 1)) < 1.0);
+        assert!(sureness_of(&DVector::from_vec(vec![2.1]), DMatrix::identity(1, 1)) > 1.0);
+    }
 }
