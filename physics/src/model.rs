@@ -30,6 +30,8 @@ pub struct Model {
     others_count: usize,
 }
 
+const _: () = assert!(EFFECTS_MAX <= 1 << u8::BITS, "a place of an effect fits into a byte");
+
 /// What the effects of one model remember in one run, in the order of [`Model::effects`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Memories([Memory; EFFECTS_MAX]);
