@@ -5,7 +5,7 @@
 use physics::lanes::{Lanes, WIDTH};
 use physics::{JOINTS_MAX, Joints};
 
-/// Matrix of a task.
+/// Rows of a task.
 pub(crate) const ROWS: usize = 6;
 
 /// As many rows, of a number for each joint.
