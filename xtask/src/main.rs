@@ -7,11 +7,11 @@
     reason = "a chore talks to the person who ran it"
 )]
 
+mod beside;
 mod calibrate;
 mod evidence_task;
 mod instructions;
 mod man;
-mod peers;
 mod seeds;
 mod soak;
 mod speed;
@@ -24,6 +24,7 @@ cargo xtask seeds [COUNT] [--full] [--debug]   the demo over COUNT seeds (20): t
 cargo xtask calibrate [CAMPAIGNS] [--out=DIR]   the calibration: the thesis' virtual robot, coverage of intervals over CAMPAIGNS (1000), outliers, time
 cargo xtask evidence [--data DIR] [--only SET] [--challenge CASES] [--limit SECONDS] [--trued PROGRAM]   docs/evidence.md and its plots, from the recordings in DIR ($TRUED_DATA); runs that are kept under target/evidence and whose program and input are unchanged are not repeated
 cargo xtask instructions [--store]   the hot path's stages: instructions by callgrind beside those stored; more than a tenth more fails
+cargo xtask languages   a round trip through C and C++ beside one through Rust, by turns in one run; exit 1 above its bar
 cargo xtask man [--out=DIR]   man pages and shell completions of the program, for the package
 cargo xtask peers   one correction beside Pinocchio's forward kinematics, Jacobian and gravity (from the package registry), by turns in one run; exit 1 above its bar
 cargo xtask soak [--minutes N] [--seed S]   faults at random over real processes for N (60) minutes: what was late, what broke, the daemon's memory
@@ -35,7 +36,8 @@ fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let words: Vec<&str> = words.iter().map(String::as_str).collect();
     let done = match words.as_slice() {
-        ["peers"] => peers::run(),
+        ["languages"] => beside::languages(),
+        ["peers"] => beside::peers(),
         ["seeds", rest @ ..] => seeds::run(rest),
         ["calibrate", rest @ ..] => calibrate::run(rest),
         ["evidence", rest @ ..] => evidence_task::run(rest),

@@ -2,7 +2,7 @@
 //!
 //! Never: part of CI.
 
-use std::process::Command;
+use crate::beside::cargo;
 
 /// Builds the cell's programs and runs them; tells whether all held.
 pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
@@ -16,13 +16,8 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
             _ => return Err(format!("{word}: expected --minutes N or --seed S")),
         }
     }
-    done(&["build", "--quiet", "--package", "tests", "--bins"])?;
+    cargo(&["build", "--quiet", "--package", "tests", "--bins"])?;
     let mut soak = vec!["run", "--quiet", "--package", "tests", "--bin", "soak", "--", &minutes];
     soak.extend(Some(seed.as_str()).filter(|seed| !seed.is_empty()));
-    done(&soak)
-}
-
-fn done(words: &[&str]) -> Result<bool, String> {
-    let status = Command::new("cargo").args(words).status().map_err(|why| why.to_string())?;
-    Ok(status.success())
+    cargo(&soak)
 }

@@ -1,7 +1,6 @@
-//! The client library in every language, against the real daemon: the same bits, the same errors, at the same price.
+//! The client library in every language, against the real daemon: the same bits, the same errors.
 
 mod abi;
-mod cost;
 mod figures;
 mod outage;
 mod python;
