@@ -1,10 +1,11 @@
 //! What is asked of the tool, as rows, and what is left between where it is and where it should be.
 //!
-//! Promises: rows are in the wanted tool's axes, m, rotations times the task's length. Never: a step of the joints.
+//! Promises: rows are m, rotations times the task's length. Never: a step of the joints.
 
 use crate::normal::ROWS;
 use crate::outcome::Residual;
 use crate::settings::Task;
+use core::array;
 use glam::{DMat3, DVec3};
 use physics::frame::vector_from_rotation;
 use physics::lanes::{Lanes, Three};
@@ -13,28 +14,27 @@ use physics::{Frame, Joints};
 /// Nothing is left over once the weighted error is below this, m: rounding of the geometry.
 const ERROR_DONE_M: f64 = 1e-14;
 
-/// What is asked of the tool, as rows: the wanted tool's axes, m, rotations times the task's length.
+/// What is asked of the tool, as rows, m, rotations times the task's length: along the base's axes, as all count alike; along the wanted tool's where one of
+/// these is free.
 pub(crate) struct Rows {
     wanted: Frame,
-    tool_from_base: DMat3,
     length_m: f64,
     pub(crate) free_tool_axis: bool,
 }
 
 impl Rows {
     pub(crate) fn of(wanted: &Frame, task: &Task) -> Self {
-        Self {
-            wanted: *wanted,
-            tool_from_base: wanted.rotation.transpose(),
-            length_m: task.length_m,
-            free_tool_axis: task.free_tool_axis,
-        }
+        Self { wanted: *wanted, length_m: task.length_m, free_tool_axis: task.free_tool_axis }
     }
 
     /// A motion of the tool, m and rad in base axes.
     pub(crate) fn motion(&self, linear: DVec3, angular: DVec3) -> [f64; ROWS] {
-        let (v, w) = (self.tool_from_base * linear, self.tool_from_base * angular * self.length_m);
-        [v.x, v.y, v.z, w.x, w.y, if self.free_tool_axis { 0.0 } else { w.z }]
+        let (mut v, mut w) = (linear, angular * self.length_m);
+        if self.free_tool_axis {
+            let axes = self.wanted.rotation;
+            (v, w) = (axes.transpose_mul_vec3(v), axes.transpose_mul_vec3(w).with_z(0.0));
+        }
+        [v.x, v.y, v.z, w.x, w.y, w.z]
     }
 
     /// Motions of the tool with four joints, m and rad in base axes, into each row's places for these.
@@ -46,14 +46,15 @@ impl Rows {
         into: &mut [Joints; ROWS],
         k: usize,
     ) {
-        let DMat3 { x_axis, y_axis, z_axis } = self.wanted.rotation;
-        let axes = [x_axis, y_axis, z_axis];
-        for row in 0..axes.len() {
-            let axis = axes[row];
-            lanes.put(Three::same(lanes, axis).dot(linear), &mut into[row], k);
-            let is_free = self.free_tool_axis && row == 2;
-            let length_m = if is_free { 0.0 } else { self.length_m };
-            lanes.put(Three::same(lanes, axis * length_m).dot(angular), &mut into[3 + row], k);
+        let (mut v, mut w) = (linear, angular.times(lanes.same(self.length_m)));
+        if self.free_tool_axis {
+            let DMat3 { x_axis, y_axis, z_axis } = self.wanted.rotation;
+            let [x, y, z] = [x_axis, y_axis, z_axis].map(|axis| Three::same(lanes, axis));
+            v = Three::of(lanes, [x.dot(v), y.dot(v), z.dot(v)]);
+            w = Three::of(lanes, [x.dot(w), y.dot(w), lanes.same(0.0)]);
+        }
+        for (row, four) in into.iter_mut().zip([v.x, v.y, v.z, w.x, w.y, w.z]) {
+            lanes.put(four, row, k);
         }
     }
 
@@ -79,6 +80,12 @@ impl TaskError {
             m: DVec3::new(x, y, z).length(),
             rad: DVec3::new(a, b, c).length() / task.length_m,
         }
+    }
+
+    /// What is left once that was done.
+    #[inline(always)]
+    pub(crate) fn less(&self, done: &[f64; ROWS]) -> Self {
+        Self(array::from_fn(|row| self.0[row] - done[row]))
     }
 
     /// Whether nothing of the task is left over: then even a singular pose has its solution.

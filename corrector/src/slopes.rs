@@ -1,7 +1,7 @@
 //! The task linearised at one trial, and the steps that follow from it.
 //!
-//! Each step stands on slopes of its own, of the geometry and of the effects that tell theirs; the normal equations are inverted once, and the inverse put right
-//! by one refinement while each step is much smaller than the one before.
+//! Each step stands on slopes of the geometry where the arm stands, and on those of the effects that tell theirs. The normal equations are inverted once; while each
+//! step is much smaller than the one before, the inverse is put right by what its step really does, along that step alone.
 //!
 //! Promises: an undamped step foretells how large the next will be, a damped one nothing. Never: an evaluation of the model.
 
@@ -55,10 +55,12 @@ const PARTS_MAX: usize = JOINTS_MAX / WIDTH;
 pub(crate) struct Slopes {
     motions: Motions,
     following: Following,
-    /// As the arm stands.
+    /// As the arm stood when it was last seen.
     rates: Rates,
-    /// The step for a unit of each row's error: the pseudo-inverse of the rates as the arm stood when it was last asked for.
+    /// The step for a unit of each row's error: the pseudo-inverse of the rates.
     steps: Rates,
+    /// How far joints went since, rad or m.
+    gone: f64,
     joints: usize,
     frees_tool_axis: bool,
 }
@@ -73,7 +75,7 @@ impl Slopes {
     fn see_in<S: Lanes>(&mut self, lanes: S, here: &Here<'_>) {
         let Here { arm, seen, is_real, told, rows } = here;
         let count = arm.count().min(JOINTS_MAX);
-        (self.joints, self.frees_tool_axis) = (count, rows.free_tool_axis);
+        (self.joints, self.frees_tool_axis, self.gone) = (count, rows.free_tool_axis, 0.0);
         let Self { motions, following, rates, .. } = self;
         let chain = if *is_real { &seen.real } else { &seen.nominal };
         let mut taken = &seen.loads.motions;
@@ -138,17 +140,27 @@ impl Slopes {
         Some(Step { by, size, foretold: size, left })
     }
 
-    /// The next step with the inverse of the `last`, on slopes just seen; none where that was damped, or where this is not much smaller.
-    pub(crate) fn again(&self, last: &Step, error: &TaskError, told: &Told) -> Option<Step> {
+    /// The next step by the inverse of the slopes last seen, `last` being the step since, put right by the geometry where the arm stands; none where
+    /// `last` was damped, or where this is not much smaller.
+    pub(crate) fn again(
+        &mut self,
+        here: &Here<'_>,
+        last: &Step,
+        error: &TaskError,
+    ) -> Option<Step> {
         if last.size == f64::INFINITY {
             return None;
         }
-        let (by, left, error) = widest(self.joints, Refine { slopes: self, error });
+        self.gone += last.size;
+        let (by, left, [error, follows]) =
+            widest(self.joints, Refine { slopes: self, here, error });
         let size = largest(&by);
         let shrinks = size / last.size;
         // What the slopes do not tell shrinks by the same share again, what they do by its square. Of what stays of the task they tell nothing.
-        let is_whole = told.is_whole && self.serve_all() && !self.frees_tool_axis;
-        let next = if is_whole { MARGIN * shrinks * shrinks } else { shrinks };
+        let is_whole = here.told.is_whole && self.serve_all() && !self.frees_tool_axis;
+        // How loads follow the arm is not seen anew: that turned as far as the arm went, and is of the order of what follows or of what was corrected.
+        let stale = self.gone * (self.gone + follows);
+        let next = if is_whole { MARGIN * shrinks * shrinks + stale } else { shrinks };
         let foretold = next * size + error;
         (shrinks < SHRINKS).then_some(Step { by, size, foretold, left })
     }
@@ -233,13 +245,40 @@ impl Slopes {
         step
     }
 
-    /// What a step leaves of an error where the slopes as the arm stands hold.
+    /// What a step leaves of an error by the slopes last seen.
     #[inline(always)]
     fn left_in<S: Lanes>(&self, lanes: S, error: &TaskError, step: &Joints) -> TaskError {
-        let mut left = *error;
-        let told = products(lanes, &self.rates, step);
-        left.0.iter_mut().zip(told).for_each(|(left, told)| *left -= told);
-        left
+        error.less(&products(lanes, &self.rates, step))
+    }
+
+    /// What a step does to the task as the arm stands, and what joints deviate more by it, whose loads' part is by what followed when slopes were last seen.
+    #[inline(always)]
+    fn along_in<S: Lanes>(
+        &self,
+        lanes: S,
+        here: &Here<'_>,
+        step: &Joints,
+    ) -> ([f64; ROWS], Joints) {
+        let Here { arm, seen, told, rows, .. } = here;
+        let Self { following, joints, .. } = self;
+        let mut motions = Motions::default();
+        motions.take(lanes, arm, &seen.real);
+        let more = told.along((following, &seen.loads), step, *joints);
+        let nothing = Three::same(lanes, DVec3::ZERO);
+        let (mut moved, mut turned) = (nothing, nothing);
+        for k in 0..S::PARTS {
+            let by = lanes.plus(lanes.part(step, k), lanes.part(&more, k));
+            moved = moved.plus_times(motions.linear.part(lanes, k), by);
+            turned = turned.plus_times(motions.angular.part(lanes, k), by);
+        }
+        let (mut moved, mut turned) = (moved.sum(), turned.sum());
+        if following.turns_base {
+            let turn = |by: &Joints| product(lanes, by, step);
+            let base = DVec3::new(turn(&following.base_x), turn(&following.base_y), 0.0);
+            turned += base;
+            moved += base.cross(seen.real.base_from_tool.origin);
+        }
+        (rows.motion(moved, turned), more)
     }
 }
 
@@ -330,25 +369,27 @@ impl Work for Solve<'_> {
     }
 }
 
-/// A step on slopes that were inverted where the arm stood before, once more for what it leaves as the arm stands; what then is left, and the largest that
-/// another refinement would add.
+/// A step on slopes that were inverted where the arm stood before, once more for what it leaves as the arm stands; what then is left; the largest that
+/// another refinement would add, and how much joints deviate more per unit of the step.
 struct Refine<'a> {
     slopes: &'a Slopes,
+    here: &'a Here<'a>,
     error: &'a TaskError,
 }
 
 impl Work for Refine<'_> {
-    type Output = (Joints, TaskError, f64);
+    type Output = (Joints, TaskError, [f64; 2]);
 
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) -> Self::Output {
-        let Self { slopes, error } = self;
+        let Self { slopes, here, error } = self;
         let mut by = slopes.step_in(lanes, error);
         let rough = largest(&by);
-        let left = slopes.left_in(lanes, error, &by);
+        let (does, deviates) = slopes.along_in(lanes, here, &by);
+        let left = error.less(&does);
         let more = slopes.step_in(lanes, &left);
         apply(&mut by, &more);
         let (left, more) = (slopes.left_in(lanes, &left, &more), largest(&more));
-        (by, left, more * (more / rough))
+        (by, left, [more * (more / rough), largest(&deviates) / rough])
     }
 }

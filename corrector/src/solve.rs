@@ -8,7 +8,7 @@
 //! Where a solve begins decides how many evaluations it takes, not what it finds: to 1e-9 rad, as [`solve`] does.
 //! Never: a jump to another branch of solutions, memory of effects (what they remember stays as it is during the solve).
 
-use crate::joints::{apply, are_within, off};
+use crate::joints::{apply, are_within};
 use crate::outcome::Residual;
 use crate::rows::{Rows, TaskError};
 use crate::settings::Task;
@@ -114,8 +114,9 @@ impl Solver {
         let rows = Rows::of(&seen.nominal.base_from_tool, task);
         let (moved, turned) = seen.deviation.moves(&seen.nominal, &seen.loads.motions);
         let error = rows.error(-moved, -turned);
-        let (trial, ended) = (**inputs, Ended::default());
-        let mut way = Way { trial, rows, error, is_real: false, last: None, steps: 0, ended };
+        let ended = Ended::default();
+        let mut way =
+            Way { trial: **inputs, rows, error, is_real: false, last: None, steps: 0, ended };
         (self.walk(case, &mut way, STEPS_MAX), way.ended)
     }
 
@@ -172,10 +173,13 @@ impl Solver {
             }
             let allowed = |step: &Joints| stays_within(&way.trial.q, step, &inputs.q, reach);
             let Way { is_real, rows, .. } = &*way;
-            slopes.see(&Here { arm: &model.arm, seen, is_real: *is_real, told, rows });
-            let again = way.last.as_ref().and_then(|last| slopes.again(last, &way.error, told));
+            let here = Here { arm: &model.arm, seen, is_real: *is_real, told, rows };
+            let again = way.last.as_ref().and_then(|last| slopes.again(&here, last, &way.error));
             let next = again.filter(|next| allowed(&next.by));
-            let next = next.or_else(|| slopes.first(&way.error, allowed));
+            let next = next.or_else(|| {
+                slopes.see(&here);
+                slopes.first(&way.error, allowed)
+            });
             let Some(next) = next.filter(|_| way.steps < steps_max) else {
                 return way.here(false, &way.error, task);
             };
@@ -234,7 +238,6 @@ impl Way {
 }
 
 fn stays_within(q: &Joints, step: &Joints, centre: &Joints, reach: &Joints) -> bool {
-    let mut way = off(q, centre);
-    apply(&mut way, step);
+    let way = core::array::from_fn(|i| q[i] + step[i] - centre[i]);
     are_within(&way, reach, 1.0)
 }

@@ -54,7 +54,7 @@ pub(crate) fn reaction(
     extra: &Extra,
 ) -> Reaction {
     let count = arm.count();
-    if is_still(arm, velocity, acceleration) {
+    if is_still(velocity, acceleration) {
         return Reaction::default();
     }
     let bodies = moving(arm, chain, velocity, acceleration);
@@ -94,9 +94,9 @@ pub(crate) fn reaction(
 
 /// Whether no joint moves: then nothing moves the masses.
 #[inline(always)]
-pub(crate) fn is_still(arm: &Arm, velocity: &Joints, acceleration: &Joints) -> bool {
+pub(crate) fn is_still(velocity: &Joints, acceleration: &Joints) -> bool {
     // Without a branch, of all that is not a zero of either sign.
-    let both = velocity.iter().zip(acceleration).take(arm.count());
+    let both = velocity.iter().zip(acceleration);
     both.fold(0, |any, (v, a)| any | (v.to_bits() << 1) | (a.to_bits() << 1)) == 0
 }
 

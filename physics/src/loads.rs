@@ -59,6 +59,8 @@ pub struct Loads {
 /// What effects change of the loads before these are taken.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LoadChange {
+    /// Whether there is any.
+    is_any: bool,
     gravity_turn: DVec3,
     mass: f64,
     first_moment: DVec3,
@@ -71,6 +73,7 @@ pub struct LoadChange {
 impl LoadChange {
     /// Adds a contribution to the loads; contributions to the geometry pass by.
     pub fn add(&mut self, contribution: &Contribution) {
+        self.is_any = true;
         match *contribution {
             Contribution::JointLoad { joint, load } => self.joints[joint] += load,
             Contribution::GravityTurn { turn } => self.gravity_turn += turn,
@@ -90,7 +93,7 @@ impl LoadChange {
     /// The wrench that acts where the sensor says `read`; both about the TCP, base axes.
     fn truth(&self, read: Wrench, base_from_tool: &DMat3) -> Wrench {
         let untouched = self.sensor_bias == Wrench::ZERO && self.sensor_scale == Wrench::ZERO;
-        if untouched && self.sensor_turn == DVec3::ZERO {
+        if !self.is_any || (untouched && self.sensor_turn == DVec3::ZERO) {
             return read;
         }
         let tool_from_base = base_from_tool.transpose();
@@ -129,11 +132,14 @@ impl Loads {
         change: &LoadChange,
     ) {
         self.wrench = change.truth(wrench, &chain.base_from_tool.rotation);
-        self.gravity = turned(arm.gravity, change.gravity_turn);
+        self.gravity =
+            if change.is_any { turned(arm.gravity, change.gravity_turn) } else { arm.gravity };
         let first_moment = self.carry_along(lanes, arm, chain, change);
         self.swing(lanes, arm, chain);
-        let joints = self.gravity_torque.iter_mut().zip(&change.joints);
-        joints.take(arm.count()).for_each(|(torque, more)| *torque += more);
+        if change.is_any {
+            let joints = self.gravity_torque.iter_mut().zip(&change.joints);
+            joints.take(arm.count()).for_each(|(torque, more)| *torque += more);
+        }
         let tcp = chain.base_from_tool.origin;
         self.base_moment =
             first_moment.cross(self.gravity) + tcp.cross(self.wrench.force) + self.wrench.moment;
@@ -178,7 +184,7 @@ impl Loads {
         inputs: &Inputs,
         change: &LoadChange,
     ) {
-        if is_still(arm, &inputs.velocity, &inputs.acceleration) {
+        if is_still(&inputs.velocity, &inputs.acceleration) {
             self.forget_inertia();
             return;
         }
@@ -199,7 +205,7 @@ impl Loads {
     ) -> DVec3 {
         let flange = &chain.bodies[arm.count() - 1];
         let (mut mass, mut first_moment) = (0.0, lanes.same(0.0));
-        if change.mass != 0.0 || change.first_moment != DVec3::ZERO {
+        if change.is_any && (change.mass != 0.0 || change.first_moment != DVec3::ZERO) {
             mass = change.mass;
             let moved = flange.rotation * change.first_moment + flange.origin * change.mass;
             first_moment = lanes.vector(moved);

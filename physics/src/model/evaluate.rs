@@ -9,6 +9,7 @@ use crate::signals::{Inputs, Signals};
 use crate::slopes::Told;
 use crate::spec::ActsOn;
 use crate::{Chain, Evaluation, JOINTS_MAX, Memories, Model};
+use glam::DVec3;
 
 impl Model {
     /// [`Model::evaluate`] in place of an evaluation of a model of the same arm, or of the default: nothing is copied.
@@ -86,7 +87,9 @@ impl Model {
         change: &mut LoadChange,
         loads: &mut Loads,
     ) {
-        change.add(&Contribution::GravityTurn { turn: inputs.base_tilt });
+        if inputs.base_tilt != DVec3::ZERO {
+            change.add(&Contribution::GravityTurn { turn: inputs.base_tilt });
+        }
         let stands = (&self.arm, chain);
         loads.carry(lanes, stands, inputs.wrench_base, change);
         if self.changes_loads {
