@@ -53,10 +53,14 @@ const PARTS_MAX: usize = JOINTS_MAX / WIDTH;
 /// The linearised task at one trial.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Slopes {
-    motions: Motions,
     following: Following,
-    /// As the arm stood when it was last seen.
+    /// How the tool moves with each joint alone, how each joint deviates by its own position, and what both make of the task, with all else that is told: as the arm
+    /// stood when it was last seen.
+    motions: Motions,
+    position: Joints,
     rates: Rates,
+    /// The square of the norm of how joints deviate more as joints move.
+    follows: f64,
     /// The step for a unit of each row's error: the pseudo-inverse of the rates.
     steps: Rates,
     /// How far joints went since, rad or m.
@@ -76,18 +80,20 @@ impl Slopes {
         let Here { arm, seen, is_real, told, rows } = here;
         let count = arm.count().min(JOINTS_MAX);
         (self.joints, self.frees_tool_axis, self.gone) = (count, rows.free_tool_axis, 0.0);
-        let Self { motions, following, rates, .. } = self;
+        let Self { motions, position, following, rates, .. } = self;
         let chain = if *is_real { &seen.real } else { &seen.nominal };
-        let mut taken = &seen.loads.motions;
         if *is_real {
             motions.take(lanes, arm, chain);
-            taken = motions;
+        } else {
+            motions.copy(lanes, &seen.loads.motions);
         }
-        let Motions { linear, angular } = taken;
+        *position = told.position;
+        let Motions { linear, angular } = motions;
         told.follow(lanes, &seen.loads, following);
         // A joint moves the tool by itself, and by what it changes of all joints' deviations and of the base's turn.
         let nothing = Three::same(lanes, DVec3::ZERO);
         let (mut moved, mut turned) = ([nothing; PARTS_MAX], [nothing; PARTS_MAX]);
+        let mut squares = lanes.same(0.0);
         for k in 0..S::PARTS {
             (moved[k], turned[k]) = (linear.part(lanes, k), angular.part(lanes, k));
         }
@@ -98,8 +104,10 @@ impl Slopes {
                 let follows = told.row(lanes, (following, &seen.loads), (i, k));
                 moved[k] = moved[k].plus_times(along, follows);
                 turned[k] = turned[k].plus_times(about, follows);
+                squares = lanes.times_plus(follows, follows, squares);
             }
         }
+        self.follows = lanes.sum(squares);
         let tcp = Three::same(lanes, chain.base_from_tool.origin);
         for k in 0..S::PARTS {
             let (mut moved, mut turned) = (moved[k], turned[k]);
@@ -152,14 +160,13 @@ impl Slopes {
             return None;
         }
         self.gone += last.size;
-        let (by, left, [error, follows]) =
-            widest(self.joints, Refine { slopes: self, here, error });
+        let (by, left, error) = widest(self.joints, Refine { slopes: self, here, error });
         let size = largest(&by);
         let shrinks = size / last.size;
         // What the slopes do not tell shrinks by the same share again, what they do by its square. Of what stays of the task they tell nothing.
         let is_whole = here.told.is_whole && self.serve_all() && !self.frees_tool_axis;
-        // How loads follow the arm is not seen anew: that turned as far as the arm went, and is of the order of what follows or of what was corrected.
-        let stale = self.gone * (self.gone + follows);
+        // How deviations follow the loads is not seen anew: that turned as far as the arm went, and is of the order of what followed, or of what was corrected.
+        let stale = self.gone * (self.gone + sqrt(self.follows));
         let next = if is_whole { MARGIN * shrinks * shrinks + stale } else { shrinks };
         let foretold = next * size + error;
         (shrinks < SHRINKS).then_some(Step { by, size, foretold, left })
@@ -251,34 +258,27 @@ impl Slopes {
         error.less(&products(lanes, &self.rates, step))
     }
 
-    /// What a step does to the task as the arm stands, and what joints deviate more by it, whose loads' part is by what followed when slopes were last seen.
+    /// What a step does to the task as the arm stands: what it did by the slopes last seen, and how much more the joints do by themselves here.
     #[inline(always)]
-    fn along_in<S: Lanes>(
-        &self,
-        lanes: S,
-        here: &Here<'_>,
-        step: &Joints,
-    ) -> ([f64; ROWS], Joints) {
+    fn does_in<S: Lanes>(&self, lanes: S, here: &Here<'_>, step: &Joints) -> [f64; ROWS] {
         let Here { arm, seen, told, rows, .. } = here;
-        let Self { following, joints, .. } = self;
-        let mut motions = Motions::default();
+        let (mut motions, before) = (Motions::default(), &self.motions);
         motions.take(lanes, arm, &seen.real);
-        let more = told.along((following, &seen.loads), step, *joints);
         let nothing = Three::same(lanes, DVec3::ZERO);
         let (mut moved, mut turned) = (nothing, nothing);
         for k in 0..S::PARTS {
-            let by = lanes.plus(lanes.part(step, k), lanes.part(&more, k));
-            moved = moved.plus_times(motions.linear.part(lanes, k), by);
-            turned = turned.plus_times(motions.angular.part(lanes, k), by);
+            let by = lanes.part(step, k);
+            let follows = lanes.minus(lanes.part(&told.position, k), lanes.part(&self.position, k));
+            let all = lanes.times_plus(by, follows, by);
+            let less = lanes.minus(lanes.same(0.0), by);
+            let [linear, angular] = [motions.linear, motions.angular].map(|m| m.part(lanes, k));
+            moved = moved.plus_times(linear, all).plus_times(before.linear.part(lanes, k), less);
+            turned =
+                turned.plus_times(angular, all).plus_times(before.angular.part(lanes, k), less);
         }
-        let (mut moved, mut turned) = (moved.sum(), turned.sum());
-        if following.turns_base {
-            let turn = |by: &Joints| product(lanes, by, step);
-            let base = DVec3::new(turn(&following.base_x), turn(&following.base_y), 0.0);
-            turned += base;
-            moved += base.cross(seen.real.base_from_tool.origin);
-        }
-        (rows.motion(moved, turned), more)
+        let more = rows.motion(moved.sum(), turned.sum());
+        let before = products(lanes, &self.rates, step);
+        array::from_fn(|row| before[row] + more[row])
     }
 }
 
@@ -370,7 +370,7 @@ impl Work for Solve<'_> {
 }
 
 /// A step on slopes that were inverted where the arm stood before, once more for what it leaves as the arm stands; what then is left; the largest that
-/// another refinement would add, and how much joints deviate more per unit of the step.
+/// another refinement would add.
 struct Refine<'a> {
     slopes: &'a Slopes,
     here: &'a Here<'a>,
@@ -378,18 +378,18 @@ struct Refine<'a> {
 }
 
 impl Work for Refine<'_> {
-    type Output = (Joints, TaskError, [f64; 2]);
+    type Output = (Joints, TaskError, f64);
 
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) -> Self::Output {
         let Self { slopes, here, error } = self;
         let mut by = slopes.step_in(lanes, error);
         let rough = largest(&by);
-        let (does, deviates) = slopes.along_in(lanes, here, &by);
+        let does = slopes.does_in(lanes, here, &by);
         let left = error.less(&does);
         let more = slopes.step_in(lanes, &left);
         apply(&mut by, &more);
         let (left, more) = (slopes.left_in(lanes, &left, &more), largest(&more));
-        (by, left, [more * (more / rough), largest(&deviates) / rough])
+        (by, left, more * (more / rough))
     }
 }

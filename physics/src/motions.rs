@@ -31,4 +31,13 @@ impl Motions {
             self.angular.set(i, DVec3::ZERO);
         }
     }
+
+    /// Those of another, of the same arm or of none before.
+    #[inline(always)]
+    pub fn copy<S: Lanes>(&mut self, lanes: S, other: &Self) {
+        for k in 0..S::PARTS {
+            self.linear.put(other.linear.part(lanes, k), k);
+            self.angular.put(other.angular.part(lanes, k), k);
+        }
+    }
 }

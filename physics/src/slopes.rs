@@ -8,8 +8,6 @@
 use crate::lanes::{Lanes, Three, Vectors, WIDTH};
 use crate::laws::Laws;
 use crate::{JOINTS_MAX, Joints, Loads, Motions};
-use core::array;
-use glam::DVec3;
 
 /// How what one effect adds follows the arm, memory as it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -170,38 +168,6 @@ impl Told {
         } else {
             beyond
         }
-    }
-
-    /// What each joint deviates more for one step of all `count` joints: the rows of [`Told::row`], each times the step, in two passes along the arm.
-    #[inline(always)]
-    pub fn along(
-        &self,
-        (following, loads): (&Following, &Loads),
-        step: &Joints,
-        count: usize,
-    ) -> Joints {
-        let mut more: Joints = array::from_fn(|i| self.position[i] * step[i]);
-        for i in (0..count).filter(|i| self.is_wide(*i)) {
-            more[i] +=
-                self.positions[i].iter().zip(step).map(|(slope, by)| slope * by).sum::<f64>();
-        }
-        if !self.is_coupled {
-            return more;
-        }
-        let mut turned = DVec3::ZERO;
-        for i in 0..count {
-            turned += loads.motions.angular.at(i) * step[i];
-            more[i] += following.bent.at(i).dot(turned);
-        }
-        let kinds = if self.is_even { 1 } else { 2 };
-        for (bends, pulled) in following.bends.iter().zip(&following.pulled).take(kinds) {
-            let mut beyond = DVec3::ZERO;
-            for i in (0..count).rev() {
-                more[i] += bends.at(i).dot(beyond);
-                beyond += pulled.at(i) * step[i];
-            }
-        }
-        more
     }
 }
 

@@ -58,10 +58,6 @@ fn followed(
         rates.iter().zip(step).map(|(rate, step)| rate * step).sum::<f64>()
     };
     let joints = joints.map(|rates| by(&rates));
-    let along = told.along((&following, &here.loads), step, model.arm.count());
-    for (i, (a, b)) in along.iter().zip(&joints).enumerate().take(model.arm.count()) {
-        assert!((a - b).abs() <= 1e-12 * b.abs().max(1.0), "{}: joint {i}: {a} {b}", sample.name);
-    }
     let base = DVec3::new(by(&following.base_x), by(&following.base_y), 0.0);
     told.is_whole.then(|| (joints, base, [beside(-STEP), beside(STEP)]))
 }
