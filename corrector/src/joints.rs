@@ -4,7 +4,7 @@
 
 use core::array;
 use physics::Joints;
-use physics::lanes::WIDTH;
+use physics::lanes::{Lanes, WIDTH, Work, widest};
 
 /// Adds a step.
 pub(crate) fn apply(q: &mut Joints, step: &Joints) {
@@ -46,6 +46,40 @@ fn sum(of: &Joints) -> f64 {
     }
     let [a, b, c, d] = sums;
     (a + b) + (c + d)
+}
+
+/// Whether `q`, one step on, is within `reach` of `centre`, for an arm of so many joints; what is not a number is not.
+pub(crate) fn stays_within(
+    count: usize,
+    q: &Joints,
+    step: &Joints,
+    centre: &Joints,
+    reach: &Joints,
+) -> bool {
+    widest(count, Stays { q, step, centre, reach })
+}
+
+struct Stays<'a> {
+    q: &'a Joints,
+    step: &'a Joints,
+    centre: &'a Joints,
+    reach: &'a Joints,
+}
+
+impl Work for Stays<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) -> bool {
+        let mut stays = true;
+        for k in 0..S::PARTS {
+            let on = lanes.plus(lanes.part(self.q, k), lanes.part(self.step, k));
+            let [a, b, c, d] = lanes.numbers(lanes.minus(on, lanes.part(self.centre, k)));
+            let [e, f, g, h] = lanes.numbers(lanes.part(self.reach, k));
+            stays &= (a.abs() <= e) & (b.abs() <= f) & (c.abs() <= g) & (d.abs() <= h);
+        }
+        stays
+    }
 }
 
 /// Whether each is within so many times what is allowed of it; what is not a number is not.

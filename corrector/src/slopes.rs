@@ -148,21 +148,16 @@ impl Slopes {
         Some(Step { by, size, foretold: size, left })
     }
 
-    /// The next step by the inverse of the slopes last seen, `last` being the step since, put right by the geometry where the arm stands; none where
+    /// The next step by the inverse of the slopes last seen, `last` being the size of the step since, put right by the geometry where the arm stands; none where
     /// `last` was damped, or where this is not much smaller.
-    pub(crate) fn again(
-        &mut self,
-        here: &Here<'_>,
-        last: &Step,
-        error: &TaskError,
-    ) -> Option<Step> {
-        if last.size == f64::INFINITY {
+    pub(crate) fn again(&mut self, here: &Here<'_>, last: f64, error: &TaskError) -> Option<Step> {
+        if last == f64::INFINITY {
             return None;
         }
-        self.gone += last.size;
+        self.gone += last;
         let (by, left, error) = widest(self.joints, Refine { slopes: self, here, error });
         let size = largest(&by);
-        let shrinks = size / last.size;
+        let shrinks = size / last;
         // What the slopes do not tell shrinks by the same share again, what they do by its square. Of what stays of the task they tell nothing.
         let is_whole = here.told.is_whole && self.serve_all() && !self.frees_tool_axis;
         // How deviations follow the loads is not seen anew: that turned as far as the arm went, and is of the order of what followed, or of what was corrected.

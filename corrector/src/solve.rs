@@ -8,7 +8,7 @@
 //! Where a solve begins decides how many evaluations it takes, not what it finds: to 1e-9 rad, as [`solve`] does.
 //! Never: a jump to another branch of solutions, memory of effects (what they remember stays as it is during the solve).
 
-use crate::joints::{apply, are_within};
+use crate::joints::{apply, stays_within};
 use crate::outcome::Residual;
 use crate::rows::{Rows, TaskError};
 use crate::settings::Task;
@@ -152,7 +152,7 @@ impl Solver {
         if trace.foretell(&by, curvature) < STEP_DONE {
             return Some((way.here(true, &left, task), way.ended));
         }
-        way.last = Some(step);
+        way.last = Some(size);
         self.stand(case, &mut way);
         let solution = self.walk(case, &mut way, NEAR_STEPS_MAX);
         solution.converged.then_some((solution, way.ended))
@@ -171,10 +171,11 @@ impl Solver {
             if seen.beyond.is_some() || way.error.is_done() {
                 return way.here(seen.beyond.is_none(), &way.error, task);
             }
-            let allowed = |step: &Joints| stays_within(&way.trial.q, step, &inputs.q, reach);
+            let count = model.arm.count();
+            let allowed = |step: &Joints| stays_within(count, &way.trial.q, step, &inputs.q, reach);
             let Way { is_real, rows, .. } = &*way;
             let here = Here { arm: &model.arm, seen, is_real: *is_real, told, rows };
-            let again = way.last.as_ref().and_then(|last| slopes.again(&here, last, &way.error));
+            let again = way.last.and_then(|last| slopes.again(&here, last, &way.error));
             let next = again.filter(|next| allowed(&next.by));
             let next = next.or_else(|| {
                 slopes.see(&here);
@@ -187,10 +188,10 @@ impl Solver {
             way.steps += 1;
             if way.is_real && next.foretold < STEP_DONE {
                 way.ended.by_step = true;
-                way.ended.bent = way.last.map_or(0.0, |last| next.size / (last.size * last.size));
+                way.ended.bent = way.last.map_or(0.0, |last| next.size / (last * last));
                 return way.here(true, &next.left, task);
             }
-            way.last = Some(next);
+            way.last = Some(next.size);
             self.stand(case, way);
         }
     }
@@ -221,7 +222,8 @@ struct Way {
     error: TaskError,
     /// Whether the error is that of the real geometry.
     is_real: bool,
-    last: Option<Step>,
+    /// The size of the last step.
+    last: Option<f64>,
     steps: u32,
     ended: Ended,
 }
@@ -235,9 +237,4 @@ impl Way {
         let (q, residual) = (self.trial.q, left.residual(task));
         Solution { q, converged, residual, steps: self.steps }
     }
-}
-
-fn stays_within(q: &Joints, step: &Joints, centre: &Joints, reach: &Joints) -> bool {
-    let way = core::array::from_fn(|i| q[i] + step[i] - centre[i]);
-    are_within(&way, reach, 1.0)
 }

@@ -92,8 +92,11 @@ impl LoadChange {
 
     /// The wrench that acts where the sensor says `read`; both about the TCP, base axes.
     fn truth(&self, read: Wrench, base_from_tool: &DMat3) -> Wrench {
+        if !self.is_any {
+            return read;
+        }
         let untouched = self.sensor_bias == Wrench::ZERO && self.sensor_scale == Wrench::ZERO;
-        if !self.is_any || (untouched && self.sensor_turn == DVec3::ZERO) {
+        if untouched && self.sensor_turn == DVec3::ZERO {
             return read;
         }
         let tool_from_base = base_from_tool.transpose();
