@@ -34,6 +34,7 @@ pub(crate) struct Here<'a> {
 
 /// A step of the joints, rad or m.
 #[derive(Clone, Copy)]
+#[repr(align(64))]
 pub(crate) struct Step {
     pub(crate) by: Joints,
     /// The largest of it; endless for a damped one, from which nothing may be foretold.
@@ -52,6 +53,7 @@ const PARTS_MAX: usize = JOINTS_MAX / WIDTH;
 
 /// The linearised task at one trial.
 #[derive(Clone, Copy, Debug, Default)]
+#[repr(align(64))]
 pub(crate) struct Slopes {
     following: Following,
     /// How the tool moves with each joint alone, how each joint deviates by its own position, and what both make of the task, with all else that is told: as the arm

@@ -153,7 +153,7 @@ impl Solver {
             return Some((way.here(true, &left, task), way.ended));
         }
         way.last = Some(size);
-        self.stand(case, &mut way);
+        self.stand(case, &mut way, &by);
         let solution = self.walk(case, &mut way, NEAR_STEPS_MAX);
         solution.converged.then_some((solution, way.ended))
     }
@@ -192,14 +192,14 @@ impl Solver {
                 return way.here(true, &next.left, task);
             }
             way.last = Some(next.size);
-            self.stand(case, way);
+            self.stand(case, way, &next.by);
         }
     }
 
-    /// Evaluates the model at the trial.
-    fn stand(&mut self, case: &Case<'_>, way: &mut Way) {
+    /// Evaluates the model at the trial, which is a step `by` from where it was seen.
+    fn stand(&mut self, case: &Case<'_>, way: &mut Way, by: &Joints) {
         let Self { seen, told, .. } = self;
-        case.model.deviate_into(&way.trial, case.memories, seen, Some(told));
+        case.model.deviate_on(&way.trial, case.memories, seen, by, told);
         seen.stand(&case.model.arm, &way.trial);
         way.look(seen);
     }

@@ -19,6 +19,7 @@ pub type Jacobian = SMatrix<f64, 6, JOINTS_MAX>;
 
 /// The arm at one configuration.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
 pub struct Chain {
     /// Body `i` (moved by joint `i`): from base coordinates at the zero configuration to base coordinates now.
     pub bodies: [Frame; JOINTS_MAX],
@@ -74,11 +75,23 @@ impl Chain {
         widest(arm.count(), Stand { chain: self, arm, q });
     }
 
-    /// The same, with these lanes.
+    /// The same, with these lanes; `on` is how far `q` is from where this chain stands, where that is known.
     #[inline(always)]
-    pub(crate) fn stand_in<S: Lanes>(&mut self, lanes: S, arm: &Arm, q: &Joints) {
+    pub(crate) fn stand_in<S: Lanes>(
+        &mut self,
+        lanes: S,
+        arm: &Arm,
+        q: &Joints,
+        on: Option<&Joints>,
+    ) {
         self.count = arm.count();
-        sin_cos_all(lanes, q, &mut self.sines, &mut self.cosines);
+        match on {
+            Some(on) => {
+                let before = (&self.sines.clone(), &self.cosines.clone());
+                turned_on(lanes, before, on, &mut self.sines, &mut self.cosines);
+            }
+            None => sin_cos_all(lanes, q, &mut self.sines, &mut self.cosines),
+        }
         let mut carrier = Placed::of(lanes, &Frame::IDENTITY);
         for (i, joint) in arm.joints().iter().enumerate() {
             let axis = Axis { along: arm.along(i), axis: joint.axis, point: joint.point };
@@ -194,7 +207,7 @@ impl Work for Stand<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) {
-        self.chain.stand_in(lanes, self.arm, self.q);
+        self.chain.stand_in(lanes, self.arm, self.q, None);
     }
 }
 

@@ -209,6 +209,7 @@ impl Work for ByJoints<'_> {
 
 /// The sum of all contributions to the geometry.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
 pub struct Deviation {
     /// Actual minus commanded per joint, rad or m.
     pub joints: Joints,

@@ -170,6 +170,8 @@ fn exponential(turn: DVec3, a: f64, b: f64) -> DMat3 {
     )
 }
 
+/// Below this square of a sine the arc sine needs two terms: the third is below 1e-15 of it.
+const HARDLY_ANY: f64 = 1e-7;
 /// Below this square of a sine its arc is taken by a series, whose next term is below rounding.
 const NEARLY_NONE: f64 = 1e-3;
 
@@ -182,6 +184,9 @@ pub fn vector_from_rotation(rotation: &DMat3) -> DVec3 {
     let twice_sin = DVec3::new(c1.z - c2.y, c2.x - c0.z, c0.y - c1.x);
     let twice_cos = c0.x + c1.y + c2.z - 1.0;
     let square = 0.25 * twice_sin.length_squared();
+    if square < HARDLY_ANY && twice_cos > 0.0 {
+        return twice_sin * (0.5 + square * (0.5 / 6.0));
+    }
     if square < NEARLY_NONE && twice_cos > 0.0 {
         // The arc sine of s over s, by powers of s².
         let series = [1.0, 1.0 / 6.0, 3.0 / 40.0, 5.0 / 112.0, 35.0 / 1152.0];

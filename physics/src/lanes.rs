@@ -183,6 +183,7 @@ impl<S: Lanes> Three<S> {
 
 /// A vector of each joint, one array a coordinate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(align(64))]
 pub struct Vectors {
     /// First coordinates.
     pub x: [f64; JOINTS_MAX],

@@ -65,6 +65,7 @@ const WAVES_MAX: usize = 4;
 
 /// A wave of each joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
 struct Waves {
     amplitude: Joints,
     cycles: Joints,
@@ -73,6 +74,7 @@ struct Waves {
 
 /// The laws of all joints.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
 pub(crate) struct Laws {
     offset: Joints,
     ratio: Joints,

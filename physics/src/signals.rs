@@ -32,6 +32,7 @@ impl Wrench {
 
 /// One sample of what goes into the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
 pub struct Inputs {
     /// Joint positions, rad or m.
     pub q: Joints,

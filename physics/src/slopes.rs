@@ -33,6 +33,7 @@ pub enum Slope {
 
 /// The sums of what all effects of a model tell.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(align(64))]
 pub struct Told {
     /// Each joint's deviation per unit of its own position.
     pub position: Joints,

@@ -8,7 +8,7 @@ use crate::loads::{LoadChange, Loads};
 use crate::signals::{Inputs, Signals};
 use crate::slopes::Told;
 use crate::spec::ActsOn;
-use crate::{Chain, Evaluation, JOINTS_MAX, Memories, Model};
+use crate::{Chain, Evaluation, JOINTS_MAX, Joints, Memories, Model};
 use glam::DVec3;
 
 impl Model {
@@ -26,7 +26,20 @@ impl Model {
         seen: &mut Evaluation,
         told: Option<&mut Told>,
     ) {
-        widest(self.arm.count(), Deviate { model: self, inputs, memories, seen, told });
+        widest(self.arm.count(), Deviate { model: self, inputs, memories, seen, on: None, told });
+    }
+
+    /// The same with what effects tell, joints being a step `on` from where `seen` is.
+    pub fn deviate_on(
+        &self,
+        inputs: &Inputs,
+        memories: &Memories,
+        seen: &mut Evaluation,
+        on: &Joints,
+        told: &mut Told,
+    ) {
+        let (on, told) = (Some(on), Some(told));
+        widest(self.arm.count(), Deviate { model: self, inputs, memories, seen, on, told });
     }
 
     /// The first part of [`Model::deviate_into`]: the controller's geometry and the loads on it.
@@ -42,10 +55,11 @@ impl Model {
         lanes: S,
         (inputs, memories): (&Inputs, &Memories),
         seen: &mut Evaluation,
+        on: Option<&Joints>,
         mut told: Option<&mut Told>,
     ) {
         let Evaluation { nominal, loads, deviation, beyond, .. } = seen;
-        nominal.stand_in(lanes, &self.arm, &inputs.q);
+        nominal.stand_in(lanes, &self.arm, &inputs.q, on);
         let change = &mut LoadChange::default();
         self.load_in(lanes, (inputs, nominal), memories, change, loads);
         let signals = Signals { arm: &self.arm, inputs, chain: nominal, loads };
@@ -111,6 +125,7 @@ struct Deviate<'a> {
     inputs: &'a Inputs,
     memories: &'a Memories,
     seen: &'a mut Evaluation,
+    on: Option<&'a Joints>,
     told: Option<&'a mut Told>,
 }
 
@@ -119,7 +134,8 @@ impl Work for Deviate<'_> {
 
     #[inline(always)]
     fn run<S: Lanes>(self, lanes: S) {
-        self.model.deviate(lanes, (self.inputs, self.memories), self.seen, self.told);
+        let Self { model, inputs, memories, seen, on, told } = self;
+        model.deviate(lanes, (inputs, memories), seen, on, told);
     }
 }
 
