@@ -148,8 +148,8 @@ fn the_lanes_of_any_machine_say_the_same() {
     for scene in [scene(), sliding_scene()] {
         let Scene { arm, inputs, .. } = scene;
         let mut plain = [Chain::nominal(&arm, &inputs.q); 2];
-        plain[0].stand_in(Plain::<2>, &arm, &inputs.q);
-        plain[1].stand_in(Plain::<4>, &arm, &inputs.q);
+        plain[0].stand_in(Plain::<2>, &arm, &inputs.q, None);
+        plain[1].stand_in(Plain::<4>, &arm, &inputs.q, None);
         let wide = Chain::nominal(&arm, &inputs.q);
         assert_eq!(plain[0].bodies, plain[1].bodies);
         for i in 0..arm.count() {
