@@ -87,8 +87,10 @@ impl Chain {
         self.count = arm.count();
         match on {
             Some(on) => {
-                let before = (&self.sines.clone(), &self.cosines.clone());
-                turned_on(lanes, before, on, &mut self.sines, &mut self.cosines);
+                for k in 0..S::PARTS {
+                    let before = (lanes.part(&self.sines, k), lanes.part(&self.cosines, k));
+                    self.turn_on(lanes, before, on, k);
+                }
             }
             None => sin_cos_all(lanes, q, &mut self.sines, &mut self.cosines),
         }
@@ -115,8 +117,10 @@ impl Chain {
         nominal: &Self,
     ) {
         self.count = arm.count();
-        let before = (&nominal.sines, &nominal.cosines);
-        turned_on(lanes, before, &deviation.joints, &mut self.sines, &mut self.cosines);
+        for k in 0..S::PARTS {
+            let before = (lanes.part(&nominal.sines, k), lanes.part(&nominal.cosines, k));
+            self.turn_on(lanes, before, &deviation.joints, k);
+        }
         let mut base = Frame::IDENTITY;
         if deviation.base_turn != DVec3::ZERO {
             base.rotation = rotation_from_vector(deviation.base_turn);
@@ -171,6 +175,14 @@ impl Chain {
     /// The number of joints.
     pub const fn count(&self) -> usize {
         self.count
+    }
+
+    /// Sines and cosines of joints `4 k` to `4 k + 3` go on from those before.
+    #[inline(always)]
+    fn turn_on<S: Lanes>(&mut self, lanes: S, before: (S::Four, S::Four), by: &Joints, k: usize) {
+        let (sines, cosines) = turned_on(lanes, before, lanes.part(by, k));
+        lanes.put(sines, &mut self.sines, k);
+        lanes.put(cosines, &mut self.cosines, k);
     }
 
     /// Puts joint `i`, at `position`, onto what carries it; where its body is then.

@@ -7,7 +7,7 @@
 
 use crate::frame::{SMALL, coefficients, rodrigues};
 use crate::lanes::{Lanes, WIDTH};
-use crate::{Frame, JOINTS_MAX, JointKind, Joints};
+use crate::{Frame, JOINTS_MAX, JointKind};
 use glam::{DMat3, DVec3};
 
 /// Which of the base's axes a unit vector is along, either way.
@@ -165,26 +165,19 @@ fn mixed<S: Lanes>(
     (first, lanes.times_from(u, sine, lanes.times(v, cosine)))
 }
 
-/// Sines and cosines of positions that are `off` by a little from those of these sines and cosines; the same bits where `off` is zero.
+/// Sines and cosines of positions that are `by` from those of these sines and cosines; the same bits where that is zero.
 #[inline(always)]
 pub(crate) fn turned_on<S: Lanes>(
     lanes: S,
-    (sines, cosines): (&Joints, &Joints),
-    off: &Joints,
-    now_sines: &mut Joints,
-    now_cosines: &mut Joints,
-) {
-    for k in 0..S::PARTS {
-        let by = lanes.part(off, k);
-        let square = lanes.times(by, by);
-        let (first, second) = first_coefficients(lanes, square);
-        let (sine, less) = (lanes.times(by, first), lanes.times(square, second));
-        let (sin, cos) = (lanes.part(sines, k), lanes.part(cosines, k));
-        let more = lanes.times_from(sin, less, lanes.times(cos, sine));
-        lanes.put(lanes.plus(sin, more), now_sines, k);
-        let fewer = lanes.times_plus(sin, sine, lanes.times(cos, less));
-        lanes.put(lanes.minus(cos, fewer), now_cosines, k);
-    }
+    (sin, cos): (S::Four, S::Four),
+    by: S::Four,
+) -> (S::Four, S::Four) {
+    let square = lanes.times(by, by);
+    let (first, second) = first_coefficients(lanes, square);
+    let (sine, less) = (lanes.times(by, first), lanes.times(square, second));
+    let more = lanes.times_from(sin, less, lanes.times(cos, sine));
+    let fewer = lanes.times_plus(sin, sine, lanes.times(cos, less));
+    (lanes.plus(sin, more), lanes.minus(cos, fewer))
 }
 
 /// The first two of [`coefficients`], of four squares.
