@@ -6,6 +6,7 @@
 //! Promises: nothing is left out silently: what has no value is not measured; what was not said of the noise is estimated.
 //! Never: a file read.
 
+mod columns;
 mod gauges;
 
 use crate::campaign::{
@@ -13,6 +14,7 @@ use crate::campaign::{
 };
 use crate::nests::Nests;
 use crate::surroundings::{Fitted, Station, Surroundings};
+use columns::{Columns, sample, vector};
 use glam::{DMat3, DQuat, DVec3};
 use physics::{Arm, Chain, Frame, Inputs, Joints, Wrench};
 use recording::series::{Approach, Channel, Frame as Axes, Heldout, Input, Kind, Recording};
@@ -90,13 +92,16 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
     gauges::surround(recordings, &mut campaign.surroundings)?;
     let mut stations = Vec::new();
     for (index, recording) in recordings.iter().enumerate() {
-        let nests = Nests::of(recording);
-        let mut reader = Reader { arm, recording, index, frames: Vec::new(), nests };
+        let mut reader = Reader::of(arm, recording, index);
         reader.surround(&mut campaign.surroundings, &mut stations);
         let instruments = reader.instruments(&mut campaign)?;
         let before = campaign.readings();
         let poses = reader.poses(&campaign.surroundings, &instruments)?;
-        campaign.poses.extend(poses);
+        if campaign.poses.is_empty() {
+            campaign.poses = poses;
+        } else {
+            campaign.poses.extend(poses);
+        }
         gauges::read(&mut campaign, index, recording)?;
         if campaign.readings() == before {
             return Err(Unusable::NothingMeasured { file: reader.name() });
@@ -113,7 +118,7 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
 /// # Errors
 /// An input that lacks a joint.
 pub fn motion(arm: &Arm, recording: &Recording) -> Result<Vec<Pose>, Unusable> {
-    Reader { arm, recording, index: 0, frames: Vec::new(), nests: None }.motion()
+    Reader::of(arm, recording, 0).motion()
 }
 
 /// Where the joints of the robot `arm` were in `recording`, row by row, rad or m.
@@ -121,7 +126,7 @@ pub fn motion(arm: &Arm, recording: &Recording) -> Result<Vec<Pose>, Unusable> {
 /// # Errors
 /// An input that lacks a joint.
 pub(crate) fn positions(arm: &Arm, recording: &Recording) -> Result<Vec<Joints>, Unusable> {
-    let reader = Reader { arm, recording, index: 0, frames: Vec::new(), nests: None };
+    let reader = Reader::of(arm, recording, 0);
     let mut all: Vec<Joints> = Vec::with_capacity(recording.len());
     for row in 0..recording.len() {
         let before = all.last().filter(|_| reader.goes_on(row));
@@ -156,13 +161,20 @@ struct Instruments {
 struct Reader<'a> {
     arm: &'a Arm,
     recording: &'a Recording,
+    columns: Columns<'a>,
     index: usize,
     /// The measuring frame of each row.
     frames: Vec<usize>,
     nests: Option<Nests>,
 }
 
-impl Reader<'_> {
+impl<'a> Reader<'a> {
+    fn of(arm: &'a Arm, recording: &'a Recording, index: usize) -> Self {
+        let columns = Columns::of(recording, arm.count());
+        let nests = Nests::of(recording);
+        Self { arm, recording, columns, index, frames: Vec::new(), nests }
+    }
+
     fn name(&self) -> String {
         self.recording.file.display().to_string()
     }
@@ -176,23 +188,14 @@ impl Reader<'_> {
         }
     }
 
-    fn value(&self, channel: Channel, row: usize) -> f64 {
-        let column = self.recording.column(channel);
-        column.and_then(|column| column.get(row)).copied().unwrap_or(f64::NAN)
-    }
-
-    fn vector(&self, channel: impl Fn(usize) -> Channel, row: usize) -> Option<DVec3> {
-        let vector = DVec3::from_array([0, 1, 2].map(|k| self.value(channel(k), row)));
-        vector.is_finite().then_some(vector)
-    }
-
     /// `stations`: numbers of set-ups with their frames, of all recordings so far.
     fn surround(&mut self, surroundings: &mut Surroundings, stations: &mut Vec<(u64, usize)>) {
         let about = &self.recording.about;
         let station = Station { measuring_from_base: Frame::IDENTITY, pivot: DVec3::ZERO };
         let mut unsaid = None;
+        let column = self.recording.column(Channel::Station);
         for row in 0..self.recording.len() {
-            let number = self.value(Channel::Station, row);
+            let number = sample(column, row);
             let known = if number.is_nan() {
                 unsaid
             } else {
@@ -284,9 +287,11 @@ impl Reader<'_> {
     fn positions(&self, row: usize, before: Option<&Joints>) -> Result<Joints, Unusable> {
         let mut q = Joints::default();
         for (joint, slot) in q.iter_mut().enumerate().take(self.arm.count()) {
-            let column = self.recording.input(joint);
             let missing = || Unusable::JointMissing { file: self.name(), joint: joint + 1 };
-            let value = column.and_then(|column| column.get(row)).copied().ok_or_else(missing)?;
+            let value = self.columns.inputs[joint]
+                .and_then(|column| column.get(row))
+                .copied()
+                .ok_or_else(missing)?;
             // A sample that was not taken: the joint is where it was.
             *slot = if value.is_nan() { before.map_or(0.0, |q| q[joint]) } else { value };
         }
@@ -302,12 +307,12 @@ impl Reader<'_> {
             inputs.direction = before.direction;
         }
         self.directions(row, before, &mut inputs);
-        inputs.ambient_celsius = self.value(Channel::Ambient, row);
-        inputs.spindle_rpm = self.value(Channel::Spindle, row);
+        inputs.ambient_celsius = sample(self.columns.ambient, row);
+        inputs.spindle_rpm = sample(self.columns.spindle, row);
         for joint in 0..self.arm.count() {
-            inputs.joint_celsius[joint] = self.value(Channel::JointTemperature(joint), row);
+            inputs.joint_celsius[joint] = sample(self.columns.joint_temperatures[joint], row);
         }
-        let tilt = [0, 1].map(|axis| self.value(Channel::BaseTilt(axis), row));
+        let tilt = self.columns.tilt.map(|column| sample(column, row));
         let known = tilt.map(|turn| if turn.is_nan() { 0.0 } else { turn });
         inputs.base_tilt = DVec3::new(known[0], known[1], 0.0);
         inputs.wrench_base = self.wrench(row, &inputs.q);
@@ -318,7 +323,7 @@ impl Reader<'_> {
         let about = &self.recording.about;
         let follows = about.kind == Kind::Path || about.approach == Approach::Sequence;
         for joint in 0..self.arm.count() {
-            let said = self.value(Channel::Direction(joint), row);
+            let said = sample(self.columns.directions[joint], row);
             let moved = before.map_or(0.0, |before| inputs.q[joint] - before.q[joint]);
             let direction = &mut inputs.direction[joint];
             if about.approach == Approach::Columns && !said.is_nan() {
@@ -330,7 +335,7 @@ impl Reader<'_> {
     }
 
     fn wrench(&self, row: usize, q: &Joints) -> Wrench {
-        let part = |k: usize| Some(self.value(Channel::Wrench(k), row)).filter(|x| !x.is_nan());
+        let part = |k: usize| Some(sample(self.columns.wrench[k], row)).filter(|x| !x.is_nan());
         let all = |from: usize| DVec3::from_array([0, 1, 2].map(|k| part(from + k).unwrap_or(0.0)));
         let read = Wrench { force: all(0), moment: all(3) };
         if read == Wrench::ZERO || self.recording.about.wrench_frame == Some(Axes::Base) {
@@ -355,19 +360,19 @@ impl Reader<'_> {
         };
         let frame = self.frames[row];
         let laid = self.nests.as_ref().map_or(Frame::IDENTITY, |nests| nests.laid_from_seen(row));
-        if let Some(at) = self.vector(Channel::Position, row).map(|at| laid.point(at)) {
+        if let Some(at) = vector(&self.columns.position, row).map(|at| laid.point(at)) {
             let place = Place::Tcp;
             take(Reading::Point { place, frame, at }, instruments.points, at, "x, y, z")?;
         }
         for target in 0..surroundings.targets.len() {
-            if let Some(at) =
-                self.vector(|k| Channel::Target(target, k), row).map(|at| laid.point(at))
-            {
+            let columns = self.columns.targets.get(target);
+            let at = columns.and_then(|columns| vector(columns, row));
+            if let Some(at) = at.map(|at| laid.point(at)) {
                 let place = Place::Target(target);
                 take(Reading::Point { place, frame, at }, instruments.points, at, "targets")?;
             }
         }
-        let [w, x, y, z] = [0, 1, 2, 3].map(|k| self.value(Channel::Orientation(k), row));
+        let [w, x, y, z] = self.columns.orientation.map(|column| sample(column, row));
         if [w, x, y, z].iter().all(|part| part.is_finite()) {
             let read = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
             let measuring_from_tool = laid.rotation * read;
@@ -375,7 +380,7 @@ impl Reader<'_> {
             take(reading, instruments.orientations, DVec3::ZERO, "orientations")?;
         }
         for (joint, noise) in instruments.joints.1.iter().enumerate() {
-            let position = self.value(Channel::Link(joint), row);
+            let position = sample(self.columns.links[joint], row);
             if position.is_finite() {
                 let reading = Reading::JointPosition { joint, position };
                 take(reading, (instruments.joints.0, *noise), DVec3::ZERO, "ql")?;

@@ -66,19 +66,16 @@ impl<'a> Motions<'a> {
                 let counts = |spec: &Spec| !self.are_candidates || is_about_loads(spec);
                 Yielding::of(self.model, counts)
             });
-            yielding.stand_at(memories);
+            yielding.stand_at(memories, seen);
             // What one unit of load does is told by the change that loads most: others may do next to nothing here, as at a spring's dead point.
-            let mut most = [(0.0, None); JOINTS_MAX];
+            let mut most = [0.0_f64; JOINTS_MAX];
             for (place, change) in &on_loads {
                 if let Contribution::JointLoad { joint, load } = change {
-                    let size = self.much[*place] * load.abs();
-                    if size > most[*joint].0 {
-                        most[*joint] = (size, Some((*place, change)));
-                    }
+                    most[*joint] = most[*joint].max(self.much[*place] * load.abs());
                 }
             }
-            for (place, change) in most.iter().filter_map(|(_, most)| *most) {
-                yielding.motion(self.model, self.wanted[place], change, inputs);
+            for (joint, size) in most.iter().enumerate().filter(|(_, size)| **size > 0.0) {
+                yielding.respond(joint, STEP * size, inputs);
             }
             for (place, change) in &on_loads {
                 motions[*place] = yielding.motion(self.model, self.wanted[*place], change, inputs);
@@ -96,7 +93,7 @@ struct Yielding {
     places: Vec<Option<usize>>,
     /// How the tool moves per unit of load on a joint.
     responses: [Option<Motion>; JOINTS_MAX],
-    /// Room for what the model says.
+    /// What the model says; the geometry stands as it does at the pose, and the loads do until an effect is changed.
     seen: Box<Evaluation>,
 }
 
@@ -118,13 +115,28 @@ impl Yielding {
         Self { model, memories, places, responses: [None; JOINTS_MAX], seen }
     }
 
-    fn stand_at(&mut self, all: &Memories) {
+    /// `seen`: the geometry and the loads here.
+    fn stand_at(&mut self, all: &Memories, seen: &Evaluation) {
         for (from, to) in self.places.iter().enumerate() {
             if let Some(to) = to {
                 self.memories.take(*to, all, from);
             }
         }
         self.responses = [None; JOINTS_MAX];
+        (self.seen.nominal, self.seen.loads) = (seen.nominal, seen.loads);
+    }
+
+    /// How the tool moves per unit of load on a joint, from a little less of it and a little more.
+    fn respond(&mut self, joint: usize, step: f64, inputs: &Inputs) {
+        let here = self.seen.loads.gravity_torque[joint];
+        let mut at = |load: f64| {
+            self.seen.loads.gravity_torque[joint] = load;
+            self.model.evaluate_under(inputs, &self.memories, &mut self.seen);
+            (self.seen.real.base_from_tool, self.seen.deviation.joints)
+        };
+        let motion = Motion::between(&at(here - step), &at(here + step), 2.0 * step);
+        self.seen.loads.gravity_torque[joint] = here;
+        self.responses[joint] = Some(motion);
     }
 
     /// The motion per unit of a value of an effect on the loads; `change` is what it adds to them. All that gives way does so in proportion.
@@ -140,13 +152,7 @@ impl Yielding {
         let Contribution::JointLoad { joint, load } = *change else {
             return self.by_difference(own, place, value, inputs);
         };
-        if load == 0.0 {
-            return Motion::default();
-        }
-        if self.responses[joint].is_none() {
-            let motion = self.by_difference(own, place, value, inputs);
-            self.responses[joint] = Some(motion.times(1.0 / load));
-        }
+        // Where no load on a joint changes, nothing responds.
         self.responses[joint].map_or_else(Motion::default, |response| response.times(load))
     }
 
@@ -170,7 +176,7 @@ impl Yielding {
                 *effect = *own;
                 effect.values_mut()[value] = value_there;
             });
-            self.model.evaluate_into(inputs, &self.memories, &mut self.seen);
+            self.model.evaluate_on(inputs, &self.memories, &mut self.seen);
             (self.seen.real.base_from_tool, self.seen.deviation.joints)
         };
         let motion = Motion::between(&at(stands - step), &at(stands + step), 2.0 * step);

@@ -161,7 +161,7 @@ fn series(moved: &mut Vec<Moved>, of: Rings, poses: usize) -> &mut Vec<f64> {
 }
 
 /// What moves, and by how much at each pose.
-type Moved = (Rings, Vec<f64>);
+pub(crate) type Moved = (Rings, Vec<f64>);
 
 /// Per free number of an effect over paths: what moves by how much at each pose, per unit of the number.
 pub(crate) struct Slopes {

@@ -20,7 +20,7 @@ use crate::result::Fit;
 use crate::rides::Rides;
 use crate::sheet::Sheet;
 use glam::DVec3;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DMatrixView, Dyn};
 use physics::{AnyEffect, EFFECTS_MAX, Evaluation};
 use series::Series;
 use std::sync::Arc;
@@ -28,6 +28,8 @@ use sums::Sums;
 
 /// Rows that are multiplied at once.
 const ROWS: usize = 256;
+/// Columns whose products with those after them are taken at once.
+const STRIP: usize = 64;
 
 /// What a candidate would bring.
 #[derive(Clone, Debug)]
@@ -229,7 +231,7 @@ impl<'a> Fitted<'a> {
     fn sums(&self, groups: &[usize], columns: impl FnMut(&At<'_>, &mut Vec<DVec3>)) -> Sums {
         let mut sums = Sums::new(self.fit.columns().len(), groups);
         self.rows_along(groups.iter().sum(), columns, |fitted, columns, right| {
-            sums.add(fitted.iter().copied(), columns, right);
+            sums.add(fitted, columns, right);
         });
         sums.project(&self.fit.triangle, self.right());
         sums
@@ -275,13 +277,14 @@ impl<'a> Fitted<'a> {
                 slot[wide - 1] = right;
                 filled += 1;
                 if filled == ROWS {
-                    sums.gemm(1.0, &block, &block.transpose(), 1.0);
+                    add_upper(&mut sums, &block);
                     filled = 0;
                 }
             },
         );
         block.columns_range_mut(filled..).fill(0.0);
-        sums.gemm(1.0, &block, &block.transpose(), 1.0);
+        add_upper(&mut sums, &block);
+        sums.fill_lower_triangle_with_upper_triangle();
         let fixed = places.len();
         let mixed = sums.view((0, fixed), (fixed, count)).into_owned();
         let own = sums.view((fixed, fixed), (count, count)).into_owned();
@@ -310,6 +313,22 @@ impl<'a> Fitted<'a> {
             all.iter_mut().zip(&motions).for_each(|(series, motion)| series.put(pose, motion));
         });
         all
+    }
+}
+
+/// A block's transpose, in its place.
+fn turned(block: &DMatrix<f64>) -> DMatrixView<'_, f64, Dyn, Dyn> {
+    let (rows, columns) = block.shape();
+    DMatrixView::from_slice_with_strides(block.as_slice(), columns, rows, rows, 1)
+}
+
+/// Adds the products of a block's rows with each other: what is on and above the diagonal, and some of what is below.
+fn add_upper(sums: &mut DMatrix<f64>, block: &DMatrix<f64>) {
+    let (turned, wide) = (turned(block), block.nrows());
+    for from in (0..wide).step_by(STRIP) {
+        let (high, long) = (STRIP.min(wide - from), wide - from);
+        let (left, right) = (block.rows(from, high), turned.columns(from, long));
+        sums.view_mut((from, from), (high, long)).gemm(1.0, &left, &right, 1.0);
     }
 }
 

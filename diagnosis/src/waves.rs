@@ -17,7 +17,7 @@ const CYCLES_MAX: f64 = 420.0;
 /// Steps per width of a line.
 const STEPS_PER_LINE: f64 = 4.0;
 /// Below this many cycles over the range of a joint, slow effects stand for it.
-const CYCLES_MIN: f64 = 2.0;
+pub(crate) const CYCLES_MIN: f64 = 2.0;
 /// Positions closer than this are one, rad or m.
 const SAME: f64 = 1e-4;
 

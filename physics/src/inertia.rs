@@ -46,6 +46,7 @@ impl Moving {
 }
 
 /// The reaction of all masses on `chain`, moving at `velocity` and `acceleration` (rad or m per s and s²).
+#[inline(always)]
 pub(crate) fn reaction(
     arm: &Arm,
     chain: &Chain,
@@ -63,10 +64,12 @@ pub(crate) fn reaction(
     let mut torque = [0.0; JOINTS_MAX];
     for i in (0..count).rev() {
         let mut take = |mass: f64, centre: DVec3, inertia: DMat3| {
-            let (body, turned) = (&bodies[i], chain.bodies[i].rotation);
+            let (body, turned) = (&bodies[i], &chain.bodies[i].rotation);
             let pull = -mass * body.acceleration_of(centre);
-            let inertia = turned * inertia * turned.transpose();
-            let twist = inertia * body.spin_rate + body.spin.cross(inertia * body.spin);
+            // About the body's own axes: there the tensor need not be turned.
+            let own = turned.transpose();
+            let (spin, spin_rate) = (own * body.spin, own * body.spin_rate);
+            let twist = turned * (inertia * spin_rate + spin.cross(inertia * spin));
             force += pull;
             moment += centre.cross(pull) - twist;
         };
@@ -101,6 +104,7 @@ pub(crate) fn is_still(velocity: &Joints, acceleration: &Joints) -> bool {
 }
 
 /// How each body of the arm moves.
+#[inline(always)]
 pub(crate) fn moving(
     arm: &Arm,
     chain: &Chain,

@@ -11,6 +11,7 @@ use crate::loads::Loads;
 use crate::signals::{Inputs, Signals};
 use crate::spec::{ActsOn, Need};
 use crate::{AnyEffect, Arm, Chain, EFFECTS_MAX, Memory};
+use core::mem::discriminant;
 use thiserror::Error;
 
 mod evaluate;
@@ -111,6 +112,14 @@ impl Evaluation {
     }
 }
 
+fn acts_on_loads(effect: &AnyEffect) -> bool {
+    effect.spec().acts_on == ActsOn::Loads
+}
+
+fn is_hardening(effect: &AnyEffect) -> bool {
+    matches!(effect, AnyEffect::StiffnessHardening(_))
+}
+
 impl Model {
     /// An arm without any effect.
     pub const fn nominal(arm: Arm) -> Self {
@@ -164,8 +173,8 @@ impl Model {
     /// More than [`EFFECTS_MAX`] effects.
     pub fn push(&mut self, effect: AnyEffect) -> Result<(), ModelError> {
         let slot = self.effects.get_mut(self.count).ok_or(ModelError::TooManyEffects)?;
-        self.changes_loads |= effect.spec().acts_on == ActsOn::Loads;
-        self.hardens |= matches!(effect, AnyEffect::StiffnessHardening(_));
+        self.changes_loads |= acts_on_loads(&effect);
+        self.hardens |= is_hardening(&effect);
         *slot = Some(effect);
         self.count += 1;
         self.sort(self.count - 1);
@@ -188,11 +197,16 @@ impl Model {
         change: impl FnOnce(&mut AnyEffect) -> R,
     ) -> Option<R> {
         let effect = self.effects[..self.count].get_mut(index)?.as_mut()?;
-        let before = effect.law();
+        let (kind, before) = (discriminant(effect), effect.law());
         let answer = change(effect);
-        if effect.law() != before {
+        let (same_kind, same_law) = (discriminant(effect) == kind, effect.law() == before);
+        if !same_law {
             (self.laws, self.others_count) = (Laws::NONE, 0);
             (0..self.count).for_each(|index| self.sort(index));
+        }
+        if !same_kind {
+            let any = |is: fn(&AnyEffect) -> bool| self.effects().any(is);
+            (self.changes_loads, self.hardens) = (any(acts_on_loads), any(is_hardening));
         }
         Some(answer)
     }

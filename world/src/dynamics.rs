@@ -190,22 +190,23 @@ impl Mode {
         let push =
             |k: usize| loads.get(k).map_or(0.0, |load| square * self.compliance * (load - mean));
         let curve = Curve::through(times_s, motor.to_vec());
-        let acceleration = |k: usize, s: f64| {
+        // At the two ends of the stretch after a sample.
+        let accelerations = |k: usize, s: f64| {
             if motor.is_empty() {
-                return 0.0;
+                return (0.0, 0.0);
             }
             let [_, _, c2, c3] = curve.piece(k);
-            2.0 * c2 + 6.0 * c3 * s
+            (2.0 * c2, 2.0 * c2 + 6.0 * c3 * s)
         };
-        let drive =
-            |k: usize, s: f64, row: usize| push(row) - self.participation * acceleration(k, s);
         let mut seen = Vec::with_capacity(times_s.len());
         let (mut x, mut speed) = (0.0, 0.0);
         // Even samples, most of the time: sine, cosine and decay of the last step serve the next.
         let (mut last, mut turned) = (0.0, (1.0, 0.0, 1.0));
         for (k, t) in times_s.windows(2).enumerate() {
             let s = t[1] - t[0];
-            let (u0, u1) = (drive(k, 0.0, k), (drive(k, s, k + 1) - drive(k, 0.0, k)) / s);
+            let (from, to) = accelerations(k, s);
+            let u0 = push(k) - self.participation * from;
+            let u1 = (push(k + 1) - self.participation * to - u0) / s;
             if k == 0 {
                 x = u0 / square;
                 seen.push(x);

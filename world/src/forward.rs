@@ -68,12 +68,18 @@ pub fn path(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Vec<Seen> {
 
 /// Speeds and accelerations of one segment of a path, from its positions: what the loads' inertial part needs. `joints`: how many the arm has.
 pub fn moving(rows: &mut [Inputs], joints: usize) {
-    let times_s: Vec<f64> = rows.iter().map(|row| row.time_s).collect();
+    moving_in(rows, joints, |row| row);
+}
+
+/// The same of the inputs that rows have among others.
+pub fn moving_in<R>(rows: &mut [R], joints: usize, inputs: impl Fn(&mut R) -> &mut Inputs) {
+    let times_s: Vec<f64> = rows.iter_mut().map(|row| inputs(row).time_s).collect();
     for joint in 0..joints.min(JOINTS_MAX) {
-        let samples: Vec<f64> = rows.iter().map(|row| row.q[joint]).collect();
+        let samples: Vec<f64> = rows.iter_mut().map(|row| inputs(row).q[joint]).collect();
         let rates = derivatives(&times_s, &samples);
         for (row, rate) in rows.iter_mut().zip(rates) {
-            (row.velocity[joint], row.acceleration[joint]) = rate;
+            let inputs = inputs(row);
+            (inputs.velocity[joint], inputs.acceleration[joint]) = rate;
         }
     }
 }

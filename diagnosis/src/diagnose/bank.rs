@@ -6,6 +6,7 @@
 //! Promises: the same columns as if they were asked anew. Never: a look at what was measured.
 
 use crate::candidates::Candidate;
+use crate::rides::Moved;
 use crate::score::{Fitted, Moves};
 use physics::AnyEffect;
 use physics::spec::ActsOn;
@@ -17,6 +18,14 @@ use std::sync::Arc;
 pub(super) struct Bank {
     of_loads: RefCell<Kept>,
     others: RefCell<Kept>,
+    ringing: RefCell<Ringing>,
+}
+
+/// What modes move, and the effects that they feel.
+#[derive(Default)]
+struct Ringing {
+    context: Vec<AnyEffect>,
+    columns: Option<Arc<Vec<Moved>>>,
 }
 
 /// Columns, and what they hold for.
@@ -32,8 +41,7 @@ impl Bank {
     pub(super) fn moves(&self, fitted: &Fitted<'_>, library: &[Candidate]) -> Vec<Arc<Moves>> {
         let (mut of_loads, mut others) = (self.of_loads.borrow_mut(), self.others.borrow_mut());
         let whole = fitted.context();
-        let changes_all = |effect: &&AnyEffect| on_loads(effect) || is_over_path(effect);
-        let felt: Vec<AnyEffect> = whole.iter().filter(changes_all).copied().collect();
+        let felt = felt(&whole);
         of_loads.hold(fitted, whole, library.iter().filter(|candidate| is_of_loads(candidate)));
         others.hold(fitted, felt, library.iter().filter(|candidate| !is_of_loads(candidate)));
         let (mut of_loads, mut others) = (of_loads.moves.iter(), others.moves.iter());
@@ -42,6 +50,28 @@ impl Bank {
         };
         library.iter().filter_map(next).collect()
     }
+}
+
+impl Bank {
+    /// What the modes that are asked first move, which are always the same ones; `columns` tells it where it is not known.
+    pub(super) fn ringing(
+        &self,
+        fitted: &Fitted<'_>,
+        columns: impl FnOnce() -> Vec<Moved>,
+    ) -> Arc<Vec<Moved>> {
+        let mut kept = self.ringing.borrow_mut();
+        let felt = felt(&fitted.context());
+        if kept.context != felt {
+            *kept = Ringing { context: felt, columns: None };
+        }
+        Arc::clone(kept.columns.get_or_insert_with(|| Arc::new(columns())))
+    }
+}
+
+/// Those of the effects that change the loads or the way.
+fn felt(whole: &[AnyEffect]) -> Vec<AnyEffect> {
+    let changes_all = |effect: &&AnyEffect| on_loads(effect) || is_over_path(effect);
+    whole.iter().filter(changes_all).copied().collect()
 }
 
 impl Kept {

@@ -6,12 +6,20 @@
 //! Promises: the physics' own list is asked, none of its own. Never: a look at the residuals.
 
 use crate::campaign::Campaign;
-use crate::candidates::{Candidate, List, candidates, couples, over_paths};
+use crate::candidates::{Candidate, List, candidates, couples, over_paths, wave_candidate};
+use crate::waves::CYCLES_MIN;
 use physics::spec::{ActsOn, Need};
-use physics::{Arm, Model};
+use physics::{Arm, JointKind, Model};
+use std::f64::consts::TAU;
 
 /// Shares of the longest segment that are tried as the time by which heat comes late.
 const LAGS: [f64; 3] = [0.05, 0.15, 0.4];
+
+/// Waves per revolution of a joint that are asked where the search for waves does not begin yet: after once and twice, which are asked anyway, the
+/// orders of planets and of poles.
+const ORDERS: [f64; 2] = [3.0, 4.0];
+/// A joint that moves less, rad or m, shows no wave.
+const STILL: f64 = 1e-3;
 
 /// All candidates for what `model` may lack or have wrong.
 pub(super) fn library(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
@@ -21,6 +29,7 @@ pub(super) fn library(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
         known.map(|(place, effect)| Candidate::change(place, effect)).collect();
     all.extend(geometry(&model.arm, campaign));
     all.extend(candidates(&model.arm, campaign));
+    all.extend(slow_waves(&model.arm, campaign));
     all.extend(couplings(&model.arm, campaign));
     all.extend(slow_heat(&model.arm, campaign));
     all.extend(over_paths(&model.arm, campaign));
@@ -47,6 +56,22 @@ fn geometry(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     }
     list.values("tool_offset", None, &[("shift", &[0.0; 3]), ("turn", &[0.0; 3])]);
     list.found
+}
+
+/// Waves too slow in a joint's range for the search (`waves`) and too quick for the list that every joint is asked for: several of that list together, with
+/// an offset, would stand for one of these.
+fn slow_waves(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
+    let mut all = Vec::new();
+    for (joint, about) in arm.joints().iter().enumerate() {
+        let unit = if about.kind == JointKind::Prismatic { TAU } else { 1.0 };
+        let positions = || campaign.poses.iter().map(|pose| pose.inputs.q[joint]);
+        let range = positions().fold(f64::NEG_INFINITY, f64::max)
+            - positions().fold(f64::INFINITY, f64::min);
+        let is_slow = |cycles: &f64| cycles * range < CYCLES_MIN * TAU && range > STILL;
+        let asked = ORDERS.map(|order| order * unit).into_iter().filter(is_slow);
+        all.extend(asked.filter_map(|cycles| wave_candidate(arm, joint, cycles)));
+    }
+    all
 }
 
 /// Any joint driven along by any other.
@@ -99,4 +124,24 @@ fn slow_heat(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
         list.values("spindle_growth", None, &[("growth", &[0.0])]);
     }
     list.found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::slow_waves;
+    use crate::made;
+
+    #[test]
+    fn a_joint_that_moves_a_third_of_a_turn_is_asked_for_waves_that_its_search_passes_over() {
+        let mut campaign = made::empty(0, 200);
+        for (k, pose) in campaign.poses.iter_mut().enumerate() {
+            let share = k as f64 / 199.0;
+            pose.inputs.q = Default::default();
+            // A third of a turn, nine tenths of one, and not at all.
+            (pose.inputs.q[0], pose.inputs.q[1]) = (2.1 * share, 5.6 * share);
+        }
+        let found = slow_waves(&made::nominal().arm, &campaign);
+        let of = |joint: usize| found.iter().filter(|one| one.joint == Some(joint)).count();
+        assert_eq!((of(0), of(1), of(2)), (2, 0, 0));
+    }
 }

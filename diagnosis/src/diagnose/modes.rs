@@ -5,10 +5,11 @@
 //!
 //! Promises: frequencies that the samples show, of joints that are driven. Never: a decision; see `name`.
 
+use super::bank::Bank;
 use crate::campaign::Campaign;
 use crate::candidates::{Candidate, Driven, mode};
 use crate::motion::Motion;
-use crate::rides::{Rides, paths};
+use crate::rides::{Moved, Rides, paths};
 use crate::score::{Asked, Fitted, Score};
 use physics::{AnyEffect, Arm, Chain, Contribution, Evaluation, Joints};
 use world::dynamics::Rings;
@@ -40,8 +41,8 @@ struct Trial {
     driven: Driven,
 }
 
-/// The best mode of every joint and of the base, where it is worth a look.
-pub(super) fn modes(fitted: &Fitted<'_>) -> Vec<Candidate> {
+/// The best mode of every joint and of the base, where it is worth a look. `bank` keeps what the first list moves.
+pub(super) fn modes(fitted: &Fitted<'_>, bank: &Bank) -> Vec<Candidate> {
     let Some((lowest, highest)) = band(fitted.campaign) else { return Vec::new() };
     let arm = &fitted.state.hypothesis.model.arm;
     let rides = Rides::always(&fitted.state.hypothesis.model, fitted.campaign);
@@ -52,7 +53,9 @@ pub(super) fn modes(fitted: &Fitted<'_>) -> Vec<Candidate> {
         frequency *= STEP;
     }
     let trials = trials(arm, fitted.campaign);
-    let first = best(fitted, &rides, trials.iter().flat_map(|trial| with(arm, trial, &list)));
+    let first: Vec<Candidate> = trials.iter().flat_map(|trial| with(arm, trial, &list)).collect();
+    let kept = bank.ringing(fitted, || columns(fitted, &rides, &first));
+    let first = best(fitted, &rides, &first, &kept);
     let least = WORTH_A_LOOK * fitted.fit.design_effect;
     let closer = trials.iter().filter_map(|trial| {
         let (candidate, gain) = strongest(&first, trial)?;
@@ -61,7 +64,8 @@ pub(super) fn modes(fitted: &Fitted<'_>) -> Vec<Candidate> {
         let near: Vec<(f64, f64)> = BESIDE.iter().flat_map(near).collect();
         (gain > least).then(|| with(arm, trial, &near))
     });
-    let second = best(fitted, &rides, closer.flatten());
+    let closer: Vec<Candidate> = closer.flatten().collect();
+    let second = best(fitted, &rides, &closer, &columns(fitted, &rides, &closer));
     trials.iter().filter_map(|trial| Some(strongest(&second, trial)?.0.clone())).collect()
 }
 
@@ -119,34 +123,40 @@ fn is_of(candidate: &Candidate, trial: &Trial) -> bool {
     candidate.joint == trial.joint && same_axis && numbers == candidate.probes.len()
 }
 
-/// What each candidate would gain alone.
-fn best(
-    fitted: &Fitted<'_>,
-    rides: &Rides,
-    candidates: impl Iterator<Item = Candidate>,
-) -> Vec<(Candidate, f64)> {
+/// What each candidate moves, pose by pose.
+fn columns(fitted: &Fitted<'_>, rides: &Rides, candidates: &[Candidate]) -> Vec<Moved> {
     let model = &fitted.state.hypothesis.model;
-    let candidates: Vec<Candidate> = candidates.collect();
-    let mut columns: Vec<(Rings, Vec<f64>)> = Vec::new();
+    let mut columns = Vec::new();
     for probe in candidates.iter().flat_map(|candidate| &candidate.probes) {
         let mut effect = probe.effect;
         effect.values_mut()[probe.value] = 1.0;
         let AnyEffect::OverPath(effect) = effect else { continue };
         columns.push(rides.column(model, &effect, fitted.campaign.poses.len()));
     }
+    columns
+}
+
+/// What each candidate would gain alone; `columns` as of [`columns`].
+fn best(
+    fitted: &Fitted<'_>,
+    rides: &Rides,
+    candidates: &[Candidate],
+    columns: &[Moved],
+) -> Vec<(Candidate, f64)> {
+    let model = &fitted.state.hypothesis.model;
     let sigma = |value: usize| SIGMA[usize::from(value == 3)];
     let asked = Asked {
         numbers: candidates.iter().map(|candidate| candidate.probes.len()).collect(),
         sigmas: candidates.iter().flat_map(|c| &c.probes).map(|p| sigma(p.value)).collect(),
     };
-    let units = Units::of(&model.arm, &columns);
+    let units = Units::of(&model.arm, columns);
     let (mut now, mut moved) = (usize::MAX, Vec::new());
     let scores = fitted.scores_along(&asked, |at, into| {
         if now != at.pose {
             now = at.pose;
             moved = units.at(&rides.inputs(fitted.campaign, now).q);
         }
-        let along = |((_, by), unit): (&(Rings, Vec<f64>), &usize)| {
+        let along = |((_, by), unit): (&Moved, &usize)| {
             let (unit, by): (&Motion, f64) = (&moved[*unit], by[now]);
             at.rows.along_parts((unit.turn * by, unit.shift * by), |joint| unit.joints[joint] * by)
         };
@@ -166,7 +176,7 @@ struct Units<'a> {
 }
 
 impl<'a> Units<'a> {
-    fn of(arm: &'a Arm, columns: &[(Rings, Vec<f64>)]) -> Self {
+    fn of(arm: &'a Arm, columns: &[Moved]) -> Self {
         let mut rings: Vec<Rings> = Vec::new();
         let mut place = |one: &Rings| {
             rings.iter().position(|other| other == one).unwrap_or_else(|| {

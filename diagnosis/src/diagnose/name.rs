@@ -203,7 +203,7 @@ impl Asking<'_> {
     /// What is asked besides the library where `naming` stands: what is searched for in the rest.
     fn searched(&self, naming: &Naming) -> Vec<Entry> {
         let fitted = Fitted::new(self.campaign, &naming.fit, &self.settings);
-        let found = modes(&fitted).into_iter().chain(self.springs(&fitted, naming));
+        let found = modes(&fitted, self.bank).into_iter().chain(self.springs(&fitted, naming));
         found.map(|found| Entry::open(found.kept(), found)).collect()
     }
 

@@ -8,7 +8,7 @@ use crate::problem::follow;
 use crate::proof::runs;
 use crate::rides::paths;
 use glam::DVec3;
-use physics::{Inputs, Model};
+use physics::Model;
 use std::ops::Range;
 
 /// Settled poses whose readings are looked at, at most.
@@ -24,10 +24,7 @@ const TOLD_M: f64 = 1e-6;
 pub(super) fn set_moving(campaign: &mut Campaign, joints: usize) {
     let paths: Vec<_> = paths(campaign).collect();
     for path in paths {
-        let poses = &mut campaign.poses[path];
-        let mut rows: Vec<Inputs> = poses.iter().map(|pose| pose.inputs).collect();
-        world::forward::moving(&mut rows, joints);
-        poses.iter_mut().zip(rows).for_each(|(pose, inputs)| pose.inputs = inputs);
+        world::forward::moving_in(&mut campaign.poses[path], joints, |pose| &mut pose.inputs);
     }
 }
 

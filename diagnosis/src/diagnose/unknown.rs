@@ -291,15 +291,19 @@ fn terms(words: &[Word], group: &[usize], pose: usize, mut take: impl FnMut(f64)
                 // What other joints change of a lag goes straight with the speed.
                 let straight = sways && words[w].name.starts_with('v');
                 let most = if straight { 1 } else { degree(&words[w], DEGREE_OF_PAIR) };
-                let mut all = vec![1.0];
-                all.extend(words[w].chebyshev(pose, most));
-                all
+                let mut all = [1.0; DEGREE_OF_PAIR + 1];
+                let mut count = 1;
+                for (slot, term) in all[1..].iter_mut().zip(words[w].chebyshev(pose, most)) {
+                    (*slot, count) = (term, count + 1);
+                }
+                (all, count)
             };
             let (first, second) = (of(one), of(two));
-            for (i, x) in first.iter().enumerate() {
-                for (k, y) in second.iter().enumerate().filter(|(k, _)| i + k > 0) {
-                    debug_assert!(k < second.len());
-                    take(x * y);
+            for (i, x) in first.0[..first.1].iter().enumerate() {
+                for (k, y) in second.0[..second.1].iter().enumerate() {
+                    if i + k > 0 {
+                        take(x * y);
+                    }
                 }
             }
         }

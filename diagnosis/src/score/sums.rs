@@ -2,20 +2,29 @@
 //!
 //! Promises: columns of one group are told from each other; groups are not. Never: a look at the arm.
 
-use super::Score;
+use super::{ROWS, Score, turned};
 use crate::triangle::{Triangle, dot};
+use nalgebra::DMatrix;
+use std::ops::Range;
 
 /// A candidate's share of its own length that must be left after the fit's columns, squared.
 const LEFT: f64 = 1e-6;
+/// Columns of a group up to which their products are taken one by one.
+const FEW: usize = 5;
+
 /// Sums over all rows, for a batch of columns.
 pub(super) struct Sums {
     width: usize,
     count: usize,
-    /// `Jᵀ C`, one slice of `count` per column of the fit.
-    mixed: Vec<f64>,
-    /// `Cᵀ C` within the groups: `near[k][d] = c_k · c_{k+d}`.
-    near: Vec<Vec<f64>>,
-    pull: Vec<f64>,
+    /// Rows that wait, one per column: those of the fit, what is left, those of the candidates.
+    waiting: DMatrix<f64>,
+    filled: usize,
+    /// `Jᵀ C`, and below it `rᵀ C`.
+    mixed: DMatrix<f64>,
+    /// `Cᵀ C` of each group.
+    near: Vec<(Range<usize>, DMatrix<f64>)>,
+    /// The group of each column.
+    home: Vec<usize>,
     /// `Y`, one column after the other.
     seen: Vec<Vec<f64>>,
     right: Vec<f64>,
@@ -24,34 +33,61 @@ pub(super) struct Sums {
 impl Sums {
     /// `groups`: columns of each.
     pub(super) fn new(width: usize, groups: &[usize]) -> Self {
-        let of_group = |count: &usize| (1..=*count).rev().map(|left| vec![0.0; left]);
-        let near: Vec<Vec<f64>> = groups.iter().flat_map(of_group).collect();
-        let count = near.len();
+        let mut count = 0;
+        let group = |size: &usize| {
+            count += size;
+            (count - size..count, DMatrix::zeros(*size, *size))
+        };
+        let near: Vec<(Range<usize>, DMatrix<f64>)> = groups.iter().map(group).collect();
+        let home = groups.iter().enumerate().flat_map(|(k, size)| std::iter::repeat_n(k, *size));
         Self {
             width,
             count,
-            mixed: vec![0.0; width * count],
+            waiting: DMatrix::zeros(width + count + 1, ROWS),
+            filled: 0,
+            mixed: DMatrix::zeros(width + 1, count),
             near,
-            pull: vec![0.0; count],
+            home: home.collect(),
             seen: Vec::new(),
             right: Vec::new(),
         }
     }
 
-    pub(super) fn add(&mut self, row: impl Iterator<Item = f64>, columns: &[f64], right: f64) {
-        for (j, slice) in row.zip(self.mixed.chunks_exact_mut(self.count.max(1))) {
-            if j != 0.0 {
-                slice.iter_mut().zip(columns).for_each(|(sum, c)| *sum += j * c);
-            }
-        }
-        for (k, (c, near)) in columns.iter().zip(&mut self.near).enumerate() {
-            self.pull[k] += c * right;
-            near.iter_mut().zip(&columns[k..]).for_each(|(sum, b)| *sum += c * b);
+    pub(super) fn add(&mut self, row: &[f64], columns: &[f64], right: f64) {
+        let mut slot = self.waiting.column_mut(self.filled);
+        let all = row.iter().chain(std::iter::once(&right)).chain(columns);
+        slot.iter_mut().zip(all).for_each(|(slot, x)| *slot = *x);
+        self.filled += 1;
+        if self.filled == ROWS {
+            self.reduce();
         }
     }
 
+    /// Adds the products of the rows that wait.
+    fn reduce(&mut self) {
+        let (known, count) = (self.width + 1, self.count);
+        self.waiting.columns_range_mut(self.filled..).fill(0.0);
+        let (rows, turned) = (&self.waiting, turned(&self.waiting));
+        let own = turned.columns(known, count);
+        self.mixed.gemm(1.0, &rows.rows(0, known), &own, 1.0);
+        for (of, near) in self.near.iter_mut().filter(|(of, _)| of.len() > FEW) {
+            let columns = own.columns(of.start, of.len());
+            near.gemm(1.0, &rows.rows(known + of.start, of.len()), &columns, 1.0);
+        }
+        for row in rows.as_slice().chunks_exact(known + count).take(self.filled) {
+            for (of, near) in self.near.iter_mut().filter(|(of, _)| of.len() <= FEW) {
+                let own = &row[known..][of.clone()];
+                for (b, y) in own.iter().enumerate() {
+                    own[..=b].iter().enumerate().for_each(|(a, x)| near[(a, b)] += x * y);
+                }
+            }
+        }
+        self.filled = 0;
+    }
+
     pub(super) fn project(&mut self, triangle: &Triangle, right: &[f64]) {
-        let column = |k: usize| (0..self.width).map(|j| self.mixed[j * self.count + k]).collect();
+        self.reduce();
+        let column = |k: usize| self.mixed.column(k).iter().take(self.width).copied().collect();
         self.seen = (0..self.count).map(|k| triangle.forward(column(k))).collect();
         self.right = right.to_vec();
     }
@@ -71,8 +107,9 @@ impl Sums {
         let mut pulls: Vec<f64> = Vec::new();
         for k in columns {
             let of = |a: usize, b: usize| {
-                let (a, b) = (a.min(b), a.max(b));
-                self.near[a][b - a] - dot(&self.seen[a], &self.seen[b])
+                let (group, near) = &self.near[self.home[a]];
+                let (i, j) = (a.min(b) - group.start, a.max(b) - group.start);
+                near[(i, j)] - dot(&self.seen[a], &self.seen[b])
             };
             let prior = sigmas[k].powi(-2);
             let mut row: Vec<f64> = Vec::new();
@@ -80,10 +117,13 @@ impl Sums {
                 let known: f64 = dot(&factor[i][..i], &row[..i]);
                 row.push((of(*other, k) - known) / factor[i][i]);
             }
+            let (group, near) = &self.near[self.home[k]];
+            let length = near[(k - group.start, k - group.start)];
             let own = of(k, k);
             let rest = own + prior - dot(&row, &row);
-            let pull = self.pull[k] - dot(&self.seen[k], &self.right) - dot(&row, &pulls);
-            if own > LEFT * self.near[k][0] && rest > LEFT * self.near[k][0] {
+            let pull =
+                self.mixed[(self.width, k)] - dot(&self.seen[k], &self.right) - dot(&row, &pulls);
+            if own > LEFT * length && rest > LEFT * length {
                 let root = rest.sqrt();
                 pulls.push(pull / root);
                 row.push(root);

@@ -42,6 +42,19 @@ impl Model {
         widest(self.arm.count(), Deviate { model: self, inputs, memories, seen, on, told });
     }
 
+    /// [`Model::evaluate_into`] on a geometry and under loads that `seen` has, as of [`Model::load_into`], whoever changed them since.
+    pub fn evaluate_under(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
+        widest(self.arm.count(), Bend { model: self, inputs, memories, seen });
+        seen.stand(&self.arm, inputs);
+    }
+
+    /// [`Model::evaluate_into`] where the controller's geometry stands in `seen` already.
+    pub fn evaluate_on(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
+        let Evaluation { nominal, loads, .. } = &mut *seen;
+        self.load(inputs, nominal, memories, &mut LoadChange::default(), loads);
+        self.evaluate_under(inputs, memories, seen);
+    }
+
     /// The first part of [`Model::deviate_into`]: the controller's geometry and the loads on it.
     pub fn load_into(&self, inputs: &Inputs, memories: &Memories, seen: &mut Evaluation) {
         seen.nominal.stand(&self.arm, &inputs.q);
@@ -56,12 +69,25 @@ impl Model {
         (inputs, memories): (&Inputs, &Memories),
         seen: &mut Evaluation,
         on: Option<&Joints>,
-        mut told: Option<&mut Told>,
+        told: Option<&mut Told>,
     ) {
-        let Evaluation { nominal, loads, deviation, beyond, .. } = seen;
+        let Evaluation { nominal, loads, .. } = &mut *seen;
         nominal.stand_in(lanes, &self.arm, &inputs.q, on);
         let change = &mut LoadChange::default();
         self.load_in(lanes, (inputs, nominal), memories, change, loads);
+        self.bend(lanes, (inputs, memories), seen, told);
+    }
+
+    /// What the effects add where the geometry and the loads are told.
+    #[inline(always)]
+    fn bend<S: Lanes>(
+        &self,
+        lanes: S,
+        (inputs, memories): (&Inputs, &Memories),
+        seen: &mut Evaluation,
+        mut told: Option<&mut Told>,
+    ) {
+        let Evaluation { nominal, loads, deviation, beyond, .. } = seen;
         let signals = Signals { arm: &self.arm, inputs, chain: nominal, loads };
         deviation.clear();
         deviation.base_turn = inputs.base_tilt;
@@ -136,6 +162,22 @@ impl Work for Deviate<'_> {
     fn run<S: Lanes>(self, lanes: S) {
         let Self { model, inputs, memories, seen, on, told } = self;
         model.deviate(lanes, (inputs, memories), seen, on, told);
+    }
+}
+
+struct Bend<'a> {
+    model: &'a Model,
+    inputs: &'a Inputs,
+    memories: &'a Memories,
+    seen: &'a mut Evaluation,
+}
+
+impl Work for Bend<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Lanes>(self, lanes: S) {
+        self.model.bend(lanes, (self.inputs, self.memories), self.seen, None);
     }
 }
 

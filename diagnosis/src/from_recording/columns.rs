@@ -1,0 +1,59 @@
+//! The columns of a recording that make a campaign, looked up once instead of at every row.
+//!
+//! Promises: what a recording does not have is not a number. Never: a unit, a judgement.
+
+use glam::DVec3;
+use recording::series::{Channel, Recording};
+
+/// A column's samples; none where the recording does not have it.
+type Column<'a> = Option<&'a [f64]>;
+
+/// What is asked of every row.
+pub(super) struct Columns<'a> {
+    /// The joints' positions, of the group that is the input.
+    pub(super) inputs: Vec<Column<'a>>,
+    pub(super) directions: Vec<Column<'a>>,
+    pub(super) joint_temperatures: Vec<Column<'a>>,
+    pub(super) links: Vec<Column<'a>>,
+    pub(super) ambient: Column<'a>,
+    pub(super) spindle: Column<'a>,
+    pub(super) tilt: [Column<'a>; 2],
+    pub(super) wrench: [Column<'a>; 6],
+    pub(super) position: [Column<'a>; 3],
+    pub(super) targets: Vec<[Column<'a>; 3]>,
+    pub(super) orientation: [Column<'a>; 4],
+}
+
+impl<'a> Columns<'a> {
+    pub(super) fn of(recording: &'a Recording, joints: usize) -> Self {
+        let column = |channel| recording.column(channel);
+        let of_joints = |channel: fn(usize) -> Channel| -> Vec<Column<'a>> {
+            (0..joints).map(|joint| recording.column(channel(joint))).collect()
+        };
+        let target = |target| [0, 1, 2].map(|axis| column(Channel::Target(target, axis)));
+        Self {
+            inputs: (0..joints).map(|joint| recording.input(joint)).collect(),
+            directions: of_joints(Channel::Direction),
+            joint_temperatures: of_joints(Channel::JointTemperature),
+            links: of_joints(Channel::Link),
+            ambient: column(Channel::Ambient),
+            spindle: column(Channel::Spindle),
+            tilt: [0, 1].map(|axis| column(Channel::BaseTilt(axis))),
+            wrench: [0, 1, 2, 3, 4, 5].map(|part| column(Channel::Wrench(part))),
+            position: [0, 1, 2].map(|axis| column(Channel::Position(axis))),
+            targets: (0..recording.target_count()).map(target).collect(),
+            orientation: [0, 1, 2, 3].map(|part| column(Channel::Orientation(part))),
+        }
+    }
+}
+
+/// A sample; not a number where there is none.
+pub(super) fn sample(column: Column<'_>, row: usize) -> f64 {
+    column.and_then(|column| column.get(row)).copied().unwrap_or(f64::NAN)
+}
+
+/// Three samples, where all are numbers.
+pub(super) fn vector(columns: &[Column<'_>; 3], row: usize) -> Option<DVec3> {
+    let vector = DVec3::from_array(columns.map(|column| sample(column, row)));
+    vector.is_finite().then_some(vector)
+}
