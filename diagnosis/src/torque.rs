@@ -28,6 +28,7 @@ mod rigid;
 mod smooth;
 mod stand;
 mod still;
+mod stops;
 pub(crate) mod sums;
 pub(crate) mod table;
 #[cfg(test)]

@@ -71,11 +71,11 @@ impl Rigid {
         let mut columns: Vec<Vec<Vec<f64>>> =
             (0..INERTIAL * count + 4).map(|k| vec![Vec::new(); felt_by(k, count)]).collect();
         let mut stated = vec![Vec::new(); count];
-        let is_quicker = motion.quick_hz > motion.band_hz;
+        let is_narrow = motion.quick_hz > motion.band_hz;
         for run in &motion.runs {
-            let (of_columns, of_stated) = over(arm, run, &points, is_quicker);
-            // What is not linear in motion is not what smoothed motion says of it: it is told from quicker motion, and passes the torque's filter itself.
-            let at_rows = |samples: &Vec<f64>| match is_quicker {
+            let (of_columns, of_stated) = over(arm, run, &points, is_narrow);
+            // What is not linear in motion is not what smoothed motion says of it: it is told from motion as recorded, and passes the torque's filter itself.
+            let at_rows = |samples: &Vec<f64>| match is_narrow {
                 true => run.at_rows(samples),
                 false => samples.clone(),
             };
@@ -105,15 +105,15 @@ fn felt_by(column: usize, count: usize) -> usize {
     (column / INERTIAL).min(count - 1) + 1
 }
 
-/// Columns and stated torque of one run: at every sample of quicker motion, or at its rows.
+/// Columns and stated torque of one run: at every sample as recorded, or at its rows in the band.
 fn over(
     arm: &Arm,
     run: &Run,
     points: &[DVec3],
-    is_quicker: bool,
+    is_narrow: bool,
 ) -> (Vec<Vec<Vec<f64>>>, Vec<Vec<f64>>) {
     let count = arm.count();
-    let samples: Vec<usize> = match is_quicker {
+    let samples: Vec<usize> = match is_narrow {
         true => (0..run.joints.first().map_or(0, |track| track.q.len())).collect(),
         false => run.rows.clone(),
     };
@@ -121,7 +121,7 @@ fn over(
     let mut columns: Vec<Vec<Vec<f64>>> = (0..INERTIAL * count + 4).map(none).collect();
     let mut stated = vec![Vec::with_capacity(samples.len()); count];
     for sample in samples {
-        let inputs = if is_quicker { run.quick(sample) } else { run.inputs(sample) };
+        let inputs = if is_narrow { run.raw(sample) } else { run.inputs(sample) };
         let torque = physics::dynamics::inverse_dynamics(arm, &inputs);
         stated.iter_mut().zip(torque.iter()).for_each(|(list, torque)| list.push(*torque));
         let chain = Chain::nominal(arm, &inputs.q);
