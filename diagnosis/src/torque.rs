@@ -6,6 +6,8 @@
 //! Promises: the same input gives the same bits; held-out rows are seen by no choice and no fit. Never: a file, a name of a data set, the controller's own
 //! tracking error as physics.
 
+pub(crate) mod blocks;
+mod called;
 mod case;
 pub(crate) mod choose;
 pub(crate) mod columns;
@@ -14,6 +16,7 @@ mod finish;
 mod found;
 mod known;
 pub(crate) mod library;
+mod load;
 mod memory;
 mod motion;
 pub(crate) mod noise;
@@ -25,6 +28,7 @@ mod rigid;
 mod smooth;
 mod stand;
 mod still;
+mod stops;
 pub(crate) mod sums;
 pub(crate) mod table;
 #[cfg(test)]
@@ -36,6 +40,7 @@ mod zone;
 
 use recording::series::Recording;
 
+use called::{pushed, sprung, turned};
 use case::Case;
 use choose::{Asking, Choice, others};
 pub use found::{Number, Rival};
@@ -53,10 +58,6 @@ const TELLS: f64 = 1e-3;
 const DOUBTED: f64 = 20.0;
 /// Where names leave so many times as much within a zone as those that rows from there had a say in, a law was lost with these rows.
 const LOST: f64 = 4.0;
-/// A spring brings at least this share of its gain beyond what a force brings that is the same at every place.
-const EVEN: f64 = 0.05;
-/// Or it brings so many times its price.
-const FEW: f64 = 4.0;
 /// Rounds in which ripples are listened for.
 const RIPPLES: usize = 2;
 
@@ -128,51 +129,12 @@ pub fn diagnose(
     refine::settle(&mut case, &choice, &always, &seen);
     refine::agree(&mut case, &choice.names, &always, &seen);
     let names = likeliest(&case, &weighed(&case, &always, &names));
+    let names = turned(&case, &always, names);
     let names = warmed(&mut case, stated, &always, &names, &seen);
     let weighed = weighed(&case, &always, &names);
     case.forget_memory();
     resettle(&mut case, stated, &always, &weighed);
     Ok(finish::finish(&case, stated, (&always, &weighed), zones))
-}
-
-/// What hardens is a spring: where none is stated or named, what is named so is the spring itself.
-fn sprung(case: &Case, stated: &Stated<'_>, names: &[usize]) -> Vec<usize> {
-    let families = &case.library.families;
-    let is_spring =
-        |name: usize, joint| families[name].kind == "spring" && families[name].joint == joint;
-    let one = |name: &usize| {
-        let joint = families[*name].joint;
-        let stands = joint.is_some_and(|joint| stated.has_spring(joint))
-            || names.iter().any(|other| is_spring(*other, joint));
-        if families[*name].kind != "spring_hardening" || stands {
-            return *name;
-        }
-        (0..families.len()).find(|other| is_spring(*other, joint)).unwrap_or(*name)
-    };
-    names.iter().map(one).collect()
-}
-
-/// What pulls alike wherever the joint stands is no spring: one that brings hardly more than that is called what differs by direction.
-fn pushed(asking: &Asking<'_>, mut names: Vec<usize>) -> Vec<usize> {
-    let families = &asking.library.families;
-    let springs: Vec<usize> =
-        names.iter().copied().filter(|name| families[*name].form == Form::Spring).collect();
-    for spring in springs {
-        let is_even = |name: usize| {
-            families[name].kind == "friction_asymmetry"
-                && families[name].joint == families[spring].joint
-        };
-        let gain = |names: &[usize]| asking.solve(names).solved.gain;
-        let (whole, without) = (gain(&names), gain(&others(&names, spring)));
-        let rest: Vec<usize> =
-            names.iter().copied().filter(|n| *n != spring && !is_even(*n)).collect();
-        let with = |even: usize| rest.iter().copied().chain([even]).collect::<Vec<usize>>();
-        let little = (EVEN * (whole - without)).min(FEW * asking.price(&families[spring]));
-        let is_enough = |names: &Vec<usize>| whole - gain(names) < little;
-        let mut instead = (0..families.len()).filter(|name| is_even(*name)).map(with);
-        names = instead.find(is_enough).unwrap_or(names);
-    }
-    names
 }
 
 /// Numbers that are searched, bent or met half-way by what others tell, by the weights that all numbers are told with.
@@ -261,7 +223,7 @@ fn named(case: &mut Case, start: &[usize], used: &[bool]) -> (Vec<usize>, Choice
             let products = case.products(used);
             let asking = refine::asking(case, &products, &always);
             let chosen = asking.choose(&names);
-            let moved = case.recentre(&chosen);
+            let moved = case.recentre(&chosen) | case.late(&chosen);
             let goes_on = round < RIPPLES && (refine::listen(case, &chosen, used) || moved);
             names.clone_from(&chosen.names);
             choice = Some(chosen);

@@ -9,9 +9,9 @@ use std::cell::RefCell;
 
 use super::ROWS_LEAST;
 use super::choose::Choice;
-use super::columns::{Column, Law};
-use super::known::{First, Stated, load_column};
-use super::library::{Family, Form, Library, Sign};
+use super::known::{First, Stated};
+use super::library::Library;
+use super::load::Rubbing;
 use super::motion::Motion;
 use super::noise;
 use super::rigid::Rigid;
@@ -54,11 +54,13 @@ pub(super) struct Case {
     pub(super) still: Vec<(usize, Vec<f64>)>,
     /// Torque that the model states, per joint and row; and the part of it that its masses ask for.
     pub(super) stated: Vec<Vec<f64>>,
-    rigid: Vec<Vec<f64>>,
+    pub(super) rigid: Vec<Vec<f64>>,
+    /// Friction that the model states to go with the load.
+    pub(super) rubbing: Vec<Rubbing>,
     /// The first columns, those of the arm's own masses.
-    inertial: usize,
+    pub(super) inertial: usize,
     /// The sums that were taken last.
-    sums: RefCell<Option<Sums>>,
+    pub(super) sums: RefCell<Option<Sums>>,
 }
 
 impl Rows {
@@ -193,96 +195,12 @@ impl Case {
             still,
             stated: torque,
             rigid: rigid.stated,
+            rubbing: Rubbing::stated(stated),
             inertial,
             sums: RefCell::default(),
         };
         case.of_torques(stated);
         case
-    }
-
-    /// Laws that go with the torque itself need a first fit of all the others.
-    fn of_torques(&mut self, stated: &Stated<'_>) {
-        let rich = self.rich();
-        let joints: Vec<usize> = self.table.joints().collect();
-        let whole: Vec<(usize, Vec<f64>)> =
-            joints.iter().map(|joint| (*joint, self.modelled(&rich, *joint, &|_| true))).collect();
-        self.library.of_torque(&self.motion, &self.stated, &whole);
-        const KIND: &str = "load_friction";
-        for joint in joints {
-            // Of the masses alone of which nothing is known: what is named or doubted comes once it is found.
-            let is_open = |k: usize| k < self.inertial && self.open.contains(&k);
-            let load = self.load(&rich, joint, &is_open);
-            let column = load_column(&self.motion, joint, &load);
-            let family = Family {
-                kind: KIND,
-                joint: Some(joint),
-                recording: None,
-                columns: Vec::new(),
-                signs: vec![Sign::AtLeast(-stated.first(KIND, joint))],
-                form: Form::Plain(&["coefficient"]),
-                revises: stated.revises(KIND, joint),
-                settings: Vec::new(),
-            };
-            self.library.add(family, vec![column]);
-        }
-    }
-
-    /// Torque of a joint by the columns that `of` takes, without what the model states.
-    fn modelled(&self, solved: &Solved, joint: usize, of: &dyn Fn(usize) -> bool) -> Vec<f64> {
-        let chosen = solved.columns.iter().zip(&solved.values).filter(|(k, _)| of(**k));
-        let parts: Vec<(&Column, f64)> =
-            chosen.map(|(k, value)| (&self.library.columns[*k], *value)).collect();
-        let mut torque = Column::sum(&parts, joint, self.table.rows());
-        torque.iter_mut().zip(&self.stated[joint]).for_each(|(sum, stated)| *sum += stated);
-        torque
-    }
-
-    /// The torque of a joint that masses ask for: stated ones and those of the columns that `of` takes.
-    fn load(&self, solved: &Solved, joint: usize, of: &dyn Fn(usize) -> bool) -> Vec<f64> {
-        let mut load = self.modelled(solved, joint, of);
-        // What the model states of friction is no load.
-        let other = self.stated[joint].iter().zip(&self.rigid[joint]);
-        load.iter_mut().zip(other).for_each(|(load, (all, rigid))| *load -= all - rigid);
-        load
-    }
-
-    /// Gives friction that goes with the load the load that this fit tells, and springs that harden the place where the spring rests.
-    pub(super) fn reload(&mut self, choice: &Choice) {
-        let solved = &choice.solved;
-        for name in &choice.names {
-            let spring = &self.library.families[*name];
-            let values: Vec<f64> = spring.columns.iter().filter_map(|k| solved.value(*k)).collect();
-            let (Form::Spring, Some(joint), [stiffness, level]) =
-                (spring.form, spring.joint, values.as_slice())
-            else {
-                continue;
-            };
-            let column = Law::Cube { rest: -level / stiffness }.column(&self.motion, joint);
-            let mut families = self.library.families.iter();
-            let hardening =
-                families.find(|f| f.kind == "spring_hardening" && f.joint == Some(joint));
-            match hardening.and_then(|f| f.columns.first().copied()) {
-                Some(place) => self.library.columns[place] = column,
-                None => self.library.add_hardening(joint, column),
-            }
-        }
-        let of_masses =
-            |family: &&Family| matches!(family.kind, "payload" | "inertia" | "gravity_torque");
-        let families = self.library.families.iter();
-        let named: Vec<usize> =
-            families.filter(of_masses).flat_map(|f| f.columns.clone()).collect();
-        let of = |k: usize| k < self.inertial || named.contains(&k);
-        let joints: Vec<usize> = self.table.joints().collect();
-        for joint in joints {
-            let column = load_column(&self.motion, joint, &self.load(solved, joint, &of));
-            let families = self.library.families.iter();
-            let place = families
-                .filter(|f| f.kind == "load_friction" && f.joint == Some(joint))
-                .find_map(|f| f.columns.first().copied());
-            if let Some(place) = place {
-                self.library.columns[place] = column;
-            }
-        }
     }
 
     /// Tells payloads about the places where this fit has them; whether any moved.
@@ -297,7 +215,7 @@ impl Case {
     }
 
     /// Everything that may be missing at once, on all rows that are seen.
-    fn rich(&self) -> Solved {
+    pub(super) fn rich(&self) -> Solved {
         let products = self.products(&self.rows.train);
         products.solve(&(0..self.library.columns.len()).collect::<Vec<usize>>())
     }

@@ -12,6 +12,9 @@ use super::motion::{Motion, ROOM_C, Track};
 /// Below this share of a joint's usual speed it counts as standing.
 pub(super) const STANDING: f64 = 2e-4;
 
+/// Springs that a friction with memory is made of where it is made of springs.
+const SPRINGS: usize = 16;
+
 /// One law of one number.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Law {
@@ -45,6 +48,8 @@ pub(super) enum Law {
     Cube { rest: f64 },
     /// `z` of unit height that turns over after each reversal within a distance.
     Memory { distance: f64 },
+    /// The same by many springs that slip one after the other.
+    Slip { distance: f64 },
 }
 
 /// One number's share in the torques: for each joint that it acts on, a value per row.
@@ -76,6 +81,7 @@ impl Law {
                 | Self::Stribeck { .. }
                 | Self::AbsoluteSpeed
                 | Self::Memory { .. }
+                | Self::Slip { .. }
                 | Self::Wave { .. }
         )
     }
@@ -122,6 +128,7 @@ impl Law {
             Self::Position => track.q.clone(),
             Self::Cube { rest } => q.map(|q| (q - rest) * (q - rest) * (q - rest)).collect(),
             Self::Memory { distance } => memory(places, distance),
+            Self::Slip { distance } => slip(places, distance),
         }
     }
 }
@@ -138,6 +145,36 @@ fn memory(q: &[f64], distance: f64) -> Vec<f64> {
         z
     };
     q.iter().map(step).collect()
+}
+
+/// Springs in parallel that slip once stretched so far, each its share of a height of one (Maxwell): loops within a loop close. After a whole reversal the sum turns
+/// over as [`memory`] does, as the distances at which springs slip are spread by `x exp(−x)`.
+pub(super) fn slip(q: &[f64], distance: f64) -> Vec<f64> {
+    let yields: [f64; SPRINGS] =
+        std::array::from_fn(|k| 0.5 * distance * quantile((k as f64 + 0.5) / SPRINGS as f64));
+    let mut stretched = [0.0; SPRINGS];
+    let mut before = q.first().copied().unwrap_or(0.0);
+    let step = |q: &f64| {
+        let moved = q - before;
+        before = *q;
+        let springs = stretched.iter_mut().zip(&yields);
+        let each = springs.map(|(stretched, yields)| {
+            *stretched = (*stretched + moved).clamp(-yields, *yields);
+            *stretched / yields.max(1e-12)
+        });
+        each.sum::<f64>() / SPRINGS as f64
+    };
+    q.iter().map(step).collect()
+}
+
+/// Where `1 − (1 + x) exp(−x)` reaches a share.
+fn quantile(share: f64) -> f64 {
+    let (mut low, mut high) = (0.0, 50.0);
+    for _ in 0..50 {
+        let x = 0.5 * (low + high);
+        if 1.0 - (1.0 + x) * libm::exp(-x) < share { low = x } else { high = x }
+    }
+    0.5 * (low + high)
 }
 
 /// The root mean square of a joint's speed in all runs.
@@ -187,6 +224,23 @@ impl Column {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn springs_that_slip_turn_over_as_a_memory_does_and_close_their_inner_loops() {
+        let go =
+            |from: f64, to: f64| (1..=1000).map(move |k| from + (to - from) * 1e-3 * f64::from(k));
+        let q: Vec<f64> = go(0.0, 1.0).chain(go(1.0, 0.0)).collect();
+        let both = [memory(&q, 0.05), slip(&q, 0.05)];
+        let off = |from: usize| {
+            let pairs = both[0][from..].iter().zip(&both[1][from..]);
+            pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        };
+        assert!(off(1000) < 0.1, "{}", off(1000));
+        // There, a little back, and there again: springs remember where they were, the other law does not.
+        let q: Vec<f64> = go(0.0, 1.0).chain(go(1.0, 0.98)).chain(go(0.98, 1.0)).collect();
+        let gap = |z: Vec<f64>| (z[2999] - z[999]).abs();
+        assert!(gap(slip(&q, 0.05)) < 1e-9 && gap(memory(&q, 0.05)) > 0.1);
+    }
 
     #[test]
     fn a_memory_turns_over_within_its_distance() {

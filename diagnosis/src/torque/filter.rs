@@ -95,6 +95,24 @@ pub(super) fn derivative(samples: &[f64], step_s: f64) -> Vec<f64> {
     (0..samples.len()).map(slope).collect()
 }
 
+/// Samples as they were `by` steps before, between them by the polynomial through the six nearest (Lagrange); at the ends the last that is known.
+pub(super) fn later(samples: &[f64], by: f64) -> Vec<f64> {
+    const NEAREST: usize = 6;
+    let Some(last) = samples.len().checked_sub(1) else { return Vec::new() };
+    let nearest = NEAREST.min(samples.len());
+    let value = |k: usize| {
+        let at = (k as f64 - by).clamp(0.0, last as f64);
+        let from = (at as usize).saturating_sub(NEAREST / 2 - 1).min(samples.len() - nearest);
+        let near = from..from + nearest;
+        let weight = |i: usize| {
+            let others = near.clone().filter(|j| *j != i);
+            others.map(|j| (at - j as f64) / (i as f64 - j as f64)).product::<f64>()
+        };
+        near.clone().map(|i| weight(i) * samples[i]).sum()
+    };
+    (0..samples.len()).map(value).collect()
+}
+
 /// Positions with their speeds and accelerations.
 pub(super) fn moved(q: Vec<f64>, step_s: f64) -> [Vec<f64>; 3] {
     let v = derivative(&q, step_s);
@@ -122,6 +140,21 @@ mod tests {
         let edge = filter.pass(&wave(40.0, 4000));
         let top = edge[1000..3000].iter().copied().fold(0.0, f64::max);
         assert!((top - 0.5).abs() < 0.01, "{top}");
+    }
+
+    #[test]
+    fn what_comes_later_is_what_was() {
+        let slow = wave(60.0, 1000);
+        let worst = |by: f64| {
+            let late = later(&slow, by);
+            let off = (20..980).map(|k| {
+                let then = libm::sin(2.0 * PI * 0.06 * (k as f64 - by));
+                (late[k] - then).abs()
+            });
+            off.fold(0.0, f64::max)
+        };
+        assert!(worst(2.0) < 1e-12);
+        assert!(worst(0.37) < 1e-3 && worst(-7.5) < 1e-3, "{} {}", worst(0.37), worst(-7.5));
     }
 
     #[test]

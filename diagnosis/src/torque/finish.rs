@@ -13,6 +13,9 @@ use super::{
     stand, still, table, verdict, view,
 };
 
+/// Standard share of a span, seen from one end, that a number lies anywhere within.
+const ANYWHERE: f64 = 0.577_350_269_189_625_8;
+
 pub(super) fn finish(
     case: &Case,
     stated: &Stated<'_>,
@@ -33,7 +36,11 @@ pub(super) fn finish(
     let viscous = |joint| viscous(case, stated, &choice, joint);
     let (covariance, spreads) = prove::sureness(case, &choice, &seen, &viscous);
     let unzoned = without_zones(case, always, &names, &zones, &seen);
-    let moved = |column: usize| moved(unzoned.as_ref(), &choice, column);
+    let formed = refine::otherwise(case, &choice, &seen);
+    let moved = |column: usize| {
+        let form = formed.iter().find(|(place, _)| *place == column).map_or(0.0, |one| one.1);
+        moved(unzoned.as_ref(), &choice, column).hypot(ANYWHERE * form)
+    };
     let finding = |(name, heldout): &(usize, [f64; 2])| {
         let family = &case.library.families[*name];
         let spread = spreads.iter().find(|(n, _)| n == name).map_or(0.0, |one| one.1);
@@ -135,7 +142,7 @@ fn refits(
 fn moved(unzoned: Option<&Choice>, choice: &Choice, column: usize) -> f64 {
     let with = unzoned.and_then(|other| other.solved.value(column));
     let apart = with.zip(choice.solved.value(column)).map_or(0.0, |(with, without)| with - without);
-    apart / libm::sqrt(3.0)
+    ANYWHERE * apart
 }
 
 /// A joint's viscous friction, stated and found.

@@ -7,6 +7,7 @@ use nalgebra::DMatrix;
 
 use super::choose::{Asking, Choice, others};
 use super::library::{Family, Form};
+use super::payload::REACH_M;
 use super::table::Solved;
 
 /// The share of a number that stays open whatever the noise: scale, geometry, the form of a law.
@@ -124,7 +125,8 @@ pub(super) fn numbers(family: &Family, solved: &Solved, context: &Context<'_>) -
         }
         Form::Wave => wave([value(0), value(1)], shared, floor),
         Form::Payload { about } => {
-            payload([0, 1, 2, 3].map(value), about, sigma(0), |k| shared(k, k).max(0.0).sqrt())
+            let own = |k: usize| at(family.columns[k]).map(|_| shared(k, k).max(0.0).sqrt());
+            payload([0, 1, 2, 3].map(value), about, sigma(0), own)
         }
     };
     // How often a wave turns is told by its phase alone, whatever its height.
@@ -155,10 +157,15 @@ fn payload(
     [mass, moment @ ..]: [f64; 4],
     about: DVec3,
     of_mass: f64,
-    own: impl Fn(usize) -> f64,
+    own: impl Fn(usize) -> Option<f64>,
 ) -> Vec<Number> {
     let com = |k: usize| about[k] + moment[k] / mass;
-    let of_com = |k: usize| (own(k + 1) / mass).hypot(own(0) * moment[k] / (mass * mass));
+    let of_mass_alone = own(0).unwrap_or(0.0);
+    // Along an axis that no drive feels it may hang anywhere within reach.
+    let of_com = |k: usize| {
+        let told = |own| libm::hypot(own / mass, of_mass_alone * moment[k] / (mass * mass));
+        own(k + 1).map_or(REACH_M, told)
+    };
     let values = (0..3).map(com).collect();
     let sigma = (0..3).map(of_com).collect();
     vec![one("mass", mass, of_mass), Number { stem: "com", values, sigma }]

@@ -7,8 +7,8 @@ use glam::DVec3;
 use physics::{Arm, JointKind};
 
 use super::columns::{Column, Law, lowest_speed, shortest_way, usual_speed};
-use super::filter::derivative;
 use super::known::{Open, Stated, moments};
+use super::load::of_delay;
 use super::motion::Motion;
 
 /// Speeds at which a Stribeck friction may have fallen off, in shares of the joint's usual speed.
@@ -296,10 +296,8 @@ impl Library {
             let sign = Sign::Within(GAIN);
             self.add(family("drive_gain", Some(*joint), &["gain"], sign), vec![column]);
         }
-        let late = |(joint, torque): &(usize, Vec<f64>)| {
-            let rates = rates(motion, torque);
-            (*joint, rates.into_iter().map(|rate| -rate).collect())
-        };
+        let late =
+            |(joint, torque): &(usize, Vec<f64>)| (*joint, of_delay(motion, torque, 0.0).into());
         let column = Column { parts: torques.iter().map(late).collect() };
         self.add(family("torque_delay", None, &["delay"], Sign::Any), vec![column]);
     }
@@ -320,17 +318,6 @@ const KINDS: [&str; 12] = [
     "hysteresis",
     "drive_gain",
 ];
-
-/// Changes per second of values at rows, run by run.
-fn rates(motion: &Motion, values: &[f64]) -> Vec<f64> {
-    let mut all = Vec::with_capacity(values.len());
-    for run in &motion.runs {
-        let stride = run.rows.get(1).map_or(1, |second| second - run.rows[0]);
-        let piece = &values[all.len()..all.len() + run.rows.len()];
-        all.extend(derivative(piece, stride as f64 * run.step_s));
-    }
-    all
-}
 
 /// By how much the temperature of a joint changes, K.
 fn temperatures(motion: &Motion, joint: usize) -> f64 {

@@ -7,6 +7,7 @@ use physics::{Arm, Inputs, JOINTS_MAX};
 use recording::series::{Channel, Kind, Recording};
 
 use super::filter::{LowPass, moved};
+use super::stops::{digit, stops};
 
 /// The band that drives and links of industrial arms move in, Hz: beyond it lies what a rigid body does not do.
 const BAND_HZ: f64 = 40.0;
@@ -24,8 +25,6 @@ const REST: f64 = 1e-4;
 const STILL: f64 = 1e-3;
 /// s.
 const REST_S: f64 = 0.2;
-/// A joint whose recorded position does not change by a digit for so long stands still too, s: a turn passes its crest sooner.
-const STOP_S: f64 = 0.03;
 /// A pause of so many steps is a gap.
 const GAP: f64 = 3.5;
 /// Runs of fewer samples say nothing.
@@ -43,6 +42,8 @@ pub(super) struct Track {
     pub(super) a: Vec<f64>,
     /// Position, speed and acceleration in the wider band of what turns sharply.
     pub(super) quick: [Vec<f64>; 3],
+    /// The same as recorded, in no band at all; empty where the torque's is as wide as the other.
+    raw: [Vec<f64>; 3],
     /// None where no torque of this joint was recorded.
     pub(super) torque: Option<Vec<f64>>,
     /// Whether the recorded position stays the same about each sample.
@@ -87,6 +88,11 @@ impl Run {
     /// The same in the wider band of what turns sharply.
     pub(super) fn quick(&self, sample: usize) -> Inputs {
         self.state(|track| track.quick.each_ref().map(|list| list[sample]))
+    }
+
+    /// The same as recorded: what is linear in it and passes the filter then is what smoothed motion says, and what is not linear is right.
+    pub(super) fn raw(&self, sample: usize) -> Inputs {
+        self.state(|track| track.raw.each_ref().map(|list| list[sample]))
     }
 
     fn state(&self, of: impl Fn(&Track) -> [f64; 3]) -> Inputs {
@@ -283,16 +289,16 @@ fn runs_of(
             let recorded = even(columns[joint]);
             let stops = stops(&recorded, digit(columns[joint]), step_s);
             let [q, v, a] = moved(filter.pass(&recorded), step_s);
-            let quick = match quick_hz > band_hz {
-                true => moved(quick.pass(&recorded), step_s),
-                false => [&q, &v, &a].map(Vec::clone),
+            let (quick, raw) = match quick_hz > band_hz {
+                true => (moved(quick.pass(&recorded), step_s), moved(recorded, step_s)),
+                false => ([&q, &v, &a].map(Vec::clone), Default::default()),
             };
             let torque = torques[joint].as_ref().map(|torque| filter.pass(&late(torque, delay_s)));
             let temperature = recording
                 .column(Channel::JointTemperature(joint))
                 .or_else(|| recording.column(Channel::Ambient))
                 .map_or(Vec::new(), |column| even(&filled(column)));
-            Track { q, v, a, quick, torque, stops, temperature }
+            Track { q, v, a, quick, raw, torque, stops, temperature }
         };
         let stride = (1.0 / (step_s * band_hz * ROWS_PER_PERIOD)).round().max(1.0) as usize;
         let ends = ((ENDS / (step_s * band_hz)).ceil() as usize).min(count / 4);
@@ -307,29 +313,6 @@ fn runs_of(
         }
     };
     pieces.iter().map(run).collect()
-}
-
-/// The least step between two samples of a position that differ.
-fn digit(samples: &[f64]) -> f64 {
-    let steps = samples.windows(2).map(|pair| (pair[1] - pair[0]).abs());
-    steps.filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min)
-}
-
-/// Which samples are of a stretch, [`STOP_S`] long at least, in which the position stays within half a digit.
-fn stops(q: &[f64], digit: f64, step_s: f64) -> Vec<bool> {
-    let shortest = (STOP_S / step_s).ceil().max(3.0) as usize;
-    let mut all = vec![false; q.len()];
-    let mut from = 0;
-    for k in 1..=q.len() {
-        if k < q.len() && (q[k] - q[from]).abs() < 0.5 * digit {
-            continue;
-        }
-        if k - from > shortest {
-            all[from..k].fill(true);
-        }
-        from = k;
-    }
-    all
 }
 
 /// Slow samples where none was taken: the last that was.
@@ -368,22 +351,6 @@ fn resampled(times: &[f64], samples: &[f64], start_s: f64, step_s: f64, count: u
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_short_stop_is_rest_and_a_turn_is_none() {
-        let step_s = 2e-3;
-        let rounded = |x: f64| (x / 1e-6).round() * 1e-6;
-        let turning: Vec<f64> =
-            (0..1000).map(|k| rounded(libm::sin(step_s * f64::from(k)))).collect();
-        assert!(!stops(&turning, digit(&turning), step_s).contains(&true));
-        let mut stopping = turning.clone();
-        stopping[300..350].fill(turning[300]);
-        let found = stops(&stopping, digit(&stopping), step_s);
-        assert!((0..1000).all(|k| found[k] == (300..350).contains(&k)));
-        stopping[300..1000].copy_from_slice(&turning[300..]);
-        stopping[300..310].fill(turning[300]);
-        assert!(!stops(&stopping, digit(&stopping), step_s).contains(&true));
-    }
 
     #[test]
     fn samples_that_jitter_come_back_even() {

@@ -12,7 +12,7 @@ use super::rigid::carried;
 use super::table::Solved;
 
 /// A payload is found within this of the tool centre point, m; a fit that says more says nothing of the place.
-const REACH_M: f64 = 2.0;
+pub(super) const REACH_M: f64 = 2.0;
 
 /// A shift of the place below this changes nothing, m.
 const NEAR_M: f64 = 1e-3;

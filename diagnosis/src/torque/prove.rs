@@ -1,11 +1,12 @@
 //! The proof: how far the model is off on rows that nothing has seen, name by name; how sure each number is.
 //!
-//! Uncertainties are those of blocks of time (White's sandwich with the sum of each block as one): noise that remembers itself does not make them small.
+//! Uncertainties are those of blocks of time (`blocks`): noise that remembers itself does not make them small.
 //!
 //! Promises: held-out rows take part in nothing else. Never: an interval below what scale and form leave open.
 
 use nalgebra::{DMatrix, DVector};
 
+use super::blocks::covariance_of;
 use super::case::Case;
 use super::choose::{Asking, Choice, others};
 use super::columns::Column;
@@ -21,9 +22,7 @@ const TOGETHER: [f64; 4] = [SURE * SURE, 6.18, 8.02, 9.72];
 /// Of what a law would bring on rows unseen if it were true, it brings at least this share.
 const BORNE_OUT: f64 = 0.2;
 /// Where within a step between rows a motion reverses is not known better than to this share, and friction turns there.
-const WITHIN_A_STEP: f64 = 0.01;
-/// Blocks of time that uncertainties are told from.
-const BLOCKS: usize = 40;
+pub(super) const WITHIN_A_STEP: f64 = 0.01;
 
 /// Root mean square of what is left on `used` rows, whitened by each joint's noise and in units of their geometric mean, N m.
 pub(super) fn rms(case: &Case, solved: &Solved, used: &[bool]) -> f64 {
@@ -314,46 +313,6 @@ fn is_told(case: &Case, choice: &Choice, column: usize) -> bool {
     let families = &case.library.families;
     choice.names.iter().any(|name| families[*name].columns.contains(&column))
         || case.known.iter().any(|known| known.0 == column)
-}
-
-/// The same of any table.
-pub(crate) fn covariance_of(
-    table: &Table,
-    columns: &[Column],
-    solved: &Solved,
-    used: &[bool],
-) -> DMatrix<f64> {
-    let count = solved.columns.len();
-    let mut meat = DMatrix::zeros(count, count);
-    let rows = table.rows();
-    let mut scores = vec![vec![0.0; count]; BLOCKS];
-    for joint in table.joints() {
-        let left = table.whitened(joint, &noise::residual(table, columns, solved, joint));
-        for (k, column) in solved.columns.iter().enumerate() {
-            let column: &Column = &columns[*column];
-            for (_, values) in column.parts.iter().filter(|(at, _)| *at == joint) {
-                let white = table.whitened(joint, values);
-                for row in (0..rows).filter(|r| used[*r] && table.counts[joint][*r]) {
-                    scores[row * BLOCKS / rows][k] += white[row] * left[row];
-                }
-            }
-        }
-    }
-    let filled = scores.iter().filter(|score| score.iter().any(|x| *x != 0.0)).count();
-    for score in &scores {
-        for i in 0..count {
-            for j in 0..count {
-                meat[(i, j)] += score[i] * score[j];
-            }
-        }
-    }
-    let few = filled as f64 / (filled as f64 - 1.0).max(1.0);
-    let inverse = solved.covariance();
-    let mut all = inverse * meat * inverse * few;
-    for i in 0..count {
-        all[(i, i)] = all[(i, i)].max(inverse[(i, i)]);
-    }
-    all
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use super::choose::{Asking, Choice};
 use super::columns::{Column, Law, lowest_speed, shortest_way, usual_speed};
 use super::known::First;
 use super::library::Form;
+use super::load::Rubbing;
 use super::table::{Products, Solved};
 
 /// First and last share by which a number is moved to see the bend.
@@ -180,20 +181,23 @@ pub(super) fn bent(
     all
 }
 
-/// Numbers that columns were made with agree with those that they give: the place of a payload, the load that friction goes with, where a spring rests.
+/// Numbers that columns were made with agree with those that they give: the place of a payload, the load that friction goes with, what a delay makes of the
+/// torque, where a spring rests.
 pub(super) fn agree(case: &mut Case, names: &[usize], always: &[usize], used: &[bool]) {
     let families = &case.library.families;
     let is_of_load = |name: &usize| {
         matches!(families[*name].form, Form::Payload { .. })
-            || families[*name].kind == "load_friction"
+            || matches!(families[*name].kind, "load_friction" | "torque_delay")
     };
     let of_load: Vec<usize> = names.iter().copied().filter(is_of_load).collect();
     let mut before: Vec<f64> = Vec::new();
-    for _ in 0..if of_load.is_empty() { 0 } else { ROUNDS } {
+    let goes_on = !(of_load.is_empty() && case.rubbing.is_empty());
+    for _ in 0..if goes_on { ROUNDS } else { 0 } {
         let products = case.products(used);
         let choice = asking(case, &products, always).solve(names);
         let first = |name: &usize| choice.solved.value(case.library.families[*name].columns[0]);
-        let now: Vec<f64> = of_load.iter().map(|name| first(name).unwrap_or(0.0)).collect();
+        let mut now: Vec<f64> = of_load.iter().map(|name| first(name).unwrap_or(0.0)).collect();
+        now.extend(case.rubbing.iter().map(Rubbing::size));
         let mut both = now.iter().zip(&before);
         if !before.is_empty() && both.all(|(now, old)| (now - old).abs() <= AGREES * now.abs()) {
             break;
@@ -201,6 +205,7 @@ pub(super) fn agree(case: &mut Case, names: &[usize], always: &[usize], used: &[
         before = now;
         case.recentre(&choice);
         case.reload(&choice);
+        case.late(&choice);
     }
 }
 
@@ -213,6 +218,36 @@ pub(super) fn found_viscous(case: &Case, names: &[usize], solved: &Solved, joint
         (*first_of == Some(("viscous_friction", Some(joint)))).then(|| solved.value(*column))?
     };
     found + case.known.iter().filter_map(own).sum::<f64>()
+}
+
+/// By how much the number of each loop's column changes where the loop is made of springs that slip: how a friction remembers is not known, and motion that turns back
+/// within a loop tells a height by it.
+pub(super) fn otherwise(case: &Case, choice: &Choice, used: &[bool]) -> Vec<(usize, f64)> {
+    let families = choice.names.iter().map(|name| &case.library.families[*name]);
+    let loops: Vec<(usize, Column)> = families
+        .filter(|family| family.form == Form::Loop)
+        .filter_map(|family| {
+            let &(_, distance) = family.settings.first()?;
+            Some((family.columns[0], Law::Slip { distance }.column(&case.motion, family.joint?)))
+        })
+        .collect();
+    if loops.is_empty() {
+        return Vec::new();
+    }
+    let own = |place: &usize| {
+        let other = loops.iter().find(|(one, _)| one == place);
+        other.map_or(&case.library.columns[*place], |(_, other)| other)
+    };
+    let places = &choice.solved.columns;
+    let columns: Vec<&Column> = places.iter().map(own).collect();
+    let prior = places.iter().map(|place| case.library.prior[*place]).collect();
+    let all: Vec<usize> = (0..columns.len()).collect();
+    let solved = Products::new(&case.table, &columns, prior, used).solve(&all);
+    let moved = |(place, _): &(usize, Column)| {
+        let at = places.iter().position(|other| other == place)?;
+        Some((*place, solved.value(at)? - choice.solved.values[at]))
+    };
+    loops.iter().filter_map(moved).collect()
 }
 
 /// Gives a name's searched number another value.

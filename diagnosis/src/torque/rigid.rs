@@ -9,7 +9,7 @@ use physics::dynamics::{INERTIAL, Inertial, Regressor};
 use physics::{Arm, Body, Chain, JOINTS_MAX};
 
 use super::columns::Column;
-use super::motion::Motion;
+use super::motion::{Motion, Run};
 
 /// What may be believed of masses that nothing is known of: kg, kg m, kg m².
 const UNKNOWN: [f64; 3] = [100.0, 50.0, 50.0];
@@ -68,31 +68,21 @@ impl Rigid {
             .iter()
             .map(|joint| joint.link.map_or(joint.point, |link| link.centre))
             .collect();
-        let rows: usize = motion.runs.iter().map(|run| run.rows.len()).sum();
-        let parts = |k: usize| vec![Vec::with_capacity(rows); (k / INERTIAL).min(count - 1) + 1];
-        let mut columns: Vec<Vec<Vec<f64>>> = (0..INERTIAL * count + 4).map(parts).collect();
-        let mut stated = vec![Vec::with_capacity(rows); count];
-        for one in &motion.runs {
-            for &sample in &one.rows {
-                let inputs = one.inputs(sample);
-                let torque = physics::dynamics::inverse_dynamics(arm, &inputs);
-                stated.iter_mut().zip(torque.iter()).for_each(|(list, torque)| list.push(*torque));
-                let chain = Chain::nominal(arm, &inputs.q);
-                let regressor = Regressor::new(arm, &chain, &inputs, arm.gravity);
-                for (body, point) in points.iter().enumerate() {
-                    let table = regressor.of_body(body);
-                    for joint in 0..=body {
-                        let mut push = |from: usize, numbers: [f64; INERTIAL]| {
-                            let columns = columns[from..].iter_mut();
-                            columns.zip(numbers).for_each(|(column, x)| column[joint].push(x));
-                        };
-                        push(INERTIAL * body, about(&table, *point, joint));
-                        if body + 1 == count {
-                            push(INERTIAL * count, about(&table, arm.tool.tcp, joint));
-                        }
-                    }
-                }
+        let mut columns: Vec<Vec<Vec<f64>>> =
+            (0..INERTIAL * count + 4).map(|k| vec![Vec::new(); felt_by(k, count)]).collect();
+        let mut stated = vec![Vec::new(); count];
+        let is_narrow = motion.quick_hz > motion.band_hz;
+        for run in &motion.runs {
+            let (of_columns, of_stated) = over(arm, run, &points, is_narrow);
+            // What is not linear in motion is not what smoothed motion says of it: it is told from motion as recorded, and passes the torque's filter itself.
+            let at_rows = |samples: &Vec<f64>| match is_narrow {
+                true => run.at_rows(samples),
+                false => samples.clone(),
+            };
+            for (all, own) in columns.iter_mut().zip(&of_columns) {
+                all.iter_mut().zip(own).for_each(|(all, own)| all.extend(at_rows(own)));
             }
+            stated.iter_mut().zip(&of_stated).for_each(|(all, own)| all.extend(at_rows(own)));
         }
         let beliefs = arm.joints().iter().flat_map(|joint| match joint.link {
             None => doubts(UNKNOWN[0], UNKNOWN[1], UNKNOWN[2]),
@@ -108,6 +98,49 @@ impl Rigid {
         let columns = columns.into_iter().map(column).collect();
         Self { stated, columns, beliefs }
     }
+}
+
+/// How many joints, from the first on, feel the body of a column.
+fn felt_by(column: usize, count: usize) -> usize {
+    (column / INERTIAL).min(count - 1) + 1
+}
+
+/// Columns and stated torque of one run: at every sample as recorded, or at its rows in the band.
+fn over(
+    arm: &Arm,
+    run: &Run,
+    points: &[DVec3],
+    is_narrow: bool,
+) -> (Vec<Vec<Vec<f64>>>, Vec<Vec<f64>>) {
+    let count = arm.count();
+    let samples: Vec<usize> = match is_narrow {
+        true => (0..run.joints.first().map_or(0, |track| track.q.len())).collect(),
+        false => run.rows.clone(),
+    };
+    let none = |k: usize| vec![Vec::with_capacity(samples.len()); felt_by(k, count)];
+    let mut columns: Vec<Vec<Vec<f64>>> = (0..INERTIAL * count + 4).map(none).collect();
+    let mut stated = vec![Vec::with_capacity(samples.len()); count];
+    for sample in samples {
+        let inputs = if is_narrow { run.raw(sample) } else { run.inputs(sample) };
+        let torque = physics::dynamics::inverse_dynamics(arm, &inputs);
+        stated.iter_mut().zip(torque.iter()).for_each(|(list, torque)| list.push(*torque));
+        let chain = Chain::nominal(arm, &inputs.q);
+        let regressor = Regressor::new(arm, &chain, &inputs, arm.gravity);
+        for (body, point) in points.iter().enumerate() {
+            let table = regressor.of_body(body);
+            for joint in 0..=body {
+                let mut push = |from: usize, numbers: [f64; INERTIAL]| {
+                    let columns = columns[from..].iter_mut();
+                    columns.zip(numbers).for_each(|(column, x)| column[joint].push(x));
+                };
+                push(INERTIAL * body, about(&table, *point, joint));
+                if body + 1 == count {
+                    push(INERTIAL * count, about(&table, arm.tool.tcp, joint));
+                }
+            }
+        }
+    }
+    (columns, stated)
 }
 
 fn doubts(mass: f64, moment: f64, inertia: f64) -> [f64; INERTIAL] {

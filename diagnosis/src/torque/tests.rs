@@ -1,6 +1,7 @@
 //! Torques of a slider and of a pendulum whose physics is known, with noise that is not.
 
 mod choice;
+mod load;
 mod numbers;
 
 use physics::{

@@ -11,10 +11,11 @@ use physics::Bite;
 use super::law::{CHIP, EDGE, Law, NUMBERS, Spindle, Stood};
 use super::rows::Sets;
 use crate::colour::Colour;
+use crate::torque::blocks::covariance_of;
 use crate::torque::columns::Column;
 use crate::torque::library::Library;
 use crate::torque::noise;
-use crate::torque::prove::{covariance_of, rms_of, sum};
+use crate::torque::prove::{rms_of, sum};
 use crate::torque::table::{Products, Solved, Table};
 
 /// By so much the spindle is turned to see what that changes, rad.

@@ -5,7 +5,7 @@ use physics::JointKind;
 use super::*;
 use crate::torque::table::Solved;
 use crate::torque::zone::{self, Zone};
-use crate::torque::{prove, reopened};
+use crate::torque::{blocks, prove, reopened};
 
 fn kinds(found: &Diagnosis) -> Vec<&'static str> {
     found.findings.iter().map(|finding| finding.kind).collect()
@@ -71,7 +71,7 @@ fn a_delay_is_no_surer_than_a_hundredth_of_a_step() {
     let delay = families.position(|family| family.kind == "torque_delay").unwrap();
     let solved = asking.solve(&[delay]).solved;
     let used = &case.rows.train;
-    let of_rows = prove::covariance_of(&case.table, &case.library.columns, &solved, used)[(0, 0)];
+    let of_rows = blocks::covariance_of(&case.table, &case.library.columns, &solved, used)[(0, 0)];
     let told = prove::covariance(&case, &solved, used)[(0, 0)];
     assert!(((told - of_rows).sqrt() - 0.01 * 2e-3).abs() < 1e-9, "{told} {of_rows}");
 }

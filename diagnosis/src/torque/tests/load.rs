@@ -1,0 +1,120 @@
+//! What goes with the torque itself or with how it turns: friction under a load that nobody stated, a delay, a memory.
+
+use physics::JointKind;
+
+use super::*;
+use crate::torque::called;
+use crate::torque::columns::{Law, shortest_way, slip};
+use crate::torque::found::Number;
+
+/// The pendulum without a word of its mass.
+fn bare() -> Arm {
+    let whole = pendulum();
+    let mut joint = whole.joints()[0];
+    joint.link = None;
+    Arm::new(&[joint], whole.tool, whole.gravity).unwrap()
+}
+
+#[test]
+fn friction_that_is_stated_rubs_under_masses_that_nobody_stated() {
+    let rubs = |coefficient: f64| {
+        let arm = pendulum();
+        let rub = effect(&arm, "load_friction", &[("coefficient", &[coefficient])]);
+        let made = driven(&arm, &[rub], JointKind::Revolute, 0.05);
+        let stated = effect(&bare(), "load_friction", &[("coefficient", &[0.1])]);
+        of(&bare(), &[stated], made)
+    };
+    let same = rubs(0.1);
+    assert!(same.findings.is_empty(), "{:?}", same.findings);
+    let more = rubs(0.16);
+    let [one] = &more.findings[..] else { panic!("{:?}", more.findings) };
+    assert!(one.kind == "load_friction" && one.is_change, "{one:?}");
+    near(&more, "load_friction", 0.06, 0.05);
+}
+
+#[test]
+fn a_delay_of_many_rows_is_told_as_long_as_it_is() {
+    let late_s = 0.015;
+    let mut made = recording(JointKind::Prismatic, 0.3, |_| 0.0);
+    let noise = made.column(Channel::Torque(0)).unwrap().to_vec();
+    let then = |(t, noise): (&f64, f64)| {
+        let [_, v, a] = motion(t - late_s);
+        MASS * a + 20.0 * v.signum() + noise
+    };
+    let torques = made.t_s.iter().zip(noise).map(then).collect();
+    made.set(Channel::Torque(0), torques);
+    let arm = slider(true);
+    let dry = effect(&arm, "coulomb_friction", &[("level", &[20.0])]);
+    let found = of(&arm, &[dry], made);
+    // To the first order it would be told a tenth too short.
+    near(&found, "torque_delay", late_s, 0.01);
+}
+
+#[test]
+fn a_memory_too_short_for_the_band_is_dry_friction_and_a_longer_one_is_not() {
+    let told = |way: &dyn Fn(f64) -> f64| {
+        let model = Model::new(slider(true), &[]).unwrap();
+        let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
+        let made = recording(JointKind::Prismatic, 0.5, |[_, _, a]| MASS * a);
+        let mut case = Case::new(&stated, &[made], None, 1);
+        let shortest = shortest_way(&case.motion, 0);
+        let law = |distance: f64| Law::Memory { distance }.column(&case.motion, 0);
+        let acts = law(way(shortest)).parts[0].1.to_vec();
+        let column = law(shortest);
+        case.table.target[0].iter_mut().flatten().zip(acts).for_each(|(sum, x)| *sum += 20.0 * x);
+        let mut families = case.library.families.iter();
+        let name = families.position(|family| family.kind == "hysteresis").unwrap();
+        let place = case.library.families[name].columns[0];
+        case.library.columns[place] = column;
+        case.library.families[name].settings[0].1 = shortest;
+        let names = called::turned(&case, &[], vec![name]);
+        case.library.families[names[0]].kind
+    };
+    assert_eq!(told(&|shortest| 0.1 * shortest), "coulomb_friction");
+    assert_eq!(told(&|shortest| 30.0 * shortest), "hysteresis");
+}
+
+#[test]
+fn what_the_model_states_of_dry_friction_is_what_a_name_of_it_takes_off() {
+    let arm = slider(true);
+    let dry = effect(&arm, "coulomb_friction", &[("level", &[20.0])]);
+    let model = Model::new(arm, &[dry]).unwrap();
+    let stated = Stated { model: &model, sigma: &[vec![0.0]], delay_s: 0.0 };
+    // At few rows a second: from motion in the torque's own band it would turn too softly.
+    let mut made = recording(JointKind::Prismatic, 0.0, |_| 0.0);
+    let rare: Vec<usize> = (0..made.t_s.len()).step_by(4).collect();
+    let q = made.column(Channel::Motor(0)).unwrap().to_vec();
+    made = Recording::new(rare.iter().map(|row| made.t_s[*row]).collect());
+    made.set_joint_kind(0, JointKind::Prismatic);
+    made.set(Channel::Motor(0), rare.iter().map(|row| q[*row]).collect());
+    made.set(Channel::Torque(0), vec![0.0; rare.len()]);
+    let case = Case::new(&stated, &[made], None, 1);
+    let name = Law::Direction.column(&case.motion, 0).parts[0].1.to_vec();
+    let both = case.stated[0].iter().zip(&name).zip(&case.table.moves[0]);
+    let rigid = physics_of(&case);
+    let off = both.zip(rigid).filter(|((_, moves), _)| **moves);
+    let off: Vec<f64> = off.map(|(((all, name), _), rigid)| all - rigid - 20.0 * name).collect();
+    let rms = libm::sqrt(off.iter().map(|x| x * x).sum::<f64>() / off.len() as f64);
+    assert!(rms < 0.1, "{rms}");
+}
+
+/// What the slider's mass asks for, row by row.
+fn physics_of(case: &Case) -> Vec<f64> {
+    let runs = case.motion.runs.iter();
+    runs.flat_map(|run| run.rows.iter().map(|row| MASS * run.joints[0].a[*row])).collect()
+}
+
+#[test]
+fn a_loop_of_springs_that_slip_is_told_within_the_doubt_of_how_it_remembers() {
+    let (height, way) = (30.0, 0.02);
+    let mut made = recording(JointKind::Prismatic, 0.3, |[_, _, a]| MASS * a);
+    let z = slip(made.column(Channel::Motor(0)).unwrap(), way);
+    let torques = made.column(Channel::Torque(0)).unwrap().iter().zip(z);
+    let torques = torques.map(|(torque, z)| torque + 0.5 * height * z).collect();
+    made.set(Channel::Torque(0), torques);
+    let found = of(&slider(true), &[], made);
+    let one = found.findings.iter().find(|finding| finding.kind == "hysteresis").unwrap();
+    let Number { values, sigma, .. } = &one.numbers[0];
+    assert!((values[0] - height).abs() < 2.5 * sigma[0], "{one:?}");
+    assert!(sigma[0] < 0.05 * height, "{one:?}");
+}
