@@ -24,6 +24,7 @@ mod prove;
 mod ready;
 pub mod says;
 mod settle;
+mod springs;
 mod starts;
 mod unknown;
 mod untested;

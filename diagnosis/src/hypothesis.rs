@@ -304,7 +304,7 @@ pub fn much(effect: &AnyEffect, value: usize) -> f64 {
         (_, Unit::Micrometre) => 1e-3,
         (_, Unit::Compliance) => 2e-3,
         (_, Unit::TurnCompliance) => 2e-3,
-        (_, Unit::CubicCompliance) => 1e-11,
+        (_, Unit::CubicCompliance) => 1e-5,
         (_, Unit::MicrometrePerNewton) => 1e-5,
         (_, Unit::MicrometrePerKelvin) => 1e-4,
         (_, Unit::MilliradianPerKelvin) => 1e-4,

@@ -21,9 +21,14 @@ const ABOUT: &str =
 
 /// All joints swing, each at a pace of its own.
 pub(crate) fn path() -> String {
+    path_of(0.02)
+}
+
+/// The same, a row every `step_s`.
+pub(crate) fn path_of(step_s: f64) -> String {
     let mut text = String::from("t_s,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n");
     for k in 0..ROWS {
-        let t = 0.02 * f64::from(k);
+        let t = step_s * f64::from(k);
         let q =
             [(60.0, 0.61), (35.0, 0.97), (35.0, 0.79), (90.0, 1.63), (70.0, 1.31), (120.0, 1.9)];
         let q = q.map(|(span, pace)| span * (pace * t + span).sin());
@@ -212,37 +217,6 @@ fn only_missing_physics_is_applied_and_a_daemon_that_is_not_there_costs_no_diagn
     });
     assert_eq!(epoch, 1);
     assert!(sound.names().contains(&"said".to_owned()));
-}
-
-#[test]
-fn a_counterbalance_that_bends_a_known_compliance_is_no_set_of_waves() {
-    let place = recorded("");
-    let base = preset(BASE).expect("preset").text;
-    let known = "[[effect]]\nkind = \"joint_compliance\"\njoint = 2\ncompliance_mrad_per_kNm = 2.5\n\
-                 sigma = { compliance_mrad_per_kNm = 0.12 }\n";
-    let spring = "[[effect]]\nkind = \"counterbalance\"\njoint = 2\nstiffness_N_per_m = 9600.0\n\
-                  free_length_mm = 75.0\na_mm = 227.0\nL_mm = 314.0\nangle_deg = 202.0\n";
-    place.file("known.toml", &format!("{base}\n{known}"));
-    place.file("truth.toml", &format!("{base}\n{known}\n{spring}"));
-    see(&place, "path.csv", "sprung");
-    place.file("sprung.toml", ABOUT);
-    place.succeed(&[
-        "diagnose",
-        "--model",
-        "known.toml",
-        "--out",
-        "said",
-        "--seed",
-        "1",
-        "sprung.csv",
-    ]);
-    let said = place.json("said/diagnosis.json");
-    let finding = &said["findings"][0];
-    assert_eq!(
-        (&finding["effect"], &finding["joint"]),
-        (&"counterbalance".into(), &2.into()),
-        "{said:#}"
-    );
 }
 
 /// Link sides of a path: joint 3 has play whose gap follows its own position, as worn teeth do; noise of 2 mdeg.

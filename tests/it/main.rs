@@ -18,6 +18,7 @@ mod cli;
 mod clients;
 mod convert;
 mod diagnose;
+mod diagnose_alike;
 mod diagnose_forces;
 mod diagnose_garbage;
 mod diagnose_torques;

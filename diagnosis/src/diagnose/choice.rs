@@ -5,7 +5,7 @@
 
 use super::gram::{Entry, Gain, Gram};
 use super::name::{ALIKE, Asking, Named, Naming, Rival, nuisance, title, without};
-use crate::candidates::{Candidate, wave_candidate};
+use crate::candidates::{Candidate, Probe, wave_candidate};
 use crate::fit::compare;
 use crate::motions::is_about_loads;
 use crate::score::Fitted;
@@ -32,6 +32,8 @@ pub(super) struct Choice<'a> {
     given: &'a Model,
     pub(super) entries: Vec<Entry>,
     pub(super) gram: Gram,
+    /// What was named before, at its own numbers, in that order.
+    pub(super) standing: Vec<usize>,
     pub(super) chosen: Vec<usize>,
     design_effect: f64,
     readings: f64,
@@ -50,6 +52,7 @@ impl<'a> Choice<'a> {
             ..Entry::open(candidate.kept(), candidate.clone())
         });
         let mut entries: Vec<Entry> = of_library.collect();
+        let mut own = Vec::with_capacity(named.len());
         for one in named {
             let Some(effect) = fit.hypothesis.model.effects().nth(one.effect) else { continue };
             let had =
@@ -61,8 +64,10 @@ impl<'a> Choice<'a> {
                 candidate.changes().is_none() || e.candidate.changes() != candidate.changes()
             });
             let open = Entry::open(one.kept, candidate);
-            entries.push(Entry { stands, spared: one.spared, ..open });
+            own.push(Entry { stands, spared: one.spared, ..open });
         }
+        let standing = (entries.len()..entries.len() + own.len()).collect();
+        entries.extend(own);
         entries.extend_from_slice(also);
         for line in lines(&fitted) {
             let found = wave_candidate(arm, line.joint, line.cycles);
@@ -73,6 +78,7 @@ impl<'a> Choice<'a> {
             given: &asking.known.model,
             gram: Gram::of(&fitted, &entries, &nuisance, &stated),
             entries,
+            standing,
             chosen: Vec::new(),
             design_effect: fit.design_effect,
             readings: (fit.readings as f64 / fit.design_effect).max(2.0),
@@ -118,8 +124,8 @@ impl<'a> Choice<'a> {
     }
 
     /// What is new of all that was chosen but `but`.
-    fn beside(&self, but: Option<usize>) -> Vec<&Candidate> {
-        let others = self.chosen.iter().filter(|entry| Some(**entry) != but);
+    fn beside(&self, but: &[usize]) -> Vec<&Candidate> {
+        let others = self.chosen.iter().filter(|entry| !but.contains(entry));
         let others = others.map(|entry| &self.entries[*entry].candidate);
         others.filter(|other| other.changes().is_none()).collect()
     }
@@ -142,7 +148,7 @@ impl<'a> Choice<'a> {
     }
 
     /// What could stand beside all that was chosen but `but`, best first; of equals the earlier in the library.
-    fn open(&self, gram: &Gram, but: Option<usize>) -> Vec<(usize, Gain, f64)> {
+    fn open(&self, gram: &Gram, but: &[usize]) -> Vec<(usize, Gain, f64)> {
         let beside = self.beside(but);
         let mut open = Vec::new();
         for (place, entry) in self.entries.iter().enumerate() {
@@ -161,7 +167,7 @@ impl<'a> Choice<'a> {
     }
 
     fn add(&mut self) -> bool {
-        let best = self.open(&self.gram, None).into_iter().next();
+        let best = self.open(&self.gram, &[]).into_iter().next();
         let Some((place, ..)) = best.filter(|(_, _, worth)| *worth > 0.0) else { return false };
         self.gram.add(place);
         self.chosen.push(place);
@@ -190,7 +196,7 @@ impl<'a> Choice<'a> {
             let own = self.worth(&self.gram.gains(place), &self.entries[place]);
             let mut gram = self.gram.clone();
             gram.remove(place);
-            let best = self.open(&gram, Some(place)).into_iter().next();
+            let best = self.open(&gram, &[place]).into_iter().next();
             if let Some((other, ..)) = best.filter(|(_, _, worth)| *worth > own + 2.0 * TIE) {
                 gram.add(other);
                 self.gram = gram;
@@ -201,22 +207,48 @@ impl<'a> Choice<'a> {
         false
     }
 
+    /// Gives two effects of one joint the common name that costs the least, if it is near enough for a fit to tell: alone, neither would leave for it.
+    pub(super) fn merge(&mut self) -> bool {
+        let mut least = self.cost() + 4.0 * ALIKE;
+        let mut best = None;
+        let pairs = (1..self.chosen.len()).flat_map(|second| (0..second).map(move |k| (k, second)));
+        for (first, second) in pairs {
+            let pair = [self.chosen[first], self.chosen[second]];
+            let [one, other] = pair.map(|place| self.entries[place].candidate.joint);
+            if one.is_none() || one != other {
+                continue;
+            }
+            let mut merged = self.clone();
+            pair.iter().for_each(|place| merged.gram.remove(*place));
+            let Some((place, ..)) = self.open(&merged.gram, &pair).into_iter().next() else {
+                continue;
+            };
+            merged.gram.add(place);
+            merged.chosen.retain(|place| !pair.contains(place));
+            merged.chosen.push(place);
+            let cost = merged.cost();
+            if cost < least {
+                (least, best) = (cost, Some(merged));
+            }
+        }
+        let found = best.is_some();
+        if let Some(merged) = best {
+            *self = merged;
+        }
+        found
+    }
+
     /// Brings in what was named.
-    pub(super) fn stand(&mut self, named: &[Named]) {
-        for one in named {
-            // Every name has an entry at its own numbers.
-            let place = self.entry_of(one).unwrap_or_default();
+    pub(super) fn stand(&mut self) {
+        self.put(self.standing.clone());
+    }
+
+    /// Brings in the entries in these places.
+    pub(super) fn put(&mut self, places: Vec<usize>) {
+        for place in places {
             self.gram.add(place);
             self.chosen.push(place);
         }
-    }
-
-    /// The entry of what was named, at its own numbers.
-    pub(super) fn entry_of(&self, one: &Named) -> Option<usize> {
-        self.entries.iter().position(|entry| {
-            title(&entry.candidate) == title(&one.candidate)
-                && (entry.stands.iter().any(|x| *x != 0.0) || one.stated.is_some())
-        })
     }
 
     /// The rivals of what was named in place `k`; those whose nonlinear numbers might bring them near are fitted.
@@ -228,7 +260,7 @@ impl<'a> Choice<'a> {
         let mut seen = vec![title(&self.entries[own].candidate)];
         let (mut near, mut variants) = (Vec::new(), Vec::new());
         let arm = &naming.fit.hypothesis.model.arm;
-        for (place, would, _) in self.open(&gram, Some(own)) {
+        for (place, would, _) in self.open(&gram, &[own]) {
             let entry = &self.entries[place];
             let name = title(&entry.candidate);
             let behind = (gain.gain - would.gain) / self.design_effect;
@@ -312,6 +344,9 @@ impl Choice<'_> {
             candidate.probes.first().is_some_and(|probe| is_about_loads(probe.effect.spec()))
         };
         let both = is_about_loads(&rival.candidate) && is_about_loads(&named.candidate);
-        rival.searched() > 0 || rival.candidate.changes().is_some() || both
+        // A gap that has a width is not crossed at once, as one without is.
+        let is_gap = |probe: &Probe| matches!(probe.effect, AnyEffect::Backlash(_));
+        let is_gap = rival.candidate.probes.first().is_some_and(is_gap);
+        rival.searched() > 0 || rival.candidate.changes().is_some() || both || is_gap
     }
 }

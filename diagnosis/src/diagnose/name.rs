@@ -12,13 +12,12 @@ use super::choice::Choice;
 use super::gram::Entry;
 use super::modes::modes;
 use crate::campaign::Campaign;
-use crate::candidates::{Candidate, springs_at};
+use crate::candidates::Candidate;
 use crate::fit::{Effort, Settings, compare, fit};
 use crate::hypothesis::{Free, Hypothesis};
-use crate::motions::is_about_loads;
 use crate::result::Fit;
-use crate::score::{Fitted, Score};
-use crate::select::{is_sound, put};
+use crate::score::Fitted;
+use crate::select::put;
 use physics::{AnyEffect, Model};
 
 /// Rounds in which rivals that were fitted may take a name's place.
@@ -108,7 +107,7 @@ pub(super) fn name(asking: &Asking<'_>, start: Naming) -> Naming {
     let mut naming = start;
     for _ in 0..RENAMING {
         let also = asking.searched(&naming);
-        naming = asking.settled(naming, &also);
+        naming = asking.merged(asking.settled(naming, &also));
         let price = asking.compare(&mut naming, &also);
         if !asking.rename(&mut naming, price) {
             break;
@@ -201,7 +200,7 @@ impl Asking<'_> {
     }
 
     /// What is asked besides the library where `naming` stands: what is searched for in the rest.
-    fn searched(&self, naming: &Naming) -> Vec<Entry> {
+    pub(super) fn searched(&self, naming: &Naming) -> Vec<Entry> {
         let fitted = Fitted::new(self.campaign, &naming.fit, &self.settings);
         let found = modes(&fitted, self.bank).into_iter().chain(self.springs(&fitted, naming));
         found.map(|found| Entry::open(found.kept(), found)).collect()
@@ -210,7 +209,7 @@ impl Asking<'_> {
     /// Finds every name's rivals; gives the price of a number, in the sum of squares.
     fn compare(&self, naming: &mut Naming, also: &[Entry]) -> f64 {
         let mut choice = Choice::at(self, naming, also);
-        choice.stand(&naming.named);
+        choice.stand();
         for k in 0..naming.named.len() {
             choice.compare_rivals(self, naming, k);
         }
@@ -264,45 +263,6 @@ impl Asking<'_> {
             variants: Vec::new(),
         };
         Some(Naming { fit, named })
-    }
-
-    /// The best spring of every joint that gives way, in the stead of what is named there.
-    fn springs(&self, fitted: &Fitted<'_>, naming: &Naming) -> Vec<Candidate> {
-        let model = &naming.fit.hypothesis.model;
-        let here = |effect: &AnyEffect, joint| effect.joint() == Some(joint);
-        let gives_way = |joint: &usize| {
-            model.effects().any(|effect| is_about_loads(effect.spec()) && here(effect, *joint))
-        };
-        let best = |joint| {
-            let named = naming.named.iter().filter(|one| one.candidate.joint == Some(joint));
-            let named: Vec<&Named> = named.collect();
-            if named.is_empty() {
-                return self.spring(fitted, joint);
-            }
-            let mut bare = without(&naming.fit, &self.known.model, &named);
-            // While it is missing, what gives way seems stiff, and no spring would bend it: it gives way here as is believed.
-            bare.believe(|effect| is_about_loads(effect.spec()));
-            let bare = compare(self.campaign, &bare, &naming.fit, self.settings.used);
-            self.spring(&Fitted::new(self.campaign, &bare, &self.settings), joint)
-        };
-        (0..model.arm.count()).filter(gives_way).filter_map(best).collect()
-    }
-
-    /// The best spring of a joint where a fit stands, of the shape that it takes once it is fitted: those of the list are far between.
-    fn spring(&self, fitted: &Fitted<'_>, joint: usize) -> Option<Candidate> {
-        let arm = &fitted.state.hypothesis.model.arm;
-        let all = springs_at(arm, joint);
-        let sound = |score: &Score| is_sound(&all[score.candidate], &score.found);
-        let scores = fitted.scores(&all).into_iter().filter(sound);
-        let best = scores.max_by(|a, b| a.gain.total_cmp(&b.gain))?;
-        let candidate = &all[best.candidate];
-        let mut hypothesis = fitted.fit.hypothesis.clone();
-        let Some(at) = put(&mut hypothesis, candidate, candidate.kept(), &best.found) else {
-            return Some(candidate.clone());
-        };
-        let shaped = compare(self.campaign, &hypothesis, fitted.fit, self.settings.used);
-        let effect = shaped.hypothesis.model.effects().nth(at)?;
-        Some(candidate.standing(arm, effect, &[]).0)
     }
 
     /// Adds a candidate to a hypothesis; none where there is no room.

@@ -45,6 +45,23 @@ impl Asking<'_> {
         best
     }
 
+    /// The same with two names of a joint as one, if that is better: alone, neither would leave for it.
+    pub(super) fn merged(&self, naming: Naming) -> Naming {
+        let joints: Vec<usize> =
+            naming.named.iter().filter_map(|one| one.candidate.joint).collect();
+        if (1..joints.len()).all(|k| !joints[..k].contains(&joints[k])) {
+            return naming;
+        }
+        let also = self.searched(&naming);
+        let mut choice = Choice::at(self, &naming, &also);
+        choice.stand();
+        if !choice.merge() {
+            return naming;
+        }
+        let merged = self.fitted(&choice, &naming.fit, Effort::Full);
+        if self.is_better(&merged, &naming) { self.settled(merged, &also) } else { naming }
+    }
+
     /// A better choice than `best`: as far as steps from there lead, else one step from there, else from any start; where all lead to the same names,
     /// these with better numbers.
     pub(super) fn next(&self, best: &Naming, also: &[Entry]) -> Option<Naming> {
@@ -59,9 +76,9 @@ impl Asking<'_> {
         for way in ways {
             let mut choice = open.clone();
             match way {
-                Way::AsFarAsSteps => choice.make_from(named),
-                Way::OneStep => choice.step_from(named),
-                Way::FromAnyStart => choice.make_best(named),
+                Way::AsFarAsSteps => choice.make_from(),
+                Way::OneStep => choice.step_from(),
+                Way::FromAnyStart => choice.make_best(),
             }
             let stands = choice.titles() == titles(named);
             if stands && same.is_some() {

@@ -6,19 +6,19 @@
 //! Promises: ends are compared by the criterion that each step follows; of ends that are as good, the earlier start's. Never: a start that changes the criterion.
 
 use super::choice::Choice;
-use super::name::{Named, Title, title};
+use super::name::{Title, title};
 
 /// Where every axis may stand elsewhere, in the order in which they join: zeros before tilts before shifts.
 const GEOMETRY: [&str; 4] = ["joint_offset", "axis_tilt", "axis_shift", "tool_offset"];
 
 impl Choice<'_> {
-    /// Chooses from nothing, from what was `named` before, and from all of the geometry; keeps the best.
-    pub(super) fn make_best(&mut self, named: &[Named]) {
+    /// Chooses from nothing, from what was named before, and from all of the geometry; keeps the best.
+    pub(super) fn make_best(&mut self) {
         let nothing = (self.gram.clone(), Vec::new());
         self.make();
         let mut best = self.cost();
         let mut kept = (self.gram.clone(), self.chosen.clone());
-        for start in [self.standing(named), self.geometry()] {
+        for start in [self.standing.clone(), self.geometry()] {
             (self.gram, self.chosen) = nothing.clone();
             self.put(start);
             self.make();
@@ -31,23 +31,16 @@ impl Choice<'_> {
         (self.gram, self.chosen) = kept;
     }
 
-    /// Chooses from what was `named` before.
-    pub(super) fn make_from(&mut self, named: &[Named]) {
-        self.put(self.standing(named));
+    /// Chooses from what was named before.
+    pub(super) fn make_from(&mut self) {
+        self.stand();
         self.make();
     }
 
-    /// One step from what was `named` before.
-    pub(super) fn step_from(&mut self, named: &[Named]) {
-        self.put(self.standing(named));
+    /// One step from what was named before.
+    pub(super) fn step_from(&mut self) {
+        self.stand();
         self.step();
-    }
-
-    fn put(&mut self, places: Vec<usize>) {
-        for place in places {
-            self.gram.add(place);
-            self.chosen.push(place);
-        }
     }
 
     /// Kinds and joints of what is chosen, sorted.
@@ -56,14 +49,6 @@ impl Choice<'_> {
             self.chosen.iter().map(|place| title(&self.entries[*place].candidate)).collect();
         titles.sort_unstable();
         titles
-    }
-
-    /// The entries of what was named, at its own numbers.
-    fn standing(&self, named: &[Named]) -> Vec<usize> {
-        let mut places: Vec<usize> = named.iter().filter_map(|one| self.entry_of(one)).collect();
-        places.sort_unstable();
-        places.dedup();
-        places
     }
 
     /// What frame and first joint share, the frame takes: the first joint comes last.
