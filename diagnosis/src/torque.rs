@@ -54,6 +54,8 @@ pub use zone::Zone;
 
 /// A name that brings less than this share of what is left, on rows that took no part in its choice, tells nothing.
 const TELLS: f64 = 1e-3;
+/// Rows that took no part in its choice bear a name out where it makes them likelier by so much, in log-likelihood, its numbers as unsure as they are without these.
+const BEARS: f64 = 1.0;
 /// Stated masses, which carry no uncertainty, are doubted only where that explains so much more, in log-likelihood.
 const DOUBTED: f64 = 20.0;
 /// Where names leave so many times as much within a zone as those that rows from there had a say in, a law was lost with these rows.
@@ -312,10 +314,18 @@ fn fallen(case: &Case, asking: &Asking<'_>, choice: &mut Choice) -> Option<Vec<u
     let left = |choice: &Choice| {
         [prove::rms_outside(case, &choice.solved, look), prove::news(case, &choice.solved, look)]
     };
+    let both = case.products(&case.rows.seen());
+    let foretold = |choice: &Choice| {
+        let columns = &choice.solved.columns;
+        both.likelihood(columns) - asking.products.likelihood(columns)
+    };
     let mut fell = Vec::new();
     loop {
         let whole = left(choice);
+        let told = foretold(choice);
         let asked = choice.names.iter().filter(|name| !case.is_belief(**name, asking.always));
+        let asked = asked
+            .filter(|name| foretold(&asking.solve(&others(&choice.names, **name))) > told - BEARS);
         let harm = |name: &usize| {
             let without = left(&asking.solve(&others(&choice.names, *name)));
             (without[0] / whole[0]).max(without[1] / whole[1]) - 1.0

@@ -14,6 +14,8 @@ use super::table::{Solved, Table};
 
 /// Blocks of time that uncertainties are told from.
 const BLOCKS: usize = 40;
+/// Half of an interval of 95 % of a normal, in standard uncertainties.
+const NORMAL: f64 = 1.959_964;
 
 /// What the rows of one block say: `Xᵀ r`, r what is left, and `Xᵀ X`.
 struct Block {
@@ -43,12 +45,21 @@ pub(crate) fn covariance_of(
         let freed = freed.unwrap_or(score);
         meat.ger(1.0, &freed, &freed, 1.0);
     }
-    let few = (filled as f64 - 1.0).max(1.0) / (filled as f64).max(1.0);
-    let mut all = inverse * meat * inverse * few;
+    let free = (filled as f64 - 1.0).max(1.0);
+    let few = free / (filled as f64).max(1.0);
+    let wider = student(free);
+    let mut all = inverse * meat * inverse * (few * wider * wider);
     for i in 0..count {
         all[(i, i)] = all[(i, i)].max(inverse[(i, i)]);
     }
     all
+}
+
+/// How much wider than of a normal an interval of 95 % is whose size was told from so many free blocks (Student's, by the expansion of Cornish and Fisher).
+fn student(free: f64) -> f64 {
+    let square = NORMAL * NORMAL;
+    let second = (5.0 * square + 16.0) * square + 3.0;
+    1.0 + (square + 1.0) / (4.0 * free) + second / (96.0 * free * free)
 }
 
 /// Rows of block `k`.
@@ -85,4 +96,16 @@ fn blocks(table: &Table, columns: &[Column], solved: &Solved, used: &[bool]) -> 
         }
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::student;
+
+    #[test]
+    fn an_interval_from_few_blocks_is_as_wide_as_students() {
+        for (free, quantile) in [(3.0, 3.182), (5.0, 2.571), (10.0, 2.228), (31.0, 2.040)] {
+            assert!((student(free) * super::NORMAL / quantile - 1.0).abs() < 0.04, "{free}");
+        }
+    }
 }

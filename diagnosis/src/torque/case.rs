@@ -55,6 +55,8 @@ pub(super) struct Case {
     /// Torque that the model states, per joint and row; and the part of it that its masses ask for.
     pub(super) stated: Vec<Vec<f64>>,
     pub(super) rigid: Vec<Vec<f64>>,
+    /// That part at every sample, per joint and run, where the torque's band is narrower than what turns sharply is told in; else empty.
+    pub(super) sharp: Vec<Vec<Vec<f64>>>,
     /// Friction that the model states to go with the load.
     pub(super) rubbing: Vec<Rubbing>,
     /// The first columns, those of the arm's own masses.
@@ -195,6 +197,7 @@ impl Case {
             still,
             stated: torque,
             rigid: rigid.stated,
+            sharp: rigid.sharp,
             rubbing: Rubbing::stated(stated),
             inertial,
             sums: RefCell::default(),

@@ -122,7 +122,7 @@ impl Asking<'_> {
 
     /// The same, without any of `never`.
     pub(super) fn choose_but(&self, start: &[usize], never: &[usize]) -> Choice {
-        let mut choice = self.solve(start);
+        let mut choice = self.pruned(self.solve(start));
         let mut barred = never.to_vec();
         while choice.names.len() < MOST {
             let Some((name, _)) = self.best(&choice, &barred) else { break };

@@ -61,10 +61,8 @@ pub(crate) struct Column {
 impl Law {
     /// The column of a law at one joint.
     pub(super) fn column(self, motion: &Motion, joint: usize) -> Column {
-        let usual = usual_speed(motion, joint);
         let mut all = Vec::new();
-        for run in &motion.runs {
-            let samples = self.samples(&run.joints[joint], STANDING * usual);
+        for (run, samples) in motion.runs.iter().zip(self.at_samples(motion, joint)) {
             if self.is_sharp() {
                 all.extend(run.at_rows(&samples));
             } else {
@@ -72,6 +70,12 @@ impl Law {
             }
         }
         Column { parts: vec![(joint, all.into())] }
+    }
+
+    /// Its values at every sample of each run.
+    pub(super) fn at_samples(self, motion: &Motion, joint: usize) -> Vec<Vec<f64>> {
+        let standing = STANDING * usual_speed(motion, joint);
+        motion.runs.iter().map(|run| self.samples(&run.joints[joint], standing)).collect()
     }
 
     fn is_sharp(self) -> bool {

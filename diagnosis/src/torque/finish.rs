@@ -7,6 +7,7 @@ use physics::{Arm, JointKind};
 
 use super::case::Case;
 use super::choose::{Asking, Choice, others};
+use super::library::Form;
 use super::zone::Zone;
 use super::{
     Diagnosis, Finding, JointProof, Refit, Stated, Weighed, columns, found, prove, refine, smooth,
@@ -29,47 +30,32 @@ pub(super) fn finish(
     let given = asking.solve(&[]);
     let (weighed, refuted) = &stand::stand(case, &asking, weighed, &seen);
     let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
-    let choice = asking.solve(&names);
-    let listed = prove::order(case, &asking, &choice, held);
+    let (mut told, names) = sized(case, stated, &asking, names);
+    told.unzoned = without_zones(case, always, &names, &zones, &seen);
+    let choice = &told.choice;
+    let listed = prove::order(case, &asking, choice, held);
     let outside =
-        if zones.is_empty() { Vec::new() } else { outside_alone(case, &asking, &choice, held) };
-    let viscous = |joint| viscous(case, stated, &choice, joint);
-    let (covariance, spreads) = prove::sureness(case, &choice, &seen, &viscous);
-    let unzoned = without_zones(case, always, &names, &zones, &seen);
-    let formed = refine::otherwise(case, &choice, &seen);
-    let moved = |column: usize| {
-        let form = formed.iter().find(|(place, _)| *place == column).map_or(0.0, |one| one.1);
-        moved(unzoned.as_ref(), &choice, column).hypot(ANYWHERE * form)
-    };
+        if zones.is_empty() { Vec::new() } else { outside_alone(case, &asking, choice, held) };
     let finding = |(name, heldout): &(usize, [f64; 2])| {
         let family = &case.library.families[*name];
-        let spread = spreads.iter().find(|(n, _)| n == name).map_or(0.0, |one| one.1);
-        let context = found::Context {
-            covariance: &covariance,
-            spread,
-            moved: &moved,
-            by_current: case.motion.by_current,
-            gain: gain(case, &choice, family.joint),
-            viscous: family.joint.map_or(0.0, viscous),
-        };
         let is_change = stated.has(family.kind, family.joint);
-        let numbers = found::numbers(family, &choice.solved, &context);
+        let numbers = told.numbers(case, stated, *name);
         named(case, weighed, (*name, *heldout), (is_change, numbers))
     };
     let findings: Vec<Finding> = listed.iter().map(finding).collect();
     let beyond = smooth::law(case, always, &names);
     let findings = or_still(case, stated, always, (findings, beyond.is_some()));
-    let verdict = verdict::verdict(case, &findings, (&given, &choice), beyond.as_ref());
+    let verdict = verdict::verdict(case, &findings, (&given, choice), beyond.as_ref());
     let joints: Vec<usize> = case.table.joints().collect();
     let by_joint: Vec<JointProof> =
-        joints.iter().map(|j| proof(case, (&given, &choice), *j)).collect();
+        joints.iter().map(|j| proof(case, (&given, choice), *j)).collect();
     Diagnosis {
         verdict,
         notes: notes(arm, case, always, &zones, &findings, (refuted, &outside)),
         findings,
-        refits: refits(case, stated, &choice, &covariance),
+        refits: refits(case, stated, choice, &told.covariance),
         unexplained: beyond.map(|beyond| beyond.law),
-        heldout: [&given, &choice].map(|one| prove::rms(case, &one.solved, held)),
+        heldout: [&given, choice].map(|one| prove::rms(case, &one.solved, held)),
         noise: prove::rms(case, &choice.solved, &seen),
         signal: signal(&by_joint),
         by_joint,
@@ -78,8 +64,82 @@ pub(super) fn finish(
         says: case.rows.says.clone(),
         not_tested: case.library.untested.clone(),
         slides: arm.joints().iter().all(|joint| joint.kind == JointKind::Prismatic),
-        traces: joints.iter().map(|j| view::trace(case, (&given, &choice), *j)).collect(),
+        traces: joints.iter().map(|j| view::trace(case, (&given, choice), *j)).collect(),
         zones,
+    }
+}
+
+/// A fit of names with what is open of its numbers.
+pub(super) struct Told {
+    choice: Choice,
+    covariance: DMatrix<f64>,
+    /// Of searched numbers, as shares, per name.
+    spreads: Vec<(usize, f64)>,
+    /// The same names with the rows of zones.
+    unzoned: Option<Choice>,
+    /// By how much the numbers of loops differ under another law of memory, per column.
+    formed: Vec<(usize, f64)>,
+}
+
+impl Told {
+    /// Outside zones.
+    fn of(case: &Case, stated: &Stated<'_>, asking: &Asking<'_>, names: &[usize]) -> Self {
+        let seen = case.rows.seen();
+        let choice = asking.solve(names);
+        let viscous = |joint| viscous(case, stated, &choice, joint);
+        let (covariance, spreads) = prove::sureness(case, &choice, &seen, &viscous);
+        let formed = refine::otherwise(case, &choice, &seen);
+        Self { choice, covariance, spreads, unzoned: None, formed }
+    }
+
+    fn numbers(&self, case: &Case, stated: &Stated<'_>, name: usize) -> Vec<found::Number> {
+        let (choice, family) = (&self.choice, &case.library.families[name]);
+        let share = |of: &[(usize, f64)], key: usize| {
+            of.iter().find(|(other, _)| *other == key).map_or(0.0, |one| one.1)
+        };
+        let moved = |column: usize| {
+            let form = share(&self.formed, column);
+            moved(self.unzoned.as_ref(), choice, column).hypot(ANYWHERE * form)
+        };
+        let context = found::Context {
+            covariance: &self.covariance,
+            spread: share(&self.spreads, name),
+            moved: &moved,
+            by_current: case.motion.by_current,
+            gain: gain(case, choice, family.joint),
+            viscous: family.joint.map_or(0.0, |joint| viscous(case, stated, choice, joint)),
+        };
+        found::numbers(family, &choice.solved, &context)
+    }
+}
+
+/// The fit without the names whose size may be nothing by all that is open of it, by searched numbers and the form of a law as well; what rows set apart would
+/// say of it is no reason.
+pub(super) fn sized(
+    case: &Case,
+    stated: &Stated<'_>,
+    asking: &Asking<'_>,
+    mut names: Vec<usize>,
+) -> (Told, Vec<usize>) {
+    loop {
+        let told = Told::of(case, stated, asking, &names);
+        let has_size = |name: &&usize| match case.library.families[**name].form {
+            Form::Plain(stems) => stems.len() == 1,
+            Form::Loop | Form::Warmth | Form::Wave => true,
+            Form::Spring | Form::Moment | Form::Payload { .. } => false,
+        };
+        let sure = |name: &usize| {
+            let numbers = told.numbers(case, stated, *name);
+            let size = numbers.first().map(|one| (one.values[0] / one.sigma[0]).abs());
+            (*name, size.unwrap_or(0.0))
+        };
+        let least = names.iter().filter(has_size).map(sure);
+        match least.min_by(|a, b| a.1.total_cmp(&b.1)) {
+            Some((name, sure)) if sure < prove::SURE => {
+                names = asking.admissible(others(&names, name));
+            }
+            _ => return (told, names),
+        }
     }
 }
 

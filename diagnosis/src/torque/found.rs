@@ -55,6 +55,22 @@ pub struct Rival {
     pub confidence: f64,
 }
 
+impl Rival {
+    /// A name at this place of the library, so far behind another and dearer; its probability is not told yet.
+    pub(super) fn of(family: &Family, place: usize, behind: f64, dearer: f64) -> Self {
+        Self {
+            kind: family.kind,
+            joint: family.joint,
+            place,
+            stems: stems(family),
+            behind,
+            dearer,
+            alike: behind < ALIKE,
+            confidence: 0.0,
+        }
+    }
+}
+
 /// Stems of the numbers that a name takes.
 pub(super) fn stems(family: &Family) -> Vec<&'static str> {
     let mut stems = match family.form {
@@ -207,16 +223,7 @@ pub(super) fn rivals(asking: &Asking<'_>, choice: &Choice, name: usize) -> (f64,
             continue;
         }
         let dearer = asking.numbers(family) - asking.numbers(own);
-        let rival = Rival {
-            kind: family.kind,
-            joint: family.joint,
-            place: other,
-            stems: stems(family),
-            behind,
-            dearer,
-            alike: behind < ALIKE,
-            confidence: 0.0,
-        };
+        let rival = Rival::of(family, other, behind, dearer);
         let known = best.iter().position(|one| {
             one.kind == rival.kind && one.joint == rival.joint && one.stems == rival.stems
         });

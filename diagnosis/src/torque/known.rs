@@ -7,9 +7,8 @@
 use physics::dynamics::inverse_dynamics;
 use physics::spec::Range;
 use physics::{AnyEffect, Arm, Given, Inputs, JOINTS_MAX, Memories, Model};
-use std::sync::Arc;
 
-use super::columns::{Column, Law, STANDING, usual_speed};
+use super::columns::{Column, STANDING, usual_speed};
 use super::found::Number;
 use super::motion::{Motion, Run};
 
@@ -250,13 +249,4 @@ fn inputs(run: &Run, sample: usize, standing: &[f64], before: Option<[f64; JOINT
         }
     }
     inputs
-}
-
-/// `|τ| sign(v)`, the rigid body's torque given row by row.
-pub(super) fn load_column(motion: &Motion, joint: usize, load: &[f64]) -> Column {
-    let direction = Law::Direction.column(motion, joint);
-    let times = |(joint, sign): &(usize, Arc<[f64]>)| {
-        (*joint, sign.iter().zip(load).map(|(sign, load)| sign * load.abs()).collect())
-    };
-    Column { parts: direction.parts.iter().map(times).collect() }
 }

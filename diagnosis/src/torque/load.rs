@@ -2,11 +2,13 @@
 //!
 //! Promises: masses that a fit tells load the gears, of friction that the model states as of friction that may be missing. Never: a choice.
 
+use std::sync::Arc;
+
 use super::case::Case;
 use super::choose::Choice;
 use super::columns::{Column, Law};
 use super::filter::{derivative, later};
-use super::known::{Stated, load_column};
+use super::known::Stated;
 use super::library::{Family, Form, Sign};
 use super::motion::Motion;
 use super::prove::WITHIN_A_STEP;
@@ -57,7 +59,7 @@ impl Case {
         self.library.of_torque(&self.motion, &self.stated, &whole);
         for joint in joints {
             let load = self.load(&rich, joint, &of);
-            let column = load_column(&self.motion, joint, &load);
+            let column = self.load_column(joint, &load);
             let family = Family {
                 kind: KIND,
                 joint: Some(joint),
@@ -91,12 +93,35 @@ impl Case {
         load
     }
 
+    /// `|τ| sign(v)`, the rigid body's torque given row by row. A size is not what its band says: where the torque's is narrow, what stated masses ask for is taken
+    /// as it is before it passes the filter, and what masses are told to ask for beyond between the rows.
+    fn load_column(&self, joint: usize, load: &[f64]) -> Column {
+        let Some(sharp) = self.sharp.get(joint) else {
+            let direction = Law::Direction.column(&self.motion, joint);
+            let times = |(joint, sign): &(usize, Arc<[f64]>)| {
+                (*joint, sign.iter().zip(load).map(|(sign, load)| sign * load.abs()).collect())
+            };
+            return Column { parts: direction.parts.iter().map(times).collect() };
+        };
+        let beyond: Vec<f64> = load.iter().zip(&self.rigid[joint]).map(|(a, b)| a - b).collect();
+        let signs = Law::Direction.at_samples(&self.motion, joint);
+        let mut all = Vec::with_capacity(load.len());
+        for ((run, sharp), signs) in self.motion.runs.iter().zip(sharp).zip(signs) {
+            let told = run.between(&beyond[all.len()..all.len() + run.rows.len()]);
+            let sizes = sharp.iter().zip(told).zip(signs);
+            let samples: Vec<f64> =
+                sizes.map(|((stated, told), sign)| (stated + told).abs() * sign).collect();
+            all.extend(run.at_rows(&samples));
+        }
+        Column { parts: vec![(joint, all.into())] }
+    }
+
     /// Takes off the torque what friction that is stated to go with the load exerts under the load that this fit tells.
     fn restate(&mut self, solved: &Solved, of: &dyn Fn(usize) -> bool) {
         for place in 0..self.rubbing.len() {
             let Rubbing { joint, coefficient, ref beyond } = self.rubbing[place];
-            let told = load_column(&self.motion, joint, &self.load(solved, joint, of));
-            let stated = load_column(&self.motion, joint, &self.rigid[joint]);
+            let told = self.load_column(joint, &self.load(solved, joint, of));
+            let stated = self.load_column(joint, &self.rigid[joint]);
             let beside = [(&told, coefficient), (&stated, -coefficient)];
             let new = Column::sum(&beside, joint, self.table.rows());
             let old = beyond.iter().copied().chain(std::iter::repeat(0.0));
@@ -161,7 +186,7 @@ impl Case {
         }
         let joints: Vec<usize> = self.table.joints().collect();
         for joint in joints {
-            let column = load_column(&self.motion, joint, &self.load(solved, joint, &of));
+            let column = self.load_column(joint, &self.load(solved, joint, &of));
             let families = self.library.families.iter();
             let place = families
                 .filter(|f| f.kind == KIND && f.joint == Some(joint))

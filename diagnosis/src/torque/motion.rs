@@ -112,6 +112,26 @@ impl Run {
         self.rows.iter().map(|row| passed[*row]).collect()
     }
 
+    /// Values at the rows as values at every sample, straight in between.
+    pub(super) fn between(&self, values: &[f64]) -> Vec<f64> {
+        let samples = self.joints.first().map_or(0, |track| track.q.len());
+        let value = |sample: usize| {
+            let above = self.rows.partition_point(|row| *row < sample);
+            let last = values.len().saturating_sub(1);
+            let [low, high] = [above.saturating_sub(1), above.min(last)];
+            let (Some(from), Some(to)) = (self.rows.get(low), self.rows.get(high)) else {
+                return 0.0;
+            };
+            let share = if to > from {
+                (sample.max(*from) - from) as f64 / (to - from) as f64
+            } else {
+                0.0
+            };
+            values[low] + share.min(1.0) * (values[high] - values[low])
+        };
+        (0..samples).map(value).collect()
+    }
+
     pub(super) fn time_s(&self, sample: usize) -> f64 {
         self.start_s + sample as f64 * self.step_s
     }

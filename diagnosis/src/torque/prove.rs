@@ -16,7 +16,7 @@ use super::refine;
 use super::table::{Products, Solved, Table};
 
 /// A number is at least so many times its uncertainty.
-const SURE: f64 = 2.0;
+pub(super) const SURE: f64 = 2.0;
 /// What the squares of one to four numbers together, in units of their uncertainty, exceed by chance as seldom as one alone exceeds the square of [`SURE`].
 const TOGETHER: [f64; 4] = [SURE * SURE, 6.18, 8.02, 9.72];
 /// Of what a law would bring on rows unseen if it were true, it brings at least this share.

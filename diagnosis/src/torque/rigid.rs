@@ -20,6 +20,8 @@ const DOUBT: (f64, f64, f64) = (0.05, 0.02, 0.1);
 pub(super) struct Rigid {
     /// Per joint, the stated masses' torque, row by row.
     pub(super) stated: Vec<Vec<f64>>,
+    /// Per joint and run, the same at every sample, from motion in the band of what turns sharply; empty where that is the torque's band, or nothing is stated.
+    pub(super) sharp: Vec<Vec<Vec<f64>>>,
     /// Ten columns per body, then mass and first moment of a payload about the TCP.
     pub(super) columns: Vec<Column>,
     /// What is believed of each number but the payload's: its standard deviation.
@@ -96,8 +98,24 @@ impl Rigid {
             parts: parts.into_iter().map(Into::into).enumerate().collect(),
         };
         let columns = columns.into_iter().map(column).collect();
-        Self { stated, columns, beliefs }
+        let is_stated = arm.tool.body.is_some() || arm.joints().iter().any(|j| j.link.is_some());
+        let sharp = if is_narrow && is_stated { sharp(arm, motion) } else { Vec::new() };
+        Self { stated, sharp, columns, beliefs }
     }
+}
+
+/// Per joint and run, what stated masses ask for at every sample.
+fn sharp(arm: &Arm, motion: &Motion) -> Vec<Vec<Vec<f64>>> {
+    let mut all = vec![Vec::with_capacity(motion.runs.len()); arm.count()];
+    for run in &motion.runs {
+        let samples = run.joints.first().map_or(0, |track| track.q.len());
+        let each: Vec<_> =
+            (0..samples).map(|k| physics::dynamics::inverse_dynamics(arm, &run.quick(k))).collect();
+        for (joint, runs) in all.iter_mut().enumerate() {
+            runs.push(each.iter().map(|torque| torque[joint]).collect());
+        }
+    }
+    all
 }
 
 /// How many joints, from the first on, feel the body of a column.

@@ -4,6 +4,7 @@
 
 use super::case::Case;
 use super::choose::{Asking, MARGIN};
+use super::library::Form;
 use super::{Rival, Weighed, found, prove};
 
 /// A stated number that a name stood for is off by so many times its uncertainty, from blocks of time, before it is told itself.
@@ -94,6 +95,25 @@ fn borne_out(
     }
 }
 
+/// Puts a rival in a name's place. A spring past its dead point is a rival still; another name whose numbers are not its own is none, and leaves its
+/// probability to the rest.
+fn instead(asking: &Asking<'_>, one: &mut Weighed, rival: &Rival) {
+    let former = &asking.library.families[one.name];
+    let is_rival = former.form == Form::Spring;
+    let rest = if is_rival { 1.0 } else { 1.0 - one.confidence };
+    one.rivals.iter_mut().for_each(|other| {
+        other.confidence /= rest;
+        other.behind -= rival.behind;
+        other.dearer -= rival.dearer;
+    });
+    if is_rival {
+        let past = Rival::of(former, one.name, -rival.behind, -rival.dearer);
+        one.rivals.push(Rival { confidence: one.confidence, ..past });
+    }
+    (one.name, one.confidence) = (rival.place, rival.confidence / rest);
+    one.rivals.sort_by(|a, b| b.confidence.total_cmp(&a.confidence));
+}
+
 /// Names, each whose numbers are not its own to have in this fit in the place of the likeliest rival that cannot be told from it, if one has them.
 fn replaced(asking: &Asking<'_>, weighed: &[Weighed]) -> Vec<Weighed> {
     let names: Vec<usize> = weighed.iter().map(|one| one.name).collect();
@@ -109,7 +129,7 @@ fn replaced(asking: &Asking<'_>, weighed: &[Weighed]) -> Vec<Weighed> {
         };
         let alike = one.rivals.iter().position(|rival| rival.alike && fits(rival));
         if let Some(rival) = alike.map(|at| one.rivals.remove(at)) {
-            (one.name, one.confidence) = (rival.place, rival.confidence);
+            instead(asking, &mut one, &rival);
         }
         one
     };

@@ -1,6 +1,7 @@
 //! What a joint holds that never moves: one constant, which friction at rest, gravity, a spring, a bias or a drive's gain may be alike.
 //!
-//! Promises: it is asked only where nothing else was found, beyond what the stated dry friction may hold, and it is never a claim: a set of all that it can be.
+//! Promises: it is asked only where nothing else was found, and it is never a claim: a set of all that it can be. Dry friction is nothing at rest (the
+//! contract's law), so that what it may hold there is in the set, stated or not.
 //! Never: a number of one of them alone.
 
 use physics::JointKind;
@@ -28,9 +29,7 @@ struct Held {
 /// The constants that joints hold, each as a set of names.
 pub(super) fn findings(case: &Case, stated: &Stated<'_>, always: &[usize]) -> Vec<Finding> {
     let held = case.still.iter().filter_map(|(joint, target)| held(case, *joint, target, always));
-    let beyond =
-        held.filter(|held| held.value.abs() > stated.first("coulomb_friction", held.joint));
-    let mut all: Vec<Finding> = beyond.map(|held| finding(case, stated, &held)).collect();
+    let mut all: Vec<Finding> = held.map(|held| finding(case, stated, &held)).collect();
     all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     all
 }

@@ -155,6 +155,24 @@ impl Products {
         taken
     }
 
+    /// How likely the right-hand side is whatever these numbers are, but for what is the same of all columns: rows more raise it by how well those before foretold
+    /// them, numbers as unsure as these left them.
+    pub(super) fn likelihood(&self, columns: &[usize]) -> f64 {
+        let own = |k: usize| self.gram[(k, k)] + self.prior[k];
+        let scale: Vec<f64> = columns.iter().map(|k| 1.0 / libm::sqrt(own(*k))).collect();
+        let count = columns.len();
+        let normal = DMatrix::from_fn(count, count, |i, j| {
+            let (a, b) = (columns[i], columns[j]);
+            let whole = if i == j { own(a) } else { self.gram[(a, b)] };
+            whole * scale[i] * scale[j]
+        });
+        let Some(factors) = normal.cholesky() else { return f64::NEG_INFINITY };
+        let right = DVector::from_fn(count, |i, _| self.right[columns[i]] * scale[i]);
+        let gain = 0.5 * right.dot(&factors.solve(&right));
+        let room = |i: usize| (factors.l_dirty()[(i, i)] / scale[i]).ln();
+        gain - (0..count).map(room).sum::<f64>()
+    }
+
     /// What it costs that these numbers, believed with doubt, may take what values they like (Occam's factor of a Gaussian belief).
     pub(crate) fn room(&self, columns: &[usize]) -> f64 {
         let kept: Vec<usize> = columns.iter().copied().filter(|k| self.prior[*k] > 0.0).collect();

@@ -364,7 +364,7 @@ fn what_a_still_joint_holds_is_a_set_and_no_claim() {
     let model = Model::new(two, &[]).unwrap();
     let moving = recording(JointKind::Revolute, 0.05, |_| 0.0);
     let noise = moving.column(Channel::Torque(0)).unwrap().to_vec();
-    let holds = |extra: f64| {
+    let holds = |extra: f64, known: &[AnyEffect]| {
         let mut made = moving.clone();
         made.set(Channel::Motor(1), vec![0.3; made.len()]);
         let (mut first, mut second) = (Vec::new(), Vec::new());
@@ -379,14 +379,17 @@ fn what_a_still_joint_holds_is_a_set_and_no_claim() {
         }
         made.set(Channel::Torque(0), first);
         made.set(Channel::Torque(1), second);
-        of(&two, &[], made)
+        of(&two, known, made)
     };
-    assert_eq!(holds(0.0).verdict, Verdict::Consistent);
-    let found = holds(0.4);
+    assert_eq!(holds(0.0, &[]).verdict, Verdict::Consistent);
+    let found = holds(0.4, &[]);
     assert_eq!(found.verdict, Verdict::Undetermined, "{:?}", found.findings);
     let [set] = &found.findings[..] else { panic!("{:?}", found.findings) };
     assert_eq!(set.joint, Some(1));
     assert!((set.numbers[0].values[0] - 0.4).abs() < 0.02, "{set:?}");
     let rivals: Vec<&str> = set.rivals.iter().map(|rival| rival.kind).collect();
     assert!(rivals.contains(&"coulomb_friction") && rivals.contains(&"spring"), "{rivals:?}");
+    // The law of dry friction is nothing at rest: that it is stated explains no torque, and what it may hold is in the set.
+    let dry = AnyEffect::build("coulomb_friction", &two, Some(1), Given(&[("level", &[2.0])]));
+    assert_eq!(holds(0.4, &[dry.unwrap()]).verdict, Verdict::Undetermined);
 }

@@ -5,7 +5,7 @@ use physics::JointKind;
 use super::*;
 use crate::torque::table::Solved;
 use crate::torque::zone::{self, Zone};
-use crate::torque::{blocks, prove, reopened};
+use crate::torque::{blocks, noise, prove, reopened, smooth};
 
 fn kinds(found: &Diagnosis) -> Vec<&'static str> {
     found.findings.iter().map(|finding| finding.kind).collect()
@@ -122,4 +122,25 @@ fn a_searched_number_is_told_with_its_doubt_and_leaves_the_number_beside_it_less
     let (found, spread) = (family.settings[0].1, spreads[0].1);
     assert!(spread > 1e-4 && spread < 0.05, "{spread}");
     assert!((found / speed - 1.0).abs() < 3.0 * spread, "{found} {spread}");
+}
+
+#[test]
+fn a_law_that_makes_the_plain_error_on_unseen_rows_larger_is_none() {
+    let mut case = case(slider(true), 0.01, |[_, _, a]| MASS * a);
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let mut slow = 0.0;
+    let noise = std::iter::repeat_with(|| {
+        slow = 0.998 * slow + 0.03 * rng.sample::<f64, _>(StandardNormal);
+        slow
+    });
+    let noise: Vec<f64> = noise.take(case.table.rows()).collect();
+    let held = case.rows.held.clone();
+    case.table.noise[0] = noise::of_left(&case.table, 0, &noise, &case.rows.seen(), 0.0);
+    // The law takes away what is quick, and beside noise that remembers itself a level that it leaves instead hardly counts.
+    let before: Vec<f64> =
+        noise.iter().enumerate().map(|(k, x)| x + if k % 8 < 4 { 0.1 } else { -0.1 }).collect();
+    let after = |level: f64| noise.iter().map(|x| x + level).collect::<Vec<f64>>();
+    let is_told = |level| smooth::is_borne_out(&case.table, 0, [&before, &after(level)], &held);
+    assert!(prove::is_borne_out(&case.table, 0, [&before, &after(1.0)], &held));
+    assert!(is_told(0.0) && !is_told(1.0));
 }

@@ -2,6 +2,8 @@
 
 use physics::JointKind;
 
+use std::f64::consts::TAU;
+
 use super::*;
 use crate::torque::called;
 use crate::torque::columns::{Law, shortest_way, slip};
@@ -117,4 +119,35 @@ fn a_loop_of_springs_that_slip_is_told_within_the_doubt_of_how_it_remembers() {
     let Number { values, sigma, .. } = &one.numbers[0];
     assert!((values[0] - height).abs() < 2.5 * sigma[0], "{one:?}");
     assert!(sigma[0] < 0.05 * height, "{one:?}");
+}
+
+#[test]
+fn friction_under_a_load_of_short_pushes_is_told_where_the_band_smooths_them() {
+    // Pushes to and fro within a period of the band's edge: their sum is smoothed away, their size is not.
+    let made = |effects: &[AnyEffect]| {
+        let arm = slider(true);
+        let model = Model::new(arm, effects).unwrap();
+        let state = |t: f64| {
+            let [q, v, a] = motion(t);
+            let (s, c) = libm::sincos(TAU * 20.0 * t);
+            [q + 2e-4 * s, v + 2e-4 * TAU * 20.0 * c, a - 2e-4 * (TAU * 20.0) * (TAU * 20.0) * s]
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(9);
+        let t_s: Vec<f64> = (0..5000).map(|k| 8e-3 * f64::from(k)).collect();
+        let force = |t: &f64| {
+            let mut inputs = Inputs::at_rest([0.0; JOINTS_MAX]);
+            [inputs.q[0], inputs.velocity[0], inputs.acceleration[0]] = state(*t);
+            let noise: f64 = rng.sample(StandardNormal);
+            model.drive(&inputs, &Memories::default()).recorded(0) + 2.0 * noise
+        };
+        let forces = t_s.iter().map(force).collect();
+        let places = t_s.iter().map(|t| state(*t)[0]).collect();
+        let mut made = Recording::new(t_s);
+        made.set_joint_kind(0, JointKind::Prismatic);
+        made.set(Channel::Motor(0), places);
+        made.set(Channel::Torque(0), forces);
+        of(&arm, &[], made)
+    };
+    let found = made(&[effect(&slider(true), "load_friction", &[("coefficient", &[0.05])])]);
+    near(&found, "load_friction", 0.05, 0.1);
 }

@@ -5,7 +5,7 @@ use physics::JointKind;
 use super::*;
 use crate::torque::library::{Family, Form};
 use crate::torque::motion::Motion;
-use crate::torque::{prove, stand};
+use crate::torque::{finish, prove, stand};
 
 #[test]
 fn a_stated_number_far_off_its_doubt_is_told_where_what_stood_for_it_fell() {
@@ -109,4 +109,45 @@ fn what_turns_sharply_is_told_from_quicker_motion_where_rows_are_few() {
     // 20 Hz of a thousandth is a speed of 0.126; a band of 12.5 Hz has little of it.
     assert!(quicker(&of(8e-3)) > 0.06);
     assert_eq!(quicker(&of(1e-3)), 0.0);
+}
+
+#[test]
+fn a_wave_so_long_that_only_its_slope_shows_has_no_height_to_tell() {
+    let arm = slider(true);
+    let model = Model::new(arm, &[]).unwrap();
+    let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
+    let long = |[q, _, a]: [f64; 3]| MASS * a + 40.0 * q;
+    let short = |[q, _, a]: [f64; 3]| MASS * a + 2.0 * libm::sin(60.0 * q);
+    let kept = |cycles: f64, force: &dyn Fn([f64; 3]) -> f64| {
+        let mut case = case(arm, 1.0, force);
+        case.library.ripple(&case.motion, 0, cycles);
+        case.forget_memory();
+        let wave = vec![case.library.families.len() - 1];
+        let seen = case.rows.seen();
+        let products = case.products(&seen);
+        let asking = refine::asking(&case, &products, &case.open);
+        let told = prove::told(&case, &asking, wave.clone(), &seen);
+        assert_eq!(told, wave, "beside a height that is known it is plain");
+        finish::sized(&case, &stated, &asking, wave).1.len()
+    };
+    assert_eq!([kept(1.0, &long), kept(60.0, &short)], [0, 1]);
+}
+
+#[test]
+fn rows_more_are_as_likely_as_numbers_of_these_few_foretell_them() {
+    let mut case = case(slider(true), 1.0, |[_, v, a]| MASS * a + 3.0 * v.signum());
+    case.forget_memory();
+    let families = &case.library.families;
+    let dry = families.iter().find(|family| family.kind == "coulomb_friction").unwrap().columns[0];
+    let (few, all) = (case.products(&case.rows.train), case.products(&case.rows.seen()));
+    let told = all.likelihood(&[dry]) - few.likelihood(&[dry]);
+    // One number by hand: what is left on rows more, as unsure as it is and as the number is.
+    let [one, both] = [&few, &all].map(|of| (of.gram[(dry, dry)], of.right[dry]));
+    let by_hand = 0.5 * (both.1 * both.1 / both.0 - one.1 * one.1 / one.0 - (both.0 / one.0).ln());
+    assert!((told - by_hand).abs() < 1e-6 * by_hand.abs(), "{told} {by_hand}");
+    assert!(told > 100.0, "{told}");
+    // A number that these rows do not bear out is foretold worse than none.
+    let mut other = all.clone();
+    other.right[dry] = 2.0 * one.1 - both.1;
+    assert!(other.likelihood(&[dry]) - few.likelihood(&[dry]) < -100.0);
 }
