@@ -163,9 +163,13 @@ proptest! {
         let all: Vec<usize> = (0..state.width()).collect();
         let mut said: Vec<Vec<f64>> = Vec::new();
         data_rows(&campaign, &state, &weighing, &all, |_, row, _| said.push(row.to_vec()));
+        let (sizes, values) = (state.widths(), state.hypothesis.values());
+        let first = state.surroundings.numbers().len();
         for column in all {
-            let sizes = state.widths();
-            let step = 1e-4 * sizes[column].min(1.0);
+            // Both ways, as far as numbers go that must not fall below zero.
+            let stands = column.checked_sub(first).map_or(0.0, |k| values[k].abs());
+            let room = if stands > 0.0 { 0.5 * stands } else { 1.0 };
+            let step = (1e-4 * sizes[column].min(1.0)).min(room);
             let beside = |by: f64| {
                 let mut full = vec![0.0; state.width()];
                 full[column] = by;
