@@ -23,6 +23,8 @@ const FITTED_OF_ALL: usize = 24;
 const BEHIND: f64 = 0.2;
 /// Other settings of the same name that are behind by less, in the sum of squares, are not told from its own: a 95 % interval holds them.
 const VARIANT: f64 = 3.84;
+/// A common name of two that the products, which are linear, put further behind, in the sum of squares, no fit brings back.
+const LINEAR: f64 = 20.0;
 /// Names that are better by less than this are as good: the earlier in the library is said.
 const TIE: f64 = 1e-3;
 
@@ -54,11 +56,14 @@ impl<'a> Choice<'a> {
         let mut entries: Vec<Entry> = of_library.collect();
         let mut own = Vec::with_capacity(named.len());
         for one in named {
-            let Some(effect) = fit.hypothesis.model.effects().nth(one.effect) else { continue };
+            let effect = fit.hypothesis.model.effects().nth(one.effect);
             let had =
                 &asking.known.model.effects().nth(one.effect).filter(|_| one.stated.is_some());
             let had = had.map_or(&[][..], |had| had.values());
-            let (candidate, stands) = one.candidate.standing(arm, effect, had);
+            // Every name has an entry, so that those that stand are in the order of the names.
+            let bare = || (one.candidate.clone(), vec![0.0; one.candidate.probes.len()]);
+            let (candidate, stands) =
+                effect.map_or_else(bare, |effect| one.candidate.standing(arm, effect, had));
             // The change stands for itself; any other is one more number of its kind that is tried.
             entries.retain(|e| {
                 candidate.changes().is_none() || e.candidate.changes() != candidate.changes()
@@ -209,7 +214,7 @@ impl<'a> Choice<'a> {
 
     /// Gives two effects of one joint the common name that costs the least, if it is near enough for a fit to tell: alone, neither would leave for it.
     pub(super) fn merge(&mut self) -> bool {
-        let mut least = self.cost() + 4.0 * ALIKE;
+        let mut least = self.cost() + LINEAR;
         let mut best = None;
         let pairs = (1..self.chosen.len()).flat_map(|second| (0..second).map(move |k| (k, second)));
         for (first, second) in pairs {

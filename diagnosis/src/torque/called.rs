@@ -13,6 +13,7 @@ use super::refine;
 const EVEN: f64 = 0.05;
 /// Or it brings so many times its price.
 const FEW: f64 = 4.0;
+
 /// What hardens is a spring: where none is stated or named, what is named so is the spring itself.
 pub(super) fn sprung(case: &Case, stated: &Stated<'_>, names: &[usize]) -> Vec<usize> {
     let families = &case.library.families;
