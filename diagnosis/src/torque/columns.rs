@@ -40,8 +40,6 @@ pub(super) enum Law {
     Cosine,
     /// `sin q`.
     Sine,
-    /// `cos n q` or `sin n q`, n in cycles per revolution, or radians per metre.
-    Wave { cycles: f64, is_sine: bool },
     /// `q`.
     Position,
     /// `(q − q0)³`.
@@ -86,7 +84,6 @@ impl Law {
                 | Self::AbsoluteSpeed
                 | Self::Memory { .. }
                 | Self::Slip { .. }
-                | Self::Wave { .. }
         )
     }
 
@@ -127,14 +124,25 @@ impl Law {
             Self::Acceleration => track.a.clone(),
             Self::Cosine => q.map(libm::cos).collect(),
             Self::Sine => q.map(libm::sin).collect(),
-            Self::Wave { cycles, is_sine: true } => q.map(|q| libm::sin(cycles * q)).collect(),
-            Self::Wave { cycles, is_sine: false } => q.map(|q| libm::cos(cycles * q)).collect(),
             Self::Position => track.q.clone(),
             Self::Cube { rest } => q.map(|q| (q - rest) * (q - rest) * (q - rest)).collect(),
             Self::Memory { distance } => memory(places, distance),
             Self::Slip { distance } => slip(places, distance),
         }
     }
+}
+
+/// `sin n q` and `cos n q`, told as sharp laws are; n in cycles per revolution, or radians per metre.
+pub(super) fn waves(motion: &Motion, joint: usize, cycles: f64) -> [Column; 2] {
+    let mut all = [Vec::new(), Vec::new()];
+    for run in &motion.runs {
+        let places = run.joints[joint].quick[0].iter();
+        let (sines, cosines): (Vec<f64>, Vec<f64>) =
+            places.map(|q| libm::sincos(cycles * q)).unzip();
+        let passed = run.each_at_rows(&[sines, cosines]);
+        all.iter_mut().zip(passed).for_each(|(all, own)| all.extend(own));
+    }
+    all.map(|values| Column { parts: vec![(joint, values.into())] })
 }
 
 /// `dz/d|q| = (sign(dq) − z)/s`, from nothing at the start (Dahl's law; the height is one).

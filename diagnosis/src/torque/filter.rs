@@ -41,21 +41,31 @@ impl LowPass {
 
     /// The samples without what is faster than the band.
     pub(super) fn pass(&self, samples: &[f64]) -> Vec<f64> {
-        let (Some(first), Some(last)) = (samples.first(), samples.last()) else {
-            return Vec::new();
-        };
-        let pad = self.pad.min(samples.len() - 1);
+        let [passed] = self.pass_each([samples]);
+        passed
+    }
+
+    /// The same of lists of as many samples: several at once take little longer than one.
+    pub(super) fn pass_each<const N: usize>(&self, lists: [&[f64]; N]) -> [Vec<f64>; N] {
+        let count = lists.map(<[f64]>::len).into_iter().min().unwrap_or(0);
+        if count == 0 {
+            return lists.map(|_| Vec::new());
+        }
+        let pad = self.pad.min(count - 1);
+        let at = |k: usize| lists.map(|samples| samples[k]);
         // Ends are continued by turning them about their last point, so that level and slope go on.
-        let before = (1..=pad).rev().map(|k| 2.0 * first - samples[k]);
-        let after = (1..=pad).map(|k| 2.0 * last - samples[samples.len() - 1 - k]);
-        let mut long: Vec<f64> = before.chain(samples.iter().copied()).chain(after).collect();
+        let turned = |end: usize, k: usize| lists.map(|samples| 2.0 * samples[end] - samples[k]);
+        let before = (1..=pad).rev().map(|k| turned(0, k));
+        let after = (1..=pad).map(|k| turned(count - 1, count - 1 - k));
+        let mut long: Vec<[f64; N]> = before.chain((0..count).map(at)).chain(after).collect();
         self.run(long.iter_mut());
         self.run(long.iter_mut().rev());
-        long[pad..pad + samples.len()].to_vec()
+        let passed = &long[pad..pad + count];
+        std::array::from_fn(|list| passed.iter().map(|at| at[list]).collect())
     }
 
     /// In place through both sections at once, each starting settled at its first sample.
-    fn run<'s>(&self, mut samples: impl Iterator<Item = &'s mut f64>) {
+    fn run<'s, const N: usize>(&self, mut samples: impl Iterator<Item = &'s mut [f64; N]>) {
         let [first, second] = &self.sections;
         let Some(start) = samples.next() else { return };
         let mut before = [*start; 4];
@@ -69,9 +79,11 @@ impl LowPass {
 
 impl Section {
     /// What comes out when `x` goes in; `before`: what went in and what came out, each one and two samples ago.
-    fn step(&self, x: f64, before: &mut [f64; 4]) -> f64 {
+    fn step<const N: usize>(&self, x: [f64; N], before: &mut [[f64; N]; 4]) -> [f64; N] {
         let [x1, x2, y1, y2] = *before;
-        let y = self.b0 * (x + 2.0 * x1 + x2) - self.a1 * y1 - self.a2 * y2;
+        let y = std::array::from_fn(|k| {
+            self.b0 * (x[k] + 2.0 * x1[k] + x2[k]) - self.a1 * y1[k] - self.a2 * y2[k]
+        });
         *before = [x, x1, y, y1];
         y
     }

@@ -157,12 +157,12 @@ impl Stated<'_> {
         let standing: Vec<f64> = (0..count).map(|j| STANDING * usual_speed(motion, j)).collect();
         for run in &motion.runs {
             let (added, slopes) = self.over(run, &standing, wanted, torque);
-            for joint in 0..count {
-                all[joint].extend(run.at_rows(&added[joint]));
-                for (column, slopes) in columns.iter_mut().zip(&slopes) {
-                    column[joint].extend(run.at_rows(&slopes[joint]));
-                }
-            }
+            let extend = |all: &mut [Vec<f64>], samples: &[Vec<f64>]| {
+                let passed = run.each_at_rows(samples);
+                all.iter_mut().zip(passed).for_each(|(all, own)| all.extend(own));
+            };
+            extend(&mut all, &added);
+            columns.iter_mut().zip(&slopes).for_each(|(column, slopes)| extend(column, slopes));
         }
         let felt = |values: &Vec<f64>| values.iter().any(|x| *x != 0.0);
         let column = |parts: Vec<Vec<f64>>| Column {

@@ -6,7 +6,7 @@
 use glam::DVec3;
 use physics::{Arm, JointKind};
 
-use super::columns::{Column, Law, lowest_speed, shortest_way, usual_speed};
+use super::columns::{Column, Law, lowest_speed, shortest_way, usual_speed, waves};
 use super::known::{Open, Stated, moments};
 use super::load::of_delay;
 use super::motion::Motion;
@@ -252,8 +252,7 @@ impl Library {
 
     /// A wave of so many cycles at a joint: per revolution, or radians per metre.
     pub(super) fn ripple(&mut self, motion: &Motion, joint: usize, cycles: f64) {
-        let wave = |is_sine| Law::Wave { cycles, is_sine }.column(motion, joint);
-        let columns = vec![wave(true), wave(false)];
+        let columns = waves(motion, joint, cycles).into();
         let family = Family {
             kind: "torque_ripple",
             joint: Some(joint),

@@ -112,6 +112,24 @@ impl Run {
         self.rows.iter().map(|row| passed[*row]).collect()
     }
 
+    /// The same of several lists of samples.
+    pub(super) fn each_at_rows(&self, lists: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let mut all = vec![vec![0.0; self.rows.len()]; lists.len()];
+        let felt = |k: &usize| lists[*k].iter().any(|x| *x != 0.0);
+        let felt: Vec<usize> = (0..lists.len()).filter(felt).collect();
+        let mut put = |k: usize, passed: Vec<f64>| {
+            all[k] = self.rows.iter().map(|row| passed[*row]).collect();
+        };
+        let (pairs, last) = felt.as_chunks();
+        for &[one, other] in pairs {
+            let [of_one, of_other] = self.filter.pass_each([&lists[one], &lists[other]]);
+            put(one, of_one);
+            put(other, of_other);
+        }
+        last.iter().for_each(|k| put(*k, self.filter.pass(&lists[*k])));
+        all
+    }
+
     /// Values at the rows as values at every sample, straight in between.
     pub(super) fn between(&self, values: &[f64]) -> Vec<f64> {
         let samples = self.joints.first().map_or(0, |track| track.q.len());

@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 
 use super::case::Case;
 use super::choose::{Asking, Choice};
-use super::columns::{Column, Law, lowest_speed, shortest_way, usual_speed};
+use super::columns::{Column, Law, lowest_speed, shortest_way, usual_speed, waves};
 use super::known::First;
 use super::library::Form;
 use super::load::Rubbing;
@@ -29,6 +29,8 @@ const LANES: usize = 8;
 const PIECE: usize = 512;
 /// Waves between the longest and the shortest that are looked for at most.
 const WAVES: usize = 400;
+/// Places within a joint's span that what is left is gathered at: twenty for each cycle of the shortest wave, which loses a hundredth of its height.
+const PLACES: usize = 4096;
 /// The fewest half cycles in the whole span that a ripple has.
 const FEWEST: usize = 3;
 /// Rows per cycle, at least, that a ripple needs at the usual speed.
@@ -42,10 +44,7 @@ fn columns(case: &Case, name: usize, value: f64) -> Option<Vec<Column>> {
     match (family.kind, family.form) {
         ("stribeck_friction", _) => Some(vec![column(Law::Stribeck { speed: value })]),
         ("hysteresis", _) => Some(vec![column(Law::Memory { distance: value })]),
-        (_, Form::Wave) => {
-            let wave = |is_sine| column(Law::Wave { cycles: value, is_sine });
-            Some(vec![wave(true), wave(false)])
-        }
+        (_, Form::Wave) => Some(waves(&case.motion, joint, value).into()),
         _ => None,
     }
 }
@@ -312,9 +311,26 @@ fn loudest(case: &Case, joint: usize, left: &[f64], used: &[bool]) -> Option<f64
     let count = ((highest / (0.5 * one)) as usize).clamp(1, WAVES);
     // Fewer cycles than one and a half in the whole span are a slope or a bow.
     let step = 0.5 * one;
-    let powers = powers(&rows, FEWEST, step, count);
+    let powers = powers(&gathered(rows, [low, high]), FEWEST, step, count);
     let waves = (FEWEST..=count).map(|k| step * k as f64).zip(powers);
     waves.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(cycles, _)| cycles)
+}
+
+/// Rows `(q, r)` as fewer places with all that is left near each, where there are more rows than [`PLACES`]: a row counts at the two places beside it, the nearer the more.
+fn gathered(rows: Vec<(f64, f64)>, [low, high]: [f64; 2]) -> Vec<(f64, f64)> {
+    if rows.len() <= PLACES {
+        return rows;
+    }
+    let step = (high - low) / (PLACES - 1) as f64;
+    let mut places: Vec<(f64, f64)> = (0..PLACES).map(|k| (low + step * k as f64, 0.0)).collect();
+    for (q, rest) in rows {
+        let at = ((q - low) / step).clamp(0.0, (PLACES - 1) as f64);
+        let below = (at as usize).min(PLACES - 2);
+        let share = at - below as f64;
+        places[below].1 += (1.0 - share) * rest;
+        places[below + 1].1 += share * rest;
+    }
+    places
 }
 
 /// `|Σ r e^{i k step q}|²` of rows `(q, r)` for `k` from `from` to `to`: each wave is the one before, turned by a step.

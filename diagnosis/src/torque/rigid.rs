@@ -77,14 +77,12 @@ impl Rigid {
         for run in &motion.runs {
             let (of_columns, of_stated) = over(arm, run, &points, is_narrow);
             // What is not linear in motion is not what smoothed motion says of it: it is told from motion as recorded, and passes the torque's filter itself.
-            let at_rows = |samples: &Vec<f64>| match is_narrow {
-                true => run.at_rows(samples),
-                false => samples.clone(),
+            let extend = |all: &mut Vec<Vec<f64>>, own: Vec<Vec<f64>>| {
+                let own = if is_narrow { run.each_at_rows(&own) } else { own };
+                all.iter_mut().zip(own).for_each(|(all, own)| all.extend(own));
             };
-            for (all, own) in columns.iter_mut().zip(&of_columns) {
-                all.iter_mut().zip(own).for_each(|(all, own)| all.extend(at_rows(own)));
-            }
-            stated.iter_mut().zip(&of_stated).for_each(|(all, own)| all.extend(at_rows(own)));
+            columns.iter_mut().zip(of_columns).for_each(|(all, own)| extend(all, own));
+            extend(&mut stated, of_stated);
         }
         let beliefs = arm.joints().iter().flat_map(|joint| match joint.link {
             None => doubts(UNKNOWN[0], UNKNOWN[1], UNKNOWN[2]),
