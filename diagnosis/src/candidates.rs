@@ -23,7 +23,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// Shares of the longest segment that are tried as a time constant.
 const WARM_UPS: [f64; 4] = [0.03, 0.1, 0.25, 0.6];
 /// Distances of a hysteresis that are tried, rad or m.
-const REVERSALS: [f64; 3] = [2e-3, 1e-2, 5e-2];
+pub(crate) const REVERSALS: [f64; 3] = [2e-3, 1e-2, 5e-2];
 /// Loads of a soft zone that are tried, as shares of the joint's largest load.
 const SOFT: [f64; 3] = [0.05, 0.2, 0.6];
 

@@ -26,6 +26,7 @@ pub mod says;
 mod settle;
 mod springs;
 mod starts;
+mod turns;
 mod unknown;
 mod untested;
 mod view;
@@ -148,6 +149,8 @@ pub fn diagnose(
 ) -> Diagnosis {
     let mut notes = Vec::new();
     ready::set_moving(&mut campaign, model.arm.count());
+    let before = turns::put_between(&mut campaign, model.arm.count());
+    let held_out = held_out.map(|held| before.iter().map(|k| held[*k]).collect::<Vec<bool>>());
     let kept = ready::thin(&mut campaign, model.arm.count(), &mut notes);
     ready::set_begun(&mut campaign, model, &mut notes);
     let split = match held_out {

@@ -32,6 +32,20 @@ pub(super) fn clash(one: &AnyEffect, other: &AnyEffect) -> bool {
     one.joint() == other.joint() && (whole(one) && half(other) || half(one) && whole(other))
 }
 
+impl super::Candidate {
+    /// Whether a model that has this effect leaves nothing of it to ask for. One name is enough for play and hysteresis that are missing; of a gear that is stated
+    /// to have the one, the other may be missing.
+    pub(crate) fn is_told_by(&self, effect: &AnyEffect) -> bool {
+        use AnyEffect::{Backlash, Hysteresis};
+        let own = self.probes.first().map(|probe| &probe.effect);
+        let is_the_other_half = matches!(
+            (own, effect),
+            (Some(Backlash(_)), Hysteresis(_)) | (Some(Hysteresis(_)), Backlash(_))
+        );
+        self.is_rival_of(effect) && !is_the_other_half
+    }
+}
+
 /// A stiffening law works upon a compliance of its joint.
 pub(super) fn has_its_ground(effect: &AnyEffect, model: &Model) -> bool {
     let gives_way = |other: &AnyEffect| {

@@ -42,7 +42,7 @@ pub(super) fn library(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
         matches!(kind, Some("load_compliance" | "gravity_compliance" | "gravity_sag"))
     };
     all.sort_by_key(halves);
-    all.retain(|candidate| !model.effects().any(|effect| candidate.is_rival_of(effect)));
+    all.retain(|candidate| !model.effects().any(|effect| candidate.is_told_by(effect)));
     all
 }
 

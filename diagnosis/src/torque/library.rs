@@ -88,6 +88,11 @@ pub(crate) struct Library {
 }
 
 impl Family {
+    /// How many numbers it takes, searched ones included.
+    pub(super) fn count(&self) -> usize {
+        self.columns.len() + self.settings.len()
+    }
+
     /// Whether the other is the same name at the same place in another form.
     pub(super) fn is_kin(&self, other: &Self) -> bool {
         self.kind == other.kind

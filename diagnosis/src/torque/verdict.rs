@@ -6,8 +6,9 @@ use crate::diagnose::Verdict;
 
 use super::case::Case;
 use super::choose::Choice;
+use super::library::Family;
 use super::smooth::Beyond;
-use super::{Finding, prove};
+use super::{Finding, Rival, prove};
 
 /// Names must carry this share of what stands above the noise on held-out rows, as energy; else the structure is unknown.
 const CARRIED: f64 = 0.98;
@@ -42,8 +43,15 @@ pub(super) fn verdict(
         if stand { (before - after) / (before - after + left).max(1e-300) } else { 0.0 }
     });
     let named: f64 = findings.iter().map(|one| one.gain).sum();
+    // Of names that explain the same the one with the fewest numbers is preferred (contract `effects.md`), told or not: a payload on one slide is its mass.
+    let takes_more = |one: &Finding, rival: &Rival| {
+        let own: usize = one.numbers.iter().map(|number| number.values.len()).sum();
+        let others = case.library.families.get(rival.place).map_or(0, Family::count);
+        rival.dearer > 0.0 || others > own
+    };
     let is_alike = |one: &&Finding| {
-        one.rivals.iter().any(|r| r.behind < BEHIND && r.kind != one.kind && r.dearer <= 0.0)
+        let mut rivals = one.rivals.iter();
+        rivals.any(|r| r.behind < BEHIND && r.kind != one.kind && !takes_more(one, r))
     };
     let alike: f64 = findings.iter().filter(is_alike).map(|one| one.gain).sum();
     match (findings.is_empty(), carried) {
