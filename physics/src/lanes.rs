@@ -11,7 +11,7 @@ use glam::DVec3;
 use pulp::{NullaryFnOnce, f64x4, x86::V3};
 
 mod vectors;
-pub use vectors::{Three, Vectors};
+pub use vectors::{Padded, Three, Vectors};
 
 /// Numbers at once.
 pub const WIDTH: usize = 4;
@@ -56,6 +56,9 @@ pub trait Lanes: Copy {
 
     /// The sum of each of four.
     fn sums(self, of: [Self::Four; WIDTH]) -> Self::Four;
+
+    /// The first three columns of four rows.
+    fn columns(self, rows: [Self::Four; WIDTH]) -> [Self::Four; 3];
 
     /// A vector's coordinates.
     #[inline(always)]
@@ -206,6 +209,11 @@ impl<const PARTS: usize> Lanes for Plain<PARTS> {
     fn sums(self, [a, b, c, d]: [Self::Four; WIDTH]) -> Self::Four {
         [self.sum(a), self.sum(b), self.sum(c), self.sum(d)]
     }
+
+    #[inline(always)]
+    fn columns(self, [a, b, c, d]: [Self::Four; WIDTH]) -> [Self::Four; 3] {
+        [[a[0], b[0], c[0], d[0]], [a[1], b[1], c[1], d[1]], [a[2], b[2], c[2], d[2]]]
+    }
 }
 
 /// AVX2 with fused multiply-add.
@@ -277,6 +285,18 @@ impl<const PARTS: usize> Lanes for Wide<PARTS> {
         let low = avx._mm256_permute2f128_pd::<0x20>(ab, cd);
         pulp::cast(avx._mm256_add_pd(low, avx._mm256_permute2f128_pd::<0x31>(ab, cd)))
     }
+
+    #[inline(always)]
+    fn columns(self, rows: [f64x4; WIDTH]) -> [f64x4; 3] {
+        let (avx, [a, b, c, d]) = (self.0.avx, rows.map(pulp::cast));
+        // Even columns of two rows each, then odd ones.
+        let (ab, cd) = (avx._mm256_unpacklo_pd(a, b), avx._mm256_unpacklo_pd(c, d));
+        let (odd_ab, odd_cd) = (avx._mm256_unpackhi_pd(a, b), avx._mm256_unpackhi_pd(c, d));
+        let x = avx._mm256_permute2f128_pd::<0x20>(ab, cd);
+        let y = avx._mm256_permute2f128_pd::<0x20>(odd_ab, odd_cd);
+        let z = avx._mm256_permute2f128_pd::<0x31>(ab, cd);
+        [x, y, z].map(pulp::cast)
+    }
 }
 
 #[cfg(test)]
@@ -284,17 +304,18 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// The sums of four rows, the larger sizes of the first two, and the largest of these.
+    /// The sums of four rows and their columns, the larger sizes of the first two, and the largest of these.
     struct Looked([[f64; WIDTH]; WIDTH]);
 
     impl Work for Looked {
-        type Output = ([f64; WIDTH], [f64; WIDTH], f64);
+        type Output = ([f64; WIDTH], [f64; WIDTH], f64, [[f64; WIDTH]; 3]);
 
         fn run<S: Lanes>(self, lanes: S) -> Self::Output {
             let [a, b, c, d] = self.0.map(|row| lanes.of(row));
             let larger = lanes.larger(lanes.size(a), lanes.size(b));
             let sums = lanes.numbers(lanes.sums([a, b, c, d]));
-            (sums, lanes.numbers(larger), lanes.largest(larger))
+            let columns = lanes.columns([a, b, c, d]).map(|column| lanes.numbers(column));
+            (sums, lanes.numbers(larger), lanes.largest(larger), columns)
         }
     }
 
@@ -306,6 +327,7 @@ mod tests {
             prop_assert!((plain.0[3] - rows[3].iter().sum::<f64>()).abs() < 1e-14);
             let largest = rows[..2].iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
             prop_assert_eq!(plain.2, largest);
+            prop_assert_eq!(plain.3, std::array::from_fn(|k| rows.map(|row| row[k])));
         }
     }
 

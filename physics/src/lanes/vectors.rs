@@ -27,11 +27,9 @@ impl<S: Lanes> Three<S> {
 
     /// Vectors `4 k` to `4 k + 3`.
     #[inline(always)]
-    pub fn gathered(lanes: S, from: &[DVec3; JOINTS_MAX], k: usize) -> Self {
-        let [a, b, c, d] = from.as_chunks::<WIDTH>().0[k];
-        let x = lanes.of([a.x, b.x, c.x, d.x]);
-        let y = lanes.of([a.y, b.y, c.y, d.y]);
-        Self { lanes, x, y, z: lanes.of([a.z, b.z, c.z, d.z]) }
+    pub fn gathered(lanes: S, from: &[Padded; JOINTS_MAX], k: usize) -> Self {
+        let rows = from.as_chunks::<WIDTH>().0[k];
+        Self::of(lanes, lanes.columns(rows.map(|row| row.four(lanes))))
     }
 
     /// One vector four times.
@@ -106,6 +104,37 @@ impl<S: Lanes> Three<S> {
         let lanes = self.lanes;
         let x = lanes.times_plus(self.x, other.x, sum);
         lanes.times_plus(self.z, other.z, lanes.times_plus(self.y, other.y, x))
+    }
+}
+
+/// A vector with a zero beside it, written and read four at once: what is read otherwise than it was written waits until it is out of the processor's hands.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(align(32))]
+pub struct Padded([f64; WIDTH]);
+
+impl Padded {
+    /// Of a vector.
+    pub const fn of(v: DVec3) -> Self {
+        Self([v.x, v.y, v.z, 0.0])
+    }
+
+    /// Of a vector in lanes.
+    #[inline(always)]
+    pub fn put<S: Lanes>(lanes: S, four: S::Four) -> Self {
+        Self(lanes.numbers(four))
+    }
+
+    /// The vector in lanes.
+    #[inline(always)]
+    pub fn four<S: Lanes>(&self, lanes: S) -> S::Four {
+        lanes.of(self.0)
+    }
+
+    /// The vector.
+    #[inline(always)]
+    pub fn xyz(&self) -> DVec3 {
+        let [x, y, z, _] = self.0;
+        DVec3::new(x, y, z)
     }
 }
 
