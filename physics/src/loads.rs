@@ -217,13 +217,13 @@ impl Loads {
         if let Some(tool) = &arm.tool.body {
             mass += tool.mass;
             let moment = flange.way_to(tool.centre) * tool.mass;
-            first_moment = flange.moment(tool.mass, moment, first_moment);
+            first_moment = lanes.plus(first_moment, flange.moment(tool.mass, moment));
         }
         for (i, joint) in arm.joints().iter().enumerate().rev() {
             if let Some(link) = &joint.link {
                 mass += link.mass;
                 let body = Placed::kept(lanes, &chain.bodies[i]);
-                first_moment = body.moment(link.mass, arm.moment(i), first_moment);
+                first_moment = lanes.plus(first_moment, body.moment(link.mass, arm.moment(i)));
             }
             let point = chain.points[i].four(lanes);
             let about_point = lanes.times_from(point, lanes.same(mass), first_moment);

@@ -194,25 +194,17 @@ impl<S: Lanes> Placed<S> {
         self.beyond(self.way_to(point))
     }
 
-    /// A point of the body, so far from that which its place is told by.
+    /// A point of the body, so far from that which its place is told by. What waits for the joint before comes last.
     #[inline(always)]
     fn beyond(&self, way: DVec3) -> S::Four {
-        self.turned_from(way, self.at)
+        self.lanes.plus(self.at, self.turned(way))
     }
 
-    /// The first moment of a mass of the body and of what was before, where `moment` is that about the point which its place is told by.
+    /// The first moment of a mass of the body, where `moment` is that about the point which its place is told by.
     #[inline(always)]
-    pub(crate) fn moment(&self, mass: f64, moment: DVec3, before: S::Four) -> S::Four {
+    pub(crate) fn moment(&self, mass: f64, moment: DVec3) -> S::Four {
         let lanes = self.lanes;
-        self.turned_from(moment, lanes.times_plus(self.at, lanes.same(mass), before))
-    }
-
-    /// A vector of the body, and another that is told in the base.
-    #[inline(always)]
-    fn turned_from(&self, v: DVec3, from: S::Four) -> S::Four {
-        let (lanes, [a, b, c]) = (self.lanes, self.columns);
-        let along_z = lanes.times_plus(c, lanes.same(v.z), from);
-        lanes.times_plus(a, lanes.same(v.x), lanes.times_plus(b, lanes.same(v.y), along_z))
+        lanes.times_plus(self.at, lanes.same(mass), self.turned(moment))
     }
 }
 
