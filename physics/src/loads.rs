@@ -92,9 +92,6 @@ impl LoadChange {
 
     /// The wrench that acts where the sensor says `read`; both about the TCP, base axes.
     fn truth(&self, read: Wrench, base_from_tool: &DMat3) -> Wrench {
-        if !self.is_any {
-            return read;
-        }
         let untouched = self.sensor_bias == Wrench::ZERO && self.sensor_scale == Wrench::ZERO;
         if untouched && self.sensor_turn == DVec3::ZERO {
             return read;
@@ -134,9 +131,11 @@ impl Loads {
         wrench: Wrench,
         change: &LoadChange,
     ) {
-        self.wrench = change.truth(wrench, &chain.base_from_tool.rotation);
-        self.gravity =
-            if change.is_any { turned(arm.gravity, change.gravity_turn) } else { arm.gravity };
+        (self.wrench, self.gravity) = (wrench, arm.gravity);
+        if change.is_any {
+            self.wrench = change.truth(wrench, &chain.base_from_tool.rotation);
+            self.gravity = turned(arm.gravity, change.gravity_turn);
+        }
         let first_moment = self.carry_along(lanes, arm, chain, change);
         self.swing(lanes, arm, chain);
         if change.is_any {
