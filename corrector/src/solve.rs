@@ -117,23 +117,22 @@ impl Solver {
         model.deviate_into(inputs, memories, seen, Some(told));
         let rows = Rows::of(&seen.nominal.base_from_tool, task);
         let (moved, turned) = seen.deviation.moves(&seen.nominal, &seen.loads.motions);
-        let error = rows.error(-moved, -turned);
-        let mut way = Way { trial: **inputs, rows, error, is_real: false, last: None, steps: 0 };
+        let mut way = Way::of(inputs, rows);
+        way.error = way.rows.error(-moved, -turned);
         self.walk(case, &mut way, STEPS_MAX)
     }
 
     /// From the command with `guess` added to it; none where it is safer from the command itself.
     fn begin_at_guess(&mut self, case: &Case<'_>, guess: &Joints) -> Option<Solution> {
         let Case { model, inputs, memories, task, reach } = case;
-        let mut trial = **inputs;
-        apply(&mut trial.q, guess);
         let Self { seen, told, slopes, trace, ended } = self;
         *ended = Ended::default();
-        model.deviate_into(&trial, memories, seen, Some(told));
-        seen.stand(&model.arm, &trial);
         let rows = Rows::of(&Chain::tool_at(&model.arm, &inputs.q), task);
-        let error = rows.between(&seen.real.base_from_tool);
-        let mut way = Way { trial, rows, error, is_real: true, last: None, steps: 0 };
+        let mut way = Way::of(inputs, rows);
+        apply(&mut way.trial.q, guess);
+        model.deviate_into(&way.trial, memories, seen, Some(told));
+        seen.stand(&model.arm, &way.trial);
+        way.look(seen);
         let arm = &model.arm;
         slopes.see(&Here { arm, seen, is_real: true, told, rows: &way.rows });
         if !slopes.undamped(&way.error) {
@@ -233,6 +232,13 @@ struct Way {
 }
 
 impl Way {
+    /// At its beginning, before a look.
+    #[inline(always)]
+    fn of(inputs: &Inputs, rows: Rows) -> Self {
+        let error = TaskError::default();
+        Self { trial: *inputs, rows, error, is_real: false, last: None, steps: 0 }
+    }
+
     fn look(&mut self, seen: &Evaluation) {
         (self.error, self.is_real) = (self.rows.between(&seen.real.base_from_tool), true);
     }
