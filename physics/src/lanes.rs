@@ -6,6 +6,7 @@
 //! Promises: on one machine always the same choice, so that the same numbers give the same bits; choices differ by rounding. Never: a look at memory.
 
 use crate::JOINTS_MAX;
+use crate::trig::quartered;
 use glam::DVec3;
 #[cfg(target_arch = "x86_64")]
 use pulp::{NullaryFnOnce, f64x4, x86::V3};
@@ -59,6 +60,14 @@ pub trait Lanes: Copy {
 
     /// The first three columns of four rows.
     fn columns(self, rows: [Self::Four; WIDTH]) -> [Self::Four; 3];
+
+    /// Sines and cosines of angles that are as many quarter turns on as the last bits of `shifted` tell.
+    fn quartered(
+        self,
+        shifted: Self::Four,
+        sine: Self::Four,
+        cosine: Self::Four,
+    ) -> (Self::Four, Self::Four);
 
     /// A vector's coordinates.
     #[inline(always)]
@@ -214,6 +223,17 @@ impl<const PARTS: usize> Lanes for Plain<PARTS> {
     fn columns(self, [a, b, c, d]: [Self::Four; WIDTH]) -> [Self::Four; 3] {
         [[a[0], b[0], c[0], d[0]], [a[1], b[1], c[1], d[1]], [a[2], b[2], c[2], d[2]]]
     }
+
+    #[inline(always)]
+    fn quartered(
+        self,
+        shifted: Self::Four,
+        sine: Self::Four,
+        cosine: Self::Four,
+    ) -> (Self::Four, Self::Four) {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|i| quartered(shifted[i], sine[i], cosine[i]));
+        ([a.0, b.0, c.0, d.0], [a.1, b.1, c.1, d.1])
+    }
 }
 
 /// AVX2 with fused multiply-add.
@@ -296,6 +316,23 @@ impl<const PARTS: usize> Lanes for Wide<PARTS> {
         let y = avx._mm256_permute2f128_pd::<0x20>(odd_ab, odd_cd);
         let z = avx._mm256_permute2f128_pd::<0x31>(ab, cd);
         [x, y, z].map(pulp::cast)
+    }
+
+    #[inline(always)]
+    fn quartered(self, shifted: f64x4, sine: f64x4, cosine: f64x4) -> (f64x4, f64x4) {
+        let (avx, avx2) = (self.0.avx, self.0.avx2);
+        let (sine, cosine) = (pulp::cast(sine), pulp::cast(cosine));
+        let (bits, minus) = (pulp::cast(shifted), pulp::cast(self.same(-0.0)));
+        // A look at the topmost bit: whether the quarter is odd, then whether it is one that turns the sign.
+        let odd = pulp::cast(avx2._mm256_slli_epi64::<63>(bits));
+        let next = avx2._mm256_add_epi64(bits, avx._mm256_set1_epi64x(1));
+        let [sign, next] = [bits, next].map(|of| pulp::cast(avx2._mm256_slli_epi64::<62>(of)));
+        let (sign, next) = (avx._mm256_and_pd(sign, minus), avx._mm256_and_pd(next, minus));
+        let first = avx._mm256_blendv_pd(sine, cosine, odd);
+        let second = avx._mm256_blendv_pd(cosine, sine, odd);
+        let turned = [avx._mm256_xor_pd(first, sign), avx._mm256_xor_pd(second, next)];
+        let [sine, cosine] = turned.map(pulp::cast);
+        (sine, cosine)
     }
 }
 
