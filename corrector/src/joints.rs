@@ -3,8 +3,8 @@
 //! Promises: no way out in between, so that the compiler may take them together. Never: a judgement.
 
 use core::array;
-use physics::Joints;
-use physics::lanes::{Lanes, WIDTH, Work, widest};
+use physics::lanes::{Lanes, Plain, WIDTH, Work, widest};
+use physics::{JOINTS_MAX, Joints};
 
 /// Adds a step.
 pub(crate) fn apply(q: &mut Joints, step: &Joints) {
@@ -18,15 +18,19 @@ pub(crate) fn off(a: &Joints, b: &Joints) -> Joints {
     array::from_fn(|i| a[i] - b[i])
 }
 
-/// The largest of a step, whichever way.
+/// The largest of a step, whichever way; what is not a number does not count.
 pub(crate) fn largest(step: &Joints) -> f64 {
-    let mut most = [0.0_f64; WIDTH];
-    for four in step.as_chunks::<WIDTH>().0 {
-        for (most, x) in most.iter_mut().zip(four) {
-            *most = if x.abs() > *most { x.abs() } else { *most };
-        }
+    largest_in(Plain::<{ JOINTS_MAX / WIDTH }>, step)
+}
+
+/// The same, with these lanes.
+#[inline(always)]
+pub(crate) fn largest_in<S: Lanes>(lanes: S, step: &Joints) -> f64 {
+    let mut most = lanes.same(0.0);
+    for k in 0..S::PARTS {
+        most = lanes.larger(lanes.size(lanes.part(step, k)), most);
     }
-    most.iter().fold(0.0, |most, x| most.max(*x))
+    lanes.largest(most)
 }
 
 /// The sum of a step, all taken as ways to the same side.

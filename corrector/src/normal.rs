@@ -14,8 +14,8 @@ pub(crate) type Matrix = [Joints; ROWS];
 /// A symmetric matrix of that many rows in lanes; the two columns too many are zero.
 pub(crate) type Normal<S> = [[<S as Lanes>::Four; 2]; ROWS];
 
-/// The inverse of a matrix with `more` on its diagonal; none where it is not positive definite. Rows are swept out in their order (Gauss and Jordan), all lanes
-/// at once: the pivots are those of a Cholesky factor.
+/// The inverse of a matrix with `more` on its diagonal; none where it is not positive definite. Rows are swept out in their order (Gauss and Jordan), two
+/// at a time, as each sweep waits for the quotient of the one before, and all lanes at once.
 #[inline(always)]
 pub(crate) fn invert<S: Lanes>(
     lanes: S,
@@ -27,36 +27,49 @@ pub(crate) fn invert<S: Lanes>(
             *part = lanes.times_plus(lanes.part(&ONE[i], k), lanes.same(more[i]), *part);
         }
     }
-    sweep::<S, 0>(lanes, &mut rows)?;
-    sweep::<S, 1>(lanes, &mut rows)?;
-    sweep::<S, 2>(lanes, &mut rows)?;
-    sweep::<S, 3>(lanes, &mut rows)?;
-    sweep::<S, 4>(lanes, &mut rows)?;
-    sweep::<S, 5>(lanes, &mut rows)?;
+    sweep::<S, 0, 1>(lanes, &mut rows)?;
+    sweep::<S, 2, 3>(lanes, &mut rows)?;
+    sweep::<S, 4, 5>(lanes, &mut rows)?;
     Some(rows)
 }
 
-/// Sweeps row `K` out, which is known to the compiler so that all rows stay in registers; none where its pivot is not positive.
+/// Sweeps rows `K` and `L` out, which are known to the compiler so that all rows stay in registers; none where their block is not positive definite.
 #[inline(always)]
-fn sweep<S: Lanes, const K: usize>(lanes: S, rows: &mut Normal<S>) -> Option<()> {
-    let pivot = entry::<S, K>(lanes, &rows[K]);
+fn sweep<S: Lanes, const K: usize, const L: usize>(lanes: S, rows: &mut Normal<S>) -> Option<()> {
+    let (first, both) = (entry::<S, K>(lanes, &rows[K]), entry::<S, L>(lanes, &rows[K]));
+    let second = entry::<S, L>(lanes, &rows[L]);
+    let determinant = first * second - both * both;
     // Not a number is not positive either.
-    if !(pivot > 0.0 && pivot < f64::INFINITY) {
+    if !(first > 0.0 && determinant > 0.0 && determinant < f64::INFINITY) {
         return None;
     }
-    let inverse = lanes.same(1.0 / pivot);
-    // The column that is swept out makes room for that of the inverse: with one more than the pivot in its place, what all other columns do does that too.
-    let one = [lanes.part(&ONE[K], 0), lanes.part(&ONE[K], 1)];
-    let (low, high) = (lanes.plus(rows[K][0], one[0]), lanes.plus(rows[K][1], one[1]));
+    let inverse = lanes.same(1.0 / determinant);
+    let [first, both, second] = [first, both, second].map(|number| lanes.same(number));
+    // The columns that are swept out make room for those of the inverse: with one more on the diagonal in their place, what all other columns do does that too.
+    let ones = [K, L].map(|i| [lanes.part(&ONE[i], 0), lanes.part(&ONE[i], 1)]);
+    let (mut swept, mut swept_too) = (ones[0], ones[1]);
+    for part in 0..2 {
+        let k = lanes.plus(rows[K][part], ones[0][part]);
+        let l = lanes.plus(rows[L][part], ones[1][part]);
+        swept[part] = lanes.times(inverse, lanes.times_from(both, l, lanes.times(second, k)));
+        swept_too[part] = lanes.times(inverse, lanes.times_from(both, k, lanes.times(first, l)));
+    }
     for (i, row) in rows.iter_mut().enumerate() {
-        *row = if i == K {
-            let swept = [lanes.times(low, inverse), lanes.times(high, inverse)];
-            [lanes.minus(swept[0], one[0]), lanes.minus(swept[1], one[1])]
-        } else {
-            let factor = lanes.same(entry::<S, K>(lanes, row));
-            let (low, high) = (lanes.times(low, factor), lanes.times(high, factor));
-            [lanes.times_from(low, inverse, row[0]), lanes.times_from(high, inverse, row[1])]
-        };
+        let (of_k, of_l) =
+            (lanes.same(entry::<S, K>(lanes, row)), lanes.same(entry::<S, L>(lanes, row)));
+        for part in 0..2 {
+            row[part] = if i == K {
+                lanes.minus(swept[part], ones[0][part])
+            } else if i == L {
+                lanes.minus(swept_too[part], ones[1][part])
+            } else {
+                lanes.times_from(
+                    swept_too[part],
+                    of_l,
+                    lanes.times_from(swept[part], of_k, row[part]),
+                )
+            };
+        }
     }
     Some(())
 }

@@ -70,7 +70,7 @@ impl Rows {
 }
 
 /// What is left between where the tool is and where it should be, as [`Rows`] say.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct TaskError(pub(crate) [f64; ROWS]);
 
 impl TaskError {

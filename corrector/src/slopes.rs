@@ -5,7 +5,7 @@
 //!
 //! Promises: an undamped step foretells how large the next will be, a damped one nothing. Never: an evaluation of the model.
 
-use crate::joints::{apply, largest};
+use crate::joints::{apply, largest_in};
 use crate::normal::{Matrix, ROWS, invert};
 use crate::rows::{Rows, TaskError};
 use core::array;
@@ -33,7 +33,7 @@ pub(crate) struct Here<'a> {
 }
 
 /// A step of the joints, rad or m.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, Default)]
 #[repr(align(64))]
 pub(crate) struct Step {
     pub(crate) by: Joints,
@@ -65,6 +65,8 @@ pub(crate) struct Slopes {
     follows: f64,
     /// The step for a unit of each row's error: the pseudo-inverse of the rates.
     steps: Rates,
+    /// The step that was asked for last: it stays in its place, as a copy of what was just written waits for it.
+    pub(crate) step: Step,
     /// How far joints went since, rad or m.
     gone: f64,
     joints: usize,
@@ -122,51 +124,50 @@ impl Slopes {
         }
     }
 
-    /// The step on slopes just seen; damped as little as `allowed` asks for.
-    pub(crate) fn first(
-        &mut self,
-        error: &TaskError,
-        allowed: impl Fn(&Joints) -> bool,
-    ) -> Option<Step> {
-        let undamped = self.undamped(error);
-        if let Some(step) = undamped.filter(|step| allowed(&step.by)) {
-            return Some(step);
+    /// The step on slopes just seen, damped as little as `allowed` asks for; whether there is one.
+    pub(crate) fn first(&mut self, error: &TaskError, allowed: impl Fn(&Joints) -> bool) -> bool {
+        if self.undamped(error) && allowed(&self.step.by) {
+            return true;
         }
         let mut damping = FIRST_DAMPING;
         for _ in 0..DAMPED_TRIES {
-            let (by, left) = widest(self.joints, Solve { slopes: self, error, damping })?;
-            if allowed(&by) {
-                return Some(Step { by, size: f64::INFINITY, foretold: f64::INFINITY, left });
+            if !self.solve(error, damping) {
+                return false;
+            }
+            if allowed(&self.step.by) {
+                (self.step.size, self.step.foretold) = (f64::INFINITY, f64::INFINITY);
+                return true;
             }
             damping *= 30.0;
         }
-        None
+        false
     }
 
-    /// The step on slopes just seen, if they have one.
-    pub(crate) fn undamped(&mut self, error: &TaskError) -> Option<Step> {
-        let (by, left) = widest(self.joints, Solve { slopes: self, error, damping: 0.0 })?;
-        let size = largest(&by);
-        Some(Step { by, size, foretold: size, left })
+    /// The step on slopes just seen; whether they have one.
+    pub(crate) fn undamped(&mut self, error: &TaskError) -> bool {
+        self.solve(error, 0.0)
     }
 
-    /// The next step by the inverse of the slopes last seen, `last` being the size of the step since, put right by the geometry where the arm stands; none where
-    /// `last` was damped, or where this is not much smaller.
-    pub(crate) fn again(&mut self, here: &Here<'_>, last: f64, error: &TaskError) -> Option<Step> {
+    fn solve(&mut self, error: &TaskError, damping: f64) -> bool {
+        widest(self.joints, Solve { slopes: self, error, damping }).is_some()
+    }
+
+    /// The next step by the inverse of the slopes last seen, `last` being the size of the step since, put right by the geometry where the arm stands; whether
+    /// it is much smaller than that. None where `last` was damped.
+    pub(crate) fn again(&mut self, here: &Here<'_>, last: f64, error: &TaskError) -> bool {
         if last == f64::INFINITY {
-            return None;
+            return false;
         }
         self.gone += last;
-        let (by, left, error) = widest(self.joints, Refine { slopes: self, here, error });
-        let size = largest(&by);
-        let shrinks = size / last;
+        let more = widest(self.joints, Refine { slopes: self, here, error });
+        let shrinks = self.step.size / last;
         // What the slopes do not tell shrinks by the same share again, what they do by its square. Of what stays of the task they tell nothing.
         let is_whole = here.told.is_whole && self.serve_all() && !self.frees_tool_axis;
         // How deviations follow the loads is not seen anew: that turned as far as the arm went, and is of the order of what followed, or of what was corrected.
         let stale = self.gone * (self.gone + sqrt(self.follows));
         let next = if is_whole { MARGIN * shrinks * shrinks + stale } else { shrinks };
-        let foretold = next * size + error;
-        (shrinks < SHRINKS).then_some(Step { by, size, foretold, left })
+        self.step.foretold = next * self.step.size + more;
+        shrinks < SHRINKS
     }
 
     /// How much slopes turn with the joints, per unit of the joints: after a Newton step the next is at most half of this times the square of the sum of
@@ -282,20 +283,17 @@ impl Slopes {
 /// What each row and the one given have in common.
 #[inline(always)]
 fn products<S: Lanes>(lanes: S, rows: &Rates, with: &Joints) -> [f64; ROWS] {
-    let mut products = [0.0; ROWS];
-    for (found, row) in products.iter_mut().zip(rows) {
-        *found = product(lanes, row, with);
+    let none = lanes.same(0.0);
+    let mut sums = [none; 2 * WIDTH];
+    for (sum, row) in sums.iter_mut().zip(rows) {
+        for k in 0..S::PARTS {
+            *sum = lanes.times_plus(lanes.part(row, k), lanes.part(with, k), *sum);
+        }
     }
-    products
-}
-
-#[inline(always)]
-fn product<S: Lanes>(lanes: S, a: &Joints, b: &Joints) -> f64 {
-    let mut sum = lanes.same(0.0);
-    for k in 0..S::PARTS {
-        sum = lanes.times_plus(lanes.part(a, k), lanes.part(b, k), sum);
-    }
-    lanes.sum(sum)
+    let [a, b, c, d, e, f, ..] = sums;
+    let [a, b, c, d] = lanes.numbers(lanes.sums([a, b, c, d]));
+    let [e, f, ..] = lanes.numbers(lanes.sums([e, f, none, none]));
+    [a, b, c, d, e, f]
 }
 
 /// The sum of rows, each times its weight.
@@ -355,38 +353,43 @@ struct Solve<'a> {
 }
 
 impl Work for Solve<'_> {
-    type Output = Option<(Joints, TaskError)>;
+    type Output = Option<()>;
 
     #[inline(always)]
-    fn run<S: Lanes>(self, lanes: S) -> Self::Output {
+    fn run<S: Lanes>(self, lanes: S) -> Option<()> {
         let Self { slopes, error, damping } = self;
         slopes.inverted_in(lanes, damping)?;
         let by = slopes.step_in(lanes, error);
-        Some((by, slopes.left_in(lanes, error, &by)))
+        let (left, size) = (slopes.left_in(lanes, error, &by), largest_in(lanes, &by));
+        slopes.step = Step { by, size, foretold: size, left };
+        Some(())
     }
 }
 
-/// A step on slopes that were inverted where the arm stood before, once more for what it leaves as the arm stands; what then is left; the largest that
+/// A step on slopes that were inverted where the arm stood before, once more for what it leaves as the arm stands, and what then is left; the largest that
 /// another refinement would add.
 struct Refine<'a> {
-    slopes: &'a Slopes,
+    slopes: &'a mut Slopes,
     here: &'a Here<'a>,
     error: &'a TaskError,
 }
 
 impl Work for Refine<'_> {
-    type Output = (Joints, TaskError, f64);
+    type Output = f64;
 
     #[inline(always)]
-    fn run<S: Lanes>(self, lanes: S) -> Self::Output {
+    fn run<S: Lanes>(self, lanes: S) -> f64 {
         let Self { slopes, here, error } = self;
         let mut by = slopes.step_in(lanes, error);
-        let rough = largest(&by);
+        let rough = largest_in(lanes, &by);
         let does = slopes.does_in(lanes, here, &by);
         let left = error.less(&does);
         let more = slopes.step_in(lanes, &left);
         apply(&mut by, &more);
-        let (left, more) = (slopes.left_in(lanes, &left, &more), largest(&more));
-        (by, left, more * (more / rough))
+        let left = slopes.left_in(lanes, &left, &more);
+        let size = largest_in(lanes, &by);
+        slopes.step = Step { by, size, foretold: size, left };
+        let more = largest_in(lanes, &more);
+        more * (more / rough)
     }
 }

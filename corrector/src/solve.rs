@@ -43,6 +43,7 @@ pub struct Solver {
     seen: Evaluation,
     told: Told,
     slopes: Slopes,
+    ended: Ended,
     trace: Trace,
 }
 
@@ -73,7 +74,7 @@ impl Solver {
         reach: &Joints,
     ) -> Solution {
         let case = Case { model, inputs, memories, task, reach };
-        self.begin_at_command(&case).0
+        self.begin_at_command(&case)
     }
 
     /// [`Solver::solve`] for one of commands that follow each other, `inputs.dt_s` after the one before: begun where the last solutions lead, if
@@ -92,12 +93,14 @@ impl Solver {
         let is_sure = self.trace.is_sure() && !model.hardens();
         let near = guess.filter(|guess| is_sure && is_small(guess, reach));
         let near = near.and_then(|guess| self.begin_at_guess(&case, &guess));
-        let (solution, ended) = near.unwrap_or_else(|| {
-            let (solution, ended) = self.begin_at_command(&case);
-            let by_step = ended.by_step.then(|| self.slopes.curvature(&self.told)).flatten();
-            (solution, Ended { curvature: by_step, from_command: true, ..ended })
+        let solution = near.unwrap_or_else(|| {
+            let solution = self.begin_at_command(&case);
+            let Self { ended, slopes, told, .. } = self;
+            ended.curvature = if ended.by_step { slopes.curvature(told) } else { None };
+            ended.from_command = true;
+            solution
         });
-        self.trace.take(inputs, &solution, guess.as_ref(), &ended);
+        self.trace.take(inputs, &solution, guess.as_ref(), &self.ended);
         solution
     }
 
@@ -107,55 +110,55 @@ impl Solver {
     }
 
     /// From the command. What deviations do to the tool is told to first order without the geometry that they make: enough for a step, not for an end.
-    fn begin_at_command(&mut self, case: &Case<'_>) -> (Solution, Ended) {
+    fn begin_at_command(&mut self, case: &Case<'_>) -> Solution {
         let Case { model, inputs, memories, task, .. } = case;
+        self.ended = Ended::default();
         let Self { seen, told, .. } = self;
         model.deviate_into(inputs, memories, seen, Some(told));
         let rows = Rows::of(&seen.nominal.base_from_tool, task);
         let (moved, turned) = seen.deviation.moves(&seen.nominal, &seen.loads.motions);
-        let error = rows.error(-moved, -turned);
-        let ended = Ended::default();
-        let mut way =
-            Way { trial: **inputs, rows, error, is_real: false, last: None, steps: 0, ended };
-        (self.walk(case, &mut way, STEPS_MAX), way.ended)
+        let mut way = Way::of(inputs, rows);
+        way.error = way.rows.error(-moved, -turned);
+        self.walk(case, &mut way, STEPS_MAX)
     }
 
     /// From the command with `guess` added to it; none where it is safer from the command itself.
-    fn begin_at_guess(&mut self, case: &Case<'_>, guess: &Joints) -> Option<(Solution, Ended)> {
+    fn begin_at_guess(&mut self, case: &Case<'_>, guess: &Joints) -> Option<Solution> {
         let Case { model, inputs, memories, task, reach } = case;
-        let mut trial = **inputs;
-        apply(&mut trial.q, guess);
-        let Self { seen, told, slopes, trace } = self;
-        model.deviate_into(&trial, memories, seen, Some(told));
-        seen.stand(&model.arm, &trial);
+        let Self { seen, told, slopes, trace, ended } = self;
+        *ended = Ended::default();
         let rows = Rows::of(&Chain::tool_at(&model.arm, &inputs.q), task);
-        let error = rows.between(&seen.real.base_from_tool);
-        let ended = Ended::default();
-        let mut way = Way { trial, rows, error, is_real: true, last: None, steps: 0, ended };
+        let mut way = Way::of(inputs, rows);
+        apply(&mut way.trial.q, guess);
+        model.deviate_into(&way.trial, memories, seen, Some(told));
+        seen.stand(&model.arm, &way.trial);
+        way.look(seen);
         let arm = &model.arm;
         slopes.see(&Here { arm, seen, is_real: true, told, rows: &way.rows });
-        let step = slopes.undamped(&way.error)?;
-        let Step { by, size, left, .. } = step;
+        if !slopes.undamped(&way.error) {
+            return None;
+        }
+        let Step { by, size, left, .. } = slopes.step;
         let curvature = slopes.curvature(told)?;
         let mut correction = *guess;
         apply(&mut correction, &by);
         if !(is_small(&correction, reach) && is_alone(&correction, curvature)) {
             return None;
         }
-        way.ended.curvature = Some(curvature);
+        ended.curvature = Some(curvature);
         // A robot that stands still gets the same bits again.
         if size < STEP_DONE && trace.stands(&inputs.q) {
-            return Some((way.here(true, &way.error, task), way.ended));
+            return Some(way.here(true, &way.error, task));
         }
         apply(&mut way.trial.q, &by);
         way.steps = 1;
         if trace.foretell(&by, curvature) < STEP_DONE {
-            return Some((way.here(true, &left, task), way.ended));
+            return Some(way.here(true, &left, task));
         }
         way.last = Some(size);
-        self.stand(case, &mut way, &by);
+        self.stand(case, &mut way);
         let solution = self.walk(case, &mut way, NEAR_STEPS_MAX);
-        solution.converged.then_some((solution, way.ended))
+        solution.converged.then_some(solution)
     }
 
     /// Newton steps until one stands.
@@ -175,31 +178,32 @@ impl Solver {
             let allowed = |step: &Joints| stays_within(count, &way.trial.q, step, &inputs.q, reach);
             let Way { is_real, rows, .. } = &*way;
             let here = Here { arm: &model.arm, seen, is_real: *is_real, told, rows };
-            let again = way.last.and_then(|last| slopes.again(&here, last, &way.error));
-            let next = again.filter(|next| allowed(&next.by));
-            let next = next.or_else(|| {
+            let by_last = way.last.is_some_and(|last| slopes.again(&here, last, &way.error))
+                && allowed(&slopes.step.by);
+            let found = by_last || {
                 slopes.see(&here);
                 slopes.first(&way.error, allowed)
-            });
-            let Some(next) = next.filter(|_| way.steps < steps_max) else {
-                return way.here(false, &way.error, task);
             };
+            if !found || way.steps >= steps_max {
+                return way.here(false, &way.error, task);
+            }
+            let next = &slopes.step;
             apply(&mut way.trial.q, &next.by);
             way.steps += 1;
             if way.is_real && next.foretold < STEP_DONE {
-                way.ended.by_step = true;
-                way.ended.bent = way.last.map_or(0.0, |last| next.size / (last * last));
+                self.ended.by_step = true;
+                self.ended.bent = way.last.map_or(0.0, |last| next.size / (last * last));
                 return way.here(true, &next.left, task);
             }
             way.last = Some(next.size);
-            self.stand(case, way, &next.by);
+            self.stand(case, way);
         }
     }
 
-    /// Evaluates the model at the trial, which is a step `by` from where it was seen.
-    fn stand(&mut self, case: &Case<'_>, way: &mut Way, by: &Joints) {
-        let Self { seen, told, .. } = self;
-        case.model.deviate_on(&way.trial, case.memories, seen, by, told);
+    /// Evaluates the model at the trial, which is the last step from where it was seen.
+    fn stand(&mut self, case: &Case<'_>, way: &mut Way) {
+        let Self { seen, told, slopes, .. } = self;
+        case.model.deviate_on(&way.trial, case.memories, seen, &slopes.step.by, told);
         seen.stand(&case.model.arm, &way.trial);
         way.look(seen);
     }
@@ -225,10 +229,16 @@ struct Way {
     /// The size of the last step.
     last: Option<f64>,
     steps: u32,
-    ended: Ended,
 }
 
 impl Way {
+    /// At its beginning, before a look.
+    #[inline(always)]
+    fn of(inputs: &Inputs, rows: Rows) -> Self {
+        let error = TaskError::default();
+        Self { trial: *inputs, rows, error, is_real: false, last: None, steps: 0 }
+    }
+
     fn look(&mut self, seen: &Evaluation) {
         (self.error, self.is_real) = (self.rows.between(&seen.real.base_from_tool), true);
     }

@@ -56,11 +56,11 @@ pub fn wrench_stiffness(arm: &Arm, chain: &Chain, wrench: &Wrench) -> JointMatri
 pub fn gravity_stiffness(arm: &Arm, chain: &Chain) -> JointMatrix {
     let mut stiffness = JointMatrix::zeros();
     for (carrier, body) in arm.bodies() {
-        let centre = chain.bodies[carrier].point(body.centre);
+        let centre = chain.body(carrier).point(body.centre);
         let weight = arm.gravity * body.mass;
         let columns = |i: usize| match arm.joints()[i].kind {
-            JointKind::Revolute => (chain.axes[i].cross(centre - chain.points[i]), chain.axes[i]),
-            JointKind::Prismatic => (chain.axes[i], DVec3::ZERO),
+            JointKind::Revolute => (chain.axis(i).cross(centre - chain.point(i)), chain.axis(i)),
+            JointKind::Prismatic => (chain.axis(i), DVec3::ZERO),
         };
         for i in 0..=carrier {
             for j in 0..=i {

@@ -147,7 +147,7 @@ fn left(bent: &Twist, change: &Twist) -> Twist {
 /// What carries link `link`, before that link's own deviation.
 fn before_link(seen: &Evaluation, link: usize) -> Frame {
     match link.checked_sub(1) {
-        Some(joint) => seen.real.bodies[joint],
+        Some(joint) => seen.real.body(joint),
         None => {
             Frame::new(physics::frame::rotation_from_vector(seen.deviation.base_turn), DVec3::ZERO)
         }
@@ -172,7 +172,7 @@ fn carried(carrier: &Frame, tcp: DVec3, twist: &Twist) -> Motion {
 /// `X M X⁻¹` instead of `M`, so that what it carries moves by the difference of `moved` before and after it.
 fn of_axis(seen: &Evaluation, joint: usize, moved: &Twist) -> Motion {
     let carrier = after_link(seen, joint);
-    let motion = carrier.inverse().after(&seen.real.bodies[joint]);
+    let motion = carrier.inverse().after(&seen.real.body(joint));
     let at = carrier.inverse().point(seen.real.base_from_tool.origin);
     let back = motion.inverse().point(at);
     let first = moved.turn.cross(at) + moved.velocity;

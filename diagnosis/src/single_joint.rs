@@ -132,7 +132,7 @@ impl Sweep {
         let joint = self.joint + 1;
         self.check(&model.arm)?;
         let first = self.steps.first().map_or([0.0; physics::JOINTS_MAX], |step| step.inputs.q);
-        let towards = Chain::nominal(&model.arm, &first).axes[self.joint];
+        let towards = Chain::nominal(&model.arm, &first).axis(self.joint);
         let fit = |tracks: &[Vec<DVec3>]| {
             axis(tracks, towards, noise_m).map_err(|fault| SweepError::Tracks { joint, fault })
         };
@@ -191,7 +191,7 @@ impl Sweep {
         }
         let last = model.arm.count() - 1;
         let [sagged, unsagged] = sag_with_and_without(model, &step.inputs, self.joint, sag)
-            .map(|deviation| Chain::real(&model.arm, &step.inputs.q, &deviation).bodies[last]);
+            .map(|deviation| Chain::real(&model.arm, &step.inputs.q, &deviation).body(last));
         let back = unsagged.after(&sagged.inverse());
         step.targets.iter().map(|point| Some(back.point((*point)?))).collect()
     }
@@ -204,7 +204,7 @@ impl JointAxis {
         let nominal = arm.joints().get(self.joint)?;
         let mut held = *q;
         held[self.joint] = 0.0;
-        let to_zero = Chain::nominal(arm, &held).bodies[self.joint].inverse();
+        let to_zero = Chain::nominal(arm, &held).body(self.joint).inverse();
         let direction = to_zero.rotation * self.axis.direction;
         let point = to_zero.point(self.axis.point);
         let (n1, n2) = normals(nominal.axis);

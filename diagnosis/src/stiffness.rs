@@ -280,12 +280,12 @@ struct Wound {
 fn wound(arm: &Arm, case: &LoadedLink, known: &[Option<f64>; JOINTS_MAX], noise_m: f64) -> Wound {
     let chain = Chain::nominal(arm, &case.q);
     let torque = Loads::on(arm, &chain, case.wrench_base).wrench_torque;
-    let (e, centre) = (chain.axes[case.joint], chain.points[case.joint]);
+    let (e, centre) = (chain.axis(case.joint), chain.point(case.joint));
     // The innermost joint turns all: it is undone first.
     let mut after = case.after;
     for k in 0..case.joint {
         let angle = known[k].unwrap_or(0.0) * torque[k];
-        let (axis, point) = (chain.axes[k], chain.points[k]);
+        let (axis, point) = (chain.axis(k), chain.point(k));
         after = point + rotation_about(axis, -angle) * (after - point);
     }
     let lever = case.before - centre;
@@ -297,7 +297,7 @@ fn wound(arm: &Arm, case: &LoadedLink, known: &[Option<f64>; JOINTS_MAX], noise_
         if k >= case.joint || known[k].is_none() {
             return 0.0;
         }
-        -tangent.dot(chain.axes[k].cross(case.before - chain.points[k])) * torque[k]
+        -tangent.dot(chain.axis(k).cross(case.before - chain.point(k))) * torque[k]
     });
     Wound {
         angle: angle_about(e, lever, after - centre),

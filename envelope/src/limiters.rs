@@ -63,11 +63,12 @@ impl<const N: usize> Limiters<N> {
         limits: impl Fn(usize) -> Option<Limits>,
         dt_s: f64,
     ) -> [f64; N] {
-        let mut behind = [false; N];
+        let (mut behind, mut any) = ([false; N], false);
         for (i, joint) in self.joints.iter_mut().enumerate() {
             behind[i] = limits(i).is_some_and(|limits| !joint.step_with(wanted[i], &limits, dt_s));
+            any |= behind[i];
         }
-        if behind.contains(&true) {
+        if any {
             self.step_together(&behind, limits, dt_s);
         }
         self.values()

@@ -61,11 +61,13 @@ impl Motion {
     ///
     /// The stop's rate is extreme now or where its acceleration first vanishes; its value where the
     /// rate changes sign (at most once, in the first segment) or at its end.
+    #[inline]
     pub(crate) fn stops_inside(self, limits: &Limits) -> bool {
         self.stops_far_inside(limits) || self.stops_just_inside(limits)
     }
 
     /// The same for a stop that would end inside even were it as fast as it ever gets for as long as it lasts: no root is needed to see that.
+    #[inline]
     fn stops_far_inside(self, limits: &Limits) -> bool {
         let Self { value, rate, acceleration } = self;
         // Never faster than this; to rest in `brake_s` and twice the root of `fastest / jerk` at most.

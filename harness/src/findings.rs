@@ -82,6 +82,8 @@ pub struct Findings {
     pub seconds: f64,
     /// The cell that was measured, where it was not one of the bench's own.
     pub cell: Option<String>,
+    /// What the model is called; a running cell does not tell.
+    pub model: Option<&'static str>,
     /// By policy and load, in the order asked.
     pub settings: Vec<Setting>,
     /// Starts of a daemon, to the first corrected target.
@@ -102,6 +104,7 @@ impl Findings {
             machine,
             seconds: plan.seconds,
             cell: plan.cell.clone(),
+            model: plan.cell.is_none().then_some(plan.model),
             settings: Vec::new(),
             starts: None,
             swap: None,
@@ -129,6 +132,7 @@ impl Findings {
             machine: &self.machine,
             seconds: self.seconds,
             cell: self.cell.as_deref(),
+            model: self.model,
             round_trip_ns: flat.map(by_kind),
             round_trip_woken_ns: first(|setting| setting.woken.as_ref()).map(by_kind),
             correction_ns: self.correction(),
@@ -157,6 +161,7 @@ pub struct Told<'a> {
     machine: &'a Machine,
     seconds: f64,
     cell: Option<&'a str>,
+    model: Option<&'a str>,
     round_trip_ns: Option<BTreeMap<&'static str, Trips>>,
     round_trip_woken_ns: Option<BTreeMap<&'static str, Trips>>,
     correction_ns: Option<Quantiles>,

@@ -78,7 +78,12 @@ pub fn render(findings: &Findings, command: &str) -> String {
     let machine = &findings.machine;
     let missed = findings.judged.iter().filter(|judged| !judged.ok).count();
     let mut page = Page::new("Latency on this machine")
-        .kicker(findings.cell.clone().unwrap_or_else(|| "a daemon of the bench's own".to_owned()))
+        .kicker(match (&findings.cell, findings.model) {
+            (Some(cell), _) => cell.clone(),
+            (None, model) => {
+                format!("a daemon of the bench's own, model {}", model.unwrap_or("unknown"))
+            }
+        })
         .lead(&format!(
             "{} of {} bars held; {} parts not measured.",
             findings.judged.len() - missed,

@@ -153,6 +153,8 @@ pub struct Plan {
     pub cell: Option<String>,
     /// Two texts of models of one robot: the one measured with, and one to swap with.
     pub models: [String; 2],
+    /// What the model measured with is called.
+    pub model: &'static str,
     /// The client's core and the daemon's; chosen where not told.
     pub cores: Option<[usize; 2]>,
     /// Policies, one after the other.

@@ -72,6 +72,10 @@ pub struct Tool {
 pub struct Arm {
     joints: [Joint; JOINTS_MAX],
     along: [Along; JOINTS_MAX],
+    /// To each joint's point from that of the joint before, of the first from the base's origin, m.
+    ways: [DVec3; JOINTS_MAX],
+    /// The first moment of each link about its joint's point, kg m.
+    moments: [DVec3; JOINTS_MAX],
     /// A bit for each joint that slides.
     slides: u32,
     count: usize,
@@ -128,9 +132,16 @@ impl Arm {
         }
         check_tool(&tool)?;
         let along = all.map(|joint| Along::of(joint.axis));
+        let before = |i: usize| if i == 0 { DVec3::ZERO } else { all[i - 1].point };
+        let ways = core::array::from_fn(|i| all[i].point - before(i));
+        let moment = |joint: Joint| {
+            joint.link.map_or(DVec3::ZERO, |link| (link.centre - joint.point) * link.mass)
+        };
+        let moments = all.map(moment);
         let slides = |i: usize| u32::from(joints[i].kind == JointKind::Prismatic) << i;
         let slides = (0..joints.len()).map(slides).sum();
-        Ok(Self { joints: all, along, slides, count: joints.len(), tool, gravity })
+        let count = joints.len();
+        Ok(Self { joints: all, along, ways, moments, slides, count, tool, gravity })
     }
 
     /// The joints, base to flange.
@@ -147,6 +158,18 @@ impl Arm {
     #[inline(always)]
     pub(crate) fn along(&self, i: usize) -> Along {
         self.along[i]
+    }
+
+    /// To the point of joint `i` from that of the joint before, of the first from the base's origin, m.
+    #[inline(always)]
+    pub(crate) fn way(&self, i: usize) -> DVec3 {
+        self.ways[i]
+    }
+
+    /// The first moment of link `i` about its joint's point, kg m; zero where its mass is not known.
+    #[inline(always)]
+    pub(crate) fn moment(&self, i: usize) -> DVec3 {
+        self.moments[i]
     }
 
     /// Joints that slide.

@@ -6,8 +6,8 @@
 
 use crate::deviation::Deviation;
 use crate::frame::rotation_from_vector;
-use crate::lanes::{Lanes, Work, widest};
-use crate::placed::{Along, Axis, Placed, turned_on};
+use crate::lanes::{Lanes, Padded, Work, widest};
+use crate::placed::{Along, Axis, Kept, Placed, turned_on};
 use crate::trig::sin_cos_all;
 use crate::{Arm, Frame, JOINTS_MAX, JointKind, Joints};
 use glam::DVec3;
@@ -21,12 +21,9 @@ pub type Jacobian = SMatrix<f64, 6, JOINTS_MAX>;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
 pub struct Chain {
-    /// Body `i` (moved by joint `i`): from base coordinates at the zero configuration to base coordinates now.
-    pub bodies: [Frame; JOINTS_MAX],
-    /// Unit vectors of the axes now, base frame.
-    pub axes: [DVec3; JOINTS_MAX],
-    /// The joints' points now, base frame, m.
-    pub points: [DVec3; JOINTS_MAX],
+    pub(crate) bodies: [Kept; JOINTS_MAX],
+    pub(crate) axes: [Padded; JOINTS_MAX],
+    pub(crate) points: [Padded; JOINTS_MAX],
     /// Tool coordinates to base coordinates; its origin is the TCP.
     pub base_from_tool: Frame,
     /// Of each position.
@@ -39,9 +36,9 @@ impl Default for Chain {
     /// No arm at all.
     fn default() -> Self {
         Self {
-            bodies: [Frame::IDENTITY; JOINTS_MAX],
-            axes: [DVec3::ZERO; JOINTS_MAX],
-            points: [DVec3::ZERO; JOINTS_MAX],
+            bodies: [Kept::IDENTITY; JOINTS_MAX],
+            axes: [Padded::of(DVec3::ZERO); JOINTS_MAX],
+            points: [Padded::of(DVec3::ZERO); JOINTS_MAX],
             base_from_tool: Frame::IDENTITY,
             sines: [0.0; JOINTS_MAX],
             cosines: [0.0; JOINTS_MAX],
@@ -96,10 +93,10 @@ impl Chain {
         }
         let mut carrier = Placed::of(lanes, &Frame::IDENTITY);
         for (i, joint) in arm.joints().iter().enumerate() {
-            let axis = Axis { along: arm.along(i), axis: joint.axis, point: joint.point };
+            let axis = axis_of(arm, i);
             carrier = self.place(i, &carrier, &axis, joint.kind, q[i]);
         }
-        self.base_from_tool = carrier.after(&tool_of(arm)).frame();
+        self.base_from_tool = carrier.frame(&tool_of(arm));
     }
 
     /// [`Chain::real`] in place of a chain of the same arm; `nominal` is the arm without the deviation.
@@ -125,17 +122,20 @@ impl Chain {
         if deviation.base_turn != DVec3::ZERO {
             base.rotation = rotation_from_vector(deviation.base_turn);
         }
-        let mut carrier = Placed::of(lanes, &base);
+        let (mut carrier, is_of_joints) = (Placed::of(lanes, &base), deviation.is_of_joints());
         for (i, joint) in arm.joints().iter().enumerate() {
             if let Some(link) = deviation.link(i) {
                 carrier = carrier.after(&link.frame());
             }
-            let mut axis = Axis { along: arm.along(i), axis: joint.axis, point: joint.point };
+            let mut axis = axis_of(arm, i);
             if let Some(twist) = deviation.axis(i) {
                 let moved = twist.frame();
                 axis.axis = moved.rotation * joint.axis;
                 axis.point = moved.point(joint.point);
                 axis.along = Along::of(axis.axis);
+            }
+            if !is_of_joints {
+                axis.way = carrier.way_to(axis.point);
             }
             let position = q[i] + deviation.joints[i];
             carrier = self.place(i, &carrier, &axis, joint.kind, position);
@@ -143,20 +143,38 @@ impl Chain {
         if let Some(flange) = deviation.link(self.count) {
             carrier = carrier.after(&flange.frame());
         }
-        carrier = carrier.after(&tool_of(arm));
-        if deviation.tool_turn != DVec3::ZERO || deviation.tool_shift != DVec3::ZERO {
+        let (tool, shift) = (tool_of(arm), deviation.tool_shift);
+        self.base_from_tool = if deviation.tool_turn == DVec3::ZERO && shift == DVec3::ZERO {
+            carrier.frame(&tool)
+        } else {
             let turn = rotation_from_vector(deviation.tool_turn);
-            carrier = carrier.after(&Frame::new(turn, deviation.tool_shift));
-        }
-        self.base_from_tool = carrier.frame();
+            carrier.frame(&Placed::of(lanes, &tool).frame(&Frame::new(turn, shift)))
+        };
+    }
+
+    /// Body `i` (moved by joint `i`): from base coordinates at the zero configuration to base coordinates now.
+    pub fn body(&self, i: usize) -> Frame {
+        self.bodies[i].frame()
+    }
+
+    /// The unit vector of joint `i`'s axis now, base frame.
+    #[inline(always)]
+    pub fn axis(&self, i: usize) -> DVec3 {
+        self.axes[i].xyz()
+    }
+
+    /// Joint `i`'s point now, base frame, m; of one that slides, before it does.
+    #[inline(always)]
+    pub fn point(&self, i: usize) -> DVec3 {
+        self.points[i].xyz()
     }
 
     /// How the TCP moves (m) and the tool turns (rad) per unit of joint `i`, base axes.
     #[inline]
     pub fn motion_of(&self, i: usize, kind: JointKind) -> (DVec3, DVec3) {
-        let axis = self.axes[i];
+        let axis = self.axis(i);
         match kind {
-            JointKind::Revolute => (axis.cross(self.base_from_tool.origin - self.points[i]), axis),
+            JointKind::Revolute => (axis.cross(self.base_from_tool.origin - self.point(i)), axis),
             JointKind::Prismatic => (axis, DVec3::ZERO),
         }
     }
@@ -196,10 +214,19 @@ impl Chain {
         position: f64,
     ) -> Placed<S> {
         let turned = (self.sines[i], self.cosines[i]);
-        let (now, body) = carrier.joint(axis, kind, position, turned);
-        (self.axes[i], self.points[i], self.bodies[i]) = (now.0, now.1, body.frame());
+        let ((axis, point), body) = carrier.joint(axis, kind, position, turned);
+        let lanes = body.lanes();
+        (self.axes[i], self.points[i]) = (Padded::put(lanes, axis), Padded::put(lanes, point));
+        self.bodies[i] = body.keep();
         body
     }
+}
+
+/// The axis of joint `i` as the controller has it.
+#[inline(always)]
+fn axis_of(arm: &Arm, i: usize) -> Axis {
+    let joint = &arm.joints()[i];
+    Axis { along: arm.along(i), axis: joint.axis, point: joint.point, way: arm.way(i) }
 }
 
 /// The tool on the last body, at the zero configuration.
@@ -255,9 +282,9 @@ impl Work for ToolAt<'_> {
         sin_cos_all(lanes, q, &mut sines, &mut cosines);
         let mut carrier = Placed::of(lanes, &Frame::IDENTITY);
         for (i, joint) in arm.joints().iter().enumerate() {
-            let axis = Axis { along: arm.along(i), axis: joint.axis, point: joint.point };
+            let axis = axis_of(arm, i);
             carrier = carrier.joint(&axis, joint.kind, q[i], (sines[i], cosines[i])).1;
         }
-        carrier.after(&tool_of(arm)).frame()
+        carrier.frame(&tool_of(arm))
     }
 }

@@ -254,6 +254,12 @@ impl Deviation {
         (self.bent >> link & 1 == 1).then(|| &self.links[link])
     }
 
+    /// Whether no axis and no link deviates.
+    #[inline(always)]
+    pub(crate) fn is_of_joints(&self) -> bool {
+        self.moved | self.bent == 0
+    }
+
     /// How it moves the TCP (m) and turns the tool (rad) to first order, base axes; `chain` is the arm without it, `motions` how that moves the tool.
     pub fn moves(&self, chain: &Chain, motions: &Motions) -> (DVec3, DVec3) {
         let tool = &chain.base_from_tool;
@@ -261,14 +267,14 @@ impl Deviation {
         let mut sum = Twist { turn: self.base_turn, velocity: DVec3::ZERO };
         let carrier = |link: usize| match link {
             0 => Frame::IDENTITY,
-            _ => chain.bodies[link - 1],
+            _ => chain.body(link - 1),
         };
-        if self.moved | self.bent != 0 {
+        if !self.is_of_joints() {
             for i in 0..=chain.count() {
                 if let Some(axis) = self.axis(i) {
                     // What an axis that stands elsewhere adds at its joint's zero, it takes away again at its position.
                     sum.follow(axis, &carrier(i), 1.0);
-                    sum.follow(axis, &chain.bodies[i], -1.0);
+                    sum.follow(axis, &chain.body(i), -1.0);
                 }
                 if let Some(by) = self.link(i) {
                     let velocity = by.twist.velocity + by.shift;

@@ -171,7 +171,7 @@ fn held<'a>(
 ) -> impl Iterator<Item = (usize, f64)> + 'a {
     let turning = |(_, joint): &(usize, &crate::Joint)| joint.kind == JointKind::Revolute;
     let joints = arm.joints().iter().enumerate().take(last + 1).filter(turning);
-    joints.map(move |(k, _)| (k, chain.axes[k].dot(moment)))
+    joints.map(move |(k, _)| (k, chain.axis(k).dot(moment)))
 }
 
 impl Model {

@@ -81,7 +81,7 @@ impl<'a> Regressor<'a> {
         let mut table = [[0.0; INERTIAL]; JOINTS_MAX];
         for (column, (force, moment)) in self.wrenches(body).into_iter().enumerate() {
             for (i, joint) in self.arm.joints().iter().enumerate().take(body + 1) {
-                let (axis, point) = (self.chain.axes[i], self.chain.points[i]);
+                let (axis, point) = (self.chain.axis(i), self.chain.point(i));
                 table[i][column] = match joint.kind {
                     JointKind::Revolute => axis.dot(moment - point.cross(force)),
                     JointKind::Prismatic => axis.dot(force),
@@ -93,7 +93,7 @@ impl<'a> Regressor<'a> {
 
     /// Force, and moment about the base frame's origin, that moves the body, per unit of each parameter.
     fn wrenches(&self, body: usize) -> [(DVec3, DVec3); INERTIAL] {
-        let (frame, moving) = (&self.chain.bodies[body], &self.bodies[body]);
+        let (frame, moving) = (&self.chain.body(body), &self.bodies[body]);
         let DMat3 { x_axis: x, y_axis: y, z_axis: z } = frame.rotation;
         let fall = moving.acceleration_of(frame.origin) - self.gravity;
         let (spin, spin_rate) = (moving.spin, moving.spin_rate);

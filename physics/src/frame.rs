@@ -179,6 +179,7 @@ const NEARLY_NONE: f64 = 1e-3;
 ///
 /// Holds its precision for small angles (`atan2` of the antisymmetric part). Within 1e-7 rad of a half
 /// turn the direction is taken from the symmetric part and its sign is arbitrary.
+#[inline]
 pub fn vector_from_rotation(rotation: &DMat3) -> DVec3 {
     let (c0, c1, c2) = (rotation.x_axis, rotation.y_axis, rotation.z_axis);
     let twice_sin = DVec3::new(c1.z - c2.y, c2.x - c0.z, c0.y - c1.x);
@@ -187,6 +188,14 @@ pub fn vector_from_rotation(rotation: &DMat3) -> DVec3 {
     if square < HARDLY_ANY && twice_cos > 0.0 {
         return twice_sin * (0.5 + square * (0.5 / 6.0));
     }
+    large_vector(rotation, twice_sin, twice_cos)
+}
+
+/// The same of a turn that is not next to nothing.
+#[inline(never)]
+fn large_vector(rotation: &DMat3, twice_sin: DVec3, twice_cos: f64) -> DVec3 {
+    let (c0, c1, c2) = (rotation.x_axis, rotation.y_axis, rotation.z_axis);
+    let square = 0.25 * twice_sin.length_squared();
     if square < NEARLY_NONE && twice_cos > 0.0 {
         // The arc sine of s over s, by powers of s².
         let series = [1.0, 1.0 / 6.0, 3.0 / 40.0, 5.0 / 112.0, 35.0 / 1152.0];

@@ -64,7 +64,7 @@ pub(crate) fn reaction(
     let mut torque = [0.0; JOINTS_MAX];
     for i in (0..count).rev() {
         let mut take = |mass: f64, centre: DVec3, inertia: DMat3| {
-            let (body, turned) = (&bodies[i], &chain.bodies[i].rotation);
+            let (body, turned) = (&bodies[i], &chain.body(i).rotation);
             let pull = -mass * body.acceleration_of(centre);
             // About the body's own axes: there the tensor need not be turned.
             let own = turned.transpose();
@@ -75,21 +75,21 @@ pub(crate) fn reaction(
         };
         if i + 1 == count {
             if let Some(tool) = &arm.tool.body {
-                take(tool.mass, chain.bodies[i].point(tool.centre), tool.inertia);
+                take(tool.mass, chain.body(i).point(tool.centre), tool.inertia);
             }
             if extra.mass != 0.0 {
                 let centre = extra.first_moment / extra.mass;
-                take(extra.mass, chain.bodies[i].point(centre), DMat3::ZERO);
+                take(extra.mass, chain.body(i).point(centre), DMat3::ZERO);
             }
         }
         let joint = &arm.joints()[i];
         if let Some(link) = &joint.link {
-            take(link.mass, chain.bodies[i].point(link.centre), link.inertia);
+            take(link.mass, chain.body(i).point(link.centre), link.inertia);
         }
-        let about_point = PivotLoad { force, moment }.moment_about(DVec3::ZERO, chain.points[i]);
+        let about_point = PivotLoad { force, moment }.moment_about(DVec3::ZERO, chain.point(i));
         torque[i] = match joint.kind {
-            JointKind::Revolute => chain.axes[i].dot(about_point),
-            JointKind::Prismatic => chain.axes[i].dot(force),
+            JointKind::Revolute => chain.axis(i).dot(about_point),
+            JointKind::Prismatic => chain.axis(i).dot(force),
         };
     }
     Reaction { torque, base_moment: moment }
@@ -114,7 +114,7 @@ pub(crate) fn moving(
     let mut all = [Moving::default(); JOINTS_MAX];
     let mut body = Moving::default();
     for (i, joint) in arm.joints().iter().enumerate() {
-        let (axis, point) = (chain.axes[i], chain.points[i]);
+        let (axis, point) = (chain.axis(i), chain.point(i));
         let (rate, push) = (axis * velocity[i], axis * acceleration[i]);
         let carried = body.acceleration_of(point);
         body = match joint.kind {
@@ -126,7 +126,7 @@ pub(crate) fn moving(
             },
             JointKind::Prismatic => {
                 // The joint's point slides with what it carries: `chain.points` is where it was before the slide.
-                let slid = chain.bodies[i].point(joint.point);
+                let slid = chain.body(i).point(joint.point);
                 Moving {
                     acceleration: body.acceleration_of(slid) + push + 2.0 * body.spin.cross(rate),
                     point: slid,
@@ -181,13 +181,13 @@ pub(crate) mod tests {
         let (before, after, now) = (at(-1.0), at(1.0), Chain::nominal(arm, q));
         arm.bodies()
             .map(|(i, body)| {
-                let place = |chain: &Chain| chain.bodies[i].point(body.centre);
+                let place = |chain: &Chain| chain.body(i).point(body.centre);
                 let speed = (place(&after) - place(&before)) / (2.0 * h);
-                let spin = (after.bodies[i].rotation - before.bodies[i].rotation)
+                let spin = (after.body(i).rotation - before.body(i).rotation)
                     * (0.5 / h)
-                    * now.bodies[i].rotation.transpose();
+                    * now.body(i).rotation.transpose();
                 let spin = DVec3::new(spin.y_axis.z, spin.z_axis.x, spin.x_axis.y);
-                let turned = now.bodies[i].rotation;
+                let turned = now.body(i).rotation;
                 let inertia = turned * body.inertia * turned.transpose();
                 0.5 * body.mass * speed.length_squared() + 0.5 * spin.dot(inertia * spin)
             })

@@ -6,9 +6,13 @@
 //! Promises: on one machine always the same choice, so that the same numbers give the same bits; choices differ by rounding. Never: a look at memory.
 
 use crate::JOINTS_MAX;
+use crate::trig::quartered;
 use glam::DVec3;
 #[cfg(target_arch = "x86_64")]
 use pulp::{NullaryFnOnce, f64x4, x86::V3};
+
+mod vectors;
+pub use vectors::{Padded, Three, Vectors};
 
 /// Numbers at once.
 pub const WIDTH: usize = 4;
@@ -45,6 +49,26 @@ pub trait Lanes: Copy {
     /// `c − a b`.
     fn times_from(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
 
+    /// `|a|`.
+    fn size(self, a: Self::Four) -> Self::Four;
+
+    /// The larger of each two: `b` where that is not `a`.
+    fn larger(self, a: Self::Four, b: Self::Four) -> Self::Four;
+
+    /// The sum of each of four.
+    fn sums(self, of: [Self::Four; WIDTH]) -> Self::Four;
+
+    /// The first three columns of four rows.
+    fn columns(self, rows: [Self::Four; WIDTH]) -> [Self::Four; 3];
+
+    /// Sines and cosines of angles that are as many quarter turns on as the last bits of `shifted` tell.
+    fn quartered(
+        self,
+        shifted: Self::Four,
+        sine: Self::Four,
+        cosine: Self::Four,
+    ) -> (Self::Four, Self::Four);
+
     /// A vector's coordinates.
     #[inline(always)]
     fn vector(self, v: DVec3) -> Self::Four {
@@ -71,154 +95,18 @@ pub trait Lanes: Copy {
         (a + b) + (c + d)
     }
 
+    /// The largest of the four.
+    #[inline(always)]
+    fn largest(self, four: Self::Four) -> f64 {
+        let larger = |a: f64, b: f64| if a > b { a } else { b };
+        let [a, b, c, d] = self.numbers(four);
+        larger(larger(a, c), larger(b, d))
+    }
+
     /// Puts the numbers of four joints in their places.
     #[inline(always)]
     fn put(self, four: Self::Four, into: &mut [f64; JOINTS_MAX], k: usize) {
         into.as_chunks_mut().0[k] = self.numbers(four);
-    }
-}
-
-/// Four vectors at once.
-#[derive(Clone, Copy)]
-pub struct Three<S: Lanes> {
-    lanes: S,
-    /// Their first coordinates.
-    pub x: S::Four,
-    /// Their second.
-    pub y: S::Four,
-    /// Their third.
-    pub z: S::Four,
-}
-
-impl<S: Lanes> Three<S> {
-    /// Of their coordinates.
-    #[inline(always)]
-    pub fn of(lanes: S, [x, y, z]: [S::Four; 3]) -> Self {
-        Self { lanes, x, y, z }
-    }
-
-    /// Vectors `4 k` to `4 k + 3`.
-    #[inline(always)]
-    pub fn gathered(lanes: S, from: &[DVec3; JOINTS_MAX], k: usize) -> Self {
-        let [a, b, c, d] = from.as_chunks::<WIDTH>().0[k];
-        let x = lanes.of([a.x, b.x, c.x, d.x]);
-        let y = lanes.of([a.y, b.y, c.y, d.y]);
-        Self { lanes, x, y, z: lanes.of([a.z, b.z, c.z, d.z]) }
-    }
-
-    /// One vector four times.
-    #[inline(always)]
-    pub fn same(lanes: S, v: DVec3) -> Self {
-        Self { lanes, x: lanes.same(v.x), y: lanes.same(v.y), z: lanes.same(v.z) }
-    }
-
-    /// `self − other`.
-    #[inline(always)]
-    pub fn minus(self, other: Self) -> Self {
-        let lanes = self.lanes;
-        let (x, y) = (lanes.minus(self.x, other.x), lanes.minus(self.y, other.y));
-        Self { lanes, x, y, z: lanes.minus(self.z, other.z) }
-    }
-
-    /// `self × factor`.
-    #[inline(always)]
-    pub fn times(self, factor: S::Four) -> Self {
-        let lanes = self.lanes;
-        let (x, y) = (lanes.times(self.x, factor), lanes.times(self.y, factor));
-        Self { lanes, x, y, z: lanes.times(self.z, factor) }
-    }
-
-    /// `self + other × factor`.
-    #[inline(always)]
-    pub fn plus_times(self, other: Self, factor: S::Four) -> Self {
-        let lanes = self.lanes;
-        let x = lanes.times_plus(other.x, factor, self.x);
-        let y = lanes.times_plus(other.y, factor, self.y);
-        Self { lanes, x, y, z: lanes.times_plus(other.z, factor, self.z) }
-    }
-
-    /// The sum of the four.
-    #[inline(always)]
-    pub fn sum(self) -> DVec3 {
-        let lanes = self.lanes;
-        DVec3::new(lanes.sum(self.x), lanes.sum(self.y), lanes.sum(self.z))
-    }
-
-    /// `self × other`.
-    #[inline(always)]
-    pub fn cross(self, other: Self) -> Self {
-        let lanes = self.lanes;
-        let x = lanes.times_from(self.z, other.y, lanes.times(self.y, other.z));
-        let y = lanes.times_from(self.x, other.z, lanes.times(self.z, other.x));
-        let z = lanes.times_from(self.y, other.x, lanes.times(self.x, other.y));
-        Self { lanes, x, y, z }
-    }
-
-    /// `sum + self × other`.
-    #[inline(always)]
-    pub fn cross_plus(self, other: Self, sum: Self) -> Self {
-        let lanes = self.lanes;
-        let x = lanes.times_from(self.z, other.y, lanes.times_plus(self.y, other.z, sum.x));
-        let y = lanes.times_from(self.x, other.z, lanes.times_plus(self.z, other.x, sum.y));
-        let z = lanes.times_from(self.y, other.x, lanes.times_plus(self.x, other.y, sum.z));
-        Self { lanes, x, y, z }
-    }
-
-    /// `self · other`.
-    #[inline(always)]
-    pub fn dot(self, other: Self) -> S::Four {
-        let lanes = self.lanes;
-        let x = lanes.times(self.x, other.x);
-        lanes.times_plus(self.z, other.z, lanes.times_plus(self.y, other.y, x))
-    }
-
-    /// `sum + self · other`.
-    #[inline(always)]
-    pub fn dot_plus(self, other: Self, sum: S::Four) -> S::Four {
-        let lanes = self.lanes;
-        let x = lanes.times_plus(self.x, other.x, sum);
-        lanes.times_plus(self.z, other.z, lanes.times_plus(self.y, other.y, x))
-    }
-}
-
-/// A vector of each joint, one array a coordinate.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[repr(align(64))]
-pub struct Vectors {
-    /// First coordinates.
-    pub x: [f64; JOINTS_MAX],
-    /// Second.
-    pub y: [f64; JOINTS_MAX],
-    /// Third.
-    pub z: [f64; JOINTS_MAX],
-}
-
-impl Vectors {
-    /// That of joint `i`.
-    #[inline(always)]
-    pub fn at(&self, i: usize) -> DVec3 {
-        DVec3::new(self.x[i], self.y[i], self.z[i])
-    }
-
-    /// Sets that of joint `i`.
-    pub(crate) fn set(&mut self, i: usize, v: DVec3) {
-        (self.x[i], self.y[i], self.z[i]) = (v.x, v.y, v.z);
-    }
-
-    /// Those of joints `4 k` to `4 k + 3`.
-    #[inline(always)]
-    pub fn part<S: Lanes>(&self, lanes: S, k: usize) -> Three<S> {
-        let (x, y) = (lanes.part(&self.x, k), lanes.part(&self.y, k));
-        Three { lanes, x, y, z: lanes.part(&self.z, k) }
-    }
-
-    /// Sets those of joints `4 k` to `4 k + 3`.
-    #[inline(always)]
-    pub fn put<S: Lanes>(&mut self, three: Three<S>, k: usize) {
-        let lanes = three.lanes;
-        lanes.put(three.x, &mut self.x, k);
-        lanes.put(three.y, &mut self.y, k);
-        lanes.put(three.z, &mut self.z, k);
     }
 }
 
@@ -314,6 +202,38 @@ impl<const PARTS: usize> Lanes for Plain<PARTS> {
     fn times_from(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four {
         self.minus(c, self.times(a, b))
     }
+
+    #[inline(always)]
+    fn size(self, a: Self::Four) -> Self::Four {
+        a.map(f64::abs)
+    }
+
+    #[inline(always)]
+    fn larger(self, a: Self::Four, b: Self::Four) -> Self::Four {
+        let larger = |i: usize| if a[i] > b[i] { a[i] } else { b[i] };
+        [larger(0), larger(1), larger(2), larger(3)]
+    }
+
+    #[inline(always)]
+    fn sums(self, [a, b, c, d]: [Self::Four; WIDTH]) -> Self::Four {
+        [self.sum(a), self.sum(b), self.sum(c), self.sum(d)]
+    }
+
+    #[inline(always)]
+    fn columns(self, [a, b, c, d]: [Self::Four; WIDTH]) -> [Self::Four; 3] {
+        [[a[0], b[0], c[0], d[0]], [a[1], b[1], c[1], d[1]], [a[2], b[2], c[2], d[2]]]
+    }
+
+    #[inline(always)]
+    fn quartered(
+        self,
+        shifted: Self::Four,
+        sine: Self::Four,
+        cosine: Self::Four,
+    ) -> (Self::Four, Self::Four) {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|i| quartered(shifted[i], sine[i], cosine[i]));
+        ([a.0, b.0, c.0, d.0], [a.1, b.1, c.1, d.1])
+    }
 }
 
 /// AVX2 with fused multiply-add.
@@ -365,5 +285,94 @@ impl<const PARTS: usize> Lanes for Wide<PARTS> {
     #[inline(always)]
     fn times_from(self, a: f64x4, b: f64x4, c: f64x4) -> f64x4 {
         self.0.negate_mul_add_f64x4(a, b, c)
+    }
+
+    #[inline(always)]
+    fn size(self, a: f64x4) -> f64x4 {
+        self.0.abs_f64x4(a)
+    }
+
+    #[inline(always)]
+    fn larger(self, a: f64x4, b: f64x4) -> f64x4 {
+        pulp::cast(self.0.avx._mm256_max_pd(pulp::cast(a), pulp::cast(b)))
+    }
+
+    #[inline(always)]
+    fn sums(self, of: [f64x4; WIDTH]) -> f64x4 {
+        let (avx, [a, b, c, d]) = (self.0.avx, of.map(pulp::cast));
+        // Pairs of each, those of lower lanes first.
+        let (ab, cd) = (avx._mm256_hadd_pd(a, b), avx._mm256_hadd_pd(c, d));
+        let low = avx._mm256_permute2f128_pd::<0x20>(ab, cd);
+        pulp::cast(avx._mm256_add_pd(low, avx._mm256_permute2f128_pd::<0x31>(ab, cd)))
+    }
+
+    #[inline(always)]
+    fn columns(self, rows: [f64x4; WIDTH]) -> [f64x4; 3] {
+        let (avx, [a, b, c, d]) = (self.0.avx, rows.map(pulp::cast));
+        // Even columns of two rows each, then odd ones.
+        let (ab, cd) = (avx._mm256_unpacklo_pd(a, b), avx._mm256_unpacklo_pd(c, d));
+        let (odd_ab, odd_cd) = (avx._mm256_unpackhi_pd(a, b), avx._mm256_unpackhi_pd(c, d));
+        let x = avx._mm256_permute2f128_pd::<0x20>(ab, cd);
+        let y = avx._mm256_permute2f128_pd::<0x20>(odd_ab, odd_cd);
+        let z = avx._mm256_permute2f128_pd::<0x31>(ab, cd);
+        [x, y, z].map(pulp::cast)
+    }
+
+    #[inline(always)]
+    fn quartered(self, shifted: f64x4, sine: f64x4, cosine: f64x4) -> (f64x4, f64x4) {
+        let (avx, avx2) = (self.0.avx, self.0.avx2);
+        let (sine, cosine) = (pulp::cast(sine), pulp::cast(cosine));
+        let (bits, minus) = (pulp::cast(shifted), pulp::cast(self.same(-0.0)));
+        // A look at the topmost bit: whether the quarter is odd, then whether it is one that turns the sign.
+        let odd = pulp::cast(avx2._mm256_slli_epi64::<63>(bits));
+        let next = avx2._mm256_add_epi64(bits, avx._mm256_set1_epi64x(1));
+        let [sign, next] = [bits, next].map(|of| pulp::cast(avx2._mm256_slli_epi64::<62>(of)));
+        let (sign, next) = (avx._mm256_and_pd(sign, minus), avx._mm256_and_pd(next, minus));
+        let first = avx._mm256_blendv_pd(sine, cosine, odd);
+        let second = avx._mm256_blendv_pd(cosine, sine, odd);
+        let turned = [avx._mm256_xor_pd(first, sign), avx._mm256_xor_pd(second, next)];
+        let [sine, cosine] = turned.map(pulp::cast);
+        (sine, cosine)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The sums of four rows and their columns, the larger sizes of the first two, and the largest of these.
+    struct Looked([[f64; WIDTH]; WIDTH]);
+
+    impl Work for Looked {
+        type Output = ([f64; WIDTH], [f64; WIDTH], f64, [[f64; WIDTH]; 3]);
+
+        fn run<S: Lanes>(self, lanes: S) -> Self::Output {
+            let [a, b, c, d] = self.0.map(|row| lanes.of(row));
+            let larger = lanes.larger(lanes.size(a), lanes.size(b));
+            let sums = lanes.numbers(lanes.sums([a, b, c, d]));
+            let columns = lanes.columns([a, b, c, d]).map(|column| lanes.numbers(column));
+            (sums, lanes.numbers(larger), lanes.largest(larger), columns)
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn the_widest_lanes_say_of_four_numbers_what_any_do(rows in prop::array::uniform4(prop::array::uniform4(-9.0..9.0_f64))) {
+            let plain = Looked(rows).run(Plain::<FEW>);
+            prop_assert_eq!(widest(1, Looked(rows)), plain);
+            prop_assert!((plain.0[3] - rows[3].iter().sum::<f64>()).abs() < 1e-14);
+            let largest = rows[..2].iter().flatten().fold(0.0, |most: f64, x| most.max(x.abs()));
+            prop_assert_eq!(plain.2, largest);
+            prop_assert_eq!(plain.3, std::array::from_fn(|k| rows.map(|row| row[k])));
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_not_the_larger() {
+        let mut rows = [[1.0; WIDTH]; WIDTH];
+        rows[0][2] = f64::NAN;
+        assert_eq!(widest(1, Looked(rows)).1, [1.0; WIDTH]);
+        assert_eq!(Looked(rows).run(Plain::<FEW>).1, [1.0; WIDTH]);
     }
 }

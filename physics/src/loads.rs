@@ -7,7 +7,7 @@
 use crate::deviation::Contribution;
 use crate::frame::rotation_from_vector;
 use crate::inertia::{Extra, is_still, reaction};
-use crate::lanes::{Lanes, Three, Vectors, Work, widest};
+use crate::lanes::{Lanes, Padded, Three, Vectors, Work, widest};
 use crate::placed::Placed;
 use crate::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Motions, Wrench};
 use glam::{DMat3, DVec3};
@@ -37,7 +37,7 @@ pub struct Loads {
     pub wrench: Wrench,
     /// Of all that each joint carries: its mass, kg, and its first moment about the joint's point, kg m.
     masses: Joints,
-    first_moments: [DVec3; JOINTS_MAX],
+    first_moments: [Padded; JOINTS_MAX],
     /// The first moment of all that each joint carries, kg m per rad or per m of it.
     pub(crate) swings: Vectors,
     /// How the tool moves with each joint.
@@ -92,9 +92,6 @@ impl LoadChange {
 
     /// The wrench that acts where the sensor says `read`; both about the TCP, base axes.
     fn truth(&self, read: Wrench, base_from_tool: &DMat3) -> Wrench {
-        if !self.is_any {
-            return read;
-        }
         let untouched = self.sensor_bias == Wrench::ZERO && self.sensor_scale == Wrench::ZERO;
         if untouched && self.sensor_turn == DVec3::ZERO {
             return read;
@@ -134,9 +131,11 @@ impl Loads {
         wrench: Wrench,
         change: &LoadChange,
     ) {
-        self.wrench = change.truth(wrench, &chain.base_from_tool.rotation);
-        self.gravity =
-            if change.is_any { turned(arm.gravity, change.gravity_turn) } else { arm.gravity };
+        (self.wrench, self.gravity) = (wrench, arm.gravity);
+        if change.is_any {
+            self.wrench = change.truth(wrench, &chain.base_from_tool.rotation);
+            self.gravity = turned(arm.gravity, change.gravity_turn);
+        }
         let first_moment = self.carry_along(lanes, arm, chain, change);
         self.swing(lanes, arm, chain);
         if change.is_any {
@@ -160,13 +159,13 @@ impl Loads {
 
     /// What gravity exerts at the point of joint `i`.
     pub fn gravity_at(&self, i: usize) -> PivotLoad {
-        let (mass, first_moment) = (self.masses[i], self.first_moments[i]);
+        let (mass, first_moment) = (self.masses[i], self.first_moments[i].xyz());
         PivotLoad { force: self.gravity * mass, moment: first_moment.cross(self.gravity) }
     }
 
     /// What the wrench exerts at the point of joint `i` of the chain that these loads were taken on.
     pub fn wrench_at(&self, i: usize, chain: &Chain) -> PivotLoad {
-        let lever = chain.base_from_tool.origin - chain.points[i];
+        let lever = chain.base_from_tool.origin - chain.point(i);
         let moment = self.wrench.moment + lever.cross(self.wrench.force);
         PivotLoad { force: self.wrench.force, moment }
     }
@@ -206,27 +205,28 @@ impl Loads {
         chain: &Chain,
         change: &LoadChange,
     ) -> DVec3 {
-        let flange = &chain.bodies[arm.count() - 1];
+        let flange = Placed::kept(lanes, &chain.bodies[arm.count() - 1]);
         let (mut mass, mut first_moment) = (0.0, lanes.same(0.0));
         if change.is_any && (change.mass != 0.0 || change.first_moment != DVec3::ZERO) {
             mass = change.mass;
+            let flange = chain.body(arm.count() - 1);
             let moved = flange.rotation * change.first_moment + flange.origin * change.mass;
             first_moment = lanes.vector(moved);
         }
         if let Some(tool) = &arm.tool.body {
             mass += tool.mass;
-            let centre = Placed::of(lanes, flange).point(tool.centre);
-            first_moment = lanes.times_plus(centre, lanes.same(tool.mass), first_moment);
+            let moment = flange.way_to(tool.centre) * tool.mass;
+            first_moment = lanes.plus(first_moment, flange.moment(tool.mass, moment));
         }
         for (i, joint) in arm.joints().iter().enumerate().rev() {
             if let Some(link) = &joint.link {
                 mass += link.mass;
-                let centre = Placed::of(lanes, &chain.bodies[i]).point(link.centre);
-                first_moment = lanes.times_plus(centre, lanes.same(link.mass), first_moment);
+                let body = Placed::kept(lanes, &chain.bodies[i]);
+                first_moment = lanes.plus(first_moment, body.moment(link.mass, arm.moment(i)));
             }
-            let point = lanes.vector(chain.points[i]);
+            let point = chain.points[i].four(lanes);
             let about_point = lanes.times_from(point, lanes.same(mass), first_moment);
-            (self.masses[i], self.first_moments[i]) = (mass, lanes.xyz(about_point));
+            (self.masses[i], self.first_moments[i]) = (mass, Padded::put(lanes, about_point));
         }
         lanes.xyz(first_moment)
     }
@@ -240,7 +240,7 @@ impl Loads {
             self.swings.put(self.motions.angular.part(lanes, k).cross(about_point), k);
         }
         for i in arm.slides() {
-            self.swings.set(i, chain.axes[i] * self.masses[i]);
+            self.swings.set(i, chain.axis(i) * self.masses[i]);
         }
         let gravity = Three::same(lanes, self.gravity);
         let force = Three::same(lanes, self.wrench.force);

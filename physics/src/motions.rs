@@ -27,7 +27,7 @@ impl Motions {
             self.angular.put(axes, k);
         }
         for i in arm.slides() {
-            self.linear.set(i, chain.axes[i]);
+            self.linear.set(i, chain.axis(i));
             self.angular.set(i, DVec3::ZERO);
         }
     }

@@ -6,7 +6,7 @@
 //! Promises: the same bits for a tool as for a whole chain. Never: a load or an effect.
 
 use crate::frame::{SMALL, coefficients, rodrigues};
-use crate::lanes::{Lanes, WIDTH};
+use crate::lanes::{Lanes, Padded, WIDTH};
 use crate::{Frame, JOINTS_MAX, JointKind};
 use glam::{DMat3, DVec3};
 
@@ -37,42 +37,98 @@ pub(crate) struct Axis {
     /// Unit vector.
     pub(crate) axis: DVec3,
     pub(crate) point: DVec3,
+    /// To the point from that of what carries the joint.
+    pub(crate) way: DVec3,
 }
 
-/// Where a body is: `x ↦ columns · x + origin`.
+/// Where a body is, by where one of its points is: so no joint waits for where the base's origin would be.
 #[derive(Clone, Copy)]
 pub(crate) struct Placed<S: Lanes> {
     lanes: S,
+    /// Of its rotation.
     columns: [S::Four; 3],
-    origin: S::Four,
+    /// Where the point is now.
+    at: S::Four,
+    /// The point at the zero configuration.
+    point: DVec3,
+}
+
+/// [`Placed`] in memory.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Kept {
+    columns: [Padded; 3],
+    at: Padded,
+    point: DVec3,
+}
+
+impl Kept {
+    pub(crate) const IDENTITY: Self = Self {
+        columns: [Padded::of(DVec3::X), Padded::of(DVec3::Y), Padded::of(DVec3::Z)],
+        at: Padded::of(DVec3::ZERO),
+        point: DVec3::ZERO,
+    };
+
+    #[inline(always)]
+    pub(crate) fn frame(&self) -> Frame {
+        let [x, y, z] = &self.columns;
+        let rotation = DMat3::from_cols(x.xyz(), y.xyz(), z.xyz());
+        Frame { rotation, origin: self.at.xyz() - rotation * self.point }
+    }
 }
 
 impl<S: Lanes> Placed<S> {
     #[inline(always)]
     pub(crate) fn of(lanes: S, frame: &Frame) -> Self {
         let DMat3 { x_axis, y_axis, z_axis } = frame.rotation;
-        // The fourth of each does not count: with what lies beside it, four are read at once.
-        let columns = [
-            lanes.of([x_axis.x, x_axis.y, x_axis.z, y_axis.x]),
-            lanes.of([y_axis.x, y_axis.y, y_axis.z, z_axis.x]),
-            lanes.of([z_axis.x, z_axis.y, z_axis.z, frame.origin.x]),
-        ];
-        Self { lanes, columns, origin: lanes.vector(frame.origin) }
+        let columns = [lanes.vector(x_axis), lanes.vector(y_axis), lanes.vector(z_axis)];
+        Self { lanes, columns, at: lanes.vector(frame.origin), point: DVec3::ZERO }
+    }
+
+    /// What it is reckoned with.
+    #[inline(always)]
+    pub(crate) fn lanes(&self) -> S {
+        self.lanes
     }
 
     #[inline(always)]
-    pub(crate) fn frame(&self) -> Frame {
-        let (lanes, [a, b, c]) = (self.lanes, self.columns);
-        let rotation = DMat3::from_cols(lanes.xyz(a), lanes.xyz(b), lanes.xyz(c));
-        Frame { rotation, origin: lanes.xyz(self.origin) }
+    pub(crate) fn kept(lanes: S, from: &Kept) -> Self {
+        let [a, b, c] = &from.columns;
+        let columns = [a.four(lanes), b.four(lanes), c.four(lanes)];
+        Self { lanes, columns, at: from.at.four(lanes), point: from.point }
     }
 
-    /// Another body's place, told in this one's.
+    #[inline(always)]
+    pub(crate) fn keep(&self) -> Kept {
+        let (lanes, [a, b, c]) = (self.lanes, self.columns);
+        let columns = [Padded::put(lanes, a), Padded::put(lanes, b), Padded::put(lanes, c)];
+        Kept { columns, at: Padded::put(lanes, self.at), point: self.point }
+    }
+
+    /// What `first` has moved in this body: told by the same point, so that no motion leaves the same bits.
     #[inline(always)]
     pub(crate) fn after(&self, first: &Frame) -> Self {
-        let DMat3 { x_axis, y_axis, z_axis } = first.rotation;
-        let columns = [self.turned(x_axis), self.turned(y_axis), self.turned(z_axis)];
-        Self { columns, origin: self.point(first.origin), ..*self }
+        let moved = first.point(self.point) - self.point;
+        Self { columns: self.all_turned(&first.rotation), at: self.beyond(moved), ..*self }
+    }
+
+    /// A frame of this body.
+    #[inline(always)]
+    pub(crate) fn frame(&self, of: &Frame) -> Frame {
+        let (lanes, [a, b, c]) = (self.lanes, self.all_turned(&of.rotation));
+        let rotation = DMat3::from_cols(lanes.xyz(a), lanes.xyz(b), lanes.xyz(c));
+        Frame { rotation, origin: lanes.xyz(self.at(of.origin)) }
+    }
+
+    #[inline(always)]
+    fn all_turned(&self, by: &DMat3) -> [S::Four; 3] {
+        let DMat3 { x_axis, y_axis, z_axis } = *by;
+        [self.turned(x_axis), self.turned(y_axis), self.turned(z_axis)]
+    }
+
+    /// To a point of the body from that which its place is told by.
+    #[inline(always)]
+    pub(crate) fn way_to(&self, point: DVec3) -> DVec3 {
+        point - self.point
     }
 
     /// A joint at a position with this sine and cosine: its axis and its point now, and the body that it moves.
@@ -83,23 +139,21 @@ impl<S: Lanes> Placed<S> {
         kind: JointKind,
         position: f64,
         turned: (f64, f64),
-    ) -> ((DVec3, DVec3), Self) {
+    ) -> ((S::Four, S::Four), Self) {
         let lanes = self.lanes;
-        let point_now = self.point(axis.point);
-        let (axis_now, body) = match kind {
+        let point_now = self.beyond(axis.way);
+        let moved = Self { at: point_now, point: axis.point, ..*self };
+        match kind {
             JointKind::Revolute => {
                 let (axis_now, columns) = self.about(axis, turned);
-                // What is on the axis stays.
-                let body = Self { columns, origin: point_now, ..*self };
-                (axis_now, Self { origin: body.without(axis.point), ..body })
+                ((axis_now, point_now), Self { columns, ..moved })
             }
             JointKind::Prismatic => {
                 let axis_now = self.turned(axis.axis);
-                let origin = lanes.times_plus(axis_now, lanes.same(position), self.origin);
-                (axis_now, Self { origin, ..*self })
+                let at = lanes.times_plus(axis_now, lanes.same(position), point_now);
+                ((axis_now, point_now), Self { at, ..moved })
             }
-        };
-        ((lanes.xyz(axis_now), lanes.xyz(point_now)), body)
+        }
     }
 
     /// The axis now, and the columns after a turn about it.
@@ -121,9 +175,7 @@ impl<S: Lanes> Placed<S> {
                 (lanes.times(c, lanes.same(axis.axis.z)), [a, b, c])
             }
             Along::None => {
-                let DMat3 { x_axis, y_axis, z_axis } = rodrigues(axis.axis, sin, cos);
-                let columns = [self.turned(x_axis), self.turned(y_axis), self.turned(z_axis)];
-                (self.turned(axis.axis), columns)
+                (self.turned(axis.axis), self.all_turned(&rodrigues(axis.axis, sin, cos)))
             }
         }
     }
@@ -138,18 +190,21 @@ impl<S: Lanes> Placed<S> {
 
     /// A point of the body.
     #[inline(always)]
-    pub(crate) fn point(&self, at: DVec3) -> S::Four {
-        let (lanes, [a, b, c]) = (self.lanes, self.columns);
-        let along_z = lanes.times_plus(c, lanes.same(at.z), self.origin);
-        lanes.times_plus(a, lanes.same(at.x), lanes.times_plus(b, lanes.same(at.y), along_z))
+    pub(crate) fn at(&self, point: DVec3) -> S::Four {
+        self.beyond(self.way_to(point))
     }
 
-    /// The origin less a vector of the body.
+    /// A point of the body, so far from that which its place is told by. What waits for the joint before comes last.
     #[inline(always)]
-    fn without(&self, v: DVec3) -> S::Four {
-        let (lanes, [a, b, c]) = (self.lanes, self.columns);
-        let along_z = lanes.times_from(c, lanes.same(v.z), self.origin);
-        lanes.times_from(a, lanes.same(v.x), lanes.times_from(b, lanes.same(v.y), along_z))
+    fn beyond(&self, way: DVec3) -> S::Four {
+        self.lanes.plus(self.at, self.turned(way))
+    }
+
+    /// The first moment of a mass of the body, where `moment` is that about the point which its place is told by.
+    #[inline(always)]
+    pub(crate) fn moment(&self, mass: f64, moment: DVec3) -> S::Four {
+        let lanes = self.lanes;
+        lanes.times_plus(self.at, lanes.same(mass), self.turned(moment))
     }
 }
 

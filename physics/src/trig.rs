@@ -66,12 +66,13 @@ pub(crate) fn sin_cos_four<S: Lanes>(lanes: S, angles_rad: S::Four) -> (S::Four,
     (lanes.of([a.0, b.0, c.0, d.0]), lanes.of([a.1, b.1, c.1, d.1]))
 }
 
-/// [`reduced`], without a look at bits: which quarter it is, is told by whole numbers.
+/// [`reduced`], four times.
 #[inline(always)]
 fn reduced_four<S: Lanes>(lanes: S, angle: S::Four) -> (S::Four, S::Four) {
     let one = lanes.same(1.0);
-    let turns = lanes.times(angle, lanes.same(core::f64::consts::FRAC_2_PI));
-    let quarters = whole(lanes, turns);
+    let (a_turn, whole) = (lanes.same(core::f64::consts::FRAC_2_PI), lanes.same(WHOLE));
+    let shifted = lanes.plus(lanes.times(angle, a_turn), whole);
+    let quarters = lanes.minus(shifted, whole);
     let mut rest = angle;
     for part in QUARTER {
         rest = lanes.times_from(quarters, lanes.same(part), rest);
@@ -85,30 +86,7 @@ fn reduced_four<S: Lanes>(lanes: S, angle: S::Four) -> (S::Four, S::Four) {
     let fourth = lanes.times(square, square);
     let lost = lanes.times_plus(fourth, polynomial_four(lanes, square, &COSINE), lost);
     let cosine = lanes.plus(near, lost);
-    // Of an odd quarter sine and cosine change places; the sign of the sine turns every two.
-    let (twos, odd) = halved(lanes, quarters);
-    let (_, odd_twos) = halved(lanes, twos);
-    let even = lanes.minus(one, odd);
-    let first = lanes.times_plus(sine, even, lanes.times(cosine, odd));
-    let second = lanes.times_plus(cosine, even, lanes.times(sine, odd));
-    let two = lanes.same(2.0);
-    let sign = lanes.times_from(two, odd_twos, one);
-    let other = lanes.times(sign, lanes.times_from(two, odd, one));
-    (lanes.times(first, sign), lanes.times(second, other))
-}
-
-/// The nearest whole numbers.
-#[inline(always)]
-fn whole<S: Lanes>(lanes: S, of: S::Four) -> S::Four {
-    lanes.minus(lanes.plus(of, lanes.same(WHOLE)), lanes.same(WHOLE))
-}
-
-/// Halves of whole numbers, rounded down, and what remains: nothing or one.
-#[inline(always)]
-fn halved<S: Lanes>(lanes: S, of: S::Four) -> (S::Four, S::Four) {
-    let below = lanes.minus(lanes.times(of, lanes.same(0.5)), lanes.same(0.25));
-    let half = whole(lanes, below);
-    (half, lanes.times_from(lanes.same(2.0), half, of))
+    lanes.quartered(shifted, sine, cosine)
 }
 
 /// [`polynomial`], four times.
@@ -131,6 +109,12 @@ fn reduced(angle: f64) -> (f64, f64) {
     let half = 0.5 * square;
     let near = 1.0 - half;
     let cosine = near + ((1.0 - near) - half + square * square * polynomial(square, &COSINE));
+    quartered(shifted, sine, cosine)
+}
+
+/// Sine and cosine of an angle that is as many quarter turns on as the last bits of `shifted` tell.
+#[inline(always)]
+pub(crate) fn quartered(shifted: f64, sine: f64, cosine: f64) -> (f64, f64) {
     let bits = shifted.to_bits();
     // Of an odd quarter they change places: by bits, as no processor could guess which way a branch goes.
     let other = (sine.to_bits() ^ cosine.to_bits()) & (bits & 1).wrapping_neg();

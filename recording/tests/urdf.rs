@@ -61,13 +61,13 @@ fn inertia(model: &RobotModel, chain: &Chain) -> Vec<f64> {
         let joint = arm.joints()[k];
         match joint.kind {
             _ if k > upto => (DVec3::ZERO, DVec3::ZERO),
-            JointKind::Revolute => (chain.axes[k].cross(at - chain.points[k]), chain.axes[k]),
-            JointKind::Prismatic => (chain.axes[k], DVec3::ZERO),
+            JointKind::Revolute => (chain.axis(k).cross(at - chain.point(k)), chain.axis(k)),
+            JointKind::Prismatic => (chain.axis(k), DVec3::ZERO),
         }
     };
     let mut sums = vec![0.0; n * n];
     for (body_of, Body { mass, centre, inertia }) in arm.bodies() {
-        let now = chain.bodies[body_of];
+        let now = chain.body(body_of);
         let turned = now.rotation * *inertia * now.rotation.transpose();
         let motions: Vec<_> = (0..n).map(|k| moves(k, now.point(*centre), body_of)).collect();
         for (i, (vi, wi)) in motions.iter().enumerate() {

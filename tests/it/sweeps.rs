@@ -209,7 +209,7 @@ fn with_links() -> String {
         write!(head, "\n{line}").unwrap();
         for (link, at) in ON_LINKS {
             let at = DVec3::from_array(at);
-            let base = link.checked_sub(1).map_or(at, |joint: usize| real.bodies[joint].point(at));
+            let base = link.checked_sub(1).map_or(at, |joint: usize| real.body(joint).point(at));
             let seen = station * base + DVec3::new(1.5, -2.0, 0.3);
             for x in seen.to_array() {
                 write!(head, ",{:.5}", x * 1e3 + 0.002 * (chance.unit() - 0.5)).unwrap();

@@ -81,9 +81,9 @@ proptest! {
         };
         prop_assert!(asymmetry(wrench(f, [0.0; 3])) < 1e-10);
         // Its skew part is (z_j × z_i)·M for joints j before i.
-        let moment = chain.axes[0].cross(chain.axes[4]) * 14.0;
+        let moment = chain.axis(0).cross(chain.axis(4)) * 14.0;
         let seen = asymmetry(Wrench { force: DVec3::from_array(f) * 1e3, moment });
-        prop_assert!(seen >= moment.dot(chain.axes[0].cross(chain.axes[4])) - 1e-9, "{seen}");
+        prop_assert!(seen >= moment.dot(chain.axis(0).cross(chain.axis(4))) - 1e-9, "{seen}");
     }
 }
 

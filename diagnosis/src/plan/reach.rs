@@ -121,7 +121,7 @@ pub(crate) struct Line {
 /// The arm's links as lines; those without length left out.
 pub(crate) fn links(arm: &Arm, chain: &Chain) -> Vec<Line> {
     let count = arm.count();
-    let point = |i: usize| if i < count { chain.points[i] } else { chain.base_from_tool.origin };
+    let point = |i: usize| if i < count { chain.point(i) } else { chain.base_from_tool.origin };
     let lines = (0..count).map(|from| Line { a: point(from), b: point(from + 1), from });
     lines.filter(|line| line.a.distance(line.b) > 1e-6).collect()
 }

@@ -68,11 +68,11 @@ fn the_axis_of_joint_five_stands_where_the_sag_of_the_joints_before_puts_it() {
     let deviation = model.evaluate(&step, &Memories::default()).deviation;
     // Joint 4 does not sag at θ4 = 0, joints 2 and 3 by the same at every step: the raw axis is off by this, and the taken out one not at all.
     let off: DVec3 = (1..3)
-        .map(|k| chain.axes[k].cross(chain.points[4] - chain.points[k]) * deviation.joints[k])
+        .map(|k| chain.axis(k).cross(chain.point(4) - chain.point(k)) * deviation.joints[k])
         .sum();
     assert!(off.length() > 3e-4, "{off}");
     let (raw, without) = (found(Sag::AsMeasured), found(Sag::Carriers));
-    let miss = |axis: &JointAxis| axis.axis.nearest(chain.points[4]) - chain.points[4];
+    let miss = |axis: &JointAxis| axis.axis.nearest(chain.point(4)) - chain.point(4);
     assert!((miss(&raw) - off).length() < 1e-6, "{} not {off}", miss(&raw));
     assert!(miss(&without).length() < 1e-9 && without.axis.left_m < 1e-9);
     assert!((without.shifted_by_sag + off).length() < 1e-6, "{}", without.shifted_by_sag);
@@ -90,7 +90,7 @@ fn the_sag_of_joint_two_shifts_the_axis_of_joint_three_by_what_theory_says() {
     let mut swept = sweep(&model, 2, held, (-0.9, 0.7), 33);
     swept.steps.iter_mut().for_each(|step| step.targets.truncate(1));
     let raw = swept.axis(&model, Sag::AsMeasured, None).expect("arcs");
-    let pivot = Chain::nominal(&model.arm, &swept.steps[0].inputs.q).points[2];
+    let pivot = Chain::nominal(&model.arm, &swept.steps[0].inputs.q).point(2);
     // Joint 2 turns by δ and carries the pivot of joint 3 by e × (O3 − O2) δ; the rest is along the circle. Across it, that is a
     // change of radius which the circle takes up as shift and radius: a regression in three numbers.
     let mut triangle = crate::triangle::Triangle::new(3);
@@ -100,7 +100,7 @@ fn the_sag_of_joint_two_shifts_the_axis_of_joint_three_by_what_theory_says() {
         let outward = (chain.base_from_tool.point(TARGETS[0]) - pivot) * DVec3::new(1.0, 0.0, 1.0);
         let outward = outward.normalize();
         let delta = 2.5e-4 * libm::sin(q[1]) + 2.0944e-4 * libm::cos(q[1] + q[2]);
-        let carried = chain.axes[1].cross(pivot - chain.points[1]) * delta;
+        let carried = chain.axis(1).cross(pivot - chain.point(1)) * delta;
         triangle.push(&[outward.x, outward.z, 1.0], carried.dot(outward));
     }
     triangle.reduce();
@@ -118,7 +118,7 @@ fn joints_after_the_one_that_moves_bend_its_circle_too() {
     let model = robot(&["gravity_sag"]);
     let held = [0.0, 0.2, 0.0, 0.6, 0.8, 0.0];
     let swept = sweep(&model, 2, held, (-0.9, 0.7), 25);
-    let pivot = Chain::nominal(&model.arm, &swept.steps[0].inputs.q).points[2];
+    let pivot = Chain::nominal(&model.arm, &swept.steps[0].inputs.q).point(2);
     let [raw, carriers, all] = [Sag::AsMeasured, Sag::Carriers, Sag::AllOthers].map(|sag| {
         let found = swept.axis(&model, sag, None).expect("arcs").axis;
         (found.nearest(pivot) - pivot).length()
@@ -145,8 +145,8 @@ fn bearings_and_a_base_that_yield_to_gravity_are_taken_out_too() {
     let chain = Chain::nominal(&model.arm, &swept.steps[0].inputs.q);
     let miss = |sag| {
         let found = swept.axis(&model, sag, None).expect("arcs").axis;
-        let away = found.nearest(chain.points[2]) - chain.points[2];
-        away.length() + found.tilt_from(chain.axes[2]).length()
+        let away = found.nearest(chain.point(2)) - chain.point(2);
+        away.length() + found.tilt_from(chain.axis(2)).length()
     };
     assert!(miss(Sag::AsMeasured) > 1e-4 && miss(Sag::Carriers) < 1e-9);
     assert!(miss(Sag::AllOthers) < 1e-9);

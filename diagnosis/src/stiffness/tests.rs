@@ -61,7 +61,7 @@ fn loaded_links(model: &Model, count: u32) -> Vec<LoadedLink> {
         for (q, wrench_base) in (0..count).map(pose) {
             let seen = |wrench_base| {
                 let inputs = Inputs { wrench_base, ..Inputs::at_rest(q) };
-                model.evaluate(&inputs, &Memories::default()).real.bodies[joint].point(target)
+                model.evaluate(&inputs, &Memories::default()).real.body(joint).point(target)
             };
             let (before, after) = (seen(Wrench::ZERO), seen(wrench_base));
             cases.push(LoadedLink { joint, q, wrench_base, before, after });
@@ -136,9 +136,9 @@ fn intervals_from_many_loads_hold_the_truth_as_often_as_they_should() {
             let torque = Loads::on(&arm, &chain, wrench_base).wrench_torque;
             let (mut shift, mut turn) = (DVec3::ZERO, DVec3::ZERO);
             for (joint, stiffness) in (1..5).zip(THESIS) {
-                let by = chain.axes[joint] * (torque[joint] / stiffness);
+                let by = chain.axis(joint) * (torque[joint] / stiffness);
                 turn += by;
-                shift += by.cross(chain.base_from_tool.origin - chain.points[joint]);
+                shift += by.cross(chain.base_from_tool.origin - chain.point(joint));
             }
             LoadedPose { q, wrench_base, shift, turn: Some(turn) }
         })

@@ -42,11 +42,11 @@ impl Effect for BearingCompliance {
     fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let i = self.joint;
         let (loads, chain) = (signals.loads, signals.chain);
-        let carrier = if i == 0 { Frame::IDENTITY } else { chain.bodies[i - 1] };
-        let (point, pivot) = (chain.points[i], carrier.point(self.pivot));
+        let carrier = if i == 0 { Frame::IDENTITY } else { chain.body(i - 1) };
+        let (point, pivot) = (chain.point(i), carrier.point(self.pivot));
         let moment = loads.gravity_at(i).moment_about(point, pivot)
             + loads.wrench_at(i, chain).moment_about(point, pivot);
-        let across = moment - chain.axes[i] * chain.axes[i].dot(moment);
+        let across = moment - chain.axis(i) * chain.axis(i).dot(moment);
         let turn = carrier.rotation.transpose() * across * self.values[0];
         Contribution::LinkTurn { link: i, turn, pivot: self.pivot }
     }

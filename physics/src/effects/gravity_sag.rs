@@ -61,16 +61,16 @@ impl Effect for GravitySag {
 
     /// A joint turns the levers of the bodies beyond it; one before ours turns our axis too.
     fn predict_and_slope(&self, signals: &Signals<'_>, _memory: &Memory) -> (Contribution, Slope) {
-        let (axes, joints, joint) = (&signals.chain.axes, signals.arm.joints(), self.joint);
+        let (chain, joints, joint) = (signals.chain, signals.arm.joints(), self.joint);
         let turns = |k: usize| {
-            joints.get(k).is_some_and(|joint| joint.kind == JointKind::Revolute).then(|| axes[k])
+            joints.get(k).is_some_and(|joint| joint.kind == JointKind::Revolute).then(|| chain.axis(k))
         };
         let (mut slopes, mut sum, pull) = ([0.0; JOINTS_MAX], DVec3::ZERO, self.pull(signals));
         for (k, lever) in self.levers(signals).enumerate().map(|(k, s)| (joint + k, s)).rev() {
             sum += lever;
             slopes[k] = turns(k).map_or(0.0, |by| by.dot(sum.cross(pull)));
         }
-        let all = sum.cross(pull) + axes[joint].cross(sum.cross(down(signals)));
+        let all = sum.cross(pull) + chain.axis(joint).cross(sum.cross(down(signals)));
         for (k, slope) in slopes[..joint].iter_mut().enumerate() {
             *slope = turns(k).map_or(0.0, |by| by.dot(all));
         }
@@ -86,7 +86,7 @@ fn down(signals: &Signals<'_>) -> DVec3 {
 impl GravitySag {
     /// What the joint yields per unit of the levers' sum: `ĝ × eᵢ`.
     fn pull(&self, signals: &Signals<'_>) -> DVec3 {
-        down(signals).cross(signals.chain.axes[self.joint])
+        down(signals).cross(signals.chain.axis(self.joint))
     }
 
     /// Of each body that the joint carries, its own first, where it is now, rad.
@@ -94,8 +94,7 @@ impl GravitySag {
         &'s self,
         signals: &'s Signals<'_>,
     ) -> impl DoubleEndedIterator<Item = DVec3> + ExactSizeIterator + 's {
-        let bodies = &signals.chain.bodies[self.joint..];
         let levers = self.values().chunks_exact(3).map(DVec3::from_slice);
-        bodies.iter().zip(levers).map(|(body, s)| body.rotation * s)
+        (self.joint..JOINTS_MAX).zip(levers).map(|(i, s)| signals.chain.body(i).rotation * s)
     }
 }

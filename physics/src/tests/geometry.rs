@@ -107,7 +107,7 @@ proptest! {
         for arm in [scene().arm, sliding_scene().arm] {
             let (chain, geometry) = (Chain::nominal(&arm, &q), Geometry::of(&arm));
             for i in 0..6 {
-                prop_assert!(geometry.body(&q, Some(i)).off(&chain.bodies[i]) < 1e-13);
+                prop_assert!(geometry.body(&q, Some(i)).off(&chain.body(i)) < 1e-13);
             }
             prop_assert!(geometry.base_from_tool(&q).off(&chain.base_from_tool) < 1e-13);
         }
@@ -153,8 +153,8 @@ fn the_lanes_of_any_machine_say_the_same() {
         let wide = Chain::nominal(&arm, &inputs.q);
         assert_eq!(plain[0].bodies, plain[1].bodies);
         for i in 0..arm.count() {
-            let axis = plain[0].axes[i] - wide.axes[i];
-            let point = plain[0].points[i] - wide.points[i];
+            let axis = plain[0].axis(i) - wide.axis(i);
+            let point = plain[0].point(i) - wide.point(i);
             assert!(axis.length() < 1e-15 && point.length() < 1e-15, "joint {i}");
             let loads = |chain: &Chain| Loads::on(&arm, chain, inputs.wrench_base);
             let (a, b) = (loads(&plain[0]).torque(i), loads(&wide).torque(i));

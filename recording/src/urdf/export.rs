@@ -114,18 +114,18 @@ impl<'a> Writer<'a> {
         let mut parent = self.link("base_link", "base_link", None);
         let mut parent_origin = DVec3::ZERO;
         for (i, joint) in arm.joints().iter().enumerate() {
-            let origin = chain.points[i];
+            let origin = chain.point(i);
             let body = joint.link.map(|body| Body {
                 mass: body.mass,
-                centre: chain.bodies[i].point(body.centre) - origin,
-                inertia: turned(&body.inertia, &chain.bodies[i].rotation),
+                centre: chain.body(i).point(body.centre) - origin,
+                inertia: turned(&body.inertia, &chain.body(i).rotation),
             });
             let child = self.link("", &format!("link_{}", i + 1), body);
-            self.joint(i, joint, [&parent, &child], origin - parent_origin, chain.axes[i]);
+            self.joint(i, joint, [&parent, &child], origin - parent_origin, chain.axis(i));
             (parent, parent_origin) = (child, origin);
         }
         let tool = chain.base_from_tool;
-        let last = chain.bodies[arm.count() - 1];
+        let last = chain.body(arm.count() - 1);
         let tool_from_last = tool.inverse().after(&last);
         let body = arm.tool.body.map(|body| Body {
             mass: body.mass,

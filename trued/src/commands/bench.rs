@@ -1,6 +1,7 @@
 //! `trued bench`: the latency of this machine, measured beside its limit and beside what others offer.
 
 mod asked;
+mod twenty;
 
 use std::path::PathBuf;
 use std::process::Command;
@@ -70,7 +71,7 @@ impl Bench {
     fn tell(&self, console: &mut Console, plan: &Plan, findings: &Findings) -> Result<(), Failure> {
         let machine = &findings.machine;
         console.say(format!(
-            "{}, kernel {}{}{}, client on core {}, {}, scheduling {}, {} s each part",
+            "{}, kernel {}{}{}, client on core {}, {}{}, scheduling {}, {} s each part",
             machine.processor,
             machine.kernel,
             if machine.preempt_rt { ", PREEMPT_RT" } else { "" },
@@ -80,6 +81,7 @@ impl Bench {
                 None => format!("daemon on core {}", machine.cores[1]),
                 Some(cell) => format!("cell {cell} where its daemon runs"),
             },
+            findings.model.map_or_else(String::new, |model| format!(", model {model}")),
             machine.scheduling.name(),
             plan.seconds
         ))?;

@@ -71,7 +71,7 @@ impl Effect for GravityTorque {
     fn predict(&self, signals: &Signals<'_>, _memory: &Memory) -> Contribution {
         let [a, b, c] = self.values;
         let term = if self.of_body {
-            let first_moment = signals.chain.bodies[self.joint].rotation * DVec3::new(a, b, c);
+            let first_moment = signals.chain.body(self.joint).rotation * DVec3::new(a, b, c);
             DriveTerm::Carried(signals.loads.gravity.cross(first_moment))
         } else {
             let (sin, cos) = sin_cos(signals.inputs.q[self.joint]);

@@ -8,10 +8,12 @@ use harness::{fifo_is_granted, runs_fifo};
 use recording::model::presets::preset;
 use shm_schema::Cell;
 
+use super::twenty;
 use crate::exit::Failure;
 
-/// The model that is measured with, and one of the same robot to swap with.
-const MODELS: [&str; 2] = ["irb1600-6-145-thesis", "irb1600-6-145"];
+/// The robot without effects, and with those of the thesis.
+const ROBOT: &str = "irb1600-6-145";
+const THESIS: &str = "irb1600-6-145-thesis";
 /// Shortest and longest part, s.
 const SECONDS: std::ops::RangeInclusive<f64> = 0.05..=86_400.0;
 /// A quick bench: parts so short that all of it takes less than 30 s.
@@ -30,6 +32,15 @@ enum Policies {
     Both,
 }
 
+/// What the daemon corrects; the same robot without effects is what it swaps with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Model {
+    /// The 44 effects of the thesis
+    Thesis,
+    /// The 20 effects that one correction is timed with beside other programs
+    Twenty,
+}
+
 /// Options of the measurement.
 #[derive(Debug, Clone, Args)]
 pub(super) struct Asked {
@@ -39,6 +50,15 @@ pub(super) struct Asked {
     /// A running cell instead of a daemon of the bench's own; no other client may command it meanwhile
     #[arg(long, value_name = "NAME")]
     cell: Option<String>,
+    /// Model of the bench's own daemon: thesis (44 effects), twenty (20 effects: those a correction is timed with beside other programs)
+    #[arg(
+        long,
+        value_enum,
+        conflicts_with = "cell",
+        default_value = "thesis",
+        hide_possible_values = true
+    )]
+    model: Model,
     /// Scheduling of the measuring threads and the daemon's cycle: auto (fifo where it is granted), fifo, other, both
     #[arg(long, value_enum, default_value = "auto", hide_possible_values = true)]
     policy: Policies,
@@ -89,9 +109,18 @@ impl Asked {
             let known = preset(name).ok_or("the bench's preset is missing from this build");
             known.map(|known| known.text.to_owned()).map_err(Failure::system)
         };
+        let robot = text(ROBOT)?;
+        let models = match self.model {
+            Model::Thesis => [text(THESIS)?, robot],
+            Model::Twenty => [twenty::text(&robot), robot],
+        };
         let plan = Plan {
             cell: self.cell.clone(),
-            models: [text(MODELS[0])?, text(MODELS[1])?],
+            models,
+            model: match self.model {
+                Model::Thesis => "thesis, 44 effects",
+                Model::Twenty => "twenty, 20 effects",
+            },
             cores,
             policies: self.policies(),
             priority: self.priority,

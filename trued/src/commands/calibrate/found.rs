@@ -267,10 +267,10 @@ fn is_planar(arm: &Arm, campaign: &Campaign, wanted: &[bool]) -> bool {
     let poses = || campaign.poses.iter().zip(wanted).filter(|(_, w)| **w).map(|(pose, _)| pose);
     let Some(first) = poses().next() else { return false };
     let q = first.inputs.q;
-    let axes = Chain::nominal(arm, &q).axes;
+    let chain = Chain::nominal(arm, &q);
     let moves = |joint: &usize| poses().any(|p| (p.inputs.q[*joint] - q[*joint]).abs() > STILL);
     let moving: Vec<usize> = (0..arm.count()).filter(moves).collect();
-    moving.iter().all(|joint| axes[moving[0]].dot(axes[*joint]).abs() > ALONG)
+    moving.iter().all(|joint| chain.axis(moving[0]).dot(chain.axis(*joint)).abs() > ALONG)
 }
 
 fn stationed(campaign: &Campaign, fits: [&Fit; 3], held: &[bool]) -> Vec<Stationed> {
