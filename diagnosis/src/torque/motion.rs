@@ -105,15 +105,12 @@ impl Run {
 
     /// Sharp samples in the band of the torque, at the rows.
     pub(super) fn at_rows(&self, samples: &[f64]) -> Vec<f64> {
-        if samples.iter().all(|x| *x == 0.0) {
-            return vec![0.0; self.rows.len()];
-        }
-        let passed = self.filter.pass(samples);
-        self.rows.iter().map(|row| passed[*row]).collect()
+        self.each_at_rows(&[samples]).remove(0)
     }
 
     /// The same of several lists of samples.
-    pub(super) fn each_at_rows(&self, lists: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    pub(super) fn each_at_rows<L: AsRef<[f64]>>(&self, lists: &[L]) -> Vec<Vec<f64>> {
+        let lists: Vec<&[f64]> = lists.iter().map(AsRef::as_ref).collect();
         let mut all = vec![vec![0.0; self.rows.len()]; lists.len()];
         let felt = |k: &usize| lists[*k].iter().any(|x| *x != 0.0);
         let felt: Vec<usize> = (0..lists.len()).filter(felt).collect();
@@ -122,11 +119,11 @@ impl Run {
         };
         let (pairs, last) = felt.as_chunks();
         for &[one, other] in pairs {
-            let [of_one, of_other] = self.filter.pass_each([&lists[one], &lists[other]]);
+            let [of_one, of_other] = self.filter.pass_each([lists[one], lists[other]]);
             put(one, of_one);
             put(other, of_other);
         }
-        last.iter().for_each(|k| put(*k, self.filter.pass(&lists[*k])));
+        last.iter().for_each(|k| put(*k, self.filter.pass(lists[*k])));
         all
     }
 

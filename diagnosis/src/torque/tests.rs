@@ -46,7 +46,11 @@ fn motion(t: f64) -> [f64; 3] {
     })
 }
 
-fn recording(kind: JointKind, noise: f64, torque: impl Fn([f64; 3]) -> f64) -> Recording {
+pub(super) fn recording(
+    kind: JointKind,
+    noise: f64,
+    torque: impl Fn([f64; 3]) -> f64,
+) -> Recording {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let t_s: Vec<f64> = (0..20_000).map(|k| 2e-3 * f64::from(k)).collect();
     let states: Vec<[f64; 3]> = t_s.iter().map(|t| motion(*t)).collect();
@@ -60,7 +64,7 @@ fn recording(kind: JointKind, noise: f64, torque: impl Fn([f64; 3]) -> f64) -> R
     made
 }
 
-fn slider(link: bool) -> Arm {
+pub(super) fn slider(link: bool) -> Arm {
     arm(JointKind::Prismatic, link.then(|| Body::point_mass(MASS, DVec3::ZERO)))
 }
 
@@ -80,7 +84,7 @@ fn told(arm: &Arm, effects: &[AnyEffect], recording: Recording) -> Result<Diagno
     diagnose(&stated, &[recording], None, 1)
 }
 
-fn of(arm: &Arm, effects: &[AnyEffect], recording: Recording) -> Diagnosis {
+pub(super) fn of(arm: &Arm, effects: &[AnyEffect], recording: Recording) -> Diagnosis {
     told(arm, effects, recording).unwrap()
 }
 

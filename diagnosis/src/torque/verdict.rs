@@ -62,3 +62,26 @@ pub(super) fn verdict(
         _ => Verdict::MissingPhysics,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{of, recording, slider};
+    use super::*;
+    use physics::JointKind;
+
+    #[test]
+    fn a_mass_that_rides_on_a_level_slide_is_told_by_the_name_with_the_fewest_numbers() {
+        let given = slider(true);
+        let mass = given.joints()[0].link.map_or(0.0, |link| link.mass);
+        let force = |[_, v, a]: [f64; 3]| (mass + 7.0) * a + 20.0 * v.signum();
+        let friction: &[(&str, &[f64])] = &[("level", &[20.0])];
+        let friction = physics::Given(friction);
+        let known = physics::AnyEffect::build("coulomb_friction", &given, Some(0), friction);
+        let found = of(&given, &[known.unwrap()], recording(JointKind::Prismatic, 1.0, force));
+        assert_eq!(found.verdict, Verdict::MissingPhysics, "{:?}", found.findings);
+        let kinds: Vec<&str> = found.findings.iter().map(|finding| finding.kind).collect();
+        assert_eq!(kinds, ["inertia"], "{:?}", found.findings);
+        let is_payload = |rival: &Rival| rival.kind == "payload" && rival.alike;
+        assert!(found.findings[0].rivals.iter().any(is_payload), "{:?}", found.findings);
+    }
+}
