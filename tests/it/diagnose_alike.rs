@@ -107,8 +107,9 @@ fn play_that_turns_between_rows_is_no_hysteresis() {
 #[test]
 fn a_gear_that_is_stated_to_have_play_may_lack_hysteresis() {
     let known = "[[effect]]\nkind = \"backlash\"\njoint = 3\nwidth_mrad = 0.1\nsigma = { width_mrad = 0.005 }\n";
-    let lag = "[[effect]]\nkind = \"hysteresis\"\njoint = 3\namplitude_mrad = 0.08\nreversal_mrad = 4.0\n";
+    let lag =
+        "[[effect]]\nkind = \"hysteresis\"\njoint = 3\namplitude_mrad = 0.1\nreversal_mrad = 8.0\n";
     let truth = format!("{known}\n{lag}");
-    let case = Case { known, truth: &truth, step_s: 0.02, recorded: 1, noise_mm: 0.01 };
+    let case = Case { known, truth: &truth, step_s: 0.01, recorded: 1, noise_mm: 0.005 };
     assert_eq!(case.told(), [("hysteresis".to_owned(), 3)]);
 }

@@ -10,8 +10,12 @@ use crate::campaign::{Arrival, Campaign, Pose};
 use crate::rides::paths;
 use world::turn::turned;
 
-/// Puts a pose where a joint turned round between two rows of a path; of each pose that there is then, which one it was, or the one that it comes after.
-pub(super) fn put_between(campaign: &mut Campaign, joints: usize) -> Vec<usize> {
+/// Puts a pose where a joint turned round between two rows of a path. Gives which poses are held out then: the new ones with those that they come after.
+pub(super) fn put_between(
+    campaign: &mut Campaign,
+    joints: usize,
+    held_out: Option<Vec<bool>>,
+) -> Option<Vec<bool>> {
     let mut turns: Vec<(usize, Pose)> = Vec::new();
     for path in paths(campaign).collect::<Vec<_>>() {
         for k in path.start + 1..path.end.saturating_sub(1) {
@@ -52,7 +56,7 @@ pub(super) fn put_between(campaign: &mut Campaign, joints: usize) -> Vec<usize> 
         }
     }
     campaign.poses = poses;
-    from
+    held_out.map(|held| from.into_iter().map(|k| held[k]).collect())
 }
 
 /// Whether a joint is told to turn round between two rows: what only jitters does not.
@@ -94,14 +98,15 @@ mod tests {
     fn a_swing_turns_at_its_height_though_no_row_stands_there() {
         let mut campaign = swing(500);
         let whole = campaign.clone();
-        let from = put_between(&mut campaign, 6);
+        let late: Vec<bool> = (0..500).map(|row| row >= 250).collect();
+        let held = put_between(&mut campaign, 6, Some(late)).unwrap_or_default();
         let new: Vec<&Pose> = campaign.poses.iter().filter(|pose| pose.seen.is_empty()).collect();
         let (first, heights) = (&whole.poses[0], new.iter().map(|pose| pose.inputs.q[0].abs()));
         assert!(first.seen.is_empty() || new.len() == 3, "three turns in 10 s: {}", new.len());
         let highest = heights.fold(0.0, f64::max);
         assert!((highest - 1.0).abs() < 1e-7, "{highest}");
-        assert_eq!(from.len(), campaign.poses.len());
         assert_eq!(campaign.poses.len(), 503);
+        assert!(campaign.poses.iter().map(|pose| pose.row >= 250).eq(held));
         let way = |campaign: &Campaign| -> f64 {
             let went = |pose: &Pose| (pose.inputs.q[0] - pose.inputs.q_before[0]).abs();
             campaign.poses.iter().map(went).sum()
@@ -112,18 +117,17 @@ mod tests {
         assert!((time - 500.0 * 0.02).abs() < 1e-9, "{time}");
         let times = campaign.poses.windows(2);
         assert!(times.into_iter().all(|pair| pair[0].inputs.time_s < pair[1].inputs.time_s));
-        let rows = |campaign: &Campaign| -> Vec<usize> {
-            from.iter().map(|k| campaign.poses[*k].row).collect()
-        };
-        assert!(campaign.poses.iter().map(|pose| pose.row).eq(rows(&whole)));
+        assert!(campaign.poses.is_sorted_by_key(|pose| pose.row));
     }
 
     #[test]
     fn a_joint_that_stands_or_goes_on_turns_nowhere() {
         let mut campaign = swing(70);
-        assert_eq!(put_between(&mut campaign, 6).len(), 70, "up to its first height alone");
+        put_between(&mut campaign, 6, None);
+        assert_eq!(campaign.poses.len(), 70, "up to its first height alone");
         let mut still = swing(500);
         still.poses.iter_mut().for_each(|pose| pose.inputs.direction[0] = 0.0);
-        assert_eq!(put_between(&mut still, 6).len(), 500);
+        put_between(&mut still, 6, None);
+        assert_eq!(still.poses.len(), 500);
     }
 }
