@@ -26,7 +26,6 @@ pub mod says;
 mod settle;
 mod springs;
 mod starts;
-mod turns;
 mod unknown;
 mod untested;
 mod view;
@@ -149,7 +148,6 @@ pub fn diagnose(
 ) -> Diagnosis {
     let mut notes = Vec::new();
     ready::set_moving(&mut campaign, model.arm.count());
-    let held_out = turns::put_between(&mut campaign, model.arm.count(), held_out);
     let kept = ready::thin(&mut campaign, model.arm.count(), &mut notes);
     ready::set_begun(&mut campaign, model, &mut notes);
     let split = match held_out {
@@ -162,7 +160,8 @@ pub fn diagnose(
     let naming_split = split.keeping_some(&campaign, seed);
     prove::set_apart(&mut campaign, [&split, &naming_split]);
     let words = features::words(&campaign, model);
-    let (used, influence) = (naming_split.training.as_slice(), Influence::Redescending);
+    let influence = Influence::Redescending;
+    let used = naming_split.training.as_slice();
     let settings = Settings { used, influence, from: None, effort: Effort::Full };
     let known = ready::known(model, sigma);
     let base = fit(&campaign, &known, &settings);

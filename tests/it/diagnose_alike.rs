@@ -10,8 +10,6 @@ struct Case<'a> {
     known: &'a str,
     truth: &'a str,
     step_s: f64,
-    /// Of the rows that the robot went through every so manieth was recorded.
-    recorded: usize,
     noise_mm: f64,
 }
 
@@ -20,7 +18,7 @@ impl Case<'_> {
     fn told(&self) -> Vec<(String, u64)> {
         let place = Place::new();
         let base = preset(BASE).expect("preset").text;
-        let Self { known, truth, step_s, recorded, noise_mm } = self;
+        let Self { known, truth, step_s, noise_mm } = self;
         place.file("known.toml", &format!("{base}\n{known}"));
         place.file("truth.toml", &format!("{base}\n{truth}"));
         place.file("path.csv", &path_of(*step_s));
@@ -28,10 +26,6 @@ impl Case<'_> {
         let noise = noise_mm.to_string();
         let simulate = ["simulate", "--model", "truth.toml", "--out", "seen", "--seed", "4"];
         place.succeed(&[&simulate[..], &["--noise", &noise, "path.csv"]].concat());
-        let seen = place.read("seen.csv");
-        let (header, rows) = seen.split_once('\n').unwrap_or_default();
-        let rows: Vec<&str> = rows.lines().step_by(*recorded).collect();
-        place.file("seen.csv", &format!("{header}\n{}\n", rows.join("\n")));
         let sigma = format!("sigma = {{ x_mm = {noise}, y_mm = {noise}, z_mm = {noise} }}\n");
         place.file("seen.toml", &format!("schema = \"trued.recording/1\"\n{sigma}"));
         let diagnose = ["diagnose", "--model", "known.toml", "--out", "said", "--seed", "1"];
@@ -71,7 +65,7 @@ fn a_counterbalance_is_no_set_of_waves_and_zeros() {
     ];
     for (spring, mrad_per_knm, noise_mm) in springs {
         let truth = format!("{}\n{spring}", compliance(2, mrad_per_knm, 0.06));
-        let case = Case { known: &known, truth: &truth, step_s: 0.02, recorded: 1, noise_mm };
+        let case = Case { known: &known, truth: &truth, step_s: 0.02, noise_mm };
         assert_eq!(case.told(), [("counterbalance".to_owned(), 2)], "{spring}");
     }
 }
@@ -81,7 +75,7 @@ fn a_counterbalance_is_no_set_of_waves_and_zeros() {
 fn a_gap_that_takes_several_rows_to_cross_is_backlash() {
     let truth = "[[effect]]\nkind = \"backlash\"\njoint = 5\nwidth_mrad = 2.0\n";
     for step_s in [0.01, 0.005] {
-        let case = Case { known: "", truth, step_s, recorded: 1, noise_mm: 0.01 };
+        let case = Case { known: "", truth, step_s, noise_mm: 0.01 };
         assert_eq!(case.told(), [("backlash".to_owned(), 5)], "{step_s} s");
     }
 }
@@ -92,16 +86,8 @@ fn a_light_joint_that_hardens_is_named() {
     let known = compliance(5, 50.0, 2.0);
     let hard = "[[effect]]\nkind = \"stiffness_hardening\"\njoint = 5\ncubic_mrad_per_kNm3 = 1e6\n";
     let truth = format!("{known}\n{hard}");
-    let case = Case { known: &known, truth: &truth, step_s: 0.02, recorded: 1, noise_mm: 0.003 };
+    let case = Case { known: &known, truth: &truth, step_s: 0.02, noise_mm: 0.003 };
     assert_eq!(case.told(), [("stiffness_hardening".to_owned(), 5)]);
-}
-
-/// Five times as fast as its rows are recorded the arm goes to where it turns, and the gap is open from there.
-#[test]
-fn play_that_turns_between_rows_is_no_hysteresis() {
-    let truth = "[[effect]]\nkind = \"backlash\"\njoint = 2\nwidth_mrad = 0.2\n";
-    let case = Case { known: "", truth, step_s: 0.008, recorded: 5, noise_mm: 0.002 };
-    assert_eq!(case.told(), [("backlash".to_owned(), 2)]);
 }
 
 #[test]
@@ -110,6 +96,6 @@ fn a_gear_that_is_stated_to_have_play_may_lack_hysteresis() {
     let lag =
         "[[effect]]\nkind = \"hysteresis\"\njoint = 3\namplitude_mrad = 0.1\nreversal_mrad = 8.0\n";
     let truth = format!("{known}\n{lag}");
-    let case = Case { known, truth: &truth, step_s: 0.01, recorded: 1, noise_mm: 0.005 };
+    let case = Case { known, truth: &truth, step_s: 0.01, noise_mm: 0.005 };
     assert_eq!(case.told(), [("hysteresis".to_owned(), 3)]);
 }

@@ -8,7 +8,6 @@
 use crate::curve::derivatives;
 use crate::dynamics::{Dynamics, late};
 use crate::ride::Ride;
-use crate::turn::turned;
 use physics::{Chain, Evaluation, Frame, Inputs, JOINTS_MAX, Joints, Memories, Model};
 
 /// The arm at one row.
@@ -51,7 +50,7 @@ pub fn path(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Vec<Seen> {
         if k == 0 {
             model.settle(inputs, &mut memories);
         } else {
-            model.advance(&by_turns(model, &ride.inputs, k, &mut memories), &mut memories);
+            model.advance(inputs, &mut memories);
         }
         let evaluation = model.evaluate(inputs, &memories);
         all.push(seen(&inputs.q, &evaluation, Some((&ride, k)), model));
@@ -65,30 +64,6 @@ pub fn path(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Vec<Seen> {
         }
     }
     all
-}
-
-/// What went into a row, as it came there from the last place where a joint turned round since the row before; memories have been there.
-fn by_turns(model: &Model, rows: &[Inputs], row: usize, memories: &mut Memories) -> Inputs {
-    let mut now = rows[row];
-    if !model.effects().any(|effect| effect.spec().has_memory) {
-        return now;
-    }
-    let between = rows[row - 1].time_s..now.time_s;
-    let about = [row - 1, row].into_iter().filter(|at| *at > 0 && at + 1 < rows.len());
-    let turns = about.flat_map(|at| {
-        let three = [&rows[at - 1], &rows[at], &rows[at + 1]];
-        (0..model.arm.count()).filter_map(move |joint| turned(three, joint))
-    });
-    let mut turns: Vec<Inputs> = turns.filter(|turn| between.contains(&turn.time_s)).collect();
-    turns.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-    for mut turn in turns {
-        turn.dt_s = now.dt_s - (now.time_s - turn.time_s);
-        turn.q_before = now.q_before;
-        model.advance(&turn, memories);
-        now.dt_s -= turn.dt_s;
-        now.q_before = turn.q;
-    }
-    now
 }
 
 /// Speeds and accelerations of one segment of a path, from its positions: what the loads' inertial part needs. `joints`: how many the arm has.
