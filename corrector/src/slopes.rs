@@ -153,7 +153,7 @@ impl Slopes {
     }
 
     /// The next step by the inverse of the slopes last seen, `last` being the size of the step since, put right by the geometry where the arm stands; whether
-    /// it is much smaller than that. None where `last` was damped.
+    /// it is much smaller than that. Never where `last` was damped.
     pub(crate) fn again(&mut self, here: &Here<'_>, last: f64, error: &TaskError) -> bool {
         if last == f64::INFINITY {
             return false;

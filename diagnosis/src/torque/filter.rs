@@ -155,6 +155,12 @@ mod tests {
     }
 
     #[test]
+    fn a_pair_passes_as_each_alone_does() {
+        let (filter, one, other) = (LowPass::new(40.0, 1000.0), wave(5.0, 700), wave(90.0, 700));
+        assert_eq!(filter.pass_each([&one, &other]), [filter.pass(&one), filter.pass(&other)]);
+    }
+
+    #[test]
     fn what_comes_later_is_what_was() {
         let slow = wave(60.0, 1000);
         let worst = |by: f64| {

@@ -374,3 +374,23 @@ pub(super) fn asking<'a>(
 ) -> Asking<'a> {
     Asking { library: &case.library, products, always }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shortest_wave_keeps_its_height_where_rows_are_gathered_at_places() {
+        let step = 0.5 * TAU;
+        let wave = |k: u32| {
+            let q = f64::from(k) / 19_999.0;
+            (q, libm::sin(step * WAVES as f64 * q + 0.3))
+        };
+        let rows: Vec<(f64, f64)> = (0..20_000).map(wave).collect();
+        let places = gathered(rows.clone(), [0.0, 1.0]);
+        assert_eq!(places.len(), PLACES);
+        let height = |rows: &[(f64, f64)]| powers(rows, WAVES, step, WAVES)[0].sqrt();
+        let share = height(&places) / height(&rows);
+        assert!((0.98..1.0).contains(&share), "{share}");
+    }
+}
