@@ -14,6 +14,8 @@ const CLEAR: f64 = 0.5;
 const SURE: f64 = 20.0;
 /// Two names that differ by less than this in log-likelihood are one and the same thing in this recording.
 const SAME: f64 = 1e-3;
+/// Two words for one law differ by less than is worth a mention (Kass and Raftery 1995: a Bayes factor below 3): the preferred one is said.
+const WORD: f64 = 1.0;
 
 /// A dearer name that is at least as probable as this keeps a cheaper one from being claimed.
 const LIKELY: f64 = 0.35;
@@ -79,31 +81,58 @@ pub(super) fn is_ambiguous(one: &Named, fit: &Fit) -> bool {
 
 /// Whether a rival is the same thing in this recording, and the contract says which word to prefer.
 fn is_same(own: &AnyEffect, rival: &Rival) -> bool {
+    if words(own, &rival.effect) {
+        return rival.behind.abs() < WORD;
+    }
+    let grows = |effect: &AnyEffect| matches!(effect, AnyEffect::SpindleGrowth(_));
+    let stretches = |effect: &AnyEffect| matches!(effect, AnyEffect::ThermalGrowth(_));
+    let shifts = |effect: &AnyEffect| matches!(effect, AnyEffect::AxisShift(_));
+    let kin = |is: &dyn Fn(&AnyEffect) -> bool| is(own) && is(&rival.effect);
+    let parallel = kin(&shifts);
+    // A tool that hangs along its own z grows as the link after the last joint does.
+    let one_way = kin(&|effect| grows(effect) || stretches(effect));
+    let apart = own.joint() != rival.effect.joint() && !grows(own) && !grows(&rival.effect);
+    rival.behind.abs() < SAME && (parallel || one_way && !apart)
+}
+
+/// Whether two names of a joint are two words for one law, that differ in what part of it they take.
+fn words(one: &AnyEffect, other: &AnyEffect) -> bool {
     let family = |effect: &AnyEffect| match effect {
         AnyEffect::JointCompliance(_)
         | AnyEffect::GravityCompliance(_)
         | AnyEffect::LoadCompliance(_)
         | AnyEffect::GravitySag(_) => 1,
         AnyEffect::Backlash(_) | AnyEffect::Hysteresis(_) => 2,
-        AnyEffect::AxisShift(_) => 3,
-        // A tool that hangs along its own z grows as the link after the last joint does.
-        AnyEffect::ThermalGrowth(_) | AnyEffect::SpindleGrowth(_) => 4,
         _ => 0,
     };
-    let kin = family(own) > 0 && family(own) == family(&rival.effect);
-    let grows = |effect: &AnyEffect| matches!(effect, AnyEffect::SpindleGrowth(_));
-    let parallel = matches!(own, AnyEffect::AxisShift(_)) || grows(own) || grows(&rival.effect);
-    kin && rival.behind.abs() < SAME && (parallel || own.joint() == rival.effect.joint())
+    family(one) > 0 && family(one) == family(other) && one.joint() == other.joint()
 }
 
-/// The probability that a name is right beside its rivals, by their likelihoods and the numbers that each takes.
+/// What a rival pays, in log-likelihood, for being the word that is not preferred (contract `effects.md`); below zero: what it gains where it is.
+pub(super) fn of_word(own: &AnyEffect, rival: &AnyEffect) -> f64 {
+    let preferred = |effect: &AnyEffect| {
+        matches!(effect, AnyEffect::JointCompliance(_) | AnyEffect::Backlash(_))
+    };
+    match (preferred(own), preferred(rival)) {
+        (true, false) if words(own, rival) => WORD,
+        (false, true) if words(own, rival) => -WORD,
+        _ => 0.0,
+    }
+}
+
+/// The probability that a name is right beside its rivals, by their likelihoods and the numbers that each takes, and that of each rival. Where another word
+/// is the same thing, either is right.
 pub(super) fn confidence(one: &Named, fit: &Fit) -> (f64, Vec<f64>) {
     let readings = fit.readings as f64 / fit.design_effect;
     let price = readings.max(2.0).ln();
+    let own = fit.hypothesis.model.effects().nth(one.effect);
     let weight = |rival: &Rival| libm::exp(-(rival.behind + one.dearer(rival, price)).max(-20.0));
     let weights: Vec<f64> = one.rivals.iter().map(weight).collect();
     let all = 1.0 + weights.iter().sum::<f64>();
-    (1.0 / all, weights.iter().map(|weight| weight / all).collect())
+    let same = |rival: &Rival| own.is_some_and(|own| is_same(own, rival));
+    let words = one.rivals.iter().zip(&weights).filter(|(rival, _)| same(rival));
+    let right = 1.0 + words.map(|(_, weight)| weight).sum::<f64>();
+    (right / all, weights.iter().map(|weight| weight / all).collect())
 }
 
 #[cfg(test)]

@@ -10,6 +10,7 @@
 use super::bank::Bank;
 use super::choice::Choice;
 use super::gram::Entry;
+use super::judge::of_word;
 use super::modes::modes;
 use crate::campaign::Campaign;
 use crate::candidates::Candidate;
@@ -144,12 +145,14 @@ pub(super) fn with_rivals(asking: &Asking<'_>, mut naming: Naming) -> Naming {
 }
 
 impl Named {
-    /// What a rival pays for the numbers that it takes beyond these, in log-likelihood: the fewest win, unless the evidence differs by more than
-    /// [`ALIKE`] (contract `effects.md`) beyond what as many numbers gain by chance. `price`: of a number, in the sum of squares.
+    /// What a rival pays, in log-likelihood, for the numbers that it takes beyond these and for its word: the fewest win, unless the evidence differs by
+    /// more than [`ALIKE`] (contract `effects.md`) beyond what as many numbers gain by chance. `price`: of a number, in the sum of squares.
     pub(super) fn dearer(&self, rival: &Rival, price: f64) -> f64 {
         let more = rival.numbers as f64 - self.numbers as f64;
         let most = ALIKE + 0.5 * more.abs();
-        (0.5 * price * more).clamp(-most, most)
+        let own = self.candidate.probes.first();
+        let word = own.map_or(0.0, |own| of_word(&own.effect, &rival.effect));
+        (0.5 * price * more).clamp(-most, most) + word
     }
 
     /// The rival that is the better name.
