@@ -5,7 +5,7 @@
 //! Promises: poses are visited in order, memory of effects follows them, so the sum is the same on any machine of one kind.
 //! Never: a step; see [`crate::minimise`].
 
-use crate::campaign::{Arrival, Campaign};
+use crate::campaign::{Arrival, Campaign, Pose};
 use crate::colour::{Filter, stream};
 use crate::hypothesis::{Free, Hypothesis};
 use crate::independent::{Dependent, sort};
@@ -16,7 +16,8 @@ use crate::rides::Rides;
 use crate::sheet::Sheet;
 use crate::surroundings::{Number, Surroundings};
 use crate::triangle::Triangle;
-use physics::{Evaluation, Memories, Model};
+use physics::{Evaluation, Inputs, Memories, Model};
+use world::turn::advance;
 
 /// What a fit changes.
 #[derive(Clone, Debug, PartialEq)]
@@ -206,12 +207,34 @@ pub(crate) fn remember(
         let inputs = rides.inputs(campaign, index);
         match pose.arrival {
             Arrival::Settled => model.arrive(inputs, &mut memories),
-            Arrival::FromBefore => model.advance(inputs, &mut memories),
+            Arrival::FromBefore => {
+                advance(model, about(campaign, rides, index), &mut memories);
+            }
         }
         if used.is_none_or(|used| used[index]) {
             look(index, &memories);
         }
     }
+}
+
+/// What went into a pose of a path, into the two before and the one after; into these alone where joints were read back, as what they are rounded to and how
+/// late they are lies in their turns too.
+fn about<'a>(campaign: &'a Campaign, rides: &'a Rides, index: usize) -> [Option<&'a Inputs>; 4] {
+    let poses = &campaign.poses;
+    let goes_on = |from: &usize| {
+        let next = poses.get(from + 1);
+        let is_one = |next: &Pose| poses[*from].recording == next.recording;
+        next.is_some_and(|next| is_one(next) && next.arrival == Arrival::FromBefore)
+    };
+    let inputs = |pose: usize| rides.inputs(campaign, pose);
+    let source = campaign.recordings.get(poses[index].recording);
+    if source.is_none_or(|source| !source.is_path || source.reads_back) {
+        return [None, None, Some(inputs(index)), None];
+    }
+    let before = index.checked_sub(1).filter(goes_on);
+    let first = before.and_then(|k| k.checked_sub(1)).filter(goes_on);
+    let after = goes_on(&index).then_some(index + 1);
+    [first, before, Some(index), after].map(|pose| pose.map(inputs))
 }
 
 /// The weighed sum of squares of data and priors.

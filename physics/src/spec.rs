@@ -158,6 +158,22 @@ impl Range {
                 Self::Between(low, high) => value > low && value < high,
             }
     }
+
+    /// The value of the range that is nearest to this one; of an open end a value just within.
+    #[must_use]
+    pub fn nearest(&self, value: f64) -> f64 {
+        /// How far within an open end, as a share of what lies between two.
+        const WITHIN: f64 = 1e-3;
+        match *self {
+            Self::Any => value,
+            Self::NotNegative => value.max(0.0),
+            Self::Positive => value.max(f64::MIN_POSITIVE),
+            Self::Between(low, high) => {
+                let within = WITHIN * (high - low);
+                value.clamp(low + within, high - within)
+            }
+        }
+    }
 }
 
 /// One entry of an effect in a file.

@@ -10,7 +10,26 @@ struct Case<'a> {
     known: &'a str,
     truth: &'a str,
     step_s: f64,
+    /// Of the rows that the robot went through every so manieth was recorded.
+    recorded: usize,
+    /// Largest force and moment at the tool, N and Nm along its axes; none was recorded where they are zero.
+    wrench: [f64; 6],
     noise_mm: f64,
+}
+
+/// A path with the wrench of a tool that is pushed about.
+fn pushed(path: &str, wrench: [f64; 6]) -> String {
+    let row = |(k, line): (usize, &str)| {
+        let push = wrench.iter().enumerate().map(|(axis, most)| {
+            let pace = [0.11, 0.17, 0.23, 0.31, 0.41, 0.53][axis];
+            format!("{:.4}", most * (pace * k as f64).sin())
+        });
+        match k {
+            0 => format!("{line},fx_N,fy_N,fz_N,mx_Nm,my_Nm,mz_Nm"),
+            _ => format!("{line},{}", push.collect::<Vec<_>>().join(",")),
+        }
+    };
+    path.lines().enumerate().map(row).collect::<Vec<_>>().join("\n") + "\n"
 }
 
 impl Case<'_> {
@@ -18,14 +37,20 @@ impl Case<'_> {
     fn told(&self) -> Vec<(String, u64)> {
         let place = Place::new();
         let base = preset(BASE).expect("preset").text;
-        let Self { known, truth, step_s, noise_mm } = self;
+        let Self { known, truth, step_s, recorded, wrench, noise_mm } = self;
         place.file("known.toml", &format!("{base}\n{known}"));
         place.file("truth.toml", &format!("{base}\n{truth}"));
-        place.file("path.csv", &path_of(*step_s));
+        let path = path_of(*step_s);
+        let is_pushed = wrench.iter().any(|most| *most != 0.0);
+        place.file("path.csv", &if is_pushed { pushed(&path, *wrench) } else { path });
         place.file("path.toml", "schema = \"trued.recording/1\"\nmeasuring_frame = \"base\"\n");
         let noise = noise_mm.to_string();
         let simulate = ["simulate", "--model", "truth.toml", "--out", "seen", "--seed", "4"];
         place.succeed(&[&simulate[..], &["--noise", &noise, "path.csv"]].concat());
+        let seen = place.read("seen.csv");
+        let (header, rows) = seen.split_once('\n').unwrap_or_default();
+        let rows: Vec<&str> = rows.lines().step_by(*recorded).collect();
+        place.file("seen.csv", &format!("{header}\n{}\n", rows.join("\n")));
         let sigma = format!("sigma = {{ x_mm = {noise}, y_mm = {noise}, z_mm = {noise} }}\n");
         place.file("seen.toml", &format!("schema = \"trued.recording/1\"\n{sigma}"));
         let diagnose = ["diagnose", "--model", "known.toml", "--out", "said", "--seed", "1"];
@@ -65,7 +90,14 @@ fn a_counterbalance_is_no_set_of_waves_and_zeros() {
     ];
     for (spring, mrad_per_knm, noise_mm) in springs {
         let truth = format!("{}\n{spring}", compliance(2, mrad_per_knm, 0.06));
-        let case = Case { known: &known, truth: &truth, step_s: 0.02, noise_mm };
+        let case = Case {
+            known: &known,
+            truth: &truth,
+            step_s: 0.02,
+            recorded: 1,
+            wrench: [0.0; 6],
+            noise_mm,
+        };
         assert_eq!(case.told(), [("counterbalance".to_owned(), 2)], "{spring}");
     }
 }
@@ -75,7 +107,7 @@ fn a_counterbalance_is_no_set_of_waves_and_zeros() {
 fn a_gap_that_takes_several_rows_to_cross_is_backlash() {
     let truth = "[[effect]]\nkind = \"backlash\"\njoint = 5\nwidth_mrad = 2.0\n";
     for step_s in [0.01, 0.005] {
-        let case = Case { known: "", truth, step_s, noise_mm: 0.01 };
+        let case = Case { known: "", truth, step_s, recorded: 1, wrench: [0.0; 6], noise_mm: 0.01 };
         assert_eq!(case.told(), [("backlash".to_owned(), 5)], "{step_s} s");
     }
 }
@@ -86,8 +118,24 @@ fn a_light_joint_that_hardens_is_named() {
     let known = compliance(5, 50.0, 2.0);
     let hard = "[[effect]]\nkind = \"stiffness_hardening\"\njoint = 5\ncubic_mrad_per_kNm3 = 1e6\n";
     let truth = format!("{known}\n{hard}");
-    let case = Case { known: &known, truth: &truth, step_s: 0.02, noise_mm: 0.003 };
+    let case = Case {
+        known: &known,
+        truth: &truth,
+        step_s: 0.02,
+        recorded: 1,
+        wrench: [0.0; 6],
+        noise_mm: 0.003,
+    };
     assert_eq!(case.told(), [("stiffness_hardening".to_owned(), 5)]);
+}
+
+/// Five times as fast as its rows are recorded the arm goes to where it turns, and the gap is open from there.
+#[test]
+fn play_that_turns_between_rows_is_no_hysteresis() {
+    let truth = "[[effect]]\nkind = \"backlash\"\njoint = 2\nwidth_mrad = 0.2\n";
+    let case =
+        Case { known: "", truth, step_s: 0.008, recorded: 5, wrench: [0.0; 6], noise_mm: 0.002 };
+    assert_eq!(case.told(), [("backlash".to_owned(), 2)]);
 }
 
 #[test]
@@ -96,6 +144,29 @@ fn a_gear_that_is_stated_to_have_play_may_lack_hysteresis() {
     let lag =
         "[[effect]]\nkind = \"hysteresis\"\njoint = 3\namplitude_mrad = 0.1\nreversal_mrad = 8.0\n";
     let truth = format!("{known}\n{lag}");
-    let case = Case { known, truth: &truth, step_s: 0.01, noise_mm: 0.005 };
+    let case =
+        Case { known, truth: &truth, step_s: 0.01, recorded: 1, wrench: [0.0; 6], noise_mm: 0.005 };
     assert_eq!(case.told(), [("hysteresis".to_owned(), 3)]);
+}
+
+/// Moments of a newton metre say next to nothing of their scales, which then lie anywhere: that is no word against the forces'.
+#[test]
+fn a_scale_that_nothing_shows_bars_no_scales_that_show() {
+    let known = [2, 3, 5].map(|joint| compliance(joint, 3.0, 0.03)).concat();
+    let scale = "[[effect]]\nkind = \"wrench_scale\"\nscale = [0.2, 0.25, 0.25, 0.2, -0.3, 0.17]\n";
+    let truth = format!("{known}\n{scale}");
+    let wrench = [60.0, 80.0, 100.0, 0.5, 0.5, 0.5];
+    let case =
+        Case { known: &known, truth: &truth, step_s: 0.02, recorded: 1, wrench, noise_mm: 0.01 };
+    assert_eq!(case.told(), [("wrench_scale".to_owned(), 0)]);
+}
+
+/// An upright axis feels no weight, and what the arm's own inertia bends there is next to nothing: one compliance by two words, of which one is said.
+#[test]
+fn an_upright_joint_that_the_tool_bends_has_a_compliance_whatever_its_word() {
+    let truth =
+        "[[effect]]\nkind = \"load_compliance\"\njoint = 1\ncompliance_mrad_per_kNm = 0.1\n";
+    let wrench = [1200.0, 1600.0, 2000.0, 40.0, 40.0, 40.0];
+    let case = Case { known: "", truth, step_s: 0.02, recorded: 1, wrench, noise_mm: 0.03 };
+    assert_eq!(case.told(), [("joint_compliance".to_owned(), 1)]);
 }

@@ -8,6 +8,7 @@
 use crate::curve::derivatives;
 use crate::dynamics::{Dynamics, late};
 use crate::ride::Ride;
+use crate::turn::advance;
 use physics::{Chain, Evaluation, Frame, Inputs, JOINTS_MAX, Joints, Memories, Model};
 
 /// The arm at one row.
@@ -50,7 +51,9 @@ pub fn path(model: &Model, dynamics: &Dynamics, rows: &[Inputs]) -> Vec<Seen> {
         if k == 0 {
             model.settle(inputs, &mut memories);
         } else {
-            model.advance(inputs, &mut memories);
+            let about = [k.checked_sub(2), Some(k - 1), Some(k), Some(k + 1)];
+            let about = about.map(|row| ride.inputs.get(row?));
+            advance(model, about, &mut memories);
         }
         let evaluation = model.evaluate(inputs, &memories);
         all.push(seen(&inputs.q, &evaluation, Some((&ride, k)), model));

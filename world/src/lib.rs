@@ -7,7 +7,7 @@
 //! Read in this order: [`path`] and [`slots`] (where the tool shall go, [`workplace`]: where there), [`ik`] and [`joint_path`] (the commands for it),
 //! [`draw`] (a true robot for a calibrated model), [`hidden`] (what that model lacks), [`survey`] (a measuring program), [`robot`] (where its tool really goes), [`cutter`] and
 //! [`ringing`] (what the cut exerts), [`cell`] (all of it, tick by tick). [`contact`] closes the loop over a stiff
-//! surface; [`tracker`] is the instrument. [`forward`] runs a recorded motion through a model, with [`dynamics`]' delays, lags and modes;
+//! surface; [`tracker`] is the instrument. [`forward`] runs a recorded motion through a model, with [`dynamics`]' delays, lags and modes, by way of where joints [`turn`];
 //! [`drives`] says what is recorded of the drives on it, [`servo`] puts a controller into the loop; [`milling`] says what is recorded of a cut.
 //!
 //! Units are SI; vectors are in base axes unless a name says otherwise.
@@ -34,6 +34,7 @@ pub mod servo;
 pub mod slots;
 pub mod survey;
 pub mod tracker;
+pub mod turn;
 pub mod workplace;
 
 #[cfg(test)]

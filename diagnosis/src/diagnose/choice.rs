@@ -7,6 +7,7 @@ use super::gram::{Entry, Gain, Gram};
 use super::name::{ALIKE, Asking, Named, Naming, Rival, nuisance, title, without};
 use crate::candidates::{Candidate, Probe, wave_candidate};
 use crate::fit::compare;
+use crate::hypothesis::named;
 use crate::motions::is_about_loads;
 use crate::score::Fitted;
 use crate::select::is_sound;
@@ -25,6 +26,8 @@ const BEHIND: f64 = 0.2;
 const VARIANT: f64 = 3.84;
 /// A common name of two that the products, which are linear, put further behind, in the sum of squares, no fit brings back.
 const LINEAR: f64 = 20.0;
+/// A number is as unsure as so many standard deviations.
+const UNSURE: f64 = 2.0;
 /// Names that are better by less than this are as good: the earlier in the library is said.
 const TIE: f64 = 1e-3;
 
@@ -160,15 +163,29 @@ impl<'a> Choice<'a> {
             if !self.fits(&entry.candidate, &beside) || self.chosen.contains(&place) {
                 continue;
             }
-            let Some(gain) = gram.would_gain(place) else { continue };
-            if is_sound(&entry.candidate, &gain.found) {
-                let worth = self.worth(&gain, entry);
-                open.push((place, gain, worth));
-            }
+            let Some(mut gain) = gram.would_gain(place) else { continue };
+            let Some(found) = self.sound(&entry.candidate, &gain) else { continue };
+            gain.found = found;
+            let worth = self.worth(&gain, entry);
+            open.push((place, gain, worth));
         }
         let step = |worth: f64| (worth / TIE).round();
         open.sort_by(|a, b| step(b.2).total_cmp(&step(a.2)).then(a.0.cmp(&b.0)));
         open
+    }
+
+    /// What was found where it may lie: a number that is no further beyond its range than it is unsure ends there. None where one is further.
+    fn sound(&self, candidate: &Candidate, gain: &Gain) -> Option<Vec<f64>> {
+        let unsure = UNSURE * self.design_effect.sqrt();
+        let mut found = gain.found.clone();
+        for ((probe, value), sigma) in candidate.probes.iter().zip(&mut found).zip(&gain.sigma) {
+            let range = named(&probe.effect, probe.value).map(|named| named.parameter.range);
+            let within = range.map_or(*value, |range| range.nearest(*value));
+            if !candidate.is_one_mass() && (within - *value).abs() < unsure * sigma {
+                *value = within;
+            }
+        }
+        is_sound(candidate, &found).then_some(found)
     }
 
     fn add(&mut self) -> bool {
@@ -184,7 +201,7 @@ impl<'a> Choice<'a> {
         let worth = |(at, place): (usize, &usize)| {
             let gain = self.gram.gains(*place);
             let entry = &self.entries[*place];
-            let sound = is_sound(&entry.candidate, &gain.found);
+            let sound = self.sound(&entry.candidate, &gain).is_some();
             (at, if sound { self.worth(&gain, entry) } else { f64::NEG_INFINITY })
         };
         let least = self.chosen.iter().enumerate().map(worth).min_by(|a, b| a.1.total_cmp(&b.1));
@@ -291,6 +308,7 @@ impl<'a> Choice<'a> {
         one.margin = margin;
         one.gain = 0.5 * gain.gain / self.design_effect;
         one.numbers = gain.numbers + self.entries[own].searched();
+        one.share = asking.share();
         one.rivals = rivals;
         one.variants = variants;
     }

@@ -87,6 +87,8 @@ pub(super) struct Gain {
     pub(super) numbers: usize,
     /// The numbers, one per probe, SI.
     pub(super) found: Vec<f64>,
+    /// How unsure each is, as standard deviation under noise without memory; zero for those that are not in.
+    pub(super) sigma: Vec<f64>,
 }
 
 impl Gram {
@@ -257,12 +259,13 @@ impl Gram {
             let later: f64 = (i + 1..kept.len()).map(|j| factor[j][i] * x[j]).sum();
             x[i] = (pulls[i] - later) / factor[i][i];
         }
-        let mut found = vec![0.0; columns.len()];
-        for (column, x) in kept.iter().zip(&x) {
+        let (mut found, mut sigma) = (vec![0.0; columns.len()], vec![0.0; columns.len()]);
+        for (at, (column, x)) in kept.iter().zip(&x).enumerate() {
             found[column - columns.start] = x / self.sizes[*column];
+            sigma[column - columns.start] = unsure(&factor, at) / self.sizes[*column];
         }
         let gain = pulls.iter().map(|pull| pull * pull).sum();
-        Some(Gain { gain, numbers: kept.len(), found })
+        Some(Gain { gain, numbers: kept.len(), found, sigma })
     }
 
     /// What an entry that is in brings beside all others that are.
@@ -273,14 +276,26 @@ impl Gram {
         let size = inside.len();
         let inverse = DMatrix::from_fn(size, size, |i, k| -self.cells[(inside[i], inside[k])]);
         let x = DMatrix::from_fn(size, 1, |i, _| self.cells[(inside[i], right)]);
-        let solved = inverse.cholesky().map(|c| c.solve(&x));
-        let gain = solved.map_or(0.0, |solved| solved.dot(&x));
-        let mut found = vec![0.0; columns.len()];
+        let (mut found, mut sigma) = (vec![0.0; columns.len()], vec![0.0; columns.len()]);
         for (i, column) in inside.iter().enumerate() {
             found[column - columns.start] = x[i] / self.sizes[*column];
+            sigma[column - columns.start] = inverse[(i, i)].max(0.0).sqrt() / self.sizes[*column];
         }
-        Gain { gain, numbers: size, found }
+        let solved = inverse.cholesky().map(|c| c.solve(&x));
+        let gain = solved.map_or(0.0, |solved| solved.dot(&x));
+        Gain { gain, numbers: size, found, sigma }
     }
+}
+
+/// The standard deviation of a number whose products have this lower factor: the length of its column in the factor's inverse.
+fn unsure(factor: &[Vec<f64>], number: usize) -> f64 {
+    let mut column = vec![0.0; factor.len()];
+    column[number] = 1.0 / factor[number][number];
+    for i in number + 1..factor.len() {
+        let known: f64 = (number..i).map(|k| factor[i][k] * column[k]).sum();
+        column[i] = -known / factor[i][i];
+    }
+    column.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// How the tool moves with every entry; asked where it is not known.

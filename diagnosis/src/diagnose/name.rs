@@ -67,6 +67,8 @@ pub(super) struct Named {
     pub(super) margin: f64,
     /// Numbers that it takes.
     pub(super) numbers: usize,
+    /// The share of what was read that its rivals were weighed on.
+    pub(super) share: f64,
     pub(super) rivals: Vec<Rival>,
     /// The same name with other settings, which the recording does not tell from these.
     pub(super) variants: Vec<AnyEffect>,
@@ -146,10 +148,11 @@ pub(super) fn with_rivals(asking: &Asking<'_>, mut naming: Naming) -> Naming {
 
 impl Named {
     /// What a rival pays, in log-likelihood, for the numbers that it takes beyond these and for its word: the fewest win, unless the evidence differs by
-    /// more than [`ALIKE`] (contract `effects.md`) beyond what as many numbers gain by chance. `price`: of a number, in the sum of squares.
+    /// more than [`ALIKE`] (contract `effects.md`), of which the rows that were asked hold their share, beyond what as many numbers gain by chance.
+    /// `price`: of a number, in the sum of squares.
     pub(super) fn dearer(&self, rival: &Rival, price: f64) -> f64 {
         let more = rival.numbers as f64 - self.numbers as f64;
-        let most = ALIKE + 0.5 * more.abs();
+        let most = ALIKE * self.share + 0.5 * more.abs();
         let own = self.candidate.probes.first();
         let word = own.map_or(0.0, |own| of_word(&own.effect, &rival.effect));
         (0.5 * price * more).clamp(-most, most) + word
@@ -262,6 +265,7 @@ impl Asking<'_> {
             gain: gone.gain - behind,
             margin: gone.margin - behind - dearer,
             numbers: rival.numbers,
+            share: gone.share,
             rivals: Vec::new(),
             variants: Vec::new(),
         };
@@ -300,6 +304,7 @@ impl Asking<'_> {
                     gain: 0.5 * gain.gain / before.design_effect,
                     margin: 0.5 * choice.worth(&gain, entry),
                     numbers: gain.numbers + entry.searched(),
+                    share: 1.0,
                     rivals: Vec::new(),
                     variants: Vec::new(),
                 });

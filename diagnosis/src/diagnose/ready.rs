@@ -153,10 +153,13 @@ fn with_turns(campaign: &Campaign, paths: &[Range<usize>], read: &[bool]) -> Vec
     let mut kept = vec![true; campaign.poses.len()];
     for path in paths {
         let poses = &campaign.poses[path.clone()];
-        let turns = |k: usize| k > 0 && poses[k].inputs.direction != poses[k - 1].inputs.direction;
+        let turns = |k: &usize| {
+            (1..poses.len()).contains(k)
+                && poses[*k].inputs.direction != poses[*k - 1].inputs.direction
+        };
         for k in 0..poses.len() {
-            // The row before is where it turned.
-            kept[path.start + k] = read[path.start + k] || turns(k) || turns((k + 1) % poses.len());
+            // It turned about the row before.
+            kept[path.start + k] = read[path.start + k] || (k..k + 3).any(|k| turns(&k));
         }
     }
     kept

@@ -1,0 +1,110 @@
+//! Where a joint turned round between two rows of a path.
+//!
+//! A joint goes on a little after the last row before it turns; play and hysteresis remember how far.
+//!
+//! Promises: a turn lies within the rows that it was told from. Never: a turn where positions show none.
+
+use physics::{Inputs, Memories, Model};
+use std::ops::Range;
+
+/// A turn that lies no further beyond its row than this, rad or m, is at the row.
+const BEYOND: f64 = 1e-6;
+/// And one that is nearer to a row than this share of the step there: what rows are rounded to would count for more.
+const NEAR: f64 = 0.1;
+
+/// Brings memories from one row to the next by way of the places where joints turned round in between. `about`: the row before both, both, and the row
+/// after, as far as they are of one path.
+pub fn advance(model: &Model, about: [Option<&Inputs>; 4], memories: &mut Memories) {
+    let [_, before, Some(now), _] = about else { return };
+    let mut now = *now;
+    let remembers = || model.effects().any(|effect| effect.spec().has_memory);
+    if let Some(before) = before.filter(|_| remembers()) {
+        for mut turn in turns(model.arm.count(), about, before.time_s..now.time_s) {
+            turn.dt_s = now.dt_s - (now.time_s - turn.time_s);
+            turn.q_before = now.q_before;
+            model.advance(&turn, memories);
+            (now.dt_s, now.q_before) = (now.dt_s - turn.dt_s, turn.q);
+        }
+    }
+    model.advance(&now, memories);
+}
+
+/// Where joints turned round within this time, in its order: what only jitters does not.
+fn turns(joints: usize, about: [Option<&Inputs>; 4], between_s: Range<f64>) -> Vec<Inputs> {
+    let mut turns = Vec::new();
+    for three in about.windows(3) {
+        let [Some(before), Some(at), Some(after)] = *three else { continue };
+        let reverses = |joint: &usize| at.direction[*joint] * after.direction[*joint] < 0.0;
+        let found = (0..joints).filter(reverses).filter_map(|k| turned([before, at, after], k));
+        turns.extend(found.filter(|turn| between_s.contains(&turn.time_s)));
+    }
+    turns.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+    turns
+}
+
+/// What went in where a joint turned round about the middle of three rows, by the parabola through them; none where it did not, or turned at the row.
+#[must_use]
+fn turned([before, at, after]: [&Inputs; 3], joint: usize) -> Option<Inputs> {
+    let [there, back] = [before, after].map(|other| other.q[joint] - at.q[joint]);
+    if there * back <= 0.0 {
+        return None;
+    }
+    let [from_s, to_s] = [before, after].map(|other| other.time_s - at.time_s);
+    let along = |[there, back]: [f64; 2]| {
+        let bend = (back / to_s - there / from_s) / (to_s - from_s);
+        [there / from_s - bend * from_s, bend]
+    };
+    let [slope, bend] = along([there, back]);
+    let by_s = -0.5 * slope / bend;
+    let share = by_s / if by_s < 0.0 { from_s } else { to_s };
+    if !(NEAR..=1.0 - NEAR).contains(&share) || (0.5 * slope * by_s).abs() < BEYOND {
+        return None;
+    }
+    let value = |of: &dyn Fn(&Inputs) -> f64| {
+        let [slope, bend] = along([before, after].map(|other| of(other) - of(at)));
+        of(at) + (slope + bend * by_s) * by_s
+    };
+    let mut turned = *at;
+    turned.time_s = at.time_s + by_s;
+    for k in 0..turned.q.len() {
+        turned.q[k] = value(&|inputs| inputs.q[k]);
+        turned.velocity[k] = value(&|inputs| inputs.velocity[k]);
+        turned.acceleration[k] = value(&|inputs| inputs.acceleration[k]);
+    }
+    Some(turned)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use physics::JOINTS_MAX;
+
+    /// Rows of `q = 1 − (t − turn)²/2`, whose speed is the way to the turn.
+    fn rows(turn_s: f64) -> [Inputs; 3] {
+        [0.0, 0.02, 0.05].map(|time_s: f64| {
+            let away = time_s - turn_s;
+            let mut inputs = Inputs::at_rest([1.0 - 0.5 * away * away; JOINTS_MAX]);
+            (inputs.time_s, inputs.velocity) = (time_s, [-away; JOINTS_MAX]);
+            inputs
+        })
+    }
+
+    #[test]
+    fn a_parabola_turns_at_its_height_and_stands_there() {
+        for turn_s in [0.012, 0.03] {
+            let rows = rows(turn_s);
+            let turned = turned(rows.each_ref(), 2).expect("it turns between rows");
+            assert!((turned.time_s - turn_s).abs() < 1e-12 && (turned.q[2] - 1.0).abs() < 1e-12);
+            assert!(turned.velocity[0].abs() < 1e-12, "{}", turned.velocity[0]);
+        }
+    }
+
+    #[test]
+    fn a_turn_at_a_row_and_a_joint_that_goes_on_or_stands_are_none() {
+        for turn_s in [0.0201, 0.0, 0.2] {
+            assert_eq!(turned(rows(turn_s).each_ref(), 0), None, "{turn_s}");
+        }
+        let still = rows(0.012).map(|row| Inputs { q: [0.3; JOINTS_MAX], ..row });
+        assert_eq!(turned(still.each_ref(), 0), None);
+    }
+}
