@@ -4,6 +4,7 @@
 //! [`Gram`].
 
 use super::gram::{Entry, Gain, Gram};
+use super::judge::words;
 use super::name::{ALIKE, Asking, Named, Naming, Rival, nuisance, title, without};
 use crate::candidates::{Candidate, Probe, wave_candidate};
 use crate::fit::compare;
@@ -290,10 +291,12 @@ impl<'a> Choice<'a> {
             if is_variant && behind < VARIANT {
                 variants.extend(entry.candidate.effect(arm, &would.found));
             }
+            // Play that no row has crossed yet looks unlike what its width will make of it.
+            let is_word = words(&self.entries[own].candidate, &entry.candidate);
             let may_come = behind < 2.0 * ALIKE + BEHIND * gain.gain / self.design_effect;
-            if !seen.contains(&name) && may_come {
+            if !seen.contains(&name) && (may_come || is_word) {
                 seen.push(name);
-                near.push((place, would));
+                near.insert(if is_word { 0 } else { near.len() }, (place, would));
             }
         }
         let fitted = FITTED.min(FITTED_OF_ALL / naming.named.len().max(1)).max(1);

@@ -3,6 +3,7 @@
 //! Promises: what cannot be told apart is never claimed. Never: a number that was not found elsewhere.
 
 use super::name::{Named, Rival};
+use crate::candidates::Candidate;
 use crate::result::Fit;
 use physics::AnyEffect;
 
@@ -81,7 +82,7 @@ pub(super) fn is_ambiguous(one: &Named, fit: &Fit) -> bool {
 
 /// Whether a rival is the same thing in this recording, and the contract says which word to prefer.
 fn is_same(own: &AnyEffect, rival: &Rival) -> bool {
-    if words(own, &rival.effect) {
+    if of_one_law(own, &rival.effect) {
         return rival.behind.abs() < WORD;
     }
     let grows = |effect: &AnyEffect| matches!(effect, AnyEffect::SpindleGrowth(_));
@@ -96,7 +97,7 @@ fn is_same(own: &AnyEffect, rival: &Rival) -> bool {
 }
 
 /// Whether two names of a joint are two words for one law, that differ in what part of it they take.
-fn words(one: &AnyEffect, other: &AnyEffect) -> bool {
+fn of_one_law(one: &AnyEffect, other: &AnyEffect) -> bool {
     let family = |effect: &AnyEffect| match effect {
         AnyEffect::JointCompliance(_)
         | AnyEffect::GravityCompliance(_)
@@ -108,14 +109,20 @@ fn words(one: &AnyEffect, other: &AnyEffect) -> bool {
     family(one) > 0 && family(one) == family(other) && one.joint() == other.joint()
 }
 
+/// The same of two candidates.
+pub(super) fn words(one: &Candidate, other: &Candidate) -> bool {
+    let pair = one.probes.first().zip(other.probes.first());
+    pair.is_some_and(|(one, other)| of_one_law(&one.effect, &other.effect))
+}
+
 /// What a rival pays, in log-likelihood, for being the word that is not preferred (contract `effects.md`); below zero: what it gains where it is.
 pub(super) fn of_word(own: &AnyEffect, rival: &AnyEffect) -> f64 {
     let preferred = |effect: &AnyEffect| {
         matches!(effect, AnyEffect::JointCompliance(_) | AnyEffect::Backlash(_))
     };
     match (preferred(own), preferred(rival)) {
-        (true, false) if words(own, rival) => WORD,
-        (false, true) if words(own, rival) => -WORD,
+        (true, false) if of_one_law(own, rival) => WORD,
+        (false, true) if of_one_law(own, rival) => -WORD,
         _ => 0.0,
     }
 }
