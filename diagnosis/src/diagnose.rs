@@ -173,9 +173,9 @@ pub fn diagnose(
         Asking { campaign: &campaign, known: &known, settings, library: &library, bank: &bank };
     let second_look = split.training.iter().zip(used).map(|(trains, used)| *trains && !used);
     let second_look: Vec<bool> = second_look.collect();
-    let (glimpse, also) = name::glimpsed(&asking, &base);
+    let (glimpse, also) = name::glimpsed(&asking, &base, unknown::PATCHES);
     let (naming, law) = match unknown::ahead_at_once(&asking, &glimpse, &words, &second_look) {
-        Some((bare, law)) => (Naming::none(&bare), Some(law)),
+        Some((few, law)) => (few, Some(law)),
         None => {
             // Without a look at rivals: enough to tell what is noise.
             let first = asking.settled(glimpse, &also);
@@ -191,7 +191,7 @@ pub fn diagnose(
             let looks = (&naming_split, second_look.as_slice());
             let naming = prove::confirmed(&campaign, model, looks, naming);
             match unknown::instead_of_names(&asking, &naming, &words, &second_look) {
-                Some((bare, law)) => (Naming::none(&bare), Some(law)),
+                Some((few, law)) => (few, Some(law)),
                 None => {
                     let law = unknown::confirmed(&asking, &naming, &words, &second_look);
                     (naming, law)

@@ -21,6 +21,8 @@ use crate::score::Fitted;
 use crate::select::put;
 use physics::{AnyEffect, Model};
 
+/// Rounds of a first glimpse.
+const GLIMPSES: usize = 3;
 /// Rounds in which rivals that were fitted may take a name's place.
 const RENAMING: usize = 3;
 /// By how much log-likelihood has to be higher for that, beside the numbers' cost.
@@ -85,6 +87,18 @@ impl Naming {
     pub(super) fn none(fit: &Fit) -> Self {
         Self { fit: fit.clone(), named: Vec::new() }
     }
+
+    /// The names but those that are `gone`, with the fit of these.
+    pub(super) fn without(&self, gone: &[&Named], fit: Fit) -> Self {
+        let is_gone = |one: &Named| gone.iter().any(|gone| std::ptr::eq(*gone, one));
+        let mut named: Vec<Named> =
+            self.named.iter().filter(|one| !is_gone(one)).cloned().collect();
+        // From the last place down, so that those before keep theirs.
+        let mut gone: Vec<&&Named> = gone.iter().collect();
+        gone.sort_by_key(|one| std::cmp::Reverse(one.effect));
+        gone.into_iter().for_each(|one| close_up(&mut named, one));
+        Self { fit, named }
+    }
 }
 
 /// What is asked, of whom.
@@ -98,11 +112,19 @@ pub(super) struct Asking<'a> {
     pub(super) bank: &'a Bank,
 }
 
-/// Names after one round of choosing and fitting from where nothing is named, and what was asked besides the library.
-pub(super) fn glimpsed(asking: &Asking<'_>, base: &Fit) -> (Naming, Vec<Entry>) {
-    let bare = Naming::none(base);
-    let also = asking.searched(&bare);
-    (asking.next(&bare, &also).unwrap_or(bare), also)
+/// Names after the first rounds of choosing and fitting from where nothing is named, until they are `many` or stand; and what was asked besides the library.
+pub(super) fn glimpsed(asking: &Asking<'_>, base: &Fit, many: usize) -> (Naming, Vec<Entry>) {
+    let mut naming = Naming::none(base);
+    let also = asking.searched(&naming);
+    for _ in 0..GLIMPSES {
+        let Some(next) = asking.next(&naming, &also) else { break };
+        let stands = titles(&next.named) == titles(&naming.named);
+        naming = next;
+        if stands || naming.named.len() >= many {
+            break;
+        }
+    }
+    (naming, also)
 }
 
 /// The same; rivals that are better once they are fitted take a name's place.

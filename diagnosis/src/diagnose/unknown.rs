@@ -8,11 +8,10 @@
 
 use super::features::Word;
 use super::locate::moved;
-use super::name::{Asking, Naming, without};
+use super::name::{Asking, Named, Naming, without};
 use super::prove::borne_out;
 use crate::fit::compare;
 use crate::motion::Motion;
-use crate::result::Fit;
 use crate::score::{Asked, Fitted};
 use crate::triangle::dot;
 use physics::spec::Need;
@@ -28,8 +27,10 @@ const FAR: f64 = 12.0;
 /// By which share of what names are worth a law has to be worth more than they are: names are simplified physics too.
 const CLEARLY: f64 = 0.02;
 /// The same where names are not settled yet, and how many they are at least.
-const FAR_AHEAD: f64 = 0.2;
-const PATCHES: usize = 4;
+const FAR_AHEAD: f64 = 0.1;
+pub(super) const PATCHES: usize = 4;
+/// Of what is named, a name that brings less than this share is one of the others.
+const CARRIES: f64 = 0.1;
 /// And what a law has to be worth there, in the sum of squares: how the noise remembers itself is not known well yet.
 const PLAIN: f64 = 200.0;
 /// How large a coefficient of a joint's error may be, rad or m.
@@ -97,13 +98,14 @@ fn borne_out_by(fitted: &Fitted<'_>, words: &[Word], kept: &[bool], law: Law) ->
     (borne_out(0.5 * law.worth, gain) > 0.0).then_some(law)
 }
 
-/// A smooth law of one joint that says more than all names do, with the fit without them: then the names are patches on something that is none of them.
+/// A smooth law of one joint that says more than all names do, or than all but the few that carry most, with these alone: the others are patches on something
+/// that is none of them.
 pub(super) fn instead_of_names(
     asking: &Asking<'_>,
     naming: &Naming,
     words: &[Word],
     kept: &[bool],
-) -> Option<(Fit, Law)> {
+) -> Option<(Naming, Law)> {
     ahead(asking, naming, words, kept, CLEARLY)
 }
 
@@ -113,31 +115,51 @@ pub(super) fn ahead_at_once(
     naming: &Naming,
     words: &[Word],
     kept: &[bool],
-) -> Option<(Fit, Law)> {
+) -> Option<(Naming, Law)> {
     let many = naming.named.len() >= PATCHES;
-    let (bare, law) = many.then(|| ahead(asking, naming, words, kept, FAR_AHEAD))??;
-    (law.worth > PLAIN).then_some((bare, law))
+    let (few, law) = many.then(|| ahead(asking, naming, words, kept, FAR_AHEAD))??;
+    (law.worth > PLAIN).then_some((few, law))
 }
 
-/// The law that is ahead of all names by a share of what they are worth.
+/// The law that is ahead of all names by a share of what they are worth, or beside those that carry most ahead of the others, if they are many.
 fn ahead(
     asking: &Asking<'_>,
     naming: &Naming,
     words: &[Word],
     kept: &[bool],
     share: f64,
-) -> Option<(Fit, Law)> {
-    if naming.named.is_empty() {
+) -> Option<(Naming, Law)> {
+    let all: f64 = naming.named.iter().map(|one| one.gain).sum();
+    let carries = |one: &&Named| one.gain >= CARRIES * all;
+    let gone: Vec<&Named> = naming.named.iter().filter(|one| !carries(one)).collect();
+    let every: Vec<&Named> = naming.named.iter().collect();
+    ahead_of(asking, naming, (&every, share), words, kept).or_else(|| {
+        let are_patches = gone.len() >= PATCHES && gone.len() < every.len();
+        are_patches.then(|| ahead_of(asking, naming, (&gone, share), words, kept))?
+    })
+}
+
+/// The law that, beside the others, is ahead of the names `gone`.
+fn ahead_of(
+    asking: &Asking<'_>,
+    naming: &Naming,
+    (gone, share): (&[&Named], f64),
+    words: &[Word],
+    kept: &[bool],
+) -> Option<(Naming, Law)> {
+    if gone.is_empty() {
         return None;
     }
     let Asking { campaign, known, settings, library, .. } = asking;
-    let bare = compare(campaign, known, &naming.fit, settings.used);
-    let numbers: usize = naming.named.iter().map(|one| one.numbers).sum();
+    let bare = without(&naming.fit, &known.model, gone);
+    let bare = compare(campaign, &bare, &naming.fit, settings.used);
+    let numbers: usize = gone.iter().map(|one| one.numbers).sum();
     let fitted = Fitted::new(campaign, &bare, settings);
-    let cost =
-        price(&fitted, numbers, 1) + naming.named.len() as f64 * price(&fitted, 0, library.len());
+    let cost = price(&fitted, numbers, 1) + gone.len() as f64 * price(&fitted, 0, library.len());
     let names = (bare.sum - naming.fit.sum) / bare.design_effect - cost;
-    let law = borne_out_by(&fitted, words, kept, law(&fitted, words)?)?;
+    let few = naming.without(gone, bare.clone());
+    let best = unsteady(&fitted, words, asking, &few, law(&fitted, words));
+    let law = borne_out_by(&fitted, words, kept, best.filter(|law| law.worth > 0.0)?)?;
     if kept.contains(&true) {
         // Where neither was fitted, it must leave less than the names do.
         let named = Fitted::new(campaign, &naming.fit, settings);
@@ -145,7 +167,7 @@ fn ahead(
             return None;
         }
     }
-    (law.worth > (1.0 + share) * names).then_some((bare, law))
+    (law.worth > (1.0 + share) * names).then_some((few, law))
 }
 
 /// The law that is worth most; none where nothing is left to explain.
