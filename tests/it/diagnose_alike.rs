@@ -170,3 +170,41 @@ fn an_upright_joint_that_the_tool_bends_has_a_compliance_whatever_its_word() {
     let case = Case { known: "", truth, step_s: 0.02, recorded: 1, wrench, noise_mm: 0.03 };
     assert_eq!(case.told(), [("joint_compliance".to_owned(), 1)]);
 }
+
+/// A gap that is wider on one half of the joint's way is backlash for the most part; what it leaves is one law of that joint, and no dozen of names.
+#[test]
+fn a_gap_that_is_wider_here_than_there_is_no_dozen_of_names() {
+    let place = Place::new();
+    let base = preset(BASE).expect("preset").text;
+    place.file("known.toml", &base);
+    place.file("path.csv", &path_of(0.02));
+    place.file("path.toml", "schema = \"trued.recording/1\"\nmeasuring_frame = \"base\"\n");
+    let [narrow, wide] = [0.5, 2.0].map(|width| {
+        let gap = format!("[[effect]]\nkind = \"backlash\"\njoint = 4\nwidth_mrad = {width:?}\n");
+        place.file("truth.toml", &format!("{base}\n{gap}"));
+        let simulate = ["simulate", "--model", "truth.toml", "--out", "seen", "--seed", "4"];
+        place.succeed(&[&simulate[..], &["--noise", "0.01", "path.csv"]].concat());
+        place.read("seen.csv")
+    });
+    let column = narrow.lines().next().and_then(|line| line.split(',').position(|c| c == "q4_deg"));
+    let is_here = |line: &str| {
+        let q4 = column.and_then(|column| line.split(',').nth(column));
+        q4.and_then(|q4| q4.parse::<f64>().ok()).is_some_and(|q4| q4 > 0.0)
+    };
+    let rows = narrow.lines().zip(wide.lines());
+    let rows = rows.map(|(narrow, wide)| if is_here(narrow) { wide } else { narrow });
+    place.file("seen.csv", &(rows.collect::<Vec<_>>().join("\n") + "\n"));
+    let sigma = "sigma = { x_mm = 0.01, y_mm = 0.01, z_mm = 0.01 }\n";
+    place.file("seen.toml", &format!("schema = \"trued.recording/1\"\n{sigma}"));
+    let diagnose = ["diagnose", "--model", "known.toml", "--out", "said", "--seed", "1"];
+    place.succeed(&[&diagnose[..], &["seen.csv"]].concat());
+    let said = place.json("said/diagnosis.json");
+    assert_eq!(said["verdict"], "unknown_structure", "{}", said["findings"]);
+    let findings = said["findings"].as_array().cloned().unwrap_or_default();
+    assert!(findings.len() <= 2, "{findings:?}");
+    let follows = said["unexplained"]["depends_on"].as_array().cloned().unwrap_or_default();
+    assert!(
+        follows.contains(&"q4".into()) && follows.contains(&"direction_4".into()),
+        "{follows:?}"
+    );
+}
