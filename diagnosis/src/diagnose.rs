@@ -66,6 +66,8 @@ const QUANTILE: f64 = 1.96;
 
 /// Where more than this share of the rows lies far from the model with all that was found, nothing is claimed.
 const FAR_MOST: f64 = 0.2;
+/// But where one law alone leaves less than this share of the error of unseen rows, these rows follow it.
+const FOLLOWS: f64 = 0.5;
 
 /// Something that is missing in the model, or wrong in it.
 #[derive(Clone, Debug)]
@@ -311,7 +313,10 @@ impl Diagnosis {
             return self.early.clone();
         }
         let (far, rows) = far(&self.fit, &self.campaign);
-        (far as f64 > FAR_MOST * rows as f64).then(|| {
+        // What one law brings near the model belongs to it.
+        let [without, with] = self.unexplained.as_ref().map_or([0.0; 2], |rest| rest.heldout);
+        let follows = self.findings.is_empty() && with < FOLLOWS * without;
+        (far as f64 > FAR_MOST * rows as f64 && !follows).then(|| {
             format!(
                 "{far} of {rows} rows lie far from whatever the others follow: the recording is of two different things, or its readings are not of this robot"
             )
