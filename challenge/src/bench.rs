@@ -106,6 +106,11 @@ impl<'a> Bench<'a> {
                 loaded.loads = loads(self.scene, &loaded.fine, &all);
                 loaded.bends(&known).iter().zip(&self.still).map(|(a, b)| a.minus(b)).collect()
             }
+            Kind::Backlash => {
+                let mut all = self.case.nominal();
+                all.push(effect.clone());
+                self.run.bends(&all).iter().zip(&self.still).map(|(a, b)| a.minus(b)).collect()
+            }
             _ => self.run.bends(std::slice::from_ref(effect)),
         }
     }

@@ -56,8 +56,8 @@ impl<'a> Run<'a> {
     pub fn bends(&self, effects: &[Effect]) -> Vec<Bend> {
         let mut bends = vec![Bend::default(); self.scene.rows.len()];
         let motors = self.motors();
-        for effect in effects {
-            self.add(effect, &motors, &mut bends);
+        for effect in in_a_row(effects) {
+            self.add(&effect, &motors, &mut bends);
         }
         bends
     }
@@ -247,6 +247,23 @@ fn came_from(effect: &Effect, d: f64, q: f64) -> f64 {
     };
     // The motor pushes the link in front of it: the link lags half of the gap behind.
     -0.5 * gap * d
+}
+
+/// Effects with the gaps of a joint as one: they stand in a row, and the link is pushed once all are crossed.
+fn in_a_row(effects: &[Effect]) -> Vec<Effect> {
+    let mut all: Vec<Effect> = Vec::with_capacity(effects.len());
+    for effect in effects {
+        let is_gap = |other: &&mut Effect| {
+            effect.kind == Kind::Backlash
+                && other.kind == effect.kind
+                && other.joint == effect.joint
+        };
+        match all.iter_mut().find(is_gap) {
+            Some(gap) => gap.numbers[0] += effect.numbers[0],
+            None => all.push(effect.clone()),
+        }
+    }
+    all
 }
 
 /// A link between two faces of the motor's side, held by friction unless a face pushes it: link minus motor.

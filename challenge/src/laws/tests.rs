@@ -46,6 +46,21 @@ fn play_has_one_width_whatever_the_amplitude_and_the_link_stays_within_it() {
 }
 
 #[test]
+fn two_gaps_of_a_joint_are_one_as_wide_as_both() {
+    let scene = scene(false);
+    let [narrow, wide, both] = [2e-4, 5e-4, 7e-4].map(|gap| effect(Kind::Backlash, &[gap]));
+    let pair = [narrow.clone(), wide.clone()];
+    let run = Run::of(&scene, &pair);
+    let seen: Vec<f64> = run.bends(&pair).iter().map(|bend| bend.0[9]).collect();
+    assert_eq!(seen, angles(&scene, &both));
+    let sum = angles(&scene, &narrow).into_iter().zip(angles(&scene, &wide)).map(|(a, b)| a + b);
+    assert!(
+        sum.zip(&seen).any(|(sum, seen)| (sum - seen).abs() > 1e-4),
+        "crossed one after the other"
+    );
+}
+
+#[test]
 fn a_hysteresis_builds_up_over_its_distance_and_its_loop_closes() {
     let (height, distance) = (5e-4, 4e-3);
     let there: Vec<f64> = (0..=4000).map(|k| f64::from(k) * 2e-5).collect();
