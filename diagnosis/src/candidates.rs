@@ -7,6 +7,7 @@
 //! Never: a look at the residuals; see [`crate::score`].
 
 mod families;
+mod heat;
 mod loads;
 mod over_path;
 mod standing;
@@ -20,8 +21,6 @@ use physics::spec::{Need, Role};
 use physics::{AnyEffect, Arm, Given, JOINTS_MAX, JointKind, Model};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Shares of the longest segment that are tried as a time constant.
-const WARM_UPS: [f64; 4] = [0.03, 0.1, 0.25, 0.6];
 /// Distances of a hysteresis that are tried, rad or m.
 pub(crate) const REVERSALS: [f64; 3] = [2e-3, 1e-2, 5e-2];
 /// Loads of a soft zone that are tried, as shares of the joint's largest load.
@@ -337,32 +336,6 @@ impl<'a> List<'a> {
                 settings: Vec::new(),
                 make: Make::Wobble { joint, cycles },
             });
-        }
-    }
-
-    /// By temperature where one was recorded, else as a warm-up.
-    fn heat(&mut self, joint: usize) {
-        let at = Some(joint);
-        let axis = self.arm.joints()[joint].axis.to_array();
-        for (kind, per_kelvin) in [("thermal_zero", "drift"), ("thermal_growth", "growth")] {
-            let direction: (&str, &[f64]) = ("direction", &axis);
-            let laws: Vec<Vec<(&str, f64)>> = if self.shows.temperature {
-                vec![vec![(per_kelvin, 0.0)]]
-            } else {
-                let times = WARM_UPS.map(|share| share * self.shows.longest_s);
-                let law = |time| vec![("amplitude", 0.0), ("time_constant", time)];
-                times.into_iter().filter(|time| *time > 0.0).map(law).collect()
-            };
-            for law in laws {
-                let mut given: Vec<(&str, &[f64])> = Vec::new();
-                given.extend(law.iter().map(|(stem, x)| (*stem, std::slice::from_ref(x))));
-                let plain = self.values(kind, at, &given);
-                // A joint whose next one has the same point: what stands below it grows along its axis.
-                if !plain && kind == "thermal_growth" && joint == 0 {
-                    given.push(direction);
-                    self.values(kind, at, &given);
-                }
-            }
         }
     }
 

@@ -123,9 +123,8 @@ fn slow_heat(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
     let mut list = List::new(arm, campaign);
     for lag_s in LAGS.map(|share| share * longest_s).into_iter().filter(|lag| warms && *lag > 0.0) {
         for joint in 0..arm.count() {
-            for (kind, stem) in [("thermal_zero", "drift"), ("thermal_growth", "growth")] {
-                list.values(kind, Some(joint), &[(stem, &[0.0]), ("lag", &[lag_s])]);
-            }
+            list.values("thermal_zero", Some(joint), &[("drift", &[0.0]), ("lag", &[lag_s])]);
+            list.growth(joint, &[("growth", &[0.0]), ("lag", &[lag_s])]);
         }
         list.values("spindle_growth", None, &[("growth", &[0.0]), ("lag", &[lag_s])]);
     }

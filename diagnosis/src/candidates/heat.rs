@@ -1,0 +1,42 @@
+//! What grows and what drifts with heat.
+//!
+//! Promises: by temperature where one was recorded, else as a warm-up of a few time constants. Never: a temperature that nobody read.
+
+use super::List;
+
+/// Shares of the longest segment that are tried as a time constant.
+const WARM_UPS: [f64; 4] = [0.03, 0.1, 0.25, 0.6];
+
+impl List<'_> {
+    /// By temperature where one was recorded, else as a warm-up.
+    pub(super) fn heat(&mut self, joint: usize) {
+        for (kind, per_kelvin) in [("thermal_zero", "drift"), ("thermal_growth", "growth")] {
+            let laws: Vec<Vec<(&str, f64)>> = if self.shows.temperature {
+                vec![vec![(per_kelvin, 0.0)]]
+            } else {
+                let times = WARM_UPS.map(|share| share * self.shows.longest_s);
+                let law = |time| vec![("amplitude", 0.0), ("time_constant", time)];
+                times.into_iter().filter(|time| *time > 0.0).map(law).collect()
+            };
+            for law in laws {
+                let given: Vec<(&str, &[f64])> =
+                    law.iter().map(|(stem, x)| (*stem, std::slice::from_ref(x))).collect();
+                if kind == "thermal_growth" {
+                    self.growth(joint, &given);
+                } else {
+                    self.values(kind, Some(joint), &given);
+                }
+            }
+        }
+    }
+
+    /// What stands between a joint and the next grows; below a first joint that has the next one's point, along its axis.
+    pub(crate) fn growth(&mut self, joint: usize, law: &[(&str, &[f64])]) {
+        let plain = self.values("thermal_growth", Some(joint), law);
+        if !plain && joint == 0 {
+            let axis = self.arm.joints()[joint].axis.to_array();
+            let upwards = [law, &[("direction", &axis[..])]].concat();
+            self.values("thermal_growth", Some(joint), &upwards);
+        }
+    }
+}
