@@ -208,3 +208,42 @@ fn a_gap_that_is_wider_here_than_there_is_no_dozen_of_names() {
         "{follows:?}"
     );
 }
+
+/// Two hundred settled poses have no room for all that may pass for noise; what drifts with the hall is none of it.
+#[test]
+fn a_link_that_grows_behind_the_air_is_no_noise_that_remembers_itself() {
+    let place = Place::new();
+    let base = preset(BASE).expect("preset").text;
+    place.file("known.toml", &base);
+    let growth =
+        "[[effect]]\nkind = \"thermal_growth\"\njoint = 1\ngrowth_um_per_K = 60.0\nlag_s = 700.0\n";
+    place.file("truth.toml", &format!("{base}\n{growth}"));
+    let joints = |stem: &str, unit: &str| {
+        (1..=6).map(|n| format!("{stem}{n}{unit}")).collect::<Vec<_>>().join(",")
+    };
+    let mut path =
+        format!("t_s,{},{},x_mm,y_mm,z_mm,temp_C\n", joints("q", "_deg"), joints("d", ""));
+    for k in 0..240 {
+        let pace = f64::from(k);
+        let q = [0.9, 1.7, 2.3, 3.1, 0.7, 1.3].map(|by: f64| 50.0 * (by * pace).sin());
+        let q = q.map(|q| format!("{q:.6}")).join(",");
+        let d = [3.0, 5.0, 7.0, 11.0, 13.0, 17.0]
+            .map(|by: f64| if (by * pace).sin() < 0.0 { "-1" } else { "1" })
+            .join(",");
+        let temp_c = 20.0 + 6.0 * (pace / 50.0).sin();
+        path += &format!("{:.1},{q},{d},1,2,3,{temp_c:.3}\n", 20.0 * pace);
+    }
+    place.file("path.csv", &path);
+    let about = "schema = \"trued.recording/1\"\nkind = \"poses\"\napproach = \"columns\"\n";
+    place.file("path.toml", &format!("{about}measuring_frame = \"base\"\n"));
+    let simulate = ["simulate", "--model", "truth.toml", "--out", "seen", "--seed", "4"];
+    place.succeed(&[&simulate[..], &["--noise", "0.03", "path.csv"]].concat());
+    let sigma = "sigma = { x_mm = 0.03, y_mm = 0.03, z_mm = 0.03 }\n";
+    place.file("seen.toml", &format!("{about}{sigma}"));
+    let diagnose = ["diagnose", "--model", "known.toml", "--out", "said", "--seed", "1"];
+    place.succeed(&[&diagnose[..], &["seen.csv"]].concat());
+    let said = place.json("said/diagnosis.json");
+    assert_eq!(said["verdict"], "missing_physics", "{said}");
+    assert_eq!(said["findings"][0]["effect"], "thermal_growth");
+    assert_eq!(said["findings"][0]["joint"], 1);
+}
