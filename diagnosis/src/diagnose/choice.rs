@@ -13,6 +13,7 @@ use crate::motions::is_about_loads;
 use crate::score::Fitted;
 use crate::select::is_sound;
 use crate::waves::lines;
+use physics::spec::Range;
 use physics::{AnyEffect, Model};
 use std::cell::OnceCell;
 
@@ -175,14 +176,17 @@ impl<'a> Choice<'a> {
         open
     }
 
-    /// What was found where it may lie: a number that is no further beyond its range than it is unsure ends there. None where one is further.
+    /// What was found where it may lie: a number that is no further beyond its range than it is unsure ends there, and so does one between two ends, since
+    /// products overshoot where a fit does not (`1 / (1 + s)` of a sensor's scale). None where one is further.
     fn sound(&self, candidate: &Candidate, gain: &Gain) -> Option<Vec<f64>> {
         let unsure = UNSURE * self.design_effect.sqrt();
         let mut found = gain.found.clone();
         for ((probe, value), sigma) in candidate.probes.iter().zip(&mut found).zip(&gain.sigma) {
             let range = named(&probe.effect, probe.value).map(|named| named.parameter.range);
             let within = range.map_or(*value, |range| range.nearest(*value));
-            if !candidate.is_one_mass() && (within - *value).abs() < unsure * sigma {
+            let is_between = matches!(range, Some(Range::Between(..)));
+            let is_near = (within - *value).abs() < unsure * sigma || is_between;
+            if !candidate.is_one_mass() && is_near {
                 *value = within;
             }
         }
