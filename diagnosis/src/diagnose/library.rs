@@ -5,7 +5,6 @@
 //!
 //! Promises: the physics' own list is asked, none of its own. Never: a look at the residuals.
 
-use super::name::title;
 use crate::campaign::Campaign;
 use crate::candidates::{Candidate, List, candidates, couples, over_paths, wave_candidate};
 use crate::waves::CYCLES_MIN;
@@ -35,7 +34,6 @@ pub(super) fn library(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
     all.extend(slow_heat(&model.arm, campaign));
     all.extend(over_paths(&model.arm, campaign));
     all.extend(sensor(model, campaign));
-    all.extend(weights(&model.arm, campaign));
     // Springs are searched for, on every joint; see `name`.
     all.retain(|candidate| !candidate.is_spring());
     // Where gravity or the wrench alone shows a compliance, the contract prefers the word for both.
@@ -99,20 +97,6 @@ fn sensor(model: &Model, campaign: &Campaign) -> Vec<Candidate> {
         list.values("wrench_scale", None, &[("scale", &[0.0; 6])]);
         list.values("wrench_misalignment", None, &[("turn", &[0.0; 3])]);
     }
-    list.found
-}
-
-/// What gives way under weight alone, where no wrench tells it from what gives way under all loads: only the arm's own inertia does, or nothing, and then it
-/// is the same by another word.
-fn weights(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
-    let mut list = List::new(arm, campaign);
-    for joint in (0..arm.count()).filter(|_| arm.bodies().next().is_some()) {
-        list.values("gravity_compliance", Some(joint), &[("compliance", &[0.0])]);
-    }
-    let is_asked =
-        |one: &Candidate, all: &[Candidate]| all.iter().any(|other| title(other) == title(one));
-    let asked = candidates(arm, campaign);
-    list.found.retain(|one| !is_asked(one, &asked));
     list.found
 }
 

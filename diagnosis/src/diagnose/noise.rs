@@ -85,15 +85,14 @@ fn flattened(run: &Run, words: &[Word], taken: Taken) -> Vec<f64> {
             rows.iter_mut().zip(&run.poses).for_each(|(row, pose)| row.extend(terms(*pose)));
         }
     };
-    // Time and warmth first: of few values there is no room for all, and what drifts is what noise that remembers itself is taken for.
-    let (of_joints, of_all): (Vec<&Word>, Vec<&Word>) =
-        words.iter().partition(|word| word.joint.is_some());
-    for word in of_all.into_iter().chain(of_joints) {
-        let degree = match word.name.as_str() {
-            "t_s" => DEGREE_OF_TIME,
-            name if name.starts_with("direction") => 1,
-            _ => DEGREE,
-        };
+    let degree = |word: &Word| if word.name == "t_s" { DEGREE_OF_TIME } else { DEGREE };
+    let mut ordered: Vec<&Word> = words.iter().collect();
+    // Of few values there is no room for all: time and warmth come first then, since what drifts is what noise that remembers itself is taken for.
+    if words.iter().map(|word| degree(word)).sum::<usize>() * SPARE >= count {
+        ordered.sort_by_key(|word| word.joint.is_some());
+    }
+    for word in ordered {
+        let degree = degree(word);
         add(degree, &|pose| word.chebyshev(pose, degree).collect());
     }
     // Play and friction differ from place to place.
