@@ -176,7 +176,7 @@ fn an_upright_joint_that_the_tool_bends_has_a_compliance_whatever_its_word() {
 fn a_gap_that_is_wider_here_than_there_is_no_dozen_of_names() {
     let place = Place::new();
     let base = preset(BASE).expect("preset").text;
-    place.file("known.toml", &base);
+    place.file("known.toml", base);
     place.file("path.csv", &path_of(0.02));
     place.file("path.toml", "schema = \"trued.recording/1\"\nmeasuring_frame = \"base\"\n");
     let [narrow, wide] = [0.5, 2.0].map(|width| {
@@ -214,7 +214,7 @@ fn a_gap_that_is_wider_here_than_there_is_no_dozen_of_names() {
 fn a_link_that_grows_behind_the_air_is_no_noise_that_remembers_itself() {
     let place = Place::new();
     let base = preset(BASE).expect("preset").text;
-    place.file("known.toml", &base);
+    place.file("known.toml", base);
     let growth =
         "[[effect]]\nkind = \"thermal_growth\"\njoint = 1\ngrowth_um_per_K = 60.0\nlag_s = 700.0\n";
     place.file("truth.toml", &format!("{base}\n{growth}"));

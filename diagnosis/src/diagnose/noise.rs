@@ -88,7 +88,7 @@ fn flattened(run: &Run, words: &[Word], taken: Taken) -> Vec<f64> {
     let degree = |word: &Word| if word.name == "t_s" { DEGREE_OF_TIME } else { DEGREE };
     let mut ordered: Vec<&Word> = words.iter().collect();
     // Of few values there is no room for all: time and warmth come first then, since what drifts is what noise that remembers itself is taken for.
-    if words.iter().map(|word| degree(word)).sum::<usize>() * SPARE >= count {
+    if words.iter().map(degree).sum::<usize>() * SPARE >= count {
         ordered.sort_by_key(|word| word.joint.is_some());
     }
     for word in ordered {
