@@ -12,6 +12,7 @@ pub mod experiment;
 mod features;
 mod findings;
 mod flexible;
+mod gaps;
 mod gram;
 mod ingest;
 mod judge;

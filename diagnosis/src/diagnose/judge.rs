@@ -17,6 +17,8 @@ const SURE: f64 = 20.0;
 const SAME: f64 = 1e-3;
 /// Two words for one law differ by less than is worth a mention (Kass and Raftery 1995: a Bayes factor below 3): the preferred one is said.
 const WORD: f64 = 1.0;
+/// The same of a gap and of what builds up over a distance, which is one number more: half of a squared normal variate, 95 %.
+const DISTANCE: f64 = 1.92;
 
 /// A dearer name that is at least as probable as this keeps a cheaper one from being claimed.
 const LIKELY: f64 = 0.35;
@@ -83,7 +85,7 @@ pub(super) fn is_ambiguous(one: &Named, fit: &Fit) -> bool {
 /// Whether a rival is the same thing in this recording, and the contract says which word to prefer.
 fn is_same(own: &AnyEffect, rival: &Rival) -> bool {
     if of_one_law(own, &rival.effect) {
-        return rival.behind.abs() < WORD;
+        return rival.behind.abs() < word(own);
     }
     let grows = |effect: &AnyEffect| matches!(effect, AnyEffect::SpindleGrowth(_));
     let stretches = |effect: &AnyEffect| matches!(effect, AnyEffect::ThermalGrowth(_));
@@ -103,7 +105,7 @@ fn of_one_law(one: &AnyEffect, other: &AnyEffect) -> bool {
         | AnyEffect::GravityCompliance(_)
         | AnyEffect::LoadCompliance(_)
         | AnyEffect::GravitySag(_) => 1,
-        AnyEffect::Backlash(_) | AnyEffect::Hysteresis(_) => 2,
+        play if is_play(play) => 2,
         _ => 0,
     };
     family(one) > 0 && family(one) == family(other) && one.joint() == other.joint()
@@ -115,16 +117,28 @@ pub(super) fn words(one: &Candidate, other: &Candidate) -> bool {
     pair.is_some_and(|(one, other)| of_one_law(&one.effect, &other.effect))
 }
 
-/// What a rival pays, in log-likelihood, for being the word that is not preferred (contract `effects.md`); below zero: what it gains where it is.
-pub(super) fn of_word(own: &AnyEffect, rival: &AnyEffect) -> f64 {
+/// What a rival pays, in log-likelihood, for numbers at this price and for being the word that is not preferred (contract `effects.md`); below zero: what it
+/// gains where it is. Whether play builds up over a distance is one question, not one of hundreds, and costs no more than it takes to be told from chance.
+pub(super) fn of_word(own: &AnyEffect, rival: &AnyEffect, numbers: f64) -> f64 {
     let preferred = |effect: &AnyEffect| {
         matches!(effect, AnyEffect::JointCompliance(_) | AnyEffect::Backlash(_))
     };
-    match (preferred(own), preferred(rival)) {
-        (true, false) if of_one_law(own, rival) => WORD,
-        (false, true) if of_one_law(own, rival) => -WORD,
-        _ => 0.0,
-    }
+    let sign = match (preferred(own), preferred(rival)) {
+        (true, false) if of_one_law(own, rival) => 1.0,
+        (false, true) if of_one_law(own, rival) => -1.0,
+        _ => return numbers,
+    };
+    let numbers = if is_play(own) { 0.0 } else { numbers };
+    numbers + sign * word(own)
+}
+
+/// By how much two words of this one's law have to differ.
+fn word(own: &AnyEffect) -> f64 {
+    if is_play(own) { DISTANCE } else { WORD }
+}
+
+fn is_play(effect: &AnyEffect) -> bool {
+    matches!(effect, AnyEffect::Backlash(_) | AnyEffect::Hysteresis(_))
 }
 
 /// The probability that a name is right beside its rivals, by their likelihoods and the numbers that each takes, and that of each rival. Where another word

@@ -176,8 +176,8 @@ impl Named {
         let more = rival.numbers as f64 - self.numbers as f64;
         let most = ALIKE * self.share + 0.5 * more.abs();
         let own = self.candidate.probes.first();
-        let word = own.map_or(0.0, |own| of_word(&own.effect, &rival.effect));
-        (0.5 * price * more).clamp(-most, most) + word
+        let numbers = (0.5 * price * more).clamp(-most, most);
+        own.map_or(numbers, |own| of_word(&own.effect, &rival.effect, numbers))
     }
 
     /// The rival that is the better name.
@@ -231,7 +231,7 @@ impl Asking<'_> {
     pub(super) fn searched(&self, naming: &Naming) -> Vec<Entry> {
         let fitted = Fitted::new(self.campaign, &naming.fit, &self.settings);
         let found = modes(&fitted, self.bank).into_iter().chain(self.springs(&fitted, naming));
-        found.map(|found| Entry::open(found.kept(), found)).collect()
+        found.chain(self.gaps(naming)).map(|found| Entry::open(found.kept(), found)).collect()
     }
 
     /// Finds every name's rivals; gives the price of a number, in the sum of squares.
