@@ -12,13 +12,16 @@ use crate::case::Case;
 use crate::kinds::{Effect, Kind};
 use crate::law::{Law, Trial};
 use crate::laws::Run;
-use crate::linear::Span;
+use crate::linear::{Span, dot};
 use crate::ride::{Fine, loads};
 use crate::scene::Scene;
 use crate::space::{T4, V3, rotate};
 use crate::view::Whitener;
 pub use crate::weigh::{APART, Judged, Name};
 use crate::weigh::{Question, determined, readings, take_known};
+
+/// An effect of whose energy less than this shows to first order is taken by what is fitted anyway.
+const TAKEN: f64 = 0.25;
 
 /// A case's columns.
 pub struct Bench<'a> {
@@ -155,7 +158,11 @@ impl<'a> Bench<'a> {
                 span.take(self.column(other));
             }
         }
-        let rest = span.rest(&self.whiten(shown));
+        let whole = span.rest(&self.whiten(shown));
+        let first = span.rest(&self.column(truth));
+        // A frame or a target placed anew takes what moves as it does however far it moves, but its columns are of the first order.
+        let is_taken = dot(&first, &first) < TAKEN * dot(&whole, &whole);
+        let rest = if is_taken { first } else { whole };
         let question = Question {
             name: truth.kind.name().map(|name| (name, truth.joint_said())),
             numbers: free_numbers(truth.kind, self.scene, truth.joint),

@@ -102,7 +102,7 @@ impl Candidate {
         }
     }
 
-    /// How many numbers were chosen from a list before its probes were looked at, and will be fitted.
+    /// How many numbers that show were chosen from a list before its probes were looked at, and will be fitted.
     pub(crate) fn tried_numbers(&self) -> usize {
         if matches!(self.make, Make::Spring) { loads::SHAPE } else { 0 }
     }

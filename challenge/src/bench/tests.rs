@@ -60,8 +60,8 @@ fn in_a_known_frame_an_offset_shows_as_its_lever_over_the_noise() {
 }
 
 #[test]
-fn an_unknown_frame_swallows_the_first_joints_offset_whole() {
-    let judged = &judge(&case(of(Kind::JointOffset, 0, &[1e-3]), false))[0];
+fn an_unknown_frame_swallows_the_first_joints_offset_whole_however_large() {
+    let judged = &judge(&case(of(Kind::JointOffset, 0, &[5e-3]), false))[0];
     assert!(judged.z < 0.3, "{}", judged.z);
 }
 

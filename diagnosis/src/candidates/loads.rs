@@ -9,8 +9,9 @@ use glam::DVec3;
 use physics::{AnyEffect, Arm, Evaluation, Given, JointKind, Loads, Memories, Model};
 use std::f64::consts::TAU;
 
-/// Numbers of a spring that its list is of: free length, fixed pivot, angle.
-pub(super) const SHAPE: usize = 3;
+/// Numbers of a spring's shape that show: its angle, and its second wave's share of the first. To first order in `a/L` the moment is
+/// `k a L ((1 - s0/L) sin + (s0 a / 2 L²) sin 2)`: free length and fixed pivot are one number.
+pub(super) const SHAPE: usize = 2;
 /// What loads a joint less is none, Nm or N: an axis that is upright but for rounding.
 const ROUNDING: f64 = 1e-6;
 /// How far apart masses are tried, m.

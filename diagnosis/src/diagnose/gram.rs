@@ -50,6 +50,9 @@ impl Entry {
         if self.candidate.changes().is_some() || self.candidate.is_one_mass() {
             return 0;
         }
+        if self.candidate.is_spring() {
+            return self.candidate.tried_numbers();
+        }
         let is_searched = |value: &usize| {
             named(effect, *value).is_some_and(|named| {
                 named.parameter.role == Role::Nonlinear
@@ -57,8 +60,7 @@ impl Entry {
                     && !self.kept.contains(&named.parameter.stem)
             })
         };
-        let nonlinear = (0..effect.values().len()).filter(is_searched).count();
-        nonlinear.max(self.candidate.tried_numbers())
+        (0..effect.values().len()).filter(is_searched).count()
     }
 }
 

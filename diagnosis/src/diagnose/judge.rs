@@ -117,19 +117,16 @@ pub(super) fn words(one: &Candidate, other: &Candidate) -> bool {
     pair.is_some_and(|(one, other)| of_one_law(&one.effect, &other.effect))
 }
 
-/// What a rival pays, in log-likelihood, for numbers at this price and for being the word that is not preferred (contract `effects.md`); below zero: what it
-/// gains where it is. Whether play builds up over a distance is one question, not one of hundreds, and costs no more than it takes to be told from chance.
-pub(super) fn of_word(own: &AnyEffect, rival: &AnyEffect, numbers: f64) -> f64 {
-    let preferred = |effect: &AnyEffect| {
+/// What a rival that is another word for the same law pays, in log-likelihood, for its `numbers` and for not being the word that is preferred (contract
+/// `effects.md`); below zero: what it gains. One word is a case of the other, with as many numbers held: these are paid in full. Whether play builds up over a
+/// distance is one question, not one of hundreds, and costs no more than it takes to be told from chance.
+pub(super) fn of_word(own: &AnyEffect, rival: &AnyEffect, numbers: f64) -> Option<f64> {
+    let is_preferred = |effect: &AnyEffect| {
         matches!(effect, AnyEffect::JointCompliance(_) | AnyEffect::Backlash(_))
     };
-    let sign = match (preferred(own), preferred(rival)) {
-        (true, false) if of_one_law(own, rival) => 1.0,
-        (false, true) if of_one_law(own, rival) => -1.0,
-        _ => return numbers,
-    };
     let numbers = if is_play(own) { 0.0 } else { numbers };
-    numbers + sign * word(own)
+    let word = f64::from(i8::from(is_preferred(own)) - i8::from(is_preferred(rival))) * word(own);
+    of_one_law(own, rival).then_some(numbers + word)
 }
 
 /// By how much two words of this one's law have to differ.
@@ -158,7 +155,9 @@ pub(super) fn confidence(one: &Named, fit: &Fit) -> (f64, Vec<f64>) {
 
 #[cfg(test)]
 mod tests {
-    use super::is_clear;
+    use super::{is_clear, of_word};
+    use physics::{AnyEffect, Given};
+    use recording::model::presets::preset;
 
     #[test]
     fn what_is_alike_takes_no_claim_from_a_name_that_is_sure_by_itself() {
@@ -169,5 +168,28 @@ mod tests {
             "what little else there is carries no claim"
         );
         assert!(is_clear(&[(9.0, true), (12.0, false)]), "most is clear");
+    }
+
+    #[test]
+    fn a_word_for_a_case_of_a_law_stands_until_evidence_for_the_whole_law_is_there() {
+        let arm = preset("irb120").expect("preset").model().expect("sound").physics.arm;
+        let of = |kind: &str, joint: usize, given: &[(&str, &[f64])]| {
+            AnyEffect::build(kind, &arm, Some(joint), Given(given)).expect(kind)
+        };
+        let compliance: &[(&str, &[f64])] = &[("compliance", &[1e-5])];
+        let gravity = of("gravity_compliance", 2, compliance);
+        let sag = of("gravity_sag", 2, &[("sag", &[1e-4; 12])]);
+        let (gap, lag) = (
+            of("backlash", 2, &[("width", &[1e-4])]),
+            of("hysteresis", 2, &[("amplitude", &[1e-4]), ("reversal", &[1e-4])]),
+        );
+        assert_eq!(of_word(&gravity, &sag, 30.0), Some(30.0), "weights that nobody doubts");
+        let price = of_word(&gap, &lag, 30.0).expect("one law");
+        assert!(price > 1.0 && price < 5.0, "one number, asked once: {price}");
+        assert_eq!(of_word(&lag, &gap, -30.0), Some(-price));
+        let whole = of("joint_compliance", 2, compliance);
+        assert!(of_word(&gravity, &whole, 0.0).is_some_and(|price| price < 0.0), "preferred");
+        let elsewhere = of("joint_compliance", 1, compliance);
+        assert_eq!(of_word(&gravity, &elsewhere, 0.0), None, "another joint is another law");
     }
 }

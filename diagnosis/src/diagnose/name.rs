@@ -175,9 +175,10 @@ impl Named {
     pub(super) fn dearer(&self, rival: &Rival, price: f64) -> f64 {
         let more = rival.numbers as f64 - self.numbers as f64;
         let most = ALIKE * self.share + 0.5 * more.abs();
+        let numbers = 0.5 * price * more;
         let own = self.candidate.probes.first();
-        let numbers = (0.5 * price * more).clamp(-most, most);
-        own.map_or(numbers, |own| of_word(&own.effect, &rival.effect, numbers))
+        let word = own.and_then(|own| of_word(&own.effect, &rival.effect, numbers));
+        word.unwrap_or(numbers.clamp(-most, most))
     }
 
     /// The rival that is the better name.
