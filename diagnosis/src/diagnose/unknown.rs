@@ -131,32 +131,43 @@ fn ahead(
 ) -> Option<(Naming, Law)> {
     let all: f64 = naming.named.iter().map(|one| one.gain).sum();
     let carries = |one: &&Named| one.gain >= CARRIES * all;
-    let gone: Vec<&Named> = naming.named.iter().filter(|one| !carries(one)).collect();
+    let (few, gone): (Vec<&Named>, Vec<&Named>) = naming.named.iter().partition(carries);
     let every: Vec<&Named> = naming.named.iter().collect();
-    ahead_of(asking, naming, (&every, share), words, kept).or_else(|| {
+    ahead_of(asking, naming, [&every, &few], share, (words, kept)).or_else(|| {
         let are_patches = gone.len() >= PATCHES && gone.len() < every.len();
-        are_patches.then(|| ahead_of(asking, naming, (&gone, share), words, kept))?
+        are_patches.then(|| ahead_of(asking, naming, [&gone, &gone], share, (words, kept)))?
     })
 }
 
-/// The law that, beside the others, is ahead of the names `gone`.
+/// The law that, beside the others, is ahead of the names `gone`, and of those that carry most of these alone.
 fn ahead_of(
     asking: &Asking<'_>,
     naming: &Naming,
-    (gone, share): (&[&Named], f64),
-    words: &[Word],
-    kept: &[bool],
+    [gone, few]: [&[&Named]; 2],
+    share: f64,
+    (words, kept): (&[Word], &[bool]),
 ) -> Option<(Naming, Law)> {
     if gone.is_empty() {
         return None;
     }
     let Asking { campaign, known, settings, library, .. } = asking;
-    let bare = without(&naming.fit, &known.model, gone);
-    let bare = compare(campaign, &bare, &naming.fit, settings.used);
-    let numbers: usize = gone.iter().map(|one| one.numbers).sum();
+    let beside = |gone: &[&Named]| {
+        let left = without(&naming.fit, &known.model, gone);
+        compare(campaign, &left, &naming.fit, settings.used)
+    };
+    let bare = beside(gone);
     let fitted = Fitted::new(campaign, &bare, settings);
-    let cost = price(&fitted, numbers, 1) + gone.len() as f64 * price(&fitted, 0, library.len());
-    let names = (bare.sum - naming.fit.sum) / bare.design_effect - cost;
+    let worth = |sum: f64, names: &[&Named]| {
+        let numbers: usize = names.iter().map(|one| one.numbers).sum();
+        let names = names.len() as f64 * price(&fitted, 0, library.len());
+        (bare.sum - sum) / bare.design_effect - price(&fitted, numbers, 1) - names
+    };
+    let mut names = worth(naming.fit.sum, gone);
+    if few.len() < gone.len() {
+        let is_few = |one: &&Named| few.iter().any(|few| std::ptr::eq(*few, *one));
+        let others: Vec<&Named> = gone.iter().copied().filter(|one| !is_few(one)).collect();
+        names = names.max(worth(beside(&others).sum, few));
+    }
     let few = naming.without(gone, bare.clone());
     let best = unsteady(&fitted, words, asking, &few, law(&fitted, words));
     let law = borne_out_by(&fitted, words, kept, best.filter(|law| law.worth > 0.0)?)?;
