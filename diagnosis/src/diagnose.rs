@@ -27,6 +27,7 @@ pub mod says;
 mod settle;
 mod springs;
 mod starts;
+mod terms;
 mod unknown;
 mod untested;
 mod view;

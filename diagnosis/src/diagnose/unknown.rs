@@ -10,6 +10,7 @@ use super::features::Word;
 use super::locate::moved;
 use super::name::{Asking, Named, Naming, without};
 use super::prove::borne_out;
+use super::terms::{count, pairs, singles, terms};
 use crate::fit::compare;
 use crate::motion::Motion;
 use crate::score::{Asked, Fitted};
@@ -20,8 +21,8 @@ use std::rc::Rc;
 
 /// Polynomials of one word.
 const DEGREE: usize = 5;
-/// Polynomials of each word of a pair.
-const DEGREE_OF_PAIR: usize = 3;
+/// The same where a name's size changes with it.
+const DEGREE_OF_SIZE: usize = 3;
 /// Readings further off, in units of the noise, are outliers.
 const FAR: f64 = 12.0;
 /// By which share of what names are worth a law has to be worth more than they are: names are simplified physics too.
@@ -51,6 +52,14 @@ impl Carrier {
         match self {
             Self::Joint => Motion::of_joint(arm, &Chain::nominal(arm, &inputs.q), joint),
             Self::Named(motions, _) => motions[pose],
+        }
+    }
+
+    /// Polynomials of a word by itself.
+    fn degree(&self) -> usize {
+        match self {
+            Self::Joint => DEGREE,
+            Self::Named(..) => DEGREE_OF_SIZE,
         }
     }
 
@@ -244,11 +253,14 @@ fn best_of(
     before: Option<Law>,
 ) -> Option<Law> {
     let arm = &fitted.state.hypothesis.model.arm;
-    let numbers: Vec<usize> = groups.iter().map(|group| count(words, group)).collect();
+    let numbers: Vec<usize> =
+        groups.iter().map(|group| count(words, group, carrier.degree())).collect();
     let asked = Asked { sigmas: vec![carrier.large(); numbers.iter().sum()], numbers };
     let unit = |pose: usize| carrier.unit(arm, joint, &fitted.campaign.poses[pose].inputs, pose);
     let scores = fitted.scores_of_multiples(&asked, unit, |pose, into| {
-        groups.iter().for_each(|group| terms(words, group, pose, |term| into.push(term)));
+        groups.iter().for_each(|group| {
+            terms(words, group, (pose, carrier.degree()), |term| into.push(term));
+        });
     });
     let mut best = before;
     for score in scores {
@@ -282,68 +294,6 @@ fn price(fitted: &Fitted<'_>, numbers: usize, tried: usize) -> f64 {
     numbers as f64 * readings.max(2.0).ln() + 2.0 * (tried.max(1) as f64).ln()
 }
 
-fn singles(words: &[Word], _joint: usize) -> Vec<Vec<usize>> {
-    (0..words.len()).map(|word| vec![word]).collect()
-}
-
-/// A joint's own words with each other, its position and speed with the positions of others (what it carries changes with these), and its motion with
-/// temperature and load.
-fn pairs(words: &[Word], joint: usize) -> Vec<Vec<usize>> {
-    let own = |word: &Word| word.joint == Some(joint);
-    let position = |word: &Word| word.name.starts_with('q');
-    let moves = |word: &Word| own(word) && (position(word) || word.name.starts_with('v'));
-    let mut pairs = Vec::new();
-    for (a, first) in words.iter().enumerate() {
-        for (b, second) in words.iter().enumerate().skip(a + 1) {
-            let tied = own(first) && own(second);
-            let places = (moves(first) && position(second)) || (position(first) && moves(second));
-            let heat = own(first) && second.joint.is_none();
-            if tied || places || heat {
-                pairs.push(vec![a, b]);
-            }
-        }
-    }
-    pairs
-}
-
-fn count(words: &[Word], group: &[usize]) -> usize {
-    let mut count = 0;
-    terms(words, group, 0, |_| count += 1);
-    count
-}
-
-/// The terms of a group at a pose.
-fn terms(words: &[Word], group: &[usize], pose: usize, mut take: impl FnMut(f64)) {
-    let degree = |word: &Word, most: usize| if word.name.starts_with("dir") { 1 } else { most };
-    match *group {
-        [one] => words[one].chebyshev(pose, degree(&words[one], DEGREE)).for_each(take),
-        [one, two] => {
-            let joints = [one, two].map(|w| words[w].joint);
-            let sways = joints[0] != joints[1] && !joints.contains(&None);
-            let of = |w: usize| {
-                // What other joints change of a lag goes straight with the speed.
-                let straight = sways && words[w].name.starts_with('v');
-                let most = if straight { 1 } else { degree(&words[w], DEGREE_OF_PAIR) };
-                let mut all = [1.0; DEGREE_OF_PAIR + 1];
-                let mut count = 1;
-                for (slot, term) in all[1..].iter_mut().zip(words[w].chebyshev(pose, most)) {
-                    (*slot, count) = (term, count + 1);
-                }
-                (all, count)
-            };
-            let (first, second) = (of(one), of(two));
-            for (i, x) in first.0[..first.1].iter().enumerate() {
-                for (k, y) in second.0[..second.1].iter().enumerate() {
-                    if i + k > 0 {
-                        take(x * y);
-                    }
-                }
-            }
-        }
-        _ => {}
-    }
-}
-
 impl Law {
     /// The contract's words that it follows, each once.
     pub(super) fn depends_on(&self, words: &[Word]) -> Vec<String> {
@@ -358,7 +308,10 @@ impl Law {
     fn motion(&self, arm: &Arm, inputs: &Inputs, words: &[Word], pose: usize) -> Motion {
         let mut sum = 0.0;
         let mut found = self.found.iter();
-        terms(words, &self.words, pose, |term| sum += term * found.next().unwrap_or(&0.0));
+        let degree = self.carrier.degree();
+        terms(words, &self.words, (pose, degree), |term| {
+            sum += term * found.next().unwrap_or(&0.0)
+        });
         self.carrier.unit(arm, self.joint, inputs, pose).times(sum)
     }
 

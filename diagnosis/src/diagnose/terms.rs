@@ -1,0 +1,75 @@
+//! The terms of a smooth law: which words it may follow together, and the polynomials of these.
+//!
+//! Promises: none is constant: what a law gives its size to has that already. Never: a fit.
+
+use super::features::Word;
+
+/// Polynomials of each word of a pair.
+const DEGREE_OF_PAIR: usize = 3;
+
+pub(super) fn singles(words: &[Word], _joint: usize) -> Vec<Vec<usize>> {
+    (0..words.len()).map(|word| vec![word]).collect()
+}
+
+/// A joint's own words with each other, its position and speed with the positions of others (what it carries changes with these), and its motion with
+/// temperature and load.
+pub(super) fn pairs(words: &[Word], joint: usize) -> Vec<Vec<usize>> {
+    let own = |word: &Word| word.joint == Some(joint);
+    let position = |word: &Word| word.name.starts_with('q');
+    let moves = |word: &Word| own(word) && (position(word) || word.name.starts_with('v'));
+    let mut pairs = Vec::new();
+    for (a, first) in words.iter().enumerate() {
+        for (b, second) in words.iter().enumerate().skip(a + 1) {
+            let tied = own(first) && own(second);
+            let places = (moves(first) && position(second)) || (position(first) && moves(second));
+            let heat = own(first) && second.joint.is_none();
+            if tied || places || heat {
+                pairs.push(vec![a, b]);
+            }
+        }
+    }
+    pairs
+}
+
+pub(super) fn count(words: &[Word], group: &[usize], alone: usize) -> usize {
+    let mut count = 0;
+    terms(words, group, (0, alone), |_| count += 1);
+    count
+}
+
+/// The terms of a group at a pose; `alone`: polynomials of a word by itself.
+pub(super) fn terms(
+    words: &[Word],
+    group: &[usize],
+    (pose, alone): (usize, usize),
+    mut take: impl FnMut(f64),
+) {
+    let degree = |word: &Word, most: usize| if word.name.starts_with("dir") { 1 } else { most };
+    match *group {
+        [one] => words[one].chebyshev(pose, degree(&words[one], alone)).for_each(take),
+        [one, two] => {
+            let joints = [one, two].map(|w| words[w].joint);
+            let sways = joints[0] != joints[1] && !joints.contains(&None);
+            let of = |w: usize| {
+                // What other joints change of a lag goes straight with the speed.
+                let straight = sways && words[w].name.starts_with('v');
+                let most = if straight { 1 } else { degree(&words[w], DEGREE_OF_PAIR) };
+                let mut all = [1.0; DEGREE_OF_PAIR + 1];
+                let mut count = 1;
+                for (slot, term) in all[1..].iter_mut().zip(words[w].chebyshev(pose, most)) {
+                    (*slot, count) = (term, count + 1);
+                }
+                (all, count)
+            };
+            let (first, second) = (of(one), of(two));
+            for (i, x) in first.0[..first.1].iter().enumerate() {
+                for (k, y) in second.0[..second.1].iter().enumerate() {
+                    if i + k > 0 {
+                        take(x * y);
+                    }
+                }
+            }
+        }
+        _ => {}
+    }
+}
