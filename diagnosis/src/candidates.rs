@@ -194,7 +194,6 @@ struct Shows {
     masses: bool,
     wrench: bool,
     direction: bool,
-    path: bool,
     temperature: bool,
     longest_s: f64,
 }
@@ -214,7 +213,6 @@ impl Shows {
             masses: arm.bodies().next().is_some(),
             wrench: poses.iter().any(|pose| Some(pose.inputs.wrench_base) != first),
             direction: poses.iter().any(|pose| pose.inputs.direction.iter().any(|d| *d != 0.0)),
-            path: small_moves(campaign),
             temperature: (0..arm.count()).any(warms),
             longest_s: poses.iter().map(|pose| pose.inputs.time_s).fold(0.0, f64::max),
         }
@@ -232,11 +230,11 @@ impl Shows {
     }
 }
 
-/// Whether most poses are reached from one near by: what a reversal builds up over a distance shows only then.
-fn small_moves(campaign: &Campaign) -> bool {
+/// Whether most poses are reached from one near by, as this joint goes: what a reversal builds up over a distance shows only then.
+fn small_moves(campaign: &Campaign, joint: usize) -> bool {
     let near = |pose: &&crate::campaign::Pose| {
-        let moves = pose.inputs.q.iter().zip(&pose.inputs.q_before).map(|(q, b)| (q - b).abs());
-        pose.arrival == Arrival::FromBefore && moves.fold(0.0, f64::max) < REVERSALS[2]
+        let moved = (pose.inputs.q[joint] - pose.inputs.q_before[joint]).abs();
+        pose.arrival == Arrival::FromBefore && moved < REVERSALS[2]
     };
     campaign.poses.iter().filter(near).count() > campaign.poses.len() / 2
 }
@@ -282,7 +280,7 @@ impl<'a> List<'a> {
         if self.shows.has(Need::Direction) {
             self.values("backlash", at, &[("width", &[0.0])]);
         }
-        if self.shows.path && self.shows.has(Need::Direction) {
+        if small_moves(campaign, joint) && self.shows.has(Need::Direction) {
             for reversal in REVERSALS {
                 self.values("hysteresis", at, &[("amplitude", &[0.0]), ("reversal", &[reversal])]);
             }

@@ -232,7 +232,7 @@ impl Asking<'_> {
     pub(super) fn searched(&self, naming: &Naming) -> Vec<Entry> {
         let fitted = Fitted::new(self.campaign, &naming.fit, &self.settings);
         let found = modes(&fitted, self.bank).into_iter().chain(self.springs(&fitted, naming));
-        found.chain(self.gaps(naming)).map(|found| Entry::open(found.kept(), found)).collect()
+        found.chain(self.hystereses(naming)).map(|found| Entry::open(found.kept(), found)).collect()
     }
 
     /// Finds every name's rivals; gives the price of a number, in the sum of squares.

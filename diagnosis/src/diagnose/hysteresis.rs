@@ -1,0 +1,67 @@
+//! A search for play that builds up over a distance: the hysteresis that explains a joint best in the stead of all that is named there.
+//!
+//! A gap and a spike at each reversal look like hysteresis over a distance that none of the library's is near, and the better the instrument the less its
+//! neighbours say. So the best of them are fitted, and distances about the gap's own width among them.
+//!
+//! Promises: sums are compared with the weights and the noise of the fit that stands. Never: a decision; see `name`.
+
+use super::name::{Asking, Named, Naming, without};
+use crate::candidates::{Candidate, List};
+use crate::fit::compare;
+use crate::score::Fitted;
+use crate::select::{is_sound, put};
+use physics::AnyEffect;
+
+/// Distances that are tried beside the library's, as shares of a gap's width.
+const DISTANCES: [f64; 2] = [1.0, 4.0];
+/// So many of all are fitted, the best first.
+const FITTED: usize = 3;
+
+impl Asking<'_> {
+    /// The best hysteresis of every joint whose play is named, in the stead of all that is named there.
+    pub(super) fn hystereses(&self, naming: &Naming) -> Vec<Candidate> {
+        let model = &naming.fit.hypothesis.model;
+        let new = naming.named.iter().filter(|one| one.stated.is_none());
+        let play = new.filter_map(|one| match model.effects().nth(one.effect)? {
+            AnyEffect::Backlash(_) | AnyEffect::Hysteresis(_) => model.effects().nth(one.effect),
+            _ => None,
+        });
+        play.filter_map(|play| self.hysteresis(naming, play)).collect()
+    }
+
+    fn hysteresis(&self, naming: &Naming, play: &AnyEffect) -> Option<Candidate> {
+        let arm = &naming.fit.hypothesis.model.arm;
+        let is_asked = |one: &&Candidate| {
+            one.joint == play.joint()
+                && one.changes().is_none()
+                && one.probes.iter().any(|p| matches!(p.effect, AnyEffect::Hysteresis(_)))
+        };
+        let mut all: Vec<Candidate> = self.library.iter().filter(is_asked).cloned().collect();
+        // What builds up over a distance shows only where most moves are small.
+        all.first()?;
+        let mut list = List::new(arm, self.campaign);
+        for share in DISTANCES {
+            let distance: &[(&str, &[f64])] =
+                &[("amplitude", &[0.0]), ("reversal", &[share * play.values()[0]])];
+            list.values("hysteresis", play.joint(), distance);
+        }
+        all.extend(list.found);
+        let here = naming.named.iter().filter(|one| one.candidate.joint == play.joint());
+        let here: Vec<&Named> = here.collect();
+        let bare = without(&naming.fit, &self.known.model, &here);
+        let bare = compare(self.campaign, &bare, &naming.fit, self.settings.used);
+        let fitted = Fitted::new(self.campaign, &bare, &self.settings);
+        let mut scores = fitted.scores(&all);
+        scores.retain(|score| is_sound(&all[score.candidate], &score.found));
+        scores.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        let fits = scores.iter().take(FITTED).filter_map(|score| {
+            let candidate = &all[score.candidate];
+            let mut hypothesis = bare.hypothesis.clone();
+            let at = put(&mut hypothesis, candidate, candidate.kept(), &score.found)?;
+            let fit = compare(self.campaign, &hypothesis, &bare, self.settings.used);
+            let effect = fit.hypothesis.model.effects().nth(at)?;
+            Some((fit.sum, candidate.standing(arm, effect, &[]).0))
+        });
+        fits.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, candidate)| candidate)
+    }
+}
