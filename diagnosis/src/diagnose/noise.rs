@@ -3,11 +3,11 @@
 //! Each number read is first fitted by a flexible law of positions, directions, speeds, loads, temperature and time; autoregression is taken from
 //! what that leaves.
 //!
-//! Promises: a slow drift, a sag, a play is no noise. Never: a change of the readings.
+//! Promises: a slow drift, a sag, a play is no noise, nor is what stands far above the noise that was stated. Never: a change of the readings.
 
 use super::features::Word;
 use super::flexible::{self, Taken};
-use crate::campaign::Campaign;
+use crate::campaign::{Campaign, Instrument};
 use crate::colour::{Colour, follows, stream};
 use crate::problem::{Look, State, Weighing, visit};
 use crate::result::Fit;
@@ -20,6 +20,8 @@ const DEGREE: usize = 4;
 const DEGREE_OF_TIME: usize = 10;
 /// Values per number of the flexible law, at least.
 const SPARE: usize = 6;
+/// What no smooth law explains and is so many times the stated noise, root mean square, is something missing: its memory is not the noise's.
+const LOUD: f64 = 3.0;
 /// What lies further out counts as this, in units of the noise.
 const FAR: f64 = 4.0;
 
@@ -43,7 +45,18 @@ pub(super) fn colours(
         let left = flattened(run, words, taken);
         pieces[run.instrument].extend(split(campaign, run, &left));
     }
-    pieces.iter().map(|pieces| Colour::of_runs(pieces)).collect()
+    let told = campaign.instruments.iter().zip(&fit.factors).zip(&pieces);
+    let colour = |((instrument, factor), pieces): ((&Instrument, &f64), &Vec<Vec<f64>>)| {
+        let is_loud = instrument.noise_is_known && factor * size(pieces) > LOUD;
+        if is_loud { Colour::default() } else { Colour::of_runs(pieces) }
+    };
+    told.map(colour).collect()
+}
+
+/// Root mean square.
+fn size(pieces: &[Vec<f64>]) -> f64 {
+    let count = pieces.iter().map(Vec::len).sum::<usize>().max(1);
+    (pieces.iter().flatten().map(|x| x * x).sum::<f64>() / count as f64).sqrt()
 }
 
 fn runs(campaign: &Campaign, fit: &Fit, used: &[bool]) -> BTreeMap<(usize, usize, usize), Run> {

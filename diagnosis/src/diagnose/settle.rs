@@ -19,6 +19,10 @@ const BETTER: f64 = 1.0;
 /// What a number counts for that is so far off that it weighs nothing, in units of the noise, squared.
 const OUTSIDE: f64 = 9.0;
 
+/// Residuals that are this many times what the noise makes, squared, are no noise of that colour: what is beyond counts by its logarithm, as noise whose size
+/// is fitted would. A colour that was told before anything was named may be that of what is missing, and its filter makes white noise loud.
+const LOUD: f64 = 2.0;
+
 /// How far a round goes from the names that stand.
 #[derive(Clone, Copy)]
 enum Way {
@@ -115,6 +119,8 @@ impl Asking<'_> {
             let size = 2.0 * fit.factors[seen.instrument].ln() + OUTSIDE * (1.0 - weight);
             if *used { size * seen.reading.count() as f64 } else { 0.0 }
         };
-        fit.sum + read.zip(&fit.weights).map(one).sum::<f64>()
+        let most = LOUD * fit.readings as f64;
+        let left = if fit.sum > most { most * (1.0 + (fit.sum / most).ln()) } else { fit.sum };
+        left + read.zip(&fit.weights).map(one).sum::<f64>()
     }
 }
