@@ -26,8 +26,9 @@ const FITTED_OF_ALL: usize = 24;
 const BEHIND: f64 = 0.2;
 /// Other settings of the same name that are behind by less, in the sum of squares, are not told from its own: a 95 % interval holds them.
 const VARIANT: f64 = 3.84;
-/// A common name of two that the products, which are linear, put further behind, in the sum of squares, no fit brings back.
+/// A common name of two that the products, which are linear, put further behind, in the sum of squares and as a share of what the two bring, no fit brings back.
 const LINEAR: f64 = 20.0;
+const LINEAR_SHARE: f64 = 3e-3;
 /// A number is as unsure as so many standard deviations.
 const UNSURE: f64 = 2.0;
 /// Names that are better by less than this are as good: the earlier in the library is said.
@@ -236,8 +237,8 @@ impl<'a> Choice<'a> {
 
     /// Gives two effects of one joint the common name that costs the least, if it is near enough for a fit to tell: alone, neither would leave for it.
     pub(super) fn merge(&mut self) -> bool {
-        let mut least = self.cost() + LINEAR;
-        let mut best = None;
+        let own = self.cost();
+        let (mut least, mut best) = (f64::INFINITY, None);
         let pairs = (1..self.chosen.len()).flat_map(|second| (0..second).map(move |k| (k, second)));
         for (first, second) in pairs {
             let pair = [self.chosen[first], self.chosen[second]];
@@ -247,14 +248,17 @@ impl<'a> Choice<'a> {
             }
             let mut merged = self.clone();
             pair.iter().for_each(|place| merged.gram.remove(*place));
-            let Some((place, ..)) = self.open(&merged.gram, &pair).into_iter().next() else {
-                continue;
-            };
+            let brings = (merged.gram.rest() - self.gram.rest()) / self.design_effect;
+            // Either by itself was tried before the other was named.
+            let names = pair.map(|place| title(&self.entries[place].candidate));
+            let mut open = self.open(&merged.gram, &pair).into_iter();
+            let other = open.find(|o| !names.contains(&title(&self.entries[o.0].candidate)));
+            let Some((place, ..)) = other else { continue };
             merged.gram.add(place);
             merged.chosen.retain(|place| !pair.contains(place));
             merged.chosen.push(place);
             let cost = merged.cost();
-            if cost < least {
+            if cost < least.min(own + LINEAR.max(LINEAR_SHARE * brings)) {
                 (least, best) = (cost, Some(merged));
             }
         }
