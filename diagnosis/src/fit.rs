@@ -7,6 +7,7 @@
 //! Never: a choice of effects; see [`mod@crate::select`].
 
 use crate::campaign::Campaign;
+use crate::colour::follows;
 use crate::hypothesis::Hypothesis;
 use crate::independent::Dependent;
 use crate::minimise::{Minimum, minimise};
@@ -32,6 +33,9 @@ const STANDS: f64 = 1e-3;
 
 /// Readings of one stream from which their middle tells how far off they are.
 const ENOUGH: usize = 20;
+
+/// So many rows of a path that lie far off one after the other are no readings gone wrong.
+const LASTING: usize = 4;
 
 /// How a fit is made.
 #[derive(Clone, Copy, Debug)]
@@ -241,7 +245,7 @@ impl<'a> Fitting<'a> {
     }
 
     /// Weights by how far readings lie out among those of their own stream: where half of what one encoder or target says is far off, these are no
-    /// readings gone wrong, but something that is missing there, and it is to be seen.
+    /// readings gone wrong, but something that is missing there, and it is to be seen; so is what lies far off for some rows of a path, one after the other.
     fn reweigh(&mut self, influence: Influence) {
         let lengths = self.sheet.lengths();
         let mut streams: BTreeMap<(usize, usize), Vec<(usize, f64)>> = BTreeMap::new();
@@ -254,10 +258,36 @@ impl<'a> Fitting<'a> {
             ((instrument, stream), wide.max(factor))
         };
         let own: BTreeMap<(usize, usize), f64> = streams.into_iter().map(own).collect();
-        for Length { reading, instrument, stream, count, length } in lengths {
-            let length = length / own[&(instrument, stream)];
-            self.weighing.weights[reading] = weight(influence, count, length);
+        let size = |one: &Length| one.length / own[&(one.instrument, one.stream)];
+        let lasting = self.lasting(&lengths, size);
+        for (one, lasts) in lengths.iter().zip(lasting) {
+            let influence = if lasts { careful(influence) } else { influence };
+            self.weighing.weights[one.reading] = weight(influence, one.count, size(one));
         }
+    }
+
+    /// Which readings lie far off, as those of the same stream do in the rows about it: together [`LASTING`] of one path or more.
+    fn lasting(&self, lengths: &[Length], size: impl Fn(&Length) -> f64) -> Vec<bool> {
+        let mut lasting = vec![false; lengths.len()];
+        let mut runs: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+        for (place, one) in lengths.iter().enumerate() {
+            let run = runs.entry((one.instrument, one.stream)).or_default();
+            let goes_on = run.last().is_some_and(|last: &usize| {
+                follows(self.campaign, lengths[*last].pose, one.pose)
+                    && self.campaign.recordings[self.campaign.poses[one.pose].recording].is_path
+            });
+            let is_far = weight(Influence::Redescending, one.count, size(one)) < 1.0;
+            if !(goes_on && is_far) {
+                run.clear();
+            }
+            if is_far {
+                run.push(place);
+            }
+            if run.len() >= LASTING {
+                run.iter().for_each(|place| lasting[*place] = true);
+            }
+        }
+        lasting
     }
 
     fn done(self) -> Fit {

@@ -23,6 +23,7 @@ struct Entry {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Length {
     pub(crate) reading: usize,
+    pub(crate) pose: usize,
     pub(crate) instrument: usize,
     pub(crate) stream: usize,
     pub(crate) count: usize,
@@ -120,9 +121,10 @@ impl Sheet {
     /// Lengths of the residuals, in stated noises.
     pub(crate) fn lengths(&self) -> Vec<Length> {
         let length = |one: &Entry| {
-            let Entry { reading, instrument, stream, ref rows, .. } = *one;
+            let Entry { reading, pose, instrument, stream, ref rows, .. } = *one;
             Length {
                 reading,
+                pose,
                 instrument,
                 stream,
                 count: rows.count,
