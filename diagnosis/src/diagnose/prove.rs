@@ -18,6 +18,9 @@ use std::collections::BTreeMap;
 const SPEAKS: f64 = 1.0;
 /// And where both looks together are as sure as this, in log-likelihood beyond what its numbers and the size of the library cost.
 const SURE: f64 = 7.0;
+/// A second look that gains or loses less than this has nothing to say: no reversal of that joint, no load on it. What is as sure as this by itself stands then.
+const SILENT: f64 = 0.5;
+const SURE_ALONE: f64 = 50.0;
 /// Names that are asked again once one has gone.
 const ASKED_AGAIN: usize = 6;
 /// Poses of a path between training and held-out stretches.
@@ -56,6 +59,9 @@ pub(super) fn set_apart(campaign: &mut Campaign, splits: [&Split; 2]) {
 
 /// Above zero where a second look, which gained `gain`, bears out what the first found with `margin` to spare; both in log-likelihood.
 pub(super) fn borne_out(margin: f64, gain: f64) -> f64 {
+    if gain.abs() < SILENT && margin > SURE_ALONE {
+        return margin - SURE_ALONE;
+    }
     (gain - SPEAKS).min(margin + gain - SURE)
 }
 
