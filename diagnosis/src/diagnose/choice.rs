@@ -191,7 +191,21 @@ impl<'a> Choice<'a> {
                 *value = within;
             }
         }
-        is_sound(candidate, &found).then_some(found)
+        (is_sound(candidate, &found) && !self.leads(candidate, &found)).then_some(found)
+    }
+
+    /// Whether a joint would lead its command: that is what a measurement that comes too early and a lag of the others say together, and none does.
+    fn leads(&self, candidate: &Candidate, found: &[f64]) -> bool {
+        let is = |one: &Candidate, kind| title(one).is_some_and(|title| title.0 == kind);
+        let comes_early = |found: &[f64]| found.iter().any(|delay| *delay < 0.0);
+        let mut chosen = self.chosen.iter().map(|place| (place, &self.entries[*place].candidate));
+        if is(candidate, "time_delay") {
+            return comes_early(found) && chosen.any(|(_, other)| is(other, "servo_lag"));
+        }
+        let early = |(place, other): (&usize, &Candidate)| {
+            is(other, "time_delay") && comes_early(&self.gram.gains(*place).found)
+        };
+        is(candidate, "servo_lag") && chosen.any(early)
     }
 
     fn add(&mut self) -> bool {

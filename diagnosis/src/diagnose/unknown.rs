@@ -310,7 +310,7 @@ impl Law {
         let mut found = self.found.iter();
         let degree = self.carrier.degree();
         terms(words, &self.words, (pose, degree), |term| {
-            sum += term * found.next().unwrap_or(&0.0)
+            sum += term * found.next().unwrap_or(&0.0);
         });
         self.carrier.unit(arm, self.joint, inputs, pose).times(sum)
     }
