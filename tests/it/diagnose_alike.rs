@@ -112,6 +112,61 @@ fn a_gap_that_takes_several_rows_to_cross_is_backlash() {
     }
 }
 
+/// A loop whose distance is between those of the list, seen so well that its neighbours leave hundreds of times the noise; the last joint moves further from row
+/// to row than any loop is wide.
+#[test]
+fn a_loop_is_no_gap_with_a_spike() {
+    for (amplitude, reversal, noise_mm) in [(0.3, 1.0, 0.005), (1.0, 5.0, 0.01)] {
+        let truth = format!(
+            "[[effect]]\nkind = \"hysteresis\"\njoint = 3\namplitude_mrad = {amplitude:?}\nreversal_mrad = {reversal:?}\n"
+        );
+        let case = Case {
+            known: "",
+            truth: &truth,
+            step_s: 0.02,
+            recorded: 1,
+            wrench: [0.0; 6],
+            noise_mm,
+        };
+        assert_eq!(case.told(), [("hysteresis".to_owned(), 3)], "{reversal} mrad");
+    }
+}
+
+/// A joint that turns a few times in the recording: rows that lie far off, one after the other.
+#[test]
+fn a_spike_at_few_reversals_is_no_reading_gone_wrong() {
+    let truth = "[[effect]]\nkind = \"reversal_spike\"\njoint = 2\namplitude_mrad = 0.9\ntime_constant_ms = 100.0\n";
+    let case =
+        Case { known: "", truth, step_s: 0.004, recorded: 1, wrench: [0.0; 6], noise_mm: 0.005 };
+    assert_eq!(case.told(), [("reversal_spike".to_owned(), 2)]);
+}
+
+/// What is missing stands hundreds of times above the noise and remembers itself as no noise does.
+#[test]
+fn an_effect_far_above_the_noise_is_not_taken_for_noise() {
+    let effects = [
+        ("tool_offset", 0, "shift_mm = [0.8, 1.2, -0.5]\nturn_mrad = [0.0, 0.0, 0.0]\n"),
+        ("servo_lag", 3, "joint = 3\ntime_constant_ms = 9.5\n"),
+        (
+            "transmission_error",
+            1,
+            "joint = 1\namplitude_mrad = 0.3\ncycles_per_rev = 50.0\nphase_rad = 0.6\n",
+        ),
+    ];
+    for (kind, joint, numbers) in effects {
+        let truth = format!("[[effect]]\nkind = \"{kind}\"\n{numbers}");
+        let case = Case {
+            known: "",
+            truth: &truth,
+            step_s: 0.01,
+            recorded: 1,
+            wrench: [0.0; 6],
+            noise_mm: 0.002,
+        };
+        assert_eq!(case.told(), [(kind.to_owned(), joint)], "{kind}");
+    }
+}
+
 /// A wrist that carries 2 Nm hardens a million times as much per cubed load as a shoulder that carries 200.
 #[test]
 fn a_light_joint_that_hardens_is_named() {
