@@ -283,8 +283,10 @@ impl<'a> Fitting<'a> {
             if is_far {
                 run.push(place);
             }
-            if run.len() >= LASTING {
-                run.iter().for_each(|place| lasting[*place] = true);
+            match run.len() {
+                ..LASTING => {}
+                LASTING => run.iter().for_each(|place| lasting[*place] = true),
+                _ => lasting[place] = true,
             }
         }
         lasting
