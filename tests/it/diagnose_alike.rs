@@ -135,7 +135,7 @@ fn a_loop_is_no_gap_with_a_spike() {
 /// A joint that turns a few times in the recording: rows that lie far off, one after the other.
 #[test]
 fn a_spike_at_few_reversals_is_no_reading_gone_wrong() {
-    let truth = "[[effect]]\nkind = \"reversal_spike\"\njoint = 2\namplitude_mrad = 0.9\ntime_constant_ms = 100.0\n";
+    let truth = "[[effect]]\nkind = \"reversal_spike\"\njoint = 2\namplitude_mrad = 0.9\ntime_constant_ms = 80.0\n";
     let case =
         Case { known: "", truth, step_s: 0.004, recorded: 1, wrench: [0.0; 6], noise_mm: 0.005 };
     assert_eq!(case.told(), [("reversal_spike".to_owned(), 2)]);
