@@ -18,6 +18,7 @@
 //! What it never does: read a clock, allocate, log, panic.
 #![no_std]
 
+mod elapsed;
 mod limiter;
 mod limiters;
 mod limits;
@@ -25,6 +26,7 @@ mod motion;
 mod plan;
 mod track;
 
+pub use elapsed::{Elapsed, Intervals};
 pub use limiter::Limiter;
 pub use limiters::Limiters;
 pub use limits::{Limits, LimitsError};

@@ -1,17 +1,21 @@
-//! The rule by which a correction follows what is wanted.
+//! Limits one joint's correction in position, rate and jerk.
 //!
-//! Three ways to make the next output, the first that may be taken is:
-//! 1. `wanted`, plus an offset from it that dies out along a plan. The offset is zero while all is
-//!    well; a jump of `wanted` becomes an offset (this is known as inertialisation).
-//! 2. One step of a plan from the motion now onto the trend of `wanted`, while `wanted` jumps or
+//! The next output is made in the first of these ways that the limits allow:
+//! 1. `wanted`, plus an offset from it that dies out along a plan. The offset is zero in normal
+//!    operation; a jump of `wanted` becomes an offset (this is known as inertialisation).
+//! 2. One step of a plan from the present motion onto the trend of `wanted`, while `wanted` jumps or
 //!    shakes too much to be followed. Plans use half the jerk; the other half belongs to `wanted`.
 //! 3. One step of the fastest stop, at full jerk.
 //!
-//! Promises: from the output there is always a stop that keeps all limits (see `motion`); a way is
-//! taken only if that stays so, hence the third is always open. Never reads a clock, allocates or
-//! panics.
+//! Limits may change at any time. A motion that cannot stop within the new ones keeps the larger of
+//! the old and the new ones, bound by bound, while it brakes at the larger jerk; the new ones are in
+//! force from the first output that can stop within them.
+//!
+//! Invariant: from every output there is a stop that keeps the limits in force (see `motion`). A way
+//! is taken only if that remains so, hence the third is always open.
 
 use crate::Limits;
+use crate::elapsed::Elapsed;
 use crate::motion::Motion;
 use crate::plan::{Plan, Ramp};
 use crate::track::{Times, Track};
@@ -50,8 +54,10 @@ pub struct Limiter {
     steady: u8,
     /// The offset of the output from `wanted`, as it dies out; none while `wanted` is not trusted.
     offset: Option<Plan>,
-    /// What was wanted last, as it was said.
+    /// What was wanted last, as it was given.
     asked: f64,
+    /// The limits in force; none before the first step.
+    in_force: Option<Limits>,
 }
 
 /// At which share of its jerk and of its rate a joint's plans go; 1 for a joint that is alone.
@@ -90,7 +96,14 @@ impl Limiter {
             steady: TRUSTED_AFTER,
             offset: Some(Plan::OVER),
             asked: f64::NAN,
+            in_force: None,
         }
+    }
+
+    /// Comes to rest where it is: nothing was put out for so long that whoever follows it stands.
+    pub(crate) fn rest(&mut self) {
+        let in_force = self.in_force;
+        *self = Self { in_force, ..Self::from_motion(self.value(), 0.0, 0.0) };
     }
 
     /// Stands at `value` at once, without bounds: for settled poses, that no motion connects.
@@ -125,39 +138,88 @@ impl Limiter {
     /// The output `dt_s` after the last one.
     ///
     /// It equals `wanted` bit for bit while `wanted` keeps the limits and could at each sample still
-    /// stop inside them (a signal that runs into the bound of the angle at full rate could not).
+    /// stop within them (a signal that runs into the bound of the angle at full rate could not).
     /// Beyond the angle `wanted` counts as the bound; not finite, as zero: the correction ramps out.
     /// No time passes where `dt_s` is not above zero: the last output stands.
-    ///
-    /// Where `limits` shrink below the motion they bind again as soon as the jerk allows.
     pub fn step(&mut self, wanted: f64, limits: &Limits, dt_s: f64) -> f64 {
-        if !self.step_with(wanted, limits, dt_s) {
-            self.step_onto(limits, Pace::ALONE, dt_s);
+        let elapsed = Elapsed::exactly(dt_s);
+        if !self.step_with(wanted, limits, elapsed) {
+            self.step_onto(limits, Pace::ALONE, elapsed);
         }
         self.value()
     }
 
-    /// The output `dt_s` after the last one, if it may be `wanted` and its offset; else [`Limiter::step_onto`] is to make it.
-    pub(crate) fn step_with(&mut self, wanted: f64, limits: &Limits, dt_s: f64) -> bool {
+    /// The next output, if it may be `wanted` and its offset; else [`Limiter::step_onto`] is to make it.
+    pub(crate) fn step_with(&mut self, wanted: f64, limits: &Limits, elapsed: Elapsed) -> bool {
         self.asked = wanted;
+        let Elapsed { dt_s, jitter_s } = elapsed;
         if !(dt_s > 0.0 && dt_s.is_finite()) {
             return true;
         }
-        self.times.pass(dt_s);
+        self.times.pass(dt_s, jitter_s);
+        let in_force = self.take_limits(limits);
         self.observe(finite(wanted), limits, dt_s);
-        self.follow(limits, dt_s)
+        in_force == *limits && self.follow(limits, dt_s)
     }
 
-    /// The output `dt_s` after the last one, on a plan at that pace.
-    pub(crate) fn step_onto(&mut self, limits: &Limits, pace: Pace, dt_s: f64) {
+    /// The next output, on a plan at that pace.
+    pub(crate) fn step_onto(&mut self, limits: &Limits, pace: Pace, elapsed: Elapsed) {
+        let dt_s = elapsed.dt_s;
         if self.offset.is_some() {
             self.steady = 0;
+        }
+        if let Some(in_force) = self.in_force.filter(|in_force| in_force != limits) {
+            let braked = self.braked(limits, &in_force, dt_s);
+            self.put_out(braked);
+            self.offset = None;
+            return;
         }
         let on_plan = self.chase(limits, pace, dt_s);
         // A stop leaves more acceleration than a slow pace could take out without a swing.
         let pace = if on_plan { pace } else { Pace::ALONE };
         let plan = || plan_onto(self.motion.minus(self.trend), self.trend.rate, limits, pace);
         self.offset = (self.steady >= TRUSTED_AFTER).then(plan);
+    }
+
+    /// Takes over new limits, or the larger of both where the motion cannot stop within the new ones.
+    fn take_limits(&mut self, limits: &Limits) -> Limits {
+        let in_force = match self.in_force {
+            Some(in_force) if in_force == *limits => *limits,
+            _ if self.motion.stops_inside(limits) => *limits,
+            Some(before) => {
+                let larger = before.union(limits);
+                // A stop at a larger jerk may end further on than one that swings back.
+                let stops = self.motion.stops_inside(&larger);
+                self.with_room_to_stop(if stops { larger } else { larger.with_jerk_of(&before) })
+            }
+            None => self.with_room_to_stop(*limits),
+        };
+        self.in_force = Some(in_force);
+        in_force
+    }
+
+    /// `limits`, widened as far as the motion needs for a stop: to rounding, unless it was taken over from elsewhere.
+    fn with_room_to_stop(&self, limits: Limits) -> Limits {
+        let (angle, rate) = self.motion.room_to_stop(limits.jerk());
+        limits.with_room_for(angle, rate)
+    }
+
+    /// One step of braking into `limits` from a motion that keeps `in_force`.
+    ///
+    /// Inside the new angle that is the fastest stop. Outside, it is the fastest way to what is
+    /// wanted, or to the bound of the angle where that lies outside too.
+    fn braked(&self, limits: &Limits, in_force: &Limits, dt_s: f64) -> Motion {
+        let stop = self.stopping(in_force, dt_s);
+        if self.motion.value.abs() <= limits.angle() {
+            return stop;
+        }
+        let goal = Motion::at_rest(finite(self.asked).clamp(-limits.angle(), limits.angle()));
+        let rates = (-in_force.rate(), in_force.rate());
+        let plan = Plan::to_zero(self.motion.minus(goal), rates, in_force.jerk());
+        let next = plan.ahead(dt_s).plus(goal);
+        let mean_rate = (next.value - self.motion.value) / dt_s;
+        let allowed = next.stops_inside(in_force) && mean_rate.abs() <= in_force.rate();
+        if allowed { next } else { stop }
     }
 
     /// How far the output is from where `wanted` goes, and how it moves against that, in a step that `wanted` has made already.
@@ -174,13 +236,16 @@ impl Limiter {
     fn observe(&mut self, wanted: f64, limits: &Limits, dt_s: f64) {
         let wanted = wanted.clamp(-limits.angle(), limits.angle());
         let (track, jerk) = self.wanted.with(wanted, &self.times);
-        self.wanted = track;
         let spare_jerk = (1.0 - PLANNED_JERK) * limits.jerk();
-        if jerk.abs() <= spare_jerk && track.rate().abs() <= limits.rate() {
+        let most_jerk = spare_jerk + self.times.jerk_of_jitter(self.wanted.fastest(&self.times));
+        let most_rate = limits.rate() * (1.0 + self.times.rate_error());
+        if jerk.abs() <= most_jerk && track.rate().abs() <= most_rate {
             self.steady = (self.steady + 1).min(TRUSTED_AFTER);
-            self.trend = track.motion(&self.times);
+            self.trend = track.motion();
+            self.wanted = track;
         } else {
             self.steady = 0;
+            self.wanted = track.jumped_from(&self.wanted, &self.times);
             self.trend = smoothed(self.trend, wanted, dt_s);
         }
         let keep = REACH_S / (REACH_S + dt_s);
@@ -196,8 +261,9 @@ impl Limiter {
         let Some(offset) = &mut self.offset else { return false };
         let wanted = self.wanted.value() + offset.ahead(dt_s).value;
         let (output, jerk) = self.output.with(wanted, &self.times);
-        let motion = output.motion(&self.times);
-        let allowed = jerk.abs() <= limits.jerk()
+        let motion = output.motion();
+        let most_jerk = limits.jerk() + self.times.jerk_of_jitter(self.output.fastest(&self.times));
+        let allowed = jerk.abs() <= most_jerk
             && output.rate().abs() <= limits.rate()
             && motion.stops_inside(limits);
         if allowed {
@@ -210,10 +276,13 @@ impl Limiter {
     /// Moves onto the trend, or to a stop where that would leave the limits. Tells whether it was onto the trend.
     fn chase(&mut self, limits: &Limits, pace: Pace, dt_s: f64) -> bool {
         let planned = self.onto_trend(limits, pace, dt_s);
-        let motion = planned.unwrap_or_else(|| self.stopping(limits, dt_s));
-        let (output, _) = self.output.with(motion.value, &self.times);
-        (self.output, self.motion) = (output, motion);
+        self.put_out(planned.unwrap_or_else(|| self.stopping(limits, dt_s)));
         planned.is_some()
+    }
+
+    fn put_out(&mut self, motion: Motion) {
+        let (output, _) = self.output.with(motion.value, &self.times);
+        (self.output, self.motion) = (output.of(motion), motion);
     }
 
     /// None where the limits do not allow it.
@@ -227,7 +296,7 @@ impl Limiter {
         let allowed = next.stops_inside(limits)
             && self.is_within_reach(next, limits)
             && mean_rate.abs() <= limits.rate();
-        (allowed || !self.is_inside(limits)).then_some(next)
+        allowed.then_some(next)
     }
 
     fn stopping(&self, limits: &Limits, dt_s: f64) -> Motion {
@@ -243,13 +312,6 @@ impl Limiter {
         let highest = ends.iter().fold(self.reach.1, |highest, end| highest.max(*end));
         let slack = ROUNDING * limits.angle();
         (lowest - slack..=highest + slack).contains(&stop(next, limits.jerk()))
-    }
-
-    /// Whether the motion now keeps the limits, to rounding.
-    fn is_inside(&self, limits: &Limits) -> bool {
-        let slack = 1.0 + ROUNDING;
-        Limits::new(limits.angle() * slack, limits.rate() * slack, limits.jerk())
-            .is_ok_and(|wide| self.motion.stops_inside(&wide))
     }
 }
 

@@ -5,6 +5,7 @@
 //! would let it err by more than either end of the ramp does, were each as fast as it can be. Never reads a clock,
 //! allocates or panics.
 
+use crate::elapsed::Elapsed;
 use crate::limiter::Pace;
 use crate::motion::Motion;
 use crate::{Limiter, Limits};
@@ -56,20 +57,26 @@ impl<const N: usize> Limiters<N> {
         core::array::from_fn(|i| self.joints[i].value())
     }
 
-    /// The outputs `dt_s` after the last ones, by the rule of [`Limiter::step`]. A joint without limits stands.
+    /// All joints come to rest where they are: nothing was put out for so long that the robot stands.
+    pub fn rest(&mut self) {
+        self.joints.iter_mut().for_each(Limiter::rest);
+    }
+
+    /// The next outputs, by the rule of [`Limiter::step`]. A joint without limits stands.
     pub fn step(
         &mut self,
         wanted: &[f64; N],
         limits: impl Fn(usize) -> Option<Limits>,
-        dt_s: f64,
+        elapsed: Elapsed,
     ) -> [f64; N] {
         let (mut behind, mut any) = ([false; N], false);
         for (i, joint) in self.joints.iter_mut().enumerate() {
-            behind[i] = limits(i).is_some_and(|limits| !joint.step_with(wanted[i], &limits, dt_s));
+            behind[i] =
+                limits(i).is_some_and(|limits| !joint.step_with(wanted[i], &limits, elapsed));
             any |= behind[i];
         }
         if any {
-            self.step_together(&behind, limits, dt_s);
+            self.step_together(&behind, limits, elapsed);
         }
         self.values()
     }
@@ -79,9 +86,9 @@ impl<const N: usize> Limiters<N> {
         &mut self,
         behind: &[bool; N],
         limits: impl Fn(usize) -> Option<Limits>,
-        dt_s: f64,
+        elapsed: Elapsed,
     ) {
-        let offsets: [Motion; N] = core::array::from_fn(|i| self.joints[i].offset(dt_s));
+        let offsets: [Motion; N] = core::array::from_fn(|i| self.joints[i].offset(elapsed.dt_s));
         let fastest = |ways: &[f64; N]| {
             let bound =
                 (0..N).filter(|i| ways[*i] > 0.0).filter_map(|i| Some((limits(i)?, ways[i])));
@@ -111,7 +118,7 @@ impl<const N: usize> Limiters<N> {
             } else {
                 Pace { rate: share(rate, limits.rate()), jerk: share(jerk, limits.jerk()) }
             };
-            joint.step_onto(&limits, pace, dt_s);
+            joint.step_onto(&limits, pace, elapsed);
         }
     }
 }

@@ -37,6 +37,28 @@ impl Limits {
         Ok(Self { angle, rate, jerk })
     }
 
+    /// The larger of both, bound by bound.
+    #[must_use]
+    pub(crate) fn union(&self, other: &Self) -> Self {
+        Self {
+            angle: self.angle.max(other.angle),
+            rate: self.rate.max(other.rate),
+            jerk: self.jerk.max(other.jerk),
+        }
+    }
+
+    /// The same with another's jerk.
+    #[must_use]
+    pub(crate) fn with_jerk_of(&self, other: &Self) -> Self {
+        Self { jerk: other.jerk, ..*self }
+    }
+
+    /// The same jerk with at least this angle and this rate.
+    #[must_use]
+    pub(crate) fn with_room_for(&self, angle: f64, rate: f64) -> Self {
+        Self { angle: self.angle.max(angle), rate: self.rate.max(rate), jerk: self.jerk }
+    }
+
     /// The largest correction, rad or m.
     #[must_use]
     pub fn angle(&self) -> f64 {

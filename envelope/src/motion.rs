@@ -90,6 +90,15 @@ impl Motion {
             && self.coasting_rate(limits.jerk()).abs() <= limits.rate()
     }
 
+    /// The largest angle and rate that the fastest stop at `jerk` passes through.
+    pub(crate) fn room_to_stop(self, jerk: f64) -> (f64, f64) {
+        let stop = Ramp::to_rate(self, 0.0, jerk);
+        let turn = self.turning_point(stop.first_jerk());
+        let end = stop.end_of(self).value;
+        let rate = self.rate.abs().max(self.coasting_rate(jerk).abs());
+        (self.value.abs().max(turn.abs()).max(end.abs()), rate)
+    }
+
     /// The value where the rate vanishes under the stop's first jerk; the value now where it does not.
     fn turning_point(self, jerk: f64) -> f64 {
         let towards = self.rate * self.acceleration < 0.0 && self.acceleration * jerk < 0.0;

@@ -110,6 +110,12 @@ impl Plan {
         Self { start, segments, lasts_s, elapsed_s: 0.0 }
     }
 
+    /// How long it lasts from its start, s.
+    #[cfg(test)]
+    pub(crate) fn lasts_s(&self) -> f64 {
+        self.lasts_s
+    }
+
     /// Time passes.
     pub(crate) fn pass(&mut self, dt_s: f64) {
         self.elapsed_s += dt_s;

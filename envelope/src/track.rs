@@ -1,15 +1,29 @@
 //! Divided differences of a sampled signal at an uneven pace.
 //!
-//! Promises: [`Track::with`] gives the third divided difference as a jerk, the mean of the third
-//! derivative of any smooth signal through the samples, so that even pace or jitter do not matter.
-//! It is taken of the newest sample and three nodes: the first sample, and each that is [`NODES_S`]
-//! or more after the node before. Samples of a cycle are nodes all; closer ones, of a robot that is
-//! run flat out, would make a jerk of the rounding of its position. Never keeps more samples.
+//! [`Track::with`] gives the third divided difference as a jerk: the mean of the third derivative of
+//! any smooth signal through the samples, whatever their spacing. It is taken of the newest sample
+//! and three nodes: the first sample, and each that is [`NODES_S`] or more after the node before.
+//! Samples of a cycle are all nodes; closer ones, of a loop that runs flat out, would make a jerk
+//! of the rounding of its positions.
+//!
+//! Where the times of the samples are uncertain by `jitter`, a signal of rate `v` looks as if its
+//! samples were off by up to `v · jitter`. [`Times::jerk_of_jitter`] is the third difference that
+//! this can make; rate and acceleration then come from a fading-memory filter (Brookner, *Tracking
+//! and Kalman Filtering Made Easy*, 1998, section 1.2) instead of from three samples.
 
 use crate::motion::Motion;
 
 /// The least time between nodes: half the period of the fastest cycle.
 pub(crate) const NODES_S: f64 = 5e-5;
+
+/// Jitter below this share of the pace is left to the parabola through three samples.
+const EVEN: f64 = 1e-4;
+/// Memory of the filter: the weight of a sample against that of the next. About forty samples.
+const MEMORY: f64 = 0.95;
+/// Gains of the filter for rate and acceleration, per step and per half a step squared.
+const RATE_GAIN: f64 = 1.5 * (1.0 - MEMORY) * (1.0 - MEMORY) * (1.0 + MEMORY);
+const ACCELERATION_GAIN: f64 = (1.0 - MEMORY) * (1.0 - MEMORY) * (1.0 - MEMORY);
+const VALUE_GAIN: f64 = 1.0 - MEMORY * MEMORY * MEMORY;
 
 /// When the samples were: the same for all signals that are sampled together.
 #[derive(Clone, Copy, Debug)]
@@ -24,14 +38,26 @@ pub(crate) struct Times {
     per_s: [f64; 3],
     /// Whether what was the newest sample before is now the last node.
     is_renewed: bool,
+    /// From the sample before to the newest.
+    dt_s: f64,
+    /// By how much the times may be off.
+    jitter_s: f64,
 }
 
 impl Times {
-    pub(crate) const START: Self =
-        Self { since_s: 0.0, node_s: 0.0, before_s: 0.0, per_s: [0.0; 3], is_renewed: false };
+    pub(crate) const START: Self = Self {
+        since_s: 0.0,
+        node_s: 0.0,
+        before_s: 0.0,
+        per_s: [0.0; 3],
+        is_renewed: false,
+        dt_s: 0.0,
+        jitter_s: 0.0,
+    };
 
-    /// One sample more, `dt_s > 0` later.
-    pub(crate) fn pass(&mut self, dt_s: f64) {
+    /// One sample more, `dt_s > 0` later; the time is uncertain by `jitter_s`.
+    pub(crate) fn pass(&mut self, dt_s: f64, jitter_s: f64) {
+        (self.dt_s, self.jitter_s) = (dt_s, jitter_s);
         self.is_renewed = self.since_s >= NODES_S;
         if self.is_renewed {
             (self.before_s, self.node_s, self.since_s) = (self.node_s, self.since_s, 0.0);
@@ -40,6 +66,22 @@ impl Times {
         let span_s = self.since_s + self.node_s;
         self.per_s = [1.0 / self.since_s, 2.0 / span_s, 3.0 / (span_s + self.before_s)];
     }
+
+    /// The jerk that uncertain times can make of a signal that moves at `rate`: its four samples
+    /// enter a third difference with weights 1, 3, 3, 1.
+    pub(crate) fn jerk_of_jitter(&self, rate: f64) -> f64 {
+        let [first, second, third] = self.per_s;
+        8.0 * rate * self.jitter_s * first * second * third
+    }
+
+    /// By what share a mean rate between two samples may be off.
+    pub(crate) fn rate_error(&self) -> f64 {
+        2.0 * self.jitter_s * self.per_s[0]
+    }
+
+    fn is_even(&self) -> bool {
+        self.jitter_s <= EVEN * self.since_s
+    }
 }
 
 /// The last node and the newest sample of a signal.
@@ -47,17 +89,25 @@ impl Times {
 pub(crate) struct Track {
     node: Differences,
     newest: Differences,
+    /// The motion that the filter sees at the newest sample.
+    filtered: Motion,
 }
 
 impl Track {
     pub(crate) const fn from_motion(motion: Motion) -> Self {
         let Motion { value, rate, acceleration } = motion;
         let start = Differences { value, rate, acceleration };
-        Self { node: start, newest: start }
+        Self { node: start, newest: start, filtered: motion }
     }
 
     pub(crate) fn value(&self) -> f64 {
         self.newest.value
+    }
+
+    /// The largest rate at the four samples of a third difference, as far as the times let it be known.
+    pub(crate) fn fastest(&self, times: &Times) -> f64 {
+        let spans_s = times.since_s + times.node_s + times.before_s;
+        self.filtered.rate.abs() + self.filtered.acceleration.abs() * spans_s
     }
 
     /// Mean rate since the node before.
@@ -72,16 +122,45 @@ impl Track {
         let rate = (value - node.value) * first;
         let acceleration = (rate - node.rate) * second;
         let jerk = (acceleration - node.acceleration) * third;
-        (Self { node, newest: Differences { value, rate, acceleration } }, jerk)
+        let newest = Differences { value, rate, acceleration };
+        let filtered =
+            if times.is_even() { newest.parabola(times) } else { self.filtered(value, times) };
+        (Self { node, newest, filtered }, jerk)
     }
 
-    /// The motion at the newest sample of the parabola through it and the two nodes before.
+    /// The motion at the newest sample.
     ///
-    /// The parabola has no jerk, so that whatever continues it within a jerk also keeps that jerk in
-    /// every divided difference that mixes samples of before and after.
-    pub(crate) fn motion(&self, times: &Times) -> Motion {
-        let Differences { value, rate, acceleration } = self.newest;
-        Motion { value, rate: rate + acceleration * times.since_s / 2.0, acceleration }
+    /// While the times are certain it is that of the parabola through the sample and the two nodes
+    /// before. The parabola has no jerk, so that whatever continues it within a jerk also keeps that
+    /// jerk in every divided difference that mixes samples of before and after.
+    pub(crate) fn motion(&self) -> Motion {
+        Motion { value: self.newest.value, ..self.filtered }
+    }
+
+    /// The same track, whose newest sample jumped: that says nothing of the rate `before`.
+    pub(crate) fn jumped_from(self, before: &Self, times: &Times) -> Self {
+        if times.is_even() {
+            return self;
+        }
+        let going_on = before.filtered.after(times.dt_s, 0.0);
+        self.of(Motion { value: self.newest.value, ..going_on })
+    }
+
+    /// The same track, whose newest sample is known to be one of that motion.
+    pub(crate) fn of(self, motion: Motion) -> Self {
+        Self { filtered: motion, ..self }
+    }
+
+    /// One step of the fading-memory filter.
+    fn filtered(&self, value: f64, times: &Times) -> Motion {
+        let dt_s = times.dt_s;
+        let expected = self.filtered.after(dt_s, 0.0);
+        let miss = value - expected.value;
+        Motion {
+            value: expected.value + VALUE_GAIN * miss,
+            rate: expected.rate + RATE_GAIN * miss / dt_s,
+            acceleration: expected.acceleration + ACCELERATION_GAIN * miss / (dt_s * dt_s),
+        }
     }
 }
 
@@ -91,6 +170,13 @@ struct Differences {
     value: f64,
     rate: f64,
     acceleration: f64,
+}
+
+impl Differences {
+    fn parabola(&self, times: &Times) -> Motion {
+        let Self { value, rate, acceleration } = *self;
+        Motion { value, rate: rate + acceleration * times.since_s / 2.0, acceleration }
+    }
 }
 
 #[cfg(test)]
@@ -104,7 +190,7 @@ mod tests {
         let (mut t, mut times) = (0.0, Times::START);
         for dt in [0.01, 0.02, 0.005, 0.013, 0.01] {
             t += dt;
-            times.pass(dt);
+            times.pass(dt, 0.0);
             let (next, jerk) = track.with(cubic(t), &times);
             assert!((jerk - 2.0).abs() < 1e-8, "{jerk}");
             track = next;

@@ -29,11 +29,11 @@ proptest! {
         let mut arm = Limiters::from_motion(|i| (from[i], 0.0, 0.0));
         let longest = from.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
         for _ in 0..5000 {
-            let c = arm.step(&[0.0; 3], limits, DT_S);
+            let c = arm.step(&[0.0; 3], limits, Elapsed::exactly(DT_S));
             // What is less than a hundredth of the longest way, or than 20 µrad, may be through sooner.
             prop_assert!(beside(&c, &from) <= 0.011 * longest + 2e-5, "{c:?} from {from:?}");
         }
-        prop_assert_eq!(arm.step(&[0.0; 3], limits, DT_S), [0.0; 3]);
+        prop_assert_eq!(arm.step(&[0.0; 3], limits, Elapsed::exactly(DT_S)), [0.0; 3]);
     }
 
     #[test]
@@ -50,10 +50,10 @@ proptest! {
         });
         let reach = from.iter().fold(0.0_f64, |most, c| most.max(c.abs())).max(reach.fold(0.0, f64::max));
         for _ in 0..3000 {
-            let c = arm.step(&[0.0; 3], limits, DT_S);
+            let c = arm.step(&[0.0; 3], limits, Elapsed::exactly(DT_S));
             prop_assert!(beside(&c, &from) <= 2.0 * reach, "{c:?} from {from:?}");
         }
-        prop_assert_eq!(arm.step(&[0.0; 3], limits, DT_S), [0.0; 3]);
+        prop_assert_eq!(arm.step(&[0.0; 3], limits, Elapsed::exactly(DT_S)), [0.0; 3]);
     }
 
     #[test]
@@ -72,7 +72,7 @@ proptest! {
                 let shake = noise * (hash as f64 / (1u64 << 52) as f64 - 1.0);
                 jumped + if k < 600 { sine.0 * libm::sin(sine.1 * DT_S * (k + i) as f64) + shake } else { 0.0 }
             });
-            outputs.push(arm.step(&wanted, |i| Some(own[i]), DT_S));
+            outputs.push(arm.step(&wanted, |i| Some(own[i]), Elapsed::exactly(DT_S)));
         }
         for i in 0..3 {
             let c = |k: usize| outputs[k][i];
@@ -95,7 +95,7 @@ fn a_joint_that_hardly_jumps_keeps_to_what_is_wanted_while_another_ramps() {
         let mut most = 0.0_f64;
         for k in 1..3000 {
             let wanted = if k < 1000 { [0.0, wave(k)] } else { [3e-4, wave(k) - jump] };
-            let c = arm.step(&wanted, |_| Some(limits(2e-3, 0.05, 5.0)), DT_S);
+            let c = arm.step(&wanted, |_| Some(limits(2e-3, 0.05, 5.0)), Elapsed::exactly(DT_S));
             most = if k < 900 { 0.0 } else { most.max((c[1] - wanted[1]).abs()) };
         }
         most
@@ -121,7 +121,7 @@ fn joints_that_take_each_other_back_do_so_all_the_way_out() {
     let mut arm = Limiters::from_motion(|i| (from[i], 0.0, 0.0));
     let mut most = 0.0_f64;
     for _ in 0..2000 {
-        let c = arm.step(&[0.0; 2], |_| Some(limits(0.01, 0.1, 5.0)), DT_S);
+        let c = arm.step(&[0.0; 2], |_| Some(limits(0.01, 0.1, 5.0)), Elapsed::exactly(DT_S));
         most = most.max(at_tool(&c).abs());
     }
     assert!(most <= at_tool(&from).abs() * (1.0 + 1e-9), "{most}");
@@ -132,9 +132,9 @@ fn a_joint_without_limits_stands_and_holds_nobody_up() {
     let mut arm = Limiters::from_motion(|i| ([1e-3, 2e-3][i], 0.0, 0.0));
     let limits = |i| (i == 0).then(|| limits(0.01, 0.1, 5.0));
     for _ in 0..1000 {
-        arm.step(&[0.0; 2], limits, DT_S);
+        arm.step(&[0.0; 2], limits, Elapsed::exactly(DT_S));
     }
-    assert_eq!(arm.step(&[0.0; 2], limits, DT_S), [0.0, 2e-3]);
+    assert_eq!(arm.step(&[0.0; 2], limits, Elapsed::exactly(DT_S)), [0.0, 2e-3]);
 }
 
 #[test]
@@ -150,7 +150,11 @@ fn a_long_step_amid_a_slow_ramp_leaves_no_swing() {
         let mut arm = Limiters::from_motion(|i| starts[i]);
         for k in 0..3000 {
             let dt_s = if k == late { 20.0 * DT_S } else { DT_S };
-            let [first, ..] = arm.step(if k < turn { &wanted } else { &[0.0; 3] }, limits, dt_s);
+            let [first, ..] = arm.step(
+                if k < turn { &wanted } else { &[0.0; 3] },
+                limits,
+                Elapsed::exactly(dt_s),
+            );
             assert!(first.abs() < 7e-4, "{first} at {k}, turned at {turn}, late at {late}");
         }
     }

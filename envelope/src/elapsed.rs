@@ -1,0 +1,131 @@
+//! The time from one output to the next.
+//!
+//! Whoever receives the outputs executes them in cycles of its own. Two things follow for the time
+//! that a limiter may use: it is no longer than what has really passed, and after a silence the
+//! receiver stands, so that motion begins anew from rest instead of being made up for at once.
+
+/// A silence is longer than so many of the intervals before it, and than [`SILENCE_S`].
+const SILENT_INTERVALS: f64 = 3.0;
+/// The shortest silence, s: five cycles of a 4 ms controller.
+const SILENCE_S: f64 = 0.02;
+/// Intervals over which jitter is measured.
+const INTERVALS: usize = 8;
+
+/// The time since the last output, and by how much the times of outputs are uncertain.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Elapsed {
+    /// s; zero: no time has passed.
+    pub dt_s: f64,
+    /// s; zero where the times are exact.
+    pub jitter_s: f64,
+}
+
+impl Elapsed {
+    /// An interval whose ends are known exactly.
+    #[must_use]
+    pub const fn exactly(dt_s: f64) -> Self {
+        Self { dt_s, jitter_s: 0.0 }
+    }
+}
+
+/// Measures the time between outputs.
+#[derive(Clone, Copy, Debug)]
+pub struct Intervals {
+    last_ns: Option<u64>,
+    /// The newest intervals, s, as a ring; zero where there was none yet.
+    ring: [f64; INTERVALS],
+    newest: usize,
+}
+
+impl Default for Intervals {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Intervals {
+    /// Before the first output.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self { last_ns: None, ring: [0.0; INTERVALS], newest: 0 }
+    }
+
+    /// The time since the output before, at `now_ns`; `None` after a silence: what is limited has
+    /// come to rest. A clock that goes back counts as no time.
+    pub fn elapse(&mut self, now_ns: u64) -> Option<Elapsed> {
+        let Some(last_ns) = self.last_ns else {
+            self.last_ns = Some(now_ns);
+            return Some(Elapsed::default());
+        };
+        self.last_ns = Some(now_ns.max(last_ns));
+        let passed_s = now_ns.saturating_sub(last_ns) as f64 * 1e-9;
+        if passed_s == 0.0 {
+            return Some(Elapsed::default());
+        }
+        let pace_s = self.ring[self.newest];
+        if passed_s > SILENCE_S.max(SILENT_INTERVALS * pace_s) {
+            // A sender that has become slow is believed by and by.
+            *self = Self { last_ns: self.last_ns, ..Self::new() };
+            self.ring[0] = passed_s.min(2.0 * pace_s.max(SILENCE_S));
+            return None;
+        }
+        self.newest = (self.newest + 1) % INTERVALS;
+        self.ring[self.newest] = passed_s;
+        Some(Elapsed { dt_s: passed_s, jitter_s: self.jitter_s() })
+    }
+
+    /// The longest of the newest intervals less the shortest.
+    fn jitter_s(&self) -> f64 {
+        let known = self.ring.iter().filter(|interval_s| **interval_s > 0.0);
+        let (shortest, longest) = known.fold((f64::MAX, 0.0_f64), |(shortest, longest), s| {
+            (shortest.min(*s), longest.max(*s))
+        });
+        (longest - shortest).max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: u64 = 1_000_000;
+
+    fn elapsed(times_ms: &[u64]) -> impl Iterator<Item = Option<f64>> {
+        let mut intervals = Intervals::new();
+        times_ms.iter().map(move |ms| intervals.elapse(ms * MS).map(|elapsed| elapsed.dt_s))
+    }
+
+    #[test]
+    fn a_steady_pace_is_counted_whatever_it_is() {
+        for pace_ms in [1, 4, 12, 200] {
+            let times: [u64; 12] = core::array::from_fn(|k| 5 + k as u64 * pace_ms);
+            let last = elapsed(&times).last().flatten();
+            assert!(last.is_some_and(|s| (s - pace_ms as f64 * 1e-3).abs() < 1e-12), "{pace_ms}");
+        }
+    }
+
+    #[test]
+    fn a_silence_is_no_time_in_which_anything_moved() {
+        let mut all = elapsed(&[0, 1, 2, 3, 203, 204]);
+        assert_eq!(all.nth(4), Some(None));
+        assert!(all.next().flatten().is_some_and(|s| (s - 1e-3).abs() < 1e-12));
+    }
+
+    #[test]
+    fn a_clock_that_is_set_back_counts_as_no_time() {
+        let mut all = elapsed(&[100, 101, 50, 51, 102]);
+        assert_eq!(all.nth(2), Some(Some(0.0)));
+        assert_eq!(all.next(), Some(Some(0.0)));
+        assert!(all.next().flatten().is_some_and(|s| (s - 1e-3).abs() < 1e-12));
+    }
+
+    #[test]
+    fn jitter_is_the_spread_of_the_newest_intervals() {
+        let mut intervals = Intervals::new();
+        let mut jitter_s = 0.0;
+        for ns in [0, 1_000_000, 2_005_000, 3_000_000, 4_000_000] {
+            jitter_s = intervals.elapse(ns).map_or(f64::NAN, |elapsed| elapsed.jitter_s);
+        }
+        assert!((jitter_s - 10e-6).abs() < 1e-12, "{jitter_s}");
+    }
+}

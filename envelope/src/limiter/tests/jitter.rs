@@ -1,0 +1,55 @@
+//! Times that are uncertain: what moves is followed all the same.
+
+use super::*;
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn a_signal_sampled_evenly_is_followed_bit_for_bit_whatever_the_jitter_of_its_times(
+        share in 0.1..0.6_f64, rad_s in 0.2..6.0_f64, jitter_share in 0.0..0.4_f64,
+        noise in prop::collection::vec(-0.5..0.5_f64, 3000), gap in 300..900_usize,
+    ) {
+        let l = Limits::new(0.02, 0.05, 5.0).expect("positive");
+        let amplitude = share * l.angle().min(l.rate() / rad_s).min(l.jerk() / (rad_s * rad_s * rad_s));
+        let jitter_s = jitter_share * DT_S;
+        let mut limiter = Limiter::from_motion(0.0, amplitude * rad_s, 0.0);
+        let mut exact = 0;
+        for (k, noise) in noise.iter().enumerate() {
+            let wanted = amplitude * libm::sin(rad_s * DT_S * k as f64);
+            // One answer is missed: the signal stands for a sample, then jumps.
+            let wanted = if k == gap { limiter.value() } else { wanted };
+            let elapsed = Elapsed { dt_s: DT_S + jitter_s * noise, jitter_s };
+            if !limiter.step_with(wanted, &l, elapsed) {
+                limiter.step_onto(&l, Pace::ALONE, elapsed);
+            }
+            prop_assert!((limiter.value() - wanted).abs() < 0.1 * amplitude + 2e-5, "{} for {wanted} of {amplitude} at {k}, gap {gap}", limiter.value());
+            if k > 2000 {
+                exact += usize::from(limiter.value().to_bits() == wanted.to_bits());
+            }
+        }
+        prop_assert!(exact >= 990, "{exact} of 999 exact, {amplitude} rad, jitter {jitter_s} s");
+    }
+
+    #[test]
+    fn angle_and_rate_hold_in_the_times_that_are_given_whatever_the_jitter(
+        signal in signal(), steps_s in steps_s(), jitter_s in 0.0..1e-3_f64,
+    ) {
+        let l = limits();
+        let mut limiter = Limiter::at_rest();
+        let (mut t, mut last) = (0.0, 0.0);
+        for (k, dt_s) in steps_s.into_iter().enumerate() {
+            t += dt_s;
+            let elapsed = Elapsed { dt_s, jitter_s };
+            if !limiter.step_with(signal.at(k, t), &l, elapsed) {
+                limiter.step_onto(&l, Pace::ALONE, elapsed);
+            }
+            let output = limiter.value();
+            prop_assert!(output.abs() <= l.angle(), "{output} at {t}");
+            let rate = (output - last) / dt_s;
+            let rounding = 4e-18 / dt_s;
+            prop_assert!(rate.abs() <= l.rate() * (1.0 + 1e-9) + rounding || dt_s < NODES_S, "rate {rate} at {t}");
+            last = output;
+        }
+    }
+}
