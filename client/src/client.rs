@@ -9,10 +9,12 @@ use shm_schema::{
     monotonic_ns, new_session,
 };
 
-use crate::follow::Follower;
 use crate::link::{Connection, ConnectionEvent, KNOCK_AFTER, Link, Ports};
 use crate::monitor::{Asker, MonitorPorts, ping, reload, switch};
-use crate::{AskError, Away, ConnectError, Measured, NotSent, ProcessState, Setpoint, Target};
+use crate::output::Output;
+use crate::{
+    AskError, Away, ConnectError, Measured, NotATarget, NotSent, ProcessState, Setpoint, Target,
+};
 
 /// An answer is awaited spinning for so long, then with naps.
 const SPIN: Duration = Duration::from_micros(200);
@@ -42,7 +44,7 @@ impl Ports for CellPorts {
 /// A cell's one connection to its daemon. May move between threads; not shared.
 pub struct Client {
     link: Link<CellPorts>,
-    follower: Follower,
+    output: Output,
     asker: Asker,
     session: u64,
     sent: Option<Command>,
@@ -72,7 +74,7 @@ impl Client {
         let start = Instant::now();
         let mut client = Self {
             link: Link::connect(cell, limit)?,
-            follower: Follower::new(),
+            output: Output::new(),
             asker: Asker::new(),
             session: new_session(),
             sent: None,
@@ -83,7 +85,7 @@ impl Client {
             unheard_since_ns: None,
             status: None,
         };
-        // The status brings the envelope, without which nothing could be ramped out.
+        // The status brings the limits, without which there is no correction.
         while client.status().is_none() {
             if start.elapsed() > limit {
                 let pid = match client.connection() {
@@ -100,7 +102,7 @@ impl Client {
     /// How old a daemon's answer may be for [`target_for`](Self::target_for): 10 ms unless told
     /// otherwise. Not below two of the daemon's cycles.
     pub fn set_fresh(&mut self, fresh: Duration) {
-        self.follower.fresh_ns = u64::try_from(fresh.as_nanos()).unwrap_or(u64::MAX);
+        self.output.fresh_ns = u64::try_from(fresh.as_nanos()).unwrap_or(u64::MAX);
     }
 
     /// Sends a commanded target; tells its number.
@@ -139,9 +141,28 @@ impl Client {
     }
 
     /// Begins another run: for the daemon the next command follows none, and nothing of the path so far is remembered.
-    /// The correction goes on from where it stands.
+    /// The correction goes on from what was sent last.
     pub fn start_anew(&mut self) {
         (self.session, self.seq) = (new_session(), 0);
+    }
+
+    /// Begins another run of a robot that stands at its command plus this correction, rad or m: zero (an empty list) where
+    /// its program began anew, and with it the controller's own sum of corrections.
+    pub fn start_from(&mut self, correction: &[f64]) {
+        self.start_anew();
+        self.output.start_from(correction);
+    }
+
+    /// What was sent last, for a loop that has to send something and has no command; none before the first target.
+    #[must_use]
+    pub fn last_target(&self) -> Option<Target> {
+        self.output.sent()
+    }
+
+    /// The correction in what was sent last, rad or m.
+    #[must_use]
+    pub fn last_correction(&self) -> [f64; JOINTS_MAX] {
+        self.output.correction()
     }
 
     /// Sends what the robot measures of itself; `seq`, `session` and `sent_ns` are filled in.
@@ -151,7 +172,7 @@ impl Client {
     pub fn send_state(&mut self, state: &RobotState) -> Result<(), NotSent> {
         let joints = state.joints as usize;
         if joints == 0 || joints > JOINTS_MAX {
-            return Err(NotSent::joints(joints));
+            return Err(NotATarget::Joints(joints).into());
         }
         let (seq, session) = (self.state_seq + 1, self.session);
         let ports = self.link.ports_to_tell()?;
@@ -175,7 +196,6 @@ impl Client {
         {
             self.epoch = epoch;
             (self.newest, self.unheard_since_ns) = (None, None);
-            self.follower.rejoined();
         }
         if let Some(ports) = self.link.ports()
             && let Some(fresh) = ports.corrected.take_newest()
@@ -208,25 +228,32 @@ impl Client {
 
     /// Sends a command and awaits its answer for at most `limit`; answers like
     /// [`target_for`](Self::target_for) in any case.
-    pub fn exchange(&mut self, q_cmd: &[f64], limit: Duration) -> Target {
+    ///
+    /// # Errors
+    /// [`NotATarget`] where the command is no set of 1 to 16 finite numbers.
+    pub fn exchange(&mut self, q_cmd: &[f64], limit: Duration) -> Result<Target, NotATarget> {
         if let Ok(seq) = self.send(&Setpoint::new(q_cmd)) {
             let _ = self.wait_corrected(seq, limit);
         }
         self.target_for(q_cmd, monotonic_ns())
     }
 
-    /// What to publish for `q_cmd` at `now_ns` (`CLOCK_MONOTONIC`), whatever has become of the daemon.
+    /// What to send to the robot for `q_cmd` at `now_ns` (`CLOCK_MONOTONIC`), whatever has become of the daemon: `q_cmd` plus a
+    /// correction that goes on from what was sent last within the daemon's limits, over the time that has passed since.
     ///
-    /// A fresh answer to this very command is taken as it is; a fresh answer to an earlier command
-    /// lends its correction. Without a fresh answer the last correction is ramped out within the
-    /// daemon's envelope; when answers come again, it is blended in the same way. A `q_cmd` that is
-    /// not finite, or has more than 16 joints, is not made better.
-    pub fn target_for(&mut self, q_cmd: &[f64], now_ns: u64) -> Target {
+    /// It goes towards the daemon's correction while an answer is fresh, and is that correction bit for bit once there; without
+    /// a fresh answer it goes to zero. A finite `q_cmd` passes as it came, also outside the model's limits: those are the
+    /// controller's to judge.
+    ///
+    /// # Errors
+    /// [`NotATarget`] where `q_cmd` is no set of 1 to 16 finite numbers. Nothing has changed then; [`last_target`](Self::last_target)
+    /// is what was sent last.
+    pub fn target_for(&mut self, q_cmd: &[f64], now_ns: u64) -> Result<Target, NotATarget> {
         let newest = self.newest();
         if let Some(status) = self.link.ports().and_then(|ports| ports.monitor.status()) {
             self.take_status(status);
         }
-        self.follower.target(q_cmd, newest.as_ref(), self.sent.as_ref(), now_ns)
+        self.output.target(q_cmd, newest.as_ref(), self.sent.as_ref(), now_ns)
     }
 
     /// The newest status.
@@ -238,7 +265,7 @@ impl Client {
     }
 
     fn take_status(&mut self, status: Status) {
-        self.follower.set_bounds(&status.bounds);
+        self.output.set_bounds(&status.bounds);
         self.status = Some(status);
     }
 

@@ -81,6 +81,35 @@ impl From<DomainError> for ConnectError {
     }
 }
 
+/// A command is no joint target: nothing was sent, and nothing has changed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NotATarget {
+    /// Another number of joints than there may be.
+    #[error("the command has {0} joints, expected 1 to 16")]
+    Joints(usize),
+    /// A joint position that is no finite number.
+    #[error(
+        "joint {joint} of the command is no finite number, expected rad (m where it slides); a loop that must send something sends its last target again"
+    )]
+    NotFinite {
+        /// The first such joint, from 1.
+        joint: usize,
+    },
+}
+
+impl NotATarget {
+    pub(crate) fn check(q_cmd: &[f64]) -> Result<(), Self> {
+        const { assert!(JOINTS_MAX == 16) };
+        if q_cmd.is_empty() || q_cmd.len() > JOINTS_MAX {
+            return Err(Self::Joints(q_cmd.len()));
+        }
+        match q_cmd.iter().position(|q| !q.is_finite()) {
+            Some(place) => Err(Self::NotFinite { joint: place + 1 }),
+            None => Ok(()),
+        }
+    }
+}
+
 /// A message was not sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum NotSent {
@@ -90,6 +119,9 @@ pub enum NotSent {
     /// The daemon is there, and the message was lost on the way; it is counted.
     #[error("the message was lost: the daemon does not take it; is it overloaded?")]
     Lost,
+    /// The command is no joint target.
+    #[error(transparent)]
+    NotATarget(#[from] NotATarget),
     /// The message makes no sense.
     #[error("{what} is {value}, expected {expected}")]
     Invalid {
@@ -100,13 +132,6 @@ pub enum NotSent {
         /// What was expected.
         expected: &'static str,
     },
-}
-
-impl NotSent {
-    pub(crate) fn joints(value: usize) -> Self {
-        const { assert!(JOINTS_MAX == 16) };
-        Self::Invalid { what: "the number of joints", value, expected: "1 to 16" }
-    }
 }
 
 /// A request got no answer.

@@ -4,7 +4,7 @@
 
 use shm_schema::JoinError;
 
-use crate::{AskError, Away, ConnectError, NotSent};
+use crate::{AskError, Away, ConnectError, NotATarget, NotSent};
 
 /// What went wrong, as far as a program may want to act on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -98,8 +98,16 @@ impl NotSent {
         match self {
             Self::Away(away) => (*away).into(),
             Self::Lost => ErrorKind::MessageLost,
-            Self::Invalid { .. } => ErrorKind::Argument,
+            Self::NotATarget(_) | Self::Invalid { .. } => ErrorKind::Argument,
         }
+    }
+}
+
+impl NotATarget {
+    /// What kind of error it is.
+    #[must_use]
+    pub fn kind(&self) -> ErrorKind {
+        ErrorKind::Argument
     }
 }
 

@@ -6,47 +6,51 @@
 //!
 //! # fn next_target() -> [f64; 6] { [0.0; 6] }
 //! # fn publish(q: &[f64]) {}
-//! # fn main() -> Result<(), trued_client::ConnectError> {
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let mut trued = Client::connect("cell-1", Duration::from_secs(2))?;
 //! loop {
 //!     let q_cmd = next_target(); // rad
 //!     let _ = trued.send(&q_cmd.into()); // refused while the daemon is away: see below
-//!     let target = trued.target_for(&q_cmd, monotonic_ns());
-//!     publish(target.joints());
+//!     match trued.target_for(&q_cmd, monotonic_ns()) {
+//!         Ok(target) => publish(target.joints()),
+//!         Err(not_a_target) => return Err(not_a_target.into()), // stop, or send `last_target` again
+//!     }
 //! }
 //! # }
 //! ```
 //!
-//! Promise: nothing here blocks without a time limit, panics, or logs. [`Client::target_for`] always
-//! answers: with the daemon's correction while it is fresh (10 ms unless told otherwise), else with
-//! the last one ramped out by the daemon's own envelope, and with the plain command in the end. When
-//! the daemon comes back, the client joins it by itself and blends the correction in again.
-//! What goes wrong has one [`ErrorKind`], the same in every language.
+//! What [`Client::target_for`] gives is always the command plus a correction that is limited here, in
+//! position, rate and jerk, from what was sent last: towards the daemon's while that is fresh (10 ms
+//! unless set otherwise), else towards zero. A daemon that dies, comes back, refuses a command, or
+//! changes its model, mode or bounds changes where the correction goes, never by a step. A command
+//! that is no number is an error; [`Client::last_target`] is what a loop that must send something
+//! sends then. What goes wrong has one [`ErrorKind`], the same in every language.
 //!
-//! Joining, and watching whether the daemon lives, is done by a thread of the library; the calls of
-//! the robot's loop make no system call. Never: a correction of its own.
+//! Nothing here blocks without a time limit, panics, or logs. Joining, and watching whether the
+//! daemon lives, is done by a thread of the library; the calls of the robot's loop make no system
+//! call.
 
 mod client;
 mod error;
-mod follow;
 mod force;
 mod kind;
 mod link;
 mod measured;
 mod monitor;
+mod output;
 mod process;
 mod setpoint;
 mod target;
 
 pub use client::Client;
-pub use error::{AskError, Away, ConnectError, NotSent};
-#[doc(hidden)] // For a simulation that brings its own time.
-pub use follow::Follower;
+pub use error::{AskError, Away, ConnectError, NotATarget, NotSent};
 pub use force::{ForceSamples, ForceSource, Samples};
 pub use kind::ErrorKind;
 pub use link::{Connection, ConnectionEvent};
 pub use measured::Measured;
 pub use monitor::Monitor;
+#[doc(hidden)] // For a simulation that brings its own time.
+pub use output::Output;
 pub use process::ProcessState;
 pub use setpoint::{Setpoint, WrenchFrame};
 pub use shm_schema::{

@@ -2,7 +2,7 @@
 
 use shm_schema::{Command, JOINTS_MAX};
 
-use crate::NotSent;
+use crate::NotATarget;
 
 /// In whose axes a wrench stands; always at the TCP.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,11 +82,12 @@ impl Setpoint {
     /// The message, numbered and stamped; [`Client::send`](crate::Client::send) sends this one.
     ///
     /// # Errors
-    /// [`NotSent::Invalid`] where the joints are not 1 to 16.
-    pub fn command(&self, seq: u64, session: u64, now_ns: u64) -> Result<Command, NotSent> {
-        if self.joints == 0 || self.joints > JOINTS_MAX {
-            return Err(NotSent::joints(self.joints));
+    /// [`NotATarget`] where the joints are not 1 to 16 finite numbers.
+    pub fn command(&self, seq: u64, session: u64, now_ns: u64) -> Result<Command, NotATarget> {
+        if self.joints > JOINTS_MAX {
+            return Err(NotATarget::Joints(self.joints));
         }
+        NotATarget::check(self.command.joints())?;
         let t_ns = if self.command.t_ns == 0 { now_ns } else { self.command.t_ns };
         Ok(Command { seq, session, t_ns, sent_ns: now_ns, ..self.command })
     }

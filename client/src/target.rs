@@ -1,25 +1,21 @@
-//! What the robot's side is to publish.
+//! What is to be sent to the robot.
 
 use shm_schema::JOINTS_MAX;
 
-/// Where a target comes from.
+/// What the correction in a target is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Source {
-    /// The daemon, for this very command.
+    /// The daemon's, for this very command.
     Corrected,
-    /// This command with the daemon's newest correction, which it made for an earlier command.
+    /// The daemon's newest, which it made for an earlier command.
     LastCorrection,
-    /// The daemon refused the command: its last good target.
-    Rejected,
-    /// This command with a correction on its way to the daemon's, after contact came back.
-    Blending,
-    /// This command with a correction on its way to zero, as the daemon is silent.
+    /// On its way to what the daemon asks for, or to zero as the daemon is silent.
     Ramping,
-    /// This command, as if there were no daemon.
+    /// None, and no daemon that asks for any: the target is the command.
     Plain,
 }
 
-/// A joint target that may be published.
+/// A joint target, to be sent to the robot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     q: [f64; JOINTS_MAX],
@@ -41,7 +37,7 @@ impl Target {
         &self.q[..self.joints]
     }
 
-    /// Where it comes from.
+    /// What the correction in it is.
     #[must_use]
     pub fn source(&self) -> Source {
         self.source

@@ -1,7 +1,7 @@
-//! The cycle's state: what was commanded, what is remembered, what was published.
+//! The cycle's state: what was commanded, what is remembered, what was proposed.
 //!
-//! Every change of what is wanted (start, stop, refused solution, new model, bypass) goes out through one mechanism: each joint's
-//! [`Limiter`]. Never more than one bound step per call of [`Corrector::bound`], and never more time in it than has really passed.
+//! Every change of the requested correction (start, refused command, new model, bypass, mode) goes through one mechanism: the
+//! joints' [`Limiters`], one step per call of [`Corrector::bound`], over the time that has really passed since the last.
 
 use crate::judge::{Command, Follows, Judge};
 use crate::outcome::{Gate, Outcome, Reason, Residual, Status};
@@ -10,14 +10,11 @@ use crate::settings::{Mode, Settings};
 use crate::solve::{Solution, Solver};
 use crate::world::World;
 use crate::wrench::WrenchPath;
-use envelope::{Limiter, Limiters};
-use physics::{Arm, Chain, JOINTS_MAX, Joints, Model, Wrench};
+use envelope::{Elapsed, Intervals, Limiters};
+use physics::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Model, Wrench};
 
-/// The most time that one bound step may take, ns: after a pause the correction goes on as if it had been this short.
-const STEP_NS_MAX: u64 = 20_000_000;
-/// Of a longer pause so much stays for later, ns: a command that is less long on its way than those before finds all of its time, or what it brings
-/// would look like a jerk.
-const SPARE_NS: u64 = 5_000_000;
+/// Share of the envelope's rate at which a correction is taken back ahead of a joint limit.
+const TAKEN_BACK_SHARE: f64 = 0.5;
 
 /// The correction of one robot.
 #[derive(Clone, Debug)]
@@ -34,11 +31,7 @@ pub struct Corrector {
     /// Why the correction is not yet what is wanted; kept until it is.
     cause: Reason,
     bypassed: bool,
-    /// Real time that bound steps may still use, ns.
-    budget_ns: u64,
-    /// What passed in calls without a good command since the last one, ns.
-    ahead_ns: u64,
-    last_now_ns: Option<u64>,
+    intervals: Intervals,
 }
 
 /// What a cycle wants to publish, before the bounds.
@@ -51,7 +44,7 @@ pub struct Wanted {
     residual: Residual,
     steps: u32,
     gate: Gate,
-    dt_ns: u64,
+    elapsed: Elapsed,
     settled: bool,
 }
 
@@ -69,9 +62,7 @@ impl Corrector {
             refused_ns: 0,
             cause: Reason::Starting,
             bypassed: false,
-            budget_ns: STEP_NS_MAX + SPARE_NS,
-            ahead_ns: 0,
-            last_now_ns: None,
+            intervals: Intervals::new(),
         }
     }
 
@@ -116,30 +107,33 @@ impl Corrector {
         world: &World,
         now_ns: u64,
     ) -> Wanted {
-        let elapsed_ns = self.elapse(now_ns);
+        let elapsed = self.elapse(now_ns);
         let follows = match self.judge.judge(&model.arm, &self.settings, command, now_ns) {
             Ok(follows) => follows,
-            Err(reason) => return self.refuse(reason, elapsed_ns),
+            Err(reason) => return self.refuse(reason, elapsed),
         };
-        let asked_ns = match follows {
-            Follows::After(dt_ns) => dt_ns,
-            Follows::Anew => self.settings.period_ns,
-            Follows::TimeJump => {
-                self.cause = Reason::TimeJump;
-                self.settings.period_ns
-            }
+        let told = match follows {
+            Follows::TimeJump => Reason::TimeJump,
+            Follows::CommandJump => Reason::CommandJump,
+            Follows::Anew | Follows::After(_) => Reason::None,
         };
-        let dt_ns = self.spend(asked_ns.saturating_sub(self.ahead_ns));
-        self.ahead_ns = 0;
+        if told != Reason::None {
+            self.cause = told;
+        }
+        if self.settings.lockstep && follows.after_ns().is_none() {
+            // The time of a recording may begin anew.
+            self.intervals = Intervals::new();
+            self.elapse(now_ns);
+        }
         let world = world.sound();
         self.path.follow(model, &self.settings, command, &world, follows);
         let settled = command.settled && self.settings.lockstep;
-        let gate = self.take_wrench(model, &world, (dt_ns, settled));
+        let gate = self.take_wrench(model, &world, elapsed, settled);
         // Poses at rest do not lead to each other.
         if settled || follows.after_ns().is_none() {
             self.solver.forget();
         }
-        let blank = Wanted { gate, dt_ns, settled, ..Wanted::nothing(dt_ns) };
+        let blank = Wanted { gate, settled, reason: told, ..Wanted::nothing(elapsed) };
         let (task, reach) = (&self.settings.task, self.reach());
         // Followed just now: there is a last command.
         let Some(inputs) = self.path.last() else { return blank };
@@ -148,8 +142,9 @@ impl Corrector {
         self.wanted(&q_cmd, &solution, blank)
     }
 
-    /// Bounds what is wanted and makes it the target.
+    /// Limits what is wanted to the correction that is proposed.
     pub fn bound(&mut self, model: &Model, wanted: &Wanted) -> Outcome {
+        let joints = model.arm.count();
         let mut outcome = Outcome {
             wanted: wanted.correction,
             status: wanted.status,
@@ -160,17 +155,14 @@ impl Corrector {
             loop_gain: self.wrench.loop_gain(),
             ..Outcome::default()
         };
-        let Some(q_cmd) = self.path.last().map(|inputs| inputs.q) else { return outcome };
-        let goal = self.goal(wanted);
-        let (bounded, reached) = self.step(model.arm.count(), &goal, wanted);
-        let (q, correction, cut) = clamped(&model.arm, &q_cmd, &bounded);
-        outcome.q = Some(q);
-        outcome.correction = correction;
-        for (i, limiter) in self.limiters.joints()[..model.arm.count()].iter().enumerate() {
+        let (goal, is_cut) = self.goal(&model.arm, wanted);
+        let (bounded, reached) = self.step(joints, &goal, wanted);
+        outcome.correction = bounded;
+        for (i, limiter) in self.limiters.joints()[..joints].iter().enumerate() {
             outcome.correction_rate[i] = limiter.rate();
             outcome.correction_acceleration[i] = limiter.acceleration();
         }
-        self.name(&mut outcome, reached, cut);
+        self.name(&mut outcome, reached, is_cut);
         outcome
     }
 
@@ -183,49 +175,19 @@ impl Corrector {
         }
     }
 
-    /// Without a command: the correction ramps out. None once it is out, or before the first good command.
-    pub fn idle(&mut self, model: &Model, now_ns: u64) -> Option<Outcome> {
-        let elapsed_ns = self.elapse(now_ns);
-        self.path.last()?;
-        let out = |limiter: &Limiter| limiter.value() == 0.0 && limiter.is_following();
-        let dt_ns = self.move_on(elapsed_ns);
-        if self.limiters.joints()[..model.arm.count()].iter().all(out) {
-            return None;
-        }
-        self.cause = Reason::Stale;
-        let wanted =
-            Wanted { status: Status::Ramping, reason: Reason::Stale, ..Wanted::nothing(dt_ns) };
-        Some(self.bound(model, &wanted))
-    }
-
-    /// Counts the real time that has passed since the last call and returns it.
-    fn elapse(&mut self, now_ns: u64) -> u64 {
-        let since_ns =
-            self.last_now_ns.map_or(self.settings.period_ns, |last| now_ns.saturating_sub(last));
-        self.last_now_ns = Some(now_ns);
-        self.budget_ns = self.budget_ns.saturating_add(since_ns).min(STEP_NS_MAX + SPARE_NS);
-        since_ns
-    }
-
-    /// Takes time for a bound step out of what has really passed.
-    fn spend(&mut self, asked_ns: u64) -> u64 {
-        let spent_ns = asked_ns.min(STEP_NS_MAX).min(self.budget_ns);
-        self.budget_ns -= spent_ns;
-        spent_ns
-    }
-
-    /// Takes time for a bound step without a command; the next command shall not take it again.
-    fn move_on(&mut self, elapsed_ns: u64) -> u64 {
-        self.ahead_ns = self.ahead_ns.saturating_add(elapsed_ns);
-        self.spend(elapsed_ns)
+    /// The time since the last call. After a silence the robot stands, and so does the correction.
+    fn elapse(&mut self, now_ns: u64) -> Elapsed {
+        self.intervals.elapse(now_ns).unwrap_or_else(|| {
+            self.limiters.rest();
+            Elapsed::default()
+        })
     }
 
     /// A refused command: the last good correction holds for a while, then ramps out.
-    fn refuse(&mut self, reason: Reason, elapsed_ns: u64) -> Wanted {
-        let dt_ns = self.move_on(elapsed_ns);
+    fn refuse(&mut self, reason: Reason, elapsed: Elapsed) -> Wanted {
         self.cause = reason;
-        self.refused_ns = self.refused_ns.saturating_add(elapsed_ns);
-        let blank = Wanted::nothing(dt_ns);
+        self.refused_ns = self.refused_ns.saturating_add(nanoseconds(elapsed));
+        let blank = Wanted::nothing(elapsed);
         let correction = if self.holds() { self.last_wanted } else { blank.correction };
         Wanted { correction, status: Status::Rejected, reason, ..blank }
     }
@@ -236,7 +198,13 @@ impl Corrector {
     }
 
     /// Takes the measured wrench to the last command, as far as its gate lets it; what the gate says.
-    fn take_wrench(&mut self, model: &Model, world: &World, (dt_ns, settled): (u64, bool)) -> Gate {
+    fn take_wrench(
+        &mut self,
+        model: &Model,
+        world: &World,
+        elapsed: Elapsed,
+        settled: bool,
+    ) -> Gate {
         let q_cmd = self.path.last().map(|inputs| &inputs.q);
         let measured = world.wrench.zip(q_cmd).map(|(sample, q_cmd)| {
             let w = sample.wrench;
@@ -251,7 +219,7 @@ impl Corrector {
         let (wrench, gate) = if settled {
             self.wrench.settled(&self.settings.wrench, measured)
         } else {
-            self.wrench.step(&self.settings.wrench, measured, seconds(dt_ns))
+            self.wrench.step(&self.settings.wrench, measured, elapsed.dt_s)
         };
         self.path.load(wrench);
         gate
@@ -269,7 +237,7 @@ impl Corrector {
             return wanted;
         }
         self.cause = Reason::NotConverged;
-        self.refused_ns = self.refused_ns.saturating_add(wanted.dt_ns);
+        self.refused_ns = self.refused_ns.saturating_add(nanoseconds(wanted.elapsed));
         let (status, correction) = if self.holds() && !wanted.settled {
             (Status::Held, self.last_wanted)
         } else {
@@ -278,13 +246,32 @@ impl Corrector {
         Wanted { correction, status, reason: Reason::NotConverged, ..wanted }
     }
 
-    /// What the limiters are to reach.
-    fn goal(&self, wanted: &Wanted) -> Joints {
+    /// What the limiters are to reach, and whether a joint limit cut it.
+    fn goal(&self, arm: &Arm, wanted: &Wanted) -> (Joints, bool) {
         if self.bypassed || self.settings.mode == Mode::Shadow {
-            [0.0; JOINTS_MAX]
-        } else {
-            wanted.correction
+            return ([0.0; JOINTS_MAX], false);
         }
+        let (mut goal, mut is_cut) = (wanted.correction, false);
+        if let Some(inputs) = self.path.last() {
+            for (i, goal) in goal[..arm.count()].iter_mut().enumerate() {
+                let (lowest, highest) = self.room(arm, inputs, i);
+                let cut = goal.clamp(lowest, highest);
+                is_cut |= cut != *goal;
+                *goal = cut;
+            }
+        }
+        (goal, is_cut)
+    }
+
+    /// How far joint `i` may be corrected without leaving its limits. Ahead of a limit that the command approaches it is as little as can
+    /// be taken back before the command is there: a correction that were cut at the limit itself would stop there at once.
+    fn room(&self, arm: &Arm, inputs: &Inputs, i: usize) -> (f64, f64) {
+        let (min, max) = arm.joints()[i].limits;
+        let q = inputs.q[i];
+        let speed = if inputs.dt_s > 0.0 { (q - inputs.q_before[i]) / inputs.dt_s } else { 0.0 };
+        let taken_back = TAKEN_BACK_SHARE * self.settings.limits(i).rate();
+        let share = |towards: f64| if towards > taken_back { taken_back / towards } else { 1.0 };
+        ((min - q).min(0.0) * share(-speed), (max - q).max(0.0) * share(speed))
     }
 
     /// One step of the joints' limiters, and how far they got.
@@ -298,7 +285,7 @@ impl Corrector {
             self.limiters.jump(&allowed)
         } else {
             let limits = |i| (i < joints).then(|| self.settings.limits(i));
-            self.limiters.step(&allowed, limits, seconds(wanted.dt_ns))
+            self.limiters.step(&allowed, limits, wanted.elapsed)
         };
         let reached = if bounded != allowed {
             Reached::NotYet
@@ -310,8 +297,8 @@ impl Corrector {
         (bounded, reached)
     }
 
-    /// Says how and why the target was made.
-    fn name(&mut self, outcome: &mut Outcome, reached: Reached, cut: bool) {
+    /// Says how and why the correction was made.
+    fn name(&mut self, outcome: &mut Outcome, reached: Reached, is_cut: bool) {
         let solved = outcome.status == Status::Corrected;
         let arrived = reached != Reached::NotYet;
         if outcome.status == Status::Rejected {
@@ -329,8 +316,10 @@ impl Corrector {
         } else if solved {
             self.cause = Reason::None;
             outcome.reason = match reached {
-                _ if cut => Reason::JointLimit,
+                _ if is_cut => Reason::JointLimit,
                 Reached::Bound => Reason::Envelope,
+                // Told in the one cycle in which it happens, whatever the correction does.
+                _ if outcome.reason == Reason::CommandJump => Reason::CommandJump,
                 _ => Reason::None,
             };
         }
@@ -355,7 +344,7 @@ enum Reached {
 }
 
 impl Wanted {
-    fn nothing(dt_ns: u64) -> Self {
+    fn nothing(elapsed: Elapsed) -> Self {
         Self {
             correction: [0.0; JOINTS_MAX],
             status: Status::Corrected,
@@ -363,24 +352,12 @@ impl Wanted {
             residual: Residual::default(),
             steps: 0,
             gate: Gate::Absent,
-            dt_ns,
+            elapsed,
             settled: false,
         }
     }
 }
 
-/// Safety last: inside the joint limits, whatever the correction. Tells whether a limit cut.
-fn clamped(arm: &Arm, q_cmd: &Joints, correction: &Joints) -> (Joints, Joints, bool) {
-    let (mut q, mut taken, mut cut) = (*q_cmd, [0.0; JOINTS_MAX], false);
-    for (i, joint) in arm.joints().iter().enumerate() {
-        let target = q_cmd[i] + correction[i];
-        q[i] = target.clamp(joint.limits.0, joint.limits.1);
-        cut |= q[i] != target;
-        taken[i] = q[i] - q_cmd[i];
-    }
-    (q, taken, cut)
-}
-
-fn seconds(ns: u64) -> f64 {
-    ns as f64 * 1e-9
+fn nanoseconds(elapsed: Elapsed) -> u64 {
+    (elapsed.dt_s * 1e9) as u64
 }

@@ -47,6 +47,8 @@ pub(crate) enum Follows {
     Anew,
     /// The commands' clock was set: it went on by more than really passed, or far back; memory of the path starts anew.
     TimeJump,
+    /// A joint moved faster than it can; memory of the path starts anew.
+    CommandJump,
     /// By this many ns.
     After(u64),
 }
@@ -69,6 +71,7 @@ struct Passed {
     seq: u64,
     t_ns: u64,
     now_ns: u64,
+    q: Joints,
 }
 
 /// By how much the commands' time and the cycle's may part from one command to the next, ns.
@@ -99,9 +102,15 @@ impl Judge {
         if !settings.lockstep && command.age_ns > settings.stale_ns {
             return Err(Reason::Stale);
         }
-        let follows = self.order(command, now_ns)?;
-        let Command { session, seq, t_ns, .. } = *command;
-        self.last = Some(Passed { session, seq, t_ns, now_ns });
+        let mut follows = self.order(command, now_ns)?;
+        if let (Follows::After(dt_ns), Some(last)) = (follows, &self.last)
+            && !(command.settled && settings.lockstep)
+            && jumps(arm, settings, &last.q, &command.q, dt_ns)
+        {
+            follows = Follows::CommandJump;
+        }
+        let Command { session, seq, t_ns, q, .. } = *command;
+        self.last = Some(Passed { session, seq, t_ns, now_ns, q });
         Ok(follows)
     }
 
@@ -124,6 +133,16 @@ impl Judge {
         let jumped = dt_ns > passed_ns.saturating_add(TIME_JUMP_NS);
         Ok(if jumped { Follows::TimeJump } else { Follows::After(dt_ns) })
     }
+}
+
+/// Whether a joint went further than its stated speed allows, by the settings' margin.
+fn jumps(arm: &Arm, settings: &Settings, from: &Joints, to: &Joints, dt_ns: u64) -> bool {
+    // Stamps that lie closer than a cycle say nothing of speed.
+    let dt_s = dt_ns.max(settings.period_ns) as f64 * 1e-9;
+    arm.joints()
+        .iter()
+        .enumerate()
+        .any(|(i, joint)| (to[i] - from[i]).abs() > settings.jump_margin * joint.max_speed * dt_s)
 }
 
 #[cfg(test)]

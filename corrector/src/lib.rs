@@ -6,9 +6,8 @@
 //! corrector.prepare(&model);
 //! ```
 //!
-//! Promises, whatever comes in: `allowed.q` is finite, inside the joint limits, and no further from the last good command than
-//! the envelope allows; the correction changes no faster than the envelope allows, unless a joint limit cuts it; the same sequence of
-//! inputs gives the same bits.
+//! Invariants, whatever comes in: `allowed.correction` is finite, within the envelope's angle, and changes no faster than the envelope
+//! allows; the same sequence of inputs gives the same bits.
 //! Never: a clock (time comes with the call), a heap, a log, a panic.
 #![cfg_attr(not(test), no_std)]
 

@@ -1,10 +1,10 @@
-//! What a cycle says: the target, and how and why it was made so.
+//! What a cycle proposes: a correction, and how and why it was made so.
 //!
 //! The words are those of the contract (`cli.md`, `status`); the transport has the same ones as numbers.
 
 use physics::{JOINTS_MAX, Joints};
 
-/// How a target was made.
+/// How a correction was made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Status {
     /// By the model, for this command.
@@ -16,9 +16,9 @@ pub enum Status {
     Ramping,
     /// By order, nothing is corrected.
     Bypassed,
-    /// The command was refused; the target is the last good one with the correction ramping out.
+    /// The command was refused; the correction stands for a while, then ramps out.
     Rejected,
-    /// The command itself; `wanted` tells what would have been.
+    /// None goes out; `wanted` tells what would have been.
     Shadow,
 }
 
@@ -56,6 +56,8 @@ pub enum Reason {
     ShadowMode,
     /// The joint limits cut the correction.
     JointLimit,
+    /// The command moved faster than the joints' stated speeds allow; memory of the path starts anew.
+    CommandJump,
 }
 
 /// Whether the wrench takes part.
@@ -88,9 +90,7 @@ pub struct Residual {
 /// What one cycle makes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
-    /// The joints' targets, rad or m; none before the first good command.
-    pub q: Option<Joints>,
-    /// Target minus command (the last good one), rad or m.
+    /// What is to be added to the command, rad or m.
     pub correction: Joints,
     /// How fast the correction changes, rad/s or m/s: whoever has to take it over goes on from here.
     pub correction_rate: Joints,
@@ -115,7 +115,6 @@ pub struct Outcome {
 impl Default for Outcome {
     fn default() -> Self {
         Self {
-            q: None,
             correction: [0.0; JOINTS_MAX],
             correction_rate: [0.0; JOINTS_MAX],
             correction_acceleration: [0.0; JOINTS_MAX],

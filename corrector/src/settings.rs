@@ -73,12 +73,15 @@ pub struct Settings {
     pub wrench: WrenchSettings,
     /// Expected time between commands, ns.
     pub period_ns: u64,
-    /// A command older than this is refused; without a command for as long, the correction ramps out; ns.
+    /// A command older than this is refused, ns.
     pub stale_ns: u64,
     /// A refused solution holds the last correction for this long before it ramps out, ns.
     pub hold_ns: u64,
     /// A joint has turned back once its command moved this far against its last motion, rad or m.
     pub reversal: f64,
+    /// A command that moves a joint faster than so many times its stated speed is a jump. Above 1; 2 leaves room for times of
+    /// commands that are off by half a cycle.
+    pub jump_margin: f64,
     /// Commands pace the cycle and carry the time (a replay): nothing is stale, poses may be settled.
     pub lockstep: bool,
 }
@@ -95,6 +98,7 @@ impl Settings {
             stale_ns: 10_000_000,
             hold_ns: 50_000_000,
             reversal: 2e-6,
+            jump_margin: 2.0,
             lockstep: false,
         }
     }

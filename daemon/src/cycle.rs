@@ -1,4 +1,4 @@
-//! The mission, once per cycle: a commanded joint target comes in, the one that puts the tool right goes out.
+//! The mission, once per cycle: a commanded joint target comes in, the correction that puts the tool right goes out.
 //!
 //! Order is always: take, judge, correct, bound, publish, count. Thread `cycle`, at the commands' own rate.
 //! Nothing here allocates (the transport's one block per message aside), locks, logs or panics.
@@ -26,38 +26,34 @@ pub struct Cycle<L = Ports> {
     pub model: Box<LoadedModel>,
     /// What is known of the world.
     pub senses: Senses,
-    /// Time without a command after which the correction ramps out, ns.
+    /// Time without a command after which they count as silent, ns.
     pub stale_ns: u64,
     /// Expected time between commands, ns.
     pub period_ns: u64,
     /// Commands carry the time (a replay).
     pub lockstep: bool,
-    /// The command answered last.
-    pub last: Command,
 }
 
 impl<L: Link> Cycle<L> {
     /// Runs until the exchange says stop.
     pub fn run(&mut self, exchange: &Exchange) {
-        let mut stale_from_ns = self.robot.link.now_ns() + self.stale_ns;
+        // Silence is counted once, when it begins.
+        let mut stale_from_ns = None;
         while exchange.runs() {
             count(&exchange.counters.turns);
             self.take_orders(exchange);
-            if let Some(received_ns) = self.turn(exchange, stale_from_ns) {
-                stale_from_ns = received_ns + self.stale_ns;
-                continue;
-            }
-            let now_ns = self.robot.link.now_ns();
-            if now_ns >= stale_from_ns {
-                self.stand_down(exchange);
-                stale_from_ns = now_ns + self.period_ns;
+            if let Some(received_ns) = self.turn(exchange) {
+                stale_from_ns = Some(received_ns + self.stale_ns).filter(|_| !self.lockstep);
+            } else if stale_from_ns.is_some_and(|from_ns: u64| self.robot.link.now_ns() >= from_ns) {
+                count(&exchange.counters.stale);
+                stale_from_ns = None;
             }
         }
     }
 
     /// One cycle; tells when its command was taken, none where none came for a while.
-    fn turn(&mut self, exchange: &Exchange, stale_from_ns: u64) -> Option<u64> {
-        let deadline_ns = stale_from_ns.min(self.robot.link.now_ns() + ORDERS_EVERY_NS);
+    fn turn(&mut self, exchange: &Exchange) -> Option<u64> {
+        let deadline_ns = self.robot.link.now_ns() + ORDERS_EVERY_NS;
         let (command, received_ns) = self.robot.newest_command(exchange, deadline_ns)?;
         let now_ns = if self.lockstep { command.t_ns } else { received_ns };
         let state = self.robot.newest_state();
@@ -69,19 +65,6 @@ impl<L: Link> Cycle<L> {
         self.publish(exchange, &command, received_ns, &allowed);
         self.corrector.prepare(&self.model.physics);
         Some(received_ns)
-    }
-
-    /// Without a command: what stands of the correction ramps out, then nothing is published.
-    fn stand_down(&mut self, exchange: &Exchange) {
-        if self.lockstep {
-            return;
-        }
-        let now_ns = self.robot.link.now_ns();
-        if let Some(ramping) = self.corrector.idle(&self.model.physics, now_ns) {
-            count(&exchange.counters.stale);
-            let last = self.last;
-            self.publish(exchange, &last, now_ns, &ramping);
-        }
     }
 
     fn publish(
@@ -100,7 +83,6 @@ impl<L: Link> Cycle<L> {
             ..translate::corrected(made, self.model.physics.arm.count())
         };
         self.robot.publish(exchange, &mut message);
-        self.last = *command;
         self.count(exchange, command, &message, made);
     }
 
@@ -114,7 +96,7 @@ impl<L: Link> Cycle<L> {
         }
         let latency_ns = message.made_ns.saturating_sub(command.sent_ns);
         // What a refused command says of its own time is not believed either.
-        if made.reason != corrector::Reason::Stale && made.status != Status::Rejected {
+        if made.status != Status::Rejected {
             exchange.latency.record(latency_ns);
             if latency_ns > self.period_ns && !self.lockstep {
                 count(&counters.missed_cycles);

@@ -48,7 +48,7 @@ use corrector::{Corrector, Settings};
 use recording::cell::{CellConfig, Realtime};
 use recording::files::FileError;
 use recording::model::RobotModel;
-use shm_schema::{Cell, Command, DaemonPorts, DaemonSide, DomainError, PortError};
+use shm_schema::{Cell, DaemonPorts, DaemonSide, DomainError, PortError};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 use std::thread::{JoinHandle, ScopedJoinHandle};
@@ -282,7 +282,6 @@ fn start_cycle(
             stale_ns: settings.stale_ns,
             period_ns: settings.period_ns,
             lockstep: settings.lockstep,
-            last: Command::default(),
         };
         started();
         cycle.run(exchange);

@@ -177,7 +177,7 @@ fn cycle_record(cycle: &CycleRecord, joints: usize) -> blackbox::CycleRecord {
         segment: 0,
         steps: corrected.iterations,
         q_command: Few::of(command.joints()),
-        q_corrected: Few::of(corrected.joints()),
+        q_corrected: Few::of(&corrected.added_to(command.joints())[..command.joints().len()]),
         q_measured: Few::NONE,
         tau: Few::NONE,
         wrench_used: if wrench_is_known { Few::of(&cycle.wrench) } else { Few::NONE },

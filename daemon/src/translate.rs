@@ -28,10 +28,10 @@ pub fn command(from: &Command, now_ns: u64, lockstep: bool) -> corrector::Comman
     }
 }
 
-/// What the corrector made of it, as it travels. Without a target there is no joint in the message.
+/// What the corrector made of it, as it travels.
 pub fn corrected(outcome: &Outcome, joints: usize) -> Corrected {
-    let mut message = Corrected {
-        joints: if outcome.q.is_some() { joints as u32 } else { 0 },
+    Corrected {
+        joints: joints as u32,
         status: status(outcome.status).code(),
         reason: reason(outcome.reason).code(),
         wrench_gate: gate(outcome.gate).code(),
@@ -43,13 +43,7 @@ pub fn corrected(outcome: &Outcome, joints: usize) -> Corrected {
         residual_m: outcome.residual.m,
         residual_rad: outcome.residual.rad,
         ..Corrected::default()
-    };
-    message.q = outcome.q.unwrap_or_default();
-    // Joints that the arm does not have carry nothing.
-    for i in joints..JOINTS_MAX {
-        message.q[i] = 0.0;
     }
-    message
 }
 
 fn status(status: corrector::Status) -> CorrectionStatus {
@@ -80,6 +74,7 @@ fn reason(reason: corrector::Reason) -> Reason {
         corrector::Reason::TimeJump => Reason::TimeJump,
         corrector::Reason::ShadowMode => Reason::ShadowMode,
         corrector::Reason::JointLimit => Reason::JointLimit,
+        corrector::Reason::CommandJump => Reason::CommandJump,
     }
 }
 

@@ -1,4 +1,4 @@
-//! The command that comes in and the corrected target that goes out.
+//! The command that comes in and the correction that is proposed for it.
 //!
 //! SI: joints in rad (m where prismatic), forces N, moments N·m, temperatures °C, times ns.
 //! Only the first `joints` entries of a joint array hold; the rest is zero.
@@ -68,10 +68,11 @@ impl Command {
 }
 
 plain_struct! {
-    /// One joint target to publish, from the daemon to the robot's side (`/corrected`).
+    /// The correction that the daemon proposes for one command (`/corrected`).
     ///
-    /// `q` is the last good command's joints plus `correction`: whatever the status, its `joints` may be published.
-    pub struct Corrected = "trued.Corrected/1" {
+    /// It is no target: what is sent to the robot is the command of that very cycle plus a correction that the sender limits itself, from what it
+    /// has sent last. The client library does so.
+    pub struct Corrected = "trued.Corrected/2" {
         /// From 1, plus 1 with each message of this daemon's epoch.
         pub seq: u64,
         /// The `seq` of the command that it answers; 0 where there is none yet.
@@ -88,7 +89,7 @@ plain_struct! {
         pub model_epoch: u64,
         /// Layout version.
         pub layout: u32,
-        /// How many joints, 1 to 16; 0 where there is no target, as no good command has come yet.
+        /// How many joints the model has, 1 to 16.
         pub joints: u32,
         /// A [`CorrectionStatus`].
         pub status: u32,
@@ -98,11 +99,9 @@ plain_struct! {
         pub wrench_gate: u32,
         /// Newton steps spent.
         pub iterations: u32,
-        /// The target.
-        pub q: [f64; JOINTS_MAX],
-        /// What of `q` is correction, within the envelope.
+        /// What is to be added to the commanded joints, within the envelope.
         pub correction: [f64; JOINTS_MAX],
-        /// How fast `correction` changes, per s: with it, whoever takes over goes on without a step.
+        /// How fast `correction` changes, per s.
         pub correction_rate: [f64; JOINTS_MAX],
         /// How fast that changes, per s².
         pub correction_acceleration: [f64; JOINTS_MAX],
@@ -114,8 +113,8 @@ plain_struct! {
         pub residual_rad: f64,
     }
 }
-payload!(Corrected = "trued.Corrected/1", layout 1, check |c| {
-    within::<Corrected>("joints", u64::from(c.joints), 0..=JOINTS_MAX as u64, "0 to 16 joints")
+payload!(Corrected = "trued.Corrected/2", layout 2, check |c| {
+    within::<Corrected>("joints", u64::from(c.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
 });
 
 impl Corrected {
@@ -135,15 +134,25 @@ impl Corrected {
         self.reason.try_into()
     }
 
-    /// The target's joints, at most [`JOINTS_MAX`] whatever the message claims.
+    /// The commanded joints with the correction added; joints that the model does not have stay as they are.
     #[must_use]
-    pub fn joints(&self) -> &[f64] {
-        &self.q[..(self.joints as usize).min(JOINTS_MAX)]
+    pub fn added_to(&self, q_cmd: &[f64]) -> [f64; JOINTS_MAX] {
+        let mut q = [0.0; JOINTS_MAX];
+        let count = q_cmd.len().min(JOINTS_MAX);
+        q[..count].copy_from_slice(&q_cmd[..count]);
+        q[..count].iter_mut().zip(self.correction()).for_each(|(q, correction)| *q += correction);
+        q
+    }
+
+    /// The correction of the model's joints, at most [`JOINTS_MAX`] whatever the message claims.
+    #[must_use]
+    pub fn correction(&self) -> &[f64] {
+        &self.correction[..(self.joints as usize).min(JOINTS_MAX)]
     }
 }
 
 codes! {
-    /// How a corrected target was made.
+    /// How a correction was made.
     pub enum CorrectionStatus {
         /// By the model, for this command.
         Corrected = 0 "corrected",
@@ -153,21 +162,21 @@ codes! {
         Ramping = 2 "ramping",
         /// By order, nothing is corrected.
         Bypassed = 3 "bypassed",
-        /// The command was refused; `q` is the last target that was good.
+        /// The command was refused; the correction stands for a while, then ramps out.
         Rejected = 4 "rejected",
-        /// The command itself; `wanted` tells what would have been.
+        /// None goes out; `wanted` tells what would have been.
         Shadow = 5 "shadow",
     }
 }
 
 codes! {
-    /// Why a corrected target was made as it was.
+    /// Why a correction was made as it was.
     pub enum Reason {
         /// Nothing to say.
         None = 0 "none",
         /// The command holds a number that is none.
         NotFinite = 1 "not_finite",
-        /// The command is outside the joint limits.
+        /// The command is outside the model's joint limits; it passes as it came.
         OutOfLimits = 2 "out_of_limits",
         /// The command is older than its forerunner.
         OutOfOrder = 3 "out_of_order",
@@ -193,7 +202,7 @@ codes! {
         TimeJump = 13 "time_jump",
         /// The message cannot be read: layout, counts, flags.
         Malformed = 14 "malformed",
-        /// The command jumped further than a robot can move.
+        /// The command moved a joint faster than its stated speed allows; it passes, and memory of the path starts anew.
         CommandJump = 15 "command_jump",
         /// The daemon stands in shadow mode.
         ShadowMode = 16 "shadow_mode",

@@ -1,0 +1,138 @@
+//! What goes out to the robot: the command of this very cycle plus a limited correction.
+//!
+//! This is the one place where the correction is continuous. Its limiter starts from what was sent
+//! last and uses the time that has passed since, whatever the daemon asks for and why: a fresh
+//! answer, none, a refusal, a daemon that has just started, other bounds, another model, bypass. No
+//! clock, no IPC: time comes in.
+//!
+//! What is sent is the command bit for bit while the correction is zero, and the command plus the
+//! daemon's own correction, bit for bit, once that has been reached.
+
+use envelope::{Elapsed, Intervals, Limiters, Limits};
+use shm_schema::{Command, Corrected, JOINTS_MAX, JointBounds};
+
+use crate::{NotATarget, Source, Target};
+
+/// A daemon's answer counts this long, unless set otherwise.
+const FRESH_NS: u64 = 10_000_000;
+
+/// Makes each target from the command and the newest answer.
+#[derive(Debug)]
+pub struct Output {
+    limiters: Limiters<JOINTS_MAX>,
+    /// None before the daemon has said them: there is no correction then.
+    limits: [Option<Limits>; JOINTS_MAX],
+    intervals: Intervals,
+    /// What was sent last.
+    sent: Option<Target>,
+    /// A daemon's answer counts this long, ns.
+    pub fresh_ns: u64,
+}
+
+impl Default for Output {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Output {
+    /// One that has sent nothing yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            limiters: Limiters::at_rest(),
+            limits: [None; JOINTS_MAX],
+            intervals: Intervals::new(),
+            sent: None,
+            fresh_ns: FRESH_NS,
+        }
+    }
+
+    /// Takes over the daemon's bounds; of those that are no positive numbers the last good ones stay.
+    pub fn set_bounds(&mut self, bounds: &JointBounds) {
+        for (i, limits) in self.limits.iter_mut().enumerate() {
+            let new = Limits::new(bounds.angle[i], bounds.rate[i], bounds.jerk[i]);
+            *limits = new.ok().or(*limits);
+        }
+    }
+
+    /// The robot begins a run, standing at its command plus this correction; zero beyond the list and where it is
+    /// no number.
+    pub fn start_from(&mut self, correction: &[f64]) {
+        let value = |i: usize| correction.get(i).copied().unwrap_or(0.0);
+        self.limiters = Limiters::from_motion(|i| (value(i), 0.0, 0.0));
+        self.intervals = Intervals::new();
+    }
+
+    /// The correction that was sent last, rad or m.
+    #[must_use]
+    pub fn correction(&self) -> [f64; JOINTS_MAX] {
+        std::array::from_fn(|i| self.limiters.joints()[i].value())
+    }
+
+    /// What was sent last.
+    #[must_use]
+    pub fn sent(&self) -> Option<Target> {
+        self.sent
+    }
+
+    /// The target for `q_cmd` at `now_ns`, given the newest answer and the command sent to the daemon last.
+    ///
+    /// # Errors
+    /// [`NotATarget`] where `q_cmd` is no set of 1 to 16 finite numbers; nothing has changed then.
+    pub fn target(
+        &mut self,
+        q_cmd: &[f64],
+        newest: Option<&Corrected>,
+        command: Option<&Command>,
+        now_ns: u64,
+    ) -> Result<Target, NotATarget> {
+        NotATarget::check(q_cmd)?;
+        let answer = newest.filter(|answer| self.is_usable(answer, q_cmd.len(), now_ns));
+        let requested = answer.map_or([0.0; JOINTS_MAX], |answer| answer.correction);
+        let elapsed = self.elapse(now_ns);
+        let correction = self.limiters.step(&requested, |i| self.limits[i], elapsed);
+
+        let mut q = [0.0; JOINTS_MAX];
+        for (q, (q_cmd, correction)) in q.iter_mut().zip(q_cmd.iter().zip(correction)) {
+            // Not even the sign of a zero changes where nothing is corrected.
+            *q = if correction == 0.0 { *q_cmd } else { q_cmd + correction };
+        }
+        let is_reached = correction[..q_cmd.len()] == requested[..q_cmd.len()];
+        let source = match answer {
+            _ if !is_reached => Source::Ramping,
+            None => Source::Plain,
+            Some(answer) if command.is_some_and(|command| answers(answer, command, q_cmd)) => {
+                Source::Corrected
+            }
+            Some(_) => Source::LastCorrection,
+        };
+        let target = Target::new(&q[..q_cmd.len()], source);
+        self.sent = Some(target);
+        Ok(target)
+    }
+
+    /// The time since the last target. After a silence the robot stands, and so does the correction.
+    fn elapse(&mut self, now_ns: u64) -> Elapsed {
+        self.intervals.elapse(now_ns).unwrap_or_else(|| {
+            self.limiters.rest();
+            Elapsed::default()
+        })
+    }
+
+    /// Whether the answer is fresh and one for so many joints. What another process wrote need be no number.
+    fn is_usable(&self, answer: &Corrected, joints: usize, now_ns: u64) -> bool {
+        answer.joints as usize == joints
+            && now_ns.saturating_sub(answer.made_ns) <= self.fresh_ns
+            && answer.correction().iter().all(|correction| correction.is_finite())
+    }
+}
+
+/// Whether the answer is for that command, and that command is for these joints.
+fn answers(answer: &Corrected, command: &Command, q_cmd: &[f64]) -> bool {
+    (answer.command_session, answer.command_seq) == (command.session, command.seq)
+        && command.joints() == q_cmd
+}
+
+#[cfg(test)]
+mod tests;
