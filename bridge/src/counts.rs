@@ -6,6 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use trued_client::Source;
 
+use crate::feed::Correction;
+
 macro_rules! counters {
     ($($(#[$doc:meta])* $name:ident = $words:literal, $fault:literal;)*) => {
         /// What is counted.
@@ -46,7 +48,7 @@ counters! {
     Ramping = "answers with a correction on its way", false;
     /// Answers without a correction.
     Plain = "answers without correction", false;
-    /// Answers with the daemon's last good target in place of one that it refused.
+    /// Targets that the daemon refused: they pass, and the correction ramps out.
     Refused = "targets that the daemon refused", true;
     /// Runs of the robot that were seen to begin.
     Sessions = "sessions", false;
@@ -64,6 +66,8 @@ counters! {
     Superseded = "superseded datagrams", true;
     /// Datagrams from somebody else.
     Foreign = "foreign datagrams", true;
+    /// Datagrams from another port of the controller than the one that is served: a second mechanical unit.
+    OtherUnit = "datagrams of another mechanical unit", true;
     /// Datagrams that are no message of the protocol, or hold no number where one must be.
     Broken = "broken datagrams", true;
     /// Datagrams of the application while no robot is there.
@@ -98,14 +102,14 @@ impl Counts {
         self.of[what as usize].fetch_add(several, Relaxed);
     }
 
-    /// Counts an answer by where its correction comes from.
-    pub fn answer(&self, source: Source) {
-        self.one(match source {
+    /// Counts an answer by what its correction is.
+    pub fn answer(&self, made: &Correction) {
+        self.one(match made.source {
+            _ if made.is_refused => Count::Refused,
             Source::Corrected => Count::Corrected,
             Source::LastCorrection => Count::Late,
-            Source::Blending | Source::Ramping => Count::Ramping,
+            Source::Ramping => Count::Ramping,
             Source::Plain => Count::Plain,
-            Source::Rejected => Count::Refused,
         });
     }
 

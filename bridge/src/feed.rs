@@ -1,15 +1,14 @@
-//! The correction for one target after the other, whatever has become of the daemon: the client library behind a gate.
+//! The correction for one target after the other, whatever has become of the daemon.
 //!
-//! Promises: never waits longer than it was told to; without a daemon the answer is the target itself; a correction begins
-//! and ends at zero by the client's own rule, never by a step. At the beginning of a run what is left of the run before is
-//! ramped out first. Never: a correction of its own.
+//! The client library limits what is sent; here it is decided where a run of the robot begins. Never waits longer than it was
+//! allowed; without a daemon the correction is zero.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
-use trued_client::{Client, ConnectError, JOINTS_MAX, NotSent, Setpoint, Source, Target};
+use trued_client::{Client, ConnectError, CorrectionStatus, JOINTS_MAX, NotSent, Setpoint, Source};
 
 /// How long one try to join may take, and the pause between two.
 const JOIN_WITHIN: Duration = Duration::from_secs(1);
@@ -18,26 +17,45 @@ const JOIN_AGAIN: Duration = Duration::from_millis(200);
 /// The answer to one target.
 #[derive(Debug, Clone, Copy)]
 pub struct Correction {
-    /// Target minus command, rad; for a refused command the daemon's last good correction.
+    /// What is to be added to the target, rad.
     pub rad: [f64; JOINTS_MAX],
-    /// In place of a refused command, the daemon's last good target, rad.
-    pub instead: Option<[f64; JOINTS_MAX]>,
     /// Where it comes from.
     pub source: Source,
+    /// The daemon refused the target; it passes, while the correction ramps out.
+    pub is_refused: bool,
 }
 
 impl Correction {
     /// None.
-    pub const ZERO: Self = Self { rad: [0.0; JOINTS_MAX], instead: None, source: Source::Plain };
+    pub const ZERO: Self =
+        Self { rad: [0.0; JOINTS_MAX], source: Source::Plain, is_refused: false };
 
     /// Whether the target goes out as it came.
     #[must_use]
-    pub fn is_none(&self) -> bool {
-        self.instead.is_none() && self.is_zero()
-    }
-
-    fn is_zero(&self) -> bool {
+    pub fn is_zero(&self) -> bool {
         self.rad == [0.0; JOINTS_MAX]
+    }
+}
+
+/// Where the robot stands as a run begins.
+#[derive(Debug, Clone, Copy)]
+enum Start {
+    /// At its command: the controller begins to add up corrections anew.
+    AtZero,
+    /// At these joints, rad.
+    At([f64; JOINTS_MAX]),
+}
+
+impl Start {
+    /// The correction in where the robot stands, if its first target is `q` and it was corrected by `last`: whichever of `last` and
+    /// zero takes the target nearer to it.
+    fn correction(&self, q: &[f64], last: &[f64; JOINTS_MAX]) -> [f64; JOINTS_MAX] {
+        let Self::At(stands) = self else { return [0.0; JOINTS_MAX] };
+        let square = |share: f64| -> f64 {
+            let off = q.iter().zip(last).zip(stands).map(|((q, last), at)| q + share * last - at);
+            off.map(|off| off * off).sum()
+        };
+        if square(1.0) <= square(0.0) { *last } else { [0.0; JOINTS_MAX] }
     }
 }
 
@@ -59,10 +77,8 @@ pub struct Feed {
     news: Sender<News>,
     over: Arc<AtomicBool>,
     answer_within: Duration,
-    /// What the daemon was told last, and of how many joints.
-    last: Option<(Setpoint, usize)>,
-    /// Corrections go out. Shut, what is left of one ramps out, and then nothing goes out.
-    is_open: bool,
+    /// A run begins with the next target.
+    start: Option<Start>,
 }
 
 impl Feed {
@@ -88,45 +104,44 @@ impl Feed {
                 let _ = tell.send(client);
             }
         })?;
-        Ok(Self { client: None, joined, news, over, answer_within, last: None, is_open: false })
+        Ok(Self { client: None, joined, news, over, answer_within, start: None })
     }
 
     /// The correction of a new target, rad (m where prismatic).
-    pub fn command(&mut self, q: &[f64], now_ns: u64) -> Correction {
-        let setpoint = Setpoint::new(q);
-        self.last = Some((setpoint, q.len().min(JOINTS_MAX)));
-        if !self.open(q, now_ns) {
-            return Correction::ZERO;
-        }
-        let within = self.answer_within;
+    pub fn command(&mut self, q: &[f64]) -> Correction {
+        let (within, start) = (self.answer_within, self.start.take());
         let Some(client) = self.client() else { return Correction::ZERO };
-        if let Ok(seq) = send(client, &setpoint) {
+        if let Some(start) = start {
+            let correction = start.correction(q, &client.last_correction());
+            client.start_from(&correction);
+        }
+        if let Ok(seq) = send(client, &Setpoint::new(q)) {
             let _ = client.wait_corrected(seq, within);
         }
-        self.correction(q, trued_client::monotonic_ns())
+        correction(client, q)
     }
 
-    /// The correction as it stands, for a target that the daemon knows already.
-    pub fn repeat(&mut self, q: &[f64], now_ns: u64) -> Correction {
-        if self.is_open { self.correction(q, now_ns) } else { Correction::ZERO }
+    /// The correction as it is now, for a target that the daemon knows already.
+    pub fn repeat(&mut self, q: &[f64]) -> Correction {
+        self.client().map_or(Correction::ZERO, |client| correction(client, q))
     }
 
-    /// Tells the daemon the last target again, so that its correction stands while the robot does.
-    pub fn keep(&mut self) {
-        if !self.is_open {
-            return;
+    /// The next target is the first of a run, whose corrections the controller adds up from zero.
+    pub fn start_at_zero(&mut self) {
+        self.start = Some(Start::AtZero);
+    }
+
+    /// The next target is the first of a run of a robot that stands at these joints, rad: if where it was sent last, the correction
+    /// goes on, else the target passes as it is.
+    pub fn start_at(&mut self, stands: &[f64; JOINTS_MAX]) {
+        self.start = Some(Start::At(*stands));
+    }
+
+    /// The controller has used no more than this of what was sent, rad: the correction goes on from there.
+    pub fn go_on_from(&mut self, used: &[f64; JOINTS_MAX]) {
+        if let Some(client) = self.client() {
+            client.start_from(used);
         }
-        if let (Some((setpoint, _)), Some(client)) = (self.last, self.client()) {
-            let _ = send(client, &setpoint);
-        }
-    }
-
-    /// The robot is not guided: nothing is told to the daemon, and what is left of the correction ramps out.
-    pub fn rest(&mut self, now_ns: u64) {
-        self.is_open = false;
-        // Where the joints are does not matter to a ramp, their number does. Before the first target it only joins.
-        let joints = self.last.map_or(0, |(_, joints)| joints);
-        self.correction(&[0.0; JOINTS_MAX][..joints], now_ns);
     }
 
     /// The client, once joined.
@@ -143,23 +158,6 @@ impl Feed {
         }
         Some(client)
     }
-
-    /// Whether corrections may go out for this run: at its beginning, once nothing is left of the run before.
-    fn open(&mut self, q: &[f64], now_ns: u64) -> bool {
-        if !self.is_open && self.correction(q, now_ns).is_zero() {
-            self.is_open = true;
-            if let Some(client) = self.client() {
-                client.start_anew();
-            }
-        }
-        self.is_open
-    }
-
-    fn correction(&mut self, q: &[f64], now_ns: u64) -> Correction {
-        let Some(client) = self.client() else { return Correction::ZERO };
-        let target = client.target_for(q, now_ns);
-        of_target(&target, q, || client.newest().map(|newest| newest.correction))
-    }
 }
 
 #[cfg(test)]
@@ -168,7 +166,7 @@ impl Feed {
     pub(crate) fn nowhere() -> Self {
         let (joined, news) = (channel().1, channel().0);
         let (over, answer_within) = (Arc::default(), Duration::ZERO);
-        Self { client: None, joined, news, over, answer_within, last: None, is_open: false }
+        Self { client: None, joined, news, over, answer_within, start: None }
     }
 }
 
@@ -186,22 +184,15 @@ fn send(client: &mut Client, setpoint: &Setpoint) -> Result<u64, NotSent> {
     }
 }
 
-fn of_target(
-    target: &Target,
-    q: &[f64],
-    last_good: impl FnOnce() -> Option<[f64; JOINTS_MAX]>,
-) -> Correction {
-    let source = target.source();
-    let mut rad = [0.0; JOINTS_MAX];
-    if source == Source::Rejected {
-        let mut instead = [0.0; JOINTS_MAX];
-        instead.iter_mut().zip(target.joints()).for_each(|(to, q)| *to = *q);
-        return Correction { rad: last_good().unwrap_or(rad), instead: Some(instead), source };
+fn correction(client: &mut Client, q: &[f64]) -> Correction {
+    // A target with no number in it never comes as far as here; if it did, what was sent last goes on.
+    let target = client.target_for(q, trued_client::monotonic_ns()).ok();
+    let rejected = CorrectionStatus::Rejected.code();
+    Correction {
+        rad: client.last_correction(),
+        source: target.map_or(Source::Ramping, |target| target.source()),
+        is_refused: client.newest().is_some_and(|newest| newest.status == rejected),
     }
-    for (rad, (target, q)) in rad.iter_mut().zip(target.joints().iter().zip(q)) {
-        *rad = target - q;
-    }
-    Correction { rad, instead: None, source }
 }
 
 /// Tries until it succeeds or the bridge ends; says each obstacle once.

@@ -1,15 +1,15 @@
 //! What the number of a datagram says: the next one, one again, one too old, or a sender that began anew.
 //!
-//! Promises: no allocation, no clock. A sender that does not count (always the same number, or none) is taken as it comes.
+//! A number ahead is the next, however many were lost; a number that falls back is an old datagram's, overtaken or replayed, until
+//! [`ANEW_AFTER`] in a row count up from there with none of the old count between them: then the sender began anew. A sender that does not
+//! count (always the same number, or none) is taken as it comes. No allocation, no clock.
 
 use recording::files::content_hash;
 
-/// So far back a number is an old datagram's, and further back a sender's that began anew.
-const OLD_MAX: u32 = 16;
-/// So far ahead numbers were lost on the way; further ahead a sender began anew.
-const LOST_MAX: u32 = 1000;
-/// Datagrams overtake each other within so long, ns; a sender that begins anew takes longer.
-const OVERTAKE_NS: u64 = 50_000_000;
+/// So many datagrams in a row that count up from a number that fell back are a sender's that began anew. Fewer could be replayed ones.
+const ANEW_AFTER: u32 = 3;
+/// Each of them is ahead of the one before by so much at most: RSI counts ms, 12 at a time, and some may be lost.
+const ANEW_AHEAD: u32 = 100;
 
 /// Where a datagram stands among those of its sender.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,7 +21,7 @@ pub enum Standing {
     },
     /// The last one again, byte for byte.
     Repeated,
-    /// Overtaken by one that was taken already.
+    /// Older than one that was taken already.
     Old,
     /// The first of a sender, or of one that began anew.
     First,
@@ -31,47 +31,49 @@ pub enum Standing {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Sequence {
     last: Option<Last>,
+    /// The newest number of a count that may have begun anew, and how many it has had.
+    anew: Option<(u32, u32)>,
 }
 
 #[derive(Debug, Clone, Copy)]
 struct Last {
     number: Option<u32>,
     hash: u64,
-    at_ns: u64,
 }
 
 impl Sequence {
-    /// Judges a datagram that came at `now_ns`, and remembers it unless it is old.
-    pub fn judge(&mut self, number: Option<u32>, datagram: &[u8], now_ns: u64) -> Standing {
+    /// Judges a datagram, and remembers it unless it is old.
+    pub fn judge(&mut self, number: Option<u32>, datagram: &[u8]) -> Standing {
         let hash = content_hash(datagram);
         let standing = match self.last {
             None => Standing::First,
             Some(last) if (last.number, last.hash) == (number, hash) => Standing::Repeated,
             Some(last) => match (last.number, number) {
-                (Some(before), Some(number)) => {
-                    let soon = now_ns.saturating_sub(last.at_ns) < OVERTAKE_NS;
-                    by_number(before, number, soon)
-                }
+                (Some(before), Some(number)) => self.by_number(before, number),
                 _ => Standing::Next { lost: 0 },
             },
         };
         if standing != Standing::Old {
-            self.last = Some(Last { number, hash, at_ns: now_ns });
+            *self = Self { last: Some(Last { number, hash }), anew: None };
         }
         standing
     }
-}
 
-fn by_number(before: u32, number: u32, soon: bool) -> Standing {
-    let (ahead, back) = (number.wrapping_sub(before), before.wrapping_sub(number));
-    if ahead == 0 {
-        Standing::Next { lost: 0 }
-    } else if ahead <= LOST_MAX {
-        Standing::Next { lost: ahead - 1 }
-    } else if back <= OLD_MAX && soon {
-        Standing::Old
-    } else {
-        Standing::First
+    fn by_number(&mut self, before: u32, number: u32) -> Standing {
+        let ahead = number.wrapping_sub(before);
+        if ahead == 0 {
+            return Standing::Next { lost: 0 };
+        } else if ahead <= u32::MAX / 2 {
+            return Standing::Next { lost: ahead - 1 };
+        }
+        let counted = match self.anew {
+            Some((newest, counted)) if (1..=ANEW_AHEAD).contains(&number.wrapping_sub(newest)) => {
+                counted + 1
+            }
+            _ => 1,
+        };
+        self.anew = Some((number, counted));
+        if counted >= ANEW_AFTER { Standing::First } else { Standing::Old }
     }
 }
 
@@ -79,47 +81,61 @@ fn by_number(before: u32, number: u32, soon: bool) -> Standing {
 mod tests {
     use super::*;
 
-    const MS: u64 = 1_000_000;
-
-    fn judged(numbers: &[(Option<u32>, u8, u64)]) -> Vec<Standing> {
+    fn judged(numbers: &[(Option<u32>, u8)]) -> Vec<Standing> {
         let mut sequence = Sequence::default();
-        numbers.iter().map(|(n, byte, ms)| sequence.judge(*n, &[*byte], ms * MS)).collect()
+        numbers.iter().map(|(number, byte)| sequence.judge(*number, &[*byte])).collect()
+    }
+
+    const fn next(lost: u32) -> Standing {
+        Standing::Next { lost }
     }
 
     #[test]
-    fn lost_repeated_and_overtaken_datagrams_are_told_apart() {
+    fn lost_repeated_and_overtaken_datagrams_are_distinguished() {
         let said = judged(&[
-            (Some(7), 1, 0),
-            (Some(8), 2, 4),
-            (Some(8), 2, 5),
-            (Some(11), 3, 8),
-            (Some(10), 4, 9),
+            (Some(7), 1),
+            (Some(8), 2),
+            (Some(8), 2),
+            (Some(11), 3),
+            (Some(10), 4),
+            (Some(5011), 5),
         ]);
-        let next = |lost| Standing::Next { lost };
-        assert_eq!(said, [Standing::First, next(0), Standing::Repeated, next(2), Standing::Old]);
+        let expected =
+            [Standing::First, next(0), Standing::Repeated, next(2), Standing::Old, next(4999)];
+        assert_eq!(said, expected);
     }
 
     #[test]
-    fn a_sender_that_begins_anew_is_taken_and_its_first_numbers_are_not_old() {
-        let said = judged(&[
-            (Some(9), 1, 0),
-            (Some(0), 2, 100),
-            (Some(90_000), 3, 104),
-            (Some(2), 4, 108),
-        ]);
-        assert_eq!(said, [Standing::First; 4]);
+    fn replayed_datagrams_are_old_however_far_back_and_however_often() {
+        let mut sequence = Sequence::default();
+        for number in 1000..1100 {
+            sequence.judge(Some(number), &[0]);
+            for back in [1, 20, 40, 900] {
+                assert_eq!(sequence.judge(Some(number - back), &[1]), Standing::Old);
+            }
+        }
+    }
+
+    #[test]
+    fn a_sender_that_begins_anew_is_taken_once_three_datagrams_count_up() {
+        let said =
+            judged(&[(Some(900), 1), (Some(0), 2), (Some(4), 3), (Some(8), 4), (Some(12), 5)]);
+        let old = Standing::Old;
+        assert_eq!(said, [Standing::First, old, old, Standing::First, next(3)]);
+        // One of the count before in between: that sender lives.
+        let said =
+            judged(&[(Some(900), 1), (Some(0), 2), (Some(1), 3), (Some(901), 4), (Some(2), 5)]);
+        assert_eq!(said, [Standing::First, old, old, next(0), old]);
     }
 
     #[test]
     fn a_sender_that_does_not_count_is_taken_as_it_comes() {
-        let next = Standing::Next { lost: 0 };
-        assert_eq!(judged(&[(Some(0), 1, 0), (Some(0), 2, 4)])[1], next);
-        assert_eq!(judged(&[(None, 1, 0), (None, 2, 4)])[1], next);
+        assert_eq!(judged(&[(Some(0), 1), (Some(0), 2)])[1], next(0));
+        assert_eq!(judged(&[(None, 1), (None, 2)])[1], next(0));
     }
 
     #[test]
     fn numbers_may_run_over() {
-        let said = judged(&[(Some(u32::MAX), 1, 0), (Some(0), 2, 4)]);
-        assert_eq!(said[1], Standing::Next { lost: 0 });
+        assert_eq!(judged(&[(Some(u32::MAX), 1), (Some(0), 2)])[1], next(0));
     }
 }

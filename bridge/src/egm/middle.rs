@@ -1,8 +1,7 @@
 //! What becomes of each datagram: the policies of the EGM bridge, without sockets.
 //!
-//! Promises: feedback and unknown fields pass byte for byte; of a target the joints alone are changed; nothing is sent
-//! before the controller has spoken; where anything is wrong, the application's own target passes, or nothing does.
-//! No allocation but the transport's.
+//! Feedback and unknown fields pass byte for byte; of a target the joints alone are changed; nothing is sent before the controller
+//! has spoken; where anything is wrong, the application's own target passes, or nothing does. No allocation but the transport's.
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -30,6 +29,8 @@ pub const SESSION_NS: u64 = 1_000_000_000;
 pub struct Settings {
     /// The controller.
     pub robot: IpAddr,
+    /// The port of its mechanical unit; none: whichever speaks first, for as long as it lives.
+    pub robot_port: Option<u16>,
     /// The application, where there is one.
     pub application: Option<SocketAddr>,
     /// What is corrected.
@@ -114,11 +115,17 @@ impl Middle {
         if from.ip() != self.settings.robot {
             return self.drop(Count::Foreign);
         }
+        if !self.is_served(from, now_ns) {
+            return self.drop(Count::OtherUnit);
+        }
         let Some(message) = RobotMessage::read(datagram).ok().filter(|_| !datagram.is_empty())
         else {
             return self.drop(Count::Broken);
         };
-        let standing = self.robot_sequence.judge(message.header.seqno, datagram, now_ns);
+        if self.robot.is_some_and(|robot| robot.address != from) {
+            self.robot_sequence = Sequence::default();
+        }
+        let standing = self.robot_sequence.judge(message.header.seqno, datagram);
         let lost = match standing {
             Standing::Repeated => return self.drop(Count::Repeated),
             Standing::Old => return self.drop(Count::Old),
@@ -134,9 +141,20 @@ impl Middle {
         true
     }
 
+    /// Whether this is the mechanical unit that is served: the named one, or the one that lives.
+    fn is_served(&self, from: SocketAddr, now_ns: u64) -> bool {
+        match (self.settings.robot_port, self.robot) {
+            (Some(port), _) => from.port() == port,
+            (None, Some(robot)) => {
+                robot.address == from || now_ns.saturating_sub(robot.last_ns) >= SESSION_NS
+            }
+            (None, None) => true,
+        }
+    }
+
     /// What the controller's message says of its run.
     fn note(&mut self, message: &RobotMessage, standing: Standing, from: SocketAddr, now_ns: u64) {
-        // A silence in which the controller counted on is the network's; the robot is where it was told to go last.
+        // A silence in which the controller counted on is the network's; the robot is where it was sent last.
         let counted_on = matches!(standing, Standing::Next { lost } if lost > 0);
         let before = self.robot.filter(|robot| {
             let silent = now_ns.saturating_sub(robot.last_ns) >= SESSION_NS;
@@ -144,26 +162,24 @@ impl Middle {
         });
         let is_guided = is_guided(self.settings.guidance, message.mci_state);
         let measured = self.settings.order.rad(&message.feedback);
-        let (has_target, was_answered) = match before {
-            Some(before) => (before.has_target, before.is_answered),
-            None => {
-                self.counts.one(Count::Sessions);
-                self.path = Path::new(self.settings.path_period_ns);
-                self.feed.rest(now_ns);
-                (false, true)
-            }
-        };
-        if !is_guided {
-            self.feed.rest(now_ns);
-        } else if has_target && !was_answered {
+        let planned = self.settings.order.rad(&message.planned);
+        let (has_target, was_answered) =
+            before.map_or((false, true), |before| (before.has_target, before.is_answered));
+        if before.is_none() {
+            self.counts.one(Count::Sessions);
+            self.path = Path::new(self.settings.path_period_ns);
+        }
+        if is_guided && before.is_none_or(|before| !before.is_guided) {
+            self.start(measured.or(planned));
+        }
+        if is_guided && has_target && !was_answered {
             self.counts.one(Count::Silent);
-            self.feed.keep();
         }
         self.robot = Some(Robot {
             address: from,
             last_ns: now_ns,
             is_guided,
-            q: self.settings.order.rad(&message.planned).or(measured),
+            q: planned.or(measured),
             has_target,
             is_answered: false,
             tm: message.header.tm,
@@ -175,6 +191,14 @@ impl Middle {
                 RobotState { joints, flags, q_measured, t_ns: now_ns, ..RobotState::default() };
             // What was not sent is missing in a recording, and nowhere else.
             let _ = client.send_state(&state);
+        }
+    }
+
+    /// The robot begins to be guided, from where it stands. Along a path corrections add up from zero.
+    fn start(&mut self, stands: Option<[f64; JOINTS_MAX]>) {
+        match stands.filter(|_| self.settings.guidance == Guidance::Joints) {
+            Some(stands) => self.feed.start_at(&stands),
+            None => self.feed.start_at_zero(),
         }
     }
 
@@ -199,7 +223,7 @@ impl Middle {
             Some(read) if !datagram.is_empty() => read,
             _ => return refused(Count::Broken),
         };
-        let is_repeated = match self.application_sequence.judge(header.seqno, datagram, now_ns) {
+        let is_repeated = match self.application_sequence.judge(header.seqno, datagram) {
             Standing::Old => return refused(Count::Old),
             Standing::Repeated => {
                 self.counts.one(Count::Repeated);
@@ -219,21 +243,16 @@ impl Middle {
     }
 
     /// Corrects a screened datagram in place; says where it goes.
-    pub fn answer(
-        &mut self,
-        datagram: &mut [u8],
-        screened: &Screened,
-        now_ns: u64,
-    ) -> Option<SocketAddr> {
+    pub fn answer(&mut self, datagram: &mut [u8], screened: &Screened) -> Option<SocketAddr> {
         let robot = self.robot.as_mut()?;
         (robot.has_target, robot.is_answered) = (true, true);
         let robot = *robot;
         match screened {
             Screened::Joints { planned, is_repeated } if robot.is_guided => {
-                self.correct_joints(datagram, planned, *is_repeated, now_ns);
+                self.correct_joints(datagram, planned, *is_repeated);
             }
             Screened::Offset(message) if robot.is_guided => {
-                let offset_mm = self.offset_mm(&robot, now_ns);
+                let offset_mm = self.offset_mm(&robot);
                 if let Some(offset) = message.offset {
                     let [x, y, z] = offset.mm;
                     offset.put(datagram, [x, y + offset_mm.0, z + offset_mm.1]);
@@ -247,28 +266,22 @@ impl Middle {
         Some(robot.address)
     }
 
-    fn correct_joints(
-        &mut self,
-        datagram: &mut [u8],
-        planned: &Posture,
-        is_repeated: bool,
-        now_ns: u64,
-    ) {
+    fn correct_joints(&mut self, datagram: &mut [u8], planned: &Posture, is_repeated: bool) {
         let Some(q) = self.settings.order.rad(planned) else {
             self.counts.one(Count::NotCorrected);
             return;
         };
         let q = &q[..self.arm.count()];
-        let made =
-            if is_repeated { self.feed.repeat(q, now_ns) } else { self.feed.command(q, now_ns) };
-        self.counts.answer(made.source);
-        if self.settings.is_shadow || made.is_none() {
+        let made = if is_repeated { self.feed.repeat(q) } else { self.feed.command(q) };
+        self.counts.answer(&made);
+        if self.settings.is_shadow || made.is_zero() {
             return;
         }
-        self.settings.order.put(datagram, planned, |i, degrees| match &made.instead {
-            Some(instead) => instead[i].to_degrees(),
-            None => degrees + made.rad[i].to_degrees(),
-        });
+        let put = |i: usize, degrees: f64| match made.rad[i] {
+            0.0 => degrees,
+            rad => degrees + rad.to_degrees(),
+        };
+        self.settings.order.put(datagram, planned, put);
     }
 
     /// An answer of our own to the controller, where no application guides it: its length in `to`, and where it goes.
@@ -279,7 +292,7 @@ impl Middle {
         if !self.path.is_due(now_ns) {
             return None;
         }
-        let (y, z) = self.offset_mm(&robot, now_ns);
+        let (y, z) = self.offset_mm(&robot);
         let header = self.path.header(robot.tm);
         let length = PathCorrMessage::write(to, header, [0.0, y, z], Path::AGE_MS)?;
         if let Some(robot) = &mut self.robot {
@@ -290,14 +303,14 @@ impl Middle {
     }
 
     /// What the correction is across the path, mm.
-    fn offset_mm(&mut self, robot: &Robot, now_ns: u64) -> (f64, f64) {
+    fn offset_mm(&mut self, robot: &Robot) -> (f64, f64) {
         let Some(q) = robot.q else {
             self.counts.one(Count::NotCorrected);
             return (0.0, 0.0);
         };
         let q = &q[..self.arm.count()];
-        let made = self.feed.command(q, now_ns);
-        self.counts.answer(made.source);
+        let made = self.feed.command(q);
+        self.counts.answer(&made);
         let (y, z) = self.path.across_mm(&self.arm, q, &made.rad);
         if self.settings.is_shadow { (0.0, 0.0) } else { (y, z) }
     }

@@ -44,6 +44,7 @@ pub fn run(
     };
     let settings = Settings {
         robot: config.common.robot,
+        robot_port: config.robot_port,
         application: config.application.map(|(theirs, _)| theirs),
         guidance: config.guidance,
         order: Order { count: ground.arm.count(), seventh_after: config.seventh_after },
@@ -152,7 +153,7 @@ impl Sides {
         }
         let Some((screened, length)) = newest else { return };
         let datagram = &mut self.held[..length];
-        if let Some(to) = self.middle.answer(datagram, &screened, monotonic_ns())
+        if let Some(to) = self.middle.answer(datagram, &screened)
             && self.robot.send_to(datagram, to).is_err()
         {
             self.middle.not_sent();

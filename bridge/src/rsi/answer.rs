@@ -1,7 +1,8 @@
 //! What becomes of each telegram: the policies of the RSI bridge, without a socket.
 //!
-//! Promises: every telegram that can be read is answered with its own `IPOC`, whatever the daemon does; a run begins at a
-//! correction of zero; what is sent changes by the client's own rule, never by a step. No allocation but the transport's.
+//! Every telegram that can be read is answered with its own `IPOC`, whatever the daemon does. A run begins at a correction of
+//! zero, as the controller's own sum does; within a run the correction goes on from what the controller has used. No allocation but the
+//! transport's.
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -18,10 +19,11 @@ use crate::displacement::displaced;
 use crate::feed::Feed;
 use crate::sequence::{Sequence, Standing};
 
-/// So much of the controller's own clock without a telegram, ms, ends a run, unless late answers were counted meanwhile.
-const SESSION_MS: u32 = 200;
-/// Increments that may be taken back, as the controller has not used them.
-const KEPT: usize = 16;
+/// So much of the controller's own clock without a telegram, ms, ends a run, unless late answers were counted meanwhile: more than
+/// KUKA's default `Timeout` of 100 packets of 4 ms.
+const SESSION_MS: u32 = 1000;
+/// Answers that are remembered, in case the controller has not used them.
+const KEPT: usize = 32;
 
 /// What a telegram asks for.
 #[derive(Debug, Clone, Copy)]
@@ -67,44 +69,21 @@ pub struct Answerer {
     /// Smallest step of the controller's clock so far: one cycle.
     step: u32,
     late: Option<u64>,
-    /// What the controller adds to the program's axes by what it was sent, rad.
-    applied: [f64; JOINTS_MAX],
-    sent: Sent,
+    /// Cycles of the controller that were not answered and that it has not counted as late yet.
+    unanswered: u64,
+    /// The newest telegram has not been answered.
+    owes_answer: bool,
+    /// What the controller was sent, the newest first.
+    sent: [Sent; KEPT],
 }
 
-/// What was sent, as the controller adds it up: degrees, mm.
+/// What the controller has been sent with one answer.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sent {
+    /// The whole correction as the controller adds it up: degrees, mm.
     sum: [f64; NUMBERS_MAX],
-    /// The newest increments, newest first.
-    increments: [[f64; NUMBERS_MAX]; KEPT],
-}
-
-impl Sent {
-    /// What to send so that the sum becomes `wanted`.
-    fn next(&mut self, wanted: [f64; NUMBERS_MAX], sums: Sums) -> [f64; NUMBERS_MAX] {
-        if sums == Sums::Absolute {
-            self.sum = wanted.map(as_written);
-            return self.sum;
-        }
-        let mut more = [0.0; NUMBERS_MAX];
-        for (more, (sum, wanted)) in more.iter_mut().zip(self.sum.iter_mut().zip(wanted)) {
-            *more = as_written(wanted - *sum);
-            *sum += *more;
-        }
-        self.increments.rotate_right(1);
-        self.increments[0] = more;
-        more
-    }
-
-    /// The controller has not used the newest answers.
-    fn take_back(&mut self, answers: u64) {
-        let answers = usize::try_from(answers).unwrap_or(KEPT).min(KEPT);
-        for lost in &mut self.increments[..answers] {
-            self.sum.iter_mut().zip(*lost).for_each(|(sum, lost)| *sum -= lost);
-            *lost = [0.0; NUMBERS_MAX];
-        }
-    }
+    /// The same at the joints, rad.
+    rad: [f64; JOINTS_MAX],
 }
 
 impl Answerer {
@@ -128,13 +107,14 @@ impl Answerer {
             sequence: Sequence::default(),
             step: u32::MAX,
             late: None,
-            applied: [0.0; JOINTS_MAX],
-            sent: Sent::default(),
+            unanswered: 0,
+            owes_answer: false,
+            sent: [Sent::default(); KEPT],
         }
     }
 
     /// Takes a datagram; says what it asks for where it is to be answered.
-    pub fn of_robot(&mut self, datagram: &[u8], from: SocketAddr, now_ns: u64) -> Option<Asked> {
+    pub fn of_robot(&mut self, datagram: &[u8], from: SocketAddr) -> Option<Asked> {
         if from.ip() != self.robot {
             return self.refuse(Count::Foreign);
         }
@@ -144,13 +124,14 @@ impl Answerer {
             return self.refuse(Count::Broken);
         };
         // The clock may be longer than 32 bits; its steps are not.
-        let standing = match self.sequence.judge(Some(number as u32), datagram, now_ns) {
+        let standing = match self.sequence.judge(Some(number as u32), datagram) {
             Standing::Old => return self.refuse(Count::Old),
             Standing::Repeated => return self.refuse(Count::Repeated),
             standing => standing,
         };
         self.counts.one(Count::Robot);
-        self.note(&telegram, standing, now_ns);
+        self.note(&telegram, standing);
+        self.owes_answer = true;
         let numbers = telegram.numbers(&self.setpoint);
         if numbers.is_none() {
             self.counts.one(Count::NotCorrected);
@@ -158,7 +139,7 @@ impl Answerer {
         let q = numbers.map(|degrees| {
             let mut q = [0.0; JOINTS_MAX];
             for (i, q) in q.iter_mut().enumerate().take(self.arm.count()) {
-                let held = if self.holds_correction { self.applied[i] } else { 0.0 };
+                let held = if self.holds_correction { self.sent[0].rad[i] } else { 0.0 };
                 *q = degrees[i].to_radians() - held;
             }
             q
@@ -166,61 +147,83 @@ impl Answerer {
         Some(Asked { q, ipoc, from })
     }
 
-    fn note(&mut self, telegram: &Telegram<'_>, standing: Standing, now_ns: u64) {
+    fn note(&mut self, telegram: &Telegram<'_>, standing: Standing) {
         let late = telegram.late();
-        // Late answers are counted while RSI is on: a silence with a count is the network's, and the correction stands.
+        // Late answers are counted while RSI is on: a silence with a count is the network's, and the correction goes on.
         let counted_on = late > self.late;
         let is_silent = matches!(standing, Standing::Next { lost } if lost >= SESSION_MS);
-        if standing == Standing::First || (is_silent && !counted_on) {
+        let began_anew = late < self.late;
+        if standing == Standing::First || began_anew || (is_silent && !counted_on) {
             self.counts.one(Count::Sessions);
-            self.feed.rest(now_ns);
-            (self.sent, self.applied) = (Sent::default(), [0.0; JOINTS_MAX]);
-            (self.step, self.late) = (u32::MAX, late);
+            self.feed.start_at_zero();
+            self.sent = [Sent::default(); KEPT];
+            (self.step, self.late, self.unanswered) = (u32::MAX, late, 0);
             return;
         }
         if let Standing::Next { lost } = standing {
             self.step = self.step.min(lost + 1);
-            self.counts.add(Count::RobotMissed, u64::from((lost + 1) / self.step - 1));
+            let missed = u64::from((lost + 1) / self.step - 1);
+            self.counts.add(Count::RobotMissed, missed);
+            self.unanswered += missed + u64::from(self.owes_answer);
         }
         if let (Some(before), Some(now)) = (self.late, late)
             && now > before
         {
             self.counts.add(Count::ControllerLate, now - before);
-            if self.sums == Sums::Relative {
-                self.sent.take_back(now - before);
-            }
+            self.take_back((now - before).saturating_sub(self.unanswered));
+            self.unanswered = self.unanswered.saturating_sub(now - before);
         }
         self.late = late;
     }
 
+    /// The controller has not used the newest answers: it holds what it was sent before them, and the correction goes on from there.
+    fn take_back(&mut self, answers: u64) {
+        if answers == 0 {
+            return;
+        }
+        let answers = usize::try_from(answers).unwrap_or(KEPT).min(KEPT - 1);
+        self.sent.rotate_left(answers);
+        let (used, oldest) = (self.sent[0], self.sent[KEPT - answers - 1]);
+        self.sent[KEPT - answers..].fill(oldest);
+        self.feed.go_on_from(&used.rad);
+    }
+
     /// Writes the answer into `to`: its length, and where it goes.
-    pub fn answer(
-        &mut self,
-        asked: &Asked,
-        to: &mut [u8],
-        now_ns: u64,
-    ) -> Option<(usize, SocketAddr)> {
-        let wanted = match asked.q {
-            Some(q) => self.wanted(&q, now_ns),
-            // What stands, stands.
-            None => self.sent.sum,
+    pub fn answer(&mut self, asked: &Asked, to: &mut [u8]) -> Option<(usize, SocketAddr)> {
+        let before = self.sent[0];
+        let mut sent = match asked.q {
+            Some(q) => self.wanted(&q),
+            // Without a setpoint the correction stays.
+            None => before,
         };
-        let numbers = self.sent.next(wanted, self.sums);
+        let numbers = match self.sums {
+            Sums::Absolute => {
+                sent.sum = sent.sum.map(as_written);
+                sent.sum
+            }
+            Sums::Relative => {
+                let more = std::array::from_fn(|i| as_written(sent.sum[i] - before.sum[i]));
+                sent.sum = std::array::from_fn(|i| before.sum[i] + more[i]);
+                more
+            }
+        };
         let length = self.form.write(to, &numbers, asked.ipoc.text())?;
+        self.sent.rotate_right(1);
+        self.sent[0] = sent;
+        self.owes_answer = false;
         self.counts.one(Count::Sent);
         Some((length, asked.from))
     }
 
-    /// The whole correction at `q`, rad, as the controller takes it.
-    fn wanted(&mut self, q: &[f64; JOINTS_MAX], now_ns: u64) -> [f64; NUMBERS_MAX] {
+    /// The whole correction at `q`, rad.
+    fn wanted(&mut self, q: &[f64; JOINTS_MAX]) -> Sent {
         let q = &q[..self.arm.count()];
-        let made = self.feed.command(q, now_ns);
-        self.counts.answer(made.source);
+        let made = self.feed.command(q);
+        self.counts.answer(&made);
         if self.is_shadow {
-            return [0.0; NUMBERS_MAX];
+            return Sent::default();
         }
-        self.applied = made.rad;
-        match &self.correction {
+        let sum = match &self.correction {
             RsiCorrection::Axes(_) => {
                 std::array::from_fn(|i| made.rad.get(i).map_or(0.0, |rad| rad.to_degrees()))
             }
@@ -228,7 +231,8 @@ impl Answerer {
                 let (before, after) = displaced(&self.arm, q, &made.rad);
                 pose(&before, &after, *axes)
             }
-        }
+        };
+        Sent { sum, rad: made.rad }
     }
 
     /// Nothing came for a while: the daemon is looked for.

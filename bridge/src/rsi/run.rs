@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 
 use recording::bridge::{RsiConfig, RsiCorrection};
-use trued_client::monotonic_ns;
 
 use super::answer::Answerer;
 use crate::error::BridgeError;
@@ -39,14 +38,14 @@ pub fn run(
         let mut newest = None;
         for _ in 0..DRAIN_MAX {
             let Some((length, from)) = receive(&socket, &mut buffer) else { break };
-            let asked = answerer.of_robot(&buffer[..length], from, monotonic_ns());
+            let asked = answerer.of_robot(&buffer[..length], from);
             // A late answer to an older telegram is of no use: the newest is answered.
             if asked.is_some() && std::mem::replace(&mut newest, asked).is_some() {
                 answerer.superseded();
             }
         }
         if let Some(asked) = newest
-            && let Some((length, to)) = answerer.answer(&asked, &mut buffer, monotonic_ns())
+            && let Some((length, to)) = answerer.answer(&asked, &mut buffer)
             && socket.send_to(&buffer[..length], to).is_err()
         {
             answerer.not_sent();

@@ -30,6 +30,7 @@ fn read(root: &Table<'_, '_>) -> Option<EgmConfig> {
     let common = robot.as_ref().and_then(|robot| common(root, EGM_SCHEMA, robot));
     let any = |port| SocketAddr::from((Ipv4Addr::UNSPECIFIED, port));
     let listen = robot.as_ref().and_then(|robot| address(robot, "listen", SOCKET));
+    let port = robot.as_ref().and_then(|robot| robot.whole("port", 1..65_536));
     let seventh = robot.as_ref().and_then(|robot| robot.whole("seventh_after", 1..7));
     if let Some(robot) = &robot {
         robot.close();
@@ -49,6 +50,7 @@ fn read(root: &Table<'_, '_>) -> Option<EgmConfig> {
         common: common?,
         guidance: guidance?,
         listen: listen.unwrap_or(any(PORT)),
+        robot_port: port.and_then(|port| u16::try_from(port).ok()),
         application: application.flatten(),
         seventh_after: seventh.and_then(|axes| usize::try_from(axes).ok()),
         path_period_s: path_period_ms.unwrap_or(2.0 * PATH_STEP_MS) * 1e-3,

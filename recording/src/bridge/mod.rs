@@ -57,6 +57,8 @@ pub struct EgmConfig {
     pub guidance: Guidance,
     /// Where the controller sends.
     pub listen: SocketAddr,
+    /// The port of the mechanical unit that is served; none: whichever speaks first.
+    pub robot_port: Option<u16>,
     /// The existing application, and the bridge's own address towards it.
     pub application: Option<(SocketAddr, SocketAddr)>,
     /// After how many axes the seventh stands in the arm; none: six axes.

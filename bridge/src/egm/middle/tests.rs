@@ -17,6 +17,7 @@ fn middle(guidance: Guidance) -> (Middle, Arc<Counts>) {
     let arm = preset("irb1600-6-145-thesis").unwrap().model().unwrap().physics.arm;
     let settings = Settings {
         robot: at(ROBOT).ip(),
+        robot_port: None,
         application: Some(at(APPLICATION)),
         guidance,
         order: Order { count: 6, seventh_after: None },
@@ -55,7 +56,7 @@ fn target(number: u32) -> Vec<u8> {
 fn answered(middle: &mut Middle, datagram: &[u8], ms: u64) -> Option<(Vec<u8>, SocketAddr)> {
     let mut datagram = datagram.to_vec();
     let screened = middle.of_application(&datagram, at(APPLICATION), ms * MS)?;
-    let to = middle.answer(&mut datagram, &screened, ms * MS)?;
+    let to = middle.answer(&mut datagram, &screened)?;
     Some((datagram, to))
 }
 
@@ -77,11 +78,31 @@ fn foreign_datagrams_reach_nobody() {
     assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
     assert!(middle.of_application(&target(1), at("127.0.0.1:7000"), MS).is_none());
     assert_eq!(counts.get(Count::Foreign), 2);
-    assert!(
-        middle.of_robot(&feedback(2), at("192.168.125.1:51000"), 4 * MS),
-        "its port may change"
-    );
-    assert_eq!(answered(&mut middle, &target(1), 5).unwrap().1, at("192.168.125.1:51000"));
+}
+
+#[test]
+fn a_second_mechanical_unit_is_refused_while_the_first_one_lives() {
+    let (mut middle, counts) = middle(Guidance::Joints);
+    let other = at("192.168.125.1:51000");
+    assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
+    for number in 2..200 {
+        assert!(!middle.of_robot(&feedback(7 * number), other, u64::from(number) * 4 * MS));
+        assert!(middle.of_robot(&feedback(number), at(ROBOT), u64::from(number) * 4 * MS));
+        let (_, to) = answered(&mut middle, &target(number), u64::from(number) * 4 + 1).unwrap();
+        assert_eq!(to, at(ROBOT));
+    }
+    assert_eq!((counts.get(Count::OtherUnit), counts.get(Count::Sessions)), (198, 1));
+    assert!(middle.of_robot(&feedback(3), other, 2000 * MS), "the first one is gone");
+    assert_eq!(counts.get(Count::Sessions), 2);
+}
+
+#[test]
+fn a_mechanical_unit_that_is_named_is_the_only_one() {
+    let (mut middle, counts) = middle(Guidance::Joints);
+    middle.settings.robot_port = Some(51_000);
+    assert!(!middle.of_robot(&feedback(1), at(ROBOT), 0));
+    assert!(middle.of_robot(&feedback(1), at("192.168.125.1:51000"), MS));
+    assert_eq!(counts.get(Count::OtherUnit), 1);
 }
 
 #[test]
@@ -152,10 +173,11 @@ fn what_is_no_joint_target_of_this_arm_passes_as_it_is_and_is_counted() {
 #[test]
 fn a_controller_that_begins_anew_is_a_new_run() {
     let (mut middle, counts) = middle(Guidance::Joints);
-    for (number, ms) in [(100, 0), (101, 4), (0, 8), (1, 12), (2, 1500), (60, 3000)] {
-        // Numbers that fall far back, a silence; a silence in which it counted on is none.
-        assert!(middle.of_robot(&feedback(number), at(ROBOT), ms * MS));
-    }
+    let numbers =
+        [(100, 0), (101, 4), (0, 8), (1, 12), (2, 16), (3, 1500), (60, 3000), (5000, 3004)];
+    // Numbers that fall back, believed at the third; a silence; a silence in which it counted on is none.
+    let passed = numbers.map(|(number, ms)| middle.of_robot(&feedback(number), at(ROBOT), ms * MS));
+    assert_eq!(passed, [true, true, false, false, true, true, true, true]);
     assert_eq!(counts.get(Count::Sessions), 3);
 }
 
