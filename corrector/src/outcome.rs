@@ -112,6 +112,17 @@ pub struct Outcome {
     pub loop_gain: f64,
 }
 
+impl Outcome {
+    /// The command with the correction added, rad or m.
+    #[must_use]
+    pub fn added_to(&self, q_cmd: &[f64]) -> Joints {
+        let mut q = [0.0; JOINTS_MAX];
+        q.iter_mut().zip(q_cmd).for_each(|(q, q_cmd)| *q = *q_cmd);
+        q.iter_mut().zip(self.correction).for_each(|(q, correction)| *q += correction);
+        q
+    }
+}
+
 impl Default for Outcome {
     fn default() -> Self {
         Self {

@@ -91,7 +91,7 @@ impl Cell {
         let sample = WrenchSample { wrench, in_base: true, age_ns: DT_NS };
         self.run.world = World { wrench: Some(sample), ..World::default() };
         let outcome = self.run.cycle(&Q);
-        self.told.push_back(outcome.q.expect("a target"));
+        self.told.push_back(outcome.added_to(&Q));
         outcome
     }
 
