@@ -8,7 +8,9 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::Duration;
 
-use trued_client::{Client, ConnectError, CorrectionStatus, JOINTS_MAX, NotSent, Setpoint, Source};
+use trued_client::{
+    Client, ConnectError, CorrectionStatus, JOINTS_MAX, NotSent, RobotState, Setpoint, Source,
+};
 
 /// How long one try to join may take, and the pause between two.
 const JOIN_WITHIN: Duration = Duration::from_secs(1);
@@ -70,18 +72,81 @@ pub enum News {
     Connection(trued_client::ConnectionEvent),
 }
 
-/// The way to the daemon.
-pub struct Feed {
+/// Where corrections come from: the daemon, through the client library, or a simulation.
+pub trait Link {
+    /// The correction for a new target, rad (m where prismatic).
+    fn command(&mut self, q: &[f64]) -> Correction;
+    /// The correction as it is now, for a target that the daemon knows already.
+    fn repeat(&mut self, q: &[f64]) -> Correction;
+    /// The correction that was sent last, rad.
+    fn last_correction(&self) -> [f64; JOINTS_MAX];
+    /// The robot begins a run at its command plus this correction, rad.
+    fn start_from(&mut self, correction: &[f64; JOINTS_MAX]);
+    /// What the robot measures of itself.
+    fn send_state(&mut self, state: &RobotState);
+    /// Nothing is to be sent for a while: the daemon is looked for.
+    fn look(&mut self);
+}
+
+/// Corrections, and where the runs of a robot begin.
+pub struct Feed<L = Joining> {
+    link: L,
+    /// A run begins with the next target.
+    start: Option<Start>,
+}
+
+impl<L: Link> Feed<L> {
+    /// Over that link.
+    pub fn over(link: L) -> Self {
+        Self { link, start: None }
+    }
+
+    /// The link.
+    pub fn link(&mut self) -> &mut L {
+        &mut self.link
+    }
+
+    /// The correction of a new target, rad (m where prismatic).
+    pub fn command(&mut self, q: &[f64]) -> Correction {
+        if let Some(start) = self.start.take() {
+            let correction = start.correction(q, &self.link.last_correction());
+            self.link.start_from(&correction);
+        }
+        self.link.command(q)
+    }
+
+    /// The correction as it is now, for a target that the daemon knows already.
+    pub fn repeat(&mut self, q: &[f64]) -> Correction {
+        self.link.repeat(q)
+    }
+
+    /// The next target is the first of a run, whose corrections the controller adds up from zero.
+    pub fn start_at_zero(&mut self) {
+        self.start = Some(Start::AtZero);
+    }
+
+    /// The next target is the first of a run of a robot that stands at these joints, rad: if where it was sent last, the correction
+    /// goes on, else the target passes as it is.
+    pub fn start_at(&mut self, stands: &[f64; JOINTS_MAX]) {
+        self.start = Some(Start::At(*stands));
+    }
+
+    /// The controller has used no more than this of what was sent, rad: the correction goes on from there.
+    pub fn go_on_from(&mut self, used: &[f64; JOINTS_MAX]) {
+        self.link.start_from(used);
+    }
+}
+
+/// The client library, once a thread has joined the daemon.
+pub struct Joining {
     client: Option<Client>,
     joined: Receiver<Client>,
     news: Sender<News>,
     over: Arc<AtomicBool>,
     answer_within: Duration,
-    /// A run begins with the next target.
-    start: Option<Start>,
 }
 
-impl Feed {
+impl Joining {
     /// Starts joining the daemon of `cell` in a thread; its news go to `news`. An answer is awaited for `answer_within`,
     /// and counts as fresh for `fresh`.
     ///
@@ -104,53 +169,16 @@ impl Feed {
                 let _ = tell.send(client);
             }
         })?;
-        Ok(Self { client: None, joined, news, over, answer_within, start: None })
-    }
-
-    /// The correction of a new target, rad (m where prismatic).
-    pub fn command(&mut self, q: &[f64]) -> Correction {
-        let (within, start) = (self.answer_within, self.start.take());
-        let Some(client) = self.client() else { return Correction::ZERO };
-        if let Some(start) = start {
-            let correction = start.correction(q, &client.last_correction());
-            client.start_from(&correction);
-        }
-        if let Ok(seq) = send(client, &Setpoint::new(q)) {
-            let _ = client.wait_corrected(seq, within);
-        }
-        correction(client, q)
-    }
-
-    /// The correction as it is now, for a target that the daemon knows already.
-    pub fn repeat(&mut self, q: &[f64]) -> Correction {
-        self.client().map_or(Correction::ZERO, |client| correction(client, q))
-    }
-
-    /// The next target is the first of a run, whose corrections the controller adds up from zero.
-    pub fn start_at_zero(&mut self) {
-        self.start = Some(Start::AtZero);
-    }
-
-    /// The next target is the first of a run of a robot that stands at these joints, rad: if where it was sent last, the correction
-    /// goes on, else the target passes as it is.
-    pub fn start_at(&mut self, stands: &[f64; JOINTS_MAX]) {
-        self.start = Some(Start::At(*stands));
-    }
-
-    /// The controller has used no more than this of what was sent, rad: the correction goes on from there.
-    pub fn go_on_from(&mut self, used: &[f64; JOINTS_MAX]) {
-        if let Some(client) = self.client() {
-            client.start_from(used);
-        }
+        Ok(Self { client: None, joined, news, over, answer_within })
     }
 
     /// The client, once joined.
-    pub fn client(&mut self) -> Option<&mut Client> {
-        if self.client.is_none() {
-            self.client = self.joined.try_recv().ok();
-            if self.client.is_some() {
-                let _ = self.news.send(News::Joined);
-            }
+    fn client(&mut self) -> Option<&mut Client> {
+        if self.client.is_none()
+            && let Ok(client) = self.joined.try_recv()
+        {
+            let _ = self.news.send(News::Joined);
+            self.client = Some(client);
         }
         let client = self.client.as_mut()?;
         while let Some(event) = client.next_event() {
@@ -160,17 +188,53 @@ impl Feed {
     }
 }
 
+impl Link for Joining {
+    fn command(&mut self, q: &[f64]) -> Correction {
+        let within = self.answer_within;
+        let Some(client) = self.client() else { return Correction::ZERO };
+        if let Ok(seq) = send(client, &Setpoint::new(q)) {
+            let _ = client.wait_corrected(seq, within);
+        }
+        correction(client, q)
+    }
+
+    fn repeat(&mut self, q: &[f64]) -> Correction {
+        self.client().map_or(Correction::ZERO, |client| correction(client, q))
+    }
+
+    fn last_correction(&self) -> [f64; JOINTS_MAX] {
+        self.client.as_ref().map_or([0.0; JOINTS_MAX], Client::last_correction)
+    }
+
+    fn start_from(&mut self, correction: &[f64; JOINTS_MAX]) {
+        if let Some(client) = self.client() {
+            client.start_from(correction);
+        }
+    }
+
+    fn send_state(&mut self, state: &RobotState) {
+        if let Some(client) = self.client() {
+            // What was not sent is missing in a recording, and nowhere else.
+            let _ = client.send_state(state);
+        }
+    }
+
+    fn look(&mut self) {
+        self.client();
+    }
+}
+
 #[cfg(test)]
 impl Feed {
     /// A feed that never finds a daemon.
     pub(crate) fn nowhere() -> Self {
         let (joined, news) = (channel().1, channel().0);
         let (over, answer_within) = (Arc::default(), Duration::ZERO);
-        Self { client: None, joined, news, over, answer_within, start: None }
+        Self::over(Joining { client: None, joined, news, over, answer_within })
     }
 }
 
-impl Drop for Feed {
+impl Drop for Joining {
     fn drop(&mut self) {
         self.over.store(true, Relaxed);
     }

@@ -14,7 +14,7 @@ use recording::model::RobotModel;
 
 use crate::counts::Counts;
 use crate::error::BridgeError;
-use crate::feed::{Feed, News};
+use crate::feed::{Feed, Joining, News};
 use crate::teller;
 
 /// Time between a controller's cycles, s.
@@ -61,7 +61,7 @@ impl Ground {
         let teller = teller::start(Arc::clone(&options.counts), heard)?;
         let within = Duration::from_secs_f64(common.answer_within_s);
         let fresh = Duration::from_secs_f64((2.5 * period_s).max(0.01));
-        let feed = Feed::start(&cell.cell, within, fresh, news.clone())?;
+        let feed = Feed::over(Joining::start(&cell.cell, within, fresh, news.clone())?);
         Ok(Self { cell, arm, feed, news, teller })
     }
 }

@@ -31,6 +31,12 @@ impl Setpoint {
         Self { joints: q.len(), command }
     }
 
+    /// The commanded joints, rad or m; of more than 16 the first 16.
+    #[must_use]
+    pub fn joints(&self) -> &[f64] {
+        self.command.joints()
+    }
+
     /// When the target holds, ns, instead of now: `CLOCK_MONOTONIC`, or a recording's time in a replay.
     #[must_use]
     pub fn at_ns(mut self, t_ns: u64) -> Self {

@@ -78,14 +78,14 @@ impl Corrections {
         Self { kinds, q, status: Vec::new(), figures }
     }
 
-    /// Takes the answer to the next row.
+    /// Takes the answer to the next row, whose commanded joints are `q_cmd`.
     ///
     /// # Errors
     /// A status or reason of a later version.
-    pub(crate) fn take(&mut self, answer: &Corrected) -> Result<(), UnknownCode> {
+    pub(crate) fn take(&mut self, q_cmd: &[f64], answer: &Corrected) -> Result<(), UnknownCode> {
         let (status, reason) = (answer.status()?, answer.reason()?);
-        for (joint, list) in self.q.iter_mut().enumerate() {
-            list.push(answer.joints().get(joint).copied().unwrap_or(f64::NAN));
+        for (list, q) in self.q.iter_mut().zip(answer.added_to(q_cmd)) {
+            list.push(q);
         }
         self.status.push(status);
         self.figures.take(answer, status, reason, &self.kinds);

@@ -18,7 +18,7 @@ use super::messages::{
 };
 use super::path::Path;
 use crate::counts::{Count, Counts};
-use crate::feed::Feed;
+use crate::feed::{Feed, Joining, Link};
 use crate::sequence::{Sequence, Standing};
 
 /// A controller that is silent for so long has ended its run, unless it counted on, ns.
@@ -61,10 +61,10 @@ pub enum Screened {
 }
 
 /// The bridge between its two sides.
-pub struct Middle {
+pub struct Middle<L = Joining> {
     settings: Settings,
     arm: Arm,
-    feed: Feed,
+    feed: Feed<L>,
     force: Option<ForceWay>,
     counts: Arc<Counts>,
     path: Path,
@@ -87,13 +87,13 @@ struct Robot {
     tm: Option<u32>,
 }
 
-impl Middle {
+impl<L: Link> Middle<L> {
     /// A bridge that has seen nothing yet.
     #[must_use]
     pub fn new(
         settings: Settings,
         arm: Arm,
-        feed: Feed,
+        feed: Feed<L>,
         force: Option<ForceWay>,
         counts: Arc<Counts>,
     ) -> Self {
@@ -184,13 +184,12 @@ impl Middle {
             is_answered: false,
             tm: message.header.tm,
         });
-        if let (Some(q_measured), Some(client)) = (measured, self.feed.client()) {
+        if let Some(q_measured) = measured {
             let joints = self.arm.count() as u32;
             let flags = RobotState::HAS_Q;
             let state =
                 RobotState { joints, flags, q_measured, t_ns: now_ns, ..RobotState::default() };
-            // What was not sent is missing in a recording, and nowhere else.
-            let _ = client.send_state(&state);
+            self.feed.link().send_state(&state);
         }
     }
 
@@ -315,9 +314,14 @@ impl Middle {
         if self.settings.is_shadow { (0.0, 0.0) } else { (y, z) }
     }
 
+    /// Where corrections come from.
+    pub fn link(&mut self) -> &mut L {
+        self.feed.link()
+    }
+
     /// Nothing came for a while: the daemon is looked for.
     pub fn idle(&mut self) {
-        self.feed.client();
+        self.feed.link().look();
     }
 
     /// Counts a datagram that could not be sent.

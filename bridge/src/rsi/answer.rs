@@ -16,7 +16,7 @@ use trued_client::JOINTS_MAX;
 use super::telegram::{Form, IPOC_MAX, NUMBERS_MAX, Telegram, as_written};
 use crate::counts::{Count, Counts};
 use crate::displacement::displaced;
-use crate::feed::Feed;
+use crate::feed::{Feed, Joining, Link};
 use crate::sequence::{Sequence, Standing};
 
 /// So much of the controller's own clock without a telegram, ms, ends a run, unless late answers were counted meanwhile: more than
@@ -54,7 +54,7 @@ impl Ipoc {
 }
 
 /// The sensor's side of RSI.
-pub struct Answerer {
+pub struct Answerer<L = Joining> {
     robot: IpAddr,
     is_shadow: bool,
     setpoint: Group,
@@ -63,7 +63,7 @@ pub struct Answerer {
     sums: Sums,
     form: Form,
     arm: Arm,
-    feed: Feed,
+    feed: Feed<L>,
     counts: Arc<Counts>,
     sequence: Sequence,
     /// Smallest step of the controller's clock so far: one cycle.
@@ -86,10 +86,10 @@ struct Sent {
     rad: [f64; JOINTS_MAX],
 }
 
-impl Answerer {
+impl<L: Link> Answerer<L> {
     /// A sensor that has heard nothing yet.
     #[must_use]
-    pub fn new(config: RsiConfig, arm: Arm, feed: Feed, counts: Arc<Counts>) -> Self {
+    pub fn new(config: RsiConfig, arm: Arm, feed: Feed<L>, counts: Arc<Counts>) -> Self {
         let own = match &config.correction {
             RsiCorrection::Axes(group) | RsiCorrection::Pose(group, _) => group,
         };
@@ -235,9 +235,14 @@ impl Answerer {
         Sent { sum, rad: made.rad }
     }
 
+    /// Where corrections come from.
+    pub fn link(&mut self) -> &mut L {
+        self.feed.link()
+    }
+
     /// Nothing came for a while: the daemon is looked for.
     pub fn idle(&mut self) {
-        self.feed.client();
+        self.feed.link().look();
     }
 
     /// Counts a datagram that could not be sent.

@@ -120,7 +120,8 @@ fn correct(
         let wanted = corrector.correct(&model.physics, &claim, &world, row.t_ns);
         let allowed = corrector.bound(&model.physics, &wanted);
         corrector.prepare(&model.physics);
-        corrections.take(&translate::corrected(&allowed, joints)).map_err(unknown)?;
+        let answer = translate::corrected(&allowed, joints);
+        corrections.take(row.setpoint.joints(), &answer).map_err(unknown)?;
     }
     Ok(corrections)
 }

@@ -115,7 +115,7 @@ impl Replay {
             let sent = Instant::now();
             let answer = daemon.ask(&row, stop)?;
             latency.saturating_record(u64::try_from(sent.elapsed().as_nanos()).unwrap_or(u64::MAX));
-            corrections.take(&answer).map_err(Failure::system)?;
+            corrections.take(row.setpoint.joints(), &answer).map_err(Failure::system)?;
             bar.inc(1);
         }
         let seconds = start.elapsed().as_secs_f64();

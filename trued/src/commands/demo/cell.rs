@@ -187,7 +187,7 @@ impl Loop {
             }
         }
         let now_ns = monotonic_ns();
-        let target = self.client.target_for(&q_cmd[..joints], now_ns);
+        let Ok(target) = self.client.target_for(&q_cmd[..joints], now_ns) else { return };
         let mut published = [0.0; JOINTS_MAX];
         published[..joints].copy_from_slice(target.joints());
         self.check(scene, &q_cmd, &published, now_ns);
