@@ -58,9 +58,9 @@ fn correct(client: &mut Client, targets: usize) -> Done {
         let seq = client.send(&Setpoint::new(&q).at_ns((k as u64 + 1) * 1_000_000))?;
         let answer = client.wait_corrected(seq, LIMIT).ok_or("no answer")?;
         took_ns.push(monotonic_ns() - start_ns);
-        hash = hashed(hash, answer.joints());
+        hash = hashed(hash, answer.correction());
         corrected += u32::from(answer.status()? == CorrectionStatus::Corrected);
-        client.target_for(&q, monotonic_ns());
+        let _ = client.target_for(&q, monotonic_ns());
     }
     took_ns.sort_unstable();
     let us = |at: usize| took_ns.get(at).map_or(f64::NAN, |ns| *ns as f64 * 1e-3);

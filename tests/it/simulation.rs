@@ -1,7 +1,7 @@
 //! The daemon's logic under random faults in virtual time. `TRUED_SIM_CYCLES` asks for another length (1e7 is the long form, as CI runs it),
 //! `TRUED_SEED` repeats a run; without it the seed is another each time.
 
-use tests::simulation::run;
+use tests::simulation::{bridges, run};
 use trued_client::monotonic_ns;
 
 const CYCLES: u64 = 200_000;
@@ -25,15 +25,15 @@ fn random_faults_in_virtual_time_break_no_invariant() {
     for word in [
         "corrected/none",
         "rejected/stale",
-        "ramping/stale",
         "ramping/time_jump",
+        "rejected/out_of_limits",
         "rejected/out_of_order",
         "rejected/duplicate",
         "rejected/not_finite",
         "bypassed/bypass",
         "client: Corrected",
         "client: Ramping",
-        "client: Blending",
+        "client: LastCorrection",
         "client: Plain",
     ] {
         assert!(summary.said.contains_key(word), "{word} was never seen: {:?}", summary.said);
@@ -45,4 +45,31 @@ fn the_same_seed_is_the_same_run_to_the_bit() {
     let [one, two, other] = [7, 7, 8].map(|seed| run(seed, 10_000));
     assert_eq!(one, two);
     assert_ne!(one.hash, other.hash);
+}
+
+/// Both bridges, with the same oracle.
+fn bridge_faults(run: impl Fn(u64, u64) -> bridges::Summary) {
+    let seed = number("TRUED_SEED").unwrap_or_else(monotonic_ns);
+    let targets = number("TRUED_SIM_CYCLES").unwrap_or(CYCLES);
+    let again = format!("TRUED_SIM_CYCLES={targets} TRUED_SEED={seed}");
+    println!("{again}");
+    let summary = run(seed, targets);
+    println!("{summary:?}");
+    assert_eq!(summary.broken, None, "{again}");
+    assert!(summary.runs > 10 && summary.storms > 10 && summary.largest > 1e-3, "{summary:?}");
+}
+
+#[test]
+fn egm_in_virtual_time_sends_no_step_whatever_becomes_of_its_datagrams() {
+    bridge_faults(bridges::egm);
+}
+
+#[test]
+fn rsi_in_virtual_time_sends_no_step_whatever_becomes_of_its_telegrams() {
+    bridge_faults(|seed, targets| bridges::rsi(seed, targets, false));
+}
+
+#[test]
+fn relative_rsi_in_virtual_time_sends_no_step_whatever_becomes_of_its_telegrams() {
+    bridge_faults(|seed, targets| bridges::rsi(seed, targets, true));
 }

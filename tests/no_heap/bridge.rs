@@ -7,7 +7,7 @@ use bridge::Counts;
 use bridge::egm::joints::Order;
 use bridge::egm::messages::{Header, PathCorrMessage, SensorMessage};
 use bridge::egm::middle::{Middle, Settings};
-use bridge::feed::Feed;
+use bridge::feed::{Feed, Joining};
 use bridge::rsi::answer::Answerer;
 use prost::Message;
 use recording::bridge::{Ethernet, Guidance, RsiConfig};
@@ -30,7 +30,8 @@ fn at() -> SocketAddr {
 /// No daemon of that name runs.
 fn feed() -> Feed {
     let (news, _) = channel();
-    Feed::start("no-heap-nobody", Duration::ZERO, Duration::from_millis(10), news).unwrap()
+    let fresh = Duration::from_millis(10);
+    Feed::over(Joining::start("no-heap-nobody", Duration::ZERO, fresh, news).unwrap())
 }
 
 #[test]
@@ -38,6 +39,7 @@ fn an_egm_cycle_takes_nothing_from_the_heap() {
     let arm = preset(MODEL).unwrap().model().unwrap().physics.arm;
     let settings = Settings {
         robot: at().ip(),
+        robot_port: None,
         application: Some(at()),
         guidance: Guidance::Joints,
         order: Order { count: 6, seventh_after: None },
@@ -55,7 +57,7 @@ fn an_egm_cycle_takes_nothing_from_the_heap() {
             let now_ns = k * 4 * MS;
             middle.of_robot(feedback, at(), now_ns);
             if let Some(screened) = middle.of_application(target, at(), now_ns) {
-                sent += u32::from(middle.answer(target, &screened, now_ns).is_some());
+                sent += u32::from(middle.answer(target, &screened).is_some());
             }
             if let Ok(message) = SensorMessage::read(target) {
                 message.planned.joints.put(target, &POSE);
@@ -87,10 +89,9 @@ fn an_rsi_cycle_takes_nothing_from_the_heap() {
     let telegrams: Vec<String> = (0..CYCLES).map(telegram).collect();
     let (mut sent, mut buffer) = (0, [0; 1000]);
     let counted = heap_of(|| {
-        for (k, telegram) in (0..).zip(&telegrams) {
-            let now_ns = k * 4 * MS;
-            if let Some(asked) = answerer.of_robot(telegram.as_bytes(), at(), now_ns) {
-                sent += u32::from(answerer.answer(&asked, &mut buffer, now_ns).is_some());
+        for telegram in &telegrams {
+            if let Some(asked) = answerer.of_robot(telegram.as_bytes(), at()) {
+                sent += u32::from(answerer.answer(&asked, &mut buffer).is_some());
             }
         }
     });

@@ -43,7 +43,6 @@ fn cycle(ports: &DaemonPorts) -> Cycle {
         stale_ns: settings.stale_ns,
         period_ns: settings.period_ns,
         lockstep: false,
-        last: Command::default(),
     }
 }
 
@@ -62,7 +61,7 @@ fn command(seq: u64, session: u64) -> Command {
 fn feed(cell: &mut CellEnd, exchange: &Exchange, targets: u64) {
     while exchange.counters.cycles.load(Relaxed) < targets {
         cell.seq += 1;
-        // Now and then a pause: the correction ramps out without commands.
+        // Now and then a silence.
         let pause = if cell.seq.is_multiple_of(200) { 20_000 } else { 200 };
         cell.commands.send(&command(cell.seq, 1));
         std::thread::sleep(Duration::from_micros(pause));

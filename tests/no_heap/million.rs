@@ -117,7 +117,6 @@ fn a_million_cycles_take_nothing_from_the_heap() {
         stale_ns: settings.stale_ns,
         period_ns: settings.period_ns,
         lockstep: false,
-        last: Command::default(),
     };
     let heap = heap_of(|| cycle.run(&exchange));
     let counters = &exchange.counters;

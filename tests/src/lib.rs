@@ -13,6 +13,7 @@ pub mod hang;
 pub mod hostile;
 pub mod memory;
 pub mod mutate;
+pub mod oracle;
 pub mod pair;
 pub mod place;
 pub mod process;

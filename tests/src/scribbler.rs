@@ -123,9 +123,8 @@ impl Scribbler {
     fn hear(&mut self) -> Option<Corrected> {
         let said = self.ports.answers.take_newest()?;
         for i in 0..said.joints as usize {
-            let inside = (self.bounds.min[i]..=self.bounds.max[i]).contains(&said.q[i]);
             let near = said.correction[i].abs() <= self.bounds.angle[i] + ROUNDING;
-            assert!(inside && near, "{said:?}");
+            assert!(near, "{said:?}");
         }
         self.gauge.take(said.made_ns, &said.correction[..JOINTS]).expect("within its rate");
         Some(said)

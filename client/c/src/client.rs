@@ -126,7 +126,9 @@ pub unsafe extern "C" fn trued_client_target(
         let target = unsafe { place(target) }?;
         // SAFETY: the same.
         let q_cmd = unsafe { numbers("q_cmd", q_cmd, translate::joints(joints)?) }?;
-        let found = CLIENTS.with(client.addr(), |client| Ok(client.target_for(q_cmd, now_ns)))?;
+        let found = CLIENTS.with(client.addr(), |client| {
+            client.target_for(q_cmd, now_ns).map_err(|e| crate::code::Fault::from(::trued_client::NotSent::from(e)))
+        })?;
         put(target, Some(translate::target(&found)))
     })
 }
@@ -146,7 +148,9 @@ pub unsafe extern "C" fn trued_client_exchange(
         // SAFETY: the same.
         let q_cmd = unsafe { numbers("q_cmd", q_cmd, translate::joints(joints)?) }?;
         let limit = limit(limit_ns)?;
-        let found = CLIENTS.with(client.addr(), |client| Ok(client.exchange(q_cmd, limit)))?;
+        let found = CLIENTS.with(client.addr(), |client| {
+            client.exchange(q_cmd, limit).map_err(|e| crate::code::Fault::from(::trued_client::NotSent::from(e)))
+        })?;
         put(target, Some(translate::target(&found)))
     })
 }

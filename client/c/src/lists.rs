@@ -269,8 +269,6 @@ impl From<::trued_client::Source> for trued_source {
         match source {
             ::trued_client::Source::Corrected => Self::Corrected,
             ::trued_client::Source::LastCorrection => Self::LastCorrection,
-            ::trued_client::Source::Rejected => Self::Rejected,
-            ::trued_client::Source::Blending => Self::Blending,
             ::trued_client::Source::Ramping => Self::Ramping,
             ::trued_client::Source::Plain => Self::Plain,
         }

@@ -14,7 +14,7 @@ use tests::cell_loop::CellLoop;
 use tests::chance::Chance;
 use tests::place::CELL;
 use trued_client::{
-    Connection, ForceSamples, ForceSource, Monitor, Samples, Source, WrenchFrame, monotonic_ns,
+    Connection, ForceSamples, ForceSource, Monitor, Samples, WrenchFrame, monotonic_ns,
 };
 
 /// Between two signs of life, ns.
@@ -66,7 +66,7 @@ fn run(cell: &Cell, over: &AtomicBool, clock_ns: &AtomicI64) {
         let tick = cell_loop.tick();
         let now_ns = monotonic_ns();
         if let (true, Connection::Connected { pid, .. }) =
-            (tick.answered && tick.source != Source::Rejected, cell_loop.client.connection())
+            (tick.answered && !tick.refused, cell_loop.client.connection())
             && now_ns > told_ns + TELL_EVERY_NS
         {
             println!("answered {now_ns} by {pid}");

@@ -37,33 +37,22 @@ pub(super) fn commands(bytes: &[u8]) {
     let limits = Limits::new(0.02, 0.05, 5.0).expect("bounds as a cell has them");
     let settings = Settings { mode: Mode::Full, ..Settings::with_envelope(limits) };
     let mut corrector = Corrector::new(settings);
-    let mut last = None;
     for (at, command) in messages::<Command>(bytes).enumerate() {
         let now_ns = (at as u64 + 1) * PERIOD_NS;
-        let readable = command.check().map_err(|fault| fault.to_string()).is_ok();
         let _ = (command.joints().len(), format!("{command:?}"));
-        let made = if readable {
-            let claim = daemon::translate::command(&command, now_ns, false);
-            let world = World { wrench: Some(wrench(&command)), ..World::default() };
-            let wanted = corrector.correct(&MODEL, &claim, &world, now_ns);
-            let outcome = corrector.bound(&MODEL, &wanted);
-            corrector.prepare(&MODEL);
-            Some(outcome)
-        } else {
-            corrector.idle(&MODEL, now_ns)
-        };
-        let Some(outcome) = made else { continue };
+        if command.check().is_err() {
+            continue;
+        }
+        let claim = daemon::translate::command(&command, now_ns, false);
+        let world = World { wrench: Some(wrench(&command)), ..World::default() };
+        let wanted = corrector.correct(&MODEL, &claim, &world, now_ns);
+        let outcome = corrector.bound(&MODEL, &wanted);
+        corrector.prepare(&MODEL);
         let message = daemon::translate::corrected(&outcome, MODEL.arm.count());
         assert!(message.check().is_ok(), "what goes out can be read");
-        if outcome.status != corrector::Status::Rejected && readable {
-            last = Some(command.q);
-        }
-        let (Some(q), Some(q_cmd)) = (outcome.q, last) else { continue };
-        for (i, joint) in MODEL.arm.joints().iter().enumerate() {
-            let (low, high) = joint.limits;
-            assert!((low..=high).contains(&q[i]), "joint {i} at {}", q[i]);
-            let off = (q[i] - q_cmd[i]).abs();
-            assert!(off <= limits.angle() * (1.0 + 1e-12), "joint {i} off by {off}");
+        for (i, correction) in outcome.correction.iter().enumerate() {
+            let within = correction.abs() <= limits.angle() * (1.0 + 1e-9);
+            assert!(within, "joint {i} corrected by {correction}");
         }
     }
 }
@@ -120,7 +109,7 @@ pub(super) fn all_others(bytes: &[u8]) {
             format!("{codes:?} {faults:?} {} {}", status.message, status.verdict)
         }),
         5 => each::<Corrected>(rest, |target| {
-            format!("{:?} {:?} {:?}", target.status(), target.reason(), target.joints())
+            format!("{:?} {:?} {:?}", target.status(), target.reason(), target.correction())
         }),
         _ => {
             let _ = Current::parse(&String::from_utf8_lossy(rest));

@@ -1,39 +1,73 @@
-//! The client's side: its commands, its clock, and its own ramp.
+//! The client's side: its commands, its clock, and what it sends to the robot.
 
-use crate::cell_loop::{JOINTS, Tick, path};
+use crate::cell_loop::{JOINTS, path};
 use crate::chance::Chance;
 use shm_schema::{Command, Corrected, JOINTS_MAX, JointBounds};
-use trued_client::{Follower, Setpoint, Source};
+use trued_client::{Output, Setpoint, Source};
 
 /// How long after its command the robot's loop takes what there is, ns.
 pub(super) const READ_AFTER_NS: u64 = 300_000;
 
+/// What the loop sends to the robot in one tick.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sent {
+    /// The command, rad.
+    pub(super) command: [f64; JOINTS],
+    /// The target, rad.
+    pub(super) target: [f64; JOINTS],
+    /// What its correction is.
+    pub(super) source: Source,
+    /// The correction, rad.
+    pub(super) correction: [f64; JOINTS_MAX],
+}
+
 /// The robot's loop.
 pub(super) struct Client {
-    follower: Follower,
+    output: Output,
     session: u64,
     seq: u64,
+    q_cmd: [f64; JOINTS],
     sent: Option<Command>,
     newest: Option<Corrected>,
     clock_set_ns: i64,
+    /// What is added to the path's joints for a while, rad, and for so many ticks.
+    odd: ([f64; JOINTS], u64),
 }
 
 impl Client {
     pub(super) fn new(bounds: &JointBounds) -> Self {
-        let mut follower = Follower::new();
-        follower.set_bounds(bounds);
-        Self { follower, session: 1, seq: 0, sent: None, newest: None, clock_set_ns: 0 }
+        let mut output = Output::new();
+        output.set_bounds(bounds);
+        Self {
+            output,
+            session: 1,
+            seq: 0,
+            q_cmd: [0.0; JOINTS],
+            sent: None,
+            newest: None,
+            clock_set_ns: 0,
+            odd: ([0.0; JOINTS], 0),
+        }
+    }
+
+    pub(super) fn set_bounds(&mut self, bounds: &JointBounds) {
+        self.output.set_bounds(bounds);
     }
 
     /// Another daemon was joined.
     pub(super) fn rejoined(&mut self) {
         self.newest = None;
-        self.follower.rejoined();
     }
 
-    /// Another run.
+    /// Another run; the correction goes on.
     pub(super) fn start_anew(&mut self, session: u64) {
         (self.session, self.seq) = (session, 0);
+    }
+
+    /// Another run of a robot that stands at its command.
+    pub(super) fn start_at_zero(&mut self, session: u64) {
+        self.start_anew(session);
+        self.output.start_from(&[]);
     }
 
     /// The clock that stamps commands jumps by up to a minute, or by up to a second.
@@ -43,40 +77,50 @@ impl Client {
         self.clock_set_ns += if chance.below(2) == 0 { by_ns } else { -by_ns };
     }
 
-    /// The command of this tick.
-    pub(super) fn command(&mut self, now_ns: u64) -> Command {
-        self.seq += 1;
-        // A clock that shows no time before 1970.
-        let t_ns = now_ns.saturating_add_signed(self.clock_set_ns).max(1);
-        let setpoint = Setpoint::new(&path(now_ns)).at_ns(t_ns);
-        let command = setpoint.command(self.seq, self.session, now_ns).expect("six joints");
-        self.sent = Some(command);
-        command
+    /// The commands leave the model's limits for a while, jump, or are no numbers.
+    pub(super) fn go_astray(&mut self, chance: &mut Chance) {
+        let by = [1.0, 10.0, -7.0, 1e3, f64::NAN, f64::INFINITY][chance.below(6) as usize];
+        let mut odd = [0.0; JOINTS];
+        odd[chance.below(JOINTS as u64) as usize] = by;
+        self.odd = (odd, 1 + chance.below(300));
     }
 
-    /// What the robot gets, given what has come.
-    pub(super) fn read(&mut self, fresh: Option<Corrected>, now_ns: u64) -> Tick {
+    /// The command of this tick, as it goes to the daemon; none where it is no number.
+    pub(super) fn command(&mut self, now_ns: u64, calm: bool) -> Option<Command> {
+        self.q_cmd = path(now_ns);
+        let (odd, ticks) = &mut self.odd;
+        *ticks = if calm { 0 } else { ticks.saturating_sub(1) };
+        if *ticks > 0 {
+            self.q_cmd.iter_mut().zip(odd).for_each(|(q, odd)| *q += *odd);
+        }
+        // A clock that shows no time before 1970.
+        let t_ns = now_ns.saturating_add_signed(self.clock_set_ns).max(1);
+        let setpoint = Setpoint::new(&self.q_cmd).at_ns(t_ns);
+        let command = setpoint.command(self.seq + 1, self.session, now_ns).ok()?;
+        self.seq += 1;
+        self.sent = Some(command);
+        Some(command)
+    }
+
+    /// What goes to the robot, given what has come; nothing for a command that is no number.
+    pub(super) fn send(&mut self, fresh: Option<Corrected>, now_ns: u64) -> Option<Sent> {
         self.newest = fresh.or(self.newest);
-        let mut q_cmd = [0.0; JOINTS];
-        q_cmd.copy_from_slice(&self.sent.map_or([0.0; JOINTS_MAX], |sent| sent.q)[..JOINTS]);
         let (newest, sent) = (self.newest.as_ref(), self.sent.as_ref());
-        let target = self.follower.target(&q_cmd, newest, sent, now_ns);
-        let answered = matches!((newest, sent), (Some(a), Some(s))
-            if (a.command_session, a.command_seq) == (s.session, s.seq));
-        let mut tick = Tick {
-            q_cmd,
-            target: [0.0; JOINTS],
-            correction: [0.0; JOINTS],
+        let target = self.output.target(&self.q_cmd, newest, sent, now_ns).ok()?;
+        let mut joints = [0.0; JOINTS];
+        joints.copy_from_slice(target.joints());
+        Some(Sent {
+            command: self.q_cmd,
+            target: joints,
             source: target.source(),
-            answered,
-        };
-        tick.target.copy_from_slice(target.joints());
-        for (i, q_cmd) in q_cmd.iter().enumerate() {
-            tick.correction[i] = tick.target[i] - q_cmd;
-        }
-        if let (Source::Rejected, Some(said)) = (tick.source, newest) {
-            tick.correction.copy_from_slice(&said.correction[..JOINTS]);
-        }
-        tick
+            correction: self.output.correction(),
+        })
+    }
+
+    /// The daemon's newest answer to the newest command.
+    pub(super) fn answered(&self) -> Option<&Corrected> {
+        let (newest, sent) = (self.newest.as_ref()?, self.sent?);
+        let is_answer = (newest.command_session, newest.command_seq) == (sent.session, sent.seq);
+        Some(newest).filter(|_| is_answer)
     }
 }

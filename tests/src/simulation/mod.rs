@@ -1,8 +1,9 @@
-//! The daemon's own cycle and the client's own ramp in one thread, in virtual time, with faults drawn by seed.
+//! The daemon's own cycle and the client's own output in one thread, in virtual time, with faults drawn by seed.
 //!
-//! Promises: nothing of the product is copied: [`Cycle`] runs as in the daemon, over a wire instead of shared memory, and
-//! [`Follower`](trued_client::Follower) as in the client. The same seed gives the same run, bit for bit. Never: a thread, a real clock.
+//! Nothing of the product is copied: [`Cycle`] runs as in the daemon, over a wire instead of shared memory, and
+//! [`Output`](trued_client::Output) as in the client. The same seed gives the same run, bit for bit. No thread, no real clock.
 
+pub mod bridges;
 mod client;
 mod orders;
 mod watch;
@@ -17,9 +18,8 @@ use daemon::robot::Robot;
 use daemon::senses::{Senses, WrenchSource};
 use daemon::setup;
 use envelope::Limits;
-use physics::{JOINTS_MAX, Model};
+use physics::Model;
 use recording::model::presets::preset;
-use shm_schema::{Command, JointBounds};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use wire::Wire;
@@ -47,9 +47,11 @@ pub struct Summary {
     pub broken: Option<String>,
 }
 
-/// The correction's settings: the usual ones.
-fn settings(mode: Mode) -> Settings {
-    let limits = Limits::new(0.02, 0.05, 5.0).expect("positive");
+/// The correction's settings of one life of a daemon, with the usual limits, tighter or wider ones.
+fn settings(mode: Mode, which: u64) -> Settings {
+    let (angle, rate, jerk) =
+        [(0.02, 0.05, 5.0), (0.002, 0.005, 0.5), (0.01, 0.1, 50.0)][which as usize % 3];
+    let limits = Limits::new(angle, rate, jerk).expect("positive");
     Settings { mode, ..Settings::with_envelope(limits) }
 }
 
@@ -64,8 +66,8 @@ fn models() -> [Model; 2] {
 pub fn run(seed: u64, cycles: u64) -> Summary {
     let mut chance = Chance::new(seed);
     let models = models();
-    let bounds = bounds(&models[0]);
-    let mut wire = Wire::new(chance.bits(), &bounds);
+    let mut settings = settings(Mode::Full, 0);
+    let mut wire = Wire::new(chance.bits(), &setup::bounds(&settings, &models[0].arm));
     let mut mode = Mode::Full;
     while wire.watch.summary.cycles < cycles && wire.watch.summary.broken.is_none() {
         // Each life of the daemon but the last ends amid the storm.
@@ -74,8 +76,11 @@ pub fn run(seed: u64, cycles: u64) -> Summary {
             let last = life == lives;
             let ticks = if last { STORM_TICKS } else { 1 + chance.below(STORM_TICKS) };
             let exchange = Arc::new(Exchange::new(mode, true));
-            wire.begin(Arc::clone(&exchange), models, ticks, if last { CALM_TICKS } else { 0 });
-            wire = lived(wire, &exchange, models[0], mode);
+            settings = self::settings(mode, if last { 0 } else { chance.below(3) });
+            let bounds = setup::bounds(&settings, &models[0].arm);
+            let calm = if last { CALM_TICKS } else { 0 };
+            wire.begin(Arc::clone(&exchange), models, bounds, [ticks, calm]);
+            wire = lived(wire, &exchange, models[0], settings);
         }
         mode = [Mode::Full, Mode::Limited, Mode::Shadow][chance.below(3) as usize];
         wire.watch.summary.storms += 1;
@@ -84,8 +89,7 @@ pub fn run(seed: u64, cycles: u64) -> Summary {
 }
 
 /// One life of a daemon, from its start to its end.
-fn lived(wire: Wire, exchange: &Exchange, physics: Model, mode: Mode) -> Wire {
-    let settings = settings(mode);
+fn lived(wire: Wire, exchange: &Exchange, physics: Model, settings: Settings) -> Wire {
     let mut cycle = Cycle {
         robot: Robot::over(wire),
         corrector: Corrector::new(settings),
@@ -94,18 +98,7 @@ fn lived(wire: Wire, exchange: &Exchange, physics: Model, mode: Mode) -> Wire {
         stale_ns: settings.stale_ns,
         period_ns: settings.period_ns,
         lockstep: false,
-        last: Command::default(),
     };
     cycle.run(exchange);
     cycle.robot.link
-}
-
-/// The bounds as clients are told them.
-fn bounds(model: &Model) -> JointBounds {
-    setup::bounds(&settings(Mode::Full), &model.arm)
-}
-
-/// The first joints of an array.
-fn joints(all: &[f64; JOINTS_MAX]) -> &[f64] {
-    &all[..crate::cell_loop::JOINTS]
 }

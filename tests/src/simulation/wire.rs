@@ -68,21 +68,26 @@ impl Wire {
         }
     }
 
-    /// Another daemon starts: of what was under way nothing reaches it.
+    /// Another daemon starts, in these bounds, for so many ticks with faults and without: of what was under way nothing
+    /// reaches it.
     pub(super) fn begin(
         &mut self,
         exchange: Arc<Exchange>,
         models: [Model; 2],
-        stormy: u64,
-        calm: u64,
+        bounds: JointBounds,
+        ticks: [u64; 2],
     ) {
-        self.watch.another_daemon();
-        (self.exchange, self.models, self.stormy, self.calm) = (exchange, models, stormy, calm);
-        self.calms = calm > 0;
+        self.watch.another_daemon(&bounds);
+        (self.exchange, self.models) = (exchange, models);
+        [self.stormy, self.calm] = ticks;
+        self.calms = self.calm > 0;
         self.to_daemon.clear();
         self.to_client.clear();
         self.arrived = None;
         self.client.rejoined();
+        // A status with the new daemon's bounds comes before its first answer.
+        self.client.set_bounds(&bounds);
+        self.watch.set_bounds(self.now_ns, &bounds);
         // The client goes on alone for a while.
         let until_ns = self.now_ns + self.chance.below(AWAY_NS);
         self.pass(until_ns);
@@ -121,8 +126,9 @@ impl Wire {
             let here: Vec<(u64, Corrected)> = here;
             self.to_client = later;
             let newest = here.last().map(|(_, answer)| *answer);
-            let target = self.client.read(newest, now_ns);
-            self.watch.target(now_ns, &target);
+            if let Some(sent) = self.client.send(newest, now_ns) {
+                self.watch.sent(now_ns, &sent, self.client.answered());
+            }
         }
         if self.tick_due_ns <= now_ns {
             self.tick();
@@ -143,21 +149,33 @@ impl Wire {
             _ => self.stormy -= 1,
         }
         self.tick_due_ns = self.tick_due_ns.max(now_ns.saturating_sub(TICK_NS)) + TICK_NS;
-        self.read_due_ns = Some(now_ns + READ_AFTER_NS);
+        self.read_due_ns = Some(now_ns + READ_AFTER_NS + self.jitter_ns());
         if self.storms() {
             self.client_trouble();
             orders::give(&mut self.chance, &self.exchange, &self.models);
         } else {
             orders::calm(&self.exchange);
         }
-        let command = self.client.command(now_ns);
-        self.send(command);
+        if let Some(command) = self.client.command(now_ns, !self.storms()) {
+            self.send(command);
+        }
         orders::drain(&mut self.chance, &self.exchange, self.stormy > 0, &mut self.watch);
     }
 
-    /// The client is late, stopped, begins anew, or its clock is set.
+    /// In storms of every other thousand of seconds ticks are up to half a cycle late, each by another time.
+    fn jitter_ns(&mut self) -> u64 {
+        let jitters = self.storms() && self.now_ns / 1_000_000_000 % 2 == 0;
+        if jitters { self.chance.below(TICK_NS / 2) } else { 0 }
+    }
+
+    /// The client is late, stopped, begins anew, its clock is set, or its commands go astray.
     fn client_trouble(&mut self) {
         match self.chance.below(400) {
+            10 => self.client.go_astray(&mut self.chance),
+            11 => {
+                self.client.start_at_zero(self.chance.bits());
+                self.watch.begins_at_zero();
+            }
             0 => self.tick_due_ns += self.chance.below(AWAY_NS),
             1 => self.client.start_anew(self.chance.bits()),
             2 => self.client.set_clock(&mut self.chance),
@@ -221,7 +239,6 @@ impl Link for Wire {
         }
         let command = self.arrived.take()?;
         let received_ns = self.now_ns;
-        self.watch.delivered(&command, received_ns);
         // The correction takes its time.
         self.now_ns += 1_000 + self.chance.below(4_000);
         Some((command, received_ns))

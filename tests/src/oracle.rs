@@ -1,0 +1,373 @@
+//! Judges what goes out to a robot, from outside: it knows the time, the command, what was sent, and the bounds in force. No
+//! tick is left out, whatever state the daemon or the client is in. Its rules, with `c = sent - command` of each joint:
+//!
+//! 1. What is sent for a command of numbers is made of numbers, as many as the command has.
+//! 2. `|c| ≤ angle`, to rounding.
+//! 3. `|Δc| ≤ rate · Δt` over the time that really passed between two ticks.
+//! 4. The third divided difference of any four ticks in a row is at most the jerk. Where ticks are unevenly spaced, the times at which a
+//!    robot executes them are uncertain by the spread `u` of the newest intervals: what `v · u` makes of it at the rate `v` is allowed.
+//! 5. After a silence (longer than 20 ms and than three intervals before it) the robot has stood: `c` is what it was, and goes on
+//!    from rest.
+//! 6. After bounds changed, the larger of the old and the new ones hold for as long as braking from the former into the latter may take;
+//!    then the new ones alone.
+//! 7. In shadow mode what is sent is the command, bit for bit, once a correction that was there has had the time of rule 6.
+
+use crate::cell_loop::JOINTS;
+use shm_schema::JointBounds;
+use std::collections::VecDeque;
+
+/// Rounding of a position of up to some rad and of its difference from another, rad.
+const ROUNDING: f64 = 4e-15;
+/// Ticks closer than this are no samples of a jerk of their own, s: half the period of the fastest cycle.
+const NODES_S: f64 = 5e-5;
+const SILENCE_S: f64 = 0.02;
+const SILENT_INTERVALS: f64 = 3.0;
+/// Intervals whose spread is the uncertainty of time.
+const INTERVALS: usize = 10;
+
+/// The bounds of one joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Bounds {
+    angle: f64,
+    rate: f64,
+    jerk: f64,
+}
+
+impl Bounds {
+    fn union(self, other: Self) -> Self {
+        Self {
+            angle: self.angle.max(other.angle),
+            rate: self.rate.max(other.rate),
+            jerk: self.jerk.max(other.jerk),
+        }
+    }
+
+    /// The longest that it may take to brake from anywhere within to anywhere within, s: each way across the whole angle, at the
+    /// rate or by jerk alone, whichever is slower.
+    fn longest_s(self) -> f64 {
+        let Self { angle, rate, jerk } = self;
+        2.0 * (2.0 * angle / rate + 2.0 * (rate / jerk).sqrt() + (64.0 * angle / jerk).cbrt())
+    }
+}
+
+/// One tick.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    t_s: f64,
+    correction: [f64; JOINTS],
+}
+
+/// Whoever judges.
+#[derive(Clone, Debug)]
+pub struct Oracle {
+    bounds: [Bounds; JOINTS],
+    /// Bounds that may still be braked from, and until when, s.
+    former: Vec<(f64, [Bounds; JOINTS])>,
+    /// The newest nodes, oldest first, and the tick after the last of them.
+    nodes: VecDeque<Node>,
+    last: Option<Node>,
+    intervals: VecDeque<f64>,
+    /// From when on shadow mode binds, s.
+    shadow_from_s: Option<f64>,
+    /// How long whoever sends may not know of a change, s.
+    delay_s: f64,
+    start_ns: Option<u64>,
+    /// By how much a correction may be off by the numbers that carry it, rad.
+    resolution: f64,
+}
+
+impl Oracle {
+    /// Before the first tick, in these bounds; a change of them may be known to the sender as late as `delay_s`.
+    #[must_use]
+    pub fn new(bounds: &JointBounds, delay_s: f64) -> Self {
+        Self {
+            bounds: of(bounds),
+            former: Vec::new(),
+            nodes: VecDeque::new(),
+            last: None,
+            intervals: VecDeque::new(),
+            shadow_from_s: None,
+            delay_s,
+            start_ns: None,
+            resolution: ROUNDING,
+        }
+    }
+
+    /// The same for targets that are written to so many rad.
+    #[must_use]
+    pub fn with_resolution(self, resolution: f64) -> Self {
+        Self { resolution: self.resolution + resolution, ..self }
+    }
+
+    /// Other bounds are in force.
+    pub fn set_bounds(&mut self, t_ns: u64, bounds: &JointBounds) {
+        let (t_s, new) = (self.seconds(t_ns), of(bounds));
+        if new == self.bounds {
+            return;
+        }
+        let former = std::mem::replace(&mut self.bounds, new);
+        let longest_s = former
+            .iter()
+            .zip(new)
+            .map(|(old, new)| old.longest_s().max(new.longest_s()).max(old.union(new).longest_s()));
+        let until_s = t_s + self.delay_s + longest_s.fold(0.0, f64::max);
+        self.former.push((until_s, former));
+    }
+
+    /// Shadow mode begins or ends.
+    pub fn set_shadow(&mut self, t_ns: u64, is_shadow: bool) {
+        let longest_s = self.bounds.iter().map(|bounds| bounds.longest_s()).fold(0.0, f64::max);
+        // Before the first tick there was no correction to ramp out.
+        let ramp_s = if self.last.is_some() { self.delay_s + longest_s } else { 0.0 };
+        let from_s = self.seconds(t_ns) + ramp_s;
+        self.shadow_from_s = match (self.shadow_from_s, is_shadow) {
+            (_, false) => None,
+            (Some(from_s), true) => Some(from_s),
+            (None, true) => Some(from_s),
+        };
+    }
+
+    /// The robot begins a run at its command plus this correction.
+    pub fn begin(&mut self, correction: &[f64]) {
+        self.nodes.clear();
+        self.intervals.clear();
+        let first = |i| correction.get(i).copied().unwrap_or(0.0);
+        if let Some(last) = &mut self.last {
+            last.correction = std::array::from_fn(first);
+        }
+    }
+
+    /// Judges a tick.
+    ///
+    /// # Errors
+    /// In words, which rule was broken.
+    pub fn take(&mut self, t_ns: u64, command: &[f64], sent: &[f64]) -> Result<(), String> {
+        let t_s = self.seconds(t_ns);
+        if command.len() != sent.len() || sent.len() != JOINTS {
+            return Err(format!("{} joints sent for {}", sent.len(), command.len()));
+        }
+        if command.iter().any(|q| !q.is_finite()) {
+            return Err("a command that is no number was answered".to_owned());
+        }
+        let correction: [f64; JOINTS] = std::array::from_fn(|i| sent[i] - command[i]);
+        self.former.retain(|(until_s, _)| *until_s >= t_s);
+        let mut broken = Ok(());
+        if self.shadow_from_s.is_some_and(|from_s| t_s >= from_s)
+            && sent.iter().zip(command).any(|(a, b)| a.to_bits() != b.to_bits())
+        {
+            broken = Err(format!("shadow mode sends {sent:?} for {command:?}"));
+        }
+        let now = Node { t_s, correction };
+        let judged = self.judge(&now);
+        self.remember(now);
+        broken.and(judged)
+    }
+
+    fn judge(&self, now: &Node) -> Result<(), String> {
+        for i in 0..JOINTS {
+            let bounds = self.in_force(i);
+            let c = now.correction[i];
+            if !c.is_finite() || c.abs() > bounds.angle * (1.0 + 1e-9) + self.resolution {
+                return Err(format!("joint {i} is corrected by {c:e}, bound {:e}", bounds.angle));
+            }
+            let Some(last) = &self.last else {
+                if c.abs() > self.resolution {
+                    return Err(format!("joint {i} begins with a correction of {c:e}"));
+                }
+                continue;
+            };
+            let (moved, dt_s) = ((c - last.correction[i]).abs(), now.t_s - last.t_s);
+            let most = if self.is_silence(dt_s) { 0.0 } else { bounds.rate * dt_s * (1.0 + 1e-9) };
+            if moved > most + self.resolution {
+                return Err(format!("joint {i} moved by {moved:e} in {dt_s:.6} s, bound {most:e}"));
+            }
+            self.judge_jerk(now, i, bounds.jerk)?;
+        }
+        Ok(())
+    }
+
+    fn judge_jerk(&self, now: &Node, i: usize, bound: f64) -> Result<(), String> {
+        let dt_s = self.last.as_ref().map_or(0.0, |last| now.t_s - last.t_s);
+        if self.is_silence(dt_s) || self.nodes.len() < 3 {
+            return Ok(());
+        }
+        let mut four = [*now; 4];
+        let nodes = self.nodes.iter().rev().take(3).rev();
+        four.iter_mut().zip(nodes).for_each(|(slot, node)| *slot = *node);
+        let (mut jerk, mut weights) = (0.0, 0.0);
+        for (k, node) in four.iter().enumerate() {
+            let gaps = (0..4).filter(|j| *j != k).map(|j| node.t_s - four[j].t_s);
+            let weight = 6.0 / gaps.product::<f64>();
+            jerk += weight * node.correction[i];
+            weights += weight.abs();
+        }
+        let fastest = self
+            .nodes
+            .iter()
+            .zip(self.nodes.iter().skip(1))
+            .map(|(a, b)| (b.correction[i] - a.correction[i]).abs() / (b.t_s - a.t_s));
+        let uncertain = fastest.fold(0.0, f64::max) * self.spread_s();
+        let most = bound * (1.0 + 1e-6) + (self.resolution + uncertain) * weights;
+        if jerk.abs() > most {
+            return Err(format!("joint {i} has a jerk of {jerk:e}, bound {bound:e} ({most:e})"));
+        }
+        Ok(())
+    }
+
+    fn remember(&mut self, now: Node) {
+        if let Some(last) = self.last {
+            let dt_s = now.t_s - last.t_s;
+            if self.is_silence(dt_s) {
+                self.nodes.clear();
+                self.intervals.clear();
+            } else if dt_s > 0.0 {
+                self.intervals.push_back(dt_s);
+            }
+        }
+        if self.intervals.len() > INTERVALS {
+            self.intervals.pop_front();
+        }
+        if self.nodes.back().is_none_or(|node| now.t_s - node.t_s >= NODES_S) {
+            self.nodes.push_back(now);
+        }
+        if self.nodes.len() > INTERVALS {
+            self.nodes.pop_front();
+        }
+        self.last = Some(now);
+    }
+
+    fn is_silence(&self, dt_s: f64) -> bool {
+        let pace_s = self.intervals.back().copied().unwrap_or(0.0);
+        dt_s > SILENCE_S.max(SILENT_INTERVALS * pace_s)
+    }
+
+    fn spread_s(&self) -> f64 {
+        let longest = self.intervals.iter().copied().fold(0.0, f64::max);
+        let shortest = self.intervals.iter().copied().fold(f64::MAX, f64::min);
+        (longest - shortest).max(0.0)
+    }
+
+    fn in_force(&self, i: usize) -> Bounds {
+        self.former.iter().fold(self.bounds[i], |all, (_, former)| all.union(former[i]))
+    }
+
+    /// Since the first time that was told: small numbers, so that differences are exact to ns.
+    fn seconds(&mut self, t_ns: u64) -> f64 {
+        let start_ns = *self.start_ns.get_or_insert(t_ns);
+        t_ns.saturating_sub(start_ns) as f64 * 1e-9
+    }
+}
+
+fn of(bounds: &JointBounds) -> [Bounds; JOINTS] {
+    std::array::from_fn(|i| Bounds {
+        angle: bounds.angle[i],
+        rate: bounds.rate[i],
+        jerk: bounds.jerk[i],
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shm_schema::JOINTS_MAX;
+
+    const MS: u64 = 1_000_000;
+    const Q: [f64; JOINTS] = [0.1, -0.2, 0.3, -0.4, 0.5, -0.6];
+
+    fn bounds(angle: f64, rate: f64, jerk: f64) -> JointBounds {
+        JointBounds {
+            min: [-3.0; JOINTS_MAX],
+            max: [3.0; JOINTS_MAX],
+            angle: [angle; JOINTS_MAX],
+            rate: [rate; JOINTS_MAX],
+            jerk: [jerk; JOINTS_MAX],
+        }
+    }
+
+    fn oracle() -> Oracle {
+        Oracle::new(&bounds(0.02, 0.05, 5.0), 0.0)
+    }
+
+    fn sent(c: f64) -> [f64; JOINTS] {
+        Q.map(|q| q + c)
+    }
+
+    /// A correction that keeps all bounds: half a wave.
+    fn smooth(k: u64) -> f64 {
+        1e-3 * (1.0 - (5.0 * k as f64 * 1e-3).cos())
+    }
+
+    fn told(from: u64, c: impl Fn(u64) -> f64) -> Result<(), String> {
+        let mut oracle = oracle();
+        for k in 0..from {
+            oracle.take(k * MS, &Q, &sent(smooth(k)))?;
+        }
+        (from..from + 100).try_for_each(|k| oracle.take(k * MS, &Q, &sent(c(k))))
+    }
+
+    #[test]
+    fn a_smooth_correction_breaks_nothing_and_each_kind_of_step_is_seen() {
+        assert_eq!(told(300, smooth), Ok(()));
+        for (what, c) in [
+            ("a dropped correction", 0.0),
+            ("a step", smooth(300) + 1e-4),
+            ("a small step", smooth(300) + 1e-6),
+            ("no number", f64::NAN),
+            ("beyond the angle", 0.03),
+        ] {
+            assert!(told(300, |_| c).is_err(), "{what}");
+        }
+        assert!(told(300, |k| if k == 350 { 0.0 } else { smooth(k) }).is_err(), "one tick");
+    }
+
+    #[test]
+    fn a_run_begins_at_its_command() {
+        assert!(oracle().take(0, &Q, &sent(1e-3)).is_err());
+    }
+
+    #[test]
+    fn after_a_silence_the_correction_is_what_it_was() {
+        let after = |c: f64| {
+            let mut oracle = oracle();
+            (0..300).try_for_each(|k| oracle.take(k * MS, &Q, &sent(smooth(k)))).unwrap();
+            oracle.take(500 * MS, &Q, &sent(c))
+        };
+        assert_eq!(after(smooth(299)), Ok(()));
+        assert!(after(smooth(299) + 1e-6).is_err());
+        assert!(after(0.0).is_err());
+    }
+
+    #[test]
+    fn tighter_bounds_bind_once_they_could_be_braked_into() {
+        let mut oracle = oracle();
+        for k in 0..2000 {
+            oracle.take(k * MS, &Q, &sent(smooth(k))).unwrap();
+        }
+        oracle.set_bounds(2000 * MS, &bounds(1e-4, 0.05, 5.0));
+        let broken = (2000..8000).find(|k| oracle.take(k * MS, &Q, &sent(smooth(*k))).is_err());
+        assert!(broken.is_some_and(|k| k > 2100), "{broken:?}");
+    }
+
+    #[test]
+    fn shadow_mode_is_the_command_to_the_bit() {
+        let mut oracle = oracle();
+        oracle.set_shadow(0, true);
+        assert_eq!(oracle.take(0, &Q, &Q), Ok(()));
+        let mut off = Q;
+        off[3] = off[3].next_up();
+        assert!(oracle.take(MS, &Q, &off).is_err());
+    }
+
+    #[test]
+    fn jitter_excuses_what_it_makes_of_a_motion_and_no_step() {
+        let judged = |step: f64| {
+            let mut oracle = oracle();
+            (0..400_u64).try_for_each(|k| {
+                let c = smooth(k) + if k > 300 { step } else { 0.0 };
+                oracle.take(k * MS + (k * 7 % 11) * 20_000, &Q, &sent(c))
+            })
+        };
+        assert_eq!(judged(0.0), Ok(()));
+        assert!(judged(1e-4).is_err());
+    }
+}

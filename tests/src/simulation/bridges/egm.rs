@@ -1,0 +1,290 @@
+//! An EGM controller and its application.
+
+use super::{BACK_AFTER, CALM, CYCLE_NS, JITTER_NS, STORM, Summary, VirtualDaemon, model, oracle};
+use crate::cell_loop::{JOINTS, path};
+use crate::chance::Chance;
+use crate::egm::proto;
+use crate::oracle::Oracle;
+use bridge::Counts;
+use bridge::egm::joints::Order;
+use bridge::egm::middle::{Middle, Settings};
+use bridge::feed::Feed;
+use prost::Message;
+use recording::bridge::Guidance;
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+fn at(address: &str) -> SocketAddr {
+    address.parse().expect("an address")
+}
+
+/// The controller's states of motion.
+const RUNNING: i32 = 3;
+const STOPPED: i32 = 2;
+
+pub(super) struct Cell {
+    middle: Middle<VirtualDaemon>,
+    oracle: Oracle,
+    chance: Chance,
+    summary: Summary,
+    now_ns: u64,
+    /// Time that stands still while the application does, ns.
+    standing_ns: u64,
+    robot_number: u32,
+    application_number: u32,
+    /// Where the robot is, rad.
+    stands: [f64; JOINTS],
+    mci_state: i32,
+    /// The first target of a run is still to come.
+    begins: bool,
+    /// Datagrams of either side, for replays.
+    feedback: Vec<Vec<u8>>,
+    targets: Vec<Vec<u8>>,
+    is_stormy: bool,
+}
+
+impl Cell {
+    pub(super) fn new(seed: u64) -> Self {
+        let mut chance = Chance::new(seed);
+        let settings = Settings {
+            robot: at("10.0.0.1:6510").ip(),
+            robot_port: None,
+            application: Some(at("10.0.0.3:6511")),
+            guidance: Guidance::Joints,
+            order: Order { count: JOINTS, seventh_after: None },
+            is_shadow: false,
+            path_period_ns: 48_000_000,
+        };
+        let feed = Feed::over(VirtualDaemon::new(chance.bits()));
+        let now_ns = 1 << 40;
+        Self {
+            middle: Middle::new(settings, model().arm, feed, None, Arc::new(Counts::default())),
+            oracle: oracle(),
+            chance,
+            summary: Summary { runs: 1, ..Summary::default() },
+            now_ns,
+            standing_ns: 0,
+            robot_number: 0,
+            application_number: 0,
+            stands: path(now_ns),
+            mci_state: RUNNING,
+            begins: true,
+            feedback: Vec::new(),
+            targets: Vec::new(),
+            is_stormy: false,
+        }
+    }
+
+    pub(super) fn run(mut self, targets: u64) -> Summary {
+        while self.summary.sent < targets && self.summary.broken.is_none() {
+            self.is_stormy = true;
+            self.middle.link().fails = true;
+            for _ in 0..STORM {
+                self.fault();
+                self.cycle();
+            }
+            self.is_stormy = false;
+            self.middle.link().calm();
+            self.mci_state = RUNNING;
+            let mut exact = 0;
+            for k in 0..CALM {
+                self.cycle();
+                exact += u64::from(k >= BACK_AFTER && self.middle.link().is_exact());
+            }
+            // Backlash is ramped where joints turn back.
+            if exact < (CALM - BACK_AFTER) / 2 {
+                self.summary.breaks(&format!("{exact} exact corrections in a calm"));
+            }
+            self.summary.storms += 1;
+        }
+        self.summary
+    }
+
+    /// One cycle of the controller.
+    fn cycle(&mut self) {
+        if self.summary.broken.is_some() {
+            return;
+        }
+        let jitter_ns = if self.is_stormy { self.chance.below(JITTER_NS) } else { 0 };
+        self.now_ns += CYCLE_NS;
+        let now_ns = self.now_ns + jitter_ns;
+        self.robot_number = self.robot_number.wrapping_add(1);
+        let feedback = self.feedback_now();
+        let lost = self.is_stormy && self.chance.below(40) == 0;
+        let passes = !lost && self.of_robot(&feedback, "10.0.0.1:6510", now_ns);
+        self.feedback.push(feedback);
+        if passes {
+            self.application_number = self.application_number.wrapping_add(1);
+            let target = target(self.application_number, &path(now_ns - self.standing_ns));
+            self.targets.push(target.clone());
+            if !(self.is_stormy && self.chance.below(40) == 0) {
+                self.of_application(&target, now_ns + 200_000);
+            }
+        }
+        for list in [&mut self.feedback, &mut self.targets] {
+            if list.len() > 200 {
+                list.remove(0);
+            }
+        }
+    }
+
+    fn of_robot(&mut self, datagram: &[u8], from: &str, now_ns: u64) -> bool {
+        self.middle.link().now_ns = now_ns;
+        self.middle.of_robot(datagram, at(from), now_ns)
+    }
+
+    /// A datagram of the application, and what becomes of it at the robot.
+    fn of_application(&mut self, original: &[u8], now_ns: u64) {
+        self.middle.link().now_ns = now_ns;
+        let mut datagram = original.to_vec();
+        let from = at("10.0.0.3:6511");
+        let Some(screened) = self.middle.of_application(&datagram, from, now_ns) else { return };
+        let Some(to) = self.middle.answer(&mut datagram, &screened) else { return };
+        if to != at("10.0.0.1:6510") {
+            return self.summary.breaks(&format!("sent to {to}"));
+        }
+        if self.mci_state == RUNNING {
+            self.arrives(&joints(original), &joints(&datagram), now_ns);
+        }
+    }
+
+    fn arrives(&mut self, command: &[f64; JOINTS], sent: &[f64; JOINTS], now_ns: u64) {
+        self.summary.sent += 1;
+        let correction: [f64; JOINTS] = std::array::from_fn(|i| sent[i] - command[i]);
+        self.summary.largest = correction.iter().fold(self.summary.largest, |m, c| m.max(c.abs()));
+        if std::mem::take(&mut self.begins) {
+            // No further from where the robot stands than the application's own target.
+            let off = |q: &[f64; JOINTS]| -> f64 {
+                q.iter().zip(self.stands).map(|(q, at)| (q - at) * (q - at)).sum::<f64>().sqrt()
+            };
+            if off(sent) > off(command) + 1e-12 {
+                let words = format!("a run begins {:e} off, not {:e}", off(sent), off(command));
+                self.summary.breaks(&words);
+            }
+            self.oracle.begin(&correction);
+        }
+        if let Err(words) = self.oracle.take(now_ns, command, sent) {
+            self.summary.breaks(&words);
+        }
+        self.stands = *sent;
+    }
+
+    fn fault(&mut self) {
+        let now_ns = self.now_ns + 3_000_000;
+        let c = &mut self.chance;
+        match c.below(200) {
+            0 => self.silence(),
+            1 => self.another_run(),
+            2 => self.stop(),
+            3 => self.robot_number += c.below(5000) as u32,
+            4..10 => self.replay(now_ns),
+            10 => self.foreign(now_ns),
+            11 => {
+                let target = target(self.application_number, &[f64::NAN; JOINTS]);
+                self.of_application(&target, now_ns);
+            }
+            12 => {
+                // One joint beyond the model's limits, for one target.
+                let mut q = path(now_ns - self.standing_ns);
+                q[c.below(JOINTS as u64) as usize] += 7.0;
+                self.application_number += 1;
+                let target = target(self.application_number, &q);
+                self.of_application(&target, now_ns);
+            }
+            _ => {}
+        }
+    }
+
+    /// Nobody sends anything for a while; the robot waits, and so does the application.
+    fn silence(&mut self) {
+        let silence_ns = self.chance.below(2_500_000_000);
+        self.now_ns += silence_ns;
+        self.standing_ns += silence_ns;
+        // Whether the controller counted on or not: the same run up to a second, and beyond it where it counted on.
+        if silence_ns >= 900_000_000 || self.chance.below(2) == 0 {
+            self.robot_number += 1 + self.chance.below(3000) as u32;
+        }
+    }
+
+    /// The controller begins anew: at once or later, where the robot stands or elsewhere, with the application's targets from there.
+    fn another_run(&mut self) {
+        self.now_ns += self.chance.below(3_000_000_000);
+        self.robot_number = self.chance.below(10) as u32;
+        self.begins = true;
+        self.summary.runs += 1;
+        let elsewhere = self.chance.below(2) == 0;
+        if elsewhere {
+            self.standing_ns += self.chance.below(2_000_000_000);
+            self.stands = path(self.now_ns + CYCLE_NS - self.standing_ns);
+        }
+    }
+
+    /// The robot is not guided for a while.
+    fn stop(&mut self) {
+        self.mci_state = STOPPED;
+        let cycles = self.chance.below(30);
+        for _ in 0..cycles {
+            self.cycle();
+        }
+        self.mci_state = RUNNING;
+        self.begins = true;
+    }
+
+    /// An old datagram of either side again, or one overtaken.
+    fn replay(&mut self, now_ns: u64) {
+        let pick = |list: &[Vec<u8>], c: &mut Chance| {
+            (!list.is_empty()).then(|| list[c.below(list.len() as u64) as usize].clone())
+        };
+        if self.chance.below(2) == 0 {
+            if let Some(old) = pick(&self.feedback, &mut self.chance) {
+                self.of_robot(&old, "10.0.0.1:6510", now_ns);
+            }
+        } else if let Some(old) = pick(&self.targets, &mut self.chance) {
+            self.of_application(&old, now_ns);
+        }
+    }
+
+    /// Another mechanical unit, another machine, half a datagram.
+    fn foreign(&mut self, now_ns: u64) {
+        let feedback = feedback(self.chance.below(100_000) as u32, &[1.0; JOINTS], RUNNING);
+        self.of_robot(&feedback, "10.0.0.1:6599", now_ns);
+        self.of_robot(&feedback, "10.0.0.9:6510", now_ns);
+        let half = feedback.len() / 2;
+        self.of_robot(&feedback[..half], "10.0.0.1:6510", now_ns);
+    }
+
+    fn feedback_now(&self) -> Vec<u8> {
+        feedback(self.robot_number, &self.stands, self.mci_state)
+    }
+}
+
+fn posture(q: &[f64; JOINTS]) -> proto::Posture {
+    let joints = q.map(f64::to_degrees).to_vec();
+    proto::Posture { joints: Some(proto::Joints { joints }), ..proto::Posture::default() }
+}
+
+fn feedback(number: u32, q: &[f64; JOINTS], state: i32) -> Vec<u8> {
+    proto::Robot {
+        header: Some(proto::Header { seqno: Some(number), tm: Some(number), mtype: Some(2) }),
+        feedback: Some(posture(q)),
+        mci_state: Some(proto::State { state }),
+        ..proto::Robot::default()
+    }
+    .encode_to_vec()
+}
+
+fn target(number: u32, q: &[f64; JOINTS]) -> Vec<u8> {
+    proto::Sensor {
+        header: Some(proto::Header { seqno: Some(number), tm: None, mtype: Some(3) }),
+        planned: Some(posture(q)),
+        ..proto::Sensor::default()
+    }
+    .encode_to_vec()
+}
+
+/// The joints of a target, rad.
+fn joints(datagram: &[u8]) -> [f64; JOINTS] {
+    let sensor = proto::Sensor::decode(datagram).expect("a message");
+    let degrees = sensor.planned.and_then(|planned| planned.joints).expect("joints").joints;
+    std::array::from_fn(|i| degrees[i].to_radians())
+}

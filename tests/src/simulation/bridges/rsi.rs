@@ -1,0 +1,200 @@
+//! An RSI controller: it owns the clock, counts late answers, and adds up what it is sent.
+
+use super::{BACK_AFTER, CALM, CYCLE_NS, STORM, Summary, VirtualDaemon, model, oracle};
+use crate::cell_loop::{JOINTS, path};
+use crate::chance::Chance;
+use crate::oracle::Oracle;
+use bridge::Counts;
+use bridge::feed::Feed;
+use bridge::rsi::answer::Answerer;
+use recording::bridge::{Ethernet, RsiConfig};
+use std::fmt::Write as _;
+use std::net::SocketAddr;
+use std::sync::Arc;
+
+/// An answer is written to 1e-6 degrees; sums of increments are off by as much.
+const RESOLUTION_RAD: f64 = 1e-6 * std::f64::consts::PI / 180.0;
+
+fn at(address: &str) -> SocketAddr {
+    address.parse().expect("an address")
+}
+
+pub(super) struct Cell {
+    answerer: Answerer<VirtualDaemon>,
+    oracle: Oracle,
+    chance: Chance,
+    summary: Summary,
+    is_relative: bool,
+    now_ns: u64,
+    standing_ns: u64,
+    ipoc: u64,
+    late: u64,
+    /// What the controller adds to the program's axes, rad.
+    sum: [f64; JOINTS],
+    telegrams: Vec<String>,
+    is_stormy: bool,
+}
+
+impl Cell {
+    pub(super) fn new(seed: u64, is_relative: bool) -> Self {
+        let mut chance = Chance::new(seed);
+        let xml = include_str!("../../../../deploy/rsi-ethernet.xml");
+        let text = include_str!("../../../../deploy/bridge-rsi.toml");
+        let (xml, text) = if is_relative {
+            (
+                xml.replace("HOLDON=\"1\"", "HOLDON=\"0\""),
+                text.replace("\"absolute\"", "\"relative\""),
+            )
+        } else {
+            (xml.to_owned(), text.to_owned())
+        };
+        let ethernet = Ethernet::parse("ethernet.xml", &xml).expect("the shipped file");
+        let config = RsiConfig::parse("bridge.toml", &text, ethernet).expect("the shipped file");
+        let feed = Feed::over(VirtualDaemon::new(chance.bits()));
+        let counts = Arc::new(Counts::default());
+        Self {
+            answerer: Answerer::new(config, model().arm, feed, counts),
+            oracle: oracle().with_resolution(2.0 * RESOLUTION_RAD),
+            chance,
+            summary: Summary { runs: 1, ..Summary::default() },
+            is_relative,
+            now_ns: 1 << 40,
+            standing_ns: 0,
+            ipoc: 123_456,
+            late: 0,
+            sum: [0.0; JOINTS],
+            telegrams: Vec::new(),
+            is_stormy: false,
+        }
+    }
+
+    pub(super) fn run(mut self, targets: u64) -> Summary {
+        while self.summary.sent < targets && self.summary.broken.is_none() {
+            self.is_stormy = true;
+            self.answerer.link().fails = true;
+            for _ in 0..STORM {
+                self.fault();
+                self.cycle();
+            }
+            self.is_stormy = false;
+            self.answerer.link().calm();
+            let mut exact = 0;
+            for k in 0..CALM {
+                self.cycle();
+                exact += u64::from(k >= BACK_AFTER && self.answerer.link().is_exact());
+            }
+            if exact < (CALM - BACK_AFTER) / 2 {
+                self.summary.breaks(&format!("{exact} exact corrections in a calm"));
+            }
+            self.summary.storms += 1;
+        }
+        self.summary
+    }
+
+    /// One cycle of the controller: its answer comes in time, late, or not at all.
+    fn cycle(&mut self) {
+        if self.summary.broken.is_some() {
+            return;
+        }
+        self.now_ns += CYCLE_NS;
+        self.ipoc += CYCLE_NS / 1_000_000;
+        let q = path(self.now_ns - self.standing_ns);
+        let telegram = telegram(self.ipoc, self.late, &q);
+        self.telegrams.push(telegram.clone());
+        if self.telegrams.len() > 200 {
+            self.telegrams.remove(0);
+        }
+        let fate = if self.is_stormy { self.chance.below(60) } else { 10 };
+        let answer = if fate == 0 { None } else { self.answer(&telegram, "192.168.1.2:6008") };
+        match answer.filter(|_| fate != 1) {
+            Some(numbers) => self.takes(&q, &numbers),
+            None => self.late += 1,
+        }
+    }
+
+    /// The answer in time is used.
+    fn takes(&mut self, q: &[f64; JOINTS], numbers: &[f64; JOINTS]) {
+        self.summary.sent += 1;
+        for (sum, degrees) in self.sum.iter_mut().zip(numbers) {
+            let before = if self.is_relative { *sum } else { 0.0 };
+            *sum = before + degrees.to_radians();
+        }
+        self.summary.largest = self.sum.iter().fold(self.summary.largest, |m, c| m.max(c.abs()));
+        let sent: [f64; JOINTS] = std::array::from_fn(|i| q[i] + self.sum[i]);
+        if let Err(words) = self.oracle.take(self.now_ns, q, &sent) {
+            self.summary.breaks(&words);
+        }
+    }
+
+    fn answer(&mut self, telegram: &str, from: &str) -> Option<[f64; JOINTS]> {
+        self.answerer.link().now_ns = self.now_ns;
+        let asked = self.answerer.of_robot(telegram.as_bytes(), at(from))?;
+        let mut buffer = [0; 1000];
+        let (length, _) = self.answerer.answer(&asked, &mut buffer)?;
+        let text = std::str::from_utf8(&buffer[..length]).expect("text");
+        let ipoc = telegram.split("<IPOC>").nth(1)?.split('<').next()?;
+        if !text.contains(&format!("<IPOC>{ipoc}</IPOC>")) {
+            self.summary.breaks(&format!("{text} answers {telegram}"));
+        }
+        let number = |i: usize| {
+            let value = text.split(&format!(" A{}=\"", i + 1)).nth(1)?.split('"').next()?;
+            value.parse::<f64>().ok()
+        };
+        let numbers: Vec<f64> = (0..JOINTS).filter_map(number).collect();
+        numbers.try_into().ok()
+    }
+
+    fn fault(&mut self) {
+        match self.chance.below(200) {
+            0 => self.silence(),
+            1 => self.another_run(),
+            2..10 => {
+                // Repeated or replayed: an answer to it would be to another cycle, and is not used.
+                let place = self.chance.below(self.telegrams.len().max(1) as u64) as usize;
+                if let Some(old) = self.telegrams.get(place).cloned() {
+                    let answered = self.answer(&old, "192.168.1.2:6008").is_some();
+                    if answered {
+                        self.summary.breaks(&format!("an old telegram is answered: {old}"));
+                    }
+                }
+            }
+            10 => {
+                let other = telegram(self.ipoc + 4000, 0, &[0.0; JOINTS]);
+                self.answer(&other, "192.168.1.3:6008");
+                let half = other.len() / 2;
+                self.answerer.of_robot(&other.as_bytes()[..half], at("192.168.1.2:6008"));
+            }
+            _ => {}
+        }
+    }
+
+    /// The network fails, or the controller waits: up to a second, or longer while it counts late answers.
+    fn silence(&mut self) {
+        let cycles = self.chance.below(400);
+        let is_long = self.chance.below(2) == 0;
+        let cycles = if is_long { cycles } else { cycles % 240 };
+        self.now_ns += cycles * CYCLE_NS;
+        self.standing_ns += cycles * CYCLE_NS;
+        self.ipoc += cycles * CYCLE_NS / 1_000_000;
+        self.late += if is_long { cycles } else { 0 };
+    }
+
+    /// `RSI_ON` again: sums begin at zero, late answers too.
+    fn another_run(&mut self) {
+        let cycles = 300 + self.chance.below(2000);
+        self.now_ns += cycles * CYCLE_NS;
+        self.ipoc += cycles * CYCLE_NS / 1_000_000;
+        self.late = 0;
+        self.sum = [0.0; JOINTS];
+        self.oracle.begin(&[]);
+        self.summary.runs += 1;
+    }
+}
+
+fn telegram(ipoc: u64, late: u64, q: &[f64; JOINTS]) -> String {
+    let mut axes = String::new();
+    for (i, q) in q.iter().enumerate() {
+        let _ = write!(axes, " A{}=\"{:.9}\"", i + 1, q.to_degrees());
+    }
+    format!("<Rob Type=\"KUKA\"><ASPos{axes} /><Delay D=\"{late}\" /><IPOC>{ipoc}</IPOC></Rob>")
+}
