@@ -49,15 +49,16 @@ enum Start {
 }
 
 impl Start {
-    /// The correction in where the robot stands, if its first target is `q` and it was corrected by `last`: whichever of `last` and
-    /// zero takes the target nearer to it.
+    /// The correction in where the robot stands, if its first target is `q` and it was corrected by `last`: zero if the target itself is
+    /// clearly nearer to it than with `last` added.
     fn correction(&self, q: &[f64], last: &[f64; JOINTS_MAX]) -> [f64; JOINTS_MAX] {
         let Self::At(stands) = self else { return [0.0; JOINTS_MAX] };
         let square = |share: f64| -> f64 {
             let off = q.iter().zip(last).zip(stands).map(|((q, last), at)| q + share * last - at);
             off.map(|off| off * off).sum()
         };
-        if square(1.0) <= square(0.0) { *last } else { [0.0; JOINTS_MAX] }
+        // Half as far: what lies between is a run that went on.
+        if 4.0 * square(0.0) <= square(1.0) { [0.0; JOINTS_MAX] } else { *last }
     }
 }
 

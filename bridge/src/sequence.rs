@@ -1,16 +1,16 @@
 //! What the number of a datagram says: the next one, one again, one too old, or a sender that began anew.
 //!
-//! A number ahead is the next, however many were lost; a number that falls back is an old datagram's, overtaken or replayed, until
-//! [`ANEW_AFTER`] in a row count up from there with none of the old count between them: then the sender began anew. A sender that does not
-//! count (always the same number, or none) is taken as it comes. No allocation, no clock.
+//! A number that is a little ahead is the next, with some lost between. One that is far ahead, or falls back, may be an old datagram's,
+//! overtaken or replayed, and of another run: it is believed once [`BELIEVED_AFTER`] in a row count up from there with none of the old count
+//! between them. Those ahead are then the next after many that were lost; those that fell back, a sender's that began anew. A sender that does
+//! not count (always the same number, or none) is taken as it comes. No allocation, no clock.
 
 use recording::files::content_hash;
 
-/// So many datagrams in a row that count up from a number that fell back are a sender's that began anew. Fewer could be replayed ones.
-const ANEW_AFTER: u32 = 3;
+/// So many datagrams in a row have to count up from a number that does not follow. Fewer could be replayed ones.
+const BELIEVED_AFTER: u32 = 3;
 /// Each of them is ahead of the one before by so much at most: RSI counts ms, 12 at a time, and some may be lost.
-const ANEW_AHEAD: u32 = 100;
-
+const COUNTED_AHEAD: u32 = 100;
 /// Where a datagram stands among those of its sender.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Standing {
@@ -28,11 +28,13 @@ pub enum Standing {
 }
 
 /// The datagrams of one sender.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub struct Sequence {
+    /// Numbers that may be lost at once without a doubt.
+    lost_max: u32,
     last: Option<Last>,
-    /// The newest number of a count that may have begun anew, and how many it has had.
-    anew: Option<(u32, u32)>,
+    /// The newest number of another count, and how many it has had.
+    other: Option<(u32, u32)>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -42,6 +44,15 @@ struct Last {
 }
 
 impl Sequence {
+    /// Of a sender that counts each datagram, anew in each of its runs: 4 s of EGM may be lost without a doubt.
+    pub const COUNTING: Self = Self::new(1000);
+    /// Of a sender whose number is a clock that goes on from run to run.
+    pub const CLOCK: Self = Self::new(u32::MAX / 2);
+
+    const fn new(lost_max: u32) -> Self {
+        Self { lost_max, last: None, other: None }
+    }
+
     /// Judges a datagram, and remembers it unless it is old.
     pub fn judge(&mut self, number: Option<u32>, datagram: &[u8]) -> Standing {
         let hash = content_hash(datagram);
@@ -54,7 +65,7 @@ impl Sequence {
             },
         };
         if standing != Standing::Old {
-            *self = Self { last: Some(Last { number, hash }), anew: None };
+            (self.last, self.other) = (Some(Last { number, hash }), None);
         }
         standing
     }
@@ -63,17 +74,23 @@ impl Sequence {
         let ahead = number.wrapping_sub(before);
         if ahead == 0 {
             return Standing::Next { lost: 0 };
-        } else if ahead <= u32::MAX / 2 {
+        } else if ahead <= self.lost_max {
             return Standing::Next { lost: ahead - 1 };
         }
-        let counted = match self.anew {
-            Some((newest, counted)) if (1..=ANEW_AHEAD).contains(&number.wrapping_sub(newest)) => {
+        let counted = match self.other {
+            Some((newest, counted))
+                if (1..=COUNTED_AHEAD).contains(&number.wrapping_sub(newest)) =>
+            {
                 counted + 1
             }
             _ => 1,
         };
-        self.anew = Some((number, counted));
-        if counted >= ANEW_AFTER { Standing::First } else { Standing::Old }
+        self.other = Some((number, counted));
+        match counted {
+            _ if counted < BELIEVED_AFTER => Standing::Old,
+            _ if ahead <= u32::MAX / 2 => Standing::Next { lost: ahead - 1 },
+            _ => Standing::First,
+        }
     }
 }
 
@@ -82,7 +99,7 @@ mod tests {
     use super::*;
 
     fn judged(numbers: &[(Option<u32>, u8)]) -> Vec<Standing> {
-        let mut sequence = Sequence::default();
+        let mut sequence = Sequence::COUNTING;
         numbers.iter().map(|(number, byte)| sequence.judge(*number, &[*byte])).collect()
     }
 
@@ -98,20 +115,22 @@ mod tests {
             (Some(8), 2),
             (Some(11), 3),
             (Some(10), 4),
-            (Some(5011), 5),
+            (Some(511), 5),
         ]);
         let expected =
-            [Standing::First, next(0), Standing::Repeated, next(2), Standing::Old, next(4999)];
+            [Standing::First, next(0), Standing::Repeated, next(2), Standing::Old, next(499)];
         assert_eq!(said, expected);
     }
 
     #[test]
     fn replayed_datagrams_are_old_however_far_back_and_however_often() {
-        let mut sequence = Sequence::default();
+        let mut sequence = Sequence::COUNTING;
         for number in 1000..1100 {
             sequence.judge(Some(number), &[0]);
-            for back in [1, 20, 40, 900] {
-                assert_eq!(sequence.judge(Some(number - back), &[1]), Standing::Old);
+            // Those far ahead are of another run.
+            for off in [-1, -20, -40, -900, 5000, 1 << 20] {
+                let old = number.wrapping_add_signed(off);
+                assert_eq!(sequence.judge(Some(old), &[1]), Standing::Old);
             }
         }
     }
@@ -126,6 +145,12 @@ mod tests {
         let said =
             judged(&[(Some(900), 1), (Some(0), 2), (Some(1), 3), (Some(901), 4), (Some(2), 5)]);
         assert_eq!(said, [Standing::First, old, old, next(0), old]);
+    }
+
+    #[test]
+    fn a_sender_of_which_very_many_were_lost_is_the_same_once_three_datagrams_count_up() {
+        let said = judged(&[(Some(7), 1), (Some(5007), 2), (Some(5008), 3), (Some(5009), 4)]);
+        assert_eq!(said, [Standing::First, Standing::Old, Standing::Old, next(5001)]);
     }
 
     #[test]

@@ -91,7 +91,12 @@ impl Output {
         let answer = newest.filter(|answer| self.is_usable(answer, q_cmd.len(), now_ns));
         let requested = answer.map_or([0.0; JOINTS_MAX], |answer| answer.correction);
         let elapsed = self.elapse(now_ns);
-        let correction = self.limiters.step(&requested, |i| self.limits[i], elapsed);
+        let limits = |i: usize| self.limits[i];
+        let correction = match answer {
+            // The daemon's own joints keep to one line; catching up with them is a matter of each.
+            Some(_) => self.limiters.step_apart(&requested, limits, elapsed),
+            None => self.limiters.step(&requested, limits, elapsed),
+        };
 
         let mut q = [0.0; JOINTS_MAX];
         for (q, (q_cmd, correction)) in q.iter_mut().zip(q_cmd.iter().zip(correction)) {

@@ -4,7 +4,8 @@
 //! that a limiter may use: it is no longer than what has really passed, and after a silence the
 //! receiver stands, so that motion begins anew from rest instead of being made up for at once.
 
-/// A silence is longer than so many of the intervals before it, and than [`SILENCE_S`].
+/// A silence is longer than so many times the shorter of the two intervals before it, and than [`SILENCE_S`]. Of two: a sender that has
+/// become slow is believed at the third interval, one that fell silent twice is not taken for slow.
 const SILENT_INTERVALS: f64 = 3.0;
 /// The shortest silence, s: five cycles of a 4 ms controller.
 const SILENCE_S: f64 = 0.02;
@@ -32,7 +33,9 @@ impl Elapsed {
 #[derive(Clone, Copy, Debug)]
 pub struct Intervals {
     last_ns: Option<u64>,
-    /// The newest intervals, s, as a ring; zero where there was none yet.
+    /// The last two intervals, s, silences among them.
+    before_s: [f64; 2],
+    /// The newest intervals since a silence, s, as a ring; zero where there was none yet.
     ring: [f64; INTERVALS],
     newest: usize,
 }
@@ -47,7 +50,7 @@ impl Intervals {
     /// Before the first output.
     #[must_use]
     pub const fn new() -> Self {
-        Self { last_ns: None, ring: [0.0; INTERVALS], newest: 0 }
+        Self { last_ns: None, before_s: [0.0; 2], ring: [0.0; INTERVALS], newest: 0 }
     }
 
     /// The time since the output before, at `now_ns`; `None` after a silence: what is limited has
@@ -62,11 +65,10 @@ impl Intervals {
         if passed_s == 0.0 {
             return Some(Elapsed::default());
         }
-        let pace_s = self.ring[self.newest];
-        if passed_s > SILENCE_S.max(SILENT_INTERVALS * pace_s) {
-            // A sender that has become slow is believed by and by.
-            *self = Self { last_ns: self.last_ns, ..Self::new() };
-            self.ring[0] = passed_s.min(2.0 * pace_s.max(SILENCE_S));
+        let [last_s, before_s] = self.before_s;
+        self.before_s = [passed_s, last_s];
+        if passed_s > SILENCE_S.max(SILENT_INTERVALS * last_s.min(before_s)) {
+            (self.ring, self.newest) = ([0.0; INTERVALS], 0);
             return None;
         }
         self.newest = (self.newest + 1) % INTERVALS;
@@ -106,8 +108,11 @@ mod tests {
 
     #[test]
     fn a_silence_is_no_time_in_which_anything_moved() {
-        let mut all = elapsed(&[0, 1, 2, 3, 203, 204]);
+        let mut all = elapsed(&[0, 1, 2, 3, 203, 204, 404, 604, 605]);
         assert_eq!(all.nth(4), Some(None));
+        assert!(all.next().flatten().is_some_and(|s| (s - 1e-3).abs() < 1e-12));
+        assert_eq!(all.next(), Some(None), "again");
+        assert_eq!(all.next(), Some(None), "twice in a row");
         assert!(all.next().flatten().is_some_and(|s| (s - 1e-3).abs() < 1e-12));
     }
 

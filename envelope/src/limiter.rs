@@ -235,7 +235,7 @@ impl Limiter {
     /// Takes note of what is wanted, and whether its last samples say how it moves.
     fn observe(&mut self, wanted: f64, limits: &Limits, dt_s: f64) {
         let wanted = wanted.clamp(-limits.angle(), limits.angle());
-        let (track, jerk) = self.wanted.with(wanted, &self.times);
+        let (track, jerk) = self.wanted.with(wanted, &self.times, limits.jerk());
         let spare_jerk = (1.0 - PLANNED_JERK) * limits.jerk();
         let most_jerk = spare_jerk + self.times.jerk_of_jitter(self.wanted.fastest(&self.times));
         let most_rate = limits.rate() * (1.0 + self.times.rate_error());
@@ -260,7 +260,7 @@ impl Limiter {
     fn follow(&mut self, limits: &Limits, dt_s: f64) -> bool {
         let Some(offset) = &mut self.offset else { return false };
         let wanted = self.wanted.value() + offset.ahead(dt_s).value;
-        let (output, jerk) = self.output.with(wanted, &self.times);
+        let (output, jerk) = self.output.with(wanted, &self.times, limits.jerk());
         let motion = output.motion();
         let most_jerk = limits.jerk() + self.times.jerk_of_jitter(self.output.fastest(&self.times));
         let allowed = jerk.abs() <= most_jerk
@@ -281,7 +281,7 @@ impl Limiter {
     }
 
     fn put_out(&mut self, motion: Motion) {
-        let (output, _) = self.output.with(motion.value, &self.times);
+        let (output, _) = self.output.with(motion.value, &self.times, f64::INFINITY);
         (self.output, self.motion) = (output.of(motion), motion);
     }
 

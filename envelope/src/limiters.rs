@@ -62,7 +62,23 @@ impl<const N: usize> Limiters<N> {
         self.joints.iter_mut().for_each(Limiter::rest);
     }
 
-    /// The next outputs, by the rule of [`Limiter::step`]. A joint without limits stands.
+    /// The next outputs, by the rule of [`Limiter::step`], each joint as fast as it can be: for what follows a correction that moves by itself.
+    pub fn step_apart(
+        &mut self,
+        wanted: &[f64; N],
+        limits: impl Fn(usize) -> Option<Limits>,
+        elapsed: Elapsed,
+    ) -> [f64; N] {
+        for (i, joint) in self.joints.iter_mut().enumerate() {
+            let Some(limits) = limits(i) else { continue };
+            if !joint.step_with(wanted[i], &limits, elapsed) {
+                joint.step_onto(&limits, Pace::ALONE, elapsed);
+            }
+        }
+        self.values()
+    }
+
+    /// The next outputs, by the rule of [`Limiter::step`]; joints that ramp do so along one line. A joint without limits stands.
     pub fn step(
         &mut self,
         wanted: &[f64; N],

@@ -9,21 +9,17 @@
 //! Where the times of the samples are uncertain by `jitter`, a signal of rate `v` looks as if its
 //! samples were off by up to `v · jitter`. [`Times::jerk_of_jitter`] is the third difference that
 //! this can make; rate and acceleration then come from a fading-memory filter (Brookner, *Tracking
-//! and Kalman Filtering Made Easy*, 1998, section 1.2) instead of from three samples.
+//! and Kalman Filtering Made Easy*, 1998, section 1.2) instead of from three samples. With a memory
+//! of `N` samples at intervals `h` the acceleration lags by up to `jerk · h · N`, and is off by about
+//! `v · jitter / (h² N³)` from the jitter: the sum is least near `N⁴ = jerk_of_jitter / jerk`.
 
 use crate::motion::Motion;
 
 /// The least time between nodes: half the period of the fastest cycle.
 pub(crate) const NODES_S: f64 = 5e-5;
 
-/// Jitter below this share of the pace is left to the parabola through three samples.
-const EVEN: f64 = 1e-4;
-/// Memory of the filter: the weight of a sample against that of the next. About forty samples.
-const MEMORY: f64 = 0.95;
-/// Gains of the filter for rate and acceleration, per step and per half a step squared.
-const RATE_GAIN: f64 = 1.5 * (1.0 - MEMORY) * (1.0 - MEMORY) * (1.0 + MEMORY);
-const ACCELERATION_GAIN: f64 = (1.0 - MEMORY) * (1.0 - MEMORY) * (1.0 - MEMORY);
-const VALUE_GAIN: f64 = 1.0 - MEMORY * MEMORY * MEMORY;
+/// A filter that remembers fewer samples than this is no better than three of them.
+const LEAST_MEMORY: f64 = 1.5;
 
 /// When the samples were: the same for all signals that are sampled together.
 #[derive(Clone, Copy, Debug)]
@@ -67,11 +63,14 @@ impl Times {
         self.per_s = [1.0 / self.since_s, 2.0 / span_s, 3.0 / (span_s + self.before_s)];
     }
 
-    /// The jerk that uncertain times can make of a signal that moves at `rate`: its four samples
-    /// enter a third difference with weights 1, 3, 3, 1.
+    /// The jerk that uncertain times can make of a signal that moves at `rate`.
+    ///
+    /// Its four samples enter a third difference with weights 1, 3, 3, 1. Times that are off by up to
+    /// `e` to either side spread their intervals by up to `4 e`, and by about `3 e` among the few
+    /// that [`Intervals`](crate::Intervals) looks at.
     pub(crate) fn jerk_of_jitter(&self, rate: f64) -> f64 {
         let [first, second, third] = self.per_s;
-        8.0 * rate * self.jitter_s * first * second * third
+        8.0 / 3.0 * rate * self.jitter_s * first * second * third
     }
 
     /// By what share a mean rate between two samples may be off.
@@ -79,8 +78,9 @@ impl Times {
         2.0 * self.jitter_s * self.per_s[0]
     }
 
-    fn is_even(&self) -> bool {
-        self.jitter_s <= EVEN * self.since_s
+    /// From the first to the last of four samples.
+    fn spans_s(&self) -> f64 {
+        self.since_s + self.node_s + self.before_s
     }
 }
 
@@ -104,10 +104,10 @@ impl Track {
         self.newest.value
     }
 
-    /// The largest rate at the four samples of a third difference, as far as the times let it be known.
+    /// The largest rate at the newest samples, as far as their times let it be known.
     pub(crate) fn fastest(&self, times: &Times) -> f64 {
-        let spans_s = times.since_s + times.node_s + times.before_s;
-        self.filtered.rate.abs() + self.filtered.acceleration.abs() * spans_s
+        let mean = self.newest.rate.abs().max(self.node.rate.abs());
+        mean + self.filtered.acceleration.abs() * times.spans_s()
     }
 
     /// Mean rate since the node before.
@@ -115,17 +115,27 @@ impl Track {
         self.newest.rate
     }
 
-    /// The track with the newest sample of `times`, and its jerk.
-    pub(crate) fn with(&self, value: f64, times: &Times) -> (Self, f64) {
+    /// The track with the newest sample of `times`, and its jerk, of a signal whose jerk is at most `jerk_max`.
+    pub(crate) fn with(&self, value: f64, times: &Times, jerk_max: f64) -> (Self, f64) {
         let node = if times.is_renewed { self.newest } else { self.node };
         let [first, second, third] = times.per_s;
         let rate = (value - node.value) * first;
         let acceleration = (rate - node.rate) * second;
         let jerk = (acceleration - node.acceleration) * third;
         let newest = Differences { value, rate, acceleration };
-        let filtered =
-            if times.is_even() { newest.parabola(times) } else { self.filtered(value, times) };
+        let memory = if times.jitter_s > 0.0 { self.memory(times, jerk_max) } else { 1.0 };
+        let filtered = if memory < LEAST_MEMORY {
+            newest.parabola(times)
+        } else {
+            self.filtered(value, times, memory).no_faster_than(newest.fastest(times), times)
+        };
         (Self { node, newest, filtered }, jerk)
+    }
+
+    /// The best memory for the filter, samples.
+    fn memory(&self, times: &Times, jerk_max: f64) -> f64 {
+        let ratio = times.jerk_of_jitter(self.fastest(times)) / jerk_max;
+        libm::sqrt(libm::sqrt(ratio))
     }
 
     /// The motion at the newest sample.
@@ -139,7 +149,7 @@ impl Track {
 
     /// The same track, whose newest sample jumped: that says nothing of the rate `before`.
     pub(crate) fn jumped_from(self, before: &Self, times: &Times) -> Self {
-        if times.is_even() {
+        if times.jitter_s == 0.0 {
             return self;
         }
         let going_on = before.filtered.after(times.dt_s, 0.0);
@@ -152,14 +162,16 @@ impl Track {
     }
 
     /// One step of the fading-memory filter.
-    fn filtered(&self, value: f64, times: &Times) -> Motion {
-        let dt_s = times.dt_s;
+    fn filtered(&self, value: f64, times: &Times, memory: f64) -> Motion {
+        let (dt_s, forgets) = (times.dt_s, 1.0 / memory);
+        let keeps = 1.0 - forgets;
         let expected = self.filtered.after(dt_s, 0.0);
         let miss = value - expected.value;
+        let square = forgets * forgets;
         Motion {
-            value: expected.value + VALUE_GAIN * miss,
-            rate: expected.rate + RATE_GAIN * miss / dt_s,
-            acceleration: expected.acceleration + ACCELERATION_GAIN * miss / (dt_s * dt_s),
+            value: expected.value + (1.0 - keeps * keeps * keeps) * miss,
+            rate: expected.rate + 1.5 * square * (1.0 + keeps) * miss / dt_s,
+            acceleration: expected.acceleration + square * forgets * miss / (dt_s * dt_s),
         }
     }
 }
@@ -172,7 +184,24 @@ struct Differences {
     acceleration: f64,
 }
 
+impl Motion {
+    /// No faster than the samples of the last intervals, which the filter outlives.
+    fn no_faster_than(self, rate: f64, times: &Times) -> Self {
+        let acceleration = rate * times.per_s[0];
+        Self {
+            value: self.value,
+            rate: self.rate.clamp(-rate, rate),
+            acceleration: self.acceleration.clamp(-acceleration, acceleration),
+        }
+    }
+}
+
 impl Differences {
+    /// The largest rate that the samples show.
+    fn fastest(&self, times: &Times) -> f64 {
+        self.rate.abs() + self.acceleration.abs() * times.spans_s()
+    }
+
     fn parabola(&self, times: &Times) -> Motion {
         let Self { value, rate, acceleration } = *self;
         Motion { value, rate: rate + acceleration * times.since_s / 2.0, acceleration }
@@ -191,7 +220,7 @@ mod tests {
         for dt in [0.01, 0.02, 0.005, 0.013, 0.01] {
             t += dt;
             times.pass(dt, 0.0);
-            let (next, jerk) = track.with(cubic(t), &times);
+            let (next, jerk) = track.with(cubic(t), &times, 2.0);
             assert!((jerk - 2.0).abs() < 1e-8, "{jerk}");
             track = next;
         }

@@ -5,9 +5,9 @@
 //! 2. `|c| ≤ angle`, to rounding.
 //! 3. `|Δc| ≤ rate · Δt` over the time that really passed between two ticks.
 //! 4. The third divided difference of any four ticks in a row is at most the jerk. Where ticks are unevenly spaced, the times at which a
-//!    robot executes them are uncertain by the spread `u` of the newest intervals: what `v · u` makes of it at the rate `v` is allowed.
-//! 5. After a silence (longer than 20 ms and than three intervals before it) the robot has stood: `c` is what it was, and goes on
-//!    from rest.
+//!    robot executes them are uncertain by the spread `u` of the newest intervals: what `v u` makes of it at the rate `v` is allowed.
+//! 5. After a silence (longer than 20 ms, and than three times the shorter of the two intervals before it) the robot has stood: `c` is
+//!    what it was, and goes on from rest. So it does after an answer that the controller has not used.
 //! 6. After bounds changed, the larger of the old and the new ones hold for as long as braking from the former into the latter may take;
 //!    then the new ones alone.
 //! 7. In shadow mode what is sent is the command, bit for bit, once a correction that was there has had the time of rule 6.
@@ -16,8 +16,9 @@ use crate::cell_loop::JOINTS;
 use shm_schema::JointBounds;
 use std::collections::VecDeque;
 
-/// Rounding of a position of up to some rad and of its difference from another, rad.
-const ROUNDING: f64 = 4e-15;
+/// Rounding of a sum and a difference, rad; and per rad of the command.
+const ROUNDING: f64 = 1e-15;
+const RELATIVE: f64 = 1e-15;
 /// Ticks closer than this are no samples of a jerk of their own, s: half the period of the fastest cycle.
 const NODES_S: f64 = 5e-5;
 const SILENCE_S: f64 = 0.02;
@@ -55,6 +56,8 @@ impl Bounds {
 struct Node {
     t_s: f64,
     correction: [f64; JOINTS],
+    /// By how much each may be off by rounding, rad.
+    rounding: [f64; JOINTS],
 }
 
 /// Whoever judges.
@@ -66,7 +69,9 @@ pub struct Oracle {
     /// The newest nodes, oldest first, and the tick after the last of them.
     nodes: VecDeque<Node>,
     last: Option<Node>,
+    /// Intervals since a silence, s; and the last two, silences among them.
     intervals: VecDeque<f64>,
+    before_s: [f64; 2],
     /// From when on shadow mode binds, s.
     shadow_from_s: Option<f64>,
     /// How long whoever sends may not know of a change, s.
@@ -86,6 +91,7 @@ impl Oracle {
             nodes: VecDeque::new(),
             last: None,
             intervals: VecDeque::new(),
+            before_s: [0.0; 2],
             shadow_from_s: None,
             delay_s,
             start_ns: None,
@@ -131,10 +137,16 @@ impl Oracle {
     pub fn begin(&mut self, correction: &[f64]) {
         self.nodes.clear();
         self.intervals.clear();
+        self.before_s = [0.0; 2];
         let first = |i| correction.get(i).copied().unwrap_or(0.0);
         if let Some(last) = &mut self.last {
             last.correction = std::array::from_fn(first);
         }
+    }
+
+    /// The robot has not used what it was sent last, and stands.
+    pub fn rests(&mut self) {
+        self.nodes.clear();
     }
 
     /// Judges a tick.
@@ -157,7 +169,8 @@ impl Oracle {
         {
             broken = Err(format!("shadow mode sends {sent:?} for {command:?}"));
         }
-        let now = Node { t_s, correction };
+        let rounding = std::array::from_fn(|i| self.resolution + RELATIVE * command[i].abs());
+        let now = Node { t_s, correction, rounding };
         let judged = self.judge(&now);
         self.remember(now);
         broken.and(judged)
@@ -166,19 +179,19 @@ impl Oracle {
     fn judge(&self, now: &Node) -> Result<(), String> {
         for i in 0..JOINTS {
             let bounds = self.in_force(i);
-            let c = now.correction[i];
-            if !c.is_finite() || c.abs() > bounds.angle * (1.0 + 1e-9) + self.resolution {
+            let (c, rounding) = (now.correction[i], 2.0 * now.rounding[i]);
+            if !c.is_finite() || c.abs() > bounds.angle * (1.0 + 1e-9) + rounding {
                 return Err(format!("joint {i} is corrected by {c:e}, bound {:e}", bounds.angle));
             }
             let Some(last) = &self.last else {
-                if c.abs() > self.resolution {
+                if c.abs() > rounding {
                     return Err(format!("joint {i} begins with a correction of {c:e}"));
                 }
                 continue;
             };
             let (moved, dt_s) = ((c - last.correction[i]).abs(), now.t_s - last.t_s);
             let most = if self.is_silence(dt_s) { 0.0 } else { bounds.rate * dt_s * (1.0 + 1e-9) };
-            if moved > most + self.resolution {
+            if moved > most + rounding + last.rounding[i] {
                 return Err(format!("joint {i} moved by {moved:e} in {dt_s:.6} s, bound {most:e}"));
             }
             self.judge_jerk(now, i, bounds.jerk)?;
@@ -194,22 +207,21 @@ impl Oracle {
         let mut four = [*now; 4];
         let nodes = self.nodes.iter().rev().take(3).rev();
         four.iter_mut().zip(nodes).for_each(|(slot, node)| *slot = *node);
-        let (mut jerk, mut weights) = (0.0, 0.0);
+        let (mut jerk, mut weights, mut rounding) = (0.0, 0.0, 0.0);
         for (k, node) in four.iter().enumerate() {
             let gaps = (0..4).filter(|j| *j != k).map(|j| node.t_s - four[j].t_s);
             let weight = 6.0 / gaps.product::<f64>();
             jerk += weight * node.correction[i];
             weights += weight.abs();
+            rounding += weight.abs() * node.rounding[i];
         }
-        let fastest = self
-            .nodes
-            .iter()
-            .zip(self.nodes.iter().skip(1))
-            .map(|(a, b)| (b.correction[i] - a.correction[i]).abs() / (b.t_s - a.t_s));
-        let uncertain = fastest.fold(0.0, f64::max) * self.spread_s();
-        let most = bound * (1.0 + 1e-6) + (self.resolution + uncertain) * weights;
+        let uncertain = self.fastest(i) * self.spread_s(dt_s);
+        let most = bound * (1.0 + 1e-6) + uncertain * weights + rounding;
         if jerk.abs() > most {
-            return Err(format!("joint {i} has a jerk of {jerk:e}, bound {bound:e} ({most:e})"));
+            let row = |node: &Node| format!("{:.6} s {:e}", node.t_s, node.correction[i]);
+            let rows: Vec<String> = self.nodes.iter().chain([now]).map(row).collect();
+            let words = format!("jerk of {jerk:e}, bound {bound:e} ({most:e})");
+            return Err(format!("joint {i} has a {words}: {}", rows.join(", ")));
         }
         Ok(())
     }
@@ -222,6 +234,9 @@ impl Oracle {
                 self.intervals.clear();
             } else if dt_s > 0.0 {
                 self.intervals.push_back(dt_s);
+            }
+            if dt_s > 0.0 {
+                self.before_s = [dt_s, self.before_s[0]];
             }
         }
         if self.intervals.len() > INTERVALS {
@@ -237,14 +252,29 @@ impl Oracle {
     }
 
     fn is_silence(&self, dt_s: f64) -> bool {
-        let pace_s = self.intervals.back().copied().unwrap_or(0.0);
-        dt_s > SILENCE_S.max(SILENT_INTERVALS * pace_s)
+        let [last_s, before_s] = self.before_s;
+        dt_s > SILENCE_S.max(SILENT_INTERVALS * last_s.min(before_s)) * (1.0 + 1e-9)
     }
 
-    fn spread_s(&self) -> f64 {
-        let longest = self.intervals.iter().copied().fold(0.0, f64::max);
-        let shortest = self.intervals.iter().copied().fold(f64::MAX, f64::min);
-        (longest - shortest).max(0.0)
+    fn spread_s(&self, dt_s: f64) -> f64 {
+        let all = || self.intervals.iter().copied().chain([dt_s]);
+        (all().fold(0.0, f64::max) - all().fold(f64::MAX, f64::min)).max(0.0)
+    }
+
+    /// The largest rate of the newest nodes, at their ends too.
+    fn fastest(&self, i: usize) -> f64 {
+        let rates: Vec<(f64, f64)> = self
+            .nodes
+            .iter()
+            .zip(self.nodes.iter().skip(1))
+            .map(|(a, b)| {
+                let dt_s = b.t_s - a.t_s;
+                (dt_s, (b.correction[i] - a.correction[i]) / dt_s)
+            })
+            .collect();
+        let mean = rates.iter().fold(0.0, |most: f64, (_, rate)| most.max(rate.abs()));
+        let changes = rates.windows(2).map(|two| (two[1].1 - two[0].1).abs());
+        mean + 3.0 * changes.fold(0.0, f64::max)
     }
 
     fn in_force(&self, i: usize) -> Bounds {

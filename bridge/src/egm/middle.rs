@@ -24,6 +24,9 @@ use crate::sequence::{Sequence, Standing};
 /// A controller that is silent for so long has ended its run, unless it counted on, ns.
 pub const SESSION_NS: u64 = 1_000_000_000;
 
+/// So many datagrams in a row another mechanical unit has to send before it is served instead of one that is silent.
+const TAKEN_AFTER: u32 = 3;
+
 /// What the bridge is set to.
 #[derive(Debug, Clone, Copy)]
 pub struct Settings {
@@ -69,6 +72,8 @@ pub struct Middle<L = Joining> {
     counts: Arc<Counts>,
     path: Path,
     robot: Option<Robot>,
+    /// Another mechanical unit, and how many datagrams it has sent since the one that is served last did.
+    other_unit: Option<(SocketAddr, u32)>,
     robot_sequence: Sequence,
     application_sequence: Sequence,
 }
@@ -105,8 +110,9 @@ impl<L: Link> Middle<L> {
             force,
             counts,
             robot: None,
-            robot_sequence: Sequence::default(),
-            application_sequence: Sequence::default(),
+            other_unit: None,
+            robot_sequence: Sequence::COUNTING,
+            application_sequence: Sequence::COUNTING,
         }
     }
 
@@ -123,7 +129,7 @@ impl<L: Link> Middle<L> {
             return self.drop(Count::Broken);
         };
         if self.robot.is_some_and(|robot| robot.address != from) {
-            self.robot_sequence = Sequence::default();
+            self.robot_sequence = Sequence::COUNTING;
         }
         let standing = self.robot_sequence.judge(message.header.seqno, datagram);
         let lost = match standing {
@@ -141,15 +147,20 @@ impl<L: Link> Middle<L> {
         true
     }
 
-    /// Whether this is the mechanical unit that is served: the named one, or the one that lives.
-    fn is_served(&self, from: SocketAddr, now_ns: u64) -> bool {
-        match (self.settings.robot_port, self.robot) {
-            (Some(port), _) => from.port() == port,
-            (None, Some(robot)) => {
-                robot.address == from || now_ns.saturating_sub(robot.last_ns) >= SESSION_NS
-            }
-            (None, None) => true,
+    /// Whether this is the mechanical unit that is served: the named one; or the one that lives, until it has been silent for a while and
+    /// another one has sent several datagrams in a row.
+    fn is_served(&mut self, from: SocketAddr, now_ns: u64) -> bool {
+        if let Some(port) = self.settings.robot_port {
+            return from.port() == port;
         }
+        let Some(robot) = self.robot else { return true };
+        if robot.address == from {
+            self.other_unit = None;
+            return true;
+        }
+        let seen = self.other_unit.filter(|(address, _)| *address == from).map_or(0, |(_, n)| n);
+        self.other_unit = Some((from, seen + 1));
+        now_ns.saturating_sub(robot.last_ns) >= SESSION_NS && seen + 1 >= TAKEN_AFTER
     }
 
     /// What the controller's message says of its run.

@@ -69,8 +69,6 @@ pub struct Answerer<L = Joining> {
     /// Smallest step of the controller's clock so far: one cycle.
     step: u32,
     late: Option<u64>,
-    /// Cycles of the controller that were not answered and that it has not counted as late yet.
-    unanswered: u64,
     /// The newest telegram has not been answered.
     owes_answer: bool,
     /// What the controller was sent, the newest first.
@@ -104,10 +102,9 @@ impl<L: Link> Answerer<L> {
             arm,
             feed,
             counts,
-            sequence: Sequence::default(),
+            sequence: Sequence::CLOCK,
             step: u32::MAX,
             late: None,
-            unanswered: 0,
             owes_answer: false,
             sent: [Sent::default(); KEPT],
         }
@@ -157,21 +154,22 @@ impl<L: Link> Answerer<L> {
             self.counts.one(Count::Sessions);
             self.feed.start_at_zero();
             self.sent = [Sent::default(); KEPT];
-            (self.step, self.late, self.unanswered) = (u32::MAX, late, 0);
+            (self.step, self.late) = (u32::MAX, late);
             return;
         }
+        // Cycles without an answer count as late too: of those nothing was sent that could be taken back.
+        let mut unanswered = u64::from(self.owes_answer);
         if let Standing::Next { lost } = standing {
             self.step = self.step.min(lost + 1);
             let missed = u64::from((lost + 1) / self.step - 1);
             self.counts.add(Count::RobotMissed, missed);
-            self.unanswered += missed + u64::from(self.owes_answer);
+            unanswered += missed;
         }
         if let (Some(before), Some(now)) = (self.late, late)
             && now > before
         {
             self.counts.add(Count::ControllerLate, now - before);
-            self.take_back((now - before).saturating_sub(self.unanswered));
-            self.unanswered = self.unanswered.saturating_sub(now - before);
+            self.take_back((now - before).saturating_sub(unanswered));
         }
         self.late = late;
     }

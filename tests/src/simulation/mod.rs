@@ -39,6 +39,8 @@ pub struct Summary {
     pub ticks: u64,
     /// Storms of faults, each followed by a calm in which all came back.
     pub storms: u64,
+    /// How long after the last fault of each storm the daemon's own correction went out again, ms.
+    pub back_after_ms: Vec<u64>,
     /// How often the daemon said what, and where the client's targets came from.
     pub said: BTreeMap<String, u64>,
     /// All published numbers, folded: tells two runs apart.

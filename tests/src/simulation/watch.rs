@@ -26,6 +26,7 @@ pub(super) struct Watch {
     /// Ticks of this calm so far in a row in which the daemon's own correction went out, bit for bit.
     exact: u64,
     most_exact: u64,
+    is_back: bool,
     published: u64,
 }
 
@@ -41,6 +42,7 @@ impl Watch {
             longest: 0,
             exact: 0,
             most_exact: 0,
+            is_back: false,
             published: 0,
         }
     }
@@ -50,7 +52,7 @@ impl Watch {
         self.daemon = Oracle::new(bounds, 0.0);
         (self.recorded, self.last_seq, self.published) = (0, 0, 0);
         (self.settled, self.longest) = (0, 0);
-        (self.exact, self.most_exact) = (0, 0);
+        (self.exact, self.most_exact, self.is_back) = (0, 0, false);
     }
 
     /// The client learns other bounds.
@@ -129,11 +131,19 @@ impl Watch {
             self.breaks(&format!("the client: {words}: {sent:?}"));
         }
         let is_exact = answer.is_some_and(|answer| answer.correction == sent.correction);
-        if is_exact != (sent.source == Source::Corrected) {
+        if sent.source == Source::Corrected && !is_exact {
             self.breaks(&format!("the client says {:?} of {answer:?}", sent.source));
         }
         self.exact = if is_exact { self.exact + 1 } else { 0 };
         self.most_exact = self.most_exact.max(self.exact);
+    }
+
+    /// So many ticks after the last fault the daemon's own correction first went out for long.
+    pub(super) fn calm(&mut self, ticks: u64) {
+        if self.most_exact >= SETTLED && !self.is_back {
+            self.is_back = true;
+            self.summary.back_after_ms.push(ticks.saturating_sub(SETTLED));
+        }
     }
 
     fn breaks(&mut self, words: &str) {

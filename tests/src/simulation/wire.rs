@@ -141,7 +141,10 @@ impl Wire {
         self.watch.summary.ticks += 1;
         match (self.stormy, self.calm) {
             (0, 0) => {}
-            (0, _) => self.calm -= 1,
+            (0, _) => {
+                self.calm -= 1;
+                self.watch.calm(super::CALM_TICKS - self.calm);
+            }
             (1, _) => {
                 self.stormy = 0;
                 self.client.start_anew(self.chance.bits());

@@ -29,6 +29,8 @@ pub(super) struct Cell {
     standing_ns: u64,
     ipoc: u64,
     late: u64,
+    /// What the newest telegram that came said of it.
+    told_late: u64,
     /// What the controller adds to the program's axes, rad.
     sum: [f64; JOINTS],
     telegrams: Vec<String>,
@@ -62,6 +64,7 @@ impl Cell {
             standing_ns: 0,
             ipoc: 123_456,
             late: 0,
+            told_late: 0,
             sum: [0.0; JOINTS],
             telegrams: Vec::new(),
             is_stormy: false,
@@ -106,9 +109,15 @@ impl Cell {
         }
         let fate = if self.is_stormy { self.chance.below(60) } else { 10 };
         let answer = if fate == 0 { None } else { self.answer(&telegram, "192.168.1.2:6008") };
+        self.told_late = if fate == 0 { self.told_late } else { self.late };
         match answer.filter(|_| fate != 1) {
             Some(numbers) => self.takes(&q, &numbers),
-            None => self.late += 1,
+            None => {
+                self.late += 1;
+                if answer.is_some() {
+                    self.oracle.rests();
+                }
+            }
         }
     }
 
@@ -171,7 +180,8 @@ impl Cell {
     /// The network fails, or the controller waits: up to a second, or longer while it counts late answers.
     fn silence(&mut self) {
         let cycles = self.chance.below(400);
-        let is_long = self.chance.below(2) == 0;
+        // A controller that waits has counted before.
+        let is_long = self.late != self.told_late || self.chance.below(2) == 0;
         let cycles = if is_long { cycles } else { cycles % 240 };
         self.now_ns += cycles * CYCLE_NS;
         self.standing_ns += cycles * CYCLE_NS;
