@@ -76,13 +76,12 @@ impl Intervals {
         Some(Elapsed { dt_s: passed_s, jitter_s: self.jitter_s() })
     }
 
-    /// The longest of the newest intervals less the shortest.
+    /// The longest of the newest intervals less the shortest, and no more than that: what is several times as long is a cycle that was missed,
+    /// no jitter.
     fn jitter_s(&self) -> f64 {
-        let known = self.ring.iter().filter(|interval_s| **interval_s > 0.0);
-        let (shortest, longest) = known.fold((f64::MAX, 0.0_f64), |(shortest, longest), s| {
-            (shortest.min(*s), longest.max(*s))
-        });
-        (longest - shortest).max(0.0)
+        let known = || self.ring.iter().copied().filter(|interval_s| *interval_s > 0.0);
+        let shortest = known().fold(f64::MAX, f64::min);
+        (known().fold(0.0, f64::max) - shortest).clamp(0.0, shortest)
     }
 }
 

@@ -5,7 +5,7 @@
 //! 2. `|c| ≤ angle`, to rounding.
 //! 3. `|Δc| ≤ rate · Δt` over the time that really passed between two ticks.
 //! 4. The third divided difference of any four ticks in a row is at most the jerk. Where ticks are unevenly spaced, the times at which a
-//!    robot executes them are uncertain by the spread `u` of the newest intervals: what `v u` makes of it at the rate `v` is allowed.
+//!    robot executes them are uncertain by the spread `u` of the newest intervals (their median at most: a cycle that was missed is no jitter): what `v u` makes of it at the rate `v` is allowed.
 //! 5. After a silence (longer than 20 ms, and than three times the shorter of the two intervals before it) the robot has stood: `c` is
 //!    what it was, and goes on from rest. So it does after an answer that the controller has not used.
 //! 6. After bounds changed, the larger of the old and the new ones hold for as long as braking from the former into the latter may take;
@@ -257,8 +257,9 @@ impl Oracle {
     }
 
     fn spread_s(&self, dt_s: f64) -> f64 {
-        let all = || self.intervals.iter().copied().chain([dt_s]);
-        (all().fold(0.0, f64::max) - all().fold(f64::MAX, f64::min)).max(0.0)
+        let mut all: Vec<f64> = self.intervals.iter().copied().chain([dt_s]).collect();
+        all.sort_by(f64::total_cmp);
+        (all[all.len() - 1] - all[0]).min(all[all.len() / 2])
     }
 
     /// The largest rate of the newest nodes, at their ends too.

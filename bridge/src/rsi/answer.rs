@@ -146,9 +146,14 @@ impl<L: Link> Answerer<L> {
 
     fn note(&mut self, telegram: &Telegram<'_>, standing: Standing) {
         let late = telegram.late();
-        // Late answers are counted while RSI is on: a silence with a count is the network's, and the correction goes on.
-        let counted_on = late > self.late;
+        // Late answers are counted while RSI is on: a silence in which most cycles were counted is the network's, and the correction goes on.
         let is_silent = matches!(standing, Standing::Next { lost } if lost >= SESSION_MS);
+        let counted = late.unwrap_or(0).saturating_sub(self.late.unwrap_or(0));
+        let cycles = match standing {
+            Standing::Next { lost } => u64::from((lost + 1) / self.step.min(lost + 1)),
+            _ => 0,
+        };
+        let counted_on = 2 * counted >= cycles;
         let began_anew = late < self.late;
         if standing == Standing::First || began_anew || (is_silent && !counted_on) {
             self.counts.one(Count::Sessions);

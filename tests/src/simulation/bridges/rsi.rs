@@ -103,11 +103,13 @@ impl Cell {
         self.ipoc += CYCLE_NS / 1_000_000;
         let q = path(self.now_ns - self.standing_ns);
         let telegram = telegram(self.ipoc, self.late, &q);
-        self.telegrams.push(telegram.clone());
+        let fate = if self.is_stormy { self.chance.below(60) } else { 10 };
+        if fate > 0 {
+            self.telegrams.push(telegram.clone());
+        }
         if self.telegrams.len() > 200 {
             self.telegrams.remove(0);
         }
-        let fate = if self.is_stormy { self.chance.below(60) } else { 10 };
         let answer = if fate == 0 { None } else { self.answer(&telegram, "192.168.1.2:6008") };
         self.told_late = if fate == 0 { self.told_late } else { self.late };
         match answer.filter(|_| fate != 1) {
