@@ -4,15 +4,15 @@
 
 use std::time::Duration;
 
-use trued_client::{Client, ConnectError, monotonic_ns};
+use trued_client::{Client, monotonic_ns};
 
-fn main() -> Result<(), ConnectError> {
+fn main() -> Result<(), Box<dyn std::error::Error>> {
     let cell = std::env::args().nth(1).unwrap_or_else(|| "cell-1".to_owned());
     let mut trued = Client::connect(&cell, Duration::from_secs(2))?;
     for cycle in 0..10_000 {
         let q_cmd = next_target_rad(cycle);
         let _ = trued.send(&q_cmd.into()); // no daemon now? the next line answers all the same
-        let target = trued.target_for(&q_cmd, monotonic_ns());
+        let target = trued.target_for(&q_cmd, monotonic_ns())?; // an error: no numbers
         publish_to_robot(target.joints());
         std::thread::sleep(Duration::from_millis(1));
     }

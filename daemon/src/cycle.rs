@@ -44,7 +44,8 @@ impl<L: Link> Cycle<L> {
             self.take_orders(exchange);
             if let Some(received_ns) = self.turn(exchange) {
                 stale_from_ns = Some(received_ns + self.stale_ns).filter(|_| !self.lockstep);
-            } else if stale_from_ns.is_some_and(|from_ns: u64| self.robot.link.now_ns() >= from_ns) {
+            } else if stale_from_ns.is_some_and(|from_ns: u64| self.robot.link.now_ns() >= from_ns)
+            {
                 count(&exchange.counters.stale);
                 stale_from_ns = None;
             }

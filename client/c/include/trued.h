@@ -127,7 +127,7 @@ typedef int32_t trued_code;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// How a corrected target was made.
+// How a correction was made.
 enum trued_correction_status
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : uint32_t
@@ -141,7 +141,7 @@ enum trued_correction_status
   TRUED_CORRECTION_STATUS_RAMPING = 2,
   // By order, nothing is corrected.
   TRUED_CORRECTION_STATUS_BYPASSED = 3,
-  // The command was refused; `q` is the last target that was good.
+  // The command was refused; the correction stands for a while, then ramps out.
   TRUED_CORRECTION_STATUS_REJECTED = 4,
   // The command itself; `wanted` tells what would have been.
   TRUED_CORRECTION_STATUS_SHADOW = 5,
@@ -154,7 +154,7 @@ typedef uint32_t trued_correction_status;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// Why a corrected target was made as it was.
+// Why a correction was made as it was.
 enum trued_reason
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : uint32_t
@@ -488,24 +488,20 @@ typedef uint32_t trued_answer_code;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
-// Where a target comes from.
+// What the correction in a target is.
 enum trued_source
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
   : uint32_t
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
-  // The daemon, for this very command.
+  // The daemon's, for this very command.
   TRUED_SOURCE_CORRECTED = 0,
-  // This command with the daemon's newest correction, which it made for an earlier command.
+  // The daemon's newest, which it made for an earlier command.
   TRUED_SOURCE_LAST_CORRECTION = 1,
-  // The daemon refused the command: its last good target.
-  TRUED_SOURCE_REJECTED = 2,
-  // This command with a correction on its way to the daemon's, after contact came back.
-  TRUED_SOURCE_BLENDING = 3,
-  // This command with a correction on its way to zero, as the daemon is silent.
-  TRUED_SOURCE_RAMPING = 4,
-  // This command, as if there were no daemon.
-  TRUED_SOURCE_PLAIN = 5,
+  // On its way to what the daemon asks for, or to zero as the daemon is silent.
+  TRUED_SOURCE_RAMPING = 2,
+  // None, and no daemon that asks for any: the target is the command.
+  TRUED_SOURCE_PLAIN = 3,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -566,13 +562,13 @@ typedef struct trued_robot_state {
   double temperature_c[TRUED_TEMPERATURES_MAX];
 } trued_robot_state;
 
-// A joint target that may be published.
+// A joint target, to be sent to the robot.
 typedef struct trued_target {
   // sizeof(trued_target).
   uint32_t struct_size;
   // As many as the command had.
   uint32_t joints;
-  // Where it comes from: a trued_source.
+  // What the correction in it is: a trued_source.
   uint32_t source;
   // Zero.
   uint32_t reserved;
@@ -606,8 +602,6 @@ typedef struct trued_corrected {
   uint64_t made_ns;
   // Which model made it: plus 1 with each swap.
   uint64_t model_epoch;
-  // The target: whatever the status, it may be published.
-  double q[TRUED_JOINTS_MAX];
   // What of `q` is correction.
   double correction[TRUED_JOINTS_MAX];
   // How fast that changes, per s.
@@ -901,14 +895,25 @@ trued_code trued_client_send_joints(struct trued_client *client, const double *q
 // Sends what the robot measures of itself.
 trued_code trued_client_send_state(struct trued_client *client, const struct trued_robot_state *state);
 
-// What to publish for `q_cmd` at `now_ns` (trued_monotonic_ns()), whatever has become of the daemon: its answer while that
-// is fresh, else the last correction ramped out by the daemon's own rule, and the plain command in the end. Waits for
-// nothing; fails only for misuse.
+// What to send to the robot for `q_cmd` at `now_ns` (trued_monotonic_ns()), whatever has become of the daemon: `q_cmd` plus a
+// correction that goes on from what was sent last within the daemon's limits: towards the daemon's while an answer is fresh, else to
+// zero. Waits for nothing. TRUED_ERROR_ARGUMENT where `q_cmd` holds no finite number: nothing has changed then, and
+// trued_client_last_target() is what was sent last.
 trued_code trued_client_target(struct trued_client *client,
                                const double *q_cmd,
                                uint32_t joints,
                                uint64_t now_ns,
                                struct trued_target *target);
+
+// What was sent to the robot last, for a loop that has to send something and has no command; TRUED_NOTHING before the first target.
+trued_code trued_client_last_target(struct trued_client *client,
+                                    struct trued_target *target);
+
+// Begins another run of a robot that stands at its command plus this correction, rad or m, of so many joints: none (NULL and 0)
+// where its program began anew.
+trued_code trued_client_start_from(struct trued_client *client,
+                                   const double *correction,
+                                   uint32_t joints);
 
 // Sends joints and waits for their answer within the limit; fills in `target` like trued_client_target() in any case.
 trued_code trued_client_exchange(struct trued_client *client,

@@ -318,11 +318,18 @@ public:
     code send_state(const robot_state &state) {
         return detail::gone_on(::trued_client_send_state(raw(), &state));
     }
-    // What to publish for `q_cmd`, whatever has become of the daemon. Waits for nothing.
+    // What to send to the robot for `q_cmd`, whatever has become of the daemon. Waits for nothing. Throws for a command that is no number:
+    // nothing has changed then, and last_target() is what was sent last.
     template <typename Joints> target target_for(const Joints &q_cmd, std::uint64_t now_ns = ::trued_monotonic_ns()) {
         auto value = made<trued_target>();
         detail::check(::trued_client_target(raw(), q_cmd.data(), detail::count(q_cmd.size()), now_ns, &value));
         return value;
+    }
+    // What was sent to the robot last; nothing before the first target.
+    std::optional<target> last_target() {
+        auto value = made<trued_target>();
+        const auto c = ::trued_client_last_target(raw(), &value);
+        return detail::found(c, value);
     }
     // Sends and waits within the limit; answers like target_for() in any case.
     template <typename Joints> target exchange(const Joints &q_cmd, nanoseconds limit) {
@@ -346,6 +353,11 @@ public:
     }
     void set_fresh(nanoseconds fresh) { detail::check(::trued_client_set_fresh(raw(), detail::ns(fresh))); }
     void start_anew() { detail::check(::trued_client_start_anew(raw())); }
+    // Another run of a robot that stands at its command plus this correction; nothing where its program began anew.
+    void start_from() { detail::check(::trued_client_start_from(raw(), nullptr, 0)); }
+    template <typename Joints> void start_from(const Joints &correction) {
+        detail::check(::trued_client_start_from(raw(), correction.data(), detail::count(correction.size())));
+    }
     // Goes to shadow mode, or back to the configured one; where that is shadow, it is refused. A request, like those of a monitor.
     answer arm(bool on, nanoseconds limit) { return asked(&::trued_client_arm, limit, on ? 1u : 0u); }
 };

@@ -110,9 +110,10 @@ pub unsafe extern "C" fn trued_client_send_state(
     })
 }
 
-/// What to publish for `q_cmd` at `now_ns` (trued_monotonic_ns()), whatever has become of the daemon: its answer while that
-/// is fresh, else the last correction ramped out by the daemon's own rule, and the plain command in the end. Waits for
-/// nothing; fails only for misuse.
+/// What to send to the robot for `q_cmd` at `now_ns` (trued_monotonic_ns()), whatever has become of the daemon: `q_cmd` plus a
+/// correction that goes on from what was sent last within the daemon's limits: towards the daemon's while an answer is fresh, else to
+/// zero. Waits for nothing. TRUED_ERROR_ARGUMENT where `q_cmd` holds no finite number: nothing has changed then, and
+/// trued_client_last_target() is what was sent last.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_target(
     client: *mut trued_client,
@@ -126,10 +127,44 @@ pub unsafe extern "C" fn trued_client_target(
         let target = unsafe { place(target) }?;
         // SAFETY: the same.
         let q_cmd = unsafe { numbers("q_cmd", q_cmd, translate::joints(joints)?) }?;
-        let found = CLIENTS.with(client.addr(), |client| {
-            client.target_for(q_cmd, now_ns).map_err(|e| crate::code::Fault::from(::trued_client::NotSent::from(e)))
-        })?;
+        let found = CLIENTS.with(client.addr(), |client| Ok(client.target_for(q_cmd, now_ns)?))?;
         put(target, Some(translate::target(&found)))
+    })
+}
+
+/// What was sent to the robot last, for a loop that has to send something and has no command; TRUED_NOTHING before the first target.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_last_target(
+    client: *mut trued_client,
+    target: *mut trued_target,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let target = unsafe { place(target) }?;
+        let found = CLIENTS.with(client.addr(), |client| Ok(client.last_target()))?;
+        put(target, found.as_ref().map(translate::target))
+    })
+}
+
+/// Begins another run of a robot that stands at its command plus this correction, rad or m, of so many joints: none (NULL and 0)
+/// where its program began anew.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_client_start_from(
+    client: *mut trued_client,
+    correction: *const f64,
+    joints: u32,
+) -> trued_code {
+    guard(|| {
+        let correction = if joints == 0 {
+            &[][..]
+        } else {
+            // SAFETY: the rules of the header.
+            unsafe { numbers("correction", correction, translate::joints(joints)?) }?
+        };
+        CLIENTS.with(client.addr(), |client| {
+            client.start_from(correction);
+            Ok(trued_code::TRUED_OK)
+        })
     })
 }
 
@@ -148,9 +183,7 @@ pub unsafe extern "C" fn trued_client_exchange(
         // SAFETY: the same.
         let q_cmd = unsafe { numbers("q_cmd", q_cmd, translate::joints(joints)?) }?;
         let limit = limit(limit_ns)?;
-        let found = CLIENTS.with(client.addr(), |client| {
-            client.exchange(q_cmd, limit).map_err(|e| crate::code::Fault::from(::trued_client::NotSent::from(e)))
-        })?;
+        let found = CLIENTS.with(client.addr(), |client| Ok(client.exchange(q_cmd, limit)?))?;
         put(target, Some(translate::target(&found)))
     })
 }

@@ -10,7 +10,7 @@ use std::ffi::c_char;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::Duration;
 
-use ::trued_client::{AskError, ConnectError, ErrorKind, NotSent, Response};
+use ::trued_client::{AskError, ConnectError, ErrorKind, NotATarget, NotSent, Response};
 
 /// What a function answers. Below zero: an error, whose words are in trued_last_error().
 ///
@@ -124,6 +124,8 @@ pub(crate) enum Fault {
     #[error(transparent)]
     NotSent(#[from] NotSent),
     #[error(transparent)]
+    NotATarget(#[from] NotATarget),
+    #[error(transparent)]
     Ask(#[from] AskError),
 }
 
@@ -142,6 +144,7 @@ impl Fault {
             Self::Failed(_) => trued_code::TRUED_ERROR_FAILED,
             Self::Connect(e) => e.kind().into(),
             Self::NotSent(e) => e.kind().into(),
+            Self::NotATarget(e) => e.kind().into(),
             Self::Ask(e) => e.kind().into(),
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! Promise: a number keeps its meaning; a later daemon may send numbers that are not here.
 
-/// How a corrected target was made.
+/// How a correction was made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_correction_status {
@@ -14,13 +14,13 @@ pub enum trued_correction_status {
     Ramping = 2,
     /// By order, nothing is corrected.
     Bypassed = 3,
-    /// The command was refused; `q` is the last target that was good.
+    /// The command was refused; the correction stands for a while, then ramps out.
     Rejected = 4,
     /// The command itself; `wanted` tells what would have been.
     Shadow = 5,
 }
 
-/// Why a corrected target was made as it was.
+/// Why a correction was made as it was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_reason {
@@ -246,22 +246,18 @@ pub enum trued_answer_code {
     Failed = 3,
 }
 
-/// Where a target comes from.
+/// What the correction in a target is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum trued_source {
-    /// The daemon, for this very command.
+    /// The daemon's, for this very command.
     Corrected = 0,
-    /// This command with the daemon's newest correction, which it made for an earlier command.
+    /// The daemon's newest, which it made for an earlier command.
     LastCorrection = 1,
-    /// The daemon refused the command: its last good target.
-    Rejected = 2,
-    /// This command with a correction on its way to the daemon's, after contact came back.
-    Blending = 3,
-    /// This command with a correction on its way to zero, as the daemon is silent.
-    Ramping = 4,
-    /// This command, as if there were no daemon.
-    Plain = 5,
+    /// On its way to what the daemon asks for, or to zero as the daemon is silent.
+    Ramping = 2,
+    /// None, and no daemon that asks for any: the target is the command.
+    Plain = 3,
 }
 
 impl From<::trued_client::Source> for trued_source {

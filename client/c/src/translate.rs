@@ -165,7 +165,6 @@ pub(crate) fn corrected(from: &Corrected) -> trued_corrected {
         received_ns: from.received_ns,
         made_ns: from.made_ns,
         model_epoch: from.model_epoch,
-        q: [0.0; TRUED_JOINTS_MAX],
         correction: from.correction,
         correction_rate: from.correction_rate,
         correction_acceleration: from.correction_acceleration,

@@ -36,11 +36,11 @@ fn every_struct_keeps_its_size_and_offsets_in_rust_and_in_c() {
         reserved at 12, t_ns at 16, q_measured at 24, tau at 152, temperature_c at 280);
     pinned!(&mut all, trued_target: 144 bytes, struct_size at 0, joints at 4, source at 8,
         reserved at 12, q at 16);
-    pinned!(&mut all, trued_corrected: 728 bytes, struct_size at 0, joints at 4, status at 8,
+    pinned!(&mut all, trued_corrected: 600 bytes, struct_size at 0, joints at 4, status at 8,
         reason at 12, wrench_gate at 16, iterations at 20, seq at 24, command_seq at 32, t_ns at
-        40, received_ns at 48, made_ns at 56, model_epoch at 64, q at 72, correction at 200,
-        correction_rate at 328, correction_acceleration at 456, wanted at 584, residual_m at
-        712, residual_rad at 720);
+        40, received_ns at 48, made_ns at 56, model_epoch at 64, correction at 72,
+        correction_rate at 200, correction_acceleration at 328, wanted at 456, residual_m at 584,
+        residual_rad at 592);
     pinned!(&mut all, trued_status: 1456 bytes, struct_size at 0, pid at 4, seq at 8, t_ns at
         16, started_ns at 24, model_epoch at 32, model_hash at 40, cycles at 48, missed_cycles
         at 56, commands at 64, rejected at 72, held at 80, stale at 88, commands_lost at 96,

@@ -39,6 +39,12 @@ impl Client {
         self.held.with(py, trued_client::Client::start_anew)
     }
 
+    /// Begins another run of a robot that stands at its command plus this correction; empty where its program began anew.
+    #[pyo3(signature = (correction = Vec::new()))]
+    fn start_from(&self, py: Python<'_>, correction: Vec<f64>) -> PyResult<()> {
+        self.held.with(py, |client| client.start_from(&correction))
+    }
+
     /// Sends a commanded target; tells its number. Waits for nothing.
     #[pyo3(signature = (q, *, t_ns = 0, wrench = None, wrench_in_base = false, ambient_c = None, joints_c = None, direction = None, settled = false))]
     #[expect(clippy::too_many_arguments, reason = "keywords, in Python")]
@@ -105,7 +111,7 @@ impl Client {
         self.held.with(py, |client| client.send_state(&state))?.map_err(|e| e.raise(py))
     }
 
-    /// What to publish for `q_cmd`, whatever has become of the daemon. Waits for nothing.
+    /// What to send to the robot for `q_cmd`, whatever has become of the daemon. Waits for nothing; a command that is no number is a ValueError.
     #[pyo3(signature = (q_cmd, now_ns = None))]
     fn target_for(
         &self,
@@ -116,14 +122,20 @@ impl Client {
         let q_cmd = joints("q_cmd", &q_cmd)?;
         let now_ns = now_ns.unwrap_or_else(monotonic_ns);
         let found = self.held.with(py, |client| client.target_for(q_cmd, now_ns))?;
-        Ok(Target::new(py, &found))
+        Ok(Target::new(py, &found.map_err(|e| e.raise(py))?))
     }
 
     /// Sends and waits for the answer within the limit; answers like `target_for` in any case.
     fn exchange(&self, py: Python<'_>, q_cmd: Numbers<'_>, timeout: f64) -> PyResult<Target> {
         let (q_cmd, limit) = (joints("q_cmd", &q_cmd)?.to_vec(), limit(timeout)?);
         let found = self.held.wait(py, |client| client.exchange(&q_cmd, limit))?;
-        Ok(Target::new(py, &found))
+        Ok(Target::new(py, &found.map_err(|e| e.raise(py))?))
+    }
+
+    /// What was sent to the robot last; None before the first target.
+    fn last_target(&self, py: Python<'_>) -> PyResult<Option<Target>> {
+        let found = self.held.with(py, |client| client.last_target())?;
+        Ok(found.map(|target| Target::new(py, &target)))
     }
 
     /// The newest answer of this daemon, however old; None before the first.

@@ -2,7 +2,7 @@
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use trued_client::{AskError, ConnectError, ErrorKind, NotSent};
+use trued_client::{AskError, ConnectError, ErrorKind, NotATarget, NotSent};
 
 /// The exception of that name, with those words.
 pub(crate) fn raised(py: Python<'_>, class: &str, words: String) -> PyErr {
@@ -44,6 +44,12 @@ impl Kind for ConnectError {
 }
 
 impl Kind for NotSent {
+    fn kind(&self) -> ErrorKind {
+        self.kind()
+    }
+}
+
+impl Kind for NotATarget {
     fn kind(&self) -> ErrorKind {
         self.kind()
     }

@@ -28,7 +28,7 @@ fn set<T: TryFrom<u32> + std::fmt::Display>(bits: u32) -> Vec<String> {
     (0..32).filter(|bit| bits & 1 << bit != 0).map(word::<T>).collect()
 }
 
-/// A joint target that may be published.
+/// A joint target, to be sent to the robot.
 #[pyclass(frozen, get_all, module = "trued")]
 pub(crate) struct Target {
     joints: Array,
@@ -40,8 +40,6 @@ impl Target {
         let source = match from.source() {
             Source::Corrected => "corrected",
             Source::LastCorrection => "last_correction",
-            Source::Rejected => "rejected",
-            Source::Blending => "blending",
             Source::Ramping => "ramping",
             Source::Plain => "plain",
         };
@@ -62,7 +60,6 @@ pub(crate) struct Corrected {
     reason: String,
     wrench_gate: String,
     iterations: u32,
-    joints: Array,
     correction: Array,
     correction_rate: Array,
     correction_acceleration: Array,
@@ -73,7 +70,7 @@ pub(crate) struct Corrected {
 
 impl Corrected {
     pub(crate) fn new(py: Python<'_>, from: &trued_client::Corrected) -> Self {
-        let count = from.joints().len();
+        let count = from.correction().len();
         let all = |numbers: &[f64]| array(py, &numbers[..count]);
         Self {
             seq: from.seq,
@@ -86,7 +83,6 @@ impl Corrected {
             reason: word::<trued_client::Reason>(from.reason),
             wrench_gate: word::<WrenchGate>(from.wrench_gate),
             iterations: from.iterations,
-            joints: all(&from.q),
             correction: all(&from.correction),
             correction_rate: all(&from.correction_rate),
             correction_acceleration: all(&from.correction_acceleration),

@@ -30,10 +30,10 @@ def contract() -> str:
 
 @final
 class Target:
-    """A joint target that may be published."""
+    """A joint target, to be sent to the robot."""
 
     joints: Final[NDArray[np.float64]]
-    source: Final[Literal["corrected", "last_correction", "rejected", "blending", "ramping", "plain"]]
+    source: Final[Literal["corrected", "last_correction", "ramping", "plain"]]
 
 @final
 class Corrected:
@@ -49,7 +49,6 @@ class Corrected:
     reason: Final[str]
     wrench_gate: Final[str]
     iterations: Final[int]
-    joints: Final[NDArray[np.float64]]
     correction: Final[NDArray[np.float64]]
     correction_rate: Final[NDArray[np.float64]]
     correction_acceleration: Final[NDArray[np.float64]]
@@ -163,7 +162,10 @@ class Client:
         """How old an answer may be for `target_for`: 10 ms unless told otherwise."""
 
     def start_anew(self) -> None:
-        """Begins another run: nothing of the path so far is remembered."""
+        """Begins another run: nothing of the path so far is remembered; the correction goes on."""
+
+    def start_from(self, correction: ArrayLike = ()) -> None:
+        """Begins another run of a robot that stands at its command plus this correction."""
 
     def send(
         self,
@@ -190,7 +192,13 @@ class Client:
         """Sends what the robot measures of itself. Waits for nothing; raises NotSent."""
 
     def target_for(self, q_cmd: ArrayLike, now_ns: int | None = None) -> Target:
-        """What to publish for `q_cmd`, whatever has become of the daemon. Waits for nothing."""
+        """What to send to the robot for `q_cmd`, whatever has become of the daemon. Waits for nothing.
+
+        A command that is no number is a ValueError; nothing has changed then.
+        """
+
+    def last_target(self) -> Target | None:
+        """What was sent to the robot last; None before the first target."""
 
     def exchange(self, q_cmd: ArrayLike, timeout: float) -> Target:
         """Sends and waits for the answer; answers like `target_for` in any case."""

@@ -187,7 +187,6 @@ fn serve(side: &DaemonSide, over: &AtomicBool, hears: bool) -> bool {
         if let Some(command) = commands.take_newest() {
             answer.command_seq = command.seq;
             answer.command_session = command.session;
-            answer.q = command.q;
         }
         answer.seq += 1;
         answer.made_ns = monotonic_ns();
@@ -223,7 +222,7 @@ fn cell(over: &AtomicBool) {
     let mut q = [0.5; 6];
     while !over.load(Ordering::Relaxed) {
         q[0] += 1e-6;
-        let target = client.exchange(&q, 5 * CYCLE);
+        let target = client.exchange(&q, 5 * CYCLE).expect("a command of numbers");
         if let (Source::Corrected, Connection::Connected { pid, .. }) =
             (target.source(), client.connection())
         {

@@ -58,7 +58,6 @@ impl Daemon {
             self.answer.seq += 1;
             self.answer.command_seq = command.seq;
             self.answer.command_session = command.session;
-            self.answer.q = command.q;
             self.answer.made_ns = monotonic_ns();
             self.answers.send(&self.answer);
         }
@@ -226,7 +225,8 @@ fn a_daemon_that_goes_and_comes_is_told_and_joined_again() {
         std::thread::sleep(Duration::from_millis(1));
     }
     assert_eq!(client.send(&[0.0; 6].into()), Err(NotSent::Away(Away::DaemonLost)));
-    assert_eq!(client.target_for(&[0.3; 6], monotonic_ns()).source(), Source::Plain);
+    let target = client.target_for(&[0.3; 6], monotonic_ns()).unwrap();
+    assert_eq!(target.source(), Source::Plain);
     assert!(matches!(client.next_event(), Some(ConnectionEvent::Lost { .. })));
 
     let mut daemon = Daemon::start(&cell);

@@ -6,7 +6,7 @@ use core::ffi::c_char;
 
 use super::{TRUED_JOINTS_MAX, TRUED_WORDS_MAX, grows};
 
-/// A joint target that may be published.
+/// A joint target, to be sent to the robot.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct trued_target {
@@ -14,7 +14,7 @@ pub struct trued_target {
     pub struct_size: u32,
     /// As many as the command had.
     pub joints: u32,
-    /// Where it comes from: a trued_source.
+    /// What the correction in it is: a trued_source.
     pub source: u32,
     /// Zero.
     pub reserved: u32,
@@ -50,8 +50,6 @@ pub struct trued_corrected {
     pub made_ns: u64,
     /// Which model made it: plus 1 with each swap.
     pub model_epoch: u64,
-    /// The target: whatever the status, it may be published.
-    pub q: [f64; TRUED_JOINTS_MAX],
     /// What of `q` is correction.
     pub correction: [f64; TRUED_JOINTS_MAX],
     /// How fast that changes, per s.
@@ -263,7 +261,7 @@ type Words = [c_char; TRUED_WORDS_MAX];
 
 grows! {
     trued_target 144 = [u32; 4], Joints;
-    trued_corrected 728 = [u32; 6], [u64; 6], [Joints; 5], [f64; 2];
+    trued_corrected 600 = [u32; 6], [u64; 6], [Joints; 4], [f64; 2];
     trued_status 1456 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words;
     trued_vibration 680 = [u32; 12], [u64; 4], [f64; 10], Words;
     trued_connection 544 = [u32; 4], u64, Words;
