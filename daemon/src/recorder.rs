@@ -150,6 +150,8 @@ pub fn header(cell: &str, model: &recording::model::RobotModel, config: String) 
         cell: cell.to_owned(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         model_hash: model.hash,
+        robot: model.file.robot.to_string(),
+        geometry_hash: model.file.identity().geometry_hash(),
         model: model.file.to_toml(),
         config,
         joints,

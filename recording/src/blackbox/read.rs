@@ -166,10 +166,13 @@ fn header(pairs: &BTreeMap<String, String>) -> Header {
         None | Some("") => Vec::new(),
         Some(words) => words.split('\n').map(str::to_owned).collect(),
     };
+    let number = |key: &str| u64::from_str_radix(&text(key), 16).unwrap_or(0);
     Header {
         cell: text("cell"),
         version: text("version"),
-        model_hash: u64::from_str_radix(&text("model_hash"), 16).unwrap_or(0),
+        model_hash: number("model_hash"),
+        robot: text("robot"),
+        geometry_hash: number("geometry_hash"),
         model: text("model"),
         config: text("config"),
         joints: text("joints").chars().map(joint).collect(),

@@ -10,6 +10,8 @@ fn header() -> Header {
         cell: "demo".to_owned(),
         version: "0.1.0".to_owned(),
         model_hash: 0x0123_4567_89ab_cdef,
+        robot: "ABB IRB 1600-6/1.45, serial 1600-00001".to_owned(),
+        geometry_hash: 0xfedc_ba98_7654_3210,
         model: "schema = \"trued.model/1\"\n".to_owned(),
         config: String::new(),
         joints: vec![JointKind::Revolute, JointKind::Prismatic],

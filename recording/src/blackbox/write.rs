@@ -183,6 +183,8 @@ fn metadata(header: &Header) -> Metadata {
         ("cell", header.cell.clone()),
         ("version", header.version.clone()),
         ("model_hash", format!("{:016x}", header.model_hash)),
+        ("robot", header.robot.clone()),
+        ("geometry_hash", format!("{:016x}", header.geometry_hash)),
         ("model", header.model.clone()),
         ("config", header.config.clone()),
         ("joints", header.joints.iter().map(joint).collect()),
