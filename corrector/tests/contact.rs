@@ -88,7 +88,7 @@ impl Cell {
         let hash = self.cycle.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 11;
         let noise = self.noise_n * (hash as f64 / (1_u64 << 52) as f64 - 1.0);
         let wrench = Wrench { force: self.normal * (self.force_n + noise), moment: DVec3::ZERO };
-        let sample = WrenchSample { wrench, in_base: true, age_ns: DT_NS };
+        let sample = WrenchSample { wrench, in_base: true, age_ns: DT_NS, faulty: false };
         self.run.world = World { wrench: Some(sample), ..World::default() };
         let outcome = self.run.cycle(&Q);
         self.told.push_back(outcome.q.expect("a target"));

@@ -133,7 +133,8 @@ impl<L: Link> Cycle<L> {
         exchange.record(|| {
             let (wrench, wrench_in_base) = self.senses.wrench();
             let (command, corrected) = (*command, *message);
-            CycleRecord { command, corrected, wrench, wrench_in_base }
+            let celsius = self.senses.celsius();
+            CycleRecord { command, corrected, wrench, wrench_in_base, celsius }
         });
     }
 

@@ -4,13 +4,14 @@
 //! Never: a lock.
 
 use crate::latency::Latency;
+use crate::position::Positions;
 use crate::process::Known;
 use crate::senses::Measured;
 use crate::travel::PathPoint;
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
 use physics::Model;
-use shm_schema::{Command, Corrected, DaemonPorts, ForceBlock, RecorderState, Verdict};
+use shm_schema::{Command, Corrected, DaemonPorts, ForceBlock, JOINTS_MAX, RecorderState, Verdict};
 use spectrum::Health;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
@@ -46,6 +47,8 @@ pub struct CycleRecord {
     pub wrench: [f64; 6],
     /// Whether it stood in base axes.
     pub wrench_in_base: bool,
+    /// The temperatures as they entered the cycle, ambient and then one per joint, °C; NaN where unknown.
+    pub celsius: [f64; JOINTS_MAX + 1],
 }
 
 /// What the vibration thread has to say of itself.
@@ -53,6 +56,8 @@ pub struct CycleRecord {
 pub struct Hearing {
     /// Sensor and stream.
     pub health: Health,
+    /// Faults of the blocks' clock in the last second, as a set of `shm_schema::SensorFault`.
+    pub clock_faults: u32,
     /// The line that matters most now, where there is one.
     pub line: Option<Verdict>,
 }
@@ -91,6 +96,8 @@ pub struct Exchange {
     pub latency: Latency,
     /// Counts.
     pub counters: Counters,
+    /// Cycle to supervisor: where the arm was last.
+    pub positions: Positions,
     /// Supervisor to cycle: the correction is to be taken out.
     pub bypassed: AtomicBool,
     /// Supervisor to cycle: a wrench gate that closed for its loop gain may try again.
@@ -131,6 +138,7 @@ pub struct Counters {
     pub last_command_ns: AtomicU64,
     /// `CLOCK_MONOTONIC` of the recorder's last turn, ns.
     pub recorder_turn_ns: AtomicU64,
+    pub stale_temperatures: AtomicU32,
     /// `CLOCK_MONOTONIC` of the last force block, ns; 0 before the first.
     pub last_block_ns: AtomicU64,
 }
@@ -160,6 +168,7 @@ impl Exchange {
             hearing: ArrayQueue::new(ACCOUNTS_KEPT),
             latency: Latency::default(),
             counters: Counters::default(),
+            positions: Positions::default(),
             bypassed: AtomicBool::new(false),
             rearm: AtomicBool::new(false),
             mode: AtomicU32::new(mode_code(mode)),

@@ -12,6 +12,7 @@
 //! Promises: the daemon never makes the robot step, whatever fails; a start that fails leaves nothing behind.
 //! Never: an equation. The cycle is one short file, [`cycle`].
 
+pub mod admission;
 pub mod ageing;
 pub mod at_rest;
 pub mod cycle;
@@ -20,6 +21,7 @@ pub mod latency;
 pub mod news;
 pub mod notify;
 pub mod pacer;
+pub mod position;
 pub mod process;
 pub mod realtime;
 pub mod recorder;
@@ -29,6 +31,7 @@ pub mod setup;
 pub mod shelf;
 pub mod status;
 pub mod supervisor;
+pub mod temperatures;
 pub mod translate;
 pub mod travel;
 pub mod verdicts;
@@ -41,7 +44,6 @@ use crate::pacer::Pacer;
 use crate::realtime::Refused;
 use crate::recorder::Recorder;
 use crate::robot::Robot;
-use crate::senses::Senses;
 use crate::supervisor::Supervisor;
 use crate::vibration::{Ears, Listener};
 use corrector::{Corrector, Settings};
@@ -238,9 +240,10 @@ fn start_threads(
     let ports = supervisor.domain.ports();
     let cycle = start_cycle(config, settings, model, &ports, exchange)?;
     let manners = below(config.realtime);
+    let rules = setup::block_rules(config, settings.lockstep);
     let vibration = start("vibration", exchange, move |exchange, started| {
         take_manners(manners)?;
-        let mut listener = Listener::join(&ports, ears)?;
+        let mut listener = Listener::join(&ports, ears)?.with_rules(rules);
         started();
         listener.run(exchange);
         Ok(())
@@ -269,7 +272,7 @@ fn start_cycle(
 ) -> Result<Thread, DaemonError> {
     let (ports, realtime) = (ports.clone(), config.realtime);
     let pacer = Pacer::new(setup::wait(config), settings.period_ns);
-    let senses = Senses::new(setup::wrench_source(config));
+    let senses = setup::senses(config, settings.lockstep);
     let loaded = Box::new(LoadedModel { physics: model.physics, epoch: 1 });
     start("cycle", exchange, move |exchange, started| {
         realtime::sleep_exactly();

@@ -166,7 +166,8 @@ fn dropped(exchange: &Exchange) {
 
 fn cycle_record(cycle: &CycleRecord, joints: usize) -> blackbox::CycleRecord {
     let (command, corrected): (&Command, &Corrected) = (&cycle.command, &cycle.corrected);
-    let known = command.has(Command::HAS_TEMPERATURE);
+    let warmth = &cycle.celsius[..=joints];
+    let known = warmth.iter().any(|celsius| !celsius.is_nan());
     let wrench_is_known = !cycle.wrench[0].is_nan();
     blackbox::CycleRecord {
         t_ns: command.t_ns,
@@ -184,7 +185,7 @@ fn cycle_record(cycle: &CycleRecord, joints: usize) -> blackbox::CycleRecord {
         tau: Few::NONE,
         wrench_used: if wrench_is_known { Few::of(&cycle.wrench) } else { Few::NONE },
         wrench_in_base: u8::from(cycle.wrench_in_base),
-        temperature_c: if known { Few::of(&command.temperature_c[..=joints]) } else { Few::NONE },
+        temperature_c: if known { Few::of(warmth) } else { Few::NONE },
         residual_m: corrected.residual_m,
         residual_rad: corrected.residual_rad,
         spindle_rpm: f64::NAN,

@@ -7,7 +7,7 @@ use crate::ageing::Age;
 use crate::exchange::{Exchange, LoadedModel};
 use crate::news::News;
 use crate::process::Process;
-use crate::{at_rest, setup, status};
+use crate::{admission, at_rest, status};
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
 use recording::cell::CellConfig;
@@ -185,7 +185,7 @@ impl Desk<'_> {
         let on = request.on != 0;
         match operation {
             Operation::Ping => (Answer::Done, "here".to_owned()),
-            Operation::Reload => self.reload(exchange, request.path.as_str()),
+            Operation::Reload => self.reload(exchange, request),
             Operation::Bypass => {
                 exchange.bypassed.store(on, Relaxed);
                 let words = if on { "the correction ramps out" } else { "the correction ramps in" };
@@ -212,23 +212,19 @@ impl Desk<'_> {
         (Answer::Done, words.to_owned())
     }
 
-    fn reload(&mut self, exchange: &Exchange, path: &str) -> (Answer, String) {
+    fn reload(&mut self, exchange: &Exchange, request: &Request) -> (Answer, String) {
+        let path = request.path.as_str();
         let path = if path.is_empty() { self.model_path.clone() } else { PathBuf::from(path) };
         let next = match at_rest::read(&path) {
             Ok(next) => next,
             Err(fault) => return (Answer::Refused, brief(&fault)),
         };
-        let (now, then) = (self.model.physics.arm.count(), next.physics.arm.count());
-        if now != then {
-            let words = format!(
-                "the model has {then} joints, the running one {now}: restart the daemon to change the robot"
-            );
+        let asked = admission::Request {
+            other_robot: request.other_robot != 0,
+            in_shadow: exchange.mode() == Mode::Shadow,
+        };
+        if let Some(words) = admission::refusal(self.model, &next, &exchange.positions, asked) {
             return (Answer::Refused, words);
-        }
-        if setup::joint_kinds(&self.model.physics.arm) != setup::joint_kinds(&next.physics.arm) {
-            let words = "the model's joints turn where the running one's slide, or slide where they turn: \
-                         restart the daemon to change the robot";
-            return (Answer::Refused, words.to_owned());
         }
         if !self.hand_over(exchange, &next) {
             return (Answer::Failed, "the cycle did not take the model over in time".to_owned());
@@ -269,5 +265,5 @@ fn free_retired(exchange: &Exchange) {
 
 /// What fits into an answer: the first lines of a longer account.
 fn brief(words: &str) -> String {
-    words.chars().take(240).collect()
+    words.chars().take(admission::WORDS_MAX).collect()
 }

@@ -297,7 +297,8 @@ mod tests {
         this.robot.serial = Some("20215509999".to_owned());
         let said = this.differences(&that);
         assert_eq!(said, ["serial \"20215509999\" instead of \"20215501234\""]);
-        this.robot = RobotEntry { maker: Some("universal  ROBOTS".to_owned()), ..that.robot.clone() };
+        this.robot =
+            RobotEntry { maker: Some("universal  ROBOTS".to_owned()), ..that.robot.clone() };
         assert_eq!(this.differences(&that), Vec::<String>::new());
     }
 
