@@ -107,6 +107,7 @@ impl<L: Link> Cycle<L> {
     fn count(&self, exchange: &Exchange, command: &Command, message: &Corrected, made: &Outcome) {
         let counters = &exchange.counters;
         count(&counters.cycles);
+        counters.count_reason(message.reason);
         match made.status {
             Status::Rejected => count(&counters.rejected),
             Status::Held => count(&counters.held),

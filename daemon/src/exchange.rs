@@ -11,7 +11,10 @@ use crate::travel::PathPoint;
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
 use physics::Model;
-use shm_schema::{Command, Corrected, DaemonPorts, ForceBlock, JOINTS_MAX, RecorderState, Verdict};
+use recording::blackbox::ModelChange;
+use shm_schema::{
+    Command, Corrected, DaemonPorts, ForceBlock, JOINTS_MAX, Reason, RecorderState, Verdict,
+};
 use spectrum::Health;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
@@ -22,6 +25,8 @@ const BLOCKS_KEPT: usize = 128;
 /// A recorder that has not come back for so long waits for its disk, ns.
 const RECORDER_HANGS_NS: u64 = 1_000_000_000;
 const VERDICTS_KEPT: usize = 256;
+/// Changes of the model that the recorder may lag behind.
+const MODELS_KEPT: usize = 16;
 /// Commanded points that the supervisor may lag behind; what is dropped beyond is not missed.
 const PATH_KEPT: usize = 256;
 /// Accounts between supervisor and vibration that may wait: each makes those before it needless.
@@ -86,6 +91,8 @@ pub struct Exchange {
     pub blocks: ArrayQueue<Box<ForceBlock>>,
     /// Recorder to vibration: boxes to be filled again, so that nobody allocates.
     pub empty_blocks: ArrayQueue<Box<ForceBlock>>,
+    /// Supervisor to recorder: models that took the place of the one before, each with the time of the change, ns.
+    pub model_changes: ArrayQueue<Box<ModelChange>>,
     /// Vibration to recorder.
     pub verdicts: ArrayQueue<Verdict>,
     /// Vibration to supervisor: verdicts, to be told.
@@ -126,6 +133,8 @@ pub struct Counters {
     pub force_gaps: AtomicU64,
     pub force_refused: AtomicU64,
     pub recorder_dropped: AtomicU64,
+    /// Answers by their `shm_schema::Reason`.
+    pub reasons: [AtomicU64; Reason::ALL.len()],
     /// Loop gain of the wrench correction, as bits.
     pub loop_gain_bits: AtomicU64,
     /// `shm_schema::WrenchGate` of the last cycle.
@@ -141,6 +150,20 @@ pub struct Counters {
     pub stale_temperatures: AtomicU32,
     /// `CLOCK_MONOTONIC` of the last force block, ns; 0 before the first.
     pub last_block_ns: AtomicU64,
+}
+
+impl Counters {
+    /// Counts an answer by the code of its reason.
+    pub fn count_reason(&self, code: u32) {
+        if let Some(counter) = self.reasons.get(code as usize) {
+            count(counter);
+        }
+    }
+
+    /// Answers for that reason.
+    pub fn reason(&self, reason: Reason) -> u64 {
+        self.reasons.get(reason.code() as usize).map_or(0, |counter| counter.load(Relaxed))
+    }
 }
 
 impl Exchange {
@@ -163,6 +186,7 @@ impl Exchange {
             cycles: ArrayQueue::new(kept(CYCLES_KEPT)),
             blocks: ArrayQueue::new(BLOCKS_KEPT),
             empty_blocks,
+            model_changes: ArrayQueue::new(MODELS_KEPT),
             verdicts: ArrayQueue::new(VERDICTS_KEPT),
             told: ArrayQueue::new(VERDICTS_KEPT),
             hearing: ArrayQueue::new(ACCOUNTS_KEPT),
@@ -181,6 +205,13 @@ impl Exchange {
     pub fn record(&self, cycle: impl FnOnce() -> CycleRecord) {
         if self.records && self.cycles.push(cycle()).is_err() {
             count(&self.counters.recorder_dropped);
+        }
+    }
+
+    /// Hands a change of the model to the recorder, where there is one; one that hangs in its disk does without the oldest.
+    pub fn record_model(&self, change: ModelChange) {
+        if self.records {
+            self.model_changes.force_push(Box::new(change));
         }
     }
 

@@ -15,10 +15,10 @@
 pub mod admission;
 pub mod ageing;
 pub mod at_rest;
+pub mod change_log;
 pub mod cycle;
 pub mod exchange;
 pub mod latency;
-pub mod news;
 pub mod notify;
 pub mod pacer;
 pub mod position;
@@ -32,6 +32,7 @@ pub mod shelf;
 pub mod status;
 pub mod supervisor;
 pub mod temperatures;
+pub mod throttle;
 pub mod translate;
 pub mod travel;
 pub mod verdicts;
@@ -218,7 +219,9 @@ fn serve(
     exchange.stop();
     lock(manager).ended(place);
     supervisor.tell(&exchange);
-    threads.into_iter().try_for_each(|(name, thread)| finish(name, thread))?;
+    let ended = threads.into_iter().try_for_each(|(name, thread)| finish(name, thread));
+    change_log::summarise(&config.cell, &exchange);
+    ended?;
     Ok(served?)
 }
 
@@ -363,14 +366,19 @@ fn tolerate(done: Result<(), Refused>, enforce: bool) -> Result<(), Refused> {
     }
 }
 
-fn tell_model(model: &RobotModel) {
+/// Logs which model is active now, and of which robot.
+pub(crate) fn tell_model(model: &RobotModel) {
     info!(
         model = model.file.name,
+        robot = %model.file.robot,
+        geometry = model.file.identity().geometry(),
+        hash = format_args!("{:016x}", model.hash),
         joints = model.physics.arm.count(),
         effects = model.physics.effects().len(),
         "loaded"
     );
-    for name in model.not_compensated_names() {
-        info!(effect = name, "not compensated");
+    let not_compensated = model.not_compensated_names().join(", ");
+    if !not_compensated.is_empty() {
+        info!("not compensated: {not_compensated}");
     }
 }

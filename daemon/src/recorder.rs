@@ -7,7 +7,9 @@
 use crate::exchange::{CycleRecord, Exchange};
 use crate::shelf;
 use physics::JointKind;
-use recording::blackbox::{self, BlackBox, BlackBoxError, Few, ForceRecord, Header, VerdictRecord};
+use recording::blackbox::{
+    self, BlackBox, BlackBoxError, Few, ForceRecord, Header, ModelChange, VerdictRecord,
+};
 use recording::cell::Recorder as Settings;
 use shm_schema::{
     Command, Corrected, CorrectionStatus, Reason, RecorderState, Verdict, VibrationClass,
@@ -110,8 +112,21 @@ impl Recorder {
         BlackBox::create(&shelf::next(dir, &self.header.cell), &self.header)
     }
 
+    /// Takes a change of the model: files to come begin with it, the one that is open notes it.
+    fn change_model(&mut self, change: ModelChange) -> Result<(), BlackBoxError> {
+        let Header { cell, config, .. } = std::mem::take(&mut self.header);
+        self.header = Header { cell, config, ..change.header };
+        match &mut self.file {
+            Some(file) => file.write_model_change(&self.header, change.t_ns),
+            None => Ok(()),
+        }
+    }
+
     /// Empties the rings. Without a file, what they hold is dropped and counted.
     fn drain(&mut self, exchange: &Exchange) -> Result<(), BlackBoxError> {
+        while let Some(change) = exchange.model_changes.pop() {
+            self.change_model(*change)?;
+        }
         while let Some(cycle) = exchange.cycles.pop() {
             match &mut self.file {
                 Some(file) => file.write_cycle(&cycle_record(&cycle, self.joints))?,

@@ -4,12 +4,13 @@
 //! one that does is swapped in between two cycles. Never: anything that the cycle waits for.
 
 use crate::ageing::Age;
+use crate::change_log::{ChangeLog, RequestLog};
 use crate::exchange::{Exchange, LoadedModel};
-use crate::news::News;
 use crate::process::Process;
-use crate::{admission, at_rest, status};
+use crate::{admission, at_rest, recorder, status, tell_model};
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
+use recording::blackbox::ModelChange;
 use recording::cell::CellConfig;
 use recording::model::RobotModel;
 use shm_schema::{
@@ -43,7 +44,8 @@ pub struct Supervisor {
     constants: status::Constants,
     process: Process,
     age: Age,
-    news: News,
+    change_log: ChangeLog,
+    requests: RequestLog,
     looks: u32,
     /// What the last status said in words.
     said: Text<512>,
@@ -70,7 +72,8 @@ impl Supervisor {
             constants: status::Constants::new(config, &model, bounds, monotonic_ns()),
             process: Process::new(config, &model),
             age: Age::default(),
-            news: News::default(),
+            change_log: ChangeLog::default(),
+            requests: RequestLog::default(),
             looks: 0,
             said: Text::new("starting"),
             renewed: None,
@@ -116,7 +119,7 @@ impl Supervisor {
         let message = self.constants.status(exchange, &process, &self.age, monotonic_ns());
         self.status.send(&message);
         self.said = message.message;
-        self.news.log(exchange, &message);
+        self.change_log.log(exchange, &message);
     }
 
     /// How the daemon is, in words, as the last status said.
@@ -127,10 +130,11 @@ impl Supervisor {
 
     fn serve(&mut self, exchange: &Exchange) {
         let Self { control, model_path, model, model_epoch, constants, process, age, .. } = self;
+        let requests = &mut self.requests;
         while control.serve(|request| {
             let mut desk = Desk { model_path, model, model_epoch, constants, process, age };
             let (answer, words) = desk.answer(exchange, request);
-            info!(%answer, words, "request");
+            requests.log(request.operation, answer, &words, monotonic_ns());
             Response::to(request, answer, &words)
         }) {}
     }
@@ -230,6 +234,9 @@ impl Desk<'_> {
             return (Answer::Failed, "the cycle did not take the model over in time".to_owned());
         }
         let words = format!("{} loaded from {}", next.file.name, path.display());
+        tell_model(&next);
+        let header = recorder::header("", &next, String::new());
+        exchange.record_model(ModelChange { t_ns: monotonic_ns(), header });
         self.constants.take(&next);
         self.process.take(&next);
         *self.age = Age::default();

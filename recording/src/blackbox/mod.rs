@@ -17,7 +17,7 @@ use std::path::PathBuf;
 
 pub use cdr::Few;
 pub use convert::{Conversion, convert};
-pub use read::{Contents, read, read_bytes};
+pub use read::{Contents, ModelChange, read, read_bytes};
 pub use records::{
     CycleRecord, ForceRecord, JOINTS_MAX, LogRecord, Record, StatusRecord, VerdictRecord,
 };

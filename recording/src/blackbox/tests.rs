@@ -84,6 +84,21 @@ fn write_run(path: &Path, cycles: u64) -> BlackBox {
 }
 
 #[test]
+fn a_change_of_the_model_stands_in_the_file_and_the_header_stays_the_first_one() {
+    let scratch = Scratch::new("model");
+    let mut black_box = write_run(&scratch.file(), 20);
+    let next = Header { model_hash: 7, model: "name = \"next\"".to_owned(), ..header() };
+    black_box.write_model_change(&next, 123).unwrap();
+    black_box.write_cycle(&cycle(21)).unwrap();
+    black_box.finish().unwrap();
+    let contents = read(&scratch.file()).unwrap();
+    assert_eq!(contents.header, header());
+    assert_eq!(contents.model_changes, [ModelChange { t_ns: 123, header: next }]);
+    let cycles = contents.records.iter().filter(|record| matches!(record, Record::Cycle(_)));
+    assert_eq!((cycles.count(), contents.cut), (21, None));
+}
+
+#[test]
 fn what_is_written_is_read_back() {
     let scratch = Scratch::new("whole");
     let black_box = write_run(&scratch.file(), 100);

@@ -98,6 +98,17 @@ impl BlackBox {
             .map_err(|source| write_error(&self.path, source))
     }
 
+    /// Notes that from `t_ns` on (`CLOCK_MONOTONIC`) another model is active: `header` with that model.
+    ///
+    /// # Errors
+    /// See [`Self::write_cycle`].
+    pub fn write_model_change(&mut self, header: &Header, t_ns: u64) -> Result<(), BlackBoxError> {
+        let mut change = metadata(header);
+        change.name = super::read::MODEL_CHANGE.to_owned();
+        change.metadata.insert("t_ns".to_owned(), t_ns.to_string());
+        self.writer.write_metadata(&change).map_err(|source| write_error(&self.path, source))
+    }
+
     /// Adds a cycle.
     ///
     /// # Errors
