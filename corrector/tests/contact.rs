@@ -237,6 +237,27 @@ fn a_lost_force_stream_fades_out_and_comes_back_without_a_jump() {
 }
 
 #[test]
+fn a_sensor_with_a_fault_closes_the_gate_by_name_however_fresh_its_readings_are() {
+    let mut cell = Cell::new(1e5, 1.0, settings());
+    watched(&mut cell, 8);
+    let with = cell.run.cycle(&Q);
+    let mut last = with;
+    for k in 0..1500 {
+        let sample = cell.run.world.wrench.as_mut().expect("a sample");
+        (sample.faulty, sample.age_ns) = (true, DT_NS);
+        let outcome = cell.run.cycle(&Q);
+        for i in 0..6 {
+            let moved = (outcome.correction[i] - last.correction[i]).abs();
+            assert!(moved <= envelope().rate() * 1e-3 * (1.0 + 1e-9), "{k}: {moved}");
+        }
+        assert_eq!(outcome.gate, Gate::SensorFault, "{k}");
+        last = outcome;
+    }
+    let size = |outcome: &Outcome| outcome.correction[..6].iter().map(|c| c.abs()).sum::<f64>();
+    assert!(size(&with) > 1e-4 && size(&last) < 1e-9, "{} {}", size(&with), size(&last));
+}
+
+#[test]
 fn one_broken_reading_does_not_poison_the_filter() {
     let mut cell = Cell::new(1e5, 1.0, settings());
     watched(&mut cell, 8);

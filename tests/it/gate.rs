@@ -14,6 +14,7 @@ use trued_client::{Client, Setpoint};
 
 const LIMIT: Duration = Duration::from_secs(20);
 const RATE_HZ: f64 = 1000.0;
+const FULL_SCALE_N: f64 = 50.0;
 /// The channel that fails.
 const Z: usize = 2;
 const HOUR_NS: u64 = 3_600_000_000_000;
@@ -43,7 +44,7 @@ impl Bench {
             &format!(
                 "[cycle]\nstale_ms = 500.0\n[wrench]\nsource = \"force\"\nframe = \"base\"\n\
                  process_stiffness_N_per_um = 0.02\n{wrench}\
-                 [force]\nrate_Hz = {RATE_HZ}\nchannels = 3\nahead_ms = 5.0\n"
+                 [force]\nrate_Hz = {RATE_HZ}\nchannels = 3\nfull_scale_N = {FULL_SCALE_N}\nahead_ms = 5.0\n"
             ),
         );
         let daemon = Process::daemon(TRUED, &place);
@@ -150,6 +151,10 @@ fn forces_by_a_clock_that_is_behind_close_the_gate_and_are_named() {
 fn a_channel_that_is_stuck_or_saturated_closes_the_gate() {
     let mut bench = Bench::new("");
     bench.strike(stuck, SensorFault::Stuck, Some(Z), "force channel z is stuck: check the sensor");
+    let at_full_scale =
+        |block: &mut ForceBlock| block.data[Z * block.samples as usize] = FULL_SCALE_N;
+    let words = "force channel z is saturated: choose a larger range";
+    bench.strike(at_full_scale, SensorFault::Saturated, Some(Z), words);
 }
 
 #[test]

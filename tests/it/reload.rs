@@ -230,6 +230,27 @@ fn the_command_line_refuses_another_robot_and_loads_it_in_shadow_by_name() {
 }
 
 #[test]
+fn robot_and_models_stand_in_the_black_box() {
+    let place = Place::new("full", "[recorder]\ndir = \"recordings\"\n");
+    let mut daemon = Process::daemon(TRUED, &place);
+    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
+    let now = status(&mut monitor);
+    let plain = place.model("plain.toml", "irb1600-6-145");
+    assert_eq!(ask(&mut monitor, Some(&plain)).answer(), Ok(Answer::Done));
+    assert!(daemon.end().success());
+    let file = std::fs::read_dir(place.file("recordings")).unwrap().next().unwrap().unwrap();
+    let contents = recording::blackbox::read(&file.path()).unwrap();
+    let header = &contents.header;
+    assert_eq!(header.robot, "ABB IRB 1600-6/1.45");
+    assert_eq!((header.model_hash, header.geometry_hash), (now.model_hash, now.geometry_hash));
+    let [change] = &contents.model_changes[..] else { panic!("{:?}", contents.model_changes) };
+    assert!(change.t_ns > now.t_ns && change.header.model.contains("nominal"));
+    assert_eq!(change.header.geometry_hash, header.geometry_hash, "the same robot");
+    assert_eq!((&change.header.cell, &change.header.config), (&header.cell, &header.config));
+}
+
+#[test]
 fn many_reloads_at_once_are_all_counted() {
     let (place, _daemon) = running("full");
     let askers: Vec<_> = (0..4)

@@ -225,6 +225,8 @@ enum trued_wrench_gate
   TRUED_WRENCH_GATE_STALE = 4,
   // It is switched off in the configuration.
   TRUED_WRENCH_GATE_OFF = 5,
+  // The force stream or one of its channels has a fault, so it is taken as zero.
+  TRUED_WRENCH_GATE_SENSOR_FAULT = 6,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -435,6 +437,10 @@ enum trued_sensor_fault
   TRUED_SENSOR_FAULT_OUT_OF_ORDER = 8,
   // No block comes at all.
   TRUED_SENSOR_FAULT_SILENT = 9,
+  // Blocks are stamped in the future: by another clock, or one that was set.
+  TRUED_SENSOR_FAULT_IN_FUTURE = 10,
+  // Blocks are stamped long before they come: by another clock, or held up on the way.
+  TRUED_SENSOR_FAULT_LATE = 11,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
