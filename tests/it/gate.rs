@@ -176,11 +176,11 @@ fn drive(client: &mut Client, time: Duration, setpoint: fn(Setpoint) -> Setpoint
     while start.elapsed() < time {
         let now_ns = monotonic_ns();
         let sent = client.send(&setpoint(Setpoint::new(&MIDDLE).at_ns(now_ns)));
-        if let Some(said) = sent.ok().and_then(|seq| client.wait_corrected(seq, LIMIT)) {
-            if let Some(before) = last.replace(said.correction) {
-                let moved = said.correction.iter().zip(before).map(|(a, b)| (a - b).abs());
-                step = step.max(moved.fold(0.0, f64::max));
-            }
+        if let Some(said) = sent.ok().and_then(|seq| client.wait_corrected(seq, LIMIT))
+            && let Some(before) = last.replace(said.correction)
+        {
+            let moved = said.correction.iter().zip(before).map(|(a, b)| (a - b).abs());
+            step = step.max(moved.fold(0.0, f64::max));
         }
         std::thread::sleep(Duration::from_millis(1));
     }

@@ -30,7 +30,8 @@ fn number(line: &str, key: &str) -> u64 {
     let digits: String = line.split_once(key).map_or_else(String::new, |(_, rest)| {
         rest.chars().take_while(char::is_ascii_digit).collect()
     });
-    digits.parse().unwrap_or_else(|_| panic!("{key}: {line}"))
+    assert!(!digits.is_empty(), "{key} in {line}");
+    digits.parse().unwrap()
 }
 
 #[test]
