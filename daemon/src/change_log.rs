@@ -47,10 +47,15 @@ const REQUEST_EVERY_NS: u64 = 1_000_000_000;
 /// The same request with the same answer is logged again after this time, ns.
 const REQUEST_AGAIN_NS: u64 = 10_000_000_000;
 
+/// The same for sensors.
+const SENSOR_BURST: u32 = 30;
+const SENSOR_EVERY_NS: u64 = 5_000_000_000;
+
 /// What was logged and still holds.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct ChangeLog {
     health: HealthLog,
+    sensors: Budget,
     counted: [Tally; COUNTED.len()],
     reasons: [Tally; REASONS.len()],
     faults: Vec<ForceFault>,
@@ -59,6 +64,22 @@ pub struct ChangeLog {
     ringing: Vec<(u64, VibrationState)>,
     learning: bool,
     broken_since_ns: u64,
+}
+
+impl Default for ChangeLog {
+    fn default() -> Self {
+        Self {
+            health: HealthLog::default(),
+            sensors: Budget::new(SENSOR_BURST, SENSOR_EVERY_NS),
+            counted: Default::default(),
+            reasons: Default::default(),
+            faults: Vec::new(),
+            stale_temperatures: 0,
+            ringing: Vec::new(),
+            learning: false,
+            broken_since_ns: 0,
+        }
+    }
 }
 
 impl ChangeLog {
@@ -70,14 +91,7 @@ impl ChangeLog {
         while let Some(verdict) = exchange.told.pop() {
             self.log_verdict(&verdict);
         }
-        let faults: Vec<_> = status.force_faults().collect();
-        for fault in faults.iter().filter(|fault| !self.faults.contains(fault)) {
-            warn!("{fault}");
-        }
-        for fault in self.faults.iter().filter(|fault| !faults.contains(fault)) {
-            info!("no more: {fault}");
-        }
-        self.faults = faults;
+        self.log_faults(status);
         let learning = status.watch() == Ok(WatchState::Learning);
         if learning != self.learning {
             let words = if learning { "learns the noise floor" } else { "watches" };
@@ -116,9 +130,31 @@ impl ChangeLog {
         }
     }
 
+    /// Where the budget is used up, a change is logged later, if it still is one.
+    fn log_faults(&mut self, status: &Status) {
+        let faults: Vec<_> = status.force_faults().collect();
+        for fault in &faults {
+            if !self.faults.contains(fault) && self.sensors.take(status.t_ns) {
+                warn!("{fault}");
+                self.faults.push(*fault);
+            }
+        }
+        let sensors = &mut self.sensors;
+        self.faults.retain(|fault| {
+            let is_over = !faults.contains(fault) && sensors.take(status.t_ns);
+            if is_over {
+                info!("no more: {fault}");
+            }
+            !is_over
+        });
+    }
+
     fn log_temperatures(&mut self, status: &Status) {
         let stale = status.stale_temperatures;
         let (begun, over) = (stale & !self.stale_temperatures, self.stale_temperatures & !stale);
+        if begun | over == 0 || !self.sensors.take(status.t_ns) {
+            return;
+        }
         if begun != 0 {
             warn!("temperatures are stale and count as unknown: {}", places(begun));
         }
@@ -188,11 +224,12 @@ impl HealthLog {
         }
         let from = self.logged.unwrap_or(Health::Starting);
         let why = status.message.as_str().split_once("; ").map_or("", |(_, why)| why);
-        let changes = self.changes;
+        let colon = if why.is_empty() { "" } else { ": " };
+        let changes = (self.changes > 1).then_some(self.changes);
         if matches!(health, Health::Degraded | Health::Fault) {
-            warn!(%from, to = %health, changes, "health: {why}");
+            warn!(changes, "health {from} -> {health}{colon}{why}");
         } else {
-            info!(%from, to = %health, changes, "health: {why}");
+            info!(changes, "health {from} -> {health}{colon}{why}");
         }
         (self.logged, self.changes) = (Some(health), 0);
     }
@@ -236,7 +273,7 @@ impl RequestLog {
             *last = Some((answer, words.to_owned(), now_ns));
         }
         let name = known.map_or("unknown", Operation::name);
-        let unlogged = std::mem::take(&mut self.unlogged);
+        let unlogged = Some(std::mem::take(&mut self.unlogged)).filter(|unlogged| *unlogged > 0);
         if answer == Answer::Done {
             info!(%answer, words, unlogged, "request: {name}");
         } else {

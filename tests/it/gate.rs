@@ -23,6 +23,9 @@ const BLOCK_NS: u64 = 10_000_000;
 /// How far a stamp may lie ahead, as the cells below have it, ns.
 const AHEAD_NS: u64 = 5_000_000;
 
+/// How old a wrench may be, by default, ns.
+const STALE_NS: u64 = 100_000_000;
+
 /// What a test does to the samples of a block.
 type Change = fn(&mut ForceBlock);
 
@@ -143,8 +146,12 @@ fn a_stamp_within_the_tolerance_is_none_from_the_future() {
 #[test]
 fn forces_by_a_clock_that_is_behind_close_the_gate_and_are_named() {
     let words = "force stream is stamped long before it comes";
+    let mut bench = Bench::new("");
     let behind: Change = |block| block.t_ns = block.t_ns.saturating_sub(HOUR_NS);
-    Bench::new("").strike(behind, SensorFault::Late, None, words);
+    bench.strike(behind, SensorFault::Late, None, words);
+    // Just too old to be used.
+    let a_little: Change = |block| block.t_ns -= 2 * STALE_NS;
+    bench.strike(a_little, SensorFault::Late, None, words);
 }
 
 #[test]

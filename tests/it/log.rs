@@ -55,8 +55,8 @@ fn refused_commands_and_the_health_that_they_make_are_logged_and_summed_up_at_th
     let refused = with(&lines, words);
     assert_eq!(refused.len(), 2, "the first, and a sum after 10 s: {lines:#?}");
     assert!(refused[0].contains("reason=\"out_of_limits\""), "{}", refused[0]);
-    let degraded = with(&lines, "WARN health: out_of_limits");
-    assert!(degraded[0].contains("to=degraded"), "{lines:#?}");
+    let degraded = with(&lines, "WARN health running -> degraded: out_of_limits");
+    assert_eq!(degraded.len(), 1, "{lines:#?}");
     let [summary] = with(&lines, "INFO ended ")[..] else { panic!("one summary: {lines:#?}") };
     assert!(number(summary, "cycles=") > 1000, "{summary}");
     let total = number(summary, "out_of_limits ");

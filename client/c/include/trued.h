@@ -1032,6 +1032,12 @@ trued_code trued_monitor_reload(struct trued_monitor *monitor,
                                 uint64_t limit_ns,
                                 struct trued_answer *answer);
 
+// The same, for a model of another robot, or one whose limits the arm is already outside of: done in shadow mode only.
+trued_code trued_monitor_reload_other_robot(struct trued_monitor *monitor,
+                                            const char *path,
+                                            uint64_t limit_ns,
+                                            struct trued_answer *answer);
+
 // Asks to ramp the correction out (`on` not 0), or in again.
 trued_code trued_monitor_bypass(struct trued_monitor *monitor,
                                 uint32_t on,

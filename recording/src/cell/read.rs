@@ -31,7 +31,7 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
     let task = task(root.table("task").as_ref());
     let wrench = wrench(root.table("wrench").as_ref());
     let temperature = temperature(root.table("temperature").as_ref());
-    let force = root.table("force").map(|table| force(&table));
+    let force = root.table("force").map(|table| force(&table, &wrench));
     let vibration = root.table("vibration").map(|table| vibration(&table, force));
     let realtime = root.table("realtime").map(|table| realtime(&table)).unwrap_or_default();
     let recorder = root.table("recorder").map(|table| recorder(&table));
@@ -171,7 +171,7 @@ fn wrench(table: Option<&Table<'_, '_>>) -> Wrench {
 const TEMPERATURE_STALE_S: f64 = 60.0;
 /// A block is stamped with its first sample, so that an honest stamp is past; a clock that is synchronised from elsewhere strays by less.
 const AHEAD_MS: f64 = 5.0;
-/// Longer than any buffer of a driver or of the transport holds at the load of a working machine.
+/// Where the wrench is not used: longer than any buffer of a driver or of the transport holds at the load of a working machine.
 const LATE_MS: f64 = 1000.0;
 
 fn temperature(table: Option<&Table<'_, '_>>) -> Temperature {
@@ -180,14 +180,17 @@ fn temperature(table: Option<&Table<'_, '_>>) -> Temperature {
     Temperature { stale_s: if stale_s == 0.0 { f64::INFINITY } else { stale_s } }
 }
 
-fn force(table: &Table<'_, '_>) -> Force {
+fn force(table: &Table<'_, '_>, wrench: &Wrench) -> Force {
     table.require("rate_Hz", "samples per second");
     let rate_hz = table.number("rate_Hz", 10.0..=1e6).unwrap_or(1000.0);
     let channels = table.whole("channels", 3..7).and_then(|n| usize::try_from(n).ok());
     let full_scale = |key| table.number(key, POSITIVE).unwrap_or(f64::INFINITY);
     let (full_scale_n, full_scale_nm) = (full_scale("full_scale_N"), full_scale("full_scale_Nm"));
     let ahead_ms = table.number("ahead_ms", 0.0..=60_000.0).unwrap_or(AHEAD_MS);
-    let late_ms = table.number("late_ms", 1.0..=3.6e6).unwrap_or(LATE_MS);
+    let is_used = wrench.source == WrenchSource::Force;
+    // What comes later than a wrench may be old is never used: the fault that says why has a name.
+    let late_default_ms = if is_used { wrench.stale_s * 1e3 } else { LATE_MS };
+    let late_ms = table.number("late_ms", 1.0..=3.6e6).unwrap_or(late_default_ms);
     table.close();
     Force {
         rate_hz,

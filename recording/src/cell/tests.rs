@@ -164,6 +164,8 @@ fn ages_and_clocks_of_sensors_have_defaults_and_zero_is_never() {
     assert_eq!((force.ahead_s, force.late_s), (0.0, 0.05));
     assert_eq!(config.temperature.stale_s, f64::INFINITY);
     assert!(config.wrench.use_faulty_channels);
+    let used = format!("{head}[wrench]\nsource = \"force\"\nstale_ms = 200\n");
+    assert_eq!(parse(&used).unwrap().force.unwrap().late_s, 0.2, "what comes later is never used");
     assert!(parse(&format!("{head}[temperature]\nstale_s = -1\n")).is_err());
 }
 
