@@ -43,6 +43,9 @@
 // Room for the words of a struct, the zero at their end included.
 #define TRUED_WORDS_MAX 520
 
+// Room for a name of the robot, the zero at its end included.
+#define TRUED_NAME_MAX 72
+
 // trued_setpoint: `wrench` holds; in the tool's axes unless TRUED_WRENCH_IN_BASE is set too.
 #define TRUED_HAS_WRENCH 1
 
@@ -724,6 +727,18 @@ typedef struct trued_status {
   double correction_jerk_max[TRUED_JOINTS_MAX];
   // What a person should know.
   char message[TRUED_WORDS_MAX];
+  // Hash of the robot's nominal geometry: kinds and axes of the joints, nothing else.
+  uint64_t geometry_hash;
+  // Temperatures that were known and are too old: bit 0 the ambient one, bit n that of joint n.
+  uint32_t stale_temperatures;
+  // Zero.
+  uint32_t reserved;
+  // The robot's maker as the model states it; empty where it does not.
+  char robot_maker[TRUED_NAME_MAX];
+  // The robot's type, likewise.
+  char robot_type[TRUED_NAME_MAX];
+  // The robot's serial number, likewise.
+  char robot_serial[TRUED_NAME_MAX];
 } trued_status;
 
 // One verdict on one line of the force spectrum. Numbers that are not known are NaN.

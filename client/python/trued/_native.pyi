@@ -106,6 +106,11 @@ class Status:
     correction_rate_max: Final[NDArray[np.float64]]
     correction_jerk_max: Final[NDArray[np.float64]]
     message: Final[str]
+    geometry_hash: Final[int]
+    stale_temperatures: Final[int]
+    robot_maker: Final[str]
+    robot_type: Final[str]
+    robot_serial: Final[str]
 
 @final
 class Vibration:
