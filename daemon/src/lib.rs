@@ -56,7 +56,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 use std::thread::{JoinHandle, ScopedJoinHandle};
 use std::time::{Duration, Instant};
-use tracing::{info, warn};
+use tracing::{info, info_span, warn};
 
 /// How the daemon is to run.
 #[derive(Debug)]
@@ -118,8 +118,8 @@ pub fn run(
     stop: &AtomicBool,
     ready: impl FnOnce() + Send,
 ) -> Result<(), DaemonError> {
-    let over = Over { stop, ended: AtomicBool::new(false) };
     let count = cells.len();
+    let over = Over { stop, ended: AtomicBool::new(false), several: count > 1 };
     let manager = Mutex::new(Manager::of_environment(count));
     let mut ready = Some(ready);
     std::thread::scope(|scope| {
@@ -168,6 +168,8 @@ struct Over<'a> {
     stop: &'a AtomicBool,
     /// A cell of this daemon has ended.
     ended: AtomicBool,
+    /// The process serves several cells: each names itself in the log.
+    several: bool,
 }
 
 impl Over<'_> {
@@ -189,6 +191,7 @@ fn serve(
     ready: impl FnOnce(),
 ) -> Result<(), DaemonError> {
     let Options { config, config_name, config_text, lockstep } = options;
+    let _named = over.several.then(|| info_span!("cell", name = config.cell).entered());
     let model = RobotModel::read(&config.model)?;
     let arm = &model.physics.arm;
     config.check_against(&config_name, &setup::joint_kinds(arm)).map_err(FileError::from)?;
