@@ -175,6 +175,18 @@ impl Monitor {
         self.ask(reload(path)?, limit)
     }
 
+    /// The same, for a model of another robot or one whose limits the arm is outside of: done in shadow mode only.
+    ///
+    /// # Errors
+    /// See [`AskError`]; a refusal is an answer, not an error.
+    pub fn reload_other_robot(
+        &mut self,
+        path: Option<&Path>,
+        limit: Duration,
+    ) -> Result<Response, AskError> {
+        self.ask(Request { other_robot: 1, ..reload(path)? }, limit)
+    }
+
     /// Asks to ramp the correction out, or in again.
     ///
     /// # Errors

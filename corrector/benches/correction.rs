@@ -21,7 +21,7 @@ fn cycles(criterion: &mut Criterion, name: &str, model: Model, stiffness: Option
     settings.wrench.process_stiffness = stiffness;
     let mut run = Run::new(model, settings);
     let wrench = Wrench { force: DVec3::new(50.0, -20.0, 30.0), moment: DVec3::ZERO };
-    let sample = WrenchSample { wrench, in_base: true, age_ns: DT_NS };
+    let sample = WrenchSample { wrench, in_base: true, age_ns: DT_NS, faulty: false };
     run.world = World { wrench: Some(sample), ..World::default() };
     criterion.bench_function(name, |bencher| {
         bencher.iter(|| {

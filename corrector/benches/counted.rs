@@ -47,7 +47,8 @@ fn run(stage: &str, times: u64) {
         stage => {
             let way_rad = if stage == "moving" { 0.1 } else { 0.0 };
             let mut run = Run::new(model, Settings::with_envelope(envelope()));
-            let sample = WrenchSample { wrench: load(), in_base: true, age_ns: DT_NS };
+            let sample =
+                WrenchSample { wrench: load(), in_base: true, age_ns: DT_NS, faulty: false };
             run.world = World { wrench: Some(sample), ..World::default() };
             (0..times).for_each(|cycle| {
                 // To and fro at half a rad a second at most, joints against each other.

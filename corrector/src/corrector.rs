@@ -8,7 +8,7 @@ use crate::outcome::{Gate, Outcome, Reason, Residual, Status};
 use crate::path::Path;
 use crate::settings::{Mode, Settings};
 use crate::solve::{Solution, Solver};
-use crate::world::World;
+use crate::world::{World, WrenchSample};
 use crate::wrench::WrenchPath;
 use envelope::{Elapsed, Intervals, Limiters};
 use physics::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Model, Wrench};
@@ -214,7 +214,7 @@ impl Corrector {
                 let axes = Chain::tool_at(&model.arm, q_cmd).rotation;
                 Wrench { force: axes * w.force, moment: axes * w.moment }
             };
-            (in_base, sample.age_ns)
+            WrenchSample { wrench: in_base, in_base: true, ..sample }
         });
         let (wrench, gate) = if settled {
             self.wrench.settled(&self.settings.wrench, measured)

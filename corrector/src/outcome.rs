@@ -76,6 +76,8 @@ pub enum Gate {
     Stale,
     /// It is switched off.
     Off,
+    /// Its sensor has a fault: fading out.
+    SensorFault,
 }
 
 /// How far the tool is from where it should be, by the model, at the solution.

@@ -21,6 +21,8 @@ pub struct WrenchSample {
     pub in_base: bool,
     /// How old it is, ns.
     pub age_ns: u64,
+    /// Its sensor, or the stream that brings it, has a fault: it is not used.
+    pub faulty: bool,
 }
 
 /// What is known of the world besides the command.

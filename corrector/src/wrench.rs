@@ -1,7 +1,7 @@
 //! The measured wrench on its way into the correction.
 //!
 //! Correcting for a force that the correction itself raises is positive feedback: it pushes into the cut. Therefore the wrench
-//! is low-passed well below the first mode, fades out when stale, and enters with a share that keeps the loop gain below its bound.
+//! is low-passed well below the first mode, fades out when stale or when its sensor has a fault, and enters with a share that keeps the loop gain below its bound.
 //! With a known process stiffness k the loop gain is `k λmax(C_tcp)`: below the bound the share goes to one, above it to zero until the
 //! contact is over. Otherwise the share stops at one half, which is stable against any stiffness, since process and robot in series are
 //! never stiffer than the robot (small-gain theorem; holds while the model's compliance is below twice the true one), and
@@ -13,6 +13,7 @@ use crate::loop_gain::{CONTACT_N, LoopGain, Verdict};
 use crate::low_pass::{LowPass, Pace};
 use crate::outcome::Gate;
 use crate::settings::WrenchSettings;
+use crate::world::WrenchSample;
 use glam::DVec3;
 use physics::{Evaluation, Inputs, Memories, Model, Wrench};
 
@@ -75,7 +76,7 @@ impl WrenchPath {
     pub(crate) fn step(
         &mut self,
         settings: &WrenchSettings,
-        measured: Option<(Wrench, u64)>,
+        measured: Option<WrenchSample>,
         dt_s: f64,
     ) -> (Wrench, Gate) {
         if !settings.enabled {
@@ -89,7 +90,7 @@ impl WrenchPath {
         self.share += (goal - self.share).clamp(-most, most);
         let gate = match fresh {
             None if measured.is_none() && self.share == 0.0 => Gate::Absent,
-            None => Gate::Stale,
+            None => closed(measured),
             Some(_) if self.latched => Gate::GainTooHigh,
             Some(_) if self.share == 1.0 => Gate::Open,
             Some(_) => Gate::Partly,
@@ -102,13 +103,13 @@ impl WrenchPath {
     pub(crate) fn settled(
         &self,
         settings: &WrenchSettings,
-        measured: Option<(Wrench, u64)>,
+        measured: Option<WrenchSample>,
     ) -> (Wrench, Gate) {
         match fresh(settings, measured) {
             _ if !settings.enabled => (Wrench::ZERO, Gate::Off),
             Some(wrench) => (wrench, Gate::Open),
             None if measured.is_none() => (Wrench::ZERO, Gate::Absent),
-            None => (Wrench::ZERO, Gate::Stale),
+            None => (Wrench::ZERO, closed(measured)),
         }
     }
 
@@ -194,6 +195,14 @@ impl WrenchPath {
     }
 }
 
-fn fresh(settings: &WrenchSettings, measured: Option<(Wrench, u64)>) -> Option<Wrench> {
-    measured.filter(|(_, age_ns)| *age_ns <= settings.stale_ns).map(|(wrench, _)| wrench)
+/// The wrench, unless it is too old or its sensor has a fault.
+fn fresh(settings: &WrenchSettings, measured: Option<WrenchSample>) -> Option<Wrench> {
+    measured
+        .filter(|sample| !sample.faulty && sample.age_ns <= settings.stale_ns)
+        .map(|sample| sample.wrench)
+}
+
+/// Why a wrench that is not used is not.
+fn closed(measured: Option<WrenchSample>) -> Gate {
+    if measured.is_some_and(|sample| sample.faulty) { Gate::SensorFault } else { Gate::Stale }
 }

@@ -88,7 +88,7 @@ impl Cell {
         let hash = self.cycle.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 11;
         let noise = self.noise_n * (hash as f64 / (1_u64 << 52) as f64 - 1.0);
         let wrench = Wrench { force: self.normal * (self.force_n + noise), moment: DVec3::ZERO };
-        let sample = WrenchSample { wrench, in_base: true, age_ns: DT_NS };
+        let sample = WrenchSample { wrench, in_base: true, age_ns: DT_NS, faulty: false };
         self.run.world = World { wrench: Some(sample), ..World::default() };
         let outcome = self.run.cycle(&Q);
         self.told.push_back(outcome.added_to(&Q));
@@ -234,6 +234,27 @@ fn a_lost_force_stream_fades_out_and_comes_back_without_a_jump() {
         last = outcome;
     }
     assert!(sizes[1700] < 1e-9 && sizes[400] > 1e-4 && sizes[2900] > 1e-4 * 0.4);
+}
+
+#[test]
+fn a_sensor_with_a_fault_closes_the_gate_by_name_however_fresh_its_readings_are() {
+    let mut cell = Cell::new(1e5, 1.0, settings());
+    watched(&mut cell, 8);
+    let with = cell.run.cycle(&Q);
+    let mut last = with;
+    for k in 0..1500 {
+        let sample = cell.run.world.wrench.as_mut().expect("a sample");
+        (sample.faulty, sample.age_ns) = (true, DT_NS);
+        let outcome = cell.run.cycle(&Q);
+        for i in 0..6 {
+            let moved = (outcome.correction[i] - last.correction[i]).abs();
+            assert!(moved <= envelope().rate() * 1e-3 * (1.0 + 1e-9), "{k}: {moved}");
+        }
+        assert_eq!(outcome.gate, Gate::SensorFault, "{k}");
+        last = outcome;
+    }
+    let size = |outcome: &Outcome| outcome.correction[..6].iter().map(|c| c.abs()).sum::<f64>();
+    assert!(size(&with) > 1e-4 && size(&last) < 1e-9, "{} {}", size(&with), size(&last));
 }
 
 #[test]

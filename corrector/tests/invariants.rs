@@ -111,7 +111,8 @@ impl Hostile {
         };
         let wrench = Wrench { force: vector(), moment: vector() * 0.1 };
         let age_ns = if c.one_in(50) { c.bits() } else { DT_NS };
-        world.wrench = Some(WrenchSample { wrench, in_base: c.one_in(2), age_ns });
+        world.wrench =
+            Some(WrenchSample { wrench, in_base: c.one_in(2), age_ns, faulty: c.one_in(100) });
         world.ambient_celsius = if c.one_in(20) { c.hostile() } else { 25.0 };
         world
     }

@@ -90,6 +90,7 @@ impl<L: Link> Cycle<L> {
     fn count(&self, exchange: &Exchange, command: &Command, message: &Corrected, made: &Outcome) {
         let counters = &exchange.counters;
         count(&counters.cycles);
+        counters.count_reason(message.reason);
         match made.status {
             Status::Rejected => count(&counters.rejected),
             Status::Held => count(&counters.held),
@@ -116,7 +117,8 @@ impl<L: Link> Cycle<L> {
         exchange.record(|| {
             let (wrench, wrench_in_base) = self.senses.wrench();
             let (command, corrected) = (*command, *message);
-            CycleRecord { command, corrected, wrench, wrench_in_base }
+            let celsius = self.senses.celsius();
+            CycleRecord { command, corrected, wrench, wrench_in_base, celsius }
         });
     }
 

@@ -4,13 +4,17 @@
 //! Never: a lock.
 
 use crate::latency::Latency;
+use crate::position::Positions;
 use crate::process::Known;
 use crate::senses::Measured;
 use crate::travel::PathPoint;
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
 use physics::Model;
-use shm_schema::{Command, Corrected, DaemonPorts, ForceBlock, RecorderState, Verdict};
+use recording::blackbox::ModelChange;
+use shm_schema::{
+    Command, Corrected, DaemonPorts, ForceBlock, JOINTS_MAX, Reason, RecorderState, Verdict,
+};
 use spectrum::Health;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
@@ -21,6 +25,8 @@ const BLOCKS_KEPT: usize = 128;
 /// A recorder that has not come back for so long waits for its disk, ns.
 const RECORDER_HANGS_NS: u64 = 1_000_000_000;
 const VERDICTS_KEPT: usize = 256;
+/// Changes of the model that the recorder may lag behind.
+const MODELS_KEPT: usize = 16;
 /// Commanded points that the supervisor may lag behind; what is dropped beyond is not missed.
 const PATH_KEPT: usize = 256;
 /// Accounts between supervisor and vibration that may wait: each makes those before it needless.
@@ -46,6 +52,8 @@ pub struct CycleRecord {
     pub wrench: [f64; 6],
     /// Whether it stood in base axes.
     pub wrench_in_base: bool,
+    /// The temperatures as they entered the cycle, ambient and then one per joint, °C; NaN where unknown.
+    pub celsius: [f64; JOINTS_MAX + 1],
 }
 
 /// What the vibration thread has to say of itself.
@@ -53,6 +61,8 @@ pub struct CycleRecord {
 pub struct Hearing {
     /// Sensor and stream.
     pub health: Health,
+    /// Faults of the blocks' clock in the last second, as a set of `shm_schema::SensorFault`.
+    pub clock_faults: u32,
     /// The line that matters most now, where there is one.
     pub line: Option<Verdict>,
 }
@@ -81,6 +91,8 @@ pub struct Exchange {
     pub blocks: ArrayQueue<Box<ForceBlock>>,
     /// Recorder to vibration: boxes to be filled again, so that nobody allocates.
     pub empty_blocks: ArrayQueue<Box<ForceBlock>>,
+    /// Supervisor to recorder: models that took the place of the one before, each with the time of the change, ns.
+    pub model_changes: ArrayQueue<Box<ModelChange>>,
     /// Vibration to recorder.
     pub verdicts: ArrayQueue<Verdict>,
     /// Vibration to supervisor: verdicts, to be told.
@@ -91,6 +103,8 @@ pub struct Exchange {
     pub latency: Latency,
     /// Counts.
     pub counters: Counters,
+    /// Cycle to supervisor: where the arm was last.
+    pub positions: Positions,
     /// Supervisor to cycle: the correction is to be taken out.
     pub bypassed: AtomicBool,
     /// Supervisor to cycle: a wrench gate that closed for its loop gain may try again.
@@ -119,6 +133,8 @@ pub struct Counters {
     pub force_gaps: AtomicU64,
     pub force_refused: AtomicU64,
     pub recorder_dropped: AtomicU64,
+    /// Answers by their `shm_schema::Reason`.
+    pub reasons: [AtomicU64; Reason::ALL.len()],
     /// Loop gain of the wrench correction, as bits.
     pub loop_gain_bits: AtomicU64,
     /// `shm_schema::WrenchGate` of the last cycle.
@@ -131,8 +147,23 @@ pub struct Counters {
     pub last_command_ns: AtomicU64,
     /// `CLOCK_MONOTONIC` of the recorder's last turn, ns.
     pub recorder_turn_ns: AtomicU64,
+    pub stale_temperatures: AtomicU32,
     /// `CLOCK_MONOTONIC` of the last force block, ns; 0 before the first.
     pub last_block_ns: AtomicU64,
+}
+
+impl Counters {
+    /// Counts an answer by the code of its reason.
+    pub fn count_reason(&self, code: u32) {
+        if let Some(counter) = self.reasons.get(code as usize) {
+            count(counter);
+        }
+    }
+
+    /// Answers for that reason.
+    pub fn reason(&self, reason: Reason) -> u64 {
+        self.reasons.get(reason.code() as usize).map_or(0, |counter| counter.load(Relaxed))
+    }
 }
 
 impl Exchange {
@@ -155,11 +186,13 @@ impl Exchange {
             cycles: ArrayQueue::new(kept(CYCLES_KEPT)),
             blocks: ArrayQueue::new(BLOCKS_KEPT),
             empty_blocks,
+            model_changes: ArrayQueue::new(MODELS_KEPT),
             verdicts: ArrayQueue::new(VERDICTS_KEPT),
             told: ArrayQueue::new(VERDICTS_KEPT),
             hearing: ArrayQueue::new(ACCOUNTS_KEPT),
             latency: Latency::default(),
             counters: Counters::default(),
+            positions: Positions::default(),
             bypassed: AtomicBool::new(false),
             rearm: AtomicBool::new(false),
             mode: AtomicU32::new(mode_code(mode)),
@@ -172,6 +205,13 @@ impl Exchange {
     pub fn record(&self, cycle: impl FnOnce() -> CycleRecord) {
         if self.records && self.cycles.push(cycle()).is_err() {
             count(&self.counters.recorder_dropped);
+        }
+    }
+
+    /// Hands a change of the model to the recorder, where there is one; one that hangs in its disk does without the oldest.
+    pub fn record_model(&self, change: ModelChange) {
+        if self.records {
+            self.model_changes.force_push(Box::new(change));
         }
     }
 

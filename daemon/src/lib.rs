@@ -12,14 +12,16 @@
 //! Promises: the daemon never makes the robot step, whatever fails; a start that fails leaves nothing behind.
 //! Never: an equation. The cycle is one short file, [`cycle`].
 
+pub mod admission;
 pub mod ageing;
 pub mod at_rest;
+pub mod change_log;
 pub mod cycle;
 pub mod exchange;
 pub mod latency;
-pub mod news;
 pub mod notify;
 pub mod pacer;
+pub mod position;
 pub mod process;
 pub mod realtime;
 pub mod recorder;
@@ -29,6 +31,8 @@ pub mod setup;
 pub mod shelf;
 pub mod status;
 pub mod supervisor;
+pub mod temperatures;
+pub mod throttle;
 pub mod translate;
 pub mod travel;
 pub mod verdicts;
@@ -41,7 +45,6 @@ use crate::pacer::Pacer;
 use crate::realtime::Refused;
 use crate::recorder::Recorder;
 use crate::robot::Robot;
-use crate::senses::Senses;
 use crate::supervisor::Supervisor;
 use crate::vibration::{Ears, Listener};
 use corrector::{Corrector, Settings};
@@ -53,7 +56,7 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
 use std::thread::{JoinHandle, ScopedJoinHandle};
 use std::time::{Duration, Instant};
-use tracing::{info, warn};
+use tracing::{info, info_span, warn};
 
 /// How the daemon is to run.
 #[derive(Debug)]
@@ -115,8 +118,8 @@ pub fn run(
     stop: &AtomicBool,
     ready: impl FnOnce() + Send,
 ) -> Result<(), DaemonError> {
-    let over = Over { stop, ended: AtomicBool::new(false) };
     let count = cells.len();
+    let over = Over { stop, ended: AtomicBool::new(false), several: count > 1 };
     let manager = Mutex::new(Manager::of_environment(count));
     let mut ready = Some(ready);
     std::thread::scope(|scope| {
@@ -165,6 +168,8 @@ struct Over<'a> {
     stop: &'a AtomicBool,
     /// A cell of this daemon has ended.
     ended: AtomicBool,
+    /// The process serves several cells: each names itself in the log.
+    several: bool,
 }
 
 impl Over<'_> {
@@ -186,6 +191,7 @@ fn serve(
     ready: impl FnOnce(),
 ) -> Result<(), DaemonError> {
     let Options { config, config_name, config_text, lockstep } = options;
+    let _named = over.several.then(|| info_span!("cell", name = config.cell).entered());
     let model = RobotModel::read(&config.model)?;
     let arm = &model.physics.arm;
     config.check_against(&config_name, &setup::joint_kinds(arm)).map_err(FileError::from)?;
@@ -216,7 +222,9 @@ fn serve(
     exchange.stop();
     lock(manager).ended(place);
     supervisor.tell(&exchange);
-    threads.into_iter().try_for_each(|(name, thread)| finish(name, thread))?;
+    let ended = threads.into_iter().try_for_each(|(name, thread)| finish(name, thread));
+    change_log::summarise(&config.cell, &exchange);
+    ended?;
     Ok(served?)
 }
 
@@ -238,9 +246,10 @@ fn start_threads(
     let ports = supervisor.domain.ports();
     let cycle = start_cycle(config, settings, model, &ports, exchange)?;
     let manners = below(config.realtime);
+    let rules = setup::block_rules(config, settings.lockstep);
     let vibration = start("vibration", exchange, move |exchange, started| {
         take_manners(manners)?;
-        let mut listener = Listener::join(&ports, ears)?;
+        let mut listener = Listener::join(&ports, ears)?.with_rules(rules);
         started();
         listener.run(exchange);
         Ok(())
@@ -269,7 +278,7 @@ fn start_cycle(
 ) -> Result<Thread, DaemonError> {
     let (ports, realtime) = (ports.clone(), config.realtime);
     let pacer = Pacer::new(setup::wait(config), settings.period_ns);
-    let senses = Senses::new(setup::wrench_source(config));
+    let senses = setup::senses(config, settings.lockstep);
     let loaded = Box::new(LoadedModel { physics: model.physics, epoch: 1 });
     start("cycle", exchange, move |exchange, started| {
         realtime::sleep_exactly();
@@ -359,14 +368,19 @@ fn tolerate(done: Result<(), Refused>, enforce: bool) -> Result<(), Refused> {
     }
 }
 
-fn tell_model(model: &RobotModel) {
+/// Logs which model is active now, and of which robot.
+pub(crate) fn tell_model(model: &RobotModel) {
     info!(
         model = model.file.name,
+        robot = %model.file.robot,
+        geometry = model.file.identity().geometry(),
+        hash = format_args!("{:016x}", model.hash),
         joints = model.physics.arm.count(),
         effects = model.physics.effects().len(),
         "loaded"
     );
-    for name in model.not_compensated_names() {
-        info!(effect = name, "not compensated");
+    let not_compensated = model.not_compensated_names().join(", ");
+    if !not_compensated.is_empty() {
+        info!("not compensated: {not_compensated}");
     }
 }

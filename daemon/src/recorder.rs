@@ -7,7 +7,9 @@
 use crate::exchange::{CycleRecord, Exchange};
 use crate::shelf;
 use physics::JointKind;
-use recording::blackbox::{self, BlackBox, BlackBoxError, Few, ForceRecord, Header, VerdictRecord};
+use recording::blackbox::{
+    self, BlackBox, BlackBoxError, Few, ForceRecord, Header, ModelChange, VerdictRecord,
+};
 use recording::cell::Recorder as Settings;
 use shm_schema::{
     Command, Corrected, CorrectionStatus, Reason, RecorderState, Verdict, VibrationClass,
@@ -110,8 +112,21 @@ impl Recorder {
         BlackBox::create(&shelf::next(dir, &self.header.cell), &self.header)
     }
 
+    /// Takes a change of the model: files to come begin with it, the one that is open notes it.
+    fn change_model(&mut self, change: ModelChange) -> Result<(), BlackBoxError> {
+        let Header { cell, config, .. } = std::mem::take(&mut self.header);
+        self.header = Header { cell, config, ..change.header };
+        match &mut self.file {
+            Some(file) => file.write_model_change(&self.header, change.t_ns),
+            None => Ok(()),
+        }
+    }
+
     /// Empties the rings. Without a file, what they hold is dropped and counted.
     fn drain(&mut self, exchange: &Exchange) -> Result<(), BlackBoxError> {
+        while let Some(change) = exchange.model_changes.pop() {
+            self.change_model(*change)?;
+        }
         while let Some(cycle) = exchange.cycles.pop() {
             match &mut self.file {
                 Some(file) => file.write_cycle(&cycle_record(&cycle, self.joints))?,
@@ -150,6 +165,8 @@ pub fn header(cell: &str, model: &recording::model::RobotModel, config: String) 
         cell: cell.to_owned(),
         version: env!("CARGO_PKG_VERSION").to_owned(),
         model_hash: model.hash,
+        robot: model.file.robot.to_string(),
+        geometry_hash: model.file.identity().geometry_hash(),
         model: model.file.to_toml(),
         config,
         joints,
@@ -164,7 +181,8 @@ fn dropped(exchange: &Exchange) {
 
 fn cycle_record(cycle: &CycleRecord, joints: usize) -> blackbox::CycleRecord {
     let (command, corrected): (&Command, &Corrected) = (&cycle.command, &cycle.corrected);
-    let known = command.has(Command::HAS_TEMPERATURE);
+    let warmth = &cycle.celsius[..=joints];
+    let known = warmth.iter().any(|celsius| !celsius.is_nan());
     let wrench_is_known = !cycle.wrench[0].is_nan();
     blackbox::CycleRecord {
         t_ns: command.t_ns,
@@ -182,7 +200,7 @@ fn cycle_record(cycle: &CycleRecord, joints: usize) -> blackbox::CycleRecord {
         tau: Few::NONE,
         wrench_used: if wrench_is_known { Few::of(&cycle.wrench) } else { Few::NONE },
         wrench_in_base: u8::from(cycle.wrench_in_base),
-        temperature_c: if known { Few::of(&command.temperature_c[..=joints]) } else { Few::NONE },
+        temperature_c: if known { Few::of(warmth) } else { Few::NONE },
         residual_m: corrected.residual_m,
         residual_rad: corrected.residual_rad,
         spindle_rpm: f64::NAN,

@@ -3,8 +3,8 @@
 //! Promises: nothing starts on a configuration or a model that does not fit; the error says what to change.
 
 use crate::pacer::Wait;
-use crate::senses::WrenchSource;
-use crate::vibration::Ears;
+use crate::senses::{Senses, WrenchSource};
+use crate::vibration::{BlockRules, Clock, Ears};
 use corrector::{Mode, Settings, Task, WrenchSettings};
 use envelope::{Limits, LimitsError};
 use physics::{Arm, JOINTS_MAX, JointKind};
@@ -84,6 +84,18 @@ pub fn ears(config: &CellConfig, model: &RobotModel) -> Result<Ears, ConfigError
     Ok(Ears::Watch(Box::new(watch)))
 }
 
+/// What a force block must keep to for its wrench to be used. In lockstep blocks carry the recording's time, which no clock of now can judge.
+pub fn block_rules(config: &CellConfig, lockstep: bool) -> BlockRules {
+    let live = config.force.filter(|_| !lockstep);
+    BlockRules {
+        clock: live.map(|force| Clock {
+            ahead_ns: nanoseconds(force.ahead_s),
+            late_ns: nanoseconds(force.late_s),
+        }),
+        use_faulty_channels: config.wrench.use_faulty_channels,
+    }
+}
+
 /// The model's natural frequencies. Their directions stand in base axes, so that they mean something to the force channels
 /// only where those do too.
 pub fn modes(model: &RobotModel, frame: Frame) -> impl Iterator<Item = spectrum::Mode> {
@@ -108,6 +120,15 @@ pub fn wrench_source(config: &CellConfig) -> WrenchSource {
         cell::WrenchSource::Command => WrenchSource::Command,
         cell::WrenchSource::None => WrenchSource::None,
     }
+}
+
+/// What the cycle knows besides the command. In lockstep each row of the recording is the whole account of its time.
+pub fn senses(config: &CellConfig, lockstep: bool) -> Senses {
+    let senses = Senses::new(wrench_source(config));
+    if lockstep {
+        return senses;
+    }
+    senses.with_age_limit(nanoseconds(config.temperature.stale_s))
 }
 
 /// How the cycle waits.

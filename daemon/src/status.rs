@@ -5,13 +5,15 @@
 use crate::ageing::Age;
 use crate::exchange::{Exchange, Hearing};
 use crate::setup;
+use crate::temperatures::places;
 use crate::verdicts::faults;
 use corrector::Mode;
+use physics::spec::Need;
 use recording::cell::CellConfig;
-use recording::model::RobotModel;
+use recording::model::{RobotEntry, RobotModel};
 use shm_schema::{
-    Health, InCut, JointBounds, Reason, RecorderState, SensorFault, Status, Text, VibrationState,
-    WatchState,
+    Health, InCut, JointBounds, ROBOT_BYTES_MAX, Reason, RecorderState, SensorFault, Status, Text,
+    VibrationState, WatchState,
 };
 use spectrum::ProcessState;
 use std::fmt::Write as _;
@@ -26,8 +28,12 @@ pub struct Constants {
     started_ns: u64,
     joints: u32,
     model_hash: u64,
+    geometry_hash: u64,
+    robot: RobotEntry,
     model_name: String,
     uncompensated: u32,
+    /// The model has effects that go by a temperature.
+    is_thermal: bool,
     bounds: JointBounds,
     /// The mode that arming leads to.
     pub armed_mode: Option<Mode>,
@@ -45,8 +51,11 @@ impl Constants {
             started_ns: now_ns,
             joints: 0,
             model_hash: 0,
+            geometry_hash: 0,
+            robot: RobotEntry::default(),
             model_name: String::new(),
             uncompensated: 0,
+            is_thermal: false,
             bounds,
             armed_mode: setup::armed_mode(config),
             silent_after_ns: setup::silent_after_ns(config),
@@ -62,8 +71,12 @@ impl Constants {
     pub fn take(&mut self, model: &RobotModel) {
         self.joints = model.physics.arm.count() as u32;
         self.model_hash = model.hash;
+        self.geometry_hash = model.file.identity().geometry_hash();
+        self.robot.clone_from(&model.file.robot);
         self.model_name.clone_from(&model.file.name);
         self.uncompensated = model.not_compensated.len() as u32;
+        let mut effects = model.physics.effects();
+        self.is_thermal = effects.any(|effect| effect.spec().needs.contains(&Need::Temperature));
         for (i, joint) in model.physics.arm.joints().iter().enumerate() {
             (self.bounds.min[i], self.bounds.max[i]) = joint.limits;
         }
@@ -90,6 +103,7 @@ impl Constants {
             started_ns: self.started_ns,
             model_epoch: read(&counters.model_epoch),
             model_hash: self.model_hash,
+            geometry_hash: self.geometry_hash,
             cycles: read(&counters.cycles),
             missed_cycles: read(&counters.missed_cycles),
             commands: read(&counters.commands),
@@ -115,7 +129,11 @@ impl Constants {
             wrench_gate: counters.gate.load(Relaxed),
             recorder: exchange.recorder(now_ns).code(),
             uncompensated_effects: self.uncompensated,
+            stale_temperatures: counters.stale_temperatures.load(Relaxed),
             bounds: self.bounds,
+            robot_maker: name(self.robot.maker.as_deref()),
+            robot_type: name(self.robot.kind.as_deref()),
+            robot_serial: name(self.robot.serial.as_deref()),
             ..Status::default()
         };
         self.hear(exchange, process, &mut status);
@@ -138,7 +156,7 @@ impl Constants {
             Some(true) => InCut::Cut,
         }
         .code();
-        let Hearing { health, line } = self.hearing.unwrap_or_default();
+        let Hearing { health, clock_faults, line } = self.hearing.unwrap_or_default();
         let silent = self.is_silent(exchange, status.t_ns);
         let watch = match (self.watches, self.hearing) {
             (false, _) => WatchState::Off,
@@ -146,7 +164,7 @@ impl Constants {
             (true, _) => WatchState::Learning,
         };
         status.watch = watch.code();
-        status.stream_faults = faults(health.stream);
+        status.stream_faults = faults(health.stream) | clock_faults;
         status.channel_faults = health.channel.map(faults);
         if silent {
             // What was heard last says nothing of now.
@@ -169,7 +187,10 @@ impl Constants {
             Health::Degraded
         } else if !commands_come(exchange, status.t_ns) {
             Health::Idle
-        } else if self.last_reason(exchange).is_some() || status.model_broken_since_ns > 0 {
+        } else if self.last_reason(exchange).is_some()
+            || status.model_broken_since_ns > 0
+            || (self.is_thermal && status.stale_temperatures != 0)
+        {
             Health::Degraded
         } else {
             Health::Running
@@ -208,6 +229,10 @@ impl Constants {
         for fault in status.force_faults() {
             add(format_args!("{fault}"));
         }
+        if self.is_thermal && status.stale_temperatures != 0 {
+            let stale = places(status.stale_temperatures);
+            add(format_args!("temperatures are stale and count as unknown: {stale}"));
+        }
         if let Some(fault) = recorder_fault(status) {
             add(format_args!("{fault}"));
         }
@@ -222,6 +247,11 @@ impl Constants {
         }
         words
     }
+}
+
+/// A name of the robot as it travels; empty where the model does not state it.
+fn name(name: Option<&str>) -> Text<ROBOT_BYTES_MAX> {
+    Text::new(name.unwrap_or_default())
 }
 
 /// What is wrong with the black box.

@@ -4,12 +4,13 @@
 //! one that does is swapped in between two cycles. Never: anything that the cycle waits for.
 
 use crate::ageing::Age;
+use crate::change_log::{ChangeLog, RequestLog};
 use crate::exchange::{Exchange, LoadedModel};
-use crate::news::News;
 use crate::process::Process;
-use crate::{at_rest, setup, status};
+use crate::{admission, at_rest, recorder, status, tell_model};
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
+use recording::blackbox::ModelChange;
 use recording::cell::CellConfig;
 use recording::model::RobotModel;
 use shm_schema::{
@@ -43,7 +44,8 @@ pub struct Supervisor {
     constants: status::Constants,
     process: Process,
     age: Age,
-    news: News,
+    change_log: ChangeLog,
+    requests: RequestLog,
     looks: u32,
     /// What the last status said in words.
     said: Text<512>,
@@ -70,7 +72,8 @@ impl Supervisor {
             constants: status::Constants::new(config, &model, bounds, monotonic_ns()),
             process: Process::new(config, &model),
             age: Age::default(),
-            news: News::default(),
+            change_log: ChangeLog::default(),
+            requests: RequestLog::default(),
             looks: 0,
             said: Text::new("starting"),
             renewed: None,
@@ -116,7 +119,7 @@ impl Supervisor {
         let message = self.constants.status(exchange, &process, &self.age, monotonic_ns());
         self.status.send(&message);
         self.said = message.message;
-        self.news.log(exchange, &message);
+        self.change_log.log(exchange, &message);
     }
 
     /// How the daemon is, in words, as the last status said.
@@ -127,10 +130,11 @@ impl Supervisor {
 
     fn serve(&mut self, exchange: &Exchange) {
         let Self { control, model_path, model, model_epoch, constants, process, age, .. } = self;
+        let requests = &mut self.requests;
         while control.serve(|request| {
             let mut desk = Desk { model_path, model, model_epoch, constants, process, age };
             let (answer, words) = desk.answer(exchange, request);
-            info!(%answer, words, "request");
+            requests.log(request.operation, answer, &words, monotonic_ns());
             Response::to(request, answer, &words)
         }) {}
     }
@@ -185,7 +189,7 @@ impl Desk<'_> {
         let on = request.on != 0;
         match operation {
             Operation::Ping => (Answer::Done, "here".to_owned()),
-            Operation::Reload => self.reload(exchange, request.path.as_str()),
+            Operation::Reload => self.reload(exchange, request),
             Operation::Bypass => {
                 exchange.bypassed.store(on, Relaxed);
                 let words = if on { "the correction ramps out" } else { "the correction ramps in" };
@@ -212,28 +216,27 @@ impl Desk<'_> {
         (Answer::Done, words.to_owned())
     }
 
-    fn reload(&mut self, exchange: &Exchange, path: &str) -> (Answer, String) {
+    fn reload(&mut self, exchange: &Exchange, request: &Request) -> (Answer, String) {
+        let path = request.path.as_str();
         let path = if path.is_empty() { self.model_path.clone() } else { PathBuf::from(path) };
         let next = match at_rest::read(&path) {
             Ok(next) => next,
             Err(fault) => return (Answer::Refused, brief(&fault)),
         };
-        let (now, then) = (self.model.physics.arm.count(), next.physics.arm.count());
-        if now != then {
-            let words = format!(
-                "the model has {then} joints, the running one {now}: restart the daemon to change the robot"
-            );
+        let asked = admission::Request {
+            other_robot: request.other_robot != 0,
+            in_shadow: exchange.mode() == Mode::Shadow,
+        };
+        if let Some(words) = admission::refusal(self.model, &next, &exchange.positions, asked) {
             return (Answer::Refused, words);
-        }
-        if setup::joint_kinds(&self.model.physics.arm) != setup::joint_kinds(&next.physics.arm) {
-            let words = "the model's joints turn where the running one's slide, or slide where they turn: \
-                         restart the daemon to change the robot";
-            return (Answer::Refused, words.to_owned());
         }
         if !self.hand_over(exchange, &next) {
             return (Answer::Failed, "the cycle did not take the model over in time".to_owned());
         }
         let words = format!("{} loaded from {}", next.file.name, path.display());
+        tell_model(&next);
+        let header = recorder::header("", &next, String::new());
+        exchange.record_model(ModelChange { t_ns: monotonic_ns(), header });
         self.constants.take(&next);
         self.process.take(&next);
         *self.age = Age::default();
@@ -269,5 +272,5 @@ fn free_retired(exchange: &Exchange) {
 
 /// What fits into an answer: the first lines of a longer account.
 fn brief(words: &str) -> String {
-    words.chars().take(240).collect()
+    words.chars().take(admission::WORDS_MAX).collect()
 }

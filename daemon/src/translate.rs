@@ -86,5 +86,6 @@ fn gate(gate: Gate) -> WrenchGate {
         Gate::GainTooHigh => WrenchGate::GainTooHigh,
         Gate::Stale => WrenchGate::Stale,
         Gate::Off => WrenchGate::Off,
+        Gate::SensorFault => WrenchGate::SensorFault,
     }
 }

@@ -10,7 +10,7 @@ use crate::senses::Measured;
 use crate::verdicts;
 use shm_schema::{
     DaemonPorts, FORCE_CHANNELS_MAX, FORCE_SAMPLES_MAX, ForceBlock, Payload, PortError, Publisher,
-    Subscriber, Verdict, monotonic_ns,
+    SensorFault, Subscriber, Verdict, monotonic_ns,
 };
 use spectrum::{Block, Health, State, Stream, Verdicts, Watch};
 use std::sync::atomic::Ordering::Relaxed;
@@ -59,11 +59,50 @@ impl Ears {
     }
 }
 
+/// How long a fault of a block's clock is told after the last such block, ns: as the faults of the stream itself.
+const CLOCK_FAULT_HELD_NS: u64 = 1_000_000_000;
+/// Faults of a channel that make its samples no measurement of a load. A dead channel says zero, which corrects nothing.
+const NO_MEASUREMENT: [spectrum::Fault; 2] = [spectrum::Fault::Stuck, spectrum::Fault::Saturated];
+
+/// How far the stamps of blocks may lie from this machine's `CLOCK_MONOTONIC`.
+#[derive(Clone, Copy, Debug)]
+pub struct Clock {
+    /// Ahead of it, ns.
+    pub ahead_ns: u64,
+    /// From the last sample to the block's arrival, ns.
+    pub late_ns: u64,
+}
+
+impl Clock {
+    /// What is wrong with the stamps of a block that came at `now_ns`.
+    fn fault(&self, t_ns: u64, length_ns: u64, now_ns: u64) -> Option<SensorFault> {
+        if t_ns > now_ns.saturating_add(self.ahead_ns) {
+            Some(SensorFault::InFuture)
+        } else if now_ns.saturating_sub(t_ns.saturating_add(length_ns)) > self.late_ns {
+            Some(SensorFault::Late)
+        } else {
+            None
+        }
+    }
+}
+
+/// What a block must keep to for its wrench to be used.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BlockRules {
+    /// None: blocks carry a recording's time.
+    pub clock: Option<Clock>,
+    /// The wrench is used although a channel is stuck or saturated.
+    pub use_faulty_channels: bool,
+}
+
 /// The vibration thread's belongings.
 pub struct Listener {
     blocks: Subscriber<ForceBlock>,
     verdicts: Publisher<Verdict>,
     ears: Ears,
+    rules: BlockRules,
+    /// The clock's faults that were seen lately, each with the time until which it is told.
+    clock_faults: [(SensorFault, u64); 2],
     interleaved: Vec<f64>,
     said: u64,
     account_due_ns: u64,
@@ -79,10 +118,18 @@ impl Listener {
             blocks: ports.subscriber()?,
             verdicts: ports.publisher()?,
             ears,
+            rules: BlockRules::default(),
+            clock_faults: [(SensorFault::InFuture, 0), (SensorFault::Late, 0)],
             interleaved: vec![0.0; FORCE_CHANNELS_MAX * FORCE_SAMPLES_MAX],
             said: 0,
             account_due_ns: 0,
         })
+    }
+
+    /// The same with rules for the wrench of its blocks.
+    #[must_use]
+    pub fn with_rules(self, rules: BlockRules) -> Self {
+        Self { rules, ..self }
     }
 
     /// Runs until the exchange says stop.
@@ -123,7 +170,8 @@ impl Listener {
     }
 
     fn listen(&mut self, exchange: &Exchange, block: &ForceBlock) {
-        exchange.counters.last_block_ns.store(monotonic_ns(), Relaxed);
+        let now_ns = monotonic_ns();
+        exchange.counters.last_block_ns.store(now_ns, Relaxed);
         let readable = block.check().is_ok();
         if !readable {
             count(&exchange.counters.malformed);
@@ -148,11 +196,40 @@ impl Listener {
         self.say(exchange, &news);
         if is_good {
             count(&exchange.counters.force_blocks);
-            exchange.newest_wrench.force_push(mean(block));
+            exchange.newest_wrench.force_push(self.measured(block, now_ns));
         }
         if readable {
             exchange.record_block(block);
         }
+    }
+
+    /// The wrench of a block, and whether it may be used.
+    fn measured(&mut self, block: &ForceBlock, now_ns: u64) -> Measured {
+        let mut measured = mean(block);
+        let Some(clock) = &self.rules.clock else { return self.judged(measured) };
+        let length_ns = (1e9 * f64::from(block.samples) / block.rate_hz) as u64;
+        let fault = clock.fault(block.t_ns, length_ns, now_ns);
+        for (known, until_ns) in &mut self.clock_faults {
+            if Some(*known) == fault {
+                *until_ns = now_ns.saturating_add(CLOCK_FAULT_HELD_NS);
+            }
+        }
+        // Whatever its clock says, what has come was measured before.
+        measured.t_ns = measured.t_ns.min(now_ns);
+        measured.faulty = fault.is_some();
+        self.judged(measured)
+    }
+
+    /// The same by the state of its channels.
+    fn judged(&self, measured: Measured) -> Measured {
+        if self.rules.use_faulty_channels {
+            return measured;
+        }
+        let health = self.ears.health();
+        let no_measurement =
+            |faults: &spectrum::Faults| NO_MEASUREMENT.iter().any(|fault| faults.contains(*fault));
+        let faulty = measured.faulty || health.channel.iter().any(no_measurement);
+        Measured { faulty, ..measured }
     }
 
     fn say(&mut self, exchange: &Exchange, news: &Verdicts) {
@@ -185,7 +262,9 @@ impl Listener {
             Ears::None | Ears::Sensor(_) => None,
         };
         let line = line.map(|line| verdicts::verdict(&line, &health, self.said));
-        let _ = exchange.hearing.push(Hearing { health, line });
+        let told = self.clock_faults.iter().filter(|(_, until_ns)| *until_ns > now_ns);
+        let clock_faults = told.fold(0, |set, (fault, _)| set | fault.bit());
+        let _ = exchange.hearing.push(Hearing { health, clock_faults, line });
     }
 }
 
@@ -210,5 +289,5 @@ fn mean(block: &ForceBlock) -> Measured {
     }
     let half_ns = (0.5e9 * f64::from(block.samples) / block.rate_hz) as u64;
     let in_base = block.flags & ForceBlock::IN_BASE != 0;
-    Measured { wrench, in_base, t_ns: block.t_ns.saturating_add(half_ns) }
+    Measured { wrench, in_base, t_ns: block.t_ns.saturating_add(half_ns), faulty: false }
 }

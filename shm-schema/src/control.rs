@@ -12,7 +12,7 @@ pub const PATH_BYTES_MAX: usize = 256;
 
 plain_struct! {
     /// One request.
-    pub struct Request = "trued.Request/3" {
+    pub struct Request = "trued.Request/4" {
         /// From 1, plus 1 with each request of this sender.
         pub seq: u64,
         /// Names this run of the sender.
@@ -45,15 +45,15 @@ plain_struct! {
         pub holds_ms: u32,
         /// How many joints `q` has, for [`Operation::Measured`].
         pub joints: u32,
-        /// Zero.
-        pub reserved: u32,
+        /// 1 where [`Operation::Reload`] may load a model of another robot, or one whose limits the arm is outside of: obeyed in shadow mode only.
+        pub other_robot: u32,
         /// From which side each joint came, −1 or 1; 0 where unknown, for [`Operation::Measured`].
         pub direction: [i8; JOINTS_MAX],
         /// The model for [`Operation::Reload`], absolute; empty: the one loaded now, read again.
         pub path: Text<PATH_BYTES_MAX>,
     }
 }
-payload!(Request = "trued.Request/3", layout 3, check |_| Ok(()));
+payload!(Request = "trued.Request/4", layout 4, check |_| Ok(()));
 
 impl Request {
     /// What is asked.

@@ -47,7 +47,7 @@ pub use port::{
 pub use robot::RobotState;
 pub use sensor::{CHANNEL_NAMES, ForceFault, SensorFault, channel_name};
 pub use services::{CONTRACT_HASH, CONTRACT_VERSION, Topic};
-pub use status::{Health, JointBounds, Mode, RecorderState, Status, WatchState};
+pub use status::{Health, JointBounds, Mode, ROBOT_BYTES_MAX, RecorderState, Status, WatchState};
 pub use text::Text;
 pub use vibration::{Advice, Verdict, VibrationClass, VibrationState};
 

@@ -228,5 +228,7 @@ codes! {
         Stale = 4 "stale",
         /// It is switched off in the configuration.
         Off = 5 "off",
+        /// The force stream or one of its channels has a fault, so it is taken as zero.
+        SensorFault = 6 "sensor_fault",
     }
 }

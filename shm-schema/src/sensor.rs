@@ -37,6 +37,10 @@ codes! {
         OutOfOrder = 8 "out_of_order",
         /// No block comes at all.
         Silent = 9 "silent",
+        /// Blocks are stamped in the future: by another clock, or one that was set.
+        InFuture = 10 "in_future",
+        /// Blocks are stamped long before they come: by another clock, or held up on the way.
+        Late = 11 "late",
     }
 }
 
@@ -72,6 +76,13 @@ impl SensorFault {
             }
             Self::OutOfOrder => ("brings blocks twice or too late", "check the sender"),
             Self::Silent => ("is silent", "start the sender or take [force] out of the cell"),
+            Self::InFuture => {
+                ("is stamped in the future", "stamp blocks with this machine's CLOCK_MONOTONIC")
+            }
+            Self::Late => (
+                "is stamped long before it comes",
+                "stamp blocks with this machine's CLOCK_MONOTONIC, or send them at once",
+            ),
         }
     }
 }

@@ -10,6 +10,9 @@ use crate::sensor::ForceFault;
 use crate::text::Text;
 use crate::vibration::Verdict;
 
+/// Most bytes of each name of a robot in a status.
+pub const ROBOT_BYTES_MAX: usize = 64;
+
 plain_struct! {
     /// What bounds the published joint targets; the client ramps by the same rule when the daemon is gone.
     pub struct JointBounds = "trued.JointBounds/1" {
@@ -28,7 +31,7 @@ plain_struct! {
 
 plain_struct! {
     /// The daemon's own account of itself. The first one is published before the epoch is announced.
-    pub struct Status = "trued.Status/3" {
+    pub struct Status = "trued.Status/4" {
         /// From 1, plus 1 with each message of this daemon's epoch.
         pub seq: u64,
         /// When it was made, `CLOCK_MONOTONIC`.
@@ -37,8 +40,10 @@ plain_struct! {
         pub started_ns: u64,
         /// Plus 1 with each swap of the model.
         pub model_epoch: u64,
-        /// Identity of the model.
+        /// Hash of the model's text: its effects, tool and limits included.
         pub model_hash: u64,
+        /// Hash of the robot's nominal geometry: kinds and axes of the joints, nothing else.
+        pub geometry_hash: u64,
         /// Cycles run.
         pub cycles: u64,
         /// Cycles that came too late.
@@ -113,13 +118,23 @@ plain_struct! {
         pub channel_faults: [u32; FORCE_CHANNELS_MAX],
         /// The line of the force spectrum that matters most now; its state is `over` where there is none.
         pub verdict: Verdict,
+        /// Temperatures that were known and are now older than the cell's age limit: bit 0 the ambient one, bit `n` that of joint `n`.
+        pub stale_temperatures: u32,
+        /// Zero.
+        pub reserved: u32,
         /// Limits of joints and correction.
         pub bounds: JointBounds,
+        /// The robot's maker as the model states it; empty where it does not.
+        pub robot_maker: Text<ROBOT_BYTES_MAX>,
+        /// The robot's type, likewise.
+        pub robot_type: Text<ROBOT_BYTES_MAX>,
+        /// The robot's serial number, likewise.
+        pub robot_serial: Text<ROBOT_BYTES_MAX>,
         /// What a person should know, in words.
         pub message: Text<512>,
     }
 }
-payload!(Status = "trued.Status/3", layout 3, check |s| {
+payload!(Status = "trued.Status/4", layout 4, check |s| {
     within::<Status>("joints", u64::from(s.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
 });
 

@@ -16,18 +16,20 @@ macro_rules! pinned {
 
 #[test]
 fn the_layout_of_status_stands() {
-    pinned!(Status: 1608 bytes, hash 0x65ca_4091_d2bf_be78,
+    pinned!(Status: 1816 bytes, hash 0xcbf3_d610_5059_9fe5,
         seq at 0, t_ns at 8, started_ns at 16, model_epoch at 24, model_hash at 32,
-        cycles at 40, missed_cycles at 48, commands at 56, rejected at 64, held at 72,
-        stale at 80, commands_lost at 88, corrected_lost at 96, force_blocks at 104,
-        force_gaps at 112, force_refused at 120, malformed at 128, recorder_dropped at
-        136, latency_p50_ns at 144, latency_p99_ns at 152, latency_p999_ns at 160,
-        latency_max_ns at 168, wrench_loop_gain at 176, spindle_rpm at 184, feed_mm_s
-        at 192, model_broken_since_ns at 200, model_measurements at 208,
-        model_residual_m at 216, layout at 224, pid at 228, health at 232, mode at 236,
-        bypassed at 240, joints at 244, wrench_gate at 248, recorder at 252, watch at
-        256, uncompensated_effects at 260, in_cut at 264, stream_faults at 268,
-        channel_faults at 272, verdict at 296, bounds at 456, message at 1096);
+        geometry_hash at 40, cycles at 48, missed_cycles at 56, commands at 64, rejected
+        at 72, held at 80, stale at 88, commands_lost at 96, corrected_lost at 104,
+        force_blocks at 112, force_gaps at 120, force_refused at 128, malformed at 136,
+        recorder_dropped at 144, latency_p50_ns at 152, latency_p99_ns at 160,
+        latency_p999_ns at 168, latency_max_ns at 176, wrench_loop_gain at 184,
+        spindle_rpm at 192, feed_mm_s at 200, model_broken_since_ns at 208,
+        model_measurements at 216, model_residual_m at 224, layout at 232, pid at 236,
+        health at 240, mode at 244, bypassed at 248, joints at 252, wrench_gate at 256,
+        recorder at 260, watch at 264, uncompensated_effects at 268, in_cut at 272,
+        stream_faults at 276, channel_faults at 280, verdict at 304,
+        stale_temperatures at 464, reserved at 468, bounds at 472, robot_maker at 1112, robot_type at 1176, robot_serial at
+        1240, message at 1304);
 }
 
 #[test]
@@ -76,10 +78,10 @@ fn the_layout_of_verdict_stands() {
 
 #[test]
 fn the_layout_of_request_stands() {
-    pinned!(Request: 512 bytes, hash 0xba90_70e8_78cf_7e6e,
+    pinned!(Request: 512 bytes, hash 0x2ecb_a7f9_e68f_2291,
         seq at 0, session at 8, t_ns at 16, spindle_rpm at 24, feed_mm_s at 32, sigma_m
         at 40, ambient_c at 48, point_m at 56, q at 80, layout at 208, operation at 212,
-        on at 216, teeth at 220, in_cut at 224, holds_ms at 228, joints at 232, direction
+        on at 216, teeth at 220, in_cut at 224, holds_ms at 228, joints at 232, other_robot at 236, direction
         at 240, path at 256);
 }
 
@@ -115,6 +117,6 @@ fn a_message_is_read_from_bytes_in_the_order_of_its_offsets() {
 
 #[test]
 fn the_contract_stands() {
-    assert_eq!(CONTRACT_VERSION, 3);
-    assert_eq!(CONTRACT_HASH, 0xde7c_b6dd_56da_b584, "{CONTRACT_HASH:#018x}");
+    assert_eq!(CONTRACT_VERSION, 4);
+    assert_eq!(CONTRACT_HASH, 0x929d_9d93_ee44_859d, "{CONTRACT_HASH:#018x}");
 }

@@ -108,6 +108,27 @@ fn a_preset_starts_a_model_that_is_the_same_model() {
 }
 
 #[test]
+fn a_model_says_which_robot_it_is_of() {
+    let place = Place::new();
+    let geometry = |model: &str| {
+        let said = place.succeed(&["model", "show", model, "--json", "-", "-q"]).out;
+        let said: serde_json::Value = serde_json::from_str(&said).unwrap();
+        assert_eq!(said["robot"]["maker"], "ABB");
+        assert_eq!(said["robot"]["type"], "IRB 1600-6/1.45");
+        said["robot"]["geometry"].as_str().unwrap().to_owned()
+    };
+    // A calibration is of the same robot, and another tool is too.
+    let nominal = geometry("irb1600-6-145");
+    place.file("robot.toml", &thesis().replacen("tcp_mm = [", "tcp_mm = [1", 1));
+    assert_eq!(
+        [geometry("irb1600-6-145-thesis"), geometry("robot.toml")],
+        [nominal.clone(), nominal.clone()]
+    );
+    let said = place.succeed(&["model", "show", "irb1600-6-145"]).out;
+    assert!(said.contains(&format!("robot: ABB IRB 1600-6/1.45, geometry {nominal}")), "{said}");
+}
+
+#[test]
 fn a_description_becomes_a_model_and_a_calibrated_model_a_description() {
     let place = Place::new();
     let export =

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use tests::chance::Chance;
 use tests::place::Place;
 use tests::process::Process;
-use tests::sensor::Sensor;
+use tests::sensor::{ANY_CLOCK, Sensor};
 use trued_client::{ForceSamples, ForceSource, Monitor, Samples, WrenchFrame};
 
 const LIMIT: Duration = Duration::from_secs(20);
@@ -15,7 +15,7 @@ const LIMIT: Duration = Duration::from_secs(20);
 /// A daemon that watches a stream of that rate and so many channels.
 fn watching(rate_hz: f64, channels: u32) -> (Place, Process) {
     let tables = format!(
-        "[force]\nrate_Hz = {rate_hz}\nchannels = {channels}\n[vibration]\nenabled = true\n"
+        "[force]\nrate_Hz = {rate_hz}\nchannels = {channels}\n{ANY_CLOCK}[vibration]\nenabled = true\n"
     );
     let place = Place::new("shadow", &tables);
     let daemon = Process::daemon(TRUED, &place);

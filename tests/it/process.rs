@@ -9,7 +9,7 @@ use std::time::Duration;
 use tests::cell_loop::JOINTS;
 use tests::place::Place;
 use tests::process::Process;
-use tests::sensor::Sensor;
+use tests::sensor::{ANY_CLOCK, Sensor};
 use trued_client::{Answer, Client, InCut, ProcessState, Setpoint};
 
 const LIMIT: Duration = Duration::from_secs(20);
@@ -20,7 +20,8 @@ const RATIO: f64 = 131.0 / 10.0 * 129.0 / 13.0;
 const RADIUS_MM: f64 = 815.0;
 
 fn watching(tables: &str) -> (Place, Process, Sensor) {
-    let force = format!("[force]\nrate_Hz = {RATE_HZ}\nchannels = 3\n[vibration]\n{tables}");
+    let force =
+        format!("[force]\nrate_Hz = {RATE_HZ}\nchannels = 3\n{ANY_CLOCK}[vibration]\n{tables}");
     let place = Place::new("shadow", &force);
     let daemon = Process::daemon(TRUED, &place);
     assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());

@@ -114,7 +114,7 @@ fn a_broken_model_is_refused_with_its_first_fault_and_the_old_one_stays() {
         (place.file("typo.toml"), vec!["typo.toml", "axis"]),
         (place.file("half.toml"), vec!["half.toml"]),
         (place.file("none.toml"), vec!["none.toml"]),
-        (seven, vec!["7 joints", "6"]),
+        (seven, vec!["7 joints instead of 6", "restart the daemon"]),
     ];
     let (seen, ()) = beside(&place.cell(), |monitor| {
         let before = status(monitor);
@@ -147,6 +147,107 @@ fn the_bounds_told_are_those_of_the_model_in_use() {
     assert!((status(&mut monitor).bounds.max[0] - 180_f64.to_radians()).abs() < 1e-12);
     assert_eq!(ask(&mut monitor, Some(&place.file("narrow.toml"))).answer(), Ok(Answer::Done));
     assert!((status(&mut monitor).bounds.max[0] - 100_f64.to_radians()).abs() < 1e-12);
+}
+
+/// Words of a refusal.
+fn refused(answer: &Response) -> &str {
+    assert_eq!(answer.answer(), Ok(Answer::Refused), "{}", answer.message);
+    answer.message.as_str()
+}
+
+#[test]
+fn a_model_of_another_robot_is_refused_unless_the_cell_is_in_shadow_and_it_is_asked_for_by_name() {
+    let (place, _daemon) = running("full");
+    let kuka = place.model("kuka.toml", "kuka-kr240");
+    let (seen, ()) = beside(&place.cell(), |monitor| {
+        let before = status(monitor);
+        assert_eq!(before.robot_maker.as_str(), "ABB");
+        let answer = ask(monitor, Some(&kuka));
+        for words in ["another robot", "KUKA", "KR 240 R2900", "--other-robot"] {
+            assert!(refused(&answer).contains(words), "{words}: {}", answer.message);
+        }
+        let answer = monitor.reload_other_robot(Some(&kuka), LIMIT).unwrap();
+        assert!(refused(&answer).contains("disarm first"), "{}", answer.message);
+        assert_eq!(status(monitor).model_hash, before.model_hash);
+    });
+    assert_eq!(seen.broken, Vec::<String>::new());
+    let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
+    cell.client.arm(false, LIMIT).unwrap();
+    let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
+    let geometry = status(&mut monitor).geometry_hash;
+    assert!(refused(&ask(&mut monitor, Some(&kuka))).contains("in shadow mode"));
+    let answer = monitor.reload_other_robot(Some(&kuka), LIMIT).unwrap();
+    assert_eq!(answer.answer(), Ok(Answer::Done), "{}", answer.message);
+    let after = status(&mut monitor);
+    assert_eq!((after.robot_maker.as_str(), after.robot_type.as_str()), ("KUKA", "KR 240 R2900"));
+    assert_ne!(after.geometry_hash, geometry);
+}
+
+#[test]
+fn limits_that_the_arm_is_outside_of_are_refused_while_it_moves() {
+    let (place, _daemon) = running("full");
+    let good = std::fs::read_to_string(place.file("model.toml")).unwrap();
+    let limits = |limits: &str| {
+        let changed = good.replacen("limits_deg = [-180.0, 180.0]", limits, 1);
+        assert_ne!(good, changed);
+        changed
+    };
+    // The path of joint 1 goes from 8.6 to 14.3 degrees.
+    place.write("outside.toml", &limits("limits_deg = [-180.0, 5.0]"));
+    place.write("inside.toml", &limits("limits_deg = [-180.0, 20.0]"));
+    let (seen, ()) = beside(&place.cell(), |monitor| {
+        let answer = ask(monitor, Some(&place.file("outside.toml")));
+        for words in
+            ["joint 1 commanded at ", "limits -180.000 to 5.000 deg", "move the arm inside"]
+        {
+            assert!(refused(&answer).contains(words), "{words}: {}", answer.message);
+        }
+        let answer = ask(monitor, Some(&place.file("inside.toml")));
+        assert_eq!(answer.answer(), Ok(Answer::Done), "{}", answer.message);
+    });
+    assert_eq!((seen.unanswered, seen.broken), (0, Vec::new()));
+}
+
+#[test]
+fn the_command_line_refuses_another_robot_and_loads_it_in_shadow_by_name() {
+    let (place, _daemon) = running("shadow");
+    let config = place.file("cell.toml");
+    let reload = |more: &[&str]| {
+        let done = std::process::Command::new(TRUED)
+            .args(["reload", "--config"])
+            .arg(&config)
+            .args(more)
+            .env(shm_schema::RUNTIME_DIR_ENV, place.root())
+            .output()
+            .unwrap();
+        (done.status.code(), String::from_utf8_lossy(&done.stdout).into_owned())
+    };
+    let (code, said) = reload(&["kuka-kr240"]);
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("another robot") && said.contains("--other-robot"), "{said}");
+    let (code, said) = reload(&["kuka-kr240", "--other-robot"]);
+    assert_eq!(code, Some(0), "{said}");
+}
+
+#[test]
+fn robot_and_models_stand_in_the_black_box() {
+    let place = Place::new("full", "[recorder]\ndir = \"recordings\"\n");
+    let mut daemon = Process::daemon(TRUED, &place);
+    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+    let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
+    let now = status(&mut monitor);
+    let plain = place.model("plain.toml", "irb1600-6-145");
+    assert_eq!(ask(&mut monitor, Some(&plain)).answer(), Ok(Answer::Done));
+    assert!(daemon.end().success());
+    let file = std::fs::read_dir(place.file("recordings")).unwrap().next().unwrap().unwrap();
+    let contents = recording::blackbox::read(&file.path()).unwrap();
+    let header = &contents.header;
+    assert_eq!(header.robot, "ABB IRB 1600-6/1.45");
+    assert_eq!((header.model_hash, header.geometry_hash), (now.model_hash, now.geometry_hash));
+    let [change] = &contents.model_changes[..] else { panic!("{:?}", contents.model_changes) };
+    assert!(change.t_ns > now.t_ns && change.header.model.contains("nominal"));
+    assert_eq!(change.header.geometry_hash, header.geometry_hash, "the same robot");
+    assert_eq!((&change.header.cell, &change.header.config), (&header.cell, &header.config));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use std::time::Duration;
 use tests::place::Place;
 use tests::process::Process;
-use tests::sensor::Sensor;
+use tests::sensor::{ANY_CLOCK, Sensor};
 
 const LIMIT: Duration = Duration::from_secs(20);
 const RATE_HZ: f64 = 10_000.0;
@@ -28,7 +28,7 @@ fn daemon(tables: &str) -> (Place, Process) {
 fn watching() -> (Place, Process, Sensor) {
     let tables = format!(
         "[force]\nrate_Hz = {RATE_HZ}\nchannels = 3\nfull_scale_N = {FULL_SCALE_N}\n\
-         [vibration]\nenabled = true\n"
+         {ANY_CLOCK}[vibration]\nenabled = true\n"
     );
     let (place, daemon) = daemon(&tables);
     let sensor = Sensor::join(&place, RATE_HZ, 3);
@@ -188,7 +188,8 @@ fn silence_is_named_from_the_first_second_on_and_ends_with_the_first_block() {
 
 #[test]
 fn without_a_watch_the_sensor_is_looked_after_all_the_same() {
-    let (place, _daemon) = daemon("[force]\nrate_Hz = 10000.0\nchannels = 3\n");
+    let (place, _daemon) =
+        daemon(&format!("[force]\nrate_Hz = 10000.0\nchannels = 3\n{ANY_CLOCK}"));
     let mut sensor = Sensor::join(&place, RATE_HZ, 3);
     sensor.run(1.0, quiet);
     assert_eq!(sensor.settled().watch(), Ok(WatchState::Off));

@@ -56,6 +56,13 @@ fn one_daemon_serves_two_cells_and_ends_both() {
     assert!(is_served(&mut clients[1]));
     drop(clients);
     assert!(daemon.end().success(), "{:?}", daemon.lines());
+    let lines = daemon.lines();
+    for cell in [CELL, OTHER] {
+        let named = format!("cell{{name=\"{cell}\"}}: ");
+        let said =
+            |words: &str| lines.iter().any(|line| line.contains(&named) && line.contains(words));
+        assert!(said("health starting -> idle") && said("ended"), "{cell}: {lines:#?}");
+    }
     assert_eq!(place.left(), Vec::<String>::new());
 }
 

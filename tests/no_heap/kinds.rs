@@ -85,7 +85,12 @@ fn world(k: u64) -> World {
     let wrench = Wrench { force, moment: DVec3::new(0.1, 0.2, 0.3) };
     let in_base = k.is_multiple_of(3);
     World {
-        wrench: (k % 1000 < 900).then_some(WrenchSample { wrench, in_base, age_ns: 1_000_000 }),
+        wrench: (k % 1000 < 900).then_some(WrenchSample {
+            wrench,
+            in_base,
+            age_ns: 1_000_000,
+            faulty: false,
+        }),
         ambient_celsius: 25.0,
         joint_celsius: [35.0; physics::JOINTS_MAX],
         spindle_rpm: 12_000.0,

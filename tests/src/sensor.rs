@@ -16,6 +16,9 @@ const UNDER_WAY: u64 = 32;
 /// Whatever is waited for must come within this.
 const LIMIT: Duration = Duration::from_secs(20);
 
+/// Lines of `[force]` for a daemon that takes blocks at whatever pace: their stamps are the stream's own, not the machine's.
+pub const ANY_CLOCK: &str = "ahead_ms = 60000\nlate_ms = 3600000\n";
+
 /// The sensor and an observer of the daemon.
 pub struct Sensor {
     /// The daemon's observer.

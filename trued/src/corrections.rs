@@ -47,6 +47,10 @@ pub(crate) struct Figures {
 struct ModelName {
     name: String,
     hash: String,
+    /// Maker, type and serial number as far as the model states them.
+    robot: String,
+    /// Hash of the nominal geometry.
+    geometry: String,
 }
 
 #[derive(Debug, Clone, Serialize)]
@@ -72,7 +76,12 @@ impl Corrections {
     /// No answers yet.
     pub(crate) fn of(model: &RobotModel) -> Self {
         let kinds = setup::joint_kinds(&model.physics.arm);
-        let name = ModelName { name: model.file.name.clone(), hash: hex(model.hash) };
+        let name = ModelName {
+            name: model.file.name.clone(),
+            hash: hex(model.hash),
+            robot: model.file.robot.to_string(),
+            geometry: model.file.identity().geometry(),
+        };
         let q = vec![Vec::new(); kinds.len()];
         let figures = Figures { model: name, ..Figures::default() };
         Self { kinds, q, status: Vec::new(), figures }

@@ -43,6 +43,9 @@
 // Room for the words of a struct, the zero at their end included.
 #define TRUED_WORDS_MAX 520
 
+// Room for a name of the robot, the zero at its end included.
+#define TRUED_NAME_MAX 72
+
 // trued_setpoint: `wrench` holds; in the tool's axes unless TRUED_WRENCH_IN_BASE is set too.
 #define TRUED_HAS_WRENCH 1
 
@@ -225,6 +228,8 @@ enum trued_wrench_gate
   TRUED_WRENCH_GATE_STALE = 4,
   // It is switched off in the configuration.
   TRUED_WRENCH_GATE_OFF = 5,
+  // The force stream or one of its channels has a fault, so it is taken as zero.
+  TRUED_WRENCH_GATE_SENSOR_FAULT = 6,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -435,6 +440,10 @@ enum trued_sensor_fault
   TRUED_SENSOR_FAULT_OUT_OF_ORDER = 8,
   // No block comes at all.
   TRUED_SENSOR_FAULT_SILENT = 9,
+  // Blocks are stamped in the future: by another clock, or one that was set.
+  TRUED_SENSOR_FAULT_IN_FUTURE = 10,
+  // Blocks are stamped long before they come: by another clock, or held up on the way.
+  TRUED_SENSOR_FAULT_LATE = 11,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -712,6 +721,18 @@ typedef struct trued_status {
   double correction_jerk_max[TRUED_JOINTS_MAX];
   // What a person should know.
   char message[TRUED_WORDS_MAX];
+  // Hash of the robot's nominal geometry: kinds and axes of the joints, nothing else.
+  uint64_t geometry_hash;
+  // Temperatures that were known and are too old: bit 0 the ambient one, bit n that of joint n.
+  uint32_t stale_temperatures;
+  // Zero.
+  uint32_t reserved;
+  // The robot's maker as the model states it; empty where it does not.
+  char robot_maker[TRUED_NAME_MAX];
+  // The robot's type, likewise.
+  char robot_type[TRUED_NAME_MAX];
+  // The robot's serial number, likewise.
+  char robot_serial[TRUED_NAME_MAX];
 } trued_status;
 
 // One verdict on one line of the force spectrum. Numbers that are not known are NaN.
@@ -1030,6 +1051,12 @@ trued_code trued_monitor_reload(struct trued_monitor *monitor,
                                 const char *path,
                                 uint64_t limit_ns,
                                 struct trued_answer *answer);
+
+// The same, for a model of another robot, or one whose limits the arm is already outside of: done in shadow mode only.
+trued_code trued_monitor_reload_other_robot(struct trued_monitor *monitor,
+                                            const char *path,
+                                            uint64_t limit_ns,
+                                            struct trued_answer *answer);
 
 // Asks to ramp the correction out (`on` not 0), or in again.
 trued_code trued_monitor_bypass(struct trued_monitor *monitor,

@@ -367,6 +367,11 @@ class monitor : public detail::looking<detail::monitor_calls> {
 public:
     explicit monitor(const std::string &cell, nanoseconds limit, const char *runtime_dir = nullptr)
         : looking(cell, limit, runtime_dir) {}
+
+    // As reload(), for a model of another robot, or one whose limits the arm is already outside of: done in shadow mode only.
+    answer reload_other_robot(const char *path, nanoseconds limit) {
+        return asked(&::trued_monitor_reload_other_robot, limit, path);
+    }
 };
 
 // Sends force blocks: one source per cell.

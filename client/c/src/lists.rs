@@ -80,6 +80,8 @@ pub enum trued_wrench_gate {
     Stale = 4,
     /// It is switched off in the configuration.
     Off = 5,
+    /// The force stream or one of its channels has a fault, so it is taken as zero.
+    SensorFault = 6,
 }
 
 /// How the daemon is.
@@ -218,6 +220,10 @@ pub enum trued_sensor_fault {
     OutOfOrder = 8,
     /// No block comes at all.
     Silent = 9,
+    /// Blocks are stamped in the future: by another clock, or one that was set.
+    InFuture = 10,
+    /// Blocks are stamped long before they come: by another clock, or held up on the way.
+    Late = 11,
 }
 
 /// Where the tool is.

@@ -121,6 +121,26 @@ pub unsafe extern "C" fn trued_monitor_reload(
     })
 }
 
+/// The same, for a model of another robot, or one whose limits the arm is already outside of: done in shadow mode only.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trued_monitor_reload_other_robot(
+    monitor: *mut trued_monitor,
+    path: *const c_char,
+    limit_ns: u64,
+    answer: *mut trued_answer,
+) -> trued_code {
+    guard(|| {
+        // SAFETY: the rules of the header.
+        let path = unsafe { path_given(path) }?;
+        let act = |limit| {
+            let reload = |monitor: &mut Monitor| Ok(monitor.reload_other_robot(path, limit));
+            MONITORS.with(monitor.addr(), reload)
+        };
+        // SAFETY: the rules of the header.
+        unsafe { ask(answer, limit_ns, act) }
+    })
+}
+
 /// Asks to ramp the correction out (`on` not 0), or in again.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_monitor_bypass(

@@ -223,6 +223,12 @@ pub(crate) fn status(from: &Status) -> trued_status {
         correction_rate_max: from.bounds.rate,
         correction_jerk_max: from.bounds.jerk,
         message: words(from.message.as_str()),
+        geometry_hash: from.geometry_hash,
+        stale_temperatures: from.stale_temperatures,
+        reserved: 0,
+        robot_maker: words(from.robot_maker.as_str()),
+        robot_type: words(from.robot_type.as_str()),
+        robot_serial: words(from.robot_serial.as_str()),
     }
 }
 
@@ -290,12 +296,12 @@ pub(crate) fn answer(from: &Response) -> trued_answer {
 }
 
 /// A text in C's form, cut at a whole character where it is too long.
-fn words(text: &str) -> [c_char; TRUED_WORDS_MAX] {
-    let mut end = text.len().min(TRUED_WORDS_MAX - 1);
+fn words<const N: usize>(text: &str) -> [c_char; N] {
+    let mut end = text.len().min(N - 1);
     while !text.is_char_boundary(end) {
         end -= 1;
     }
-    let mut words = [0; TRUED_WORDS_MAX];
+    let mut words = [0; N];
     for (to, from) in words.iter_mut().zip(&text.as_bytes()[..end]) {
         *to = from.cast_signed() as c_char;
     }

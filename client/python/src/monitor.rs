@@ -51,10 +51,23 @@ impl Monitor {
         self.held.ask(py, timeout, |monitor, limit| monitor.ping(limit))
     }
 
-    /// Asks to load a model file and to swap it in; None: the one loaded now, read again.
-    #[pyo3(signature = (path = None, timeout = 10.0))]
-    fn reload(&self, py: Python<'_>, path: Option<PathBuf>, timeout: f64) -> PyResult<Answer> {
-        self.held.ask(py, timeout, |monitor, limit| monitor.reload(path.as_deref(), limit))
+    /// Asks to load a model file and to swap it in; None: the one loaded now, read again. A model of another robot, or one whose limits the arm
+    /// is already outside of, takes `other_robot` and shadow mode.
+    #[pyo3(signature = (path = None, timeout = 10.0, *, other_robot = false))]
+    fn reload(
+        &self,
+        py: Python<'_>,
+        path: Option<PathBuf>,
+        timeout: f64,
+        other_robot: bool,
+    ) -> PyResult<Answer> {
+        self.held.ask(py, timeout, |monitor, limit| {
+            if other_robot {
+                monitor.reload_other_robot(path.as_deref(), limit)
+            } else {
+                monitor.reload(path.as_deref(), limit)
+            }
+        })
     }
 
     /// Asks to ramp the correction out, or in again.

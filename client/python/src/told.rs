@@ -141,6 +141,11 @@ pub(crate) struct Status {
     correction_rate_max: Array,
     correction_jerk_max: Array,
     message: String,
+    geometry_hash: u64,
+    stale_temperatures: u32,
+    robot_maker: String,
+    robot_type: String,
+    robot_serial: String,
 }
 
 impl Status {
@@ -193,6 +198,11 @@ impl Status {
             correction_rate_max: all(&from.bounds.rate),
             correction_jerk_max: all(&from.bounds.jerk),
             message: from.message.to_string(),
+            geometry_hash: from.geometry_hash,
+            stale_temperatures: from.stale_temperatures,
+            robot_maker: from.robot_maker.to_string(),
+            robot_type: from.robot_type.to_string(),
+            robot_serial: from.robot_serial.to_string(),
         }
     }
 }

@@ -96,6 +96,8 @@ def what_is_closed_says_so(client: trued.Client) -> None:
         assert again.connection().is_connected
         assert (status := again.status()) is not None and status.joints == 6
         assert status.pid == again.connection().pid
+        assert (status.robot_maker, status.robot_type, status.robot_serial) == ("ABB", "IRB 1600-6/1.45", "")
+        assert status.geometry_hash != 0 and status.stale_temperatures == 0
     raises(trued.Closed, again.status)
 
 

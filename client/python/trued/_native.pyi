@@ -105,6 +105,11 @@ class Status:
     correction_rate_max: Final[NDArray[np.float64]]
     correction_jerk_max: Final[NDArray[np.float64]]
     message: Final[str]
+    geometry_hash: Final[int]
+    stale_temperatures: Final[int]
+    robot_maker: Final[str]
+    robot_type: Final[str]
+    robot_serial: Final[str]
 
 @final
 class Vibration:
@@ -288,8 +293,13 @@ class Monitor:
     def ping(self, timeout: float = 1.0) -> Answer:
         """Asks for a sign of life. Requests wait: not for the robot's loop. What is not done is raised."""
 
-    def reload(self, path: str | PathLike[str] | None = None, timeout: float = 10.0) -> Answer:
-        """Asks to load a model file and to swap it in; None: the one loaded now, read again."""
+    def reload(
+        self, path: str | PathLike[str] | None = None, timeout: float = 10.0, *, other_robot: bool = False
+    ) -> Answer:
+        """Asks to load a model file and to swap it in; None: the one loaded now, read again.
+
+        A model of another robot, or one whose limits the arm is already outside of, takes `other_robot` and shadow mode.
+        """
 
     def bypass(self, on: bool, timeout: float = 1.0) -> Answer:
         """Asks to ramp the correction out, or in again."""

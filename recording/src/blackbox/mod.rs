@@ -17,7 +17,7 @@ use std::path::PathBuf;
 
 pub use cdr::Few;
 pub use convert::{Conversion, convert};
-pub use read::{Contents, read, read_bytes};
+pub use read::{Contents, ModelChange, read, read_bytes};
 pub use records::{
     CycleRecord, ForceRecord, JOINTS_MAX, LogRecord, Record, StatusRecord, VerdictRecord,
 };
@@ -34,6 +34,10 @@ pub struct Header {
     pub version: String,
     /// Hash of the model, see [`crate::model::RobotModel::hash`].
     pub model_hash: u64,
+    /// The robot as its maker calls it, see [`crate::model::RobotEntry`].
+    pub robot: String,
+    /// Hash of the nominal geometry, see [`crate::model::Identity::geometry_hash`]; 0 in files of versions that did not write it.
+    pub geometry_hash: u64,
     /// The model as TOML.
     pub model: String,
     /// The configuration as TOML.

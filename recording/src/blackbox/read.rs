@@ -13,12 +13,25 @@ use physics::JointKind;
 
 /// Name of the metadata record that holds the header.
 pub(super) const METADATA: &str = "trued";
+/// Name of the metadata records that hold the models that took the place of the header's.
+pub(super) const MODEL_CHANGE: &str = "trued.model_change";
+
+/// A model that took the place of the one before.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct ModelChange {
+    /// When the cycle had it, `CLOCK_MONOTONIC`, ns.
+    pub t_ns: u64,
+    /// The header with that model.
+    pub header: Header,
+}
 
 /// What a black box holds.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Contents {
     /// The run as a whole.
     pub header: Header,
+    /// The models that were loaded while the file was written, oldest first.
+    pub model_changes: Vec<ModelChange>,
     /// The records in the order in which they were written.
     pub records: Vec<Record>,
     /// Why the file ends early, where it does; the records up to there are whole.
@@ -143,6 +156,11 @@ impl Gathered {
                 self.has_header = true;
                 self.contents.header = header(&metadata.metadata);
             }
+            McapRecord::Metadata(metadata) if metadata.name == MODEL_CHANGE => {
+                let t_ns = metadata.metadata.get("t_ns").and_then(|t_ns| t_ns.parse().ok());
+                let header = header(&metadata.metadata);
+                self.contents.model_changes.push(ModelChange { t_ns: t_ns.unwrap_or(0), header });
+            }
             McapRecord::Channel(channel) => {
                 self.topics.insert(channel.id, channel.topic);
             }
@@ -166,10 +184,13 @@ fn header(pairs: &BTreeMap<String, String>) -> Header {
         None | Some("") => Vec::new(),
         Some(words) => words.split('\n').map(str::to_owned).collect(),
     };
+    let number = |key: &str| u64::from_str_radix(&text(key), 16).unwrap_or(0);
     Header {
         cell: text("cell"),
         version: text("version"),
-        model_hash: u64::from_str_radix(&text("model_hash"), 16).unwrap_or(0),
+        model_hash: number("model_hash"),
+        robot: text("robot"),
+        geometry_hash: number("geometry_hash"),
         model: text("model"),
         config: text("config"),
         joints: text("joints").chars().map(joint).collect(),

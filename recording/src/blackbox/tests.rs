@@ -10,6 +10,8 @@ fn header() -> Header {
         cell: "demo".to_owned(),
         version: "0.1.0".to_owned(),
         model_hash: 0x0123_4567_89ab_cdef,
+        robot: "ABB IRB 1600-6/1.45, serial 1600-00001".to_owned(),
+        geometry_hash: 0xfedc_ba98_7654_3210,
         model: "schema = \"trued.model/1\"\n".to_owned(),
         config: String::new(),
         joints: vec![JointKind::Revolute, JointKind::Prismatic],
@@ -79,6 +81,21 @@ fn write_run(path: &Path, cycles: u64) -> BlackBox {
         black_box.write_force(&block).unwrap();
     }
     black_box
+}
+
+#[test]
+fn a_change_of_the_model_stands_in_the_file_and_the_header_stays_the_first_one() {
+    let scratch = Scratch::new("model");
+    let mut black_box = write_run(&scratch.file(), 20);
+    let next = Header { model_hash: 7, model: "name = \"next\"".to_owned(), ..header() };
+    black_box.write_model_change(&next, 123).unwrap();
+    black_box.write_cycle(&cycle(21)).unwrap();
+    black_box.finish().unwrap();
+    let contents = read(&scratch.file()).unwrap();
+    assert_eq!(contents.header, header());
+    assert_eq!(contents.model_changes, [ModelChange { t_ns: 123, header: next }]);
+    let cycles = contents.records.iter().filter(|record| matches!(record, Record::Cycle(_)));
+    assert_eq!((cycles.count(), contents.cut), (21, None));
 }
 
 #[test]

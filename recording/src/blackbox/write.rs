@@ -98,6 +98,17 @@ impl BlackBox {
             .map_err(|source| write_error(&self.path, source))
     }
 
+    /// Notes that from `t_ns` on (`CLOCK_MONOTONIC`) another model is active: `header` with that model.
+    ///
+    /// # Errors
+    /// See [`Self::write_cycle`].
+    pub fn write_model_change(&mut self, header: &Header, t_ns: u64) -> Result<(), BlackBoxError> {
+        let mut change = metadata(header);
+        change.name = super::read::MODEL_CHANGE.to_owned();
+        change.metadata.insert("t_ns".to_owned(), t_ns.to_string());
+        self.writer.write_metadata(&change).map_err(|source| write_error(&self.path, source))
+    }
+
     /// Adds a cycle.
     ///
     /// # Errors
@@ -183,6 +194,8 @@ fn metadata(header: &Header) -> Metadata {
         ("cell", header.cell.clone()),
         ("version", header.version.clone()),
         ("model_hash", format!("{:016x}", header.model_hash)),
+        ("robot", header.robot.clone()),
+        ("geometry_hash", format!("{:016x}", header.geometry_hash)),
         ("model", header.model.clone()),
         ("config", header.config.clone()),
         ("joints", header.joints.iter().map(joint).collect()),

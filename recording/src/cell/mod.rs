@@ -48,6 +48,8 @@ pub struct CellConfig {
     pub task: Task,
     /// Where the wrench comes from.
     pub wrench: Wrench,
+    /// How temperatures age.
+    pub temperature: Temperature,
     /// The force stream, where there is one.
     pub force: Option<Force>,
     /// The vibration watch, where it is on.
@@ -136,6 +138,15 @@ pub struct Wrench {
     pub process_stiffness_n_per_m: Option<f64>,
     /// Largest loop gain (process stiffness times robot compliance), below 1.
     pub loop_gain_max: f64,
+    /// Use the wrench although a force channel is stuck or saturated.
+    pub use_faulty_channels: bool,
+}
+
+/// `[temperature]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Temperature {
+    /// Age from which a temperature counts as unknown, s; infinite where it never does.
+    pub stale_s: f64,
 }
 
 /// `[force]`.
@@ -149,6 +160,10 @@ pub struct Force {
     pub full_scale_n: f64,
     /// Largest moment that it can measure, Nm; infinite where not known.
     pub full_scale_nm: f64,
+    /// How far a block's stamp may lie ahead of the daemon's clock, s.
+    pub ahead_s: f64,
+    /// How long after its last sample a block may come, s.
+    pub late_s: f64,
 }
 
 /// `[vibration]`.

@@ -4,8 +4,8 @@ use std::ops::Bound;
 use std::path::PathBuf;
 
 use super::{
-    Bounds, CellConfig, Cycle, Envelope, Force, Mode, Realtime, Recorder, SCHEMA, Task, Vibration,
-    Wait, Wrench, WrenchSource,
+    Bounds, CellConfig, Cycle, Envelope, Force, Mode, Realtime, Recorder, SCHEMA, Task,
+    Temperature, Vibration, Wait, Wrench, WrenchSource,
 };
 use crate::faults::Faults;
 use crate::series::Frame;
@@ -30,7 +30,8 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
     let envelope = envelope(root.table("envelope").as_ref());
     let task = task(root.table("task").as_ref());
     let wrench = wrench(root.table("wrench").as_ref());
-    let force = root.table("force").map(|table| force(&table));
+    let temperature = temperature(root.table("temperature").as_ref());
+    let force = root.table("force").map(|table| force(&table, &wrench));
     let vibration = root.table("vibration").map(|table| vibration(&table, force));
     let realtime = root.table("realtime").map(|table| realtime(&table)).unwrap_or_default();
     let recorder = root.table("recorder").map(|table| recorder(&table));
@@ -46,6 +47,7 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
         envelope,
         task,
         wrench,
+        temperature,
         force,
         vibration: vibration.flatten(),
         realtime,
@@ -157,19 +159,47 @@ fn wrench(table: Option<&Table<'_, '_>>) -> Wrench {
         frame: table.and_then(|table| table.choice("frame", &frames)).unwrap_or(Frame::Tool),
         process_stiffness_n_per_m: stiffness.map(|per_um| per_um * 1e6),
         loop_gain_max: number(table, "loop_gain_max", 0.01..=0.5, 0.5),
+        use_faulty_channels: table
+            .and_then(|table| table.flag("use_faulty_channels"))
+            .unwrap_or(false),
     };
     close(table);
     wrench
 }
 
-fn force(table: &Table<'_, '_>) -> Force {
+/// Structures warm with time constants of minutes to hours: a temperature a minute old is still a good one.
+const TEMPERATURE_STALE_S: f64 = 60.0;
+/// A block is stamped with its first sample, so that an honest stamp is past; a clock that is synchronised from elsewhere strays by less.
+const AHEAD_MS: f64 = 5.0;
+/// Where the wrench is not used: longer than any buffer of a driver or of the transport holds at the load of a working machine.
+const LATE_MS: f64 = 1000.0;
+
+fn temperature(table: Option<&Table<'_, '_>>) -> Temperature {
+    let stale_s = number(table, "stale_s", 0.0..=86_400.0, TEMPERATURE_STALE_S);
+    close(table);
+    Temperature { stale_s: if stale_s == 0.0 { f64::INFINITY } else { stale_s } }
+}
+
+fn force(table: &Table<'_, '_>, wrench: &Wrench) -> Force {
     table.require("rate_Hz", "samples per second");
     let rate_hz = table.number("rate_Hz", 10.0..=1e6).unwrap_or(1000.0);
     let channels = table.whole("channels", 3..7).and_then(|n| usize::try_from(n).ok());
     let full_scale = |key| table.number(key, POSITIVE).unwrap_or(f64::INFINITY);
     let (full_scale_n, full_scale_nm) = (full_scale("full_scale_N"), full_scale("full_scale_Nm"));
+    let ahead_ms = table.number("ahead_ms", 0.0..=60_000.0).unwrap_or(AHEAD_MS);
+    let is_used = wrench.source == WrenchSource::Force;
+    // What comes later than a wrench may be old is never used: the fault that says why has a name.
+    let late_default_ms = if is_used { wrench.stale_s * 1e3 } else { LATE_MS };
+    let late_ms = table.number("late_ms", 1.0..=3.6e6).unwrap_or(late_default_ms);
     table.close();
-    Force { rate_hz, channels: channels.unwrap_or(6), full_scale_n, full_scale_nm }
+    Force {
+        rate_hz,
+        channels: channels.unwrap_or(6),
+        full_scale_n,
+        full_scale_nm,
+        ahead_s: ahead_ms * 1e-3,
+        late_s: late_ms * 1e-3,
+    }
 }
 
 fn vibration(table: &Table<'_, '_>, force: Option<Force>) -> Option<Vibration> {

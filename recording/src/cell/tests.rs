@@ -148,6 +148,28 @@ priority = 50
 }
 
 #[test]
+fn ages_and_clocks_of_sensors_have_defaults_and_zero_is_never() {
+    let head = "schema = \"trued.cell/1\"\ncell = \"a\"\nmodel = \"m\"\n[force]\nrate_Hz = 1000\n";
+    let config = parse(head).unwrap();
+    let force = config.force.unwrap();
+    assert_eq!((force.ahead_s, force.late_s), (0.005, 1.0));
+    assert_eq!(config.temperature.stale_s, 60.0);
+    assert!(!config.wrench.use_faulty_channels);
+    let text = format!(
+        "{head}ahead_ms = 0\nlate_ms = 50\n[temperature]\nstale_s = 0\n\
+         [wrench]\nuse_faulty_channels = true\n"
+    );
+    let config = parse(&text).unwrap();
+    let force = config.force.unwrap();
+    assert_eq!((force.ahead_s, force.late_s), (0.0, 0.05));
+    assert_eq!(config.temperature.stale_s, f64::INFINITY);
+    assert!(config.wrench.use_faulty_channels);
+    let used = format!("{head}[wrench]\nsource = \"force\"\nstale_ms = 200\n");
+    assert_eq!(parse(&used).unwrap().force.unwrap().late_s, 0.2, "what comes later is never used");
+    assert!(parse(&format!("{head}[temperature]\nstale_s = -1\n")).is_err());
+}
+
+#[test]
 fn a_list_per_joint_must_fit_the_robot() {
     let text = "schema = \"trued.cell/1\"\ncell = \"a\"\nmodel = \"m\"\n[envelope]\nangle_mrad = [1, 2, 3]";
     let config = parse(text).unwrap();

@@ -8,6 +8,7 @@ mod build;
 #[cfg(test)]
 mod drive_tests;
 mod effects;
+mod identity;
 mod kinds;
 mod modes;
 #[cfg(test)]
@@ -22,6 +23,7 @@ use std::io::ErrorKind;
 use std::path::Path;
 
 pub use build::SiParameter;
+pub use identity::{Identity, ROBOT_NAME_BYTES_MAX, RobotEntry};
 pub use modes::ModeChange;
 use physics::JointKind;
 
@@ -34,8 +36,10 @@ pub(crate) const SCHEMA: &str = "trued.model/1";
 /// A model as it stands in its file, in the units of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ModelFile {
-    /// Name of the robot.
+    /// Name of the model.
     pub name: String,
+    /// `[robot]`: what the maker calls the robot.
+    pub robot: RobotEntry,
     /// `[meta]`: anything, for people.
     pub meta: toml::Table,
     /// Gravity, m/s², base frame.

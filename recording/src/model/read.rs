@@ -5,7 +5,7 @@ use toml::de::{DeTable, DeValue};
 use toml::{Table as FreeTable, Value};
 
 use super::effects::read_effect;
-use super::{BodyEntry, JointEntry, ModeEntry, ModelFile, SCHEMA, ToolEntry};
+use super::{BodyEntry, JointEntry, ModeEntry, ModelFile, RobotEntry, SCHEMA, ToolEntry};
 use crate::faults::{Faults, Place};
 use crate::walk::{Document, POSITIVE, Table};
 
@@ -29,6 +29,7 @@ fn read(root: &Table<'_, '_>) -> Option<ModelFile> {
     root.require("schema", "schema = \"trued.model/1\"");
     root.choice("schema", &[(SCHEMA, ())]);
     let name = root.text("name").unwrap_or_default().to_owned();
+    let robot = root.table("robot").map(|table| RobotEntry::read(&table)).unwrap_or_default();
     let meta = root.free_table("meta").map(free_table).unwrap_or_default();
     let gravity = if root.has("gravity_m_s2") {
         root.vector::<3>("gravity_m_s2")
@@ -49,6 +50,7 @@ fn read(root: &Table<'_, '_>) -> Option<ModelFile> {
     root.close();
     Some(ModelFile {
         name,
+        robot,
         meta,
         gravity_m_s2: gravity?,
         joints: joints.into_iter().collect::<Option<_>>()?,

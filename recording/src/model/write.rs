@@ -14,6 +14,13 @@ impl ModelFile {
         let mut out = format!("schema = \"{SCHEMA}\"\n");
         line(&mut out, "name", &string(&self.name));
         line(&mut out, "gravity_m_s2", &list(&self.gravity_m_s2));
+        let named = self.robot.entries().map(|(key, name)| name.map(|name| (key, name)));
+        if named.iter().any(Option::is_some) {
+            out.push_str("\n[robot]\n");
+        }
+        for (key, name) in named.into_iter().flatten() {
+            line(&mut out, key, &string(name));
+        }
         if !self.meta.is_empty() {
             out.push_str("\n[meta]\n");
             for (key, value) in &self.meta {

@@ -11,7 +11,7 @@ use super::source::{EXPAND, Source, child, document, macro_of, name};
 use super::tree::{Joint, Motion, Path, Tree};
 use super::{Ends, Import, bodies, telescope};
 use crate::faults::{Fault, Faults};
-use crate::model::{BodyEntry, JointEntry, ModelFile, RobotModel, ToolEntry};
+use crate::model::{BodyEntry, JointEntry, ModelFile, RobotEntry, RobotModel, ToolEntry};
 use crate::unit::Unit;
 
 /// Limits of a joint without any, degrees: a model needs some.
@@ -78,6 +78,7 @@ impl<'a> Chain<'a, '_> {
         let meta: FreeTable =
             meta.into_iter().map(|(key, word)| (key.to_owned(), word.into())).collect();
         ModelFile {
+            robot: RobotEntry::default(),
             name: robot.to_owned(),
             meta,
             gravity_m_s2: self.gravity(path).to_array(),

@@ -61,7 +61,7 @@ fn wrench(command: &Command) -> WrenchSample {
     let [fx, fy, fz, mx, my, mz] = command.wrench;
     let wrench = Wrench { force: DVec3::new(fx, fy, fz), moment: DVec3::new(mx, my, mz) };
     let in_base = command.has(Command::WRENCH_IN_BASE);
-    WrenchSample { wrench, in_base, age_ns: PERIOD_NS }
+    WrenchSample { wrench, in_base, age_ns: PERIOD_NS, faulty: false }
 }
 
 /// Force blocks in a row, through the vibration watch.

@@ -17,7 +17,8 @@ fn wrench(chance: &mut Chance) -> Measured {
         false => size * (chance.unit() - 0.5),
     };
     let wrench = [number(200.0), number(200.0), number(200.0), number(10.0), number(10.0), 0.0];
-    Measured { wrench, in_base: true, t_ns: if odd { chance.bits() } else { u64::MAX } }
+    let t_ns = if odd { chance.bits() } else { u64::MAX };
+    Measured { wrench, in_base: true, t_ns, faulty: false }
 }
 
 /// Now and then one of everything.

@@ -235,6 +235,8 @@ impl Found {
         file.meta.insert("diagnosed_by".to_owned(), by.into());
         let base = format!("{}, {:016x}", self.base.file.name, self.base.hash);
         file.meta.insert("diagnosed_from_model".to_owned(), base.into());
+        let robot = self.base.file.identity().to_string();
+        file.meta.insert("diagnosed_robot".to_owned(), robot.into());
         let text = file.to_toml();
         RobotModel::parse("the diagnosed model", &text).map_err(Failure::system)?;
         Ok(text)

@@ -20,7 +20,8 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(5);
 
 /// Load a changed model into the running daemon, without a missed cycle
 ///
-/// Exit 1 where the daemon refuses the model: it then goes on with the one it has. `trued diagnose --apply` does the same with the
+/// Exit 1 where the daemon refuses the model: it then goes on with the one it has. Models of another robot, and those whose limits the
+/// arm is already outside of, are refused. `trued diagnose --apply` does the same with the
 /// model that it has written.
 #[derive(Debug, Args)]
 pub(crate) struct Reload {
@@ -30,6 +31,9 @@ pub(crate) struct Reload {
     /// The model: a file or a preset; if not given, the file that is loaded now, read again
     #[arg(value_name = "MODEL")]
     model: Option<PathBuf>,
+    /// Load a model of another robot too, or one whose limits the arm is outside of: in shadow mode only
+    #[arg(long)]
+    other_robot: bool,
 }
 
 #[derive(Serialize)]
@@ -42,7 +46,7 @@ struct Report<'a> {
 impl Reload {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let config = CellConfig::read(&self.config).map_err(unusable)?;
-        let swap = Swap::ask(&config.cell, self.model.as_deref())?;
+        let swap = Swap::ask_for(&config.cell, self.model.as_deref(), self.other_robot)?;
         let (answer, message) = (swap.answer.name(), swap.message.as_str());
         console.json("trued.reload/1", &Report { cell: &config.cell, answer, message })?;
         swap.tell(console)
@@ -61,9 +65,18 @@ impl Swap {
     /// # Errors
     /// No daemon, or none that answers.
     pub(super) fn ask(cell: &str, model: Option<&Path>) -> Result<Self, Failure> {
+        Self::ask_for(cell, model, false)
+    }
+
+    fn ask_for(cell: &str, model: Option<&Path>, other_robot: bool) -> Result<Self, Failure> {
         let model = model.map(absolute).transpose()?;
         let mut monitor = Monitor::connect(cell, FOUND_WITHIN).map_err(Failure::system)?;
-        let response = monitor.reload(model.as_deref(), ANSWER_WITHIN).map_err(Failure::system)?;
+        let response = if other_robot {
+            monitor.reload_other_robot(model.as_deref(), ANSWER_WITHIN)
+        } else {
+            monitor.reload(model.as_deref(), ANSWER_WITHIN)
+        };
+        let response = response.map_err(Failure::system)?;
         let answer = response.answer().map_err(Failure::system)?;
         Ok(Self { answer, message: response.message.to_string() })
     }
@@ -82,7 +95,7 @@ impl Swap {
             trued_client::Answer::Refused => {
                 console.say(format!("refused: {message}"))?;
                 console.say(
-                    "the daemon goes on with its model; `trued check MODEL` tells all faults",
+                    "the daemon goes on with its model; `trued check MODEL` reports every fault",
                 )?;
                 Ok(Answer::No)
             }

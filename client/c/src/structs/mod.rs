@@ -15,6 +15,8 @@ pub const TRUED_JOINTS_MAX: usize = 16;
 pub const TRUED_TEMPERATURES_MAX: usize = 17;
 /// Room for the words of a struct, the zero at their end included.
 pub const TRUED_WORDS_MAX: usize = 520;
+/// Room for a name of the robot, the zero at its end included.
+pub const TRUED_NAME_MAX: usize = 72;
 
 /// Which struct, of what size when it was first released, of which types in turn: checked to have no padding.
 macro_rules! grows {

@@ -4,7 +4,7 @@
 
 use core::ffi::c_char;
 
-use super::{TRUED_JOINTS_MAX, TRUED_WORDS_MAX, grows};
+use super::{TRUED_JOINTS_MAX, TRUED_NAME_MAX, TRUED_WORDS_MAX, grows};
 
 /// A joint target, to be sent to the robot.
 #[derive(Clone, Copy)]
@@ -162,6 +162,18 @@ pub struct trued_status {
     pub correction_jerk_max: [f64; TRUED_JOINTS_MAX],
     /// What a person should know.
     pub message: [c_char; TRUED_WORDS_MAX],
+    /// Hash of the robot's nominal geometry: kinds and axes of the joints, nothing else.
+    pub geometry_hash: u64,
+    /// Temperatures that were known and are too old: bit 0 the ambient one, bit n that of joint n.
+    pub stale_temperatures: u32,
+    /// Zero.
+    pub reserved: u32,
+    /// The robot's maker as the model states it; empty where it does not.
+    pub robot_maker: [c_char; TRUED_NAME_MAX],
+    /// The robot's type, likewise.
+    pub robot_type: [c_char; TRUED_NAME_MAX],
+    /// The robot's serial number, likewise.
+    pub robot_serial: [c_char; TRUED_NAME_MAX],
 }
 
 /// One verdict on one line of the force spectrum. Numbers that are not known are NaN.
@@ -258,11 +270,12 @@ pub struct trued_answer {
 
 type Joints = [f64; TRUED_JOINTS_MAX];
 type Words = [c_char; TRUED_WORDS_MAX];
+type Name = [c_char; TRUED_NAME_MAX];
 
 grows! {
     trued_target 144 = [u32; 4], Joints;
     trued_corrected 600 = [u32; 6], [u64; 6], [Joints; 4], [f64; 2];
-    trued_status 1456 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words;
+    trued_status 1456 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words, u64, [u32; 2], [Name; 3];
     trued_vibration 680 = [u32; 12], [u64; 4], [f64; 10], Words;
     trued_connection 544 = [u32; 4], u64, Words;
     trued_answer 536 = [u32; 2], u64, Words;

@@ -49,6 +49,7 @@ fn explain(file: &mut ModelFile, found: &Found) {
             found.base.hash
         ),
     );
+    say("calibrated_robot", found.base.file.identity().to_string());
     let [.., advanced] = &found.errors;
     say(
         "calibration_proof",

@@ -25,6 +25,8 @@ const BINS: u8 = 40;
 pub(super) struct Report {
     unit: &'static str,
     model: String,
+    /// Maker, type and serial number as far as the model states them, and the hash of its nominal geometry.
+    robot: String,
     out: String,
     seed: Option<u64>,
     split: String,
@@ -155,6 +157,7 @@ impl Report {
         Self {
             unit: "mm",
             model: found.base.file.name.clone(),
+            robot: found.base.file.identity().to_string(),
             out: command.out.display().to_string(),
             seed: found.seed,
             split: found.split.says.clone(),

@@ -14,10 +14,21 @@ use crate::table::Table;
 struct Shown<'a> {
     name: &'a str,
     hash: String,
+    robot: Robot<'a>,
     joints: Vec<Joint<'a>>,
     effects: Vec<Effect<'a>>,
     /// Effects that are loaded and not compensated, as `servo_lag of joint 2`.
     not_compensated: Vec<String>,
+}
+
+/// Which robot it is: names where the model states them, and the hash of the nominal geometry.
+#[derive(Serialize)]
+struct Robot<'a> {
+    maker: Option<&'a str>,
+    #[serde(rename = "type")]
+    kind: Option<&'a str>,
+    serial: Option<&'a str>,
+    geometry: String,
 }
 
 #[derive(Serialize)]
@@ -49,6 +60,7 @@ pub(super) fn run(console: &mut Console, model: &RobotModel) -> Outcome {
     console.json("trued.model/1", &shown(model))?;
     let file = &model.file;
     console.say(console.paint(Paint::Strong, &file.name))?;
+    console.say(format!("robot: {}", file.identity()))?;
     console.say(format!("hash {:016x}\n\n", model.hash))?;
     console.say(joints(&file.joints))?;
     console.say(format!(
@@ -137,6 +149,12 @@ fn shown(model: &RobotModel) -> Shown<'_> {
     Shown {
         name: &model.file.name,
         hash: format!("{:016x}", model.hash),
+        robot: Robot {
+            maker: model.file.robot.maker.as_deref(),
+            kind: model.file.robot.kind.as_deref(),
+            serial: model.file.robot.serial.as_deref(),
+            geometry: model.file.identity().geometry(),
+        },
         joints: model
             .file
             .joints

@@ -1,0 +1,193 @@
+//! Whether a model may take the place of the active one.
+//!
+//! Promises: a model of another robot, and one whose limits the arm is already outside of, do not come in by mistake; a refusal names what
+//! differs and the way out. Never: a change of anything.
+
+use crate::position::Positions;
+use crate::setup;
+use physics::{Arm, JointKind};
+use recording::model::RobotModel;
+
+/// What fits into an answer to a request, bytes.
+pub const WORDS_MAX: usize = 240;
+/// A position on a limit is inside of it, whatever a conversion of units did to the last bits, rad or m.
+const ON_LIMIT: f64 = 1e-9;
+
+/// How a reload was requested.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// It asks for another robot by name.
+    pub other_robot: bool,
+    /// The cell is in shadow mode: nothing that the model says moves the arm.
+    pub in_shadow: bool,
+}
+
+/// Why `next` may not take the place of `active`; none where it may.
+#[must_use]
+pub fn refusal(
+    active: &RobotModel,
+    next: &RobotModel,
+    positions: &Positions,
+    request: Request,
+) -> Option<String> {
+    let differences = next.file.identity().differences(&active.file.identity());
+    let kinds = [active, next].map(|model| setup::joint_kinds(&model.physics.arm));
+    if kinds[0] != kinds[1] {
+        // Bounds, black box and clients are made for the joints that the daemon started with.
+        return Some(words(
+            "another robot",
+            &differences,
+            "restart the daemon to change the robot",
+        ));
+    }
+    let outside = outside(&active.physics.arm, &next.physics.arm, positions);
+    let (what, found, way_out) = if !differences.is_empty() {
+        ("another robot", differences, "restart the daemon")
+    } else if !outside.is_empty() {
+        ("the arm is outside the model's limits", outside, "move the arm inside")
+    } else {
+        return None;
+    };
+    let by_name = match (request.other_robot, request.in_shadow) {
+        (true, true) => return None,
+        (true, false) => "disarm first: `--other-robot` is for shadow mode",
+        (false, _) => "in shadow mode: `trued reload --other-robot`",
+    };
+    Some(words(what, &found, &format!("{way_out}, or {by_name}")))
+}
+
+/// The joints that are beyond a limit of `next` that is narrower than that of `active`: a reload that narrows nothing makes nothing worse.
+fn outside(active: &Arm, next: &Arm, positions: &Positions) -> Vec<String> {
+    let mut found = Vec::new();
+    for (source, told) in positions.newest() {
+        if told.q.len() != next.count() {
+            continue;
+        }
+        let joints = active.joints().iter().zip(next.joints()).zip(&told.q).zip(1..);
+        for (((now, then), q), joint) in joints {
+            let (low, high) = then.limits;
+            let below = *q < low - ON_LIMIT && low > now.limits.0;
+            let above = *q > high + ON_LIMIT && high < now.limits.1;
+            if below || above {
+                let (unit, per_si) = match then.kind {
+                    JointKind::Revolute => ("deg", 1_f64.to_degrees()),
+                    JointKind::Prismatic => ("mm", 1e3),
+                };
+                let [q, low, high] = [*q, low, high].map(|x| x * per_si);
+                found.push(format!(
+                    "joint {joint} {source} at {q:.3}, limits {low:.3} to {high:.3} {unit}"
+                ));
+            }
+        }
+    }
+    found
+}
+
+/// What was found and the way out, in as many bytes as an answer has; of what was found the end gives way.
+fn words(what: &str, found: &[String], way_out: &str) -> String {
+    let mut found = found.join("; ");
+    let room = WORDS_MAX.saturating_sub(what.len() + way_out.len() + "refused: : ; …".len());
+    if found.len() > room {
+        let end = (0..=room).rev().find(|end| found.is_char_boundary(*end)).unwrap_or(0);
+        found.truncate(end);
+        found.push('…');
+    }
+    format!("{what}: {found}; {way_out}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use recording::model::presets::preset;
+
+    const ARMED: Request = Request { other_robot: false, in_shadow: false };
+    const BY_NAME: Request = Request { other_robot: true, in_shadow: true };
+
+    fn model(name: &str) -> RobotModel {
+        preset(name).unwrap().model().unwrap()
+    }
+
+    /// The thesis robot with other limits of joint 1, degrees.
+    fn limited(low: f64, high: f64) -> RobotModel {
+        let mut file = model("irb1600-6-145-thesis").file;
+        file.joints[0].limits = [low, high];
+        RobotModel::of_file("limited", file).unwrap()
+    }
+
+    fn at(joint_1_deg: f64) -> Positions {
+        let positions = Positions::default();
+        let mut q = [0.0; 6];
+        q[0] = joint_1_deg.to_radians();
+        positions.commanded.tell(&q, 1);
+        positions
+    }
+
+    #[test]
+    fn another_robot_is_refused_with_what_differs_and_the_way_out() {
+        let (abb, kuka) = (model("irb1600-6-145-thesis"), model("kuka-kr240"));
+        let said = refusal(&abb, &kuka, &Positions::default(), ARMED).unwrap();
+        for word in ["another robot", "KUKA", "ABB", "restart", "--other-robot"] {
+            assert!(said.contains(word), "{word}: {said}");
+        }
+        assert!(said.len() <= WORDS_MAX, "{said}");
+        let armed = Request { other_robot: true, ..ARMED };
+        let said = refusal(&abb, &kuka, &Positions::default(), armed).unwrap();
+        assert!(said.contains("disarm first"), "{said}");
+        assert_eq!(refusal(&abb, &kuka, &Positions::default(), BY_NAME), None);
+    }
+
+    #[test]
+    fn geometry_alone_tells_another_robot_apart() {
+        let mut file = model("irb1600-6-145").file;
+        file.joints[2].point_mm = Some([150.0, 0.0, 1187.0]);
+        let other = RobotModel::of_file("other", file).unwrap();
+        let said = refusal(&model("irb1600-6-145"), &other, &Positions::default(), ARMED).unwrap();
+        assert!(said.contains("the axis of joint 3 is displaced by 0.500 mm"), "{said}");
+    }
+
+    #[test]
+    fn another_calibration_tool_or_serial_that_one_does_not_state_is_the_same_robot() {
+        let mut file = model("irb1600-6-145").file;
+        file.tool.tcp_mm[0] += 100.0;
+        file.robot.serial = Some("1600-00001".to_owned());
+        let other = RobotModel::of_file("other", file).unwrap();
+        let thesis = model("irb1600-6-145-thesis");
+        assert_eq!(refusal(&thesis, &other, &Positions::default(), ARMED), None);
+        let mut file = other.file.clone();
+        file.robot.serial = Some("1600-00002".to_owned());
+        let second = RobotModel::of_file("second", file).unwrap();
+        let said = refusal(&other, &second, &Positions::default(), ARMED).unwrap();
+        assert!(said.contains("serial \"1600-00002\" instead of \"1600-00001\""), "{said}");
+    }
+
+    #[test]
+    fn other_joints_are_refused_even_by_name() {
+        let said = refusal(&model("ur10e"), &model("fr3"), &Positions::default(), BY_NAME).unwrap();
+        assert!(said.contains("7 joints instead of 6") && said.contains("restart"), "{said}");
+    }
+
+    #[test]
+    fn limits_that_the_arm_is_outside_of_are_refused_and_those_it_is_inside_of_are_not() {
+        let (wide, narrow) = (limited(-180.0, 180.0), limited(-30.0, 30.0));
+        assert_eq!(refusal(&wide, &narrow, &Positions::default(), ARMED), None);
+        assert_eq!(refusal(&wide, &narrow, &at(30.0), ARMED), None);
+        let said = refusal(&wide, &narrow, &at(-30.1), ARMED).unwrap();
+        for word in ["joint 1 commanded at -30.100", "-30.000 to 30.000 deg", "move the arm"] {
+            assert!(said.contains(word), "{word}: {said}");
+        }
+        assert_eq!(refusal(&wide, &narrow, &at(-30.1), BY_NAME), None);
+        let measured = at(0.0);
+        measured.measured.tell(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0], 2);
+        assert!(refusal(&wide, &narrow, &measured, ARMED).unwrap().contains("measured"));
+        // The arm is outside already, and the reload narrows nothing.
+        assert_eq!(refusal(&narrow, &narrow, &at(-40.0), ARMED), None);
+        assert_eq!(refusal(&narrow, &wide, &at(-40.0), ARMED), None);
+    }
+
+    #[test]
+    fn the_way_out_is_never_cut_off() {
+        let found = vec!["ä".repeat(500)];
+        let said = words("another robot", &found, "restart the daemon");
+        assert!(said.len() <= WORDS_MAX && said.ends_with("…; restart the daemon"), "{said}");
+    }
+}

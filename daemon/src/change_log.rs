@@ -1,0 +1,310 @@
+//! Changes of the daemon's state, for the log, at a rate that a person can read.
+//!
+//! Promises: a change of health is logged with its reason; what is counted (refused commands, missed cycles, losses) at its first time and
+//! then as a sum, at most every 10 s; a sensor's fault when it begins and when it ends; a resonance when it alarms, when it is confirmed and
+//! when it is over; a model when it no longer holds. Never: in a real-time thread.
+
+use crate::exchange::Exchange;
+use crate::temperatures::places;
+use crate::throttle::{Budget, Tally};
+use shm_schema::{
+    Answer, ForceFault, Health, Operation, Reason, Status, Verdict, VibrationState, WatchState,
+};
+use std::sync::atomic::Ordering::Relaxed;
+use tracing::{debug, info, warn};
+
+/// What is counted and logged: a word for it, what it means, and whether it can be part of a normal day.
+const COUNTED: [(&str, &str, bool); 7] = [
+    ("missed_cycles", "an answer took longer than a cycle", false),
+    ("commands_lost", "commands did not arrive", false),
+    ("corrected_lost", "targets could not be handed over", false),
+    ("malformed", "messages could not be read", false),
+    ("force_gaps", "force blocks did not arrive", false),
+    ("force_refused", "force blocks were refused", false),
+    ("recorder_dropped", "the black box dropped records", false),
+];
+
+/// Reasons of answers that are counted and logged, in the same form. Those that are missing are told by the health, or are no news.
+const REASONS: [(Reason, &str, bool); 10] = [
+    (Reason::NotFinite, "a command holds a number that is not finite", false),
+    (Reason::OutOfLimits, "a commanded joint is outside the model's limits", false),
+    (Reason::OutOfOrder, "a command is older than the one before it", false),
+    (Reason::Stale, "no fresh command: the correction ramps to zero", true),
+    (Reason::Duplicate, "a command came twice", false),
+    (Reason::WrongJointCount, "a command has another number of joints than the model", false),
+    (Reason::NotConverged, "no correction was found for a command", false),
+    (Reason::TimeJump, "the clock that stamps the commands jumped", false),
+    (Reason::Malformed, "a command could not be read", false),
+    (Reason::CommandJump, "a command jumped further than the joints can move", false),
+];
+
+/// Lines on health in a burst, and how long one more takes, ns.
+const HEALTH_BURST: u32 = 6;
+const HEALTH_EVERY_NS: u64 = 2_000_000_000;
+/// The same for requests.
+const REQUEST_BURST: u32 = 20;
+const REQUEST_EVERY_NS: u64 = 1_000_000_000;
+/// The same request with the same answer is logged again after this time, ns.
+const REQUEST_AGAIN_NS: u64 = 10_000_000_000;
+
+/// The same for sensors.
+const SENSOR_BURST: u32 = 30;
+const SENSOR_EVERY_NS: u64 = 5_000_000_000;
+
+/// What was logged and still holds.
+#[derive(Debug)]
+pub struct ChangeLog {
+    health: HealthLog,
+    sensors: Budget,
+    counted: [Tally; COUNTED.len()],
+    reasons: [Tally; REASONS.len()],
+    faults: Vec<ForceFault>,
+    stale_temperatures: u32,
+    /// Ringings, by event, that alarmed, and how far they had come.
+    ringing: Vec<(u64, VibrationState)>,
+    learning: bool,
+    broken_since_ns: u64,
+}
+
+impl Default for ChangeLog {
+    fn default() -> Self {
+        Self {
+            health: HealthLog::default(),
+            sensors: Budget::new(SENSOR_BURST, SENSOR_EVERY_NS),
+            counted: Default::default(),
+            reasons: Default::default(),
+            faults: Vec::new(),
+            stale_temperatures: 0,
+            ringing: Vec::new(),
+            learning: false,
+            broken_since_ns: 0,
+        }
+    }
+}
+
+impl ChangeLog {
+    /// Logs what is new since the last status.
+    pub fn log(&mut self, exchange: &Exchange, status: &Status) {
+        self.health.log(status);
+        self.log_counts(exchange, status);
+        self.log_temperatures(status);
+        while let Some(verdict) = exchange.told.pop() {
+            self.log_verdict(&verdict);
+        }
+        self.log_faults(status);
+        let learning = status.watch() == Ok(WatchState::Learning);
+        if learning != self.learning {
+            let words = if learning { "learns the noise floor" } else { "watches" };
+            info!("the vibration watch {words}");
+        }
+        self.learning = learning;
+        let since_ns = status.model_broken_since_ns;
+        if since_ns > 0 && self.broken_since_ns == 0 {
+            warn!(
+                measurements = status.model_measurements,
+                residual_mm = 1e3 * status.model_residual_m,
+                "the model no longer holds; `trued diagnose` on a measuring program says why"
+            );
+        }
+        self.broken_since_ns = since_ns;
+    }
+
+    fn log_counts(&mut self, exchange: &Exchange, status: &Status) {
+        let totals = [
+            status.missed_cycles,
+            status.commands_lost,
+            status.corrected_lost,
+            status.malformed,
+            status.force_gaps,
+            status.force_refused,
+            status.recorder_dropped,
+        ];
+        for ((tally, (name, words, is_normal)), total) in
+            self.counted.iter_mut().zip(COUNTED).zip(totals)
+        {
+            say(tally, (name, words, is_normal), total, status.t_ns);
+        }
+        for (tally, (reason, words, is_normal)) in self.reasons.iter_mut().zip(REASONS) {
+            let total = exchange.counters.reason(reason);
+            say(tally, (reason.name(), words, is_normal), total, status.t_ns);
+        }
+    }
+
+    /// Where the budget is used up, a change is logged later, if it still is one.
+    fn log_faults(&mut self, status: &Status) {
+        let faults: Vec<_> = status.force_faults().collect();
+        for fault in &faults {
+            if !self.faults.contains(fault) && self.sensors.take(status.t_ns) {
+                warn!("{fault}");
+                self.faults.push(*fault);
+            }
+        }
+        let sensors = &mut self.sensors;
+        self.faults.retain(|fault| {
+            let is_over = !faults.contains(fault) && sensors.take(status.t_ns);
+            if is_over {
+                info!("no more: {fault}");
+            }
+            !is_over
+        });
+    }
+
+    fn log_temperatures(&mut self, status: &Status) {
+        let stale = status.stale_temperatures;
+        let (begun, over) = (stale & !self.stale_temperatures, self.stale_temperatures & !stale);
+        if begun | over == 0 || !self.sensors.take(status.t_ns) {
+            return;
+        }
+        if begun != 0 {
+            warn!("temperatures are stale and count as unknown: {}", places(begun));
+        }
+        if over != 0 {
+            info!("no more: temperatures are stale: {}", places(over));
+        }
+        self.stale_temperatures = stale;
+    }
+
+    fn log_verdict(&mut self, verdict: &Verdict) {
+        let Ok(state) = verdict.state() else { return };
+        let known = self.ringing.iter().position(|(event, _)| *event == verdict.event);
+        match (state, known) {
+            (VibrationState::Warn, _) | (VibrationState::Over, None) => {}
+            (VibrationState::Over, Some(place)) => {
+                self.ringing.swap_remove(place);
+                info!("{verdict}");
+            }
+            (_, Some(place)) if self.ringing[place].1 == state => {}
+            (_, Some(place)) => {
+                self.ringing[place].1 = state;
+                warn!("{verdict}");
+            }
+            (_, None) => {
+                self.ringing.push((verdict.event, state));
+                warn!("{verdict}");
+            }
+        }
+    }
+}
+
+/// Logs a count that has grown, where it is time.
+fn say(tally: &mut Tally, (name, words, is_normal): (&str, &str, bool), total: u64, now_ns: u64) {
+    let Some(count) = tally.due(total, now_ns) else { return };
+    if is_normal {
+        info!(reason = name, count, total, "{words}");
+    } else {
+        warn!(reason = name, count, total, "{words}");
+    }
+}
+
+/// Health as it was logged.
+#[derive(Debug)]
+struct HealthLog {
+    logged: Option<Health>,
+    seen: Option<Health>,
+    /// Changes since the last line.
+    changes: u32,
+    budget: Budget,
+}
+
+impl Default for HealthLog {
+    fn default() -> Self {
+        let budget = Budget::new(HEALTH_BURST, HEALTH_EVERY_NS);
+        Self { logged: None, seen: None, changes: 0, budget }
+    }
+}
+
+impl HealthLog {
+    fn log(&mut self, status: &Status) {
+        let Ok(health) = status.health() else { return };
+        self.changes += u32::from(self.seen != Some(health));
+        self.seen = Some(health);
+        // A state that went and came back between two lines is told by the number of changes.
+        if self.changes == 0 || !self.budget.take(status.t_ns) {
+            return;
+        }
+        let from = self.logged.unwrap_or(Health::Starting);
+        let why = status.message.as_str().split_once("; ").map_or("", |(_, why)| why);
+        let colon = if why.is_empty() { "" } else { ": " };
+        let changes = (self.changes > 1).then_some(self.changes);
+        if matches!(health, Health::Degraded | Health::Fault) {
+            warn!(changes, "health {from} -> {health}{colon}{why}");
+        } else {
+            info!(changes, "health {from} -> {health}{colon}{why}");
+        }
+        (self.logged, self.changes) = (Some(health), 0);
+    }
+}
+
+/// Requests as they were logged.
+#[derive(Debug)]
+pub struct RequestLog {
+    /// Of each operation the last line: its answer, its words, its time.
+    last: [Option<(Answer, String, u64)>; Operation::ALL.len()],
+    unlogged: u64,
+    budget: Budget,
+}
+
+impl Default for RequestLog {
+    fn default() -> Self {
+        let budget = Budget::new(REQUEST_BURST, REQUEST_EVERY_NS);
+        Self { last: Default::default(), unlogged: 0, budget }
+    }
+}
+
+impl RequestLog {
+    /// Logs a request and its answer; one that says nothing new is counted and told with the next line.
+    pub fn log(&mut self, operation: u32, answer: Answer, words: &str, now_ns: u64) {
+        let known = Operation::try_from(operation).ok();
+        if known == Some(Operation::Ping) {
+            debug!(%answer, words, "request: ping");
+            return;
+        }
+        let last = known.and_then(|known| self.last.get_mut(known as usize));
+        let is_news =
+            last.as_ref().and_then(|last| last.as_ref()).is_none_or(|(said, before, at_ns)| {
+                (*said, before.as_str()) != (answer, words)
+                    || now_ns.saturating_sub(*at_ns) >= REQUEST_AGAIN_NS
+            });
+        if !is_news || !self.budget.take(now_ns) {
+            self.unlogged += 1;
+            return;
+        }
+        if let Some(last) = last {
+            *last = Some((answer, words.to_owned(), now_ns));
+        }
+        let name = known.map_or("unknown", Operation::name);
+        let unlogged = Some(std::mem::take(&mut self.unlogged)).filter(|unlogged| *unlogged > 0);
+        if answer == Answer::Done {
+            info!(%answer, words, unlogged, "request: {name}");
+        } else {
+            warn!(%answer, words, unlogged, "request: {name}");
+        }
+    }
+}
+
+/// Logs what a run came to, in one line.
+pub fn summarise(cell: &str, exchange: &Exchange) {
+    let counters = &exchange.counters;
+    let reasons = REASONS.map(|(reason, ..)| (reason, counters.reason(reason)));
+    let reasons: Vec<String> = reasons
+        .iter()
+        .filter(|(_, count)| *count > 0)
+        .map(|(reason, count)| format!("{reason} {count}"))
+        .collect();
+    let latency = exchange.latency.quantiles();
+    let us = |ns: u64| ns as f64 * 1e-3;
+    info!(
+        cell,
+        cycles = counters.cycles.load(Relaxed),
+        missed_cycles = counters.missed_cycles.load(Relaxed),
+        commands = counters.commands.load(Relaxed),
+        commands_lost = counters.commands_lost.load(Relaxed),
+        refused = counters.rejected.load(Relaxed),
+        reasons = if reasons.is_empty() { "none".to_owned() } else { reasons.join(", ") },
+        latency_p50_us = us(latency.p50_ns),
+        latency_p99_us = us(latency.p99_ns),
+        latency_p999_us = us(latency.p999_ns),
+        latency_max_us = us(latency.max_ns),
+        "ended"
+    );
+}

@@ -1,0 +1,87 @@
+//! Where the arm was last, as far as anybody told: written by the cycle, read by the supervisor.
+//!
+//! Promises: nobody waits; a joint's number is whole, the joints of one reading may be of two neighbouring cycles.
+//! Never: a judgement whether a number is true.
+
+use shm_schema::JOINTS_MAX;
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
+
+/// The joint positions that one source told last.
+#[derive(Debug, Default)]
+pub struct Position {
+    q: [AtomicU64; JOINTS_MAX],
+    joints: AtomicU32,
+    at_ns: AtomicU64,
+}
+
+/// What a [`Position`] held.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Told {
+    /// Joint positions, rad or m.
+    pub q: Vec<f64>,
+    /// When they were told, ns, by the cycle's clock.
+    pub at_ns: u64,
+}
+
+impl Position {
+    /// Writes down that the joints were told to be there.
+    pub fn tell(&self, q: &[f64], at_ns: u64) {
+        for (slot, q) in self.q.iter().zip(q) {
+            slot.store(q.to_bits(), Relaxed);
+        }
+        self.joints.store(q.len().min(JOINTS_MAX) as u32, Relaxed);
+        self.at_ns.store(at_ns, Relaxed);
+    }
+
+    /// What was told last; none before the first.
+    #[must_use]
+    pub fn told(&self) -> Option<Told> {
+        let joints = self.joints.load(Relaxed) as usize;
+        let q = self.q.iter().take(joints).map(|q| f64::from_bits(q.load(Relaxed))).collect();
+        (joints > 0).then(|| Told { q, at_ns: self.at_ns.load(Relaxed) })
+    }
+}
+
+/// Where the arm was last.
+#[derive(Debug, Default)]
+pub struct Positions {
+    /// By the newest command.
+    pub commanded: Position,
+    /// By the newest measurement.
+    pub measured: Position,
+}
+
+/// A position that was told so much earlier than another says nothing beside it, ns.
+const OUTDATED_NS: u64 = 1_000_000_000;
+
+impl Positions {
+    /// The positions that tell where the arm is, with the word for their source.
+    #[must_use]
+    pub fn newest(&self) -> Vec<(&'static str, Told)> {
+        let mut told: Vec<(&str, Told)> =
+            [("commanded", &self.commanded), ("measured", &self.measured)]
+                .into_iter()
+                .filter_map(|(word, position)| Some((word, position.told()?)))
+                .collect();
+        let newest_ns = told.iter().map(|(_, told)| told.at_ns).max().unwrap_or(0);
+        told.retain(|(_, told)| newest_ns - told.at_ns <= OUTDATED_NS);
+        told
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_command_and_measurement_the_one_that_is_outdated_says_nothing() {
+        let positions = Positions::default();
+        assert!(positions.newest().is_empty());
+        positions.commanded.tell(&[1.0, 2.0], 5_000_000_000);
+        positions.measured.tell(&[1.1, 2.1], 5_900_000_000);
+        assert_eq!(positions.newest().len(), 2);
+        positions.measured.tell(&[1.2, 2.2], 6_100_000_000);
+        let [(word, told)] = &positions.newest()[..] else { panic!("one of them") };
+        assert_eq!((*word, &told.q[..]), ("measured", &[1.2, 2.2][..]));
+    }
+}

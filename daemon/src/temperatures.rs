@@ -1,0 +1,133 @@
+//! Temperatures as they are known now: the newest number of each, until it is too old.
+//!
+//! In the cycle. Promises: a number holds until another one comes or its age limit is over, then it counts as unknown and its place in
+//! [`Temperatures::stale`] is set; no allocation. Never: a judgement whether a number is true.
+
+use shm_schema::JOINTS_MAX;
+
+/// Ambient, then one per joint.
+const PLACES: usize = JOINTS_MAX + 1;
+
+/// The ambient temperature and those of the joints.
+#[derive(Debug)]
+pub struct Temperatures {
+    celsius: [f64; PLACES],
+    good_until_ns: [u64; PLACES],
+    /// The first of them to run out.
+    expires_ns: u64,
+    stale: u32,
+    /// None: a recording, in which each row is the whole account.
+    limit_ns: Option<u64>,
+}
+
+impl Temperatures {
+    /// Nothing is known yet. Without a limit each message is the whole account of its time, as in a recording.
+    #[must_use]
+    pub fn new(limit_ns: Option<u64>) -> Self {
+        Self {
+            celsius: [f64::NAN; PLACES],
+            good_until_ns: [u64::MAX; PLACES],
+            expires_ns: u64::MAX,
+            stale: 0,
+            limit_ns,
+        }
+    }
+
+    /// Takes a message. A number that it does not hold (NaN) stays what it was, until it is too old.
+    pub fn take(&mut self, celsius: &[f64; PLACES], now_ns: u64) {
+        let Some(limit_ns) = self.limit_ns else {
+            self.celsius = *celsius;
+            return;
+        };
+        for (place, value) in celsius.iter().enumerate().filter(|(_, value)| !value.is_nan()) {
+            self.celsius[place] = *value;
+            self.good_until_ns[place] = now_ns.saturating_add(limit_ns);
+            self.stale &= !(1 << place);
+        }
+        self.find_expiry();
+    }
+
+    /// What is known now, °C; NaN where nothing is.
+    pub fn known(&mut self, now_ns: u64) -> &[f64; PLACES] {
+        if now_ns > self.expires_ns {
+            for place in 0..PLACES {
+                if now_ns > self.good_until_ns[place] {
+                    self.celsius[place] = f64::NAN;
+                    self.good_until_ns[place] = u64::MAX;
+                    self.stale |= 1 << place;
+                }
+            }
+            self.find_expiry();
+        }
+        &self.celsius
+    }
+
+    /// What was known when it was last asked for.
+    #[must_use]
+    pub fn newest(&self) -> [f64; PLACES] {
+        self.celsius
+    }
+
+    /// Those that were known and are too old: bit 0 the ambient one, bit `n` that of joint `n`.
+    #[must_use]
+    pub fn stale(&self) -> u32 {
+        self.stale
+    }
+
+    fn find_expiry(&mut self) {
+        self.expires_ns = self.good_until_ns.iter().copied().min().unwrap_or(u64::MAX);
+    }
+}
+
+/// The places of a set in words: "ambient, joint 2".
+#[must_use]
+pub fn places(set: u32) -> String {
+    let name = |place| if place == 0 { "ambient".to_owned() } else { format!("joint {place}") };
+    let names: Vec<String> = (0..PLACES).filter(|place| set & 1 << place != 0).map(name).collect();
+    names.join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const S: u64 = 1_000_000_000;
+
+    fn message(pairs: &[(usize, f64)]) -> [f64; PLACES] {
+        let mut celsius = [f64::NAN; PLACES];
+        pairs.iter().for_each(|(place, value)| celsius[*place] = *value);
+        celsius
+    }
+
+    #[test]
+    fn each_temperature_holds_until_it_is_too_old_and_is_then_named_stale() {
+        let mut known = Temperatures::new(Some(60 * S));
+        known.take(&message(&[(0, 21.0), (2, 35.0)]), S);
+        known.take(&message(&[(2, 36.0)]), 50 * S);
+        assert_eq!((known.known(61 * S)[0], known.known(61 * S)[2]), (21.0, 36.0));
+        assert_eq!(known.stale(), 0, "nothing is stale, and what was never told is not stale");
+        assert!(known.known(61 * S + 1)[0].is_nan());
+        assert_eq!((known.known(110 * S)[2], known.stale()), (36.0, 1));
+        assert!(known.known(110 * S + 1)[2].is_nan());
+        assert_eq!((known.stale(), places(known.stale())), (0b101, "ambient, joint 2".to_owned()));
+        known.take(&message(&[(0, 22.0)]), 200 * S);
+        assert_eq!((known.known(200 * S)[0], known.stale()), (22.0, 0b100));
+    }
+
+    #[test]
+    fn a_limit_of_never_keeps_the_last_number() {
+        let mut known = Temperatures::new(Some(u64::MAX));
+        known.take(&message(&[(1, 30.0)]), S);
+        known.take(&message(&[]), 2 * S);
+        assert_eq!((known.known(u64::MAX)[1], known.stale()), (30.0, 0));
+    }
+
+    #[test]
+    fn a_row_of_a_recording_is_the_whole_account() {
+        let mut known = Temperatures::new(None);
+        known.take(&message(&[(0, 21.0)]), S);
+        assert_eq!(known.known(u64::MAX)[0], 21.0);
+        known.take(&message(&[(1, 30.0)]), 2 * S);
+        assert!(known.known(2 * S)[0].is_nan());
+    }
+}
