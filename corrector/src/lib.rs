@@ -33,6 +33,6 @@ pub use crate::corrector::{Corrector, Wanted};
 pub use ageing::Ageing;
 pub use judge::{Command, Judge};
 pub use outcome::{Gate, Outcome, Reason, Residual, Status};
-pub use settings::{Mode, Settings, Task, WrenchSettings};
+pub use settings::{LIMITED_SHARE, Mode, Settings, Task, WrenchSettings};
 pub use solve::{Solution, Solver, solve};
 pub use world::{World, WrenchSample};

@@ -4,7 +4,7 @@ use envelope::Limits;
 use physics::JOINTS_MAX;
 
 /// Share of the envelope's angle in limited mode.
-const LIMITED_SHARE: f64 = 0.1;
+pub const LIMITED_SHARE: f64 = 0.1;
 
 /// How much may be corrected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 
 mod support;
 
-use corrector::{Command, Mode, Outcome, Reason, Settings, Status, World, WrenchSample};
+use corrector::{Command, LIMITED_SHARE, Mode, Outcome, Reason, Settings, Status, World, WrenchSample};
 use glam::DVec3;
 use physics::{JOINTS_MAX, Model, Wrench};
 use support::{DT_NS, Run, envelope, erring, six};
@@ -271,6 +271,25 @@ fn one_refused_command_does_not_move_a_standing_correction() {
     assert_eq!((bad.status, bad.reason), (Status::Rejected, Reason::NotFinite));
     assert_eq!(bad.correction, before.correction);
     assert_eq!(run.cycle(&q).correction, before.correction);
+}
+
+#[test]
+fn limited_mode_never_goes_beyond_its_share_however_bypass_and_arming_are_toggled() {
+    let mut run = Run::new(erring(six()), Settings { mode: Mode::Limited, ..settings() });
+    let mut chance = Chance(11);
+    let most = LIMITED_SHARE * envelope().angle() * (1.0 + 1e-9);
+    for k in 0..60_000 {
+        if chance.one_in(60) {
+            run.corrector.set_bypass(chance.one_in(2));
+        }
+        if chance.one_in(60) {
+            let mode = if chance.one_in(2) { Mode::Limited } else { Mode::Shadow };
+            run.corrector.set_mode(mode);
+        }
+        let outcome = run.cycle(&smooth(f64::from(k) * 1e-3));
+        let largest = outcome.correction.iter().fold(0.0, |m: f64, c| m.max(c.abs()));
+        assert!(largest <= most, "{k}: {largest} of {most}");
+    }
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::exchange::{Exchange, Hearing};
 use crate::setup;
 use crate::temperatures::places;
 use crate::verdicts::faults;
-use corrector::Mode;
+use corrector::{LIMITED_SHARE, Mode};
 use physics::spec::Need;
 use recording::cell::CellConfig;
 use recording::model::{RobotEntry, RobotModel};
@@ -82,6 +82,15 @@ impl Constants {
         }
     }
 
+    /// What bounds the corrections that are sent in this mode.
+    fn bounds_in(&self, mode: Mode) -> JointBounds {
+        let mut bounds = self.bounds;
+        if mode == Mode::Limited {
+            bounds.angle.iter_mut().for_each(|angle| *angle *= LIMITED_SHARE);
+        }
+        bounds
+    }
+
     /// The status now, while the process is in that state and the model of that age.
     pub fn status(
         &mut self,
@@ -130,7 +139,7 @@ impl Constants {
             recorder: exchange.recorder(now_ns).code(),
             uncompensated_effects: self.uncompensated,
             stale_temperatures: counters.stale_temperatures.load(Relaxed),
-            bounds: self.bounds,
+            bounds: self.bounds_in(exchange.mode()),
             robot_maker: name(self.robot.maker.as_deref()),
             robot_type: name(self.robot.kind.as_deref()),
             robot_serial: name(self.robot.serial.as_deref()),
