@@ -3,7 +3,9 @@
 
 mod support;
 
-use corrector::{Command, LIMITED_SHARE, Mode, Outcome, Reason, Settings, Status, World, WrenchSample};
+use corrector::{
+    Command, LIMITED_SHARE, Mode, Outcome, Reason, Settings, Status, World, WrenchSample,
+};
 use glam::DVec3;
 use physics::{JOINTS_MAX, Model, Wrench};
 use support::{DT_NS, Run, envelope, erring, six};

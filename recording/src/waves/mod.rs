@@ -20,6 +20,9 @@ mod uff;
 mod uff58;
 mod uff_numbers;
 mod wav;
+mod wav_chunks;
+#[cfg(test)]
+mod wav_tests;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -227,7 +230,7 @@ impl Form {
             names.iter().any(|name| extension.eq_ignore_ascii_case(name))
         };
         match () {
-            () if starts(b"RIFF") || starts(b"RF64") => Self::Wav,
+            () if starts(b"RIFF") || starts(b"RF64") || starts(b"RIFX") => Self::Wav,
             () if starts(b"LabVIEW Measurement") => Self::LabView,
             () if uff::is_uff(bytes) || named(&["uff", "unv", "u58", "58"]) => Self::Uff,
             () if starts(b"TDSm") => Self::Foreign("a LabVIEW TDMS file"),

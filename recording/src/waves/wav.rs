@@ -1,78 +1,91 @@
-//! WAV files: whole numbers of 8 to 32 bits and 32-bit floats; full scale is 1 unless told otherwise.
+//! WAV files: PCM of 8 to 64 bits and IEEE floats of 32 and 64 bits, in RIFF (little-endian), RIFX (big-endian) and RF64 files.
+//!
+//! By Microsoft's *Multiple Channel Audio Data and WAVE Files* and EBU Tech 3306 (RF64). A sample fills whole bytes; where fewer of its
+//! bits are valid, they are its highest, and the rest is zero: what they are is asserted, so that a file that has them at the other end is
+//! refused instead of read as noise. Full scale is 1 unless stated otherwise.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use hound::{SampleFormat, WavReader};
-
+use super::wav_chunks::{Coding, Format, Wav};
 use super::{Grid, Options, Record, Wave, Waves, columns, pick};
 use crate::faults::{Fault, Faults};
 
 pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves, Faults> {
     let mut faults = Faults::of(name);
     columns::check(options, &mut faults);
-    let mut reader = match WavReader::new(bytes) {
-        Ok(reader) => reader,
-        Err(error) => {
-            let fault = Fault::new("", format!("cannot be read as WAV: {error}"));
-            faults.push(fault.expected("PCM of 8 to 32 bits, or 32-bit floats"));
+    let wav = match Wav::read(bytes) {
+        Ok(wav) => wav,
+        Err(fault) => {
+            faults.push(fault);
             return faults.or(None);
         }
     };
-    let spec = reader.spec();
-    let count = usize::from(spec.channels);
     let full_scale = options.full_scale.unwrap_or(1.0);
-    let mut notes = vec![if options.full_scale.is_some() {
+    let mut notes = wav.notes.clone();
+    notes.push(if options.full_scale.is_some() {
         format!("full scale stands for {full_scale}")
     } else {
         "full scale is taken as 1: the file says no unit".to_owned()
-    }];
-    let mut channels: Vec<Vec<f64>> = vec![Vec::new(); count];
-    let mut broken = None;
-    {
-        let mut at = 0;
-        let mut take = |value: f64| {
-            if let Some(channel) = channels.get_mut(at % count.max(1)) {
-                channel.push(value);
-            }
-            at += 1;
-        };
-        match spec.sample_format {
-            SampleFormat::Float => {
-                for sample in reader.samples::<f32>() {
-                    match sample {
-                        Ok(value) => take(full_scale * f64::from(value)),
-                        Err(error) => {
-                            broken = Some(error);
-                            break;
-                        }
-                    }
-                }
-            }
-            SampleFormat::Int => {
-                let one = full_scale / 2f64.powi(i32::from(spec.bits_per_sample) - 1);
-                for sample in reader.samples::<i32>() {
-                    match sample {
-                        Ok(value) => take(one * f64::from(value)),
-                        Err(error) => {
-                            broken = Some(error);
-                            break;
-                        }
-                    }
-                }
-            }
+    });
+    match channels(&wav, full_scale) {
+        Ok(channels) => record(channels, wav.format.rate_hz, options, faults, notes),
+        Err(fault) => {
+            faults.push(fault);
+            faults.or(None)
         }
     }
-    let whole = channels.iter().map(Vec::len).min().unwrap_or(0);
-    if let Some(error) = broken {
-        notes.push(format!("ends early, after {whole} samples: {error}"));
+}
+
+/// The samples of each channel, as many as all of them have.
+fn channels(wav: &Wav<'_>, full_scale: f64) -> Result<Vec<Vec<f64>>, Fault> {
+    let Format { channels: count, sample_bytes, .. } = wav.format;
+    let frames = wav.data.len() / (count * sample_bytes);
+    let mut channels = vec![Vec::with_capacity(frames); count];
+    let mut used = 0;
+    for frame in wav.data.chunks_exact(count * sample_bytes) {
+        for (channel, sample) in channels.iter_mut().zip(frame.chunks_exact(sample_bytes)) {
+            let (value, bits) = decoded(sample, &wav.format);
+            used |= bits;
+            channel.push(full_scale * value);
+        }
     }
-    record(channels, whole, spec.sample_rate, options, faults, notes)
+    let spare = 8 * sample_bytes as u32 - wav.format.valid_bits;
+    if wav.format.coding == Coding::Pcm && spare > 0 && used & ((1 << spare) - 1) != 0 {
+        let (bits, valid) = (8 * sample_bytes, wav.format.valid_bits);
+        let what = format!(
+            "says that {valid} of each sample's {bits} bits are valid, and its lowest {spare} are not zero"
+        );
+        return Err(Fault::new("fmt", what)
+            .expected("valid bits at the upper end of a sample, zeros below them")
+            .help("have it written anew, as samples of whole bytes without spare bits"));
+    }
+    Ok(channels)
+}
+
+/// A sample as a share of full scale, and its bits as they are in the file.
+fn decoded(sample: &[u8], format: &Format) -> (f64, u64) {
+    let fold = |bits: u64, byte: &u8| bits << 8 | u64::from(*byte);
+    let bits = if format.big_endian {
+        sample.iter().fold(0, fold)
+    } else {
+        sample.iter().rev().fold(0, fold)
+    };
+    let value = match (format.coding, format.sample_bytes) {
+        (Coding::Float, 4) => f64::from(f32::from_bits(bits as u32)),
+        (Coding::Float, _) => f64::from_bits(bits),
+        // The one form without a sign.
+        (Coding::Pcm, 1) => (bits as f64 - 128.0) / 128.0,
+        (Coding::Pcm, bytes) => {
+            let up = 64 - 8 * bytes as u32;
+            ((bits << up) as i64) as f64 / 2f64.powi(63)
+        }
+    };
+    (value, bits)
 }
 
 fn record(
     channels: Vec<Vec<f64>>,
-    whole: usize,
     rate_hz: u32,
     options: &Options,
     mut faults: Faults,
@@ -85,16 +98,14 @@ fn record(
         let fault = Fault::new("", "holds samples that are no finite numbers");
         faults.push(fault.expected("finite samples"));
     }
-    if whole == 0 || rate_hz == 0 {
-        let fault = Fault::new("", format!("holds {whole} samples at {rate_hz} Hz"));
+    let count = channels.first().map_or(0, Vec::len);
+    if count == 0 || rate_hz == 0 {
+        let fault = Fault::new("", format!("holds {count} samples at {rate_hz} Hz"));
         faults.push(fault.expected("samples, and a rate above 0"));
         return faults.or(None);
     }
     let waves = channels.into_iter().zip(&names).enumerate().filter(|(at, _)| taken(at));
-    let waves = waves.map(|(_, (mut values, name))| {
-        values.truncate(whole);
-        Wave::new(name, "1", values)
-    });
+    let waves = waves.map(|(_, (values, name))| Wave::new(name, "1", values));
     let rate_hz = f64::from(rate_hz);
     let grid = columns::asked(options).unwrap_or(Grid::Time { start_s: 0.0, rate_hz });
     let record = Record { grid, channels: waves.collect(), beside: BTreeMap::new() };
