@@ -260,7 +260,10 @@ impl Corrector {
     /// A refused solution holds the last good one for a while, then ramps out; at a pose at rest it is out already.
     fn wanted(&mut self, q_cmd: &Joints, solution: &Solution, blank: Wanted) -> Wanted {
         let mut wanted = Wanted { residual: solution.residual, steps: solution.steps, ..blank };
-        if solution.converged {
+        if solution.converged || solution.limited.is_some() {
+            if let Some(reason) = solution.limited {
+                (wanted.status, wanted.reason) = (Status::Limited, reason);
+            }
             self.refused_ns = 0;
             for (i, correction) in wanted.correction.iter_mut().enumerate() {
                 *correction = solution.q[i] - q_cmd[i];
@@ -312,7 +315,8 @@ impl Corrector {
 
     /// Says how and why the target was made.
     fn name(&mut self, outcome: &mut Outcome, reached: Reached, cut: bool) {
-        let solved = outcome.status == Status::Corrected;
+        let limited = outcome.status == Status::Limited;
+        let solved = limited || outcome.status == Status::Corrected;
         let arrived = reached != Reached::NotYet;
         if outcome.status == Status::Rejected {
             return;
@@ -322,13 +326,14 @@ impl Corrector {
             outcome.reason = Reason::Bypass;
         } else if self.settings.mode == Mode::Shadow && arrived {
             outcome.status = Status::Shadow;
-            outcome.reason = if solved { Reason::ShadowMode } else { outcome.reason };
+            outcome.reason = if solved && !limited { Reason::ShadowMode } else { outcome.reason };
         } else if solved && !arrived {
             outcome.status = Status::Ramping;
             outcome.reason = if self.cause == Reason::None { Reason::Envelope } else { self.cause };
         } else if solved {
             self.cause = Reason::None;
             outcome.reason = match reached {
+                _ if limited => outcome.reason,
                 _ if cut => Reason::JointLimit,
                 Reached::Bound => Reason::Envelope,
                 _ => Reason::None,

@@ -60,6 +60,7 @@ fn status(status: corrector::Status) -> CorrectionStatus {
         corrector::Status::Bypassed => CorrectionStatus::Bypassed,
         corrector::Status::Rejected => CorrectionStatus::Rejected,
         corrector::Status::Shadow => CorrectionStatus::Shadow,
+        corrector::Status::Limited => CorrectionStatus::Limited,
     }
 }
 
@@ -80,6 +81,7 @@ fn reason(reason: corrector::Reason) -> Reason {
         corrector::Reason::TimeJump => Reason::TimeJump,
         corrector::Reason::ShadowMode => Reason::ShadowMode,
         corrector::Reason::JointLimit => Reason::JointLimit,
+        corrector::Reason::Singular => Reason::Singular,
     }
 }
 
