@@ -10,7 +10,7 @@ use crate::settings::{Mode, Settings};
 use crate::solve::{Solution, Solver};
 use crate::world::{World, WrenchSample};
 use crate::wrench::WrenchPath;
-use envelope::{Elapsed, Intervals, Limiters};
+use envelope::{Elapsed, Intervals, Limiters, Limits};
 use physics::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Model, Wrench};
 
 /// Share of the envelope's rate at which a correction is taken back ahead of a joint limit.
@@ -31,6 +31,8 @@ pub struct Corrector {
     /// Why the correction is not yet what is wanted; kept until it is.
     cause: Reason,
     bypassed: bool,
+    /// Share of the envelope's angle in the mode that corrects, kept through shadow mode: on its way out a correction goes no further.
+    angle_share: f64,
     intervals: Intervals,
 }
 
@@ -62,6 +64,7 @@ impl Corrector {
             refused_ns: 0,
             cause: Reason::Starting,
             bypassed: false,
+            angle_share: settings.mode.angle_share().unwrap_or(1.0),
             intervals: Intervals::new(),
         }
     }
@@ -80,6 +83,16 @@ impl Corrector {
             self.cause = Reason::Starting;
         }
         self.settings.mode = mode;
+        self.angle_share = mode.angle_share().unwrap_or(self.angle_share);
+    }
+
+    /// Bounds of joint `i`'s correction in this mode.
+    fn limits(&self, i: usize) -> Limits {
+        let full = self.settings.envelope[i];
+        if self.angle_share == 1.0 {
+            return full;
+        }
+        Limits::new(full.angle() * self.angle_share, full.rate(), full.jerk()).unwrap_or(full)
     }
 
     /// How much may be corrected now.
@@ -228,7 +241,10 @@ impl Corrector {
     /// A refused solution holds the last good one for a while, then ramps out; at a pose at rest it is out already.
     fn wanted(&mut self, q_cmd: &Joints, solution: &Solution, blank: Wanted) -> Wanted {
         let mut wanted = Wanted { residual: solution.residual, steps: solution.steps, ..blank };
-        if solution.converged {
+        if solution.converged || solution.limited.is_some() {
+            if let Some(reason) = solution.limited {
+                (wanted.status, wanted.reason) = (Status::Limited, reason);
+            }
             self.refused_ns = 0;
             for (i, correction) in wanted.correction.iter_mut().enumerate() {
                 *correction = solution.q[i] - q_cmd[i];
@@ -269,7 +285,7 @@ impl Corrector {
         let (min, max) = arm.joints()[i].limits;
         let q = inputs.q[i];
         let speed = if inputs.dt_s > 0.0 { (q - inputs.q_before[i]) / inputs.dt_s } else { 0.0 };
-        let taken_back = TAKEN_BACK_SHARE * self.settings.limits(i).rate();
+        let taken_back = TAKEN_BACK_SHARE * self.limits(i).rate();
         let share = |towards: f64| if towards > taken_back { taken_back / towards } else { 1.0 };
         ((min - q).min(0.0) * share(-speed), (max - q).max(0.0) * share(speed))
     }
@@ -278,14 +294,14 @@ impl Corrector {
     fn step(&mut self, joints: usize, goal: &Joints, wanted: &Wanted) -> (Joints, Reached) {
         let mut allowed = [0.0; JOINTS_MAX];
         for (i, allowed) in allowed[..joints].iter_mut().enumerate() {
-            let angle = self.settings.limits(i).angle();
+            let angle = self.limits(i).angle();
             *allowed = goal[i].clamp(-angle, angle);
         }
         let bounded = if wanted.settled {
             self.limiters.jump(&allowed)
         } else {
-            let limits = |i| (i < joints).then(|| self.settings.limits(i));
-            self.limiters.step(&allowed, limits, wanted.elapsed)
+            let all: [Limits; JOINTS_MAX] = core::array::from_fn(|i| self.limits(i));
+            self.limiters.step(&allowed, |i| (i < joints).then(|| all[i]), wanted.elapsed)
         };
         let reached = if bounded != allowed {
             Reached::NotYet
@@ -299,7 +315,8 @@ impl Corrector {
 
     /// Says how and why the correction was made.
     fn name(&mut self, outcome: &mut Outcome, reached: Reached, is_cut: bool) {
-        let solved = outcome.status == Status::Corrected;
+        let is_limited = outcome.status == Status::Limited;
+        let solved = is_limited || outcome.status == Status::Corrected;
         let arrived = reached != Reached::NotYet;
         if outcome.status == Status::Rejected {
             return;
@@ -309,13 +326,15 @@ impl Corrector {
             outcome.reason = Reason::Bypass;
         } else if self.settings.mode == Mode::Shadow && arrived {
             outcome.status = Status::Shadow;
-            outcome.reason = if solved { Reason::ShadowMode } else { outcome.reason };
+            outcome.reason =
+                if solved && !is_limited { Reason::ShadowMode } else { outcome.reason };
         } else if solved && !arrived {
             outcome.status = Status::Ramping;
             outcome.reason = if self.cause == Reason::None { Reason::Envelope } else { self.cause };
         } else if solved {
             self.cause = Reason::None;
             outcome.reason = match reached {
+                _ if is_limited => outcome.reason,
                 _ if is_cut => Reason::JointLimit,
                 Reached::Bound => Reason::Envelope,
                 // Told in the one cycle in which it happens, whatever the correction does.

@@ -12,10 +12,13 @@
 #![cfg_attr(not(test), no_std)]
 
 mod ageing;
+mod bounded;
 mod corrector;
+mod damping;
 mod direction;
 mod joints;
 mod judge;
+mod limited;
 mod loop_gain;
 mod low_pass;
 mod normal;

@@ -20,6 +20,8 @@ pub enum Status {
     Rejected,
     /// None goes out; `wanted` tells what would have been.
     Shadow,
+    /// The best correction within bounds: something is left, see the residual and the reason.
+    Limited,
 }
 
 /// Why it was made so.
@@ -40,7 +42,7 @@ pub enum Reason {
     Duplicate,
     /// The command has another number of joints than the model.
     WrongJointCount,
-    /// No joint position puts the tool right here: a singular pose, or a correction beyond the envelope.
+    /// The solve failed: an effect is beyond what its law holds for, or a value is not finite.
     NotConverged,
     /// The envelope bounds the correction.
     Envelope,
@@ -58,6 +60,8 @@ pub enum Reason {
     JointLimit,
     /// The command moved faster than the joints' stated speeds allow; memory of the path starts anew.
     CommandJump,
+    /// A singular pose: the joints cannot move the tool the way that is needed.
+    Singular,
 }
 
 /// Whether the wrench takes part.

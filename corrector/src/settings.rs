@@ -18,6 +18,18 @@ pub enum Mode {
     Full,
 }
 
+impl Mode {
+    /// Share of the envelope's angle that may be corrected; none in shadow mode, which corrects nothing.
+    #[must_use]
+    pub const fn angle_share(self) -> Option<f64> {
+        match self {
+            Self::Shadow => None,
+            Self::Limited => Some(LIMITED_SHARE),
+            Self::Full => Some(1.0),
+        }
+    }
+}
+
 /// Which of the tool's six freedoms are to be put right.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Task {
@@ -100,15 +112,6 @@ impl Settings {
             reversal: 2e-6,
             jump_margin: 2.0,
             lockstep: false,
-        }
-    }
-    /// Bounds of joint `i`'s correction in this mode.
-    pub(crate) fn limits(&self, i: usize) -> Limits {
-        let full = self.envelope[i];
-        if self.mode == Mode::Limited {
-            Limits::new(full.angle() * LIMITED_SHARE, full.rate(), full.jerk()).unwrap_or(full)
-        } else {
-            full
         }
     }
 }

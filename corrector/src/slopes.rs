@@ -46,7 +46,7 @@ pub(crate) struct Step {
 }
 
 /// How each of the task's rows changes with each joint, or each joint with each row.
-type Rates = Matrix;
+pub(crate) type Rates = Matrix;
 
 /// Parts of four that hold all joints of any arm.
 const PARTS_MAX: usize = JOINTS_MAX / WIDTH;
@@ -60,7 +60,7 @@ pub(crate) struct Slopes {
     /// stood when it was last seen.
     motions: Motions,
     position: Joints,
-    rates: Rates,
+    pub(crate) rates: Rates,
     /// The square of the norm of how joints deviate more as joints move.
     follows: f64,
     /// The step for a unit of each row's error: the pseudo-inverse of the rates.
@@ -188,7 +188,7 @@ impl Slopes {
     }
 
     /// Whether the joints can serve all that is asked.
-    fn serve_all(&self) -> bool {
+    pub(crate) fn serve_all(&self) -> bool {
         self.asked() <= self.joints
     }
 

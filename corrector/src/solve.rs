@@ -4,12 +4,13 @@
 //! solutions lead ([`Solver::track`]). As many freedoms asked as joints there are, or fewer: least change of the joints; more: least squares.
 //!
 //! Promises: converged means that nothing is left over, or that an UNDAMPED step was taken after which the next is foretold to be below [`STEP_DONE`]:
-//! a singular pose, where damping hides what is left, is refused with the residual. A trial never leaves `reach` (the envelope's angle) about the command.
+//! a singular pose, where damping hides what is left, is not. What is not converged, or outside the joint limits, gets the best correction within bounds
+//! (`limited.rs`). A trial never leaves `reach` (the envelope's angle) about the command.
 //! Where a solve begins decides how many evaluations it takes, not what it finds: to 1e-9 rad, as [`solve`] does.
 //! Never: a jump to another branch of solutions, memory of effects (what they remember stays as it is during the solve).
 
 use crate::joints::{apply, stays_within};
-use crate::outcome::Residual;
+use crate::outcome::{Reason, Residual};
 use crate::rows::{Rows, TaskError};
 use crate::settings::Task;
 use crate::slopes::{Here, Slopes, Step};
@@ -27,10 +28,12 @@ pub(crate) const STEP_DONE: f64 = 2.5e-11;
 /// Where a solve ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solution {
-    /// Joint positions, rad or m. Not to be used where it has not converged.
+    /// Joint positions, rad or m. Not to be used where it has neither converged nor is limited.
     pub q: Joints,
     /// Whether it converged.
     pub converged: bool,
+    /// What holds it back, where it is the best within bounds and something is left.
+    pub limited: Option<Reason>,
     /// What is left over in the tool; near zero where six or more joints serve all six freedoms.
     pub residual: Residual,
     /// Newton steps spent.
@@ -40,9 +43,9 @@ pub struct Solution {
 /// Room for one evaluation of the model and for its slopes, kept from cycle to cycle, and where the last solutions were.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Solver {
-    seen: Evaluation,
-    told: Told,
-    slopes: Slopes,
+    pub(crate) seen: Evaluation,
+    pub(crate) told: Told,
+    pub(crate) slopes: Slopes,
     ended: Ended,
     trace: Trace,
 }
@@ -74,7 +77,8 @@ impl Solver {
         reach: &Joints,
     ) -> Solution {
         let case = Case { model, inputs, memories, task, reach };
-        self.begin_at_command(&case)
+        let exact = self.begin_at_command(&case);
+        self.within_bounds(&case, exact)
     }
 
     /// [`Solver::solve`] for one of commands that follow each other, `inputs.dt_s` after the one before: begun where the last solutions lead, if
@@ -100,6 +104,7 @@ impl Solver {
             ended.from_command = true;
             solution
         });
+        let solution = self.within_bounds(&case, solution);
         self.trace.take(inputs, &solution, guess.as_ref(), &self.ended);
         solution
     }
@@ -210,12 +215,12 @@ impl Solver {
 }
 
 /// What is to be solved.
-struct Case<'a> {
-    model: &'a Model,
-    inputs: &'a Inputs,
-    memories: &'a Memories,
-    task: &'a Task,
-    reach: &'a Joints,
+pub(crate) struct Case<'a> {
+    pub(crate) model: &'a Model,
+    pub(crate) inputs: &'a Inputs,
+    pub(crate) memories: &'a Memories,
+    pub(crate) task: &'a Task,
+    pub(crate) reach: &'a Joints,
 }
 
 /// How far a solve has come.
@@ -245,6 +250,6 @@ impl Way {
 
     fn here(&self, converged: bool, left: &TaskError, task: &Task) -> Solution {
         let (q, residual) = (self.trial.q, left.residual(task));
-        Solution { q, converged, residual, steps: self.steps }
+        Solution { q, converged, limited: None, residual, steps: self.steps }
     }
 }

@@ -159,7 +159,7 @@ fn a_hundred_thousand_hostile_cycles_break_no_bound() {
         judge.judge(&outcome, cell.now_ns, at);
         *statuses.entry(format!("{:?}", outcome.status)).or_insert(0) += 1;
     }
-    assert!(statuses.len() >= 6, "every status was seen: {statuses:?}");
+    assert!(statuses.len() >= 5, "every status was seen: {statuses:?}");
     assert!(statuses.values().all(|n| *n > 20), "{statuses:?}");
 }
 
@@ -241,22 +241,20 @@ fn a_smooth_path_is_corrected_exactly_and_smoothly() {
 }
 
 #[test]
-fn a_singular_wrist_is_refused_with_its_residual_and_left_without_a_jump() {
+fn a_path_through_a_singular_wrist_keeps_its_correction_without_a_jump() {
     let mut run = Run::new(erring(six()), settings());
     let mut corrections = Vec::new();
-    let mut said = Vec::new();
+    let (mut said, mut limited) = (Vec::new(), 0);
     for k in 0..4000 {
         let outcome = run.cycle(&[0.2, 0.1, 0.3, 0.4, -0.3 + 0.15 * f64::from(k) * 1e-3, 0.1]);
         corrections.push(outcome.correction);
         if said.last() != Some(&(outcome.status, outcome.reason)) {
             said.push((outcome.status, outcome.reason));
         }
-        if outcome.reason == Reason::NotConverged && outcome.status == Status::Held {
-            assert!(outcome.residual.m > 0.0 && outcome.residual.rad > 1e-12);
-        }
+        limited += u32::from(outcome.residual.rad > 1e-7);
+        assert_ne!(outcome.reason, Reason::NotConverged);
     }
-    let refused = said.contains(&(Status::Held, Reason::NotConverged));
-    assert!(refused && said.contains(&(Status::Ramping, Reason::NotConverged)), "{said:?}");
+    assert!(limited > 10, "{limited} cycles leave something");
     assert_eq!(said.last(), Some(&(Status::Corrected, Reason::None)), "{said:?}");
     assert!(largest_jerk(&corrections) <= envelope().jerk() * 1.001);
 }

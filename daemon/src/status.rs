@@ -7,7 +7,7 @@ use crate::exchange::{Exchange, Hearing};
 use crate::setup;
 use crate::temperatures::places;
 use crate::verdicts::faults;
-use corrector::{LIMITED_SHARE, Mode};
+use corrector::Mode;
 use physics::spec::Need;
 use recording::cell::CellConfig;
 use recording::model::{RobotEntry, RobotModel};
@@ -35,6 +35,8 @@ pub struct Constants {
     /// The model has effects that go by a temperature.
     is_thermal: bool,
     bounds: JointBounds,
+    /// Share of their angle in the mode that corrects.
+    angle_share: f64,
     /// The mode that arming leads to.
     pub armed_mode: Option<Mode>,
     /// Silence of the force stream that is told, ns; none where the cell has no stream.
@@ -57,6 +59,7 @@ impl Constants {
             uncompensated: 0,
             is_thermal: false,
             bounds,
+            angle_share: setup::armed_mode(config).and_then(Mode::angle_share).unwrap_or(1.0),
             armed_mode: setup::armed_mode(config),
             silent_after_ns: setup::silent_after_ns(config),
             watches: config.vibration.is_some() && config.force.is_some(),
@@ -82,12 +85,11 @@ impl Constants {
         }
     }
 
-    /// What bounds the corrections that are sent in this mode.
-    fn bounds_in(&self, mode: Mode) -> JointBounds {
+    /// What bounds the corrections that are sent: in limited mode a share of the envelope, in shadow mode that of the mode before.
+    fn bounds(&mut self, mode: Mode) -> JointBounds {
+        self.angle_share = mode.angle_share().unwrap_or(self.angle_share);
         let mut bounds = self.bounds;
-        if mode == Mode::Limited {
-            bounds.angle.iter_mut().for_each(|angle| *angle *= LIMITED_SHARE);
-        }
+        bounds.angle.iter_mut().for_each(|angle| *angle *= self.angle_share);
         bounds
     }
 
@@ -139,7 +141,7 @@ impl Constants {
             recorder: exchange.recorder(now_ns).code(),
             uncompensated_effects: self.uncompensated,
             stale_temperatures: counters.stale_temperatures.load(Relaxed),
-            bounds: self.bounds_in(exchange.mode()),
+            bounds: self.bounds(exchange.mode()),
             robot_maker: name(self.robot.maker.as_deref()),
             robot_type: name(self.robot.kind.as_deref()),
             robot_serial: name(self.robot.serial.as_deref()),

@@ -54,6 +54,7 @@ fn status(status: corrector::Status) -> CorrectionStatus {
         corrector::Status::Bypassed => CorrectionStatus::Bypassed,
         corrector::Status::Rejected => CorrectionStatus::Rejected,
         corrector::Status::Shadow => CorrectionStatus::Shadow,
+        corrector::Status::Limited => CorrectionStatus::Limited,
     }
 }
 
@@ -75,6 +76,7 @@ fn reason(reason: corrector::Reason) -> Reason {
         corrector::Reason::ShadowMode => Reason::ShadowMode,
         corrector::Reason::JointLimit => Reason::JointLimit,
         corrector::Reason::CommandJump => Reason::CommandJump,
+        corrector::Reason::Singular => Reason::Singular,
     }
 }
 

@@ -166,6 +166,8 @@ codes! {
         Rejected = 4 "rejected",
         /// None goes out; `wanted` tells what would have been.
         Shadow = 5 "shadow",
+        /// The best correction within bounds: something is left, see the residual and the reason.
+        Limited = 6 "limited",
     }
 }
 
@@ -186,7 +188,7 @@ codes! {
         Duplicate = 5 "duplicate",
         /// The command has another number of joints than the model.
         WrongJointCount = 6 "wrong_joint_count",
-        /// The solution did not converge (singular pose, or a correction too large).
+        /// The solve failed: an effect is beyond what its law holds for, or a value is not finite.
         NotConverged = 7 "not_converged",
         /// The envelope bounds the correction.
         Envelope = 8 "envelope",
@@ -210,6 +212,8 @@ codes! {
         JointLimit = 17 "joint_limit",
         /// The wrench is not used (stale, or its loop gain is too high).
         WrenchGated = 18 "wrench_gated",
+        /// A singular pose: the joints cannot move the tool the way that is needed.
+        Singular = 19 "singular",
     }
 }
 

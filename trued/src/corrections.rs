@@ -22,6 +22,10 @@ pub(crate) struct Corrections {
     /// One list per joint; NaN in rows without a target.
     q: Vec<Vec<f64>>,
     status: Vec<CorrectionStatus>,
+    /// What is left of the tool error with the joints that are written, m and rad; NaN where it is not known.
+    left_m: Vec<f64>,
+    left_rad: Vec<f64>,
+    limited_by: Vec<Option<Reason>>,
     figures: Figures,
 }
 
@@ -39,6 +43,8 @@ pub(crate) struct Figures {
     /// By the model, at the solution.
     largest_residual_mm: f64,
     largest_residual_mrad: f64,
+    /// Rows that are limited, held or rejected, or whose solve failed: something is left of their tool error.
+    not_exact_rows: usize,
     /// Of the table that is written with `--out` or `--corrections`.
     corrections_hash: String,
 }
@@ -84,7 +90,8 @@ impl Corrections {
         };
         let q = vec![Vec::new(); kinds.len()];
         let figures = Figures { model: name, ..Figures::default() };
-        Self { kinds, q, status: Vec::new(), figures }
+        let (status, left_m, left_rad) = (Vec::new(), Vec::new(), Vec::new());
+        Self { kinds, q, status, left_m, left_rad, limited_by: Vec::new(), figures }
     }
 
     /// Takes the answer to the next row, whose commanded joints are `q_cmd`.
@@ -97,6 +104,12 @@ impl Corrections {
             list.push(q);
         }
         self.status.push(status);
+        // The residual is that of what is wanted: it holds for a row where that was reached.
+        let arrived = [CorrectionStatus::Corrected, CorrectionStatus::Limited].contains(&status);
+        let known = |left: f64| if arrived { left } else { f64::NAN };
+        self.left_m.push(known(answer.residual_m));
+        self.left_rad.push(known(answer.residual_rad));
+        self.limited_by.push((status == CorrectionStatus::Limited).then_some(reason));
         self.figures.take(answer, status, reason, &self.kinds);
         Ok(())
     }
@@ -113,6 +126,13 @@ impl Corrections {
         }
         let statuses = self.status.iter().map(ToString::to_string).collect();
         columns.push(("status".to_owned(), statuses));
+        for (name, left) in [("left_mm", &self.left_m), ("left_mrad", &self.left_rad)] {
+            let text = |x: &f64| if x.is_nan() { String::new() } else { format!("{:.6}", x * 1e3) };
+            columns.push((name.to_owned(), left.iter().map(text).collect()));
+        }
+        let reasons =
+            self.limited_by.iter().map(|by| by.map_or_else(String::new, |by| by.to_string()));
+        columns.push(("limited_by".to_owned(), reasons.collect()));
         // What an earlier correction left in the recording is replaced.
         recording.other.retain(|(name, _)| columns.iter().all(|(ours, _)| ours != name));
         recording.other.extend(columns);
@@ -122,6 +142,11 @@ impl Corrections {
     /// How many rows were answered.
     pub(crate) fn rows(&self) -> usize {
         self.status.len()
+    }
+
+    /// Rows whose tool error is not corrected in full.
+    pub(crate) fn not_exact_rows(&self) -> usize {
+        self.figures.not_exact_rows
     }
 
     /// The figures, with the hash of the table.
@@ -141,6 +166,8 @@ impl Figures {
         kinds: &[JointKind],
     ) {
         self.rows += 1;
+        let exact = [CorrectionStatus::Corrected, CorrectionStatus::Ramping].contains(&status);
+        self.not_exact_rows += usize::from(!exact || reason == Reason::NotConverged);
         *self.statuses.entry(status.to_string()).or_default() += 1;
         if reason != Reason::None {
             self.because(status.to_string(), reason.to_string());

@@ -65,7 +65,7 @@ static void correct(trued_client *client, unsigned targets) {
         trued_corrected answer = TRUED_INIT(trued_corrected);
         must("answer", trued_client_wait_corrected(client, seq, 10 * SECOND, &answer));
         took[k] = trued_monotonic_ns() - start;
-        hash = hashed(hash, answer.q, answer.joints);
+        hash = hashed(hash, answer.correction, answer.joints);
         corrected += answer.status == TRUED_CORRECTION_STATUS_CORRECTED;
         trued_target target = TRUED_INIT(trued_target);
         must("target", trued_client_target(client, setpoint.q, JOINTS, trued_monotonic_ns(), &target));

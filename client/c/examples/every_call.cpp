@@ -55,7 +55,7 @@ static void correct(trued::client &client, unsigned targets) {
         const auto answer = client.wait_corrected(sent.seq, 10s);
         if (!answer) throw std::runtime_error("no answer");
         took_us[k] = static_cast<double>(trued::monotonic_ns() - start) * 1e-3;
-        hash = hashed(hash, answer->q, answer->joints);
+        hash = hashed(hash, answer->correction, answer->joints);
         corrected += answer->status == TRUED_CORRECTION_STATUS_CORRECTED;
         client.target_for(q);
     }

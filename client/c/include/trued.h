@@ -148,6 +148,8 @@ enum trued_correction_status
   TRUED_CORRECTION_STATUS_REJECTED = 4,
   // The command itself; `wanted` tells what would have been.
   TRUED_CORRECTION_STATUS_SHADOW = 5,
+  // The best correction within bounds: something is left, see the residual and the reason.
+  TRUED_CORRECTION_STATUS_LIMITED = 6,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -177,7 +179,7 @@ enum trued_reason
   TRUED_REASON_DUPLICATE = 5,
   // The command has another number of joints than the model.
   TRUED_REASON_WRONG_JOINT_COUNT = 6,
-  // The solution did not converge (singular pose, or a correction too large).
+  // The solve failed: an effect is beyond what its law holds for, or a value is not finite.
   TRUED_REASON_NOT_CONVERGED = 7,
   // The envelope bounds the correction.
   TRUED_REASON_ENVELOPE = 8,
@@ -201,6 +203,8 @@ enum trued_reason
   TRUED_REASON_JOINT_LIMIT = 17,
   // The wrench is not used (stale, or its loop gain is too high).
   TRUED_REASON_WRENCH_GATED = 18,
+  // A singular pose: the joints cannot move the tool the way that is needed.
+  TRUED_REASON_SINGULAR = 19,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

@@ -18,6 +18,8 @@ pub enum trued_correction_status {
     Rejected = 4,
     /// The command itself; `wanted` tells what would have been.
     Shadow = 5,
+    /// The best correction within bounds: something is left, see the residual and the reason.
+    Limited = 6,
 }
 
 /// Why a correction was made as it was.
@@ -38,7 +40,7 @@ pub enum trued_reason {
     Duplicate = 5,
     /// The command has another number of joints than the model.
     WrongJointCount = 6,
-    /// The solution did not converge (singular pose, or a correction too large).
+    /// The solve failed: an effect is beyond what its law holds for, or a value is not finite.
     NotConverged = 7,
     /// The envelope bounds the correction.
     Envelope = 8,
@@ -62,6 +64,8 @@ pub enum trued_reason {
     JointLimit = 17,
     /// The wrench is not used (stale, or its loop gain is too high).
     WrenchGated = 18,
+    /// A singular pose: the joints cannot move the tool the way that is needed.
+    Singular = 19,
 }
 
 /// Whether the measured wrench takes part in the correction.

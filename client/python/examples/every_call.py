@@ -42,7 +42,7 @@ def correct(client: trued.Client, targets: int) -> None:
         seq = client.send(q, t_ns=(k + 1) * 1_000_000)
         answer = client.wait_corrected(seq, 10.0)
         took_ns.append(trued.monotonic_ns() - start)
-        answers.append(answer.joints)
+        answers.append(answer.correction)
         corrected += answer.status == "corrected"
         client.target_for(q)
     for joints in answers:

@@ -128,7 +128,12 @@ impl Trued {
 
 /// Whether a correction was solved for, bounded or not.
 fn is_solved(answer: &Corrected) -> bool {
-    let made = [CorrectionStatus::Corrected, CorrectionStatus::Ramping, CorrectionStatus::Shadow];
+    let made = [
+        CorrectionStatus::Corrected,
+        CorrectionStatus::Ramping,
+        CorrectionStatus::Shadow,
+        CorrectionStatus::Limited,
+    ];
     let asked = answer.status().is_ok_and(|status| made.contains(&status));
     asked
         && answer

@@ -28,7 +28,8 @@ use crate::{atomic, lockstep};
 ///
 /// Takes the commanded joints (temperatures, wrench, directions) of a recording row by row through the same corrector as
 /// the daemon's. With kind = "poses" in the TOML beside it each row is the settled solution; a path keeps the envelope's
-/// rate and jerk. The table has the recording's columns, the corrected joints `c1_deg` … (`c1_mm`) and the status.
+/// rate and jerk. The table has the recording's columns, the corrected joints `c1_deg` … (`c1_mm`), the status, what is left (`left_mm`, `left_mrad`) and what
+/// limited it. Exit 1 where something is left, unless --accept-limited.
 #[derive(Debug, Args)]
 pub(crate) struct Correct {
     #[command(flatten)]
@@ -39,10 +40,17 @@ pub(crate) struct Correct {
     /// Where the corrected path goes; if not given, `NAME.corrected.csv` in the present folder
     #[arg(long, value_name = "FILE.csv")]
     out: Option<PathBuf>,
+    /// Exit 0 also where rows are limited, held or rejected, so that something is left of their tool error
+    #[arg(long)]
+    accept_limited: bool,
     /// The path: a recording with commanded joints
     #[arg(value_name = "PATH.csv")]
     path: PathBuf,
 }
+
+/// What helps an arm that cannot serve all six freedoms.
+const FEWER_JOINTS: &str = "an arm with fewer than six joints cannot correct all of position and orientation; where the tool may turn about its own axis, \
+    set `task.free_tool_axis = true` in the cell's file";
 
 #[derive(Serialize)]
 struct Report<'a> {
@@ -64,6 +72,7 @@ impl Correct {
         let fallback = cell.as_ref().map(|cell| cell.model.as_path());
         let input = self.reading.read(&self.path, fallback)?;
         let settings = self.settings(cell, &input)?;
+        let free_tool_axis = settings.0.task.free_tool_axis;
         let corrections = correct(&input.model, &input.recording, settings)?;
         let csv = corrections.csv(input.recording);
         atomic::write(&out, |file| file.write_all(&csv))?;
@@ -72,7 +81,17 @@ impl Correct {
         console.json("trued.correct/1", &Report { figures: &figures, corrections: written })?;
         console.say(figures.told())?;
         console.say(format!("corrected path      {}", out.display()))?;
-        Ok(Answer::Done)
+        let left = corrections.not_exact_rows();
+        if left == 0 {
+            return Ok(Answer::Done);
+        }
+        console.say(format!(
+            "not corrected in full: {left} rows; columns `left_mm`, `left_mrad`, `limited_by`"
+        ))?;
+        if input.model.physics.arm.count() < 6 && !free_tool_axis {
+            console.say(FEWER_JOINTS)?;
+        }
+        Ok(if self.accept_limited { Answer::Done } else { Answer::No })
     }
 
     fn settings(

@@ -1,0 +1,220 @@
+//! The best correction within bounds, where no exact one is: beyond the envelope, beyond a joint limit, at a singular pose.
+//!
+//! Minimises `‖error(x)‖² + xᵀ D x` over corrections `x` within the envelope's angle and the joint limits, by Gauss-Newton steps, each the lowest point of its
+//! bounded quadratic problem. A radian counts [`ORIENTATION_SHARE`] of the task's length, so that position comes first, where the joints can serve the whole task.
+//! `D` damps the directions in which the tool hardly moves, else the correction would go from bound to bound as the arm passes a singular pose. It grows with how far an exact solution would leave the envelope: it is zero where that begins, so that exact and bounded corrections meet.
+//!
+//! Promises: within the bounds; never worse for the tool than no correction. Never: a part in an exact solution.
+
+use crate::bounded::{Bounds, Square, free_step, lowest};
+use crate::damping::damping;
+use crate::joints::off;
+use crate::normal::ROWS;
+use crate::outcome::Reason;
+use crate::rows::{Rows, TaskError};
+use crate::slopes::{Here, Slopes};
+use crate::solve::{Case, Solution, Solver};
+use libm::sqrt;
+use physics::{Chain, Inputs, JOINTS_MAX, Joints};
+
+/// What a radian counts beside the task's length.
+const ORIENTATION_SHARE: f64 = 0.5;
+/// An exact solution up to so many times the envelope's angle is not damped.
+const DAMPED_FROM: f64 = 1.25;
+/// From so many times on it is damped in full.
+const DAMPED_IN_FULL: f64 = 5.0;
+/// What the whole envelope moves the tool by counts as nothing below this, m.
+const HARDLY_M: f64 = 1e-7;
+/// The correction passes from bound to bound while the tool's least motion per unit of the joints goes from minus to plus this, m/rad.
+const PASSES: f64 = 0.03;
+/// Damping of all directions, relative to the mean of the diagonal: what makes the lowest point unique for redundant arms.
+const UNIQUE: f64 = 1e-9;
+/// Steps that are damped in full, before it is known by how much.
+const FULLY_DAMPED: u32 = 4;
+/// The most Gauss-Newton steps.
+const STEPS_MAX: u32 = 20;
+/// The correction stands once a step changes no joint by more than this, rad or m.
+const STEP_DONE: f64 = 1e-11;
+/// The task is served in full once this is left of it, m.
+const SERVED_M: f64 = 1e-9;
+
+/// The quadratic problem at one trial: what of it does not come from the slopes there.
+struct Problem {
+    damping: Square,
+    share: f64,
+    bounds: Bounds,
+}
+
+impl Solver {
+    /// `exact` where it is one within the joint limits; else the best within bounds, from the command.
+    #[inline(always)]
+    pub(crate) fn within_bounds(&mut self, case: &Case<'_>, exact: Solution) -> Solution {
+        if exact.converged && case.model.arm.within_limits(&exact.q) {
+            return exact;
+        }
+        self.limited(case, exact)
+    }
+
+    #[inline(never)]
+    #[cold]
+    fn limited(&mut self, case: &Case<'_>, exact: Solution) -> Solution {
+        let Case { model, inputs, task, .. } = case;
+        let refused = Solution { converged: false, ..exact };
+        let (arm, count) = (&model.arm, model.arm.count());
+        let rows = Rows::of(&Chain::tool_at(arm, &inputs.q), task);
+        let mut x = [0.0; JOINTS_MAX];
+        let mut held = [false; JOINTS_MAX];
+        let Some(uncorrected) = self.look(case, &rows, &x) else { return refused };
+        let mut problem = self.problem(case, &uncorrected);
+        let mut error = uncorrected;
+        let mut steps = 0;
+        while steps < STEPS_MAX {
+            let (a, g) = problem.at(&self.slopes, count, &error, &x);
+            let Some(next) = lowest(count, &a, &g, &problem.bounds, &x) else { return refused };
+            let change = off(&next.x, &x).iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            (x, held) = (next.x, next.held);
+            steps += 1;
+            match self.look(case, &rows, &x) {
+                Some(left) => error = left,
+                None => return refused,
+            }
+            if steps == FULLY_DAMPED {
+                self.damp(case, &mut problem, &error, &x);
+            } else if steps > FULLY_DAMPED && change < STEP_DONE {
+                break;
+            }
+        }
+        let left = problem.length(&error);
+        if !(left <= problem.length(&uncorrected)) {
+            return refused;
+        }
+        let mut q = inputs.q;
+        (0..count).for_each(|i| q[i] += x[i]);
+        let is_served = left < SERVED_M;
+        let limited = (!is_served).then(|| problem.reason(case, &x, &held));
+        Solution { q, converged: is_served, limited, residual: error.residual(task), steps }
+    }
+
+    /// What is left with a correction, and the slopes there; none where an effect's law does not hold, or a value is not finite.
+    fn look(&mut self, case: &Case<'_>, rows: &Rows, x: &Joints) -> Option<TaskError> {
+        let mut trial: Inputs = *case.inputs;
+        crate::joints::apply(&mut trial.q, x);
+        let Self { seen, told, slopes, .. } = self;
+        let arm = &case.model.arm;
+        case.model.deviate_into(&trial, case.memories, seen, Some(told));
+        seen.stand(arm, &trial);
+        if seen.beyond.is_some() {
+            return None;
+        }
+        let error = rows.between(&seen.real.base_from_tool);
+        slopes.see(&Here { arm, seen, is_real: true, told, rows });
+        error.0.iter().all(|x| x.is_finite()).then_some(error)
+    }
+
+    /// Bounds and damping, at the command.
+    fn problem(&mut self, case: &Case<'_>, error: &TaskError) -> Problem {
+        let Case { model, inputs, reach, .. } = case;
+        let mut bounds = Bounds { low: [0.0; JOINTS_MAX], high: [0.0; JOINTS_MAX] };
+        for (i, joint) in model.arm.joints().iter().enumerate() {
+            let (low, high) = joint.limits;
+            bounds.low[i] = (low - inputs.q[i]).max(-reach[i]).min(0.0);
+            bounds.high[i] = (high - inputs.q[i]).min(reach[i]).max(0.0);
+        }
+        let share = if self.slopes.serve_all() { ORIENTATION_SHARE } else { 1.0 };
+        let mut problem = Problem { damping: [[0.0; JOINTS_MAX]; JOINTS_MAX], share, bounds };
+        self.damp_by(case, &mut problem, error, 1.0);
+        problem
+    }
+
+    /// Damps by how far from `x` the exact solution would be beyond the envelope. At the command itself a wrist may be singular where the correction of other
+    /// joints takes it away from that; a fully damped correction has done this already.
+    fn damp(&mut self, case: &Case<'_>, problem: &mut Problem, error: &TaskError, x: &Joints) {
+        let rates = &self.slopes.rates;
+        let done = |row: usize| rates[row].iter().zip(x).map(|(rate, x)| rate * x).sum::<f64>();
+        let whole = TaskError(core::array::from_fn(|row| error.0[row] + done(row)));
+        let times = self.exact_size(case.model.arm.count(), &whole, case.reach);
+        let part = ((times - DAMPED_FROM) / (DAMPED_IN_FULL - DAMPED_FROM)).clamp(0.0, 1.0);
+        self.damp_by(case, problem, &whole, part);
+    }
+
+    /// Takes this part of the damping that an error asks for.
+    fn damp_by(&self, case: &Case<'_>, problem: &mut Problem, error: &TaskError, part: f64) {
+        let (reach, count) = (case.reach, case.model.arm.count());
+        problem.damping = [[0.0; JOINTS_MAX]; JOINTS_MAX];
+        let least = reach[..count].iter().fold(f64::INFINITY, |least, reach| least.min(*reach));
+        let most = part * problem.length(error) * PASSES / least;
+        let (normal, _) = problem.at(&self.slopes, count, error, &[0.0; JOINTS_MAX]);
+        if most > 0.0 && most.is_finite() {
+            problem.damping = damping(count, &normal, most);
+        }
+        let mean = (0..count).map(|i| normal[i][i]).sum::<f64>() / count as f64;
+        (0..count).for_each(|i| problem.damping[i][i] += UNIQUE * mean);
+    }
+}
+
+impl Solver {
+    /// How many times the envelope's angle an exact correction takes, by the slopes seen: at most one where it fits. The root mean square over the joints.
+    fn exact_size(&mut self, count: usize, error: &TaskError, reach: &Joints) -> f64 {
+        let slopes = &mut self.slopes;
+        if !slopes.serve_all() {
+            let found = slopes.undamped(error);
+            let by = &slopes.step.by;
+            let largest = (0..count).map(|i| by[i].abs() / reach[i]).fold(0.0, f64::max);
+            return if found { largest } else { f64::INFINITY };
+        }
+        // By the rows, not the joints: what an inverse of `JᵀJ` says of a direction in which the tool does not move at all is rounding.
+        let (mut a, mut e) = ([[0.0; JOINTS_MAX]; JOINTS_MAX], [0.0; JOINTS_MAX]);
+        for i in 0..ROWS {
+            e[i] = error.0[i];
+            a[i][i] = HARDLY_M * HARDLY_M;
+            for k in 0..ROWS {
+                let of = |j: usize| slopes.rates[i][j] * slopes.rates[k][j] * reach[j] * reach[j];
+                a[i][k] += (0..count).map(of).sum::<f64>();
+            }
+        }
+        let found = free_step(ROWS, &a, &e, &[false; JOINTS_MAX]);
+        let square = found.map(|z| (0..ROWS).map(|i| e[i] * z[i]).sum::<f64>());
+        square.map_or(f64::INFINITY, |square| sqrt(square.max(0.0) / count as f64))
+    }
+}
+
+impl Problem {
+    fn weight(&self, row: usize) -> f64 {
+        if row < ROWS / 2 { 1.0 } else { self.share }
+    }
+
+    /// How much is left, m.
+    fn length(&self, error: &TaskError) -> f64 {
+        let weighted = |(row, x): (usize, &f64)| self.weight(row) * x;
+        sqrt(error.0.iter().enumerate().map(weighted).map(|x| x * x).sum())
+    }
+
+    /// Matrix and slope of the quadratic problem where `x` leaves `error`.
+    fn at(&self, slopes: &Slopes, count: usize, error: &TaskError, x: &Joints) -> (Square, Joints) {
+        let (mut a, mut g) = (self.damping, [0.0; JOINTS_MAX]);
+        for (row, rate) in slopes.rates.iter().enumerate() {
+            let square = self.weight(row) * self.weight(row);
+            let wanted = error.0[row] + (0..count).map(|i| rate[i] * x[i]).sum::<f64>();
+            for i in 0..count {
+                g[i] += square * rate[i] * wanted;
+                for k in 0..count {
+                    a[i][k] += square * rate[i] * rate[k];
+                }
+            }
+        }
+        (a, g)
+    }
+
+    /// What holds the correction back.
+    fn reason(&self, case: &Case<'_>, x: &Joints, held: &[bool; JOINTS_MAX]) -> Reason {
+        let by_limit = |i: usize| x[i].abs() < case.reach[i];
+        let count = case.model.arm.count();
+        if (0..count).any(|i| held[i] && by_limit(i)) {
+            Reason::JointLimit
+        } else if held[..count].contains(&true) {
+            Reason::Envelope
+        } else {
+            Reason::Singular
+        }
+    }
+}
