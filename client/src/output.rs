@@ -1,7 +1,7 @@
 //! What goes out to the robot: the command of this very cycle plus a limited correction.
 //!
 //! This is the one place where the correction is continuous. Its limiter starts from what was sent
-//! last and uses the time that has passed since, whatever the daemon asks for and why: a fresh
+//! last and uses the time that has passed since (by the commands' stamps, while those agree with the clock), whatever the daemon asks for and why: a fresh
 //! answer, none, a refusal, a daemon that has just started, other bounds, another model, bypass. No
 //! clock, no IPC: time comes in.
 //!
@@ -90,7 +90,7 @@ impl Output {
         NotATarget::check(q_cmd)?;
         let answer = newest.filter(|answer| self.is_usable(answer, q_cmd.len(), now_ns));
         let requested = answer.map_or([0.0; JOINTS_MAX], |answer| answer.correction);
-        let elapsed = self.elapse(now_ns);
+        let elapsed = self.elapse(now_ns, command.map(|command| command.t_ns));
         let limits = |i: usize| self.limits[i];
         let correction = match answer {
             // The daemon's own joints keep to one line; catching up with them is a matter of each.
@@ -118,8 +118,8 @@ impl Output {
     }
 
     /// The time since the last target. After a silence the robot stands, and so does the correction.
-    fn elapse(&mut self, now_ns: u64) -> Elapsed {
-        self.intervals.elapse(now_ns).unwrap_or_else(|| {
+    fn elapse(&mut self, now_ns: u64, stamp_ns: Option<u64>) -> Elapsed {
+        self.intervals.elapse(now_ns, stamp_ns).unwrap_or_else(|| {
             self.limiters.rest();
             Elapsed::default()
         })

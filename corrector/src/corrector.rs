@@ -120,7 +120,7 @@ impl Corrector {
         world: &World,
         now_ns: u64,
     ) -> Wanted {
-        let elapsed = self.elapse(now_ns);
+        let elapsed = self.elapse(now_ns, command.t_ns);
         let follows = match self.judge.judge(&model.arm, &self.settings, command, now_ns) {
             Ok(follows) => follows,
             Err(reason) => return self.refuse(reason, elapsed),
@@ -136,7 +136,7 @@ impl Corrector {
         if self.settings.lockstep && follows.after_ns().is_none() {
             // The time of a recording may begin anew.
             self.intervals = Intervals::new();
-            self.elapse(now_ns);
+            self.elapse(now_ns, command.t_ns);
         }
         let world = world.sound();
         self.path.follow(model, &self.settings, command, &world, follows);
@@ -189,8 +189,8 @@ impl Corrector {
     }
 
     /// The time since the last call. After a silence the robot stands, and so does the correction.
-    fn elapse(&mut self, now_ns: u64) -> Elapsed {
-        self.intervals.elapse(now_ns).unwrap_or_else(|| {
+    fn elapse(&mut self, now_ns: u64, stamp_ns: u64) -> Elapsed {
+        self.intervals.elapse(now_ns, Some(stamp_ns)).unwrap_or_else(|| {
             self.limiters.rest();
             Elapsed::default()
         })

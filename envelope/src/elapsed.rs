@@ -29,10 +29,17 @@ impl Elapsed {
     }
 }
 
-/// Measures the time between outputs.
+/// By how much the stamps of commands may part from the clock, ns; beyond, theirs was set.
+const PARTED_NS: u64 = 20_000_000;
+
+/// Measures the time between outputs: that of the commands' stamps, which both sides know and which does not jitter with whoever runs, as
+/// long as it stays within 20 ms of the clock; else the clock's.
 #[derive(Clone, Copy, Debug)]
 pub struct Intervals {
     last_ns: Option<u64>,
+    /// The newest stamp, and what is to be added to stamps, ns.
+    stamp_ns: u64,
+    ahead_ns: i64,
     /// The last two intervals, s, silences among them.
     before_s: [f64; 2],
     /// The newest intervals since a silence, s, as a ring; zero where there was none yet.
@@ -50,12 +57,20 @@ impl Intervals {
     /// Before the first output.
     #[must_use]
     pub const fn new() -> Self {
-        Self { last_ns: None, before_s: [0.0; 2], ring: [0.0; INTERVALS], newest: 0 }
+        Self {
+            last_ns: None,
+            stamp_ns: 0,
+            ahead_ns: 0,
+            before_s: [0.0; 2],
+            ring: [0.0; INTERVALS],
+            newest: 0,
+        }
     }
 
-    /// The time since the output before, at `now_ns`; `None` after a silence: what is limited has
-    /// come to rest. A clock that goes back counts as no time.
-    pub fn elapse(&mut self, now_ns: u64) -> Option<Elapsed> {
+    /// The time since the output before, at `now_ns`, for a command with that stamp (none: for none that is new); `None` after a
+    /// silence: what is limited has come to rest. A clock that goes back counts as no time.
+    pub fn elapse(&mut self, now_ns: u64, stamp_ns: Option<u64>) -> Option<Elapsed> {
+        let now_ns = self.time_ns(now_ns, stamp_ns);
         let Some(last_ns) = self.last_ns else {
             self.last_ns = Some(now_ns);
             return Some(Elapsed::default());
@@ -76,6 +91,20 @@ impl Intervals {
         Some(Elapsed { dt_s: passed_s, jitter_s: self.jitter_s() })
     }
 
+    /// The time by the stamp, if that is a new one and near to the clock.
+    fn time_ns(&mut self, now_ns: u64, stamp_ns: Option<u64>) -> u64 {
+        let Some(stamp_ns) = stamp_ns.filter(|stamp_ns| *stamp_ns != self.stamp_ns) else {
+            return now_ns;
+        };
+        self.stamp_ns = stamp_ns;
+        let by_stamp = stamp_ns.saturating_add_signed(self.ahead_ns);
+        if by_stamp.abs_diff(now_ns) <= PARTED_NS {
+            return by_stamp;
+        }
+        self.ahead_ns = now_ns.cast_signed().wrapping_sub(stamp_ns.cast_signed());
+        now_ns
+    }
+
     /// The longest of the newest intervals less the shortest, and no more than that: what is several times as long is a cycle that was missed,
     /// no jitter.
     fn jitter_s(&self) -> f64 {
@@ -93,7 +122,7 @@ mod tests {
 
     fn elapsed(times_ms: &[u64]) -> impl Iterator<Item = Option<f64>> {
         let mut intervals = Intervals::new();
-        times_ms.iter().map(move |ms| intervals.elapse(ms * MS).map(|elapsed| elapsed.dt_s))
+        times_ms.iter().map(move |ms| intervals.elapse(ms * MS, None).map(|elapsed| elapsed.dt_s))
     }
 
     #[test]
@@ -128,8 +157,27 @@ mod tests {
         let mut intervals = Intervals::new();
         let mut jitter_s = 0.0;
         for ns in [0, 1_000_000, 2_005_000, 3_000_000, 4_000_000] {
-            jitter_s = intervals.elapse(ns).map_or(f64::NAN, |elapsed| elapsed.jitter_s);
+            jitter_s = intervals.elapse(ns, None).map_or(f64::NAN, |elapsed| elapsed.jitter_s);
         }
         assert!((jitter_s - 10e-6).abs() < 1e-12, "{jitter_s}");
+    }
+
+    #[test]
+    fn stamps_count_while_they_stay_near_to_the_clock() {
+        let mut intervals = Intervals::new();
+        let mut dt_s = [0.0; 6];
+        // The clock jitters, the stamps do not; then they are set by an hour.
+        let hour = 3_600_000 * MS;
+        for (dt_s, (now, stamp)) in dt_s.iter_mut().zip([
+            (100 * MS, 5 * MS),
+            (101 * MS + 300_000, 6 * MS),
+            (101 * MS + 900_000, 7 * MS),
+            (103 * MS, 8 * MS),
+            (104 * MS, hour),
+            (105 * MS + 200_000, hour + MS),
+        ]) {
+            *dt_s = intervals.elapse(now, Some(stamp)).map_or(f64::NAN, |elapsed| elapsed.dt_s);
+        }
+        assert!(dt_s[1..].iter().all(|s| (s - 1e-3).abs() < 1e-12), "{dt_s:?}");
     }
 }

@@ -11,6 +11,8 @@ pub(super) const READ_AFTER_NS: u64 = 300_000;
 /// What the loop sends to the robot in one tick.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sent {
+    /// What the command sent to the daemon last is stamped with, ns.
+    pub(super) stamp_ns: u64,
     /// The command, rad.
     pub(super) command: [f64; JOINTS],
     /// The target, rad.
@@ -110,6 +112,7 @@ impl Client {
         let mut joints = [0.0; JOINTS];
         joints.copy_from_slice(target.joints());
         Some(Sent {
+            stamp_ns: sent.map_or(0, |sent| sent.t_ns),
             command: self.q_cmd,
             target: joints,
             source: target.source(),

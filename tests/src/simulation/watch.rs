@@ -100,7 +100,9 @@ impl Watch {
             self.breaks(&format!("a number that is none: {said:?}"));
         }
         let correction = &said.correction[..JOINTS];
-        if let Err(words) = self.daemon.take(said.received_ns, &[0.0; JOINTS], correction) {
+        if let Err(words) =
+            self.daemon.take(said.received_ns, said.t_ns, &[0.0; JOINTS], correction)
+        {
             self.breaks(&format!("the daemon: {words}: {said:?}"));
         }
         self.settle(status, reason, calm, exchange);
@@ -127,7 +129,7 @@ impl Watch {
     /// What the client sends.
     pub(super) fn sent(&mut self, now_ns: u64, sent: &Sent, answer: Option<&Corrected>) {
         *self.summary.said.entry(format!("client: {:?}", sent.source)).or_default() += 1;
-        if let Err(words) = self.client.take(now_ns, &sent.command, &sent.target) {
+        if let Err(words) = self.client.take(now_ns, sent.stamp_ns, &sent.command, &sent.target) {
             self.breaks(&format!("the client: {words}: {sent:?}"));
         }
         let is_exact = answer.is_some_and(|answer| answer.correction == sent.correction);

@@ -157,13 +157,13 @@ impl Cell {
             let off = |q: &[f64; JOINTS]| -> f64 {
                 q.iter().zip(self.stands).map(|(q, at)| (q - at) * (q - at)).sum::<f64>().sqrt()
             };
-            if off(sent) > 2.5 * off(command) + 1e-12 {
+            if off(sent) > 3.0 * off(command) + 1e-12 {
                 let words = format!("a run begins {:e} off, not {:e}", off(sent), off(command));
                 self.summary.breaks(&words);
             }
             self.oracle.begin(&correction);
         }
-        if let Err(words) = self.oracle.take(now_ns, command, sent) {
+        if let Err(words) = self.oracle.take(now_ns, now_ns, command, sent) {
             self.summary.breaks(&words);
         }
         self.stands = *sent;

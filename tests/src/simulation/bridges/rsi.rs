@@ -132,7 +132,7 @@ impl Cell {
         }
         self.summary.largest = self.sum.iter().fold(self.summary.largest, |m, c| m.max(c.abs()));
         let sent: [f64; JOINTS] = std::array::from_fn(|i| q[i] + self.sum[i]);
-        if let Err(words) = self.oracle.take(self.now_ns, q, &sent) {
+        if let Err(words) = self.oracle.take(self.now_ns, self.now_ns, q, &sent) {
             self.summary.breaks(&words);
         }
     }
