@@ -44,14 +44,15 @@ fn eigen(count: usize, of: &Square) -> ([f64; JOINTS_MAX], Square) {
                 let t = theta.signum() / (theta.abs() + sqrt(theta * theta + 1.0));
                 let c = 1.0 / sqrt(t * t + 1.0);
                 let s = t * c;
-                for k in 0..count {
-                    let (x, y) = (a[k][p], a[k][q]);
-                    (a[k][p], a[k][q]) = (c * x - s * y, s * x + c * y);
+                for row in &mut a[..count] {
+                    let (x, y) = (row[p], row[q]);
+                    (row[p], row[q]) = (c * x - s * y, s * x + c * y);
                 }
-                for k in 0..count {
-                    let (x, y) = (a[p][k], a[q][k]);
-                    (a[p][k], a[q][k]) = (c * x - s * y, s * x + c * y);
+                let (mut rows_p, mut rows_q) = (a[p], a[q]);
+                for (x, y) in rows_p[..count].iter_mut().zip(&mut rows_q[..count]) {
+                    (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
                 }
+                (a[p], a[q]) = (rows_p, rows_q);
                 for row in &mut v[..count] {
                     let (x, y) = (row[p], row[q]);
                     (row[p], row[q]) = (c * x - s * y, s * x + c * y);

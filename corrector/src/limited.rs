@@ -85,7 +85,8 @@ impl Solver {
             }
         }
         let left = problem.length(&error);
-        if !(left <= problem.length(&uncorrected)) {
+        // No number is no better either.
+        if left.is_nan() || left > problem.length(&uncorrected) {
             return refused;
         }
         let mut q = inputs.q;
@@ -167,9 +168,9 @@ impl Solver {
         for i in 0..ROWS {
             e[i] = error.0[i];
             a[i][i] = HARDLY_M * HARDLY_M;
-            for k in 0..ROWS {
+            for (k, entry) in a[i][..ROWS].iter_mut().enumerate() {
                 let of = |j: usize| slopes.rates[i][j] * slopes.rates[k][j] * reach[j] * reach[j];
-                a[i][k] += (0..count).map(of).sum::<f64>();
+                *entry += (0..count).map(of).sum::<f64>();
             }
         }
         let found = free_step(ROWS, &a, &e, &[false; JOINTS_MAX]);

@@ -17,7 +17,7 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
     let wav = match Wav::read(bytes) {
         Ok(wav) => wav,
         Err(fault) => {
-            faults.push(fault);
+            faults.push(*fault);
             return faults.or(None);
         }
     };
@@ -31,14 +31,14 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
     match channels(&wav, full_scale) {
         Ok(channels) => record(channels, wav.format.rate_hz, options, faults, notes),
         Err(fault) => {
-            faults.push(fault);
+            faults.push(*fault);
             faults.or(None)
         }
     }
 }
 
 /// The samples of each channel, as many as all of them have.
-fn channels(wav: &Wav<'_>, full_scale: f64) -> Result<Vec<Vec<f64>>, Fault> {
+fn channels(wav: &Wav<'_>, full_scale: f64) -> Result<Vec<Vec<f64>>, Box<Fault>> {
     let Format { channels: count, sample_bytes, .. } = wav.format;
     let frames = wav.data.len() / (count * sample_bytes);
     let mut channels = vec![Vec::with_capacity(frames); count];
@@ -56,9 +56,10 @@ fn channels(wav: &Wav<'_>, full_scale: f64) -> Result<Vec<Vec<f64>>, Fault> {
         let what = format!(
             "says that {valid} of each sample's {bits} bits are valid, and its lowest {spare} are not zero"
         );
-        return Err(Fault::new("fmt", what)
+        let fault = Fault::new("fmt", what)
             .expected("valid bits at the upper end of a sample, zeros below them")
-            .help("have it written anew, as samples of whole bytes without spare bits"));
+            .help("have it written anew, as samples of whole bytes without spare bits");
+        return Err(Box::new(fault));
     }
     Ok(channels)
 }

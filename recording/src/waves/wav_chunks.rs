@@ -60,7 +60,7 @@ struct Bytes<'a> {
 
 impl<'a> Wav<'a> {
     /// Finds `fmt` and `data`.
-    pub(super) fn read(all: &'a [u8]) -> Result<Self, Fault> {
+    pub(super) fn read(all: &'a [u8]) -> Result<Self, Box<Fault>> {
         let big_endian = match all.get(..4) {
             Some(b"RIFF" | b"RF64") => false,
             Some(b"RIFX") => true,
@@ -101,7 +101,7 @@ fn samples<'a>(
     data_size: Option<u64>,
     format: &Format,
     notes: &mut Vec<String>,
-) -> Result<&'a [u8], Fault> {
+) -> Result<&'a [u8], Box<Fault>> {
     let stated = match (chunk.size, data_size) {
         (UNKNOWN_SIZE, Some(size)) => usize::try_from(size).unwrap_or(usize::MAX),
         (UNKNOWN_SIZE | 0, None) if !chunk.rest.is_empty() => {
@@ -160,7 +160,7 @@ impl<'a> Bytes<'a> {
     }
 
     /// Where the next chunk begins: a chunk of an odd size is followed by one byte that belongs to none.
-    fn after(&self, chunk: &Chunk<'_>) -> Result<usize, Fault> {
+    fn after(&self, chunk: &Chunk<'_>) -> Result<usize, Box<Fault>> {
         let size = chunk.size as usize;
         let end = chunk.at.checked_add(size).filter(|end| *end <= self.all.len());
         let name = String::from_utf8_lossy(&chunk.id).into_owned();
@@ -179,17 +179,18 @@ impl<'a> Bytes<'a> {
             let what = format!(
                 "chunk `{name}` of {size} bytes is not followed by the byte that makes its size even"
             );
-            return Err(
-                broken(end, what).help("have it written anew by a program that pads its chunks")
-            );
+            let fault = *broken(end, what);
+            let help = "have it written anew by a program that pads its chunks";
+            return Err(Box::new(fault.help(help)));
         }
         Ok(padded)
     }
 
-    fn format(&self, chunk: &Chunk<'_>) -> Result<Format, Fault> {
+    fn format(&self, chunk: &Chunk<'_>) -> Result<Format, Box<Fault>> {
         let short = |at: usize| self.short(chunk.at + at);
-        let bad =
-            |what: String| Fault::new("fmt", what).expected("PCM, or IEEE floats of 32 or 64 bits");
+        let bad = |what: String| {
+            Box::new(Fault::new("fmt", what).expected("PCM, or IEEE floats of 32 or 64 bits"))
+        };
         let (tag, channels, rate_hz, block, bits) =
             (short(0), short(2), self.long(chunk.at + 4), short(12), short(14));
         let (Some(mut tag), Some(channels), Some(rate_hz), Some(block), Some(bits), true) =
@@ -258,6 +259,7 @@ impl<'a> Bytes<'a> {
 }
 
 /// Numbers of `fmt` that have to fit together.
+#[derive(Clone, Copy)]
 struct Layout {
     channels: u16,
     rate_hz: u32,
@@ -266,6 +268,6 @@ struct Layout {
     valid_bits: u16,
 }
 
-fn broken(at: usize, what: impl Into<String>) -> Fault {
-    Fault::new(format!("byte {at}"), what.into()).expected("a whole WAV file")
+fn broken(at: usize, what: impl Into<String>) -> Box<Fault> {
+    Box::new(Fault::new(format!("byte {at}"), what.into()).expected("a whole WAV file"))
 }

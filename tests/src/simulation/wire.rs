@@ -165,9 +165,9 @@ impl Wire {
         orders::drain(&mut self.chance, &self.exchange, self.stormy > 0, &mut self.watch);
     }
 
-    /// In storms of every other thousand of seconds ticks are up to half a cycle late, each by another time.
+    /// In storms of every other second reads are up to half a cycle late, each by another time.
     fn jitter_ns(&mut self) -> u64 {
-        let jitters = self.storms() && self.now_ns / 1_000_000_000 % 2 == 0;
+        let jitters = self.storms() && (self.now_ns / 1_000_000_000).is_multiple_of(2);
         if jitters { self.chance.below(TICK_NS / 2) } else { 0 }
     }
 
