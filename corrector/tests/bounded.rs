@@ -52,8 +52,8 @@ proptest! {
         let reach = 10.0_f64.powf(reach);
         let found = solved(&model, &q, reach);
         prop_assert!(found.converged != found.limited.is_some(), "{found:?}");
-        for i in 0..JOINTS_MAX {
-            prop_assert!((found.q[i] - q[i]).abs() <= reach * (1.0 + 1e-9));
+        for (found, q) in found.q.iter().zip(q) {
+            prop_assert!((found - q).abs() <= reach * (1.0 + 1e-9));
         }
         prop_assert!(model.arm.within_limits(&found.q));
         prop_assert!(left(&model, &q, &found.q) <= left(&model, &q, &q) * (1.0 + 1e-9) + 1e-24);

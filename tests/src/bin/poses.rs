@@ -24,7 +24,7 @@ const TOOL: f64 = 1e-3;
 const UNCORRECTED: f64 = 0.01;
 const LEFT: f64 = 0.1;
 
-/// Numbers of a fixed sequence (SplitMix64), the same on every machine.
+/// Numbers of a fixed sequence (`SplitMix64`), the same on every machine.
 struct Numbers(u64);
 
 impl Numbers {
