@@ -1,4 +1,4 @@
-//! XML as programs of the field write it: any declared encoding, and the liberties that their own readers (TinyXML)
+//! XML as programs of the field write it: any declared encoding, and the liberties that their own readers (`TinyXML`)
 //! allow.
 //!
 //! Promises: what the XML specification accepts keeps its meaning; [`relaxed`] keeps every byte position, so that faults

@@ -2,7 +2,7 @@
 //! real files have, and a folder of one's own where `TRUED_URDF` names one.
 //!
 //! Needs `python3` with `venv` and the package `pin` from the package registry; where that cannot be had, it is SKIPPED.
-#![expect(clippy::expect_used, clippy::print_stderr, reason = "a test says what failed")]
+#![expect(clippy::expect_used, clippy::panic, reason = "a test says what failed")]
 
 use std::collections::BTreeMap;
 use std::io::Write;

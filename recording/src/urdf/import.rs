@@ -186,7 +186,7 @@ impl<'a> Chain<'a, '_> {
             Some((format!("has lower {low} above upper {high}"), help))
         } else if low >= high {
             Some((format!("has lower and upper both at {low}: the joint cannot move"), give))
-        } else if !is_turning && !(low.is_finite() && high.is_finite()) {
+        } else if !is_turning && (low.is_infinite() || high.is_infinite()) {
             let help = "give lower and upper in m: a sliding joint needs both".to_owned();
             Some((format!("is infinite: {low} to {high}"), help))
         } else {

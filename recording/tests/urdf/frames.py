@@ -25,7 +25,7 @@ def main():
         for _ in range(POSES):
             v = rng.uniform(-2, 2, model.nv)
             pin.framesForwardKinematics(model, data, pin.integrate(model, pin.neutral(model), v))
-            joints = [(n, j) for n, j in zip(model.names, model.joints) if j.nv == 1]
+            joints = [(n, j) for n, j in zip(model.names, model.joints) if j.nv == 1 and j.idx_v >= 0]
             print("pose", *(word for n, j in joints for word in (n, repr(float(v[j.idx_v])))), sep="\t")
             for frame, place in zip(model.frames, data.oMf):
                 if frame.type == pin.FrameType.BODY:
