@@ -19,3 +19,4 @@ pub mod unit;
 pub mod urdf;
 mod walk;
 pub mod waves;
+mod xml;

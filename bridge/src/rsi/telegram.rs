@@ -17,7 +17,8 @@ const PARTS: f64 = 1e6;
 /// A telegram of the controller.
 #[derive(Debug, Clone, Copy)]
 pub struct Telegram<'a> {
-    text: &'a str,
+    /// As it came: text content may be in any encoding that extends ASCII, as a controller writes its messages.
+    bytes: &'a [u8],
     /// The controller's clock as it is to be echoed.
     pub ipoc: &'a str,
 }
@@ -26,19 +27,22 @@ impl<'a> Telegram<'a> {
     /// Reads a datagram; none where it is no `<Rob>` with an `IPOC` of digits.
     #[must_use]
     pub fn read(datagram: &'a [u8]) -> Option<Self> {
-        let text = std::str::from_utf8(datagram).ok()?.trim_end_matches('\0').trim();
-        element(text, "Rob").filter(|_| text.starts_with("<Rob") && text.ends_with("</Rob>"))?;
-        let after = text.split_once("<IPOC>")?.1;
-        let ipoc = after.split_once("</IPOC>")?.0.trim();
+        let end = datagram.iter().rposition(|byte| *byte != 0)?;
+        let bytes = datagram.get(..=end)?.trim_ascii();
+        element(bytes, "Rob")
+            .filter(|_| bytes.starts_with(b"<Rob") && bytes.ends_with(b"</Rob>"))?;
+        let (_, after) = split(bytes, b"<IPOC>")?;
+        let (ipoc, _) = split(after, b"</IPOC>")?;
+        let ipoc = text(ipoc.trim_ascii())?;
         let is_number =
             (1..=IPOC_MAX).contains(&ipoc.len()) && ipoc.bytes().all(|b| b.is_ascii_digit());
-        is_number.then_some(Self { text, ipoc })
+        is_number.then_some(Self { bytes, ipoc })
     }
 
     /// The numbers of a group, in the group's order; none where one is missing or no number.
     #[must_use]
     pub fn numbers(&self, group: &Group) -> Option<[f64; NUMBERS_MAX]> {
-        let head = element(self.text, &group.tag)?;
+        let head = element(self.bytes, &group.tag)?;
         let mut numbers = [0.0; NUMBERS_MAX];
         for (number, name) in numbers.iter_mut().zip(&group.names) {
             let value: f64 = attribute(head, name)?.parse().ok()?;
@@ -50,29 +54,43 @@ impl<'a> Telegram<'a> {
     /// How many answers came late, by the controller's own count, where it tells.
     #[must_use]
     pub fn late(&self) -> Option<u64> {
-        attribute(element(self.text, "Delay")?, "D")?.trim().parse().ok()
+        attribute(element(self.bytes, "Delay")?, "D")?.trim().parse().ok()
     }
 }
 
-/// What stands between `<tag` and `>`, for the first such element.
-fn element<'a>(text: &'a str, tag: &str) -> Option<&'a str> {
-    text.match_indices('<').find_map(|(at, _)| {
-        let rest = text.get(at + 1..)?.strip_prefix(tag)?;
-        rest.starts_with(|c: char| c.is_ascii_whitespace() || c == '/' || c == '>').then_some(())?;
-        rest.split_once('>').map(|(head, _)| head)
-    })
+fn text(bytes: &[u8]) -> Option<&str> {
+    std::str::from_utf8(bytes).ok()
 }
 
-/// The value of an attribute.
-fn attribute<'a>(head: &'a str, name: &str) -> Option<&'a str> {
+/// What stands before and after the first `mark`.
+fn split<'a>(bytes: &'a [u8], mark: &[u8]) -> Option<(&'a [u8], &'a [u8])> {
+    let at = bytes.windows(mark.len()).position(|window| window == mark)?;
+    Some((bytes.get(..at)?, bytes.get(at + mark.len()..)?))
+}
+
+/// What stands between `<tag` and `>`, for the first such element.
+fn element<'a>(bytes: &'a [u8], tag: &str) -> Option<&'a [u8]> {
+    let mut rest = bytes;
+    loop {
+        (_, rest) = split(rest, b"<")?;
+        let head = rest.strip_prefix(tag.as_bytes());
+        let ends = |byte: &u8| byte.is_ascii_whitespace() || matches!(byte, b'/' | b'>');
+        if let Some(head) = head.filter(|head| head.first().is_some_and(ends)) {
+            return split(head, b">").map(|(head, _)| head);
+        }
+    }
+}
+
+/// The value of an attribute; none where it is no text.
+fn attribute<'a>(head: &'a [u8], name: &str) -> Option<&'a str> {
     let mut rest = head;
     loop {
-        let (before, after) = rest.split_once('=')?;
-        let after = after.trim_start();
-        let quote = after.chars().next().filter(|c| *c == '"' || *c == '\'')?;
-        let (value, next) = after.get(1..)?.split_once(quote)?;
-        if before.trim() == name {
-            return Some(value);
+        let (before, after) = split(rest, b"=")?;
+        let after = after.trim_ascii_start();
+        let quote = after.first().filter(|byte| matches!(byte, b'"' | b'\''))?;
+        let (value, next) = split(after.get(1..)?, std::slice::from_ref(quote))?;
+        if before.trim_ascii() == name.as_bytes() {
+            return text(value);
         }
         rest = next;
     }
@@ -178,6 +196,25 @@ mod tests {
         let numbers = telegram.numbers(&group(&["A3", "A1", "A2"])).unwrap();
         assert_eq!(numbers[..3], [3.0, 1.5, -2.0]);
         assert!(telegram.numbers(&group(&["A1", "A4"])).is_none());
+    }
+
+    #[test]
+    fn text_in_any_encoding_does_not_hide_the_numbers_behind_it() {
+        let messages: [&[u8]; 4] =
+            [b"Stra\xdfe \xfc", "Straße ü 点".as_bytes(), b"\x82\xa0\xff\xfe", b"\xc3"];
+        for message in messages {
+            let (head, tail) = ROB.split_once("<ASPosX").unwrap();
+            let attribute = [b"<EStr Text=\"", message, b"\" />"].concat();
+            let content = [b"<EStr>", message, b"</EStr>"].concat();
+            for element in [attribute, content] {
+                let datagram =
+                    [head.as_bytes(), &element, b"<ASPosX", tail.as_bytes(), b"\r\n\0\0"].concat();
+                let telegram = Telegram::read(&datagram).unwrap();
+                assert_eq!((telegram.ipoc, telegram.late()), ("0012345", Some(4)));
+                let numbers = telegram.numbers(&group(&["A3", "A1", "A2"])).unwrap();
+                assert_eq!(numbers[..3], [3.0, 1.5, -2.0]);
+            }
+        }
     }
 
     #[test]

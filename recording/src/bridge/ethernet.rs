@@ -7,6 +7,7 @@ use std::ops::Range;
 use roxmltree::{Document, Node, ParsingOptions};
 
 use crate::faults::{Fault, Faults, Place};
+use crate::xml;
 
 /// More elements, texts and comments than the 64 channels need.
 const NODES_MAX: u32 = 20_000;
@@ -52,7 +53,8 @@ impl Ethernet {
     /// All faults of the text.
     pub fn parse(name: &str, text: &str) -> Result<Self, Faults> {
         let options = ParsingOptions { nodes_limit: NODES_MAX, ..ParsingOptions::default() };
-        let document = Document::parse_with_options(text, options).map_err(|error| {
+        let relaxed = xml::relaxed(text);
+        let document = Document::parse_with_options(&relaxed, options).map_err(|error| {
             let at = error.pos();
             let row = usize::try_from(at.row).unwrap_or(1).max(1);
             let line = text.lines().nth(row - 1).unwrap_or_default();

@@ -17,6 +17,7 @@ use crate::faults::Faults;
 use crate::files::{FileError, read_text};
 use crate::series::Frame;
 use crate::walk::Table;
+use crate::xml;
 
 pub use ethernet::{Element, Ethernet};
 pub use rsi::Group;
@@ -136,7 +137,8 @@ impl RsiConfig {
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let (name, text) = (path.display().to_string(), read_text(path)?);
         let ethernet = beside(path, &rsi::ethernet_path(&name, &text)?);
-        let ethernet = Ethernet::parse(&ethernet.display().to_string(), &read_text(&ethernet)?)?;
+        let ethernet =
+            Ethernet::parse(&ethernet.display().to_string(), &xml::read(&ethernet)?.text)?;
         let mut config = Self::parse(&name, &text, ethernet)?;
         config.common.cell = beside(path, &config.common.cell);
         Ok(config)

@@ -33,6 +33,26 @@ fn the_examples_that_are_shipped_load() {
 }
 
 #[test]
+fn a_configuration_of_the_controller_in_latin_1_is_read_whether_it_says_so_or_not() {
+    let folder = std::env::temp_dir().join(format!("trued-rsi-latin-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let body = XML.split_once("?>").map_or(XML, |(_, body)| body).trim_start();
+    let heads =
+        ["<?xml version=\"1.0\" encoding=\"ISO-8859-1\"?>\n", "", "<?xml version=\"1.0\"?>\n"];
+    for head in heads {
+        let said = format!("{head}<!-- Schwei\u{df}zelle -- T\u{fc}r 3 -->\n{body}");
+        // Latin-1: one byte for each character, of the examples' own none above.
+        let bytes: Vec<u8> =
+            said.chars().map(|c| u8::try_from(u32::from(c)).unwrap_or(b'?')).collect();
+        std::fs::write(folder.join("rsi-ethernet.xml"), bytes).unwrap();
+        std::fs::write(folder.join("bridge.toml"), RSI).unwrap();
+        let config = RsiConfig::read(&folder.join("bridge.toml")).unwrap();
+        assert_eq!(config.ethernet.sentype, "Trued");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
 fn whether_the_controller_compensates_itself_must_be_said() {
     for text in [EGM, RSI] {
         let silent: Vec<&str> = text.lines().filter(|l| !l.starts_with("absolute_acc")).collect();

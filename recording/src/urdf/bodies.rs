@@ -2,47 +2,62 @@
 //!
 //! A link's inertia stands about its centre of mass, in the axes of `<inertial><origin>`: it is turned into base axes and
 //! moved to the common centre (parallel axes, Huygens-Steiner), all at the zero configuration. Never: a body that no matter
-//! could make.
+//! could make; placeholders are read as point masses, with a remark.
 
 use glam::{DMat3, DVec3};
 use physics::{Body, Frame};
 use roxmltree::Node;
 
-use super::source::{Source, child};
+use super::source::{Source, child, name};
 
 /// Files round their moments: a thin rod may miss what matter allows by its third figure.
 const ROUNDED: f64 = 1e-3;
 
 /// The body of a link whose frame stands at `base_from_link`; nothing where it has no mass.
+///
+/// Many descriptions hold placeholders here, which say nothing about the geometry: an inertia that no body has gives a
+/// point mass, no mass gives no body, and `remarks` says so.
 pub(super) fn of_link(
     source: &Source<'_>,
     link: Node<'_, '_>,
     base_from_link: &Frame,
+    remarks: &mut Vec<String>,
 ) -> Option<Body> {
     let inertial = child(link, "inertial")?;
     let base_from_inertial = base_from_link.after(&source.origin(inertial));
-    let Some(mass) = child(inertial, "mass").map(|mass| source.needed(mass, "value")) else {
-        source.fault(inertial, "has no <mass>", "give <mass value=\"…\"/> in kg");
+    let inertia = tensor(source, inertial);
+    let mass = child(inertial, "mass").and_then(|mass| source.finite(mass, "value"));
+    let Some(mass) = mass.filter(|mass| *mass > 0.0) else {
+        let found = mass.map_or("no finite mass".to_owned(), |mass| format!("a mass of {mass} kg"));
+        remarks.push(format!("link {} has {found}: taken without mass", name(link)));
         return None;
     };
-    if mass < 0.0 {
-        source.fault(inertial, format!("has a mass of {mass} kg"), "give a mass of 0 or more");
-    }
-    let inertia = child(inertial, "inertia").map_or(DMat3::ZERO, |inertia| tensor(source, inertia));
-    if !is_of_matter(&inertia) {
-        let help = "correct it (each principal moment is at most the sum of the other two), or leave <inertia> out: the \
-                    link then counts as a point mass";
-        source.fault(inertial, "has an inertia that no body has", help);
-    }
+    let inertia = inertia.unwrap_or_else(|why| {
+        remarks.push(format!("link {} {why}: taken as a point mass of {mass} kg", name(link)));
+        DMat3::ZERO
+    });
     let turn = base_from_inertial.rotation;
     let inertia = turn * inertia * turn.transpose();
-    (mass > 0.0).then_some(Body { mass, centre: base_from_inertial.origin, inertia })
+    Some(Body { mass, centre: base_from_inertial.origin, inertia })
 }
 
-fn tensor(source: &Source<'_>, inertia: Node<'_, '_>) -> DMat3 {
-    let [xx, xy, xz] = ["ixx", "ixy", "ixz"].map(|key| source.needed(inertia, key));
-    let [yy, yz, zz] = ["iyy", "iyz", "izz"].map(|key| source.needed(inertia, key));
-    DMat3::from_cols_array_2d(&[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+/// The inertia about the centre of mass; why it is a placeholder where it is one.
+fn tensor(source: &Source<'_>, inertial: Node<'_, '_>) -> Result<DMat3, &'static str> {
+    let Some(inertia) = child(inertial, "inertia") else { return Err("has no <inertia>") };
+    let moments = ["ixx", "ixy", "ixz", "iyy", "iyz", "izz"].map(|key| source.finite(inertia, key));
+    let [Some(xx), Some(xy), Some(xz), Some(yy), Some(yz), Some(zz)] = moments else {
+        return Err("has an inertia with a moment that is missing or not finite");
+    };
+    let inertia = DMat3::from_cols_array_2d(&[[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]);
+    if inertia == DMat3::ZERO {
+        return Err("has an inertia of zero");
+    }
+    if !is_of_matter(&inertia) {
+        return Err(
+            "has an inertia that no body has (a principal moment is negative or above the sum of the other two)",
+        );
+    }
+    Ok(inertia)
 }
 
 /// Whether some spread of mass has this inertia: the second moments `½ tr(I) 1 − I` must not be negative in any direction
@@ -51,9 +66,6 @@ fn is_of_matter(inertia: &DMat3) -> bool {
     let [xx, yy, zz] = [inertia.x_axis.x, inertia.y_axis.y, inertia.z_axis.z];
     let size = xx.abs().max(yy.abs()).max(zz.abs()).max(inertia.x_axis.y.abs());
     let size = size.max(inertia.x_axis.z.abs()).max(inertia.y_axis.z.abs());
-    if size == 0.0 {
-        return true;
-    }
     let unit = *inertia * size.recip();
     let half_trace = 0.5 * (xx + yy + zz) / size;
     let second = DMat3::from_diagonal(DVec3::splat(half_trace)) - unit;

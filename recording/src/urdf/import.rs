@@ -5,14 +5,17 @@
 
 use glam::{DMat3, DVec3};
 use physics::{Body, Frame, JointKind};
+use roxmltree::Node;
 use toml::Table as FreeTable;
 
+use super::ends::Path;
 use super::source::{EXPAND, Source, child, document, macro_of, name};
-use super::tree::{Joint, Motion, Path, Tree};
+use super::tree::{Joint, Motion, Tree};
 use super::{Ends, Import, bodies, telescope};
 use crate::faults::{Fault, Faults};
 use crate::model::{BodyEntry, JointEntry, ModelFile, RobotEntry, RobotModel, ToolEntry};
 use crate::unit::Unit;
+use crate::xml;
 
 /// Limits of a joint without any, degrees: a model needs some.
 const TURNS_DEG: f64 = 360.0;
@@ -24,7 +27,8 @@ const ROUNDING: f64 = 1e-15;
 /// # Errors
 /// All faults of the text.
 pub fn parse(name: &str, text: &str, ends: &Ends<'_>) -> Result<Import, Faults> {
-    let document = document(name, text)?;
+    let relaxed = xml::relaxed(text);
+    let document = document(name, text, &relaxed)?;
     let source = Source::new(name, text);
     let robot = document.root_element();
     if !robot.has_tag_name("robot") {
@@ -38,8 +42,9 @@ pub fn parse(name: &str, text: &str, ends: &Ends<'_>) -> Result<Import, Faults> 
     }
     let tree = source.is_sound().then(|| Tree::read(&source, robot)).flatten();
     let found = tree.and_then(|mut tree| {
-        let path = tree.path(&source, ends)?;
-        let notes = telescope::fold(&source, &mut tree, &path);
+        let path = Path::find(&source, &tree, ends)?;
+        let mut notes = path.remarks(&tree);
+        notes.extend(telescope::fold(&source, &mut tree, &path));
         let mut chain = Chain { source: &source, tree: &tree, notes };
         let file = chain.model(&path, robot.attribute("name").unwrap_or("robot"));
         let [base, tip] = [path.base, path.tip].map(|link| tree.called(link).to_owned());
@@ -58,7 +63,7 @@ struct Chain<'a, 's> {
 impl<'a> Chain<'a, '_> {
     fn model(&mut self, path: &Path, robot: &str) -> ModelFile {
         let mut joints: Vec<JointEntry> = Vec::new();
-        let mut base_from_link = Frame::IDENTITY;
+        let mut base_from_link = path.base_from_top;
         for (at, joint) in path.joints.iter().enumerate() {
             let joint = &self.tree.joints[*joint];
             base_from_link = base_from_link.after(&joint.origin);
@@ -109,14 +114,15 @@ impl<'a> Chain<'a, '_> {
         let node = joint.node;
         if let Some(mimic) = child(node, "mimic") {
             let leader = mimic.attribute("joint").unwrap_or_default();
-            let help =
-                "a joint of a model moves by itself: choose a chain without it, or make it fixed";
-            self.source.fault(node, format!("follows the joint `{leader}` (mimic)"), help);
+            let help = "joints of a model are independent: choose a chain without it (--base, --tip), or remove its <mimic> if it has a drive of its own";
+            let message = format!("follows the joint `{leader}` (mimic) and is part of the chain");
+            self.source.fault(node, message, help);
         }
         if joint.motion == Motion::Several {
             let help =
                 format!("begin the chain behind it: --base {}", self.tree.called(joint.child));
-            self.source.fault(node, "has more than one freedom", help);
+            let kind = node.attribute("type").unwrap_or_default();
+            self.source.fault(node, format!("is {kind}: it has more than one freedom"), help);
         }
         let kind = match joint.motion {
             Motion::Prismatic => JointKind::Prismatic,
@@ -153,7 +159,7 @@ impl<'a> Chain<'a, '_> {
     fn limits(&mut self, joint: &Joint<'_, '_>, kind: JointKind) -> [f64; 2] {
         if joint.motion == Motion::Continuous {
             self.notes.push(format!(
-                "joint {} turns on and on; its limits are written as ±{TURNS_DEG} deg: widen them if it turns further",
+                "joint {} is continuous; its limits are written as ±{TURNS_DEG} deg: widen them if it turns further",
                 name(joint.node)
             ));
             return [-TURNS_DEG, TURNS_DEG];
@@ -163,22 +169,51 @@ impl<'a> Chain<'a, '_> {
             self.source.fault(joint.node, "has no <limit>", help);
             return [0.0, 0.0];
         };
-        let [low, high] =
-            ["lower", "upper"].map(|key| self.source.number(limit, key).unwrap_or(0.0));
-        if low >= high {
-            let unit = if kind == JointKind::Prismatic { "m" } else { "rad" };
-            self.source.fault(
-                limit,
-                format!("goes from {low} to {high}"),
-                format!("give the lower limit first, in {unit}"),
-            );
+        self.bounds(name(joint.node), limit, kind)
+    }
+
+    /// The bounds of a `<limit>`, in the unit of the file.
+    fn bounds(&mut self, joint: &str, limit: Node<'_, '_>, kind: JointKind) -> [f64; 2] {
+        let is_turning = kind == JointKind::Revolute;
+        let unit = if is_turning { "rad" } else { "m" };
+        let given = ["lower", "upper"].map(|key| self.source.wide(limit, key));
+        let [low, high] = given.map(Option::unwrap_or_default);
+        let otherwise = if is_turning { ", or the type \"continuous\"" } else { "" };
+        let give = format!("give lower and upper in {unit}{otherwise}");
+        let wrong = if given == [None, None] {
+            Some(("has neither `lower` nor `upper`, which means 0 to 0".to_owned(), give))
+        } else if low > high {
+            let help = format!("swap them: the lower limit comes first, in {unit}");
+            Some((format!("has lower {low} above upper {high}"), help))
+        } else if low >= high {
+            Some((format!("has lower and upper both at {low}: the joint cannot move"), give))
+        } else if !is_turning && (low.is_infinite() || high.is_infinite()) {
+            let help = "give lower and upper in m: a sliding joint needs both".to_owned();
+            Some((format!("is infinite: {low} to {high}"), help))
+        } else {
+            None
+        };
+        if let Some((message, help)) = wrong {
+            self.source.fault(limit, message, help);
+            return [0.0, 0.0];
         }
-        [low, high].map(|limit| in_file(limit, kind))
+        if let Some(key) = ["lower", "upper"].iter().zip(given).find(|(_, given)| given.is_none()) {
+            self.notes.push(format!("joint {joint} has no `{}` limit: 0, by the format", key.0));
+        }
+        if low.is_infinite() || high.is_infinite() {
+            self.notes.push(format!(
+                "joint {joint} has an infinite limit, written as {TURNS_DEG} deg: widen it if the joint turns further"
+            ));
+        }
+        [low, high].map(|limit| {
+            if limit.is_finite() { in_file(limit, kind) } else { TURNS_DEG.copysign(limit) }
+        })
     }
 
     fn max_speed(&self, joint: &Joint<'_, '_>, kind: JointKind) -> Option<f64> {
         let limit = child(joint.node, "limit")?;
-        let speed = self.source.number(limit, "velocity")?;
+        // Infinite: the file knows no limit.
+        let speed = self.source.wide(limit, "velocity").filter(|speed| *speed < f64::INFINITY)?;
         if speed < 0.0 {
             self.source.fault(
                 limit,
@@ -195,7 +230,8 @@ impl<'a> Chain<'a, '_> {
         let mut found = Vec::new();
         let mut beside = Vec::new();
         while let Some((link, base_from_link)) = frames.pop() {
-            found.extend(bodies::of_link(self.source, self.tree.links[link].node, &base_from_link));
+            let node = self.tree.links[link].node;
+            found.extend(bodies::of_link(self.source, node, &base_from_link, &mut self.notes));
             for at in self.tree.links[link].carries.iter().filter(|at| Some(**at) != next) {
                 let joint = &self.tree.joints[*at];
                 if joint.motion != Motion::Fixed {

@@ -6,10 +6,13 @@
 //! once, each naming its joint or link; no text makes it panic; import and export keep the forward kinematics to rounding.
 
 mod bodies;
+mod ends;
 mod export;
 #[cfg(test)]
 mod hostile_tests;
 mod import;
+#[cfg(test)]
+mod real_tests;
 mod rpy;
 mod source;
 mod telescope;
@@ -22,8 +25,9 @@ use std::path::Path;
 pub use export::{Export, LeftOut, export};
 pub use import::parse;
 
-use crate::files::{FileError, read_text};
+use crate::files::FileError;
 use crate::model::RobotModel;
+use crate::xml;
 
 /// Which chain of a URDF is the arm.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -52,5 +56,11 @@ pub struct Import {
 /// # Errors
 /// The file cannot be read, or all its faults.
 pub fn read(path: &Path, ends: &Ends<'_>) -> Result<Import, FileError> {
-    Ok(parse(&path.display().to_string(), &read_text(path)?, ends)?)
+    let xml::Decoded { text, assumed } = xml::read(path)?;
+    let mut import = parse(&path.display().to_string(), &text, ends)?;
+    if let Some(encoding) = assumed {
+        let remark = format!("the file is not UTF-8 and declares nothing else: read as {encoding}");
+        import.notes.push(remark);
+    }
+    Ok(import)
 }

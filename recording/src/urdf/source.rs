@@ -12,6 +12,7 @@ use roxmltree::{Document, Error, Node, ParsingOptions};
 
 use super::rpy;
 use crate::faults::{Fault, Faults, Place};
+use crate::xml::PREFIX_END;
 
 /// More elements, texts and comments than any robot has: bounds the memory that a file takes.
 const NODES_MAX: u32 = 200_000;
@@ -30,18 +31,29 @@ pub(super) struct Source<'s> {
     faults: RefCell<Faults>,
 }
 
-/// The XML of a text.
+/// The XML of a text; `relaxed` is the same text as [`crate::xml::relaxed`] gives it.
 ///
 /// # Errors
 /// What is no XML, or too much of it.
-pub(super) fn document<'t>(name: &str, text: &'t str) -> Result<Document<'t>, Faults> {
+pub(super) fn document<'t>(
+    name: &str,
+    text: &str,
+    relaxed: &'t str,
+) -> Result<Document<'t>, Faults> {
     let options = ParsingOptions { nodes_limit: NODES_MAX, ..ParsingOptions::default() };
-    Document::parse_with_options(text, options).map_err(|error| {
+    Document::parse_with_options(relaxed, options).map_err(|error| {
         let mut faults = Faults::of(name);
-        let fault = Fault::new("", format!("is no XML that can be read: {error}"));
-        let fault = fault.at(place_of(text, &error));
-        let is_xacro = matches!(&error, Error::UnknownNamespace(prefix, _) if prefix == "xacro");
-        faults.push(if is_xacro { fault.help(EXPAND) } else { fault });
+        let at = place_of(text, &error);
+        let second = relaxed.matches("</robot>").count() > 1;
+        let fault = if second {
+            let help = "split the file: one robot each";
+            Fault::new("", format!("holds several <robot>: {error}")).help(help)
+        } else {
+            Fault::new("", format!("is no XML that can be read: {error}"))
+        };
+        let is_entity = matches!(&error, Error::UnknownEntityReference(..));
+        let help = "write the entity's text in its place: entities of a DOCTYPE are not expanded";
+        faults.push(if is_entity { fault.help(help) } else { fault }.at(at));
         faults
     })
 }
@@ -73,14 +85,14 @@ fn title(node: Node<'_, '_>) -> String {
         if tag == "link" || tag == "joint" {
             words.reverse();
             let owner = format!("{tag} {}", name(node));
-            let within = words.join(" ");
+            let within = words.join(" ").replace(PREFIX_END, ":");
             let colon = if within.is_empty() { "" } else { ": " };
             return format!("{}{colon}{within}", owner.trim_end());
         }
         words.push(tag);
     }
     words.reverse();
-    words.join(" ")
+    words.join(" ").replace(PREFIX_END, ":")
 }
 
 impl<'s> Source<'s> {
@@ -149,12 +161,27 @@ impl<'s> Source<'s> {
         Some(number.unwrap_or_default())
     }
 
-    /// A number that must be there.
-    pub(super) fn needed(&self, node: Node<'_, '_>, attribute: &str) -> f64 {
-        self.number(node, attribute).unwrap_or_else(|| {
-            self.fault(node, format!("has no `{attribute}`"), format!("give {attribute}=\"…\""));
-            0.0
-        })
+    /// A number that may be infinite, where the attribute is there; what is beyond any robot is infinite.
+    pub(super) fn wide(&self, node: Node<'_, '_>, attribute: &str) -> Option<f64> {
+        let said = self.said(node, attribute)?;
+        let number = said.1.trim().parse().ok().filter(|number: &f64| !number.is_nan());
+        if number.is_none() {
+            self.fault_at(node, attribute, &said, "a number");
+        }
+        let number = number.unwrap_or_default();
+        Some(if number.abs() < SIZE_MAX { number } else { f64::INFINITY.copysign(number) })
+    }
+
+    /// A finite number; none, without a fault, where it is missing or not finite.
+    pub(super) fn finite(&self, node: Node<'_, '_>, attribute: &str) -> Option<f64> {
+        let said = self.said(node, attribute)?;
+        match said.1.trim().parse::<f64>() {
+            Ok(number) => (number.abs() < SIZE_MAX).then_some(number),
+            Err(_) => {
+                self.fault_at(node, attribute, &said, "a number below 1e12");
+                None
+            }
+        }
     }
 
     /// Three numbers, where the attribute is there.
@@ -187,9 +214,17 @@ fn number(word: &str) -> Option<f64> {
     word.parse().ok().filter(|number: &f64| number.abs() < SIZE_MAX)
 }
 
-/// Whether the document is still a xacro, with macros that no parser of URDF knows.
+/// An element that only xacro knows, where the document is not expanded.
 pub(super) fn macro_of<'d, 's>(document: &'d Document<'s>) -> Option<Node<'d, 's>> {
-    let is_xacro =
-        |node: &Node<'_, '_>| node.tag_name().namespace().is_some_and(|uri| uri.contains("xacro"));
-    document.descendants().find(is_xacro)
+    let bound = |attribute: roxmltree::Attribute<'_, '_>| {
+        let prefix = attribute.name().strip_prefix("xmlns")?.strip_prefix(PREFIX_END)?;
+        attribute.value().contains("xacro").then(|| prefix.to_owned())
+    };
+    let mut prefixes: Vec<String> =
+        document.root_element().attributes().filter_map(bound).collect();
+    prefixes.push("xacro".to_owned());
+    document.descendants().find(|node| {
+        let prefix = node.tag_name().name().split_once(PREFIX_END).map(|(prefix, _)| prefix);
+        prefix.is_some_and(|prefix| prefixes.iter().any(|known| known == prefix))
+    })
 }

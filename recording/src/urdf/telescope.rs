@@ -6,8 +6,9 @@
 use glam::{DMat3, DVec3};
 use physics::Frame;
 
+use super::ends::Path;
 use super::source::{Source, child, name};
-use super::tree::{Joint, Motion, Path, Tree};
+use super::tree::{Joint, Motion, Tree};
 
 /// Directions and shares that differ by less are the same.
 const SAME: f64 = 1e-6;

@@ -86,26 +86,22 @@ fn every_fault_of_the_numbers_is_told_at_once_with_its_joint_or_link() {
         ("xyz=\"0 0 0.5\" rpy", "xyz=\"0 0,5\" rpy"),
         ("<axis xyz=\"0 0 1\"/>", "<axis xyz=\"0 0 0\"/>"),
         ("lower=\"-3\" upper=\"3\" velocity=\"2\"", "lower=\"3\" upper=\"-3\" velocity=\"fast\""),
-        ("<mass value=\"3\"/>", "<mass/>"),
-        ("izz=\"0.05\"", "izz=\"0.5\""),
+        ("<mass value=\"3\"/>", "<mass value=\"3 kg\"/>"),
+        ("izz=\"0.05\"", "izz=\"0,05\""),
         ("<limit lower=\"0\" upper=\"0.4\" velocity=\"0\" effort=\"10\"/>", ""),
     ]);
     insta::assert_snapshot!(found, @r#"
-        error: `link arm: inertial`: has an inertia that no body has
-         --> arm.urdf:4:5
+        error: `link arm: inertial mass value`: is "3 kg"
+         --> arm.urdf:6:20
           |
-        4 |     <inertial>
-          |     ^^^^^^^^^^
-          |
-          = help: correct it (each principal moment is at most the sum of the other two), or leave <inertia> out: the link then counts as a point mass
+        6 |       <mass value="3 kg"/>
+          |                    ^^^^ expected a number below 1e12
 
-        error: `link arm: inertial mass`: has no `value`
-         --> arm.urdf:6:7
+        error: `link arm: inertial inertia izz`: is "0,05"
+         --> arm.urdf:7:65
           |
-        6 |       <mass/>
-          |       ^^^^^^^
-          |
-          = help: give value="…"
+        7 |       <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0,05"/>
+          |                                                                 ^^^^ expected a number below 1e12
 
         error: `joint turn: origin xyz`: is "0 0,5"
           --> arm.urdf:12:18
@@ -121,19 +117,19 @@ fn every_fault_of_the_numbers_is_told_at_once_with_its_joint_or_link() {
            |
            = help: give a direction, as xyz="0 0 1"
 
-        error: `joint turn: limit`: goes from 3 to -3
+        error: `joint turn: limit`: has lower 3 above upper -3
           --> arm.urdf:15:5
            |
         15 |     <limit lower="3" upper="-3" velocity="fast" effort="10"/>
            |     ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
            |
-           = help: give the lower limit first, in rad
+           = help: swap them: the lower limit comes first, in rad
 
         error: `joint turn: limit velocity`: is "fast"
           --> arm.urdf:15:43
            |
         15 |     <limit lower="3" upper="-3" velocity="fast" effort="10"/>
-           |                                           ^^^^ expected a number below 1e12
+           |                                           ^^^^ expected a number
 
         error: `joint slide`: has no <limit>
           --> arm.urdf:17:3
@@ -208,15 +204,15 @@ fn what_a_serial_arm_cannot_have_is_refused_by_name() {
     let twice = faults(&[("<child link=\"arm\"/>", "<child link=\"hand\"/>")]);
     let fixed = faults(&[("revolute", "fixed"), ("prismatic", "fixed")]);
     insta::assert_snapshot!([mimic, floating, looped, twice, fixed].join("\n---\n"), @r#"
-        error: `joint slide`: follows the joint `turn` (mimic)
+        error: `joint slide`: follows the joint `turn` (mimic) and is part of the chain
           --> arm.urdf:17:3
            |
         17 |   <joint name="slide" type="prismatic">
            |   ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
            |
-           = help: a joint of a model moves by itself: choose a chain without it, or make it fixed
+           = help: joints of a model are independent: choose a chain without it (--base, --tip), or remove its <mimic> if it has a drive of its own
         ---
-        error: `joint slide`: has more than one freedom
+        error: `joint slide`: is floating: it has more than one freedom
           --> arm.urdf:17:3
            |
         17 |   <joint name="slide" type="floating">
@@ -265,21 +261,24 @@ fn a_branch_asks_for_a_chain_and_a_named_one_is_taken() {
         --> arm.urdf
          = help: is `camera` meant?
         ---
-        error: `--base, --tip`: the link `arm` does not hang on `hand`
+        error: `--base, --tip`: the joint `slide` moves the base `hand` against the rest of the chain to `arm`
         --> arm.urdf
-         = help: name the base first: --base is the link that stays, --tip the one that moves
+         = help: --base is the link that stays, --tip the one that moves; are they swapped?
         "#);
     let import = tip(&text, "camera").unwrap();
     assert_eq!(import.model.file.joints.len(), 2);
     assert_eq!(import.model.file.joints[1].link.unwrap().mass_kg, 1.0);
     assert_eq!(
         import.notes,
-        ["joint grip beside the chain: the masses there are carried as at zero"]
+        [
+            "link finger has no <inertia>: taken as a point mass of 1 kg",
+            "joint grip beside the chain: the masses there are carried as at zero"
+        ]
     );
     let import = tip(&text, "finger").unwrap();
     assert_eq!(import.model.file.joints.len(), 3);
     assert_eq!(import.model.file.joints[2].limits, [-360.0, 360.0]);
-    assert!(import.notes[0].starts_with("joint grip turns on and on"), "{:?}", import.notes);
+    assert!(import.notes.iter().any(|note| note.starts_with("joint grip is continuous")));
     let arm = parse("arm.urdf", &text, &Ends { base: Some("arm"), tip: Some("camera") }).unwrap();
     assert_eq!((arm.model.file.joints.len(), arm.base.as_str()), (1, "arm"));
 }
@@ -325,15 +324,15 @@ fn what_is_no_urdf_is_told_so() {
           |
           = help: give a whole URDF: links, and the joints between them
         ---
-        error: is no XML that can be read: an unknown namespace prefix 'xacro' at 1:25
-         --> arm.urdf:1:25
+        error: `robot xacro:macro`: is a macro of xacro
+         --> arm.urdf:1:24
           |
         1 | <robot><link name='a'/><xacro:macro name='b'/></robot>
-          |                         ^
+          |                        ^^^^^^^^^^^^^^^^^^^^^^^
           |
           = help: expand the xacro first: `xacro FILE.urdf.xacro > FILE.urdf`
         ---
-        error: `robot include`: is a macro of xacro
+        error: `robot xacro:include`: is a macro of xacro
          --> arm.urdf:1:68
           |
         1 | <robot xmlns:xacro='http://www.ros.org/wiki/xacro'><link name='a'/><xacro:include filename='b'/></robot>
@@ -341,11 +340,13 @@ fn what_is_no_urdf_is_told_so() {
           |
           = help: expand the xacro first: `xacro FILE.urdf.xacro > FILE.urdf`
         ---
-        error: is no XML that can be read: XML with DTD detected
-         --> arm.urdf:1:1
+        error: `robot`: has no link
+         --> arm.urdf:1:35
           |
         1 | <!DOCTYPE robot [<!ENTITY a "b">]><robot/>
-          | ^
+          |                                   ^^^^^^^^
+          |
+          = help: give a whole URDF: links, and the joints between them
         "#);
 }
 

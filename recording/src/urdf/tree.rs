@@ -1,4 +1,4 @@
-//! Which link hangs on which: names, parents and children of a URDF, and the chain that is asked of it.
+//! Which link hangs on which: names, parents and children of a URDF.
 //!
 //! Promise: a [`Tree`] that exists has no loop, and every name in it stands once. Walking it takes time in proportion to it.
 
@@ -7,12 +7,8 @@ use std::collections::HashMap;
 use physics::Frame;
 use roxmltree::Node;
 
-use super::Ends;
 use super::source::{Source, child, name};
-use crate::faults::{Fault, nearest};
-
-/// At most this many names stand in one sentence.
-const NAMES_SHOWN: usize = 8;
+use crate::faults::nearest;
 
 /// How a joint moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,16 +44,7 @@ pub(super) struct Link<'d, 's> {
 pub(super) struct Tree<'d, 's> {
     pub(super) links: Vec<Link<'d, 's>>,
     pub(super) joints: Vec<Joint<'d, 's>>,
-    places: HashMap<&'d str, usize>,
-}
-
-/// From a base link to a tip link.
-#[derive(Debug, PartialEq, Eq)]
-pub(super) struct Path {
-    pub(super) base: usize,
-    pub(super) tip: usize,
-    /// The joints between, base first.
-    pub(super) joints: Vec<usize>,
+    pub(super) places: HashMap<&'d str, usize>,
 }
 
 impl<'d, 's> Tree<'d, 's> {
@@ -126,7 +113,8 @@ impl<'d, 's> Tree<'d, 's> {
         found
     }
 
-    fn meant(&self, link: &str) -> String {
+    /// Help for a link that does not exist.
+    pub(super) fn meant(&self, link: &str) -> String {
         let near = nearest(link, self.links.iter().map(|link| name(link.node)));
         near.map_or_else(
             || "name a link of this file".to_owned(),
@@ -158,94 +146,6 @@ impl<'d, 's> Tree<'d, 's> {
             let carried = self.links[link].carries.iter().rev();
             open.extend(carried.map(|joint| (self.joints[*joint].child, Some(*joint))));
         }
-    }
-
-    /// The chain between the links that were named; where one was not, the only one that there is.
-    pub(super) fn path(&self, source: &Source<'_>, ends: &Ends<'_>) -> Option<Path> {
-        let base = ends.base.map(|link| self.find(source, "--base", link));
-        let tip = ends.tip.map(|link| self.find(source, "--tip", link));
-        if base == Some(None) || tip == Some(None) {
-            return None;
-        }
-        let base = base.flatten();
-        let tip = match tip.flatten() {
-            Some(tip) => tip,
-            None => self.only_tip(source, base)?,
-        };
-        let mut joints = Vec::new();
-        let mut link = tip;
-        while Some(link) != base
-            && let Some(joint) = self.links[link].hangs_on
-        {
-            joints.push(joint);
-            link = self.joints[joint].parent;
-        }
-        joints.reverse();
-        match base {
-            Some(base) if base != link => {
-                let message = format!(
-                    "the link `{}` does not hang on `{}`",
-                    self.called(tip),
-                    self.called(base)
-                );
-                let help =
-                    "name the base first: --base is the link that stays, --tip the one that moves";
-                source.push(Fault::new("--base, --tip", message).help(help));
-                None
-            }
-            _ => Some(Path { base: link, tip, joints }),
-        }
-    }
-
-    /// The place of a link that was asked for.
-    fn find(&self, source: &Source<'_>, key: &str, link: &str) -> Option<usize> {
-        let found = self.places.get(link).copied();
-        if found.is_none() {
-            let fault = Fault::new(key, format!("the robot has no link `{link}`"));
-            source.push(fault.help(self.meant(link)));
-        }
-        found
-    }
-
-    /// The one end that moves.
-    fn only_tip(&self, source: &Source<'_>, base: Option<usize>) -> Option<usize> {
-        let mut moving = vec![0_usize; self.links.len()];
-        let mut ends = Vec::new();
-        let roots = (0..self.links.len()).filter(|link| match base {
-            Some(base) => *link == base,
-            None => self.links[*link].hangs_on.is_none(),
-        });
-        for root in roots {
-            self.below(root, |link, joint| {
-                if let Some(joint) = joint.filter(|_| link != root).map(|joint| &self.joints[joint])
-                {
-                    moving[link] =
-                        moving[joint.parent] + usize::from(joint.motion != Motion::Fixed);
-                }
-                if self.links[link].carries.is_empty() && moving[link] > 0 {
-                    ends.push(link);
-                }
-            });
-        }
-        if let [tip] = ends.as_slice() {
-            return Some(*tip);
-        }
-        let fault = if ends.is_empty() {
-            Fault::new("", "has no joint that moves")
-                .help("give the URDF of an arm, or another --base")
-        } else {
-            let shown = |link: &usize| {
-                format!("`{}` (moving joints: {})", self.called(*link), moving[*link])
-            };
-            let mut shown: Vec<String> = ends.iter().take(NAMES_SHOWN).map(shown).collect();
-            if ends.len() > NAMES_SHOWN {
-                shown.push(format!("{} more", ends.len() - NAMES_SHOWN));
-            }
-            let message = format!("branches into {} ends: {}", ends.len(), shown.join(", "));
-            Fault::new("", message).help("choose the chain: --tip LINK (and --base LINK)")
-        };
-        source.push(fault);
-        None
     }
 
     /// The name of a link.

@@ -23,10 +23,10 @@ pub(super) struct Import {
     /// Where the model goes
     #[arg(long, value_name = "MODEL.toml")]
     out: PathBuf,
-    /// The link that stays; if not given, the one at the root
+    /// The link that stays, also a fixed leaf such as the controller's `base`; if not given, the one at the root
     #[arg(long, value_name = "LINK")]
     base: Option<String>,
-    /// The link that is the tool; if not given, the only end that moves
+    /// The link that is the tool; if not given, the only end that moves, or `tool0` of several fixed to each other
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
 }

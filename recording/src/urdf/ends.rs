@@ -1,0 +1,233 @@
+//! The two ends of the chain: which links `--base` and `--tip` name, and which frames of the controller lie beside them.
+//!
+//! Any link may be an end. Between the base and the chain only fixed joints may lie, so a leaf such as the frame `base` of
+//! ROS-Industrial (REP 199: the controller's base frame) is a base as good as the root. Where frames of those names exist
+//! beside the chosen one, a remark says where they are.
+
+use glam::DVec3;
+use physics::Frame;
+
+use super::source::{Source, name};
+use super::tree::{Motion, Tree};
+use super::{Ends, rpy};
+use crate::faults::Fault;
+
+/// At most this many names stand in one sentence.
+const NAMES_SHOWN: usize = 8;
+/// Frames of a controller at the base, by ROS-Industrial's names.
+const BASES: [&str; 2] = ["base", "base_link"];
+/// Frames of a controller at the tool, the usual one first.
+const TOOLS: [&str; 3] = ["tool0", "flange", "ee_link"];
+/// Frames that differ by less (m, and by component of the rotation) are one: rounding of a file's figures.
+const SAME: f64 = 1e-9;
+
+/// From a base link to a tip link.
+#[derive(Debug)]
+pub(super) struct Path {
+    pub(super) base: usize,
+    pub(super) tip: usize,
+    /// The joints between the chain's uppermost link and the tip, base first.
+    pub(super) joints: Vec<usize>,
+    /// The chain's uppermost link in the base link's frame: they differ where the base is a leaf.
+    pub(super) base_from_top: Frame,
+}
+
+impl Path {
+    /// The chain between the links that were named; where one was not, the only one that there is.
+    pub(super) fn find(source: &Source<'_>, tree: &Tree<'_, '_>, ends: &Ends<'_>) -> Option<Self> {
+        let base = ends.base.map(|link| named(source, tree, "--base", link));
+        let tip = ends.tip.map(|link| named(source, tree, "--tip", link));
+        if base == Some(None) || tip == Some(None) {
+            return None;
+        }
+        let base = base.flatten();
+        let tip = match tip.flatten() {
+            Some(tip) => tip,
+            None => only_tip(source, tree, base)?,
+        };
+        let mut down = above(tree, tip);
+        let root = |link| above(tree, link).last().map_or(link, |at| tree.joints[*at].parent);
+        let base = base.unwrap_or_else(|| root(tip));
+        if root(base) != root(tip) {
+            let [base, tip] = [base, tip].map(|link| tree.called(link));
+            let message = format!("no joint connects the links `{base}` and `{tip}`");
+            let help = "choose two links of one tree, or add the joint that is missing";
+            source.push(Fault::new("--base, --tip", message).help(help));
+            return None;
+        }
+        let mut up = above(tree, base);
+        while let (Some(a), Some(b)) = (up.last(), down.last())
+            && a == b
+        {
+            up.pop();
+            down.pop();
+        }
+        if let Some(moves) = up.iter().find(|at| tree.joints[**at].motion != Motion::Fixed) {
+            let message = format!(
+                "the joint `{}` moves the base `{}` against the rest of the chain to `{}`",
+                name(tree.joints[*moves].node),
+                tree.called(base),
+                tree.called(tip)
+            );
+            let help = "--base is the link that stays, --tip the one that moves; are they swapped?";
+            source.push(Fault::new("--base, --tip", message).help(help));
+            return None;
+        }
+        down.reverse();
+        let base_from_top = down_to(tree, &up).inverse();
+        Some(Self { base, tip, joints: down, base_from_top })
+    }
+
+    /// Remarks on the roots, and on the controller's frames beside the two ends.
+    pub(super) fn remarks(&self, tree: &Tree<'_, '_>) -> Vec<String> {
+        let mut remarks = Vec::new();
+        let roots = (0..tree.links.len()).filter(|link| tree.links[*link].hangs_on.is_none());
+        let roots: Vec<usize> = roots.collect();
+        if roots.len() > 1 {
+            remarks.push(format!(
+                "the file has {} roots ({}); the chain is below the one of `{}`",
+                roots.len(),
+                listed(&roots, |link| format!("`{}`", tree.called(link))),
+                tree.called(self.base)
+            ));
+        }
+        beside(tree, self.base, &BASES, "base", &mut remarks);
+        beside(tree, self.tip, &TOOLS, "tip", &mut remarks);
+        remarks
+    }
+}
+
+/// The joints above a link, the nearest first.
+fn above(tree: &Tree<'_, '_>, mut link: usize) -> Vec<usize> {
+    let mut joints = Vec::new();
+    while let Some(joint) = tree.links[link].hangs_on {
+        joints.push(joint);
+        link = tree.joints[joint].parent;
+    }
+    joints
+}
+
+/// The frame below these joints in the frame above them, at zero; the lowest joint comes first.
+fn down_to(tree: &Tree<'_, '_>, joints: &[usize]) -> Frame {
+    joints.iter().rev().fold(Frame::IDENTITY, |top, at| top.after(&tree.joints[*at].origin))
+}
+
+/// The fixed joints above a link, the nearest first, and the link that they hang on.
+fn fixed_above(tree: &Tree<'_, '_>, link: usize) -> (Vec<usize>, usize) {
+    let fixed = |at: &usize| tree.joints[*at].motion == Motion::Fixed;
+    let joints: Vec<usize> = above(tree, link).into_iter().take_while(fixed).collect();
+    let top = joints.last().map_or(link, |at| tree.joints[*at].parent);
+    (joints, top)
+}
+
+/// Says of each link of one of these names that is fixed to `end` where its frame is, unless it is the same frame.
+fn beside(tree: &Tree<'_, '_>, end: usize, names: &[&str], option: &str, to: &mut Vec<String>) {
+    let (joints, top) = fixed_above(tree, end);
+    let end_from_top = down_to(tree, &joints).inverse();
+    for link in (0..tree.links.len()).filter(|link| *link != end) {
+        if !names.iter().any(|name| is_called(tree.called(link), name)) {
+            continue;
+        }
+        let (joints, its_top) = fixed_above(tree, link);
+        let frame = end_from_top.after(&down_to(tree, &joints));
+        if its_top != top || is_identity(&frame) {
+            continue;
+        }
+        let (chosen, other) = (tree.called(end), tree.called(link));
+        let places = |vector: DVec3| vector.to_array().map(|x| format!("{:.3}", x + 0.0)).join(" ");
+        to.push(format!(
+            "the {option} frame is `{chosen}`; `{other}` differs: in `{chosen}` it is at xyz {} mm, rpy {} deg (--{option} {other} takes it)",
+            places(frame.origin * 1e3),
+            places(rpy::angles(&frame.rotation).map(f64::to_degrees))
+        ));
+    }
+}
+
+fn is_identity(frame: &Frame) -> bool {
+    let turn = (frame.rotation - glam::DMat3::IDENTITY).to_cols_array();
+    frame.origin.length() < SAME && turn.iter().all(|x| x.abs() < SAME)
+}
+
+/// Whether a link has this name, perhaps behind a robot's prefix: `base`, `left_base`.
+fn is_called(link: &str, name: &str) -> bool {
+    link.strip_suffix(name)
+        .is_some_and(|prefix| prefix.is_empty() || prefix.ends_with(['_', '-', '/', '.']))
+}
+
+/// The place of a link that was named.
+fn named(source: &Source<'_>, tree: &Tree<'_, '_>, key: &str, link: &str) -> Option<usize> {
+    let found = tree.places.get(link).copied();
+    if found.is_none() {
+        let fault = Fault::new(key, format!("the robot has no link `{link}`"));
+        source.push(fault.help(tree.meant(link)));
+    }
+    found
+}
+
+/// The leaves below a link that move against it, each with its count of moving joints.
+fn moving_leaves(tree: &Tree<'_, '_>, root: usize, moving: &mut [usize]) -> Vec<usize> {
+    let mut leaves = Vec::new();
+    tree.below(root, |link, joint| {
+        if let Some(joint) = joint.map(|joint| &tree.joints[joint]) {
+            moving[link] = moving[joint.parent] + usize::from(joint.motion != Motion::Fixed);
+        }
+        if tree.links[link].carries.is_empty() && moving[link] > 0 {
+            leaves.push(link);
+        }
+    });
+    leaves
+}
+
+/// The one end that moves; of several that are fixed to each other, the controller's tool frame.
+fn only_tip(source: &Source<'_>, tree: &Tree<'_, '_>, base: Option<usize>) -> Option<usize> {
+    let mut moving = vec![0_usize; tree.links.len()];
+    let roots: Vec<usize> = match base {
+        Some(base) => vec![base],
+        None => (0..tree.links.len()).filter(|at| tree.links[*at].hangs_on.is_none()).collect(),
+    };
+    let mut ends = Vec::new();
+    for root in roots {
+        ends.extend(moving_leaves(tree, root, &mut moving));
+    }
+    if let (Some(base), true) = (base, ends.is_empty()) {
+        // A leaf: the arm begins at what the leaf is fixed to.
+        ends = moving_leaves(tree, fixed_above(tree, base).1, &mut moving);
+    }
+    if let [tip] = ends.as_slice() {
+        return Some(*tip);
+    }
+    if let Some(tip) = tool_of(tree, &ends) {
+        return Some(tip);
+    }
+    let fault = if ends.is_empty() {
+        Fault::new("", "has no joint that moves").help("give the URDF of an arm, or another --base")
+    } else {
+        let shown =
+            |link: usize| format!("`{}` (moving joints: {})", tree.called(link), moving[link]);
+        let message = format!("branches into {} ends: {}", ends.len(), listed(&ends, shown));
+        Fault::new("", message).help("choose the chain: --tip LINK (and --base LINK)")
+    };
+    source.push(fault);
+    None
+}
+
+/// Of ends that are fixed to each other, the one that is called as a controller's tool frame.
+fn tool_of(tree: &Tree<'_, '_>, ends: &[usize]) -> Option<usize> {
+    let (first, others) = ends.split_first()?;
+    let top = fixed_above(tree, *first).1;
+    if others.iter().any(|link| fixed_above(tree, *link).1 != top) {
+        return None;
+    }
+    TOOLS.iter().find_map(|tool| {
+        let mut called = ends.iter().filter(|link| is_called(tree.called(**link), tool));
+        called.next().filter(|_| called.next().is_none()).copied()
+    })
+}
+
+fn listed(links: &[usize], shown: impl Fn(usize) -> String) -> String {
+    let mut words: Vec<String> = links.iter().take(NAMES_SHOWN).map(|link| shown(*link)).collect();
+    if links.len() > NAMES_SHOWN {
+        words.push(format!("{} more", links.len() - NAMES_SHOWN));
+    }
+    words.join(", ")
+}
