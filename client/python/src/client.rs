@@ -40,9 +40,9 @@ impl Client {
     }
 
     /// Begins another run of a robot that stands at its command plus this correction; empty where its program began anew.
-    #[pyo3(signature = (correction = Vec::new()))]
-    fn start_from(&self, py: Python<'_>, correction: Vec<f64>) -> PyResult<()> {
-        self.held.with(py, |client| client.start_from(&correction))
+    #[pyo3(signature = (correction = None))]
+    fn start_from(&self, py: Python<'_>, correction: Option<Vec<f64>>) -> PyResult<()> {
+        self.held.with(py, |client| client.start_from(&correction.unwrap_or_default()))
     }
 
     /// Sends a commanded target; tells its number. Waits for nothing.

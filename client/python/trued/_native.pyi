@@ -169,7 +169,7 @@ class Client:
     def start_anew(self) -> None:
         """Begins another run: nothing of the path so far is remembered; the correction goes on."""
 
-    def start_from(self, correction: ArrayLike = ()) -> None:
+    def start_from(self, correction: list[float] | None = None) -> None:
         """Begins another run of a robot that stands at its command plus this correction."""
 
     def send(
