@@ -1,7 +1,7 @@
 //! What the number of a datagram says: the next one, one again, one too old, or a sender that began anew.
 //!
 //! A number that is a little ahead is the next, with some lost between. One that is far ahead, or falls back, may be an old datagram's,
-//! overtaken or replayed, and of another run: it is believed once [`BELIEVED_AFTER`] in a row count up from there with none of the old count
+//! overtaken or replayed, and of another run: it is believed once five in a row count up from there with none of the old count
 //! between them. Those ahead are then the next after many that were lost; those that fell back, a sender's that began anew. A sender that does
 //! not count (always the same number, or none) is taken as it comes. No allocation, no clock.
 
