@@ -88,11 +88,7 @@ impl Corrector {
 
     /// Bounds of joint `i`'s correction in this mode.
     fn limits(&self, i: usize) -> Limits {
-        let full = self.settings.envelope[i];
-        if self.angle_share == 1.0 {
-            return full;
-        }
-        Limits::new(full.angle() * self.angle_share, full.rate(), full.jerk()).unwrap_or(full)
+        self.settings.limits(i, self.angle_share)
     }
 
     /// How much may be corrected now.
@@ -300,8 +296,9 @@ impl Corrector {
         let bounded = if wanted.settled {
             self.limiters.jump(&allowed)
         } else {
-            let all: [Limits; JOINTS_MAX] = core::array::from_fn(|i| self.limits(i));
-            self.limiters.step(&allowed, |i| (i < joints).then(|| all[i]), wanted.elapsed)
+            let Self { settings, angle_share, limiters, .. } = self;
+            let limits = |i| (i < joints).then(|| settings.limits(i, *angle_share));
+            limiters.step(&allowed, limits, wanted.elapsed)
         };
         let reached = if bounded != allowed {
             Reached::NotYet

@@ -114,4 +114,13 @@ impl Settings {
             lockstep: false,
         }
     }
+
+    /// Bounds of joint `i`'s correction, with that share of its angle.
+    pub(crate) fn limits(&self, i: usize, angle_share: f64) -> Limits {
+        let full = self.envelope[i];
+        if angle_share == 1.0 {
+            return full;
+        }
+        Limits::new(full.angle() * angle_share, full.rate(), full.jerk()).unwrap_or(full)
+    }
 }

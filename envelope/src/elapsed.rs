@@ -108,9 +108,14 @@ impl Intervals {
     /// The longest of the newest intervals less the shortest, and no more than that: what is several times as long is a cycle that was missed,
     /// no jitter.
     fn jitter_s(&self) -> f64 {
-        let known = || self.ring.iter().copied().filter(|interval_s| *interval_s > 0.0);
-        let shortest = known().fold(f64::MAX, f64::min);
-        (known().fold(0.0, f64::max) - shortest).clamp(0.0, shortest)
+        let (mut shortest, mut longest) = (f64::MAX, 0.0_f64);
+        for interval_s in self.ring {
+            // Zero: there was none yet.
+            shortest =
+                if interval_s > 0.0 && interval_s < shortest { interval_s } else { shortest };
+            longest = if interval_s > longest { interval_s } else { longest };
+        }
+        (longest - shortest).clamp(0.0, shortest)
     }
 }
 
