@@ -5,7 +5,7 @@ use crate::oracle::Oracle;
 use shm_schema::Cell;
 use std::time::Duration;
 use trued_client::{
-    Client, ConnectError, CorrectionStatus, Mode, Setpoint, Source, Status, monotonic_ns,
+    Client, ConnectError, CorrectionStatus, Mode, NotSent, Setpoint, Source, Status, monotonic_ns,
 };
 
 /// Joints of the arm.
@@ -69,6 +69,8 @@ pub struct CellLoop {
     /// By how much the clock that stamps the commands has been set, ns.
     pub clock_set_ns: i64,
     due_ns: u64,
+    /// Stamp of the command sent last, ns.
+    stamp_ns: u64,
 }
 
 impl CellLoop {
@@ -81,7 +83,17 @@ impl CellLoop {
         let status = client.status().expect("connected with a status");
         let oracle = Oracle::new(&status.bounds, STATUS_S);
         let (ticks, broken, due_ns) = (0, Vec::new(), monotonic_ns());
-        Ok(Self { client, ticks, broken, oracle, status, patience, clock_set_ns: 0, due_ns })
+        Ok(Self {
+            client,
+            ticks,
+            broken,
+            oracle,
+            status,
+            patience,
+            clock_set_ns: 0,
+            due_ns,
+            stamp_ns: 0,
+        })
     }
 
     /// Waits until the next tick is due, commands, and looks at what comes.
@@ -93,6 +105,10 @@ impl CellLoop {
         let sent_ns = monotonic_ns();
         let t_ns = sent_ns.saturating_add_signed(self.clock_set_ns);
         let sent = self.client.send(&Setpoint::new(&q_cmd).at_ns(t_ns));
+        // The client paces itself by the stamp of what it has sent.
+        if matches!(sent, Ok(_) | Err(NotSent::Lost)) {
+            self.stamp_ns = t_ns;
+        }
         let answer = sent.ok().and_then(|seq| self.client.wait_corrected(seq, self.patience));
         let now_ns = monotonic_ns();
         let target = self.client.target_for(&q_cmd, now_ns).expect("a command of numbers");
@@ -110,7 +126,7 @@ impl CellLoop {
             tick.correction[i] = tick.target[i] - q_cmd;
         }
         self.ticks += 1;
-        self.look([now_ns, t_ns], &tick);
+        self.look(now_ns, &tick);
         tick
     }
 
@@ -130,14 +146,14 @@ impl CellLoop {
         false
     }
 
-    fn look(&mut self, [now_ns, stamp_ns]: [u64; 2], tick: &Tick) {
+    fn look(&mut self, now_ns: u64, tick: &Tick) {
         if let Some(status) = self.client.status() {
             self.status = status;
             self.oracle.set_bounds(now_ns, &status.bounds);
             let is_shadow = status.mode == Mode::Shadow.code();
             self.oracle.set_shadow(now_ns, is_shadow && tick.source != Source::Plain);
         }
-        if let Err(words) = self.oracle.take(now_ns, stamp_ns, &tick.q_cmd, &tick.target) {
+        if let Err(words) = self.oracle.take(now_ns, self.stamp_ns, &tick.q_cmd, &tick.target) {
             self.broken.push(format!("tick {} ({:?}): {words}", self.ticks, tick.source));
         }
     }

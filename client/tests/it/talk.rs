@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use shm_schema::*;
 use trued_client::{
     AskError, Away, Client, ConnectError, Connection, ConnectionEvent, ForceSamples, ForceSource,
-    Monitor, NotSent, Samples, Setpoint, Source, WrenchFrame,
+    Monitor, NotATarget, NotSent, Samples, Setpoint, Source, WrenchFrame,
 };
 
 use crate::mini::Runtime;
@@ -114,7 +114,10 @@ fn too_many_joints_are_refused_before_they_are_sent() {
     let cell = runtime.cell();
     let mut daemon = Daemon::start(&cell);
     let mut client = beside(&mut daemon, move || Client::connect_to(&cell, LIMIT)).unwrap();
-    assert!(matches!(client.send(&[0.0; 17].into()), Err(NotSent::Invalid { value: 17, .. })));
+    assert!(matches!(
+        client.send(&[0.0; 17].into()),
+        Err(NotSent::NotATarget(NotATarget::Joints(17)))
+    ));
     assert!(matches!(client.send(&Setpoint::new(&[])), Err(NotSent::Invalid { value: 0, .. })));
     assert!(daemon.turn().is_none());
 }
