@@ -222,7 +222,7 @@ fn cell(over: &AtomicBool) {
     let mut q = [0.5; 6];
     while !over.load(Ordering::Relaxed) {
         q[0] += 1e-6;
-        let target = client.exchange(&q, 5 * CYCLE).expect("a command of numbers");
+        let Ok(target) = client.exchange(&q, 5 * CYCLE) else { continue };
         if let (Source::Corrected, Connection::Connected { pid, .. }) =
             (target.source(), client.connection())
         {
