@@ -39,7 +39,7 @@ impl Correction {
     }
 }
 
-/// Where the robot stands as a run begins.
+/// Where the robot is as a run begins.
 #[derive(Debug, Clone, Copy)]
 enum Start {
     /// At its command: the controller begins to add up corrections anew.
@@ -49,12 +49,12 @@ enum Start {
 }
 
 impl Start {
-    /// The correction in where the robot stands, if its first target is `q` and it was corrected by `last`: zero if the target itself is
+    /// The correction in the robot's position, if its first target is `q` and it was corrected by `last`: zero if the target itself is
     /// clearly nearer to it than with `last` added.
     fn correction(&self, q: &[f64], last: &[f64; JOINTS_MAX]) -> [f64; JOINTS_MAX] {
-        let Self::At(stands) = self else { return [0.0; JOINTS_MAX] };
+        let Self::At(present) = self else { return [0.0; JOINTS_MAX] };
         let square = |share: f64| -> f64 {
-            let off = q.iter().zip(last).zip(stands).map(|((q, last), at)| q + share * last - at);
+            let off = q.iter().zip(last).zip(present).map(|((q, last), at)| q + share * last - at);
             off.map(|off| off * off).sum()
         };
         // Half as far: what lies between is a run that went on.
@@ -126,10 +126,10 @@ impl<L: Link> Feed<L> {
         self.start = Some(Start::AtZero);
     }
 
-    /// The next target is the first of a run of a robot that stands at these joints, rad: if where it was sent last, the correction
-    /// goes on, else the target passes as it is.
-    pub fn start_at(&mut self, stands: &[f64; JOINTS_MAX]) {
-        self.start = Some(Start::At(*stands));
+    /// The next target is the first of a run, and the robot is at `joints`, rad. If that is where it was sent last, the correction in
+    /// force is kept; otherwise the target is sent as commanded.
+    pub fn start_at(&mut self, joints: &[f64; JOINTS_MAX]) {
+        self.start = Some(Start::At(*joints));
     }
 
     /// The controller has used no more than this of what was sent, rad: the correction goes on from there.

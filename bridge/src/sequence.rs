@@ -1,4 +1,4 @@
-//! What the number of a datagram says: the next one, one again, one too old, or a sender that began anew.
+//! What a datagram's number means: the next one, a repeat, an old one, or a sender that restarted.
 //!
 //! A number that is a little ahead is the next, with some lost between. One that is far ahead, or falls back, may be an old datagram's,
 //! overtaken or replayed, and of another run: it is believed once five in a row count up from there with none of the old count
@@ -7,23 +7,24 @@
 
 use recording::files::content_hash;
 
-/// So many datagrams in a row have to count up from a number that does not follow. Fewer could be replayed ones.
+/// A number that does not follow is believed once this many datagrams in a row count up from it. Fewer could be replayed ones.
 const BELIEVED_AFTER: u32 = 5;
 /// Each of them is ahead of the one before by so much at most: RSI counts ms, 12 at a time, and some may be lost.
 const COUNTED_AHEAD: u32 = 100;
-/// Where a datagram stands among those of its sender.
+
+/// A datagram's place in its sender's sequence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Standing {
-    /// The next; so many before it were lost.
+    /// The next, after this many that were lost.
     Next {
         /// Numbers left out.
         lost: u32,
     },
-    /// The last one again, byte for byte.
+    /// The last one, byte for byte.
     Repeated,
     /// Older than one that was taken already.
     Old,
-    /// The first of a sender, or of one that began anew.
+    /// The first of a sender, or of one that restarted.
     First,
 }
 

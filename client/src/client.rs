@@ -146,8 +146,8 @@ impl Client {
         (self.session, self.seq) = (new_session(), 0);
     }
 
-    /// Begins another run of a robot that stands at its command plus this correction, rad or m: zero (an empty list) where
-    /// its program began anew, and with it the controller's own sum of corrections.
+    /// Begins another run. The robot is at its command plus this correction, rad or m. An empty list means zero: the robot's program was
+    /// restarted, and the controller's sum of corrections with it.
     pub fn start_from(&mut self, correction: &[f64]) {
         self.start_anew();
         self.output.start_from(correction);

@@ -117,7 +117,7 @@ impl Output {
         Ok(target)
     }
 
-    /// The time since the last target. After a silence the robot stands, and so does the correction.
+    /// The time since the last target. After a silence the robot has stopped, and the correction is constant.
     fn elapse(&mut self, now_ns: u64, stamp_ns: Option<u64>) -> Elapsed {
         self.intervals.elapse(now_ns, stamp_ns).unwrap_or_else(|| {
             self.limiters.rest();
@@ -125,7 +125,7 @@ impl Output {
         })
     }
 
-    /// Whether the answer is fresh and one for so many joints. What another process wrote need be no number.
+    /// Whether the answer is fresh and one for so many joints. Another process wrote it, so it may hold NaN.
     fn is_usable(&self, answer: &Corrected, joints: usize, now_ns: u64) -> bool {
         answer.joints as usize == joints
             && now_ns.saturating_sub(answer.made_ns) <= self.fresh_ns

@@ -184,7 +184,7 @@ impl Corrector {
         }
     }
 
-    /// The time since the last call. After a silence the robot stands, and so does the correction.
+    /// The time since the last call. After a silence the robot has stopped, and the correction is constant.
     fn elapse(&mut self, now_ns: u64, stamp_ns: u64) -> Elapsed {
         self.intervals.elapse(now_ns, Some(stamp_ns)).unwrap_or_else(|| {
             self.limiters.rest();
@@ -276,7 +276,7 @@ impl Corrector {
     }
 
     /// How far joint `i` may be corrected without leaving its limits. Ahead of a limit that the command approaches it is as little as can
-    /// be taken back before the command is there: a correction that were cut at the limit itself would stop there at once.
+    /// be taken back before the command is there: a correction that is cut only at the limit itself would stop at once.
     fn room(&self, arm: &Arm, inputs: &Inputs, i: usize) -> (f64, f64) {
         let (min, max) = arm.joints()[i].limits;
         let q = inputs.q[i];

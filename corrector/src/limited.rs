@@ -33,7 +33,7 @@ const UNIQUE: f64 = 1e-9;
 const FULLY_DAMPED: u32 = 4;
 /// The most Gauss-Newton steps.
 const STEPS_MAX: u32 = 20;
-/// The correction stands once a step changes no joint by more than this, rad or m.
+/// The correction has settled once a step changes no joint by more than this, rad or m.
 const STEP_DONE: f64 = 1e-11;
 /// The task is served in full once this is left of it, m.
 const SERVED_M: f64 = 1e-9;

@@ -16,9 +16,9 @@ pub enum Status {
     Ramping,
     /// By order, nothing is corrected.
     Bypassed,
-    /// The command was refused; the correction stands for a while, then ramps out.
+    /// The command was refused; the correction is held for a while, then ramps out.
     Rejected,
-    /// None goes out; `wanted` tells what would have been.
+    /// No correction is sent; `wanted` holds what it would be.
     Shadow,
     /// The best correction within bounds: something is left, see the residual and the reason.
     Limited,

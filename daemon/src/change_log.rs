@@ -24,7 +24,7 @@ const COUNTED: [(&str, &str, bool); 7] = [
     ("recorder_dropped", "the black box dropped records", false),
 ];
 
-/// Reasons of answers that are counted and logged, in the same form. Those that are missing are told by the health, or are no news.
+/// Reasons of answers that are counted and logged, in the same form. The others show in the daemon's health, or need no line.
 const REASONS: [(Reason, &str, bool); 10] = [
     (Reason::NotFinite, "a command holds a number that is not finite", false),
     (Reason::OutOfLimits, "a commanded joint is outside the model's limits", false),
@@ -218,7 +218,7 @@ impl HealthLog {
         let Ok(health) = status.health() else { return };
         self.changes += u32::from(self.seen != Some(health));
         self.seen = Some(health);
-        // A state that went and came back between two lines is told by the number of changes.
+        // A state that went and came back between two lines shows in the number of changes.
         if self.changes == 0 || !self.budget.take(status.t_ns) {
             return;
         }

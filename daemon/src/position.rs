@@ -1,4 +1,4 @@
-//! Where the arm was last, as far as anybody told: written by the cycle, read by the supervisor.
+//! Where the arm was last, by the newest report: written by the cycle, read by the supervisor.
 //!
 //! Promises: nobody waits; a joint's number is whole, the joints of one reading may be of two neighbouring cycles.
 //! Never: a judgement whether a number is true.
@@ -6,7 +6,7 @@
 use shm_schema::JOINTS_MAX;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
-/// The joint positions that one source told last.
+/// The joint positions that one source reported last.
 #[derive(Debug, Default)]
 pub struct Position {
     q: [AtomicU64; JOINTS_MAX],
@@ -19,12 +19,12 @@ pub struct Position {
 pub struct Told {
     /// Joint positions, rad or m.
     pub q: Vec<f64>,
-    /// When they were told, ns, by the cycle's clock.
+    /// When they were reported, ns, by the cycle's clock.
     pub at_ns: u64,
 }
 
 impl Position {
-    /// Writes down that the joints were told to be there.
+    /// Records a report of the joints' positions.
     pub fn tell(&self, q: &[f64], at_ns: u64) {
         for (slot, q) in self.q.iter().zip(q) {
             slot.store(q.to_bits(), Relaxed);
@@ -33,7 +33,7 @@ impl Position {
         self.at_ns.store(at_ns, Relaxed);
     }
 
-    /// What was told last; none before the first.
+    /// The newest report; none before the first.
     #[must_use]
     pub fn told(&self) -> Option<Told> {
         let joints = self.joints.load(Relaxed) as usize;
@@ -51,7 +51,7 @@ pub struct Positions {
     pub measured: Position,
 }
 
-/// A position that was told so much earlier than another says nothing beside it, ns.
+/// A report that is older than another by more than this is ignored, ns.
 const OUTDATED_NS: u64 = 1_000_000_000;
 
 impl Positions {

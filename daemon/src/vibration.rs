@@ -59,7 +59,7 @@ impl Ears {
     }
 }
 
-/// How long a fault of a block's clock is told after the last such block, ns: as the faults of the stream itself.
+/// How long a fault of a block's clock is reported after the last such block, ns: as the faults of the stream itself.
 const CLOCK_FAULT_HELD_NS: u64 = 1_000_000_000;
 /// Faults of a channel that make its samples no measurement of a load. A dead channel says zero, which corrects nothing.
 const NO_MEASUREMENT: [spectrum::Fault; 2] = [spectrum::Fault::Stuck, spectrum::Fault::Saturated];
@@ -101,7 +101,7 @@ pub struct Listener {
     verdicts: Publisher<Verdict>,
     ears: Ears,
     rules: BlockRules,
-    /// The clock's faults that were seen lately, each with the time until which it is told.
+    /// The clock's faults of late, each with the time until which it is reported.
     clock_faults: [(SensorFault, u64); 2],
     interleaved: Vec<f64>,
     said: u64,

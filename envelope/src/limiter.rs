@@ -100,7 +100,7 @@ impl Limiter {
         }
     }
 
-    /// Comes to rest where it is: nothing was put out for so long that whoever follows it stands.
+    /// Comes to rest at its value: nothing was sent for so long that whatever follows it has stopped.
     pub(crate) fn rest(&mut self) {
         let in_force = self.in_force;
         *self = Self { in_force, ..Self::from_motion(self.value(), 0.0, 0.0) };

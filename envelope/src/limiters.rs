@@ -57,7 +57,7 @@ impl<const N: usize> Limiters<N> {
         core::array::from_fn(|i| self.joints[i].value())
     }
 
-    /// All joints come to rest where they are: nothing was put out for so long that the robot stands.
+    /// All joints come to rest at their values: nothing was sent for so long that the robot has stopped.
     pub fn rest(&mut self) {
         self.joints.iter_mut().for_each(Limiter::rest);
     }
@@ -78,7 +78,7 @@ impl<const N: usize> Limiters<N> {
         self.values()
     }
 
-    /// The next outputs, by the rule of [`Limiter::step`]; joints that ramp do so along one line. A joint without limits stands.
+    /// The next outputs, by the rule of [`Limiter::step`]; joints that ramp do so along one line. A joint without limits keeps its value.
     pub fn step(
         &mut self,
         wanted: &[f64; N],

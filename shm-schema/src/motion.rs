@@ -162,9 +162,9 @@ codes! {
         Ramping = 2 "ramping",
         /// By order, nothing is corrected.
         Bypassed = 3 "bypassed",
-        /// The command was refused; the correction stands for a while, then ramps out.
+        /// The command was refused; the correction is held for a while, then ramps out.
         Rejected = 4 "rejected",
-        /// None goes out; `wanted` tells what would have been.
+        /// No correction is sent; `wanted` holds what it would be.
         Shadow = 5 "shadow",
         /// The best correction within bounds: something is left, see the residual and the reason.
         Limited = 6 "limited",

@@ -204,7 +204,7 @@ impl<L: Link> Middle<L> {
         }
     }
 
-    /// The robot begins to be guided, from where it stands. Along a path corrections add up from zero.
+    /// The robot begins to be guided, from its present position. Along a path corrections add up from zero.
     fn start(&mut self, stands: Option<[f64; JOINTS_MAX]>) {
         match stands.filter(|_| self.settings.guidance == Guidance::Joints) {
             Some(stands) => self.feed.start_at(&stands),

@@ -144,7 +144,7 @@ enum trued_correction_status
   TRUED_CORRECTION_STATUS_RAMPING = 2,
   // By order, nothing is corrected.
   TRUED_CORRECTION_STATUS_BYPASSED = 3,
-  // The command was refused; the correction stands for a while, then ramps out.
+  // The command was refused; the correction is held for a while, then ramps out.
   TRUED_CORRECTION_STATUS_REJECTED = 4,
   // The command itself; `wanted` tells what would have been.
   TRUED_CORRECTION_STATUS_SHADOW = 5,
@@ -934,8 +934,8 @@ trued_code trued_client_target(struct trued_client *client,
 trued_code trued_client_last_target(struct trued_client *client,
                                     struct trued_target *target);
 
-// Begins another run of a robot that stands at its command plus this correction, rad or m, of so many joints: none (NULL and 0)
-// where its program began anew.
+// Begins another run. The robot is at its command plus this correction: rad or m, one number per joint. NULL and 0 joints mean zero:
+// the robot's program was restarted, and the controller's sum of corrections with it.
 trued_code trued_client_start_from(struct trued_client *client,
                                    const double *correction,
                                    uint32_t joints);

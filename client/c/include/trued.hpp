@@ -353,7 +353,7 @@ public:
     }
     void set_fresh(nanoseconds fresh) { detail::check(::trued_client_set_fresh(raw(), detail::ns(fresh))); }
     void start_anew() { detail::check(::trued_client_start_anew(raw())); }
-    // Another run of a robot that stands at its command plus this correction; nothing where its program began anew.
+    // Begins another run. The robot is at its command plus this correction, rad or m; without one, at its command: its program was restarted.
     void start_from() { detail::check(::trued_client_start_from(raw(), nullptr, 0)); }
     template <typename Joints> void start_from(const Joints &correction) {
         detail::check(::trued_client_start_from(raw(), correction.data(), detail::count(correction.size())));

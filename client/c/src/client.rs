@@ -146,8 +146,8 @@ pub unsafe extern "C" fn trued_client_last_target(
     })
 }
 
-/// Begins another run of a robot that stands at its command plus this correction, rad or m, of so many joints: none (NULL and 0)
-/// where its program began anew.
+/// Begins another run. The robot is at its command plus this correction: rad or m, one number per joint. NULL and 0 joints mean zero:
+/// the robot's program was restarted, and the controller's sum of corrections with it.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trued_client_start_from(
     client: *mut trued_client,

@@ -14,7 +14,7 @@ pub enum trued_correction_status {
     Ramping = 2,
     /// By order, nothing is corrected.
     Bypassed = 3,
-    /// The command was refused; the correction stands for a while, then ramps out.
+    /// The command was refused; the correction is held for a while, then ramps out.
     Rejected = 4,
     /// The command itself; `wanted` tells what would have been.
     Shadow = 5,

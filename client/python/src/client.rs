@@ -39,7 +39,7 @@ impl Client {
         self.held.with(py, trued_client::Client::start_anew)
     }
 
-    /// Begins another run of a robot that stands at its command plus this correction; empty where its program began anew.
+    /// Begins another run. The robot is at its command plus this correction, rad or m; without one, at its command: its program was restarted.
     #[pyo3(signature = (correction = None))]
     fn start_from(&self, py: Python<'_>, correction: Option<Vec<f64>>) -> PyResult<()> {
         self.held.with(py, |client| client.start_from(&correction.unwrap_or_default()))

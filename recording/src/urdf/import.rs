@@ -212,7 +212,7 @@ impl<'a> Chain<'a, '_> {
 
     fn max_speed(&self, joint: &Joint<'_, '_>, kind: JointKind) -> Option<f64> {
         let limit = child(joint.node, "limit")?;
-        // Infinite: the file knows no limit.
+        // Infinite: the file states no limit.
         let speed = self.source.wide(limit, "velocity").filter(|speed| *speed < f64::INFINITY)?;
         if speed < 0.0 {
             self.source.fault(

@@ -214,7 +214,7 @@ fn number(word: &str) -> Option<f64> {
     word.parse().ok().filter(|number: &f64| number.abs() < SIZE_MAX)
 }
 
-/// An element that only xacro knows, where the document is not expanded.
+/// A xacro element, in a document that was not expanded.
 pub(super) fn macro_of<'d, 's>(document: &'d Document<'s>) -> Option<Node<'d, 's>> {
     let bound = |attribute: roxmltree::Attribute<'_, '_>| {
         let prefix = attribute.name().strip_prefix("xmlns")?.strip_prefix(PREFIX_END)?;

@@ -66,7 +66,7 @@ impl Client {
         (self.session, self.seq) = (session, 0);
     }
 
-    /// Another run of a robot that stands at its command.
+    /// Another run; the robot is at its command.
     pub(super) fn start_at_zero(&mut self, session: u64) {
         self.start_anew(session);
         self.output.start_from(&[]);

@@ -60,7 +60,7 @@ impl Watch {
         self.client.set_bounds(now_ns, bounds);
     }
 
-    /// The client begins a run of a robot that stands at its command.
+    /// The client begins a run; the robot is at its command.
     pub(super) fn begins_at_zero(&mut self) {
         self.client.begin(&[]);
     }

@@ -17,7 +17,7 @@ proptest! {
         let mut exact = 0;
         for (k, noise) in noise.iter().enumerate() {
             let wanted = amplitude * libm::sin(rad_s * DT_S * k as f64);
-            // One answer is missed: the signal stands for a sample, then jumps.
+            // One answer is missed: the signal is constant for a sample, then jumps.
             let wanted = if k == gap { limiter.value() } else { wanted };
             let elapsed = Elapsed { dt_s: DT_S + jitter_s * noise, jitter_s };
             if !limiter.step_with(wanted, &l, elapsed) {
