@@ -3,15 +3,17 @@
 //! Every change of the requested correction (start, refused command, new model, bypass, mode) goes through one mechanism: the
 //! joints' [`Limiters`], one step per call of [`Corrector::bound`], over the time that has really passed since the last.
 
+use crate::joints::apply;
 use crate::judge::{Command, Follows, Judge};
 use crate::outcome::{Gate, Outcome, Reason, Residual, Status};
 use crate::path::Path;
+use crate::rows::Rows;
 use crate::settings::{Mode, Settings};
 use crate::solve::{Solution, Solver};
 use crate::world::{World, WrenchSample};
 use crate::wrench::WrenchPath;
 use envelope::{Elapsed, Intervals, Limiters, Limits};
-use physics::{Arm, Chain, Inputs, JOINTS_MAX, Joints, Model, Wrench};
+use physics::{Arm, Chain, Evaluation, Inputs, JOINTS_MAX, Joints, Model, Wrench};
 
 /// Share of the envelope's rate at which a correction is taken back ahead of a joint limit.
 const TAKEN_BACK_SHARE: f64 = 0.5;
@@ -175,6 +177,21 @@ impl Corrector {
         outcome
     }
 
+    /// What is left of the tool error at the last accepted command with this correction, by the model: one more evaluation, for reports. None before
+    /// the first command, and where an effect is beyond what its law holds for.
+    pub fn left_with(&self, model: &Model, correction: &Joints) -> Option<Residual> {
+        let inputs = self.path.last()?;
+        let mut there = *inputs;
+        apply(&mut there.q, correction);
+        let mut evaluation = Evaluation::default();
+        model.deviate_into(&there, self.path.memories(), &mut evaluation, None);
+        evaluation.stand(&model.arm, &there);
+        let task = &self.settings.task;
+        let rows = Rows::of(&Chain::tool_at(&model.arm, &inputs.q), task);
+        let left = rows.between(&evaluation.real.base_from_tool).residual(task);
+        (evaluation.beyond.is_none() && left.m.is_finite() && left.rad.is_finite()).then_some(left)
+    }
+
     /// What later cycles need and this one's target does not: to be called once that is out. The gate of a wrench in a contact of known stiffness
     /// stays closed without it.
     pub fn prepare(&mut self, model: &Model) {
@@ -280,10 +297,11 @@ impl Corrector {
     fn room(&self, arm: &Arm, inputs: &Inputs, i: usize) -> (f64, f64) {
         let (min, max) = arm.joints()[i].limits;
         let q = inputs.q[i];
-        let speed = if inputs.dt_s > 0.0 { (q - inputs.q_before[i]) / inputs.dt_s } else { 0.0 };
-        let taken_back = TAKEN_BACK_SHARE * self.limits(i).rate();
+        // Both over one cycle.
+        let moved = q - inputs.q_before[i];
+        let taken_back = TAKEN_BACK_SHARE * self.limits(i).rate() * inputs.dt_s;
         let share = |towards: f64| if towards > taken_back { taken_back / towards } else { 1.0 };
-        ((min - q).min(0.0) * share(-speed), (max - q).max(0.0) * share(speed))
+        ((min - q).min(0.0) * share(-moved), (max - q).max(0.0) * share(moved))
     }
 
     /// One step of the joints' limiters, and how far they got.

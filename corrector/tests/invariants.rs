@@ -8,7 +8,7 @@ use corrector::{
 };
 use glam::DVec3;
 use physics::{JOINTS_MAX, Model, Wrench};
-use support::{DT_NS, Run, envelope, erring, six};
+use support::{DT_NS, Run, envelope, erring, six, smooth};
 
 /// `SplitMix64`: chance that is the same everywhere.
 struct Chance(u64);
@@ -37,13 +37,6 @@ impl Chance {
 
 fn settings() -> Settings {
     Settings::with_envelope(envelope())
-}
-
-fn smooth(t_s: f64) -> [f64; 6] {
-    let wave = |rad_s: f64, phase: f64| 0.4 * (rad_s * t_s + phase).sin();
-    let mut q: [f64; 6] = std::array::from_fn(|i| wave(0.3 + 0.1 * i as f64, i as f64));
-    q[4] += 0.9;
-    q
 }
 
 /// By how much the stamps of commands, which pace the correction, may part from the clock, to either side, s.

@@ -5,17 +5,10 @@ mod support;
 
 use corrector::{Command, Outcome, Settings, Status};
 use physics::Model;
-use support::{Run, envelope, erring, six};
+use support::{Run, envelope, erring, six, smooth};
 
 fn settings() -> Settings {
     Settings::with_envelope(envelope())
-}
-
-fn smooth(t_s: f64) -> [f64; 6] {
-    let wave = |rad_s: f64, phase: f64| 0.4 * (rad_s * t_s + phase).sin();
-    let mut q: [f64; 6] = std::array::from_fn(|i| wave(0.3 + 0.1 * i as f64, i as f64));
-    q[4] += 0.9;
-    q
 }
 
 #[test]

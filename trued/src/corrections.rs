@@ -4,6 +4,7 @@
 
 use std::collections::BTreeMap;
 
+use corrector::Residual;
 use daemon::setup;
 use physics::JointKind;
 use recording::files::content_hash;
@@ -40,9 +41,10 @@ pub(crate) struct Figures {
     reasons: Vec<Because>,
     /// Of revolute and of prismatic joints, where there are any.
     largest_correction: Vec<Largest>,
-    /// By the model, at the solution.
-    largest_residual_mm: f64,
-    largest_residual_mrad: f64,
+    /// Of the tool error with the correction that is written, by the model; rows where that is not known are left out.
+    largest_left: Left,
+    /// Rows whose tool error is not known: they were rejected, or an effect is beyond what its law holds for.
+    unknown_rows: usize,
     /// Rows that are limited, held or rejected, or whose solve failed: something is left of their tool error.
     not_exact_rows: usize,
     /// Of the table that is written with `--out` or `--corrections`.
@@ -78,6 +80,15 @@ struct Largest {
     row: usize,
 }
 
+/// The largest tool error that is left; rows from 1.
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+struct Left {
+    mm: f64,
+    mm_row: usize,
+    mrad: f64,
+    mrad_row: usize,
+}
+
 impl Corrections {
     /// No answers yet.
     pub(crate) fn of(model: &RobotModel) -> Self {
@@ -94,23 +105,26 @@ impl Corrections {
         Self { kinds, q, status, left_m, left_rad, limited_by: Vec::new(), figures }
     }
 
-    /// Takes the answer to the next row, whose commanded joints are `q_cmd`.
+    /// Takes the answer to the next row, whose commanded joints are `q_cmd`, and what is left of the tool error with it.
     ///
     /// # Errors
     /// A status or reason of a later version.
-    pub(crate) fn take(&mut self, q_cmd: &[f64], answer: &Corrected) -> Result<(), UnknownCode> {
+    pub(crate) fn take(
+        &mut self,
+        q_cmd: &[f64],
+        answer: &Corrected,
+        left: Option<Residual>,
+    ) -> Result<(), UnknownCode> {
         let (status, reason) = (answer.status()?, answer.reason()?);
         for (list, q) in self.q.iter_mut().zip(answer.added_to(q_cmd)) {
             list.push(q);
         }
         self.status.push(status);
-        // The residual is that of what is wanted: it holds for a row where that was reached.
-        let arrived = [CorrectionStatus::Corrected, CorrectionStatus::Limited].contains(&status);
-        let known = |left: f64| if arrived { left } else { f64::NAN };
-        self.left_m.push(known(answer.residual_m));
-        self.left_rad.push(known(answer.residual_rad));
+        self.left_m.push(left.map_or(f64::NAN, |left| left.m));
+        self.left_rad.push(left.map_or(f64::NAN, |left| left.rad));
         self.limited_by.push((status == CorrectionStatus::Limited).then_some(reason));
         self.figures.take(answer, status, reason, &self.kinds);
+        self.figures.leave(left);
         Ok(())
     }
 
@@ -176,8 +190,22 @@ impl Figures {
             let unit = if *kind == JointKind::Revolute { "mrad" } else { "mm" };
             self.correction(answer.correction[joint].abs() * 1e3, unit, joint + 1);
         }
-        self.largest_residual_mm = self.largest_residual_mm.max(answer.residual_m * 1e3);
-        self.largest_residual_mrad = self.largest_residual_mrad.max(answer.residual_rad * 1e3);
+    }
+
+    /// Takes what is left of the tool error in the last row.
+    fn leave(&mut self, left: Option<Residual>) {
+        let Some(left) = left else {
+            self.unknown_rows += 1;
+            return;
+        };
+        let largest = &mut self.largest_left;
+        let (mm, mrad) = (left.m * 1e3, left.rad * 1e3);
+        if mm >= largest.mm {
+            (largest.mm, largest.mm_row) = (mm, self.rows);
+        }
+        if mrad >= largest.mrad {
+            (largest.mrad, largest.mrad_row) = (mrad, self.rows);
+        }
     }
 
     fn because(&mut self, status: String, reason: String) {
@@ -211,8 +239,13 @@ impl Figures {
         for Largest { value, unit, joint, row } in &self.largest_correction {
             text += &format!("largest correction  {value:.4} {unit} (joint {joint}, row {row})\n");
         }
-        let (mm, mrad) = (self.largest_residual_mm, self.largest_residual_mrad);
-        text + &format!("largest residual    {mm:.6} mm, {mrad:.6} mrad, by the model")
+        let Left { mm, mm_row, mrad, mrad_row } = self.largest_left;
+        text += &format!("largest error left  {mm:.6} mm (row {mm_row}), ");
+        text += &format!("{mrad:.6} mrad (row {mrad_row}), by the model");
+        if self.unknown_rows > 0 {
+            text += &format!(", not known for {} rows", self.unknown_rows);
+        }
+        text
     }
 }
 

@@ -1,12 +1,20 @@
-//! The cell in which a recording is driven row by row: full correction within the default envelope, nothing else running.
+//! A recording driven row by row, without a clock: the cell it is driven in, and the daemon's cycle without its shared memory.
 //!
-//! `correct` and `replay` take the same one, so that they say the same.
+//! `correct` and `replay` take the same ones, so that they say the same.
 
 use std::path::Path;
 
+use corrector::{Corrector, Residual, Settings};
+use daemon::exchange::Exchange;
+use daemon::senses::Senses;
+use daemon::{setup, translate};
+use recording::cell::CellConfig;
+use recording::model::RobotModel;
 use recording::series::Recording;
+use shm_schema::{Corrected, CorrectionStatus};
 
-use crate::setpoints::has_wrench;
+use crate::exit::Failure;
+use crate::setpoints::{Timed, has_wrench};
 
 /// Its name: short, as paths of the transport are bounded and its place may be deep already.
 pub(crate) const CELL: &str = "r";
@@ -21,4 +29,56 @@ pub(crate) fn cell_toml(model: &Path, recording: &Recording) -> String {
         "schema = \"trued.cell/1\"\ncell = \"{CELL}\"\nmodel = {model}\nmode = \"full\"\n\n\
          [cycle]\nperiod_ms = 0.1\n\n[wrench]\nsource = \"{wrench}\"\n"
     )
+}
+
+/// The daemon's cycle in this process, one row per call.
+pub(crate) struct Cycle<'m> {
+    model: &'m RobotModel,
+    corrector: Corrector,
+    senses: Senses,
+    exchange: Exchange,
+    seq: u64,
+    session: u64,
+}
+
+impl<'m> Cycle<'m> {
+    /// Before the first row.
+    pub(crate) fn new(model: &'m RobotModel, settings: Settings, senses: Senses) -> Self {
+        let exchange = Exchange::new(settings.mode, false);
+        let corrector = Corrector::new(settings);
+        Self { model, corrector, senses, exchange, seq: 0, session: 0 }
+    }
+
+    /// In the cell of [`cell_toml`].
+    pub(crate) fn of_cell(model: &'m RobotModel, recording: &Recording) -> Result<Self, Failure> {
+        let text = cell_toml(Path::new("model.toml"), recording);
+        let config = CellConfig::parse(CELL, &text).map_err(Failure::system)?;
+        let settings =
+            setup::settings(&config, &model.physics.arm, true).map_err(Failure::input)?;
+        Ok(Self::new(model, settings, Senses::new(setup::wrench_source(&config))))
+    }
+
+    /// What the daemon answers to the next row.
+    pub(crate) fn answer(&mut self, row: &Timed) -> Result<Corrected, Failure> {
+        let Self { corrector, senses, exchange, .. } = self;
+        let model = &self.model.physics;
+        self.seq += 1;
+        self.session += u64::from(row.anew);
+        let command =
+            row.setpoint.command(self.seq, self.session, row.t_ns).map_err(Failure::input)?;
+        let world = senses.world(exchange, None, &command, row.t_ns);
+        let claim = translate::command(&command, row.t_ns, true);
+        let wanted = corrector.correct(model, &claim, &world, row.t_ns);
+        let allowed = corrector.bound(model, &wanted);
+        corrector.prepare(model);
+        Ok(translate::corrected(&allowed, model.arm.count()))
+    }
+
+    /// What is left of the tool error at the last row with an answer's correction, by the model. None where it is not known: the row was rejected, or an
+    /// effect is beyond what its law holds for.
+    pub(crate) fn left_with(&self, answer: &Corrected) -> Option<Residual> {
+        let is_rejected = answer.status() == Ok(CorrectionStatus::Rejected);
+        let left = || self.corrector.left_with(&self.model.physics, &answer.correction);
+        if is_rejected { None } else { left() }
+    }
 }

@@ -159,6 +159,14 @@ pub(crate) fn pose() -> Joints {
     q
 }
 
+/// Six joints in smooth motion.
+pub(crate) fn smooth(t_s: f64) -> [f64; 6] {
+    let wave = |rad_s: f64, phase: f64| 0.4 * (rad_s * t_s + phase).sin();
+    let mut q: [f64; 6] = std::array::from_fn(|i| wave(0.3 + 0.1 * i as f64, i as f64));
+    q[4] += 0.9;
+    q
+}
+
 /// A cut's wrench, at the TCP.
 pub(crate) fn load() -> Wrench {
     Wrench { force: DVec3::new(50.0, -20.0, 30.0), moment: DVec3::new(1.0, -2.0, 0.5) }

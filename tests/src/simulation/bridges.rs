@@ -53,13 +53,49 @@ impl Summary {
 /// EGM until so many targets have reached the robot, or something broke.
 #[must_use]
 pub fn egm(seed: u64, targets: u64) -> Summary {
-    egm::Cell::new(seed).run(targets)
+    run(egm::EgmCell::new(seed), targets)
 }
 
 /// The same for RSI, with absolute or relative corrections.
 #[must_use]
 pub fn rsi(seed: u64, targets: u64, is_relative: bool) -> Summary {
-    rsi::Cell::new(seed, is_relative).run(targets)
+    run(rsi::RsiCell::new(seed, is_relative), targets)
+}
+
+/// A controller with its program, its bridge and the daemon behind that.
+trait Cell {
+    /// Lets something go wrong, now or in the next cycles.
+    fn fault(&mut self);
+
+    /// One cycle of the controller.
+    fn cycle(&mut self);
+
+    fn daemon(&mut self) -> &mut VirtualDaemon;
+
+    fn summary(&mut self) -> &mut Summary;
+}
+
+/// Storms of faults, each followed by a calm in which the daemon's own correction has to come back.
+fn run(mut cell: impl Cell, targets: u64) -> Summary {
+    while cell.summary().sent < targets && cell.summary().broken.is_none() {
+        cell.daemon().fails = true;
+        for _ in 0..STORM {
+            cell.fault();
+            cell.cycle();
+        }
+        cell.daemon().calm();
+        let mut exact = 0;
+        for k in 0..CALM {
+            cell.cycle();
+            exact += u64::from(k >= BACK_AFTER && cell.daemon().is_exact());
+        }
+        // Backlash is ramped where joints turn back.
+        if exact < (CALM - BACK_AFTER) / 2 {
+            cell.summary().breaks(&format!("{exact} exact corrections in a calm"));
+        }
+        cell.summary().storms += 1;
+    }
+    cell.summary().clone()
 }
 
 fn settings() -> Settings {

@@ -6,10 +6,9 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use corrector::{Corrector, Settings};
-use daemon::exchange::Exchange;
+use corrector::Settings;
 use daemon::senses::Senses;
-use daemon::{setup, translate};
+use daemon::setup;
 use recording::cell::{CellConfig, Mode, WrenchSource};
 use recording::files::FileError;
 use recording::model::RobotModel;
@@ -17,12 +16,13 @@ use recording::series::Recording;
 use serde::Serialize;
 use shm_schema::UnknownCode;
 
+use crate::atomic;
 use crate::corrections::{Corrections, Figures};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Input, Reading, unusable};
+use crate::lockstep::{self, Cycle};
 use crate::output::Console;
 use crate::setpoints::{Setpoints, has_wrench};
-use crate::{atomic, lockstep};
 
 /// Correct a path file without a daemon: joint targets as CSV
 ///
@@ -120,27 +120,17 @@ impl Correct {
     }
 }
 
-/// The daemon's cycle without its shared memory, row by row.
 fn correct(
     model: &RobotModel,
     recording: &Recording,
-    (settings, mut senses): (Settings, Senses),
+    (settings, senses): (Settings, Senses),
 ) -> Result<Corrections, Failure> {
-    let joints = model.physics.arm.count();
-    let exchange = Exchange::new(settings.mode, false);
-    let mut corrector = Corrector::new(settings);
+    let mut cycle = Cycle::new(model, settings, senses);
     let mut corrections = Corrections::of(model);
-    let mut session = 0;
-    for (seq, row) in (1..).zip(Setpoints::of(recording, joints)) {
-        session += u64::from(row.anew);
-        let command = row.setpoint.command(seq, session, row.t_ns).map_err(Failure::input)?;
-        let world = senses.world(&exchange, None, &command, row.t_ns);
-        let claim = translate::command(&command, row.t_ns, true);
-        let wanted = corrector.correct(&model.physics, &claim, &world, row.t_ns);
-        let allowed = corrector.bound(&model.physics, &wanted);
-        corrector.prepare(&model.physics);
-        let answer = translate::corrected(&allowed, joints);
-        corrections.take(row.setpoint.joints(), &answer).map_err(unknown)?;
+    for row in Setpoints::of(recording, model.physics.arm.count()) {
+        let answer = cycle.answer(&row)?;
+        let left = cycle.left_with(&answer);
+        corrections.take(row.setpoint.joints(), &answer, left).map_err(unknown)?;
     }
     Ok(corrections)
 }

@@ -18,6 +18,7 @@ use super::correct::check_apart;
 use crate::corrections::{Corrections, Figures};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Input, Reading};
+use crate::lockstep::Cycle;
 use crate::output::Console;
 use crate::setpoints::Setpoints;
 use crate::table::Table;
@@ -101,6 +102,8 @@ impl Replay {
         stop: &AtomicBool,
     ) -> Result<Driven, Failure> {
         let mut corrections = Corrections::of(&input.model);
+        // The daemon says what is left at what it wants; what is left at what it proposes takes the same cycle here.
+        let mut cycle = Cycle::of_cell(&input.model, &input.recording)?;
         let mut latency =
             Histogram::new_with_max(LATENCY_NS_MAX, DIGITS).map_err(Failure::system)?;
         let bar = progress::bar(console, input.recording.len() as u64, "replaying");
@@ -115,7 +118,9 @@ impl Replay {
             let sent = Instant::now();
             let answer = daemon.ask(&row, stop)?;
             latency.saturating_record(u64::try_from(sent.elapsed().as_nanos()).unwrap_or(u64::MAX));
-            corrections.take(row.setpoint.joints(), &answer).map_err(Failure::system)?;
+            cycle.answer(&row)?;
+            let left = cycle.left_with(&answer);
+            corrections.take(row.setpoint.joints(), &answer, left).map_err(Failure::system)?;
             bar.inc(1);
         }
         let seconds = start.elapsed().as_secs_f64();

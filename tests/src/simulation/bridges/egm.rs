@@ -1,6 +1,6 @@
 //! An EGM controller and its application.
 
-use super::{BACK_AFTER, CALM, CYCLE_NS, JITTER_NS, STORM, Summary, VirtualDaemon, model, oracle};
+use super::{CYCLE_NS, Cell, JITTER_NS, Summary, VirtualDaemon, model, oracle};
 use crate::cell_loop::{JOINTS, path};
 use crate::chance::Chance;
 use crate::egm::proto;
@@ -22,7 +22,7 @@ fn at(address: &str) -> SocketAddr {
 const RUNNING: i32 = 3;
 const STOPPED: i32 = 2;
 
-pub(super) struct Cell {
+pub(super) struct EgmCell {
     middle: Middle<VirtualDaemon>,
     oracle: Oracle,
     chance: Chance,
@@ -40,10 +40,9 @@ pub(super) struct Cell {
     /// Datagrams of either side, for replays.
     feedback: Vec<Vec<u8>>,
     targets: Vec<Vec<u8>>,
-    is_stormy: bool,
 }
 
-impl Cell {
+impl EgmCell {
     pub(super) fn new(seed: u64) -> Self {
         let mut chance = Chance::new(seed);
         let settings = Settings {
@@ -71,60 +70,6 @@ impl Cell {
             begins: true,
             feedback: Vec::new(),
             targets: Vec::new(),
-            is_stormy: false,
-        }
-    }
-
-    pub(super) fn run(mut self, targets: u64) -> Summary {
-        while self.summary.sent < targets && self.summary.broken.is_none() {
-            self.is_stormy = true;
-            self.middle.link().fails = true;
-            for _ in 0..STORM {
-                self.fault();
-                self.cycle();
-            }
-            self.is_stormy = false;
-            self.middle.link().calm();
-            self.mci_state = RUNNING;
-            let mut exact = 0;
-            for k in 0..CALM {
-                self.cycle();
-                exact += u64::from(k >= BACK_AFTER && self.middle.link().is_exact());
-            }
-            // Backlash is ramped where joints turn back.
-            if exact < (CALM - BACK_AFTER) / 2 {
-                self.summary.breaks(&format!("{exact} exact corrections in a calm"));
-            }
-            self.summary.storms += 1;
-        }
-        self.summary
-    }
-
-    /// One cycle of the controller.
-    fn cycle(&mut self) {
-        if self.summary.broken.is_some() {
-            return;
-        }
-        let jitter_ns = if self.is_stormy { self.chance.below(JITTER_NS) } else { 0 };
-        self.now_ns += CYCLE_NS;
-        let now_ns = self.now_ns + jitter_ns;
-        self.robot_number = self.robot_number.wrapping_add(1);
-        let feedback = self.feedback_now();
-        let lost = self.is_stormy && self.chance.below(40) == 0;
-        let passes = !lost && self.of_robot(&feedback, "10.0.0.1:6510", now_ns);
-        self.feedback.push(feedback);
-        if passes {
-            self.application_number = self.application_number.wrapping_add(1);
-            let target = target(self.application_number, &path(now_ns - self.standing_ns));
-            self.targets.push(target.clone());
-            if !(self.is_stormy && self.chance.below(40) == 0) {
-                self.of_application(&target, now_ns + 200_000);
-            }
-        }
-        for list in [&mut self.feedback, &mut self.targets] {
-            if list.len() > 200 {
-                list.remove(0);
-            }
         }
     }
 
@@ -167,33 +112,6 @@ impl Cell {
             self.summary.breaks(&words);
         }
         self.stands = *sent;
-    }
-
-    fn fault(&mut self) {
-        let now_ns = self.now_ns + 3_000_000;
-        let c = &mut self.chance;
-        match c.below(200) {
-            0 => self.silence(),
-            // Numbers that began anew just now cannot be told from some more of them.
-            1 if self.robot_number > 500 => self.another_run(),
-            2 => self.stop(),
-            3 => self.robot_number += c.below(5000) as u32,
-            4..10 => self.replay(now_ns),
-            10 => self.foreign(now_ns),
-            11 => {
-                let target = target(self.application_number, &[f64::NAN; JOINTS]);
-                self.of_application(&target, now_ns);
-            }
-            12 => {
-                // One joint beyond the model's limits, for one target.
-                let mut q = path(now_ns - self.standing_ns);
-                q[c.below(JOINTS as u64) as usize] += 7.0;
-                self.application_number += 1;
-                let target = target(self.application_number, &q);
-                self.of_application(&target, now_ns);
-            }
-            _ => {}
-        }
     }
 
     /// Nobody sends anything for a while; the robot waits, and so does the application.
@@ -256,6 +174,71 @@ impl Cell {
 
     fn feedback_now(&self) -> Vec<u8> {
         feedback(self.robot_number, &self.stands, self.mci_state)
+    }
+}
+
+impl Cell for EgmCell {
+    fn fault(&mut self) {
+        let now_ns = self.now_ns + 3_000_000;
+        let c = &mut self.chance;
+        match c.below(200) {
+            0 => self.silence(),
+            // Numbers that began anew just now cannot be told from some more of them.
+            1 if self.robot_number > 500 => self.another_run(),
+            2 => self.stop(),
+            3 => self.robot_number += c.below(5000) as u32,
+            4..10 => self.replay(now_ns),
+            10 => self.foreign(now_ns),
+            11 => {
+                let target = target(self.application_number, &[f64::NAN; JOINTS]);
+                self.of_application(&target, now_ns);
+            }
+            12 => {
+                // One joint beyond the model's limits, for one target.
+                let mut q = path(now_ns - self.standing_ns);
+                q[c.below(JOINTS as u64) as usize] += 7.0;
+                self.application_number += 1;
+                let target = target(self.application_number, &q);
+                self.of_application(&target, now_ns);
+            }
+            _ => {}
+        }
+    }
+
+    /// One cycle of the controller.
+    fn cycle(&mut self) {
+        if self.summary.broken.is_some() {
+            return;
+        }
+        let jitter_ns = if self.middle.link().fails { self.chance.below(JITTER_NS) } else { 0 };
+        self.now_ns += CYCLE_NS;
+        let now_ns = self.now_ns + jitter_ns;
+        self.robot_number = self.robot_number.wrapping_add(1);
+        let feedback = self.feedback_now();
+        let lost = self.middle.link().fails && self.chance.below(40) == 0;
+        let passes = !lost && self.of_robot(&feedback, "10.0.0.1:6510", now_ns);
+        self.feedback.push(feedback);
+        if passes {
+            self.application_number = self.application_number.wrapping_add(1);
+            let target = target(self.application_number, &path(now_ns - self.standing_ns));
+            self.targets.push(target.clone());
+            if !(self.middle.link().fails && self.chance.below(40) == 0) {
+                self.of_application(&target, now_ns + 200_000);
+            }
+        }
+        for list in [&mut self.feedback, &mut self.targets] {
+            if list.len() > 200 {
+                list.remove(0);
+            }
+        }
+    }
+
+    fn daemon(&mut self) -> &mut VirtualDaemon {
+        self.middle.link()
+    }
+
+    fn summary(&mut self) -> &mut Summary {
+        &mut self.summary
     }
 }
 

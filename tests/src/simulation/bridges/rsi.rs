@@ -1,6 +1,6 @@
 //! An RSI controller: it owns the clock, counts late answers, and adds up what it is sent.
 
-use super::{BACK_AFTER, CALM, CYCLE_NS, STORM, Summary, VirtualDaemon, model, oracle};
+use super::{CYCLE_NS, Cell, Summary, VirtualDaemon, model, oracle};
 use crate::cell_loop::{JOINTS, path};
 use crate::chance::Chance;
 use crate::oracle::Oracle;
@@ -19,7 +19,7 @@ fn at(address: &str) -> SocketAddr {
     address.parse().expect("an address")
 }
 
-pub(super) struct Cell {
+pub(super) struct RsiCell {
     answerer: Answerer<VirtualDaemon>,
     oracle: Oracle,
     chance: Chance,
@@ -34,10 +34,9 @@ pub(super) struct Cell {
     /// What the controller adds to the program's axes, rad.
     sum: [f64; JOINTS],
     telegrams: Vec<String>,
-    is_stormy: bool,
 }
 
-impl Cell {
+impl RsiCell {
     pub(super) fn new(seed: u64, is_relative: bool) -> Self {
         let mut chance = Chance::new(seed);
         let xml = include_str!("../../../../deploy/rsi-ethernet.xml");
@@ -67,59 +66,6 @@ impl Cell {
             told_late: 0,
             sum: [0.0; JOINTS],
             telegrams: Vec::new(),
-            is_stormy: false,
-        }
-    }
-
-    pub(super) fn run(mut self, targets: u64) -> Summary {
-        while self.summary.sent < targets && self.summary.broken.is_none() {
-            self.is_stormy = true;
-            self.answerer.link().fails = true;
-            for _ in 0..STORM {
-                self.fault();
-                self.cycle();
-            }
-            self.is_stormy = false;
-            self.answerer.link().calm();
-            let mut exact = 0;
-            for k in 0..CALM {
-                self.cycle();
-                exact += u64::from(k >= BACK_AFTER && self.answerer.link().is_exact());
-            }
-            if exact < (CALM - BACK_AFTER) / 2 {
-                self.summary.breaks(&format!("{exact} exact corrections in a calm"));
-            }
-            self.summary.storms += 1;
-        }
-        self.summary
-    }
-
-    /// One cycle of the controller: its answer comes in time, late, or not at all.
-    fn cycle(&mut self) {
-        if self.summary.broken.is_some() {
-            return;
-        }
-        self.now_ns += CYCLE_NS;
-        self.ipoc += CYCLE_NS / 1_000_000;
-        let q = path(self.now_ns - self.standing_ns);
-        let telegram = telegram(self.ipoc, self.late, &q);
-        let fate = if self.is_stormy { self.chance.below(60) } else { 10 };
-        if fate > 0 {
-            self.telegrams.push(telegram.clone());
-        }
-        if self.telegrams.len() > 200 {
-            self.telegrams.remove(0);
-        }
-        let answer = if fate == 0 { None } else { self.answer(&telegram, "192.168.1.2:6008") };
-        self.told_late = if fate == 0 { self.told_late } else { self.late };
-        match answer.filter(|_| fate != 1) {
-            Some(numbers) => self.takes(&q, &numbers),
-            None => {
-                self.late += 1;
-                if answer.is_some() {
-                    self.oracle.rests();
-                }
-            }
         }
     }
 
@@ -155,6 +101,31 @@ impl Cell {
         numbers.try_into().ok()
     }
 
+    /// The network fails, or the controller waits: up to a second, or longer while it counts late answers.
+    fn silence(&mut self) {
+        let cycles = self.chance.below(400);
+        // A controller that waits has counted before.
+        let is_long = self.late != self.told_late || self.chance.below(2) == 0;
+        let cycles = if is_long { cycles } else { cycles % 240 };
+        self.now_ns += cycles * CYCLE_NS;
+        self.standing_ns += cycles * CYCLE_NS;
+        self.ipoc += cycles * CYCLE_NS / 1_000_000;
+        self.late += if is_long { cycles } else { 0 };
+    }
+
+    /// `RSI_ON` again: sums begin at zero, late answers too.
+    fn another_run(&mut self) {
+        let cycles = 300 + self.chance.below(2000);
+        self.now_ns += cycles * CYCLE_NS;
+        self.ipoc += cycles * CYCLE_NS / 1_000_000;
+        self.late = 0;
+        self.sum = [0.0; JOINTS];
+        self.oracle.begin(&[]);
+        self.summary.runs += 1;
+    }
+}
+
+impl Cell for RsiCell {
     fn fault(&mut self) {
         match self.chance.below(200) {
             0 => self.silence(),
@@ -179,27 +150,41 @@ impl Cell {
         }
     }
 
-    /// The network fails, or the controller waits: up to a second, or longer while it counts late answers.
-    fn silence(&mut self) {
-        let cycles = self.chance.below(400);
-        // A controller that waits has counted before.
-        let is_long = self.late != self.told_late || self.chance.below(2) == 0;
-        let cycles = if is_long { cycles } else { cycles % 240 };
-        self.now_ns += cycles * CYCLE_NS;
-        self.standing_ns += cycles * CYCLE_NS;
-        self.ipoc += cycles * CYCLE_NS / 1_000_000;
-        self.late += if is_long { cycles } else { 0 };
+    /// One cycle of the controller: its answer comes in time, late, or not at all.
+    fn cycle(&mut self) {
+        if self.summary.broken.is_some() {
+            return;
+        }
+        self.now_ns += CYCLE_NS;
+        self.ipoc += CYCLE_NS / 1_000_000;
+        let q = path(self.now_ns - self.standing_ns);
+        let telegram = telegram(self.ipoc, self.late, &q);
+        let fate = if self.answerer.link().fails { self.chance.below(60) } else { 10 };
+        if fate > 0 {
+            self.telegrams.push(telegram.clone());
+        }
+        if self.telegrams.len() > 200 {
+            self.telegrams.remove(0);
+        }
+        let answer = if fate == 0 { None } else { self.answer(&telegram, "192.168.1.2:6008") };
+        self.told_late = if fate == 0 { self.told_late } else { self.late };
+        match answer.filter(|_| fate != 1) {
+            Some(numbers) => self.takes(&q, &numbers),
+            None => {
+                self.late += 1;
+                if answer.is_some() {
+                    self.oracle.rests();
+                }
+            }
+        }
     }
 
-    /// `RSI_ON` again: sums begin at zero, late answers too.
-    fn another_run(&mut self) {
-        let cycles = 300 + self.chance.below(2000);
-        self.now_ns += cycles * CYCLE_NS;
-        self.ipoc += cycles * CYCLE_NS / 1_000_000;
-        self.late = 0;
-        self.sum = [0.0; JOINTS];
-        self.oracle.begin(&[]);
-        self.summary.runs += 1;
+    fn daemon(&mut self) -> &mut VirtualDaemon {
+        self.answerer.link()
+    }
+
+    fn summary(&mut self) -> &mut Summary {
+        &mut self.summary
     }
 }
 
