@@ -17,7 +17,7 @@ pub const MIDDLE: [f64; JOINTS] = [0.2, 0.3, -0.2, 0.3, 0.8, 0.1];
 const SWING_RAD: f64 = 0.05;
 const PERIOD_S: f64 = 5.0;
 /// How late the client may know of other bounds, s: a status comes every 40 ms.
-const STATUS_S: f64 = 0.2;
+pub(crate) const STATUS_S: f64 = 0.2;
 
 /// The command at a time of `CLOCK_MONOTONIC`.
 #[must_use]

@@ -11,6 +11,7 @@ pub mod fuzz;
 pub mod gauge;
 pub mod hang;
 pub mod hostile;
+pub mod loop_records;
 pub mod memory;
 pub mod mutate;
 pub mod oracle;

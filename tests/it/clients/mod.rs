@@ -1,6 +1,7 @@
 //! The client library in every language, against the real daemon: the same bits, the same errors.
 
 mod abi;
+mod faulty;
 mod figures;
 mod outage;
 mod python;

@@ -1,0 +1,143 @@
+//! A robot's loop in every language, with faults of its own and of the daemon at random, judged from outside by what it would have sent.
+//!
+//! `TRUED_LOOP_CYCLES` asks for so many cycles per language where the short form is not enough.
+
+use super::{LIMIT, built, python};
+use crate::TRUED;
+use rustix::process::Signal;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use tests::chance::Chance;
+use tests::clients::{Language, Prefix, root};
+use tests::loop_records::{Judged, judge};
+use tests::place::{CELL, Place};
+use tests::process::Process;
+use trued_client::Monitor;
+
+/// Cycles with faults in the short form, and cycles without at the end, 1 ms each.
+const CYCLES: u64 = 8_000;
+const CALM: u64 = 3_000;
+/// In the last of these the daemon's own corrections have to be back: a second after the faults, and the time in which a daemon starts.
+const TAIL: usize = 1_000;
+/// A request has its answer by then, or the daemon is busy with another fault.
+const REQUEST: Duration = Duration::from_millis(300);
+
+/// Envelopes of the cell: position, velocity, jerk of a correction, mrad and s.
+const ENVELOPES: [[f64; 3]; 3] = [[20.0, 10.0, 5000.0], [2.0, 5.0, 500.0], [20.0, 50.0, 5000.0]];
+
+fn configure(place: &Place, envelope: [f64; 3], mode: &str) {
+    let [position, velocity, jerk] = envelope;
+    let text = format!(
+        "schema = \"trued.cell/1\"\ncell = \"{CELL}\"\nmodel = \"{}\"\nmode = \"{mode}\"\n\
+         [envelope]\nangle_mrad = {position:.1}\nrate_mrad_s = {velocity:.1}\njerk_mrad_s3 = {jerk:.1}\n",
+        place.file("model.toml").display()
+    );
+    place.write("cell.toml", &text);
+}
+
+/// The daemon, and what happens to it while a loop runs.
+struct Struck<'a> {
+    place: &'a Place,
+    daemon: Process,
+    chance: Chance,
+}
+
+impl<'a> Struck<'a> {
+    fn start(place: &'a Place, seed: u64) -> Self {
+        configure(place, ENVELOPES[0], "full");
+        let daemon = Process::daemon(TRUED, place);
+        assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
+        let _ = place.model("other.toml", "kuka-kr240");
+        Self { place, daemon, chance: Chance::new(seed) }
+    }
+
+    fn restart(&mut self, envelope: [f64; 3], mode: &str) {
+        self.daemon.kill();
+        std::thread::sleep(Duration::from_millis(self.chance.below(200)));
+        configure(self.place, envelope, mode);
+        self.daemon = Process::daemon(TRUED, self.place);
+        assert!(self.daemon.says("ready", LIMIT), "{:?}", self.daemon.lines());
+    }
+
+    fn strike(&mut self) {
+        let c = &mut self.chance;
+        match c.below(8) {
+            0 | 1 => {
+                let envelope = ENVELOPES[c.below(3) as usize];
+                let mode = ["shadow", "limited", "full", "full"][c.below(4) as usize];
+                self.restart(envelope, mode);
+            }
+            2 => {
+                self.daemon.signal(Signal::STOP);
+                std::thread::sleep(Duration::from_millis(c.below(400)));
+                self.daemon.signal(Signal::CONT);
+            }
+            3..6 => {
+                let on = c.below(2) == 0;
+                self.asks(|monitor| drop(monitor.bypass(on, REQUEST)));
+            }
+            _ => {
+                let model = ["model.toml", "other.toml"][c.below(2) as usize];
+                let path = self.place.file(model);
+                self.asks(|monitor| drop(monitor.reload(Some(&path), REQUEST)));
+            }
+        }
+    }
+
+    fn asks(&self, what: impl FnOnce(&mut Monitor)) {
+        if let Ok(mut monitor) = Monitor::connect_to(&self.place.cell(), REQUEST) {
+            what(&mut monitor);
+        }
+    }
+}
+
+/// A loop in one language, under faults; what of it was judged.
+fn run(program: &Path, script: Option<PathBuf>, seed: u64) -> Judged {
+    let asked = std::env::var("TRUED_LOOP_CYCLES").ok();
+    let cycles = asked.map_or(CYCLES, |cycles| cycles.parse().expect("a number of cycles"));
+    let place = Place::new("full", "");
+    let mut struck = Struck::start(&place, seed);
+    let file = place.file("records");
+    let mut arguments: Vec<PathBuf> = script.into_iter().collect();
+    arguments.push(CELL.into());
+    arguments.push(file.clone());
+    arguments.extend([cycles, CALM, seed].map(|number| number.to_string().into()));
+    let mut robot = Process::start(program.to_str().expect("a plain path"), &arguments, &place);
+    let faults = Duration::from_millis(cycles);
+    let since = Instant::now();
+    while since.elapsed() < faults && robot.is_running() {
+        struck.strike();
+        let pause = struck.chance.below(700);
+        std::thread::sleep(Duration::from_millis(pause));
+    }
+    struck.restart(ENVELOPES[0], "full");
+    let status = robot.wait();
+    assert!(status.success(), "{status}: {:#?}", robot.lines());
+    judge(&fs::read(&file).expect("records"), TAIL)
+}
+
+fn check(name: &str, judged: &Judged) {
+    println!("{name}: {judged:?}");
+    assert!(
+        judged.broken.is_empty(),
+        "{name}: {:#?}",
+        &judged.broken[..judged.broken.len().min(20)]
+    );
+    assert!(judged.largest_rad > 1e-4, "{name}: nothing was corrected: {judged:?}");
+    assert!(judged.corrected_at_the_end > 0.5, "{name}: {judged:?}");
+}
+
+#[test]
+fn a_loop_in_c_sends_no_step_whatever_goes_wrong_in_it_and_the_daemon() {
+    let prefix = Prefix::install("faulty");
+    let Some(program) = built(&prefix, Language::C, "faulty_loop") else { return };
+    check("C", &run(&program, None, 1));
+}
+
+#[test]
+fn a_loop_in_python_sends_no_step_whatever_goes_wrong_in_it_and_the_daemon() {
+    let Some(interpreter) = python::interpreter("a loop with faults in Python") else { return };
+    let script = root().join("client/python/tests/faulty_loop.py");
+    check("Python", &run(interpreter, Some(script), 2));
+}

@@ -1,0 +1,75 @@
+//! What a robot's loop of any language commanded and would have sent, cycle by cycle, judged by the [`Oracle`].
+//!
+//! A record has 144 bytes, little-endian: time and the newest sent stamp, ns (u64); the cell's mode and what the correction is, by the numbers of the C
+//! interface (u32); the limits of a joint's correction: position, velocity, jerk (f64, rad, s); six commanded joints and six sent ones (f64, rad).
+
+use crate::cell_loop::{JOINTS, STATUS_S};
+use crate::oracle::Oracle;
+use physics::JOINTS_MAX;
+use shm_schema::{JointBounds, Mode};
+
+const RECORD: usize = 144;
+/// Number of a correction that is the daemon's for this very command.
+const CORRECTED: u32 = 0;
+const PLAIN: u32 = 3;
+
+/// What a file of records says.
+#[derive(Clone, Debug, Default)]
+pub struct Judged {
+    /// Cycles.
+    pub cycles: usize,
+    /// The largest correction that was sent, rad.
+    pub largest_rad: f64,
+    /// How many of the last cycles in a row were corrected by the daemon, some late answers aside.
+    pub corrected_at_the_end: f64,
+    /// Every rule that was broken, in words.
+    pub broken: Vec<String>,
+}
+
+struct Record<'a>(&'a [u8]);
+
+impl Record<'_> {
+    fn bytes<const N: usize>(&self, at: usize) -> [u8; N] {
+        self.0[at..at + N].try_into().expect("a whole record")
+    }
+
+    fn number(&self, at: usize) -> f64 {
+        f64::from_le_bytes(self.bytes(at))
+    }
+
+    fn joints(&self, at: usize) -> [f64; JOINTS] {
+        std::array::from_fn(|i| self.number(at + 8 * i))
+    }
+
+    fn bounds(&self) -> JointBounds {
+        let [angle, rate, jerk] = [24, 32, 40].map(|at| [self.number(at); JOINTS_MAX]);
+        JointBounds { min: [0.0; JOINTS_MAX], max: [0.0; JOINTS_MAX], angle, rate, jerk }
+    }
+}
+
+/// Judges every record; the last `tail` of them are those in which the daemon's own corrections have to be back.
+#[must_use]
+pub fn judge(bytes: &[u8], tail: usize) -> Judged {
+    let mut judged = Judged { cycles: bytes.len() / RECORD, ..Judged::default() };
+    let mut oracle: Option<Oracle> = None;
+    let mut corrected = 0;
+    for (at, bytes) in bytes.chunks_exact(RECORD).enumerate() {
+        let record = Record(bytes);
+        let [now_ns, stamp_ns] = [0, 8].map(|at| u64::from_le_bytes(record.bytes(at)));
+        let [mode, source] = [16, 20].map(|at| u32::from_le_bytes(record.bytes(at)));
+        let (command, sent) = (record.joints(48), record.joints(96));
+        let bounds = record.bounds();
+        let oracle = oracle.get_or_insert_with(|| Oracle::new(&bounds, STATUS_S));
+        oracle.set_bounds(now_ns, &bounds);
+        oracle.set_shadow(now_ns, mode == Mode::Shadow.code() && source != PLAIN);
+        if let Err(words) = oracle.take(now_ns, stamp_ns, &command, &sent) {
+            judged.broken.push(format!("cycle {at}: {words}"));
+        }
+        let largest =
+            command.iter().zip(&sent).map(|(q, sent)| (sent - q).abs()).fold(0.0, f64::max);
+        judged.largest_rad = judged.largest_rad.max(largest);
+        corrected += usize::from(at + tail >= judged.cycles && source == CORRECTED);
+    }
+    judged.corrected_at_the_end = corrected as f64 / tail.max(1) as f64;
+    judged
+}
