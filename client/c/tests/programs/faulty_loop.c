@@ -78,7 +78,7 @@ int main(int argc, char **argv) {
         if (fault >= 10 && fault < 14) no_number(client, is_begun ? now.sent : NULL);
         if (fault >= 14 && fault < 17) joint = (int)below(JOINTS), outside = 1 + below(1000);
         due_ns = due_ns + 1000000 > trued_monotonic_ns() ? due_ns + 1000000 : trued_monotonic_ns();
-        while (trued_monotonic_ns() < due_ns) wait_ns(due_ns - trued_monotonic_ns());
+        for (uint64_t at_ns; (at_ns = trued_monotonic_ns()) < due_ns;) wait_ns(due_ns - at_ns);
 
         path(1e-9 * (double)trued_monotonic_ns() + phase_s, now.command);
         if (fault == 6) now.command[below(JOINTS)] += 1.0;
