@@ -134,6 +134,9 @@ fn a_line_of_units_that_contradicts_the_names_is_refused() {
     assert!(told(&columns(""), text).contains("`x_mm`: has the unit m and is read in mm"));
     assert_eq!(rows(&columns(", unit = \"m\""), text), [(0.0, 1500.0)]);
     assert_eq!(rows(&columns(", scale = 1000"), text), [(0.0, 1500.0)]);
+    // A row of data is none, whatever text stands in it.
+    let data = read("", "t_s,q1_deg,x_mm,note\n1,,,mm\n2,,,mm\n").unwrap();
+    assert_eq!(data.t_s, [1.0, 2.0]);
     let words = "t_s,q1_deg,x_mm\nSek,Grad,mm\n0,1,1.5\n";
     assert!(told("", words).contains("`Sek` is no number"));
 }

@@ -22,7 +22,7 @@ const SPELLINGS: &[(&str, &[&str])] = &[
     ("rpm", &["1/min", "min-1", "min^-1", "rev/min", "U/min"]),
 ];
 /// What stands in such a line and names none of our units.
-const WORDS: &[&str] = &["", "-", "1", "%", "V", "mV", "K", "W", "bar", "counts"];
+const WORDS: &[&str] = &["", "-", "%", "V", "mV", "K", "W", "bar", "counts"];
 
 /// The units below a header.
 pub(super) struct UnitsLine {
