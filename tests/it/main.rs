@@ -51,6 +51,7 @@ mod spectrum;
 mod status;
 mod surface;
 mod sweeps;
+mod tables;
 mod tap;
 
 use tests::pair::Programs;
