@@ -33,6 +33,7 @@ mod guide;
 mod invariants;
 mod kill;
 mod log;
+mod outputs;
 mod plan;
 mod process;
 mod program;

@@ -81,7 +81,8 @@ pub(crate) fn run(words: &[&str]) -> Result<bool, String> {
             let mut times = Vec::new();
             for _ in 0..RUNS {
                 let before = children_s()?;
-                let asked = ["diagnose", "--quiet", "--seed", "1", "--model", "told.toml"];
+                let asked =
+                    ["diagnose", "--quiet", "--force", "--seed", "1", "--model", "told.toml"];
                 bench.trued(&[&asked[..], &["--out", "out", "made.parquet"]].concat())?;
                 times.push(children_s()? - before);
             }

@@ -22,6 +22,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::Args;
 use indicatif::ProgressBar;
 
+use crate::atomic::Outputs;
 use crate::child::Guarded;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
@@ -29,6 +30,7 @@ use crate::options::Seed;
 use crate::output::Console;
 use crate::progress;
 
+use super::diagnose;
 use outcome::{Again, Milled, Report};
 use scene::Scene;
 
@@ -60,12 +62,14 @@ impl Demo {
 
     fn show(&self, console: &mut Console, scene: &Scene) -> Outcome {
         let stop = interrupt::flag()?;
+        self.outputs(console).check([])?;
         words::introduce(console, scene)?;
-        std::fs::create_dir_all(&self.out).map_err(|e| cannot_make(&self.out, &e))?;
         let name = format!("demo-{}", std::process::id());
         let config = self.out.join("cell.toml");
-        console.file(&config, &scene.cell_toml(&name))?;
-        console.file(&self.out.join("model.toml"), &scene.model_text)?;
+        let mut first = Outputs::new(console.common().force).in_folder(&self.out);
+        first.put(&config, scene.cell_toml(&name));
+        first.put(&self.out.join("model.toml"), scene.model_text.as_str());
+        first.write()?;
 
         let mut daemon = Guarded::spawn(&mut daemon_command(&config, console)?)?;
         let mut cell = Guarded::spawn_listening(&mut self.cell_command(&name, scene.seed)?)?;
@@ -91,6 +95,16 @@ impl Demo {
         words::end(console, &report, &self.out)?;
         console.json("trued.demo/1", &report)?;
         Ok(Answer::Done)
+    }
+
+    /// All files that this process and its cell write, as the demo goes on.
+    fn outputs(&self, console: &Console) -> Outputs {
+        let file = |name: &str| self.out.join(name);
+        let named = ["cell.toml", "model.toml", "recording.csv", "recording.toml"];
+        let named = named.into_iter().chain(["measured.csv", "measured.toml"]).map(file);
+        let outputs = console.outputs().in_folder(&self.out).result(file("report.html"));
+        let outputs = named.fold(outputs, Outputs::file);
+        diagnose::outputs(outputs, &self.out.join(act::FOLDER)).in_folder(&self.out)
     }
 
     fn cell_command(&self, name: &str, seed: u64) -> Result<Command, Failure> {
@@ -150,10 +164,6 @@ fn finish(child: &mut Guarded, who: &str) -> Result<(), Failure> {
     } else {
         Err(Failure::system(format!("{who} ended with {status}")))
     }
-}
-
-fn cannot_make(dir: &Path, error: &std::io::Error) -> Failure {
-    Failure::system(format!("{}: cannot make this folder: {error}", dir.display()))
 }
 
 /// Whether someone asked to stop; for loops that have to tidy up themselves.

@@ -30,6 +30,9 @@ pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Strin
         .kicker(format!("trued calibrate, {}", names.join(", ")))
         .lead(&lead)
         .numbers(numbers(found));
+    for reason in &found.refused {
+        page = page.note(Tone::Bad, "Not proven", reason);
+    }
     if let Some((first, others)) = found.warnings.split_first() {
         page = page.note(Tone::Caution, "To be looked at", first);
         if !others.is_empty() {
@@ -77,7 +80,7 @@ pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Strin
             ("Seed", seed),
             (
                 "Model written",
-                format!("{}, fitted to {}", command.out.display(), count(found.poses, "pose")),
+                format!("{}, fitted to {}", command.written(found), count(found.poses, "pose")),
             ),
         ])
         .footer("Made by trued calibrate.")

@@ -13,6 +13,7 @@ use serde_json::{Map, Value};
 
 use super::going::Going;
 use super::{Input, Plan};
+use crate::atomic::Outputs;
 use crate::exit::Failure;
 use crate::input::count;
 use crate::output::{Console, Paint};
@@ -141,6 +142,7 @@ fn surer(falls: &Falls) -> String {
 pub(super) fn plan(
     command: &Plan,
     console: &mut Console,
+    outputs: Outputs,
     input: &Input,
     going: &Going,
     planned: &Planned,
@@ -167,7 +169,7 @@ pub(super) fn plan(
         not_checked: not_checked.clone(),
         out: command.files.out().map(Into::into),
     };
-    console.json("trued.plan/1", &report)?;
+    console.write(outputs, "trued.plan/1", &report)?;
     let head = console.paint(Paint::Strong, &count(planned.poses.len(), "pose"));
     console.say(format!(
         "{head} of {} that pass (seed {seed}), {}; measured so far: {}",
@@ -234,6 +236,7 @@ fn measured(going: &Going) -> usize {
 pub(super) fn next(
     command: &Plan,
     console: &mut Console,
+    outputs: Outputs,
     input: &Input,
     going: &Going,
     found: &Next,
@@ -253,7 +256,7 @@ pub(super) fn next(
         pose: PoseReport::of(&input.model, &found.pose),
         not_checked: not_checked.clone(),
     };
-    console.json("trued.plan/1", &report)?;
+    console.write(outputs, "trued.plan/1", &report)?;
     let whereabouts = command.whereabouts();
     let brings = format!(
         "{} measured; the tool is known to {} mm {whereabouts}; {AHEAD} more poses would bring {} mm",
