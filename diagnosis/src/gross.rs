@@ -102,7 +102,7 @@ pub fn suspicions(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
 
 /// The median error of the worst target with the surroundings alone fitted, m: one target that is grossly off does not hide among others.
 fn off(campaign: &Campaign, model: &Model) -> f64 {
-    targets::medians(campaign, model).into_iter().map(|(_, off)| off).fold(0.0, f64::max)
+    targets::medians(campaign, model).into_values().fold(0.0, f64::max)
 }
 
 /// The median standard uncertainty of a coordinate as the instruments state it, m.

@@ -139,8 +139,8 @@ impl Outputs {
             if there != State::Missing && inputs.contains(&place(path)) {
                 return Err(WriteError::Input(path.clone()));
             }
-            let is_kept = !self.may_replace && !(*is_result && self::is_result(path));
-            if there == State::Full && is_kept {
+            let may_go = self.may_replace || (*is_result && self::is_result(path));
+            if there == State::Full && !may_go {
                 return Err(WriteError::Exists(path.clone()));
             }
             Part::create(&self.probe(path)).map_err(failed(path))?;

@@ -57,6 +57,9 @@ pub(super) fn worst(campaign: &Campaign, model: &Model) -> String {
     }
 }
 
+/// What a wrong reading of one point's columns does to it, undone.
+type Change = fn(DVec3) -> DVec3;
+
 /// Changes of one target's columns that may put a recording right, with their words.
 pub(super) fn remedies(campaign: &Campaign, model: &Model) -> Vec<(String, Campaign)> {
     let medians = medians(campaign, model);
@@ -65,7 +68,7 @@ pub(super) fn remedies(campaign: &Campaign, model: &Model) -> Vec<(String, Campa
     }
     let gross_m = LEAST_M.max(GROSS * reach(campaign));
     let suspects = medians.into_iter().filter(|(_, off)| *off > gross_m);
-    let changes: [(&str, fn(DVec3) -> DVec3); 8] = [
+    let changes: [(&str, Change); 8] = [
         ("its columns x and y are swapped", |p| DVec3::new(p.y, p.x, p.z)),
         ("its columns y and z are swapped", |p| DVec3::new(p.x, p.z, p.y)),
         ("its columns x and z are swapped", |p| DVec3::new(p.z, p.y, p.x)),
@@ -84,11 +87,7 @@ pub(super) fn remedies(campaign: &Campaign, model: &Model) -> Vec<(String, Campa
     suspects.filter_map(|(target, _)| target).flat_map(of).collect()
 }
 
-pub(super) fn with_target(
-    campaign: &Campaign,
-    target: usize,
-    change: fn(DVec3) -> DVec3,
-) -> Campaign {
+pub(super) fn with_target(campaign: &Campaign, target: usize, change: Change) -> Campaign {
     let mut changed = campaign.clone();
     for seen in changed.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
         if target_of(&seen.reading) == Some(target)
