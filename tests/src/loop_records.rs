@@ -9,8 +9,8 @@ use physics::JOINTS_MAX;
 use shm_schema::{JointBounds, Mode};
 
 const RECORD: usize = 144;
-/// Number of a correction that is the daemon's for this very command.
-const CORRECTED: u32 = 0;
+/// Up to this number a correction is the daemon's, to the bit: for this very command, or for one just before it.
+const LAST_CORRECTION: u32 = 1;
 const PLAIN: u32 = 3;
 
 /// What a file of records says.
@@ -20,7 +20,7 @@ pub struct Judged {
     pub cycles: usize,
     /// The largest correction that was sent, rad.
     pub largest_rad: f64,
-    /// How many of the last cycles in a row were corrected by the daemon, some late answers aside.
+    /// Share of the last cycles in which a fresh answer of the daemon was sent to the bit.
     pub corrected_at_the_end: f64,
     /// Every rule that was broken, in words.
     pub broken: Vec<String>,
@@ -68,7 +68,7 @@ pub fn judge(bytes: &[u8], tail: usize) -> Judged {
         let largest =
             command.iter().zip(&sent).map(|(q, sent)| (sent - q).abs()).fold(0.0, f64::max);
         judged.largest_rad = judged.largest_rad.max(largest);
-        corrected += usize::from(at + tail >= judged.cycles && source == CORRECTED);
+        corrected += usize::from(at + tail >= judged.cycles && source <= LAST_CORRECTION);
     }
     judged.corrected_at_the_end = corrected as f64 / tail.max(1) as f64;
     judged

@@ -72,7 +72,7 @@ def main(cell: str, file: str, faulty: str, calm: str, seed: str) -> None:
             if outside > 0:
                 command[joint] += 7.0
                 outside -= 1
-            t_ns = trued.monotonic_ns() + clock_ns
+            t_ns = due_ns + clock_ns  # of the cycle, as a cell's own clock would stamp it
             if not 20 <= fault < 40:
                 try:
                     seq = client.send(command, t_ns=t_ns)

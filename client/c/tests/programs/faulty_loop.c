@@ -85,7 +85,7 @@ int main(int argc, char **argv) {
         if (outside > 0) now.command[joint] += 7.0, outside--;
         trued_setpoint setpoint = TRUED_INIT(trued_setpoint);
         setpoint.joints = JOINTS;
-        setpoint.t_ns = (uint64_t)((int64_t)trued_monotonic_ns() + clock_ns);
+        setpoint.t_ns = (uint64_t)((int64_t)due_ns + clock_ns); /* of the cycle, as a cell's own clock would stamp it */
         memcpy(setpoint.q, now.command, sizeof now.command);
         uint64_t seq = 0;
         trued_code code = fault >= 20 && fault < 40 ? TRUED_NOTHING : trued_client_send(client, &setpoint, &seq);
