@@ -39,7 +39,6 @@ fn the_guide_leads_from_an_empty_machine_to_a_calibrated_cell_in_shadow() {
     let nominal = said.lines().find(|line| line.starts_with("nominal")).unwrap();
     let mean = |line: &str| line.split_whitespace().nth(1).unwrap().parse::<f64>().unwrap();
     assert!(3.0 * mean(advanced) < mean(nominal), "step 4, several times better: {said}");
-    assert!(!said.contains("noise overstated"), "step 5: {said}");
     bent_by_a_millimetre(&work);
     assert!(fs::read_dir(work.join("recordings")).unwrap().count() > 0, "step 6 recorded");
 }

@@ -32,10 +32,10 @@ fn poses_that_were_filled_in_stay_as_they_are_and_nothing_is_written_beside_them
         done.code == Some(2) && done.err.contains("poses/poses.csv exists already"),
         "{done:?}"
     );
-    assert!(done.err.contains("--force"), "{done:?}");
+    assert!(done.err.contains("--overwrite"), "{done:?}");
     assert_eq!(place.read("poses/poses.csv"), MINE);
     assert_eq!(fs::read_dir(place.path("poses")).unwrap().count(), 1, "no orphan");
-    place.succeed(&[&PLAN[..], &["poses", "--force"]].concat());
+    place.succeed(&[&PLAN[..], &["poses", "--overwrite"]].concat());
     assert!(place.read("poses/poses.csv").starts_with("t_s"));
 }
 
@@ -76,7 +76,7 @@ fn every_command_refuses_an_output_that_is_there_before_it_begins() {
 }
 
 #[test]
-fn results_are_made_anew_without_force() {
+fn results_are_made_anew_without_asking() {
     let place = place();
     for _ in 0..2 {
         place.succeed(&["model", "presets", "--json", "o.json"]);
@@ -114,7 +114,7 @@ fn a_full_disk_leaves_all_outputs_as_they_were_and_no_orphan() {
     assert!(said.contains("code 3\nend\n") && said.contains("cannot write"), "{said}");
     let before = "mkdir \"$1/poses\"; echo mine > \"$1/poses/poses.csv\"";
     let after = "cat \"$1/poses/poses.csv\"; ls -A \"$1/poses\"; echo end";
-    let script = format!("{before}; {plan} --force; echo \"code $?\"; {after}");
+    let script = format!("{before}; {plan} --overwrite; echo \"code $?\"; {after}");
     let said = on_a_small_disk(&place, 12, &script).expect("as before");
     assert!(said.contains("code 3\nmine\nposes.csv\nend\n"), "{said}");
 }

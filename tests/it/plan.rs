@@ -115,7 +115,7 @@ fn planned_poses_come_as_a_list_and_as_programs_within_the_limits() {
         twice.code == Some(2) && twice.err.contains("d/poses.toml exists already"),
         "{twice:?}"
     );
-    let again = plan(&place, &[&asked[..], &["--force"]].concat());
+    let again = plan(&place, &[&asked[..], &["--overwrite"]].concat());
     assert_eq!(found["poses"], again["poses"]);
 }
 
@@ -236,7 +236,10 @@ fn a_check_without_known_targets_says_that_a_bent_tool_does_not_show_and_that_th
     assert!(said["unseen"].to_string().contains("the tool was shifted"), "{said:#}");
     assert!(judged.out.contains("not seen by this check"), "{}", judged.out);
     let scatter = number(&said, "scatter");
-    assert!((0.1..0.4).contains(&scatter), "a fifth: {scatter}");
+    assert!(
+        (0.1..1.0).contains(&scatter),
+        "a fifth, and what the model is uncertain by: {scatter}"
+    );
     assert!(judged.out.contains("noise overstated"), "{}", judged.out);
 }
 

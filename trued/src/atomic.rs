@@ -1,6 +1,6 @@
 //! The files that a command writes: all of them whole, or none, and never over something of the user's.
 //!
-//! A file that exists and is not empty is refused, unless it is a result that an earlier run made anew (see [`is_result`]) or `--force` is given. Each file is
+//! A file that exists and is not empty is refused, unless it is a result that an earlier run made anew (see [`is_result`]) or `--overwrite` is given. Each file is
 //! written beside its place under a hidden name and synced; once all are there they are renamed. A failure (a full disk, say) removes what was made, folders
 //! too. After a crash hidden `.NAME.PID-N.part` files may be left, never half a file under its name. What is no ordinary file (a pipe, `/dev/null`) is written as
 //! it comes.
@@ -31,9 +31,9 @@ pub enum WriteError {
         source: io::Error,
     },
     /// Something is there.
-    #[error("{} exists already, and nothing was written: give another name, or --force to replace it", .0.display())]
+    #[error("{} exists already, and nothing was written: give another name, or --overwrite to replace it", .0.display())]
     Exists(PathBuf),
-    /// An input would be lost, `--force` or not.
+    /// An input would be lost, `--overwrite` or not.
     #[error("{}: the result would replace its own input; give it another name", .0.display())]
     Input(PathBuf),
     /// Two outputs have one name.
@@ -73,7 +73,7 @@ struct Output {
 }
 
 impl Outputs {
-    /// No file yet; `may_replace` is `--force`.
+    /// No file yet; `may_replace` is `--overwrite`.
     #[must_use]
     pub fn new(may_replace: bool) -> Self {
         Self { may_replace, ..Self::default() }

@@ -15,7 +15,7 @@ pub struct Common {
     pub json: Option<PathBuf>,
     /// Replace files that exist already. Without it only results that trued made (JSON, pages, plots) are replaced; inputs never are
     #[arg(long, global = true)]
-    pub force: bool,
+    pub overwrite: bool,
     /// No progress, no log but errors
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub quiet: bool,

@@ -85,7 +85,7 @@ impl Console {
     /// The files of this command: so far the one that `--json` names.
     #[must_use]
     pub fn outputs(&self) -> Outputs {
-        let outputs = Outputs::new(self.common.force);
+        let outputs = Outputs::new(self.common.overwrite);
         match &self.common.json {
             Some(path) if path != Path::new("-") => outputs.result(path),
             _ => outputs,

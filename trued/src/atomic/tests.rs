@@ -1,3 +1,5 @@
+//! Files of a command on a real disk: whole, together, and never in the place of something else.
+
 use super::*;
 
 /// A directory of the test's own, gone afterwards.
@@ -48,7 +50,7 @@ fn files_appear_whole_and_alone() {
 }
 
 #[test]
-fn what_is_there_stays_unless_it_is_empty_or_force_is_given() {
+fn what_is_there_stays_unless_it_is_empty_or_it_is_asked_for() {
     let place = Place::new("stays");
     fs::write(place.path("b.csv"), "measured").expect("written");
     let files = [(place.path("a.toml"), "new"), (place.path("b.csv"), "new")];
@@ -56,7 +58,7 @@ fn what_is_there_stays_unless_it_is_empty_or_force_is_given() {
     assert!(matches!(&refused, WriteError::Exists(path) if path.ends_with("b.csv")), "{refused}");
     assert!(matches!(Failure::from(refused), Failure::Input(_)));
     assert_eq!((place.names().len(), place.text("b.csv").as_str()), (1, "measured"));
-    written(Outputs::new(true), &files).expect("with --force");
+    written(Outputs::new(true), &files).expect("with --overwrite");
     assert_eq!((place.text("a.toml").as_str(), place.text("b.csv").as_str()), ("new", "new"));
     fs::write(place.path("empty"), "").expect("written");
     written(Outputs::default(), &[(place.path("empty"), "new")]).expect("nothing is lost");

@@ -66,7 +66,7 @@ impl Demo {
         words::introduce(console, scene)?;
         let name = format!("demo-{}", std::process::id());
         let config = self.out.join("cell.toml");
-        let mut first = Outputs::new(console.common().force).in_folder(&self.out);
+        let mut first = Outputs::new(console.common().overwrite).in_folder(&self.out);
         first.put(&config, scene.cell_toml(&name));
         first.put(&self.out.join("model.toml"), scene.model_text.as_str());
         first.write()?;

@@ -300,7 +300,8 @@ fn check(command: &Calibrate, found: &Found) -> String {
     let mut text =
         format!("trued plan --check --model {out} --sigma-mm {}", significant(mm(axis_m), 2));
     for target in &found.last.surroundings.targets {
-        let [x, y, z] = (target.value * 1e3).to_array().map(|mm| fixed(mm, 3));
+        let [x, y, z] = (target.value * 1e3).to_array().map(|mm| format!("{mm:.3}"));
+        // A minus sign that the option takes: no typographic one.
         text += &format!(" --target={x},{y},{z}");
     }
     if !found.last.surroundings.targets.is_empty() {

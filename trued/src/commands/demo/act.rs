@@ -39,7 +39,7 @@ pub(super) fn play(
     let diagnosis_s = start.elapsed().as_secs_f64();
     let report = told::Report::of(&found);
     let folder = out.join(FOLDER);
-    let mut outputs = diagnose::outputs(Outputs::new(console.common().force), &folder);
+    let mut outputs = diagnose::outputs(Outputs::new(console.common().overwrite), &folder);
     found.put(&mut outputs, std::slice::from_ref(&report), &folder)?;
     outputs.write()?;
     let verdict = report.verdict.replace('_', " ");

@@ -150,7 +150,7 @@ fn unseen(detectable: &[Detectable]) -> Vec<String> {
 
 fn overstated(scatter: f64) -> String {
     format!(
-        "the readings scatter by {} of what is stated, so that damage up to the stated noise stays hidden: multiply `sigma` (or the model's uncertainty) by about that",
+        "the readings scatter less than is stated, which hides damage: {} of the stated `sigma` explains them",
         significant(scatter, 2)
     )
 }

@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use diagnosis::plan::Sees;
 use diagnosis::plan::next::AHEAD;
-use diagnosis::plan::{Added, Falls, Next, Plan as Planned};
+use diagnosis::plan::{Added, Criterion, Falls, Next, Plan as Planned, Sees};
 use physics::{JointKind, Joints};
 use recording::model::RobotModel;
 use report::{fixed, significant};
@@ -148,12 +147,7 @@ pub(super) fn plan(
     planned: &Planned,
     seed: u64,
 ) -> Result<(), Failure> {
-    let criterion = match command.wish(0, seed).criterion {
-        diagnosis::plan::Criterion::D => "d",
-        diagnosis::plan::Criterion::O1 => "o1",
-        diagnosis::plan::Criterion::Zone => "zone",
-        diagnosis::plan::Criterion::Random => "random",
-    };
+    let criterion = word(command.wish(0, seed).criterion);
     let model = &input.model;
     let not_checked = not_checked(command, going);
     let report = Report {
@@ -209,6 +203,15 @@ pub(super) fn plan(
     }
     not_checked.iter().try_for_each(|open| console.say(format!("not checked: {open}")))?;
     written(command, console)
+}
+
+fn word(criterion: Criterion) -> &'static str {
+    match criterion {
+        Criterion::D => "d",
+        Criterion::O1 => "o1",
+        Criterion::Zone => "zone",
+        Criterion::Random => "random",
+    }
 }
 
 fn words(command: &Plan, criterion: &str) -> String {
