@@ -17,7 +17,7 @@ use trued_client::Monitor;
 
 /// Cycles with faults in the short form, and cycles without at the end, 1 ms each.
 const CYCLES: u64 = 8_000;
-const CALM: u64 = 3_000;
+const CALM: u64 = 10_000;
 /// In the last of these the daemon's own corrections have to be back: a second after the faults, and the time in which a daemon starts.
 const TAIL: usize = 1_000;
 /// A request has its answer by then, or the daemon is busy with another fault.
