@@ -246,9 +246,14 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Whether trued made this JSON, page or plot: it says so in its first lines, and holds nothing that another run does not make again.
+/// Whether trued made this JSON, page or plot: it says so in its first lines, and holds nothing that another run does not make again. The `model.toml` beside
+/// a `diagnosis.json` is of that diagnosis.
 #[must_use]
 pub fn is_result(path: &Path) -> bool {
+    if path.file_name().is_some_and(|name| name == "model.toml") {
+        let diagnosis = path.with_file_name("diagnosis.json");
+        return diagnosis.is_file() && is_result(&diagnosis);
+    }
     let mut head = Vec::new();
     let read = File::open(path).and_then(|file| file.take(HEAD).read_to_end(&mut head));
     let head = String::from_utf8_lossy(&head);

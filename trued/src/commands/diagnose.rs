@@ -138,7 +138,7 @@ const PAGE: &str = "report.html";
 
 /// With the files that a diagnosis is written to, in `dir`.
 pub(super) fn outputs(outputs: Outputs, dir: &Path) -> Outputs {
-    outputs.in_folder(dir).result(dir.join(JSON)).file(dir.join(MODEL)).result(dir.join(PAGE))
+    outputs.in_folder(dir).result(dir.join(JSON)).result(dir.join(MODEL)).result(dir.join(PAGE))
 }
 
 impl Found {
