@@ -33,7 +33,6 @@ mod guide;
 mod invariants;
 mod kill;
 mod log;
-mod outputs;
 mod plan;
 mod process;
 mod program;
@@ -52,7 +51,6 @@ mod spectrum;
 mod status;
 mod surface;
 mod sweeps;
-mod tables;
 mod tap;
 
 use tests::pair::Programs;

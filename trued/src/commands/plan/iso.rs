@@ -13,7 +13,6 @@ use super::going::Going;
 use super::setup::Tuple;
 use super::told::{joints, not_checked, shown, written};
 use super::{Input, Plan};
-use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::count;
 use crate::output::{Console, Paint};
@@ -63,20 +62,15 @@ struct DistanceReport {
     repeatability_mm: f64,
 }
 
-pub(super) fn run(
-    command: &Plan,
-    console: &mut Console,
-    outputs: Outputs,
-    input: &Input,
-) -> Outcome {
+pub(super) fn run(command: &Plan, console: &mut Console, input: &Input) -> Outcome {
     if input.recordings.is_empty() {
-        planned(command, console, outputs, input)
+        planned(command, console, input)
     } else {
-        evaluated(command, console, outputs, input)
+        evaluated(command, console, input)
     }
 }
 
-fn planned(command: &Plan, console: &mut Console, mut outputs: Outputs, input: &Input) -> Outcome {
+fn planned(command: &Plan, console: &mut Console, input: &Input) -> Outcome {
     let seed = command.seed.settle();
     let going = command.set_up(input)?;
     let model = &input.model;
@@ -85,7 +79,7 @@ fn planned(command: &Plan, console: &mut Console, mut outputs: Outputs, input: &
     // Always from the same side: P5 to P1, and so on round.
     let cycle = [4, 3, 2, 1, 0].map(|place| found.poses[place]);
     let stops: Vec<Joints> = (0..cycles).flat_map(|_| cycle).collect();
-    command.files.put_direct(&mut outputs, model, &going.task, &stops)?;
+    command.files.write_direct(model, &going.task, &stops)?;
     let middle = 1e3 * found.middle;
     let not_checked = not_checked(command, &going);
     let report = Planned {
@@ -98,7 +92,7 @@ fn planned(command: &Plan, console: &mut Console, mut outputs: Outputs, input: &
         poses: found.poses.iter().map(|q| joints(model, q)).collect(),
         not_checked: not_checked.clone(),
     };
-    console.write(outputs, "trued.plan/1", &report)?;
+    console.json("trued.plan/1", &report)?;
     console.say(format!(
         "a cube of {} mm about {} {} {} mm; {} of P5, P4, P3, P2, P1",
         fixed(1e3 * found.edge_m, 0),
@@ -140,7 +134,7 @@ fn the_cube(command: &Plan, input: &Input, going: &Going, seed: u64) -> Result<C
     })
 }
 
-fn evaluated(command: &Plan, console: &mut Console, outputs: Outputs, input: &Input) -> Outcome {
+fn evaluated(command: &Plan, console: &mut Console, input: &Input) -> Outcome {
     let model = &input.model;
     let mut campaign =
         from_recording::campaign(&model.physics.arm, &input.recordings).map_err(Failure::input)?;
@@ -183,7 +177,7 @@ fn evaluated(command: &Plan, console: &mut Console, outputs: Outputs, input: &In
         }),
         notes: notes.clone(),
     };
-    console.write(outputs, "trued.plan/1", &report)?;
+    console.json("trued.plan/1", &report)?;
     told(console, input, &rows, with_accuracy)?;
     if let Some(found) = distance {
         console.say(format!(

@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
+use diagnosis::plan::Sees;
 use diagnosis::plan::next::AHEAD;
-use diagnosis::plan::{Added, Criterion, Falls, Next, Plan as Planned, Sees};
+use diagnosis::plan::{Added, Falls, Next, Plan as Planned};
 use physics::{JointKind, Joints};
 use recording::model::RobotModel;
 use report::{fixed, significant};
@@ -12,7 +13,6 @@ use serde_json::{Map, Value};
 
 use super::going::Going;
 use super::{Input, Plan};
-use crate::atomic::Outputs;
 use crate::exit::Failure;
 use crate::input::count;
 use crate::output::{Console, Paint};
@@ -141,13 +141,17 @@ fn surer(falls: &Falls) -> String {
 pub(super) fn plan(
     command: &Plan,
     console: &mut Console,
-    outputs: Outputs,
     input: &Input,
     going: &Going,
     planned: &Planned,
     seed: u64,
 ) -> Result<(), Failure> {
-    let criterion = word(command.wish(0, seed).criterion);
+    let criterion = match command.wish(0, seed).criterion {
+        diagnosis::plan::Criterion::D => "d",
+        diagnosis::plan::Criterion::O1 => "o1",
+        diagnosis::plan::Criterion::Zone => "zone",
+        diagnosis::plan::Criterion::Random => "random",
+    };
     let model = &input.model;
     let not_checked = not_checked(command, going);
     let report = Report {
@@ -163,7 +167,7 @@ pub(super) fn plan(
         not_checked: not_checked.clone(),
         out: command.files.out().map(Into::into),
     };
-    console.write(outputs, "trued.plan/1", &report)?;
+    console.json("trued.plan/1", &report)?;
     let head = console.paint(Paint::Strong, &count(planned.poses.len(), "pose"));
     console.say(format!(
         "{head} of {} that pass (seed {seed}), {}; measured so far: {}",
@@ -205,15 +209,6 @@ pub(super) fn plan(
     written(command, console)
 }
 
-fn word(criterion: Criterion) -> &'static str {
-    match criterion {
-        Criterion::D => "d",
-        Criterion::O1 => "o1",
-        Criterion::Zone => "zone",
-        Criterion::Random => "random",
-    }
-}
-
 fn words(command: &Plan, criterion: &str) -> String {
     match criterion {
         "d" => "best for all numbers together (D)".to_owned(),
@@ -239,7 +234,6 @@ fn measured(going: &Going) -> usize {
 pub(super) fn next(
     command: &Plan,
     console: &mut Console,
-    outputs: Outputs,
     input: &Input,
     going: &Going,
     found: &Next,
@@ -259,7 +253,7 @@ pub(super) fn next(
         pose: PoseReport::of(&input.model, &found.pose),
         not_checked: not_checked.clone(),
     };
-    console.write(outputs, "trued.plan/1", &report)?;
+    console.json("trued.plan/1", &report)?;
     let whereabouts = command.whereabouts();
     let brings = format!(
         "{} measured; the tool is known to {} mm {whereabouts}; {AHEAD} more poses would bring {} mm",
