@@ -9,6 +9,7 @@ mod motion;
 mod outcome;
 mod page;
 mod plots;
+mod samples;
 mod space;
 mod spectra;
 mod subject;
@@ -88,7 +89,7 @@ impl Spectrum {
         let subject = Subject::read(self)?;
         let found = Found::of(self, &subject)?;
         if let Some(report) = &self.report {
-            console.file(report, &page::render(&subject, &found))?;
+            console.file(report, &page::render(&subject, &found)?)?;
         }
         console.json("trued.spectrum/1", &outcome::Report::of(&subject, &found))?;
         words::say(console, &subject, &found)?;
