@@ -8,17 +8,14 @@
 //! Never: a recording changed in place: people decide.
 
 mod links;
+mod targets;
 mod torn;
 
 pub use links::links;
 pub use torn::torn;
 
 use crate::campaign::{Campaign, Place, Reading};
-use crate::fit::{Effort, Settings, fit};
-use crate::hypothesis::Hypothesis;
-use crate::proof::Errors;
 use crate::rigid::mean;
-use crate::robust::Influence;
 use crate::surroundings::Fitted;
 use glam::DVec3;
 use physics::{Arm, JointKind, Joints, Model};
@@ -38,6 +35,8 @@ const HOPELESS: f64 = 2e-2;
 const LEAST_M: f64 = 2e-3;
 /// The same where no remedy is known: what is off by less may be the robot's own, m.
 const OWN_M: f64 = 5e-3;
+/// Standard uncertainties of an instrument: a reading of three coordinates is off by more once in a thousand (χ² of three).
+const NOISES: f64 = 4.0;
 /// Poses that are looked at.
 const POSES_MAX: usize = 150;
 
@@ -46,10 +45,21 @@ const POSES_MAX: usize = 150;
 pub struct Suspicion {
     /// What is wrong and what to do, in words.
     pub says: String,
-    /// The middle error as the recording stands, m (rad where a joint turns).
+    /// The median error as the recording stands, of the worst target, m (rad where a joint turns).
     pub before_m: f64,
     /// The same with the remedy, m; equal to `before_m` where none is known.
     pub after_m: f64,
+}
+
+/// All that is grossly wrong with the campaign, as far as `model` is the robot that was measured: [`suspicions`] and [`links`]; where there are none, [`torn`].
+#[must_use]
+pub fn faults(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
+    let mut found = suspicions(campaign, model);
+    found.extend(links(campaign, &model.arm));
+    if found.is_empty() {
+        found.extend(torn(campaign, model));
+    }
+    found
 }
 
 /// What is grossly wrong with the campaign, as far as `model` is the robot that was measured; the best remedy first.
@@ -58,7 +68,8 @@ pub fn suspicions(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
     let few = thinned(campaign);
     let before_m = off(&few, model);
     let spread_m = reach(&few);
-    if before_m <= LEAST_M.max(GROSS * spread_m) || few.poses.len() < 5 {
+    let noise_m = NOISES * noise_m(&few);
+    if before_m <= LEAST_M.max(GROSS * spread_m).max(noise_m) || few.poses.len() < 5 {
         return Vec::new();
     }
     let mut found: Vec<Suspicion> = remedies(&few, model)
@@ -76,11 +87,12 @@ pub fn suspicions(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
     found.sort_by(|a, b| step(a).total_cmp(&step(b)));
     let best = found.first().map_or(0.0, |s| s.after_m);
     found.retain(|s| s.after_m <= AS_GOOD * best);
-    if found.is_empty() && before_m > OWN_M.max(HOPELESS * spread_m) {
+    if found.is_empty() && before_m > OWN_M.max(HOPELESS * spread_m).max(noise_m) {
         let says = format!(
-            "the tool was seen {:.0} mm from where the model puts it, and no single swapped column, unit, sign or tool explains \
+            "{} was seen {:.0} mm from where the model puts it, and no single swapped column, unit, sign or tool explains \
              it: check that the model is this robot's, that each row's joints belong to its measurement, and that the tracker stood in one \
              place throughout each recording",
+            targets::worst(&few, model),
             before_m * 1e3
         );
         found.push(Suspicion { says, before_m, after_m: before_m });
@@ -88,13 +100,18 @@ pub fn suspicions(campaign: &Campaign, model: &Model) -> Vec<Suspicion> {
     found
 }
 
-/// The middle error with the surroundings alone fitted, m.
+/// The median error of the worst target with the surroundings alone fitted, m: one target that is grossly off does not hide among others.
 fn off(campaign: &Campaign, model: &Model) -> f64 {
-    let used = vec![true; campaign.poses.len()];
-    let settings =
-        Settings { used: &used, influence: Influence::Huber, from: None, effort: Effort::Sketch };
-    let found = fit(campaign, &Hypothesis::fixed(*model), &settings);
-    Errors::of(&found, campaign, &used).quantile(0.5)
+    targets::medians(campaign, model).into_values().fold(0.0, f64::max)
+}
+
+/// The median standard uncertainty of a coordinate as the instruments state it, m.
+fn noise_m(campaign: &Campaign) -> f64 {
+    let seen = campaign.poses.iter().flat_map(|pose| &pose.seen);
+    let lengths = seen.filter(|seen| seen.reading.is_length());
+    let mut sigma: Vec<f64> = lengths.map(|seen| seen.whitening.x_axis.length().recip()).collect();
+    let middle = sigma.len() / 2;
+    if sigma.is_empty() { 0.0 } else { *sigma.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 /// How far the measured points spread, m: the scale of what is gross.
@@ -161,6 +178,7 @@ fn remedies(campaign: &Campaign, model: &Model) -> Vec<(String, Campaign)> {
     ] {
         list.push((says.to_owned(), with_points(campaign, |p| p * factor)));
     }
+    list.extend(targets::remedies(campaign, model));
     list.extend(of_rows(campaign));
     list.extend(of_tool(campaign));
     list

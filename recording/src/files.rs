@@ -47,7 +47,12 @@ pub fn read_text(path: &Path) -> Result<String, FileError> {
 /// The bytes are not UTF-8; the fault names the line.
 pub fn text_of(name: &str, bytes: Vec<u8>) -> Result<String, Faults> {
     match String::from_utf8(bytes) {
-        Ok(text) => Ok(text.strip_prefix('\u{feff}').map_or_else(|| text.clone(), str::to_owned)),
+        Ok(mut text) => {
+            if text.starts_with('\u{feff}') {
+                text.remove(0);
+            }
+            Ok(text)
+        }
         Err(error) => {
             let good = error.utf8_error().valid_up_to();
             let head = String::from_utf8_lossy(error.as_bytes().get(..good).unwrap_or_default());

@@ -4,6 +4,8 @@
 //! Needs `python3` with `venv` and the package `pin` from the package registry; where that cannot be had, it is SKIPPED.
 #![expect(clippy::expect_used, clippy::panic, reason = "a test says what failed")]
 
+mod python;
+
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -12,29 +14,15 @@ use std::process::{Command, Stdio};
 use physics::{Chain, Frame, Joints};
 use recording::urdf::{self, Ends};
 
+use python::{environment, scratch};
+
 /// Most that a place (m) and a component of a rotation may differ.
 const AGREES: f64 = 1e-9;
 const CASES: usize = 40;
 
-fn scratch() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/tmp")
-}
-
 /// The interpreter of an environment with Pinocchio; in words, what this machine lacks.
 fn pinocchio() -> Result<PathBuf, String> {
-    let home = scratch().join("pinocchio-urdf");
-    let python = home.join("bin/python");
-    let run = |command: &mut Command| match command.output() {
-        Ok(output) if output.status.success() => Ok(()),
-        Ok(output) => Err(String::from_utf8_lossy(&output.stderr).into_owned()),
-        Err(error) => Err(error.to_string()),
-    };
-    if !python.exists() {
-        run(Command::new("python3").args(["-m", "venv"]).arg(&home))?;
-    }
-    let pip = ["-m", "pip", "--disable-pip-version-check", "install", "--quiet", "pin>=4.1,<5"];
-    run(Command::new(&python).args(pip))?;
-    Ok(python)
+    environment("pinocchio-urdf", &["pin>=4.1,<5"])
 }
 
 struct Pose {

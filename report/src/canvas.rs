@@ -4,6 +4,7 @@
 
 use std::fmt;
 
+use crate::MADE_BY;
 use crate::escape::escape;
 use crate::page::STYLE;
 
@@ -39,7 +40,7 @@ impl Svg {
     pub fn file(&self) -> String {
         let paper = "svg { background: var(--paper); font-family: system-ui, sans-serif; }";
         let (head, rest) = self.0.split_at(self.0.find('>').map_or(0, |end| end + 1));
-        format!("{head}<style><![CDATA[\n{STYLE}{paper}\n]]></style>{rest}\n")
+        format!("{head}{MADE_BY}<style><![CDATA[\n{STYLE}{paper}\n]]></style>{rest}\n")
     }
 }
 

@@ -35,6 +35,9 @@ mod series;
 mod table;
 mod thin;
 
+/// The comment in the head of every page and every plot of a file of its own.
+pub const MADE_BY: &str = "<!-- made by trued -->";
+
 pub use axis::Axis;
 pub use bars::{Bar, Bars};
 pub use canvas::Svg;

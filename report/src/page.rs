@@ -1,5 +1,6 @@
 //! The page: one self-contained HTML file, also well-formed XML, for screen (light and dark) and print.
 
+use crate::MADE_BY;
 use crate::canvas::Svg;
 use crate::escape::escape;
 use crate::number::significant;
@@ -215,7 +216,7 @@ impl Page {
             text => format!("<footer>{}</footer>\n", escape(text)),
         };
         format!(
-            "<!DOCTYPE html>\n<html lang=\"en\" xmlns=\"http://www.w3.org/1999/xhtml\">\n<head>\n<meta charset=\"utf-8\"/>\n\
+            "<!DOCTYPE html>\n{MADE_BY}\n<html lang=\"en\" xmlns=\"http://www.w3.org/1999/xhtml\">\n<head>\n<meta charset=\"utf-8\"/>\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
              <meta name=\"color-scheme\" content=\"light dark\"/>\n<title>{title}</title>\n<style>\n{STYLE}</style>\n\
              </head>\n<body>\n<main>\n<header>\n{kicker}<h1>{title}</h1>\n</header>\n{}{footer}</main>\n</body>\n</html>\n",

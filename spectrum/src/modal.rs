@@ -5,7 +5,9 @@
 //! complex pole, modes whose bands overlap together. Beside what noise and misfit leave, the stated uncertainty holds
 //! how far the result moves with the width of the band and the smooth part that is allowed beside the modes.
 //! Peaks whose real part keeps its sign, as on a strong neighbour's flank, and a second mode within one peak are looked for
-//! too; the fit must show them clearly, and they are marked. Holds for viscous damping up to about 0.2. Never a mode
+//! too; the fit must show them clearly, and they are marked. Peaks too close for the record's bins to be fitted one by one are
+//! fitted together; those that no fit explains are reported with the record that would resolve them. Ringing that earlier hits
+//! left has the same poles: it leaves frequency and damping as they are and widens the uncertainty of the modal mass. Holds for viscous damping up to about 0.2. Never a mode
 //! that lies outside the band.
 
 mod fit;
@@ -14,13 +16,15 @@ mod merge;
 mod peaks;
 #[cfg(test)]
 mod tests;
+mod unresolved;
 
 use crate::config::Mode;
 use fit::{Band, Fit, Pole};
 use realfft::num_complex::Complex;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
 pub use merge::{Merged, merged};
+pub use unresolved::{Unresolved, unresolved};
 
 /// Least coherence at a mode, unless asked otherwise (thesis 4.6.2).
 pub const LEAST_COHERENCE: f64 = 0.75;
@@ -54,6 +58,8 @@ pub struct Measured<'a> {
     pub coherence: Option<&'a [f64]>,
     /// Decay of the exponential window that it was measured under, 1/s; 0 for none. It is taken out of the damping.
     pub window_decay_per_s: f64,
+    /// Least time from one hit to the next in one record, s, where hits before may still ring; `None` where none can.
+    pub between_hits_s: Option<f64>,
 }
 
 /// A fitted mode.
@@ -79,6 +85,8 @@ pub struct FittedMode {
     pub phase_rad: f64,
     /// Coherence at the mode.
     pub coherence: Option<f64>,
+    /// What is left of the mode's ringing when the next hit comes, as a part of its beginning.
+    pub carried: f64,
     /// The three signs show it; else it is seen by the fit alone, on a neighbour's flank or within its peak.
     pub by_signs: bool,
     /// Root mean square of what the fit leaves, over that of the receptance in its band.
@@ -90,6 +98,12 @@ impl FittedMode {
     #[must_use]
     pub fn stiffness_n_per_m(&self) -> f64 {
         self.mass_kg * (TAU * self.frequency_hz).powi(2)
+    }
+
+    /// Time from one hit to the next after which so small a part of the ringing is left, s.
+    #[must_use]
+    pub fn rings_s(&self, left: f64) -> f64 {
+        -left.ln() / (TAU * self.frequency_hz * self.damping)
     }
 
     /// As an entry of the model's modal list, moving along `direction`.
@@ -111,21 +125,18 @@ struct Start {
 /// `frequency_hz`, `receptance` and, where given, `coherence` belong together; the shortest counts.
 #[must_use]
 pub fn modes(measured: &Measured<'_>, band_hz: [f64; 2], least_coherence: f64) -> Vec<FittedMode> {
-    let n = measured.frequency_hz.len().min(measured.receptance.len());
-    let measured = Measured {
-        frequency_hz: &measured.frequency_hz[..n],
-        receptance: &measured.receptance[..n],
-        ..*measured
-    };
+    let measured = measured.trimmed();
+    let peaks = peaks::coherent(&measured, band_hz, least_coherence);
     let mut found: Vec<Start> = Vec::new();
-    for peak in peaks::coherent(&measured, band_hz, least_coherence) {
-        let Some(pole) = measured.alone(&peak) else { continue };
-        let far = |other: &Start| {
-            let apart = (pole.at_hz.re - other.at_hz.re).abs();
-            apart > other.at_hz.im.max(pole.at_hz.im)
-        };
-        if found.iter().all(far) && (band_hz[0]..=band_hz[1]).contains(&pole.at_hz.re) {
-            found.push(Start { at_hz: pole.at_hz, by_signs: peak.changes_sign });
+    for peak in &peaks {
+        for start in measured.starts(peak, &peaks) {
+            let far = |other: &Start| {
+                let apart = (start.at_hz.re - other.at_hz.re).abs();
+                apart > other.at_hz.im.max(start.at_hz.im)
+            };
+            if found.iter().all(far) && (band_hz[0]..=band_hz[1]).contains(&start.at_hz.re) {
+                found.push(start);
+            }
         }
     }
     found.sort_by(|a, b| a.at_hz.re.total_cmp(&b.at_hz.re));
@@ -137,6 +148,13 @@ pub fn modes(measured: &Measured<'_>, band_hz: [f64; 2], least_coherence: f64) -
 }
 
 impl Measured<'_> {
+    /// Frequencies and receptances that belong together.
+    fn trimmed(&self) -> Self {
+        let n = self.frequency_hz.len().min(self.receptance.len());
+        let (frequency_hz, receptance) = (&self.frequency_hz[..n], &self.receptance[..n]);
+        Self { frequency_hz, receptance, ..*self }
+    }
+
     fn bin_hz(&self) -> f64 {
         match self.frequency_hz {
             [first, .., last] => (last - first) / (self.frequency_hz.len() - 1) as f64,
@@ -144,24 +162,53 @@ impl Measured<'_> {
         }
     }
 
+    /// How far the band of a pole reaches to either side, Hz: so many half widths.
+    fn reach_hz(&self, pole_hz: Complex<f64>, widths: f64) -> f64 {
+        (widths * pole_hz.im).min(WIDEST * pole_hz.re).max(BINS_LEAST * self.bin_hz())
+    }
+
     /// The band of some poles, each with so many half widths to either side.
-    fn band(&self, poles: &[Complex<f64>], reach: f64) -> Option<Band> {
-        let reach =
-            |p: &Complex<f64>| (reach * p.im).min(WIDEST * p.re).max(BINS_LEAST * self.bin_hz());
-        let from = poles.iter().map(|p| p.re - reach(p)).fold(f64::INFINITY, f64::min);
-        let to = poles.iter().map(|p| p.re + reach(p)).fold(0.0, f64::max);
+    fn band(&self, poles: &[Complex<f64>], widths: f64) -> Option<Band> {
+        let from = poles.iter().map(|p| p.re - self.reach_hz(*p, widths));
+        let to = poles.iter().map(|p| p.re + self.reach_hz(*p, widths));
+        let (from, to) = (from.fold(f64::INFINITY, f64::min), to.fold(0.0, f64::max));
         // The first bin holds no receptance unless displacements were measured.
         Band::of(self.frequency_hz, self.receptance, from.max(self.bin_hz()), to)
     }
 
+    /// Where the fits of a peak's modes begin: one mode by itself, else with the other peaks of its band, else two modes
+    /// within one peak; none where no fit holds.
+    fn starts(&self, peak: &peaks::Peak, all: &[peaks::Peak]) -> Vec<Start> {
+        if let Some(pole) = self.alone(peak) {
+            return vec![Start { at_hz: pole.at_hz, by_signs: peak.changes_sign }];
+        }
+        let reach_hz = self.reach_hz(peak.guess_hz(), REACH);
+        let beside = |other: &&peaks::Peak| {
+            let apart = (other.frequency_hz - peak.frequency_hz).abs();
+            apart > 0.0 && apart < reach_hz
+        };
+        let together: Vec<&peaks::Peak> =
+            std::iter::once(peak).chain(all.iter().filter(beside)).take(TOGETHER).collect();
+        let guesses: Vec<_> = together.iter().map(|one| one.guess_hz()).collect();
+        let Some(fit) = self.fitted(&guesses, REACH, DEGREE) else { return Vec::new() };
+        let fit = self.split(fit);
+        if !fit.poles.iter().all(|pole| self.is_mode(pole)) {
+            return Vec::new();
+        }
+        let signs = |pole: &Pole| {
+            let near = |one: &&&peaks::Peak| one.is_at(pole.at_hz.re);
+            together.iter().find(near).is_some_and(|one| one.changes_sign)
+        };
+        let start = |pole: &Pole| Start { at_hz: pole.at_hz, by_signs: signs(pole) };
+        fit.poles.iter().map(start).collect()
+    }
+
     /// One mode by itself, where there is one.
     fn alone(&self, peak: &peaks::Peak) -> Option<Pole> {
-        let guess = Complex::new(peak.frequency_hz, peak.half_width_hz);
-        let rough = *self.band(&[guess], 2.0)?.one_pole(1)?.poles.first()?;
+        let rough = *self.band(&[peak.guess_hz()], 2.0)?.one_pole(1)?.poles.first()?;
         let fit = self.band(&[rough.at_hz], REACH)?.one_pole(DEGREE)?;
         let pole = *fit.poles.first()?;
-        let near = (pole.at_hz.re - peak.frequency_hz).abs() <= 1.5 * peak.half_width_hz;
-        (near && self.is_mode(&pole)).then_some(pole)
+        (peak.is_at(pole.at_hz.re) && self.is_mode(&pole)).then_some(pole)
     }
 
     fn is_mode(&self, pole: &Pole) -> bool {
@@ -174,7 +221,8 @@ impl Measured<'_> {
     fn groups(&self, starts: &[Start]) -> Vec<Vec<Start>> {
         let mut groups: Vec<Vec<Start>> = Vec::new();
         let overlap = |a: &Start, b: &Start| {
-            (b.at_hz.re - a.at_hz.re).abs() < REACH * (a.at_hz.im + b.at_hz.im)
+            let reach_hz = self.reach_hz(a.at_hz, REACH) + self.reach_hz(b.at_hz, REACH);
+            (b.at_hz.re - a.at_hz.re).abs() < reach_hz
         };
         for start in starts {
             match groups.last_mut() {
@@ -216,24 +264,34 @@ impl Measured<'_> {
     fn split(&self, mut fit: Fit) -> Fit {
         let (rough, better, known) = SPLIT;
         while fit.residual > rough && fit.poles.len() < TOGETHER {
-            let mut starts: Vec<_> = fit.poles.iter().map(|pole| pole.at_hz).collect();
-            let width = starts.iter().map(|p| p.im).fold(f64::INFINITY, f64::min);
-            starts.push(Complex::new(fit.worst_hz, 0.7 * width));
-            let Some(more) = self.fitted(&starts, REACH, DEGREE) else { break };
-            let apart = |a: &Pole| {
-                let others = more.poles.iter().filter(|b| b.at_hz != a.at_hz);
-                others.map(|b| (a.at_hz - b.at_hz).norm()).fold(f64::INFINITY, f64::min)
+            let poles: Vec<_> = fit.poles.iter().map(|pole| pole.at_hz).collect();
+            let width = poles.iter().map(|p| p.im).fold(f64::INFINITY, f64::min);
+            let beside = poles.iter().flat_map(|p| [p.re - width, p.re + width]);
+            let further = std::iter::once(fit.worst_hz).chain(beside);
+            let with = |hz: f64| {
+                let starts: Vec<_> =
+                    poles.iter().copied().chain([Complex::new(hz, 0.7 * width)]).collect();
+                self.fitted(&starts, REACH, DEGREE)
             };
-            let sound = |pole: &Pole| {
-                let decay = pole.at_hz.im - self.window_decay_per_s / TAU;
-                self.is_mode(pole) && pole.residue_sigma < known && apart(pole) > 0.3 * decay
+            let is_better = |more: &Fit| {
+                more.residual <= better * fit.residual && self.are_sound(&more.poles, known)
             };
-            if more.residual > better * fit.residual || !more.poles.iter().all(sound) {
-                break;
-            }
+            let Some(more) = further.filter_map(with).find(is_better) else { break };
             fit = more;
         }
         fit
+    }
+
+    /// Whether poles are modes, known so well by their residues, and apart from each other.
+    fn are_sound(&self, poles: &[Pole], known: f64) -> bool {
+        let apart = |a: &Pole| {
+            let others = poles.iter().filter(|b| b.at_hz != a.at_hz);
+            others.map(|b| (a.at_hz - b.at_hz).norm()).fold(f64::INFINITY, f64::min)
+        };
+        poles.iter().all(|pole| {
+            let decay = pole.at_hz.im - self.window_decay_per_s / TAU;
+            self.is_mode(pole) && pole.residue_sigma < known && apart(pole) > 0.3 * decay
+        })
     }
 
     /// How far each pole moves with the band's width and the polynomial's degree: root mean square, Hz.
@@ -253,11 +311,16 @@ impl Measured<'_> {
     fn told(&self, pole: &Pole, spread_hz: f64, by_signs: bool, fit: &Fit) -> FittedMode {
         let (damped_hz, decay_hz) = (pole.at_hz.re, pole.at_hz.im - self.window_decay_per_s / TAU);
         let frequency_hz = damped_hz.hypot(decay_hz);
-        let sigma_hz = pole.sigma_hz.hypot(spread_hz);
+        // A record that ends before the mode has rung down moves its pole by as much of its width as is left.
+        let cut_hz = pole.at_hz.im * (-TAU * pole.at_hz.im / self.bin_hz()).exp();
+        let sigma_hz = pole.sigma_hz.hypot(spread_hz).hypot(cut_hz);
         // H ≈ A/(ω − p) with A = −1/(2 m ω_d); the residue is over Hz.
         let per_mass = -8.0 * PI * PI * damped_hz * pole.residue;
         let mass_kg = 1.0 / per_mass.norm();
-        let relative = pole.residue_sigma.hypot(spread_hz / pole.at_hz.im);
+        let carried = self.between_hits_s.map_or(0.0, |s| (-TAU * decay_hz * s).exp());
+        // Ringing of earlier hits adds to the residue, however its phase falls; poles stay.
+        let carried_sigma = FRAC_1_SQRT_2 * carried / (1.0 - carried).max(f64::EPSILON);
+        let relative = pole.residue_sigma.hypot(spread_hz / pole.at_hz.im).hypot(carried_sigma);
         let bin = peaks::nearest(self.frequency_hz, damped_hz);
         FittedMode {
             frequency_hz,
@@ -271,6 +334,7 @@ impl Measured<'_> {
             mass_sigma_kg: mass_kg * relative,
             phase_rad: per_mass.arg(),
             coherence: self.coherence.and_then(|c| c.get(bin)).copied(),
+            carried,
             by_signs,
             residual: fit.residual,
         }

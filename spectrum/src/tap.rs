@@ -9,6 +9,8 @@
 mod clip;
 mod find;
 #[cfg(test)]
+mod pairs;
+#[cfg(test)]
 mod tests;
 
 use std::ops::Range;
@@ -142,6 +144,8 @@ pub struct Tap {
     pub frf: Frf,
     /// Every hit found, in order.
     pub hits: Vec<FoundHit>,
+    /// Samples per second, Hz.
+    pub rate_hz: f64,
     /// Length of each hit's record, s.
     pub block_s: f64,
     /// The windows.
@@ -189,7 +193,15 @@ pub fn tap(records: &[TapRecord<'_>], config: &TapConfig) -> Result<Tap, TapErro
     let frf =
         Frf { window_decay_per_s: windows.decay_per_s, ..frf(&pairs, rate_hz, config.response)? };
     let force_spectrum = force_spectrum(&pairs, rate_hz)?;
-    Ok(Tap { frf, hits, block_s: length as f64 / rate_hz, windows, blocks, force_spectrum })
+    Ok(Tap {
+        frf,
+        hits,
+        rate_hz,
+        block_s: length as f64 / rate_hz,
+        windows,
+        blocks,
+        force_spectrum,
+    })
 }
 
 impl Tap {
@@ -202,6 +214,15 @@ impl Tap {
         let beyond = self.force_spectrum[peak..].iter().position(|f| *f < least);
         let last = beyond.map_or(self.force_spectrum.len(), |n| peak + n).saturating_sub(1);
         self.frf.frequency_hz.get(last).copied().unwrap_or(0.0)
+    }
+
+    /// Least time from one hit of a record to the next that is used, s; `None` where each hit has a record of its own.
+    #[must_use]
+    pub fn between_hits_s(&self) -> Option<f64> {
+        let follows =
+            |pair: &&[FoundHit]| pair[0].record == pair[1].record && pair[1].refused.is_none();
+        let apart = self.hits.windows(2).filter(follows).map(|pair| pair[1].at - pair[0].at);
+        apart.min().map(|samples| samples as f64 / self.rate_hz)
     }
 
     /// The force at a frequency against its strongest, dB.

@@ -156,6 +156,7 @@ fn the_tap_test_gives_the_tools_modes() {
         receptance: &receptance,
         coherence: None,
         window_decay_per_s: 0.0,
+        between_hits_s: None,
     };
     let found = modes(&measured, [500.0, 3000.0], LEAST_COHERENCE);
     for mode in &found {

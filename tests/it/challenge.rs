@@ -218,7 +218,7 @@ fn every_model_and_recording_that_is_handed_out_reads() {
     for index in 0..30 {
         let folder = format!("out/cases/{index:05}");
         let recording = format!("{folder}/recording.csv");
-        let done = place.run(&["simulate", "--out", "again", "-q", &recording]);
+        let done = place.run(&["simulate", "--overwrite", "--out", "again", "-q", &recording]);
         assert_eq!(done.code, Some(0), "{folder}: {done:#?}");
     }
 }

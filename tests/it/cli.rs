@@ -156,7 +156,15 @@ fn bad_input_leaves_nothing_half_written_and_what_was_there() {
     place.file("kept.csv", "before");
     for command in [["correct", "--out"], ["replay", "--corrections"]] {
         let done = place.run(&[
-            command[0], "--model", "ur10e", command[1], "kept.csv", "--json", "new.json", "bad.csv",
+            command[0],
+            "--model",
+            "ur10e",
+            command[1],
+            "kept.csv",
+            "--overwrite",
+            "--json",
+            "new.json",
+            "bad.csv",
         ]);
         assert_eq!(done.code, Some(2), "{done:#?}");
         assert!(done.err.contains("bad.csv:4:9") && done.err.contains("^^^"), "{}", done.err);

@@ -241,5 +241,8 @@ fn link_side_positions_of_another_joint_or_unit_are_not_judged() {
     check("link-turned", &links.with(&["ql4_deg"], |_, q| -q));
     let all = ["ql1_deg", "ql2_deg", "ql3_deg", "ql4_deg", "ql5_deg", "ql6_deg"];
     check("link-radians", &links.with(&all, |_, q| q.to_radians()));
-    check("link-random", &links.with(&all, |k, _| 90.0 * chance(k)));
+    let random = all.iter().enumerate().fold(links.clone(), |sheet, (joint, name)| {
+        sheet.with(&[name], |k, _| 90.0 * chance(k + 1000 * joint))
+    });
+    check("link-random", &random);
 }

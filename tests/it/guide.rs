@@ -39,5 +39,33 @@ fn the_guide_leads_from_an_empty_machine_to_a_calibrated_cell_in_shadow() {
     let nominal = said.lines().find(|line| line.starts_with("nominal")).unwrap();
     let mean = |line: &str| line.split_whitespace().nth(1).unwrap().parse::<f64>().unwrap();
     assert!(3.0 * mean(advanced) < mean(nominal), "step 4, several times better: {said}");
+    bent_by_a_millimetre(&work);
     assert!(fs::read_dir(work.join("recordings")).unwrap().count() > 0, "step 6 recorded");
+}
+
+/// After the guide's steps: the tool is bent by 1 mm, and step 5 is measured and judged again as the guide says.
+fn bent_by_a_millimetre(work: &std::path::Path) {
+    let trued = |arguments: &[&str]| {
+        Command::new(TRUED).args(arguments).current_dir(work).output().unwrap()
+    };
+    let places = [
+        ("[50, 0, 100]", "[51, 0, 100]"),
+        ("[-50, 0, 100]", "[-49, 0, 100]"),
+        ("[0, 60, 80]", "[1, 60, 80]"),
+    ];
+    let there = fs::read_to_string(work.join("there.toml")).unwrap();
+    let bent = places.iter().fold(there.clone(), |text, (from, to)| text.replace(from, to));
+    assert_eq!(places.iter().filter(|(_, to)| bent.contains(to)).count(), 3, "{there}");
+    fs::write(work.join("bent.toml"), bent).unwrap();
+    fs::copy(work.join("there.csv"), work.join("bent.csv")).unwrap();
+    let truth = ["simulate", "--model", "irb1600-6-145-thesis", "--noise", "0.03", "--seed", "3"];
+    assert!(trued(&[&truth[..], &["--out", "hit", "bent.csv"]].concat()).status.success());
+    fs::copy(work.join("checked.toml"), work.join("hit.toml")).unwrap();
+    let judged = trued(&["plan", "--check", "--model", "calibrated.toml", "hit.csv"]);
+    let said = String::from_utf8_lossy(&judged.stdout);
+    assert_eq!(judged.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("the tool was shifted by 1") || said.contains("the tool was shifted by 0.9"),
+        "{said}"
+    );
 }

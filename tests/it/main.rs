@@ -33,6 +33,7 @@ mod guide;
 mod invariants;
 mod kill;
 mod log;
+mod outputs;
 mod plan;
 mod process;
 mod program;
@@ -51,6 +52,7 @@ mod spectrum;
 mod status;
 mod surface;
 mod sweeps;
+mod tables;
 mod tap;
 
 use tests::pair::Programs;

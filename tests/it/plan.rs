@@ -110,7 +110,12 @@ fn planned_poses_come_as_a_list_and_as_programs_within_the_limits() {
     assert_eq!(place.read("d/poses.mod").matches("WaitTime \\InPos").count(), 16);
     assert_eq!(place.read("d/poses.src").matches("WAIT SEC").count(), 16);
     assert!(place.read("d/poses.dat").contains("DEFDAT poses"));
-    let again = plan(&place, &asked);
+    let twice = place.run(&[&["plan", "--seed", "5"], &asked[..]].concat());
+    assert!(
+        twice.code == Some(2) && twice.err.contains("d/poses.toml exists already"),
+        "{twice:?}"
+    );
+    let again = plan(&place, &[&asked[..], &["--overwrite"]].concat());
     assert_eq!(found["poses"], again["poses"]);
 }
 
@@ -205,6 +210,37 @@ fn a_check_lets_a_sound_robot_pass_and_names_the_joint_that_moved() {
         (&place.json("j.json")["holds"], &place.json("j.json")["is_explained"]),
         (&false.into(), &true.into())
     );
+}
+
+#[test]
+fn a_check_without_known_targets_says_that_a_bent_tool_does_not_show_and_that_the_noise_is_overstated()
+ {
+    let place = Place::new();
+    let begin = [&["--model", CALIBRATED, "--check", "--out", "d"], &SETUP[..]].concat();
+    plan(&place, &begin);
+    let mut bent = model(CALIBRATED);
+    let given: &[(&str, &[f64])] = &[("shift", &[1e-3, 0.0, 0.0])];
+    bent.push(AnyEffect::build("tool_offset", &bent.arm, None, Given(given)).expect("built"))
+        .expect("room");
+    measure(&place, "d", &bent, false, 0.2);
+    let judged = place.succeed(&[
+        "plan",
+        "--check",
+        "--model",
+        CALIBRATED,
+        "d/seen.csv",
+        "--json",
+        "j.json",
+    ]);
+    let said = place.json("j.json");
+    assert!(said["unseen"].to_string().contains("the tool was shifted"), "{said:#}");
+    assert!(judged.out.contains("not seen by this check"), "{}", judged.out);
+    let scatter = number(&said, "scatter");
+    assert!(
+        (0.1..1.0).contains(&scatter),
+        "a fifth, and what the model is uncertain by: {scatter}"
+    );
+    assert!(judged.out.contains("noise overstated"), "{}", judged.out);
 }
 
 #[test]

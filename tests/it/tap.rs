@@ -247,8 +247,10 @@ fn measured_modes_go_into_the_model_and_the_rest_stays_bit_for_bit() {
 fn no_mode_is_the_answer_no() {
     let place = Place::new();
     place.file("run.csv", &four_hits());
-    let done = place.run(&["tap", "run.csv", "--band", "100", "180", "--json", "tap.json"]);
+    let tap = ["tap", "run.csv", "--band", "100", "180", "--json", "tap.json"];
+    let done = place.run(&[&tap[..], &["--model", "ur10e", "--out", "own.toml"]].concat());
     assert_eq!(done.code, Some(1), "{done:#?}");
+    assert_eq!(place.names(), ["run.csv", "tap.json"], "no model without a mode");
     assert!(done.out.contains("no mode found"));
     assert_eq!(place.json("tap.json")["modes"], serde_json::json!([]));
 }

@@ -136,14 +136,22 @@ pub fn heard(socket: &UdpSocket) -> Option<(Vec<u8>, SocketAddr)> {
     Some((bytes[..length].to_vec(), from))
 }
 
-/// A target as the application sends it, degrees.
+/// The speed reference of every target, deg/s.
+#[must_use]
+pub fn speeds() -> proto::SpeedRef {
+    proto::SpeedRef {
+        joints: Some(proto::Joints { joints: vec![1.5, -0.1, 0.0, 7.25, 0.0, 1e-9] }),
+    }
+}
+
+/// A target as the application sends it, degrees, with a speed reference.
 #[must_use]
 pub fn target(seqno: u32, joints: &[f64]) -> proto::Sensor {
     let joints = proto::Joints { joints: joints.to_vec() };
     proto::Sensor {
         header: Some(proto::Header { seqno: Some(seqno), tm: None, mtype: Some(3) }),
         planned: Some(proto::Posture { joints: Some(joints), ..proto::Posture::default() }),
-        speed_ref: None,
+        speed_ref: Some(speeds()),
         later: Some("a field of a later version".to_owned()),
     }
 }
@@ -179,6 +187,7 @@ impl Rig {
             Some(self.robot.seqno),
             "the answer to this target"
         );
+        assert_eq!(heard.speed_ref, Some(speeds()), "speeds pass as they were sent");
         assert_eq!(heard.later.as_deref(), Some("a field of a later version"));
         self.robot.joints = joints(&heard);
         Some(self.robot.joints.clone())

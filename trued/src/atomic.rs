@@ -1,93 +1,272 @@
-//! Files that appear whole, under their name, or not at all.
+//! The files that a command writes: all of them whole, or none, and never over something of the user's.
 //!
-//! Written beside their place under a hidden name, synced, then renamed. After a crash a hidden `.NAME.PID.part` may be
-//! left, never half a file under the name. What is no ordinary file (a pipe, `/dev/null`) is written as it comes.
+//! A file that exists and is not empty is refused, unless it is a result that an earlier run made anew (see [`is_result`]) or `--overwrite` is given. Each file is
+//! written beside its place under a hidden name and synced; once all are there they are renamed. A failure (a full disk, say) removes what was made, folders
+//! too. After a crash hidden `.NAME.PID-N.part` files may be left, never half a file under its name. What is no ordinary file (a pipe, `/dev/null`) is written as
+//! it comes.
 
+use std::collections::BTreeSet;
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{self, BufWriter, ErrorKind, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
+
+use rustix::fs::{CWD, RenameFlags, renameat_with};
+use rustix::io::Errno;
 
 use crate::exit::Failure;
 
-/// A file could not be written; nothing stands under its name that did not before.
+/// Bytes within which a result says that trued made it.
+const HEAD: u64 = 1024;
+
+/// Why no file was written.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot write {}: {source}; check that its directory exists, is writable, and has room", path.display())]
-pub struct WriteError {
-    /// The file that was to be.
-    pub path: PathBuf,
-    /// What the system said.
-    pub source: io::Error,
+pub enum WriteError {
+    /// The system refused.
+    #[error("cannot write {}: {source}; check that its directory exists, is writable, and has room", path.display())]
+    Io {
+        /// The file that was to be.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Something is there.
+    #[error("{} exists already, and nothing was written: give another name, or --overwrite to replace it", .0.display())]
+    Exists(PathBuf),
+    /// An input would be lost, `--overwrite` or not.
+    #[error("{}: the result would replace its own input; give it another name", .0.display())]
+    Input(PathBuf),
+    /// Two outputs have one name.
+    #[error("{} is named for two outputs: give each a name of its own", .0.display())]
+    Twice(PathBuf),
 }
 
 impl From<WriteError> for Failure {
     fn from(error: WriteError) -> Self {
-        let kind = error.source.kind();
         let misnamed = [ErrorKind::NotFound, ErrorKind::NotADirectory, ErrorKind::IsADirectory];
-        if misnamed.contains(&kind) { Self::input(error) } else { Self::system(error) }
+        match &error {
+            WriteError::Io { source, .. } if !misnamed.contains(&source.kind()) => {
+                Self::system(error)
+            }
+            _ => Self::input(error),
+        }
     }
 }
 
-/// Writes what `fill` writes to `path`, whole or not at all; replaces what was there, keeps its permissions, and follows
-/// links.
-///
-/// # Errors
-///
-/// [`WriteError`] with what the system said, or what `fill` returned.
-pub fn write(
-    path: &Path,
-    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
-) -> Result<(), WriteError> {
-    replace(path, fill).map_err(|source| WriteError { path: path.to_owned(), source })
+fn failed(path: &Path) -> impl Fn(io::Error) -> WriteError {
+    move |source| WriteError::Io { path: path.to_owned(), source }
 }
 
-/// Whether [`write()`] could begin now: for what takes long before there is anything to write.
-///
-/// # Errors
-///
-/// [`WriteError`] as [`write()`] would.
-pub fn check(path: &Path) -> Result<(), WriteError> {
-    let tried = match fs::metadata(path) {
-        Ok(before) if before.is_dir() => Err(ErrorKind::IsADirectory.into()),
-        Ok(before) if !before.is_file() => File::options().write(true).open(path).map(drop),
-        Ok(_) => fs::canonicalize(path).and_then(|place| Part::create(&place).map(drop)),
-        Err(error) if error.kind() == ErrorKind::NotFound => Part::create(path).map(drop),
+/// The files of one command.
+#[derive(Debug, Default)]
+pub struct Outputs {
+    may_replace: bool,
+    folder: Option<PathBuf>,
+    files: Vec<Output>,
+}
+
+#[derive(Debug)]
+struct Output {
+    path: PathBuf,
+    is_result: bool,
+    bytes: Option<Vec<u8>>,
+}
+
+impl Outputs {
+    /// No file yet; `may_replace` is `--overwrite`.
+    #[must_use]
+    pub fn new(may_replace: bool) -> Self {
+        Self { may_replace, ..Self::default() }
+    }
+
+    /// The folder of the files, which is made where it is missing.
+    #[must_use]
+    pub fn in_folder(mut self, folder: &Path) -> Self {
+        self.folder = Some(folder.to_owned());
+        self
+    }
+
+    /// Announces a file, so that [`Outputs::check`] looks at its place.
+    #[must_use]
+    pub fn file(self, path: impl Into<PathBuf>) -> Self {
+        self.with(path.into(), false)
+    }
+
+    /// Announces a result that every run makes anew: JSON, a page, a plot. It may take the place of an earlier one.
+    #[must_use]
+    pub fn result(self, path: impl Into<PathBuf>) -> Self {
+        self.with(path.into(), true)
+    }
+
+    /// The same of several, or of one that may not be asked for.
+    #[must_use]
+    pub fn results<'a>(self, paths: impl IntoIterator<Item = &'a PathBuf>) -> Self {
+        paths.into_iter().fold(self, Self::result)
+    }
+
+    fn with(mut self, path: PathBuf, is_result: bool) -> Self {
+        self.files.push(Output { path, is_result, bytes: None });
+        self
+    }
+
+    /// Gives a file its content. What gets none is not written; what was not announced is an ordinary file.
+    pub fn put(&mut self, path: &Path, bytes: impl Into<Vec<u8>>) {
+        let bytes = Some(bytes.into());
+        match self.files.iter_mut().find(|file| file.path == path) {
+            Some(file) => file.bytes = bytes,
+            None => self.files.push(Output { path: path.to_owned(), is_result: false, bytes }),
+        }
+    }
+
+    /// Whether [`Outputs::write`] could begin now, and would leave these inputs alone: to be asked before what takes long. Leaves nothing behind.
+    ///
+    /// # Errors
+    /// As [`Outputs::write`].
+    pub fn check<'a>(
+        &self,
+        inputs: impl IntoIterator<Item = &'a PathBuf>,
+    ) -> Result<(), WriteError> {
+        let inputs: BTreeSet<PathBuf> = inputs.into_iter().map(|input| place(input)).collect();
+        let mut places = BTreeSet::new();
+        for Output { path, is_result, .. } in &self.files {
+            let there = state(path).map_err(failed(path))?;
+            if there == State::Stream {
+                continue;
+            }
+            if !places.insert(place(path)) {
+                return Err(WriteError::Twice(path.clone()));
+            }
+            if there != State::Missing && inputs.contains(&place(path)) {
+                return Err(WriteError::Input(path.clone()));
+            }
+            let may_go = self.may_replace || (*is_result && self::is_result(path));
+            if there == State::Full && !may_go {
+                return Err(WriteError::Exists(path.clone()));
+            }
+            Part::create(&self.probe(path)).map_err(failed(path))?;
+        }
+        Ok(())
+    }
+
+    /// Where a file can be made now if one can be made under `path` later: a folder that is to be made is missing yet.
+    fn probe(&self, path: &Path) -> PathBuf {
+        match &self.folder {
+            Some(folder) if path.starts_with(folder) && !folder_of(path).exists() => {
+                let above = folder_of(path).ancestors().find(|above| above.exists());
+                above.unwrap_or(Path::new(".")).join(path.file_name().unwrap_or_default())
+            }
+            _ => place(path),
+        }
+    }
+
+    /// Writes all files that have content, or none.
+    ///
+    /// # Errors
+    /// A file that exists, a folder that does not, what the system said.
+    pub fn write(&self) -> Result<(), WriteError> {
+        self.check([])?;
+        let folder = self.folder.as_deref().map(Folder::make).transpose()?;
+        let (mut parts, mut streams) = (Vec::new(), Vec::new());
+        for Output { path, bytes, .. } in &self.files {
+            let Some(bytes) = bytes else { continue };
+            match state(path).map_err(failed(path))? {
+                State::Stream => streams.push((path, bytes)),
+                there => {
+                    let part = Part::written(path, bytes).map_err(failed(path))?;
+                    parts.push((part, there == State::Missing));
+                }
+            }
+        }
+        for (path, bytes) in streams {
+            let file = File::options().write(true).open(path);
+            file.and_then(|mut file| file.write_all(bytes)).map_err(failed(path))?;
+        }
+        finish(parts)?;
+        folder.into_iter().for_each(Folder::keep);
+        Ok(())
+    }
+}
+
+/// Renames all parts; where one fails, those that took the place of nothing go again.
+fn finish(parts: Vec<(Part, bool)>) -> Result<(), WriteError> {
+    let (mut made, mut folders) = (Vec::new(), BTreeSet::new());
+    for (part, is_new) in parts {
+        let place = part.place.clone();
+        if let Err(source) = part.finish(is_new) {
+            for path in made {
+                // The error that led here is the one to report.
+                let _ = fs::remove_file(path);
+            }
+            return Err(match source.kind() {
+                ErrorKind::AlreadyExists => WriteError::Exists(place),
+                _ => WriteError::Io { path: place, source },
+            });
+        }
+        folders.insert(folder_of(&place).to_owned());
+        if is_new {
+            made.push(place);
+        }
+    }
+    let synced = |folder: &PathBuf| {
+        File::open(folder).and_then(|folder| folder.sync_all()).map_err(failed(folder))
+    };
+    folders.iter().try_for_each(synced)
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum State {
+    Missing,
+    Empty,
+    Full,
+    /// No ordinary file.
+    Stream,
+}
+
+fn state(path: &Path) -> io::Result<State> {
+    match fs::metadata(path) {
+        Ok(there) if there.is_dir() => Err(ErrorKind::IsADirectory.into()),
+        Ok(there) if !there.is_file() => Ok(State::Stream),
+        Ok(there) if there.len() == 0 => Ok(State::Empty),
+        Ok(_) => Ok(State::Full),
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(State::Missing),
         Err(error) => Err(error),
-    };
-    tried.map_err(|source| WriteError { path: path.to_owned(), source })
+    }
 }
 
-fn replace(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    let before = match fs::metadata(path) {
-        Ok(before) => Some(before),
-        Err(error) if error.kind() == ErrorKind::NotFound => None,
-        Err(error) => return Err(error),
-    };
-    if before.as_ref().is_some_and(fs::Metadata::is_dir) {
-        return Err(ErrorKind::IsADirectory.into());
-    }
-    if before.as_ref().is_some_and(|before| !before.is_file()) {
-        let mut out = BufWriter::new(File::options().write(true).open(path)?);
-        fill(&mut out)?;
-        return out.flush();
-    }
-    let place = if before.is_some() { fs::canonicalize(path)? } else { path.to_owned() };
-    let part = Part::create(&place)?;
-    let mut out = BufWriter::new(&part.file);
-    fill(&mut out)?;
-    out.flush()?;
-    drop(out);
-    if let Some(before) = before {
-        part.file.set_permissions(before.permissions())?;
-    }
-    part.file.sync_all()?;
-    part.finish(&place)
+/// Where the file is, links followed; the path itself where nothing is there yet.
+fn place(path: &Path) -> PathBuf {
+    let canonical = fs::canonicalize(path).or_else(|_| {
+        let name = path.file_name().ok_or(ErrorKind::IsADirectory)?;
+        Ok::<_, io::Error>(fs::canonicalize(folder_of(path))?.join(name))
+    });
+    canonical.unwrap_or_else(|_| path.to_owned())
 }
 
-/// The file in the making; removed when dropped unfinished.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Whether trued made this JSON, page or plot: it says so in its first lines, and holds nothing that another run does not make again. The `model.toml` beside
+/// a `diagnosis.json` is of that diagnosis.
+#[must_use]
+pub fn is_result(path: &Path) -> bool {
+    if path.file_name().is_some_and(|name| name == "model.toml") {
+        let diagnosis = path.with_file_name("diagnosis.json");
+        return diagnosis.is_file() && is_result(&diagnosis);
+    }
+    let mut head = Vec::new();
+    let read = File::open(path).and_then(|file| file.take(HEAD).read_to_end(&mut head));
+    let head = String::from_utf8_lossy(&head);
+    let json = head.trim_start().strip_prefix('{').map(str::trim_start);
+    let is_json = json.is_some_and(|json| json.starts_with("\"schema\": \"trued."));
+    read.is_ok() && (is_json || head.contains(report::MADE_BY))
+}
+
+/// A file in the making; removed when dropped unfinished.
 struct Part {
     file: File,
     path: Option<PathBuf>,
+    place: PathBuf,
 }
 
 impl Part {
@@ -99,7 +278,7 @@ impl Part {
             hidden.push(format!(".{}-{attempt}.part", std::process::id()));
             let path = place.with_file_name(hidden);
             match File::create_new(&path) {
-                Ok(file) => return Ok(Self { file, path: Some(path) }),
+                Ok(file) => return Ok(Self { file, path: Some(path), place: place.to_owned() }),
                 Err(error) if error.kind() == ErrorKind::AlreadyExists && attempt < 100 => {}
                 Err(error) => return Err(error),
             }
@@ -107,14 +286,35 @@ impl Part {
         Err(ErrorKind::AlreadyExists.into())
     }
 
-    fn finish(mut self, place: &Path) -> io::Result<()> {
+    /// The whole file with the permissions of the one whose place it takes, on the disk.
+    fn written(path: &Path, bytes: &[u8]) -> io::Result<Self> {
+        let mut part = Self::create(&place(path))?;
+        part.file.write_all(bytes)?;
+        if let Ok(before) = fs::metadata(path) {
+            part.file.set_permissions(before.permissions())?;
+        }
+        part.file.sync_all()?;
+        Ok(part)
+    }
+
+    fn finish(mut self, is_new: bool) -> io::Result<()> {
         if let Some(path) = &self.path {
-            fs::rename(path, place)?;
+            rename(path, &self.place, is_new)?;
         }
         self.path = None;
-        let directory = place.parent().filter(|parent| !parent.as_os_str().is_empty());
-        File::open(directory.unwrap_or(Path::new(".")))?.sync_all()
+        Ok(())
     }
+}
+
+/// Renames; where nothing was there, nothing that came since is replaced, as far as the file system can promise that.
+fn rename(from: &Path, to: &Path, is_new: bool) -> io::Result<()> {
+    if is_new {
+        match renameat_with(CWD, from, CWD, to, RenameFlags::NOREPLACE) {
+            Err(Errno::INVAL | Errno::NOSYS | Errno::NOTSUP) => {}
+            renamed => return Ok(renamed?),
+        }
+    }
+    fs::rename(from, to)
 }
 
 impl Drop for Part {
@@ -126,90 +326,31 @@ impl Drop for Part {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// A folder and those above it that were missing; they go again when dropped, unless they are kept.
+struct Folder(Vec<PathBuf>);
 
-    /// A directory of the test's own, gone afterwards.
-    struct Place(PathBuf);
-
-    impl Place {
-        fn new(name: &str) -> Self {
-            let path = std::env::temp_dir().join(format!("trued-{name}-{}", std::process::id()));
-            fs::create_dir_all(&path).expect("a directory");
-            Self(path)
-        }
-
-        fn names(&self) -> Vec<OsString> {
-            let entries = fs::read_dir(&self.0).expect("readable");
-            entries.map(|entry| entry.expect("entry").file_name()).collect()
-        }
+impl Folder {
+    fn make(folder: &Path) -> Result<Self, WriteError> {
+        let missing =
+            folder.ancestors().take_while(|above| !above.as_os_str().is_empty() && !above.exists());
+        let made = Self(missing.map(Path::to_owned).collect());
+        fs::create_dir_all(folder).map_err(failed(folder))?;
+        Ok(made)
     }
 
-    impl Drop for Place {
-        fn drop(&mut self) {
-            let _ = fs::remove_dir_all(&self.0);
-        }
-    }
-
-    #[test]
-    fn a_file_appears_whole_and_alone() {
-        let place = Place::new("whole");
-        write(&place.0.join("a.json"), |out| out.write_all(b"{}")).expect("written");
-        assert_eq!(fs::read(place.0.join("a.json")).expect("read"), b"{}");
-        assert_eq!(place.names(), ["a.json"]);
-    }
-
-    #[test]
-    fn what_could_not_be_written_is_known_before_and_asking_leaves_nothing() {
-        let place = Place::new("check");
-        check(&place.0.join("a.json")).expect("can be made");
-        assert!(place.names().is_empty());
-        fs::write(place.0.join("a.json"), "{}").expect("written");
-        check(&place.0.join("a.json")).expect("can be replaced");
-        assert_eq!(place.names(), ["a.json"]);
-        assert!(check(&place.0).is_err() && check(&place.0.join("none/a.json")).is_err());
-        assert!(check(&place.0.join("a.json/b.json")).is_err(), "below a file");
-    }
-
-    #[test]
-    fn a_failure_leaves_what_was_there() {
-        let place = Place::new("failure");
-        let path = place.0.join("a.json");
-        fs::write(&path, "before").expect("written");
-        let failed = write(&path, |out| {
-            out.write_all(&[b'x'; 100_000])?;
-            Err(ErrorKind::StorageFull.into())
-        });
-        assert!(matches!(Failure::from(failed.expect_err("fails")), Failure::System(_)));
-        assert_eq!(fs::read(&path).expect("read"), b"before");
-        assert_eq!(place.names(), ["a.json"]);
-    }
-
-    #[test]
-    fn a_device_is_written_to_and_never_replaced() {
-        write(Path::new("/dev/null"), |out| out.write_all(b"gone")).expect("written");
-        assert!(!fs::metadata("/dev/null").expect("there").is_file());
-    }
-
-    #[test]
-    fn a_link_stays_a_link_and_permissions_stay() {
-        use std::os::unix::fs::{PermissionsExt, symlink};
-        let place = Place::new("link");
-        let (file, link) = (place.0.join("file"), place.0.join("link"));
-        fs::write(&file, "before").expect("written");
-        fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).expect("set");
-        symlink(&file, &link).expect("linked");
-        write(&link, |out| out.write_all(b"after")).expect("written");
-        assert_eq!(fs::read(&file).expect("read"), b"after");
-        assert_eq!(fs::metadata(&file).expect("there").permissions().mode() & 0o777, 0o600);
-        assert!(fs::symlink_metadata(&link).expect("there").is_symlink());
-    }
-
-    #[test]
-    fn a_missing_directory_is_bad_input() {
-        let failed = write(Path::new("/nowhere/at/all.json"), |_| Ok(())).expect_err("fails");
-        assert!(failed.to_string().starts_with("cannot write /nowhere/at/all.json"));
-        assert!(matches!(Failure::from(failed), Failure::Input(_)));
+    fn keep(mut self) {
+        self.0.clear();
     }
 }
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        for folder in &self.0 {
+            // What others have put there meanwhile stays, and the folder with it.
+            let _ = fs::remove_dir(folder);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

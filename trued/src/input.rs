@@ -74,6 +74,11 @@ struct Unnamed(PathBuf);
 struct Different(PathBuf);
 
 impl Reading {
+    /// The files that it names besides recordings.
+    pub(crate) fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.model.iter().chain(&self.mapping)
+    }
+
     /// Reads a recording of joint positions and the model that it belongs to; `fallback` is the model where neither
     /// the command line nor the recording names one.
     pub(crate) fn read(&self, path: &Path, fallback: Option<&Path>) -> Result<Input, Failure> {

@@ -13,6 +13,9 @@ pub struct Common {
     /// Also write what was found as one JSON object; with `-` to standard output, the text then to standard error
     #[arg(long, value_name = "FILE", global = true)]
     pub json: Option<PathBuf>,
+    /// Replace files that exist already. Without it only results that trued made (JSON, pages, plots) are replaced; inputs never are
+    #[arg(long, global = true)]
+    pub overwrite: bool,
     /// No progress, no log but errors
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub quiet: bool,

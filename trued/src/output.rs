@@ -10,7 +10,7 @@ use std::path::Path;
 use indicatif::{MultiProgress, ProgressDrawTarget};
 use serde::Serialize;
 
-use crate::atomic;
+use crate::atomic::Outputs;
 use crate::exit::Failure;
 use crate::logs;
 use crate::options::{Color, Common};
@@ -82,39 +82,46 @@ impl Console {
         self.tell(io::stdout(), text)
     }
 
-    /// Writes what was found to where `--json` says, `schema` first; does nothing without `--json`. `body` is a struct
-    /// or a map; numbers that are not finite become `null`.
+    /// The files of this command: so far the one that `--json` names.
+    #[must_use]
+    pub fn outputs(&self) -> Outputs {
+        let outputs = Outputs::new(self.common.overwrite);
+        match &self.common.json {
+            Some(path) if path != Path::new("-") => outputs.result(path),
+            _ => outputs,
+        }
+    }
+
+    /// Writes the files of a command, all or none, and among them what was found where `--json` says, `schema` first. `body` is a struct or a map; numbers
+    /// that are not finite become `null`.
     ///
     /// # Errors
     ///
-    /// [`Failure`] where the file or the stream cannot be written, or `body` is no object.
-    pub fn json(&mut self, schema: &str, body: &impl Serialize) -> Result<(), Failure> {
-        let Some(path) = self.common.json.clone() else { return Ok(()) };
+    /// [`Failure`] where a file or the stream cannot be written, or `body` is no object.
+    pub fn write(
+        &mut self,
+        mut outputs: Outputs,
+        schema: &str,
+        body: &impl Serialize,
+    ) -> Result<(), Failure> {
+        let Some(path) = self.common.json.clone() else { return Ok(outputs.write()?) };
         let object = Named { schema, body };
         let text = serde_json::to_string_pretty(&object).map_err(Failure::system)?;
         if path == Path::new("-") {
+            outputs.write()?;
             return self.tell(io::stdout(), &text);
         }
-        Ok(atomic::write(&path, |out| writeln!(out, "{text}"))?)
+        outputs.put(&path, text + "\n");
+        Ok(outputs.write()?)
     }
 
-    /// Whether what `--json` asks for, and `more`, could be written: to be asked before what takes long.
+    /// The same where a command has no files but that of `--json`.
     ///
     /// # Errors
     ///
-    /// [`Failure`] where a file cannot be written.
-    pub fn check_files(&self, more: &[std::path::PathBuf]) -> Result<(), Failure> {
-        let json = self.common.json.iter().filter(|path| *path != Path::new("-"));
-        Ok(json.chain(more).try_for_each(|path| atomic::check(path))?)
-    }
-
-    /// Writes a page (or any text) to a file, whole or not at all.
-    ///
-    /// # Errors
-    ///
-    /// [`Failure`] where the file cannot be written.
-    pub fn file(&self, path: &Path, text: &str) -> Result<(), Failure> {
-        Ok(atomic::write(path, |out| out.write_all(text.as_bytes()))?)
+    /// As [`Console::write`].
+    pub fn json(&mut self, schema: &str, body: &impl Serialize) -> Result<(), Failure> {
+        self.write(self.outputs(), schema, body)
     }
 
     /// The text in colour, where the stream of the result has any.

@@ -112,6 +112,8 @@ pub struct SensorMessage {
     pub header: Header,
     /// The target.
     pub planned: Posture,
+    /// A speed reference (`speedRef`, deg/s) comes with it, or instead. It is never changed.
+    pub has_speed: bool,
 }
 
 /// `EgmSensorPathCorr`.
@@ -167,6 +169,12 @@ fn joints(numbers: &mut Numbers, field: &Field<'_>) -> Result<(), Broken> {
 }
 
 impl Posture {
+    /// Whether it holds neither joints nor a pose.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.joints.values().is_empty() && self.external.values().is_empty() && !self.has_pose
+    }
+
     /// `EgmPlanned` and `EgmFeedBack` have these fields alike.
     fn read(&mut self, mut fields: Fields<'_>) -> Result<(), Broken> {
         while let Some(field) = fields.next()? {
@@ -240,6 +248,7 @@ impl SensorMessage {
             match field.number {
                 1 => message.header.read(field.message()?)?,
                 2 => message.planned.read(field.message()?)?,
+                3 => message.has_speed = true,
                 _ => {}
             }
         }

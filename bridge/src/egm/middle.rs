@@ -1,6 +1,6 @@
 //! What becomes of each datagram: the policies of the EGM bridge, without sockets.
 //!
-//! Feedback and unknown fields pass byte for byte; of a target the joints alone are changed; nothing is sent before the controller
+//! Feedback and unknown fields pass byte for byte; of a target the joint positions alone are changed, speeds never; nothing is sent before the controller
 //! has spoken; where anything is wrong, the application's own target passes, or nothing does. No allocation but the transport's.
 
 use std::net::{IpAddr, SocketAddr};
@@ -59,6 +59,8 @@ pub enum Screened {
     },
     /// An offset across a path.
     Offset(PathCorrMessage),
+    /// A speed reference without a position: there is nothing to correct.
+    SpeedAlone,
     /// Something that is passed on as it is.
     AsItIs,
 }
@@ -269,7 +271,7 @@ impl<L: Link> Middle<L> {
                 }
             }
             Screened::AsItIs => self.counts.one(Count::NotCorrected),
-            // A robot that is not guided does not listen; its first target shall be the application's own.
+            // A speed alone. Or a robot that is not guided: it does not listen, and its first target shall be the application's own.
             _ => self.counts.one(Count::Plain),
         }
         self.counts.one(Count::Sent);
@@ -376,6 +378,8 @@ fn read(guidance: Guidance, datagram: &[u8]) -> Option<(Header, Screened)> {
     let is_joints = is_target && !message.planned.joints.values().is_empty();
     let screened = if is_joints && !message.planned.has_pose {
         Screened::Joints { planned: message.planned, is_repeated: false }
+    } else if is_target && message.has_speed && message.planned.is_empty() {
+        Screened::SpeedAlone
     } else {
         Screened::AsItIs
     };

@@ -60,3 +60,51 @@ fn measurements_that_stand_a_row_late_are_noticed() {
     let said = said(&late);
     assert!(said.first().is_some_and(|s| s.contains("one row after")), "{said:?}");
 }
+
+/// The campaign with one target's points changed.
+fn with_one(target: usize, change: fn(DVec3) -> DVec3) -> Campaign {
+    targets::with_target(&measured(3), target, change)
+}
+
+#[test]
+fn columns_of_one_target_that_are_wrong_are_named_though_the_others_are_right() {
+    let faults: [(&str, Campaign); 5] = [
+        (
+            "target 1 alone is grossly off: its columns x and y are swapped",
+            with_one(0, |p| DVec3::new(p.y, p.x, p.z)),
+        ),
+        (
+            "target 3 alone is grossly off: its columns y and z are swapped",
+            with_one(2, |p| DVec3::new(p.x, p.z, p.y)),
+        ),
+        (
+            "target 2 alone is grossly off: its columns x and z are swapped",
+            with_one(1, |p| DVec3::new(p.z, p.y, p.x)),
+        ),
+        (
+            "target 2 alone is grossly off: its y has the wrong sign",
+            with_one(1, |p| DVec3::new(p.x, -p.y, p.z)),
+        ),
+        (
+            "target 3 alone is grossly off: its columns are in m where mm is said",
+            with_one(2, |p| p * 1e-3),
+        ),
+    ];
+    for (wanted, campaign) in faults {
+        let said = said(&campaign);
+        assert!(said.first().is_some_and(|s| s.contains(wanted)), "{wanted}: {said:?}");
+    }
+}
+
+#[test]
+fn what_the_instrument_is_said_to_be_off_by_is_no_gross_fault() {
+    let mut rough = measured(3);
+    let said_m = 0.05;
+    let noisy = crate::simulate::readings(&rough, &nominal(), &rough.surroundings.clone(), 1.0, 1);
+    assert!(said(&noisy).is_empty());
+    for seen in rough.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
+        seen.whitening = glam::DMat3::from_diagonal(DVec3::splat(1.0 / said_m));
+    }
+    let rough = crate::simulate::readings(&rough, &nominal(), &rough.surroundings.clone(), 1.0, 1);
+    assert_eq!(said(&rough), Vec::<String>::new());
+}

@@ -4,7 +4,8 @@
 //! that are to be found, and the model's numbers within their stated uncertainty (their correlations are not stated, so this is taken too wide rather than too
 //! narrow). Each damage is a likelihood ratio test: what it takes off the sum of squares is χ² under a sound robot, noncentral χ² under a damaged one (Kay,
 //! Fundamentals of Statistical Signal Processing II, 6.5 and 7.6), all of them together by Bonferroni; a test of the whole sum stands beside them, for what none of
-//! them is.
+//! them is. Its other side is tested with all that may change fitted freely: a sum far too small raises no alarm, but is reported, for damage hides below noise
+//! that is overstated.
 //!
 //! Promises: a sound robot alarms as rarely as was asked, in the model's form and with the noise that is stated. Never: a damage named that the
 //! poses cannot show.
@@ -94,8 +95,10 @@ pub struct Judgement {
     pub sum: f64,
     /// What it is expected to be.
     pub freedom: usize,
-    /// How probable such a sum is for a sound robot.
+    /// How probable such a sum, or a larger one, is for a sound robot.
     pub p: f64,
+    /// Which share of the stated noise explains what is left, where the readings scatter too little for chance: the noise is overstated and hides damage.
+    pub scatter: Option<f64>,
     /// Damage that explains it, best first; none where the model holds.
     pub suspects: Vec<Suspect>,
     /// Whether one of the suspects explains all of it.
@@ -268,6 +271,11 @@ pub fn judge(campaign: &Campaign, model: &Model, sigma: &[Vec<f64>], terms: &Ter
     let tests = watch.tests();
     let (sum, freedom) = (evidence.sum(), evidence.freedom(state.surroundings.numbers().len()));
     let p = evidence::p_above(freedom, sum);
+    let (noise, noises) = evidence.noise();
+    let is_quiet = evidence::p_below(noises, noise) < 0.5 * terms.alarm;
+    // The share that is told leaves room for what the model is off by: at that noise the sum is as expected.
+    let share = (sum.max(0.0) / freedom.max(1) as f64).sqrt();
+    let scatter = Some(share).filter(|share| is_quiet && *share < 1.0);
     let mut suspects = Vec::new();
     for ((damage, ..), look) in watch.damages.iter().zip(watch.looks()) {
         let Some(found) = evidence.explained(look) else { continue };
@@ -291,7 +299,7 @@ pub fn judge(campaign: &Campaign, model: &Model, sigma: &[Vec<f64>], terms: &Ter
     });
     let is_explained = rest.is_some_and(|p| p >= 0.5 * terms.alarm);
     let suspects = suspects.into_iter().map(|(suspect, _)| suspect).collect();
-    Judgement { holds, sum, freedom, p, suspects, is_explained, detectable }
+    Judgement { holds, sum, freedom, p, scatter, suspects, is_explained, detectable }
 }
 
 fn scaled(mut rows: DMatrix<f64>, widths: &[f64]) -> DMatrix<f64> {

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{MappedColumn, Mapping, Source};
+use super::{Columns, MappedColumn, Mapping, Orientation, Source};
 use crate::faults::{Fault, Faults, nearest};
 use crate::series::{About, Builder, Column, Need, RawTable, Recording};
 use crate::unit::Unit;
@@ -21,17 +21,20 @@ impl Mapping {
         if self.drop_repeated {
             self.drop_repeated_times(&mut table);
         }
-        let used = self.columns.iter().flat_map(MappedColumn::theirs).map(String::as_str);
-        let used: BTreeSet<&str> = used.collect();
-        let unused = table.header.iter().map(String::as_str).filter(|name| !used.contains(name));
-        let unused: Vec<&str> = unused.collect();
-        if !unused.is_empty() {
-            let note = format!("columns that the mapping does not name: {}", unused.join(", "));
-            table.notes.push(note);
+        if let Some(columns) = &self.columns {
+            let used: BTreeSet<&str> = columns.theirs().map(String::as_str).collect();
+            let unused =
+                table.header.iter().map(String::as_str).filter(|name| !used.contains(name));
+            let unused: Vec<&str> = unused.collect();
+            if !unused.is_empty() {
+                let note = format!("columns that the mapping does not name: {}", unused.join(", "));
+                table.notes.push(note);
+            }
         }
         let mut builder = Builder::new(&table, faults);
-        for column in &self.columns {
-            column.apply(&table, &mut builder);
+        match &self.columns {
+            Some(columns) => columns.apply(&table, &mut builder),
+            None => builder.take_own_columns(),
         }
         builder.finish(about.or_else(|| self.about.clone()).unwrap_or_default(), need)
     }
@@ -52,19 +55,31 @@ impl Mapping {
     }
 
     fn drop_repeated_times(&self, table: &mut RawTable<'_>) {
-        let theirs = |ours: &str| {
-            let column = self.columns.iter().find(|column| column.name == ours);
-            let names = column.map(MappedColumn::theirs).unwrap_or_default();
-            names.iter().filter_map(|name| table.position(name)).collect::<Vec<usize>>()
+        let named = self.columns.iter().flat_map(|columns| &columns.named);
+        let column = |ours: &str| named.clone().find(|column| column.name == ours);
+        let places = |ours: &str| {
+            let theirs = match (&self.columns, column(ours)) {
+                (Some(_), column) => column.map(MappedColumn::theirs).unwrap_or_default().to_vec(),
+                (None, _) => vec![ours.to_owned()],
+            };
+            theirs.iter().filter_map(|name| table.position(name)).collect::<Vec<usize>>()
         };
-        let (time, segment) = (theirs("t_s"), theirs("segment"));
-        let Some(time) = time.first().copied() else { return };
+        let (time, segment) = (places("t_s"), places("segment"));
+        if time.is_empty() {
+            return;
+        }
+        let clock = match column("t_s").map(|column| &column.from) {
+            Some(Source::Times(_, clock)) => clock.as_ref(),
+            _ => None,
+        };
+        // What is no time is told when the column is read.
+        let times = table.times(&time, clock, &mut Faults::of(""));
         let mut last: BTreeMap<Vec<String>, f64> = BTreeMap::new();
         let before = table.len();
         table.keep(|row, table| {
             let cell = |at: &usize| table.cell(row, *at).unwrap_or_default().into_owned();
             let key = segment.iter().map(cell).collect();
-            let t = table.cell(row, time).and_then(|cell| table.number(&cell)).unwrap_or(f64::NAN);
+            let t = times.get(row).copied().unwrap_or(f64::NAN);
             let repeated = last.get(&key).is_some_and(|last| t <= *last);
             if !repeated {
                 last.insert(key, t);
@@ -78,12 +93,29 @@ impl Mapping {
     }
 }
 
+impl Columns {
+    /// The columns of theirs that any of ours needs.
+    fn theirs(&self) -> impl Iterator<Item = &String> {
+        let turned = self.orientation.iter().flat_map(Orientation::theirs);
+        self.named.iter().flat_map(MappedColumn::theirs).chain(turned)
+    }
+
+    fn apply(&self, table: &RawTable<'_>, builder: &mut Builder<'_, '_>) {
+        for column in &self.named {
+            column.apply(table, builder);
+        }
+        if let Some(orientation) = &self.orientation {
+            orientation.apply(table, builder);
+        }
+    }
+}
+
 impl MappedColumn {
     /// The columns of theirs that it needs.
     fn theirs(&self) -> &[String] {
         match &self.from {
             Source::Column(name) | Source::Numbers(name, _) => std::slice::from_ref(name),
-            Source::Labels(names) | Source::Sum(names) => names,
+            Source::Labels(names) | Source::Sum(names) | Source::Times(names, _) => names,
             Source::Constant(_) | Source::Row(_) => &[],
         }
     }
@@ -99,6 +131,9 @@ impl MappedColumn {
             places.push(at);
         }
         let first = places.first().copied();
+        if matches!(self.from, Source::Column(_) | Source::Sum(_)) {
+            places.iter().for_each(|at| builder.check_unit(*at, self.read_in()));
+        }
         let values = match (&self.from, first) {
             (Source::Labels(_), _) => labels(table, &places),
             (Source::Sum(_), _) => {
@@ -107,6 +142,11 @@ impl MappedColumn {
                     sum.iter_mut().zip(builder.numbers(*at)).for_each(|(sum, x)| *sum += x);
                 }
                 sum
+            }
+            (Source::Times(_, clock), _) => {
+                let times = builder.times(&places, clock.as_ref());
+                places.iter().for_each(|at| builder.check_unit(*at, self.read_in()));
+                times
             }
             (Source::Numbers(_, numbers), Some(at)) => stands_for(table, at, numbers, builder),
             (Source::Column(_), Some(at)) => builder.numbers(at),
@@ -118,13 +158,24 @@ impl MappedColumn {
         builder.take(&self.name, first, values);
     }
 
+    /// The unit of our name.
+    fn unit_of_name(&self) -> Option<Unit> {
+        match Column::named(&self.name) {
+            Ok(Column::Channel(_, unit)) => unit,
+            Ok(Column::Time) => Unit::named("s"),
+            _ => None,
+        }
+    }
+
+    /// The unit that their numbers are read in; none where a scale alone may account for it.
+    fn read_in(&self) -> Option<Unit> {
+        let unscaled = self.scale.abs() == 1.0;
+        self.unit.or(self.unit_of_name().filter(|_| unscaled))
+    }
+
     /// A value of theirs in the unit of our name.
     fn ours(&self, theirs: f64) -> f64 {
-        let ours = match Column::named(&self.name) {
-            Ok(Column::Channel(_, unit)) => unit,
-            _ => Unit::named("s"),
-        };
-        let value = match (self.unit, ours) {
+        let value = match (self.unit, self.unit_of_name()) {
             (Some(theirs_unit), Some(ours)) if theirs_unit != ours => {
                 ours.from_si(theirs_unit.to_si(theirs))
             }
@@ -172,7 +223,7 @@ fn stands_for(
     rows.map(|row| number(row).unwrap_or(0.0)).collect()
 }
 
-fn missing(table: &RawTable<'_>, name: &str) -> Fault {
+pub(super) fn missing(table: &RawTable<'_>, name: &str) -> Fault {
     let near = nearest(name, table.header.iter().map(String::as_str));
     let help = near.map(|name| format!("did you mean `{name}`?"));
     Fault::new(name, "is not a column of this file")

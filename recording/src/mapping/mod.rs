@@ -4,15 +4,17 @@
 //! ours that exist, with units that fit; whether theirs are there is judged on the file.
 
 mod apply;
+mod orientation;
 mod read;
 #[cfg(test)]
 mod tests;
 
+use orientation::Orientation;
 use std::path::{Path, PathBuf};
 
 use crate::faults::Faults;
 use crate::files::{FileError, read_text};
-use crate::series::{About, Dialect};
+use crate::series::{About, Clock, Dialect};
 use crate::unit::Unit;
 
 /// Name of the format.
@@ -23,9 +25,17 @@ pub(crate) const SCHEMA: &str = "trued.mapping/1";
 pub struct Mapping {
     pub(crate) dialect: Dialect,
     pub(crate) about: Option<About>,
-    columns: Vec<MappedColumn>,
+    /// None: the names in the header are ours.
+    columns: Option<Columns>,
     keep: Vec<(String, Vec<String>)>,
     drop_repeated: bool,
+}
+
+/// What becomes columns of ours.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Columns {
+    named: Vec<MappedColumn>,
+    orientation: Option<Orientation>,
 }
 
 /// One column of ours and where it comes from.
@@ -46,6 +56,8 @@ struct MappedColumn {
 enum Source {
     /// A column of theirs, by name, or by its number where there is no header.
     Column(String),
+    /// Columns of theirs that hold a time, side by side: numbers or ISO 8601 unless stated.
+    Times(Vec<String>, Option<Clock>),
     /// Columns of theirs whose different texts, or combinations of them, are numbered in the order in which they appear.
     Labels(Vec<String>),
     /// A column of theirs whose texts stand for these numbers.

@@ -2,9 +2,10 @@
 
 use toml::de::DeValue;
 
-use super::{MappedColumn, Mapping, SCHEMA, Source};
+use super::orientation::Orientation;
+use super::{Columns, MappedColumn, Mapping, SCHEMA, Source};
 use crate::faults::Faults;
-use crate::series::{About, Column, Dialect, JOINTS_MAX};
+use crate::series::{About, Clock, Column, Dialect, JOINTS_MAX};
 use crate::unit::Unit;
 use crate::walk::{Document, Table};
 
@@ -17,7 +18,6 @@ pub(super) fn parse(name: &str, text: &str) -> Result<Mapping, Faults> {
 fn read(root: &Table<'_, '_>) -> Option<Mapping> {
     root.require("schema", "schema = \"trued.mapping/1\"");
     root.choice("schema", &[(SCHEMA, ())]);
-    root.require("columns", "a table of columns");
     let joints = root.whole("joints", 1..JOINTS_MAX as i64 + 1);
     let joints = joints.and_then(|joints| usize::try_from(joints).ok());
     let dialect = dialect(root);
@@ -27,19 +27,27 @@ fn read(root: &Table<'_, '_>) -> Option<Mapping> {
     let about = root.table("recording").map(|table| About::from_table(&table));
     let columns = root.table("columns").map(|table| columns(&table, joints));
     root.close();
-    Some(Mapping { dialect, about, columns: columns?, keep, drop_repeated })
+    Some(Mapping { dialect, about, columns, keep, drop_repeated })
 }
 
 fn dialect(root: &Table<'_, '_>) -> Dialect {
     let separators = [(",", b','), (";", b';'), ("tab", b'\t'), ("space", b' '), ("|", b'|')];
+    let thousands = [(".", '.'), (",", ','), ("space", ' '), ("'", '\'')];
     let skip = root.whole("skip_rows", 0..100_000).unwrap_or(0);
     let comment = root.text("comment");
     if let Some(text) = comment.filter(|text| text.len() != 1) {
         root.fault("comment", format!("is \"{text}\""), "one ASCII character");
     }
+    let decimal_comma = root.choice("decimal", &[(".", false), (",", true)]);
+    let thousands = root.choice("thousands", &thousands);
+    if decimal_comma.is_some_and(|comma| thousands == Some(if comma { ',' } else { '.' })) {
+        root.fault("thousands", "is the decimal mark", "another mark than `decimal`");
+    }
     Dialect {
         separator: root.choice("separator", &separators),
-        decimal_comma: root.choice("decimal", &[(".", false), (",", true)]),
+        decimal_comma,
+        thousands,
+        units_row: root.flag("units_row"),
         comment: comment.and_then(|text| text.bytes().next()),
         skip_lines: usize::try_from(skip).unwrap_or(0),
         no_header: root.flag("header").is_some_and(|header| !header),
@@ -58,12 +66,14 @@ fn keep(table: &Table<'_, '_>) -> Vec<(String, Vec<String>)> {
     keep
 }
 
-fn columns(table: &Table<'_, '_>, joints: Option<usize>) -> Vec<MappedColumn> {
-    let mut columns = Vec::new();
+fn columns(table: &Table<'_, '_>, joints: Option<usize>) -> Columns {
+    let mut columns = Columns::default();
     for pattern in table.keys() {
         let Some(entry) = table.table(pattern) else { continue };
-        if let Some(found) = column(table, pattern, &entry, joints) {
-            columns.extend(found);
+        if pattern == "orientation" {
+            columns.orientation = Orientation::read(&entry);
+        } else if let Some(found) = column(table, pattern, &entry, joints) {
+            columns.named.extend(found);
         }
         entry.close();
     }
@@ -79,8 +89,10 @@ fn column(
     joints: Option<usize>,
 ) -> Option<Vec<MappedColumn>> {
     let order = entry.wholes("order", 1..1000);
-    let unit = unit(entry);
+    let unit = unit_of(entry);
     let names = sources(entry);
+    let names =
+        if pattern == "t_s" { names.and_then(|names| times(entry, names, unit)) } else { names };
     let starred = pattern.contains('*');
     let listed = names.as_ref().filter(|_| starred).and_then(Names::count);
     let count = listed.or(order.as_ref().map(Vec::len)).or(joints).filter(|_| starred);
@@ -93,6 +105,11 @@ fn column(
     let sign = factors(entry, "sign", count, 1.0)?;
     let offset = factors(entry, "offset", count, 0.0)?;
     let names = names?;
+    if let Some(several) = names.count().filter(|several| !starred && *several != 1) {
+        let expected = "one column, or `sum = true`, or `labels = true`";
+        entry.fault("from", format!("names {several} columns for one"), expected);
+        return None;
+    }
     let mut found = Vec::new();
     for at in 0..count {
         let name = pattern.replacen('*', &(at + 1).to_string(), 1);
@@ -113,7 +130,7 @@ fn column(
     Some(found)
 }
 
-fn unit(entry: &Table<'_, '_>) -> Option<Unit> {
+pub(super) fn unit_of(entry: &Table<'_, '_>) -> Option<Unit> {
     let name = entry.text("unit")?;
     let unit = Unit::named(name);
     if unit.is_none() {
@@ -179,6 +196,7 @@ enum Names {
     List(Vec<String>),
     Labels(Vec<String>),
     Sum(Vec<String>),
+    Times(Vec<String>, Option<Clock>),
     Numbers(String, Vec<(String, f64)>),
     Constant(f64),
     Row(f64),
@@ -199,6 +217,7 @@ impl Names {
             Self::List(names) => Source::Column(names.get(at)?.clone()),
             Self::Labels(names) => Source::Labels(names.clone()),
             Self::Sum(names) => Source::Sum(names.clone()),
+            Self::Times(names, clock) => Source::Times(names.clone(), clock.clone()),
             Self::Numbers(name, numbers) => Source::Numbers(name.clone(), numbers.clone()),
             Self::Constant(value) => Source::Constant(*value),
             Self::Row(step) => Source::Row(*step),
@@ -214,8 +233,8 @@ fn sources(entry: &Table<'_, '_>) -> Option<Names> {
     let step = entry.number("per_row", ..);
     let from = match entry.raw("from").map(toml::Spanned::get_ref) {
         None => None,
-        Some(DeValue::Array(list)) => {
-            let names: Option<Vec<String>> = list.iter().map(|v| name_of(v.get_ref())).collect();
+        Some(DeValue::Array(_)) => {
+            let names = names_of(entry);
             let of = if labels {
                 Names::Labels
             } else if sum {
@@ -242,6 +261,38 @@ fn sources(entry: &Table<'_, '_>) -> Option<Names> {
         entry.fault_here(message, "give exactly one of `from`, `constant`, `per_row`");
     }
     given.into_iter().next()
+}
+
+/// A source of times, which may be numbers in a unit or be written as a date or time of the day.
+fn times(entry: &Table<'_, '_>, names: Names, unit: Option<Unit>) -> Option<Names> {
+    let clock = match entry.text("format").map(|text| (text, Clock::parse(text))) {
+        Some((text, Err(expected))) => {
+            entry.fault("format", format!("is \"{text}\""), expected);
+            return None;
+        }
+        Some((_, Ok(clock))) => Some(clock),
+        None => None,
+    };
+    if let Some(unit) = unit.filter(|_| clock.is_some()) {
+        let expected = "no unit beside `format`, which states it";
+        entry.fault("unit", format!("is \"{}\"", unit.name), expected);
+    }
+    Some(match names {
+        // A unit is one of numbers.
+        Names::Pattern(name) if unit.is_none() => Names::Times(vec![name], clock),
+        Names::List(names) if clock.is_some() => Names::Times(names, clock),
+        names => names,
+    })
+}
+
+/// The columns that a list names.
+pub(super) fn names_of(entry: &Table<'_, '_>) -> Option<Vec<String>> {
+    let list = entry.raw("from")?.get_ref().as_array();
+    let names = list.and_then(|list| list.iter().map(|v| name_of(v.get_ref())).collect());
+    if names.is_none() {
+        entry.fault("from", "is no list of columns", "a list of names, or of numbers from 1");
+    }
+    names
 }
 
 /// The texts of a column and the numbers that they stand for.

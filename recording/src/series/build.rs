@@ -8,6 +8,7 @@ use super::about::{About, Approach, Heldout};
 use physics::JointKind;
 
 use super::channel::{Channel, Column, FileUnits, joint_kind_of};
+use super::clock::Clock;
 use super::table::RawTable;
 use super::{Need, Recording};
 use crate::faults::{Fault, Faults, nearest};
@@ -57,6 +58,46 @@ impl<'t, 's> Builder<'t, 's> {
     /// The numbers of a column of the foreign table; faults are noted, the values stay in place.
     pub(crate) fn numbers(&mut self, from: usize) -> Vec<f64> {
         self.table.numbers(from, &mut self.faults)
+    }
+
+    /// Times from columns of the foreign table, s; see [`RawTable::times`].
+    pub(crate) fn times(&mut self, from: &[usize], clock: Option<&Clock>) -> Vec<f64> {
+        self.table.times(from, clock, &mut self.faults)
+    }
+
+    /// Notes a fault where the line of units contradicts the unit that a column is read in.
+    pub(crate) fn check_unit(&mut self, from: usize, read_in: Option<Unit>) {
+        self.table.check_unit(from, read_in, &mut self.faults);
+    }
+
+    /// Takes the columns whose names are ours, and keeps the others.
+    pub(crate) fn take_own_columns(&mut self) {
+        for (at, name) in self.table.header.iter().enumerate() {
+            if self.table.position(name) != Some(at) {
+                let fault = Fault::new(name, "stands twice in the header");
+                self.fault(self.table.header_fault(at, fault));
+                continue;
+            }
+            match Column::named(name) {
+                Ok(Column::Unknown) => self.keep(at),
+                Ok(Column::Time) => {
+                    let times = self.times(&[at], None);
+                    self.check_unit(at, Unit::named("s"));
+                    self.take(name, Some(at), times);
+                }
+                Ok(column) => {
+                    let numbers = self.numbers(at);
+                    if let Column::Channel(_, unit) = column {
+                        self.check_unit(at, unit);
+                    }
+                    self.take(name, Some(at), numbers);
+                }
+                Err(expected) => {
+                    let fault = Fault::new(name, "has a unit that does not fit").expected(expected);
+                    self.fault(self.table.header_fault(at, fault));
+                }
+            }
+        }
     }
 
     /// Takes a column of ours. `values` are in the unit of its name.
@@ -151,7 +192,10 @@ impl<'t, 's> Builder<'t, 's> {
         self.judge_gauges(&about.gauges);
         let mut notes = self.table.notes.clone();
         notes.extend(unknown_columns(&self.other));
-        let recording = Recording {
+        let name = |source: &Source| self.table.header.get(source.from?).cloned();
+        let names = self.sources.iter().filter_map(|(c, source)| Some((*c, name(source)?)));
+        let names = names.collect();
+        let mut recording = Recording {
             file: self.faults.file().into(),
             t_s: self.time.unwrap_or_default(),
             segment: self.segment.unwrap_or_else(|| vec![0; rows]),
@@ -161,7 +205,15 @@ impl<'t, 's> Builder<'t, 's> {
             notes,
             columns: self.columns,
             kinds: self.kinds,
+            names,
         };
+        for twins in recording.twins() {
+            if need == Need::Measurement {
+                self.faults.push(twins.fault());
+            } else {
+                recording.notes.push(twins.note());
+            }
+        }
         self.faults.or(Some(recording))
     }
 

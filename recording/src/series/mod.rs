@@ -8,14 +8,22 @@ mod about;
 mod about_text;
 mod build;
 mod channel;
+mod clock;
+#[cfg(test)]
+mod forms_tests;
 mod gauges;
 mod judge_gauges;
+mod number;
 #[cfg(feature = "parquet")]
 mod parquet;
+mod places;
+mod rows;
 mod table;
 #[cfg(test)]
 mod tests;
 mod text;
+mod twins;
+mod units_line;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -24,6 +32,7 @@ pub use about::{About, Approach, Cut, Frame, Heldout, Input, Kind};
 pub(crate) use build::Builder;
 pub(crate) use channel::Column;
 pub use channel::{Channel, FileUnits, GAUGES_MAX, JOINTS_MAX, TARGETS_MAX};
+pub(crate) use clock::Clock;
 pub use gauges::{Distance, Gauges, Probe, TouchedPlane, TouchedSphere};
 pub(crate) use table::{Dialect, RawTable};
 pub use text::{read, read_text, write};
@@ -62,6 +71,8 @@ pub struct Recording {
     pub notes: Vec<String>,
     columns: BTreeMap<Channel, Vec<f64>>,
     kinds: BTreeMap<usize, JointKind>,
+    /// Names in the file it was read from.
+    names: BTreeMap<Channel, String>,
 }
 
 impl Recording {
@@ -78,6 +89,7 @@ impl Recording {
             notes: Vec::new(),
             columns: BTreeMap::new(),
             kinds: BTreeMap::new(),
+            names: BTreeMap::new(),
         }
     }
 
@@ -87,13 +99,11 @@ impl Recording {
     /// What is needed and not there.
     pub fn check_need(&self, need: Need) -> Result<(), Faults> {
         let mut faults = Faults::of(self.file.display().to_string());
-        match build::lacking(&self.columns, need) {
-            Some(fault) => {
-                faults.push(fault);
-                Err(faults)
-            }
-            None => Ok(()),
+        build::lacking(&self.columns, need).into_iter().for_each(|fault| faults.push(fault));
+        if need == Need::Measurement {
+            self.twins().iter().for_each(|twins| faults.push(twins.fault()));
         }
+        if faults.is_empty() { Ok(()) } else { Err(faults) }
     }
 
     /// Number of rows.
@@ -117,6 +127,12 @@ impl Recording {
     /// The columns that are there, in order.
     pub fn channels(&self) -> impl Iterator<Item = Channel> + '_ {
         self.columns.keys().copied()
+    }
+
+    /// What a column is called in the file that it was read from; the first where it was made of several.
+    #[must_use]
+    pub fn name_in_file(&self, channel: Channel) -> Option<&str> {
+        self.names.get(&channel).map(String::as_str)
     }
 
     /// Puts a column in or replaces it. A column of another length is cut or filled with NaN.

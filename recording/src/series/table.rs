@@ -1,15 +1,17 @@
-//! A foreign table, of text or of cells: separators, comments and the last line's end found out and said.
+//! A foreign table, of text or of cells: separators, decimal mark, comments, a line of units and the last line's end are found and noted.
 //!
-//! Contract: no number is interpreted but when asked for ([`RawTable::numbers`]), and to judge a last line that was cut
+//! Contract: cells become numbers only when asked for ([`RawTable::numbers`], [`RawTable::times`]), and to judge a last line that was cut
 //! off. Every row of text keeps the line it came from.
 
 use std::borrow::Cow;
-use std::ops::Range;
 
 use csv::{ReaderBuilder, StringRecord};
 
+use super::number::{Notation, Unread};
 #[cfg(feature = "parquet")]
 use super::parquet::Cells;
+use super::rows::{Rows, TooLarge, too_large};
+use super::units_line::UnitsLine;
 use crate::faults::{Fault, Faults, Place};
 
 /// How a table is written down; `None` means: find out.
@@ -17,6 +19,10 @@ use crate::faults::{Fault, Faults, Place};
 pub(crate) struct Dialect {
     pub(crate) separator: Option<u8>,
     pub(crate) decimal_comma: Option<bool>,
+    /// What groups thousands.
+    pub(crate) thousands: Option<char>,
+    /// Whether units stand in the row below the header.
+    pub(crate) units_row: Option<bool>,
     pub(crate) comment: Option<u8>,
     /// Lines before the header (or the first row), whatever stands in them.
     pub(crate) skip_lines: usize,
@@ -28,50 +34,115 @@ pub(crate) struct Dialect {
 
 /// A table as it was found.
 pub(crate) struct RawTable<'s> {
-    source: &'s str,
+    pub(super) source: &'s str,
     pub(crate) header: Vec<String>,
+    pub(super) units: Option<UnitsLine>,
     /// Of a table of text.
-    rows: Vec<StringRecord>,
+    pub(super) rows: Rows,
     /// Column by column, of one that was no text.
     #[cfg(feature = "parquet")]
     cells: Vec<Cells>,
     pub(crate) notes: Vec<String>,
-    separator: u8,
-    decimal_comma: bool,
-    header_line: usize,
-    body_start: usize,
+    pub(super) separator: u8,
+    notation: Notation,
+    pub(super) header_line: usize,
+    pub(super) body_start: usize,
 }
 
 impl<'s> RawTable<'s> {
     /// Cuts a text into fields. Faults of shape are noted; what is readable stays.
     pub(crate) fn cut(source: &'s str, dialect: &Dialect, faults: &mut Faults) -> Self {
-        let body_start = source.split_inclusive('\n').take(dialect.skip_lines).map(str::len).sum();
+        let skipped: usize =
+            source.split_inclusive('\n').take(dialect.skip_lines).map(str::len).sum();
+        let (stated, body_start) = separator_line(source, skipped);
         let body = source.get(body_start..).unwrap_or_default();
         let is_comment = |line: &&str| {
             dialect.comment.is_some_and(|mark| line.as_bytes().first() == Some(&mark))
         };
         let first = body.lines().find(|line| !line.trim().is_empty() && !is_comment(line));
-        let separator = dialect.separator.unwrap_or_else(|| guess_separator(first.unwrap_or("")));
+        let known = dialect.separator.or(stated);
+        let separator = known.unwrap_or_else(|| guess_separator(first.unwrap_or("")));
         let mut table = Self {
             source,
             header: Vec::new(),
-            rows: Vec::new(),
+            units: None,
+            rows: Rows::default(),
             #[cfg(feature = "parquet")]
             cells: Vec::new(),
             notes: Vec::new(),
             separator,
-            decimal_comma: dialect.decimal_comma.unwrap_or(separator == b';'),
+            notation: Notation::of('.', None),
             header_line: 0,
             body_start,
         };
         if dialect.separator.is_none() && separator != b',' {
-            let name = if separator == b';' { "semicolons" } else { "tabulators" };
+            let name = match separator {
+                b';' => "semicolons".to_owned(),
+                b'\t' => "tabulators".to_owned(),
+                other => format!("`{}`", char::from(other)),
+            };
             table.notes.push(format!("fields are separated by {name}"));
         }
-        table.read_rows(body, dialect, faults);
+        if table.read_rows(body, dialect, faults).is_err() {
+            faults.push(too_large());
+        }
+        table.drop_empty_end();
+        table.find_notation(dialect);
         table.judge_last_line(body);
+        table.take_units(dialect);
         table.judge_lengths(dialect.width.is_some(), faults);
         table
+    }
+
+    /// Leaves out the empty rows that spreadsheets write below a table.
+    fn drop_empty_end(&mut self) {
+        let is_empty =
+            |rows: &Rows, row: usize| (0..rows.width(row)).all(|at| rows.cell(row, at) == Some(""));
+        let before = self.rows.len();
+        while let Some(last) = self.rows.len().checked_sub(1).filter(|at| is_empty(&self.rows, *at))
+        {
+            self.rows.keep_first(last);
+        }
+        let dropped = before - self.rows.len();
+        if dropped > 0 {
+            self.notes.push(format!("left out {dropped} empty rows at the end"));
+        }
+    }
+
+    fn find_notation(&mut self, dialect: &Dialect) {
+        let stated = match (dialect.decimal_comma, dialect.thousands) {
+            (Some(comma), _) => Some(if comma { ',' } else { '.' }),
+            (None, Some('.')) => Some(','),
+            (None, Some(',')) => Some('.'),
+            (None, _) => None,
+        };
+        self.notation = match stated {
+            Some(decimal) => Notation::of(decimal, dialect.thousands),
+            None => Notation {
+                thousands: dialect.thousands,
+                ..Notation::found(self.separator, self.rows.cells())
+            },
+        };
+        if stated.is_none() && self.notation.decimal == ',' {
+            self.notes.push("a comma is the decimal mark".to_owned());
+        }
+    }
+
+    /// Takes the units that stand in the first row, where the header says what they are of.
+    fn take_units(&mut self, dialect: &Dialect) {
+        let asked = dialect.units_row;
+        if self.rows.len() == 0 || asked == Some(false) || (dialect.no_header && asked.is_none()) {
+            return;
+        }
+        let cells = (0..self.rows.width(0)).filter_map(|at| self.rows.cell(0, at));
+        let line = self.line_of_row(0);
+        if let Some(units) = UnitsLine::of(line, cells, asked == Some(true)) {
+            let mut wanted = vec![true; self.rows.len()];
+            wanted[0] = false;
+            self.rows.keep(&wanted);
+            self.notes.push(format!("line {line} holds units"));
+            self.units = Some(units);
+        }
     }
 
     /// A table that was no text; faults then name rows instead of lines.
@@ -80,11 +151,12 @@ impl<'s> RawTable<'s> {
         RawTable {
             source: "",
             header,
-            rows: Vec::new(),
+            units: None,
+            rows: Rows::default(),
             cells,
             notes: Vec::new(),
             separator: b',',
-            decimal_comma: false,
+            notation: Notation::of('.', None),
             header_line: 0,
             body_start: 0,
         }
@@ -105,16 +177,16 @@ impl<'s> RawTable<'s> {
         if let Some(cells) = self.cells.get(column) {
             return Some(cells.text(row));
         }
-        self.rows.get(row)?.get(column).map(Cow::Borrowed)
+        self.rows.cell(row, column).map(Cow::Borrowed)
     }
 
-    /// The number in a cell: NaN where it is empty, `None` where it is no number.
-    fn number_in(&self, row: usize, column: usize) -> Option<f64> {
+    /// The number in a cell: NaN where it is empty.
+    fn number_in(&self, row: usize, column: usize) -> Result<f64, Unread> {
         #[cfg(feature = "parquet")]
         if let Some(number) = self.cells.get(column).and_then(|cells| cells.number(row)) {
-            return Some(number);
+            return Ok(number);
         }
-        self.cell(row, column).map_or(Some(f64::NAN), |cell| self.number(&cell))
+        self.cell(row, column).map_or(Ok(f64::NAN), |cell| self.notation.read(&cell))
     }
 
     /// Leaves out the rows that are not `wanted`.
@@ -122,11 +194,15 @@ impl<'s> RawTable<'s> {
         let wanted: Vec<bool> = (0..self.len()).map(|row| wanted(row, self)).collect();
         #[cfg(feature = "parquet")]
         self.cells.iter_mut().for_each(|cells| cells.keep(&wanted));
-        let mut wanted = wanted.iter();
-        self.rows.retain(|_| wanted.next() == Some(&true));
+        self.rows.keep(&wanted);
     }
 
-    fn read_rows(&mut self, body: &str, dialect: &Dialect, faults: &mut Faults) {
+    fn read_rows(
+        &mut self,
+        body: &str,
+        dialect: &Dialect,
+        faults: &mut Faults,
+    ) -> Result<(), TooLarge> {
         if self.separator == b' ' {
             return self.read_blanks(body, dialect);
         }
@@ -135,63 +211,74 @@ impl<'s> RawTable<'s> {
             .flexible(true)
             .delimiter(self.separator)
             .comment(dialect.comment)
-            .trim(csv::Trim::All)
             .from_reader(body.as_bytes());
-        for record in reader.records() {
-            match record {
-                Ok(record) if record.len() == 1 && record.get(0) == Some("") => {}
-                Ok(record) if self.header.is_empty() => self.take_header(record, dialect),
-                Ok(record) => self.rows.push(record),
+        let mut record = StringRecord::new();
+        loop {
+            match reader.read_record(&mut record) {
+                Ok(false) => return Ok(()),
+                Ok(true)
+                    if record.len() == 1 && record.iter().all(|field| field.trim().is_empty()) => {}
+                Ok(true) => {
+                    let byte = record.position().map_or(0, csv::Position::byte);
+                    let byte = usize::try_from(byte).unwrap_or(usize::MAX);
+                    self.take(byte, record.iter(), dialect)?;
+                }
                 Err(error) => {
                     faults.push(Fault::new("", format!("not a table of text: {error}")));
-                    return;
+                    return Ok(());
                 }
             }
         }
     }
 
     /// Fields set apart by blanks, however many.
-    fn read_blanks(&mut self, body: &str, dialect: &Dialect) {
+    fn read_blanks(&mut self, body: &str, dialect: &Dialect) -> Result<(), TooLarge> {
         let mut byte = 0;
         for line in body.split_inclusive('\n') {
             let comment =
                 dialect.comment.is_some_and(|mark| line.as_bytes().first() == Some(&mark));
-            let mut record: StringRecord = line.split_whitespace().collect();
-            let mut position = csv::Position::new();
-            position.set_byte(byte);
-            record.set_position(Some(position));
-            byte += line.len() as u64;
-            match record.is_empty() || comment {
-                true => {}
-                false if self.header.is_empty() => self.take_header(record, dialect),
-                false => self.rows.push(record),
+            if !comment && !line.trim().is_empty() {
+                self.take(byte, line.split_whitespace(), dialect)?;
             }
+            byte += line.len();
         }
+        Ok(())
     }
 
-    fn take_header(&mut self, record: StringRecord, dialect: &Dialect) {
-        if dialect.no_header {
-            let width = dialect.width.unwrap_or(record.len());
-            self.header = (1..=width).map(|number| number.to_string()).collect();
-            self.rows.push(record);
-        } else {
-            self.header_line = self.line_of(&record);
-            self.header = record.iter().map(str::to_owned).collect();
+    /// Takes a record: the header, then rows.
+    fn take<'f>(
+        &mut self,
+        byte: usize,
+        fields: impl Iterator<Item = &'f str> + Clone,
+        dialect: &Dialect,
+    ) -> Result<(), TooLarge> {
+        if !self.header.is_empty() {
+            return self.rows.push(byte, fields);
         }
+        if dialect.no_header {
+            let width = dialect.width.unwrap_or_else(|| fields.clone().count());
+            self.header = (1..=width).map(|number| number.to_string()).collect();
+            return self.rows.push(byte, fields);
+        }
+        self.header_line = self.line_of(byte);
+        // Word processors put no-break spaces into names; nobody can type them into a mapping.
+        self.header = fields.map(|name| name.trim().replace('\u{a0}', " ")).collect();
+        Ok(())
     }
 
     fn judge_last_line(&mut self, body: &str) {
-        let Some(last) = self.rows.last() else { return };
-        if body.ends_with('\n') {
+        let Some(last) = self.rows.len().checked_sub(1).filter(|_| !body.ends_with('\n')) else {
             return;
-        }
-        let cell = last.iter().next_back().unwrap_or("");
-        let above = self.rows.len().checked_sub(2).and_then(|at| self.rows.get(at));
-        let above = above.and_then(|row| row.get(last.len() - 1)).unwrap_or("");
-        let broken = self.number(cell).is_none() && self.number(above).is_some();
-        let line = self.line_of(last);
-        if last.len() < self.header.len() || broken {
-            self.rows.pop();
+        };
+        let width = self.rows.width(last);
+        let is_number = |row: Option<usize>| {
+            let cell = row.and_then(|row| self.rows.cell(row, width.saturating_sub(1)));
+            self.is_number(cell.unwrap_or(""))
+        };
+        let broken = !is_number(Some(last)) && is_number(last.checked_sub(1));
+        let line = self.line_of_row(last);
+        if width < self.header.len() || broken {
+            self.rows.keep_first(last);
             self.notes.push(format!("line {line} is cut off: it was left out"));
         } else {
             self.notes.push(format!("the last line ({line}) has no end: kept, as it is complete"));
@@ -200,48 +287,41 @@ impl<'s> RawTable<'s> {
 
     fn judge_lengths(&self, more_may_follow: bool, faults: &mut Faults) {
         let width = self.header.len();
-        let fits =
-            |row: &StringRecord| row.len() == width || (more_may_follow && row.len() > width);
-        for row in self.rows.iter().filter(|row| !fits(row)) {
+        let fits = |found: usize| found == width || (more_may_follow && found > width);
+        for row in (0..self.rows.len()).filter(|row| !fits(self.rows.width(*row))) {
             faults.push_with(|| {
-                let line = self.line_of(row);
+                let line = self.line_of_row(row);
                 let text = self.line_text(line);
-                Fault::new("", format!("this row has {} fields", row.len()))
+                Fault::new("", format!("this row has {} fields", self.rows.width(row)))
                     .expected(format!("{width}, as the header"))
                     .at(Place::in_line(line, text, &(0..text.len())))
             });
         }
     }
 
-    /// A cell as a number: NaN where it is empty, `None` where it is no number.
-    pub(crate) fn number(&self, cell: &str) -> Option<f64> {
-        if cell.is_empty() {
-            return Some(f64::NAN);
-        }
-        if self.decimal_comma && cell.contains(',') {
-            return cell.replace(',', ".").parse().ok();
-        }
-        cell.parse().ok()
+    /// Whether a cell is empty or meant as a number, be it one that can be read in two ways.
+    pub(crate) fn is_number(&self, cell: &str) -> bool {
+        self.notation.read(cell) != Err(Unread::NoNumber)
     }
 
     /// The numbers of a column; what is none, or infinite, is a fault and stays in place as NaN or itself.
     pub(crate) fn numbers(&self, column: usize, faults: &mut Faults) -> Vec<f64> {
-        let name = self.header.get(column).cloned().unwrap_or_default();
+        let name = self.header.get(column).map_or("", String::as_str);
         let mut numbers = Vec::with_capacity(self.len());
         for row in 0..self.len() {
             let number = self.number_in(row, column);
-            let fault = match number {
-                None => {
+            let is_sound = number.is_ok_and(|number| !number.is_infinite());
+            if !is_sound {
+                faults.push_with(|| {
                     let cell = self.cell(row, column).unwrap_or_default();
-                    Some(Fault::new(&name, format!("`{cell}` is no number")).expected("a number"))
-                }
-                Some(number) if number.is_infinite() => {
-                    Some(Fault::new(&name, "is infinite").expected("a finite number, or nothing"))
-                }
-                Some(_) => None,
-            };
-            if let Some(fault) = fault {
-                faults.push_with(|| self.cell_fault(row, column, fault));
+                    let fault = match number {
+                        Err(unread) => self.notation.fault(unread, &cell),
+                        Ok(_) => {
+                            Fault::new("", "is infinite").expected("a finite number, or nothing")
+                        }
+                    };
+                    self.cell_fault(row, column, Fault { key: name.to_owned(), ..fault })
+                });
             }
             numbers.push(number.unwrap_or(f64::NAN));
         }
@@ -251,59 +331,6 @@ impl<'s> RawTable<'s> {
     /// The column with this name.
     pub(crate) fn position(&self, name: &str) -> Option<usize> {
         self.header.iter().position(|header| header == name)
-    }
-
-    /// A fault of a cell, with its place.
-    pub(crate) fn cell_fault(&self, row: usize, column: usize, fault: Fault) -> Fault {
-        let Some(record) = self.rows.get(row) else { return fault };
-        if self.source.is_empty() {
-            return fault.help(format!("in row {} of the data", row + 1));
-        }
-        let line = self.line_of(record);
-        let text = self.line_text(line);
-        fault.at(Place::in_line(line, text, &self.field_span(text, column)))
-    }
-
-    /// A fault of a column's name, with its place.
-    pub(crate) fn header_fault(&self, column: usize, fault: Fault) -> Fault {
-        if self.header_line == 0 {
-            return fault;
-        }
-        let text = self.line_text(self.header_line);
-        fault.at(Place::in_line(self.header_line, text, &self.field_span(text, column)))
-    }
-
-    /// Line of a record, from 1. Counted here: the reader's own count is one behind after CRLF.
-    fn line_of(&self, record: &StringRecord) -> usize {
-        let byte = record.position().map_or(0, csv::Position::byte);
-        let start = usize::try_from(byte).unwrap_or(usize::MAX).saturating_add(self.body_start);
-        let bytes = self.source.as_bytes();
-        let ends = |byte: &u8| matches!(byte, b'\n' | b'\r');
-        let at = (start..bytes.len()).find(|at| !ends(&bytes[*at])).unwrap_or(bytes.len());
-        bytes[..at].iter().filter(|byte| **byte == b'\n').count() + 1
-    }
-
-    fn line_text(&self, line: usize) -> &'s str {
-        self.source.lines().nth(line.saturating_sub(1)).unwrap_or_default()
-    }
-
-    fn field_span(&self, text: &str, column: usize) -> Range<usize> {
-        let mut start = 0;
-        if self.separator == b' ' {
-            let mut words = text.split_inclusive(char::is_whitespace).map(|word| {
-                start += word.len();
-                (start - word.len(), word.trim_end())
-            });
-            let field = words.by_ref().filter(|(_, word)| !word.is_empty()).nth(column);
-            return field.map_or(0..text.len(), |(from, word)| from..from + word.len());
-        }
-        for (at, field) in text.split(char::from(self.separator)).enumerate() {
-            if at == column {
-                return start..start + field.len();
-            }
-            start += field.len() + 1;
-        }
-        0..text.len()
     }
 }
 
@@ -316,4 +343,16 @@ fn guess_separator(line: &str) -> u8 {
         }
     }
     best
+}
+
+/// The separator that a spreadsheet's first line states (`sep=;`), and where the table begins behind it.
+fn separator_line(source: &str, start: usize) -> (Option<u8>, usize) {
+    let rest = source.get(start..).unwrap_or_default();
+    let line = rest.split_inclusive('\n').next().unwrap_or_default();
+    let plain = line.trim_end_matches(['\r', '\n']).trim_matches('"');
+    let stated = plain.get(..4).filter(|head| head.eq_ignore_ascii_case("sep="));
+    match (stated, plain.get(4..).map(str::as_bytes)) {
+        (Some(_), Some([separator])) => (Some(*separator), start + line.len()),
+        _ => (None, start),
+    }
 }

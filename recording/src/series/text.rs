@@ -9,9 +9,9 @@ use csv::WriterBuilder;
 
 use super::about::About;
 use super::build::Builder;
-use super::channel::{Channel, Column};
+use super::channel::Channel;
 use super::table::{Dialect, RawTable};
-use super::{Need, Recording, about_path};
+use super::{FileUnits, Need, Recording, about_path};
 use crate::faults::{Fault, Faults};
 use crate::files::{FileError, read_text as read_file, write_atomic};
 use crate::mapping::{Mapping, mapping_path};
@@ -87,29 +87,8 @@ fn of_table(
         Some(mapping) => mapping.apply(table, faults, about, need),
         None => {
             let mut builder = Builder::new(&table, faults);
-            take_own_columns(&table, &mut builder);
+            builder.take_own_columns();
             builder.finish(about.unwrap_or_default(), need)
-        }
-    }
-}
-
-fn take_own_columns(table: &RawTable<'_>, builder: &mut Builder<'_, '_>) {
-    for (at, name) in table.header.iter().enumerate() {
-        if table.position(name) != Some(at) {
-            let fault = Fault::new(name, "stands twice in the header");
-            builder.fault(table.header_fault(at, fault));
-            continue;
-        }
-        match Column::named(name) {
-            Ok(Column::Unknown) => builder.keep(at),
-            Ok(_) => {
-                let numbers = builder.numbers(at);
-                builder.take(name, Some(at), numbers);
-            }
-            Err(expected) => {
-                let fault = Fault::new(name, "has a unit that does not fit").expected(expected);
-                builder.fault(table.header_fault(at, fault));
-            }
         }
     }
 }
@@ -138,6 +117,16 @@ impl Recording {
             let _ = writer.write_record(&fields);
         }
         writer.into_inner().unwrap_or_default()
+    }
+
+    /// A column in degrees and millimetres, whatever the file has: its name with the unit, and its first values.
+    #[must_use]
+    pub fn first_values(&self, channel: Channel, rows: usize) -> (String, Vec<f64>) {
+        let kind = self.joint_kind(channel.joint().unwrap_or(0));
+        let unit = channel.unit_in(FileUnits::WORKSHOP, kind);
+        let values = self.column(channel).unwrap_or_default().iter().take(rows);
+        let values = values.map(|si| unit.map_or(*si, |unit| unit.from_si(*si)));
+        (channel.name(unit), values.collect())
     }
 
     fn file_column(&self, channel: Channel) -> FileColumn<'_> {

@@ -18,7 +18,11 @@ mod table;
 mod tests;
 mod uff;
 mod uff58;
+mod uff_channels;
+mod uff_head;
 mod uff_numbers;
+#[cfg(test)]
+mod uff_tests;
 mod wav;
 mod wav_chunks;
 #[cfg(test)]

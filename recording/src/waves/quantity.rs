@@ -8,6 +8,9 @@ use crate::unit::Quantity;
 const STANDARD_GRAVITY: f64 = 9.806_65;
 /// Pound-force, N (CGPM 1901's gravity times the international pound).
 const POUND_FORCE: f64 = 4.448_221_615_260_5;
+/// Inch and foot, m (international yard and pound agreement of 1959).
+const INCH: f64 = 0.025_4;
+const FOOT: f64 = 0.304_8;
 
 /// Spellings in lower case, without blanks, points and carets.
 const SPELLINGS: &[(&[&str], Quantity, f64)] = &[
@@ -17,11 +20,20 @@ const SPELLINGS: &[(&[&str], Quantity, f64)] = &[
     (&["nm", "n*m", "n-m"], Quantity::Moment, 1.0),
     (&["m/s2", "m_s2", "m/s/s", "m/s**2", "ms-2"], Quantity::Acceleration, 1.0),
     (&["mm/s2", "mm/s/s"], Quantity::Acceleration, 1e-3),
+    (&["cm/s2"], Quantity::Acceleration, 1e-2),
+    (&["in/s2"], Quantity::Acceleration, INCH),
+    (&["ft/s2"], Quantity::Acceleration, FOOT),
     (&["g", "gn", "g's"], Quantity::Acceleration, STANDARD_GRAVITY),
     (&["m/s", "m_s"], Quantity::Speed, 1.0),
     (&["mm/s", "mm_s"], Quantity::Speed, 1e-3),
+    (&["cm/s"], Quantity::Speed, 1e-2),
+    (&["in/s"], Quantity::Speed, INCH),
+    (&["ft/s"], Quantity::Speed, FOOT),
     (&["m"], Quantity::Length, 1.0),
     (&["mm"], Quantity::Length, 1e-3),
+    (&["cm"], Quantity::Length, 1e-2),
+    (&["in", "inch"], Quantity::Length, INCH),
+    (&["ft"], Quantity::Length, FOOT),
     (&["um", "µm", "micron", "microns"], Quantity::Length, 1e-6),
     (&["nanometre", "nanometer"], Quantity::Length, 1e-9),
     (&["s", "sec", "second", "seconds"], Quantity::Time, 1.0),

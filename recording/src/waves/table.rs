@@ -183,7 +183,7 @@ impl Sheet<'_, '_> {
     fn is_numeric(&self, at: usize) -> bool {
         let rows = self.table.len().min(10);
         let cells = (0..rows).map(|row| self.table.cell(row, at).unwrap_or_default());
-        2 * cells.filter(|cell| self.table.number(cell).is_some()).count() > rows
+        2 * cells.filter(|cell| self.table.is_number(cell)).count() > rows
     }
 
     fn wave(&self, at: usize, faults: &mut Faults) -> Wave {

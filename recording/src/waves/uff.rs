@@ -1,13 +1,15 @@
 //! Universal files (UFF, UNV): their datasets one after the other; dataset 58 holds functions at nodes.
 //!
-//! Source: Structural Dynamics Research Laboratory, University of Cincinnati, description of dataset 58 and 58b. Other
-//! datasets are passed over and said.
+//! Source: Structural Dynamics Research Laboratory, University of Cincinnati, description of datasets 58, 58b and 164.
+//! Other datasets are left out with a note.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
+use super::uff_channels::{self, Take};
+use super::uff_head::Units;
 use super::uff58::{Content, Function};
-use super::{Grid, Options, Record, ResponseFunction, Wave, Waves, columns, pick};
+use super::{Options, ResponseFunction, Waves, columns, pick};
 use crate::faults::{Fault, Faults};
 
 /// Whether a file begins as a universal file does: a line of -1, then a number.
@@ -58,10 +60,12 @@ impl<'b> Cursor<'b> {
         run
     }
 
-    /// Reads on to the line of -1 that ends a dataset; says whether there was one.
+    /// Reads on to the line of -1 that begins or ends a dataset, behind zero bytes too, with which binary numbers may be
+    /// filled up; says whether there was one.
     pub(super) fn skip_to_mark(&mut self) -> bool {
         while let Some(line) = self.line() {
-            if line.trim_ascii() == b"-1" {
+            let filling = line.iter().take_while(|byte| **byte == 0).count();
+            if line.get(filling..).unwrap_or_default().trim_ascii() == b"-1" {
                 return true;
             }
         }
@@ -77,6 +81,7 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
     let mut other = BTreeSet::new();
     let mut cursor = Cursor { bytes, at: 0, line: 0 };
     let mut number = 0;
+    let mut units = Units::SI;
     while cursor.skip_to_mark() {
         // Two marks in a row: one that ended what could not be read, and one that begins.
         let head = std::iter::from_fn(|| cursor.text()).find(|line| !is_mark(line));
@@ -85,12 +90,17 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
         number += 1;
         let binary =
             kind.eq_ignore_ascii_case("58b") || (kind == "58" && head.contains(['b', 'B']));
+        if kind == "164" {
+            units = Units::read(&mut cursor);
+            cursor.skip_to_mark();
+            continue;
+        }
         if kind != "58" && !binary {
             other.insert(kind);
             cursor.skip_to_mark();
             continue;
         }
-        match Function::read(&mut cursor, binary.then_some(head.as_str())) {
+        match Function::read(&mut cursor, binary.then_some(head.as_str()), units) {
             Ok(function) => functions.push(function),
             Err(fault) => {
                 let key = format!("dataset {number}");
@@ -112,66 +122,54 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
     faults.or((!(waves.records.is_empty() && waves.responses.is_empty())).then_some(waves))
 }
 
-/// Sorts functions into records: the k-th function of each channel belongs to the k-th record.
+/// Sorts functions into channels with their records, and response functions; refuses a file of other functions alone.
 fn collect(
     functions: Vec<Function>,
     options: &Options,
     faults: &mut Faults,
     mut notes: Vec<String>,
 ) -> Waves {
-    let mut names: Vec<String> = Vec::new();
-    let mut records: Vec<Record> = Vec::new();
-    let mut responses = Vec::new();
-    let mut seen: BTreeMap<String, usize> = BTreeMap::new();
+    let (mut channels, mut responses, mut others) = (Vec::new(), Vec::new(), BTreeMap::new());
     for function in functions {
-        match function.content {
+        let Function { source, reference, reference_unit, content, note } = function;
+        notes.extend(note.map(|note| format!("the function at `{}` {note}", source.dof)));
+        match content {
             Content::Time { start_s, rate_hz, values } => {
-                let grid = columns::asked(options).unwrap_or(Grid::Time { start_s, rate_hz });
-                let wave = Wave::new(&function.response, &function.unit, values);
-                let turn = seen.entry(function.response.clone()).or_default();
-                if !names.contains(&function.response) {
-                    names.push(function.response);
-                }
-                put(&mut records, *turn, grid, wave);
-                *turn += 1;
+                uff_channels::add(&mut channels, source, Take { start_s, rate_hz, values });
             }
             Content::Response { frequency_hz, values } => responses.push(ResponseFunction {
-                response: function.response,
-                reference: function.reference,
-                response_unit: function.unit,
-                reference_unit: function.reference_unit,
+                response: source.dof,
+                reference,
+                response_unit: source.ordinate.unit,
+                reference_unit,
                 frequency_hz,
                 values,
             }),
-            Content::Other(kind) => notes.push(format!(
-                "{} at {}: left out, only time responses and response functions are read",
-                kind, function.response
-            )),
+            Content::Other(kind) => *others.entry(kind).or_insert(0_usize) += 1,
         }
+    }
+    let others: Vec<String> =
+        others.iter().map(|(kind, count)| format!("{kind} ({count})")).collect();
+    let others = others.join(", ");
+    if channels.is_empty() && responses.is_empty() && !others.is_empty() {
+        let fault = Fault::new("", format!("holds other functions alone: {others}"));
+        let fault =
+            fault.expected("time responses over time, or response functions over frequency");
+        faults
+            .push(fault.help("export the samples over time, or the response functions, as UFF 58"));
+    } else if !others.is_empty() {
+        notes.push(format!(
+            "left out: {others}; only time responses and response functions are read"
+        ));
     }
     notes.dedup();
+    uff_channels::name(&mut channels, &mut notes);
     if !options.columns.is_empty() {
+        let names: Vec<String> = channels.iter().map(|channel| channel.name.clone()).collect();
         let chosen = pick::columns(&names, &options.columns, faults);
-        let wanted: Vec<&String> = chosen.iter().filter_map(|at| names.get(*at)).collect();
-        for record in &mut records {
-            record.channels.retain(|wave| wanted.contains(&&wave.name));
-        }
-        records.retain(|record| !record.channels.is_empty());
+        let mut at = 0..;
+        channels.retain(|_| at.next().is_some_and(|at| chosen.contains(&at)));
     }
+    let records = uff_channels::records(channels, columns::asked(options), faults, &mut notes);
     Waves { file: PathBuf::new(), records, responses, about: None, notes }
-}
-
-/// Puts a channel into the record of its turn, or into a new one where it does not fit beside the others.
-fn put(records: &mut Vec<Record>, turn: usize, grid: Grid, wave: Wave) {
-    let fits = |record: &&mut Record| {
-        record.grid == grid
-            && record.len() == wave.values.len()
-            && record.channels.iter().all(|there| there.name != wave.name)
-    };
-    match records.get_mut(turn).filter(fits) {
-        Some(record) => record.channels.push(wave),
-        None => {
-            records.push(Record { grid, channels: vec![wave], beside: BTreeMap::new() });
-        }
-    }
 }

@@ -7,6 +7,7 @@ use crate::faults::{Fault, Place};
 pub(super) type Refused = Box<Fault>;
 
 /// Record 7: how the numbers stand.
+#[derive(Debug)]
 pub(super) struct Form {
     pub(super) complex: bool,
     pub(super) double: bool,
@@ -47,6 +48,22 @@ impl Form {
             start: *start,
             step: *step,
         })
+    }
+
+    /// Numbers of each point.
+    pub(super) fn width(&self) -> usize {
+        1 + usize::from(self.complex) + usize::from(!self.even)
+    }
+
+    /// Cuts off zeros behind the last point, with which some programs fill up a line or a block; says whether there were any.
+    pub(super) fn cut_filling(&self, numbers: &mut Vec<f64>) -> bool {
+        let needed = self.points.saturating_mul(self.width());
+        let filling = numbers.get(needed..).unwrap_or_default();
+        let is_filled = !filling.is_empty() && filling.iter().all(|number| *number == 0.0);
+        if is_filled {
+            numbers.truncate(needed);
+        }
+        is_filled
     }
 }
 
@@ -125,8 +142,7 @@ pub(super) fn binary(
     }
     let size = if form.double { 8 } else { 4 };
     // An uneven abscissa is of single precision even beside doubles only in text; binary has one size.
-    let width = 1 + usize::from(form.complex) + usize::from(!form.even);
-    let needed = form.points.saturating_mul(width).saturating_mul(size);
+    let needed = form.points.saturating_mul(form.width()).saturating_mul(size);
     let bytes = cursor.bytes(needed);
     if bytes.len() < needed {
         let message = format!("holds {} bytes of numbers", bytes.len());

@@ -91,6 +91,7 @@ mod tests {
             mass_sigma_kg: 0.1,
             phase_rad: 0.0,
             coherence: None,
+            carried: 0.0,
             by_signs: true,
             residual: 0.01,
         }

@@ -20,7 +20,22 @@ pub(super) struct Peak {
     pub(super) half_width_hz: f64,
     /// The real part changes sign beside it: with the peak and the coherence the third sign.
     pub(super) changes_sign: bool,
-    prominence: f64,
+    /// The imaginary part over that of the surroundings.
+    pub(super) prominence: f64,
+    /// Acceleration per force there, up to a factor: of all modes of one damping and mass it is the same.
+    pub(super) accelerance: f64,
+}
+
+impl Peak {
+    /// Where the fit of its pole begins: frequency and half width, Hz.
+    pub(super) fn guess_hz(&self) -> Complex<f64> {
+        Complex::new(self.frequency_hz, self.half_width_hz)
+    }
+
+    /// Whether a mode at this frequency makes this peak.
+    pub(super) fn is_at(&self, frequency_hz: f64) -> bool {
+        (frequency_hz - self.frequency_hz).abs() <= 1.5 * self.half_width_hz
+    }
 }
 
 /// Peaks of the imaginary part within a band where the coherence is high enough; first those beside which the real part
@@ -44,9 +59,13 @@ pub(super) fn coherent(
         let width = half_width(receptance, i);
         let prominence = im(i) / surroundings(receptance, i, width);
         if prominence >= PROMINENCE {
-            let (half_width_hz, changes_sign) =
-                (width as f64 * bin_hz, changes_sign(receptance, i, width));
-            found.push(Peak { frequency_hz: *f_hz, half_width_hz, changes_sign, prominence });
+            found.push(Peak {
+                frequency_hz: *f_hz,
+                half_width_hz: width as f64 * bin_hz,
+                changes_sign: changes_sign(receptance, i, width),
+                prominence,
+                accelerance: receptance[i].norm() * f_hz * f_hz,
+            });
         }
     }
     let rank = |a: &Peak, b: &Peak| b.prominence.total_cmp(&a.prominence);
@@ -55,7 +74,7 @@ pub(super) fn coherent(
     found
 }
 
-/// The middle size of the imaginary part beside a peak.
+/// The median size of the imaginary part beside a peak.
 fn surroundings(receptance: &[Complex<f64>], peak: usize, width: usize) -> f64 {
     let reach = (SURROUNDINGS * width).max(BINS_LEAST);
     let (low, high) = (peak.saturating_sub(reach).max(1), (peak + reach + 1).min(receptance.len()));

@@ -21,7 +21,13 @@ fn receptance(frequency_hz: &[f64], modes: &[Known], decay: f64) -> Vec<Complex<
 }
 
 fn measured<'a>(f: &'a [f64], h: &'a [Complex<f64>]) -> Measured<'a> {
-    Measured { frequency_hz: f, receptance: h, coherence: None, window_decay_per_s: 0.0 }
+    Measured {
+        frequency_hz: f,
+        receptance: h,
+        coherence: None,
+        window_decay_per_s: 0.0,
+        between_hits_s: None,
+    }
 }
 
 fn normal(chance: &mut ChaCha8Rng) -> f64 {

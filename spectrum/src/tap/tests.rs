@@ -11,11 +11,11 @@ use std::f64::consts::{PI, TAU};
 
 const RATE_HZ: f64 = 4096.0;
 /// Natural frequency Hz, damping, modal mass kg.
-type Known = (f64, f64, f64);
+pub(super) type Known = (f64, f64, f64);
 
 /// Acceleration of modes under a force whose samples are joined by straight lines: the exact solution of each mode's
 /// equation over one sample.
-fn acceleration(force: &[f64], known: &[Known]) -> Vec<f64> {
+pub(super) fn acceleration(force: &[f64], known: &[Known]) -> Vec<f64> {
     let dt = 1.0 / RATE_HZ;
     let mut sum = vec![0.0; force.len()];
     for (f_n, zeta, mass) in known {
@@ -36,7 +36,7 @@ fn acceleration(force: &[f64], known: &[Known]) -> Vec<f64> {
 }
 
 /// A record of half-sine blows of 2.5 ms: seconds and peaks.
-fn blows(length_s: f64, at: &[(f64, f64)]) -> Vec<f64> {
+pub(super) fn blows(length_s: f64, at: &[(f64, f64)]) -> Vec<f64> {
     let mut force = vec![0.0; (length_s * RATE_HZ) as usize];
     for (at_s, peak_n) in at {
         for (i, f) in force.iter_mut().enumerate() {
@@ -49,28 +49,29 @@ fn blows(length_s: f64, at: &[(f64, f64)]) -> Vec<f64> {
     force
 }
 
-fn with_noise(samples: &mut [f64], sigma: f64, seed: u64) {
+pub(super) fn with_noise(samples: &mut [f64], sigma: f64, seed: u64) {
     let mut chance = ChaCha8Rng::seed_from_u64(seed);
     for x in samples {
         *x += sigma * ((0..12).map(|_| chance.random::<f64>()).sum::<f64>() - 6.0);
     }
 }
 
-fn config() -> TapConfig {
+pub(super) fn config() -> TapConfig {
     TapConfig { rate_hz: RATE_HZ, response: Response::Acceleration, block_s: None, windows: true }
 }
 
-fn one(force: &[f64], response: &[f64], config: &TapConfig) -> Result<Tap, TapError> {
+pub(super) fn one(force: &[f64], response: &[f64], config: &TapConfig) -> Result<Tap, TapError> {
     tap(&[TapRecord { force, response }], config)
 }
 
-fn found(tap: &Tap, band_hz: [f64; 2]) -> Vec<FittedMode> {
+pub(super) fn found(tap: &Tap, band_hz: [f64; 2]) -> Vec<FittedMode> {
     let receptance = tap.frf.per_force(Estimator::H1, Response::Displacement);
     let measured = Measured {
         frequency_hz: &tap.frf.frequency_hz,
         receptance: &receptance,
         coherence: tap.frf.coherence.as_deref(),
         window_decay_per_s: tap.frf.window_decay_per_s,
+        between_hits_s: tap.between_hits_s(),
     };
     modes(&measured, band_hz, LEAST_COHERENCE)
 }

@@ -13,6 +13,7 @@ use harness::{BenchError, page, tables};
 use indicatif::{ProgressBar, ProgressStyle};
 use tracing::info;
 
+use crate::atomic::Outputs;
 use crate::child::Guarded;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
@@ -48,14 +49,12 @@ impl Bench {
         }
         let stop = interrupt::flag()?;
         let plan = self.asked.plan()?;
+        let mut outputs = console.outputs();
         if let Some(out) = &self.out {
-            std::fs::create_dir_all(out).map_err(|e| {
-                let out = out.display();
-                Failure::input(format!("--out {out}: {e}; expected a directory, or a name for a new one where one can be made"))
-            })?;
+            outputs = outputs.in_folder(out).result(out.join(PAGE));
         }
         // Hours may pass before there is anything to write.
-        console.check_files(&self.out.iter().map(|out| out.join(PAGE)).collect::<Vec<_>>())?;
+        outputs.check([])?;
         let bar = bar(console);
         let findings = harness::run(&plan, &Myself, &stop, &mut |about| {
             bar.set_message(about.to_owned());
@@ -63,12 +62,18 @@ impl Bench {
         });
         bar.finish_and_clear();
         let findings = findings.map_err(failure)?;
-        self.tell(console, &plan, &findings)?;
+        self.tell(console, outputs, &plan, &findings)?;
         let missed = findings.judged.iter().any(|judged| !judged.ok);
         Ok(if self.judge && missed { Answer::No } else { Answer::Done })
     }
 
-    fn tell(&self, console: &mut Console, plan: &Plan, findings: &Findings) -> Result<(), Failure> {
+    fn tell(
+        &self,
+        console: &mut Console,
+        mut outputs: Outputs,
+        plan: &Plan,
+        findings: &Findings,
+    ) -> Result<(), Failure> {
         let machine = &findings.machine;
         console.say(format!(
             "{}, kernel {}{}{}, client on core {}, {}{}, scheduling {}, {} s each part",
@@ -95,13 +100,18 @@ impl Bench {
         }
         if let Some(out) = &self.out {
             let command = self.asked.command();
-            console.file(&out.join(PAGE), &page::render(findings, &command))?;
+            outputs.put(&out.join(PAGE), page::render(findings, &command));
             for (name, _, plot) in page::plots(findings) {
-                console.file(&out.join(format!("{name}.svg")), &plot.file())?;
+                let path = out.join(format!("{name}.svg"));
+                outputs = outputs.result(&path);
+                outputs.put(&path, plot.file());
             }
-            console.say(format!("\n{}", out.join(PAGE).display()))?;
         }
-        console.json("trued.bench/1", &findings.json())
+        console.write(outputs, "trued.bench/1", &findings.json())?;
+        match &self.out {
+            Some(out) => console.say(format!("\n{}", out.join(PAGE).display())),
+            None => Ok(()),
+        }
     }
 }
 

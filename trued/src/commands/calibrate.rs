@@ -1,7 +1,7 @@
 //! `trued calibrate`: from measurements of the tool to a model with its uncertainty, proven on poses that no fit has seen.
 //!
 //! Promises: gross faults are looked for first and said with what to do; held-out figures come from fits that never saw those poses; what the
-//! data cannot tell is named; a model is written that loads, whole or not at all, never over an input. Never: a fit on poses that a recording
+//! data cannot tell is named; a model is written that loads and that the held-out poses call no worse than the first. Never: a fit on poses that a recording
 //! keeps for validation.
 
 mod alone;
@@ -47,8 +47,9 @@ const TICK: Duration = Duration::from_millis(200);
 /// Recordings hold joint positions and what was measured there: points (x, y, z), reflectors, orientations, joint positions on the link side,
 /// distances (ballbar, cable), touches of a probe. The measuring frame (one for each `station` that rows name), the reflectors' places, fixed points and what is
 /// touched are fitted along where they are not said. Three models are compared on poses that took no part in any fit: the model as it is,
-/// with the geometry of every joint, and with the effects that the data ask for; the last is written. Exit 1 where a gross fault (swapped columns, a wrong
-/// unit or sign, a mirrored frame, a wrong tool) makes a fit senseless; then no model is written.
+/// with the geometry of every joint, and with the effects that the data ask for; the last is written. Exit 1, and no model, where a gross fault (swapped columns,
+/// a wrong unit or sign, a mirrored frame, a wrong tool) makes a fit senseless; where the new model is worse on the held-out poses than the one it began with;
+/// and where it is still as far off as only a gross fault explains.
 #[derive(Debug, Args)]
 pub(crate) struct Calibrate {
     #[command(flatten)]
@@ -65,6 +66,9 @@ pub(crate) struct Calibrate {
     /// Where one joint moves alone, take out the sag of the others before its axis is told
     #[arg(long, value_enum, value_name = "WHETHER", default_value_t = Sag::On)]
     sag: Sag,
+    /// Write the model also where its own proof fails (see above), and exit 0
+    #[arg(long)]
+    accept_worse: bool,
     #[command(flatten)]
     seed: Seed,
     /// Recordings of one robot, each with measuring frames of its own
@@ -93,7 +97,8 @@ struct Refused<'a> {
 
 impl Calibrate {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        self.check()?;
+        let mut outputs = console.outputs().file(&self.out).results(&self.report);
+        outputs.check(self.recordings.iter().chain(self.reading.files()))?;
         let (model, recordings) = self.reading.measured(&self.recordings)?;
         let arm = &model.physics.arm;
         let campaign = from_recording::campaign(arm, &recordings).map_err(Failure::input)?;
@@ -110,29 +115,34 @@ impl Calibrate {
         })?;
         let alone = Alone::of(&found.campaign, &recordings, &found.last, self.sag == Sag::On);
         progress.finish_and_clear();
-        let text = model::renewed(&found)?;
-        crate::atomic::write(&self.out, |file| file.write_all(text.as_bytes()))?;
-        found.warnings.iter().for_each(|warning| warn!("{warning}"));
-        console.json("trued.calibrate/1", &told::Report::of(self, &found, &alone))?;
-        if let Some(report) = &self.report {
-            console.file(report, &page::render(self, &found, &alone))?;
+        if self.is_written(&found) {
+            outputs.put(&self.out, model::renewed(&found)?);
         }
+        found.warnings.iter().for_each(|warning| warn!("{warning}"));
+        if let Some(report) = &self.report {
+            outputs.put(report, page::render(self, &found, &alone));
+        }
+        let report = told::Report::of(self, &found, &alone);
+        console.write(outputs, "trued.calibrate/1", &report)?;
         console.say(told::told(self, &found, &alone))?;
-        Ok(Answer::Done)
+        for reason in &found.refused {
+            let head = console.paint(Paint::Bad, "not proven");
+            console.say(format!("{head}: {reason}"))?;
+        }
+        if self.is_written(&found) {
+            return Ok(Answer::Done);
+        }
+        console.say("no model was written; --accept-worse writes it all the same")?;
+        Ok(Answer::No)
     }
 
-    fn check(&self) -> Result<(), Failure> {
-        let outputs = [Some(&self.out), self.report.as_ref()];
-        for input in self.recordings.iter().chain(&self.reading.model).chain(&self.reading.mapping)
-        {
-            for output in outputs.into_iter().flatten() {
-                super::correct::check_apart(input, output)?;
-            }
-        }
-        if self.report.as_ref() == Some(&self.out) {
-            return Err(Failure::input("--out and --report name the same file"));
-        }
-        Ok(())
+    fn is_written(&self, found: &Found) -> bool {
+        self.accept_worse || found.refused.is_empty()
+    }
+
+    /// Where the model went, for people.
+    fn written(&self, found: &Found) -> String {
+        if self.is_written(found) { self.out.display().to_string() } else { "none".to_owned() }
     }
 
     /// Which poses train and which are held out: as the recordings say, else by chance.

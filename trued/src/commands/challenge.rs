@@ -25,6 +25,7 @@ use serde::Serialize;
 use self::drawn::{Domain, Drawn};
 use self::inject::Injection;
 use self::solver::{Run, Solver};
+use crate::atomic::Outputs;
 use crate::exit::{Answer as Done, Failure, Outcome};
 use crate::input::Reading;
 use crate::options::{Seed, Threads};
@@ -160,7 +161,7 @@ impl Challenge {
         let answers = seal::sha256(&answers_text(&runs));
         console.say(format!("answers                      {answers}"))?;
         seal::open(&text, &sealed).map_err(Failure::system)?;
-        crate::atomic::write(&folder.0.join("truth.json"), |file| file.write_all(text.as_bytes()))?;
+        write([(folder.0.join("truth.json"), text)])?;
         let errors = work.each(console, count, "proving", |index| {
             Ok(drawn[index].errors(runs[index].model.as_deref()))
         })?;
@@ -176,11 +177,12 @@ impl Challenge {
             })
             .collect();
         let figures = figures(seed, &sealed, &answers, &scored);
-        console.json("trued.challenge/1", &figures)?;
         let lines: Vec<Line> = scored.iter().map(Scored::line).collect();
         let lines = serde_json::to_string_pretty(&lines).map_err(Failure::system)?;
-        crate::atomic::write(&folder.0.join("outcomes.json"), |file| writeln!(file, "{lines}"))?;
-        console.file(&folder.0.join("report.html"), &page::render(&figures, &scored))?;
+        let mut outputs = console.outputs();
+        outputs.put(&folder.0.join("outcomes.json"), lines + "\n");
+        outputs.put(&folder.0.join("report.html"), page::render(&figures, &scored));
+        console.write(outputs, "trued.challenge/1", &figures)?;
         console.say(told::told(&figures))?;
         console.say(format!("report              {}", folder.0.join("report.html").display()))?;
         Ok(Done::Done)
@@ -203,16 +205,20 @@ impl Challenge {
 
 fn put(folder: &Path, drawn: &Drawn) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(Failure::system)?;
-    for (name, text) in drawn.files() {
-        crate::atomic::write(&folder.join(name), |file| file.write_all(text.as_bytes()))?;
-    }
-    Ok(())
+    write(drawn.files().into_iter().map(|(name, text)| (folder.join(name), text)))
 }
 
 fn commit(folder: &Folder, cases: usize, sealed_sha256: &str) -> Result<(), Failure> {
     let said = Commitment { schema: "trued.commitment/1", cases, sealed_sha256 };
     let text = serde_json::to_string_pretty(&said).map_err(Failure::system)?;
-    Ok(crate::atomic::write(&folder.0.join("commitment.json"), |file| writeln!(file, "{text}"))?)
+    write([(folder.0.join("commitment.json"), text + "\n")])
+}
+
+/// Files in a folder of the challenge's own, where nothing is that could be replaced.
+fn write(files: impl IntoIterator<Item = (PathBuf, String)>) -> Result<(), Failure> {
+    let mut outputs = Outputs::default();
+    files.into_iter().for_each(|(path, text)| outputs.put(&path, text));
+    Ok(outputs.write()?)
 }
 
 /// All answers as one text: what was said and what was written, case by case.

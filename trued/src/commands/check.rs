@@ -3,6 +3,7 @@
 //! Promises: what this calls good, `trued run`, `correct` and `replay` take.
 
 mod cell;
+mod rows;
 
 use std::path::{Path, PathBuf};
 
@@ -22,8 +23,8 @@ use crate::output::{Console, Paint};
 
 /// Tell all faults of files at once: cells, models, recordings, mappings
 ///
-/// What a TOML is, its `schema` says; other files are recordings. A cell is checked with its model. Exit 1 where there
-/// are faults, 2 where a file cannot be read.
+/// What a TOML is, its `schema` says; other files are recordings. A cell is checked with its model, a mapping `NAME.mapping.toml` with the recording
+/// NAME beside it. The first rows of a recording are shown as they are understood. Exit 1 where there are faults, 2 where a file cannot be read.
 #[derive(Debug, Args)]
 pub(crate) struct Check {
     #[command(flatten)]
@@ -40,6 +41,8 @@ struct Found {
     /// In a few words, where there is no fault.
     summary: String,
     notes: Vec<String>,
+    /// Of a recording.
+    columns: Vec<rows::Column>,
     faults: Vec<Faults>,
 }
 
@@ -56,6 +59,8 @@ struct FileReport {
     ok: bool,
     summary: String,
     notes: Vec<String>,
+    /// The columns of a recording with their first values, as they are understood.
+    columns: Vec<rows::Column>,
     faults: Vec<FaultReport>,
 }
 
@@ -98,7 +103,7 @@ impl Check {
         let mut found = Found::default();
         if !toml {
             found.what = "recording";
-            let recording = self.recording(path, known);
+            let recording = self.recording(path, self.reading.mapping.as_deref(), known);
             found.of(recording, |found, recording| tell_recording(found, &recording))?;
             return Ok(found);
         }
@@ -114,6 +119,10 @@ impl Check {
             Some("trued.mapping/1") => {
                 found.what = "mapping";
                 found.of(Mapping::read(path), |_, _| {})?;
+                if let Some(beside) = rows::recording_of(path).filter(|_| found.faults.is_empty()) {
+                    let recording = self.recording(&beside, Some(path), known);
+                    found.of(recording, |found, recording| tell_recording(found, &recording))?;
+                }
             }
             Some(bridge::EGM_SCHEMA) => {
                 found.what = "bridge";
@@ -139,8 +148,12 @@ impl Check {
         Ok(found)
     }
 
-    fn recording(&self, path: &Path, known: Option<&RobotModel>) -> Result<Recording, FileError> {
-        let mapping = self.reading.mapping.as_deref();
+    fn recording(
+        &self,
+        path: &Path,
+        mapping: Option<&Path>,
+        known: Option<&RobotModel>,
+    ) -> Result<Recording, FileError> {
         let recording = match series::read(path, mapping, Need::Path) {
             // Forces alone are a recording too, as long as nobody wants to replay it.
             Err(FileError::Content(faults)) if known.is_none() => {
@@ -194,6 +207,7 @@ impl FileReport {
             ok: found.faults.is_empty(),
             summary: found.summary,
             notes: found.notes,
+            columns: found.columns,
             faults: found.faults.iter().flat_map(of_file).collect(),
         }
     }
@@ -221,6 +235,11 @@ fn say(console: &mut Console, path: &Path, found: &Found) -> Result<(), Failure>
     }
     for note in &found.notes {
         console.say(format!("  note: {note}"))?;
+    }
+    if !found.columns.is_empty() {
+        for line in rows::table(&found.columns).lines() {
+            console.say(format!("  {line}"))?;
+        }
     }
     Ok(())
 }
@@ -250,6 +269,7 @@ fn tell_recording(found: &mut Found, recording: &Recording) {
         columns.join(" ")
     );
     found.notes.clone_from(&recording.notes);
+    found.columns = rows::columns(recording);
 }
 
 /// What the TOML says it is: its root key `schema`.

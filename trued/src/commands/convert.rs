@@ -10,8 +10,8 @@ use recording::series::Recording;
 use serde::Serialize;
 use tracing::warn;
 
-use super::correct::check_apart;
 use super::simulate::files;
+use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::count;
 use crate::output::Console;
@@ -51,43 +51,37 @@ impl Convert {
             let what = format!("{}: holds no cycle and no force sample", self.input.display());
             return Err(Failure::input(format!("{what}; was the daemon sent any command?")));
         }
+        let mut outputs = console.outputs();
         let mut written = Vec::new();
         if !contents.header.model.is_empty() {
             let model = beside(&self.out, "-model.toml");
-            self.write(&model, contents.header.model.as_bytes(), &mut written)?;
+            outputs.put(&model, contents.header.model.as_str());
+            written.push(model.clone());
             let name = model.file_name().unwrap_or_default();
             made.cycles.about.model = Some(name.to_string_lossy().into_owned());
         }
         let force_samples = made.forces.as_ref().map_or(0, Recording::len);
         if let Some(forces) = &made.forces {
-            self.recording(&beside(&self.out, "-forces"), forces, &mut written)?;
+            written.extend(put(&mut outputs, &beside(&self.out, "-forces"), forces));
         }
-        self.recording(&self.out, &made.cycles, &mut written)?;
+        written.extend(put(&mut outputs, &self.out, &made.cycles));
+        outputs.check([&self.input])?;
+        let written = written.iter().map(|path| path.display().to_string()).collect();
         let Contents { header, cut, unknown, .. } = contents;
         let (cell, version) = (header.cell, header.version);
         let rows = made.cycles.len();
         let report = Report { cell, version, rows, force_samples, cut, unknown, files: written };
-        console.json("trued.convert/1", &report)?;
+        console.write(outputs, "trued.convert/1", &report)?;
         say(console, &report)
     }
+}
 
-    fn recording(
-        &self,
-        out: &Path,
-        recording: &Recording,
-        written: &mut Vec<String>,
-    ) -> Result<(), Failure> {
-        let (csv, toml) = files(out);
-        self.write(&toml, recording.about_toml().as_bytes(), written)?;
-        self.write(&csv, &recording.to_csv(), written)
-    }
-
-    fn write(&self, to: &Path, bytes: &[u8], written: &mut Vec<String>) -> Result<(), Failure> {
-        check_apart(&self.input, to)?;
-        crate::atomic::write(to, |file| file.write_all(bytes))?;
-        written.push(to.display().to_string());
-        Ok(())
-    }
+/// A recording as its two files.
+fn put(outputs: &mut Outputs, out: &Path, recording: &Recording) -> [PathBuf; 2] {
+    let (csv, toml) = files(out);
+    outputs.put(&toml, recording.about_toml());
+    outputs.put(&csv, recording.to_csv());
+    [toml, csv]
 }
 
 /// `NAME` with more behind it, whatever ending was given.

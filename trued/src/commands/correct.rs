@@ -16,7 +16,6 @@ use recording::series::Recording;
 use serde::Serialize;
 use shm_schema::UnknownCode;
 
-use crate::atomic;
 use crate::corrections::{Corrections, Figures};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Input, Reading, unusable};
@@ -59,15 +58,11 @@ struct Report<'a> {
     corrections: String,
 }
 
-/// The correction would replace what it was made from.
-#[derive(Debug, thiserror::Error)]
-#[error("{}: the result would replace its own input; give it another name", .0.display())]
-pub(crate) struct Replaces(PathBuf);
-
 impl Correct {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let out = self.out.clone().unwrap_or_else(|| beside(&self.path));
-        check_apart(&self.path, &out)?;
+        let mut outputs = console.outputs().file(&out);
+        outputs.check([&self.path].into_iter().chain(self.reading.files()).chain(&self.config))?;
         let cell = self.config.as_deref().map(CellConfig::read).transpose().map_err(unusable)?;
         let fallback = cell.as_ref().map(|cell| cell.model.as_path());
         let input = self.reading.read(&self.path, fallback)?;
@@ -75,10 +70,11 @@ impl Correct {
         let free_tool_axis = settings.0.task.free_tool_axis;
         let corrections = correct(&input.model, &input.recording, settings)?;
         let csv = corrections.csv(input.recording);
-        atomic::write(&out, |file| file.write_all(&csv))?;
         let figures = corrections.figures(&csv);
-        let written = out.display().to_string();
-        console.json("trued.correct/1", &Report { figures: &figures, corrections: written })?;
+        let corrections_file = out.display().to_string();
+        let report = Report { figures: &figures, corrections: corrections_file };
+        outputs.put(&out, csv.as_slice());
+        console.write(outputs, "trued.correct/1", &report)?;
         console.say(figures.told())?;
         console.say(format!("corrected path      {}", out.display()))?;
         let left = corrections.not_exact_rows();
@@ -133,15 +129,6 @@ fn correct(
         corrections.take(row.setpoint.joints(), &answer, left).map_err(unknown)?;
     }
     Ok(corrections)
-}
-
-/// Refuses to write over the input.
-pub(crate) fn check_apart(input: &Path, out: &Path) -> Result<(), Failure> {
-    let same = match (input.canonicalize(), out.canonicalize()) {
-        (Ok(input), Ok(out)) => input == out,
-        _ => false,
-    };
-    if same { Err(Failure::input(Replaces(out.to_owned()))) } else { Ok(()) }
 }
 
 /// A code that this build does not know.

@@ -22,6 +22,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::Args;
 use indicatif::ProgressBar;
 
+use crate::atomic::Outputs;
 use crate::child::Guarded;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
@@ -29,6 +30,7 @@ use crate::options::Seed;
 use crate::output::Console;
 use crate::progress;
 
+use super::diagnose;
 use outcome::{Again, Milled, Report};
 use scene::Scene;
 
@@ -40,9 +42,9 @@ pub(crate) struct Demo {
     quick: bool,
     #[command(flatten)]
     seed: Seed,
-    /// Where the recordings, the diagnosis and the page go
-    #[arg(long, value_name = "DIR", default_value = "demo-out")]
-    out: PathBuf,
+    /// Where the recordings, the diagnosis and the page go; if not given, `demo-out`, or `demo-out-2`, … where that exists
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
     /// This process is the cell of that name
     #[arg(long, hide = true, value_name = "NAME")]
     cell: Option<String>,
@@ -52,23 +54,26 @@ impl Demo {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let seed = self.seed.settle();
         let scene = Scene::new(seed, self.quick).map_err(Failure::input)?;
+        let out = self.out.clone().unwrap_or_else(fresh_folder);
         match &self.cell {
-            Some(name) => cell::run(name, &scene, &self.out),
-            None => self.show(console, &scene),
+            Some(name) => cell::run(name, &scene, &out),
+            None => self.show(console, &scene, &out),
         }
     }
 
-    fn show(&self, console: &mut Console, scene: &Scene) -> Outcome {
+    fn show(&self, console: &mut Console, scene: &Scene, out: &Path) -> Outcome {
         let stop = interrupt::flag()?;
+        outputs(console, out).check([])?;
         words::introduce(console, scene)?;
-        std::fs::create_dir_all(&self.out).map_err(|e| cannot_make(&self.out, &e))?;
         let name = format!("demo-{}", std::process::id());
-        let config = self.out.join("cell.toml");
-        console.file(&config, &scene.cell_toml(&name))?;
-        console.file(&self.out.join("model.toml"), &scene.model_text)?;
+        let config = out.join("cell.toml");
+        let mut first = Outputs::new(console.common().overwrite).in_folder(out);
+        first.put(&config, scene.cell_toml(&name));
+        first.put(&out.join("model.toml"), scene.model_text.as_str());
+        first.write()?;
 
         let mut daemon = Guarded::spawn(&mut daemon_command(&config, console)?)?;
-        let mut cell = Guarded::spawn_listening(&mut self.cell_command(&name, scene.seed)?)?;
+        let mut cell = Guarded::spawn_listening(&mut self.cell_command(&name, scene.seed, out)?)?;
         let lines = cell.stdout().map(BufReader::new).into_iter().flat_map(BufRead::lines);
         let mut cell_says = Lines { lines: Box::new(lines), stop: &stop, daemon: &mut daemon };
 
@@ -78,7 +83,7 @@ impl Demo {
         words::milled(console, &milled)?;
         words::measures(console, scene)?;
         cell_says.until("measured", &ProgressBar::hidden())?;
-        let (told, swapped) = act::play(console, scene, &name, &self.out)?;
+        let (told, swapped) = act::play(console, scene, &name, out)?;
         let go_on = if swapped { "again" } else { "end" };
         cell.tell(&format!("{go_on} {}", serde_json::to_string(&told).map_err(Failure::system)?))?;
         let bar = progress::bar(console, scene.work.samples.len() as u64, "milling again");
@@ -88,20 +93,38 @@ impl Demo {
         daemon.end();
         interrupt::check(&stop)?;
         let report = Report::new(milled, told, again);
-        words::end(console, &report, &self.out)?;
+        words::end(console, &report, out)?;
         console.json("trued.demo/1", &report)?;
         Ok(Answer::Done)
     }
 
-    fn cell_command(&self, name: &str, seed: u64) -> Result<Command, Failure> {
+    fn cell_command(&self, name: &str, seed: u64, out: &Path) -> Result<Command, Failure> {
         let mut command = Guarded::myself()?;
         command.arg("demo").args(["--cell", name, "--seed", &seed.to_string()]);
-        command.arg("--out").arg(&self.out).stdout(Stdio::piped());
+        command.arg("--out").arg(out).stdout(Stdio::piped());
         if self.quick {
             command.arg("--quick");
         }
         Ok(command)
     }
+}
+
+/// A folder in the present one that is not there yet, so that a demo can be seen twice.
+fn fresh_folder() -> PathBuf {
+    let name = |k: u32| {
+        PathBuf::from(if k == 1 { "demo-out".to_owned() } else { format!("demo-out-{k}") })
+    };
+    (1..).map(name).find(|folder| !folder.exists()).unwrap_or_else(|| name(1))
+}
+
+/// All files that this process and its cell write, as the demo goes on.
+fn outputs(console: &Console, out: &Path) -> Outputs {
+    let file = |name: &str| out.join(name);
+    let named = ["cell.toml", "model.toml", "recording.csv", "recording.toml"];
+    let named = named.into_iter().chain(["measured.csv", "measured.toml"]).map(file);
+    let outputs = console.outputs().in_folder(out).result(file("report.html"));
+    let outputs = named.fold(outputs, Outputs::file);
+    diagnose::outputs(outputs, &out.join(act::FOLDER)).in_folder(out)
 }
 
 fn daemon_command(config: &Path, console: &Console) -> Result<Command, Failure> {
@@ -150,10 +173,6 @@ fn finish(child: &mut Guarded, who: &str) -> Result<(), Failure> {
     } else {
         Err(Failure::system(format!("{who} ended with {status}")))
     }
-}
-
-fn cannot_make(dir: &Path, error: &std::io::Error) -> Failure {
-    Failure::system(format!("{}: cannot make this folder: {error}", dir.display()))
 }
 
 /// Whether someone asked to stop; for loops that have to tidy up themselves.

@@ -22,7 +22,7 @@ use recording::series::{Heldout, Recording};
 use drives::Drives;
 
 use super::calibrate::numbers::{Entry, entries};
-use super::correct::check_apart;
+use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Looked, Reading};
 use crate::options::Seed;
@@ -101,15 +101,16 @@ impl Diagnose {
         };
         let (model, recordings) = self.reading.measured_after(read, &self.recordings)?;
         let cell = self.apply.as_deref().map(apply::cell).transpose()?;
-        self.check(&outputs(&self.out))?;
+        let mut outputs = outputs(console.outputs(), &self.out);
+        outputs.check(self.inputs())?;
         let seed = self.seed.settle();
         let drives = drives::are_recorded(&recordings)
             .then(|| Drives::of(&model, &recordings, self.band, seed))
             .transpose()?;
         let found = Found { drives, ..Found::of(model, recordings, seed)? };
         let reports = found.reports();
-        found.write(&reports, &self.out)?;
-        console.json("trued.diagnosis/1", &told::Whole::of(&reports))?;
+        found.put(&mut outputs, &reports, &self.out)?;
+        console.write(outputs, "trued.diagnosis/1", &told::Whole::of(&reports))?;
         for report in &reports {
             let domain =
                 if reports.len() > 1 { format!("{}, ", report.domain()) } else { String::new() };
@@ -127,20 +128,17 @@ impl Diagnose {
         }
     }
 
-    fn check(&self, outputs: &[PathBuf]) -> Result<(), Failure> {
-        let inputs = self.recordings.iter().chain(&self.reading.model).chain(&self.reading.mapping);
-        for input in inputs {
-            for output in outputs {
-                check_apart(input, output)?;
-            }
-        }
-        Ok(())
+    fn inputs(&self) -> impl Iterator<Item = &PathBuf> {
+        self.recordings.iter().chain(self.reading.files())
     }
 }
 
-/// The files that a diagnosis is written to, in `dir`.
-pub(super) fn outputs(dir: &Path) -> [PathBuf; 3] {
-    ["diagnosis.json", MODEL, "report.html"].map(|name| dir.join(name))
+const JSON: &str = "diagnosis.json";
+const PAGE: &str = "report.html";
+
+/// With the files that a diagnosis is written to, in `dir`.
+pub(super) fn outputs(outputs: Outputs, dir: &Path) -> Outputs {
+    outputs.in_folder(dir).result(dir.join(JSON)).result(dir.join(MODEL)).result(dir.join(PAGE))
 }
 
 impl Found {
@@ -210,12 +208,20 @@ impl Found {
         reports
     }
 
-    /// Writes diagnosis, model and page into `dir`, which is made where it is missing.
+    /// Puts diagnosis, model and page into the [`outputs`] in `dir`.
     ///
     /// # Errors
-    /// A folder or files that cannot be written.
-    pub(super) fn write(&self, reports: &[told::Report], dir: &Path) -> Result<(), Failure> {
-        write(&[told::json(reports)?, self.model()?, page::render(self, reports)], dir)
+    /// A model that does not load.
+    pub(super) fn put(
+        &self,
+        outputs: &mut Outputs,
+        reports: &[told::Report],
+        dir: &Path,
+    ) -> Result<(), Failure> {
+        outputs.put(&dir.join(JSON), told::json(reports)?);
+        outputs.put(&dir.join(MODEL), self.model()?);
+        outputs.put(&dir.join(PAGE), page::render(self, reports));
+        Ok(())
     }
 
     /// The model with what was found, as text that loads.
@@ -243,16 +249,6 @@ impl Found {
     }
 }
 
-/// Writes diagnosis, model and page into `dir`, which is made where it is missing.
-fn write(texts: &[String; 3], dir: &Path) -> Result<(), Failure> {
-    std::fs::create_dir_all(dir)
-        .map_err(|error| Failure::input(format!("{}: cannot be made: {error}", dir.display())))?;
-    for (path, text) in outputs(dir).iter().zip(texts) {
-        crate::atomic::write(path, |file| file.write_all(text.as_bytes()))?;
-    }
-    Ok(())
-}
-
 /// Why nothing can be said of these recordings.
 fn doubts(base: &RobotModel, campaign: &Campaign, rows: usize) -> Vec<String> {
     if rows < ROWS_LEAST {
@@ -264,10 +260,5 @@ fn doubts(base: &RobotModel, campaign: &Campaign, rows: usize) -> Vec<String> {
     if campaign.poses.iter().all(|pose| Some(pose.inputs.q) == first) {
         return vec!["no joint moves in the recording: move the arm".to_owned()];
     }
-    let mut suspicions = gross::suspicions(campaign, &base.physics);
-    suspicions.extend(gross::links(campaign, &base.physics.arm));
-    if suspicions.is_empty() {
-        suspicions.extend(gross::torn(campaign, &base.physics));
-    }
-    suspicions.into_iter().map(|Suspicion { says, .. }| says).collect()
+    gross::faults(campaign, &base.physics).into_iter().map(|Suspicion { says, .. }| says).collect()
 }

@@ -74,6 +74,9 @@ pub(crate) struct Gears {
 impl Gears {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         self.check()?;
+        let mut outputs = console.outputs().results(&self.report);
+        let inputs = self.path.iter().chain(&self.force).chain(&self.profile);
+        outputs.check(inputs.chain(self.reading.files()))?;
         let (model, travelled) = self.travelled()?;
         let trains = trains::of(&model.file, &travelled, &self.wheels_of)?;
         let given = lines::given(self)?;
@@ -81,10 +84,10 @@ impl Gears {
         let lines: Vec<Matched> =
             lines.map(|line| Matched::of(line, &trains, 0.01 * self.tolerance)).collect();
         let found = Found { model: &model, travelled, trains, lines, notes: given.notes };
-        console.json("trued.gears/1", &Report::of(self, &found))?;
         if let Some(report) = &self.report {
-            console.file(report, &page::render(&found))?;
+            outputs.put(report, page::render(&found));
         }
+        console.write(outputs, "trued.gears/1", &Report::of(self, &found))?;
         console.say(told::told(&found))?;
         if let Some(report) = &self.report {
             console.say(format!("page      {}", report.display()))?;
@@ -93,10 +96,6 @@ impl Gears {
     }
 
     fn check(&self) -> Result<(), Failure> {
-        let inputs = self.path.iter().chain(&self.force).chain(&self.profile);
-        for (input, report) in inputs.flat_map(|path| Some((path, self.report.as_ref()?))) {
-            super::correct::check_apart(input, report)?;
-        }
         let wrong = |value: &f64| !(value.is_finite() && *value > 0.0);
         if let Some(line) = self.lines.iter().find(|line| wrong(line)) {
             let words = format!("--lines holds {line}, expected cycles per mm above 0");

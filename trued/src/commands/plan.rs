@@ -119,12 +119,15 @@ impl Plan {
         if let Some(diagnosed) = &self.asked_by {
             return request::run(diagnosed, self.files.out(), console);
         }
+        let is_judged = (self.check || self.iso9283) && !self.recordings.is_empty();
+        let mut outputs = if is_judged { console.outputs() } else { self.files.outputs(console) };
+        outputs.check(self.recordings.iter().chain(&self.among).chain(self.reading.files()))?;
         let input = self.input()?;
         if self.iso9283 {
-            return iso::run(self, console, &input);
+            return iso::run(self, console, outputs, &input);
         }
         if self.check {
-            return check::run(self, console, &input);
+            return check::run(self, console, outputs, &input);
         }
         let seed = self.seed.settle();
         let going = self.going(&input, seed)?;
@@ -133,20 +136,19 @@ impl Plan {
             let worth_m = 1e-3 * self.worth_mm;
             let found = next(&going.task, known, usize::from(self.candidates), worth_m, seed)
                 .map_err(Failure::input)?;
-            self.files.write(&input.model, &going.task, &[found.pose.q])?;
-            told::next(self, console, &input, &going, &found, seed)?;
+            self.files.put(&mut outputs, &input.model, &going.task, &[found.pose.q])?;
+            told::next(self, console, outputs, &input, &going, &found, seed)?;
             return Ok(Answer::Done);
         }
         let wish = self.wish(30, seed);
         let planned = plan(&going.task, known, &wish).map_err(Failure::input)?;
         let stops: Vec<_> = planned.poses.iter().map(|pose| pose.q).collect();
-        self.files.write(&input.model, &going.task, &stops)?;
-        told::plan(self, console, &input, &going, &planned, seed)?;
+        self.files.put(&mut outputs, &input.model, &going.task, &stops)?;
+        told::plan(self, console, outputs, &input, &going, &planned, seed)?;
         Ok(Answer::Done)
     }
 
     fn input(&self) -> Result<Input, Failure> {
-        self.files.check_apart(&self.recordings)?;
         if !self.recordings.is_empty() {
             let (model, recordings) = self.reading.measured(&self.recordings)?;
             return Ok(Input { model, recordings });

@@ -14,7 +14,7 @@ use hdrhistogram::Histogram;
 use serde::Serialize;
 
 use self::daemon::OwnDaemon;
-use super::correct::check_apart;
+use crate::atomic::Outputs;
 use crate::corrections::{Corrections, Figures};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Input, Reading};
@@ -22,7 +22,7 @@ use crate::lockstep::Cycle;
 use crate::output::Console;
 use crate::setpoints::Setpoints;
 use crate::table::Table;
-use crate::{atomic, interrupt, progress};
+use crate::{interrupt, progress};
 
 /// The longest sleep before it is looked whether someone asked to stop.
 const NAP: Duration = Duration::from_millis(50);
@@ -79,9 +79,11 @@ struct Driven {
 
 impl Replay {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        let mut outputs = console.outputs();
         if let Some(out) = &self.corrections {
-            check_apart(&self.recording, out)?;
+            outputs = outputs.file(out);
         }
+        outputs.check([&self.recording].into_iter().chain(self.reading.files()))?;
         let input = self.reading.read(&self.recording, None)?;
         let stop = interrupt::flag()?;
         let mut daemon = OwnDaemon::start(&input, &stop)?;
@@ -89,9 +91,9 @@ impl Replay {
         drop(daemon);
         let csv = driven.corrections.csv(input.recording);
         if let Some(out) = &self.corrections {
-            atomic::write(out, |file| file.write_all(&csv))?;
+            outputs.put(out, csv.as_slice());
         }
-        self.say(console, &driven.corrections.figures(&csv), &driven)
+        self.say(console, outputs, &driven.corrections.figures(&csv), &driven)
     }
 
     fn drive(
@@ -127,10 +129,17 @@ impl Replay {
         Ok(Driven { corrections, latency: Latency::of(&latency), seconds })
     }
 
-    fn say(&self, console: &mut Console, figures: &Figures, driven: &Driven) -> Outcome {
+    fn say(
+        &self,
+        console: &mut Console,
+        outputs: Outputs,
+        figures: &Figures,
+        driven: &Driven,
+    ) -> Outcome {
         let Driven { latency, seconds, corrections } = driven;
         let rows_per_s = corrections.rows() as f64 / seconds;
-        console.json(
+        console.write(
+            outputs,
             "trued.replay/1",
             &Report {
                 figures,

@@ -25,7 +25,6 @@ use world::servo;
 
 use self::instrument::{Instrument, Made};
 use self::station::Stand;
-use super::correct::check_apart;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Input, Looked, Reading, count};
 use crate::options::Seed;
@@ -83,10 +82,8 @@ struct Report<'a> {
 impl Simulate {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let (csv, toml) = files(&self.out);
-        for input in std::iter::once(&self.input).chain(&self.reading.model) {
-            check_apart(input, &csv)?;
-            check_apart(input, &toml)?;
-        }
+        let mut outputs = console.outputs().file(&csv).file(&toml);
+        outputs.check([&self.input].into_iter().chain(self.reading.files()))?;
         let seed = self.seed.settle();
         let (model, made) = match self.reading.look(&self.input)? {
             Looked::WithoutArm(alone) => {
@@ -112,7 +109,8 @@ impl Simulate {
                 "the noise is more than `sigma` of the recording states, which stays as it is: {columns}"
             );
         }
-        self.write(&recording, seed, (&csv, &toml))?;
+        outputs.put(&toml, self.about(&recording, seed));
+        outputs.put(&csv, recording.to_csv());
         let report = Report {
             seed,
             noise: self.noise,
@@ -126,7 +124,7 @@ impl Simulate {
             recorded_rms_mm: recorded_rms_m.map(|rms| rms * 1e3),
             rows_beyond_stiffness: rows_beyond,
         };
-        console.json("trued.simulate/1", &report)?;
+        console.write(outputs, "trued.simulate/1", &report)?;
         say(console, &report)
     }
 
@@ -152,26 +150,19 @@ impl Simulate {
         Some(from_folder(given, toml))
     }
 
-    fn write(
-        &self,
-        recording: &Recording,
-        seed: u64,
-        (csv, toml): (&Path, &Path),
-    ) -> Result<(), Failure> {
+    /// The recording's TOML, with how it was made.
+    fn about(&self, recording: &Recording, seed: u64) -> String {
         let more = |name: &str, noise: f64| match noise {
             0.0 => String::new(),
             noise => format!(" --{name}-noise {noise}"),
         };
-        let about = format!(
+        format!(
             "# simulated: trued simulate --seed {seed} --noise {}{}{}\n{}",
             self.noise,
             more("torque", self.torque_noise),
             more("force", self.force_noise),
             recording.about_toml()
-        );
-        crate::atomic::write(toml, |file| file.write_all(about.as_bytes()))?;
-        crate::atomic::write(csv, |file| file.write_all(&recording.to_csv()))?;
-        Ok(())
+        )
     }
 }
 

@@ -81,16 +81,16 @@ pub(crate) struct Spectrum {
 
 impl Spectrum {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        if let Some(report) = &self.report {
-            super::correct::check_apart(&self.file, report)?;
-        }
         self.check()?;
+        let mut outputs = console.outputs().results(&self.report);
+        outputs.check([&self.file].into_iter().chain(&self.model).chain(&self.mapping))?;
         let subject = Subject::read(self)?;
         let found = Found::of(self, &subject)?;
         if let Some(report) = &self.report {
-            console.file(report, &page::render(&subject, &found))?;
+            outputs.put(report, page::render(&subject, &found));
         }
-        console.json("trued.spectrum/1", &outcome::Report::of(&subject, &found))?;
+        let report = outcome::Report::of(&subject, &found);
+        console.write(outputs, "trued.spectrum/1", &report)?;
         words::say(console, &subject, &found)?;
         if let Some(report) = &self.report {
             console.say(format!("page      {}", report.display()))?;

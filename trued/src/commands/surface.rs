@@ -108,21 +108,18 @@ struct NotPositive {
 impl Surface {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         self.check()?;
-        for (input, report) in
-            self.profiles.iter().flat_map(|path| Some((path, self.report.as_ref()?)))
-        {
-            super::correct::check_apart(input, report)?;
-        }
+        let mut outputs = console.outputs().results(&self.report);
+        outputs.check(&self.profiles)?;
         let machining = self.machining()?;
         let profiles = self.profiles.iter().map(|path| {
             let profile = input::read(&self.heights, path)?;
             Measured::of(profile, &self.parting(), &self.segment_mm, &machining)
         });
         let profiles = profiles.collect::<Result<Vec<Measured>, Failure>>()?;
-        console.json("trued.surface/1", &Report::of(self, &profiles))?;
         if let Some(report) = &self.report {
-            console.file(report, &page::render(self, &profiles))?;
+            outputs.put(report, page::render(self, &profiles));
         }
+        console.write(outputs, "trued.surface/1", &Report::of(self, &profiles))?;
         console.say(told::told(&profiles))?;
         if let Some(report) = &self.report {
             console.say(format!("page          {}", report.display()))?;

@@ -26,7 +26,7 @@ use crate::output::Console;
 /// Each FILE holds the force of an instrumented hammer and the response, of one hit or of several, or response functions
 /// that were measured elsewhere (UFF 58; tables with --frf). Hits are found by their force; double hits, overloads and
 /// hits cut short are left out and named. Three hits or more give a coherence; modes of fewer are marked unverified.
-/// Exit 1 where no mode is found.
+/// Exit 1 where no mode is found; then no model is written.
 #[derive(Debug, Args)]
 pub(crate) struct Tap {
     /// The hammer's force, by name or by number from 1; needed where units do not tell it
@@ -165,29 +165,37 @@ struct Unusable {
 impl Tap {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         self.check()?;
+        let mut outputs = console.outputs().results(&self.report);
+        if let Some(out) = &self.out {
+            outputs = outputs.file(out);
+        }
+        outputs.check(self.model.iter().chain(&self.files))?;
         let base = self.model.as_deref().map(crate::input::model).transpose()?;
         let source = input::read(self)?;
         let analysis = Analysis::of(self, source)?;
         let renewed =
             base.as_ref().map(|base| model::renewed(self, base, &analysis)).transpose()?;
-        console.json("trued.tap/1", &told::Report::of(self, &analysis, renewed.as_ref()))?;
         if let Some(report) = &self.report {
-            console.file(report, &page::render(self, &analysis, renewed.as_ref()))?;
+            outputs.put(report, page::render(self, &analysis, renewed.as_ref()));
         }
-        if let (Some(out), Some(renewed)) = (&self.out, &renewed) {
-            crate::atomic::write(out, |file| file.write_all(renewed.text.as_bytes()))?;
+        let is_found = !analysis.modes.is_empty();
+        if let (Some(out), Some(renewed), true) = (&self.out, &renewed, is_found) {
+            outputs.put(out, renewed.text.as_str());
         }
+        let report = told::Report::of(self, &analysis, renewed.as_ref());
+        console.write(outputs, "trued.tap/1", &report)?;
         for warning in &analysis.warnings {
             warn!("{warning}");
         }
         console.say(told::told(&analysis, renewed.as_ref()))?;
-        let written = [("model", &self.out), ("page", &self.report)];
+        let model = self.out.as_ref().filter(|_| is_found);
+        let written = [("model", model), ("page", self.report.as_ref())];
         for (what, path) in written {
             if let Some(path) = path {
                 console.say(format!("{what:<12}  {}", path.display()))?;
             }
         }
-        Ok(if analysis.modes.is_empty() { Answer::No } else { Answer::Done })
+        Ok(if is_found { Answer::Done } else { Answer::No })
     }
 
     fn check(&self) -> Result<(), Failure> {
@@ -213,11 +221,6 @@ impl Tap {
             && !(low >= 0.0 && high > low && high.is_finite())
         {
             return unusable("--band", format!("{low} {high}"), "two frequencies, the lower first");
-        }
-        for out in [&self.out, &self.report].into_iter().flatten() {
-            for input in self.model.iter().chain(&self.files) {
-                super::correct::check_apart(input, out)?;
-            }
         }
         Ok(())
     }

@@ -173,6 +173,21 @@ fn what_is_no_joint_target_of_this_arm_passes_as_it_is_and_is_counted() {
 }
 
 #[test]
+fn a_speed_reference_alone_passes_as_it_is_and_is_no_corrected_target() {
+    let (mut middle, counts) = middle(Guidance::Joints);
+    assert!(middle.of_robot(&feedback(1), at(ROBOT), 0));
+    // `EgmSensor.speedRef` is field 3: without `planned`, with an empty one, with a pose.
+    let alone = message(3, 1, 3, &[1.5, 0.0, -2.0, 0.0, 0.0, 0.25], None);
+    let mut beside_nothing = message(2, 2, 3, &[], None);
+    beside_nothing.extend(&message(3, 2, 3, &[1.5; 6], None));
+    for speeds in [alone, beside_nothing] {
+        assert_eq!(answered(&mut middle, &speeds, 1).unwrap().0, speeds);
+    }
+    let seen = [Count::Plain, Count::NotCorrected, Count::Corrected].map(|what| counts.get(what));
+    assert_eq!(seen, [2, 0, 0]);
+}
+
+#[test]
 fn a_controller_that_begins_anew_is_a_new_run() {
     let (mut middle, counts) = middle(Guidance::Joints);
     let numbers = [(100, 0), (101, 4), (0, 8), (1, 12), (2, 16), (3, 20), (4, 24)];

@@ -13,6 +13,8 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 /// Squared noises per unit of damage below which a direction is not shown.
 const SHOWN: f64 = 1e-3;
+/// Directions of columns of unit length that show less than this, squared, are combinations of others.
+const DEPENDENT: f64 = 1e-9;
 /// What an open direction counts in the choice of poses, squared units per squared noise.
 const OPEN: f64 = 1e-2;
 
@@ -111,8 +113,25 @@ impl Evidence {
         let scale = DMatrix::from_fn(open, open, |i, j| {
             seen[(i, j)] / (seen[(i, i)] * seen[(j, j)]).max(1e-300).sqrt()
         });
-        let found = scale.symmetric_eigenvalues().iter().filter(|value| **value > 1e-9).count();
+        let found =
+            scale.symmetric_eigenvalues().iter().filter(|value| **value > DEPENDENT).count();
         self.rows.saturating_sub(found)
+    }
+
+    /// The sum of squares with all that may change fitted freely, and its freedom: the noise alone, whatever the stated uncertainties of the model are worth.
+    pub(super) fn noise(&self) -> (f64, usize) {
+        let seen = &self.nn - DMatrix::identity(self.nuisance, self.nuisance);
+        let width = |i: usize| seen[(i, i)].max(1e-300).sqrt();
+        let scaled = DMatrix::from_fn(self.nuisance, self.nuisance, |i, j| {
+            seen[(i, j)] / (width(i) * width(j))
+        });
+        let right = DVector::from_fn(self.nuisance, |i, _| self.nr[i] / width(i));
+        let SymmetricEigen { eigenvectors, eigenvalues } = SymmetricEigen::new(scaled);
+        let shown = eigenvectors.column_iter().zip(eigenvalues.iter());
+        let shown = shown.filter(|(_, value)| **value > DEPENDENT);
+        let gains = shown.map(|(direction, value)| direction.dot(&right).powi(2) / value);
+        let gains: Vec<f64> = gains.collect();
+        (self.rr - gains.iter().sum::<f64>(), self.rows.saturating_sub(gains.len()))
     }
 
     /// What the rows show of a damage (`S`), and what the residuals say of it (`g`).
@@ -181,6 +200,11 @@ pub(super) fn p_above(freedom: usize, sum: f64) -> f64 {
     ChiSquared::new(freedom as f64).map_or(1.0, |chi| chi.sf(sum.max(0.0)))
 }
 
+/// How probable a χ² of this freedom is at most `sum`.
+pub(super) fn p_below(freedom: usize, sum: f64) -> f64 {
+    ChiSquared::new(freedom as f64).map_or(1.0, |chi| chi.cdf(sum.max(0.0)))
+}
+
 /// The noncentrality of a χ² of this freedom that alarms at `alarm` with the probability `power`.
 pub(super) fn least_seen(freedom: usize, alarm: f64, power: f64) -> f64 {
     let Ok(chi) = ChiSquared::new(freedom as f64) else { return f64::INFINITY };
@@ -225,6 +249,7 @@ mod tests {
             assert!((found - expected).abs() < 0.01, "{freedom}: {found}");
         }
         assert!((p_above(6, 12.592) - 0.05).abs() < 1e-4);
+        assert!((p_below(6, 1.635) - 0.05).abs() < 1e-4);
     }
 
     #[test]

@@ -33,6 +33,18 @@ fn shown(
     damage: Option<(Damage, f64)>,
     seed: u64,
 ) -> Campaign {
+    shown_at(task, sigma, stops, damage, 1.0, seed)
+}
+
+/// The same with `scale` times the stated noise.
+fn shown_at(
+    task: &Task,
+    sigma: &[Vec<f64>],
+    stops: &[Joints],
+    damage: Option<(Damage, f64)>,
+    scale: f64,
+    seed: u64,
+) -> Campaign {
     use rand::RngExt;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let watch = Watch::of(&task.hypothesis.model, sigma);
@@ -48,7 +60,7 @@ fn shown(
         step[place] = change;
     }
     let truth = watch.hypothesis.stepped(&step);
-    simulate::readings(&task.campaign(stops), &truth.model, &task.surroundings, 1.0, seed)
+    simulate::readings(&task.campaign(stops), &truth.model, &task.surroundings, scale, seed)
 }
 
 #[test]
@@ -149,4 +161,26 @@ fn a_damage_that_is_none_of_the_known_is_seen_by_the_sum() {
     }
     let judged = judge(&odd, &task.hypothesis.model, &sigma, &TERMS);
     assert!(!judged.holds && !judged.is_explained, "{judged:?}");
+}
+
+#[test]
+fn noise_that_is_overstated_is_reported_and_chance_is_not() {
+    let (task, sigma) = cell(false);
+    let checkup = ten(&task, &sigma);
+    const RUNS: u64 = 100;
+    let scatter = |scale: f64, seed: u64| {
+        let seen = shown_at(&task, &sigma, &checkup.poses, None, scale, seed);
+        judge(&seen, &task.hypothesis.model, &sigma, &TERMS).scatter
+    };
+    // Asked: 1 in 200. Of 100, 4 or more come in one of five hundred such tests.
+    let chance = (0..RUNS).filter(|seed| scatter(1.0, *seed).is_some()).count();
+    assert!(chance < 4, "{chance} of {RUNS}");
+    // A robot that is as its model says, measured with a quarter of the stated noise.
+    for seed in 0..10 {
+        let model = &task.hypothesis.model;
+        let stops = task.campaign(&checkup.poses);
+        let seen = simulate::readings(&stops, model, &task.surroundings, 0.25, seed);
+        let found = judge(&seen, model, &sigma, &TERMS).scatter.expect("far too little");
+        assert!((0.1..0.5).contains(&found), "{found} of 0.25 stated");
+    }
 }

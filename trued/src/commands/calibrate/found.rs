@@ -5,10 +5,13 @@
 
 use diagnosis::proof::{self, Calibration, Errors, Split};
 use diagnosis::share::tool_shares;
-use diagnosis::{Campaign, Effort, Fit, Free, Influence, Settings, Undetermined, fit, readback};
+use diagnosis::{
+    Campaign, Effort, Fit, Free, Influence, Settings, Undetermined, fit, gross, readback,
+};
 use physics::{Arm, Chain};
 use recording::model::RobotModel;
 use recording::series::{Approach, Kind, Recording};
+use report::fixed;
 
 use super::Parts;
 use super::numbers::{ALONG, Entry, barred, entries};
@@ -76,6 +79,8 @@ pub(super) struct Found {
     /// Where there are several.
     pub(super) stationed: Vec<Stationed>,
     pub(super) warnings: Vec<String>,
+    /// Why the model is not to be used; empty where its proof holds.
+    pub(super) refused: Vec<String>,
 }
 
 /// The names of the three models.
@@ -110,6 +115,7 @@ impl Found {
         let shares_m = tool_shares(&last.hypothesis, &campaign);
         let entries = entries(&base, &last, &calibration.advanced.chosen, &shares_m)?;
         warnings.extend(doubts(recordings, &errors, &last));
+        let refused = refused(&errors, &campaign, &last);
         let outliers = outliers(&campaign, &last);
         let approached = approached(&campaign, &calibration, &held);
         let of_recordings = of_recordings(&campaign, &calibration, &held);
@@ -129,6 +135,7 @@ impl Found {
             of_recordings,
             stationed,
             warnings,
+            refused,
         })
     }
 
@@ -164,6 +171,20 @@ impl Found {
         let name = self.campaign.recordings.get(place).map_or("", |source| source.name.as_str());
         std::path::Path::new(name).file_name().and_then(|name| name.to_str()).unwrap_or(name)
     }
+}
+
+/// What speaks against the model: held-out poses on which it is worse than the one it began with, and what is grossly off in spite of it.
+fn refused([nominal, _, advanced]: &[Errors; 3], campaign: &Campaign, last: &Fit) -> Vec<String> {
+    let mm = |metres: f64| fixed(metres * 1e3, 4);
+    let worse = (advanced.mean() > nominal.mean()).then(|| {
+        format!(
+            "on the held-out poses the new model is off by {} mm in the mean, the one before by {} mm: measure more poses, or keep the one before",
+            mm(advanced.mean()),
+            mm(nominal.mean())
+        )
+    });
+    let faults = gross::faults(campaign, &last.hypothesis.model);
+    worse.into_iter().chain(faults.into_iter().map(|fault| fault.says)).collect()
 }
 
 /// Whether a number shifts a joint's axis along itself, where no shift shows.

@@ -30,13 +30,7 @@ pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Strin
         .kicker(format!("trued calibrate, {}", names.join(", ")))
         .lead(&lead)
         .numbers(numbers(found));
-    if let Some((first, others)) = found.warnings.split_first() {
-        page = page.note(Tone::Caution, "To be looked at", first);
-        if !others.is_empty() {
-            page = page.list(others);
-        }
-    }
-    page = page.section("The proof").table(&errors(found)).figure(
+    page = notes(page, found).section("The proof").table(&errors(found)).figure(
         "Distances of measured points from where each model sees them, on held-out poses.",
         &histogram(found),
     );
@@ -77,11 +71,25 @@ pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Strin
             ("Seed", seed),
             (
                 "Model written",
-                format!("{}, fitted to {}", command.out.display(), count(found.poses, "pose")),
+                format!("{}, fitted to {}", command.written(found), count(found.poses, "pose")),
             ),
         ])
         .footer("Made by trued calibrate.")
         .render()
+}
+
+/// What speaks against the model, and what is to be looked at.
+fn notes(mut page: Page, found: &Found) -> Page {
+    for reason in &found.refused {
+        page = page.note(Tone::Bad, "Not proven", reason);
+    }
+    if let Some((first, others)) = found.warnings.split_first() {
+        page = page.note(Tone::Caution, "To be looked at", first);
+        if !others.is_empty() {
+            page = page.list(others);
+        }
+    }
+    page
 }
 
 fn numbers(found: &Found) -> Vec<Number> {

@@ -27,7 +27,10 @@ pub(super) struct Report {
     model: String,
     /// Maker, type and serial number as far as the model states them, and the hash of its nominal geometry.
     robot: String,
-    out: String,
+    /// None where no model was written.
+    out: Option<String>,
+    /// Why the model is not to be used.
+    refused: Vec<String>,
     seed: Option<u64>,
     split: String,
     poses: Poses,
@@ -158,7 +161,8 @@ impl Report {
             unit: "mm",
             model: found.base.file.name.clone(),
             robot: found.base.file.identity().to_string(),
-            out: command.out.display().to_string(),
+            out: command.is_written(found).then(|| command.out.display().to_string()),
+            refused: found.refused.clone(),
             seed: found.seed,
             split: found.split.says.clone(),
             poses: Poses { training, heldout: all - training, written_model: found.poses },
@@ -277,9 +281,31 @@ pub(super) fn told(command: &Calibrate, found: &Found, alone: &Alone) -> String 
         text += &format!("off       {many}: {}{}\n", some.join("; "), rest(found.outliers.len()));
     }
     let poses = count(found.poses, "pose");
-    text += &format!("model     {}, fitted to {poses}", command.out.display());
+    text += &format!("model     {}, fitted to {poses}", command.written(found));
+    if command.is_written(found) {
+        text += &format!("\ncheck     {}", check(command, found));
+    }
     if let Some(report) = &command.report {
         text += &format!("\npage      {}", report.display());
+    }
+    text
+}
+
+/// The command that plans a check with this model: the targets where the fit found them, and per axis the noise that its held-out poses show.
+fn check(command: &Calibrate, found: &Found) -> String {
+    let [.., advanced] = &found.errors;
+    let square = advanced.sorted_m.iter().map(|error| error * error).sum::<f64>();
+    let axis_m = (square / (3 * advanced.sorted_m.len()).max(1) as f64).sqrt();
+    let out = command.out.display();
+    let mut text =
+        format!("trued plan --check --model {out} --sigma-mm {}", significant(mm(axis_m), 2));
+    for target in &found.last.surroundings.targets {
+        let [x, y, z] = (target.value * 1e3).to_array().map(|mm| format!("{mm:.3}"));
+        // A minus sign that the option takes: no typographic one.
+        text += &format!(" --target={x},{y},{z}");
+    }
+    if !found.last.surroundings.targets.is_empty() {
+        text += " --targets-known";
     }
     text
 }

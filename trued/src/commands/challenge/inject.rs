@@ -105,9 +105,10 @@ impl Injection<'_> {
             cannot_be_added: cannot,
             cases: lines,
         };
-        console.json("trued.injection/1", &report)?;
         let text = serde_json::to_string_pretty(&report).map_err(Failure::system)?;
-        crate::atomic::write(&self.out.join("outcomes.json"), |file| writeln!(file, "{text}"))?;
+        let mut outputs = console.outputs();
+        outputs.put(&self.out.join("outcomes.json"), text + "\n");
+        console.write(outputs, "trued.injection/1", &report)?;
         for share in &report.at_z {
             let figure = super::told::share(share.share);
             console.say(format!(
@@ -157,10 +158,8 @@ impl Injection<'_> {
     ) -> Result<(Option<Answer>, Option<String>), Failure> {
         let folder = self.out.join("cases").join(&plain.name).join(what);
         std::fs::create_dir_all(&folder).map_err(Failure::system)?;
-        let text = plain.text(torques);
-        for (file, text) in [("model.toml", &plain.model), ("recording.csv", &text)] {
-            crate::atomic::write(&folder.join(file), |file| file.write_all(text.as_bytes()))?;
-        }
+        let files = [("model.toml", plain.model.clone()), ("recording.csv", plain.text(torques))];
+        super::write(files.map(|(name, text)| (folder.join(name), text)))?;
         let out = self.out.join("answers").join(&plain.name).join(what);
         let run = self.solver.answer(&folder, &out, stop)?;
         let answer = run.diagnosis.as_deref().and_then(|text| Answer::parse(text, "torque").ok());

@@ -11,10 +11,11 @@ use physics::JointKind;
 use recording::model::RobotModel;
 use recording::series::{self, Need};
 
-use super::super::diagnose::{Found, MODEL, told};
+use super::super::diagnose::{self, Found, MODEL, told};
 use super::super::reload::Swap;
 use super::outcome::{Named, Told};
 use super::scene::Scene;
+use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure};
 use crate::input::unusable;
 use crate::output::{Console, Paint};
@@ -38,7 +39,9 @@ pub(super) fn play(
     let diagnosis_s = start.elapsed().as_secs_f64();
     let report = told::Report::of(&found);
     let folder = out.join(FOLDER);
-    found.write(std::slice::from_ref(&report), &folder)?;
+    let mut outputs = diagnose::outputs(Outputs::new(console.common().overwrite), &folder);
+    found.put(&mut outputs, std::slice::from_ref(&report), &folder)?;
+    outputs.write()?;
     let verdict = report.verdict.replace('_', " ");
     let mut says = vec![format!("{verdict}: {}", told::lead(&report))];
     says.extend(told::lines(&report));

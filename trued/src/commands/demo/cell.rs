@@ -5,12 +5,13 @@
 //! that of `client/examples/robot_loop.rs` with measuring around it.
 
 use std::io::BufRead;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use physics::{JOINTS_MAX, Joints};
+use recording::series::{Recording, about_path};
 use trued_client::{
     Client, ForceSamples, ForceSource, Samples, Setpoint, WrenchFrame, monotonic_ns,
 };
@@ -23,6 +24,7 @@ use super::outcome::{Again, Report, Swap, Told};
 use super::page;
 use super::scene::{Scene, TICK_S};
 use super::standing::Standing;
+use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
 
@@ -47,11 +49,9 @@ pub(super) fn run(name: &str, scene: &Scene, out: &Path) -> Outcome {
     loop_.hear_out();
     let rejected = loop_.rejected();
     let milled = loop_.log.milled(scene, rejected);
-    recording::series::write(&out.join("recording.csv"), &loop_.log.recording(scene))
-        .map_err(Failure::system)?;
+    put(&out.join("recording.csv"), &loop_.log.recording(scene))?;
     tell(&format!("milled {}", json(&milled)?))?;
-    recording::series::write(&out.join("measured.csv"), &measured(scene))
-        .map_err(Failure::system)?;
+    put(&out.join("measured.csv"), &measured(scene))?;
     tell("measured")?;
     let first = loop_.renew_log(scene)?;
     loop_.client.start_anew();
@@ -68,9 +68,21 @@ pub(super) fn run(name: &str, scene: &Scene, out: &Path) -> Outcome {
     }
     let report = Report::new(milled, told, again);
     let page = page::render(scene, &report, &first, second.as_ref());
-    crate::atomic::write(&out.join("report.html"), |file| file.write_all(page.as_bytes()))?;
+    write([(out.join("report.html"), page.into_bytes())])?;
     tell(&format!("again {}", json(&again)?))?;
     Ok(Answer::Done)
+}
+
+fn put(csv: &Path, recording: &Recording) -> Result<(), Failure> {
+    let about = (about_path(csv), recording.about_toml().into_bytes());
+    write([about, (csv.to_owned(), recording.to_csv())])
+}
+
+/// Files whose places the demo has looked at before it began.
+fn write(files: impl IntoIterator<Item = (PathBuf, Vec<u8>)>) -> Result<(), Failure> {
+    let mut outputs = Outputs::new(true);
+    files.into_iter().for_each(|(path, bytes)| outputs.put(&path, bytes));
+    Ok(outputs.write()?)
 }
 
 /// Lines from standard input, read beside the loop.

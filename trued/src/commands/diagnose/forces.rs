@@ -7,7 +7,7 @@ use recording::model::{EffectEntry, RobotModel, SiParameter};
 use recording::series::Recording;
 
 use super::drives::written;
-use super::{Diagnose, outputs, page, told};
+use super::{Diagnose, JSON, MODEL, PAGE, outputs, page, told};
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::{Console, Paint};
 
@@ -30,20 +30,19 @@ pub(super) fn alone(
     if asked.apply.is_some() {
         return Err(Failure::input("--apply: forces alone say nothing of where the tool is"));
     }
-    asked.check(&outputs(&asked.out))?;
+    let mut outputs = outputs(console.outputs(), &asked.out);
+    outputs.check(asked.inputs())?;
     let seed = asked.seed.settle();
     let with_cutting = base.with_cutting().map_err(Failure::input)?;
     let sigma: Vec<Vec<f64>> = base.sigma.iter().chain(&base.cutting_sigma).cloned().collect();
     let result = force::diagnose(&with_cutting, &sigma, &recording);
     let found = Forces { base, result, seed };
     let report = told::Report::of_forces(&found);
-    let texts = [
-        told::json(std::slice::from_ref(&report))?,
-        found.model()?,
-        page::forces::render(&found, &report),
-    ];
-    super::write(&texts, &asked.out)?;
-    console.json("trued.diagnosis/1", &told::Whole::of(std::slice::from_ref(&report)))?;
+    let reports = std::slice::from_ref(&report);
+    outputs.put(&asked.out.join(JSON), told::json(reports)?);
+    outputs.put(&asked.out.join(MODEL), found.model()?);
+    outputs.put(&asked.out.join(PAGE), page::forces::render(&found, &report));
+    console.write(outputs, "trued.diagnosis/1", &told::Whole::of(reports))?;
     let head = console.paint(Paint::Strong, &report.verdict.replace('_', " "));
     console.say(format!("{head}: {}", report.heldout))?;
     for line in told::lines(&report) {

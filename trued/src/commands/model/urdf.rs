@@ -71,11 +71,13 @@ struct Part<'a> {
 
 impl Import {
     pub(super) fn run(&self, console: &mut Console) -> Outcome {
+        let mut outputs = console.outputs().file(&self.out);
+        outputs.check([&self.file])?;
         let ends = Ends { base: self.base.as_deref(), tip: self.tip.as_deref() };
         let found = urdf::read(&self.file, &ends).map_err(input::unusable)?;
         let Imported { model, base, tip, notes } = &found;
         let joints = model.file.joints.iter().map(|joint| joint.name.as_str()).collect();
-        console.file(&self.out, &model.file.to_toml())?;
+        outputs.put(&self.out, model.file.to_toml());
         let bodies = model.physics.arm.bodies().count();
         let report = ImportReport {
             name: &model.file.name,
@@ -86,7 +88,7 @@ impl Import {
             bodies,
             notes,
         };
-        console.json("trued.model/1", &report)?;
+        console.write(outputs, "trued.model/1", &report)?;
         console.say(console.paint(Paint::Strong, report.name))?;
         let (joints, masses) = (count(report.joints.len(), "joint"), bodies_in_words(bodies));
         console
@@ -107,16 +109,18 @@ fn bodies_in_words(bodies: usize) -> String {
 
 impl Export {
     pub(super) fn run(&self, console: &mut Console) -> Outcome {
+        let mut outputs = console.outputs().file(&self.urdf);
+        outputs.check([&self.model])?;
         let model = input::model(&self.model)?;
         let found = urdf::export(&model);
-        console.file(&self.urdf, &found.text)?;
+        outputs.put(&self.urdf, found.text.as_str());
         let parts = found.left_out.iter().map(|part| Part { what: &part.what, why: part.why });
         let report = ExportReport {
             name: &model.file.name,
             carried: &found.carried,
             left_out: parts.collect(),
         };
-        console.json("trued.model/1", &report)?;
+        console.write(outputs, "trued.model/1", &report)?;
         console.say(console.paint(Paint::Strong, report.name))?;
         if !report.carried.is_empty() {
             console.say(format!("in the frames: {}", report.carried.join(", ")))?;

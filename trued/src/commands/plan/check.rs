@@ -10,6 +10,7 @@ use tracing::warn;
 
 use super::told::{joints, not_checked, shown, written};
 use super::{Input, Plan};
+use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::count;
 use crate::output::{Console, Paint};
@@ -42,6 +43,8 @@ struct Judged<'a> {
     sum: f64,
     freedom: usize,
     p: f64,
+    scatter: Option<f64>,
+    unseen: Vec<String>,
     suspects: Vec<SuspectReport>,
     is_explained: bool,
     power: f64,
@@ -76,23 +79,34 @@ fn unit(model: &Model, damage: &Damage) -> &'static str {
     if damage.is_angle(model) { "mrad" } else { "mm" }
 }
 
-pub(super) fn run(command: &Plan, console: &mut Console, input: &Input) -> Outcome {
+pub(super) fn run(
+    command: &Plan,
+    console: &mut Console,
+    outputs: Outputs,
+    input: &Input,
+) -> Outcome {
     let terms = Terms { alarm: command.alarm, power: POWER };
     if input.recordings.is_empty() {
-        chosen(command, console, input, &terms)
+        chosen(command, console, outputs, input, &terms)
     } else {
-        judged(command, console, input, &terms)
+        judged(command, console, outputs, input, &terms)
     }
 }
 
-fn chosen(command: &Plan, console: &mut Console, input: &Input, terms: &Terms) -> Outcome {
+fn chosen(
+    command: &Plan,
+    console: &mut Console,
+    mut outputs: Outputs,
+    input: &Input,
+    terms: &Terms,
+) -> Outcome {
     let seed = command.seed.settle();
     let model = &input.model;
     let mut going = command.set_up(input)?;
     going.task.hypothesis = diagnosis::Hypothesis::fixed(model.physics);
     let wish = command.wish(POSES, seed);
     let found = poses(&going.task, &model.sigma, &wish, terms).map_err(Failure::input)?;
-    command.files.write(model, &going.task, &found.poses)?;
+    command.files.put(&mut outputs, model, &going.task, &found.poses)?;
     let not_checked = not_checked(command, &going);
     let report = Planned {
         does: "check",
@@ -108,7 +122,7 @@ fn chosen(command: &Plan, console: &mut Console, input: &Input, terms: &Terms) -
             .collect(),
         not_checked: not_checked.clone(),
     };
-    console.json("trued.plan/1", &report)?;
+    console.write(outputs, "trued.plan/1", &report)?;
     let head = console.paint(Paint::Strong, &count(found.poses.len(), "pose"));
     console.say(format!("{head} for a check (seed {seed})"))?;
     let mut table = Table::new(["pose", "joints, deg (mm)"]);
@@ -128,12 +142,24 @@ fn chosen(command: &Plan, console: &mut Console, input: &Input, terms: &Terms) -
     Ok(Answer::Done)
 }
 
+/// What no reading of these poses can show, however large.
+fn unseen(detectable: &[Detectable]) -> Vec<String> {
+    let unseen = detectable.iter().filter(|found| found.least.is_none());
+    unseen.map(|found| found.damage.says()).collect()
+}
+
+fn overstated(scatter: f64) -> String {
+    format!(
+        "the readings scatter less than is stated, which hides damage: {} of the stated `sigma` explains them",
+        significant(scatter, 2)
+    )
+}
+
 fn shows(model: &Model, detectable: &[Detectable]) -> String {
     let mut table = Table::new(["damage", "least that shows"]);
     for found in detectable {
-        let least = found
-            .least
-            .map_or("cannot be seen: what is found along takes it".to_owned(), |least| {
+        let least =
+            found.least.map_or("cannot be seen: what is fitted takes it".to_owned(), |least| {
                 format!("{} {}", significant(1e3 * least, 2), unit(model, &found.damage))
             });
         table = table.row([found.damage.says(), least]);
@@ -158,7 +184,13 @@ fn unstated(input: &Input) -> Vec<String> {
     said
 }
 
-fn judged(command: &Plan, console: &mut Console, input: &Input, terms: &Terms) -> Outcome {
+fn judged(
+    command: &Plan,
+    console: &mut Console,
+    outputs: Outputs,
+    input: &Input,
+    terms: &Terms,
+) -> Outcome {
     command.setup.check()?;
     let model = &input.model;
     let mut campaign =
@@ -167,11 +199,12 @@ fn judged(command: &Plan, console: &mut Console, input: &Input, terms: &Terms) -
     let mut warnings = unstated(input);
     if campaign.surroundings.targets.iter().any(|target| target.free) {
         warnings.push(
-            "a target's place on the tool is found along, so that a bent tool does not show: say `target1_mm` in the recording's TOML, or --target with --targets-known".to_owned(),
+            "a target's place on the tool is fitted, so that a bent tool does not show: say where it was before (`target1_mm` in the recording's TOML, or --target with --targets-known)".to_owned(),
         );
     }
-    warnings.iter().for_each(|warning| warn!("{warning}"));
     let found = judge(&campaign, &model.physics, &model.sigma, terms);
+    warnings.extend(found.scatter.map(overstated));
+    warnings.iter().for_each(|warning| warn!("{warning}"));
     let suspect = |found: &Suspect| SuspectReport {
         damage: found.damage.says(),
         unit: unit(&model.physics, &found.damage),
@@ -188,6 +221,8 @@ fn judged(command: &Plan, console: &mut Console, input: &Input, terms: &Terms) -
         sum: found.sum,
         freedom: found.freedom,
         p: found.p,
+        scatter: found.scatter,
+        unseen: unseen(&found.detectable),
         suspects: found.suspects.iter().map(suspect).collect(),
         is_explained: found.is_explained,
         power: terms.power,
@@ -198,7 +233,7 @@ fn judged(command: &Plan, console: &mut Console, input: &Input, terms: &Terms) -
             .collect(),
         warnings,
     };
-    console.json("trued.plan/1", &report)?;
+    console.write(outputs, "trued.plan/1", &report)?;
     told(console, &model.physics, &found, report.poses)?;
     Ok(if found.holds { Answer::Done } else { Answer::No })
 }
@@ -219,6 +254,18 @@ fn told(
     if found.holds {
         let head = console.paint(Paint::Good, "the model still holds");
         console.say(format!("{head}; {sum}"))?;
+        let unseen = unseen(&found.detectable);
+        if !unseen.is_empty() {
+            let head = console.paint(Paint::Caution, "not seen by this check");
+            let unseen = unseen.join("; ");
+            console.say(format!(
+                "{head}: whether {unseen}: what is fitted (targets, measuring frame) takes it"
+            ))?;
+        }
+        if let Some(scatter) = found.scatter {
+            let head = console.paint(Paint::Caution, "noise overstated");
+            console.say(format!("{head}: {}", overstated(scatter)))?;
+        }
         console.say("damage that these poses would have shown:")?;
         return console.say(shows(model, &found.detectable));
     }

@@ -16,9 +16,10 @@ use recording::series::{
     Channel, Distance, Gauges, Probe, TouchedPlane, TouchedSphere, about_path,
 };
 
-use crate::atomic;
+use crate::atomic::Outputs;
 use crate::exit::Failure;
 use crate::input::Faulty;
+use crate::output::Console;
 
 /// The list that measurements are filled into.
 const LIST: &str = "poses.csv";
@@ -60,16 +61,20 @@ impl Files {
         self.out.as_deref()
     }
 
-    /// No recording that is read is one that would be written.
-    pub(super) fn check_apart(&self, recordings: &[PathBuf]) -> Result<(), Failure> {
-        let Some(out) = &self.out else { return Ok(()) };
+    /// The files that the poses go to, where that was asked for.
+    pub(super) fn outputs(&self, console: &Console) -> Outputs {
+        let Some(out) = &self.out else { return console.outputs() };
         let list = out.join(LIST);
-        recordings.iter().try_for_each(|input| super::super::correct::check_apart(input, &list))
+        let about = about_path(&list);
+        let programs = ["poses.mod", "poses.src", "poses.dat"].map(|name| out.join(name));
+        let outputs = console.outputs().in_folder(out).file(about).file(list);
+        programs.into_iter().fold(outputs, Outputs::file)
     }
 
-    /// Writes the poses where they were asked for.
-    pub(super) fn write(
+    /// Puts the poses into these files.
+    pub(super) fn put(
         &self,
+        outputs: &mut Outputs,
         model: &RobotModel,
         task: &Task,
         stops: &[Joints],
@@ -81,21 +86,23 @@ impl Files {
                 slide_m: 1e-3 * self.approach_deg,
             },
         };
-        self.write_tour(model, task, stops, approach)
+        self.put_tour(outputs, model, task, stops, approach)
     }
 
     /// The same, always straight from the pose before.
-    pub(super) fn write_direct(
+    pub(super) fn put_direct(
         &self,
+        outputs: &mut Outputs,
         model: &RobotModel,
         task: &Task,
         stops: &[Joints],
     ) -> Result<(), Failure> {
-        self.write_tour(model, task, stops, Approach::Direct)
+        self.put_tour(outputs, model, task, stops, Approach::Direct)
     }
 
-    fn write_tour(
+    fn put_tour(
         &self,
+        outputs: &mut Outputs,
         model: &RobotModel,
         task: &Task,
         stops: &[Joints],
@@ -131,20 +138,13 @@ impl Files {
             .filter(|(_, target)| !target.free)
             .map(|(place, target)| (place, target.value.to_array()))
             .collect();
-        std::fs::create_dir_all(out).map_err(|error| {
-            Failure::system(format!("{}: cannot make this folder: {error}", out.display()))
-        })?;
         let list = out.join(LIST);
-        let texts = [
-            (about_path(&list), recording.about_toml().into_bytes()),
-            (list, recording.to_csv()),
-            (out.join("poses.mod"), rapid.into_bytes()),
-            (out.join("poses.src"), krl.src.into_bytes()),
-            (out.join("poses.dat"), krl.dat.into_bytes()),
-        ];
-        texts
-            .iter()
-            .try_for_each(|(path, text)| Ok(atomic::write(path, |file| file.write_all(text))?))
+        outputs.put(&about_path(&list), recording.about_toml());
+        outputs.put(&list, recording.to_csv());
+        outputs.put(&out.join("poses.mod"), rapid);
+        outputs.put(&out.join("poses.src"), krl.src);
+        outputs.put(&out.join("poses.dat"), krl.dat);
+        Ok(())
     }
 }
 

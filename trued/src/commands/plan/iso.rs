@@ -13,6 +13,7 @@ use super::going::Going;
 use super::setup::Tuple;
 use super::told::{joints, not_checked, shown, written};
 use super::{Input, Plan};
+use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input::count;
 use crate::output::{Console, Paint};
@@ -62,15 +63,20 @@ struct DistanceReport {
     repeatability_mm: f64,
 }
 
-pub(super) fn run(command: &Plan, console: &mut Console, input: &Input) -> Outcome {
+pub(super) fn run(
+    command: &Plan,
+    console: &mut Console,
+    outputs: Outputs,
+    input: &Input,
+) -> Outcome {
     if input.recordings.is_empty() {
-        planned(command, console, input)
+        planned(command, console, outputs, input)
     } else {
-        evaluated(command, console, input)
+        evaluated(command, console, outputs, input)
     }
 }
 
-fn planned(command: &Plan, console: &mut Console, input: &Input) -> Outcome {
+fn planned(command: &Plan, console: &mut Console, mut outputs: Outputs, input: &Input) -> Outcome {
     let seed = command.seed.settle();
     let going = command.set_up(input)?;
     let model = &input.model;
@@ -79,7 +85,7 @@ fn planned(command: &Plan, console: &mut Console, input: &Input) -> Outcome {
     // Always from the same side: P5 to P1, and so on round.
     let cycle = [4, 3, 2, 1, 0].map(|place| found.poses[place]);
     let stops: Vec<Joints> = (0..cycles).flat_map(|_| cycle).collect();
-    command.files.write_direct(model, &going.task, &stops)?;
+    command.files.put_direct(&mut outputs, model, &going.task, &stops)?;
     let middle = 1e3 * found.middle;
     let not_checked = not_checked(command, &going);
     let report = Planned {
@@ -92,7 +98,7 @@ fn planned(command: &Plan, console: &mut Console, input: &Input) -> Outcome {
         poses: found.poses.iter().map(|q| joints(model, q)).collect(),
         not_checked: not_checked.clone(),
     };
-    console.json("trued.plan/1", &report)?;
+    console.write(outputs, "trued.plan/1", &report)?;
     console.say(format!(
         "a cube of {} mm about {} {} {} mm; {} of P5, P4, P3, P2, P1",
         fixed(1e3 * found.edge_m, 0),
@@ -134,7 +140,7 @@ fn the_cube(command: &Plan, input: &Input, going: &Going, seed: u64) -> Result<C
     })
 }
 
-fn evaluated(command: &Plan, console: &mut Console, input: &Input) -> Outcome {
+fn evaluated(command: &Plan, console: &mut Console, outputs: Outputs, input: &Input) -> Outcome {
     let model = &input.model;
     let mut campaign =
         from_recording::campaign(&model.physics.arm, &input.recordings).map_err(Failure::input)?;
@@ -177,7 +183,7 @@ fn evaluated(command: &Plan, console: &mut Console, input: &Input) -> Outcome {
         }),
         notes: notes.clone(),
     };
-    console.json("trued.plan/1", &report)?;
+    console.write(outputs, "trued.plan/1", &report)?;
     told(console, input, &rows, with_accuracy)?;
     if let Some(found) = distance {
         console.say(format!(

@@ -11,7 +11,7 @@ use report::significant;
 use serde::Serialize;
 
 use crate::asked::Asked;
-use crate::atomic;
+use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::input;
 use crate::output::Console;
@@ -49,8 +49,10 @@ pub(super) fn run(diagnosed: &Path, out: Option<&Path>, console: &mut Console) -
         ))
     })?;
     let out = out.unwrap_or(diagnosed);
-    let files = write(&experiment, &asked.measured, out)?;
-    console.json(
+    let mut outputs = console.outputs().in_folder(out);
+    let files = put(&mut outputs, &experiment, &asked.measured, out);
+    console.write(
+        outputs,
         "trued.plan/1",
         &Report {
             does: "experiment",
@@ -86,16 +88,16 @@ fn read(path: &Path) -> Result<Option<Asked>, Failure> {
     Asked::parse(&text).map_err(|error| Failure::input(format!("{shown}: {error}")))
 }
 
-fn write(experiment: &Experiment, measured: &Measured, out: &Path) -> Result<[String; 2], Failure> {
+fn put(
+    outputs: &mut Outputs,
+    experiment: &Experiment,
+    measured: &Measured,
+    out: &Path,
+) -> [String; 2] {
     let recording = experiment.recording(measured, f64::NAN);
-    std::fs::create_dir_all(out).map_err(|error| {
-        Failure::system(format!("{}: cannot make this folder: {error}", out.display()))
-    })?;
     let list = out.join("experiment.csv");
     let about = about_path(&list);
-    let texts = [(&about, recording.about_toml().into_bytes()), (&list, recording.to_csv())];
-    for (path, text) in texts {
-        atomic::write(path, |file| file.write_all(&text))?;
-    }
-    Ok([list, about].map(|path| path.display().to_string()))
+    outputs.put(&about, recording.about_toml());
+    outputs.put(&list, recording.to_csv());
+    [list, about].map(|path| path.display().to_string())
 }

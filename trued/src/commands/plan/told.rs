@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use diagnosis::plan::Sees;
 use diagnosis::plan::next::AHEAD;
-use diagnosis::plan::{Added, Falls, Next, Plan as Planned};
+use diagnosis::plan::{Added, Criterion, Falls, Next, Plan as Planned, Sees};
 use physics::{JointKind, Joints};
 use recording::model::RobotModel;
 use report::{fixed, significant};
@@ -13,6 +12,7 @@ use serde_json::{Map, Value};
 
 use super::going::Going;
 use super::{Input, Plan};
+use crate::atomic::Outputs;
 use crate::exit::Failure;
 use crate::input::count;
 use crate::output::{Console, Paint};
@@ -141,17 +141,13 @@ fn surer(falls: &Falls) -> String {
 pub(super) fn plan(
     command: &Plan,
     console: &mut Console,
+    outputs: Outputs,
     input: &Input,
     going: &Going,
     planned: &Planned,
     seed: u64,
 ) -> Result<(), Failure> {
-    let criterion = match command.wish(0, seed).criterion {
-        diagnosis::plan::Criterion::D => "d",
-        diagnosis::plan::Criterion::O1 => "o1",
-        diagnosis::plan::Criterion::Zone => "zone",
-        diagnosis::plan::Criterion::Random => "random",
-    };
+    let criterion = word(command.wish(0, seed).criterion);
     let model = &input.model;
     let not_checked = not_checked(command, going);
     let report = Report {
@@ -167,7 +163,7 @@ pub(super) fn plan(
         not_checked: not_checked.clone(),
         out: command.files.out().map(Into::into),
     };
-    console.json("trued.plan/1", &report)?;
+    console.write(outputs, "trued.plan/1", &report)?;
     let head = console.paint(Paint::Strong, &count(planned.poses.len(), "pose"));
     console.say(format!(
         "{head} of {} that pass (seed {seed}), {}; measured so far: {}",
@@ -209,6 +205,15 @@ pub(super) fn plan(
     written(command, console)
 }
 
+fn word(criterion: Criterion) -> &'static str {
+    match criterion {
+        Criterion::D => "d",
+        Criterion::O1 => "o1",
+        Criterion::Zone => "zone",
+        Criterion::Random => "random",
+    }
+}
+
 fn words(command: &Plan, criterion: &str) -> String {
     match criterion {
         "d" => "best for all numbers together (D)".to_owned(),
@@ -234,6 +239,7 @@ fn measured(going: &Going) -> usize {
 pub(super) fn next(
     command: &Plan,
     console: &mut Console,
+    outputs: Outputs,
     input: &Input,
     going: &Going,
     found: &Next,
@@ -253,7 +259,7 @@ pub(super) fn next(
         pose: PoseReport::of(&input.model, &found.pose),
         not_checked: not_checked.clone(),
     };
-    console.json("trued.plan/1", &report)?;
+    console.write(outputs, "trued.plan/1", &report)?;
     let whereabouts = command.whereabouts();
     let brings = format!(
         "{} measured; the tool is known to {} mm {whereabouts}; {AHEAD} more poses would bring {} mm",

@@ -63,6 +63,16 @@ struct FunctionReport {
     im: Vec<f64>,
     coherence: Option<Vec<f64>>,
     modes: Vec<FittedReport>,
+    unresolved: Vec<UnresolvedReport>,
+}
+
+/// A peak that looks like a mode and that no fit explains.
+#[derive(Serialize)]
+#[expect(non_snake_case, reason = "Hz is the unit's name")]
+struct UnresolvedReport {
+    frequency_Hz: f64,
+    beside_Hz: Option<f64>,
+    needs_record_s: f64,
 }
 
 #[derive(Serialize)]
@@ -93,6 +103,7 @@ struct FittedReport {
     modal_stiffness_N_per_um: f64,
     phase_deg: f64,
     coherence: Option<f64>,
+    left_at_next_hit: f64,
     three_signs: bool,
     residual: f64,
 }
@@ -176,6 +187,15 @@ impl FunctionReport {
             im: of(|(.., h)| h.im),
             coherence,
             modes: one.modes.iter().map(FittedReport::of).collect(),
+            unresolved: one
+                .unresolved
+                .iter()
+                .map(|peak| UnresolvedReport {
+                    frequency_Hz: peak.frequency_hz,
+                    beside_Hz: peak.beside_hz,
+                    needs_record_s: peak.record_s,
+                })
+                .collect(),
         }
     }
 }
@@ -213,6 +233,7 @@ impl FittedReport {
             modal_stiffness_N_per_um: 1e-6 * mode.stiffness_n_per_m(),
             phase_deg: mode.phase_rad * 360.0 / TAU,
             coherence: mode.coherence,
+            left_at_next_hit: mode.carried,
             three_signs: mode.by_signs,
             residual: mode.residual,
         }

@@ -1,0 +1,100 @@
+//! Each target by itself: columns of one reflector that are swapped, mirrored or of another unit while those of the others are right.
+//!
+//! Promises: a recording with one target, or none, has no remedies here: those of all points are in the parent. Never: a target that is about right changed.
+
+use super::{GROSS, LEAST_M, reach};
+use crate::campaign::{Campaign, Place, Reading};
+use crate::fit::{Effort, Settings, fit};
+use crate::hypothesis::Hypothesis;
+use crate::robust::Influence;
+use glam::DVec3;
+use physics::Model;
+use std::collections::BTreeMap;
+
+/// Readings of which a median says something: more than place a target.
+const READINGS_LEAST: usize = 5;
+
+/// The median error of the readings of each target, m, with the surroundings alone fitted; none: the tool centre point, distances and touches.
+pub(super) fn medians(campaign: &Campaign, model: &Model) -> BTreeMap<Option<usize>, f64> {
+    let used = vec![true; campaign.poses.len()];
+    let settings =
+        Settings { used: &used, influence: Influence::Huber, from: None, effort: Effort::Sketch };
+    let found = fit(campaign, &Hypothesis::fixed(*model), &settings);
+    let seen: Vec<_> = campaign.poses.iter().flat_map(|pose| &pose.seen).collect();
+    let mut errors: BTreeMap<Option<usize>, Vec<f64>> = BTreeMap::new();
+    for off in found.off(campaign).iter().filter(|off| off.is_length) {
+        let target = target_of(&seen[off.reading].reading);
+        errors.entry(target).or_default().push(off.off.length());
+    }
+    // Where all are few, they are one.
+    if errors.values().all(|errors| errors.len() < READINGS_LEAST) {
+        errors = BTreeMap::from([(None, errors.into_values().flatten().collect())]);
+    }
+    errors.retain(|_, errors| !errors.is_empty());
+    let several = errors.len() > 1;
+    errors.retain(|_, errors| !several || errors.len() >= READINGS_LEAST);
+    let median = |mut errors: Vec<f64>| {
+        let middle = errors.len() / 2;
+        *errors.select_nth_unstable_by(middle, f64::total_cmp).1
+    };
+    errors.into_iter().map(|(target, errors)| (target, median(errors))).collect()
+}
+
+fn target_of(reading: &Reading) -> Option<usize> {
+    match reading {
+        Reading::Point { place: Place::Target(target), .. } => Some(*target),
+        _ => None,
+    }
+}
+
+/// What is farthest off, for people.
+pub(super) fn worst(campaign: &Campaign, model: &Model) -> String {
+    let medians = medians(campaign, model);
+    let worst = medians.iter().max_by(|a, b| a.1.total_cmp(b.1));
+    match worst {
+        Some((Some(target), _)) if medians.len() > 1 => format!("target {}", target + 1),
+        _ => "the tool".to_owned(),
+    }
+}
+
+/// What a wrong reading of one point's columns does to it, undone.
+type Change = fn(DVec3) -> DVec3;
+
+/// Changes of one target's columns that may put a recording right, with their words.
+pub(super) fn remedies(campaign: &Campaign, model: &Model) -> Vec<(String, Campaign)> {
+    let medians = medians(campaign, model);
+    if medians.len() < 2 {
+        return Vec::new();
+    }
+    let gross_m = LEAST_M.max(GROSS * reach(campaign));
+    let suspects = medians.into_iter().filter(|(_, off)| *off > gross_m);
+    let changes: [(&str, Change); 8] = [
+        ("its columns x and y are swapped", |p| DVec3::new(p.y, p.x, p.z)),
+        ("its columns y and z are swapped", |p| DVec3::new(p.x, p.z, p.y)),
+        ("its columns x and z are swapped", |p| DVec3::new(p.z, p.y, p.x)),
+        ("its x has the wrong sign", |p| DVec3::new(-p.x, p.y, p.z)),
+        ("its y has the wrong sign", |p| DVec3::new(p.x, -p.y, p.z)),
+        ("its z has the wrong sign", |p| DVec3::new(p.x, p.y, -p.z)),
+        ("its columns are in m where mm is said", |p| p * 1e3),
+        ("its columns are in mm where m is said", |p| p * 1e-3),
+    ];
+    let of = |target: usize| {
+        changes.map(|(says, change)| {
+            let says = format!("target {} alone is grossly off: {says}", target + 1);
+            (says, with_target(campaign, target, change))
+        })
+    };
+    suspects.filter_map(|(target, _)| target).flat_map(of).collect()
+}
+
+pub(super) fn with_target(campaign: &Campaign, target: usize, change: Change) -> Campaign {
+    let mut changed = campaign.clone();
+    for seen in changed.poses.iter_mut().flat_map(|pose| &mut pose.seen) {
+        if target_of(&seen.reading) == Some(target)
+            && let Reading::Point { at, .. } = &mut seen.reading
+        {
+            *at = change(*at);
+        }
+    }
+    changed
+}

@@ -1,0 +1,190 @@
+//! Orientations of other programs as unit quaternions: angles about three axes, rotation vectors, matrices, quaternions of either order.
+//!
+//! Every form is the rotation that brings the tool's axes to the measuring frame's. Sequences of axes are written as in scipy: capitals turn about the
+//! moving axes, in the order in which they stand (`ZYX`: KUKA's A, B, C), small letters about the fixed ones (`xyz`: roll, pitch, yaw). Matrices are
+//! taken as rotations to 1e-3.
+
+use glam::{DMat3, DQuat, DVec3};
+use physics::frame::{rotation_about, rotation_from_vector};
+
+use super::apply::missing;
+use super::read::{names_of, unit_of};
+use crate::faults::Fault;
+use crate::series::{Builder, RawTable};
+use crate::unit::{Quantity, Unit};
+use crate::walk::Table;
+
+/// Columns of theirs that hold an orientation.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Orientation {
+    form: Form,
+    /// Of angles.
+    unit: Option<Unit>,
+    theirs: Vec<String>,
+}
+
+/// What an orientation's numbers are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Form {
+    /// Angles about three axes, one after the other.
+    Angles {
+        axes: [DVec3; 3],
+        moving: bool,
+    },
+    /// The axis, as long as the angle.
+    Vector,
+    Matrix {
+        by_rows: bool,
+    },
+    Quaternion {
+        scalar_first: bool,
+    },
+}
+
+/// At most so much may a matrix times its transpose differ from one: as the contract has it for quaternions.
+const MATRIX_TOLERANCE: f64 = 1e-3;
+const EXPECTED: &str = "`ZYX` (KUKA A B C, ABB EZ EY EX), `xyz` (Fanuc W P R, Yaskawa, roll pitch yaw), `XYZ` (Staubli), \
+    `ZYZ` (Kawasaki O A T) or another sequence of three axes, `rotation_vector` (Universal Robots), `matrix_rows`, `matrix_columns`, `wxyz` or `xyzw`";
+
+impl Form {
+    fn named(name: &str) -> Option<Self> {
+        Some(match name {
+            "rotation_vector" => Self::Vector,
+            "matrix_rows" => Self::Matrix { by_rows: true },
+            "matrix_columns" => Self::Matrix { by_rows: false },
+            "wxyz" => Self::Quaternion { scalar_first: true },
+            "xyzw" => Self::Quaternion { scalar_first: false },
+            sequence => {
+                let moving = sequence.chars().all(|c| c.is_ascii_uppercase());
+                let fixed = sequence.chars().all(|c| c.is_ascii_lowercase());
+                let axis = |c: char| match c.to_ascii_lowercase() {
+                    'x' => Some(DVec3::X),
+                    'y' => Some(DVec3::Y),
+                    'z' => Some(DVec3::Z),
+                    _ => None,
+                };
+                let axes: Option<Vec<DVec3>> = sequence.chars().map(axis).collect();
+                let axes: [DVec3; 3] = axes?.try_into().ok()?;
+                // Two turns about one axis are a single one: no orientation has such angles.
+                let turns = axes[0] != axes[1] && axes[1] != axes[2];
+                return (turns && (moving || fixed)).then_some(Self::Angles { axes, moving });
+            }
+        })
+    }
+
+    fn count(self) -> usize {
+        match self {
+            Self::Angles { .. } | Self::Vector => 3,
+            Self::Matrix { .. } => 9,
+            Self::Quaternion { .. } => 4,
+        }
+    }
+
+    fn has_unit(self) -> bool {
+        matches!(self, Self::Angles { .. } | Self::Vector)
+    }
+
+    /// w, x, y, z of these numbers, angles in rad; none for a matrix that is no rotation.
+    fn quaternion(self, numbers: &[f64]) -> Option<[f64; 4]> {
+        let vector = || DVec3::from_slice(numbers);
+        let rotation = match self {
+            Self::Angles { axes, moving } => {
+                let [a, b, c] = [0, 1, 2].map(|k| rotation_about(axes[k], numbers[k]));
+                if moving { a * b * c } else { c * b * a }
+            }
+            Self::Vector => rotation_from_vector(vector()),
+            Self::Matrix { by_rows } => {
+                let read = DMat3::from_cols_slice(numbers);
+                let error = (read * read.transpose() - DMat3::IDENTITY).to_cols_array();
+                let off = error.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+                if off > MATRIX_TOLERANCE || read.determinant() < 0.0 {
+                    return None;
+                }
+                if by_rows { read.transpose() } else { read }
+            }
+            Self::Quaternion { scalar_first: true } => return numbers.try_into().ok(),
+            Self::Quaternion { scalar_first: false } => {
+                return Some([numbers[3], numbers[0], numbers[1], numbers[2]]);
+            }
+        };
+        let [x, y, z, w] = DQuat::from_mat3(&rotation).normalize().to_array();
+        Some([w, x, y, z])
+    }
+}
+
+impl Orientation {
+    pub(super) fn read(entry: &Table<'_, '_>) -> Option<Self> {
+        entry.require("from", "a list of the columns of one orientation");
+        entry.require("convention", EXPECTED);
+        let theirs = names_of(entry);
+        let unit = unit_of(entry);
+        let name = entry.text("convention")?;
+        let Some(form) = Form::named(name) else {
+            entry.fault("convention", format!("is \"{name}\""), EXPECTED);
+            return None;
+        };
+        if form.has_unit() {
+            entry.require("unit", "\"deg\" or \"rad\"");
+        }
+        if let Some(unit) = unit.filter(|unit| unit.quantity != Quantity::Angle || !form.has_unit())
+        {
+            let expected = if form.has_unit() { "a unit of angles" } else { "no unit here" };
+            entry.fault("unit", format!("is \"{}\"", unit.name), expected);
+        }
+        let theirs = theirs?;
+        if theirs.len() != form.count() {
+            let found = format!("has {} columns", theirs.len());
+            entry.fault("from", found, format!("{}, as `{name}` has", form.count()));
+        }
+        Some(Self { form, unit, theirs })
+    }
+
+    /// The columns of theirs that it needs.
+    pub(super) fn theirs(&self) -> &[String] {
+        &self.theirs
+    }
+
+    pub(super) fn apply(&self, table: &RawTable<'_>, builder: &mut Builder<'_, '_>) {
+        let mut places = Vec::new();
+        for name in &self.theirs {
+            match table.position(name) {
+                Some(at) => places.push(at),
+                None => builder.fault(missing(table, name)),
+            }
+        }
+        if places.len() != self.form.count() {
+            return;
+        }
+        let si = |value: f64| self.unit.map_or(value, |unit| unit.to_si(value));
+        let mut columns = Vec::new();
+        for at in &places {
+            builder.check_unit(*at, self.unit);
+            columns.push(builder.numbers(*at).into_iter().map(si).collect::<Vec<f64>>());
+        }
+        let mut parts: [Vec<f64>; 4] = Default::default();
+        let mut no_rotation = None;
+        for row in 0..table.len() {
+            let numbers: Vec<f64> =
+                columns.iter().filter_map(|column| column.get(row)).copied().collect();
+            // A sample that was not taken, or was told as a fault already.
+            let taken = numbers.iter().all(|number| number.is_finite());
+            let quaternion = if taken { self.form.quaternion(&numbers) } else { None };
+            if taken && quaternion.is_none() {
+                no_rotation.get_or_insert(row);
+            }
+            let quaternion = quaternion.unwrap_or([f64::NAN; 4]);
+            parts.iter_mut().zip(quaternion).for_each(|(part, number)| part.push(number));
+        }
+        if let Some(row) = no_rotation {
+            let fault = Fault::new("orientation", "the matrix of this row is no rotation")
+                .expected("orthogonal columns of length 1, right-handed, to 1e-3");
+            builder.fault(table.cell_fault(row, places[0], fault));
+        }
+        for (name, part) in ["ow", "ox", "oy", "oz"].into_iter().zip(parts) {
+            builder.take(name, places.first().copied(), part);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,222 @@
+//! Tables in the forms that spreadsheets, instruments and controllers write: read right, or refused with the reason and the way out.
+
+use super::*;
+use crate::mapping::Mapping;
+
+/// A recording of `t_s`, `q1_deg` and `x_mm`, read by a mapping without columns where one is given.
+fn read(mapping: &str, text: &str) -> Result<Recording, Faults> {
+    let mapping = (!mapping.is_empty())
+        .then(|| Mapping::parse("m.toml", &format!("schema = \"trued.mapping/1\"\n{mapping}")))
+        .transpose()?;
+    read_text("x.csv", text, mapping.as_ref(), None, Need::Path)
+}
+
+/// Time in s and x in mm of each row.
+fn rows(mapping: &str, text: &str) -> Vec<(f64, f64)> {
+    let recording = read(mapping, text).unwrap_or_else(|faults| panic!("{text}\n{faults}"));
+    let x = recording.column(Channel::Position(0)).unwrap().iter();
+    recording.t_s.iter().copied().zip(x.map(|m| (m * 1e9).round() / 1e6)).collect()
+}
+
+fn told(mapping: &str, text: &str) -> String {
+    match read(mapping, text) {
+        Ok(recording) => panic!("{text} is read as {:?}", recording.column(Channel::Position(0))),
+        Err(faults) => faults.to_string(),
+    }
+}
+
+#[test]
+fn numbers_of_many_notations_are_read_right() {
+    for (mapping, text, x) in [
+        ("", "t_s,q1_deg,x_mm\n0,1.5,1.042\n1,1.5,-88.5\n", [1.042, -88.5]),
+        ("", "t_s;q1_deg;x_mm\n0;1,5;1,042\n1;1,5;-88,5\n", [1.042, -88.5]),
+        ("", "t_s;q1_deg;x_mm\n0;1.5;1.042\n1;1.5;-88.5\n", [1.042, -88.5]),
+        ("", "t_s\tq1_deg\tx_mm\n0\t1,5\t1,042\n1\t1,5\t-88,5\n", [1.042, -88.5]),
+        ("", "t_s;q1_deg;x_mm\n0;1,5;1.042,25\n1;1,5;-1.088,50\n", [1042.25, -1088.5]),
+        ("", "t_s;q1_deg;x_mm\n0;1.5;1,042.25\n1;1.5;-1,088.50\n", [1042.25, -1088.5]),
+        ("", "t_s,q1_deg,x_mm\n0,1.5,\"1,042.25\"\n1,1.5,-88.5\n", [1042.25, -88.5]),
+        ("", "t_s;q1_deg;x_mm\n0;1,5;1\u{a0}042,25\n1;1,5;\u{2212}88,5\n", [1042.25, -88.5]),
+        ("", "t_s,q1_deg,x_mm\n0,1.5,1'042.25\n1,1.5,+88.5\n", [1042.25, 88.5]),
+        (
+            "decimal = \",\"\nthousands = \".\"",
+            "t_s;q1_deg;x_mm\n0;1,5;1.042\n1;1,5;88,5\n",
+            [1042.0, 88.5],
+        ),
+        ("thousands = \",\"", "t_s;q1_deg;x_mm\n0;1.5;1,042\n1;1;88.5\n", [1042.0, 88.5]),
+        ("thousands = \"space\"", "t_s;q1_deg;x_mm\n0;1,5;1 042,5\n1;1;88,5\n", [1042.5, 88.5]),
+        ("decimal = \".\"", "t_s;q1_deg;x_mm\n0;1.125;1.042\n1;2;88\n", [1.042, 88.0]),
+        ("decimal = \",\"", "t_s,q1_deg,x_mm\n0,\"1,125\",\"1,042\"\n1,2,88\n", [1.042, 88.0]),
+    ] {
+        let x: Vec<(f64, f64)> = x.into_iter().enumerate().map(|(t, x)| (t as f64, x)).collect();
+        assert_eq!(rows(mapping, text), x, "{mapping} {text}");
+    }
+}
+
+#[test]
+fn a_number_that_can_be_read_in_two_ways_is_refused_with_the_way_out() {
+    let mixed = "t_s;q1_deg;x_mm\n0;5,5;1.042\n1;7,5;88,5\n";
+    insta::assert_snapshot!(told("", mixed), @r#"
+        error: `x_mm`: `1.042` can be read as 1042 and as 1.042
+         --> x.csv:2:7
+          |
+        2 | 0;5,5;1.042
+          |       ^^^^^ expected a number without thousands, its decimal mark a comma
+          |
+          = help: say in a mapping which it is: `decimal = ","` and `thousands = "."` for 1042, `decimal = "."` for 1.042
+        "#);
+    for (mapping, text, says) in [
+        ("decimal = \",\"", mixed, "`1.042` can be read as 1042 and as 1.042"),
+        (
+            "",
+            "t_s;q1_deg;x_mm\n0;1.125;1.042\n1;2;88\n",
+            "`1.042` can be read as 1042 and as 1.042",
+        ),
+        (
+            "",
+            "t_s\tq1_deg\tx_mm\n0\t1\t1,042\n1\t2\t88\n",
+            "`1,042` can be read as 1042 and as 1.042",
+        ),
+        ("", "t_s,q1_deg,x_mm\n0,1.5,\"1,042\"\n", "x.csv:2:7"),
+        ("", "t_s;q1_deg;x_mm\n0;1,5;88.5\n", "`88.5` has a decimal point, the file a comma"),
+        (
+            "decimal = \".\"",
+            "t_s;q1_deg;x_mm\n0;1,5;88.5\n",
+            "`1,5` has a decimal comma, the file a point",
+        ),
+        (
+            "decimal = \",\"\nthousands = \".\"",
+            "t_s;q1_deg;x_mm\n0;1,5;88.5\n",
+            "`88.5` has a decimal point",
+        ),
+        ("decimal = \".\"\nthousands = \".\"", "t_s,q1_deg,x_mm\n0,1,1\n", "is the decimal mark"),
+        ("", "t_s,q1_deg,x_mm\n0,1,1 042.5\n", "is no number"),
+    ] {
+        let told = told(mapping, text);
+        assert!(told.contains(says), "{says} in\n{told}");
+    }
+}
+
+#[test]
+fn the_first_lines_of_spreadsheets_are_understood() {
+    let expected = [(0.0, 1.5), (1.0, 2.5)];
+    for (mapping, text) in [
+        ("", "sep=;\nt_s;q1_deg;x_mm\n0;1;1,5\n1;2;2,5\n"),
+        ("", "\"sep=|\"\r\nt_s|q1_deg|x_mm\r\n0|1|1.5\r\n1|2|2.5\r\n"),
+        ("", "\u{feff}t_s,q1_deg,x_mm\n0,1,1.5\n1,2,2.5\n"),
+        ("", "t_s,q1_deg,x_mm\ns,deg,mm\n0,1,1.5\n1,2,2.5\n"),
+        ("", "t_s;q1_deg;x_mm\n[s];[°];[mm]\n0;1;1,5\n1;2;2,5\n"),
+        ("units_row = true", "t_s,q1_deg,x_mm\nSek,Grad,mm\n0,1,1.5\n1,2,2.5\n"),
+        ("", "t_s,q1_deg,x_mm\n0,1,1.5\n1,2,2.5\n,,\n,,\n"),
+        ("", "\u{a0}t_s , q1_deg ,x_mm\n 0,1, 1.5\u{a0}\n1,2,2.5\n"),
+        ("skip_rows = 2", "made by\n\nt_s,q1_deg,x_mm\n0,1,1.5\n1,2,2.5\n"),
+    ] {
+        assert_eq!(rows(mapping, text), expected, "{text}");
+    }
+}
+
+#[test]
+fn a_line_of_units_that_contradicts_the_names_is_refused() {
+    let text = "t_s,q1_deg,x_mm\ns,deg,m\n0,1,1.5\n";
+    insta::assert_snapshot!(told("", text), @r#"
+        error: `x_mm`: has the unit m and is read in mm
+         --> x.csv:2:7
+          |
+        2 | s,deg,m
+          |       ^ expected mm
+          |
+          = help: name the column so, or state `unit = "m"` in a mapping
+        "#);
+    let columns = |x: &str| {
+        format!(
+            "[columns]\nt_s = {{ from = \"t_s\" }}\nq1_deg = {{ from = \"q1_deg\" }}\nx_mm = {{ from = \"x_mm\"{x} }}"
+        )
+    };
+    assert!(told(&columns(""), text).contains("`x_mm`: has the unit m and is read in mm"));
+    assert_eq!(rows(&columns(", unit = \"m\""), text), [(0.0, 1500.0)]);
+    assert_eq!(rows(&columns(", scale = 1000"), text), [(0.0, 1500.0)]);
+    // A row of data is none, whatever text stands in it.
+    let data = read("", "t_s,q1_deg,x_mm,note\n1,,,mm\n2,,,mm\n").unwrap();
+    assert_eq!(data.t_s, [1.0, 2.0]);
+    let words = "t_s,q1_deg,x_mm\nSek,Grad,mm\n0,1,1.5\n";
+    assert!(told("", words).contains("`Sek` is no number"));
+}
+
+#[test]
+fn times_of_many_clocks_are_seconds_since_the_first_row() {
+    let clock = |format: &str, from: &str| {
+        let format =
+            if format.is_empty() { String::new() } else { format!(", format = \"{format}\"") };
+        format!(
+            "[columns]\nt_s = {{ from = {from}{format} }}\nq1_deg = {{ from = \"q1_deg\" }}\nx_mm = {{ from = \"x_mm\" }}"
+        )
+    };
+    let one = |format| clock(format, "\"t_s\"");
+    for (mapping, head, first, second) in [
+        (String::new(), "t_s", "2026-11-26 14:03:05.123", "2026-11-26 14:03:06.125"),
+        (one(""), "t_s", "2026-11-26T23:59:59.5Z", "2026-11-27T00:00:00.502Z"),
+        (one("%d.%m.%Y %H:%M:%S"), "t_s", "28.02.2027 23:59:59,999", "01.03.2027 00:00:01,001"),
+        (
+            one("%m/%d/%Y %I:%M:%S %p"),
+            "t_s",
+            "02/28/2027 11:59:59.999 PM",
+            "03/01/2027 12:00:01.001 AM",
+        ),
+        (
+            clock("%d.%m.%Y %H:%M:%S", "[\"day\", \"time\"]"),
+            "day;time",
+            "26.11.2026;9:00:00,000",
+            "26.11.2026;9:00:01,002",
+        ),
+        (one("days"), "t_s", "46352,5", "46352,500011597222"),
+    ] {
+        let text = format!("{head};q1_deg;x_mm\n{first};1;1,5\n{second};2;2,5\n");
+        let rows = rows(&mapping, &text);
+        let step = rows[1].0 - rows[0].0;
+        // A day as a 64-bit float resolves 0.6 µs.
+        let resolved =
+            if mapping.contains("days") { (step - 1.002).abs() < 1e-6 } else { step == 1.002 };
+        assert!(rows[0].0 == 0.0 && resolved, "{first} to {second}: {rows:?}");
+    }
+}
+
+#[test]
+fn a_time_that_is_not_understood_is_refused() {
+    let text =
+        |first: &str, second: &str| format!("t_s;q1_deg;x_mm\n{first};1;1,5\n{second};2;2,5\n");
+    let german = text("26.11.2026 14:03:05", "26.11.2026 14:03:06");
+    insta::assert_snapshot!(told("", &german), @r#"
+        error: `t_s`: `26.11.2026 14:03:05` is a time in a form that is not known
+         --> x.csv:2:1
+          |
+        2 | 26.11.2026 14:03:05;1;1,5
+          | ^^^^^^^^^^^^^^^^^^^ expected seconds as a number, or ISO 8601
+          |
+          = help: state its form in a mapping: `format = "%d.%m.%Y %H:%M:%S"`, or as it is
+        "#);
+    let stated = |more: &str| {
+        format!("[columns]\nt_s = {{ from = \"t_s\"{more} }}\nq1_deg = {{ from = \"q1_deg\" }}")
+    };
+    for (mapping, text, says) in [
+        (
+            stated(", format = \"%m/%d/%Y\""),
+            text("11/26/2026", "26/11/2026"),
+            "`26/11/2026` is no such time",
+        ),
+        (stated(", format = \"%d. %b\""), german.clone(), "is \"%d. %b\""),
+        (stated(", format = \"iso\", unit = \"ms\""), german.clone(), "no unit beside `format`"),
+        (stated(", unit = \"ms\""), text("2026-11-26", "2026-11-27"), "is no number"),
+        (stated(""), text("2026-11-26 10:00Z", "2026-11-26 11:00"), "time zone"),
+        (stated(""), text("2026-10-25 02:59", "2026-10-25 02:00"), "runs back"),
+        (stated(""), text("2026-10-25 02:59", ""), "is empty"),
+    ] {
+        let told = told(&mapping, &text);
+        assert!(told.contains(says), "{says} in\n{told}");
+    }
+}
+
+#[test]
+fn several_columns_for_one_are_refused_unless_it_is_said_what_becomes_of_them() {
+    let mapping = "[columns]\nt_s = { from = \"t_s\" }\nq1_deg = { from = [\"q1_deg\", \"x_mm\"] }";
+    let text = "t_s,q1_deg,x_mm\n0,1,2\n";
+    assert!(told(mapping, text).contains("names 2 columns for one"));
+}

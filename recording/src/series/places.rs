@@ -1,0 +1,71 @@
+//! Where a cell of a table of text stands in its file, for faults.
+
+use std::ops::Range;
+
+use super::RawTable;
+use crate::faults::{Fault, Place};
+
+impl<'s> RawTable<'s> {
+    /// A fault of a cell, with its place.
+    pub(crate) fn cell_fault(&self, row: usize, column: usize, fault: Fault) -> Fault {
+        if self.source.is_empty() {
+            return fault.help(format!("in row {} of the data", row + 1));
+        }
+        self.line_fault(self.line_of_row(row), column, fault)
+    }
+
+    /// A fault of a column's name, with its place.
+    pub(crate) fn header_fault(&self, column: usize, fault: Fault) -> Fault {
+        if self.header_line == 0 {
+            return fault;
+        }
+        self.line_fault(self.header_line, column, fault)
+    }
+
+    /// A fault of a field of a line.
+    pub(super) fn line_fault(&self, line: usize, column: usize, fault: Fault) -> Fault {
+        let text = self.line_text(line);
+        fault.at(Place::in_line(line, text, &self.field_span(text, column)))
+    }
+
+    pub(super) fn line_of_row(&self, row: usize) -> usize {
+        self.line_of(self.rows.byte(row))
+    }
+
+    /// Line of a record, from 1. Counted here: the reader's own count is one behind after CRLF.
+    pub(super) fn line_of(&self, byte: usize) -> usize {
+        let start = byte.saturating_add(self.body_start);
+        let bytes = self.source.as_bytes();
+        let ends = |byte: &u8| matches!(byte, b'\n' | b'\r');
+        let at = (start..bytes.len()).find(|at| !ends(&bytes[*at])).unwrap_or(bytes.len());
+        bytes[..at].iter().filter(|byte| **byte == b'\n').count() + 1
+    }
+
+    pub(super) fn line_text(&self, line: usize) -> &'s str {
+        self.source.lines().nth(line.saturating_sub(1)).unwrap_or_default()
+    }
+
+    fn field_span(&self, text: &str, column: usize) -> Range<usize> {
+        let mut start = 0;
+        if self.separator == b' ' {
+            let mut words = text.split_inclusive(char::is_whitespace).map(|word| {
+                start += word.len();
+                (start - word.len(), word.trim_end())
+            });
+            let field = words.by_ref().filter(|(_, word)| !word.is_empty()).nth(column);
+            return field.map_or(0..text.len(), |(from, word)| from..from + word.len());
+        }
+        let mut quoted = false;
+        let separates = |c: char| {
+            quoted ^= c == '"';
+            !quoted && c == char::from(self.separator)
+        };
+        for (at, field) in text.split(separates).enumerate() {
+            if at == column {
+                return start..start + field.len();
+            }
+            start += field.len() + 1;
+        }
+        0..text.len()
+    }
+}

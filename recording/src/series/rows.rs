@@ -1,0 +1,92 @@
+//! The rows of a table of text: all fields end to end in one text. A record of its own for each row takes four times the memory.
+
+/// At most so many bytes of text; places in it are counted in 32 bits.
+const BYTES_MAX: usize = u32::MAX as usize;
+
+/// Rows of any number of fields each.
+#[derive(Debug, Default)]
+pub(super) struct Rows {
+    text: String,
+    /// Where each field ends in `text`.
+    ends: Vec<u32>,
+    rows: Vec<Row>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Row {
+    /// Its first field, among all.
+    first: u32,
+    fields: u32,
+    /// Where it begins in the source.
+    byte: usize,
+}
+
+/// More text than can be kept.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TooLarge;
+
+impl Rows {
+    /// Adds a row that begins at `byte` of the source; blanks around fields are left out.
+    pub(super) fn push<'f>(
+        &mut self,
+        byte: usize,
+        fields: impl Iterator<Item = &'f str>,
+    ) -> Result<(), TooLarge> {
+        let first = self.ends.len();
+        for field in fields {
+            self.text.push_str(field.trim());
+            self.ends.push(u32::try_from(self.text.len()).map_err(|_| TooLarge)?);
+        }
+        let fields = u32::try_from(self.ends.len() - first).map_err(|_| TooLarge)?;
+        let first = u32::try_from(first).map_err(|_| TooLarge)?;
+        self.rows.push(Row { first, fields, byte });
+        Ok(())
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// What stands in a cell; none where the row is too short.
+    pub(super) fn cell(&self, row: usize, column: usize) -> Option<&str> {
+        let Row { first, fields, .. } = *self.rows.get(row)?;
+        let at = first as usize + column;
+        let start = at.checked_sub(1).and_then(|before| self.ends.get(before)).copied();
+        let range = start.unwrap_or(0) as usize..*self.ends.get(at)? as usize;
+        self.text.get(range).filter(|_| column < fields as usize)
+    }
+
+    /// The cells of all rows, row by row.
+    pub(super) fn cells(&self) -> impl Iterator<Item = &str> {
+        (0..self.len())
+            .flat_map(move |row| (0..self.width(row)).filter_map(move |at| self.cell(row, at)))
+    }
+
+    /// How many fields a row has.
+    pub(super) fn width(&self, row: usize) -> usize {
+        self.rows.get(row).map_or(0, |row| row.fields as usize)
+    }
+
+    /// Where a row begins in the source.
+    pub(super) fn byte(&self, row: usize) -> usize {
+        self.rows.get(row).map_or(0, |row| row.byte)
+    }
+
+    /// Leaves out the rows from this one on.
+    pub(super) fn keep_first(&mut self, rows: usize) {
+        self.rows.truncate(rows);
+    }
+
+    /// Leaves out the rows that are not `wanted`.
+    pub(super) fn keep(&mut self, wanted: &[bool]) {
+        let mut wanted = wanted.iter();
+        self.rows.retain(|_| wanted.next() == Some(&true));
+    }
+}
+
+/// More than a table can hold, in words.
+pub(super) fn too_large() -> crate::faults::Fault {
+    crate::faults::Fault::new("", "is too large to be read")
+        .expected(format!("at most {} GiB of text", BYTES_MAX >> 30))
+        .help("split the file, or convert it to Parquet")
+}

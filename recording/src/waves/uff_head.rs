@@ -1,0 +1,264 @@
+//! The header of a dataset 58 (records 1 to 11), and the system of units of the file (dataset 164).
+//!
+//! Source: Structural Dynamics Research Laboratory, University of Cincinnati, description of datasets 58 and 164. Fields stand
+//! in fixed columns; record 6 is also read where its fields are only separated by blanks.
+
+use std::f64::consts::TAU;
+
+use super::quantity;
+use super::uff::Cursor;
+use super::uff_numbers::{Form, Refused, in_line};
+use crate::faults::{Fault, Place};
+use crate::unit::Quantity;
+
+/// Specific data types of an axis.
+const DISPLACEMENT: i64 = 8;
+const VELOCITY: i64 = 11;
+const ACCELERATION: i64 = 12;
+const FORCES: [i64; 2] = [9, 13];
+const PRESSURE: i64 = 15;
+const TIME: i64 = 17;
+const FREQUENCY: i64 = 18;
+
+/// Units of length and force by their factor in dataset 164: so many of them make one of SI.
+const LENGTHS: &[(f64, &str)] =
+    &[(1.0, "m"), (1e3, "mm"), (1e2, "cm"), (1.0 / 0.0254, "in"), (1.0 / 0.3048, "ft")];
+const FORCE_UNITS: &[(f64, &str)] = &[(1.0, "N"), (1e-3, "kN"), (0.224_808_943_1, "lbf")];
+/// Factors are written with seven digits or more.
+const FACTOR_PART: f64 = 1e-5;
+
+/// Records 1 to 11.
+#[derive(Debug)]
+pub(super) struct Head {
+    pub(super) function_type: i64,
+    pub(super) source: Source,
+    /// Node and direction of the reference.
+    pub(super) reference: String,
+    pub(super) form: Form,
+    pub(super) abscissa: Axis,
+    pub(super) denominator: Axis,
+}
+
+/// What tells one measured channel from another.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Source {
+    /// ID lines 1, 2, 4 and 5; empty where the file says NONE.
+    pub(super) texts: [String; 4],
+    /// ID line 3: by convention date and time.
+    pub(super) date: String,
+    /// Function identification number, version (or sequence), load case.
+    pub(super) numbers: [i64; 3],
+    /// Name of the response entity.
+    pub(super) component: String,
+    /// Node of the response; 0 where no geometry was exported.
+    pub(super) node: i64,
+    /// Node and direction of the response: `2+x`.
+    pub(super) dof: String,
+    pub(super) ordinate: Axis,
+}
+
+/// Records 8 to 11: what an axis measures.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Axis {
+    kind: i64,
+    pub(super) label: String,
+    /// As the file has it, or by the type of data and dataset 164; `1` where neither says it.
+    pub(super) unit: String,
+}
+
+/// What an abscissa counts, and the SI value of its unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Counts {
+    Time(f64),
+    Frequency(f64),
+    /// Neither says what it counts, nor in which unit.
+    Unsaid,
+    /// Something else, or in a unit that is not known.
+    Else,
+}
+
+/// The units of data whose axis names none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Units {
+    length: Option<&'static str>,
+    force: Option<&'static str>,
+}
+
+impl Units {
+    pub(super) const SI: Self = Self { length: Some("m"), force: Some("N") };
+
+    /// Reads dataset 164 behind its number; what of it cannot be read leaves the units unknown.
+    pub(super) fn read(cursor: &mut Cursor<'_>) -> Self {
+        cursor.line();
+        let factors = cursor.text().and_then(|line| in_line(&line)).unwrap_or_default();
+        let named = |at: usize, list: &[(f64, &'static str)]| {
+            let factor = factors.get(at)?;
+            let same = |(known, _): &&(f64, &str)| (factor / known - 1.0).abs() < FACTOR_PART;
+            list.iter().find(same).map(|(_, name)| *name)
+        };
+        Self { length: named(0, LENGTHS), force: named(1, FORCE_UNITS) }
+    }
+}
+
+impl Head {
+    pub(super) fn read(cursor: &mut Cursor<'_>, units: Units) -> Result<Self, Refused> {
+        let cut = || Fault::new("", "ends inside a header").expected("11 lines of header");
+        let mut ids: [String; 5] = Default::default();
+        for id in &mut ids {
+            *id = said(&cursor.text().ok_or_else(cut)?);
+        }
+        let dofs = cursor.text().ok_or_else(cut)?;
+        let dofs_line = cursor.line;
+        let form = cursor.text().ok_or_else(cut)?;
+        let form = Form::of(&form, cursor.line)?;
+        let mut axes = Vec::new();
+        for _ in 0..4 {
+            axes.push(Axis::of(&cursor.text().ok_or_else(cut)?, units));
+        }
+        let Ok([abscissa, ordinate, denominator, _]) = <[Axis; 4]>::try_from(axes) else {
+            return Err(cut().into());
+        };
+        let dofs = Dofs::of(&dofs).ok_or_else(|| {
+            Fault::new("", "names no degree of freedom")
+                .expected("function type, node and direction")
+                .at(Place::in_line(dofs_line, &dofs, &(0..dofs.len())))
+        })?;
+        let [first, second, date, fourth, fifth] = ids;
+        let source = Source {
+            texts: [first, second, fourth, fifth],
+            date,
+            numbers: dofs.numbers,
+            component: dofs.component,
+            node: dofs.node,
+            dof: dofs.response,
+            ordinate,
+        };
+        let (function_type, reference) = (dofs.function_type, dofs.reference);
+        Ok(Self { function_type, source, reference, form, abscissa, denominator })
+    }
+}
+
+impl Source {
+    /// Whether another function is of the same quantity at the same place, as far as record 6 and the ordinate say.
+    pub(super) fn is_beside(&self, other: &Self) -> bool {
+        self.component == other.component
+            && self.dof == other.dof
+            && self.ordinate == other.ordinate
+    }
+
+    /// Whether both are dated, and differently.
+    pub(super) fn is_dated_apart(&self, other: &Self) -> bool {
+        !self.date.is_empty() && !other.date.is_empty() && self.date != other.date
+    }
+}
+
+impl Axis {
+    fn of(line: &str, units: Units) -> Self {
+        let column = columns(line);
+        let (label, unit) = (said(&column(26, 46)), said(&column(46, 67)));
+        let word = line.split_whitespace().next();
+        let kind = word.and_then(|kind| kind.parse::<i64>().ok()).unwrap_or(0);
+        let unit = if unit.is_empty() { by_kind(kind, units) } else { unit };
+        Self { kind, label, unit }
+    }
+
+    /// What an abscissa counts, by its unit; a type of data stands for a unit that is missing.
+    pub(super) fn counts(&self) -> Counts {
+        match (quantity::of(&self.unit), self.kind) {
+            (Some((Quantity::Time, si)), _) => Counts::Time(si),
+            (Some((Quantity::Frequency, si)), _) => Counts::Frequency(si),
+            _ if self.unit.eq_ignore_ascii_case("rad/s") => Counts::Frequency(1.0 / TAU),
+            (None, 0 | 1) if self.unit == "1" => Counts::Unsaid,
+            _ => Counts::Else,
+        }
+    }
+}
+
+/// The unit of data of a type, in the file's system of units.
+fn by_kind(kind: i64, units: Units) -> String {
+    let of_length = |end: &str| units.length.map(|length| format!("{length}{end}"));
+    let unit = match kind {
+        DISPLACEMENT => of_length(""),
+        VELOCITY => of_length("/s"),
+        ACCELERATION => of_length("/s^2"),
+        kind if FORCES.contains(&kind) => units.force.map(str::to_owned),
+        PRESSURE if units == Units::SI => Some("Pa".to_owned()),
+        TIME => Some("s".to_owned()),
+        FREQUENCY => Some("Hz".to_owned()),
+        _ => None,
+    };
+    unit.unwrap_or_else(|| "1".to_owned())
+}
+
+/// Record 6: function type, its numbers, and the degrees of freedom of response and reference.
+struct Dofs {
+    function_type: i64,
+    numbers: [i64; 3],
+    component: String,
+    node: i64,
+    response: String,
+    reference: String,
+}
+
+impl Dofs {
+    fn of(line: &str) -> Option<Self> {
+        let column = columns(line);
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let fixed = [
+            (0, 5),
+            (5, 15),
+            (15, 20),
+            (20, 30),
+            (31, 41),
+            (41, 51),
+            (51, 55),
+            (56, 66),
+            (66, 76),
+            (76, 80),
+        ]
+        .map(|(from, to)| column(from, to));
+        let free: [String; 10] =
+            std::array::from_fn(|at| words.get(at).copied().unwrap_or_default().to_owned());
+        Self::of_fields(&fixed).or_else(|| Self::of_fields(&free))
+    }
+
+    fn of_fields(fields: &[String; 10]) -> Option<Self> {
+        let [kind, id, version, load, component, node, direction, _, to_node, to_direction] =
+            fields;
+        let number = |field: &String| field.parse::<i64>().unwrap_or(0);
+        Some(Self {
+            function_type: kind.parse().ok()?,
+            numbers: [number(id), number(version), number(load)],
+            component: said(component),
+            node: node.parse().ok()?,
+            response: dof(node, direction)?,
+            reference: dof(to_node, to_direction).unwrap_or_default(),
+        })
+    }
+}
+
+/// `2+x` for node 2 and direction 1; a turn about an axis is `2+rx`.
+fn dof(node: &str, direction: &str) -> Option<String> {
+    let node: i64 = node.parse().ok()?;
+    let direction: i64 = direction.parse().ok()?;
+    let sign = if direction < 0 { '-' } else { '+' };
+    let axis = ["", "x", "y", "z", "rx", "ry", "rz"];
+    let axis = axis.get(usize::try_from(direction.unsigned_abs()).ok()?)?;
+    Some(if axis.is_empty() { node.to_string() } else { format!("{node}{sign}{axis}") })
+}
+
+/// The fields of a line in fixed columns, trimmed.
+fn columns(line: &str) -> impl Fn(usize, usize) -> String {
+    let characters: Vec<char> = line.chars().collect();
+    move |from, to| {
+        let end = characters.len();
+        let part = characters.get(from.min(end)..to.min(end));
+        part.unwrap_or_default().iter().collect::<String>().trim().to_owned()
+    }
+}
+
+/// A text of the header; empty where it says that there is none.
+fn said(text: &str) -> String {
+    let text = text.trim_matches(|c: char| c.is_whitespace() || c == '\0');
+    if text.eq_ignore_ascii_case("none") { String::new() } else { text.to_owned() }
+}

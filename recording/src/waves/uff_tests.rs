@@ -1,0 +1,258 @@
+//! Universal files made here: which functions are one channel, what continues it, and what is refused with which reason.
+
+use std::fmt::Write as _;
+
+use super::*;
+
+/// A function as an instrument's software exports it.
+#[derive(Clone)]
+struct Made {
+    kind: i64,
+    texts: [&'static str; 2],
+    date: &'static str,
+    number: i64,
+    component: &'static str,
+    node: [i64; 2],
+    /// Type of data and unit of abscissa and ordinate.
+    axes: [(i64, &'static str); 2],
+    start_s: f64,
+    values: Vec<f64>,
+    /// Zeros behind the values that the header does not count.
+    filling: usize,
+}
+
+impl Made {
+    /// Four samples at 1 kHz, the first of which is given.
+    fn at(node: i64, direction: i64, first: f64) -> Self {
+        Self {
+            kind: 1,
+            texts: ["NONE", "NONE"],
+            date: "NONE",
+            number: 0,
+            component: "NONE",
+            node: [node, direction],
+            axes: [(17, "s"), (12, "m/s2")],
+            start_s: 0.0,
+            values: vec![first, 1.0, 2.0, 3.0],
+            filling: 0,
+        }
+    }
+
+    fn on(component: &'static str, text: &'static str, first: f64) -> Self {
+        Self { component, texts: [text, "NONE"], ..Self::at(0, 0, first) }
+    }
+
+    fn write(&self, to: &mut String) {
+        let Self { kind, texts, date, number, component, node: [node, direction], .. } = self;
+        let even = format!("{:13.5e}{:13.5e}{:13.5e}", self.start_s, 1e-3, 0.0);
+        let points = self.values.len();
+        write!(
+            to,
+            "    -1\n    58\n{}\n{}\n{date}\nNONE\nNONE\n{kind:5}{number:10}    0         0 {component:<10}{node:10}{direction:4} \
+             NONE               0   0\n         2{points:10}         1{even}\n",
+            texts[0], texts[1]
+        )
+        .unwrap();
+        for (kind, unit) in self.axes.into_iter().chain([(0, "NONE"); 2]) {
+            writeln!(to, "{kind:10}    0    0    0 NONE                 {unit:<20}").unwrap();
+        }
+        let mut all = self.values.clone();
+        all.resize(points + self.filling, 0.0);
+        for line in all.chunks(6) {
+            line.iter().for_each(|value| write!(to, "{value:13.5e}").unwrap());
+            to.push('\n');
+        }
+        to.push_str("    -1\n");
+    }
+}
+
+fn text(made: &[Made]) -> String {
+    let mut text = String::new();
+    made.iter().for_each(|one| one.write(&mut text));
+    text
+}
+
+fn read(made: &[Made]) -> Result<Waves, String> {
+    read_text(&text(made), &Options::default())
+}
+
+fn read_text(text: &str, options: &Options) -> Result<Waves, String> {
+    parse(Path::new("made.uff"), text.as_bytes().to_vec(), options).map_err(|e| e.to_string())
+}
+
+/// Start of each record, with the first sample of each channel by its name.
+fn shape(waves: &Waves) -> Vec<(f64, Vec<(&str, f64)>)> {
+    let channel = |wave: &'_ Wave| wave.values[0];
+    let record = |record: &'_ Record| {
+        let Grid::Time { start_s, rate_hz } = record.grid else { panic!() };
+        assert_eq!(rate_hz, 1000.0);
+        start_s
+    };
+    let names = |record: &'_ Record| record.channels.iter().map(channel).collect::<Vec<_>>();
+    waves
+        .records
+        .iter()
+        .map(|r| {
+            let named = r.channels.iter().map(|wave| wave.name.as_str()).zip(names(r));
+            (record(r), named.collect())
+        })
+        .collect()
+}
+
+#[test]
+fn sensors_exported_without_geometry_are_channels_of_one_record() {
+    let by_entity =
+        [Made::on("TABLE", "Accelerometer 1", 5.0), Made::on("SPINDLE", "Accelerometer 2", 7.0)];
+    let waves = read(&by_entity).unwrap();
+    assert_eq!(shape(&waves), [(0.0, vec![("TABLE", 5.0), ("SPINDLE", 7.0)])]);
+    let by_text = [Made::on("NONE", "Table", 5.0), Made::on("NONE", "Spindle", 7.0)];
+    assert_eq!(shape(&read(&by_text).unwrap()), [(0.0, vec![("Table", 5.0), ("Spindle", 7.0)])]);
+    let numbered = |number| Made { number, ..Made::on("NONE", "Time record", number as f64) };
+    let waves = read(&[numbered(1), numbered(2)]).unwrap();
+    let expected = vec![("Time record function 1", 1.0), ("Time record function 2", 2.0)];
+    assert_eq!(shape(&waves), [(0.0, expected)]);
+    let waves = read(&[Made::at(0, 0, 5.0), Made::at(0, 0, 7.0)]).unwrap();
+    assert_eq!(shape(&waves), [(0.0, vec![("0 #1", 5.0), ("0 #2", 7.0)])]);
+    assert!(waves.notes.iter().any(|note| note.contains("names a sensor")), "{:?}", waves.notes);
+}
+
+#[test]
+fn a_hammer_and_its_response_at_one_place_are_two_channels() {
+    let force = |first| Made { axes: [(17, "s"), (13, "N")], ..Made::at(1, -3, first) };
+    let hits = [force(1.0), Made::at(1, -3, 2.0), force(3.0), Made::at(1, -3, 4.0)];
+    let waves = read(&hits).unwrap();
+    let record = |a, b| (0.0, vec![("1-z (N)", a), ("1-z (m/s2)", b)]);
+    assert_eq!(shape(&waves), [record(1.0, 2.0), record(3.0, 4.0)]);
+    assert_eq!(waves.records[0].channels[0].axis, Some(2));
+    let one = Options { columns: vec!["1-z (N)".to_owned()], ..Options::default() };
+    let waves = read_text(&text(&hits), &one).unwrap();
+    assert_eq!(shape(&waves), [(0.0, vec![("1-z (N)", 1.0)]), (0.0, vec![("1-z (N)", 3.0)])]);
+}
+
+#[test]
+fn a_function_that_begins_where_the_last_one_ends_continues_it_and_a_later_one_is_a_record() {
+    let at = |component, start_s, first| Made { start_s, ..Made::on(component, "NONE", first) };
+    let blocks = [at("A", 0.0, 1.0), at("B", 0.0, 2.0), at("A", 4e-3, 3.0), at("B", 4e-3, 4.0)];
+    let waves = read(&blocks).unwrap();
+    assert_eq!(shape(&waves), [(0.0, vec![("A", 1.0), ("B", 2.0)])]);
+    let values = &waves.records[0].channels[1].values;
+    assert_eq!(values.as_slice(), [2.0, 1.0, 2.0, 3.0, 4.0, 1.0, 2.0, 3.0]);
+    let gap = [at("A", 0.0, 1.0), at("A", 1.0, 2.0), at("B", 1.0, 3.0)];
+    let record = |start, channels| (start, channels);
+    assert_eq!(
+        shape(&read(&gap).unwrap()),
+        [record(0.0, vec![("A", 1.0)]), record(1.0, vec![("A", 2.0), ("B", 3.0)])]
+    );
+}
+
+#[test]
+fn what_is_measured_again_at_a_node_or_on_another_date_is_another_record() {
+    let again = [Made::at(2, 1, 1.0), Made::at(2, 1, 2.0)];
+    assert_eq!(
+        shape(&read(&again).unwrap()),
+        [(0.0, vec![("2+x", 1.0)]), (0.0, vec![("2+x", 2.0)])]
+    );
+    let dated = |date, first| Made { date, ..Made::on("NONE", "Hammer", first) };
+    let waves = read(&[dated("01-Jan-26 10:00:00", 1.0), dated("01-Jan-26 10:00:09", 2.0)]);
+    assert_eq!(waves.unwrap().records.len(), 2);
+    let beside = Made { texts: ["Second sensor", "NONE"], ..Made::at(2, 1, 2.0) };
+    let waves =
+        read(&[Made { texts: ["First sensor", "NONE"], ..Made::at(2, 1, 1.0) }, beside]).unwrap();
+    assert_eq!(shape(&waves), [(0.0, vec![("2+x First sensor", 1.0), ("2+x Second sensor", 2.0)])]);
+}
+
+#[test]
+fn measurements_that_cannot_be_paired_are_refused_with_the_way_out() {
+    let three = [Made::at(1, 1, 1.0), Made::at(2, 1, 2.0), Made::at(1, 1, 3.0)];
+    let fault = read(&three).unwrap_err();
+    assert!(fault.contains("2 of `1+x` and 1 of `2+x`") && fault.contains("--column"), "{fault}");
+    let one = Options { columns: vec!["1+x".to_owned()], ..Options::default() };
+    assert_eq!(read_text(&text(&three), &one).unwrap().records.len(), 2);
+}
+
+#[test]
+fn channels_of_other_length_are_cut_and_none_is_dropped() {
+    let mut long = Made::at(2, 1, 2.0);
+    long.values.extend([4.0, 5.0]);
+    let waves = read(&[Made::at(1, 1, 1.0), long]).unwrap();
+    assert_eq!(shape(&waves), [(0.0, vec![("1+x", 1.0), ("2+x", 2.0)])]);
+    assert_eq!(waves.records[0].len(), 4);
+    let cut = "cut to the 4 samples that all channels have; longer: `2+x` (6)";
+    assert!(waves.notes.iter().any(|note| note == cut), "{:?}", waves.notes);
+}
+
+#[test]
+fn blocks_filled_up_with_zeros_hold_the_samples_that_their_header_counts() {
+    for filling in [2, 8, 100] {
+        let waves = read(&[Made { filling, ..Made::at(1, 1, 1.0) }]).unwrap();
+        assert_eq!(waves.records[0].channels[0].values, [1.0, 1.0, 2.0, 3.0]);
+        assert!(waves.notes[0].contains("filled up with zeros"), "{:?}", waves.notes);
+    }
+    let more =
+        text(&[Made::at(1, 1, 1.0)]).replacen("         4         1", "         3         1", 1);
+    let fault = read_text(&more, &Options::default()).unwrap_err();
+    assert!(fault.contains("holds 4 numbers, its header says 3 points"), "{fault}");
+    // Binary numbers that are filled up to a multiple of 512 bytes.
+    let whole = std::fs::read(
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("src/waves/fixtures/hits-little-f64.uff"),
+    );
+    let whole = whole.unwrap();
+    let first_end = whole.windows(7).skip(1000).position(|w| w == b"    -1\n").unwrap() + 1000;
+    let filled = [&whole[..first_end], &[0; 100], &whole[first_end..]].concat();
+    let read = |bytes| parse(Path::new("a.uff"), bytes, &Options::default()).unwrap();
+    assert_eq!(read(filled).records, read(whole).records);
+}
+
+#[test]
+fn a_file_of_other_functions_alone_is_refused_by_their_names() {
+    let of = |kind, axes| Made { kind, axes, ..Made::at(1, 1, 1.0) };
+    let hz = [(18, "Hz"), (12, "m/s2")];
+    let fault = read(&[of(2, hz), of(2, hz), of(9, hz)]).unwrap_err();
+    assert!(fault.contains("auto spectrum (2), power spectral density (1)"), "{fault}");
+    assert!(fault.contains("time responses") && fault.contains("export"), "{fault}");
+    let beside = read(&[of(6, hz), Made::at(1, 1, 1.0)]).unwrap();
+    assert!(beside.notes[0].contains("left out: coherence (1)"), "{:?}", beside.notes);
+}
+
+#[test]
+fn an_abscissa_that_is_no_time_is_never_read_as_time() {
+    let over = |kind, abscissa| Made { kind, axes: [abscissa, (12, "g")], ..Made::at(1, 1, 1.0) };
+    for (kind, abscissa) in [(0, (18, "Hz")), (1, (18, "NONE")), (0, (19, "rpm")), (1, (0, "deg"))]
+    {
+        let fault = read(&[over(kind, abscissa)]).unwrap_err();
+        assert!(fault.contains("over an abscissa in"), "{fault}");
+    }
+    let waves = read(&[over(1, (0, "NONE"))]).unwrap();
+    assert!(waves.notes[0].contains("taken as s"), "{:?}", waves.notes);
+    let response = read(&[over(4, (18, "rad/s"))]).unwrap();
+    let step_hz = response.responses[0].frequency_hz[1];
+    assert!((step_hz - 1e-3 / std::f64::consts::TAU).abs() < 1e-12, "{step_hz}");
+}
+
+#[test]
+fn data_without_a_unit_are_in_the_units_of_dataset_164() {
+    let bare = text(&[Made { axes: [(17, "NONE"), (12, "NONE")], ..Made::at(1, 1, 1.0) }]);
+    let unit = |factors: &str| {
+        let system = format!(
+            "    -1\n   164\n         9USER                         2\n{factors}\n    -1\n"
+        );
+        let waves = read_text(&(system + &bare), &Options::default()).unwrap();
+        let wave = &waves.records[0].channels[0];
+        (wave.unit.clone(), wave.quantity().map(|(_, si)| si))
+    };
+    let given = |length: &str| {
+        format!(
+            "  {length}  1.00000000000000000D+00  1.00000000000000000D+00\n  2.73160000000000025D+02"
+        )
+    };
+    assert_eq!(unit(&given("1.00000000000000000D+00")), ("m/s^2".to_owned(), Some(1.0)));
+    assert_eq!(unit(&given("1.00000000000000000D+03")), ("mm/s^2".to_owned(), Some(1e-3)));
+    assert_eq!(unit(&given("3.93700787401574800D+01")), ("in/s^2".to_owned(), Some(0.0254)));
+    assert_eq!(
+        unit(&given("7.00000000000000000D+00")),
+        ("1".to_owned(), None),
+        "none that is known"
+    );
+    let wave = &read_text(&bare, &Options::default()).unwrap().records[0].channels[0];
+    assert_eq!(wave.unit, "m/s^2");
+}

@@ -1,0 +1,164 @@
+//! Files of a command on a real disk: whole, together, and never in the place of something else.
+
+use super::*;
+
+/// A directory of the test's own, gone afterwards.
+struct Place(PathBuf);
+
+impl Place {
+    fn new(name: &str) -> Self {
+        let path = std::env::temp_dir().join(format!("trued-{name}-{}", std::process::id()));
+        fs::create_dir_all(&path).expect("a directory");
+        Self(path)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.join(name)
+    }
+
+    fn names(&self) -> Vec<OsString> {
+        let entries = fs::read_dir(&self.0).expect("readable");
+        let mut names: Vec<_> = entries.map(|entry| entry.expect("entry").file_name()).collect();
+        names.sort();
+        names
+    }
+
+    fn text(&self, name: &str) -> String {
+        fs::read_to_string(self.path(name)).expect("read")
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        let _ = fs::remove_dir_all(&self.0);
+    }
+}
+
+fn written(outputs: Outputs, files: &[(PathBuf, &str)]) -> Result<(), WriteError> {
+    let mut outputs = outputs;
+    files.iter().for_each(|(path, text)| outputs.put(path, *text));
+    outputs.write()
+}
+
+#[test]
+fn files_appear_whole_and_alone() {
+    let place = Place::new("whole");
+    let files = [(place.path("a.json"), "{}"), (place.path("b.csv"), "1")];
+    written(Outputs::default(), &files).expect("written");
+    assert_eq!((place.text("a.json").as_str(), place.text("b.csv").as_str()), ("{}", "1"));
+    assert_eq!(place.names(), ["a.json", "b.csv"]);
+}
+
+#[test]
+fn what_is_there_stays_unless_it_is_empty_or_it_is_asked_for() {
+    let place = Place::new("stays");
+    fs::write(place.path("b.csv"), "measured").expect("written");
+    let files = [(place.path("a.toml"), "new"), (place.path("b.csv"), "new")];
+    let refused = written(Outputs::default(), &files).expect_err("refused");
+    assert!(matches!(&refused, WriteError::Exists(path) if path.ends_with("b.csv")), "{refused}");
+    assert!(matches!(Failure::from(refused), Failure::Input(_)));
+    assert_eq!((place.names().len(), place.text("b.csv").as_str()), (1, "measured"));
+    written(Outputs::new(true), &files).expect("with --overwrite");
+    assert_eq!((place.text("a.toml").as_str(), place.text("b.csv").as_str()), ("new", "new"));
+    fs::write(place.path("empty"), "").expect("written");
+    written(Outputs::default(), &[(place.path("empty"), "new")]).expect("nothing is lost");
+}
+
+#[test]
+fn a_result_takes_the_place_of_an_earlier_result_and_of_nothing_else() {
+    let place = Place::new("result");
+    let path = place.path("said");
+    let again = || written(Outputs::default().result(&path), &[(path.clone(), "new")]);
+    let page = report::Page::new("a page").render();
+    let plot = report::Plot::new("p", report::Axis::new("t", "s"), report::Axis::new("e", "mm"));
+    let plot = plot.series(report::Series::line("l", [(0.0, 0.0), (1.0, 1.0)])).render().file();
+    for ours in ["{\n  \"schema\": \"trued.plan/1\",\n", page.as_str(), plot.as_str()] {
+        fs::write(&path, ours).expect("written");
+        again().expect("made anew");
+        assert_eq!(place.text("said"), "new");
+    }
+    for theirs in ["pose,x_mm\n1,2.5\n", "{\"my\": 1}", "<!DOCTYPE html>\n<html>"] {
+        fs::write(&path, theirs).expect("written");
+        assert!(matches!(again(), Err(WriteError::Exists(_))), "{theirs}");
+        assert_eq!(place.text("said"), theirs);
+    }
+    // An ordinary output is never taken for a result.
+    fs::write(&path, &page).expect("written");
+    assert!(written(Outputs::default(), &[(path.clone(), "new")]).is_err());
+}
+
+#[test]
+fn an_input_is_never_replaced_and_no_two_outputs_share_a_name() {
+    let place = Place::new("apart");
+    let (input, link) = (place.path("a.csv"), place.path("link.csv"));
+    fs::write(&input, "measured").expect("written");
+    std::os::unix::fs::symlink(&input, &link).expect("linked");
+    for out in [&input, &link] {
+        let refused = Outputs::new(true).file(out).check([&input]);
+        assert!(matches!(refused, Err(WriteError::Input(_))), "{}", out.display());
+    }
+    let model = place.path("model.toml");
+    let twice = Outputs::default().file(&model).result(place.path("./model.toml")).check([]);
+    assert!(matches!(twice, Err(WriteError::Twice(_))));
+    assert!(Outputs::default().file(&model).check([&place.path("none.csv")]).is_ok());
+}
+
+#[test]
+fn one_file_that_fails_leaves_none_and_no_folder() {
+    let place = Place::new("none");
+    let folder = place.path("a/b");
+    let (good, full) = (folder.join("good.csv"), PathBuf::from("/dev/full"));
+    let outputs = Outputs::default().in_folder(&folder);
+    let failed = written(outputs, &[(good.clone(), "1"), (full, "2")]).expect_err("no room");
+    assert!(matches!(Failure::from(failed), Failure::System(_)));
+    assert!(place.names().is_empty(), "{:?}", place.names());
+    written(Outputs::default().in_folder(&folder), &[(good, "1")]).expect("written");
+    assert_eq!(place.text("a/b/good.csv"), "1");
+}
+
+#[test]
+fn what_appeared_meanwhile_is_not_replaced_and_the_files_before_it_go_again() {
+    let place = Place::new("race");
+    let parts =
+        ["a", "b"].map(|name| (Part::written(&place.path(name), b"new").expect("made"), true));
+    fs::write(place.path("b"), "theirs").expect("written");
+    assert!(matches!(finish(parts.into()), Err(WriteError::Exists(_))));
+    assert_eq!((place.names(), place.text("b")), (vec![OsString::from("b")], "theirs".to_owned()));
+}
+
+#[test]
+fn what_could_not_be_written_is_known_before_and_asking_leaves_nothing() {
+    let place = Place::new("check");
+    let check = |path: PathBuf| Outputs::default().file(path).check([]);
+    check(place.path("a.json")).expect("can be made");
+    assert!(check(place.0.clone()).is_err() && check(place.path("none/a.json")).is_err());
+    let folder = place.path("new/folder");
+    Outputs::default().in_folder(&folder).file(folder.join("a")).check([]).expect("can be made");
+    assert!(place.names().is_empty());
+    fs::write(place.path("a.json"), "{}").expect("written");
+    assert!(check(place.path("a.json/b.json")).is_err(), "below a file");
+    let below = place.path("a.json/folder");
+    assert!(Outputs::default().in_folder(&below).file(below.join("a")).check([]).is_err());
+}
+
+#[test]
+fn a_link_stays_a_link_and_permissions_stay() {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    let place = Place::new("link");
+    let (file, link) = (place.path("file"), place.path("link"));
+    fs::write(&file, "before").expect("written");
+    fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).expect("set");
+    symlink(&file, &link).expect("linked");
+    written(Outputs::new(true), &[(link.clone(), "after")]).expect("written");
+    assert_eq!(place.text("file"), "after");
+    assert_eq!(fs::metadata(&file).expect("there").permissions().mode() & 0o777, 0o600);
+    assert!(fs::symlink_metadata(&link).expect("there").is_symlink());
+}
+
+#[test]
+fn a_missing_directory_is_bad_input() {
+    let path = PathBuf::from("/nowhere/at/all.json");
+    let failed = written(Outputs::default(), &[(path, "")]).expect_err("fails");
+    assert!(failed.to_string().starts_with("cannot write /nowhere/at/all.json"));
+    assert!(matches!(Failure::from(failed), Failure::Input(_)));
+}
