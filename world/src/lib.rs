@@ -8,7 +8,8 @@
 //! [`draw`] (a true robot for a calibrated model), [`hidden`] (what that model lacks), [`survey`] (a measuring program), [`robot`] (where its tool really goes), [`cutter`] and
 //! [`ringing`] (what the cut exerts), [`cell`] (all of it, tick by tick). [`contact`] closes the loop over a stiff
 //! surface; [`tracker`] is the instrument. [`forward`] runs a recorded motion through a model, with [`dynamics`]' delays, lags and modes, by way of where joints [`turn`];
-//! [`drives`] says what is recorded of the drives on it, [`servo`] puts a controller into the loop; [`milling`] says what is recorded of a cut.
+//! [`drives`] says what is recorded of the drives on it, [`servo`] puts a controller into the loop; [`milling`] says what is recorded of a cut,
+//! [`regeneration`] whether it rings by itself.
 //!
 //! Units are SI; vectors are in base axes unless a name says otherwise.
 
@@ -27,6 +28,7 @@ pub mod milling;
 pub mod path;
 pub mod profile;
 pub mod random;
+pub mod regeneration;
 pub mod ride;
 pub mod ringing;
 pub mod robot;

@@ -26,6 +26,8 @@ pub enum Purpose {
     Torque = 6,
     /// Noise of recorded forces.
     Force = 7,
+    /// A milling cut on a flexible tool, and its noise.
+    Regeneration = 8,
 }
 
 /// The stream of `seed` for `purpose`; `index` parts streams of one purpose.

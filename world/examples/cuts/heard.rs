@@ -1,0 +1,111 @@
+//! What the watch says of a recorded cut.
+
+use crate::record::{AIR_S, RATE_HZ, Record};
+use spectrum::{Block, Class, ConfigError, Mode, ProcessState, State, Watch, WatchConfig};
+use std::fmt;
+
+const FRAMES: usize = 20;
+
+/// A line that alarmed.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Alarmed {
+    line: u32,
+    pub(crate) alarm_s: f64,
+    frequency_hz: f64,
+    amplitude_n: f64,
+    class: Class,
+}
+
+/// All that alarmed.
+#[derive(Default)]
+pub(crate) struct Heard {
+    /// Lines that are not the spindle's own.
+    pub(crate) alarms: Vec<Alarmed>,
+    /// A multiple of the spindle's speed alarmed, as it stands on a mode.
+    pub(crate) forced: bool,
+}
+
+impl Heard {
+    pub(crate) fn of(record: &Record) -> Result<Self, ConfigError> {
+        let process = &record.process;
+        let config = WatchConfig {
+            rate_hz: RATE_HZ,
+            modes: process.modes.iter().map(|mode| Mode::at_hz(mode.frequency_hz)).collect(),
+            ..WatchConfig::default()
+        };
+        let mut watch = Watch::new(config)?;
+        watch.process_state(ProcessState {
+            spindle_rpm: 60.0 * process.cutter.spindle_hz,
+            teeth: process.cutter.teeth,
+            ..ProcessState::default()
+        });
+        let mut heard = Self::default();
+        for (seq, samples) in record.samples.chunks_exact(3 * FRAMES).enumerate() {
+            let t_s = (seq * FRAMES) as f64 / RATE_HZ;
+            let verdicts = watch.push(&Block {
+                seq: seq as u64,
+                t_ns: (1e9 * t_s) as u64,
+                rate_hz: RATE_HZ,
+                channels: 3,
+                samples,
+                ..Block::default()
+            });
+            // What a line had last in its life is taken from the lines that live at each time.
+            for verdict in verdicts.iter().chain(watch.lines().iter()) {
+                heard.take(verdict, t_s + FRAMES as f64 / RATE_HZ);
+            }
+        }
+        Ok(heard)
+    }
+
+    fn take(&mut self, verdict: &spectrum::Verdict, now_s: f64) {
+        if !matches!(verdict.state, State::Alarm | State::Confirmed) {
+            return;
+        }
+        if verdict.class == Class::Forced {
+            self.forced = true;
+            return;
+        }
+        let now = Alarmed {
+            line: verdict.line,
+            alarm_s: now_s,
+            frequency_hz: verdict.frequency_hz,
+            amplitude_n: verdict.amplitude_n,
+            class: verdict.class,
+        };
+        match self.alarms.iter_mut().find(|line| line.line == verdict.line) {
+            Some(line) => {
+                let (alarm_s, stronger) = (line.alarm_s, now.amplitude_n > line.amplitude_n);
+                if stronger {
+                    *line = Alarmed { alarm_s, ..now };
+                }
+            }
+            None => self.alarms.push(now),
+        }
+    }
+
+    /// The frequency of the strongest alarmed line, Hz.
+    pub(crate) fn strongest_hz(&self) -> Option<f64> {
+        let strongest = self.alarms.iter().max_by(|a, b| a.amplitude_n.total_cmp(&b.amplitude_n));
+        strongest.map(|line| line.frequency_hz)
+    }
+}
+
+impl fmt::Display for Heard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "forced {}", self.forced)?;
+        for line in &self.alarms {
+            let after_s = line.alarm_s - AIR_S;
+            write!(
+                f,
+                ", {} at {:.3} s {:.1} Hz {:.2} N {}",
+                line.line,
+                after_s + AIR_S,
+                line.frequency_hz,
+                line.amplitude_n,
+                line.class.name()
+            )?;
+        }
+        Ok(())
+    }
+}

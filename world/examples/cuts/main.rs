@@ -1,0 +1,94 @@
+//! Simulated milling cuts through the watch: `cargo run --release -p world --example cuts -- [COUNT] [SEED] [each]`.
+//!
+//! Each cut begins with a second of air; every second one is drawn below the limit of stability of its own speed, the others
+//! above. Counted: alarms in stable cuts, how soon after its onset a chatter alarms, and how often the strongest alarmed line is
+//! the chatter's own frequency. No threshold of the watch was set on seeds from 1000 on. `each` prints a line for every cut.
+
+mod heard;
+mod process;
+mod record;
+
+use heard::Heard;
+use record::{Record, Truth};
+use std::error::Error;
+use std::io::Write;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let mut numbers = words.iter().filter_map(|word| word.parse::<u64>().ok());
+    let (count, seed) = (numbers.next().unwrap_or(40), numbers.next().unwrap_or(1000));
+    let each = words.iter().any(|word| word == "each");
+    let mut account = Account::default();
+    let mut out = std::io::stdout().lock();
+    for k in 0..count {
+        let record = Record::of(seed + k, k % 2 == 1);
+        let heard = Heard::of(&record)?;
+        account.add(&record, &heard);
+        if each {
+            writeln!(
+                out,
+                "{} {}: {record}; {heard}",
+                seed + k,
+                if k % 2 == 1 { "above" } else { "below" }
+            )?;
+        }
+    }
+    writeln!(out, "{}", account.told())?;
+    Ok(())
+}
+
+/// What all cuts came to.
+#[derive(Default)]
+struct Account {
+    stable: usize,
+    stable_alarmed: usize,
+    stable_forced: usize,
+    chatters: usize,
+    delays_s: Vec<f64>,
+    own_frequency: usize,
+    one_event: usize,
+    marginal: usize,
+}
+
+impl Account {
+    fn add(&mut self, record: &Record, heard: &Heard) {
+        match record.truth {
+            Truth::Stable => {
+                self.stable += 1;
+                self.stable_alarmed += usize::from(!heard.alarms.is_empty());
+                self.stable_forced += usize::from(heard.forced);
+            }
+            Truth::Chatter { onset_s, frequency_hz } => {
+                self.chatters += 1;
+                let first_s = heard.alarms.iter().map(|line| line.alarm_s).reduce(f64::min);
+                self.delays_s.push(first_s.map_or(f64::INFINITY, |s| s - onset_s));
+                let own = |hz: f64| (hz - frequency_hz).abs() < (0.01 * frequency_hz).max(2.0);
+                self.own_frequency += usize::from(heard.strongest_hz().is_some_and(own));
+                self.one_event += usize::from(heard.alarms.len() == 1);
+            }
+            Truth::Marginal => self.marginal += 1,
+        }
+    }
+
+    fn told(&mut self) -> String {
+        self.delays_s.sort_by(f64::total_cmp);
+        let of = |part: f64| {
+            let last = self.delays_s.len().saturating_sub(1) as f64;
+            self.delays_s.get((part * last).round() as usize).copied().unwrap_or(f64::NAN)
+        };
+        let found = self.delays_s.iter().filter(|s| s.is_finite()).count();
+        format!(
+            "{{\"stable\": {}, \"stable_alarmed\": {}, \"stable_forced_on_a_mode\": {}, \"chatters\": {}, \"found\": {found}, \
+             \"delay_s\": {{\"p50\": {:.3}, \"p90\": {:.3}}}, \"own_frequency\": {}, \"one_event\": {}, \"neither\": {}}}",
+            self.stable,
+            self.stable_alarmed,
+            self.stable_forced,
+            self.chatters,
+            of(0.5),
+            of(0.9),
+            self.own_frequency,
+            self.one_event,
+            self.marginal
+        )
+    }
+}

@@ -1,0 +1,244 @@
+//! A milling cut that may ring by itself: teeth cut into the surface that the teeth before them left.
+//!
+//! Tool on modes `q'' + 2ζω q' + ω² q = ω²/k (u·F)`, moved by `r = Σ u q` (exact between steps under a constant force). Per tooth at
+//! angle φ, with `n = (sin φ, cos φ)`: chip `h = f_t sin φ + (n·r + ρ) − s(φ)`, ρ: the tooth's runout, `s`: what the tooth before left there;
+//! forces of `h > 0` by [`Cutter`]'s law. A tooth out of the cut leaves the surface and the next cuts more. Beside it runs the same tool over a
+//! surface cut by a rigid tool: its vibration is the forced one, and what the first has more is regeneration's.
+//! Source: Tlusty and Ismail 1981; Altintas, Manufacturing Automation, 2012, chapter 4.
+//!
+//! Promises: deterministic, no chance. Never: helix, process damping, a speed that changes.
+
+use glam::{DVec2, DVec3};
+use libm::sincos;
+use std::f64::consts::TAU;
+
+use crate::cutter::Cutter;
+
+/// A mode of tool and robot in the plane of the cut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flexibility {
+    /// Direction of the motion, of unit length: along the feed, across it.
+    pub direction: DVec2,
+    /// Natural frequency, Hz, above zero.
+    pub frequency_hz: f64,
+    /// Damping ratio, 0 to below 1.
+    pub damping_ratio: f64,
+    /// Stiffness, N/m, above zero.
+    pub stiffness_n_per_m: f64,
+}
+
+/// What a step of the cut shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Step {
+    /// Force on the tool, cut axes, N.
+    pub force: DVec3,
+    /// Where the tool is, m.
+    pub tool: DVec2,
+    /// Where a tool that cuts a rigid tool's surface would be, m: the forced vibration.
+    pub forced: DVec2,
+}
+
+/// One mode's displacement and speed.
+#[derive(Clone, Copy, Debug, Default)]
+struct Swing {
+    position: f64,
+    speed: f64,
+}
+
+/// One tool on its modes over a surface.
+struct Tool {
+    swings: Vec<Swing>,
+    surface: Vec<f64>,
+}
+
+/// The cut, step by step.
+pub struct Regeneration {
+    cutter: Cutter,
+    feed_per_tooth_m: f64,
+    runout_m: Vec<f64>,
+    modes: Vec<Flexibility>,
+    steps_per_tooth: usize,
+    step: usize,
+    live: Tool,
+    rigid: Tool,
+}
+
+impl Regeneration {
+    /// A tool at rest over a flat surface; `runout_m` is the radius error of each tooth, and a tooth passes in so many steps.
+    pub fn new(
+        cutter: Cutter,
+        feed_m_s: f64,
+        runout_m: &[f64],
+        modes: &[Flexibility],
+        steps_per_tooth: usize,
+    ) -> Self {
+        let steps_per_tooth = steps_per_tooth.max(8);
+        let tool = || Tool {
+            swings: vec![Swing::default(); modes.len()],
+            surface: vec![0.0; steps_per_tooth * cutter.teeth.max(1) as usize],
+        };
+        Self {
+            feed_per_tooth_m: cutter.feed_per_tooth_m(feed_m_s),
+            runout_m: runout_m.to_vec(),
+            modes: modes.to_vec(),
+            steps_per_tooth,
+            step: 0,
+            live: tool(),
+            rigid: tool(),
+            cutter,
+        }
+    }
+
+    /// Duration of a step, s.
+    pub fn step_s(&self) -> f64 {
+        1.0 / (self.cutter.tooth_passing_hz() * self.steps_per_tooth as f64)
+    }
+
+    /// The next step at a part of the full depth (0: out of the work), with a force beside the cut's own that pushes both tools.
+    pub fn next(&mut self, depth_part: f64, push: DVec2) -> Step {
+        let dt_s = self.step_s();
+        let tool = displaced(&self.modes, &self.live.swings);
+        let forced = displaced(&self.modes, &self.rigid.swings);
+        let force = self.teeth(tool, depth_part, false);
+        let rigid_force = self.teeth(DVec2::ZERO, depth_part, true);
+        advance(&self.modes, &mut self.live.swings, force.truncate() + push, dt_s);
+        advance(&self.modes, &mut self.rigid.swings, rigid_force.truncate() + push, dt_s);
+        self.step += 1;
+        Step { force, tool, forced }
+    }
+
+    /// Force of all teeth at this step, and the surface that they leave.
+    fn teeth(&mut self, tool: DVec2, depth_part: f64, is_rigid: bool) -> DVec3 {
+        let cutter = self.cutter;
+        let surface = if is_rigid { &mut self.rigid.surface } else { &mut self.live.surface };
+        let places = surface.len();
+        let mut sum = DVec3::ZERO;
+        for tooth in 0..cutter.teeth as usize {
+            let place = (self.step + tooth * self.steps_per_tooth) % places;
+            let angle = TAU * place as f64 / places as f64;
+            if depth_part <= 0.0 || !(cutter.entry_rad..cutter.exit_rad).contains(&angle) {
+                // No work here: the next tooth meets an uncut surface.
+                surface[place] = 0.0;
+                continue;
+            }
+            let (sin, cos) = sincos(angle);
+            let runout = self.runout_m.get(tooth).copied().unwrap_or(0.0);
+            let edge = DVec2::new(sin, cos).dot(tool) + runout;
+            let feed = self.feed_per_tooth_m * sin;
+            let chip = feed + edge - surface[place];
+            if chip <= 0.0 {
+                surface[place] -= feed;
+                continue;
+            }
+            surface[place] = edge;
+            let law = cutter.chip_n_m2 * chip + cutter.edge_n_m;
+            let f = law * (cutter.axial_depth_m * depth_part);
+            sum += DVec3::new(-f.x * cos - f.y * sin, f.x * sin - f.y * cos, f.z);
+        }
+        sum
+    }
+}
+
+fn displaced(modes: &[Flexibility], swings: &[Swing]) -> DVec2 {
+    modes.iter().zip(swings).map(|(mode, swing)| mode.direction * swing.position).sum()
+}
+
+/// Lets all modes pass a step under a constant force.
+fn advance(modes: &[Flexibility], swings: &mut [Swing], force: DVec2, dt_s: f64) {
+    for (mode, swing) in modes.iter().zip(swings) {
+        let omega = TAU * mode.frequency_hz;
+        let decay = mode.damping_ratio * omega;
+        let omega_d = omega * libm::sqrt(1.0 - mode.damping_ratio * mode.damping_ratio);
+        let rest = mode.direction.dot(force) / mode.stiffness_n_per_m;
+        let (x, v) = (swing.position - rest, swing.speed);
+        let (sin, cos) = sincos(omega_d * dt_s);
+        let fade = libm::exp(-decay * dt_s);
+        swing.position = rest + (x * cos + (v + x * decay) * (sin / omega_d)) * fade;
+        swing.speed = (v * cos - (v * decay + x * omega * omega) * (sin / omega_d)) * fade;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::PI;
+
+    const MODE: Flexibility = Flexibility {
+        direction: DVec2::Y,
+        frequency_hz: 100.0,
+        damping_ratio: 0.03,
+        stiffness_n_per_m: 1e6,
+    };
+
+    fn cutter(spindle_hz: f64, axial_depth_m: f64) -> Cutter {
+        Cutter { teeth: 4, spindle_hz, axial_depth_m, ..Cutter::default() }
+    }
+
+    /// How much more the tool moves than the forced vibration, over the last part of a second against the part before.
+    fn grows(spindle_hz: f64, axial_depth_m: f64) -> bool {
+        let mut cut = Regeneration::new(cutter(spindle_hz, axial_depth_m), 0.01, &[], &[MODE], 200);
+        let steps = (1.0 / cut.step_s()) as usize;
+        let mut sums = [0.0; 2];
+        for k in 0..steps {
+            let push = if k == 0 { DVec2::Y * 1e-3 } else { DVec2::ZERO };
+            let step = cut.next(1.0, push);
+            let own = (step.tool - step.forced).length_squared();
+            sums[usize::from(k > 3 * steps / 4)] += if k > steps / 2 { own } else { 0.0 };
+        }
+        sums[1] > sums[0]
+    }
+
+    /// The largest stable depth at a speed, m.
+    fn limit_m(spindle_hz: f64) -> f64 {
+        let (mut low, mut high) = (0.0, 20e-3);
+        for _ in 0..12 {
+            let middle = 0.5 * (low + high);
+            if grows(spindle_hz, middle) { high = middle } else { low = middle }
+        }
+        0.5 * (low + high)
+    }
+
+    #[test]
+    fn the_limit_of_stability_is_that_of_the_lobes() {
+        // In a slot the mean force of N teeth is −(N K_rc/4) b across the feed per Δy, and the least limit that of the most
+        // negative real part of the receptance, −1/(4 k ζ (1 + ζ)) (Altintas 2012, 3.7): it is met where the chatter's waves
+        // from tooth to tooth are 1.75, so with teeth passing at 59 Hz.
+        let (k, zeta) = (MODE.stiffness_n_per_m, MODE.damping_ratio);
+        let least_m = 8.0 * k * zeta * (1.0 + zeta) / (4.0 * Cutter::default().chip_n_m2.y);
+        let worst = [14.2, 14.5, 14.8, 15.1].map(limit_m).into_iter().fold(1.0, f64::min);
+        assert!((worst / least_m - 1.0).abs() < 0.15, "{worst} m for {least_m} m");
+        // In the pocket, where a tooth passes once per swing, it cuts far deeper.
+        assert!(limit_m(25.3) > 2.0 * least_m, "{} m", limit_m(25.3));
+    }
+
+    #[test]
+    fn a_rigid_tool_feels_the_cutters_own_force_and_nothing_more() {
+        let stiff = Flexibility { stiffness_n_per_m: 1e15, ..MODE };
+        let cutter = cutter(25.0, 1e-3);
+        let mut cut = Regeneration::new(cutter, 0.01, &[], &[stiff], 400);
+        let steps = 4 * 400;
+        for _ in 0..steps {
+            cut.next(1.0, DVec2::ZERO);
+        }
+        let mean = (0..steps).map(|_| cut.next(1.0, DVec2::ZERO).force).sum::<DVec3>();
+        let off = mean / f64::from(steps) - cutter.mean_force(0.01);
+        assert!(off.length() < 0.01 * cutter.mean_force(0.01).length(), "{off}");
+    }
+
+    #[test]
+    fn a_tool_that_leaves_the_work_makes_the_next_tooth_cut_more() {
+        let stiff = Flexibility { stiffness_n_per_m: 1e15, ..MODE };
+        // One tooth so far in that it never cuts: the other three take its feed.
+        let mut cut = Regeneration::new(cutter(25.0, 1e-3), 0.01, &[-1.0], &[stiff], 100);
+        let mut sum = DVec3::ZERO;
+        for k in 0..800_u32 {
+            let force = cut.next(1.0, DVec2::ZERO).force;
+            sum += if k >= 400 { force } else { DVec3::ZERO };
+        }
+        let teeth = Cutter { teeth: 3, edge_n_m: DVec3::ZERO, ..cutter(25.0, 1e-3) };
+        let edges = Cutter { chip_n_m2: DVec3::ZERO, teeth: 3, ..cutter(25.0, 1e-3) };
+        let expected = teeth.mean_force(0.01) + edges.mean_force(0.01);
+        assert!((sum / 400.0 - expected).length() < 0.02 * expected.length(), "{sum} {expected}");
+        assert!((PI - cut.cutter.exit_rad).abs() < 1e-12);
+    }
+}
