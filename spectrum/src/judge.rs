@@ -6,7 +6,7 @@ use crate::advice::{Case, advise};
 use crate::alias::Spindle;
 use crate::block::{Axis, ProcessState};
 use crate::classify::{Evidence, ceiling, classify};
-use crate::config::{Mode, WatchConfig};
+use crate::config::WatchConfig;
 use crate::track::Track;
 use crate::verdict::{Class, NearestLine, State, Verdict};
 
@@ -84,14 +84,19 @@ impl Context<'_> {
         track.wheel = is_gear.then(wheel).flatten();
     }
 
+    /// Whether a line stands near a known mode.
+    pub(crate) fn is_near_mode(&self, track: &Track) -> bool {
+        let (f, uncertainty_hz) = (track.frequency_hz, track.uncertainty_hz());
+        self.config.modes.iter().any(|mode| is_near(mode.frequency_hz, f, uncertainty_hz))
+    }
+
     fn evidence(&self, track: &Track) -> Evidence {
         let (f, uncertainty_hz) = (track.frequency_hz, track.uncertainty_hz());
         let driven = self.spindle.drives(f, 0.5 + uncertainty_hz);
         let suspect = |line: NearestLine| line.distance_hz.abs() < SUSPECT_HZ.max(uncertainty_hz);
         let alias = self.spindle.nearest_alias(f, self.config.rate_hz);
         let feed = self.process.feed_mm_s;
-        let near = |mode: &Mode| is_near(mode.frequency_hz, f, uncertainty_hz);
-        let near_mode = self.config.modes.iter().any(near);
+        let near_mode = self.is_near_mode(track);
         Evidence {
             speed_known: self.spindle.hz > 0.0,
             driven,

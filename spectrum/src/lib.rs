@@ -17,6 +17,7 @@ mod classify;
 mod config;
 mod decimate;
 mod ellipse;
+mod family;
 mod fault;
 mod floor;
 pub mod frf;

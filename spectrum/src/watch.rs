@@ -8,6 +8,7 @@ use crate::block::{Block, ProcessState};
 use crate::branch::{Branch, SPLIT_HZ};
 use crate::config::{ConfigError, MODES_MAX, Mode, WHEELS_MAX, WatchConfig, Wheel};
 use crate::decimate::FrontEnd;
+use crate::family::hold_sidebands_back;
 use crate::fault::Health;
 use crate::history::History;
 use crate::judge::{Context, FeedMemory};
@@ -284,7 +285,7 @@ impl Watch {
         let ready_s = *self.ready_s.get_or_insert(now_s);
         let mut tracks = std::mem::take(&mut self.tracks);
         let mut news = [None; TRACKS];
-        for (track, news) in tracks.iter_mut().zip(&mut news) {
+        for track in tracks.iter_mut() {
             track.air_s += lived_s;
             track.from_start |= track.born_s - ready_s < FROM_START_S;
             self.note_feed(track, now_s);
@@ -294,6 +295,11 @@ impl Watch {
             if track.is_fresh(now_s) && !held {
                 self.context().classify(track);
             }
+        }
+        let near_mode = |track: &Track| self.context().is_near_mode(track);
+        let knows_modes = !self.config.modes.is_empty();
+        hold_sidebands_back(&mut tracks, self.spindle.hz, now_s, knows_modes, near_mode);
+        for (track, news) in tracks.iter_mut().zip(&mut news) {
             *news = track.advance(now_s).then_some(*track);
         }
         tracks.bury();

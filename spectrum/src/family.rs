@@ -1,0 +1,120 @@
+//! Chatter and its sidebands: lines that stand whole multiples of the spindle's speed apart are one event.
+//!
+//! Teeth cut only part of the turn, so that a chatter at `f` also shows at `|n f + k f_spindle|` (`n` = ±1 to ±3), often stronger in the
+//! force than at `f` itself. The line near a structural mode is the chatter (Insperger et al. 2003); without a known mode, the
+//! strongest. The others stay warnings. Where the speed is not known, there are no families.
+
+use crate::track::{TRACKS, Track, Tracks};
+use crate::verdict::{Class, State};
+
+/// A line belongs to a family within so much, Hz: an eighth of the cell of the window of 40 ms, as a line that just begins stands.
+const WITHIN_HZ: f64 = 3.0;
+/// Multiples of a slow spindle lie everywhere: a line counts within this part of their distance.
+const WITHIN_PART: f64 = 0.12;
+/// A line away from all known modes waits so long for one near a mode, s: the sidebands of a sudden chatter come up to 70 ms before it
+/// (`cuts 40 1`).
+const WAITS_S: f64 = 0.1;
+/// Multiples of the chatter about which its sidebands stand.
+const MULTIPLES: [f64; 6] = [1.0, -1.0, 2.0, -2.0, 3.0, -3.0];
+
+/// Holds the sidebands of the chatter back to warnings, and what is not near a mode for a moment; `near_mode` says whether a line stands near a known mode.
+pub(crate) fn hold_sidebands_back(
+    tracks: &mut Tracks,
+    spindle_hz: f64,
+    now_s: f64,
+    knows_modes: bool,
+    near_mode: impl Fn(&Track) -> bool,
+) {
+    if spindle_hz <= 0.0 {
+        return;
+    }
+    let rank = |track: &Track| (near_mode(track), track.amplitude());
+    let mut lines = [None; TRACKS];
+    for (place, track) in lines.iter_mut().zip(tracks.iter()) {
+        *place = (is_self_excited(track) && track.is_fresh(now_s)).then(|| (*track, rank(track)));
+    }
+    for track in tracks.iter_mut().filter(|track| is_self_excited(track)) {
+        let own = rank(track);
+        let follows = |(head, other): &(Track, (bool, f64))| {
+            head.id != track.id && *other > own && is_sideband(track, head, spindle_hz)
+        };
+        let waits = knows_modes && !own.0 && now_s - track.born_s < WAITS_S;
+        if waits || lines.iter().flatten().any(follows) {
+            track.ceiling = State::Warn;
+        }
+    }
+}
+
+fn is_self_excited(track: &Track) -> bool {
+    matches!(track.class, Class::Chatter | Class::ModeCoupling | Class::Unknown)
+}
+
+fn is_sideband(track: &Track, head: &Track, spindle_hz: f64) -> bool {
+    MULTIPLES.iter().any(|n| {
+        let apart = track.frequency_hz - n * head.frequency_hz;
+        let order = (apart / spindle_hz).round();
+        let within = WITHIN_HZ.min(WITHIN_PART * spindle_hz);
+        (apart - order * spindle_hz).abs() < within && (*n != 1.0 || order != 0.0)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sliding::Sighting;
+
+    fn lines(all: &[(f64, f64)]) -> Tracks {
+        let mut tracks = Tracks::default();
+        for (frequency_hz, amplitude) in all {
+            let sighting = Sighting {
+                channel: 1,
+                frequency_hz: *frequency_hz,
+                power: amplitude * amplitude,
+                ratio: 500.0,
+                cell_hz: 2.0,
+                threefold: true,
+            };
+            tracks.sight(&sighting, 0.0);
+        }
+        for track in tracks.iter_mut() {
+            track.class = Class::Chatter;
+        }
+        tracks
+    }
+
+    fn alarming(tracks: &Tracks) -> Vec<f64> {
+        let free = tracks.iter().filter(|track| track.ceiling == State::Confirmed);
+        free.map(|track| track.frequency_hz).collect()
+    }
+
+    #[test]
+    fn the_line_near_the_mode_is_the_chatter_although_its_sidebands_are_stronger() {
+        // Spindle 50 Hz, chatter at 683 Hz near a mode at 670: 583, 783 and |−683 + 900| = 217 Hz belong to it, 640 does not.
+        let mut tracks =
+            lines(&[(683.0, 2.0), (583.0, 6.0), (783.0, 4.0), (217.0, 3.0), (640.0, 1.0)]);
+        let near = |track: &Track| (track.frequency_hz - 670.0).abs() < 20.0;
+        hold_sidebands_back(&mut tracks, 50.0, 0.0, false, near);
+        assert_eq!(alarming(&tracks), [683.0, 640.0]);
+    }
+
+    #[test]
+    fn a_line_away_from_all_modes_waits_for_the_chatter_and_then_alarms() {
+        let after = |now_s: f64| {
+            let mut tracks = lines(&[(217.0, 3.0)]);
+            hold_sidebands_back(&mut tracks, 50.0, now_s, true, |_| false);
+            alarming(&tracks).len()
+        };
+        assert_eq!((after(0.05), after(0.15)), (0, 1));
+    }
+
+    #[test]
+    fn without_a_mode_the_strongest_is_the_chatter_and_without_a_speed_all_alarm() {
+        let all = [(683.0, 2.0), (583.0, 6.0)];
+        let mut tracks = lines(&all);
+        hold_sidebands_back(&mut tracks, 50.0, 0.0, false, |_| false);
+        assert_eq!(alarming(&tracks), [583.0]);
+        let mut tracks = lines(&all);
+        hold_sidebands_back(&mut tracks, 0.0, 0.0, false, |_| false);
+        assert_eq!(alarming(&tracks).len(), 2);
+    }
+}
