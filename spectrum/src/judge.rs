@@ -18,6 +18,8 @@ const CLOSE_MODES: f64 = 0.15;
 const SUSPECT_HZ: f64 = 2.0;
 /// A line this near to a multiple of the mains frequency may be electrical, Hz.
 const MAINS_HZ: f64 = 0.3;
+/// A line that was there in air for so long is there in air, s; less may be a cut that is not yet told from air.
+const AIR_S: f64 = 0.2;
 /// Gears beyond this many cycles per mm do not exist: at most 2000 teeth meet in a turn of a joint (the pinion of the reference
 /// robot's joint 5: 26 · 63.7), thrice for the third multiple, on a lever of at least 0.2 m: 6000 / (2π · 200 mm).
 const GEAR_CYCLES_PER_MM: f64 = 5.0;
@@ -106,7 +108,7 @@ impl Context<'_> {
             near_mode,
             two_modes: near_mode && self.has_close_modes(f),
             turns: track.ellipse.is_known().then(|| track.ellipse.turns()),
-            in_air: self.knows_air.then_some(track.air_s > 0.2),
+            in_air: self.knows_air.then_some(lives_in_air(track)),
             from_start: track.from_start,
             follows_feed: self.feeds.follows(feed, f, uncertainty_hz),
             gear_possible: feed > 0.0 && f < GEAR_CYCLES_PER_MM * feed,
@@ -192,6 +194,11 @@ impl Context<'_> {
             advice: advise(&case),
         }
     }
+}
+
+/// Whether a line was there in air for long, or for most of its life: one that arises in air is nothing that the cut excites.
+fn lives_in_air(track: &Track) -> bool {
+    track.air_s > AIR_S.min(0.5 * (track.alive_s - track.born_s))
 }
 
 fn is_near(mode_hz: f64, f: f64, uncertainty_hz: f64) -> bool {

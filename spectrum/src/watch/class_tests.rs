@@ -106,6 +106,20 @@ fn a_line_that_is_there_in_air_is_structural() {
 }
 
 #[test]
+fn a_line_that_arises_in_air_after_a_cut_never_alarms_as_chatter() {
+    let mut rig = Rig::new(config(10_000.0), 1.0, 24);
+    let state = |in_cut| ProcessState { in_cut: Some(in_cut), ..spindle(28_000.0) };
+    rig.watch.process_state(state(false));
+    rig.run(1.5, |_, _| 0.0);
+    rig.watch.process_state(state(true));
+    rig.run(2.0, |_, _| 0.0);
+    rig.watch.process_state(state(false));
+    rig.run(0.3, |_, _| 0.0);
+    let said = rig.run(1.0, tone_y(72.0, 10.0, 4.0));
+    assert!(!said.is_empty() && said.iter().all(|(_, v)| v.state == State::Warn), "{said:?}");
+}
+
+#[test]
 fn a_line_that_follows_the_feed_is_a_gears_and_at_one_feed_both_are_said() {
     // Eleven teeth of a motor that turns 8.02° per mm: only at this feed of a robot that handles do they reach the band.
     let cycles_per_mm = 11.0 * 8.02 / 360.0;

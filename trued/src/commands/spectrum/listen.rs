@@ -74,6 +74,7 @@ pub(super) fn listen(
     for group in subject.groups() {
         let least = asked.least.unwrap_or_else(|| least(subject, &group));
         let [low_hz, high_hz] = [0, 1].map(|at| asked.band.get(at).copied().unwrap_or(f64::NAN));
+        let usual = WatchConfig::default();
         let config = WatchConfig {
             rate_hz: subject.rate_hz,
             channels: group.len(),
@@ -84,8 +85,8 @@ pub(super) fn listen(
             least_amplitude_nm: if asked.least.is_some() { least } else { 0.1 * least },
             mains_hz: asked.mains,
             threshold: asked.threshold,
-            learn_s: (0.25 * subject.seconds()).clamp(0.5, 1.0),
-            ..WatchConfig::default()
+            learn_s: (0.25 * subject.seconds()).clamp(0.5, usual.learn_s),
+            ..usual
         };
         let mut watch = Watch::new(config).map_err(Failure::input)?;
         let slices: Vec<Vec<&[f64]>> = subject
