@@ -63,6 +63,10 @@ impl Times {
         self.per_s = [1.0 / self.since_s, 2.0 / span_s, 3.0 / (span_s + self.before_s)];
     }
 
+    pub(crate) fn are_uncertain(&self) -> bool {
+        self.jitter_s > 0.0
+    }
+
     /// The jerk that uncertain times can make of a signal that moves at `rate`.
     ///
     /// Its four samples enter a third difference with weights 1, 3, 3, 1. Times that are off by up to
@@ -71,6 +75,12 @@ impl Times {
     pub(crate) fn jerk_of_jitter(&self, rate: f64) -> f64 {
         let [first, second, third] = self.per_s;
         8.0 / 3.0 * rate * self.jitter_s * first * second * third
+    }
+
+    /// By how much the newest sample is off where its jerk is off by so much.
+    pub(crate) fn value_of_jerk(&self, jerk: f64) -> f64 {
+        let [first, second, third] = self.per_s;
+        jerk / (first * second * third)
     }
 
     /// By what share a mean rate between two samples may be off.

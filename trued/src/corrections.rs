@@ -42,7 +42,8 @@ pub(crate) struct Figures {
     /// Of revolute and of prismatic joints, where there are any.
     largest_correction: Vec<Largest>,
     /// Of the tool error with the correction that is written, by the model; rows where that is not known are left out.
-    largest_left: Left,
+    /// None where it is known of no row.
+    largest_left: Option<Left>,
     /// Rows whose tool error is not known: they were rejected, or an effect is beyond what its law holds for.
     unknown_rows: usize,
     /// Rows that are limited, held or rejected, or whose solve failed: something is left of their tool error.
@@ -81,7 +82,7 @@ struct Largest {
 }
 
 /// The largest tool error that is left; rows from 1.
-#[derive(Debug, Clone, Copy, Default, Serialize)]
+#[derive(Debug, Clone, Copy, Serialize)]
 struct Left {
     mm: f64,
     mm_row: usize,
@@ -198,13 +199,13 @@ impl Figures {
             self.unknown_rows += 1;
             return;
         };
-        let largest = &mut self.largest_left;
-        let (mm, mrad) = (left.m * 1e3, left.rad * 1e3);
-        if mm >= largest.mm {
-            (largest.mm, largest.mm_row) = (mm, self.rows);
+        let (mm, mrad, row) = (left.m * 1e3, left.rad * 1e3, self.rows);
+        let largest = self.largest_left.get_or_insert(Left { mm, mm_row: row, mrad, mrad_row: row });
+        if mm > largest.mm {
+            (largest.mm, largest.mm_row) = (mm, row);
         }
-        if mrad >= largest.mrad {
-            (largest.mrad, largest.mrad_row) = (mrad, self.rows);
+        if mrad > largest.mrad {
+            (largest.mrad, largest.mrad_row) = (mrad, row);
         }
     }
 
@@ -239,7 +240,9 @@ impl Figures {
         for Largest { value, unit, joint, row } in &self.largest_correction {
             text += &format!("largest correction  {value:.4} {unit} (joint {joint}, row {row})\n");
         }
-        let Left { mm, mm_row, mrad, mrad_row } = self.largest_left;
+        let Some(Left { mm, mm_row, mrad, mrad_row }) = self.largest_left else {
+            return text + "largest error left  not known for any row";
+        };
         text += &format!("largest error left  {mm:.6} mm (row {mm_row}), ");
         text += &format!("{mrad:.6} mrad (row {mrad_row}), by the model");
         if self.unknown_rows > 0 {

@@ -39,14 +39,16 @@ pub(crate) struct Cycle<'m> {
     exchange: Exchange,
     seq: u64,
     session: u64,
+    frees_tool_axis: bool,
 }
 
 impl<'m> Cycle<'m> {
     /// Before the first row.
     pub(crate) fn new(model: &'m RobotModel, settings: Settings, senses: Senses) -> Self {
         let exchange = Exchange::new(settings.mode, false);
+        let frees_tool_axis = settings.task.free_tool_axis;
         let corrector = Corrector::new(settings);
-        Self { model, corrector, senses, exchange, seq: 0, session: 0 }
+        Self { model, corrector, senses, exchange, seq: 0, session: 0, frees_tool_axis }
     }
 
     /// In the cell of [`cell_toml`].
@@ -56,6 +58,11 @@ impl<'m> Cycle<'m> {
         let settings =
             setup::settings(&config, &model.physics.arm, true).map_err(Failure::input)?;
         Ok(Self::new(model, settings, Senses::new(setup::wrench_source(&config))))
+    }
+
+    /// Whether the tool may turn about its own axis.
+    pub(crate) fn frees_tool_axis(&self) -> bool {
+        self.frees_tool_axis
     }
 
     /// What the daemon answers to the next row.

@@ -1,5 +1,5 @@
 """A robot's loop that goes wrong in every way a loop can: what it commands and would send to the robot goes to a file, one record per cycle,
-for whoever judges it.
+for the test that judges it.
 
 python faulty_loop.py CELL FILE CYCLES CALM SEED: so many cycles with faults at random, then so many without.
 """

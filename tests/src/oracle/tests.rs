@@ -103,3 +103,50 @@ fn jitter_excuses_what_it_makes_of_a_motion_and_no_step() {
     assert_eq!(judged(0.0), Ok(()));
     assert!(judged(1e-4).is_err());
 }
+
+/// A daemon's limiter and a client's behind it, as they are in a cell whose clock jitters by some microseconds; answers come and go.
+#[test]
+fn what_two_limiters_send_in_uneven_time_keeps_the_jerk_that_jitter_allows() {
+    use crate::chance::Chance;
+    use envelope::{Elapsed, Intervals, Limiters, Limits};
+    let ticks: u64 = std::env::var("TRUED_SIM_CYCLES").map_or(60_000, |n| n.parse().unwrap());
+    let limits = Limits::new(0.02, 0.05, 5.0).unwrap();
+    let mut chance = Chance::new(7);
+    let (mut times, mut joints) = ([Intervals::new(); 2], [Limiters::<1>::at_rest(); 2]);
+    let (mut oracle, mut now_ns, mut due_ns) = (oracle(), MS, MS);
+    let (mut gone, mut jitter_ns) = (0_u64, 0);
+    for k in 0..ticks {
+        if k % 5000 == 0 {
+            jitter_ns = [0, 3_000, 15_000, 60_000, 300_000][chance.below(5) as usize];
+        }
+        due_ns += MS;
+        now_ns = (due_ns + if jitter_ns > 0 { chance.below(jitter_ns) } else { 0 }).max(now_ns + 1);
+        gone = match chance.below(400) {
+            0 => chance.below(30),
+            1 => chance.below(500),
+            _ => gone.saturating_sub(1),
+        };
+        let t_s = now_ns as f64 * 1e-9;
+        let wanted = 3e-3 * (0.7 * t_s).sin() + 1e-3 * (7.3 * t_s).sin();
+        let mut step = |which: usize, wanted: f64, apart: bool| {
+            let elapsed = times[which].elapse(now_ns, Some(now_ns)).unwrap_or_else(|| {
+                joints[which].rest();
+                Elapsed::default()
+            });
+            let of = |_| Some(limits);
+            let wanted = [wanted];
+            let [c] = if apart {
+                joints[which].step_apart(&wanted, of, elapsed)
+            } else {
+                joints[which].step(&wanted, of, elapsed)
+            };
+            c
+        };
+        let proposed = step(0, wanted, false);
+        let is_there = gone == 0;
+        let c = step(1, if is_there { proposed } else { 0.0 }, is_there);
+        if let Err(words) = oracle.take(now_ns, now_ns, &Q, &sent(c)) {
+            panic!("tick {k}, jitter {jitter_ns} ns: {words}");
+        }
+    }
+}

@@ -6,13 +6,10 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use corrector::Settings;
 use daemon::senses::Senses;
 use daemon::setup;
 use recording::cell::{CellConfig, Mode, WrenchSource};
 use recording::files::FileError;
-use recording::model::RobotModel;
-use recording::series::Recording;
 use serde::Serialize;
 use shm_schema::UnknownCode;
 
@@ -66,9 +63,9 @@ impl Correct {
         let cell = self.config.as_deref().map(CellConfig::read).transpose().map_err(unusable)?;
         let fallback = cell.as_ref().map(|cell| cell.model.as_path());
         let input = self.reading.read(&self.path, fallback)?;
-        let settings = self.settings(cell, &input)?;
-        let free_tool_axis = settings.0.task.free_tool_axis;
-        let corrections = correct(&input.model, &input.recording, settings)?;
+        let cycle = self.cycle(cell, &input)?;
+        let free_tool_axis = cycle.frees_tool_axis();
+        let corrections = correct(&input, cycle)?;
         let csv = corrections.csv(input.recording);
         let figures = corrections.figures(&csv);
         let corrections_file = out.display().to_string();
@@ -90,11 +87,8 @@ impl Correct {
         Ok(if self.accept_limited { Answer::Done } else { Answer::No })
     }
 
-    fn settings(
-        &self,
-        cell: Option<CellConfig>,
-        input: &Input,
-    ) -> Result<(Settings, Senses), Failure> {
+    /// The daemon's cycle in the given cell, or in that of [`lockstep::cell_toml`].
+    fn cycle<'m>(&self, cell: Option<CellConfig>, input: &'m Input) -> Result<Cycle<'m>, Failure> {
         let (name, mut config) = match (&self.config, cell) {
             (Some(path), Some(cell)) => (path.display().to_string(), cell),
             _ => {
@@ -112,18 +106,13 @@ impl Correct {
         }
         let arm = &input.model.physics.arm;
         let settings = setup::settings(&config, arm, true).map_err(Failure::input)?;
-        Ok((settings, Senses::new(setup::wrench_source(&config))))
+        Ok(Cycle::new(&input.model, settings, Senses::new(setup::wrench_source(&config))))
     }
 }
 
-fn correct(
-    model: &RobotModel,
-    recording: &Recording,
-    (settings, senses): (Settings, Senses),
-) -> Result<Corrections, Failure> {
-    let mut cycle = Cycle::new(model, settings, senses);
-    let mut corrections = Corrections::of(model);
-    for row in Setpoints::of(recording, model.physics.arm.count()) {
+fn correct(input: &Input, mut cycle: Cycle<'_>) -> Result<Corrections, Failure> {
+    let mut corrections = Corrections::of(&input.model);
+    for row in Setpoints::of(&input.recording, input.model.physics.arm.count()) {
         let answer = cycle.answer(&row)?;
         let left = cycle.left_with(&answer);
         corrections.take(row.setpoint.joints(), &answer, left).map_err(unknown)?;

@@ -104,7 +104,7 @@ impl Replay {
         stop: &AtomicBool,
     ) -> Result<Driven, Failure> {
         let mut corrections = Corrections::of(&input.model);
-        // The daemon says what is left at what it wants; what is left at what it proposes takes the same cycle here.
+        // The daemon states the error left at the correction it solved for. The same cycle here gives the error left at the one it published.
         let mut cycle = Cycle::of_cell(&input.model, &input.recording)?;
         let mut latency =
             Histogram::new_with_max(LATENCY_NS_MAX, DIGITS).map_err(Failure::system)?;
