@@ -89,8 +89,7 @@ pub struct WatchConfig {
     /// Scales the power over the floor that makes a line, 0.25 to 10: 1 is what the figures were measured at, less
     /// finds weaker lines and cries wolf more often.
     pub threshold: f64,
-    /// How long the noise floor is learned before anything is reported, s, 0.5 to 60; at least six of the windows of 128 ms, so that
-    /// 0.8 is the shortest that counts. A second of air before the first cut is enough.
+    /// How long the noise floor is learned before anything is reported, s, 0.5 to 60.
     pub learn_s: f64,
 }
 
@@ -108,7 +107,7 @@ impl Default for WatchConfig {
             full_scale_nm: f64::INFINITY,
             mains_hz: None,
             threshold: 1.0,
-            learn_s: 0.8,
+            learn_s: 1.0,
         }
     }
 }

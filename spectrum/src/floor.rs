@@ -65,14 +65,11 @@ impl Floor {
         self.learned[self.set]
     }
 
-    /// Changes the surroundings. A set not yet learned starts from the other one; one learned by half stands as it is.
+    /// Changes the surroundings. A set not yet learned starts from the other one.
     pub(crate) fn switch(&mut self, surroundings: Surroundings) {
         let set = surroundings as usize;
         if set == self.set {
             return;
-        }
-        if !self.learned[self.set] && self.frames >= self.warm_frames / 2 {
-            self.finish();
         }
         if !self.learned[set] {
             let [air, cut] = &mut self.level;
@@ -240,24 +237,6 @@ mod tests {
         assert!(floor.is_own() && floor.level()[3] > 20.0);
         floor.switch(Surroundings::Air);
         assert_eq!(floor.level(), &air[..]);
-    }
-
-    #[test]
-    fn air_that_was_learned_by_half_is_kept_when_the_cut_begins() {
-        let mut floor = Floor::new(10, 20, 100.0, 2);
-        for frame in noise(12, 10) {
-            floor.learn(&frame, 1.0, &[]);
-        }
-        floor.switch(Surroundings::Cut);
-        assert!(floor.is_known() && !floor.is_own());
-        let mean = floor.level().iter().sum::<f64>() / 10.0;
-        assert!((0.7..1.4).contains(&mean), "{mean}");
-        let mut early = Floor::new(10, 20, 100.0, 2);
-        for frame in noise(5, 10) {
-            early.learn(&frame, 1.0, &[]);
-        }
-        early.switch(Surroundings::Cut);
-        assert!(!early.is_known(), "a quarter is not enough");
     }
 
     #[test]

@@ -272,7 +272,7 @@ fn poor() -> Place {
 /// What the robot of `truth.toml` shows on a path.
 fn see(place: &Place, path: &str, name: &str) {
     let simulate = ["simulate", "--model", "truth.toml", "--out", name, "--seed", "4"];
-    place.succeed(&[&simulate[..], &["--noise", "0.03", path]].concat());
+    place.succeed(&[&simulate[..], &["--overwrite", "--noise", "0.03", path]].concat());
 }
 
 #[test]

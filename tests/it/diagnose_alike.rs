@@ -238,7 +238,7 @@ fn a_gap_that_is_wider_here_than_there_is_no_dozen_of_names() {
         let gap = format!("[[effect]]\nkind = \"backlash\"\njoint = 4\nwidth_mrad = {width:?}\n");
         place.file("truth.toml", &format!("{base}\n{gap}"));
         let simulate = ["simulate", "--model", "truth.toml", "--out", "seen", "--seed", "4"];
-        place.succeed(&[&simulate[..], &["--noise", "0.01", "path.csv"]].concat());
+        place.succeed(&[&simulate[..], &["--overwrite", "--noise", "0.01", "path.csv"]].concat());
         place.read("seen.csv")
     });
     let column = narrow.lines().next().and_then(|line| line.split(',').position(|c| c == "q4_deg"));

@@ -37,7 +37,7 @@ fn place(cut: &str, effects: &str) -> Place {
 }
 
 fn simulated(place: &Place, more: &[&str]) -> Recording {
-    let mut arguments = vec!["simulate", "--out", "made", "cut.csv"];
+    let mut arguments = vec!["simulate", "--overwrite", "--out", "made", "cut.csv"];
     arguments.extend(more);
     place.succeed(&arguments);
     read(&place.path("made.csv"), None, Need::Samples).expect("a recording")

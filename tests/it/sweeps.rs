@@ -127,7 +127,8 @@ fn place() -> Place {
 }
 
 fn calibrated(place: &Place, more: &[&str]) -> Value {
-    let command = ["calibrate", "--model", BASE, "--seed", "7", "--out", "robot2.toml"];
+    let command =
+        ["calibrate", "--overwrite", "--model", BASE, "--seed", "7", "--out", "robot2.toml"];
     let files = ["--json", "c.json", "--report", "c.html", "sweeps.csv", "loaded.csv"];
     place.succeed(&[&command[..], more, &files].concat());
     place.json("c.json")

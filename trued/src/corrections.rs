@@ -200,7 +200,8 @@ impl Figures {
             return;
         };
         let (mm, mrad, row) = (left.m * 1e3, left.rad * 1e3, self.rows);
-        let largest = self.largest_left.get_or_insert(Left { mm, mm_row: row, mrad, mrad_row: row });
+        let largest =
+            self.largest_left.get_or_insert(Left { mm, mm_row: row, mrad, mrad_row: row });
         if mm > largest.mm {
             (largest.mm, largest.mm_row) = (mm, row);
         }

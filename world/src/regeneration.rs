@@ -174,8 +174,9 @@ mod tests {
         Cutter { teeth: 4, spindle_hz, axial_depth_m, ..Cutter::default() }
     }
 
-    /// How much more the tool moves than the forced vibration, over the last part of a second against the part before.
-    fn grows(spindle_hz: f64, axial_depth_m: f64) -> bool {
+    /// Whether what the tool moves more than the forced vibration lasts: of a stable cut less than four fifths are left a quarter of a second later. (An
+    /// unstable one does not grow for ever: its teeth leave the work.)
+    fn lasts(spindle_hz: f64, axial_depth_m: f64) -> bool {
         let mut cut = Regeneration::new(cutter(spindle_hz, axial_depth_m), 0.01, &[], &[MODE], 200);
         let steps = (1.0 / cut.step_s()) as usize;
         let mut sums = [0.0; 2];
@@ -185,15 +186,15 @@ mod tests {
             let own = (step.tool - step.forced).length_squared();
             sums[usize::from(k > 3 * steps / 4)] += if k > steps / 2 { own } else { 0.0 };
         }
-        sums[1] > sums[0]
+        sums[1] > 0.8 * sums[0]
     }
 
-    /// The largest stable depth at a speed, m.
+    /// The largest stable depth at a speed, up to 1 mm, m.
     fn limit_m(spindle_hz: f64) -> f64 {
-        let (mut low, mut high) = (0.0, 20e-3);
+        let (mut low, mut high) = (0.0, 1e-3);
         for _ in 0..12 {
             let middle = 0.5 * (low + high);
-            if grows(spindle_hz, middle) { high = middle } else { low = middle }
+            if lasts(spindle_hz, middle) { high = middle } else { low = middle }
         }
         0.5 * (low + high)
     }

@@ -2,7 +2,7 @@
 //!
 //! Each cut begins with a second of air; every second one is drawn below the limit of stability of its own speed, the others
 //! above. Counted: alarms in stable cuts, how soon after its onset a chatter alarms, and how often the strongest alarmed line is
-//! the chatter's own frequency. No threshold of the watch was set on seeds from 1000 on. `each` prints a line for every cut.
+//! the chatter's own frequency. The watch was tuned on seeds 1 to 24 and 1000 to 1026; figures are quoted from others. `each` prints a line for every cut.
 
 mod heard;
 mod process;
@@ -16,7 +16,7 @@ use std::io::Write;
 fn main() -> Result<(), Box<dyn Error>> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let mut numbers = words.iter().filter_map(|word| word.parse::<u64>().ok());
-    let (count, seed) = (numbers.next().unwrap_or(40), numbers.next().unwrap_or(1000));
+    let (count, seed) = (numbers.next().unwrap_or(40), numbers.next().unwrap_or(2000));
     let each = words.iter().any(|word| word == "each");
     let mut account = Account::default();
     let mut out = std::io::stdout().lock();

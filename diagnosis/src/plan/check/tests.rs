@@ -21,7 +21,11 @@ fn cell(is_frame_known: bool) -> (Task, Vec<Vec<f64>>) {
 }
 
 fn ten(task: &Task, sigma: &[Vec<f64>]) -> Checkup {
-    let wish = Wish { count: 10, criterion: Criterion::D, candidates: 200, seed: 1 };
+    planned(10, task, sigma)
+}
+
+fn planned(count: usize, task: &Task, sigma: &[Vec<f64>]) -> Checkup {
+    let wish = Wish { count, criterion: Criterion::D, candidates: 200, seed: 1 };
     poses(task, sigma, &wish, &TERMS).expect("poses")
 }
 
@@ -166,7 +170,8 @@ fn a_damage_that_is_none_of_the_known_is_seen_by_the_sum() {
 #[test]
 fn noise_that_is_overstated_is_reported_and_chance_is_not() {
     let (task, sigma) = cell(false);
-    let checkup = ten(&task, &sigma);
+    // Ten poses leave so few readings beside what is fitted that a quarter of the noise may be chance.
+    let checkup = planned(24, &task, &sigma);
     const RUNS: u64 = 100;
     let scatter = |scale: f64, seed: u64| {
         let seen = shown_at(&task, &sigma, &checkup.poses, None, scale, seed);
