@@ -295,7 +295,7 @@ impl Limiter {
     /// `planned`, moved to where its jerk is what uncertain times excuse.
     fn eased(&self, planned: Motion, limits: &Limits) -> Motion {
         let (_, jerk) = self.output.with(planned.value, &self.times, f64::INFINITY);
-        let excused = self.times.jerk_of_jitter(self.output.fastest(&self.times));
+        let excused = self.times.jerk_of_past_jitter(self.output.fastest(&self.times));
         let most_jerk = limits.jerk() + PLANNED_JITTER * excused;
         let too_much = jerk - jerk.clamp(-most_jerk, most_jerk);
         let value = planned.value - self.times.value_of_jerk(too_much);

@@ -38,6 +38,8 @@ pub(crate) struct Times {
     dt_s: f64,
     /// By how much the times may be off.
     jitter_s: f64,
+    /// The same at the three samples before, with which the newest makes a third difference.
+    before_jitter_s: [f64; 3],
 }
 
 impl Times {
@@ -49,10 +51,13 @@ impl Times {
         is_renewed: false,
         dt_s: 0.0,
         jitter_s: 0.0,
+        before_jitter_s: [0.0; 3],
     };
 
     /// One sample more, `dt_s > 0` later; the time is uncertain by `jitter_s`.
     pub(crate) fn pass(&mut self, dt_s: f64, jitter_s: f64) {
+        let [first, second, _] = self.before_jitter_s;
+        self.before_jitter_s = [self.jitter_s, first, second];
         (self.dt_s, self.jitter_s) = (dt_s, jitter_s);
         self.is_renewed = self.since_s >= NODES_S;
         if self.is_renewed {
@@ -63,8 +68,13 @@ impl Times {
         self.per_s = [1.0 / self.since_s, 2.0 / span_s, 3.0 / (span_s + self.before_s)];
     }
 
+    /// By how much the times of four samples may be off.
+    fn most_jitter_s(&self) -> f64 {
+        self.before_jitter_s.iter().fold(self.jitter_s, |most, jitter_s| most.max(*jitter_s))
+    }
+
     pub(crate) fn are_uncertain(&self) -> bool {
-        self.jitter_s > 0.0
+        self.most_jitter_s() > 0.0
     }
 
     /// The jerk that uncertain times can make of a signal that moves at `rate`.
@@ -73,8 +83,17 @@ impl Times {
     /// `e` to either side spread their intervals by up to `4 e`, and by about `3 e` among the few
     /// that [`Intervals`](crate::Intervals) looks at.
     pub(crate) fn jerk_of_jitter(&self, rate: f64) -> f64 {
+        self.jerk_of(rate * self.jitter_s)
+    }
+
+    /// The same for a third difference whose other samples may come from times that were less certain.
+    pub(crate) fn jerk_of_past_jitter(&self, rate: f64) -> f64 {
+        self.jerk_of(rate * self.most_jitter_s())
+    }
+
+    fn jerk_of(&self, off: f64) -> f64 {
         let [first, second, third] = self.per_s;
-        8.0 / 3.0 * rate * self.jitter_s * first * second * third
+        8.0 / 3.0 * off * first * second * third
     }
 
     /// By how much the newest sample is off where its jerk is off by so much.

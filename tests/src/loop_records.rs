@@ -9,8 +9,8 @@ use physics::JOINTS_MAX;
 use shm_schema::{JointBounds, Mode};
 
 const RECORD: usize = 144;
-/// Up to this number a correction is the daemon's, to the bit: for this very command, or for one just before it.
-const LAST_CORRECTION: u32 = 1;
+/// A larger correction comes from a daemon that answers, rad; without one it ramps out.
+const CORRECTED_RAD: f64 = 1e-4;
 const PLAIN: u32 = 3;
 
 /// What a file of records says.
@@ -20,7 +20,7 @@ pub struct Judged {
     pub cycles: usize,
     /// The largest correction that was sent, rad.
     pub largest_rad: f64,
-    /// Share of the last cycles in which a fresh answer of the daemon was sent to the bit.
+    /// Share of the last cycles in which a correction was sent.
     pub corrected_at_the_end: f64,
     /// Every rule that was broken, in words.
     pub broken: Vec<String>,
@@ -47,7 +47,7 @@ impl Record<'_> {
     }
 }
 
-/// Judges every record; the last `tail` of them are those in which the daemon's own corrections have to be back.
+/// Judges every record; the last `tail` of them are those in which the daemon's corrections have to be back.
 #[must_use]
 pub fn judge(bytes: &[u8], tail: usize) -> Judged {
     let mut judged = Judged { cycles: bytes.len() / RECORD, ..Judged::default() };
@@ -68,7 +68,7 @@ pub fn judge(bytes: &[u8], tail: usize) -> Judged {
         let largest =
             command.iter().zip(&sent).map(|(q, sent)| (sent - q).abs()).fold(0.0, f64::max);
         judged.largest_rad = judged.largest_rad.max(largest);
-        corrected += usize::from(at + tail >= judged.cycles && source <= LAST_CORRECTION);
+        corrected += usize::from(at + tail >= judged.cycles && largest > CORRECTED_RAD);
     }
     judged.corrected_at_the_end = corrected as f64 / tail.max(1) as f64;
     judged

@@ -1,6 +1,8 @@
 //! The oracle sees each kind of step, and excuses what it says it does.
 
 use super::*;
+use crate::chance::Chance;
+use envelope::{Elapsed, Intervals, Limiters, Limits};
 use shm_schema::JOINTS_MAX;
 
 const MS: u64 = 1_000_000;
@@ -104,49 +106,92 @@ fn jitter_excuses_what_it_makes_of_a_motion_and_no_step() {
     assert!(judged(1e-4).is_err());
 }
 
-/// A daemon's limiter and a client's behind it, as they are in a cell whose clock jitters by some microseconds; answers come and go.
+/// Cycles of a cell whose clock jitters, that overrun, whose commands the daemon misses, whose answers come late or stay away: how often changes all the time.
+struct Cell {
+    chance: Chance,
+    due_ns: u64,
+    now_ns: u64,
+    jitter_ns: u64,
+    overrun_in: u64,
+    missed_in: u64,
+    gone: u64,
+}
+
+impl Cell {
+    fn of(&mut self, choices: &[u64]) -> u64 {
+        choices[self.chance.below(choices.len() as u64) as usize]
+    }
+
+    fn comes(&mut self, once_in: u64) -> bool {
+        once_in > 0 && self.chance.below(once_in) == 0
+    }
+
+    fn next(&mut self, tick: u64) {
+        if tick % 3000 == 0 {
+            self.jitter_ns = self.of(&[0, 3_000, 15_000, 60_000, 300_000]);
+            self.overrun_in = self.of(&[0, 0, 20, 100, 500]);
+            self.missed_in = self.of(&[0, 0, 5, 50, 300]);
+        }
+        self.due_ns += MS;
+        if self.comes(self.overrun_in) {
+            self.due_ns += self.chance.below(2 * MS);
+        }
+        let late_ns = if self.jitter_ns > 0 { self.chance.below(self.jitter_ns) } else { 0 };
+        self.now_ns = (self.due_ns + late_ns).max(self.now_ns + 1);
+        self.gone = match self.chance.below(400) {
+            0 => self.chance.below(30),
+            1 => self.chance.below(500),
+            _ => self.gone.saturating_sub(1),
+        };
+    }
+}
+
+/// A joint's limiter with the times that it measures.
+struct Limited {
+    intervals: Intervals,
+    joint: Limiters<1>,
+}
+
+impl Limited {
+    const START: Self = Self { intervals: Intervals::new(), joint: Limiters::at_rest() };
+
+    fn step(&mut self, now_ns: u64, wanted: f64, apart: bool) -> f64 {
+        let limits = |_| Limits::new(0.02, 0.05, 5.0).ok();
+        let elapsed = self.intervals.elapse(now_ns, Some(now_ns)).unwrap_or_else(|| {
+            self.joint.rest();
+            Elapsed::default()
+        });
+        let [sent] = if apart {
+            self.joint.step_apart(&[wanted], limits, elapsed)
+        } else {
+            self.joint.step(&[wanted], limits, elapsed)
+        };
+        sent
+    }
+}
+
+/// A daemon's limiter and a client's behind it.
 #[test]
 fn what_two_limiters_send_in_uneven_time_keeps_the_jerk_that_jitter_allows() {
-    use crate::chance::Chance;
-    use envelope::{Elapsed, Intervals, Limiters, Limits};
-    let ticks: u64 = std::env::var("TRUED_SIM_CYCLES").map_or(60_000, |n| n.parse().unwrap());
-    let limits = Limits::new(0.02, 0.05, 5.0).unwrap();
-    let mut chance = Chance::new(7);
-    let (mut times, mut joints) = ([Intervals::new(); 2], [Limiters::<1>::at_rest(); 2]);
-    let (mut oracle, mut now_ns, mut due_ns) = (oracle(), MS, MS);
-    let (mut gone, mut jitter_ns) = (0_u64, 0);
-    for k in 0..ticks {
-        if k % 5000 == 0 {
-            jitter_ns = [0, 3_000, 15_000, 60_000, 300_000][chance.below(5) as usize];
-        }
-        due_ns += MS;
-        now_ns = (due_ns + if jitter_ns > 0 { chance.below(jitter_ns) } else { 0 }).max(now_ns + 1);
-        gone = match chance.below(400) {
-            0 => chance.below(30),
-            1 => chance.below(500),
-            _ => gone.saturating_sub(1),
-        };
-        let t_s = now_ns as f64 * 1e-9;
-        let wanted = 3e-3 * (0.7 * t_s).sin() + 1e-3 * (7.3 * t_s).sin();
-        let mut step = |which: usize, wanted: f64, apart: bool| {
-            let elapsed = times[which].elapse(now_ns, Some(now_ns)).unwrap_or_else(|| {
-                joints[which].rest();
-                Elapsed::default()
-            });
-            let of = |_| Some(limits);
-            let wanted = [wanted];
-            let [c] = if apart {
-                joints[which].step_apart(&wanted, of, elapsed)
-            } else {
-                joints[which].step(&wanted, of, elapsed)
-            };
-            c
-        };
-        let proposed = step(0, wanted, false);
-        let is_there = gone == 0;
-        let c = step(1, if is_there { proposed } else { 0.0 }, is_there);
-        if let Err(words) = oracle.take(now_ns, now_ns, &Q, &sent(c)) {
-            panic!("tick {k}, jitter {jitter_ns} ns: {words}");
+    let ticks: u64 = std::env::var("TRUED_SIM_CYCLES").map_or(400_000, |n| n.parse().unwrap());
+    for seed in 0..4 {
+        let (due_ns, now_ns, chance) = (MS, MS, Chance::new(seed));
+        let mut cell =
+            Cell { chance, due_ns, now_ns, jitter_ns: 0, overrun_in: 0, missed_in: 0, gone: 0 };
+        let (mut daemon, mut client) = (Limited::START, Limited::START);
+        let (mut oracle, mut proposed) = (oracle(), 0.0);
+        for tick in 0..ticks / 4 {
+            cell.next(tick);
+            let t_s = cell.now_ns as f64 * 1e-9;
+            if !cell.comes(cell.missed_in) {
+                let wanted = 3e-3 * (0.7 * t_s).sin() + 1e-3 * (7.3 * t_s).sin();
+                proposed = daemon.step(cell.now_ns, wanted, false);
+            }
+            let is_there = cell.gone == 0;
+            let c = client.step(cell.now_ns, if is_there { proposed } else { 0.0 }, is_there);
+            if let Err(words) = oracle.take(cell.now_ns, cell.now_ns, &Q, &sent(c)) {
+                panic!("seed {seed}, tick {tick}: {words}");
+            }
         }
     }
 }
