@@ -73,8 +73,6 @@ pub enum Finding {
         sigma: [f64; 3],
         /// Held-out blocks of air: root mean square with the reading, and without it.
         heldout: [f64; 2],
-        /// The probability that the name is right.
-        confidence: f64,
     },
     /// A line of the cut that nothing forces.
     Chatter {

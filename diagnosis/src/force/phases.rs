@@ -266,12 +266,7 @@ pub(super) fn bias(levels: &Levels, phases: &[Phase]) -> Option<Finding> {
         is_sure |= mean.abs() > SURE * uncertain && mean.abs() > noise;
     }
     let heldout = heldout.map(|sum| libm::sqrt(sum / f64::max(held, 1.0)));
-    (is_sure && heldout[1] < heldout[0]).then_some(Finding::Bias {
-        force,
-        sigma,
-        heldout,
-        confidence: 0.95,
-    })
+    (is_sure && heldout[1] < heldout[0]).then_some(Finding::Bias { force, sigma, heldout })
 }
 
 /// What the sensor reads in later air, where that is another thing than before.

@@ -139,13 +139,17 @@ impl Case {
             ));
         }
         for one in said.findings().take(LISTED) {
-            let held = ["heldout_rms_before", "heldout_rms_after"]
-                .map(|key| significant(one.number(key), 3));
+            let held = ["heldout_rms_before", "heldout_rms_after"].map(|key| one.number(key));
+            let held = if held.iter().all(|rms| rms.is_finite()) {
+                held.map(|rms| significant(rms, 3)).join(" → ")
+            } else {
+                "not held out".to_owned()
+            };
             let only = one.condition().split_once(", in ").map(|(_, only)| format!(", in {only}"));
             self.rows.push([
                 format!("{}{}", one.name(), only.unwrap_or_default()),
                 one.parameters(),
-                held.join(" → "),
+                held,
             ]);
         }
         self.more_rows = said.findings().count().saturating_sub(LISTED);

@@ -118,7 +118,12 @@ impl<'a> Found<'a> {
         format!("{}{joint}", self.effect().replace('_', " "))
     }
 
-    /// A parameter that is one number, and its interval.
+    /// A parameter that is one number.
+    pub(super) fn value(&self, key: &str) -> Option<f64> {
+        self.0["parameters"][key]["value"].as_f64()
+    }
+
+    /// The same, and its interval.
     pub(super) fn parameter(&self, key: &str) -> Option<(f64, [f64; 2])> {
         let one = &self.0["parameters"][key];
         Some((one["value"].as_f64()?, [one["ci95"][0].as_f64()?, one["ci95"][1].as_f64()?]))

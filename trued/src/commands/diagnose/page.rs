@@ -72,9 +72,9 @@ fn domain(page: Page, found: &Found, report: &Report) -> Page {
 }
 
 fn sentence(report: &Report) -> String {
-    let (before, after, noise) =
-        (report.heldout_rms_before, report.heldout_rms_after, report.noise_rms);
-    let [before, after, noise] = [before, after, noise].map(|x| significant(x, 2));
+    let [before, after] = [report.heldout_rms_before, report.heldout_rms_after]
+        .map(|rms| rms.map_or("?".to_owned(), |rms| significant(rms, 2)));
+    let noise = significant(report.noise_rms, 2);
     let unit = report.unit;
     match (report.verdict, report.findings.len()) {
         ("consistent", _) => {
@@ -104,17 +104,18 @@ fn effects(count: usize) -> String {
 }
 
 fn numbers(report: &Report) -> Vec<Number> {
-    let gained = report.heldout_rms_after < report.heldout_rms_before;
     let rms = "root mean square, held out";
-    vec![
-        Number::new("Model as given", report.heldout_rms_before, report.unit).note(rms),
-        Number::new("With what was found", report.heldout_rms_after, report.unit)
-            .tone(if gained { Tone::Good } else { Tone::Plain })
-            .note(rms),
-        Number::new("Noise", report.noise_rms, report.unit)
-            .note("what the instrument cannot see below"),
-        Number::text("Findings", report.findings.len().to_string()),
-    ]
+    let held = report.heldout_rms_before.zip(report.heldout_rms_after).map(|(before, after)| {
+        let tone = if after < before { Tone::Good } else { Tone::Plain };
+        [
+            Number::new("Model as given", before, report.unit).note(rms),
+            Number::new("With what was found", after, report.unit).tone(tone).note(rms),
+        ]
+    });
+    let noise = Number::new("Noise", report.noise_rms, report.unit)
+        .note("what the instrument cannot see below");
+    let findings = Number::text("Findings", report.findings.len().to_string());
+    held.into_iter().flatten().chain([noise, findings]).collect()
 }
 
 /// Findings that another name explains as well or nearly.

@@ -39,8 +39,9 @@ pub(in crate::commands) struct Report {
     signal_rms: f64,
     band_Hz: Option<[f64; 2]>,
     pub(super) noise_rms: f64,
-    pub(super) heldout_rms_before: f64,
-    pub(super) heldout_rms_after: f64,
+    /// None where nothing was held out.
+    pub(super) heldout_rms_before: Option<f64>,
+    pub(super) heldout_rms_after: Option<f64>,
     pub(super) heldout: String,
     pub(super) findings: Vec<Told>,
     pub(super) next_experiment: Option<String>,
@@ -66,10 +67,12 @@ pub(super) struct Told {
     pub(super) effect: &'static str,
     pub(super) joint: Option<usize>,
     pub(super) change: &'static str,
-    pub(super) confidence: f64,
+    /// Probability that it is right; none where none is computed.
+    pub(super) confidence: Option<f64>,
     pub(super) parameters: BTreeMap<String, Value>,
-    pub(super) heldout_rms_before: f64,
-    pub(super) heldout_rms_after: f64,
+    /// None where nothing was held out.
+    pub(super) heldout_rms_before: Option<f64>,
+    pub(super) heldout_rms_after: Option<f64>,
     #[serde(rename = "where")]
     place: Where,
     pub(super) alternatives: Vec<Alternative>,
@@ -79,9 +82,12 @@ pub(super) struct Told {
 #[derive(Serialize)]
 #[serde(untagged)]
 pub(super) enum Value {
-    One { value: f64, ci95: [f64; 2] },
-    List { value: Vec<f64>, ci95: Vec<[f64; 2]> },
+    One { value: f64, ci95: Interval },
+    List { value: Vec<f64>, ci95: Vec<Interval> },
 }
+
+/// Of 95 %; none where none is computed.
+pub(super) type Interval = Option<[f64; 2]>;
 
 #[derive(Serialize)]
 #[expect(non_snake_case, reason = "the contract's keys")]
@@ -97,7 +103,8 @@ struct Where {
 pub(super) struct Alternative {
     pub(super) effect: &'static str,
     pub(super) joint: Option<usize>,
-    pub(super) confidence: f64,
+    /// None where none is computed.
+    pub(super) confidence: Option<f64>,
     #[serde(skip)]
     is_alike: bool,
 }
@@ -187,8 +194,8 @@ impl Report {
             signal_rms: MILLI * diagnosis.signal_rms,
             band_Hz: None,
             noise_rms: MILLI * proof.noise,
-            heldout_rms_before: MILLI * proof.before,
-            heldout_rms_after: MILLI * proof.after,
+            heldout_rms_before: Some(MILLI * proof.before),
+            heldout_rms_after: Some(MILLI * proof.after),
             heldout: proof.says.clone(),
             findings: diagnosis.findings.iter().map(|finding| Told::of(arm, finding)).collect(),
             next_experiment: diagnosis.next_experiment.as_ref().map(|next| next.says.clone()),
@@ -238,8 +245,8 @@ impl Report {
             signal_rms: 0.0,
             band_Hz: None,
             noise_rms: 0.0,
-            heldout_rms_before: 0.0,
-            heldout_rms_after: 0.0,
+            heldout_rms_before: None,
+            heldout_rms_after: None,
             heldout: "nothing: the recordings cannot be judged".to_owned(),
             findings: Vec::new(),
             next_experiment: None,
@@ -270,17 +277,17 @@ impl Told {
         let alternatives = finding.rivals.iter().map(|(rival, confidence)| Alternative {
             effect: rival.effect.spec().kind,
             joint: rival.effect.joint().map(|joint| joint + 1),
-            confidence: *confidence,
+            confidence: Some(*confidence),
             is_alike: rival.alike,
         });
         Self {
             effect: effect.spec().kind,
             joint,
             change: if finding.had.is_some() { "revised" } else { "new" },
-            confidence: finding.confidence,
+            confidence: Some(finding.confidence),
             parameters: parameters(finding, slides),
-            heldout_rms_before: MILLI * finding.heldout[0],
-            heldout_rms_after: MILLI * finding.heldout[1],
+            heldout_rms_before: Some(MILLI * finding.heldout[0]),
+            heldout_rms_after: Some(MILLI * finding.heldout[1]),
             place: Where {
                 joint,
                 channels: finding.seen.channels.clone(),
@@ -304,10 +311,13 @@ fn parameters(finding: &Finding, slides: bool) -> BTreeMap<String, Value> {
         let si = entry.parameter.unit.suffix_and_si(kind).1;
         let had = finding.had.as_ref().and_then(|had| had.get(k)).copied().unwrap_or(0.0);
         let off = (value - had) / si;
-        let spread = NINETY_FIVE * finding.sigma.get(k).copied().flatten().unwrap_or(0.0) / si;
         let bounded = finding.had.is_none() && entry.parameter.range == Range::NotNegative;
-        let low = if bounded { (off - spread).max(0.0) } else { off - spread };
-        let (key, ci) = (entry.parameter.key(kind).to_string(), [low, off + spread]);
+        let ci = finding.sigma.get(k).copied().flatten().map(|sigma| {
+            let spread = NINETY_FIVE * sigma / si;
+            let low = if bounded { (off - spread).max(0.0) } else { off - spread };
+            [low, off + spread]
+        });
+        let key = entry.parameter.key(kind).to_string();
         match (entry.parameter.count, all.get_mut(&key)) {
             (Count::One, _) => drop(all.insert(key, Value::One { value: off, ci95: ci })),
             (_, Some(Value::List { value, ci95 })) => {
@@ -324,8 +334,11 @@ fn parameters(finding: &Finding, slides: bool) -> BTreeMap<String, Value> {
         let si = parameter.unit.suffix_and_si(kind).1;
         let numbers: Vec<f64> = numbers.iter().map(|x| x / si).collect();
         let value = match numbers.as_slice() {
-            [one] => Value::One { value: *one, ci95: [*one; 2] },
-            _ => Value::List { ci95: numbers.iter().map(|x| [*x; 2]).collect(), value: numbers },
+            [one] => Value::One { value: *one, ci95: Some([*one; 2]) },
+            _ => Value::List {
+                ci95: numbers.iter().map(|x| Some([*x; 2])).collect(),
+                value: numbers,
+            },
         };
         all.insert(parameter.key(kind).to_string(), value);
     }
@@ -358,14 +371,16 @@ impl Report {
 
 /// The result in one sentence.
 pub(in crate::commands) fn lead(report: &Report) -> String {
-    if report.samples == 0 || report.heldout_rms_before == 0.0 {
+    let held = report.heldout_rms_before.zip(report.heldout_rms_after);
+    let Some((before, after)) = held.filter(|(before, _)| report.samples > 0 && *before > 0.0)
+    else {
         return report.unexplained.as_ref().map_or(String::new(), |rest| rest.says.clone());
-    }
+    };
     let errors = format!(
         "held out, the model is off by {} {} (root mean square of single values) as given and by {} with what was found; the noise is {}",
-        significant(report.heldout_rms_before, 3),
+        significant(before, 3),
         report.unit,
-        significant(report.heldout_rms_after, 3),
+        significant(after, 3),
         significant(report.noise_rms, 3)
     );
     match report.findings.len() {

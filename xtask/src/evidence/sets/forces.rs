@@ -135,8 +135,8 @@ fn milling(bench: &Bench) -> Result<Vec<Case>, String> {
     };
     if let Some(said) = said {
         case.reference = reference();
-        let tone = said.finding("chatter", None).and_then(|one| one.parameter("frequency_Hz"));
-        let (told, right) = tone.map_or(("not named".to_owned(), false), |(hz, _)| {
+        let tone = said.finding("chatter", None).and_then(|one| one.value("frequency_Hz"));
+        let (told, right) = tone.map_or(("not named".to_owned(), false), |hz| {
             (format!("{hz:.1} Hz"), (hz - 684.0).abs() < 2.0)
         });
         case.judged.push(Judged::new("chatter", told, "684 Hz within 2", right));

@@ -242,10 +242,10 @@ pub(super) fn rivals(report: &Report) -> Svg {
         format!("{}{joint}", effect.replace('_', " "))
     };
     for told in report.findings.iter().filter(|told| !told.alternatives.is_empty()) {
-        bars = bars.row(whose(told.effect, told.joint), [told.confidence]);
+        bars = bars.row(whose(told.effect, told.joint), told.confidence);
         for rival in &told.alternatives {
             let name = format!("or {}", whose(rival.effect, rival.joint));
-            bars = bars.row(name, [rival.confidence]);
+            bars = bars.row(name, rival.confidence);
         }
     }
     bars.render()

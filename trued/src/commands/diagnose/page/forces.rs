@@ -26,8 +26,8 @@ pub(in crate::commands::diagnose) fn render(found: &Forces, report: &Report) -> 
             let lead = match &diagnosis.compared {
                 Ok(_) => format!(
                     "Held against the told cut: off by {} N before, {} N after, {} N noise; {}.",
-                    significant(report.heldout_rms_before, 3),
-                    significant(report.heldout_rms_after, 3),
+                    tables::rms(report.heldout_rms_before),
+                    tables::rms(report.heldout_rms_after),
                     significant(report.noise_rms, 3),
                     report.heldout
                 ),

@@ -2,7 +2,14 @@
 
 use report::{Column, Table, significant};
 
-use crate::commands::diagnose::told::{Alternative, Report, Value};
+use crate::commands::diagnose::told::{Alternative, Interval, Report, Value};
+
+/// Where a number is not computed.
+const NONE: &str = "–";
+
+pub(super) fn rms(rms: Option<f64>) -> String {
+    rms.map_or(NONE.to_owned(), |rms| significant(rms, 3))
+}
 
 pub(super) fn findings(report: &Report) -> Table {
     let heads = ["Effect", "Joint", "Confidence", "Held out before", "after", "Rivals"];
@@ -12,9 +19,9 @@ pub(super) fn findings(report: &Report) -> Table {
         table.row([
             told.effect.replace('_', " ").into(),
             told.joint.map_or("robot".to_owned(), |joint| joint.to_string()).into(),
-            format!("{:.2}", told.confidence).into(),
-            significant(told.heldout_rms_before, 3).into(),
-            significant(told.heldout_rms_after, 3).into(),
+            told.confidence.map_or(NONE.to_owned(), |p| format!("{p:.2}")).into(),
+            rms(told.heldout_rms_before).into(),
+            rms(told.heldout_rms_after).into(),
             rivals.join(", ").into(),
         ])
     })
@@ -26,11 +33,11 @@ pub(super) fn parameters(report: &Report) -> Table {
         Table::new("Parameters, in the units of the model file", heads.map(Column::new));
     for told in &report.findings {
         for (key, value) in &told.parameters {
-            let said = |value: f64, ci: &[f64; 2]| {
-                (
-                    significant(value, 4),
-                    format!("{} to {}", significant(ci[0], 4), significant(ci[1], 4)),
-                )
+            let said = |value: f64, ci: &Interval| {
+                let interval = ci.map(|[low, high]| {
+                    format!("{} to {}", significant(low, 4), significant(high, 4))
+                });
+                (significant(value, 4), interval.unwrap_or(NONE.to_owned()))
             };
             let all: Vec<(String, String)> = match value {
                 Value::One { value, ci95 } => vec![said(*value, ci95)],

@@ -36,8 +36,8 @@ impl Report {
             signal_rms: diagnosis.signal,
             band_Hz: Some([0.0, diagnosis.band_hz]),
             noise_rms: diagnosis.noise,
-            heldout_rms_before: diagnosis.heldout[0],
-            heldout_rms_after: diagnosis.heldout[1],
+            heldout_rms_before: Some(diagnosis.heldout[0]),
+            heldout_rms_after: Some(diagnosis.heldout[1]),
             heldout: diagnosis.says.clone(),
             findings: findings.map(|one| told(base, drives, one)).collect(),
             next_experiment: next_experiment(diagnosis),
@@ -89,10 +89,10 @@ fn told(base: &RobotModel, drives: &Drives, finding: &Finding) -> Told {
         effect: finding.kind,
         joint,
         change: if finding.is_change { "revised" } else { "new" },
-        confidence: finding.confidence,
+        confidence: Some(finding.confidence),
         parameters: entry.as_ref().map_or(BTreeMap::new(), parameters),
-        heldout_rms_before: finding.heldout[0],
-        heldout_rms_after: finding.heldout[1],
+        heldout_rms_before: Some(finding.heldout[0]),
+        heldout_rms_after: Some(finding.heldout[1]),
         place: Where { joint, channels, condition, intervals_s: Vec::new(), frequency_Hz: None },
         alternatives: finding.rivals.iter().map(alternative).collect(),
         says: says(base, drives, finding, entry.as_ref()),
@@ -103,16 +103,18 @@ pub(super) fn alternative(rival: &Rival) -> Alternative {
     Alternative {
         effect: rival.kind,
         joint: rival.joint.map(|joint| joint + 1),
-        confidence: rival.confidence,
+        confidence: Some(rival.confidence),
         is_alike: rival.alike,
     }
 }
 
 pub(super) fn parameters(entry: &EffectEntry) -> BTreeMap<String, Value> {
-    let ci = |value: f64, sigma: f64| [value - NINETY_FIVE * sigma, value + NINETY_FIVE * sigma];
+    let ci = |value: f64, sigma: Option<f64>| {
+        sigma.map(|sigma| [value - NINETY_FIVE * sigma, value + NINETY_FIVE * sigma])
+    };
     let one = |parameter: &recording::model::Parameter| {
         let sigma = parameter.sigma.as_ref().map_or(&[][..], Numbers::as_slice);
-        let at = |k: usize| sigma.get(k).copied().unwrap_or(0.0);
+        let at = |k: usize| sigma.get(k).copied();
         let value = match &parameter.value {
             Numbers::One(value) => Value::One { value: *value, ci95: ci(*value, at(0)) },
             Numbers::List(list) => Value::List {

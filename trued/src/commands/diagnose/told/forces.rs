@@ -51,15 +51,14 @@ impl Report {
             Finding::Bias { heldout, .. } => Some(*heldout),
             Finding::Chatter { .. } => None,
         });
-        let [before, after] = proof.unwrap_or([diagnosis.noise; 2]);
         let alone = Self {
             verdict: diagnosis.verdict.name(),
             unit: if diagnosis.is_force { "N" } else { "m/s²" },
             samples: diagnosis.rows,
             signal_rms: diagnosis.signal,
             noise_rms: diagnosis.noise,
-            heldout_rms_before: before,
-            heldout_rms_after: after,
+            heldout_rms_before: proof.map(|[before, _]| before),
+            heldout_rms_after: proof.map(|[_, after]| after),
             heldout: phases_in_words(diagnosis),
             next_experiment: next_experiment(diagnosis),
             findings,
@@ -153,19 +152,20 @@ fn told(diagnosis: &Diagnosis, finding: &Finding) -> Told {
         here.map(|phase| [phase.from_s, phase.to_s]).collect::<Vec<[f64; 2]>>()
     };
     match finding {
-        Finding::Bias { force, sigma, heldout, confidence } => {
-            let ci95 = (0..3)
-                .map(|k| [force[k] - NINETY_FIVE * sigma[k], force[k] + NINETY_FIVE * sigma[k]]);
+        Finding::Bias { force, sigma, heldout } => {
+            let ci95 = (0..3).map(|k| {
+                Some([force[k] - NINETY_FIVE * sigma[k], force[k] + NINETY_FIVE * sigma[k]])
+            });
             let value = Value::List { value: force.to_vec(), ci95: ci95.collect() };
             let said = force.map(|force| significant(force, 3)).join(", ");
             Told {
                 effect: "wrench_bias",
                 joint: None,
                 change: "new",
-                confidence: *confidence,
+                confidence: None,
                 parameters: BTreeMap::from([("bias_N".to_owned(), value)]),
-                heldout_rms_before: heldout[0],
-                heldout_rms_after: heldout[1],
+                heldout_rms_before: Some(heldout[0]),
+                heldout_rms_after: Some(heldout[1]),
                 place: Where {
                     joint: None,
                     channels: diagnosis.channels.clone(),
@@ -180,25 +180,23 @@ fn told(diagnosis: &Diagnosis, finding: &Finding) -> Told {
             }
         }
         Finding::Chatter { tone, resolution_hz, is_alone } => {
-            let around = |x: f64, by: f64| Value::One { value: x, ci95: [x - by, x + by] };
-            let mut parameters = BTreeMap::from([(
-                "frequency_Hz".to_owned(),
-                around(tone.frequency_hz, *resolution_hz),
-            )]);
+            // One tone has neither a scatter nor rows apart: no interval is computed.
+            let number = |value: f64| Value::One { value, ci95: None };
+            let mut parameters =
+                BTreeMap::from([("frequency_Hz".to_owned(), number(tone.frequency_hz))]);
             if diagnosis.is_force {
-                let amplitude = around(tone.amplitude, 0.3 * tone.amplitude);
-                parameters.insert("amplitude_N".to_owned(), amplitude);
+                parameters.insert("amplitude_N".to_owned(), number(tone.amplitude));
             }
             let forced =
-                Alternative { effect: "runout", joint: None, confidence: 0.4, is_alike: true };
+                Alternative { effect: "runout", joint: None, confidence: None, is_alike: true };
             Told {
                 effect: "chatter",
                 joint: None,
                 change: "new",
-                confidence: if *is_alone { 0.9 } else { 0.5 },
+                confidence: None,
                 parameters,
-                heldout_rms_before: diagnosis.noise,
-                heldout_rms_after: diagnosis.noise,
+                heldout_rms_before: None,
+                heldout_rms_after: None,
                 place: Where {
                     joint: None,
                     channels: diagnosis.channels.get(tone.channel).cloned().into_iter().collect(),
@@ -208,8 +206,9 @@ fn told(diagnosis: &Diagnosis, finding: &Finding) -> Told {
                 },
                 alternatives: if *is_alone { Vec::new() } else { vec![forced] },
                 says: format!(
-                    "The cut rings at {} Hz by itself: chatter, {} % of what swings there.",
+                    "The cut rings at {} Hz (resolved to {} Hz) by itself: chatter, {} % of what swings there.",
                     significant(tone.frequency_hz, 4),
+                    significant(*resolution_hz, 2),
                     significant(100.0 * tone.share, 2)
                 ),
             }

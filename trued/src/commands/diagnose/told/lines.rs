@@ -20,14 +20,13 @@ pub(in crate::commands) fn lines(report: &Report) -> Vec<String> {
         } else {
             format!(" (cannot be told from {})", rivals.join(", "))
         };
-        lines.push(format!(
-            "  {} Confidence {:.2}; held out {} to {} {}{rivals}",
-            told.says,
-            told.confidence,
-            significant(told.heldout_rms_before, 3),
-            significant(told.heldout_rms_after, 3),
-            report.unit
-        ));
+        let confidence = told.confidence.map(|p| format!("Confidence {p:.2}"));
+        let held = told.heldout_rms_before.zip(told.heldout_rms_after).map(|(before, after)| {
+            let [before, after] = [before, after].map(|rms| significant(rms, 3));
+            format!("held out {before} to {after} {}", report.unit)
+        });
+        let figures: Vec<String> = confidence.into_iter().chain(held).collect();
+        lines.push(format!("  {} {}{rivals}", told.says, figures.join("; ")).trim_end().to_owned());
     }
     if report.findings.len() > LINES {
         lines.push(format!("  and {} more", report.findings.len() - LINES));
