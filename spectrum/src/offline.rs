@@ -15,7 +15,7 @@ use crate::track::Track;
 use crate::verdict::Verdict;
 use crate::watch::Watch;
 
-pub use lines::{Averaged, Line, line_near};
+pub use lines::{Averaged, Averaging, Line, line_near};
 pub use process::{path_mm, speed_of_pulses, speed_on};
 
 /// Length of a block that is handed to the watch, s: about what a sensor sends.
@@ -75,44 +75,113 @@ pub fn hear(
     pieces: &[Piece<'_>],
     mut process: impl FnMut(usize, usize) -> ProcessState,
 ) -> Heard {
-    let frames = ((BLOCK_S * rate_hz) as usize).max(1);
-    let mut heard = Heard::default();
-    let mut state = None;
-    let mut done = 0_u64;
+    let mut hearing = Hearing::new(watch, rate_hz);
     for (number, piece) in pieces.iter().enumerate() {
         let length = piece.channels.iter().map(|channel| channel.len()).min().unwrap_or(0);
-        let start_ns = to_ns(done, rate_hz);
-        for (seq, from) in (0..length).step_by(frames).enumerate() {
-            let now = process(number, from);
-            if state != Some(now) {
-                watch.process_state(now);
-                state = Some(now);
-            }
-            let to = (from + frames).min(length);
-            let samples: Vec<f64> =
-                (from..to).flat_map(|i| piece.channels.iter().map(move |c| c[i])).collect();
-            let block = Block {
-                // What lies between two pieces is known to be missing: each is a run of its own.
-                session: number as u64,
-                seq: seq as u64,
-                samples_before: None,
-                t_ns: to_ns(done, rate_hz),
-                rate_hz,
-                channels: piece.channels.len(),
-                samples: &samples,
-            };
-            let verdicts = watch.push(&block);
-            done += (to - from) as u64;
-            let at = |t_ns: u64| piece.start_s + t_ns.saturating_sub(start_ns) as f64 * 1e-9;
-            let event = |v: &Verdict| Event { piece: number, t_s: at(v.t_ns), verdict: *v };
-            heard.events.extend(verdicts.iter().map(event));
-            heard.note(watch, at(to_ns(done, rate_hz)));
+        hearing.begin(piece.start_s, piece.channels.len());
+        let samples: Vec<f64> =
+            (0..length).flat_map(|at| piece.channels.iter().map(move |c| c[at])).collect();
+        hearing.push(&samples, |sample| process(number, sample));
+        hearing.end(|sample| process(number, sample));
+    }
+    hearing.finish()
+}
+
+/// A watch over a recording whose samples come in parts.
+pub struct Hearing<'w> {
+    watch: &'w mut Watch,
+    rate_hz: f64,
+    heard: Heard,
+    state: Option<ProcessState>,
+    /// Frames handed over, of all pieces.
+    done: u64,
+    piece: Run,
+}
+
+/// The piece that is being heard.
+#[derive(Default)]
+struct Run {
+    /// Its number from 1; 0 before the first.
+    number: usize,
+    start_s: f64,
+    start_ns: u64,
+    channels: usize,
+    /// Frames handed over.
+    frames: usize,
+    blocks: u64,
+    /// Samples of the next block.
+    held: Vec<f64>,
+}
+
+impl<'w> Hearing<'w> {
+    /// Nothing heard yet.
+    pub fn new(watch: &'w mut Watch, rate_hz: f64) -> Self {
+        let (heard, piece) = (Heard::default(), Run::default());
+        Self { watch, rate_hz, heard, state: None, done: 0, piece }
+    }
+
+    /// Begins a piece of so many channels; time of its first sample, s.
+    pub fn begin(&mut self, start_s: f64, channels: usize) {
+        let number = self.piece.number + 1;
+        let start_ns = to_ns(self.done, self.rate_hz);
+        self.piece = Run { number, start_s, start_ns, channels, ..Run::default() };
+    }
+
+    /// Takes the piece's next samples, those of one time beside each other; `process` tells the state at a sample.
+    pub fn push(&mut self, samples: &[f64], mut process: impl FnMut(usize) -> ProcessState) {
+        let block = ((BLOCK_S * self.rate_hz) as usize).max(1) * self.piece.channels.max(1);
+        let mut rest = samples;
+        while let Some((part, after)) = rest.split_at_checked(block - self.piece.held.len()) {
+            self.piece.held.extend_from_slice(part);
+            rest = after;
+            self.hand_over(process(self.piece.frames));
+        }
+        self.piece.held.extend_from_slice(rest);
+    }
+
+    /// Ends the piece: hands over what is left of it.
+    pub fn end(&mut self, mut process: impl FnMut(usize) -> ProcessState) {
+        if !self.piece.held.is_empty() {
+            self.hand_over(process(self.piece.frames));
         }
     }
-    let health = watch.health();
-    heard.dropped = health.dropped_verdicts;
-    heard.still_learning = health.learning;
-    heard
+
+    /// What was heard.
+    #[must_use]
+    pub fn finish(mut self) -> Heard {
+        let health = self.watch.health();
+        self.heard.dropped = health.dropped_verdicts;
+        self.heard.still_learning = health.learning;
+        self.heard
+    }
+
+    fn hand_over(&mut self, now: ProcessState) {
+        let Self { watch, rate_hz, heard, state, done, piece } = self;
+        if *state != Some(now) {
+            watch.process_state(now);
+            *state = Some(now);
+        }
+        let number = piece.number.saturating_sub(1);
+        let frames = piece.held.len() / piece.channels.max(1);
+        let block = Block {
+            // What lies between two pieces is known to be missing: each is a run of its own.
+            session: number as u64,
+            seq: piece.blocks,
+            samples_before: None,
+            t_ns: to_ns(*done, *rate_hz),
+            rate_hz: *rate_hz,
+            channels: piece.channels,
+            samples: &piece.held,
+        };
+        let at = |t_ns: u64| piece.start_s + t_ns.saturating_sub(piece.start_ns) as f64 * 1e-9;
+        let event = |v: &Verdict| Event { piece: number, t_s: at(v.t_ns), verdict: *v };
+        heard.events.extend(watch.push(&block).iter().map(event));
+        *done += frames as u64;
+        heard.note(watch, at(to_ns(*done, *rate_hz)));
+        piece.frames += frames;
+        piece.blocks += 1;
+        piece.held.clear();
+    }
 }
 
 fn to_ns(samples: u64, rate_hz: f64) -> u64 {

@@ -4,10 +4,13 @@
 //! numbers. Offline code: it allocates. Frequencies are in cycles per whatever `rate` counts: seconds
 //! for forces, millimetres for surfaces. Holds for signals stationary over the record.
 
+mod segment;
+
+use self::segment::Plan;
 use crate::transform::line_through;
-use crate::window::{density_scale, hann};
-use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
+
+pub use self::segment::SegmentPower;
 
 /// What is taken out of each segment before its transform.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -143,67 +146,40 @@ pub fn detrended(samples: &[f64], detrend: Detrend) -> Vec<f64> {
     samples.iter().enumerate().map(|(i, x)| x - mean - slope * (i as f64 - middle)).collect()
 }
 
-/// The plain spectra of every segment of a record, and the factor that makes power of them.
+/// The plain spectra of every segment of a record.
 struct Cut {
     spectra: Vec<Vec<Complex<f64>>>,
-    scale: f64,
-    length: usize,
+    plan: Plan,
 }
 
 fn cut(samples: &[f64], segments: &Segments) -> Result<Cut, SpectrumError> {
-    let length = segments.length.min(samples.len());
-    if samples.len() < 2 {
-        return Err(SpectrumError::TooShort { samples: samples.len() });
-    }
-    let overlap = segments.overlap.min(length.saturating_sub(1));
-    let usable = segments.rate > 0.0 && segments.rate.is_finite() && segments.length >= 2;
-    if !usable || segments.overlap >= segments.length {
-        let Segments { rate, length, overlap, .. } = *segments;
-        return Err(SpectrumError::Segments { rate, length, overlap });
-    }
-    let window = match segments.taper {
-        Taper::Hann => hann(length),
-        Taper::Boxcar => vec![1.0; length],
+    let plan = Plan::new(samples.len(), segments)?;
+    let mut buffers = plan.buffers();
+    let spectrum = |segment: &[f64]| {
+        plan.transform(segment, &mut buffers);
+        buffers.output.clone()
     };
-    let scale = match segments.scaling {
-        Scaling::Density => density_scale(&window, segments.rate),
-        Scaling::Spectrum => 2.0 / window.iter().sum::<f64>().powi(2),
-    };
-    let plan = RealFftPlanner::new().plan_fft_forward(length);
-    let mut spectra = Vec::new();
-    let mut start = 0;
-    while start + length <= samples.len() {
-        let mut input = detrended(&samples[start..start + length], segments.detrend);
-        for (x, w) in input.iter_mut().zip(&window) {
-            *x *= w;
-        }
-        let mut output = plan.make_output_vec();
-        if plan.process(&mut input, &mut output).is_ok() {
-            spectra.push(output);
-        }
-        start += length - overlap;
-    }
-    Ok(Cut { spectra, scale, length })
+    let spectra = samples.windows(plan.length).step_by(plan.step).map(spectrum).collect();
+    Ok(Cut { spectra, plan })
 }
 
 impl Cut {
     /// The mean of conj(X) Y over all segments, one-sided.
     fn mean_product(&self, other: &Self) -> Vec<Complex<f64>> {
         let n = self.spectra.len() as f64;
-        let bins = self.length / 2 + 1;
+        let bins = self.plan.length / 2 + 1;
         (0..bins)
             .map(|bin| {
                 let pairs = self.spectra.iter().zip(&other.spectra);
                 let sum: Complex<f64> = pairs.map(|(x, y)| x[bin].conj() * y[bin]).sum();
-                // The first bin and an even length's last have no mirror image to be counted in.
-                let single = bin == 0 || (self.length.is_multiple_of(2) && bin == self.length / 2);
-                sum * (self.scale * if single { 0.5 } else { 1.0 } / n)
+                sum * (self.plan.scale * if self.plan.is_single(bin) { 0.5 } else { 1.0 } / n)
             })
             .collect()
     }
 
     fn frequencies(&self, rate: f64) -> Vec<f64> {
-        (0..=self.length / 2).map(|bin| bin as f64 * rate / self.length as f64).collect()
+        let length = self.plan.length as f64;
+        (0..=self.plan.length / 2).map(|bin| bin as f64 * rate / length).collect()
     }
 }
 
@@ -265,14 +241,9 @@ pub fn coherence(x: &[f64], y: &[f64], segments: &Segments) -> Result<Spectrum, 
 /// # Errors
 /// A record too short, segments that cannot be.
 pub fn waterfall(x: &[f64], segments: &Segments) -> Result<Vec<(f64, Vec<f64>)>, SpectrumError> {
-    let cut = cut(x, segments)?;
-    let step = cut.length - segments.overlap.min(cut.length - 1);
-    let one = |(k, spectrum): (usize, &Vec<Complex<f64>>)| {
-        let alone = Cut { spectra: vec![spectrum.clone()], scale: cut.scale, length: cut.length };
-        let power = alone.mean_product(&alone).iter().map(|value| value.re).collect();
-        ((k * step) as f64 / segments.rate + 0.5 * cut.length as f64 / segments.rate, power)
-    };
-    Ok(cut.spectra.iter().enumerate().map(one).collect())
+    let mut all = Vec::new();
+    SegmentPower::new(x.len(), segments)?.push(x, |at, power| all.push((at, power.to_vec())));
+    Ok(all)
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ mod preamble;
 mod quantity;
 mod recorded;
 mod spacing;
+mod stored;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -36,6 +37,8 @@ use crate::files::FileError;
 use crate::mapping::mapping_path;
 use crate::series::{self, About, Channel, Need};
 use crate::unit::Quantity;
+
+pub use self::stored::Stored;
 
 /// Larger files are refused: they would not fit into memory beside what is made of them.
 const FILE_BYTES_MAX: u64 = 4 << 30;
@@ -181,7 +184,7 @@ pub fn read(path: &Path, options: &Options) -> Result<Waves, FileError> {
         faults.push(fault.expected("at most 4 GiB").help("cut it into several files"));
         return Err(faults.into());
     }
-    let mapped = options.mapping.is_some() || mapping_path(path).is_file();
+    let mapped = is_mapped(path, options);
     let bytes = std::fs::read(path).map_err(FileError::io("read", path))?;
     if mapped || recorded::is_recording(&bytes) {
         drop(bytes);
@@ -189,6 +192,11 @@ pub fn read(path: &Path, options: &Options) -> Result<Waves, FileError> {
         return Ok(recorded::waves(recording, options)?);
     }
     Ok(parse(path, bytes, options)?)
+}
+
+/// Whether a mapping is given, or stands beside the file.
+fn is_mapped(path: &Path, options: &Options) -> bool {
+    options.mapping.is_some() || mapping_path(path).is_file()
 }
 
 /// Reads the waveforms of a file's content, which is no recording of the house. The path is only named.

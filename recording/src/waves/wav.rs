@@ -5,74 +5,242 @@
 //! refused instead of read as noise. Full scale is 1 unless stated otherwise.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::PathBuf;
 
-use super::wav_chunks::{Coding, Format, Wav};
+use super::wav_chunks::{Coding, Format, Refused, Source, Wav};
 use super::{Grid, Options, Record, Wave, Waves, columns, pick};
 use crate::faults::{Fault, Faults};
 
+/// Frames that are decoded at a time.
+const FRAMES: usize = 1 << 14;
+
+/// Reads all samples of a file that is at hand.
 pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves, Faults> {
+    let opened = open(name, &bytes, options);
+    let mut values = vec![Vec::new(); opened.as_ref().map_or(0, |wav| wav.channels.len())];
+    let read = opened.and_then(|mut wav| {
+        let channels: Vec<usize> = (0..wav.channels.len()).collect();
+        let mut frames = Vec::new();
+        wav.layout.parts(&bytes, &channels, 0..wav.layout.frames, &mut frames, |part| {
+            for frame in part.chunks_exact(channels.len()) {
+                values.iter_mut().zip(frame).for_each(|(to, value)| to.push(*value));
+            }
+        })?;
+        wav.channels.iter_mut().zip(values).for_each(|(wave, values)| wave.values = values);
+        let record = Record { grid: wav.grid, channels: wav.channels, beside: BTreeMap::new() };
+        let (file, responses) = (PathBuf::new(), Vec::new());
+        Ok(Waves { file, records: vec![record], responses, about: None, notes: wav.notes })
+    });
+    read.map_err(|why| match why {
+        Unread::Faults(faults) => faults,
+        Unread::Io(error) => {
+            let mut faults = Faults::of(name);
+            faults.push(Fault::new("", format!("cannot be read: {error}")));
+            faults
+        }
+    })
+}
+
+/// Why samples could not be read.
+#[derive(Debug)]
+pub(super) enum Unread {
+    Faults(Faults),
+    Io(std::io::Error),
+}
+
+impl From<std::io::Error> for Unread {
+    fn from(error: std::io::Error) -> Self {
+        Self::Io(error)
+    }
+}
+
+/// A file whose samples were checked and not kept.
+#[derive(Debug)]
+pub(super) struct Opened {
+    pub(super) layout: Layout,
+    pub(super) grid: Grid,
+    /// Those that were asked for, without values.
+    pub(super) channels: Vec<Wave>,
+    pub(super) notes: Vec<String>,
+}
+
+/// Where samples are, and what they stand for.
+#[derive(Debug, Clone)]
+pub(super) struct Layout {
+    format: Format,
+    data_at: u64,
+    pub(super) frames: usize,
+    full_scale: f64,
+    /// The places of the chosen channels in a frame.
+    chosen: Vec<usize>,
+}
+
+/// Opens a file; its samples are read once where its format alone does not promise that they are sound.
+pub(super) fn open(name: &str, bytes: &dyn Source, options: &Options) -> Result<Opened, Unread> {
     let mut faults = Faults::of(name);
     columns::check(options, &mut faults);
     let wav = match Wav::read(bytes) {
         Ok(wav) => wav,
-        Err(fault) => {
+        Err(Refused::Io(error)) => return Err(Unread::Io(error)),
+        Err(Refused::Fault(fault)) => {
             faults.push(*fault);
-            return faults.or(None);
+            return Err(Unread::Faults(faults));
         }
     };
+    let Wav { format, data, mut notes } = wav;
     let full_scale = options.full_scale.unwrap_or(1.0);
-    let mut notes = wav.notes.clone();
     notes.push(if options.full_scale.is_some() {
         format!("full scale stands for {full_scale}")
     } else {
         "full scale is taken as 1: the file says no unit".to_owned()
     });
-    match channels(&wav, full_scale) {
-        Ok(channels) => record(channels, wav.format.rate_hz, options, faults, notes),
-        Err(fault) => {
-            faults.push(*fault);
-            faults.or(None)
-        }
-    }
-}
-
-/// The samples of each channel, as many as all of them have.
-fn channels(wav: &Wav<'_>, full_scale: f64) -> Result<Vec<Vec<f64>>, Box<Fault>> {
-    let Format { channels: count, sample_bytes, .. } = wav.format;
-    let frames = wav.data.len() / (count * sample_bytes);
-    let mut channels = vec![Vec::with_capacity(frames); count];
-    let mut used = 0;
-    for frame in wav.data.chunks_exact(count * sample_bytes) {
-        for (channel, sample) in channels.iter_mut().zip(frame.chunks_exact(sample_bytes)) {
-            let (value, bits) = decoded(sample, &wav.format);
-            used |= bits;
-            channel.push(full_scale * value);
-        }
-    }
-    let spare = 8 * sample_bytes as u32 - wav.format.valid_bits;
-    if wav.format.coding == Coding::Pcm && spare > 0 && used & ((1 << spare) - 1) != 0 {
-        let (bits, valid) = (8 * sample_bytes, wav.format.valid_bits);
-        let what = format!(
-            "says that {valid} of each sample's {bits} bits are valid, and its lowest {spare} are not zero"
-        );
-        let fault = Fault::new("fmt", what)
-            .expected("valid bits at the upper end of a sample, zeros below them")
-            .help("have it written anew, as samples of whole bytes without spare bits");
-        return Err(Box::new(fault));
-    }
-    Ok(channels)
-}
-
-/// A sample as a share of full scale, and its bits as they are in the file.
-fn decoded(sample: &[u8], format: &Format) -> (f64, u64) {
-    let fold = |bits: u64, byte: &u8| bits << 8 | u64::from(*byte);
-    let bits = if format.big_endian {
-        sample.iter().fold(0, fold)
-    } else {
-        sample.iter().rev().fold(0, fold)
+    let frame = format.channels * format.sample_bytes;
+    let frames = usize::try_from((data.end - data.start) / frame as u64).unwrap_or(usize::MAX);
+    let names: Vec<String> = (1..=format.channels).map(|number| number.to_string()).collect();
+    let chosen = match options.columns.as_slice() {
+        [] => (0..names.len()).collect(),
+        asked => pick::columns(&names, asked, &mut faults),
     };
-    let value = match (format.coding, format.sample_bytes) {
+    let channels = chosen.iter().map(|at| Wave::new(&names[*at], "1", Vec::new())).collect();
+    let layout = Layout { format, data_at: data.start, frames, full_scale, chosen };
+    layout.check(bytes, &mut faults)?;
+    let rate_hz = f64::from(format.rate_hz);
+    if frames == 0 || format.rate_hz == 0 {
+        let fault = Fault::new("", format!("holds {frames} samples at {rate_hz} Hz"));
+        faults.push(fault.expected("samples, and a rate above 0"));
+    }
+    let grid = columns::asked(options).unwrap_or(Grid::Time { start_s: 0.0, rate_hz });
+    faults.or(Some(Opened { layout, grid, channels, notes })).map_err(Unread::Faults)
+}
+
+impl Layout {
+    /// Hands the samples of some of the chosen channels to `each`, a part of the frames after the other, those of one time
+    /// beside each other. `part` is what they are decoded into.
+    pub(super) fn parts(
+        &self,
+        bytes: &dyn Source,
+        channels: &[usize],
+        frames: Range<usize>,
+        part: &mut Vec<f64>,
+        mut each: impl FnMut(&[f64]),
+    ) -> std::io::Result<()> {
+        let places: Vec<usize> =
+            channels.iter().filter_map(|at| self.chosen.get(*at).copied()).collect();
+        self.raw(bytes, frames, |raw| {
+            part.clear();
+            decode(raw, &self.format, &places, self.full_scale, part);
+            each(part);
+        })
+    }
+
+    /// Hands the bytes of frames to `each`, a part after the other.
+    fn raw(
+        &self,
+        bytes: &dyn Source,
+        frames: Range<usize>,
+        mut each: impl FnMut(&[u8]),
+    ) -> std::io::Result<()> {
+        let frame = self.format.channels * self.format.sample_bytes;
+        let end = frames.end.min(self.frames);
+        let mut raw = vec![0; frame * FRAMES.min(end.saturating_sub(frames.start))];
+        let mut at = frames.start;
+        while at < end {
+            let count = FRAMES.min(end - at);
+            let Some(raw) = raw.get_mut(..frame * count) else { break };
+            bytes.read_at(self.data_at + (frame as u64) * (at as u64), raw)?;
+            each(raw);
+            at += count;
+        }
+        Ok(())
+    }
+
+    /// Spare bits are zero, and floats are finite numbers.
+    fn check(&self, bytes: &dyn Source, faults: &mut Faults) -> std::io::Result<()> {
+        let Format { coding, sample_bytes, valid_bits, .. } = self.format;
+        let bits = 8 * sample_bytes as u32;
+        let spare = bits - valid_bits;
+        match coding {
+            Coding::Pcm if spare > 0 => {
+                let mut used = 0;
+                self.raw(bytes, 0..self.frames, |raw| {
+                    let samples = raw.chunks_exact(sample_bytes);
+                    used |= samples.fold(0, |used, sample| used | whole(sample, &self.format));
+                })?;
+                if used & ((1 << spare) - 1) != 0 {
+                    let what = format!(
+                        "says that {valid_bits} of each sample's {bits} bits are valid, and its lowest {spare} are not zero"
+                    );
+                    let fault = Fault::new("fmt", what)
+                        .expected("valid bits at the upper end of a sample, zeros below them")
+                        .help("have it written anew, as samples of whole bytes without spare bits");
+                    faults.push(fault);
+                }
+            }
+            Coding::Pcm => {}
+            Coding::Float => {
+                let all: Vec<usize> = (0..self.format.channels).collect();
+                let (mut sound, mut part) = (true, Vec::new());
+                self.raw(bytes, 0..self.frames, |raw| {
+                    part.clear();
+                    decode(raw, &self.format, &all, 1.0, &mut part);
+                    sound &= part.iter().all(|value| value.is_finite());
+                })?;
+                if !sound {
+                    let fault = Fault::new("", "holds samples that are no finite numbers");
+                    faults.push(fault.expected("finite samples"));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The samples at some places of each frame, as shares of full scale times what that stands for.
+fn decode(raw: &[u8], format: &Format, places: &[usize], full_scale: f64, to: &mut Vec<f64>) {
+    match format.sample_bytes {
+        1 => decode_of::<1>(raw, format, places, full_scale, to),
+        2 => decode_of::<2>(raw, format, places, full_scale, to),
+        3 => decode_of::<3>(raw, format, places, full_scale, to),
+        4 => decode_of::<4>(raw, format, places, full_scale, to),
+        5 => decode_of::<5>(raw, format, places, full_scale, to),
+        6 => decode_of::<6>(raw, format, places, full_scale, to),
+        7 => decode_of::<7>(raw, format, places, full_scale, to),
+        _ => decode_of::<8>(raw, format, places, full_scale, to),
+    }
+}
+
+/// The same, of samples of so many bytes.
+fn decode_of<const N: usize>(
+    raw: &[u8],
+    format: &Format,
+    places: &[usize],
+    full_scale: f64,
+    to: &mut Vec<f64>,
+) {
+    to.reserve(raw.len() / (N * format.channels) * places.len());
+    for frame in raw.chunks_exact(N * format.channels) {
+        let (samples, _) = frame.as_chunks::<N>();
+        to.extend(
+            places.iter().filter_map(|at| Some(full_scale * decoded(samples.get(*at)?, format))),
+        );
+    }
+}
+
+/// The bits of a sample, the last byte's lowest.
+fn whole(sample: &[u8], format: &Format) -> u64 {
+    let fold = |bits: u64, byte: &u8| bits << 8 | u64::from(*byte);
+    match format.big_endian {
+        true => sample.iter().fold(0, fold),
+        false => sample.iter().rev().fold(0, fold),
+    }
+}
+
+/// A sample as a share of full scale.
+#[inline]
+fn decoded(sample: &[u8], format: &Format) -> f64 {
+    let bits = whole(sample, format);
+    match (format.coding, sample.len()) {
         (Coding::Float, 4) => f64::from(f32::from_bits(bits as u32)),
         (Coding::Float, _) => f64::from_bits(bits),
         // The one form without a sign.
@@ -81,41 +249,5 @@ fn decoded(sample: &[u8], format: &Format) -> (f64, u64) {
             let up = 64 - 8 * bytes as u32;
             ((bits << up) as i64) as f64 / 2f64.powi(63)
         }
-    };
-    (value, bits)
-}
-
-fn record(
-    channels: Vec<Vec<f64>>,
-    rate_hz: u32,
-    options: &Options,
-    mut faults: Faults,
-    notes: Vec<String>,
-) -> Result<Waves, Faults> {
-    let names: Vec<String> = (1..=channels.len()).map(|number| number.to_string()).collect();
-    let chosen = pick::columns(&names, &options.columns, &mut faults);
-    let taken = |at: &usize| options.columns.is_empty() || chosen.contains(at);
-    if channels.iter().flatten().any(|value| !value.is_finite()) {
-        let fault = Fault::new("", "holds samples that are no finite numbers");
-        faults.push(fault.expected("finite samples"));
     }
-    let count = channels.first().map_or(0, Vec::len);
-    if count == 0 || rate_hz == 0 {
-        let fault = Fault::new("", format!("holds {count} samples at {rate_hz} Hz"));
-        faults.push(fault.expected("samples, and a rate above 0"));
-        return faults.or(None);
-    }
-    let waves = channels.into_iter().zip(&names).enumerate().filter(|(at, _)| taken(at));
-    let waves = waves.map(|(_, (values, name))| Wave::new(name, "1", values));
-    let rate_hz = f64::from(rate_hz);
-    let grid = columns::asked(options).unwrap_or(Grid::Time { start_s: 0.0, rate_hz });
-    let record = Record { grid, channels: waves.collect(), beside: BTreeMap::new() };
-    let waves = Waves {
-        file: PathBuf::new(),
-        records: vec![record],
-        responses: Vec::new(),
-        about: None,
-        notes,
-    };
-    faults.or(Some(waves))
 }

@@ -1,5 +1,10 @@
 //! The chunks of a WAV file: what its samples are, and where.
 
+use std::fs::File;
+use std::io;
+use std::ops::Range;
+use std::os::unix::fs::FileExt;
+
 use crate::faults::Fault;
 
 /// Format tags of `fmt`.
@@ -35,55 +40,106 @@ pub(super) struct Format {
 
 /// A WAV file.
 #[derive(Debug, Clone)]
-pub(super) struct Wav<'a> {
+pub(super) struct Wav {
     pub(super) format: Format,
-    /// Whole frames of samples.
-    pub(super) data: &'a [u8],
+    /// The bytes of whole frames of samples.
+    pub(super) data: Range<u64>,
     pub(super) notes: Vec<String>,
 }
 
-/// A chunk and where it begins.
-struct Chunk<'a> {
+/// Bytes that are read where they are.
+pub(super) trait Source {
+    /// How many there are.
+    fn len(&self) -> io::Result<u64>;
+
+    /// Fills `into` from `at` on.
+    fn read_at(&self, at: u64, into: &mut [u8]) -> io::Result<()>;
+}
+
+impl Source for File {
+    fn len(&self) -> io::Result<u64> {
+        Ok(self.metadata()?.len())
+    }
+
+    fn read_at(&self, at: u64, into: &mut [u8]) -> io::Result<()> {
+        self.read_exact_at(into, at)
+    }
+}
+
+impl Source for &[u8] {
+    fn len(&self) -> io::Result<u64> {
+        Ok((**self).len() as u64)
+    }
+
+    fn read_at(&self, at: u64, into: &mut [u8]) -> io::Result<()> {
+        let from =
+            usize::try_from(at).ok().and_then(|at| self.get(at..at.checked_add(into.len())?));
+        into.copy_from_slice(from.ok_or(io::ErrorKind::UnexpectedEof)?);
+        Ok(())
+    }
+}
+
+/// Why a file is refused.
+#[derive(Debug)]
+pub(super) enum Refused {
+    Fault(Box<Fault>),
+    Io(io::Error),
+}
+
+impl From<Box<Fault>> for Refused {
+    fn from(fault: Box<Fault>) -> Self {
+        Self::Fault(fault)
+    }
+}
+
+impl From<io::Error> for Refused {
+    fn from(error: io::Error) -> Self {
+        Self::Io(error)
+    }
+}
+
+/// A chunk, and where its first byte is.
+struct Chunk {
     id: [u8; 4],
     size: u32,
-    at: usize,
-    /// From its first byte to the end of the file.
-    rest: &'a [u8],
+    at: u64,
+    /// Bytes from there to the end of the file.
+    rest: u64,
 }
 
 /// The bytes of a file, and in which order its numbers are.
-#[derive(Clone, Copy)]
 struct Bytes<'a> {
-    all: &'a [u8],
+    all: &'a dyn Source,
+    length: u64,
     big_endian: bool,
 }
 
-impl<'a> Wav<'a> {
+impl Wav {
     /// Finds `fmt` and `data`.
-    pub(super) fn read(all: &'a [u8]) -> Result<Self, Box<Fault>> {
-        let big_endian = match all.get(..4) {
+    pub(super) fn read(all: &dyn Source) -> Result<Self, Refused> {
+        let mut bytes = Bytes { all, length: all.len()?, big_endian: false };
+        bytes.big_endian = match bytes.array(0)?.as_ref() {
             Some(b"RIFF" | b"RF64") => false,
             Some(b"RIFX") => true,
-            _ => return Err(broken(0, "does not begin with RIFF, RIFX or RF64")),
+            _ => return Err(broken(0, "does not begin with RIFF, RIFX or RF64").into()),
         };
-        if all.get(8..12) != Some(b"WAVE") {
-            return Err(broken(8, "is a RIFF file of another kind than WAVE"));
+        if bytes.array(8)? != Some(*b"WAVE") {
+            return Err(broken(8, "is a RIFF file of another kind than WAVE").into());
         }
-        let bytes = Bytes { all, big_endian };
         let (mut format, mut data_size, mut notes) = (None, None, Vec::new());
         let mut at = 12;
         loop {
-            let Some(chunk) = bytes.chunk(at) else {
+            let Some(chunk) = bytes.chunk(at)? else {
                 let what =
                     if format.is_some() { "has no `data` chunk" } else { "has no `fmt ` chunk" };
-                return Err(broken(at, what));
+                return Err(broken(at, what).into());
             };
             match &chunk.id {
-                b"ds64" => data_size = bytes.whole(chunk.at + 8),
+                b"ds64" => data_size = bytes.number::<8>(chunk.at + 8)?,
                 b"fmt " => format = Some(bytes.format(&chunk)?),
                 b"data" => {
                     let Some(format) = format else {
-                        return Err(broken(at, "has `data` before `fmt `"));
+                        return Err(broken(at, "has `data` before `fmt `").into());
                     };
                     let data = samples(&chunk, data_size, &format, &mut notes)?;
                     return Ok(Self { format, data, notes });
@@ -96,21 +152,21 @@ impl<'a> Wav<'a> {
 }
 
 /// The samples of `data`: as many as it says, or up to the end where it does not know.
-fn samples<'a>(
-    chunk: &Chunk<'a>,
+fn samples(
+    chunk: &Chunk,
     data_size: Option<u64>,
     format: &Format,
     notes: &mut Vec<String>,
-) -> Result<&'a [u8], Box<Fault>> {
+) -> Result<Range<u64>, Box<Fault>> {
     let stated = match (chunk.size, data_size) {
-        (UNKNOWN_SIZE, Some(size)) => usize::try_from(size).unwrap_or(usize::MAX),
-        (UNKNOWN_SIZE | 0, None) if !chunk.rest.is_empty() => {
+        (UNKNOWN_SIZE, Some(size)) => size,
+        (UNKNOWN_SIZE | 0, None) if chunk.rest > 0 => {
             notes.push("does not say how long it is, as of a pipe: read to its end".to_owned());
-            chunk.rest.len()
+            chunk.rest
         }
-        (size, _) => size as usize,
+        (size, _) => u64::from(size),
     };
-    let there = stated.min(chunk.rest.len());
+    let there = stated.min(chunk.rest);
     if there < stated {
         let what = format!("is cut off: {there} of {stated} bytes of samples are there");
         if there == 0 {
@@ -118,106 +174,105 @@ fn samples<'a>(
         }
         notes.push(what);
     }
-    let frame = format.channels * format.sample_bytes;
+    let frame = (format.channels * format.sample_bytes) as u64;
     let whole = there - there % frame;
     if whole < there && there == stated {
         notes.push(format!("its last {} bytes are no whole sample: left out", there - whole));
     }
-    Ok(&chunk.rest[..whole])
+    Ok(chunk.at..chunk.at + whole)
 }
 
-impl<'a> Bytes<'a> {
-    fn slice(&self, at: usize, length: usize) -> Option<&'a [u8]> {
-        self.all.get(at..at.checked_add(length)?)
+impl Bytes<'_> {
+    /// So many bytes from a place on; `None` where the file ends before.
+    fn array<const N: usize>(&self, at: u64) -> io::Result<Option<[u8; N]>> {
+        if at.checked_add(N as u64).is_none_or(|end| end > self.length) {
+            return Ok(None);
+        }
+        let mut bytes = [0; N];
+        self.all.read_at(at, &mut bytes)?;
+        Ok(Some(bytes))
     }
 
-    fn number(&self, at: usize, length: usize) -> Option<u64> {
+    fn number<const N: usize>(&self, at: u64) -> io::Result<Option<u64>> {
         let fold = |number: u64, byte: &u8| number << 8 | u64::from(*byte);
-        let bytes = self.slice(at, length)?;
-        Some(if self.big_endian {
-            bytes.iter().fold(0, fold)
-        } else {
-            bytes.iter().rev().fold(0, fold)
-        })
+        let bytes = self.array::<N>(at)?;
+        Ok(bytes.map(|bytes| match self.big_endian {
+            true => bytes.iter().fold(0, fold),
+            false => bytes.iter().rev().fold(0, fold),
+        }))
     }
 
-    fn short(&self, at: usize) -> Option<u16> {
-        self.number(at, 2).and_then(|number| u16::try_from(number).ok())
+    fn short(&self, at: u64) -> io::Result<Option<u16>> {
+        Ok(self.number::<2>(at)?.and_then(|number| u16::try_from(number).ok()))
     }
 
-    fn long(&self, at: usize) -> Option<u32> {
-        self.number(at, 4).and_then(|number| u32::try_from(number).ok())
+    fn long(&self, at: u64) -> io::Result<Option<u32>> {
+        Ok(self.number::<4>(at)?.and_then(|number| u32::try_from(number).ok()))
     }
 
-    fn whole(&self, at: usize) -> Option<u64> {
-        self.number(at, 8)
-    }
-
-    fn chunk(&self, at: usize) -> Option<Chunk<'a>> {
-        let mut id = [0; 4];
-        id.copy_from_slice(self.slice(at, 4)?);
-        Some(Chunk { id, size: self.long(at + 4)?, at: at + 8, rest: self.all.get(at + 8..)? })
+    fn chunk(&self, at: u64) -> io::Result<Option<Chunk>> {
+        let (Some(id), Some(size)) = (self.array(at)?, self.long(at + 4)?) else { return Ok(None) };
+        Ok(Some(Chunk { id, size, at: at + 8, rest: self.length - (at + 8) }))
     }
 
     /// Where the next chunk begins: a chunk of an odd size is followed by one byte that belongs to none.
-    fn after(&self, chunk: &Chunk<'_>) -> Result<usize, Box<Fault>> {
-        let size = chunk.size as usize;
-        let end = chunk.at.checked_add(size).filter(|end| *end <= self.all.len());
+    fn after(&self, chunk: &Chunk) -> Result<u64, Refused> {
+        let size = chunk.size;
         let name = String::from_utf8_lossy(&chunk.id).into_owned();
-        let Some(end) = end else {
-            return Err(broken(
-                chunk.at,
-                format!("chunk `{name}` of {size} bytes ends beyond the file"),
-            ));
+        if u64::from(size) > chunk.rest {
+            let what = format!("chunk `{name}` of {size} bytes ends beyond the file");
+            return Err(broken(chunk.at, what).into());
+        }
+        let end = chunk.at + u64::from(size);
+        let padded = end + u64::from(size % 2);
+        let is_chunk = |at: u64| -> io::Result<bool> {
+            let id = self.array::<4>(at)?;
+            Ok(id.is_some_and(|id| id.iter().all(|byte| (b' '..=b'~').contains(byte))))
         };
-        let padded = end + size % 2;
-        let is_chunk = |at: usize| {
-            let id = self.slice(at, 4);
-            id.is_some_and(|id| id.iter().all(|byte| (b' '..=b'~').contains(byte)))
-        };
-        if size % 2 == 1 && !is_chunk(padded) && is_chunk(end) {
+        if size % 2 == 1 && !is_chunk(padded)? && is_chunk(end)? {
             let what = format!(
                 "chunk `{name}` of {size} bytes is not followed by the byte that makes its size even"
             );
             let fault = *broken(end, what);
             let help = "have it written anew by a program that pads its chunks";
-            return Err(Box::new(fault.help(help)));
+            return Err(Box::new(fault.help(help)).into());
         }
         Ok(padded)
     }
 
-    fn format(&self, chunk: &Chunk<'_>) -> Result<Format, Box<Fault>> {
-        let short = |at: usize| self.short(chunk.at + at);
+    fn format(&self, chunk: &Chunk) -> Result<Format, Refused> {
+        let short = |at: u64| self.short(chunk.at + at);
         let bad = |what: String| {
             Box::new(Fault::new("fmt", what).expected("PCM, or IEEE floats of 32 or 64 bits"))
         };
         let (tag, channels, rate_hz, block, bits) =
-            (short(0), short(2), self.long(chunk.at + 4), short(12), short(14));
+            (short(0)?, short(2)?, self.long(chunk.at + 4)?, short(12)?, short(14)?);
         let (Some(mut tag), Some(channels), Some(rate_hz), Some(block), Some(bits), true) =
             (tag, channels, rate_hz, block, bits, chunk.size >= 16)
         else {
-            return Err(bad(format!("has {} bytes, too few for a format", chunk.size)));
+            return Err(bad(format!("has {} bytes, too few for a format", chunk.size)).into());
         };
         let mut valid_bits = bits;
         if tag == EXTENSIBLE {
-            let guid = self.slice(chunk.at + 24, 16).filter(|_| chunk.size >= 40);
+            let guid = self.array::<16>(chunk.at + 24)?.filter(|_| chunk.size >= 40);
             let Some(guid) = guid else {
-                return Err(bad("is extensible and too short for its sub-format".to_owned()));
+                return Err(bad("is extensible and too short for its sub-format".to_owned()).into());
             };
-            valid_bits = short(18).unwrap_or(bits);
+            valid_bits = short(18)?.unwrap_or(bits);
             // A GUID's first number is in the file's order, or as it always is.
             let tail = guid.get(2..).unwrap_or_default();
             if tail != GUID_TAIL && !self.big_endian {
-                return Err(bad("has a sub-format that is none of WAVE's own".to_owned()));
+                return Err(bad("has a sub-format that is none of WAVE's own".to_owned()).into());
             }
-            tag = if self.big_endian {
-                short(26).filter(|tag| *tag != 0).or(short(24))
-            } else {
-                short(24)
+            let first = short(24)?;
+            tag = match self.big_endian {
+                true => short(26)?.filter(|tag| *tag != 0).or(first),
+                false => first,
             }
             .unwrap_or(0);
         }
-        self.checked(tag, Layout { channels, rate_hz, block, bits, valid_bits }).map_err(bad)
+        let layout = Layout { channels, rate_hz, block, bits, valid_bits };
+        Ok(self.checked(tag, layout).map_err(bad)?)
     }
 
     fn checked(&self, tag: u16, layout: Layout) -> Result<Format, String> {
@@ -268,6 +323,6 @@ struct Layout {
     valid_bits: u16,
 }
 
-fn broken(at: usize, what: impl Into<String>) -> Box<Fault> {
+fn broken(at: u64, what: impl Into<String>) -> Box<Fault> {
     Box::new(Fault::new(format!("byte {at}"), what.into()).expected("a whole WAV file"))
 }

@@ -4,7 +4,7 @@
 //! reach once in a million bins (chi-squared, Wilson and Hilferty's approximation). Frequency: parabola through the
 //! logarithms; amplitude: power within the window's main lobe. Holds for Hann-windowed spectra of signals that last.
 
-use crate::welch::{Segments, Spectrum, SpectrumError, waterfall};
+use crate::welch::{SegmentPower, Segments, Spectrum, SpectrumError};
 
 /// Bins on each side whose medians make the floor.
 const AROUND: usize = 24;
@@ -31,12 +31,120 @@ pub struct Line {
     pub ratio: f64,
 }
 
-/// A spectrum averaged over the segments of one run of samples or several, and the segments.
+/// A spectrum averaged over the segments of one run of samples or several.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Averaged {
     /// The mean of the segments.
     pub mean: Spectrum,
-    segments: Vec<Vec<f64>>,
+    /// At each bin, sum and sum of squares over the segments of the power beside it.
+    beside: Vec<[f64; 2]>,
+}
+
+/// An [`Averaged`] in the making, from runs of samples that come in parts.
+pub struct Averaging {
+    plan: Segments,
+    run: Option<SegmentPower>,
+    longest: usize,
+    count: usize,
+    power: Vec<f64>,
+    beside: Vec<[f64; 2]>,
+    sums: Sums,
+}
+
+impl Averaging {
+    /// No segments yet.
+    #[must_use]
+    pub fn new(plan: Segments) -> Self {
+        let bins = plan.length / 2 + 1;
+        Self {
+            plan,
+            run: None,
+            longest: 0,
+            count: 0,
+            power: vec![0.0; bins],
+            beside: vec![[0.0; 2]; bins],
+            sums: Sums::default(),
+        }
+    }
+
+    /// Begins a run of so many samples. One that is shorter than a segment is left out.
+    ///
+    /// # Errors
+    /// Segments that cannot be.
+    pub fn begin(&mut self, samples: usize) -> Result<(), SpectrumError> {
+        self.longest = self.longest.max(samples);
+        let is_long = samples >= self.plan.length;
+        self.run = is_long.then(|| SegmentPower::new(samples, &self.plan)).transpose()?;
+        Ok(())
+    }
+
+    /// Takes the next samples of the run.
+    pub fn push(&mut self, samples: &[f64]) {
+        let Self { run: Some(run), count, power, beside, sums, .. } = self else { return };
+        run.push(samples, |_, of_segment| {
+            *count += 1;
+            power.iter_mut().zip(of_segment).for_each(|(sum, power)| *sum += power);
+            sums.beside(of_segment, beside);
+        });
+    }
+
+    /// The mean of all segments.
+    ///
+    /// # Errors
+    /// No run was as long as a segment.
+    pub fn finish(self) -> Result<Averaged, SpectrumError> {
+        if self.count == 0 {
+            return Err(SpectrumError::TooShort { samples: self.longest });
+        }
+        let step = self.plan.rate / self.plan.length as f64;
+        let mean = Spectrum {
+            frequency: (0..self.power.len()).map(|bin| bin as f64 * step).collect(),
+            power: self.power.into_iter().map(|sum| sum / self.count as f64).collect(),
+            averages: self.count,
+        };
+        Ok(Averaged { mean, beside: self.beside })
+    }
+}
+
+/// Sums of neighbouring bins.
+#[derive(Default)]
+struct Sums {
+    /// Of 1, 2, 4, 8, 16 bins from each on.
+    of: [Vec<f64>; 5],
+}
+
+impl Sums {
+    /// Adds the power beside each bin, and its square. Sums of 21 bins are made of sums of 16, 4 and 1, not as differences of
+    /// running sums: beside a strong line those would cancel.
+    fn beside(&mut self, power: &[f64], to: &mut [[f64; 2]]) {
+        self.of[0].clear();
+        self.of[0].extend_from_slice(power);
+        for k in 1..self.of.len() {
+            let (done, rest) = self.of.split_at_mut(k);
+            let (half, shift) = (&done[k - 1], 1 << (k - 1));
+            rest[0].clear();
+            rest[0]
+                .extend(half.iter().zip(half.get(shift..).unwrap_or_default()).map(|(a, b)| a + b));
+        }
+        let [ones, _, fours, _, sixteens] = &self.of;
+        let side = |from: usize| sixteens[from] + fours[from + 16] + ones[from + 20];
+        for at in candidates(power.len()) {
+            let reach = reach(power.len(), at);
+            let sum = if reach == AROUND {
+                side(at - AROUND) + side(at + LOBE + 1)
+            } else {
+                let left = &power[at - reach..at - LOBE];
+                left.iter().chain(&power[at + LOBE + 1..at + reach + 1]).sum()
+            };
+            to[at][0] += sum;
+            to[at][1] += sum * sum;
+        }
+    }
+}
+
+/// The bins at which a line may stand.
+fn candidates(bins: usize) -> std::ops::Range<usize> {
+    FIRST_BIN + LOBE + 2..bins.saturating_sub(LOBE + 2)
 }
 
 impl Averaged {
@@ -48,27 +156,12 @@ impl Averaged {
         runs: impl IntoIterator<Item = &'a [f64]>,
         plan: &Segments,
     ) -> Result<Self, SpectrumError> {
-        let mut segments = Vec::new();
-        let mut longest = 0;
+        let mut averaging = Averaging::new(*plan);
         for run in runs {
-            longest = longest.max(run.len());
-            if run.len() >= plan.length {
-                segments.extend(waterfall(run, plan)?.into_iter().map(|(_, power)| power));
-            }
+            averaging.begin(run.len())?;
+            averaging.push(run);
         }
-        if segments.is_empty() {
-            return Err(SpectrumError::TooShort { samples: longest });
-        }
-        let count = segments.len() as f64;
-        let bins = segments.iter().map(Vec::len).min().unwrap_or(0);
-        let power = (0..bins).map(|bin| segments.iter().map(|s| s[bin]).sum::<f64>() / count);
-        let step = plan.rate / plan.length as f64;
-        let mean = Spectrum {
-            power: power.collect(),
-            frequency: (0..bins).map(|bin| bin as f64 * step).collect(),
-            averages: segments.len(),
-        };
-        Ok(Self { mean, segments })
+        averaging.finish()
     }
 
     /// The lines of a power density under a Hann window, strongest first.
@@ -77,7 +170,7 @@ impl Averaged {
         let power = &self.mean.power;
         let step = self.mean.frequency.get(1).copied().unwrap_or(0.0);
         let mut found: Vec<(usize, Line)> = Vec::new();
-        for at in FIRST_BIN + LOBE + 2..power.len().saturating_sub(LOBE + 2) {
+        for at in candidates(power.len()) {
             let is_peak = power[at - 2..at + 3].iter().all(|p| *p <= power[at]) && power[at] > 0.0;
             if !is_peak {
                 continue;
@@ -100,16 +193,7 @@ impl Averaged {
 
     /// How many of the segments the noise beside a bin comes from: where a part of the recording is louder, few count.
     fn averages_at(&self, at: usize) -> f64 {
-        let reach = reach(self.mean.power.len(), at);
-        let beside = |segment: &Vec<f64>| -> f64 {
-            let left = &segment[at - reach..at - LOBE];
-            left.iter().chain(&segment[at + LOBE + 1..at + reach + 1]).sum()
-        };
-        let (sum, squares) = self
-            .segments
-            .iter()
-            .map(beside)
-            .fold((0.0, 0.0), |(sum, squares), p| (sum + p, squares + p * p));
+        let [sum, squares] = self.beside[at];
         if squares > 0.0 { sum * sum / squares } else { 1.0 }
     }
 }

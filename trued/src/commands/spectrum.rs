@@ -9,6 +9,7 @@ mod motion;
 mod outcome;
 mod page;
 mod plots;
+mod samples;
 mod space;
 mod spectra;
 mod subject;
@@ -87,7 +88,7 @@ impl Spectrum {
         let subject = Subject::read(self)?;
         let found = Found::of(self, &subject)?;
         if let Some(report) = &self.report {
-            outputs.put(report, page::render(&subject, &found));
+            outputs.put(report, page::render(&subject, &found)?);
         }
         let report = outcome::Report::of(&subject, &found);
         console.write(outputs, "trued.spectrum/1", &report)?;

@@ -25,9 +25,11 @@ impl Found {
         let mut notes = subject.notes.clone();
         let window_s = spectra::window_s(asked.window, subject)?;
         let wheels = Wheels::of(subject);
-        let listened = listen::listen(asked, subject, &wheels.shafts(), &mut notes)?;
-        let episodes = listen::episodes(subject, &listened);
-        let spectra = spectra::of(subject, window_s, &listened, &episodes)?;
+        let measured = spectra::measured(subject, window_s)?;
+        let rms: Vec<f64> = measured.iter().map(|channel| channel.rms).collect();
+        let listened = listen::listen(asked, subject, &wheels.shafts(), &rms, &mut notes)?;
+        let episodes = listen::episodes(subject, &listened)?;
+        let spectra = spectra::of(subject, measured, &listened, &episodes);
         let space = space::of(subject, wheels, &episodes, &spectra)?;
         Ok(Self { listened, episodes, spectra, window_s, space, notes })
     }

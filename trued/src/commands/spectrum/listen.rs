@@ -1,11 +1,11 @@
 //! The daemon's watch over the recording, and its words joined into one story per line.
 
 use recording::model::RobotModel;
-use spectrum::offline::{Event, Heard, Piece as Run, hear, line_near};
-use spectrum::welch::{Segments, detrended, waterfall, welch};
+use spectrum::offline::{Averaging, Event, Heard, Hearing, line_near};
+use spectrum::welch::{Detrend, SegmentPower, Segments, Spectrum};
 use spectrum::{Axis, Class, Mode, State, Verdict, Watch, WatchConfig, Wheel};
 
-use super::Spectrum;
+use super::Spectrum as Asked;
 use super::subject::Subject;
 use crate::exit::Failure;
 
@@ -58,9 +58,10 @@ impl Listened {
 
 /// Has every group of channels watched. Empty, with a note, where the recording is too slow for it.
 pub(super) fn listen(
-    asked: &Spectrum,
+    asked: &Asked,
     subject: &Subject,
     wheels: &[Wheel],
+    rms: &[f64],
     notes: &mut Vec<String>,
 ) -> Result<Vec<Listened>, Failure> {
     if subject.rate_hz < SLOWEST_HZ {
@@ -72,7 +73,7 @@ pub(super) fn listen(
     }
     let mut all = Vec::new();
     for group in subject.groups() {
-        let least = asked.least.unwrap_or_else(|| least(subject, &group));
+        let least = asked.least.unwrap_or_else(|| least(subject, &group, rms));
         let [low_hz, high_hz] = [0, 1].map(|at| asked.band.get(at).copied().unwrap_or(f64::NAN));
         let usual = WatchConfig::default();
         let config = WatchConfig {
@@ -89,19 +90,14 @@ pub(super) fn listen(
             ..usual
         };
         let mut watch = Watch::new(config).map_err(Failure::input)?;
-        let slices: Vec<Vec<&[f64]>> = subject
-            .pieces
-            .iter()
-            .map(|piece| group.iter().map(|at| piece.samples[*at].as_slice()).collect())
-            .collect();
-        let runs: Vec<Run<'_>> = subject
-            .pieces
-            .iter()
-            .zip(&slices)
-            .map(|(piece, channels)| Run { start_s: piece.at_s, channels })
-            .collect();
-        let state = |piece: usize, at: usize| subject.pieces[piece].motion.state(at, subject.teeth);
-        let heard = hear(&mut watch, subject.rate_hz, &runs, state);
+        let mut hearing = Hearing::new(&mut watch, subject.rate_hz);
+        for piece in &subject.pieces {
+            let state = |sample| piece.motion.state(sample, subject.teeth);
+            hearing.begin(piece.at_s, group.len());
+            piece.samples.taken(&group, 0..piece.len(), |part| hearing.push(part, state))?;
+            hearing.end(state);
+        }
+        let heard = hearing.finish();
         if heard.still_learning {
             let seconds = report::significant(subject.seconds(), 3);
             let note =
@@ -119,25 +115,13 @@ pub(super) fn listen(
 }
 
 /// The least amplitude by the unit, else by the signal's own size.
-fn least(subject: &Subject, group: &[usize]) -> f64 {
+fn least(subject: &Subject, group: &[usize], rms: &[f64]) -> f64 {
     let defaults = WatchConfig::default();
     match group.first().map(|at| subject.channels[*at].unit.as_str()) {
         Some("N") => defaults.least_amplitude_n,
         Some("Nm") => defaults.least_amplitude_nm,
-        _ => LEAST_PART * group.iter().map(|at| rms(subject, *at)).fold(0.0, f64::max),
+        _ => LEAST_PART * group.iter().filter_map(|at| rms.get(*at)).copied().fold(0.0, f64::max),
     }
-}
-
-/// Root mean square of a channel around the mean of each second.
-pub(super) fn rms(subject: &Subject, channel: usize) -> f64 {
-    let second = (subject.rate_hz as usize).max(2);
-    let (mut sum, mut count) = (0.0, 0);
-    for part in subject.pieces.iter().flat_map(|piece| piece.even(channel).chunks(second)) {
-        let mean = part.iter().sum::<f64>() / part.len() as f64;
-        sum += part.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>();
-        count += part.len();
-    }
-    if count > 0 { (sum / count as f64).sqrt() } else { 0.0 }
 }
 
 fn modes(model: &RobotModel) -> Vec<Mode> {
@@ -150,7 +134,7 @@ fn modes(model: &RobotModel) -> Vec<Mode> {
 }
 
 /// The story of every line, those that alarmed first, the strongest first.
-pub(super) fn episodes(subject: &Subject, all: &[Listened]) -> Vec<Episode> {
+pub(super) fn episodes(subject: &Subject, all: &[Listened]) -> Result<Vec<Episode>, Failure> {
     let mut episodes = Vec::new();
     for listened in all {
         let mut lines: Vec<u32> = Vec::new();
@@ -162,7 +146,7 @@ pub(super) fn episodes(subject: &Subject, all: &[Listened]) -> Vec<Episode> {
         for line in lines {
             let of_line = |event: &&Event| event.verdict.line == line;
             let events: Vec<&Event> = listened.heard.events.iter().filter(of_line).collect();
-            episodes.extend(episode(subject, listened, &events));
+            episodes.extend(episode(subject, listened, &events)?);
         }
     }
     let rank = |episode: &Episode| match (episode.state, is_harmful(&episode.verdict)) {
@@ -171,7 +155,7 @@ pub(super) fn episodes(subject: &Subject, all: &[Listened]) -> Vec<Episode> {
         _ => 0,
     };
     episodes.sort_by(|a, b| rank(a).cmp(&rank(b)).then(b.amplitude.total_cmp(&a.amplitude)));
-    episodes
+    Ok(episodes)
 }
 
 /// Whether somebody should do something about a line.
@@ -179,13 +163,19 @@ pub(super) fn is_harmful(verdict: &Verdict) -> bool {
     !matches!(verdict.class, Class::Electrical | Class::Structural)
 }
 
-fn episode(subject: &Subject, listened: &Listened, events: &[&Event]) -> Option<Episode> {
+fn episode(
+    subject: &Subject,
+    listened: &Listened,
+    events: &[&Event],
+) -> Result<Option<Episode>, Failure> {
     let alive = || events.iter().filter(|event| event.verdict.state != State::Over);
-    let state = alive().map(|event| event.verdict.state).max()?;
-    let best = alive().rev().find(|event| event.verdict.state == state)?;
+    let state = alive().map(|event| event.verdict.state).max();
+    let best = alive().rev().find(|event| Some(event.verdict.state) == state);
     let over = events.iter().find(|event| event.verdict.state == State::Over);
-    let first = events.first()?;
     let alarm = events.iter().find(|event| event.verdict.state == State::Alarm);
+    let (Some(state), Some(best), Some(first)) = (state, best, events.first()) else {
+        return Ok(None);
+    };
     let mut episode = Episode {
         channel: listened.channel(best.verdict.axis),
         from_s: first.t_s,
@@ -197,45 +187,50 @@ fn episode(subject: &Subject, listened: &Listened, events: &[&Event]) -> Option<
         growth_per_s: alive().map(|event| event.verdict.growth_per_s).fold(0.0, f64::max),
         verdict: best.verdict,
     };
-    episode.measure(subject, best.piece);
-    Some(episode)
+    episode.measure(subject, best.piece)?;
+    Ok(Some(episode))
 }
 
 impl Episode {
     /// Frequency and largest amplitude from the samples of its own time, where they are long enough.
-    fn measure(&mut self, subject: &Subject, piece: usize) {
-        let Some(piece) = subject.pieces.get(piece) else { return };
+    fn measure(&mut self, subject: &Subject, piece: usize) -> Result<(), Failure> {
+        let Some(piece) = subject.pieces.get(piece) else { return Ok(()) };
         let rate_hz = subject.rate_hz;
         let sample = |t_s: f64| (((t_s - piece.at_s) * rate_hz).max(0.0) as usize).min(piece.len());
         let from = sample(self.from_s - 0.1);
         let to = self.to_s.map_or(piece.len(), sample);
         let window = (MEASURED_S * rate_hz) as usize;
-        let Some(samples) =
-            piece.even(self.channel).get(from..to).filter(|s| s.len() >= 2 * window)
-        else {
-            return;
-        };
-        let whole = Segments {
-            detrend: spectrum::welch::Detrend::Linear,
-            ..Segments::new(rate_hz, samples.len().min(4 * window))
-        };
+        let length = to.saturating_sub(from);
+        if length < 2 * window {
+            return Ok(());
+        }
+        let whole =
+            Segments { detrend: Detrend::Linear, ..Segments::new(rate_hz, length.min(4 * window)) };
+        let mut averaging = Averaging::new(whole);
+        averaging.begin(length).map_err(Failure::input)?;
+        piece.samples.even(&[self.channel], from..to, |part| averaging.push(part))?;
+        let mean = averaging.finish().map_err(Failure::input)?.mean;
         let reach_hz = 3.0_f64.max(0.005 * self.frequency_hz);
-        let near =
-            welch(samples, &whole).ok().and_then(|s| line_near(&s, self.frequency_hz, reach_hz));
-        let Some(line) = near.filter(|line| line.ratio > 2.0) else { return };
+        let near = line_near(&mean, self.frequency_hz, reach_hz);
+        let Some(line) = near.filter(|line| line.ratio > 2.0) else { return Ok(()) };
         self.frequency_hz = line.frequency;
-        let short = Segments { overlap: 3 * window / 4, ..Segments { length: window, ..whole } };
+        let short = Segments { overlap: 3 * window / 4, length: window, ..whole };
+        let mut segments = SegmentPower::new(length, &short).map_err(Failure::input)?;
         let step_hz = rate_hz / window as f64;
-        let Ok(windows) = waterfall(&detrended(samples, whole.detrend), &short) else { return };
-        let frequency: Vec<f64> = (0..=window / 2).map(|bin| bin as f64 * step_hz).collect();
-        let amplitude = |power: Vec<f64>| {
-            let spectrum =
-                spectrum::welch::Spectrum { frequency: frequency.clone(), power, averages: 1 };
-            line_near(&spectrum, line.frequency, step_hz).map_or(0.0, |line| line.amplitude)
-        };
-        let largest = windows.into_iter().map(|(_, power)| amplitude(power)).fold(0.0, f64::max);
+        let mut spectrum =
+            Spectrum { frequency: segments.frequencies(), power: Vec::new(), averages: 1 };
+        let mut largest = 0.0_f64;
+        piece.samples.even(&[self.channel], from..to, |part| {
+            segments.push(part, |_, power| {
+                spectrum.power.clear();
+                spectrum.power.extend_from_slice(power);
+                let near = line_near(&spectrum, line.frequency, step_hz);
+                largest = largest.max(near.map_or(0.0, |line| line.amplitude));
+            });
+        })?;
         if largest > 0.0 {
             self.amplitude = largest;
         }
+        Ok(())
     }
 }

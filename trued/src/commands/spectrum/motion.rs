@@ -1,12 +1,12 @@
 //! What the machine did meanwhile: spindle, feed, path, joints; from what was told, else from the recording.
 
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use physics::chain::Chain;
 use physics::{JOINTS_MAX, JointKind, Joints};
 use recording::model::RobotModel;
 use recording::series::Channel;
-use recording::waves::Record;
 use spectrum::ProcessState;
 use spectrum::offline::{Standing, path_mm, speed_of_pulses, speed_on};
 
@@ -14,6 +14,9 @@ use super::Spectrum;
 
 /// A quantity over the samples: none where it is not known, one value where it stands, else one for each sample.
 type Course = Vec<f64>;
+
+/// What was recorded beside the waveforms, SI.
+type Beside = BTreeMap<Channel, Vec<f64>>;
 
 /// The machine's motion during one piece.
 #[derive(Debug, Default)]
@@ -33,14 +36,15 @@ pub(super) struct Motion {
 impl Motion {
     pub(super) fn of(
         asked: &Spectrum,
-        record: &Record,
+        beside: &Beside,
+        samples: usize,
         rate_hz: f64,
         model: Option<&RobotModel>,
         notes: &mut Vec<String>,
     ) -> Self {
-        let column = |channel: Channel| record.beside.get(&channel).map(|values| held(values));
+        let column = |channel: Channel| beside.get(&channel).map(|values| held(values));
         let tacho = || {
-            let speed = speed_of_pulses(record.beside.get(&Channel::Tacho)?, rate_hz);
+            let speed = speed_of_pulses(beside.get(&Channel::Tacho)?, rate_hz);
             notes.push(if speed.is_empty() {
                 "the tacho shows no pulses".to_owned()
             } else {
@@ -60,13 +64,12 @@ impl Motion {
             Self { spindle_rpm: spindle_rpm.unwrap_or_default(), joints, ..Self::default() };
         let feed = asked.feed_mm_s.map(|feed| vec![feed]);
         let recorded = || column(Channel::Feed).map(|feed| feed.iter().map(|v| 1e3 * v).collect());
-        let samples = record.len();
         if let Some(feed) = feed.or_else(recorded) {
             motion.path_by =
                 if asked.feed_mm_s.is_some() { "the feed given" } else { "the recorded feed" };
             motion.path_mm = integrated(&feed, samples, rate_hz);
             motion.feed_mm_s = feed;
-        } else if let Some((by, position_mm)) = motion.positions(record, model) {
+        } else if let Some((by, position_mm)) = motion.positions(beside, samples, model) {
             motion.path_by = by;
             motion.path_mm = path_mm(&position_mm, rate_hz);
             motion.feed_mm_s = speed_on(&motion.path_mm, rate_hz);
@@ -77,15 +80,16 @@ impl Motion {
     /// The tool's positions, mm: measured, or by the model from the joints.
     fn positions(
         &self,
-        record: &Record,
+        beside: &Beside,
+        samples: usize,
         model: Option<&RobotModel>,
     ) -> Option<(&'static str, Vec<[f64; 3]>)> {
-        let axis = |axis: usize| record.beside.get(&Channel::Position(axis));
+        let axis = |axis: usize| beside.get(&Channel::Position(axis));
         if (0..3).any(|i| axis(i).is_some()) {
             let at = |i: usize, row: usize| {
                 axis(i).map_or(0.0, |x| x.get(row).map_or(f64::NAN, |x| 1e3 * x))
             };
-            let rows = (0..record.len()).map(|row| [at(0, row), at(1, row), at(2, row)]);
+            let rows = (0..samples).map(|row| [at(0, row), at(1, row), at(2, row)]);
             return Some(("the measured positions", rows.collect()));
         }
         let arm = &model?.physics.arm;
@@ -99,7 +103,7 @@ impl Motion {
             }
             (Chain::nominal(arm, &q).base_from_tool.origin * 1e3).to_array()
         };
-        Some(("the joints through the model's geometry", (0..record.len()).map(place).collect()))
+        Some(("the joints through the model's geometry", (0..samples).map(place).collect()))
     }
 
     /// The state at a sample.

@@ -8,13 +8,14 @@ use super::plots;
 use super::space::Space;
 use super::subject::Subject;
 use super::words::{self, alarmed, class_and_rivals, hz};
+use crate::exit::Failure;
 use crate::input::count;
 
 /// At most so many rows of a table.
 const ROWS: usize = 40;
 
 /// The whole page.
-pub(super) fn render(subject: &Subject, found: &Found) -> String {
+pub(super) fn render(subject: &Subject, found: &Found) -> Result<String, Failure> {
     let channel = plots::shown(found);
     let name = &subject.channels[channel].name;
     let mut page = Page::new(words::title(found))
@@ -22,10 +23,14 @@ pub(super) fn render(subject: &Subject, found: &Found) -> String {
         .lead(&words::lead(subject, found))
         .numbers(numbers(subject, found))
         .section(if found.episodes.iter().any(alarmed) { "When it rang" } else { "Over time" });
-    if let Some(map) = plots::waterfall(subject, found, channel) {
+    if let Some(map) = plots::waterfall(subject, found, channel)? {
         page = page.figure(&format!("Amplitude of {name} over time and frequency."), &map);
     }
-    page = page.figure(&format!("The samples of {name}."), &plots::signal(subject, found, channel));
+    let drawn = match plots::thinned(subject) {
+        1 => format!("The samples of {name}."),
+        group => format!("The samples of {name}: the least and the largest of every {group}."),
+    };
+    page = page.figure(&drawn, &plots::signal(subject, found, channel)?);
     if !found.episodes.is_empty() {
         page = page.table(&episodes(subject, found));
     }
@@ -41,11 +46,12 @@ pub(super) fn render(subject: &Subject, found: &Found) -> String {
             "What a gear or the surface causes has a constant number of cycles per mm whatever the feed. To see it: {missing}."
         )),
     };
-    health(page, subject, found)
+    let page = health(page, subject, found)
         .section("What was looked at")
         .facts(facts(subject, found))
         .footer("Made by trued spectrum. Amplitudes are half the way from crest to trough, in the channel's own unit.")
-        .render()
+        .render();
+    Ok(page)
 }
 
 fn numbers(subject: &Subject, found: &Found) -> Vec<Number> {

@@ -2,7 +2,7 @@
 
 use report::{Axis, HeatMap, Plot, Series, Svg};
 use spectrum::folded_hz;
-use spectrum::welch::{Scaling, Segments, Spectrum, waterfall as spectra_over_time};
+use spectrum::welch::{Scaling, SegmentPower, Segments, Spectrum};
 
 use super::found::Found;
 use super::listen::Episode;
@@ -10,6 +10,7 @@ use super::space::Space;
 use super::spectra::segments;
 use super::subject::Subject;
 use super::words::{alarmed, frequency_words::density_unit};
+use crate::exit::Failure;
 
 /// Columns of a waterfall: as many as are drawn.
 const COLUMNS: usize = 208;
@@ -17,6 +18,8 @@ const COLUMNS: usize = 208;
 const HARMONICS: u32 = 40;
 /// Lines that are named in a plot.
 const NAMED: usize = 3;
+/// Points of a signal that are kept for its drawing, which thins them further.
+const SIGNAL_POINTS: usize = 1 << 20;
 /// The waterfall spans so many decades below its loudest cell.
 const DECADES: f64 = 3.0;
 
@@ -57,9 +60,13 @@ pub(super) fn shown(found: &Found) -> usize {
 }
 
 /// Amplitude of one channel over time and frequency.
-pub(super) fn waterfall(subject: &Subject, found: &Found, channel: usize) -> Option<Svg> {
+pub(super) fn waterfall(
+    subject: &Subject,
+    found: &Found,
+    channel: usize,
+) -> Result<Option<Svg>, Failure> {
     let top_hz = top_hz(subject, found);
-    let (from_s, to_s) = span_s(subject)?;
+    let Some((from_s, to_s)) = span_s(subject) else { return Ok(None) };
     let window_s = ((to_s - from_s) / 60.0).clamp(20.0 / top_hz, 0.5).max(32.0 / subject.rate_hz);
     let plan = Segments { scaling: Scaling::Spectrum, ..segments(subject.rate_hz, window_s) };
     let plan = Segments { overlap: 3 * plan.length / 4, ..plan };
@@ -68,8 +75,8 @@ pub(super) fn waterfall(subject: &Subject, found: &Found, channel: usize) -> Opt
     let columns = COLUMNS.min(((to_s - from_s) / (window_s / 4.0)) as usize).max(1);
     let mut cells = vec![f64::NAN; rows * columns];
     for piece in &subject.pieces {
-        let Ok(spectra) = spectra_over_time(piece.even(channel), &plan) else { continue };
-        for (t_s, power) in spectra {
+        let Ok(mut segments) = SegmentPower::new(piece.len(), &plan) else { continue };
+        let mut enter = |t_s: f64, power: &[f64]| {
             let place = (piece.at_s + t_s - from_s) / (to_s - from_s) * columns as f64;
             let column = (place as usize).min(columns - 1);
             for (row, power) in power.iter().skip(1).take(rows).enumerate() {
@@ -77,7 +84,9 @@ pub(super) fn waterfall(subject: &Subject, found: &Found, channel: usize) -> Opt
                 let cell = &mut cells[row * columns + column];
                 *cell = cell.max(amplitude);
             }
-        }
+        };
+        let all = 0..piece.len();
+        piece.samples.even(&[channel], all, |part| segments.push(part, &mut enter))?;
     }
     fill_gaps(
         &mut cells,
@@ -94,12 +103,10 @@ pub(super) fn waterfall(subject: &Subject, found: &Found, channel: usize) -> Opt
         Axis::new("Amplitude", unit).log().range(largest * 10f64.powf(-DECADES), largest),
     )
     .cells(columns, cells);
-    Some(
-        named(found)
-            .into_iter()
-            .fold(map, |map, episode| map.mark_x(start(episode), label(episode)))
-            .render(),
-    )
+    let marked = named(found)
+        .into_iter()
+        .fold(map, |map, episode| map.mark_x(start(episode), label(episode)));
+    Ok(Some(marked.render()))
 }
 
 /// Columns that no segment's middle fell into take their neighbour's values; true gaps stay empty.
@@ -136,22 +143,52 @@ fn label(episode: &Episode) -> String {
     format!("{:.0} Hz {}", episode.frequency_hz, episode.verdict.class.name().replace('_', " "))
 }
 
+/// Of how many samples that follow each other the drawing of a signal has the least and the largest alone; 1: all are drawn.
+pub(super) fn thinned(subject: &Subject) -> usize {
+    if subject.len() <= SIGNAL_POINTS { 1 } else { (2 * subject.len()).div_ceil(SIGNAL_POINTS) }
+}
+
 /// The samples of one channel over time.
-pub(super) fn signal(subject: &Subject, found: &Found, channel: usize) -> Svg {
+pub(super) fn signal(subject: &Subject, found: &Found, channel: usize) -> Result<Svg, Failure> {
     let own = &subject.channels[channel];
-    let mut points = Vec::with_capacity(subject.len() + subject.pieces.len());
+    let group = thinned(subject);
+    let mut points = Vec::with_capacity(subject.len().min(SIGNAL_POINTS) + subject.pieces.len());
     for piece in &subject.pieces {
         let t_s = |i: usize| piece.at_s + i as f64 / subject.rate_hz;
-        points.extend(piece.samples[channel].iter().enumerate().map(|(i, x)| (t_s(i), *x)));
+        let (mut at, mut open) = (0, Vec::with_capacity(group));
+        piece.samples.taken(&[channel], 0..piece.len(), |part| {
+            for x in part {
+                open.push((t_s(at), *x));
+                at += 1;
+                if open.len() == group {
+                    extremes(&mut open, &mut points);
+                }
+            }
+        })?;
+        extremes(&mut open, &mut points);
         points.push((t_s(piece.len()), f64::NAN));
     }
     let plot = Plot::new("Signal", Axis::new("Time", "s"), Axis::new(&own.name, &own.unit))
         .series(Series::line("", points))
         .height(220.0);
-    named(found)
+    let marked = named(found)
         .into_iter()
-        .fold(plot, |plot, episode| plot.mark_x(start(episode), label(episode)))
-        .render()
+        .fold(plot, |plot, episode| plot.mark_x(start(episode), label(episode)));
+    Ok(marked.render())
+}
+
+/// Moves the least and the largest of some points over, in their order; where none was taken, one that says so.
+fn extremes(open: &mut Vec<(f64, f64)>, to: &mut Vec<(f64, f64)>) {
+    let taken = || open.iter().filter(|point| !point.1.is_nan());
+    let least = taken().min_by(|a, b| a.1.total_cmp(&b.1));
+    let largest = taken().max_by(|a, b| a.1.total_cmp(&b.1));
+    match least.zip(largest) {
+        Some((a, b)) if a.0 == b.0 => to.push(*a),
+        Some((a, b)) if a.0 < b.0 => to.extend([*a, *b]),
+        Some((a, b)) => to.extend([*b, *a]),
+        None => to.extend(open.first()),
+    }
+    open.clear();
 }
 
 /// Power density of all channels of one unit, with what is known to stand where.

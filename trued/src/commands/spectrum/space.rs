@@ -203,7 +203,11 @@ impl<'a> Known<'a> {
     fn averaged(&self, channel: usize, segments: &Segments) -> Result<Averaged, Failure> {
         let mut runs = Vec::new();
         for piece in self.pieces.iter().filter(|piece| length_mm(piece) >= SHORTEST_MM) {
-            let samples = detrended(piece.even(channel), Detrend::Constant);
+            let mut samples = Vec::with_capacity(piece.len());
+            piece
+                .samples
+                .even(&[channel], 0..piece.len(), |part| samples.extend_from_slice(part))?;
+            let samples = detrended(&samples, Detrend::Constant);
             let run = over_path(&piece.motion.path_mm, &samples, 1.0 / segments.rate);
             runs.push(run.map_err(Failure::input)?);
         }

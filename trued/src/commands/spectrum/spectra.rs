@@ -1,10 +1,10 @@
 //! Spectra of the whole recording: power density and lines of every channel.
 
-use spectrum::offline::{Averaged, Line, Standing};
+use spectrum::offline::{Averaged, Averaging, Line, Standing};
 use spectrum::welch::{Detrend, Scaling, Segments, Spectrum, Taper};
 use spectrum::{Axis, Class, State, Verdict};
 
-use super::listen::{Episode, Listened, rms};
+use super::listen::{Episode, Listened};
 use super::subject::{Piece, Subject};
 use crate::exit::Failure;
 
@@ -61,37 +61,100 @@ pub(super) fn segments(rate_hz: f64, window_s: f64) -> Segments {
     }
 }
 
-/// The spectra of all channels.
+/// Power density and rms of one channel.
+pub(super) struct Measured {
+    averaged: Averaged,
+    pub(super) rms: f64,
+}
+
+/// Power density and rms of every channel, in one pass over the samples.
+pub(super) fn measured(subject: &Subject, window_s: f64) -> Result<Vec<Measured>, Failure> {
+    let segments = segments(subject.rate_hz, window_s);
+    let all: Vec<usize> = (0..subject.channels.len()).collect();
+    let mut averaging: Vec<Averaging> = all.iter().map(|_| Averaging::new(segments)).collect();
+    let mut rms: Vec<Rms> = all.iter().map(|_| Rms::of_seconds(subject.rate_hz)).collect();
+    let mut own = Vec::new();
+    for piece in &subject.pieces {
+        for averaging in &mut averaging {
+            averaging.begin(piece.len()).map_err(Failure::input)?;
+        }
+        piece.samples.even(&all, 0..piece.len(), |part| {
+            for (at, (averaging, rms)) in averaging.iter_mut().zip(&mut rms).enumerate() {
+                own.clear();
+                own.extend(part.iter().skip(at).step_by(all.len()));
+                averaging.push(&own);
+                rms.push(&own);
+            }
+        })?;
+        rms.iter_mut().for_each(Rms::end);
+    }
+    let finished = |(averaging, rms): (Averaging, Rms)| {
+        Ok(Measured { averaged: averaging.finish().map_err(Failure::input)?, rms: rms.value() })
+    };
+    averaging.into_iter().zip(rms).map(finished).collect()
+}
+
+/// Root mean square around the mean of each second.
+struct Rms {
+    second: usize,
+    held: Vec<f64>,
+    sum: f64,
+    count: usize,
+}
+
+impl Rms {
+    fn of_seconds(rate_hz: f64) -> Self {
+        Self { second: (rate_hz as usize).max(2), held: Vec::new(), sum: 0.0, count: 0 }
+    }
+
+    fn push(&mut self, mut samples: &[f64]) {
+        while let Some((part, rest)) = samples.split_at_checked(self.second - self.held.len()) {
+            self.held.extend_from_slice(part);
+            samples = rest;
+            self.end();
+        }
+        self.held.extend_from_slice(samples);
+    }
+
+    /// Ends the second that has begun.
+    fn end(&mut self) {
+        if self.held.is_empty() {
+            return;
+        }
+        let mean = self.held.iter().sum::<f64>() / self.held.len() as f64;
+        self.sum += self.held.iter().map(|x| (x - mean) * (x - mean)).sum::<f64>();
+        self.count += self.held.len();
+        self.held.clear();
+    }
+
+    fn value(&self) -> f64 {
+        if self.count > 0 { (self.sum / self.count as f64).sqrt() } else { 0.0 }
+    }
+}
+
+/// The spectra of all channels with their lines.
 pub(super) fn of(
     subject: &Subject,
-    window_s: f64,
+    measured: Vec<Measured>,
     all: &[Listened],
     episodes: &[Episode],
-) -> Result<Vec<ChannelSpectrum>, Failure> {
-    let segments = segments(subject.rate_hz, window_s);
+) -> Vec<ChannelSpectrum> {
     let longest = subject.pieces.iter().max_by_key(|piece| piece.len());
-    let uncertainty_hz = LINE_PART * subject.rate_hz / segments.length as f64;
-    let standing = longest.map(|piece| piece.motion.standing(subject.teeth, uncertainty_hz));
-    let standing = standing.unwrap_or_default();
     let mut spectra = Vec::new();
-    for channel in 0..subject.channels.len() {
-        let runs = subject.pieces.iter().map(|piece| piece.even(channel));
-        let averaged = Averaged::of(runs, &segments).map_err(Failure::input)?;
-        let resolution_hz = subject.rate_hz / segments.length as f64;
+    for (channel, Measured { averaged, rms }) in measured.into_iter().enumerate() {
+        let resolution_hz = averaged.mean.frequency.get(1).copied().unwrap_or(0.0);
+        let uncertainty_hz = LINE_PART * resolution_hz;
+        let standing = longest.map(|piece| piece.motion.standing(subject.teeth, uncertainty_hz));
+        let standing = standing.unwrap_or_default();
         let mut judged: Vec<JudgedLine> = averaged
             .lines()
             .into_iter()
             .map(|line| judge(line, channel, resolution_hz, &standing, all, episodes))
             .collect();
         judged.truncate(LINES_MAX);
-        spectra.push(ChannelSpectrum {
-            channel,
-            density: averaged.mean,
-            rms: rms(subject, channel),
-            lines: judged,
-        });
+        spectra.push(ChannelSpectrum { channel, density: averaged.mean, rms, lines: judged });
     }
-    Ok(spectra)
+    spectra
 }
 
 /// What the watch said of a line that it followed, else what it would say by where the line stands.

@@ -1,15 +1,17 @@
 //! What is looked at: the channels of a recording in pieces without holes, and who they belong to.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use recording::faults::{Fault, Faults};
 use recording::files::FileError;
 use recording::model::RobotModel;
-use recording::waves::{self, Grid, Options, Record, Wave, Waves};
+use recording::waves::{self, Grid, Options, Record, Stored, Wave, Waves};
 use spectrum::Axis;
 
 use super::Spectrum;
 use super::motion::Motion;
+use super::samples::Samples;
 use crate::exit::Failure;
 use crate::input;
 
@@ -32,10 +34,7 @@ pub(super) struct Piece {
     pub(super) start_s: f64,
     /// The same on an axis on which time never runs back.
     pub(super) at_s: f64,
-    /// Each channel's samples; NaN where none was taken.
-    pub(super) samples: Vec<Vec<f64>>,
-    /// The same with straight lines across what was not taken, where there is any.
-    bridged: Vec<Option<Vec<f64>>>,
+    pub(super) samples: Samples,
     pub(super) motion: Motion,
 }
 
@@ -52,14 +51,8 @@ pub(super) struct Subject {
 }
 
 impl Piece {
-    /// A channel's samples without holes.
-    pub(super) fn even(&self, channel: usize) -> &[f64] {
-        let bridged = self.bridged.get(channel).and_then(Option::as_deref);
-        bridged.or_else(|| self.samples.get(channel).map(Vec::as_slice)).unwrap_or_default()
-    }
-
     pub(super) fn len(&self) -> usize {
-        self.samples.first().map_or(0, Vec::len)
+        self.samples.len()
     }
 }
 
@@ -72,6 +65,9 @@ impl Subject {
             full_scale: asked.scale,
             ..Options::default()
         };
+        if let Some(stored) = Stored::open(&asked.file, &options).map_err(input::unusable)? {
+            return Self::stored(asked, stored);
+        }
         let waves = waves::read(&asked.file, &options).map_err(input::unusable)?;
         let model = model(asked, &waves)?;
         let mut notes = waves.notes.clone();
@@ -86,8 +82,8 @@ impl Subject {
         for record in records {
             let piece = piece(asked, record, rate_hz, end_s, model.as_ref(), &mut notes);
             end_s = piece.at_s + piece.len() as f64 / rate_hz;
-            for (channel, samples) in channels.iter_mut().zip(&piece.samples) {
-                channel.holes += samples.iter().filter(|x| x.is_nan()).count();
+            for (at, channel) in channels.iter_mut().enumerate() {
+                channel.holes += piece.samples.holes(at);
             }
             pieces.push(piece);
         }
@@ -95,6 +91,22 @@ impl Subject {
         notes.dedup();
         let file = asked.file.clone();
         Ok(Self { file, rate_hz, channels, pieces, model, teeth: teeth.unwrap_or(0), notes })
+    }
+
+    /// One record whose samples stay in the file.
+    fn stored(asked: &Spectrum, mut stored: Stored) -> Result<Self, Failure> {
+        let Grid::Time { rate_hz, start_s } = stored.grid else {
+            return Err(Failure::input("samples over a length have no spectrum over time"));
+        };
+        let model = asked.model.as_deref().map(input::model).transpose()?;
+        let mut notes = std::mem::take(&mut stored.notes);
+        let channels = stored.channels.iter().map(channel).collect();
+        let motion =
+            Motion::of(asked, &BTreeMap::new(), stored.len(), rate_hz, model.as_ref(), &mut notes);
+        let samples = Samples::Stored(Box::new(stored));
+        let pieces = vec![Piece { start_s, at_s: start_s, samples, motion }];
+        let (file, teeth) = (asked.file.clone(), asked.teeth.unwrap_or(0));
+        Ok(Self { file, rate_hz, channels, pieces, model, teeth, notes })
     }
 
     /// Samples of each channel.
@@ -186,11 +198,15 @@ fn alike(
     };
     let wanted = names(first);
     let fits = |record: &Record| rate(record) == Some(rate_hz) && names(record) == wanted;
-    let records: Vec<Record> = waves.records.into_iter().filter(fits).collect();
-    if records.len() < all {
-        let left = all - records.len();
-        notes.push(format!("records with another rate or other channels, left out: {left}"));
+    for other in waves.records.iter().filter(|record| !fits(record)) {
+        notes.push(format!(
+            "left out: {} at {}; looked at are {} at {rate_hz} Hz (--column asks for others)",
+            names(other).join(", "),
+            rate(other).map_or("steps of length".to_owned(), |rate_hz| format!("{rate_hz} Hz")),
+            wanted.join(", "),
+        ));
     }
+    let records: Vec<Record> = waves.records.into_iter().filter(fits).collect();
     if responses > 0 {
         notes.push(format!("response functions, left out: {responses} (`trued tap` reads them)"));
     }
@@ -209,33 +225,9 @@ fn piece(
         Grid::Time { start_s, .. } => start_s,
         Grid::Length { .. } => 0.0,
     };
-    let motion = Motion::of(asked, &record, rate_hz, model, notes);
-    let samples: Vec<Vec<f64>> = record.channels.into_iter().map(|wave| wave.values).collect();
-    let bridged = samples.iter().map(|samples| bridged(samples)).collect();
-    Piece { start_s, at_s: start_s.max(end_s), samples, bridged, motion }
-}
-
-/// Straight lines across samples that were not taken; `None` where all were.
-fn bridged(samples: &[f64]) -> Option<Vec<f64>> {
-    samples.iter().any(|x| x.is_nan()).then(|| {
-        let mut even = samples.to_vec();
-        let mut last: Option<usize> = None;
-        for at in 0..samples.len() {
-            if samples[at].is_nan() {
-                continue;
-            }
-            let from = last.map_or(samples[at], |last| samples[last]);
-            let begin = last.map_or(0, |last| last + 1);
-            let steps = (at + 1 - begin) as f64;
-            for (step, value) in (1..).zip(&mut even[begin..at]) {
-                *value = from + (samples[at] - from) * f64::from(step) / steps;
-            }
-            last = Some(at);
-        }
-        let end = last.map_or(0.0, |last| samples[last]);
-        even[last.map_or(0, |last| last + 1)..].fill(end);
-        even
-    })
+    let motion = Motion::of(asked, &record.beside, record.len(), rate_hz, model, notes);
+    let taken = record.channels.into_iter().map(|wave| wave.values).collect();
+    Piece { start_s, at_s: start_s.max(end_s), samples: Samples::held(taken), motion }
 }
 
 fn refuse_empty(asked: &Spectrum, channels: &[Channel], pieces: &[Piece]) -> Result<(), Failure> {
@@ -246,18 +238,4 @@ fn refuse_empty(asked: &Spectrum, channels: &[Channel], pieces: &[Piece]) -> Res
         faults.push(fault.expected("numbers").help("choose other columns: --column"));
     }
     if faults.is_empty() { Ok(()) } else { Err(input::unusable(FileError::Content(faults))) }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn holes_are_bridged_by_straight_lines_and_ends_are_held() {
-        let nan = f64::NAN;
-        assert_eq!(bridged(&[1.0, 2.0]), None);
-        let even = bridged(&[nan, 1.0, nan, nan, 4.0, nan]);
-        assert_eq!(even, Some(vec![1.0, 1.0, 2.0, 3.0, 4.0, 4.0]));
-        assert_eq!(bridged(&[nan, nan]), Some(vec![0.0, 0.0]));
-    }
 }

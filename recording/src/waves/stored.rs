@@ -1,0 +1,81 @@
+//! Records that are too long for memory: their samples stay in the file and are read a part at a time.
+
+use std::fs::File;
+use std::io::Read;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use super::wav::{self, Layout, Opened, Unread};
+use super::wav_chunks::Source;
+use super::{Form, Grid, Options, Wave, is_mapped};
+use crate::files::FileError;
+
+/// A file's form is known by so many bytes.
+const HEAD_BYTES: u64 = 512;
+
+/// A record whose samples stay in its file.
+#[derive(Debug)]
+pub struct Stored {
+    file: File,
+    path: PathBuf,
+    layout: Layout,
+    /// Where the samples stand.
+    pub grid: Grid,
+    /// Name, unit and axis of each channel, without values.
+    pub channels: Vec<Wave>,
+    /// What was noticed and is no fault, one sentence each.
+    pub notes: Vec<String>,
+}
+
+impl Stored {
+    /// Opens the record of a WAV file; `None` of a file of another form, which [`super::read`] reads.
+    ///
+    /// # Errors
+    /// The file cannot be read, or every fault of it.
+    pub fn open(path: &Path, options: &Options) -> Result<Option<Self>, FileError> {
+        if is_mapped(path, options) {
+            return Ok(None);
+        }
+        let file = File::open(path).map_err(FileError::io("read", path))?;
+        let mut head = Vec::new();
+        (&file).take(HEAD_BYTES).read_to_end(&mut head).map_err(FileError::io("read", path))?;
+        // What cannot be read at any place, as a pipe, is read as a whole.
+        let at_any_place = file.read_at(0, &mut [0; 1]).is_ok();
+        if !(at_any_place && matches!(Form::of(path, &head), Form::Wav)) {
+            return Ok(None);
+        }
+        let Opened { layout, grid, channels, notes } =
+            wav::open(&path.display().to_string(), &file, options).map_err(|why| match why {
+                Unread::Faults(faults) => faults.into(),
+                Unread::Io(error) => FileError::io("read", path)(error),
+            })?;
+        Ok(Some(Self { file, path: path.to_owned(), layout, grid, channels, notes }))
+    }
+
+    /// Number of samples of each channel.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.layout.frames
+    }
+
+    /// Whether it has none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Hands the samples of some channels to `each`, a part of the range after the other, those of one time beside each
+    /// other.
+    ///
+    /// # Errors
+    /// The file cannot be read any more.
+    pub fn parts(
+        &self,
+        channels: &[usize],
+        range: Range<usize>,
+        each: impl FnMut(&[f64]),
+    ) -> Result<(), FileError> {
+        let read = self.layout.parts(&self.file, channels, range, &mut Vec::new(), each);
+        read.map_err(FileError::io("read", &self.path))
+    }
+}
