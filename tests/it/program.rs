@@ -70,6 +70,16 @@ impl Place {
         ended(self.command(arguments))
     }
 
+    /// The same within so much address space, MB.
+    pub(crate) fn run_within_mb(&self, megabytes: u32, arguments: &[&str]) -> Done {
+        let plain = self.command(arguments);
+        let mut limited = Command::new("sh");
+        limited.arg("-c").arg(format!("ulimit -v {}; exec \"$0\" \"$@\"", 1024 * megabytes));
+        limited.arg(plain.get_program()).args(plain.get_args()).current_dir(&self.0);
+        limited.env("TRUED_RUNTIME_DIR", self.path("run"));
+        ended(limited)
+    }
+
     /// The same without the right to real-time scheduling and locked memory, whoever runs the tests.
     pub(crate) fn run_unprivileged(&self, arguments: &[&str]) -> Done {
         let plain = self.command(arguments);
