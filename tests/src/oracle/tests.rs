@@ -127,7 +127,7 @@ impl Cell {
     }
 
     fn next(&mut self, tick: u64) {
-        if tick % 3000 == 0 {
+        if tick.is_multiple_of(3000) {
             self.jitter_ns = self.of(&[0, 3_000, 15_000, 60_000, 300_000]);
             self.overrun_in = self.of(&[0, 0, 20, 100, 500]);
             self.missed_in = self.of(&[0, 0, 5, 50, 300]);
