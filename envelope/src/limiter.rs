@@ -32,8 +32,6 @@ const REACH_S: f64 = 0.1;
 /// So many samples in a row must be steady before `wanted` is trusted again; noise near the jerk
 /// bound has a few by chance.
 const TRUSTED_AFTER: u8 = 8;
-/// A plan that goes on from samples with jitter may show so many times the jerk that one of them may.
-const PLANNED_JITTER: f64 = 2.0;
 /// Rounding that a motion on the edge of its limits is forgiven, as a share of the angle.
 const ROUNDING: f64 = 1e-9;
 
@@ -172,7 +170,7 @@ impl Limiter {
         }
         if let Some(in_force) = self.in_force.filter(|in_force| in_force != limits) {
             let braked = self.braked(limits, &in_force, dt_s);
-            self.put_out(braked, &in_force);
+            self.put_out(braked);
             self.offset = None;
             return;
         }
@@ -277,32 +275,13 @@ impl Limiter {
     /// Moves onto the trend, or to a stop where that would leave the limits. Tells whether it was onto the trend.
     fn chase(&mut self, limits: &Limits, pace: Pace, dt_s: f64) -> bool {
         let planned = self.onto_trend(limits, pace, dt_s);
-        self.put_out(planned.unwrap_or_else(|| self.stopping(limits, dt_s)), limits);
+        self.put_out(planned.unwrap_or_else(|| self.stopping(limits, dt_s)));
         planned.is_some()
     }
 
-    /// Puts out the next sample of a planned motion.
-    ///
-    /// Plans start from the motion that the filter sees, and the samples that were followed may all
-    /// lie to one side of it. Where the plan would then show more jerk than uncertain times excuse,
-    /// its motion is moved by what is too much, unless that would break another bound.
-    fn put_out(&mut self, planned: Motion, limits: &Limits) {
-        let motion = if self.times.are_uncertain() { self.eased(planned, limits) } else { planned };
+    fn put_out(&mut self, motion: Motion) {
         let (output, _) = self.output.with(motion.value, &self.times, f64::INFINITY);
         (self.output, self.motion) = (output.of(motion), motion);
-    }
-
-    /// `planned`, moved to where its jerk is what uncertain times excuse.
-    fn eased(&self, planned: Motion, limits: &Limits) -> Motion {
-        let (_, jerk) = self.output.with(planned.value, &self.times, f64::INFINITY);
-        let excused = self.times.jerk_of_past_jitter(self.output.fastest(&self.times));
-        let most_jerk = limits.jerk() + PLANNED_JITTER * excused;
-        let too_much = jerk - jerk.clamp(-most_jerk, most_jerk);
-        let value = planned.value - self.times.value_of_jerk(too_much);
-        let eased = Motion { value, ..planned };
-        let (output, _) = self.output.with(value, &self.times, f64::INFINITY);
-        let allowed = eased.stops_inside(limits) && output.rate().abs() <= limits.rate();
-        if allowed { eased } else { planned }
     }
 
     /// None where the limits do not allow it.

@@ -38,8 +38,6 @@ pub(crate) struct Times {
     dt_s: f64,
     /// By how much the times may be off.
     jitter_s: f64,
-    /// The same at the three samples before, with which the newest makes a third difference.
-    before_jitter_s: [f64; 3],
 }
 
 impl Times {
@@ -51,13 +49,10 @@ impl Times {
         is_renewed: false,
         dt_s: 0.0,
         jitter_s: 0.0,
-        before_jitter_s: [0.0; 3],
     };
 
     /// One sample more, `dt_s > 0` later; the time is uncertain by `jitter_s`.
     pub(crate) fn pass(&mut self, dt_s: f64, jitter_s: f64) {
-        let [first, second, _] = self.before_jitter_s;
-        self.before_jitter_s = [self.jitter_s, first, second];
         (self.dt_s, self.jitter_s) = (dt_s, jitter_s);
         self.is_renewed = self.since_s >= NODES_S;
         if self.is_renewed {
@@ -68,38 +63,14 @@ impl Times {
         self.per_s = [1.0 / self.since_s, 2.0 / span_s, 3.0 / (span_s + self.before_s)];
     }
 
-    /// By how much the times of four samples may be off.
-    fn most_jitter_s(&self) -> f64 {
-        self.before_jitter_s.iter().fold(self.jitter_s, |most, jitter_s| most.max(*jitter_s))
-    }
-
-    pub(crate) fn are_uncertain(&self) -> bool {
-        self.most_jitter_s() > 0.0
-    }
-
     /// The jerk that uncertain times can make of a signal that moves at `rate`.
     ///
     /// Its four samples enter a third difference with weights 1, 3, 3, 1. Times that are off by up to
     /// `e` to either side spread their intervals by up to `4 e`, and by about `3 e` among the few
     /// that [`Intervals`](crate::Intervals) looks at.
     pub(crate) fn jerk_of_jitter(&self, rate: f64) -> f64 {
-        self.jerk_of(rate * self.jitter_s)
-    }
-
-    /// The same for a third difference whose other samples may come from times that were less certain.
-    pub(crate) fn jerk_of_past_jitter(&self, rate: f64) -> f64 {
-        self.jerk_of(rate * self.most_jitter_s())
-    }
-
-    fn jerk_of(&self, off: f64) -> f64 {
         let [first, second, third] = self.per_s;
-        8.0 / 3.0 * off * first * second * third
-    }
-
-    /// By how much the newest sample is off where its jerk is off by so much.
-    pub(crate) fn value_of_jerk(&self, jerk: f64) -> f64 {
-        let [first, second, third] = self.per_s;
-        jerk / (first * second * third)
+        8.0 / 3.0 * rate * self.jitter_s * first * second * third
     }
 
     /// By what share a mean rate between two samples may be off.

@@ -54,6 +54,7 @@ mod surface;
 mod sweeps;
 mod tables;
 mod tap;
+mod waves;
 
 use tests::pair::Programs;
 

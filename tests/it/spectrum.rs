@@ -385,38 +385,3 @@ fn the_beams_tones_are_found_in_the_labview_file() {
         assert!(list(&found, "lines").iter().take(3).any(near), "{tone_hz}");
     }
 }
-
-/// Interleaved 16-bit samples at 20 kHz with one line in every channel.
-fn long_wav(channels: u16, seconds: u32, line_hz: f64) -> Vec<u8> {
-    const RATE_HZ: u32 = 20_000;
-    let bytes = RATE_HZ * seconds * u32::from(channels) * 2;
-    let mut file = Vec::with_capacity(44 + bytes as usize);
-    file.extend(b"RIFF");
-    file.extend((36 + bytes).to_le_bytes());
-    file.extend(b"WAVEfmt \x10\0\0\0\x01\0");
-    file.extend(channels.to_le_bytes());
-    file.extend(RATE_HZ.to_le_bytes());
-    file.extend((RATE_HZ * u32::from(channels) * 2).to_le_bytes());
-    file.extend((2 * channels).to_le_bytes());
-    file.extend([16, 0]);
-    file.extend(b"data");
-    file.extend(bytes.to_le_bytes());
-    let mut noise = noise(300.0, 1);
-    for sample in 0..RATE_HZ * seconds {
-        let line = 2000.0 * (TAU * line_hz * f64::from(sample) / f64::from(RATE_HZ)).sin();
-        let value = (line + noise()) as i16;
-        (0..channels).for_each(|_| file.extend(value.to_le_bytes()));
-    }
-    file
-}
-
-/// 12 million samples are 96 MB as numbers; the program itself maps about 60 MB.
-#[test]
-fn a_long_waveform_is_read_in_parts() {
-    let place = Place::new();
-    std::fs::write(place.path("long.wav"), long_wav(6, 100, 684.0)).unwrap();
-    let done = place.run_within_mb(120, &["spectrum", "--json", "found.json", "long.wav"]);
-    assert_eq!(done.code, Some(0), "{done:#?}");
-    let found = place.json("found.json");
-    assert!((number(&list(&found, "lines")[0], "frequency_Hz") - 684.0).abs() < 0.1);
-}
