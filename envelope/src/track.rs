@@ -78,9 +78,10 @@ impl Times {
         2.0 * self.jitter_s * self.per_s[0]
     }
 
-    /// From the first to the last of four samples.
+    /// Three times the mean of the newest two intervals: over it an acceleration changes a rate by three of its newest differences, however
+    /// long the interval before them was.
     fn spans_s(&self) -> f64 {
-        self.since_s + self.node_s + self.before_s
+        1.5 * (self.since_s + self.node_s)
     }
 }
 
