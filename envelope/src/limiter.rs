@@ -32,6 +32,9 @@ const REACH_S: f64 = 0.1;
 /// So many samples in a row must be steady before `wanted` is trusted again; noise near the jerk
 /// bound has a few by chance.
 const TRUSTED_AFTER: u8 = 8;
+/// Samples may part from the filtered motion as far as a plan that begins there shows at most so many times the jerk of jitter: each of four
+/// samples that are off by as much as one is gives 1, what is taken for jitter several times in a row gives more.
+const LEAVING_JITTER: f64 = 2.0;
 /// Rounding that a motion on the edge of its limits is forgiven, as a share of the angle.
 const ROUNDING: f64 = 1e-9;
 
@@ -261,10 +264,12 @@ impl Limiter {
         let wanted = self.wanted.value() + offset.ahead(dt_s).value;
         let (output, jerk) = self.output.with(wanted, &self.times, limits.jerk());
         let motion = output.motion();
-        let most_jerk = limits.jerk() + self.times.jerk_of_jitter(self.output.fastest(&self.times));
-        let allowed = jerk.abs() <= most_jerk
+        let excused = self.times.jerk_of_jitter(self.output.fastest(&self.times));
+        let allowed = jerk.abs() <= limits.jerk() + excused
             && output.rate().abs() <= limits.rate()
-            && motion.stops_inside(limits);
+            && motion.stops_inside(limits)
+            && !(self.times.are_uncertain()
+                && output.jerk_of_leaving(&self.times) > LEAVING_JITTER * excused);
         if allowed {
             offset.pass(dt_s);
             (self.output, self.motion) = (output, motion);

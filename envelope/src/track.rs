@@ -63,6 +63,10 @@ impl Times {
         self.per_s = [1.0 / self.since_s, 2.0 / span_s, 3.0 / (span_s + self.before_s)];
     }
 
+    pub(crate) fn are_uncertain(&self) -> bool {
+        self.jitter_s > 0.0
+    }
+
     /// The jerk that uncertain times can make of a signal that moves at `rate`.
     ///
     /// Its four samples enter a third difference with weights 1, 3, 3, 1. Times that are off by up to
@@ -119,11 +123,7 @@ impl Track {
     /// The track with the newest sample of `times`, and its jerk, of a signal whose jerk is at most `jerk_max`.
     pub(crate) fn with(&self, value: f64, times: &Times, jerk_max: f64) -> (Self, f64) {
         let node = if times.is_renewed { self.newest } else { self.node };
-        let [first, second, third] = times.per_s;
-        let rate = (value - node.value) * first;
-        let acceleration = (rate - node.rate) * second;
-        let jerk = (acceleration - node.acceleration) * third;
-        let newest = Differences { value, rate, acceleration };
+        let (newest, jerk) = node.to(value, times);
         let memory = if times.jitter_s > 0.0 { self.memory(times, jerk_max) } else { 1.0 };
         let filtered = if memory < LEAST_MEMORY {
             newest.parabola(times)
@@ -131,6 +131,22 @@ impl Track {
             self.filtered(value, times, memory).no_faster_than(newest.fastest(times), times)
         };
         (Self { node, newest, filtered }, jerk)
+    }
+
+    /// The largest jerk that the next two samples show if they go on with the filtered motion instead of with the samples: what a plan adds to
+    /// its own jerk where it begins.
+    pub(crate) fn jerk_of_leaving(&self, times: &Times) -> f64 {
+        let (mut times, mut track, mut motion) = (*times, *self, self.motion());
+        let mut most = 0.0_f64;
+        for _ in 0..2 {
+            times.pass(times.dt_s, times.jitter_s);
+            motion = motion.after(times.dt_s, 0.0);
+            let node = if times.is_renewed { track.newest } else { track.node };
+            let (newest, jerk) = node.to(motion.value, &times);
+            track = Self { node, newest, filtered: motion };
+            most = most.max(jerk.abs());
+        }
+        most
     }
 
     /// The best memory for the filter, samples.
@@ -198,6 +214,14 @@ impl Motion {
 }
 
 impl Differences {
+    /// Those of the next sample, and the third.
+    fn to(&self, value: f64, times: &Times) -> (Self, f64) {
+        let [first, second, third] = times.per_s;
+        let rate = (value - self.value) * first;
+        let acceleration = (rate - self.rate) * second;
+        (Self { value, rate, acceleration }, (acceleration - self.acceleration) * third)
+    }
+
     /// The largest rate that the samples show.
     fn fastest(&self, times: &Times) -> f64 {
         self.rate.abs() + self.acceleration.abs() * times.spans_s()

@@ -34,6 +34,42 @@ proptest! {
     }
 
     #[test]
+    fn a_plan_that_begins_at_followed_samples_keeps_the_jerk_of_jitter(
+        rad_s in 0.5..6.0_f64, jitter_s in 1e-6..3e-4_f64, shares in prop::collection::vec(-1.0..1.0_f64, 1..12),
+    ) {
+        let l = Limits::new(0.02, 0.05, 5.0).expect("positive");
+        let amplitude = 0.5 * l.angle().min(l.rate() / rad_s).min(l.jerk() / (rad_s * rad_s * rad_s));
+        let mut limiter = Limiter::from_motion(0.0, amplitude * rad_s, 0.0);
+        let elapsed = Elapsed { dt_s: DT_S, jitter_s };
+        let cube_s3 = DT_S * DT_S * DT_S;
+        let mut outputs = std::vec![0.0];
+        for k in 1..600 {
+            let back = |by: usize| outputs[outputs.len() - by];
+            let smooth = amplitude * libm::sin(rad_s * DT_S * f64::from(k));
+            // Smooth for 0.2 s; then samples that jitter of their times could just have made, or not; then nothing is wanted.
+            let wanted = match shares.get((k as usize).wrapping_sub(200)) {
+                Some(share) => 3.0 * back(1) - 3.0 * back(2) + back(3) + share * 3.0 * limiter.rate().abs() * jitter_s,
+                None if k < 200 => smooth,
+                None => 0.0,
+            };
+            if !limiter.step_with(wanted, &l, elapsed) {
+                limiter.step_onto(&l, Pace::ALONE, elapsed);
+            }
+            outputs.push(limiter.value());
+            if k < 12 {
+                continue;
+            }
+            let newest = &outputs[outputs.len() - 12..];
+            let rates: Vec<f64> = newest.windows(2).map(|two| (two[1] - two[0]) / DT_S).collect();
+            let fastest = rates.iter().fold(0.0_f64, |most, rate| most.max(rate.abs()));
+            let change = rates.windows(2).fold(0.0_f64, |most, two| most.max((two[1] - two[0]).abs()));
+            let third = newest[11] - 3.0 * newest[10] + 3.0 * newest[9] - newest[8];
+            let most = l.jerk() + 8.0 * (fastest + 3.0 * change) * jitter_s / cube_s3;
+            prop_assert!((third / cube_s3).abs() <= most * (1.0 + 1e-6), "jerk {} of {most} at {k}", third / cube_s3);
+        }
+    }
+
+    #[test]
     fn angle_and_rate_hold_in_the_times_that_are_given_whatever_the_jitter(
         signal in signal(), steps_s in steps_s(), jitter_s in 0.0..1e-3_f64,
     ) {
