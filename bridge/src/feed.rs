@@ -49,8 +49,8 @@ enum Start {
 }
 
 impl Start {
-    /// The correction in the robot's position, if its first target is `q` and it was corrected by `last`: zero if the target itself is
-    /// clearly nearer to it than with `last` added.
+    /// The correction in the robot's position, if `q` is its newest target without a correction and it was corrected by `last`: zero if the
+    /// target itself is clearly nearer to it than with `last` added.
     fn correction(&self, q: &[f64], last: &[f64; JOINTS_MAX]) -> [f64; JOINTS_MAX] {
         let Self::At(present) = self else { return [0.0; JOINTS_MAX] };
         let square = |share: f64| -> f64 {
@@ -94,12 +94,15 @@ pub struct Feed<L = Joining> {
     link: L,
     /// A run begins with the next target.
     start: Option<Start>,
+    /// The newest target that was passed on as commanded, since the last that was corrected, rad. A robot whose first message of a run was lost
+    /// has followed it already.
+    passed: Option<[f64; JOINTS_MAX]>,
 }
 
 impl<L: Link> Feed<L> {
     /// Over that link.
     pub fn over(link: L) -> Self {
-        Self { link, start: None }
+        Self { link, start: None, passed: None }
     }
 
     /// The link.
@@ -109,11 +112,18 @@ impl<L: Link> Feed<L> {
 
     /// The correction of a new target, rad (m where prismatic).
     pub fn command(&mut self, q: &[f64]) -> Correction {
+        let passed = self.passed.take();
         if let Some(start) = self.start.take() {
-            let correction = start.correction(q, &self.link.last_correction());
+            let newest = passed.as_ref().map_or(q, |passed| &passed[..q.len()]);
+            let correction = start.correction(newest, &self.link.last_correction());
             self.link.start_from(&correction);
         }
         self.link.command(q)
+    }
+
+    /// A target goes out as commanded, as the robot is not known to be guided.
+    pub fn pass(&mut self, q: &[f64; JOINTS_MAX]) {
+        self.passed = Some(*q);
     }
 
     /// The correction as it is now, for a target that the daemon knows already.
@@ -281,4 +291,61 @@ pub(crate) fn keep_trying<T>(
         std::thread::sleep(JOIN_AGAIN);
     }
     None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A link that has corrected the first joint by this last.
+    struct Corrected(f64);
+
+    impl Link for Corrected {
+        fn command(&mut self, q: &[f64]) -> Correction {
+            self.repeat(q)
+        }
+
+        fn repeat(&mut self, _: &[f64]) -> Correction {
+            Correction { rad: self.last_correction(), ..Correction::ZERO }
+        }
+
+        fn last_correction(&self) -> [f64; JOINTS_MAX] {
+            first(self.0)
+        }
+
+        fn start_from(&mut self, correction: &[f64; JOINTS_MAX]) {
+            self.0 = correction[0];
+        }
+
+        fn send_state(&mut self, _: &RobotState) {}
+
+        fn look(&mut self) {}
+    }
+
+    fn first(joint: f64) -> [f64; JOINTS_MAX] {
+        std::array::from_fn(|i| if i == 0 { joint } else { 0.0 })
+    }
+
+    /// What the first target of a run, 1 mrad further, is corrected by where the robot stands at `stands` and the last correction was -1 mrad.
+    fn begun(stands: f64, passed: Option<f64>) -> f64 {
+        let mut feed = Feed::over(Corrected(-1e-3));
+        if let Some(passed) = passed {
+            feed.pass(&first(passed));
+        }
+        feed.start_at(&first(stands));
+        feed.command(&first(1e-3)[..6]).rad[0]
+    }
+
+    #[test]
+    fn a_run_goes_on_with_the_correction_that_is_in_the_robots_position() {
+        assert_eq!(begun(0.0, None).to_bits(), (-1e-3_f64).to_bits());
+        assert_eq!(begun(1e-3, None).to_bits(), 0.0_f64.to_bits());
+    }
+
+    #[test]
+    fn a_robot_that_has_followed_a_target_as_commanded_goes_on_without_a_correction() {
+        assert_eq!(begun(0.0, Some(0.0)).to_bits(), 0.0_f64.to_bits());
+        // It stood still at the corrected position, and the target went to nobody.
+        assert_eq!(begun(-1e-3, Some(0.0)).to_bits(), (-1e-3_f64).to_bits());
+    }
 }

@@ -135,7 +135,7 @@ impl Solver {
         let whole = TaskError(core::array::from_fn(|row| error.0[row] + done(row)));
         let times = self.exact_size(case.model.arm.count(), &whole, case.reach);
         let part = ((times - DAMPED_FROM) / (DAMPED_IN_FULL - DAMPED_FROM)).clamp(0.0, 1.0);
-        self.damp_by(case, problem, &whole, part);
+        self.damp_by(case, problem, &whole, libm::pow(part, 6.0));
     }
 
     /// Takes this part of the damping that an error asks for.

@@ -109,9 +109,13 @@ fn off(campaign: &Campaign, model: &Model) -> f64 {
 fn noise_m(campaign: &Campaign) -> f64 {
     let seen = campaign.poses.iter().flat_map(|pose| &pose.seen);
     let lengths = seen.filter(|seen| seen.reading.is_length());
-    let mut sigma: Vec<f64> = lengths.map(|seen| seen.whitening.x_axis.length().recip()).collect();
-    let middle = sigma.len() / 2;
-    if sigma.is_empty() { 0.0 } else { *sigma.select_nth_unstable_by(middle, f64::total_cmp).1 }
+    median(lengths.map(|seen| seen.whitening.x_axis.length().recip()).collect())
+}
+
+/// 0 of none.
+fn median(mut values: Vec<f64>) -> f64 {
+    let middle = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
 
 /// How far the measured points spread, m: the scale of what is gross.

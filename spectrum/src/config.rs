@@ -87,7 +87,7 @@ pub struct WatchConfig {
     /// Mains frequency, Hz; `None`: 50 and 60 are both possible.
     pub mains_hz: Option<f64>,
     /// Scales the power over the floor that makes a line, 0.25 to 10: 1 is what the figures were measured at, less
-    /// finds weaker lines and cries wolf more often.
+    /// finds weaker lines and raises false alarms more often.
     pub threshold: f64,
     /// How long the noise floor is learned before anything is reported, s, 0.5 to 60.
     pub learn_s: f64,

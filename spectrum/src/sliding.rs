@@ -71,6 +71,8 @@ pub(crate) struct SlidingWindow {
 
 /// The speed is told late, and the front end holds samples for a while, s.
 const CHANGE_MARGIN_S: f64 = 0.05;
+/// Windows after one another that a floor is learned from, at least: with five a real stable cut (turning, 10 kHz) was judged by too little air and alarmed.
+const WARM_WINDOWS: f64 = 8.0;
 /// Cells over which a broadband change is judged.
 const BROAD_CELLS: f64 = 32.0;
 /// The floor is never taken below this part of the power of the least amplitude.
@@ -102,7 +104,7 @@ impl SlidingWindow {
             ..(bin(plan.band_hz[1]) + 1).saturating_sub(first).min(bins);
         let hop_s = plan.hop as f64 / rate_hz;
         let window_s = plan.samples as f64 / rate_hz;
-        let warm_frames = ((learn_s - window_s).max(8.0 * window_s) / hop_s) as u32;
+        let warm_frames = ((learn_s - window_s).max(WARM_WINDOWS * window_s) / hop_s) as u32;
         let view = || {
             let floor = Floor::new(bins, warm_frames, 4.0 / hop_s, reach);
             View::new(floor, bins, 2 * plan.samples / plan.hop + 1)

@@ -10,12 +10,15 @@ use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
 
 use crate::exit::Failure;
 
+/// Files of one command are written within this time; what was changed later was edited.
+const WRITTEN_TOGETHER: Duration = Duration::from_secs(2);
 /// Bytes within which a result says that trued made it.
 const HEAD: u64 = 1024;
 
@@ -246,13 +249,13 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Whether trued made this JSON, page or plot: it says so in its first lines, and holds nothing that another run does not make again. The `model.toml` beside
-/// a `diagnosis.json` is of that diagnosis.
+/// Whether trued made this JSON, page or plot: it says so in its first lines, and holds nothing that another run does not make again. So does the `model.toml`
+/// beside a `diagnosis.json`, unless it was edited since.
 #[must_use]
 pub fn is_result(path: &Path) -> bool {
     if path.file_name().is_some_and(|name| name == "model.toml") {
         let diagnosis = path.with_file_name("diagnosis.json");
-        return diagnosis.is_file() && is_result(&diagnosis);
+        return is_result(&diagnosis) && is_as_old(path, &diagnosis);
     }
     let mut head = Vec::new();
     let read = File::open(path).and_then(|file| file.take(HEAD).read_to_end(&mut head));
@@ -260,6 +263,13 @@ pub fn is_result(path: &Path) -> bool {
     let json = head.trim_start().strip_prefix('{').map(str::trim_start);
     let is_json = json.is_some_and(|json| json.starts_with("\"schema\": \"trued."));
     read.is_ok() && (is_json || head.contains(report::MADE_BY))
+}
+
+/// Whether a file was not changed after another that was written with it.
+fn is_as_old(path: &Path, beside: &Path) -> bool {
+    let changed = |path| fs::metadata(path).and_then(|there| there.modified()).ok();
+    let later = changed(path).zip(changed(beside));
+    later.is_some_and(|(path, beside)| path <= beside + WRITTEN_TOGETHER)
 }
 
 /// A file in the making; removed when dropped unfinished.

@@ -58,7 +58,7 @@ const KINDS: [Kind; 3] = [
         model: include_str!("../../trued/src/no_arm.toml"),
         hidden: "[[effect]]\nkind = \"wrench_bias\"\nbias_N = [1.5, 0.0, 0.0]\n",
         measured: "fx_N,fy_N,fz_N",
-        noise: ["--overwrite-noise", "0.5"],
+        noise: ["--force-noise", "0.5"],
         cut: "[cut]\nteeth = 2\ndiameter_mm = 6.0\naxial_depth_mm = 0.25\ncoefficients_N_per_mm2 = [800.0, 300.0, 150.0]\ncoefficients_N_per_mm = [8.0, 10.0, 2.0]\n",
     },
 ];

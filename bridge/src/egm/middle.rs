@@ -271,8 +271,14 @@ impl<L: Link> Middle<L> {
                 }
             }
             Screened::AsItIs => self.counts.one(Count::NotCorrected),
-            // A speed alone. Or a robot that is not guided: it does not listen, and its first target shall be the application's own.
-            _ => self.counts.one(Count::Plain),
+            // The robot is not known to be guided: the first target that it follows shall be the application's own.
+            Screened::Joints { planned, .. } => {
+                self.counts.one(Count::Plain);
+                if let Some(q) = self.settings.order.rad(planned) {
+                    self.feed.pass(&q);
+                }
+            }
+            Screened::Offset(_) | Screened::SpeedAlone => self.counts.one(Count::Plain),
         }
         self.counts.one(Count::Sent);
         Some(robot.address)

@@ -4,7 +4,7 @@
 //!
 //! Promises: a sound recording raises no suspicion. Never: a tool looked at.
 
-use super::{HOPELESS, REMEDY, Suspicion};
+use super::{HOPELESS, REMEDY, Suspicion, median};
 use crate::campaign::{Campaign, Reading};
 use physics::{Arm, JointKind};
 use std::f64::consts::PI;
@@ -57,14 +57,10 @@ fn off(campaign: &Campaign, joint: usize, followed: usize, factor: f64) -> Optio
             _ => None,
         }));
     }
-    let middle = |values: &mut Vec<f64>| {
-        let at = values.len() / 2;
-        *values.select_nth_unstable_by(at, f64::total_cmp).1
-    };
     if off.is_empty() {
         return None;
     }
-    let level = middle(&mut off);
+    let level = median(off.clone());
     off.iter_mut().for_each(|x| *x = (*x - level).abs());
-    Some(middle(&mut off))
+    Some(median(off))
 }

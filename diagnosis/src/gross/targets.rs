@@ -2,7 +2,7 @@
 //!
 //! Promises: a recording with one target, or none, has no remedies here: those of all points are in the parent. Never: a target that is about right changed.
 
-use super::{GROSS, LEAST_M, reach};
+use super::{GROSS, LEAST_M, median, reach};
 use crate::campaign::{Campaign, Place, Reading};
 use crate::fit::{Effort, Settings, fit};
 use crate::hypothesis::Hypothesis;
@@ -33,10 +33,6 @@ pub(super) fn medians(campaign: &Campaign, model: &Model) -> BTreeMap<Option<usi
     errors.retain(|_, errors| !errors.is_empty());
     let several = errors.len() > 1;
     errors.retain(|_, errors| !several || errors.len() >= READINGS_LEAST);
-    let median = |mut errors: Vec<f64>| {
-        let middle = errors.len() / 2;
-        *errors.select_nth_unstable_by(middle, f64::total_cmp).1
-    };
     errors.into_iter().map(|(target, errors)| (target, median(errors))).collect()
 }
 

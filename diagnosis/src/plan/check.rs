@@ -97,7 +97,7 @@ pub struct Judgement {
     pub freedom: usize,
     /// How probable such a sum, or a larger one, is for a sound robot.
     pub p: f64,
-    /// Which share of the stated noise explains what is left, where the readings scatter too little for chance: the noise is overstated and hides damage.
+    /// The noise that explains the residuals, as a share of the stated one; given where they scatter less than chance allows: overstated noise hides damage.
     pub scatter: Option<f64>,
     /// Damage that explains it, best first; none where the model holds.
     pub suspects: Vec<Suspect>,
@@ -273,7 +273,7 @@ pub fn judge(campaign: &Campaign, model: &Model, sigma: &[Vec<f64>], terms: &Ter
     let p = evidence::p_above(freedom, sum);
     let (noise, noises) = evidence.noise();
     let is_quiet = evidence::p_below(noises, noise) < 0.5 * terms.alarm;
-    // The share that is told leaves room for what the model is off by: at that noise the sum is as expected.
+    // The noise, as a share of the stated one, at which the whole sum of squares has its expected value: the model's own error counts as noise.
     let share = (sum.max(0.0) / freedom.max(1) as f64).sqrt();
     let scatter = Some(share).filter(|share| is_quiet && *share < 1.0);
     let mut suspects = Vec::new();

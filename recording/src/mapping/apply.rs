@@ -72,7 +72,7 @@ impl Mapping {
             Some(Source::Times(_, clock)) => clock.as_ref(),
             _ => None,
         };
-        // What is no time is told when the column is read.
+        // A text that is no time is reported when the column is read.
         let times = table.times(&time, clock, &mut Faults::of(""));
         let mut last: BTreeMap<Vec<String>, f64> = BTreeMap::new();
         let before = table.len();

@@ -83,7 +83,7 @@ impl Notation {
         self.read_marked(cell)
     }
 
-    /// What a cell that was not read is told as.
+    /// How a cell that could not be read is quoted in an error.
     pub(super) fn fault(self, unread: Unread, cell: &str) -> Fault {
         let mark = if cell.contains('.') { '.' } else { ',' };
         let other = other_of(mark);

@@ -128,7 +128,7 @@ impl<'s> RawTable<'s> {
         }
     }
 
-    /// Takes the units that stand in the first row, where the header says what they are of.
+    /// Takes the first row as a line of units, where the header names the columns.
     fn take_units(&mut self, dialect: &Dialect) {
         let asked = dialect.units_row;
         if self.rows.len() == 0 || asked == Some(false) || (dialect.no_header && asked.is_none()) {

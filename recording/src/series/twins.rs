@@ -1,4 +1,4 @@
-//! Readings that stand twice in a recording: one export under two names, which a fit would count as two measurements.
+//! Duplicate columns: one measurement exported under two names, which a fit would count twice.
 
 use super::{Channel, JOINTS_MAX, Recording, TARGETS_MAX};
 use crate::faults::Fault;

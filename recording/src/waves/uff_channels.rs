@@ -1,7 +1,7 @@
 //! From the time responses of a universal file to channels, and from channels to records.
 //!
 //! A channel is what was measured at one place: response entity, node, direction, quantity and unit. Functions that agree in
-//! these are told apart as follows.
+//! they are distinguished as follows.
 //!
 //! - One that begins where the other ends continues it; one that begins later belongs to it too, behind a gap.
 //! - One over the same time is another measurement of the channel where the place is a node of the geometry and the ID lines

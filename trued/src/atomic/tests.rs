@@ -88,6 +88,22 @@ fn a_result_takes_the_place_of_an_earlier_result_and_of_nothing_else() {
 }
 
 #[test]
+fn the_model_of_a_diagnosis_is_made_anew_until_somebody_edits_it() {
+    let place = Place::new("edited");
+    let (model, diagnosis) = (place.path("model.toml"), place.path("diagnosis.json"));
+    let again = || written(Outputs::default().result(&model), &[(model.clone(), "new")]);
+    fs::write(&model, "of somebody").expect("written");
+    assert!(matches!(again(), Err(WriteError::Exists(_))), "no diagnosis beside it");
+    fs::write(&diagnosis, "{\n  \"schema\": \"trued.diagnosis/1\",\n").expect("written");
+    again().expect("made anew");
+    let later = std::time::SystemTime::now() + 2 * WRITTEN_TOGETHER;
+    let edited = File::options().append(true).open(&model).expect("there");
+    edited.set_modified(later).expect("set");
+    assert!(matches!(again(), Err(WriteError::Exists(_))), "edited");
+    assert_eq!(place.text("model.toml"), "new");
+}
+
+#[test]
 fn an_input_is_never_replaced_and_no_two_outputs_share_a_name() {
     let place = Place::new("apart");
     let (input, link) = (place.path("a.csv"), place.path("link.csv"));
