@@ -98,6 +98,16 @@ pub fn content_hash(bytes: &[u8]) -> u64 {
     })
 }
 
+/// The file that a cell's or a recording's TOML names as `model`; none where it names none, or a preset.
+#[must_use]
+pub fn named_model(toml: &Path) -> Option<PathBuf> {
+    let is_toml = toml.extension().is_some_and(|ending| ending == "toml");
+    let text = is_toml.then(|| fs::read_to_string(toml).ok()).flatten()?;
+    let table: toml::Table = text.parse().ok()?;
+    let model = toml.parent()?.join(table.get("model")?.as_str()?);
+    model.is_file().then_some(model)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

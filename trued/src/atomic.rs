@@ -1,4 +1,4 @@
-//! The files that a command writes: all of them whole, or none, and never over something of the user's.
+//! Writes all output files of a command or none, and never over a user's file.
 //!
 //! A file that exists and is not empty is refused, unless it is a result that an earlier run made anew (see [`is_result`]) or `--overwrite` is given. Each file is
 //! written beside its place under a hidden name and synced; once all are there they are renamed. A failure (a full disk, say) removes what was made, folders
@@ -12,6 +12,9 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use recording::files::named_model;
+use recording::mapping::mapping_path;
+use recording::series::about_path;
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
 
@@ -66,6 +69,8 @@ pub struct Outputs {
     may_replace: bool,
     folder: Option<PathBuf>,
     files: Vec<Output>,
+    /// Places of what the command reads.
+    inputs: BTreeSet<PathBuf>,
 }
 
 #[derive(Debug)]
@@ -89,7 +94,7 @@ impl Outputs {
         self
     }
 
-    /// Announces a file, so that [`Outputs::check`] looks at its place.
+    /// Declares an output file, so that [`Outputs::check`] verifies it.
     #[must_use]
     pub fn file(self, path: impl Into<PathBuf>) -> Self {
         self.with(path.into(), false)
@@ -121,37 +126,47 @@ impl Outputs {
         }
     }
 
-    /// Whether [`Outputs::write`] could begin now, and would leave these inputs alone: to be asked before what takes long. Leaves nothing behind.
+    /// Checks, before a long computation, that all outputs can be written and none is an input: one of `inputs`, the TOML or mapping beside it, or the
+    /// model that such a TOML names. Leaves no files.
     ///
     /// # Errors
     /// As [`Outputs::write`].
     pub fn check<'a>(
-        &self,
+        &mut self,
         inputs: impl IntoIterator<Item = &'a PathBuf>,
     ) -> Result<(), WriteError> {
-        let inputs: BTreeSet<PathBuf> = inputs.into_iter().map(|input| place(input)).collect();
+        self.inputs.extend(inputs.into_iter().flat_map(|input| with_companions(input)));
         let mut places = BTreeSet::new();
-        for Output { path, is_result, .. } in &self.files {
-            let there = state(path).map_err(failed(path))?;
-            if there == State::Stream {
+        for output in &self.files {
+            let path = &output.path;
+            if self.allowed(output)? == State::Stream {
                 continue;
             }
             if !places.insert(place(path)) {
                 return Err(WriteError::Twice(path.clone()));
-            }
-            if there != State::Missing && inputs.contains(&place(path)) {
-                return Err(WriteError::Input(path.clone()));
-            }
-            let may_go = self.may_replace || (*is_result && self::is_result(path));
-            if there == State::Full && !may_go {
-                return Err(WriteError::Exists(path.clone()));
             }
             Part::create(&self.probe(path)).map_err(failed(path))?;
         }
         Ok(())
     }
 
-    /// Where a file can be made now if one can be made under `path` later: a folder that is to be made is missing yet.
+    /// What stands where an output goes, if it may be written there.
+    fn allowed(&self, Output { path, is_result, .. }: &Output) -> Result<State, WriteError> {
+        let there = state(path).map_err(failed(path))?;
+        if matches!(there, State::Stream | State::Missing) {
+            return Ok(there);
+        }
+        if self.inputs.contains(&place(path)) {
+            return Err(WriteError::Input(path.clone()));
+        }
+        let may_go = self.may_replace || (*is_result && self::is_result(path));
+        if there == State::Full && !may_go {
+            return Err(WriteError::Exists(path.clone()));
+        }
+        Ok(there)
+    }
+
+    /// Where to test that `path` is writable: in the nearest existing folder, if its own is created later.
     fn probe(&self, path: &Path) -> PathBuf {
         match &self.folder {
             Some(folder) if path.starts_with(folder) && !folder_of(path).exists() => {
@@ -166,17 +181,17 @@ impl Outputs {
     ///
     /// # Errors
     /// A file that exists, a folder that does not, what the system said.
-    pub fn write(&self) -> Result<(), WriteError> {
+    pub fn write(mut self) -> Result<(), WriteError> {
         self.check([])?;
         let folder = self.folder.as_deref().map(Folder::make).transpose()?;
         let (mut parts, mut streams) = (Vec::new(), Vec::new());
-        for Output { path, bytes, .. } in &self.files {
-            let Some(bytes) = bytes else { continue };
-            match state(path).map_err(failed(path))? {
+        for output in &self.files {
+            let (path, Some(bytes)) = (&output.path, &output.bytes) else { continue };
+            match self.allowed(output)? {
                 State::Stream => streams.push((path, bytes)),
                 there => {
-                    let part = Part::written(path, bytes).map_err(failed(path))?;
-                    parts.push((part, there == State::Missing));
+                    let is_new = there == State::Missing;
+                    parts.push(Part::written(path, bytes, is_new).map_err(failed(path))?);
                 }
             }
         }
@@ -191,11 +206,11 @@ impl Outputs {
 }
 
 /// Renames all parts; where one fails, those that took the place of nothing go again.
-fn finish(parts: Vec<(Part, bool)>) -> Result<(), WriteError> {
+fn finish(parts: Vec<Part>) -> Result<(), WriteError> {
     let (mut made, mut folders) = (Vec::new(), BTreeSet::new());
-    for (part, is_new) in parts {
-        let place = part.place.clone();
-        if let Err(source) = part.finish(is_new) {
+    for part in parts {
+        let (place, is_new) = (part.place.clone(), part.is_new);
+        if let Err(source) = part.finish() {
             for path in made {
                 // The error that led here is the one to report.
                 let _ = fs::remove_file(path);
@@ -231,9 +246,19 @@ fn state(path: &Path) -> io::Result<State> {
         Ok(there) if !there.is_file() => Ok(State::Stream),
         Ok(there) if there.len() == 0 => Ok(State::Empty),
         Ok(_) => Ok(State::Full),
+        // A link that leads nowhere is no place for a file.
+        Err(error) if fs::symlink_metadata(path).is_ok() => Err(error),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(State::Missing),
         Err(error) => Err(error),
     }
+}
+
+/// An input, what stands beside it by its name, and the models that these TOML files name.
+fn with_companions(input: &Path) -> Vec<PathBuf> {
+    let mut all = vec![input.to_owned(), about_path(input), mapping_path(input)];
+    let models: Vec<PathBuf> = all.iter().filter_map(|path| named_model(path)).collect();
+    all.extend(models);
+    all.iter().map(|path| place(path)).collect()
 }
 
 /// Where the file is, links followed; the path itself where nothing is there yet.
@@ -277,6 +302,8 @@ struct Part {
     file: File,
     path: Option<PathBuf>,
     place: PathBuf,
+    /// Nothing is there that it replaces.
+    is_new: bool,
 }
 
 impl Part {
@@ -288,7 +315,10 @@ impl Part {
             hidden.push(format!(".{}-{attempt}.part", std::process::id()));
             let path = place.with_file_name(hidden);
             match File::create_new(&path) {
-                Ok(file) => return Ok(Self { file, path: Some(path), place: place.to_owned() }),
+                Ok(file) => {
+                    let place = place.to_owned();
+                    return Ok(Self { file, path: Some(path), place, is_new: true });
+                }
                 Err(error) if error.kind() == ErrorKind::AlreadyExists && attempt < 100 => {}
                 Err(error) => return Err(error),
             }
@@ -297,19 +327,20 @@ impl Part {
     }
 
     /// The whole file with the permissions of the one whose place it takes, on the disk.
-    fn written(path: &Path, bytes: &[u8]) -> io::Result<Self> {
+    fn written(path: &Path, bytes: &[u8], is_new: bool) -> io::Result<Self> {
         let mut part = Self::create(&place(path))?;
-        part.file.write_all(bytes)?;
+        part.is_new = is_new;
         if let Ok(before) = fs::metadata(path) {
             part.file.set_permissions(before.permissions())?;
         }
+        part.file.write_all(bytes)?;
         part.file.sync_all()?;
         Ok(part)
     }
 
-    fn finish(mut self, is_new: bool) -> io::Result<()> {
+    fn finish(mut self) -> io::Result<()> {
         if let Some(path) = &self.path {
-            rename(path, &self.place, is_new)?;
+            rename(path, &self.place, self.is_new)?;
         }
         self.path = None;
         Ok(())

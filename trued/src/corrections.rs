@@ -14,6 +14,7 @@ use recording::unit::Unit;
 use serde::Serialize;
 use shm_schema::{Corrected, CorrectionStatus, Reason, UnknownCode};
 
+use crate::input::count;
 use crate::table::Table;
 
 /// The answers to all rows.
@@ -247,7 +248,7 @@ impl Figures {
         text += &format!("largest error left  {mm:.6} mm (row {mm_row}), ");
         text += &format!("{mrad:.6} mrad (row {mrad_row}), by the model");
         if self.unknown_rows > 0 {
-            text += &format!(", not known for {} rows", self.unknown_rows);
+            text += &format!(", not known for {}", count(self.unknown_rows, "row"));
         }
         text
     }

@@ -1,4 +1,4 @@
-//! A recording driven row by row, without a clock: the cell it is driven in, and the daemon's cycle without its shared memory.
+//! Processes a recording row by row without a clock: cell configuration, and the daemon's cycle without shared memory.
 //!
 //! `correct` and `replay` take the same ones, so that they say the same.
 

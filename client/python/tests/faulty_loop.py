@@ -1,7 +1,7 @@
-"""A robot's loop that goes wrong in every way a loop can: what it commands and would send to the robot goes to a file, one record per cycle,
+"""A robot's loop with random faults: what it commands and would send to the robot is written to a file, one record per cycle,
 for the test that judges it.
 
-python faulty_loop.py CELL FILE CYCLES CALM SEED: so many cycles with faults at random, then so many without.
+python faulty_loop.py CELL FILE CYCLES CALM SEED: CYCLES cycles with random faults, then CALM cycles without.
 """
 
 import contextlib
@@ -28,7 +28,7 @@ def path(t_s: float) -> np.ndarray:
 
 
 def no_number(client: trued.Client, chance: random.Random) -> None:
-    """A command that is no number has to be an error that changes nothing."""
+    """A NaN or infinite command has to return an error and change nothing."""
     before = client.last_target()
     with contextlib.suppress(ValueError):
         client.target_for([chance.choice((math.nan, math.inf))] * 6)

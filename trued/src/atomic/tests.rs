@@ -88,6 +88,28 @@ fn a_result_takes_the_place_of_an_earlier_result_and_of_nothing_else() {
 }
 
 #[test]
+fn what_an_input_names_or_stands_beside_it_is_an_input_too() {
+    let place = Place::new("companions");
+    let about = "schema = \"trued.recording/1\"\nmodel = \"robot.toml\"\n";
+    let texts = [("a.csv", "measured"), ("a.toml", about), ("robot.toml", "calibrated")];
+    for (name, text) in texts.into_iter().chain([("a.mapping.toml", "mapped")]) {
+        fs::write(place.path(name), text).expect("written");
+    }
+    for name in ["a.csv", "a.toml", "a.mapping.toml", "robot.toml"] {
+        let refused = Outputs::new(true).file(place.path(name)).check([&place.path("a.csv")]);
+        assert!(matches!(refused, Err(WriteError::Input(_))), "{name}");
+    }
+}
+
+#[test]
+fn a_link_that_leads_nowhere_is_refused_before_anything_is_computed() {
+    let place = Place::new("dangling");
+    std::os::unix::fs::symlink(place.path("nowhere/file"), place.path("link")).expect("linked");
+    let refused = Outputs::new(true).file(place.path("link")).check([]);
+    assert!(matches!(refused, Err(WriteError::Io { .. })), "{refused:?}");
+}
+
+#[test]
 fn the_model_of_a_diagnosis_is_made_anew_until_somebody_edits_it() {
     let place = Place::new("edited");
     let (model, diagnosis) = (place.path("model.toml"), place.path("diagnosis.json"));
@@ -136,7 +158,7 @@ fn one_file_that_fails_leaves_none_and_no_folder() {
 fn what_appeared_meanwhile_is_not_replaced_and_the_files_before_it_go_again() {
     let place = Place::new("race");
     let parts =
-        ["a", "b"].map(|name| (Part::written(&place.path(name), b"new").expect("made"), true));
+        ["a", "b"].map(|name| Part::written(&place.path(name), b"new", true).expect("made"));
     fs::write(place.path("b"), "theirs").expect("written");
     assert!(matches!(finish(parts.into()), Err(WriteError::Exists(_))));
     assert_eq!((place.names(), place.text("b")), (vec![OsString::from("b")], "theirs".to_owned()));

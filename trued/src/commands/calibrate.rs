@@ -49,7 +49,7 @@ const TICK: Duration = Duration::from_millis(200);
 /// touched are fitted along where they are not said. Three models are compared on poses that took no part in any fit: the model as it is,
 /// with the geometry of every joint, and with the effects that the data ask for; the last is written. Exit 1, and no model, where a gross fault (swapped columns,
 /// a wrong unit or sign, a mirrored frame, a wrong tool) makes a fit senseless; where the new model is worse on the held-out poses than the one it began with;
-/// and where it is still as far off as only a gross fault explains.
+/// and where the remaining error is so large that only a gross fault explains it.
 #[derive(Debug, Args)]
 pub(crate) struct Calibrate {
     #[command(flatten)]
@@ -132,7 +132,7 @@ impl Calibrate {
         if self.is_written(&found) {
             return Ok(Answer::Done);
         }
-        console.say("no model was written; --accept-worse writes it all the same")?;
+        console.say("no model was written; use --accept-worse to write it anyway")?;
         Ok(Answer::No)
     }
 

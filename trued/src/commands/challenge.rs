@@ -126,6 +126,9 @@ fn name(index: usize) -> String {
 impl Challenge {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let seed = self.seed.settle();
+        // Hours may pass before there is anything to write.
+        let inputs = self.inject.iter().chain(self.reading.files());
+        console.outputs().in_folder(&self.out).check(inputs)?;
         let folder = self.folder()?;
         let solver = Solver::of(self.solver.as_deref(), self.limit)?;
         let stop = interrupt::flag()?;

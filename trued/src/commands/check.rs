@@ -21,7 +21,7 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Reading, count, model};
 use crate::output::{Console, Paint};
 
-/// Tell all faults of files at once: cells, models, recordings, mappings
+/// Validate files and report every error: cells, models, recordings, mappings
 ///
 /// What a TOML is, its `schema` says; other files are recordings. A cell is checked with its model, a mapping `NAME.mapping.toml` with the recording
 /// NAME beside it. The first rows of a recording are shown as they are understood. Exit 1 where there are faults, 2 where a file cannot be read.

@@ -109,7 +109,7 @@ impl Demo {
     }
 }
 
-/// A folder in the present one that is not there yet, so that a demo can be seen twice.
+/// The first of `demo-out`, `demo-out-2`, … that does not exist.
 fn fresh_folder() -> PathBuf {
     let name = |k: u32| {
         PathBuf::from(if k == 1 { "demo-out".to_owned() } else { format!("demo-out-{k}") })

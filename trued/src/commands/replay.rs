@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use hdrhistogram::Histogram;
 use serde::Serialize;
+use shm_schema::Corrected;
 
 use self::daemon::OwnDaemon;
 use crate::atomic::Outputs;
@@ -103,9 +104,7 @@ impl Replay {
         daemon: &mut OwnDaemon,
         stop: &AtomicBool,
     ) -> Result<Driven, Failure> {
-        let mut corrections = Corrections::of(&input.model);
-        // The daemon states the error left at the correction it solved for. The same cycle here gives the error left at the one it published.
-        let mut cycle = Cycle::of_cell(&input.model, &input.recording)?;
+        let mut answers = Vec::with_capacity(input.recording.len());
         let mut latency =
             Histogram::new_with_max(LATENCY_NS_MAX, DIGITS).map_err(Failure::system)?;
         let bar = progress::bar(console, input.recording.len() as u64, "replaying");
@@ -120,13 +119,15 @@ impl Replay {
             let sent = Instant::now();
             let answer = daemon.ask(&row, stop)?;
             latency.saturating_record(u64::try_from(sent.elapsed().as_nanos()).unwrap_or(u64::MAX));
-            cycle.answer(&row)?;
-            let left = cycle.left_with(&answer);
-            corrections.take(row.setpoint.joints(), &answer, left).map_err(Failure::system)?;
+            answers.push(answer);
             bar.inc(1);
         }
         let seconds = start.elapsed().as_secs_f64();
-        Ok(Driven { corrections, latency: Latency::of(&latency), seconds })
+        Ok(Driven {
+            corrections: judged(input, &answers)?,
+            latency: Latency::of(&latency),
+            seconds,
+        })
     }
 
     fn say(
@@ -186,4 +187,17 @@ fn wait(start: Instant, due: Duration, stop: &AtomicBool) -> Result<(), Failure>
         interrupt::check(stop)?;
         std::thread::sleep(left.min(NAP));
     }
+}
+
+/// The answers with what is left of the tool error. The daemon states the error left at the correction it solved for; the same cycle here gives the
+/// error left at the one it published.
+fn judged(input: &Input, answers: &[Corrected]) -> Result<Corrections, Failure> {
+    let mut corrections = Corrections::of(&input.model);
+    let mut cycle = Cycle::of_cell(&input.model, &input.recording)?;
+    for (row, answer) in Setpoints::of(&input.recording, input.joint_kinds.len()).zip(answers) {
+        cycle.answer(&row)?;
+        let left = cycle.left_with(answer);
+        corrections.take(row.setpoint.joints(), answer, left).map_err(Failure::system)?;
+    }
+    Ok(corrections)
 }

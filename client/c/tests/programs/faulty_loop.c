@@ -1,7 +1,7 @@
-/* A robot's loop that goes wrong in every way a loop can: what it commands and would send to the robot goes to a file, one record per cycle,
+/* A robot's loop with random faults: what it commands and would send to the robot is written to a file, one record per cycle,
  * for the test that judges it.
  *
- *   faulty_loop CELL FILE CYCLES CALM SEED: so many cycles with faults at random, then so many without.
+ *   faulty_loop CELL FILE CYCLES CALM SEED: CYCLES cycles with random faults, then CALM cycles without.
  */
 #include <inttypes.h>
 #include <math.h>
@@ -43,7 +43,7 @@ static void fail(const char *words) {
     exit(1);
 }
 
-/* A command that is no number has to be an error that changes nothing. */
+/* A NaN or infinite command has to return an error and change nothing. */
 static void no_number(trued_client *client, const double *before) {
     double q[JOINTS];
     for (int i = 0; i < JOINTS; i++) q[i] = below(2) ? NAN : INFINITY;

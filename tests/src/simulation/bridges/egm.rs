@@ -183,7 +183,7 @@ impl Cell for EgmCell {
         let c = &mut self.chance;
         match c.below(200) {
             0 => self.silence(),
-            // Just after the numbers began anew, further lost ones look the same.
+            // Just after a restart of the numbering, a second restart cannot be told from lost datagrams.
             1 if self.robot_number > 500 => self.another_run(),
             2 => self.stop(),
             3 => self.robot_number += c.below(5000) as u32,

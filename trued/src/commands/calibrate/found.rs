@@ -173,12 +173,14 @@ impl Found {
     }
 }
 
-/// What speaks against the model: held-out poses on which it is worse than the one it began with, and what is grossly off in spite of it.
+/// Reasons to reject the model: a larger error on the held-out poses than before, or a gross fault that remains.
 fn refused([nominal, _, advanced]: &[Errors; 3], campaign: &Campaign, last: &Fit) -> Vec<String> {
     let mm = |metres: f64| fixed(metres * 1e3, 4);
-    let worse = (advanced.mean() > nominal.mean()).then(|| {
+    // An error that is no number is no better.
+    let is_better = advanced.mean() <= nominal.mean();
+    let worse = (!is_better).then(|| {
         format!(
-            "on the held-out poses the new model is off by {} mm in the mean, the one before by {} mm: measure more poses, or keep the one before",
+            "mean error on held-out poses: {} mm with the new model, {} mm with the previous one; measure more poses or keep the previous model",
             mm(advanced.mean()),
             mm(nominal.mean())
         )

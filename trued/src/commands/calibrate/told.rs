@@ -291,14 +291,19 @@ pub(super) fn told(command: &Calibrate, found: &Found, alone: &Alone) -> String 
     text
 }
 
-/// The command that plans a check with this model: the targets where the fit found them, and per axis the noise that its held-out poses show.
+/// The smallest noise that a check is planned with, mm: no instrument is better.
+const LEAST_SIGMA_MM: f64 = 1e-4;
+
+/// The command that plans a check with this model: the targets where the fit found them, and its held-out error per axis as the noise.
 fn check(command: &Calibrate, found: &Found) -> String {
     let [.., advanced] = &found.errors;
     let square = advanced.sorted_m.iter().map(|error| error * error).sum::<f64>();
     let axis_m = (square / (3 * advanced.sorted_m.len()).max(1) as f64).sqrt();
     let out = command.out.display();
-    let mut text =
-        format!("trued plan --check --model {out} --sigma-mm {}", significant(mm(axis_m), 2));
+    let mut text = format!(
+        "trued plan --check --model {out} --sigma-mm {:.4}",
+        mm(axis_m).max(LEAST_SIGMA_MM)
+    );
     for target in &found.last.surroundings.targets {
         let [x, y, z] = (target.value * 1e3).to_array().map(|mm| format!("{mm:.3}"));
         // A minus sign that the option takes: no typographic one.

@@ -12,7 +12,7 @@ const ROWS: usize = 3;
 /// Significant digits of a value that is shown.
 const DIGITS: usize = 9;
 
-/// A column of ours.
+/// A column as trued understands it.
 #[derive(Debug, Serialize)]
 pub(super) struct Column {
     /// Its name, with the unit.

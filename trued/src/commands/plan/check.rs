@@ -133,7 +133,7 @@ fn chosen(
     console.say(format!(
         "seen in {} of 100 cases where it is at least this large, {} false alarms in 1000 sound robots:",
         fixed(100.0 * terms.power, 0),
-        fixed(1e3 * terms.alarm, 0)
+        significant(1e3 * terms.alarm, 2)
     ))?;
     console.say(shows(&model.physics, &found.detectable))?;
     unstated(input).iter().try_for_each(|warning| console.say(format!("note: {warning}")))?;
@@ -156,10 +156,11 @@ fn overstated(scatter: f64) -> String {
 }
 
 fn shows(model: &Model, detectable: &[Detectable]) -> String {
-    let mut table = Table::new(["damage", "least that shows"]);
+    let mut table = Table::new(["damage", "minimum detectable change"]);
     for found in detectable {
-        let least =
-            found.least.map_or("cannot be seen: what is fitted takes it".to_owned(), |least| {
+        let least = found
+            .least
+            .map_or("not detectable: absorbed by the fitted parameters".to_owned(), |least| {
                 format!("{} {}", significant(1e3 * least, 2), unit(model, &found.damage))
             });
         table = table.row([found.damage.says(), least]);
@@ -259,7 +260,7 @@ fn told(
             let head = console.paint(Paint::Caution, "not seen by this check");
             let unseen = unseen.join("; ");
             console.say(format!(
-                "{head}: whether {unseen}: what is fitted (targets, measuring frame) takes it"
+                "{head}: {unseen} (absorbed by the fitted targets or measuring frame)"
             ))?;
         }
         if let Some(scatter) = found.scatter {

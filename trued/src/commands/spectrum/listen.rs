@@ -1,4 +1,4 @@
-//! The daemon's watch over the recording, and its words joined into one story per line.
+//! Runs the daemon's vibration watch over the recording and groups its verdicts by spectral line.
 
 use recording::model::RobotModel;
 use spectrum::offline::{Averaging, Event, Heard, Hearing, line_near};
@@ -6,6 +6,7 @@ use spectrum::welch::{Detrend, SegmentPower, Segments, Spectrum};
 use spectrum::{Axis, Class, Mode, State, Verdict, Watch, WatchConfig, Wheel};
 
 use super::Spectrum as Asked;
+use super::samples::Gaps;
 use super::subject::Subject;
 use crate::exit::Failure;
 
@@ -94,7 +95,9 @@ pub(super) fn listen(
         for piece in &subject.pieces {
             let state = |sample| piece.motion.state(sample, subject.teeth);
             hearing.begin(piece.at_s, group.len());
-            piece.samples.taken(&group, 0..piece.len(), |part| hearing.push(part, state))?;
+            piece
+                .samples
+                .parts(Gaps::Missing, &group, 0..piece.len(), |part| hearing.push(part, state))?;
             hearing.end(state);
         }
         let heard = hearing.finish();
@@ -208,7 +211,9 @@ impl Episode {
             Segments { detrend: Detrend::Linear, ..Segments::new(rate_hz, length.min(4 * window)) };
         let mut averaging = Averaging::new(whole);
         averaging.begin(length).map_err(Failure::input)?;
-        piece.samples.even(&[self.channel], from..to, |part| averaging.push(part))?;
+        piece
+            .samples
+            .parts(Gaps::Bridged, &[self.channel], from..to, |part| averaging.push(part))?;
         let mean = averaging.finish().map_err(Failure::input)?.mean;
         let reach_hz = 3.0_f64.max(0.005 * self.frequency_hz);
         let near = line_near(&mean, self.frequency_hz, reach_hz);
@@ -220,7 +225,7 @@ impl Episode {
         let mut spectrum =
             Spectrum { frequency: segments.frequencies(), power: Vec::new(), averages: 1 };
         let mut largest = 0.0_f64;
-        piece.samples.even(&[self.channel], from..to, |part| {
+        piece.samples.parts(Gaps::Bridged, &[self.channel], from..to, |part| {
             segments.push(part, |_, power| {
                 spectrum.power.clear();
                 spectrum.power.extend_from_slice(power);

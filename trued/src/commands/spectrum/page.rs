@@ -28,7 +28,7 @@ pub(super) fn render(subject: &Subject, found: &Found) -> Result<String, Failure
     }
     let drawn = match plots::thinned(subject) {
         1 => format!("The samples of {name}."),
-        group => format!("The samples of {name}: the least and the largest of every {group}."),
+        group => format!("Samples of {name}: minimum and maximum of every {group} samples."),
     };
     page = page.figure(&drawn, &plots::signal(subject, found, channel)?);
     if !found.episodes.is_empty() {

@@ -6,6 +6,7 @@ use spectrum::welch::{Scaling, SegmentPower, Segments, Spectrum};
 
 use super::found::Found;
 use super::listen::Episode;
+use super::samples::Gaps;
 use super::space::Space;
 use super::spectra::segments;
 use super::subject::Subject;
@@ -67,7 +68,9 @@ pub(super) fn waterfall(
 ) -> Result<Option<Svg>, Failure> {
     let top_hz = top_hz(subject, found);
     let Some((from_s, to_s)) = span_s(subject) else { return Ok(None) };
-    let window_s = ((to_s - from_s) / 60.0).clamp(20.0 / top_hz, 0.5).max(32.0 / subject.rate_hz);
+    // About 60 windows, of half a second at most, but of 20 periods of the highest frequency and of 32 samples at least.
+    let least_s = (20.0 / top_hz).max(32.0 / subject.rate_hz);
+    let window_s = ((to_s - from_s) / 60.0).min(0.5).max(least_s);
     let plan = Segments { scaling: Scaling::Spectrum, ..segments(subject.rate_hz, window_s) };
     let plan = Segments { overlap: 3 * plan.length / 4, ..plan };
     let step_hz = subject.rate_hz / plan.length as f64;
@@ -86,7 +89,9 @@ pub(super) fn waterfall(
             }
         };
         let all = 0..piece.len();
-        piece.samples.even(&[channel], all, |part| segments.push(part, &mut enter))?;
+        piece
+            .samples
+            .parts(Gaps::Bridged, &[channel], all, |part| segments.push(part, &mut enter))?;
     }
     fill_gaps(
         &mut cells,
@@ -143,7 +148,7 @@ fn label(episode: &Episode) -> String {
     format!("{:.0} Hz {}", episode.frequency_hz, episode.verdict.class.name().replace('_', " "))
 }
 
-/// Of how many samples that follow each other the drawing of a signal has the least and the largest alone; 1: all are drawn.
+/// Decimation of the signal plot: minimum and maximum of this many consecutive samples are drawn; 1: all samples.
 pub(super) fn thinned(subject: &Subject) -> usize {
     if subject.len() <= SIGNAL_POINTS { 1 } else { (2 * subject.len()).div_ceil(SIGNAL_POINTS) }
 }
@@ -156,7 +161,7 @@ pub(super) fn signal(subject: &Subject, found: &Found, channel: usize) -> Result
     for piece in &subject.pieces {
         let t_s = |i: usize| piece.at_s + i as f64 / subject.rate_hz;
         let (mut at, mut open) = (0, Vec::with_capacity(group));
-        piece.samples.taken(&[channel], 0..piece.len(), |part| {
+        piece.samples.parts(Gaps::Missing, &[channel], 0..piece.len(), |part| {
             for x in part {
                 open.push((t_s(at), *x));
                 at += 1;
@@ -177,7 +182,7 @@ pub(super) fn signal(subject: &Subject, found: &Found, channel: usize) -> Result
     Ok(marked.render())
 }
 
-/// Moves the least and the largest of some points over, in their order; where none was taken, one that says so.
+/// Appends minimum and maximum of `open` to `to` in time order; one NaN point where every sample is missing.
 fn extremes(open: &mut Vec<(f64, f64)>, to: &mut Vec<(f64, f64)>) {
     let taken = || open.iter().filter(|point| !point.1.is_nan());
     let least = taken().min_by(|a, b| a.1.total_cmp(&b.1));

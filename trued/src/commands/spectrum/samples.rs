@@ -10,6 +10,15 @@ use crate::input;
 /// Samples of one time that are handed over at once.
 const FRAMES: usize = 1 << 14;
 
+/// What stands for samples that were not taken.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Gaps {
+    /// NaN.
+    Missing,
+    /// A straight line across them.
+    Bridged,
+}
+
 /// Each channel's samples.
 #[derive(Debug)]
 pub(super) enum Samples {
@@ -48,39 +57,25 @@ impl Samples {
         }
     }
 
-    /// Hands the samples of some channels to `each`, a part after the other, those of one time beside each other; NaN where
-    /// none was taken.
-    pub(super) fn taken(
+    /// Hands the samples of some channels to `each`, a part after the other, those of one time beside each other.
+    pub(super) fn parts(
         &self,
-        channels: &[usize],
-        range: Range<usize>,
-        each: impl FnMut(&[f64]),
-    ) -> Result<(), Failure> {
-        match self {
-            Self::Held { taken, .. } => {
-                let chosen: Vec<&[f64]> = channels.iter().map(|at| taken[*at].as_slice()).collect();
-                side_by_side(&chosen, range, each);
-                Ok(())
-            }
-            Self::Stored(stored) => stored.parts(channels, range, each).map_err(input::unusable),
-        }
-    }
-
-    /// The same with straight lines across what was not taken.
-    pub(super) fn even(
-        &self,
+        gaps: Gaps,
         channels: &[usize],
         range: Range<usize>,
         each: impl FnMut(&[f64]),
     ) -> Result<(), Failure> {
         match self {
             Self::Held { taken, bridged } => {
-                let channel = |at: &usize| bridged[*at].as_ref().unwrap_or(&taken[*at]).as_slice();
+                let channel = |at: &usize| match gaps {
+                    Gaps::Missing => taken[*at].as_slice(),
+                    Gaps::Bridged => bridged[*at].as_deref().unwrap_or(&taken[*at]),
+                };
                 let chosen: Vec<&[f64]> = channels.iter().map(channel).collect();
                 side_by_side(&chosen, range, each);
                 Ok(())
             }
-            Self::Stored(_) => self.taken(channels, range, each),
+            Self::Stored(stored) => stored.parts(channels, range, each).map_err(input::unusable),
         }
     }
 }

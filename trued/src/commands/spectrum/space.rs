@@ -9,6 +9,7 @@ use spectrum::welch::{Detrend, Segments, Spectrum, detrended};
 
 use super::listen::Episode;
 use super::motion::{Motion, middle, turns};
+use super::samples::Gaps;
 use super::spectra::ChannelSpectrum;
 use super::subject::{Piece, Subject};
 use crate::exit::Failure;
@@ -204,9 +205,9 @@ impl<'a> Known<'a> {
         let mut runs = Vec::new();
         for piece in self.pieces.iter().filter(|piece| length_mm(piece) >= SHORTEST_MM) {
             let mut samples = Vec::with_capacity(piece.len());
-            piece
-                .samples
-                .even(&[channel], 0..piece.len(), |part| samples.extend_from_slice(part))?;
+            piece.samples.parts(Gaps::Bridged, &[channel], 0..piece.len(), |part| {
+                samples.extend_from_slice(part);
+            })?;
             let samples = detrended(&samples, Detrend::Constant);
             let run = over_path(&piece.motion.path_mm, &samples, 1.0 / segments.rate);
             runs.push(run.map_err(Failure::input)?);

@@ -5,6 +5,7 @@ use spectrum::welch::{Detrend, Scaling, Segments, Spectrum, Taper};
 use spectrum::{Axis, Class, State, Verdict};
 
 use super::listen::{Episode, Listened};
+use super::samples::Gaps;
 use super::subject::{Piece, Subject};
 use crate::exit::Failure;
 
@@ -78,7 +79,7 @@ pub(super) fn measured(subject: &Subject, window_s: f64) -> Result<Vec<Measured>
         for averaging in &mut averaging {
             averaging.begin(piece.len()).map_err(Failure::input)?;
         }
-        piece.samples.even(&all, 0..piece.len(), |part| {
+        piece.samples.parts(Gaps::Bridged, &all, 0..piece.len(), |part| {
             for (at, (averaging, rms)) in averaging.iter_mut().zip(&mut rms).enumerate() {
                 own.clear();
                 own.extend(part.iter().skip(at).step_by(all.len()));

@@ -25,7 +25,7 @@ pub(in crate::commands::diagnose) fn render(found: &Forces, report: &Report) -> 
         Ok(diagnosis) => {
             let lead = match &diagnosis.compared {
                 Ok(_) => format!(
-                    "Held against the told cut: off by {} N before, {} N after, {} N noise; {}.",
+                    "Compared with the stated cut: error {} N before, {} N after, noise {} N; {}.",
                     tables::rms(report.heldout_rms_before),
                     tables::rms(report.heldout_rms_after),
                     significant(report.noise_rms, 3),

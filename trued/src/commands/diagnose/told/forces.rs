@@ -180,7 +180,7 @@ fn told(diagnosis: &Diagnosis, finding: &Finding) -> Told {
             }
         }
         Finding::Chatter { tone, resolution_hz, is_alone } => {
-            // One tone has neither a scatter nor rows apart: no interval is computed.
+            // A single tone has no scatter and no held-out rows: no interval is computed.
             let number = |value: f64| Value::One { value, ci95: None };
             let mut parameters =
                 BTreeMap::from([("frequency_Hz".to_owned(), number(tone.frequency_hz))]);
