@@ -78,10 +78,17 @@ fn every_command_refuses_an_output_that_is_there_before_it_begins() {
 #[test]
 fn results_are_made_anew_without_asking() {
     let place = place();
-    for _ in 0..2 {
+    let names = ["o.json", "o.html"];
+    let made = || {
         place.succeed(&["model", "presets", "--json", "o.json"]);
         place.succeed(&["gears", "--model", MODEL, "--report", "o.html", "path.csv"]);
+        names.map(|name| place.read(name))
+    };
+    let first = made();
+    for (name, text) in names.iter().zip(&first) {
+        place.file(name, &format!("{text}\nof an earlier version\n"));
     }
+    assert_eq!(made(), first);
 }
 
 /// Runs a shell in which `$1` is a folder on a disk of that size, `$2` the program; none where the system refuses such a disk.
@@ -131,5 +138,6 @@ fn a_limit_of_the_file_size_leaves_nothing_half_written() {
         .unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(said.contains("cannot write"), "{said}");
     assert!(!place.path("poses").exists(), "{said}");
 }

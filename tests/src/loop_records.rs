@@ -68,6 +68,10 @@ pub fn judge(bytes: &[u8], tail: usize) -> Judged {
         let largest =
             command.iter().zip(&sent).map(|(q, sent)| (sent - q).abs()).fold(0.0, f64::max);
         judged.largest_rad = judged.largest_rad.max(largest);
+        let is_plain = sent.map(f64::to_bits) == command.map(f64::to_bits);
+        if source == PLAIN && !is_plain {
+            judged.broken.push(format!("cycle {at}: plain, but {sent:?} for {command:?}"));
+        }
         corrected += usize::from(at + tail >= judged.cycles && largest > CORRECTED_RAD);
     }
     judged.corrected_at_the_end = corrected as f64 / tail.max(1) as f64;

@@ -31,7 +31,9 @@ def no_number(client: trued.Client, chance: random.Random) -> None:
     """A NaN or infinite command has to return an error and change nothing."""
     before = client.last_target()
     with contextlib.suppress(ValueError):
-        client.target_for([chance.choice((math.nan, math.inf))] * 6)
+        command = path(0.0)
+        command[chance.randrange(6)] = chance.choice((math.nan, math.inf, -math.inf))
+        client.target_for(command)
         raise SystemExit("no number was answered")
     after = client.last_target()
     if before is not None and not np.array_equal(before.joints, after.joints):

@@ -163,6 +163,9 @@ impl VirtualDaemon {
         (self.fails, self.away_until_ns) = (false, 0);
         self.corrector.set_mode(Mode::Full);
         self.corrector.set_bypass(false);
+        // With the nominal model there would be no correction to come back.
+        self.model = self.models[0];
+        self.corrector.model_changed(&self.model);
     }
 
     fn trouble(&mut self) {

@@ -20,6 +20,8 @@ typedef struct {
     double command[JOINTS], sent[JOINTS];
 } record;
 
+_Static_assert(sizeof(record) == 144, "as tests/src/loop_records.rs reads it");
+
 static uint64_t state;
 
 static uint64_t below(uint64_t n) {
@@ -46,7 +48,8 @@ static void fail(const char *words) {
 /* A NaN or infinite command has to return an error and change nothing. */
 static void no_number(trued_client *client, const double *before) {
     double q[JOINTS];
-    for (int i = 0; i < JOINTS; i++) q[i] = below(2) ? NAN : INFINITY;
+    path(0.0, q);
+    q[below(JOINTS)] = (double[]){NAN, INFINITY, -INFINITY}[below(3)];
     trued_target target = TRUED_INIT(trued_target);
     if (trued_client_send_joints(client, q, JOINTS, NULL) == TRUED_OK) fail("no number was sent");
     if (trued_client_target(client, q, JOINTS, trued_monotonic_ns(), &target) >= 0) fail("no number was answered");
