@@ -1,8 +1,12 @@
 //! The best correction within bounds, where no exact one is: beyond the envelope, beyond a joint limit, at a singular pose.
 //!
-//! Minimises `‖error(x)‖² + xᵀ D x` over corrections `x` within the envelope's angle and the joint limits, by Gauss-Newton steps, each the lowest point of its
+//! Minimises `‖error(x)‖² + (x − r)ᵀ D (x − r)` over corrections `x` within the envelope's angle and the joint limits, by Gauss-Newton steps, each the lowest point of its
 //! bounded quadratic problem. A radian counts [`ORIENTATION_SHARE`] of the task's length, so that position comes first, where the joints can serve the whole task.
-//! `D` damps the directions in which the tool hardly moves, else the correction would go from bound to bound as the arm passes a singular pose. It grows with how far an exact solution would leave the envelope: it is zero where that begins, so that exact and bounded corrections meet.
+//!
+//! `D` damps the directions in which the tool hardly moves, else the correction would go from bound to bound as the arm passes a singular pose. It grows with how far an
+//! exact solution would leave the envelope. What it draws to, `r`, is that exact solution while it fits, so that exact and bounded corrections meet however weakly the
+//! tool moves, and falls to nothing with the inverse of its size beyond. They do not meet where an exact solution goes to the envelope's bound for less than a
+//! nanometre: rounding hides such directions.
 //!
 //! Promises: within the bounds; never worse for the tool than no correction. Never: a part in an exact solution.
 
@@ -12,7 +16,7 @@ use crate::joints::off;
 use crate::normal::ROWS;
 use crate::outcome::Reason;
 use crate::rows::{Rows, TaskError};
-use crate::slopes::{Here, Slopes};
+use crate::slopes::{Here, Rates, Slopes};
 use crate::solve::{Case, Solution, Solver};
 use libm::sqrt;
 use physics::{Chain, Inputs, JOINTS_MAX, Joints};
@@ -23,8 +27,10 @@ const ORIENTATION_SHARE: f64 = 0.5;
 const DAMPED_FROM: f64 = 1.25;
 /// From so many times on it is damped in full.
 const DAMPED_IN_FULL: f64 = 5.0;
-/// What the whole envelope moves the tool by counts as nothing below this, m.
-const HARDLY_M: f64 = 1e-7;
+/// What the whole envelope moves the tool by counts as nothing below this, m: some thousand times the rounding of its square.
+const HARDLY_M: f64 = 3e-10;
+/// What a unit of the joints moves the tool by counts as nothing below this, m/rad, for the same reason.
+const HARDLY_PER_UNIT: f64 = 1e-7;
 /// The correction passes from bound to bound while the tool's least motion per unit of the joints goes from minus to plus this, m/rad.
 const PASSES: f64 = 0.03;
 /// Damping of all directions, relative to the mean of the diagonal: what makes the lowest point unique for redundant arms.
@@ -41,6 +47,8 @@ const SERVED_M: f64 = 1e-9;
 /// The quadratic problem at one trial: what of it does not come from the slopes there.
 struct Problem {
     damping: Square,
+    /// The correction that damping draws to, rad or m.
+    reference: Joints,
     share: f64,
     bounds: Bounds,
 }
@@ -122,20 +130,23 @@ impl Solver {
             bounds.high[i] = (high - inputs.q[i]).min(reach[i]).max(0.0);
         }
         let share = if self.slopes.serve_all() { ORIENTATION_SHARE } else { 1.0 };
-        let mut problem = Problem { damping: [[0.0; JOINTS_MAX]; JOINTS_MAX], share, bounds };
+        let (damping, reference) = ([[0.0; JOINTS_MAX]; JOINTS_MAX], [0.0; JOINTS_MAX]);
+        let mut problem = Problem { damping, reference, share, bounds };
         self.damp_by(case, &mut problem, error, 1.0);
         problem
     }
 
-    /// Damps by how far from `x` the exact solution would be beyond the envelope. At the command itself a wrist may be singular where the correction of other
-    /// joints takes it away from that; a fully damped correction has done this already.
+    /// Damps by how far the exact solution would be beyond the envelope, and draws to it, by the slopes at `x`. At the command itself a wrist may be singular where the
+    /// correction of other joints takes it away from that; a fully damped correction has done this already.
     fn damp(&mut self, case: &Case<'_>, problem: &mut Problem, error: &TaskError, x: &Joints) {
         let rates = &self.slopes.rates;
         let done = |row: usize| rates[row].iter().zip(x).map(|(rate, x)| rate * x).sum::<f64>();
         let whole = TaskError(core::array::from_fn(|row| error.0[row] + done(row)));
-        let times = self.exact_size(case.model.arm.count(), &whole, case.reach);
+        let Exact { by, times } = self.exact(case.model.arm.count(), &whole, case.reach);
+        let fits = (DAMPED_FROM / times).min(1.0);
+        problem.reference = by.map(|x| x * fits * fits);
         let part = ((times - DAMPED_FROM) / (DAMPED_IN_FULL - DAMPED_FROM)).clamp(0.0, 1.0);
-        self.damp_by(case, problem, &whole, libm::pow(part, 6.0));
+        self.damp_by(case, problem, &whole, part);
     }
 
     /// Takes this part of the damping that an error asks for.
@@ -154,29 +165,53 @@ impl Solver {
 }
 
 impl Solver {
-    /// How many times the envelope's angle an exact correction takes, by the slopes seen: at most one where it fits. The root mean square over the joints.
-    fn exact_size(&mut self, count: usize, error: &TaskError, reach: &Joints) -> f64 {
+    /// The exact correction by the slopes seen.
+    fn exact(&mut self, count: usize, error: &TaskError, reach: &Joints) -> Exact {
         let slopes = &mut self.slopes;
         if !slopes.serve_all() {
             let found = slopes.undamped(error);
-            let by = &slopes.step.by;
-            let largest = (0..count).map(|i| by[i].abs() / reach[i]).fold(0.0, f64::max);
-            return if found { largest } else { f64::INFINITY };
+            let by = slopes.step.by;
+            let times = (0..count).map(|i| by[i].abs() / reach[i]).fold(0.0, f64::max);
+            return if found && times.is_finite() { Exact { by, times } } else { Exact::NONE };
         }
-        // By the rows, not the joints: what an inverse of `JᵀJ` says of a direction in which the tool does not move at all is rounding.
-        let (mut a, mut e) = ([[0.0; JOINTS_MAX]; JOINTS_MAX], [0.0; JOINTS_MAX]);
-        for i in 0..ROWS {
-            e[i] = error.0[i];
-            a[i][i] = HARDLY_M * HARDLY_M;
-            for (k, entry) in a[i][..ROWS].iter_mut().enumerate() {
-                let of = |j: usize| slopes.rates[i][j] * slopes.rates[k][j] * reach[j] * reach[j];
-                *entry += (0..count).map(of).sum::<f64>();
-            }
+        let weights = by_rows(&slopes.rates, error, &[1.0; JOINTS_MAX], HARDLY_PER_UNIT);
+        let scaled = by_rows(&slopes.rates, error, reach, HARDLY_M);
+        let (Some(weights), Some(scaled)) = (weights, scaled) else { return Exact::NONE };
+        let mut by = [0.0; JOINTS_MAX];
+        for (row, weight) in slopes.rates.iter().zip(weights) {
+            by.iter_mut().zip(row).for_each(|(x, rate)| *x += weight * rate);
         }
-        let found = free_step(ROWS, &a, &e, &[false; JOINTS_MAX]);
-        let square = found.map(|z| (0..ROWS).map(|i| e[i] * z[i]).sum::<f64>());
-        square.map_or(f64::INFINITY, |square| sqrt(square.max(0.0) / count as f64))
+        // The root mean square over the joints.
+        let square: f64 = error.0.iter().zip(scaled).map(|(e, z)| e * z).sum();
+        Exact { by, times: sqrt(square.max(0.0) / count as f64) }
     }
+}
+
+/// An exact correction where the slopes hold.
+struct Exact {
+    /// rad or m
+    by: Joints,
+    /// How many times the envelope's angle it takes: at most one where it fits.
+    times: f64,
+}
+
+impl Exact {
+    const NONE: Self = Self { by: [0.0; JOINTS_MAX], times: f64::INFINITY };
+}
+
+/// `(J U² Jᵀ + least²)⁻¹ error`, `U` being the joints' units: by the rows, as what an inverse of `JᵀJ` says of a direction in which the tool does not move at all
+/// is rounding.
+fn by_rows(rates: &Rates, error: &TaskError, units: &Joints, least: f64) -> Option<Joints> {
+    let (mut a, mut e) = ([[0.0; JOINTS_MAX]; JOINTS_MAX], [0.0; JOINTS_MAX]);
+    e[..ROWS].copy_from_slice(&error.0);
+    for i in 0..ROWS {
+        for k in 0..ROWS {
+            a[i][k] =
+                units.iter().enumerate().map(|(j, u)| rates[i][j] * rates[k][j] * u * u).sum();
+        }
+        a[i][i] += least * least;
+    }
+    free_step(ROWS, &a, &e, &[false; JOINTS_MAX])
 }
 
 impl Problem {
@@ -192,7 +227,10 @@ impl Problem {
 
     /// Matrix and slope of the quadratic problem where `x` leaves `error`.
     fn at(&self, slopes: &Slopes, count: usize, error: &TaskError, x: &Joints) -> (Square, Joints) {
-        let (mut a, mut g) = (self.damping, [0.0; JOINTS_MAX]);
+        let mut a = self.damping;
+        let mut g: Joints = core::array::from_fn(|i| {
+            self.damping[i].iter().zip(&self.reference).map(|(d, x)| d * x).sum()
+        });
         for (row, rate) in slopes.rates.iter().enumerate() {
             let square = self.weight(row) * self.weight(row);
             let wanted = error.0[row] + (0..count).map(|i| rate[i] * x[i]).sum::<f64>();
