@@ -49,16 +49,17 @@ enum Start {
 }
 
 impl Start {
-    /// The correction in the robot's position, if `q` is its newest target without a correction and it was corrected by `last`: zero if the
-    /// target itself is clearly nearer to it than with `last` added.
-    fn correction(&self, q: &[f64], last: &[f64; JOINTS_MAX]) -> [f64; JOINTS_MAX] {
-        let Self::At(present) = self else { return [0.0; JOINTS_MAX] };
-        let square = |share: f64| -> f64 {
+    /// Whether the correction `last` is in the robot's position, `q` being its newest target without it, and `before` the one that was corrected last. So it is
+    /// if the robot clearly stands where it was sent last, or does not clearly stand at `q` itself.
+    fn is_corrected(&self, q: &[f64], before: Option<&[f64]>, last: &[f64; JOINTS_MAX]) -> bool {
+        let Self::At(present) = self else { return false };
+        let square = |q: &[f64], share: f64| -> f64 {
             let off = q.iter().zip(last).zip(present).map(|((q, last), at)| q + share * last - at);
             off.map(|off| off * off).sum()
         };
-        // Half as far: what lies between is a run that went on.
-        if 4.0 * square(0.0) <= square(1.0) { [0.0; JOINTS_MAX] } else { *last }
+        // Clearly: half as far as from the other. What lies between is a run that went on.
+        before.is_some_and(|q| 4.0 * square(q, 1.0) < square(q, 0.0))
+            || 4.0 * square(q, 0.0) > square(q, 1.0)
     }
 }
 
@@ -81,6 +82,8 @@ pub trait Link {
     fn repeat(&mut self, q: &[f64]) -> Correction;
     /// The correction that was sent last, rad.
     fn last_correction(&self) -> [f64; JOINTS_MAX];
+    /// A run begins, and the robot stands where it was sent last: the correction goes on as it was.
+    fn start_anew(&mut self);
     /// The robot begins a run at its command plus this correction, rad.
     fn start_from(&mut self, correction: &[f64; JOINTS_MAX]);
     /// What the robot measures of itself.
@@ -97,12 +100,14 @@ pub struct Feed<L = Joining> {
     /// The newest target that was passed on as commanded, since the last that was corrected, rad. A robot whose first message of a run was lost
     /// has followed it already.
     passed: Option<[f64; JOINTS_MAX]>,
+    /// The newest target that was corrected, without its correction, rad.
+    corrected: Option<[f64; JOINTS_MAX]>,
 }
 
 impl<L: Link> Feed<L> {
     /// Over that link.
     pub fn over(link: L) -> Self {
-        Self { link, start: None, passed: None }
+        Self { link, start: None, passed: None, corrected: None }
     }
 
     /// The link.
@@ -115,15 +120,36 @@ impl<L: Link> Feed<L> {
         let passed = self.passed.take();
         if let Some(start) = self.start.take() {
             let newest = passed.as_ref().map_or(q, |passed| &passed[..q.len()]);
-            let correction = start.correction(newest, &self.link.last_correction());
-            self.link.start_from(&correction);
+            let before = self.corrected.as_ref().map(|before| &before[..q.len()]);
+            let last = self.link.last_correction();
+            if !start.is_corrected(newest, before, &last) {
+                self.link.start_from(&[0.0; JOINTS_MAX]);
+            } else if passed.is_some() || last == [0.0; JOINTS_MAX] {
+                self.link.start_from(&last);
+            } else {
+                self.link.start_anew();
+            }
         }
+        let mut joints = [0.0; JOINTS_MAX];
+        joints[..q.len()].copy_from_slice(q);
+        self.corrected = Some(joints);
         self.link.command(q)
     }
 
-    /// A target goes out as commanded, as the robot is not known to be guided.
+    /// A target goes out as commanded.
     pub fn pass(&mut self, q: &[f64; JOINTS_MAX]) {
         self.passed = Some(*q);
+    }
+
+    /// Whether there is a correction in what was sent last.
+    pub fn is_correcting(&self) -> bool {
+        self.passed.is_none() && self.link.last_correction() != [0.0; JOINTS_MAX]
+    }
+
+    /// Whether a robot at `joints`, rad, clearly stands at the target `q` itself, not at the corrected one.
+    pub fn is_at_target(&self, q: &[f64], joints: &[f64; JOINTS_MAX]) -> bool {
+        let before = self.corrected.as_ref().map(|before| &before[..q.len()]);
+        !Start::At(*joints).is_corrected(q, before, &self.link.last_correction())
     }
 
     /// The correction as it is now, for a target that the daemon knows already.
@@ -217,6 +243,12 @@ impl Link for Joining {
         self.client.as_ref().map_or([0.0; JOINTS_MAX], Client::last_correction)
     }
 
+    fn start_anew(&mut self) {
+        if let Some(client) = self.client() {
+            client.start_anew();
+        }
+    }
+
     fn start_from(&mut self, correction: &[f64; JOINTS_MAX]) {
         if let Some(client) = self.client() {
             client.start_from(correction);
@@ -294,11 +326,11 @@ pub(crate) fn keep_trying<T>(
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod stub {
     use super::*;
 
     /// A link that has corrected the first joint by this last.
-    struct Corrected(f64);
+    pub(crate) struct Corrected(pub(crate) f64);
 
     impl Link for Corrected {
         fn command(&mut self, q: &[f64]) -> Correction {
@@ -306,12 +338,15 @@ mod tests {
         }
 
         fn repeat(&mut self, _: &[f64]) -> Correction {
-            Correction { rad: self.last_correction(), ..Correction::ZERO }
+            let rad = self.last_correction();
+            Correction { rad, source: Source::Corrected, is_refused: false }
         }
 
         fn last_correction(&self) -> [f64; JOINTS_MAX] {
             first(self.0)
         }
+
+        fn start_anew(&mut self) {}
 
         fn start_from(&mut self, correction: &[f64; JOINTS_MAX]) {
             self.0 = correction[0];
@@ -322,9 +357,15 @@ mod tests {
         fn look(&mut self) {}
     }
 
-    fn first(joint: f64) -> [f64; JOINTS_MAX] {
+    pub(crate) fn first(joint: f64) -> [f64; JOINTS_MAX] {
         std::array::from_fn(|i| if i == 0 { joint } else { 0.0 })
     }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::stub::{Corrected, first};
+    use super::*;
 
     /// What the first target of a run, 1 mrad further, is corrected by where the robot stands at `stands` and the last correction was -1 mrad.
     fn begun(stands: f64, passed: Option<f64>) -> f64 {
@@ -340,6 +381,15 @@ mod tests {
     fn a_run_goes_on_with_the_correction_that_is_in_the_robots_position() {
         assert_eq!(begun(0.0, None).to_bits(), (-1e-3_f64).to_bits());
         assert_eq!(begun(1e-3, None).to_bits(), 0.0_f64.to_bits());
+    }
+
+    #[test]
+    fn a_robot_that_stands_where_it_was_sent_last_goes_on_with_its_correction_however_near_the_next_target_is()
+     {
+        let mut feed = Feed::over(Corrected(-1e-3));
+        feed.command(&first(0.0)[..6]);
+        feed.start_at(&first(-1e-3));
+        assert_eq!(feed.command(&first(-1e-3)[..6]).rad[0].to_bits(), (-1e-3_f64).to_bits());
     }
 
     #[test]

@@ -7,11 +7,38 @@ use crate::cell_loop::{JOINTS, STATUS_S};
 use crate::oracle::Oracle;
 use physics::JOINTS_MAX;
 use shm_schema::{JointBounds, Mode};
+use std::io::{self, Write};
+use trued_client::{Source, Status, Target};
 
 const RECORD: usize = 144;
 /// A larger correction comes from a daemon that answers, rad; without one it ramps out.
 const CORRECTED_RAD: f64 = 1e-4;
 const PLAIN: u32 = 3;
+
+/// Writes the record of a cycle: its time and the newest sent stamp, the daemon's status, what was commanded and what would be sent.
+///
+/// # Errors
+/// `out` cannot be written to.
+pub fn write(
+    out: &mut impl Write,
+    [now_ns, stamp_ns]: [u64; 2],
+    status: &Status,
+    command: &[f64; JOINTS],
+    target: &Target,
+) -> io::Result<()> {
+    let source: u32 = match target.source() {
+        Source::Corrected => 0,
+        Source::LastCorrection => 1,
+        Source::Ramping => 2,
+        Source::Plain => PLAIN,
+    };
+    let JointBounds { angle, rate, jerk, .. } = status.bounds;
+    [now_ns, stamp_ns].iter().try_for_each(|ns| out.write_all(&ns.to_le_bytes()))?;
+    [status.mode, source].iter().try_for_each(|code| out.write_all(&code.to_le_bytes()))?;
+    let numbers = [angle[0], rate[0], jerk[0]].into_iter().chain(*command);
+    let mut numbers = numbers.chain(target.joints().iter().copied());
+    numbers.try_for_each(|number| out.write_all(&number.to_le_bytes()))
+}
 
 /// What a file of records says.
 #[derive(Clone, Debug, Default)]

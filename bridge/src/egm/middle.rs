@@ -24,6 +24,12 @@ use crate::sequence::{Sequence, Standing};
 /// A controller that is silent for so long has ended its run, unless it counted on, ns.
 pub const SESSION_NS: u64 = 1_000_000_000;
 
+/// A controller sends no faster than every 4 ms: where more numbers are missing than half of that per message allows, it has not only counted on, ns.
+const MESSAGE_NS: u64 = 2_000_000;
+
+/// After so many messages in a row that do not guide the robot it has stopped: fewer may be old ones, replayed.
+const STOPPED_AFTER: u32 = 3;
+
 /// So many datagrams in a row another mechanical unit has to send before it is served instead of one that is silent.
 const TAKEN_AFTER: u32 = 3;
 
@@ -86,6 +92,10 @@ struct Robot {
     address: SocketAddr,
     last_ns: u64,
     is_guided: bool,
+    /// Messages in a row that did not guide it.
+    not_guided: u32,
+    /// Where it is, in the arm's order, rad.
+    stands: Option<[f64; JOINTS_MAX]>,
     /// The newest joints of the program (else measured ones), in the arm's order, rad.
     q: Option<[f64; JOINTS_MAX]>,
     /// The application has spoken in this run, and since the controller last did.
@@ -167,12 +177,15 @@ impl<L: Link> Middle<L> {
 
     /// What the controller's message says of its run.
     fn note(&mut self, message: &RobotMessage, standing: Standing, from: SocketAddr, now_ns: u64) {
-        // A silence in which the controller counted on is the network's; the robot is where it was sent last.
-        let counted_on = matches!(standing, Standing::Next { lost } if lost > 0);
+        let lost = if let Standing::Next { lost } = standing { lost } else { 0 };
+        let silent_ns = self.robot.map_or(0, |robot| now_ns.saturating_sub(robot.last_ns));
+        let silent = silent_ns >= SESSION_NS;
         let before = self.robot.filter(|robot| {
-            let silent = now_ns.saturating_sub(robot.last_ns) >= SESSION_NS;
-            standing != Standing::First && robot.address == from && (!silent || counted_on)
+            // A silence in which the controller counted on is the network's.
+            standing != Standing::First && robot.address == from && (!silent || lost > 0)
         });
+        // It may have begun anew nevertheless: where the robot is shows that.
+        let is_doubtful = silent || u64::from(lost) * MESSAGE_NS > silent_ns;
         let is_guided = is_guided(self.settings.guidance, message.mci_state);
         let measured = self.settings.order.rad(&message.feedback);
         let planned = self.settings.order.rad(&message.planned);
@@ -182,9 +195,13 @@ impl<L: Link> Middle<L> {
             self.counts.one(Count::Sessions);
             self.path = Path::new(self.settings.path_period_ns);
         }
-        if is_guided && before.is_none_or(|before| !before.is_guided) {
-            self.start(measured.or(planned));
+        let stands = measured.or(planned);
+        let by_joints = self.settings.guidance == Guidance::Joints;
+        let begins = before.is_none_or(|before| !before.is_guided) || (is_doubtful && by_joints);
+        if is_guided && begins {
+            self.start(stands);
         }
+        let not_guided = before.map_or(0, |before| before.not_guided) + 1;
         if is_guided && has_target && !was_answered {
             self.counts.one(Count::Silent);
         }
@@ -192,6 +209,8 @@ impl<L: Link> Middle<L> {
             address: from,
             last_ns: now_ns,
             is_guided,
+            not_guided: if is_guided { 0 } else { not_guided },
+            stands,
             q: planned.or(measured),
             has_target,
             is_answered: false,
@@ -260,7 +279,7 @@ impl<L: Link> Middle<L> {
         (robot.has_target, robot.is_answered) = (true, true);
         let robot = *robot;
         match screened {
-            Screened::Joints { planned, is_repeated } if robot.is_guided => {
+            Screened::Joints { planned, is_repeated } if !self.is_passed(planned, &robot) => {
                 self.correct_joints(datagram, planned, *is_repeated);
             }
             Screened::Offset(message) if robot.is_guided => {
@@ -271,7 +290,6 @@ impl<L: Link> Middle<L> {
                 }
             }
             Screened::AsItIs => self.counts.one(Count::NotCorrected),
-            // The robot is not known to be guided: the first target that it follows shall be the application's own.
             Screened::Joints { planned, .. } => {
                 self.counts.one(Count::Plain);
                 if let Some(q) = self.settings.order.rad(planned) {
@@ -282,6 +300,19 @@ impl<L: Link> Middle<L> {
         }
         self.counts.one(Count::Sent);
         Some(robot.address)
+    }
+
+    /// Whether a joint target goes out as commanded: the robot is not guided, and the first target that it follows shall be the application's own. A correction
+    /// that is in force goes on until the robot stands without it, as the message that guides the robot may have been lost.
+    fn is_passed(&self, planned: &Posture, robot: &Robot) -> bool {
+        if robot.is_guided {
+            return false;
+        }
+        let (q, stands) = (self.settings.order.rad(planned), robot.stands);
+        let (Some(q), Some(stands)) = (q, stands.filter(|_| self.feed.is_correcting())) else {
+            return true;
+        };
+        robot.not_guided >= STOPPED_AFTER && self.feed.is_at_target(&q[..self.arm.count()], &stands)
     }
 
     fn correct_joints(&mut self, datagram: &mut [u8], planned: &Posture, is_repeated: bool) {

@@ -1,4 +1,4 @@
-//! A robot's loop in C and in Python, with faults of its own and of the daemon at random, judged from outside by what it would have sent.
+//! A robot's loop in each language, with faults of its own and of the daemon at random, judged from outside by what it would have sent.
 //!
 //! `TRUED_LOOP_CYCLES` asks for so many cycles per language where the short form is not enough.
 
@@ -15,6 +15,8 @@ use tests::place::{CELL, Place};
 use tests::process::Process;
 use trued_client::{Answer, AskError, Monitor, Response};
 
+/// The loop in Rust.
+const FAULTY_LOOP: &str = env!("CARGO_BIN_EXE_faulty-loop");
 /// Cycles with faults in the short form, and cycles without at the end, 1 ms each.
 const CYCLES: u64 = 8_000;
 const CALM: u64 = 10_000;
@@ -137,10 +139,22 @@ fn check(name: &str, judged: &Judged) {
 }
 
 #[test]
+fn a_loop_in_rust_sends_no_step_whatever_goes_wrong_in_it_and_the_daemon() {
+    check("Rust", &run(Path::new(FAULTY_LOOP), None, 3));
+}
+
+#[test]
 fn a_loop_in_c_sends_no_step_whatever_goes_wrong_in_it_and_the_daemon() {
     let prefix = Prefix::install("faulty");
     let Some(program) = built(&prefix, Language::C, "faulty_loop") else { return };
     check("C", &run(&program, None, 1));
+}
+
+#[test]
+fn a_loop_in_cpp_sends_no_step_whatever_goes_wrong_in_it_and_the_daemon() {
+    let prefix = Prefix::install("faulty-cpp");
+    let Some(program) = built(&prefix, Language::Cpp, "faulty_loop") else { return };
+    check("C++", &run(&program, None, 4));
 }
 
 #[test]

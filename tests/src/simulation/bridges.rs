@@ -245,8 +245,12 @@ impl Link for VirtualDaemon {
         self.output.correction()
     }
 
-    fn start_from(&mut self, correction: &[f64; JOINTS_MAX]) {
+    fn start_anew(&mut self) {
         (self.session, self.seq) = (self.session + 1, 0);
+    }
+
+    fn start_from(&mut self, correction: &[f64; JOINTS_MAX]) {
+        self.start_anew();
         self.output.start_from(correction);
     }
 

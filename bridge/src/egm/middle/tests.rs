@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::egm::wire::Writer;
+use crate::feed::stub::Corrected;
 use recording::model::presets::preset;
 
 const MS: u64 = 1_000_000;
@@ -13,6 +14,10 @@ fn at(address: &str) -> SocketAddr {
 }
 
 fn middle(guidance: Guidance) -> (Middle, Arc<Counts>) {
+    middle_over(guidance, Feed::nowhere())
+}
+
+fn middle_over<L: Link>(guidance: Guidance, feed: Feed<L>) -> (Middle<L>, Arc<Counts>) {
     let counts = Arc::new(Counts::default());
     let arm = preset("irb1600-6-145-thesis").unwrap().model().unwrap().physics.arm;
     let settings = Settings {
@@ -24,7 +29,7 @@ fn middle(guidance: Guidance) -> (Middle, Arc<Counts>) {
         is_shadow: false,
         path_period_ns: 48 * MS,
     };
-    (Middle::new(settings, arm, Feed::nowhere(), None, Arc::clone(&counts)), counts)
+    (Middle::new(settings, arm, feed, None, Arc::clone(&counts)), counts)
 }
 
 fn message(field: u32, number: u32, mtype: u32, joints: &[f64], mci_state: Option<u64>) -> Vec<u8> {
@@ -53,7 +58,11 @@ fn target(number: u32) -> Vec<u8> {
     message(2, number, 3, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0], None)
 }
 
-fn answered(middle: &mut Middle, datagram: &[u8], ms: u64) -> Option<(Vec<u8>, SocketAddr)> {
+fn answered<L: Link>(
+    middle: &mut Middle<L>,
+    datagram: &[u8],
+    ms: u64,
+) -> Option<(Vec<u8>, SocketAddr)> {
     let mut datagram = datagram.to_vec();
     let screened = middle.of_application(&datagram, at(APPLICATION), ms * MS)?;
     let to = middle.answer(&mut datagram, &screened)?;
@@ -211,4 +220,45 @@ fn of_a_path_y_and_z_are_changed_and_x_is_not() {
     // Without a daemon nothing is added.
     assert_eq!(answered(&mut middle, &bytes, 1).unwrap().0, bytes);
     assert!(answered(&mut middle, &target(2), 2).is_none(), "no path correction");
+}
+
+/// The bytes that go out for a target of this number, after feedback of joints at `stands_deg` in a state of motion.
+fn sent(middle: &mut Middle<Corrected>, number: u32, stands_deg: [f64; 6], state: u64) -> Vec<u8> {
+    let feedback = message(2, number, 2, &stands_deg, Some(state));
+    assert!(middle.of_robot(&feedback, at(ROBOT), u64::from(4 * number) * MS));
+    answered(middle, &target(number), u64::from(4 * number) + 1).unwrap().0
+}
+
+#[test]
+fn a_message_that_says_stopped_takes_no_correction_away_unless_the_robot_stands_without_it() {
+    const RUNNING: u64 = 3;
+    const STOPPED: u64 = 2;
+    let commanded = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+    let corrected = [1.0 - 1e-3_f64.to_degrees(), 2.0, 3.0, 4.0, 5.0, 6.0];
+    let (mut middle, counts) = middle_over(Guidance::Joints, Feed::over(Corrected(-1e-3)));
+    assert_ne!(sent(&mut middle, 1, corrected, RUNNING), target(1));
+    // One old message, replayed; then a stop, as the robot stands where it was sent.
+    assert_ne!(sent(&mut middle, 2, [9.0; 6], STOPPED), target(2));
+    assert_ne!(sent(&mut middle, 3, corrected, RUNNING), target(3));
+    assert!((4..10).all(|k| sent(&mut middle, k, corrected, STOPPED) != target(k)));
+    assert_ne!(sent(&mut middle, 10, corrected, RUNNING), target(10));
+    // Moved by hand to the target itself.
+    let moved: Vec<bool> =
+        (11..16).map(|k| sent(&mut middle, k, commanded, STOPPED) == target(k)).collect();
+    assert_eq!(moved, [false, false, true, true, true]);
+    assert_eq!(sent(&mut middle, 16, commanded, RUNNING), target(16));
+    assert_eq!(counts.get(Count::Plain), 3);
+}
+
+#[test]
+fn numbers_that_jump_further_than_time_does_are_a_run_that_may_begin_elsewhere() {
+    let commanded = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
+    for (number, is_corrected) in [(100, true), (900, false)] {
+        let (mut middle, _) = middle_over(Guidance::Joints, Feed::over(Corrected(-1e-3)));
+        let _ = sent(&mut middle, 1, [9.0; 6], 3);
+        let feedback = message(2, number, 2, &commanded, Some(3));
+        assert!(middle.of_robot(&feedback, at(ROBOT), 400 * MS));
+        let (sent, _) = answered(&mut middle, &target(2), 401).unwrap();
+        assert_eq!(sent != target(2), is_corrected, "{number}");
+    }
 }

@@ -88,30 +88,40 @@ impl EgmCell {
         if to != at("10.0.0.1:6510") {
             return self.summary.breaks(&format!("sent to {to}"));
         }
-        if self.mci_state == RUNNING {
-            self.arrives(&joints(original), &joints(&datagram), now_ns);
-        }
+        self.arrives(&joints(original), &joints(&datagram), now_ns);
     }
 
     fn arrives(&mut self, command: &[f64; JOINTS], sent: &[f64; JOINTS], now_ns: u64) {
         self.summary.sent += 1;
         let correction: [f64; JOINTS] = std::array::from_fn(|i| sent[i] - command[i]);
         self.summary.largest = correction.iter().fold(self.summary.largest, |m, c| m.max(c.abs()));
-        if std::mem::take(&mut self.begins) {
-            // Hardly further from where the robot stands than the application's own target.
-            let off = |q: &[f64; JOINTS]| -> f64 {
-                q.iter().zip(self.stands).map(|(q, at)| (q - at) * (q - at)).sum::<f64>().sqrt()
-            };
-            if off(sent) > 3.0 * off(command) + 1e-12 {
-                let words = format!("a run begins {:e} off, not {:e}", off(sent), off(command));
-                self.summary.breaks(&words);
-            }
-            self.oracle.begin(&correction);
+        let is_guided = self.mci_state == RUNNING;
+        if is_guided && std::mem::take(&mut self.begins) {
+            self.begin(command, sent, &correction);
         }
+        // Also while the robot is not guided: what goes out then may be the first that it follows.
         if let Err(words) = self.oracle.take(now_ns, now_ns, command, sent) {
             self.summary.breaks(&words);
         }
-        self.stands = *sent;
+        if is_guided {
+            self.stands = *sent;
+        }
+    }
+
+    /// The first target that the robot follows in a run.
+    fn begin(&mut self, command: &[f64; JOINTS], sent: &[f64; JOINTS], correction: &[f64; JOINTS]) {
+        // Hardly further from where the robot stands than the application's own target.
+        let off = |q: &[f64; JOINTS]| -> f64 {
+            q.iter().zip(self.stands).map(|(q, at)| (q - at) * (q - at)).sum::<f64>().sqrt()
+        };
+        if off(sent) > 3.0 * off(command) + 1e-12 {
+            let words = format!("a run begins {:e} off, not {:e}", off(sent), off(command));
+            self.summary.breaks(&words);
+        }
+        // Either without a correction, or with the one that was sent last, which goes on.
+        if *correction == [0.0; JOINTS] {
+            self.oracle.begin(correction);
+        }
     }
 
     /// Nobody sends anything for a while; the robot waits, and so does the application.
