@@ -53,14 +53,22 @@ impl Start {
     /// if the robot clearly stands where it was sent last, or does not clearly stand at `q` itself.
     fn is_corrected(&self, q: &[f64], before: Option<&[f64]>, last: &[f64; JOINTS_MAX]) -> bool {
         let Self::At(present) = self else { return false };
-        let square = |q: &[f64], share: f64| -> f64 {
-            let off = q.iter().zip(last).zip(present).map(|((q, last), at)| q + share * last - at);
-            off.map(|off| off * off).sum()
-        };
+        let square = |q, share| off_squared(present, q, last, share);
         // Clearly: half as far as from the other. What lies between is a run that went on.
         before.is_some_and(|q| 4.0 * square(q, 1.0) < square(q, 0.0))
             || 4.0 * square(q, 0.0) > square(q, 1.0)
     }
+}
+
+/// The square of how far `joints` are from `q` with this share of a correction.
+fn off_squared(
+    joints: &[f64; JOINTS_MAX],
+    q: &[f64],
+    correction: &[f64; JOINTS_MAX],
+    share: f64,
+) -> f64 {
+    let off = q.iter().zip(correction).zip(joints).map(|((q, c), at)| q + share * c - at);
+    off.map(|off| off * off).sum()
 }
 
 /// What the feed has to say, for whoever logs.
@@ -146,10 +154,10 @@ impl<L: Link> Feed<L> {
         self.passed.is_none() && self.link.last_correction() != [0.0; JOINTS_MAX]
     }
 
-    /// Whether a robot at `joints`, rad, clearly stands at the target `q` itself, not at the corrected one.
+    /// Whether a robot at `joints`, rad, stands at the target `q` itself: a tenth as far from it as from the corrected one.
     pub fn is_at_target(&self, q: &[f64], joints: &[f64; JOINTS_MAX]) -> bool {
-        let before = self.corrected.as_ref().map(|before| &before[..q.len()]);
-        !Start::At(*joints).is_corrected(q, before, &self.link.last_correction())
+        let last = self.link.last_correction();
+        100.0 * off_squared(joints, q, &last, 0.0) <= off_squared(joints, q, &last, 1.0)
     }
 
     /// The correction as it is now, for a target that the daemon knows already.

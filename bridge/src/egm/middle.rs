@@ -24,8 +24,8 @@ use crate::sequence::{Sequence, Standing};
 /// A controller that is silent for so long has ended its run, unless it counted on, ns.
 pub const SESSION_NS: u64 = 1_000_000_000;
 
-/// A controller sends no faster than every 4 ms: where more numbers are missing than half of that per message allows, it has not only counted on, ns.
-const MESSAGE_NS: u64 = 2_000_000;
+/// So many missing numbers may be those of another run that began near them: 0.2 s, at the 4 ms of a fast controller.
+const DOUBTFUL: u32 = 50;
 
 /// After so many messages in a row that do not guide the robot it has stopped: fewer may be old ones, replayed.
 const STOPPED_AFTER: u32 = 3;
@@ -178,14 +178,14 @@ impl<L: Link> Middle<L> {
     /// What the controller's message says of its run.
     fn note(&mut self, message: &RobotMessage, standing: Standing, from: SocketAddr, now_ns: u64) {
         let lost = if let Standing::Next { lost } = standing { lost } else { 0 };
-        let silent_ns = self.robot.map_or(0, |robot| now_ns.saturating_sub(robot.last_ns));
-        let silent = silent_ns >= SESSION_NS;
+        let silent =
+            self.robot.is_some_and(|robot| now_ns.saturating_sub(robot.last_ns) >= SESSION_NS);
         let before = self.robot.filter(|robot| {
             // A silence in which the controller counted on is the network's.
             standing != Standing::First && robot.address == from && (!silent || lost > 0)
         });
         // It may have begun anew nevertheless: where the robot is shows that.
-        let is_doubtful = silent || u64::from(lost) * MESSAGE_NS > silent_ns;
+        let is_doubtful = silent || lost >= DOUBTFUL;
         let is_guided = is_guided(self.settings.guidance, message.mci_state);
         let measured = self.settings.order.rad(&message.feedback);
         let planned = self.settings.order.rad(&message.planned);

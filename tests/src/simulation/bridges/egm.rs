@@ -193,10 +193,10 @@ impl Cell for EgmCell {
         let c = &mut self.chance;
         match c.below(200) {
             0 => self.silence(),
-            // Just after a restart of the numbering, a second restart cannot be told from lost datagrams.
+            // Just after a restart of the numbering, another change of numbers cannot be told from lost datagrams.
             1 if self.robot_number > 500 => self.another_run(),
             2 => self.stop(),
-            3 => self.robot_number += c.below(5000) as u32,
+            3 if self.robot_number > 500 => self.robot_number += c.below(5000) as u32,
             4..10 => self.replay(now_ns),
             10 => self.foreign(now_ns),
             11 => {
