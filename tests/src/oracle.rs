@@ -24,6 +24,8 @@ const STAMPED_NS: u64 = 20_000_000;
 /// Ticks closer than this are no samples of a jerk of their own, s: half the period of the fastest cycle.
 const NODES_S: f64 = 5e-5;
 const SILENCE_S: f64 = 0.02;
+/// A robot that has stood is seen to have stood at two times before, so far apart, s: its motion goes on from rest.
+const STOOD_S: f64 = 4e-3;
 const SILENT_INTERVALS: f64 = 3.0;
 /// Intervals whose spread is the uncertainty of time.
 const INTERVALS: usize = 10;
@@ -51,6 +53,12 @@ impl Bounds {
         let Self { angle, rate, jerk } = self;
         2.0 * (2.0 * angle / rate + 2.0 * (rate / jerk).sqrt() + (64.0 * angle / jerk).cbrt())
     }
+
+    /// The longest that it may take to ramp a correction out that may still move away at the rate, s.
+    fn out_s(self, correction: f64) -> f64 {
+        let further = self.rate * (self.rate / self.jerk).sqrt();
+        Self { angle: self.angle.min(correction + further), ..self }.longest_s()
+    }
 }
 
 /// One tick.
@@ -73,6 +81,8 @@ pub struct Oracle {
     last: Option<Node>,
     /// The correction that a run begins with.
     first: [f64; JOINTS],
+    /// The robot stands at the next correction.
+    stands: bool,
     /// Intervals since a silence, s; and the last two, silences among them.
     intervals: VecDeque<f64>,
     before_s: [f64; 2],
@@ -98,6 +108,7 @@ impl Oracle {
             nodes: VecDeque::new(),
             last: None,
             first: [0.0; JOINTS],
+            stands: true,
             intervals: VecDeque::new(),
             before_s: [0.0; 2],
             shadow_from_s: None,
@@ -132,9 +143,11 @@ impl Oracle {
 
     /// Shadow mode begins or ends.
     pub fn set_shadow(&mut self, t_ns: u64, is_shadow: bool) {
-        let longest_s = self.bounds.iter().map(|bounds| bounds.longest_s()).fold(0.0, f64::max);
         // Before the first tick there was no correction to ramp out.
-        let ramp_s = if self.last.is_some() { self.delay_s + longest_s } else { 0.0 };
+        let ramp_s = self.last.map_or(0.0, |last| {
+            let longest_s = |i: usize| self.in_force(i).out_s(last.correction[i].abs());
+            self.delay_s + (0..JOINTS).map(longest_s).fold(0.0, f64::max)
+        });
         let from_s = self.seconds(t_ns) + ramp_s;
         self.shadow_from_s = match (self.shadow_from_s, is_shadow) {
             (_, false) => None,
@@ -151,6 +164,7 @@ impl Oracle {
         (self.stamp_ns, self.ahead_ns) = (0, 0);
         self.first = std::array::from_fn(|i| correction.get(i).copied().unwrap_or(0.0));
         self.last = None;
+        self.stands = true;
     }
 
     /// The robot has not used what it was sent last, and stands.
@@ -254,6 +268,7 @@ impl Oracle {
             if self.is_silence(dt_s) {
                 self.nodes.clear();
                 self.intervals.clear();
+                self.stands = true;
             } else if dt_s > 0.0 {
                 self.intervals.push_back(dt_s);
             }
@@ -263,6 +278,13 @@ impl Oracle {
         }
         if self.intervals.len() > INTERVALS {
             self.intervals.pop_front();
+        }
+        if std::mem::take(&mut self.stands) {
+            for times in [2.0, 1.0] {
+                let mut stood = now;
+                stood.t_s -= times * STOOD_S;
+                self.nodes.push_back(stood);
+            }
         }
         if self.nodes.back().is_none_or(|node| now.t_s - node.t_s >= NODES_S) {
             self.nodes.push_back(now);

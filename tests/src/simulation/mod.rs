@@ -52,7 +52,7 @@ pub struct Summary {
 /// The correction's settings of one life of a daemon, with the usual limits, tighter or wider ones.
 fn settings(mode: Mode, which: u64) -> Settings {
     let (angle, rate, jerk) =
-        [(0.02, 0.05, 5.0), (0.002, 0.005, 0.5), (0.01, 0.1, 50.0)][which as usize % 3];
+        [(0.02, 0.05, 5.0), (0.001, 0.005, 0.5), (0.01, 0.1, 50.0)][which as usize % 3];
     let limits = Limits::new(angle, rate, jerk).expect("positive");
     Settings { mode, ..Settings::with_envelope(limits) }
 }
