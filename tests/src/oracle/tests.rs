@@ -26,9 +26,9 @@ fn sent(c: f64) -> [f64; JOINTS] {
     Q.map(|q| q + c)
 }
 
-/// A correction that keeps all bounds: half a wave.
+/// A correction that keeps all bounds, from rest.
 fn smooth(k: u64) -> f64 {
-    1e-3 * (1.0 - (5.0 * k as f64 * 1e-3).cos())
+    2.5e-4 * (1.0 - (5.0 * k as f64 * 1e-3).cos()).powi(2)
 }
 
 fn told(from: u64, c: impl Fn(u64) -> f64) -> Result<(), String> {
@@ -69,6 +69,21 @@ fn after_a_silence_the_correction_is_what_it_was() {
     assert_eq!(after(smooth(299)), Ok(()));
     assert!(after(smooth(299) + 1e-6).is_err());
     assert!(after(0.0).is_err());
+}
+
+#[test]
+fn after_a_silence_the_correction_goes_on_from_rest() {
+    let after = |c: fn(u64) -> f64| {
+        let mut oracle = oracle();
+        (0..300).try_for_each(|k| oracle.take(k * MS, k * MS, &Q, &sent(smooth(k)))).unwrap();
+        (0..20).try_for_each(|k| {
+            oracle.take((500 + k) * MS, (500 + k) * MS, &Q, &sent(smooth(299) + c(k)))
+        })
+    };
+    assert_eq!(after(|_| 0.0), Ok(()));
+    assert_eq!(after(|k| 5.0 / 6.0 * (k as f64 * 1e-3).powi(3)), Ok(()));
+    // At the rate that it had before.
+    assert!(after(|k| smooth(299 + k) - smooth(299)).is_err());
 }
 
 #[test]
