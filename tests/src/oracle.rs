@@ -108,7 +108,8 @@ impl Oracle {
             nodes: VecDeque::new(),
             last: None,
             first: [0.0; JOINTS],
-            stands: true,
+            // The first stamps may be known later than the first times: until then no rest is.
+            stands: false,
             intervals: VecDeque::new(),
             before_s: [0.0; 2],
             shadow_from_s: None,

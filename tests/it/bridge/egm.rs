@@ -185,14 +185,20 @@ fn a_controller_that_compensates_itself_gets_the_applications_own_bytes() {
 }
 
 #[test]
-fn a_run_begins_at_a_correction_of_zero_however_the_last_one_ended() {
+fn a_stop_takes_its_correction_from_a_robot_that_was_moved_to_its_target_and_from_no_other() {
     let mut cell = Cell::start(SLOW, "off");
     let mut gauge = Gauge::new(&[RATE_RAD_S; 6]);
     assert!(largest(&cell.stand(400, &mut gauge)) > 0.05);
-    // Not guided, and again: shorter than the correction needs to ramp out.
     cell.rig.robot.mci_state = STOPPED;
-    for _ in 0..5 {
-        assert_eq!(cell.rig.cycle(&POSE).unwrap(), POSE);
+    assert!(largest(&cell.stand(5, &mut gauge)) > 0.05);
+    cell.rig.robot.mci_state = tests::egm::RUNNING;
+    assert!(largest(&cell.stand(5, &mut gauge)) > 0.05);
+    // Moved to the target itself while it was not guided: the third message is believed.
+    cell.rig.robot.mci_state = STOPPED;
+    for message in 1..=5 {
+        cell.rig.robot.joints = POSE.to_vec();
+        let sent = cell.rig.cycle(&POSE).unwrap();
+        assert!(message < 3 || sent == POSE, "{message}: {sent:?}");
         std::thread::sleep(CYCLE);
     }
     cell.rig.robot.mci_state = tests::egm::RUNNING;
