@@ -131,8 +131,9 @@ impl MappedColumn {
             places.push(at);
         }
         let first = places.first().copied();
-        if matches!(self.from, Source::Column(_) | Source::Sum(_)) {
-            places.iter().for_each(|at| builder.check_unit(*at, self.read_in()));
+        if matches!(self.from, Source::Column(_) | Source::Sum(_) | Source::Times(..)) {
+            let stated = self.unit.is_some() || matches!(self.from, Source::Times(_, Some(_)));
+            places.iter().for_each(|at| builder.check_unit(*at, self.read_in(), stated));
         }
         let values = match (&self.from, first) {
             (Source::Labels(_), _) => labels(table, &places),
@@ -143,11 +144,7 @@ impl MappedColumn {
                 }
                 sum
             }
-            (Source::Times(_, clock), _) => {
-                let times = builder.times(&places, clock.as_ref());
-                places.iter().for_each(|at| builder.check_unit(*at, self.read_in()));
-                times
-            }
+            (Source::Times(_, clock), _) => builder.times(&places, clock.as_ref()),
             (Source::Numbers(_, numbers), Some(at)) => stands_for(table, at, numbers, builder),
             (Source::Column(_), Some(at)) => builder.numbers(at),
             (Source::Row(step), _) => (0..rows).map(|row| row as f64 * step).collect(),

@@ -158,7 +158,7 @@ impl Orientation {
         let si = |value: f64| self.unit.map_or(value, |unit| unit.to_si(value));
         let mut columns = Vec::new();
         for at in &places {
-            builder.check_unit(*at, self.unit);
+            builder.check_unit(*at, self.unit, true);
             columns.push(builder.numbers(*at).into_iter().map(si).collect::<Vec<f64>>());
         }
         let mut parts: [Vec<f64>; 4] = Default::default();

@@ -65,9 +65,9 @@ impl<'t, 's> Builder<'t, 's> {
         self.table.times(from, clock, &mut self.faults)
     }
 
-    /// Notes a fault where the line of units contradicts the unit that a column is read in.
-    pub(crate) fn check_unit(&mut self, from: usize, read_in: Option<Unit>) {
-        self.table.check_unit(from, read_in, &mut self.faults);
+    /// See [`RawTable::check_unit`].
+    pub(crate) fn check_unit(&mut self, from: usize, read_in: Option<Unit>, stated: bool) {
+        self.table.check_unit(from, read_in, stated, &mut self.faults);
     }
 
     /// Takes the columns whose names are ours, and keeps the others.
@@ -82,13 +82,13 @@ impl<'t, 's> Builder<'t, 's> {
                 Ok(Column::Unknown) => self.keep(at),
                 Ok(Column::Time) => {
                     let times = self.times(&[at], None);
-                    self.check_unit(at, Unit::named("s"));
+                    self.check_unit(at, Unit::named("s"), false);
                     self.take(name, Some(at), times);
                 }
                 Ok(column) => {
                     let numbers = self.numbers(at);
                     if let Column::Channel(_, unit) = column {
-                        self.check_unit(at, unit);
+                        self.check_unit(at, unit, false);
                     }
                     self.take(name, Some(at), numbers);
                 }

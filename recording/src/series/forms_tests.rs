@@ -25,6 +25,13 @@ fn told(mapping: &str, text: &str) -> String {
     }
 }
 
+/// Asserts that a table is refused with these words.
+#[track_caller]
+fn assert_told(mapping: &str, text: &str, says: &str) {
+    let told = told(mapping, text);
+    assert!(told.contains(says), "{says} in\n{told}");
+}
+
 #[test]
 fn numbers_of_many_notations_are_read_right() {
     for (mapping, text, x) in [
@@ -91,8 +98,7 @@ fn a_number_that_can_be_read_in_two_ways_is_refused_with_the_way_out() {
         ("decimal = \".\"\nthousands = \".\"", "t_s,q1_deg,x_mm\n0,1,1\n", "is the decimal mark"),
         ("", "t_s,q1_deg,x_mm\n0,1,1 042.5\n", "is no number"),
     ] {
-        let told = told(mapping, text);
-        assert!(told.contains(says), "{says} in\n{told}");
+        assert_told(mapping, text, says);
     }
 }
 
@@ -105,13 +111,20 @@ fn the_first_lines_of_spreadsheets_are_understood() {
         ("", "\u{feff}t_s,q1_deg,x_mm\n0,1,1.5\n1,2,2.5\n"),
         ("", "t_s,q1_deg,x_mm\ns,deg,mm\n0,1,1.5\n1,2,2.5\n"),
         ("", "t_s;q1_deg;x_mm\n[s];[°];[mm]\n0;1;1,5\n1;2;2,5\n"),
-        ("units_row = true", "t_s,q1_deg,x_mm\nSek,Grad,mm\n0,1,1.5\n1,2,2.5\n"),
+        ("units_row = true", "t_s,q1_deg,x_mm,at\ns,-,,Ort\n0,1,1.5,a\n1,2,2.5,b\n"),
         ("", "t_s,q1_deg,x_mm\n0,1,1.5\n1,2,2.5\n,,\n,,\n"),
         ("", "\u{a0}t_s , q1_deg ,x_mm\n 0,1, 1.5\u{a0}\n1,2,2.5\n"),
         ("skip_rows = 2", "made by\n\nt_s,q1_deg,x_mm\n0,1,1.5\n1,2,2.5\n"),
     ] {
         assert_eq!(rows(mapping, text), expected, "{text}");
     }
+}
+
+/// A mapping of the columns by their names, with more said of `x_mm`.
+fn columns_with_x(more: &str) -> String {
+    format!(
+        "[columns]\nt_s = {{ from = \"t_s\" }}\nq1_deg = {{ from = \"q1_deg\" }}\nx_mm = {{ from = \"x_mm\"{more} }}"
+    )
 }
 
 #[test]
@@ -126,11 +139,7 @@ fn a_line_of_units_that_contradicts_the_names_is_refused() {
           |
           = help: name the column so, or state `unit = "m"` in a mapping
         "#);
-    let columns = |x: &str| {
-        format!(
-            "[columns]\nt_s = {{ from = \"t_s\" }}\nq1_deg = {{ from = \"q1_deg\" }}\nx_mm = {{ from = \"x_mm\"{x} }}"
-        )
-    };
+    let columns = columns_with_x;
     assert!(told(&columns(""), text).contains("`x_mm`: has the unit m and is read in mm"));
     assert_eq!(rows(&columns(", unit = \"m\""), text), [(0.0, 1500.0)]);
     assert_eq!(rows(&columns(", scale = 1000"), text), [(0.0, 1500.0)]);
@@ -139,6 +148,36 @@ fn a_line_of_units_that_contradicts_the_names_is_refused() {
     assert_eq!(data.t_s, [1.0, 2.0]);
     let words = "t_s,q1_deg,x_mm\nSek,Grad,mm\n0,1,1.5\n";
     assert!(told("", words).contains("`Sek` is no number"));
+}
+
+#[test]
+fn a_unit_that_is_not_known_is_refused_unless_the_mapping_states_how_its_column_is_read() {
+    let table = |unit: &str, column: &str| {
+        format!("t_s,q1_deg,x_mm,{column}\ns,deg,mm,{unit}\n0,1,1.5,294.15\n")
+    };
+    for (text, says) in [
+        (table("K", "temp_C"), "`temp_C`: has the unit K, which is not read"),
+        (table("K", "temp_C"), "`offset = -273.15`"),
+        (table("V", "fx_N"), "`fx_N`: has the unit V, which is not read"),
+        (table("g", "ax_m_s2"), "state `scale = 9.80665` in a mapping"),
+    ] {
+        assert_told("", &text, says);
+    }
+    let inches = "t_s,q1_deg,x_mm\ns,deg,inch\n0,1,1\n";
+    let mapped = |more: &str| format!("units_row = true\n{}", columns_with_x(more));
+    for mapping in ["units_row = true", &mapped("")] {
+        assert_told(mapping, inches, "`x_mm`: has the unit inch, which is not read");
+    }
+    assert_told(&mapped(""), inches, "how many mm one inch is (`scale`)");
+    assert_eq!(rows(&mapped(", scale = 25.4"), inches), [(0.0, 25.4)]);
+    assert_eq!(rows(&mapped(", unit = \"m\""), inches), [(0.0, 1000.0)]);
+    let kelvin = columns_with_x(" }\ntemp_C = { from = \"temp\", unit = \"C\", offset = -273.15");
+    let recording = read(&kelvin, &table("K", "temp")).unwrap();
+    assert!((recording.column(Channel::Ambient).unwrap()[0] - 21.0).abs() < 1e-9);
+    let g = columns_with_x(" }\nax_m_s2 = { from = \"ax\", scale = 9.80665");
+    assert!(read(&g, &table("g", "ax")).is_ok());
+    let clock = "units_row = true\n[columns]\nt_s = { from = \"t\", format = \"%H:%M:%S\" }\nq1_deg = { from = \"q\" }";
+    assert!(read(clock, "t,q\nhh:mm:ss,deg\n00:00:01,1\n").is_ok());
 }
 
 #[test]
@@ -209,8 +248,7 @@ fn a_time_that_is_not_understood_is_refused() {
         (stated(""), text("2026-10-25 02:59", "2026-10-25 02:00"), "runs back"),
         (stated(""), text("2026-10-25 02:59", ""), "is empty"),
     ] {
-        let told = told(&mapping, &text);
-        assert!(told.contains(says), "{says} in\n{told}");
+        assert_told(&mapping, &text, says);
     }
 }
 
