@@ -52,6 +52,26 @@ fn columns_are_named_by_number_without_a_header() {
 }
 
 #[test]
+fn without_a_header_commas_between_semicolons_or_tabulators_are_decimal_commas() {
+    let mapping = "schema = \"trued.mapping/1\"\nheader = false\n[columns]\n\
+                   t_s = { per_row = 1 }\nq1_rad = { from = 1 }\nq2_rad = { from = 2 }";
+    for text in [
+        "12,5;3,5\n13,5;4,5\n",
+        "12,5;3,5;4,5;nan\n13,5;4,5;1,5;2,5\n",
+        "12,5\t3,5\tok\n13,5\t4,5\tok\n",
+        "12,5 ; 3,5\n13,5 ; 4,5\n",
+        "12.5,\t3.5,\t1\n13.5,\t4.5,\t1\n",
+        "12.5\t,3.5\t,1\n13.5\t,4.5\t,1\n",
+        "12.5,3.5,\"7;8\"\n13.5,4.5,\"9\"\n",
+        "12.5,3.5,a;b\n13.5,4.5,\n",
+    ] {
+        let recording = apply(mapping, text).unwrap_or_else(|faults| panic!("{text}\n{faults}"));
+        assert_eq!(recording.column(Channel::Command(0)).unwrap(), [12.5, 13.5], "{text}");
+        assert_eq!(recording.column(Channel::Command(1)).unwrap(), [3.5, 4.5], "{text}");
+    }
+}
+
+#[test]
 fn rows_are_chosen_and_repeated_times_left_out() {
     let mapping = r#"
         schema = "trued.mapping/1"

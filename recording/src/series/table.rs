@@ -61,7 +61,7 @@ impl<'s> RawTable<'s> {
         };
         let first = body.lines().find(|line| !line.trim().is_empty() && !is_comment(line));
         let known = dialect.separator.or(stated);
-        let separator = known.unwrap_or_else(|| guess_separator(first.unwrap_or("")));
+        let separator = known.unwrap_or_else(|| guess_separator(first.unwrap_or(""), dialect.no_header));
         let mut table = Self {
             source,
             header: Vec::new(),
@@ -334,15 +334,29 @@ impl<'s> RawTable<'s> {
     }
 }
 
-fn guess_separator(line: &str) -> u8 {
+/// The separator of the fields of a table's first line: the header, or `of_data`.
+fn guess_separator(line: &str, of_data: bool) -> u8 {
     let count = |mark: u8| line.bytes().filter(|byte| *byte == mark).count();
     let mut best = b',';
     for mark in [b';', b'\t'] {
-        if count(mark) > count(best) {
+        // Commas beside numbers that end with another mark are decimal commas, however many.
+        if count(mark) > count(best) || (of_data && ends_number(line, mark)) {
             best = mark;
         }
     }
     best
+}
+
+/// Whether this mark stands behind a number, outside of quotes, and no comma behind it.
+fn ends_number(line: &str, mark: u8) -> bool {
+    let fields = |text: &str| {
+        let fields: Vec<&str> = text.split(char::from(mark)).collect();
+        fields.windows(2).any(|pair| {
+            let ended = pair[0].trim_end_matches(' ').ends_with(|c: char| c.is_ascii_digit());
+            ended && !pair[1].trim_start_matches(' ').starts_with(',')
+        })
+    };
+    line.split('"').step_by(2).any(fields)
 }
 
 /// The separator that a spreadsheet's first line states (`sep=;`), and where the table begins behind it.
