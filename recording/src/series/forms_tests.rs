@@ -120,6 +120,30 @@ fn the_first_lines_of_spreadsheets_are_understood() {
     }
 }
 
+#[test]
+fn a_last_line_without_an_end_is_left_out_only_where_it_is_seen_to_be_cut_off() {
+    let kept = "the last line (3) has no end: it was kept, as it has all 3 fields; the last of them may be cut short";
+    for (text, rows, says) in [
+        ("t_s,q1_deg,note\n0,1,\n1,2,ok", 2, kept),
+        ("t_s,q1_deg,note\n0,1,5\n1,2,7", 2, kept),
+        ("t_s,q1_deg,note\n0,1,a\n1,2,", 2, kept),
+        ("t_s,q1_deg,x_mm\n0,1,5\n1,2,-", 1, "line 3 is cut off and was left out: `-` is no number"),
+        ("t_s,q1_deg,x_mm\n0,1,5\n1,2", 1, "line 3 is cut off and was left out: it has 2 of 3 fields"),
+        ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,", 2, "left out 1 empty rows at the end"),
+        ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,\n,", 2, "left out 2 empty rows at the end"),
+        ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,\n2,", 2, "line 5 is cut off"),
+    ] {
+        let recording = read("", text).unwrap_or_else(|faults| panic!("{text}\n{faults}"));
+        let notes = recording.notes.join("\n");
+        assert!(recording.len() == rows && notes.contains(says), "{text}\n{notes}");
+    }
+    for text in ["t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n  ", "t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n# made by"] {
+        let mapping = if text.contains('#') { "comment = \"#\"" } else { "" };
+        let notes = read(mapping, text).unwrap().notes;
+        assert!(notes.is_empty(), "{text} {notes:?}");
+    }
+}
+
 /// A mapping of the columns by their names, with more said of `x_mm`.
 fn columns_with_x(more: &str) -> String {
     format!(

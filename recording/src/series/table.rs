@@ -32,6 +32,12 @@ pub(crate) struct Dialect {
     pub(crate) width: Option<usize>,
 }
 
+impl Dialect {
+    fn is_comment(&self, line: &str) -> bool {
+        self.comment.is_some_and(|mark| line.as_bytes().first() == Some(&mark))
+    }
+}
+
 /// A table as it was found.
 pub(crate) struct RawTable<'s> {
     pub(super) source: &'s str,
@@ -56,10 +62,8 @@ impl<'s> RawTable<'s> {
             source.split_inclusive('\n').take(dialect.skip_lines).map(str::len).sum();
         let (stated, body_start) = separator_line(source, skipped);
         let body = source.get(body_start..).unwrap_or_default();
-        let is_comment = |line: &&str| {
-            dialect.comment.is_some_and(|mark| line.as_bytes().first() == Some(&mark))
-        };
-        let first = body.lines().find(|line| !line.trim().is_empty() && !is_comment(line));
+        let first =
+            body.lines().find(|line| !line.trim().is_empty() && !dialect.is_comment(line));
         let known = dialect.separator.or(stated);
         let separator = known.unwrap_or_else(|| guess_separator(first.unwrap_or(""), dialect.no_header));
         let mut table = Self {
@@ -86,21 +90,18 @@ impl<'s> RawTable<'s> {
         if table.read_rows(body, dialect, faults).is_err() {
             faults.push(too_large());
         }
-        table.drop_empty_end();
         table.find_notation(dialect);
-        table.judge_last_line(body);
         table.take_units(dialect);
+        table.judge_last_line(body, dialect);
+        table.drop_empty_end();
         table.judge_lengths(dialect.width.is_some(), faults);
         table
     }
 
     /// Leaves out the empty rows that spreadsheets write below a table.
     fn drop_empty_end(&mut self) {
-        let is_empty =
-            |rows: &Rows, row: usize| (0..rows.width(row)).all(|at| rows.cell(row, at) == Some(""));
         let before = self.rows.len();
-        while let Some(last) = self.rows.len().checked_sub(1).filter(|at| is_empty(&self.rows, *at))
-        {
+        while let Some(last) = self.rows.len().checked_sub(1).filter(|at| self.is_empty_row(*at)) {
             self.rows.keep_first(last);
         }
         let dropped = before - self.rows.len();
@@ -235,9 +236,7 @@ impl<'s> RawTable<'s> {
     fn read_blanks(&mut self, body: &str, dialect: &Dialect) -> Result<(), TooLarge> {
         let mut byte = 0;
         for line in body.split_inclusive('\n') {
-            let comment =
-                dialect.comment.is_some_and(|mark| line.as_bytes().first() == Some(&mark));
-            if !comment && !line.trim().is_empty() {
+            if !dialect.is_comment(line) && !line.trim().is_empty() {
                 self.take(byte, line.split_whitespace(), dialect)?;
             }
             byte += line.len();
@@ -266,23 +265,46 @@ impl<'s> RawTable<'s> {
         Ok(())
     }
 
-    fn judge_last_line(&mut self, body: &str) {
-        let Some(last) = self.rows.len().checked_sub(1).filter(|_| !body.ends_with('\n')) else {
+    /// Leaves out a last row that was cut off, where that can be told.
+    fn judge_last_line(&mut self, body: &str, dialect: &Dialect) {
+        let end = body.rsplit('\n').next().unwrap_or_default();
+        let Some(last) = self.rows.len().checked_sub(1) else { return };
+        if end.trim().is_empty() || dialect.is_comment(end) || self.is_empty_row(last) {
             return;
-        };
-        let width = self.rows.width(last);
-        let is_number = |row: Option<usize>| {
-            let cell = row.and_then(|row| self.rows.cell(row, width.saturating_sub(1)));
-            self.is_number(cell.unwrap_or(""))
-        };
-        let broken = !is_number(Some(last)) && is_number(last.checked_sub(1));
-        let line = self.line_of_row(last);
-        if width < self.header.len() || broken {
-            self.rows.keep_first(last);
-            self.notes.push(format!("line {line} is cut off: it was left out"));
-        } else {
-            self.notes.push(format!("the last line ({line}) has no end: kept, as it is complete"));
         }
+        let (width, expected) = (self.rows.width(last), self.header.len());
+        let line = self.line_of_row(last);
+        let at = width.saturating_sub(1);
+        let cell = self.rows.cell(last, at).unwrap_or_default();
+        let left_out = if width < expected {
+            Some(format!("it has {width} of {expected} fields"))
+        } else if !self.is_number(cell) && self.holds_numbers(at, last) {
+            Some(format!("`{cell}` is no number"))
+        } else {
+            None
+        };
+        self.notes.push(match &left_out {
+            Some(why) => format!("line {line} is cut off and was left out: {why}"),
+            None => format!(
+                "the last line ({line}) has no end: it was kept, as it has all {expected} fields; the last of them may be cut short"
+            ),
+        });
+        if left_out.is_some() {
+            self.rows.keep_first(last);
+        }
+    }
+
+    fn is_empty_row(&self, row: usize) -> bool {
+        (0..self.rows.width(row)).all(|at| self.rows.cell(row, at) == Some(""))
+    }
+
+    /// Whether the cells of a column that are not empty are numbers, in the rows before this one, and there are any.
+    fn holds_numbers(&self, column: usize, before: usize) -> bool {
+        let mut cells = (0..before)
+            .filter_map(|row| self.rows.cell(row, column))
+            .filter(|cell| !cell.is_empty())
+            .peekable();
+        cells.peek().is_some() && cells.all(|cell| self.is_number(cell))
     }
 
     fn judge_lengths(&self, more_may_follow: bool, faults: &mut Faults) {
