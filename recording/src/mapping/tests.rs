@@ -170,6 +170,37 @@ fn a_column_of_theirs_that_is_not_there_is_told() {
         "#);
 }
 
+#[test]
+fn a_name_that_stands_twice_in_the_header_is_refused_where_it_is_used() {
+    let table = "t_s,J1,x,x\n0,1,10,77\n1,2,20,88\n";
+    let mapping = |more: &str, columns: &str| {
+        format!(
+            "schema = \"trued.mapping/1\"\n{more}\n[columns]\nt_s = {{ from = \"t_s\" }}\nq1_deg = {{ from = \"J1\" }}\n{columns}"
+        )
+    };
+    for mapping in [
+        mapping("", "x_mm = { from = \"x\" }"),
+        mapping("", "x_mm = { from = [\"J1\", \"x\"], sum = true }"),
+        mapping("", "segment = { from = \"x\", labels = true }"),
+        mapping("keep = { x = [\"10\"] }", ""),
+        mapping("", "orientation = { from = [\"t_s\", \"J1\", \"x\"], convention = \"xyz\", unit = \"deg\" }"),
+    ] {
+        let told = apply(&mapping, table).unwrap_err().to_string();
+        assert!(
+            told.contains("`x`: stands twice in the header") && told.contains("x.csv:1:10"),
+            "{mapping}\n{told}"
+        );
+    }
+    assert!(apply(&mapping("", ""), table).is_ok());
+}
+
+#[test]
+fn a_time_that_runs_back_is_told_with_the_place_in_their_column() {
+    let mapping = "schema = \"trued.mapping/1\"\n[columns]\nt_s = { from = \"time\" }\nq1_deg = { from = \"q\" }";
+    let told = apply(mapping, "q,time\n1,5\n2,4\n").unwrap_err().to_string();
+    assert!(told.contains("runs back: 4 after 5") && told.contains("x.csv:3:3"), "{told}");
+}
+
 fn real(mapping: &str, data: &str, need: Need) -> Option<Recording> {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let folder = std::env::var_os("TRUED_DATA")

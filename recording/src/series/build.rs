@@ -26,6 +26,8 @@ pub(crate) struct Builder<'t, 's> {
     table: &'t RawTable<'s>,
     pub(super) faults: Faults,
     time: Option<Vec<f64>>,
+    /// The column of the foreign table that the time came from.
+    time_from: Option<usize>,
     segment: Option<Vec<i64>>,
     pub(super) columns: BTreeMap<Channel, Vec<f64>>,
     sources: BTreeMap<Channel, Source>,
@@ -41,6 +43,7 @@ impl<'t, 's> Builder<'t, 's> {
             table,
             faults,
             time: None,
+            time_from: None,
             segment: None,
             columns: BTreeMap::new(),
             sources: BTreeMap::new(),
@@ -53,6 +56,18 @@ impl<'t, 's> Builder<'t, 's> {
 
     pub(crate) fn fault(&mut self, fault: Fault) {
         self.faults.push(fault);
+    }
+
+    /// Where the columns of the foreign table with these names stand; none where a fault was noted.
+    pub(crate) fn places(&mut self, names: &[String]) -> Option<Vec<usize>> {
+        let mut places = Vec::new();
+        for name in names {
+            match self.table.column(name) {
+                Ok(at) => places.push(at),
+                Err(fault) => self.faults.push(fault),
+            }
+        }
+        (places.len() == names.len()).then_some(places)
     }
 
     /// The numbers of a column of the foreign table; faults are noted, the values stay in place.
@@ -72,10 +87,10 @@ impl<'t, 's> Builder<'t, 's> {
 
     /// Takes the columns whose names are ours, and keeps the others.
     pub(crate) fn take_own_columns(&mut self) {
+        let mut known = BTreeSet::new();
         for (at, name) in self.table.header.iter().enumerate() {
-            if self.table.position(name) != Some(at) {
-                let fault = Fault::new(name, "stands twice in the header");
-                self.fault(self.table.header_fault(at, fault));
+            if !known.insert(name) {
+                self.fault(self.table.twice(at));
                 continue;
             }
             match Column::named(name) {
@@ -103,7 +118,10 @@ impl<'t, 's> Builder<'t, 's> {
     /// Takes a column of ours. `values` are in the unit of its name.
     pub(crate) fn take(&mut self, name: &str, from: Option<usize>, values: Vec<f64>) {
         match Column::named(name) {
-            Ok(Column::Time) => self.time = Some(values),
+            Ok(Column::Time) => {
+                self.time = Some(values);
+                self.time_from = from;
+            }
             Ok(Column::Segment) => self.take_segment(from, &values),
             Ok(Column::Channel(channel, unit)) => {
                 self.take_channel(channel, unit, Source { name: name.to_owned(), from }, values);
@@ -225,7 +243,7 @@ impl<'t, 's> Builder<'t, 's> {
             self.faults.push(Fault::new("t_s", "is missing").expected("time in s").help(help));
             return;
         };
-        let from = self.table.position("t_s");
+        let from = self.time_from;
         let mut last: BTreeMap<i64, f64> = BTreeMap::new();
         for (row, t) in time.iter().enumerate().take(rows) {
             let segment = self.segment.as_ref().and_then(|s| s.get(row)).copied().unwrap_or(0);

@@ -12,7 +12,7 @@ use super::number::{Notation, Unread};
 use super::parquet::Cells;
 use super::rows::{Rows, TooLarge, too_large};
 use super::units_line::UnitsLine;
-use crate::faults::{Fault, Faults, Place};
+use crate::faults::{Fault, Faults, Place, nearest};
 
 /// How a table is written down; `None` means: find out.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -350,9 +350,29 @@ impl<'s> RawTable<'s> {
         numbers
     }
 
-    /// The column with this name.
-    pub(crate) fn position(&self, name: &str) -> Option<usize> {
-        self.header.iter().position(|header| header == name)
+    /// The only column with this name, or the fault that there is none or are several.
+    pub(crate) fn column(&self, name: &str) -> Result<usize, Fault> {
+        let mut places = (0..self.header.len()).filter(|at| self.header[*at] == name);
+        match (places.next(), places.next()) {
+            (Some(at), None) => Ok(at),
+            (Some(_), Some(again)) => Err(self.twice(again)),
+            (None, _) => {
+                let near = nearest(name, self.header.iter().map(String::as_str));
+                let help = near.map(|name| format!("did you mean `{name}`?"));
+                Err(Fault::new(name, "is not a column of this file")
+                    .expected(format!("one of: {}", self.header.join(", ")))
+                    .help(help.unwrap_or_default()))
+            }
+        }
+    }
+
+    /// The fault of a column whose name another has, too.
+    pub(super) fn twice(&self, column: usize) -> Fault {
+        let name = self.header.get(column).map_or("", String::as_str);
+        let fault = Fault::new(name, "stands twice in the header")
+            .expected("a name of its own for each column")
+            .help("rename one of them, or read the columns by their numbers: `header = false` and `skip_rows` in a mapping");
+        self.header_fault(column, fault)
     }
 }
 
