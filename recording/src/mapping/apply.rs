@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Columns, MappedColumn, Mapping, Orientation, Source};
 use crate::faults::{Fault, Faults};
-use crate::series::{About, Builder, Column, Need, RawTable, Recording};
+use crate::series::{About, Builder, Clock, Column, Need, RawTable, Recording};
 use crate::unit::Unit;
 
 impl Mapping {
@@ -104,6 +104,13 @@ impl Columns {
         self.named.iter().flat_map(MappedColumn::theirs).chain(turned)
     }
 
+    /// Those of them that are read as numbers.
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &String> {
+        let turned = self.orientation.iter().flat_map(Orientation::theirs);
+        let numeric = self.named.iter().filter(|column| column.is_of_numbers());
+        numeric.flat_map(MappedColumn::theirs).chain(turned)
+    }
+
     fn apply(&self, table: &RawTable<'_>, builder: &mut Builder<'_, '_>) {
         for column in &self.named {
             column.apply(table, builder);
@@ -121,6 +128,15 @@ impl MappedColumn {
             Source::Column(name) | Source::Numbers(name, _) => std::slice::from_ref(name),
             Source::Labels(names) | Source::Sum(names) | Source::Times(names, _) => names,
             Source::Constant(_) | Source::Row(_) => &[],
+        }
+    }
+
+    /// Whether its columns of theirs hold numbers, not texts.
+    fn is_of_numbers(&self) -> bool {
+        match &self.from {
+            Source::Column(_) | Source::Sum(_) => true,
+            Source::Times(_, clock) => matches!(clock, None | Some(Clock::Days)),
+            Source::Labels(_) | Source::Numbers(..) | Source::Constant(_) | Source::Row(_) => false,
         }
     }
 

@@ -183,7 +183,10 @@ fn a_name_that_stands_twice_in_the_header_is_refused_where_it_is_used() {
         mapping("", "x_mm = { from = [\"J1\", \"x\"], sum = true }"),
         mapping("", "segment = { from = \"x\", labels = true }"),
         mapping("keep = { x = [\"10\"] }", ""),
-        mapping("", "orientation = { from = [\"t_s\", \"J1\", \"x\"], convention = \"xyz\", unit = \"deg\" }"),
+        mapping(
+            "",
+            "orientation = { from = [\"t_s\", \"J1\", \"x\"], convention = \"xyz\", unit = \"deg\" }",
+        ),
     ] {
         let told = apply(&mapping, table).unwrap_err().to_string();
         assert!(

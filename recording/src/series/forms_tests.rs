@@ -103,6 +103,23 @@ fn a_number_that_can_be_read_in_two_ways_is_refused_with_the_way_out() {
 }
 
 #[test]
+fn columns_that_are_not_read_as_numbers_tell_no_decimal_mark() {
+    let two_ways = "`1.042` can be read as 1042 and as 1.042";
+    let remark = "t_s;q1_deg;x_mm;remark\n0;1;1.042;26.11\n1;2;2.500;\n2;3;88;\n";
+    let firmware = "t_s;q1_deg;x_mm;fw\n0;1;5;10.120.130.140\n1;2;88.5;10.120.130.140\n";
+    let labels = columns_with_x(" }\nsegment = { from = \"remark\", labels = true");
+    for mapping in ["", &columns_with_x(""), &labels] {
+        assert_told(mapping, remark, two_ways);
+    }
+    for mapping in ["", &columns_with_x("")] {
+        assert_eq!(rows(mapping, firmware), [(0.0, 5.0), (1.0, 88.5)], "{mapping}");
+    }
+    let grouped = "t_s\tq1_deg\tx_mm\n0\t1\t1.042.075\n";
+    assert_told("", grouped, "only where each point groups thousands");
+    assert_eq!(rows("thousands = \".\"", grouped), [(0.0, 1_042_075.0)]);
+}
+
+#[test]
 fn the_first_lines_of_spreadsheets_are_understood() {
     let expected = [(0.0, 1.5), (1.0, 2.5)];
     for (mapping, text) in [
@@ -127,8 +144,16 @@ fn a_last_line_without_an_end_is_left_out_only_where_it_is_seen_to_be_cut_off() 
         ("t_s,q1_deg,note\n0,1,\n1,2,ok", 2, kept),
         ("t_s,q1_deg,note\n0,1,5\n1,2,7", 2, kept),
         ("t_s,q1_deg,note\n0,1,a\n1,2,", 2, kept),
-        ("t_s,q1_deg,x_mm\n0,1,5\n1,2,-", 1, "line 3 is cut off and was left out: `-` is no number"),
-        ("t_s,q1_deg,x_mm\n0,1,5\n1,2", 1, "line 3 is cut off and was left out: it has 2 of 3 fields"),
+        (
+            "t_s,q1_deg,x_mm\n0,1,5\n1,2,-",
+            1,
+            "line 3 is cut off and was left out: `-` is no number",
+        ),
+        (
+            "t_s,q1_deg,x_mm\n0,1,5\n1,2",
+            1,
+            "line 3 is cut off and was left out: it has 2 of 3 fields",
+        ),
         ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,", 2, "left out 1 empty rows at the end"),
         ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,\n,", 2, "left out 2 empty rows at the end"),
         ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,\n2,", 2, "line 5 is cut off"),

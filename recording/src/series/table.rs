@@ -4,9 +4,11 @@
 //! off. Every row of text keeps the line it came from.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 use csv::{ReaderBuilder, StringRecord};
 
+use super::channel::Column;
 use super::number::{Notation, Unread};
 #[cfg(feature = "parquet")]
 use super::parquet::Cells;
@@ -30,6 +32,28 @@ pub(crate) struct Dialect {
     pub(crate) no_header: bool,
     /// Rows have so many cells, and what stands beyond is not looked at; `None`: as many as the header, exactly.
     pub(crate) width: Option<usize>,
+    pub(crate) reads: Reads,
+}
+
+/// Which columns are read as numbers: they alone tell the decimal mark.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(crate) enum Reads {
+    #[default]
+    All,
+    /// Those with names of ours.
+    Ours,
+    /// Those with these names.
+    These(BTreeSet<String>),
+}
+
+impl Reads {
+    fn has(&self, name: &str) -> bool {
+        match self {
+            Self::All => true,
+            Self::Ours => !matches!(Column::named(name), Ok(Column::Unknown)),
+            Self::These(names) => names.contains(name),
+        }
+    }
 }
 
 impl Dialect {
@@ -62,10 +86,10 @@ impl<'s> RawTable<'s> {
             source.split_inclusive('\n').take(dialect.skip_lines).map(str::len).sum();
         let (stated, body_start) = separator_line(source, skipped);
         let body = source.get(body_start..).unwrap_or_default();
-        let first =
-            body.lines().find(|line| !line.trim().is_empty() && !dialect.is_comment(line));
+        let first = body.lines().find(|line| !line.trim().is_empty() && !dialect.is_comment(line));
         let known = dialect.separator.or(stated);
-        let separator = known.unwrap_or_else(|| guess_separator(first.unwrap_or(""), dialect.no_header));
+        let separator =
+            known.unwrap_or_else(|| guess_separator(first.unwrap_or(""), dialect.no_header));
         let mut table = Self {
             source,
             header: Vec::new(),
@@ -117,12 +141,16 @@ impl<'s> RawTable<'s> {
             (None, Some(',')) => Some('.'),
             (None, _) => None,
         };
+        let rows = &self.rows;
+        let columns = (0..self.header.len()).filter(|at| dialect.reads.has(&self.header[*at]));
+        let columns: Vec<usize> = columns.collect();
+        let cells = (0..rows.len())
+            .flat_map(|row| columns.iter().filter_map(move |at| rows.cell(row, *at)));
         self.notation = match stated {
             Some(decimal) => Notation::of(decimal, dialect.thousands),
-            None => Notation {
-                thousands: dialect.thousands,
-                ..Notation::found(self.separator, self.rows.cells())
-            },
+            None => {
+                Notation { thousands: dialect.thousands, ..Notation::found(self.separator, cells) }
+            }
         };
         if stated.is_none() && self.notation.decimal == ',' {
             self.notes.push("a comma is the decimal mark".to_owned());

@@ -10,7 +10,7 @@ use csv::WriterBuilder;
 use super::about::About;
 use super::build::Builder;
 use super::channel::Channel;
-use super::table::{Dialect, RawTable};
+use super::table::{Dialect, RawTable, Reads};
 use super::{FileUnits, Need, Recording, about_path};
 use crate::faults::{Fault, Faults};
 use crate::files::{FileError, read_text as read_file, write_atomic};
@@ -71,7 +71,8 @@ pub fn read_text(
 ) -> Result<Recording, Faults> {
     let source = source.strip_prefix('\u{feff}').unwrap_or(source);
     let mut faults = Faults::of(name);
-    let dialect = mapping.map_or_else(Dialect::default, |mapping| mapping.dialect.clone());
+    let own = || Dialect { reads: Reads::Ours, ..Dialect::default() };
+    let dialect = mapping.map_or_else(own, |mapping| mapping.dialect.clone());
     let table = RawTable::cut(source, &dialect, &mut faults);
     of_table(table, faults, mapping, about, need)
 }
