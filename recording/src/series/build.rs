@@ -119,6 +119,7 @@ impl<'t, 's> Builder<'t, 's> {
     pub(crate) fn take(&mut self, name: &str, from: Option<usize>, values: Vec<f64>) {
         match Column::named(name) {
             Ok(Column::Time) => {
+                self.judge_finite(name, from, &values);
                 self.time = Some(values);
                 self.time_from = from;
             }
@@ -171,9 +172,26 @@ impl<'t, 's> Builder<'t, 's> {
         }
         self.degrees |= unit.is_some_and(|unit| unit.name == "deg");
         self.millimetres |= unit.is_some_and(|unit| unit.name == "mm");
-        let si = values.into_iter().map(|v| unit.map_or(v, |unit| unit.to_si(v))).collect();
+        let si = values.into_iter().map(|v| unit.map_or(v, |unit| unit.to_si(v)));
+        let si: Vec<f64> = si.collect();
+        self.judge_finite(&source.name, source.from, &si);
         self.columns.insert(channel, si);
         self.sources.insert(channel, source);
+    }
+
+    /// Notes a fault at the first value that is infinite though its cell is not: an infinite cell was told when it was read.
+    fn judge_finite(&mut self, name: &str, from: Option<usize>, values: &[f64]) {
+        let told = |row: usize| {
+            from.is_some_and(|at| self.table.number_in(row, at).is_ok_and(f64::is_infinite))
+        };
+        let overflows = |row: &usize| values[*row].is_infinite() && !told(*row);
+        if let Some(row) = (0..values.len()).find(overflows) {
+            let fault =
+                Fault::new(name, "is too large: its value is infinite once it is converted")
+                    .expected("a finite number")
+                    .help("check the unit, `scale` and `offset`");
+            self.cell_fault(row, from, fault);
+        }
     }
 
     /// A fault of a cell of one of our columns.
@@ -249,6 +267,11 @@ impl<'t, 's> Builder<'t, 's> {
             let segment = self.segment.as_ref().and_then(|s| s.get(row)).copied().unwrap_or(0);
             let before = last.get(&segment).copied();
             if !t.is_finite() {
+                // What is no time or infinite was told when it was read.
+                let unread = from.is_some_and(|at| self.table.number_in(row, at).is_err());
+                if unread || t.is_infinite() {
+                    continue;
+                }
                 let fault = Fault::new("t_s", "is empty").expected("a time in every row");
                 self.cell_fault(row, from, fault);
             } else if before.is_some_and(|before| before >= *t) {

@@ -28,8 +28,10 @@ fn told(mapping: &str, text: &str) -> String {
 /// Asserts that a table is refused with these words.
 #[track_caller]
 fn assert_told(mapping: &str, text: &str, says: &str) {
-    let told = told(mapping, text);
-    assert!(told.contains(says), "{says} in\n{told}");
+    match read(mapping, text) {
+        Ok(recording) => panic!("{text} is read as {recording:?}"),
+        Err(faults) => faults.assert_say(says),
+    }
 }
 
 #[test]
@@ -296,9 +298,62 @@ fn a_time_that_is_not_understood_is_refused() {
         (stated(""), text("2026-11-26 10:00Z", "2026-11-26 11:00"), "time zone"),
         (stated(""), text("2026-10-25 02:59", "2026-10-25 02:00"), "runs back"),
         (stated(""), text("2026-10-25 02:59", ""), "is empty"),
+        (stated(", format = \"%H:%M %p\""), german.clone(), "`%I` with `%p`, or `%H` without them"),
+        (
+            stated(""),
+            text("2026-10-25 02:59Z", "2026-10-25 02:59:60Z"),
+            "is a leap second, which is not read",
+        ),
+        (stated(""), text("2026-10-25 02:59Z", "2026-10-25 03:59+01:99"), "is no such time"),
     ] {
         assert_told(&mapping, &text, says);
     }
+}
+
+#[test]
+fn a_time_that_is_not_read_is_one_fault() {
+    for text in [
+        "t_s,q1_deg\n2026-12-31T23:59:59Z,1\n2026-12-31T23:59:60Z,2\n2027-01-01T00:00:00Z,3\n",
+        "t_s,q1_deg\n2026-12-31T23:59:59Z,1\nsoon,2\n2027-01-01T00:00:00Z,3\n",
+        "t_s,q1_deg\n0,1\nx,2\n2,3\n",
+        "t_s,q1_deg\n0,1\ninf,2\n2,3\n",
+        "t_s,q1_deg\n0,1\n,2\n2,3\n",
+    ] {
+        let faults = read("", text).unwrap_err();
+        assert_eq!(faults.len(), 1, "{text}\n{faults}");
+    }
+    let first = "[columns]\nt_s = { from = \"t\", format = \"iso\" }\nq1_deg = { from = \"q\" }";
+    let faults = read(first, "t,q\nsoon,1\n2026-12-31T23:59:59Z,2\n").unwrap_err();
+    assert_eq!(faults.len(), 1, "{faults}");
+}
+
+#[test]
+fn a_value_that_becomes_infinite_once_it_is_converted_is_refused_with_its_line() {
+    let text = "t_s,q1_deg,x_mm\n0,1,1\n1,2,5\n";
+    let scaled = columns_with_x(", scale = 1e308, offset = 1e308");
+    assert_told(&scaled, text, "`x_mm`: is too large");
+    assert_told(&scaled, text, "x.csv:2:5");
+    let time = "[columns]\nt_s = { from = \"t_s\", scale = 1e308 }\nq1_deg = { from = \"q1_deg\" }";
+    assert_told(time, "t_s,q1_deg\n0,1\n2,2\n", "x.csv:3:1");
+    let infinite = read("", "t_s,q1_deg,x_mm\n0,1,inf\n").unwrap_err();
+    assert_eq!(infinite.len(), 1, "{infinite}");
+}
+
+#[test]
+fn faults_stand_in_their_line_behind_comments_and_whatever_ends_lines() {
+    let commented = "t_s,q1_deg\n# c1\n0,1\n# c2\n\n# c3\n1,x\n2,3\n";
+    for end in ["\n", "\r\n", "\r"] {
+        assert_told("comment = \"#\"", &commented.replace('\n', end), "x.csv:7:3");
+    }
+    let text = "t_s,q1_deg\r0,1\r1,x\r";
+    insta::assert_snapshot!(told("", text), @r#"
+        error: `q1_deg`: `x` is no number
+         --> x.csv:3:3
+          |
+        3 | 1,x
+          |   ^ expected a number
+        "#);
+    assert_eq!(rows("", "t_s,q1_deg,x_mm\r0,1,1.5\r1,2,2.5\r"), [(0.0, 1.5), (1.0, 2.5)]);
 }
 
 #[test]

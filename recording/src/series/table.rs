@@ -74,6 +74,7 @@ pub(crate) struct RawTable<'s> {
     cells: Vec<Cells>,
     pub(crate) notes: Vec<String>,
     pub(super) separator: u8,
+    pub(super) comment: Option<u8>,
     notation: Notation,
     pub(super) header_line: usize,
     pub(super) body_start: usize,
@@ -99,6 +100,7 @@ impl<'s> RawTable<'s> {
             cells: Vec::new(),
             notes: Vec::new(),
             separator,
+            comment: dialect.comment,
             notation: Notation::of('.', None),
             header_line: 0,
             body_start,
@@ -185,6 +187,7 @@ impl<'s> RawTable<'s> {
             cells,
             notes: Vec::new(),
             separator: b',',
+            comment: None,
             notation: Notation::of('.', None),
             header_line: 0,
             body_start: 0,
@@ -210,7 +213,7 @@ impl<'s> RawTable<'s> {
     }
 
     /// The number in a cell: NaN where it is empty.
-    fn number_in(&self, row: usize, column: usize) -> Result<f64, Unread> {
+    pub(super) fn number_in(&self, row: usize, column: usize) -> Result<f64, Unread> {
         #[cfg(feature = "parquet")]
         if let Some(number) = self.cells.get(column).and_then(|cells| cells.number(row)) {
             return Ok(number);

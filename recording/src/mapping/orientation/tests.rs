@@ -153,7 +153,6 @@ fn an_orientation_that_is_not_said_or_is_none_is_refused() {
         ),
         ("from = \"a\", convention = \"ZYX\", unit = \"deg\"", "1 2 3", "is no list of columns"),
     ] {
-        let told = apply(entry, &format!("{rows}\n")).unwrap_err().to_string();
-        assert!(told.contains(says), "{entry}: {says} in\n{told}");
+        apply(entry, &format!("{rows}\n")).unwrap_err().assert_say(says);
     }
 }
