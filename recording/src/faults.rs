@@ -225,6 +225,14 @@ impl Faults {
         self.render(&Renderer::plain())
     }
 
+    /// Asserts that these words stand in them.
+    #[cfg(test)]
+    #[track_caller]
+    pub(crate) fn assert_say(&self, words: &str) {
+        let told = self.plain();
+        assert!(told.contains(words), "{words} in\n{told}");
+    }
+
     fn render(&self, renderer: &Renderer) -> String {
         let shown = self.list.iter().map(|fault| renderer.render(&[fault.report(&self.file)]));
         let mut text = shown.collect::<Vec<_>>().join("\n\n");

@@ -4,8 +4,8 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{Columns, MappedColumn, Mapping, Orientation, Source};
-use crate::faults::{Fault, Faults, nearest};
-use crate::series::{About, Builder, Column, Need, RawTable, Recording};
+use crate::faults::{Fault, Faults};
+use crate::series::{About, Builder, Clock, Column, Need, RawTable, Recording};
 use crate::unit::Unit;
 
 impl Mapping {
@@ -41,9 +41,12 @@ impl Mapping {
 
     fn keep_rows(&self, table: &mut RawTable<'_>, faults: &mut Faults) {
         for (name, wanted) in &self.keep {
-            let Some(at) = table.position(name) else {
-                faults.push(missing(table, name));
-                continue;
+            let at = match table.column(name) {
+                Ok(at) => at,
+                Err(fault) => {
+                    faults.push(fault);
+                    continue;
+                }
             };
             let before = table.len();
             table.keep(|row, table| {
@@ -62,7 +65,8 @@ impl Mapping {
                 (Some(_), column) => column.map(MappedColumn::theirs).unwrap_or_default().to_vec(),
                 (None, _) => vec![ours.to_owned()],
             };
-            theirs.iter().filter_map(|name| table.position(name)).collect::<Vec<usize>>()
+            // One that is not there is reported when it is read.
+            theirs.iter().filter_map(|name| table.column(name).ok()).collect::<Vec<usize>>()
         };
         let (time, segment) = (places("t_s"), places("segment"));
         if time.is_empty() {
@@ -100,6 +104,13 @@ impl Columns {
         self.named.iter().flat_map(MappedColumn::theirs).chain(turned)
     }
 
+    /// Those of them that are read as numbers.
+    pub(super) fn numbers(&self) -> impl Iterator<Item = &String> {
+        let turned = self.orientation.iter().flat_map(Orientation::theirs);
+        let numeric = self.named.iter().filter(|column| column.is_of_numbers());
+        numeric.flat_map(MappedColumn::theirs).chain(turned)
+    }
+
     fn apply(&self, table: &RawTable<'_>, builder: &mut Builder<'_, '_>) {
         for column in &self.named {
             column.apply(table, builder);
@@ -120,19 +131,22 @@ impl MappedColumn {
         }
     }
 
+    /// Whether its columns of theirs hold numbers, not texts.
+    fn is_of_numbers(&self) -> bool {
+        match &self.from {
+            Source::Column(_) | Source::Sum(_) => true,
+            Source::Times(_, clock) => matches!(clock, None | Some(Clock::Days)),
+            Source::Labels(_) | Source::Numbers(..) | Source::Constant(_) | Source::Row(_) => false,
+        }
+    }
+
     fn apply(&self, table: &RawTable<'_>, builder: &mut Builder<'_, '_>) {
         let rows = table.len();
-        let mut places = Vec::new();
-        for name in self.theirs() {
-            let Some(at) = table.position(name) else {
-                builder.fault(missing(table, name));
-                return;
-            };
-            places.push(at);
-        }
+        let Some(places) = builder.places(self.theirs()) else { return };
         let first = places.first().copied();
-        if matches!(self.from, Source::Column(_) | Source::Sum(_)) {
-            places.iter().for_each(|at| builder.check_unit(*at, self.read_in()));
+        if matches!(self.from, Source::Column(_) | Source::Sum(_) | Source::Times(..)) {
+            let stated = self.unit.is_some() || matches!(self.from, Source::Times(_, Some(_)));
+            places.iter().for_each(|at| builder.check_unit(*at, self.read_in(), stated));
         }
         let values = match (&self.from, first) {
             (Source::Labels(_), _) => labels(table, &places),
@@ -143,11 +157,7 @@ impl MappedColumn {
                 }
                 sum
             }
-            (Source::Times(_, clock), _) => {
-                let times = builder.times(&places, clock.as_ref());
-                places.iter().for_each(|at| builder.check_unit(*at, self.read_in()));
-                times
-            }
+            (Source::Times(_, clock), _) => builder.times(&places, clock.as_ref()),
             (Source::Numbers(_, numbers), Some(at)) => stands_for(table, at, numbers, builder),
             (Source::Column(_), Some(at)) => builder.numbers(at),
             (Source::Row(step), _) => (0..rows).map(|row| row as f64 * step).collect(),
@@ -221,12 +231,4 @@ fn stands_for(
         builder.fault(table.cell_fault(row, at, fault));
     }
     rows.map(|row| number(row).unwrap_or(0.0)).collect()
-}
-
-pub(super) fn missing(table: &RawTable<'_>, name: &str) -> Fault {
-    let near = nearest(name, table.header.iter().map(String::as_str));
-    let help = near.map(|name| format!("did you mean `{name}`?"));
-    Fault::new(name, "is not a column of this file")
-        .expected(format!("one of: {}", table.header.join(", ")))
-        .help(help.unwrap_or_default())
 }

@@ -7,7 +7,6 @@
 use glam::{DMat3, DQuat, DVec3};
 use physics::frame::{rotation_about, rotation_from_vector};
 
-use super::apply::missing;
 use super::read::{names_of, unit_of};
 use crate::faults::Fault;
 use crate::series::{Builder, RawTable};
@@ -136,6 +135,10 @@ impl Orientation {
             let found = format!("has {} columns", theirs.len());
             entry.fault("from", found, format!("{}, as `{name}` has", form.count()));
         }
+        let twice = theirs.iter().enumerate().find(|(at, name)| theirs[..*at].contains(name));
+        if let Some((_, name)) = twice {
+            entry.fault("from", format!("names `{name}` twice"), "a column of its own for each");
+        }
         Some(Self { form, unit, theirs })
     }
 
@@ -145,20 +148,14 @@ impl Orientation {
     }
 
     pub(super) fn apply(&self, table: &RawTable<'_>, builder: &mut Builder<'_, '_>) {
-        let mut places = Vec::new();
-        for name in &self.theirs {
-            match table.position(name) {
-                Some(at) => places.push(at),
-                None => builder.fault(missing(table, name)),
-            }
-        }
-        if places.len() != self.form.count() {
+        let places = builder.places(&self.theirs);
+        let Some(places) = places.filter(|places| places.len() == self.form.count()) else {
             return;
-        }
+        };
         let si = |value: f64| self.unit.map_or(value, |unit| unit.to_si(value));
         let mut columns = Vec::new();
         for at in &places {
-            builder.check_unit(*at, self.unit);
+            builder.check_unit(*at, self.unit, true);
             columns.push(builder.numbers(*at).into_iter().map(si).collect::<Vec<f64>>());
         }
         let mut parts: [Vec<f64>; 4] = Default::default();

@@ -5,7 +5,7 @@ use toml::de::DeValue;
 use super::orientation::Orientation;
 use super::{Columns, MappedColumn, Mapping, SCHEMA, Source};
 use crate::faults::Faults;
-use crate::series::{About, Clock, Column, Dialect, JOINTS_MAX};
+use crate::series::{About, Clock, Column, Dialect, JOINTS_MAX, Reads};
 use crate::unit::Unit;
 use crate::walk::{Document, Table};
 
@@ -20,12 +20,15 @@ fn read(root: &Table<'_, '_>) -> Option<Mapping> {
     root.choice("schema", &[(SCHEMA, ())]);
     let joints = root.whole("joints", 1..JOINTS_MAX as i64 + 1);
     let joints = joints.and_then(|joints| usize::try_from(joints).ok());
-    let dialect = dialect(root);
+    let mut dialect = dialect(root);
     let keep = root.table("keep").map(|table| keep(&table)).unwrap_or_default();
     let drop_repeated =
         root.choice("repeated_time", &[("fault", false), ("drop", true)]).unwrap_or_default();
     let about = root.table("recording").map(|table| About::from_table(&table));
     let columns = root.table("columns").map(|table| columns(&table, joints));
+    if let Some(columns) = &columns {
+        dialect.reads = Reads::These(columns.numbers().cloned().collect());
+    }
     root.close();
     Some(Mapping { dialect, about, columns, keep, drop_repeated })
 }
@@ -52,6 +55,7 @@ fn dialect(root: &Table<'_, '_>) -> Dialect {
         skip_lines: usize::try_from(skip).unwrap_or(0),
         no_header: root.flag("header").is_some_and(|header| !header),
         width: None,
+        reads: Reads::Ours,
     }
 }
 

@@ -52,6 +52,26 @@ fn columns_are_named_by_number_without_a_header() {
 }
 
 #[test]
+fn without_a_header_commas_between_semicolons_or_tabulators_are_decimal_commas() {
+    let mapping = "schema = \"trued.mapping/1\"\nheader = false\n[columns]\n\
+                   t_s = { per_row = 1 }\nq1_rad = { from = 1 }\nq2_rad = { from = 2 }";
+    for text in [
+        "12,5;3,5\n13,5;4,5\n",
+        "12,5;3,5;4,5;nan\n13,5;4,5;1,5;2,5\n",
+        "12,5\t3,5\tok\n13,5\t4,5\tok\n",
+        "12,5 ; 3,5\n13,5 ; 4,5\n",
+        "12.5,\t3.5,\t1\n13.5,\t4.5,\t1\n",
+        "12.5\t,3.5\t,1\n13.5\t,4.5\t,1\n",
+        "12.5,3.5,\"7;8\"\n13.5,4.5,\"9\"\n",
+        "12.5,3.5,a;b\n13.5,4.5,\n",
+    ] {
+        let recording = apply(mapping, text).unwrap_or_else(|faults| panic!("{text}\n{faults}"));
+        assert_eq!(recording.column(Channel::Command(0)).unwrap(), [12.5, 13.5], "{text}");
+        assert_eq!(recording.column(Channel::Command(1)).unwrap(), [3.5, 4.5], "{text}");
+    }
+}
+
+#[test]
 fn rows_are_chosen_and_repeated_times_left_out() {
     let mapping = r#"
         schema = "trued.mapping/1"
@@ -148,6 +168,40 @@ fn a_column_of_theirs_that_is_not_there_is_told() {
          = note: expected time in s
          = help: rename the column, or give a mapping
         "#);
+}
+
+#[test]
+fn a_name_that_stands_twice_in_the_header_is_refused_where_it_is_used() {
+    let table = "t_s,J1,x,x\n0,1,10,77\n1,2,20,88\n";
+    let mapping = |more: &str, columns: &str| {
+        format!(
+            "schema = \"trued.mapping/1\"\n{more}\n[columns]\nt_s = {{ from = \"t_s\" }}\nq1_deg = {{ from = \"J1\" }}\n{columns}"
+        )
+    };
+    for mapping in [
+        mapping("", "x_mm = { from = \"x\" }"),
+        mapping("", "x_mm = { from = [\"J1\", \"x\"], sum = true }"),
+        mapping("", "segment = { from = \"x\", labels = true }"),
+        mapping("keep = { x = [\"10\"] }", ""),
+        mapping(
+            "",
+            "orientation = { from = [\"t_s\", \"J1\", \"x\"], convention = \"xyz\", unit = \"deg\" }",
+        ),
+    ] {
+        let told = apply(&mapping, table).unwrap_err().to_string();
+        assert!(
+            told.contains("`x`: stands twice in the header") && told.contains("x.csv:1:10"),
+            "{mapping}\n{told}"
+        );
+    }
+    assert!(apply(&mapping("", ""), table).is_ok());
+}
+
+#[test]
+fn a_time_that_runs_back_is_told_with_the_place_in_their_column() {
+    let mapping = "schema = \"trued.mapping/1\"\n[columns]\nt_s = { from = \"time\" }\nq1_deg = { from = \"q\" }";
+    let told = apply(mapping, "q,time\n1,5\n2,4\n").unwrap_err().to_string();
+    assert!(told.contains("runs back: 4 after 5") && told.contains("x.csv:3:3"), "{told}");
 }
 
 fn real(mapping: &str, data: &str, need: Need) -> Option<Recording> {

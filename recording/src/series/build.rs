@@ -26,6 +26,8 @@ pub(crate) struct Builder<'t, 's> {
     table: &'t RawTable<'s>,
     pub(super) faults: Faults,
     time: Option<Vec<f64>>,
+    /// The column of the foreign table that the time came from.
+    time_from: Option<usize>,
     segment: Option<Vec<i64>>,
     pub(super) columns: BTreeMap<Channel, Vec<f64>>,
     sources: BTreeMap<Channel, Source>,
@@ -41,6 +43,7 @@ impl<'t, 's> Builder<'t, 's> {
             table,
             faults,
             time: None,
+            time_from: None,
             segment: None,
             columns: BTreeMap::new(),
             sources: BTreeMap::new(),
@@ -55,6 +58,18 @@ impl<'t, 's> Builder<'t, 's> {
         self.faults.push(fault);
     }
 
+    /// Where the columns of the foreign table with these names stand; none where a fault was noted.
+    pub(crate) fn places(&mut self, names: &[String]) -> Option<Vec<usize>> {
+        let mut places = Vec::new();
+        for name in names {
+            match self.table.column(name) {
+                Ok(at) => places.push(at),
+                Err(fault) => self.faults.push(fault),
+            }
+        }
+        (places.len() == names.len()).then_some(places)
+    }
+
     /// The numbers of a column of the foreign table; faults are noted, the values stay in place.
     pub(crate) fn numbers(&mut self, from: usize) -> Vec<f64> {
         self.table.numbers(from, &mut self.faults)
@@ -65,30 +80,30 @@ impl<'t, 's> Builder<'t, 's> {
         self.table.times(from, clock, &mut self.faults)
     }
 
-    /// Notes a fault where the line of units contradicts the unit that a column is read in.
-    pub(crate) fn check_unit(&mut self, from: usize, read_in: Option<Unit>) {
-        self.table.check_unit(from, read_in, &mut self.faults);
+    /// See [`RawTable::check_unit`].
+    pub(crate) fn check_unit(&mut self, from: usize, read_in: Option<Unit>, stated: bool) {
+        self.table.check_unit(from, read_in, stated, &mut self.faults);
     }
 
     /// Takes the columns whose names are ours, and keeps the others.
     pub(crate) fn take_own_columns(&mut self) {
+        let mut known = BTreeSet::new();
         for (at, name) in self.table.header.iter().enumerate() {
-            if self.table.position(name) != Some(at) {
-                let fault = Fault::new(name, "stands twice in the header");
-                self.fault(self.table.header_fault(at, fault));
+            if !known.insert(name) {
+                self.fault(self.table.twice(at));
                 continue;
             }
             match Column::named(name) {
                 Ok(Column::Unknown) => self.keep(at),
                 Ok(Column::Time) => {
                     let times = self.times(&[at], None);
-                    self.check_unit(at, Unit::named("s"));
+                    self.check_unit(at, Unit::named("s"), false);
                     self.take(name, Some(at), times);
                 }
                 Ok(column) => {
                     let numbers = self.numbers(at);
                     if let Column::Channel(_, unit) = column {
-                        self.check_unit(at, unit);
+                        self.check_unit(at, unit, false);
                     }
                     self.take(name, Some(at), numbers);
                 }
@@ -103,7 +118,11 @@ impl<'t, 's> Builder<'t, 's> {
     /// Takes a column of ours. `values` are in the unit of its name.
     pub(crate) fn take(&mut self, name: &str, from: Option<usize>, values: Vec<f64>) {
         match Column::named(name) {
-            Ok(Column::Time) => self.time = Some(values),
+            Ok(Column::Time) => {
+                self.judge_finite(name, from, &values);
+                self.time = Some(values);
+                self.time_from = from;
+            }
             Ok(Column::Segment) => self.take_segment(from, &values),
             Ok(Column::Channel(channel, unit)) => {
                 self.take_channel(channel, unit, Source { name: name.to_owned(), from }, values);
@@ -153,9 +172,26 @@ impl<'t, 's> Builder<'t, 's> {
         }
         self.degrees |= unit.is_some_and(|unit| unit.name == "deg");
         self.millimetres |= unit.is_some_and(|unit| unit.name == "mm");
-        let si = values.into_iter().map(|v| unit.map_or(v, |unit| unit.to_si(v))).collect();
+        let si = values.into_iter().map(|v| unit.map_or(v, |unit| unit.to_si(v)));
+        let si: Vec<f64> = si.collect();
+        self.judge_finite(&source.name, source.from, &si);
         self.columns.insert(channel, si);
         self.sources.insert(channel, source);
+    }
+
+    /// Notes a fault at the first value that is infinite though its cell is not: an infinite cell was told when it was read.
+    fn judge_finite(&mut self, name: &str, from: Option<usize>, values: &[f64]) {
+        let told = |row: usize| {
+            from.is_some_and(|at| self.table.number_in(row, at).is_ok_and(f64::is_infinite))
+        };
+        let overflows = |row: &usize| values[*row].is_infinite() && !told(*row);
+        if let Some(row) = (0..values.len()).find(overflows) {
+            let fault =
+                Fault::new(name, "is too large: its value is infinite once it is converted")
+                    .expected("a finite number")
+                    .help("check the unit, `scale` and `offset`");
+            self.cell_fault(row, from, fault);
+        }
     }
 
     /// A fault of a cell of one of our columns.
@@ -225,12 +261,17 @@ impl<'t, 's> Builder<'t, 's> {
             self.faults.push(Fault::new("t_s", "is missing").expected("time in s").help(help));
             return;
         };
-        let from = self.table.position("t_s");
+        let from = self.time_from;
         let mut last: BTreeMap<i64, f64> = BTreeMap::new();
         for (row, t) in time.iter().enumerate().take(rows) {
             let segment = self.segment.as_ref().and_then(|s| s.get(row)).copied().unwrap_or(0);
             let before = last.get(&segment).copied();
             if !t.is_finite() {
+                // What is no time or infinite was told when it was read.
+                let unread = from.is_some_and(|at| self.table.number_in(row, at).is_err());
+                if unread || t.is_infinite() {
+                    continue;
+                }
                 let fault = Fault::new("t_s", "is empty").expected("a time in every row");
                 self.cell_fault(row, from, fault);
             } else if before.is_some_and(|before| before >= *t) {

@@ -3,6 +3,8 @@
 //! Gregorian calendar without leap seconds, to 1 ns. Seconds count from the first row's time, so that they keep the digits of the file: from 1970 on a
 //! 64-bit float holds no more than 0.2 µs.
 
+use std::collections::BTreeSet;
+
 use super::RawTable;
 use crate::faults::{Fault, Faults};
 
@@ -26,6 +28,8 @@ struct Instant {
 }
 
 const FIELDS: &str = "%Y %y %m %d %H %I %M %S %f %p %z";
+/// No zone lies further from UTC.
+const ZONE_HOURS_MAX: i64 = 14;
 const SECOND_NS: i128 = 1_000_000_000;
 const DAY_S: f64 = 86_400.0;
 
@@ -40,7 +44,7 @@ impl Clock {
             "days" => return Ok(Self::Days),
             _ => {}
         }
-        let mut fields = 0;
+        let mut fields = BTreeSet::new();
         let mut rest = format.chars();
         while let Some(c) = rest.next() {
             if c == '%' {
@@ -48,23 +52,38 @@ impl Clock {
                 if !FIELDS.split(' ').any(|field| field == name) {
                     return Err(format!("of {FIELDS}, not `{name}`"));
                 }
-                fields += 1;
+                fields.insert(name);
             }
         }
-        if fields == 0 {
+        if fields.is_empty() {
             return Err(format!("\"iso\", \"days\", or a pattern of {FIELDS}"));
+        }
+        let [of_24, of_12, half] = ["%H", "%I", "%p"].map(|field| fields.contains(field));
+        if of_12 != half || (of_24 && of_12) {
+            return Err("`%I` with `%p`, or `%H` without them".to_owned());
         }
         Ok(Self::Pattern(format.to_owned()))
     }
 
     fn read(&self, cell: &str) -> Option<Instant> {
+        self.fields(cell)?.instant()
+    }
+
+    fn is_leap_second(&self, cell: &str) -> bool {
+        self.fields(cell).is_some_and(|fields| {
+            fields.second == 60 && Reader { second: 59, ..fields }.instant().is_some()
+        })
+    }
+
+    /// The fields of a whole cell, whatever their numbers.
+    fn fields<'c>(&self, cell: &'c str) -> Option<Reader<'c>> {
         let mut reader = Reader::of(cell);
         match self {
             Self::Iso => reader.iso()?,
             Self::Pattern(pattern) => reader.pattern(pattern)?,
             Self::Days => return None,
         }
-        reader.rest.is_empty().then(|| reader.instant()).flatten()
+        reader.rest.is_empty().then_some(reader)
     }
 
     fn shown(&self) -> &str {
@@ -102,14 +121,17 @@ impl RawTable<'_> {
         for row in 0..self.len() {
             let cell = cell(row);
             let instant = clock.read(&cell);
-            let start = *start
-                .get_or_insert(instant.unwrap_or(Instant { nanoseconds: 0, has_zone: false }));
+            start = start.or(instant);
             let message = match instant {
-                Some(instant) if instant.has_zone != start.has_zone => {
+                Some(instant) if start.is_some_and(|start| start.has_zone != instant.has_zone) => {
                     Some(format!("`{cell}` has a time zone, or lacks one, unlike the first row"))
                 }
                 Some(_) => None,
-                None => Some(format!("`{cell}` is no such time")).filter(|_| !cell.is_empty()),
+                None if cell.is_empty() => None,
+                None if clock.is_leap_second(&cell) => {
+                    Some(format!("`{cell}` is a leap second, which is not read"))
+                }
+                None => Some(format!("`{cell}` is no such time")),
             };
             if let Some(message) = message {
                 faults.push_with(|| {
@@ -118,7 +140,7 @@ impl RawTable<'_> {
                     self.cell_fault(row, first, fault)
                 });
             }
-            let since = instant.map(|instant| instant.nanoseconds - start.nanoseconds);
+            let since = instant.zip(start).map(|(now, start)| now.nanoseconds - start.nanoseconds);
             times.push(since.map_or(f64::NAN, |ns| ns as f64 / SECOND_NS as f64));
         }
         times
@@ -264,6 +286,9 @@ impl<'c> Reader<'c> {
         let hours = self.number(2, 2)?;
         let _ = self.literal(':');
         let minutes = if self.rest.is_empty() { 0 } else { self.number(2, 2)? };
+        if hours > ZONE_HOURS_MAX || minutes >= 60 {
+            return None;
+        }
         self.zone = Some(sign * (60 * hours + minutes));
         Some(())
     }

@@ -25,6 +25,15 @@ fn told(mapping: &str, text: &str) -> String {
     }
 }
 
+/// Asserts that a table is refused with these words.
+#[track_caller]
+fn assert_told(mapping: &str, text: &str, says: &str) {
+    match read(mapping, text) {
+        Ok(recording) => panic!("{text} is read as {recording:?}"),
+        Err(faults) => faults.assert_say(says),
+    }
+}
+
 #[test]
 fn numbers_of_many_notations_are_read_right() {
     for (mapping, text, x) in [
@@ -91,9 +100,25 @@ fn a_number_that_can_be_read_in_two_ways_is_refused_with_the_way_out() {
         ("decimal = \".\"\nthousands = \".\"", "t_s,q1_deg,x_mm\n0,1,1\n", "is the decimal mark"),
         ("", "t_s,q1_deg,x_mm\n0,1,1 042.5\n", "is no number"),
     ] {
-        let told = told(mapping, text);
-        assert!(told.contains(says), "{says} in\n{told}");
+        assert_told(mapping, text, says);
     }
+}
+
+#[test]
+fn columns_that_are_not_read_as_numbers_tell_no_decimal_mark() {
+    let two_ways = "`1.042` can be read as 1042 and as 1.042";
+    let remark = "t_s;q1_deg;x_mm;remark\n0;1;1.042;26.11\n1;2;2.500;\n2;3;88;\n";
+    let firmware = "t_s;q1_deg;x_mm;fw\n0;1;5;10.120.130.140\n1;2;88.5;10.120.130.140\n";
+    let labels = columns_with_x(" }\nsegment = { from = \"remark\", labels = true");
+    for mapping in ["", &columns_with_x(""), &labels] {
+        assert_told(mapping, remark, two_ways);
+    }
+    for mapping in ["", &columns_with_x("")] {
+        assert_eq!(rows(mapping, firmware), [(0.0, 5.0), (1.0, 88.5)], "{mapping}");
+    }
+    let grouped = "t_s\tq1_deg\tx_mm\n0\t1\t1.042.075\n";
+    assert_told("", grouped, "only where each point groups thousands");
+    assert_eq!(rows("thousands = \".\"", grouped), [(0.0, 1_042_075.0)]);
 }
 
 #[test]
@@ -105,13 +130,52 @@ fn the_first_lines_of_spreadsheets_are_understood() {
         ("", "\u{feff}t_s,q1_deg,x_mm\n0,1,1.5\n1,2,2.5\n"),
         ("", "t_s,q1_deg,x_mm\ns,deg,mm\n0,1,1.5\n1,2,2.5\n"),
         ("", "t_s;q1_deg;x_mm\n[s];[°];[mm]\n0;1;1,5\n1;2;2,5\n"),
-        ("units_row = true", "t_s,q1_deg,x_mm\nSek,Grad,mm\n0,1,1.5\n1,2,2.5\n"),
+        ("units_row = true", "t_s,q1_deg,x_mm,at\ns,-,,Ort\n0,1,1.5,a\n1,2,2.5,b\n"),
         ("", "t_s,q1_deg,x_mm\n0,1,1.5\n1,2,2.5\n,,\n,,\n"),
         ("", "\u{a0}t_s , q1_deg ,x_mm\n 0,1, 1.5\u{a0}\n1,2,2.5\n"),
         ("skip_rows = 2", "made by\n\nt_s,q1_deg,x_mm\n0,1,1.5\n1,2,2.5\n"),
     ] {
         assert_eq!(rows(mapping, text), expected, "{text}");
     }
+}
+
+#[test]
+fn a_last_line_without_an_end_is_left_out_only_where_it_is_seen_to_be_cut_off() {
+    let kept = "the last line (3) has no end: it was kept, as it has all 3 fields; the last of them may be cut short";
+    for (text, rows, says) in [
+        ("t_s,q1_deg,note\n0,1,\n1,2,ok", 2, kept),
+        ("t_s,q1_deg,note\n0,1,5\n1,2,7", 2, kept),
+        ("t_s,q1_deg,note\n0,1,a\n1,2,", 2, kept),
+        (
+            "t_s,q1_deg,x_mm\n0,1,5\n1,2,-",
+            1,
+            "line 3 is cut off and was left out: `-` is no number",
+        ),
+        (
+            "t_s,q1_deg,x_mm\n0,1,5\n1,2",
+            1,
+            "line 3 is cut off and was left out: it has 2 of 3 fields",
+        ),
+        ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,", 2, "left out 1 empty rows at the end"),
+        ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,\n,", 2, "left out 2 empty rows at the end"),
+        ("t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n,,\n2,", 2, "line 5 is cut off"),
+    ] {
+        let recording = read("", text).unwrap_or_else(|faults| panic!("{text}\n{faults}"));
+        let notes = recording.notes.join("\n");
+        assert!(recording.len() == rows && notes.contains(says), "{text}\n{notes}");
+    }
+    for text in ["t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n  ", "t_s,q1_deg,x_mm\n0,1,5\n1,2,6\n# made by"] {
+        let mapping = if text.contains('#') { "comment = \"#\"" } else { "" };
+        let notes = read(mapping, text).unwrap().notes;
+        assert!(notes.is_empty(), "{text} {notes:?}");
+    }
+}
+
+/// A mapping of the columns by their names, with more said of `x_mm`.
+fn columns_with_x(more: &str) -> String {
+    format!(
+        "[columns]\nt_s = {{ from = \"t_s\" }}\nq1_deg = {{ from = \"q1_deg\" }}\nx_mm = {{ from = \"x_mm\"{more} }}"
+    )
 }
 
 #[test]
@@ -126,11 +190,7 @@ fn a_line_of_units_that_contradicts_the_names_is_refused() {
           |
           = help: name the column so, or state `unit = "m"` in a mapping
         "#);
-    let columns = |x: &str| {
-        format!(
-            "[columns]\nt_s = {{ from = \"t_s\" }}\nq1_deg = {{ from = \"q1_deg\" }}\nx_mm = {{ from = \"x_mm\"{x} }}"
-        )
-    };
+    let columns = columns_with_x;
     assert!(told(&columns(""), text).contains("`x_mm`: has the unit m and is read in mm"));
     assert_eq!(rows(&columns(", unit = \"m\""), text), [(0.0, 1500.0)]);
     assert_eq!(rows(&columns(", scale = 1000"), text), [(0.0, 1500.0)]);
@@ -139,6 +199,36 @@ fn a_line_of_units_that_contradicts_the_names_is_refused() {
     assert_eq!(data.t_s, [1.0, 2.0]);
     let words = "t_s,q1_deg,x_mm\nSek,Grad,mm\n0,1,1.5\n";
     assert!(told("", words).contains("`Sek` is no number"));
+}
+
+#[test]
+fn a_unit_that_is_not_known_is_refused_unless_the_mapping_states_how_its_column_is_read() {
+    let table = |unit: &str, column: &str| {
+        format!("t_s,q1_deg,x_mm,{column}\ns,deg,mm,{unit}\n0,1,1.5,294.15\n")
+    };
+    for (text, says) in [
+        (table("K", "temp_C"), "`temp_C`: has the unit K, which is not read"),
+        (table("K", "temp_C"), "`offset = -273.15`"),
+        (table("V", "fx_N"), "`fx_N`: has the unit V, which is not read"),
+        (table("g", "ax_m_s2"), "state `scale = 9.80665` in a mapping"),
+    ] {
+        assert_told("", &text, says);
+    }
+    let inches = "t_s,q1_deg,x_mm\ns,deg,inch\n0,1,1\n";
+    let mapped = |more: &str| format!("units_row = true\n{}", columns_with_x(more));
+    for mapping in ["units_row = true", &mapped("")] {
+        assert_told(mapping, inches, "`x_mm`: has the unit inch, which is not read");
+    }
+    assert_told(&mapped(""), inches, "how many mm one inch is (`scale`)");
+    assert_eq!(rows(&mapped(", scale = 25.4"), inches), [(0.0, 25.4)]);
+    assert_eq!(rows(&mapped(", unit = \"m\""), inches), [(0.0, 1000.0)]);
+    let kelvin = columns_with_x(" }\ntemp_C = { from = \"temp\", unit = \"C\", offset = -273.15");
+    let recording = read(&kelvin, &table("K", "temp")).unwrap();
+    assert!((recording.column(Channel::Ambient).unwrap()[0] - 21.0).abs() < 1e-9);
+    let g = columns_with_x(" }\nax_m_s2 = { from = \"ax\", scale = 9.80665");
+    assert!(read(&g, &table("g", "ax")).is_ok());
+    let clock = "units_row = true\n[columns]\nt_s = { from = \"t\", format = \"%H:%M:%S\" }\nq1_deg = { from = \"q\" }";
+    assert!(read(clock, "t,q\nhh:mm:ss,deg\n00:00:01,1\n").is_ok());
 }
 
 #[test]
@@ -208,10 +298,62 @@ fn a_time_that_is_not_understood_is_refused() {
         (stated(""), text("2026-11-26 10:00Z", "2026-11-26 11:00"), "time zone"),
         (stated(""), text("2026-10-25 02:59", "2026-10-25 02:00"), "runs back"),
         (stated(""), text("2026-10-25 02:59", ""), "is empty"),
+        (stated(", format = \"%H:%M %p\""), german.clone(), "`%I` with `%p`, or `%H` without them"),
+        (
+            stated(""),
+            text("2026-10-25 02:59Z", "2026-10-25 02:59:60Z"),
+            "is a leap second, which is not read",
+        ),
+        (stated(""), text("2026-10-25 02:59Z", "2026-10-25 03:59+01:99"), "is no such time"),
     ] {
-        let told = told(&mapping, &text);
-        assert!(told.contains(says), "{says} in\n{told}");
+        assert_told(&mapping, &text, says);
     }
+}
+
+#[test]
+fn a_time_that_is_not_read_is_one_fault() {
+    for text in [
+        "t_s,q1_deg\n2026-12-31T23:59:59Z,1\n2026-12-31T23:59:60Z,2\n2027-01-01T00:00:00Z,3\n",
+        "t_s,q1_deg\n2026-12-31T23:59:59Z,1\nsoon,2\n2027-01-01T00:00:00Z,3\n",
+        "t_s,q1_deg\n0,1\nx,2\n2,3\n",
+        "t_s,q1_deg\n0,1\ninf,2\n2,3\n",
+        "t_s,q1_deg\n0,1\n,2\n2,3\n",
+    ] {
+        let faults = read("", text).unwrap_err();
+        assert_eq!(faults.len(), 1, "{text}\n{faults}");
+    }
+    let first = "[columns]\nt_s = { from = \"t\", format = \"iso\" }\nq1_deg = { from = \"q\" }";
+    let faults = read(first, "t,q\nsoon,1\n2026-12-31T23:59:59Z,2\n").unwrap_err();
+    assert_eq!(faults.len(), 1, "{faults}");
+}
+
+#[test]
+fn a_value_that_becomes_infinite_once_it_is_converted_is_refused_with_its_line() {
+    let text = "t_s,q1_deg,x_mm\n0,1,1\n1,2,5\n";
+    let scaled = columns_with_x(", scale = 1e308, offset = 1e308");
+    assert_told(&scaled, text, "`x_mm`: is too large");
+    assert_told(&scaled, text, "x.csv:2:5");
+    let time = "[columns]\nt_s = { from = \"t_s\", scale = 1e308 }\nq1_deg = { from = \"q1_deg\" }";
+    assert_told(time, "t_s,q1_deg\n0,1\n2,2\n", "x.csv:3:1");
+    let infinite = read("", "t_s,q1_deg,x_mm\n0,1,inf\n").unwrap_err();
+    assert_eq!(infinite.len(), 1, "{infinite}");
+}
+
+#[test]
+fn faults_stand_in_their_line_behind_comments_and_whatever_ends_lines() {
+    let commented = "t_s,q1_deg\n# c1\n0,1\n# c2\n\n# c3\n1,x\n2,3\n";
+    for end in ["\n", "\r\n", "\r"] {
+        assert_told("comment = \"#\"", &commented.replace('\n', end), "x.csv:7:3");
+    }
+    let text = "t_s,q1_deg\r0,1\r1,x\r";
+    insta::assert_snapshot!(told("", text), @r#"
+        error: `q1_deg`: `x` is no number
+         --> x.csv:3:3
+          |
+        3 | 1,x
+          |   ^ expected a number
+        "#);
+    assert_eq!(rows("", "t_s,q1_deg,x_mm\r0,1,1.5\r1,2,2.5\r"), [(0.0, 1.5), (1.0, 2.5)]);
 }
 
 #[test]

@@ -1,7 +1,8 @@
 //! How a table writes its numbers: decimal mark, marks between thousands, minus signs.
 //!
 //! A wrong decimal mark changes a value by a factor of 1000 without any other sign of it, so a number that can be read in two ways is refused, never guessed:
-//! - one decimal mark per file, stated or found ([`Notation::found`]);
+//! - one decimal mark per file, stated or found ([`Notation::found`]) in the columns that are read as numbers;
+//! - commas alone, each with three digits behind it, are decimal commas between semicolons, as spreadsheets write both: the only exception, and noted;
 //! - the other mark groups thousands only where it is stated to (`thousands`), or stands in one number with the decimal mark: `1.042,5`;
 //! - a group has three digits, the first one to three and no leading zero.
 //!
@@ -88,7 +89,19 @@ impl Notation {
         let mark = if cell.contains('.') { '.' } else { ',' };
         let other = other_of(mark);
         let named = |mark: char| if mark == '.' { "point" } else { "comma" };
+        let grouped = groups(cell.trim_start_matches(['-', '+', MINUS]), mark);
         match unread {
+            Unread::NoNumber | Unread::TwoWays
+                if grouped.is_some() && cell.matches(mark).count() > 1 =>
+            {
+                let message = format!(
+                    "`{cell}` is a number only where each {} groups thousands",
+                    named(mark)
+                );
+                Fault::new("", message)
+                    .expected("a number without thousands")
+                    .help(format!("state `thousands = \"{mark}\"` in a mapping, where they do"))
+            }
             Unread::NoNumber => {
                 Fault::new("", format!("`{cell}` is no number")).expected("a number")
             }
@@ -227,8 +240,9 @@ fn evidence(cell: &str) -> Option<(char, bool)> {
         (true, true) => ['.', ','].into_iter().find(grouped).map(|mark| (mark, true)),
         (true, false) if cell.matches('.').count() == 1 => reads_as('.'),
         (false, true) if cell.matches(',').count() == 1 => reads_as(','),
-        (true, false) => groups(cell, '.').map(|_| (',', true)),
-        (false, true) => groups(cell, ',').map(|_| ('.', true)),
+        // Versions and addresses look so, too.
+        (true, false) => groups(cell, '.').map(|_| (',', false)),
+        (false, true) => groups(cell, ',').map(|_| ('.', false)),
         (false, false) => None,
     }
 }
@@ -302,7 +316,10 @@ mod tests {
         assert_eq!(found(b';', &["1", "1,042", "0.5"]), point);
         assert_eq!(found(b';', &["a", "1,042", "26.11.2026"]), comma);
         assert_eq!(found(b'\t', &["1.042,50"]), comma);
-        assert_eq!(found(b'\t', &["1.042.000"]), comma);
+        assert_eq!(found(b'\t', &["1.042.000"]), point);
+        assert_eq!(found(b';', &["1.042.000", "1.5"]), point);
+        assert_eq!(found(b';', &["1.042.000", "1.042"]), undecided);
+        assert_eq!(found(b';', &["1,042", "2,500", "88"]), comma);
         assert_eq!(found(b';', &["1", "1.042", "88"]), undecided);
         assert_eq!(found(b';', &["1,042", "1.042"]), undecided);
         assert_eq!(found(b' ', &["1.042", "88"]), point);

@@ -32,13 +32,21 @@ impl<'s> RawTable<'s> {
         self.line_of(self.rows.byte(row))
     }
 
-    /// Line of a record, from 1. Counted here: the reader's own count is one behind after CRLF.
+    /// Line of a record, from 1. Counted here: the reader's own count is one behind after CRLF, and its place of a record may be that of the line ends and
+    /// comments before it.
     pub(super) fn line_of(&self, byte: usize) -> usize {
         let start = byte.saturating_add(self.body_start);
-        let bytes = self.source.as_bytes();
-        let ends = |byte: &u8| matches!(byte, b'\n' | b'\r');
-        let at = (start..bytes.len()).find(|at| !ends(&bytes[*at])).unwrap_or(bytes.len());
-        bytes[..at].iter().filter(|byte| **byte == b'\n').count() + 1
+        let mut rest = self.source.get(start..).unwrap_or_default();
+        loop {
+            let line = rest.trim_start_matches(['\n', '\r']);
+            rest = line;
+            if self.comment.is_none_or(|mark| line.as_bytes().first() != Some(&mark)) {
+                break;
+            }
+            rest = line.find('\n').and_then(|end| line.get(end..)).unwrap_or_default();
+        }
+        let before = &self.source.as_bytes()[..self.source.len() - rest.len()];
+        before.iter().filter(|byte| **byte == b'\n').count() + 1
     }
 
     pub(super) fn line_text(&self, line: usize) -> &'s str {

@@ -56,12 +56,6 @@ impl Rows {
         self.text.get(range).filter(|_| column < fields as usize)
     }
 
-    /// The cells of all rows, row by row.
-    pub(super) fn cells(&self) -> impl Iterator<Item = &str> {
-        (0..self.len())
-            .flat_map(move |row| (0..self.width(row)).filter_map(move |at| self.cell(row, at)))
-    }
-
     /// How many fields a row has.
     pub(super) fn width(&self, row: usize) -> usize {
         self.rows.get(row).map_or(0, |row| row.fields as usize)

@@ -4,15 +4,17 @@
 //! off. Every row of text keeps the line it came from.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 
 use csv::{ReaderBuilder, StringRecord};
 
+use super::channel::Column;
 use super::number::{Notation, Unread};
 #[cfg(feature = "parquet")]
 use super::parquet::Cells;
 use super::rows::{Rows, TooLarge, too_large};
 use super::units_line::UnitsLine;
-use crate::faults::{Fault, Faults, Place};
+use crate::faults::{Fault, Faults, Place, nearest};
 
 /// How a table is written down; `None` means: find out.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -30,6 +32,34 @@ pub(crate) struct Dialect {
     pub(crate) no_header: bool,
     /// Rows have so many cells, and what stands beyond is not looked at; `None`: as many as the header, exactly.
     pub(crate) width: Option<usize>,
+    pub(crate) reads: Reads,
+}
+
+/// Which columns are read as numbers: they alone tell the decimal mark.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(crate) enum Reads {
+    #[default]
+    All,
+    /// Those with names of ours.
+    Ours,
+    /// Those with these names.
+    These(BTreeSet<String>),
+}
+
+impl Reads {
+    fn has(&self, name: &str) -> bool {
+        match self {
+            Self::All => true,
+            Self::Ours => !matches!(Column::named(name), Ok(Column::Unknown)),
+            Self::These(names) => names.contains(name),
+        }
+    }
+}
+
+impl Dialect {
+    fn is_comment(&self, line: &str) -> bool {
+        self.comment.is_some_and(|mark| line.as_bytes().first() == Some(&mark))
+    }
 }
 
 /// A table as it was found.
@@ -44,6 +74,7 @@ pub(crate) struct RawTable<'s> {
     cells: Vec<Cells>,
     pub(crate) notes: Vec<String>,
     pub(super) separator: u8,
+    pub(super) comment: Option<u8>,
     notation: Notation,
     pub(super) header_line: usize,
     pub(super) body_start: usize,
@@ -56,12 +87,10 @@ impl<'s> RawTable<'s> {
             source.split_inclusive('\n').take(dialect.skip_lines).map(str::len).sum();
         let (stated, body_start) = separator_line(source, skipped);
         let body = source.get(body_start..).unwrap_or_default();
-        let is_comment = |line: &&str| {
-            dialect.comment.is_some_and(|mark| line.as_bytes().first() == Some(&mark))
-        };
-        let first = body.lines().find(|line| !line.trim().is_empty() && !is_comment(line));
+        let first = body.lines().find(|line| !line.trim().is_empty() && !dialect.is_comment(line));
         let known = dialect.separator.or(stated);
-        let separator = known.unwrap_or_else(|| guess_separator(first.unwrap_or("")));
+        let separator =
+            known.unwrap_or_else(|| guess_separator(first.unwrap_or(""), dialect.no_header));
         let mut table = Self {
             source,
             header: Vec::new(),
@@ -71,6 +100,7 @@ impl<'s> RawTable<'s> {
             cells: Vec::new(),
             notes: Vec::new(),
             separator,
+            comment: dialect.comment,
             notation: Notation::of('.', None),
             header_line: 0,
             body_start,
@@ -86,21 +116,18 @@ impl<'s> RawTable<'s> {
         if table.read_rows(body, dialect, faults).is_err() {
             faults.push(too_large());
         }
-        table.drop_empty_end();
         table.find_notation(dialect);
-        table.judge_last_line(body);
         table.take_units(dialect);
+        table.judge_last_line(body, dialect);
+        table.drop_empty_end();
         table.judge_lengths(dialect.width.is_some(), faults);
         table
     }
 
     /// Leaves out the empty rows that spreadsheets write below a table.
     fn drop_empty_end(&mut self) {
-        let is_empty =
-            |rows: &Rows, row: usize| (0..rows.width(row)).all(|at| rows.cell(row, at) == Some(""));
         let before = self.rows.len();
-        while let Some(last) = self.rows.len().checked_sub(1).filter(|at| is_empty(&self.rows, *at))
-        {
+        while let Some(last) = self.rows.len().checked_sub(1).filter(|at| self.is_empty_row(*at)) {
             self.rows.keep_first(last);
         }
         let dropped = before - self.rows.len();
@@ -116,12 +143,16 @@ impl<'s> RawTable<'s> {
             (None, Some(',')) => Some('.'),
             (None, _) => None,
         };
+        let rows = &self.rows;
+        let columns = (0..self.header.len()).filter(|at| dialect.reads.has(&self.header[*at]));
+        let columns: Vec<usize> = columns.collect();
+        let cells = (0..rows.len())
+            .flat_map(|row| columns.iter().filter_map(move |at| rows.cell(row, *at)));
         self.notation = match stated {
             Some(decimal) => Notation::of(decimal, dialect.thousands),
-            None => Notation {
-                thousands: dialect.thousands,
-                ..Notation::found(self.separator, self.rows.cells())
-            },
+            None => {
+                Notation { thousands: dialect.thousands, ..Notation::found(self.separator, cells) }
+            }
         };
         if stated.is_none() && self.notation.decimal == ',' {
             self.notes.push("a comma is the decimal mark".to_owned());
@@ -156,6 +187,7 @@ impl<'s> RawTable<'s> {
             cells,
             notes: Vec::new(),
             separator: b',',
+            comment: None,
             notation: Notation::of('.', None),
             header_line: 0,
             body_start: 0,
@@ -181,7 +213,7 @@ impl<'s> RawTable<'s> {
     }
 
     /// The number in a cell: NaN where it is empty.
-    fn number_in(&self, row: usize, column: usize) -> Result<f64, Unread> {
+    pub(super) fn number_in(&self, row: usize, column: usize) -> Result<f64, Unread> {
         #[cfg(feature = "parquet")]
         if let Some(number) = self.cells.get(column).and_then(|cells| cells.number(row)) {
             return Ok(number);
@@ -235,9 +267,7 @@ impl<'s> RawTable<'s> {
     fn read_blanks(&mut self, body: &str, dialect: &Dialect) -> Result<(), TooLarge> {
         let mut byte = 0;
         for line in body.split_inclusive('\n') {
-            let comment =
-                dialect.comment.is_some_and(|mark| line.as_bytes().first() == Some(&mark));
-            if !comment && !line.trim().is_empty() {
+            if !dialect.is_comment(line) && !line.trim().is_empty() {
                 self.take(byte, line.split_whitespace(), dialect)?;
             }
             byte += line.len();
@@ -266,23 +296,46 @@ impl<'s> RawTable<'s> {
         Ok(())
     }
 
-    fn judge_last_line(&mut self, body: &str) {
-        let Some(last) = self.rows.len().checked_sub(1).filter(|_| !body.ends_with('\n')) else {
+    /// Leaves out a last row that was cut off, where that can be told.
+    fn judge_last_line(&mut self, body: &str, dialect: &Dialect) {
+        let end = body.rsplit('\n').next().unwrap_or_default();
+        let Some(last) = self.rows.len().checked_sub(1) else { return };
+        if end.trim().is_empty() || dialect.is_comment(end) || self.is_empty_row(last) {
             return;
-        };
-        let width = self.rows.width(last);
-        let is_number = |row: Option<usize>| {
-            let cell = row.and_then(|row| self.rows.cell(row, width.saturating_sub(1)));
-            self.is_number(cell.unwrap_or(""))
-        };
-        let broken = !is_number(Some(last)) && is_number(last.checked_sub(1));
-        let line = self.line_of_row(last);
-        if width < self.header.len() || broken {
-            self.rows.keep_first(last);
-            self.notes.push(format!("line {line} is cut off: it was left out"));
-        } else {
-            self.notes.push(format!("the last line ({line}) has no end: kept, as it is complete"));
         }
+        let (width, expected) = (self.rows.width(last), self.header.len());
+        let line = self.line_of_row(last);
+        let at = width.saturating_sub(1);
+        let cell = self.rows.cell(last, at).unwrap_or_default();
+        let left_out = if width < expected {
+            Some(format!("it has {width} of {expected} fields"))
+        } else if !self.is_number(cell) && self.holds_numbers(at, last) {
+            Some(format!("`{cell}` is no number"))
+        } else {
+            None
+        };
+        self.notes.push(match &left_out {
+            Some(why) => format!("line {line} is cut off and was left out: {why}"),
+            None => format!(
+                "the last line ({line}) has no end: it was kept, as it has all {expected} fields; the last of them may be cut short"
+            ),
+        });
+        if left_out.is_some() {
+            self.rows.keep_first(last);
+        }
+    }
+
+    fn is_empty_row(&self, row: usize) -> bool {
+        (0..self.rows.width(row)).all(|at| self.rows.cell(row, at) == Some(""))
+    }
+
+    /// Whether the cells of a column that are not empty are numbers, in the rows before this one, and there are any.
+    fn holds_numbers(&self, column: usize, before: usize) -> bool {
+        let mut cells = (0..before)
+            .filter_map(|row| self.rows.cell(row, column))
+            .filter(|cell| !cell.is_empty())
+            .peekable();
+        cells.peek().is_some() && cells.all(|cell| self.is_number(cell))
     }
 
     fn judge_lengths(&self, more_may_follow: bool, faults: &mut Faults) {
@@ -328,21 +381,55 @@ impl<'s> RawTable<'s> {
         numbers
     }
 
-    /// The column with this name.
-    pub(crate) fn position(&self, name: &str) -> Option<usize> {
-        self.header.iter().position(|header| header == name)
+    /// The only column with this name, or the fault that there is none or are several.
+    pub(crate) fn column(&self, name: &str) -> Result<usize, Fault> {
+        let mut places = (0..self.header.len()).filter(|at| self.header[*at] == name);
+        match (places.next(), places.next()) {
+            (Some(at), None) => Ok(at),
+            (Some(_), Some(again)) => Err(self.twice(again)),
+            (None, _) => {
+                let near = nearest(name, self.header.iter().map(String::as_str));
+                let help = near.map(|name| format!("did you mean `{name}`?"));
+                Err(Fault::new(name, "is not a column of this file")
+                    .expected(format!("one of: {}", self.header.join(", ")))
+                    .help(help.unwrap_or_default()))
+            }
+        }
+    }
+
+    /// The fault of a column whose name another has, too.
+    pub(super) fn twice(&self, column: usize) -> Fault {
+        let name = self.header.get(column).map_or("", String::as_str);
+        let fault = Fault::new(name, "stands twice in the header")
+            .expected("a name of its own for each column")
+            .help("rename one of them, or read the columns by their numbers: `header = false` and `skip_rows` in a mapping");
+        self.header_fault(column, fault)
     }
 }
 
-fn guess_separator(line: &str) -> u8 {
+/// The separator of the fields of a table's first line: the header, or `of_data`.
+fn guess_separator(line: &str, of_data: bool) -> u8 {
     let count = |mark: u8| line.bytes().filter(|byte| *byte == mark).count();
     let mut best = b',';
     for mark in [b';', b'\t'] {
-        if count(mark) > count(best) {
+        // Commas beside numbers that end with another mark are decimal commas, however many.
+        if count(mark) > count(best) || (of_data && ends_number(line, mark)) {
             best = mark;
         }
     }
     best
+}
+
+/// Whether this mark stands behind a number, outside of quotes, and no comma behind it.
+fn ends_number(line: &str, mark: u8) -> bool {
+    let fields = |text: &str| {
+        let fields: Vec<&str> = text.split(char::from(mark)).collect();
+        fields.windows(2).any(|pair| {
+            let ended = pair[0].trim_end_matches(' ').ends_with(|c: char| c.is_ascii_digit());
+            ended && !pair[1].trim_start_matches(' ').starts_with(',')
+        })
+    };
+    line.split('"').step_by(2).any(fields)
 }
 
 /// The separator that a spreadsheet's first line states (`sep=;`), and where the table begins behind it.

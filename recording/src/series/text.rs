@@ -3,6 +3,7 @@
 //! Contract: contract/recording.md. What is written in SI units reads back to the same bits; in
 //! degrees and millimetres what was read in them does.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use csv::WriterBuilder;
@@ -10,7 +11,7 @@ use csv::WriterBuilder;
 use super::about::About;
 use super::build::Builder;
 use super::channel::Channel;
-use super::table::{Dialect, RawTable};
+use super::table::{Dialect, RawTable, Reads};
 use super::{FileUnits, Need, Recording, about_path};
 use crate::faults::{Fault, Faults};
 use crate::files::{FileError, read_text as read_file, write_atomic};
@@ -69,11 +70,24 @@ pub fn read_text(
     about: Option<About>,
     need: Need,
 ) -> Result<Recording, Faults> {
-    let source = source.strip_prefix('\u{feff}').unwrap_or(source);
+    let source = with_line_feeds(source.strip_prefix('\u{feff}').unwrap_or(source));
     let mut faults = Faults::of(name);
-    let dialect = mapping.map_or_else(Dialect::default, |mapping| mapping.dialect.clone());
-    let table = RawTable::cut(source, &dialect, &mut faults);
+    let own = || Dialect { reads: Reads::Ours, ..Dialect::default() };
+    let dialect = mapping.map_or_else(own, |mapping| mapping.dialect.clone());
+    let table = RawTable::cut(&source, &dialect, &mut faults);
     of_table(table, faults, mapping, about, need)
+}
+
+/// The text with line feeds for the lone carriage returns that end lines in some programs.
+fn with_line_feeds(source: &str) -> Cow<'_, str> {
+    let mut pieces = source.split('\r');
+    let first = pieces.next().unwrap_or_default();
+    if pieces.clone().all(|piece| piece.starts_with('\n')) {
+        return Cow::Borrowed(source);
+    }
+    let ended = |piece: &str| if piece.starts_with('\n') { "\r" } else { "\n" };
+    let rest: String = pieces.flat_map(|piece| [ended(piece), piece]).collect();
+    Cow::Owned(format!("{first}{rest}"))
 }
 
 fn of_table(

@@ -21,15 +21,25 @@ const SPELLINGS: &[(&str, &[&str])] = &[
     ("m_s2", &["m/s²", "m/s^2", "m/s2"]),
     ("rpm", &["1/min", "min-1", "min^-1", "rev/min", "U/min"]),
 ];
-/// What stands in such a line and names none of our units.
-const WORDS: &[&str] = &["", "-", "%", "V", "mV", "K", "W", "bar", "counts"];
+/// What stands for no unit.
+const NONE: [&str; 2] = ["", "-"];
+/// Units that are none of ours.
+const FOREIGN: &[&str] = &["%", "V", "mV", "K", "W", "bar", "counts"];
 
 /// The units below a header.
 pub(super) struct UnitsLine {
     /// From 1.
     line: usize,
-    /// By column; none where nothing stands that could be compared.
-    units: Vec<Option<Unit>>,
+    /// By column.
+    cells: Vec<UnitCell>,
+}
+
+/// What stands in the line for one column.
+struct UnitCell {
+    /// Without brackets.
+    spelling: String,
+    /// None where it is none of ours.
+    unit: Option<Unit>,
 }
 
 impl UnitsLine {
@@ -39,33 +49,58 @@ impl UnitsLine {
         cells: impl Iterator<Item = &'c str>,
         stated: bool,
     ) -> Option<Self> {
-        let mut units = Vec::new();
+        let mut found = Vec::new();
         for cell in cells {
             let bare = cell.trim_matches(['[', ']', '(', ')', '<', '>']).trim();
             let unit = unit(bare);
-            if unit.is_none() && !stated && !WORDS.contains(&bare) {
+            if unit.is_none() && !stated && !NONE.contains(&bare) && !FOREIGN.contains(&bare) {
                 return None;
             }
-            units.push(unit);
+            found.push(UnitCell { spelling: bare.to_owned(), unit });
         }
-        (stated || units.iter().any(Option::is_some)).then_some(Self { line, units })
+        let holds_units = stated || found.iter().any(|cell| cell.unit.is_some());
+        holds_units.then_some(Self { line, cells: found })
     }
 }
 
 impl RawTable<'_> {
-    /// Notes a fault where the line of units contradicts the unit that a column is read in.
-    pub(crate) fn check_unit(&self, column: usize, read_in: Option<Unit>, faults: &mut Faults) {
-        let Some(units) = &self.units else { return };
-        let found = units.units.get(column).copied().flatten();
-        let (Some(found), Some(read_in)) = (found, read_in) else { return };
-        if (found.quantity, found.si) != (read_in.quantity, read_in.si) {
-            let name = self.header.get(column).cloned().unwrap_or_default();
-            let message = format!("has the unit {} and is read in {}", found.name, read_in.name);
-            let fault = Fault::new(name, message).expected(read_in.name).help(format!(
-                "name the column so, or state `unit = \"{}\"` in a mapping",
-                found.name
-            ));
-            faults.push(self.line_fault(units.line, column, fault));
+    /// Notes a fault where the line of units contradicts the unit that a column is read in, or names one that is not known: the latter not where the
+    /// mapping has `stated` how the column is read.
+    pub(crate) fn check_unit(
+        &self,
+        column: usize,
+        read_in: Option<Unit>,
+        stated: bool,
+        faults: &mut Faults,
+    ) {
+        let Some(line) = &self.units else { return };
+        let (Some(found), Some(read_in)) = (line.cells.get(column), read_in) else { return };
+        let message = match found.unit {
+            Some(unit) if (unit.quantity, unit.si) == (read_in.quantity, read_in.si) => return,
+            Some(unit) => format!("has the unit {} and is read in {}", unit.name, read_in.name),
+            None if stated || NONE.contains(&found.spelling.as_str()) => return,
+            None => format!("has the unit {}, which is not read", found.spelling),
+        };
+        let name = self.header.get(column).cloned().unwrap_or_default();
+        let fault = Fault::new(name, message).expected(read_in.name).help(found.remedy(read_in));
+        faults.push(self.line_fault(line.line, column, fault));
+    }
+}
+
+impl UnitCell {
+    /// What to do where a column with this unit is read in another.
+    fn remedy(&self, read_in: Unit) -> String {
+        let ours = read_in.name;
+        match (self.spelling.as_str(), ours, self.unit) {
+            ("K", "C", _) => "state `unit = \"C\"` and `offset = -273.15` in a mapping".to_owned(),
+            ("g", "m_s2", _) => "state `scale = 9.80665` in a mapping".to_owned(),
+            (_, _, Some(unit)) if unit.quantity == read_in.quantity => {
+                let name = unit.name;
+                format!("name the column so, or state `unit = \"{name}\"` in a mapping")
+            }
+            (unit, ..) => format!(
+                "state in a mapping how many {ours} one {unit} is (`scale`), or correct the line of units"
+            ),
         }
     }
 }

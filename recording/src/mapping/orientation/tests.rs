@@ -138,6 +138,7 @@ fn an_orientation_that_is_not_said_or_is_none_is_refused() {
         ("from = [1, 2, 3], convention = \"ZYX\", unit = \"mm\"", "1 2 3", "a unit of angles"),
         ("from = [1, 2, 3, 4], convention = \"wxyz\", unit = \"deg\"", "1 0 0 0", "no unit here"),
         ("from = [1, 2], convention = \"ZYX\", unit = \"deg\"", "1 2", "has 2 columns"),
+        ("from = [1, 1, 2], convention = \"ZYX\", unit = \"deg\"", "1 2 3", "names `1` twice"),
         ("from = [1, 2, 7], convention = \"ZYX\", unit = \"deg\"", "1 2 3", "`7`: is not a column"),
         ("from = [1, 2, 3, 4], convention = \"xyzw\"", "1 1 0 0", "the quaternion's length"),
         (
@@ -152,7 +153,6 @@ fn an_orientation_that_is_not_said_or_is_none_is_refused() {
         ),
         ("from = \"a\", convention = \"ZYX\", unit = \"deg\"", "1 2 3", "is no list of columns"),
     ] {
-        let told = apply(entry, &format!("{rows}\n")).unwrap_err().to_string();
-        assert!(told.contains(says), "{entry}: {says} in\n{told}");
+        apply(entry, &format!("{rows}\n")).unwrap_err().assert_say(says);
     }
 }

@@ -46,10 +46,15 @@ fn what_is_no_time_is_none() {
         ("%m/%d/%Y", "26/11/2026"),
         ("%I:%M %p", "14:03 PM"),
         ("%H:%M:%S", ""),
+        ("iso", "2026-11-26T14:03:05+01:99"),
+        ("iso", "2026-11-26T14:03:05+15:00"),
+        ("iso", "2026-12-31T23:59:60Z"),
     ] {
         assert_eq!(seconds(format, cell), None, "{cell} by {format}");
     }
-    for format in ["", "seconds", "%d. %b %Y", "%"] {
+    assert!(Clock::Iso.is_leap_second("2026-12-31T23:59:60Z"));
+    assert!(!Clock::Iso.is_leap_second("2026-12-32T23:59:60Z"));
+    for format in ["", "seconds", "%d. %b %Y", "%", "%H:%M %p", "%I:%M", "%I %H:%M %p"] {
         assert!(Clock::parse(format).is_err(), "{format}");
     }
 }
