@@ -60,6 +60,14 @@ impl<'b> Cursor<'b> {
         run
     }
 
+    /// Whether nothing but zero bytes and blanks is left before the next line of -1, or the end.
+    pub(super) fn is_before_mark(&self) -> bool {
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let is_filling = |byte: &&u8| **byte == 0 || byte.is_ascii_whitespace();
+        let filling = rest.iter().take_while(is_filling).count();
+        rest.len() == filling || rest.get(filling..).unwrap_or_default().starts_with(b"-1")
+    }
+
     /// Reads on to the line of -1 that begins or ends a dataset, behind zero bytes too, with which binary numbers may be
     /// filled up; says whether there was one.
     pub(super) fn skip_to_mark(&mut self) -> bool {

@@ -204,6 +204,32 @@ fn blocks_filled_up_with_zeros_hold_the_samples_that_their_header_counts() {
 }
 
 #[test]
+fn binary_numbers_have_to_fill_the_bytes_that_their_dataset_states() {
+    let header = text(&[Made::at(1, 1, 1.0)]);
+    let header: Vec<&str> = header.lines().skip(2).take(11).collect();
+    let read = |stated: usize, numbers: &[u8]| {
+        let first = format!(
+            "    -1\n    58b     1     2          11{stated:12}     0     0           0           0"
+        );
+        let text = format!("{first}\n{}\n", header.join("\n"));
+        let bytes = [text.as_bytes(), numbers, b"\n    -1\n"].concat();
+        let waves = parse(Path::new("made.uff"), bytes, &Options::default());
+        waves.map(|waves| waves.records[0].channels[0].values.clone()).map_err(|e| e.to_string())
+    };
+    let values = [1.5, 1.0, 2.0, 3.0];
+    let singles: Vec<u8> = values.iter().flat_map(|x| (*x as f32).to_le_bytes()).collect();
+    let filled = [singles.as_slice(), &[0; 496]].concat();
+    assert_eq!(read(16, &singles).unwrap(), values);
+    assert_eq!(read(0, &singles).unwrap(), values, "none are stated");
+    assert_eq!(read(512, &filled).unwrap(), values, "filled up with zeros");
+    let doubles: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
+    let fault = read(32, &doubles).unwrap_err();
+    assert!(fault.contains("states 32 bytes") && fault.contains("expected 16"), "{fault}");
+    assert!(read(0, &doubles).unwrap_err().contains("holds more bytes"));
+    assert!(read(8, &singles).unwrap_err().contains("states 8 bytes"));
+}
+
+#[test]
 fn a_file_of_other_functions_alone_is_refused_by_their_names() {
     let of = |kind, axes| Made { kind, axes, ..Made::at(1, 1, 1.0) };
     let hz = [(18, "Hz"), (12, "m/s2")];
