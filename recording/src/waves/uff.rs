@@ -178,6 +178,7 @@ fn collect(
         let mut at = 0..;
         channels.retain(|_| at.next().is_some_and(|at| chosen.contains(&at)));
     }
+    uff_channels::note_renumbered(&channels, &mut notes);
     let records = uff_channels::records(channels, columns::asked(options), faults, &mut notes);
     Waves { file: PathBuf::new(), records, responses, about: None, notes }
 }

@@ -1,11 +1,13 @@
 //! From the time responses of a universal file to channels, and from channels to records.
 //!
 //! A channel is what was measured at one place: response entity, node, direction, quantity and unit. Functions that agree in
-//! they are distinguished as follows.
+//! all of these are told apart as follows.
 //!
+//! - One with other ID lines is of another sensor, unless it is at a node of the geometry and of another date.
 //! - One that begins where the other ends continues it; one that begins later belongs to it too, behind a gap.
-//! - One over the same time is another measurement of the channel where the place is a node of the geometry and the ID lines
-//!   agree, or where their dates differ. Else it is a channel of its own: a file without geometry has all sensors at node 0.
+//! - One over the same time is another measurement of the channel where the place is a node of the geometry, or where their
+//!   dates differ. Else it is a channel of its own: a file without geometry has all sensors at node 0. So is one of another
+//!   number at the same date and time of day.
 
 use std::collections::BTreeMap;
 
@@ -31,6 +33,8 @@ pub(super) struct Channel {
     /// Unlike those of all other channels.
     pub(super) name: String,
     takes: Vec<Take>,
+    /// Some are over the same time, of different numbers and without different dates.
+    is_renumbered: bool,
 }
 
 /// How a function relates to the last one of a channel, the closest relation first.
@@ -68,16 +72,23 @@ impl Channel {
             return Place::Elsewhere;
         }
         let (on_node, same_texts) = (source.node != 0, self.source.texts == source.texts);
-        let gap_s = take.start_s - last.end_s();
         let dated_apart = self.source.is_dated_apart(source);
-        let again = same_texts && on_node || dated_apart && (same_texts || on_node);
-        match gap_s.abs() <= last.tolerance_s(last.end_s()) {
-            _ if !same_texts && !on_node => Place::Elsewhere,
-            true => Place::Continues,
-            false if gap_s > 0.0 => Place::Later,
-            false if again => Place::Again,
-            false => Place::Elsewhere,
+        if !same_texts && !(on_node && dated_apart) {
+            return Place::Elsewhere;
         }
+        let beside = self.source.is_at_one_moment(source) && self.is_of_other_number(source);
+        let gap_s = take.start_s - last.end_s();
+        let adjoins = gap_s.abs() <= last.tolerance_s(last.end_s());
+        match () {
+            () if adjoins && same_texts => Place::Continues,
+            () if adjoins || gap_s > 0.0 => Place::Later,
+            () if dated_apart || (on_node && !beside) => Place::Again,
+            () => Place::Elsewhere,
+        }
+    }
+
+    fn is_of_other_number(&self, source: &Source) -> bool {
+        self.source.numbers[0] != source.numbers[0]
     }
 
     /// What tells channels of one place apart, in the order in which it is tried.
@@ -103,17 +114,39 @@ impl Channel {
 pub(super) fn add(channels: &mut Vec<Channel>, source: Source, take: Take) {
     let of_channel = |channel: &Channel| {
         let other_texts = channel.source.texts != source.texts;
-        (other_texts, channel.place(&source, &take))
+        (other_texts, channel.place(&source, &take), channel.is_of_other_number(&source))
     };
     let places = channels.iter().map(of_channel).enumerate();
-    let best = places.filter(|(_, (_, p))| *p != Place::Elsewhere).min_by_key(|(_, place)| *place);
-    let found = best.and_then(|(at, (_, place))| Some((channels.get_mut(at)?, place)));
-    match found {
-        Some((channel, place)) => match channel.takes.last_mut() {
-            Some(last) if place == Place::Continues => last.values.extend(take.values),
-            _ => channel.takes.push(take),
-        },
-        None => channels.push(Channel { source, name: String::new(), takes: vec![take] }),
+    let near = places.filter(|(_, (_, place, _))| *place != Place::Elsewhere);
+    let best = near.min_by_key(|(_, place)| *place);
+    let found = best.and_then(|(at, place)| Some((channels.get_mut(at)?, place)));
+    let Some((channel, (_, place, other_number))) = found else {
+        channels.push(Channel {
+            source,
+            name: String::new(),
+            takes: vec![take],
+            is_renumbered: false,
+        });
+        return;
+    };
+    channel.is_renumbered |=
+        place == Place::Again && other_number && !channel.source.is_dated_apart(&source);
+    match channel.takes.last_mut() {
+        Some(last) if place == Place::Continues => last.values.extend(take.values),
+        _ => channel.takes.push(take),
+    }
+}
+
+/// Says which channels may be several sensors: functions over the same time, of which nothing but their numbers differs.
+pub(super) fn note_renumbered(channels: &[Channel], notes: &mut Vec<String>) {
+    let renumbered = channels.iter().filter(|channel| channel.is_renumbered);
+    let names: Vec<String> = renumbered.map(|channel| format!("`{}`", channel.name)).collect();
+    if !names.is_empty() {
+        notes.push(format!(
+            "functions at {} over the same time differ in their numbers alone: taken as repeated measurements of one sensor; if \
+             they are of several, give these different ID lines or nodes",
+            names.join(", ")
+        ));
     }
 }
 

@@ -146,6 +146,11 @@ impl Source {
             && self.ordinate == other.ordinate
     }
 
+    /// Whether both are dated alike, with a time of day.
+    pub(super) fn is_at_one_moment(&self, other: &Self) -> bool {
+        self.date.contains(':') && self.date == other.date
+    }
+
     /// Whether both are dated, and differently.
     pub(super) fn is_dated_apart(&self, other: &Self) -> bool {
         !self.date.is_empty() && !other.date.is_empty() && self.date != other.date

@@ -162,6 +162,46 @@ fn what_is_measured_again_at_a_node_or_on_another_date_is_another_record() {
 }
 
 #[test]
+fn other_id_lines_at_a_node_are_another_sensor_whenever_it_begins() {
+    let sensor =
+        |text, start_s, first| Made { texts: [text, "B"], start_s, ..Made::at(1, 1, first) };
+    for start_s in [4e-3, 1.0] {
+        let made = [sensor("Sensor A", 0.0, 5.0), sensor("Sensor B", start_s, 7.0)];
+        let expected = [(0.0, vec![("1+x Sensor A", 5.0)]), (start_s, vec![("1+x Sensor B", 7.0)])];
+        assert_eq!(shape(&read(&made).unwrap()), expected);
+    }
+    let dated = |date, text, start_s| Made { date, ..sensor(text, start_s, 5.0) };
+    let runs =
+        [dated("26-Nov-26 10:00:00", "Run 1", 0.0), dated("26-Nov-26 10:01:00", "Run 2", 4e-3)];
+    assert_eq!(
+        shape(&read(&runs).unwrap()),
+        [(0.0, vec![("1+x", 5.0)]), (4e-3, vec![("1+x", 5.0)])]
+    );
+}
+
+#[test]
+fn functions_of_different_numbers_at_one_moment_are_two_sensors_and_on_one_day_are_noted() {
+    let read_dated = |date| {
+        let of = |number, first| Made { date, number, ..Made::at(1, 1, first) };
+        read(&[of(1, 5.0), of(2, 7.0)]).unwrap()
+    };
+    let waves = read_dated("26-Nov-26 10:00:00");
+    let expected = vec![("1+x function 1", 5.0), ("1+x function 2", 7.0)];
+    assert_eq!(shape(&waves), [(0.0, expected)]);
+    for date in ["26-Nov-26", "NONE"] {
+        let waves = read_dated(date);
+        assert_eq!(shape(&waves), [(0.0, vec![("1+x", 5.0)]), (0.0, vec![("1+x", 7.0)])]);
+        assert!(
+            waves.notes[0].contains("`1+x`") && waves.notes[0].contains("several"),
+            "{waves:?}"
+        );
+    }
+    let of = |date, number| Made { date, number, ..Made::at(1, 1, 5.0) };
+    let waves = read(&[of("26-Nov-26 10:00:00", 1), of("26-Nov-26 10:00:09", 2)]).unwrap();
+    assert_eq!((waves.records.len(), waves.notes.as_slice()), (2, &[][..]), "dated repeats");
+}
+
+#[test]
 fn measurements_that_cannot_be_paired_are_refused_with_the_way_out() {
     let three = [Made::at(1, 1, 1.0), Made::at(2, 1, 2.0), Made::at(1, 1, 3.0)];
     let fault = read(&three).unwrap_err();
