@@ -77,6 +77,14 @@ impl Form {
     }
 }
 
+/// Whether a sign behind `word` begins the exponent of it: Fortran leaves out the letter where it has three digits.
+fn is_bare_exponent(word: &str, behind_sign: &str) -> bool {
+    let digits = behind_sign.bytes().take_while(u8::is_ascii_digit).count();
+    let ends =
+        !behind_sign.get(digits..).unwrap_or_default().starts_with(['.', 'e', 'E', 'd', 'D']);
+    digits == 3 && ends && word.contains('.') && !word.contains('e')
+}
+
 /// The numbers of a line in fixed columns, which may touch: a sign behind a digit begins another number.
 pub(super) fn in_line(line: &str) -> Option<Vec<f64>> {
     let mut numbers = Vec::new();
@@ -89,10 +97,15 @@ pub(super) fn in_line(line: &str) -> Option<Vec<f64>> {
         word.clear();
         Some(())
     };
-    for c in line.chars() {
+    for (at, c) in line.char_indices() {
         let exponent = word.ends_with('e');
+        let rest = line.get(at + c.len_utf8()..).unwrap_or_default();
         match c {
             _ if c.is_whitespace() => take(&mut word)?,
+            '+' | '-' if is_bare_exponent(&word, rest) => {
+                word.push('e');
+                word.push(c);
+            }
             '+' | '-' if !word.is_empty() && !exponent => {
                 take(&mut word)?;
                 word.push(c);

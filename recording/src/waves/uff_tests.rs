@@ -202,6 +202,41 @@ fn functions_of_different_numbers_at_one_moment_are_two_sensors_and_on_one_day_a
 }
 
 #[test]
+fn functions_each_at_its_own_node_and_time_are_a_record_each_in_little_memory() {
+    let count = 20_000;
+    let at = |node: i64| Made { start_s: node as f64, ..Made::at(node, 1, node as f64) };
+    let waves = read(&(1..=count).map(at).collect::<Vec<_>>()).unwrap();
+    assert_eq!(waves.records.len(), 20_000);
+    let first = |record: &Record| record.channels[0].values[0];
+    assert!(waves.records.iter().zip(1..).all(|(record, node)| first(record) == f64::from(node)));
+}
+
+#[test]
+fn response_functions_are_named_as_channels_are() {
+    let frf = |made: Made| Made { kind: 4, axes: [(18, "Hz"), (8, "m")], ..made };
+    let names = |made: &[Made]| {
+        let responses = read(made).unwrap().responses;
+        responses.into_iter().map(|function| function.response).collect::<Vec<_>>()
+    };
+    let entities = [frf(Made::on("TABLE", "NONE", 1.0)), frf(Made::on("SPINDLE", "NONE", 2.0))];
+    assert_eq!(names(&entities), ["TABLE", "SPINDLE"]);
+    let at_node = |component| frf(Made { component, ..Made::at(1, 1, 1.0) });
+    assert_eq!(names(&[at_node("TABLE"), at_node("SPINDLE")]), ["1+x TABLE", "1+x SPINDLE"]);
+    assert_eq!(names(&[at_node("TABLE"), at_node("TABLE")]), ["1+x", "1+x"], "measured again");
+    let bare = frf(Made::at(0, 0, 1.0));
+    assert_eq!(names(&[bare.clone(), bare]), ["0 #1", "0 #2"]);
+}
+
+#[test]
+fn an_exponent_of_three_digits_needs_no_letter() {
+    let read = |line| uff_numbers::in_line(line).unwrap();
+    assert_eq!(read("  1.00000-105  2.00000+100"), [1e-105, 2e100]);
+    assert_eq!(read("-1.00000-105-2.00000E+00"), [-1e-105, -2.0]);
+    assert_eq!(read("1.0-105.5-7.0E-01"), [1.0, -105.5, -0.7], "numbers that touch");
+    assert_eq!(read("1.0E+00-105 17-100"), [1.0, -105.0, 17.0, -100.0]);
+}
+
+#[test]
 fn measurements_that_cannot_be_paired_are_refused_with_the_way_out() {
     let three = [Made::at(1, 1, 1.0), Made::at(2, 1, 2.0), Made::at(1, 1, 3.0)];
     let fault = read(&three).unwrap_err();
@@ -302,9 +337,14 @@ fn data_without_a_unit_are_in_the_units_of_dataset_164() {
         let system = format!(
             "    -1\n   164\n         9USER                         2\n{factors}\n    -1\n"
         );
-        let waves = read_text(&(system + &bare), &Options::default()).unwrap();
-        let wave = &waves.records[0].channels[0];
-        (wave.unit.clone(), wave.quantity().map(|(_, si)| si))
+        let read = |text: String| {
+            let waves = read_text(&text, &Options::default()).unwrap();
+            let wave = &waves.records[0].channels[0];
+            (wave.unit.clone(), wave.quantity().map(|(_, si)| si))
+        };
+        let before = read(system.clone() + &bare);
+        assert_eq!(read(bare.clone() + &system), before, "behind the functions");
+        before
     };
     let given = |length: &str| {
         format!(
