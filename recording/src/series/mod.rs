@@ -37,6 +37,7 @@ pub use gauges::{Distance, Gauges, Probe, TouchedPlane, TouchedSphere};
 pub(crate) use number::is_number;
 pub(crate) use table::{Dialect, RawTable};
 pub use text::{read, read_text, write};
+pub(crate) use units_line::is_unit;
 
 use physics::JointKind;
 

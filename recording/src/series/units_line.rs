@@ -42,11 +42,10 @@ impl UnitsLine {
         let mut units = Vec::new();
         for cell in cells {
             let bare = cell.trim_matches(['[', ']', '(', ')', '<', '>']).trim();
-            let unit = unit(bare);
-            if unit.is_none() && !stated && !WORDS.contains(&bare) {
+            if !stated && !is_unit(bare) {
                 return None;
             }
-            units.push(unit);
+            units.push(unit(bare));
         }
         (stated || units.iter().any(Option::is_some)).then_some(Self { line, units })
     }
@@ -68,6 +67,11 @@ impl RawTable<'_> {
             faults.push(self.line_fault(units.line, column, fault));
         }
     }
+}
+
+/// Whether a text may stand in a line of units.
+pub(crate) fn is_unit(text: &str) -> bool {
+    WORDS.contains(&text) || unit(text).is_some()
 }
 
 fn unit(spelling: &str) -> Option<Unit> {

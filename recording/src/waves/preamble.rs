@@ -3,8 +3,9 @@
 //! Instruments put lines of their own before the table, with or without a line of names, with any separator. The table
 //! begins at the first of six lines (or of all that follow) of which most hold as many numbers each.
 
+use super::names;
 use super::quantity;
-use crate::series::{Dialect, is_number};
+use crate::series::{Dialect, is_number, is_unit};
 
 /// Lines that are searched for the beginning.
 const SEARCHED: usize = 2000;
@@ -90,20 +91,31 @@ fn heads(
 ) -> Option<Vec<String>> {
     let line = above?;
     let names = names(line, separator, wanted)?;
-    let is_unit = |name: &String| {
-        let bare = name.trim_matches(['(', ')', '[', ']']);
-        quantity::of(bare).is_some() || matches!(bare, "" | "-" | "V" | "1")
-    };
-    if names.iter().all(is_unit)
-        && let Some(real) = two_above.and_then(|line| self::names(line, separator, wanted))
-    {
-        let with_unit = |(name, unit): (String, &String)| match unit.as_str() {
-            "" | "-" => name,
-            unit => format!("{name} [{}]", unit.trim_matches(['(', ')', '[', ']'])),
-        };
-        return Some(real.into_iter().zip(&names).map(with_unit).collect());
+    let two_above = two_above.and_then(|line| self::names(line, separator, wanted));
+    Some(two_above.and_then(|real| with_units(&real, &names)).unwrap_or(names))
+}
+
+/// Names with the units that stand below them; `None` where anything else stands there.
+pub(super) fn with_units(names: &[String], below: &[String]) -> Option<Vec<String>> {
+    let units: Vec<&str> =
+        below.iter().map(|cell| cell.trim_matches(['(', ')', '[', ']', '<', '>'])).collect();
+    let is_unit = |unit: &&str| quantity::of(unit).is_some() || *unit == "1" || is_unit(unit);
+    let says_any = units.iter().any(|unit| !unit.is_empty() && !is_number(unit));
+    if !says_any || names.len() != units.len() || !units.iter().all(is_unit) {
+        return None;
     }
-    Some(names)
+    Some(names.iter().zip(units).map(|(name, unit)| with_unit(name, unit)).collect())
+}
+
+/// A name with its unit; one that states another unit keeps that too.
+fn with_unit(name: &str, unit: &str) -> String {
+    let (own, measured) = (names::split(name).1, names::measured(unit));
+    let is_same =
+        |own: &str| own == unit || (measured.is_some() && names::measured(own) == measured);
+    if matches!(unit, "" | "-") || own.is_some_and(is_same) {
+        return name.to_owned();
+    }
+    format!("{name} [{unit}]")
 }
 
 /// The names in a line above the table; `None` where it holds numbers, or another count of cells.

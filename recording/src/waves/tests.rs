@@ -93,6 +93,21 @@ fn dots_that_may_group_thousands_are_refused_until_a_cell_shows_the_decimal_mark
 }
 
 #[test]
+fn a_line_of_units_counts_beside_a_column_of_text_too() {
+    let read = |head: &str| {
+        let text = format!("{head};remark\nms;kN;-\n0;1,5;a\n1;2,5;b\n2;3,5;c\n");
+        parsed(&text, &Options::default()).unwrap().records.swap_remove(0)
+    };
+    for (head, name) in [("time;F", "F [kN]"), ("time [ms];F_kN", "F_kN")] {
+        let record = read(head);
+        assert_eq!(record.grid, Grid::Time { start_s: 0.0, rate_hz: 1000.0 });
+        let force = &record.channels[0];
+        assert_eq!((force.name.as_str(), force.quantity()), (name, Some((Quantity::Force, 1e3))));
+        assert_eq!(force.values, [1.5, 2.5, 3.5]);
+    }
+}
+
+#[test]
 fn a_profile_stands_over_length() {
     let text = "x_um,z_um\n0,1\n0.25,2\n0.5,3\n0.75,5\n";
     let waves = parsed(text, &Options::default()).unwrap();
