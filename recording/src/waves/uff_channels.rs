@@ -70,7 +70,7 @@ impl Channel {
         let last = self.takes.last()?;
         let (on_node, same_texts) = (source.node != 0, self.source.texts == source.texts);
         let dated_apart = self.source.is_dated_apart(source);
-        if !same_texts && !(on_node && dated_apart) {
+        if !(same_texts || on_node && dated_apart) {
             return None;
         }
         let beside = self.source.is_at_one_moment(source) && self.is_of_other_number(source);
