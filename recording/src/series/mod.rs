@@ -34,8 +34,10 @@ pub(crate) use channel::Column;
 pub use channel::{Channel, FileUnits, GAUGES_MAX, JOINTS_MAX, TARGETS_MAX};
 pub(crate) use clock::Clock;
 pub use gauges::{Distance, Gauges, Probe, TouchedPlane, TouchedSphere};
+pub(crate) use number::is_number;
 pub(crate) use table::{Dialect, RawTable, Reads};
 pub use text::{read, read_text, write};
+pub(crate) use units_line::is_unit;
 
 use physics::JointKind;
 

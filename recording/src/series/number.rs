@@ -202,6 +202,12 @@ impl<'c> Parts<'c> {
     }
 }
 
+/// Whether a cell is a number in some notation, be it one that can be read in two ways.
+pub(crate) fn is_number(cell: &str) -> bool {
+    let reads = |decimal| Notation::of(decimal, None).read(cell) != Err(Unread::NoNumber);
+    !cell.is_empty() && (reads('.') || reads(','))
+}
+
 fn other_of(mark: char) -> char {
     if mark == '.' { ',' } else { '.' }
 }

@@ -81,6 +81,16 @@ impl Rows {
 /// More than a table can hold, in words.
 pub(super) fn too_large() -> crate::faults::Fault {
     crate::faults::Fault::new("", "is too large to be read")
-        .expected(format!("at most {} GiB of text", BYTES_MAX >> 30))
+        .expected(format!("at most {} GiB of text", BYTES_MAX.div_ceil(1 << 30)))
         .help("split the file, or convert it to Parquet")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_text_is_named_in_whole_gibibytes() {
+        assert_eq!(too_large().expected, "at most 4 GiB of text");
+    }
 }

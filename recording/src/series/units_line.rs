@@ -52,11 +52,10 @@ impl UnitsLine {
         let mut found = Vec::new();
         for cell in cells {
             let bare = cell.trim_matches(['[', ']', '(', ')', '<', '>']).trim();
-            let unit = unit(bare);
-            if unit.is_none() && !stated && !NONE.contains(&bare) && !FOREIGN.contains(&bare) {
+            if !stated && !is_unit(bare) {
                 return None;
             }
-            found.push(UnitCell { spelling: bare.to_owned(), unit });
+            found.push(UnitCell { spelling: bare.to_owned(), unit: unit(bare) });
         }
         let holds_units = stated || found.iter().any(|cell| cell.unit.is_some());
         holds_units.then_some(Self { line, cells: found })
@@ -103,6 +102,11 @@ impl UnitCell {
             ),
         }
     }
+}
+
+/// Whether a text may stand in a line of units.
+pub(crate) fn is_unit(text: &str) -> bool {
+    NONE.contains(&text) || FOREIGN.contains(&text) || unit(text).is_some()
 }
 
 fn unit(spelling: &str) -> Option<Unit> {

@@ -6,7 +6,7 @@
 use std::path::PathBuf;
 
 use super::names::Counts;
-use super::preamble::{self, Shape};
+use super::preamble::Shape;
 use super::table::{self, Said};
 use super::{Grid, Options, Record, Waves, columns, names};
 use crate::faults::{Fault, Faults};
@@ -111,11 +111,8 @@ impl Section {
         let said = self.said(lines, separator, &heads);
         let body_end = byte_of(source, self.body.end);
         let body = source.get(..body_end).unwrap_or(source);
-        let found = preamble::find(body, self.body.start + 1);
-        let decimal_comma = found.and_then(|shape| shape.dialect.decimal_comma);
         let dialect = Dialect {
             separator: u8::try_from(separator).ok(),
-            decimal_comma,
             skip_lines: self.body.start + 1,
             no_header: true,
             width: Some(heads.len()),

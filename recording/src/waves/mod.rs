@@ -21,6 +21,7 @@ mod uff;
 mod uff58;
 mod uff_channels;
 mod uff_head;
+mod uff_names;
 mod uff_numbers;
 #[cfg(test)]
 mod uff_tests;
@@ -180,7 +181,7 @@ pub fn read(path: &Path, options: &Options) -> Result<Waves, FileError> {
     let name = path.display().to_string();
     if size > FILE_BYTES_MAX {
         let mut faults = Faults::of(&name);
-        let fault = Fault::new("", format!("has {} GiB", size >> 30));
+        let fault = Fault::new("", format!("has {} GiB", size.div_ceil(1 << 30)));
         faults.push(fault.expected("at most 4 GiB").help("cut it into several files"));
         return Err(faults.into());
     }

@@ -38,15 +38,17 @@ pub(super) fn split(head: &str) -> (&str, Option<&str>) {
     }
 }
 
+/// What a unit measures, and its SI value. `x_mm` is spelled as the house does, `x (mm)` as others do.
+pub(super) fn measured(unit: &str) -> Option<(Quantity, f64)> {
+    let own = Unit::named(unit).map(|unit| (unit.quantity, unit.si));
+    own.or_else(|| quantity::of(unit))
+}
+
 /// What a column counts, by its head.
 pub(super) fn counts(head: &str) -> Counts {
     let (name, unit) = split(head);
     let name = name.to_lowercase();
-    let measured = unit.and_then(|unit| {
-        // `x_mm` is spelled as the house does, `x (mm)` as others do.
-        let own = Unit::named(unit).map(|unit| (unit.quantity, unit.si));
-        own.or_else(|| quantity::of(unit))
-    });
+    let measured = unit.and_then(measured);
     let is = |list: &[&str]| list.contains(&name.as_str());
     match measured {
         Some((Quantity::Time, si)) if is(TIME) => Counts::Time(si),

@@ -1,26 +1,18 @@
-//! Where the table begins in a text of numbers, and how it is written down.
+//! Where the table begins in a text of numbers, its separator and the names above it.
 //!
 //! Instruments put lines of their own before the table, with or without a line of names, with any separator. The table
 //! begins at the first of six lines (or of all that follow) of which most hold as many numbers each.
 
+use super::names;
 use super::quantity;
-use crate::series::Dialect;
+use crate::series::{Dialect, is_number, is_unit};
 
 /// Lines that are searched for the beginning.
 const SEARCHED: usize = 2000;
 /// So many lines alike make a table.
 const ALIKE: usize = 6;
-/// Separators and whether a comma is the decimal mark, in the order in which they are tried.
-const WAYS: &[(u8, bool)] = &[
-    (b'\t', false),
-    (b'\t', true),
-    (b';', false),
-    (b';', true),
-    (b',', false),
-    (b'|', false),
-    (b' ', false),
-    (b' ', true),
-];
+/// Separators in the order in which they are tried.
+const SEPARATORS: &[u8] = b"\t;,| ";
 
 /// How a table is to be cut, and the names above its columns.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,20 +37,19 @@ pub(super) fn find(source: &str, skipped: usize) -> Option<Shape> {
         if following.len() < ALIKE && 2 * at > lines.len() {
             return None;
         }
-        let way = WAYS.iter().find(|way| {
-            let widths = || following.iter().map(|(_, line)| width(line, **way));
+        let separator = *SEPARATORS.iter().find(|separator| {
+            let widths = || following.iter().map(|(_, line)| width(line, **separator));
             let first = widths().next().flatten();
             // A bad cell is for the reader to tell; it does not move the table's beginning.
             let alike = widths().filter(|width| *width == first).count();
             first.is_some() && 3 * alike >= 2 * following.len()
         })?;
         let (number, line) = *lines.get(at)?;
-        let width = width(line, *way)?;
+        let width = width(line, separator)?;
         let above = |up: usize| at.checked_sub(up).and_then(|at| lines.get(at)).map(|(_, l)| *l);
-        let heads = heads(above(1), above(2), *way, width);
+        let heads = heads(above(1), above(2), separator, width);
         let dialect = Dialect {
-            separator: Some(way.0),
-            decimal_comma: Some(way.1),
+            separator: Some(separator),
             skip_lines: number,
             no_header: true,
             width: Some(width),
@@ -68,18 +59,13 @@ pub(super) fn find(source: &str, skipped: usize) -> Option<Shape> {
     })
 }
 
-/// Number of cells of a row of numbers, empty ones at its end aside; `None` where it is none.
-fn width(line: &str, (separator, comma): (u8, bool)) -> Option<usize> {
+/// Number of cells of a row of numbers in any notation, empty ones at its end aside; `None` where it is none.
+fn width(line: &str, separator: u8) -> Option<usize> {
     if separator != b' ' && !line.contains(char::from(separator)) {
         return None;
     }
     let cells = cells(line, separator);
-    let number = |cell: &&str| {
-        let parsed: Option<f64> =
-            if comma { cell.replace(',', ".").parse().ok() } else { cell.parse().ok() };
-        parsed.is_some()
-    };
-    let numbers = cells.iter().filter(|cell| number(cell)).count();
+    let numbers = cells.iter().filter(|cell| is_number(cell)).count();
     let empty = cells.iter().filter(|cell| cell.is_empty()).count();
     (numbers > 0 && numbers + empty == cells.len()).then_some(cells.len())
 }
@@ -100,38 +86,49 @@ fn cells(line: &str, separator: u8) -> Vec<&str> {
 fn heads(
     above: Option<&str>,
     two_above: Option<&str>,
-    way: (u8, bool),
+    separator: u8,
     wanted: usize,
 ) -> Option<Vec<String>> {
     let line = above?;
-    let names = names(line, way, wanted)?;
-    let is_unit = |name: &String| {
-        let bare = name.trim_matches(['(', ')', '[', ']']);
-        quantity::of(bare).is_some() || matches!(bare, "" | "-" | "V" | "1")
-    };
-    if names.iter().all(is_unit)
-        && let Some(real) = two_above.and_then(|line| self::names(line, way, wanted))
-    {
-        let with_unit = |(name, unit): (String, &String)| match unit.as_str() {
-            "" | "-" => name,
-            unit => format!("{name} [{}]", unit.trim_matches(['(', ')', '[', ']'])),
-        };
-        return Some(real.into_iter().zip(&names).map(with_unit).collect());
+    let names = names(line, separator, wanted)?;
+    let two_above = two_above.and_then(|line| self::names(line, separator, wanted));
+    Some(two_above.and_then(|real| with_units(&real, &names)).unwrap_or(names))
+}
+
+/// Names with the units that stand below them; `None` where anything else stands there.
+pub(super) fn with_units(names: &[String], below: &[String]) -> Option<Vec<String>> {
+    let units: Vec<&str> =
+        below.iter().map(|cell| cell.trim_matches(['(', ')', '[', ']', '<', '>'])).collect();
+    let is_unit = |unit: &&str| quantity::of(unit).is_some() || *unit == "1" || is_unit(unit);
+    let says_any = units.iter().any(|unit| !unit.is_empty() && !is_number(unit));
+    if !says_any || names.len() != units.len() || !units.iter().all(is_unit) {
+        return None;
     }
-    Some(names)
+    Some(names.iter().zip(units).map(|(name, unit)| with_unit(name, unit)).collect())
+}
+
+/// A name with its unit; one that states another unit keeps that too.
+fn with_unit(name: &str, unit: &str) -> String {
+    let (own, measured) = (names::split(name).1, names::measured(unit));
+    let is_same =
+        |own: &str| own == unit || (measured.is_some() && names::measured(own) == measured);
+    if matches!(unit, "" | "-") || own.is_some_and(is_same) {
+        return name.to_owned();
+    }
+    format!("{name} [{unit}]")
 }
 
 /// The names in a line above the table; `None` where it holds numbers, or another count of cells.
-fn names(line: &str, way: (u8, bool), wanted: usize) -> Option<Vec<String>> {
+fn names(line: &str, separator: u8, wanted: usize) -> Option<Vec<String>> {
     let line = line.trim_start().trim_start_matches(['#', '%']);
-    let mut names = cells(line, way.0);
-    if names.len() != wanted && way.0 == b' ' {
+    let mut names = cells(line, separator);
+    if names.len() != wanted && separator == b' ' {
         // Names with blanks inside, set apart by more than one.
         names = line.split("  ").map(str::trim).filter(|name| !name.is_empty()).collect();
     }
     // A last column without a value in the first rows: a comment.
     names.truncate(wanted.max(1));
-    let texts = names.iter().any(|name| name.replace(',', ".").parse::<f64>().is_err());
+    let texts = names.iter().any(|name| !is_number(name));
     let plain = |name: &&str| name.trim_matches('"').trim().to_owned();
     (names.len() == wanted && texts).then(|| names.iter().map(plain).collect())
 }
@@ -140,9 +137,9 @@ fn names(line: &str, way: (u8, bool), wanted: usize) -> Option<Vec<String>> {
 mod tests {
     use super::*;
 
-    fn found(text: &str) -> (u8, bool, usize, Option<Vec<String>>) {
+    fn found(text: &str) -> (u8, usize, Option<Vec<String>>) {
         let Shape { dialect, heads } = find(text, 0).unwrap();
-        (dialect.separator.unwrap(), dialect.decimal_comma.unwrap(), dialect.skip_lines, heads)
+        (dialect.separator.unwrap(), dialect.skip_lines, heads)
     }
 
     fn names(list: &[&str]) -> Option<Vec<String>> {
@@ -151,20 +148,22 @@ mod tests {
 
     #[test]
     fn a_table_is_found_whatever_stands_above_it() {
-        assert_eq!(found("1 2\n3 4\n"), (b' ', false, 0, None));
-        assert_eq!(found("t,a\n1,2\n3,4\n"), (b',', false, 1, names(&["t", "a"])));
+        assert_eq!(found("1 2\n3 4\n"), (b' ', 0, None));
+        assert_eq!(found("t,a\n1,2\n3,4\n"), (b',', 1, names(&["t", "a"])));
         let text = "Device 7\nRate: 1000\n\nTime (s)\tForce (N)\n0\t1\n0.1\t2\n0.2\t3\n";
-        assert_eq!(found(text), (b'\t', false, 4, names(&["Time (s)", "Force (N)"])));
+        assert_eq!(found(text), (b'\t', 4, names(&["Time (s)", "Force (N)"])));
         let text = "1000\n0.001\n# t  Fx\n0 1\n1 2\n2 3\n3 4\n4 5\n5 6\n";
-        assert_eq!(found(text), (b' ', false, 3, names(&["t", "Fx"])));
+        assert_eq!(found(text), (b' ', 3, names(&["t", "Fx"])));
     }
 
     #[test]
-    fn decimal_commas_and_a_line_of_units_are_found() {
-        assert_eq!(found("a;b\n1,5;2,5\n3,5;4\n"), (b';', true, 1, names(&["a", "b"])));
-        assert_eq!(found("0,001 1,5\n0,002 1,7\n0,003 2\n"), (b' ', true, 0, None));
+    fn numbers_of_any_notation_and_a_line_of_units_are_found() {
+        assert_eq!(found("a;b\n1,5;2,5\n3,5;4\n"), (b';', 1, names(&["a", "b"])));
+        assert_eq!(found("0,001 1,5\n0,002 1,7\n0,003 2\n"), (b' ', 0, None));
+        let grouped = "t;F\n0,0;1.588,66\n0,1;\u{2212}1.672,88\n0,2;1.740.000\n";
+        assert_eq!(found(grouped), (b';', 1, names(&["t", "F"])));
         let text = "t,F,note\ns,N,-\n0,1,2\n1,2,3\n2,3,4\n";
-        assert_eq!(found(text).3, names(&["t [s]", "F [N]", "note"]));
+        assert_eq!(found(text).2, names(&["t [s]", "F [N]", "note"]));
     }
 
     #[test]

@@ -25,8 +25,10 @@ pub(super) fn waves(name: &str, bytes: Vec<u8>, options: &Options) -> Result<Wav
     let source = super::text(bytes, &mut notes);
     let mut faults = Faults::of(name);
     columns::check(options, &mut faults);
-    let shape = preamble::find(&source, 0)
-        .unwrap_or_else(|| Shape { dialect: Dialect::default(), heads: None });
+    let shape = preamble::find(&source, 0).unwrap_or_else(|| {
+        let dialect = Dialect { units_row: Some(false), ..Dialect::default() };
+        Shape { dialect, heads: None }
+    });
     let records = records(&source, shape, &Said::default(), options, &mut faults, &mut notes);
     let waves = Waves { file: PathBuf::new(), records, responses: Vec::new(), about: None, notes };
     faults.or((!waves.records.is_empty()).then_some(waves))
@@ -43,8 +45,10 @@ pub(super) fn records(
 ) -> Vec<Record> {
     let mut table = RawTable::cut(source, &shape.dialect, faults);
     let named = shape.heads.is_some() || !shape.dialect.no_header;
-    if let Some(heads) = shape.heads {
-        table.header = heads;
+    match shape.heads {
+        Some(heads) => table.header = heads,
+        None if named => name_units(&mut table),
+        None => {}
     }
     notes.append(&mut table.notes);
     if table.len() == 0 {
@@ -53,6 +57,16 @@ pub(super) fn records(
         return Vec::new();
     }
     Sheet { table: &table, said, named }.records(options, faults, notes)
+}
+
+/// Takes the units of a first row that holds nothing else into the names of the columns.
+fn name_units(table: &mut RawTable<'_>) {
+    let cell = |at| table.cell(0, at).unwrap_or_default().into_owned();
+    let first: Vec<String> = (0..table.header.len()).map(cell).collect();
+    if let Some(heads) = preamble::with_units(&table.header, &first) {
+        table.header = heads;
+        table.keep(|row, _| row > 0);
+    }
 }
 
 struct Sheet<'t, 's> {

@@ -6,10 +6,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use super::uff_channels::{self, Take};
+use super::uff_channels::{self, Channels, Take};
 use super::uff_head::Units;
 use super::uff58::{Content, Function};
-use super::{Options, ResponseFunction, Waves, columns, pick};
+use super::{Options, ResponseFunction, Waves, columns, pick, uff_names};
 use crate::faults::{Fault, Faults};
 
 /// Whether a file begins as a universal file does: a line of -1, then a number.
@@ -60,6 +60,14 @@ impl<'b> Cursor<'b> {
         run
     }
 
+    /// Whether nothing but zero bytes and blanks is left before the next line of -1, or the end.
+    pub(super) fn is_before_mark(&self) -> bool {
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let is_filling = |byte: &&u8| **byte == 0 || byte.is_ascii_whitespace();
+        let filling = rest.iter().take_while(is_filling).count();
+        rest.len() == filling || rest.get(filling..).unwrap_or_default().starts_with(b"-1")
+    }
+
     /// Reads on to the line of -1 that begins or ends a dataset, behind zero bytes too, with which binary numbers may be
     /// filled up; says whether there was one.
     pub(super) fn skip_to_mark(&mut self) -> bool {
@@ -81,7 +89,7 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
     let mut other = BTreeSet::new();
     let mut cursor = Cursor { bytes, at: 0, line: 0 };
     let mut number = 0;
-    let mut units = Units::SI;
+    let mut units: Vec<(usize, Units)> = Vec::new();
     while cursor.skip_to_mark() {
         // Two marks in a row: one that ended what could not be read, and one that begins.
         let head = std::iter::from_fn(|| cursor.text()).find(|line| !is_mark(line));
@@ -91,7 +99,7 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
         let binary =
             kind.eq_ignore_ascii_case("58b") || (kind == "58" && head.contains(['b', 'B']));
         if kind == "164" {
-            units = Units::read(&mut cursor);
+            units.push((functions.len(), Units::read(&mut cursor)));
             cursor.skip_to_mark();
             continue;
         }
@@ -100,7 +108,7 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
             cursor.skip_to_mark();
             continue;
         }
-        match Function::read(&mut cursor, binary.then_some(head.as_str()), units) {
+        match Function::read(&mut cursor, binary.then_some(head.as_str())) {
             Ok(function) => functions.push(function),
             Err(fault) => {
                 let key = format!("dataset {number}");
@@ -118,8 +126,25 @@ pub(super) fn waves(name: &str, bytes: &[u8], options: &Options) -> Result<Waves
             Fault::new("", "holds no dataset 58").expected("functions at nodes (dataset 58)");
         faults.push(fault.help("export time records or response functions as UFF 58"));
     }
+    complete(&mut functions, &units, &mut notes);
     let waves = collect(functions, options, &mut faults, notes);
     faults.or((!(waves.records.is_empty() && waves.responses.is_empty())).then_some(waves))
+}
+
+/// Completes the units of functions by the systems of units, each with the number of functions before it: the last one before a
+/// function, or else the first one behind it.
+fn complete(functions: &mut [Function], systems: &[(usize, Units)], notes: &mut Vec<String>) {
+    let (mut units, mut next) = (systems.first().map_or(Units::SI, |(_, units)| *units), 0);
+    for (at, function) in functions.iter_mut().enumerate() {
+        while let Some((_, system)) = systems.get(next).filter(|(before, _)| *before <= at) {
+            (units, next) = (*system, next + 1);
+        }
+        function.complete(units);
+    }
+    if systems.iter().any(|(_, units)| systems.first().is_some_and(|(_, first)| first != units)) {
+        let several = "holds several systems of units (dataset 164): each is taken for the functions behind it";
+        notes.push(several.to_owned());
+    }
 }
 
 /// Sorts functions into channels with their records, and response functions; refuses a file of other functions alone.
@@ -129,29 +154,33 @@ fn collect(
     faults: &mut Faults,
     mut notes: Vec<String>,
 ) -> Waves {
-    let (mut channels, mut responses, mut others) = (Vec::new(), Vec::new(), BTreeMap::new());
+    let (mut channels, mut responses, mut others) =
+        (Channels::default(), Vec::new(), BTreeMap::new());
     for function in functions {
-        let Function { source, reference, reference_unit, content, note } = function;
+        let Function { source, reference, denominator, content, note } = function;
         notes.extend(note.map(|note| format!("the function at `{}` {note}", source.dof)));
         match content {
             Content::Time { start_s, rate_hz, values } => {
-                uff_channels::add(&mut channels, source, Take { start_s, rate_hz, values });
+                channels.add(source, Take { start_s, rate_hz, values });
             }
-            Content::Response { frequency_hz, values } => responses.push(ResponseFunction {
-                response: source.dof,
-                reference,
-                response_unit: source.ordinate.unit,
-                reference_unit,
-                frequency_hz,
-                values,
-            }),
+            Content::Response { frequency_hz, values } => {
+                let function = ResponseFunction {
+                    response: String::new(),
+                    reference,
+                    response_unit: source.ordinate.unit.clone(),
+                    reference_unit: denominator.unit,
+                    frequency_hz,
+                    values,
+                };
+                responses.push((source, function));
+            }
             Content::Other(kind) => *others.entry(kind).or_insert(0_usize) += 1,
         }
     }
     let others: Vec<String> =
         others.iter().map(|(kind, count)| format!("{kind} ({count})")).collect();
     let others = others.join(", ");
-    if channels.is_empty() && responses.is_empty() && !others.is_empty() {
+    if channels.all.is_empty() && responses.is_empty() && !others.is_empty() {
         let fault = Fault::new("", format!("holds other functions alone: {others}"));
         let fault =
             fault.expected("time responses over time, or response functions over frequency");
@@ -163,13 +192,15 @@ fn collect(
         ));
     }
     notes.dedup();
-    uff_channels::name(&mut channels, &mut notes);
+    let responses = uff_names::name_responses(responses, &mut notes);
+    let mut channels = channels.named(&mut notes);
     if !options.columns.is_empty() {
         let names: Vec<String> = channels.iter().map(|channel| channel.name.clone()).collect();
         let chosen = pick::columns(&names, &options.columns, faults);
         let mut at = 0..;
         channels.retain(|_| at.next().is_some_and(|at| chosen.contains(&at)));
     }
+    uff_channels::note_renumbered(&channels, &mut notes);
     let records = uff_channels::records(channels, columns::asked(options), faults, &mut notes);
     Waves { file: PathBuf::new(), records, responses, about: None, notes }
 }

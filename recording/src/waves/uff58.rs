@@ -5,7 +5,7 @@
 
 use super::spacing::{Spacing, tidy};
 use super::uff::Cursor;
-use super::uff_head::{Counts, Head, Source, Units};
+use super::uff_head::{Axis, Counts, Head, Source, Units};
 use super::uff_numbers::{Refused, ascii, binary as binary_numbers};
 use crate::faults::Fault;
 
@@ -18,7 +18,7 @@ pub(super) struct Function {
     pub(super) source: Source,
     /// Node and direction of the reference.
     pub(super) reference: String,
-    pub(super) reference_unit: String,
+    pub(super) denominator: Axis,
     pub(super) content: Content,
     /// What was assumed or left out.
     pub(super) note: Option<&'static str>,
@@ -45,12 +45,8 @@ impl Function {
     ///
     /// # Errors
     /// What is wrong first; the cursor then stands behind the dataset, or where its end is not known, inside.
-    pub(super) fn read(
-        cursor: &mut Cursor<'_>,
-        binary: Option<&str>,
-        units: Units,
-    ) -> Result<Self, Refused> {
-        let head = Head::read(cursor, units);
+    pub(super) fn read(cursor: &mut Cursor<'_>, binary: Option<&str>) -> Result<Self, Refused> {
+        let head = Head::read(cursor);
         let numbers = match (binary, &head) {
             (Some(line), Ok(head)) => {
                 let numbers = binary_numbers(cursor, line, &head.form);
@@ -75,7 +71,13 @@ impl Function {
             _ => filled.then_some("is filled up with zeros behind its last sample: left out"),
         };
         let Head { source, reference, denominator, .. } = head;
-        Ok(Self { source, reference, reference_unit: denominator.unit, content, note })
+        Ok(Self { source, reference, denominator, content, note })
+    }
+
+    /// Completes its units by the file's system.
+    pub(super) fn complete(&mut self, units: Units) {
+        self.source.ordinate.complete(units);
+        self.denominator.complete(units);
     }
 }
 

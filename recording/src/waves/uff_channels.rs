@@ -1,15 +1,18 @@
 //! From the time responses of a universal file to channels, and from channels to records.
 //!
 //! A channel is what was measured at one place: response entity, node, direction, quantity and unit. Functions that agree in
-//! they are distinguished as follows.
+//! all of these are told apart as follows.
 //!
+//! - One with other ID lines is of another sensor, unless it is at a node of the geometry and of another date.
 //! - One that begins where the other ends continues it; one that begins later belongs to it too, behind a gap.
-//! - One over the same time is another measurement of the channel where the place is a node of the geometry and the ID lines
-//!   agree, or where their dates differ. Else it is a channel of its own: a file without geometry has all sensors at node 0.
+//! - One over the same time is another measurement of the channel where the place is a node of the geometry, or where their
+//!   dates differ. Else it is a channel of its own: a file without geometry has all sensors at node 0. So is one of another
+//!   number at the same date and time of day.
 
 use std::collections::BTreeMap;
 
-use super::uff_head::Source;
+use super::uff_head::{PlaceKey, Source};
+use super::uff_names::{self, Unnamed};
 use super::{Grid, Record, Wave};
 use crate::faults::{Fault, Faults};
 
@@ -31,6 +34,8 @@ pub(super) struct Channel {
     /// Unlike those of all other channels.
     pub(super) name: String,
     takes: Vec<Take>,
+    /// Some are over the same time, of different numbers and without different dates.
+    is_renumbered: bool,
 }
 
 /// How a function relates to the last one of a channel, the closest relation first.
@@ -42,8 +47,6 @@ enum Place {
     Later,
     /// It is another measurement over the same time.
     Again,
-    /// It is of another sensor.
-    Elsewhere,
 }
 
 impl Take {
@@ -62,90 +65,89 @@ impl Take {
 }
 
 impl Channel {
-    fn place(&self, source: &Source, take: &Take) -> Place {
-        let Some(last) = self.takes.last() else { return Place::Elsewhere };
-        if !self.source.is_beside(source) || last.rate_hz != take.rate_hz {
-            return Place::Elsewhere;
-        }
+    /// How a function at the channel's place relates to it; `None` where it is of another sensor.
+    fn place(&self, source: &Source, take: &Take) -> Option<Place> {
+        let last = self.takes.last()?;
         let (on_node, same_texts) = (source.node != 0, self.source.texts == source.texts);
-        let gap_s = take.start_s - last.end_s();
         let dated_apart = self.source.is_dated_apart(source);
-        let again = same_texts && on_node || dated_apart && (same_texts || on_node);
-        match gap_s.abs() <= last.tolerance_s(last.end_s()) {
-            _ if !same_texts && !on_node => Place::Elsewhere,
-            true => Place::Continues,
-            false if gap_s > 0.0 => Place::Later,
-            false if again => Place::Again,
-            false => Place::Elsewhere,
+        if !(same_texts || on_node && dated_apart) {
+            return None;
+        }
+        let beside = self.source.is_at_one_moment(source) && self.is_of_other_number(source);
+        let gap_s = take.start_s - last.end_s();
+        let adjoins = gap_s.abs() <= last.tolerance_s(last.end_s());
+        match () {
+            () if adjoins && same_texts => Some(Place::Continues),
+            () if adjoins || gap_s > 0.0 => Some(Place::Later),
+            () if dated_apart || (on_node && !beside) => Some(Place::Again),
+            () => None,
         }
     }
 
-    /// What tells channels of one place apart, in the order in which it is tried.
-    fn marks(&self) -> [String; 10] {
-        let Source { texts, numbers, component, ordinate, .. } = &self.source;
-        let [first, second, fourth, fifth] = texts.clone();
-        let rate_hz = self.takes.first().map_or(0.0, |take| take.rate_hz);
-        let (unit, rate) = (format!("({})", ordinate.unit), format!("at {rate_hz} Hz"));
-        let (label, component) = (ordinate.label.clone(), component.clone());
-        let number = format!("function {}", numbers[0]);
-        [unit, label, component, first, second, fourth, fifth, number, rate, String::new()]
+    fn unnamed(&self) -> Unnamed<'_> {
+        let rate_hz = self.takes.first().map(|take| take.rate_hz);
+        Unnamed { source: &self.source, reference: "", rate_hz }
     }
 
-    /// Node and direction; without a geometry the response entity or what the first ID line says.
-    fn plain_name(&self) -> String {
-        let Source { texts, component, node, dof, .. } = &self.source;
-        let unplaced = [component, &texts[0]].into_iter().find(|text| !text.is_empty());
-        unplaced.filter(|_| *node == 0).unwrap_or(dof).clone()
+    fn is_of_other_number(&self, source: &Source) -> bool {
+        self.source.numbers[0] != source.numbers[0]
     }
 }
 
-/// Adds a time response to the channel that it belongs to, or as a new one.
-pub(super) fn add(channels: &mut Vec<Channel>, source: Source, take: Take) {
-    let of_channel = |channel: &Channel| {
-        let other_texts = channel.source.texts != source.texts;
-        (other_texts, channel.place(&source, &take))
-    };
-    let places = channels.iter().map(of_channel).enumerate();
-    let best = places.filter(|(_, (_, p))| *p != Place::Elsewhere).min_by_key(|(_, place)| *place);
-    let found = best.and_then(|(at, (_, place))| Some((channels.get_mut(at)?, place)));
-    match found {
-        Some((channel, place)) => match channel.takes.last_mut() {
+/// The channels of a file.
+#[derive(Debug, Default)]
+pub(super) struct Channels {
+    pub(super) all: Vec<Channel>,
+    /// Those of each place.
+    at_place: BTreeMap<PlaceKey, Vec<usize>>,
+}
+
+impl Channels {
+    /// Adds a time response to the channel that it belongs to, or as a new one.
+    pub(super) fn add(&mut self, source: Source, take: Take) {
+        let at_place = self.at_place.entry(PlaceKey::of(&source, take.rate_hz)).or_default();
+        let relation = |at: &usize| {
+            let channel = self.all.get(*at)?;
+            let place = channel.place(&source, &take)?;
+            let other_texts = channel.source.texts != source.texts;
+            Some((other_texts, place, channel.is_of_other_number(&source), *at))
+        };
+        let best = at_place.iter().filter_map(relation).min();
+        let found =
+            best.and_then(|(_, place, other, at)| Some((self.all.get_mut(at)?, place, other)));
+        let Some((channel, place, other_number)) = found else {
+            at_place.push(self.all.len());
+            let (name, takes) = (String::new(), vec![take]);
+            self.all.push(Channel { source, name, takes, is_renumbered: false });
+            return;
+        };
+        channel.is_renumbered |=
+            place == Place::Again && other_number && !channel.source.is_dated_apart(&source);
+        match channel.takes.last_mut() {
             Some(last) if place == Place::Continues => last.values.extend(take.values),
             _ => channel.takes.push(take),
-        },
-        None => channels.push(Channel { source, name: String::new(), takes: vec![take] }),
+        }
+    }
+
+    /// The channels, each with a name of its own.
+    pub(super) fn named(self, notes: &mut Vec<String>) -> Vec<Channel> {
+        let names =
+            uff_names::names(&self.all.iter().map(Channel::unnamed).collect::<Vec<_>>(), notes);
+        let named = |(channel, name)| Channel { name, ..channel };
+        self.all.into_iter().zip(names).map(named).collect()
     }
 }
 
-/// Gives every channel a name of its own: its place, and where that is not enough, the first field that tells it apart.
-pub(super) fn name(channels: &mut [Channel], notes: &mut Vec<String>) {
-    let mut groups: BTreeMap<String, Vec<usize>> = BTreeMap::new();
-    for (at, channel) in channels.iter().enumerate() {
-        groups.entry(channel.plain_name()).or_default().push(at);
-    }
-    for (plain, group) in groups {
-        let marks: Vec<[String; 10]> = group.iter().map(|at| channels[*at].marks()).collect();
-        let tells_apart = |field: &usize| {
-            let mut values: Vec<&String> = marks.iter().map(|marks| &marks[*field]).collect();
-            values.sort();
-            values.dedup();
-            values.len() == group.len() && values.iter().all(|value| !value.is_empty())
-        };
-        let field = (0..10).find(tells_apart);
-        if field.is_none() && group.len() > 1 {
-            notes.push(format!(
-                "{} functions at `{plain}` over the same time differ in nothing that names a sensor: taken as channels of \
-                 their own",
-                group.len()
-            ));
-        }
-        for (number, (at, marks)) in (1..).zip(group.iter().zip(&marks)) {
-            channels[*at].name = match field {
-                _ if group.len() == 1 => plain.clone(),
-                Some(field) => format!("{plain} {}", marks[field]),
-                None => format!("{plain} #{number}"),
-            };
-        }
+/// Says which channels may be several sensors: functions over the same time, of which nothing but their numbers differs.
+pub(super) fn note_renumbered(channels: &[Channel], notes: &mut Vec<String>) {
+    let renumbered = channels.iter().filter(|channel| channel.is_renumbered);
+    let names: Vec<String> = renumbered.map(|channel| format!("`{}`", channel.name)).collect();
+    if !names.is_empty() {
+        notes.push(format!(
+            "functions at {} over the same time differ in their numbers alone: taken as repeated measurements of one sensor; if \
+             they are of several, give these different ID lines or nodes",
+            names.join(", ")
+        ));
     }
 }
 
@@ -158,11 +160,11 @@ pub(super) fn records(
     notes: &mut Vec<String>,
 ) -> Vec<Record> {
     let mut of_rate: Vec<Vec<Channel>> = Vec::new();
-    let rate_hz = |channel: &Channel| channel.takes.first().map(|take| take.rate_hz);
+    let mut group_of: BTreeMap<Option<u64>, usize> = BTreeMap::new();
     for channel in channels {
-        let same =
-            |group: &&mut Vec<Channel>| group.first().map(rate_hz) == Some(rate_hz(&channel));
-        match of_rate.iter_mut().find(same) {
+        let rate_bits = channel.takes.first().map(|take| take.rate_hz.to_bits());
+        let group = *group_of.entry(rate_bits).or_insert(of_rate.len());
+        match of_rate.get_mut(group) {
             Some(group) => group.push(channel),
             None => of_rate.push(vec![channel]),
         }
@@ -183,8 +185,15 @@ pub(super) fn records(
     records
 }
 
-/// Which take of each channel, if any, belongs to which record.
-type Turn = Vec<Option<usize>>;
+/// A take of a channel.
+#[derive(Debug, Clone, Copy)]
+struct Part {
+    channel: usize,
+    take: usize,
+}
+
+/// The takes of one record, by their channels.
+type Turn = Vec<Part>;
 
 fn turns(group: &[Channel]) -> Result<Vec<Turn>, Box<Fault>> {
     let Some(first) = group.first() else { return Ok(Vec::new()) };
@@ -193,7 +202,8 @@ fn turns(group: &[Channel]) -> Result<Vec<Turn>, Box<Fault>> {
         channel.takes.len() == first.takes.len() && starts.clone().all(|(a, b)| a.begins_with(b))
     };
     if group.iter().all(agree) {
-        return Ok((0..first.takes.len()).map(|turn| vec![Some(turn); group.len()]).collect());
+        let turn = |take| (0..group.len()).map(|channel| Part { channel, take }).collect();
+        return Ok((0..first.takes.len()).map(turn).collect());
     }
     let runs_on = |channel: &&Channel| {
         channel
@@ -216,26 +226,47 @@ fn turns(group: &[Channel]) -> Result<Vec<Turn>, Box<Fault>> {
             .help("ask for one channel by its name (--column), or export each measurement to a file of its own");
         return Err(Box::new(fault));
     }
-    let mut starts: Vec<&Take> = group.iter().flat_map(|channel| &channel.takes).collect();
-    starts.sort_by(|a, b| a.start_s.total_cmp(&b.start_s));
-    starts.dedup_by(|b, a| b.begins_with(a));
-    let turn = |start: &&Take| {
-        let at = |channel: &Channel| channel.takes.iter().position(|take| take.begins_with(start));
-        group.iter().map(at).collect()
-    };
-    Ok(starts.iter().map(turn).collect())
+    Ok(turns_by_start(group))
+}
+
+/// Takes that begin at one time belong together.
+fn turns_by_start(group: &[Channel]) -> Vec<Turn> {
+    let parts = group.iter().enumerate().flat_map(|(channel, of)| {
+        of.takes.iter().enumerate().map(move |(take, start)| (start, Part { channel, take }))
+    });
+    let mut parts: Vec<(&Take, Part)> = parts.collect();
+    parts.sort_by(|(a, _), (b, _)| a.start_s.total_cmp(&b.start_s));
+    let mut turns: Vec<Turn> = Vec::new();
+    let mut first: Option<&Take> = None;
+    // How many turns there were when a channel had its last one: a channel has one take in a turn.
+    let mut last_turn = vec![0; group.len()];
+    for (take, part) in parts {
+        let begins_with_it = first.is_some_and(|first| take.begins_with(first));
+        if !begins_with_it || last_turn[part.channel] == turns.len() {
+            first = Some(take);
+            turns.push(Turn::new());
+        }
+        last_turn[part.channel] = turns.len();
+        if let Some(turn) = turns.last_mut() {
+            turn.push(part);
+        }
+    }
+    turns.iter_mut().for_each(|turn| turn.sort_by_key(|part| part.channel));
+    turns
 }
 
 /// One record, cut to the time that all its channels have.
 fn record(
     group: &[Channel],
-    turn: &Turn,
+    turn: &[Part],
     asked: Option<Grid>,
     notes: &mut Vec<String>,
 ) -> Option<Record> {
-    let takes = group.iter().zip(turn);
-    let takes: Vec<(&Channel, &Take)> =
-        takes.filter_map(|(channel, turn)| Some((channel, channel.takes.get((*turn)?)?))).collect();
+    let take = |part: &Part| {
+        let channel = group.get(part.channel)?;
+        Some((channel, channel.takes.get(part.take)?))
+    };
+    let takes: Vec<(&Channel, &Take)> = turn.iter().filter_map(take).collect();
     let (_, first) = takes.first()?;
     let length = |take: &Take| take.values.len();
     let common = takes.iter().map(|(_, take)| length(take)).min()?;

@@ -57,12 +57,22 @@ pub(super) struct Source {
     pub(super) ordinate: Axis,
 }
 
+/// What functions of one channel agree in: place, quantity and rate, without a geometry their ID lines too.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct PlaceKey {
+    component: String,
+    dof: String,
+    ordinate: Axis,
+    rate_bits: u64,
+    texts: Option<[String; 4]>,
+}
+
 /// Records 8 to 11: what an axis measures.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Axis {
     kind: i64,
     pub(super) label: String,
-    /// As the file has it, or by the type of data and dataset 164; `1` where neither says it.
+    /// As the file has it; once it is completed, by the type of data and dataset 164 where it names none, `1` where neither does.
     pub(super) unit: String,
 }
 
@@ -101,7 +111,7 @@ impl Units {
 }
 
 impl Head {
-    pub(super) fn read(cursor: &mut Cursor<'_>, units: Units) -> Result<Self, Refused> {
+    pub(super) fn read(cursor: &mut Cursor<'_>) -> Result<Self, Refused> {
         let cut = || Fault::new("", "ends inside a header").expected("11 lines of header");
         let mut ids: [String; 5] = Default::default();
         for id in &mut ids {
@@ -113,11 +123,13 @@ impl Head {
         let form = Form::of(&form, cursor.line)?;
         let mut axes = Vec::new();
         for _ in 0..4 {
-            axes.push(Axis::of(&cursor.text().ok_or_else(cut)?, units));
+            axes.push(Axis::of(&cursor.text().ok_or_else(cut)?));
         }
-        let Ok([abscissa, ordinate, denominator, _]) = <[Axis; 4]>::try_from(axes) else {
+        let Ok([mut abscissa, ordinate, denominator, _]) = <[Axis; 4]>::try_from(axes) else {
             return Err(cut().into());
         };
+        // Times and frequencies are of one unit in every system.
+        abscissa.complete(Units::SI);
         let dofs = Dofs::of(&dofs).ok_or_else(|| {
             Fault::new("", "names no degree of freedom")
                 .expected("function type, node and direction")
@@ -138,12 +150,22 @@ impl Head {
     }
 }
 
+impl PlaceKey {
+    pub(super) fn of(source: &Source, rate_hz: f64) -> Self {
+        Self {
+            component: source.component.clone(),
+            dof: source.dof.clone(),
+            ordinate: source.ordinate.clone(),
+            rate_bits: rate_hz.to_bits(),
+            texts: (source.node == 0).then(|| source.texts.clone()),
+        }
+    }
+}
+
 impl Source {
-    /// Whether another function is of the same quantity at the same place, as far as record 6 and the ordinate say.
-    pub(super) fn is_beside(&self, other: &Self) -> bool {
-        self.component == other.component
-            && self.dof == other.dof
-            && self.ordinate == other.ordinate
+    /// Whether both are dated alike, with a time of day.
+    pub(super) fn is_at_one_moment(&self, other: &Self) -> bool {
+        self.date.contains(':') && self.date == other.date
     }
 
     /// Whether both are dated, and differently.
@@ -153,13 +175,19 @@ impl Source {
 }
 
 impl Axis {
-    fn of(line: &str, units: Units) -> Self {
+    fn of(line: &str) -> Self {
         let column = columns(line);
         let (label, unit) = (said(&column(26, 46)), said(&column(46, 67)));
         let word = line.split_whitespace().next();
         let kind = word.and_then(|kind| kind.parse::<i64>().ok()).unwrap_or(0);
-        let unit = if unit.is_empty() { by_kind(kind, units) } else { unit };
         Self { kind, label, unit }
+    }
+
+    /// Gives an axis that names no unit the one of its type of data in a system of units.
+    pub(super) fn complete(&mut self, units: Units) {
+        if self.unit.is_empty() {
+            self.unit = by_kind(self.kind, units);
+        }
     }
 
     /// What an abscissa counts, by its unit; a type of data stands for a unit that is missing.

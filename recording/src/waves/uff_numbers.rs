@@ -55,6 +55,16 @@ impl Form {
         1 + usize::from(self.complex) + usize::from(!self.even)
     }
 
+    /// Bytes of a binary number. An abscissa is of single precision beside doubles only in text.
+    fn size(&self) -> usize {
+        if self.double { 8 } else { 4 }
+    }
+
+    /// Bytes of all binary numbers.
+    fn bytes(&self) -> usize {
+        self.points.saturating_mul(self.width()).saturating_mul(self.size())
+    }
+
     /// Cuts off zeros behind the last point, with which some programs fill up a line or a block; says whether there were any.
     pub(super) fn cut_filling(&self, numbers: &mut Vec<f64>) -> bool {
         let needed = self.points.saturating_mul(self.width());
@@ -65,6 +75,14 @@ impl Form {
         }
         is_filled
     }
+}
+
+/// Whether a sign behind `word` begins the exponent of it: Fortran leaves out the letter where it has three digits.
+fn is_bare_exponent(word: &str, behind_sign: &str) -> bool {
+    let digits = behind_sign.bytes().take_while(u8::is_ascii_digit).count();
+    let ends =
+        !behind_sign.get(digits..).unwrap_or_default().starts_with(['.', 'e', 'E', 'd', 'D']);
+    digits == 3 && ends && word.contains('.') && !word.contains('e')
 }
 
 /// The numbers of a line in fixed columns, which may touch: a sign behind a digit begins another number.
@@ -79,10 +97,15 @@ pub(super) fn in_line(line: &str) -> Option<Vec<f64>> {
         word.clear();
         Some(())
     };
-    for c in line.chars() {
+    for (at, c) in line.char_indices() {
         let exponent = word.ends_with('e');
+        let rest = line.get(at + c.len_utf8()..).unwrap_or_default();
         match c {
             _ if c.is_whitespace() => take(&mut word)?,
+            '+' | '-' if is_bare_exponent(&word, rest) => {
+                word.push('e');
+                word.push(c);
+            }
             '+' | '-' if !word.is_empty() && !exponent => {
                 take(&mut word)?;
                 word.push(c);
@@ -140,17 +163,8 @@ pub(super) fn binary(
         let message = format!("has byte order {order} and float format {float}");
         return Err(Fault::new("", message).expected("order 1 or 2, format 2 (IEEE 754)").into());
     }
-    let size = if form.double { 8 } else { 4 };
-    // An uneven abscissa is of single precision even beside doubles only in text; binary has one size.
-    let needed = form.points.saturating_mul(form.width()).saturating_mul(size);
-    let bytes = cursor.bytes(needed);
-    if bytes.len() < needed {
-        let message = format!("holds {} bytes of numbers", bytes.len());
-        return Err(Fault::new("", message)
-            .expected(format!("{needed}"))
-            .help("the file seems to be cut off")
-            .into());
-    }
+    let bytes = run(cursor, said.get(3).copied().unwrap_or(0), form)?;
+    let size = form.size();
     let number = |bytes: &[u8]| -> Option<f64> {
         Some(match (size, order) {
             (4, 1) => f64::from(f32::from_le_bytes(bytes.try_into().ok()?)),
@@ -160,4 +174,27 @@ pub(super) fn binary(
         })
     };
     Ok(bytes.chunks_exact(size).filter_map(number).collect())
+}
+
+/// The bytes that the numbers need. Those that the dataset states (0: none) have to hold them, and nothing but zeros may follow:
+/// else the header is of another type or number of points than the numbers.
+fn run<'b>(cursor: &mut Cursor<'b>, stated: usize, form: &Form) -> Result<&'b [u8], Refused> {
+    let needed = form.bytes();
+    let numbers = cursor.bytes(needed);
+    // pyuff counts a complex number once.
+    let holds_them = stated == 0 || stated >= needed || (form.complex && 2 * stated == needed);
+    let fault = if !holds_them || (numbers.len() == needed && !cursor.is_before_mark()) {
+        let message = match stated {
+            0 => "holds more bytes of numbers than its header counts".to_owned(),
+            _ => format!("states {stated} bytes of numbers"),
+        };
+        let help = "export it anew: single and double precision may have been confused";
+        Fault::new("", message).help(help)
+    } else if numbers.len() < needed {
+        let message = format!("holds {} bytes of numbers", numbers.len());
+        Fault::new("", message).help("the file seems to be cut off")
+    } else {
+        return Ok(numbers);
+    };
+    Err(fault.expected(format!("{needed}, by its type of data and number of points")).into())
 }

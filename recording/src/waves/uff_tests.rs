@@ -162,6 +162,81 @@ fn what_is_measured_again_at_a_node_or_on_another_date_is_another_record() {
 }
 
 #[test]
+fn other_id_lines_at_a_node_are_another_sensor_whenever_it_begins() {
+    let sensor =
+        |text, start_s, first| Made { texts: [text, "B"], start_s, ..Made::at(1, 1, first) };
+    for start_s in [4e-3, 1.0] {
+        let made = [sensor("Sensor A", 0.0, 5.0), sensor("Sensor B", start_s, 7.0)];
+        let expected = [(0.0, vec![("1+x Sensor A", 5.0)]), (start_s, vec![("1+x Sensor B", 7.0)])];
+        assert_eq!(shape(&read(&made).unwrap()), expected);
+    }
+    let dated = |date, text, start_s| Made { date, ..sensor(text, start_s, 5.0) };
+    let runs =
+        [dated("26-Nov-26 10:00:00", "Run 1", 0.0), dated("26-Nov-26 10:01:00", "Run 2", 4e-3)];
+    assert_eq!(
+        shape(&read(&runs).unwrap()),
+        [(0.0, vec![("1+x", 5.0)]), (4e-3, vec![("1+x", 5.0)])]
+    );
+}
+
+#[test]
+fn functions_of_different_numbers_at_one_moment_are_two_sensors_and_on_one_day_are_noted() {
+    let read_dated = |date| {
+        let of = |number, first| Made { date, number, ..Made::at(1, 1, first) };
+        read(&[of(1, 5.0), of(2, 7.0)]).unwrap()
+    };
+    let waves = read_dated("26-Nov-26 10:00:00");
+    let expected = vec![("1+x function 1", 5.0), ("1+x function 2", 7.0)];
+    assert_eq!(shape(&waves), [(0.0, expected)]);
+    for date in ["26-Nov-26", "NONE"] {
+        let waves = read_dated(date);
+        assert_eq!(shape(&waves), [(0.0, vec![("1+x", 5.0)]), (0.0, vec![("1+x", 7.0)])]);
+        assert!(
+            waves.notes[0].contains("`1+x`") && waves.notes[0].contains("several"),
+            "{waves:?}"
+        );
+    }
+    let of = |date, number| Made { date, number, ..Made::at(1, 1, 5.0) };
+    let waves = read(&[of("26-Nov-26 10:00:00", 1), of("26-Nov-26 10:00:09", 2)]).unwrap();
+    assert_eq!((waves.records.len(), waves.notes.as_slice()), (2, &[][..]), "dated repeats");
+}
+
+#[test]
+fn functions_each_at_its_own_node_and_time_are_a_record_each_in_little_memory() {
+    let count = 20_000;
+    let at = |node: i64| Made { start_s: node as f64, ..Made::at(node, 1, node as f64) };
+    let waves = read(&(1..=count).map(at).collect::<Vec<_>>()).unwrap();
+    assert_eq!(waves.records.len(), 20_000);
+    let first = |record: &Record| record.channels[0].values[0];
+    assert!(waves.records.iter().zip(1..).all(|(record, node)| first(record) == f64::from(node)));
+}
+
+#[test]
+fn response_functions_are_named_as_channels_are() {
+    let frf = |made: Made| Made { kind: 4, axes: [(18, "Hz"), (8, "m")], ..made };
+    let names = |made: &[Made]| {
+        let responses = read(made).unwrap().responses;
+        responses.into_iter().map(|function| function.response).collect::<Vec<_>>()
+    };
+    let entities = [frf(Made::on("TABLE", "NONE", 1.0)), frf(Made::on("SPINDLE", "NONE", 2.0))];
+    assert_eq!(names(&entities), ["TABLE", "SPINDLE"]);
+    let at_node = |component| frf(Made { component, ..Made::at(1, 1, 1.0) });
+    assert_eq!(names(&[at_node("TABLE"), at_node("SPINDLE")]), ["1+x TABLE", "1+x SPINDLE"]);
+    assert_eq!(names(&[at_node("TABLE"), at_node("TABLE")]), ["1+x", "1+x"], "measured again");
+    let bare = frf(Made::at(0, 0, 1.0));
+    assert_eq!(names(&[bare.clone(), bare]), ["0 #1", "0 #2"]);
+}
+
+#[test]
+fn an_exponent_of_three_digits_needs_no_letter() {
+    let read = |line| uff_numbers::in_line(line).unwrap();
+    assert_eq!(read("  1.00000-105  2.00000+100"), [1e-105, 2e100]);
+    assert_eq!(read("-1.00000-105-2.00000E+00"), [-1e-105, -2.0]);
+    assert_eq!(read("1.0-105.5-7.0E-01"), [1.0, -105.5, -0.7], "numbers that touch");
+    assert_eq!(read("1.0E+00-105 17-100"), [1.0, -105.0, 17.0, -100.0]);
+}
+
+#[test]
 fn measurements_that_cannot_be_paired_are_refused_with_the_way_out() {
     let three = [Made::at(1, 1, 1.0), Made::at(2, 1, 2.0), Made::at(1, 1, 3.0)];
     let fault = read(&three).unwrap_err();
@@ -204,6 +279,32 @@ fn blocks_filled_up_with_zeros_hold_the_samples_that_their_header_counts() {
 }
 
 #[test]
+fn binary_numbers_have_to_fill_the_bytes_that_their_dataset_states() {
+    let header = text(&[Made::at(1, 1, 1.0)]);
+    let header: Vec<&str> = header.lines().skip(2).take(11).collect();
+    let read = |stated: usize, numbers: &[u8]| {
+        let first = format!(
+            "    -1\n    58b     1     2          11{stated:12}     0     0           0           0"
+        );
+        let text = format!("{first}\n{}\n", header.join("\n"));
+        let bytes = [text.as_bytes(), numbers, b"\n    -1\n"].concat();
+        let waves = parse(Path::new("made.uff"), bytes, &Options::default());
+        waves.map(|waves| waves.records[0].channels[0].values.clone()).map_err(|e| e.to_string())
+    };
+    let values = [1.5, 1.0, 2.0, 3.0];
+    let singles: Vec<u8> = values.iter().flat_map(|x| (*x as f32).to_le_bytes()).collect();
+    let filled = [singles.as_slice(), &[0; 496]].concat();
+    assert_eq!(read(16, &singles).unwrap(), values);
+    assert_eq!(read(0, &singles).unwrap(), values, "none are stated");
+    assert_eq!(read(512, &filled).unwrap(), values, "filled up with zeros");
+    let doubles: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
+    let fault = read(32, &doubles).unwrap_err();
+    assert!(fault.contains("states 32 bytes") && fault.contains("expected 16"), "{fault}");
+    assert!(read(0, &doubles).unwrap_err().contains("holds more bytes"));
+    assert!(read(8, &singles).unwrap_err().contains("states 8 bytes"));
+}
+
+#[test]
 fn a_file_of_other_functions_alone_is_refused_by_their_names() {
     let of = |kind, axes| Made { kind, axes, ..Made::at(1, 1, 1.0) };
     let hz = [(18, "Hz"), (12, "m/s2")];
@@ -236,9 +337,14 @@ fn data_without_a_unit_are_in_the_units_of_dataset_164() {
         let system = format!(
             "    -1\n   164\n         9USER                         2\n{factors}\n    -1\n"
         );
-        let waves = read_text(&(system + &bare), &Options::default()).unwrap();
-        let wave = &waves.records[0].channels[0];
-        (wave.unit.clone(), wave.quantity().map(|(_, si)| si))
+        let read = |text: String| {
+            let waves = read_text(&text, &Options::default()).unwrap();
+            let wave = &waves.records[0].channels[0];
+            (wave.unit.clone(), wave.quantity().map(|(_, si)| si))
+        };
+        let before = read(system.clone() + &bare);
+        assert_eq!(read(bare.clone() + &system), before, "behind the functions");
+        before
     };
     let given = |length: &str| {
         format!(

@@ -141,7 +141,7 @@ impl Wav {
                     let Some(format) = format else {
                         return Err(broken(at, "has `data` before `fmt `").into());
                     };
-                    let data = samples(&chunk, data_size, &format, &mut notes)?;
+                    let data = bytes.samples(&chunk, data_size, &format, &mut notes)?;
                     return Ok(Self { format, data, notes });
                 }
                 _ => {}
@@ -151,38 +151,103 @@ impl Wav {
     }
 }
 
-/// The samples of `data`: as many as it says, or up to the end where it does not know.
-fn samples(
-    chunk: &Chunk,
-    data_size: Option<u64>,
-    format: &Format,
-    notes: &mut Vec<String>,
-) -> Result<Range<u64>, Box<Fault>> {
-    let stated = match (chunk.size, data_size) {
-        (UNKNOWN_SIZE, Some(size)) => size,
-        (UNKNOWN_SIZE | 0, None) if chunk.rest > 0 => {
-            notes.push("does not say how long it is, as of a pipe: read to its end".to_owned());
-            chunk.rest
-        }
-        (size, _) => u64::from(size),
-    };
-    let there = stated.min(chunk.rest);
-    if there < stated {
-        let what = format!("is cut off: {there} of {stated} bytes of samples are there");
-        if there == 0 {
-            return Err(broken(chunk.at, what));
-        }
-        notes.push(what);
+impl Chunk {
+    fn is(&self, ids: &[&[u8; 4]]) -> bool {
+        ids.contains(&&self.id)
     }
-    let frame = (format.channels * format.sample_bytes) as u64;
-    let whole = there - there % frame;
-    if whole < there && there == stated {
-        notes.push(format!("its last {} bytes are no whole sample: left out", there - whole));
+
+    /// Whether it can be one: its name is of letters and its bytes are there; those of samples may be cut off.
+    fn is_sound(&self) -> bool {
+        let is_named = self.id.iter().all(|byte| (b' '..=b'~').contains(byte));
+        is_named && (u64::from(self.size) <= self.rest || self.is(&[b"data"]))
     }
-    Ok(chunk.at..chunk.at + whole)
+
+    fn padded_end(&self) -> u64 {
+        self.at + u64::from(self.size) + u64::from(self.size % 2)
+    }
+}
+
+/// What follows a place in the file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Tail {
+    /// Chunks up to the file's end, or nothing.
+    Chunks,
+    /// Chunks, of which one holds samples.
+    Samples,
+    /// Something else.
+    Other,
 }
 
 impl Bytes<'_> {
+    /// The samples of `data`: as many as it says, or up to the end where it does not know.
+    fn samples(
+        &self,
+        chunk: &Chunk,
+        data_size: Option<u64>,
+        format: &Format,
+        notes: &mut Vec<String>,
+    ) -> Result<Range<u64>, Refused> {
+        let is_of_pipe = data_size.is_none()
+            && chunk.rest > 0
+            && (chunk.size == UNKNOWN_SIZE
+                || (chunk.size == 0 && self.tail(chunk.at)? == Tail::Other));
+        let stated = match (chunk.size, data_size) {
+            _ if is_of_pipe => {
+                notes.push("does not say how long it is, as of a pipe: read to its end".to_owned());
+                chunk.rest
+            }
+            (UNKNOWN_SIZE, Some(size)) => size,
+            (size, _) => u64::from(size),
+        };
+        let there = stated.min(chunk.rest);
+        if there < stated {
+            let what = format!("is cut off: {there} of {stated} bytes of samples are there");
+            if there == 0 {
+                return Err(broken(chunk.at, what).into());
+            }
+            notes.push(what);
+        }
+        let frame = (format.channels * format.sample_bytes) as u64;
+        let whole = there - there % frame;
+        if whole < there && there == stated {
+            notes.push(format!("its last {} bytes are no whole sample: left out", there - whole));
+        }
+        notes.extend(self.note_behind(chunk.at + there)?);
+        Ok(chunk.at..chunk.at + whole)
+    }
+
+    /// Says what is left out behind the samples, which end there.
+    fn note_behind(&self, end: u64) -> io::Result<Option<String>> {
+        let behind = match self.tail(end + end % 2)? {
+            Tail::Other => self.tail(end)?,
+            tail => tail,
+        };
+        Ok(match behind {
+            Tail::Chunks => None,
+            Tail::Samples => {
+                Some("holds another `data` chunk behind the first: left out".to_owned())
+            }
+            Tail::Other => Some(format!(
+                "{} bytes behind its samples are no chunk: left out; its header may be older than they are",
+                self.length - end
+            )),
+        })
+    }
+
+    fn tail(&self, mut at: u64) -> io::Result<Tail> {
+        let mut tail = Tail::Chunks;
+        while at < self.length {
+            let Some(chunk) = self.chunk(at)?.filter(Chunk::is_sound) else {
+                return Ok(Tail::Other);
+            };
+            if chunk.is(&[b"data"]) {
+                tail = Tail::Samples;
+            }
+            at = chunk.padded_end();
+        }
+        Ok(tail)
+    }
+
     /// So many bytes from a place on; `None` where the file ends before.
     fn array<const N: usize>(&self, at: u64) -> io::Result<Option<[u8; N]>> {
         if at.checked_add(N as u64).is_none_or(|end| end > self.length) {
@@ -224,12 +289,11 @@ impl Bytes<'_> {
             return Err(broken(chunk.at, what).into());
         }
         let end = chunk.at + u64::from(size);
-        let padded = end + u64::from(size % 2);
-        let is_chunk = |at: u64| -> io::Result<bool> {
-            let id = self.array::<4>(at)?;
-            Ok(id.is_some_and(|id| id.iter().all(|byte| (b' '..=b'~').contains(byte))))
-        };
-        if size % 2 == 1 && !is_chunk(padded)? && is_chunk(end)? {
+        let padded = chunk.padded_end();
+        let (bare, even) = (self.chunk(end)?, self.chunk(padded)?);
+        let is_sound = |chunk: &Option<Chunk>| chunk.as_ref().is_some_and(Chunk::is_sound);
+        let is_known = bare.as_ref().is_some_and(|bare| bare.is(&[b"data", b"fmt "]));
+        if padded > end && (is_known || (is_sound(&bare) && !is_sound(&even))) {
             let what = format!(
                 "chunk `{name}` of {size} bytes is not followed by the byte that makes its size even"
             );

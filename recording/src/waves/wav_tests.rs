@@ -171,6 +171,30 @@ fn a_chunk_of_odd_size_is_followed_by_a_byte_and_one_without_it_is_refused() {
 }
 
 #[test]
+fn an_odd_chunk_without_padding_is_told_by_the_data_that_follow_it() {
+    // The size of `data` begins with a letter, so that behind a padding byte stands `ata@`.
+    let bare = Made { before: b"note\x03\0\0\0abc", ..Made::of(PCM, 2) };
+    let fault = read(&bare.file(&[0; 32])).unwrap_err();
+    assert!(fault.contains("`note`") && fault.contains("even"), "{fault}");
+}
+
+#[test]
+fn what_stands_behind_the_samples_is_no_sample_and_said_where_it_is_no_metadata() {
+    let with_tail = |made: Made, tail: &[u8]| read(&[made.file(&pcm(2)).as_slice(), tail].concat());
+    let list = b"LIST\x06\0\0\0INFO\x07\x08";
+    let says = |waves: &Waves, what: &str| waves.notes.iter().any(|note| note.contains(what));
+    let waves = with_tail(Made::of(PCM, 2), list).unwrap();
+    assert_eq!((waves.records[0].len(), says(&waves, "left out")), (3, false), "{waves:?}");
+    let waves = with_tail(Made { data_size: Some(4), ..Made::of(PCM, 2) }, &[1; 20]).unwrap();
+    assert_eq!(waves.records[0].len(), 2);
+    assert!(says(&waves, "22 bytes behind its samples are no chunk"), "{waves:?}");
+    let waves = with_tail(Made::of(PCM, 2), b"data\x02\0\0\0\x01\x02").unwrap();
+    assert!(says(&waves, "another `data` chunk"), "{waves:?}");
+    let empty = [Made::of(PCM, 2).file(&[]).as_slice(), list].concat();
+    assert!(read(&empty).unwrap_err().contains("holds 0 samples"), "metadata are no samples");
+}
+
+#[test]
 fn what_is_cut_off_is_said_and_what_is_compressed_is_refused_by_name() {
     let made = Made { data_size: Some(100), ..Made::of(PCM, 2) };
     let waves = read(&made.file(&pcm(2))).unwrap();

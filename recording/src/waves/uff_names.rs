@@ -1,0 +1,94 @@
+//! Names of what a universal file holds: the place, and where several are at one, the first field that tells them apart.
+
+use std::collections::BTreeMap;
+
+use super::ResponseFunction;
+use super::uff_head::{PlaceKey, Source};
+
+/// What is to be named.
+pub(super) struct Unnamed<'s> {
+    pub(super) source: &'s Source,
+    /// Node and direction of the reference: only names beside one and the same have to differ.
+    pub(super) reference: &'s str,
+    /// Of a channel over time.
+    pub(super) rate_hz: Option<f64>,
+}
+
+impl Unnamed<'_> {
+    /// What tells things at one place apart, in the order in which it is tried.
+    fn marks(&self) -> [String; 9] {
+        let Source { texts, numbers, component, ordinate, .. } = self.source;
+        let [first, second, fourth, fifth] = texts.clone();
+        let rate = self.rate_hz.map_or_else(String::new, |rate_hz| format!("at {rate_hz} Hz"));
+        let (unit, number) = (format!("({})", ordinate.unit), format!("function {}", numbers[0]));
+        let (label, component) = (ordinate.label.clone(), component.clone());
+        [unit, label, component, first, second, fourth, fifth, number, rate]
+    }
+
+    /// Node and direction; without a geometry the response entity or what the first ID line says.
+    fn plain_name(&self) -> &str {
+        let Source { texts, component, node, dof, .. } = self.source;
+        let unplaced = [component, &texts[0]].into_iter().find(|text| !text.is_empty());
+        unplaced.filter(|_| *node == 0).unwrap_or(dof)
+    }
+}
+
+/// A name for each.
+pub(super) fn names(unnamed: &[Unnamed<'_>], notes: &mut Vec<String>) -> Vec<String> {
+    let mut names = vec![String::new(); unnamed.len()];
+    let mut groups: BTreeMap<(&str, &str), Vec<usize>> = BTreeMap::new();
+    for (at, one) in unnamed.iter().enumerate() {
+        groups.entry((one.plain_name(), one.reference)).or_default().push(at);
+    }
+    for ((plain, _), group) in groups {
+        let marks: Vec<[String; 9]> = group.iter().map(|at| unnamed[*at].marks()).collect();
+        let tells_apart = |field: &usize| {
+            let mut values: Vec<&String> = marks.iter().map(|marks| &marks[*field]).collect();
+            values.sort();
+            values.dedup();
+            values.len() == group.len() && values.iter().all(|value| !value.is_empty())
+        };
+        let field = (0..9).find(tells_apart);
+        if field.is_none() && group.len() > 1 {
+            notes.push(format!(
+                "{} functions at `{plain}` differ in nothing that names a sensor: taken as channels of their own",
+                group.len()
+            ));
+        }
+        for (number, (at, marks)) in (1..).zip(group.iter().zip(&marks)) {
+            names[*at] = match field {
+                _ if group.len() == 1 => plain.to_owned(),
+                Some(field) => format!("{plain} {}", marks[field]),
+                None => format!("{plain} #{number}"),
+            };
+        }
+    }
+    names
+}
+
+/// Names the places of response functions. Those at one node that differ in nothing are of one place, measured again; without
+/// a geometry each is of its own.
+pub(super) fn name_responses(
+    found: Vec<(Source, ResponseFunction)>,
+    notes: &mut Vec<String>,
+) -> Vec<ResponseFunction> {
+    let (mut places, mut known, mut place_of) = (Vec::new(), BTreeMap::new(), Vec::new());
+    for (at, (source, function)) in found.iter().enumerate() {
+        let reference = function.reference.as_str();
+        let turn = if source.node == 0 { at } else { 0 };
+        let place = *known
+            .entry((PlaceKey::of(source, 0.0), &source.texts, reference, turn))
+            .or_insert(places.len());
+        if place == places.len() {
+            places.push(Unnamed { source, reference, rate_hz: None });
+        }
+        place_of.push(place);
+    }
+    let names = names(&places, notes);
+    let named = |((_, function), place): ((Source, ResponseFunction), usize)| ResponseFunction {
+        response: names.get(place).cloned().unwrap_or_default(),
+        ..function
+    };
+    drop(known);
+    found.into_iter().zip(place_of).map(named).collect()
+}
