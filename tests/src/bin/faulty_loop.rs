@@ -41,7 +41,8 @@ impl Faults {
             5 => client.start_anew(),
             10..14 => no_number(client, c)?,
             14..17 => {
-                (self.joint, self.outside) = (c.below(JOINTS as u64) as usize, 1 + c.below(1000))
+                self.joint = c.below(JOINTS as u64) as usize;
+                self.outside = 1 + c.below(1000);
             }
             _ => {}
         }
