@@ -41,13 +41,7 @@ impl Mapping {
 
     fn keep_rows(&self, table: &mut RawTable<'_>, faults: &mut Faults) {
         for (name, wanted) in &self.keep {
-            let at = match table.column(name) {
-                Ok(at) => at,
-                Err(fault) => {
-                    faults.push(fault);
-                    continue;
-                }
-            };
+            let Some(at) = table.column(name, faults) else { continue };
             let before = table.len();
             table.keep(|row, table| {
                 table.cell(row, at).is_some_and(|cell| wanted.iter().any(|w| *w == cell))
@@ -66,7 +60,10 @@ impl Mapping {
                 (None, _) => vec![ours.to_owned()],
             };
             // One that is not there is reported when it is read.
-            theirs.iter().filter_map(|name| table.column(name).ok()).collect::<Vec<usize>>()
+            theirs
+                .iter()
+                .filter_map(|name| table.column(name, &mut Faults::of("")))
+                .collect::<Vec<usize>>()
         };
         let (time, segment) = (places("t_s"), places("segment"));
         if time.is_empty() {

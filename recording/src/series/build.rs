@@ -60,13 +60,8 @@ impl<'t, 's> Builder<'t, 's> {
 
     /// Where the columns of the foreign table with these names stand; none where a fault was noted.
     pub(crate) fn places(&mut self, names: &[String]) -> Option<Vec<usize>> {
-        let mut places = Vec::new();
-        for name in names {
-            match self.table.column(name) {
-                Ok(at) => places.push(at),
-                Err(fault) => self.faults.push(fault),
-            }
-        }
+        let column = |name: &String| self.table.column(name, &mut self.faults);
+        let places: Vec<usize> = names.iter().filter_map(column).collect();
         (places.len() == names.len()).then_some(places)
     }
 

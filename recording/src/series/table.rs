@@ -381,20 +381,22 @@ impl<'s> RawTable<'s> {
         numbers
     }
 
-    /// The only column with this name, or the fault that there is none or are several.
-    pub(crate) fn column(&self, name: &str) -> Result<usize, Fault> {
+    /// The column with this name; that there is none, or are several, is a fault.
+    pub(crate) fn column(&self, name: &str, faults: &mut Faults) -> Option<usize> {
         let mut places = (0..self.header.len()).filter(|at| self.header[*at] == name);
         match (places.next(), places.next()) {
-            (Some(at), None) => Ok(at),
-            (Some(_), Some(again)) => Err(self.twice(again)),
+            (Some(at), None) => return Some(at),
+            (Some(_), Some(again)) => faults.push(self.twice(again)),
             (None, _) => {
                 let near = nearest(name, self.header.iter().map(String::as_str));
                 let help = near.map(|name| format!("did you mean `{name}`?"));
-                Err(Fault::new(name, "is not a column of this file")
+                let fault = Fault::new(name, "is not a column of this file")
                     .expected(format!("one of: {}", self.header.join(", ")))
-                    .help(help.unwrap_or_default()))
+                    .help(help.unwrap_or_default());
+                faults.push(fault);
             }
         }
+        None
     }
 
     /// The fault of a column whose name another has, too.
