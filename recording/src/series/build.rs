@@ -9,6 +9,7 @@ use physics::JointKind;
 
 use super::channel::{Channel, Column, FileUnits, joint_kind_of};
 use super::clock::Clock;
+use super::need::lacking;
 use super::table::RawTable;
 use super::{Need, Recording};
 use crate::faults::{Fault, Faults, nearest};
@@ -359,50 +360,10 @@ impl<'t, 's> Builder<'t, 's> {
     }
 }
 
-/// What a reader needs to find and these columns lack.
-pub(super) fn lacking(columns: &BTreeMap<Channel, Vec<f64>>, need: Need) -> Option<Fault> {
-    let has = |wanted: fn(&Channel) -> bool| columns.keys().any(wanted);
-    let inputs = has(|c| matches!(c, Channel::Command(_) | Channel::Motor(_)));
-    let forces = has(|c| matches!(c, Channel::Wrench(_) | Channel::Acceleration(_)));
-    let both = has(|c| matches!(c, Channel::Command(_))) && has(|c| matches!(c, Channel::Motor(_)));
-    let measured = both
-        || forces
-        || has(|c| {
-            matches!(
-                c,
-                Channel::Link(_)
-                    | Channel::Position(_)
-                    | Channel::Target(..)
-                    | Channel::Orientation(_)
-                    | Channel::Torque(_)
-                    | Channel::Current(_)
-                    | Channel::Distance(_)
-                    | Channel::TouchPlane
-                    | Channel::TouchSphere
-            )
-        });
-    if need == Need::Samples {
-        // Any column may be looked at.
-        None
-    } else if !inputs && (need == Need::Path || !forces) {
-        let fault = Fault::new("q1_deg", "no joint position is there");
-        Some(fault.expected("`q1_deg` …, or `qa1_deg` …").help(MAPPING_HELP))
-    } else if need == Need::Measurement && !measured {
-        let fault = Fault::new("", "nothing was measured besides the inputs");
-        Some(fault.expected(
-            "x_mm, target1_x_mm, distance1_mm, touch_plane, ql1_deg, tau1_Nm, fx_N or the like",
-        ))
-    } else {
-        None
-    }
-}
-
 /// A number that counts something; larger ones would not be exact.
 fn is_whole(value: f64) -> bool {
     value.fract() == 0.0 && value.abs() < 9e15
 }
-
-const MAPPING_HELP: &str = "name the columns so, or give a mapping (--mapping FILE)";
 
 /// One warning for all columns that are not ours.
 fn unknown_columns(other: &[(String, Vec<String>)]) -> Option<String> {

@@ -13,12 +13,15 @@ mod clock;
 mod forms_tests;
 mod gauges;
 mod judge_gauges;
+mod need;
 mod number;
 #[cfg(feature = "parquet")]
 mod parquet;
 mod places;
 mod rows;
+mod separator;
 mod table;
+mod table_end;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -101,7 +104,7 @@ impl Recording {
     /// What is needed and not there.
     pub fn check_need(&self, need: Need) -> Result<(), Faults> {
         let mut faults = Faults::of(self.file.display().to_string());
-        build::lacking(&self.columns, need).into_iter().for_each(|fault| faults.push(fault));
+        need::lacking(&self.columns, need).into_iter().for_each(|fault| faults.push(fault));
         if need == Need::Measurement {
             self.twins().iter().for_each(|twins| faults.push(twins.fault()));
         }

@@ -13,6 +13,7 @@ use super::number::{Notation, Unread};
 #[cfg(feature = "parquet")]
 use super::parquet::Cells;
 use super::rows::{Rows, TooLarge, too_large};
+use super::separator::{guess_separator, separator_line};
 use super::units_line::UnitsLine;
 use crate::faults::{Fault, Faults, Place, nearest};
 
@@ -57,7 +58,7 @@ impl Reads {
 }
 
 impl Dialect {
-    fn is_comment(&self, line: &str) -> bool {
+    pub(super) fn is_comment(&self, line: &str) -> bool {
         self.comment.is_some_and(|mark| line.as_bytes().first() == Some(&mark))
     }
 }
@@ -122,18 +123,6 @@ impl<'s> RawTable<'s> {
         table.drop_empty_end();
         table.judge_lengths(dialect.width.is_some(), faults);
         table
-    }
-
-    /// Leaves out the empty rows that spreadsheets write below a table.
-    fn drop_empty_end(&mut self) {
-        let before = self.rows.len();
-        while let Some(last) = self.rows.len().checked_sub(1).filter(|at| self.is_empty_row(*at)) {
-            self.rows.keep_first(last);
-        }
-        let dropped = before - self.rows.len();
-        if dropped > 0 {
-            self.notes.push(format!("left out {dropped} empty rows at the end"));
-        }
     }
 
     fn find_notation(&mut self, dialect: &Dialect) {
@@ -296,48 +285,6 @@ impl<'s> RawTable<'s> {
         Ok(())
     }
 
-    /// Leaves out a last row that was cut off, where that can be told.
-    fn judge_last_line(&mut self, body: &str, dialect: &Dialect) {
-        let end = body.rsplit('\n').next().unwrap_or_default();
-        let Some(last) = self.rows.len().checked_sub(1) else { return };
-        if end.trim().is_empty() || dialect.is_comment(end) || self.is_empty_row(last) {
-            return;
-        }
-        let (width, expected) = (self.rows.width(last), self.header.len());
-        let line = self.line_of_row(last);
-        let at = width.saturating_sub(1);
-        let cell = self.rows.cell(last, at).unwrap_or_default();
-        let left_out = if width < expected {
-            Some(format!("it has {width} of {expected} fields"))
-        } else if !self.is_number(cell) && self.holds_numbers(at, last) {
-            Some(format!("`{cell}` is no number"))
-        } else {
-            None
-        };
-        self.notes.push(match &left_out {
-            Some(why) => format!("line {line} is cut off and was left out: {why}"),
-            None => format!(
-                "the last line ({line}) has no end: it was kept, as it has all {expected} fields; the last of them may be cut short"
-            ),
-        });
-        if left_out.is_some() {
-            self.rows.keep_first(last);
-        }
-    }
-
-    fn is_empty_row(&self, row: usize) -> bool {
-        (0..self.rows.width(row)).all(|at| self.rows.cell(row, at) == Some(""))
-    }
-
-    /// Whether the cells of a column that are not empty are numbers, in the rows before this one, and there are any.
-    fn holds_numbers(&self, column: usize, before: usize) -> bool {
-        let mut cells = (0..before)
-            .filter_map(|row| self.rows.cell(row, column))
-            .filter(|cell| !cell.is_empty())
-            .peekable();
-        cells.peek().is_some() && cells.all(|cell| self.is_number(cell))
-    }
-
     fn judge_lengths(&self, more_may_follow: bool, faults: &mut Faults) {
         let width = self.header.len();
         let fits = |found: usize| found == width || (more_may_follow && found > width);
@@ -406,42 +353,5 @@ impl<'s> RawTable<'s> {
             .expected("a name of its own for each column")
             .help("rename one of them, or read the columns by their numbers: `header = false` and `skip_rows` in a mapping");
         self.header_fault(column, fault)
-    }
-}
-
-/// The separator of the fields of a table's first line: the header, or `of_data`.
-fn guess_separator(line: &str, of_data: bool) -> u8 {
-    let count = |mark: u8| line.bytes().filter(|byte| *byte == mark).count();
-    let mut best = b',';
-    for mark in [b';', b'\t'] {
-        // Commas beside numbers that end with another mark are decimal commas, however many.
-        if count(mark) > count(best) || (of_data && ends_number(line, mark)) {
-            best = mark;
-        }
-    }
-    best
-}
-
-/// Whether this mark stands behind a number, outside of quotes, and no comma behind it.
-fn ends_number(line: &str, mark: u8) -> bool {
-    let fields = |text: &str| {
-        let fields: Vec<&str> = text.split(char::from(mark)).collect();
-        fields.windows(2).any(|pair| {
-            let ended = pair[0].trim_end_matches(' ').ends_with(|c: char| c.is_ascii_digit());
-            ended && !pair[1].trim_start_matches(' ').starts_with(',')
-        })
-    };
-    line.split('"').step_by(2).any(fields)
-}
-
-/// The separator that a spreadsheet's first line states (`sep=;`), and where the table begins behind it.
-fn separator_line(source: &str, start: usize) -> (Option<u8>, usize) {
-    let rest = source.get(start..).unwrap_or_default();
-    let line = rest.split_inclusive('\n').next().unwrap_or_default();
-    let plain = line.trim_end_matches(['\r', '\n']).trim_matches('"');
-    let stated = plain.get(..4).filter(|head| head.eq_ignore_ascii_case("sep="));
-    match (stated, plain.get(4..).map(str::as_bytes)) {
-        (Some(_), Some([separator])) => (Some(*separator), start + line.len()),
-        _ => (None, start),
     }
 }

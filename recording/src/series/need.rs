@@ -1,0 +1,47 @@
+//! Whether the columns of a recording suffice for what it is read for.
+
+use std::collections::BTreeMap;
+
+use super::Need;
+use super::channel::Channel;
+use crate::faults::Fault;
+
+const MAPPING_HELP: &str = "name the columns so, or give a mapping (--mapping FILE)";
+
+/// What a reader needs to find and these columns lack.
+pub(super) fn lacking(columns: &BTreeMap<Channel, Vec<f64>>, need: Need) -> Option<Fault> {
+    let has = |wanted: fn(&Channel) -> bool| columns.keys().any(wanted);
+    let inputs = has(|c| matches!(c, Channel::Command(_) | Channel::Motor(_)));
+    let forces = has(|c| matches!(c, Channel::Wrench(_) | Channel::Acceleration(_)));
+    let both = has(|c| matches!(c, Channel::Command(_))) && has(|c| matches!(c, Channel::Motor(_)));
+    let measured = both
+        || forces
+        || has(|c| {
+            matches!(
+                c,
+                Channel::Link(_)
+                    | Channel::Position(_)
+                    | Channel::Target(..)
+                    | Channel::Orientation(_)
+                    | Channel::Torque(_)
+                    | Channel::Current(_)
+                    | Channel::Distance(_)
+                    | Channel::TouchPlane
+                    | Channel::TouchSphere
+            )
+        });
+    if need == Need::Samples {
+        // Any column may be looked at.
+        None
+    } else if !inputs && (need == Need::Path || !forces) {
+        let fault = Fault::new("q1_deg", "no joint position is there");
+        Some(fault.expected("`q1_deg` …, or `qa1_deg` …").help(MAPPING_HELP))
+    } else if need == Need::Measurement && !measured {
+        let fault = Fault::new("", "nothing was measured besides the inputs");
+        Some(fault.expected(
+            "x_mm, target1_x_mm, distance1_mm, touch_plane, ql1_deg, tau1_Nm, fx_N or the like",
+        ))
+    } else {
+        None
+    }
+}

@@ -1,0 +1,59 @@
+//! The end of a table of text: a last line that was cut off, empty rows below.
+
+use super::table::{Dialect, RawTable};
+
+impl RawTable<'_> {
+    /// Leaves out a last row that was cut off, where that can be told.
+    pub(super) fn judge_last_line(&mut self, body: &str, dialect: &Dialect) {
+        let end = body.rsplit('\n').next().unwrap_or_default();
+        let Some(last) = self.rows.len().checked_sub(1) else { return };
+        if end.trim().is_empty() || dialect.is_comment(end) || self.is_empty_row(last) {
+            return;
+        }
+        let (width, expected) = (self.rows.width(last), self.header.len());
+        let line = self.line_of_row(last);
+        let at = width.saturating_sub(1);
+        let cell = self.rows.cell(last, at).unwrap_or_default();
+        let left_out = if width < expected {
+            Some(format!("it has {width} of {expected} fields"))
+        } else if !self.is_number(cell) && self.holds_numbers(at, last) {
+            Some(format!("`{cell}` is no number"))
+        } else {
+            None
+        };
+        self.notes.push(match &left_out {
+            Some(why) => format!("line {line} is cut off and was left out: {why}"),
+            None => format!(
+                "the last line ({line}) has no end: it was kept, as it has all {expected} fields; the last of them may be cut short"
+            ),
+        });
+        if left_out.is_some() {
+            self.rows.keep_first(last);
+        }
+    }
+
+    fn is_empty_row(&self, row: usize) -> bool {
+        (0..self.rows.width(row)).all(|at| self.rows.cell(row, at) == Some(""))
+    }
+
+    /// Whether the cells of a column that are not empty are numbers, in the rows before this one, and there are any.
+    fn holds_numbers(&self, column: usize, before: usize) -> bool {
+        let mut cells = (0..before)
+            .filter_map(|row| self.rows.cell(row, column))
+            .filter(|cell| !cell.is_empty())
+            .peekable();
+        cells.peek().is_some() && cells.all(|cell| self.is_number(cell))
+    }
+
+    /// Leaves out the empty rows that spreadsheets write below a table.
+    pub(super) fn drop_empty_end(&mut self) {
+        let before = self.rows.len();
+        while let Some(last) = self.rows.len().checked_sub(1).filter(|at| self.is_empty_row(*at)) {
+            self.rows.keep_first(last);
+        }
+        let dropped = before - self.rows.len();
+        if dropped > 0 {
+            self.notes.push(format!("left out {dropped} empty rows at the end"));
+        }
+    }
+}
