@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use trued_client::Source;
 
-use crate::feed::Correction;
+use crate::link::Correction;
 
 macro_rules! counters {
     ($($(#[$doc:meta])* $name:ident = $words:literal, $fault:literal;)*) => {

@@ -12,6 +12,8 @@ mod displacement;
 pub mod egm;
 mod error;
 pub mod feed;
+pub mod joining;
+pub mod link;
 pub mod rsi;
 pub mod sequence;
 mod socket;

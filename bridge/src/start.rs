@@ -14,7 +14,8 @@ use recording::model::RobotModel;
 
 use crate::counts::Counts;
 use crate::error::BridgeError;
-use crate::feed::{Feed, Joining, News};
+use crate::feed::Feed;
+use crate::joining::{Joining, News};
 use crate::teller;
 
 /// Time between a controller's cycles, s.

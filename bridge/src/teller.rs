@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use trued_client::ConnectionEvent;
 
 use crate::counts::{Count, Counts};
-use crate::feed::News;
+use crate::joining::News;
 
 /// How often faults are told.
 const TELL_EVERY: Duration = Duration::from_secs(1);

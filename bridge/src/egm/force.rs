@@ -11,7 +11,7 @@ use recording::series::Frame;
 use trued_client::{ForceSamples, ForceSource, Samples, WrenchFrame};
 
 use crate::counts::{Count, Counts};
-use crate::feed::{News, keep_trying};
+use crate::joining::{News, keep_trying};
 
 /// Samples that go together: 16 ms.
 const BLOCK: usize = 4;

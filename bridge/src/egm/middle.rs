@@ -13,12 +13,14 @@ use trued_client::{JOINTS_MAX, RobotState};
 use super::force::ForceWay;
 use super::joints::Order;
 use super::messages::{
-    CORRECTION, Header, MCI_ERROR, MCI_RUNNING, MCI_STOPPED, PathCorrMessage, Posture,
-    RobotMessage, SensorMessage,
+    MCI_ERROR, MCI_RUNNING, MCI_STOPPED, PathCorrMessage, Posture, RobotMessage,
 };
 use super::path::Path;
+use super::screened::{Screened, read};
 use crate::counts::{Count, Counts};
-use crate::feed::{Feed, Joining, Link};
+use crate::feed::Feed;
+use crate::joining::Joining;
+use crate::link::Link;
 use crate::sequence::{Sequence, Standing};
 
 /// A controller that is silent for so long has ended its run, unless it counted on, ns.
@@ -50,25 +52,6 @@ pub struct Settings {
     pub is_shadow: bool,
     /// Least time between two path corrections, ns.
     pub path_period_ns: u64,
-}
-
-/// A target of the application that may be answered.
-#[expect(clippy::large_enum_variant, reason = "a box would be a heap under the loop")]
-#[derive(Debug, Clone, Copy)]
-pub enum Screened {
-    /// A joint target.
-    Joints {
-        /// As read.
-        planned: Posture,
-        /// The same target again.
-        is_repeated: bool,
-    },
-    /// An offset across a path.
-    Offset(PathCorrMessage),
-    /// A speed reference without a position: there is nothing to correct.
-    SpeedAlone,
-    /// Something that is passed on as it is.
-    AsItIs,
 }
 
 /// The bridge between its two sides.
@@ -396,31 +379,6 @@ fn is_guided(guidance: Guidance, mci_state: Option<u32>) -> bool {
         Guidance::Joints => mci_state.is_none_or(|state| state == MCI_RUNNING),
         Guidance::Path => !matches!(mci_state, Some(MCI_ERROR | MCI_STOPPED)),
     }
-}
-
-/// What the application's datagram is, by how the robot is guided; none where it is broken.
-fn read(guidance: Guidance, datagram: &[u8]) -> Option<(Header, Screened)> {
-    if guidance == Guidance::Path {
-        let message = PathCorrMessage::read(datagram).ok()?;
-        let offset = message.offset?;
-        let is_good = offset.mm.iter().all(|mm| mm.is_finite());
-        return is_good.then_some((message.header, Screened::Offset(message)));
-    }
-    let message = SensorMessage::read(datagram).ok()?;
-    let joints = message.planned.joints.values().iter().chain(message.planned.external.values());
-    if !joints.clone().all(|degrees| degrees.is_finite()) {
-        return None;
-    }
-    let is_target = message.header.mtype.is_none_or(|mtype| mtype == CORRECTION);
-    let is_joints = is_target && !message.planned.joints.values().is_empty();
-    let screened = if is_joints && !message.planned.has_pose {
-        Screened::Joints { planned: message.planned, is_repeated: false }
-    } else if is_target && message.has_speed && message.planned.is_empty() {
-        Screened::SpeedAlone
-    } else {
-        Screened::AsItIs
-    };
-    Some((message.header, screened))
 }
 
 #[cfg(test)]

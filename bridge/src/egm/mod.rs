@@ -11,6 +11,7 @@ pub mod messages;
 pub mod middle;
 mod path;
 mod run;
+pub mod screened;
 mod wire;
 
 pub use run::run;

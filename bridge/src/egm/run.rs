@@ -9,7 +9,8 @@ use trued_client::monotonic_ns;
 
 use super::force::ForceWay;
 use super::joints::Order;
-use super::middle::{Middle, Screened, Settings};
+use super::middle::{Middle, Settings};
+use super::screened::Screened;
 use crate::error::BridgeError;
 use crate::socket::{DATAGRAM_MAX, DRAIN_MAX, bind, receive, wait};
 use crate::start::{CYCLE_S, Ground, Options};

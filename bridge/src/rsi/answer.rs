@@ -16,7 +16,9 @@ use trued_client::JOINTS_MAX;
 use super::telegram::{Form, IPOC_MAX, NUMBERS_MAX, Telegram, as_written};
 use crate::counts::{Count, Counts};
 use crate::displacement::displaced;
-use crate::feed::{Feed, Joining, Link};
+use crate::feed::Feed;
+use crate::joining::Joining;
+use crate::link::Link;
 use crate::sequence::{Sequence, Standing};
 
 /// So much of the controller's own clock without a telegram, ms, ends a run, unless late answers were counted meanwhile: more than

@@ -16,6 +16,8 @@ mod spacing;
 mod stored;
 mod table;
 #[cfg(test)]
+mod table_tests;
+#[cfg(test)]
 mod tests;
 mod uff;
 mod uff58;

@@ -10,7 +10,7 @@ mod rsi;
 use crate::chance::Chance;
 use crate::oracle::Oracle;
 use crate::place::MODEL;
-use bridge::feed::{Correction, Link};
+use bridge::link::{Correction, Link};
 use corrector::{Corrector, Mode, Settings, World};
 use daemon::{setup, translate};
 use envelope::Limits;

@@ -1,6 +1,7 @@
 //! Every policy of the EGM bridge, on datagrams that are made here byte by byte; without a daemon, so that a target passes.
 
 use super::*;
+use crate::egm::messages::Header;
 use crate::egm::wire::Writer;
 use crate::feed::stub::Corrected;
 use recording::model::presets::preset;
@@ -14,7 +15,7 @@ fn at(address: &str) -> SocketAddr {
 }
 
 fn middle(guidance: Guidance) -> (Middle, Arc<Counts>) {
-    middle_over(guidance, Feed::nowhere())
+    middle_over(guidance, Feed::over(Joining::nowhere()))
 }
 
 fn middle_over<L: Link>(guidance: Guidance, feed: Feed<L>) -> (Middle<L>, Arc<Counts>) {

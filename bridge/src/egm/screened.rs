@@ -1,0 +1,49 @@
+//! What a datagram of the application is, by how the robot is guided.
+
+use recording::bridge::Guidance;
+
+use super::messages::{CORRECTION, Header, PathCorrMessage, Posture, SensorMessage};
+
+/// A target of the application that may be answered.
+#[expect(clippy::large_enum_variant, reason = "a box would be a heap under the loop")]
+#[derive(Debug, Clone, Copy)]
+pub enum Screened {
+    /// A joint target.
+    Joints {
+        /// As read.
+        planned: Posture,
+        /// The same target again.
+        is_repeated: bool,
+    },
+    /// An offset across a path.
+    Offset(PathCorrMessage),
+    /// A speed reference without a position: there is nothing to correct.
+    SpeedAlone,
+    /// Something that is passed on as it is.
+    AsItIs,
+}
+
+/// What the application's datagram is, by how the robot is guided; none where it is broken.
+pub(super) fn read(guidance: Guidance, datagram: &[u8]) -> Option<(Header, Screened)> {
+    if guidance == Guidance::Path {
+        let message = PathCorrMessage::read(datagram).ok()?;
+        let offset = message.offset?;
+        let is_good = offset.mm.iter().all(|mm| mm.is_finite());
+        return is_good.then_some((message.header, Screened::Offset(message)));
+    }
+    let message = SensorMessage::read(datagram).ok()?;
+    let joints = message.planned.joints.values().iter().chain(message.planned.external.values());
+    if !joints.clone().all(|degrees| degrees.is_finite()) {
+        return None;
+    }
+    let is_target = message.header.mtype.is_none_or(|mtype| mtype == CORRECTION);
+    let is_joints = is_target && !message.planned.joints.values().is_empty();
+    let screened = if is_joints && !message.planned.has_pose {
+        Screened::Joints { planned: message.planned, is_repeated: false }
+    } else if is_target && message.has_speed && message.planned.is_empty() {
+        Screened::SpeedAlone
+    } else {
+        Screened::AsItIs
+    };
+    Some((message.header, screened))
+}

@@ -1,0 +1,178 @@
+//! The daemon, joined by a thread of its own: a bridge never waits for it longer than it was allowed, and without it the correction is zero.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::time::Duration;
+
+use trued_client::{
+    Client, ConnectError, CorrectionStatus, JOINTS_MAX, NotSent, RobotState, Setpoint, Source,
+};
+
+use crate::link::{Correction, Link};
+
+/// How long one try to join may take, and the pause between two.
+const JOIN_WITHIN: Duration = Duration::from_secs(1);
+const JOIN_AGAIN: Duration = Duration::from_millis(200);
+
+/// What the feed has to say, for whoever logs.
+#[derive(Debug)]
+pub enum News {
+    /// A daemon was joined for the first time.
+    Joined,
+    /// It cannot be joined; told once for each reason.
+    Away(ConnectError),
+    /// The connection changed since.
+    Connection(trued_client::ConnectionEvent),
+}
+
+/// The client library, once a thread has joined the daemon.
+pub struct Joining {
+    client: Option<Client>,
+    joined: Receiver<Client>,
+    news: Sender<News>,
+    over: Arc<AtomicBool>,
+    answer_within: Duration,
+}
+
+impl Joining {
+    /// Starts joining the daemon of `cell` in a thread; its news go to `news`. An answer is awaited for `answer_within`,
+    /// and counts as fresh for `fresh`.
+    ///
+    /// # Errors
+    /// The thread cannot be started.
+    pub fn start(
+        cell: &str,
+        answer_within: Duration,
+        fresh: Duration,
+        news: Sender<News>,
+    ) -> std::io::Result<Self> {
+        let (tell, joined) = channel();
+        let over = Arc::new(AtomicBool::new(false));
+        let (cell, say, until) = (cell.to_owned(), news.clone(), Arc::clone(&over));
+        std::thread::Builder::new().name("trued-join".to_owned()).spawn(move || {
+            let found = keep_trying(|| Client::connect(&cell, JOIN_WITHIN), &say, &until);
+            if let Some(mut client) = found {
+                client.set_fresh(fresh);
+                // Nobody takes it any more where the bridge has ended.
+                let _ = tell.send(client);
+            }
+        })?;
+        Ok(Self { client: None, joined, news, over, answer_within })
+    }
+
+    /// The client, once joined.
+    fn client(&mut self) -> Option<&mut Client> {
+        if self.client.is_none()
+            && let Ok(client) = self.joined.try_recv()
+        {
+            let _ = self.news.send(News::Joined);
+            self.client = Some(client);
+        }
+        let client = self.client.as_mut()?;
+        while let Some(event) = client.next_event() {
+            let _ = self.news.send(News::Connection(event));
+        }
+        Some(client)
+    }
+}
+
+impl Link for Joining {
+    fn command(&mut self, q: &[f64]) -> Correction {
+        let within = self.answer_within;
+        let Some(client) = self.client() else { return Correction::ZERO };
+        if let Ok(seq) = send(client, &Setpoint::new(q)) {
+            let _ = client.wait_corrected(seq, within);
+        }
+        correction(client, q)
+    }
+
+    fn repeat(&mut self, q: &[f64]) -> Correction {
+        self.client().map_or(Correction::ZERO, |client| correction(client, q))
+    }
+
+    fn last_correction(&self) -> [f64; JOINTS_MAX] {
+        self.client.as_ref().map_or([0.0; JOINTS_MAX], Client::last_correction)
+    }
+
+    fn start_anew(&mut self) {
+        if let Some(client) = self.client() {
+            client.start_anew();
+        }
+    }
+
+    fn start_from(&mut self, correction: &[f64; JOINTS_MAX]) {
+        if let Some(client) = self.client() {
+            client.start_from(correction);
+        }
+    }
+
+    fn send_state(&mut self, state: &RobotState) {
+        if let Some(client) = self.client() {
+            // What was not sent is missing in a recording, and nowhere else.
+            let _ = client.send_state(state);
+        }
+    }
+
+    fn look(&mut self) {
+        self.client();
+    }
+}
+
+#[cfg(test)]
+impl Joining {
+    /// One that never finds a daemon.
+    pub(crate) fn nowhere() -> Self {
+        let (joined, news) = (channel().1, channel().0);
+        let (over, answer_within) = (Arc::default(), Duration::ZERO);
+        Self { client: None, joined, news, over, answer_within }
+    }
+}
+
+impl Drop for Joining {
+    fn drop(&mut self) {
+        self.over.store(true, Relaxed);
+    }
+}
+
+/// A restart of the daemon is told once instead of sending: then it is sent again.
+fn send(client: &mut Client, setpoint: &Setpoint) -> Result<u64, NotSent> {
+    match client.send(setpoint) {
+        Err(NotSent::Away(trued_client::Away::DaemonRestarted)) => client.send(setpoint),
+        sent => sent,
+    }
+}
+
+fn correction(client: &mut Client, q: &[f64]) -> Correction {
+    // A target with no number in it never comes as far as here; if it did, what was sent last goes on.
+    let target = client.target_for(q, trued_client::monotonic_ns()).ok();
+    let rejected = CorrectionStatus::Rejected.code();
+    Correction {
+        rad: client.last_correction(),
+        source: target.map_or(Source::Ramping, |target| target.source()),
+        is_refused: client.newest().is_some_and(|newest| newest.status == rejected),
+    }
+}
+
+/// Tries until it succeeds or the bridge ends; says each obstacle once.
+pub(crate) fn keep_trying<T>(
+    mut connect: impl FnMut() -> Result<T, ConnectError>,
+    news: &Sender<News>,
+    over: &AtomicBool,
+) -> Option<T> {
+    let mut said = String::new();
+    while !over.load(Relaxed) {
+        match connect() {
+            Ok(joined) => return Some(joined),
+            Err(why) => {
+                let words = why.to_string();
+                if words != said {
+                    said = words;
+                    let _ = news.send(News::Away(why));
+                }
+            }
+        }
+        std::thread::sleep(JOIN_AGAIN);
+    }
+    None
+}
