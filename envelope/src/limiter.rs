@@ -25,6 +25,8 @@ const PLANNED_RATE: f64 = 0.9;
 const PLANNED_JERK: f64 = 0.5;
 /// A plan relative to a moving `wanted` keeps at least this share of the rate, to get on at all.
 const LEAST_RATE: f64 = 0.05;
+/// A swing this slow, as a share of the rate, is none.
+const NO_SWING: f64 = 0.05;
 /// Over this time the trend of a `wanted` that shakes is smoothed.
 const TREND_S: f64 = 0.03;
 /// Over about this time what was wanted is forgotten.
@@ -184,6 +186,16 @@ impl Limiter {
         self.offset = (self.steady >= TRUSTED_AFTER).then(plan);
     }
 
+    /// Whether the output is not yet where `wanted` is.
+    pub(crate) fn is_ramping(&self) -> bool {
+        self.offset.is_none_or(|offset| !offset.is_over())
+    }
+
+    /// Drops its plan: the next output is on another, which may be faster.
+    pub(crate) fn plan_anew(&mut self) {
+        self.offset = None;
+    }
+
     /// Takes over new limits, or the larger of both where the motion cannot stop within the new ones.
     fn take_limits(&mut self, limits: &Limits) -> Limits {
         let in_force = match self.in_force {
@@ -330,7 +342,17 @@ fn plan_onto(offset: Motion, target_rate: f64, limits: &Limits, pace: Pace) -> P
     let most = pace.rate * rate;
     let lowest = (-rate - target_rate).min(-least).max(-most);
     let highest = (rate - target_rate).max(least).min(most);
-    Plan::to_zero(offset, (lowest, highest), pace.jerk * PLANNED_JERK * limits.jerk())
+    let (planned, most) = (pace.jerk * PLANNED_JERK * limits.jerk(), limits.jerk());
+    // A stop at full jerk may leave more acceleration than a plan could take out without swinging back.
+    let swings = swing(offset, planned) > swing(offset, most) + NO_SWING * limits.rate();
+    Plan::to_zero(offset, (lowest, highest), if swings { most } else { planned })
+}
+
+/// The rate away from zero that is left once the acceleration is taken out at that jerk.
+fn swing(offset: Motion, jerk: f64) -> f64 {
+    let coasting =
+        offset.after(offset.acceleration.abs() / jerk, -jerk.copysign(offset.acceleration));
+    (coasting.rate * coasting.value.signum()).max(0.0)
 }
 
 /// The trend with one sample more: critically damped double exponential smoothing.

@@ -22,13 +22,15 @@ const TO_REST: f64 = 2.1;
 #[derive(Clone, Copy, Debug)]
 pub struct Limiters<const N: usize> {
     joints: [Limiter; N],
+    /// Those that ramp along one line and have not arrived yet.
+    on_line: [bool; N],
 }
 
 impl<const N: usize> Limiters<N> {
     /// No correction, at rest.
     #[must_use]
     pub const fn at_rest() -> Self {
-        Self { joints: [Limiter::at_rest(); N] }
+        Self { joints: [Limiter::at_rest(); N], on_line: [false; N] }
     }
 
     /// Takes over corrections that others left: of each joint its value, rate and acceleration.
@@ -38,7 +40,7 @@ impl<const N: usize> Limiters<N> {
             let (value, rate, acceleration) = motion(i);
             Limiter::from_motion(value, rate, acceleration)
         };
-        Self { joints: core::array::from_fn(joint) }
+        Self { joints: core::array::from_fn(joint), on_line: [false; N] }
     }
 
     /// Each joint's.
@@ -69,6 +71,7 @@ impl<const N: usize> Limiters<N> {
         limits: impl Fn(usize) -> Option<Limits>,
         elapsed: Elapsed,
     ) -> [f64; N] {
+        self.on_line = [false; N];
         for (i, joint) in self.joints.iter_mut().enumerate() {
             let Some(limits) = limits(i) else { continue };
             if !joint.step_with(wanted[i], &limits, elapsed) {
@@ -85,14 +88,22 @@ impl<const N: usize> Limiters<N> {
         limits: impl Fn(usize) -> Option<Limits>,
         elapsed: Elapsed,
     ) -> [f64; N] {
-        let (mut behind, mut any) = ([false; N], false);
+        let (mut behind, mut any, mut has_arrived) = ([false; N], false, false);
         for (i, joint) in self.joints.iter_mut().enumerate() {
-            behind[i] =
-                limits(i).is_some_and(|limits| !joint.step_with(wanted[i], &limits, elapsed));
+            let Some(limits) = limits(i) else { continue };
+            behind[i] = !joint.step_with(wanted[i], &limits, elapsed);
             any |= behind[i];
+            if self.on_line[i] && !joint.is_ramping() {
+                (self.on_line[i], has_arrived) = (false, true);
+            }
         }
         if any {
             self.step_together(&behind, limits, elapsed);
+        }
+        if has_arrived {
+            // The others went at a pace that let it keep up.
+            let others = self.joints.iter_mut().zip(self.on_line).filter(|(_, is_on)| *is_on);
+            others.for_each(|(joint, _)| joint.plan_anew());
         }
         self.values()
     }
@@ -121,15 +132,17 @@ impl<const N: usize> Limiters<N> {
         // A motion is worth the way that takes as long: slower, it would swing far beyond where it is.
         let ways: [f64; N] = core::array::from_fn(|i| distances[i].max(offsets[i].reach(time_s)));
         let longest = ways.iter().fold(0.0_f64, |longest, way| longest.max(*way));
-        let ways: [f64; N] = core::array::from_fn(|i| {
-            let least = limits(i).map_or(0.0, |limits| NO_RAMP * limits.angle());
-            ways[i].max(LEAST_WAY * longest).max(least)
-        });
+        let no_ramp = |i: usize| limits(i).map_or(0.0, |limits| NO_RAMP * limits.angle());
+        for i in (0..N).filter(|i| behind[*i]) {
+            self.on_line[i] = ways[i] >= no_ramp(i);
+        }
+        let ways: [f64; N] =
+            core::array::from_fn(|i| ways[i].max(LEAST_WAY * longest).max(no_ramp(i)));
         let Pace { rate, jerk } = fastest(&ways);
         for (i, joint) in self.joints.iter_mut().enumerate().filter(|(i, _)| behind[*i]) {
             let Some(limits) = limits(i) else { continue };
             let share = |of: f64, limit: f64| (of * ways[i] / limit).min(1.0);
-            let pace = if distances[i] < NO_RAMP * limits.angle() {
+            let pace = if distances[i] < no_ramp(i) {
                 Pace::ALONE
             } else {
                 Pace { rate: share(rate, limits.rate()), jerk: share(jerk, limits.jerk()) }

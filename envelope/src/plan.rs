@@ -116,6 +116,11 @@ impl Plan {
         self.lasts_s
     }
 
+    /// Whether all of it has passed.
+    pub(crate) fn is_over(&self) -> bool {
+        self.elapsed_s >= self.lasts_s
+    }
+
     /// Time passes.
     pub(crate) fn pass(&mut self, dt_s: f64) {
         self.elapsed_s += dt_s;

@@ -127,6 +127,9 @@ impl Track {
         let memory = if times.jitter_s > 0.0 { self.memory(times, jerk_max) } else { 1.0 };
         let filtered = if memory < LEAST_MEMORY {
             newest.parabola(times)
+        } else if times.since_s < NODES_S {
+            // A sample as close as that tells nothing of the rate.
+            self.filtered.after(times.dt_s, 0.0)
         } else {
             self.filtered(value, times, memory).no_faster_than(newest.fastest(times), times)
         };

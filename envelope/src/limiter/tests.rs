@@ -234,6 +234,30 @@ proptest! {
     }
 
     #[test]
+    fn the_acceleration_that_a_stop_leaves_drives_no_wide_swing(
+        value in -1e-3..1e-3_f64, rate in -0.01..0.01_f64, acceleration in -0.4..0.4_f64,
+    ) {
+        // A stop goes at full jerk, a plan at half of it. Before plans took that into account, the worst of 20 000 draws went to 9.3 mrad
+        // where the fastest plan needs 2.8 mrad.
+        let wide = Limits::new(0.02, 0.05, 5.0).expect("positive");
+        let fastest = Plan::to_zero(Motion { value, rate, acceleration }, (-0.045, 0.045), wide.jerk());
+        let stands = Motion::at_rest(0.0);
+        let mut limiter = Limiter {
+            wanted: Track::from_motion(stands),
+            trend: stands,
+            reach: (0.0, 0.0),
+            offset: None,
+            ..Limiter::from_motion(value, rate, acceleration)
+        };
+        let (mut least, mut most) = (value.abs(), value.abs());
+        for k in 1..1000 {
+            least = least.max(fastest.ahead(DT_S * f64::from(k)).value.abs());
+            most = most.max(limiter.step(0.0, &wide, DT_S).abs());
+        }
+        prop_assert!(most <= 2.0 * least + 1e-3, "{most} where {least} is needed");
+    }
+
+    #[test]
     fn noise_beyond_the_jerk_is_smoothed_without_lag(
         noise in prop_oneof![1e-9..1e-8_f64, 1e-8..1e-6_f64, 1e-6..1e-4_f64],
         slope in -2e-3..2e-3_f64,

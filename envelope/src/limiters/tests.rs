@@ -159,3 +159,25 @@ fn a_long_step_amid_a_slow_ramp_leaves_no_swing() {
         }
     }
 }
+
+#[test]
+fn nobody_waits_for_a_joint_that_has_arrived() {
+    // Joints in motion, of which one goes a long way back: the others go slowly for its sake, and took 3.2 times as long as each alone while they
+    // did so to their ends.
+    let starts = [
+        [(3.5e-3, 0.043, -0.478), (1.3e-3, -8.6e-3, -0.17), (4.7e-3, -0.0186, -0.135)],
+        [(-9.5e-4, 0.0106, 0.175), (3.85e-3, -0.0155, -0.142), (3.64e-3, 0.0348, -0.47)],
+        [(-2.0e-3, 0.018, -0.205), (-3.88e-3, 0.0203, 0.129), (4.0e-4, -0.0196, 0.279)],
+    ];
+    let limits = |_| Some(limits(0.02, 0.05, 5.0));
+    for start in starts {
+        let (mut together, mut alone) =
+            (Limiters::from_motion(|i| start[i]), Limiters::from_motion(|i| start[i]));
+        let arrived =
+            |step: &mut dyn FnMut() -> [f64; 3]| (0..4000).position(|_| step() == [0.0; 3]);
+        let elapsed = Elapsed::exactly(DT_S);
+        let together = arrived(&mut || together.step(&[0.0; 3], limits, elapsed)).expect("in 4 s");
+        let alone = arrived(&mut || alone.step_apart(&[0.0; 3], limits, elapsed)).expect("in 4 s");
+        assert!(4 * together <= 11 * alone, "{together} ms, each alone in {alone} ms");
+    }
+}

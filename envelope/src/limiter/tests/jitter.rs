@@ -94,4 +94,33 @@ proptest! {
             last = output;
         }
     }
+
+    #[test]
+    fn a_sample_right_after_another_bends_no_plan(
+        rate in 1e-6..0.02_f64, again_s in 1e-6..3e-4_f64, to in -1e-3..1e-3_f64,
+    ) {
+        let l = Limits::new(2e-3, 0.05, 5.0).expect("positive");
+        let mut limiter = Limiter::from_motion(0.0, rate, 0.0);
+        let mut outputs = std::vec![0.0];
+        for k in 1..100 {
+            let wanted = if k < 20 { rate * DT_S * f64::from(k) } else { to };
+            // A command comes twice, with one answer; after it another value is wanted.
+            let steps_s = if k == 20 { std::vec![again_s, DT_S - again_s] } else { std::vec![DT_S] };
+            for (j, dt_s) in steps_s.iter().enumerate() {
+                let wanted = if j + 1 < steps_s.len() { limiter.value() } else { wanted };
+                let jitter_s = if (20..28).contains(&k) { again_s } else { 0.0 };
+                let elapsed = Elapsed { dt_s: *dt_s, jitter_s };
+                if !limiter.step_with(wanted, &l, elapsed) {
+                    limiter.step_onto(&l, Pace::ALONE, elapsed);
+                }
+            }
+            outputs.push(limiter.value());
+        }
+        let cube_s3 = DT_S * DT_S * DT_S;
+        let most = l.jerk() + 8.0 * rate * again_s / cube_s3;
+        for x in outputs.windows(4) {
+            let jerk = (x[3] - 3.0 * x[2] + 3.0 * x[1] - x[0]) / cube_s3;
+            prop_assert!(jerk.abs() <= most, "{jerk} of {most}");
+        }
+    }
 }
