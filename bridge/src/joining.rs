@@ -135,7 +135,7 @@ impl Drop for Joining {
     }
 }
 
-/// A restart of the daemon is told once instead of sending: then it is sent again.
+/// The client reports a restart of the daemon once instead of sending; the second call sends.
 fn send(client: &mut Client, setpoint: &Setpoint) -> Result<u64, NotSent> {
     match client.send(setpoint) {
         Err(NotSent::Away(trued_client::Away::DaemonRestarted)) => client.send(setpoint),

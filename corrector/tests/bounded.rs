@@ -97,8 +97,9 @@ proptest! {
         prop_assert_eq!(wide.q, narrow.q);
     }
 
-    /// Through the wrist's singular pose, and onto and off the envelope's bounds, for errors from a hundredth of their size on. Just before a bound an exact correction is as steep as it is, so the widest
-    /// change from one command to the next is followed down to commands 2e-11 rad apart: a jump would stay, a slope does not.
+    /// Through the wrist's singular pose, and onto and off the envelope's bounds, for errors from a hundredth of their size on.
+    /// Just before a bound an exact correction can be arbitrarily steep, so the widest change from one command to the next is
+    /// followed down to commands 2e-11 rad apart: a jump remains, a slope vanishes.
     #[test]
     fn a_correction_is_continuous_through_a_singular_wrist(
         errors in errors(), size in -2.0..0.0_f64, at in prop::array::uniform6(-0.5..0.5_f64), reach in -4.0..-1.7_f64,

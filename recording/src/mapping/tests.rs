@@ -171,7 +171,7 @@ fn a_column_of_theirs_that_is_not_there_is_told() {
 }
 
 #[test]
-fn a_name_that_stands_twice_in_the_header_is_refused_where_it_is_used() {
+fn a_name_that_appears_twice_in_the_header_is_refused_where_it_is_used() {
     let table = "t_s,J1,x,x\n0,1,10,77\n1,2,20,88\n";
     let mapping = |more: &str, columns: &str| {
         format!(
@@ -190,7 +190,7 @@ fn a_name_that_stands_twice_in_the_header_is_refused_where_it_is_used() {
     ] {
         let told = apply(&mapping, table).unwrap_err().to_string();
         assert!(
-            told.contains("`x`: stands twice in the header") && told.contains("x.csv:1:10"),
+            told.contains("`x`: appears twice in the header") && told.contains("x.csv:1:10"),
             "{mapping}\n{told}"
         );
     }

@@ -349,7 +349,7 @@ impl<'s> RawTable<'s> {
     /// The fault of a column whose name another has, too.
     pub(super) fn twice(&self, column: usize) -> Fault {
         let name = self.header.get(column).map_or("", String::as_str);
-        let fault = Fault::new(name, "stands twice in the header")
+        let fault = Fault::new(name, "appears twice in the header")
             .expected("a name of its own for each column")
             .help("rename one of them, or read the columns by their numbers: `header = false` and `skip_rows` in a mapping");
         self.header_fault(column, fault)

@@ -150,7 +150,7 @@ fn every_fault_of_the_tree_is_told_at_once() {
         ("</robot>", "<joint name=\"more\" type=\"fixed\"><parent link=\"base\"/></joint></robot>"),
     ]);
     insta::assert_snapshot!(found, @r#"
-        error: `link base`: stands twice in the file
+        error: `link base`: appears twice in the file
           --> arm.urdf:10:22
            |
         10 |   <link name="hand"/><link name="base"/><link/>

@@ -164,7 +164,7 @@ fn named<'d, 's>(source: &Source<'_>, robot: Node<'d, 's>, tag: &str) -> Vec<Nod
         } else if taken.insert(name(node), ()).is_some() {
             source.fault(
                 node,
-                "stands twice in the file",
+                "appears twice in the file",
                 format!("give each {tag} a name of its own"),
             );
         } else {

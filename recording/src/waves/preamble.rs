@@ -95,7 +95,7 @@ fn heads(
     Some(two_above.and_then(|real| with_units(&real, &names)).unwrap_or(names))
 }
 
-/// Names with the units that stand below them; `None` where anything else stands there.
+/// Names with the units of the row below them; `None` where that row holds anything else.
 pub(super) fn with_units(names: &[String], below: &[String]) -> Option<Vec<String>> {
     let units: Vec<&str> =
         below.iter().map(|cell| cell.trim_matches(['(', ')', '[', ']', '<', '>'])).collect();

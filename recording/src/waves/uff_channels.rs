@@ -1,7 +1,7 @@
 //! From the time responses of a universal file to channels, and from channels to records.
 //!
 //! A channel is what was measured at one place: response entity, node, direction, quantity and unit. Functions that agree in
-//! all of these are told apart as follows.
+//! all of these are distinguished as follows.
 //!
 //! - One with other ID lines is of another sensor, unless it is at a node of the geometry and of another date.
 //! - One that begins where the other ends continues it; one that begins later belongs to it too, behind a gap.
