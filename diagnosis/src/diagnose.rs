@@ -18,6 +18,7 @@ mod ingest;
 mod judge;
 mod library;
 mod locate;
+mod look;
 mod modes;
 mod name;
 mod noise;
@@ -28,6 +29,7 @@ mod settle;
 mod springs;
 mod starts;
 mod terms;
+mod thinning;
 mod unknown;
 mod untested;
 mod view;
@@ -55,6 +57,7 @@ use std::collections::BTreeMap;
 pub use ingest::{Ingested, ingest};
 pub use judge::Verdict;
 pub use locate::{Cell, Seen};
+pub use look::Thinned;
 pub use name::Rival;
 pub use prove::Proof;
 pub use untested::Untested;
@@ -153,11 +156,25 @@ pub fn diagnose(
     let mut notes = Vec::new();
     ready::set_moving(&mut campaign, model.arm.count());
     let kept = ready::thin(&mut campaign, model.arm.count(), &mut notes);
+    let held_out = held_out.map(|held| {
+        held.iter().zip(kept).filter(|(_, kept)| *kept).map(|(held, _)| *held).collect()
+    });
+    of_chosen((campaign, notes), model, sigma, held_out, seed)
+}
+
+/// The same where rows are chosen already, and have their speeds.
+fn of_chosen(
+    (mut campaign, mut notes): (Campaign, Vec<String>),
+    model: &Model,
+    sigma: &[Vec<f64>],
+    held_out: Option<Vec<bool>>,
+    seed: u64,
+) -> Diagnosis {
     ready::set_begun(&mut campaign, model, &mut notes);
     let split = match held_out {
         Some(held) => Split {
             says: "what the recordings keep for validation".to_owned(),
-            training: held.iter().zip(kept).filter(|(_, kept)| *kept).map(|(h, _)| !h).collect(),
+            training: held.iter().map(|held| !held).collect(),
         },
         None => Split::in_blocks(&campaign, seed),
     };

@@ -8,6 +8,9 @@
 
 mod columns;
 mod gauges;
+mod outline;
+mod positions;
+mod unusable;
 
 use crate::campaign::{
     Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source,
@@ -16,8 +19,11 @@ use crate::nests::Nests;
 use crate::surroundings::{Fitted, Station, Surroundings};
 use columns::{Columns, sample, vector};
 use glam::{DMat3, DQuat, DVec3};
+pub(crate) use outline::Outline;
 use physics::{Arm, Chain, Frame, Inputs, Joints, Wrench};
+pub(crate) use positions::Positions;
 use recording::series::{Approach, Channel, Frame as Axes, Heldout, Input, Kind, Recording};
+pub use unusable::Unusable;
 
 /// Where nothing was said of a tracker's noise, the fit estimates a factor on this, m.
 const POINT_M: f64 = 5e-5;
@@ -26,63 +32,36 @@ const ORIENTATION_RAD: f64 = 1e-4;
 /// The same for joint positions, rad or m.
 const JOINT: f64 = 1e-5;
 
-/// A recording that cannot be used in a campaign.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum Unusable {
-    /// Its input lacks a joint.
-    #[error("{file}: the position of joint {joint} is missing")]
-    JointMissing {
-        /// The recording.
-        file: String,
-        /// From 1.
-        joint: usize,
-    },
-    /// A standard uncertainty that is no number above zero.
-    #[error("{file}: `sigma` of {what} must be above zero")]
-    Sigma {
-        /// The recording.
-        file: String,
-        /// Which group.
-        what: &'static str,
-    },
-    /// A target on a link that is not there, or is the tool's.
-    #[error(
-        "`target{target}_on_link` is {link}: a link is 0 (the base) to {} here; the last joint's moves with the tool, its targets need no such entry",
-        joints - 1
-    )]
-    NoSuchLink {
-        /// From 1.
-        target: usize,
-        /// As stated.
-        link: usize,
-        /// The arm's joints.
-        joints: usize,
-    },
-    /// Two recordings that do not agree.
-    #[error(
-        "{file}: its TOML says other things of `{what}` than another recording does; a number stands for one thing in all recordings"
-    )]
-    Contradiction {
-        /// The recording.
-        file: String,
-        /// Which thing.
-        what: String,
-    },
-    /// Nothing measured.
-    #[error(
-        "{file}: nothing was measured; a calibration needs x_mm, y_mm, z_mm, targets, ql, distances or touches"
-    )]
-    NothingMeasured {
-        /// The recording.
-        file: String,
-    },
-}
-
 /// A campaign of recordings of the robot `arm`.
 ///
 /// # Errors
 /// The first recording that cannot be used.
 pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusable> {
+    let mut campaign = read(arm, recordings, Wanted::ALL)?;
+    gauges::still_unused_frames(&mut campaign);
+    Ok(campaign)
+}
+
+/// Which rows become poses, and which of these keep what was seen; rows of all recordings are counted through. None: all.
+#[derive(Clone, Copy)]
+struct Wanted<'a> {
+    kept: Option<&'a [bool]>,
+    read: Option<&'a [bool]>,
+}
+
+impl Wanted<'_> {
+    const ALL: Self = Self { kept: None, read: None };
+
+    fn keeps(&self, row: usize) -> bool {
+        self.kept.is_none_or(|kept| kept.get(row) == Some(&true))
+    }
+
+    fn reads(&self, row: usize) -> bool {
+        self.read.is_none_or(|read| read.get(row) == Some(&true))
+    }
+}
+
+fn read(arm: &Arm, recordings: &[Recording], wanted: Wanted<'_>) -> Result<Campaign, Unusable> {
     let mut campaign = Campaign {
         poses: Vec::new(),
         surroundings: Surroundings::default(),
@@ -90,26 +69,21 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
         recordings: Vec::new(),
     };
     gauges::surround(recordings, &mut campaign.surroundings)?;
-    let mut stations = Vec::new();
+    let (mut stations, mut first_row) = (Vec::new(), 0);
     for (index, recording) in recordings.iter().enumerate() {
         let mut reader = Reader::of(arm, recording, index);
         reader.surround(&mut campaign.surroundings, &mut stations);
         let instruments = reader.instruments(&mut campaign)?;
         let before = campaign.readings();
-        let poses = reader.poses(&campaign.surroundings, &instruments)?;
-        if campaign.poses.is_empty() {
-            campaign.poses = poses;
-        } else {
-            campaign.poses.extend(poses);
-        }
-        gauges::read(&mut campaign, index, recording)?;
-        if campaign.readings() == before {
+        reader.poses(&mut campaign, &instruments, (first_row, wanted))?;
+        gauges::read(&mut campaign, index, recording, |row| wanted.reads(first_row + row))?;
+        if campaign.readings() == before && wanted.read.is_none() {
             return Err(Unusable::NothingMeasured { file: reader.name() });
         }
         campaign.recordings.push(reader.source());
+        first_row += recording.len();
     }
     gauges::leave_out_links(arm, &mut campaign, recordings)?;
-    gauges::still_unused_frames(&mut campaign);
     Ok(campaign)
 }
 
@@ -118,22 +92,12 @@ pub fn campaign(arm: &Arm, recordings: &[Recording]) -> Result<Campaign, Unusabl
 /// # Errors
 /// An input that lacks a joint.
 pub fn motion(arm: &Arm, recording: &Recording) -> Result<Vec<Pose>, Unusable> {
-    Reader::of(arm, recording, 0).motion()
-}
-
-/// Where the joints of the robot `arm` were in `recording`, row by row, rad or m.
-///
-/// # Errors
-/// An input that lacks a joint.
-pub(crate) fn positions(arm: &Arm, recording: &Recording) -> Result<Vec<Joints>, Unusable> {
-    let reader = Reader::of(arm, recording, 0);
-    let mut all: Vec<Joints> = Vec::with_capacity(recording.len());
-    for row in 0..recording.len() {
-        let before = all.last().filter(|_| reader.goes_on(row));
-        let q = reader.positions(row, before)?;
-        all.push(q);
-    }
-    Ok(all)
+    let mut poses = Vec::with_capacity(recording.len());
+    Reader::of(arm, recording, 0).follow(|pose| {
+        poses.push(pose);
+        Ok(())
+    })?;
+    Ok(poses)
 }
 
 /// The poses that a recording keeps for validation, one entry per pose of the campaign.
@@ -249,33 +213,46 @@ impl<'a> Reader<'a> {
         Ok(Instruments { points, orientations, joints })
     }
 
+    /// Adds the rows that are wanted, the first of which is `first_row` among those of all recordings.
     fn poses(
         &self,
-        surroundings: &Surroundings,
+        campaign: &mut Campaign,
         instruments: &Instruments,
-    ) -> Result<Vec<Pose>, Unusable> {
-        let mut poses = self.motion()?;
-        for pose in &mut poses {
-            pose.seen = self.seen(pose.row, surroundings, instruments)?;
+        (first_row, wanted): (usize, Wanted<'_>),
+    ) -> Result<(), Unusable> {
+        let Campaign { poses, surroundings, .. } = campaign;
+        if wanted.kept.is_none() {
+            poses.reserve(self.recording.len());
         }
-        Ok(poses)
+        self.follow(|mut pose| {
+            let row = first_row + pose.row;
+            if wanted.reads(row) {
+                pose.seen = self.seen(pose.row, surroundings, instruments)?;
+            }
+            if wanted.keeps(row) {
+                poses.push(pose);
+            }
+            Ok(())
+        })
     }
 
-    fn motion(&self) -> Result<Vec<Pose>, Unusable> {
+    /// The arm's way, row by row, without what was seen.
+    fn follow(&self, mut take: impl FnMut(Pose) -> Result<(), Unusable>) -> Result<(), Unusable> {
         let Recording { t_s, about, .. } = self.recording;
-        let mut poses: Vec<Pose> = Vec::with_capacity(self.recording.len());
+        let mut last: Option<Inputs> = None;
         let mut start_s = 0.0;
         for (row, now_s) in t_s.iter().enumerate() {
             let goes_on = self.goes_on(row);
-            let before = poses.last().filter(|_| goes_on);
+            let before = last.as_ref().filter(|_| goes_on);
             start_s = if goes_on { start_s } else { *now_s };
-            let inputs = self.inputs(row, now_s - start_s, before.map(|pose| &pose.inputs))?;
+            let inputs = self.inputs(row, now_s - start_s, before)?;
             let follows = about.kind == Kind::Path || about.approach == Approach::Sequence;
             let arrival =
                 if follows && before.is_some() { Arrival::FromBefore } else { Arrival::Settled };
-            poses.push(Pose { inputs, arrival, recording: self.index, row, seen: Vec::new() });
+            last = Some(inputs);
+            take(Pose { inputs, arrival, recording: self.index, row, seen: Vec::new() })?;
         }
-        Ok(poses)
+        Ok(())
     }
 
     /// Whether a row is of the segment of the one before it.

@@ -38,7 +38,7 @@ const OWN_M: f64 = 5e-3;
 /// Standard uncertainties of an instrument: a reading of three coordinates is off by more once in a thousand (χ² of three).
 const NOISES: f64 = 4.0;
 /// Poses that are looked at.
-const POSES_MAX: usize = 150;
+pub(crate) const POSES_MAX: usize = 150;
 
 /// A gross fault, with what speaks for it.
 #[derive(Clone, Debug, PartialEq)]

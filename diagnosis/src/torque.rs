@@ -23,6 +23,7 @@ pub(crate) mod noise;
 mod payload;
 pub(crate) mod prove;
 mod refine;
+mod resample;
 mod result;
 mod rigid;
 mod smooth;

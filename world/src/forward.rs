@@ -87,6 +87,12 @@ pub fn moving_in<R>(rows: &mut [R], joints: usize, inputs: impl Fn(&mut R) -> &m
     }
 }
 
+/// Speed and acceleration of one joint at each row of one segment of a path: what [`moving`] gives the rows.
+#[must_use]
+pub fn rates(times_s: &[f64], positions: &[f64]) -> Vec<(f64, f64)> {
+    derivatives(times_s, positions)
+}
+
 fn seen(q: &Joints, evaluation: &Evaluation, ride: Option<(&Ride, usize)>, model: &Model) -> Seen {
     let mut deviation = evaluation.deviation;
     let mut base_from_tool = evaluation.real.base_from_tool;

@@ -13,7 +13,7 @@ mod straight;
 use physics::Arm;
 use recording::series::{Channel, Recording};
 
-use crate::from_recording;
+use crate::from_recording::Positions;
 use crate::nests::Nests;
 use channel::Looking;
 
@@ -35,7 +35,7 @@ pub fn ingest(arm: &Arm, recordings: &mut [Recording]) -> Ingested {
         notes.extend(without_readings(recording));
         notes.extend(Nests::of(recording).map(|nests| nests.note()));
         // A recording that lacks a joint is refused where it is read.
-        let Ok(q) = from_recording::positions(arm, recording) else { continue };
+        let Ok(q) = Positions::of(arm, recording) else { continue };
         let had = measured(recording);
         notes.extend(Looking::at(arm, recording, &q).look());
         let gone = had && !measured(recording);

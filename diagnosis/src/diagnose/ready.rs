@@ -2,6 +2,7 @@
 //!
 //! Promises: what is left out is said. Never: a reading changed.
 
+use super::thinning::{self, Choice, Rows};
 use crate::campaign::Campaign;
 use crate::candidates::REVERSALS;
 use crate::hypothesis::Hypothesis;
@@ -12,12 +13,6 @@ use glam::DVec3;
 use physics::Model;
 use std::ops::Range;
 
-/// Settled poses whose readings are looked at, at most.
-const SETTLED_MAX: usize = 6000;
-/// Poses of paths whose readings are looked at, at most: neighbours tell much the same.
-const POSES_MAX: usize = 3000;
-/// Stretches of neighbours among them: half of all.
-const STRETCHES: usize = 10;
 /// Two starts of which the tool shows less than this are one, m.
 const TOLD_M: f64 = 1e-6;
 /// What a joint goes until hysteresis has forgotten where it began but for a hundredth, and play has been crossed: five times the shortest distance of a hysteresis
@@ -111,79 +106,37 @@ pub(super) fn known(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     known
 }
 
-/// Leaves of very many poses those that are looked at; gives which. Of settled poses every so manieth, and all stay where the joints were. Of paths: stretches
-/// of neighbours where the arm is driven hardest, since what rings and lags shows there, every so manieth of the rest, and every row where a joint turns
-/// round, since play and hysteresis remember these.
+/// Leaves of very many poses those that are looked at; gives which. See [`thinning::choose`].
 pub(super) fn thin(campaign: &mut Campaign, joints: usize, notes: &mut Vec<String>) -> Vec<bool> {
     let count = campaign.poses.len();
-    let measured = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
-    let paths: Vec<Range<usize>> = paths(campaign).collect();
-    let (most, evenly) = match paths[..] {
-        [] => (SETTLED_MAX, SETTLED_MAX),
-        _ => (POSES_MAX, POSES_MAX / 2),
-    };
-    if measured <= most {
+    let Some(Choice { kept, read, says }) = thinning::choose(&outline(campaign, joints)) else {
         return vec![true; count];
-    }
-    let stride = measured.div_ceil(evenly);
-    let mut read: Vec<bool> = (0..count).map(|k| k % stride == 0).collect();
-    for stretch in hardest(campaign, &paths, joints) {
-        read[stretch].fill(true);
-    }
-    let kept = with_turns(campaign, &paths, &read);
+    };
     campaign.poses.iter_mut().zip(&read).filter(|(_, read)| !**read).for_each(|(pose, _)| {
         pose.seen.clear();
     });
     let mut keeps = kept.iter();
     campaign.poses.retain(|_| *keeps.next().unwrap_or(&true));
     join(campaign);
-    let looked_at = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
-    let which = match paths[..] {
-        [] => format!("one in {stride}"),
-        _ => format!(
-            "{STRETCHES} stretches where the arm is driven hardest, and one in {stride} of the rest"
-        ),
-    };
-    notes.push(format!("of {measured} rows {looked_at} were looked at: {which}"));
+    notes.push(says);
     kept
 }
 
-/// All poses but those rows of paths that are neither read nor beside the place where a joint turns round.
-fn with_turns(campaign: &Campaign, paths: &[Range<usize>], read: &[bool]) -> Vec<bool> {
-    let mut kept = vec![true; campaign.poses.len()];
-    for path in paths {
-        let poses = &campaign.poses[path.clone()];
-        let turns = |k: &usize| {
-            (1..poses.len()).contains(k)
-                && poses[*k].inputs.direction != poses[*k - 1].inputs.direction
-        };
-        for k in 0..poses.len() {
-            // It turned about the row before.
-            kept[path.start + k] = read[path.start + k] || (k..k + 3).any(|k| turns(&k));
-        }
+/// What of a campaign tells which poses are looked at.
+fn outline(campaign: &Campaign, joints: usize) -> Rows<'_> {
+    let poses = &campaign.poses;
+    let turns = |k: usize| k > 0 && poses[k].inputs.direction != poses[k - 1].inputs.direction;
+    Rows {
+        paths: paths(campaign).collect::<Vec<_>>().into(),
+        measured: poses.iter().map(|pose| !pose.seen.is_empty()).collect::<Vec<_>>().into(),
+        turned: (0..poses.len()).map(turns).collect::<Vec<_>>().into(),
+        joints,
+        acceleration: Box::new(|k, joint| poses[k].inputs.acceleration[joint]),
     }
-    kept
-}
-
-/// The stretches of neighbours in which joints are accelerated most.
-fn hardest(campaign: &Campaign, paths: &[Range<usize>], joints: usize) -> Vec<Range<usize>> {
-    let length = POSES_MAX / (2 * STRETCHES);
-    let pieces = paths.iter().flat_map(|path| {
-        let starts = path.clone().step_by(length);
-        starts.map(|start| start..(start + length).min(path.end))
-    });
-    let driven = |piece: &Range<usize>| {
-        let poses = campaign.poses[piece.clone()].iter();
-        let of_joints = poses.flat_map(|pose| pose.inputs.acceleration[..joints].iter());
-        of_joints.map(|a| a * a).sum::<f64>()
-    };
-    let mut pieces: Vec<(f64, Range<usize>)> = pieces.map(|p| (driven(&p), p)).collect();
-    pieces.sort_by(|a, b| b.0.total_cmp(&a.0));
-    pieces.into_iter().take(STRETCHES).map(|(_, piece)| piece).collect()
 }
 
 /// Poses that were not neighbours follow one another: each from the one before it that is left.
-fn join(campaign: &mut Campaign) {
+pub(super) fn join(campaign: &mut Campaign) {
     for run in runs(campaign) {
         for k in run.skip(1) {
             let before = campaign.poses[k - 1].inputs;
@@ -196,6 +149,7 @@ fn join(campaign: &mut Campaign) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::thinning::{POSES_MAX, STRETCHES};
     use super::*;
     use crate::campaign::Arrival;
     use crate::made;

@@ -113,11 +113,24 @@ fn sphere(said: &TouchedSphere) -> Sphere {
     }
 }
 
-/// Adds what one recording read to its poses.
+/// Whether a distance was read in a row, or something touched.
+pub(super) fn is_read(recording: &Recording, row: usize) -> bool {
+    let value = |channel| recording.column(channel).and_then(|column| column.get(row)).copied();
+    let touches = |channel| value(channel).and_then(place).is_some();
+    let distance = |channel| {
+        matches!(channel, Channel::Distance(_)) && value(channel).is_some_and(f64::is_finite)
+    };
+    let probes = recording.about.gauges.probe.is_some();
+    recording.channels().any(distance)
+        || (probes && (touches(Channel::TouchPlane) || touches(Channel::TouchSphere)))
+}
+
+/// Adds what one recording read to its poses, in the rows in which it `is_read`.
 pub(super) fn read(
     campaign: &mut Campaign,
     index: usize,
     recording: &Recording,
+    is_read: impl Fn(usize) -> bool,
 ) -> Result<(), Unusable> {
     let mut readings: Vec<(usize, Reading, usize, Noise)> = Vec::new();
     let mut instrument = |what: &str, noise_is_known: bool| {
@@ -151,13 +164,15 @@ pub(super) fn read(
         touch(Channel::TouchPlane, &|plane| Reading::Plane { place: on, plane, radius_m });
         touch(Channel::TouchSphere, &|sphere| Reading::Sphere { place: on, sphere, radius_m });
     }
-    // A recording's poses are its rows, in their order.
+    // A recording's poses are rows of it, in their order.
     let first = campaign.poses.partition_point(|pose| pose.recording < index);
-    for (row, reading, instrument, noise) in readings {
+    let poses = campaign.poses.get_mut(first..).unwrap_or_default();
+    for (row, reading, instrument, noise) in readings.into_iter().filter(|one| is_read(one.0)) {
         let file = || recording.file.display().to_string();
         let refused = || Unusable::Sigma { file: file(), what: "distances and touches" };
         let whitening = noise.whitening(DVec3::ZERO).ok_or_else(refused)?;
-        if let Some(pose) = campaign.poses.get_mut(first + row) {
+        let at = poses.binary_search_by_key(&row, |pose| pose.row);
+        if let Some(pose) = at.ok().and_then(|at| poses.get_mut(at)) {
             pose.seen.push(Observation { reading, whitening, instrument });
         }
     }

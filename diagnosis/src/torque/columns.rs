@@ -89,9 +89,9 @@ impl Law {
 
     fn samples(self, track: &Track, standing: f64) -> Vec<f64> {
         let sign = |v: f64| libm::tanh(v / standing.max(1e-12));
-        let [quick_q, quick_v, _] = &track.quick;
+        let [quick_q, quick_v, _] = track.quick();
         let (places, speeds) =
-            if self.is_sharp() { (quick_q, quick_v) } else { (&track.q, &track.v) };
+            if self.is_sharp() { (quick_q, quick_v) } else { (&*track.q, &*track.v) };
         let v = speeds.iter().copied();
         let q = places.iter().copied();
         match self {
@@ -136,7 +136,7 @@ impl Law {
 pub(super) fn waves(motion: &Motion, joint: usize, cycles: f64) -> [Column; 2] {
     let mut all = [Vec::new(), Vec::new()];
     for run in &motion.runs {
-        let places = run.joints[joint].quick[0].iter();
+        let places = run.joints[joint].quick()[0].iter();
         let (sines, cosines): (Vec<f64>, Vec<f64>) =
             places.map(|q| libm::sincos(cycles * q)).unzip();
         let passed = run.each_at_rows(&[sines, cosines]);

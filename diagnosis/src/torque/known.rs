@@ -176,7 +176,7 @@ impl Stated<'_> {
         (all, columns.into_iter().map(column).collect())
     }
 
-    /// Per joint and sample of one run: what effects add, and by how much it changes with each number that is wanted.
+    /// Per joint and sample of one run: what effects add, and by how much it changes with each number that is wanted; empty where it never does.
     fn over(
         &self,
         run: &Run,
@@ -187,7 +187,7 @@ impl Stated<'_> {
         let count = self.model.arm.count();
         let samples = run.joints.first().map_or(0, |track| track.q.len());
         let mut added = vec![vec![0.0; samples]; count];
-        let mut slopes = vec![vec![vec![0.0; samples]; count]; wanted.len()];
+        let mut slopes = vec![vec![Vec::new(); count]; wanted.len()];
         if self.model.effects().len() == 0 {
             return (added, slopes);
         }
@@ -210,7 +210,12 @@ impl Stated<'_> {
             }
             self.model.drive_slopes(&inputs, &memories, wanted, |place, slope| {
                 for (joint, list) in slopes[place].iter_mut().enumerate() {
-                    list[sample] = slope[joint];
+                    if slope[joint] != 0.0 && list.is_empty() {
+                        *list = vec![0.0; samples];
+                    }
+                    if let Some(slot) = list.get_mut(sample) {
+                        *slot = slope[joint];
+                    }
                 }
             });
         }
@@ -226,11 +231,12 @@ pub(super) fn moments(arm: &Arm, motion: &Motion) -> Vec<(usize, Vec<Column>)> {
     let joints: Vec<usize> = (0..arm.count()).filter(is_stated).collect();
     let effects: Vec<AnyEffect> = joints.iter().filter_map(|joint| build(*joint)).collect();
     let Ok(model) = Model::new(*arm, &effects) else { return Vec::new() };
-    let wanted: Vec<(usize, usize)> =
-        (0..effects.len()).flat_map(|effect| (0..3).map(move |value| (effect, value))).collect();
     let stated = Stated { model: &model, sigma: &[], delay_s: 0.0 };
-    let (_, columns) = stated.over_all(motion, &wanted, false);
-    let each = joints.iter().zip(columns.chunks(3)).map(|(joint, three)| (*joint, three.to_vec()));
+    // One body at a time: all their samples at once are many.
+    let each = joints.iter().enumerate().map(|(effect, joint)| {
+        let wanted = [0, 1, 2].map(|value| (effect, value));
+        (*joint, stated.over_all(motion, &wanted, false).1)
+    });
     each.filter(|(_, three)| three.iter().any(|column| !column.parts.is_empty())).collect()
 }
 

@@ -7,6 +7,7 @@ use physics::{Arm, Inputs, JOINTS_MAX};
 use recording::series::{Channel, Kind, Recording};
 
 use super::filter::{LowPass, moved};
+use super::resample::resampled;
 use super::stops::{digit, stops};
 
 /// The band that drives and links of industrial arms move in, Hz: beyond it lies what a rigid body does not do.
@@ -40,8 +41,8 @@ pub(super) struct Track {
     pub(super) q: Vec<f64>,
     pub(super) v: Vec<f64>,
     pub(super) a: Vec<f64>,
-    /// Position, speed and acceleration in the wider band of what turns sharply.
-    pub(super) quick: [Vec<f64>; 3],
+    /// Position, speed and acceleration in the wider band of what turns sharply; none where that is the torque's.
+    quick: Option<[Vec<f64>; 3]>,
     /// The same as recorded, in no band at all; empty where the torque's is as wide as the other.
     raw: [Vec<f64>; 3],
     /// None where no torque of this joint was recorded.
@@ -79,6 +80,14 @@ pub(super) struct Motion {
     pub(super) by_current: bool,
 }
 
+impl Track {
+    /// Position, speed and acceleration in the wider band of what turns sharply.
+    pub(super) fn quick(&self) -> [&[f64]; 3] {
+        let Self { q, v, a, quick, .. } = self;
+        quick.as_ref().map_or([q, v, a], |[q, v, a]| [q, v, a])
+    }
+}
+
 impl Run {
     /// The state of the arm at a sample, in the band of the torque.
     pub(super) fn inputs(&self, sample: usize) -> Inputs {
@@ -87,7 +96,7 @@ impl Run {
 
     /// The same in the wider band of what turns sharply.
     pub(super) fn quick(&self, sample: usize) -> Inputs {
-        self.state(|track| track.quick.each_ref().map(|list| list[sample]))
+        self.state(|track| track.quick().map(|list| list[sample]))
     }
 
     /// The same as recorded: what is linear in it and passes the filter then is what smoothed motion says, and what is not linear is right.
@@ -325,8 +334,8 @@ fn runs_of(
             let stops = stops(&recorded, digit(columns[joint]), step_s);
             let [q, v, a] = moved(filter.pass(&recorded), step_s);
             let (quick, raw) = match quick_hz > band_hz {
-                true => (moved(quick.pass(&recorded), step_s), moved(recorded, step_s)),
-                false => ([&q, &v, &a].map(Vec::clone), Default::default()),
+                true => (Some(moved(quick.pass(&recorded), step_s)), moved(recorded, step_s)),
+                false => (None, Default::default()),
             };
             let torque = torques[joint].as_ref().map(|torque| filter.pass(&late(torque, delay_s)));
             let temperature = recording
@@ -359,42 +368,4 @@ fn filled(column: &[f64]) -> Vec<f64> {
         last
     };
     column.iter().map(&mut next).collect()
-}
-
-/// Samples at even times by the cubic through the four nearest (Lagrange).
-fn resampled(times: &[f64], samples: &[f64], start_s: f64, step_s: f64, count: usize) -> Vec<f64> {
-    let last_s = times.last().copied().unwrap_or(start_s);
-    let mut at = 0;
-    let value = |k: usize| {
-        // What was delayed is not known beyond the ends.
-        let time = (start_s + k as f64 * step_s).clamp(times[0], last_s);
-        while at + 2 < times.len() && times[at + 1] <= time {
-            at += 1;
-        }
-        let from = at.saturating_sub(1).min(times.len().saturating_sub(4));
-        let four = from..(from + 4).min(times.len());
-        let mut sum = 0.0;
-        for i in four.clone() {
-            let weight = |j: usize| (time - times[j]) / (times[i] - times[j]);
-            sum += samples[i] * four.clone().filter(|j| *j != i).map(weight).product::<f64>();
-        }
-        sum
-    };
-    (0..count).map(value).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn samples_that_jitter_come_back_even() {
-        let times: Vec<f64> =
-            (0..400).map(|k| 0.01 * f64::from(k) + 0.003 * f64::from(k % 3)).collect();
-        let samples: Vec<f64> = times.iter().map(|t| libm::sin(3.0 * t)).collect();
-        let even = resampled(&times, &samples, 0.0, 0.01, 390);
-        for (k, value) in even.iter().enumerate() {
-            assert!((value - libm::sin(0.03 * k as f64)).abs() < 1e-6, "{k}");
-        }
-    }
 }

@@ -1,6 +1,8 @@
 //! Reading a black box, whole or cut off.
 
 use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 use mcap::parse_record;
@@ -40,17 +42,23 @@ pub struct Contents {
     pub unknown: usize,
 }
 
-/// Reads a black box.
+/// Reads a black box. No more of the file is held than the record at hand.
 ///
 /// # Errors
 /// The file cannot be read, or is no black box. One that is cut off is read as far as it goes.
 pub fn read(path: &Path) -> Result<Contents, BlackBoxError> {
-    let bytes = std::fs::read(path).map_err(|source| BlackBoxError::Io {
-        action: "read",
-        path: path.to_owned(),
-        source,
-    })?;
-    read_bytes(&path.display().to_string(), &bytes)
+    let refused = |source| BlackBoxError::Io { action: "read", path: path.to_owned(), source };
+    let file = File::open(path).map_err(refused)?;
+    let metadata = file.metadata().map_err(refused)?;
+    let name = path.display().to_string();
+    if !metadata.is_file() {
+        // Of a pipe nobody knows how long it is.
+        let mut bytes = Vec::new();
+        (&file).read_to_end(&mut bytes).map_err(refused)?;
+        return read_bytes(&name, &bytes);
+    }
+    let bytes = usize::try_from(metadata.len()).unwrap_or(usize::MAX);
+    read_from(&name, BufReader::new(file), bytes, refused)
 }
 
 /// Reads a black box from memory.
@@ -58,26 +66,42 @@ pub fn read(path: &Path) -> Result<Contents, BlackBoxError> {
 /// # Errors
 /// The bytes are no black box.
 pub fn read_bytes(name: &str, bytes: &[u8]) -> Result<Contents, BlackBoxError> {
+    let refused = |source| BlackBoxError::Io { action: "read", path: name.into(), source };
+    read_from(name, bytes, bytes.len(), refused)
+}
+
+/// Reads a black box from a source of so many bytes.
+fn read_from(
+    name: &str,
+    source: impl Read,
+    bytes: usize,
+    refused: impl Fn(io::Error) -> BlackBoxError,
+) -> Result<Contents, BlackBoxError> {
     let not_ours =
         |what: &str| BlackBoxError::NotOurs { name: name.to_owned(), what: what.to_owned() };
-    if !bytes.starts_with(mcap::MAGIC) {
+    let mut head = Vec::new();
+    let mut source = source.take(bytes as u64);
+    source.by_ref().take(mcap::MAGIC.len() as u64).read_to_end(&mut head).map_err(&refused)?;
+    if head != mcap::MAGIC {
         return Err(not_ours("does not begin as MCAP does"));
     }
+    let mut source = head.as_slice().chain(source);
     let options = LinearReaderOptions::default()
         .with_skip_end_magic(true)
         .with_prevalidate_chunk_crcs(true)
         // No record is longer than the file: a broken length asks for no memory.
-        .with_record_length_limit(bytes.len());
+        .with_record_length_limit(bytes);
     let mut reader = LinearReader::new_with_options(options);
     let mut gathered = Gathered::default();
-    let mut rest = bytes;
+    let mut left = bytes;
     while let Some(event) = reader.next_event() {
         match event {
             Ok(LinearReadEvent::ReadRequest(wanted)) => {
-                let (given, later) = rest.split_at(wanted.min(rest.len()));
-                reader.insert(given.len()).copy_from_slice(given);
-                reader.notify_read(given.len());
-                rest = later;
+                let room = reader.insert(wanted.min(left));
+                let given = full(&mut source, room).map_err(&refused)?;
+                reader.notify_read(given);
+                // A file that has grown shorter ends here.
+                left = if given < wanted.min(left) { 0 } else { left - given };
             }
             Ok(LinearReadEvent::Record { data, opcode }) => match of_use(opcode, data) {
                 Ok(Some(record)) => gathered.take(record),
@@ -94,6 +118,20 @@ pub fn read_bytes(name: &str, bytes: &[u8]) -> Result<Contents, BlackBoxError> {
         }
     }
     if gathered.has_header { Ok(gathered.contents) } else { Err(not_ours("has no header of ours")) }
+}
+
+/// Fills the room as far as the source goes; how much that was.
+fn full(source: &mut impl Read, room: &mut [u8]) -> io::Result<usize> {
+    let mut given = 0;
+    while given < room.len() {
+        match source.read(&mut room[given..]) {
+            Ok(0) => break,
+            Ok(more) => given += more,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(given)
 }
 
 /// A record, where it is of a kind that is looked at; else why the file ends here.

@@ -65,6 +65,11 @@ impl Clock {
         Ok(Self::Pattern(format.to_owned()))
     }
 
+    /// Whether a cell is such a time.
+    pub(super) fn reads(&self, cell: &str) -> bool {
+        self.read(cell).is_some()
+    }
+
     fn read(&self, cell: &str) -> Option<Instant> {
         self.fields(cell)?.instant()
     }

@@ -7,6 +7,7 @@
 mod about;
 mod about_text;
 mod build;
+mod cells;
 mod channel;
 mod clock;
 #[cfg(test)]
@@ -19,6 +20,7 @@ mod number;
 mod parquet;
 mod places;
 mod rows;
+mod rowwise;
 mod separator;
 mod table;
 mod table_end;

@@ -65,6 +65,18 @@ impl Notation {
         Self { decimal, thousands: None, undecided }
     }
 
+    /// The same by cells that are not all of them; none where these leave it open.
+    pub(super) fn proven<'c>(
+        separator: u8,
+        mut cells: impl Iterator<Item = &'c str>,
+    ) -> Option<Self> {
+        if separator == b',' {
+            return Some(Self::of('.', None));
+        }
+        let proof = |cell| evidence(cell).filter(|(_, proves)| *proves);
+        cells.find_map(proof).map(|(mark, _)| Self::of(mark, None))
+    }
+
     /// The number in a cell: NaN where it is empty.
     pub(super) fn read(self, cell: &str) -> Result<f64, Unread> {
         if cell.is_empty() {

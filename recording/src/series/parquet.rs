@@ -3,7 +3,6 @@
 //! Contract: contract/recording.md. The same checks as for a text follow, since it becomes the same table; numbers stay what they are. Compression: none, Snappy or Zstandard.
 //! No input makes it panic: what the library cannot read is a fault.
 
-use std::borrow::Cow;
 use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -18,16 +17,10 @@ use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
+use super::cells::{Cells, Texts};
 use super::table::RawTable;
 use crate::faults::{Fault, Faults};
 use crate::files::FileError;
-
-/// A column; none for a null.
-pub(crate) enum Cells {
-    Numbers(Vec<Option<f64>>),
-    Whole(Vec<Option<i64>>),
-    Texts(Vec<Option<String>>),
-}
 
 /// The table of a file.
 ///
@@ -67,7 +60,7 @@ fn cut(file: File, name: &str) -> Result<Result<RawTable<'static>, Faults>, Parq
     if !faults.is_empty() {
         return Ok(Err(faults));
     }
-    let whole = |place: usize| Cells::of(&reader, place, columns[place].physical_type());
+    let whole = |place: usize| cells(&reader, place, columns[place].physical_type());
     let cells: Vec<Cells> = (0..columns.len()).map(whole).collect::<Result<_, _>>()?;
     Ok(Ok(RawTable::made(header, cells)))
 }
@@ -123,74 +116,31 @@ fn all<T: DataType, V>(
     Ok(all)
 }
 
-impl Cells {
-    fn of(
-        file: &SerializedFileReader<File>,
-        column: usize,
-        kind: Type,
-    ) -> Result<Self, ParquetError> {
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        Ok(match kind {
-            Type::DOUBLE => Self::Numbers(all::<DoubleType, _>(file, column, |v| v)?),
-            Type::FLOAT => Self::Numbers(all::<FloatType, _>(file, column, f64::from)?),
-            Type::INT64 => Self::Whole(all::<Int64Type, _>(file, column, |v| v)?),
-            Type::INT32 => Self::Whole(all::<Int32Type, _>(file, column, i64::from)?),
-            Type::BOOLEAN => Self::Whole(all::<BoolType, _>(file, column, i64::from)?),
-            Type::BYTE_ARRAY => {
-                Self::Texts(all::<ByteArrayType, _>(file, column, |v| text(v.data()))?)
-            }
-            Type::FIXED_LEN_BYTE_ARRAY => {
-                Self::Texts(all::<FixedLenByteArrayType, _>(file, column, |v| text(v.data()))?)
-            }
-            Type::INT96 => return Err(ParquetError::NYI("columns of 96 bits".to_owned())),
-        })
-    }
-
-    pub(crate) fn len(&self) -> usize {
-        match self {
-            Self::Numbers(all) => all.len(),
-            Self::Whole(all) => all.len(),
-            Self::Texts(all) => all.len(),
+/// A column as it is kept.
+fn cells(
+    file: &SerializedFileReader<File>,
+    column: usize,
+    kind: Type,
+) -> Result<Cells, ParquetError> {
+    let or_nan = |all: Vec<Option<f64>>| all.into_iter().map(|v| v.unwrap_or(f64::NAN)).collect();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let texts = |all: Vec<Option<String>>| -> Texts {
+        all.iter().map(|text| text.as_deref().unwrap_or_default()).collect()
+    };
+    Ok(match kind {
+        Type::DOUBLE => Cells::Numbers(or_nan(all::<DoubleType, _>(file, column, |v| v)?)),
+        Type::FLOAT => Cells::Numbers(or_nan(all::<FloatType, _>(file, column, f64::from)?)),
+        Type::INT64 => Cells::Whole(all::<Int64Type, _>(file, column, |v| v)?),
+        Type::INT32 => Cells::Whole(all::<Int32Type, _>(file, column, i64::from)?),
+        Type::BOOLEAN => Cells::Whole(all::<BoolType, _>(file, column, i64::from)?),
+        Type::BYTE_ARRAY => {
+            Cells::Texts(texts(all::<ByteArrayType, _>(file, column, |v| text(v.data()))?))
         }
-    }
-
-    /// The number in a row: NaN where nothing is; none where a text stands.
-    pub(crate) fn number(&self, row: usize) -> Option<f64> {
-        match self {
-            Self::Numbers(all) => Some(at(all, row).map_or(f64::NAN, |v| *v)),
-            Self::Whole(all) => Some(at(all, row).map_or(f64::NAN, |v| *v as f64)),
-            Self::Texts(_) => None,
+        Type::FIXED_LEN_BYTE_ARRAY => {
+            Cells::Texts(texts(all::<FixedLenByteArrayType, _>(file, column, |v| text(v.data()))?))
         }
-    }
-
-    /// A row as text: for numbers the shortest that reads back to the same one; nothing for a null.
-    pub(crate) fn text(&self, row: usize) -> Cow<'_, str> {
-        let text = match self {
-            Self::Numbers(all) => {
-                at(all, row).map(|v| ryu::Buffer::new().format(*v).to_owned().into())
-            }
-            Self::Whole(all) => at(all, row).map(|v| v.to_string().into()),
-            Self::Texts(all) => at(all, row).map(|v| Cow::Borrowed(v.as_str())),
-        };
-        text.unwrap_or_default()
-    }
-
-    /// Leaves out the rows that are not `wanted`.
-    pub(crate) fn keep(&mut self, wanted: &[bool]) {
-        fn only<T>(all: &mut Vec<T>, wanted: &[bool]) {
-            let mut wanted = wanted.iter();
-            all.retain(|_| wanted.next() == Some(&true));
-        }
-        match self {
-            Self::Numbers(all) => only(all, wanted),
-            Self::Whole(all) => only(all, wanted),
-            Self::Texts(all) => only(all, wanted),
-        }
-    }
-}
-
-fn at<T>(all: &[Option<T>], row: usize) -> Option<&T> {
-    all.get(row).and_then(Option::as_ref)
+        Type::INT96 => return Err(ParquetError::NYI("columns of 96 bits".to_owned())),
+    })
 }
 
 #[cfg(test)]

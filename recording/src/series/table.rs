@@ -8,10 +8,9 @@ use std::collections::BTreeSet;
 
 use csv::{ReaderBuilder, StringRecord};
 
+use super::cells::Cells;
 use super::channel::Column;
 use super::number::{Notation, Unread};
-#[cfg(feature = "parquet")]
-use super::parquet::Cells;
 use super::rows::{Rows, TooLarge, too_large};
 use super::separator::{guess_separator, separator_line};
 use super::units_line::UnitsLine;
@@ -48,7 +47,7 @@ pub(crate) enum Reads {
 }
 
 impl Reads {
-    fn has(&self, name: &str) -> bool {
+    pub(super) fn has(&self, name: &str) -> bool {
         match self {
             Self::All => true,
             Self::Ours => !matches!(Column::named(name), Ok(Column::Unknown)),
@@ -61,6 +60,29 @@ impl Dialect {
     pub(super) fn is_comment(&self, line: &str) -> bool {
         self.comment.is_some_and(|mark| line.as_bytes().first() == Some(&mark))
     }
+
+    /// The decimal mark, where it is stated, be it by what groups thousands.
+    pub(super) fn stated_decimal(&self) -> Option<char> {
+        match (self.decimal_comma, self.thousands) {
+            (Some(comma), _) => Some(if comma { ',' } else { '.' }),
+            (None, Some('.')) => Some(','),
+            (None, Some(',')) => Some('.'),
+            (None, _) => None,
+        }
+    }
+}
+
+/// The names in a first row; the numbers of the columns where it is none of names.
+pub(super) fn header_of<'f>(
+    fields: impl Iterator<Item = &'f str>,
+    dialect: &Dialect,
+) -> Vec<String> {
+    if dialect.no_header {
+        let width = dialect.width.unwrap_or_else(|| fields.count());
+        return (1..=width).map(|number| number.to_string()).collect();
+    }
+    // Word processors put no-break spaces into names; nobody can type them into a mapping.
+    fields.map(|name| name.trim().replace('\u{a0}', " ")).collect()
 }
 
 /// A table as it was found.
@@ -70,8 +92,7 @@ pub(crate) struct RawTable<'s> {
     pub(super) units: Option<UnitsLine>,
     /// Of a table of text.
     pub(super) rows: Rows,
-    /// Column by column, of one that was no text.
-    #[cfg(feature = "parquet")]
+    /// Column by column, of one that is kept as values.
     cells: Vec<Cells>,
     pub(crate) notes: Vec<String>,
     pub(super) separator: u8,
@@ -97,7 +118,6 @@ impl<'s> RawTable<'s> {
             header: Vec::new(),
             units: None,
             rows: Rows::default(),
-            #[cfg(feature = "parquet")]
             cells: Vec::new(),
             notes: Vec::new(),
             separator,
@@ -106,14 +126,7 @@ impl<'s> RawTable<'s> {
             header_line: 0,
             body_start,
         };
-        if dialect.separator.is_none() && separator != b',' {
-            let name = match separator {
-                b';' => "semicolons".to_owned(),
-                b'\t' => "tabulators".to_owned(),
-                other => format!("`{}`", char::from(other)),
-            };
-            table.notes.push(format!("fields are separated by {name}"));
-        }
+        table.note_separator(dialect);
         if table.read_rows(body, dialect, faults).is_err() {
             faults.push(too_large());
         }
@@ -125,27 +138,43 @@ impl<'s> RawTable<'s> {
         table
     }
 
+    fn note_separator(&mut self, dialect: &Dialect) {
+        if dialect.separator.is_none() && self.separator != b',' {
+            let name = match self.separator {
+                b';' => "semicolons".to_owned(),
+                b'\t' => "tabulators".to_owned(),
+                other => format!("`{}`", char::from(other)),
+            };
+            self.notes.push(format!("fields are separated by {name}"));
+        }
+    }
+
     fn find_notation(&mut self, dialect: &Dialect) {
-        let stated = match (dialect.decimal_comma, dialect.thousands) {
-            (Some(comma), _) => Some(if comma { ',' } else { '.' }),
-            (None, Some('.')) => Some(','),
-            (None, Some(',')) => Some('.'),
-            (None, _) => None,
-        };
         let rows = &self.rows;
         let columns = (0..self.header.len()).filter(|at| dialect.reads.has(&self.header[*at]));
         let columns: Vec<usize> = columns.collect();
         let cells = (0..rows.len())
             .flat_map(|row| columns.iter().filter_map(move |at| rows.cell(row, *at)));
-        self.notation = match stated {
+        self.notation = match dialect.stated_decimal() {
             Some(decimal) => Notation::of(decimal, dialect.thousands),
             None => {
                 Notation { thousands: dialect.thousands, ..Notation::found(self.separator, cells) }
             }
         };
-        if stated.is_none() && self.notation.decimal == ',' {
+        self.note_decimal(dialect);
+    }
+
+    fn note_decimal(&mut self, dialect: &Dialect) {
+        if dialect.stated_decimal().is_none() && self.notation.decimal == ',' {
             self.notes.push("a comma is the decimal mark".to_owned());
         }
+    }
+
+    /// Says of a table whose cells were read how they were.
+    pub(super) fn is_read_by(&mut self, separator: u8, notation: Notation, dialect: &Dialect) {
+        (self.separator, self.notation) = (separator, notation);
+        self.note_separator(dialect);
+        self.note_decimal(dialect);
     }
 
     /// Takes the first row as a line of units, where the header names the columns.
@@ -165,8 +194,7 @@ impl<'s> RawTable<'s> {
         }
     }
 
-    /// A table that was no text; faults then name rows instead of lines.
-    #[cfg(feature = "parquet")]
+    /// A table that is kept as values; faults then name rows instead of lines.
     pub(crate) fn made(header: Vec<String>, cells: Vec<Cells>) -> RawTable<'static> {
         RawTable {
             source: "",
@@ -185,7 +213,6 @@ impl<'s> RawTable<'s> {
 
     /// How many rows there are.
     pub(crate) fn len(&self) -> usize {
-        #[cfg(feature = "parquet")]
         if let Some(first) = self.cells.first() {
             return first.len();
         }
@@ -194,7 +221,6 @@ impl<'s> RawTable<'s> {
 
     /// What stands in a cell; none where its row is too short.
     pub(crate) fn cell(&self, row: usize, column: usize) -> Option<Cow<'_, str>> {
-        #[cfg(feature = "parquet")]
         if let Some(cells) = self.cells.get(column) {
             return Some(cells.text(row));
         }
@@ -203,7 +229,6 @@ impl<'s> RawTable<'s> {
 
     /// The number in a cell: NaN where it is empty.
     pub(super) fn number_in(&self, row: usize, column: usize) -> Result<f64, Unread> {
-        #[cfg(feature = "parquet")]
         if let Some(number) = self.cells.get(column).and_then(|cells| cells.number(row)) {
             return Ok(number);
         }
@@ -213,7 +238,6 @@ impl<'s> RawTable<'s> {
     /// Leaves out the rows that are not `wanted`.
     pub(crate) fn keep(&mut self, mut wanted: impl FnMut(usize, &Self) -> bool) {
         let wanted: Vec<bool> = (0..self.len()).map(|row| wanted(row, self)).collect();
-        #[cfg(feature = "parquet")]
         self.cells.iter_mut().for_each(|cells| cells.keep(&wanted));
         self.rows.keep(&wanted);
     }
@@ -274,14 +298,11 @@ impl<'s> RawTable<'s> {
         if !self.header.is_empty() {
             return self.rows.push(byte, fields);
         }
+        self.header = header_of(fields.clone(), dialect);
         if dialect.no_header {
-            let width = dialect.width.unwrap_or_else(|| fields.clone().count());
-            self.header = (1..=width).map(|number| number.to_string()).collect();
             return self.rows.push(byte, fields);
         }
         self.header_line = self.line_of(byte);
-        // Word processors put no-break spaces into names; nobody can type them into a mapping.
-        self.header = fields.map(|name| name.trim().replace('\u{a0}', " ")).collect();
         Ok(())
     }
 

@@ -43,8 +43,28 @@ pub fn read(path: &Path, mapping: Option<&Path>, need: Need) -> Result<Recording
         let faults = Faults::of(path.display().to_string());
         return Ok(of_table(table, faults, mapping.as_ref(), about, need)?);
     }
+    if let Some(recording) = row_by_row(path, mapping.as_ref(), about.as_ref(), need) {
+        return Ok(recording);
+    }
     let source = read_file(path)?;
     Ok(read_text(&path.display().to_string(), &source, mapping.as_ref(), about, need)?)
+}
+
+/// The recording in a file that has no faults and is written plainly; none where it takes the whole text to tell.
+fn row_by_row(
+    path: &Path,
+    mapping: Option<&Mapping>,
+    about: Option<&About>,
+    need: Need,
+) -> Option<Recording> {
+    let table = super::rowwise::table(path, &dialect(mapping))?;
+    let faults = Faults::of(path.display().to_string());
+    of_table(table, faults, mapping, about.cloned(), need).ok()
+}
+
+pub(super) fn dialect(mapping: Option<&Mapping>) -> Dialect {
+    let own = || Dialect { reads: Reads::Ours, ..Dialect::default() };
+    mapping.map_or_else(own, |mapping| mapping.dialect.clone())
 }
 
 fn other_format(path: &Path, extension: &str) -> Faults {
@@ -72,9 +92,7 @@ pub fn read_text(
 ) -> Result<Recording, Faults> {
     let source = with_line_feeds(source.strip_prefix('\u{feff}').unwrap_or(source));
     let mut faults = Faults::of(name);
-    let own = || Dialect { reads: Reads::Ours, ..Dialect::default() };
-    let dialect = mapping.map_or_else(own, |mapping| mapping.dialect.clone());
-    let table = RawTable::cut(&source, &dialect, &mut faults);
+    let table = RawTable::cut(&source, &dialect(mapping), &mut faults);
     of_table(table, faults, mapping, about, need)
 }
 
@@ -90,7 +108,7 @@ fn with_line_feeds(source: &str) -> Cow<'_, str> {
     Cow::Owned(format!("{first}{rest}"))
 }
 
-fn of_table(
+pub(super) fn of_table(
     table: RawTable<'_>,
     faults: Faults,
     mapping: Option<&Mapping>,

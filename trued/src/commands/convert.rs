@@ -45,8 +45,10 @@ struct Report {
 
 impl Convert {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        let contents = blackbox::read(&self.input).map_err(Failure::input)?;
+        let mut contents = blackbox::read(&self.input).map_err(Failure::input)?;
         let mut made = blackbox::convert(&contents);
+        // Of a long run the records are most of what is held.
+        contents.records = Vec::new();
         if made.cycles.is_empty() && made.forces.is_none() {
             let what = format!("{}: holds no cycle and no force sample", self.input.display());
             return Err(Failure::input(format!("{what}; was the daemon sent any command?")));

@@ -12,10 +12,10 @@ pub(super) mod told;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use diagnosis::diagnose::{Diagnosis, Ingested, diagnose, ingest};
+use diagnosis::diagnose::{Diagnosis, Ingested, Thinned, ingest};
 use diagnosis::force::has_force;
-use diagnosis::gross::{self, Suspicion};
-use diagnosis::{Campaign, Chosen, from_recording};
+use diagnosis::gross::Suspicion;
+use diagnosis::{Chosen, from_recording};
 use recording::model::RobotModel;
 use recording::series::{Heldout, Recording};
 
@@ -164,16 +164,17 @@ impl Found {
         if !doubts.is_empty() {
             return nothing(base, doubts, notes, 0);
         }
-        let campaign = from_recording::campaign(arm, &recordings).map_err(Failure::input)?;
-        let rows = campaign.poses.iter().filter(|pose| !pose.seen.is_empty()).count();
-        let doubts = self::doubts(&base, &campaign, rows);
+        let looked = Thinned::at(arm, &recordings).map_err(Failure::input)?;
+        let rows = looked.rows;
+        let doubts = self::doubts(&base, &looked);
         if !doubts.is_empty() {
             return nothing(base, doubts, notes, rows);
         }
         let is_said = |recording: &Recording| recording.about.heldout != Heldout::Unsaid;
         let held = recordings.iter().any(is_said);
-        let held = held.then(|| from_recording::held_out(&campaign, &recordings));
-        let diagnosis = diagnose(campaign, &base.physics, &base.sigma, held, seed);
+        let held = held.then(|| from_recording::held_out(&looked.campaign, &recordings));
+        drop(recordings);
+        let diagnosis = looked.diagnose(&base.physics, &base.sigma, held, seed);
         if let Some(doubt) = diagnosis.doubt() {
             return nothing(base, vec![doubt], notes, rows);
         }
@@ -250,15 +251,15 @@ impl Found {
 }
 
 /// Why nothing can be said of these recordings.
-fn doubts(base: &RobotModel, campaign: &Campaign, rows: usize) -> Vec<String> {
+fn doubts(base: &RobotModel, looked: &Thinned) -> Vec<String> {
+    let rows = looked.rows;
     if rows < ROWS_LEAST {
         return vec![format!(
             "{rows} rows were measured, expected at least {ROWS_LEAST}: record more"
         )];
     }
-    let first = campaign.poses.first().map(|pose| pose.inputs.q);
-    if campaign.poses.iter().all(|pose| Some(pose.inputs.q) == first) {
+    if !looked.moves {
         return vec!["no joint moves in the recording: move the arm".to_owned()];
     }
-    gross::faults(campaign, &base.physics).into_iter().map(|Suspicion { says, .. }| says).collect()
+    looked.faults(&base.physics).into_iter().map(|Suspicion { says, .. }| says).collect()
 }

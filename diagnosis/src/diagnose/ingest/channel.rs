@@ -7,12 +7,13 @@
 
 use std::ops::Range;
 
-use physics::{Arm, Chain, Joints};
+use physics::{Arm, Chain};
 use recording::series::{Channel, Kind, Recording};
 
 use super::stamps::middle;
-use super::straight::{followed, line, spread};
+use super::straight::{Followed, line, spread};
 use super::{finite, groups, name, named};
+use crate::from_recording::Positions;
 
 /// The same value on so many rows, or so many times the middle run, is looked into.
 const RUN: usize = 8;
@@ -39,11 +40,11 @@ enum Fault {
 pub(super) struct Looking<'a> {
     arm: &'a Arm,
     recording: &'a mut Recording,
-    q: &'a [Joints],
+    q: &'a Positions,
 }
 
 impl<'a> Looking<'a> {
-    pub(super) fn at(arm: &'a Arm, recording: &'a mut Recording, q: &'a [Joints]) -> Self {
+    pub(super) fn at(arm: &'a Arm, recording: &'a mut Recording, q: &'a Positions) -> Self {
         Self { arm, recording, q }
     }
 
@@ -83,10 +84,9 @@ impl<'a> Looking<'a> {
     }
 
     fn points(&mut self, group: &[Channel]) -> Vec<String> {
-        let follows = |q: &Joints| group.first().and_then(|c| followed(self.arm, *c, q));
-        let Some(follows) = self.q.iter().map(follows).collect::<Option<Vec<_>>>() else {
-            return Vec::new();
-        };
+        let followed =
+            group.first().and_then(|c| Followed::of(self.arm, *c, self.q, self.recording.len()));
+        let Some(follows) = followed else { return Vec::new() };
         if let Some(note) = self.all_still(group, &follows) {
             return vec![note];
         }
@@ -108,7 +108,7 @@ impl<'a> Looking<'a> {
     }
 
     /// A whole group that never changes though the arm goes somewhere.
-    fn all_still(&mut self, group: &[Channel], follows: &[Vec<f64>]) -> Option<String> {
+    fn all_still(&mut self, group: &[Channel], follows: &Followed) -> Option<String> {
         let rows: Vec<usize> = (0..self.recording.len())
             .filter(|row| group.iter().all(|c| finite(self.recording, *c, *row).is_some()))
             .collect();
@@ -138,7 +138,8 @@ impl<'a> Looking<'a> {
             .collect();
         let same = |a: usize, b: usize| all.iter().all(|values| values[a] == values[b]);
         let turned = |run: &Range<usize>| {
-            let at = |k: usize| Chain::nominal(self.arm, &self.q[rows[k]]).base_from_tool.rotation;
+            let at =
+                |k: usize| Chain::nominal(self.arm, &self.q.at(rows[k])).base_from_tool.rotation;
             let first = at(run.start);
             let off = |k: usize| (first.transpose() * at(k)).to_cols_array();
             let trace = |m: [f64; 9]| m[0] + m[4] + m[8];
@@ -167,7 +168,7 @@ impl<'a> Looking<'a> {
         let same = |a: usize, b: usize| all.iter().all(|values| values[a] == values[b]);
         let again = |pair: &&[usize]| {
             let [a, b] = [pair[0], pair[1]];
-            b == a + 1 && same(a, b) && self.q[a] != self.q[b]
+            b == a + 1 && same(a, b) && self.q.row(a) != self.q.row(b)
         };
         let repeats: Vec<usize> = rows.windows(2).filter(again).map(|pair| pair[1]).collect();
         if self.recording.about.kind != Kind::Path || 2 * repeats.len() <= rows.len() {
@@ -263,7 +264,7 @@ fn long(runs: &[Range<usize>]) -> Vec<Range<usize>> {
 }
 
 /// Rows of one channel, one station, that are no readings.
-fn faults(follows: &[Vec<f64>], values: &[f64], rows: &[usize]) -> Vec<(Fault, Vec<usize>)> {
+fn faults(follows: &Followed, values: &[f64], rows: &[usize]) -> Vec<(Fault, Vec<usize>)> {
     let long = long(&runs(rows, |a, b| values[a] == values[b]));
     let whole = long.first().is_some_and(|run| run.len() == rows.len());
     if whole {

@@ -4,29 +4,55 @@
 //! Promises: the same rows give the same line. Never: physics beyond the nominal geometry.
 
 use nalgebra::{DMatrix, DVector};
-use physics::{Arm, Chain, Joints};
+use physics::{Arm, Chain};
 use recording::series::Channel;
 
 use super::stamps::middle;
+use crate::from_recording::Positions;
 
 /// Rows per number of the line, at least.
 const ROWS_PER_NUMBER: usize = 4;
 /// A normal deviate per median of sizes.
 const DEVIATE: f64 = 1.4826;
 
-/// What `channel` follows at the joint positions `q`; none where it is no straight function of anything.
-pub(super) fn followed(arm: &Arm, channel: Channel, q: &Joints) -> Option<Vec<f64>> {
-    let tool = || Chain::nominal(arm, q).base_from_tool;
-    match channel {
-        Channel::Position(_) => Some(tool().origin.to_array().to_vec()),
-        Channel::Target(..) => {
-            let tool = tool();
-            let mut all = tool.origin.to_array().to_vec();
-            all.extend(tool.rotation.to_cols_array());
-            Some(all)
+/// What a channel follows, row by row.
+pub(super) struct Followed {
+    width: usize,
+    /// Row after row.
+    all: Vec<f64>,
+}
+
+impl Followed {
+    /// Of `channel` at the joint positions `q` of so many rows; none where it is no straight function of anything.
+    pub(super) fn of(arm: &Arm, channel: Channel, q: &Positions, rows: usize) -> Option<Self> {
+        let tool = |row| Chain::nominal(arm, &q.at(row)).base_from_tool;
+        let (width, mut all) = match channel {
+            Channel::Position(_) => (3, Vec::with_capacity(3 * rows)),
+            Channel::Target(..) => (12, Vec::with_capacity(12 * rows)),
+            Channel::Link(_) => (1, Vec::with_capacity(rows)),
+            _ => return None,
+        };
+        for row in 0..rows {
+            match channel {
+                Channel::Link(joint) => all.push(q.at(row)[joint]),
+                _ => {
+                    let tool = tool(row);
+                    all.extend(tool.origin.to_array());
+                    if width > 3 {
+                        all.extend(tool.rotation.to_cols_array());
+                    }
+                }
+            }
         }
-        Channel::Link(joint) => Some(vec![q[joint]]),
-        _ => None,
+        Some(Self { width, all })
+    }
+
+    fn rows(&self) -> usize {
+        self.all.len() / self.width
+    }
+
+    fn row(&self, row: usize) -> &[f64] {
+        &self.all[row * self.width..(row + 1) * self.width]
     }
 }
 
@@ -38,19 +64,20 @@ pub(super) struct Line {
 }
 
 /// The line through the rows `sound` of `values`; none where these are too few. `followed`: per row.
-pub(super) fn line(followed: &[Vec<f64>], values: &[f64], sound: &[usize]) -> Option<Line> {
-    let width = followed.first()?.len();
+pub(super) fn line(followed: &Followed, values: &[f64], sound: &[usize]) -> Option<Line> {
+    let width = followed.width;
     if sound.len() < ROWS_PER_NUMBER * (width + 1) {
         return None;
     }
     let count = sound.len() as f64;
-    let mean = |k: usize| sound.iter().map(|row| followed[*row][k]).sum::<f64>() / count;
+    let mean = |k: usize| sound.iter().map(|row| followed.row(*row)[k]).sum::<f64>() / count;
     let means: Vec<f64> = (0..width).map(mean).collect();
     let level = sound.iter().map(|row| values[*row]).sum::<f64>() / count;
-    let off = |row: usize| followed[row].iter().zip(&means).map(|(x, m)| x - m);
+    let off = |row: usize| followed.row(row).iter().zip(&means).map(|(x, m)| x - m);
     let (mut normal, mut right) = (DMatrix::zeros(width, width), DVector::zeros(width));
+    let mut x = DVector::zeros(width);
     for row in sound {
-        let x = DVector::from_iterator(width, off(*row));
+        x.iter_mut().zip(off(*row)).for_each(|(x, off)| *x = off);
         normal.ger(1.0, &x, &x, 1.0);
         right.axpy(values[*row] - level, &x, 1.0);
     }
@@ -59,18 +86,19 @@ pub(super) fn line(followed: &[Vec<f64>], values: &[f64], sound: &[usize]) -> Op
     (0..width).for_each(|k| normal[(k, k)] += ridge);
     let slope = normal.cholesky()?.solve(&right);
     let at = |row| level + off(row).zip(slope.iter()).map(|(x, b)| x * b).sum::<f64>();
-    let expected: Vec<f64> = (0..followed.len()).map(at).collect();
+    let expected: Vec<f64> = (0..followed.rows()).map(at).collect();
     let sizes = sound.iter().map(|row| (values[*row] - expected[*row]).abs()).collect();
     Some(Line { sigma: DEVIATE * middle(sizes), expected })
 }
 
 /// The least and the largest standard deviation of what is followed along any direction, over these rows.
-pub(super) fn spread(followed: &[Vec<f64>], rows: &[usize]) -> (f64, f64) {
+pub(super) fn spread(followed: &Followed, rows: &[usize]) -> (f64, f64) {
     // Turns of the tool do not count: only how far it went.
-    let width = followed.first().map_or(0, |first| first.len().min(3));
+    let width = followed.width.min(3);
     let count = rows.len().max(1) as f64;
     let mut mean = DVector::zeros(width);
-    let at = |row: usize| DVector::from_iterator(width, followed[row].iter().copied().take(width));
+    let at =
+        |row: usize| DVector::from_iterator(width, followed.row(row).iter().copied().take(width));
     rows.iter().for_each(|row| mean += at(*row) / count);
     let mut spread = DMatrix::zeros(width, width);
     for row in rows {

@@ -103,7 +103,7 @@ fn what_turns_sharply_is_told_from_quicker_motion_where_rows_are_few() {
     };
     let quicker = |motion: &Motion| {
         let track = &motion.runs[0].joints[0];
-        let apart = track.quick[1].iter().zip(&track.v).map(|(quick, v)| (quick - v).abs());
+        let apart = track.quick()[1].iter().zip(&track.v).map(|(quick, v)| (quick - v).abs());
         apart.skip(200).take(3000).fold(0.0, f64::max)
     };
     // 20 Hz of a thousandth is a speed of 0.126; a band of 12.5 Hz has little of it.

@@ -1,0 +1,180 @@
+//! Recordings in outline: what it takes of every row to choose the few that are looked at, and a campaign of these alone.
+//!
+//! A pose with what was seen takes a kilobyte, its outline some tens of bytes: of a million rows no more than the chosen are ever poses.
+//!
+//! Promises: the poses of a choice are those that the campaign of all rows has, to the bit. Never: a choice.
+
+use super::columns::{sample, vector};
+use super::{Reader, Unusable, Wanted, gauges, read};
+use crate::campaign::{Campaign, Pose};
+use crate::surroundings::Surroundings;
+use physics::{Arm, Joints};
+use recording::series::{Kind, Recording};
+use std::ops::Range;
+
+/// Rows of all recordings, counted through.
+pub(crate) struct Outline {
+    /// Rows that follow each other in time along a path.
+    pub(crate) paths: Vec<Range<usize>>,
+    /// Whether anything was measured, points of the base and of links aside.
+    pub(crate) measured: Vec<bool>,
+    /// Whether a joint's direction is not the one of the row before.
+    pub(crate) turned: Vec<bool>,
+    /// Per joint, speed and acceleration in each row; zero off paths.
+    pub(crate) rates: Vec<Vec<(f64, f64)>>,
+    /// Whether the joints are not in one place in all rows.
+    pub(crate) moves: bool,
+    /// The first row of each recording.
+    firsts: Vec<usize>,
+    /// Measuring frames in which anything was measured.
+    frames: Vec<bool>,
+}
+
+/// What is gathered row by row.
+struct Gathered<'a> {
+    arm: &'a Arm,
+    outline: Outline,
+    on_links: Vec<usize>,
+    /// Since its segment began, s.
+    time_s: Vec<f64>,
+    /// Per joint, rad or m.
+    q: Vec<Vec<f64>>,
+    last: Option<Last>,
+}
+
+/// The row before.
+struct Last {
+    recording: usize,
+    direction: Joints,
+}
+
+impl Outline {
+    /// # Errors
+    /// The first recording that cannot be used.
+    pub(crate) fn of(arm: &Arm, recordings: &[Recording]) -> Result<Self, Unusable> {
+        let mut surroundings = Surroundings::default();
+        gauges::surround(recordings, &mut surroundings)?;
+        let on_links = crate::on_links::places(recordings).into_iter().map(|(target, _)| target);
+        let mut all = Gathered::new(arm, on_links.collect());
+        let mut stations = Vec::new();
+        for (index, recording) in recordings.iter().enumerate() {
+            let mut reader = Reader::of(arm, recording, index);
+            reader.surround(&mut surroundings, &mut stations);
+            all.outline.frames.resize(surroundings.frames.len(), false);
+            all.take(&reader, surroundings.targets.len())?;
+        }
+        Ok(all.rated())
+    }
+
+    /// A campaign of the rows that are `kept`, with what was seen in those of them that are `read`; speeds as along all rows.
+    ///
+    /// # Errors
+    /// The first recording that cannot be used.
+    pub(crate) fn campaign(
+        &self,
+        (arm, recordings): (&Arm, &[Recording]),
+        kept: &[bool],
+        seen: &[bool],
+    ) -> Result<Campaign, Unusable> {
+        let wanted = Wanted { kept: Some(kept), read: Some(seen) };
+        let mut campaign = read(arm, recordings, wanted)?;
+        let frames = campaign.surroundings.frames.iter_mut();
+        frames.zip(&self.frames).for_each(|(frame, used)| frame.free &= used);
+        Ok(campaign)
+    }
+
+    /// Gives poses of a campaign their speeds and accelerations.
+    pub(crate) fn set_moving(&self, campaign: &mut Campaign) {
+        for Pose { inputs, recording, row, .. } in &mut campaign.poses {
+            let row = self.firsts.get(*recording).map_or(*row, |first| first + *row);
+            for (joint, rates) in self.rates.iter().enumerate() {
+                let rate = rates.get(row).copied().unwrap_or_default();
+                (inputs.velocity[joint], inputs.acceleration[joint]) = rate;
+            }
+        }
+    }
+}
+
+impl<'a> Gathered<'a> {
+    fn new(arm: &'a Arm, on_links: Vec<usize>) -> Self {
+        let outline = Outline {
+            paths: Vec::new(),
+            measured: Vec::new(),
+            turned: Vec::new(),
+            rates: Vec::new(),
+            moves: false,
+            firsts: Vec::new(),
+            frames: Vec::new(),
+        };
+        let q = vec![Vec::new(); arm.count()];
+        Self { arm, outline, on_links, time_s: Vec::new(), q, last: None }
+    }
+
+    /// Takes the rows of one recording; `targets`: how many there are.
+    fn take(&mut self, reader: &Reader<'_>, targets: usize) -> Result<(), Unusable> {
+        let is_path = reader.recording.about.kind == Kind::Path;
+        self.outline.firsts.push(self.time_s.len());
+        let (mut run, mut any) = (self.time_s.len(), false);
+        reader.follow(|pose| {
+            let k = self.time_s.len();
+            let goes_on = self.time_s.last().is_some_and(|before| *before < pose.inputs.time_s);
+            if k > run && !goes_on {
+                self.end(run..k, is_path);
+                run = k;
+            }
+            any |= self.take_row(reader, &pose, targets);
+            Ok(())
+        })?;
+        self.end(run..self.time_s.len(), is_path);
+        if any { Ok(()) } else { Err(Unusable::NothingMeasured { file: reader.name() }) }
+    }
+
+    fn end(&mut self, run: Range<usize>, is_path: bool) {
+        if is_path && run.len() > 2 {
+            self.outline.paths.push(run);
+        }
+    }
+
+    /// Whether anything was read, be it of what does not move with the tool.
+    fn take_row(&mut self, reader: &Reader<'_>, pose: &Pose, targets: usize) -> bool {
+        let Self { outline, q, .. } = self;
+        let (inputs, row, columns) = (&pose.inputs, pose.row, &reader.columns);
+        let target = |target: &usize| {
+            columns.targets.get(*target).is_some_and(|columns| vector(columns, row).is_some())
+        };
+        let on_links = |target: &usize| self.on_links.contains(target);
+        let aside = (0..targets).filter(on_links).any(|at| target(&at));
+        let points = vector(&columns.position, row).is_some()
+            || columns.orientation.iter().all(|part| sample(*part, row).is_finite())
+            || (0..targets).filter(|at| !on_links(at)).any(|at| target(&at));
+        let joints = columns.links.iter().any(|link| sample(*link, row).is_finite());
+        let measured = points || joints || gauges::is_read(reader.recording, row);
+        if points && let Some(frame) = outline.frames.get_mut(reader.frames[row]) {
+            *frame = true;
+        }
+        outline.measured.push(measured);
+        let before = self.last.as_ref().filter(|last| last.recording == pose.recording);
+        outline.turned.push(before.is_some_and(|before| before.direction != inputs.direction));
+        self.last = Some(Last { recording: pose.recording, direction: inputs.direction });
+        self.time_s.push(inputs.time_s);
+        for (joint, q) in q.iter_mut().enumerate() {
+            outline.moves |= q.first().is_some_and(|first| *first != inputs.q[joint]);
+            q.push(inputs.q[joint]);
+        }
+        measured || aside
+    }
+
+    /// With speeds and accelerations.
+    fn rated(mut self) -> Outline {
+        for q in std::mem::take(&mut self.q) {
+            let mut rates = vec![(0.0, 0.0); q.len()];
+            for path in &self.outline.paths {
+                let along = world::forward::rates(&self.time_s[path.clone()], &q[path.clone()]);
+                rates[path.clone()].copy_from_slice(&along);
+            }
+            self.outline.rates.push(rates);
+        }
+        debug_assert_eq!(self.outline.rates.len(), self.arm.count());
+        self.outline
+    }
+}

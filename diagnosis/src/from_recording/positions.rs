@@ -1,0 +1,41 @@
+//! Joint positions alone, of recordings of any length: a pose of each row would take twenty times as much.
+
+use super::{Reader, Unusable};
+use physics::{Arm, Joints};
+use recording::series::Recording;
+
+/// Where the joints of a robot were, row by row.
+pub(crate) struct Positions {
+    joints: usize,
+    /// Row after row, rad or m.
+    all: Vec<f64>,
+}
+
+impl Positions {
+    /// Of the robot `arm` in `recording`.
+    ///
+    /// # Errors
+    /// An input that lacks a joint.
+    pub(crate) fn of(arm: &Arm, recording: &Recording) -> Result<Self, Unusable> {
+        let (reader, joints) = (Reader::of(arm, recording, 0), arm.count());
+        let mut all = Vec::with_capacity(recording.len() * joints);
+        let mut before: Option<Joints> = None;
+        for row in 0..recording.len() {
+            let q = reader.positions(row, before.as_ref().filter(|_| reader.goes_on(row)))?;
+            all.extend_from_slice(&q[..joints]);
+            before = Some(q);
+        }
+        Ok(Self { joints, all })
+    }
+
+    /// Of the arm's joints alone.
+    pub(crate) fn row(&self, row: usize) -> &[f64] {
+        &self.all[row * self.joints..(row + 1) * self.joints]
+    }
+
+    pub(crate) fn at(&self, row: usize) -> Joints {
+        let mut q = Joints::default();
+        q[..self.joints].copy_from_slice(self.row(row));
+        q
+    }
+}

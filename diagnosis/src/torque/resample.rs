@@ -1,0 +1,47 @@
+//! Samples brought to even times.
+//!
+//! Promises: what lies between samples is drawn by the cubic through the four nearest. Never: a value beyond the first and the last.
+
+/// Samples at even times by the cubic through the four nearest (Lagrange).
+pub(super) fn resampled(
+    times: &[f64],
+    samples: &[f64],
+    start_s: f64,
+    step_s: f64,
+    count: usize,
+) -> Vec<f64> {
+    let last_s = times.last().copied().unwrap_or(start_s);
+    let mut at = 0;
+    let value = |k: usize| {
+        // What was delayed is not known beyond the ends.
+        let time = (start_s + k as f64 * step_s).clamp(times[0], last_s);
+        while at + 2 < times.len() && times[at + 1] <= time {
+            at += 1;
+        }
+        let from = at.saturating_sub(1).min(times.len().saturating_sub(4));
+        let four = from..(from + 4).min(times.len());
+        let mut sum = 0.0;
+        for i in four.clone() {
+            let weight = |j: usize| (time - times[j]) / (times[i] - times[j]);
+            sum += samples[i] * four.clone().filter(|j| *j != i).map(weight).product::<f64>();
+        }
+        sum
+    };
+    (0..count).map(value).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn samples_that_jitter_come_back_even() {
+        let times: Vec<f64> =
+            (0..400).map(|k| 0.01 * f64::from(k) + 0.003 * f64::from(k % 3)).collect();
+        let samples: Vec<f64> = times.iter().map(|t| libm::sin(3.0 * t)).collect();
+        let even = resampled(&times, &samples, 0.0, 0.01, 390);
+        for (k, value) in even.iter().enumerate() {
+            assert!((value - libm::sin(0.03 * k as f64)).abs() < 1e-6, "{k}");
+        }
+    }
+}
