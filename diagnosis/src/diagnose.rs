@@ -159,12 +159,13 @@ pub fn diagnose(
     let held_out = held_out.map(|held| {
         held.iter().zip(kept).filter(|(_, kept)| *kept).map(|(held, _)| *held).collect()
     });
-    of_chosen((campaign, notes), model, sigma, held_out, seed)
+    of_chosen(campaign, notes, model, sigma, held_out, seed)
 }
 
 /// The same where rows are chosen already, and have their speeds.
 fn of_chosen(
-    (mut campaign, mut notes): (Campaign, Vec<String>),
+    mut campaign: Campaign,
+    mut notes: Vec<String>,
     model: &Model,
     sigma: &[Vec<f64>],
     held_out: Option<Vec<bool>>,

@@ -75,7 +75,7 @@ fn read(arm: &Arm, recordings: &[Recording], wanted: Wanted<'_>) -> Result<Campa
         reader.surround(&mut campaign.surroundings, &mut stations);
         let instruments = reader.instruments(&mut campaign)?;
         let before = campaign.readings();
-        reader.poses(&mut campaign, &instruments, (first_row, wanted))?;
+        reader.poses(&mut campaign, &instruments, first_row, wanted)?;
         gauges::read(&mut campaign, index, recording, |row| wanted.reads(first_row + row))?;
         if campaign.readings() == before && wanted.read.is_none() {
             return Err(Unusable::NothingMeasured { file: reader.name() });
@@ -218,7 +218,8 @@ impl<'a> Reader<'a> {
         &self,
         campaign: &mut Campaign,
         instruments: &Instruments,
-        (first_row, wanted): (usize, Wanted<'_>),
+        first_row: usize,
+        wanted: Wanted<'_>,
     ) -> Result<(), Unusable> {
         let Campaign { poses, surroundings, .. } = campaign;
         if wanted.kept.is_none() {

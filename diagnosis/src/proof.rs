@@ -23,7 +23,7 @@ const AGAIN: f64 = 3e-3;
 const RUNS_MANY: usize = 10;
 /// Stretches that a campaign of few runs is cut into.
 const BLOCKS: f64 = 20.0;
-/// Every so manieth is held out.
+/// Every n-th is held out.
 const HELD_EVERY: usize = 5;
 /// From a stretch that is held out to one that is kept for a second look.
 const BESIDE: u64 = 2;

@@ -10,7 +10,7 @@ struct Case<'a> {
     known: &'a str,
     truth: &'a str,
     step_s: f64,
-    /// Of the rows that the robot went through every so manieth was recorded.
+    /// Of the rows that the robot went through every n-th was recorded.
     recorded: usize,
     /// Largest force and moment at the tool, N and Nm along its axes; none was recorded where they are zero.
     wrench: [f64; 6],

@@ -1,6 +1,7 @@
 //! Recordings of any length, made ready to be diagnosed: only the rows that are looked at become poses.
 //!
-//! Promises: the diagnosis is that of the campaign of all rows, to the bit; gross faults are looked for in rows spread evenly over all. Never: a reading changed.
+//! Promises: the diagnosis is that of the campaign of all rows, to the bit; gross faults are looked for in rows spread
+//! evenly over all. Never: a reading changed.
 
 use super::thinning::{self, Choice, Rows};
 use super::{Diagnosis, diagnose, of_chosen, ready};
@@ -72,7 +73,7 @@ impl Thinned {
     ) -> Diagnosis {
         match self.chosen {
             None => diagnose(self.campaign, model, sigma, held_out, seed),
-            Some((says, _)) => of_chosen((self.campaign, vec![says]), model, sigma, held_out, seed),
+            Some((says, _)) => of_chosen(self.campaign, vec![says], model, sigma, held_out, seed),
         }
     }
 }

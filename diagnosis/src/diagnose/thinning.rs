@@ -49,9 +49,9 @@ impl<'a> From<&'a Outline> for Rows<'a> {
     }
 }
 
-/// Chooses among very many rows; none where all are looked at. Of settled poses every so manieth, and all stay where the joints were. Of paths: stretches
-/// of neighbours where the arm is driven hardest, since what rings and lags shows there, every so manieth of the rest, and every row where a joint turns
-/// round, since play and hysteresis remember these.
+/// Chooses among very many rows; none where all are looked at. Of settled poses every n-th, and all stay where the joints were.
+/// Of paths: stretches of neighbours where the arm is driven hardest, since what rings and lags shows there, every n-th of the
+/// rest, and every row where a joint turns round, since play and hysteresis remember these.
 pub(super) fn choose(rows: &Rows<'_>) -> Option<Choice> {
     let measured = rows.measured.iter().filter(|measured| **measured).count();
     let (most, evenly) = match *rows.paths {

@@ -52,7 +52,7 @@ pub(super) fn proof(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page 
     page
 }
 
-/// Every so manieth, so that few enough are left; and how many.
+/// Every n-th, so that few enough are left; and n.
 fn stride(count: usize) -> usize {
     count.div_ceil(POINTS).max(1)
 }
