@@ -153,13 +153,13 @@ impl Branch {
         }
     }
 
-    /// Measures the lines within `band_hz` in the window made for it; `gain` is what the front end
+    /// Measures the lines whose frequency it `covers` in the window made for it; `gain` is what the front end
     /// leaves of a tone. A channel that stood still does not count.
     pub(crate) fn measure(
         &self,
         tracks: &mut Tracks,
         now_s: f64,
-        band_hz: &std::ops::Range<f64>,
+        covers: impl Fn(f64) -> bool,
         gain: impl Fn(f64) -> f64,
         is_still: impl Fn(usize) -> bool,
     ) {
@@ -168,7 +168,7 @@ impl Branch {
             return;
         }
         let step_s = window.hop_samples() as f64 / self.rate_hz;
-        for track in tracks.iter_mut().filter(|track| band_hz.contains(&track.frequency_hz)) {
+        for track in tracks.iter_mut().filter(|track| covers(track.frequency_hz)) {
             let kept = gain(track.frequency_hz).powi(2);
             let strength = |channel| {
                 if is_still(channel) {

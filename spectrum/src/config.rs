@@ -1,5 +1,7 @@
 //! What the watch is asked to watch, checked once so that nothing later can be wrong.
 
+use crate::rules::Rules;
+
 /// A known natural frequency of the machine, from the model's modal list.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mode {
@@ -89,8 +91,12 @@ pub struct WatchConfig {
     /// Scales the power over the floor that makes a line, 0.25 to 10: 1 is what the figures were measured at, less
     /// finds weaker lines and raises false alarms more often.
     pub threshold: f64,
-    /// How long the noise floor is learned before anything is reported, s, 0.5 to 60.
+    /// How long the noise floor is learned before anything is reported, s, 0.5 to 60, the first window included. Default 0.9: a second of
+    /// air suffices, with 0.1 s to spare for the delay of the filters and for a cut that begins early. At least seven windows of the low
+    /// branch (0.9 s) are taken in any case.
     pub learn_s: f64,
+    /// Limits by which lines are judged.
+    pub rules: Rules,
 }
 
 impl Default for WatchConfig {
@@ -107,7 +113,8 @@ impl Default for WatchConfig {
             full_scale_nm: f64::INFINITY,
             mains_hz: None,
             threshold: 1.0,
-            learn_s: 1.0,
+            learn_s: 0.9,
+            rules: Rules::default(),
         }
     }
 }
@@ -187,6 +194,7 @@ impl WatchConfig {
         if !(low_hz >= 5.0 && high_hz.is_finite() && low_hz < high_hz.min(0.45 * self.rate_hz)) {
             return Err(ConfigError::Band { low_hz, high_hz, rate_hz: self.rate_hz });
         }
+        self.rules.check()?;
         self.check_lists()
     }
 
@@ -209,7 +217,7 @@ impl WatchConfig {
     }
 }
 
-fn in_range(
+pub(crate) fn in_range(
     key: &'static str,
     value: f64,
     range: std::ops::RangeInclusive<f64>,
@@ -248,6 +256,8 @@ mod tests {
             WatchConfig { full_scale_n: 0.0, ..good() },
             WatchConfig { threshold: 0.0, ..good() },
             WatchConfig { learn_s: 0.0, ..good() },
+            WatchConfig { rules: Rules { least_share: f64::NAN, ..Rules::default() }, ..good() },
+            WatchConfig { rules: Rules { heard_part: 0.0, ..Rules::default() }, ..good() },
             WatchConfig { mains_hz: Some(f64::NAN), ..good() },
             WatchConfig {
                 wheels: vec![Wheel { joint: 1, shaft: 1, teeth: 1, cycles_per_mm: 0.0 }],

@@ -1,8 +1,8 @@
 //! Chatter and its sidebands: lines that stand whole multiples of the spindle's speed apart are one event.
 //!
 //! Teeth cut only part of the turn, so that a chatter at `f` also shows at `|n f + k f_spindle|` (`n` = ±1 to ±3), often stronger in the
-//! force than at `f` itself. The line near a structural mode is the chatter (Insperger et al. 2003); without a known mode, the
-//! strongest. The others stay warnings. Where the speed is not known, there are no families.
+//! force than at `f` itself. The line near a structural mode is the chatter (Insperger et al. 2003); among several, or without a known mode,
+//! the one that has alarmed already, and before any has, the strongest. The others stay warnings. Where the speed is not known, there are no families.
 
 use crate::track::{TRACKS, Track, Tracks};
 use crate::verdict::{Class, State};
@@ -17,35 +17,36 @@ const WAITS_S: f64 = 0.1;
 /// Multiples of the chatter about which its sidebands stand.
 const MULTIPLES: [f64; 6] = [1.0, -1.0, 2.0, -2.0, 3.0, -3.0];
 
-/// Holds the sidebands of the chatter back to warnings, and what is not near a mode for a moment; `near_mode` says whether a line stands near a known mode.
+/// Holds the sidebands of the chatter back to warnings, and what is not near a mode for a moment; `near_mode` says how near to a known mode a
+/// line stands: 2 near it, 1 within the reach of its chatter, 0 else.
 pub(crate) fn hold_sidebands_back(
     tracks: &mut Tracks,
     spindle_hz: f64,
     now_s: f64,
     knows_modes: bool,
-    near_mode: impl Fn(&Track) -> bool,
+    near_mode: impl Fn(&Track) -> u8,
 ) {
     if spindle_hz <= 0.0 {
         return;
     }
-    let rank = |track: &Track| (near_mode(track), track.amplitude());
+    let rank = |track: &Track| (near_mode(track), track.state >= State::Alarm, track.amplitude());
     let mut lines = [None; TRACKS];
     for (place, track) in lines.iter_mut().zip(tracks.iter()) {
         *place = (is_self_excited(track) && track.is_fresh(now_s)).then(|| (*track, rank(track)));
     }
     for track in tracks.iter_mut().filter(|track| is_self_excited(track)) {
         let own = rank(track);
-        let follows = |(head, other): &(Track, (bool, f64))| {
+        let follows = |(head, other): &(Track, (u8, bool, f64))| {
             head.id != track.id && *other > own && is_sideband(track, head, spindle_hz)
         };
-        let waits = knows_modes && !own.0 && now_s - track.born_s < WAITS_S;
+        let waits = knows_modes && own.0 < 2 && now_s - track.born_s < WAITS_S;
         if waits || lines.iter().flatten().any(follows) {
             track.ceiling = State::Warn;
         }
     }
 }
 
-fn is_self_excited(track: &Track) -> bool {
+pub(crate) fn is_self_excited(track: &Track) -> bool {
     matches!(track.class, Class::Chatter | Class::ModeCoupling | Class::Unknown)
 }
 
@@ -73,6 +74,8 @@ mod tests {
                 ratio: 500.0,
                 cell_hz: 2.0,
                 threefold: true,
+                heard: 0.0,
+                apart: false,
             };
             tracks.sight(&sighting, 0.0);
         }
@@ -92,16 +95,29 @@ mod tests {
         // Spindle 50 Hz, chatter at 683 Hz near a mode at 670: 583, 783 and |−683 + 900| = 217 Hz belong to it, 640 does not.
         let mut tracks =
             lines(&[(683.0, 2.0), (583.0, 6.0), (783.0, 4.0), (217.0, 3.0), (640.0, 1.0)]);
-        let near = |track: &Track| (track.frequency_hz - 670.0).abs() < 20.0;
+        let near = |track: &Track| 2 * u8::from((track.frequency_hz - 670.0).abs() < 20.0);
         hold_sidebands_back(&mut tracks, 50.0, 0.0, false, near);
         assert_eq!(alarming(&tracks), [683.0, 640.0]);
+    }
+
+    #[test]
+    fn the_line_that_has_alarmed_stays_the_chatter_when_a_sideband_grows_beyond_it() {
+        // A chatter at 70.9 Hz between the reaches of two modes, and its sideband two turns of 50.6 Hz above.
+        let mut tracks = lines(&[(70.9, 5.0), (172.1, 6.0)]);
+        tracks.iter_mut().next().expect("the chatter").state = State::Alarm;
+        hold_sidebands_back(&mut tracks, 50.6, 0.0, false, |_| 0);
+        assert_eq!(alarming(&tracks), [70.9]);
+        let reach = |track: &Track| u8::from(track.frequency_hz < 100.0);
+        let mut tracks = lines(&[(70.9, 5.0), (172.1, 6.0)]);
+        hold_sidebands_back(&mut tracks, 50.6, 0.0, false, reach);
+        assert_eq!(alarming(&tracks), [70.9]);
     }
 
     #[test]
     fn a_line_away_from_all_modes_waits_for_the_chatter_and_then_alarms() {
         let after = |now_s: f64| {
             let mut tracks = lines(&[(217.0, 3.0)]);
-            hold_sidebands_back(&mut tracks, 50.0, now_s, true, |_| false);
+            hold_sidebands_back(&mut tracks, 50.0, now_s, true, |_| 0);
             alarming(&tracks).len()
         };
         assert_eq!((after(0.05), after(0.15)), (0, 1));
@@ -111,10 +127,10 @@ mod tests {
     fn without_a_mode_the_strongest_is_the_chatter_and_without_a_speed_all_alarm() {
         let all = [(683.0, 2.0), (583.0, 6.0)];
         let mut tracks = lines(&all);
-        hold_sidebands_back(&mut tracks, 50.0, 0.0, false, |_| false);
+        hold_sidebands_back(&mut tracks, 50.0, 0.0, false, |_| 0);
         assert_eq!(alarming(&tracks), [583.0]);
         let mut tracks = lines(&all);
-        hold_sidebands_back(&mut tracks, 0.0, 0.0, false, |_| false);
+        hold_sidebands_back(&mut tracks, 0.0, 0.0, false, |_| 0);
         assert_eq!(alarming(&tracks).len(), 2);
     }
 }

@@ -24,6 +24,8 @@ pub(crate) struct Floor {
     sum: Vec<f64>,
     sum_of_squares: Vec<f64>,
     sorted: Vec<f64>,
+    /// Mean powers of the set that was learned first, steady lines included.
+    heard: Vec<f64>,
     learned: [bool; 2],
     frames: u32,
     warm_frames: u32,
@@ -41,6 +43,7 @@ impl Floor {
             sum: vec![0.0; bins],
             sum_of_squares: vec![0.0; bins],
             sorted: vec![0.0; bins],
+            heard: vec![0.0; bins],
             learned: [false; 2],
             frames: 0,
             warm_frames: warm_frames.max(4),
@@ -63,6 +66,14 @@ impl Floor {
     /// Whether the floor is the present surroundings' own, not borrowed from the other.
     pub(crate) fn is_own(&self) -> bool {
         self.learned[self.set]
+    }
+
+    /// The largest mean power that was heard around a bin while the first set was learned: of a line that stood there from the
+    /// start its own power, though the level leaves it out.
+    pub(crate) fn heard_near(&self, bin: usize) -> f64 {
+        let end = (bin + self.reach + 1).min(self.heard.len());
+        let lobe = self.heard.get(bin.saturating_sub(self.reach)..end).unwrap_or(&[]);
+        lobe.iter().copied().fold(0.0, f64::max)
     }
 
     /// Changes the surroundings. A set not yet learned starts from the other one.
@@ -137,6 +148,9 @@ impl Floor {
         let n = f64::from(self.frames);
         for (level, sum) in self.level[self.set].iter_mut().zip(&self.sum) {
             *level = sum / n;
+        }
+        if !self.is_known() {
+            self.heard.copy_from_slice(&self.level[self.set]);
         }
         self.take_steady_lines_out(n);
         self.learned[self.set] = true;
@@ -219,6 +233,17 @@ mod tests {
             floor.learn(&frame, 1.0, &[]);
         }
         assert!(floor.is_known() && floor.level()[20] < 3.0, "{}", floor.level()[20]);
+    }
+
+    #[test]
+    fn the_power_of_a_line_that_was_there_is_remembered_although_the_level_leaves_it_out() {
+        let mut floor = Floor::new(40, 50, 400.0, 2);
+        for mut frame in noise(50, 40) {
+            frame[20] += 100.0;
+            floor.learn(&frame, 1.0, &[]);
+        }
+        assert!(floor.level()[20] < 3.0 && floor.heard_near(21) > 90.0);
+        assert!(floor.heard_near(30) < 3.0, "{}", floor.heard_near(30));
     }
 
     #[test]

@@ -25,6 +25,8 @@ const AIR_S: f64 = 0.2;
 const GEAR_CYCLES_PER_MM: f64 = 5.0;
 /// Feeds must differ by this part before a line can be said to follow them.
 const FEED_CHANGE: f64 = 0.1;
+/// A line's frequency counts for a feed once both have stood this long, s.
+const FEED_SETTLED_S: f64 = 0.3;
 /// Lines remembered for the feed they were seen at.
 const MEMORY: usize = 16;
 
@@ -40,6 +42,21 @@ impl FeedMemory {
     pub(crate) fn remember(&mut self, feed_mm_s: f64, frequency_hz: f64) {
         self.seen[self.next] = (feed_mm_s, frequency_hz);
         self.next = (self.next + 1) % MEMORY;
+    }
+
+    /// Remembers where a line stood at a feed that is now left, or at which the line ends.
+    pub(crate) fn note(&mut self, track: &mut Track, feed_mm_s: f64, now_s: f64) {
+        let (at_feed, since_s) = track.feed;
+        if (feed_mm_s - at_feed).abs() > 0.05 * at_feed {
+            if at_feed > 0.0 && now_s - since_s > FEED_SETTLED_S {
+                self.remember(at_feed, track.frequency_hz);
+            }
+            track.feed = (feed_mm_s, now_s);
+        }
+        if feed_mm_s > 0.0 && track.is_fading(now_s) && now_s - since_s > FEED_SETTLED_S {
+            self.remember(feed_mm_s, track.frequency_hz);
+            track.feed = (feed_mm_s, now_s);
+        }
     }
 
     /// Whether a line follows the feed (`Some(true)`), stays (`Some(false)`), or cannot be told.
@@ -90,6 +107,17 @@ impl Context<'_> {
     pub(crate) fn is_near_mode(&self, track: &Track) -> bool {
         let (f, uncertainty_hz) = (track.frequency_hz, track.uncertainty_hz());
         self.config.modes.iter().any(|mode| is_near(mode.frequency_hz, f, uncertainty_hz))
+    }
+
+    /// How near to a known mode a line stands: 2 near it, 1 where a chatter of that mode may still stand, 0 else.
+    pub(crate) fn nearness(&self, track: &Track) -> u8 {
+        let f = track.frequency_hz;
+        let pulled = |mode_hz: f64| (f / mode_hz - 1.0).abs() < CLOSE_MODES;
+        if self.is_near_mode(track) {
+            2
+        } else {
+            u8::from(self.config.modes.iter().any(|mode| pulled(mode.frequency_hz)))
+        }
     }
 
     fn evidence(&self, track: &Track) -> Evidence {

@@ -10,6 +10,7 @@
 
 mod advice;
 mod alias;
+mod asynchronous;
 pub mod bench;
 mod block;
 mod branch;
@@ -26,6 +27,8 @@ mod judge;
 pub mod modal;
 pub mod offline;
 mod peak;
+mod rules;
+mod share;
 mod sliding;
 pub mod spatial;
 mod stream;
@@ -45,6 +48,7 @@ pub use block::{Axis, Block, CHANNELS_MAX, ProcessState};
 pub use config::{ConfigError, MODES_MAX, Mode, WHEELS_MAX, WatchConfig, Wheel};
 pub use fault::{Fault, Faults, Health};
 pub use realfft::num_complex::Complex;
+pub use rules::Rules;
 pub use stream::Stream;
 pub use verdict::{Advice, Class, ClassSet, NearestLine, State, VERDICTS_MAX, Verdict, Verdicts};
 pub use watch::Watch;

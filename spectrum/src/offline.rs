@@ -219,6 +219,8 @@ impl Watch {
             ratio: 0.25,
             cell_hz: standing.uncertainty_hz,
             threefold: true,
+            heard: 0.0,
+            apart: false,
         };
         let mut track = Track::new(0, &sighting, 0.0);
         track.from_start = true;

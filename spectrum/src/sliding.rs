@@ -45,6 +45,10 @@ pub(crate) struct Sighting {
     pub(crate) cell_hz: f64,
     /// Three disjoint windows agree, not only two.
     pub(crate) threefold: bool,
+    /// The mean power heard here while the noise was learned, over the peak's.
+    pub(crate) heard: f64,
+    /// It was seen without what the spindle drives.
+    pub(crate) apart: bool,
 }
 
 impl Sighting {
@@ -71,8 +75,9 @@ pub(crate) struct SlidingWindow {
 
 /// The speed is told late, and the front end holds samples for a while, s.
 const CHANGE_MARGIN_S: f64 = 0.05;
-/// Windows after one another that a floor is learned from, at least: with five a real stable cut (turning, 10 kHz) was judged by too little air and alarmed.
-const WARM_WINDOWS: f64 = 8.0;
+/// Windows after one another that a floor is learned from, at least, after the first: the low branch's 128 ms then take 0.9 s. With five a
+/// real stable cut (turning, 10 kHz) was judged by too little air and alarmed.
+const WARM_WINDOWS: f64 = 6.0;
 /// Cells over which a broadband change is judged.
 const BROAD_CELLS: f64 = 32.0;
 /// The floor is never taken below this part of the power of the least amplitude.
@@ -178,6 +183,8 @@ impl SlidingWindow {
                         ratio: peak.ratio,
                         cell_hz: self.grid.cell_hz(),
                         threefold: self.is_agreed(channel, peak, |p| p.triples),
+                        heard: self.heard(view, peak),
+                        apart: false,
                     });
                 }
             }
@@ -210,6 +217,12 @@ impl SlidingWindow {
         let others = self.views.iter().enumerate();
         let alike = others.filter(|(other, _)| *other != channel && (*other < 3) == (channel < 3));
         long(peak) && alike.flat_map(|(_, view)| view.newest()).filter(near).all(long)
+    }
+
+    /// The part of a peak's power that was there while the noise was learned.
+    fn heard(&self, view: &View, peak: &Peak) -> f64 {
+        let bin = self.grid.place(peak.frequency_hz, view.power.len());
+        bin.map_or(0.0, |bin| view.floor.heard_near(bin)) / peak.power.max(1e-300)
     }
 
     fn least_power(&self, channel: usize) -> f64 {

@@ -33,6 +33,7 @@ pub(crate) struct Level {
     present: Surroundings,
     cut_energy: f64,
     cut_seen: bool,
+    energy: f64,
 }
 
 impl Level {
@@ -46,6 +47,7 @@ impl Level {
             present: Surroundings::Air,
             cut_energy: 0.0,
             cut_seen: false,
+            energy: 0.0,
         }
     }
 
@@ -89,6 +91,7 @@ impl Level {
         };
         let above = variance > loud * spread || distance > far * spread;
         let energy = variance + distance;
+        self.energy = energy;
         let cuts = above && energy > RUBBING * self.cut_energy;
         self.present = if cuts { Surroundings::Cut } else { Surroundings::Air };
         // A cut's level is forgotten over a few seconds, so that a lighter cut counts again.
@@ -107,12 +110,17 @@ impl Level {
         }
     }
 
+    /// Mean square of the forces about those in air over the newest whole period, all force channels together, N²: variance and squared
+    /// mean. Of a sensor that does not hold a mean (piezoelectric, acceleration) the variance.
+    pub(crate) fn energy(&self) -> f64 {
+        self.energy
+    }
+
     /// Where the tool is now.
     pub(crate) fn present(&self) -> Surroundings {
         self.present
     }
 
-    /// Whether air was told from a cut at least once: before, "air" is only a guess.
     /// Whether air was told from a cut at least once: before, "air" is only a guess.
     pub(crate) fn knows_air(&self) -> bool {
         self.cut_seen

@@ -4,6 +4,7 @@
 //! Verdicts depend on the samples alone, not on how they are cut into blocks.
 
 use crate::alias::{RecentSpeed, Spindle};
+use crate::asynchronous::Asynchronous;
 use crate::block::{Block, ProcessState};
 use crate::branch::{Branch, SPLIT_HZ};
 use crate::config::{ConfigError, MODES_MAX, Mode, WHEELS_MAX, WatchConfig, Wheel};
@@ -12,18 +13,17 @@ use crate::family::hold_sidebands_back;
 use crate::fault::Health;
 use crate::history::History;
 use crate::judge::{Context, FeedMemory};
+use crate::share::hold_small_lines_back;
 use crate::stream::{Admission, Stream};
 use crate::surroundings::{Level, Surroundings};
 use crate::track::{LINGER_S, TRACKS, Track, Tracks};
 use crate::verdict::{Class, Verdicts};
 use realfft::RealFftPlanner;
 
-/// A line that is seen this soon after the floor was learned was there before, s.
+/// A line that is seen this soon after the floor was learned may have been there before, s.
 const FROM_START_S: f64 = 0.3;
 /// A speed that differs by more than this part is another speed.
 const SPEED_CHANGE: f64 = 0.005;
-/// A line's frequency counts for a feed once both have stood this long, s.
-const FEED_SETTLED_S: f64 = 0.3;
 
 /// The vibration watch over one force sensor.
 pub struct Watch {
@@ -35,6 +35,7 @@ pub struct Watch {
     raw: Vec<History>,
     low: Branch,
     full: Option<Branch>,
+    asynchronous: Asynchronous,
     tracks: Tracks,
     speed: RecentSpeed,
     spindle: Spindle,
@@ -69,6 +70,7 @@ impl Watch {
             raw: (0..config.channels).map(|_| History::new(front.longest())).collect(),
             low: Branch::low(&mut planner, &config, front.factor(), low_top_hz),
             full: split.then(|| Branch::full(&mut planner, &config)),
+            asynchronous: Asynchronous::new(&mut planner, &config, &front, low_top_hz, split),
             decimate_in: front.factor(),
             front,
             tracks: Tracks::default(),
@@ -96,6 +98,7 @@ impl Watch {
         };
         let rpm = self.process.spindle_rpm;
         self.front.set_spindle(rpm / 60.0);
+        self.asynchronous.set_spindle(rpm / 60.0);
         if (rpm - self.steady_rpm).abs() > SPEED_CHANGE * rpm.max(self.steady_rpm) {
             self.steady_rpm = rpm;
             self.speed_changed_s = self.now_s();
@@ -164,6 +167,7 @@ impl Watch {
             history.clear();
         }
         self.decimate_in = self.front.factor();
+        self.asynchronous.reset();
         self.low.reset();
         if let Some(full) = &mut self.full {
             full.reset();
@@ -177,6 +181,7 @@ impl Watch {
             for frame in frames.chunks_exact(channels) {
                 let sample = self.stream.sample(channel, frame[channel]);
                 raw.push(sample);
+                self.asynchronous.take(channel, sample);
                 self.level.take(channel, sample);
                 if let Some(full) = &mut self.full {
                     full.histories[channel].push(sample);
@@ -199,6 +204,7 @@ impl Watch {
         let recovered = self.stream.take_recovered();
         for channel in (0..self.config.channels).filter(|channel| recovered >> channel & 1 == 1) {
             self.low.forget(channel);
+            self.asynchronous.forget(channel);
             if let Some(full) = &mut self.full {
                 full.forget(channel);
             }
@@ -238,6 +244,7 @@ impl Watch {
                 low.push(self.front.output(samples));
             }
         }
+        self.asynchronous.decimate(&self.front);
         self.low.waiting -= 1;
         self.low.waiting == 0
     }
@@ -246,16 +253,32 @@ impl Watch {
         let now_s = self.now_s();
         let (lines_hz, count) = self.tracks.frequencies();
         let settled_s = now_s - self.speed_changed_s;
-        let (tracks, stream) = (&mut self.tracks, &self.stream);
+        let (tracks, stream, apart) = (&mut self.tracks, &self.stream, &mut self.asynchronous);
         let Some(full) = &mut self.full else { return };
+        let is_still = |channel| stream.is_still(channel);
         full.switch(surroundings);
         full.look(&lines_hz[..count], |sighting| {
+            let is_due = !apart.sees(sighting.frequency_hz) && sighting.is_after_change(settled_s);
+            if is_due && !stream.is_held(sighting.channel) {
+                tracks.sight(&sighting, now_s);
+            }
+        });
+        let above = |hz: f64| hz >= SPLIT_HZ;
+        full.measure(tracks, now_s, |hz| above(hz) && !apart.sees(hz), |_| 1.0, is_still);
+        apart.look_at_full_rate(surroundings, &lines_hz[..count], |sighting| {
             if !stream.is_held(sighting.channel) && sighting.is_after_change(settled_s) {
                 tracks.sight(&sighting, now_s);
             }
         });
-        let is_still = |channel| stream.is_still(channel);
-        full.measure(tracks, now_s, &(SPLIT_HZ..f64::INFINITY), |_| 1.0, is_still);
+        if let Some(full) = &apart.full {
+            full.measure(
+                tracks,
+                now_s,
+                |hz| above(hz) && apart.sees(hz),
+                |hz| apart.gain(hz),
+                is_still,
+            );
+        }
     }
 
     fn look_low(&mut self, surroundings: Surroundings) {
@@ -263,16 +286,32 @@ impl Watch {
         let (lines_hz, count) = self.tracks.frequencies();
         let settled_s = now_s - self.speed_changed_s;
         let (tracks, stream, front) = (&mut self.tracks, &self.stream, &self.front);
+        let apart = &mut self.asynchronous;
+        let is_still = |channel| stream.is_still(channel);
         self.low.switch(surroundings);
         self.low.look(&lines_hz[..count], |mut sighting| {
-            if !stream.is_held(sighting.channel) && sighting.is_after_change(settled_s) {
+            let is_due = !apart.sees(sighting.frequency_hz) && sighting.is_after_change(settled_s);
+            if is_due && !stream.is_held(sighting.channel) {
                 sighting.power /= front.gain(sighting.frequency_hz).powi(2);
                 tracks.sight(&sighting, now_s);
             }
         });
         let top_hz = if self.full.is_some() { SPLIT_HZ } else { f64::INFINITY };
-        let is_still = |channel| stream.is_still(channel);
-        self.low.measure(tracks, now_s, &(0.0..top_hz), |hz| front.gain(hz), is_still);
+        let below = |hz: f64| hz < top_hz;
+        let gain = |hz: f64| front.gain(hz);
+        self.low.measure(tracks, now_s, |hz| below(hz) && !apart.sees(hz), gain, is_still);
+        apart.look_low(surroundings, &lines_hz[..count], |sighting| {
+            if !stream.is_held(sighting.channel) && sighting.is_after_change(settled_s) {
+                tracks.sight(&sighting, now_s);
+            }
+        });
+        apart.low.measure(
+            tracks,
+            now_s,
+            |hz| below(hz) && apart.sees(hz),
+            |hz| apart.gain(hz),
+            is_still,
+        );
     }
 
     /// Classifies every line, moves it to the state it has earned, and says what is new.
@@ -287,8 +326,9 @@ impl Watch {
         let mut news = [None; TRACKS];
         for track in tracks.iter_mut() {
             track.air_s += lived_s;
-            track.from_start |= track.born_s - ready_s < FROM_START_S;
-            self.note_feed(track, now_s);
+            let is_early = track.born_s - ready_s < FROM_START_S;
+            track.from_start |= is_early && track.heard > self.config.rules.heard_part;
+            self.feeds.note(track, self.process.feed_mm_s, now_s);
             // While the speed changes, what it drove is still its own.
             let held =
                 track.class == Class::Forced && now_s - self.speed_changed_s < 2.0 * LINGER_S;
@@ -296,9 +336,11 @@ impl Watch {
                 self.context().classify(track);
             }
         }
-        let near_mode = |track: &Track| self.context().is_near_mode(track);
+        let near_mode = |track: &Track| self.context().nearness(track);
         let knows_modes = !self.config.modes.is_empty();
         hold_sidebands_back(&mut tracks, self.spindle.hz, now_s, knows_modes, near_mode);
+        let energy = (surroundings == Surroundings::Cut).then(|| self.level.energy());
+        hold_small_lines_back(&mut tracks, energy, self.config.rules.least_share);
         for (track, news) in tracks.iter_mut().zip(&mut news) {
             *news = track.advance(now_s).then_some(*track);
         }
@@ -307,22 +349,6 @@ impl Watch {
         self.tracks = tracks;
         for track in news.iter().flatten() {
             verdicts.push(self.context().verdict(track, self.now_ns()));
-        }
-    }
-
-    /// Remembers where a line stood at a feed that is now left, or at which the line ends.
-    fn note_feed(&mut self, track: &mut Track, now_s: f64) {
-        let feed = self.process.feed_mm_s;
-        let (at_feed, since_s) = track.feed;
-        if (feed - at_feed).abs() > 0.05 * at_feed {
-            if at_feed > 0.0 && now_s - since_s > FEED_SETTLED_S {
-                self.feeds.remember(at_feed, track.frequency_hz);
-            }
-            track.feed = (feed, now_s);
-        }
-        if feed > 0.0 && track.is_fading(now_s) && now_s - since_s > FEED_SETTLED_S {
-            self.feeds.remember(feed, track.frequency_hz);
-            track.feed = (feed, now_s);
         }
     }
 

@@ -88,6 +88,43 @@ fn a_tooth_harmonic_on_a_mode_alarms_with_a_speed_that_moves_it_off() {
 }
 
 #[test]
+fn a_chatter_is_followed_beside_ten_multiples_of_a_slow_spindle() {
+    let mut rig = Rig::new(config(10_000.0), 1.0, 26);
+    rig.watch.process_state(spindle(3000.0));
+    let said = rig.run(3.0, |channel, t| {
+        let teeth: f64 = (1..=10).map(|k| (TAU * 50.0 * f64::from(k) * (t - 1.0)).sin()).sum();
+        let chatter = (TAU * 675.0 * t).sin();
+        match channel {
+            1 if t > 1.5 => 20.0 * teeth + 20.0 * chatter,
+            1 if t > 1.0 => 20.0 * teeth,
+            _ => 0.0,
+        }
+    });
+    let alarms = |v: &Verdict| v.state == State::Alarm && (v.frequency_hz - 675.0).abs() < 5.0;
+    let (at_s, _) = said.iter().find(|(_, v)| alarms(v)).expect("the chatter alarms");
+    assert!((1.5..1.9).contains(at_s), "{at_s}");
+}
+
+#[test]
+fn a_chatter_between_two_multiples_of_a_slow_spindle_alarms_by_its_own_frequency() {
+    let mut rig = Rig::new(config(10_000.0), 1.0, 27);
+    rig.watch.process_state(spindle(2016.0));
+    let said = rig.run(2.5, |channel, t| {
+        let teeth: f64 = (1..=6).map(|k| (TAU * 33.6 * f64::from(k) * (t - 1.0)).sin()).sum();
+        let chatter = (TAU * 81.0 * t).sin();
+        match channel {
+            1 if t > 1.4 => 40.0 * teeth + 25.0 * chatter,
+            1 if t > 1.0 => 40.0 * teeth,
+            _ => 0.0,
+        }
+    });
+    let alarms = |v: &Verdict| v.state == State::Alarm && v.class != Class::Forced;
+    let (at_s, first) = said.iter().find(|(_, v)| alarms(v)).expect("the chatter alarms");
+    assert!((first.frequency_hz - 81.0).abs() < 3.0, "{} Hz", first.frequency_hz);
+    assert!((1.4..1.8).contains(at_s), "{at_s}");
+}
+
+#[test]
 fn a_mains_hum_from_the_start_is_electrical_and_no_alarm() {
     let mut rig = Rig::new(config(10_000.0), 1.0, 17);
     let said = rig.run(4.0, tone_y(150.0, 6.0, 0.0));

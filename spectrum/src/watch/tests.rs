@@ -142,6 +142,18 @@ fn a_line_that_is_there_from_the_start_is_seen_too() {
 }
 
 #[test]
+fn a_second_of_air_is_enough_to_alarm_a_chatter_that_the_cut_brings_at_once() {
+    for (frequency_hz, latest_s) in [(72.0, 1.45), (684.0, 1.3)] {
+        let mut rig = Rig::new(config(10_000.0), 1.0, 8);
+        let process = ProcessState { spindle_rpm: 5000.0, teeth: 4, ..ProcessState::default() };
+        rig.watch.process_state(process);
+        let said = rig.run(2.0, tone_y(frequency_hz, 20.0, 1.0));
+        let alarm = said.iter().find(|(_, v)| v.state == State::Alarm).expect("an alarm");
+        assert!((1.0..latest_s).contains(&alarm.0), "{frequency_hz} Hz: {}", alarm.0);
+    }
+}
+
+#[test]
 fn a_gap_starts_the_windows_anew_and_is_counted() {
     let mut rig = Rig::new(config(10_000.0), 1.0, 7);
     rig.run(2.0, |_, _| 0.0);

@@ -1,0 +1,246 @@
+//! What the signal does that the spindle does not drive: the difference to one revolution before.
+//!
+//! `a(t) = x(t) − x(t − T)`, T: one revolution. Runout, tooth passing and all their multiples repeat after T and vanish; a tone at `f` is left
+//! with the gain `|2 sin(π f T)|`, by which its amplitude is divided again. A slow spindle's multiples lie so close that the short windows
+//! do not part a chatter from them; here it stands alone. Source: comb filtering of the periodic force, as for the energy ratio of
+//! Caliskan, Kilic and Altintas 2018. Holds for a speed that is told within 0.5 % and steady over a revolution; where the force
+//! itself changes over one (an entry), a rest stands on the multiples, where nothing is looked for. Execution does not allocate.
+
+use crate::branch::{Branch, SPLIT_HZ};
+use crate::config::WatchConfig;
+use crate::decimate::FrontEnd;
+use crate::history::History;
+use crate::rules::Rules;
+use crate::sliding::Sighting;
+use crate::surroundings::Surroundings;
+use realfft::RealFftPlanner;
+use std::f64::consts::PI;
+
+/// A speed that differs by more than this part is another speed: the samples before do not belong to it.
+const SPEED_CHANGE: f64 = 0.005;
+/// Samples beside the revolution that the interpolation needs.
+const MARGIN: usize = 4;
+
+/// The signal less that of one revolution before, with windows like those of the signal itself.
+pub(crate) struct Asynchronous {
+    rate_hz: f64,
+    least_gain: f64,
+    speeds_hz: [f64; 2],
+    /// Samples per revolution; 0 while there is no speed to go by.
+    revolution: f64,
+    raw: Vec<History>,
+    differences: Vec<History>,
+    pub(crate) low: Branch,
+    pub(crate) full: Option<Branch>,
+}
+
+impl Asynchronous {
+    /// Plans the branches of [`crate::Watch`] once more; `taps` is the longest run that the front end asks for.
+    pub(crate) fn new(
+        planner: &mut RealFftPlanner<f64>,
+        config: &WatchConfig,
+        front: &FrontEnd,
+        low_top_hz: f64,
+        is_split: bool,
+    ) -> Self {
+        let Rules { comb_spindle_hz, least_comb_gain, .. } = config.rules;
+        let longest = (config.rate_hz / comb_spindle_hz[0]) as usize + MARGIN;
+        let histories =
+            |length: usize| (0..config.channels).map(|_| History::new(length)).collect();
+        Self {
+            rate_hz: config.rate_hz,
+            least_gain: least_comb_gain,
+            speeds_hz: comb_spindle_hz,
+            revolution: 0.0,
+            raw: histories(longest),
+            differences: histories(front.longest()),
+            low: Branch::low(planner, config, front.factor(), low_top_hz),
+            full: is_split.then(|| Branch::full(planner, config)),
+        }
+    }
+
+    /// Takes the spindle's speed, rev/s. Without a speed, for a slow one whose revolution is longer than the windows, and for a fast one whose
+    /// multiples the windows part, there is no difference.
+    pub(crate) fn set_spindle(&mut self, spindle_hz: f64) {
+        let [slowest_hz, fastest_hz] = self.speeds_hz;
+        let usable = spindle_hz >= slowest_hz && spindle_hz < fastest_hz;
+        let revolution = if usable { self.rate_hz / spindle_hz } else { 0.0 };
+        let change = (revolution - self.revolution).abs();
+        if change == 0.0 {
+            return;
+        }
+        if change > SPEED_CHANGE * revolution.min(self.revolution) {
+            // What is left of the noise depends on the speed.
+            self.clear_windows();
+            (0..self.raw.len()).for_each(|channel| self.forget(channel));
+        }
+        self.revolution = revolution;
+    }
+
+    /// Whether lines at a frequency are looked for here: there is a speed, noise was learned, and the frequency is no multiple.
+    pub(crate) fn sees(&self, frequency_hz: f64) -> bool {
+        let branch = if frequency_hz < SPLIT_HZ { Some(&self.low) } else { self.full.as_ref() };
+        self.revolution > 0.0
+            && branch.or(Some(&self.low)).is_some_and(Branch::is_ready)
+            && self.gain(frequency_hz) >= self.least_gain
+    }
+
+    /// What the difference leaves of a tone, 0 to 2.
+    pub(crate) fn gain(&self, frequency_hz: f64) -> f64 {
+        gain(frequency_hz, self.revolution, self.rate_hz)
+    }
+
+    /// Takes one sample of a channel.
+    #[inline]
+    pub(crate) fn take(&mut self, channel: usize, sample: f64) {
+        self.raw[channel].push(sample);
+        if let Some(before) = self.one_revolution_ago(channel) {
+            let difference = sample - before;
+            self.differences[channel].push(difference);
+            if let Some(full) = &mut self.full {
+                full.histories[channel].push(difference);
+            }
+        }
+    }
+
+    /// The sample of one revolution before the newest, by a cubic through the four around it.
+    #[inline]
+    fn one_revolution_ago(&self, channel: usize) -> Option<f64> {
+        if self.revolution <= 0.0 {
+            return None;
+        }
+        let whole = self.revolution.floor();
+        let t = self.revolution - whole;
+        // Oldest first: 2, 1, 0 and −1 samples before the one at `whole`.
+        let run = self.raw[channel].newest(whole as usize + 3)?;
+        let (far, next, at, near) = (run[0], run[1], run[2], run[3]);
+        Some(
+            -t * (t - 1.0) * (t - 2.0) / 6.0 * near + (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0 * at
+                - (t + 1.0) * t * (t - 2.0) / 2.0 * next
+                + (t + 1.0) * t * (t - 1.0) / 6.0 * far,
+        )
+    }
+
+    /// Makes one sample of the low branch.
+    pub(crate) fn decimate(&mut self, front: &FrontEnd) {
+        for (difference, low) in self.differences.iter().zip(&mut self.low.histories) {
+            if let Some(samples) = difference.newest(front.taps()) {
+                low.push(front.output(samples));
+            }
+        }
+    }
+
+    /// A hop at the full rate is due; hands on what was sighted away from the multiples.
+    pub(crate) fn look_at_full_rate(
+        &mut self,
+        surroundings: Surroundings,
+        lines_hz: &[f64],
+        sighted: impl FnMut(Sighting),
+    ) {
+        let Some(full) = &mut self.full else { return };
+        look(
+            full,
+            surroundings,
+            lines_hz,
+            [self.revolution, self.rate_hz, self.least_gain],
+            sighted,
+        );
+    }
+
+    /// A hop of the low branch is due; hands on what was sighted away from the multiples.
+    pub(crate) fn look_low(
+        &mut self,
+        surroundings: Surroundings,
+        lines_hz: &[f64],
+        sighted: impl FnMut(Sighting),
+    ) {
+        let comb = [self.revolution, self.rate_hz, self.least_gain];
+        look(&mut self.low, surroundings, lines_hz, comb, sighted);
+    }
+
+    /// Forgets samples and peaks; what was learned stays.
+    pub(crate) fn reset(&mut self) {
+        self.raw.iter_mut().for_each(History::clear);
+        self.clear_windows();
+    }
+
+    /// Forgets what was learned of a channel.
+    pub(crate) fn forget(&mut self, channel: usize) {
+        self.low.forget(channel);
+        if let Some(full) = &mut self.full {
+            full.forget(channel);
+        }
+    }
+
+    fn clear_windows(&mut self) {
+        self.differences.iter_mut().for_each(History::clear);
+        self.low.reset();
+        if let Some(full) = &mut self.full {
+            full.reset();
+        }
+    }
+}
+
+fn look(
+    branch: &mut Branch,
+    surroundings: Surroundings,
+    lines_hz: &[f64],
+    [revolution, rate_hz, least_gain]: [f64; 3],
+    mut sighted: impl FnMut(Sighting),
+) {
+    branch.switch(surroundings);
+    branch.look(lines_hz, |mut sighting| {
+        let gain = gain(sighting.frequency_hz, revolution, rate_hz);
+        if revolution > 0.0 && gain >= least_gain {
+            sighting.power /= gain * gain;
+            sighting.apart = true;
+            sighted(sighting);
+        }
+    });
+}
+
+/// What the difference leaves of a tone, 0 to 2.
+fn gain(frequency_hz: f64, revolution: f64, rate_hz: f64) -> f64 {
+    (2.0 * (PI * frequency_hz * revolution / rate_hz).sin()).abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn multiples_of_the_speed_vanish_and_a_tone_between_them_keeps_its_gain() {
+        let config = WatchConfig { channels: 1, ..WatchConfig::default() };
+        let front = FrontEnd::new(config.rate_hz, SPLIT_HZ);
+        let mut apart =
+            Asynchronous::new(&mut RealFftPlanner::new(), &config, &front, SPLIT_HZ, true);
+        apart.set_spindle(33.63);
+        let largest = |apart: &mut Asynchronous, hz: f64| {
+            apart.reset();
+            let tone = |i: u32| (TAU * hz * f64::from(i) / 10_000.0).sin();
+            (0..2000).for_each(|i| apart.take(0, tone(i)));
+            let run = apart.differences[0].newest(80).expect("a difference");
+            run.iter().fold(0.0_f64, |most, x| most.max(x.abs()))
+        };
+        for order in [1.0, 3.0, 20.0] {
+            assert!(largest(&mut apart, order * 33.63) < 1e-3, "order {order}");
+        }
+        let halfway = largest(&mut apart, 2.5 * 33.63);
+        assert!((halfway - 2.0).abs() < 0.01 && (apart.gain(2.5 * 33.63) - 2.0).abs() < 1e-9);
+        assert!(!apart.sees(2.5 * 33.63), "no noise was learned yet");
+    }
+
+    #[test]
+    fn without_a_speed_and_with_a_fast_one_there_is_no_difference() {
+        let config = WatchConfig { channels: 1, ..WatchConfig::default() };
+        let front = FrontEnd::new(config.rate_hz, SPLIT_HZ);
+        let mut apart =
+            Asynchronous::new(&mut RealFftPlanner::new(), &config, &front, SPLIT_HZ, true);
+        for spindle_hz in [0.0, 5.0, 400.0] {
+            apart.set_spindle(spindle_hz);
+            (0..2000).for_each(|i| apart.take(0, f64::from(i)));
+            assert!(apart.differences[0].newest(1).is_none());
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! How much of the cutting force a line is: what noise excites in a stable cut is small beside it, a chatter is not.
+//!
+//! A chatter grows until teeth leave the work, so that its force becomes comparable to the mean force of the cut; the broadband part of a
+//! stable cut's force excites the modes too, and stands above the noise learned in air, but at a few per cent of that. Source: energy ratio,
+//! Caliskan, Kilic and Altintas 2018. Holds in the cut only, and for force channels: a line told by moments alone is not judged.
+
+use crate::family::is_self_excited;
+use crate::track::{Track, Tracks};
+use crate::verdict::State;
+
+/// Channels that hold forces; moments follow.
+const FORCES: usize = 3;
+
+/// Holds lines that excite themselves back to warnings while their mean square is less than `least_share` of `energy`, the mean square of
+/// the forces about those in air, N². `None` in air: there a line stays what the cut showed it to be, as it rings down.
+pub(crate) fn hold_small_lines_back(tracks: &mut Tracks, energy: Option<f64>, least_share: f64) {
+    for track in tracks.iter_mut().filter(|track| is_self_excited(track)) {
+        if let Some(energy) = energy {
+            track.is_small = track.channel < FORCES && mean_square(track) < least_share * energy;
+        }
+        if track.is_small {
+            track.ceiling = State::Warn;
+        }
+    }
+}
+
+/// Mean square of a line over the force channels: half of the squared amplitudes, N².
+fn mean_square(track: &Track) -> f64 {
+    0.5 * track.power[..FORCES].iter().sum::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sliding::Sighting;
+    use crate::verdict::Class;
+
+    fn ceiling(channel: usize, amplitude: f64, class: Class) -> State {
+        let sighting = Sighting {
+            channel,
+            frequency_hz: 400.0,
+            power: amplitude * amplitude,
+            ratio: 500.0,
+            cell_hz: 10.0,
+            threefold: true,
+            heard: 0.0,
+            apart: false,
+        };
+        let mut tracks = Tracks::default();
+        tracks.sight(&sighting, 0.0);
+        tracks.iter_mut().for_each(|track| track.class = class);
+        // Forces of 100 N mean and 100 N rms.
+        hold_small_lines_back(&mut tracks, Some(2e4), 0.004);
+        tracks.iter_mut().for_each(|track| track.ceiling = State::Confirmed);
+        hold_small_lines_back(&mut tracks, None, 0.004);
+        tracks.iter().next().expect("one line").ceiling
+    }
+
+    #[test]
+    fn a_line_of_a_few_per_cent_of_the_force_is_no_chatter_nor_is_it_when_the_cut_ends_and_one_of_a_tenth_is()
+     {
+        assert_eq!(ceiling(1, 5.0, Class::Chatter), State::Warn);
+        assert_eq!(ceiling(1, 20.0, Class::Chatter), State::Confirmed);
+    }
+
+    #[test]
+    fn neither_forced_lines_nor_moments_are_judged_by_their_share() {
+        assert_eq!(ceiling(1, 5.0, Class::Forced), State::Confirmed);
+        assert_eq!(ceiling(4, 5.0, Class::Chatter), State::Confirmed);
+    }
+}
