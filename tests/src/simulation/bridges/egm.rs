@@ -25,6 +25,8 @@ const STOPPED: i32 = 2;
 pub(super) struct EgmCell {
     middle: Middle<VirtualDaemon>,
     oracle: Oracle,
+    /// The oracle for which the run that began last went on from the one before, until it finds that it did not.
+    goes_on: Option<Oracle>,
     chance: Chance,
     summary: Summary,
     now_ns: u64,
@@ -59,6 +61,7 @@ impl EgmCell {
         Self {
             middle: Middle::new(settings, model().arm, feed, None, Arc::new(Counts::default())),
             oracle: oracle(),
+            goes_on: None,
             chance,
             summary: Summary { runs: 1, ..Summary::default() },
             now_ns,
@@ -100,11 +103,20 @@ impl EgmCell {
             self.begin(command, sent, &correction);
         }
         // Also while the robot is not guided: what goes out then may be the first that it follows.
-        if let Err(words) = self.oracle.take(now_ns, now_ns, command, sent) {
-            self.summary.breaks(&words);
-        }
+        self.judge(command, sent, now_ns);
         if is_guided {
             self.stands = *sent;
+        }
+    }
+
+    fn judge(&mut self, command: &[f64; JOINTS], sent: &[f64; JOINTS], now_ns: u64) {
+        let goes_on = self.goes_on.take().and_then(|mut oracle| {
+            oracle.take(now_ns, now_ns, command, sent).is_ok().then_some(oracle)
+        });
+        match (self.oracle.take(now_ns, now_ns, command, sent), goes_on) {
+            (Ok(()), goes_on) => self.goes_on = goes_on,
+            (Err(_), Some(goes_on)) => self.oracle = goes_on,
+            (Err(words), None) => self.summary.breaks(&words),
         }
     }
 
@@ -118,8 +130,10 @@ impl EgmCell {
             let words = format!("a run begins {:e} off, not {:e}", off(sent), off(command));
             self.summary.breaks(&words);
         }
-        // Either without a correction, or with the one that was sent last, which goes on.
+        // Either without a correction, or with the one that was sent last, which goes on; where that was zero too, only what follows tells
+        // which.
         if *correction == [0.0; JOINTS] {
+            self.goes_on = Some(self.oracle.clone());
             self.oracle.begin(correction);
         }
     }
