@@ -62,6 +62,8 @@ fn every_link_leads_to_a_file() {
         "README.md",
         "ARCHITECTURE.md",
         "CHANGELOG.md",
+        "CONTRIBUTING.md",
+        "SECURITY.md",
         "docs/bench.md",
         "docs/cell.md",
         "docs/clients.md",
@@ -69,6 +71,7 @@ fn every_link_leads_to_a_file() {
         "docs/install.md",
         "docs/mapping.md",
         "docs/notation.md",
+        "docs/safety.md",
         "docs/threat-model.md",
         "docs/vibration.md",
     ];
