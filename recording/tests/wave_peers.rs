@@ -21,7 +21,8 @@ const RATE_HZ: f64 = 44_100.0;
 #[derive(serde::Deserialize)]
 struct Found {
     rate_hz: f64,
-    channels: Vec<Vec<f64>>,
+    /// As texts, which `serde_json` cannot round.
+    channels: Vec<Vec<String>>,
 }
 
 /// What the peers make of these jobs; none, loudly, where they cannot be had.
@@ -62,7 +63,8 @@ fn compare(jobs: &[Value], found: Vec<Found>) {
         assert!((rate_hz / found.rate_hz - 1.0).abs() < 1e-5, "{job}: {rate_hz} Hz");
         assert_eq!(record.channels.len(), found.channels.len(), "{job}: {:?}", read.notes);
         for (ours, theirs) in record.channels.iter().zip(&found.channels) {
-            assert_eq!(&ours.values, theirs, "{job}");
+            let theirs = theirs.iter().map(|text| text.parse().expect("a number"));
+            assert_eq!(ours.values, theirs.collect::<Vec<f64>>(), "{job}");
         }
     }
     eprintln!("{} files of {SAMPLES} samples, the same bits", jobs.len());

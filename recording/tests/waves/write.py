@@ -15,6 +15,11 @@ def signal(job):
     return values
 
 
+def texts(values):
+    """The shortest that read back to the same bits."""
+    return [repr(value) for value in values.astype(float).tolist()]
+
+
 def wav(job):
     form = dict(format=job["format"], subtype=job["subtype"], endian=job["endian"])
     with soundfile.SoundFile(job["file"], "w", job["rate_hz"], job["channels"], **form) as file:
@@ -22,7 +27,7 @@ def wav(job):
         if job["title"]:
             file.title = job["title"]
     values, rate_hz = soundfile.read(job["file"], dtype="float64", always_2d=True)
-    return {"rate_hz": rate_hz, "channels": values.T.tolist()}
+    return {"rate_hz": rate_hz, "channels": [texts(channel) for channel in values.T]}
 
 
 def uff(job):
@@ -55,7 +60,7 @@ def uff(job):
     read = read if isinstance(read, list) else [read]
     return {
         "rate_hz": 1.0 / read[0]["abscissa_inc"],
-        "channels": [np.real(one["data"]).astype(float).tolist() for one in read],
+        "channels": [texts(np.real(one["data"])) for one in read],
     }
 
 
