@@ -2,7 +2,12 @@
 //!
 //! The files are made by these libraries, in every form that they can write and that holds plain samples. Needs `python3` with `venv` and
 //! the package registry; where that cannot be had, it is SKIPPED.
-#![expect(clippy::expect_used, clippy::print_stderr, reason = "a test says what failed")]
+#![expect(
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stderr,
+    reason = "a test says what failed"
+)]
 
 mod python;
 
