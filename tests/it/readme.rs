@@ -69,6 +69,12 @@ fn every_link_leads_to_a_file() {
         "docs/install.md",
         "docs/mapping.md",
         "docs/notation.md",
+        "docs/reference/README.md",
+        "docs/reference/effects.md",
+        "docs/reference/model.md",
+        "docs/reference/recording.md",
+        "docs/reference/results.md",
+        "docs/reference/status.md",
         "docs/threat-model.md",
         "docs/vibration.md",
     ];
