@@ -4,6 +4,8 @@
 //! that a limiter may use: it is no longer than what has really passed, and after a silence the
 //! receiver stands, so that motion begins anew from rest instead of being made up for at once.
 
+use crate::track::NODES_S;
+
 /// A silence is longer than so many times the shorter of the two intervals before it, and than [`SILENCE_S`]. Of two: a sender that has
 /// become slow is believed at the third interval, one that fell silent twice is not taken for slow.
 const SILENT_INTERVALS: f64 = 3.0;
@@ -106,13 +108,12 @@ impl Intervals {
     }
 
     /// The longest of the newest intervals less the shortest, and no more than that: what is several times as long is a cycle that was missed,
-    /// no jitter.
+    /// no jitter. Intervals too short for a node are no cycles: the positions of a loop that runs flat out are those of its stamps.
     fn jitter_s(&self) -> f64 {
         let (mut shortest, mut longest) = (f64::MAX, 0.0_f64);
         for interval_s in self.ring {
-            // Zero: there was none yet.
             shortest =
-                if interval_s > 0.0 && interval_s < shortest { interval_s } else { shortest };
+                if interval_s >= NODES_S && interval_s < shortest { interval_s } else { shortest };
             longest = if interval_s > longest { interval_s } else { longest };
         }
         (longest - shortest).clamp(0.0, shortest)

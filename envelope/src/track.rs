@@ -183,15 +183,15 @@ impl Track {
 
     /// One step of the fading-memory filter.
     fn filtered(&self, value: f64, times: &Times, memory: f64) -> Motion {
-        let (dt_s, forgets) = (times.dt_s, 1.0 / memory);
+        let (per_s, forgets) = (times.per_s[0], 1.0 / memory);
         let keeps = 1.0 - forgets;
-        let expected = self.filtered.after(dt_s, 0.0);
+        let expected = self.filtered.after(times.dt_s, 0.0);
         let miss = value - expected.value;
         let square = forgets * forgets;
         Motion {
             value: expected.value + (1.0 - keeps * keeps * keeps) * miss,
-            rate: expected.rate + 1.5 * square * (1.0 + keeps) * miss / dt_s,
-            acceleration: expected.acceleration + square * forgets * miss / (dt_s * dt_s),
+            rate: expected.rate + 1.5 * square * (1.0 + keeps) * miss * per_s,
+            acceleration: expected.acceleration + square * forgets * miss * per_s * per_s,
         }
     }
 }

@@ -7,16 +7,13 @@
 mod python;
 
 use std::fmt::Write as _;
-use std::io::Write as _;
-use std::path::Path;
-use std::process::{Command, Stdio};
 
 use recording::mapping::Mapping;
 use recording::series::{self, Channel, Need};
 use recording::unit::Unit;
 use serde_json::{Value, json};
 
-use python::{environment, scratch};
+use python::{answer, environment, scratch};
 
 const ROWS: u32 = 40;
 /// Most that a component of a rotation may differ.
@@ -31,19 +28,8 @@ fn peers(jobs: &[Value]) -> Option<Vec<Value>> {
             return None;
         }
     };
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/tables/read.py");
-    let mut child = Command::new(python)
-        .arg(script)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("the peer starts");
     let text: String = jobs.iter().fold(String::new(), |text, job| text + &job.to_string() + "\n");
-    let mut input = child.stdin.take().expect("its input");
-    let writer = std::thread::spawn(move || input.write_all(text.as_bytes()));
-    let output = child.wait_with_output().expect("the peer ends");
-    writer.join().expect("not dead").expect("written");
-    let answers = String::from_utf8(output.stdout).expect("text");
+    let answers = answer(&python, "tables/read.py", text);
     let answers: Vec<Value> =
         answers.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
     assert_eq!(answers.len(), jobs.len(), "the peer answers each job");

@@ -7,14 +7,12 @@
 mod python;
 
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 
 use physics::{Chain, Frame, Joints};
 use recording::urdf::{self, Ends};
 
-use python::{environment, scratch};
+use python::{answer, environment, scratch};
 
 /// Most that a place (m) and a component of a rotation may differ.
 const AGREES: f64 = 1e-9;
@@ -39,21 +37,9 @@ fn frame(words: &[&str]) -> Frame {
 
 /// What Pinocchio makes of these files; nothing for one that it refuses.
 fn frames(python: &Path, files: &[PathBuf]) -> Vec<(PathBuf, Option<Vec<Pose>>)> {
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/urdf/frames.py");
-    let mut child = Command::new(python)
-        .arg(script)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::null())
-        .spawn()
-        .expect("python starts");
     let names: String = files.iter().map(|file| format!("{}\n", file.display())).collect();
-    let mut stdin = child.stdin.take().expect("a pipe");
-    let writer = std::thread::spawn(move || stdin.write_all(names.as_bytes()));
-    let output = child.wait_with_output().expect("python ends");
-    writer.join().expect("written").expect("written");
     let mut found: Vec<(PathBuf, Option<Vec<Pose>>)> = Vec::new();
-    for line in String::from_utf8_lossy(&output.stdout).lines() {
+    for line in answer(python, "urdf/frames.py", names).lines() {
         let words: Vec<&str> = line.split('\t').collect();
         match words.as_slice() {
             ["file", path, state] => {

@@ -62,6 +62,8 @@ fn every_link_leads_to_a_file() {
         "README.md",
         "ARCHITECTURE.md",
         "CHANGELOG.md",
+        "CONTRIBUTING.md",
+        "SECURITY.md",
         "docs/bench.md",
         "docs/cell.md",
         "docs/clients.md",
@@ -75,6 +77,7 @@ fn every_link_leads_to_a_file() {
         "docs/reference/recording.md",
         "docs/reference/results.md",
         "docs/reference/status.md",
+        "docs/safety.md",
         "docs/threat-model.md",
         "docs/vibration.md",
     ];

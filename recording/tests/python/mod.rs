@@ -1,11 +1,28 @@
 //! A Python environment of its own for a peer, with packages from the registry.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 /// A folder for what tests make.
 pub(crate) fn scratch() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/tmp")
+}
+
+/// What a script in `tests/` answers to these lines.
+pub(crate) fn answer(python: &Path, script: &str, lines: String) -> String {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests").join(script);
+    let pipe = Stdio::piped;
+    let mut command = Command::new(python);
+    command.arg(script).stdin(pipe()).stdout(pipe()).stderr(pipe());
+    let mut child = command.spawn().expect("python starts");
+    let mut input = child.stdin.take().expect("a pipe");
+    let writer = std::thread::spawn(move || input.write_all(lines.as_bytes()));
+    let output = child.wait_with_output().expect("python ends");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{}: {said}", output.status);
+    writer.join().expect("not dead").expect("written");
+    String::from_utf8(output.stdout).expect("text")
 }
 
 /// The interpreter of the environment `name` with these packages; in words, what this machine lacks.

@@ -123,4 +123,30 @@ proptest! {
             prop_assert!(jerk.abs() <= most, "{jerk} of {most}");
         }
     }
+
+    #[test]
+    fn a_loop_that_runs_flat_out_comes_back_to_what_is_wanted(
+        share in 0.1..0.6_f64, rad_s in 0.2..6.0_f64, off in -1e-5..1e-5_f64,
+        pause_ns in prop_oneof![Just(0_u64), 1e4 as u64..2_000_000],
+    ) {
+        // An output every 3 to 5 µs, with a pause now and then, as between two processes that both poll. Before, the output strayed by up to 10 mrad.
+        let l = Limits::new(0.02, 0.05, 5.0).expect("positive");
+        let amplitude = share * l.angle().min(l.rate() / rad_s).min(l.jerk() / (rad_s * rad_s * rad_s));
+        let mut limiter = Limiter::from_motion(off, amplitude * rad_s, 0.0);
+        let mut intervals = crate::Intervals::new();
+        let (mut now_ns, mut follows) = (0, 0);
+        for k in 0..40_000_u64 {
+            let hash = k.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40;
+            now_ns += 3_000 + hash % 2_000 + if hash % 199 == 0 { pause_ns } else { 0 };
+            let elapsed = intervals.elapse(now_ns, None).expect("no silence");
+            let wanted = amplitude * libm::sin(rad_s * 1e-9 * now_ns as f64);
+            if !limiter.step_with(wanted, &l, elapsed) {
+                limiter.step_onto(&l, Pace::ALONE, elapsed);
+            }
+            follows += usize::from(limiter.is_following());
+            let is_off = (limiter.value() - wanted).abs();
+            prop_assert!(is_off <= off.abs() + 1e-7, "{is_off} off at {k}");
+        }
+        prop_assert!(follows > 20_000, "{follows} of 40 000 are what is wanted");
+    }
 }
