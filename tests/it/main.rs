@@ -38,6 +38,7 @@ mod plan;
 mod process;
 mod program;
 mod readme;
+mod reference;
 mod reload;
 mod replay;
 mod security;
