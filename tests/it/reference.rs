@@ -30,8 +30,8 @@ fn files(page: &str) -> Vec<(String, String)> {
             files.extend(name.take().map(|name| (name, text)));
         } else if !line.is_empty() {
             let quoted = line.strip_prefix('`').and_then(|rest| rest.strip_suffix('`'));
-            name = quoted.filter(|name| name.contains('.') && !name.contains(['`', ' ']));
-            name = name.map(str::to_owned);
+            let is_file = |name: &&str| name.contains('.') && !name.contains(['`', ' ']);
+            name = quoted.filter(is_file).map(str::to_owned);
         }
     }
     files
