@@ -189,7 +189,7 @@ sigma = { tilt = 1 }
           --> robot.toml:37:8
            |
         37 | kind = "backlsh"
-           |        ^^^^^^^^^ expected "backlash", or another name of the contract (effects.md)
+           |        ^^^^^^^^^ expected "backlash", or the name of another effect (docs/reference/effects.md)
 
         error: `effect[2].joint`: is 3
           --> robot.toml:41:9

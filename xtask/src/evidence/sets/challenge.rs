@@ -14,7 +14,7 @@ const INJECTED: [(f64, f64); 3] = [(10.0, 0.70), (20.0, 0.90), (40.0, 0.97)];
 
 pub(super) const SET: Set = Set {
     name: "challenge",
-    what: "The project's own blind challenge ([challenge.md](../challenge.md)): sealed cases of a generator that shares no physics with the program, whose answers are hashed before the truth is opened.",
+    what: "The project's own blind challenge ([challenge.md](challenge.md)): sealed cases of a generator that shares no physics with the program, whose answers are hashed before the truth is opened.",
     source: "`trued challenge`",
     given: "a model and a recording per case.",
     needs: &[],
