@@ -47,9 +47,10 @@ fn kind(table: &Table<'_, '_>, joints: &[JointKind]) -> Option<Kind> {
     let found = kinds::find(name, joint, |key| table.keys().any(|found| found == key));
     if found.is_none() {
         let near = nearest(name, kinds::names());
-        let expected = near.map_or("the name of an effect (docs/reference/effects.md)".to_owned(), |near| {
-            format!("\"{near}\", or the name of another effect (docs/reference/effects.md)")
-        });
+        let expected = near
+            .map_or("the name of an effect (docs/reference/effects.md)".to_owned(), |near| {
+                format!("\"{near}\", or the name of another effect (docs/reference/effects.md)")
+            });
         table.fault("kind", format!("is \"{name}\", which is no known effect"), expected);
     }
     found
