@@ -144,8 +144,10 @@ proptest! {
                 limiter.step_onto(&l, Pace::ALONE, elapsed);
             }
             follows += usize::from(limiter.is_following());
+            // What is wanted may go on while nothing is put out.
+            let most = off.abs() + 1.01 * amplitude * rad_s * 1e-9 * (5_000 + pause_ns) as f64;
             let is_off = (limiter.value() - wanted).abs();
-            prop_assert!(is_off <= off.abs() + 2e-7, "{is_off} off at {k}");
+            prop_assert!(is_off <= most, "{is_off} off at {k}");
         }
         prop_assert!(follows > 20_000, "{follows} of 40 000 are what is wanted");
     }
