@@ -90,11 +90,32 @@ fn compensated(spec: &Spec) -> bool {
     place && !spec.needs.iter().any(moving)
 }
 
-/// `joint_compliance` is both others with one C: beside them on one joint it would count twice.
+/// What an effect may stand beside, on its joint: a hardening without a linear compliance would refuse every command.
 fn check_beside(file: &ModelFile, at: usize) -> Result<(), Box<Fault>> {
-    let Some(entry) = file.effects.get(at).filter(|entry| entry.kind == "joint_compliance") else {
+    match file.effects.get(at) {
+        Some(entry) if entry.kind == "joint_compliance" => check_stands_alone(file, at, entry),
+        Some(entry) if entry.kind == "stiffness_hardening" => check_hardens(file, at, entry),
+        _ => Ok(()),
+    }
+}
+
+/// The hardening `C τ − D τ³` needs the linear compliance C of its joint.
+fn check_hardens(file: &ModelFile, at: usize, entry: &EffectEntry) -> Result<(), Box<Fault>> {
+    let linear = ["joint_compliance", "gravity_compliance", "load_compliance"];
+    let hardened =
+        |other: &EffectEntry| other.joint == entry.joint && linear.contains(&other.kind.as_str());
+    if file.effects.iter().any(hardened) {
         return Ok(());
-    };
+    }
+    let message = "hardens nothing: the joint has no linear compliance";
+    let fault = Fault::new(path_of(at, entry), message.to_owned());
+    Err(Box::new(
+        fault.expected("joint_compliance, gravity_compliance or load_compliance of the same joint"),
+    ))
+}
+
+/// `joint_compliance` is both others with one C: beside them on one joint it would count twice.
+fn check_stands_alone(file: &ModelFile, at: usize, entry: &EffectEntry) -> Result<(), Box<Fault>> {
     let part = |other: &&EffectEntry| {
         let parts = ["gravity_compliance", "load_compliance", "gravity_sag"];
         other.joint == entry.joint && parts.contains(&other.kind.as_str())

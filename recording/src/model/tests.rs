@@ -251,6 +251,26 @@ fn joint_compliance_stands_alone() {
     assert!(parse(&text).is_err());
 }
 
+#[test]
+fn a_hardening_without_a_linear_compliance_of_its_joint_is_refused() {
+    let hardening =
+        "[[effect]]\nkind = \"stiffness_hardening\"\njoint = 2\ncubic_mrad_per_kNm3 = 1\n";
+    for (beside, fits) in [
+        ("", false),
+        ("kind = \"load_compliance\"\njoint = 1\ncompliance_mm_per_kN = 1\n", false),
+        ("kind = \"bearing_compliance\"\njoint = 2\ncompliance_mrad_per_kNm = 1\n", false),
+        ("kind = \"load_compliance\"\njoint = 2\ncompliance_mrad_per_kNm = 1\n", true),
+        ("kind = \"gravity_compliance\"\njoint = 2\ncompliance_mrad_per_kNm = 1\n", true),
+    ] {
+        let other = if beside.is_empty() { String::new() } else { format!("[[effect]]\n{beside}") };
+        let read = parse(&format!("{TWO_JOINTS}\n{hardening}{other}"));
+        assert_eq!(read.is_ok(), fits, "{beside}: {read:?}");
+        if let Err(faults) = read {
+            assert!(faults.to_string().contains("hardens nothing"), "{faults}");
+        }
+    }
+}
+
 /// Each kind of the contract with values that make sense; joint 2 is revolute.
 pub(super) const EVERY_KIND: &[(&str, &str)] = &[
     ("joint_offset", "joint = 2\noffset_mrad = 1"),
@@ -265,7 +285,11 @@ pub(super) const EVERY_KIND: &[(&str, &str)] = &[
     ("gravity_sag", "joint = 2\nsag_mrad = [1, 2, 3]"),
     ("load_compliance", "joint = 2\ncompliance_mrad_per_kNm = 2"),
     ("joint_compliance", "joint = 2\ncompliance_mrad_per_kNm = 2"),
-    ("stiffness_hardening", "joint = 2\ncubic_mrad_per_kNm3 = 2"),
+    (
+        "stiffness_hardening",
+        "joint = 2\ncubic_mrad_per_kNm3 = 2\n\
+         [[effect]]\nkind = \"joint_compliance\"\njoint = 2\ncompliance_mrad_per_kNm = 2",
+    ),
     ("bearing_compliance", "joint = 2\ncompliance_mrad_per_kNm = 2"),
     ("base_compliance", "compliance_mrad_per_kNm = 2"),
     ("tool_compliance", "compliance_um_per_N = [1, 2, 3]"),
