@@ -1,4 +1,4 @@
-//! A long recording, in a process of its own: what it takes at most is told by the kernel.
+//! A long recording in a process of its own, whose peak memory the kernel reports.
 
 use diagnosis::diagnose::{Thinned, ingest};
 use recording::model::presets::preset;

@@ -1,4 +1,4 @@
-//! A long table, in a process of its own: what it takes at most is told by the kernel.
+//! A long table in a process of its own, whose peak memory the kernel reports.
 
 use std::fmt::Write as _;
 use std::fs;

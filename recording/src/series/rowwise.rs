@@ -94,7 +94,7 @@ fn of_text(mut source: impl BufRead, dialect: &Dialect) -> Option<RawTable<'stat
     columns.finish(separator, dialect)
 }
 
-/// What separates the fields, by the first line that stands whole in the `head` of a text.
+/// The field separator, from the first complete line in the `head` of a text.
 fn separator(head: &[u8], dialect: &Dialect) -> Option<u8> {
     let whole = head.iter().rposition(|byte| *byte == b'\n')?;
     let head = str::from_utf8(head.get(..=whole)?).ok()?;

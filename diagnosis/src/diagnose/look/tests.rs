@@ -47,7 +47,7 @@ fn rows_chosen_before_they_are_poses_are_those_chosen_after_to_the_bit() {
     let (says, sample) = looked.chosen.expect("a choice");
     assert_eq!((says, looked.rows, looked.moves), (notes.remove(0), measured, true));
     assert!(looked.campaign.poses.len() < 12_000, "{}", looked.campaign.poses.len());
-    // Not-a-numbers are told from each other by nothing: compared as text.
+    // NaN equals nothing, itself included, so both are compared as text.
     assert_eq!(format!("{:?}", looked.campaign), format!("{whole:?}"));
     assert_eq!(format!("{:?}", sample.poses), format!("{spread:?}"));
 }
