@@ -17,6 +17,7 @@ mod lockstep;
 mod logs;
 pub mod options;
 pub mod output;
+mod parallel;
 pub mod progress;
 mod setpoints;
 pub mod table;

@@ -9,6 +9,7 @@ use super::Spectrum as Asked;
 use super::samples::Gaps;
 use super::subject::Subject;
 use crate::exit::Failure;
+use crate::parallel;
 
 /// Slower recordings cannot be watched, Hz.
 const SLOWEST_HZ: f64 = 400.0;
@@ -72,35 +73,10 @@ pub(super) fn listen(
         ));
         return Ok(Vec::new());
     }
-    let mut all = Vec::new();
-    for group in subject.groups() {
-        let least = asked.least.unwrap_or_else(|| least(subject, &group, rms));
-        let [low_hz, high_hz] = [0, 1].map(|at| asked.band.get(at).copied().unwrap_or(f64::NAN));
-        let usual = WatchConfig::default();
-        let config = WatchConfig {
-            rate_hz: subject.rate_hz,
-            channels: group.len(),
-            band_hz: [low_hz, high_hz],
-            modes: subject.model.as_ref().map(modes).unwrap_or_default(),
-            wheels: wheels.to_vec(),
-            least_amplitude_n: least,
-            least_amplitude_nm: if asked.least.is_some() { least } else { 0.1 * least },
-            mains_hz: asked.mains,
-            threshold: asked.threshold,
-            learn_s: (0.25 * subject.seconds()).clamp(0.5, usual.learn_s),
-            ..usual
-        };
-        let mut watch = Watch::new(config).map_err(Failure::input)?;
-        let mut hearing = Hearing::new(&mut watch, subject.rate_hz);
-        for piece in &subject.pieces {
-            let state = |sample| piece.motion.state(sample, subject.teeth);
-            hearing.begin(piece.at_s, group.len());
-            piece
-                .samples
-                .parts(Gaps::Missing, &group, 0..piece.len(), |part| hearing.push(part, state))?;
-            hearing.end(state);
-        }
-        let heard = hearing.finish();
+    let listened = |group: &Vec<usize>| listen_to(group, asked, subject, wheels, rms);
+    let all = parallel::map(&subject.groups(), listened);
+    let all = all.into_iter().collect::<Result<Vec<Listened>, Failure>>()?;
+    for Listened { heard, .. } in &all {
         if heard.still_learning {
             let seconds = report::significant(subject.seconds(), 3);
             let note =
@@ -112,9 +88,46 @@ pub(super) fn listen(
         if heard.dropped > 0 {
             notes.push(format!("verdicts that found no place: {}", heard.dropped));
         }
-        all.push(Listened { group, watch, heard, least });
     }
     Ok(all)
+}
+
+/// What one watch says of a group of channels.
+fn listen_to(
+    group: &[usize],
+    asked: &Asked,
+    subject: &Subject,
+    wheels: &[Wheel],
+    rms: &[f64],
+) -> Result<Listened, Failure> {
+    let least = asked.least.unwrap_or_else(|| least(subject, group, rms));
+    let [low_hz, high_hz] = [0, 1].map(|at| asked.band.get(at).copied().unwrap_or(f64::NAN));
+    let usual = WatchConfig::default();
+    let config = WatchConfig {
+        rate_hz: subject.rate_hz,
+        channels: group.len(),
+        band_hz: [low_hz, high_hz],
+        modes: subject.model.as_ref().map(modes).unwrap_or_default(),
+        wheels: wheels.to_vec(),
+        least_amplitude_n: least,
+        least_amplitude_nm: if asked.least.is_some() { least } else { 0.1 * least },
+        mains_hz: asked.mains,
+        threshold: asked.threshold,
+        learn_s: (0.25 * subject.seconds()).clamp(0.5, usual.learn_s),
+        ..usual
+    };
+    let mut watch = Watch::new(config).map_err(Failure::input)?;
+    let mut hearing = Hearing::new(&mut watch, subject.rate_hz);
+    for piece in &subject.pieces {
+        let state = |sample| piece.motion.state(sample, subject.teeth);
+        hearing.begin(piece.at_s, group.len());
+        piece
+            .samples
+            .parts(Gaps::Missing, group, 0..piece.len(), |part| hearing.push(part, state))?;
+        hearing.end(state);
+    }
+    let heard = hearing.finish();
+    Ok(Listened { group: group.to_vec(), watch, heard, least })
 }
 
 /// The least amplitude by the unit, else by the signal's own size.

@@ -8,6 +8,7 @@ use super::listen::{Episode, Listened};
 use super::samples::Gaps;
 use super::subject::{Piece, Subject};
 use crate::exit::Failure;
+use crate::parallel;
 
 /// At most so many lines of a channel are told.
 const LINES_MAX: usize = 20;
@@ -68,21 +69,35 @@ pub(super) struct Measured {
     pub(super) rms: f64,
 }
 
-/// Power density and rms of every channel, in one pass over the samples.
+/// Power density and rms of every channel, in one pass over the samples on each core.
 pub(super) fn measured(subject: &Subject, window_s: f64) -> Result<Vec<Measured>, Failure> {
-    let segments = segments(subject.rate_hz, window_s);
     let all: Vec<usize> = (0..subject.channels.len()).collect();
-    let mut averaging: Vec<Averaging> = all.iter().map(|_| Averaging::new(segments)).collect();
-    let mut rms: Vec<Rms> = all.iter().map(|_| Rms::of_seconds(subject.rate_hz)).collect();
+    let shares: Vec<&[usize]> = all.chunks(all.len().div_ceil(parallel::cores()).max(1)).collect();
+    let mut measured = Vec::new();
+    for share in parallel::map(&shares, |share| measured_of(subject, share, window_s)) {
+        measured.extend(share?);
+    }
+    Ok(measured)
+}
+
+/// The same of some channels.
+fn measured_of(
+    subject: &Subject,
+    channels: &[usize],
+    window_s: f64,
+) -> Result<Vec<Measured>, Failure> {
+    let segments = segments(subject.rate_hz, window_s);
+    let mut averaging: Vec<Averaging> = channels.iter().map(|_| Averaging::new(segments)).collect();
+    let mut rms: Vec<Rms> = channels.iter().map(|_| Rms::of_seconds(subject.rate_hz)).collect();
     let mut own = Vec::new();
     for piece in &subject.pieces {
         for averaging in &mut averaging {
             averaging.begin(piece.len()).map_err(Failure::input)?;
         }
-        piece.samples.parts(Gaps::Bridged, &all, 0..piece.len(), |part| {
+        piece.samples.parts(Gaps::Bridged, channels, 0..piece.len(), |part| {
             for (at, (averaging, rms)) in averaging.iter_mut().zip(&mut rms).enumerate() {
                 own.clear();
-                own.extend(part.iter().skip(at).step_by(all.len()));
+                own.extend(part.iter().skip(at).step_by(channels.len()));
                 averaging.push(&own);
                 rms.push(&own);
             }
