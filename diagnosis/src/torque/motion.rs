@@ -9,6 +9,7 @@ use recording::series::{Channel, Kind, Recording};
 use super::filter::{LowPass, moved};
 use super::resample::resampled;
 use super::stops::{digit, stops};
+use super::stretches::Stretches;
 
 /// The band that drives and links of industrial arms move in, Hz: beyond it lies what a rigid body does not do.
 const BAND_HZ: f64 = 40.0;
@@ -30,8 +31,6 @@ const REST_S: f64 = 0.2;
 const GAP: f64 = 3.5;
 /// Runs of fewer samples say nothing.
 const SHORTEST: usize = 64;
-/// At most so many rows of all runs together.
-const ROWS_MOST: usize = 40_000;
 /// Temperature where nothing was recorded, °C; no column depends on it then.
 pub(super) const ROOM_C: f64 = 20.0;
 
@@ -215,9 +214,11 @@ impl Motion {
         let usual = BAND_HZ.min(BAND_SHARE * slowest_hz);
         let band_hz = band_hz.unwrap_or(usual).min(0.4 * slowest_hz);
         let quick_hz = BAND_HZ.min(QUICK_SHARE * slowest_hz).max(band_hz);
+        let recorded = |recording| rows(recording, band_hz);
+        let all_rows: usize = recordings.iter().map(recorded).sum();
         let mut runs = Vec::new();
         for (number, recording) in recordings.iter().enumerate() {
-            runs.extend(runs_of(arm, (number, recording), delay_s, [band_hz, quick_hz]));
+            runs.extend(runs_of(arm, (number, recording), delay_s, [band_hz, quick_hz], all_rows));
         }
         let whole: usize = runs.iter().map(|run: &Run| run.rows.len()).sum();
         let mut notes = vec![format!(
@@ -225,11 +226,11 @@ impl Motion {
             report_hz(band_hz),
             runs.len()
         )];
-        let thin = whole.div_ceil(ROWS_MOST).max(1);
-        if thin > 1 {
-            runs.iter_mut()
-                .for_each(|run| run.rows = run.rows.iter().copied().step_by(thin).collect());
-            notes.push(format!("of these every {thin}th is used"));
+        if Stretches::of(all_rows, 1).is_some() {
+            let share = 100.0 * whole as f64 / all_rows as f64;
+            notes.push(format!(
+                "they are {share:.0} % of what was recorded: stretches, evenly over all of it"
+            ));
         }
         let has_only_current = |recording: &Recording| {
             let is_torque = |channel| matches!(channel, Channel::Torque(_));
@@ -298,11 +299,23 @@ fn pieces(recording: &Recording, step_s: f64, whole: impl Fn(usize) -> bool) -> 
     pieces
 }
 
+/// Samples from a row to the next.
+fn stride(step_s: f64, band_hz: f64) -> usize {
+    (1.0 / (step_s * band_hz * ROWS_PER_PERIOD)).round().max(1.0) as usize
+}
+
+/// Rows that a recording of torque has, if it is whole.
+fn rows(recording: &Recording, band_hz: f64) -> usize {
+    let step_s = step_s(recording).filter(|_| has_torque(std::slice::from_ref(recording)));
+    step_s.map_or(0, |step_s| recording.len() / stride(step_s, band_hz))
+}
+
 fn runs_of(
     arm: &Arm,
     (number, recording): (usize, &Recording),
     delay_s: f64,
     [band_hz, quick_hz]: [f64; 2],
+    all_rows: usize,
 ) -> Vec<Run> {
     let Some(step_s) = step_s(recording).filter(|_| recording.about.kind == Kind::Path) else {
         return Vec::new();
@@ -318,7 +331,12 @@ fn runs_of(
         columns.iter().all(|column| column[row].is_finite())
             && torques.iter().flatten().all(|torque| torque[row].is_finite())
     };
-    let pieces = pieces(recording, step_s, whole);
+    let stride = stride(step_s, band_hz);
+    let mut pieces = pieces(recording, step_s, whole);
+    if let Some(stretches) = Stretches::of(all_rows, stride) {
+        pieces = stretches.within(pieces);
+        pieces.retain(|piece| piece.len() >= SHORTEST);
+    }
     let run = |piece: &Vec<usize>| {
         let times: Vec<f64> = piece.iter().map(|row| recording.t_s[*row]).collect();
         let count = ((times[times.len() - 1] - times[0]) / step_s) as usize + 1;
@@ -344,7 +362,6 @@ fn runs_of(
                 .map_or(Vec::new(), |column| even(&filled(column)));
             Track { q, v, a, quick, raw, torque, stops, temperature }
         };
-        let stride = (1.0 / (step_s * band_hz * ROWS_PER_PERIOD)).round().max(1.0) as usize;
         let ends = ((ENDS / (step_s * band_hz)).ceil() as usize).min(count / 4);
         Run {
             recording: number,

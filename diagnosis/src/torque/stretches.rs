@@ -1,0 +1,57 @@
+//! Which samples of long recordings are looked at: stretches, spread evenly.
+//!
+//! Stretches and not single samples, since what has a memory and what is filtered need those before; a stretch costs its own length in every trial of a
+//! number that no column gives.
+
+/// At most so many rows of all runs together.
+const ROWS_MOST: usize = 40_000;
+/// Rows of a stretch: so many stretches that whole ones are held out, each many times what a filter loses at its ends.
+const ROWS: usize = 1000;
+
+/// Of every `period` samples, the first `kept` are looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Stretches {
+    kept: usize,
+    period: usize,
+}
+
+impl Stretches {
+    /// Of recordings that have so many rows together, `stride` samples apart; none where all of them are looked at.
+    pub(super) fn of(rows: usize, stride: usize) -> Option<Self> {
+        let kept = ROWS * stride;
+        (rows > ROWS_MOST).then(|| Self {
+            kept,
+            period: (kept as u128 * rows as u128).div_ceil(ROWS_MOST as u128) as usize,
+        })
+    }
+
+    /// The stretches of pieces without gaps.
+    pub(super) fn within<T: Clone>(self, pieces: Vec<Vec<T>>) -> Vec<Vec<T>> {
+        let stretch = |part: &[T]| part[..self.kept.min(part.len())].to_vec();
+        pieces.iter().flat_map(|piece| piece.chunks(self.period).map(stretch)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stretches_lie_evenly_over_a_long_recording_and_a_short_one_is_taken_whole() {
+        assert_eq!(Stretches::of(ROWS_MOST, 5), None);
+        let samples = 1_000_000;
+        let stretches = Stretches::of(samples / 5, 5).expect("long");
+        let kept = stretches.within(vec![(0..samples).collect::<Vec<usize>>()]);
+        assert_eq!(kept.len(), 40);
+        assert!(kept.iter().all(|stretch| stretch.len() == 5 * ROWS));
+        let apart: Vec<usize> = kept.windows(2).map(|two| two[1][0] - two[0][0]).collect();
+        assert!(apart.iter().all(|samples| *samples == 25_000), "{apart:?}");
+    }
+
+    #[test]
+    fn a_little_more_than_is_looked_at_loses_only_a_little() {
+        let stretches = Stretches::of(ROWS_MOST + 400, 1).expect("long");
+        let kept = stretches.within(vec![vec![(); ROWS_MOST + 400]]);
+        assert_eq!(kept.iter().map(Vec::len).sum::<usize>(), ROWS_MOST);
+    }
+}
