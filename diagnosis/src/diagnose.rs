@@ -15,7 +15,7 @@ mod flexible;
 mod gram;
 mod hysteresis;
 mod ingest;
-mod judge;
+pub(crate) mod judge;
 mod library;
 mod locate;
 mod look;
@@ -24,6 +24,7 @@ mod name;
 mod noise;
 mod prove;
 mod ready;
+mod renaming;
 pub mod says;
 mod settle;
 mod springs;
@@ -43,6 +44,7 @@ use crate::readback;
 use crate::result::Fit;
 use crate::robust::Influence;
 use crate::score::Fitted;
+use crate::size::Size;
 use bank::Bank;
 use experiment::Proposed;
 use features::Word;
@@ -95,6 +97,10 @@ pub struct Finding {
     pub rivals: Vec<(Rival, f64)>,
     /// Held-out root mean square without it (all before it in the list at work) and with it, m or rad.
     pub heldout: [f64; 2],
+    /// Held-out root mean square where it alone is left out and all else is fitted anew, m or rad.
+    pub heldout_without: f64,
+    /// What it alone does to the readings, frames and targets fitted to the rest; m or rad.
+    pub size: Size,
     /// Where it shows.
     pub seen: Seen,
 }
@@ -115,8 +121,10 @@ pub struct Unexplained {
 pub struct Diagnosis {
     /// The verdict.
     pub verdict: Verdict,
-    /// Most important first.
+    /// What is claimed, most important first.
     pub findings: Vec<Finding>,
+    /// Less probable than that: no claims. The fit, the proof and the model hold them too.
+    pub candidates: Vec<Finding>,
     /// Structure beyond them.
     pub unexplained: Option<Unexplained>,
     /// Held-out errors.
@@ -227,7 +235,7 @@ fn of_chosen(
     let naming = Naming { fit: fit(&campaign, &naming.fit.hypothesis, &settings), ..naming };
     let asking =
         Asking { campaign: &campaign, known: &known, settings, library: &library, bank: &bank };
-    let naming = name::with_rivals(&asking, naming);
+    let naming = renaming::with_rivals(&asking, naming);
     let not_tested = untested::untested(&model.arm, &library, &words);
     finish(campaign, model, naming, law, split, &words, (not_tested, notes))
 }
@@ -286,14 +294,9 @@ fn finish(
     let map = locate::map(&campaign, &given, &settings, words);
     let uncertainty = fitted.uncertainty();
     let findings = findings::findings(&held, model, (&last, &uncertainty), &named, &given);
+    let (findings, candidates) = judge::claimed(verdict, findings, |one| one.confidence);
     let unexplained = rest;
-    let proof = Proof {
-        says: split.says.clone(),
-        before,
-        after,
-        noise: held.rms_in_training(&last),
-        is_length: held.is_length,
-    };
+    let proof = held.proof(before, after, &last);
     let asking = experiment::Asking::of(&campaign, model, &last, &split.training);
     let next_experiment = asking.proposed(&named);
     let early = readback::ahead(&campaign, &last, &settings).map(|suspicion| suspicion.says);
@@ -304,6 +307,7 @@ fn finish(
     Diagnosis {
         verdict,
         findings,
+        candidates,
         unexplained,
         proof,
         given,

@@ -45,6 +45,7 @@ pub mod share;
 mod sheet;
 pub mod simulate;
 pub mod single_joint;
+pub mod size;
 pub mod start;
 pub mod stiffness;
 pub mod surroundings;

@@ -30,6 +30,7 @@ mod smooth;
 mod stand;
 mod still;
 mod stops;
+mod stretches;
 pub(crate) mod sums;
 pub(crate) mod table;
 #[cfg(test)]

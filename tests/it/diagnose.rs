@@ -72,6 +72,14 @@ fn a_concealed_backlash_is_named_with_its_joint_and_width_and_the_gain_is_proven
     assert!(number(before) > 2.0 * number(after), "{before} {after}");
     assert!((number(after) / 0.03 - 1.0).abs() < 0.1, "down to the noise: {after}");
     assert_eq!(said["findings"].as_array().map(Vec::len), Some(1), "{said:#}");
+    assert_eq!(said["candidates"], Value::Array(Vec::new()), "{said:#}");
+    // It alone is missing: what it does is what the error is larger by, and all of it is there without the finding.
+    let size = &finding["size"];
+    let larger = (number(before).powi(2) - number(after).powi(2)).sqrt();
+    assert!((number(&size["rms"]) / larger - 1.0).abs() < 0.2, "{size} beside {larger}");
+    assert!(number(&size["max"]) > number(&size["rms"]), "{size}");
+    let without = number(&finding["heldout_rms_without"]);
+    assert!((without / number(before) - 1.0).abs() < 0.01, "{without} beside {before}");
     assert!(place.read("said/report.html").contains("backlash"));
     place.succeed(&["check", "said/model.toml"]);
     // With what was found the same recording holds nothing more.
@@ -80,6 +88,27 @@ fn a_concealed_backlash_is_named_with_its_joint_and_width_and_the_gain_is_proven
     place.succeed(&again);
     let again = place.json("again/diagnosis.json");
     assert_eq!(again["verdict"], "consistent", "{again:#}");
+}
+
+#[test]
+fn the_probabilities_of_a_finding_and_of_what_else_it_may_be_add_up_to_one() {
+    // No load tells a sag from a compliance, and the few rows tell little of anything.
+    let weak = "[[effect]]\nkind = \"joint_compliance\"\njoint = 2\ncompliance_mrad_per_kNm = 0.4\n\
+                [[effect]]\nkind = \"backlash\"\njoint = 5\nwidth_mrad = 0.08\n";
+    let place = recorded(weak);
+    let said = diagnosed(&place, "seen.csv");
+    let all = ["findings", "candidates"].map(|key| said[key].as_array().expect("a list"));
+    let claimed = said["verdict"] != "undetermined";
+    assert!(!all[0].is_empty(), "{said:#}");
+    for (is_candidate, finding) in
+        all.iter().enumerate().flat_map(|(k, list)| list.iter().map(move |one| (k == 1, one)))
+    {
+        let own = finding["confidence"].as_f64().expect("a probability");
+        let others = finding["alternatives"].as_array().expect("a list").iter();
+        let sum = own + others.map(|one| one["confidence"].as_f64().unwrap()).sum::<f64>();
+        assert!((sum - 1.0).abs() < 1e-5, "{sum}: {finding:#}");
+        assert!(!claimed || (own < 0.5) == is_candidate, "{finding:#}");
+    }
 }
 
 #[test]

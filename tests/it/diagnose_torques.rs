@@ -51,6 +51,9 @@ fn dry_friction_that_was_left_out_is_named_in_the_torque_domain_and_written_into
     let bounds = level["ci95"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap());
     let bounds: Vec<f64> = bounds.collect();
     assert!(bounds[0] < 20.0 && 20.0 < bounds[1] && bounds[1] - bounds[0] < 2.0, "{level}");
+    let size = [&first["size"]["rms"], &first["size"]["max"]].map(|x| x.as_f64().unwrap());
+    assert!(size.iter().all(|newton| (newton / 20.0 - 1.0).abs() < 0.15), "{size:?}");
+    assert_eq!(said["candidates"], Value::Array(Vec::new()));
     let model = place.read("out/model.toml");
     assert!(model.contains("coulomb_friction") && model.contains("level_N"), "{model}");
     // With what was found the same recording is consistent.

@@ -10,7 +10,7 @@ use super::locate;
 use super::name::{Named, without};
 use super::prove::Held;
 use super::{FLOOR, Finding, QUANTILE};
-use crate::hypothesis::named;
+use crate::hypothesis::{Hypothesis, named};
 use crate::result::Fit;
 use physics::spec::Unit;
 use physics::{AnyEffect, Model};
@@ -23,20 +23,23 @@ pub(super) fn findings(
     all: &[Named],
     given: &Fit,
 ) -> Vec<Finding> {
+    let fit_without = |gone: &[&Named]| held.beside(&without(last, model, gone), last);
     let left = |gone: &[usize]| {
         let gone: Vec<&Named> = gone.iter().map(|k| &all[*k]).collect();
-        held.energy(&held.beside(&without(last, model, &gone), last))
+        held.energy(&fit_without(&gone))
     };
     let shares = shares(all.len(), left);
     let mut order: Vec<(&Named, f64)> = all.iter().zip(shares).collect();
     order.sort_by(|a, b| b.1.total_cmp(&a.1));
     let order: Vec<&Named> = order.into_iter().map(|(one, _)| one).collect();
+    let everywhere = vec![true; held.campaign.poses.len()];
+    let everywhere = Held::new(held.campaign, (held.split, &everywhere), last);
     let mut before = held.rms(given);
     let mut findings = Vec::new();
     let whole = &last.hypothesis.model;
     for (k, one) in order.iter().enumerate() {
         let left: Vec<&Named> = order[k + 1..].to_vec();
-        let after = held.rms(&held.beside(&without(last, model, &left), last));
+        let after = held.rms(&fit_without(&left));
         let Some(effect) = last.hypothesis.model.effects().nth(one.effect).copied() else {
             continue;
         };
@@ -48,6 +51,7 @@ pub(super) fn findings(
             .and_then(|_| Some(model.effects().nth(one.effect)?.values().to_vec()));
         let bare = without(last, model, &[one]).model;
         let seen = locate::seen(held.campaign, &last.surroundings, whole, &bare);
+        let registered = everywhere.beside(&Hypothesis::fixed(*bare), last);
         findings.push(Finding {
             seen,
             sigma: (0..effect.values().len()).map(sigma).collect(),
@@ -59,6 +63,8 @@ pub(super) fn findings(
             gain: one.gain,
             rivals: one.rivals.iter().cloned().zip(shares).collect(),
             heldout: [before, after],
+            heldout_without: held.rms(&fit_without(&[one])),
+            size: everywhere.size_between(&registered, last),
         });
         before = after;
     }

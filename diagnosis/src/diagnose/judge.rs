@@ -20,6 +20,8 @@ const WORD: f64 = 1.0;
 /// The same of a gap and of what builds up over a distance, which is one number more: half of a squared normal variate, 95 %.
 const DISTANCE: f64 = 1.92;
 
+/// A finding is claimed from this probability on (contract `diagnosis.md`): it is likelier than all else.
+const CLAIMED: f64 = 0.5;
 /// A dearer name that is at least as probable as this keeps a cheaper one from being claimed.
 const LIKELY: f64 = 0.35;
 
@@ -60,6 +62,17 @@ pub(super) fn verdict(found: &[Named], fit: &Fit, carried: Option<f64>) -> Verdi
         _ if !is_clear(&gains) => Verdict::Undetermined,
         _ => Verdict::MissingPhysics,
     }
+}
+
+/// Findings that are claimed, and those that are too improbable for that. Where nothing is claimed, all stand as sets of what is alike.
+pub(crate) fn claimed<T>(
+    verdict: Verdict,
+    findings: Vec<T>,
+    confidence: impl Fn(&T) -> f64,
+) -> (Vec<T>, Vec<T>) {
+    findings
+        .into_iter()
+        .partition(|one| verdict == Verdict::Undetermined || confidence(one) >= CLAIMED)
 }
 
 /// Whether names, each with what it brings and whether it is alike another, are clear enough for a claim.
@@ -138,8 +151,8 @@ fn is_play(effect: &AnyEffect) -> bool {
     matches!(effect, AnyEffect::Backlash(_) | AnyEffect::Hysteresis(_))
 }
 
-/// The probability that a name is right beside its rivals, by their likelihoods and the numbers that each takes, and that of each rival. Where another word
-/// is the same thing, either is right.
+/// The probability that a name is right beside its rivals, by their likelihoods and the numbers that each takes, and that of each rival; together they are 1.
+/// Where another word is the same thing, either is right: its share is the name's own.
 pub(super) fn confidence(one: &Named, fit: &Fit) -> (f64, Vec<f64>) {
     let readings = fit.readings as f64 / fit.design_effect;
     let price = readings.max(2.0).ln();
@@ -150,7 +163,8 @@ pub(super) fn confidence(one: &Named, fit: &Fit) -> (f64, Vec<f64>) {
     let same = |rival: &Rival| own.is_some_and(|own| is_same(own, rival));
     let words = one.rivals.iter().zip(&weights).filter(|(rival, _)| same(rival));
     let right = 1.0 + words.map(|(_, weight)| weight).sum::<f64>();
-    (right / all, weights.iter().map(|weight| weight / all).collect())
+    let share = |(rival, weight): (&Rival, &f64)| if same(rival) { 0.0 } else { weight / all };
+    (right / all, one.rivals.iter().zip(&weights).map(share).collect())
 }
 
 #[cfg(test)]

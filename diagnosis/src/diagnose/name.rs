@@ -12,6 +12,7 @@ use super::choice::Choice;
 use super::gram::Entry;
 use super::judge::of_word;
 use super::modes::modes;
+use super::renaming::RENAMING;
 use crate::campaign::Campaign;
 use crate::candidates::Candidate;
 use crate::fit::{Effort, Settings, compare, fit};
@@ -23,10 +24,6 @@ use physics::{AnyEffect, Model};
 
 /// Rounds of a first glimpse.
 const GLIMPSES: usize = 3;
-/// Rounds in which rivals that were fitted may take a name's place.
-const RENAMING: usize = 3;
-/// By how much log-likelihood has to be higher for that, beside the numbers' cost.
-const CLEARLY: f64 = 0.25;
 /// A rival within this many units of log-likelihood cannot be told apart (contract `diagnosis.md`).
 pub(super) const ALIKE: f64 = 5.0;
 
@@ -155,19 +152,6 @@ pub(super) fn anew(asking: &Asking<'_>, bare: &Fit, first: Naming) -> Naming {
     if asking.is_better(&kept, &fresh) { kept } else { fresh }
 }
 
-/// Names that stand, each with its rivals on the rows that `asking` uses; none is added, none is taken away.
-pub(super) fn with_rivals(asking: &Asking<'_>, mut naming: Naming) -> Naming {
-    for round in 0..=RENAMING {
-        let also = asking.searched(&naming);
-        let price = asking.compare(&mut naming, &also);
-        if round == RENAMING || !asking.rename(&mut naming, price) {
-            break;
-        }
-        naming.fit = fit(asking.campaign, &naming.fit.hypothesis, &asking.settings);
-    }
-    naming
-}
-
 impl Named {
     /// What a rival pays, in log-likelihood, for the numbers that it takes beyond these and for its word: the fewest win, unless the evidence differs by
     /// more than [`ALIKE`] (contract `effects.md`), of which the rows that were asked hold their share, beyond what as many numbers gain by chance.
@@ -180,13 +164,6 @@ impl Named {
         let word = own.and_then(|own| of_word(&own.effect, &rival.effect, numbers));
         word.unwrap_or(numbers.clamp(-most, most))
     }
-
-    /// The rival that is the better name.
-    fn better(&self, price: f64) -> Option<&Rival> {
-        let loss = |rival: &Rival| rival.behind + self.dearer(rival, price);
-        let best = self.rivals.iter().min_by(|a, b| loss(a).total_cmp(&loss(b)))?;
-        (loss(best) < -CLEARLY).then_some(best)
-    }
 }
 
 /// The places of effects once `gone` has left the model; a change leaves none.
@@ -194,14 +171,6 @@ pub(super) fn close_up(named: &mut [Named], gone: &Named) {
     if gone.stated.is_none() {
         named.iter_mut().filter(|one| one.effect > gone.effect).for_each(|one| one.effect -= 1);
     }
-}
-
-/// Whether a rival of the name in place `k` may stand beside the others: what two of them would become, one after the other, is one thing.
-fn stands_beside(naming: &Naming, k: usize, rival: &Rival) -> bool {
-    let effects = &naming.fit.hypothesis.model;
-    let new = naming.named.iter().enumerate().filter(|(at, one)| *at != k && one.stated.is_none());
-    let mut others = new.filter_map(|(_, one)| effects.effects().nth(one.effect));
-    !others.any(|effect| rival.candidate.is_rival_of(effect))
 }
 
 pub(super) type Title = (&'static str, Option<usize>, bool);
@@ -236,63 +205,13 @@ impl Asking<'_> {
     }
 
     /// Finds every name's rivals; gives the price of a number, in the sum of squares.
-    fn compare(&self, naming: &mut Naming, also: &[Entry]) -> f64 {
+    pub(super) fn compare(&self, naming: &mut Naming, also: &[Entry]) -> f64 {
         let mut choice = Choice::at(self, naming, also);
         choice.stand();
         for k in 0..naming.named.len() {
             choice.compare_rivals(self, naming, k);
         }
         choice.price()
-    }
-
-    /// Gives rivals that are better a name's place; says whether any was.
-    fn rename(&self, naming: &mut Naming, price: f64) -> bool {
-        let mut any = false;
-        for k in 0..naming.named.len() {
-            let better = naming.named[k].better(price).cloned();
-            let better = better.filter(|rival| stands_beside(naming, k, rival));
-            let renamed = better.and_then(|rival| self.renamed(naming, k, &rival, price));
-            if let Some(renamed) = renamed {
-                (*naming, any) = (renamed, true);
-            }
-        }
-        any
-    }
-
-    /// The same names with `rival` in the place of the one in place `k`.
-    fn renamed(&self, naming: &Naming, k: usize, rival: &Rival, price: f64) -> Option<Naming> {
-        let mut named = naming.named.clone();
-        let gone = &naming.named[k];
-        let mut hypothesis = without(&naming.fit, &self.known.model, &[gone]);
-        let entry = Entry::open(rival.kept, rival.candidate.clone());
-        let (effect, stated) = Self::joined(&mut hypothesis, &entry, &rival.found)?;
-        close_up(&mut named, gone);
-        let compared = |hypothesis: &Hypothesis| {
-            compare(self.campaign, hypothesis, &naming.fit, self.settings.used)
-        };
-        let fit = compared(&hypothesis);
-        // Others may have been renamed since this one was found to be better.
-        let before = compared(&naming.fit.hypothesis).sum;
-        let behind = 0.5 * (fit.sum - before) / naming.fit.design_effect;
-        let dearer = gone.dearer(rival, price);
-        if behind + dearer >= -CLEARLY {
-            return None;
-        }
-        let more = rival.numbers.saturating_sub(gone.numbers) as f64;
-        named[k] = Named {
-            candidate: entry.candidate,
-            effect,
-            stated,
-            kept: rival.kept,
-            spared: gone.spared.max(price * more),
-            gain: gone.gain - behind,
-            margin: gone.margin - behind - dearer,
-            numbers: rival.numbers,
-            share: gone.share,
-            rivals: Vec::new(),
-            variants: Vec::new(),
-        };
-        Some(Naming { fit, named })
     }
 
     /// Adds a candidate to a hypothesis; none where there is no room.

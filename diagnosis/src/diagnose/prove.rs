@@ -11,6 +11,7 @@ use crate::hypothesis::Hypothesis;
 use crate::problem::{Look, State, visit};
 use crate::proof::Split;
 use crate::result::Fit;
+use crate::size::Size;
 use physics::{AnyEffect, Model};
 use std::collections::BTreeMap;
 
@@ -146,6 +147,18 @@ impl<'a> Held<'a> {
         (sum / count.max(1) as f64).sqrt()
     }
 
+    /// By how much two fits differ at the readings that are asked.
+    pub(super) fn size_between(&self, one: &Fit, other: &Fit) -> Size {
+        let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
+        let numbers: Vec<usize> = numbers.map(|seen| seen.reading.count()).collect();
+        let (one, other) = (one.off(self.campaign), other.off(self.campaign));
+        let asked = one.iter().zip(&other).filter(|(one, _)| self.counts[one.reading]);
+        Size::of(asked.flat_map(|(one, other)| {
+            let values = (one.off - other.off).to_array();
+            values.into_iter().take(numbers[one.reading])
+        }))
+    }
+
     /// The sum of squares of single numbers, m² or rad², and how many they are.
     fn sum(&self, fit: &Fit) -> (f64, usize) {
         let (mut sum, mut count) = (0.0, 0_usize);
@@ -195,7 +208,7 @@ impl<'a> Held<'a> {
     }
 
     /// The same for the training rows of a fit: what is left where everything was fitted.
-    pub(super) fn rms_in_training(&self, fit: &Fit) -> f64 {
+    fn rms_in_training(&self, fit: &Fit) -> f64 {
         let numbers = self.campaign.poses.iter().flat_map(|pose| &pose.seen);
         let numbers: Vec<usize> = numbers.map(|seen| seen.reading.count()).collect();
         let (mut sum, mut count) = (0.0, 0.0);
@@ -208,6 +221,12 @@ impl<'a> Held<'a> {
         }
         let freedom = (count - fit.columns().len() as f64).max(1.0);
         (sum / freedom).sqrt()
+    }
+
+    /// The proof with these errors, of the model as given and of `last`.
+    pub(super) fn proof(&self, before: f64, after: f64, last: &Fit) -> Proof {
+        let (says, noise) = (self.split.says.clone(), self.rms_in_training(last));
+        Proof { says, before, after, noise, is_length: self.is_length }
     }
 
     /// The fit of `hypothesis` beside `last`, with its weights.

@@ -102,13 +102,17 @@ impl Asking<'_> {
 
     /// What a name that stands brings beside the others.
     pub(crate) fn worth(&self, choice: &Choice, name: usize) -> f64 {
+        choice.solved.worth(&self.own_columns(choice, name))
+    }
+
+    /// The columns of a name that stands which would go with it.
+    pub(crate) fn own_columns(&self, choice: &Choice, name: usize) -> Vec<usize> {
         let families = &self.library.families;
         let shared = |column: &usize| {
             self.always.contains(column)
                 || choice.names.iter().any(|n| *n != name && families[*n].columns.contains(column))
         };
-        let own = families[name].columns.iter().copied().filter(|column| !shared(column));
-        choice.solved.worth(&own.collect::<Vec<usize>>())
+        families[name].columns.iter().copied().filter(|column| !shared(column)).collect()
     }
 
     fn price_of(&self, name: usize) -> f64 {

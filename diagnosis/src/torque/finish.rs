@@ -5,9 +5,12 @@
 use nalgebra::DMatrix;
 use physics::{Arm, JointKind};
 
+use crate::diagnose::judge;
+
 use super::case::Case;
 use super::choose::{Asking, Choice, others};
 use super::library::Form;
+use super::prove::Listed;
 use super::zone::Zone;
 use super::{
     Diagnosis, Finding, JointProof, Refit, Stated, Weighed, columns, found, prove, refine, smooth,
@@ -36,11 +39,23 @@ pub(super) fn finish(
     let listed = prove::order(case, &asking, choice, held);
     let outside =
         if zones.is_empty() { Vec::new() } else { outside_alone(case, &asking, choice, held) };
-    let finding = |(name, heldout): &(usize, [f64; 2])| {
-        let family = &case.library.families[*name];
-        let is_change = stated.has(family.kind, family.joint);
-        let numbers = told.numbers(case, stated, *name);
-        named(case, weighed, (*name, *heldout), (is_change, numbers))
+    let finding = |one: &Listed| {
+        let family = &case.library.families[one.name];
+        let own = asking.own_columns(choice, one.name);
+        let weighed = weighed.iter().find(|weighed| weighed.name == one.name);
+        Finding {
+            kind: family.kind,
+            joint: family.joint,
+            recording: family.recording,
+            is_change: stated.has(family.kind, family.joint),
+            numbers: told.numbers(case, stated, one.name),
+            confidence: weighed.map_or(0.0, |one| one.confidence),
+            gain: weighed.map_or(0.0, |one| one.gain),
+            rivals: weighed.map_or(Vec::new(), |one| one.rivals.clone()),
+            heldout: one.heldout,
+            heldout_without: one.heldout_without,
+            size: prove::size_of(&case.table, &case.library.columns, &choice.solved, &own),
+        }
     };
     let findings: Vec<Finding> = listed.iter().map(finding).collect();
     let beyond = smooth::law(case, always, &names);
@@ -49,10 +64,13 @@ pub(super) fn finish(
     let joints: Vec<usize> = case.table.joints().collect();
     let by_joint: Vec<JointProof> =
         joints.iter().map(|j| proof(case, (&given, choice), *j)).collect();
+    let notes = notes(arm, case, always, &zones, &findings, (refuted, &outside));
+    let (findings, candidates) = judge::claimed(verdict, findings, |one| one.confidence);
     Diagnosis {
         verdict,
-        notes: notes(arm, case, always, &zones, &findings, (refuted, &outside)),
+        notes,
         findings,
+        candidates,
         refits: refits(case, stated, choice, &told.covariance),
         unexplained: beyond.map(|beyond| beyond.law),
         heldout: [&given, choice].map(|one| prove::rms(case, &one.solved, held)),
@@ -159,28 +177,6 @@ fn or_still(
     (findings, is_law): (Vec<Finding>, bool),
 ) -> Vec<Finding> {
     if findings.is_empty() && !is_law { still::findings(case, stated, always) } else { findings }
-}
-
-/// The finding of a name, with its numbers and what it brings on held-out rows.
-fn named(
-    case: &Case,
-    weighed: &[Weighed],
-    (name, heldout): (usize, [f64; 2]),
-    (is_change, numbers): (bool, Vec<found::Number>),
-) -> Finding {
-    let family = &case.library.families[name];
-    let weighed = weighed.iter().find(|one| one.name == name);
-    Finding {
-        kind: family.kind,
-        joint: family.joint,
-        recording: family.recording,
-        is_change,
-        numbers,
-        confidence: weighed.map_or(0.0, |one| one.confidence),
-        gain: weighed.map_or(0.0, |one| one.gain),
-        rivals: weighed.map_or(Vec::new(), |one| one.rivals.clone()),
-        heldout,
-    }
 }
 
 /// The model's own numbers as the fit has them.

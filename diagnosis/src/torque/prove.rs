@@ -14,6 +14,7 @@ use super::memory;
 use super::noise;
 use super::refine;
 use super::table::{Products, Solved, Table};
+use crate::size::Size;
 
 /// A number is at least so many times its uncertainty.
 pub(super) const SURE: f64 = 2.0;
@@ -200,6 +201,32 @@ pub(crate) fn borne_out_by(
     }
 }
 
+/// What some columns of a fit do to the rows of the joints that they act on.
+pub(crate) fn size_of(table: &Table, columns: &[Column], solved: &Solved, own: &[usize]) -> Size {
+    let parts: Vec<(&Column, f64)> = (solved.columns.iter().zip(&solved.values))
+        .filter(|(column, _)| own.contains(column))
+        .map(|(column, value)| (&columns[*column], *value))
+        .collect();
+    let mut values = Vec::new();
+    for joint in table.joints() {
+        let moved: Vec<f64> = Column::sum(&parts, joint, table.rows()).into_iter().collect();
+        if moved.iter().any(|value| *value != 0.0) {
+            let rows = moved.iter().zip(&table.moves[joint]);
+            values.extend(rows.filter(|(_, moves)| **moves).map(|(value, _)| *value));
+        }
+    }
+    Size::of(values)
+}
+
+/// A name with what it brings on held-out rows, root mean squares.
+pub(crate) struct Listed {
+    pub(crate) name: usize,
+    /// Without it and all that follow it in the list, and with it.
+    pub(crate) heldout: [f64; 2],
+    /// Where it alone is left out and all else is fitted anew.
+    pub(crate) heldout_without: f64,
+}
+
 /// Names in the order of what each brings on held-out rows, with the error before and after each, one after the other: first the one that brings most by
 /// itself, which another may stand in for; then by what each brings beside all others.
 pub(super) fn order(
@@ -207,7 +234,7 @@ pub(super) fn order(
     asking: &Asking<'_>,
     choice: &Choice,
     held: &[bool],
-) -> Vec<(usize, [f64; 2])> {
+) -> Vec<Listed> {
     order_by(asking, choice, &|solved| rms(case, solved, held))
 }
 
@@ -216,23 +243,23 @@ pub(crate) fn order_by(
     asking: &Asking<'_>,
     choice: &Choice,
     rms: &dyn Fn(&Solved) -> f64,
-) -> Vec<(usize, [f64; 2])> {
-    let whole = rms(&choice.solved);
-    let beside = |name: &usize| rms(&asking.solve(&others(&choice.names, *name)).solved) - whole;
-    let mut names: Vec<(usize, f64)> = choice.names.iter().map(|n| (*n, beside(n))).collect();
+) -> Vec<Listed> {
+    let without = |name: &usize| rms(&asking.solve(&others(&choice.names, *name)).solved);
+    let mut names: Vec<(usize, f64)> = choice.names.iter().map(|n| (*n, without(n))).collect();
     let alone = |name: &usize| rms(&asking.solve(&[*name]).solved);
     let first = choice.names.iter().map(|name| (*name, alone(name)));
-    if let Some((first, _)) = first.min_by(|a, b| a.1.total_cmp(&b.1)) {
-        names.iter_mut().filter(|(name, _)| *name == first).for_each(|one| one.1 = f64::INFINITY);
-    }
-    names.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    let first = first.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(first, _)| first);
+    names.sort_by(|(a, a_left), (b, b_left)| {
+        let is_later = |name: &usize| Some(*name) != first;
+        is_later(a).cmp(&is_later(b)).then(b_left.total_cmp(a_left)).then(a.cmp(b))
+    });
     let mut before = rms(&asking.solve(&[]).solved);
     let mut there: Vec<usize> = Vec::new();
     let mut listed = Vec::new();
-    for (name, _) in names {
+    for (name, heldout_without) in names {
         there.push(name);
         let after = rms(&asking.solve(&there).solved);
-        listed.push((name, [before, after]));
+        listed.push(Listed { name, heldout: [before, after], heldout_without });
         before = after;
     }
     listed

@@ -4,6 +4,8 @@
 
 use crate::diagnose::Verdict;
 
+use crate::size::Size;
+
 use super::{Law, Number, Refit, Rival, Trace, Zone};
 
 /// Something that is missing in the model of the drives, or wrong in it.
@@ -27,6 +29,10 @@ pub struct Finding {
     pub rivals: Vec<Rival>,
     /// Held-out root mean square without it (all before it in the list at work) and with it, N m or N.
     pub heldout: [f64; 2],
+    /// Held-out root mean square where it alone is left out and all else is fitted anew, N m or N.
+    pub heldout_without: f64,
+    /// What it alone does to the torques or forces that it acts on, N m or N.
+    pub size: Size,
 }
 
 /// The proof of one joint, N m or N.
@@ -51,8 +57,10 @@ pub struct JointProof {
 pub struct Diagnosis {
     /// The verdict.
     pub verdict: Verdict,
-    /// Most important first.
+    /// What is claimed, most important first.
     pub findings: Vec<Finding>,
+    /// Less probable than that: no claims. The fit, the proof and the model hold them too.
+    pub candidates: Vec<Finding>,
     /// The model's own numbers of stated uncertainty, fitted along: no findings, but what the proof is with.
     pub refits: Vec<Refit>,
     /// Structure beyond them.

@@ -13,6 +13,7 @@ use super::library::GAIN;
 use super::table::Products;
 use super::{Finding, Stated, noise};
 use crate::colour::Colour;
+use crate::size::Size;
 
 /// What a constant must bring beyond its price, in log-likelihood.
 const MARGIN: f64 = 10.0;
@@ -104,5 +105,7 @@ fn finding(case: &Case, stated: &Stated<'_>, held: &Held) -> Finding {
             held.before,
             (held.before * held.before - held.value * held.value).max(0.0).sqrt(),
         ],
+        heldout_without: held.before,
+        size: Size { rms: held.value.abs(), largest: held.value.abs() },
     }
 }

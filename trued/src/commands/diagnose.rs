@@ -181,6 +181,7 @@ impl Found {
         let chosen: Vec<Chosen> = diagnosis
             .findings
             .iter()
+            .chain(&diagnosis.candidates)
             .map(|finding| Chosen {
                 effect: finding.place,
                 gain: finding.gain,

@@ -16,10 +16,10 @@ use super::rest::{self, Rest};
 use super::rows::Rows;
 use super::sets;
 use super::view::{Traced, has_one_feed, not_tested, notes, signal, traces};
-use crate::diagnose::Verdict;
+use crate::diagnose::{Verdict, judge};
 use crate::torque::choose::{Asking, Choice, others};
 use crate::torque::library::Family;
-use crate::torque::prove::{borne_out_by, order_by, told_by};
+use crate::torque::prove::{Listed, borne_out_by, order_by, size_of, told_by};
 use crate::torque::table::Solved;
 use crate::torque::{Finding, Refit};
 
@@ -45,8 +45,10 @@ const APART: f64 = 1e5;
 pub struct Compared {
     /// The verdict.
     pub verdict: Verdict,
-    /// Most important first; SI.
+    /// What is claimed, most important first; SI.
     pub findings: Vec<Finding>,
+    /// Less probable than that: no claims. The fit, the proof and the model hold them too.
+    pub candidates: Vec<Finding>,
     /// The model's own numbers of stated uncertainty, fitted along: no findings, but what the proof is with.
     pub refits: Vec<Refit>,
     /// Structure beyond them.
@@ -89,18 +91,18 @@ pub(super) fn finish(
     // A name is weighed in the form that was chosen, and told with all of its numbers.
     let mut weighed = reweighed(&mut case, &mut names, &seen);
     names = filled(&mut case, names, &seen);
-    let held = case.sets.held.clone();
     let products = case.products(&seen);
     let asking = Asking { library: &case.library, products: &products, always: &case.always };
     let choice = asking.solve(&names);
-    let rms = |solved: &Solved| case.rms(solved, &held);
+    let rms = |solved: &Solved| case.rms(solved, &case.sets.held);
     let listed = order_by(&asking, &choice, &rms);
     let covariance = case.covariance(&choice.solved, &seen);
-    let hum = listed.iter().find(|(name, _)| case.library.families[*name].kind == TONE);
-    let hum = hum.map(|(_, heldout)| *heldout);
+    let is_tone = |one: &&Listed| case.library.families[one.name].kind == TONE;
+    let hum = listed.iter().find(is_tone).map(|one| one.heldout);
     let stated = |kind: &str| model.effects().any(|effect| effect.spec().kind == kind);
-    let finding = |(name, heldout): (usize, [f64; 2])| {
-        let family = &case.library.families[name];
+    let finding = |one: Listed| {
+        let family = &case.library.families[one.name];
+        let own = asking.own_columns(&choice, one.name);
         let weighed = weighed.remove(family.kind).filter(|_| family.kind != TONE)?;
         Some(Finding {
             kind: family.kind,
@@ -111,7 +113,9 @@ pub(super) fn finish(
             confidence: weighed.confidence,
             gain: weighed.gain,
             rivals: weighed.rivals,
-            heldout,
+            heldout: one.heldout,
+            heldout_without: one.heldout_without,
+            size: size_of(&case.table, &case.library.columns, &choice.solved, &own),
         })
     };
     let findings: Vec<Finding> = listed.into_iter().filter_map(finding).collect();
@@ -122,12 +126,14 @@ pub(super) fn finish(
     let creeping = rest::creeping(&case, &case.belief);
     let is_strange = is_patched || hum.is_some() || creeping.is_some();
     let verdict = verdict(&case, &findings, (&given, &choice), law.as_ref(), is_strange);
-    let nameless = || is_patched.then(|| beyond_names(heldout));
+    let (findings, candidates) = judge::claimed(verdict, findings, |one| one.confidence);
     let tone = hum.map(|held| a_tone(&case, held));
-    let unexplained = tone.or(law).or(creeping).or_else(nameless);
+    let nameless = is_patched.then(|| beyond_names(heldout));
+    let unexplained = tone.or(law).or(creeping).or(nameless);
     Compared {
         verdict,
         findings,
+        candidates,
         refits,
         unexplained,
         heldout,

@@ -60,7 +60,8 @@ impl Drives {
     /// The model's effects with what was found, and its own numbers as they were fitted along.
     pub(super) fn written(&self, base: &RobotModel, effects: &[EffectEntry]) -> Vec<EffectEntry> {
         let refits = self.result.iter().flat_map(|diagnosis| &diagnosis.refits);
-        let findings = self.result.iter().flat_map(|diagnosis| &diagnosis.findings);
+        let result = self.result.iter();
+        let findings = result.flat_map(|one| one.findings.iter().chain(&one.candidates));
         written(base, effects, refits, findings.filter(|finding| finding.recording.is_none()))
     }
 }

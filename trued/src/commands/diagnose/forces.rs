@@ -57,7 +57,8 @@ impl Forces {
     fn model(&self) -> Result<String, Failure> {
         let mut file = self.base.file.clone();
         if let Some(compared) = self.result.iter().find_map(|found| found.compared.as_ref().ok()) {
-            let (refits, findings) = (compared.refits.iter(), compared.findings.iter());
+            let findings = compared.findings.iter().chain(&compared.candidates);
+            let refits = compared.refits.iter();
             file.effects = written(&self.base, &file.effects, refits, findings);
         }
         for finding in self.result.iter().flat_map(|found| &found.findings) {

@@ -40,6 +40,10 @@ fn words(mut page: Page, report: &Report, is_judged: bool) -> Page {
     if !sentences.is_empty() {
         page = page.section("What was found").list(&sentences).table(&tables::findings(report));
     }
+    if !report.candidates.is_empty() {
+        let title = "Not claimed: less likely than not";
+        page = page.section(title).table(&tables::candidates(report));
+    }
     if is_judged && let Some(rest) = &report.unexplained {
         page = page.note(Tone::Caution, "Not explained", &rest.says);
     }
@@ -113,7 +117,7 @@ fn numbers(report: &Report) -> Vec<Number> {
         ]
     });
     let noise = Number::new("Noise", report.noise_rms, report.unit)
-        .note("what the instrument cannot see below");
+        .note("what no finding explains, on the rows that were fitted");
     let findings = Number::text("Findings", report.findings.len().to_string());
     held.into_iter().flatten().chain([noise, findings]).collect()
 }

@@ -26,6 +26,8 @@ use super::Found;
 
 /// Standard uncertainties to each side that hold 95 in 100.
 const NINETY_FIVE: f64 = 1.96;
+/// What is likelier than this and not listed stands as an alternative of its own; less is rounding.
+const LEAST_LISTED: f64 = 1e-6;
 /// mm per m, mrad per rad.
 const MILLI: f64 = 1e3;
 
@@ -43,7 +45,12 @@ pub(in crate::commands) struct Report {
     pub(super) heldout_rms_before: Option<f64>,
     pub(super) heldout_rms_after: Option<f64>,
     pub(super) heldout: String,
+    /// What is claimed: the probability of each is a half or more.
     pub(super) findings: Vec<Told>,
+    /// What is not claimed, though a part of the mismatch goes with it.
+    pub(super) candidates: Vec<Told>,
+    /// How the held-out errors of the findings, one after the other, share the whole.
+    attribution: &'static str,
     pub(super) next_experiment: Option<String>,
     experiment: Option<Asked>,
     pub(super) not_tested: Vec<NotTested>,
@@ -73,10 +80,30 @@ pub(super) struct Told {
     /// None where nothing was held out.
     pub(super) heldout_rms_before: Option<f64>,
     pub(super) heldout_rms_after: Option<f64>,
+    /// Where it alone is left out and all else is fitted anew; none where nothing was held out.
+    pub(super) heldout_rms_without: Option<f64>,
+    /// What it alone does to what was measured; none where that is not computed.
+    pub(super) size: Option<Size>,
+    /// Findings that are determined only together: not computed.
+    group: Option<String>,
     #[serde(rename = "where")]
     place: Where,
     pub(super) alternatives: Vec<Alternative>,
     pub(super) says: String,
+}
+
+/// What an effect alone does to the measured values, in the report's unit.
+#[derive(Serialize)]
+pub(super) struct Size {
+    pub(super) rms: f64,
+    pub(super) max: f64,
+}
+
+impl Size {
+    /// In a unit of which so many make one of SI.
+    pub(super) fn of(size: diagnosis::size::Size, per_si: f64) -> Self {
+        Self { rms: per_si * size.rms, max: per_si * size.largest }
+    }
 }
 
 #[derive(Serialize)]
@@ -198,6 +225,8 @@ impl Report {
             heldout_rms_after: Some(MILLI * proof.after),
             heldout: proof.says.clone(),
             findings: diagnosis.findings.iter().map(|finding| Told::of(arm, finding)).collect(),
+            candidates: diagnosis.candidates.iter().map(|one| Told::of(arm, one)).collect(),
+            attribution: "shapley",
             next_experiment: diagnosis.next_experiment.as_ref().map(|next| next.says.clone()),
             experiment: diagnosis.next_experiment.as_ref().map(Asked::of),
             not_tested: diagnosis
@@ -249,6 +278,8 @@ impl Report {
             heldout_rms_after: None,
             heldout: "nothing: the recordings cannot be judged".to_owned(),
             findings: Vec::new(),
+            candidates: Vec::new(),
+            attribution: "sequence",
             next_experiment: None,
             experiment: None,
             not_tested: Vec::new(),
@@ -269,7 +300,17 @@ impl Report {
     }
 }
 
+/// An effect's name and its joint, from 1.
+fn name(effect: &str, joint: Option<usize>) -> String {
+    let whose = joint.map_or(String::new(), |joint| format!(" of joint {joint}"));
+    format!("{}{whose}", effect.replace('_', " "))
+}
+
 impl Told {
+    pub(super) fn name(&self) -> String {
+        name(self.effect, self.joint)
+    }
+
     fn of(arm: &Arm, finding: &Finding) -> Self {
         let effect = &finding.effect;
         let joint = effect.joint().map(|joint| joint + 1);
@@ -280,6 +321,7 @@ impl Told {
             confidence: Some(*confidence),
             is_alike: rival.alike,
         });
+        let alternatives = Alternative::whole(finding.confidence, alternatives.collect());
         Self {
             effect: effect.spec().kind,
             joint,
@@ -288,6 +330,9 @@ impl Told {
             parameters: parameters(finding, slides),
             heldout_rms_before: Some(MILLI * finding.heldout[0]),
             heldout_rms_after: Some(MILLI * finding.heldout[1]),
+            heldout_rms_without: Some(MILLI * finding.heldout_without),
+            size: Some(Size::of(finding.size, MILLI)),
+            group: None,
             place: Where {
                 joint,
                 channels: finding.seen.channels.clone(),
@@ -295,7 +340,7 @@ impl Told {
                 intervals_s: finding.seen.intervals_s.clone(),
                 frequency_Hz: None,
             },
-            alternatives: alternatives.collect(),
+            alternatives,
             says: says::sentence(effect, finding.had.as_deref(), slides),
         }
     }
@@ -392,8 +437,17 @@ pub(in crate::commands) fn lead(report: &Report) -> String {
 }
 
 impl Alternative {
+    /// A finding's alternatives, with what is not listed among them as one more, so that all probabilities add up to one.
+    pub(super) fn whole(confidence: f64, mut listed: Vec<Self>) -> Vec<Self> {
+        let sum = confidence + listed.iter().filter_map(|one| one.confidence).sum::<f64>();
+        if 1.0 - sum > LEAST_LISTED {
+            let confidence = Some(1.0 - sum);
+            listed.push(Self { effect: "other", joint: None, confidence, is_alike: false });
+        }
+        listed
+    }
+
     pub(super) fn name(&self) -> String {
-        let whose = self.joint.map_or(String::new(), |joint| format!(" of joint {joint}"));
-        format!("{}{whose}", self.effect.replace('_', " "))
+        name(self.effect, self.joint)
     }
 }

@@ -2,7 +2,7 @@
 
 use report::{Column, Table, significant};
 
-use crate::commands::diagnose::told::{Alternative, Interval, Report, Value};
+use crate::commands::diagnose::told::{Alternative, Interval, Report, Told, Value};
 
 /// Where a number is not computed.
 const NONE: &str = "–";
@@ -12,17 +12,37 @@ pub(super) fn rms(rms: Option<f64>) -> String {
 }
 
 pub(super) fn findings(report: &Report) -> Table {
-    let heads = ["Effect", "Joint", "Confidence", "Held out before", "after", "Rivals"];
-    let table = Table::new(format!("Findings, {}", report.unit), heads.map(Column::new));
-    report.findings.iter().fold(table, |table, told| {
-        let rivals: Vec<String> = told.alternatives.iter().map(Alternative::name).collect();
+    table(format!("Findings, {}", report.unit), &report.findings)
+}
+
+pub(super) fn candidates(report: &Report) -> Table {
+    table(format!("Candidates, {}", report.unit), &report.candidates)
+}
+
+fn table(title: String, all: &[Told]) -> Table {
+    let heads = [
+        "Effect",
+        "Joint",
+        "Confidence",
+        "Size, rms",
+        "largest",
+        "Held out before",
+        "after",
+        "without it alone",
+        "Alternatives",
+    ];
+    all.iter().fold(Table::new(title, heads.map(Column::new)), |table, told| {
+        let alternatives: Vec<String> = told.alternatives.iter().map(Alternative::name).collect();
         table.row([
             told.effect.replace('_', " ").into(),
             told.joint.map_or("robot".to_owned(), |joint| joint.to_string()).into(),
             told.confidence.map_or(NONE.to_owned(), |p| format!("{p:.2}")).into(),
+            rms(told.size.as_ref().map(|size| size.rms)).into(),
+            rms(told.size.as_ref().map(|size| size.max)).into(),
             rms(told.heldout_rms_before).into(),
             rms(told.heldout_rms_after).into(),
-            rivals.join(", ").into(),
+            rms(told.heldout_rms_without).into(),
+            alternatives.join(", ").into(),
         ])
     })
 }

@@ -8,8 +8,8 @@ use diagnosis::torque::Finding;
 use recording::model::{EffectEntry, RobotModel};
 use report::significant;
 
-use super::drives::{alternative, parameters};
-use super::{NotTested, Report, Told, Unexplained, Where};
+use super::drives::{alternatives, parameters};
+use super::{NotTested, Report, Size, Told, Unexplained, Where};
 use crate::commands::diagnose::drives::entry;
 
 /// Axes as files name them.
@@ -34,6 +34,7 @@ impl Report {
             heldout_rms_after: Some(compared.heldout[1]),
             heldout: compared.says.clone(),
             findings: compared.findings.iter().map(|one| told(base, one)).collect(),
+            candidates: compared.candidates.iter().map(|one| told(base, one)).collect(),
             next_experiment: next_experiment(compared),
             not_tested: compared.not_tested.iter().map(not_tested).collect(),
             unexplained: compared.unexplained.as_ref().map(unexplained),
@@ -54,6 +55,9 @@ fn told(base: &RobotModel, finding: &Finding) -> Told {
         parameters: entry.as_ref().map(parameters).unwrap_or_default(),
         heldout_rms_before: Some(finding.heldout[0]),
         heldout_rms_after: Some(finding.heldout[1]),
+        heldout_rms_without: Some(finding.heldout_without),
+        size: Some(Size::of(finding.size, 1.0)),
+        group: None,
         place: Where {
             joint: None,
             channels: CHANNELS.map(str::to_owned).to_vec(),
@@ -61,7 +65,7 @@ fn told(base: &RobotModel, finding: &Finding) -> Told {
             intervals_s: Vec::new(),
             frequency_Hz: frequency.and_then(|number| number.values.first()).copied(),
         },
-        alternatives: finding.rivals.iter().map(alternative).collect(),
+        alternatives: alternatives(finding),
         says: says(finding, entry.as_ref()),
     }
 }

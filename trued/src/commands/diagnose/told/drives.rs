@@ -10,7 +10,7 @@ use recording::model::{EffectEntry, Numbers, RobotModel};
 use report::significant;
 
 use super::{
-    Alternative, JointErrors, NINETY_FIVE, NotTested, Report, Told, Unexplained, Value, Where,
+    Alternative, JointErrors, NINETY_FIVE, NotTested, Report, Size, Told, Unexplained, Value, Where,
 };
 use crate::commands::diagnose::drives::{Drives, entry};
 
@@ -28,7 +28,7 @@ impl Report {
             Err(doubt) => return empty.because(doubt.to_string()),
         };
         let unit = if diagnosis.slides { "N" } else { "Nm" };
-        let findings = diagnosis.findings.iter();
+        let (findings, candidates) = (diagnosis.findings.iter(), diagnosis.candidates.iter());
         Self {
             verdict: diagnosis.verdict.name(),
             unit,
@@ -40,6 +40,7 @@ impl Report {
             heldout_rms_after: Some(diagnosis.heldout[1]),
             heldout: diagnosis.says.clone(),
             findings: findings.map(|one| told(base, drives, one)).collect(),
+            candidates: candidates.map(|one| told(base, drives, one)).collect(),
             next_experiment: next_experiment(diagnosis),
             not_tested: diagnosis
                 .not_tested
@@ -93,19 +94,24 @@ fn told(base: &RobotModel, drives: &Drives, finding: &Finding) -> Told {
         parameters: entry.as_ref().map_or(BTreeMap::new(), parameters),
         heldout_rms_before: Some(finding.heldout[0]),
         heldout_rms_after: Some(finding.heldout[1]),
+        heldout_rms_without: Some(finding.heldout_without),
+        size: Some(Size::of(finding.size, 1.0)),
+        group: None,
         place: Where { joint, channels, condition, intervals_s: Vec::new(), frequency_Hz: None },
-        alternatives: finding.rivals.iter().map(alternative).collect(),
+        alternatives: alternatives(finding),
         says: says(base, drives, finding, entry.as_ref()),
     }
 }
 
-pub(super) fn alternative(rival: &Rival) -> Alternative {
-    Alternative {
+/// Of a finding in torques or forces.
+pub(super) fn alternatives(finding: &Finding) -> Vec<Alternative> {
+    let alternative = |rival: &Rival| Alternative {
         effect: rival.kind,
         joint: rival.joint.map(|joint| joint + 1),
         confidence: Some(rival.confidence),
         is_alike: rival.alike,
-    }
+    };
+    Alternative::whole(finding.confidence, finding.rivals.iter().map(alternative).collect())
 }
 
 pub(super) fn parameters(entry: &EffectEntry) -> BTreeMap<String, Value> {

@@ -147,10 +147,6 @@ fn next_experiment(diagnosis: &Diagnosis) -> Option<String> {
 }
 
 fn told(diagnosis: &Diagnosis, finding: &Finding) -> Told {
-    let intervals = |wanted: State| {
-        let here = diagnosis.phases.iter().filter(|phase| phase.state == wanted);
-        here.map(|phase| [phase.from_s, phase.to_s]).collect::<Vec<[f64; 2]>>()
-    };
     match finding {
         Finding::Bias { force, sigma, heldout } => {
             let ci95 = (0..3).map(|k| {
@@ -166,11 +162,14 @@ fn told(diagnosis: &Diagnosis, finding: &Finding) -> Told {
                 parameters: BTreeMap::from([("bias_N".to_owned(), value)]),
                 heldout_rms_before: Some(heldout[0]),
                 heldout_rms_after: Some(heldout[1]),
+                heldout_rms_without: Some(heldout[0]),
+                size: None,
+                group: None,
                 place: Where {
                     joint: None,
                     channels: diagnosis.channels.clone(),
                     condition: "constant, in air too".to_owned(),
-                    intervals_s: intervals(State::Air).into_iter().take(1).collect(),
+                    intervals_s: intervals(diagnosis, State::Air).into_iter().take(1).collect(),
                     frequency_Hz: None,
                 },
                 alternatives: Vec::new(),
@@ -180,38 +179,49 @@ fn told(diagnosis: &Diagnosis, finding: &Finding) -> Told {
             }
         }
         Finding::Chatter { tone, resolution_hz, is_alone } => {
-            // A single tone has no scatter and no held-out rows: no interval is computed.
-            let number = |value: f64| Value::One { value, ci95: None };
-            let mut parameters =
-                BTreeMap::from([("frequency_Hz".to_owned(), number(tone.frequency_hz))]);
-            if diagnosis.is_force {
-                parameters.insert("amplitude_N".to_owned(), number(tone.amplitude));
-            }
-            let forced =
-                Alternative { effect: "runout", joint: None, confidence: None, is_alike: true };
-            Told {
-                effect: "chatter",
-                joint: None,
-                change: "new",
-                confidence: None,
-                parameters,
-                heldout_rms_before: None,
-                heldout_rms_after: None,
-                place: Where {
-                    joint: None,
-                    channels: diagnosis.channels.get(tone.channel).cloned().into_iter().collect(),
-                    condition: "in the cut, not in air, at no multiple of the spindle".to_owned(),
-                    intervals_s: intervals(State::Cut),
-                    frequency_Hz: Some(tone.frequency_hz),
-                },
-                alternatives: if *is_alone { Vec::new() } else { vec![forced] },
-                says: format!(
-                    "The cut rings at {} Hz (resolved to {} Hz) by itself: chatter, {} % of what swings there.",
-                    significant(tone.frequency_hz, 4),
-                    significant(*resolution_hz, 2),
-                    significant(100.0 * tone.share, 2)
-                ),
-            }
+            chatter(diagnosis, tone, *resolution_hz, *is_alone)
         }
+    }
+}
+
+/// The intervals in which the tool did this, s.
+fn intervals(diagnosis: &Diagnosis, wanted: State) -> Vec<[f64; 2]> {
+    let here = diagnosis.phases.iter().filter(|phase| phase.state == wanted);
+    here.map(|phase| [phase.from_s, phase.to_s]).collect()
+}
+
+fn chatter(diagnosis: &Diagnosis, tone: &Tone, resolution_hz: f64, is_alone: bool) -> Told {
+    // A single tone has no scatter and no held-out rows: no interval is computed.
+    let number = |value: f64| Value::One { value, ci95: None };
+    let mut parameters = BTreeMap::from([("frequency_Hz".to_owned(), number(tone.frequency_hz))]);
+    if diagnosis.is_force {
+        parameters.insert("amplitude_N".to_owned(), number(tone.amplitude));
+    }
+    let forced = Alternative { effect: "runout", joint: None, confidence: None, is_alike: true };
+    Told {
+        effect: "chatter",
+        joint: None,
+        change: "new",
+        confidence: None,
+        parameters,
+        heldout_rms_before: None,
+        heldout_rms_after: None,
+        heldout_rms_without: None,
+        size: None,
+        group: None,
+        place: Where {
+            joint: None,
+            channels: diagnosis.channels.get(tone.channel).cloned().into_iter().collect(),
+            condition: "in the cut, not in air, at no multiple of the spindle".to_owned(),
+            intervals_s: intervals(diagnosis, State::Cut),
+            frequency_Hz: Some(tone.frequency_hz),
+        },
+        alternatives: if is_alone { Vec::new() } else { vec![forced] },
+        says: format!(
+            "The cut rings at {} Hz (resolved to {} Hz) by itself: chatter, {} % of what swings there.",
+            significant(tone.frequency_hz, 4),
+            significant(resolution_hz, 2),
+            significant(100.0 * tone.share, 2)
+        ),
     }
 }

@@ -1,0 +1,128 @@
+//! Rivals in a name's place: the sums that propose one are linear, so that a fit decides.
+
+use super::gram::Entry;
+use super::name::{ALIKE, Asking, Named, Naming, Rival, close_up, without};
+use crate::fit::{compare, fit};
+use crate::hypothesis::Hypothesis;
+
+/// Rounds in which rivals that were fitted may take a name's place.
+pub(super) const RENAMING: usize = 3;
+/// By how much log-likelihood has to be higher for that, beside the numbers' cost.
+const CLEARLY: f64 = 0.25;
+/// Rivals of a name that are fitted in its place, to see whether they are as near as linear sums say.
+const FITTED: usize = 3;
+
+/// Names that stand, each with its rivals on the rows that `asking` uses; none is added, none is taken away.
+pub(super) fn with_rivals(asking: &Asking<'_>, mut naming: Naming) -> Naming {
+    for round in 0..=RENAMING {
+        let also = asking.searched(&naming);
+        let price = asking.compare(&mut naming, &also);
+        if round == RENAMING || !asking.rename(&mut naming, price) {
+            asking.refute(&mut naming, price);
+            break;
+        }
+        naming.fit = fit(asking.campaign, &naming.fit.hypothesis, &asking.settings);
+    }
+    naming
+}
+
+impl Named {
+    /// Log-likelihood that a rival loses beside the name, its numbers paid.
+    fn loss(&self, rival: &Rival, price: f64) -> f64 {
+        rival.behind + self.dearer(rival, price)
+    }
+
+    /// The place of the rival that is the better name.
+    fn better(&self, price: f64) -> Option<usize> {
+        let losses = self.rivals.iter().map(|rival| self.loss(rival, price)).enumerate();
+        let (best, loss) = losses.min_by(|a, b| a.1.total_cmp(&b.1))?;
+        (loss < -CLEARLY).then_some(best)
+    }
+}
+
+/// Whether a rival of the name in place `k` may stand beside the others: what two of them would become, one after the other, is one thing.
+fn stands_beside(naming: &Naming, k: usize, rival: &Rival) -> bool {
+    let effects = &naming.fit.hypothesis.model;
+    let new = naming.named.iter().enumerate().filter(|(at, one)| *at != k && one.stated.is_none());
+    let mut others = new.filter_map(|(_, one)| effects.effects().nth(one.effect));
+    !others.any(|effect| rival.candidate.is_rival_of(effect))
+}
+
+impl Asking<'_> {
+    /// Gives rivals that are better a name's place; says whether any was.
+    pub(super) fn rename(&self, naming: &mut Naming, price: f64) -> bool {
+        let mut any = false;
+        for k in 0..naming.named.len() {
+            let one = &naming.named[k];
+            let better = one.better(price).map(|place| &one.rivals[place]);
+            let better = better.filter(|rival| stands_beside(naming, k, rival));
+            let renamed = better.and_then(|rival| self.in_place_of(naming, k, rival, price));
+            if let Some((renamed, _)) = renamed.filter(|(_, loss)| *loss < -CLEARLY) {
+                (*naming, any) = (renamed, true);
+            }
+        }
+        any
+    }
+
+    /// Fits the rivals that seem to be better names, and has each as far behind as its fit is. One that cannot stand beside the other names is no rival.
+    fn refute(&self, naming: &mut Naming, price: f64) {
+        for k in 0..naming.named.len() {
+            for _ in 0..FITTED {
+                let one = &naming.named[k];
+                let Some(place) = one.better(price) else { break };
+                let rival = &one.rivals[place];
+                if !stands_beside(naming, k, rival) {
+                    naming.named[k].rivals.remove(place);
+                    continue;
+                }
+                let behind = self
+                    .in_place_of(naming, k, rival, price)
+                    .map(|(_, loss)| loss - one.dearer(rival, price));
+                let Some(behind) = behind.filter(|behind| *behind > rival.behind) else { break };
+                let rival = &mut naming.named[k].rivals[place];
+                rival.behind = behind;
+                rival.alike = behind < ALIKE * self.share();
+            }
+            naming.named[k].rivals.sort_by(|a, b| a.behind.total_cmp(&b.behind));
+        }
+    }
+
+    /// The same names with `rival` in the place of the one in place `k`, and the log-likelihood that this loses, its numbers paid.
+    fn in_place_of(
+        &self,
+        naming: &Naming,
+        k: usize,
+        rival: &Rival,
+        price: f64,
+    ) -> Option<(Naming, f64)> {
+        let mut named = naming.named.clone();
+        let gone = &naming.named[k];
+        let mut hypothesis = without(&naming.fit, &self.known.model, &[gone]);
+        let entry = Entry::open(rival.kept, rival.candidate.clone());
+        let (effect, stated) = Self::joined(&mut hypothesis, &entry, &rival.found)?;
+        close_up(&mut named, gone);
+        let compared = |hypothesis: &Hypothesis| {
+            compare(self.campaign, hypothesis, &naming.fit, self.settings.used)
+        };
+        let fit = compared(&hypothesis);
+        // Others may have been renamed since this one was found to be better.
+        let before = compared(&naming.fit.hypothesis).sum;
+        let behind = 0.5 * (fit.sum - before) / naming.fit.design_effect;
+        let loss = behind + gone.dearer(rival, price);
+        let more = rival.numbers.saturating_sub(gone.numbers) as f64;
+        named[k] = Named {
+            candidate: entry.candidate,
+            effect,
+            stated,
+            kept: rival.kept,
+            spared: gone.spared.max(price * more),
+            gain: gone.gain - behind,
+            margin: gone.margin - loss,
+            numbers: rival.numbers,
+            share: gone.share,
+            rivals: Vec::new(),
+            variants: Vec::new(),
+        };
+        Some((Naming { fit, named }, loss))
+    }
+}

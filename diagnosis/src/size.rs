@@ -1,0 +1,35 @@
+//! How large an effect is where it was measured: what it alone does to the readings of a recording.
+
+/// Of single values: lengths in m, angles in rad, torques in N m, forces in N.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Size {
+    /// Root mean square.
+    pub rms: f64,
+    /// The largest, without sign.
+    pub largest: f64,
+}
+
+impl Size {
+    /// Of these values; zero of none.
+    pub fn of(values: impl IntoIterator<Item = f64>) -> Self {
+        let (mut sum, mut count, mut largest) = (0.0, 0_usize, 0.0_f64);
+        for value in values {
+            sum += value * value;
+            count += 1;
+            largest = largest.max(value.abs());
+        }
+        Self { rms: (sum / count.max(1) as f64).sqrt(), largest }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Size;
+
+    #[test]
+    fn a_size_is_the_root_mean_square_and_the_largest_without_sign() {
+        let size = Size::of([3.0, -4.0, 0.0, 0.0]);
+        assert!((size.rms - 2.5).abs() < 1e-12 && size.largest == 4.0, "{size:?}");
+        assert_eq!(Size::of([]), Size::default());
+    }
+}
