@@ -39,7 +39,7 @@ fn page() -> Page {
         .figure("Share of the remaining error, with 95 % intervals.", &shares())
         .facts([("Model", "irb1600-hybrid.toml"), ("Seed", "7"), ("Cycles", "58 012"), ("Kernel", "6.8.0, not real-time")])
         .code("trued demo --seed 7 --out demo-out")
-        .footer("Made by trued 0.1.0.")
+        .footer("Made by trued.")
 }
 
 fn time_s() -> impl Iterator<Item = f64> {

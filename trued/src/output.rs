@@ -38,6 +38,12 @@ pub struct Console {
     reader_left: bool,
 }
 
+/// The last line of a page: which program made it, and by which command.
+#[must_use]
+pub(crate) fn made_by(command: &str) -> String {
+    format!("Made by trued {}, `trued {command}`.", env!("CARGO_PKG_VERSION"))
+}
+
 /// The schema's name first, then the object.
 #[derive(Serialize)]
 struct Named<'a, T: Serialize> {

@@ -10,6 +10,7 @@ use super::numbers::Entry;
 use super::things::{lines, things};
 use super::told::{mm, moves_in, words};
 use crate::input::count;
+use crate::output::made_by;
 
 /// Outliers in the table.
 const OUTLIERS: usize = 50;
@@ -74,7 +75,7 @@ pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Strin
                 format!("{}, fitted to {}", command.written(found), count(found.poses, "pose")),
             ),
         ])
-        .footer("Made by trued calibrate.")
+        .footer(made_by("calibrate"))
         .render()
 }
 

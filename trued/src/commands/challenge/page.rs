@@ -4,6 +4,7 @@ use challenge::score::{Figures, Outcome};
 use report::{Axis, Bar, Bars, Cell, Histogram, Number, Page, Plot, Series, Svg, Table};
 
 use super::told::{range, rows, share};
+use crate::output::made_by;
 
 pub(super) fn render(figures: &Figures, scored: &[Outcome]) -> String {
     let mut page = Page::new("Blind challenge")
@@ -47,7 +48,7 @@ pub(super) fn render(figures: &Figures, scored: &[Outcome]) -> String {
     }
     page.text(&format!("SHA-256 of the truth: {}", figures.sealed_sha256))
         .text(&format!("SHA-256 of the answers: {}", figures.answers_sha256))
-        .footer("Made by trued challenge.")
+        .footer(made_by("challenge"))
         .render()
 }
 

@@ -5,6 +5,7 @@ use report::{Axis, Column, Histogram, Multiples, Number, Page, Plot, Series, Tab
 use super::log::{Log, Row};
 use super::outcome::{Milled, Report};
 use super::scene::Scene;
+use crate::output::made_by;
 
 /// The whole page; `again`: the same path with what was found, where it was swapped in.
 pub(super) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&Log>) -> String {
@@ -43,7 +44,7 @@ pub(super) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&L
         .text(&format!("The daemon hears the force samples at 10 kHz. The truth: {}.", milled.ringing.words))
         .figure("Force on the tool across the ringing, tool axes.", &force(scene, log).render())
         .table(&events(milled))
-        .footer("Made by trued demo; the recording beside this page holds every tick.")
+        .footer(format!("{} The recording beside this page holds every cycle.", made_by("demo")))
         .render()
 }
 

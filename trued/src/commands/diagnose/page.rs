@@ -12,6 +12,7 @@ use report::{Number, Page, Tone, significant};
 
 use super::Found;
 use super::told::{Report, lead};
+use crate::output::made_by;
 
 /// The whole page: positions first, then torques.
 pub(super) fn render(found: &Found, reports: &[Report]) -> String {
@@ -25,7 +26,7 @@ pub(super) fn render(found: &Found, reports: &[Report]) -> String {
             None => domain(page, found, report),
         };
     }
-    page.footer("Made by trued diagnose.").render()
+    page.footer(made_by("diagnose")).render()
 }
 
 /// All of one domain, but its own figures.

@@ -4,6 +4,7 @@ use report::{Axis, Cell, Column, Page, Plot, Series, Svg, Table, significant};
 
 use super::matching::Matched;
 use super::told::{DEGREES, Found, by_parts, fitting, remarks};
+use crate::output::made_by;
 
 /// Rivals named for each line.
 const RIVALS: usize = 8;
@@ -32,7 +33,7 @@ pub(super) fn render(found: &Found<'_>) -> String {
             "By chance: the part of the octave around a line in which any line would fit some wheel. Where it is large, a match says little.",
         );
     }
-    page.footer("Made by trued gears.").render()
+    page.footer(made_by("gears")).render()
 }
 
 fn wheels(found: &Found<'_>) -> Table {

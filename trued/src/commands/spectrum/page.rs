@@ -10,6 +10,7 @@ use super::subject::Subject;
 use super::words::{self, alarmed, class_and_rivals, hz};
 use crate::exit::Failure;
 use crate::input::count;
+use crate::output::made_by;
 
 /// At most so many rows of a table.
 const ROWS: usize = 40;
@@ -49,7 +50,10 @@ pub(super) fn render(subject: &Subject, found: &Found) -> Result<String, Failure
     let page = health(page, subject, found)
         .section("What was looked at")
         .facts(facts(subject, found))
-        .footer("Made by trued spectrum. Amplitudes are half the way from crest to trough, in the channel's own unit.")
+        .footer(format!(
+            "{} Amplitudes are half the way from crest to trough, in the channel's own unit.",
+            made_by("spectrum")
+        ))
         .render();
     Ok(page)
 }

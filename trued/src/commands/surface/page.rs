@@ -6,6 +6,7 @@ use report::{
 
 use super::Surface;
 use super::measured::{Measured, Segments};
+use crate::output::made_by;
 
 /// Segments that a table shows; more are drawn.
 const ROWS_MAX: usize = 16;
@@ -40,7 +41,7 @@ pub(super) fn render(command: &Surface, profiles: &[Measured]) -> String {
     for measured in profiles {
         page = one(page, measured, profiles.len() > 1);
     }
-    page.footer("Made by trued surface.").render()
+    page.footer(made_by("surface")).render()
 }
 
 fn numbers(one: &Measured) -> Vec<Number> {

@@ -11,6 +11,7 @@ use super::analysis::{Analysis, Function, Test};
 use super::model::Renewed;
 use super::told::{decimals, verdict};
 use crate::input::count;
+use crate::output::made_by;
 
 /// Hits drawn over each other.
 const HITS_MAX: usize = 8;
@@ -63,7 +64,7 @@ pub(super) fn render(command: &Tap, analysis: &Analysis, renewed: Option<&Renewe
             renewed.told(analysis)
         ));
     }
-    page.footer("Made by trued tap.").render()
+    page.footer(made_by("tap")).render()
 }
 
 fn numbers(analysis: &Analysis) -> Vec<Number> {

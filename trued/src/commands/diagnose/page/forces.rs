@@ -7,6 +7,7 @@ use report::{Axis, Column, Page, Plot, Series, Table, Tone, significant};
 use super::{cut, tables};
 use crate::commands::diagnose::forces::Forces;
 use crate::commands::diagnose::told::{NotTested, Report};
+use crate::output::made_by;
 
 /// Points of a drawing.
 const POINTS: usize = 2000;
@@ -71,7 +72,7 @@ pub(in crate::commands::diagnose) fn render(found: &Forces, report: &Report) -> 
     if !report.notes.is_empty() {
         page = page.section("What was done with the data").list(&report.notes);
     }
-    page.footer("Made by trued diagnose.").render()
+    page.footer(made_by("diagnose")).render()
 }
 
 fn phases(report: &Report) -> Table {
