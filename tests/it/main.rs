@@ -38,6 +38,7 @@ mod plan;
 mod process;
 mod program;
 mod readme;
+mod recordings;
 mod reference;
 mod reload;
 mod replay;

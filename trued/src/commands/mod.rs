@@ -14,6 +14,7 @@ mod demo;
 mod diagnose;
 mod doctor;
 mod gears;
+mod info;
 mod model;
 mod plan;
 mod reload;
@@ -43,6 +44,7 @@ pub(crate) enum Command {
     Diagnose(diagnose::Diagnose),
     Doctor(doctor::Doctor),
     Gears(gears::Gears),
+    Info(info::InfoOf),
     Model(model::Model),
     Plan(Box<plan::Plan>),
     Reload(reload::Reload),
@@ -68,6 +70,7 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Diagnose(diagnose) => diagnose.run(console),
         Command::Doctor(doctor) => doctor.run(console),
         Command::Gears(gears) => gears.run(console),
+        Command::Info(info) => info.run(console),
         Command::Model(model) => model.run(console),
         Command::Plan(plan) => plan.run(console),
         Command::Reload(reload) => reload.run(console),
