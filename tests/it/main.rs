@@ -52,6 +52,7 @@ mod simulate_torques;
 mod simulation;
 mod spectrum;
 mod status;
+mod steering;
 mod surface;
 mod sweeps;
 mod tables;

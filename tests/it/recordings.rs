@@ -132,6 +132,8 @@ fn a_recording_holds_wall_clock_times_states_and_the_log() {
         assert_eq!(monitor.bypass(on, LIMIT).unwrap().answer(), Ok(Answer::Done));
         std::thread::sleep(Duration::from_millis(100));
     }
+    let marked = trued(&place, &["mark", "spindle on"], &[]);
+    assert!(marked.status.success(), "{}", said(&marked));
     std::thread::sleep(Duration::from_millis(1100));
     assert!(daemon.end().success());
     let file = files(&place).pop().unwrap();

@@ -8,6 +8,7 @@ mod bridge;
 mod calibrate;
 mod challenge;
 mod check;
+mod control;
 mod convert;
 mod correct;
 mod demo;
@@ -22,6 +23,7 @@ mod replay;
 mod run;
 mod simulate;
 mod spectrum;
+mod status;
 mod surface;
 mod tap;
 
@@ -33,8 +35,10 @@ use crate::output::Console;
 /// What the program can do.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    Arm(control::Arm),
     Bench(Box<bench::Bench>),
     Bridge(bridge::Bridge),
+    Bypass(control::Bypass),
     Calibrate(calibrate::Calibrate),
     Challenge(challenge::Challenge),
     Check(check::Check),
@@ -45,6 +49,8 @@ pub(crate) enum Command {
     Doctor(doctor::Doctor),
     Gears(gears::Gears),
     Info(info::InfoOf),
+    Mark(control::Mark),
+    Mode(control::ModeOf),
     Model(model::Model),
     Plan(Box<plan::Plan>),
     Reload(reload::Reload),
@@ -52,6 +58,7 @@ pub(crate) enum Command {
     Run(run::Run),
     Simulate(simulate::Simulate),
     Spectrum(spectrum::Spectrum),
+    Status(status::StatusOf),
     Surface(surface::Surface),
     Tap(tap::Tap),
 }
@@ -59,8 +66,10 @@ pub(crate) enum Command {
 /// Runs the command that was asked for.
 pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
     match command {
+        Command::Arm(arm) => arm.run(console),
         Command::Bench(bench) => bench.run(console),
         Command::Bridge(bridge) => bridge.run(console),
+        Command::Bypass(bypass) => bypass.run(console),
         Command::Calibrate(calibrate) => calibrate.run(console),
         Command::Challenge(challenge) => challenge.run(console),
         Command::Check(check) => check.run(console),
@@ -71,6 +80,8 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Doctor(doctor) => doctor.run(console),
         Command::Gears(gears) => gears.run(console),
         Command::Info(info) => info.run(console),
+        Command::Mark(mark) => mark.run(console),
+        Command::Mode(mode) => mode.run(console),
         Command::Model(model) => model.run(console),
         Command::Plan(plan) => plan.run(console),
         Command::Reload(reload) => reload.run(console),
@@ -78,6 +89,7 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Run(run) => run.run(console),
         Command::Simulate(simulate) => simulate.run(console),
         Command::Spectrum(spectrum) => spectrum.run(console),
+        Command::Status(status) => status.run(console),
         Command::Surface(surface) => surface.run(console),
         Command::Tap(tap) => tap.run(console),
     }
