@@ -17,7 +17,7 @@ use tests::python::environment;
 use trued_client::{Answer, Monitor, monotonic_ns};
 
 const LIMIT: Duration = Duration::from_secs(10);
-const RECORDER: &str = "[recorder]\ndir = \"recordings\"\n";
+const RECORDER: &str = "[recorder]\ndir = \"recordings\"\nkeep_files = 1000\n";
 /// Kills, unless asked otherwise.
 const KILLS: u64 = 12;
 /// At most this much of what was answered may be missing after a kill.
@@ -84,7 +84,8 @@ fn recordings_that_kills_left_are_whole_again_and_lack_less_than_a_second() {
     let mut chance = Chance::new(monotonic_ns());
     let place = Place::new("full", RECORDER);
     let mut worst = Duration::ZERO;
-    for _ in 0..asked.unwrap_or(KILLS) {
+    let kills = asked.unwrap_or(KILLS);
+    for _ in 0..kills {
         let mut daemon = ready(&place);
         let mut cell = CellLoop::join(&place.cell(), Duration::from_millis(5)).unwrap();
         let mut answered_ns = 0;
@@ -110,7 +111,7 @@ fn recordings_that_kills_left_are_whole_again_and_lack_less_than_a_second() {
         let info = blackbox::info(file).unwrap();
         assert_eq!(info.end, End::Closed, "{}", file.display());
     }
-    println!("{} kills, at most {worst:?} missing", files.len());
+    println!("{kills} kills, {} files, at most {worst:?} missing", files.len());
     let Some(found) = counted_by_python(&files) else { return };
     for (file, found) in files.iter().zip(found) {
         let ours = blackbox::read(file).unwrap().records.len() as u64;

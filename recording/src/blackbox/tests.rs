@@ -268,6 +268,31 @@ fn a_file_that_was_not_closed_is_made_whole_with_all_that_can_be_read() {
     }
 }
 
+/// Where the first chunk begins.
+fn first_chunk(bytes: &[u8]) -> u64 {
+    let mut at = mcap::MAGIC.len();
+    while bytes[at] != mcap::records::op::CHUNK {
+        at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
+    }
+    at as u64
+}
+
+#[test]
+fn an_index_that_points_elsewhere_is_seen_and_mended() {
+    let scratch = Scratch::new("index");
+    let path = scratch.file();
+    write_run(&path, 50).finish().unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let chunk = first_chunk(&bytes).to_le_bytes();
+    let place = bytes.windows(8).rposition(|window| window == chunk).unwrap();
+    // As versions wrote it that asked the file while its opening was buffered.
+    bytes[place..place + 8].fill(0);
+    std::fs::write(&path, &bytes).unwrap();
+    assert_eq!(info(&path).unwrap().end, End::WrongIndex);
+    assert!(matches!(repair(&path), Ok(Repair::Done { messages: 53, .. })));
+    assert_eq!(info(&path).unwrap().end, End::Closed);
+}
+
 #[test]
 fn a_file_that_cannot_be_repaired_stays_as_it_is() {
     let scratch = Scratch::new("no-repair");

@@ -68,7 +68,7 @@ pub(super) fn lines(report: &Report) -> Vec<String> {
 
 fn robot(report: &Report) -> String {
     let robot = &report.robot;
-    let named = [&robot.maker, &robot.kind].map(|name| name.as_str());
+    let named = [&robot.maker, &robot.kind].map(String::as_str);
     let mut text: Vec<&str> = named.into_iter().filter(|name| !name.is_empty()).collect();
     if text.is_empty() {
         text.push("not stated");
@@ -106,23 +106,20 @@ fn duration(seconds: f64) -> String {
 /// A text beside its name, broken at spaces; what is longer than a line alone is broken where the line ends.
 fn wrapped(name: &str, text: &str) -> Vec<String> {
     let width = COLUMNS - INDENT;
-    let mut rows = vec![String::new()];
+    let (mut rows, mut row) = (Vec::new(), String::new());
     for word in text.split_whitespace() {
-        let mut word: Vec<char> = word.chars().collect();
-        loop {
-            let Some(row) = rows.last_mut() else { break };
+        let letters: Vec<char> = word.chars().collect();
+        for piece in letters.chunks(width) {
             let used = row.chars().count();
-            let gap = usize::from(used > 0);
-            if used + gap + word.len() <= width {
-                row.extend(std::iter::repeat_n(' ', gap).chain(word));
-                break;
+            if used > 0 && used + 1 + piece.len() > width {
+                rows.push(std::mem::take(&mut row));
+            } else if used > 0 {
+                row.push(' ');
             }
-            if used == 0 {
-                row.extend(word.drain(..width));
-            }
-            rows.push(String::new());
+            row.extend(piece);
         }
     }
+    rows.push(row);
     let head = |at: usize| if at == 0 { name } else { "" };
     rows.iter().enumerate().map(|(at, row)| format!("{:<INDENT$}{row}", head(at))).collect()
 }
