@@ -123,7 +123,7 @@ impl InfoOf {
             models =
                 models.row([name.clone(), epoch.to_string(), hash.clone(), cycles.to_string()]);
         }
-        console.say(models.render())?;
+        console.say(format!("\n{}", models.render()))?;
         if report.cycles_of_unknown_models > 0 {
             let cycles = count_u64(report.cycles_of_unknown_models, "cycle");
             console.say(format!("{cycles} of models that the file does not hold"))?;

@@ -88,7 +88,12 @@ fn model(report: &Report, name: Option<&str>) -> String {
         (true, 0) => String::new(),
         (true, count) => format!("; holds by {count} measurements"),
     };
-    format!("{name}hash {}, loaded {} times{holds}", model.hash, model.epoch)
+    // It is known from the first cycle on.
+    let epoch = match model.epoch {
+        0 => String::new(),
+        epoch => format!(", epoch {epoch}"),
+    };
+    format!("{name}hash {}{epoch}{holds}", model.hash)
 }
 
 /// A time that a person reads.
