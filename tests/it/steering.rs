@@ -147,12 +147,14 @@ fn a_cell_needs_no_name_where_it_is_the_only_one() {
     let text = std::fs::read_to_string(place.file("cell.toml")).unwrap();
     place.write("second.toml", &text.replace(&format!("\"{CELL}\""), "\"second\""));
     let config = place.file("second.toml");
-    let second = Process::start(TRUED, &["run", "--config", config.to_str().unwrap()], &place);
+    let mut second = Process::start(TRUED, &["run", "--config", config.to_str().unwrap()], &place);
     assert!(second.says("ready", LIMIT), "{:?}", second.lines());
     let several = trued(&place, &["bypass", "on"]);
     assert_eq!(several.code, Some(2), "{}", several.said);
     assert!(several.said.contains(&format!("{CELL}, second")), "{}", several.said);
     assert_eq!(trued(&place, &["status", "second"]).code, Some(0));
+    // Of the place's own cell alone nothing is left after a kill.
+    assert!(second.end().success(), "{:?}", second.lines());
 }
 
 /// Every key of an object, those within too.
