@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use shm_schema::{
-    Cell, Joined, Operation, PATH_BYTES_MAX, Payload, PeerControl, PeerSubscriber, PortError,
+    Cell, Joined, Mode, Operation, PATH_BYTES_MAX, Payload, PeerControl, PeerSubscriber, PortError,
     Request, Response, Role, Status, Text, Verdict, monotonic_ns, new_session,
 };
 
@@ -193,6 +193,34 @@ impl Monitor {
     /// See [`AskError`].
     pub fn bypass(&mut self, on: bool, limit: Duration) -> Result<Response, AskError> {
         self.ask(switch(Operation::Bypass, on), limit)
+    }
+
+    /// Asks to go to shadow mode (`false`), or back to the configured mode. A cell whose configuration says `shadow` refuses to leave it.
+    ///
+    /// # Errors
+    /// See [`AskError`]; a refusal is an answer, not an error.
+    pub fn arm(&mut self, on: bool, limit: Duration) -> Result<Response, AskError> {
+        self.ask(switch(Operation::Arm, on), limit)
+    }
+
+    /// Asks to go to a mode, at most to the one that the cell's configuration allows (`mode_max`); the correction changes by its limiter.
+    ///
+    /// # Errors
+    /// See [`AskError`]; a refusal is an answer, not an error.
+    pub fn mode(&mut self, mode: Mode, limit: Duration) -> Result<Response, AskError> {
+        let request =
+            Request { operation: Operation::Mode.code(), on: mode.code(), ..Request::default() };
+        self.ask(request, limit)
+    }
+
+    /// Asks for a marker with this text in the recording: up to [`PATH_BYTES_MAX`] bytes, what is longer is cut off.
+    ///
+    /// # Errors
+    /// See [`AskError`]; a refusal is an answer, not an error.
+    pub fn mark(&mut self, text: &str, limit: Duration) -> Result<Response, AskError> {
+        let path = Text::new(text);
+        let request = Request { operation: Operation::Mark.code(), path, ..Request::default() };
+        self.ask(request, limit)
     }
 
     /// Tells what the process does, in place of what was told before.

@@ -5,6 +5,7 @@
 //! when it is over; a model when it no longer holds. Never: in a real-time thread.
 
 use crate::exchange::Exchange;
+use crate::sender;
 use crate::temperatures::places;
 use crate::throttle::{Budget, Tally};
 use shm_schema::{
@@ -235,11 +236,20 @@ impl HealthLog {
     }
 }
 
+/// A request as it was logged last.
+#[derive(Debug)]
+struct Logged {
+    answer: Answer,
+    words: String,
+    pid: Option<u32>,
+    at_ns: u64,
+}
+
 /// Requests as they were logged.
 #[derive(Debug)]
 pub struct RequestLog {
-    /// Of each operation the last line: its answer, its words, its time.
-    last: [Option<(Answer, String, u64)>; Operation::ALL.len()],
+    /// Of each operation the last line.
+    last: [Option<Logged>; Operation::ALL.len()],
     unlogged: u64,
     budget: Budget,
 }
@@ -253,31 +263,38 @@ impl Default for RequestLog {
 
 impl RequestLog {
     /// Logs a request and its answer; one that says nothing new is counted and told with the next line.
-    pub fn log(&mut self, operation: u32, answer: Answer, words: &str, now_ns: u64) {
+    pub fn log(
+        &mut self,
+        operation: u32,
+        answer: Answer,
+        words: &str,
+        pid: Option<u32>,
+        now_ns: u64,
+    ) {
         let known = Operation::try_from(operation).ok();
         if known == Some(Operation::Ping) {
-            debug!(%answer, words, "request: ping");
+            debug!(%answer, words, pid, "request: ping");
             return;
         }
         let last = known.and_then(|known| self.last.get_mut(known as usize));
-        let is_news =
-            last.as_ref().and_then(|last| last.as_ref()).is_none_or(|(said, before, at_ns)| {
-                (*said, before.as_str()) != (answer, words)
-                    || now_ns.saturating_sub(*at_ns) >= REQUEST_AGAIN_NS
-            });
+        let is_news = last.as_ref().and_then(|last| last.as_ref()).is_none_or(|last| {
+            (last.answer, last.words.as_str(), last.pid) != (answer, words, pid)
+                || now_ns.saturating_sub(last.at_ns) >= REQUEST_AGAIN_NS
+        });
         if !is_news || !self.budget.take(now_ns) {
             self.unlogged += 1;
             return;
         }
         if let Some(last) = last {
-            *last = Some((answer, words.to_owned(), now_ns));
+            *last = Some(Logged { answer, words: words.to_owned(), pid, at_ns: now_ns });
         }
         let name = known.map_or("unknown", Operation::name);
         let unlogged = Some(std::mem::take(&mut self.unlogged)).filter(|unlogged| *unlogged > 0);
+        let by = sender::words(pid);
         if answer == Answer::Done {
-            info!(%answer, words, unlogged, "request: {name}");
+            info!(%answer, words, by, unlogged, "request: {name}");
         } else {
-            warn!(%answer, words, unlogged, "request: {name}");
+            warn!(%answer, words, by, unlogged, "request: {name}");
         }
     }
 }

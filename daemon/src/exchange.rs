@@ -11,7 +11,7 @@ use crate::travel::PathPoint;
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
 use physics::Model;
-use recording::blackbox::ModelChange;
+use recording::blackbox::{LogRecord, ModelChange, StatusRecord};
 use shm_schema::{
     Command, Corrected, DaemonPorts, ForceBlock, JOINTS_MAX, Reason, RecorderState, Verdict,
 };
@@ -27,6 +27,10 @@ const RECORDER_HANGS_NS: u64 = 1_000_000_000;
 const VERDICTS_KEPT: usize = 256;
 /// Changes of the model that the recorder may lag behind.
 const MODELS_KEPT: usize = 16;
+/// Lines of the log that the recorder may lag behind, or that wait for a disk with room.
+const LINES_KEPT: usize = 256;
+/// The same for states: as many seconds.
+const STATES_KEPT: usize = 64;
 /// Commanded points that the supervisor may lag behind; what is dropped beyond is not missed.
 const PATH_KEPT: usize = 256;
 /// Accounts between supervisor and vibration that may wait: each makes those before it needless.
@@ -93,6 +97,10 @@ pub struct Exchange {
     pub empty_blocks: ArrayQueue<Box<ForceBlock>>,
     /// Supervisor to recorder: models that took the place of the one before, each with the time of the change, ns.
     pub model_changes: ArrayQueue<Box<ModelChange>>,
+    /// The cell's threads, but for the cycle, to recorder: what they log.
+    pub lines: ArrayQueue<Box<LogRecord>>,
+    /// Supervisor to recorder: how the daemon is.
+    pub states: ArrayQueue<Box<StatusRecord>>,
     /// Vibration to recorder.
     pub verdicts: ArrayQueue<Verdict>,
     /// Vibration to supervisor: verdicts, to be told.
@@ -187,6 +195,8 @@ impl Exchange {
             blocks: ArrayQueue::new(BLOCKS_KEPT),
             empty_blocks,
             model_changes: ArrayQueue::new(MODELS_KEPT),
+            lines: ArrayQueue::new(kept(LINES_KEPT)),
+            states: ArrayQueue::new(kept(STATES_KEPT)),
             verdicts: ArrayQueue::new(VERDICTS_KEPT),
             told: ArrayQueue::new(VERDICTS_KEPT),
             hearing: ArrayQueue::new(ACCOUNTS_KEPT),
@@ -212,6 +222,20 @@ impl Exchange {
     pub fn record_model(&self, change: ModelChange) {
         if self.records {
             self.model_changes.force_push(Box::new(change));
+        }
+    }
+
+    /// Hands a line of the log to the recorder, where there is one; the oldest goes where too many wait.
+    pub fn note(&self, line: impl FnOnce() -> LogRecord) {
+        if self.records {
+            self.lines.force_push(Box::new(line()));
+        }
+    }
+
+    /// Hands a state of the daemon to the recorder, likewise.
+    pub fn note_state(&self, state: StatusRecord) {
+        if self.records {
+            self.states.force_push(Box::new(state));
         }
     }
 

@@ -19,6 +19,8 @@ pub mod change_log;
 pub mod cycle;
 pub mod exchange;
 pub mod latency;
+pub mod mend;
+pub mod notebook;
 pub mod notify;
 pub mod pacer;
 pub mod position;
@@ -26,6 +28,7 @@ pub mod process;
 pub mod realtime;
 pub mod recorder;
 pub mod robot;
+pub mod sender;
 pub mod senses;
 pub mod setup;
 pub mod shelf;
@@ -198,13 +201,14 @@ fn serve(
     let settings = setup::settings(&config, arm, lockstep)?;
     let bounds = setup::bounds(&settings, arm);
     let ears = setup::ears(&config, &model)?;
+    let exchange = Arc::new(Exchange::new(settings.mode, config.recorder.is_some()));
+    notebook::open(&exchange);
     tell_model(&model);
 
     let domain = DaemonSide::create(&Cell::new(&config.cell)?)?;
     if config.realtime.lock_memory {
         tolerate(realtime::lock_memory(), config.realtime.enforce)?;
     }
-    let exchange = Arc::new(Exchange::new(settings.mode, config.recorder.is_some()));
     let mut supervisor = Supervisor::join(domain, &config, model.clone(), bounds)?;
     let threads =
         start_threads(&config, settings, &model, ears, config_text, &mut supervisor, &exchange)
@@ -228,6 +232,8 @@ fn serve(
     Ok(served?)
 }
 
+/// Name of the thread that neither logs nor allocates.
+const CYCLE: &str = "cycle";
 /// How long the threads may take to end.
 const END_PATIENCE: Duration = Duration::from_secs(5);
 
@@ -254,9 +260,9 @@ fn start_threads(
         listener.run(exchange);
         Ok(())
     })?;
-    let mut threads = vec![("cycle", cycle), ("vibration", vibration)];
+    let mut threads = vec![(CYCLE, cycle), ("vibration", vibration)];
     if let Some(settings) = config.recorder.clone() {
-        let header = recorder::header(&config.cell, model, config_text);
+        let header = recorder::header(&config.cell, model, 1, config_text);
         let recorder = start("recorder", exchange, move |exchange, started| {
             started();
             Recorder::new(settings, header).run(exchange);
@@ -280,7 +286,7 @@ fn start_cycle(
     let pacer = Pacer::new(setup::wait(config), settings.period_ns);
     let senses = setup::senses(config, settings.lockstep);
     let loaded = Box::new(LoadedModel { physics: model.physics, epoch: 1 });
-    start("cycle", exchange, move |exchange, started| {
+    start(CYCLE, exchange, move |exchange, started| {
         realtime::sleep_exactly();
         take_manners(realtime)?;
         let mut cycle = Cycle {
@@ -309,6 +315,9 @@ fn start(
     let thread = std::thread::Builder::new()
         .name(name.to_owned())
         .spawn(move || {
+            if name != CYCLE {
+                notebook::open(&shared);
+            }
             body(&shared, &|| {
                 // Whoever waits for this has not gone: it waits.
                 let _ = tell.send(());

@@ -1,14 +1,15 @@
 //! Drains the rings into the black box: what happened, for those who ask later.
 //!
-//! Thread `recorder`, 20 times a second. Promises: a disk that is full or slow costs records, which are counted, and nothing else;
-//! when there is room again a new file is begun. The newest files are kept, older ones removed.
+//! Thread `recorder`, 20 times a second. Promises: a disk that is full, slow or read-only costs records, which are counted, and nothing else;
+//! when it can be written again a new file is begun, and files that were not closed are repaired. A file or folder that was removed is
+//! made anew. The newest files are kept, older ones removed.
 //! Never: anything that the cycle waits for.
 
 use crate::exchange::{CycleRecord, Exchange};
-use crate::shelf;
+use crate::{mend, shelf};
 use physics::JointKind;
 use recording::blackbox::{
-    self, BlackBox, BlackBoxError, Few, ForceRecord, Header, ModelChange, VerdictRecord,
+    self, BlackBox, BlackBoxError, Clocks, Few, ForceRecord, Header, ModelChange, VerdictRecord,
 };
 use recording::cell::Recorder as Settings;
 use shm_schema::{
@@ -17,7 +18,7 @@ use shm_schema::{
 };
 use std::fs;
 use std::sync::atomic::Ordering::Relaxed;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tracing::{info, warn};
 
 /// How often the rings are drained: far below the time in which they fill.
@@ -35,6 +36,8 @@ pub struct Recorder {
     file: Option<BlackBox>,
     flushed: Instant,
     retry_at: Option<Instant>,
+    /// Files may be there that were not closed.
+    may_mend: bool,
 }
 
 impl Recorder {
@@ -42,7 +45,7 @@ impl Recorder {
     pub fn new(settings: Settings, header: Header) -> Self {
         let joints = header.joints.len();
         let flushed = Instant::now();
-        Self { settings, header, joints, file: None, flushed, retry_at: None }
+        Self { settings, header, joints, file: None, flushed, retry_at: None, may_mend: true }
     }
 
     /// Runs until the exchange says stop, then writes what is left and ends the file.
@@ -65,7 +68,7 @@ impl Recorder {
         if let Err(fault) = self.drain(exchange) {
             warn!(%fault, "the black box stops for a while");
             exchange.set_recorder(RecorderState::Failed);
-            self.file = None;
+            (self.file, self.may_mend) = (None, true);
             self.retry_at = Some(Instant::now() + RETRY_AFTER);
         }
     }
@@ -83,13 +86,18 @@ impl Recorder {
             && let Err(fault) = full.finish()
         {
             warn!(%fault, "a full black box could not be ended");
+            self.may_mend = true;
         }
         match self.create() {
             Ok(file) => {
                 info!(file = %file.path().display(), "black box");
                 exchange.set_recorder(RecorderState::Recording);
                 let Settings { dir, keep_files, .. } = &self.settings;
-                shelf::remove_oldest(dir, &self.header.cell, *keep_files, file.path());
+                let cell = &self.header.cell;
+                shelf::remove_oldest(dir, cell, *keep_files, file.path());
+                if std::mem::take(&mut self.may_mend) {
+                    mend::start(dir.clone(), cell.clone(), file.path().to_owned());
+                }
                 (self.file, self.retry_at) = (Some(file), None);
             }
             Err(fault) => {
@@ -109,7 +117,7 @@ impl Recorder {
             path: dir.clone(),
             source,
         })?;
-        BlackBox::create(&shelf::next(dir, &self.header.cell), &self.header)
+        BlackBox::create(&shelf::next(dir, &self.header.cell), &self.header, clocks())
     }
 
     /// Takes a change of the model: files to come begin with it, the one that is open notes it.
@@ -147,18 +155,55 @@ impl Recorder {
                 None => dropped(exchange),
             }
         }
-        if let Some(file) = &mut self.file
-            && self.flushed.elapsed() >= FLUSH_EVERY
-        {
-            file.flush()?;
-            self.flushed = Instant::now();
+        if let Some(file) = &mut self.file {
+            drain_words(file, exchange)?;
+        }
+        if self.flushed.elapsed() >= FLUSH_EVERY {
+            self.flush()?;
+        }
+        Ok(())
+    }
+
+    /// Makes what was drained safe from a kill, and looks whether anybody will find it.
+    fn flush(&mut self) -> Result<(), BlackBoxError> {
+        self.flushed = Instant::now();
+        let Some(file) = &mut self.file else { return Ok(()) };
+        file.set_clocks(clocks())?;
+        file.flush()?;
+        if !file.is_in_a_folder() {
+            warn!(file = %file.path().display(), "the black box was removed; another one is begun");
+            self.file = None;
         }
         Ok(())
     }
 }
 
+/// Writes what was said. Without a file it waits in its rings, so that the next file tells what happened meanwhile.
+fn drain_words(file: &mut BlackBox, exchange: &Exchange) -> Result<(), BlackBoxError> {
+    while let Some(state) = exchange.states.pop() {
+        file.write_status(&state)?;
+    }
+    while let Some(line) = exchange.lines.pop() {
+        file.write_log(&line)?;
+    }
+    Ok(())
+}
+
+/// Both clocks, now.
+fn clocks() -> Clocks {
+    let wall = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let wall_ns = u64::try_from(wall.as_nanos()).unwrap_or(u64::MAX);
+    Clocks { monotonic_ns: monotonic_ns(), wall_ns }
+}
+
 /// What the black box says of the run as a whole.
-pub fn header(cell: &str, model: &recording::model::RobotModel, config: String) -> Header {
+pub fn header(
+    cell: &str,
+    model: &recording::model::RobotModel,
+    model_epoch: u64,
+    config: String,
+) -> Header {
+    let name = |name: &Option<String>| name.clone().unwrap_or_default();
     let joints: Vec<JointKind> =
         model.physics.arm.joints().iter().map(|joint| joint.kind).collect();
     Header {
@@ -166,6 +211,10 @@ pub fn header(cell: &str, model: &recording::model::RobotModel, config: String) 
         version: env!("CARGO_PKG_VERSION").to_owned(),
         model_hash: model.hash,
         robot: model.file.robot.to_string(),
+        robot_maker: name(&model.file.robot.maker),
+        robot_type: name(&model.file.robot.kind),
+        robot_serial: name(&model.file.robot.serial),
+        model_epoch,
         geometry_hash: model.file.identity().geometry_hash(),
         model: model.file.to_toml(),
         config,
@@ -205,6 +254,8 @@ fn cycle_record(cycle: &CycleRecord, joints: usize) -> blackbox::CycleRecord {
         residual_rad: corrected.residual_rad,
         spindle_rpm: f64::NAN,
         feed_m_s: f64::NAN,
+        model_epoch: corrected.model_epoch,
+        q_wanted: Few::of(&corrected.wanted[..joints.min(corrected.wanted.len())]),
     }
 }
 

@@ -149,6 +149,15 @@ pub fn armed_mode(config: &CellConfig) -> Option<Mode> {
     Some(mode(config.mode)).filter(|mode| *mode != Mode::Shadow)
 }
 
+/// The mode that a client may go to at most.
+pub fn mode_max(config: &CellConfig) -> shm_schema::Mode {
+    match config.mode_max {
+        cell::Mode::Shadow => shm_schema::Mode::Shadow,
+        cell::Mode::Limited => shm_schema::Mode::Limited,
+        cell::Mode::Full => shm_schema::Mode::Full,
+    }
+}
+
 fn envelope(config: &CellConfig, arm: &Arm) -> Result<[Limits; JOINTS_MAX], LimitsError> {
     let of_joint = |i: usize, kind| {
         let (angle, rate, jerk) = config.envelope.of_joint(i, kind);

@@ -3,6 +3,7 @@
 //! Promises: names sort by time even where the system's clock was set back; the file that is being written is never removed, nor one
 //! that is not of this very cell. Never: writes into a file.
 
+use recording::blackbox::UNFINISHED;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -17,6 +18,23 @@ pub fn next(dir: &Path, cell: &str) -> PathBuf {
     let newest = files(dir, cell).last().map(|(number, _)| *number);
     let (seconds, count) = after(newest, now_s);
     dir.join(format!("{cell}-{seconds:010}-{count:04}.mcap"))
+}
+
+/// This cell's files, oldest first.
+pub fn recordings(dir: &Path, cell: &str) -> Vec<PathBuf> {
+    files(dir, cell).into_iter().map(|(_, path)| path).collect()
+}
+
+/// Removes what a repair that was killed left of this cell's files.
+pub fn remove_unfinished(dir: &Path, cell: &str) {
+    for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let of_file = name.to_str().and_then(|name| name.strip_suffix(UNFINISHED));
+        if of_file.is_some_and(|name| number_of(name, cell).is_some()) {
+            // What cannot be removed is overwritten by the next repair.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
 }
 
 /// Removes this cell's oldest files beyond `keep`, `current` never.

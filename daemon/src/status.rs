@@ -39,6 +39,12 @@ pub struct Constants {
     angle_share: f64,
     /// The mode that arming leads to.
     pub armed_mode: Option<Mode>,
+    /// The mode that may be asked for at most.
+    pub mode_max: shm_schema::Mode,
+    /// Since when and by whom the cell is bypassed, where it was asked for.
+    pub bypassed_by: Option<String>,
+    /// Since when and by whom it is in its mode, where it was asked for.
+    pub mode_by: Option<String>,
     /// Silence of the force stream that is told, ns; none where the cell has no stream.
     silent_after_ns: Option<u64>,
     watches: bool,
@@ -61,6 +67,9 @@ impl Constants {
             bounds,
             angle_share: setup::armed_mode(config).and_then(Mode::angle_share).unwrap_or(1.0),
             armed_mode: setup::armed_mode(config),
+            mode_max: setup::mode_max(config),
+            bypassed_by: None,
+            mode_by: None,
             silent_after_ns: setup::silent_after_ns(config),
             watches: config.vibration.is_some() && config.force.is_some(),
             hearing: None,
@@ -229,6 +238,13 @@ impl Constants {
             // Writing to a text does not fail.
             let _ = write!(words, "; {part}");
         };
+        if status.bypassed != 0 {
+            let by = self.bypassed_by.as_deref().unwrap_or_default();
+            add(format_args!("bypassed {by}"));
+        }
+        if let (Some(by), Ok(mode)) = (&self.mode_by, status.mode()) {
+            add(format_args!("mode {mode} {by}"));
+        }
         if commands_come(exchange, status.t_ns)
             && let Some(reason) = self.last_reason(exchange)
         {
@@ -282,6 +298,15 @@ fn recorder_fault(status: &Status) -> Option<&'static str> {
 pub fn commands_come(exchange: &Exchange, now_ns: u64) -> bool {
     let last_ns = exchange.counters.last_command_ns.load(Relaxed);
     last_ns != 0 && now_ns.saturating_sub(last_ns) <= IDLE_AFTER_NS
+}
+
+/// A mode as it travels, for the corrector.
+pub fn mode_of(mode: shm_schema::Mode) -> Mode {
+    match mode {
+        shm_schema::Mode::Shadow => Mode::Shadow,
+        shm_schema::Mode::Limited => Mode::Limited,
+        shm_schema::Mode::Full => Mode::Full,
+    }
 }
 
 fn mode(mode: Mode) -> shm_schema::Mode {

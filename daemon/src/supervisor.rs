@@ -6,16 +6,17 @@
 use crate::ageing::Age;
 use crate::change_log::{ChangeLog, RequestLog};
 use crate::exchange::{Exchange, LoadedModel};
+use crate::notebook::States;
 use crate::process::Process;
-use crate::{admission, at_rest, recorder, status, tell_model};
+use crate::{admission, at_rest, recorder, sender, status, tell_model};
 use corrector::Mode;
 use crossbeam::queue::ArrayQueue;
-use recording::blackbox::ModelChange;
+use recording::blackbox::{LogRecord, ModelChange};
 use recording::cell::CellConfig;
 use recording::model::RobotModel;
 use shm_schema::{
     Answer, ControlServer, DaemonSide, DomainError, JointBounds, Operation, PortError, Publisher,
-    Request, Response, Status, Text, monotonic_ns,
+    RecorderState, Request, Response, Status, Text, monotonic_ns,
 };
 use std::path::PathBuf;
 use std::sync::atomic::Ordering::Relaxed;
@@ -31,6 +32,9 @@ const PATIENCE: Duration = Duration::from_millis(500);
 /// Whoever knocks, or tears the cell's files, again and again does not move its clients more often than this.
 const RENEW_AGAIN_AFTER: Duration = Duration::from_millis(250);
 
+/// Level of markers in the recording's log.
+const MARK: &str = "mark";
+
 /// The supervisor's belongings.
 #[derive(Debug)]
 pub struct Supervisor {
@@ -45,6 +49,7 @@ pub struct Supervisor {
     process: Process,
     age: Age,
     change_log: ChangeLog,
+    states: States,
     requests: RequestLog,
     looks: u32,
     /// What the last status said in words.
@@ -73,6 +78,7 @@ impl Supervisor {
             process: Process::new(config, &model),
             age: Age::default(),
             change_log: ChangeLog::default(),
+            states: States::default(),
             requests: RequestLog::default(),
             looks: 0,
             said: Text::new("starting"),
@@ -119,6 +125,9 @@ impl Supervisor {
         let message = self.constants.status(exchange, &process, &self.age, monotonic_ns());
         self.status.send(&message);
         self.said = message.message;
+        if let Some(state) = self.states.take(&message) {
+            exchange.note_state(state);
+        }
         self.change_log.log(exchange, &message);
     }
 
@@ -131,10 +140,10 @@ impl Supervisor {
     fn serve(&mut self, exchange: &Exchange) {
         let Self { control, model_path, model, model_epoch, constants, process, age, .. } = self;
         let requests = &mut self.requests;
-        while control.serve(|request| {
-            let mut desk = Desk { model_path, model, model_epoch, constants, process, age };
+        while control.serve_known(|request, pid| {
+            let mut desk = Desk { model_path, model, model_epoch, constants, process, age, pid };
             let (answer, words) = desk.answer(exchange, request);
-            requests.log(request.operation, answer, &words, monotonic_ns());
+            requests.log(request.operation, answer, &words, pid, monotonic_ns());
             Response::to(request, answer, &words)
         }) {}
     }
@@ -179,6 +188,8 @@ struct Desk<'a> {
     constants: &'a mut status::Constants,
     process: &'a mut Process,
     age: &'a mut Age,
+    /// The process that asks.
+    pid: Option<u32>,
 }
 
 impl Desk<'_> {
@@ -190,29 +201,81 @@ impl Desk<'_> {
         match operation {
             Operation::Ping => (Answer::Done, "here".to_owned()),
             Operation::Reload => self.reload(exchange, request),
-            Operation::Bypass => {
-                exchange.bypassed.store(on, Relaxed);
-                let words = if on { "the correction ramps out" } else { "the correction ramps in" };
-                (Answer::Done, words.to_owned())
-            }
+            Operation::Bypass => self.bypass(exchange, on),
             Operation::Arm => self.arm(exchange, on),
             Operation::ProcessState => self.process.tell(exchange, request),
             Operation::Measured => self.age.tell(&self.model.physics, request),
+            Operation::Mode => self.go_to(exchange, request.on),
+            Operation::Mark => self.mark(exchange, request.path.as_str()),
         }
     }
 
-    fn arm(&self, exchange: &Exchange, on: bool) -> (Answer, String) {
+    /// Writes a marker into the recording, as a line of its log with a level of its own.
+    fn mark(&self, exchange: &Exchange, text: &str) -> (Answer, String) {
+        let state = exchange.recorder(monotonic_ns());
+        if state != RecorderState::Recording {
+            let words = format!(
+                "nothing is recorded now (recorder: {state}); see [recorder] in the configuration"
+            );
+            return (Answer::Refused, words);
+        }
+        let says = format!("{text} (by {})", sender::words(self.pid));
+        exchange.note(|| LogRecord { t_ns: monotonic_ns(), level: MARK.to_owned(), says });
+        (Answer::Done, "marked".to_owned())
+    }
+
+    fn bypass(&mut self, exchange: &Exchange, on: bool) -> (Answer, String) {
+        let was = exchange.bypassed.swap(on, Relaxed);
+        if was != on {
+            self.constants.bypassed_by = on.then(|| sender::words_of_now(self.pid));
+        }
+        let words = if on { "the correction ramps out" } else { "the correction ramps in" };
+        (Answer::Done, words.to_owned())
+    }
+
+    /// Goes to a mode; the corrector and the client's limiter ramp what changes.
+    fn go_to(&mut self, exchange: &Exchange, code: u32) -> (Answer, String) {
+        let Ok(mode) = shm_schema::Mode::try_from(code) else {
+            return (Answer::Malformed, format!("mode {code} is unknown here"));
+        };
+        let most = self.constants.mode_max;
+        if mode.code() > most.code() {
+            let words = format!(
+                "the configuration of this cell allows at most `{most}`: set mode_max = \"{mode}\" in it \
+                 and restart the daemon"
+            );
+            return (Answer::Refused, words);
+        }
+        let words = match mode {
+            shm_schema::Mode::Shadow => "shadow: commands go out as they come",
+            shm_schema::Mode::Limited => {
+                "limited: corrections go out within a tenth of the envelope"
+            }
+            shm_schema::Mode::Full => "full: corrections go out within the envelope",
+        };
+        self.set_mode(exchange, status::mode_of(mode));
+        (Answer::Done, words.to_owned())
+    }
+
+    fn set_mode(&mut self, exchange: &Exchange, mode: Mode) {
+        if mode != exchange.mode() {
+            self.constants.mode_by = Some(sender::words_of_now(self.pid));
+        }
+        exchange.set_mode(mode);
+        exchange.rearm.store(mode != Mode::Shadow, Relaxed);
+    }
+
+    fn arm(&mut self, exchange: &Exchange, on: bool) -> (Answer, String) {
         let (mode, words) = match (on, self.constants.armed_mode) {
             (false, _) => (Mode::Shadow, "shadow: commands go out as they come"),
             (true, Some(mode)) => (mode, "armed: corrections go out"),
             (true, None) => {
                 let words = "this cell is configured to look on: set mode = \"limited\" or \"full\" \
-                             in its configuration and restart the daemon";
+                             in its configuration and restart the daemon, or mode_max, and ask for a mode";
                 return (Answer::Refused, words.to_owned());
             }
         };
-        exchange.set_mode(mode);
-        exchange.rearm.store(on, Relaxed);
+        self.set_mode(exchange, mode);
         (Answer::Done, words.to_owned())
     }
 
@@ -235,7 +298,7 @@ impl Desk<'_> {
         }
         let words = format!("{} loaded from {}", next.file.name, path.display());
         tell_model(&next);
-        let header = recorder::header("", &next, String::new());
+        let header = recorder::header("", &next, *self.model_epoch, String::new());
         exchange.record_model(ModelChange { t_ns: monotonic_ns(), header });
         self.constants.take(&next);
         self.process.take(&next);

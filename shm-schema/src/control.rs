@@ -35,7 +35,7 @@ plain_struct! {
         pub layout: u32,
         /// An [`Operation`].
         pub operation: u32,
-        /// 1 on, 0 off, for [`Operation::Bypass`] and [`Operation::Arm`].
+        /// 1 on, 0 off, for [`Operation::Bypass`] and [`Operation::Arm`]; a [`crate::Mode`], for [`Operation::Mode`].
         pub on: u32,
         /// Teeth of the cutter for [`Operation::ProcessState`]; 0 where unknown.
         pub teeth: u32,
@@ -49,7 +49,7 @@ plain_struct! {
         pub other_robot: u32,
         /// From which side each joint came, −1 or 1; 0 where unknown, for [`Operation::Measured`].
         pub direction: [i8; JOINTS_MAX],
-        /// The model for [`Operation::Reload`], absolute; empty: the one loaded now, read again.
+        /// The model for [`Operation::Reload`], absolute; empty: the one loaded now, read again. The text, for [`Operation::Mark`].
         pub path: Text<PATH_BYTES_MAX>,
     }
 }
@@ -130,6 +130,10 @@ codes! {
         ProcessState = 4 "process_state",
         /// Tell where the tool was measured: does the model still hold?
         Measured = 5 "measured",
+        /// Go to a mode, at most to the one that the configuration allows.
+        Mode = 6 "mode",
+        /// Write a marker into the recording.
+        Mark = 7 "mark",
     }
 }
 

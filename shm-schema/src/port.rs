@@ -4,11 +4,14 @@
 //! over. A take never blocks. Neither makes a system call nor allocates, but for the one block that
 //! the transport allocates per sent message. Ports of the daemon stay in the thread that made them.
 
+use iceoryx2::identifiers::UniqueClientId;
 use iceoryx2::port::client::Client as IoxClient;
 use iceoryx2::port::publisher::{Publisher as IoxPublisher, PublisherCreateError};
 use iceoryx2::port::server::Server as IoxServer;
 use iceoryx2::port::subscriber::{Subscriber as IoxSubscriber, SubscriberCreateError};
-use iceoryx2::prelude::{BackpressureStrategy, PortFactory as _, Service, ipc};
+use iceoryx2::prelude::{
+    BackpressureStrategy, CallbackProgression, PortFactory as _, Service, ipc,
+};
 use iceoryx2::service::port_factory::client::ClientCreateError;
 
 use crate::services::{READERS_MAX, Services, Topic};
@@ -159,26 +162,48 @@ impl<T: Topic, S: Service> Subscriber<T, S> {
 #[derive(Debug)]
 pub struct ControlServer<S: Service = ipc::Service> {
     port: IoxServer<S, Request, (), Response, ()>,
+    services: std::sync::Arc<Services<S>>,
 }
 
 impl<S: Service> ControlServer<S> {
-    pub(crate) fn new(services: &Services<S>) -> Result<Self, PortError> {
+    pub(crate) fn new(services: &std::sync::Arc<Services<S>>) -> Result<Self, PortError> {
         let port = services
             .control
             .server_builder()
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
             .map_err(|e| control_refused("server", &e))?;
-        Ok(Self { port })
+        Ok(Self { port, services: services.clone() })
     }
 
     /// Answers one waiting request, if there is one. Allocates: not for the cycle.
     pub fn serve(&mut self, answer: impl FnOnce(&Request) -> Response) -> bool {
+        self.serve_known(|request, _| answer(request))
+    }
+
+    /// The same, with the process that asks; none where it has gone already.
+    pub fn serve_known(&mut self, answer: impl FnOnce(&Request, Option<u32>) -> Response) -> bool {
         let Ok(Some(request)) = self.port.receive() else { return false };
-        let response = answer(request.payload());
+        let response = answer(request.payload(), self.process_of(request.origin()));
         // A client that has gone meanwhile does not want its answer.
         let _ = request.send_copy(response);
         true
+    }
+}
+
+impl<S: Service> ControlServer<S> {
+    /// The process that has that client, by the transport's own account.
+    fn process_of(&self, client: UniqueClientId) -> Option<u32> {
+        let mut node = None;
+        self.services.control.dynamic_config().list_clients(|details| {
+            if details.client_id != client {
+                return CallbackProgression::Continue;
+            }
+            node = Some(details.node_id);
+            CallbackProgression::Stop
+        });
+        let pid = node?.pid::<S>().ok()?;
+        u32::try_from(pid.value()).ok()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::program::Place;
 use physics::JointKind;
-use recording::blackbox::{BlackBox, CycleRecord, Few, ForceRecord, Header};
+use recording::blackbox::{BlackBox, Clocks, CycleRecord, Few, ForceRecord, Header};
 use recording::model::presets::preset;
 use recording::series::{Channel, Need, read};
 
@@ -18,7 +18,8 @@ fn boxed(place: &Place, name: &str) -> BlackBox {
         reason_words: vec!["none".to_owned()],
         ..Header::default()
     };
-    let mut black_box = BlackBox::create(&place.path(name), &header).expect("a file");
+    let mut black_box =
+        BlackBox::create(&place.path(name), &header, Clocks::default()).expect("a file");
     for seq in 0..CYCLES {
         black_box.write_cycle(&cycle(seq)).expect("room");
     }

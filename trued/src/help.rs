@@ -3,13 +3,14 @@
 use clap::Command;
 
 /// Every command that the contract names, by what one wants to do.
-const TASKS: [(&str, &[&str]); 6] = [
+const TASKS: [(&str, &[&str]); 7] = [
     ("See it work", &["demo", "bench", "doctor"]),
     ("Correct a robot", &["run", "check", "reload", "correct", "replay", "bridge", "fleet"]),
+    ("Steer a running cell", &["status", "bypass", "mode", "arm", "mark", "top"]),
     ("Make a model", &["model", "plan", "calibrate", "gears", "simulate"]),
     ("Find what is wrong", &["diagnose", "trends", "challenge"]),
     ("Look at vibration", &["spectrum", "surface", "tap"]),
-    ("Look at recordings", &["record", "info", "convert", "top"]),
+    ("Look at recordings", &["record", "info", "convert"]),
 ];
 
 /// Examples by the command they show; the first three whose command exists are printed.

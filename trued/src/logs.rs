@@ -3,6 +3,7 @@
 //! Promises: a log that nobody reads any more costs its lines; the program goes on. A daemon's log waits in a queue for whoever reads it, so that a
 //! reader that stalls stalls nothing else; lines beyond the queue are lost, counted, and told of when the reader is back.
 
+use std::fmt::{self, Write as _};
 use std::io::{self, Write};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering::Relaxed};
 use std::sync::mpsc::{SyncSender, sync_channel};
@@ -10,7 +11,11 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use indicatif::MultiProgress;
+use tracing::field::{Field, Visit};
+use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::Layer;
 use tracing_subscriber::filter::LevelFilter;
+use tracing_subscriber::layer::{Context, SubscriberExt};
 
 use crate::exit::Failure;
 use crate::output::Console;
@@ -90,6 +95,45 @@ impl Write for BesideBars {
     }
 }
 
+/// Hands what a cell's daemon logs to its recording.
+struct Recorded;
+
+impl<S: Subscriber> Layer<S> for Recorded {
+    fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
+        let level = match *event.metadata().level() {
+            Level::ERROR => "error",
+            Level::WARN => "warn",
+            _ => "info",
+        };
+        daemon::notebook::note(level, || {
+            let mut line = Line::default();
+            event.record(&mut line);
+            line.message + &line.fields
+        });
+    }
+}
+
+/// What an event says: its message, then its fields.
+#[derive(Default)]
+struct Line {
+    message: String,
+    fields: String,
+}
+
+impl Visit for Line {
+    fn record_str(&mut self, field: &Field, value: &str) {
+        self.record_debug(field, &format_args!("{value}"));
+    }
+
+    fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
+        // Writing to a text does not fail.
+        let _ = match field.name() {
+            "message" => write!(self.message, "{value:?}"),
+            name => write!(self.fields, " {name}={value:?}"),
+        };
+    }
+}
+
 /// Starts the log of the process; a second start in one process changes nothing.
 pub(crate) fn start(console: &Console) {
     let common = console.common();
@@ -100,15 +144,17 @@ pub(crate) fn start(console: &Console) {
         (false, _) => LevelFilter::TRACE,
     };
     let bars = console.progress().clone();
-    let log = tracing_subscriber::fmt()
-        .with_max_level(level)
+    let log = tracing_subscriber::fmt::layer()
         .with_writer(move || BesideBars(bars.clone()))
         .with_ansi(console.colour_on_stderr())
         // It would say so on standard error, and panic where that is closed.
         .log_internal_errors(false)
         .with_target(common.verbose > 0)
         .without_time()
-        .finish();
+        .with_filter(level);
+    // Whatever is shown, the recording of a cell gets its daemon's log.
+    let recorded = Recorded.with_filter(LevelFilter::INFO);
+    let log = tracing_subscriber::registry().with(log).with(recorded);
     // Already set: a test runs the program several times in one process, and the first log serves them all.
     let _ = tracing::subscriber::set_global_default(log);
 }

@@ -26,6 +26,7 @@ fn contract() -> String {
 
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<client::Client>()?;
     module.add_class::<monitor::Monitor>()?;
     module.add_class::<force::ForceSource>()?;

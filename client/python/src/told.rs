@@ -207,6 +207,34 @@ impl Status {
     }
 }
 
+#[pymethods]
+impl Status {
+    /// For `print`: the state in one line, and the daemon's words.
+    fn __str__(&self) -> String {
+        let bypassed = if self.bypassed { "bypassed" } else { "not bypassed" };
+        format!(
+            "{}, mode {}, {bypassed}; commands {} (rejected {}), late cycles {}; \
+             latency 99 % {:.1} us; recorder {}\n{}",
+            self.health,
+            self.mode,
+            self.commands,
+            self.rejected,
+            self.missed_cycles,
+            self.latency_p99_ns as f64 * 1e-3,
+            self.recorder,
+            self.message
+        )
+    }
+
+    fn __repr__(&self) -> String {
+        let bypassed = if self.bypassed { "True" } else { "False" };
+        format!(
+            "Status(health={:?}, mode={:?}, bypassed={bypassed}, message={:?})",
+            self.health, self.mode, self.message
+        )
+    }
+}
+
 /// One verdict on one line of the force spectrum.
 #[pyclass(frozen, get_all, module = "trued")]
 pub(crate) struct Vibration {

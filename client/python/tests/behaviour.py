@@ -107,6 +107,9 @@ def what_is_closed_says_so(client: trued.Client) -> None:
         assert (status := again.status()) is not None and status.joints == 6
         assert status.pid == again.connection().pid
         assert (status.robot_maker, status.robot_type, status.robot_serial) == ("ABB", "IRB 1600-6/1.45", "")
+        assert str(status).startswith(f"{status.health}, mode {status.mode}, not bypassed; "), status
+        assert status.message in str(status) and repr(status).startswith("Status(health=")
+        assert trued.contract().startswith(f"trued {trued.__version__} ")
         assert status.geometry_hash != 0 and status.stale_temperatures == 0
     raises(trued.Closed, again.status)
 

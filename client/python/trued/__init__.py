@@ -33,11 +33,13 @@ from ._native import (  # isort: skip  (it raises what stands above)
     Status,
     Target,
     Vibration,
+    __version__,
     contract,
     monotonic_ns,
 )
 
 __all__ = [
+    "__version__",
     "Answer",
     "Busy",
     "Client",

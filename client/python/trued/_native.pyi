@@ -18,9 +18,12 @@ __all__ = [
     "Status",
     "Target",
     "Vibration",
+    "__version__",
     "contract",
     "monotonic_ns",
 ]
+
+__version__: Final[str]
 
 def monotonic_ns() -> int:
     """CLOCK_MONOTONIC, ns: the one clock of all times here."""

@@ -42,6 +42,11 @@ impl<'b> In<'b> {
         Some(Self { bytes, at: 0 })
     }
 
+    /// Whether the message ends here: fields of later versions are missing then.
+    pub(crate) fn is_over(&self) -> bool {
+        self.at >= self.bytes.len()
+    }
+
     fn take(&mut self, count: usize, align: usize) -> Option<&'b [u8]> {
         let start = self.at.checked_next_multiple_of(align)?;
         let end = start.checked_add(count)?;

@@ -2,19 +2,28 @@
 //!
 //! What `trued.recording/1` has a column for goes there; the rest of each cycle becomes columns of
 //! other names, kept as text that reads back to the same bits. Times count from the first cycle;
-//! `command_ns` keeps them whole. Force blocks become a recording of their own.
+//! `command_ns` keeps them whole. Each model gets a recording of its own. Force blocks become a recording of their own.
 
-use super::Contents;
 use super::records::{CycleRecord, ForceRecord, Record};
+use super::{Contents, Header};
 use physics::JointKind;
 
 use crate::series::{Channel, Frame, Recording};
 
+/// What one model made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Run {
+    /// The header with that model; none where the file does not hold it.
+    pub header: Option<Header>,
+    /// One row per cycle.
+    pub cycles: Recording,
+}
+
 /// The recordings of a black box.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Conversion {
-    /// One row per cycle.
-    pub cycles: Recording,
+    /// One for each model in turn, as a recording is of one model; none without cycles.
+    pub runs: Vec<Run>,
     /// One row per force sample; none without force blocks.
     pub forces: Option<Recording>,
 }
@@ -26,8 +35,16 @@ pub struct Conversion {
 pub fn convert(contents: &Contents) -> Conversion {
     let cycles: Vec<&CycleRecord> = contents.records.iter().filter_map(cycle).collect();
     let forces: Vec<&ForceRecord> = contents.records.iter().filter_map(force).collect();
+    let start_ns = cycles.first().map_or(0, |cycle| cycle.t_ns);
+    let models = |cycle: &CycleRecord| contents.model_of(cycle);
+    let runs = cycles
+        .chunk_by(|one, next| one.model_epoch == next.model_epoch && models(one) == models(next));
+    let run = |cycles: &[&CycleRecord]| Run {
+        header: cycles.first().and_then(|cycle| models(cycle)).cloned(),
+        cycles: cycles_of(contents, cycles, start_ns),
+    };
     Conversion {
-        cycles: cycles_of(contents, &cycles),
+        runs: runs.map(run).collect(),
         forces: (!forces.is_empty()).then(|| forces_of(&forces)),
     }
 }
@@ -54,10 +71,9 @@ fn seconds(t_ns: u64, start_ns: u64) -> f64 {
 type Numbers = fn(&CycleRecord) -> &[f64];
 type Group = (Numbers, fn(usize) -> Channel);
 
-fn cycles_of(contents: &Contents, cycles: &[&CycleRecord]) -> Recording {
-    let start = cycles.first().map_or(0, |cycle| cycle.t_ns);
+fn cycles_of(contents: &Contents, cycles: &[&CycleRecord], start_ns: u64) -> Recording {
     let mut recording =
-        Recording::new(cycles.iter().map(|cycle| seconds(cycle.t_ns, start)).collect());
+        Recording::new(cycles.iter().map(|cycle| seconds(cycle.t_ns, start_ns)).collect());
     recording.segment = segments(cycles);
     for (joint, kind) in contents.header.joints.iter().enumerate() {
         recording.set_joint_kind(joint, *kind);
@@ -136,16 +152,21 @@ fn other_columns(contents: &Contents, cycles: &[&CycleRecord]) -> Vec<(String, V
         column("received_ns", &|c| c.received_ns.to_string()),
         column("published_ns", &|c| c.published_ns.to_string()),
     ];
-    let width = cycles.iter().map(|c| c.q_corrected.as_slice().len()).max().unwrap_or(0);
-    for joint in 0..width {
-        let slides = header.joints.get(joint) == Some(&JointKind::Prismatic);
-        let unit = if slides { "m" } else { "rad" };
-        columns.push(column(&format!("c{}_{unit}", joint + 1), &|c| {
-            c.q_corrected.as_slice().get(joint).map(|q| format!("{q:?}")).unwrap_or_default()
-        }));
+    let per_joint: [(&str, Numbers); 2] =
+        [("c", |c| c.q_corrected.as_slice()), ("wanted", |c| c.q_wanted.as_slice())];
+    for (name, numbers) in per_joint {
+        let width = cycles.iter().map(|c| numbers(c).len()).max().unwrap_or(0);
+        for joint in 0..width {
+            let slides = header.joints.get(joint) == Some(&JointKind::Prismatic);
+            let unit = if slides { "m" } else { "rad" };
+            columns.push(column(&format!("{name}{}_{unit}", joint + 1), &|c| {
+                numbers(c).get(joint).map(|q| format!("{q:?}")).unwrap_or_default()
+            }));
+        }
     }
     columns.push(column("status", &|c| word(&header.status_words, c.status)));
     columns.push(column("reason", &|c| word(&header.reason_words, c.reason)));
+    columns.push(column("model_epoch", &|c| c.model_epoch.to_string()));
     columns.push(column("steps", &|c| c.steps.to_string()));
     columns.push(column("residual_m", &|c| format!("{:?}", c.residual_m)));
     columns.push(column("residual_rad", &|c| format!("{:?}", c.residual_rad)));

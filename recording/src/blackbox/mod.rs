@@ -2,13 +2,18 @@
 //!
 //! Contract: encoding `cdr` with `ros2msg` definitions of our own flat messages; chunks without
 //! compression, each written whole: a kill loses at most the last chunk, and what was written
-//! before reads back. No threads here; the daemon's recorder thread calls. Unlike every other file
+//! before reads back, and [`repair`] gives the file its index. Log times are wall-clock, messages
+//! carry monotonic times too. No threads here; the daemon's recorder thread calls. Unlike every other file
 //! of the house a black box grows under its own name, as it must outlive its writer.
 
 mod cdr;
+mod clock;
 mod convert;
+mod info;
 mod read;
 mod records;
+mod repair;
+mod scan;
 #[cfg(test)]
 mod tests;
 mod write;
@@ -16,11 +21,14 @@ mod write;
 use std::path::PathBuf;
 
 pub use cdr::Few;
-pub use convert::{Conversion, convert};
+pub use clock::{Clocks, Utc};
+pub use convert::{Conversion, Run, convert};
+pub use info::{ChannelInfo, End, Info, ModelInfo, info};
 pub use read::{Contents, ModelChange, read, read_bytes};
 pub use records::{
     CycleRecord, ForceRecord, JOINTS_MAX, LogRecord, Record, StatusRecord, VerdictRecord,
 };
+pub use repair::{Repair, UNFINISHED, is_closed, repair};
 pub use write::BlackBox;
 
 use physics::JointKind;
@@ -36,6 +44,14 @@ pub struct Header {
     pub model_hash: u64,
     /// The robot as its maker calls it, see [`crate::model::RobotEntry`].
     pub robot: String,
+    /// The robot's maker; empty where the model does not state it.
+    pub robot_maker: String,
+    /// Its type, likewise.
+    pub robot_type: String,
+    /// Its serial number, likewise.
+    pub robot_serial: String,
+    /// Counts models since the daemon's start; cycles name theirs. 0 in files of versions that did not write it.
+    pub model_epoch: u64,
     /// Hash of the nominal geometry, see [`crate::model::Identity::geometry_hash`]; 0 in files of versions that did not write it.
     pub geometry_hash: u64,
     /// The model as TOML.
@@ -70,6 +86,12 @@ pub enum BlackBoxError {
         path: PathBuf,
         /// The container's reason.
         source: Box<mcap::McapError>,
+    },
+    /// Another process writes the file.
+    #[error("{}: a process is writing it; stop that cell's daemon first, or wait until a newer file is begun", path.display())]
+    InUse {
+        /// The file.
+        path: PathBuf,
     },
     /// The file is no black box.
     #[error("{name}: {what}, expected an MCAP file that the daemon recorded")]

@@ -2,7 +2,7 @@
 //!
 //! Contract: SI units, named in the fields. Positions of prismatic joints are m, torques N. A list
 //! that is empty was not known. Codes of `status` and `reason` are those of the wire; their words
-//! stand beside them in the header.
+//! stand beside them in the header. Fields of later versions stand at a message's end: older files lack them.
 
 use super::cdr::{Few, Field, In, Out};
 
@@ -16,16 +16,22 @@ pub(crate) trait Message: Sized {
     fn definition() -> String;
     fn put(&self, out: &mut Out);
     fn get(from: &mut In<'_>) -> Option<Self>;
-    fn t_ns(&self) -> u64;
+    /// When it happened, `CLOCK_MONOTONIC`, ns.
+    fn stamp_ns(&self) -> u64;
 }
 
 macro_rules! message {
     (
         $(#[$meta:meta])* $name:ident, $topic:literal, $message:literal,
+        stamp $stamp:ident,
         { $($(#[$field_meta:meta])* $field:ident: $type:ty,)+ }
+        $(later { $($(#[$later_meta:meta])* $later:ident: $later_type:ty,)+ })?
     ) => {
         $(#[$meta])*
-        pub struct $name { $($(#[$field_meta])* pub $field: $type,)+ }
+        pub struct $name {
+            $($(#[$field_meta])* pub $field: $type,)+
+            $($($(#[$later_meta])* pub $later: $later_type,)+)?
+        }
 
         impl Message for $name {
             const TOPIC: &'static str = $topic;
@@ -38,13 +44,25 @@ macro_rules! message {
                     text.push_str(stringify!($field));
                     text.push('\n');
                 )+
+                $($(
+                    text.push_str(<$later_type as Field>::TYPE);
+                    text.push(' ');
+                    text.push_str(stringify!($later));
+                    text.push('\n');
+                )+)?
                 text
             }
-            fn put(&self, out: &mut Out) { $(self.$field.put(out);)+ }
-            fn get(from: &mut In<'_>) -> Option<Self> {
-                Some(Self { $($field: Field::get(from)?,)+ })
+            fn put(&self, out: &mut Out) {
+                $(self.$field.put(out);)+
+                $($(self.$later.put(out);)+)?
             }
-            fn t_ns(&self) -> u64 { self.t_ns }
+            fn get(from: &mut In<'_>) -> Option<Self> {
+                Some(Self {
+                    $($field: Field::get(from)?,)+
+                    $($($later: if from.is_over() { Default::default() } else { Field::get(from)? },)+)?
+                })
+            }
+            fn stamp_ns(&self) -> u64 { self.$stamp }
         }
     };
 }
@@ -54,6 +72,7 @@ message! {
     /// that it fits a ring between threads.
     #[derive(Debug, Clone, Copy, PartialEq, Default)]
     CycleRecord, "/trued/cycle", "trued_msgs/msg/Cycle",
+    stamp received_ns,
     {
         /// Time of the command, ns.
         t_ns: u64,
@@ -96,12 +115,19 @@ message! {
         /// Feed, m/s; NaN where unknown.
         feed_m_s: f64,
     }
+    later {
+        /// Which model made it, see [`super::Contents::model_of`]; 0 in files of versions that did not write it.
+        model_epoch: u64,
+        /// The correction that the model asks for, before its limits, rad or m.
+        q_wanted: Few<JOINTS_MAX>,
+    }
 }
 
 message! {
     /// A block of force samples.
     #[derive(Debug, Clone, PartialEq, Default)]
     ForceRecord, "/trued/force", "trued_msgs/msg/Force",
+    stamp t_ns,
     {
         /// Time of the first sample, ns.
         t_ns: u64,
@@ -122,6 +148,7 @@ message! {
     /// A verdict of the vibration watch.
     #[derive(Debug, Clone, PartialEq, Default)]
     VerdictRecord, "/trued/vibration", "trued_msgs/msg/Verdict",
+    stamp t_ns,
     {
         /// Time, ns.
         t_ns: u64,
@@ -146,6 +173,7 @@ message! {
     /// How the daemon is.
     #[derive(Debug, Clone, PartialEq, Default)]
     StatusRecord, "/trued/status", "trued_msgs/msg/Status",
+    stamp t_ns,
     {
         /// Time, ns.
         t_ns: u64,
@@ -159,8 +187,24 @@ message! {
         missed: u64,
         /// Commands that were refused.
         rejected: u64,
-        /// Records that this file lacks because a ring was full.
+        /// Records that the recorder has dropped since the start.
         dropped: u64,
+    }
+    later {
+        /// `shadow`, `limited`, `full`.
+        mode: String,
+        /// 1 where bypassed.
+        bypassed: u8,
+        /// Counts models since the start.
+        model_epoch: u64,
+        /// From a command's sending to its answer: the median, ns.
+        latency_p50_ns: u64,
+        /// The same at 99 %.
+        latency_p99_ns: u64,
+        /// The same at 99.9 %.
+        latency_p999_ns: u64,
+        /// The largest.
+        latency_max_ns: u64,
     }
 }
 
@@ -168,10 +212,11 @@ message! {
     /// A line of the log.
     #[derive(Debug, Clone, PartialEq, Default)]
     LogRecord, "/trued/log", "trued_msgs/msg/Log",
+    stamp t_ns,
     {
         /// Time, ns.
         t_ns: u64,
-        /// `info`, `warn`, `error`.
+        /// `info`, `warn`, `error`; `mark` of a marker that somebody asked for.
         level: String,
         /// What it says.
         says: String,

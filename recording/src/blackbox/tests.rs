@@ -11,6 +11,10 @@ fn header() -> Header {
         version: "0.1.0".to_owned(),
         model_hash: 0x0123_4567_89ab_cdef,
         robot: "ABB IRB 1600-6/1.45, serial 1600-00001".to_owned(),
+        robot_maker: "ABB".to_owned(),
+        robot_type: "IRB 1600-6/1.45".to_owned(),
+        robot_serial: "1600-00001".to_owned(),
+        model_epoch: 1,
         geometry_hash: 0xfedc_ba98_7654_3210,
         model: "schema = \"trued.model/1\"\n".to_owned(),
         config: String::new(),
@@ -38,6 +42,8 @@ fn cycle(seq: u64) -> CycleRecord {
         residual_m: 1e-12,
         spindle_rpm: f64::NAN,
         feed_m_s: 0.01,
+        model_epoch: 1,
+        q_wanted: Few::of(&[2e-4, 0.0]),
         ..CycleRecord::default()
     }
 }
@@ -62,8 +68,11 @@ impl Drop for Scratch {
     }
 }
 
+/// A reading of both clocks: the wall clock is at noon of 2026-01-02.
+const NOW: Clocks = Clocks { monotonic_ns: 5_000_000, wall_ns: 1_767_355_200_000_000_000 };
+
 fn write_run(path: &Path, cycles: u64) -> BlackBox {
-    let mut black_box = BlackBox::create(path, &header()).unwrap();
+    let mut black_box = BlackBox::create(path, &header(), NOW).unwrap();
     black_box.write_log(&LogRecord { says: "started".to_owned(), ..LogRecord::default() }).unwrap();
     for seq in 0..cycles {
         black_box.write_cycle(&cycle(seq)).unwrap();
@@ -87,15 +96,27 @@ fn write_run(path: &Path, cycles: u64) -> BlackBox {
 fn a_change_of_the_model_stands_in_the_file_and_the_header_stays_the_first_one() {
     let scratch = Scratch::new("model");
     let mut black_box = write_run(&scratch.file(), 20);
-    let next = Header { model_hash: 7, model: "name = \"next\"".to_owned(), ..header() };
+    let next =
+        Header { model_hash: 7, model_epoch: 2, model: "name = \"next\"".to_owned(), ..header() };
     black_box.write_model_change(&next, 123).unwrap();
-    black_box.write_cycle(&cycle(21)).unwrap();
+    // The cycle takes a model over before the recorder hears of it, and cycles of the one before may come after.
+    for (seq, model_epoch) in [(20, 2), (21, 1), (22, 3)] {
+        black_box.write_cycle(&CycleRecord { model_epoch, ..cycle(seq) }).unwrap();
+    }
     black_box.finish().unwrap();
     let contents = read(&scratch.file()).unwrap();
     assert_eq!(contents.header, header());
+    let Conversion { runs, .. } = convert(&contents);
+    let found: Vec<_> = runs
+        .iter()
+        .map(|run| (run.cycles.len(), run.header.as_ref().map(|header| header.model.as_str())))
+        .collect();
+    let (first, second) = (header().model, next.model.clone());
+    let wanted = [(20, Some(&*first)), (1, Some(&*second)), (1, Some(&*first)), (1, None)];
+    assert_eq!(found, wanted);
     assert_eq!(contents.model_changes, [ModelChange { t_ns: 123, header: next }]);
     let cycles = contents.records.iter().filter(|record| matches!(record, Record::Cycle(_)));
-    assert_eq!((cycles.count(), contents.cut), (21, None));
+    assert_eq!((cycles.count(), contents.cut), (23, None));
 }
 
 #[test]
@@ -109,7 +130,10 @@ fn what_is_written_is_read_back() {
     assert!(contents.cut.is_none());
     let Record::Cycle(found) = &contents.records[8] else { panic!() };
     assert_eq!(format!("{found:?}"), format!("{:?}", cycle(7)));
-    assert!(BlackBox::create(&scratch.file(), &header()).is_err(), "an old run is not touched");
+    assert!(
+        BlackBox::create(&scratch.file(), &header(), NOW).is_err(),
+        "an old run is not touched"
+    );
 }
 
 #[test]
@@ -138,7 +162,8 @@ fn a_black_box_becomes_a_recording_without_loss() {
     let scratch = Scratch::new("convert");
     write_run(&scratch.file(), 20).finish().unwrap();
     let conversion = convert(&read(&scratch.file()).unwrap());
-    let text = String::from_utf8(conversion.cycles.to_csv()).unwrap();
+    let [run] = &conversion.runs[..] else { panic!("{} runs", conversion.runs.len()) };
+    let text = String::from_utf8(run.cycles.to_csv()).unwrap();
     let back = read_text("x.csv", &text, None, None, Need::Measurement).unwrap();
     for (row, seq) in (0..20).enumerate() {
         let wanted = cycle(seq);
@@ -155,6 +180,8 @@ fn a_black_box_becomes_a_recording_without_loss() {
         assert_eq!(text("c2_m").parse(), Ok(wanted.q_corrected.as_slice()[1]));
         assert_eq!(column(Channel::JointTemperature(0)), 30.0);
         assert_eq!(column(Channel::Feed), 0.01);
+        assert_eq!(text("wanted1_rad").parse(), Ok(2e-4));
+        assert_eq!(text("model_epoch"), "1");
         assert_eq!(text("residual_m").parse(), Ok(1e-12));
         assert_eq!(text("status"), ["corrected", "held", "2"][wanted.status as usize]);
     }
@@ -162,6 +189,127 @@ fn a_black_box_becomes_a_recording_without_loss() {
     let forces = conversion.forces.unwrap();
     assert_eq!(forces.t_s, [0.0, 0.001, 0.002, 0.003, 0.004, 0.005, 0.006, 0.007]);
     assert_eq!(forces.column(Channel::Wrench(2)).unwrap()[..4], [8.0, 9.0, 10.0, 11.0]);
+}
+
+#[test]
+fn a_file_of_a_version_without_epochs_gives_each_cycle_the_last_model_before_it() {
+    let scratch = Scratch::new("older");
+    let none = |header: Header| Header { model_epoch: 0, ..header };
+    let mut black_box = BlackBox::create(&scratch.file(), &none(header()), NOW).unwrap();
+    let next = none(Header { model: "name = \"next\"".to_owned(), ..header() });
+    black_box.write_model_change(&next, 5_000_000).unwrap();
+    for seq in [4, 5] {
+        black_box.write_cycle(&CycleRecord { model_epoch: 0, ..cycle(seq) }).unwrap();
+    }
+    black_box.finish().unwrap();
+    let contents = read(&scratch.file()).unwrap();
+    let models = contents.records.iter().filter_map(|record| match record {
+        Record::Cycle(cycle) => contents.model_of(cycle).map(|header| header.model.clone()),
+        _ => None,
+    });
+    assert_eq!(models.collect::<Vec<_>>(), [header().model, next.model]);
+}
+
+#[test]
+fn a_message_of_a_version_with_fewer_fields_is_read() {
+    let mut out = cdr::Out::default();
+    out.begin();
+    records::Message::put(
+        &StatusRecord { cycles: 7, mode: "full".to_owned(), ..StatusRecord::default() },
+        &mut out,
+    );
+    let older = &out.bytes()[..out.bytes().len() - 5 * 8 - 4 - 12];
+    let read = Record::decode("/trued/status", older);
+    let wanted = StatusRecord { cycles: 7, ..StatusRecord::default() };
+    assert_eq!(read, Some(Record::Status(wanted)));
+}
+
+#[test]
+fn log_times_are_wall_clock_and_follow_a_clock_that_is_set() {
+    let scratch = Scratch::new("clocks");
+    let mut black_box = write_run(&scratch.file(), 10);
+    let set = Clocks { monotonic_ns: 20_000_000, wall_ns: NOW.wall_ns + 3_600_000_000_000 };
+    black_box.set_clocks(set).unwrap();
+    black_box.write_cycle(&cycle(20)).unwrap();
+    black_box.finish().unwrap();
+    let info = info(&scratch.file()).unwrap();
+    assert_eq!(info.clocks, [NOW, set]);
+    let cycles = &info.channels[0];
+    assert_eq!((cycles.topic.as_str(), cycles.messages), ("/trued/cycle", 11));
+    // The first was received 5 ms before the clocks were read.
+    assert_eq!(cycles.first_ns, NOW.wall_ns - 5_000_000 + 17);
+    assert_eq!(cycles.last_ns, set.wall_ns + 17);
+}
+
+#[test]
+fn a_file_that_was_not_closed_is_made_whole_with_all_that_can_be_read() {
+    let scratch = Scratch::new("repair");
+    let path = scratch.file();
+    let mut black_box = write_run(&path, 50);
+    black_box.flush().unwrap();
+    assert!(matches!(repair(&path), Err(BlackBoxError::InUse { .. })), "it is being written");
+    assert_eq!(info(&path).unwrap().end, End::BeingWritten);
+    let before = std::fs::read(&path).unwrap();
+    black_box.finish().unwrap();
+    let whole = std::fs::read(&path).unwrap();
+    assert_eq!((repair(&path).unwrap(), is_closed(&path).unwrap()), (Repair::NotNeeded, true));
+    for end in [before.len(), before.len() + 20, whole.len() - 300, whole.len() - 1] {
+        std::fs::write(&path, &whole[..end]).unwrap();
+        assert!(matches!(info(&path).unwrap().end, End::Cut(_)), "{end}");
+        assert!(!is_closed(&path).unwrap());
+        let Repair::Done { messages, .. } = repair(&path).unwrap() else { panic!("{end}") };
+        let contents = read(&path).unwrap();
+        assert_eq!((messages, contents.records.len(), contents.cut), (53, 53, None), "{end}");
+        let info = info(&path).unwrap();
+        assert_eq!((info.end, info.models[0].cycles), (End::Closed, 50), "{end}");
+        assert!(info.repaired.is_some());
+        assert_eq!(repair(&path).unwrap(), Repair::NotNeeded);
+        assert_eq!(std::fs::read_dir(&scratch.0).unwrap().count(), 1, "nothing is left beside it");
+    }
+}
+
+/// Where the first chunk begins.
+fn first_chunk(bytes: &[u8]) -> u64 {
+    let mut at = mcap::MAGIC.len();
+    while bytes[at] != mcap::records::op::CHUNK {
+        at += 9 + u64::from_le_bytes(bytes[at + 1..at + 9].try_into().unwrap()) as usize;
+    }
+    at as u64
+}
+
+#[test]
+fn an_index_that_points_elsewhere_is_seen_and_mended() {
+    let scratch = Scratch::new("index");
+    let path = scratch.file();
+    write_run(&path, 50).finish().unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    let chunk = first_chunk(&bytes).to_le_bytes();
+    let place = bytes.windows(8).rposition(|window| window == chunk).unwrap();
+    // As versions wrote it that asked the file while its opening was buffered.
+    bytes[place..place + 8].fill(0);
+    std::fs::write(&path, &bytes).unwrap();
+    assert_eq!(info(&path).unwrap().end, End::WrongIndex);
+    assert!(matches!(repair(&path), Ok(Repair::Done { messages: 53, .. })));
+    assert_eq!(info(&path).unwrap().end, End::Closed);
+}
+
+#[test]
+fn a_file_that_cannot_be_repaired_stays_as_it_is() {
+    let scratch = Scratch::new("no-repair");
+    for bytes in [&b""[..], b"t_s,q1_deg\n0,1\n", mcap::MAGIC] {
+        std::fs::write(scratch.file(), bytes).unwrap();
+        assert!(repair(&scratch.file()).is_err());
+        assert_eq!(std::fs::read(scratch.file()).unwrap(), bytes);
+    }
+}
+
+#[test]
+fn a_file_that_was_removed_is_noticed() {
+    let scratch = Scratch::new("gone");
+    let black_box = write_run(&scratch.file(), 1);
+    assert!(black_box.is_in_a_folder());
+    std::fs::remove_file(scratch.file()).unwrap();
+    assert!(!black_box.is_in_a_folder());
 }
 
 #[test]
@@ -187,5 +335,11 @@ proptest! {
             bytes[at] = byte;
         }
         let _ = read_bytes("x", &bytes).map(|contents| convert(&contents));
+        let scratch = Scratch::new("fuzzed");
+        std::fs::write(scratch.file(), &bytes).unwrap();
+        let _ = info(&scratch.file());
+        if let Ok(Repair::Done { .. }) = repair(&scratch.file()) {
+            assert!(is_closed(&scratch.file()).unwrap());
+        }
     }
 }

@@ -1,22 +1,36 @@
 //! Writing a black box.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs::File;
+use std::fs::{File, TryLockError};
 use std::io::{self, Seek, SeekFrom, Write};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use mcap::records::{MessageHeader, Metadata};
-use mcap::{WriteOptions, Writer};
+use mcap::{Attachment, WriteOptions, Writer};
 
 use super::cdr::Out;
+use super::clock::Clocks;
 use super::records::{CycleRecord, ForceRecord, LogRecord, Message, StatusRecord, VerdictRecord};
 use super::{BlackBoxError, Header};
 use physics::JointKind;
 
 /// Bytes of a chunk: at 1 kHz of six joints about half a second.
 const CHUNK_BYTES: u64 = 256 * 1024;
+
+/// How every file is written.
+pub(super) fn options() -> WriteOptions {
+    WriteOptions::new()
+        .compression(None)
+        .chunk_size(Some(CHUNK_BYTES))
+        // The chunk is put together in memory and written in one go: a kill leaves no half of it.
+        .disable_seeking(true)
+        .profile("ros2")
+        .library(concat!("trued ", env!("CARGO_PKG_VERSION")))
+}
 
 /// A black box that is being written.
 pub struct BlackBox {
@@ -25,42 +39,48 @@ pub struct BlackBox {
     channels: BTreeMap<&'static str, (u16, u32)>,
     out: Out,
     bytes: Arc<AtomicU64>,
+    clocks: Clocks,
+    /// For looking whether it is still in a folder.
+    handle: File,
 }
 
 impl BlackBox {
-    /// Creates the file; one that stands there already is not touched.
+    /// Creates the file; one that stands there already is not touched. `now` is read from the clocks just before.
+    ///
+    /// While it is written the file is locked (`flock`), so that nobody repairs it meanwhile.
     ///
     /// # Errors
     /// The file exists, or the system refuses; no file is left then.
-    pub fn create(path: &Path, header: &Header) -> Result<Self, BlackBoxError> {
-        let file = File::create_new(path).map_err(|source| BlackBoxError::Io {
-            action: "create",
-            path: path.to_owned(),
-            source,
-        })?;
-        Self::begin(file, path, header).inspect_err(|_| {
+    pub fn create(path: &Path, header: &Header, now: Clocks) -> Result<Self, BlackBoxError> {
+        let refused =
+            |action| move |source| BlackBoxError::Io { action, path: path.to_owned(), source };
+        let file = File::create_new(path).map_err(refused("create"))?;
+        match file.try_lock() {
+            // A file system without locks: nobody is kept out.
+            Ok(()) | Err(TryLockError::Error(_)) => {}
+            Err(TryLockError::WouldBlock) => {
+                return Err(BlackBoxError::InUse { path: path.to_owned() });
+            }
+        }
+        Self::begin(file, path, header, now).inspect_err(|_| {
             // The first error is the one to tell.
             let _ = std::fs::remove_file(path);
         })
     }
 
     /// Writes what stands before the first record.
-    fn begin(file: File, path: &Path, header: &Header) -> Result<Self, BlackBoxError> {
-        let options = WriteOptions::new()
-            .compression(None)
-            .chunk_size(Some(CHUNK_BYTES))
-            // The chunk is put together in memory and written in one go: a kill leaves no half of it.
-            .disable_seeking(true)
-            .profile("ros2")
-            .library(concat!("trued ", env!("CARGO_PKG_VERSION")));
+    fn begin(file: File, path: &Path, header: &Header, now: Clocks) -> Result<Self, BlackBoxError> {
         let write_error = |source| write_error(path, source);
+        let handle = file.try_clone().map_err(|why| write_error(why.into()))?;
         let bytes = Arc::new(AtomicU64::new(0));
-        let counted = Counted { file, bytes: Arc::clone(&bytes), opening: Some(Vec::new()) };
-        let mut writer = options.create(counted).map_err(write_error)?;
+        let counted = Counted::new(file, Arc::clone(&bytes));
+        let mut writer = options().create(counted).map_err(write_error)?;
         writer.write_metadata(&metadata(header)).map_err(write_error)?;
         let channels = BTreeMap::new();
-        let mut black_box =
-            Self { path: path.to_owned(), writer, channels, out: Out::default(), bytes };
+        let (path, out) = (path.to_owned(), Out::default());
+        let mut black_box = Self { path, writer, channels, out, bytes, clocks: now, handle };
+        black_box.attach_model(header, now.wall_ns)?;
+        black_box.write_clocks()?;
         black_box.add::<CycleRecord>()?;
         black_box.add::<ForceRecord>()?;
         black_box.add::<VerdictRecord>()?;
@@ -68,6 +88,40 @@ impl BlackBox {
         black_box.add::<LogRecord>()?;
         black_box.flush()?;
         Ok(black_box)
+    }
+
+    /// Attaches the model as a file of its own, which any MCAP tool extracts.
+    fn attach_model(&mut self, header: &Header, wall_ns: u64) -> Result<(), BlackBoxError> {
+        let attachment = Attachment {
+            log_time: wall_ns,
+            create_time: wall_ns,
+            name: format!("model-{}.toml", header.model_epoch),
+            media_type: "application/toml".to_owned(),
+            data: Cow::Borrowed(header.model.as_bytes()),
+        };
+        self.writer.attach(&attachment).map_err(|source| write_error(&self.path, source))
+    }
+
+    fn write_clocks(&mut self) -> Result<(), BlackBoxError> {
+        let Clocks { monotonic_ns, wall_ns } = self.clocks;
+        let pairs = [("monotonic_ns", monotonic_ns), ("wall_ns", wall_ns)];
+        let pairs = pairs.map(|(key, value)| (key.to_owned(), value.to_string()));
+        let metadata = Metadata { name: super::read::CLOCKS.to_owned(), metadata: pairs.into() };
+        self.writer.write_metadata(&metadata).map_err(|source| write_error(&self.path, source))
+    }
+
+    /// Takes a later reading of the clocks: log times go by it.
+    ///
+    /// # Errors
+    /// See [`Self::write_cycle`].
+    pub fn set_clocks(&mut self, now: Clocks) -> Result<(), BlackBoxError> {
+        if self.clocks.advance(now) { self.write_clocks() } else { Ok(()) }
+    }
+
+    /// Whether the file is still in a folder. One that was removed takes records that nobody will find.
+    #[must_use]
+    pub fn is_in_a_folder(&self) -> bool {
+        self.handle.metadata().is_ok_and(|file| file.nlink() > 0)
     }
 
     fn add<M: Message>(&mut self) -> Result<(), BlackBoxError> {
@@ -85,12 +139,12 @@ impl BlackBox {
         let Some((channel_id, sequence)) = self.channels.get_mut(M::TOPIC) else { return Ok(()) };
         self.out.begin();
         message.put(&mut self.out);
-        let t_ns = message.t_ns();
+        let wall_ns = self.clocks.wall_ns(message.stamp_ns());
         let header = MessageHeader {
             channel_id: *channel_id,
             sequence: *sequence,
-            log_time: t_ns,
-            publish_time: t_ns,
+            log_time: wall_ns,
+            publish_time: wall_ns,
         };
         *sequence = sequence.wrapping_add(1);
         self.writer
@@ -106,7 +160,8 @@ impl BlackBox {
         let mut change = metadata(header);
         change.name = super::read::MODEL_CHANGE.to_owned();
         change.metadata.insert("t_ns".to_owned(), t_ns.to_string());
-        self.writer.write_metadata(&change).map_err(|source| write_error(&self.path, source))
+        self.writer.write_metadata(&change).map_err(|source| write_error(&self.path, source))?;
+        self.attach_model(header, self.clocks.wall_ns(t_ns))
     }
 
     /// Adds a cycle.
@@ -184,7 +239,7 @@ impl BlackBox {
     }
 }
 
-fn write_error(path: &Path, source: mcap::McapError) -> BlackBoxError {
+pub(super) fn write_error(path: &Path, source: mcap::McapError) -> BlackBoxError {
     BlackBoxError::Write { path: path.to_owned(), source: Box::new(source) }
 }
 
@@ -195,6 +250,10 @@ fn metadata(header: &Header) -> Metadata {
         ("version", header.version.clone()),
         ("model_hash", format!("{:016x}", header.model_hash)),
         ("robot", header.robot.clone()),
+        ("robot_maker", header.robot_maker.clone()),
+        ("robot_type", header.robot_type.clone()),
+        ("robot_serial", header.robot_serial.clone()),
+        ("model_epoch", header.model_epoch.to_string()),
         ("geometry_hash", format!("{:016x}", header.geometry_hash)),
         ("model", header.model.clone()),
         ("config", header.config.clone()),
@@ -206,34 +265,77 @@ fn metadata(header: &Header) -> Metadata {
     Metadata { name: super::read::METADATA.to_owned(), metadata }
 }
 
-/// A file that counts what goes into it.
+/// A file that counts what goes into it. After a write that failed nothing more goes in: what is there stays whole up to that point.
 struct Counted {
     file: File,
     bytes: Arc<AtomicU64>,
     /// What stands before the first record, until it is whole: it is written in one go, so that a kill leaves no half of it.
     opening: Option<Vec<u8>>,
+    has_failed: bool,
+}
+
+impl Counted {
+    fn new(file: File, bytes: Arc<AtomicU64>) -> Self {
+        Self { file, bytes, opening: Some(Vec::new()), has_failed: false }
+    }
+
+    fn put(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if self.has_failed {
+            return Err(io::Error::other("a write before this one failed"));
+        }
+        match &mut self.opening {
+            Some(opening) => opening.write(bytes),
+            None => self.file.write(bytes),
+        }
+    }
 }
 
 impl Write for Counted {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let written = match &mut self.opening {
-            Some(opening) => opening.write(bytes)?,
-            None => self.file.write(bytes)?,
-        };
+        let written = self.put(bytes).inspect_err(|why| {
+            self.has_failed |= why.kind() != io::ErrorKind::Interrupted;
+        })?;
         self.bytes.fetch_add(written as u64, Ordering::Relaxed);
         Ok(written)
     }
 
     fn flush(&mut self) -> io::Result<()> {
         if let Some(opening) = self.opening.take() {
-            self.file.write_all(&opening)?;
+            self.file.write_all(&opening).inspect_err(|_| self.has_failed = true)?;
         }
         self.file.flush()
     }
 }
 
+/// The container only asks where it is. The file does not know that while its opening waits, so the count answers.
 impl Seek for Counted {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        self.file.seek(to)
+        let at = self.bytes.load(Ordering::Relaxed);
+        match to {
+            SeekFrom::Current(0) | SeekFrom::End(0) => Ok(at),
+            SeekFrom::Start(start) if start == at => Ok(at),
+            _ => Err(io::Error::other("a recording is written from its beginning to its end")),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn after_a_write_that_failed_nothing_more_is_written() {
+        let name = format!("trued-box-{}-failed", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        std::fs::write(&path, "whole").unwrap();
+        // Not for writing: each write fails, as on a full disk.
+        let mut counted = Counted::new(File::open(&path).unwrap(), Arc::default());
+        counted.write_all(b"opening").unwrap();
+        assert!(counted.flush().is_err());
+        // There is room again.
+        counted.file = File::options().append(true).open(&path).unwrap();
+        assert!(counted.write_all(b"more").is_err());
+        assert_eq!(std::fs::read(&path).unwrap(), b"whole");
+        std::fs::remove_file(&path).unwrap();
     }
 }

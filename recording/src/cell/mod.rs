@@ -20,7 +20,7 @@ use physics::JointKind;
 pub(crate) const SCHEMA: &str = "trued.cell/1";
 
 /// How much of the correction goes out.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Mode {
     /// Computed and recorded; what goes out is the command.
     #[default]
@@ -38,8 +38,10 @@ pub struct CellConfig {
     pub cell: String,
     /// The model: a file, a relative path counting from the configuration's folder; or a preset.
     pub model: PathBuf,
-    /// How much goes out.
+    /// How much goes out after a start.
     pub mode: Mode,
+    /// How much may go out on request; at least `mode`.
+    pub mode_max: Mode,
     /// The cycle.
     pub cycle: Cycle,
     /// Bounds of the correction.

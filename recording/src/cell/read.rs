@@ -26,6 +26,14 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
     let model = root.text("model").filter(|model| is_path(root, "model", model));
     let modes = [("shadow", Mode::Shadow), ("limited", Mode::Limited), ("full", Mode::Full)];
     let mode = root.choice("mode", &modes).unwrap_or_default();
+    let mode_max = root.choice("mode_max", &modes).unwrap_or(mode);
+    if mode_max < mode {
+        root.fault(
+            "mode_max",
+            "is below `mode`",
+            "the mode after a start or one that corrects more",
+        );
+    }
     let cycle = cycle(root.table("cycle").as_ref());
     let envelope = envelope(root.table("envelope").as_ref());
     let task = task(root.table("task").as_ref());
@@ -43,6 +51,7 @@ fn read(root: &Table<'_, '_>) -> Option<CellConfig> {
         cell: cell?.to_owned(),
         model: PathBuf::from(model?),
         mode,
+        mode_max,
         cycle,
         envelope,
         task,

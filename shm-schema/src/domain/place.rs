@@ -15,6 +15,7 @@ use std::os::unix::fs::{DirBuilderExt, MetadataExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 
 use super::error::DomainError;
+use super::lock::is_held;
 use crate::layout::hash_text;
 
 /// Environment variable: another directory on tmpfs instead of `/dev/shm`.
@@ -46,8 +47,20 @@ impl Cell {
     /// [`DomainError::BadName`] unless the name is 1 to 24 of `a-z 0-9 -`;
     /// [`DomainError::BadPlace`] where the directory's path is relative or too long.
     pub fn new(name: &str) -> Result<Self, DomainError> {
-        let root = std::env::var_os(RUNTIME_DIR_ENV).unwrap_or_else(|| SHARED_MEMORY.into());
-        Self::at(Path::new(&root), name)
+        Self::at(&usual_root(), name)
+    }
+
+    /// This user's cells that a daemon serves now, by name, under `$TRUED_RUNTIME_DIR` or `/dev/shm`.
+    #[must_use]
+    pub fn served() -> Vec<Self> {
+        let root = usual_root();
+        let cells = entries(&root)
+            .filter_map(|(name, _)| Self::at(&root, name.strip_prefix("trued-")?).ok());
+        let is_served =
+            |cell: &Self| cell.check_owner().is_ok() && is_held(&cell.file("daemon.lock"));
+        let mut served: Vec<_> = cells.filter(is_served).collect();
+        served.sort_by(|one, other| one.name.cmp(&other.name));
+        served
     }
 
     /// The cell of that name under `root`, which must be on tmpfs.
@@ -183,6 +196,11 @@ impl Cell {
             }
         }
     }
+}
+
+/// Where cells are unless a place of their own is named.
+fn usual_root() -> PathBuf {
+    std::env::var_os(RUNTIME_DIR_ENV).unwrap_or_else(|| SHARED_MEMORY.into()).into()
 }
 
 /// Whether shared memory has room for a process that joins: one that writes where there is none is ended by the kernel.

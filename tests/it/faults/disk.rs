@@ -32,11 +32,15 @@ fn until(monitor: &mut Monitor, what: &str, holds: impl Fn(&Status) -> bool) -> 
 
 /// A daemon in a mount namespace of its own, whose black boxes go to a disk of that size; none where the system refuses one.
 fn on_a_small_disk(place: &Place, kilobytes: u32) -> Option<Process> {
+    on_a_disk(place, &format!("size={kilobytes}k"))
+}
+
+/// The same with any options of its mount.
+fn on_a_disk(place: &Place, options: &str) -> Option<Process> {
     let disk = place.file("box");
     fs::create_dir(&disk).unwrap();
-    let words = format!(
-        "mount -t tmpfs -o size={kilobytes}k tmpfs \"$1\" && exec \"$2\" run --config \"$3\""
-    );
+    let words =
+        format!("mount -t tmpfs -o {options} tmpfs \"$1\" && exec \"$2\" run --config \"$3\"");
     let mut command = Command::new("unshare");
     if !rustix::process::geteuid().is_root() {
         command.args(["--user", "--map-root-user"]);
@@ -87,9 +91,47 @@ fn a_full_disk_costs_records_that_are_counted_and_is_written_again_when_there_is
     fs::remove_file(disk.join("filler")).unwrap();
     let time = until(&mut monitor, "it records again", |status| status.recorder == RECORDING);
     println!("recording again {time:?} after there was room");
+    // Those that the full disk cut off are whole again, by the daemon that goes on.
+    let current = boxes(&disk).pop().unwrap();
+    let is_whole =
+        |path: &PathBuf| *path == current || recording::blackbox::is_closed(path).unwrap();
+    assert!(wait_for(JAM, || boxes(&disk).iter().all(is_whole)), "{:?}", boxes(&disk));
     let newest = boxes(&disk).pop().unwrap();
     assert!(wait_for(JAM, || tests::pair::last_recorded_ns(newest.parent().unwrap()) > 0));
     drop(monitor);
+    pair.end();
+}
+
+#[test]
+fn a_read_only_folder_costs_records_that_are_counted_and_is_written_when_it_may_be() {
+    let place = Place::new("full", &recorder("box"));
+    let Some(daemon) = on_a_disk(&place, "ro,size=8m") else {
+        let why = "no mount namespace of its own may be made";
+        return skipped(scratch(), "a read-only folder", why);
+    };
+    let disk = PathBuf::from(format!("/proc/{}/root{}", daemon.id(), place.file("box").display()));
+    let mut pair = Pair::with(PROGRAMS, place, daemon);
+    pair.back();
+    let mut monitor = Monitor::connect_to(&pair.place.cell(), JAM).unwrap();
+    until(&mut monitor, "that nothing is recorded is counted and said", |status| {
+        status.recorder == FAILED
+            && status.recorder_dropped > 100
+            && status.health() == Ok(Health::Degraded)
+    });
+    pair.back();
+    assert_eq!(boxes(&disk), Vec::<PathBuf>::new());
+    let pid = pair.daemon.id().to_string();
+    let mut enter = Command::new("nsenter");
+    enter.args(["--target", &pid, "--mount"]);
+    if !rustix::process::geteuid().is_root() {
+        enter.args(["--user", "--preserve-credentials"]);
+    }
+    enter.args(["mount", "-o", "remount,rw"]).arg(pair.place.file("box"));
+    assert!(enter.status().unwrap().success());
+    let time = until(&mut monitor, "it records", |status| status.recorder == RECORDING);
+    println!("recording {time:?} after the folder may be written");
+    drop(monitor);
+    pair.back();
     pair.end();
 }
 

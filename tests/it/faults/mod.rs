@@ -35,7 +35,7 @@ fn chance() -> Chance {
 }
 
 /// Waits until that holds.
-fn wait_for(limit: Duration, mut holds: impl FnMut() -> bool) -> bool {
+pub(crate) fn wait_for(limit: Duration, mut holds: impl FnMut() -> bool) -> bool {
     let start = Instant::now();
     while !holds() {
         if start.elapsed() > limit {

@@ -115,7 +115,9 @@ pub(super) fn black_box(bytes: &[u8]) {
     match blackbox::read_bytes(NAME, bytes) {
         Ok(contents) => {
             let conversion = blackbox::convert(&contents);
-            let _ = conversion.cycles.to_csv();
+            for run in conversion.runs {
+                let _ = run.cycles.to_csv();
+            }
             let _ = conversion.forces.map(|forces| forces.to_csv());
         }
         Err(error) => assert!(!error.to_string().is_empty()),

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use recording::blackbox::{self, Contents};
+use recording::blackbox::{self, Contents, Run};
 use recording::series::Recording;
 use serde::Serialize;
 use tracing::warn;
@@ -19,7 +19,8 @@ use crate::output::Console;
 /// Make a recording of the daemon's black box
 ///
 /// One row per cycle: commands, measured joints, wrench, temperatures, process state, and what became of each command (`c1_rad` …, `status`, `reason`).
-/// Force samples go to NAME-forces.csv, the model that was loaded at the start to NAME-model.toml, which NAME.toml names.
+/// Force samples go to NAME-forces.csv, the model that made the rows to NAME-model.toml, which NAME.toml names. Where another model was
+/// loaded meanwhile its rows are a recording of their own, NAME-2 with NAME-2-model.toml, and so on.
 #[derive(Debug, Args)]
 pub(crate) struct Convert {
     /// Where the recording goes: NAME.csv and NAME.toml
@@ -36,6 +37,8 @@ struct Report {
     version: String,
     rows: usize,
     force_samples: usize,
+    /// Recordings that the rows are in: one for each model in turn.
+    recordings: usize,
     /// Why the box ends early; none where it is whole.
     cut: Option<String>,
     /// Messages that this version does not know.
@@ -49,33 +52,52 @@ impl Convert {
         let mut made = blackbox::convert(&contents);
         // Of a long run the records are most of what is held.
         contents.records = Vec::new();
-        if made.cycles.is_empty() && made.forces.is_none() {
+        if made.runs.is_empty() && made.forces.is_none() {
             let what = format!("{}: holds no cycle and no force sample", self.input.display());
             return Err(Failure::input(format!("{what}; was the daemon sent any command?")));
         }
         let mut outputs = console.outputs();
         let mut written = Vec::new();
-        if !contents.header.model.is_empty() {
-            let model = beside(&self.out, "-model.toml");
-            outputs.put(&model, contents.header.model.as_str());
-            written.push(model.clone());
-            let name = model.file_name().unwrap_or_default();
-            made.cycles.about.model = Some(name.to_string_lossy().into_owned());
+        for (place, run) in made.runs.iter_mut().enumerate() {
+            let name = if place == 0 {
+                self.out.clone()
+            } else {
+                beside(&self.out, &format!("-{}", place + 1))
+            };
+            written.extend(put_run(&mut outputs, &name, run));
         }
         let force_samples = made.forces.as_ref().map_or(0, Recording::len);
         if let Some(forces) = &made.forces {
             written.extend(put(&mut outputs, &beside(&self.out, "-forces"), forces));
         }
-        written.extend(put(&mut outputs, &self.out, &made.cycles));
         outputs.check([&self.input])?;
-        let written = written.iter().map(|path| path.display().to_string()).collect();
+        let files = written.iter().map(|path| path.display().to_string()).collect();
         let Contents { header, cut, unknown, .. } = contents;
         let (cell, version) = (header.cell, header.version);
-        let rows = made.cycles.len();
-        let report = Report { cell, version, rows, force_samples, cut, unknown, files: written };
+        let rows = made.runs.iter().map(|run| run.cycles.len()).sum();
+        let recordings = made.runs.len();
+        let report = Report { cell, version, rows, force_samples, recordings, cut, unknown, files };
         console.write(outputs, "trued.convert/1", &report)?;
         say(console, &report)
     }
+}
+
+/// What one model made, and that model.
+fn put_run(outputs: &mut Outputs, out: &Path, run: &mut Run) -> Vec<PathBuf> {
+    let mut written = Vec::new();
+    match run.header.as_ref().map(|header| header.model.as_str()) {
+        Some("") => {}
+        Some(text) => {
+            let model = beside(out, "-model.toml");
+            outputs.put(&model, text);
+            let name = model.file_name().unwrap_or_default();
+            run.cycles.about.model = Some(name.to_string_lossy().into_owned());
+            written.push(model);
+        }
+        None => warn!("{}: the box does not hold the model of these rows", out.display()),
+    }
+    written.extend(put(outputs, out, &run.cycles));
+    written
 }
 
 /// A recording as its two files.
@@ -102,6 +124,10 @@ fn say(console: &mut Console, report: &Report) -> Outcome {
     }
     let (rows, forces) = (count(report.rows, "cycle"), count(report.force_samples, "force sample"));
     console.say(format!("cell {}, trued {}: {rows}, {forces}", report.cell, report.version))?;
+    if report.recordings > 1 {
+        let models = count(report.recordings, "time");
+        console.say(format!("a model was in use {models}: each has a recording of its own"))?;
+    }
     for file in &report.files {
         console.say(format!("written             {file}"))?;
     }

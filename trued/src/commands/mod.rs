@@ -8,12 +8,14 @@ mod bridge;
 mod calibrate;
 mod challenge;
 mod check;
+mod control;
 mod convert;
 mod correct;
 mod demo;
 mod diagnose;
 mod doctor;
 mod gears;
+mod info;
 mod model;
 mod plan;
 mod reload;
@@ -21,6 +23,7 @@ mod replay;
 mod run;
 mod simulate;
 mod spectrum;
+mod status;
 mod surface;
 mod tap;
 
@@ -32,8 +35,10 @@ use crate::output::Console;
 /// What the program can do.
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    Arm(control::Arm),
     Bench(Box<bench::Bench>),
     Bridge(bridge::Bridge),
+    Bypass(control::Bypass),
     Calibrate(calibrate::Calibrate),
     Challenge(challenge::Challenge),
     Check(check::Check),
@@ -43,6 +48,9 @@ pub(crate) enum Command {
     Diagnose(diagnose::Diagnose),
     Doctor(doctor::Doctor),
     Gears(gears::Gears),
+    Info(info::InfoOf),
+    Mark(control::Mark),
+    Mode(control::ModeOf),
     Model(model::Model),
     Plan(Box<plan::Plan>),
     Reload(reload::Reload),
@@ -50,6 +58,7 @@ pub(crate) enum Command {
     Run(run::Run),
     Simulate(simulate::Simulate),
     Spectrum(spectrum::Spectrum),
+    Status(status::StatusOf),
     Surface(surface::Surface),
     Tap(tap::Tap),
 }
@@ -57,8 +66,10 @@ pub(crate) enum Command {
 /// Runs the command that was asked for.
 pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
     match command {
+        Command::Arm(arm) => arm.run(console),
         Command::Bench(bench) => bench.run(console),
         Command::Bridge(bridge) => bridge.run(console),
+        Command::Bypass(bypass) => bypass.run(console),
         Command::Calibrate(calibrate) => calibrate.run(console),
         Command::Challenge(challenge) => challenge.run(console),
         Command::Check(check) => check.run(console),
@@ -68,6 +79,9 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Diagnose(diagnose) => diagnose.run(console),
         Command::Doctor(doctor) => doctor.run(console),
         Command::Gears(gears) => gears.run(console),
+        Command::Info(info) => info.run(console),
+        Command::Mark(mark) => mark.run(console),
+        Command::Mode(mode) => mode.run(console),
         Command::Model(model) => model.run(console),
         Command::Plan(plan) => plan.run(console),
         Command::Reload(reload) => reload.run(console),
@@ -75,6 +89,7 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Run(run) => run.run(console),
         Command::Simulate(simulate) => simulate.run(console),
         Command::Spectrum(spectrum) => spectrum.run(console),
+        Command::Status(status) => status.run(console),
         Command::Surface(surface) => surface.run(console),
         Command::Tap(tap) => tap.run(console),
     }

@@ -1,0 +1,81 @@
+//! Makes recordings whole that were not closed: when the daemon starts, and when its disk has room again.
+//!
+//! A thread of its own, which ends when it is done. Promises: the file that is being written and other cells' are not touched; one that
+//! cannot be repaired stays as it is, and that is told. Never: anything that the recorder waits for.
+
+use crate::{notebook, shelf};
+use recording::blackbox::{Repair, is_closed, repair};
+use std::fs;
+use std::path::{Path, PathBuf};
+use tracing::{info, warn};
+
+/// Repairs this cell's recordings in that folder, but for the `current` one.
+pub fn unclosed(dir: &Path, cell: &str, current: &Path) {
+    shelf::remove_unfinished(dir, cell);
+    for path in shelf::recordings(dir, cell) {
+        if path == current || is_closed(&path).unwrap_or(true) {
+            continue;
+        }
+        let file = path.display();
+        if fs::metadata(&path).is_ok_and(|file| file.len() == 0) {
+            // Killed between making the file and writing into it.
+            let _ = fs::remove_file(&path);
+            continue;
+        }
+        match repair(&path) {
+            Ok(Repair::NotNeeded) => {}
+            Ok(Repair::Done { was, messages }) => {
+                info!(%file, messages, was, "a recording that was not closed is whole again");
+            }
+            Err(why) => warn!(%why, "a recording that was not closed could not be repaired"),
+        }
+    }
+}
+
+/// The same in a thread of its own.
+pub fn start(dir: PathBuf, cell: String, current: PathBuf) {
+    let book = notebook::of_this_thread();
+    let body = move || {
+        book.iter().for_each(notebook::open);
+        unclosed(&dir, &cell, &current);
+    };
+    if let Err(why) = std::thread::Builder::new().name("repair".to_owned()).spawn(body) {
+        warn!(%why, "no thread to repair recordings; `trued info FILE --repair` does it");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use recording::blackbox::{BlackBox, Clocks, CycleRecord, Header, read};
+
+    #[test]
+    fn what_a_kill_left_is_whole_again_and_what_is_written_now_is_not_touched() {
+        let dir = std::env::temp_dir().join(format!("trued-mend-{}", std::process::id()));
+        fs::create_dir_all(&dir).unwrap();
+        let file = |count: u32| dir.join(format!("a-0000000001-{count:04}.mcap"));
+        let write = |path: &Path| {
+            let mut made = BlackBox::create(path, &Header::default(), Clocks::default()).unwrap();
+            made.write_cycle(&CycleRecord::default()).unwrap();
+            made.flush().unwrap();
+            made
+        };
+        let current = write(&file(4));
+        write(&file(1)).finish().unwrap();
+        let whole = fs::read(file(1)).unwrap();
+        let cut = fs::read(file(4)).unwrap();
+        fs::write(file(2), &cut).unwrap();
+        fs::write(file(3), "").unwrap();
+        fs::write(dir.join("a-0000000001-0002.mcap.repair"), &cut[..20]).unwrap();
+        fs::write(dir.join("b-0000000001-0001.mcap"), &cut).unwrap();
+        unclosed(&dir, "a", &file(4));
+        assert_eq!(fs::read(file(1)).unwrap(), whole);
+        let mended = read(&file(2)).unwrap();
+        assert_eq!((mended.records.len(), mended.cut), (1, None));
+        assert_eq!(fs::read(file(4)).unwrap(), cut, "being written");
+        assert_eq!(fs::read(dir.join("b-0000000001-0001.mcap")).unwrap(), cut, "another cell's");
+        assert_eq!(fs::read_dir(&dir).unwrap().count(), 4, "nothing empty or unfinished is left");
+        drop(current);
+        fs::remove_dir_all(&dir).unwrap();
+    }
+}

@@ -1,0 +1,114 @@
+//! What a cell's daemon says and how it is, for the recording: lines of its log, its states.
+//!
+//! Promises: a line costs its caller a copy, never a wait; without a recorder nothing is kept; while nothing can be written the newest
+//! lines wait for the next file. Never: in the cycle's thread, which does not log.
+
+use crate::exchange::Exchange;
+use recording::blackbox::{LogRecord, StatusRecord};
+use shm_schema::{Health, Mode, Status, monotonic_ns};
+use std::cell::RefCell;
+use std::sync::Arc;
+
+/// Without a change the state is recorded this often, ns.
+const STATUS_EVERY_NS: u64 = 1_000_000_000;
+
+thread_local! {
+    /// The cell that this thread works for.
+    static CELL: RefCell<Option<Arc<Exchange>>> = const { RefCell::new(None) };
+}
+
+/// From now on lines that this thread logs go into that cell's recording.
+pub fn open(exchange: &Arc<Exchange>) {
+    CELL.with_borrow_mut(|cell| *cell = Some(Arc::clone(exchange)));
+}
+
+/// The cell that this thread works for.
+#[must_use]
+pub fn of_this_thread() -> Option<Arc<Exchange>> {
+    CELL.with_borrow(Clone::clone)
+}
+
+/// Takes a line that this thread has logged, at `info`, `warn` or `error`; the program's logger calls it.
+pub fn note(level: &str, says: impl FnOnce() -> String) {
+    // A thread at its end logs too, when this is gone already.
+    let _ = CELL.try_with(|cell| {
+        // A line that is logged while one is noted is not noted.
+        let Ok(cell) = cell.try_borrow() else { return };
+        if let Some(exchange) = cell.as_ref() {
+            let (t_ns, level) = (monotonic_ns(), level.to_owned());
+            exchange.note(|| LogRecord { t_ns, level, says: says() });
+        }
+    });
+}
+
+/// Chooses which states are recorded: each change, and one a second.
+#[derive(Debug, Default)]
+pub struct States {
+    last: Option<(u64, [u64; 5])>,
+}
+
+impl States {
+    /// The state as it is recorded, where it is time.
+    pub fn take(&mut self, status: &Status) -> Option<StatusRecord> {
+        let Status { health, mode, bypassed, recorder, model_epoch, .. } = *status;
+        let [health, mode, bypassed, recorder] = [health, mode, bypassed, recorder].map(u64::from);
+        let key = [health, mode, bypassed, recorder, model_epoch];
+        let is_due = self.last.is_none_or(|(t_ns, before)| {
+            before != key || status.t_ns.saturating_sub(t_ns) >= STATUS_EVERY_NS
+        });
+        is_due.then(|| {
+            self.last = Some((status.t_ns, key));
+            record(status)
+        })
+    }
+}
+
+fn record(status: &Status) -> StatusRecord {
+    StatusRecord {
+        t_ns: status.t_ns,
+        health: status.health().map_or("", Health::name).to_owned(),
+        says: status.message.to_string(),
+        cycles: status.cycles,
+        missed: status.missed_cycles,
+        rejected: status.rejected,
+        dropped: status.recorder_dropped,
+        mode: status.mode().map_or("", Mode::name).to_owned(),
+        bypassed: u8::from(status.bypassed != 0),
+        model_epoch: status.model_epoch,
+        latency_p50_ns: status.latency_p50_ns,
+        latency_p99_ns: status.latency_p99_ns,
+        latency_p999_ns: status.latency_p999_ns,
+        latency_max_ns: status.latency_max_ns,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_change_of_state_is_recorded_and_one_a_second_without() {
+        let mut states = States::default();
+        let second = 1_000_000_000;
+        let mut taken =
+            |t_ns, bypassed| states.take(&Status { t_ns, bypassed, ..Status::default() }).is_some();
+        assert!(taken(0, 0) && !taken(second / 2, 0));
+        assert!(taken(second / 2 + 1, 1) && !taken(second, 1), "a change, and nothing new");
+        assert!(taken(second / 2 + 1 + second, 1), "a second later");
+    }
+
+    #[test]
+    fn lines_go_to_the_cell_of_their_thread_and_the_newest_wait_for_a_file() {
+        note("info", || unreachable!("nobody records"));
+        let exchange = Arc::new(Exchange::new(corrector::Mode::Full, true));
+        let shared = Arc::clone(&exchange);
+        let thread = std::thread::spawn(move || {
+            open(&shared);
+            (0..10_000).for_each(|number| note("warn", || format!("line {number}")));
+        });
+        thread.join().unwrap();
+        let lines: Vec<_> = std::iter::from_fn(|| exchange.lines.pop()).collect();
+        assert_eq!(lines.last().unwrap().says, "line 9999");
+        assert!(lines.len() < 1000 && lines.iter().all(|line| line.level == "warn"));
+    }
+}

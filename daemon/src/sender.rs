@@ -1,0 +1,70 @@
+//! Who asks something of the daemon: process, program, user; for log, status and recording.
+//!
+//! Promise: what cannot be found out is left out. Never: in a real-time thread.
+
+use recording::blackbox::Utc;
+use std::fs;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Where names of users stand; without it they are numbers.
+const USERS: &str = "/etc/passwd";
+
+/// `trued, process 4711, user operator`; by the process's own account while it waits for its answer.
+#[must_use]
+pub fn words(pid: Option<u32>) -> String {
+    let Some(pid) = pid else { return "an unknown process".to_owned() };
+    let program = fs::read_to_string(format!("/proc/{pid}/comm")).unwrap_or_default();
+    let program = match program.trim() {
+        "" => String::new(),
+        program => format!("{program}, "),
+    };
+    let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+    let user = user_of(&status).map(|uid| {
+        let users = fs::read_to_string(USERS).unwrap_or_default();
+        format!(", user {}", name_of(uid, &users).unwrap_or(uid))
+    });
+    format!("{program}process {pid}{}", user.unwrap_or_default())
+}
+
+/// The same with the time of now: what was asked stays until something else is asked.
+#[must_use]
+pub fn words_of_now(pid: Option<u32>) -> String {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    let now_ns = u64::try_from(now.as_nanos()).unwrap_or(u64::MAX);
+    format!("since {} by {}", Utc(now_ns), words(pid))
+}
+
+/// The real user of a process, from the text of its status.
+fn user_of(status: &str) -> Option<&str> {
+    status.lines().find_map(|line| line.strip_prefix("Uid:"))?.split_whitespace().next()
+}
+
+fn name_of<'t>(uid: &str, users: &'t str) -> Option<&'t str> {
+    users.lines().find_map(|line| {
+        let mut fields = line.split(':');
+        let name = fields.next()?;
+        (fields.nth(1)? == uid).then_some(name)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_process_is_told_with_program_and_user_and_one_that_is_gone_without() {
+        let pid = std::process::id();
+        let told = words(Some(pid));
+        assert!(told.contains(&format!("process {pid}, user ")), "{told}");
+        // Above the largest number of a process.
+        assert_eq!(words(Some(u32::MAX)), format!("process {}", u32::MAX));
+        assert_eq!(words(None), "an unknown process");
+    }
+
+    #[test]
+    fn users_are_told_by_name_where_there_is_one() {
+        let users = "root:x:0:0:root:/root:/bin/sh\noperator:x:1000:1000::/:/bin/sh\n";
+        assert_eq!(user_of("Name:\tx\nUid:\t1000\t1000\t0\t0\n"), Some("1000"));
+        assert_eq!((name_of("1000", users), name_of("7", users)), (Some("operator"), None));
+    }
+}

@@ -1,0 +1,145 @@
+//! Makes a black box whole that was not closed: a kill or a full disk left it without its index.
+//!
+//! Promises: the file is replaced in one step by a whole one with every record that can be read, or stays as it is; one that a process
+//! writes is not touched.
+
+use std::fs::{self, File, TryLockError};
+use std::io::{BufReader, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use mcap::Writer;
+use mcap::records::{Metadata, Record as McapRecord};
+
+use super::BlackBoxError;
+use super::info::{self, End};
+use super::read::{METADATA, REPAIRED};
+use super::scan::scan;
+use super::write::{options, write_error};
+
+/// What the name of a file that is being repaired ends with until it replaces the old one.
+pub const UNFINISHED: &str = ".repair";
+
+/// What became of a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Repair {
+    /// It was whole.
+    NotNeeded,
+    /// It is whole now.
+    Done {
+        /// What was wrong with it.
+        was: String,
+        /// Messages that it holds.
+        messages: u64,
+    },
+}
+
+/// Whether the file was closed, by its last bytes alone.
+///
+/// # Errors
+/// It cannot be read.
+pub fn is_closed(path: &Path) -> Result<bool, BlackBoxError> {
+    let refused = |source| BlackBoxError::Io { action: "read", path: path.to_owned(), source };
+    let file = File::open(path).map_err(refused)?;
+    info::is_closed(&file).map_err(refused)
+}
+
+/// Makes a black box whole: what can be read of it is written anew, with its index.
+///
+/// # Errors
+/// A process writes it, it is no black box, or the new file cannot be written; it is as it was then.
+pub fn repair(path: &Path) -> Result<Repair, BlackBoxError> {
+    let refused =
+        |action| move |source| BlackBoxError::Io { action, path: path.to_owned(), source };
+    let file = File::open(path).map_err(refused("read"))?;
+    if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+        return Err(BlackBoxError::InUse { path: path.to_owned() });
+    }
+    // The lock is this process's own now.
+    let was = match info::info_of(path, &file)?.end {
+        End::Closed | End::BeingWritten => return Ok(Repair::NotNeeded),
+        End::Cut(cut) => cut,
+        End::WrongIndex => "its index pointed elsewhere".to_owned(),
+    };
+    let mut unfinished = path.as_os_str().to_owned();
+    unfinished.push(UNFINISHED);
+    let unfinished = PathBuf::from(unfinished);
+    let copied = copy(path, &file, &unfinished, &was).and_then(|messages| {
+        fs::rename(&unfinished, path).map_err(refused("replace"))?;
+        Ok(messages)
+    });
+    let messages = copied.inspect_err(|_| {
+        // The first error is the one to tell.
+        let _ = fs::remove_file(&unfinished);
+    })?;
+    Ok(Repair::Done { was, messages })
+}
+
+/// Copies what can be read of `from` into a whole file; how many messages that is.
+fn copy(name: &Path, from: &File, to: &Path, was: &str) -> Result<u64, BlackBoxError> {
+    let refused = |action, path: &Path| {
+        let path = path.to_owned();
+        move |source| BlackBoxError::Io { action, path, source }
+    };
+    let old = from.metadata().map_err(refused("read", name))?;
+    let file = File::create(to).map_err(refused("create", to))?;
+    file.set_permissions(old.permissions()).map_err(refused("create", to))?;
+    let fault = |source| write_error(to, source);
+    let mut writer = options().create(BufWriter::new(file)).map_err(fault)?;
+    let mut messages = 0;
+    let mut reader = File::open(name).map_err(refused("read", name)).map(BufReader::new)?;
+    let bytes = usize::try_from(old.len()).unwrap_or(usize::MAX);
+    scan(&name.display().to_string(), &mut reader, bytes, &mut |record| {
+        let is_message = matches!(record, McapRecord::Message { .. });
+        let is_header =
+            matches!(&record, McapRecord::Metadata(metadata) if metadata.name == METADATA);
+        put(&mut writer, record).map_err(fault)?;
+        messages += u64::from(is_message);
+        if is_header {
+            writer.write_metadata(&mark(was)).map_err(fault)?;
+        }
+        Ok(())
+    })?;
+    writer.finish().map_err(fault)?;
+    let mut written = writer.into_inner();
+    let synced = written.flush().and_then(|()| written.get_ref().sync_all());
+    synced.map_err(refused("sync", to))?;
+    Ok(messages)
+}
+
+fn put<W: Write + std::io::Seek>(
+    writer: &mut Writer<W>,
+    record: McapRecord<'_>,
+) -> mcap::McapResult<()> {
+    match record {
+        McapRecord::Schema { header, data } => {
+            writer.add_schema_with_id(header.id, &header.name, &header.encoding, &data).map(drop)
+        }
+        McapRecord::Channel(channel) => writer
+            .add_channel_with_id(
+                channel.id,
+                channel.schema_id,
+                &channel.topic,
+                &channel.message_encoding,
+                &channel.metadata,
+            )
+            .map(drop),
+        McapRecord::Message { header, data } => writer.write_to_known_channel(&header, &data),
+        McapRecord::Metadata(metadata) if metadata.name == REPAIRED => Ok(()),
+        McapRecord::Metadata(metadata) => writer.write_metadata(&metadata),
+        McapRecord::Attachment { header, data, .. } => writer.attach(&mcap::Attachment {
+            log_time: header.log_time,
+            create_time: header.create_time,
+            name: header.name,
+            media_type: header.media_type,
+            data,
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// What the file says of its repair.
+fn mark(was: &str) -> Metadata {
+    let pairs = [("cut", was), ("by", concat!("trued ", env!("CARGO_PKG_VERSION")))];
+    let pairs = pairs.map(|(key, value)| (key.to_owned(), value.to_owned()));
+    Metadata { name: REPAIRED.to_owned(), metadata: pairs.into() }
+}

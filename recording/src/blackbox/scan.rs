@@ -1,0 +1,158 @@
+//! Going through a black box record by record, whole or cut off.
+//!
+//! Promises: no panic on any input; no more memory than the record at hand.
+
+use std::io::{self, Read};
+
+use mcap::parse_record;
+use mcap::records::{Record as McapRecord, op};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+
+use super::BlackBoxError;
+
+/// Bytes of an attachment's record before its texts: two times; and behind its data: the checksum.
+const ATTACHMENT_TIMES: usize = 16;
+const ATTACHMENT_CRC: usize = 4;
+
+/// How going through a file ended.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(super) struct Scanned {
+    /// Why the file ends early, where a record is broken or cut off.
+    pub(super) cut: Option<String>,
+    /// The footer was there.
+    pub(super) has_footer: bool,
+}
+
+/// Hands every record of use from a source of so many bytes to `take`, whose error ends it.
+pub(super) fn scan(
+    name: &str,
+    source: impl Read,
+    bytes: usize,
+    take: &mut dyn FnMut(McapRecord<'_>) -> Result<(), BlackBoxError>,
+) -> Result<Scanned, BlackBoxError> {
+    let refused = |source| BlackBoxError::Io { action: "read", path: name.into(), source };
+    let mut head = Vec::new();
+    let mut source = source.take(bytes as u64);
+    source.by_ref().take(mcap::MAGIC.len() as u64).read_to_end(&mut head).map_err(refused)?;
+    if head != mcap::MAGIC {
+        let what = "does not begin as MCAP does".to_owned();
+        return Err(BlackBoxError::NotOurs { name: name.to_owned(), what });
+    }
+    let mut source = head.as_slice().chain(source);
+    let options = LinearReaderOptions::default()
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true)
+        // No record is longer than the file: a broken length asks for no memory.
+        .with_record_length_limit(bytes);
+    let mut reader = LinearReader::new_with_options(options);
+    let mut scanned = Scanned::default();
+    let mut left = bytes;
+    while let Some(event) = reader.next_event() {
+        match event {
+            Ok(LinearReadEvent::ReadRequest(wanted)) => {
+                let room = reader.insert(wanted.min(left));
+                let given = full(&mut source, room).map_err(refused)?;
+                reader.notify_read(given);
+                // A file that has grown shorter ends here.
+                left = if given < wanted.min(left) { 0 } else { left - given };
+            }
+            Ok(LinearReadEvent::Record { data, opcode }) => match of_use(opcode, data) {
+                Ok(Some(McapRecord::Footer(_))) => scanned.has_footer = true,
+                Ok(Some(record)) => take(record)?,
+                Ok(None) => {}
+                Err(cut) => {
+                    scanned.cut = Some(cut);
+                    break;
+                }
+            },
+            Err(error) => {
+                scanned.cut = Some(error.to_string());
+                break;
+            }
+        }
+    }
+    Ok(scanned)
+}
+
+/// Fills the room as far as the source goes; how much that was.
+fn full(source: &mut impl Read, room: &mut [u8]) -> io::Result<usize> {
+    let mut given = 0;
+    while given < room.len() {
+        match source.read(&mut room[given..]) {
+            Ok(0) => break,
+            Ok(more) => given += more,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(given)
+}
+
+/// A record, where it is of a kind that is looked at; else why the file ends here.
+fn of_use(opcode: u8, data: &[u8]) -> Result<Option<McapRecord<'_>>, String> {
+    // The library takes memory for a text before it looks whether there is as much of it.
+    let fits = match opcode {
+        op::METADATA => Texts(data).text().and_then(Texts::pairs).is_some(),
+        op::CHANNEL => {
+            let texts = data.get(4..).map(Texts);
+            texts.and_then(Texts::text).and_then(Texts::text).and_then(Texts::pairs).is_some()
+        }
+        op::SCHEMA => {
+            let texts = data.get(2..).map(Texts);
+            let data = texts.and_then(Texts::text).and_then(Texts::text);
+            data.and_then(Texts::text).is_some()
+        }
+        op::ATTACHMENT => attachment_fits(data),
+        op::CHUNK_INDEX => chunk_index_fits(data),
+        op::MESSAGE | op::FOOTER | op::DATA_END => true,
+        _ => return Ok(None),
+    };
+    if !fits {
+        return Err("a text is longer than the record that it stands in".to_owned());
+    }
+    parse_record(opcode, data).map(Some).map_err(|error| error.to_string())
+}
+
+fn attachment_fits(data: &[u8]) -> bool {
+    let texts = data.get(ATTACHMENT_TIMES..).map(Texts);
+    let Some(Texts(rest)) = texts.and_then(Texts::text).and_then(Texts::text) else { return false };
+    let Some((length, rest)) = rest.split_first_chunk() else { return false };
+    usize::try_from(u64::from_le_bytes(*length))
+        .ok()
+        .and_then(|length| length.checked_add(ATTACHMENT_CRC))
+        .is_some_and(|length| length == rest.len())
+}
+
+/// Its map and its text stand behind four and two numbers of eight bytes.
+fn chunk_index_fits(data: &[u8]) -> bool {
+    let map = data.get(32..).map(Texts).and_then(Texts::text);
+    map.and_then(|Texts(rest)| rest.get(8..)).map(Texts).and_then(Texts::text).is_some()
+}
+
+/// Texts in a row as they stand in a record, each behind its length.
+struct Texts<'d>(&'d [u8]);
+
+impl<'d> Texts<'d> {
+    /// The length that stands first, and what follows it.
+    fn length(self) -> Option<(usize, &'d [u8])> {
+        let (length, rest) = self.0.split_first_chunk()?;
+        Some((usize::try_from(u32::from_le_bytes(*length)).ok()?, rest))
+    }
+
+    /// Behind the first text; none where it is longer than what there is.
+    fn text(self) -> Option<Self> {
+        let (length, rest) = self.length()?;
+        rest.get(length..).map(Self)
+    }
+
+    /// Behind a list of pairs.
+    fn pairs(self) -> Option<Self> {
+        let (length, rest) = self.length()?;
+        let (pairs, behind) = rest.split_at_checked(length)?;
+        let mut texts = Self(pairs);
+        while !texts.0.is_empty() {
+            texts = texts.text()?.text()?;
+        }
+        Some(Self(behind))
+    }
+}

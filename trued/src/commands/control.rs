@@ -1,0 +1,217 @@
+//! `trued bypass`, `trued mode`, `trued arm`, `trued mark`: what an operator asks of a running daemon.
+//!
+//! Promises: the daemon's answer is told as it is, with exit 1 where it refuses; who asked stands in its log and its recording. Never: a
+//! wait without a limit.
+
+use std::path::Path;
+use std::time::Duration;
+
+use clap::{Args, ValueEnum};
+use recording::cell::CellConfig;
+use serde::Serialize;
+use shm_schema::Cell;
+use trued_client::{Monitor, Response};
+
+use crate::exit::{Answer, Failure, Outcome};
+use crate::input::unusable;
+use crate::output::Console;
+
+/// How long the daemon may take to be found, and to answer.
+const FOUND_WITHIN: Duration = Duration::from_secs(2);
+const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+
+/// Most bytes of a marker's text: what a request has room for.
+const MARK_BYTES_MAX: usize = shm_schema::PATH_BYTES_MAX;
+
+/// Which cell is meant.
+#[derive(Debug, Args)]
+pub(super) struct Which {
+    /// The cell: its name, or its configuration; not needed where one cell alone is served here
+    #[arg(value_name = "CELL")]
+    cell: Option<String>,
+}
+
+/// No cell was named, and it is not clear which one is meant.
+#[derive(Debug, thiserror::Error)]
+enum Unclear {
+    #[error(
+        "no cell is served here; start `trued run --config CELL.toml`, or set TRUED_RUNTIME_DIR as the daemon has it"
+    )]
+    None,
+    #[error("several cells are served here: {}; name one of them", .0.join(", "))]
+    Several(Vec<String>),
+}
+
+impl Which {
+    /// Its name.
+    ///
+    /// # Errors
+    /// A configuration that cannot be read; none was named, and none or several are served.
+    pub(super) fn name(&self) -> Result<String, Failure> {
+        if let Some(cell) = &self.cell {
+            let path = Path::new(cell);
+            let is_file = path.is_file() || path.extension().is_some_and(|end| end == "toml");
+            return if is_file {
+                Ok(CellConfig::read(path).map_err(unusable)?.cell)
+            } else {
+                Ok(cell.clone())
+            };
+        }
+        let served = Cell::served();
+        let mut names: Vec<String> = served.iter().map(|cell| cell.name().to_owned()).collect();
+        match (names.pop(), names.is_empty()) {
+            (Some(name), true) => Ok(name),
+            (Some(last), false) => {
+                names.push(last);
+                Err(Failure::input(Unclear::Several(names)))
+            }
+            (None, _) => Err(Failure::system(Unclear::None)),
+        }
+    }
+
+    /// Joins the daemon of that cell.
+    ///
+    /// # Errors
+    /// See [`Which::name`]; no daemon.
+    pub(super) fn join(&self) -> Result<(String, Monitor), Failure> {
+        let name = self.name()?;
+        let monitor = Monitor::connect(&name, FOUND_WITHIN).map_err(Failure::system)?;
+        Ok((name, monitor))
+    }
+}
+
+/// Take the correction out of a running cell, or let it in again
+///
+/// `on`: the correction ramps to zero and stays zero; commands go out as they come. It stays so when this command, or a client that
+/// asked for it, has ended. `off`: it ramps in again, whoever took it out. `trued status` shows since when and by whom a cell is bypassed.
+/// A restart of the daemon ends a bypass.
+#[derive(Debug, Args)]
+pub(crate) struct Bypass {
+    /// Whether the correction is to be out
+    #[arg(value_name = "on|off", value_enum, hide_possible_values = true)]
+    switch: Switch,
+    #[command(flatten)]
+    which: Which,
+}
+
+/// Change how much a running cell corrects, without a restart
+///
+/// `shadow`: computed and recorded, commands go out as they come. `limited`: within a tenth of the envelope. `full`: within the envelope.
+/// The change goes through the limiter of the correction: the robot does not step. Exit 1 where the cell's configuration does
+/// not allow the mode (`mode_max`; where it is not given, `mode`). A restart of the daemon brings the configured mode back.
+#[derive(Debug, Args)]
+pub(crate) struct ModeOf {
+    /// The mode
+    #[arg(value_name = "shadow|limited|full", value_enum, hide_possible_values = true)]
+    mode: Mode,
+    #[command(flatten)]
+    which: Which,
+}
+
+/// Bring a cell back to its configured mode
+///
+/// After `trued mode`, or a client's request for shadow mode. A closed gate of the wrench may open again. Exit 1 where the configuration
+/// says `shadow`.
+#[derive(Debug, Args)]
+pub(crate) struct Arm {
+    #[command(flatten)]
+    which: Which,
+}
+
+/// Write a marker into the recording of a running cell
+///
+/// A line of the recording's log (`/trued/log`) with level `mark`, the time, the text and who asked. Exit 1 where nothing is recorded.
+#[derive(Debug, Args)]
+pub(crate) struct Mark {
+    /// What it says, up to 256 bytes
+    #[arg(value_name = "TEXT")]
+    text: String,
+    #[command(flatten)]
+    which: Which,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Switch {
+    On,
+    Off,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Mode {
+    Shadow,
+    Limited,
+    Full,
+}
+
+impl Bypass {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        let on = self.switch == Switch::On;
+        let (cell, mut monitor) = self.which.join()?;
+        let response = monitor.bypass(on, ANSWER_WITHIN).map_err(Failure::system)?;
+        let outcome = tell(console, &cell, "bypass", &response)?;
+        if on && outcome == Answer::Done {
+            console.say("it stays out until `trued bypass off`")?;
+        }
+        Ok(outcome)
+    }
+}
+
+impl ModeOf {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        let mode = match self.mode {
+            Mode::Shadow => trued_client::Mode::Shadow,
+            Mode::Limited => trued_client::Mode::Limited,
+            Mode::Full => trued_client::Mode::Full,
+        };
+        let (cell, mut monitor) = self.which.join()?;
+        let response = monitor.mode(mode, ANSWER_WITHIN).map_err(Failure::system)?;
+        tell(console, &cell, "mode", &response)
+    }
+}
+
+impl Arm {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        let (cell, mut monitor) = self.which.join()?;
+        let response = monitor.arm(true, ANSWER_WITHIN).map_err(Failure::system)?;
+        tell(console, &cell, "arm", &response)
+    }
+}
+
+impl Mark {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        if self.text.len() > MARK_BYTES_MAX {
+            let length = self.text.len();
+            let words = format!("TEXT has {length} bytes, expected at most {MARK_BYTES_MAX}");
+            return Err(Failure::input(words));
+        }
+        let (cell, mut monitor) = self.which.join()?;
+        let response = monitor.mark(&self.text, ANSWER_WITHIN).map_err(Failure::system)?;
+        tell(console, &cell, "mark", &response)
+    }
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    cell: &'a str,
+    request: &'a str,
+    answer: &'a str,
+    message: &'a str,
+}
+
+/// Says what the daemon answered.
+fn tell(console: &mut Console, cell: &str, request: &str, response: &Response) -> Outcome {
+    let answer = response.answer().map_err(Failure::system)?;
+    let message = response.message.as_str();
+    console.json("trued.request/1", &Report { cell, request, answer: answer.name(), message })?;
+    match answer {
+        trued_client::Answer::Done => {
+            console.say(format!("{cell}: {message}"))?;
+            Ok(Answer::Done)
+        }
+        trued_client::Answer::Refused => {
+            console.say(format!("{cell}: refused: {message}"))?;
+            Ok(Answer::No)
+        }
+        answer => Err(Failure::system(format!("{cell}: {answer}: {message}"))),
+    }
+}

@@ -1,0 +1,201 @@
+//! `trued info`: what a recording of the daemon holds, and its repair.
+//!
+//! Promises: the file is only read, unless `--repair` is given; then it is replaced by a whole one in one step, or stays as it is.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use recording::blackbox::{self, End, Info, ModelInfo, Repair, Utc};
+use serde::Serialize;
+
+use crate::exit::{Answer, Failure, Outcome};
+use crate::input::count;
+use crate::output::Console;
+use crate::table::Table;
+
+/// Show what a recording of the daemon holds
+///
+/// Times, channels with their counts, models, robot, and whether the file was closed. One that was not, after a kill or on a full disk, is
+/// read as far as it goes by trued; other programs need `--repair`. The daemon repairs the files of its cell at its next start.
+#[derive(Debug, Args)]
+pub(crate) struct InfoOf {
+    /// Replace a file that was not closed, or whose index is wrong, by a whole one with every message that can be read
+    #[arg(long)]
+    repair: bool,
+    /// The recording
+    #[arg(value_name = "FILE.mcap")]
+    input: PathBuf,
+}
+
+#[derive(Serialize)]
+struct Report<'a> {
+    cell: &'a str,
+    version: &'a str,
+    robot: Robot<'a>,
+    bytes: u64,
+    /// `closed`, `being_written`, `cut`, `wrong_index`.
+    end: &'static str,
+    /// Why it ends early; none where it does not.
+    cut: Option<&'a str>,
+    /// What was wrong before it was repaired; none where it was not.
+    repaired: Option<&'a str>,
+    begin_utc: Option<String>,
+    end_utc: Option<String>,
+    duration_s: Option<f64>,
+    channels: Vec<Channel<'a>>,
+    models: Vec<Model<'a>>,
+    cycles_of_unknown_models: u64,
+}
+
+#[derive(Serialize)]
+struct Robot<'a> {
+    maker: &'a str,
+    #[serde(rename = "type")]
+    kind: &'a str,
+    serial: &'a str,
+    geometry_hash: String,
+}
+
+#[derive(Serialize)]
+struct Channel<'a> {
+    topic: &'a str,
+    messages: u64,
+    per_s: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Model<'a> {
+    epoch: u64,
+    name: String,
+    hash: String,
+    robot: &'a str,
+    cycles: u64,
+}
+
+impl InfoOf {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        if self.repair {
+            self.mend(console)?;
+        }
+        let info = blackbox::info(&self.input).map_err(Failure::input)?;
+        let report = report(&info);
+        console.json("trued.info/1", &report)?;
+        self.say(console, &info, &report)
+    }
+
+    fn mend(&self, console: &mut Console) -> Result<(), Failure> {
+        use blackbox::BlackBoxError::{InUse, NotOurs};
+        let repaired = blackbox::repair(&self.input).map_err(|why| match why {
+            InUse { .. } | NotOurs { .. } => Failure::input(why),
+            why => Failure::system(why),
+        })?;
+        match repaired {
+            Repair::NotNeeded => console.say("it is whole: nothing to repair"),
+            Repair::Done { messages, .. } => {
+                console.say(format!("repaired: {} kept", count_u64(messages, "message")))
+            }
+        }
+    }
+
+    fn say(&self, console: &mut Console, info: &Info, report: &Report<'_>) -> Outcome {
+        let (header, robot) = (&info.header, &report.robot);
+        let stated =
+            |name: &str| if name.is_empty() { "not stated".to_owned() } else { name.to_owned() };
+        let mib = info.bytes as f64 / f64::from(1 << 20);
+        console.say(format!("file      {} ({mib:.1} MiB)", self.input.display()))?;
+        console.say(format!("cell      {}, recorded by trued {}", header.cell, header.version))?;
+        console.say(format!("robot     {}", stated(&header.robot)))?;
+        console.say(format!("geometry  {}", robot.geometry_hash))?;
+        if let (Some(begin), Some(end)) = (&report.begin_utc, &report.end_utc) {
+            let seconds = report.duration_s.unwrap_or(0.0);
+            console.say(format!("time      {begin} to {end} ({seconds:.1} s)"))?;
+        }
+        console.say(format!("closed    {}", ending(info)))?;
+        let mut channels = Table::new(["channel", "messages", "per s"]);
+        for channel in &report.channels {
+            let rate = channel.per_s.map_or(String::new(), |rate| format!("{rate:.1}"));
+            channels = channels.row([channel.topic.to_owned(), channel.messages.to_string(), rate]);
+        }
+        console.say(format!("\n{}", channels.render()))?;
+        let mut models = Table::new(["model", "epoch", "hash", "cycles"]);
+        for model in &report.models {
+            let Model { epoch, name, hash, cycles, .. } = model;
+            models =
+                models.row([name.clone(), epoch.to_string(), hash.clone(), cycles.to_string()]);
+        }
+        console.say(format!("\n{}", models.render()))?;
+        if report.cycles_of_unknown_models > 0 {
+            let cycles = count_u64(report.cycles_of_unknown_models, "cycle");
+            console.say(format!("{cycles} of models that the file does not hold"))?;
+        }
+        Ok(Answer::Done)
+    }
+}
+
+fn report(info: &Info) -> Report<'_> {
+    let header = &info.header;
+    let times = info.channels.iter().filter(|channel| channel.messages > 0);
+    let begin_ns = times.clone().map(|channel| channel.first_ns).min();
+    let end_ns = times.map(|channel| channel.last_ns).max();
+    let span = begin_ns.zip(end_ns).map(|(begin, end)| (end - begin) as f64 * 1e-9);
+    let channels = info.channels.iter().map(|channel| {
+        let span_s = channel.last_ns.saturating_sub(channel.first_ns) as f64 * 1e-9;
+        let intervals = channel.messages.saturating_sub(1) as f64;
+        let per_s = (span_s > 0.0).then(|| intervals / span_s);
+        Channel { topic: &channel.topic, messages: channel.messages, per_s }
+    });
+    Report {
+        cell: &header.cell,
+        version: &header.version,
+        robot: Robot {
+            maker: &header.robot_maker,
+            kind: &header.robot_type,
+            serial: &header.robot_serial,
+            geometry_hash: format!("{:016x}", header.geometry_hash),
+        },
+        bytes: info.bytes,
+        end: match info.end {
+            End::Closed => "closed",
+            End::BeingWritten => "being_written",
+            End::Cut(_) => "cut",
+            End::WrongIndex => "wrong_index",
+        },
+        cut: if let End::Cut(why) = &info.end { Some(why) } else { None },
+        repaired: info.repaired.as_deref(),
+        begin_utc: begin_ns.map(|ns| Utc(ns).to_string()),
+        end_utc: end_ns.map(|ns| Utc(ns).to_string()),
+        duration_s: span,
+        channels: channels.collect(),
+        models: info.models.iter().map(model).collect(),
+        cycles_of_unknown_models: info.cycles_of_unknown_models,
+    }
+}
+
+fn model(model: &ModelInfo) -> Model<'_> {
+    let header = &model.header;
+    let parsed = recording::model::RobotModel::parse("model", &header.model);
+    Model {
+        epoch: header.model_epoch,
+        name: parsed.map_or_else(|_| "unreadable".to_owned(), |model| model.file.name),
+        hash: format!("{:016x}", header.model_hash),
+        robot: &header.robot,
+        cycles: model.cycles,
+    }
+}
+
+/// How the file ends, and what to do.
+fn ending(info: &Info) -> String {
+    match (&info.end, &info.repaired) {
+        (End::Closed, None) => "yes".to_owned(),
+        (End::Closed, Some(_)) => "no; repaired, up to its last whole chunk".to_owned(),
+        (End::BeingWritten, _) => "no: a daemon is writing it".to_owned(),
+        (End::Cut(_), _) => "no; `trued info --repair` makes it whole".to_owned(),
+        (End::WrongIndex, _) => {
+            "yes, with a wrong index; `trued info --repair` mends it".to_owned()
+        }
+    }
+}
+
+fn count_u64(number: u64, what: &str) -> String {
+    count(usize::try_from(number).unwrap_or(usize::MAX), what)
+}

@@ -1,0 +1,83 @@
+//! `trued status`: how a running cell is.
+//!
+//! Promises: lines of at most 80 columns; a daemon that does not answer is told as such, never by its last state alone.
+
+mod report;
+mod words;
+
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use trued_client::Monitor;
+
+use self::report::Report;
+use super::control::Which;
+use crate::exit::{Answer, Failure, Outcome};
+use crate::interrupt;
+use crate::output::Console;
+
+/// How often `--watch` shows the state anew: faster than a person acts, slower than a slow line.
+const SHOWN_EVERY: Duration = Duration::from_secs(1);
+/// A joined daemon says how it is every 40 ms; one that does not for so long hangs.
+const FIRST_WITHIN: Duration = Duration::from_secs(2);
+/// How often it is looked for.
+const LOOK_EVERY: Duration = Duration::from_millis(2);
+/// The longest sleep before it is looked whether someone asked to stop.
+const NAP: Duration = Duration::from_millis(50);
+/// Clears a terminal and begins at its top.
+const CLEAR: &str = "\u{1b}[H\u{1b}[2J";
+
+/// Show how a running cell is
+///
+/// Health and its reason, mode, bypass, robot and model, commands, latency, forces, vibration, recorder. With `--json -` the same as one
+/// JSON object. Exit 3 where no daemon serves the cell. `trued bypass off` lets a correction in again that a client left bypassed.
+#[derive(Debug, Args)]
+pub(crate) struct StatusOf {
+    /// Show it anew each second, until interrupted
+    #[arg(long)]
+    watch: bool,
+    #[command(flatten)]
+    which: Which,
+}
+
+impl StatusOf {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        let (cell, mut monitor) = self.which.join()?;
+        if !self.watch {
+            return show(console, &cell, &mut monitor);
+        }
+        let stop = interrupt::flag()?;
+        let clears = std::io::stdout().is_terminal();
+        while interrupt::check(&stop).is_ok() {
+            let begun = Instant::now();
+            console.say(if clears { CLEAR } else { "" })?;
+            show(console, &cell, &mut monitor)?;
+            while begun.elapsed() < SHOWN_EVERY && interrupt::check(&stop).is_ok() {
+                std::thread::sleep(NAP);
+            }
+        }
+        Ok(Answer::Done)
+    }
+}
+
+fn show(console: &mut Console, cell: &str, monitor: &mut Monitor) -> Outcome {
+    let begun = Instant::now();
+    let status = loop {
+        if let Some(status) = monitor.status() {
+            break status;
+        }
+        if begun.elapsed() > FIRST_WITHIN {
+            let words = format!(
+                "cell `{cell}`: joined its daemon, and no status came within {FIRST_WITHIN:?}"
+            );
+            return Err(Failure::system(format!("{words}; is it stopped or overloaded?")));
+        }
+        std::thread::sleep(LOOK_EVERY);
+    };
+    let away = monitor.away();
+    let report = Report::of(cell, &status, away.map(|away| away.to_string()));
+    console.json("trued.status/1", &report)?;
+    console.say(words::lines(&report).join("\n"))?;
+    Ok(Answer::Done)
+}

@@ -1,0 +1,164 @@
+//! A status as lines for a terminal.
+
+use super::report::Report;
+
+/// Columns of a terminal that everybody has.
+const COLUMNS: usize = 80;
+/// Columns of the names on the left.
+const INDENT: usize = 10;
+/// A status that is older than this says nothing of now, s: one comes every 40 ms.
+const OLD_S: f64 = 1.0;
+
+/// The lines of a status.
+pub(super) fn lines(report: &Report) -> Vec<String> {
+    let mut lines = Vec::new();
+    let mut put = |name: &str, text: &str| lines.extend(wrapped(name, text));
+    let Report { cell, pid, uptime_s, .. } = report;
+    put("cell", &format!("{cell}, daemon process {pid}, up {}", duration(*uptime_s)));
+    if let Some(away) = &report.away {
+        put("daemon", &format!("NOT THERE: {away}. What follows was its last state"));
+    } else if report.age_s > OLD_S {
+        let age = duration(report.age_s);
+        put("daemon", &format!("SILENT for {age}: is it stopped? What follows was its last state"));
+    }
+    // The message begins with the model's name and the health.
+    let mut parts = report.message.split("; ");
+    let name = parts.next().and_then(|first| first.rsplit_once(": ")).map(|(name, _)| name);
+    put("health", report.health);
+    parts.for_each(|part| put("", part));
+    put("mode", report.mode);
+    if report.bypassed {
+        put("bypass", "ON: nothing is corrected; `trued bypass off` ends it");
+    } else {
+        put("bypass", "off");
+    }
+    put("robot", &robot(report));
+    put("model", &model(report, name));
+    let counts = &report.counts;
+    put(
+        "commands",
+        &format!(
+            "{}; rejected {}, held {}, lost {}, fell silent {} times",
+            counts.commands, counts.rejected, counts.held, counts.commands_lost, counts.stale
+        ),
+    );
+    put("cycles", &format!("{}; late {}", counts.cycles, counts.missed_cycles));
+    let latency = &report.latency_us;
+    put(
+        "latency",
+        &format!(
+            "median {:.1} µs, 99 % {:.1} µs, 99.9 % {:.1} µs, largest {:.1} µs",
+            latency.p50, latency.p99, latency.p999, latency.max
+        ),
+    );
+    let force = &report.force;
+    put(
+        "force",
+        &format!(
+            "wrench gate {}; blocks {}, missing {}, refused {}",
+            force.wrench_gate, force.blocks, force.gaps, force.refused
+        ),
+    );
+    let vibration = &report.vibration;
+    let line = vibration.line.as_ref().map_or(String::new(), |line| format!("; {line}"));
+    put("vibration", &format!("{}{line}", vibration.watch));
+    put("recorder", &format!("{}; dropped {}", report.recorder, report.recorder_dropped));
+    lines
+}
+
+fn robot(report: &Report) -> String {
+    let robot = &report.robot;
+    let named = [&robot.maker, &robot.kind].map(String::as_str);
+    let mut text: Vec<&str> = named.into_iter().filter(|name| !name.is_empty()).collect();
+    if text.is_empty() {
+        text.push("not stated");
+    }
+    let serial = match robot.serial.as_str() {
+        "" => String::new(),
+        serial => format!(", serial {serial}"),
+    };
+    format!("{}{serial}, {} joints", text.join(" "), robot.joints)
+}
+
+fn model(report: &Report, name: Option<&str>) -> String {
+    let model = &report.model;
+    let name = name.map_or(String::new(), |name| format!("{name}, "));
+    let holds = match (model.holds, model.measurements) {
+        (false, _) => "; NO LONGER HOLDS by measurements".to_owned(),
+        (true, 0) => String::new(),
+        (true, count) => format!("; holds by {count} measurements"),
+    };
+    // It is known from the first cycle on.
+    let epoch = match model.epoch {
+        0 => String::new(),
+        epoch => format!(", epoch {epoch}"),
+    };
+    format!("{name}hash {}{epoch}{holds}", model.hash)
+}
+
+/// A time that a person reads.
+fn duration(seconds: f64) -> String {
+    let whole = seconds.max(0.0).round() as u64;
+    let (days, hours, minutes) = (whole / 86_400, whole / 3600 % 24, whole / 60 % 60);
+    match (days, hours, minutes) {
+        (0, 0, 0) => format!("{whole} s"),
+        (0, 0, _) => format!("{minutes} min {} s", whole % 60),
+        (0, _, _) => format!("{hours} h {minutes} min"),
+        _ => format!("{days} d {hours} h"),
+    }
+}
+
+/// A text beside its name, broken at spaces; what is longer than a line alone is broken where the line ends.
+fn wrapped(name: &str, text: &str) -> Vec<String> {
+    let width = COLUMNS - INDENT;
+    let (mut rows, mut row) = (Vec::new(), String::new());
+    for word in text.split_whitespace() {
+        let letters: Vec<char> = word.chars().collect();
+        for piece in letters.chunks(width) {
+            let used = row.chars().count();
+            if used > 0 && used + 1 + piece.len() > width {
+                rows.push(std::mem::take(&mut row));
+            } else if used > 0 {
+                row.push(' ');
+            }
+            row.extend(piece);
+        }
+    }
+    rows.push(row);
+    let head = |at: usize| if at == 0 { name } else { "" };
+    rows.iter().enumerate().map(|(at, row)| format!("{:<INDENT$}{row}", head(at))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trued_client::Status;
+
+    #[test]
+    fn no_line_is_wider_than_a_terminal_and_no_word_is_lost() {
+        let text = format!("short {} end", "x".repeat(200));
+        let lines = wrapped("health", &text);
+        assert!(lines.iter().all(|line| line.chars().count() <= COLUMNS), "{lines:#?}");
+        let back: String = lines.iter().map(|line| line[INDENT..].replace(' ', "")).collect();
+        assert_eq!(back, text.replace(' ', ""));
+    }
+
+    #[test]
+    fn a_bypass_and_a_daemon_that_is_gone_are_told_with_the_way_out() {
+        let mut status = Status { bypassed: 1, joints: 6, ..Status::default() };
+        let text = |status: &Status, away: Option<&str>| {
+            lines(&Report::of("cell", status, away.map(str::to_owned))).join("\n")
+        };
+        let told = text(&status, None);
+        assert!(told.contains("`trued bypass off`"), "{told}");
+        status.bypassed = 0;
+        let told = text(&status, Some("no daemon is there now"));
+        assert!(told.contains("bypass    off") && told.contains("NOT THERE"), "{told}");
+    }
+
+    #[test]
+    fn times_are_told_in_the_units_of_a_person() {
+        let told = [5.4, 65.0, 3_700.0, 200_000.0].map(duration);
+        assert_eq!(told, ["5 s", "1 min 5 s", "1 h 1 min", "2 d 7 h"]);
+    }
+}
