@@ -28,6 +28,15 @@ pub(crate) struct Dependent {
 
 /// The columns of `triangle` (data, in units of noise) that are determined, and the others; `widths` is the largest sensible change of each.
 pub(crate) fn sort(triangle: &Triangle, widths: &[f64]) -> (Vec<usize>, Vec<Dependent>) {
+    sort_beside(triangle, widths, |_| false)
+}
+
+/// As [`sort`], with columns that are kept whatever they show.
+pub(crate) fn sort_beside(
+    triangle: &Triangle,
+    widths: &[f64],
+    is_kept: impl Fn(usize) -> bool,
+) -> (Vec<usize>, Vec<Dependent>) {
     let width = triangle.width();
     let (mut kept, mut others) = (Vec::new(), Vec::new());
     let mut basis: Vec<Vec<f64>> = Vec::new();
@@ -47,7 +56,7 @@ pub(crate) fn sort(triangle: &Triangle, widths: &[f64]) -> (Vec<usize>, Vec<Depe
             }
         }
         let left = dot(&rest, &rest).sqrt();
-        if left >= SHOWN && left > ROUNDING * length {
+        if is_kept(column) || left >= SHOWN && left > ROUNDING * length {
             rest.iter_mut().for_each(|x| *x /= left);
             basis.push(rest);
             shares.push(left);

@@ -60,5 +60,5 @@ pub use fit::{Effort, Settings, fit};
 pub use hypothesis::{Free, Hypothesis};
 pub use result::{Fit, Undetermined};
 pub use robust::Influence;
-pub use select::{Chosen, Selection, geometry, select};
+pub use select::{Chosen, Selection, Tolerances, geometry, select};
 pub use surroundings::{Anchor, Fitted, Plane, Sphere, Station, Surroundings};

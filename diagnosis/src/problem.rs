@@ -7,8 +7,8 @@
 
 use crate::campaign::{Arrival, Campaign, Pose};
 use crate::colour::{Filter, stream};
-use crate::hypothesis::{Free, Hypothesis};
-use crate::independent::{Dependent, sort};
+use crate::hypothesis::{Belief, Free, Hypothesis};
+use crate::independent::{Dependent, sort, sort_beside};
 use crate::motion::Motion;
 use crate::motions::Motions;
 use crate::residual::{Columns, Rows};
@@ -60,7 +60,8 @@ impl State {
         surroundings.chain(self.hypothesis.free.iter().map(|free| free.sigma)).collect()
     }
 
-    /// The columns of `data` that it determines or of which a belief was stated, and the others.
+    /// The columns of `data` that are fitted, and those that move together with others or show nothing. Fitted are what the data determine beside the priors
+    /// of tolerances and statements, and all numbers of which there is such a prior.
     pub(crate) fn sort(&self, data: &Triangle) -> (Vec<usize>, Vec<Dependent>) {
         let first = self.surroundings.numbers().len();
         let free = &self.hypothesis.free;
@@ -68,12 +69,20 @@ impl State {
         let mut widths = self.widths();
         let own = widths[first..].iter_mut().zip(free).filter(|(_, free)| bends(free));
         own.for_each(|(width, _)| *width *= BENT);
-        let (mut kept, mut others) = sort(data, &widths);
-        let is_stated = |d: &Dependent| d.column.checked_sub(first).is_some_and(|k| free[k].stated);
-        kept.extend(others.iter().filter(|d| is_stated(d)).map(|d| d.column));
-        kept.sort_unstable();
-        others.retain(|d| !is_stated(d));
-        (kept, others)
+        let named = sort(data, &widths);
+        let has_prior = |column: usize| {
+            column.checked_sub(first).is_some_and(|k| free[k].belief != Belief::Guard)
+        };
+        if !free.iter().any(|free| free.belief != Belief::Guard) {
+            return named;
+        }
+        // A column that is nearly made of those before it would take the place of a later one that shows more: with their priors beside the data they cannot.
+        let mut believed = data.clone();
+        for (k, free) in free.iter().enumerate().filter(|(_, f)| f.belief != Belief::Guard) {
+            believed.push_one(first + k, 1.0 / free.sigma, 0.0);
+        }
+        believed.reduce();
+        (sort_beside(&believed, &widths, has_prior).0, named.1)
     }
 }
 

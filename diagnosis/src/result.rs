@@ -6,7 +6,7 @@
 //! Promises: covariance is symmetric and not negative. Never: a word about effects that were not in the fit.
 
 use crate::campaign::Campaign;
-use crate::hypothesis::Hypothesis;
+use crate::hypothesis::{Belief, Hypothesis};
 use crate::independent::Dependent;
 use crate::minimise::Minimum;
 use crate::problem::{Look, State, Weighing, visit};
@@ -15,6 +15,14 @@ use crate::surroundings::Surroundings;
 use crate::triangle::{Triangle, dot};
 use glam::DVec3;
 use std::sync::Arc;
+
+/// Share of a number's variance that may come from tolerances: up to it the number counts as determined by the data, and its interval holds whatever the
+/// tolerances are. No unit, 0 to 1: with a tenth the interval is at most 5 % wider than that of the data alone.
+const FROM_TOLERANCES: f64 = 0.1;
+/// Correlation from which numbers are said to move together. No unit, 0 to 1.
+const TOGETHER: f64 = 0.1;
+/// Numbers that are named of those that move together with one.
+const PARTNERS: usize = 4;
 
 /// A fit.
 #[derive(Clone, Debug)]
@@ -40,6 +48,8 @@ pub struct Fit {
     /// Numbers read in the poses that took part.
     pub readings: usize,
     active: Vec<usize>,
+    /// Which of them the data determine, or somebody's statement.
+    determined: Vec<bool>,
     inverse: Vec<Vec<f64>>,
     pub(crate) triangle: Triangle,
     /// The rows where it stands.
@@ -111,8 +121,14 @@ impl Fit {
             what: format!("{}, which would be negative,", names.of(*column)),
             with: Vec::new(),
         }));
+        let posterior = Posterior { inverse: &inverse, active: &active, state: &sheet.state };
+        let determined = posterior.determined();
+        let open = (0..active.len()).filter(|place| !determined[*place]);
+        undetermined.extend(open.map(|place| posterior.undetermined(place)));
+        undetermined.sort_by_key(|open| open.column);
         Self {
             undetermined,
+            determined,
             weights: weighing.weights,
             factors: weighing.factors,
             design_effect,
@@ -150,10 +166,11 @@ impl Fit {
         Some(self.design_effect * dot(&self.inverse[i][j - i..], &self.inverse[j]))
     }
 
-    /// The standard uncertainty of a column, SI; none where it was not fitted.
+    /// The standard uncertainty of a column, SI; none where it was not fitted, or where it leans on a tolerance.
     #[must_use]
     pub fn sigma(&self, column: usize) -> Option<f64> {
-        self.covariance(column, column).map(f64::sqrt)
+        let place = self.active.iter().position(|c| *c == column)?;
+        self.covariance(column, column).map(f64::sqrt).filter(|_| self.determined[place])
     }
 
     /// The correlation of two columns; none where one was not fitted.
@@ -202,6 +219,60 @@ impl Fit {
     }
 }
 
+/// The posterior covariance, looked at for what of it the data say.
+struct Posterior<'a> {
+    inverse: &'a [Vec<f64>],
+    active: &'a [usize],
+    state: &'a State,
+}
+
+impl Posterior<'_> {
+    fn covariance(&self, a: usize, b: usize) -> f64 {
+        let (i, j) = (a.min(b), a.max(b));
+        dot(&self.inverse[i][j - i..], &self.inverse[j])
+    }
+
+    /// Which columns are determined: of the variance `C = (JᵀWJ + P)⁻¹` the part `C P C`, which the tolerances (the diagonal of P) bring in, is at most
+    /// [`FROM_TOLERANCES`].
+    fn determined(&self) -> Vec<bool> {
+        let first = self.state.surroundings.numbers().len();
+        let free = &self.state.hypothesis.free;
+        let tolerance = |column: &usize| {
+            let free = free.get(column.checked_sub(first)?)?;
+            (free.belief == Belief::Tolerance).then_some(free.sigma)
+        };
+        let tolerances: Vec<(usize, f64)> = self
+            .active
+            .iter()
+            .enumerate()
+            .filter_map(|(place, column)| Some((place, tolerance(column)?)))
+            .collect();
+        let lent = |place: usize| -> f64 {
+            let shares = tolerances.iter().map(|(k, sigma)| self.covariance(place, *k) / sigma);
+            shares.map(|share| share * share).sum()
+        };
+        let holds = |place| lent(place) <= FROM_TOLERANCES * self.covariance(place, place);
+        (0..self.active.len()).map(holds).collect()
+    }
+
+    /// What a column moves together with: those that correlate with it most.
+    fn undetermined(&self, place: usize) -> Undetermined {
+        let size = |k: usize| self.covariance(k, k).sqrt();
+        let correlation = |k: usize| {
+            let together = (self.covariance(place, k) / (size(place) * size(k))).abs();
+            if together.is_finite() { together } else { 0.0 }
+        };
+        let others = (0..self.active.len()).filter(|k| *k != place);
+        let mut partners: Vec<(usize, f64)> =
+            others.map(|k| (k, correlation(k))).filter(|(_, r)| *r > TOGETHER).collect();
+        partners.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let names = Names(self.state);
+        let with = partners.iter().take(PARTNERS).map(|(k, _)| names.of(self.active[*k]));
+        let column = self.active[place];
+        Undetermined { column, what: names.of(column), with: with.collect() }
+    }
+}
+
 /// Names of columns.
 pub(crate) struct Names<'a>(pub(crate) &'a State);
 
@@ -219,7 +290,7 @@ impl Names<'_> {
     }
 
     pub(crate) fn undetermined(&self, dependent: &Dependent) -> Undetermined {
-        let partners = dependent.partners.iter().take(4);
+        let partners = dependent.partners.iter().take(PARTNERS);
         Undetermined {
             column: dependent.column,
             what: self.of(dependent.column),

@@ -110,6 +110,17 @@ pub(crate) fn springs_at(arm: &Arm, joint: usize) -> Vec<Candidate> {
     all.filter_map(one).collect()
 }
 
+/// The compliance of each joint that carries a load.
+pub(crate) fn loaded_compliances(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
+    let one = |joint: usize| {
+        let carries = largest(arm, campaign, |loads| loads.torque(joint)) > 0.0;
+        let given: &[(&str, &[f64])] = &[("compliance", &[0.0])];
+        let built = AnyEffect::build("joint_compliance", arm, Some(joint), Given(given));
+        built.ok().filter(|_| carries).map(|effect| Candidate::of_values(&effect))
+    };
+    (0..arm.count()).filter_map(one).collect()
+}
+
 /// A description of each joint's error over the positions that were measured, where these are dense enough: between few it would swing freely.
 pub(crate) fn remainders(arm: &Arm, campaign: &Campaign, used: &[bool]) -> Vec<Candidate> {
     let one = |joint: usize| {

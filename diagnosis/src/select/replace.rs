@@ -86,7 +86,7 @@ impl Selecting<'_> {
         let fits = |effect: &AnyEffect| {
             (joint.is_none() || effect.joint() == joint) && STAND_INS.contains(&effect.spec().kind)
         };
-        effect.is_some_and(fits)
+        effect.is_some_and(fits) && !self.is_tolerated(chosen.effect)
     }
 
     /// Gives a joint one compliance, where the model states none.
