@@ -16,6 +16,7 @@ pub mod expected;
 pub mod fit;
 pub mod force;
 pub mod from_recording;
+pub mod geometry;
 pub mod gross;
 pub mod hypothesis;
 mod independent;
@@ -57,8 +58,9 @@ pub use campaign::{
     Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source,
 };
 pub use fit::{Effort, Settings, fit};
+pub use geometry::{Tolerances, geometry, geometry_within};
 pub use hypothesis::{Free, Hypothesis};
-pub use result::{Fit, Undetermined};
+pub use result::{Conditioning, Fit, Undetermined};
 pub use robust::Influence;
-pub use select::{Chosen, Selection, Tolerances, geometry, select};
+pub use select::{Chosen, Selection, select};
 pub use surroundings::{Anchor, Fitted, Plane, Sphere, Station, Surroundings};

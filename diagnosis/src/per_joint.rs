@@ -161,8 +161,13 @@ fn push(hypothesis: &mut Hypothesis, effect: AnyEffect, values: &[usize], sigma:
     let index = hypothesis.model.effects().len();
     // A nominal model has room for two effects.
     if hypothesis.model.push(effect).is_ok() {
-        let free =
-            |value: &usize| Free { effect: index, value: *value, mean: 0.0, sigma, belief: Belief::Guard };
+        let free = |value: &usize| Free {
+            effect: index,
+            value: *value,
+            mean: 0.0,
+            sigma,
+            belief: Belief::Guard,
+        };
         hypothesis.free.extend(values.iter().map(free));
     }
 }

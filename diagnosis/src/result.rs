@@ -7,13 +7,14 @@
 
 use crate::campaign::Campaign;
 use crate::hypothesis::{Belief, Hypothesis};
-use crate::independent::Dependent;
+use crate::independent::{Dependent, SHOWN};
 use crate::minimise::Minimum;
 use crate::problem::{Look, State, Weighing, visit};
 use crate::sheet::Sheet;
 use crate::surroundings::Surroundings;
 use crate::triangle::{Triangle, dot};
 use glam::DVec3;
+use nalgebra::DMatrix;
 use std::sync::Arc;
 
 /// Share of a number's variance that may come from tolerances: up to it the number counts as determined by the data, and its interval holds whatever the
@@ -31,7 +32,7 @@ pub struct Fit {
     pub hypothesis: Hypothesis,
     /// Frames, targets and things touched, as found.
     pub surroundings: Surroundings,
-    /// What the data do not determine: it stays where it was believed to be.
+    /// What the data do not determine: it stays where it was believed to be, or leans on a tolerance.
     pub undetermined: Vec<Undetermined>,
     /// Weight of each reading of the campaign, 0 to 1.
     pub weights: Vec<f64>,
@@ -54,6 +55,18 @@ pub struct Fit {
     pub(crate) triangle: Triangle,
     /// The rows where it stands.
     pub(crate) sheet: Arc<Sheet>,
+}
+
+/// What the singular values of the Jacobian and the priors say, each column in units of its prior's width.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conditioning {
+    /// Numbers that were fitted.
+    pub fitted: usize,
+    /// Independent directions among them that the data determine (the rank): singular values of at least [`SHOWN`]. The others are gauge freedoms, which
+    /// priors fix, and what these poses show too little of.
+    pub determined: usize,
+    /// The largest singular value against the smallest of those directions.
+    pub condition: f64,
 }
 
 /// A number that was not fitted.
@@ -186,6 +199,33 @@ impl Fit {
         self.design_effect * dot(&seen, &seen)
     }
 
+    /// How much of what was fitted the data determine, and how well they part it.
+    #[must_use]
+    pub fn conditioning(&self) -> Conditioning {
+        let (width, priors) = (self.active.len(), self.sheet.state.priors());
+        let at = |i: usize, j: usize| {
+            if i <= j { self.triangle.at(i, j) * priors[self.active[j]] } else { 0.0 }
+        };
+        let values = DMatrix::from_fn(width, width, at).singular_values();
+        let shown: Vec<f64> = values.iter().copied().filter(|value| *value >= SHOWN).collect();
+        let most = shown.iter().copied().fold(0.0, f64::max);
+        let least = shown.iter().copied().fold(f64::INFINITY, f64::min);
+        let condition = if shown.is_empty() { 1.0 } else { most / least };
+        Conditioning { fitted: width, determined: shown.len(), condition }
+    }
+
+    /// Numbers that lie further from where their tolerance has them than `factor` times its standard deviation: name, and how many standard deviations.
+    #[must_use]
+    pub fn beyond_tolerance(&self, factor: f64) -> Vec<(String, f64)> {
+        let (hypothesis, values) = (&self.hypothesis, self.hypothesis.values());
+        let tolerated = hypothesis.free.iter().zip(values);
+        let tolerated = tolerated.filter(|(free, _)| free.belief == Belief::Tolerance);
+        let off = |(free, value): (&crate::Free, f64)| {
+            (hypothesis.describe(free), (value - free.mean).abs() / free.sigma)
+        };
+        tolerated.map(off).filter(|(_, off)| *off > factor).collect()
+    }
+
     /// Poses with a reading that weighs less than half.
     #[must_use]
     pub fn outliers(&self, campaign: &Campaign) -> Vec<usize> {
@@ -251,7 +291,11 @@ impl Posterior<'_> {
             let shares = tolerances.iter().map(|(k, sigma)| self.covariance(place, *k) / sigma);
             shares.map(|share| share * share).sum()
         };
-        let holds = |place| lent(place) <= FROM_TOLERANCES * self.covariance(place, place);
+        // Where things stand around the robot is told with what the tolerances leave of it.
+        let holds = |place: usize| {
+            self.active[place] < first
+                || lent(place) <= FROM_TOLERANCES * self.covariance(place, place)
+        };
         (0..self.active.len()).map(holds).collect()
     }
 

@@ -12,13 +12,14 @@ mod replace;
 use crate::campaign::{Campaign, Pose};
 use crate::candidates::{Candidate, candidates, remainders, wave_candidate};
 use crate::fit::{Effort, Settings, fit};
-use crate::hypothesis::{Belief, Hypothesis, named};
+use crate::geometry::Tolerances;
+use crate::hypothesis::{Hypothesis, named};
 use crate::result::Fit;
 use crate::score::Fitted;
 use crate::triangle::Triangle;
 use crate::waves::{Line, lines};
 use physics::spec::Role;
-use physics::{AnyEffect, Given, JointKind, Memories, Model};
+use physics::{AnyEffect, Memories};
 
 /// Rounds of adding.
 const ROUNDS: usize = 40;
@@ -47,84 +48,6 @@ pub struct Selection {
     pub chosen: Vec<Chosen>,
 }
 
-/// How far the geometry of a robot as built lies from its drawing: standard deviations of the priors that [`geometry`] puts on each number. With an unknown
-/// measuring frame and unknown targets a third of these numbers are gauge freedoms, of which the priors choose the smallest; what the data determine they are
-/// too wide to move.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tolerances {
-    /// Zero of a joint, rad; above 0 to 0.1. Default 0.02: mastering by eye or after a change of motor is off by up to a degree, makers' gauges by 1 mrad.
-    pub offset_rad: f64,
-    /// Zero of a prismatic joint, m; above 0 to 0.1. Default 0.02, as for an angle at a metre.
-    pub offset_m: f64,
-    /// Direction of an axis, rad, about each of two normals; above 0 to 0.05. Default 0.005: ten times what bearing seats are bored to (0.5 mrad).
-    pub tilt_rad: f64,
-    /// Place of an axis, m, along each base axis; above 0 to 0.05. Default 0.005: ten times the usual error of a link's length (0.1 mm to 0.6 mm).
-    pub shift_m: f64,
-    /// Compliance of a drive, rad/Nm (m/N of a prismatic joint); above 0 to 1e-3. Default 5e-5: far softer than any gear of a robot, whose drives lie between
-    /// 1e-7 rad/Nm (300 kg payload) and 2e-5 rad/Nm (wrists of small arms).
-    pub compliance: f64,
-}
-
-impl Default for Tolerances {
-    fn default() -> Self {
-        Self { offset_rad: 0.02, offset_m: 0.02, tilt_rad: 5e-3, shift_m: 5e-3, compliance: 5e-5 }
-    }
-}
-
-impl Tolerances {
-    /// The standard deviation of a number of the geometry's effects, SI; none for other effects.
-    fn of(&self, effect: &AnyEffect, kind: JointKind) -> Option<f64> {
-        match (effect.spec().kind, kind) {
-            ("joint_offset", JointKind::Revolute) => Some(self.offset_rad),
-            ("joint_offset", JointKind::Prismatic) => Some(self.offset_m),
-            ("axis_tilt", _) => Some(self.tilt_rad),
-            ("axis_shift", _) => Some(self.shift_m),
-            _ => None,
-        }
-    }
-}
-
-/// The geometry of every joint, free within [`Tolerances`] beside the effects that `model` has. What a file states with its uncertainty (`sigma`, one list per
-/// effect, zeros where unsaid) is believed so far.
-#[must_use]
-pub fn geometry(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
-    geometry_within(model, sigma, &Tolerances::default())
-}
-
-/// As [`geometry`], with other tolerances.
-#[must_use]
-pub fn geometry_within(model: &Model, sigma: &[Vec<f64>], tolerances: &Tolerances) -> Hypothesis {
-    let mut hypothesis = Hypothesis::fixed(*model);
-    let given = model.effects().len();
-    let zeros = [0.0; 3];
-    let kinds =
-        [("joint_offset", "offset", 1), ("axis_tilt", "tilt", 2), ("axis_shift", "shift", 3)];
-    let joints = 0..model.arm.count();
-    let each = kinds.iter().flat_map(|kind| joints.clone().map(move |joint| (kind, joint)));
-    // The first joint's last: where the data alone are asked what moves together, its axis is named as what an unknown frame takes.
-    let (first, rest): (Vec<_>, Vec<_>) = each.partition(|(_, joint)| *joint == 0);
-    for ((kind, stem, count), joint) in rest.into_iter().chain(first) {
-        let numbers: &[(&str, &[f64])] = &[(*stem, &zeros[..*count])];
-        let there = model.effects().any(|e| e.spec().kind == *kind && e.joint() == Some(joint));
-        if !there && let Ok(e) = AnyEffect::build(kind, &model.arm, Some(joint), Given(numbers)) {
-            hypothesis.add(e, &[]).unwrap_or_default();
-        }
-    }
-    for effect in 0..given {
-        hypothesis.free_all(effect, &["cycles"], sigma.get(effect).map_or(&[], Vec::as_slice));
-    }
-    let Hypothesis { model, free } = &mut hypothesis;
-    let effects: Vec<&AnyEffect> = model.effects().collect();
-    for free in free.iter_mut().filter(|free| free.belief == Belief::Guard) {
-        let effect = effects[free.effect];
-        let kind = effect.joint().map_or(JointKind::Revolute, |j| model.arm.joints()[j].kind);
-        if let Some(sigma) = tolerances.of(effect, kind) {
-            (free.sigma, free.belief) = (sigma, Belief::Tolerance);
-        }
-    }
-    hypothesis
-}
-
 /// Adds to `calibrated` what the poses that take part ask for.
 #[must_use]
 pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) -> Selection {
@@ -135,6 +58,7 @@ pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) ->
         campaign,
         settings: *settings,
         tolerances: Tolerances::default(),
+        is_finished: true,
         fit: calibrated.clone(),
         rivals: open.len().max(1),
         open,
@@ -163,6 +87,8 @@ struct Selecting<'a> {
     settings: Settings<'a>,
     fit: Fit,
     tolerances: Tolerances,
+    /// Whether the fit went until nothing was left to gain.
+    is_finished: bool,
     open: Vec<Candidate>,
     rivals: usize,
     chosen: Vec<Chosen>,
@@ -175,6 +101,9 @@ impl Selecting<'_> {
             let mut picks = self.among_open();
             if picks.is_empty() {
                 picks = self.among_lines_and_remainders();
+            }
+            if picks.is_empty() {
+                break;
             }
             let before = self.chosen.len();
             self.join(picks);
@@ -226,12 +155,21 @@ impl Selecting<'_> {
             let numbers = score.numbers + candidate.tried_numbers();
             let cost = self.cost(numbers, self.rivals as f64);
             let worth = score.gain / self.fit.design_effect - cost;
-            if worth > 0.0 && is_sound(candidate, &score.found) {
+            if worth > 0.0
+                && is_sound(candidate, &score.found)
+                && self.is_possible(candidate, &score.found)
+            {
                 let (candidate, kept) = (candidate.clone(), candidate.kept());
                 picks.push(Pick { candidate, found: score.found, gain: score.gain, worth, kept });
             }
         }
         strongest(picks)
+    }
+
+    /// Whether a robot that stands may have these numbers.
+    fn is_possible(&self, candidate: &Candidate, found: &[f64]) -> bool {
+        let effect = candidate.effect(&self.fit.hypothesis.model.arm, found);
+        effect.is_none_or(|effect| is_possible(&effect))
     }
 
     fn among_lines(&self) -> Vec<Pick> {
@@ -271,14 +209,17 @@ impl Selecting<'_> {
     }
 
     fn refit(&mut self, hypothesis: &Hypothesis, effort: Effort) {
+        self.is_finished = effort == Effort::Full;
         let around = self.fit.surroundings.clone();
         let settings = Settings { from: Some(&around), effort, ..self.settings };
         self.fit = fit(self.campaign, hypothesis, &settings);
     }
 
     fn finish(&mut self) {
-        let hypothesis = self.fit.hypothesis.clone();
-        self.refit(&hypothesis, Effort::Full);
+        if !self.is_finished {
+            let hypothesis = self.fit.hypothesis.clone();
+            self.refit(&hypothesis, Effort::Full);
+        }
     }
 
     /// Takes out, the least worth first, what is not worth its numbers beside all others.
@@ -294,6 +235,9 @@ impl Selecting<'_> {
     /// By how much the sum of squares would rise without an effect, less what its numbers cost.
     fn worth(&self, effect: usize) -> f64 {
         let hypothesis = &self.fit.hypothesis;
+        if hypothesis.model.effects().nth(effect).is_some_and(|effect| !is_possible(effect)) {
+            return f64::NEG_INFINITY;
+        }
         if let Some(said) = self.by_neighbours(effect) {
             return said;
         }
@@ -304,7 +248,7 @@ impl Selecting<'_> {
         let mut own = Vec::new();
         for (k, free) in hypothesis.free.iter().enumerate().filter(|(_, f)| f.effect == effect) {
             let column = self.fit.column_of(k);
-            if self.fit.sigma(column).is_none() {
+            if self.fit.covariance(column, column).is_none() {
                 continue;
             }
             let entry = hypothesis.effect_of(free).and_then(|effect| named(effect, free.value));
@@ -404,6 +348,18 @@ fn strongest(mut picks: Vec<Pick>) -> Vec<Pick> {
         joins
     });
     picks
+}
+
+/// A tilt against the plumb line beyond this is none of a robot that was set up, rad; above 0. Default 0.06: three times the width of its prior.
+const TILT_MAX_RAD: f64 = 0.06;
+
+/// Whether physics lets a robot have an effect that the data ask for: no mass below zero, no absurd tilt.
+fn is_possible(effect: &AnyEffect) -> bool {
+    match effect {
+        AnyEffect::Payload(_) => effect.values().first().is_none_or(|mass| *mass >= 0.0),
+        AnyEffect::GravityTilt(_) => effect.values().iter().all(|t| t.abs() <= TILT_MAX_RAD),
+        _ => true,
+    }
 }
 
 /// Whether the numbers lie where they may: a gap or a compliance is not negative.

@@ -138,7 +138,13 @@ impl Compliances {
             hypothesis.model.change(index, |effect| effect.values_mut()[0] = mean.max(0.0));
             hypothesis.free.retain(|free| free.effect != index);
             let sigma = self.sigma(joint);
-            hypothesis.free.push(Free { effect: index, value: 0, mean, sigma, belief: Belief::Stated });
+            hypothesis.free.push(Free {
+                effect: index,
+                value: 0,
+                mean,
+                sigma,
+                belief: Belief::Stated,
+            });
         }
         Ok(())
     }

@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::campaign::{Instrument, Noise, Observation, Place, Reading};
+use crate::geometry::geometry;
 use crate::made::{empty, nominal};
-use crate::select::geometry;
 use crate::simulate;
 use crate::surroundings::{Anchor, Fitted, Plane, Sphere};
 use glam::DVec3;

@@ -9,8 +9,8 @@ use super::sight::Sight;
 use crate::campaign::{
     Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source,
 };
+use crate::geometry::{Tolerances, geometry};
 use crate::hypothesis::Hypothesis;
-use crate::select::{Tolerances, geometry};
 use crate::surroundings::Surroundings;
 use glam::{DMat3, DVec3};
 use physics::{AnyEffect, Arm, Chain, Given, Inputs, Joints, Model};

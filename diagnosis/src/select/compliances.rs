@@ -5,8 +5,8 @@
 
 use super::{Chosen, Selecting, put};
 use crate::candidates::{Candidate, loaded_compliances};
-use crate::hypothesis::Belief;
 use crate::fit::Effort;
+use crate::hypothesis::Belief;
 use crate::score::Fitted;
 
 impl Selecting<'_> {
@@ -25,7 +25,9 @@ impl Selecting<'_> {
         }
         let mut hypothesis = self.fit.hypothesis.clone();
         for (candidate, found) in group.iter().zip(&score.found) {
-            let Some(effect) = put(&mut hypothesis, candidate, &[], &[found.max(0.0)]) else { break };
+            let Some(effect) = put(&mut hypothesis, candidate, &[], &[found.max(0.0)]) else {
+                break;
+            };
             for free in hypothesis.free.iter_mut().filter(|free| free.effect == effect) {
                 (free.mean, free.sigma) = (0.0, self.tolerances.compliance);
                 free.belief = Belief::Tolerance;
@@ -41,7 +43,8 @@ impl Selecting<'_> {
 
     /// Whether all free numbers of an effect have a tolerance for their prior, which pays for them.
     pub(super) fn is_tolerated(&self, effect: usize) -> bool {
-        let mut own = self.fit.hypothesis.free.iter().filter(|free| free.effect == effect).peekable();
+        let mut own =
+            self.fit.hypothesis.free.iter().filter(|free| free.effect == effect).peekable();
         own.peek().is_some() && own.all(|free| free.belief == Belief::Tolerance)
     }
 }
