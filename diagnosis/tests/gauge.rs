@@ -198,13 +198,17 @@ fn what_is_called_identifiable_lies_within_its_interval() {
         {
             let Some(sigma) = found.sigma(found.column_of(k)) else { continue };
             let effect = found.hypothesis.effect_of(free).expect("there");
-            let (zero, tilt, _, soft) = robot.errors[effect.joint().expect("a joint's")];
+            let joint = effect.joint().expect("a joint's");
+            let (zero, tilt, shift, soft) = robot.errors[joint];
             let truth = match effect {
                 AnyEffect::JointOffset(_) => zero,
                 AnyEffect::JointCompliance(_) => soft,
+                // A shift carries what follows: it is the length of the link.
+                AnyEffect::AxisShift(_) if joint > 0 => {
+                    (shift - robot.errors[joint - 1].2)[free.value]
+                }
                 AnyEffect::AxisTilt(_) => {
-                    let axis = model.arm.joints()[effect.joint().expect("a joint's")].axis;
-                    let (first, second) = physics::frame::normals(axis);
+                    let (first, second) = physics::frame::normals(model.arm.joints()[joint].axis);
                     tilt.dot([first, second][free.value])
                 }
                 other => panic!("{} is none of the truth", other.spec().kind),

@@ -110,8 +110,12 @@ pub(crate) fn springs_at(arm: &Arm, joint: usize) -> Vec<Candidate> {
     all.filter_map(one).collect()
 }
 
-/// The compliance of each joint that carries a load.
+/// The compliance of each joint that carries a weight; none where a changing wrench shows each of them by itself.
 pub(crate) fn loaded_compliances(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
+    let wrenches = campaign.poses.iter().map(|pose| pose.inputs.wrench_base);
+    if wrenches.clone().zip(wrenches.skip(1)).any(|(one, next)| one != next) {
+        return Vec::new();
+    }
     let one = |joint: usize| {
         let carries = largest(arm, campaign, |loads| loads.torque(joint)) > 0.0;
         let given: &[(&str, &[f64])] = &[("compliance", &[0.0])];

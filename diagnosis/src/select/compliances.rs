@@ -1,4 +1,4 @@
-//! The compliances of all drives under weight, which join together: one of them alone takes the others' part, and the geometry's.
+//! The compliances of all drives under weight, which join together where no wrench shows each by itself: one alone takes the others' part, and the geometry's.
 //!
 //! Promises: they join where they are worth more than the best single effect; each keeps a prior of the drives' tolerance, so that small ones need no proof of
 //! their own. Never: a compliance beside an effect of the model that stands for the same.
