@@ -1,6 +1,7 @@
 //! From measurements to a model with its uncertainty: identify, choose the effects, prove the gain on data that no fit has seen.
 //!
 //! Read in this order: [`campaign`] (what was measured), [`hypothesis`] (what is believed, and which numbers are free),
+//! [`mod@geometry`] (the tolerances that fix gauge freedoms),
 //! [`fit()`] (the numbers, how sure they are, and which the data cannot give), `residual` (one rule per kind of reading).
 //!
 //! Promises: the same input and seed give the same bits. Never: shared memory, a clock, a file opened, a data set's name.

@@ -97,6 +97,18 @@ fn loads(links: &[Link], q: &[f64]) -> Vec<f64> {
     axes.iter().enumerate().map(load).collect()
 }
 
+/// The places of the axes as shifts that carry all that follows and have no part along the axis itself.
+fn carried(links: &[Link], robot: &Robot) -> Vec<DVec3> {
+    let mut moved = DVec3::ZERO;
+    let one = |((axis, ..), (_, _, place, _)): (&Link, &(f64, DVec3, DVec3, f64))| {
+        let further = *place - moved;
+        let across = further - *axis * axis.dot(further);
+        moved += across;
+        across
+    };
+    links.iter().zip(&robot.errors).map(one).collect()
+}
+
 /// Poses within the joints' ranges, seen by a tracker with this noise, m.
 fn measured(model: &Model, robot: &Robot, noise_m: f64, chance: &mut ChaCha8Rng) -> Campaign {
     let links = links(model);
@@ -199,14 +211,11 @@ fn what_is_called_identifiable_lies_within_its_interval() {
             let Some(sigma) = found.sigma(found.column_of(k)) else { continue };
             let effect = found.hypothesis.effect_of(free).expect("there");
             let joint = effect.joint().expect("a joint's");
-            let (zero, tilt, shift, soft) = robot.errors[joint];
+            let (zero, tilt, _, soft) = robot.errors[joint];
             let truth = match effect {
                 AnyEffect::JointOffset(_) => zero,
                 AnyEffect::JointCompliance(_) => soft,
-                // A shift carries what follows: it is the length of the link.
-                AnyEffect::AxisShift(_) if joint > 0 => {
-                    (shift - robot.errors[joint - 1].2)[free.value]
-                }
+                AnyEffect::AxisShift(_) => carried(&links(&model), &robot)[joint][free.value],
                 AnyEffect::AxisTilt(_) => {
                     let (first, second) = physics::frame::normals(model.arm.joints()[joint].axis);
                     tilt.dot([first, second][free.value])
