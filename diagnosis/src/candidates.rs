@@ -13,7 +13,7 @@ mod over_path;
 mod standing;
 
 use families::slot;
-pub(crate) use loads::{remainders, springs_at};
+pub(crate) use loads::{loaded_compliances, remainders, springs_at};
 pub(crate) use over_path::{Driven, mode, over_paths};
 
 use crate::campaign::{Arrival, Campaign};
@@ -145,6 +145,13 @@ impl Candidate {
     pub(crate) fn has_its_ground(&self, model: &Model) -> bool {
         let own = self.probes.first().map(|probe| &probe.effect);
         own.is_none_or(|own| families::has_its_ground(own, model))
+    }
+
+    /// Candidates as one, which makes no effect: what they are worth together. None of none.
+    pub(crate) fn of_group(group: &[Self]) -> Option<Self> {
+        let mut whole = group.first()?.clone();
+        whole.probes = group.iter().flat_map(|one| one.probes.clone()).collect();
+        Some(whole)
     }
 
     /// All values of an effect that is built already.

@@ -204,10 +204,12 @@ impl<'a> Fitting<'a> {
         let (kept, dependent) = state.sort(&data);
         let first = state.surroundings.numbers().len();
         let free = &state.hypothesis.free;
-        let places = dependent.iter().filter_map(|d| d.column.checked_sub(first));
+        let held = dependent.iter().filter(|d| kept.binary_search(&d.column).is_err());
+        let places = held.clone().filter_map(|d| d.column.checked_sub(first));
         let believed: Vec<(usize, f64)> = places.map(|k| (k, free[k].mean)).collect();
+        let held = held.cloned().collect();
         self.active = kept;
-        self.dependent = dependent;
+        self.dependent = held;
         self.put(&believed);
     }
 

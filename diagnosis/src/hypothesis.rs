@@ -22,8 +22,19 @@ pub struct Free {
     pub mean: f64,
     /// The standard uncertainty of that belief, SI.
     pub sigma: f64,
-    /// Whether somebody stated that uncertainty; else it is [`much`].
-    pub stated: bool,
+    /// Where that uncertainty comes from.
+    pub belief: Belief,
+}
+
+/// Where the prior of a free number comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Belief {
+    /// A wide guard, [`much`]: a number that the data do not determine is not fitted.
+    Guard,
+    /// A maker's tolerance: the number is always fitted, and the prior decides what a gauge freedom leaves open. It counts as no information.
+    Tolerance,
+    /// Stated with the model: the number is always fitted, and the prior counts as information.
+    Stated,
 }
 
 /// A model with the numbers of it that are free.
@@ -71,8 +82,8 @@ impl Hypothesis {
             let stated = sigma.get(value).copied().filter(|sigma| *sigma > 0.0);
             if named.is_some_and(|named| !kept.contains(&named.parameter.stem)) {
                 let sigma = stated.unwrap_or_else(|| much(&effect, value));
-                let stated = stated.is_some();
-                self.free.push(Free { effect: index, value, mean: *mean, sigma, stated });
+                let belief = if stated.is_some() { Belief::Stated } else { Belief::Guard };
+                self.free.push(Free { effect: index, value, mean: *mean, sigma, belief });
             }
         }
     }
@@ -100,7 +111,7 @@ impl Hypothesis {
         let Self { model, free } = self;
         free.retain(|free| {
             let held = model.change(free.effect, |effect| {
-                let held = free.stated && wanted(effect);
+                let held = free.belief == Belief::Stated && wanted(effect);
                 if held {
                     effect.values_mut()[free.value] = free.mean;
                 }
@@ -196,7 +207,10 @@ impl Hypothesis {
     pub(crate) fn widths(&self) -> Vec<f64> {
         // A stated belief is no reason to leave a direction to others.
         let wide = |free: &Free| self.effect_of(free).map_or(0.0, |e| much(e, free.value));
-        let of = |free: &Free| if free.stated { free.sigma.max(wide(free)) } else { free.sigma };
+        let of = |free: &Free| match free.belief {
+            Belief::Stated => free.sigma.max(wide(free)),
+            Belief::Guard | Belief::Tolerance => free.sigma,
+        };
         let mut widths: Vec<f64> = self.free.iter().map(of).collect();
         let values = self.values();
         for (amplitude, phase) in self.waves() {

@@ -1,6 +1,6 @@
 //! Which numbers the data determine, and with what the others move together.
 //!
-//! Columns are taken in order. One whose rest, after all columns taken before it, shows less than [`SHOWN`] noises for the largest change
+//! Columns are taken in order, those that are nearly made of the ones before them last. One whose rest, after all columns taken before it, shows less than [`SHOWN`] noises for the largest change
 //! that a sound robot may have is not determined: it moves together with those before it. This is a QR factorisation pivoted by
 //! preference instead of by size (contract `effects.md`, last section, says whose a shared direction is).
 //!
@@ -11,7 +11,10 @@ use crate::triangle::{Triangle, dot};
 
 /// A number is determined when the largest sensible change of it shows at least as many noises as this: less would be a number with an
 /// uncertainty that nobody can use.
-const SHOWN: f64 = 10.0;
+pub(crate) const SHOWN: f64 = 10.0;
+/// Below this share of its own length, what is left of a column is taken last. No unit, 0 to 1. Default 0.01: neighbouring axes that are parallel in the drawing
+/// are off by milliradians in the robot, and with them gauge freedoms show by as much.
+const NEARLY: f64 = 0.01;
 /// Below this share of its own length, what is left of a column is rounding.
 const ROUNDING: f64 = 1e-9;
 /// Partners are named down to this share of the strongest.
@@ -28,37 +31,101 @@ pub(crate) struct Dependent {
 
 /// The columns of `triangle` (data, in units of noise) that are determined, and the others; `widths` is the largest sensible change of each.
 pub(crate) fn sort(triangle: &Triangle, widths: &[f64]) -> (Vec<usize>, Vec<Dependent>) {
-    let width = triangle.width();
-    let (mut kept, mut others) = (Vec::new(), Vec::new());
-    let mut basis: Vec<Vec<f64>> = Vec::new();
-    let mut made_of: Vec<Vec<f64>> = Vec::new();
-    for (column, much) in widths.iter().enumerate().take(width) {
-        let mut rest = vec![0.0; width];
-        rest[..=column].copy_from_slice(triangle.column(column));
-        rest.iter_mut().for_each(|x| *x *= much);
+    sort_beside(triangle, widths, |_| false)
+}
+
+/// As [`sort`], with columns that are kept whatever they show.
+pub(crate) fn sort_beside(
+    triangle: &Triangle,
+    widths: &[f64],
+    is_kept: impl Fn(usize) -> bool,
+) -> (Vec<usize>, Vec<Dependent>) {
+    let mut taken = Taken::of(triangle, widths);
+    let mut nearly = Vec::new();
+    for column in 0..triangle.width().min(widths.len()) {
+        match taken.rest(column) {
+            rest if is_kept(column) || rest.left >= SHOWN && rest.left > NEARLY * rest.length => {
+                taken.take(column, rest);
+            }
+            rest if rest.left >= SHOWN && rest.left > ROUNDING * rest.length => nearly.push(column),
+            rest => taken.leave(column, rest),
+        }
+    }
+    // What is nearly made of those before it comes last: taken at its place it would stand for a later one that shows the same direction well.
+    for column in nearly {
+        match taken.rest(column) {
+            rest if rest.left >= SHOWN && rest.left > ROUNDING * rest.length => {
+                taken.take(column, rest);
+            }
+            rest => taken.leave(column, rest),
+        }
+    }
+    taken.sorted()
+}
+
+/// A column without what those that were taken before do.
+struct Rest {
+    column: Vec<f64>,
+    /// Its length, and that of the whole column.
+    left: f64,
+    length: f64,
+    /// Shares of the basis in what was removed.
+    shares: Vec<f64>,
+}
+
+/// Columns that were taken, and those that were left.
+struct Taken<'a> {
+    triangle: &'a Triangle,
+    widths: &'a [f64],
+    kept: Vec<usize>,
+    others: Vec<Dependent>,
+    basis: Vec<Vec<f64>>,
+    made_of: Vec<Vec<f64>>,
+}
+
+impl<'a> Taken<'a> {
+    fn of(triangle: &'a Triangle, widths: &'a [f64]) -> Self {
+        let (kept, others, basis, made_of) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { triangle, widths, kept, others, basis, made_of }
+    }
+
+    fn rest(&self, column: usize) -> Rest {
+        let mut rest = vec![0.0; self.triangle.width()];
+        rest[..=column].copy_from_slice(self.triangle.column(column));
+        rest.iter_mut().for_each(|x| *x *= self.widths[column]);
         let length = dot(&rest, &rest).sqrt();
-        let mut shares = vec![0.0; basis.len()];
+        let mut shares = vec![0.0; self.basis.len()];
         // Twice is enough (Kahan and Parlett): the second pass removes what rounding left of the first.
         for _ in 0..2 {
-            for (share, unit) in shares.iter_mut().zip(&basis) {
+            for (share, unit) in shares.iter_mut().zip(&self.basis) {
                 let along = dot(unit, &rest);
                 rest.iter_mut().zip(unit).for_each(|(x, u)| *x -= along * u);
                 *share += along;
             }
         }
         let left = dot(&rest, &rest).sqrt();
-        if left >= SHOWN && left > ROUNDING * length {
-            rest.iter_mut().for_each(|x| *x /= left);
-            basis.push(rest);
-            shares.push(left);
-            made_of.push(shares);
-            kept.push(column);
-        } else {
-            let shares = in_columns(&made_of, shares);
-            others.push(Dependent { column, partners: strongest(&kept, &shares) });
-        }
+        Rest { column: rest, left, length, shares }
     }
-    (kept, others)
+
+    fn take(&mut self, column: usize, mut rest: Rest) {
+        rest.column.iter_mut().for_each(|x| *x /= rest.left);
+        self.basis.push(rest.column);
+        rest.shares.push(rest.left);
+        self.made_of.push(rest.shares);
+        self.kept.push(column);
+    }
+
+    fn leave(&mut self, column: usize, rest: Rest) {
+        let shares = in_columns(&self.made_of, rest.shares);
+        self.others.push(Dependent { column, partners: strongest(&self.kept, &shares) });
+    }
+
+    /// Both in the order of the columns.
+    fn sorted(mut self) -> (Vec<usize>, Vec<Dependent>) {
+        self.kept.sort_unstable();
+        self.others.sort_by_key(|other| other.column);
+        (self.kept, self.others)
+    }
 }
 
 /// From shares in the basis to shares in the columns that it was made of.
@@ -104,6 +171,21 @@ mod tests {
         assert_eq!(others[0].column, 2);
         let shares: Vec<f64> = others[0].partners.iter().map(|p| p.1).collect();
         assert!((shares[0] - 2.0).abs() < 1e-9 && (shares[1] + 1.0).abs() < 1e-9, "{shares:?}");
+    }
+
+    #[test]
+    fn a_column_that_is_nearly_another_does_not_take_the_place_of_one_that_shows_the_difference() {
+        // The second is the first and a thousandth of the third: in its place it would show the third's direction a thousand times as weakly.
+        let rows: Vec<[f64; 4]> = (0..50)
+            .map(|i| f64::from(i) * 0.37)
+            .map(|t| [t.sin(), t.sin() + 1e-3 * t.cos(), t.cos(), 0.0])
+            .collect();
+        let (kept, others) = sort(&triangle(&rows), &[1e4; 4]);
+        assert_eq!(kept, [0, 2]);
+        assert_eq!(others[0].column, 1);
+        // Where nothing else shows that direction, it is taken.
+        let alone: Vec<[f64; 4]> = rows.iter().map(|row| [row[0], row[1], 0.0, 0.0]).collect();
+        assert_eq!(sort(&triangle(&alone), &[1e4; 4]).0, [0, 1]);
     }
 
     #[test]

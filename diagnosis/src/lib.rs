@@ -1,6 +1,7 @@
 //! From measurements to a model with its uncertainty: identify, choose the effects, prove the gain on data that no fit has seen.
 //!
 //! Read in this order: [`campaign`] (what was measured), [`hypothesis`] (what is believed, and which numbers are free),
+//! [`mod@geometry`] (the tolerances that fix gauge freedoms),
 //! [`fit()`] (the numbers, how sure they are, and which the data cannot give), `residual` (one rule per kind of reading).
 //!
 //! Promises: the same input and seed give the same bits. Never: shared memory, a clock, a file opened, a data set's name.
@@ -16,6 +17,7 @@ pub mod expected;
 pub mod fit;
 pub mod force;
 pub mod from_recording;
+pub mod geometry;
 pub mod gross;
 pub mod hypothesis;
 mod independent;
@@ -58,8 +60,9 @@ pub use campaign::{
     Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source,
 };
 pub use fit::{Effort, Settings, fit};
+pub use geometry::{Tolerances, geometry, geometry_within};
 pub use hypothesis::{Free, Hypothesis};
-pub use result::{Fit, Undetermined};
+pub use result::{Conditioning, Fit, Undetermined};
 pub use robust::Influence;
-pub use select::{Chosen, Selection, geometry, select};
+pub use select::{Chosen, Selection, select};
 pub use surroundings::{Anchor, Fitted, Plane, Sphere, Station, Surroundings};

@@ -10,7 +10,7 @@
 //! Promises: what sweeps cannot tell is named, not guessed; each sweep has a zero of its own, so no offset comes out.
 //! Never: torque from masses: where these are known, `gravity_compliance` says the same with one number.
 
-use crate::hypothesis::{Free, Hypothesis};
+use crate::hypothesis::{Belief, Free, Hypothesis};
 use crate::independent::sort;
 use crate::joint_error::JointErrors;
 use crate::triangle::Triangle;
@@ -106,7 +106,7 @@ fn finish(mut at: Hypothesis, part: &Triangle, kept: &[usize], nuisances: usize)
             determined[number] = true;
             at.free[number].mean = values[number];
             at.free[number].sigma = row.iter().map(|x| x * x).sum::<f64>().sqrt();
-            at.free[number].stated = true;
+            at.free[number].belief = Belief::Stated;
         }
     }
     let free = part.rows().saturating_sub(kept.len()).max(1);
@@ -161,8 +161,13 @@ fn push(hypothesis: &mut Hypothesis, effect: AnyEffect, values: &[usize], sigma:
     let index = hypothesis.model.effects().len();
     // A nominal model has room for two effects.
     if hypothesis.model.push(effect).is_ok() {
-        let free =
-            |value: &usize| Free { effect: index, value: *value, mean: 0.0, sigma, stated: false };
+        let free = |value: &usize| Free {
+            effect: index,
+            value: *value,
+            mean: 0.0,
+            sigma,
+            belief: Belief::Guard,
+        };
         hypothesis.free.extend(values.iter().map(free));
     }
 }

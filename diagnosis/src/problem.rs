@@ -7,8 +7,8 @@
 
 use crate::campaign::{Arrival, Campaign, Pose};
 use crate::colour::{Filter, stream};
-use crate::hypothesis::{Free, Hypothesis};
-use crate::independent::{Dependent, sort};
+use crate::hypothesis::{Belief, Free, Hypothesis};
+use crate::independent::{Dependent, sort, sort_beside};
 use crate::motion::Motion;
 use crate::motions::Motions;
 use crate::residual::{Columns, Rows};
@@ -60,7 +60,8 @@ impl State {
         surroundings.chain(self.hypothesis.free.iter().map(|free| free.sigma)).collect()
     }
 
-    /// The columns of `data` that it determines or of which a belief was stated, and the others.
+    /// The columns of `data` that are fitted, and those that move together with others or show nothing. Fitted are what the data determine beside the
+    /// tolerances, and all numbers of which there is a tolerance or a statement.
     pub(crate) fn sort(&self, data: &Triangle) -> (Vec<usize>, Vec<Dependent>) {
         let first = self.surroundings.numbers().len();
         let free = &self.hypothesis.free;
@@ -68,12 +69,28 @@ impl State {
         let mut widths = self.widths();
         let own = widths[first..].iter_mut().zip(free).filter(|(_, free)| bends(free));
         own.for_each(|(width, _)| *width *= BENT);
-        let (mut kept, mut others) = sort(data, &widths);
-        let is_stated = |d: &Dependent| d.column.checked_sub(first).is_some_and(|k| free[k].stated);
-        kept.extend(others.iter().filter(|d| is_stated(d)).map(|d| d.column));
-        kept.sort_unstable();
-        others.retain(|d| !is_stated(d));
-        (kept, others)
+        let (mut fitted, mut others) = sort(data, &widths);
+        let is = |column: usize, belief: Belief| {
+            column.checked_sub(first).is_some_and(|k| free[k].belief == belief)
+        };
+        if free.iter().any(|free| free.belief == Belief::Tolerance) {
+            let mut believed = data.clone();
+            for (k, free) in free.iter().enumerate().filter(|(_, f)| f.belief != Belief::Guard) {
+                believed.push_one(first + k, 1.0 / free.sigma, 0.0);
+            }
+            believed.reduce();
+            let has_prior = |column| column >= first && !is(column, Belief::Guard);
+            let (kept, left) = sort_beside(&believed, &widths, has_prior);
+            fitted = kept;
+            others.retain(|other| is(other.column, Belief::Tolerance));
+            others.extend(left);
+        }
+        let is_stated = |other: &Dependent| is(other.column, Belief::Stated);
+        fitted.extend(others.iter().filter(|other| is_stated(other)).map(|other| other.column));
+        fitted.sort_unstable();
+        fitted.dedup();
+        others.retain(|other| !is_stated(other));
+        (fitted, others)
     }
 }
 

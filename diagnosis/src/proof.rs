@@ -5,10 +5,11 @@
 
 use crate::campaign::Campaign;
 use crate::fit::{Effort, Settings, fit};
+use crate::geometry::{Tolerances, geometry_within};
 use crate::hypothesis::Hypothesis;
 use crate::result::Fit;
 use crate::robust::Influence;
-use crate::select::{Selection, geometry, select};
+use crate::select::{Selection, select};
 use physics::Model;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -52,12 +53,13 @@ impl Split {
         }
         let trained = (share * count as f64).round() as usize;
         let mut training = vec![false; count];
+        let near = Near::of(campaign);
         let mut drawn = 0;
         let mut sides: Vec<Option<bool>> = vec![None; count];
         for pose in order {
             if sides[pose].is_none() {
                 let trains = drawn < trained;
-                for twin in (0..count).filter(|other| repeats(campaign, pose, *other)) {
+                for twin in near.repeats(campaign, pose) {
                     if sides[twin].is_none() {
                         sides[twin] = Some(trains);
                         training[twin] = trains;
@@ -181,6 +183,35 @@ fn repeats(campaign: &Campaign, one: usize, other: usize) -> bool {
     one == other || a.iter().zip(b).all(|(a, b)| libm::remainder(a - b, TAU).abs() < AGAIN)
 }
 
+/// Poses by the first joint's position, which is enough to tell most apart.
+struct Near(Vec<(f64, usize)>);
+
+impl Near {
+    fn of(campaign: &Campaign) -> Self {
+        let turn = |pose: &crate::Pose| pose.inputs.q[0].rem_euclid(TAU);
+        let mut order: Vec<(f64, usize)> =
+            campaign.poses.iter().enumerate().map(|(k, pose)| (turn(pose), k)).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Self(order)
+    }
+
+    /// All poses that repeat one, itself among them, in their order.
+    fn repeats(&self, campaign: &Campaign, pose: usize) -> Vec<usize> {
+        let here = campaign.poses[pose].inputs.q[0].rem_euclid(TAU);
+        let within = |middle: f64| {
+            let from = self.0.partition_point(|(turn, _)| *turn < middle - 2.0 * AGAIN);
+            let to = self.0.partition_point(|(turn, _)| *turn <= middle + 2.0 * AGAIN);
+            &self.0[from..to]
+        };
+        let near = [here - TAU, here, here + TAU].into_iter().flat_map(within);
+        let others = near.map(|(_, other)| *other);
+        let mut same: Vec<usize> = others.filter(|k| repeats(campaign, pose, *k)).collect();
+        same.sort_unstable();
+        same.dedup();
+        same
+    }
+}
+
 /// Distances of measured points from where a model sees them, m.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Errors {
@@ -247,7 +278,8 @@ pub fn calibrate(
     heard("the model as it is");
     let nominal = fit(campaign, &Hypothesis::fixed(*model), &settings);
     heard("the geometry");
-    let calibrated = fit(campaign, &geometry(model, sigma), &settings);
+    let within = geometry_within(model, sigma, &Tolerances::default());
+    let calibrated = fit(campaign, &within, &settings);
     heard("choosing effects");
     let advanced = select(campaign, &calibrated, &settings);
     Calibration { nominal, calibrated, advanced }

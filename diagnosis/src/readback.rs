@@ -10,12 +10,12 @@ use crate::campaign::Campaign;
 use crate::candidates::candidates;
 use crate::fit::{Effort, Settings, fit};
 use crate::from_recording;
+use crate::geometry::{Tolerances, geometry_within};
 use crate::gross::Suspicion;
 use crate::proof::Errors;
 use crate::result::Fit;
 use crate::robust::Influence;
 use crate::score::Fitted;
-use crate::select::geometry;
 use physics::{AnyEffect, Model};
 use recording::series::{Channel, Input, Kind, Recording};
 
@@ -48,7 +48,8 @@ pub fn contradiction(recording: &Recording, model: &Model) -> Option<Suspicion> 
         let used = vec![true; campaign.poses.len()];
         let influence = Influence::Huber;
         let settings = Settings { used: &used, influence, from: None, effort: Effort::Full };
-        let found = fit(&campaign, &geometry(model, &[]), &settings);
+        let within = geometry_within(model, &[], &Tolerances::default());
+        let found = fit(&campaign, &within, &settings);
         Some(Errors::of(&found, &campaign, &used).quantile(0.5))
     };
     let (commanded, read) = (left(Input::Command)?, left(Input::Motor)?);

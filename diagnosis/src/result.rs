@@ -6,15 +6,24 @@
 //! Promises: covariance is symmetric and not negative. Never: a word about effects that were not in the fit.
 
 use crate::campaign::Campaign;
-use crate::hypothesis::Hypothesis;
-use crate::independent::Dependent;
+use crate::hypothesis::{Belief, Hypothesis};
+use crate::independent::{Dependent, SHOWN};
 use crate::minimise::Minimum;
 use crate::problem::{Look, State, Weighing, visit};
 use crate::sheet::Sheet;
 use crate::surroundings::Surroundings;
 use crate::triangle::{Triangle, dot};
 use glam::DVec3;
+use nalgebra::DMatrix;
 use std::sync::Arc;
+
+/// Share of a number's variance that may come from tolerances: up to it the number counts as determined by the data, and its interval holds whatever the
+/// tolerances are. No unit, 0 to 1: with a tenth the interval is at most 5 % wider than that of the data alone.
+const FROM_TOLERANCES: f64 = 0.1;
+/// Correlation from which numbers are said to move together. No unit, 0 to 1.
+const TOGETHER: f64 = 0.1;
+/// Numbers that are named of those that move together with one.
+const PARTNERS: usize = 4;
 
 /// A fit.
 #[derive(Clone, Debug)]
@@ -23,7 +32,7 @@ pub struct Fit {
     pub hypothesis: Hypothesis,
     /// Frames, targets and things touched, as found.
     pub surroundings: Surroundings,
-    /// What the data do not determine: it stays where it was believed to be.
+    /// What the data do not determine: it stays where it was believed to be, or leans on a tolerance.
     pub undetermined: Vec<Undetermined>,
     /// Weight of each reading of the campaign, 0 to 1.
     pub weights: Vec<f64>,
@@ -40,10 +49,24 @@ pub struct Fit {
     /// Numbers read in the poses that took part.
     pub readings: usize,
     active: Vec<usize>,
+    /// Which of them the data determine, or somebody's statement.
+    determined: Vec<bool>,
     inverse: Vec<Vec<f64>>,
     pub(crate) triangle: Triangle,
     /// The rows where it stands.
     pub(crate) sheet: Arc<Sheet>,
+}
+
+/// What the singular values of the Jacobian and the priors say, each column in units of its prior's width.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conditioning {
+    /// Numbers that were fitted.
+    pub fitted: usize,
+    /// Independent directions among them that the data determine (the rank): singular values of at least [`SHOWN`]. The others are gauge freedoms, which
+    /// priors fix, and what these poses show too little of.
+    pub determined: usize,
+    /// The largest singular value against the smallest of those directions.
+    pub condition: f64,
 }
 
 /// A number that was not fitted.
@@ -111,8 +134,14 @@ impl Fit {
             what: format!("{}, which would be negative,", names.of(*column)),
             with: Vec::new(),
         }));
+        let posterior = Posterior { inverse: &inverse, active: &active, state: &sheet.state };
+        let determined = posterior.determined();
+        let open = (0..active.len()).filter(|place| !determined[*place]);
+        undetermined.extend(open.map(|place| posterior.undetermined(place)));
+        undetermined.sort_by_key(|open| open.column);
         Self {
             undetermined,
+            determined,
             weights: weighing.weights,
             factors: weighing.factors,
             design_effect,
@@ -150,10 +179,11 @@ impl Fit {
         Some(self.design_effect * dot(&self.inverse[i][j - i..], &self.inverse[j]))
     }
 
-    /// The standard uncertainty of a column, SI; none where it was not fitted.
+    /// The standard uncertainty of a column, SI; none where it was not fitted, or where it leans on a tolerance.
     #[must_use]
     pub fn sigma(&self, column: usize) -> Option<f64> {
-        self.covariance(column, column).map(f64::sqrt)
+        let place = self.active.iter().position(|c| *c == column)?;
+        self.covariance(column, column).map(f64::sqrt).filter(|_| self.determined[place])
     }
 
     /// The correlation of two columns; none where one was not fitted.
@@ -167,6 +197,33 @@ impl Fit {
     pub fn variance_of(&self, shares: &[f64]) -> f64 {
         let seen = self.triangle.forward(shares.to_vec());
         self.design_effect * dot(&seen, &seen)
+    }
+
+    /// How much of what was fitted the data determine, and how well they part it.
+    #[must_use]
+    pub fn conditioning(&self) -> Conditioning {
+        let (width, priors) = (self.active.len(), self.sheet.state.priors());
+        let at = |i: usize, j: usize| {
+            if i <= j { self.triangle.at(i, j) * priors[self.active[j]] } else { 0.0 }
+        };
+        let values = DMatrix::from_fn(width, width, at).singular_values();
+        let shown: Vec<f64> = values.iter().copied().filter(|value| *value >= SHOWN).collect();
+        let most = shown.iter().copied().fold(0.0, f64::max);
+        let least = shown.iter().copied().fold(f64::INFINITY, f64::min);
+        let condition = if shown.is_empty() { 1.0 } else { most / least };
+        Conditioning { fitted: width, determined: shown.len(), condition }
+    }
+
+    /// Numbers that lie further from where their tolerance has them than `factor` times its standard deviation: name, and how many standard deviations.
+    #[must_use]
+    pub fn beyond_tolerance(&self, factor: f64) -> Vec<(String, f64)> {
+        let (hypothesis, values) = (&self.hypothesis, self.hypothesis.values());
+        let tolerated = hypothesis.free.iter().zip(values);
+        let tolerated = tolerated.filter(|(free, _)| free.belief == Belief::Tolerance);
+        let off = |(free, value): (&crate::Free, f64)| {
+            (hypothesis.describe(free), (value - free.mean).abs() / free.sigma)
+        };
+        tolerated.map(off).filter(|(_, off)| *off > factor).collect()
     }
 
     /// Poses with a reading that weighs less than half.
@@ -202,6 +259,64 @@ impl Fit {
     }
 }
 
+/// The posterior covariance, looked at for what of it the data say.
+struct Posterior<'a> {
+    inverse: &'a [Vec<f64>],
+    active: &'a [usize],
+    state: &'a State,
+}
+
+impl Posterior<'_> {
+    fn covariance(&self, a: usize, b: usize) -> f64 {
+        let (i, j) = (a.min(b), a.max(b));
+        dot(&self.inverse[i][j - i..], &self.inverse[j])
+    }
+
+    /// Which columns are determined: of the variance `C = (JᵀWJ + P)⁻¹` the part `C P C`, which the tolerances (the diagonal of P) bring in, is at most
+    /// [`FROM_TOLERANCES`].
+    fn determined(&self) -> Vec<bool> {
+        let first = self.state.surroundings.numbers().len();
+        let free = &self.state.hypothesis.free;
+        let tolerance = |column: &usize| {
+            let free = free.get(column.checked_sub(first)?)?;
+            (free.belief == Belief::Tolerance).then_some(free.sigma)
+        };
+        let tolerances: Vec<(usize, f64)> = self
+            .active
+            .iter()
+            .enumerate()
+            .filter_map(|(place, column)| Some((place, tolerance(column)?)))
+            .collect();
+        let lent = |place: usize| -> f64 {
+            let shares = tolerances.iter().map(|(k, sigma)| self.covariance(place, *k) / sigma);
+            shares.map(|share| share * share).sum()
+        };
+        // Where things stand around the robot is told with what the tolerances leave of it.
+        let holds = |place: usize| {
+            self.active[place] < first
+                || lent(place) <= FROM_TOLERANCES * self.covariance(place, place)
+        };
+        (0..self.active.len()).map(holds).collect()
+    }
+
+    /// What a column moves together with: those that correlate with it most.
+    fn undetermined(&self, place: usize) -> Undetermined {
+        let size = |k: usize| self.covariance(k, k).sqrt();
+        let correlation = |k: usize| {
+            let together = (self.covariance(place, k) / (size(place) * size(k))).abs();
+            if together.is_finite() { together } else { 0.0 }
+        };
+        let others = (0..self.active.len()).filter(|k| *k != place);
+        let mut partners: Vec<(usize, f64)> =
+            others.map(|k| (k, correlation(k))).filter(|(_, r)| *r > TOGETHER).collect();
+        partners.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let names = Names(self.state);
+        let with = partners.iter().take(PARTNERS).map(|(k, _)| names.of(self.active[*k]));
+        let column = self.active[place];
+        Undetermined { column, what: names.of(column), with: with.collect() }
+    }
+}
+
 /// Names of columns.
 pub(crate) struct Names<'a>(pub(crate) &'a State);
 
@@ -219,7 +334,7 @@ impl Names<'_> {
     }
 
     pub(crate) fn undetermined(&self, dependent: &Dependent) -> Undetermined {
-        let partners = dependent.partners.iter().take(4);
+        let partners = dependent.partners.iter().take(PARTNERS);
         Undetermined {
             column: dependent.column,
             what: self.of(dependent.column),

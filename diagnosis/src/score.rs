@@ -12,7 +12,7 @@ use crate::campaign::Campaign;
 use crate::candidates::Candidate;
 use crate::colour::Filter;
 use crate::fit::Settings;
-use crate::hypothesis::{Free, Hypothesis, much};
+use crate::hypothesis::{Belief, Free, Hypothesis, much};
 use crate::motion::Motion;
 use crate::motions::{Motions, is_about_loads};
 use crate::problem::{At, State, Weighing, remember};
@@ -179,7 +179,7 @@ impl<'a> Fitted<'a> {
                     value: probe.value,
                     mean: 0.0,
                     sigma,
-                    stated: false,
+                    belief: Belief::Guard,
                 });
             }
             end += 1;

@@ -6,18 +6,20 @@
 //!
 //! Promises: only what the poses that take part show; the same input gives the same choice. Never: a look at held-out poses, a name of a data set.
 
+mod compliances;
 mod replace;
 
 use crate::campaign::{Campaign, Pose};
 use crate::candidates::{Candidate, candidates, remainders, wave_candidate};
 use crate::fit::{Effort, Settings, fit};
+use crate::geometry::Tolerances;
 use crate::hypothesis::{Hypothesis, named};
 use crate::result::Fit;
 use crate::score::Fitted;
 use crate::triangle::Triangle;
 use crate::waves::{Line, lines};
 use physics::spec::Role;
-use physics::{AnyEffect, Given, Memories, Model};
+use physics::{AnyEffect, Memories};
 
 /// Rounds of adding.
 const ROUNDS: usize = 40;
@@ -46,33 +48,6 @@ pub struct Selection {
     pub chosen: Vec<Chosen>,
 }
 
-/// The geometry of every joint, free beside the effects that `model` has. What a file states with its uncertainty (`sigma`, one list per effect, zeros
-/// where unsaid) is believed so far.
-#[must_use]
-pub fn geometry(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
-    let mut hypothesis = Hypothesis::fixed(*model);
-    let given = model.effects().len();
-    let zeros = [0.0; 3];
-    // Where a frame or two joints share a direction, the earlier keeps it: zeros before tilts before shifts, and the first joint's axis,
-    // which an unknown frame takes, last.
-    let kinds =
-        [("joint_offset", "offset", 1), ("axis_tilt", "tilt", 2), ("axis_shift", "shift", 3)];
-    let joints = 0..model.arm.count();
-    let each = kinds.iter().flat_map(|kind| joints.clone().map(move |joint| (kind, joint)));
-    let (first, rest): (Vec<_>, Vec<_>) = each.partition(|(_, joint)| *joint == 0);
-    for ((kind, stem, count), joint) in rest.into_iter().chain(first) {
-        let numbers: &[(&str, &[f64])] = &[(*stem, &zeros[..*count])];
-        let there = model.effects().any(|e| e.spec().kind == *kind && e.joint() == Some(joint));
-        if !there && let Ok(e) = AnyEffect::build(kind, &model.arm, Some(joint), Given(numbers)) {
-            hypothesis.add(e, &[]).unwrap_or_default();
-        }
-    }
-    for effect in 0..given {
-        hypothesis.free_all(effect, &["cycles"], sigma.get(effect).map_or(&[], Vec::as_slice));
-    }
-    hypothesis
-}
-
 /// Adds to `calibrated` what the poses that take part ask for.
 #[must_use]
 pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) -> Selection {
@@ -82,6 +57,8 @@ pub fn select(campaign: &Campaign, calibrated: &Fit, settings: &Settings<'_>) ->
     let mut selecting = Selecting {
         campaign,
         settings: *settings,
+        tolerances: Tolerances::default(),
+        is_finished: true,
         fit: calibrated.clone(),
         rivals: open.len().max(1),
         open,
@@ -109,6 +86,9 @@ struct Selecting<'a> {
     campaign: &'a Campaign,
     settings: Settings<'a>,
     fit: Fit,
+    tolerances: Tolerances,
+    /// Whether the fit went until nothing was left to gain.
+    is_finished: bool,
     open: Vec<Candidate>,
     rivals: usize,
     chosen: Vec<Chosen>,
@@ -116,10 +96,14 @@ struct Selecting<'a> {
 
 impl Selecting<'_> {
     fn grow(&mut self) {
+        self.join_compliances();
         for _ in 0..ROUNDS {
             let mut picks = self.among_open();
             if picks.is_empty() {
                 picks = self.among_lines_and_remainders();
+            }
+            if picks.is_empty() {
+                break;
             }
             let before = self.chosen.len();
             self.join(picks);
@@ -171,12 +155,21 @@ impl Selecting<'_> {
             let numbers = score.numbers + candidate.tried_numbers();
             let cost = self.cost(numbers, self.rivals as f64);
             let worth = score.gain / self.fit.design_effect - cost;
-            if worth > 0.0 && is_sound(candidate, &score.found) {
+            if worth > 0.0
+                && is_sound(candidate, &score.found)
+                && self.is_possible(candidate, &score.found)
+            {
                 let (candidate, kept) = (candidate.clone(), candidate.kept());
                 picks.push(Pick { candidate, found: score.found, gain: score.gain, worth, kept });
             }
         }
         strongest(picks)
+    }
+
+    /// Whether a robot that stands may have these numbers.
+    fn is_possible(&self, candidate: &Candidate, found: &[f64]) -> bool {
+        let effect = candidate.effect(&self.fit.hypothesis.model.arm, found);
+        effect.is_none_or(|effect| is_possible(&effect))
     }
 
     fn among_lines(&self) -> Vec<Pick> {
@@ -216,14 +209,17 @@ impl Selecting<'_> {
     }
 
     fn refit(&mut self, hypothesis: &Hypothesis, effort: Effort) {
+        self.is_finished = effort == Effort::Full;
         let around = self.fit.surroundings.clone();
         let settings = Settings { from: Some(&around), effort, ..self.settings };
         self.fit = fit(self.campaign, hypothesis, &settings);
     }
 
     fn finish(&mut self) {
-        let hypothesis = self.fit.hypothesis.clone();
-        self.refit(&hypothesis, Effort::Full);
+        if !self.is_finished {
+            let hypothesis = self.fit.hypothesis.clone();
+            self.refit(&hypothesis, Effort::Full);
+        }
     }
 
     /// Takes out, the least worth first, what is not worth its numbers beside all others.
@@ -239,14 +235,20 @@ impl Selecting<'_> {
     /// By how much the sum of squares would rise without an effect, less what its numbers cost.
     fn worth(&self, effect: usize) -> f64 {
         let hypothesis = &self.fit.hypothesis;
+        if hypothesis.model.effects().nth(effect).is_some_and(|effect| !is_possible(effect)) {
+            return f64::NEG_INFINITY;
+        }
         if let Some(said) = self.by_neighbours(effect) {
             return said;
+        }
+        if self.is_tolerated(effect) {
+            return f64::INFINITY;
         }
         let values = hypothesis.values();
         let mut own = Vec::new();
         for (k, free) in hypothesis.free.iter().enumerate().filter(|(_, f)| f.effect == effect) {
             let column = self.fit.column_of(k);
-            if self.fit.sigma(column).is_none() {
+            if self.fit.covariance(column, column).is_none() {
                 continue;
             }
             let entry = hypothesis.effect_of(free).and_then(|effect| named(effect, free.value));
@@ -346,6 +348,18 @@ fn strongest(mut picks: Vec<Pick>) -> Vec<Pick> {
         joins
     });
     picks
+}
+
+/// A tilt against the plumb line beyond this is none of a robot that was set up, rad; above 0. Default 0.06: three times the width of its prior.
+const TILT_MAX_RAD: f64 = 0.06;
+
+/// Whether physics lets a robot have an effect that the data ask for: no mass below zero, no absurd tilt.
+fn is_possible(effect: &AnyEffect) -> bool {
+    match effect {
+        AnyEffect::Payload(_) => effect.values().first().is_none_or(|mass| *mass >= 0.0),
+        AnyEffect::GravityTilt(_) => effect.values().iter().all(|t| t.abs() <= TILT_MAX_RAD),
+        _ => true,
+    }
 }
 
 /// Whether the numbers lie where they may: a gap or a compliance is not negative.

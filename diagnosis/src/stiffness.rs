@@ -8,7 +8,7 @@
 //! Promises: compliances, not stiffnesses, are what the data give normal errors for: covariances are theirs. What the loads do not determine is named.
 //! Never: the stiffening of the load itself; [`crate::enhanced`] says where that may be left out.
 
-use crate::hypothesis::{Free, Hypothesis};
+use crate::hypothesis::{Belief, Free, Hypothesis};
 use crate::independent::sort;
 use crate::single_joint::angle_about;
 use crate::triangle::Triangle;
@@ -138,7 +138,13 @@ impl Compliances {
             hypothesis.model.change(index, |effect| effect.values_mut()[0] = mean.max(0.0));
             hypothesis.free.retain(|free| free.effect != index);
             let sigma = self.sigma(joint);
-            hypothesis.free.push(Free { effect: index, value: 0, mean, sigma, stated: true });
+            hypothesis.free.push(Free {
+                effect: index,
+                value: 0,
+                mean,
+                sigma,
+                belief: Belief::Stated,
+            });
         }
         Ok(())
     }

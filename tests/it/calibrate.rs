@@ -143,10 +143,20 @@ fn the_effects_of_a_simulated_robot_are_found_and_its_model_loads_and_corrects()
     for key in ["p95", "max", "median"] {
         assert!(number(&found, &["heldout", "advanced", key]) > 0.0);
     }
+    let soft = parameter(&found, "joint_compliance", 2);
+    assert_eq!(soft["parameter"], "compliance_mrad_per_kNm");
+    let (value, sigma) = (number(soft, &["value"]), number(soft, &["sigma"]));
+    assert!((value - 4.0).abs() < 4.0 * sigma && sigma < 0.4, "{soft:#}");
+    // Frame and reflectors are unknown: a zero moves together with the axes behind it, and with these.
     let offset = parameter(&found, "joint_offset", 3);
-    assert_eq!(offset["parameter"], "offset_mrad");
-    let (value, sigma) = (number(offset, &["value"]), number(offset, &["sigma"]));
-    assert!((value - 1.5).abs() < 4.0 * sigma && sigma < 0.1, "{offset:#}");
+    assert!(offset["identifiable"] == false && offset["sigma"].is_null(), "{offset:#}");
+    assert_eq!(found["residuals"][0]["factor"], 1.0, "{:#}", found["residuals"]);
+    let [fitted, determined] =
+        ["fitted", "determined"].map(|k| number(&found["conditioning"], &[k]));
+    assert!(
+        determined < fitted && number(&found, &["conditioning", "condition"]) > 1.0,
+        "{found:#}"
+    );
     assert!(found["parameters"].as_array().unwrap().iter().all(|p| p["identifiable"].is_boolean()));
     assert!(found["outliers"].is_array() && found["seed"] == 7, "{found:#}");
     place.succeed(&["check", "robot2.toml"]);
@@ -194,6 +204,30 @@ fn the_same_seed_gives_the_same_bytes_and_a_calibrated_model_can_be_calibrated_a
     let again = one.read("robot3.toml");
     let count = |text: &str| text.matches("[[effect]]").count();
     assert!(count(&again) <= count(&one.read("robot2.toml")) + 2, "{again}");
+}
+
+#[test]
+fn another_seed_of_the_split_gives_the_same_model() {
+    let place = place_with(measured());
+    let model = |seed: &str| {
+        let out = format!("robot{seed}.toml");
+        place.succeed(&["calibrate", "--model", BASE, "--seed", seed, "--out", &out, "seen.csv"]);
+        let text = place.read(&out);
+        text.split_once("[[effect]]").expect("effects").1.to_owned()
+    };
+    assert_eq!(model("1"), model("2"));
+}
+
+#[test]
+fn residuals_beyond_the_stated_noise_are_said_with_their_factor() {
+    let place = place_with(measured());
+    place.file("seen.toml", &ABOUT.replace("= 0.02", "= 0.005"));
+    let found = calibrate(&place, &[]);
+    // The noise is 0.02 mm.
+    let factor = number(&found["residuals"][0], &["factor"]);
+    assert!((3.0..5.0).contains(&factor), "{:#}", found["residuals"]);
+    let says = found["warnings"].to_string();
+    assert!(says.contains("times as large as the stated noise"), "{says}");
 }
 
 #[test]
@@ -318,7 +352,7 @@ fn two_hundred_poses_with_a_joint_that_never_moves_give_a_model_and_say_what_sta
     );
     let found = place.json("c.json");
     let zero = parameter(&found, "joint_offset", 6);
-    assert!(zero["identifiable"] == false && number(zero, &["value"]).abs() < 1e-12, "{zero:#}");
+    assert!(zero["identifiable"] == false && number(zero, &["value"]).abs() < 1e-3, "{zero:#}");
     let list = |key: &str| found[key].as_array().expect(key).len();
     assert!(list("left_open") <= 5 && list("undetermined") > list("left_open"), "{found:#}");
     assert!(number(&found, &["heldout", "advanced", "mean"]) < 0.045, "{:#}", found["heldout"]);

@@ -110,6 +110,21 @@ pub(crate) fn springs_at(arm: &Arm, joint: usize) -> Vec<Candidate> {
     all.filter_map(one).collect()
 }
 
+/// The compliance of each joint that carries a weight; none where a changing wrench shows each of them by itself.
+pub(crate) fn loaded_compliances(arm: &Arm, campaign: &Campaign) -> Vec<Candidate> {
+    let wrenches = campaign.poses.iter().map(|pose| pose.inputs.wrench_base);
+    if wrenches.clone().zip(wrenches.skip(1)).any(|(one, next)| one != next) {
+        return Vec::new();
+    }
+    let one = |joint: usize| {
+        let carries = largest(arm, campaign, |loads| loads.torque(joint)) > 0.0;
+        let given: &[(&str, &[f64])] = &[("compliance", &[0.0])];
+        let built = AnyEffect::build("joint_compliance", arm, Some(joint), Given(given));
+        built.ok().filter(|_| carries).map(|effect| Candidate::of_values(&effect))
+    };
+    (0..arm.count()).filter_map(one).collect()
+}
+
 /// A description of each joint's error over the positions that were measured, where these are dense enough: between few it would swing freely.
 pub(crate) fn remainders(arm: &Arm, campaign: &Campaign, used: &[bool]) -> Vec<Candidate> {
     let one = |joint: usize| {

@@ -16,7 +16,7 @@ use super::renaming::RENAMING;
 use crate::campaign::Campaign;
 use crate::candidates::Candidate;
 use crate::fit::{Effort, Settings, compare, fit};
-use crate::hypothesis::{Free, Hypothesis};
+use crate::hypothesis::{Belief, Free, Hypothesis};
 use crate::result::Fit;
 use crate::score::Fitted;
 use crate::select::put;
@@ -225,7 +225,7 @@ impl Asking<'_> {
             None => (put(hypothesis, &entry.candidate, entry.kept, found)?, None),
         };
         // What was named is asked of the data before what is believed: a belief is in the fit whether the data show it or not.
-        hypothesis.free.sort_by_key(|free| free.stated);
+        hypothesis.free.sort_by_key(|free| free.belief == Belief::Stated);
         Some(joined)
     }
 

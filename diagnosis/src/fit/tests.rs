@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::campaign::{Instrument, Noise, Observation, Place, Reading};
+use crate::geometry::geometry;
 use crate::made::{empty, nominal};
-use crate::select::geometry;
 use crate::simulate;
 use crate::surroundings::{Anchor, Fitted, Plane, Sphere};
 use glam::DVec3;
@@ -221,7 +221,7 @@ fn a_stated_belief_and_the_data_are_one_where_each_alone_is_weak() {
     let unsaid = fit(&campaign, &hypothesis, &settings(&used, Influence::Equal));
     let seen = unsaid.sigma(unsaid.column_of(wrist)).expect("seen");
     let free = &mut hypothesis.free[wrist];
-    (free.mean, free.sigma, free.stated) = (1.9e-3, 2e-4, true);
+    (free.mean, free.sigma, free.belief) = (1.9e-3, 2e-4, crate::hypothesis::Belief::Stated);
     let said = fit(&campaign, &hypothesis, &settings(&used, Influence::Equal));
     let sigma = said.sigma(said.column_of(wrist)).expect("believed");
     let both = (seen.powi(-2) + 2e-4_f64.powi(-2)).sqrt().recip();

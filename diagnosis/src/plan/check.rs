@@ -17,7 +17,7 @@ use super::choose::{choose, exchange};
 use super::{NoPlan, Task, Wish, order};
 use crate::campaign::Campaign;
 use crate::fit::{Effort, Settings, fit};
-use crate::hypothesis::{Free, Hypothesis};
+use crate::hypothesis::{Belief, Free, Hypothesis};
 use crate::problem::State;
 use crate::robust::Influence;
 use evidence::{Evidence, Look, least_seen};
@@ -167,7 +167,7 @@ impl Watch {
                         value,
                         mean: *mean,
                         sigma: *sigma,
-                        stated: true,
+                        belief: Belief::Stated,
                     });
                 }
             }

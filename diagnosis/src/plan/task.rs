@@ -9,8 +9,8 @@ use super::sight::Sight;
 use crate::campaign::{
     Arrival, Campaign, Instrument, Noise, Observation, Place, Pose, Reading, Source,
 };
+use crate::geometry::{Tolerances, geometry};
 use crate::hypothesis::Hypothesis;
-use crate::select::geometry;
 use crate::surroundings::Surroundings;
 use glam::{DMat3, DVec3};
 use physics::{AnyEffect, Arm, Chain, Given, Inputs, Joints, Model};
@@ -18,8 +18,6 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-/// The largest compliance of a drive that is sensible, rad/Nm (m/N): far softer than any gear of a robot.
-const SOFT: f64 = 5e-5;
 /// Poses that are drawn for each that is wanted, at most.
 const PATIENCE: usize = 200;
 
@@ -93,6 +91,7 @@ pub(crate) struct Candidate {
 #[must_use]
 pub fn believed(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     let mut hypothesis = geometry(model, sigma);
+    let soft = Tolerances::default().compliance;
     let heavy = model.arm.bodies().next().is_some();
     let bends = ["joint_compliance", "gravity_compliance", "gravity_sag", "load_compliance"];
     for joint in 0..model.arm.count() {
@@ -105,7 +104,7 @@ pub fn believed(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
             {
                 let first = hypothesis.free.len();
                 hypothesis.add(e, &[]).unwrap_or_default();
-                hypothesis.free[first..].iter_mut().for_each(|free| free.sigma = SOFT);
+                hypothesis.free[first..].iter_mut().for_each(|free| free.sigma = soft);
             }
         }
     }

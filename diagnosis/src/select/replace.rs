@@ -40,6 +40,7 @@ impl Selecting<'_> {
                 self.instead(&tried).is_some() && self.measure(&self.fit) < self.measure(&before.0);
             if !better {
                 (self.fit, self.chosen, self.open) = before;
+                self.is_finished = true;
             }
         }
     }
@@ -47,15 +48,21 @@ impl Selecting<'_> {
     /// The best of `tried`, each joint with one compliance, instead of what may hide it; none where it is not worth its numbers.
     fn instead(&mut self, tried: &[Candidate]) -> Option<()> {
         let joint = tried.first()?.joint;
+        // Compliances within tolerance stay beside what replaces the others.
+        let stays = |one: &Chosen| self.is_tolerated(one.effect) && self.stands_in(one, joint);
+        let staying = self.chosen.iter().filter(|one| stays(one)).count();
         let (mut replaced, mut weighed) = (0, Vec::new());
-        while let Some(k) = self.chosen.iter().position(|chosen| self.stands_in(chosen, joint)) {
+        let goes = |this: &Self, one: &Chosen| {
+            !this.is_tolerated(one.effect) && this.stands_in(one, joint)
+        };
+        while let Some(k) = self.chosen.iter().position(|chosen| goes(self, chosen)) {
             let effect = self.fit.hypothesis.model.effects().nth(self.chosen[k].effect);
             let weighs = effect.filter(|effect| WEIGHT.contains(&effect.spec().kind));
             weighed.extend(weighs.and_then(AnyEffect::joint));
             self.drop(k);
             replaced += 1;
         }
-        if replaced < 2 {
+        if replaced == 0 || replaced + staying < 2 {
             return None;
         }
         weighed.sort_unstable();

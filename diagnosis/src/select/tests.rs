@@ -5,7 +5,7 @@ use crate::made::{empty, nominal};
 use crate::proof::{Errors, calibrate};
 use crate::simulate;
 use glam::DVec3;
-use physics::Wrench;
+use physics::{Given, Model, Wrench};
 
 /// The mean length of a point's error by noise of 0.05 mm per coordinate: `2 σ sqrt(2/π)`.
 const NOISE_M: f64 = 2.0 * 5e-5 * 0.797_884_560_8;
@@ -68,7 +68,12 @@ fn is_found(more: AnyEffect, push_n: f64, off: f64) {
     let truth: Vec<AnyEffect> = common().into_iter().chain([more]).collect();
     let said = selected(&seen(&truth, push_n, 3), &nominal());
     let (kind, joint) = (more.spec().kind, more.joint());
-    assert!(said.names.contains(&(kind, joint)), "no {kind} among {:?}", said.names);
+    assert!(
+        said.names.contains(&(kind, joint)),
+        "no {kind} among {:?}, {} mm held out",
+        said.names,
+        said.heldout_m * 1e3
+    );
     assert!(said.heldout_m < 1.12 * NOISE_M, "{kind}: {} mm held out", said.heldout_m * 1e3);
     assert!(said.heldout_m < 0.7 * said.before_m, "{kind}: {} mm before", said.before_m * 1e3);
     // A spring's stiffness and lengths go together: what it does is in the error above.

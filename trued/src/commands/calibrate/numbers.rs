@@ -44,7 +44,8 @@ pub(in crate::commands) struct Entry {
 impl Entry {
     /// Whether there is nothing to write: new, and nothing of it was told.
     pub(in crate::commands) fn is_empty(&self) -> bool {
-        self.of_base.is_none() && self.numbers.iter().all(|number| number.sigma.is_none())
+        let is_nothing = |number: &Number| number.sigma.is_none() && number.value == 0.0;
+        self.of_base.is_none() && self.numbers.iter().filter(|n| n.free).all(is_nothing)
     }
 
     /// From 1.

@@ -227,7 +227,7 @@ fn open(mut page: Page, found: &Found) -> Page {
     if !undetermined.is_empty() {
         page = page
             .section("What these data cannot tell")
-            .text("These numbers stay where they were. Other poses, or another place of the reflectors, may tell them. In short:")
+            .text("These numbers cannot be told one by one: of all that explain the readings alike, the model holds the smallest. Other poses, a known measuring frame or known places of the reflectors may tell them. In short:")
             .list(found.left_open())
             .text("Number by number:")
             .list(undetermined);

@@ -45,11 +45,29 @@ pub(super) struct Report {
     left_open: Vec<String>,
     approach: Vec<ApproachReport>,
     stations: Vec<StationReport>,
+    residuals: Vec<ResidualReport>,
+    conditioning: ConditioningReport,
     targets_tool_mm: Vec<[f64; 3]>,
     things: Vec<Thing>,
     #[serde(flatten)]
     alone: super::alone::Report,
     warnings: Vec<String>,
+}
+
+/// The residuals of an instrument against its noise.
+#[derive(Serialize)]
+struct ResidualReport {
+    instrument: String,
+    noise_is_stated: bool,
+    /// Residuals against the noise that is stated, or else assumed.
+    factor: f64,
+}
+
+#[derive(Serialize)]
+struct ConditioningReport {
+    fitted: usize,
+    determined: usize,
+    condition: f64,
 }
 
 #[derive(Serialize)]
@@ -179,10 +197,27 @@ impl Report {
             things: things(&found.last),
             alone: alone.report(),
             stations: found.stationed.iter().map(|one| station(found, one)).collect(),
+            residuals: residuals(found),
+            conditioning: conditioning(found),
             targets_tool_mm: targets.map(|target| (target.value * 1e3).to_array()).collect(),
             warnings: found.warnings.clone(),
         }
     }
+}
+
+fn residuals(found: &Found) -> Vec<ResidualReport> {
+    let of = found.campaign.instruments.iter().zip(&found.last.factors);
+    let report = |(instrument, factor): (&diagnosis::Instrument, &f64)| ResidualReport {
+        instrument: instrument.name.clone(),
+        noise_is_stated: instrument.noise_is_known,
+        factor: *factor,
+    };
+    of.map(report).collect()
+}
+
+fn conditioning(found: &Found) -> ConditioningReport {
+    let diagnosis::Conditioning { fitted, determined, condition } = found.last.conditioning();
+    ConditioningReport { fitted, determined, condition }
 }
 
 fn parameters(entry: &Entry) -> impl Iterator<Item = ParameterReport> + '_ {
