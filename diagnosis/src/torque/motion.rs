@@ -334,7 +334,7 @@ fn runs_of(
     let stride = stride(step_s, band_hz);
     let mut pieces = pieces(recording, step_s, whole);
     if let Some(stretches) = Stretches::of(all_rows, stride) {
-        pieces = stretches.within(pieces);
+        pieces = stretches.within(&pieces);
         pieces.retain(|piece| piece.len() >= SHORTEST);
     }
     let run = |piece: &Vec<usize>| {

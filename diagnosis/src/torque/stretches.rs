@@ -26,7 +26,7 @@ impl Stretches {
     }
 
     /// The stretches of pieces without gaps.
-    pub(super) fn within<T: Clone>(self, pieces: Vec<Vec<T>>) -> Vec<Vec<T>> {
+    pub(super) fn within<T: Clone>(self, pieces: &[Vec<T>]) -> Vec<Vec<T>> {
         let stretch = |part: &[T]| part[..self.kept.min(part.len())].to_vec();
         pieces.iter().flat_map(|piece| piece.chunks(self.period).map(stretch)).collect()
     }
@@ -41,7 +41,7 @@ mod tests {
         assert_eq!(Stretches::of(ROWS_MOST, 5), None);
         let samples = 1_000_000;
         let stretches = Stretches::of(samples / 5, 5).expect("long");
-        let kept = stretches.within(vec![(0..samples).collect::<Vec<usize>>()]);
+        let kept = stretches.within(&[(0..samples).collect::<Vec<usize>>()]);
         assert_eq!(kept.len(), 40);
         assert!(kept.iter().all(|stretch| stretch.len() == 5 * ROWS));
         let apart: Vec<usize> = kept.windows(2).map(|two| two[1][0] - two[0][0]).collect();
@@ -51,7 +51,7 @@ mod tests {
     #[test]
     fn a_little_more_than_is_looked_at_loses_only_a_little() {
         let stretches = Stretches::of(ROWS_MOST + 400, 1).expect("long");
-        let kept = stretches.within(vec![vec![(); ROWS_MOST + 400]]);
+        let kept = stretches.within(&[vec![(); ROWS_MOST + 400]]);
         assert_eq!(kept.iter().map(Vec::len).sum::<usize>(), ROWS_MOST);
     }
 }

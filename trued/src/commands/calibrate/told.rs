@@ -206,13 +206,18 @@ impl Report {
 }
 
 fn residuals(found: &Found) -> Vec<ResidualReport> {
-    let of = found.campaign.instruments.iter().zip(&found.last.factors);
-    let report = |(instrument, factor): (&diagnosis::Instrument, &f64)| ResidualReport {
-        instrument: instrument.name.clone(),
-        noise_is_stated: instrument.noise_is_known,
-        factor: *factor,
+    let Found { campaign, last, .. } = found;
+    let reads = |place: usize| {
+        campaign.poses.iter().flat_map(|pose| &pose.seen).any(|seen| seen.instrument == place)
     };
-    of.map(report).collect()
+    let of = campaign.instruments.iter().zip(&last.factors).enumerate();
+    let report =
+        |(_, (instrument, factor)): (usize, (&diagnosis::Instrument, &f64))| ResidualReport {
+            instrument: instrument.name.clone(),
+            noise_is_stated: instrument.noise_is_known,
+            factor: *factor,
+        };
+    of.filter(|(place, _)| reads(*place)).map(report).collect()
 }
 
 fn conditioning(found: &Found) -> ConditioningReport {
