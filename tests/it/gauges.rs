@@ -109,13 +109,15 @@ fn mean(found: &Value, model: &str) -> f64 {
     found["heldout"][model]["mean"].as_f64().expect("a mean")
 }
 
-/// The first number of an effect is the truth, within four times what it says of itself, and known to `sigma`.
-fn holds(found: &Value, effect: &str, joint: u8, truth: f64, most: f64) {
+/// The first number of an effect is near the truth, which is one of the smallest errors that explain the readings. It is not identifiable: the axes after
+/// the joint, turned together, do the same.
+fn is_near(found: &Value, effect: &str, joint: u8, truth: f64, most: f64) {
     let list = found["parameters"].as_array().expect("parameters");
     let is = |p: &&Value| p["effect"] == effect && p["joint"] == joint;
     let first = list.iter().find(is).expect("the effect among the parameters");
-    let (value, sigma) = (first["value"].as_f64().unwrap(), first["sigma"].as_f64().unwrap());
-    assert!((value - truth).abs() < 4.0 * sigma && sigma < most, "{truth}: {first:#}");
+    let value = first["value"].as_f64().unwrap();
+    assert!((value - truth).abs() < most, "{truth}: {first:#}");
+    assert_eq!((&first["identifiable"], &first["sigma"]), (&Value::Bool(false), &Value::Null));
 }
 
 /// A fitted number of a thing, mm, and its standard uncertainty.
@@ -156,7 +158,7 @@ fn a_ballbar_between_unknown_points_calibrates_and_its_own_offset_is_found() {
     let found = calibrated(&place, &["bar.csv"]);
     assert!(mean(&found, "advanced") < 0.008, "{:#}", found["heldout"]);
     assert!(mean(&found, "nominal") > 0.2, "{:#}", found["heldout"]);
-    holds(&found, "joint_offset", 3, 1.5, 0.1);
+    is_near(&found, "joint_offset", 3, 1.5, 0.5);
     let (offset, sigma) = thing(&found, "distance", 2, "offset");
     assert!((offset - 3.2).abs() < 4.0 * sigma && sigma < 0.05, "{offset} ± {sigma}");
     // Lengths do not tell how the first axis stands in the cell.
@@ -190,7 +192,7 @@ fn three_balls_of_unknown_place_calibrate() {
     let found = calibrated(&place, &["balls.csv"]);
     assert!(mean(&found, "advanced") < 0.012, "{:#}", found["heldout"]);
     assert!(mean(&found, "nominal") > 0.1, "{:#}", found["heldout"]);
-    holds(&found, "joint_offset", 3, 1.5, 0.3);
+    is_near(&found, "joint_offset", 3, 1.5, 0.5);
     for (a, b) in [(1, 2), (2, 3), (1, 3)] {
         let between = middle(&found, "sphere", a).distance(middle(&found, "sphere", b)) * 1e-3;
         let off = between - balls[a - 1].distance(balls[b - 1]);
@@ -233,7 +235,7 @@ fn touches_of_a_plate_and_few_points_go_together() {
     place.file("points.toml", about);
     let found = calibrated(&place, &["plate.csv", "points.csv"]);
     assert!(mean(&found, "advanced") < 0.03, "{:#}", found["heldout"]);
-    holds(&found, "joint_offset", 3, 1.5, 0.15);
+    is_near(&found, "joint_offset", 3, 1.5, 0.5);
     let (offset, sigma) = thing(&found, "plane", 1, "offset");
     // A plate stands as surely as the base frame does, which the points' frame shares with joint 1.
     assert!((offset - 350.0).abs() < 1.0 && sigma.is_finite(), "{offset} ± {sigma}");

@@ -83,11 +83,7 @@ pub(super) fn finish(
     names: &[usize],
 ) -> Compared {
     let seen = case.sets.seen();
-    let mut names = settled(&mut case, names, &seen);
-    let is_patched = is_patched(&case, &names);
-    if is_patched {
-        names = settled(&mut case, &[], &seen);
-    }
+    let (mut names, is_patched) = standing(&mut case, names, &seen);
     // A name is weighed in the form that was chosen, and told with all of its numbers.
     let mut weighed = reweighed(&mut case, &mut names, &seen);
     names = filled(&mut case, names, &seen);
@@ -120,8 +116,7 @@ pub(super) fn finish(
     };
     let findings: Vec<Finding> = listed.into_iter().filter_map(finding).collect();
     let refits = refits(&case, model, &asking, &choice, &covariance);
-    let law = rest::rest(&case, &asking.columns(&names));
-    let given = asking.solve(&[]);
+    let (law, given) = (rest::rest(&case, &asking.columns(&names)), asking.solve(&[]));
     let heldout = [&given, &choice].map(|one| rms(&one.solved));
     let creeping = rest::creeping(&case, &case.belief);
     let is_strange = is_patched || hum.is_some() || creeping.is_some();
@@ -147,6 +142,13 @@ pub(super) fn finish(
         has_air: case.law.rows.iter().any(|stood| !stood.cuts),
         traces: traces(&case),
     }
+}
+
+/// The names that stand on all rows that were seen; none, and that they were patches, where they are.
+fn standing(case: &mut Case, names: &[usize], seen: &[bool]) -> (Vec<usize>, bool) {
+    let names = settled(case, names, seen);
+    let is_patched = is_patched(case, &names);
+    (if is_patched { settled(case, &[], seen) } else { names }, is_patched)
 }
 
 /// Whether the numbers of a name, as the law itself has them, keep their limits.
