@@ -103,6 +103,8 @@ pub struct Finding {
     pub size: Size,
     /// Where it shows.
     pub seen: Seen,
+    /// Findings of one number here, from 1, are determined only together; none where it is determined by itself.
+    pub group: Option<usize>,
 }
 
 /// Structure that no name explains.

@@ -62,8 +62,8 @@ pub struct Fit {
 pub struct Conditioning {
     /// Numbers that were fitted.
     pub fitted: usize,
-    /// Independent directions among them that the data determine (the rank): singular values of at least [`SHOWN`]. The others are gauge freedoms, which
-    /// priors fix, and what these poses show too little of.
+    /// Independent directions among them that the data determine (the rank): those of which the largest sensible change shows ten noises. The others are gauge
+    /// freedoms, which priors fix, and what these poses show too little of.
     pub determined: usize,
     /// The largest singular value against the smallest of those directions.
     pub condition: f64,

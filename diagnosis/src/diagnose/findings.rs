@@ -34,6 +34,7 @@ pub(super) fn findings(
     let order: Vec<&Named> = order.into_iter().map(|(one, _)| one).collect();
     let everywhere = vec![true; held.campaign.poses.len()];
     let everywhere = Held::new(held.campaign, (held.split, &everywhere), last);
+    let groups = groups(order.len(), |a, b| are_together(order[a], order[b], last));
     let mut before = held.rms(given);
     let mut findings = Vec::new();
     let whole = &last.hypothesis.model;
@@ -65,10 +66,52 @@ pub(super) fn findings(
             heldout: [before, after],
             heldout_without: held.rms(&fit_without(&[one])),
             size: everywhere.size_between(&registered, last),
+            group: groups[k],
         });
         before = after;
     }
     findings
+}
+
+/// Correlation of two numbers from which they are determined only together; no unit, 0 to 1. Default 0.95: each is then three times as unsure as it would be
+/// if the other were known, by `1/sqrt(1 − ρ²)`.
+const TOGETHER: f64 = 0.95;
+
+/// Whether any two numbers of two names correlate by [`TOGETHER`] or more.
+fn are_together(one: &Named, other: &Named, fit: &Fit) -> bool {
+    let columns = |one: &Named| -> Vec<usize> {
+        let free = fit.hypothesis.free.iter().enumerate();
+        free.filter(|(_, free)| free.effect == one.effect).map(|(k, _)| fit.column_of(k)).collect()
+    };
+    let (own, others) = (columns(one), columns(other));
+    let mut pairs = own.iter().flat_map(|a| others.iter().map(move |b| (*a, *b)));
+    pairs.any(|(a, b)| {
+        fit.correlation(a, b).is_some_and(|correlation| correlation.abs() >= TOGETHER)
+    })
+}
+
+/// The number, from 1, of the group that each of so many belongs to: those that are together, and together with these; none for one that is alone.
+fn groups(count: usize, are_together: impl Fn(usize, usize) -> bool) -> Vec<Option<usize>> {
+    let mut groups: Vec<Option<usize>> = vec![None; count];
+    let mut number = 0;
+    for first in 0..count {
+        if groups[first].is_some() {
+            continue;
+        }
+        let mut members = vec![first];
+        let mut at = 0;
+        while at < members.len() {
+            let open = (0..count).filter(|k| !members.contains(k));
+            let near: Vec<usize> = open.filter(|k| are_together(members[at], *k)).collect();
+            members.extend(near);
+            at += 1;
+        }
+        if members.len() > 1 {
+            number += 1;
+            members.into_iter().for_each(|k| groups[k] = Some(number));
+        }
+    }
+    groups
 }
 
 /// How much of an energy each of so many names takes away, as a mean over all orders in which they can be brought in; `left`: the energy where these are
@@ -112,7 +155,15 @@ fn sigma(
 
 #[cfg(test)]
 mod tests {
-    use super::shares;
+    use super::{groups, shares};
+
+    #[test]
+    fn what_is_together_with_one_of_a_group_is_of_the_group() {
+        let pairs = [(0, 2), (2, 4), (3, 5)];
+        let are_together = |a, b| pairs.contains(&(a, b)) || pairs.contains(&(b, a));
+        let groups = groups(7, are_together);
+        assert_eq!(groups, [Some(1), None, Some(1), Some(2), Some(1), Some(2), None]);
+    }
 
     /// What three names move, and the error that they are to explain.
     const MOVED: [[f64; 3]; 3] = [[3.0, 1.0, 0.0], [2.5, -1.0, 0.5], [0.0, 0.4, 2.0]];

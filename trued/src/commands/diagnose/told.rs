@@ -84,8 +84,8 @@ pub(super) struct Told {
     pub(super) heldout_rms_without: Option<f64>,
     /// What it alone does to what was measured; none where that is not computed.
     pub(super) size: Option<Size>,
-    /// Findings that are determined only together: not computed.
-    group: Option<String>,
+    /// The name of findings that are determined only together; none where it is determined by itself, or that is not computed.
+    pub(super) group: Option<String>,
     #[serde(rename = "where")]
     place: Where,
     pub(super) alternatives: Vec<Alternative>,
@@ -332,7 +332,7 @@ impl Told {
             heldout_rms_after: Some(MILLI * finding.heldout[1]),
             heldout_rms_without: Some(MILLI * finding.heldout_without),
             size: Some(Size::of(finding.size, MILLI)),
-            group: None,
+            group: finding.group.map(|number| format!("group {number}")),
             place: Where {
                 joint,
                 channels: finding.seen.channels.clone(),

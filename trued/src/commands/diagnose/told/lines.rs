@@ -49,6 +49,14 @@ fn line(report: &Report, told: &Told) -> String {
         [] => String::new(),
         rivals => format!(" (cannot be distinguished from {})", rivals.join(", ")),
     };
+    let together = |other: &&Told| told.group.is_some() && other.group == told.group;
+    let others =
+        report.findings.iter().filter(together).filter(|other| !std::ptr::eq(*other, told));
+    let others: Vec<String> = others.map(Told::name).collect();
+    let together = match others.as_slice() {
+        [] => String::new(),
+        others => format!(" (determined only together with {})", others.join(", ")),
+    };
     let confidence = told.confidence.map(|p| format!("Confidence {p:.2}"));
     let size = told.size.as_ref().map(|size| {
         let [rms, max] = [size.rms, size.max].map(|value| significant(value, 3));
@@ -59,7 +67,7 @@ fn line(report: &Report, told: &Told) -> String {
         format!("held out {before} to {after} {unit}")
     });
     let figures: Vec<String> = confidence.into_iter().chain(size).chain(held).collect();
-    format!("  {} {}{rivals}", told.says, figures.join("; ")).trim_end().to_owned()
+    format!("  {} {}{rivals}{together}", told.says, figures.join("; ")).trim_end().to_owned()
 }
 
 /// The other findings in one line, with a bound of their sizes where they are all smaller than the first ones.
