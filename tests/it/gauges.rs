@@ -196,10 +196,8 @@ fn three_balls_of_unknown_place_calibrate() {
     for (a, b) in [(1, 2), (2, 3), (1, 3)] {
         let between = middle(&found, "sphere", a).distance(middle(&found, "sphere", b)) * 1e-3;
         let off = between - balls[a - 1].distance(balls[b - 1]);
-        // Only the balls' radii carry a length: between them the scale of the arm is known this well.
-        let sigmas = [a, b].map(|ball| ["x", "y", "z"].map(|w| thing(&found, "sphere", ball, w).1));
-        let sigma = sigmas.iter().flatten().map(|s| s * s).sum::<f64>().sqrt() * 1e-3;
-        assert!(off.abs() < 4.0 * sigma && sigma < 5e-4, "balls {a} and {b}: {off} ± {sigma} m");
+        // Where each stands about the first axis nothing tells, but what is between them: only the balls' radii carry a length.
+        assert!(off.abs() < 2e-4, "balls {a} and {b}: {off} m");
     }
 }
 
