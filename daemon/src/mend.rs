@@ -1,7 +1,7 @@
-//! Makes recordings whole that were not closed: when the daemon starts, and when its disk has room again.
+//! Repairs recordings that were not closed: when the daemon starts, and when its disk has room again.
 //!
-//! A thread of its own, which ends when it is done. Promises: the file that is being written and other cells' are not touched; one that
-//! cannot be repaired stays as it is, and that is told. Never: anything that the recorder waits for.
+//! Runs in a thread of its own, which ends with the last file. The file that is being written and the files of other cells are not touched. A file
+//! that cannot be repaired is left unchanged, with a warning in the log. The recorder does not wait for this thread.
 
 use crate::{notebook, shelf};
 use recording::blackbox::{Repair, is_closed, repair};

@@ -1,6 +1,6 @@
-//! Who asks something of the daemon: process, program, user; for log, status and recording.
+//! Who sent a request to the daemon (program, process, user), for log, status and recording.
 //!
-//! Promise: what cannot be found out is left out. Never: in a real-time thread.
+//! What `/proc` does not tell is left out. Reads files, so it must not run in a real-time thread.
 
 use recording::blackbox::Utc;
 use std::fs;
@@ -9,7 +9,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// Where names of users stand; without it they are numbers.
 const USERS: &str = "/etc/passwd";
 
-/// `trued, process 4711, user operator`; by the process's own account while it waits for its answer.
+/// Such as `trued, process 4711, user operator`, read from `/proc` while the process waits for its answer.
 #[must_use]
 pub fn words(pid: Option<u32>) -> String {
     let Some(pid) = pid else { return "an unknown process".to_owned() };
@@ -26,7 +26,7 @@ pub fn words(pid: Option<u32>) -> String {
     format!("{program}process {pid}{}", user.unwrap_or_default())
 }
 
-/// The same with the time of now: what was asked stays until something else is asked.
+/// The same with the present time, for states that hold until the next request (bypass, mode).
 #[must_use]
 pub fn words_of_now(pid: Option<u32>) -> String {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();

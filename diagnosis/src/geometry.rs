@@ -46,7 +46,7 @@ impl Tolerances {
 }
 
 /// The geometry of every joint, free beside the effects that `model` has. What a file states with its uncertainty (`sigma`, one list per effect, zeros where
-/// unsaid) is believed so far. A number that moves together with those before it is left out of a fit: what is planned is how well the others are told.
+/// unsaid) is believed so far. A parameter that the data do not distinguish from those before it is left out of a fit. Used by `plan`, which chooses poses for the others.
 #[must_use]
 pub fn geometry(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     let mut hypothesis = Hypothesis::fixed(*model);

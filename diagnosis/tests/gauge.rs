@@ -60,35 +60,50 @@ impl Robot {
     /// Where the targets are seen.
     fn seen(&self, links: &[Link], model: &Model, q: &[f64]) -> [DVec3; 3] {
         let loads = loads(links, q);
-        let (mut turn, mut origin) = (DQuat::IDENTITY, DVec3::ZERO);
+        let mut pose = RigidMotion::NONE;
         for (joint, (axis, point, ..)) in links.iter().enumerate() {
             let (zero, tilt, shift, soft) = self.errors[joint];
             let axis = DQuat::from_scaled_axis(tilt) * *axis;
             let by =
                 DQuat::from_axis_angle(axis.normalize(), q[joint] + zero + soft * loads[joint]);
-            (turn, origin) = after((turn, origin), by, *point + shift);
+            pose = pose.then_about(*point + shift, by);
         }
         let tool = &model.arm.tool;
         let (measuring, there) = self.measuring;
-        self.targets.map(|target| {
-            measuring * (turn * (tool.base_from_tool * target + tool.tcp) + origin) + there
-        })
+        self.targets
+            .map(|target| measuring * pose.of(tool.base_from_tool * target + tool.tcp) + there)
     }
 }
 
-/// A rotation about a point after what came before.
-fn after((turn, origin): (DQuat, DVec3), by: DQuat, point: DVec3) -> (DQuat, DVec3) {
-    (turn * by, origin + turn * (point - by * point))
+/// A rotation about the origin, then a translation.
+#[derive(Clone, Copy)]
+struct RigidMotion {
+    rotation: DQuat,
+    translation: DVec3,
+}
+
+impl RigidMotion {
+    const NONE: Self = Self { rotation: DQuat::IDENTITY, translation: DVec3::ZERO };
+
+    fn of(self, point: DVec3) -> DVec3 {
+        self.rotation * point + self.translation
+    }
+
+    /// Product of exponentials: a further rotation about a point, both in the coordinates that this motion maps from.
+    fn then_about(self, point: DVec3, rotation: DQuat) -> Self {
+        let translation = self.of(point - rotation * point);
+        Self { rotation: self.rotation * rotation, translation }
+    }
 }
 
 /// The torque of the weight at each joint, Nm.
 fn loads(links: &[Link], q: &[f64]) -> Vec<f64> {
-    let mut stands = (DQuat::IDENTITY, DVec3::ZERO);
+    let mut pose = RigidMotion::NONE;
     let (mut axes, mut middles) = (Vec::new(), Vec::new());
     for (joint, (axis, point, _, middle)) in links.iter().enumerate() {
-        axes.push((stands.0 * *axis, stands.0 * *point + stands.1));
-        stands = after(stands, DQuat::from_axis_angle(*axis, q[joint]), *point);
-        middles.push(stands.0 * *middle + stands.1);
+        axes.push((pose.rotation * *axis, pose.of(*point)));
+        pose = pose.then_about(*point, DQuat::from_axis_angle(*axis, q[joint]));
+        middles.push(pose.of(*middle));
     }
     let load = |(joint, (axis, point)): (usize, &(DVec3, DVec3))| {
         let carried = links.iter().zip(&middles).skip(joint);

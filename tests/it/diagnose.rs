@@ -136,6 +136,7 @@ fn the_page_says_first_what_was_found_and_shows_it_in_one_file() {
         let at = page[from..].find(words);
         from += at.unwrap_or_else(|| panic!("`{words}` stands after what came before"));
     }
+    assert!(page.contains(concat!("Made by trued ", env!("CARGO_PKG_VERSION"))));
     assert!(!page.contains("<script") && !page.contains("src=") && !page.contains("@import"));
     assert!(page.len() < 600_000, "{} bytes", page.len());
 }

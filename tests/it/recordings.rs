@@ -23,12 +23,6 @@ const KILLS: u64 = 12;
 /// At most this much of what was answered may be missing after a kill.
 const LOST_MAX: Duration = Duration::from_secs(1);
 
-fn ready(place: &Place) -> Process {
-    let daemon = Process::daemon(TRUED, place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
-    daemon
-}
-
 /// The files of that place, oldest first.
 fn files(place: &Place) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(place.file("recordings")).unwrap();
@@ -86,7 +80,7 @@ fn recordings_that_kills_left_are_whole_again_and_lack_less_than_a_second() {
     let mut worst = Duration::ZERO;
     let kills = asked.unwrap_or(KILLS);
     for _ in 0..kills {
-        let mut daemon = ready(&place);
+        let mut daemon = Process::ready_daemon(TRUED, &place);
         let mut cell = CellLoop::join(&place.cell(), Duration::from_millis(5)).unwrap();
         let mut answered_ns = 0;
         let until = Duration::from_micros(50_000 + chance.below(1_200_000));
@@ -127,7 +121,7 @@ fn recordings_that_kills_left_are_whole_again_and_lack_less_than_a_second() {
 #[test]
 fn a_recording_holds_wall_clock_times_states_and_the_log() {
     let place = Place::new("full", RECORDER);
-    let mut daemon = ready(&place);
+    let mut daemon = Process::ready_daemon(TRUED, &place);
     let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
     for on in [true, false] {
         assert_eq!(monitor.bypass(on, LIMIT).unwrap().answer(), Ok(Answer::Done));
@@ -188,7 +182,7 @@ fn last(recording: &recording::series::Recording, name: &str) -> f64 {
 #[test]
 fn after_a_reload_each_cycle_is_replayed_with_the_model_that_made_it() {
     let place = Place::new("full", RECORDER);
-    let mut daemon = ready(&place);
+    let mut daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     let settle = Duration::from_millis(1500);
     assert!(!cell.tick_until(settle, |_, _| false));
@@ -225,7 +219,7 @@ fn after_a_reload_each_cycle_is_replayed_with_the_model_that_made_it() {
 #[test]
 fn a_folder_that_is_removed_is_made_anew_and_written_on() {
     let place = Place::new("full", RECORDER);
-    let mut daemon = ready(&place);
+    let mut daemon = Process::ready_daemon(TRUED, &place);
     let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).unwrap();
     let has_file = || {
         let entries = std::fs::read_dir(place.file("recordings")).into_iter().flatten().flatten();

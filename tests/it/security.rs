@@ -16,12 +16,6 @@ const LIMIT: Duration = Duration::from_secs(20);
 /// `nobody`, on every Linux.
 const NOBODY: u32 = 65_534;
 
-fn ready(place: &Place) -> Process {
-    let daemon = Process::daemon(TRUED, place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
-    daemon
-}
-
 /// Whether this test may become another user.
 fn may_become_others(claim: &str) -> bool {
     let root = rustix::process::geteuid().is_root() && tests::clients::has("setpriv");
@@ -61,7 +55,7 @@ fn in_memory(place: &Place) -> Vec<PathBuf> {
 #[test]
 fn the_daemon_opens_no_network_socket() {
     let place = Place::new("full", "[force]\nrate_Hz = 1000.0\n[vibration]\nband_Hz = [5, 400]\n");
-    let daemon = ready(&place);
+    let daemon = Process::ready_daemon(TRUED, &place);
     let process = PathBuf::from(format!("/proc/{}", daemon.id()));
     let links = fs::read_dir(process.join("fd")).unwrap().flatten();
     let sockets: BTreeSet<String> = links
@@ -83,7 +77,7 @@ fn the_daemon_opens_no_network_socket() {
 #[test]
 fn what_a_cell_has_in_memory_is_closed_to_all_others() {
     let place = Place::new("full", "");
-    let _daemon = ready(&place);
+    let _daemon = Process::ready_daemon(TRUED, &place);
     // What joins later makes memory of its own.
     let _client = Client::connect_to(&place.cell(), LIMIT).unwrap();
     let found = in_memory(&place);
@@ -100,7 +94,7 @@ fn another_user_is_refused_by_name_and_can_open_nothing() {
         return;
     }
     let place = Place::new("full", "");
-    let mut daemon = ready(&place);
+    let mut daemon = Process::ready_daemon(TRUED, &place);
     let program = program_for_all(PROGRAMS.rig);
     let refused = Process::spawn(as_nobody().arg(&program), &place);
     let named = refused.says("user 0", LIMIT) && refused.says(&NOBODY.to_string(), LIMIT);

@@ -13,16 +13,10 @@ use trued_client::{Answer, Client, ConnectError, Mode, Source};
 const LIMIT: Duration = Duration::from_secs(10);
 const SYSTEM_FAILED: Option<i32> = Some(3);
 
-fn ready(place: &Place) -> Process {
-    let daemon = Process::daemon(TRUED, place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
-    daemon
-}
-
 #[test]
 fn another_contract_is_refused_at_once_and_both_versions_are_named() {
     let place = Place::new("full", "");
-    let daemon = ready(&place);
+    let daemon = Process::ready_daemon(TRUED, &place);
     // One that runs would put right what is changed here.
     daemon.signal(Signal::STOP);
     let current = place.cell().dir().join("current");
@@ -43,7 +37,7 @@ fn another_contract_is_refused_at_once_and_both_versions_are_named() {
 #[test]
 fn a_second_daemon_for_a_cell_is_refused_with_the_process_of_the_first() {
     let place = Place::new("full", "");
-    let mut first = ready(&place);
+    let mut first = Process::ready_daemon(TRUED, &place);
     let mut second = Process::daemon(TRUED, &place);
     let code = second.wait().code();
     let words = second.lines().join("\n");
@@ -91,7 +85,7 @@ fn bits(q: &[f64]) -> Vec<u64> {
 #[test]
 fn in_shadow_mode_commands_go_out_bit_for_bit_and_what_is_wanted_is_told() {
     let place = Place::new("shadow", "");
-    let _daemon = ready(&place);
+    let _daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     let mut answers = 0;
     cell.tick_until(Duration::from_secs(1), |cell, tick| {
@@ -128,7 +122,7 @@ fn until(cell: &mut CellLoop, status: CorrectionStatus, zero: bool) -> u32 {
 #[test]
 fn arming_and_bypass_ramp_the_correction_in_and_out() {
     let place = Place::new("full", "");
-    let _daemon = ready(&place);
+    let _daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     until(&mut cell, CorrectionStatus::Corrected, false);
     cell.client.arm(false, LIMIT).unwrap();
@@ -145,7 +139,7 @@ fn arming_and_bypass_ramp_the_correction_in_and_out() {
 #[test]
 fn a_cell_that_is_configured_to_look_on_refuses_to_be_armed_and_says_what_to_do() {
     let place = Place::new("shadow", "");
-    let _daemon = ready(&place);
+    let _daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     until(&mut cell, CorrectionStatus::Shadow, true);
     let said = cell.client.arm(true, LIMIT).unwrap();
@@ -159,7 +153,7 @@ fn a_cell_that_is_configured_to_look_on_refuses_to_be_armed_and_says_what_to_do(
 #[test]
 fn an_armed_cell_goes_back_to_the_configured_mode_and_no_further() {
     let place = Place::new("limited", "");
-    let _daemon = ready(&place);
+    let _daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     for on in [false, true] {
         assert_eq!(cell.client.arm(on, LIMIT).unwrap().answer(), Ok(Answer::Done));
@@ -173,7 +167,7 @@ fn an_armed_cell_goes_back_to_the_configured_mode_and_no_further() {
 #[test]
 fn a_role_that_is_taken_is_refused_with_the_process_that_has_it() {
     let place = Place::new("shadow", "");
-    let _daemon = ready(&place);
+    let _daemon = Process::ready_daemon(TRUED, &place);
     let _first = Client::connect_to(&place.cell(), LIMIT).unwrap();
     let mut second = Seat::new(&place.cell(), Role::Cell);
     let refused = second.join().and_then(|joined| Ok(joined.publisher::<Command>()?));

@@ -32,16 +32,10 @@ fn trued(place: &Place, arguments: &[&str]) -> Done {
     Done { code: done.status.code(), said, pid }
 }
 
-fn ready(place: &Place) -> Process {
-    let daemon = Process::daemon(TRUED, place);
-    assert!(daemon.says("ready", LIMIT), "{:?}", daemon.lines());
-    daemon
-}
-
 #[test]
 fn a_bypass_that_a_program_left_behind_is_shown_with_who_asked_and_undone_from_the_shell() {
     let place = Place::new("full", "");
-    let daemon = ready(&place);
+    let daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     assert!(cell.tick_until(LIMIT, |_, tick| tick.largest() > 1e-4));
     let left = trued(&place, &["bypass", "on"]);
@@ -71,7 +65,7 @@ fn a_bypass_that_a_program_left_behind_is_shown_with_who_asked_and_undone_from_t
 #[test]
 fn modes_change_without_a_restart_and_the_robot_never_steps() {
     let place = Place::new("full", "");
-    let mut daemon = ready(&place);
+    let mut daemon = Process::ready_daemon(TRUED, &place);
     let mut cell = CellLoop::join(&place.cell(), LIMIT).unwrap();
     let seed = monotonic_ns();
     println!("seed {seed}");
@@ -115,7 +109,7 @@ fn modes_change_without_a_restart_and_the_robot_never_steps() {
 #[test]
 fn a_mode_beyond_what_the_configuration_allows_is_refused_and_one_within_is_not() {
     let place = Place::new("limited", "");
-    let daemon = ready(&place);
+    let daemon = Process::ready_daemon(TRUED, &place);
     let refused = trued(&place, &["mode", "full"]);
     assert_eq!(refused.code, Some(1), "{}", refused.said);
     for words in ["allows at most `limited`", "mode_max = \"full\""] {
@@ -125,7 +119,7 @@ fn a_mode_beyond_what_the_configuration_allows_is_refused_and_one_within_is_not(
     drop(daemon);
     // A cell that starts in shadow mode and may go further.
     let place = Place::new("shadow\"\nmode_max = \"full", "");
-    let _daemon = ready(&place);
+    let _daemon = Process::ready_daemon(TRUED, &place);
     assert_eq!(trued(&place, &["arm"]).code, Some(1), "the configured mode is shadow");
     assert_eq!(trued(&place, &["mode", "full"]).code, Some(0));
     let told = || trued(&place, &["status"]).said.contains("mode      full");
@@ -141,7 +135,7 @@ fn a_cell_needs_no_name_where_it_is_the_only_one() {
     let none = trued(&place, &["status"]);
     assert_eq!(none.code, Some(3), "{}", none.said);
     assert!(none.said.contains("no cell is served here"), "{}", none.said);
-    let _daemon = ready(&place);
+    let _daemon = Process::ready_daemon(TRUED, &place);
     assert_eq!(trued(&place, &["status"]).code, Some(0));
     assert_eq!(trued(&place, &["status", "other"]).code, Some(3));
     let text = std::fs::read_to_string(place.file("cell.toml")).unwrap();
@@ -170,7 +164,7 @@ fn keys(value: &serde_json::Value) -> Vec<String> {
 #[test]
 fn a_status_fits_a_terminal_and_its_keys_stand_in_the_reference() {
     let place = Place::new("full", "[force]\nrate_Hz = 10000.0\n[vibration]\nenabled = true\n");
-    let mut daemon = ready(&place);
+    let mut daemon = Process::ready_daemon(TRUED, &place);
     let shown = trued(&place, &["status"]);
     assert!(shown.said.lines().all(|line| line.chars().count() <= 80), "{}", shown.said);
     let done = trued(&place, &["status", "--quiet", "--json", "-"]);

@@ -12,6 +12,9 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+/// How long a daemon may take to be ready on a loaded machine.
+const READY_WITHIN: Duration = Duration::from_secs(10);
+
 /// What was heard of a process.
 #[derive(Debug, Default)]
 struct Heard {
@@ -54,6 +57,13 @@ impl Process {
         listen(child.stdout.take(), &heard, [&deaf, &stalled]);
         listen(child.stderr.take(), &heard, [&deaf, &stalled]);
         Self { child, heard, deaf, stalled }
+    }
+
+    /// Starts the daemon of that place and waits until it says that it is ready.
+    pub fn ready_daemon(program: &str, place: &Place) -> Self {
+        let daemon = Self::daemon(program, place);
+        assert!(daemon.says("ready", READY_WITHIN), "{:?}", daemon.lines());
+        daemon
     }
 
     /// Starts the daemon of that place.

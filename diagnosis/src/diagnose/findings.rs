@@ -73,11 +73,11 @@ pub(super) fn findings(
     findings
 }
 
-/// Correlation of two numbers from which they are determined only together; no unit, 0 to 1. Default 0.95: each is then three times as unsure as it would be
-/// if the other were known, by `1/sqrt(1 − ρ²)`.
+/// Correlation from which two parameters are determined only together; no unit, 0 to 1. Default 0.95: the standard uncertainty of each is then
+/// three times what it would be if the other were known, `1/sqrt(1 − ρ²)`.
 const TOGETHER: f64 = 0.95;
 
-/// Whether any two numbers of two names correlate by [`TOGETHER`] or more.
+/// Whether a parameter of one effect and a parameter of the other correlate by [`TOGETHER`] or more.
 fn are_together(one: &Named, other: &Named, fit: &Fit) -> bool {
     let columns = |one: &Named| -> Vec<usize> {
         let free = fit.hypothesis.free.iter().enumerate();
@@ -90,7 +90,7 @@ fn are_together(one: &Named, other: &Named, fit: &Fit) -> bool {
     })
 }
 
-/// The number, from 1, of the group that each of so many belongs to: those that are together, and together with these; none for one that is alone.
+/// The connected components with two members or more of a relation between `count` items: for each item the number of its component, from 1.
 fn groups(count: usize, are_together: impl Fn(usize, usize) -> bool) -> Vec<Option<usize>> {
     let mut groups: Vec<Option<usize>> = vec![None; count];
     let mut number = 0;

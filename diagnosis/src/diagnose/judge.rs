@@ -169,9 +169,19 @@ pub(super) fn confidence(one: &Named, fit: &Fit) -> (f64, Vec<f64>) {
 
 #[cfg(test)]
 mod tests {
-    use super::{is_clear, of_word};
+    use super::{Verdict, claimed, is_clear, of_word};
     use physics::{AnyEffect, Given};
     use recording::model::presets::preset;
+
+    #[test]
+    fn a_finding_is_claimed_from_a_half_on_and_an_undetermined_set_holds_all() {
+        let found = vec![0.98, 0.49, 0.5, 0.0];
+        let confidence = |one: &f64| *one;
+        let (claims, candidates) = claimed(Verdict::MissingPhysics, found.clone(), confidence);
+        assert_eq!((claims, candidates), (vec![0.98, 0.5], vec![0.49, 0.0]));
+        let (set, candidates) = claimed(Verdict::Undetermined, found.clone(), confidence);
+        assert_eq!((set, candidates), (found, Vec::new()));
+    }
 
     #[test]
     fn what_is_alike_takes_no_claim_from_a_name_that_is_sure_by_itself() {

@@ -1,4 +1,4 @@
-//! Rivals in a name's place: the sums that propose one are linear, so that a fit decides.
+//! Replaces a named effect by a rival. Rivals are proposed by linearised sums of squares; a nonlinear fit decides.
 
 use super::gram::Entry;
 use super::name::{ALIKE, Asking, Named, Naming, Rival, close_up, without};
@@ -12,7 +12,7 @@ const CLEARLY: f64 = 0.25;
 /// Rivals of a name that are fitted in its place, to see whether they are as near as linear sums say.
 const FITTED: usize = 3;
 
-/// Names that stand, each with its rivals on the rows that `asking` uses; none is added, none is taken away.
+/// Finds the rivals of each named effect on the rows that `asking` uses, and replaces effects by better rivals. The number of effects stays the same.
 pub(super) fn with_rivals(asking: &Asking<'_>, mut naming: Naming) -> Naming {
     for round in 0..=RENAMING {
         let also = asking.searched(&naming);
@@ -124,5 +124,64 @@ impl Asking<'_> {
             variants: Vec::new(),
         };
         Some((Naming { fit, named }, loss))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::bank::Bank;
+    use crate::diagnose::judge::confidence;
+    use crate::diagnose::library::library;
+    use crate::diagnose::name::{glimpsed, title};
+    use crate::fit::{Effort, Settings};
+    use crate::made::{empty, nominal};
+    use crate::robust::Influence;
+    use crate::simulate;
+    use physics::{AnyEffect, Given};
+
+    #[test]
+    fn a_rival_that_sums_call_better_counts_as_far_behind_as_its_fit_is() {
+        let model = nominal();
+        let mut truth = model;
+        let given: &[(&str, &[f64])] = &[("offset", &[2e-3])];
+        let zero = AnyEffect::build("joint_offset", &model.arm, Some(2), Given(given));
+        truth.push(zero.expect("an effect")).expect("room");
+        let bare = empty(3, 60);
+        let campaign = simulate::readings(&bare, &truth, &bare.surroundings, 1.0, 5);
+        let known = Hypothesis::fixed(model);
+        let used = vec![true; 60];
+        let (influence, effort) = (Influence::Equal, Effort::Full);
+        let settings = Settings { used: &used, influence, from: None, effort };
+        let base = fit(&campaign, &known, &settings);
+        let (library, bank) = (library(&model, &campaign), Bank::default());
+        let asking =
+            Asking { campaign: &campaign, known: &known, settings, library: &library, bank: &bank };
+        let (mut naming, also) = glimpsed(&asking, &base, 10);
+        let price = asking.compare(&mut naming, &also);
+        let kinds: Vec<_> = naming.named.iter().map(|one| title(&one.candidate)).collect();
+        assert_eq!(kinds, [Some(("joint_offset", Some(2), false))]);
+        // A scale of the last joint, which explains nothing of it.
+        let wrong = |candidate: &&crate::candidates::Candidate| {
+            title(candidate) == Some(("joint_ratio", Some(5), false))
+        };
+        let candidate = library.iter().find(wrong).expect("in the library").clone();
+        let effect = candidate.effect(&model.arm, &[1e-6]).expect("an effect");
+        let rival = Rival {
+            effect,
+            changes: false,
+            behind: -40.0,
+            numbers: 1,
+            alike: true,
+            candidate,
+            found: vec![1e-6],
+            kept: &[],
+        };
+        naming.named[0].rivals = vec![rival];
+        assert!(confidence(&naming.named[0], &naming.fit).0 < 0.01, "by the sums");
+        asking.refute(&mut naming, price);
+        let rival = &naming.named[0].rivals[0];
+        assert!(rival.behind > 20.0 && !rival.alike, "{}", rival.behind);
+        assert!(confidence(&naming.named[0], &naming.fit).0 > 0.99, "by the fit");
     }
 }

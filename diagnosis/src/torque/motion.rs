@@ -386,3 +386,31 @@ fn filled(column: &[f64]) -> Vec<f64> {
     };
     column.iter().map(&mut next).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Motion;
+    use crate::torque::tests::slider;
+    use physics::JointKind;
+    use recording::series::{Channel, Recording};
+
+    #[test]
+    fn of_a_long_recording_stretches_from_its_beginning_to_its_end_become_rows() {
+        let count = 400_000_u32;
+        let t_s: Vec<f64> = (0..count).map(|k| 1e-3 * f64::from(k)).collect();
+        let end_s = *t_s.last().expect("rows");
+        let q = t_s.iter().map(|t| 0.1 * libm::sin(*t)).collect();
+        let mut recording = Recording::new(t_s);
+        recording.set_joint_kind(0, JointKind::Prismatic);
+        recording.set(Channel::Motor(0), q);
+        recording.set(Channel::Torque(0), vec![1.0; count as usize]);
+        let motion = Motion::of(&slider(true), 0.0, &[recording], None);
+        let rows: usize = motion.runs.iter().map(|run| run.rows.len()).sum();
+        let samples: usize = motion.runs.iter().map(|run| run.joints[0].q.len()).sum();
+        assert!((38_000..=40_000).contains(&rows), "{rows}");
+        assert!(samples <= 200_000, "what is not looked at is not kept: {samples}");
+        let starts: Vec<f64> = motion.runs.iter().map(|run| run.start_s).collect();
+        assert!(starts[0] == 0.0 && starts.last().is_some_and(|last| *last > 0.9 * end_s));
+        assert!(motion.notes.iter().any(|note| note.contains("% of what was recorded")));
+    }
+}

@@ -144,7 +144,7 @@ pub(super) fn finish(
     }
 }
 
-/// The names that stand on all rows that were seen; none, and that they were patches, where they are.
+/// The effects that all rows outside the held-out ones support. Where they are only patches on something else: none, and `true`.
 fn standing(case: &mut Case, names: &[usize], seen: &[bool]) -> (Vec<usize>, bool) {
     let names = settled(case, names, seen);
     let is_patched = is_patched(case, &names);
