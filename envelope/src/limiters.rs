@@ -71,9 +71,13 @@ impl<const N: usize> Limiters<N> {
         limits: impl Fn(usize) -> Option<Limits>,
         elapsed: Elapsed,
     ) -> [f64; N] {
-        self.on_line = [false; N];
+        let were_on_line = core::mem::replace(&mut self.on_line, [false; N]);
         for (i, joint) in self.joints.iter_mut().enumerate() {
             let Some(limits) = limits(i) else { continue };
+            if were_on_line[i] {
+                // Its plan has the pace of others, of which some may now go faster.
+                joint.plan_anew();
+            }
             if !joint.step_with(wanted[i], &limits, elapsed) {
                 joint.step_onto(&limits, Pace::ALONE, elapsed);
             }
@@ -133,7 +137,8 @@ impl<const N: usize> Limiters<N> {
         let ways: [f64; N] = core::array::from_fn(|i| distances[i].max(offsets[i].reach(time_s)));
         let longest = ways.iter().fold(0.0_f64, |longest, way| longest.max(*way));
         let no_ramp = |i: usize| limits(i).map_or(0.0, |limits| NO_RAMP * limits.angle());
-        for i in (0..N).filter(|i| behind[*i]) {
+        // The pace goes by the ways of all that ramp, so that the arrival of any is news for the others.
+        for i in (0..N).filter(|i| behind[*i] || self.joints[*i].is_ramping()) {
             self.on_line[i] = ways[i] >= no_ramp(i);
         }
         let ways: [f64; N] =

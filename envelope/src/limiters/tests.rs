@@ -113,6 +113,40 @@ fn a_joint_that_hardly_jumps_keeps_to_what_is_wanted_while_another_ramps() {
     }
 }
 
+proptest! {
+    /// A daemon is restarted with tighter bounds, its answers come and stay away: by turns the joints follow them, each by itself, and ramp out along a line.
+    #[test]
+    fn no_joint_keeps_the_pace_of_others_that_have_arrived(
+        from in prop::array::uniform6(-2e-2..2e-2_f64), small in 1e-5..2e-4_f64,
+        answered in prop::collection::vec(any::<bool>(), 40), every in 1_usize..60, late in 1_usize..300,
+    ) {
+        let (wide, tight) = (limits(0.02, 0.05, 5.0), limits(2e-3, 5e-3, 0.5));
+        let mut from = from;
+        from[0] = small;
+        let mut arm = Limiters::from_motion(|i| (from[i], 0.0, 0.0));
+        let mut alone_s: Option<f64> = None;
+        for k in 0..6000 {
+            let has_answer = answered.get(k / every).copied().unwrap_or(false);
+            // A late cycle has the others, which are fast, plan anew.
+            let dt_s = if k % late == 0 { 15.0 * DT_S } else { DT_S };
+            let elapsed = Elapsed::exactly(dt_s);
+            let limits = |_| Some(if k < 10 { wide } else { tight });
+            let c = if has_answer {
+                arm.step_apart(&[0.0; 6], limits, elapsed)
+            } else {
+                arm.step(&[0.0; 6], limits, elapsed)
+            };
+            let arrived = |others: &[f64]| others.iter().all(|c| *c == 0.0);
+            if c[0] != 0.0 && arrived(&c[1..]) {
+                *alone_s.get_or_insert_default() += dt_s;
+            }
+        }
+        // The fastest plan over so little takes 0.25 s.
+        prop_assert!(alone_s.unwrap_or_default() < 0.3, "{alone_s:?} s from {from:?}");
+        prop_assert_eq!(arm.values(), [0.0; 6]);
+    }
+}
+
 #[test]
 fn joints_that_take_each_other_back_do_so_all_the_way_out() {
     // Two joints whose corrections cancel at the tool but for a tenth: 5 and -4 mrad, worth 0.8 and 0.9 m.
