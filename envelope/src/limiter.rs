@@ -191,6 +191,11 @@ impl Limiter {
         self.offset.is_none_or(|offset| !offset.is_over())
     }
 
+    /// Whether its motion is one of former limits that cannot stop within these yet.
+    pub(crate) fn brakes_into(&self, limits: &Limits) -> bool {
+        self.in_force.is_some_and(|in_force| in_force != *limits)
+    }
+
     /// Drops its plan: the next output is on another, which may be faster.
     pub(crate) fn plan_anew(&mut self) {
         self.offset = None;

@@ -119,6 +119,9 @@ impl<const N: usize> Limiters<N> {
         limits: impl Fn(usize) -> Option<Limits>,
         elapsed: Elapsed,
     ) {
+        // A joint that brakes into new limits goes by the old ones: its way says nothing of how long the others may take.
+        let brakes = |i: usize| limits(i).is_some_and(|limits| self.joints[i].brakes_into(&limits));
+        let brakes: [bool; N] = core::array::from_fn(brakes);
         let offsets: [Motion; N] = core::array::from_fn(|i| self.joints[i].offset(elapsed.dt_s));
         let fastest = |ways: &[f64; N]| {
             let bound =
@@ -129,12 +132,14 @@ impl<const N: usize> Limiters<N> {
             })
         };
         // Just after a jump the trend has hardly moved: the jump itself tells how far it is.
+        let distance = |i: usize| offsets[i].value.abs().max(self.joints[i].distance());
         let distances: [f64; N] =
-            core::array::from_fn(|i| offsets[i].value.abs().max(self.joints[i].distance()));
+            core::array::from_fn(|i| if brakes[i] { 0.0 } else { distance(i) });
         let Pace { rate, jerk } = fastest(&distances);
         let time_s = TO_REST * libm::cbrt(1.0 / jerk).max(1.0 / rate);
         // A motion is worth the way that takes as long: slower, it would swing far beyond where it is.
-        let ways: [f64; N] = core::array::from_fn(|i| distances[i].max(offsets[i].reach(time_s)));
+        let reach = |i: usize| distances[i].max(offsets[i].reach(time_s));
+        let ways: [f64; N] = core::array::from_fn(|i| if brakes[i] { 0.0 } else { reach(i) });
         let longest = ways.iter().fold(0.0_f64, |longest, way| longest.max(*way));
         let no_ramp = |i: usize| limits(i).map_or(0.0, |limits| NO_RAMP * limits.angle());
         // The pace goes by the ways of all that ramp, so that the arrival of any is news for the others.

@@ -141,8 +141,8 @@ proptest! {
                 *alone_s.get_or_insert_default() += dt_s;
             }
         }
-        // The fastest plan over so little takes 0.25 s.
-        prop_assert!(alone_s.unwrap_or_default() < 0.3, "{alone_s:?} s from {from:?}");
+        // What the change of bounds has it swing out takes up to 0.4 s by the fastest plan; at a hundredth of the rate it would take seconds.
+        prop_assert!(alone_s.unwrap_or_default() < 0.5, "{alone_s:?} s from {from:?}");
         prop_assert_eq!(arm.values(), [0.0; 6]);
     }
 }
