@@ -5,6 +5,7 @@
 //!
 //! Promises: where the data determine a direction, the priors are too wide to move it. Never: data.
 
+use crate::campaign::{Campaign, Place, Reading};
 use crate::hypothesis::{Belief, Hypothesis};
 use physics::{AnyEffect, Given, JointKind, Model};
 
@@ -21,6 +22,11 @@ pub struct Tolerances {
     pub tilt_rad: f64,
     /// Place of an axis, m, along each base axis; above 0 to 0.05. Default 0.005: ten times the usual error of a link's length (0.1 mm to 0.6 mm).
     pub shift_m: f64,
+    /// Place of the tool on the flange, m, along each base axis at the zero position; above 0 to 0.05. Default 0.005: a TCP found by touching a tip is off by up to
+    /// some millimetres.
+    pub tool_shift_m: f64,
+    /// Direction of the tool on the flange, rad, about each base axis at the zero position; above 0 to 0.1. Default 0.02: a flange's dowel pin leaves about a degree.
+    pub tool_turn_rad: f64,
     /// Compliance of a drive, rad/Nm (m/N of a prismatic joint); above 0 to 1e-3. Default 5e-5: far softer than any gear of a robot, whose drives lie between
     /// 1e-7 rad/Nm (300 kg payload) and 2e-5 rad/Nm (wrists of small arms).
     pub compliance: f64,
@@ -28,14 +34,25 @@ pub struct Tolerances {
 
 impl Default for Tolerances {
     fn default() -> Self {
-        Self { offset_rad: 0.02, offset_m: 0.02, tilt_rad: 5e-3, shift_m: 5e-3, compliance: 5e-5 }
+        Self {
+            offset_rad: 0.02,
+            offset_m: 0.02,
+            tilt_rad: 5e-3,
+            shift_m: 5e-3,
+            tool_shift_m: 5e-3,
+            tool_turn_rad: 0.02,
+            compliance: 5e-5,
+        }
     }
 }
 
 impl Tolerances {
-    /// The standard deviation of a number of the geometry's effects, SI; none for other effects.
-    fn of(&self, effect: &AnyEffect, kind: JointKind) -> Option<f64> {
+    /// The standard deviation of value `value` of the geometry's effects, SI; none for other effects.
+    fn of(&self, effect: &AnyEffect, value: usize, kind: JointKind) -> Option<f64> {
         match (effect.spec().kind, kind) {
+            ("tool_offset", _) => {
+                Some(if value < 3 { self.tool_shift_m } else { self.tool_turn_rad })
+            }
             ("joint_offset", JointKind::Revolute) => Some(self.offset_rad),
             ("joint_offset", JointKind::Prismatic) => Some(self.offset_m),
             ("axis_tilt", _) => Some(self.tilt_rad),
@@ -72,18 +89,47 @@ pub fn geometry(model: &Model, sigma: &[Vec<f64>]) -> Hypothesis {
     hypothesis
 }
 
-/// The same within tolerances: every number of the geometry is fitted, and priors fix what a gauge leaves free.
+/// The same within tolerances: every number of the geometry is fitted, and priors fix what a gauge leaves free. With the tool's place on the flange where the
+/// readings of `campaign` depend on it: without it errors of the last axes, which carry the tool along, could not be told from where the tool is.
 #[must_use]
-pub fn geometry_within(model: &Model, sigma: &[Vec<f64>], tolerances: &Tolerances) -> Hypothesis {
+pub fn geometry_within(
+    model: &Model,
+    sigma: &[Vec<f64>],
+    tolerances: &Tolerances,
+    campaign: &Campaign,
+) -> Hypothesis {
     let mut hypothesis = geometry(model, sigma);
+    let has_tool = model.effects().any(|effect| effect.spec().kind == "tool_offset");
+    if !has_tool && depends_on_tool(campaign) {
+        let given: &[(&str, &[f64])] = &[("shift", &[0.0; 3]), ("turn", &[0.0; 3])];
+        if let Ok(tool) = AnyEffect::build("tool_offset", &model.arm, None, Given(given)) {
+            hypothesis.add(tool, &[]).unwrap_or_default();
+        }
+    }
     let Hypothesis { model, free } = &mut hypothesis;
     let effects: Vec<&AnyEffect> = model.effects().collect();
     for free in free.iter_mut().filter(|free| free.belief == Belief::Guard) {
         let effect = effects[free.effect];
         let kind = effect.joint().map_or(JointKind::Revolute, |j| model.arm.joints()[j].kind);
-        if let Some(sigma) = tolerances.of(effect, kind) {
+        if let Some(sigma) = tolerances.of(effect, free.value, kind) {
             (free.sigma, free.belief) = (sigma, Belief::Tolerance);
         }
     }
     hypothesis
+}
+
+/// Whether any reading tells where a point of known place on the tool is, or how the tool stands.
+fn depends_on_tool(campaign: &Campaign) -> bool {
+    let is_known = |place: &Place| match place {
+        Place::Tcp => true,
+        Place::Target(target) => !campaign.surroundings.targets[*target].free,
+    };
+    campaign.poses.iter().flat_map(|pose| &pose.seen).any(|seen| match &seen.reading {
+        Reading::Orientation { .. } => true,
+        Reading::JointPosition { .. } => false,
+        Reading::Point { place, .. }
+        | Reading::Distance { place, .. }
+        | Reading::Plane { place, .. }
+        | Reading::Sphere { place, .. } => is_known(place),
+    })
 }

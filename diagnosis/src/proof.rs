@@ -278,7 +278,7 @@ pub fn calibrate(
     heard("the model as it is");
     let nominal = fit(campaign, &Hypothesis::fixed(*model), &settings);
     heard("the geometry");
-    let within = geometry_within(model, sigma, &Tolerances::default());
+    let within = geometry_within(model, sigma, &Tolerances::default(), campaign);
     let calibrated = fit(campaign, &within, &settings);
     heard("choosing effects");
     let advanced = select(campaign, &calibrated, &settings);

@@ -48,7 +48,7 @@ pub fn contradiction(recording: &Recording, model: &Model) -> Option<Suspicion> 
         let used = vec![true; campaign.poses.len()];
         let influence = Influence::Huber;
         let settings = Settings { used: &used, influence, from: None, effort: Effort::Full };
-        let within = geometry_within(model, &[], &Tolerances::default());
+        let within = geometry_within(model, &[], &Tolerances::default(), &campaign);
         let found = fit(&campaign, &within, &settings);
         Some(Errors::of(&found, &campaign, &used).quantile(0.5))
     };

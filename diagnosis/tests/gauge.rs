@@ -213,6 +213,21 @@ fn every_split_ends_at_the_noise_and_no_number_runs_away() {
 }
 
 #[test]
+fn where_targets_are_known_the_tools_place_on_the_flange_is_fitted_too() {
+    let model = preset("kuka-kr240").expect("preset").model().expect("sound").physics;
+    for number in 0..3 {
+        let Case { robot, mut campaign, mut unseen } = case(&model, number);
+        for campaign in [&mut campaign, &mut unseen] {
+            campaign.surroundings.targets = robot.targets.map(Fitted::known).to_vec();
+        }
+        let found = calibrated(&model, &campaign, 1).advanced.fit;
+        assert!(found.factors == [1.0], "{number}: {:?}", found.factors);
+        let off = off(&found, &unseen);
+        assert!(off < 0.8 * NOISE_M, "campaign {number}: {} mm", off * 1e3);
+    }
+}
+
+#[test]
 fn what_is_called_identifiable_lies_within_its_interval() {
     let model = preset("kuka-kr240").expect("preset").model().expect("sound").physics;
     let (mut inside, mut all) = (0, 0);
