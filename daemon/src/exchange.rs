@@ -149,6 +149,10 @@ pub struct Counters {
     pub gate: AtomicU32,
     /// Model epoch of the last cycle.
     pub model_epoch: AtomicU64,
+    /// The last command, rad or m, as bits. For displays: a reader may see some joints of one command and some of the next.
+    q_command_bits: [AtomicU64; JOINTS_MAX],
+    /// The correction allowed for it, likewise.
+    correction_bits: [AtomicU64; JOINTS_MAX],
     /// Status and reason of the last cycle: status in the upper half.
     pub last_said: AtomicU64,
     /// `CLOCK_MONOTONIC` of the last command, ns.
@@ -166,6 +170,25 @@ impl Counters {
         if let Some(counter) = self.reasons.get(code as usize) {
             count(counter);
         }
+    }
+
+    /// Has the last command and its correction shown in the status.
+    pub fn show(&self, q_command: &[f64; JOINTS_MAX], correction: &[f64; JOINTS_MAX]) {
+        let store = |to: &[AtomicU64; JOINTS_MAX], from: &[f64; JOINTS_MAX]| {
+            to.iter().zip(from).for_each(|(bits, value)| bits.store(value.to_bits(), Relaxed));
+        };
+        store(&self.q_command_bits, q_command);
+        store(&self.correction_bits, correction);
+    }
+
+    /// The last command, rad or m.
+    pub fn q_command(&self) -> [f64; JOINTS_MAX] {
+        self.q_command_bits.each_ref().map(|bits| f64::from_bits(bits.load(Relaxed)))
+    }
+
+    /// The correction allowed for it, rad or m.
+    pub fn correction(&self) -> [f64; JOINTS_MAX] {
+        self.correction_bits.each_ref().map(|bits| f64::from_bits(bits.load(Relaxed)))
     }
 
     /// Answers for that reason.

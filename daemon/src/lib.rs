@@ -27,6 +27,7 @@ pub mod position;
 pub mod process;
 pub mod realtime;
 pub mod recorder;
+pub mod records;
 pub mod robot;
 pub mod sender;
 pub mod senses;

@@ -4,8 +4,9 @@
 //! lines wait for the next file. Never: in the cycle's thread, which does not log.
 
 use crate::exchange::Exchange;
+use crate::records;
 use recording::blackbox::{LogRecord, StatusRecord};
-use shm_schema::{Health, Mode, Status, monotonic_ns};
+use shm_schema::{Status, monotonic_ns};
 use std::cell::RefCell;
 use std::sync::Arc;
 
@@ -58,27 +59,8 @@ impl States {
         });
         is_due.then(|| {
             self.last = Some((status.t_ns, key));
-            record(status)
+            records::status(status)
         })
-    }
-}
-
-fn record(status: &Status) -> StatusRecord {
-    StatusRecord {
-        t_ns: status.t_ns,
-        health: status.health().map_or("", Health::name).to_owned(),
-        says: status.message.to_string(),
-        cycles: status.cycles,
-        missed: status.missed_cycles,
-        rejected: status.rejected,
-        dropped: status.recorder_dropped,
-        mode: status.mode().map_or("", Mode::name).to_owned(),
-        bypassed: u8::from(status.bypassed != 0),
-        model_epoch: status.model_epoch,
-        latency_p50_ns: status.latency_p50_ns,
-        latency_p99_ns: status.latency_p99_ns,
-        latency_p999_ns: status.latency_p999_ns,
-        latency_max_ns: status.latency_max_ns,
     }
 }
 

@@ -6,16 +6,13 @@
 //! Never: anything that the cycle waits for.
 
 use crate::exchange::{CycleRecord, Exchange};
-use crate::{mend, shelf};
+use crate::{mend, records, shelf};
 use physics::JointKind;
 use recording::blackbox::{
-    self, BlackBox, BlackBoxError, Clocks, Few, ForceRecord, Header, ModelChange, VerdictRecord,
+    self, BlackBox, BlackBoxError, Clocks, Few, ForceRecord, Header, ModelChange,
 };
 use recording::cell::Recorder as Settings;
-use shm_schema::{
-    Command, Corrected, CorrectionStatus, Reason, RecorderState, Verdict, VibrationClass,
-    VibrationState, channel_name, monotonic_ns,
-};
+use shm_schema::{Command, Corrected, CorrectionStatus, Reason, RecorderState, monotonic_ns};
 use std::fs;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -151,7 +148,7 @@ impl Recorder {
         }
         while let Some(verdict) = exchange.verdicts.pop() {
             match &mut self.file {
-                Some(file) => file.write_verdict(&verdict_record(&verdict))?,
+                Some(file) => file.write_verdict(&records::verdict(&verdict))?,
                 None => dropped(exchange),
             }
         }
@@ -268,20 +265,5 @@ fn force_record(block: &shm_schema::ForceBlock) -> ForceRecord {
         rate_hz: block.rate_hz,
         channels: block.channels,
         data: block.data.get(..count).unwrap_or_default().to_vec(),
-    }
-}
-
-fn verdict_record(verdict: &Verdict) -> VerdictRecord {
-    let state = verdict.state().unwrap_or(VibrationState::Over);
-    let class = verdict.class().unwrap_or(VibrationClass::Unknown);
-    VerdictRecord {
-        t_ns: verdict.t_ns,
-        state: state.to_string(),
-        class: class.to_string(),
-        axis: channel_name(verdict.axis).to_owned(),
-        frequency_hz: verdict.frequency_hz,
-        amplitude_n: verdict.amplitude,
-        floor_n: f64::NAN,
-        suspect_alias: u8::from(verdict.suspect_alias != 0),
     }
 }

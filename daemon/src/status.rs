@@ -151,6 +151,8 @@ impl Constants {
             uncompensated_effects: self.uncompensated,
             stale_temperatures: counters.stale_temperatures.load(Relaxed),
             bounds: self.bounds(exchange.mode()),
+            q_command: counters.q_command(),
+            correction: counters.correction(),
             robot_maker: name(self.robot.maker.as_deref()),
             robot_type: name(self.robot.kind.as_deref()),
             robot_serial: name(self.robot.serial.as_deref()),

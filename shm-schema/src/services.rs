@@ -15,7 +15,7 @@ use crate::layout::{Payload, hash_text, mix};
 use crate::{Command, Corrected, ForceBlock, Request, Response, RobotState, Status, Verdict};
 
 /// Version of services and payloads as a whole: changes with any change of meaning.
-pub const CONTRACT_VERSION: u32 = 4;
+pub const CONTRACT_VERSION: u32 = 5;
 
 /// Layout hash of all payloads together.
 pub const CONTRACT_HASH: u64 = {

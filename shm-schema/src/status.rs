@@ -31,7 +31,7 @@ plain_struct! {
 
 plain_struct! {
     /// The daemon's own account of itself. The first one is published before the epoch is announced.
-    pub struct Status = "trued.Status/4" {
+    pub struct Status = "trued.Status/5" {
         /// From 1, plus 1 with each message of this daemon's epoch.
         pub seq: u64,
         /// When it was made, `CLOCK_MONOTONIC`.
@@ -124,6 +124,10 @@ plain_struct! {
         pub reserved: u32,
         /// Limits of joints and correction.
         pub bounds: JointBounds,
+        /// The last command, rad or m; 0 before the first.
+        pub q_command: [f64; JOINTS_MAX],
+        /// The correction that the daemon allowed for it, rad or m; 0 before the first. In shadow mode the client sends none of it.
+        pub correction: [f64; JOINTS_MAX],
         /// The robot's maker as the model states it; empty where it does not.
         pub robot_maker: Text<ROBOT_BYTES_MAX>,
         /// The robot's type, likewise.
@@ -134,7 +138,7 @@ plain_struct! {
         pub message: Text<512>,
     }
 }
-payload!(Status = "trued.Status/4", layout 4, check |s| {
+payload!(Status = "trued.Status/5", layout 5, check |s| {
     within::<Status>("joints", u64::from(s.joints), 1..=JOINTS_MAX as u64, "1 to 16 joints")
 });
 

@@ -16,7 +16,7 @@ macro_rules! pinned {
 
 #[test]
 fn the_layout_of_status_stands() {
-    pinned!(Status: 1816 bytes, hash 0xcbf3_d610_5059_9fe5,
+    pinned!(Status: 2072 bytes, hash 0x9f2a_4c79_e5c9_7cce,
         seq at 0, t_ns at 8, started_ns at 16, model_epoch at 24, model_hash at 32,
         geometry_hash at 40, cycles at 48, missed_cycles at 56, commands at 64, rejected
         at 72, held at 80, stale at 88, commands_lost at 96, corrected_lost at 104,
@@ -28,8 +28,8 @@ fn the_layout_of_status_stands() {
         health at 240, mode at 244, bypassed at 248, joints at 252, wrench_gate at 256,
         recorder at 260, watch at 264, uncompensated_effects at 268, in_cut at 272,
         stream_faults at 276, channel_faults at 280, verdict at 304,
-        stale_temperatures at 464, reserved at 468, bounds at 472, robot_maker at 1112, robot_type at 1176, robot_serial at
-        1240, message at 1304);
+        stale_temperatures at 464, reserved at 468, bounds at 472, q_command at 1112, correction at 1240,
+        robot_maker at 1368, robot_type at 1432, robot_serial at 1496, message at 1560);
 }
 
 #[test]
@@ -117,6 +117,6 @@ fn a_message_is_read_from_bytes_in_the_order_of_its_offsets() {
 
 #[test]
 fn the_contract_stands() {
-    assert_eq!(CONTRACT_VERSION, 4);
-    assert_eq!(CONTRACT_HASH, 0x929d_9d93_ee44_859d, "{CONTRACT_HASH:#018x}");
+    assert_eq!(CONTRACT_VERSION, 5);
+    assert_eq!(CONTRACT_HASH, 0x1692_dd00_d7ac_a8de, "{CONTRACT_HASH:#018x}");
 }

@@ -24,6 +24,8 @@ const ARROWS: &[(&str, &[&str])] = &[
     // Of `physics` the controller's geometry alone: what a correction of joints does to the tool.
     ("bridge", &["client", "recording", "physics"]),
     ("daemon", &["corrector", "physics", "envelope", "spectrum", "recording", "shm-schema"]),
+    // Of `daemon` its states as messages of a recording alone.
+    ("live", &["client", "shm-schema", "recording", "daemon"]),
     ("challenge", &[]),
     // Of `daemon` the manners of a real-time thread alone, so that what is compared has the same.
     ("harness", &["client", "shm-schema", "daemon", "report"]),

@@ -32,6 +32,7 @@ mod gears;
 mod guide;
 mod invariants;
 mod kill;
+mod live;
 mod log;
 mod outputs;
 mod plan;

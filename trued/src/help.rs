@@ -6,7 +6,7 @@ use clap::Command;
 const TASKS: [(&str, &[&str]); 7] = [
     ("See it work", &["demo", "bench", "doctor"]),
     ("Correct a robot", &["run", "check", "reload", "correct", "replay", "bridge", "fleet"]),
-    ("Steer a running cell", &["status", "bypass", "mode", "arm", "mark", "top"]),
+    ("Steer a running cell", &["status", "bypass", "mode", "arm", "mark", "live"]),
     ("Make a model", &["model", "plan", "calibrate", "gears", "simulate"]),
     ("Find what is wrong", &["diagnose", "trends", "challenge"]),
     ("Look at vibration", &["spectrum", "surface", "tap"]),

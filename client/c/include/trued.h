@@ -737,6 +737,10 @@ typedef struct trued_status {
   char robot_type[TRUED_NAME_MAX];
   // The robot's serial number, likewise.
   char robot_serial[TRUED_NAME_MAX];
+  // The last command, rad or m.
+  double q_command[TRUED_JOINTS_MAX];
+  // The correction that the daemon allowed for it, rad or m.
+  double correction[TRUED_JOINTS_MAX];
 } trued_status;
 
 // One verdict on one line of the force spectrum. Numbers that are not known are NaN.

@@ -229,6 +229,8 @@ pub(crate) fn status(from: &Status) -> trued_status {
         robot_maker: words(from.robot_maker.as_str()),
         robot_type: words(from.robot_type.as_str()),
         robot_serial: words(from.robot_serial.as_str()),
+        q_command: from.q_command,
+        correction: from.correction,
     }
 }
 

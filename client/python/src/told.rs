@@ -146,6 +146,8 @@ pub(crate) struct Status {
     robot_maker: String,
     robot_type: String,
     robot_serial: String,
+    q_command: Array,
+    correction: Array,
 }
 
 impl Status {
@@ -203,6 +205,8 @@ impl Status {
             robot_maker: from.robot_maker.to_string(),
             robot_type: from.robot_type.to_string(),
             robot_serial: from.robot_serial.to_string(),
+            q_command: all(&from.q_command),
+            correction: all(&from.correction),
         }
     }
 }

@@ -113,6 +113,8 @@ class Status:
     robot_maker: Final[str]
     robot_type: Final[str]
     robot_serial: Final[str]
+    q_command: Final[NDArray[np.float64]]
+    correction: Final[NDArray[np.float64]]
 
 @final
 class Vibration:

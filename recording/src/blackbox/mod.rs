@@ -26,7 +26,7 @@ pub use convert::{Conversion, Run, convert};
 pub use info::{ChannelInfo, End, Info, ModelInfo, info};
 pub use read::{Contents, ModelChange, read, read_bytes};
 pub use records::{
-    CycleRecord, ForceRecord, JOINTS_MAX, LogRecord, Record, StatusRecord, VerdictRecord,
+    CycleRecord, ForceRecord, JOINTS_MAX, LogRecord, Record, StatusRecord, Topic, VerdictRecord,
 };
 pub use repair::{Repair, UNFINISHED, is_closed, repair};
 pub use write::BlackBox;

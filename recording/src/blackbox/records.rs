@@ -205,6 +205,10 @@ message! {
         latency_p999_ns: u64,
         /// The largest.
         latency_max_ns: u64,
+        /// The last command, rad or m.
+        q_command: Few<JOINTS_MAX>,
+        /// The correction allowed for it, rad or m.
+        correction: Few<JOINTS_MAX>,
     }
 }
 
@@ -236,6 +240,58 @@ pub enum Record {
     Status(StatusRecord),
     /// A line of the log.
     Log(LogRecord),
+}
+
+/// A topic as recordings and live views have it: messages in CDR, their form as a ROS 2 message definition.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Topic {
+    /// Its name, e.g. `/trued/status`.
+    pub name: &'static str,
+    /// The message's name, e.g. `trued_msgs/msg/Status`.
+    pub message: &'static str,
+    /// The message's definition.
+    pub definition: String,
+}
+
+impl Topic {
+    fn of<M: Message>() -> Self {
+        Self { name: M::TOPIC, message: M::NAME, definition: M::definition() }
+    }
+
+    /// The topic of the daemon's state.
+    #[must_use]
+    pub fn status() -> Self {
+        Self::of::<StatusRecord>()
+    }
+
+    /// The topic of the vibration watch.
+    #[must_use]
+    pub fn verdict() -> Self {
+        Self::of::<VerdictRecord>()
+    }
+}
+
+impl StatusRecord {
+    /// The message in CDR.
+    #[must_use]
+    pub fn to_cdr(&self) -> Vec<u8> {
+        to_cdr(self)
+    }
+}
+
+impl VerdictRecord {
+    /// The message in CDR.
+    #[must_use]
+    pub fn to_cdr(&self) -> Vec<u8> {
+        to_cdr(self)
+    }
+}
+
+fn to_cdr<M: Message>(message: &M) -> Vec<u8> {
+    let mut out = Out::default();
+    out.begin();
+    message.put(&mut out);
+    out.bytes().to_vec()
 }
 
 impl Record {

@@ -16,6 +16,7 @@ mod diagnose;
 mod doctor;
 mod gears;
 mod info;
+mod live;
 mod model;
 mod plan;
 mod reload;
@@ -49,6 +50,7 @@ pub(crate) enum Command {
     Doctor(doctor::Doctor),
     Gears(gears::Gears),
     Info(info::InfoOf),
+    Live(live::LiveOf),
     Mark(control::Mark),
     Mode(control::ModeOf),
     Model(model::Model),
@@ -80,6 +82,7 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Doctor(doctor) => doctor.run(console),
         Command::Gears(gears) => gears.run(console),
         Command::Info(info) => info.run(console),
+        Command::Live(live) => live.run(console),
         Command::Mark(mark) => mark.run(console),
         Command::Mode(mode) => mode.run(console),
         Command::Model(model) => model.run(console),

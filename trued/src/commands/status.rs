@@ -2,16 +2,15 @@
 //!
 //! Promises: lines of at most 80 columns; a daemon that does not answer is told as such, never by its last state alone.
 
-mod report;
 mod words;
 
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use live::report::Report;
 use trued_client::Monitor;
 
-use self::report::Report;
 use super::control::Which;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;

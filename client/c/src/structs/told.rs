@@ -174,6 +174,10 @@ pub struct trued_status {
     pub robot_type: [c_char; TRUED_NAME_MAX],
     /// The robot's serial number, likewise.
     pub robot_serial: [c_char; TRUED_NAME_MAX],
+    /// The last command, rad or m.
+    pub q_command: [f64; TRUED_JOINTS_MAX],
+    /// The correction that the daemon allowed for it, rad or m.
+    pub correction: [f64; TRUED_JOINTS_MAX],
 }
 
 /// One verdict on one line of the force spectrum. Numbers that are not known are NaN.
@@ -275,7 +279,7 @@ type Name = [c_char; TRUED_NAME_MAX];
 grows! {
     trued_target 144 = [u32; 4], Joints;
     trued_corrected 600 = [u32; 6], [u64; 6], [Joints; 4], [f64; 2];
-    trued_status 1456 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words, u64, [u32; 2], [Name; 3];
+    trued_status 1456 = [u32; 2], [u64; 24], [f64; 4], [u32; 10], [u32; 6], [Joints; 5], Words, u64, [u32; 2], [Name; 3], [Joints; 2];
     trued_vibration 680 = [u32; 12], [u64; 4], [f64; 10], Words;
     trued_connection 544 = [u32; 4], u64, Words;
     trued_answer 536 = [u32; 2], u64, Words;

@@ -1,6 +1,6 @@
 //! A status as lines for a terminal.
 
-use super::report::Report;
+use live::report::Report;
 
 /// Columns of a terminal that everybody has.
 const COLUMNS: usize = 80;
@@ -34,6 +34,7 @@ pub(super) fn lines(report: &Report) -> Vec<String> {
     }
     put("robot", &robot(report));
     put("model", &model(report, name));
+    put("corrected", &corrected(report));
     let counts = &report.counts;
     put(
         "commands",
@@ -78,6 +79,18 @@ fn robot(report: &Report) -> String {
         serial => format!(", serial {serial}"),
     };
     format!("{}{serial}, {} joints", text.join(" "), robot.joints)
+}
+
+/// The joint whose correction is nearest to its limit.
+fn corrected(report: &Report) -> String {
+    let shares = report.joints.iter().map(|joint| joint.share.abs()).enumerate();
+    match shares.max_by(|a, b| a.1.total_cmp(&b.1)) {
+        Some((joint, share)) if share > 0.0 => {
+            let percent = 100.0 * share;
+            format!("joint {} by {percent:.1} % of its limit, the others by less", joint + 1)
+        }
+        _ => "nothing".to_owned(),
+    }
 }
 
 fn model(report: &Report, name: Option<&str>) -> String {

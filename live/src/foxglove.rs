@@ -1,0 +1,247 @@
+//! A stream for Foxglove and PlotJuggler: WebSocket, subprotocol `foxglove.sdk.v1` (the protocol text of the `ws-protocol` repository of Foxglove).
+//!
+//! Topics, schemas and encoding are those of the recordings: `/trued/status` with each status, `/trued/vibration` with each verdict. Clients may subscribe; nothing
+//! else of the protocol is offered (no publishing, no services, no parameters).
+
+use std::io;
+use std::net::{SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
+use std::thread;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use daemon::records;
+use recording::blackbox::Topic;
+use serde_json::{Value, json};
+use tungstenite::handshake::server::{ErrorResponse, Request, Response};
+use tungstenite::http::{HeaderValue, StatusCode};
+use tungstenite::protocol::WebSocketConfig;
+use tungstenite::{Bytes, Error, Message, WebSocket};
+
+use crate::watch::{Reader, Watch};
+use crate::{Access, LiveError};
+
+/// The protocol's names, the present one first.
+const PROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
+/// How often it is looked whether to stop, and for what a client says.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// A client that takes nothing for so long is let go.
+const STALLED_AFTER: Duration = Duration::from_secs(2);
+/// Clients at once; each takes a thread.
+const CLIENTS_MAX: usize = 16;
+/// Most bytes that a client may say at once: a list of subscriptions.
+const SAID_BYTES_MAX: usize = 64 * 1024;
+/// Opcode of a message of a channel.
+const MESSAGE_DATA: u8 = 1;
+
+/// Serves the stream.
+pub(crate) struct Server {
+    listener: TcpListener,
+    address: SocketAddr,
+    cell: String,
+    access: Access,
+}
+
+impl Server {
+    /// Takes the address.
+    pub(crate) fn listen(
+        address: SocketAddr,
+        cell: &str,
+        access: Access,
+    ) -> Result<Self, LiveError> {
+        let refused = |why: io::Error| LiveError::Listen { address, why: why.to_string() };
+        let listener = TcpListener::bind(address).map_err(refused)?;
+        listener.set_nonblocking(true).map_err(refused)?;
+        let address = listener.local_addr().map_err(refused)?;
+        Ok(Self { listener, address, cell: cell.to_owned(), access })
+    }
+
+    /// Where it listens.
+    pub(crate) fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Takes clients until it is told to stop.
+    pub(crate) fn run(self, watch: &Arc<Watch>, stop: &Arc<AtomicBool>) {
+        let clients = Arc::new(AtomicUsize::new(0));
+        while !stop.load(Relaxed) {
+            let Ok((stream, _)) = self.listener.accept() else {
+                thread::sleep(LOOK_EVERY);
+                continue;
+            };
+            if clients.load(Relaxed) >= CLIENTS_MAX {
+                continue;
+            }
+            clients.fetch_add(1, Relaxed);
+            let (watch, stop, count) = (Arc::clone(watch), Arc::clone(stop), Arc::clone(&clients));
+            let (cell, access) = (self.cell.clone(), self.access.clone());
+            let thread = thread::Builder::new().name("foxglove client".to_owned());
+            let spawned = thread.spawn(move || {
+                // An error means that the client has left, or is none of this protocol.
+                let _ = serve(stream, &cell, &access, &watch, &stop);
+                count.fetch_sub(1, Relaxed);
+            });
+            if spawned.is_err() {
+                clients.fetch_sub(1, Relaxed);
+            }
+        }
+    }
+}
+
+/// A client, and the numbers under which it wants the channels.
+struct Client {
+    socket: WebSocket<TcpStream>,
+    subscriptions: Vec<Subscription>,
+}
+
+#[derive(Clone, Copy)]
+struct Subscription {
+    id: u32,
+    channel: u32,
+}
+
+const STATUS: u32 = 1;
+const VERDICT: u32 = 2;
+
+fn serve(
+    stream: TcpStream,
+    cell: &str,
+    access: &Access,
+    watch: &Watch,
+    stop: &AtomicBool,
+) -> Result<(), Error> {
+    stream.set_nonblocking(false)?;
+    stream.set_nodelay(true)?;
+    stream.set_read_timeout(Some(STALLED_AFTER))?;
+    stream.set_write_timeout(Some(STALLED_AFTER))?;
+    let limits = WebSocketConfig::default()
+        .max_message_size(Some(SAID_BYTES_MAX))
+        .max_frame_size(Some(SAID_BYTES_MAX));
+    let greeted = tungstenite::accept_hdr_with_config(
+        stream,
+        |request: &Request, response: Response| greet(request, response, access),
+        Some(limits),
+    );
+    let mut socket = greeted.map_err(|_| Error::ConnectionClosed)?;
+    socket.get_mut().set_read_timeout(Some(LOOK_EVERY))?;
+    let mut client = Client { socket, subscriptions: Vec::new() };
+    for message in [server_info(cell), advertised()] {
+        client.socket.send(Message::text(message.to_string()))?;
+    }
+    let mut reader = Reader::default();
+    while !stop.load(Relaxed) {
+        client.listen()?;
+        let news = watch.news(&mut reader, Duration::ZERO);
+        for verdict in &news.verdicts {
+            client.tell(VERDICT, &records::verdict(verdict).to_cdr())?;
+        }
+        if let Some(seen) = news.seen {
+            client.tell(STATUS, &records::status(&seen.status).to_cdr())?;
+        }
+    }
+    client.socket.close(None)
+}
+
+/// Takes the protocol that both sides know. The refusal's type is the library's.
+#[allow(clippy::result_large_err)]
+fn greet(
+    request: &Request,
+    mut response: Response,
+    access: &Access,
+) -> Result<Response, ErrorResponse> {
+    let refused = |code: StatusCode, words: &str| {
+        let mut refusal = ErrorResponse::new(Some(words.to_owned()));
+        *refusal.status_mut() = code;
+        Err(refusal)
+    };
+    let header = |name: &str| request.headers().get(name).and_then(|value| value.to_str().ok());
+    let target = request.uri().to_string();
+    if !access.allows(&target, header("Authorization")) {
+        return refused(StatusCode::UNAUTHORIZED, "a token is needed: ?token=TOKEN");
+    }
+    let offered = header("Sec-WebSocket-Protocol").unwrap_or_default();
+    let offers = |name: &&str| offered.split(',').any(|one| one.trim() == *name);
+    let Some(protocol) = PROTOCOLS.into_iter().find(|name| offers(&name)) else {
+        return refused(StatusCode::BAD_REQUEST, "expected the protocol foxglove.sdk.v1");
+    };
+    let headers = response.headers_mut();
+    headers.insert("Sec-WebSocket-Protocol", HeaderValue::from_static(protocol));
+    Ok(response)
+}
+
+fn server_info(cell: &str) -> Value {
+    let name = format!("trued {} cell {cell}", env!("CARGO_PKG_VERSION"));
+    json!({
+        "op": "serverInfo", "name": name, "capabilities": [], "supportedEncodings": [],
+        "metadata": {}, "sessionId": std::process::id().to_string(),
+    })
+}
+
+fn advertised() -> Value {
+    let channel = |id: u32, topic: Topic| {
+        json!({
+            "id": id, "topic": topic.name, "encoding": "cdr", "schemaName": topic.message,
+            "schema": topic.definition, "schemaEncoding": "ros2msg",
+        })
+    };
+    let channels = [channel(STATUS, Topic::status()), channel(VERDICT, Topic::verdict())];
+    json!({ "op": "advertise", "channels": channels })
+}
+
+impl Client {
+    /// Takes what the client says, for up to [`LOOK_EVERY`].
+    fn listen(&mut self) -> Result<(), Error> {
+        match self.socket.read() {
+            Ok(Message::Text(text)) => {
+                // What is no request of this protocol is left aside, as the protocol asks for.
+                if let Ok(request) = serde_json::from_str::<Value>(&text) {
+                    self.heed(&request);
+                }
+                Ok(())
+            }
+            Ok(Message::Close(_)) => Err(Error::ConnectionClosed),
+            Ok(_) => Ok(()),
+            Err(Error::Io(why))
+                if [io::ErrorKind::WouldBlock, io::ErrorKind::TimedOut].contains(&why.kind()) =>
+            {
+                Ok(())
+            }
+            Err(why) => Err(why),
+        }
+    }
+
+    fn heed(&mut self, request: &Value) {
+        let number = |value: &Value| value.as_u64().and_then(|value| u32::try_from(value).ok());
+        let list = |key: &str| request[key].as_array().cloned().unwrap_or_default();
+        match request["op"].as_str() {
+            Some("subscribe") => {
+                for one in list("subscriptions") {
+                    let ids = number(&one["id"]).zip(number(&one["channelId"]));
+                    let Some((id, channel)) = ids else { continue };
+                    self.subscriptions.retain(|other| other.id != id && other.channel != channel);
+                    if [STATUS, VERDICT].contains(&channel) {
+                        self.subscriptions.push(Subscription { id, channel });
+                    }
+                }
+            }
+            Some("unsubscribe") => {
+                let gone: Vec<u32> = list("subscriptionIds").iter().filter_map(number).collect();
+                self.subscriptions.retain(|one| !gone.contains(&one.id));
+            }
+            _ => {}
+        }
+    }
+
+    /// Sends a message of a channel where the client wants it.
+    fn tell(&mut self, channel: u32, payload: &[u8]) -> Result<(), Error> {
+        let wanted = self.subscriptions.iter().find(|one| one.channel == channel);
+        let Some(Subscription { id, .. }) = wanted.copied() else { return Ok(()) };
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let now_ns = u64::try_from(now.as_nanos()).unwrap_or_default();
+        let mut frame = vec![MESSAGE_DATA];
+        frame.extend(id.to_le_bytes());
+        frame.extend(now_ns.to_le_bytes());
+        frame.extend(payload);
+        self.socket.send(Message::Binary(Bytes::from(frame)))
+    }
+}

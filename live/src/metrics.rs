@@ -1,0 +1,226 @@
+//! The status as metrics for Prometheus: OpenMetrics text, see `docs/reference/metrics.md`.
+//!
+//! Names begin with `trued_`, units are those of the base units that Prometheus asks for; each has the label `cell`. While the daemon is away `trued_up` is 0 and
+//! the others are left out: a last value would look like a present one.
+
+use std::fmt;
+
+use prometheus_client::collector::Collector;
+use prometheus_client::encoding::text::encode;
+use prometheus_client::encoding::{DescriptorEncoder, EncodeMetric};
+use prometheus_client::metrics::counter::ConstCounter;
+use prometheus_client::metrics::gauge::ConstGauge;
+use prometheus_client::registry::Registry;
+
+use crate::report::Report;
+
+/// The metrics of a cell as text; `report`: none where no status has come yet.
+///
+/// # Errors
+/// None in practice: writing to a text does not fail.
+pub fn text(cell: &str, report: Option<&Report>) -> Result<String, fmt::Error> {
+    let mut registry = Registry::with_prefix("trued");
+    let cell = Cell { name: cell.to_owned(), report: report.cloned() };
+    registry.register_collector(Box::new(cell));
+    let mut text = String::new();
+    encode(&mut text, &registry)?;
+    Ok(text)
+}
+
+#[derive(Debug)]
+struct Cell {
+    name: String,
+    report: Option<Report>,
+}
+
+impl Collector for Cell {
+    fn encode(&self, encoder: DescriptorEncoder<'_>) -> fmt::Result {
+        let mut metrics = Metrics { cell: &self.name, encoder };
+        let there = self.report.as_ref().filter(|report| report.away.is_none());
+        metrics.gauge("up", "1 where the daemon of the cell answers", f64::from(u8::from(there.is_some())))?;
+        let Some(report) = there else { return Ok(()) };
+        metrics.state(report)?;
+        metrics.correction(report)?;
+        metrics.latency(report)?;
+        metrics.counts(report)?;
+        metrics.senses(report)
+    }
+}
+
+struct Metrics<'a, 'e> {
+    cell: &'a str,
+    encoder: DescriptorEncoder<'e>,
+}
+
+/// A label's name and its value.
+type Label<'a> = (&'static str, &'a str);
+
+/// The words of a state, of which one holds.
+const HEALTH: [&str; 6] = ["starting", "idle", "running", "degraded", "fault", "stopping"];
+const MODES: [&str; 3] = ["shadow", "limited", "full"];
+const RECORDER: [&str; 4] = ["off", "recording", "dropping", "failed"];
+
+impl Metrics<'_, '_> {
+    fn put(
+        &mut self,
+        name: &str,
+        help: &str,
+        values: &[(Option<Label<'_>>, f64)],
+    ) -> fmt::Result {
+        let gauge = ConstGauge::new(0.0);
+        let mut metric =
+            self.encoder.encode_descriptor(name, help, None, gauge.metric_type())?;
+        for (label, value) in values {
+            let labels: Vec<Label<'_>> =
+                std::iter::once(("cell", self.cell)).chain(*label).collect();
+            ConstGauge::new(*value).encode(metric.encode_family(&labels)?)?;
+        }
+        Ok(())
+    }
+
+    fn gauge(&mut self, name: &str, help: &str, value: f64) -> fmt::Result {
+        self.put(name, help, &[(None, value)])
+    }
+
+    fn counter(&mut self, name: &str, help: &str, value: u64) -> fmt::Result {
+        let counter = ConstCounter::new(value);
+        let mut metric =
+            self.encoder.encode_descriptor(name, help, None, counter.metric_type())?;
+        counter.encode(metric.encode_family(&[("cell", self.cell)])?)
+    }
+
+    /// One value for each word: 1 where it holds.
+    fn words(&mut self, name: &str, help: &str, words: &[&str], now: &str) -> fmt::Result {
+        let value = |word: &&str| f64::from(u8::from(*word == now));
+        let label = |word| Some(("state", word));
+        let values: Vec<_> = words.iter().map(|word| (label(*word), value(word))).collect();
+        self.put(name, help, &values)
+    }
+
+    fn state(&mut self, report: &Report) -> fmt::Result {
+        self.words("health", "1 for the state that the daemon is in", &HEALTH, report.health)?;
+        self.words("mode", "1 for the mode that the cell is in", &MODES, report.mode)?;
+        self.words("recorder", "1 for the state of the recorder", &RECORDER, report.recorder)?;
+        let flag = |is: bool| f64::from(u8::from(is));
+        self.gauge("bypassed", "1 where the correction was taken out on request", flag(report.bypassed))?;
+        self.gauge("uptime_seconds", "Time since the daemon's start", report.uptime_s)?;
+        self.gauge("status_age_seconds", "Age of the status that these figures are of", report.age_s)?;
+        let model = &report.model;
+        self.gauge("model_epoch", "Counts the models since the daemon's start", model.epoch as f64)?;
+        self.gauge("model_holds", "0 where measurements of the tool contradict the model", flag(model.holds))?;
+        let name = "model_residual_meters";
+        let help = "How far the last measurements of the tool were from the model, RMS";
+        if model.residual_mm.is_finite() {
+            self.gauge(name, help, 1e-3 * model.residual_mm)?;
+        }
+        let name = "model_uncompensated_effects";
+        let help = "Effects of the model that the cycle does not correct";
+        self.gauge(name, help, f64::from(model.uncompensated_effects))
+    }
+
+    fn correction(&mut self, report: &Report) -> fmt::Result {
+        let numbers: Vec<String> = (1..=report.joints.len()).map(|n| n.to_string()).collect();
+        let of = |value: fn(&crate::report::Joint) -> f64| -> Vec<_> {
+            let joints = report.joints.iter().zip(&numbers);
+            joints.map(|(joint, n)| (Some(("joint", n.as_str())), value(joint))).collect()
+        };
+        let help = "Correction of the joint at the last command, rad or m";
+        self.put("correction", help, &of(|joint| joint.correction))?;
+        let help = "The same over its largest allowed value, -1 to 1";
+        self.put("correction_ratio", help, &of(|joint| joint.share))
+    }
+
+    fn latency(&mut self, report: &Report) -> fmt::Result {
+        let latency = &report.latency_us;
+        let values = [
+            ("0.5", latency.p50),
+            ("0.99", latency.p99),
+            ("0.999", latency.p999),
+            ("1", latency.max),
+        ];
+        let values = values.map(|(quantile, us)| (Some(("quantile", quantile)), 1e-6 * us));
+        self.put("latency_seconds", "From a command's sending to its answer", &values)
+    }
+
+    fn counts(&mut self, report: &Report) -> fmt::Result {
+        let counts = &report.counts;
+        for (name, help, value) in [
+            ("cycles", "Cycles run", counts.cycles),
+            ("missed_cycles", "Cycles that came too late", counts.missed_cycles),
+            ("commands", "Commands taken", counts.commands),
+            ("commands_lost", "Commands that never came, by their numbers", counts.commands_lost),
+            ("commands_rejected", "Commands refused", counts.rejected),
+            ("targets_held", "Targets with the last correction held", counts.held),
+            ("command_silences", "Times that the commands fell silent", counts.stale),
+            ("targets_lost", "Targets that could not be handed over", counts.corrected_lost),
+            ("messages_malformed", "Messages that could not be read", counts.malformed),
+            ("force_blocks", "Blocks of force samples taken", report.force.blocks),
+            ("force_gaps", "Blocks of force samples that never came", report.force.gaps),
+            ("force_refused", "Blocks of force samples refused", report.force.refused),
+            ("recorder_dropped", "Records that the recorder dropped", report.recorder_dropped),
+        ] {
+            self.counter(name, help, value)?;
+        }
+        Ok(())
+    }
+
+    fn senses(&mut self, report: &Report) -> fmt::Result {
+        let flag = |is: bool| f64::from(u8::from(is));
+        let open = flag(report.force.wrench_gate == "open");
+        self.gauge("wrench_gate_open", "1 where the wrench is used in the correction", open)?;
+        let faults = report.force.faults.len() as f64;
+        self.gauge("force_faults", "Faults of the force stream and its channels", faults)?;
+        let line = flag(report.vibration.line.is_some());
+        self.gauge("vibration_line", "1 while a line of the force spectrum is reported", line)?;
+        let rpm = report.vibration.spindle_rpm;
+        if rpm.is_finite() {
+            self.gauge("spindle_hertz", "Spindle speed that the vibration watch goes by", rpm / 60.0)?;
+        }
+        let stale = report.stale_temperatures.len() as f64;
+        self.gauge("stale_temperatures", "Temperatures that are too old to be used", stale)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::text;
+    use crate::report::Report;
+    use shm_schema::{Mode, Status};
+
+    fn report(away: Option<&str>) -> Report {
+        let mut status = Status { joints: 2, mode: Mode::Full.code(), cycles: 12, ..Status::default() };
+        status.correction[..2].copy_from_slice(&[1e-3, -2e-3]);
+        status.bounds.angle[..2].copy_from_slice(&[2e-3, 4e-3]);
+        status.latency_p99_ns = 25_000;
+        Report::of("line 4 \"east\"", &status, away.map(str::to_owned))
+    }
+
+    #[test]
+    fn every_line_is_a_comment_or_a_sample_and_values_are_those_of_the_status() {
+        let text = text("line 4 \"east\"", Some(&report(None))).expect("text");
+        let sample = |begin: &str| {
+            let line = text.lines().find(|line| line.starts_with(begin));
+            let line = line.unwrap_or_else(|| panic!("{begin} in {text}"));
+            line.rsplit(' ').next().and_then(|value| value.parse::<f64>().ok()).expect(begin)
+        };
+        let cell = "{cell=\"line 4 \\\"east\\\"\"";
+        assert_eq!(sample(&format!("trued_up{cell}")), 1.0);
+        assert_eq!(sample(&format!("trued_cycles_total{cell}")), 12.0);
+        assert_eq!(sample(&format!("trued_mode{cell},state=\"full\"")), 1.0);
+        assert_eq!(sample(&format!("trued_mode{cell},state=\"shadow\"")), 0.0);
+        assert_eq!(sample(&format!("trued_correction_ratio{cell},joint=\"2\"")), -0.5);
+        let latency = sample(&format!("trued_latency_seconds{cell},quantile=\"0.99\""));
+        assert!((latency - 25e-6).abs() < 1e-12, "{latency}");
+        assert!(text.ends_with("# EOF\n"));
+    }
+
+    #[test]
+    fn a_daemon_that_is_away_has_no_figures_that_look_like_present_ones() {
+        for text in [text("x", None), text("x", Some(&report(Some("it ended"))))] {
+            let text = text.expect("text");
+            let samples: Vec<&str> = text.lines().filter(|line| !line.starts_with('#')).collect();
+            assert_eq!(samples.len(), 1, "{text}");
+            assert!(samples[0].starts_with("trued_up") && samples[0].ends_with(" 0.0"), "{text}");
+        }
+    }
+}

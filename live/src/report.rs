@@ -1,0 +1,264 @@
+//! A status as JSON (schema `trued.status/1`): its codes as words, its units in its keys.
+
+use serde::Serialize;
+use shm_schema::{RecorderState, WrenchGate};
+use trued_client::{
+    Health, InCut, JOINTS_MAX, Mode, Status, VibrationState, WatchState, monotonic_ns,
+};
+
+/// How a cell is.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Its name.
+    pub cell: String,
+    /// Why the daemon does not answer now; none where it does.
+    pub away: Option<String>,
+    /// Age of all that follows.
+    pub age_s: f64,
+    /// The daemon's process.
+    pub pid: u32,
+    /// Time since the daemon's start.
+    pub uptime_s: f64,
+    /// The word of [`Health`].
+    pub health: &'static str,
+    /// What a person should know.
+    pub message: String,
+    /// The word of [`Mode`].
+    pub mode: &'static str,
+    /// Whether the correction was taken out on request.
+    pub bypassed: bool,
+    /// The robot as the model states it.
+    pub robot: Robot,
+    /// The last command and its correction, joint by joint.
+    pub joints: Vec<Joint>,
+    /// The model in use.
+    pub model: Model,
+    /// What was counted since the start.
+    pub counts: Counts,
+    /// From a command's sending to its answer.
+    pub latency_us: Latency,
+    /// The force stream.
+    pub force: Force,
+    /// The vibration watch.
+    pub vibration: Vibration,
+    /// The word of [`RecorderState`].
+    pub recorder: &'static str,
+    /// Records that it has dropped.
+    pub recorder_dropped: u64,
+    /// 0: ambient, n: joint n.
+    pub stale_temperatures: Vec<u32>,
+}
+
+/// The robot; texts are empty where the model does not state them.
+#[derive(Clone, Debug, Serialize)]
+pub struct Robot {
+    /// Its maker.
+    pub maker: String,
+    /// Its type.
+    #[serde(rename = "type")]
+    pub kind: String,
+    /// Its serial number.
+    pub serial: String,
+    /// How many joints it has.
+    pub joints: u32,
+}
+
+/// A joint at the last command.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Joint {
+    /// Where it was commanded to, rad or m.
+    pub command: f64,
+    /// The correction that the daemon allowed, rad or m.
+    pub correction: f64,
+    /// The largest correction in this mode, rad or m.
+    pub correction_max: f64,
+    /// `correction` over `correction_max`, -1 to 1.
+    pub share: f64,
+}
+
+/// The model in use.
+#[derive(Clone, Debug, Serialize)]
+pub struct Model {
+    /// Counts the models since the start.
+    pub epoch: u64,
+    /// Hash of its text.
+    pub hash: String,
+    /// Hash of the nominal geometry.
+    pub geometry_hash: String,
+    /// Effects that the cycle does not correct.
+    pub uncompensated_effects: u32,
+    /// Whether measurements of the tool agree with it.
+    pub holds: bool,
+    /// How many there were.
+    pub measurements: u64,
+    /// How far the last of them were from the model, root mean square.
+    pub residual_mm: f64,
+}
+
+/// What was counted since the start.
+#[derive(Clone, Debug, Serialize)]
+pub struct Counts {
+    /// Cycles run.
+    pub cycles: u64,
+    /// Cycles that came too late.
+    pub missed_cycles: u64,
+    /// Commands taken.
+    pub commands: u64,
+    /// Commands that never came, by their numbers.
+    pub commands_lost: u64,
+    /// Commands refused.
+    pub rejected: u64,
+    /// Targets with the last correction held.
+    pub held: u64,
+    /// Times that the commands fell silent.
+    pub stale: u64,
+    /// Targets that could not be handed over.
+    pub corrected_lost: u64,
+    /// Messages that could not be read.
+    pub malformed: u64,
+}
+
+/// From a command's sending to its answer, µs.
+#[derive(Clone, Debug, Serialize)]
+pub struct Latency {
+    /// The median.
+    pub p50: f64,
+    /// 99 %.
+    pub p99: f64,
+    /// 99.9 %.
+    pub p999: f64,
+    /// The largest.
+    pub max: f64,
+}
+
+/// The force stream.
+#[derive(Clone, Debug, Serialize)]
+pub struct Force {
+    /// The word of [`WrenchGate`].
+    pub wrench_gate: &'static str,
+    /// Loop gain of the wrench correction, dimensionless.
+    pub loop_gain: f64,
+    /// Blocks taken.
+    pub blocks: u64,
+    /// Blocks that never came.
+    pub gaps: u64,
+    /// Blocks refused.
+    pub refused: u64,
+    /// In words.
+    pub faults: Vec<String>,
+}
+
+/// The vibration watch.
+#[derive(Clone, Debug, Serialize)]
+pub struct Vibration {
+    /// The word of [`WatchState`].
+    pub watch: &'static str,
+    /// The line that matters most, in words; none where there is none.
+    pub line: Option<String>,
+    /// The word of [`InCut`].
+    pub in_cut: &'static str,
+    /// Spindle speed that it goes by; NaN where unknown.
+    pub spindle_rpm: f64,
+    /// Feed that it goes by; NaN where unknown.
+    pub feed_mm_s: f64,
+}
+
+/// The word of a code; of a later version's, that it is not known here.
+fn word<T, E>(code: Result<T, E>, name: impl Fn(T) -> &'static str) -> &'static str {
+    code.map_or("unknown", name)
+}
+
+impl Report {
+    /// The status of `cell`; `away`: why its daemon does not answer.
+    #[must_use]
+    pub fn of(cell: &str, status: &Status, away: Option<String>) -> Self {
+        let seconds = |from_ns: u64, to_ns: u64| to_ns.saturating_sub(from_ns) as f64 * 1e-9;
+        let is_stale = |place: &u32| status.stale_temperatures & (1 << place) != 0;
+        Self {
+            cell: cell.to_owned(),
+            away,
+            age_s: seconds(status.t_ns, monotonic_ns()),
+            pid: status.pid,
+            uptime_s: seconds(status.started_ns, status.t_ns),
+            health: word(status.health(), Health::name),
+            message: status.message.to_string(),
+            mode: word(status.mode(), Mode::name),
+            bypassed: status.bypassed != 0,
+            robot: Robot {
+                maker: status.robot_maker.to_string(),
+                kind: status.robot_type.to_string(),
+                serial: status.robot_serial.to_string(),
+                joints: status.joints,
+            },
+            joints: joints(status),
+            model: Model {
+                epoch: status.model_epoch,
+                hash: format!("{:016x}", status.model_hash),
+                geometry_hash: format!("{:016x}", status.geometry_hash),
+                uncompensated_effects: status.uncompensated_effects,
+                holds: status.model_broken_since_ns == 0,
+                measurements: status.model_measurements,
+                residual_mm: 1e3 * status.model_residual_m,
+            },
+            counts: counts(status),
+            latency_us: latency(status),
+            force: Force {
+                wrench_gate: word(status.wrench_gate.try_into(), WrenchGate::name),
+                loop_gain: status.wrench_loop_gain,
+                blocks: status.force_blocks,
+                gaps: status.force_gaps,
+                refused: status.force_refused,
+                faults: status.force_faults().map(|fault| fault.to_string()).collect(),
+            },
+            vibration: vibration(status),
+            recorder: word(status.recorder.try_into(), RecorderState::name),
+            recorder_dropped: status.recorder_dropped,
+            stale_temperatures: (0..=status.joints).filter(is_stale).collect(),
+        }
+    }
+}
+
+fn joints(status: &Status) -> Vec<Joint> {
+    let count = (status.joints as usize).min(JOINTS_MAX);
+    let joint = |k: usize| {
+        let (correction, correction_max) = (status.correction[k], status.bounds.angle[k]);
+        let share = if correction_max > 0.0 { correction / correction_max } else { 0.0 };
+        Joint { command: status.q_command[k], correction, correction_max, share }
+    };
+    (0..count).map(joint).collect()
+}
+
+fn counts(status: &Status) -> Counts {
+    Counts {
+        cycles: status.cycles,
+        missed_cycles: status.missed_cycles,
+        commands: status.commands,
+        commands_lost: status.commands_lost,
+        rejected: status.rejected,
+        held: status.held,
+        stale: status.stale,
+        corrected_lost: status.corrected_lost,
+        malformed: status.malformed,
+    }
+}
+
+fn latency(status: &Status) -> Latency {
+    let us = |ns: u64| ns as f64 * 1e-3;
+    Latency {
+        p50: us(status.latency_p50_ns),
+        p99: us(status.latency_p99_ns),
+        p999: us(status.latency_p999_ns),
+        max: us(status.latency_max_ns),
+    }
+}
+
+fn vibration(status: &Status) -> Vibration {
+    let has_line = status.verdict.state().is_ok_and(|state| state != VibrationState::Over);
+    Vibration {
+        watch: word(status.watch(), WatchState::name),
+        line: has_line.then(|| status.verdict.to_string()),
+        in_cut: word(status.in_cut.try_into(), InCut::name),
+        spindle_rpm: status.spindle_rpm,
+        feed_mm_s: status.feed_mm_s,
+    }
+}

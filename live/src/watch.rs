@@ -1,0 +1,127 @@
+//! What is known of the cell now, from one monitor for all who look.
+
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use shm_schema::{Status, Verdict};
+use trued_client::Monitor;
+
+use crate::report::Report;
+
+/// How often the daemon is looked at: it publishes a status every 40 ms.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+/// Without a new status what is known is told again, with its age.
+const AGAIN_AFTER: Duration = Duration::from_secs(1);
+/// Verdicts on vibration that are kept for those who look slowly.
+const VERDICTS_KEPT: usize = 256;
+
+/// The cell at one moment.
+#[derive(Debug)]
+pub(crate) struct Seen {
+    /// The status, with its codes as words.
+    pub(crate) report: Report,
+    /// The status as it came.
+    pub(crate) status: Status,
+}
+
+/// A verdict on vibration by its number, from 0.
+type Numbered = (u64, Verdict);
+
+#[derive(Debug, Default)]
+struct Known {
+    /// Counts the moments.
+    number: u64,
+    seen: Option<Arc<Seen>>,
+    verdicts: Vec<Numbered>,
+    verdict_number: u64,
+}
+
+/// What is known of the cell; waits for news.
+#[derive(Debug, Default)]
+pub(crate) struct Watch {
+    known: Mutex<Known>,
+    news: Condvar,
+}
+
+/// Where somebody stands who looks.
+#[derive(Debug, Default)]
+pub(crate) struct Reader {
+    number: u64,
+    verdict_number: u64,
+}
+
+/// What is new to somebody.
+#[derive(Debug, Default)]
+pub(crate) struct News {
+    /// The cell now, where it changed.
+    pub(crate) seen: Option<Arc<Seen>>,
+    /// Verdicts since.
+    pub(crate) verdicts: Vec<Verdict>,
+}
+
+impl Watch {
+    fn known(&self) -> MutexGuard<'_, Known> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The cell now; none before the first status.
+    pub(crate) fn now(&self) -> Option<Arc<Seen>> {
+        self.known().seen.clone()
+    }
+
+    /// What is new to `reader`, waited for up to `limit`.
+    pub(crate) fn news(&self, reader: &mut Reader, limit: Duration) -> News {
+        let known = self.known();
+        let nothing = |known: &mut Known| {
+            known.number == reader.number && known.verdict_number == reader.verdict_number
+        };
+        let waited = self.news.wait_timeout_while(known, limit, nothing);
+        let (known, _) = waited.unwrap_or_else(PoisonError::into_inner);
+        let is_new = |(number, _): &&Numbered| *number >= reader.verdict_number;
+        let verdicts = known.verdicts.iter().filter(is_new).map(|(_, verdict)| *verdict).collect();
+        let seen = known.seen.clone().filter(|_| known.number != reader.number);
+        (reader.number, reader.verdict_number) = (known.number, known.verdict_number);
+        News { seen, verdicts }
+    }
+
+    fn see(&self, seen: Seen) {
+        let mut known = self.known();
+        known.number += 1;
+        known.seen = Some(Arc::new(seen));
+        drop(known);
+        self.news.notify_all();
+    }
+
+    fn hear(&self, verdict: Verdict) {
+        let mut known = self.known();
+        let number = known.verdict_number;
+        known.verdict_number += 1;
+        known.verdicts.push((number, verdict));
+        let surplus = known.verdicts.len().saturating_sub(VERDICTS_KEPT);
+        known.verdicts.drain(..surplus);
+        drop(known);
+        self.news.notify_all();
+    }
+}
+
+/// Looks at the cell until it is told to stop.
+pub(crate) fn run(cell: &str, mut monitor: Monitor, watch: &Watch, stop: &AtomicBool) {
+    let mut last: Option<(u64, Option<String>)> = None;
+    let mut told = Instant::now();
+    while !stop.load(Relaxed) {
+        while let Some(verdict) = monitor.vibration() {
+            watch.hear(verdict);
+        }
+        if let Some(status) = monitor.status() {
+            let away = monitor.away().map(|away| away.to_string());
+            let key = (status.t_ns, away);
+            if last.as_ref() != Some(&key) || told.elapsed() > AGAIN_AFTER {
+                let report = Report::of(cell, &status, key.1.clone());
+                watch.see(Seen { report, status });
+                (last, told) = (Some(key), Instant::now());
+            }
+        }
+        std::thread::sleep(LOOK_EVERY);
+    }
+}

@@ -1,0 +1,167 @@
+//! Page, status, events and metrics over HTTP. Read-only: requests other than `GET` are refused.
+
+use std::io::{self, Write};
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
+use std::thread;
+use std::time::Duration;
+
+use tiny_http::{Header, Method, Request, Response, StatusCode};
+
+use crate::report::Report;
+use crate::watch::{Reader, Watch};
+use crate::{Access, LiveError, metrics};
+
+/// The page: no other file, no other host.
+const PAGE: &str = include_str!("page.html");
+/// How often it is looked whether to stop.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+/// Browsers that may follow at once; each takes a thread.
+const FOLLOWERS_MAX: usize = 32;
+/// After so long without news a comment is sent, so that a browser that left is noticed.
+const BEAT_AFTER: Duration = Duration::from_secs(2);
+
+const HTML: &str = "text/html; charset=utf-8";
+const JSON: &str = "application/json";
+const TEXT: &str = "text/plain; charset=utf-8";
+const OPEN_METRICS: &str = "application/openmetrics-text; version=1.0.0; charset=utf-8";
+const EVENTS: &str = "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\n\
+    Cache-Control: no-store\r\nConnection: close\r\n\r\n";
+
+/// Answers browsers and Prometheus.
+pub(crate) struct Server {
+    http: tiny_http::Server,
+    address: SocketAddr,
+    access: Access,
+}
+
+impl Server {
+    /// Takes the address.
+    pub(crate) fn listen(address: SocketAddr, access: Access) -> Result<Self, LiveError> {
+        let http = tiny_http::Server::http(address)
+            .map_err(|why| LiveError::Listen { address, why: why.to_string() })?;
+        let address = http.server_addr().to_ip().unwrap_or(address);
+        Ok(Self { http, address, access })
+    }
+
+    /// Where it listens.
+    pub(crate) fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Answers until it is told to stop.
+    pub(crate) fn run(self, watch: &Arc<Watch>, stop: &Arc<AtomicBool>) {
+        let followers = Arc::new(AtomicUsize::new(0));
+        while !stop.load(Relaxed) {
+            // An error here is of one connection.
+            if let Ok(Some(request)) = self.http.recv_timeout(LOOK_EVERY) {
+                self.answer(request, watch, &followers, stop);
+            }
+        }
+    }
+
+    fn answer(
+        &self,
+        request: Request,
+        watch: &Arc<Watch>,
+        followers: &Arc<AtomicUsize>,
+        stop: &Arc<AtomicBool>,
+    ) {
+        let authorization = request.headers().iter().find(|h| h.field.equiv("Authorization"));
+        let authorization = authorization.map(|header| header.value.as_str());
+        if !self.access.allows(request.url(), authorization) {
+            return respond(request, 401, TEXT, "a token is needed: ?token=TOKEN\n".to_owned());
+        }
+        if *request.method() != Method::Get {
+            return respond(request, 405, TEXT, "only GET is answered\n".to_owned());
+        }
+        let seen = watch.now();
+        let report = seen.as_deref().map(|seen| &seen.report);
+        let path = request.url().split('?').next().unwrap_or_default();
+        match path {
+            "/" => respond(request, 200, HTML, PAGE.to_owned()),
+            "/status" => match report.map(json) {
+                Some(text) => respond(request, 200, JSON, text),
+                None => respond(request, 503, TEXT, "no status has come yet\n".to_owned()),
+            },
+            "/metrics" => {
+                let cell = report.map_or("", |report| &report.cell);
+                let text = metrics::text(cell, report).unwrap_or_default();
+                respond(request, 200, OPEN_METRICS, text);
+            }
+            "/events" => follow(request, watch, followers, stop),
+            _ => {
+                let places = "there are /, /status, /events, /metrics\n".to_owned();
+                respond(request, 404, TEXT, places);
+            }
+        }
+    }
+}
+
+fn json(report: &Report) -> String {
+    let value = serde_json::to_value(report).unwrap_or_default();
+    let mut with_schema = serde_json::json!({ "schema": "trued.status/1" });
+    if let (Some(all), Some(fields)) = (with_schema.as_object_mut(), value.as_object()) {
+        all.extend(fields.clone());
+    }
+    with_schema.to_string()
+}
+
+fn respond(request: Request, code: u16, kind: &str, text: String) {
+    let header = |name: &str, value: &str| Header::from_bytes(name, value).ok();
+    let headers = [
+        header("Content-Type", kind),
+        header("Cache-Control", "no-store"),
+        header("X-Content-Type-Options", "nosniff"),
+        header("Content-Security-Policy", "default-src 'self' 'unsafe-inline'; img-src data:"),
+    ];
+    let mut response = Response::from_string(text).with_status_code(StatusCode(code));
+    headers.into_iter().flatten().for_each(|header| response.add_header(header));
+    // Who asked and left needs no answer.
+    let _ = request.respond(response);
+}
+
+/// Sends each change of the status, in a thread of its own, until the browser leaves.
+fn follow(
+    request: Request,
+    watch: &Arc<Watch>,
+    followers: &Arc<AtomicUsize>,
+    stop: &Arc<AtomicBool>,
+) {
+    if followers.fetch_add(1, Relaxed) >= FOLLOWERS_MAX {
+        followers.fetch_sub(1, Relaxed);
+        let words = format!("{FOLLOWERS_MAX} browsers follow already\n");
+        return respond(request, 503, TEXT, words);
+    }
+    let (watch, stop, count) = (Arc::clone(watch), Arc::clone(stop), Arc::clone(followers));
+    let thread = thread::Builder::new().name("events".to_owned());
+    let spawned = thread.spawn(move || {
+        let mut to = request.into_writer();
+        // An error means that the browser has left.
+        let _ = send_events(&mut to, &watch, &stop);
+        count.fetch_sub(1, Relaxed);
+    });
+    if spawned.is_err() {
+        followers.fetch_sub(1, Relaxed);
+    }
+}
+
+fn send_events(to: &mut impl Write, watch: &Watch, stop: &AtomicBool) -> io::Result<()> {
+    let mut reader = Reader::default();
+    to.write_all(EVENTS.as_bytes())?;
+    to.flush()?;
+    while !stop.load(Relaxed) {
+        let news = watch.news(&mut reader, BEAT_AFTER);
+        for verdict in &news.verdicts {
+            let words = serde_json::json!({ "says": verdict.to_string() });
+            write!(to, "event: vibration\ndata: {words}\n\n")?;
+        }
+        match news.seen {
+            Some(seen) => write!(to, "data: {}\n\n", json(&seen.report))?,
+            None => to.write_all(b":\n\n")?,
+        }
+        to.flush()?;
+    }
+    Ok(())
+}

@@ -1,0 +1,215 @@
+//! A cell seen from outside: page, status, events, metrics and the stream for Foxglove, while the daemon lives, is bypassed, stalls and dies.
+
+use crate::TRUED;
+use rustix::process::Signal;
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream};
+use std::time::{Duration, Instant};
+use tests::cell_loop::CellLoop;
+use tests::place::{CELL, Place};
+use tests::process::Process;
+use trued_client::Monitor;
+use tungstenite::client::IntoClientRequest;
+use tungstenite::http::HeaderValue;
+use tungstenite::{Message, WebSocket};
+
+const LIMIT: Duration = Duration::from_secs(10);
+
+/// A live view of the cell of a place.
+struct View {
+    process: Process,
+    http: SocketAddr,
+    foxglove: SocketAddr,
+}
+
+impl View {
+    fn of(place: &Place) -> Self {
+        let any = "127.0.0.1:0";
+        let arguments = ["live", CELL, "--listen", any, "--foxglove", any];
+        let process = Process::start(TRUED, &arguments, place);
+        assert!(process.says("ws://", LIMIT), "{:?}", process.lines());
+        let after = |words: &str| {
+            let line = process.lines().into_iter().find_map(|line| {
+                let (_, rest) = line.split_once(words)?;
+                rest.split(['/', ' ']).next()?.parse().ok()
+            });
+            line.unwrap_or_else(|| panic!("{words} in {:?}", process.lines()))
+        };
+        let (http, foxglove) = (after("http://"), after("ws://"));
+        Self { process, http, foxglove }
+    }
+
+    /// The head and the body of an answer.
+    fn get(&self, target: &str) -> (String, String) {
+        let mut stream = TcpStream::connect(self.http).expect("a server");
+        stream.set_read_timeout(Some(LIMIT)).expect("a limit");
+        write!(stream, "GET {target} HTTP/1.1\r\nHost: cell\r\nConnection: close\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).expect("an answer");
+        let (head, body) = answer.split_once("\r\n\r\n").expect("a head and a body");
+        (head.to_owned(), body.to_owned())
+    }
+
+    fn status(&self) -> Value {
+        serde_json::from_str(&self.get("/status").1).expect("JSON")
+    }
+
+    fn metric(&self, begin: &str) -> Option<f64> {
+        let text = self.get("/metrics").1;
+        let line = text.lines().find(|line| line.starts_with(begin))?.to_owned();
+        line.rsplit(' ').next()?.parse().ok()
+    }
+
+    fn stream(&self) -> WebSocket<TcpStream> {
+        let mut request = format!("ws://{}", self.foxglove).into_client_request().unwrap();
+        let protocol = HeaderValue::from_static("foxglove.sdk.v1");
+        request.headers_mut().insert("Sec-WebSocket-Protocol", protocol);
+        let stream = TcpStream::connect(self.foxglove).expect("a server");
+        stream.set_read_timeout(Some(LIMIT)).expect("a limit");
+        let (socket, answer) = tungstenite::client(request, stream).expect("a WebSocket");
+        assert_eq!(answer.headers()["Sec-WebSocket-Protocol"], "foxglove.sdk.v1");
+        socket
+    }
+}
+
+/// How long it takes until `is` holds.
+fn within(is: impl Fn() -> bool) -> Duration {
+    let begun = Instant::now();
+    while !is() {
+        assert!(begun.elapsed() < LIMIT, "it never came");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    begun.elapsed()
+}
+
+#[test]
+fn page_status_and_metrics_show_a_bypass_and_the_end_of_the_daemon_and_its_return() {
+    let place = Place::new("full", "");
+    let mut daemon = Process::ready_daemon(TRUED, &place);
+    let mut robot = CellLoop::join(&place.cell(), LIMIT).expect("a daemon");
+    let view = View::of(&place);
+    assert!(robot.tick_until(LIMIT, |_, tick| tick.largest() > 1e-4));
+    (0..200).for_each(|_| drop(robot.tick()));
+    let (head, page) = view.get("/");
+    assert!(head.starts_with("HTTP/1.1 200") && head.contains("text/html"), "{head}");
+    assert!(!page.contains("http://") && !page.contains("https://"), "the page needs no other host");
+    let _ = within(|| view.status()["counts"]["commands"].as_u64().is_some_and(|n| n >= 200));
+    let status = view.status();
+    let largest = |status: &Value| {
+        let joints = status["joints"].as_array().expect("joints").iter();
+        joints.map(|joint| joint["correction"].as_f64().unwrap().abs()).fold(0.0, f64::max)
+    };
+    assert_eq!((status["cell"].as_str(), status["mode"].as_str()), (Some(CELL), Some("full")));
+    assert!(largest(&status) > 1e-5, "a correction is shown: {status}");
+    assert_eq!(view.metric("trued_up"), Some(1.0));
+    assert!(view.metric("trued_commands_total").is_some_and(|count| count >= 200.0));
+
+    let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).expect("a daemon");
+    monitor.bypass(true, LIMIT).expect("an answer");
+    let _ = within(|| view.status()["bypassed"] == true);
+    assert_eq!(view.metric("trued_bypassed"), Some(1.0));
+
+    daemon.kill();
+    let _ = within(|| !view.status()["away"].is_null());
+    assert_eq!(view.metric("trued_up"), Some(0.0));
+    assert_eq!(view.metric("trued_commands_total"), None, "no last value that looks like a present one");
+    let _daemon = Process::ready_daemon(TRUED, &place);
+    let _ = within(|| view.status()["away"].is_null() && view.metric("trued_up") == Some(1.0));
+    assert_eq!(view.status()["bypassed"], false);
+}
+
+#[test]
+fn a_change_of_state_comes_as_an_event_within_three_tenths_of_a_second() {
+    let place = Place::new("full", "");
+    let _daemon = Process::ready_daemon(TRUED, &place);
+    let view = View::of(&place);
+    let mut stream = TcpStream::connect(view.http).expect("a server");
+    stream.set_read_timeout(Some(LIMIT)).expect("a limit");
+    write!(stream, "GET /events HTTP/1.1\r\nHost: cell\r\n\r\n").unwrap();
+    let mut lines = BufReader::new(stream).lines();
+    let mut next = move |bypassed: bool| {
+        let wanted = format!("\"bypassed\":{bypassed}");
+        lines.find(|line| line.as_ref().is_ok_and(|line| line.contains(&wanted))).expect("an event")
+    };
+    next(false).expect("a line");
+    let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).expect("a daemon");
+    let mut waits: Vec<Duration> = Vec::new();
+    for on in [true, false, true, false, true] {
+        let asked = Instant::now();
+        monitor.bypass(on, LIMIT).expect("an answer");
+        next(on).expect("a line");
+        waits.push(asked.elapsed());
+    }
+    waits.sort_unstable();
+    assert!(waits[2] < Duration::from_millis(300), "{waits:?}");
+}
+
+#[test]
+fn foxglove_gets_the_topics_of_the_recordings() {
+    let place = Place::new("full", "");
+    let _daemon = Process::ready_daemon(TRUED, &place);
+    let view = View::of(&place);
+    let mut socket = view.stream();
+    let mut json = |op: &str| -> Value {
+        let text = socket.read().expect("a message").into_text().expect("text");
+        let value: Value = serde_json::from_str(&text).expect("JSON");
+        assert_eq!(value["op"], op);
+        value
+    };
+    json("serverInfo");
+    let advertised = json("advertise");
+    let channels = advertised["channels"].as_array().expect("channels");
+    let topics: Vec<&str> = channels.iter().filter_map(|c| c["topic"].as_str()).collect();
+    assert_eq!(topics, ["/trued/status", "/trued/vibration"]);
+    assert!(channels.iter().all(|c| c["encoding"] == "cdr" && c["schemaEncoding"] == "ros2msg"));
+    assert!(channels[0]["schema"].as_str().is_some_and(|s| s.contains("float64[] correction")));
+    let subscribe = r#"{"op":"subscribe","subscriptions":[{"id":7,"channelId":1}]}"#;
+    socket.send(Message::text(subscribe)).expect("sent");
+    let frame = socket.read().expect("a message").into_data();
+    assert_eq!((frame[0], &frame[1..5]), (1, &7_u32.to_le_bytes()[..]));
+    let now_ns = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap();
+    let stamp_ns = u64::from_le_bytes(frame[5..13].try_into().unwrap());
+    assert!(now_ns.as_nanos().abs_diff(u128::from(stamp_ns)) < 2_000_000_000, "wall-clock time");
+    // CDR, little-endian: the header, the time, then the length of `idle` and its letters.
+    assert_eq!(&frame[13..17], [0, 1, 0, 0]);
+    assert_eq!(&frame[25..33], b"\x05\0\0\0idle");
+}
+
+#[test]
+fn what_stalls_garbles_or_kills_the_view_is_not_noticed_by_the_cell() {
+    let place = Place::new("full", "");
+    let _daemon = Process::ready_daemon(TRUED, &place);
+    let mut robot = CellLoop::join(&place.cell(), LIMIT).expect("a daemon");
+    let mut view = View::of(&place);
+    let mut wild = Vec::new();
+    for bytes in [&b"\0\xff\xfe\r\n\r\n"[..], b"GET", b"POST /status HTTP/1.1\r\n\r\n", &[b'x'; 100_000]] {
+        for address in [view.http, view.foxglove] {
+            let mut stream = TcpStream::connect(address).expect("a server");
+            let _ = stream.write_all(bytes);
+            wild.push(stream);
+        }
+    }
+    (0..300).for_each(|_| drop(robot.tick()));
+    assert_eq!(view.metric("trued_up"), Some(1.0), "it answers others");
+    assert!(view.get("/nothing").0.starts_with("HTTP/1.1 404"));
+    view.process.signal(Signal::STOP);
+    (0..300).for_each(|_| drop(robot.tick()));
+    view.process.kill();
+    (0..300).for_each(|_| drop(robot.tick()));
+    assert!(robot.broken.is_empty(), "{:?}", robot.broken);
+    let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).expect("a daemon");
+    let status = std::iter::repeat_with(|| monitor.status()).find_map(|status| status);
+    let status = status.expect("a status");
+    assert_eq!(status.commands_lost, 0, "{status:?}");
+}
+
+#[test]
+fn an_address_that_others_reach_needs_a_token() {
+    let place = Place::new("full", "");
+    let _daemon = Process::ready_daemon(TRUED, &place);
+    let arguments = ["live", CELL, "--listen", "0.0.0.0:0", "--foxglove", "127.0.0.1:0"];
+    let mut open = Process::start(TRUED, &arguments, &place);
+    assert_eq!(open.wait().code(), Some(3));
+    assert!(open.says("TRUED_LIVE_TOKEN", LIMIT), "{:?}", open.lines());
+}

@@ -1,0 +1,99 @@
+//! `trued live`: a running cell in a browser, in Foxglove or PlotJuggler, and for Prometheus.
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use live::report::Report;
+use live::{Access, Live, Settings};
+use trued_client::Monitor;
+
+use super::control::Which;
+use crate::exit::{Answer, Failure, Outcome};
+use crate::interrupt;
+use crate::output::Console;
+
+/// How often the file for node_exporter is written: its usual scrape interval is 15 s.
+const TEXT_EVERY: Duration = Duration::from_secs(5);
+/// The longest sleep before it is looked whether someone asked to stop.
+const NAP: Duration = Duration::from_millis(50);
+/// The token that opens the view, where it stands in the environment: a command line can be read by everybody on the machine.
+const TOKEN: &str = "TRUED_LIVE_TOKEN";
+
+/// Show a running cell in a browser, in Foxglove or PlotJuggler, and to Prometheus
+///
+/// A process of its own that only looks: the daemon opens no socket, and nothing that comes over the network reaches it. Serves a page (/),
+/// the status as JSON (/status) and as server-sent events (/events), metrics (/metrics), and on a second port a WebSocket stream of the
+/// topics of the recordings (protocol foxglove.sdk.v1). Listens on this machine alone; for another address set TRUED_LIVE_TOKEN, and open
+/// http://HOST:PORT/?token=TOKEN. Runs until interrupted, and goes on when the daemon ends and comes back.
+#[derive(Debug, Args)]
+pub(crate) struct LiveOf {
+    /// Where page, status and metrics are served
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:9177")]
+    listen: SocketAddr,
+    /// Where the stream for Foxglove is served
+    #[arg(long, value_name = "ADDRESS:PORT", default_value = "127.0.0.1:8765")]
+    foxglove: SocketAddr,
+    /// Serve nothing; write the metrics to this file every 5 s, for the textfile collector of node_exporter
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["listen", "foxglove"])]
+    textfile: Option<PathBuf>,
+    #[command(flatten)]
+    which: Which,
+}
+
+impl LiveOf {
+    pub(crate) fn run(&self, console: &mut Console) -> Outcome {
+        let (cell, monitor) = self.which.join()?;
+        match &self.textfile {
+            Some(file) => write_metrics(console, &cell, monitor, file),
+            None => self.serve(console, &cell, monitor),
+        }
+    }
+
+    fn serve(&self, console: &mut Console, cell: &str, monitor: Monitor) -> Outcome {
+        let stop = interrupt::flag()?;
+        let token = std::env::var(TOKEN).ok().filter(|token| !token.is_empty());
+        let access = token.map_or(Access::Everybody, Access::Token);
+        let settings = Settings { http: self.listen, foxglove: Some(self.foxglove), access };
+        let live = Live::start(cell, monitor, &settings).map_err(Failure::system)?;
+        console.say(format!("cell `{cell}`: page http://{0}/, metrics http://{0}/metrics", live.http))?;
+        if let Some(address) = live.foxglove {
+            console.say(format!("Foxglove and PlotJuggler: ws://{address}"))?;
+        }
+        while interrupt::check(&stop).is_ok() {
+            std::thread::sleep(NAP);
+        }
+        drop(live);
+        Ok(Answer::Done)
+    }
+}
+
+fn write_metrics(console: &mut Console, cell: &str, mut monitor: Monitor, file: &Path) -> Outcome {
+    let stop = interrupt::flag()?;
+    console.say(format!("cell `{cell}`: metrics in {} every 5 s", file.display()))?;
+    while interrupt::check(&stop).is_ok() {
+        let begun = Instant::now();
+        let away = monitor.away().map(|away| away.to_string());
+        let report = monitor.status().map(|status| Report::of(cell, &status, away));
+        let text = live::metrics_text(cell, report.as_ref()).map_err(Failure::system)?;
+        replace(file, &text).map_err(|why| {
+            Failure::system(format!("cannot write {}: {why}; is its folder there?", file.display()))
+        })?;
+        while begun.elapsed() < TEXT_EVERY && interrupt::check(&stop).is_ok() {
+            std::thread::sleep(NAP);
+        }
+    }
+    // Figures of a cell that nobody looks at any more would look like present ones.
+    let _ = std::fs::remove_file(file);
+    Ok(Answer::Done)
+}
+
+/// A reader sees the old text or the new one, never half of one.
+fn replace(file: &Path, text: &str) -> std::io::Result<()> {
+    let mut beside = file.as_os_str().to_owned();
+    beside.push(format!(".{}.part", std::process::id()));
+    let beside = PathBuf::from(beside);
+    std::fs::write(&beside, text)?;
+    std::fs::rename(&beside, file)
+}
