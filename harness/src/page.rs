@@ -1,10 +1,11 @@
 //! A bench as one HTML page, and its plots as SVG. Never a figure that is not in the findings.
 
-use report::{Axis, Number, Page, Plot, Series, Svg, Table, Tone};
+use report::{Axis, Number, Page, Plot, Role, Series, Svg, Table, Tone, quantity};
 
 use crate::chunks::Flat;
 use crate::cost::Costs;
 use crate::findings::{Findings, Setting};
+use crate::latencies::Quantiles;
 use crate::peers::Kind;
 use crate::tables::{self, Words};
 
@@ -43,7 +44,7 @@ fn line(name: &str, costs: &Costs) -> Svg {
     let ends = costs.points.first().into_iter().chain(costs.points.last());
     let line = ends.map(|point| (point.n as f64, costs.line.at(point.n)));
     Plot::new(format!("Cost by {name}"), Axis::new(name, ""), Axis::new("Cost", "µs"))
-        .series(Series::line("straight line", line).muted())
+        .series(Series::line("straight line", line).role(Role::Before))
         .series(Series::dots("measured", measured))
         .render()
 }
@@ -58,7 +59,11 @@ fn curves(flat: &Flat) -> Svg {
     measured
         .fold(axes("Round trips"), |plot, (kind, counted)| {
             let series = Series::line(kind.what(), counted.all.curve());
-            plot.series(if kind == Kind::Bare { series.muted() } else { series })
+            plot.series(match kind {
+                Kind::Bare => series.role(Role::Before),
+                Kind::Trued => series.role(Role::After),
+                _ => series,
+            })
         })
         .render()
 }
@@ -69,32 +74,38 @@ fn paced(setting: &Setting) -> Svg {
         plot.series(Series::line(name, at.paced.scheduled.curve()))
     });
     let empty = setting.paced.first().map(|at| at.paced.empty.curve()).unwrap_or_default();
-    plot.series(Series::line("empty cycle", empty).muted()).render()
+    plot.series(Series::line("empty cycle", empty).role(Role::Before)).render()
 }
 
-/// The whole page; `command` is what makes it again.
+/// The whole page.
 #[must_use]
-pub fn render(findings: &Findings, command: &str) -> String {
+pub fn render(findings: &Findings) -> Page {
     let machine = &findings.machine;
     let missed = findings.judged.iter().filter(|judged| !judged.ok).count();
+    let (tone, word) = match (findings.judged.len(), missed) {
+        (0, _) => (Tone::Plain, "measured, no bound asked".to_owned()),
+        (_, 0) => (Tone::Good, "all bounds held".to_owned()),
+        (all, missed) => (Tone::Bad, format!("{missed} of {all} bounds missed")),
+    };
     let mut page = Page::new("Latency on this machine")
         .kicker(match (&findings.cell, findings.model) {
-            (Some(cell), _) => cell.clone(),
+            (Some(cell), _) => format!("trued bench: cell {cell}"),
             (None, model) => {
-                format!("a daemon of the bench's own, model {}", model.unwrap_or("unknown"))
+                format!("trued bench: a daemon of its own, model {}", model.unwrap_or("unknown"))
             }
         })
-        .lead(&format!(
-            "{} of {} bars held; {} parts not measured.",
-            findings.judged.len() - missed,
-            findings.judged.len(),
-            findings.skipped.len()
-        ))
-        .numbers(findings.judged.iter().take(6).map(|judged| {
-            let tone = if judged.ok { Tone::Good } else { Tone::Bad };
-            let note = format!("at most {} {}", judged.bar, judged.unit);
-            Number::new(judged.what.clone(), judged.measured, judged.unit).note(note).tone(tone)
-        }))
+        .verdict(tone, &word, &sentence(findings))
+        .numbers(numbers(findings));
+    let mut all = plots(findings);
+    // At a rate, with the time since each command was due: what a cell gets.
+    all.sort_by_key(|(name, ..)| !name.starts_with("paced"));
+    let mut all = all.into_iter();
+    if let Some((_, caption, plot)) = all.next() {
+        page = page.figure(&caption, &plot);
+    }
+    page = page
+        .next("Look at what the machine lacks for a cycle of a millisecond.", Some("trued doctor"));
+    page = page
         .section("The machine")
         .facts([
             ("Kernel", machine.kernel.clone()),
@@ -121,15 +132,75 @@ pub fn render(findings: &Findings, command: &str) -> String {
             findings.skipped.iter().map(|s| format!("{}: {}", s.what, s.why)).collect();
         page = page.note(Tone::Caution, "Not measured", &why.join("; "));
     }
-    page = page.section("Curves");
-    for (_, caption, plot) in plots(findings) {
+    for (place, (_, caption, plot)) in all.enumerate() {
+        page = if place == 0 { page.section("Other curves") } else { page };
         page = page.figure(&caption, &plot);
     }
     page = page.section("Figures");
     for words in tables::tables(findings) {
         page = page.table(&table(&words));
     }
-    page.footer(command).render()
+    page
+}
+
+fn sentence(findings: &Findings) -> String {
+    let machine = &findings.machine;
+    let latency = trued_latency(findings).map_or(String::new(), |(how, quantiles)| {
+        let us = |ns: u64| quantity(ns as f64 * 1e-3, "µs");
+        format!(
+            "From command to corrected target it takes {} in the median and {} at worst of {} ({how}). ",
+            us(quantiles.p50),
+            us(quantiles.max),
+            quantiles.n
+        )
+    });
+    let kernel =
+        if machine.preempt_rt { "a real-time kernel" } else { "a kernel without PREEMPT_RT" };
+    let on = if machine.is_virtual { "a virtual machine" } else { "this machine" };
+    let skipped = match findings.skipped.len() {
+        0 => String::new(),
+        count => format!(" Parts not measured: {count}."),
+    };
+    format!("{latency}Measured on {on} with {kernel}.{skipped}")
+}
+
+/// The round trip through the daemon: at a rate where that was measured, else flat out.
+fn trued_latency(findings: &Findings) -> Option<(String, Quantiles)> {
+    let settings = || findings.settings.iter();
+    let paced = settings().flat_map(|setting| &setting.paced).next();
+    let flat = || {
+        let counted = settings().filter_map(|setting| setting.flat.as_ref()).flat_map(|flat| {
+            Kind::ALL.into_iter().zip(&flat.counted).filter(|(kind, _)| *kind == Kind::Trued)
+        });
+        counted.map(|(_, counted)| counted.all.quantiles()).next()
+    };
+    let at_rate = paced.map(|at| {
+        (
+            format!("at {} Hz, daemon by {}", at.rate_hz, at.wait.name()),
+            at.paced.scheduled.quantiles(),
+        )
+    });
+    at_rate.or_else(|| Some(("flat out".to_owned(), flat()?))).filter(|(_, q)| q.n > 0)
+}
+
+fn numbers(findings: &Findings) -> Vec<Number> {
+    let mut numbers = Vec::new();
+    if let Some((how, quantiles)) = trued_latency(findings) {
+        let us = |ns: u64| ns as f64 * 1e-3;
+        numbers.push(Number::new("Round trip, median", us(quantiles.p50), "µs").note(how));
+        numbers.push(Number::new("Round trip, 99.9 %", us(quantiles.p999), "µs"));
+        let of = format!("of {}", quantiles.n);
+        numbers.push(Number::new("Round trip, worst", us(quantiles.max), "µs").note(of));
+    }
+    let missed = findings.judged.iter().filter(|judged| !judged.ok).count();
+    let tone = match findings.judged.len() {
+        0 => Tone::Plain,
+        _ if missed == 0 => Tone::Good,
+        _ => Tone::Bad,
+    };
+    let all = findings.judged.len();
+    numbers.push(Number::text("Bounds held", format!("{} of {all}", all - missed)).tone(tone));
+    numbers
 }
 
 fn yes(is: bool) -> String {

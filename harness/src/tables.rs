@@ -250,11 +250,11 @@ fn judged(findings: &Findings) -> Words {
         let unit = if judged.unit.is_empty() { String::new() } else { format!(" {}", judged.unit) };
         let digits = if judged.measured.fract() == 0.0 { 0 } else { 2 };
         let measured = format!("{:.digits$}{unit}", judged.measured);
-        let verdict = if judged.ok { "held" } else { "missed" };
+        let verdict = if judged.ok { "✓ held" } else { "✗ missed" };
         vec![judged.what.clone(), measured, format!("{}{unit}", judged.bar), verdict.to_owned()]
     });
     Words {
-        title: "Held against the bars".to_owned(),
+        title: "Compared with the limits".to_owned(),
         heads: ["", "measured", "at most", ""].map(str::to_owned).to_vec(),
         rows: rows.collect(),
     }

@@ -3,7 +3,8 @@
 use std::io::{self, Write};
 
 use report::{
-    Axis, Bar, Bars, HeatMap, Histogram, Multiples, Number, Page, Plot, Series, Table, Tone,
+    ArmPicture, Axis, Bar, Bars, HeatMap, Histogram, Multiples, Number, Page, Plot, Role, Series,
+    Table, Tone, ToolError,
 };
 
 fn main() -> io::Result<()> {
@@ -12,8 +13,11 @@ fn main() -> io::Result<()> {
 
 fn page() -> Page {
     Page::new("The tool goes where it was told to, within 0.12 mm")
-        .kicker("Sample page · IRB 1600-6/1.45 · invented data")
-        .lead(
+        .kicker("Sample page, invented data")
+        .robot("IRB 1600-6/1.45, serial 0000")
+        .verdict(
+            Tone::Good,
+            "within 0.2 mm",
             "Along three slots the tool strayed 0.84 mm from its path. With the correction it stays within a seventh \
              of that. One cut rang at 72 Hz, and was flagged after 38 ms.",
         )
@@ -23,6 +27,8 @@ fn page() -> Page {
             Number::new("Missed cycles", 0.0, "").note("of 58 012"),
             Number::new("Vibration", 72.0, "Hz").note("y, at 4.03 s").tone(Tone::Caution),
         ])
+        .figure("The tool's error over the arm's room, before and after.", &arm())
+        .next("Measure again after a week.", Some("trued plan --model irb1600.toml --check"))
         .section("Tool error along the path")
         .text("Both runs were measured on the same robot; only the correction differs.")
         .figure("Distance of the tool from the commanded path.", &error())
@@ -42,6 +48,29 @@ fn page() -> Page {
         .footer("Made by trued.")
 }
 
+fn arm() -> report::Svg {
+    let error = |i: u32| {
+        let turn = f64::from(i) * 0.37;
+        let out = 0.7 + 0.25 * (turn * 1.7).sin();
+        let at = [
+            out * (0.5 * turn.sin()).cos(),
+            out * (0.5 * turn.sin()).sin(),
+            0.6 + 0.3 * turn.cos(),
+        ];
+        let before = [2e-4 * turn.sin(), 3e-4, -9e-4 * out];
+        ToolError { at, before, after: before.map(|x| 0.15 * x) }
+    };
+    ArmPicture::new("Errors at the tool", [1.0, 0.0, 0.95])
+        .joint("1", [0.0, 0.0, 0.2], false)
+        .joint("2", [0.15, 0.0, 0.49], true)
+        .joint("3", [0.15, 0.0, 0.96], false)
+        .joint("4", [0.45, 0.0, 0.96], false)
+        .joint("5", [0.75, 0.0, 0.96], false)
+        .joint("6", [0.81, 0.0, 0.96], false)
+        .errors((0..60).map(error))
+        .render()
+}
+
 fn time_s() -> impl Iterator<Item = f64> {
     (0..58_000).map(|i| f64::from(i) * 1e-3)
 }
@@ -56,11 +85,17 @@ fn stray_mm(t: f64) -> f64 {
 
 fn error() -> report::Svg {
     Plot::new("Tool error over time", Axis::new("Time", "s"), Axis::new("Tool error", "mm"))
-        .series(Series::line("without correction", time_s().map(|t| (t, stray_mm(t)))).muted())
-        .series(Series::line(
-            "with correction",
-            time_s().map(|t| (t, 0.15 * stray_mm(t) + 0.02 * noise(t + 3.0).abs())),
-        ))
+        .series(
+            Series::line("without correction", time_s().map(|t| (t, stray_mm(t))))
+                .role(Role::Before),
+        )
+        .series(
+            Series::line(
+                "with correction",
+                time_s().map(|t| (t, 0.15 * stray_mm(t) + 0.02 * noise(t + 3.0).abs())),
+            )
+            .role(Role::After),
+        )
         .mark_x(4.03, "72 Hz flagged")
         .mark_y(0.2, "asked: 0.2 mm")
         .render()
@@ -87,9 +122,9 @@ fn path() -> report::Svg {
         Axis::new("x in the base frame", "mm"),
         Axis::new("y in the base frame", "mm"),
     )
-    .series(Series::line("commanded", along().map(slot)).muted().dashed())
-    .series(Series::line("without correction", off(1.0)))
-    .series(Series::line("with correction", off(0.14)))
+    .series(Series::line("commanded", along().map(slot)).role(Role::Truth))
+    .series(Series::line("without correction", off(1.0)).role(Role::Before))
+    .series(Series::line("with correction", off(0.14)).role(Role::After))
     .equal_scale()
     .height(380.0)
     .render()
@@ -150,6 +185,7 @@ fn waterfall() -> report::Svg {
 fn shares() -> report::Svg {
     Bars::new("Shares of the remaining error", Axis::new("Mean tool error", "mm"))
         .groups(["before", "after"])
+        .roles([Role::Before, Role::After])
         .row(
             "backlash, joint 3",
             [Bar::new(0.062).between(0.055, 0.071), Bar::new(0.004).between(0.0, 0.009)],

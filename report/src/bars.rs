@@ -1,15 +1,17 @@
 //! Level bars by name: rankings, comparisons before and after, parameters with their intervals.
 
 use crate::axis::Axis;
-use crate::canvas::{Anchor, Area, Canvas, Svg, WIDTH_PX, shortened, text_width};
+use crate::canvas::{Anchor, Area, Canvas, Svg, shortened, text_width};
 use crate::legend::{self, Entry, Swatch};
 use crate::number::{common_decimals, fixed, quantity, significant};
+use crate::role::{Look, Role};
 use crate::scale::{Scale, Span, drawable, ticks};
-use crate::series::colour_class;
 
 const LABEL_PX_MAX: f64 = 280.0;
 const VALUE_PX: f64 = 90.0;
 const BAR_PX: f64 = 15.0;
+/// What a name over its bars takes.
+const OVER_PX: f64 = 17.0;
 const ROW_GAP_PX: f64 = 13.0;
 const BELOW_PX: f64 = 44.0;
 
@@ -41,12 +43,21 @@ impl From<f64> for Bar {
     }
 }
 
+/// Of which row a bar is, and in which place of it.
+#[derive(Clone, Copy)]
+struct Whose<'a> {
+    name: &'a str,
+    place: usize,
+    look: Look,
+}
+
 /// A chart of level bars, one row for each name, one bar in it for each group.
 #[derive(Debug, Clone)]
 pub struct Bars {
     title: String,
     axis: Axis,
     groups: Vec<String>,
+    roles: Vec<Role>,
     rows: Vec<(String, Vec<Bar>)>,
 }
 
@@ -54,13 +65,20 @@ impl Bars {
     /// An empty chart; the axis is drawn linear and always shows zero.
     #[must_use]
     pub fn new(title: impl Into<String>, axis: Axis) -> Self {
-        Self { title: title.into(), axis, groups: Vec::new(), rows: Vec::new() }
+        Self { title: title.into(), axis, groups: Vec::new(), roles: Vec::new(), rows: Vec::new() }
     }
 
     /// Names what the bars of each row stand for, in their order.
     #[must_use]
     pub fn groups<T: Into<String>>(mut self, names: impl IntoIterator<Item = T>) -> Self {
         self.groups = names.into_iter().map(Into::into).collect();
+        self
+    }
+
+    /// What the bars of each row stand for, in the order of the groups.
+    #[must_use]
+    pub fn roles(mut self, roles: impl IntoIterator<Item = Role>) -> Self {
+        self.roles = roles.into_iter().collect();
         self
     }
 
@@ -78,32 +96,52 @@ impl Bars {
     /// Draws it.
     #[must_use]
     pub fn render(&self) -> Svg {
-        let mut canvas = Canvas::default();
-        let entries: Vec<Entry> = self.groups.iter().enumerate().map(entry).collect();
-        let top = legend::draw(&mut canvas, &entries);
+        Svg::laid_out(|width| self.laid_out(width))
+    }
+
+    /// Names stand beside their bars; on a phone, over them.
+    fn laid_out(&self, width: f64) -> String {
+        let mut canvas = Canvas::new(width);
+        let looks = self.looks();
+        let entries = self.groups.iter().zip(&looks).map(|(name, look)| entry(name, *look));
+        let top = legend::draw(&mut canvas, &entries.collect::<Vec<Entry>>());
+        let is_narrow = canvas.is_narrow();
         let longest = self.rows.iter().map(|row| text_width(&row.0)).fold(40.0, f64::max);
-        let left = longest.min(LABEL_PX_MAX) + 14.0;
-        let inner = Area { left, top, width: WIDTH_PX - left - VALUE_PX, height: self.height() };
+        let left = if is_narrow { 4.0 } else { longest.min(LABEL_PX_MAX) + 14.0 };
+        let over = if is_narrow { OVER_PX } else { 0.0 };
+        let taken = |bars: &[Bar]| over + BAR_PX * bars.len().max(1) as f64 + ROW_GAP_PX;
+        let height = self.rows.iter().map(|row| taken(&row.1)).sum::<f64>().max(BAR_PX);
+        let value_px = if is_narrow { 64.0 } else { VALUE_PX };
+        let inner = Area { left, top, width: width - left - value_px, height };
         let scale = Scale { span: self.span(), from_px: inner.left, to_px: inner.right() };
         self.draw_axis(&mut canvas, inner, &scale);
         let mut at = top + ROW_GAP_PX / 2.0;
         for (name, bars) in &self.rows {
-            let middle = at + BAR_PX * bars.len().max(1) as f64 / 2.0 + 4.0;
-            let label = shortened(name, LABEL_PX_MAX);
-            canvas.text("label", (left - 12.0, middle), Anchor::End, &label);
-            for (place, bar) in bars.iter().enumerate() {
-                self.draw_bar(&mut canvas, &scale, at + BAR_PX * place as f64, (name, place), *bar);
+            let first = at + over;
+            if is_narrow {
+                canvas.text("label", (0.0, at + 11.0), Anchor::Start, &shortened(name, width));
+            } else {
+                let middle = first + BAR_PX * bars.len().max(1) as f64 / 2.0 + 4.0;
+                let label = shortened(name, LABEL_PX_MAX);
+                canvas.text("label", (left - 12.0, middle), Anchor::End, &label);
             }
-            at += BAR_PX * bars.len().max(1) as f64 + ROW_GAP_PX;
+            for (place, bar) in bars.iter().enumerate() {
+                let look = looks.get(place).copied().unwrap_or(Look { role: Role::Other, place });
+                let top = first + BAR_PX * place as f64;
+                self.draw_bar(&mut canvas, &scale, top, Whose { name, place, look }, *bar);
+            }
+            at += taken(bars);
         }
         let zero = scale.held(0.0);
         canvas.line("rule", (zero, top), (zero, inner.bottom()));
         canvas.finish(inner.bottom() + BELOW_PX, &self.title, &self.describe())
     }
 
-    fn height(&self) -> f64 {
-        let rows = self.rows.iter().map(|row| BAR_PX * row.1.len().max(1) as f64 + ROW_GAP_PX);
-        rows.sum::<f64>().max(BAR_PX)
+    /// How the bars of a row look: by the roles that were given, else by their place.
+    fn looks(&self) -> Vec<Look> {
+        let most = self.rows.iter().map(|row| row.1.len()).max().unwrap_or(0);
+        let role = |place: usize| self.roles.get(place).copied().unwrap_or_default();
+        Look::each((0..most.max(self.groups.len())).map(role))
     }
 
     fn span(&self) -> Span {
@@ -115,7 +153,7 @@ impl Bars {
     }
 
     fn draw_axis(&self, canvas: &mut Canvas, inner: Area, scale: &Scale) {
-        let found = ticks(scale.span, 6);
+        let found = ticks(scale.span, if canvas.is_narrow() { 3 } else { 6 });
         for (value, label) in &found.marks {
             let at = scale.held(*value);
             canvas.line("grid", (at, inner.top), (at, inner.bottom()));
@@ -125,15 +163,15 @@ impl Bars {
         canvas.text("axis", (inner.right(), inner.bottom() + 36.0), Anchor::End, &caption);
     }
 
-    fn draw_bar(&self, canvas: &mut Canvas, scale: &Scale, top: f64, of: (&str, usize), bar: Bar) {
+    fn draw_bar(&self, canvas: &mut Canvas, scale: &Scale, top: f64, whose: Whose<'_>, bar: Bar) {
         if !drawable(bar.value, false) {
             return;
         }
         let (from, to) = (scale.held(0.0), scale.held(bar.value));
         let (left, width) = (from.min(to), (to - from).abs());
         let area = Area { left, top: top + 1.0, width, height: BAR_PX - 2.0 };
-        let hint = format!("{}: {}", of.0, self.worded(of.1, bar));
-        canvas.bar(&format!("fill {}", colour_class(of.1)), area, &hint);
+        let hint = format!("{}: {}", whose.name, self.worded(whose.place, bar));
+        canvas.bar(&format!("fill {}", whose.look.colour()), area, &hint);
         let mut end = left + width;
         if let Some((low, high)) = bar.interval.filter(|ends| ends.0 <= ends.1) {
             let (low, high) = (scale.held(low), scale.held(high));
@@ -174,6 +212,6 @@ impl Bars {
     }
 }
 
-fn entry((place, name): (usize, &String)) -> Entry {
-    Entry { class: colour_class(place), swatch: Swatch::Block, name: name.clone() }
+fn entry(name: &str, look: Look) -> Entry {
+    Entry { look, swatch: Swatch::Block, name: name.to_owned() }
 }

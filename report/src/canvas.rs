@@ -8,30 +8,54 @@ use crate::MADE_BY;
 use crate::escape::escape;
 use crate::page::STYLE;
 
-/// The width of every drawing, in its own pixels: the width of a page's text.
-pub(crate) const WIDTH_PX: f64 = 832.0;
+/// The width of a drawing on a wide screen and in print, in its own pixels: the width of a page's text.
+const WIDE_PX: f64 = 832.0;
+/// The width of a drawing on a phone, in its own pixels: what a screen of 375 px leaves beside its margins.
+const NARROW_PX: f64 = 336.0;
 /// What a character of small text takes, generously.
 pub(crate) const CHARACTER_PX: f64 = 7.3;
 
-/// A finished drawing: well-formed, self-described, to be put on a [`crate::Page`].
+/// A finished drawing: well-formed, self-described, to be put on a [`crate::Page`]. It is laid out twice, for a wide screen and for a phone.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Svg(String);
+pub struct Svg {
+    wide: String,
+    narrow: String,
+}
 
 impl Svg {
-    /// The `<svg>` element; it takes its colours from the stylesheet of the page.
+    /// Laid out for each width, px.
+    pub(crate) fn laid_out(draw: impl Fn(f64) -> String) -> Self {
+        Self { wide: draw(WIDE_PX), narrow: draw(NARROW_PX) }
+    }
+
+    /// The `<svg>` element for a wide screen and for print; it takes its colours from the stylesheet of the page.
     #[must_use]
     pub fn as_str(&self) -> &str {
-        &self.0
+        &self.wide
+    }
+
+    /// The `<svg>` element for a phone.
+    #[must_use]
+    pub fn narrow(&self) -> &str {
+        &self.narrow
+    }
+
+    /// Both, of which the stylesheet shows one.
+    pub(crate) fn html(&self) -> String {
+        let Self { wide, narrow } = self;
+        format!("<div class=\"on-wide\">{wide}</div><div class=\"on-narrow\">{narrow}</div>")
     }
 
     /// The drawing of a rendered [`crate::Page`] whose caption begins so (markup escaped); none where the page has no such figure.
     #[must_use]
     pub fn of_page(page: &str, caption: &str) -> Option<Self> {
         let caption = escape(caption);
-        page.split("<figure><div class=\"wide\">").skip(1).find_map(|figure| {
-            let (drawing, rest) = figure.split_once("</div><figcaption>")?;
+        page.split("<figure><div class=\"on-wide\">").skip(1).find_map(|figure| {
+            let (wide, rest) = figure.split_once("</div><div class=\"on-narrow\">")?;
+            let (narrow, rest) = rest.split_once("</div><figcaption>")?;
             let (_, says) = rest.split_once("</b> ")?;
-            says.starts_with(&caption).then(|| Self(drawing.to_owned()))
+            let (wide, narrow) = (wide.to_owned(), narrow.to_owned());
+            says.starts_with(&caption).then_some(Self { wide, narrow })
         })
     }
 
@@ -39,7 +63,7 @@ impl Svg {
     #[must_use]
     pub fn file(&self) -> String {
         let paper = "svg { background: var(--paper); font-family: system-ui, sans-serif; }";
-        let (head, rest) = self.0.split_at(self.0.find('>').map_or(0, |end| end + 1));
+        let (head, rest) = self.wide.split_at(self.wide.find('>').map_or(0, |end| end + 1));
         format!("{head}{MADE_BY}<style><![CDATA[\n{STYLE}{paper}\n]]></style>{rest}\n")
     }
 }
@@ -88,12 +112,27 @@ pub(crate) enum Anchor {
 }
 
 /// A drawing in the making.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct Canvas {
+    width_px: f64,
     body: String,
 }
 
 impl Canvas {
+    pub(crate) fn new(width_px: f64) -> Self {
+        Self { width_px, body: String::new() }
+    }
+
+    /// The width of the whole drawing.
+    pub(crate) fn width_px(&self) -> f64 {
+        self.width_px
+    }
+
+    /// Whether it is laid out for a phone.
+    pub(crate) fn is_narrow(&self) -> bool {
+        self.width_px < 0.5 * WIDE_PX
+    }
+
     pub(crate) fn line(&mut self, class: &str, from: (f64, f64), to: (f64, f64)) {
         self.body.push_str(&format!(
             "<line class=\"{class}\" x1=\"{}\" y1=\"{}\" x2=\"{}\" y2=\"{}\"/>",
@@ -137,6 +176,25 @@ impl Canvas {
         }
     }
 
+    pub(crate) fn circle(&mut self, class: &str, at: (f64, f64), radius_px: f64) {
+        let (x, y, radius) = (Px(at.0), Px(at.1), Px(radius_px));
+        self.body
+            .push_str(&format!("<circle class=\"{class}\" cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"/>"));
+    }
+
+    /// A dot of one given colour.
+    pub(crate) fn spot(&mut self, colour: &str, at: (f64, f64), radius_px: f64) {
+        let (x, y, radius) = (Px(at.0), Px(at.1), Px(radius_px));
+        self.body.push_str(&format!(
+            "<circle class=\"spot\" fill=\"{colour}\" cx=\"{x}\" cy=\"{y}\" r=\"{radius}\"/>"
+        ));
+    }
+
+    /// A line of one given colour.
+    pub(crate) fn coloured(&mut self, class: &str, colour: &str, data: &str) {
+        self.body.push_str(&format!("<path class=\"{class}\" stroke=\"{colour}\" d=\"{data}\"/>"));
+    }
+
     /// A path of one given colour, without soft edges.
     pub(crate) fn cells(&mut self, colour: &str, data: &str) {
         if !data.is_empty() {
@@ -155,16 +213,16 @@ impl Canvas {
     }
 
     /// The whole element, with its name and its description in words.
-    pub(crate) fn finish(self, height: f64, title: &str, description: &str) -> Svg {
-        Svg(format!(
+    pub(crate) fn finish(self, height: f64, title: &str, description: &str) -> String {
+        format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"plot\" role=\"img\" viewBox=\"0 0 {} {}\">\
              <title>{}</title><desc>{}</desc>{}</svg>",
-            Px(WIDTH_PX),
+            Px(self.width_px),
             Px(height),
             escape(title),
             escape(description),
             self.body
-        ))
+        )
     }
 }
 

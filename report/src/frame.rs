@@ -26,15 +26,24 @@ const RIGHT_PX: f64 = 14.0;
 /// An axis with the range it shows.
 pub(crate) type Ranged<'a> = (&'a Axis, Span);
 
-/// Draws grid, ticks and captions into `outer`, and says where the data belongs.
-pub(crate) fn draw(canvas: &mut Canvas, outer: Area, x: Ranged<'_>, y: Ranged<'_>) -> Frame {
-    let inner = inside(outer, y.1);
+/// Where a frame goes: the area it takes, and how much of it the labels of y take.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Place {
+    pub(crate) outer: Area,
+    pub(crate) left: f64,
+}
+
+/// Draws grid, ticks and captions into `place`, and says where the data belongs. The range of y grows to whole ticks, unless the axis fixes it.
+pub(crate) fn draw(canvas: &mut Canvas, place: Place, x: Ranged<'_>, y: Ranged<'_>) -> Frame {
+    let outer = place.outer;
+    let inner = inside(outer, place.left);
+    let y_span = if y.0.fixed_span().is_some() { y.1 } else { whole(y.1, inner.height) };
     let frame = Frame {
         inner,
         x: Scale { span: x.1, from_px: inner.left, to_px: inner.right() },
-        y: Scale { span: y.1, from_px: inner.bottom(), to_px: inner.top },
+        y: Scale { span: y_span, from_px: inner.bottom(), to_px: inner.top },
     };
-    let y_ticks = y_ticks(y.1, inner.height);
+    let y_ticks = y_ticks(y_span, inner.height);
     for (value, label) in &y_ticks.marks {
         let at = frame.y.held(*value);
         canvas.line("grid", (inner.left, at), (inner.right(), at));
@@ -46,22 +55,41 @@ pub(crate) fn draw(canvas: &mut Canvas, outer: Area, x: Ranged<'_>, y: Ranged<'_
     frame
 }
 
-/// The area of data that the frame leaves inside `outer`, where `y` has this range.
-pub(crate) fn inside(outer: Area, y: Span) -> Area {
-    let height = (outer.height - CAPTION_PX - BELOW_PX).max(10.0);
-    let labels = y_ticks(y, height).marks;
-    let widest = labels.iter().map(|(_, label)| text_width(label)).fold(0.0, f64::max);
-    let left = (widest + 10.0).clamp(28.0, outer.width / 2.0);
+/// What the labels of y take beside the data inside `outer`.
+pub(crate) fn label_px(outer: Area, y: Span) -> f64 {
+    let height = inner_height(outer);
+    // With and without the growth to whole ticks, which is not known here.
+    let labels =
+        y_ticks(y, height).marks.into_iter().chain(y_ticks(whole(y, height), height).marks);
+    let widest = labels.map(|(_, label)| text_width(&label)).fold(0.0, f64::max);
+    (widest + 10.0).clamp(28.0, outer.width / 2.0)
+}
+
+/// The area of data that the frame leaves inside `outer`, where labels take `left` of it.
+pub(crate) fn inside(outer: Area, left: f64) -> Area {
     Area {
         left: outer.left + left,
         top: outer.top + CAPTION_PX,
         width: (outer.width - left - RIGHT_PX).max(10.0),
-        height,
+        height: inner_height(outer),
     }
 }
 
+fn inner_height(outer: Area) -> f64 {
+    (outer.height - CAPTION_PX - BELOW_PX).max(10.0)
+}
+
+fn y_count(height: f64) -> usize {
+    (height / 44.0).max(3.0) as usize
+}
+
 fn y_ticks(span: Span, height: f64) -> Ticks {
-    ticks(span, (height / 44.0).max(3.0) as usize)
+    ticks(span, y_count(height))
+}
+
+/// The range up to whole ticks: no curve ends above the last of them.
+fn whole(span: Span, height: f64) -> Span {
+    span.to_ticks(y_count(height))
 }
 
 fn x_axis(canvas: &mut Canvas, frame: &Frame, axis: &Axis) {

@@ -4,7 +4,7 @@
 //! that a narrow line stays visible. Colours are of even lightness steps (viridis), readable without colour vision.
 
 use crate::axis::Axis;
-use crate::canvas::{Anchor, Area, Canvas, Px, Svg, WIDTH_PX};
+use crate::canvas::{Anchor, Area, Canvas, Px, Svg};
 use crate::frame::{self, Frame, Mark};
 use crate::number::quantity;
 use crate::scale::{Scale, Span, drawable, ticks};
@@ -13,7 +13,8 @@ const COLUMNS_MAX: usize = 208;
 const ROWS_MAX: usize = 104;
 const HEIGHT_PX: f64 = 340.0;
 const KEY_PX: f64 = 84.0;
-const LEVELS: usize = 32;
+/// Steps of colour.
+pub(crate) const LEVELS: usize = 32;
 /// The viridis colour map (van der Walt and Smith, CC0), every tenth of it.
 const VIRIDIS: [[u8; 3]; 11] = [
     [0x44, 0x01, 0x54],
@@ -80,8 +81,12 @@ impl HeatMap {
     /// Draws it.
     #[must_use]
     pub fn render(&self) -> Svg {
-        let mut canvas = Canvas::default();
-        let outer = Area { left: 0.0, top: 0.0, width: WIDTH_PX - KEY_PX, height: HEIGHT_PX };
+        Svg::laid_out(|width| self.laid_out(width))
+    }
+
+    fn laid_out(&self, width: f64) -> String {
+        let mut canvas = Canvas::new(width);
+        let outer = Area { left: 0.0, top: 0.0, width: width - KEY_PX, height: HEIGHT_PX };
         let edges = |axis: &Axis, cells: usize| {
             let linear = Axis { log: false, ..axis.clone() };
             let all = Span { low: 0.0, high: cells.max(1) as f64, log: false };
@@ -91,7 +96,9 @@ impl HeatMap {
         let seen = self.values.iter().copied();
         let found = self.value.fixed_span().or_else(|| Span::of(seen, self.value.log));
         let value = found.unwrap_or(Span::unit(self.value.log));
-        let frame = frame::draw(&mut canvas, outer, (&self.x, x), (&self.y, y));
+        let y_axis = self.y.clone().range(y.low, y.high);
+        let place = frame::Place { outer, left: frame::label_px(outer, y) };
+        let frame = frame::draw(&mut canvas, place, (&self.x, x), (&y_axis, y));
         self.draw_cells(&mut canvas, &frame, value);
         frame::mark_x(&mut canvas, &frame, &self.marks_x, frame::ON_COLOURS);
         frame::mark_y(&mut canvas, &frame, &self.marks_y, frame::ON_COLOURS);
@@ -155,7 +162,8 @@ impl HeatMap {
             canvas.text("tick", (right + 6.0, scale.held(*at) + 4.0), Anchor::Start, label);
         }
         let caption = self.value.caption(&found.power);
-        canvas.text("axis", (WIDTH_PX, beside.top - 13.0), Anchor::End, &caption);
+        let width = canvas.width_px();
+        canvas.text("axis", (width, beside.top - 13.0), Anchor::End, &caption);
     }
 
     fn describe(&self, value: Span) -> String {
@@ -171,12 +179,14 @@ impl HeatMap {
     }
 }
 
-fn shade(value: Option<f64>, span: Span) -> Option<usize> {
+/// The step of colour of a value; none where there is none.
+pub(crate) fn shade(value: Option<f64>, span: Span) -> Option<usize> {
     let scale = Scale { span, from_px: 0.0, to_px: LEVELS as f64 };
     value.map(|value| (scale.held(value) as usize).min(LEVELS - 1))
 }
 
-fn colour(level: usize) -> String {
+/// The colour of a step.
+pub(crate) fn colour(level: usize) -> String {
     let place = level as f64 / (LEVELS - 1) as f64 * (VIRIDIS.len() - 1) as f64;
     let below = (place as usize).min(VIRIDIS.len() - 2);
     let share = place - below as f64;

@@ -1,19 +1,20 @@
 //! How often which value: overlapping distributions as shares, so that runs of different length compare.
 
 use crate::axis::Axis;
-use crate::canvas::{Area, Canvas, Px, Svg, WIDTH_PX};
+use crate::canvas::{Area, Canvas, Px, Svg};
 use crate::frame::{self, Frame, Mark};
 use crate::legend::{self, Entry, Swatch};
 use crate::number::quantity;
 use crate::plot::breathing;
+use crate::role::{Look, Role};
 use crate::scale::{Scale, Span, drawable};
-use crate::series::colour_class;
 
 const HEIGHT_PX: f64 = 280.0;
 
 #[derive(Debug, Clone)]
 struct Sample {
     name: String,
+    role: Role,
     counted: Vec<(f64, u64)>,
 }
 
@@ -51,7 +52,20 @@ impl Histogram {
     ) -> Self {
         let log = self.x.log;
         let drawn = values.into_iter().filter(|(value, count)| drawable(*value, log) && *count > 0);
-        self.samples.push(Sample { name: name.into(), counted: drawn.collect() });
+        self.samples.push(Sample {
+            name: name.into(),
+            role: Role::Other,
+            counted: drawn.collect(),
+        });
+        self
+    }
+
+    /// What the sample that was added last stands for.
+    #[must_use]
+    pub fn role(mut self, role: Role) -> Self {
+        if let Some(sample) = self.samples.last_mut() {
+            sample.role = role;
+        }
         self
     }
 
@@ -79,8 +93,13 @@ impl Histogram {
     /// Draws it.
     #[must_use]
     pub fn render(&self) -> Svg {
-        let mut canvas = Canvas::default();
-        let entries: Vec<Entry> = self.samples.iter().enumerate().map(entry).collect();
+        Svg::laid_out(|width| self.laid_out(width))
+    }
+
+    fn laid_out(&self, width: f64) -> String {
+        let mut canvas = Canvas::new(width);
+        let looks = Look::each(self.samples.iter().map(|sample| sample.role));
+        let entries: Vec<Entry> = looks.iter().copied().zip(&self.samples).map(entry).collect();
         let top = legend::draw(&mut canvas, &entries);
         let values = self.samples.iter().flat_map(|sample| &sample.counted).map(|pair| pair.0);
         let x = self.x.fixed_span().or_else(|| Span::of(values, self.x.log));
@@ -89,12 +108,13 @@ impl Histogram {
             self.samples.iter().map(|s| self.shares(&s.counted, x)).collect();
         let y = self.span_y(&shares);
         let y_axis = Axis::new("Share of samples", "%");
-        let outer = Area { left: 0.0, top, width: WIDTH_PX, height: HEIGHT_PX };
-        let frame = frame::draw(&mut canvas, outer, (&self.x, x), (&y_axis, y));
-        for (place, shares) in shares.iter().enumerate() {
-            let (steps, colour) = (outline(&frame, shares), colour_class(place));
-            canvas.path(&format!("area {colour}"), &steps);
-            canvas.path(&format!("line {colour}"), &steps);
+        let outer = Area { left: 0.0, top, width, height: HEIGHT_PX };
+        let place = frame::Place { outer, left: frame::label_px(outer, y) };
+        let frame = frame::draw(&mut canvas, place, (&self.x, x), (&y_axis, y));
+        for (look, shares) in looks.iter().zip(&shares) {
+            let steps = outline(&frame, shares);
+            canvas.path(&format!("area {}", look.colour()), &steps);
+            canvas.path(&look.line(), &steps);
         }
         frame::mark_x(&mut canvas, &frame, &self.marks, frame::ON_PAPER);
         canvas.finish(top + HEIGHT_PX, &self.title, &self.describe())
@@ -125,7 +145,7 @@ impl Histogram {
 
     fn describe(&self) -> String {
         let mut words = format!("Distribution of {}.", self.x.label);
-        for Sample { name, counted } in &self.samples {
+        for Sample { name, counted, .. } in &self.samples {
             let count = counted.iter().fold(0u64, |sum, pair| sum.saturating_add(pair.1));
             let (low, high) = counted.iter().fold((f64::NAN, f64::NAN), |(low, high), pair| {
                 (pair.0.min(low), pair.0.max(high))
@@ -140,8 +160,8 @@ impl Histogram {
     }
 }
 
-fn entry((place, sample): (usize, &Sample)) -> Entry {
-    Entry { class: colour_class(place), swatch: Swatch::Block, name: sample.name.clone() }
+fn entry((look, sample): (Look, &Sample)) -> Entry {
+    Entry { look, swatch: Swatch::Line, name: sample.name.clone() }
 }
 
 fn outline(frame: &Frame, shares: &[f64]) -> String {

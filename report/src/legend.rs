@@ -1,6 +1,7 @@
 //! Which colour is which series: one row, or several, above a plot.
 
-use crate::canvas::{Anchor, Area, Canvas, WIDTH_PX, shortened, text_width};
+use crate::canvas::{Anchor, Area, Canvas, Px, shortened, text_width};
+use crate::role::Look;
 
 const ROW_PX: f64 = 20.0;
 const SWATCH_PX: f64 = 18.0;
@@ -14,22 +15,23 @@ pub(crate) enum Swatch {
     Block,
 }
 
-/// One entry: classes for its colour, its sample, its name.
+/// One entry: how it looks, its sample, its name.
 #[derive(Debug, Clone)]
 pub(crate) struct Entry {
-    pub(crate) class: String,
+    pub(crate) look: Look,
     pub(crate) swatch: Swatch,
     pub(crate) name: String,
 }
 
 /// Draws the entries that have a name from the top left, and returns the height taken.
 pub(crate) fn draw(canvas: &mut Canvas, entries: &[Entry]) -> f64 {
+    let whole = canvas.width_px();
     let mut at = (0.0, 0.0);
     let mut any = false;
     for entry in entries.iter().filter(|entry| !entry.name.is_empty()) {
-        let name = shortened(&entry.name, WIDTH_PX * 0.6);
+        let name = shortened(&entry.name, (whole - SWATCH_PX - 7.0).min(500.0));
         let width = SWATCH_PX + 7.0 + text_width(&name);
-        if at.0 > 0.0 && at.0 + width > WIDTH_PX {
+        if at.0 > 0.0 && at.0 + width > whole {
             at = (0.0, at.1 + ROW_PX);
         }
         swatch(canvas, entry, at);
@@ -41,21 +43,19 @@ pub(crate) fn draw(canvas: &mut Canvas, entries: &[Entry]) -> f64 {
 }
 
 fn swatch(canvas: &mut Canvas, entry: &Entry, at: (f64, f64)) {
-    let middle = at.1 + 8.0;
+    let (middle, look) = (at.1 + 8.0, entry.look);
     match entry.swatch {
-        Swatch::Line => canvas.line(
-            &format!("line key {}", entry.class),
-            (at.0 + 1.0, middle),
-            (at.0 + SWATCH_PX - 1.0, middle),
-        ),
-        Swatch::Dot => canvas.line(
-            &format!("dots key {}", entry.class),
-            (at.0 + SWATCH_PX / 2.0, middle),
-            (at.0 + SWATCH_PX / 2.0, middle),
-        ),
+        Swatch::Line => {
+            let line = format!("M{} {}H{}", Px(at.0 + 1.0), Px(middle), Px(at.0 + SWATCH_PX + 3.0));
+            canvas.path(&format!("{} key", look.line()), &line);
+        }
+        Swatch::Dot => {
+            let dot = look.marker((at.0 + SWATCH_PX / 2.0, middle));
+            canvas.path(&format!("{} key", look.dots()), &dot);
+        }
         Swatch::Block => {
             let area = Area { left: at.0 + 4.0, top: middle - 5.0, width: 12.0, height: 10.0 };
-            canvas.bar(&format!("fill {}", entry.class), area, &entry.name);
+            canvas.bar(&format!("fill {}", look.colour()), area, &entry.name);
         }
     }
 }

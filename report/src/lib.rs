@@ -18,6 +18,8 @@
 //! assert!(html.starts_with("<!DOCTYPE html>"));
 //! ```
 
+mod arm;
+mod arm_poses;
 mod axis;
 mod bars;
 mod canvas;
@@ -30,14 +32,18 @@ mod multiples;
 mod number;
 mod page;
 mod plot;
+mod role;
 mod scale;
 mod series;
+mod strip;
 mod table;
 mod thin;
 
 /// The comment in the head of every page and every plot of a file of its own.
 pub const MADE_BY: &str = "<!-- made by trued -->";
 
+pub use arm::{ArmPicture, Point, ToolError};
+pub use arm_poses::ArmPoses;
 pub use axis::Axis;
 pub use bars::{Bar, Bars};
 pub use canvas::Svg;
@@ -47,5 +53,7 @@ pub use multiples::Multiples;
 pub use number::{duration, fixed, quantity, significant};
 pub use page::{Number, Page, Tone};
 pub use plot::Plot;
+pub use role::Role;
 pub use series::Series;
+pub use strip::{InputFile, Provenance};
 pub use table::{Cell, Column, Table};

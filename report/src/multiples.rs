@@ -1,7 +1,8 @@
 //! Small multiples: the same plot several times, once per joint or channel, on the same scales.
 
 use crate::axis::Axis;
-use crate::canvas::{Anchor, Area, Canvas, Svg, WIDTH_PX};
+use crate::canvas::{Anchor, Area, Canvas, Svg, shortened};
+use crate::frame::{self, Place};
 use crate::legend;
 use crate::plot::Plot;
 use crate::scale::Span;
@@ -39,38 +40,58 @@ impl Multiples {
         self
     }
 
-    /// Draws it.
+    /// Draws it; on a phone in one column.
     #[must_use]
     pub fn render(&self) -> Svg {
-        let mut canvas = Canvas::default();
+        Svg::laid_out(|width| self.laid_out(width))
+    }
+
+    fn laid_out(&self, whole_px: f64) -> String {
+        let mut canvas = Canvas::new(whole_px);
+        let columns = if canvas.is_narrow() { 1 } else { self.columns };
         let entries = self.plots.first().map(Plot::legend).unwrap_or_default();
         let top = legend::draw(&mut canvas, &entries);
-        let width = (WIDTH_PX - GAP_PX * (self.columns - 1) as f64) / self.columns as f64;
+        let width = (whole_px - GAP_PX * (columns - 1) as f64) / columns as f64;
         let height = 160.0 + 80.0 / self.columns as f64;
         let shared = self.shared();
+        let spans: Vec<(Span, Span)> = self
+            .plots
+            .iter()
+            .map(|plot| {
+                let (x, y) = shared.unwrap_or((plot.span_x(), plot.span_y()));
+                (x, if self.own_y { plot.span_y() } else { y })
+            })
+            .collect();
+        let cell = |i: usize| {
+            let (row, column) = (i / columns, i % columns);
+            let cell_top = top + row as f64 * (height + HEADING_PX + GAP_PX) + HEADING_PX;
+            Area { left: column as f64 * (width + GAP_PX), top: cell_top, width, height }
+        };
+        // What stands under each other begins and ends under each other.
+        let left = |column: usize| {
+            let cells = (column..self.plots.len()).step_by(columns);
+            cells.map(|i| frame::label_px(cell(i), spans[i].1)).fold(0.0, f64::max)
+        };
         let mut description = String::new();
         for (i, plot) in self.plots.iter().enumerate() {
-            let (row, column) = (i / self.columns, i % self.columns);
-            let left = column as f64 * (width + GAP_PX);
-            let cell_top = top + row as f64 * (height + HEADING_PX + GAP_PX);
-            canvas.text("heading", (left, cell_top + 12.0), Anchor::Start, &plot.title);
-            let (x, y) = shared.unwrap_or((plot.span_x(), plot.span_y()));
-            let y = if self.own_y { plot.span_y() } else { y };
-            let area = Area { left, top: cell_top + HEADING_PX, width, height };
-            let (x_axis, y_axis) = self.captioned_once(i);
-            plot.draw(&mut canvas, area, (&x_axis, x), (&y_axis, y));
+            let (outer, (x, y)) = (cell(i), spans[i]);
+            let heading = shortened(&plot.title, width);
+            canvas.text("heading", (outer.left, outer.top - 8.0), Anchor::Start, &heading);
+            let (x_axis, y_axis) = self.captioned_once(i, columns);
+            let place = Place { outer, left: left(i % columns) };
+            plot.draw(&mut canvas, place, (&x_axis, x), (&y_axis, y));
             description += &format!("{}: {} ", plot.title, plot.describe(x, y));
         }
-        let rows = self.plots.len().div_ceil(self.columns);
+        let rows = self.plots.len().div_ceil(columns);
         let total = top + rows as f64 * (height + HEADING_PX + GAP_PX);
         canvas.finish(total.max(20.0), &self.title, description.trim_end())
     }
 
     /// The axes of a plot without the captions that a neighbour to its left or below it repeats.
-    fn captioned_once(&self, i: usize) -> (Axis, Axis) {
+    fn captioned_once(&self, i: usize, columns: usize) -> (Axis, Axis) {
         let (mut x, mut y) = (self.plots[i].x.clone(), self.plots[i].y.clone());
-        let left = (!i.is_multiple_of(self.columns)).then(|| &self.plots[i - 1]);
-        let below = self.plots.get(i + self.columns);
+        let left = (!i.is_multiple_of(columns)).then(|| &self.plots[i - 1]);
+        let below = self.plots.get(i + columns);
         if left.is_some_and(|left| !self.own_y && left.y.is_named_like(&y)) {
             y.captioned = false;
         }

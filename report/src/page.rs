@@ -4,9 +4,14 @@ use crate::MADE_BY;
 use crate::canvas::Svg;
 use crate::escape::escape;
 use crate::number::significant;
+use crate::strip::{self, Provenance};
 use crate::table::Table;
 
 pub(crate) const STYLE: &str = include_str!("style.css");
+/// Key numbers at most.
+const NUMBERS: usize = 4;
+/// Sections from which on a page has a list of contents.
+const CONTENTS_LEAST: usize = 3;
 
 /// How a statement is meant.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -29,6 +34,16 @@ impl Tone {
             Self::Good => "good",
             Self::Caution => "caution",
             Self::Bad => "bad",
+        }
+    }
+
+    /// What says the same without colour.
+    fn sign(self) -> &'static str {
+        match self {
+            Self::Plain => "",
+            Self::Good => "<span class=\"sign\">✓</span> ",
+            Self::Caution => "<span class=\"sign\">!</span> ",
+            Self::Bad => "<span class=\"sign\">✗</span> ",
         }
     }
 }
@@ -76,9 +91,10 @@ impl Number {
             "" => String::new(),
             unit => format!("<span class=\"unit\">\u{a0}{}</span>", escape(unit)),
         };
+        let sign = self.tone.sign();
         let note = match self.note.as_str() {
-            "" => String::new(),
-            note => format!("<dd class=\"remark\">{}</dd>", escape(note)),
+            "" if sign.is_empty() => String::new(),
+            note => format!("<dd class=\"remark\">{sign}{}</dd>", escape(note)),
         };
         format!(
             "<div class=\"{}\"><dt>{}</dt><dd class=\"value\">{}{unit}</dd>{note}</div>",
@@ -89,29 +105,74 @@ impl Number {
     }
 }
 
-/// A page in the making; what is added stands in the order of adding.
+/// A page in the making; what is added stands in the order of adding. What stands before the first section is the first screen, and the first sheet of paper.
 #[derive(Debug, Clone)]
 pub struct Page {
     title: String,
     kicker: String,
+    robot: String,
+    provenance: Option<Provenance>,
     body: String,
+    /// Where in the body the first section begins.
+    details_at: Option<usize>,
+    sections: Vec<Section>,
     footer: String,
     figures: usize,
+}
+
+/// A part of a page that can be gone to.
+#[derive(Debug, Clone)]
+struct Section {
+    heading: String,
+    id: String,
 }
 
 impl Page {
     /// An empty page by its title.
     #[must_use]
     pub fn new(title: impl Into<String>) -> Self {
-        let (body, footer) = (String::new(), String::new());
-        Self { title: title.into(), kicker: String::new(), body, footer, figures: 0 }
+        Self {
+            title: title.into(),
+            kicker: String::new(),
+            robot: String::new(),
+            provenance: None,
+            body: String::new(),
+            details_at: None,
+            sections: Vec::new(),
+            footer: String::new(),
+            figures: 0,
+        }
     }
 
-    /// A short line above the title: which cell, robot, recording.
+    /// A short line above the title: what kind of page this is.
     #[must_use]
     pub fn kicker(mut self, text: impl Into<String>) -> Self {
         self.kicker = text.into();
         self
+    }
+
+    /// Whose page this is: robot and serial number, as far as they are known.
+    #[must_use]
+    pub fn robot(mut self, robot: impl Into<String>) -> Self {
+        self.robot = robot.into();
+        self
+    }
+
+    /// Of what, when and by what the page was made: the strip under the title.
+    #[must_use]
+    pub fn provenance(mut self, provenance: Provenance) -> Self {
+        self.provenance = Some(provenance);
+        self
+    }
+
+    /// The result: a word, and a sentence that says it whole.
+    #[must_use]
+    pub fn verdict(self, tone: Tone, word: &str, sentence: &str) -> Self {
+        let (word, sentence) = (escape(word), escape(sentence));
+        let (class, sign) = (tone.class(), tone.sign());
+        self.with(&format!(
+            "<div class=\"verdict {class}\"><p class=\"word\">{sign}{word}</p><p>{sentence}</p></div>\n"
+        ))
     }
 
     /// What the page says, in a sentence or two, larger than the rest.
@@ -120,17 +181,41 @@ impl Page {
         self.with(&format!("<p class=\"lead\">{}</p>\n", escape(text)))
     }
 
-    /// The key numbers.
+    /// The key numbers; the first four are shown.
     #[must_use]
     pub fn numbers(self, numbers: impl IntoIterator<Item = Number>) -> Self {
-        let numbers: String = numbers.into_iter().map(|number| number.html()).collect();
+        let numbers: String = numbers.into_iter().take(NUMBERS).map(|one| one.html()).collect();
         self.with(&format!("<dl class=\"numbers\">{numbers}</dl>\n"))
     }
 
-    /// The head of a section.
+    /// The one thing to do next, with the command for it where there is one.
     #[must_use]
-    pub fn section(self, heading: &str) -> Self {
-        self.with(&format!("<h2>{}</h2>\n", escape(heading)))
+    pub fn next(self, text: &str, command: Option<&str>) -> Self {
+        let command = command.map_or(String::new(), |line| format!("<pre>{}</pre>", escape(line)));
+        self.with(&format!(
+            "<div class=\"next\"><p><strong>Next:</strong> {}</p>{command}</div>\n",
+            escape(text)
+        ))
+    }
+
+    /// The head of a section; the contents list it.
+    #[must_use]
+    pub fn section(mut self, heading: &str) -> Self {
+        self.details_at.get_or_insert(self.body.len());
+        let id = self.free_id(heading);
+        let section = format!(
+            "<h2 id=\"{id}\">{} <a class=\"up\" href=\"#top\" aria-label=\"Back to the top\">↑</a></h2>\n",
+            escape(heading)
+        );
+        self.sections.push(Section { heading: heading.to_owned(), id });
+        self.with(&section)
+    }
+
+    /// What is too long for everybody, behind its summary; print shows it whole.
+    #[must_use]
+    pub fn folded(self, summary: &str, inside: impl FnOnce(Self) -> Self) -> Self {
+        let open = format!("<details><summary>{}</summary>\n", escape(summary));
+        inside(self.with(&open)).with("</details>\n")
     }
 
     /// A paragraph.
@@ -150,9 +235,9 @@ impl Page {
     #[must_use]
     pub fn note(self, tone: Tone, heading: &str, text: &str) -> Self {
         let (heading, text) = (escape(heading), escape(text));
-        let class = tone.class();
+        let (class, sign) = (tone.class(), tone.sign());
         self.with(&format!(
-            "<aside class=\"{class}\"><strong>{heading}</strong><p>{text}</p></aside>\n"
+            "<aside class=\"{class}\"><strong>{sign}{heading}</strong><p>{text}</p></aside>\n"
         ))
     }
 
@@ -167,10 +252,8 @@ impl Page {
     pub fn figure(mut self, caption: &str, svg: &Svg) -> Self {
         self.figures += 1;
         let label = format!("<b>Figure {}.</b> {}", self.figures, escape(caption));
-        let drawing = svg.as_str();
-        self.with(&format!(
-            "<figure><div class=\"wide\">{drawing}</div><figcaption>{label}</figcaption></figure>\n"
-        ))
+        let drawing = svg.html();
+        self.with(&format!("<figure>{drawing}<figcaption>{label}</figcaption></figure>\n"))
     }
 
     /// Facts by name: model, recording, seed, versions.
@@ -196,7 +279,7 @@ impl Page {
         self.with(&format!("<pre>{}</pre>\n", escape(text)))
     }
 
-    /// The foot of the page: the command that makes it again, the version that made it.
+    /// The foot of the page: what else is to be known of it.
     #[must_use]
     pub fn footer(mut self, text: impl Into<String>) -> Self {
         self.footer = text.into();
@@ -215,13 +298,55 @@ impl Page {
             "" => String::new(),
             text => format!("<footer>{}</footer>\n", escape(text)),
         };
+        let (first, details) = self.body.split_at(self.details_at.unwrap_or(self.body.len()));
+        let (strip, contents, files) = (self.strip(), self.contents(), self.files());
         format!(
             "<!DOCTYPE html>\n{MADE_BY}\n<html lang=\"en\" xmlns=\"http://www.w3.org/1999/xhtml\">\n<head>\n<meta charset=\"utf-8\"/>\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
              <meta name=\"color-scheme\" content=\"light dark\"/>\n<title>{title}</title>\n<style>\n{STYLE}</style>\n\
-             </head>\n<body>\n<main>\n<header>\n{kicker}<h1>{title}</h1>\n</header>\n{}{footer}</main>\n</body>\n</html>\n",
-            self.body
+             </head>\n<body>\n<main>\n<header id=\"top\">\n{kicker}<h1>{title}</h1>\n{strip}</header>\n{first}{contents}{details}{files}{footer}</main>\n</body>\n</html>\n"
         )
+    }
+
+    fn strip(&self) -> String {
+        let robot = match self.robot.as_str() {
+            "" => String::new(),
+            robot => strip::entry("Robot", &escape(robot)),
+        };
+        let made = self.provenance.as_ref().map_or(String::new(), Provenance::strip);
+        match robot + &made {
+            entries if entries.is_empty() => entries,
+            entries => format!("<dl class=\"strip\">{entries}</dl>\n"),
+        }
+    }
+
+    /// Every input file with its whole hash, where the strip has no room for all.
+    fn files(&self) -> String {
+        self.provenance.as_ref().and_then(Provenance::table).map_or(String::new(), |table| {
+            format!("<details><summary>All input files</summary>\n{}</details>\n", table.html())
+        })
+    }
+
+    /// Links to the sections, where there are enough to get lost among.
+    fn contents(&self) -> String {
+        if self.sections.len() < CONTENTS_LEAST {
+            return String::new();
+        }
+        let link = |Section { heading, id }: &Section| {
+            format!("<li><a href=\"#{id}\">{}</a></li>", escape(heading))
+        };
+        let links: String = self.sections.iter().map(link).collect();
+        format!("<nav class=\"contents\" aria-label=\"Contents\"><ol>{links}</ol></nav>\n")
+    }
+
+    /// An id made of the heading's letters and digits that no section has yet.
+    fn free_id(&self, heading: &str) -> String {
+        let plain = |c: char| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { ' ' };
+        let words: String = heading.chars().map(plain).collect();
+        let stem = format!("s-{}", words.split_whitespace().collect::<Vec<_>>().join("-"));
+        let is_free = |id: &String| self.sections.iter().all(|section| section.id != *id);
+        let numbered = (2..).map(|n| format!("{stem}-{n}"));
+        std::iter::once(stem.clone()).chain(numbered).find(is_free).unwrap_or_default()
     }
 
     fn with(mut self, html: &str) -> Self {

@@ -1,13 +1,17 @@
 //! Lines and dots over two axes: signals, spectra, paths, scatter.
 
 use crate::axis::Axis;
-use crate::canvas::{Area, Canvas, Px, Svg, WIDTH_PX};
+use crate::canvas::{Area, Canvas, Px, Svg};
 use crate::frame::{self, Frame, Mark, Ranged};
 use crate::legend::{self, Entry, Swatch};
 use crate::number::quantity;
+use crate::role::Look;
 use crate::scale::Span;
-use crate::series::{Series, Shape, classes};
+use crate::series::{Series, Shape, looks};
 use crate::thin::{self, Spot};
+
+/// A line of more points is drawn whole: its dashes would be taken for gaps in the data.
+const DASHED_MAX: usize = 400;
 
 /// A plot of one or more series.
 #[derive(Debug, Clone)]
@@ -38,7 +42,7 @@ impl Plot {
         }
     }
 
-    /// Adds a series; it takes the next colour, unless it is muted.
+    /// Adds a series; without a role it takes the next colour.
     #[must_use]
     pub fn series(mut self, series: Series) -> Self {
         self.series.push(series);
@@ -76,24 +80,36 @@ impl Plot {
     /// Draws it.
     #[must_use]
     pub fn render(&self) -> Svg {
-        let mut canvas = Canvas::default();
-        let top = legend::draw(&mut canvas, &self.legend());
-        let outer = Area { left: 0.0, top, width: WIDTH_PX, height: self.height_px };
-        let (mut x, mut y) = (self.span_x(), self.span_y());
-        if self.equal_scale && !x.log && !y.log {
-            (x, y) = equalised(x, y, frame::inside(outer, y));
-        }
-        self.draw(&mut canvas, outer, (&self.x, x), (&self.y, y));
-        canvas.finish(top + self.height_px, &self.title, &self.describe(x, y))
+        Svg::laid_out(|width| {
+            let mut canvas = Canvas::new(width);
+            let top = legend::draw(&mut canvas, &self.legend());
+            let outer = Area { left: 0.0, top, width, height: self.height_px };
+            let (mut x, mut y) = (self.span_x(), self.span_y());
+            let mut y_axis = self.y.clone();
+            if self.equal_scale && !x.log && !y.log {
+                (x, y) = equalised(x, y, frame::inside(outer, frame::label_px(outer, y)));
+                // Rounding to whole ticks would undo it.
+                y_axis = y_axis.range(y.low, y.high);
+            }
+            let left = frame::label_px(outer, y);
+            self.draw(&mut canvas, frame::Place { outer, left }, (&self.x, x), (&y_axis, y));
+            canvas.finish(top + self.height_px, &self.title, &self.describe(x, y))
+        })
     }
 
-    pub(crate) fn draw(&self, canvas: &mut Canvas, outer: Area, x: Ranged<'_>, y: Ranged<'_>) {
-        let frame = frame::draw(canvas, outer, x, y);
+    pub(crate) fn draw(
+        &self,
+        canvas: &mut Canvas,
+        place: frame::Place,
+        x: Ranged<'_>,
+        y: Ranged<'_>,
+    ) {
+        let frame = frame::draw(canvas, place, x, y);
         let inner = frame.inner;
         let air = Area { top: inner.top - 2.0, height: inner.height + 3.0, ..inner };
         canvas.clipped(air, |canvas| {
-            for (class, series) in classes(&self.series).iter().zip(&self.series) {
-                draw_series(canvas, &frame, series, class);
+            for (look, series) in looks(&self.series).into_iter().zip(&self.series) {
+                draw_series(canvas, &frame, series, look);
             }
         });
         frame::mark_x(canvas, &frame, &self.marks_x, frame::ON_PAPER);
@@ -101,12 +117,12 @@ impl Plot {
     }
 
     pub(crate) fn legend(&self) -> Vec<Entry> {
-        let entry = |(class, series): (String, &Series)| Entry {
-            class,
+        let entry = |(look, series): (Look, &Series)| Entry {
+            look,
             swatch: if series.shape == Shape::Line { Swatch::Line } else { Swatch::Dot },
             name: series.name.clone(),
         };
-        classes(&self.series).into_iter().zip(&self.series).map(entry).collect()
+        looks(&self.series).into_iter().zip(&self.series).map(entry).collect()
     }
 
     pub(crate) fn span_x(&self) -> Span {
@@ -158,7 +174,8 @@ pub(crate) fn breathing(span: Span) -> Span {
     }
 }
 
-fn equalised(x: Span, y: Span, inner: Area) -> (Span, Span) {
+/// The ranges grown so that a unit is as long on both axes of `inner`.
+pub(crate) fn equalised(x: Span, y: Span, inner: Area) -> (Span, Span) {
     let per_px = ((x.high - x.low) / inner.width).max((y.high - y.low) / inner.height);
     let grown = |span: Span, px: f64| {
         let extra = (per_px * px - (span.high - span.low)) / 2.0;
@@ -167,12 +184,19 @@ fn equalised(x: Span, y: Span, inner: Area) -> (Span, Span) {
     (grown(x, inner.width), grown(y, inner.height))
 }
 
-fn draw_series(canvas: &mut Canvas, frame: &Frame, series: &Series, class: &str) {
+fn draw_series(canvas: &mut Canvas, frame: &Frame, series: &Series, look: Look) {
     let spots: Vec<Spot> =
         series.points.iter().map(|(x, y)| frame.x.at(*x).zip(frame.y.at(*y))).collect();
     match series.shape {
-        Shape::Line => canvas.path(&format!("line {class}"), &line_data(&thin::line(&spots))),
-        Shape::Dots => canvas.path(&format!("dots {class}"), &dots_data(&thin::dots(&spots))),
+        Shape::Line => {
+            let dash = match (series.dashed, spots.len() > DASHED_MAX) {
+                (true, _) => " dash",
+                (false, true) => " whole",
+                (false, false) => "",
+            };
+            canvas.path(&format!("{}{dash}", look.line()), &line_data(&thin::line(&spots)));
+        }
+        Shape::Dots => canvas.path(&look.dots(), &dots_data(&thin::dots(&spots), look)),
     }
 }
 
@@ -194,8 +218,8 @@ fn line_data(spots: &[Spot]) -> String {
     data
 }
 
-fn dots_data(spots: &[Spot]) -> String {
-    spots.iter().flatten().map(|(x, y)| format!("M{} {}h0", Px(*x), Px(*y))).collect()
+fn dots_data(spots: &[Spot], look: Look) -> String {
+    spots.iter().flatten().map(|spot| look.marker(*spot)).collect()
 }
 
 #[cfg(test)]

@@ -59,6 +59,22 @@ impl Span {
         if near { Self { low: 0.0, ..self } } else { self }
     }
 
+    /// The range grown to the ticks around it, of about `wanted`; a logarithmic one of several decades to whole decades upwards.
+    pub(crate) fn to_ticks(self, wanted: usize) -> Self {
+        let grown = if self.log {
+            let decades = self.high.log10() - self.low.log10();
+            let high = 10f64.powf((self.high.log10() - 1e-9).ceil());
+            if decades < 2.0 { self } else { Self { high: high.min(LARGEST), ..self } }
+        } else {
+            let (step, _) = step(self, wanted.clamp(2, 12));
+            let low = ((self.low / step) + 1e-6).floor() * step;
+            let high = ((self.high / step) - 1e-6).ceil() * step;
+            Self { low, high, log: false }
+        };
+        let drawable = drawable(grown.low, self.log) && drawable(grown.high, self.log);
+        if drawable && grown.low <= self.low + 1e-9 * self.low.abs() { grown } else { self }
+    }
+
     fn widened(self) -> Self {
         let size = self.low.abs().max(self.high.abs());
         if size < 1.0 / LARGEST {
@@ -120,7 +136,8 @@ pub(crate) fn ticks(span: Span, wanted: usize) -> Ticks {
     if span.log { log_ticks(span, wanted) } else { linear_ticks(span, wanted) }
 }
 
-fn linear_ticks(span: Span, wanted: usize) -> Ticks {
+/// The distance of about `wanted` ticks, and its power of ten.
+fn step(span: Span, wanted: usize) -> (f64, i32) {
     let raw = (span.high - span.low) / wanted as f64;
     let mut magnitude = raw.log10().floor() as i32;
     let factor = match raw / 10f64.powi(magnitude) {
@@ -132,7 +149,11 @@ fn linear_ticks(span: Span, wanted: usize) -> Ticks {
             1.0
         }
     };
-    let step = factor * 10f64.powi(magnitude);
+    (factor * 10f64.powi(magnitude), magnitude)
+}
+
+fn linear_ticks(span: Span, wanted: usize) -> Ticks {
+    let (step, magnitude) = step(span, wanted);
     let shared = shared_power(span);
     let unit = 10f64.powi(shared);
     let decimals = usize::try_from(shared - magnitude).unwrap_or(0);

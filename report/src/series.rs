@@ -1,5 +1,7 @@
 //! Named points with a manner of drawing. Never a scale.
 
+use crate::role::{Look, Role};
+
 /// How a series is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Shape {
@@ -15,7 +17,7 @@ pub struct Series {
     pub(crate) name: String,
     pub(crate) points: Vec<(f64, f64)>,
     pub(crate) shape: Shape,
-    pub(crate) muted: bool,
+    pub(crate) role: Role,
     pub(crate) dashed: bool,
 }
 
@@ -32,10 +34,10 @@ impl Series {
         Self::new(name.into(), points.into_iter().collect(), Shape::Dots)
     }
 
-    /// Grey: what others are compared with.
+    /// What it stands for; without, it is told apart by its order.
     #[must_use]
-    pub fn muted(mut self) -> Self {
-        self.muted = true;
+    pub fn role(mut self, role: Role) -> Self {
+        self.role = role;
         self
     }
 
@@ -47,40 +49,11 @@ impl Series {
     }
 
     fn new(name: String, points: Vec<(f64, f64)>, shape: Shape) -> Self {
-        Self { name, points, shape, muted: false, dashed: false }
+        Self { name, points, shape, role: Role::Other, dashed: false }
     }
 }
 
-/// Classes of the stylesheet for each series of a plot; muted ones take no colour.
-pub(crate) fn classes(series: &[Series]) -> Vec<String> {
-    let mut coloured = 0;
-    let class = |series: &Series| {
-        let dash = if series.dashed { " dash" } else { "" };
-        if series.muted {
-            return format!("c0{dash}");
-        }
-        coloured += 1;
-        format!("{}{dash}", colour_class(coloured - 1))
-    };
-    series.iter().map(class).collect()
-}
-
-/// Eight colours, then the same again, dashed.
-pub(crate) fn colour_class(place: usize) -> String {
-    let again = if place >= 8 { " dash" } else { "" };
-    format!("c{}{again}", place % 8 + 1)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_muted_takes_no_colour() {
-        let series = || Series::line("", []);
-        assert_eq!(
-            classes(&[series().muted(), series(), series().dashed()]),
-            ["c0", "c1", "c2 dash"]
-        );
-    }
+/// How each series of a plot looks.
+pub(crate) fn looks(series: &[Series]) -> Vec<Look> {
+    Look::each(series.iter().map(|series| series.role))
 }

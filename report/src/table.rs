@@ -3,6 +3,9 @@
 use crate::escape::escape;
 use crate::number::{common_decimals, fixed, significant};
 
+/// Rows up to which a table is not torn apart by a page break.
+const SHORT: usize = 15;
+
 /// A column's head, and how its numbers are written.
 #[derive(Debug, Clone)]
 pub struct Column {
@@ -88,11 +91,22 @@ impl Table {
         let decimals: Vec<_> = (0..self.columns.len()).map(|i| self.decimals(i)).collect();
         let head: String = (0..self.columns.len()).map(|i| self.head(i)).collect();
         let body: String = self.rows.iter().map(|row| self.html_row(row, &decimals)).collect();
+        let caption = escape(&self.caption);
         format!(
-            "<div class=\"wide\"><table><caption>{}</caption><thead><tr>{head}</tr></thead>\
-             <tbody>{body}</tbody></table></div>\n",
-            escape(&self.caption)
+            "<div class=\"wide\" role=\"region\" tabindex=\"0\" aria-label=\"{caption}\"><table class=\"{}{}\"><caption>{caption}</caption>\
+             <thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>\n",
+            self.class(),
+            if self.rows.len() <= SHORT { " short" } else { "" }
         )
+    }
+
+    /// Wide tables stand otherwise on a phone and in print.
+    fn class(&self) -> &'static str {
+        match self.columns.len() {
+            0..=3 => "few",
+            4..=6 => "some",
+            _ => "many",
+        }
     }
 
     fn head(&self, i: usize) -> String {
@@ -100,22 +114,26 @@ impl Table {
         format!("<th scope=\"col\"{class}>{}</th>", escape(&self.columns[i].head))
     }
 
+    /// Each cell carries its column's head: on a phone a row becomes a list of them.
     fn html_row(&self, row: &[Cell], decimals: &[Option<usize>]) -> String {
-        let cells =
-            self.columns.iter().zip(decimals).enumerate().map(|(i, (column, decimals))| match row
-                .get(i)
-            {
+        let cells = self.columns.iter().zip(decimals).enumerate().map(|(i, (column, decimals))| {
+            let head = match (column.head.as_str(), self.class()) {
+                ("", _) | (_, "few") => String::new(),
+                (head, _) => format!(" data-head=\"{}\"", escape(head)),
+            };
+            match row.get(i) {
                 None => "<td></td>".to_owned(),
                 Some(Cell::Text(text)) if i == 0 => {
-                    format!("<th scope=\"row\">{}</th>", escape(text))
+                    format!("<th scope=\"row\"{head}>{}</th>", escape(text))
                 }
-                Some(Cell::Text(text)) => format!("<td>{}</td>", escape(text)),
+                Some(Cell::Text(text)) => format!("<td{head}>{}</td>", escape(text)),
                 Some(Cell::Number(value)) => {
                     let each = || significant(*value, column.digits);
                     let text = decimals.map_or_else(each, |decimals| fixed(*value, decimals));
-                    format!("<td class=\"number\">{text}</td>")
+                    format!("<td class=\"number\"{head}>{text}</td>")
                 }
-            });
+            }
+        });
         format!("<tr>{}</tr>", cells.collect::<String>())
     }
 

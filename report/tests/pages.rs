@@ -4,8 +4,8 @@
 
 use proptest::prelude::*;
 use report::{
-    Axis, Bar, Bars, Cell, HeatMap, Histogram, Multiples, Number, Page, Plot, Series, Svg, Table,
-    Tone,
+    ArmPicture, ArmPoses, Axis, Bar, Bars, Cell, HeatMap, Histogram, InputFile, Multiples, Number,
+    Page, Plot, Point, Provenance, Role, Series, Svg, Table, Tone, ToolError,
 };
 
 /// Everything there is to draw, from the same words and values.
@@ -18,7 +18,7 @@ fn drawings(words: &str, values: &[f64], log: bool) -> Vec<Svg> {
     let plot = || {
         Plot::new(words, axis(), axis().range(a, b))
             .series(Series::line(words, points()))
-            .series(Series::dots(words, points()).muted())
+            .series(Series::dots(words, points()).role(Role::Before))
             .mark_x(a, words)
             .mark_y(b, words)
     };
@@ -26,7 +26,14 @@ fn drawings(words: &str, values: &[f64], log: bool) -> Vec<Svg> {
         .groups([words, words])
         .row(words, [Bar::new(a).between(b, a), Bar::new(b).between(a, b)])
         .row(words, values.iter().take(12).copied());
+    let point =
+        |i: usize| -> Point { std::array::from_fn(|k| values.get(i + k).copied().unwrap_or(a)) };
+    let errors = || {
+        (0..values.len()).map(|i| ToolError { at: point(i), before: point(i + 1), after: [b; 3] })
+    };
     vec![
+        ArmPicture::new(words, point(0)).joint(words, point(1), true).errors(errors()).render(),
+        ArmPoses::new(words).pose(words, (0..values.len()).map(point)).pose(words, []).render(),
         plot().render(),
         plot().equal_scale().height(a).render(),
         Plot::new(words, axis(), axis()).series(Series::line(words, signal()).dashed()).render(),
@@ -49,11 +56,24 @@ fn drawings(words: &str, values: &[f64], log: bool) -> Vec<Svg> {
 fn page(words: &str, values: &[f64], log: bool) -> Page {
     let number = values.first().copied().unwrap_or(f64::NAN);
     let cells = values.iter().map(|value| Cell::from(*value));
+    let file = InputFile { name: words.to_owned(), sha256: words.to_owned() };
+    let made = Provenance {
+        files: vec![file; 6],
+        date_utc: words.to_owned(),
+        version: words.to_owned(),
+        command: words.to_owned(),
+    };
     let page = Page::new(words)
         .kicker(words)
+        .robot(words)
+        .provenance(made)
+        .verdict(Tone::Good, words, words)
         .lead(words)
         .numbers([Number::new(words, number, words).note(words).tone(Tone::Bad)])
+        .next(words, Some(words))
         .section(words)
+        .section(words)
+        .folded(words, |page| page.section(words).text(words))
         .text(words)
         .list([words])
         .note(Tone::Caution, words, words)
@@ -124,7 +144,9 @@ fn hostile_words_never_become_markup() {
     assert!(document.descendants().all(|node| node.tag_name().name() != "script"));
     let attributes = || document.descendants().flat_map(|node| node.attributes());
     assert!(attributes().all(|attribute| !attribute.name().starts_with("on")));
-    assert!(attributes().all(|attribute| !matches!(attribute.name(), "src" | "href")));
+    assert!(attributes().all(|attribute| attribute.name() != "src"));
+    let mut links = attributes().filter(|attribute| attribute.name() == "href");
+    assert!(links.all(|link| link.value().starts_with('#')), "links lead into the page alone");
 }
 
 #[test]
@@ -138,6 +160,123 @@ fn a_page_asks_nothing_of_the_network() {
     assert!(
         addresses.into_iter().all(|address| names.iter().any(|name| address.starts_with(name)))
     );
+}
+
+#[test]
+fn every_link_of_a_page_leads_to_a_place_of_its_own() {
+    let html = page("Where it goes", &[1.0, 2.0], false).render();
+    let document = parse(&html);
+    let of = |name: &'static str| {
+        let attributes = document.descendants().flat_map(|node| node.attributes());
+        attributes.filter(move |a| a.name() == name).map(|a| a.value().to_owned())
+    };
+    let ids: Vec<String> = of("id").collect();
+    let mut unlike = ids.clone();
+    unlike.sort();
+    unlike.dedup();
+    assert_eq!(unlike.len(), ids.len(), "{ids:?}");
+    let links: Vec<String> = of("href").collect();
+    assert!(links.len() > 3, "contents and ways back");
+    assert!(links.iter().all(|link| ids.iter().any(|id| link[1..] == **id)), "{links:?}");
+}
+
+#[test]
+fn the_first_screen_stands_before_the_contents_and_the_strip_before_all() {
+    let html = page("words", &[1.0, 2.0], false).render();
+    let place = |what: &str| html.find(what).unwrap_or_else(|| panic!("{what}"));
+    let order = [
+        "class=\"strip\"",
+        "class=\"verdict good\"",
+        "class=\"numbers\"",
+        "class=\"next\"",
+        "class=\"contents\"",
+        "<h2",
+    ];
+    assert!(order.map(place).is_sorted(), "{:?}", order.map(place));
+}
+
+#[test]
+fn what_is_good_and_what_is_bad_differ_by_a_sign_too() {
+    let number = |tone| Page::new("").numbers([Number::new("n", 1.0, "").tone(tone)]).render();
+    let verdict = |tone| Page::new("").verdict(tone, "word", "sentence").render();
+    for made in [&number as &dyn Fn(Tone) -> String, &verdict] {
+        assert!(made(Tone::Good).contains(">✓<") && made(Tone::Bad).contains(">✗<"));
+        assert!(made(Tone::Caution).contains(">!<") && !made(Tone::Plain).contains("\"sign\""));
+    }
+}
+
+/// The colours of a block of the stylesheet by their names, each channel 0 to 1.
+fn colours(block: &str) -> Vec<(String, [f64; 3])> {
+    let declaration = |one: &str| {
+        let (name, value) = one.trim().strip_prefix("--")?.split_once(':')?;
+        let hex = value.trim().strip_prefix('#')?;
+        let channel = |k: usize| {
+            Some(f64::from(u8::from_str_radix(hex.get(2 * k..2 * k + 2)?, 16).ok()?) / 255.0)
+        };
+        Some((name.to_owned(), [channel(0)?, channel(1)?, channel(2)?]))
+    };
+    block.split([';', '{', '}']).filter_map(declaration).collect()
+}
+
+/// WCAG 2.2: the ratio of relative luminances.
+fn contrast(one: [f64; 3], other: [f64; 3]) -> f64 {
+    let luminance = |colour: [f64; 3]| {
+        let linear =
+            colour.map(|c| if c <= 0.040_45 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) });
+        0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    };
+    let (a, b) = (luminance(one), luminance(other));
+    (a.max(b) + 0.05) / (a.min(b) + 0.05)
+}
+
+#[test]
+fn every_colour_that_says_something_stands_out_from_the_paper_in_light_and_in_dark() {
+    let style = include_str!("../src/style.css");
+    let (light, dark) =
+        style.split_once("@media screen and (prefers-color-scheme: dark)").expect("both");
+    let dark = dark.split_once("* { box-sizing").expect("the end of the colours").0;
+    // Dots are drawn so opaque; behind them is paper.
+    let opaque = style
+        .split_once(".dots {")
+        .and_then(|(_, rest)| rest.split_once("opacity: "))
+        .expect("dots")
+        .1;
+    let opaque: f64 = opaque.split(';').next().and_then(|x| x.parse().ok()).expect("a number");
+    for (mode, block) in [("light", light), ("dark", dark)] {
+        let all = colours(block);
+        let of = |name: &str| all.iter().find(|(known, _)| known == name).expect("a colour").1;
+        let paper = of("paper");
+        let roles = ["before", "calibrated", "after", "truth"].map(str::to_owned);
+        let others = (1..=8).map(|k| format!("c{k}"));
+        for name in roles.into_iter().chain(others) {
+            let drawn = of(&name);
+            let dot = std::array::from_fn(|k| opaque * drawn[k] + (1.0 - opaque) * paper[k]);
+            let least = contrast(drawn, paper).min(contrast(dot, paper));
+            assert!(least >= 3.0, "{mode} {name}: {least:.2}");
+        }
+        for name in ["ink", "soft", "good", "caution", "bad", "accent"] {
+            let least = contrast(of(name), paper).min(contrast(of(name), of("panel")));
+            assert!(least >= 4.5, "{mode} text {name}: {least:.2}");
+        }
+    }
+}
+
+#[test]
+fn text_of_a_drawing_for_a_phone_is_no_smaller_than_12_px() {
+    let style = include_str!("../src/style.css");
+    let sizes =
+        style.lines().filter(|line| line.starts_with(".plot") && line.contains("font-size"));
+    let size =
+        |line: &str| line.split_once("font-size: ")?.1.split("px").next()?.parse::<f64>().ok();
+    let least = sizes.filter_map(size).fold(f64::INFINITY, f64::min);
+    for svg in drawings("tool error", &[1.0, 3.0, 2.0], false) {
+        let document = parse(svg.narrow());
+        let view_box = document.root_element().attribute("viewBox").expect("a viewBox");
+        let width_px: f64 =
+            view_box.split(' ').nth(2).and_then(|w| w.parse().ok()).expect("a width");
+        // A screen of 376 px with margins of 20 px on each side.
+        assert!(least * (376.0 - 40.0) / width_px >= 12.0, "{least} px in {width_px}");
+    }
 }
 
 #[test]

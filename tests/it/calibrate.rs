@@ -171,6 +171,27 @@ fn the_effects_of_a_simulated_robot_are_found_and_its_model_loads_and_corrects()
 }
 
 #[test]
+fn text_json_and_page_of_a_calibration_tell_the_same_numbers() {
+    let place = place_with(measured());
+    let asked = [&CALIBRATE[..], &["--json", "c.json", "--report", "c.html"]].concat();
+    let text = place.succeed(&asked).out;
+    let (found, page) = (place.json("c.json"), place.read("c.html"));
+    for model in ["nominal", "calibrated", "advanced"] {
+        let of = |key: &str| number(&found, &["heldout", model, key]);
+        let line = text.lines().find(|line| line.starts_with(model)).expect("a line of the model");
+        let told: Vec<&str> = line.split_whitespace().skip(1).collect();
+        let wanted = ["mean", "median", "p95", "max"].map(|key| report::fixed(of(key), 3));
+        assert_eq!(told, wanted, "{line}");
+        let mean = report::significant(of("mean"), 3);
+        let tile = format!("<dt>Mean error, {model}</dt><dd class=\"value\">{mean}<");
+        assert!(page.contains(&tile), "{tile}");
+        let within = report::significant(of("p95"), 2);
+        assert!(page.contains(&format!("95 % within {within} mm")), "{within}");
+    }
+    assert!(text.trim_end().ends_with("page: c.html"), "{text}");
+}
+
+#[test]
 fn a_shift_of_a_slanted_axis_is_found_across_it() {
     let base = preset(BASE).expect("preset").text;
     let straight = base.split("name = \"4\"").nth(1).expect("joint 4");

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use recording::model::presets::preset;
+use report::significant;
 use serde_json::Value;
 use shm_schema::Cell;
 use trued_client::Client;
@@ -136,9 +137,43 @@ fn the_page_says_first_what_was_found_and_shows_it_in_one_file() {
         let at = page[from..].find(words);
         from += at.unwrap_or_else(|| panic!("`{words}` stands after what came before"));
     }
-    assert!(page.contains(concat!("Made by trued ", env!("CARGO_PKG_VERSION"))));
+    assert!(page.contains(concat!(">trued ", env!("CARGO_PKG_VERSION"), "<")));
+    assert!(page.contains("2023-11-14 22:13 UTC"), "the time that the caller fixed");
+    let command = format!("trued diagnose --model {BASE} --out said --seed 1 seen.csv");
+    assert!(page.contains(&format!("<code>{command}</code>")), "{command}");
+    for input in ["seen.csv", "seen.toml"] {
+        let hash = challenge::seal::sha256(&place.read(input));
+        assert!(page.contains(&format!("<span title=\"SHA-256 {hash}\">{input} ")), "{input}");
+    }
     assert!(!page.contains("<script") && !page.contains("src=") && !page.contains("@import"));
     assert!(page.len() < 600_000, "{} bytes", page.len());
+}
+
+#[test]
+fn text_json_and_page_of_a_diagnosis_tell_the_same_numbers() {
+    let place = recorded(BACKLASH);
+    let asked = ["diagnose", "--model", BASE, "--out", "said", "--seed", "1", "seen.csv"];
+    let text = place.succeed(&asked).out;
+    let (said, page) = (place.json("said/diagnosis.json"), place.read("said/report.html"));
+    let short = |of: &Value| significant(of.as_f64().expect("a number"), 3);
+    let [before, after] = ["heldout_rms_before", "heldout_rms_after"].map(|key| short(&said[key]));
+    let words =
+        format!("off by {before} mm (root mean square of single values) as given and by {after}");
+    assert!(text.contains(&words), "`{words}`: {text}");
+    for (label, number) in [("Model as given", &before), ("With what was found", &after)] {
+        let tile = format!("<dt>{label}</dt><dd class=\"value\">{number}<");
+        assert!(page.contains(&tile), "{tile}");
+    }
+    let residual = format!("<dt>Residual</dt><dd class=\"value\">{}<", short(&said["noise_rms"]));
+    assert!(page.contains(&residual), "{residual}");
+    for finding in said["findings"].as_array().expect("a list") {
+        let [rms, max] = ["rms", "max"].map(|key| short(&finding["size"][key]));
+        assert!(text.contains(&format!("{rms} mm (largest {max})")), "{text}");
+        let cells = [&rms, &max].map(|number| format!(">{number}</td>"));
+        assert!(cells.iter().all(|cell| page.contains(cell)), "{cells:?}");
+        assert!(page.contains(finding["says"].as_str().expect("a sentence")));
+    }
+    assert!(text.trim_end().ends_with("page: said/report.html"), "{text}");
 }
 
 #[test]

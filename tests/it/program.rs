@@ -62,6 +62,8 @@ impl Place {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trued-under-test"));
         command.args(arguments).current_dir(&self.0).stdin(Stdio::null());
         command.env("TRUED_RUNTIME_DIR", self.path("run")).env_remove("NO_COLOR");
+        // Pages of all runs are of one time, so that they can be compared.
+        command.env("SOURCE_DATE_EPOCH", "1700000000");
         command
     }
 

@@ -15,10 +15,12 @@ use std::time::Duration;
 use recording::files::named_model;
 use recording::mapping::mapping_path;
 use recording::series::about_path;
+use report::InputFile;
 use rustix::fs::{CWD, RenameFlags, renameat_with};
 use rustix::io::Errno;
 
 use crate::exit::Failure;
+use crate::provenance::{self, Invocation};
 
 /// Files of one command are written within this time; what was changed later was edited.
 const WRITTEN_TOGETHER: Duration = Duration::from_secs(2);
@@ -71,12 +73,17 @@ pub struct Outputs {
     files: Vec<Output>,
     /// Places of what the command reads.
     inputs: BTreeSet<PathBuf>,
+    /// The run that its pages tell of.
+    invocation: Invocation,
+    /// What was read, as its pages name it.
+    read: Vec<InputFile>,
 }
 
-#[derive(Debug)]
+#[derive(Debug, Default)]
 struct Output {
     path: PathBuf,
     is_result: bool,
+    is_page: bool,
     bytes: Option<Vec<u8>>,
 }
 
@@ -85,6 +92,12 @@ impl Outputs {
     #[must_use]
     pub fn new(may_replace: bool) -> Self {
         Self { may_replace, ..Self::default() }
+    }
+
+    /// The run of the program that pages among them tell of.
+    #[must_use]
+    pub fn of(self, invocation: Invocation) -> Self {
+        Self { invocation, ..self }
     }
 
     /// The folder of the files, which is made where it is missing.
@@ -97,24 +110,45 @@ impl Outputs {
     /// Declares an output file, so that [`Outputs::check`] verifies it.
     #[must_use]
     pub fn file(self, path: impl Into<PathBuf>) -> Self {
-        self.with(path.into(), false)
+        self.with(Output { path: path.into(), ..Output::default() })
     }
 
     /// Announces a result that every run makes anew: JSON, a page, a plot. It may take the place of an earlier one.
     #[must_use]
     pub fn result(self, path: impl Into<PathBuf>) -> Self {
-        self.with(path.into(), true)
+        self.with(Output { path: path.into(), is_result: true, ..Output::default() })
     }
 
-    /// The same of several, or of one that may not be asked for.
+    /// Announces a page, which is a result; the files that are read are then hashed by [`Outputs::check`], before anything is computed of them.
     #[must_use]
-    pub fn results<'a>(self, paths: impl IntoIterator<Item = &'a PathBuf>) -> Self {
-        paths.into_iter().fold(self, Self::result)
+    pub fn page(self, path: impl Into<PathBuf>) -> Self {
+        self.with(Output { path: path.into(), is_result: true, is_page: true, bytes: None })
     }
 
-    fn with(mut self, path: PathBuf, is_result: bool) -> Self {
-        self.files.push(Output { path, is_result, bytes: None });
+    /// The same of one that may not be asked for.
+    #[must_use]
+    pub fn pages<'a>(self, paths: impl IntoIterator<Item = &'a PathBuf>) -> Self {
+        paths.into_iter().fold(self, Self::page)
+    }
+
+    fn with(mut self, output: Output) -> Self {
+        self.files.push(output);
         self
+    }
+
+    /// Gives a page its content, with the strip that says how it was made.
+    pub fn put_page(&mut self, path: &Path, page: report::Page) {
+        let made = self.invocation.provenance(self.read.clone());
+        self.put(path, page.provenance(made).render());
+        if let Some(file) = self.files.iter_mut().find(|file| file.path == path) {
+            file.is_page = true;
+        }
+    }
+
+    /// Pages that have their content.
+    pub(crate) fn written_pages(&self) -> impl Iterator<Item = PathBuf> + '_ {
+        let pages = self.files.iter().filter(|file| file.is_page && file.bytes.is_some());
+        pages.map(|file| file.path.clone())
     }
 
     /// Gives a file its content. What gets none is not written; what was not announced is an ordinary file.
@@ -122,7 +156,7 @@ impl Outputs {
         let bytes = Some(bytes.into());
         match self.files.iter_mut().find(|file| file.path == path) {
             Some(file) => file.bytes = bytes,
-            None => self.files.push(Output { path: path.to_owned(), is_result: false, bytes }),
+            None => self.files.push(Output { path: path.to_owned(), bytes, ..Output::default() }),
         }
     }
 
@@ -135,7 +169,11 @@ impl Outputs {
         &mut self,
         inputs: impl IntoIterator<Item = &'a PathBuf>,
     ) -> Result<(), WriteError> {
-        self.inputs.extend(inputs.into_iter().flat_map(|input| with_companions(input)));
+        let named = inputs.into_iter().flat_map(|input| with_companions(input));
+        let new: Vec<PathBuf> = named.filter(|input| self.inputs.insert(input.clone())).collect();
+        if self.files.iter().any(|file| file.is_page) {
+            self.read.extend(new.iter().filter_map(|input| provenance::hashed(input)));
+        }
         let mut places = BTreeSet::new();
         for output in &self.files {
             let path = &output.path;

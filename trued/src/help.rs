@@ -3,7 +3,7 @@
 use clap::Command;
 
 /// Every command that the contract names, by what one wants to do.
-const TASKS: [(&str, &[&str]); 7] = [
+const TASKS: [(&str, &[&str]); 8] = [
     ("See it work", &["demo", "bench", "doctor"]),
     ("Correct a robot", &["run", "check", "reload", "correct", "replay", "bridge", "fleet"]),
     ("Steer a running cell", &["status", "bypass", "mode", "arm", "mark", "live"]),
@@ -11,6 +11,7 @@ const TASKS: [(&str, &[&str]); 7] = [
     ("Find what is wrong", &["diagnose", "trends", "challenge"]),
     ("Look at vibration", &["spectrum", "surface", "tap"]),
     ("Look at recordings", &["record", "info", "convert"]),
+    ("Set up a shell", &["completions"]),
 ];
 
 /// Examples by the command they show; the first three whose command exists are printed.
@@ -56,7 +57,7 @@ fn tasks(command: &Command) -> String {
         text += &format!("{task}:\n");
         for command in found {
             let about = command.get_about().map(ToString::to_string).unwrap_or_default();
-            text += &format!("  {:<10} {about}\n", command.get_name());
+            text += &format!("  {:<11} {about}\n", command.get_name());
         }
         text.push('\n');
     }
@@ -97,7 +98,7 @@ mod tests {
         let mut command = dressed(Command::new("trued").about("About").subcommands(known));
         let help = command.render_help().to_string();
         assert!(
-            help.contains("See it work:\n  demo       What it does\n\nMake a model:\n  model"),
+            help.contains("See it work:\n  demo        What it does\n\nMake a model:\n  model"),
             "{help}"
         );
         assert!(help.contains("trued demo --quick") && help.contains("trued model presets"));

@@ -9,6 +9,7 @@ mod child;
 mod cli;
 mod commands;
 mod corrections;
+mod drawn;
 pub mod exit;
 mod help;
 mod input;
@@ -19,8 +20,10 @@ pub mod options;
 pub mod output;
 mod parallel;
 pub mod progress;
+pub mod provenance;
 mod setpoints;
 pub mod table;
+mod wrap;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -30,18 +33,22 @@ use clap::{CommandFactory, FromArgMatches};
 use crate::cli::Cli;
 use crate::exit::{Answer, Failure};
 use crate::output::Console;
+use crate::provenance::Invocation;
 
 /// Runs the program with these arguments, the first of which is its name; never panics on any of them.
 ///
 /// Exit codes: see [`exit`].
 pub fn run(args: impl Iterator<Item = OsString>) -> ExitCode {
+    let args: Vec<OsString> = args.collect();
+    let invocation = Invocation::of(&args);
     let cli = match parse(args) {
         Ok(cli) => cli,
         Err(told) => return tell(&told),
     };
-    let mut console = Console::new(cli.common.clone());
+    let mut console = Console::new(cli.common.clone()).of(invocation);
     logs::start(&console);
     let outcome = commands::run(&cli.command, &mut console);
+    let outcome = outcome.and_then(|answer| console.close().map(|()| answer));
     if let Err(failure) = &outcome {
         console.complain(failure);
     }
@@ -55,7 +62,7 @@ pub fn command() -> clap::Command {
     help::dressed(Cli::command())
 }
 
-fn parse(args: impl Iterator<Item = OsString>) -> Result<Cli, clap::Error> {
+fn parse(args: Vec<OsString>) -> Result<Cli, clap::Error> {
     let mut matches = command().try_get_matches_from(args)?;
     Cli::from_arg_matches_mut(&mut matches)
 }

@@ -3,17 +3,22 @@
 //! Promises: a reader that left (`trued info … | head`) is no error, the command goes on and ends with its own exit
 //! code; no colour where none was asked for; with `--json -` standard output holds the JSON object alone.
 
+use std::borrow::Cow;
 use std::error::Error;
 use std::io::{self, ErrorKind, IsTerminal, Write};
-use std::path::Path;
+use std::os::fd::AsFd;
+use std::path::{Path, PathBuf};
 
 use indicatif::{MultiProgress, ProgressDrawTarget};
 use serde::Serialize;
+use terminal_size::{Width, terminal_size_of};
 
 use crate::atomic::Outputs;
 use crate::exit::Failure;
 use crate::logs;
 use crate::options::{Color, Common};
+use crate::provenance::Invocation;
+use crate::wrap::wrapped;
 
 /// How a word is meant; shown by colour where there is any.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,13 +40,10 @@ pub enum Paint {
 pub struct Console {
     common: Common,
     progress: MultiProgress,
+    invocation: Invocation,
+    /// Pages that were written.
+    pages: Vec<PathBuf>,
     reader_left: bool,
-}
-
-/// The last line of a page: which program made it, and by which command.
-#[must_use]
-pub(crate) fn made_by(command: &str) -> String {
-    format!("Made by trued {}, `trued {command}`.", env!("CARGO_PKG_VERSION"))
 }
 
 /// The schema's name first, then the object.
@@ -60,7 +62,20 @@ impl Console {
         let target =
             if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let progress = MultiProgress::with_draw_target(target);
-        Self { common, progress, reader_left: false }
+        let invocation = Invocation::default();
+        Self { common, progress, invocation, pages: Vec::new(), reader_left: false }
+    }
+
+    /// The same for this run of the program, of which its pages tell.
+    #[must_use]
+    pub fn of(self, invocation: Invocation) -> Self {
+        Self { invocation, ..self }
+    }
+
+    /// The run of the program.
+    #[must_use]
+    pub fn invocation(&self) -> &Invocation {
+        &self.invocation
     }
 
     /// The options of every command.
@@ -83,15 +98,40 @@ impl Console {
     pub fn say(&mut self, text: impl AsRef<str>) -> Result<(), Failure> {
         let text = text.as_ref();
         if self.text_to_stderr() {
-            return self.tell(io::stderr(), text);
+            return self.tell(io::stderr(), &for_stream(&io::stderr(), text));
         }
+        self.tell(io::stdout(), &for_stream(&io::stdout(), text))
+    }
+
+    /// Says text that a program reads: never broken, whatever the terminal's width.
+    ///
+    /// # Errors
+    ///
+    /// As [`Console::say`].
+    pub fn verbatim(&mut self, text: &str) -> Result<(), Failure> {
         self.tell(io::stdout(), text)
+    }
+
+    /// Files of this command beside what it found; none so far.
+    #[must_use]
+    pub fn files(&self) -> Outputs {
+        Outputs::new(self.common.overwrite).of(self.invocation.clone())
+    }
+
+    /// Says where the pages are that this command wrote: the last line of its text.
+    ///
+    /// # Errors
+    ///
+    /// As [`Console::say`].
+    pub fn close(&mut self) -> Result<(), Failure> {
+        let pages = std::mem::take(&mut self.pages);
+        pages.iter().try_for_each(|page| self.say(format!("page: {}", page.display())))
     }
 
     /// The files of this command: so far the one that `--json` names.
     #[must_use]
     pub fn outputs(&self) -> Outputs {
-        let outputs = Outputs::new(self.common.overwrite);
+        let outputs = self.files();
         match &self.common.json {
             Some(path) if path != Path::new("-") => outputs.result(path),
             _ => outputs,
@@ -110,6 +150,7 @@ impl Console {
         schema: &str,
         body: &impl Serialize,
     ) -> Result<(), Failure> {
+        self.pages.extend(outputs.written_pages());
         let Some(path) = self.common.json.clone() else { return Ok(outputs.write()?) };
         let object = Named { schema, body };
         let text = serde_json::to_string_pretty(&object).map_err(Failure::system)?;
@@ -145,8 +186,9 @@ impl Console {
     pub(crate) fn complain(&self, failure: &Failure) {
         let head =
             if self.colour_on_stderr() { painted(Paint::Bad, "error:") } else { "error:".into() };
-        let mut text = format!("{head} {failure}\n");
         let mut said = failure.to_string();
+        // Words of the command line's own parser begin so already.
+        let mut text = format!("{head} {}\n", said.strip_prefix("error: ").unwrap_or(&said));
         let mut cause = failure.source();
         while let Some(error) = cause {
             let words = error.to_string();
@@ -156,6 +198,7 @@ impl Console {
             said = words;
             cause = error.source();
         }
+        let text = for_stream(&io::stderr(), &text).into_owned();
         logs::write(&self.progress, text.as_bytes());
     }
 
@@ -195,6 +238,14 @@ impl Console {
             }
         }
         Ok(())
+    }
+}
+
+/// The text in lines of the stream's width, where it is a terminal.
+fn for_stream<'a>(stream: &impl AsFd, text: &'a str) -> Cow<'a, str> {
+    match terminal_size_of(stream) {
+        Some((Width(columns), _)) => Cow::Owned(wrapped(text, usize::from(columns))),
+        None => Cow::Borrowed(text),
     }
 }
 

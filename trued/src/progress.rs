@@ -1,10 +1,17 @@
 //! Progress bars on standard error; nothing where it is no terminal, or with `-q`.
 
+use std::time::Duration;
+
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::output::Console;
 
-const TEMPLATE: &str = "{msg:<28} {bar:36} {percent:>3} %  {elapsed} of about {duration}";
+/// A bar with the time left, within 80 columns.
+const TEMPLATE: &str = "{msg:<26} {bar:20} {percent:>3} %  {elapsed}, {eta} left";
+/// A stage with how long all has taken.
+const STAGE: &str = "{spinner} {wide_msg} {elapsed:>6} ";
+/// How often a stage's time is drawn anew.
+const TICK: Duration = Duration::from_millis(200);
 
 /// A bar over so many steps. It vanishes when finished or dropped: the result speaks.
 #[must_use]
@@ -18,6 +25,20 @@ pub fn bar(console: &Console, steps: u64, what: impl Into<String>) -> ProgressBa
     console.progress().add(bar)
 }
 
+/// What is being done, where nobody knows how long it takes: told by stage, with the time since the start.
+#[must_use]
+pub fn stages(console: &Console, first: &'static str) -> ProgressBar {
+    let style = ProgressStyle::with_template(STAGE);
+    let style = style.unwrap_or_else(|_| ProgressStyle::default_spinner());
+    let spinner = ProgressBar::new_spinner()
+        .with_style(style)
+        .with_message(first)
+        .with_finish(indicatif::ProgressFinish::AndClear);
+    let spinner = console.progress().add(spinner);
+    spinner.enable_steady_tick(TICK);
+    spinner
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -26,6 +47,7 @@ mod tests {
     #[test]
     fn the_template_is_understood_and_nothing_is_drawn_when_quiet() {
         assert!(ProgressStyle::with_template(TEMPLATE).is_ok());
+        assert!(ProgressStyle::with_template(STAGE).is_ok());
         let console = Console::new(Common { quiet: true, ..Common::default() });
         assert!(bar(&console, 10, "demo").is_hidden());
     }

@@ -1,5 +1,7 @@
 //! Tables for people at a terminal: aligned columns, two spaces apart, no frame.
 
+use crate::wrap;
+
 /// A table of text; columns are aligned by what most of them hold.
 #[derive(Debug, Clone)]
 pub struct Table {
@@ -20,10 +22,38 @@ impl Table {
         self
     }
 
-    /// The lines of the table. A column stands to the right where each of its cells below the head starts like a
-    /// number or is empty; the first never does.
+    /// The text, with a newline at the end; columns of numbers to the right. Where a terminal is too narrow, each row becomes a list of its cells.
     #[must_use]
     pub fn render(&self) -> String {
+        match wrap::columns_of_stdout() {
+            Some(columns) if self.total() > columns => self.turned(),
+            _ => self.aligned(),
+        }
+    }
+
+    /// What the widest row takes.
+    fn total(&self) -> usize {
+        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
+        (0..columns).map(|i| self.width(i)).sum::<usize>() + 2 * columns.saturating_sub(1)
+    }
+
+    /// Row by row: its first cell, then each other one in a line with its head.
+    fn turned(&self) -> String {
+        let Some((heads, rows)) = self.rows.split_first() else { return String::new() };
+        let widest = heads.iter().skip(1).map(|head| head.chars().count()).max().unwrap_or(0);
+        let mut text = String::new();
+        for row in rows {
+            text += row.first().map_or("", String::as_str);
+            text.push('\n');
+            for (head, cell) in heads.iter().zip(row).skip(1).filter(|(_, cell)| !cell.is_empty()) {
+                let gap = " ".repeat(widest - head.chars().count());
+                text += &format!("  {head}{gap}  {cell}\n");
+            }
+        }
+        text
+    }
+
+    fn aligned(&self) -> String {
         let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
         let widths: Vec<usize> = (0..columns).map(|i| self.width(i)).collect();
         let right: Vec<bool> = (0..columns).map(|i| i > 0 && self.is_numeric(i)).collect();
@@ -70,6 +100,14 @@ mod tests {
             table.render(),
             "                     mean  state\nwithout correction  0.843  ok\nwith                    –  µ-held\n"
         );
+    }
+
+    #[test]
+    fn a_table_that_is_too_wide_is_told_cell_by_cell() {
+        let table =
+            Table::new(["", "p50", "worst"]).row(["trued", "7.6", "103"]).row(["pipe", "", "9"]);
+        assert_eq!(table.total(), 17);
+        assert_eq!(table.turned(), "trued\n  p50    7.6\n  worst  103\npipe\n  worst  9\n");
     }
 
     #[test]

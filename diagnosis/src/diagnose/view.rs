@@ -19,6 +19,8 @@ const EVEN: f64 = 0.02;
 /// Readings that a spectrum needs, and of one segment of it at most.
 const SAMPLES_LEAST: usize = 64;
 const SEGMENT_MOST: usize = 1024;
+/// A finding of which its joint's own error shows less than this share (as energy of the readings) is looked at where the tool is: a link that grows turns no joint.
+const OF_JOINT: f64 = 0.5;
 
 /// One channel over the recording.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,6 +49,8 @@ pub struct Beside {
 pub struct Over {
     /// The contract's word.
     pub word: String,
+    /// The joint, from 0, whose error the points are; none where they are what the tool is off by.
+    pub joint: Option<usize>,
     /// One per reading in which the finding could show.
     pub points: Vec<Beside>,
 }
@@ -149,13 +153,14 @@ impl Diagnosis {
         let joint = finding.effect.joint();
         let direction = joint.map(|joint| format!("direction_{}", joint + 1));
         let direction = words.iter().find(|word| Some(&word.name) == direction.as_ref());
-        let points = self.beside(finding).into_iter().map(|(pose, seen, explained)| Beside {
+        let (shown_in, points) = self.beside(finding);
+        let points = points.into_iter().map(|(pose, seen, explained)| Beside {
             at: word.middle + word.half * word.values[pose],
             direction: direction.map_or(0.0, |d| (d.middle + d.half * d.values[pose]).round()),
             seen,
             explained,
         });
-        Some(Over { word: word.name.clone(), points: points.collect() })
+        Some(Over { word: word.name.clone(), joint: shown_in, points: points.collect() })
     }
 
     /// The model with all that was found but this.
@@ -167,10 +172,10 @@ impl Diagnosis {
         bare
     }
 
-    /// Pose, what is seen without the finding, and what it explains of that.
-    fn beside(&self, finding: &Finding) -> Vec<(usize, f64, f64)> {
+    /// The joint whose error it is seen in (none: at the tool); pose, what is seen without the finding, and what it explains of that.
+    fn beside(&self, finding: &Finding) -> (Option<usize>, Vec<(usize, f64, f64)>) {
         let bare = self.bare(finding);
-        let Some(joint) = finding.effect.joint() else { return self.of_tool(&bare) };
+        let Some(joint) = finding.effect.joint() else { return (None, self.of_tool(&bare)) };
         let state = |hypothesis: Hypothesis| State {
             surroundings: self.fit.surroundings.clone(),
             hypothesis,
@@ -181,20 +186,30 @@ impl Diagnosis {
         let full = state(self.fit.hypothesis.clone());
         visit(&self.campaign, &full, look, |at| whole.push(at.rows.residual));
         let mut points = Vec::new();
-        visit(&self.campaign, &state(bare), look, |at| {
+        visit(&self.campaign, &state(bare.clone()), look, |at| {
             let chain = Chain::nominal(&arm, &self.campaign.poses[at.pose].inputs.q);
             let along = at.rows.along(&Motion::of_joint(&arm, &chain, joint));
             points.push((at.pose, along, at.rows.residual));
         });
+        let explained = points.iter().zip(&whole).map(|(p, full)| (p.1, p.2 - *full));
+        let [all, along] = explained.fold([0.0; 2], |[all, shown], (along, explained)| {
+            let part = along.normalize_or_zero().dot(explained);
+            [all + explained.length_squared(), shown + part * part]
+        });
+        let at_tool = if along < OF_JOINT * all { self.of_tool(&bare) } else { Vec::new() };
+        if !at_tool.is_empty() {
+            return (None, at_tool);
+        }
         // Where the joint hardly moves what is measured, its error cannot be seen.
         let most = points.iter().map(|p| p.1.length_squared()).fold(0.0, f64::max);
         let both = points.into_iter().zip(whole).zip(&self.fit.weights);
-        both.filter(|((p, _), weight)| p.1.length_squared() > 0.04 * most && **weight >= 0.5)
+        let seen = both
+            .filter(|((p, _), weight)| p.1.length_squared() > 0.04 * most && **weight >= 0.5)
             .map(|(((pose, along, bare), full), _)| {
                 let share = along / along.length_squared();
                 (pose, share.dot(bare), share.dot(bare - full))
-            })
-            .collect()
+            });
+        (Some(joint), seen.collect())
     }
 
     /// The same for what belongs to no joint, along where it moves the tool.

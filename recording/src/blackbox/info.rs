@@ -98,7 +98,10 @@ pub(super) fn info_of(path: &Path, mut file: &File) -> Result<Info, BlackBoxErro
         Ok(())
     })?;
     if !tally.has_header {
-        return Err(BlackBoxError::NotOurs { name, what: "its metadata record `trued` is missing".to_owned() });
+        return Err(BlackBoxError::NotOurs {
+            name,
+            what: "its metadata record `trued` is missing".to_owned(),
+        });
     }
     let end = match scanned.cut {
         Some(cut) => End::Cut(cut),

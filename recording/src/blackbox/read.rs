@@ -103,7 +103,10 @@ fn read_from(name: &str, source: impl Read, bytes: usize) -> Result<Contents, Bl
     if gathered.has_header {
         return Ok(gathered.contents);
     }
-    Err(BlackBoxError::NotOurs { name: name.to_owned(), what: "its metadata record `trued` is missing".to_owned() })
+    Err(BlackBoxError::NotOurs {
+        name: name.to_owned(),
+        what: "its metadata record `trued` is missing".to_owned(),
+    })
 }
 
 #[derive(Default)]

@@ -10,7 +10,6 @@ use clap::Args;
 use harness::findings::Findings;
 use harness::plan::{Plan, Programs};
 use harness::{BenchError, page, tables};
-use indicatif::{ProgressBar, ProgressStyle};
 use tracing::info;
 
 use crate::atomic::Outputs;
@@ -18,6 +17,7 @@ use crate::child::Guarded;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
 use crate::output::{Console, Paint};
+use crate::progress;
 use crate::table::Table;
 
 use asked::Asked;
@@ -51,11 +51,11 @@ impl Bench {
         let plan = self.asked.plan()?;
         let mut outputs = console.outputs();
         if let Some(out) = &self.out {
-            outputs = outputs.in_folder(out).result(out.join(PAGE));
+            outputs = outputs.in_folder(out).page(out.join(PAGE));
         }
         // Hours may pass before there is anything to write.
         outputs.check([])?;
-        let bar = bar(console);
+        let bar = progress::stages(console, "starting");
         let findings = harness::run(&plan, &Myself, &stop, &mut |about| {
             bar.set_message(about.to_owned());
             info!("{about}");
@@ -99,26 +99,15 @@ impl Bench {
             console.say(format!("\n{title}\n{}", table.render().trim_end()))?;
         }
         if let Some(out) = &self.out {
-            let command = self.asked.command();
-            outputs.put(&out.join(PAGE), page::render(findings, &command));
+            outputs.put_page(&out.join(PAGE), page::render(findings));
             for (name, _, plot) in page::plots(findings) {
                 let path = out.join(format!("{name}.svg"));
                 outputs = outputs.result(&path);
                 outputs.put(&path, plot.file());
             }
         }
-        console.write(outputs, "trued.bench/1", &findings.json())?;
-        match &self.out {
-            Some(out) => console.say(format!("\n{}", out.join(PAGE).display())),
-            None => Ok(()),
-        }
+        console.write(outputs, "trued.bench/1", &findings.json())
     }
-}
-
-fn bar(console: &Console) -> ProgressBar {
-    let style = ProgressStyle::with_template("{spinner} {msg}  {elapsed}")
-        .unwrap_or_else(|_| ProgressStyle::default_spinner());
-    console.progress().add(ProgressBar::new_spinner().with_style(style))
 }
 
 /// This program as further processes of a bench.

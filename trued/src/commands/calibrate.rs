@@ -97,7 +97,7 @@ struct Refused<'a> {
 
 impl Calibrate {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
-        let mut outputs = console.outputs().file(&self.out).results(&self.report);
+        let mut outputs = console.outputs().file(&self.out).pages(&self.report);
         outputs.check(self.recordings.iter().chain(self.reading.files()))?;
         let (model, recordings) = self.reading.measured(&self.recordings)?;
         let arm = &model.physics.arm;
@@ -120,7 +120,7 @@ impl Calibrate {
         }
         found.warnings.iter().for_each(|warning| warn!("{warning}"));
         if let Some(report) = &self.report {
-            outputs.put(report, page::render(self, &found, &alone));
+            outputs.put_page(report, page::render(self, &found, &alone));
         }
         let report = told::Report::of(self, &found, &alone);
         console.write(outputs, "trued.calibrate/1", &report)?;

@@ -184,7 +184,7 @@ impl Challenge {
         let lines = serde_json::to_string_pretty(&lines).map_err(Failure::system)?;
         let mut outputs = console.outputs();
         outputs.put(&folder.0.join("outcomes.json"), lines + "\n");
-        outputs.put(&folder.0.join("report.html"), page::render(&figures, &scored));
+        outputs.put_page(&folder.0.join("report.html"), page::render(&figures, &scored));
         console.write(outputs, "trued.challenge/1", &figures)?;
         console.say(told::told(&figures))?;
         console.say(format!("report              {}", folder.0.join("report.html").display()))?;

@@ -29,6 +29,7 @@ use crate::interrupt;
 use crate::options::Seed;
 use crate::output::Console;
 use crate::progress;
+use crate::provenance::Invocation;
 
 use super::diagnose;
 use outcome::{Again, Milled, Report};
@@ -56,7 +57,7 @@ impl Demo {
         let scene = Scene::new(seed, self.quick).map_err(Failure::input)?;
         let out = self.out.clone().unwrap_or_else(fresh_folder);
         match &self.cell {
-            Some(name) => cell::run(name, &scene, &out),
+            Some(name) => cell::run(name, &scene, &out, self.again(console, &scene, &out)),
             None => self.show(console, &scene, &out),
         }
     }
@@ -67,7 +68,7 @@ impl Demo {
         words::introduce(console, scene)?;
         let name = format!("demo-{}", std::process::id());
         let config = out.join("cell.toml");
-        let mut first = Outputs::new(console.common().overwrite).in_folder(out);
+        let mut first = console.files().in_folder(out);
         first.put(&config, scene.cell_toml(&name));
         first.put(&out.join("model.toml"), scene.model_text.as_str());
         first.write()?;
@@ -98,6 +99,15 @@ impl Demo {
         Ok(Answer::Done)
     }
 
+    /// The run as a user would ask for it again.
+    fn again(&self, console: &Console, scene: &Scene, out: &Path) -> Invocation {
+        let seed = scene.seed.to_string();
+        let words = ["demo", "--seed", &seed].map(str::to_owned).into_iter();
+        let quick = self.quick.then(|| "--quick".to_owned());
+        let out = ["--out".to_owned(), out.display().to_string()];
+        console.invocation().typed(words.chain(quick).chain(out))
+    }
+
     fn cell_command(&self, name: &str, seed: u64, out: &Path) -> Result<Command, Failure> {
         let mut command = Guarded::myself()?;
         command.arg("demo").args(["--cell", name, "--seed", &seed.to_string()]);
@@ -122,7 +132,7 @@ fn outputs(console: &Console, out: &Path) -> Outputs {
     let file = |name: &str| out.join(name);
     let named = ["cell.toml", "model.toml", "recording.csv", "recording.toml"];
     let named = named.into_iter().chain(["measured.csv", "measured.toml"]).map(file);
-    let outputs = console.outputs().in_folder(out).result(file("report.html"));
+    let outputs = console.outputs().in_folder(out).page(file("report.html"));
     let outputs = named.fold(outputs, Outputs::file);
     diagnose::outputs(outputs, &out.join(act::FOLDER)).in_folder(out)
 }

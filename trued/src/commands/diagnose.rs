@@ -27,6 +27,7 @@ use crate::exit::{Answer, Failure, Outcome};
 use crate::input::{Looked, Reading};
 use crate::options::Seed;
 use crate::output::{Console, Paint};
+use crate::progress;
 
 /// The file of the model with what was found.
 pub(super) const MODEL: &str = "model.toml";
@@ -99,17 +100,22 @@ impl Diagnose {
             Some(Looked::OfArm(read)) => read.map(|read| *read),
             None => None,
         };
+        let stage = progress::stages(console, "reading recordings");
         let (model, recordings) = self.reading.measured_after(read, &self.recordings)?;
         let cell = self.apply.as_deref().map(apply::cell).transpose()?;
         let mut outputs = outputs(console.outputs(), &self.out);
         outputs.check(self.inputs())?;
         let seed = self.seed.settle();
+        stage.set_message("drive torques: fit, search, proof");
         let drives = drives::are_recorded(&recordings)
             .then(|| Drives::of(&model, &recordings, self.band, seed))
             .transpose()?;
+        stage.set_message("positions: fit, search, proof");
         let found = Found { drives, ..Found::of(model, recordings, seed)? };
+        stage.set_message("pictures and files");
         let reports = found.reports();
         found.put(&mut outputs, &reports, &self.out)?;
+        stage.finish_and_clear();
         console.write(outputs, "trued.diagnosis/1", &told::Whole::of(&reports))?;
         for report in &reports {
             let domain =
@@ -138,7 +144,7 @@ const PAGE: &str = "report.html";
 
 /// With the files that a diagnosis is written to, in `dir`.
 pub(super) fn outputs(outputs: Outputs, dir: &Path) -> Outputs {
-    outputs.in_folder(dir).result(dir.join(JSON)).result(dir.join(MODEL)).result(dir.join(PAGE))
+    outputs.in_folder(dir).result(dir.join(JSON)).result(dir.join(MODEL)).page(dir.join(PAGE))
 }
 
 impl Found {
@@ -222,7 +228,7 @@ impl Found {
     ) -> Result<(), Failure> {
         outputs.put(&dir.join(JSON), told::json(reports)?);
         outputs.put(&dir.join(MODEL), self.model()?);
-        outputs.put(&dir.join(PAGE), page::render(self, reports));
+        outputs.put_page(&dir.join(PAGE), page::render(self, reports, dir));
         Ok(())
     }
 

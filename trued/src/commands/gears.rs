@@ -74,7 +74,7 @@ pub(crate) struct Gears {
 impl Gears {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         self.check()?;
-        let mut outputs = console.outputs().results(&self.report);
+        let mut outputs = console.outputs().pages(&self.report);
         let inputs = self.path.iter().chain(&self.force).chain(&self.profile);
         outputs.check(inputs.chain(self.reading.files()))?;
         let (model, travelled) = self.travelled()?;
@@ -85,7 +85,7 @@ impl Gears {
             lines.map(|line| Matched::of(line, &trains, 0.01 * self.tolerance)).collect();
         let found = Found { model: &model, travelled, trains, lines, notes: given.notes };
         if let Some(report) = &self.report {
-            outputs.put(report, page::render(&found));
+            outputs.put_page(report, page::render(&found));
         }
         console.write(outputs, "trued.gears/1", &Report::of(self, &found))?;
         console.say(told::told(&found))?;

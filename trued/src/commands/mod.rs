@@ -8,6 +8,7 @@ mod bridge;
 mod calibrate;
 mod challenge;
 mod check;
+mod completions;
 mod control;
 mod convert;
 mod correct;
@@ -43,6 +44,7 @@ pub(crate) enum Command {
     Calibrate(calibrate::Calibrate),
     Challenge(challenge::Challenge),
     Check(check::Check),
+    Completions(completions::Completions),
     Convert(convert::Convert),
     Correct(correct::Correct),
     Demo(demo::Demo),
@@ -75,6 +77,7 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Calibrate(calibrate) => calibrate.run(console),
         Command::Challenge(challenge) => challenge.run(console),
         Command::Check(check) => check.run(console),
+        Command::Completions(completions) => completions.run(console),
         Command::Convert(convert) => convert.run(console),
         Command::Correct(correct) => correct.run(console),
         Command::Demo(demo) => demo.run(console),

@@ -65,7 +65,7 @@ impl Model {
                     (Err(FileError::Io { .. }), Some(preset)) => preset.text.to_owned(),
                     (text, _) => text.map_err(input::unusable)?,
                 };
-                console.say(text)?;
+                console.verbatim(&text)?;
                 Ok(Answer::Done)
             }
             What::Show { model, toml: false } => show::run(console, &input::model(model)?),

@@ -7,11 +7,12 @@ mod check;
 mod files;
 mod going;
 mod iso;
+mod page;
 mod request;
 mod setup;
 mod told;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use diagnosis::plan::zone::Zone;
@@ -177,6 +178,22 @@ impl Plan {
             found.ok_or_else(|| Failure::input("--direction: expected a direction, found 0,0,0"))
         };
         self.direction.iter().map(unit).collect()
+    }
+
+    /// What to do with the poses of a calibration, and the command that looks at what was measured.
+    fn to_calibrate(&self) -> (&'static str, String) {
+        let words = "Load the program and run it slowly first; then measure, fill the readings into poses.csv, and calibrate.";
+        (words, self.measured_by("calibrate", "--out calibrated.toml "))
+    }
+
+    /// A command of this robot over the list that was filled in.
+    fn measured_by(&self, command: &str, options: &str) -> String {
+        let model = self.reading.model.as_deref().unwrap_or(Path::new("ROBOT.toml"));
+        format!(
+            "trued {command} --model {} {options}{}",
+            model.display(),
+            self.files.list().display()
+        )
     }
 
     /// The task without the poses at which the tool's error counts.

@@ -83,12 +83,12 @@ pub(crate) struct Spectrum {
 impl Spectrum {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         self.check()?;
-        let mut outputs = console.outputs().results(&self.report);
+        let mut outputs = console.outputs().pages(&self.report);
         outputs.check([&self.file].into_iter().chain(&self.model).chain(&self.mapping))?;
         let subject = Subject::read(self)?;
         let found = Found::of(self, &subject)?;
         if let Some(report) = &self.report {
-            outputs.put(report, page::render(&subject, &found)?);
+            outputs.put_page(report, page::render(&subject, &found)?);
         }
         let report = outcome::Report::of(&subject, &found);
         console.write(outputs, "trued.spectrum/1", &report)?;

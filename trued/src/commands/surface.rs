@@ -108,7 +108,7 @@ struct NotPositive {
 impl Surface {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         self.check()?;
-        let mut outputs = console.outputs().results(&self.report);
+        let mut outputs = console.outputs().pages(&self.report);
         outputs.check(&self.profiles)?;
         let machining = self.machining()?;
         let profiles = self.profiles.iter().map(|path| {
@@ -117,7 +117,7 @@ impl Surface {
         });
         let profiles = profiles.collect::<Result<Vec<Measured>, Failure>>()?;
         if let Some(report) = &self.report {
-            outputs.put(report, page::render(self, &profiles));
+            outputs.put_page(report, page::render(self, &profiles));
         }
         console.write(outputs, "trued.surface/1", &Report::of(self, &profiles))?;
         console.say(told::told(&profiles))?;

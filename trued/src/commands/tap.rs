@@ -165,7 +165,7 @@ struct Unusable {
 impl Tap {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         self.check()?;
-        let mut outputs = console.outputs().results(&self.report);
+        let mut outputs = console.outputs().pages(&self.report);
         if let Some(out) = &self.out {
             outputs = outputs.file(out);
         }
@@ -176,7 +176,7 @@ impl Tap {
         let renewed =
             base.as_ref().map(|base| model::renewed(self, base, &analysis)).transpose()?;
         if let Some(report) = &self.report {
-            outputs.put(report, page::render(self, &analysis, renewed.as_ref()));
+            outputs.put_page(report, page::render(self, &analysis, renewed.as_ref()));
         }
         let is_found = !analysis.modes.is_empty();
         if let (Some(out), Some(renewed), true) = (&self.out, &renewed, is_found) {

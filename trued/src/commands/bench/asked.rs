@@ -142,12 +142,6 @@ impl Asked {
         all(&self.waits, "--wait", wait)
     }
 
-    /// The command that asks for the same again.
-    pub(super) fn command(&self) -> String {
-        let words: Vec<String> = std::env::args().skip(1).collect();
-        format!("trued {}", words.join(" "))
-    }
-
     fn policies(&self) -> Vec<Policy> {
         match self.policy {
             Policies::Auto if fifo_is_granted(self.priority) && self.cell_has_it() => {

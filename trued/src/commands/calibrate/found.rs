@@ -9,10 +9,11 @@ use diagnosis::{Campaign, Effort, Fit, Free, Influence, Settings, Undetermined, 
 use physics::{Arm, Chain};
 use recording::model::RobotModel;
 use recording::series::{Approach, Kind, Recording};
-use report::fixed;
+use report::{ToolError, fixed};
 
 use super::Parts;
 use super::numbers::{ALONG, Entry, barred, entries};
+use crate::drawn::tool_errors;
 use crate::exit::Failure;
 use crate::input::count;
 
@@ -72,6 +73,8 @@ pub(super) struct Found {
     /// Its effects with their numbers.
     pub(super) entries: Vec<Entry>,
     pub(super) outliers: Vec<Outlier>,
+    /// Of the held-out poses in which points were measured: with the nominal model, and with the advanced.
+    pub(super) tool_errors: Vec<ToolError>,
     pub(super) approached: Vec<Approached>,
     pub(super) of_recordings: Vec<OfRecording>,
     /// Where there are several.
@@ -122,6 +125,10 @@ impl Found {
         let refused = refused(&errors, &campaign, &last);
         let outliers = outliers(&campaign, &last);
         let approached = approached(&campaign, &calibration, &held);
+        let [nominal, _, advanced] = fits(&calibration);
+        let is_held = |pose: usize| held.get(pose).copied().unwrap_or(false);
+        let arm = &base.physics.arm;
+        let tool_errors = tool_errors(&campaign, arm, [nominal, advanced], is_held);
         let of_recordings = of_recordings(&campaign, &calibration, &held);
         let stationed = stationed(&campaign, fits(&calibration), &held);
         let poses = used.iter().filter(|used| **used).count();
@@ -135,6 +142,7 @@ impl Found {
             poses,
             entries,
             outliers,
+            tool_errors,
             approached,
             of_recordings,
             stationed,

@@ -1,40 +1,38 @@
 //! The page of `trued calibrate`: the proof, what was found of each joint, and what remains open.
 
 use diagnosis::proof::Errors;
-use report::{Axis, Cell, Column, Histogram, Number, Page, Table, Tone, significant};
+use report::{Axis, Cell, Column, Histogram, Number, Page, Role, Table, Tone, significant};
 
 use super::Calibrate;
 use super::alone::Alone;
 use super::found::{Approached, Found, MODELS, OfRecording};
 use super::numbers::Entry;
 use super::things::{lines, things};
-use super::told::{mm, moves_in, words};
+use super::told::{check, mm, moves_in, words};
+use crate::drawn::{OfJoint, Ranked, arm_with_errors, by_joint, guilty, ranking};
 use crate::input::count;
-use crate::output::made_by;
 
 /// Outliers in the table.
 const OUTLIERS: usize = 50;
+/// Of the distribution of errors.
+const SPREAD: &str =
+    "Distances of measured points from where each model sees them, on held-out poses.";
+/// What the models of [`MODELS`] stand for.
+const ROLES: [Role; 3] = [Role::Before, Role::Calibrated, Role::After];
 
 /// The whole page.
-pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> String {
-    let [nominal, calibrated, advanced] = found.errors.each_ref().map(|e| mm(e.mean()));
+pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Page {
     let names: Vec<&str> =
         (0..found.campaign.recordings.len()).map(|place| found.recording(place)).collect();
-    let lead = format!(
-        "On poses that no fit has seen the tool is {} mm from where the advanced model puts it, in the mean; {} mm with calibrated geometry alone, {} mm \
-         with the model as it was.",
-        significant(advanced, 2),
-        significant(calibrated, 2),
-        significant(nominal, 2)
-    );
-    let mut page = Page::new(format!("Calibration of {}", found.base.file.name))
-        .kicker(format!("trued calibrate, {}", names.join(", ")))
-        .lead(&lead)
-        .numbers(numbers(found));
-    page = notes(page, found).section("The proof").table(&errors(found)).figure(
-        "Distances of measured points from where each model sees them, on held-out poses.",
-        &histogram(found),
-    );
+    let page = Page::new(format!("Calibration of {}", found.base.file.name))
+        .kicker("trued calibrate")
+        .robot(found.base.file.identity().to_string());
+    let mut page =
+        next(picture(verdict(page, command, found).numbers(numbers(found)), found), command, found);
+    page = notes(page, found).section("The proof").table(&errors(found));
+    if !found.tool_errors.is_empty() {
+        page = page.figure(SPREAD, &histogram(found));
+    }
     if found.of_recordings.len() > 1 {
         page = page.table(&of_recordings(found));
     }
@@ -42,20 +40,11 @@ pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Strin
         page = page.table(&stations(found));
     }
     if !found.approached.is_empty() {
-        page = page.table(&approach(&found.approached));
+        page = page.folded("Errors by the direction in which a joint arrived", |page| {
+            page.table(&approach(&found.approached))
+        });
     }
-    page = page
-        .section("What was found")
-        .table(&parameters(found))
-        .text("± is the standard uncertainty; `–` where the data tell nothing and the number stayed where it was. `Moves the tool` is the root mean square over the measured poses, each effect against the same model without it.");
-    let around = lines(&things(&found.last));
-    if !around.is_empty() {
-        page = page.text("Around the robot, in its base frame, as found:").list(&around);
-    }
-    let nests = found.nests();
-    if !nests.is_empty() {
-        page = page.list(&nests);
-    }
+    page = what_was_found(page, found);
     let by_themselves = alone.lines();
     if !by_themselves.is_empty() {
         page = page
@@ -65,18 +54,109 @@ pub(super) fn render(command: &Calibrate, found: &Found, alone: &Alone) -> Strin
     }
     page = open(page, found);
     let seed = found.seed.map_or("none: the recordings say".to_owned(), |seed| seed.to_string());
-    page.section("Made from")
-        .facts([
-            ("Recordings", names.join(", ")),
-            ("Split", found.split.says.clone()),
-            ("Seed", seed),
-            (
-                "Model written",
-                format!("{}, fitted to {}", command.written(found), count(found.poses, "pose")),
-            ),
-        ])
-        .footer(made_by("calibrate"))
-        .render()
+    page.section("Made from").facts([
+        ("Recordings", names.join(", ")),
+        ("Split", found.split.says.clone()),
+        ("Seed", seed),
+        (
+            "Model written",
+            format!("{}, fitted to {}", command.written(found), count(found.poses, "pose")),
+        ),
+    ])
+}
+
+fn verdict(page: Page, command: &Calibrate, found: &Found) -> Page {
+    let [nominal, calibrated, advanced] = found.errors.each_ref().map(|e| mm(e.mean()));
+    let sentence = format!(
+        "On {} that no fit has seen the tool is {} mm from where the new model puts it, in the mean, and within {} mm in 95 of 100; it was {} mm with the model \
+         as it was, and {} mm with calibrated geometry alone.",
+        count(found.split.training.iter().filter(|trains| !**trains).count(), "pose"),
+        significant(advanced, 2),
+        significant(mm(found.errors[2].quantile(0.95)), 2),
+        significant(nominal, 2),
+        significant(calibrated, 2),
+    );
+    match found.refused.as_slice() {
+        [] => page.verdict(Tone::Good, "calibrated, and proven on unseen poses", &sentence),
+        [reason, ..] => {
+            let written =
+                if command.is_written(found) { "written all the same" } else { "no model written" };
+            page.verdict(
+                Tone::Bad,
+                &format!("not proven, {written}"),
+                &format!("{reason} {sentence}"),
+            )
+        }
+    }
+}
+
+/// The arm with the errors at its tool; where no point was measured, how often which error occurred.
+fn picture(page: Page, found: &Found) -> Page {
+    let arm = &found.base.physics.arm;
+    let lit = guilty(arm.count(), &sizes(found));
+    let Some((drawing, factor)) = arm_with_errors(arm, &found.campaign, &found.tool_errors, &lit)
+    else {
+        return page.figure(SPREAD, &histogram(found));
+    };
+    let red = if lit.is_empty() { "" } else { " Red: joints whose effects move the tool most." };
+    let caption = format!(
+        "Where the tool is off on held-out poses: measured minus model, drawn {} times as long, with the model as it was (before) and with the new one (after).{red}",
+        significant(factor, 1)
+    );
+    page.figure(&caption, &drawing)
+}
+
+fn next(page: Page, command: &Calibrate, found: &Found) -> Page {
+    if !command.is_written(found) {
+        return page.next(
+            "Look at what speaks against the model below, mend it, and measure again.",
+            None,
+        );
+    }
+    page.next(
+        "Plan the ten poses of a check with the new model, and measure them after a collision or a repair.",
+        Some(&format!("{} --out check", check(command, found))),
+    )
+}
+
+/// How far each effect moves the tool, mm.
+fn sizes(found: &Found) -> Vec<OfJoint> {
+    let known = found.entries.iter().filter(|entry| !entry.is_empty());
+    known
+        .map(|entry| OfJoint {
+            effect: words(entry.kind()),
+            joint: entry.joint(),
+            size: mm(entry.share_m),
+        })
+        .collect()
+}
+
+fn what_was_found(page: Page, found: &Found) -> Page {
+    let mut page = page.section("What was found");
+    let name = |entry: &Entry| {
+        let whose = entry.joint().map_or(String::new(), |joint| format!(", joint {joint}"));
+        format!("{}{whose}", words(entry.kind()))
+    };
+    let known = || found.entries.iter().filter(|entry| !entry.is_empty());
+    let ranked = known().map(|entry| Ranked { name: name(entry), size: Some(mm(entry.share_m)) });
+    let axis = Axis::new("Moves the tool by", "mm, root mean square");
+    if let Some(bars) = ranking("What each effect does at the tool", axis, ranked) {
+        page = page.figure(
+            "What each effect does at the tool over the measured poses, against the same model without it; the largest first.",
+            &bars,
+        );
+    }
+    let caption = "Moves the tool by, root mean square over the measured poses, mm";
+    page = page.table(&by_joint(caption, found.base.physics.arm.count(), &sizes(found)));
+    page = page.folded("Parameter by parameter", |page| {
+        page.table(&parameters(found)).text("± is the standard uncertainty; `–` where the data tell nothing and the number stayed where it was.")
+    });
+    let around = lines(&things(&found.last));
+    if !around.is_empty() {
+        page = page.text("Around the robot, in its base frame, as found:").list(&around);
+    }
+    let nests = found.nests();
+    if nests.is_empty() { page } else { page.list(&nests) }
 }
 
 /// What speaks against the model, and what is to be looked at.
@@ -93,16 +173,15 @@ fn notes(mut page: Page, found: &Found) -> Page {
     page
 }
 
+/// No tone: less than before is not yet good enough for everybody.
 fn numbers(found: &Found) -> Vec<Number> {
-    let gained = found.errors[2].mean() < found.errors[0].mean();
     let of = |k: usize| {
         let errors = &found.errors[k];
         let note = format!("95 % within {} mm", significant(mm(errors.quantile(0.95)), 2));
         Number::new(format!("Mean error, {}", MODELS[k]), mm(errors.mean()), "mm").note(note)
     };
-    let tone = if gained { Tone::Good } else { Tone::Bad };
     let effects = found.entries.iter().filter(|entry| !entry.is_empty()).count();
-    vec![of(0), of(1), of(2).tone(tone), Number::text("Effects in the model", effects.to_string())]
+    vec![of(0), of(1), of(2), Number::text("Effects in the model", effects.to_string())]
 }
 
 fn errors(found: &Found) -> Table {
@@ -118,11 +197,10 @@ fn errors(found: &Found) -> Table {
 
 fn histogram(found: &Found) -> report::Svg {
     let plot = Histogram::new("Held-out errors", Axis::new("Error", "mm").log());
-    MODELS
-        .iter()
-        .zip(&found.errors)
-        .fold(plot, |plot, (name, errors)| {
-            plot.values(*name, errors.sorted_m.iter().map(|error| mm(*error)))
+    let named = MODELS.iter().zip(ROLES).zip(&found.errors);
+    named
+        .fold(plot, |plot, ((name, role), errors)| {
+            plot.values(*name, errors.sorted_m.iter().map(|error| mm(*error))).role(role)
         })
         .render()
 }
@@ -229,8 +307,7 @@ fn open(mut page: Page, found: &Found) -> Page {
             .section("What these data cannot tell")
             .text("These numbers cannot be told one by one: of all that explain the readings alike, the model holds the smallest. Other poses, a known measuring frame or known places of the reflectors may tell them. In short:")
             .list(found.left_open())
-            .text("Number by number:")
-            .list(undetermined);
+            .folded("Number by number", |page| page.list(undetermined));
     }
     if !found.outliers.is_empty() {
         let heads = ["Recording", "Row", "Off (mm)"];

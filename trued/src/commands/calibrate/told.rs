@@ -325,9 +325,6 @@ pub(super) fn told(command: &Calibrate, found: &Found, alone: &Alone) -> String 
     if command.is_written(found) {
         text += &format!("\ncheck     {}", check(command, found));
     }
-    if let Some(report) = &command.report {
-        text += &format!("\npage      {}", report.display());
-    }
     text
 }
 
@@ -335,7 +332,7 @@ pub(super) fn told(command: &Calibrate, found: &Found, alone: &Alone) -> String 
 const LEAST_SIGMA_MM: f64 = 1e-4;
 
 /// The command that plans a check with this model: the targets where the fit found them, and its held-out error per axis as the noise.
-fn check(command: &Calibrate, found: &Found) -> String {
+pub(super) fn check(command: &Calibrate, found: &Found) -> String {
     let [.., advanced] = &found.errors;
     let square = advanced.sorted_m.iter().map(|error| error * error).sum::<f64>();
     let axis_m = (square / (3 * advanced.sorted_m.len()).max(1) as f64).sqrt();

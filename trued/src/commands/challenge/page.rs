@@ -1,18 +1,27 @@
 //! The page of `trued challenge`: every figure, success over effect-to-noise, and what was confused with what.
 
 use challenge::score::{Figures, Outcome};
-use report::{Axis, Bar, Bars, Cell, Histogram, Number, Page, Plot, Series, Svg, Table};
+use report::{
+    Axis, Bar, Bars, Cell, Histogram, Number, Page, Plot, Role, Series, Svg, Table, Tone,
+};
 
 use super::told::{range, rows, share};
-use crate::output::made_by;
 
-pub(super) fn render(figures: &Figures, scored: &[Outcome]) -> String {
+pub(super) fn render(figures: &Figures, scored: &[Outcome]) -> Page {
     let mut page = Page::new("Blind challenge")
         .kicker("trued challenge")
-        .lead(&format!(
-            "{} cases of seed {}; the truth was sealed before anyone answered.",
-            figures.cases, figures.seed
-        ))
+        .verdict(
+            Tone::Plain,
+            "blind cases scored",
+            &format!(
+                "{} cases of seed {}; the truth was sealed before anyone answered. First answer right: {}; false findings: {} of {}.",
+                figures.cases,
+                figures.seed,
+                share(figures.first_right),
+                figures.false_findings,
+                figures.nulls
+            ),
+        )
         .numbers([
             Number::text("First answer right", share(figures.first_right)),
             Number::text(
@@ -22,11 +31,17 @@ pub(super) fn render(figures: &Figures, scored: &[Outcome]) -> String {
             Number::text("Wrong names", share(figures.named_wrong)),
             Number::text("Unknown recognised", share(figures.unknown_recognised)),
         ])
-        .table(&all(figures));
-    page = page.section("By strength").figure(
-        "First answer right over the strength z of what was hidden; each dot a range of cases that count towards a bar.",
-        &by_z(figures),
-    );
+        .figure(
+            "First answer right over z, the strength of what was hidden against the noise; each dot a range of cases that count towards a bar.",
+            &by_z(figures),
+        )
+        .next(
+            "Draw other cases: another seed is another sealed truth.",
+            Some(&format!("trued challenge --cases {} --seed {} --out challenge-2", figures.cases, figures.seed + 1)),
+        )
+        .section("All figures")
+        .table(&all(figures))
+        .section("By strength");
     page = page.table(&ranges(figures)).section("By effect").figure(
         "First answer right, single effects that count towards a bar.",
         &by_effect(figures),
@@ -48,8 +63,6 @@ pub(super) fn render(figures: &Figures, scored: &[Outcome]) -> String {
     }
     page.text(&format!("SHA-256 of the truth: {}", figures.sealed_sha256))
         .text(&format!("SHA-256 of the answers: {}", figures.answers_sha256))
-        .footer(made_by("challenge"))
-        .render()
 }
 
 fn all(figures: &Figures) -> Table {
@@ -66,11 +79,18 @@ fn by_z(figures: &Figures) -> Svg {
         bins.filter_map(move |bin| Some((middle(bin.from, bin.to), 100.0 * right(bin)?)))
             .collect::<Vec<_>>()
     };
-    Plot::new("Right over strength", Axis::new("z", "1").log(), Axis::new("Right", "%"))
-        .series(Series::line("first answer", points(|bin| bin.first_right)))
-        .series(Series::line("among the first three", points(|bin| bin.first_three_right)).muted())
-        .mark_y(90.0, "90 %")
-        .render()
+    Plot::new(
+        "Right over strength",
+        Axis::new("z", "1").log(),
+        Axis::new("Right", "%").range(0.0, 103.0),
+    )
+    .series(Series::line("first answer", points(|bin| bin.first_right)).role(Role::After))
+    .series(
+        Series::line("among the first three", points(|bin| bin.first_three_right))
+            .role(Role::Before),
+    )
+    .mark_y(90.0, "90 %")
+    .render()
 }
 
 fn ranges(figures: &Figures) -> Table {

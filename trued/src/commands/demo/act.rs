@@ -15,7 +15,6 @@ use super::super::diagnose::{self, Found, MODEL, told};
 use super::super::reload::Swap;
 use super::outcome::{Named, Told};
 use super::scene::Scene;
-use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure};
 use crate::input::unusable;
 use crate::output::{Console, Paint};
@@ -39,7 +38,7 @@ pub(super) fn play(
     let diagnosis_s = start.elapsed().as_secs_f64();
     let report = told::Report::of(&found);
     let folder = out.join(FOLDER);
-    let mut outputs = diagnose::outputs(Outputs::new(console.common().overwrite), &folder);
+    let mut outputs = diagnose::outputs(console.files(), &folder);
     found.put(&mut outputs, std::slice::from_ref(&report), &folder)?;
     outputs.write()?;
     let verdict = report.verdict.replace('_', " ");

@@ -27,6 +27,7 @@ use super::standing::Standing;
 use crate::atomic::Outputs;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::interrupt;
+use crate::provenance::Invocation;
 
 /// How long the cell waits for the daemon at the start.
 const JOIN_WITHIN: Duration = Duration::from_secs(5);
@@ -40,8 +41,8 @@ const SPIN_BEFORE_NS: u64 = 120_000;
 const TELL_EVERY: usize = 100;
 const TICK_NS: u64 = (TICK_S * 1e9) as u64;
 
-/// Runs the cell `name` and says what it measured.
-pub(super) fn run(name: &str, scene: &Scene, out: &Path) -> Outcome {
+/// Runs the cell `name` and says what it measured; `invocation`: of the demo that the cell belongs to.
+pub(super) fn run(name: &str, scene: &Scene, out: &Path, invocation: Invocation) -> Outcome {
     let stop = interrupt::flag()?;
     let heard = listen();
     let mut loop_ = Loop::join(name, scene)?;
@@ -68,7 +69,9 @@ pub(super) fn run(name: &str, scene: &Scene, out: &Path) -> Outcome {
     }
     let report = Report::new(milled, told, again);
     let page = page::render(scene, &report, &first, second.as_ref());
-    write([(out.join("report.html"), page.into_bytes())])?;
+    let mut outputs = Outputs::new(true).of(invocation);
+    outputs.put_page(&out.join("report.html"), page);
+    outputs.write()?;
     tell(&format!("again {}", json(&again)?))?;
     Ok(Answer::Done)
 }

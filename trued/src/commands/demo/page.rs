@@ -1,31 +1,31 @@
 //! The demo's page: key numbers, the path error before and after, the correction per joint, what the model lacked, the latency, the ringing.
 
-use report::{Axis, Column, Histogram, Multiples, Number, Page, Plot, Series, Table, Tone};
+use report::{
+    Axis, Column, Histogram, Multiples, Number, Page, Plot, Role, Series, Table, Tone, significant,
+};
 
 use super::log::{Log, Row};
 use super::outcome::{Milled, Report};
 use super::scene::Scene;
-use crate::output::made_by;
 
 /// The whole page; `again`: the same path with what was found, where it was swapped in.
-pub(super) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&Log>) -> String {
+pub(super) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&Log>) -> Page {
     let milled = &report.milled;
     let rows = log.rows.get(scene.dwell..).unwrap_or(&[]);
-    let lead = format!(
-        "{} mills {}. The daemon corrects with a calibrated model; the true robot differs from it by what a calibration leaves \
-         unknown, and by one effect that the model lacks: the diagnosis has to find it.",
-        milled.robot,
-        scene.what()
-    );
     Page::new("The tool goes where it was told to go")
-        .kicker(format!("trued demo, seed {}", milled.seed))
-        .lead(&lead)
+        .kicker("trued demo: a simulated cell")
+        .robot(format!("{}, simulated", milled.robot))
+        .verdict(tone(report), word(report), &sentence(scene, report))
         .numbers(numbers(report))
-        .section("Where the tool went")
         .figure(
             "Distance of the true tool centre point from the commanded path, both measured on the true robot.",
             &error_over_time(rows, again.map(|log| log.rows.as_slice())).render(),
         )
+        .next(
+            "Diagnose a recording of your own robot: joint positions and what was measured at its tool.",
+            Some("trued diagnose --model ROBOT.toml RECORDING.csv"),
+        )
+        .section("Where the tool went")
         .table(&errors(report))
         .figure("How often which error occurred.", &histogram(rows).render())
         .section("What was corrected")
@@ -44,30 +44,55 @@ pub(super) fn render(scene: &Scene, report: &Report, log: &Log, again: Option<&L
         .text(&format!("The daemon hears the force samples at 10 kHz. The truth: {}.", milled.ringing.words))
         .figure("Force on the tool across the ringing, tool axes.", &force(scene, log).render())
         .table(&events(milled))
-        .footer(format!("{} The recording beside this page holds every cycle.", made_by("demo")))
-        .render()
+        .footer("The recording beside this page holds every cycle.")
+}
+
+fn tone(report: &Report) -> Tone {
+    if report.told.named_right { Tone::Good } else { Tone::Caution }
+}
+
+fn word(report: &Report) -> &'static str {
+    if report.told.named_right {
+        "corrected, and the hidden effect named"
+    } else {
+        "corrected, the hidden effect not named"
+    }
+}
+
+fn sentence(scene: &Scene, report: &Report) -> String {
+    let errors = &report.milled.tool_error_mm;
+    let [without, with] = [errors.without.mean, errors.with.mean].map(|mm| significant(mm, 2));
+    let after = report.tool_error_after_diagnosis_mm.as_ref().map_or(String::new(), |after| {
+        format!(
+            ", and {} mm once the diagnosis had named what the model lacked",
+            significant(after.mean, 2)
+        )
+    });
+    format!(
+        "{} mills {}: its tool is {without} mm off in the mean without correction, {with} mm with the calibrated model{after}.",
+        report.milled.robot,
+        scene.what()
+    )
 }
 
 fn numbers(report: &Report) -> Vec<Number> {
     let errors = &report.milled.tool_error_mm;
-    let share = 100.0 * errors.with.mean / errors.without.mean;
+    let share = |mean: f64| format!("{:.0} % of that without", 100.0 * mean / errors.without.mean);
+    let with = errors.with.mean;
     let mut numbers = vec![
         Number::new("Mean tool error without", errors.without.mean, "mm"),
-        Number::new("Mean tool error with", errors.with.mean, "mm")
-            .note(format!("{share:.0} % of that without"))
-            .tone(Tone::Good),
+        Number::new("With the calibrated model", with, "mm").note(share(with)),
     ];
-    if let Some(after) = report.tool_error_after_diagnosis_mm {
-        let share = 100.0 * after.mean / errors.without.mean;
+    if let Some(after) = &report.tool_error_after_diagnosis_mm {
         let number = Number::new("After the diagnosis", after.mean, "mm");
-        numbers.push(number.note(format!("{share:.0} % of that without")).tone(Tone::Good));
+        numbers.push(number.note(share(after.mean)));
     }
     let milled = &report.milled;
-    numbers.extend([
-        Number::new("Round trip, middle", milled.latency_ns.p50 as f64 * 1e-3, "µs"),
-        Number::text("Cycles missed", milled.counts.missed_cycles.to_string())
-            .note(format!("of {}", milled.counts.cycles)),
-    ]);
+    let missed =
+        format!("{} of {} cycles missed", milled.counts.missed_cycles, milled.counts.cycles);
+    numbers.push(
+        Number::new("Round trip, median", milled.latency_ns.p50 as f64 * 1e-3, "µs").note(missed),
+    );
     numbers
 }
 
@@ -78,12 +103,19 @@ fn error_over_time(rows: &[Row], again: Option<&[Row]>) -> Plot {
     let start_s = rows.first().map_or(0.0, |row| row.t_s);
     let plot =
         Plot::new("Tool error over time", Axis::new("Time", "s"), Axis::new("Tool error", "mm"))
-            .series(Series::line("without correction", line(|row| row.without_mm)).muted())
-            .series(Series::line("with correction", line(|row| row.with_mm)));
+            .series(
+                Series::line("without correction", line(|row| row.without_mm)).role(Role::Before),
+            )
+            .series(
+                Series::line("with the calibrated model", line(|row| row.with_mm))
+                    .role(Role::Calibrated),
+            );
     match again {
         Some(rows) => {
             let line = rows.iter().map(|row| (row.t_s + start_s, row.with_mm));
-            plot.series(Series::line("with what was found", line.collect::<Vec<_>>()))
+            plot.series(
+                Series::line("with what was found", line.collect::<Vec<_>>()).role(Role::After),
+            )
         }
         None => plot,
     }
@@ -92,7 +124,9 @@ fn error_over_time(rows: &[Row], again: Option<&[Row]>) -> Plot {
 fn histogram(rows: &[Row]) -> Histogram {
     Histogram::new("Tool error", Axis::new("Tool error", "mm"))
         .values("without correction", rows.iter().map(|row| row.without_mm))
-        .values("with correction", rows.iter().map(|row| row.with_mm))
+        .role(Role::Before)
+        .values("with the calibrated model", rows.iter().map(|row| row.with_mm))
+        .role(Role::Calibrated)
         .bins(60)
 }
 
@@ -113,7 +147,7 @@ fn latency(log: &Log) -> Histogram {
     Histogram::new("Round trip", Axis::new("Round trip", "µs").log())
         .counted("round trips", counted)
         .log_share()
-        .mark(log.latency.value_at_quantile(0.5) as f64 * 1e-3, "middle")
+        .mark(log.latency.value_at_quantile(0.5) as f64 * 1e-3, "median")
         .mark(log.latency.value_at_quantile(0.99) as f64 * 1e-3, "99 %")
 }
 

@@ -108,15 +108,17 @@ pub(super) fn end(console: &mut Console, report: &Report, out: &Path) -> Said {
         milled.counts.invariants_broken
     ))?;
     console.say("")?;
-    console.say(format!("page       {}", out.join("report.html").display()))?;
     console.say(format!("diagnosis  {}", out.join(FOLDER).join("report.html").display()))?;
     console.say(format!(
         "recordings {} and {}",
         out.join("recording.csv").display(),
         out.join("measured.csv").display()
     ))?;
-    console
-        .say(format!("black box  {} (MCAP, of the daemon itself)", out.join("blackbox").display()))
+    console.say(format!(
+        "black box  {} (MCAP, of the daemon itself)",
+        out.join("blackbox").display()
+    ))?;
+    console.say(format!("page: {}", out.join("report.html").display()))
 }
 
 /// How the change of model went, beside how the cycles went before.

@@ -41,7 +41,7 @@ pub(super) fn alone(
     let reports = std::slice::from_ref(&report);
     outputs.put(&asked.out.join(JSON), told::json(reports)?);
     outputs.put(&asked.out.join(MODEL), found.model()?);
-    outputs.put(&asked.out.join(PAGE), page::forces::render(&found, &report));
+    outputs.put_page(&asked.out.join(PAGE), page::forces::render(&found, &report));
     console.write(outputs, "trued.diagnosis/1", &told::Whole::of(reports))?;
     let head = console.paint(Paint::Strong, &report.verdict.replace('_', " "));
     console.say(format!("{head}: {}", report.heldout))?;

@@ -8,88 +8,189 @@ mod figures;
 pub(super) mod forces;
 mod tables;
 
-use report::{Number, Page, Tone, significant};
+use std::path::Path;
+
+use report::{Axis, Number, Page, Tone, significant};
 
 use super::Found;
-use super::told::{Report, lead};
-use crate::output::made_by;
+use super::told::{Report, Told, lead};
+use crate::drawn::{Ranked, ranking};
 
-/// The whole page: positions first, then torques.
-pub(super) fn render(found: &Found, reports: &[Report]) -> String {
-    let verdicts: Vec<String> =
-        reports.iter().map(|report| report.verdict.replace('_', " ")).collect();
-    let mut page = Page::new(format!("Diagnosis of {}", found.base.file.name))
-        .kicker(format!("trued diagnose: {}", verdicts.join("; ")));
-    for report in reports {
-        page = match found.torques().filter(|_| report.domain() == "torque") {
-            Some(torques) => drives::domain(page, found, torques, report),
-            None => domain(page, found, report),
-        };
-    }
-    page.footer(made_by("diagnose")).render()
+/// Findings from which on a page shows their sizes joint by joint, and folds the list.
+const MANY: usize = 6;
+
+/// The whole page: positions first, then torques. `dir`: where the model is written beside it.
+pub(super) fn render(found: &Found, reports: &[Report], dir: &Path) -> Page {
+    let page = Page::new(format!("Diagnosis of {}", found.base.file.name))
+        .kicker("trued diagnose")
+        .robot(found.base.file.identity().to_string());
+    reports.iter().enumerate().fold(page, |page, (place, report)| {
+        let page = if place > 0 { page.section(&headed(report)) } else { page };
+        match found.torques().filter(|_| report.domain() == "torque") {
+            Some(torques) => drives::domain(page, found, torques, report, dir),
+            None => domain(page, found, report, dir),
+        }
+    })
 }
 
-/// All of one domain, but its own figures.
-fn words(mut page: Page, report: &Report, is_judged: bool) -> Page {
-    page = if is_judged {
-        page.lead(&sentence(report)).numbers(numbers(report))
+fn headed(report: &Report) -> String {
+    let domain = if report.domain() == "torque" { "Drive torques" } else { "Positions" };
+    format!("{domain}: {}", report.verdict.replace('_', " "))
+}
+
+/// What a verdict is to its reader.
+fn tone(report: &Report) -> Tone {
+    match report.verdict {
+        "consistent" => Tone::Good,
+        _ => Tone::Caution,
+    }
+}
+
+/// The first screen of a domain: verdict, numbers, the picture that answers, what to do next.
+fn first(
+    page: Page,
+    report: &Report,
+    is_judged: bool,
+    picture: Option<Figure>,
+    dir: &Path,
+) -> Page {
+    let word = report.verdict.replace('_', " ");
+    let mut page = if is_judged {
+        page.verdict(tone(report), &word, &sentence(report)).numbers(numbers(report))
     } else {
-        let lead = page.lead("These recordings cannot be judged with this model.");
-        lead.note(Tone::Bad, "Why", &self::lead(report))
+        let why =
+            format!("These recordings cannot be judged with this model: {}", self::lead(report));
+        page.verdict(Tone::Bad, "not judged", &why)
     };
+    if let Some(Figure { caption, drawing }) = picture {
+        page = page.figure(&caption, &drawing);
+    }
+    next(page, report, is_judged, dir)
+}
+
+/// A drawing with what it shows.
+pub(super) struct Figure {
+    pub(super) caption: String,
+    pub(super) drawing: report::Svg,
+}
+
+fn next(page: Page, report: &Report, is_judged: bool, dir: &Path) -> Page {
+    let model = dir.join(super::MODEL).display().to_string();
+    if let Some(next) = &report.next_experiment {
+        let command = format!("trued plan --for {}", dir.display());
+        return page.next(next, report.is_planned().then_some(command.as_str()));
+    }
+    match report.verdict {
+        _ if !is_judged => page.next("Mend what the verdict names, and diagnose again.", None),
+        "consistent" => page.next("Nothing to change. Measure again after a collision or a repair.", None),
+        "missing_physics" => page.next(
+            "Let the daemon of the cell work with the model that was found; in shadow mode first.",
+            Some(&format!("trued reload --config CELL.toml {model}")),
+        ),
+        _ => page.next(
+            "Record more: other joints, other directions, another load or temperature; then diagnose all recordings together.",
+            None,
+        ),
+    }
+}
+
+/// What was found, in sentences; the tables of a long list are folded.
+fn words(mut page: Page, report: &Report, joints: usize) -> Page {
     let sentences: Vec<&str> = report.findings.iter().map(|told| told.says.as_str()).collect();
     if !sentences.is_empty() {
-        page = page.section("What was found").list(&sentences).table(&tables::findings(report));
+        let (first, others) = sentences.split_at(sentences.len().min(MANY));
+        page = page.section("What was found").list(first);
+        if !others.is_empty() {
+            page = page.folded(&format!("And {} more", others.len()), |page| page.list(others));
+        }
+        if let Some(figure) = sizes(report) {
+            page = page.figure(&figure.caption, &figure.drawing);
+        }
+        if report.findings.len() >= MANY {
+            if joints > 1 {
+                page = page.table(&tables::by_joint(report, joints));
+            }
+            page = page.folded("Finding by finding", |page| page.table(&tables::findings(report)));
+        } else {
+            page = page.table(&tables::findings(report));
+        }
     }
     if !report.candidates.is_empty() {
         let title = "Not claimed: less likely than not";
         page = page.section(title).table(&tables::candidates(report));
     }
-    if is_judged && let Some(rest) = &report.unexplained {
+    if let Some(rest) = &report.unexplained {
         page = page.note(Tone::Caution, "Not explained", &rest.says);
     }
-    if let Some(next) = &report.next_experiment {
-        page = page.note(Tone::Caution, "What would settle it", next);
-    }
     page
+}
+
+/// What each finding alone does to what was measured, the largest first.
+fn sizes(report: &Report) -> Option<Figure> {
+    let what = if report.domain() == "torque" {
+        "Changes the torque by"
+    } else {
+        "Moves what was measured by"
+    };
+    let ranked = report.findings.iter().map(|told| Ranked {
+        name: Told::name(told),
+        size: told.size.as_ref().map(|size| size.rms),
+    });
+    let axis = Axis::new(what, format!("{}, root mean square", report.unit));
+    let drawing = ranking("What each finding does", axis, ranked)?;
+    let caption =
+        "What each finding alone does to what was measured, the largest first.".to_owned();
+    Some(Figure { caption, drawing })
 }
 
 /// The rivals, the numbers, and what is open.
 fn rest(mut page: Page, report: &Report) -> Page {
     page = rivals(page, report);
     if !report.findings.is_empty() {
-        page = page.section("The numbers").table(&tables::parameters(report)).text(
+        page = page.section("The numbers").text(
             "Parameters carry the units of the model file. The interval holds the true value 95 times in 100, half a percent of the number included for what \
              scale and geometry leave open.",
         );
+        page = if report.findings.len() >= MANY {
+            page.folded("Parameter by parameter", |page| page.table(&tables::parameters(report)))
+        } else {
+            page.table(&tables::parameters(report))
+        };
     }
     open(page, report)
 }
 
-fn domain(page: Page, found: &Found, report: &Report) -> Page {
-    let mut page = words(page, report, found.diagnosis.is_some());
-    if let Some(diagnosis) = &found.diagnosis {
-        page = figures::proof(page, diagnosis, report);
-        page = figures::places(page, diagnosis, report);
-        page = figures::guilty(page, diagnosis, report);
-    }
+fn domain(page: Page, found: &Found, report: &Report, dir: &Path) -> Page {
+    let Some(diagnosis) = &found.diagnosis else {
+        return made_from(rest(first(page, report, false, None, dir), report), found, report);
+    };
+    let arm = &found.base.physics.arm;
+    let picture =
+        figures::arm(arm, diagnosis, report).or_else(|| figures::sizes(diagnosis, report));
+    let mut page = first(page, report, true, picture, dir);
+    page = words(page, report, arm.count());
+    page = figures::proof(page, diagnosis, report);
+    page = figures::places(page, diagnosis, report);
+    page = figures::over_each(page, diagnosis, report);
     made_from(rest(page, report), found, report)
 }
 
 fn sentence(report: &Report) -> String {
     let [before, after] = [report.heldout_rms_before, report.heldout_rms_after]
         .map(|rms| rms.map_or("?".to_owned(), |rms| significant(rms, 2)));
-    let noise = significant(report.noise_rms, 2);
+    let residual = significant(report.noise_rms, 2);
     let unit = report.unit;
     match (report.verdict, report.findings.len()) {
         ("consistent", _) => {
-            format!("Model and recording agree: nothing stands above the noise of {noise} {unit}.")
+            format!(
+                "Model and recording agree within the scatter of the readings, {residual} {unit}."
+            )
         }
         ("undetermined", _) => format!(
-            "The model is off by {before} {unit} and the noise is {noise} {unit}, but this recording cannot tell which of several causes is the right one."
+            "The model is off by {before} {unit} where the readings scatter by {residual} {unit}, but this recording cannot tell which of several causes is the right one."
         ),
         ("unknown_structure", 0) => format!(
-            "The model is off by {before} {unit} where the noise is {noise} {unit}, and no known effect explains it."
+            "The model is off by {before} {unit} where the readings scatter by {residual} {unit}, and no known effect explains it."
         ),
         ("unknown_structure", count) => format!(
             "The model is off by {before} {unit}. {} bring{} it to {after} {unit}; what is left follows a law that no known effect explains.",
@@ -97,7 +198,7 @@ fn sentence(report: &Report) -> String {
             if count == 1 { "s" } else { "" }
         ),
         (_, count) => format!(
-            "{} explain{} what the model lacks: on rows that no fit has seen it was off by {before} {unit} and is off by {after} {unit} now; the noise is {noise} {unit}.",
+            "{} explain{} what the model lacks: on rows that no fit has seen it was off by {before} {unit} and is off by {after} {unit} now, root mean square.",
             effects(count),
             if count == 1 { "s" } else { "" }
         ),
@@ -108,19 +209,24 @@ fn effects(count: usize) -> String {
     if count == 1 { "One effect".to_owned() } else { format!("{count} effects together") }
 }
 
+/// No tone: less than before is not yet good enough for everybody.
 fn numbers(report: &Report) -> Vec<Number> {
-    let rms = "root mean square, held out";
+    let rms = "root mean square, held-out readings";
     let held = report.heldout_rms_before.zip(report.heldout_rms_after).map(|(before, after)| {
-        let tone = if after < before { Tone::Good } else { Tone::Plain };
+        let share = format!("{rms}; {} % of that as given", significant(100.0 * after / before, 2));
         [
             Number::new("Model as given", before, report.unit).note(rms),
-            Number::new("With what was found", after, report.unit).tone(tone).note(rms),
+            Number::new("With what was found", after, report.unit).note(share),
         ]
     });
-    let noise = Number::new("Noise", report.noise_rms, report.unit)
-        .note("what no finding explains, on the rows that were fitted");
-    let findings = Number::text("Findings", report.findings.len().to_string());
-    held.into_iter().flatten().chain([noise, findings]).collect()
+    let residual = Number::new("Residual", report.noise_rms, report.unit)
+        .note("on the fitted readings: instrument's noise and what nothing explains");
+    let not_claimed = match report.candidates.len() {
+        0 => String::new(),
+        count => format!("and {count} less likely than not"),
+    };
+    let findings = Number::text("Findings", report.findings.len().to_string()).note(not_claimed);
+    held.into_iter().flatten().chain([residual, findings]).collect()
 }
 
 /// Findings that another name explains as well or nearly.

@@ -412,6 +412,11 @@ impl Report {
     pub(super) fn samples(&self) -> usize {
         self.samples
     }
+
+    /// Whether `trued plan --for` can write the experiment that is proposed.
+    pub(super) fn is_planned(&self) -> bool {
+        self.experiment.is_some()
+    }
 }
 
 /// The result in one sentence.
@@ -422,7 +427,7 @@ pub(in crate::commands) fn lead(report: &Report) -> String {
         return report.unexplained.as_ref().map_or(String::new(), |rest| rest.says.clone());
     };
     let errors = format!(
-        "held out, the model is off by {} {} (root mean square of single values) as given and by {} with what was found; the noise is {}",
+        "held out, the model is off by {} {} (root mean square of single values) as given and by {} with what was found; the residual scatter is {}",
         significant(before, 3),
         report.unit,
         significant(after, 3),

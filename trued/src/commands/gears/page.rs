@@ -1,19 +1,31 @@
 //! The page of `trued gears`.
 
-use report::{Axis, Cell, Column, Page, Plot, Series, Svg, Table, significant};
+use report::{Axis, Bars, Cell, Column, Page, Plot, Series, Svg, Table, Tone, significant};
 
 use super::matching::Matched;
 use super::told::{DEGREES, Found, by_parts, fitting, remarks};
-use crate::output::made_by;
 
+/// Shafts that are drawn.
+const SHAFTS: usize = 12;
 /// Rivals named for each line.
 const RIVALS: usize = 8;
 
-pub(super) fn render(found: &Found<'_>) -> String {
+pub(super) fn render(found: &Found<'_>) -> Page {
     let travelled = &found.travelled;
+    let (tone, word, sentence) = verdict(found);
     let mut page = Page::new(format!("Gears of {}", found.model.file.name))
         .kicker("trued gears")
-        .lead(&format!("{} mm of path by {}.", significant(travelled.length_mm, 4), travelled.by))
+        .robot(found.model.file.identity().to_string())
+        .verdict(tone, word, &sentence);
+    if let Some(bars) = teeth(found) {
+        page = page.figure("Tooth contacts per mm of path of every shaft that drives a stage: where a line of a surface or of a force may come from.", &bars);
+    }
+    page = page
+        .next(
+            "Look for these lines in a recording of forces or in a surface profile.",
+            Some("trued spectrum RECORDING.csv --report spectrum.html"),
+        )
+        .section("Shafts and wheels")
         .table(&wheels(found))
         .text(&format!("{DEGREES}."))
         .list(remarks(found));
@@ -33,7 +45,40 @@ pub(super) fn render(found: &Found<'_>) -> String {
             "By chance: the part of the octave around a line in which any line would fit some wheel. Where it is large, a match says little.",
         );
     }
-    page.footer(made_by("gears")).render()
+    page
+}
+
+fn verdict(found: &Found<'_>) -> (Tone, &'static str, String) {
+    let travelled = &found.travelled;
+    let path = format!("{} mm of path by {}", significant(travelled.length_mm, 4), travelled.by);
+    let fits = found.lines.iter().filter(|matched| !matched.fits.is_empty()).count();
+    match found.lines.len() {
+        0 => (
+            Tone::Plain,
+            "gears along this path",
+            format!("{path}; no lines were given to compare with."),
+        ),
+        all => (
+            Tone::Plain,
+            "lines compared with gears",
+            format!("{path}; {fits} of {all} lines fit a wheel."),
+        ),
+    }
+}
+
+/// Tooth contacts per mm, the highest first.
+fn teeth(found: &Found<'_>) -> Option<Svg> {
+    let mut all: Vec<(String, f64)> = found
+        .trains
+        .iter()
+        .flat_map(super::trains::Train::shafts)
+        .map(|(turn, mesh)| (turn.to_string(), mesh.cycles_per_mm))
+        .collect();
+    all.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let bars = Bars::new("Tooth contacts", Axis::new("Teeth per mm", "1/mm"));
+    let shown = all.iter().take(SHAFTS);
+    (!all.is_empty())
+        .then(|| shown.fold(bars, |bars, (name, value)| bars.row(name, [*value])).render())
 }
 
 fn wheels(found: &Found<'_>) -> Table {

@@ -84,38 +84,39 @@ pub(super) fn run(console: &mut Console, model: &RobotModel) -> Outcome {
     Ok(Answer::Done)
 }
 
+/// How they move, then where they are: each table within 80 columns.
 fn joints(joints: &[JointEntry]) -> String {
-    let mut table =
-        Table::new(["joint", "kind", "axis", "point, mm", "limits", "speed", "mass, kg"]);
+    let mut moves = Table::new(["joint", "kind", "limits", "speed", "mass, kg"]);
+    let mut stands = Table::new(["joint", "axis", "point, mm"]);
     for (i, joint) in joints.iter().enumerate() {
         let (kind, unit) = kind(joint.kind);
         let name = if joint.name.is_empty() { (i + 1).to_string() } else { joint.name.clone() };
         let [low, high] = joint.limits;
-        table = table.row([
-            name,
+        moves = moves.row([
+            name.clone(),
             kind.to_owned(),
-            list(&joint.axis),
-            joint.point_mm.map(|point| list(&point)).unwrap_or_default(),
             format!("{low} to {high} {unit}"),
             joint.max_speed.map(|speed| format!("{speed} {unit}/s")).unwrap_or_default(),
             joint.link.map(|link| link.mass_kg.to_string()).unwrap_or_default(),
         ]);
+        let point = joint.point_mm.map(|point| list(&point)).unwrap_or_default();
+        stands = stands.row([name, list(&joint.axis), point]);
     }
-    table.render()
+    format!("{}\n{}", moves.render(), stands.render())
 }
 
+/// Each effect with its parameters under it, ± their standard uncertainty.
 fn effects(effects: &[EffectEntry]) -> String {
-    let mut table = Table::new(["effect", "joint", "parameter", "value", "sigma"]);
+    let mut text = String::new();
     for effect in effects {
-        let mut head =
-            (effect.kind.clone(), effect.joint.map(|j| j.to_string()).unwrap_or_default());
+        let whose = effect.joint.map(|joint| format!(", joint {joint}")).unwrap_or_default();
+        text += &format!("{}{whose}\n", effect.kind);
         for Parameter { key, value, sigma } in &effect.parameters {
-            let (kind, joint) = std::mem::take(&mut head);
-            let sigma = sigma.as_ref().map(numbers).unwrap_or_default();
-            table = table.row([kind, joint, key.clone(), numbers(value), sigma]);
+            let sigma = sigma.as_ref().map(|sigma| format!(" ± {}", numbers(sigma)));
+            text += &format!("  {key:<26}  {}{}\n", numbers(value), sigma.unwrap_or_default());
         }
     }
-    table.render()
+    text
 }
 
 fn kind(kind: JointKind) -> (&'static str, &'static str) {
@@ -134,13 +135,19 @@ fn body(body: Option<BodyEntry>) -> String {
 
 fn numbers(numbers: &Numbers) -> String {
     match numbers {
-        Numbers::One(number) => number.to_string(),
+        Numbers::One(number) => short(*number),
         Numbers::List(many) => list(many),
     }
 }
 
+/// Six significant digits; the file and `--json` hold all.
+fn short(number: f64) -> String {
+    let rounded = format!("{number:.5e}").parse().unwrap_or(number);
+    f64::to_string(&rounded)
+}
+
 fn list(values: &[f64]) -> String {
-    let values: Vec<String> = values.iter().map(ToString::to_string).collect();
+    let values: Vec<String> = values.iter().copied().map(short).collect();
     format!("({})", values.join(", "))
 }
 

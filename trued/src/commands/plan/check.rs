@@ -1,13 +1,17 @@
 //! `trued plan --check`: poses in which damage would show, and whether a model still holds for what was measured there.
 
 use diagnosis::from_recording;
-use diagnosis::plan::check::{Damage, Detectable, Judgement, Suspect, Terms, judge, poses};
+use diagnosis::plan::check::{
+    Checkup, Damage, Detectable, Judgement, Suspect, Terms, judge, poses,
+};
 use physics::Model;
+use recording::model::RobotModel;
 use report::{fixed, significant};
 use serde::Serialize;
 use serde_json::{Map, Value};
 use tracing::warn;
 
+use super::page::{Sheet, numbered};
 use super::told::{joints, not_checked, shown, written};
 use super::{Input, Plan};
 use crate::atomic::Outputs;
@@ -122,6 +126,8 @@ fn chosen(
             .collect(),
         not_checked: not_checked.clone(),
     };
+    let sheet = sheet(command, model, &found, terms, &not_checked);
+    command.files.put_page(&mut outputs, input, &sheet);
     console.write(outputs, "trued.plan/1", &report)?;
     let head = console.paint(Paint::Strong, &count(found.poses.len(), "pose"));
     console.say(format!("{head} for a check (seed {seed})"))?;
@@ -142,6 +148,39 @@ fn chosen(
     Ok(Answer::Done)
 }
 
+/// The page of a check's poses.
+fn sheet<'a>(
+    command: &Plan,
+    model: &RobotModel,
+    found: &Checkup,
+    terms: &Terms,
+    not_checked: &[&str],
+) -> Sheet<'a> {
+    let heads = ["Damage", "Minimum detectable change"];
+    let shown = found
+        .detectable
+        .iter()
+        .fold(report::Table::new("What the poses can show", heads), |table, one| {
+            table.row([one.damage.says().into(), least(&model.physics, one).into()])
+        });
+    Sheet {
+        word: format!("{} for a check", count(found.poses.len(), "pose")),
+        sentence: format!(
+            "Damage of the size in the table is seen in {} of 100 cases, with {} false alarms in 1000 sound robots.",
+            fixed(100.0 * terms.power, 0),
+            significant(1e3 * terms.alarm, 2)
+        ),
+        numbers: vec![report::Number::text("Poses", found.poses.len().to_string())],
+        poses: numbered(&found.poses),
+        details: vec![shown],
+        open: not_checked.iter().map(|open| format!("not checked: {open}")).collect(),
+        next: (
+            "Load the program and run it slowly first; measure, fill the readings into poses.csv, and have them judged.",
+            command.measured_by("plan --check", ""),
+        ),
+    }
+}
+
 /// What no reading of these poses can show, however large.
 fn unseen(detectable: &[Detectable]) -> Vec<String> {
     let unseen = detectable.iter().filter(|found| found.least.is_none());
@@ -158,14 +197,16 @@ fn overstated(scatter: f64) -> String {
 fn shows(model: &Model, detectable: &[Detectable]) -> String {
     let mut table = Table::new(["damage", "minimum detectable change"]);
     for found in detectable {
-        let least = found
-            .least
-            .map_or("not detectable: absorbed by the fitted parameters".to_owned(), |least| {
-                format!("{} {}", significant(1e3 * least, 2), unit(model, &found.damage))
-            });
-        table = table.row([found.damage.says(), least]);
+        table = table.row([found.damage.says(), least(model, found)]);
     }
     table.render()
+}
+
+/// The minimum detectable change in words.
+fn least(model: &Model, found: &Detectable) -> String {
+    found.least.map_or("not detectable: absorbed by the fitted parameters".to_owned(), |least| {
+        format!("{} {}", significant(1e3 * least, 2), unit(model, &found.damage))
+    })
 }
 
 /// What was assumed where nothing was stated.

@@ -16,6 +16,8 @@ use recording::series::{
     Channel, Distance, Gauges, Probe, TouchedPlane, TouchedSphere, about_path,
 };
 
+use super::Input;
+use super::page::{self, PAGE, Sheet};
 use crate::atomic::Outputs;
 use crate::exit::Failure;
 use crate::input::Faulty;
@@ -67,7 +69,7 @@ impl Files {
         let list = out.join(LIST);
         let about = about_path(&list);
         let programs = ["poses.mod", "poses.src", "poses.dat"].map(|name| out.join(name));
-        let outputs = console.outputs().in_folder(out).file(about).file(list);
+        let outputs = console.outputs().in_folder(out).file(about).file(list).page(out.join(PAGE));
         programs.into_iter().fold(outputs, Outputs::file)
     }
 
@@ -87,6 +89,18 @@ impl Files {
             },
         };
         self.put_tour(outputs, model, task, stops, approach)
+    }
+
+    /// Puts the page of the poses beside them.
+    pub(super) fn put_page(&self, outputs: &mut Outputs, input: &Input, sheet: &Sheet<'_>) {
+        if let Some(out) = &self.out {
+            outputs.put_page(&out.join(PAGE), page::render(input, sheet));
+        }
+    }
+
+    /// The list that measurements are filled into.
+    pub(super) fn list(&self) -> PathBuf {
+        self.out.as_deref().unwrap_or(Path::new("")).join(LIST)
     }
 
     /// The same, always straight from the pose before.

@@ -5,11 +5,12 @@ use diagnosis::iso9283::{self, DistanceFigures, Placement, PoseFigures};
 use diagnosis::plan::iso::{Cube, Visits, cube, largest_cube, visits};
 use glam::DVec3;
 use physics::Joints;
-use report::fixed;
+use report::{Number, fixed};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::going::Going;
+use super::page::Sheet;
 use super::setup::Tuple;
 use super::told::{joints, not_checked, shown, written};
 use super::{Input, Plan};
@@ -98,6 +99,30 @@ fn planned(command: &Plan, console: &mut Console, mut outputs: Outputs, input: &
         poses: found.poses.iter().map(|q| joints(model, q)).collect(),
         not_checked: not_checked.clone(),
     };
+    let names = (1..).map(|place| format!("P{place}"));
+    let sheet = Sheet {
+        word: format!("five poses, {}", count(cycles, "cycle")),
+        sentence: format!(
+            "A cube of {} mm about {} {} {} mm (base frame): the tool goes through P5, P4, P3, P2, P1, {}.",
+            fixed(1e3 * found.edge_m, 0),
+            fixed(middle.x, 0),
+            fixed(middle.y, 0),
+            fixed(middle.z, 0),
+            count(cycles, "time")
+        ),
+        numbers: vec![
+            Number::new("Edge of the cube", 1e3 * found.edge_m, "mm"),
+            Number::text("Cycles", cycles.to_string()),
+        ],
+        poses: names.zip(found.poses).collect(),
+        details: Vec::new(),
+        open: not_checked.iter().map(|open| format!("not checked: {open}")).collect(),
+        next: (
+            "Set rated load and rated speed, warm the robot up, run the program slowly first; then measure and evaluate.",
+            command.measured_by("plan --iso9283", ""),
+        ),
+    };
+    command.files.put_page(&mut outputs, input, &sheet);
     console.write(outputs, "trued.plan/1", &report)?;
     console.say(format!(
         "a cube of {} mm about {} {} {} mm; {} of P5, P4, P3, P2, P1",

@@ -6,17 +6,17 @@ use diagnosis::plan::next::AHEAD;
 use diagnosis::plan::{Added, Criterion, Falls, Next, Plan as Planned, Sees};
 use physics::{JointKind, Joints};
 use recording::model::RobotModel;
-use report::{fixed, significant};
+use report::{Number, Table, fixed, significant};
 use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::going::Going;
+use super::page::{Sheet, numbered};
 use super::{Input, Plan};
 use crate::atomic::Outputs;
 use crate::exit::Failure;
 use crate::input::count;
 use crate::output::{Console, Paint};
-use crate::table::Table;
 
 /// Sentences on what stays open that are told on the console.
 const OPEN: usize = 3;
@@ -138,10 +138,62 @@ fn surer(falls: &Falls) -> String {
     format!("{} {} → {} {unit}", falls.what, number(falls.from), number(falls.to))
 }
 
+/// The page of a plan.
+fn sheet<'a>(
+    command: &Plan,
+    planned: &Planned,
+    criterion: &str,
+    not_checked: &[&str],
+) -> Sheet<'a> {
+    let whereabouts = command.whereabouts();
+    let expected = planned.poses.first().zip(planned.poses.last());
+    let [before, after] = expected
+        .map_or([f64::NAN; 2], |(first, last)| [1e3 * first.tool_m[0], 1e3 * last.tool_m[1]]);
+    let heads = ["Number", "Unit", "Uncertain by now", "Then"];
+    let surer = planned.numbers.iter().map(FallsReport::of).fold(
+        Table::new("Standard uncertainty of what becomes known", heads),
+        |table, falls| {
+            let unit = falls.unit.replace("_per_", "/");
+            table.row([
+                falls.what.into(),
+                unit.into(),
+                significant(falls.sigma_before, 2).into(),
+                significant(falls.sigma_after, 2).into(),
+            ])
+        },
+    );
+    let open = planned
+        .undetermined
+        .iter()
+        .map(|open| format!("not identifiable from these poses: {open}"));
+    let open = open.chain(not_checked.iter().map(|open| format!("not checked: {open}")));
+    let poses: Vec<Joints> = planned.poses.iter().map(|pose| pose.q).collect();
+    Sheet {
+        word: format!("{} to measure", count(planned.poses.len(), "pose")),
+        sentence: format!(
+            "{} of {} that pass, {}. With them the tool's expected error {whereabouts} falls from {} to {} mm.",
+            count(planned.poses.len(), "pose"),
+            planned.candidates,
+            words(command, criterion),
+            significant(before, 2),
+            significant(after, 2)
+        ),
+        numbers: vec![
+            Number::text("Poses", planned.poses.len().to_string()),
+            Number::new("Expected error now", before, "mm").note(whereabouts),
+            Number::new("Expected error then", after, "mm").note(whereabouts),
+        ],
+        poses: numbered(&poses),
+        details: vec![surer],
+        open: open.collect(),
+        next: command.to_calibrate(),
+    }
+}
+
 pub(super) fn plan(
     command: &Plan,
     console: &mut Console,
-    outputs: Outputs,
+    mut outputs: Outputs,
     input: &Input,
     going: &Going,
     planned: &Planned,
@@ -163,6 +215,8 @@ pub(super) fn plan(
         not_checked: not_checked.clone(),
         out: command.files.out().map(Into::into),
     };
+    let sheet = sheet(command, planned, criterion, &not_checked);
+    command.files.put_page(&mut outputs, input, &sheet);
     console.write(outputs, "trued.plan/1", &report)?;
     let head = console.paint(Paint::Strong, &count(planned.poses.len(), "pose"));
     console.say(format!(
@@ -171,24 +225,10 @@ pub(super) fn plan(
         words(command, criterion),
         measured(going)
     ))?;
-    let mut table =
-        Table::new(["pose", "joints, deg (mm)", "tool, mm", "ln det", "what becomes surer"]);
-    for (place, pose) in planned.poses.iter().enumerate() {
-        let best = pose.falls.first().map(surer).unwrap_or_default();
-        let tool = format!("{} → {}", mm(pose.tool_m[0]), mm(pose.tool_m[1]));
-        table = table.row([
-            (place + 1).to_string(),
-            shown(model, &pose.q),
-            tool,
-            format!("+{}", fixed(pose.log_det_gain, 2)),
-            best,
-        ]);
-    }
-    console.say(table.render())?;
+    console.say(table_of_poses(model, planned))?;
     if let (Some(first), Some(last)) = (planned.poses.first(), planned.poses.last()) {
-        let o1 = last.o1.map_or("none yet".to_owned(), |o1| significant(o1, 3));
         console.say(format!(
-            "expected error of the tool {}: {} mm before, {} mm after; O1 {o1}",
+            "expected error of the tool {}: {} mm before, {} mm after",
             command.whereabouts(),
             mm(first.tool_m[0]),
             mm(last.tool_m[1])
@@ -203,6 +243,22 @@ pub(super) fn plan(
     }
     not_checked.iter().try_for_each(|open| console.say(format!("not checked: {open}")))?;
     written(command, console)
+}
+
+/// Each pose in a line, and what becomes surer by it in the next.
+fn table_of_poses(model: &RobotModel, planned: &Planned) -> String {
+    let start = crate::table::Table::new(["pose", "joints, deg (mm)", "tool, mm"]);
+    let table = planned.poses.iter().enumerate().fold(start, |table, (place, pose)| {
+        let tool = format!("{} → {}", mm(pose.tool_m[0]), mm(pose.tool_m[1]));
+        table.row([(place + 1).to_string(), shown(model, &pose.q), tool])
+    });
+    let table = table.render();
+    let surer = planned.poses.iter().map(|pose| pose.falls.first().map(surer));
+    let lines = table.lines().zip(std::iter::once(None).chain(surer));
+    lines.fold(String::new(), |text, (line, surer)| match surer {
+        Some(surer) => format!("{text}{line}\n      {surer}\n"),
+        None => format!("{text}{line}\n"),
+    })
 }
 
 fn word(criterion: Criterion) -> &'static str {
@@ -239,7 +295,7 @@ fn measured(going: &Going) -> usize {
 pub(super) fn next(
     command: &Plan,
     console: &mut Console,
-    outputs: Outputs,
+    mut outputs: Outputs,
     input: &Input,
     going: &Going,
     found: &Next,
@@ -259,7 +315,6 @@ pub(super) fn next(
         pose: PoseReport::of(&input.model, &found.pose),
         not_checked: not_checked.clone(),
     };
-    console.write(outputs, "trued.plan/1", &report)?;
     let whereabouts = command.whereabouts();
     let brings = format!(
         "{} measured; the tool is known to {} mm {whereabouts}; {AHEAD} more poses would bring {} mm",
@@ -267,6 +322,24 @@ pub(super) fn next(
         mm(now),
         mm(now - later)
     );
+    let surer: Vec<String> = found.pose.falls.iter().map(surer).collect();
+    let mut open: Vec<String> = surer.iter().map(|one| format!("becomes surer: {one}")).collect();
+    open.extend(not_checked.iter().map(|open| format!("not checked: {open}")));
+    let sheet = Sheet {
+        word: if found.enough { "enough measured" } else { "go on with this pose" }.to_owned(),
+        sentence: format!("{brings}."),
+        numbers: vec![
+            Number::new("Expected error now", 1e3 * found.pose.tool_m[0], "mm").note(whereabouts),
+            Number::new("With this pose", 1e3 * found.pose.tool_m[1], "mm").note(whereabouts),
+            Number::new("Worth measuring", command.worth_mm, "mm").note("for ten more poses"),
+        ],
+        poses: vec![("next".to_owned(), found.pose.q)],
+        details: Vec::new(),
+        open,
+        next: command.to_calibrate(),
+    };
+    command.files.put_page(&mut outputs, input, &sheet);
+    console.write(outputs, "trued.plan/1", &report)?;
     if found.enough {
         let head = console.paint(Paint::Good, "enough");
         console
@@ -277,7 +350,6 @@ pub(super) fn next(
     }
     let q = shown(&input.model, &found.pose.q);
     console.say(format!("next: {q}  (joints, deg; mm where one slides)"))?;
-    let surer: Vec<String> = found.pose.falls.iter().map(surer).collect();
     console.say(format!(
         "why: the tool goes from {} to {} mm with it; {}",
         mm(found.pose.tool_m[0]),

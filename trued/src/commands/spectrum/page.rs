@@ -10,23 +10,38 @@ use super::subject::Subject;
 use super::words::{self, alarmed, class_and_rivals, hz};
 use crate::exit::Failure;
 use crate::input::count;
-use crate::output::made_by;
+use spectrum::{Advice, Class};
 
 /// At most so many rows of a table.
 const ROWS: usize = 40;
 
 /// The whole page.
-pub(super) fn render(subject: &Subject, found: &Found) -> Result<String, Failure> {
+pub(super) fn render(subject: &Subject, found: &Found) -> Result<Page, Failure> {
     let channel = plots::shown(found);
     let name = &subject.channels[channel].name;
-    let mut page = Page::new(words::title(found))
-        .kicker(format!("trued spectrum · {}", subject.file.display()))
-        .lead(&words::lead(subject, found))
-        .numbers(numbers(subject, found))
-        .section(if found.episodes.iter().any(alarmed) { "When it rang" } else { "Over time" });
+    let rings = found.episodes.iter().any(alarmed);
+    let watched = words::watched(found);
+    let tone = match (rings, watched) {
+        (true, _) => Tone::Bad,
+        (false, true) => Tone::Good,
+        (false, false) => Tone::Caution,
+    };
+    let word = if rings {
+        "alarm"
+    } else if watched {
+        "no alarm"
+    } else {
+        "not watched"
+    };
+    let mut page = Page::new(words::title(found)).kicker("trued spectrum");
+    if let Some(model) = &subject.model {
+        page = page.robot(model.file.identity().to_string());
+    }
+    page = page.verdict(tone, word, &words::lead(subject, found)).numbers(numbers(subject, found));
     if let Some(map) = plots::waterfall(subject, found, channel)? {
         page = page.figure(&format!("Amplitude of {name} over time and frequency."), &map);
     }
+    page = next(page, found).section(if rings { "When it rang" } else { "Over time" });
     let drawn = match plots::thinned(subject) {
         1 => format!("The samples of {name}."),
         group => format!("Samples of {name}: minimum and maximum of every {group} samples."),
@@ -35,27 +50,57 @@ pub(super) fn render(subject: &Subject, found: &Found) -> Result<String, Failure
     if !found.episodes.is_empty() {
         page = page.table(&episodes(subject, found));
     }
-    let advice: Vec<String> =
-        found.episodes.iter().filter(|e| alarmed(e)).take(6).map(|e| advice(subject, e)).collect();
-    if !advice.is_empty() {
-        page = page.section("Why, and what to do").list(advice);
-    }
+    page = why(page, subject, found);
     page = spectra(page, subject, found);
     page = match &found.space {
         Ok(space) => over_path(page, subject, space),
         Err(missing) => page.section("Over the tool's path").text(&format!(
-            "What a gear or the surface causes has a constant number of cycles per mm whatever the feed. To see it: {missing}."
+            "What a gear or the surface kinds has a constant number of cycles per mm whatever the feed. To see it: {missing}."
         )),
     };
     let page = health(page, subject, found)
         .section("What was looked at")
         .facts(facts(subject, found))
-        .footer(format!(
-            "{} Amplitudes are half the way from crest to trough, in the channel's own unit.",
-            made_by("spectrum")
-        ))
-        .render();
+        .footer("Amplitudes are half the way from crest to trough, in the channel's own unit.");
     Ok(page)
+}
+
+fn next(page: Page, found: &Found) -> Page {
+    let worst = found.episodes.iter().find(|episode| alarmed(episode));
+    match worst {
+        Some(worst) if worst.verdict.advice != Advice::None => {
+            page.next(&format!("{}.", words::capitalised(&worst.verdict.advice.to_string())), None)
+        }
+        Some(_) => page.next(
+            "Record again with the spindle's speed, so that forced vibration is told from chatter.",
+            Some("trued spectrum --spindle-rpm RPM --teeth N RECORDING"),
+        ),
+        None => page.next("Nothing to change. Let the daemon listen during the cut.", None),
+    }
+}
+
+/// One advice for each kind of vibration: a line that glides is one, however many frequencies it was seen at.
+fn why(page: Page, subject: &Subject, found: &Found) -> Page {
+    let mut kinds: Vec<(Class, Vec<&Episode>)> = Vec::new();
+    for episode in found.episodes.iter().filter(|episode| alarmed(episode)) {
+        let class = episode.verdict.class;
+        match kinds.iter_mut().find(|(known, _)| *known == class) {
+            Some((_, episodes)) => episodes.push(episode),
+            None => kinds.push((class, vec![episode])),
+        }
+    }
+    let lines: Vec<String> = kinds
+        .iter()
+        .filter_map(|(_, episodes)| {
+            let first = episodes.first()?;
+            let also = match episodes.len() {
+                1 => String::new(),
+                all => format!(" {} more alarms of this kind: see the table.", all - 1),
+            };
+            Some(format!("{}{also}", advice(subject, first)))
+        })
+        .collect();
+    if lines.is_empty() { page } else { page.section("Why, and what to do").list(lines) }
 }
 
 fn numbers(subject: &Subject, found: &Found) -> Vec<Number> {
@@ -69,16 +114,16 @@ fn numbers(subject: &Subject, found: &Found) -> Vec<Number> {
     if let Some(worst) = found.episodes.first() {
         let channel = &subject.channels[worst.channel];
         numbers.push(
-            Number::text("Frequency", hz(worst.frequency_hz))
+            Number::text("Most harmful line", hz(worst.frequency_hz))
                 .note(class_and_rivals(&worst.verdict)),
         );
         numbers.push(
-            Number::new("Amplitude", worst.amplitude, &channel.unit)
+            Number::new("Its amplitude", worst.amplitude, &channel.unit)
                 .note(format!("on {}", channel.name)),
         );
         let to_s = worst.to_s.unwrap_or_else(|| subject.seconds());
         numbers.push(
-            Number::new("Lasted", to_s - worst.from_s, "s")
+            Number::new("It lasted", to_s - worst.from_s, "s")
                 .note(format!("from {} s", fixed(worst.from_s, 2))),
         );
     } else {
@@ -198,7 +243,7 @@ fn over_path(mut page: Page, subject: &Subject, space: &Space) -> Page {
         page = page.figure(caption, &plots::path(subject, space, unit));
     }
     if let Some(missing) = &space.wheels.missing {
-        page = page.text(&format!("{}.", capitalised(missing)));
+        page = page.text(&format!("{}.", words::capitalised(missing)));
     }
     if space.wheels.spread > 0.05 {
         let percent = fixed(100.0 * space.wheels.spread, 0);
@@ -210,11 +255,6 @@ fn over_path(mut page: Page, subject: &Subject, space: &Space) -> Page {
         page = page.table(&path_lines(subject, space));
     }
     page
-}
-
-fn capitalised(text: &str) -> String {
-    let mut letters = text.chars();
-    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
 fn path_lines(subject: &Subject, space: &Space) -> Table {

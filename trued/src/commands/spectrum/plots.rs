@@ -21,6 +21,8 @@ const HARMONICS: u32 = 40;
 const NAMED: usize = 3;
 /// Points of a signal that are kept for its drawing, which thins them further.
 const SIGNAL_POINTS: usize = 1 << 20;
+/// Spectra of power span so many decades below their highest point.
+const POWER_DECADES: f64 = 7.0;
 /// The waterfall spans so many decades below its loudest cell.
 const DECADES: f64 = 3.0;
 
@@ -206,12 +208,16 @@ pub(super) fn density(subject: &Subject, found: &Found, unit: &str, whole: bool)
     let x = Axis::new("Frequency", "Hz");
     let x = if whole { x.log().range(step_hz, top_hz) } else { x.range(0.0, top_hz) };
     let y = Axis::new("Power density", density_unit(unit, "Hz")).log();
+    let curves: Vec<(&str, Vec<(f64, f64)>)> = found
+        .spectra
+        .iter()
+        .filter(of_unit)
+        .map(|one| (subject.channels[one.channel].name.as_str(), curve(&one.density, top_hz)))
+        .collect();
+    let (low, y) = bounded(&curves, y);
     let mut plot = Plot::new("Spectrum", x, y).height(340.0);
-    let mut low = f64::INFINITY;
-    for one in found.spectra.iter().filter(of_unit) {
-        let points: Vec<(f64, f64)> = curve(&one.density, top_hz);
-        low = points.iter().map(|p| p.1).fold(low, f64::min);
-        plot = plot.series(Series::line(&subject.channels[one.channel].name, points));
+    for (name, points) in curves {
+        plot = plot.series(Series::line(name, points));
     }
     if low.is_finite() && !whole {
         plot = marks(plot, subject, top_hz, low);
@@ -223,6 +229,15 @@ pub(super) fn density(subject: &Subject, found: &Found, unit: &str, whole: bool)
         .into_iter()
         .fold(plot, |plot, episode| plot.mark_x(episode.frequency_hz, label(episode)))
         .render()
+}
+
+/// The lowest power that is drawn, and the axis down to it: what lies deeper is leakage of the window, not the signal. Rows of dots have room below.
+fn bounded(curves: &[(&str, Vec<(f64, f64)>)], y: Axis) -> (f64, Axis) {
+    let powers = || curves.iter().flat_map(|(_, points)| points).map(|point| point.1);
+    let high = powers().fold(0.0, f64::max);
+    let low = powers().fold(f64::INFINITY, f64::min).max(high * 10f64.powf(-POWER_DECADES));
+    let drawn = low.is_finite() && high > 0.0;
+    (low, if drawn { y.range(0.05 * low, 2.0 * high) } else { y })
 }
 
 /// A spectrum's points up to a frequency, without the mean.
@@ -268,17 +283,19 @@ pub(super) fn path(subject: &Subject, space: &Space, unit: &str) -> Svg {
     let end = 0.5 / space.step_mm;
     let wanted = highest.chain(wheels).fold(0.8, f64::max) * 1.2;
     let top = wanted.min(end);
-    let mut plot = Plot::new(
-        "Spectrum over the path",
-        Axis::new("Cycles per mm of path", "1/mm").range(0.0, top),
-        Axis::new("Power density", density_unit(unit, "(1/mm)").replace("/(1/mm)", " mm")).log(),
-    )
-    .height(320.0);
-    let mut low = f64::INFINITY;
-    for one in space.channels.iter().filter(|one| subject.channels[one.channel].unit == unit) {
-        let points = curve(&one.density, top);
-        low = points.iter().map(|p| p.1).fold(low, f64::min);
-        plot = plot.series(Series::line(&subject.channels[one.channel].name, points));
+    let of_unit = |one: &&super::space::ChannelSpace| subject.channels[one.channel].unit == unit;
+    let curves: Vec<(&str, Vec<(f64, f64)>)> = space
+        .channels
+        .iter()
+        .filter(of_unit)
+        .map(|one| (subject.channels[one.channel].name.as_str(), curve(&one.density, top)))
+        .collect();
+    let y = density_unit(unit, "(1/mm)").replace("/(1/mm)", " mm");
+    let (low, y) = bounded(&curves, Axis::new("Power density", y).log());
+    let x = Axis::new("Cycles per mm of path", "1/mm").range(0.0, top);
+    let mut plot = Plot::new("Spectrum over the path", x, y).height(320.0);
+    for (name, points) in curves {
+        plot = plot.series(Series::line(name, points));
     }
     let wheels: Vec<(f64, f64)> = space
         .wheels

@@ -174,7 +174,7 @@ pub(super) fn why(subject: &Subject, verdict: &Verdict, frequency_hz: f64) -> St
 }
 
 /// Whether the watch heard enough to say something.
-fn watched(found: &Found) -> bool {
+pub(super) fn watched(found: &Found) -> bool {
     found.listened.iter().any(|listened| !listened.heard.still_learning)
 }
 
@@ -200,6 +200,12 @@ fn calm(subject: &Subject, found: &Found) -> String {
         quantity(judged.line.amplitude, &channel.unit),
         class(judged.verdict.class)
     )
+}
+
+/// With a capital at the start.
+pub(super) fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
 /// What the sensor's health is, one sentence each.

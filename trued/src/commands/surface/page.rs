@@ -1,20 +1,21 @@
 //! The page of `trued surface`: the comparison first, then each profile with its spectrum, segments and lines.
 
 use report::{
-    Axis, Bars, Cell, Column, Multiples, Number, Page, Plot, Series, Table, Tone, significant,
+    Axis, Bars, Cell, Column, Multiples, Number, Page, Plot, Role, Series, Table, Tone, significant,
 };
 
 use super::Surface;
 use super::measured::{Measured, Segments};
-use crate::output::made_by;
 
 /// Segments that a table shows; more are drawn.
 const ROWS_MAX: usize = 16;
+/// Of a profile's drawing.
+const PROFILE: &str = "The profile without its form and its waviness; below, the roughness. Dotted: where the evaluated length begins and ends.";
 /// Lines marked in the spectrum.
 const MARKS: usize = 5;
 
 /// The whole page.
-pub(super) fn render(command: &Surface, profiles: &[Measured]) -> String {
+pub(super) fn render(command: &Surface, profiles: &[Measured]) -> Page {
     let title = match profiles {
         [one] => format!("Surface profile {}", one.name),
         several => format!("{} surface profiles", several.len()),
@@ -23,25 +24,69 @@ pub(super) fn render(command: &Surface, profiles: &[Measured]) -> String {
     let form = form.get(usize::from(command.form)).copied().unwrap_or("a polynomial");
     let short =
         command.short_cut_off_um.map(|um| format!(", without what is shorter than {um} µm"));
-    let mut page = Page::new(title)
-        .kicker(format!("trued surface, cut-off {} mm", command.cut_off_mm))
-        .lead(&format!(
-            "With {form} taken out{}, the Gaussian filter of ISO 16610-21 parts waviness from roughness at {} mm. \
-             Parameters are those of ISO 21920-2.",
-            short.unwrap_or_default(),
-            command.cut_off_mm
-        ));
-    if let [one] = profiles {
-        page = page.numbers(numbers(one));
-    } else {
-        page = page
-            .table(&comparison(profiles))
-            .figure("Root mean square of waviness and roughness.", &bars(profiles).render());
+    let how = format!(
+        "With {form} taken out{}, the Gaussian filter of ISO 16610-21 parts waviness from roughness at {} mm. \
+         Parameters are those of ISO 21920-2.",
+        short.unwrap_or_default(),
+        command.cut_off_mm
+    );
+    let page = Page::new(title).kicker("trued surface");
+    let page = match profiles {
+        [one] => {
+            let (tone, word) = if one.rz.is_some_and(|(_, lengths)| lengths >= 5) {
+                (Tone::Good, "measured over five sampling lengths or more")
+            } else {
+                (Tone::Caution, "measured, over fewer than five sampling lengths")
+            };
+            page.verdict(tone, word, &sentence(one))
+                .numbers(numbers(one))
+                .figure(PROFILE, &profile(one).render())
+        }
+        several => page
+            .verdict(Tone::Plain, "profiles compared", &compared(several))
+            .figure("Root mean square of waviness and roughness.", &bars(profiles).render()),
+    };
+    let mut page = page.next(
+        "Compare with the forces of the same cut: what stands in both has one cause.",
+        Some("trued spectrum FORCES.csv --report spectrum.html"),
+    );
+    if profiles.len() > 1 {
+        page = page.section("The profiles").table(&comparison(profiles));
     }
     for measured in profiles {
         page = one(page, measured, profiles.len() > 1);
     }
-    page.footer(made_by("surface")).render()
+    page.footer(how)
+}
+
+fn sentence(one: &Measured) -> String {
+    let rz = one.rz.map_or("–".to_owned(), |(rz, _)| significant(rz, 3));
+    let line = one.lines.first().map_or("no line stands out of its spectrum".to_owned(), |told| {
+        format!(
+            "the strongest line of its spectrum has a wavelength of {} µm and an amplitude of {} µm",
+            significant(told.wavelength_um(), 3),
+            significant(told.line.amplitude, 3)
+        )
+    });
+    format!(
+        "Waviness Wq {} µm, roughness Rq {} µm, Rz {rz} µm; {line}.",
+        significant(one.w.rms, 3),
+        significant(one.r.rms, 3)
+    )
+}
+
+fn compared(profiles: &[Measured]) -> String {
+    let by_roughness = |a: &&Measured, b: &&Measured| a.r.rms.total_cmp(&b.r.rms);
+    let ends = profiles.iter().min_by(by_roughness).zip(profiles.iter().max_by(by_roughness));
+    ends.map_or(String::new(), |(least, most)| {
+        format!(
+            "{} is smoothest, Rq {} µm; {} is roughest, Rq {} µm.",
+            least.name,
+            significant(least.r.rms, 3),
+            most.name,
+            significant(most.r.rms, 3)
+        )
+    })
 }
 
 fn numbers(one: &Measured) -> Vec<Number> {
@@ -113,11 +158,10 @@ fn one(page: Page, measured: &Measured, named: bool) -> Page {
             "It is too short to leave out half a cut-off at each end, where the filter lacks part of its kernel.",
         );
     }
+    if named {
+        page = page.figure(PROFILE, &profile(measured).render());
+    }
     page = page
-        .figure(
-            "The profile without its form and its waviness; below, the roughness. Dotted: where the evaluated length begins and ends.",
-            &profile(measured).render(),
-        )
         .figure(
             &format!(
                 "One-sided power spectra over the evaluated length; the strongest lines are marked. Roughness sums to Rq² = {} µm² \
@@ -148,12 +192,11 @@ fn profile(measured: &Measured) -> Multiples {
     Multiples::new("Profile", 1)
         .plot(
             plot("Profile and waviness")
-                .series(Series::line("profile", line(&measured.surface.primary)).muted())
+                .series(Series::line("profile", line(&measured.surface.primary)).role(Role::Before))
                 .series(Series::line("waviness", line(&measured.surface.waviness))),
         )
         .plot(
             plot("Roughness")
-                .series(Series::line("", []).muted())
                 .series(Series::line("", []))
                 .series(Series::line("roughness", line(&measured.surface.roughness))),
         )
@@ -178,7 +221,7 @@ fn spectrum(measured: &Measured) -> Plot {
     let plot = Plot::new(
         "Power over cycles per mm",
         Axis::new("Cycles per mm", "1/mm").log().range(first, last),
-        Axis::new("Power", "µm²").log().range(1e-9 * top, 2.0 * top),
+        Axis::new("Power", "µm²").log().range(1e-6 * top, 2.0 * top),
     )
     .series(Series::line("waviness", line(&measured.spectra.waviness)))
     .series(Series::line("roughness", line(&measured.spectra.roughness)))

@@ -11,8 +11,9 @@ use super::analysis::{Analysis, Function, Test};
 use super::model::Renewed;
 use super::told::{decimals, verdict};
 use crate::input::count;
-use crate::output::made_by;
 
+/// Modes named in the verdict.
+const NAMED: usize = 3;
 /// Hits drawn over each other.
 const HITS_MAX: usize = 8;
 /// A response below this part of its largest is not seen in a drawing.
@@ -21,7 +22,7 @@ const SEEN: f64 = 0.01;
 const FUNCTIONS_MAX: usize = 8;
 
 /// The whole page.
-pub(super) fn render(command: &Tap, analysis: &Analysis, renewed: Option<&Renewed>) -> String {
+pub(super) fn render(command: &Tap, analysis: &Analysis, renewed: Option<&Renewed>) -> Page {
     let [low, high] = analysis.band_hz.map(|hz| significant(hz, 3));
     let found = count(analysis.modes.len(), "mode");
     let rests = match &analysis.test {
@@ -35,10 +36,26 @@ pub(super) fn render(command: &Tap, analysis: &Analysis, renewed: Option<&Renewe
         .iter()
         .filter_map(|file| Some(file.file_name()?.to_string_lossy().into_owned()))
         .collect();
+    let verified = analysis.modes.iter().filter(|mode| analysis.is_verified(mode)).count();
+    let all = analysis.modes.len();
+    let (tone, word) = match (all, verified) {
+        (0, _) => (Tone::Caution, "no mode found".to_owned()),
+        (all, verified) if all == verified => {
+            (Tone::Good, format!("{found}, verified by coherence"))
+        }
+        (_, 0) => (Tone::Caution, format!("{found}, not verified")),
+        (_, verified) => (Tone::Caution, format!("{found}, {verified} of them verified")),
+    };
     let mut page = Page::new("Natural frequencies by impact test")
         .kicker(format!("trued tap, {}", files.join(", ")))
-        .lead(&format!("{found} between {low} and {high} Hz, from {rests}."))
+        .verdict(
+            tone,
+            &word,
+            &sentence(analysis, &format!("between {low} and {high} Hz, from {rests}")),
+        )
         .numbers(numbers(analysis));
+    page = picture(page, analysis);
+    page = next(page, command, renewed, verified);
     if let Some((first, others)) = analysis.warnings.split_first() {
         page = page.note(Tone::Caution, "To be looked at", first);
         if !others.is_empty() {
@@ -64,7 +81,61 @@ pub(super) fn render(command: &Tap, analysis: &Analysis, renewed: Option<&Renewe
             renewed.told(analysis)
         ));
     }
-    page.footer(made_by("tap")).render()
+    page
+}
+
+/// Size, phase and coherence of the response functions.
+fn picture(page: Page, analysis: &Analysis) -> Page {
+    let Some(first) = analysis.functions.first() else { return page };
+    let shown = analysis.functions.len().min(FUNCTIONS_MAX);
+    let below = if first.frf.coherence.is_some() {
+        "its phase and the coherence with its bound (dotted)"
+    } else {
+        "its phase"
+    };
+    page.figure(
+        &format!("Size of the {}, with the natural frequencies; below, {below}.", first.kind().0),
+        &response(analysis, shown).render(),
+    )
+}
+
+fn sentence(analysis: &Analysis, how: &str) -> String {
+    let frequencies: Vec<String> = analysis
+        .modes
+        .iter()
+        .map(|mode| {
+            let digits = decimals(mode.frequency_sigma_hz);
+            format!(
+                "{} Hz ({} % damping)",
+                fixed(mode.frequency_hz, digits),
+                significant(100.0 * mode.damping, 2)
+            )
+        })
+        .take(NAMED)
+        .collect();
+    match analysis.modes.len() {
+        0 => format!("No natural frequency {how}."),
+        all if all > NAMED => {
+            format!("{} and {} more, {how}.", frequencies.join(", "), all - NAMED)
+        }
+        _ => format!("{}, {how}.", frequencies.join(", ")),
+    }
+}
+
+fn next(page: Page, command: &Tap, renewed: Option<&Renewed>, verified: usize) -> Page {
+    if verified == 0 {
+        return page.next("Strike again, five times or more, with a softer or harder tip so that the force reaches the mode.", None);
+    }
+    match (&command.out, renewed) {
+        (Some(out), Some(_)) => page.next(
+            "Use the model with these modes.",
+            Some(&format!("trued check {}", out.display())),
+        ),
+        _ => page.next(
+            "Write these modes into the robot's model, so that the daemon knows them.",
+            Some("trued tap --model ROBOT.toml --out ROBOT-modes.toml FILES"),
+        ),
+    }
 }
 
 fn numbers(analysis: &Analysis) -> Vec<Number> {
@@ -140,20 +211,24 @@ fn functions(page: Page, analysis: &Analysis) -> Page {
     if shown < analysis.functions.len() {
         page = page.text(&format!("The first {shown} of {} are drawn.", analysis.functions.len()));
     }
-    let Some(first) = analysis.functions.first() else { return page };
-    let name = first.kind().0;
-    page = page
-        .figure(
-            &format!("Size of the {name}, with the natural frequencies."),
-            &sizes(analysis, shown).render(),
-        )
-        .figure("Its phase.", &phases(analysis, shown).render())
-        .figure(
-            "The three signs: at a natural frequency the real part changes sign, the imaginary part peaks, and the coherence is \
-             above its bound (dotted).",
-            &signs(analysis, shown).render(),
-        );
+    page = page.figure(
+        "The three signs: at a natural frequency the real part changes sign, the imaginary part peaks, and the coherence is \
+         above its bound (dotted).",
+        &signs(analysis, shown).render(),
+    );
     page
+}
+
+/// Size, phase and coherence under each other, over one axis.
+fn response(analysis: &Analysis, shown: usize) -> Multiples {
+    let all = Multiples::new("Response function", 1)
+        .own_y()
+        .plot(sizes(analysis, shown))
+        .plot(phases(analysis, shown));
+    match coherence(analysis, shown) {
+        Some(coherence) => all.plot(coherence),
+        None => all,
+    }
 }
 
 fn marked(plot: Plot, analysis: &Analysis, labelled: bool) -> Plot {
@@ -182,7 +257,7 @@ fn each(
 
 fn sizes(analysis: &Analysis, shown: usize) -> Plot {
     let (name, unit) = analysis.functions.first().map_or(("", ""), Function::kind);
-    let plot = Plot::new("Size", frequency(analysis), Axis::new(name, unit).log()).height(280.0);
+    let plot = Plot::new("Size", frequency(analysis), Axis::new(name, unit).log());
     let size =
         |one: &Function| one.within(analysis.band_hz).map(|(_, f, h)| (f, h.norm())).collect();
     marked(each(plot, analysis, shown, size), analysis, true)
@@ -205,7 +280,7 @@ fn phases(analysis: &Analysis, shown: usize) -> Plot {
         }
         line
     };
-    marked(each(plot.height(180.0), analysis, shown, phase), analysis, false)
+    marked(each(plot, analysis, shown, phase), analysis, false)
 }
 
 fn signs(analysis: &Analysis, shown: usize) -> Multiples {
@@ -232,6 +307,14 @@ fn signs(analysis: &Analysis, shown: usize) -> Multiples {
         .own_y()
         .plot(marked(real.mark_y(0.0, ""), analysis, true))
         .plot(marked(imaginary, analysis, false));
+    match coherence(analysis, shown) {
+        Some(coherence) => signs.plot(coherence),
+        None => signs,
+    }
+}
+
+/// The coherence of each function with its bound; none where none is known.
+fn coherence(analysis: &Analysis, shown: usize) -> Option<Plot> {
     let coherences =
         analysis.functions.iter().filter_map(|one| Some((one, one.frf.coherence.as_ref()?)));
     let coherence =
@@ -243,12 +326,8 @@ fn signs(analysis: &Analysis, shown: usize) -> Multiples {
         let points = inside.filter_map(|(i, f, _)| Some((f, *coherence.get(i)?)));
         plot.series(Series::line("", points.collect::<Vec<_>>()))
     });
-    if any {
-        let least = analysis.least_coherence;
-        signs.plot(marked(coherence.mark_y(least, significant(least, 2)), analysis, false))
-    } else {
-        signs
-    }
+    let least = analysis.least_coherence;
+    any.then(|| marked(coherence.mark_y(least, significant(least, 2)), analysis, false))
 }
 
 fn hits(page: Page, test: &Test) -> Page {

@@ -3,7 +3,7 @@
 //! Promises: a bounded number of points in each drawing. Never: a number of its own.
 
 use diagnosis::force::{Compared, Traced};
-use report::{Axis, Multiples, Page, Plot, Series, Svg};
+use report::{Axis, Multiples, Page, Plot, Role, Series, Svg};
 use spectrum::welch::{Segments, welch};
 
 /// Points of a spectrum at most.
@@ -16,20 +16,20 @@ pub(super) fn figures(page: Page, compared: &Compared) -> Page {
     let turn: Vec<&Traced> = compared.traces.iter().collect();
     page.section("Forces beside the law of the cut")
         .figure(
-            "Over one turn of the spindle: what was read, what the told law says, and what it says with what was found.",
+            "Over one turn of the spindle: what was measured, what the stated law says, and what it says with what was found.",
             &all(&turn, "Over one turn", &|one| {
                 Plot::new(AXES[one.axis], Axis::new("turn", ""), Axis::new("force", "N"))
-                    .series(Series::dots("read", points(&one.turn, &one.read)).muted())
-                    .series(Series::dots("law as told", points(&one.turn, &one.law[0])))
-                    .series(Series::dots("with what was found", points(&one.turn, &one.law[1])))
+                    .series(Series::dots("measured", points(&one.turn, &one.read)).role(Role::Truth))
+                    .series(Series::dots("law as stated", points(&one.turn, &one.law[0])).role(Role::Before))
+                    .series(Series::dots("with what was found", points(&one.turn, &one.law[1])).role(Role::After))
             }),
         )
         .figure(
             "What the law is off by over time, before and after.",
             &all(&turn, "Over time", &|one| {
                 Plot::new(AXES[one.axis], Axis::new("time", "s"), Axis::new("off by", "N"))
-                    .series(Series::dots("as told", points(&one.t_s, &one.off[0])).muted())
-                    .series(Series::dots("with what was found", points(&one.t_s, &one.off[1])))
+                    .series(Series::dots("as stated", points(&one.t_s, &one.off[0])).role(Role::Before))
+                    .series(Series::dots("with what was found", points(&one.t_s, &one.off[1])).role(Role::After))
             }),
         )
         .figure(
@@ -37,11 +37,11 @@ pub(super) fn figures(page: Page, compared: &Compared) -> Page {
             &all(&turn, "Spectra", &|one| {
                 let hertz = Axis::new("frequency", "Hz");
                 Plot::new(AXES[one.axis], hertz, Axis::new("off by", "N²/Hz").log())
-                    .series(Series::line("as told", power(&one.run[0], one.rate_hz)).muted())
+                    .series(Series::line("as stated", power(&one.run[0], one.rate_hz)).role(Role::Before))
                     .series(Series::line(
                         "with what was found",
                         power(&one.run[1], one.rate_hz),
-                    ))
+                    ).role(Role::After))
             }),
         )
 }

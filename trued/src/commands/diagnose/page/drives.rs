@@ -4,21 +4,41 @@
 
 use diagnosis::torque::{Diagnosis, Trace};
 use physics::JointKind;
-use report::{Axis, Column, Histogram, Multiples, Page, Plot, Series, Table, significant};
+use std::path::Path;
 
-use super::{Found, Report, rest, words};
+use report::{
+    Axis, Bars, Column, Histogram, Multiples, Page, Plot, Role, Series, Table, significant,
+};
+
+use super::{Figure, Found, Report, first, rest, words};
 
 /// Joints that are drawn.
 const JOINTS: usize = 6;
 
-pub(super) fn domain(page: Page, found: &Found, torques: &Diagnosis, report: &Report) -> Page {
+pub(super) fn domain(
+    page: Page,
+    found: &Found,
+    torques: &Diagnosis,
+    report: &Report,
+    dir: &Path,
+) -> Page {
     let unit = report.unit;
-    let mut page = words(page, report, true);
+    let over_time = Figure {
+        caption: "What the torque is off by over time, before and after: recorded minus model, in the band.".to_owned(),
+        drawing: over(torques, unit, "time", "s", &|trace, k| trace.t_s[k]),
+    };
+    // Of one joint or two, bars say no more than the numbers do.
+    let (picture, below) = match report.joints.len() {
+        0..=2 => (over_time, None),
+        _ => (each_joint(report, unit), Some(over_time)),
+    };
+    let page = first(page, report, true, Some(picture), dir);
+    let mut page = words(page, report, found.base.physics.arm.count());
     page = page.section("Joint by joint").table(&joints(report, unit));
-    page = page.section("Before and after").figure(
-        "What the torque is off by over time, before and after: recorded minus model, in the band.",
-        &over(torques, unit, "time", "s", &|trace, k| trace.t_s[k]),
-    );
+    page = page.section("Before and after");
+    if let Some(figure) = below {
+        page = page.figure(&figure.caption, &figure.drawing);
+    }
     let kinds = found.base.physics.arm.joints();
     let slides = kinds.iter().all(|joint| joint.kind == JointKind::Prismatic);
     let speed = if slides { "m/s" } else { "rad/s" };
@@ -35,7 +55,9 @@ pub(super) fn domain(page: Page, found: &Found, torques: &Diagnosis, report: &Re
     };
     let sizes = Histogram::new("Held-out rows", Axis::new("off by", unit))
         .values("as given", held(0))
-        .values("with what was found", held(1));
+        .role(Role::Before)
+        .values("with what was found", held(1))
+        .role(Role::After);
     page = page.figure(
         "Sizes of what held-out rows are off by, all joints: rows that no fit has seen.",
         &sizes.render(),
@@ -49,8 +71,23 @@ pub(super) fn domain(page: Page, found: &Found, torques: &Diagnosis, report: &Re
     ])
 }
 
+/// What the torque of each joint is off by, before and after.
+fn each_joint(report: &Report, unit: &str) -> Figure {
+    let axis = Axis::new("Off by", format!("{unit}, root mean square"));
+    let bars = Bars::new("Torque against the model, joint by joint", axis)
+        .groups(["as given", "with what was found"])
+        .roles([Role::Before, Role::After]);
+    let bars = report.joints.iter().fold(bars, |bars, one| {
+        let sizes = [one.heldout_rms_before, one.heldout_rms_after];
+        bars.row(format!("joint {}", one.joint), sizes)
+    });
+    let caption = "What the torque of each joint is off by on held-out rows.".to_owned();
+    Figure { caption, drawing: bars.render() }
+}
+
 fn joints(report: &Report, unit: &str) -> Table {
-    let heads = ["Joint", "Torque", "Off before", "Off after", "Outside low-speed zones", "Noise"];
+    let heads =
+        ["Joint", "Torque", "Off before", "Off after", "Outside low-speed zones", "Residual"];
     let table =
         Table::new(format!("Root mean square on held-out rows, {unit}"), heads.map(Column::new));
     report.joints.iter().fold(table, |table, one| {
@@ -86,8 +123,8 @@ fn over(
             Axis::new("off by", unit),
         );
         all = all.plot(
-            plot.series(Series::dots("as given", points(0)).muted())
-                .series(Series::dots("with what was found", points(1))),
+            plot.series(Series::dots("as given", points(0)).role(Role::Before))
+                .series(Series::dots("with what was found", points(1)).role(Role::After)),
         );
     }
     all.render()

@@ -2,11 +2,15 @@
 //!
 //! Promises: a bounded number of points in each drawing, and a caption that says which were left out. Never: a number of its own.
 
-use diagnosis::diagnose::{Diagnosis, Finding, Over, Trace};
+use diagnosis::diagnose::{Diagnosis, Over, Trace};
+use physics::Arm;
 use physics::JointKind;
-use report::{Axis, Bar, Bars, Histogram, Multiples, Page, Plot, Series, Svg, significant};
+use report::{Axis, Bar, Bars, Histogram, Multiples, Page, Plot, Role, Series, Svg, significant};
+
+use super::{Figure, tables};
 
 use crate::commands::diagnose::told::{Place, Report};
+use crate::drawn::{arm_with_errors, guilty, tool_errors};
 
 /// mm per m, mrad per rad.
 const MILLI: f64 = 1e3;
@@ -17,6 +21,32 @@ const CHANNELS: usize = 6;
 /// Cells of the map, and findings, that are drawn.
 const CELLS: usize = 15;
 const FINDINGS: usize = 6;
+
+/// The arm with the errors of held-out poses at its tool; none where no point was measured.
+pub(super) fn arm(arm: &Arm, diagnosis: &Diagnosis, report: &Report) -> Option<Figure> {
+    let training = &diagnosis.split.training;
+    let held = |pose: usize| training.get(pose).is_some_and(|trains| !trains);
+    let fits = [&diagnosis.given, &diagnosis.fit];
+    let errors = tool_errors(&diagnosis.campaign, arm, fits, held);
+    let lit = guilty(arm.count(), &tables::sizes(report));
+    let (drawing, factor) = arm_with_errors(arm, &diagnosis.campaign, &errors, &lit)?;
+    let lit = if lit.is_empty() { "" } else { " Red: joints whose findings do most." };
+    let caption = format!(
+        "Where the tool is off, on {} held-out poses: measured minus model, drawn {} times as long, as given (before) and with what was found (after).{lit}",
+        errors.len(),
+        significant(factor, 1)
+    );
+    Some(Figure { caption, drawing })
+}
+
+/// How large held-out errors are, where there is no point to draw them at.
+pub(super) fn sizes(diagnosis: &Diagnosis, report: &Report) -> Option<Figure> {
+    let [before, after] = diagnosis.held_out();
+    let drawing = (!before.is_empty()).then(|| histogram(report.unit, &before, &after))?;
+    let caption =
+        "Sizes of what held-out readings are off by: rows that no fit has seen.".to_owned();
+    Some(Figure { caption, drawing })
+}
 
 /// Time, distribution, spectrum.
 pub(super) fn proof(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
@@ -32,12 +62,8 @@ pub(super) fn proof(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page 
             &figure,
         );
     }
-    let [before, after] = diagnosis.held_out();
-    if !before.is_empty() {
-        page = page.figure(
-            "Sizes of what held-out readings are off by: rows that no fit has seen.",
-            &histogram(unit, &before, &after),
-        );
+    if let Some(figure) = sizes(diagnosis, report) {
+        page = page.figure(&figure.caption, &figure.drawing);
     }
     if let Some(spectra) = diagnosis.spectra() {
         let figure = spectrum(&spectra, unit);
@@ -73,7 +99,7 @@ fn over_time(diagnosis: &Diagnosis, traces: &[Trace], unit: &str) -> (Svg, Strin
             points.map(|(pose, off)| (factor * elapsed[*pose], MILLI * off[side])).collect();
         let name = ["as given", "with what was found"][side];
         let series = Series::dots(name, points);
-        if side == 0 { series.muted() } else { series }
+        series.role([Role::Before, Role::After][side])
     };
     let columns = if traces.len() > 3 { 2 } else { 1 };
     let mut all = Multiples::new("Readings against the model over time", columns);
@@ -93,8 +119,10 @@ fn over_time(diagnosis: &Diagnosis, traces: &[Trace], unit: &str) -> (Svg, Strin
 fn histogram(unit: &str, before: &[f64], after: &[f64]) -> Svg {
     let values = |all: &[f64]| all.iter().map(|off| MILLI * off).collect::<Vec<_>>();
     Histogram::new("Held-out errors", Axis::new("Off by", unit).log())
-        .values("with what was found", values(after))
         .values("as given", values(before))
+        .role(Role::Before)
+        .values("with what was found", values(after))
+        .role(Role::After)
         .bins(48)
         .render()
 }
@@ -106,8 +134,8 @@ fn spectrum(spectra: &diagnosis::diagnose::Spectra, unit: &str) -> Svg {
     };
     let y = Axis::new("Density", format!("{unit}/√Hz")).log();
     Plot::new("Spectrum of what is left", Axis::new("Frequency", "Hz").log(), y)
-        .series(Series::line("as given", line(0)).muted())
-        .series(Series::line("with what was found", line(1)))
+        .series(Series::line("as given", line(0)).role(Role::Before))
+        .series(Series::line("with what was found", line(1)).role(Role::After))
         .render()
 }
 
@@ -189,7 +217,7 @@ fn part(diagnosis: &Diagnosis, cell: &Place) -> String {
 }
 
 /// Each finding over what it follows.
-pub(super) fn guilty(mut page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
+pub(super) fn over_each(mut page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
     let shown: Vec<_> = diagnosis.findings.iter().zip(&report.findings).take(FINDINGS).collect();
     let mut first = true;
     for (finding, told) in shown {
@@ -203,14 +231,14 @@ pub(super) fn guilty(mut page: Page, diagnosis: &Diagnosis, report: &Report) -> 
             told.says,
             left_out(stride)
         );
-        page = page.figure(&caption, &over_word(diagnosis, finding, &over, stride));
+        page = page.figure(&caption, &over_word(diagnosis, &over, stride));
     }
     page
 }
 
-fn over_word(diagnosis: &Diagnosis, finding: &Finding, over: &Over, stride: usize) -> Svg {
+fn over_word(diagnosis: &Diagnosis, over: &Over, stride: usize) -> Svg {
     let (what, unit, factor) = worded(&over.word, slides(diagnosis, &over.word));
-    let joint = finding.effect.joint();
+    let joint = over.joint;
     let sliding = joint.is_some_and(|j| slides(diagnosis, &format!("q{}", j + 1)));
     let off = if joint.is_none() || sliding { "mm" } else { "mrad" };
     let y = match joint {
@@ -231,7 +259,7 @@ fn over_word(diagnosis: &Diagnosis, finding: &Finding, over: &Over, stride: usiz
         plot.series(Series::dots("seen", seen(None)))
     };
     let explained = drawn().map(|p| (factor * p.at, MILLI * p.explained));
-    plot.series(Series::dots("explained by the finding", explained).muted()).render()
+    plot.series(Series::dots("explained by the finding", explained).role(Role::After)).render()
 }
 
 /// The names that each finding might bear.

@@ -2,77 +2,131 @@
 //!
 //! Promises: a bounded number of points in each drawing. Never: a number of its own.
 
-use report::{Axis, Column, Page, Plot, Series, Table, Tone, significant};
+use diagnosis::force::Diagnosis;
+use report::{Axis, Bars, Column, Number, Page, Plot, Series, Svg, Table, Tone, significant};
 
-use super::{cut, tables};
+use super::{cut, tables, tone};
 use crate::commands::diagnose::forces::Forces;
 use crate::commands::diagnose::told::{NotTested, Report};
-use crate::output::made_by;
 
 /// Points of a drawing.
 const POINTS: usize = 2000;
+/// Tones that are drawn.
+const TONES: usize = 12;
 
-pub(in crate::commands::diagnose) fn render(found: &Forces, report: &Report) -> String {
-    let kicker = format!("trued diagnose: {}", report.verdict.replace('_', " "));
-    let mut page = Page::new("Diagnosis of forces".to_owned()).kicker(kicker);
-    match &found.result {
+pub(in crate::commands::diagnose) fn render(found: &Forces, report: &Report) -> Page {
+    let page = Page::new("Diagnosis of forces at the tool")
+        .kicker("trued diagnose")
+        .robot(found.base.file.identity().to_string());
+    let page = match &found.result {
         Err(doubt) => {
-            page = page.lead("This recording cannot be judged.").note(
-                Tone::Bad,
-                "Why",
-                &doubt.to_string(),
-            );
+            let why = format!("This recording cannot be judged: {doubt}");
+            page.verdict(Tone::Bad, "not judged", &why)
+                .next("Mend what the verdict names, and diagnose again.", None)
         }
-        Ok(diagnosis) => {
-            let lead = match &diagnosis.compared {
-                Ok(_) => format!(
-                    "Compared with the stated cut: error {} N before, {} N after, noise {} N; {}.",
-                    tables::rms(report.heldout_rms_before),
-                    tables::rms(report.heldout_rms_after),
-                    significant(report.noise_rms, 3),
-                    report.heldout
-                ),
-                Err(_) => format!("The tool: {}.", report.heldout),
-            };
-            page = page.lead(&lead);
-            let sentences: Vec<&str> =
-                report.findings.iter().map(|told| told.says.as_str()).collect();
-            if !sentences.is_empty() {
-                page = page.section("What was found").list(&sentences);
-                page = page.table(&tables::findings(report)).table(&tables::parameters(report));
-            }
-            if let Some(next) = &report.next_experiment {
-                page = page.note(Tone::Caution, "What would settle it", next);
-            }
-            if let Some(rest) = &report.unexplained {
-                page = page.note(Tone::Caution, "What no name explains", &rest.says);
-            }
-            if let Ok(compared) = &diagnosis.compared {
-                page = cut::figures(page, compared);
-                if !report.not_tested.is_empty() {
-                    let open = |one: &NotTested| format!("{}: {}", one.effect, one.why);
-                    let open: Vec<String> = report.not_tested.iter().map(open).collect();
-                    page = page.section("What could not have shown").list(&open);
-                }
-            }
-            let stride = diagnosis.level.len().div_ceil(POINTS).max(1);
-            let points: Vec<(f64, f64)> = diagnosis.level.iter().step_by(stride).copied().collect();
-            let plot =
-                Plot::new("Level", Axis::new("time", "s"), Axis::new("level", report.unit).log())
-                    .series(Series::line("distance from rest, swing included", points));
-            page = page
-                .section("Air and cut")
-                .figure("How far the signal is from where it is quiet.", &plot.render());
-            page = page.table(&phases(report));
-            if !report.tones.is_empty() {
-                page = page.section("Tones of the cut").table(&tones(report));
-            }
+        Ok(diagnosis) => judged(page, diagnosis, report),
+    };
+    if report.notes.is_empty() {
+        return page;
+    }
+    page.section("What was done with the data").list(&report.notes)
+}
+
+fn judged(page: Page, diagnosis: &Diagnosis, report: &Report) -> Page {
+    let word = report.verdict.replace('_', " ");
+    let mut page = page
+        .verdict(tone(report), &word, &sentence(diagnosis, report))
+        .numbers(numbers(report))
+        .figure(
+            "How far the signal is from where it is quiet: air and cut.",
+            &level(diagnosis, report),
+        );
+    page = page.next(
+        report
+            .next_experiment
+            .as_deref()
+            .unwrap_or("Nothing to change. Record again when the cut sounds different."),
+        None,
+    );
+    let sentences: Vec<&str> = report.findings.iter().map(|told| told.says.as_str()).collect();
+    if !sentences.is_empty() {
+        page = page.section("What was found").list(&sentences);
+        page = page.table(&tables::findings(report)).table(&tables::parameters(report));
+    }
+    if let Some(rest) = &report.unexplained {
+        page = page.note(Tone::Caution, "Not explained", &rest.says);
+    }
+    if let Ok(compared) = &diagnosis.compared {
+        page = cut::figures(page, compared);
+        if !report.not_tested.is_empty() {
+            let open = |one: &NotTested| format!("{}: {}", one.effect.replace('_', " "), one.why);
+            let open: Vec<String> = report.not_tested.iter().map(open).collect();
+            page = page.section("What this recording could not show").list(&open);
         }
     }
-    if !report.notes.is_empty() {
-        page = page.section("What was done with the data").list(&report.notes);
+    page = page.section("Air and cut").table(&phases(report));
+    if !report.tones.is_empty() {
+        page = page
+            .section("Tones of the cut")
+            .figure("Amplitude of each tone in the cut and in air.", &tones_drawn(report))
+            .table(&tones(report));
     }
-    page.footer(made_by("diagnose")).render()
+    page
+}
+
+fn sentence(diagnosis: &Diagnosis, report: &Report) -> String {
+    match &diagnosis.compared {
+        Ok(_) => format!(
+            "Compared with the stated cut, the force is off by {} {unit} as stated and by {} {unit} with what was found (root mean square); the tool: {}.",
+            tables::rms(report.heldout_rms_before),
+            tables::rms(report.heldout_rms_after),
+            report.heldout,
+            unit = report.unit,
+        ),
+        Err(_) => {
+            let found = report.findings.first().map(|told| format!("{} ", told.says));
+            format!("{}The tool: {}.", found.unwrap_or_default(), report.heldout)
+        }
+    }
+}
+
+fn numbers(report: &Report) -> Vec<Number> {
+    let mut numbers = vec![Number::text("Findings", report.findings.len().to_string())];
+    let held = report.heldout_rms_before.zip(report.heldout_rms_after);
+    numbers.extend(held.into_iter().flat_map(|(before, after)| {
+        let rms = "root mean square";
+        [
+            Number::new("As stated, off by", before, report.unit).note(rms),
+            Number::new("With what was found", after, report.unit).note(rms),
+        ]
+    }));
+    if let Some(loudest) = report.tones.iter().max_by(|a, b| a.amplitude.total_cmp(&b.amplitude)) {
+        let note =
+            format!("{} {}; {}", significant(loudest.amplitude, 3), report.unit, loudest.cause);
+        numbers.push(Number::new("Loudest tone", loudest.frequency_Hz, "Hz").note(note));
+    }
+    numbers
+}
+
+fn level(diagnosis: &Diagnosis, report: &Report) -> Svg {
+    let stride = diagnosis.level.len().div_ceil(POINTS).max(1);
+    let points: Vec<(f64, f64)> = diagnosis.level.iter().step_by(stride).copied().collect();
+    let plot = Plot::new("Level", Axis::new("Time", "s"), Axis::new("Level", report.unit).log())
+        .series(Series::line("distance from rest, swing included", points));
+    let phases = report.phases.iter().skip(1);
+    phases.fold(plot, |plot, phase| plot.mark_x(phase.from_s, phase.state)).render()
+}
+
+fn tones_drawn(report: &Report) -> Svg {
+    let bars = Bars::new("Tones of the cut", Axis::new("Amplitude", report.unit))
+        .groups(["in the cut", "in air"]);
+    let shown = report.tones.iter().take(TONES);
+    shown
+        .fold(bars, |bars, tone| {
+            let name = format!("{} Hz, {}", significant(tone.frequency_Hz, 4), tone.cause);
+            bars.row(name, [tone.amplitude, tone.amplitude_in_air])
+        })
+        .render()
 }
 
 fn phases(report: &Report) -> Table {

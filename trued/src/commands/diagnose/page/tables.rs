@@ -2,6 +2,8 @@
 
 use report::{Column, Table, significant};
 
+use crate::drawn::{self, OfJoint};
+
 use crate::commands::diagnose::told::{Alternative, Interval, Report, Told, Value};
 
 /// Where a number is not computed.
@@ -17,6 +19,21 @@ pub(super) fn findings(report: &Report) -> Table {
 
 pub(super) fn candidates(report: &Report) -> Table {
     table(format!("Candidates, {}", report.unit), &report.candidates)
+}
+
+/// What each finding does to what was measured.
+pub(super) fn sizes(report: &Report) -> Vec<OfJoint> {
+    let size = |told: &Told| {
+        let size = told.size.as_ref()?.rms;
+        Some(OfJoint { effect: told.effect.replace('_', " "), joint: told.joint, size })
+    };
+    report.findings.iter().filter_map(size).collect()
+}
+
+/// The same by effect and joint.
+pub(super) fn by_joint(report: &Report, joints: usize) -> Table {
+    let caption = format!("What each finding does, root mean square, {}", report.unit);
+    drawn::by_joint(&caption, joints, &sizes(report))
 }
 
 fn table(title: String, all: &[Told]) -> Table {

@@ -1,0 +1,126 @@
+//! What a curve, dot or bar stands for, and how that looks: one colour, one dash and one marker for one role on every page.
+//!
+//! Colour never stands alone: a line has a dash beside it, a dot a shape. Colours are in `style.css`, for light, dark and print.
+
+use crate::canvas::Px;
+
+/// What something drawn stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Role {
+    /// As it was given, or what the others are compared with.
+    Before,
+    /// After a calibration, before what else was found.
+    Calibrated,
+    /// With what was found; with correction.
+    After,
+    /// The truth, where it is known.
+    Truth,
+    /// None of these: signals, axes, channels; told apart by their order.
+    #[default]
+    Other,
+}
+
+/// Colours of what has no role of its own.
+const OTHERS: usize = 8;
+/// Dashes and markers that are told apart.
+const SHAPES: usize = 4;
+
+/// How one thing is drawn: by its role, and among those without one by its place.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Look {
+    pub(crate) role: Role,
+    pub(crate) place: usize,
+}
+
+impl Look {
+    /// The looks of several, in their order.
+    pub(crate) fn each(roles: impl IntoIterator<Item = Role>) -> Vec<Self> {
+        let mut others = 0;
+        let look = |role| {
+            let place = others;
+            others += usize::from(role == Role::Other);
+            Self { role, place }
+        };
+        roles.into_iter().map(look).collect()
+    }
+
+    /// The class of its colour.
+    pub(crate) fn colour(self) -> String {
+        match self.role {
+            Role::Before => "before".to_owned(),
+            Role::Calibrated => "calibrated".to_owned(),
+            Role::After => "after".to_owned(),
+            Role::Truth => "truth".to_owned(),
+            Role::Other => format!("c{}", self.place % OTHERS + 1),
+        }
+    }
+
+    fn shape(self) -> usize {
+        match self.role {
+            Role::After => 0,
+            Role::Before => 1,
+            Role::Truth => 2,
+            Role::Calibrated => 3,
+            // Eight colours, then the same again in the next shape.
+            Role::Other => (self.place + self.place / OTHERS) % SHAPES,
+        }
+    }
+
+    /// The classes of a line in its colour and dash.
+    pub(crate) fn line(self) -> String {
+        format!("line {} d{}", self.colour(), self.shape())
+    }
+
+    /// The classes of dots in its colour.
+    pub(crate) fn dots(self) -> String {
+        format!("dots {} m{}", self.colour(), self.shape())
+    }
+
+    /// The path of a marker around a point: a dot, an upright, a level or a slanting stroke. Short, as there are thousands of them.
+    pub(crate) fn marker(self, (x, y): (f64, f64)) -> String {
+        match self.shape() {
+            0 => format!("M{} {}h0", Px(x), Px(y)),
+            1 => format!("M{} {}v5", Px(x), Px(y - 2.5)),
+            2 => format!("M{} {}h5", Px(x - 2.5), Px(y)),
+            _ => format!("M{} {}l4 4", Px(x - 2.0), Px(y - 2.0)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NAMED: [Role; 4] = [Role::Before, Role::Calibrated, Role::After, Role::Truth];
+
+    #[test]
+    fn a_role_looks_the_same_wherever_it_stands() {
+        let first = Look::each([Role::After, Role::Other, Role::Other]);
+        let last = Look::each([Role::Other, Role::Before, Role::Other, Role::After]);
+        assert_eq!(
+            (first[0].line(), first[0].dots(), first[0].marker((1.0, 2.0))),
+            (last[3].line(), last[3].dots(), last[3].marker((1.0, 2.0)))
+        );
+        assert_eq!(first[2].colour(), last[2].colour(), "the second of those without a role");
+    }
+
+    #[test]
+    fn roles_differ_in_colour_in_dash_and_in_marker() {
+        let looks = Look::each(NAMED);
+        for (i, one) in looks.iter().enumerate() {
+            for other in &looks[..i] {
+                assert_ne!(one.colour(), other.colour());
+                assert_ne!(one.shape(), other.shape());
+                assert_ne!(one.marker((0.0, 0.0)), other.marker((0.0, 0.0)));
+            }
+        }
+    }
+
+    #[test]
+    fn what_has_no_role_never_takes_the_colour_of_one() {
+        let named: Vec<String> = Look::each(NAMED).iter().map(|look| look.colour()).collect();
+        let others = Look::each([Role::Other; 20]);
+        assert!(others.iter().all(|look| !named.contains(&look.colour())));
+        assert_ne!(others[0].line(), others[8].line(), "the same colour again has another dash");
+    }
+}

@@ -1,0 +1,88 @@
+//! The page of `trued plan --out`: what the poses bring, each of them drawn, and what was not looked at.
+//!
+//! Never: a number that the JSON does not hold.
+
+use physics::Joints;
+use report::{ArmPoses, Cell, Column, Number, Page, Svg, Table, Tone};
+
+use super::Input;
+use super::told::joints;
+use crate::drawn::places;
+
+/// The file beside the programs.
+pub(super) const PAGE: &str = "plan.html";
+/// Poses of one drawing: as many as one sheet of paper has room for.
+const DRAWN: usize = 12;
+
+/// What is said of the poses.
+pub(super) struct Sheet<'a> {
+    pub(super) word: String,
+    pub(super) sentence: String,
+    pub(super) numbers: Vec<Number>,
+    /// Each with its name.
+    pub(super) poses: Vec<(String, Joints)>,
+    pub(super) details: Vec<Table>,
+    /// What stays open, and what was not looked at.
+    pub(super) open: Vec<String>,
+    /// What to do with the poses, and by which command what was measured is looked at.
+    pub(super) next: (&'a str, String),
+}
+
+/// The whole page.
+pub(super) fn render(input: &Input, sheet: &Sheet<'_>) -> Page {
+    let arm = &input.model.physics.arm;
+    let drawn = sheet
+        .poses
+        .iter()
+        .fold(ArmPoses::new("Poses"), |all, (name, q)| all.pose(name.clone(), places(arm, q)));
+    let part = |from: usize| -> Svg { drawn.render_part(from..from + DRAWN) };
+    let caption = |from: usize| {
+        let to = (from + DRAWN).min(sheet.poses.len());
+        let places = if to - from == 1 {
+            format!("Pose {to}")
+        } else {
+            format!("Poses {} to {to}", from + 1)
+        };
+        format!(
+            "{places} of {}, each from the side (left) and from above (right); red: the tool.",
+            sheet.poses.len()
+        )
+    };
+    let mut page = Page::new(format!("Poses for {}", input.model.file.name))
+        .kicker("trued plan")
+        .robot(input.model.file.identity().to_string())
+        .verdict(Tone::Plain, &sheet.word, &sheet.sentence)
+        .numbers(sheet.numbers.clone())
+        .figure(&caption(0), &part(0))
+        .next(sheet.next.0, Some(&sheet.next.1));
+    if sheet.poses.len() > DRAWN {
+        page = page.section("The other poses");
+        let starts = (DRAWN..sheet.poses.len()).step_by(DRAWN);
+        page = starts.fold(page, |page, from| page.figure(&caption(from), &part(from)));
+    }
+    page = page.section("Joint positions").table(&positions(input, sheet));
+    page = sheet.details.iter().fold(page, Page::table);
+    page.section("What stays open, and what was not looked at").list(&sheet.open)
+}
+
+fn positions(input: &Input, sheet: &Sheet<'_>) -> Table {
+    let named = sheet.poses.iter().map(|(name, q)| (name, joints(&input.model, q)));
+    let mut table: Option<Table> = None;
+    for (name, positions) in named {
+        let heads = positions.keys().map(|key| match key.rsplit_once('_') {
+            Some((joint, unit)) => Column::new(format!("{joint} ({unit})")).digits(4),
+            None => Column::new(key.clone()),
+        });
+        let heads = std::iter::once(Column::new("Pose")).chain(heads);
+        let start = || Table::new("Joint positions, as the controller shows them", heads);
+        let cells = positions.values().map(|x| Cell::from(x.as_f64().unwrap_or(f64::NAN)));
+        let row = std::iter::once(Cell::from(name.as_str())).chain(cells);
+        table = Some(table.take().unwrap_or_else(start).row(row));
+    }
+    table.unwrap_or_else(|| Table::new("No pose", ["Pose"]))
+}
+
+/// Poses with numbers for names.
+pub(super) fn numbered(poses: &[Joints]) -> Vec<(String, Joints)> {
+    poses.iter().enumerate().map(|(place, q)| (format!("pose {}", place + 1), *q)).collect()
+}

@@ -1,0 +1,157 @@
+//! What pages of several commands draw alike: the arm with errors at its tool, what each effect does, effects by joint.
+//!
+//! Never: a number of its own but means of errors over the readings of a pose.
+
+use std::collections::BTreeMap;
+
+use diagnosis::{Campaign, Fit, Reading};
+use glam::DVec3;
+use physics::{Arm, Chain, Joints};
+use report::{ArmPicture, Axis, Bars, Cell, Column, Point, Role, Svg, Table, ToolError};
+
+/// Joints whose effects do at least this share of what those of the most guilty joint do are lit.
+const LIT: f64 = 0.3;
+/// So small a part of the largest is nothing.
+const NOTHING: f64 = 1e-3;
+/// Bars of a ranking at most.
+const RANKED: usize = 12;
+
+/// How one thing that was found compares: its name, and what it does.
+pub(crate) struct Ranked {
+    pub(crate) name: String,
+    /// In the unit of the ranking; none where it is not known.
+    pub(crate) size: Option<f64>,
+}
+
+/// An effect of one joint, or of the whole robot.
+pub(crate) struct OfJoint {
+    pub(crate) effect: String,
+    /// From 1.
+    pub(crate) joint: Option<usize>,
+    pub(crate) size: f64,
+}
+
+/// The places of an arm's joints from the base on, and of its tool last; base frame, m.
+pub(crate) fn places(arm: &Arm, q: &Joints) -> Vec<Point> {
+    let chain = Chain::nominal(arm, q);
+    let joints = (0..arm.count()).map(|joint| chain.point(joint).to_array());
+    joints.chain([Chain::tool_at(arm, q).origin.to_array()]).collect()
+}
+
+/// Errors of measured points by two fits, of the poses that are `wanted`: one for each pose, the mean of its points.
+pub(crate) fn tool_errors(
+    campaign: &Campaign,
+    arm: &Arm,
+    fits: [&Fit; 2],
+    wanted: impl Fn(usize) -> bool,
+) -> Vec<ToolError> {
+    let [before, after] = fits.map(|fit| by_pose(campaign, fit));
+    let error = |(pose, before): (&usize, &DVec3)| {
+        let q = &campaign.poses.get(*pose)?.inputs.q;
+        let after = after.get(pose)?.to_array();
+        let at = Chain::tool_at(arm, q).origin.to_array();
+        Some(ToolError { at, before: before.to_array(), after })
+    };
+    before.iter().filter(|(pose, _)| wanted(**pose)).filter_map(error).collect()
+}
+
+/// The mean error of the points that were measured in each pose, base axes, m.
+fn by_pose(campaign: &Campaign, fit: &Fit) -> BTreeMap<usize, DVec3> {
+    let readings: Vec<&Reading> =
+        campaign.poses.iter().flat_map(|pose| &pose.seen).map(|seen| &seen.reading).collect();
+    let mut sums: BTreeMap<usize, (DVec3, f64)> = BTreeMap::new();
+    for off in fit.off(campaign) {
+        let Some(Reading::Point { frame, .. }) = readings.get(off.reading) else { continue };
+        let Some(station) = fit.surroundings.frames.get(*frame) else { continue };
+        let turn = station.value.measuring_from_base.rotation;
+        let sum = sums.entry(off.pose).or_default();
+        *sum = (sum.0 + turn.transpose() * off.off, sum.1 + 1.0);
+    }
+    sums.into_iter().map(|(pose, (sum, count))| (pose, sum / count)).collect()
+}
+
+/// The arm in the measured pose that lies most in the middle, with the errors at its tool; none where no point was measured. `lit`: joints from 0.
+pub(crate) fn arm_with_errors(
+    arm: &Arm,
+    campaign: &Campaign,
+    errors: &[ToolError],
+    lit: &[usize],
+) -> Option<(Svg, f64)> {
+    let count = errors.len() as f64;
+    let middle: DVec3 = errors.iter().map(|one| DVec3::from_array(one.at)).sum::<DVec3>() / count;
+    let away = |q: &Joints| Chain::tool_at(arm, q).origin.distance_squared(middle);
+    let poses = campaign.poses.iter().map(|pose| &pose.inputs.q);
+    let q = poses.min_by(|a, b| away(a).total_cmp(&away(b))).filter(|_| !errors.is_empty())?;
+    let mut places = places(arm, q);
+    let tool = places.pop()?;
+    let start = ArmPicture::new("Errors at the tool, before and after", tool);
+    let joints = places.into_iter().enumerate();
+    let picture = joints.fold(start, |picture, (joint, at)| {
+        picture.joint((joint + 1).to_string(), at, lit.contains(&joint))
+    });
+    let picture = picture.errors(errors.iter().copied());
+    Some((picture.render(), picture.magnified()))
+}
+
+/// Joints, from 0, whose effects do most together: at least [`LIT`] of what those of the most guilty one do.
+pub(crate) fn guilty(joints: usize, found: &[OfJoint]) -> Vec<usize> {
+    let mut sums = vec![0.0_f64; joints];
+    for one in found {
+        if let Some(sum) = one.joint.and_then(|joint| sums.get_mut(joint - 1)) {
+            *sum = sum.hypot(one.size);
+        }
+    }
+    let most = sums.iter().copied().fold(0.0, f64::max);
+    let sums = sums.into_iter().enumerate();
+    sums.filter(|(_, sum)| most > 0.0 && *sum >= LIT * most).map(|(joint, _)| joint).collect()
+}
+
+/// What each of those found does, the largest first; none where of none it is known.
+pub(crate) fn ranking(
+    title: &str,
+    axis: Axis,
+    found: impl IntoIterator<Item = Ranked>,
+) -> Option<Svg> {
+    let mut known: Vec<(String, f64)> =
+        found.into_iter().filter_map(|one| Some((one.name, one.size?))).collect();
+    known.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let bars = Bars::new(title, axis).roles([Role::After]);
+    let shown = known.iter().take(RANKED);
+    (!known.is_empty())
+        .then(|| shown.fold(bars, |bars, (name, size)| bars.row(name, [*size])).render())
+}
+
+/// Effects in rows, joints in columns; the effect that does most in all joints together first.
+pub(crate) fn by_joint(caption: &str, joints: usize, found: &[OfJoint]) -> Table {
+    let mut rows: Vec<(&str, Vec<f64>)> = Vec::new();
+    for one in found {
+        let column = one.joint.unwrap_or(joints + 1) - 1;
+        let row = match rows.iter().position(|(effect, _)| *effect == one.effect) {
+            Some(row) => row,
+            None => {
+                rows.push((&one.effect, vec![f64::NAN; joints + 1]));
+                rows.len() - 1
+            }
+        };
+        if let Some(cell) = rows.get_mut(row).and_then(|(_, cells)| cells.get_mut(column)) {
+            let before = if cell.is_nan() { 0.0 } else { *cell };
+            *cell = before.hypot(one.size);
+        }
+    }
+    let all = |cells: &[f64]| cells.iter().filter(|x| !x.is_nan()).map(|x| x * x).sum::<f64>();
+    rows.sort_by(|a, b| all(&b.1).total_cmp(&all(&a.1)));
+    let robot = rows.iter().any(|(_, cells)| cells.last().is_some_and(|last| !last.is_nan()));
+    let heads = (1..=joints).map(|joint| format!("Joint {joint}"));
+    let heads = std::iter::once("Effect".to_owned()).chain(heads);
+    let heads =
+        heads.chain(robot.then(|| "Robot".to_owned())).map(|head| Column::new(head).digits(2));
+    let largest = rows.iter().flat_map(|(_, cells)| cells).copied().fold(0.0, f64::max);
+    rows.into_iter().fold(Table::new(caption, heads), |table, (effect, cells)| {
+        let cell = |size: f64| match size {
+            size if size.is_nan() => Cell::Text(String::new()),
+            size if size < NOTHING * largest => Cell::Number(0.0),
+            size => Cell::Number(size),
+        };
+        table.row(std::iter::once(Cell::from(effect)).chain(cells.into_iter().map(cell)))
+    })
+}

@@ -1,0 +1,116 @@
+//! Text for a terminal's width: long lines are broken between words and hang under where they began.
+//!
+//! Only for terminals: what goes to a pipe or a file keeps its lines, so that programs can read them.
+
+use std::io;
+
+use terminal_size::{Width, terminal_size_of};
+
+/// Lines are no longer than this, however wide the terminal is: longer ones are hard to read.
+const WIDEST: usize = 100;
+/// Narrower than this nothing is broken: it would not be read anyway.
+const NARROWEST: usize = 30;
+/// How far a broken line hangs under its beginning.
+const HANG: usize = 2;
+
+/// How many columns standard output has; none where it is no terminal.
+pub(crate) fn columns_of_stdout() -> Option<usize> {
+    terminal_size_of(io::stdout()).map(|(Width(columns), _)| usize::from(columns))
+}
+
+/// The text with lines of at most `columns`; single words that are longer stay whole.
+pub(crate) fn wrapped(text: &str, columns: usize) -> String {
+    if columns < NARROWEST {
+        return text.to_owned();
+    }
+    let columns = columns.min(WIDEST);
+    let lines: Vec<String> = text.split('\n').map(|line| broken(line, columns)).collect();
+    lines.join("\n")
+}
+
+fn broken(line: &str, columns: usize) -> String {
+    if width(line) <= columns {
+        return line.to_owned();
+    }
+    let hang = hang(line, columns);
+    let mut text = String::new();
+    let mut at = 0;
+    let mut is_first = true;
+    for word in line.split(' ') {
+        let gap = usize::from(!is_first);
+        if !is_first && at > hang && !word.is_empty() && at + gap + width(word) > columns {
+            text = text.trim_end_matches(' ').to_owned();
+            text.push('\n');
+            text += &" ".repeat(hang);
+            at = hang + width(word);
+        } else {
+            text += &" ".repeat(gap);
+            at += gap + width(word);
+        }
+        text += word;
+        is_first = false;
+    }
+    text
+}
+
+/// Where the lines after the first begin: under the words that follow a label and two spaces, else a little to the right.
+fn hang(line: &str, columns: usize) -> usize {
+    let indent = line.chars().take_while(|c| *c == ' ').count();
+    let rest: Vec<char> = plain(line).chars().skip(indent).collect();
+    let label = rest.windows(2).position(|pair| pair == [' ', ' ']);
+    let column = label.map(|label| {
+        let spaces = rest.iter().skip(label).take_while(|c| **c == ' ').count();
+        indent + label + spaces
+    });
+    column.filter(|column| *column <= columns / 3).unwrap_or(indent + HANG)
+}
+
+/// Characters that take a place; colours take none.
+fn width(text: &str) -> usize {
+    plain(text).chars().count()
+}
+
+/// Without the escape sequences of colours.
+fn plain(text: &str) -> String {
+    let mut plain = String::with_capacity(text.len());
+    let mut is_escape = false;
+    for character in text.chars() {
+        match character {
+            '\u{1b}' => is_escape = true,
+            'm' if is_escape => is_escape = false,
+            _ if is_escape => {}
+            _ => plain.push(character),
+        }
+    }
+    plain
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_line_is_longer_than_the_terminal_and_no_word_is_lost() {
+        let text = "  A sentence that is much longer than forty columns, with a number of 12.5\u{a0}mm in it.\nshort";
+        let wrapped = wrapped(text, 40);
+        assert!(wrapped.lines().all(|line| line.chars().count() <= 40), "{wrapped}");
+        assert!(wrapped.lines().skip(1).take(2).all(|line| line.starts_with("    ")), "{wrapped}");
+        let words = |text: &str| {
+            text.split([' ', '\n']).filter(|w| !w.is_empty()).map(str::to_owned).collect::<Vec<_>>()
+        };
+        assert_eq!(words(&wrapped), words(text));
+    }
+
+    #[test]
+    fn what_follows_a_label_hangs_under_itself() {
+        let line = "sensor    a fault that is told in a sentence of more than fifty characters";
+        let wrapped = wrapped(line, 50);
+        assert!(wrapped.lines().skip(1).all(|line| line.starts_with("          ")), "{wrapped}");
+    }
+
+    #[test]
+    fn colours_take_no_room() {
+        let line = format!("\u{1b}[1mhead\u{1b}[0m: {}", "word ".repeat(8).trim_end());
+        assert_eq!(wrapped(&line, 48), line);
+    }
+}
