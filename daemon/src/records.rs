@@ -1,6 +1,6 @@
 //! What travels in shared memory as the messages of recordings and live views.
 
-use recording::blackbox::{Few, StatusRecord, VerdictRecord};
+use recording::blackbox::{StatusRecord, VerdictRecord};
 use shm_schema::{
     Health, JOINTS_MAX, Mode, Status, Verdict, VibrationClass, VibrationState, channel_name,
 };
@@ -9,7 +9,7 @@ use shm_schema::{
 #[must_use]
 pub fn status(status: &Status) -> StatusRecord {
     let count = (status.joints as usize).min(JOINTS_MAX);
-    let joints = |all: &[f64; JOINTS_MAX]| Few::of(&all[..count]);
+    let joints = |all: &[f64; JOINTS_MAX]| all[..count].to_vec();
     StatusRecord {
         t_ns: status.t_ns,
         health: status.health().map_or("", Health::name).to_owned(),

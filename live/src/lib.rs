@@ -86,9 +86,9 @@ impl Live {
         let stop = Arc::new(AtomicBool::new(false));
         let watch = Arc::new(Watch::default());
         let web = web::Server::listen(settings.http, settings.access.clone())?;
-        let foxglove = settings.foxglove.map(|address| {
-            foxglove::Server::listen(address, cell, settings.access.clone())
-        });
+        let foxglove = settings
+            .foxglove
+            .map(|address| foxglove::Server::listen(address, cell, settings.access.clone()));
         let foxglove = foxglove.transpose()?;
         let (http, stream) = (web.address(), foxglove.as_ref().map(foxglove::Server::address));
         let mut live = Self { http, foxglove: stream, stop, threads: Vec::new() };

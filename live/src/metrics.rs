@@ -37,7 +37,11 @@ impl Collector for Cell {
     fn encode(&self, encoder: DescriptorEncoder<'_>) -> fmt::Result {
         let mut metrics = Metrics { cell: &self.name, encoder };
         let there = self.report.as_ref().filter(|report| report.away.is_none());
-        metrics.gauge("up", "1 where the daemon of the cell answers", f64::from(u8::from(there.is_some())))?;
+        metrics.gauge(
+            "up",
+            "1 where the daemon of the cell answers",
+            f64::from(u8::from(there.is_some())),
+        )?;
         let Some(report) = there else { return Ok(()) };
         metrics.state(report)?;
         metrics.correction(report)?;
@@ -61,15 +65,9 @@ const MODES: [&str; 3] = ["shadow", "limited", "full"];
 const RECORDER: [&str; 4] = ["off", "recording", "dropping", "failed"];
 
 impl Metrics<'_, '_> {
-    fn put(
-        &mut self,
-        name: &str,
-        help: &str,
-        values: &[(Option<Label<'_>>, f64)],
-    ) -> fmt::Result {
+    fn put(&mut self, name: &str, help: &str, values: &[(Option<Label<'_>>, f64)]) -> fmt::Result {
         let gauge = ConstGauge::new(0.0);
-        let mut metric =
-            self.encoder.encode_descriptor(name, help, None, gauge.metric_type())?;
+        let mut metric = self.encoder.encode_descriptor(name, help, None, gauge.metric_type())?;
         for (label, value) in values {
             let labels: Vec<Label<'_>> =
                 std::iter::once(("cell", self.cell)).chain(*label).collect();
@@ -84,8 +82,7 @@ impl Metrics<'_, '_> {
 
     fn counter(&mut self, name: &str, help: &str, value: u64) -> fmt::Result {
         let counter = ConstCounter::new(value);
-        let mut metric =
-            self.encoder.encode_descriptor(name, help, None, counter.metric_type())?;
+        let mut metric = self.encoder.encode_descriptor(name, help, None, counter.metric_type())?;
         counter.encode(metric.encode_family(&[("cell", self.cell)])?)
     }
 
@@ -102,12 +99,28 @@ impl Metrics<'_, '_> {
         self.words("mode", "1 for the mode that the cell is in", &MODES, report.mode)?;
         self.words("recorder", "1 for the state of the recorder", &RECORDER, report.recorder)?;
         let flag = |is: bool| f64::from(u8::from(is));
-        self.gauge("bypassed", "1 where the correction was taken out on request", flag(report.bypassed))?;
+        self.gauge(
+            "bypassed",
+            "1 where the correction was taken out on request",
+            flag(report.bypassed),
+        )?;
         self.gauge("uptime_seconds", "Time since the daemon's start", report.uptime_s)?;
-        self.gauge("status_age_seconds", "Age of the status that these figures are of", report.age_s)?;
+        self.gauge(
+            "status_age_seconds",
+            "Age of the status that these figures are of",
+            report.age_s,
+        )?;
         let model = &report.model;
-        self.gauge("model_epoch", "Counts the models since the daemon's start", model.epoch as f64)?;
-        self.gauge("model_holds", "0 where measurements of the tool contradict the model", flag(model.holds))?;
+        self.gauge(
+            "model_epoch",
+            "Counts the models since the daemon's start",
+            model.epoch as f64,
+        )?;
+        self.gauge(
+            "model_holds",
+            "0 where measurements of the tool contradict the model",
+            flag(model.holds),
+        )?;
         let name = "model_residual_meters";
         let help = "How far the last measurements of the tool were from the model, RMS";
         if model.residual_mm.is_finite() {
@@ -174,7 +187,11 @@ impl Metrics<'_, '_> {
         self.gauge("vibration_line", "1 while a line of the force spectrum is reported", line)?;
         let rpm = report.vibration.spindle_rpm;
         if rpm.is_finite() {
-            self.gauge("spindle_hertz", "Spindle speed that the vibration watch goes by", rpm / 60.0)?;
+            self.gauge(
+                "spindle_hertz",
+                "Spindle speed that the vibration watch goes by",
+                rpm / 60.0,
+            )?;
         }
         let stale = report.stale_temperatures.len() as f64;
         self.gauge("stale_temperatures", "Temperatures that are too old to be used", stale)
@@ -188,7 +205,8 @@ mod tests {
     use shm_schema::{Mode, Status};
 
     fn report(away: Option<&str>) -> Report {
-        let mut status = Status { joints: 2, mode: Mode::Full.code(), cycles: 12, ..Status::default() };
+        let mut status =
+            Status { joints: 2, mode: Mode::Full.code(), cycles: 12, ..Status::default() };
         status.correction[..2].copy_from_slice(&[1e-3, -2e-3]);
         status.bounds.angle[..2].copy_from_slice(&[2e-3, 4e-3]);
         status.latency_p99_ns = 25_000;

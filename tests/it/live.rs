@@ -93,7 +93,10 @@ fn page_status_and_metrics_show_a_bypass_and_the_end_of_the_daemon_and_its_retur
     (0..200).for_each(|_| drop(robot.tick()));
     let (head, page) = view.get("/");
     assert!(head.starts_with("HTTP/1.1 200") && head.contains("text/html"), "{head}");
-    assert!(!page.contains("http://") && !page.contains("https://"), "the page needs no other host");
+    assert!(
+        !page.contains("http://") && !page.contains("https://"),
+        "the page needs no other host"
+    );
     let _ = within(|| view.status()["counts"]["commands"].as_u64().is_some_and(|n| n >= 200));
     let status = view.status();
     let largest = |status: &Value| {
@@ -113,7 +116,11 @@ fn page_status_and_metrics_show_a_bypass_and_the_end_of_the_daemon_and_its_retur
     daemon.kill();
     let _ = within(|| !view.status()["away"].is_null());
     assert_eq!(view.metric("trued_up"), Some(0.0));
-    assert_eq!(view.metric("trued_commands_total"), None, "no last value that looks like a present one");
+    assert_eq!(
+        view.metric("trued_commands_total"),
+        None,
+        "no last value that looks like a present one"
+    );
     let _daemon = Process::ready_daemon(TRUED, &place);
     let _ = within(|| view.status()["away"].is_null() && view.metric("trued_up") == Some(1.0));
     assert_eq!(view.status()["bypassed"], false);
@@ -183,7 +190,9 @@ fn what_stalls_garbles_or_kills_the_view_is_not_noticed_by_the_cell() {
     let mut robot = CellLoop::join(&place.cell(), LIMIT).expect("a daemon");
     let mut view = View::of(&place);
     let mut wild = Vec::new();
-    for bytes in [&b"\0\xff\xfe\r\n\r\n"[..], b"GET", b"POST /status HTTP/1.1\r\n\r\n", &[b'x'; 100_000]] {
+    for bytes in
+        [&b"\0\xff\xfe\r\n\r\n"[..], b"GET", b"POST /status HTTP/1.1\r\n\r\n", &[b'x'; 100_000]]
+    {
         for address in [view.http, view.foxglove] {
             let mut stream = TcpStream::connect(address).expect("a server");
             let _ = stream.write_all(bytes);

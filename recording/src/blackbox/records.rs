@@ -206,9 +206,9 @@ message! {
         /// The largest.
         latency_max_ns: u64,
         /// The last command, rad or m.
-        q_command: Few<JOINTS_MAX>,
+        q_command: Vec<f64>,
         /// The correction allowed for it, rad or m.
-        correction: Few<JOINTS_MAX>,
+        correction: Vec<f64>,
     }
 }
 

@@ -57,7 +57,10 @@ impl LiveOf {
         let access = token.map_or(Access::Everybody, Access::Token);
         let settings = Settings { http: self.listen, foxglove: Some(self.foxglove), access };
         let live = Live::start(cell, monitor, &settings).map_err(Failure::system)?;
-        console.say(format!("cell `{cell}`: page http://{0}/, metrics http://{0}/metrics", live.http))?;
+        console.say(format!(
+            "cell `{cell}`: page http://{0}/, metrics http://{0}/metrics",
+            live.http
+        ))?;
         if let Some(address) = live.foxglove {
             console.say(format!("Foxglove and PlotJuggler: ws://{address}"))?;
         }
