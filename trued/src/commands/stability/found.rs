@@ -12,6 +12,9 @@ use crate::exit::Failure;
 /// Directions of feed over a whole turn.
 const DIRECTIONS: usize = 72;
 
+/// A limit that reaches this part of the largest is as good.
+const ALIKE: f64 = 0.995;
+
 /// Everything that is told of a cut.
 pub(super) struct Found {
     pub(super) file: CutFile,
@@ -67,7 +70,7 @@ impl Found {
             spindle_rpm,
             depth_m: limit.map_or(deepest_m, |limit| limit.depth_m) / (1.0 + file.margin),
             turned: least_turn(&directions, wanted_m),
-            best: directions.iter().copied().max_by(|a, b| deepest(a).total_cmp(&deepest(b))),
+            best: best(&directions),
         };
         let rings_hz = (!is_stable).then(|| stability.chatter_hz(rpm, multiplier));
         Ok(Self {
@@ -99,6 +102,12 @@ pub(super) fn holds(limit: Option<Limit>, depth_m: f64) -> bool {
 
 fn deepest(one: &Turned) -> f64 {
     one.limit.map_or(f64::INFINITY, |limit| limit.depth_m)
+}
+
+/// The direction with the largest limit; of several with about the same, the one that turns the feed least.
+fn best(directions: &[Turned]) -> Option<Turned> {
+    let most_m = directions.iter().map(deepest).fold(0.0, f64::max);
+    least_turn(directions, ALIKE * most_m)
 }
 
 /// Of the directions that bear a depth, the one that turns the feed least.

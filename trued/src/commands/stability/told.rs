@@ -189,16 +189,16 @@ pub(super) fn verdict(found: &Found) -> String {
         return format!("not stable: chatter at {}", at(found.chatter_hz));
     }
     let Some(limit) = found.limit else { return "stable".to_owned() };
-    let part = limit.depth_m / found.file.cut.axial_depth_m - 1.0;
-    if part < 0.0 {
-        return "stable, in a pocket above the least limit of its speed".to_owned();
-    }
+    let times = limit.depth_m / found.file.cut.axial_depth_m;
+    let far = match times {
+        _ if times < 1.0 => {
+            return "stable, in a pocket above the least limit of its speed".to_owned();
+        }
+        _ if times < 2.0 => format!("{} % above this depth", significant(100.0 * (times - 1.0), 2)),
+        _ => format!("{} times this depth", significant(times, 2)),
+    };
     let near = if found.nearest.is_present { "" } else { ", less than the margin" };
-    let percent = significant(100.0 * part, 2);
-    format!(
-        "stable: {percent} % of depth below the limit{near}, where chatter at {} begins",
-        at(found.chatter_hz)
-    )
+    format!("stable: the limit is {far}{near}; chatter would begin at {}", at(found.chatter_hz))
 }
 
 fn limit(found: &Found) -> String {

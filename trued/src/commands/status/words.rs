@@ -1,8 +1,8 @@
 //! A status as lines for a terminal.
 
 use super::report::Report;
+use crate::table::wrapped;
 
-/// Columns of a terminal that everybody has.
 /// Columns of the names on the left.
 const INDENT: usize = 10;
 /// A status that is older than this says nothing of now, s: one comes every 40 ms.
