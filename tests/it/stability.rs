@@ -90,6 +90,24 @@ fn modes_of_a_tap_test_are_taken_and_one_without_direction_is_refused() {
 }
 
 #[test]
+fn where_a_recorded_cut_chatters_the_prediction_stands_beside_the_advice() {
+    let place = example();
+    place.file("run.csv", &crate::spectrum::tones(2000.0).csv());
+    let told = ["--spindle-rpm", "2400", "--teeth", "2", "--model", "irb1600-6-145-thesis"];
+    let run = |more: &[&str]| {
+        let all = [&["spectrum", "run.csv", "--json", "s.json"], &told[..], more].concat();
+        (place.succeed(&all).out, place.json("s.json"))
+    };
+    let (_, without) = run(&[]);
+    let (said, with) = run(&["--cut", "cut.toml"]);
+    assert!(with["episodes"].to_string().contains("\"class\":\"chatter\""), "{said}");
+    assert_eq!(without["nearest_stable"].as_array().unwrap().len(), 0);
+    let nearest = with["nearest_stable"].to_string();
+    assert!(nearest.contains("not stable") && nearest.contains("rpm at this depth"), "{nearest}");
+    assert!(said.contains("By modes and cutter: predicted not stable"), "{said}");
+}
+
+#[test]
 fn what_cannot_be_a_cut_is_refused_with_every_fault() {
     let place = example();
     let text = place.read("cut.toml");
@@ -103,7 +121,7 @@ fn what_cannot_be_a_cut_is_refused_with_every_fault() {
         done.err.contains("did you mean `damping_ratio`?") && done.err.contains("teeth"),
         "{done:#?}"
     );
-    place.file("flat.toml", &format!("up = [1.0, 0.0, 0.0]\n{text}"));
+    place.file("flat.toml", &format!("up = [0.0, 1.0, 0.0]\n{text}"));
     let done = place.run(&["stability", "flat.toml"]);
     assert!(done.code == Some(2) && done.err.contains("parallel"), "{done:#?}");
 }

@@ -7,14 +7,14 @@ mod modes;
 mod page;
 mod told;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use recording::cut::CutFile;
 use tracing::warn;
 
 use self::found::Found;
-use crate::exit::{Answer, Outcome};
+use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
 
 /// Predict chatter: stability lobes, the nearest stable cut, the best feed direction
@@ -36,9 +36,7 @@ impl Stability {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         let mut outputs = console.outputs().results(&self.report);
         outputs.check([&self.cut])?;
-        let file = CutFile::read(&self.cut).map_err(crate::input::unusable)?;
-        let modes = modes::all(&self.cut, &file)?;
-        let found = Found::of(file, modes)?;
+        let found = found(&self.cut)?;
         if let Some(report) = &self.report {
             outputs.put(report, page::render(&self.cut, &found));
         }
@@ -52,4 +50,20 @@ impl Stability {
         }
         Ok(if found.is_stable { Answer::Done } else { Answer::No })
     }
+}
+
+fn found(cut: &Path) -> Result<Found, Failure> {
+    let file = CutFile::read(cut).map_err(crate::input::unusable)?;
+    let modes = modes::all(cut, &file)?;
+    Found::of(file, modes)
+}
+
+/// What is predicted of a cut that chatters: its verdict, and the nearest stable cuts.
+pub(super) fn nearest_stable(cut: &Path) -> Result<Vec<String>, Failure> {
+    let found = found(cut)?;
+    let nearest = told::nearest(&found).into_iter().skip(1);
+    let nearest = nearest.map(|(_, text)| text.trim_start_matches("- ").to_owned());
+    let verdict = format!("predicted {}", told::verdict(&found));
+    let margin = format!("stable with {} % of depth in hand", 100.0 * found.file.margin);
+    Ok([verdict, margin].into_iter().chain(nearest).collect())
 }
