@@ -1,6 +1,5 @@
 //! Cuts predicted by `spectrum::stability`, run forward by `world::regeneration`: teeth that leave the work, a surface that is kept, steps in time.
 #![expect(clippy::unwrap_used, reason = "a test that cannot go on fails")]
-#![expect(clippy::print_stdout, reason = "what was measured is said")]
 
 use glam::{DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
