@@ -3,6 +3,8 @@
 //! Topics, schemas and encoding are those of the recordings: `/trued/status` with each status, `/trued/vibration` with each verdict. Clients may subscribe; nothing
 //! else of the protocol is offered (no publishing, no services, no parameters).
 
+#![expect(clippy::result_large_err, reason = "the refusal's type is the library's")]
+
 use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
@@ -142,8 +144,7 @@ fn serve(
     client.socket.close(None)
 }
 
-/// Takes the protocol that both sides know. The refusal's type is the library's.
-#[allow(clippy::result_large_err)]
+/// Takes the protocol that both sides know.
 fn greet(
     request: &Request,
     mut response: Response,
@@ -161,7 +162,7 @@ fn greet(
     }
     let offered = header("Sec-WebSocket-Protocol").unwrap_or_default();
     let offers = |name: &&str| offered.split(',').any(|one| one.trim() == *name);
-    let Some(protocol) = PROTOCOLS.into_iter().find(|name| offers(&name)) else {
+    let Some(protocol) = PROTOCOLS.into_iter().find(|name| offers(name)) else {
         return refused(StatusCode::BAD_REQUEST, "expected the protocol foxglove.sdk.v1");
     };
     let headers = response.headers_mut();

@@ -31,6 +31,7 @@ mod rules;
 mod share;
 mod sliding;
 pub mod spatial;
+pub mod stability;
 mod stream;
 pub mod surface;
 mod surroundings;

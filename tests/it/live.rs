@@ -34,7 +34,7 @@ impl View {
                 let (_, rest) = line.split_once(words)?;
                 rest.split(['/', ' ']).next()?.parse().ok()
             });
-            line.unwrap_or_else(|| panic!("{words} in {:?}", process.lines()))
+            line.expect(words)
         };
         let (http, foxglove) = (after("http://"), after("ws://"));
         Self { process, http, foxglove }
@@ -73,6 +73,12 @@ impl View {
     }
 }
 
+fn ticks(robot: &mut CellLoop, count: usize) {
+    for _ in 0..count {
+        robot.tick();
+    }
+}
+
 /// How long it takes until `is` holds.
 fn within(is: impl Fn() -> bool) -> Duration {
     let begun = Instant::now();
@@ -90,7 +96,7 @@ fn page_status_and_metrics_show_a_bypass_and_the_end_of_the_daemon_and_its_retur
     let mut robot = CellLoop::join(&place.cell(), LIMIT).expect("a daemon");
     let view = View::of(&place);
     assert!(robot.tick_until(LIMIT, |_, tick| tick.largest() > 1e-4));
-    (0..200).for_each(|_| drop(robot.tick()));
+    ticks(&mut robot, 200);
     let (head, page) = view.get("/");
     assert!(head.starts_with("HTTP/1.1 200") && head.contains("text/html"), "{head}");
     assert!(
@@ -199,13 +205,13 @@ fn what_stalls_garbles_or_kills_the_view_is_not_noticed_by_the_cell() {
             wild.push(stream);
         }
     }
-    (0..300).for_each(|_| drop(robot.tick()));
+    ticks(&mut robot, 300);
     assert_eq!(view.metric("trued_up"), Some(1.0), "it answers others");
     assert!(view.get("/nothing").0.starts_with("HTTP/1.1 404"));
     view.process.signal(Signal::STOP);
-    (0..300).for_each(|_| drop(robot.tick()));
+    ticks(&mut robot, 300);
     view.process.kill();
-    (0..300).for_each(|_| drop(robot.tick()));
+    ticks(&mut robot, 300);
     assert!(robot.broken.is_empty(), "{:?}", robot.broken);
     let mut monitor = Monitor::connect_to(&place.cell(), LIMIT).expect("a daemon");
     let status = std::iter::repeat_with(|| monitor.status()).find_map(|status| status);

@@ -52,6 +52,7 @@ mod simulate_forces;
 mod simulate_torques;
 mod simulation;
 mod spectrum;
+mod stability;
 mod status;
 mod steering;
 mod surface;

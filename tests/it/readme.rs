@@ -78,6 +78,7 @@ fn every_link_leads_to_a_file() {
         "docs/reference/results.md",
         "docs/reference/status.md",
         "docs/safety.md",
+        "docs/stability.md",
         "docs/threat-model.md",
         "docs/vibration.md",
     ];

@@ -62,7 +62,7 @@ fn number(of: &Value, key: &str) -> f64 {
 }
 
 /// Two tones, the second of which begins at 4 s.
-fn tones(rate_hz: f64) -> Made {
+pub(crate) fn tones(rate_hz: f64) -> Made {
     let (mut x, mut y) = (noise(0.5, 1), noise(0.5, 2));
     Made::new(rate_hz).with("fx_N", 10.0, move |t| x() + 2.0 * (TAU * 35.3 * t).sin()).with(
         "fy_N",

@@ -9,7 +9,7 @@ const TASKS: [(&str, &[&str]); 8] = [
     ("Steer a running cell", &["status", "bypass", "mode", "arm", "mark", "live"]),
     ("Make a model", &["model", "plan", "calibrate", "gears", "simulate"]),
     ("Find what is wrong", &["diagnose", "trends", "challenge"]),
-    ("Look at vibration", &["spectrum", "surface", "tap"]),
+    ("Look at vibration", &["spectrum", "surface", "tap", "stability"]),
     ("Look at recordings", &["record", "info", "convert"]),
     ("Set up a shell", &["completions"]),
 ];

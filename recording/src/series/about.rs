@@ -176,7 +176,7 @@ impl About {
             targets_tool: targets_of(table),
             targets_on_link: links_of(table),
             heldout: heldout_of(table),
-            cut: table.table("cut").and_then(|cut| cut_of(&cut)),
+            cut: table.table("cut").and_then(|cut| read_cut(&cut)),
             gauges: Gauges::of(table),
         };
         table.close();
@@ -252,7 +252,8 @@ fn heldout_of(table: &Table<'_, '_>) -> Heldout {
     }
 }
 
-fn cut_of(table: &Table<'_, '_>) -> Option<Cut> {
+/// The cut of a table `[cut]`.
+pub(crate) fn read_cut(table: &Table<'_, '_>) -> Option<Cut> {
     for key in ["teeth", "diameter_mm", "axial_depth_mm"] {
         table.require(key, "a number above zero");
     }

@@ -33,6 +33,7 @@ mod units_line;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+pub(crate) use about::read_cut;
 pub use about::{About, Approach, Cut, Frame, Heldout, Input, Kind};
 pub(crate) use build::Builder;
 pub(crate) use channel::Column;

@@ -4,6 +4,7 @@
 
 use recording::blackbox;
 use recording::cell::CellConfig;
+use recording::cut::CutFile;
 use recording::faults::Faults;
 use recording::files::text_of;
 use recording::mapping::Mapping;
@@ -56,6 +57,11 @@ fn written_back(model: &RobotModel) {
 pub(super) fn cell(bytes: &[u8]) {
     let Some(text) = text(bytes) else { return };
     let _ = shown(CellConfig::parse(NAME, &text));
+}
+
+pub(super) fn cut(bytes: &[u8]) {
+    let Some(text) = text(bytes) else { return };
+    let _ = shown(CutFile::parse(NAME, &text));
 }
 
 pub(super) fn about(bytes: &[u8]) {

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use daemon::setup;
 use recording::bridge::{self, EgmConfig, RsiConfig};
+use recording::cut::{self, CutFile};
 use recording::faults::{Fault, Faults};
 use recording::files::{FileError, read_text};
 use recording::mapping::Mapping;
@@ -135,6 +136,10 @@ impl Check {
                 found.of(RsiConfig::read(path), |found, config| {
                     found.summary = format!("RSI, {:?}", config.sums).to_lowercase();
                 })?;
+            }
+            Some(cut::SCHEMA) => {
+                found.what = "cut";
+                found.of(CutFile::read(path), |_, _| {})?;
             }
             Some("trued.recording/1") => {
                 found.what = "recording's description";
@@ -292,7 +297,7 @@ fn unknown(name: &str, schema: Option<&str>) -> Faults {
         None => "is missing".to_owned(),
     };
     faults.push(Fault::new("schema", message).expected(
-        "\"trued.cell/1\", \"trued.model/1\", \"trued.recording/1\" or \"trued.mapping/1\"",
+        "\"trued.cell/1\", \"trued.model/1\", \"trued.recording/1\", \"trued.mapping/1\" or \"trued.cut/1\"",
     ));
     faults
 }

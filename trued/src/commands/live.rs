@@ -25,7 +25,7 @@ const TOKEN: &str = "TRUED_LIVE_TOKEN";
 ///
 /// A process of its own that only looks: the daemon opens no socket, and nothing that comes over the network reaches it. Serves a page (/),
 /// the status as JSON (/status) and as server-sent events (/events), metrics (/metrics), and on a second port a WebSocket stream of the
-/// topics of the recordings (protocol foxglove.sdk.v1). Listens on this machine alone; for another address set TRUED_LIVE_TOKEN, and open
+/// topics of the recordings (protocol foxglove.sdk.v1). Listens on this machine alone; for another address set `TRUED_LIVE_TOKEN`, and open
 /// http://HOST:PORT/?token=TOKEN. Runs until interrupted, and goes on when the daemon ends and comes back.
 #[derive(Debug, Args)]
 pub(crate) struct LiveOf {

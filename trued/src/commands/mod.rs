@@ -25,6 +25,7 @@ mod replay;
 mod run;
 mod simulate;
 mod spectrum;
+mod stability;
 mod status;
 mod surface;
 mod tap;
@@ -62,6 +63,7 @@ pub(crate) enum Command {
     Run(run::Run),
     Simulate(simulate::Simulate),
     Spectrum(spectrum::Spectrum),
+    Stability(stability::Stability),
     Status(status::StatusOf),
     Surface(surface::Surface),
     Tap(tap::Tap),
@@ -95,6 +97,7 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Run(run) => run.run(console),
         Command::Simulate(simulate) => simulate.run(console),
         Command::Spectrum(spectrum) => spectrum.run(console),
+        Command::Stability(stability) => stability.run(console),
         Command::Status(status) => status.run(console),
         Command::Surface(surface) => surface.run(console),
         Command::Tap(tap) => tap.run(console),

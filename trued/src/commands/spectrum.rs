@@ -22,6 +22,7 @@ use clap::Args;
 use self::found::Found;
 pub(super) use self::space::ChannelLine;
 use self::subject::Subject;
+use super::stability;
 use crate::exit::{Answer, Failure, Outcome};
 use crate::output::Console;
 
@@ -50,6 +51,9 @@ pub(crate) struct Spectrum {
     /// The robot's model, for its modes and gears: a file or a preset; if not given, the one that the recording's TOML names
     #[arg(long, value_name = "MODEL")]
     model: Option<PathBuf>,
+    /// The cut as `trued stability` takes it: where it chatters, the nearest stable cuts are computed
+    #[arg(long, value_name = "CUT.toml")]
+    cut: Option<PathBuf>,
     /// Look for lines between these frequencies, Hz
     #[arg(long, value_names = ["LOW", "HIGH"], num_args = 2, default_values_t = [10.0, 1000.0])]
     band: Vec<f64>,
@@ -84,9 +88,14 @@ impl Spectrum {
     pub(crate) fn run(&self, console: &mut Console) -> Outcome {
         self.check()?;
         let mut outputs = console.outputs().pages(&self.report);
-        outputs.check([&self.file].into_iter().chain(&self.model).chain(&self.mapping))?;
+        let inputs = [&self.file].into_iter().chain(&self.model).chain(&self.mapping);
+        outputs.check(inputs.chain(&self.cut))?;
         let subject = Subject::read(self)?;
-        let found = Found::of(self, &subject)?;
+        let mut found = Found::of(self, &subject)?;
+        if let Some(cut) = self.cut.as_ref().filter(|_| found.episodes.iter().any(words::chatters))
+        {
+            found.nearest_stable = stability::nearest_stable(cut)?;
+        }
         if let Some(report) = &self.report {
             outputs.put_page(report, page::render(&subject, &found)?);
         }
@@ -113,6 +122,7 @@ impl Spectrum {
             teeth: None,
             feed_mm_s: None,
             model: model.map(Path::to_owned),
+            cut: None,
             band: Vec::new(),
             window: None,
             least: None,

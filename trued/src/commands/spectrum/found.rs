@@ -17,6 +17,8 @@ pub(super) struct Found {
     pub(super) window_s: f64,
     /// Over the path; else what is missing.
     pub(super) space: Result<Space, String>,
+    /// The nearest stable cuts in words, where the cut is told and chatters.
+    pub(super) nearest_stable: Vec<String>,
     pub(super) notes: Vec<String>,
 }
 
@@ -31,6 +33,7 @@ impl Found {
         let episodes = listen::episodes(subject, &listened)?;
         let spectra = spectra::of(subject, measured, &listened, &episodes);
         let space = space::of(subject, wheels, &episodes, &spectra)?;
-        Ok(Self { listened, episodes, spectra, window_s, space, notes })
+        let nearest_stable = Vec::new();
+        Ok(Self { listened, episodes, spectra, window_s, space, nearest_stable, notes })
     }
 }

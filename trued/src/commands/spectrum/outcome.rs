@@ -31,6 +31,7 @@ pub(super) struct Report {
     path: Option<Path>,
     /// What would be needed for a spectrum over the path.
     path_missing: Option<String>,
+    nearest_stable: Vec<String>,
     health: Vec<Finding>,
     notes: Vec<String>,
 }
@@ -199,6 +200,7 @@ impl Report {
             window_s: found.window_s,
             path: found.space.as_ref().ok().map(|space| path(subject, space)),
             path_missing: found.space.as_ref().err().cloned(),
+            nearest_stable: found.nearest_stable.clone(),
             health: health(subject, found),
             notes: found.notes.clone(),
         }

@@ -65,6 +65,11 @@ pub(super) fn alarmed(episode: &Episode) -> bool {
     episode.state >= State::Alarm && super::listen::is_harmful(&episode.verdict)
 }
 
+/// Whether a line is one to act on that another cut would take away.
+pub(super) fn chatters(episode: &Episode) -> bool {
+    alarmed(episode) && matches!(episode.verdict.class, Class::Chatter | Class::ModeCoupling)
+}
+
 /// The page's title: the finding in a few words.
 pub(super) fn title(found: &Found) -> String {
     let worst = found.episodes.first().filter(|episode| alarmed(episode));
@@ -98,6 +103,9 @@ pub(super) fn lead(subject: &Subject, found: &Found) -> String {
         vec![when_and_what(subject, worst), why(subject, &worst.verdict, worst.frequency_hz)];
     if worst.verdict.advice != Advice::None {
         words.push(format!("To do: {}.", worst.verdict.advice));
+    }
+    if chatters(worst) && !found.nearest_stable.is_empty() {
+        words.push(format!("By modes and cutter: {}.", found.nearest_stable.join("; ")));
     }
     if worst.verdict.rivals.contains(Class::Forced) && worst.verdict.harmonic.is_none() {
         words.push("With the spindle's speed (--spindle-rpm, --teeth) forced vibration would be told apart.".to_owned());

@@ -1,9 +1,8 @@
 //! A status as lines for a terminal.
 
+use crate::table::beside;
 use live::report::Report;
 
-/// Columns of a terminal that everybody has.
-const COLUMNS: usize = 80;
 /// Columns of the names on the left.
 const INDENT: usize = 10;
 /// A status that is older than this says nothing of now, s: one comes every 40 ms.
@@ -12,7 +11,7 @@ const OLD_S: f64 = 1.0;
 /// The lines of a status.
 pub(super) fn lines(report: &Report) -> Vec<String> {
     let mut lines = Vec::new();
-    let mut put = |name: &str, text: &str| lines.extend(wrapped(name, text));
+    let mut put = |name: &str, text: &str| lines.extend(beside(name, INDENT, text));
     let Report { cell, pid, uptime_s, .. } = report;
     put("cell", &format!("{cell}, daemon process {pid}, up {}", duration(*uptime_s)));
     if let Some(away) = &report.away {
@@ -121,40 +120,10 @@ fn duration(seconds: f64) -> String {
     }
 }
 
-/// A text beside its name, broken at spaces; what is longer than a line alone is broken where the line ends.
-fn wrapped(name: &str, text: &str) -> Vec<String> {
-    let width = COLUMNS - INDENT;
-    let (mut rows, mut row) = (Vec::new(), String::new());
-    for word in text.split_whitespace() {
-        let letters: Vec<char> = word.chars().collect();
-        for piece in letters.chunks(width) {
-            let used = row.chars().count();
-            if used > 0 && used + 1 + piece.len() > width {
-                rows.push(std::mem::take(&mut row));
-            } else if used > 0 {
-                row.push(' ');
-            }
-            row.extend(piece);
-        }
-    }
-    rows.push(row);
-    let head = |at: usize| if at == 0 { name } else { "" };
-    rows.iter().enumerate().map(|(at, row)| format!("{:<INDENT$}{row}", head(at))).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use trued_client::Status;
-
-    #[test]
-    fn no_line_is_wider_than_a_terminal_and_no_word_is_lost() {
-        let text = format!("short {} end", "x".repeat(200));
-        let lines = wrapped("health", &text);
-        assert!(lines.iter().all(|line| line.chars().count() <= COLUMNS), "{lines:#?}");
-        let back: String = lines.iter().map(|line| line[INDENT..].replace(' ', "")).collect();
-        assert_eq!(back, text.replace(' ', ""));
-    }
 
     #[test]
     fn a_bypass_and_a_daemon_that_is_gone_are_told_with_the_way_out() {

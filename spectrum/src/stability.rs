@@ -1,0 +1,411 @@
+//! Stability of a cut, predicted: the depth from which chatter grows, from modes, cutter and cutting law.
+//!
+//! The tool moves on modes `q'' + 2ζω q' + ω² q = ω²/k (u·F)`, `r = Σ u q`. A tooth at angle φ (from the normal axis, with the
+//! rotation) takes the chip `h = n·(r(t) − r(t − τ))` beside the feed's own, `n = (sin φ, cos φ)`, τ: the time from tooth to tooth;
+//! `F = a W (r(t) − r(t − τ))`, a: axial depth, W: the sum over the teeth in the cut of `f nᵀ`,
+//! `f = (−K_tc cos φ − K_rc sin φ, K_tc sin φ − K_rc cos φ, K_ac)`. Signs, cut axes and coefficients are those of a recording's `[cut]`.
+//!
+//! Three answers: the lobes of the zeroth order ([`Lobes`], mean of W; Altintas and Budak 1995), the limit by semi-discretisation
+//! ([`Stability::limit`], W over the turn; Insperger and Stépán 2002, 2004), the limit of mode coupling without regeneration ([`Lobes::mode_coupling`]).
+//!
+//! Linear theory: it tells whether a small vibration grows, not how large it becomes. Not in it: process damping (limits at low
+//! speed are too low), runout and unequal pitch, chip that depends on axial motion, modes that change with speed or along the cut.
+
+mod axes;
+mod bite;
+mod chart;
+mod lobes;
+#[cfg(test)]
+mod peer;
+mod period;
+#[cfg(test)]
+mod tests;
+
+use crate::Complex;
+use bite::Bite;
+use nalgebra::{Matrix2x3, Matrix3x2, Vector3};
+use std::f64::consts::TAU;
+
+pub use axes::CutAxes;
+pub use chart::{Point, Turned, chart, nearest_speed_rpm, turned};
+pub use lobes::Lobes;
+
+/// Waves of the highest mode from tooth to tooth, at most: beyond it, process damping rules the limit and the equations do not hold.
+pub const WAVES_MAX: f64 = 100.0;
+/// The search for the limit goes up by this factor; thinner unstable bands of depth are not seen.
+const DEPTH_STEP: f64 = 1.04;
+/// And by this one from a depth that is certainly stable to this part of the least limit of all speeds (zeroth order): lobes have their tips above it.
+const FIRST_STEP: f64 = 1.2;
+const BELOW_TIPS: f64 = 0.5;
+/// The limit is known to this part of itself.
+const DEPTH_TOLERANCE: f64 = 1e-4;
+/// Steps of a search within a bracket, at most.
+const REFINEMENTS: usize = 40;
+
+/// A mode of tool, work and robot as the tool tip shows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlexibleMode {
+    /// Natural frequency, Hz, above 0.
+    pub frequency_hz: f64,
+    /// Damping ratio, above 0 and below 1.
+    pub damping_ratio: f64,
+    /// Modal stiffness at the tool tip along `direction`, N/m, above 0: modal mass times `(2π frequency)²`.
+    pub stiffness_n_per_m: f64,
+    /// Direction of the tip's motion, any length but 0, in the frame of [`CutAxes`].
+    pub direction: [f64; 3],
+}
+
+/// A cutter in its work, without its depth. Angles as in a recording's `[cut]`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cutter {
+    /// Number of teeth, equally spaced, from 1.
+    pub teeth: u32,
+    /// Diameter, m, above 0; only the helix asks for it.
+    pub diameter_m: f64,
+    /// Helix angle, rad, within ±π/2.
+    pub helix_rad: f64,
+    /// Where a tooth enters the work, rad from the normal axis with the rotation.
+    pub entry_rad: f64,
+    /// Where it leaves, above `entry_rad` by at most a turn.
+    pub exit_rad: f64,
+    /// The work turns and the tool stands at φ = 90°; the delay is a turn.
+    pub turning: bool,
+    /// `K_tc, K_rc, K_ac`: tangential, radial, axial, N/m².
+    pub chip_n_m2: [f64; 3],
+}
+
+impl Cutter {
+    /// Entry and exit of up milling (conventional) at a radial depth over diameter of 0 to 1, rad.
+    #[must_use]
+    pub fn up_milling(immersion: f64) -> [f64; 2] {
+        [0.0, arc_rad(immersion)]
+    }
+
+    /// Entry and exit of down milling (climb) at a radial depth over diameter of 0 to 1, rad.
+    #[must_use]
+    pub fn down_milling(immersion: f64) -> [f64; 2] {
+        [0.5 * TAU - arc_rad(immersion), 0.5 * TAU]
+    }
+
+    /// How far the top of a helical tooth lags behind its tip, rad.
+    fn lag_rad(&self, depth_m: f64) -> f64 {
+        if self.turning { 0.0 } else { depth_m * self.helix_rad.tan() / (0.5 * self.diameter_m) }
+    }
+
+    /// Time from tooth to tooth, s.
+    fn delay_s(&self, spindle_rpm: f64) -> f64 {
+        60.0 / (spindle_rpm * f64::from(self.teeth))
+    }
+}
+
+fn arc_rad(immersion: f64) -> f64 {
+    (1.0 - 2.0 * immersion.clamp(0.0, 1.0)).acos()
+}
+
+/// A limit of stability, and the vibration that begins there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limit {
+    /// Axial depth from which chatter grows, m.
+    pub depth_m: f64,
+    /// Chatter frequency, Hz.
+    pub frequency_hz: f64,
+}
+
+/// What no stability can be computed of.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum StabilityError {
+    /// Nothing gives way.
+    #[error("stability: there is no mode; expected at least one")]
+    NoMode,
+    /// A mode that no structure has.
+    #[error(
+        "stability: mode {number} has {what} = {value}, expected a finite number above 0 (damping: below 1)"
+    )]
+    Mode {
+        /// Which, from 1.
+        number: usize,
+        /// What of it.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A cutter that cannot cut.
+    #[error("stability: the cutter has {what} = {value}, expected {expected}")]
+    Cutter {
+        /// What of it.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// What was expected.
+        expected: &'static str,
+    },
+    /// Feed and upward direction do not span a plane.
+    #[error(
+        "stability: feed and up are parallel, or one of them is 0; expected two directions across each other"
+    )]
+    Axes,
+    /// The spindle turns so slowly that the equations do not hold.
+    #[error(
+        "stability: at {spindle_rpm} rpm the highest mode swings {waves:.0} times from tooth to tooth, expected at most {WAVES_MAX}: there process \
+         damping rules the limit; raise the lowest spindle speed or leave the mode out"
+    )]
+    TooSlow {
+        /// Spindle speed, rev/min.
+        spindle_rpm: f64,
+        /// Waves from tooth to tooth.
+        waves: f64,
+    },
+}
+
+/// A mode in cut axes, ready to be reckoned with.
+#[derive(Clone, Copy, Debug)]
+struct Swing {
+    omega_rad_s: f64,
+    damping_ratio: f64,
+    stiffness_n_per_m: f64,
+    /// Unit vector: along the feed, across it, up out of the work.
+    direction: Vector3<f64>,
+}
+
+impl Swing {
+    /// Receptance along its direction, m/N.
+    fn receptance(&self, omega_rad_s: f64) -> Complex<f64> {
+        let ratio = omega_rad_s / self.omega_rad_s;
+        let dynamic = Complex::new(1.0 - ratio * ratio, 2.0 * self.damping_ratio * ratio);
+        (self.stiffness_n_per_m * dynamic).inv()
+    }
+}
+
+/// The structure under the tool and the cut that it makes.
+#[derive(Clone, Debug)]
+pub struct Stability {
+    modes: Vec<FlexibleMode>,
+    axes: CutAxes,
+    cutter: Cutter,
+    swings: Vec<Swing>,
+    /// The least limit of all speeds by the zeroth order, m.
+    least_m: f64,
+}
+
+impl Stability {
+    /// Of modes and a cutter, which moves along the feed of `axes`.
+    ///
+    /// # Errors
+    /// [`StabilityError`]: which number cannot be.
+    pub fn new(
+        modes: &[FlexibleMode],
+        cutter: Cutter,
+        axes: CutAxes,
+    ) -> Result<Self, StabilityError> {
+        check_cutter(&cutter)?;
+        if modes.is_empty() {
+            return Err(StabilityError::NoMode);
+        }
+        let swing = |(at, mode): (usize, &FlexibleMode)| {
+            check_mode(at + 1, mode)?;
+            Ok(Swing {
+                omega_rad_s: TAU * mode.frequency_hz,
+                damping_ratio: mode.damping_ratio,
+                stiffness_n_per_m: mode.stiffness_n_per_m,
+                direction: axes.of(mode.direction).normalize(),
+            })
+        };
+        let swings = modes.iter().enumerate().map(swing).collect::<Result<_, _>>()?;
+        let stability = Self { modes: modes.to_vec(), axes, cutter, swings, least_m: 0.0 };
+        Ok(stability.with_least())
+    }
+
+    /// The same cut fed in another direction: turned about the upward axis, counterclockwise seen from above, while the modes stay.
+    #[must_use]
+    pub fn turned(&self, angle_rad: f64) -> Self {
+        let axes = self.axes.turned(angle_rad);
+        let mut other = self.clone();
+        for (swing, mode) in other.swings.iter_mut().zip(&self.modes) {
+            swing.direction = axes.of(mode.direction).normalize();
+        }
+        Self { axes, ..other }.with_least()
+    }
+
+    fn with_least(self) -> Self {
+        let least_m = self.lobes(0.0).least_m();
+        Self { least_m, ..self }
+    }
+
+    /// The axes of the cut.
+    #[must_use]
+    pub fn axes(&self) -> &CutAxes {
+        &self.axes
+    }
+
+    /// Lobes of the zeroth order and the limit of mode coupling, up to a depth in m.
+    #[must_use]
+    pub fn lobes(&self, depth_max_m: f64) -> Lobes {
+        Lobes::new(&self.swings, &self.mean_bite(), self.cutter, depth_max_m)
+    }
+
+    /// The Floquet multiplier of largest modulus from tooth to tooth: a vibration grows where it is outside the unit circle.
+    ///
+    /// First-order semi-discretisation: over a step the teeth's stiffness is its mean, the delayed motion a straight line, all else exact.
+    ///
+    /// # Errors
+    /// [`StabilityError::TooSlow`].
+    pub fn multiplier(
+        &self,
+        spindle_rpm: f64,
+        depth_m: f64,
+    ) -> Result<Complex<f64>, StabilityError> {
+        self.check_speed(spindle_rpm)?;
+        Ok(period::multiplier(&self.swings, &self.cutter, spindle_rpm, depth_m))
+    }
+
+    /// The least depth at which the cut becomes unstable by semi-discretisation, searched upwards; `None` where it is stable up to `depth_max_m`.
+    ///
+    /// Search steps are 4 % of the depth: an unstable band of depths thinner than that, below the limit, may be missed.
+    ///
+    /// # Errors
+    /// [`StabilityError::TooSlow`].
+    pub fn limit(
+        &self,
+        spindle_rpm: f64,
+        depth_max_m: f64,
+    ) -> Result<Option<Limit>, StabilityError> {
+        self.check_speed(spindle_rpm)?;
+        let multiplier =
+            |depth_m: f64| period::multiplier(&self.swings, &self.cutter, spindle_rpm, depth_m);
+        let mut stable = (self.stable_depth_m().min(depth_max_m), -1.0);
+        loop {
+            if stable.0 >= depth_max_m {
+                return Ok(None);
+            }
+            let is_below = stable.0 < BELOW_TIPS * self.least_m;
+            let step = if is_below { FIRST_STEP } else { DEPTH_STEP };
+            let depth_m = (step * stable.0).min(depth_max_m);
+            let at = multiplier(depth_m);
+            let excess = at.norm() - 1.0;
+            if excess > 0.0 {
+                let depth_m = crossing(stable, (depth_m, excess), |m| multiplier(m).norm() - 1.0);
+                let frequency_hz = self.chatter_hz(spindle_rpm, multiplier(depth_m));
+                return Ok(Some(Limit { depth_m, frequency_hz }));
+            }
+            stable = (depth_m, excess);
+        }
+    }
+
+    /// The frequency that a multiplier stands for: of those that differ by the tooth passing, the one that the structure answers most, Hz.
+    #[must_use]
+    pub fn chatter_hz(&self, spindle_rpm: f64, multiplier: Complex<f64>) -> f64 {
+        let tooth_hz = 1.0 / self.cutter.delay_s(spindle_rpm);
+        let turn = multiplier.arg() / TAU;
+        let highest_hz = self.highest_hz();
+        let multiples = (1.2 * highest_hz / tooth_hz).ceil() as i32 + 1;
+        let answer = |hz: &f64| -> f64 {
+            let one = |swing: &Swing| {
+                let in_plane = swing.direction.xy().norm_squared();
+                in_plane * swing.receptance(TAU * hz).norm()
+            };
+            self.swings.iter().map(one).sum()
+        };
+        (-multiples..=multiples)
+            .map(|k| ((turn + f64::from(k)) * tooth_hz).abs())
+            .max_by(|a, b| answer(a).total_cmp(&answer(b)))
+            .unwrap_or(0.0)
+    }
+
+    fn highest_hz(&self) -> f64 {
+        self.swings.iter().map(|swing| swing.omega_rad_s / TAU).fold(0.0, f64::max)
+    }
+
+    fn check_speed(&self, spindle_rpm: f64) -> Result<(), StabilityError> {
+        let waves = self.highest_hz() * self.cutter.delay_s(spindle_rpm);
+        let holds = spindle_rpm > 0.0 && waves <= WAVES_MAX;
+        if holds { Ok(()) } else { Err(StabilityError::TooSlow { spindle_rpm, waves }) }
+    }
+
+    /// Mean of W over the turn, N/m².
+    fn mean_bite(&self) -> Matrix3x2<f64> {
+        let pitch_rad = TAU / f64::from(self.cutter.teeth);
+        Bite::new(&self.cutter, 0.0).of_all_teeth(self.cutter.entry_rad, pitch_rad)
+    }
+
+    /// A depth up to which any such cut is stable: the loop's gain `2 a |G| |W|` stays below 1 (small-gain theorem).
+    fn stable_depth_m(&self) -> f64 {
+        let answer = |swing: &Swing| {
+            // The peak of a receptance is at most 1/(2kζ sqrt(1 − ζ²)), or 1/k beyond ζ = 0.7.
+            let zeta = swing.damping_ratio.min(std::f64::consts::FRAC_1_SQRT_2);
+            let peak = 1.0 / (2.0 * zeta * (1.0 - zeta * zeta).sqrt() * swing.stiffness_n_per_m);
+            peak * swing.direction.xy().norm()
+        };
+        let answer: f64 = self.swings.iter().map(answer).sum();
+        let arc_rad = self.cutter.exit_rad - self.cutter.entry_rad;
+        let teeth = (arc_rad / TAU * f64::from(self.cutter.teeth)).floor() + 1.0;
+        let force = Vector3::from(self.cutter.chip_n_m2).norm();
+        let gain = 2.0 * teeth.min(f64::from(self.cutter.teeth)) * answer * force;
+        // Where nothing is fed back the search begins at a depth that no cutter is made for.
+        1.0 / gain.max(1e-6)
+    }
+}
+
+/// Where a function crosses 0 within a bracket of positive depths, the lower end below 0 (regula falsi, Illinois).
+fn crossing(low: (f64, f64), high: (f64, f64), value: impl Fn(f64) -> f64) -> f64 {
+    let ((mut a, mut fa), (mut b, mut fb)) = (low, high);
+    for _ in 0..REFINEMENTS {
+        if b - a < DEPTH_TOLERANCE * b {
+            break;
+        }
+        let part = (fa / (fa - fb)).clamp(0.01, 0.99);
+        let middle = a + part * (b - a);
+        let f = value(middle);
+        if f > 0.0 {
+            (b, fb) = (middle, f);
+            fa *= 0.5;
+        } else {
+            (a, fa) = (middle, f);
+            fb *= 0.5;
+        }
+    }
+    0.5 * (a + b)
+}
+
+fn check_mode(number: usize, mode: &FlexibleMode) -> Result<(), StabilityError> {
+    let length = Vector3::from(mode.direction).norm();
+    let all = [
+        ("frequency_hz", mode.frequency_hz, f64::INFINITY),
+        ("damping_ratio", mode.damping_ratio, 1.0),
+        ("stiffness_n_per_m", mode.stiffness_n_per_m, f64::INFINITY),
+        ("length of direction", length, f64::INFINITY),
+    ];
+    let bad = all.iter().find(|(_, value, below)| !(*value > 0.0 && value < below));
+    bad.map_or(Ok(()), |&(what, value, _)| Err(StabilityError::Mode { number, what, value }))
+}
+
+fn check_cutter(cutter: &Cutter) -> Result<(), StabilityError> {
+    let arc_rad = cutter.exit_rad - cutter.entry_rad;
+    let force = Vector3::from(cutter.chip_n_m2).norm();
+    let straight = 0.25 * TAU;
+    let all = [
+        ("teeth", f64::from(cutter.teeth), cutter.teeth > 0, "at least 1"),
+        ("diameter_m", cutter.diameter_m, cutter.diameter_m > 0.0, "a number above 0"),
+        (
+            "helix_rad",
+            cutter.helix_rad,
+            cutter.helix_rad.abs() < straight,
+            "less than a right angle",
+        ),
+        (
+            "exit_rad − entry_rad",
+            arc_rad,
+            arc_rad > 0.0 && arc_rad < 1.000_001 * TAU,
+            "an arc above 0, at most a turn",
+        ),
+        ("|chip_n_m2|", force, force.is_finite(), "finite numbers"),
+    ];
+    let bad = all.iter().find(|(.., good, _)| !good);
+    bad.map_or(Ok(()), |&(what, value, _, expected)| {
+        Err(StabilityError::Cutter { what, value, expected })
+    })
+}
+
+/// What of a mode's motion lies in the plane of the cut.
+fn in_plane() -> Matrix2x3<f64> {
+    Matrix2x3::identity()
+}

@@ -1,0 +1,340 @@
+//! Limits beside closed forms, beside an independent integration in time, and beside each other.
+
+use super::peer::Peer;
+use super::*;
+use nalgebra::DMatrix;
+use proptest::prelude::*;
+use std::f64::consts::PI;
+
+const X: [f64; 3] = [1.0, 0.0, 0.0];
+const Y: [f64; 3] = [0.0, 1.0, 0.0];
+const Z: [f64; 3] = [0.0, 0.0, 1.0];
+
+/// Insperger and Stépán's one mode along the feed: 922 Hz, 1.1 %, 0.03993 kg.
+fn one_mode() -> [FlexibleMode; 1] {
+    let stiffness_n_per_m = 0.03993 * (TAU * 922.0_f64).powi(2);
+    [FlexibleMode { frequency_hz: 922.0, damping_ratio: 0.011, stiffness_n_per_m, direction: X }]
+}
+
+/// Their two teeth in down milling, 600 and 200 N/mm².
+fn two_teeth(immersion: f64) -> Cutter {
+    let [entry_rad, exit_rad] = Cutter::down_milling(immersion);
+    Cutter {
+        teeth: 2,
+        diameter_m: 0.01,
+        helix_rad: 0.0,
+        entry_rad,
+        exit_rad,
+        turning: false,
+        chip_n_m2: [6e8, 2e8, 0.0],
+    }
+}
+
+/// A mode along the feed and one across it, close in frequency (numbers as they are quoted for Altintas and Budak's example; not checked against the print).
+fn two_modes() -> [FlexibleMode; 2] {
+    let mode = |frequency_hz, damping_ratio, stiffness_n_per_m, direction| FlexibleMode {
+        frequency_hz,
+        damping_ratio,
+        stiffness_n_per_m,
+        direction,
+    };
+    [mode(603.0, 0.039, 5.59e6, X), mode(666.0, 0.035, 5.715e6, Y)]
+}
+
+fn three_teeth(entry_rad: f64, exit_rad: f64) -> Cutter {
+    Cutter { teeth: 3, entry_rad, exit_rad, chip_n_m2: [6e8, 0.07 * 6e8, 0.0], ..two_teeth(1.0) }
+}
+
+fn stability(modes: &[FlexibleMode], cutter: Cutter) -> Stability {
+    Stability::new(modes, cutter, CutAxes::new(X, Z).unwrap()).unwrap()
+}
+
+/// Asserts at each speed that the peer finds the cut stable 1 % below the limit and at some depths further down, and unstable 1 % above.
+fn assert_as_the_peer(modes: &[FlexibleMode], cutter: Cutter, speeds_rpm: [f64; 2], count: usize) {
+    let stability = stability(modes, cutter);
+    let step = (speeds_rpm[1] - speeds_rpm[0]) / (count - 1) as f64;
+    for k in 0..count {
+        let rpm = speeds_rpm[0] + k as f64 * step;
+        let Some(Limit { depth_m, .. }) = stability.limit(rpm, 0.1).unwrap() else {
+            panic!("a limit at {rpm} rpm is expected")
+        };
+        let growth = |part: f64| Peer::new(modes, cutter, rpm, part * depth_m).growth(300);
+        let (below, above) = (growth(0.99), growth(1.01));
+        assert!(below < 0.0 && above > 0.0, "{rpm} rpm, {depth_m} m: {below}, {above}");
+        for part in [0.5, 0.8, 0.9, 0.95] {
+            assert!(growth(part) < 0.0, "{rpm} rpm: unstable at {part} of {depth_m} m");
+        }
+    }
+}
+
+#[test]
+fn one_mode_in_a_slot_is_within_one_percent_of_the_integration_in_time() {
+    assert_as_the_peer(&one_mode(), two_teeth(1.0), [5000.0, 25_000.0], 16);
+}
+
+#[test]
+fn one_mode_at_half_immersion_is_within_one_percent_of_the_integration_in_time() {
+    assert_as_the_peer(&one_mode(), two_teeth(0.5), [5000.0, 25_000.0], 16);
+}
+
+#[test]
+fn one_mode_at_a_tenth_of_immersion_is_within_one_percent_of_the_integration_in_time() {
+    assert_as_the_peer(&one_mode(), two_teeth(0.1), [5000.0, 25_000.0], 16);
+}
+
+#[test]
+fn one_mode_at_a_twentieth_of_immersion_is_within_one_percent_of_the_integration_in_time() {
+    assert_as_the_peer(&one_mode(), two_teeth(0.05), [5000.0, 25_000.0], 16);
+}
+
+#[test]
+fn two_modes_are_within_one_percent_of_the_integration_in_time() {
+    assert_as_the_peer(&two_modes(), three_teeth(0.0, PI), [4000.0, 20_000.0], 9);
+    assert_as_the_peer(&two_modes(), three_teeth(0.0, 0.5 * PI), [4000.0, 20_000.0], 9);
+}
+
+#[test]
+fn small_immersion_has_flip_lobes_that_the_zeroth_order_misses() {
+    let stability = stability(&one_mode(), two_teeth(0.05));
+    let points = chart(&stability, [10_000.0, 25_000.0], 61, 0.05).unwrap();
+    let flips = points.iter().filter(|point| {
+        let Some(limit) = point.limit else { return false };
+        let at = stability.multiplier(point.spindle_rpm, limit.depth_m).unwrap();
+        let misses = point.zeroth_order.is_none_or(|zeroth| zeroth.depth_m > 2.0 * limit.depth_m);
+        at.re < -0.99 && at.im.abs() < 1e-6 && misses
+    });
+    assert!(flips.count() > 3, "{points:?}");
+}
+
+#[test]
+fn a_flip_sounds_at_an_odd_multiple_of_half_the_tooth_passing() {
+    let stability = stability(&one_mode(), two_teeth(0.05));
+    let at_hz = stability.chatter_hz(18_000.0, Complex::new(-1.0, 0.0));
+    assert!((at_hz - 900.0).abs() < 1e-6, "1.5 times 600 Hz lies nearest to the mode: {at_hz}");
+}
+
+/// A tool that turns along its feed, with a force that pushes it out: 1 mode along the feed.
+fn turning() -> Stability {
+    let cutter = Cutter { teeth: 1, turning: true, ..two_teeth(1.0) };
+    stability(&one_mode(), cutter)
+}
+
+#[test]
+fn the_least_limit_in_turning_is_the_closed_form() {
+    let [FlexibleMode { stiffness_n_per_m: k, damping_ratio: zeta, frequency_hz, .. }] = one_mode();
+    // Along the feed the chip pushes with K_rc.
+    let least_m = 2.0 * k * zeta * (1.0 + zeta) / 2e8;
+    let points = chart(&turning(), [9000.0, 20_000.0], 221, 1.0).unwrap();
+    let least = |limit: &dyn Fn(&Point) -> Option<Limit>| {
+        let limits = points.iter().filter_map(limit);
+        limits.min_by(|a, b| a.depth_m.total_cmp(&b.depth_m)).unwrap()
+    };
+    for found in [least(&|point| point.zeroth_order), least(&|point| point.limit)] {
+        assert!((found.depth_m / least_m - 1.0).abs() < 3e-3, "{found:?} for {least_m} m");
+        let expected_hz = frequency_hz * (1.0 + 2.0 * zeta).sqrt();
+        assert!((found.frequency_hz / expected_hz - 1.0).abs() < 1e-3, "{found:?}");
+    }
+}
+
+#[test]
+fn a_pocket_stands_where_the_work_turns_once_in_a_whole_number_of_swings() {
+    let stability = turning();
+    for swings in [3.0, 4.0, 5.0] {
+        let rpm = 60.0 * 922.0 / swings;
+        let points = chart(&stability, [0.9 * rpm, 1.1 * rpm], 41, 1.0).unwrap();
+        let depth = |point: &&Point| point.limit.unwrap().depth_m;
+        let deepest = points.iter().max_by(|a, b| depth(a).total_cmp(&depth(b))).unwrap();
+        assert!((deepest.spindle_rpm / rpm - 1.0).abs() < 0.03, "{swings} swings: {deepest:?}");
+    }
+}
+
+#[test]
+fn both_methods_agree_where_the_force_is_constant() {
+    // Products of sines and cosines of four teeth over half a turn add up to constants.
+    let constant = Cutter { teeth: 4, ..three_teeth(0.0, PI) };
+    let mut other_hz = 0;
+    for point in chart(&stability(&two_modes(), constant), [3000.0, 18_000.0], 31, 0.5).unwrap() {
+        let (zeroth, limit) = (point.zeroth_order.unwrap(), point.limit.unwrap());
+        let [a, b] = [zeroth.depth_m, limit.depth_m];
+        assert!((a / b - 1.0).abs() < 0.01, "{} rpm: {a} m, {b} m", point.spindle_rpm);
+        let [a, b] = [zeroth.frequency_hz, limit.frequency_hz];
+        other_hz += i32::from((a / b - 1.0).abs() > 0.01);
+    }
+    // Where two lobes meet, either may be the lower.
+    assert!(other_hz <= 2, "{other_hz} frequencies differ");
+}
+
+/// Eigenvalues of the second-order system without delay: `q'' = −2ζω q' − ω² q + ω²/k uᵀ a W₀ r`.
+fn coupled(stability: &Stability, depth_m: f64) -> Vec<Complex<f64>> {
+    let (n, mean) = (stability.swings.len(), stability.mean_bite());
+    let mut system = DMatrix::zeros(2 * n, 2 * n);
+    for (i, swing) in stability.swings.iter().enumerate() {
+        let omega = swing.omega_rad_s;
+        system[(i, n + i)] = 1.0;
+        system[(n + i, i)] -= omega * omega;
+        system[(n + i, n + i)] = -2.0 * swing.damping_ratio * omega;
+        for (j, other) in stability.swings.iter().enumerate() {
+            let force = swing.direction.transpose() * mean * other.direction.xy();
+            system[(n + i, j)] += omega * omega / swing.stiffness_n_per_m * depth_m * force[(0, 0)];
+        }
+    }
+    system.complex_eigenvalues().iter().copied().collect()
+}
+
+/// Two modes of a robot's arm, a little apart in frequency and across each other at an angle.
+fn arm(angle_rad: f64, damping_ratio: f64) -> [FlexibleMode; 2] {
+    let mode = |frequency_hz: f64, damping_ratio, angle: f64| FlexibleMode {
+        frequency_hz,
+        damping_ratio,
+        stiffness_n_per_m: 1e6,
+        direction: [angle.cos(), angle.sin(), 0.0],
+    };
+    let slow = mode(67.0, damping_ratio, angle_rad);
+    // The same decay per second in both.
+    [slow, mode(72.0, damping_ratio * 67.0 / 72.0, angle_rad + 0.5 * PI)]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn the_limit_of_mode_coupling_is_where_the_coupled_system_loses_its_damping(
+        angle in 0.0..PI, damping in 0.005..0.05_f64, entry in 0.0..1.5_f64, exit in 1.6..PI,
+    ) {
+        let stability = stability(&arm(angle, damping), three_teeth(entry, exit));
+        let worst = |depth_m: f64| {
+            coupled(&stability, depth_m).iter().map(|value| value.re).fold(f64::MIN, f64::max)
+        };
+        let most_m = 0.05;
+        match stability.lobes(most_m).mode_coupling() {
+            Some(limit) => {
+                prop_assert!(worst(0.999 * limit.depth_m) < 0.0, "{limit:?}");
+                prop_assert!(worst(1.001 * limit.depth_m) > 0.0, "{limit:?}");
+                let near = coupled(&stability, limit.depth_m);
+                let off = |value: &Complex<f64>| (value.im.abs() / TAU - limit.frequency_hz).abs();
+                prop_assert!(near.iter().any(|value| value.re.abs() < 1.0 && off(value) < 0.1), "{limit:?}");
+            }
+            None => prop_assert!(worst(most_m) < 0.0),
+        }
+    }
+
+    #[test]
+    fn a_limit_does_not_change_when_modes_and_feed_turn_together(
+        about in prop::array::uniform3(-1.0..1.0_f64), turn in 0.1..6.0_f64,
+    ) {
+        let axis = nalgebra::Unit::try_new(Vector3::from(about), 1e-3);
+        prop_assume!(axis.is_some());
+        let rotation = nalgebra::Rotation3::from_axis_angle(&axis.unwrap(), turn);
+        let turned = |v: [f64; 3]| -> [f64; 3] { (rotation * Vector3::from(v)).into() };
+        let cutter = Cutter { chip_n_m2: [6e8, 2e8, 1e8], ..three_teeth(0.0, 2.0) };
+        let modes = [FlexibleMode { direction: [1.0, 0.4, 0.7], ..two_modes()[0] }, two_modes()[1]];
+        let here = stability(&modes, cutter).limit(9000.0, 0.1).unwrap().unwrap();
+        let there = modes.map(|mode| FlexibleMode { direction: turned(mode.direction), ..mode });
+        let axes = CutAxes::new(turned(X), turned(Z)).unwrap();
+        let there = Stability::new(&there, cutter, axes).unwrap().limit(9000.0, 0.1).unwrap().unwrap();
+        prop_assert!((here.depth_m / there.depth_m - 1.0).abs() < 1e-3, "{here:?} {there:?}");
+    }
+
+    #[test]
+    fn the_mean_stiffness_of_helical_teeth_is_a_fine_sum_over_their_length(
+        from in -3.0..3.0_f64, span in 0.01..1.0_f64, helix in -0.8..0.8_f64,
+        entry in 0.0..1.5_f64, exit in 1.6..PI, teeth in 1_u32..5,
+    ) {
+        let depth_m = 0.004;
+        let cutter = Cutter { teeth, helix_rad: helix, entry_rad: entry, exit_rad: exit,
+            chip_n_m2: [6e8, 2e8, 1e8], ..two_teeth(1.0) };
+        let lag = cutter.lag_rad(depth_m);
+        let n = 300;
+        let mut sum = Matrix3x2::zeros();
+        for i in 0..n {
+            for j in 0..n {
+                let part = |k: i32| (f64::from(k) + 0.5) / f64::from(n);
+                for tooth in 0..teeth {
+                    let angle = from + span * part(i) - lag * part(j) + TAU * f64::from(tooth) / f64::from(teeth);
+                    let angle = angle.rem_euclid(TAU);
+                    if (entry..exit).contains(&angle) {
+                        let (s, c) = angle.sin_cos();
+                        let force = Vector3::new(-6e8 * c - 2e8 * s, 6e8 * s - 2e8 * c, 1e8);
+                        sum += force * nalgebra::RowVector2::new(s, c);
+                    }
+                }
+            }
+        }
+        let off = Bite::new(&cutter, depth_m).of_all_teeth(from, span) - sum / f64::from(n * n);
+        prop_assert!(off.norm() < 0.01 * 6e8, "{off}");
+    }
+}
+
+#[test]
+fn mode_coupling_without_damping_has_the_depth_of_the_formula() {
+    let modes = arm(0.6, 1e-6);
+    let stability = stability(&modes, three_teeth(0.0, PI));
+    let mean = stability.mean_bite();
+    let [u, v] = [stability.swings[0].direction, stability.swings[1].direction];
+    let [m_1, m_2] = modes.map(|m| m.stiffness_n_per_m / (TAU * m.frequency_hz).powi(2));
+    let a =
+        |left: Vector3<f64>, right: Vector3<f64>| (left.transpose() * mean * right.xy())[(0, 0)];
+    let apart = (TAU * 67.0).powi(2) - (TAU * 72.0).powi(2);
+    let along = a(u, u) / m_1 - a(v, v) / m_2;
+    let root = 2.0 * (-a(u, v) * a(v, u) / (m_1 * m_2)).sqrt();
+    let both = [apart / (along + root), apart / (along - root)];
+    let formula_m = both.into_iter().filter(|depth| *depth > 0.0).fold(f64::INFINITY, f64::min);
+    let found = stability.lobes(1.0).mode_coupling().unwrap();
+    assert!((found.depth_m / formula_m - 1.0).abs() < 1e-3, "{found:?} for {formula_m} m");
+    assert!((67.0..72.0).contains(&found.frequency_hz), "{found:?}");
+}
+
+#[test]
+fn the_direction_of_feed_decides_about_mode_coupling() {
+    let stability = stability(&arm(0.0, 0.01), three_teeth(0.0, 0.5 * PI));
+    let all = turned(&stability, 9000.0, 36, 0.02).unwrap();
+    let depths: Vec<f64> =
+        all.iter().map(|one| one.mode_coupling.map_or(f64::INFINITY, |l| l.depth_m)).collect();
+    let (least, most) =
+        depths.iter().fold((f64::INFINITY, 0.0_f64), |(a, b), x| (a.min(*x), b.max(*x)));
+    assert!(most > 3.0 * least, "{depths:?}");
+    // Forces in the plane do not tell which way along a line the tool is fed.
+    for k in 0..18 {
+        let [a, b] = [&all[k], &all[k + 18]].map(|one| one.limit.map(|l| l.depth_m));
+        assert!((a.unwrap_or(1.0) / b.unwrap_or(1.0) - 1.0).abs() < 2e-3, "{a:?} {b:?}");
+    }
+}
+
+#[test]
+fn in_a_slot_the_mean_force_turns_with_the_tool_and_the_direction_of_feed_plays_no_part() {
+    let stability = stability(&arm(0.3, 0.01), three_teeth(0.0, PI));
+    let depth = |angle: f64| stability.turned(angle).lobes(0.1).mode_coupling().unwrap().depth_m;
+    for angle in [0.4, 1.3, 2.9, 4.4] {
+        assert!((depth(angle) / depth(0.0) - 1.0).abs() < 1e-9, "{angle}");
+    }
+}
+
+#[test]
+fn the_nearest_stable_speed_is_stable_and_the_way_to_it_is_not() {
+    let stability = stability(&one_mode(), two_teeth(1.0));
+    let depth_m = 3e-3;
+    let points = chart(&stability, [8000.0, 25_000.0], 171, 0.01).unwrap();
+    let from_rpm = 11_500.0;
+    let found = nearest_speed_rpm(&stability, &points, from_rpm, depth_m, 0.01).unwrap().unwrap();
+    let holds = |rpm: f64| stability.multiplier(rpm, depth_m).unwrap().norm() < 1.0;
+    assert!(holds(found) && found != from_rpm, "{found}");
+    for part in [0.0, 0.3, 0.6, 0.9, 0.99] {
+        assert!(!holds(from_rpm + part * (found - from_rpm)), "{part} of the way to {found}");
+    }
+    assert!(nearest_speed_rpm(&stability, &points, from_rpm, 9e-3, 0.01).unwrap().is_none());
+}
+
+#[test]
+fn what_cannot_cut_is_refused() {
+    let axes = CutAxes::new(X, Z).unwrap();
+    assert_eq!(CutAxes::new(Z, Z), Err(StabilityError::Axes));
+    assert_eq!(CutAxes::new([f64::NAN, 0.0, 0.0], Z), Err(StabilityError::Axes));
+    let new = |modes: &[FlexibleMode], cutter| Stability::new(modes, cutter, axes).map(|_| ());
+    assert_eq!(new(&[], two_teeth(1.0)), Err(StabilityError::NoMode));
+    let undamped = [FlexibleMode { damping_ratio: 0.0, ..one_mode()[0] }];
+    assert!(matches!(new(&undamped, two_teeth(1.0)), Err(StabilityError::Mode { number: 1, .. })));
+    let none = Cutter { teeth: 0, ..two_teeth(1.0) };
+    assert!(matches!(new(&one_mode(), none), Err(StabilityError::Cutter { what: "teeth", .. })));
+    let slow = stability(&one_mode(), two_teeth(1.0)).limit(100.0, 0.01);
+    assert!(matches!(slow, Err(StabilityError::TooSlow { .. })), "{slow:?}");
+}

@@ -1,0 +1,145 @@
+//! What is found of a cut: its verdict, the chart, the nearest stable cuts.
+
+use recording::cut::CutFile;
+use spectrum::stability::{
+    CutAxes, Cutter, FlexibleMode, Limit, Point, Stability, StabilityError, Turned, chart,
+    nearest_speed_rpm, turned,
+};
+
+use super::modes::Modes;
+use crate::exit::Failure;
+
+/// Directions of feed over a whole turn.
+const DIRECTIONS: usize = 72;
+
+/// A limit that reaches this part of the largest is as good.
+const ALIKE: f64 = 0.995;
+
+/// Everything that is told of a cut.
+pub(super) struct Found {
+    pub(super) file: CutFile,
+    pub(super) modes: Modes,
+    pub(super) stability: Stability,
+    /// Modulus of the multiplier from tooth to tooth; below 1 a vibration dies out.
+    pub(super) modulus: f64,
+    pub(super) is_stable: bool,
+    /// At the present speed and feed; `None` where it is above the largest depth.
+    pub(super) limit: Option<Limit>,
+    pub(super) zeroth_order: Option<Limit>,
+    pub(super) mode_coupling: Option<Limit>,
+    /// The frequency at which the present cut rings, or would ring at its limit, Hz.
+    pub(super) chatter_hz: Option<f64>,
+    pub(super) chart: Vec<Point>,
+    pub(super) directions: Vec<Turned>,
+    pub(super) nearest: Nearest,
+}
+
+/// The nearest cuts that are stable with the margin; each changes one thing.
+pub(super) struct Nearest {
+    /// The present cut is one.
+    pub(super) is_present: bool,
+    /// Spindle speed at the present depth, rev/min; `None`: none on the chart.
+    pub(super) spindle_rpm: Option<f64>,
+    /// Depth at the present speed, m.
+    pub(super) depth_m: f64,
+    /// The feed turned as little as needed; `None`: no direction does.
+    pub(super) turned: Option<Turned>,
+    /// The direction of feed with the largest limit.
+    pub(super) best: Option<Turned>,
+}
+
+impl Found {
+    pub(super) fn of(file: CutFile, modes: Modes) -> Result<Self, Failure> {
+        Self::reckoned(file, modes).map_err(Failure::input)
+    }
+
+    fn reckoned(file: CutFile, modes: Modes) -> Result<Self, StabilityError> {
+        let stability = stability(&file, &modes)?;
+        let (rpm, depth_m, deepest_m) =
+            (file.spindle_rpm, file.cut.axial_depth_m, file.chart.depth_max_m);
+        let multiplier = stability.multiplier(rpm, depth_m)?;
+        let is_stable = multiplier.norm() < 1.0;
+        let limit = stability.limit(rpm, deepest_m)?;
+        let lobes = stability.lobes(deepest_m);
+        let chart = chart(&stability, file.chart.spindle_rpm, file.chart.points, deepest_m)?;
+        let directions = turned(&stability, rpm, DIRECTIONS, deepest_m)?;
+        let wanted_m = depth_m * (1.0 + file.margin);
+        let spindle_rpm = nearest_speed_rpm(&stability, &chart, rpm, wanted_m, deepest_m)?;
+        let nearest = Nearest {
+            is_present: is_stable && holds(limit, wanted_m),
+            spindle_rpm,
+            depth_m: limit.map_or(deepest_m, |limit| limit.depth_m) / (1.0 + file.margin),
+            turned: least_turn(&directions, wanted_m),
+            best: best(&directions),
+        };
+        let rings_hz = (!is_stable).then(|| stability.chatter_hz(rpm, multiplier));
+        Ok(Self {
+            modulus: multiplier.norm(),
+            is_stable,
+            limit,
+            zeroth_order: lobes.limit(rpm),
+            mode_coupling: lobes.mode_coupling(),
+            chatter_hz: rings_hz.or(limit.map(|limit| limit.frequency_hz)),
+            chart,
+            directions,
+            nearest,
+            stability,
+            file,
+            modes,
+        })
+    }
+
+    /// Direction of the feed when it is turned by an angle, in the frame of the modes.
+    pub(super) fn feed(&self, angle_rad: f64) -> [f64; 3] {
+        self.stability.axes().turned(angle_rad).feed()
+    }
+}
+
+/// Whether a depth is below a limit, none being beyond all depths.
+pub(super) fn holds(limit: Option<Limit>, depth_m: f64) -> bool {
+    limit.is_none_or(|limit| depth_m < limit.depth_m)
+}
+
+fn deepest(one: &Turned) -> f64 {
+    one.limit.map_or(f64::INFINITY, |limit| limit.depth_m)
+}
+
+/// The direction with the largest limit; of several with about the same, the one that turns the feed least.
+fn best(directions: &[Turned]) -> Option<Turned> {
+    let most_m = directions.iter().map(deepest).fold(0.0, f64::max);
+    least_turn(directions, ALIKE * most_m)
+}
+
+/// Of the directions that bear a depth, the one that turns the feed least.
+fn least_turn(directions: &[Turned], depth_m: f64) -> Option<Turned> {
+    let turn = |one: &Turned| signed_rad(one.angle_rad).abs();
+    let bear = directions.iter().copied().filter(|one| holds(one.limit, depth_m));
+    bear.min_by(|a, b| turn(a).total_cmp(&turn(b)))
+}
+
+/// An angle from 0 to a turn, as one from −180° to 180°.
+pub(super) fn signed_rad(angle_rad: f64) -> f64 {
+    let half = std::f64::consts::PI;
+    if angle_rad > half { angle_rad - 2.0 * half } else { angle_rad }
+}
+
+fn stability(file: &CutFile, modes: &Modes) -> Result<Stability, StabilityError> {
+    let cut = &file.cut;
+    let cutter = Cutter {
+        teeth: cut.teeth,
+        diameter_m: cut.diameter_m,
+        helix_rad: cut.helix_rad,
+        entry_rad: cut.entry_rad,
+        exit_rad: cut.exit_rad,
+        turning: cut.turning,
+        chip_n_m2: cut.cutting_pa,
+    };
+    let flexible = |one: &super::modes::Sourced| FlexibleMode {
+        frequency_hz: one.mode.frequency_hz,
+        damping_ratio: one.mode.damping_ratio,
+        stiffness_n_per_m: one.mode.stiffness_n_per_m,
+        direction: one.mode.direction,
+    };
+    let flexible: Vec<FlexibleMode> = modes.all.iter().map(flexible).collect();
+    Stability::new(&flexible, cutter, CutAxes::new(file.feed, file.up)?)
+}
