@@ -1,15 +1,15 @@
 //! What a running cell shows: its status as JSON, metrics for Prometheus, a page for a browser, a stream for Foxglove and PlotJuggler.
 //!
-//! A process of its own that joins the cell as a [`Monitor`](trued_client::Monitor), like `trued status`: the daemon opens no socket, and does not notice
+//! A process of its own that joins the cell as a [`Monitor`], like `trued status`: the daemon opens no socket, and does not notice
 //! when this process hangs or dies. Everything is read-only: nothing that arrives over the network reaches the daemon.
 //!
 //! | served | by | at |
 //! | --- | --- | --- |
-//! | `/` | [`page`] | the page |
+//! | `/` | `page.html` | the page |
 //! | `/status` | [`report`] | the status as JSON, schema `trued.status/1` |
-//! | `/events` | [`web`] | the same with each change, as server-sent events |
-//! | `/metrics` | [`metrics`] | OpenMetrics text |
-//! | WebSocket | [`foxglove`] | topics and schemas of the recordings, protocol `foxglove.sdk.v1` |
+//! | `/events` | `web` | the same with each change, as server-sent events |
+//! | `/metrics` | [`metrics_text`] | OpenMetrics text |
+//! | WebSocket | `foxglove` | topics and schemas of the recordings, protocol `foxglove.sdk.v1` |
 
 mod access;
 mod foxglove;

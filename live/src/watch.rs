@@ -116,6 +116,13 @@ pub(crate) fn run(cell: &str, mut monitor: Monitor, watch: &Watch, stop: &Atomic
         if let Some(status) = monitor.status() {
             let away = monitor.away().map(|away| away.to_string());
             let key = (status.t_ns, away);
+            // A daemon that has just come has not told its state yet: this one is of the daemon before.
+            let is_former = key.1.is_none()
+                && last.as_ref().is_some_and(|(t_ns, away)| *t_ns == key.0 && away.is_some());
+            if is_former {
+                std::thread::sleep(LOOK_EVERY);
+                continue;
+            }
             if last.as_ref() != Some(&key) || told.elapsed() > AGAIN_AFTER {
                 let report = Report::of(cell, &status, key.1.clone());
                 watch.see(Seen { report, status });
