@@ -10,6 +10,8 @@ use crate::scale::Span;
 use crate::series::{Series, Shape, looks};
 use crate::thin::{self, Spot};
 
+/// So few dots are looked at one by one: they are drawn larger.
+const FEW: usize = 12;
 /// A line of more points is drawn whole: its dashes would be taken for gaps in the data.
 const DASHED_MAX: usize = 400;
 
@@ -196,7 +198,11 @@ fn draw_series(canvas: &mut Canvas, frame: &Frame, series: &Series, look: Look) 
             };
             canvas.path(&format!("{}{dash}", look.line()), &line_data(&thin::line(&spots)));
         }
-        Shape::Dots => canvas.path(&look.dots(), &dots_data(&thin::dots(&spots), look)),
+        Shape::Dots => {
+            let spots = thin::dots(&spots);
+            let few = if spots.iter().flatten().count() <= FEW { " few" } else { "" };
+            canvas.path(&format!("{}{few}", look.dots()), &dots_data(&spots, look));
+        }
     }
 }
 
