@@ -1,24 +1,48 @@
 //! Who may look.
 
+use std::net::IpAddr;
+
 /// Who may look at a cell.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// Everybody who reaches the address.
-    Everybody,
+    /// Every program of this machine that reaches the address, and calls it by a name of the loopback interface: a web page whose server claims to be
+    /// 127.0.0.1 (DNS rebinding) calls it by its own name.
+    ThisMachine,
     /// Who knows this token: in the header `Authorization: Bearer TOKEN`, or as `?token=TOKEN` of the address.
     Token(String),
 }
 
+/// What a request says of whom it is for and who asks.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Asked<'a> {
+    /// Path and query.
+    pub(crate) target: &'a str,
+    /// The header `Host`.
+    pub(crate) host: Option<&'a str>,
+    /// The header `Authorization`.
+    pub(crate) authorization: Option<&'a str>,
+}
+
 impl Access {
-    /// Whether a request with this target and `Authorization` header may be answered.
-    pub(crate) fn allows(&self, target: &str, authorization: Option<&str>) -> bool {
-        let Self::Token(token) = self else { return true };
-        let bearer = authorization.and_then(|header| header.strip_prefix("Bearer "));
-        let query = target.split_once('?').map_or("", |(_, query)| query);
+    /// Whether a request may be answered.
+    pub(crate) fn allows(&self, asked: Asked<'_>) -> bool {
+        let Self::Token(token) = self else { return asked.host.is_none_or(is_loopback) };
+        let bearer = asked.authorization.and_then(|header| header.strip_prefix("Bearer "));
+        let query = asked.target.split_once('?').map_or("", |(_, query)| query);
         let given = query.split('&').find_map(|pair| pair.strip_prefix("token="));
         bearer.is_some_and(|given| is_same(given, token))
             || given.is_some_and(|given| is_same(given, token))
     }
+}
+
+/// Whether `Host` names the loopback interface, with a port or without.
+fn is_loopback(host: &str) -> bool {
+    let name = match host.strip_prefix('[') {
+        Some(rest) => rest.split(']').next().unwrap_or_default(),
+        None => host.split(':').next().unwrap_or_default(),
+    };
+    name.eq_ignore_ascii_case("localhost")
+        || name.parse().is_ok_and(|address: IpAddr| address.is_loopback())
 }
 
 /// Compares in a time that does not tell how much of a guess was right.
@@ -29,13 +53,14 @@ fn is_same(given: &str, token: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::Access;
+    use super::{Access, Asked};
 
     #[test]
     fn a_token_opens_by_header_or_address_and_nothing_else_does() {
         let access = Access::Token("secret".to_owned());
-        assert!(access.allows("/metrics", Some("Bearer secret")));
-        assert!(access.allows("/?x=1&token=secret", None));
+        let asked = |target, authorization| Asked { target, host: None, authorization };
+        assert!(access.allows(asked("/metrics", Some("Bearer secret"))));
+        assert!(access.allows(asked("/?x=1&token=secret", None)));
         for (target, header) in [
             ("/", None),
             ("/?token=", None),
@@ -44,8 +69,19 @@ mod tests {
             ("/", Some("secret")),
             ("/", Some("Bearer Secret")),
         ] {
-            assert!(!access.allows(target, header), "{target} {header:?}");
+            assert!(!access.allows(asked(target, header)), "{target} {header:?}");
         }
-        assert!(Access::Everybody.allows("/", None));
+    }
+
+    #[test]
+    fn without_a_token_the_address_is_called_by_a_name_of_this_machine() {
+        let allows = |host| Access::ThisMachine.allows(Asked { host, ..Asked::default() });
+        for host in ["127.0.0.1:9177", "localhost:9177", "LOCALHOST", "[::1]:9177", "127.0.0.2"] {
+            assert!(allows(Some(host)), "{host}");
+        }
+        for host in ["evil.example:9177", "127.0.0.1.evil.example", "192.168.0.7:9177", ""] {
+            assert!(!allows(Some(host)), "{host}");
+        }
+        assert!(allows(None), "no browser leaves it out");
     }
 }

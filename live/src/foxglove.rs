@@ -20,6 +20,7 @@ use tungstenite::http::{HeaderValue, StatusCode};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Bytes, Error, Message, WebSocket};
 
+use crate::access::Asked;
 use crate::watch::{Reader, Watch};
 use crate::{Access, LiveError};
 
@@ -157,7 +158,8 @@ fn greet(
     };
     let header = |name: &str| request.headers().get(name).and_then(|value| value.to_str().ok());
     let target = request.uri().to_string();
-    if !access.allows(&target, header("Authorization")) {
+    let (host, authorization) = (header("Host"), header("Authorization"));
+    if !access.allows(Asked { target: &target, host, authorization }) {
         return refused(StatusCode::UNAUTHORIZED, "a token is needed: ?token=TOKEN");
     }
     let offered = header("Sec-WebSocket-Protocol").unwrap_or_default();

@@ -79,7 +79,7 @@ impl Live {
     /// See [`LiveError`].
     pub fn start(cell: &str, monitor: Monitor, settings: &Settings) -> Result<Self, LiveError> {
         for address in settings.foxglove.iter().chain([&settings.http]) {
-            if !address.ip().is_loopback() && settings.access == Access::Everybody {
+            if !address.ip().is_loopback() && settings.access == Access::ThisMachine {
                 return Err(LiveError::Open(*address));
             }
         }

@@ -146,12 +146,12 @@ impl Metrics<'_, '_> {
     fn latency(&mut self, report: &Report) -> fmt::Result {
         let latency = &report.latency_us;
         let values = [
-            ("0.5", latency.p50),
-            ("0.99", latency.p99),
-            ("0.999", latency.p999),
-            ("1", latency.max),
+            ("50", latency.p50),
+            ("99", latency.p99),
+            ("99.9", latency.p999),
+            ("100", latency.max),
         ];
-        let values = values.map(|(quantile, us)| (Some(("quantile", quantile)), 1e-6 * us));
+        let values = values.map(|(percentile, us)| (Some(("percentile", percentile)), 1e-6 * us));
         self.put("latency_seconds", "From a command's sending to its answer", &values)
     }
 
@@ -227,7 +227,7 @@ mod tests {
         assert_eq!(sample(&format!("trued_mode{cell},state=\"full\"")), 1.0);
         assert_eq!(sample(&format!("trued_mode{cell},state=\"shadow\"")), 0.0);
         assert_eq!(sample(&format!("trued_correction_ratio{cell},joint=\"2\"")), -0.5);
-        let latency = sample(&format!("trued_latency_seconds{cell},quantile=\"0.99\""));
+        let latency = sample(&format!("trued_latency_seconds{cell},percentile=\"99\""));
         assert!((latency - 25e-6).abs() < 1e-12, "{latency}");
         assert!(text.ends_with("# EOF\n"));
     }

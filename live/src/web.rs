@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use tiny_http::{Header, Method, Request, Response, StatusCode};
 
+use crate::access::Asked;
 use crate::report::Report;
 use crate::watch::{Reader, Watch};
 use crate::{Access, LiveError, metrics};
@@ -21,6 +22,10 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 const FOLLOWERS_MAX: usize = 32;
 /// After so long without news a comment is sent, so that a browser that left is noticed.
 const BEAT_AFTER: Duration = Duration::from_secs(2);
+
+/// To whom may not look.
+const REFUSED: &str =
+    "a token is needed (?token=TOKEN); without one: call this machine 127.0.0.1 or localhost\n";
 
 const HTML: &str = "text/html; charset=utf-8";
 const JSON: &str = "application/json";
@@ -68,10 +73,13 @@ impl Server {
         followers: &Arc<AtomicUsize>,
         stop: &Arc<AtomicBool>,
     ) {
-        let authorization = request.headers().iter().find(|h| h.field.equiv("Authorization"));
-        let authorization = authorization.map(|header| header.value.as_str());
-        if !self.access.allows(request.url(), authorization) {
-            return respond(request, 401, TEXT, "a token is needed: ?token=TOKEN\n".to_owned());
+        let header = |name: &'static str| {
+            let found = request.headers().iter().find(|header| header.field.equiv(name));
+            found.map(|header| header.value.as_str())
+        };
+        let (host, authorization) = (header("Host"), header("Authorization"));
+        if !self.access.allows(Asked { target: request.url(), host, authorization }) {
+            return respond(request, 401, TEXT, REFUSED.to_owned());
         }
         if *request.method() != Method::Get {
             return respond(request, 405, TEXT, "only GET is answered\n".to_owned());

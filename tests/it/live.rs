@@ -44,7 +44,8 @@ impl View {
     fn get(&self, target: &str) -> (String, String) {
         let mut stream = TcpStream::connect(self.http).expect("a server");
         stream.set_read_timeout(Some(LIMIT)).expect("a limit");
-        write!(stream, "GET {target} HTTP/1.1\r\nHost: cell\r\nConnection: close\r\n\r\n").unwrap();
+        write!(stream, "GET {target} HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n")
+            .unwrap();
         let mut answer = String::new();
         stream.read_to_string(&mut answer).expect("an answer");
         let (head, body) = answer.split_once("\r\n\r\n").expect("a head and a body");
@@ -137,7 +138,7 @@ fn a_change_of_state_comes_as_an_event_within_three_tenths_of_a_second() {
     let view = View::of(&place);
     let mut stream = TcpStream::connect(view.http).expect("a server");
     stream.set_read_timeout(Some(LIMIT)).expect("a limit");
-    write!(stream, "GET /events HTTP/1.1\r\nHost: cell\r\n\r\n").unwrap();
+    write!(stream, "GET /events HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n").unwrap();
     let mut lines = BufReader::new(stream).lines();
     let mut next = move |bypassed: bool| {
         let wanted = format!("\"bypassed\":{bypassed}");
@@ -206,6 +207,12 @@ fn what_stalls_garbles_or_kills_the_view_is_not_noticed_by_the_cell() {
     ticks(&mut robot, 300);
     assert_eq!(view.metric("trued_up"), Some(1.0), "it answers others");
     assert!(view.get("/nothing").0.starts_with("HTTP/1.1 404"));
+    let mut rebound = TcpStream::connect(view.http).expect("a server");
+    write!(rebound, "GET /status HTTP/1.1\r\nHost: evil.example\r\nConnection: close\r\n\r\n")
+        .unwrap();
+    let mut answer = String::new();
+    rebound.read_to_string(&mut answer).expect("an answer");
+    assert!(answer.starts_with("HTTP/1.1 401"), "a page of another name: {answer}");
     view.process.signal(Signal::STOP);
     ticks(&mut robot, 300);
     view.process.kill();

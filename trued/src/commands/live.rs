@@ -54,7 +54,7 @@ impl LiveOf {
     fn serve(&self, console: &mut Console, cell: &str, monitor: Monitor) -> Outcome {
         let stop = interrupt::flag()?;
         let token = std::env::var(TOKEN).ok().filter(|token| !token.is_empty());
-        let access = token.map_or(Access::Everybody, Access::Token);
+        let access = token.map_or(Access::ThisMachine, Access::Token);
         let settings = Settings { http: self.listen, foxglove: Some(self.foxglove), access };
         let live = Live::start(cell, monitor, &settings).map_err(Failure::system)?;
         console.say(format!(
