@@ -89,9 +89,6 @@ impl Gears {
         }
         console.write(outputs, "trued.gears/1", &Report::of(self, &found))?;
         console.say(told::told(&found))?;
-        if let Some(report) = &self.report {
-            console.say(format!("page      {}", report.display()))?;
-        }
         Ok(Answer::Done)
     }
 

@@ -102,9 +102,6 @@ impl Spectrum {
         let report = outcome::Report::of(&subject, &found);
         console.write(outputs, "trued.spectrum/1", &report)?;
         words::say(console, &subject, &found)?;
-        if let Some(report) = &self.report {
-            console.say(format!("page      {}", report.display()))?;
-        }
         Ok(Answer::Done)
     }
 

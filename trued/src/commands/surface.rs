@@ -121,9 +121,6 @@ impl Surface {
         }
         console.write(outputs, "trued.surface/1", &Report::of(self, &profiles))?;
         console.say(told::told(&profiles))?;
-        if let Some(report) = &self.report {
-            console.say(format!("page          {}", report.display()))?;
-        }
         Ok(Answer::Done)
     }
 

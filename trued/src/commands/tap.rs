@@ -188,12 +188,8 @@ impl Tap {
             warn!("{warning}");
         }
         console.say(told::told(&analysis, renewed.as_ref()))?;
-        let model = self.out.as_ref().filter(|_| is_found);
-        let written = [("model", model), ("page", self.report.as_ref())];
-        for (what, path) in written {
-            if let Some(path) = path {
-                console.say(format!("{what:<12}  {}", path.display()))?;
-            }
+        if let Some(model) = self.out.as_ref().filter(|_| is_found) {
+            console.say(format!("model         {}", model.display()))?;
         }
         Ok(if is_found { Answer::Done } else { Answer::No })
     }
