@@ -20,15 +20,21 @@ use crate::report::Report;
 /// None in practice: writing to a text does not fail.
 pub fn text(cell: &str, report: Option<&Report>) -> Result<String, fmt::Error> {
     let mut registry = Registry::with_prefix("trued");
-    let cell = Cell { name: cell.to_owned(), report: report.cloned() };
+    let cell = Cell { name: escaped(cell), report: report.cloned() };
     registry.register_collector(Box::new(cell));
     let mut text = String::new();
     encode(&mut text, &registry)?;
     Ok(text)
 }
 
+/// A label's value as the format has it; the library writes it as it comes.
+fn escaped(value: &str) -> String {
+    value.replace('\\', r"\\").replace('"', "\\\"").replace('\n', r"\n")
+}
+
 #[derive(Debug)]
 struct Cell {
+    /// Escaped.
     name: String,
     report: Option<Report>,
 }
