@@ -112,7 +112,8 @@ impl<L: Link> Cycle<L> {
         counters.gate.store(message.wrench_gate, Relaxed);
         counters.loop_gain_bits.store(made.loop_gain.to_bits(), Relaxed);
         counters.model_epoch.store(message.model_epoch, Relaxed);
-        counters.show(&command.q, &message.correction);
+        let joints = self.model.physics.arm.count();
+        counters.show(&command.q[..joints], &message.correction[..joints]);
         let said = u64::from(message.status) << 32 | u64::from(message.reason);
         counters.last_said.store(said, Relaxed);
         exchange.record(|| {

@@ -172,9 +172,9 @@ impl Counters {
         }
     }
 
-    /// Has the last command and its correction shown in the status.
-    pub fn show(&self, q_command: &[f64; JOINTS_MAX], correction: &[f64; JOINTS_MAX]) {
-        let store = |to: &[AtomicU64; JOINTS_MAX], from: &[f64; JOINTS_MAX]| {
+    /// Keeps the last command and its correction, of the joints that the arm has, for the status.
+    pub fn show(&self, q_command: &[f64], correction: &[f64]) {
+        let store = |to: &[AtomicU64; JOINTS_MAX], from: &[f64]| {
             to.iter().zip(from).for_each(|(bits, value)| bits.store(value.to_bits(), Relaxed));
         };
         store(&self.q_command_bits, q_command);

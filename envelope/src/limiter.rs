@@ -191,7 +191,7 @@ impl Limiter {
         self.offset.is_none_or(|offset| !offset.is_over())
     }
 
-    /// Whether its motion is one of former limits that cannot stop within these yet.
+    /// Whether it still moves by former limits, as it cannot stop within these yet.
     pub(crate) fn brakes_into(&self, limits: &Limits) -> bool {
         self.in_force.is_some_and(|in_force| in_force != *limits)
     }

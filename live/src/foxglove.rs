@@ -26,7 +26,7 @@ use crate::{Access, LiveError};
 
 /// The protocol's names, the present one first.
 const PROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];
-/// How often it is looked whether to stop, and for what a client says.
+/// How often `stop` and the messages of a client are polled.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 /// A client that takes nothing for so long is let go.
 const STALLED_AFTER: Duration = Duration::from_secs(2);
@@ -64,7 +64,7 @@ impl Server {
         self.address
     }
 
-    /// Takes clients until it is told to stop.
+    /// Accepts clients until `stop` is set.
     pub(crate) fn run(self, watch: &Arc<Watch>, stop: &Arc<AtomicBool>) {
         let clients = Arc::new(AtomicUsize::new(0));
         while !stop.load(Relaxed) {

@@ -11,7 +11,7 @@ use crate::report::Report;
 
 /// How often the daemon is looked at: it publishes a status every 40 ms.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
-/// Without a new status what is known is told again, with its age.
+/// Without a new status the last one is sent again after this time, with its age.
 const AGAIN_AFTER: Duration = Duration::from_secs(1);
 /// Verdicts on vibration that are kept for those who look slowly.
 const VERDICTS_KEPT: usize = 256;
@@ -105,7 +105,7 @@ impl Watch {
     }
 }
 
-/// Looks at the cell until it is told to stop.
+/// Polls the cell until `stop` is set.
 pub(crate) fn run(cell: &str, mut monitor: Monitor, watch: &Watch, stop: &AtomicBool) {
     let mut last: Option<(u64, Option<String>)> = None;
     let mut told = Instant::now();
@@ -116,7 +116,7 @@ pub(crate) fn run(cell: &str, mut monitor: Monitor, watch: &Watch, stop: &Atomic
         if let Some(status) = monitor.status() {
             let away = monitor.away().map(|away| away.to_string());
             let key = (status.t_ns, away);
-            // A daemon that has just come has not told its state yet: this one is of the daemon before.
+            // A daemon that has just started has not published a status yet: this one is of its predecessor.
             let is_former = key.1.is_none()
                 && last.as_ref().is_some_and(|(t_ns, away)| *t_ns == key.0 && away.is_some());
             if is_former {

@@ -16,7 +16,7 @@ use crate::{Access, LiveError, metrics};
 
 /// The page: no other file, no other host.
 const PAGE: &str = include_str!("page.html");
-/// How often it is looked whether to stop.
+/// How often `stop` is polled.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// Browsers that may follow at once; each takes a thread.
 const FOLLOWERS_MAX: usize = 32;
@@ -55,7 +55,7 @@ impl Server {
         self.address
     }
 
-    /// Answers until it is told to stop.
+    /// Answers requests until `stop` is set.
     pub(crate) fn run(self, watch: &Arc<Watch>, stop: &Arc<AtomicBool>) {
         let followers = Arc::new(AtomicUsize::new(0));
         while !stop.load(Relaxed) {

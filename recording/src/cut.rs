@@ -1,4 +1,4 @@
-//! A cut whose stability is asked for, `trued.cut/1`: the modes under the tool, the cutter, how it is fed.
+//! The file of a cut to be judged for stability, `trued.cut/1`: the modes at the tool tip, the cutter, the feed.
 //!
 //! Contract: docs/stability.md. A [`CutFile`] that exists has every number in range, in SI; a file with faults gives all of them.
 //! Never: the modes of a tap test that it names; those stand in that file.

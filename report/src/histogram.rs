@@ -99,7 +99,8 @@ impl Histogram {
     fn laid_out(&self, width: f64) -> String {
         let mut canvas = Canvas::new(width);
         let looks = Look::each(self.samples.iter().map(|sample| sample.role));
-        let entries: Vec<Entry> = looks.iter().copied().zip(&self.samples).map(entry).collect();
+        let entries = looks.iter().zip(&self.samples);
+        let entries: Vec<Entry> = entries.map(|(look, sample)| entry(*look, sample)).collect();
         let top = legend::draw(&mut canvas, &entries);
         let values = self.samples.iter().flat_map(|sample| &sample.counted).map(|pair| pair.0);
         let x = self.x.fixed_span().or_else(|| Span::of(values, self.x.log));
@@ -160,7 +161,7 @@ impl Histogram {
     }
 }
 
-fn entry((look, sample): (Look, &Sample)) -> Entry {
+fn entry(look: Look, sample: &Sample) -> Entry {
     Entry { look, swatch: Swatch::Line, name: sample.name.clone() }
 }
 

@@ -15,7 +15,7 @@ pub enum Role {
     After,
     /// The truth, where it is known.
     Truth,
-    /// None of these: signals, axes, channels; told apart by their order.
+    /// None of these: signals, axes, channels; distinguished by their order.
     #[default]
     Other,
 }
