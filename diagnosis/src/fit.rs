@@ -10,13 +10,14 @@ use crate::campaign::Campaign;
 use crate::colour::follows;
 use crate::hypothesis::Hypothesis;
 use crate::independent::Dependent;
-use crate::minimise::{Minimum, minimise};
+use crate::minimise::{Minimum, Until, minimise};
 use crate::problem::{State, Weighing};
 use crate::result::{Fit, Parts};
 use crate::robust::{Influence, scale, weight};
 use crate::sheet::{Length, Sheet};
 use crate::start;
 use crate::surroundings::Surroundings;
+use crate::triangle::Triangle;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -28,6 +29,9 @@ const WEIGHING: usize = 8;
 const STEPS: usize = 12;
 /// Steps of a sketch.
 const SKETCH: usize = 3;
+/// Steps whose gain is below this, in units of the noise's variance, are left to the end: scale, weights and every decision between two fits ask for more
+/// than a hundred times it.
+const SETTLED: f64 = 0.01;
 /// Weights that changed less than this stand.
 const STANDS: f64 = 1e-3;
 
@@ -90,9 +94,9 @@ pub fn compare(campaign: &Campaign, hypothesis: &Hypothesis, before: &Fit, used:
     fitting.weighing.weights.clone_from(&before.weights);
     fitting.weighing.factors.clone_from(&before.factors);
     fitting.choose_columns();
-    fitting.run(SKETCH);
+    fitting.run(Until { steps_max: SKETCH, gain_least: SETTLED });
     fitting.leave_at_zero();
-    fitting.run(SKETCH);
+    fitting.run(Until { steps_max: SKETCH, gain_least: SETTLED });
     fitting.done()
 }
 
@@ -110,6 +114,8 @@ struct Fitting<'a> {
     /// Columns held at zero in the end, since the data wanted them negative.
     bounded: Vec<usize>,
     minimum: Option<Minimum>,
+    /// The data reduced to these columns, while state, weights and factors are what they were.
+    reduced: Option<(Vec<usize>, Triangle)>,
     steps: usize,
 }
 
@@ -124,6 +130,7 @@ impl<'a> Fitting<'a> {
             dependent: Vec::new(),
             bounded: Vec::new(),
             minimum: None,
+            reduced: None,
             steps: 0,
         }
     }
@@ -133,13 +140,13 @@ impl<'a> Fitting<'a> {
         if afresh {
             self.active = (0..self.sheet.state.surroundings.numbers().len()).collect();
             self.look_again(influence);
-            self.run(STEPS);
+            self.run(Until { steps_max: STEPS, gain_least: SETTLED });
         }
         for _ in 0..SETTLING {
             let before = (self.active.clone(), self.weighing.factors.clone());
             self.look_again(influence);
             self.choose_columns();
-            self.run(STEPS);
+            self.run(Until { steps_max: STEPS, gain_least: SETTLED });
             let stands = |(a, b): (&f64, &f64)| (a / b - 1.0).abs() < 0.05;
             let same_scale = self.weighing.factors.iter().zip(&before.1).all(stands);
             if before.0 == self.active && same_scale {
@@ -154,10 +161,10 @@ impl<'a> Fitting<'a> {
         self.rescale();
         self.reweigh(influence);
         self.choose_columns();
-        self.run(SKETCH);
+        self.run(Until { steps_max: SKETCH, gain_least: SETTLED });
         self.leave_at_zero();
         self.final_factors();
-        self.run(1);
+        self.run(Until { steps_max: 1, gain_least: SETTLED });
     }
 
     /// Scale and weights by the residuals as they are.
@@ -177,7 +184,7 @@ impl<'a> Fitting<'a> {
             if changed < STANDS {
                 break;
             }
-            self.run(STEPS);
+            self.run(Until { steps_max: STEPS, gain_least: SETTLED });
         }
     }
 
@@ -185,15 +192,30 @@ impl<'a> Fitting<'a> {
     fn end(&mut self) {
         self.leave_at_zero();
         self.final_factors();
-        self.run(usize::MAX);
+        self.run(Until::CONVERGED);
     }
 
-    fn run(&mut self, steps_max: usize) {
-        let from = Arc::clone(&self.sheet);
-        let found = minimise(self.campaign, from, &self.weighing, &self.active, steps_max);
+    fn run(&mut self, until: Until) {
+        let (sheet, data) = (Arc::clone(&self.sheet), self.data());
+        let found = minimise(self.campaign, sheet, data, &self.weighing, &self.active, until);
         self.sheet = Arc::clone(&found.sheet);
         self.steps += found.steps;
+        self.reduced = Some((self.active.clone(), found.data.clone()));
         self.minimum = Some(found);
+    }
+
+    /// The data reduced to the active columns.
+    fn data(&self) -> Triangle {
+        if let Some((columns, data)) = &self.reduced {
+            let place = |column: &usize| columns.binary_search(column).ok();
+            let places: Option<Vec<usize>> = self.active.iter().map(place).collect();
+            match places {
+                Some(places) if places.len() == columns.len() => return data.clone(),
+                Some(places) => return data.of_columns(&places),
+                None => {}
+            }
+        }
+        self.sheet.triangle(self.campaign, &self.weighing, &self.active)
     }
 
     /// Columns that the data determine, or a stated belief; the others go back to what is believed of them.
@@ -202,6 +224,7 @@ impl<'a> Fitting<'a> {
         let all: Vec<usize> = (0..state.width()).collect();
         let data = self.sheet.triangle(self.campaign, &self.weighing, &all);
         let (kept, dependent) = state.sort(&data);
+        self.reduced = Some((all, data));
         let first = state.surroundings.numbers().len();
         let free = &state.hypothesis.free;
         let held = dependent.iter().filter(|d| kept.binary_search(&d.column).is_err());
@@ -230,12 +253,14 @@ impl<'a> Fitting<'a> {
             hypothesis.model.change(free.effect, |effect| effect.values_mut()[free.value] = *value);
         }
         if state != self.sheet.state {
+            self.reduced = None;
             self.sheet = Arc::new(Sheet::of(self.campaign, state, &self.weighing.used));
         }
     }
 
     /// The noise's factor of each instrument from its residuals; never below one where the noise is known.
     fn rescale(&mut self) {
+        self.reduced = None;
         let lengths = self.sheet.lengths();
         for (index, instrument) in self.campaign.instruments.iter().enumerate() {
             let own = lengths.iter().filter(|one| one.instrument == index);
@@ -249,6 +274,7 @@ impl<'a> Fitting<'a> {
     /// Weights by how far readings lie out among those of their own stream: where half of what one encoder or target says is far off, these are no
     /// readings gone wrong, but something that is missing there, and it is to be seen; so is what lies far off for some rows of a path, one after the other.
     fn reweigh(&mut self, influence: Influence) {
+        self.reduced = None;
         let lengths = self.sheet.lengths();
         let mut streams: BTreeMap<(usize, usize), Vec<(usize, f64)>> = BTreeMap::new();
         for Length { instrument, stream, count, length, .. } in &lengths {
@@ -296,7 +322,8 @@ impl<'a> Fitting<'a> {
 
     fn done(self) -> Fit {
         let sum = self.sheet.cost(self.campaign, &self.weighing);
-        let Self { campaign, sheet, weighing, active, dependent, bounded, minimum, steps } = self;
+        let Self { campaign, sheet, weighing, active, dependent, bounded, minimum, steps, .. } =
+            self;
         let parts = Parts { sheet, weighing, active, dependent, bounded, minimum, steps, sum };
         Fit::of(campaign, parts)
     }
@@ -304,6 +331,7 @@ impl<'a> Fitting<'a> {
     /// The factors by root mean square, which uses clean data whole, instead of by the median; what weighs less than half is no part of the noise. A
     /// known noise stands unless the residuals are too large for it (three standard deviations of their mean square).
     fn final_factors(&mut self) {
+        self.reduced = None;
         let lengths = self.sheet.lengths();
         let clean = lengths.iter().filter(|l| self.weighing.weights[l.reading] >= 0.5);
         let all: f64 =

@@ -30,27 +30,41 @@ pub(crate) struct Minimum {
     pub(crate) converged: bool,
 }
 
-/// Steps from where `sheet` stands over the columns `active` until nothing is left to gain, at most `steps_max` times.
+/// When steps end.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Until {
+    /// The number of steps.
+    pub(crate) steps_max: usize,
+    /// What a full step would still gain, in units of the noise's variance; rounding ends the steps where this is zero.
+    pub(crate) gain_least: f64,
+}
+
+impl Until {
+    /// Until rounding leaves nothing to gain.
+    pub(crate) const CONVERGED: Self = Self { steps_max: usize::MAX, gain_least: 0.0 };
+}
+
+/// Steps over the columns `active` from where `sheet` stands, with its data reduced to them.
 pub(crate) fn minimise(
     campaign: &Campaign,
     mut sheet: Arc<Sheet>,
+    mut data: Triangle,
     weighing: &Weighing,
     active: &[usize],
-    steps_max: usize,
+    until: Until,
 ) -> Minimum {
     let mut sum = sheet.cost(campaign, weighing);
-    let mut data = sheet.triangle(campaign, weighing, active);
     let mut triangle = with_priors(&data, &sheet.state, active);
     let mut largest = vec![0.0_f64; active.len()];
     let (mut damping, mut growth) = (DAMPING_START, 2.0);
     let (mut steps, mut converged) = (0, false);
-    while steps < steps_max.min(STEPS_MAX) && damping < DAMPING_MAX {
+    while steps < until.steps_max.min(STEPS_MAX) && damping < DAMPING_MAX {
         let state = &sheet.state;
         for (j, norm) in largest.iter_mut().enumerate() {
             *norm = norm.max(triangle.norm(j));
         }
         let lowest = state.lowest(active);
-        if left_to_gain(&triangle, &lowest) <= ENOUGH * sum {
+        if left_to_gain(&triangle, &lowest) <= until.gain_least.max(ENOUGH * sum) {
             converged = true;
             break;
         }

@@ -44,7 +44,10 @@ impl Sheet {
     pub(crate) fn of(campaign: &Campaign, state: State, used: &[bool]) -> Self {
         let effects_from = state.surroundings.numbers().len();
         let mut full = vec![vec![0.0; state.width()]; 3];
-        let (mut entries, mut slopes) = (Vec::new(), Vec::new());
+        let taken = campaign.poses.iter().zip(used).filter(|(_, used)| **used);
+        let numbers = taken.flat_map(|(pose, _)| pose.seen.iter().map(|seen| seen.reading.count()));
+        let mut slopes = Vec::with_capacity(numbers.sum::<usize>() * state.width());
+        let mut entries = Vec::new();
         let look = Look { used: Some(used), derivatives: true };
         visit(campaign, &state, look, |at| {
             at.rows.fill(effects_from, at.motions, &mut full);

@@ -1,13 +1,19 @@
 //! Least squares by orthogonal reduction: rows go in one after the other, an upper triangle remains.
 //!
 //! `[J | r] = Q R` by Householder reflections, a block of rows at a time (Golub and Van Loan, Matrix Computations, 5.2 and 6.5),
-//! so that the square of the condition number never enters and no more than a block of rows is held.
+//! so that the square of the condition number never enters and no more than a block of rows is held. The reflections of a few columns are
+//! applied to all others together, as products of matrices.
 //!
 //! Promises: the same rows in the same order give the same bits; columns of nothing but zeros do no harm.
 //! Never: a judgement which columns are independent; see `independent.rs`.
 
+use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut};
+use std::ops::Range;
+
 /// Rows that are reduced at once.
 const BLOCK: usize = 64;
+/// Columns whose reflections are applied to the others at once.
+const PANEL: usize = 16;
 
 /// The triangle `R` of `[J | r]`: `width` columns of `J` and the right-hand side as one more.
 #[derive(Clone, Debug)]
@@ -74,7 +80,23 @@ impl Triangle {
             return;
         }
         let columns = self.width + 1;
-        for j in 0..columns {
+        for first in (0..columns).step_by(PANEL) {
+            let beyond = (first + PANEL).min(columns);
+            let shares = self.reflect(first..beyond);
+            if beyond < columns {
+                self.reflect_others(first..beyond, &shares);
+            }
+        }
+        self.waiting.fill(0.0);
+        self.waiting_rows = 0;
+    }
+
+    /// Reflects the waiting rows of the columns `panel` into their diagonals, one column after the other, within the panel alone. The rows that waited
+    /// become the reflections' vectors `v` (with a one at the diagonal that is not stored), of each `1 − share · v vᵀ`.
+    fn reflect(&mut self, panel: Range<usize>) -> [f64; PANEL] {
+        let columns = self.width + 1;
+        let mut shares = [0.0; PANEL];
+        for (share, j) in shares.iter_mut().zip(panel.clone()) {
             let (left, right) = self.waiting.split_at_mut((j + 1) * BLOCK);
             let v = &mut left[j * BLOCK..];
             let below = dot(v, v);
@@ -85,18 +107,37 @@ impl Triangle {
             let norm = (diagonal * diagonal + below).sqrt();
             let reflected = if diagonal > 0.0 { -norm } else { norm };
             let pivot = diagonal - reflected;
-            let share = -pivot / reflected;
+            *share = -pivot / reflected;
             v.iter_mut().for_each(|x| *x /= pivot);
             self.entries[j * columns + j] = reflected;
-            for (k, column) in (j + 1..columns).zip(right.chunks_exact_mut(BLOCK)) {
+            for (k, column) in (j + 1..panel.end).zip(right.chunks_exact_mut(BLOCK)) {
                 let head = &mut self.entries[k * columns + j];
-                let s = share * (*head + dot(v, column));
+                let s = *share * (*head + dot(v, column));
                 *head -= s;
                 column.iter_mut().zip(v.iter()).for_each(|(x, v)| *x -= s * v);
             }
         }
-        self.waiting.fill(0.0);
-        self.waiting_rows = 0;
+        shares
+    }
+
+    /// Applies the reflections of `panel` to the columns behind it, all at once: their product is `1 − V T Vᵀ` (Schreiber and Van Loan 1989).
+    fn reflect_others(&mut self, panel: Range<usize>, shares: &[f64; PANEL]) {
+        let columns = self.width + 1;
+        let (wide, others) = (panel.len(), columns - panel.end);
+        let (vectors, waiting) = self.waiting.split_at_mut(panel.end * BLOCK);
+        let vectors = &vectors[panel.start * BLOCK..];
+        let v = DMatrixView::from_slice(vectors, BLOCK, wide);
+        let t = product_of_reflections(vectors, &shares[..wide]);
+        let heads = &mut self.entries[panel.end * columns + panel.start..];
+        let mut heads =
+            DMatrixViewMut::from_slice_with_strides_mut(heads, wide, others, 1, columns);
+        let mut waiting = DMatrixViewMut::from_slice(waiting, BLOCK, others);
+        let mut along = heads.clone_owned();
+        // A copy: nalgebra 0.35 reads and writes beyond its matrices where the rows of the left factor are strided and the right one has few columns.
+        along.gemm(1.0, &v.transpose(), &waiting, 1.0);
+        let along = t.transpose() * along;
+        heads -= &along;
+        waiting.gemm(-1.0, &v, &along, 1.0);
     }
 
     /// The entry in row `i` and column `j ≥ i`; column `width` is the right-hand side.
@@ -236,6 +277,21 @@ impl Triangle {
     }
 }
 
+/// The upper triangle `T` of `H₁ H₂ … = 1 − V T Vᵀ`, of reflections whose vectors lie one after the other.
+fn product_of_reflections(vectors: &[f64], shares: &[f64]) -> DMatrix<f64> {
+    let mut t = DMatrix::zeros(shares.len(), shares.len());
+    let vectors: Vec<&[f64]> = vectors.chunks_exact(BLOCK).collect();
+    for (j, share) in shares.iter().enumerate() {
+        let along: Vec<f64> = vectors[..j].iter().map(|v| dot(v, vectors[j])).collect();
+        for i in 0..j {
+            let sum: f64 = (i..j).map(|k| t[(i, k)] * along[k]).sum();
+            t[(i, j)] = -share * sum;
+        }
+        t[(j, j)] = *share;
+    }
+    t
+}
+
 /// The scalar product, summed in eight strands: always in the same order.
 #[must_use]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -318,6 +374,24 @@ mod tests {
             }
             prop_assert!((part.rest() - direct.rest()).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn many_columns_at_once_leave_what_is_normal_to_each_of_them() {
+        let entry = |i: usize, j: usize| ((i * 31 + j * 17 + i * j) as f64 * 0.7).sin();
+        let rows: Vec<Vec<f64>> = (0..300)
+            .map(|i| (0..50).map(|j| if j == 20 { 0.0 } else { entry(i, j) }).collect())
+            .collect();
+        let right: Vec<f64> = (0..300).map(|i| entry(i, 77)).collect();
+        let triangle = triangle(&rows, &right);
+        let x = triangle.solve(&[0.0; 50]);
+        assert_eq!(x[20], 0.0);
+        let left: Vec<f64> = rows.iter().zip(&right).map(|(row, r)| r - dot(row, &x)).collect();
+        for j in 0..50 {
+            let along: f64 = rows.iter().zip(&left).map(|(row, l)| row[j] * l).sum();
+            assert!(along.abs() < 1e-9, "column {j}: {along}");
+        }
+        assert!((dot(&left, &left) - triangle.rest()).abs() < 1e-9);
     }
 
     #[test]

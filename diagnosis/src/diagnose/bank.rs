@@ -10,15 +10,14 @@ use crate::rides::Moved;
 use crate::score::{Fitted, Moves};
 use physics::AnyEffect;
 use physics::spec::ActsOn;
-use std::cell::RefCell;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Columns of those that act upon the loads, and of all others.
 #[derive(Default)]
 pub(super) struct Bank {
-    of_loads: RefCell<Kept>,
-    others: RefCell<Kept>,
-    ringing: RefCell<Ringing>,
+    of_loads: Mutex<Kept>,
+    others: Mutex<Kept>,
+    ringing: Mutex<Ringing>,
 }
 
 /// What modes move, and the effects that they feel.
@@ -39,7 +38,7 @@ struct Kept {
 impl Bank {
     /// The columns of every candidate of `library`, which is always the same, where a fit stands.
     pub(super) fn moves(&self, fitted: &Fitted<'_>, library: &[Candidate]) -> Vec<Arc<Moves>> {
-        let (mut of_loads, mut others) = (self.of_loads.borrow_mut(), self.others.borrow_mut());
+        let (mut of_loads, mut others) = (held(&self.of_loads), held(&self.others));
         let whole = fitted.context();
         let felt = felt(&whole);
         of_loads.hold(fitted, whole, library.iter().filter(|candidate| is_of_loads(candidate)));
@@ -59,13 +58,18 @@ impl Bank {
         fitted: &Fitted<'_>,
         columns: impl FnOnce() -> Vec<Moved>,
     ) -> Arc<Vec<Moved>> {
-        let mut kept = self.ringing.borrow_mut();
+        let mut kept = held(&self.ringing);
         let felt = felt(&fitted.context());
         if kept.context != felt {
             *kept = Ringing { context: felt, columns: None };
         }
         Arc::clone(kept.columns.get_or_insert_with(|| Arc::new(columns())))
     }
+}
+
+/// What is kept is whole whenever it is let go of: each part is replaced at once.
+fn held<T>(kept: &Mutex<T>) -> MutexGuard<'_, T> {
+    kept.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Those of the effects that change the loads or the way.

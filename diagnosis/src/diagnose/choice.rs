@@ -15,7 +15,7 @@ use crate::select::is_sound;
 use crate::waves::lines;
 use physics::spec::Range;
 use physics::{AnyEffect, Model};
-use std::cell::OnceCell;
+use std::sync::OnceLock;
 
 /// Steps of adding, taking out and exchanging.
 const STEPS: usize = 120;
@@ -46,7 +46,7 @@ pub(super) struct Choice<'a> {
     design_effect: f64,
     readings: f64,
     /// The sum of squares of a fit with all names, once a rival was fitted.
-    whole: OnceCell<f64>,
+    whole: OnceLock<f64>,
 }
 
 impl<'a> Choice<'a> {
@@ -93,7 +93,7 @@ impl<'a> Choice<'a> {
             chosen: Vec::new(),
             design_effect: fit.design_effect,
             readings: (fit.readings as f64 / fit.design_effect).max(2.0),
-            whole: OnceCell::new(),
+            whole: OnceLock::new(),
         }
     }
 
@@ -296,8 +296,8 @@ impl<'a> Choice<'a> {
         }
     }
 
-    /// The rivals of what was named in place `k`; those whose nonlinear numbers might bring them near are fitted.
-    pub(super) fn compare_rivals(&self, asking: &Asking<'_>, naming: &mut Naming, k: usize) {
+    /// What was named in place `k`, with its rivals; those whose nonlinear numbers might bring them near are fitted.
+    pub(super) fn with_rivals(&self, asking: &Asking<'_>, naming: &Naming, k: usize) -> Named {
         let own = self.chosen[k];
         let gain = self.gram.gains(own);
         let mut gram = self.gram.clone();
@@ -328,14 +328,15 @@ impl<'a> Choice<'a> {
             rivals.extend(rival.filter(|rival| rival.behind < 2.0 * ALIKE));
         }
         rivals.sort_by(|a, b| a.behind.total_cmp(&b.behind));
-        let margin = 0.5 * self.worth(&gain, &self.entries[own]);
-        let one = &mut naming.named[k];
-        one.margin = margin;
-        one.gain = 0.5 * gain.gain / self.design_effect;
-        one.numbers = gain.numbers + self.entries[own].searched();
-        one.share = asking.share();
-        one.rivals = rivals;
-        one.variants = variants;
+        Named {
+            margin: 0.5 * self.worth(&gain, &self.entries[own]),
+            gain: 0.5 * gain.gain / self.design_effect,
+            numbers: gain.numbers + self.entries[own].searched(),
+            share: asking.share(),
+            rivals,
+            variants,
+            ..naming.named[k].clone()
+        }
     }
 }
 

@@ -14,6 +14,7 @@ use crate::hypothesis::{Hypothesis, named};
 use crate::result::Fit;
 use physics::spec::Unit;
 use physics::{AnyEffect, Model};
+use rayon::prelude::*;
 use std::f64::consts::TAU;
 
 pub(super) fn findings(
@@ -23,27 +24,33 @@ pub(super) fn findings(
     all: &[Named],
     given: &Fit,
 ) -> Vec<Finding> {
-    let fit_without = |gone: &[&Named]| held.beside(&without(last, model, gone), last);
-    let left = |gone: &[usize]| {
-        let gone: Vec<&Named> = gone.iter().map(|k| &all[*k]).collect();
-        held.energy(&fit_without(&gone))
+    let left = |gone: &[&Named]| {
+        let fit = held.beside(&without(last, model, gone), last);
+        Left { energy: held.energy(&fit), rms: held.rms(&fit) }
     };
-    let shares = shares(all.len(), left);
-    let mut order: Vec<(&Named, f64)> = all.iter().zip(shares).collect();
-    order.sort_by(|a, b| b.1.total_cmp(&a.1));
-    let order: Vec<&Named> = order.into_iter().map(|(one, _)| one).collect();
+    let alone_left_out: Vec<Left> = all.par_iter().map(|one| left(&[one])).collect();
+    let by_itself = (0..all.len()).into_par_iter().map(|k| {
+        let others: Vec<&Named> = all[..k].iter().chain(&all[k + 1..]).collect();
+        left(&others).energy
+    });
+    let shares = shares(&Energies {
+        with_none: left(&all.iter().collect::<Vec<_>>()).energy,
+        with_one: by_itself.collect(),
+        without_one: alone_left_out.iter().map(|left| left.energy).collect(),
+        with_all: left(&[]).energy,
+    });
+    let mut places: Vec<usize> = (0..all.len()).collect();
+    places.sort_by(|a, b| shares[*b].total_cmp(&shares[*a]));
+    let order: Vec<&Named> = places.iter().map(|place| &all[*place]).collect();
+    let first_ones = (0..order.len()).into_par_iter().map(|k| left(&order[k + 1..]).rms);
+    let first_ones: Vec<f64> = first_ones.collect();
     let everywhere = vec![true; held.campaign.poses.len()];
     let everywhere = Held::new(held.campaign, (held.split, &everywhere), last);
     let groups = groups(order.len(), |a, b| are_together(order[a], order[b], last));
-    let mut before = held.rms(given);
-    let mut findings = Vec::new();
     let whole = &last.hypothesis.model;
-    for (k, one) in order.iter().enumerate() {
-        let left: Vec<&Named> = order[k + 1..].to_vec();
-        let after = held.rms(&fit_without(&left));
-        let Some(effect) = last.hypothesis.model.effects().nth(one.effect).copied() else {
-            continue;
-        };
+    let finding = |k: usize| {
+        let one = order[k];
+        let effect = whole.effects().nth(one.effect).copied()?;
         let sigma = |value: usize| sigma(one, &effect, value, (last, uncertainty));
         let (confidence, shares) = judge::confidence(one, last);
         let had = one
@@ -53,7 +60,8 @@ pub(super) fn findings(
         let bare = without(last, model, &[one]).model;
         let seen = locate::seen(held.campaign, &last.surroundings, whole, &bare);
         let registered = everywhere.beside(&Hypothesis::fixed(*bare), last);
-        findings.push(Finding {
+        let before = if k == 0 { held.rms(given) } else { first_ones[k - 1] };
+        Some(Finding {
             seen,
             sigma: (0..effect.values().len()).map(sigma).collect(),
             effect,
@@ -63,14 +71,21 @@ pub(super) fn findings(
             confidence,
             gain: one.gain,
             rivals: one.rivals.iter().cloned().zip(shares).collect(),
-            heldout: [before, after],
-            heldout_without: held.rms(&fit_without(&[one])),
+            heldout: [before, first_ones[k]],
+            heldout_without: alone_left_out[places[k]].rms,
             size: everywhere.size_between(&registered, last),
             group: groups[k],
-        });
-        before = after;
-    }
-    findings
+        })
+    };
+    (0..order.len()).into_par_iter().filter_map(finding).collect()
+}
+
+/// What is left of held-out rows.
+struct Left {
+    /// As [`Held::energy`] has it, m² or rad².
+    energy: f64,
+    /// As [`Held::rms`] has it, m or rad.
+    rms: f64,
 }
 
 /// Correlation from which two parameters are determined only together; no unit, 0 to 1. Default 0.95: the standard uncertainty of each is then
@@ -114,18 +129,21 @@ fn groups(count: usize, are_together: impl Fn(usize, usize) -> bool) -> Vec<Opti
     groups
 }
 
-/// How much of an energy each of so many names takes away, as a mean over all orders in which they can be brought in; `left`: the energy where these are
-/// gone. With numbers as they are it is quadratic in what the names move, and that mean is half of what a name does alone and half of what it does beside
-/// all others.
-fn shares(count: usize, left: impl Fn(&[usize]) -> f64) -> Vec<f64> {
-    let everyone: Vec<usize> = (0..count).collect();
-    let (bare, whole) = (left(&everyone), left(&[]));
-    let share = |k: usize| {
-        let mut others = everyone.clone();
-        others.remove(k);
-        0.5 * (bare - left(&others) + left(&[k]) - whole)
-    };
-    (0..count).map(share).collect()
+/// What is left of an energy with some of the names.
+struct Energies {
+    with_none: f64,
+    /// With one of them, in their order.
+    with_one: Vec<f64>,
+    /// Without one of them, in their order.
+    without_one: Vec<f64>,
+    with_all: f64,
+}
+
+/// How much of an energy each name takes away, as a mean over all orders in which they can be brought in. With numbers as they are it is quadratic in what
+/// the names move, and that mean is half of what a name does alone and half of what it does beside all others.
+fn shares(left: &Energies) -> Vec<f64> {
+    let pairs = left.with_one.iter().zip(&left.without_one);
+    pairs.map(|(with, without)| 0.5 * (left.with_none - with + without - left.with_all)).collect()
 }
 
 /// The standard uncertainty of a value of what was named, SI; none for one that neither was fitted nor has variants.
@@ -155,7 +173,7 @@ fn sigma(
 
 #[cfg(test)]
 mod tests {
-    use super::{groups, shares};
+    use super::{Energies, groups, shares};
 
     #[test]
     fn what_is_together_with_one_of_a_group_is_of_the_group() {
@@ -184,7 +202,12 @@ mod tests {
                 mean[order[at]] += (left(&order[at..]) - left(&order[at + 1..])) / 6.0;
             }
         }
-        let shares = shares(3, left);
+        let shares = shares(&Energies {
+            with_none: left(&[0, 1, 2]),
+            with_one: vec![left(&[1, 2]), left(&[0, 2]), left(&[0, 1])],
+            without_one: vec![left(&[0]), left(&[1]), left(&[2])],
+            with_all: left(&[]),
+        });
         for (share, mean) in shares.iter().zip(mean) {
             assert!((share - mean).abs() < 1e-9, "{shares:?} beside {mean:?}");
         }

@@ -21,6 +21,7 @@ use crate::result::Fit;
 use crate::score::Fitted;
 use crate::select::put;
 use physics::{AnyEffect, Model};
+use rayon::prelude::*;
 
 /// Rounds of a first glimpse.
 const GLIMPSES: usize = 3;
@@ -208,9 +209,9 @@ impl Asking<'_> {
     pub(super) fn compare(&self, naming: &mut Naming, also: &[Entry]) -> f64 {
         let mut choice = Choice::at(self, naming, also);
         choice.stand();
-        for k in 0..naming.named.len() {
-            choice.compare_rivals(self, naming, k);
-        }
+        let compared = (0..naming.named.len()).into_par_iter();
+        let compared = compared.map(|k| choice.with_rivals(self, naming, k));
+        naming.named = compared.collect();
         choice.price()
     }
 

@@ -13,6 +13,7 @@ use crate::proof::Split;
 use crate::result::Fit;
 use crate::size::Size;
 use physics::{AnyEffect, Model};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// A name is borne out where rows that chose nothing speak for it by this much in log-likelihood: what is not there loses there about what it promised.
@@ -97,9 +98,9 @@ pub(super) fn confirmed(
         let mut order: Vec<usize> = (0..margins.len()).collect();
         order.sort_by(|a, b| margins[*a].total_cmp(&margins[*b]));
         let first = margins.iter().filter(|margin| **margin == f64::NEG_INFINITY).count();
-        for k in order.into_iter().take(first.max(ASKED_AGAIN)) {
-            margins[k] = told(&naming.named[k]);
-        }
+        order.truncate(first.max(ASKED_AGAIN));
+        let asked: Vec<f64> = order.par_iter().map(|k| told(&naming.named[*k])).collect();
+        order.into_iter().zip(asked).for_each(|(k, margin)| margins[k] = margin);
         let worst = margins.iter().copied().enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
         let Some((k, _)) = worst.filter(|(_, margin)| *margin < 0.0) else { break };
         margins.remove(k);
