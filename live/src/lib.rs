@@ -1,7 +1,8 @@
 //! What a running cell shows: its status as JSON, metrics for Prometheus, a page for a browser, a stream for Foxglove and PlotJuggler.
 //!
 //! A process of its own that joins the cell as a [`Monitor`], like `trued status`: the daemon opens no socket, and does not notice
-//! when this process hangs or dies. Everything is read-only: nothing that arrives over the network reaches the daemon.
+//! when this process hangs or dies. Nothing that arrives over the network reaches the daemon. [`top`] shows the same on a terminal, and asks the
+//! daemon what its keys say.
 //!
 //! | served | by | at |
 //! | --- | --- | --- |
@@ -15,6 +16,7 @@ mod access;
 mod foxglove;
 mod metrics;
 pub mod report;
+pub mod top;
 mod watch;
 mod web;
 

@@ -59,6 +59,7 @@ mod surface;
 mod sweeps;
 mod tables;
 mod tap;
+mod top;
 mod waves;
 
 use tests::pair::Programs;

@@ -29,6 +29,7 @@ mod stability;
 mod status;
 mod surface;
 mod tap;
+mod top;
 
 use clap::Subcommand;
 
@@ -67,6 +68,7 @@ pub(crate) enum Command {
     Status(status::StatusOf),
     Surface(surface::Surface),
     Tap(tap::Tap),
+    Top(top::Top),
 }
 
 /// Runs the command that was asked for.
@@ -101,5 +103,6 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Status(status) => status.run(console),
         Command::Surface(surface) => surface.run(console),
         Command::Tap(tap) => tap.run(console),
+        Command::Top(top) => top.run(),
     }
 }

@@ -1,0 +1,117 @@
+//! `trued top`: a running cell on a terminal, with keys for what an operator may ask of it.
+//!
+//! Two connections to the cell: one looks, the other asks, so that a daemon that does not answer does not stop the display. Only cells of the
+//! terminal that changed are written (ratatui): usable over a slow line.
+
+mod ask;
+mod screen;
+mod view;
+
+use std::io;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, mpsc};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use ratatui::crossterm::event::{self, Event, KeyEventKind};
+use trued_client::Monitor;
+
+use crate::LiveError;
+use crate::watch::{self, Reader, Watch};
+use screen::{Effect, Screen};
+
+/// How long keys are waited for before the cell is looked at.
+const KEYS_WITHIN: Duration = Duration::from_millis(50);
+/// How often the screen is drawn where no key was pressed: as often as a person reads figures.
+const DRAWN_EVERY: Duration = Duration::from_millis(250);
+
+/// Why the display ended.
+#[derive(Debug, thiserror::Error)]
+pub enum TopError {
+    /// The terminal cannot be used.
+    #[error(
+        "the terminal cannot be used: {0}; is this a terminal? `trued status --watch` needs none"
+    )]
+    Terminal(#[from] io::Error),
+    /// The system refuses a thread.
+    #[error(transparent)]
+    Thread(#[from] LiveError),
+}
+
+/// Shows `cell` until the user quits or `stop` is set. `looking` and `asking` are two connections to it.
+///
+/// # Errors
+/// See [`TopError`]. The terminal is given back as it was, on a panic too.
+pub fn run(
+    cell: &str,
+    looking: Monitor,
+    asking: Monitor,
+    stop: &Arc<AtomicBool>,
+) -> Result<(), TopError> {
+    let watch = Arc::new(Watch::default());
+    let ended = Arc::new(AtomicBool::new(false));
+    let (ask, asked) = mpsc::channel();
+    let (answer, answers) = mpsc::channel();
+    let looks = {
+        let (name, watch, ended) = (cell.to_owned(), Arc::clone(&watch), Arc::clone(&ended));
+        spawn("watch", move || watch::run(&name, looking, &watch, &ended))?
+    };
+    // It ends when `ask` is dropped; nobody waits for a daemon that does not answer.
+    spawn("ask", move || ask::run(asking, &asked, &answer))?;
+    let mut terminal = ratatui::try_init()?;
+    let shown = show(cell, &mut terminal, &Channels { watch: &watch, ask, answers }, stop);
+    let restored = ratatui::try_restore();
+    ended.store(true, Relaxed);
+    let _ = looks.join();
+    shown?;
+    restored?;
+    Ok(())
+}
+
+/// What the display hears, and whom it asks.
+struct Channels<'a> {
+    watch: &'a Watch,
+    ask: mpsc::Sender<ask::Request>,
+    answers: mpsc::Receiver<ask::Answered>,
+}
+
+fn show(
+    cell: &str,
+    terminal: &mut ratatui::DefaultTerminal,
+    channels: &Channels<'_>,
+    stop: &AtomicBool,
+) -> io::Result<()> {
+    let mut screen = Screen::new(cell);
+    let mut reader = Reader::default();
+    let mut drawn: Option<Instant> = None;
+    while !stop.load(Relaxed) {
+        let news = channels.watch.news(&mut reader, Duration::ZERO);
+        screen.hear(news);
+        channels.answers.try_iter().for_each(|answered| screen.answered(&answered));
+        let mut at_once = drawn.is_none_or(|drawn| drawn.elapsed() >= DRAWN_EVERY);
+        if event::poll(if at_once { Duration::ZERO } else { KEYS_WITHIN })? {
+            match event::read()? {
+                Event::Key(key) if key.kind != KeyEventKind::Release => match screen.key(key) {
+                    Effect::None => {}
+                    Effect::Quit => return Ok(()),
+                    // Where the thread is gone, the screen goes on saying that no answer came.
+                    Effect::Ask(request) => drop(channels.ask.send(request)),
+                },
+                _ => {}
+            }
+            at_once = true;
+        }
+        if at_once {
+            terminal.draw(|frame| view::draw(frame, &screen))?;
+            drawn = Some(Instant::now());
+        }
+    }
+    Ok(())
+}
+
+fn spawn(
+    name: &str,
+    run: impl FnOnce() + Send + 'static,
+) -> Result<thread::JoinHandle<()>, LiveError> {
+    thread::Builder::new().name(name.to_owned()).spawn(run).map_err(LiveError::Thread)
+}

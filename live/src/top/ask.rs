@@ -1,0 +1,66 @@
+//! Requests of the operator to the daemon, one after the other, in a thread of their own.
+
+use std::sync::mpsc::{Receiver, Sender};
+use std::time::Duration;
+
+use trued_client::{Answer, Mode, Monitor};
+
+/// How long the daemon may take to answer: a reload reads and checks a model.
+const ANSWER_WITHIN: Duration = Duration::from_secs(5);
+
+/// What an operator may ask by a key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Request {
+    Bypass(bool),
+    Mode(Mode),
+    Arm,
+    Reload,
+}
+
+impl Request {
+    /// In words, as the commands of the shell have it.
+    pub(super) fn says(self) -> String {
+        match self {
+            Self::Bypass(true) => "bypass on".to_owned(),
+            Self::Bypass(false) => "bypass off".to_owned(),
+            Self::Mode(mode) => format!("mode {}", mode.name()),
+            Self::Arm => "arm".to_owned(),
+            Self::Reload => "reload the model".to_owned(),
+        }
+    }
+
+    /// Whether the correction may grow by it: asked again before it is sent. What takes the correction out is sent at once.
+    pub(super) fn needs_a_yes(self) -> bool {
+        !matches!(self, Self::Bypass(true) | Self::Mode(Mode::Shadow))
+    }
+}
+
+/// A request with its answer.
+#[derive(Clone, Debug)]
+pub(super) struct Answered {
+    pub(super) request: Request,
+    pub(super) says: String,
+}
+
+/// Answers until nobody asks any more.
+pub(super) fn run(mut monitor: Monitor, asked: &Receiver<Request>, answers: &Sender<Answered>) {
+    for request in asked {
+        let response = match request {
+            Request::Bypass(on) => monitor.bypass(on, ANSWER_WITHIN),
+            Request::Mode(mode) => monitor.mode(mode, ANSWER_WITHIN),
+            Request::Arm => monitor.arm(true, ANSWER_WITHIN),
+            Request::Reload => monitor.reload(None, ANSWER_WITHIN),
+        };
+        let says = match response {
+            Ok(response) => match response.answer() {
+                Ok(Answer::Done) => response.message.to_string(),
+                Ok(answer) => format!("{answer}: {}", response.message),
+                Err(unknown) => unknown.to_string(),
+            },
+            Err(error) => error.to_string(),
+        };
+        if answers.send(Answered { request, says }).is_err() {
+            return;
+        }
+    }
+}

@@ -1,0 +1,289 @@
+//! What the screen shows, and what each key does. No terminal: the tests press keys and look.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
+use shm_schema::Status;
+use trued_client::Mode;
+
+use super::ask::{Answered, Request};
+use crate::report::Report;
+use crate::watch::{News, Seen};
+
+/// Events that are kept.
+const EVENTS_KEPT: usize = 200;
+/// The rate of commands is told over this time, s: short enough to follow, long enough for two digits at 10 Hz.
+const RATE_OVER_S: f64 = 2.0;
+
+/// What follows from a key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Effect {
+    None,
+    Ask(Request),
+    Quit,
+}
+
+/// Something that happened, with the daemon's time since its start.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Happened {
+    pub(super) uptime_s: f64,
+    pub(super) says: String,
+}
+
+/// Commands at a time.
+#[derive(Clone, Copy, Debug)]
+struct Count {
+    t_ns: u64,
+    commands: u64,
+}
+
+/// The screen.
+#[derive(Debug)]
+pub(super) struct Screen {
+    pub(super) cell: String,
+    /// The cell as it is shown; none before its first status.
+    pub(super) seen: Option<Arc<Seen>>,
+    /// The cell now, while what is shown is frozen.
+    waiting: Option<Arc<Seen>>,
+    pub(super) frozen: bool,
+    /// What waits for a `y`.
+    pub(super) asks: Option<Request>,
+    /// What was sent and has no answer yet.
+    pub(super) pending: Option<Request>,
+    /// Newest first.
+    pub(super) events: VecDeque<Happened>,
+    /// Commands per second; none before there are any.
+    pub(super) rate_hz: Option<f64>,
+    counted: VecDeque<Count>,
+    /// State words of the last status: a change is an event.
+    last: Option<(&'static str, &'static str, bool)>,
+}
+
+impl Screen {
+    pub(super) fn new(cell: &str) -> Self {
+        Self {
+            cell: cell.to_owned(),
+            seen: None,
+            waiting: None,
+            frozen: false,
+            asks: None,
+            pending: None,
+            events: VecDeque::new(),
+            rate_hz: None,
+            counted: VecDeque::new(),
+            last: None,
+        }
+    }
+
+    /// Takes what is new of the cell.
+    pub(super) fn hear(&mut self, news: News) {
+        for verdict in news.verdicts {
+            self.happened(verdict.to_string());
+        }
+        let Some(seen) = news.seen else { return };
+        self.count(&seen.status);
+        self.note_changes(&seen.report);
+        if self.frozen {
+            self.waiting = Some(seen);
+        } else {
+            self.seen = Some(seen);
+        }
+    }
+
+    /// Takes an answer of the daemon.
+    pub(super) fn answered(&mut self, answered: &Answered) {
+        self.pending = None;
+        self.happened(format!("{}: {}", answered.request.says(), answered.says));
+    }
+
+    /// Presses a key.
+    pub(super) fn key(&mut self, key: KeyEvent) -> Effect {
+        let is_ctrl_c =
+            key.code == KeyCode::Char('c') && key.modifiers.contains(KeyModifiers::CONTROL);
+        if is_ctrl_c {
+            return Effect::Quit;
+        }
+        if let Some(request) = self.asks.take() {
+            return match key.code {
+                KeyCode::Char('y' | 'Y') => self.send(request),
+                _ => Effect::None,
+            };
+        }
+        match key.code {
+            KeyCode::Char('q') | KeyCode::Esc => Effect::Quit,
+            KeyCode::Char('b') => {
+                let bypassed = self.now().is_some_and(|seen| seen.report.bypassed);
+                self.ask(Request::Bypass(!bypassed))
+            }
+            KeyCode::Char('s') => self.ask(Request::Mode(Mode::Shadow)),
+            KeyCode::Char('l') => self.ask(Request::Mode(Mode::Limited)),
+            KeyCode::Char('f') => self.ask(Request::Mode(Mode::Full)),
+            KeyCode::Char('a') => self.ask(Request::Arm),
+            KeyCode::Char('r') => self.ask(Request::Reload),
+            KeyCode::Char(' ') => {
+                self.frozen = !self.frozen;
+                if let Some(seen) = self.waiting.take() {
+                    self.seen = Some(seen);
+                }
+                Effect::None
+            }
+            _ => Effect::None,
+        }
+    }
+
+    /// The cell now, whether it is shown or not.
+    fn now(&self) -> Option<&Arc<Seen>> {
+        self.waiting.as_ref().or(self.seen.as_ref())
+    }
+
+    fn ask(&mut self, request: Request) -> Effect {
+        if request.needs_a_yes() {
+            self.asks = Some(request);
+            Effect::None
+        } else {
+            self.send(request)
+        }
+    }
+
+    fn send(&mut self, request: Request) -> Effect {
+        self.pending = Some(request);
+        Effect::Ask(request)
+    }
+
+    fn happened(&mut self, says: String) {
+        let uptime_s = self.now().map_or(0.0, |seen| seen.report.uptime_s);
+        self.events.push_front(Happened { uptime_s, says });
+        self.events.truncate(EVENTS_KEPT);
+    }
+
+    fn note_changes(&mut self, report: &Report) {
+        let health = if report.away.is_some() { "no daemon" } else { report.health };
+        let now = (health, report.mode, report.bypassed);
+        let Some((health_before, mode_before, bypassed_before)) = self.last.replace(now) else {
+            return;
+        };
+        if health != health_before {
+            let why = report.away.as_deref().unwrap_or(&report.message);
+            self.happened(format!("{health_before} -> {health}: {why}"));
+        }
+        if report.mode != mode_before {
+            self.happened(format!("mode {mode_before} -> {}", report.mode));
+        }
+        if report.bypassed != bypassed_before {
+            let word = if report.bypassed { "bypassed" } else { "bypass ended" };
+            self.happened(word.to_owned());
+        }
+    }
+
+    fn count(&mut self, status: &Status) {
+        let now = Count { t_ns: status.t_ns, commands: status.commands };
+        if self.counted.back().is_some_and(|last| last.commands > now.commands) {
+            // Another daemon.
+            self.counted.clear();
+        }
+        self.counted.push_back(now);
+        let since_s = |count: &Count| now.t_ns.saturating_sub(count.t_ns) as f64 * 1e-9;
+        while self.counted.get(1).is_some_and(|second| since_s(second) >= RATE_OVER_S) {
+            self.counted.pop_front();
+        }
+        self.rate_hz = self.counted.front().and_then(|first| {
+            let (span_s, commands) = (since_s(first), now.commands - first.commands);
+            (span_s > 0.0 && commands > 0).then(|| commands as f64 / span_s)
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn press(screen: &mut Screen, key: char) -> Effect {
+        screen.key(KeyEvent::new(KeyCode::Char(key), KeyModifiers::NONE))
+    }
+
+    fn status(screen: &mut Screen, status: Status) {
+        let report = Report::of("cell", &status, None);
+        let seen = Some(Arc::new(Seen { report, status }));
+        screen.hear(News { seen, verdicts: Vec::new() });
+    }
+
+    #[test]
+    fn what_takes_the_correction_out_is_sent_at_once_and_what_lets_it_in_after_a_yes() {
+        let mut screen = Screen::new("cell");
+        status(&mut screen, Status::default());
+        assert_eq!(press(&mut screen, 'b'), Effect::Ask(Request::Bypass(true)));
+        assert_eq!(press(&mut screen, 's'), Effect::Ask(Request::Mode(Mode::Shadow)));
+        for (key, request) in [
+            ('l', Request::Mode(Mode::Limited)),
+            ('f', Request::Mode(Mode::Full)),
+            ('a', Request::Arm),
+            ('r', Request::Reload),
+        ] {
+            assert_eq!(press(&mut screen, key), Effect::None);
+            assert_eq!(press(&mut screen, 'n'), Effect::None, "`{key}` then no");
+            assert_eq!(press(&mut screen, 'y'), Effect::None, "nothing waits for a yes any more");
+            assert_eq!(press(&mut screen, key), Effect::None);
+            assert_eq!(press(&mut screen, 'y'), Effect::Ask(request));
+        }
+    }
+
+    #[test]
+    fn a_bypassed_cell_is_asked_to_end_it() {
+        let mut screen = Screen::new("cell");
+        status(&mut screen, Status { bypassed: 1, ..Status::default() });
+        assert_eq!(press(&mut screen, 'b'), Effect::None);
+        assert_eq!(press(&mut screen, 'y'), Effect::Ask(Request::Bypass(false)));
+    }
+
+    #[test]
+    fn a_frozen_screen_stays_and_the_bypass_key_goes_by_the_cell_as_it_is() {
+        let mut screen = Screen::new("cell");
+        status(&mut screen, Status::default());
+        assert_eq!(press(&mut screen, ' '), Effect::None);
+        status(&mut screen, Status { bypassed: 1, commands: 9, ..Status::default() });
+        assert_eq!(screen.seen.as_ref().map(|seen| seen.report.counts.commands), Some(0));
+        assert_eq!(press(&mut screen, 'b'), Effect::None, "it is bypassed: a yes is needed");
+        assert_eq!(screen.asks, Some(Request::Bypass(false)));
+        assert_eq!(press(&mut screen, 'n'), Effect::None);
+        assert_eq!(press(&mut screen, ' '), Effect::None);
+        assert_eq!(screen.seen.as_ref().map(|seen| seen.report.counts.commands), Some(9));
+    }
+
+    #[test]
+    fn changes_of_state_are_events_and_answers_too() {
+        let mut screen = Screen::new("cell");
+        status(&mut screen, Status { health: 2, ..Status::default() });
+        assert!(screen.events.is_empty(), "the first status is no change");
+        status(&mut screen, Status { health: 3, mode: 1, bypassed: 1, ..Status::default() });
+        screen.answered(&Answered { request: Request::Arm, says: "refused: no".to_owned() });
+        let says: Vec<&str> = screen.events.iter().map(|one| one.says.as_str()).collect();
+        assert_eq!(says[..3], ["arm: refused: no", "bypassed", "mode shadow -> limited"]);
+        assert!(says[3].starts_with("running -> degraded"), "{says:?}");
+    }
+
+    #[test]
+    fn the_rate_is_that_of_the_last_two_seconds_and_begins_anew_with_another_daemon() {
+        let mut screen = Screen::new("cell");
+        for k in 0..100_u64 {
+            let (t_ns, commands) = (k * 40_000_000, k * 10);
+            status(&mut screen, Status { t_ns, commands, ..Status::default() });
+        }
+        assert!(screen.rate_hz.is_some_and(|rate| (rate - 250.0).abs() < 1e-6));
+        status(&mut screen, Status { t_ns: 1, commands: 0, ..Status::default() });
+        assert_eq!(screen.rate_hz, None);
+    }
+
+    #[test]
+    fn q_escape_and_ctrl_c_quit_and_a_question_is_left_by_any_key() {
+        let mut screen = Screen::new("cell");
+        assert_eq!(press(&mut screen, 'q'), Effect::Quit);
+        let escape = KeyEvent::new(KeyCode::Esc, KeyModifiers::NONE);
+        assert_eq!(press(&mut screen, 'a'), Effect::None);
+        assert_eq!(screen.key(escape), Effect::None, "it leaves the question");
+        assert_eq!(screen.key(escape), Effect::Quit);
+        let ctrl_c = KeyEvent::new(KeyCode::Char('c'), KeyModifiers::CONTROL);
+        assert_eq!(press(&mut screen, 'a'), Effect::None);
+        assert_eq!(screen.key(ctrl_c), Effect::Quit);
+    }
+}
