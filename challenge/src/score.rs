@@ -15,6 +15,7 @@ use crate::truth::{Hidden, LEAST_Z, Truth};
 
 /// Errors on the motion that nobody saw, m or rad.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Errors {
     /// Of the model as given.
     pub before: f64,
@@ -48,6 +49,7 @@ pub struct Outcome {
 
 /// One case in a line: what was hidden, what was said, how it went.
 #[derive(Clone, Debug, serde::Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Line {
     /// Its folder's name.
     pub case: String,

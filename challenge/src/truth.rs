@@ -16,6 +16,7 @@ pub const LEAST_Z: f64 = 8.0;
 
 /// The truth about one hidden effect.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Hidden {
     /// Name in the contract; none outside the library.
     pub effect: Option<&'static str>,
@@ -50,6 +51,7 @@ impl Hidden {
 
 /// The truth about one case.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Truth {
     /// Its folder's name.
     pub case: String,

@@ -20,6 +20,7 @@ pub type Name = (&'static str, Option<usize>);
 
 /// What can be said of one hidden effect before anyone answers.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Judged {
     /// Length of the whitened effect.
     pub z: f64,

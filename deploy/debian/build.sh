@@ -5,12 +5,14 @@ set -eu
 
 cd "$(dirname "$0")/../.."
 target=${CARGO_TARGET_DIR:-$PWD/target}
-cargo build --release --package trued --package trued-client-c
+. deploy/debian/release.sh
+RUSTFLAGS=$release_flags TRUED_COMMIT=$release_commit cargo build --locked --release --package trued --package trued-client-c
 cargo xtask man
+cargo xtask sbom
 rm -rf target/package/client target/package/python target/package/wheel
 client/c/install.sh --prefix /usr --destdir "$PWD/target/package/client" --from "$target/release"
 # In the same folder as the program: what both are made of is built once.
-CARGO_TARGET_DIR=$target python3 -m pip --disable-pip-version-check wheel --quiet --no-deps --wheel-dir target/package/wheel ./client/python
+RUSTFLAGS=$release_flags CARGO_TARGET_DIR=$target python3 -m pip --disable-pip-version-check wheel --quiet --no-deps --wheel-dir target/package/wheel ./client/python
 python3 -m zipfile --extract target/package/wheel/*.whl target/package/python
 rm -f target/package/python/*.dist-info/RECORD
 rm -f target/debian/*.deb

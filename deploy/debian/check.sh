@@ -22,16 +22,26 @@ for deb in target/debian/*.deb; do
 done
 for file in usr/bin/trued etc/trued/cell.toml usr/lib/systemd/system/trued@.service usr/lib/systemd/system/trued-bridge@.service \
     usr/lib/sysusers.d/trued.conf usr/lib/tmpfiles.d/trued.conf usr/lib/udev/rules.d/60-trued.rules usr/share/man/man1/trued.1.gz \
-    usr/share/man/man1/trued-run.1.gz usr/share/bash-completion/completions/trued; do
+    usr/share/man/man1/trued-run.1.gz usr/share/bash-completion/completions/trued usr/share/trued/schemas/cell.schema.json \
+    usr/share/trued/schemas/results/diagnosis.schema.json usr/share/doc/trued/reference/model.md; do
     has trued "$file"
 done
 grep -qx /etc/trued/cell.toml "$out/trued/DEBIAN/conffiles" || fail "the configuration is no conffile"
 has libtrued-client1 usr/lib/libtrued_client.so.1
+for sbom in trued/usr/share/doc/trued/trued.cdx.json libtrued-client1/usr/share/doc/libtrued-client1/libtrued_client.cdx.json; do
+    # cargo-deb compresses documents that are long.
+    [ -e "$out/$sbom" ] || [ -e "$out/$sbom.gz" ] || fail "no /$sbom"
+done
 for file in include/trued.h include/trued.hpp lib/libtrued_client.so lib/libtrued_client.a lib/pkgconfig/trued_client.pc; do
     has libtrued-client-dev "usr/$file"
 done
 for file in __init__.py _native.abi3.so _native.pyi py.typed; do
     has python3-trued "usr/lib/python3/dist-packages/trued/$file"
+done
+for file in "$out/trued/usr/bin/trued" "$out/libtrued-client1/usr/lib/libtrued_client.so.1" "$out/python3-trued/usr/lib/python3/dist-packages/trued/_native.abi3.so"; do
+    for folder in "$PWD/" "${CARGO_HOME:-$HOME/.cargo}/"; do
+        ! grep -aqF "$folder" "$file" || fail "$file names $folder"
+    done
 done
 "$out/trued/usr/bin/trued" check "$out/trued/etc/trued/cell.toml"
 echo "packages: unpacked and checked"

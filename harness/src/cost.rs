@@ -45,6 +45,7 @@ const SECONDS: [f64; 2] = [0.1, 2.0];
 
 /// One figure.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Point {
     /// How many.
     pub n: usize,
@@ -56,6 +57,7 @@ pub struct Point {
 
 /// The straight line through figures, by least squares.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Line {
     /// Of one more, µs.
     pub slope_us: f64,
@@ -69,6 +71,7 @@ pub struct Line {
 
 /// Figures of one kind.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Costs {
     /// By number.
     pub points: Vec<Point>,
@@ -78,6 +81,7 @@ pub struct Costs {
 
 /// What was found.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Cost {
     /// Time of one correction, by joints, each with a gear that is off.
     pub joints: Costs,

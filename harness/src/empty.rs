@@ -90,6 +90,7 @@ pub(crate) fn beyond(missed: &[Missed], empties: &[Empty]) -> Vec<Missed> {
 
 /// A missed cycle, and where its time went; zeros where no answer came.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Missed {
     /// Its number.
     pub cycle: u64,

@@ -18,6 +18,7 @@ use crate::swap::Swap;
 
 /// A part that was not measured.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Skipped {
     /// What.
     pub what: String,
@@ -157,6 +158,7 @@ impl Findings {
 
 /// The JSON object.
 #[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Told<'a> {
     machine: &'a Machine,
     seconds: f64,
@@ -177,6 +179,7 @@ pub struct Told<'a> {
 
 /// Round trips to one of those compared.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Trips {
     #[serde(flatten)]
     all: Quantiles,
@@ -188,6 +191,7 @@ struct Trips {
 }
 
 #[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ToldFlat {
     round_trip_ns: BTreeMap<&'static str, Trips>,
     reference_near_ns: u64,
@@ -200,6 +204,7 @@ struct ToldFlat {
 }
 
 #[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ToldPaced<'a> {
     wait: Wait,
     rate_hz: u32,
@@ -217,6 +222,7 @@ struct ToldPaced<'a> {
 }
 
 #[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ToldForce {
     scheduled_ns: Quantiles,
     actual_ns: Quantiles,
@@ -227,6 +233,7 @@ struct ToldForce {
 }
 
 #[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ToldSetting<'a> {
     policy: Policy,
     load: Vec<Load>,
@@ -237,6 +244,7 @@ struct ToldSetting<'a> {
 }
 
 #[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ToldSwap {
     swaps: u64,
     epochs_seen: u64,

@@ -19,6 +19,7 @@ const RATE_HZ: u32 = 1000;
 
 /// One figure beside its bar.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Judged {
     /// What.
     pub what: String,

@@ -18,6 +18,7 @@ pub struct Latencies(Histogram<u64>);
 
 /// Quantiles of a count of durations, ns; all zero where nothing was counted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Quantiles {
     /// The middle.
     pub p50: u64,

@@ -9,6 +9,7 @@ use crate::plan::Policy;
 
 /// The machine.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Machine {
     /// Release of the kernel.
     pub kernel: String,

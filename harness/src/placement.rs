@@ -8,6 +8,7 @@ use serde::Serialize;
 
 /// How the two cores stand to each other.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Placement {
     /// The only one there was, or the nearer of two.

@@ -7,6 +7,7 @@ use serde::Serialize;
 
 /// How the measuring threads and the daemon's cycle are scheduled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Policy {
     /// `SCHED_FIFO`, pinned, memory locked.
@@ -28,6 +29,7 @@ impl Policy {
 
 /// How the daemon waits for the next command.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Wait {
     /// It looks without sleeping.
@@ -52,6 +54,7 @@ impl Wait {
 
 /// A kind of load that the bench makes itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Load {
     /// Copies over more memory than any cache holds.

@@ -173,7 +173,7 @@ fn greet(
 }
 
 fn server_info(cell: &str) -> Value {
-    let name = format!("trued {} cell {cell}", env!("CARGO_PKG_VERSION"));
+    let name = format!("{} cell {cell}", recording::program::version());
     json!({
         "op": "serverInfo", "name": name, "capabilities": [], "supportedEncodings": [],
         "metadata": {}, "sessionId": std::process::id().to_string(),

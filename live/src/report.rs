@@ -8,6 +8,7 @@ use trued_client::{
 
 /// How a cell is.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Report {
     /// Its name.
     pub cell: String,
@@ -51,6 +52,7 @@ pub struct Report {
 
 /// The robot; texts are empty where the model does not state them.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Robot {
     /// Its maker.
     pub maker: String,
@@ -65,6 +67,7 @@ pub struct Robot {
 
 /// A joint at the last command.
 #[derive(Clone, Copy, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Joint {
     /// Where it was commanded to, rad or m.
     pub command: f64,
@@ -78,6 +81,7 @@ pub struct Joint {
 
 /// The model in use.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Model {
     /// Counts the models since the start.
     pub epoch: u64,
@@ -97,6 +101,7 @@ pub struct Model {
 
 /// What was counted since the start.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Counts {
     /// Cycles run.
     pub cycles: u64,
@@ -120,6 +125,7 @@ pub struct Counts {
 
 /// From a command's sending to its answer, µs.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Latency {
     /// The median.
     pub p50: f64,
@@ -133,6 +139,7 @@ pub struct Latency {
 
 /// The force stream.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Force {
     /// The word of [`WrenchGate`].
     pub wrench_gate: &'static str,
@@ -150,6 +157,7 @@ pub struct Force {
 
 /// The vibration watch.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Vibration {
     /// The word of [`WatchState`].
     pub watch: &'static str,

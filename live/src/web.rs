@@ -109,7 +109,10 @@ impl Server {
 
 fn json(report: &Report) -> String {
     let value = serde_json::to_value(report).unwrap_or_default();
-    let mut with_schema = serde_json::json!({ "schema": "trued.status/1" });
+    let mut with_schema = serde_json::json!({
+        "schema": "trued.status/1",
+        "version": recording::program::version(),
+    });
     if let (Some(all), Some(fields)) = (with_schema.as_object_mut(), value.as_object()) {
         all.extend(fields.clone());
     }

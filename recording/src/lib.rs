@@ -13,7 +13,10 @@ pub mod faults;
 pub mod files;
 pub mod mapping;
 pub mod model;
+pub mod program;
 pub mod programs;
+#[cfg(feature = "schema")]
+pub mod schema;
 pub mod series;
 mod toml_text;
 pub mod unit;

@@ -43,6 +43,7 @@ mod recordings;
 mod reference;
 mod reload;
 mod replay;
+mod schemas;
 mod security;
 mod sensor;
 mod service;

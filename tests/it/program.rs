@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use crate::schemas;
+
 /// A folder on tmpfs: files of the test, and its runtime directory.
 pub(crate) struct Place(PathBuf);
 
@@ -69,7 +71,27 @@ impl Place {
 
     /// Runs the program to its end.
     pub(crate) fn run(&self, arguments: &[&str]) -> Done {
-        ended(self.command(arguments))
+        let done = ended(self.command(arguments));
+        self.assert_result_fits(arguments, &done);
+        done
+    }
+
+    /// What `--json` wrote fits its schema, whatever the test asks of it.
+    fn assert_result_fits(&self, arguments: &[&str], done: &Done) {
+        let mut rest = arguments.iter().skip_while(|word| **word != "--json").skip(1);
+        let Some(name) = rest.next() else { return };
+        // What is no result of this run (refused, or a stream that is cut off) is the test's own matter.
+        if !matches!(done.code, Some(0 | 1)) {
+            return;
+        }
+        let text = if *name == "-" {
+            Some(done.out.clone())
+        } else {
+            fs::read_to_string(self.path(name)).ok()
+        };
+        if let Some(text) = text.filter(|text| text.starts_with('{')) {
+            schemas::assert_result_fits(&text, arguments);
+        }
     }
 
     /// The same within so much address space, MB.

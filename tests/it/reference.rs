@@ -40,7 +40,7 @@ fn files(page: &str) -> Vec<(String, String)> {
 #[test]
 fn the_examples_of_the_reference_load() {
     let place = Place::new();
-    let pages = ["reference/model.md", "reference/recording.md", "mapping.md"];
+    let pages = ["reference/model.md", "reference/recording.md", "reference/mapping.md"];
     let all: Vec<(String, String)> = pages.iter().flat_map(|name| files(&page(name))).collect();
     for (name, text) in &all {
         place.file(name, text);

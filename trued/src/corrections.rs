@@ -33,6 +33,7 @@ pub(crate) struct Corrections {
 
 /// What the answers come to.
 #[derive(Debug, Clone, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(crate) struct Figures {
     model: ModelName,
     rows: usize,
@@ -54,6 +55,7 @@ pub(crate) struct Figures {
 }
 
 #[derive(Debug, Clone, Default, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ModelName {
     name: String,
     hash: String,
@@ -64,6 +66,7 @@ struct ModelName {
 }
 
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Because {
     status: String,
     reason: String,
@@ -73,6 +76,7 @@ struct Because {
 }
 
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Largest {
     value: f64,
     unit: &'static str,
@@ -84,6 +88,7 @@ struct Largest {
 
 /// The largest tool error that is left; rows from 1.
 #[derive(Debug, Clone, Copy, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Left {
     mm: f64,
     mm_row: usize,

@@ -21,6 +21,8 @@ pub mod output;
 mod parallel;
 pub mod progress;
 pub mod provenance;
+#[cfg(feature = "schema")]
+pub mod schemas;
 mod setpoints;
 pub mod table;
 mod wrap;
@@ -29,6 +31,7 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches};
+use recording::program;
 
 use crate::cli::Cli;
 use crate::exit::{Answer, Failure};
@@ -59,7 +62,9 @@ pub fn run(args: impl Iterator<Item = OsString>) -> ExitCode {
 /// The command line, for what is made of it: man pages, completions.
 #[must_use]
 pub fn command() -> clap::Command {
-    help::dressed(Cli::command())
+    // Clap puts the program's name before it.
+    let version = program::version().trim_start_matches("trued ");
+    help::dressed(Cli::command().version(version))
 }
 
 fn parse(args: Vec<OsString>) -> Result<Cli, clap::Error> {

@@ -10,6 +10,7 @@ use std::os::fd::AsFd;
 use std::path::{Path, PathBuf};
 
 use indicatif::{MultiProgress, ProgressDrawTarget};
+use recording::program;
 use serde::Serialize;
 use terminal_size::{Width, terminal_size_of};
 
@@ -46,10 +47,11 @@ pub struct Console {
     reader_left: bool,
 }
 
-/// The schema's name first, then the object.
+/// The schema's name first, then the program's version, then the object.
 #[derive(Serialize)]
 struct Named<'a, T: Serialize> {
     schema: &'a str,
+    version: &'a str,
     #[serde(flatten)]
     body: &'a T,
 }
@@ -152,7 +154,7 @@ impl Console {
     ) -> Result<(), Failure> {
         self.pages.extend(outputs.written_pages());
         let Some(path) = self.common.json.clone() else { return Ok(outputs.write()?) };
-        let object = Named { schema, body };
+        let object = Named { schema, version: program::version(), body };
         let text = serde_json::to_string_pretty(&object).map_err(Failure::system)?;
         if path == Path::new("-") {
             outputs.write()?;
@@ -298,10 +300,11 @@ mod tests {
         Console::new(common).json("trued.demo/1", &body).expect("written");
         let text = std::fs::read_to_string(&path).expect("read");
         std::fs::remove_file(&path).expect("removed");
-        assert_eq!(
-            text,
-            "{\n  \"schema\": \"trued.demo/1\",\n  \"seed\": 7,\n  \"error_mm\": null\n}\n"
+        let version = program::version();
+        let expected = format!(
+            "{{\n  \"schema\": \"trued.demo/1\",\n  \"version\": \"{version}\",\n  \"seed\": 7,\n  \"error_mm\": null\n}}\n"
         );
+        assert_eq!(text, expected);
     }
 
     #[test]

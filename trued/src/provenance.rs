@@ -9,6 +9,7 @@ use std::path::Path;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use recording::blackbox::Utc;
+use recording::program;
 use report::{InputFile, Provenance};
 use sha2::{Digest, Sha256};
 
@@ -42,7 +43,7 @@ impl Invocation {
         Provenance {
             files,
             date_utc: self.date_utc.clone(),
-            version: concat!("trued ", env!("CARGO_PKG_VERSION")).to_owned(),
+            version: program::version().to_owned(),
             command: self.command.clone(),
         }
     }

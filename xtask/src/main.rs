@@ -12,6 +12,8 @@ mod calibrate;
 mod evidence_task;
 mod instructions;
 mod man;
+mod sbom;
+mod schemas;
 mod seeds;
 mod soak;
 mod speed;
@@ -27,6 +29,8 @@ cargo xtask instructions [--store]   the hot path's stages: instructions by call
 cargo xtask languages   a round trip through C and C++ beside one through Rust, by turns in one run; exit 1 above its bar
 cargo xtask man [--out=DIR]   man pages and shell completions of the program, for the package
 cargo xtask peers   one correction beside Pinocchio's forward kinematics, Jacobian and gravity (from the package registry), by turns in one run; exit 1 above its bar
+cargo xtask sbom [--out=DIR]   what is linked into program and C library, as CycloneDX, for the packages
+cargo xtask schemas   the JSON Schemas of all files and results, under schemas/
 cargo xtask soak [--minutes N] [--seed S]   faults at random over real processes for N (60) minutes: what was late, what broke, the daemon's memory
 cargo xtask speed [position|torque|force]   processor time of a diagnosis of 1e5 and 1e6 rows, Parquet in, report out; exit 1 above its bar
 cargo xtask watch [HOURS] [--from=JSON] [--out=DIR]   the vibration watch: detection, false alarms in HOURS (10) of noise per axis, transients, cost
@@ -43,6 +47,8 @@ fn main() -> ExitCode {
         ["evidence", rest @ ..] => evidence_task::run(rest),
         ["instructions", rest @ ..] => instructions::run(rest),
         ["man", rest @ ..] => man::run(rest),
+        ["sbom", rest @ ..] => sbom::run(rest),
+        ["schemas"] => schemas::run(),
         ["soak", rest @ ..] => soak::run(rest),
         ["speed", rest @ ..] => speed::run(rest),
         ["watch", rest @ ..] => watch::run(rest),

@@ -10,6 +10,7 @@ use crate::truth::LEAST_Z;
 
 /// Cases of a range.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Bin {
     /// From (included).
     pub from: f64,
@@ -25,6 +26,7 @@ pub struct Bin {
 
 /// Claims by what they said of themselves.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Calibration {
     /// From (included).
     pub from: f64,
@@ -40,6 +42,7 @@ pub struct Calibration {
 
 /// A kind of effect, with how it went.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct ByEffect {
     /// Its name.
     pub effect: &'static str,
@@ -53,6 +56,7 @@ pub struct ByEffect {
 
 /// All figures.
 #[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Figures {
     /// Of everything that chance decided.
     pub seed: u64,

@@ -14,6 +14,7 @@ pub use texts::{Core, IdleState, Texts};
 
 /// What a check came to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum State {
     /// As a robot's cycle wants it.
@@ -26,6 +27,7 @@ pub enum State {
 
 /// One line of the answer.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Check {
     /// What is looked at.
     pub name: &'static str,
@@ -53,6 +55,7 @@ impl Check {
 
 /// The whole answer.
 #[derive(Debug, Clone, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub struct Diagnosis {
     /// All checks, in a fixed order.
     pub checks: Vec<Check>,

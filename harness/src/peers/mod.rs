@@ -25,6 +25,7 @@ const LOOKS_PER_CLOCK: u32 = 1024;
 
 /// Who answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Kind {
     /// trued: client, daemon with its correction, client.

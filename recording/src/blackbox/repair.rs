@@ -15,6 +15,7 @@ use super::info::{self, End};
 use super::read::{METADATA, REPAIRED};
 use super::scan::scan;
 use super::write::{options, write_error};
+use crate::program;
 
 /// What the name of a file that is being repaired ends with until it replaces the old one.
 pub const UNFINISHED: &str = ".repair";
@@ -139,7 +140,7 @@ fn put<W: Write + std::io::Seek>(
 
 /// What the file says of its repair.
 fn mark(was: &str) -> Metadata {
-    let pairs = [("cut", was), ("by", concat!("trued ", env!("CARGO_PKG_VERSION")))];
+    let pairs = [("cut", was), ("by", program::version())];
     let pairs = pairs.map(|(key, value)| (key.to_owned(), value.to_owned()));
     Metadata { name: REPAIRED.to_owned(), metadata: pairs.into() }
 }

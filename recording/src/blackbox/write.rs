@@ -16,6 +16,7 @@ use super::cdr::Out;
 use super::clock::Clocks;
 use super::records::{CycleRecord, ForceRecord, LogRecord, Message, StatusRecord, VerdictRecord};
 use super::{BlackBoxError, Header};
+use crate::program;
 use physics::JointKind;
 
 /// Bytes of a chunk: at 1 kHz of six joints about half a second.
@@ -29,7 +30,7 @@ pub(super) fn options() -> WriteOptions {
         // The chunk is put together in memory and written in one go: a kill leaves no half of it.
         .disable_seeking(true)
         .profile("ros2")
-        .library(concat!("trued ", env!("CARGO_PKG_VERSION")))
+        .library(program::version())
 }
 
 /// A black box that is being written.

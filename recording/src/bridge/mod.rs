@@ -1,7 +1,7 @@
 //! The configurations of the bridges, `trued.bridge-egm/1` and `trued.bridge-rsi/1`, and the controller's own RSI
 //! configuration: parsed into something that cannot be wrong.
 //!
-//! Contract: docs/bridge.md. What exists has every value in range, in SI; a file with faults gives all of them. What
+//! Contract: docs/reference/bridge.md. What exists has every value in range, in SI; a file with faults gives all of them. What
 //! depends on the model (number of joints) is judged where it is known.
 
 mod egm;

@@ -1,6 +1,6 @@
 //! The cell's configuration, `trued.cell/1`: parsed into something that cannot be wrong.
 //!
-//! Contract: docs/cell.md. A [`CellConfig`] that exists has every value in range, in SI; a file
+//! Contract: docs/reference/cell.md. A [`CellConfig`] that exists has every value in range, in SI; a file
 //! with faults gives all of them. What depends on the model (lists per joint) is judged by
 //! [`CellConfig::check_against`].
 

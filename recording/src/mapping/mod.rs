@@ -1,6 +1,6 @@
 //! Mappings: how the table of another program becomes a recording.
 //!
-//! Contract: docs/mapping.md (`trued.mapping/1`). A mapping that was read names only columns of
+//! Contract: docs/reference/mapping.md (`trued.mapping/1`). A mapping that was read names only columns of
 //! ours that exist, with units that fit; whether theirs are there is judged on the file.
 
 mod apply;

@@ -12,18 +12,24 @@ use super::EffectEntry;
 
 /// What a file may say of one kind of effect.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Kind {
-    pub(super) name: &'static str,
-    pub(super) place: Place,
-    pub(super) parameters: &'static [Parameter],
-    pub(super) has_channel: bool,
+pub(crate) struct Kind {
+    pub(crate) name: &'static str,
+    pub(crate) place: Place,
+    pub(crate) parameters: &'static [Parameter],
+    pub(crate) has_channel: bool,
     /// What the physics says of it, where it models it.
     pub(super) spec: Option<&'static Spec>,
     /// Sets of stems of which one must be there; empty: what is required says it all.
-    alternatives: &'static [&'static [&'static str]],
+    pub(crate) alternatives: &'static [&'static [&'static str]],
 }
 
 impl Kind {
+    /// Every kind, those of the physics first.
+    #[cfg(feature = "schema")]
+    pub(crate) fn all() -> impl Iterator<Item = Self> {
+        at_a_sample().map(modelled).chain(OTHERS.iter().copied())
+    }
+
     /// `Err` names what is missing.
     pub(super) fn check_alternatives(&self, entry: &EffectEntry) -> Result<(), String> {
         let has = |stem: &&str| entry.parameters.iter().any(|p| p.key.starts_with(*stem));

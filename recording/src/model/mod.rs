@@ -24,6 +24,8 @@ use std::path::Path;
 
 pub use build::SiParameter;
 pub use identity::{Identity, ROBOT_NAME_BYTES_MAX, RobotEntry};
+#[cfg(feature = "schema")]
+pub(crate) use kinds::Kind as EffectKind;
 pub use modes::ModeChange;
 use physics::JointKind;
 

@@ -141,3 +141,9 @@ fn failure(error: BenchError) -> Failure {
         _ => Failure::system(error),
     }
 }
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<harness::findings::Told<'_>>("bench", "trued.bench/1")
+}

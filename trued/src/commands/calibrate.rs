@@ -91,6 +91,7 @@ struct Parts {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Refused<'a> {
     faults: Vec<&'a str>,
 }
@@ -220,4 +221,14 @@ fn refuse(console: &mut Console, faults: &[Suspicion]) -> Outcome {
     }
     console.say("no model was written")?;
     Ok(Answer::No)
+}
+
+/// The schemas of the results.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
+    use crate::schemas::ResultSchema;
+    vec![
+        ResultSchema::of::<told::Report>("calibrate", "trued.calibrate/1"),
+        ResultSchema::of::<Refused<'_>>("calibrate-refused", "trued.calibrate/1"),
+    ]
 }

@@ -20,6 +20,7 @@ use challenge::score::{Line, Outcome as Scored, figures};
 use challenge::seal;
 use challenge::truth::{self, Truth};
 use clap::{Args, ValueEnum};
+use recording::program;
 use serde::Serialize;
 
 use self::drawn::{Domain, Drawn};
@@ -100,8 +101,10 @@ impl From<AskedTier> for Tier {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Commitment<'a> {
     schema: &'static str,
+    version: &'static str,
     cases: usize,
     sealed_sha256: &'a str,
 }
@@ -212,7 +215,12 @@ fn put(folder: &Path, drawn: &Drawn) -> Result<(), Failure> {
 }
 
 fn commit(folder: &Folder, cases: usize, sealed_sha256: &str) -> Result<(), Failure> {
-    let said = Commitment { schema: "trued.commitment/1", cases, sealed_sha256 };
+    let said = Commitment {
+        schema: "trued.commitment/1",
+        version: program::version(),
+        cases,
+        sealed_sha256,
+    };
     let text = serde_json::to_string_pretty(&said).map_err(Failure::system)?;
     write([(folder.0.join("commitment.json"), text + "\n")])
 }
@@ -280,4 +288,16 @@ impl Work<'_> {
         done.sort_by_key(|(index, _)| *index);
         done.into_iter().map(|(_, result)| result).collect()
     }
+}
+
+/// The schemas of the results.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
+    use crate::schemas::ResultSchema;
+    vec![
+        ResultSchema::of::<challenge::score::Figures>("challenge", "trued.challenge/1"),
+        ResultSchema::without_format::<Vec<Line>>("challenge-outcomes"),
+        ResultSchema::of::<Commitment<'_>>("challenge-commitment", "trued.commitment/1"),
+        inject::result_schema(),
+    ]
 }

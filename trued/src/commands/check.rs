@@ -48,12 +48,14 @@ struct Found {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Report {
     ok: bool,
     files: Vec<FileReport>,
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct FileReport {
     file: String,
     what: &'static str,
@@ -66,6 +68,7 @@ struct FileReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct FaultReport {
     file: String,
     line: Option<usize>,
@@ -300,6 +303,12 @@ fn unknown(name: &str, schema: Option<&str>) -> Faults {
         "\"trued.cell/1\", \"trued.model/1\", \"trued.recording/1\", \"trued.mapping/1\" or \"trued.cut/1\"",
     ));
     faults
+}
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report>("check", "trued.check/1")
 }
 
 #[cfg(test)]

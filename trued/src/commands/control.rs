@@ -191,6 +191,7 @@ impl Mark {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Report<'a> {
     cell: &'a str,
     request: &'a str,
@@ -214,4 +215,10 @@ fn tell(console: &mut Console, cell: &str, request: &str, response: &Response) -
         }
         answer => Err(Failure::system(format!("{cell}: {answer}: {message}"))),
     }
+}
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report<'_>>("request", "trued.request/1")
 }

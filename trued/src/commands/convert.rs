@@ -32,6 +32,7 @@ pub(crate) struct Convert {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Report {
     cell: String,
     version: String,
@@ -132,4 +133,10 @@ fn say(console: &mut Console, report: &Report) -> Outcome {
         console.say(format!("written             {file}"))?;
     }
     Ok(Answer::Done)
+}
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report>("convert", "trued.convert/1")
 }

@@ -49,6 +49,7 @@ const FEWER_JOINTS: &str = "an arm with fewer than six joints cannot correct all
     set `task.free_tool_axis = true` in the cell's file";
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Report<'a> {
     #[serde(flatten)]
     figures: &'a Figures,
@@ -129,4 +130,10 @@ fn beside(path: &Path) -> PathBuf {
     let mut name = path.file_stem().unwrap_or_default().to_owned();
     name.push(".corrected.csv");
     PathBuf::from(name)
+}
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report<'_>>("correct", "trued.correct/1")
 }

@@ -189,3 +189,9 @@ fn finish(child: &mut Guarded, who: &str) -> Result<(), Failure> {
 fn is_set(stop: &AtomicBool) -> bool {
     stop.load(Ordering::Relaxed)
 }
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report>("demo", "trued.demo/1")
+}

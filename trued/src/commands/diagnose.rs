@@ -270,3 +270,9 @@ fn doubts(base: &RobotModel, looked: &Thinned) -> Vec<String> {
     }
     looked.faults(&base.physics).into_iter().map(|Suspicion { says, .. }| says).collect()
 }
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<told::Whole<'_>>("diagnosis", "trued.diagnosis/1")
+}

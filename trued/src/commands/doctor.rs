@@ -29,3 +29,9 @@ fn say(console: &mut Console, check: &Check) -> Result<(), Failure> {
     let fix = if check.fix.is_empty() { String::new() } else { format!("; {}", check.fix) };
     console.say(format!("{word}  {:<20} {}{fix}", check.name, check.found))
 }
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<harness::doctor::Diagnosis>("doctor", "trued.doctor/1")
+}

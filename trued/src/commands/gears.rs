@@ -125,3 +125,9 @@ impl Gears {
         Ok((input.model, travelled))
     }
 }
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report<'_>>("gears", "trued.gears/1")
+}

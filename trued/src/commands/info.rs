@@ -28,6 +28,7 @@ pub(crate) struct InfoOf {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Report<'a> {
     cell: &'a str,
     version: &'a str,
@@ -48,6 +49,7 @@ struct Report<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Robot<'a> {
     maker: &'a str,
     #[serde(rename = "type")]
@@ -57,6 +59,7 @@ struct Robot<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Channel<'a> {
     topic: &'a str,
     messages: u64,
@@ -64,6 +67,7 @@ struct Channel<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Model<'a> {
     epoch: u64,
     name: String,
@@ -198,4 +202,10 @@ fn ending(info: &Info) -> String {
 
 fn count_u64(number: u64, what: &str) -> String {
     count(usize::try_from(number).unwrap_or(usize::MAX), what)
+}
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report<'_>>("info", "trued.info/1")
 }

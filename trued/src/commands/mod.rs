@@ -106,3 +106,35 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Top(top) => top.run(),
     }
 }
+
+/// The schemas of everything that a command writes as JSON.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
+    let several = [
+        calibrate::result_schemas(),
+        challenge::result_schemas(),
+        model::result_schemas(),
+        plan::result_schemas(),
+    ];
+    let one = [
+        bench::result_schema(),
+        check::result_schema(),
+        control::result_schema(),
+        convert::result_schema(),
+        correct::result_schema(),
+        demo::result_schema(),
+        diagnose::result_schema(),
+        doctor::result_schema(),
+        gears::result_schema(),
+        info::result_schema(),
+        reload::result_schema(),
+        replay::result_schema(),
+        simulate::result_schema(),
+        spectrum::result_schema(),
+        stability::result_schema(),
+        status::result_schema(),
+        surface::result_schema(),
+        tap::result_schema(),
+    ];
+    several.into_iter().flatten().chain(one).collect()
+}

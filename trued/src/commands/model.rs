@@ -41,11 +41,13 @@ enum What {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Presets {
     presets: Vec<PresetLine>,
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct PresetLine {
     preset: &'static str,
     name: String,
@@ -100,4 +102,11 @@ fn list(console: &mut Console) -> Outcome {
     console.json("trued.model/1", &Presets { presets: lines })?;
     console.say(table.render())?;
     Ok(Answer::Done)
+}
+
+/// The schemas of the results.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
+    let presets = crate::schemas::ResultSchema::of::<Presets>("model-presets", "trued.model/1");
+    urdf::result_schemas().into_iter().chain([presets, show::result_schema()]).collect()
 }

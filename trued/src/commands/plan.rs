@@ -239,3 +239,10 @@ impl Plan {
         Ok(going)
     }
 }
+
+/// The schemas of the results.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
+    let several = [check::result_schemas(), iso::result_schemas(), told::result_schemas()];
+    several.into_iter().flatten().chain([request::result_schema()]).collect()
+}

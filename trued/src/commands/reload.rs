@@ -37,6 +37,7 @@ pub(crate) struct Reload {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Report<'a> {
     cell: &'a str,
     answer: &'a str,
@@ -110,4 +111,10 @@ fn absolute(model: &Path) -> Result<PathBuf, Failure> {
         return Ok(model.to_owned());
     }
     std::path::absolute(model).map_err(Failure::input)
+}
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report<'_>>("reload", "trued.reload/1")
 }

@@ -52,6 +52,7 @@ pub(crate) struct Replay {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Report<'a> {
     #[serde(flatten)]
     figures: &'a Figures,
@@ -64,6 +65,7 @@ struct Report<'a> {
 
 /// From sending a command to having its answer.
 #[derive(Debug, Clone, Copy, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Latency {
     p50: u64,
     p99: u64,
@@ -200,4 +202,10 @@ fn judged(input: &Input, answers: &[Corrected]) -> Result<Corrections, Failure> 
         corrections.take(row.setpoint.joints(), answer, left).map_err(Failure::system)?;
     }
     Ok(corrections)
+}
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report<'_>>("replay", "trued.replay/1")
 }

@@ -61,6 +61,7 @@ pub(crate) struct Simulate {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Report<'a> {
     seed: u64,
     /// mm, mrad on angles.
@@ -345,4 +346,10 @@ fn say(console: &mut Console, report: &Report<'_>) -> Outcome {
 /// For `map_err`: what a recording lacks.
 fn lacking(text: String) -> Failure {
     Failure::input(text)
+}
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report<'_>>("simulate", "trued.simulate/1")
 }

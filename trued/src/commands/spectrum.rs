@@ -149,3 +149,9 @@ impl Spectrum {
         }
     }
 }
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<outcome::Report>("spectrum", "trued.spectrum/1")
+}

@@ -64,3 +64,9 @@ pub(super) fn nearest_stable(cut: &Path) -> Result<Vec<String>, Failure> {
     let margin = format!("stable with {} % of depth in hand", 100.0 * found.file.margin);
     Ok([verdict, margin].into_iter().chain(nearest).collect())
 }
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<told::Report>("stability", "trued.stability/1")
+}

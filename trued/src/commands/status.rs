@@ -80,3 +80,9 @@ fn show(console: &mut Console, cell: &str, monitor: &mut Monitor) -> Outcome {
     console.say(words::lines(&report).join("\n"))?;
     Ok(Answer::Done)
 }
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<::live::report::Report>("status", "trued.status/1")
+}

@@ -162,6 +162,12 @@ impl Surface {
     }
 }
 
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report<'_>>("surface", "trued.surface/1")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -226,6 +226,12 @@ impl Tap {
     }
 }
 
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<told::Report>("tap", "trued.tap/1")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -36,6 +36,7 @@ pub(super) struct Alone {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Report {
     single_joint: Vec<SweepReport>,
     joint_models: Vec<ModelReport>,
@@ -46,6 +47,7 @@ pub(super) struct Report {
 
 /// How the base tilted at the pose where it tilted most, against the first.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct TiltReport {
     row: usize,
     poses: usize,
@@ -55,6 +57,7 @@ struct TiltReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct SweepReport {
     joint: usize,
     rows: [usize; 2],
@@ -71,6 +74,7 @@ struct SweepReport {
 
 /// What taking out the sag of the other joints did.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct SagReport {
     taken_out: bool,
     moved_points_um: f64,
@@ -79,6 +83,7 @@ struct SagReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct StepReport {
     position_deg: f64,
     mean_mrad: f64,
@@ -87,6 +92,7 @@ struct StepReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ModelReport {
     joint: usize,
     what: String,
@@ -95,6 +101,7 @@ struct ModelReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct AxesReport {
     joints: [usize; 2],
     angle_mrad: f64,
@@ -104,6 +111,7 @@ struct AxesReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct StiffnessReport {
     pairs: usize,
     joints: Vec<CompliantJoint>,
@@ -115,6 +123,7 @@ struct StiffnessReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct CompliantJoint {
     joint: usize,
     compliance_mrad_per_knm: f64,
@@ -124,6 +133,7 @@ struct CompliantJoint {
 
 /// What bending under the load changes, with the model that is written.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Bending {
     poses: usize,
     deflection_median: f64,

@@ -12,6 +12,7 @@ const MILLI: f64 = 1e3;
 
 /// One number of a thing.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Thing {
     thing: &'static str,
     /// From 1.

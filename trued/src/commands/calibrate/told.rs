@@ -22,6 +22,7 @@ const NAMED: usize = 2;
 const BINS: u8 = 40;
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Report {
     unit: &'static str,
     model: String,
@@ -56,6 +57,7 @@ pub(super) struct Report {
 
 /// The residuals of an instrument against its noise.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ResidualReport {
     instrument: String,
     noise_is_stated: bool,
@@ -64,6 +66,7 @@ struct ResidualReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ConditioningReport {
     fitted: usize,
     determined: usize,
@@ -71,6 +74,7 @@ struct ConditioningReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Poses {
     training: usize,
     heldout: usize,
@@ -78,6 +82,7 @@ struct Poses {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Heldout<T> {
     nominal: T,
     calibrated: T,
@@ -92,6 +97,7 @@ impl<T> Heldout<T> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Figures {
     mean: f64,
     median: f64,
@@ -101,6 +107,7 @@ struct Figures {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ParameterReport {
     effect: &'static str,
     joint: Option<usize>,
@@ -113,6 +120,7 @@ struct ParameterReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct OutlierReport {
     recording: String,
     row: usize,
@@ -120,6 +128,7 @@ struct OutlierReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ApproachReport {
     joint: usize,
     rising: ByModel,
@@ -130,12 +139,14 @@ type ByModel = Heldout<Figures>;
 
 /// How many held-out errors lie between each edge and the next.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct HistogramReport {
     edges: Vec<f64>,
     counts: Heldout<Vec<usize>>,
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct RecordingReport {
     recording: String,
     moves: &'static str,
@@ -143,6 +154,7 @@ struct RecordingReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct StationReport {
     station: usize,
     recording: String,

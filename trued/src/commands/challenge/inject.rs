@@ -33,6 +33,7 @@ const DRAWS: usize = 6;
 
 /// What was added and what was said.
 #[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Line {
     recording: String,
     effect: &'static str,
@@ -46,6 +47,7 @@ struct Line {
 }
 
 #[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Share {
     z: f64,
     cases: usize,
@@ -54,6 +56,7 @@ struct Share {
 }
 
 #[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Report {
     seed: u64,
     at_z: Vec<Share>,
@@ -304,4 +307,10 @@ impl Plain {
         }
         text
     }
+}
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report>("challenge-injection", "trued.injection/1")
 }

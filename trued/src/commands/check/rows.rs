@@ -14,6 +14,7 @@ const DIGITS: usize = 9;
 
 /// A column as trued understands it.
 #[derive(Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Column {
     /// Its name, with the unit.
     name: String,

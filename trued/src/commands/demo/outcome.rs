@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 /// Everything that was measured and said.
 #[derive(Clone, Debug, Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Report {
     #[serde(flatten)]
     pub(super) milled: Milled,
@@ -17,6 +18,7 @@ pub(super) struct Report {
 
 /// What the loop counted over a stretch of cycles.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Counts {
     pub(super) cycles: u64,
     pub(super) missed_cycles: u64,
@@ -40,6 +42,7 @@ impl Counts {
 
 /// What milling with the model as calibrated came to.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Milled {
     pub(super) seed: u64,
     pub(super) quick: bool,
@@ -54,6 +57,7 @@ pub(super) struct Milled {
 
 /// An effect by its name in the contract; joints from 1, none for the whole robot.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Named {
     pub(super) effect: String,
     pub(super) joint: Option<usize>,
@@ -61,6 +65,7 @@ pub(super) struct Named {
 
 /// What was said of the measuring program, and the truth.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Told {
     pub(super) hidden_effect: Named,
     /// None where nothing was claimed.
@@ -80,6 +85,7 @@ pub(super) struct Told {
 
 /// The change of model as the robot's side saw it.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Swap {
     /// Cycles while robot and daemon stood and waited for the diagnosis, the change among them.
     pub(super) cycles: u64,
@@ -91,6 +97,7 @@ pub(super) struct Swap {
 
 /// What milling the same path again came to.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Again {
     pub(super) error_mm: Spread,
     #[serde(flatten)]
@@ -111,6 +118,7 @@ impl Report {
 
 /// Tool error without and with correction.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Errors {
     pub(super) without: Spread,
     pub(super) with: Spread,
@@ -118,6 +126,7 @@ pub(super) struct Errors {
 
 /// Mean, 95 % and largest.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Spread {
     pub(super) mean: f64,
     pub(super) p95: f64,
@@ -140,6 +149,7 @@ impl Spread {
 
 /// A change of state of a line of the force spectrum.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Event {
     pub(super) t_s: f64,
     pub(super) state: String,
@@ -156,6 +166,7 @@ pub(super) struct Event {
 
 /// The truth about the ringing.
 #[derive(Clone, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Ringing {
     pub(super) frequency_Hz: f64,
     pub(super) from_s: f64,
@@ -164,6 +175,7 @@ pub(super) struct Ringing {
 
 /// Quantiles of the round trip, ns.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Latency {
     pub(super) p50: u64,
     pub(super) p99: u64,

@@ -118,7 +118,7 @@ impl Scene {
     /// The cell's configuration.
     pub(super) fn cell_toml(&self, name: &str) -> String {
         format!(
-            r#"# The demo's cell; docs/cell.md says what each key means.
+            r#"# The demo's cell; docs/reference/cell.md says what each key means.
 schema = "trued.cell/1"
 cell = "{name}"
 model = "model.toml"

@@ -32,6 +32,7 @@ const LEAST_LISTED: f64 = 1e-6;
 const MILLI: f64 = 1e3;
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "the contract's keys")]
 pub(in crate::commands) struct Report {
     pub(in crate::commands) verdict: &'static str,
@@ -70,6 +71,7 @@ pub(in crate::commands) struct Report {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Told {
     pub(super) effect: &'static str,
     pub(super) joint: Option<usize>,
@@ -94,6 +96,7 @@ pub(super) struct Told {
 
 /// What an effect alone does to the measured values, in the report's unit.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Size {
     pub(super) rms: f64,
     pub(super) max: f64,
@@ -107,6 +110,7 @@ impl Size {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub(super) enum Value {
     One { value: f64, ci95: Interval },
@@ -117,6 +121,7 @@ pub(super) enum Value {
 pub(super) type Interval = Option<[f64; 2]>;
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "the contract's keys")]
 struct Where {
     joint: Option<usize>,
@@ -127,6 +132,7 @@ struct Where {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Alternative {
     pub(super) effect: &'static str,
     pub(super) joint: Option<usize>,
@@ -137,6 +143,7 @@ pub(super) struct Alternative {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct NotTested {
     pub(super) effect: &'static str,
     pub(super) joint: Option<usize>,
@@ -144,6 +151,7 @@ pub(super) struct NotTested {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Unexplained {
     rms: f64,
     pub(super) depends_on: Vec<String>,
@@ -153,6 +161,7 @@ pub(super) struct Unexplained {
 
 /// The experiment that is proposed, for `trued plan --for`.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Asked {
     name: String,
     expected_separation: f64,
@@ -174,6 +183,7 @@ impl Asked {
 
 /// A cell of the map of where model and recording differ: how far a joint would have to be off there.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Place {
     pub(super) joint: usize,
     pub(super) depends_on: String,
@@ -185,6 +195,7 @@ pub(super) struct Place {
 
 /// Held-out errors of one joint's torque, Nm or N.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct JointErrors {
     pub(super) joint: usize,
     pub(super) torque_rms: f64,

@@ -30,6 +30,7 @@ pub(super) struct Found<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Report<'a> {
     model: &'a str,
     tolerance_percent: f64,
@@ -40,6 +41,7 @@ pub(super) struct Report<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct PathReport<'a> {
     known_by: &'a str,
     length_mm: f64,
@@ -47,6 +49,7 @@ struct PathReport<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct PartReport {
     segment: i64,
     from_mm: f64,
@@ -54,6 +57,7 @@ struct PartReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct WheelReport {
     joint: u8,
     shaft: u8,
@@ -74,6 +78,7 @@ struct WheelReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Range {
     mean: f64,
     least: f64,
@@ -81,6 +86,7 @@ struct Range {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct LineReport<'a> {
     source: &'a str,
     cycles_per_mm: f64,
@@ -95,6 +101,7 @@ struct LineReport<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct FitReport {
     joint: u8,
     shaft: u8,

@@ -11,6 +11,7 @@ use crate::output::{Console, Paint};
 use crate::table::Table;
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Shown<'a> {
     name: &'a str,
     hash: String,
@@ -23,6 +24,7 @@ struct Shown<'a> {
 
 /// Which robot it is: names where the model states them, and the hash of the nominal geometry.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Robot<'a> {
     maker: Option<&'a str>,
     #[serde(rename = "type")]
@@ -32,6 +34,7 @@ struct Robot<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Joint<'a> {
     name: &'a str,
     kind: &'static str,
@@ -42,6 +45,7 @@ struct Joint<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Effect<'a> {
     effect: &'a str,
     joint: Option<usize>,
@@ -50,6 +54,7 @@ struct Effect<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Value {
     value: serde_json::Value,
     sigma: Option<serde_json::Value>,
@@ -199,4 +204,10 @@ fn effect<'a>(model: &RobotModel, at: usize, entry: &'a EffectEntry) -> Effect<'
         compensated: !model.not_compensated.contains(&at),
         parameters: entry.parameters.iter().map(parameter).collect(),
     }
+}
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Shown<'_>>("model-show", "trued.model/1")
 }

@@ -46,6 +46,7 @@ pub(super) struct Export {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ImportReport<'a> {
     name: &'a str,
     hash: String,
@@ -57,6 +58,7 @@ struct ImportReport<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ExportReport<'a> {
     name: &'a str,
     carried: &'a [String],
@@ -64,6 +66,7 @@ struct ExportReport<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Part<'a> {
     what: &'a str,
     why: &'a str,
@@ -143,4 +146,14 @@ fn by_reason<'a>(left_out: &[Part<'a>]) -> BTreeMap<&'a str, Vec<&'a str>> {
 fn written(console: &mut Console, path: &Path) -> Outcome {
     console.say(format!("wrote {}", path.display()))?;
     Ok(Answer::Done)
+}
+
+/// The schemas of the results.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
+    use crate::schemas::ResultSchema;
+    vec![
+        ResultSchema::of::<ImportReport<'_>>("model-import", "trued.model/1"),
+        ResultSchema::of::<ExportReport<'_>>("model-export", "trued.model/1"),
+    ]
 }

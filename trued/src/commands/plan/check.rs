@@ -26,6 +26,7 @@ const POWER: f64 = 0.9;
 const POSES: usize = 10;
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Planned<'a> {
     does: &'static str,
     model: &'a str,
@@ -38,6 +39,7 @@ struct Planned<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Judged<'a> {
     does: &'static str,
     model: &'a str,
@@ -57,6 +59,7 @@ struct Judged<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct DetectableReport {
     damage: String,
     unit: &'static str,
@@ -64,6 +67,7 @@ struct DetectableReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct SuspectReport {
     damage: String,
     unit: &'static str,
@@ -331,4 +335,14 @@ fn told(
         console.say("that does not explain all of it: there is more than one thing")?;
     }
     Ok(())
+}
+
+/// The schemas of the results.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
+    use crate::schemas::ResultSchema;
+    vec![
+        ResultSchema::of::<Planned<'_>>("plan-check", "trued.plan/1"),
+        ResultSchema::of::<Judged<'_>>("plan-check-judged", "trued.plan/1"),
+    ]
 }

@@ -24,6 +24,7 @@ use crate::table::Table;
 const CYCLES: usize = 30;
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Planned<'a> {
     does: &'static str,
     model: &'a str,
@@ -36,6 +37,7 @@ struct Planned<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Evaluated<'a> {
     does: &'static str,
     model: &'a str,
@@ -46,6 +48,7 @@ struct Evaluated<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct PoseReport {
     #[serde(flatten)]
     q: Map<String, Value>,
@@ -58,6 +61,7 @@ struct PoseReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct DistanceReport {
     visits: usize,
     accuracy_mm: f64,
@@ -276,4 +280,14 @@ fn distance(found: &[Visits], is_point_known: bool) -> Option<DistanceFigures> {
         .map(|(a, b)| [Placement::point(a.position_m), Placement::point(b.position_m)])
         .collect();
     iso9283::distance([place(&found[i]), place(&found[j])], &visits).ok()
+}
+
+/// The schemas of the results.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
+    use crate::schemas::ResultSchema;
+    vec![
+        ResultSchema::of::<Planned<'_>>("plan-iso9283", "trued.plan/1"),
+        ResultSchema::of::<Evaluated<'_>>("plan-iso9283-evaluated", "trued.plan/1"),
+    ]
 }

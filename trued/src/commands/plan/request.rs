@@ -20,6 +20,7 @@ use crate::output::Console;
 const NOT_CHECKED: &str = "what stands around the robot, and whether the tool meets floor, base or cables: run it slowly first, with a hand on the stop";
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Report<'a> {
     does: &'static str,
     experiment: &'a str,
@@ -100,4 +101,10 @@ fn put(
     outputs.put(&about, recording.about_toml());
     outputs.put(&list, recording.to_csv());
     [list, about].map(|path| path.display().to_string())
+}
+
+/// The schema of the result.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schema() -> crate::schemas::ResultSchema {
+    crate::schemas::ResultSchema::of::<Report<'_>>("plan-experiment", "trued.plan/1")
 }

@@ -22,6 +22,7 @@ use crate::output::{Console, Paint};
 const OPEN: usize = 3;
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Report<'a> {
     does: &'static str,
     model: &'a str,
@@ -37,6 +38,7 @@ struct Report<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct NextReport<'a> {
     does: &'static str,
     model: &'a str,
@@ -51,6 +53,7 @@ struct NextReport<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct PoseReport {
     #[serde(flatten)]
     q: Map<String, Value>,
@@ -63,6 +66,7 @@ struct PoseReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct FallsReport {
     what: String,
     unit: &'static str,
@@ -364,4 +368,14 @@ impl Plan {
     fn whereabouts(&self) -> &'static str {
         if self.zone.is_some() { "in the zone" } else { "over the workspace" }
     }
+}
+
+/// The schemas of the results.
+#[cfg(feature = "schema")]
+pub(crate) fn result_schemas() -> Vec<crate::schemas::ResultSchema> {
+    use crate::schemas::ResultSchema;
+    vec![
+        ResultSchema::of::<Report<'_>>("plan-poses", "trued.plan/1"),
+        ResultSchema::of::<NextReport<'_>>("plan-next", "trued.plan/1"),
+    ]
 }

@@ -11,6 +11,7 @@ use super::words::{axis_of, frequency_words};
 
 /// Everything that was found.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Report {
     file: String,
     rate_Hz: f64,
@@ -37,6 +38,7 @@ pub(super) struct Report {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Channel {
     name: String,
     unit: String,
@@ -48,6 +50,7 @@ struct Channel {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Event {
     /// Time as the recording has it, s.
     t_s: f64,
@@ -62,6 +65,7 @@ struct Event {
 
 /// Where a line stands, and what it is.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Tone {
     frequency_Hz: f64,
     amplitude: f64,
@@ -74,6 +78,7 @@ struct Tone {
 
 /// What a line is, as far as it can be told.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Judged {
     class: &'static str,
     rivals: Vec<&'static str>,
@@ -85,6 +90,7 @@ struct Judged {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Near {
     frequency_Hz: f64,
     distance_Hz: f64,
@@ -93,6 +99,7 @@ struct Near {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Episode {
     from_s: f64,
     to_s: Option<f64>,
@@ -105,6 +112,7 @@ struct Episode {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Line {
     #[serde(flatten)]
     tone: Tone,
@@ -114,6 +122,7 @@ struct Line {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Spectrum {
     channel: String,
     /// Unit of the density, the channel's unit squared per Hz.
@@ -125,6 +134,7 @@ struct Spectrum {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Path {
     known_by: &'static str,
     length_mm: f64,
@@ -137,6 +147,7 @@ struct Path {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Wheel {
     joint: u8,
     shaft: u8,
@@ -146,6 +157,7 @@ struct Wheel {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct PathLine {
     cycles_per_mm: f64,
     amplitude: f64,
@@ -158,6 +170,7 @@ struct PathLine {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct MatchedWheel {
     joint: u8,
     shaft: u8,
@@ -170,6 +183,7 @@ struct MatchedWheel {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Finding {
     channel: Option<String>,
     fault: &'static str,

@@ -11,6 +11,7 @@ use crate::table::beside;
 const INDENT: usize = 14;
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "Hz is the unit's name")]
 pub(super) struct Report {
     cut: CutReport,
@@ -32,6 +33,7 @@ pub(super) struct Report {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct CutReport {
     spindle_rpm: f64,
     depth_mm: f64,
@@ -40,6 +42,7 @@ struct CutReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct NearestReport {
     spindle_rpm: Option<f64>,
     depth_mm: f64,
@@ -47,6 +50,7 @@ struct NearestReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "Hz and N are units' names")]
 struct ModeReport {
     frequency_Hz: f64,
@@ -57,6 +61,7 @@ struct ModeReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "Hz is the unit's name")]
 struct PointReport {
     spindle_rpm: f64,
@@ -67,6 +72,7 @@ struct PointReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "Hz is the unit's name")]
 struct DirectionReport {
     turn_deg: f64,

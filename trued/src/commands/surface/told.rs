@@ -12,6 +12,7 @@ use crate::table::Table;
 const LINES_TOLD: usize = 3;
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(super) struct Report<'a> {
     unit: &'static str,
     cut_off_mm: f64,
@@ -22,6 +23,7 @@ pub(super) struct Report<'a> {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct ProfileReport<'a> {
     file: String,
     column: &'a str,
@@ -49,6 +51,7 @@ struct ProfileReport<'a> {
 
 /// `Xa`, `Xq`, … of ISO 21920-2, where `X` is P, W or R by the profile.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct Heights {
     a_um: f64,
     q_um: f64,
@@ -60,6 +63,7 @@ struct Heights {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 struct SegmentsReport {
     length_mm: f64,
     each: Vec<SegmentReport>,
@@ -68,6 +72,7 @@ struct SegmentsReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "the keys are the standard's names")]
 struct SegmentReport {
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -80,6 +85,7 @@ struct SegmentReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "Hz is the unit's name")]
 struct LineReport {
     cycles_per_mm: f64,

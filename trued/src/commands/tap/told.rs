@@ -14,6 +14,7 @@ use crate::input::count;
 use crate::table::Table;
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "Hz is the unit's name")]
 pub(super) struct Report {
     estimator: &'static str,
@@ -27,6 +28,7 @@ pub(super) struct Report {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "Hz is the unit's name")]
 struct HitsReport {
     rate_Hz: f64,
@@ -42,6 +44,7 @@ struct HitsReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "N is the unit's name")]
 struct HitReport {
     file: String,
@@ -53,6 +56,7 @@ struct HitReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "Hz is the unit's name")]
 struct FunctionReport {
     name: String,
@@ -68,6 +72,7 @@ struct FunctionReport {
 
 /// A peak that looks like a mode and that no fit explains.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "Hz is the unit's name")]
 struct UnresolvedReport {
     frequency_Hz: f64,
@@ -76,6 +81,7 @@ struct UnresolvedReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "Hz is the unit's name")]
 struct ModeReport {
     frequency_Hz: f64,
@@ -91,6 +97,7 @@ struct ModeReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "Hz and N are units' names")]
 struct FittedReport {
     frequency_Hz: f64,
@@ -109,6 +116,7 @@ struct FittedReport {
 }
 
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "Hz is the unit's name")]
 struct ModelReport {
     out: String,

@@ -2,6 +2,7 @@
 //!
 //! Promises: one domain's object, or several as the contract has them. Never: a key of its own.
 
+use recording::program;
 use serde::Serialize;
 
 use super::Report;
@@ -9,6 +10,7 @@ use crate::exit::Failure;
 
 /// `diagnosis.json`: one domain's object, or several domains as the contract has them.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged)]
 pub(in crate::commands::diagnose) enum Whole<'a> {
     One(&'a Report),
@@ -29,10 +31,12 @@ pub(in crate::commands::diagnose) fn json(reports: &[Report]) -> Result<String, 
     #[derive(Serialize)]
     struct File<'a> {
         schema: &'static str,
+        version: &'static str,
         #[serde(flatten)]
         whole: Whole<'a>,
     }
-    let file = File { schema: "trued.diagnosis/1", whole: Whole::of(reports) };
+    let whole = Whole::of(reports);
+    let file = File { schema: "trued.diagnosis/1", version: program::version(), whole };
     let mut text = serde_json::to_string_pretty(&file).map_err(Failure::system)?;
     text.push('\n');
     Ok(text)

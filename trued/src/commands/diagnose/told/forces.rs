@@ -16,6 +16,7 @@ const MEGA: f64 = 1e6;
 
 /// What the tool did from when to when.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub(in crate::commands::diagnose) struct Stretch {
     pub(in crate::commands::diagnose) state: &'static str,
     pub(in crate::commands::diagnose) from_s: f64,
@@ -27,6 +28,7 @@ pub(in crate::commands::diagnose) struct Stretch {
 
 /// A tone of the cut.
 #[derive(Serialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[expect(non_snake_case, reason = "keys carry units")]
 pub(in crate::commands::diagnose) struct Heard {
     pub(in crate::commands::diagnose) frequency_Hz: f64,

@@ -1,0 +1,25 @@
+//! `cargo xtask schemas`: the JSON Schemas under `schemas/`, made of the program's own types. `tests/it/schemas.rs` fails where they are stale.
+
+use std::fs;
+use std::io::Result;
+use std::path::Path;
+
+/// Writes them anew; what stood there goes.
+pub(crate) fn run() -> std::result::Result<bool, String> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../schemas");
+    let count = write(&folder).map_err(|why| format!("{}: {why}", folder.display()))?;
+    println!("{count} schemas written to schemas/");
+    Ok(true)
+}
+
+fn write(folder: &Path) -> Result<usize> {
+    if folder.exists() {
+        fs::remove_dir_all(folder)?;
+    }
+    fs::create_dir_all(folder.join("results"))?;
+    let all = trued::schemas::all();
+    for (name, schema) in &all {
+        fs::write(folder.join(name), format!("{schema:#}\n"))?;
+    }
+    Ok(all.len())
+}
