@@ -160,6 +160,16 @@ impl Corrections {
         recording.to_csv()
     }
 
+    /// The corrected joints, one list per joint, rad or m; NaN in rows without a target.
+    pub(crate) fn joints(&self) -> &[Vec<f64>] {
+        &self.q
+    }
+
+    /// Puts other joints in their place: those that are commanded so that the arm is there in time.
+    pub(crate) fn put_joints(&mut self, q: Vec<Vec<f64>>) {
+        self.q = q;
+    }
+
     /// How many rows were answered.
     pub(crate) fn rows(&self) -> usize {
         self.status.len()

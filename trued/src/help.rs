@@ -5,7 +5,10 @@ use clap::Command;
 /// Every command that the contract names, by what one wants to do.
 const TASKS: [(&str, &[&str]); 8] = [
     ("See it work", &["demo", "bench", "doctor"]),
-    ("Correct a robot", &["run", "check", "reload", "correct", "replay", "bridge", "fleet"]),
+    (
+        "Correct a robot",
+        &["run", "check", "reload", "correct", "learn", "replay", "bridge", "fleet"],
+    ),
     ("Steer a running cell", &["status", "bypass", "mode", "arm", "mark", "live"]),
     ("Make a model", &["model", "plan", "calibrate", "gears", "simulate"]),
     ("Find what is wrong", &["diagnose", "trends", "challenge"]),

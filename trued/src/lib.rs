@@ -12,6 +12,7 @@ mod corrections;
 mod drawn;
 pub mod exit;
 mod help;
+mod in_time;
 mod input;
 pub mod interrupt;
 mod lockstep;

@@ -5,7 +5,7 @@
 //!
 //! Promises: the same rows give the same bits; a path begins settled. Never: an instrument; what it makes of this is the caller's.
 
-use crate::curve::derivatives;
+use crate::curve::{Curve, derivatives};
 use crate::dynamics::{Dynamics, late};
 use crate::ride::Ride;
 use crate::turn::advance;
@@ -91,6 +91,16 @@ pub fn moving_in<R>(rows: &mut [R], joints: usize, inputs: impl Fn(&mut R) -> &m
 #[must_use]
 pub fn rates(times_s: &[f64], positions: &[f64]) -> Vec<(f64, f64)> {
     derivatives(times_s, positions)
+}
+
+/// Where one joint is at other times than those of its samples; before the first and after the last it stands.
+#[must_use]
+pub fn positions_at(times_s: &[f64], positions: &[f64], at_s: &[f64]) -> Vec<f64> {
+    let (Some(first), Some(last)) = (times_s.first(), times_s.last()) else {
+        return vec![f64::NAN; at_s.len()];
+    };
+    let curve = Curve::through(times_s, positions.to_vec());
+    at_s.iter().map(|t_s| curve.at(t_s.clamp(*first, *last))).collect()
 }
 
 fn seen(q: &Joints, evaluation: &Evaluation, ride: Option<(&Ride, usize)>, model: &Model) -> Seen {

@@ -3,6 +3,8 @@
 //! Promises: the same rows, judged, solved and bounded by the same code as in the daemon, in lockstep with the recording's
 //! time; `trued replay` on the same input gives the same bits. Nothing is written where the input has a fault.
 
+mod dynamic;
+
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -15,10 +17,12 @@ use shm_schema::UnknownCode;
 
 use crate::corrections::{Corrections, Figures};
 use crate::exit::{Answer, Failure, Outcome};
+use crate::in_time::InTime;
 use crate::input::{Input, Reading, unusable};
 use crate::lockstep::{self, Cycle};
 use crate::output::Console;
 use crate::setpoints::{Setpoints, has_wrench};
+use dynamic::Dynamic;
 
 /// Correct a path file without a daemon: joint targets as CSV
 ///
@@ -26,6 +30,9 @@ use crate::setpoints::{Setpoints, has_wrench};
 /// the daemon's. With kind = "poses" in the TOML beside it each row is the settled solution; a path keeps the envelope's
 /// rate and jerk. The table has the recording's columns, the corrected joints `c1_deg` … (`c1_mm`), the status, what is left (`left_mm`, `left_mrad`) and what
 /// limited it. Exit 1 where something is left, unless --accept-limited.
+///
+/// With --dynamic delay, lags and flexible modes of the joints are compensated too: commands come earlier and do not excite the modes. The path gets rows at both ends
+/// in which the arm stands still, and even time stamps.
 #[derive(Debug, Args)]
 pub(crate) struct Correct {
     #[command(flatten)]
@@ -39,6 +46,11 @@ pub(crate) struct Correct {
     /// Exit 0 also where rows are limited, held or rejected, so that something is left of their tool error
     #[arg(long)]
     accept_limited: bool,
+    /// Compensate delay, lag and flexible modes of the model too; the path is known ahead, so that commands come in time
+    #[arg(long)]
+    dynamic: bool,
+    #[command(flatten)]
+    in_time: InTime,
     /// The path: a recording with commanded joints
     #[arg(value_name = "PATH.csv")]
     path: PathBuf,
@@ -54,6 +66,8 @@ struct Report<'a> {
     #[serde(flatten)]
     figures: &'a Figures,
     corrections: String,
+    /// What was compensated in time; none without --dynamic.
+    dynamic: Option<dynamic::Report>,
 }
 
 impl Correct {
@@ -63,55 +77,74 @@ impl Correct {
         outputs.check([&self.path].into_iter().chain(self.reading.files()).chain(&self.config))?;
         let cell = self.config.as_deref().map(CellConfig::read).transpose().map_err(unusable)?;
         let fallback = cell.as_ref().map(|cell| cell.model.as_path());
-        let input = self.reading.read(&self.path, fallback)?;
-        let cycle = self.cycle(cell, &input)?;
+        let mut input = self.reading.read(&self.path, fallback)?;
+        let dynamic = if self.dynamic {
+            Some(Dynamic::extend(&mut input, self.in_time.settings()?)?)
+        } else {
+            None
+        };
+        let cycle = cycle(self.config.as_deref(), cell, &input)?;
         let free_tool_axis = cycle.frees_tool_axis();
-        let corrections = correct(&input, cycle)?;
+        let mut corrections = correct(&input, cycle)?;
+        let dynamic = dynamic.map(|dynamic| dynamic.compensate(&input, &mut corrections));
+        let dynamic = dynamic.transpose()?;
+        let few_joints = input.model.physics.arm.count() < 6 && !free_tool_axis;
         let csv = corrections.csv(input.recording);
         let figures = corrections.figures(&csv);
         let corrections_file = out.display().to_string();
-        let report = Report { figures: &figures, corrections: corrections_file };
         outputs.put(&out, csv.as_slice());
+        let report = Report { figures: &figures, corrections: corrections_file, dynamic };
         console.write(outputs, "trued.correct/1", &report)?;
         console.say(figures.told())?;
+        if let Some(dynamic) = &report.dynamic {
+            console.say(dynamic.told())?;
+        }
         console.say(format!("corrected path      {}", out.display()))?;
         let left = corrections.not_exact_rows();
-        if left == 0 {
+        let limited = report.dynamic.as_ref().map_or(0, dynamic::Report::limited_rows);
+        if left == 0 && limited == 0 {
             return Ok(Answer::Done);
         }
-        console.say(format!(
-            "not corrected in full: {left} rows; columns `left_mm`, `left_mrad`, `limited_by`"
-        ))?;
-        if input.model.physics.arm.count() < 6 && !free_tool_axis {
+        if left > 0 {
+            console.say(format!(
+                "not corrected in full: {left} rows; columns `left_mm`, `left_mrad`, `limited_by`"
+            ))?;
+        }
+        if few_joints {
             console.say(FEWER_JOINTS)?;
         }
         Ok(if self.accept_limited { Answer::Done } else { Answer::No })
     }
-
-    /// The daemon's cycle in the given cell, or in that of [`lockstep::cell_toml`].
-    fn cycle<'m>(&self, cell: Option<CellConfig>, input: &'m Input) -> Result<Cycle<'m>, Failure> {
-        let (name, mut config) = match (&self.config, cell) {
-            (Some(path), Some(cell)) => (path.display().to_string(), cell),
-            _ => {
-                let text = lockstep::cell_toml(Path::new("model.toml"), &input.recording);
-                let cell = CellConfig::parse(lockstep::CELL, &text).map_err(Failure::system)?;
-                (lockstep::CELL.to_owned(), cell)
-            }
-        };
-        config
-            .check_against(&name, &input.joint_kinds)
-            .map_err(|faults| unusable(FileError::Content(faults)))?;
-        config.mode = Mode::Full;
-        if has_wrench(&input.recording) && config.wrench.source == WrenchSource::Force {
-            config.wrench.source = WrenchSource::Command;
-        }
-        let arm = &input.model.physics.arm;
-        let settings = setup::settings(&config, arm, true).map_err(Failure::input)?;
-        Ok(Cycle::new(&input.model, settings, Senses::new(setup::wrench_source(&config))))
-    }
 }
 
-fn correct(input: &Input, mut cycle: Cycle<'_>) -> Result<Corrections, Failure> {
+/// The daemon's cycle in the given cell, or in that of [`lockstep::cell_toml`].
+pub(super) fn cycle<'m>(
+    config: Option<&Path>,
+    cell: Option<CellConfig>,
+    input: &'m Input,
+) -> Result<Cycle<'m>, Failure> {
+    let (name, mut config) = match (config, cell) {
+        (Some(path), Some(cell)) => (path.display().to_string(), cell),
+        _ => {
+            let text = lockstep::cell_toml(Path::new("model.toml"), &input.recording);
+            let cell = CellConfig::parse(lockstep::CELL, &text).map_err(Failure::system)?;
+            (lockstep::CELL.to_owned(), cell)
+        }
+    };
+    config
+        .check_against(&name, &input.joint_kinds)
+        .map_err(|faults| unusable(FileError::Content(faults)))?;
+    config.mode = Mode::Full;
+    if has_wrench(&input.recording) && config.wrench.source == WrenchSource::Force {
+        config.wrench.source = WrenchSource::Command;
+    }
+    let arm = &input.model.physics.arm;
+    let settings = setup::settings(&config, arm, true).map_err(Failure::input)?;
+    Ok(Cycle::new(&input.model, settings, Senses::new(setup::wrench_source(&config))))
+}
+
+/// The answers to all rows of a recording.
+pub(super) fn correct(input: &Input, mut cycle: Cycle<'_>) -> Result<Corrections, Failure> {
     let mut corrections = Corrections::of(&input.model);
     for row in Setpoints::of(&input.recording, input.model.physics.arm.count()) {
         let answer = cycle.answer(&row)?;

@@ -17,6 +17,7 @@ mod diagnose;
 mod doctor;
 mod gears;
 mod info;
+mod learn;
 mod live;
 mod model;
 mod plan;
@@ -54,6 +55,7 @@ pub(crate) enum Command {
     Doctor(doctor::Doctor),
     Gears(gears::Gears),
     Info(info::InfoOf),
+    Learn(learn::Learn),
     Live(live::LiveOf),
     Mark(control::Mark),
     Mode(control::ModeOf),
@@ -89,6 +91,7 @@ pub(crate) fn run(command: &Command, console: &mut Console) -> Outcome {
         Command::Doctor(doctor) => doctor.run(console),
         Command::Gears(gears) => gears.run(console),
         Command::Info(info) => info.run(console),
+        Command::Learn(learn) => learn.run(console),
         Command::Live(live) => live.run(console),
         Command::Mark(mark) => mark.run(console),
         Command::Mode(mode) => mode.run(console),

@@ -1,0 +1,108 @@
+//! Why a path or a measured run cannot be used.
+
+use thiserror::Error;
+
+/// What was found, what was expected and what to do.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum FeedforwardError {
+    /// The model has nothing to invert.
+    #[error(
+        "the model states no time_delay, servo_lag or flexible_mode of a joint, so that there is nothing to compensate in time; \
+         `trued diagnose` finds them in the recording of a path"
+    )]
+    NothingInTime,
+    /// Rows of several runs.
+    #[error("{0} segments were given, expected one: correct each run by itself")]
+    Segments(usize),
+    /// Poses at rest.
+    #[error(
+        "the rows are poses at rest (kind = \"poses\"), expected a path: a pose has no delay and no lag"
+    )]
+    Poses,
+    /// Too few rows.
+    #[error("{0} rows were given, expected 8 or more")]
+    TooShort(usize),
+    /// A row without commanded joints.
+    #[error("row {row}: joint {joint} has no commanded position, expected one in each row")]
+    NoCommand {
+        /// From 1.
+        row: usize,
+        /// From 1.
+        joint: usize,
+    },
+    /// Rows are too far apart for the band.
+    #[error(
+        "{what} is sampled every {step_ms:.1} ms, expected at most {most_ms:.1} ms for a bandwidth of {bandwidth_hz} Hz: sample faster or lower the bandwidth"
+    )]
+    Sampling {
+        /// The path, or what was measured.
+        what: &'static str,
+        /// ms.
+        step_ms: f64,
+        /// ms.
+        most_ms: f64,
+        /// Hz.
+        bandwidth_hz: f64,
+    },
+    /// A setting out of its range.
+    #[error("{name} is {value}, expected {expected}")]
+    Setting {
+        /// Its name.
+        name: &'static str,
+        /// What was given.
+        value: f64,
+        /// Its range.
+        expected: &'static str,
+    },
+    /// A command beyond what the joint can do.
+    #[error(
+        "row {row}: joint {joint} would be commanded to {position:.5} (rad or m), beyond its limits {lower:.5} to {upper:.5}: move the path away from the limit"
+    )]
+    JointLimit {
+        /// From 1.
+        row: usize,
+        /// From 1.
+        joint: usize,
+        /// rad or m.
+        position: f64,
+        /// rad or m.
+        lower: f64,
+        /// rad or m.
+        upper: f64,
+    },
+    /// Neither joints nor points.
+    #[error(
+        "nothing to learn from: expected joint positions of the link or motor side (ql1_deg …, qa1_deg …) or points of the tool (x_mm, y_mm, z_mm)"
+    )]
+    NothingMeasured,
+    /// The measurement does not cover the motion.
+    #[error(
+        "measured from {from_s:.3} s to {to_s:.3} s, the path moves from {moves_from_s:.3} s to {moves_to_s:.3} s: record the whole motion, \
+         or say how the clocks differ (--clock-offset-ms)"
+    )]
+    Uncovered {
+        /// s.
+        from_s: f64,
+        /// s.
+        to_s: f64,
+        /// s.
+        moves_from_s: f64,
+        /// s.
+        moves_to_s: f64,
+    },
+    /// The error is too large for a small correction.
+    #[error(
+        "joint {joint} is off by {error:.4} (rad or m) at {t_s:.3} s, expected less than {most:.4}: is this the recording of this path, \
+         are the clocks the same (--clock-offset-ms)?"
+    )]
+    TooFarOff {
+        /// From 1.
+        joint: usize,
+        /// rad or m.
+        error: f64,
+        /// s.
+        t_s: f64,
+        /// rad or m.
+        most: f64,
+    },
+}

@@ -1,0 +1,73 @@
+//! A path as a spectrum: extended at both ends by standing still, then run back to its beginning, so that nothing jumps where it repeats.
+//!
+//! Promises: exact to rounding there and back. Standing still lasts long enough for a plant to settle where the caller says how long that takes.
+
+use realfft::num_complex::Complex64;
+use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use std::sync::Arc;
+
+/// Transforms of paths of one length.
+pub(crate) struct Transform {
+    samples: usize,
+    pad: usize,
+    step_s: f64,
+    forward: Arc<dyn RealToComplex<f64>>,
+    backward: Arc<dyn ComplexToReal<f64>>,
+}
+
+impl Transform {
+    /// Of `samples` samples every `step_s`; the path stands for `settle_s` at both ends.
+    pub(crate) fn new(samples: usize, step_s: f64, settle_s: f64) -> Self {
+        let pad = (settle_s / step_s).ceil() as usize;
+        let half = (samples + 2 * pad).next_multiple_of(256);
+        let mut planner = RealFftPlanner::new();
+        let (forward, backward) =
+            (planner.plan_fft_forward(2 * half), planner.plan_fft_inverse(2 * half));
+        Self { samples, pad, step_s, forward, backward }
+    }
+
+    fn length(&self) -> usize {
+        self.forward.len()
+    }
+
+    /// Frequencies of its bins, Hz.
+    pub(crate) fn bins_hz(&self) -> Vec<f64> {
+        let spacing_hz = 1.0 / (self.length() as f64 * self.step_s);
+        (0..=self.length() / 2).map(|k| k as f64 * spacing_hz).collect()
+    }
+
+    /// The spectrum of samples, which are as many as [`Transform::new`] was told.
+    pub(crate) fn spectrum(&self, samples: &[f64]) -> Vec<Complex64> {
+        let (half, last) = (self.length() / 2, self.samples.saturating_sub(1));
+        let at = |k: usize| samples.get(k.saturating_sub(self.pad).min(last)).copied();
+        let there = (0..half).map(|k| at(k).unwrap_or(0.0));
+        let mut signal: Vec<f64> = there.clone().chain(there.rev()).collect();
+        let mut spectrum = self.forward.make_output_vec();
+        // Lengths are the plan's own, so that it cannot refuse them.
+        let done = self.forward.process(&mut signal, &mut spectrum);
+        debug_assert!(done.is_ok());
+        spectrum
+    }
+
+    /// The samples of a spectrum.
+    pub(crate) fn samples(&self, mut spectrum: Vec<Complex64>) -> Vec<f64> {
+        // Of a real signal both are real; what a gain leaves there is dropped.
+        let last = spectrum.len() - 1;
+        (spectrum[0].im, spectrum[last].im) = (0.0, 0.0);
+        let mut signal = self.backward.make_output_vec();
+        let done = self.backward.process(&mut spectrum, &mut signal);
+        debug_assert!(done.is_ok());
+        let scale = 1.0 / self.length() as f64;
+        signal[self.pad..self.pad + self.samples].iter().map(|value| value * scale).collect()
+    }
+
+    /// Samples through a frequency response at the bins.
+    pub(crate) fn through(&self, samples: &[f64], response: &[Complex64]) -> Vec<f64> {
+        self.samples(product(&self.spectrum(samples), response))
+    }
+}
+
+/// Bin by bin.
+pub(crate) fn product(a: &[Complex64], b: &[Complex64]) -> Vec<Complex64> {
+    a.iter().zip(b).map(|(a, b)| a * b).collect()
+}

@@ -1,0 +1,138 @@
+//! A path on even time stamps that begins and ends standing still.
+//!
+//! Rows that are even already stay as they are; others are taken from the curve through the samples (`world::forward::positions_at`) at the median step.
+
+use crate::FeedforwardError;
+use physics::JointKind;
+use recording::series::{Channel, Kind, Recording};
+use world::forward::positions_at;
+
+/// Fewer rows are no path.
+pub const ROWS_LEAST: usize = 8;
+/// Time stamps that are off by less than this share of a step are even.
+const EVEN: f64 = 0.02;
+
+/// A path on even time stamps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Extended {
+    /// Commands and loads; what was measured is left out.
+    pub recording: Recording,
+    /// s.
+    pub step_s: f64,
+    /// Rows of standing still before the first and after the last row of the path.
+    pub lead_rows: usize,
+    /// Whether rows are at other times than they were.
+    pub is_resampled: bool,
+}
+
+/// The time from one row to the next, s: their median.
+///
+/// # Errors
+/// Fewer rows than [`ROWS_LEAST`].
+pub fn median_step_s(times_s: &[f64]) -> Result<f64, FeedforwardError> {
+    if times_s.len() < ROWS_LEAST {
+        return Err(FeedforwardError::TooShort(times_s.len()));
+    }
+    let mut steps: Vec<f64> = times_s.windows(2).map(|t| t[1] - t[0]).collect();
+    let middle = steps.len() / 2;
+    Ok(*steps.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// The path of a recording, standing still for `lead_s` before and after it.
+///
+/// # Errors
+/// Poses instead of a path, several segments, too few rows, a row without a command.
+pub fn extended(
+    recording: &Recording,
+    kinds: &[JointKind],
+    lead_s: f64,
+) -> Result<Extended, FeedforwardError> {
+    let even = even(recording)?;
+    for joint in 0..kinds.len() {
+        let column = recording.input(joint).unwrap_or_default();
+        let missing = (0..recording.len())
+            .find(|row| column.get(*row).is_none_or(|position| !position.is_finite()));
+        if let Some(row) = missing {
+            return Err(FeedforwardError::NoCommand { row: row + 1, joint: joint + 1 });
+        }
+    }
+    let lead_rows = (lead_s / even.step_s).ceil() as usize;
+    let first_s = recording.t_s[0];
+    let last_s = even.times_s.last().copied().unwrap_or(first_s);
+    let before = (1..=lead_rows).rev().map(|k| first_s - k as f64 * even.step_s);
+    let after = (1..=lead_rows).map(|k| last_s + k as f64 * even.step_s);
+    let times_s: Vec<f64> = before.chain(even.times_s.iter().copied()).chain(after).collect();
+    let mut extended = Recording::new(times_s);
+    extended.file.clone_from(&recording.file);
+    extended.about = recording.about.clone();
+    extended.about.input = None;
+    extended.units = recording.units;
+    for (joint, kind) in kinds.iter().enumerate() {
+        extended.set_joint_kind(joint, *kind);
+        let column = recording.input(joint).unwrap_or_default();
+        let on_grid = positions_at(&recording.t_s, column, &extended.t_s);
+        extended.set(Channel::Command(joint), on_grid);
+    }
+    let loads: Vec<Channel> = recording.channels().filter(is_load).collect();
+    for channel in loads {
+        let column = recording.column(channel).unwrap_or_default();
+        extended.set(channel, held(&recording.t_s, column, &extended.t_s));
+    }
+    if !even.is_resampled {
+        let beside = |text: &[String]| {
+            let empty = || std::iter::repeat_n(String::new(), lead_rows);
+            empty().chain(text.iter().cloned()).chain(empty()).collect()
+        };
+        let other = recording.other.iter();
+        extended.other = other.map(|(name, text)| (name.clone(), beside(text))).collect();
+    }
+    let Even { step_s, is_resampled, .. } = even;
+    Ok(Extended { recording: extended, step_s, lead_rows, is_resampled })
+}
+
+/// Even times of a path.
+struct Even {
+    times_s: Vec<f64>,
+    step_s: f64,
+    is_resampled: bool,
+}
+
+fn even(recording: &Recording) -> Result<Even, FeedforwardError> {
+    if recording.about.kind == Kind::Poses {
+        return Err(FeedforwardError::Poses);
+    }
+    let segments = recording.segment.chunk_by(|a, b| a == b).count();
+    if segments > 1 {
+        return Err(FeedforwardError::Segments(segments));
+    }
+    let step_s = median_step_s(&recording.t_s)?;
+    let (first_s, last_s) = (recording.t_s[0], recording.t_s[recording.len() - 1]);
+    let mean_s = (last_s - first_s) / (recording.len() - 1) as f64;
+    let is_even =
+        |(k, t_s): (usize, &f64)| (t_s - (first_s + k as f64 * mean_s)).abs() <= EVEN * mean_s;
+    if recording.t_s.iter().enumerate().all(is_even) {
+        let times_s = recording.t_s.clone();
+        return Ok(Even { times_s, step_s: mean_s, is_resampled: false });
+    }
+    // The last row stands at or after the end of the path.
+    let rows = ((last_s - first_s) / step_s).ceil() as usize;
+    let times_s = (0..=rows).map(|k| first_s + k as f64 * step_s).collect();
+    Ok(Even { times_s, step_s, is_resampled: true })
+}
+
+fn is_load(channel: &Channel) -> bool {
+    matches!(
+        channel,
+        Channel::Wrench(_)
+            | Channel::Ambient
+            | Channel::JointTemperature(_)
+            | Channel::Spindle
+            | Channel::Feed
+    )
+}
+
+/// The last sample at or before each time; before the first row that one.
+fn held(times_s: &[f64], samples: &[f64], at_s: &[f64]) -> Vec<f64> {
+    let row = |t_s: &f64| times_s.partition_point(|time_s| time_s <= t_s).saturating_sub(1);
+    at_s.iter().map(|t_s| samples.get(row(t_s)).copied().unwrap_or(f64::NAN)).collect()
+}

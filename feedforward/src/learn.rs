@@ -1,0 +1,180 @@
+//! Iterative learning: the commands of the next run from the error of the last one.
+//!
+//! Norm-optimal learning with the model as inverse ([`crate::inverse`]), which converges monotonically for every plant whose numbers are off by up to the stated
+//! share. At each frequency the error counts by the share that stands above the noise (Wiener's filter): of several runs of the same commands the noise is how they differ,
+//! of one run what is left far above the band. What differs between runs cannot be learned and is told as repeatability.
+
+use crate::FeedforwardError;
+use crate::fourier::Transform;
+use crate::inverse::Source;
+use crate::measured::{Measured, Seen};
+use crate::plant::{Plant, Plants};
+use crate::preview::{joint_of, settle_s};
+use crate::settings::Settings;
+use crate::step::Stepped;
+use realfft::num_complex::Complex64;
+
+/// Bins over which the power of an error is averaged, to each side.
+const BINS_ABOUT: usize = 12;
+/// From so many times the bandwidth on an error counts as noise.
+const NOISE_BANDS: f64 = 2.0;
+
+/// What was commanded, and what came of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Runs<'a> {
+    /// s from one row to the next.
+    pub step_s: f64,
+    /// Commands without any correction in time, rad or m, a list per joint.
+    pub wanted: &'a [Vec<f64>],
+    /// What was commanded.
+    pub commanded: &'a [Vec<f64>],
+    /// The same commands run once or several times.
+    pub measured: &'a [Measured],
+}
+
+/// What a joint learns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Learned {
+    /// What was measured of it.
+    pub seen: Seen,
+    /// The mean error of the runs, rad or m.
+    pub error: Vec<f64>,
+    /// The next correction, and the error that is left by the model.
+    pub next: Stepped,
+    /// Standard deviation of one run from the mean, rad or m; none of a single run.
+    pub repeatability: Option<f64>,
+}
+
+/// The next run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Next {
+    /// What is to be commanded.
+    pub commanded: Vec<Vec<f64>>,
+    /// Of each joint; none where nothing was seen of it, or it stands still.
+    pub joints: Vec<Option<Learned>>,
+}
+
+/// The next commands.
+///
+/// # Errors
+/// Settings out of their range, too few rows, nothing measured, a sampling that is too coarse.
+pub fn learn(
+    plants: &Plants,
+    runs: &Runs<'_>,
+    settings: &Settings,
+) -> Result<Next, FeedforwardError> {
+    settings.check()?;
+    settings.check_step("the path", runs.step_s)?;
+    let rows = runs.wanted.first().map_or(0, Vec::len);
+    if rows < crate::grid::ROWS_LEAST {
+        return Err(FeedforwardError::TooShort(rows));
+    }
+    let transform = Transform::new(rows, runs.step_s, settle_s(plants));
+    let mut next =
+        Next { commanded: runs.commanded.to_vec(), joints: vec![None; runs.wanted.len()] };
+    for at in 0..runs.wanted.len() {
+        let (wanted, commanded) = (&runs.wanted[at], &runs.commanded[at]);
+        let errors: Vec<&[f64]> = runs
+            .measured
+            .iter()
+            .filter_map(|run| run.joints.get(at)?.as_ref().map(|(_, errors)| errors.as_slice()))
+            .collect();
+        let seen = runs.measured.iter().find_map(|run| Some(run.joints.get(at)?.as_ref()?.0));
+        let Some(seen) = seen else { continue };
+        let motor = plants.joints[at].of_motor();
+        let plant = if seen == Seen::Motor { &motor } else { &plants.joints[at] };
+        let joint = joint_of(plant, &transform, runs.step_s, settings);
+        let error = mean(&errors);
+        let before: Vec<f64> = commanded.iter().zip(wanted).map(|(c, w)| c - w).collect();
+        let trusted = trusted(&transform, &errors, &error, settings);
+        let spectrum = transform.spectrum(&error);
+        let spectrum: Vec<_> =
+            spectrum.iter().zip(&trusted).map(|(bin, share)| bin * share).collect();
+        let stepped = joint.step(Source::Error, &spectrum, &before, &error);
+        next.commanded[at] = wanted.iter().zip(&stepped.correction).map(|(w, c)| w + c).collect();
+        let repeatability = repeatability(&errors, &error);
+        next.joints[at] = Some(Learned { seen, error, next: stepped, repeatability });
+    }
+    if next.joints.iter().all(Option::is_none) {
+        return Err(FeedforwardError::NothingMeasured);
+    }
+    Ok(next)
+}
+
+/// By how much the model expects joints to be off that shall be at `wanted` and are commanded to `commanded`, rad or m.
+#[must_use]
+pub fn expected_error(
+    plants: &Plants,
+    step_s: f64,
+    wanted: &[Vec<f64>],
+    commanded: &[Vec<f64>],
+) -> Vec<Vec<f64>> {
+    let rows = wanted.first().map_or(0, Vec::len);
+    let transform = Transform::new(rows, step_s, settle_s(plants));
+    let of_joint = |((plant, wanted), commanded): ((&Plant, &Vec<f64>), &Vec<f64>)| {
+        let response: Vec<Complex64> =
+            transform.bins_hz().iter().map(|hz| plant.response(*hz)).collect();
+        let reached = transform.through(commanded, &response);
+        wanted.iter().zip(reached).map(|(w, r)| w - r).collect()
+    };
+    plants.joints.iter().zip(wanted).zip(commanded).map(of_joint).collect()
+}
+
+fn mean(errors: &[&[f64]]) -> Vec<f64> {
+    let rows = errors.first().map_or(0, |errors| errors.len());
+    let at =
+        |row: usize| errors.iter().map(|errors| errors[row]).sum::<f64>() / errors.len() as f64;
+    (0..rows).map(at).collect()
+}
+
+/// Standard deviation of one run from the mean of all.
+fn repeatability(errors: &[&[f64]], mean: &[f64]) -> Option<f64> {
+    let freedoms = errors.len().checked_sub(1).filter(|freedoms| *freedoms > 0)? * mean.len();
+    let of_run = |errors: &&[f64]| {
+        errors.iter().zip(mean).map(|(error, mean)| (error - mean).powi(2)).sum::<f64>()
+    };
+    Some((errors.iter().map(of_run).sum::<f64>() / freedoms as f64).sqrt())
+}
+
+/// The share of the mean error at each bin that is no noise.
+fn trusted(
+    transform: &Transform,
+    errors: &[&[f64]],
+    mean: &[f64],
+    settings: &Settings,
+) -> Vec<f64> {
+    let power = |samples: &[f64]| -> Vec<f64> {
+        transform.spectrum(samples).iter().map(Complex64::norm_sqr).collect()
+    };
+    let of_mean = averaged(&power(mean));
+    let runs = errors.len() as f64;
+    let noise = if errors.len() > 1 {
+        let mut noise = vec![0.0; of_mean.len()];
+        for errors in errors {
+            let off: Vec<f64> = errors.iter().zip(mean).map(|(error, mean)| error - mean).collect();
+            noise.iter_mut().zip(power(&off)).for_each(|(sum, of_run)| *sum += of_run);
+        }
+        // The variance of the mean of the runs.
+        noise.iter_mut().for_each(|sum| *sum /= runs * (runs - 1.0));
+        averaged(&noise)
+    } else {
+        let bins_hz = transform.bins_hz();
+        let above = |hz: &f64| *hz > NOISE_BANDS * settings.bandwidth_hz;
+        let beyond: Vec<f64> =
+            bins_hz.iter().zip(&of_mean).filter(|(hz, _)| above(hz)).map(|(_, p)| *p).collect();
+        vec![beyond.iter().sum::<f64>() / beyond.len().max(1) as f64; of_mean.len()]
+    };
+    let share = |(power, noise): (&f64, f64)| {
+        if *power > 0.0 { (1.0 - noise / power).max(0.0) } else { 0.0 }
+    };
+    of_mean.iter().zip(noise).map(share).collect()
+}
+
+/// The mean over neighbouring bins.
+fn averaged(power: &[f64]) -> Vec<f64> {
+    let about = |k: usize| k.saturating_sub(BINS_ABOUT)..(k + BINS_ABOUT + 1).min(power.len());
+    (0..power.len()).map(|k| power[about(k)].iter().sum::<f64>() / about(k).len() as f64).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,178 @@
+use super::*;
+use crate::plant::{Mode, Plant, Uncertain};
+use crate::virtual_joint::{VirtualJoint, corners, largest, off, rms};
+use proptest::prelude::*;
+
+const STEP_S: f64 = 4e-3;
+const JOINT: VirtualJoint = VirtualJoint {
+    delay_s: 0.0177,
+    lag_s: 0.0123,
+    frequency_hz: 8.0,
+    damping_ratio: 0.02,
+    participation: 1.0,
+};
+
+fn settings() -> Settings {
+    Settings::with_limits(0.2, 1.0, 5000.0).expect("sound")
+}
+
+fn plants(of: &VirtualJoint, sigma: f64) -> Plants {
+    let number = |value: f64| Uncertain { value, sigma: sigma * value };
+    let mode = Mode {
+        frequency_hz: number(of.frequency_hz),
+        damping_ratio: number(of.damping_ratio),
+        participation: Uncertain { value: of.participation, sigma: 0.0 },
+    };
+    let plant = Plant {
+        delays_s: vec![number(of.delay_s)],
+        lags_s: vec![number(of.lag_s)],
+        modes: vec![mode],
+    };
+    Plants { joints: vec![plant], left_out: Vec::new() }
+}
+
+fn previewed(plants: &Plants, path: &[f64]) -> Vec<f64> {
+    let first = crate::preview(plants, STEP_S, &[path.to_vec()], &settings());
+    first.expect("previewed").commanded.remove(0)
+}
+
+/// White noise of a standard deviation, the same for the same seed.
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self, sigma: f64) -> f64 {
+        let mut uniform = || {
+            self.0 = self
+                .0
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let sum: f64 = (0..12).map(|_| uniform()).sum();
+        sigma * (sum - 6.0)
+    }
+}
+
+struct Cell<'a> {
+    truth: VirtualJoint,
+    plants: &'a Plants,
+    path: &'a [f64],
+    noise: Noise,
+    sigma: f64,
+}
+
+impl Cell<'_> {
+    fn measure(&mut self, commanded: &[f64]) -> Measured {
+        let reached = self.truth.run(STEP_S, commanded);
+        let error =
+            off(self.path, &reached).iter().map(|e| e + self.noise.next(self.sigma)).collect();
+        Measured { joints: vec![Some((Seen::Link, error))], clock_offset_s: 0.0 }
+    }
+
+    fn next(&mut self, commanded: &[f64], runs: usize) -> Next {
+        let measured: Vec<Measured> = (0..runs).map(|_| self.measure(commanded)).collect();
+        let (wanted, commanded) = (&[self.path.to_vec()][..], &[commanded.to_vec()][..]);
+        let runs = Runs { step_s: STEP_S, wanted, commanded, measured: &measured };
+        learn(self.plants, &runs, &settings()).expect("learns")
+    }
+
+    fn error(&self, commanded: &[f64]) -> Vec<f64> {
+        off(self.path, &self.truth.run(STEP_S, commanded))
+    }
+}
+
+#[test]
+fn three_runs_after_a_preview_leave_a_tenth() {
+    let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 0.8), (0.05, 0.7), (0.0, 0.5), (-0.08, 0.6)]);
+    for sign in [-1.0, 1.0] {
+        let off = |value: f64| value * (1.0 + 0.03 * sign);
+        let believed = VirtualJoint {
+            delay_s: off(JOINT.delay_s),
+            lag_s: off(JOINT.lag_s),
+            frequency_hz: off(JOINT.frequency_hz),
+            ..JOINT
+        };
+        let plants = plants(&believed, 0.03);
+        let mut cell =
+            Cell { truth: JOINT, plants: &plants, path: &path, noise: Noise(3), sigma: 1e-5 };
+        let before = cell.error(&path);
+        let mut commanded = previewed(&plants, &path);
+        for _ in 0..3 {
+            commanded = cell.next(&commanded, 1).commanded.remove(0);
+        }
+        let after = cell.error(&commanded);
+        assert!(
+            largest(&after) < largest(&before) / 10.0,
+            "{} {}",
+            largest(&before),
+            largest(&after)
+        );
+    }
+}
+
+#[test]
+fn what_differs_between_runs_is_told_and_not_learned() {
+    let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 1.0)]);
+    let plants = plants(&JOINT, 0.03);
+    let mut cell =
+        Cell { truth: JOINT, plants: &plants, path: &path, noise: Noise(5), sigma: 2e-4 };
+    let mut commanded = previewed(&plants, &path);
+    for _ in 0..6 {
+        let next = cell.next(&commanded, 4);
+        let told =
+            next.joints[0].as_ref().and_then(|joint| joint.repeatability).expect("of four runs");
+        assert!((told / 2e-4 - 1.0).abs() < 0.05, "{told}");
+        commanded = next.commanded.into_iter().next().expect("one joint");
+    }
+    // Of noise that was copied into the commands six times there would be 2e-4 and more.
+    let rest = cell.error(&commanded);
+    let still = &rest[rest.len() - 100..];
+    assert!(rms(still) < 1e-4, "{}", rms(still));
+}
+
+#[test]
+fn a_motor_encoder_teaches_without_the_mode() {
+    let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 1.0)]);
+    let plants = plants(&JOINT, 0.03);
+    let motor = VirtualJoint { participation: 0.0, ..JOINT };
+    let error = off(&path, &motor.run(STEP_S, &path));
+    let measured =
+        [Measured { joints: vec![Some((Seen::Motor, error.clone()))], clock_offset_s: 0.0 }];
+    let (wanted, commanded) = (&[path.clone()][..], &[path.clone()][..]);
+    let next = learn(
+        &plants,
+        &Runs { step_s: STEP_S, wanted, commanded, measured: &measured },
+        &settings(),
+    )
+    .expect("learns");
+    let after = off(&path, &motor.run(STEP_S, &next.commanded[0]));
+    assert!(rms(&after) < rms(&error) / 5.0, "{} {}", rms(&error), rms(&after));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(12))]
+    #[test]
+    fn it_never_diverges_with_a_model_that_is_off_by_thirty_percent(
+        off_by in prop::array::uniform4(-0.3..0.3_f64), speeds in prop::array::uniform4(-0.2..0.2_f64), seed in any::<u64>(),
+    ) {
+        let truth = VirtualJoint {
+            delay_s: JOINT.delay_s * (1.0 + off_by[0]),
+            lag_s: JOINT.lag_s * (1.0 + off_by[1]),
+            frequency_hz: JOINT.frequency_hz * (1.0 + off_by[2]),
+            damping_ratio: JOINT.damping_ratio * (1.0 + off_by[3]),
+            ..JOINT
+        };
+        let path = corners(STEP_S, &speeds.map(|speed| (speed, 0.6)));
+        let plants = plants(&JOINT, 0.05);
+        let noise = 2e-5;
+        let mut cell = Cell { truth, plants: &plants, path: &path, noise: Noise(seed), sigma: noise };
+        let mut commanded = path.clone();
+        let mut before = rms(&cell.error(&commanded));
+        for _ in 0..8 {
+            commanded = cell.next(&commanded, 1).commanded.remove(0);
+            let now = rms(&cell.error(&commanded));
+            prop_assert!(now <= 1.01 * before + noise, "{now} after {before}");
+            before = now;
+        }
+    }
+}

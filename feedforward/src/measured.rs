@@ -1,0 +1,275 @@
+//! What a measured run says of the error of each joint, on the rows of the path.
+//!
+//! Joint positions of the link side count where they are there, else those of the motor side; points of the tool become joints by damped least squares
+//! (`Δq = Jᵀ (J Jᵀ + μ² I)⁻¹ Δx`), which moves as little as it can and leaves the orientation to itself.
+//! Of an unknown measuring frame the rigid motion that fits best is taken out (Horn 1987), so that what is left is the path's form and timing.
+//!
+//! Promises: what was not sampled is interpolated between its neighbours (`world::forward::positions_at`). Never: a fit of the model.
+
+use crate::FeedforwardError;
+use crate::grid::median_step_s;
+use crate::settings::Settings;
+use crate::tool::points;
+use diagnosis::from_recording::{self, Unusable};
+use diagnosis::rigid::rigid;
+use glam::{DMat3, DVec3};
+use physics::{Arm, Chain, Inputs, Joints, Model};
+use recording::series::{Channel, Recording};
+use world::dynamics::Dynamics;
+use world::forward::{self, positions_at};
+
+/// Damping of the step from a point to joints, m per rad: a direction in which the tool moves less than this is hardly used.
+const DAMPING_M: f64 = 0.02;
+/// Clock offsets are looked for up to so far, s, in such steps, s.
+const OFFSET_MOST_S: f64 = 1.0;
+const OFFSET_STEP_S: f64 = 1e-3;
+
+/// How the clock of a measurement relates to that of the path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Clock {
+    /// This is added to the times of the measurement, s; 0 for one clock.
+    Offset(f64),
+    /// The offset is found with which the measurement agrees best with what the model predicts.
+    Unknown,
+}
+
+/// What was measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Seen {
+    /// The joint's link.
+    Link,
+    /// The joint's motor.
+    Motor,
+    /// The tool.
+    Tool,
+}
+
+/// Where the joints of a path shall be and are expected, row by row.
+#[derive(Clone, Copy, Debug)]
+pub struct Expected<'a> {
+    /// The arm.
+    pub arm: &'a Arm,
+    /// Times of the rows, s.
+    pub times_s: &'a [f64],
+    /// Where the motors shall be, rad or m, a list per joint.
+    pub motors: &'a [Vec<f64>],
+    /// Where the links shall be.
+    pub links: &'a [Vec<f64>],
+    /// Where the tool shall be: the joints by the controller's geometry.
+    pub tool: &'a [Vec<f64>],
+    /// By how much the joints are expected to be off there, rad or m: the model's answer to what was commanded. For [`Clock::Unknown`].
+    pub error: &'a [Vec<f64>],
+}
+
+/// The errors of one run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measured {
+    /// Of each joint: what was seen, and wanted minus measured, rad or m. None where nothing was seen of it.
+    pub joints: Vec<Option<(Seen, Vec<f64>)>>,
+    /// What was added to the times of the measurement, s.
+    pub clock_offset_s: f64,
+}
+
+/// Where the links are when the motors are at `motors` on the path of `recording`, by what the model says beside delay, lag and modes, rad or m.
+///
+/// # Errors
+/// A recording that lacks a joint.
+pub fn links(
+    model: &Model,
+    recording: &Recording,
+    motors: &[Vec<f64>],
+) -> Result<Vec<Vec<f64>>, Unusable> {
+    let mut static_path = recording.clone();
+    for (joint, motor) in motors.iter().enumerate() {
+        static_path.set(Channel::Command(joint), motor.clone());
+    }
+    let rows = from_recording::motion(&model.arm, &static_path)?;
+    let inputs: Vec<Inputs> = rows.iter().map(|row| row.inputs).collect();
+    let seen = forward::path(model, &Dynamics::default(), &inputs);
+    let link = |joint: usize| seen.iter().map(|seen| seen.link[joint]).collect();
+    Ok((0..motors.len()).map(link).collect())
+}
+
+/// One column of a measurement where it was sampled.
+struct Column {
+    times_s: Vec<f64>,
+    values: Vec<f64>,
+}
+
+impl Column {
+    fn of(recording: &Recording, channel: Channel) -> Option<Self> {
+        let samples = recording.column(channel)?;
+        let sampled = recording.t_s.iter().zip(samples).filter(|(_, value)| value.is_finite());
+        let (times_s, values): (Vec<f64>, Vec<f64>) = sampled.unzip();
+        (times_s.len() >= crate::grid::ROWS_LEAST).then_some(Self { times_s, values })
+    }
+
+    fn at(&self, times_s: &[f64], offset_s: f64) -> Vec<f64> {
+        let at_s: Vec<f64> = times_s.iter().map(|t_s| t_s - offset_s).collect();
+        positions_at(&self.times_s, &self.values, &at_s)
+    }
+}
+
+/// The columns of a run.
+struct Run<'a> {
+    expected: Expected<'a>,
+    joints: Vec<Option<(Seen, Column)>>,
+    tool: Option<[Column; 3]>,
+    in_base: bool,
+}
+
+impl Measured {
+    /// What `recording` measured of a path.
+    ///
+    /// # Errors
+    /// Nothing measured, a sampling that is too coarse, a motion that is not covered, an error beyond the settings' bound.
+    pub fn of(
+        recording: &Recording,
+        expected: Expected<'_>,
+        clock: Clock,
+        settings: &Settings,
+    ) -> Result<Self, FeedforwardError> {
+        let segments = recording.segment.chunk_by(|a, b| a == b).count();
+        if segments > 1 {
+            return Err(FeedforwardError::Segments(segments));
+        }
+        let run = Run::of(recording, expected)?;
+        settings.check_step("the measurement", median_step_s(run.times_s())?)?;
+        let clock_offset_s = match clock {
+            Clock::Offset(offset_s) => offset_s,
+            Clock::Unknown => run.offset_s(),
+        };
+        run.check_covered(clock_offset_s)?;
+        let joints = run.errors(clock_offset_s);
+        for (joint, (_, errors)) in
+            joints.iter().enumerate().filter_map(|(i, e)| Some((i, e.as_ref()?)))
+        {
+            let beyond = errors.iter().position(|error| error.abs() > settings.error_max);
+            if let Some(row) = beyond {
+                let (joint, most) = (joint + 1, settings.error_max);
+                let (error, t_s) = (errors[row].abs(), expected.times_s[row]);
+                return Err(FeedforwardError::TooFarOff { joint, error, t_s, most });
+            }
+        }
+        Ok(Self { joints, clock_offset_s })
+    }
+}
+
+impl<'a> Run<'a> {
+    fn of(recording: &Recording, expected: Expected<'a>) -> Result<Self, FeedforwardError> {
+        let axis = |axis| Column::of(recording, Channel::Position(axis));
+        let tool = axis(0).zip(axis(1)).zip(axis(2)).map(|((x, y), z)| [x, y, z]);
+        let joint = |joint: usize| {
+            let link = Column::of(recording, Channel::Link(joint)).map(|c| (Seen::Link, c));
+            link.or_else(|| {
+                Column::of(recording, Channel::Motor(joint)).map(|column| (Seen::Motor, column))
+            })
+        };
+        let joints: Vec<_> = (0..expected.arm.count()).map(joint).collect();
+        if tool.is_none() && joints.iter().all(Option::is_none) {
+            return Err(FeedforwardError::NothingMeasured);
+        }
+        let in_base = recording.about.measured_in_base;
+        Ok(Self { expected, joints, tool, in_base })
+    }
+
+    /// The times of the first column that is used.
+    fn times_s(&self) -> &[f64] {
+        let joint = self.joints.iter().flatten().next().map(|(_, column)| column);
+        let column = self.tool.as_ref().map(|tool| &tool[0]).or(joint);
+        column.map_or(&[], |column| &column.times_s)
+    }
+
+    fn errors(&self, offset_s: f64) -> Vec<Option<(Seen, Vec<f64>)>> {
+        if let Some(tool) = &self.tool {
+            let joints = self.errors_of_tool(tool, offset_s);
+            return joints.into_iter().map(|errors| Some((Seen::Tool, errors))).collect();
+        }
+        let Expected { times_s, motors, links, .. } = self.expected;
+        let of_joint = |(joint, column): (usize, &Option<(Seen, Column)>)| {
+            let (seen, column) = column.as_ref()?;
+            let wanted = if *seen == Seen::Motor { &motors[joint] } else { &links[joint] };
+            let measured = column.at(times_s, offset_s);
+            Some((*seen, wanted.iter().zip(measured).map(|(w, m)| w - m).collect()))
+        };
+        self.joints.iter().enumerate().map(of_joint).collect()
+    }
+
+    fn errors_of_tool(&self, tool: &[Column; 3], offset_s: f64) -> Vec<Vec<f64>> {
+        let Expected { arm, times_s, tool: wanted, .. } = self.expected;
+        let [x, y, z] = [0, 1, 2].map(|axis| tool[axis].at(times_s, offset_s));
+        let measured: Vec<DVec3> =
+            (0..times_s.len()).map(|k| DVec3::new(x[k], y[k], z[k])).collect();
+        let wanted_points = points(arm, wanted);
+        let motion = if self.in_base { None } else { rigid(&measured, &wanted_points) };
+        let mut errors = vec![Vec::with_capacity(times_s.len()); arm.count()];
+        for (row, (measured, point)) in measured.iter().zip(wanted_points).enumerate() {
+            let measured = motion.map_or(*measured, |motion| motion.point(*measured));
+            let mut q = Joints::default();
+            q.iter_mut().zip(wanted).for_each(|(q, joint)| *q = joint[row]);
+            let step = joints_for(arm, &q, point - measured);
+            errors.iter_mut().zip(step).for_each(|(errors, step)| errors.push(step));
+        }
+        errors
+    }
+
+    /// The offset with which what was measured agrees best with what is expected, s.
+    fn offset_s(&self) -> f64 {
+        let differs = |offset_s: f64| -> f64 {
+            let all = self.errors(offset_s);
+            let of_joint = |(errors, expected): (&Option<(Seen, Vec<f64>)>, &Vec<f64>)| {
+                let Some((_, errors)) = errors else { return 0.0 };
+                let off: Vec<f64> = errors.iter().zip(expected).map(|(e, x)| e - x).collect();
+                let mean = off.iter().sum::<f64>() / off.len() as f64;
+                off.iter().map(|off| (off - mean) * (off - mean)).sum::<f64>()
+            };
+            all.iter().zip(self.expected.error).map(of_joint).sum()
+        };
+        let nearest = |around_s: f64, step_s: f64, steps: i32| {
+            let offsets = (-steps..=steps).map(|k| around_s + f64::from(k) * step_s);
+            let all: Vec<(f64, f64)> =
+                offsets.map(|offset_s| (offset_s, differs(offset_s))).collect();
+            all.into_iter()
+                .min_by(|a, b| a.1.total_cmp(&b.1))
+                .map_or(around_s, |(offset_s, _)| offset_s)
+        };
+        let coarse_s = nearest(0.0, OFFSET_MOST_S / 50.0, 50);
+        let fine_s = nearest(coarse_s, OFFSET_STEP_S, 20);
+        nearest(fine_s, OFFSET_STEP_S / 20.0, 20)
+    }
+
+    /// Checks that the measurement lasts as long as the path moves.
+    fn check_covered(&self, offset_s: f64) -> Result<(), FeedforwardError> {
+        let Expected { times_s, motors, .. } = self.expected;
+        let moves = |row: &usize| motors.iter().any(|joint| joint[*row] != joint[*row + 1]);
+        let first = (0..times_s.len() - 1).find(moves);
+        let last = (0..times_s.len() - 1).rfind(moves);
+        let (Some(first), Some(last)) = (first, last) else { return Ok(()) };
+        let measured = self.times_s();
+        let (Some(from_s), Some(to_s)) = (measured.first(), measured.last()) else {
+            return Err(FeedforwardError::NothingMeasured);
+        };
+        let (from_s, to_s) = (from_s + offset_s, to_s + offset_s);
+        let (moves_from_s, moves_to_s) = (times_s[first], times_s[last + 1]);
+        // A sample of the path may be missing at each end.
+        let step_s = times_s[1] - times_s[0];
+        if from_s <= moves_from_s + step_s && to_s >= moves_to_s - step_s {
+            return Ok(());
+        }
+        Err(FeedforwardError::Uncovered { from_s, to_s, moves_from_s, moves_to_s })
+    }
+}
+
+/// The joints' step that moves the tool by `by` at `q`.
+fn joints_for(arm: &Arm, q: &Joints, by: DVec3) -> Vec<f64> {
+    let chain = Chain::nominal(arm, q);
+    let columns: Vec<DVec3> = (arm.joints().iter().enumerate())
+        .map(|(i, joint)| chain.motion_of(i, joint.kind).0)
+        .collect();
+    let mut square = DMat3::from_diagonal(DVec3::splat(DAMPING_M * DAMPING_M));
+    for column in &columns {
+        square += DMat3::from_cols(*column * column.x, *column * column.y, *column * column.z);
+    }
+    let force = square.inverse() * by;
+    columns.iter().map(|column| column.dot(force)).collect()
+}

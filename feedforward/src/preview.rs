@@ -1,0 +1,118 @@
+//! Preview compensation: the commands with which each joint is, by the model, where it shall be at each instant.
+//!
+//! The path is known ahead, so that commands come as much earlier as delay and lag ask for, and modes are not excited.
+
+use crate::FeedforwardError;
+use crate::fourier::Transform;
+use crate::inverse::Source;
+use crate::plant::{Plant, Plants};
+use crate::settings::Settings;
+use crate::step::{Joint, Stepped};
+use physics::Arm;
+
+/// What became of each joint; all in rad or m, row by row.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Preview {
+    /// What is commanded.
+    pub commanded: Vec<Vec<f64>>,
+    /// Where the joint goes by the model when it is commanded to where it shall be.
+    pub without: Vec<Vec<f64>>,
+    /// Where it goes with the correction.
+    pub with: Vec<Vec<f64>>,
+    /// Of each joint; none where there was nothing to compensate.
+    pub joints: Vec<Option<Stepped>>,
+}
+
+/// The commands for joints that shall be at `wanted` (a list per joint, rad or m, every `step_s`). The path begins and ends standing still, for as long as
+/// [`lead_s`] says.
+///
+/// # Errors
+/// Settings out of their range, too few rows, a model without anything to invert, a sampling that is too coarse.
+pub fn preview(
+    plants: &Plants,
+    step_s: f64,
+    wanted: &[Vec<f64>],
+    settings: &Settings,
+) -> Result<Preview, FeedforwardError> {
+    settings.check()?;
+    settings.check_step("the path", step_s)?;
+    if plants.is_empty() {
+        return Err(FeedforwardError::NothingInTime);
+    }
+    let rows = wanted.first().map_or(0, Vec::len);
+    if rows < crate::grid::ROWS_LEAST {
+        return Err(FeedforwardError::TooShort(rows));
+    }
+    let transform = Transform::new(rows, step_s, settle_s(plants));
+    let mut preview = Preview {
+        commanded: wanted.to_vec(),
+        without: wanted.to_vec(),
+        with: wanted.to_vec(),
+        joints: vec![None; wanted.len()],
+    };
+    for (at, (plant, wanted)) in plants.joints.iter().zip(wanted).enumerate() {
+        let stands = wanted.iter().all(|q| *q == wanted[0]);
+        if plant.is_identity() || stands {
+            continue;
+        }
+        let joint = joint_of(plant, &transform, step_s, settings);
+        let without = transform.through(wanted, &joint.response());
+        let error: Vec<f64> = wanted.iter().zip(&without).map(|(q, y)| q - y).collect();
+        let spectrum = transform.spectrum(wanted);
+        let stepped = joint.step(Source::Path, &spectrum, &vec![0.0; rows], &error);
+        let with = wanted.iter().zip(&stepped.left).map(|(q, left)| q - left);
+        preview.with[at] = with.collect();
+        let commanded = wanted.iter().zip(&stepped.correction).map(|(q, c)| q + c);
+        preview.commanded[at] = commanded.collect();
+        preview.without[at] = without;
+        preview.joints[at] = Some(stepped);
+    }
+    Ok(preview)
+}
+
+/// Checks that commands stay within the limits of the joints.
+///
+/// # Errors
+/// The first command beyond a limit.
+pub fn check_joint_limits(arm: &Arm, commanded: &[Vec<f64>]) -> Result<(), FeedforwardError> {
+    for (at, (joint, commanded)) in arm.joints().iter().zip(commanded).enumerate() {
+        let (lower, upper) = joint.limits;
+        if let Some(row) = commanded.iter().position(|q| !(lower..=upper).contains(q)) {
+            let (joint, position) = (at + 1, commanded[row]);
+            return Err(FeedforwardError::JointLimit {
+                row: row + 1,
+                joint,
+                position,
+                lower,
+                upper,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// For how long a path stands still at both ends, s: the delay and five time constants of the slowest joint, and three periods of the bandwidth.
+#[must_use]
+pub fn lead_s(plants: &Plants, settings: &Settings) -> f64 {
+    let slowest = plants.joints.iter().map(Plant::reach_s).fold(0.0, f64::max);
+    slowest + 3.0 / settings.bandwidth_hz
+}
+
+/// A joint on a path whose correction fades over a period of the bandwidth at both ends.
+pub(crate) fn joint_of<'a>(
+    plant: &'a Plant,
+    transform: &'a Transform,
+    step_s: f64,
+    settings: &'a Settings,
+) -> Joint<'a> {
+    let fade_rows = (1.0 / settings.bandwidth_hz / step_s).ceil() as usize;
+    Joint { plant, transform, step_s, fade_rows, settings }
+}
+
+/// How long a path stands in its transform, s: until every mode has died out.
+pub(crate) fn settle_s(plants: &Plants) -> f64 {
+    plants.joints.iter().map(|plant| plant.reach_s() + plant.rings_s()).fold(1.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,161 @@
+use super::*;
+use crate::plant::{Mode, Uncertain};
+use crate::virtual_joint::{VirtualJoint, corners, largest, off, rms};
+use proptest::prelude::*;
+
+const STEP_S: f64 = 4e-3;
+const JOINT: VirtualJoint = VirtualJoint {
+    delay_s: 0.0177,
+    lag_s: 0.0123,
+    frequency_hz: 8.0,
+    damping_ratio: 0.02,
+    participation: 1.0,
+};
+
+fn settings() -> Settings {
+    Settings::with_limits(0.2, 1.0, 5000.0).expect("sound")
+}
+
+/// A model of the joint, sure of its numbers to a share.
+pub(crate) fn model(of: &VirtualJoint, sigma: f64) -> Plant {
+    let number = |value: f64| Uncertain { value, sigma: sigma * value };
+    let positive = |value: f64| (value > 0.0).then(|| number(value));
+    let mode = Mode {
+        frequency_hz: number(of.frequency_hz),
+        damping_ratio: number(of.damping_ratio),
+        participation: Uncertain { value: of.participation, sigma: 0.0 },
+    };
+    Plant {
+        delays_s: positive(of.delay_s).into_iter().collect(),
+        lags_s: positive(of.lag_s).into_iter().collect(),
+        modes: (of.participation > 0.0).then_some(mode).into_iter().collect(),
+    }
+}
+
+fn preview_of(plant: Plant, path: &[f64], settings: &Settings) -> Preview {
+    let plants = Plants { joints: vec![plant], left_out: Vec::new() };
+    preview(&plants, STEP_S, &[path.to_vec()], settings).expect("a path")
+}
+
+/// Errors of the virtual joint without and with the preview by a model.
+fn errors(joint: &VirtualJoint, plant: Plant, path: &[f64]) -> [Vec<f64>; 2] {
+    let preview = preview_of(plant, path, &settings());
+    let error = |commanded: &[f64]| off(path, &joint.run(STEP_S, commanded));
+    [error(path), error(&preview.commanded[0])]
+}
+
+/// A second up and a second down again, without a corner in speed or acceleration.
+fn smooth() -> Vec<f64> {
+    let rest = std::iter::repeat_n(0.0, 250);
+    let swing = (0..500).map(|k| {
+        let phase = std::f64::consts::TAU * f64::from(k) / 500.0;
+        0.1 * (1.0 - phase.cos()).powi(2)
+    });
+    rest.clone().chain(swing).chain(rest).collect()
+}
+
+#[test]
+fn a_lag_is_inverted_exactly_where_the_band_allows() {
+    let lag = VirtualJoint { delay_s: 0.0, lag_s: 0.03, participation: 0.0, ..JOINT };
+    let [without, with] = errors(&lag, model(&lag, 0.0), &smooth());
+    assert!(largest(&with) < 5e-4 * largest(&without), "{} {}", largest(&with), largest(&without));
+}
+
+#[test]
+fn a_delay_of_no_whole_number_of_samples_is_met() {
+    let late = VirtualJoint { delay_s: 0.0307, lag_s: 0.0, participation: 0.0, ..JOINT };
+    let [without, with] = errors(&late, model(&late, 0.0), &smooth());
+    assert!(largest(&with) < 2e-3 * largest(&without), "{} {}", largest(&with), largest(&without));
+}
+
+#[test]
+fn a_mode_of_eight_hertz_does_not_ring_after_a_corner() {
+    let rings = VirtualJoint { delay_s: 0.0, lag_s: 0.0, ..JOINT };
+    let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 1.0)]);
+    let [without, with] = errors(&rings, model(&rings, 0.0), &path);
+    let after = path.len() - 220..path.len();
+    let (before, rest) = (rms(&without[after.clone()]), rms(&with[after]));
+    assert!(before > 5e-5, "it rings at rest without: {before}");
+    assert!(rest < 0.02 * before, "{before} {rest}");
+}
+
+#[test]
+fn corners_are_followed_five_times_better_with_numbers_off_by_their_sigma() {
+    let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 0.8), (0.05, 0.7), (0.0, 0.5), (-0.08, 0.6)]);
+    for sign in [-1.0, 1.0] {
+        let off = |value: f64, sigma: f64| value * (1.0 + sign * sigma);
+        let believed = VirtualJoint {
+            delay_s: off(JOINT.delay_s, 0.03),
+            lag_s: off(JOINT.lag_s, 0.03),
+            frequency_hz: off(JOINT.frequency_hz, 0.03),
+            damping_ratio: off(JOINT.damping_ratio, 0.2),
+            ..JOINT
+        };
+        let [without, with] = errors(&JOINT, model(&believed, 0.03), &path);
+        let (before, after) = (largest(&without), largest(&with));
+        assert!(after < before / 5.0, "{before} {after}");
+    }
+}
+
+#[test]
+fn limits_hold_by_differences_whatever_is_asked() {
+    let tight = Settings::with_limits(2e-3, 0.02, 2.0).expect("sound");
+    let path = corners(STEP_S, &[(0.5, 1.0), (-0.5, 1.0)]);
+    let preview = preview_of(model(&JOINT, 0.03), &path, &tight);
+    let c = off(&preview.commanded[0], &path);
+    let rounding = 1.0 + 1e-6;
+    assert!(largest(&c) <= 2e-3 * rounding, "{}", largest(&c));
+    assert!(c.windows(2).all(|c| (c[1] - c[0]).abs() <= 0.02 * STEP_S * rounding));
+    let third = |c: &[f64]| (c[3] - 3.0 * c[2] + 3.0 * c[1] - c[0]) / STEP_S.powi(3);
+    let jerk = c.windows(4).map(third).fold(0.0_f64, |most, jerk| most.max(jerk.abs()));
+    assert!(jerk <= 2.0 * (1.0 + 1e-4), "{jerk}");
+    let stepped = preview.joints[0].as_ref().expect("compensated");
+    assert!(stepped.limited_rows > 0, "a correction that is held back is counted");
+}
+
+#[test]
+fn the_error_that_is_told_is_the_one_that_is_left() {
+    let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 0.8)]);
+    let preview = preview_of(model(&JOINT, 0.0), &path, &settings());
+    let reached = JOINT.run(STEP_S, &preview.commanded[0]);
+    let without = JOINT.run(STEP_S, &path);
+    let told = largest(&off(&preview.with[0], &reached));
+    let told_without = largest(&off(&preview.without[0], &without));
+    let error = largest(&off(&path, &without));
+    assert!(told < 0.02 * error && told_without < 0.02 * error, "{told} {told_without} {error}");
+}
+
+#[test]
+fn a_model_without_anything_in_time_is_refused() {
+    let plants = Plants { joints: vec![Plant::default()], left_out: Vec::new() };
+    let refused = preview(&plants, STEP_S, &[smooth()], &settings());
+    assert_eq!(refused, Err(FeedforwardError::NothingInTime));
+    let coarse = preview(
+        &Plants { joints: vec![model(&JOINT, 0.0)], left_out: Vec::new() },
+        0.02,
+        &[smooth()],
+        &settings(),
+    );
+    assert!(matches!(coarse, Err(FeedforwardError::Sampling { .. })), "{coarse:?}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+    #[test]
+    fn a_model_that_is_off_by_thirty_percent_makes_nothing_worse(
+        delay_s in 0.0..0.04_f64, lag_s in 0.003..0.04_f64, frequency_hz in 5.0..15.0_f64, damping_ratio in 0.01..0.1_f64,
+        participation in 0.2..1.0_f64, off_by in prop::array::uniform4(-0.3..0.3_f64), speeds in prop::array::uniform4(-0.2..0.2_f64),
+    ) {
+        let believed = VirtualJoint { delay_s, lag_s, frequency_hz, damping_ratio, participation };
+        let truth = VirtualJoint {
+            delay_s: delay_s * (1.0 + off_by[0]),
+            lag_s: lag_s * (1.0 + off_by[1]),
+            frequency_hz: frequency_hz * (1.0 + off_by[2]),
+            damping_ratio: damping_ratio * (1.0 + off_by[3]),
+            participation,
+        };
+        let path = corners(STEP_S, &speeds.map(|speed| (speed, 0.6)));
+        let [without, with] = errors(&truth, model(&believed, 0.05), &path);
+        prop_assert!(rms(&with) <= 1.005 * rms(&without), "{} {}", rms(&with), rms(&without));
+    }
+}

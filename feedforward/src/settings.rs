@@ -1,0 +1,68 @@
+//! Thresholds of a feedforward, each with unit, range, default and origin.
+
+use crate::FeedforwardError;
+use envelope::{Limits, LimitsError};
+
+/// How far a feedforward goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Where the weight of the correction's third derivative equals that of the path's error, Hz, 1 to 100. Default 40: several times the first modes of industrial
+    /// arms (5 to 20 Hz), and a sixth of the rate of a controller with 4 ms.
+    pub bandwidth_hz: f64,
+    /// No plant whose numbers are off by up to this share makes the root mean square error larger, 0 to 0.5. Default 0.3: what a
+    /// delay or a natural frequency changes over an arm's workspace.
+    pub robust_to: f64,
+    /// Standard uncertainty of numbers whose model states none, as a share of each, 0 to 1. Default 0.1.
+    pub unstated: f64,
+    /// Limits of what is added to the static commands, rad or m: position, rate, jerk. Default 0.2, 1 /s, 5000 /s³: a lag of 0.1 s
+    /// at 2 rad/s, and the jerk that the maker of the FR3 allows its joints.
+    pub limits: Limits,
+    /// A measured error beyond it is refused, rad or m, above 0. Default 0.2, as the position limit.
+    pub error_max: f64,
+}
+
+impl Settings {
+    /// The defaults with limits of their own: position (rad or m), rate (per s), jerk (per s³).
+    ///
+    /// # Errors
+    /// A limit that is not a finite number above 0.
+    pub fn with_limits(position: f64, rate: f64, jerk: f64) -> Result<Self, FeedforwardError> {
+        let limits = Limits::new(position, rate, jerk).map_err(|error| {
+            let LimitsError { bound: name, value } = error;
+            FeedforwardError::Setting { name, value, expected: "a finite number above 0" }
+        })?;
+        Ok(Self { bandwidth_hz: 40.0, robust_to: 0.3, unstated: 0.1, limits, error_max: 0.2 })
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// The first setting out of its range.
+    pub fn check(&self) -> Result<(), FeedforwardError> {
+        let ranges = [
+            ("bandwidth", self.bandwidth_hz, 1.0..=100.0, "1 to 100 Hz"),
+            ("robust-to", self.robust_to, 0.0..=0.5, "0 to 0.5"),
+            ("unstated", self.unstated, 0.0..=1.0, "0 to 1"),
+            ("error-max", self.error_max, f64::MIN_POSITIVE..=10.0, "above 0, at most 10"),
+        ];
+        for (name, value, range, expected) in ranges {
+            if !range.contains(&value) {
+                return Err(FeedforwardError::Setting { name, value, expected });
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks that samples are close enough for the band: four per period of its edge.
+    ///
+    /// # Errors
+    /// [`FeedforwardError::Sampling`].
+    pub fn check_step(&self, what: &'static str, step_s: f64) -> Result<(), FeedforwardError> {
+        let (bandwidth_hz, most_s) = (self.bandwidth_hz, 0.25 / self.bandwidth_hz);
+        if step_s <= most_s {
+            return Ok(());
+        }
+        let (step_ms, most_ms) = (step_s * 1e3, most_s * 1e3);
+        Err(FeedforwardError::Sampling { what, step_ms, most_ms, bandwidth_hz })
+    }
+}
