@@ -136,3 +136,6 @@ fn held(times_s: &[f64], samples: &[f64], at_s: &[f64]) -> Vec<f64> {
     let row = |t_s: &f64| times_s.partition_point(|time_s| time_s <= t_s).saturating_sub(1);
     at_s.iter().map(|t_s| samples.get(row(t_s)).copied().unwrap_or(f64::NAN)).collect()
 }
+
+#[cfg(test)]
+mod tests;

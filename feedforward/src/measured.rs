@@ -273,3 +273,6 @@ fn joints_for(arm: &Arm, q: &Joints, by: DVec3) -> Vec<f64> {
     let force = square.inverse() * by;
     columns.iter().map(|column| column.dot(force)).collect()
 }
+
+#[cfg(test)]
+mod tests;

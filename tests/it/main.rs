@@ -30,6 +30,7 @@ mod gate;
 mod gauges;
 mod gears;
 mod guide;
+mod in_time;
 mod invariants;
 mod kill;
 mod live;

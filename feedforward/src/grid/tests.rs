@@ -1,0 +1,53 @@
+use super::*;
+
+fn recording(times_s: &[f64], position: impl Fn(f64) -> f64) -> Recording {
+    let mut recording = Recording::new(times_s.to_vec());
+    recording.set(Channel::Command(0), times_s.iter().map(|t_s| position(*t_s)).collect());
+    recording
+}
+
+#[test]
+fn even_rows_stay_as_they_are_between_rests() {
+    let times_s: Vec<f64> = (0..50).map(|k| 1.0 + f64::from(k) * 4e-3).collect();
+    let path = recording(&times_s, |t_s| t_s * t_s);
+    let extended = extended(&path, &[JointKind::Revolute], 0.1).expect("a path");
+    assert!(!extended.is_resampled);
+    assert_eq!(extended.lead_rows, 25);
+    let q = extended.recording.column(Channel::Command(0)).expect("commands");
+    assert_eq!(q[25..75], *path.column(Channel::Command(0)).expect("commands"));
+    assert!(q[..25].iter().all(|position| *position == q[25]));
+    assert!(q[75..].iter().all(|position| *position == q[74]));
+    let steps = extended.recording.t_s.windows(2).map(|t| t[1] - t[0]);
+    assert!(steps.into_iter().all(|step| (step - 4e-3).abs() < 1e-9));
+}
+
+#[test]
+fn uneven_rows_are_resampled_and_that_is_told() {
+    let times_s: Vec<f64> =
+        (0..200).map(|k| f64::from(k) * 4e-3 + if k % 3 == 0 { 1e-3 } else { 0.0 }).collect();
+    let path = recording(&times_s, |t_s| (3.0 * t_s).sin());
+    let extended = extended(&path, &[JointKind::Revolute], 0.0).expect("a path");
+    assert!(extended.is_resampled);
+    let q = extended.recording.column(Channel::Command(0)).expect("commands");
+    let last_s = times_s[times_s.len() - 1];
+    for (t_s, q) in extended.recording.t_s.iter().zip(q).filter(|(t_s, _)| **t_s < last_s) {
+        assert!((q - (3.0 * t_s).sin()).abs() < 1e-6, "{t_s}");
+    }
+}
+
+#[test]
+fn what_is_no_single_path_is_refused() {
+    let times_s: Vec<f64> = (0..50).map(|k| f64::from(k) * 4e-3).collect();
+    let kinds = [JointKind::Revolute];
+    let mut two = recording(&times_s, |t_s| t_s);
+    two.segment[30..].fill(1);
+    assert_eq!(extended(&two, &kinds, 0.1), Err(FeedforwardError::Segments(2)));
+    let mut poses = recording(&times_s, |t_s| t_s);
+    poses.about.kind = Kind::Poses;
+    assert_eq!(extended(&poses, &kinds, 0.1), Err(FeedforwardError::Poses));
+    let gap = recording(&times_s, |t_s| if t_s == 0.04 { f64::NAN } else { t_s });
+    let missing = FeedforwardError::NoCommand { row: 11, joint: 1 };
+    assert_eq!(extended(&gap, &kinds, 0.1), Err(missing));
+    let short = recording(&times_s[..5], |t_s| t_s);
+    assert_eq!(extended(&short, &kinds, 0.1), Err(FeedforwardError::TooShort(5)));
+}

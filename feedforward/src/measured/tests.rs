@@ -1,0 +1,108 @@
+use super::*;
+use physics::frame::rotation_from_vector;
+use recording::model::RobotModel;
+use std::path::Path;
+
+const STEP_S: f64 = 4e-3;
+const ROWS: usize = 600;
+
+fn arm() -> Arm {
+    RobotModel::read(Path::new("irb1600-6-145")).expect("a preset").physics.arm
+}
+
+fn settings() -> Settings {
+    Settings::with_limits(0.2, 1.0, 5000.0).expect("sound")
+}
+
+fn times_s() -> Vec<f64> {
+    (0..ROWS).map(|k| k as f64 * STEP_S).collect()
+}
+
+/// A motion of all joints at a time, rad.
+fn at(t_s: f64) -> [f64; 6] {
+    let t_s = t_s.clamp(0.3, 2.0) - 0.3;
+    [0.1, -0.2, 0.3, 0.2, 0.5, 0.0].map(|q| q + 0.1 * (1.0 - (2.0 * t_s + q).cos()))
+}
+
+fn path(late_s: f64) -> Vec<Vec<f64>> {
+    (0..6).map(|joint| times_s().iter().map(|t_s| at(t_s - late_s)[joint]).collect()).collect()
+}
+
+fn expected<'a>(arm: &'a Arm, times_s: &'a [f64], path: &'a [Vec<f64>], error: &'a [Vec<f64>]) -> Expected<'a> {
+    Expected { arm, times_s, motors: path, links: path, tool: path, error }
+}
+
+fn of_links(path: &[Vec<f64>], ahead_s: f64) -> Recording {
+    let mut recording = Recording::new(times_s().iter().map(|t_s| t_s - ahead_s).collect());
+    for (joint, q) in path.iter().enumerate() {
+        recording.set(Channel::Link(joint), q.clone());
+    }
+    recording
+}
+
+#[test]
+fn an_unknown_clock_is_found_beside_the_delay_that_the_model_expects() {
+    let (arm, times_s, wanted) = (arm(), times_s(), path(0.0));
+    let reached = path(0.03);
+    let error: Vec<Vec<f64>> = wanted
+        .iter()
+        .zip(&reached)
+        .map(|(w, r)| w.iter().zip(r).map(|(w, r)| w - r).collect())
+        .collect();
+    let recording = of_links(&reached, 0.1234);
+    let expected = expected(&arm, &times_s, &wanted, &error);
+    let found = Measured::of(&recording, expected, Clock::Unknown, &settings()).expect("found");
+    assert!((found.clock_offset_s - 0.1234).abs() < 2e-4, "{}", found.clock_offset_s);
+    let (seen, errors) = found.joints[1].as_ref().expect("measured");
+    assert_eq!(*seen, Seen::Link);
+    let off = errors.iter().zip(&error[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(off < 1e-4, "{off}");
+}
+
+#[test]
+fn points_in_an_unknown_frame_become_the_joints_that_move_the_tool_there() {
+    let (arm, times_s, wanted) = (arm(), times_s(), path(0.0));
+    let mut reached = wanted.clone();
+    // A swing of joint 1, none of which a rigid motion of the frame can be.
+    for (k, q) in reached[0].iter_mut().enumerate() {
+        *q += 2e-3 * (0.05 * k as f64).sin();
+    }
+    let turn = rotation_from_vector(DVec3::new(0.3, -0.8, 0.5));
+    let seen: Vec<DVec3> =
+        points(&arm, &reached).iter().map(|p| turn * *p + DVec3::new(3.0, 1.0, 0.2)).collect();
+    let mut recording = Recording::new(times_s.clone());
+    for axis in 0..3 {
+        recording.set(Channel::Position(axis), seen.iter().map(|p| p[axis]).collect());
+    }
+    let none = vec![vec![0.0; ROWS]; 6];
+    let expected = expected(&arm, &times_s, &wanted, &none);
+    let found = Measured::of(&recording, expected, Clock::Offset(0.0), &settings()).expect("found");
+    let mut corrected = reached.clone();
+    for (q, joint) in corrected.iter_mut().zip(&found.joints) {
+        let (_, errors) = joint.as_ref().expect("measured");
+        q.iter_mut().zip(errors).for_each(|(q, error)| *q += error);
+    }
+    let off = |path: &[Vec<f64>]| {
+        let far = points(&arm, path).into_iter().zip(points(&arm, &wanted)).map(|(a, b)| a.distance(b));
+        far.fold(0.0, f64::max)
+    };
+    assert!(off(&corrected) < 0.1 * off(&reached), "{} {}", off(&reached), off(&corrected));
+}
+
+#[test]
+fn a_measurement_of_another_path_or_of_a_part_of_it_is_refused() {
+    let (arm, times_s, wanted) = (arm(), times_s(), path(0.0));
+    let none = vec![vec![0.0; ROWS]; 6];
+    let of = |recording: &Recording| {
+        let expected = expected(&arm, &times_s, &wanted, &none);
+        Measured::of(recording, expected, Clock::Offset(0.0), &settings())
+    };
+    let mut other = of_links(&wanted, 0.0);
+    other.set(Channel::Link(2), vec![1.5; ROWS]);
+    assert!(matches!(of(&other), Err(FeedforwardError::TooFarOff { joint: 3, .. })));
+    let mut part = Recording::new(times_s[..300].to_vec());
+    part.set(Channel::Link(0), wanted[0][..300].to_vec());
+    assert!(matches!(of(&part), Err(FeedforwardError::Uncovered { .. })));
+    let nothing = Recording::new(times_s.clone());
+    assert_eq!(of(&nothing), Err(FeedforwardError::NothingMeasured));
+}

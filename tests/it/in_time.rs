@@ -1,0 +1,329 @@
+//! Errors in time, by the built program, on a robot that is made here: joints with delay, lag and a mode, integrated by Runge and Kutta's method. It shares
+//! nothing with the inverse but the geometry of the preset.
+
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+
+use glam::DVec3;
+use physics::{Arm, Chain, Joints};
+use recording::model::RobotModel;
+use tests::chance::Chance;
+use tests::clients::root;
+
+use crate::program::Place;
+
+const STEP_S: f64 = 4e-3;
+const JOINTS: usize = 6;
+/// A corner is rounded over this time, s: at 100 mm/s with 2 m/s².
+const BLEND_S: f64 = 0.05;
+/// Of the link encoders, rad.
+const NOISE_RAD: f64 = 2e-6;
+
+/// One joint of the robot.
+#[derive(Clone, Copy)]
+struct Servo {
+    delay_s: f64,
+    lag_s: f64,
+    frequency_hz: f64,
+    damping_ratio: f64,
+}
+
+/// What the robot really is.
+fn truth() -> [Servo; JOINTS] {
+    let stiff = Servo { delay_s: 0.018, lag_s: 0.012, frequency_hz: 0.0, damping_ratio: 0.0 };
+    let soft = Servo { frequency_hz: 8.0, damping_ratio: 0.02, ..stiff };
+    [soft, soft, Servo { frequency_hz: 9.0, ..soft }, stiff, stiff, stiff]
+}
+
+/// The preset with delay, lags and modes whose numbers are `off` (delay, lag, frequency, damping) from the truth, as shares.
+fn model_text(off: [f64; 4], sigma: f64) -> String {
+    let preset = root().join("deploy/presets/irb1600-6-145.toml");
+    let mut text = fs::read_to_string(preset).unwrap();
+    let mut effect = |head: &str, keys: &[(&str, f64)]| {
+        write!(text, "\n[[effect]]\n{head}\n").unwrap();
+        keys.iter().for_each(|(key, value)| writeln!(text, "{key} = {value:?}").unwrap());
+        let sigmas: Vec<String> =
+            keys.iter().map(|(key, value)| format!("{key} = {:?}", sigma * value)).collect();
+        writeln!(text, "sigma = {{ {} }}", sigmas.join(", ")).unwrap();
+    };
+    let servos = truth();
+    let delay_ms = servos[0].delay_s * 1e3 * (1.0 + off[0]);
+    effect("kind = \"time_delay\"", &[("delay_ms", delay_ms)]);
+    for (at, servo) in servos.iter().enumerate() {
+        let head = format!("kind = \"servo_lag\"\njoint = {}", at + 1);
+        effect(&head, &[("time_constant_ms", servo.lag_s * 1e3 * (1.0 + off[1]))]);
+        if servo.frequency_hz > 0.0 {
+            let head = format!("kind = \"flexible_mode\"\njoint = {}", at + 1);
+            let frequency_hz = servo.frequency_hz * (1.0 + off[2]);
+            let damping_ratio = servo.damping_ratio * (1.0 + off[3]);
+            effect(&head, &[("frequency_Hz", frequency_hz), ("damping_ratio", damping_ratio)]);
+        }
+    }
+    text
+}
+
+impl Servo {
+    /// Where the link is when the motor is commanded so; motor, deflection and its rate are the state.
+    fn run(&self, commanded: &[f64]) -> Vec<f64> {
+        const SUBSTEPS: usize = 10;
+        let h = STEP_S / SUBSTEPS as f64;
+        let mut state = [commanded[0], 0.0, 0.0];
+        let mut link = vec![commanded[0]];
+        for k in 0..commanded.len() - 1 {
+            for substep in 0..SUBSTEPS {
+                let t = k as f64 * STEP_S + substep as f64 * h;
+                let at = |state: [f64; 3], t: f64| self.rates(state, self.command(t, commanded));
+                let near = |by: [f64; 3], h: f64| [0, 1, 2].map(|i| state[i] + h * by[i]);
+                let a = at(state, t);
+                let b = at(near(a, h / 2.0), t + h / 2.0);
+                let c = at(near(b, h / 2.0), t + h / 2.0);
+                let d = at(near(c, h), t + h);
+                state = [0, 1, 2].map(|i| state[i] + h / 6.0 * (a[i] + 2.0 * (b[i] + c[i]) + d[i]));
+            }
+            link.push(state[0] + state[1]);
+        }
+        link
+    }
+
+    /// The deflection's rate is kept with the motor's in it, so that no acceleration of the motor is needed: `v = x' + q'`.
+    fn rates(&self, [motor, bent, speed]: [f64; 3], command: f64) -> [f64; 3] {
+        let motor_rate = (command - motor) / self.lag_s;
+        let omega = TAU * self.frequency_hz;
+        if omega == 0.0 {
+            return [motor_rate, 0.0, 0.0];
+        }
+        let bent_rate = speed - motor_rate;
+        [
+            motor_rate,
+            bent_rate,
+            -2.0 * self.damping_ratio * omega * bent_rate - omega * omega * bent,
+        ]
+    }
+
+    fn command(&self, t: f64, commanded: &[f64]) -> f64 {
+        let place = ((t - self.delay_s) / STEP_S).max(0.0);
+        let k = (place as usize).min(commanded.len() - 2);
+        commanded[k] + (place - k as f64).min(1.0) * (commanded[k + 1] - commanded[k])
+    }
+}
+
+/// Joints as lists over the rows.
+type Path6 = Vec<Vec<f64>>;
+
+fn tool(arm: &Arm, path: &Path6) -> Vec<DVec3> {
+    let at = |row: usize| {
+        let mut q = Joints::default();
+        q.iter_mut().zip(path).for_each(|(q, joint)| *q = joint[row]);
+        Chain::tool_at(arm, &q).origin
+    };
+    (0..path[0].len()).map(at).collect()
+}
+
+/// A polygon in the air at 100 mm/s, corners rounded, by joints 1 to 3: Newton's method with differences.
+fn wanted(arm: &Arm) -> Path6 {
+    let mut q = Joints::default();
+    q[..JOINTS].copy_from_slice(&[0.1, 0.2, 0.1, 0.2, 0.6, 0.0]);
+    let start = Chain::tool_at(arm, &q).origin;
+    let corners =
+        [[0.0, 0.0, 0.0], [0.12, 0.0, 0.0], [0.12, 0.1, 0.0], [0.0, 0.1, 0.06], [0.06, -0.05, 0.0]];
+    let mut points = vec![start; 125];
+    for ends in corners.windows(2) {
+        let [from, to] = [ends[0], ends[1]].map(|corner| start + DVec3::from_array(corner));
+        let rows = (from.distance(to) / (0.1 * STEP_S)).round() as usize;
+        points.extend((1..=rows).map(|k| from.lerp(to, k as f64 / rows as f64)));
+    }
+    points.extend(vec![points[points.len() - 1]; 125]);
+    let half = (BLEND_S / STEP_S / 2.0) as usize;
+    let about = |k: usize| k.saturating_sub(half)..(k + half + 1).min(points.len());
+    let rounded = |k: usize| points[about(k)].iter().sum::<DVec3>() / about(k).len() as f64;
+    let mut path = vec![Vec::new(); JOINTS];
+    for point in (0..points.len()).map(rounded) {
+        for _ in 0..4 {
+            let off = point - Chain::tool_at(arm, &q).origin;
+            let column = |joint: usize| {
+                let mut moved = q;
+                moved[joint] += 1e-6;
+                (Chain::tool_at(arm, &moved).origin - Chain::tool_at(arm, &q).origin) / 1e-6
+            };
+            let step = glam::DMat3::from_cols(column(0), column(1), column(2)).inverse() * off;
+            q.iter_mut().zip(step.to_array()).for_each(|(q, step)| *q += step);
+        }
+        path.iter_mut().zip(q).for_each(|(joint, q)| joint.push(q));
+    }
+    path
+}
+
+fn csv(times_s: &[f64], names: &str, joints: &Path6) -> String {
+    let mut text = String::from("t_s");
+    (1..=joints.len()).for_each(|joint| write!(text, ",{names}{joint}_rad").unwrap());
+    for (row, t_s) in times_s.iter().enumerate() {
+        write!(text, "\n{t_s:?}").unwrap();
+        joints.iter().for_each(|joint| write!(text, ",{:?}", joint[row]).unwrap());
+    }
+    text + "\n"
+}
+
+/// Times and one group of columns of a table, angles in rad.
+fn table(text: &str, name: &str, unit: &str) -> (Vec<f64>, Path6) {
+    let mut lines = text.lines();
+    let heads: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    let column = |head: &str| -> Vec<f64> {
+        let at = heads
+            .iter()
+            .position(|found| *found == head)
+            .unwrap_or_else(|| panic!("{head} in {heads:?}"));
+        rows.iter().map(|row| row[at].parse().unwrap()).collect()
+    };
+    let si = if unit == "deg" { 1.0_f64.to_radians() } else { 1.0 };
+    let joint =
+        |joint: usize| column(&format!("{name}{joint}_{unit}")).iter().map(|q| q * si).collect();
+    (column("t_s"), (1..=JOINTS).map(joint).collect())
+}
+
+/// What the tool of the virtual robot does.
+struct Error {
+    from_path_m: f64,
+    in_time_rms_m: f64,
+}
+
+struct Cell {
+    place: Place,
+    arm: Arm,
+    path: Path6,
+    chance: Chance,
+}
+
+impl Cell {
+    fn new() -> Self {
+        let arm = RobotModel::read(Path::new("irb1600-6-145")).unwrap().physics.arm;
+        let path = wanted(&arm);
+        let place = Place::new();
+        let times_s: Vec<f64> = (0..path[0].len()).map(|k| k as f64 * STEP_S).collect();
+        place.file("path.csv", &csv(&times_s, "q", &path));
+        Self { place, arm, path, chance: Chance::new(11) }
+    }
+
+    /// Runs the robot on commands; `lead`: rows before the path's first.
+    fn error(&self, commanded: &Path6, lead: usize) -> (Error, Path6) {
+        let servos = truth();
+        let reached: Path6 =
+            servos.iter().zip(commanded).map(|(servo, joint)| servo.run(joint)).collect();
+        let (wanted, points) = (tool(&self.arm, &self.path), tool(&self.arm, &reached));
+        let wanted_at = |row: usize| wanted[row.saturating_sub(lead).min(wanted.len() - 1)];
+        let distance = |point: &DVec3| {
+            let of_leg = |ends: &[DVec3]| {
+                let along = ends[1] - ends[0];
+                let share = (*point - ends[0]).dot(along) / along.length_squared().max(1e-30);
+                point.distance(ends[0] + share.clamp(0.0, 1.0) * along)
+            };
+            wanted.windows(2).map(of_leg).fold(f64::MAX, f64::min)
+        };
+        let from_path_m = points.iter().map(distance).fold(0.0, f64::max);
+        let squares = points.iter().enumerate().map(|(k, p)| p.distance_squared(wanted_at(k)));
+        let in_time_rms_m = (squares.sum::<f64>() / points.len() as f64).sqrt();
+        (Error { from_path_m, in_time_rms_m }, reached)
+    }
+
+    fn uncompensated(&self) -> Error {
+        let rest = 100;
+        let extended = |joint: &Vec<f64>| {
+            let (first, last) = (joint[0], joint[joint.len() - 1]);
+            [vec![first; rest], joint.clone(), vec![last; rest]].concat()
+        };
+        self.error(&self.path.iter().map(extended).collect(), rest).0
+    }
+
+    /// The table of a name, run: its error, and what the link encoders measured as a file.
+    fn run(&mut self, name: &str, measured: &str) -> Error {
+        let (times_s, commanded) = table(&self.place.read(name), "c", "deg");
+        let lead = times_s.iter().filter(|t_s| **t_s < -1e-9).count();
+        let (error, mut reached) = self.error(&commanded, lead);
+        for value in reached.iter_mut().flatten() {
+            let uniform: f64 = (0..12).map(|_| self.chance.unit()).sum();
+            *value += NOISE_RAD * (uniform - 6.0);
+        }
+        self.place.file(measured, &csv(&times_s, "ql", &reached));
+        error
+    }
+}
+
+#[test]
+fn a_preview_leaves_a_fifth_of_the_path_error_and_learning_a_tenth() {
+    let mut cell = Cell::new();
+    let before = cell.uncompensated();
+    for (sign, sigma) in [(1.0, 0.03), (-1.0, 0.03)] {
+        cell.place.file(
+            "robot.toml",
+            &model_text([sign * sigma, -sign * sigma, sign * sigma, sigma], sigma),
+        );
+        let model = ["--model", "robot.toml", "--overwrite"];
+        let correct =
+            ["correct", "--dynamic", "path.csv", "--out", "run1.csv", "--json", "correct.json"];
+        let said = cell.place.succeed(&[&correct[..], &model].concat()).out;
+        assert!(said.contains("the arm stands still for"), "{said}");
+        let preview = cell.run("run1.csv", "measured1.csv");
+        println!(
+            "largest from the path: {:.3} mm uncompensated, {:.3} mm with preview",
+            before.from_path_m * 1e3,
+            preview.from_path_m * 1e3
+        );
+        assert!(preview.from_path_m < before.from_path_m / 5.0);
+        assert!(preview.in_time_rms_m < before.in_time_rms_m / 5.0);
+        let mut learned = preview;
+        for k in 1..=3 {
+            let (run, measured) = (format!("run{k}.csv"), format!("measured{k}.csv"));
+            let (next, seen) = (format!("run{}.csv", k + 1), format!("measured{}.csv", k + 1));
+            let learn = ["learn", &run, &measured, "--out", &next, "--json", "learn.json"];
+            cell.place.succeed(&[&learn[..], &model].concat());
+            learned = cell.run(&next, &seen);
+            println!("after learning run {k}: {:.3} mm", learned.from_path_m * 1e3);
+        }
+        assert!(learned.from_path_m < before.from_path_m / 10.0);
+        let json = cell.place.json("learn.json");
+        assert_eq!(json["joints"].as_array().unwrap().len(), JOINTS, "{json}");
+    }
+}
+
+#[test]
+fn a_model_off_by_thirty_percent_makes_no_path_worse_and_learning_goes_on_from_there() {
+    let mut cell = Cell::new();
+    let before = cell.uncompensated();
+    let offs = [
+        [0.3, 0.3, 0.3, 0.3],
+        [-0.3, -0.3, -0.3, -0.3],
+        [0.3, -0.3, -0.3, 0.3],
+        [-0.3, 0.3, 0.3, -0.3],
+    ];
+    for off in offs {
+        cell.place.file("robot.toml", &model_text(off, 0.05));
+        let model = ["--model", "robot.toml", "--overwrite"];
+        let correct = ["correct", "--dynamic", "path.csv", "--out", "run1.csv"];
+        cell.place.succeed(&[&correct[..], &model].concat());
+        let preview = cell.run("run1.csv", "measured1.csv");
+        println!(
+            "{off:?}: in time {:.3} then {:.3} mm rms, from the path {:.3} then {:.3} mm at most",
+            before.in_time_rms_m * 1e3,
+            preview.in_time_rms_m * 1e3,
+            before.from_path_m * 1e3,
+            preview.from_path_m * 1e3
+        );
+        assert!(preview.in_time_rms_m <= before.in_time_rms_m);
+        assert!(preview.from_path_m <= before.from_path_m);
+        let mut last = preview.in_time_rms_m;
+        for k in 1..=3 {
+            let (run, measured) = (format!("run{k}.csv"), format!("measured{k}.csv"));
+            let (next, seen) = (format!("run{}.csv", k + 1), format!("measured{}.csv", k + 1));
+            cell.place.succeed(&[&["learn", &run, &measured, "--out", &next][..], &model].concat());
+            let learned = cell.run(&next, &seen);
+            assert!(
+                learned.in_time_rms_m <= 1.01 * last + 1e-6,
+                "{} after {last}",
+                learned.in_time_rms_m
+            );
+            last = learned.in_time_rms_m;
+        }
+    }
+}
