@@ -56,7 +56,8 @@ pub fn extended(
             return Err(FeedforwardError::NoCommand { row: row + 1, joint: joint + 1 });
         }
     }
-    let lead_rows = (lead_s / even.step_s).ceil() as usize;
+    // A whole number of steps is one in spite of its last digit.
+    let lead_rows = (lead_s / even.step_s - 1e-6).ceil() as usize;
     let first_s = recording.t_s[0];
     let last_s = even.times_s.last().copied().unwrap_or(first_s);
     let before = (1..=lead_rows).rev().map(|k| first_s - k as f64 * even.step_s);

@@ -23,8 +23,8 @@ pub enum Source {
 }
 
 impl Source {
-    /// Of the step after which the error is as large as before: all but a little in a preview, which is one step; in learning, which goes on, what lets
-    /// the error of the worst plant shrink too.
+    /// Of the step after which the error of the worst plant is as large as before: all but a little in a preview, which is one step; less in learning, which goes on and shall
+    /// leave less of the worst plant's error each time.
     fn margin(self) -> f64 {
         match self {
             Self::Path => 0.95,
@@ -53,14 +53,25 @@ pub struct Design<'a> {
     pub source: Source,
 }
 
+/// A design at frequencies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gains {
+    /// From the source to the change of the commands.
+    pub gains: Vec<Complex64>,
+    /// λ.
+    pub shares: Vec<f64>,
+}
+
 impl Design<'_> {
-    /// What takes the spectrum of the source to that of the change of the commands, at these frequencies, Hz.
+    /// What takes the spectrum of the source to that of the change of the commands, at these frequencies, Hz; and the share λ of it that is in it.
     #[must_use]
-    pub fn gains(&self, bins_hz: &[f64]) -> Vec<Complex64> {
+    pub fn gains(&self, bins_hz: &[f64]) -> Gains {
         let neighbours = self.plant.off_by_sigma();
-        let shares = self.shares(&neighbours);
-        let gain = |hz: &f64| self.step(*hz, &neighbours) * share_at(&shares, *hz);
-        bins_hz.iter().map(gain).collect()
+        let by_frequency = self.shares(&neighbours);
+        let shares: Vec<f64> = bins_hz.iter().map(|hz| share_at(&by_frequency, *hz)).collect();
+        let step = |(hz, share): (&f64, &f64)| self.step(*hz, &neighbours) * share;
+        let gains = bins_hz.iter().zip(&shares).map(step).collect();
+        Gains { gains, shares }
     }
 
     /// The step at a frequency, before its share is taken.
@@ -82,7 +93,7 @@ impl Design<'_> {
         let motors = self.plant.motors_off_by(self.robust_to);
         let links = self.plant.links_off_by(self.robust_to);
         let count = (BANDS * self.bandwidth_hz / SPACING_HZ).ceil() as usize;
-        let (one, margin) = (Complex64::new(1.0, 0.0), self.source.margin());
+        let one = Complex64::new(1.0, 0.0);
         let mut shares = vec![1.0];
         for k in 1..=count {
             let hz = k as f64 * SPACING_HZ;
@@ -96,7 +107,7 @@ impl Design<'_> {
                     let before = if self.source == Source::Path { one - g } else { one };
                     let change = g * step;
                     let helps = (before.conj() * change).re;
-                    share = share.min(2.0 * margin * helps / change.norm_sqr());
+                    share = share.min(2.0 * self.source.margin() * helps / change.norm_sqr());
                 }
             }
             shares.push(share.max(0.0));

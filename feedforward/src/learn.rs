@@ -3,15 +3,17 @@
 //! Norm-optimal learning with the model as inverse ([`crate::inverse`]), which converges monotonically for every plant whose numbers are off by up to the stated
 //! share. At each frequency the error counts by the share that stands above the noise (Wiener's filter): of several runs of the same commands the noise is how they differ,
 //! of one run what is left far above the band. What differs between runs cannot be learned and is told as repeatability.
+//!
+//! The run also says what the plant's numbers are (`identify`); where they explain it much better than the model's they are used for this step.
 
 use crate::FeedforwardError;
 use crate::fourier::Transform;
-use crate::inverse::Source;
+use crate::identify::{self, refined};
 use crate::measured::{Measured, Seen};
 use crate::plant::{Plant, Plants};
 use crate::preview::{joint_of, settle_s};
 use crate::settings::Settings;
-use crate::step::Stepped;
+use crate::step::{Known, Stepped};
 use realfft::num_complex::Complex64;
 
 /// Bins over which the power of an error is averaged, to each side.
@@ -43,6 +45,8 @@ pub struct Learned {
     pub next: Stepped,
     /// Standard deviation of one run from the mean, rad or m; none of a single run.
     pub repeatability: Option<f64>,
+    /// The joint's plant by this run, where that explains it much better than the model's; else none.
+    pub refined: Option<Plant>,
 }
 
 /// The next run.
@@ -50,7 +54,7 @@ pub struct Learned {
 pub struct Next {
     /// What is to be commanded.
     pub commanded: Vec<Vec<f64>>,
-    /// Of each joint; none where nothing was seen of it, or it stands still.
+    /// Of each joint; none where nothing was seen of it, or only its motor where it has modes: a motor that is where it was wanted makes them ring.
     pub joints: Vec<Option<Learned>>,
 }
 
@@ -80,20 +84,33 @@ pub fn learn(
             .filter_map(|run| run.joints.get(at)?.as_ref().map(|(_, errors)| errors.as_slice()))
             .collect();
         let seen = runs.measured.iter().find_map(|run| Some(run.joints.get(at)?.as_ref()?.0));
-        let Some(seen) = seen else { continue };
-        let motor = plants.joints[at].of_motor();
-        let plant = if seen == Seen::Motor { &motor } else { &plants.joints[at] };
-        let joint = joint_of(plant, &transform, runs.step_s, settings);
-        let error = mean(&errors);
+        let plant = &plants.joints[at];
+        let Some(seen) = seen.filter(|seen| *seen != Seen::Motor || plant.modes.is_empty()) else {
+            continue;
+        };
+        let (error, spectrum) = (mean(&errors), |samples: &[f64]| transform.spectrum(samples));
+        let (path, sent, error_bins) = (spectrum(wanted), spectrum(commanded), spectrum(&error));
+        let reached: Vec<f64> = wanted.iter().zip(&error).map(|(w, e)| w - e).collect();
+        let run = identify::Run {
+            transform: &transform,
+            bins_hz: &transform.bins_hz(),
+            commanded: &sent,
+            reached: &reached,
+            band_hz: settings.bandwidth_hz,
+        };
+        let refined = refined(plant, &run, settings.robust_to);
+        let used = refined.as_ref().unwrap_or(plant);
+        let joint = joint_of(used, &transform, runs.step_s, settings);
         let before: Vec<f64> = commanded.iter().zip(wanted).map(|(c, w)| c - w).collect();
         let trusted = trusted(&transform, &errors, &error, settings);
-        let spectrum = transform.spectrum(&error);
-        let spectrum: Vec<_> =
-            spectrum.iter().zip(&trusted).map(|(bin, share)| bin * share).collect();
-        let stepped = joint.step(Source::Error, &spectrum, &before, &error);
+        let trusted: Vec<_> =
+            error_bins.iter().zip(trusted).map(|(bin, share)| bin * share).collect();
+        let source =
+            Known::Run { path: refined.as_ref().map(|_| path.as_slice()), error: &trusted };
+        let stepped = joint.step(&source, &before, &error);
         next.commanded[at] = wanted.iter().zip(&stepped.correction).map(|(w, c)| w + c).collect();
         let repeatability = repeatability(&errors, &error);
-        next.joints[at] = Some(Learned { seen, error, next: stepped, repeatability });
+        next.joints[at] = Some(Learned { seen, error, next: stepped, repeatability, refined });
     }
     if next.joints.iter().all(Option::is_none) {
         return Err(FeedforwardError::NothingMeasured);

@@ -4,10 +4,9 @@
 
 use crate::FeedforwardError;
 use crate::fourier::Transform;
-use crate::inverse::Source;
 use crate::plant::{Plant, Plants};
 use crate::settings::Settings;
-use crate::step::{Joint, Stepped};
+use crate::step::{Joint, Known, Stepped};
 use physics::Arm;
 
 /// What became of each joint; all in rad or m, row by row.
@@ -59,7 +58,7 @@ pub fn preview(
         let without = transform.through(wanted, &joint.response());
         let error: Vec<f64> = wanted.iter().zip(&without).map(|(q, y)| q - y).collect();
         let spectrum = transform.spectrum(wanted);
-        let stepped = joint.step(Source::Path, &spectrum, &vec![0.0; rows], &error);
+        let stepped = joint.step(&Known::Path(&spectrum), &vec![0.0; rows], &error);
         let with = wanted.iter().zip(&stepped.left).map(|(q, left)| q - left);
         preview.with[at] = with.collect();
         let commanded = wanted.iter().zip(&stepped.correction).map(|(q, c)| q + c);

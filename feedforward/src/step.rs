@@ -1,10 +1,13 @@
-//! One step of one joint: from the path or from an error to the next correction, within its limits.
+//! One step of one joint: from the path, or from the path and a measured error, to the next correction, within its limits.
+//!
+//! Where learning takes a share λ of its step only, since plants nearby disagree about its sign (about a mode), the commands go to those of the preview by the rest `1 − λ`,
+//! if the plant is known from the run itself and that leaves less by it.
 //!
 //! The correction ends at nothing at both ends of the path. Where the limits would hold it back, lower bandwidths are tried, and the one is taken that leaves the
 //! smallest root mean square error by the model; the limiter of the daemon (`envelope`) has the last word, so that limits hold whatever was computed.
 
 use crate::fourier::{Transform, product};
-use crate::inverse::{Design, Source};
+use crate::inverse::{Design, Gains, Source};
 use crate::plant::Plant;
 use crate::settings::Settings;
 use envelope::Limiter;
@@ -26,6 +29,19 @@ pub(crate) struct Joint<'a> {
     pub(crate) settings: &'a Settings,
 }
 
+/// What a step knows, as spectra.
+pub(crate) enum Known<'a> {
+    /// Where the joint shall be.
+    Path(&'a [Complex64]),
+    /// The error of a run.
+    Run {
+        /// Where the joint shall be, if the plant is known from the run.
+        path: Option<&'a [Complex64]>,
+        /// The measured error, as far as it is no noise.
+        error: &'a [Complex64],
+    },
+}
+
 /// A correction and what is left with it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stepped {
@@ -45,23 +61,20 @@ impl Joint<'_> {
         self.transform.bins_hz().iter().map(|hz| self.plant.response(*hz)).collect()
     }
 
-    /// The step from the correction `before`, which left `error`; `spectrum` is that of its source.
-    pub(crate) fn step(
-        &self,
-        source: Source,
-        spectrum: &[Complex64],
-        before: &[f64],
-        error: &[f64],
-    ) -> Stepped {
+    /// The step from the correction `before`, which left `error`; without an error that was measured it is the preview.
+    pub(crate) fn step(&self, known: &Known<'_>, before: &[f64], error: &[f64]) -> Stepped {
         let response = self.response();
         let mut best: Option<(f64, Stepped)> = None;
         for k in 0..TRIES {
             let bandwidth_hz = self.settings.bandwidth_hz * LOWER.powi(k);
-            let tried = self.at(bandwidth_hz, source, spectrum, before, error, &response);
-            let squares = tried.left.iter().map(|left| left * left).sum::<f64>();
-            let is_free = tried.limited_rows == 0;
-            if best.as_ref().is_none_or(|(least, _)| squares < *least) {
-                best = Some((squares, tried));
+            let mut is_free = false;
+            for wanted in self.wanted(bandwidth_hz, known, before) {
+                let tried = self.within_limits(bandwidth_hz, &wanted, before, error, &response);
+                let squares = tried.left.iter().map(|left| left * left).sum::<f64>();
+                is_free |= tried.limited_rows == 0;
+                if best.as_ref().is_none_or(|(least, _)| squares < *least) {
+                    best = Some((squares, tried));
+                }
             }
             if is_free {
                 break;
@@ -76,23 +89,48 @@ impl Joint<'_> {
         best.map_or_else(nothing, |(_, stepped)| stepped)
     }
 
-    fn at(
+    /// Corrections before their limits: the preview; or what is learned, and, of a plant known from the run, with the preview where learning does not reach.
+    fn wanted(&self, bandwidth_hz: f64, known: &Known<'_>, before: &[f64]) -> Vec<Vec<f64>> {
+        let bins_hz = self.transform.bins_hz();
+        let gains = |source: Source| {
+            let robust_to = self.settings.robust_to;
+            Design { plant: self.plant, bandwidth_hz, robust_to, source }.gains(&bins_hz)
+        };
+        let preview = |path: &[Complex64]| product(path, &gains(Source::Path).gains);
+        let (path, measured) = match *known {
+            Known::Path(path) => return vec![self.faded(before, preview(path))],
+            Known::Run { path, error } => (path, error),
+        };
+        let Gains { gains: inverse, shares } = gains(Source::Error);
+        let learned = product(measured, &inverse);
+        let mut all = Vec::new();
+        if let Some(path) = path {
+            let (preview, sent) = (preview(path), self.transform.spectrum(before));
+            let beside = |k: usize| learned[k] + (1.0 - shares[k]) * (preview[k] - sent[k]);
+            all.push(self.faded(before, (0..learned.len()).map(beside).collect()));
+        }
+        all.push(self.faded(before, learned));
+        all
+    }
+
+    /// A correction and its change, gone at both ends of the path.
+    fn faded(&self, before: &[f64], change: Vec<Complex64>) -> Vec<f64> {
+        let rows = before.len();
+        let change = self.transform.samples(change);
+        (before.iter().zip(change).enumerate())
+            .map(|(row, (before, change))| (before + change) * self.fade(row, rows))
+            .collect()
+    }
+
+    fn within_limits(
         &self,
         bandwidth_hz: f64,
-        source: Source,
-        spectrum: &[Complex64],
+        wanted: &[f64],
         before: &[f64],
         error: &[f64],
         response: &[Complex64],
     ) -> Stepped {
-        let Settings { robust_to, .. } = *self.settings;
-        let design = Design { plant: self.plant, bandwidth_hz, robust_to, source };
-        let gains = design.gains(&self.transform.bins_hz());
-        let change = self.transform.samples(product(spectrum, &gains));
-        let wanted: Vec<f64> = (before.iter().zip(change).enumerate())
-            .map(|(row, (before, change))| (before + change) * self.fade(row, error.len()))
-            .collect();
-        let (correction, limited_rows) = self.limited(&wanted);
+        let (correction, limited_rows) = self.limited(wanted);
         let changed: Vec<f64> = correction.iter().zip(before).map(|(c, b)| c - b).collect();
         let moved = self.transform.through(&changed, response);
         let left = error.iter().zip(moved).map(|(error, moved)| error - moved).collect();

@@ -8,7 +8,7 @@ use tests::clients::root;
 use tests::place::Place;
 
 /// What stands in the blocks of that language.
-fn blocks(text: &str, language: &str) -> String {
+pub(crate) fn blocks(text: &str, language: &str) -> String {
     let start = format!("```{language}\n");
     let block = |rest: &str| rest.split("```").next().unwrap_or_default().to_owned();
     text.split(&start).skip(1).map(block).collect()

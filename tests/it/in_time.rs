@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 use glam::DVec3;
 use physics::{Arm, Chain, Joints};
@@ -12,6 +13,8 @@ use recording::model::RobotModel;
 use tests::chance::Chance;
 use tests::clients::root;
 
+use crate::TRUED;
+use crate::guide::blocks;
 use crate::program::Place;
 
 const STEP_S: f64 = 4e-3;
@@ -326,4 +329,39 @@ fn a_model_off_by_thirty_percent_makes_no_path_worse_and_learning_goes_on_from_t
             last = learned.in_time_rms_m;
         }
     }
+}
+
+#[test]
+fn the_document_leads_from_a_model_to_what_was_learned_of_two_runs() {
+    let document = fs::read_to_string(root().join("docs/dynamic.md")).unwrap();
+    let script = blocks(&document, "sh");
+    assert!(script.matches("\ntrued ").count() >= 7, "the document's commands are found");
+    let place = Place::new();
+    fs::create_dir(place.path("bin")).unwrap();
+    std::os::unix::fs::symlink(TRUED, place.path("bin/trued")).unwrap();
+    let path = format!("{}:{}", place.path("bin").display(), std::env::var("PATH").unwrap());
+    let run = Command::new("timeout")
+        .args(["120", "sh", "-euc", &script])
+        .env("PATH", path)
+        .current_dir(place.path(""))
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert!(run.status.success(), "{said}\n{}", String::from_utf8_lossy(&run.stderr));
+    for words in ["the arm stands still for", "by this run", "repeatable to", "next commands"] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
+    // Of the second run, with learned commands, and of the first.
+    let measured = |line: &str| {
+        let (_, rest) = line.split_once("from the path ").unwrap();
+        rest.split(' ').next().unwrap().parse::<f64>().unwrap()
+    };
+    let before = said.lines().find(|line| line.starts_with("error without")).unwrap();
+    let errors: Vec<f64> =
+        said.lines().filter(|line| line.starts_with("error measured")).map(measured).collect();
+    assert!(
+        errors.len() == 2 && errors[1] < errors[0] && 10.0 * errors[1] < measured(before),
+        "{said}"
+    );
+    println!("{said}");
 }

@@ -41,7 +41,7 @@ fn poses_that_were_filled_in_stay_as_they_are_and_nothing_is_written_beside_them
 
 #[test]
 fn every_command_refuses_an_output_that_is_there_before_it_begins() {
-    let commands: [(&str, &[&str]); 13] = [
+    let commands: [(&str, &[&str]); 14] = [
         ("o.toml", &["calibrate", "--model", MODEL, "--out", "o.toml", "path.csv"]),
         (
             "o.html",
@@ -49,6 +49,7 @@ fn every_command_refuses_an_output_that_is_there_before_it_begins() {
         ),
         ("o.csv", &["correct", "--model", MODEL, "--out", "o.csv", "path.csv"]),
         ("path.corrected.csv", &["correct", "--model", MODEL, "path.csv"]),
+        ("o.csv", &["learn", "--model", MODEL, "--out", "o.csv", "path.csv", "path.csv"]),
         ("o.csv", &["replay", "--model", MODEL, "--corrections", "o.csv", "path.csv"]),
         ("o.toml", &["simulate", "--model", MODEL, "--out", "o", "path.csv"]),
         ("d/model.toml", &["diagnose", "--model", MODEL, "--out", "d", "path.csv"]),

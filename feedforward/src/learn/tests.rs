@@ -131,9 +131,11 @@ fn what_differs_between_runs_is_told_and_not_learned() {
 }
 
 #[test]
-fn a_motor_encoder_teaches_without_the_mode() {
+fn a_motor_encoder_teaches_delay_and_lag_of_a_joint_without_a_mode_alone() {
     let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 1.0)]);
-    let plants = plants(&JOINT, 0.03);
+    let with_mode = plants(&JOINT, 0.03);
+    let mut plants = with_mode.clone();
+    plants.joints[0].modes.clear();
     let motor = VirtualJoint { participation: 0.0, ..JOINT };
     let error = off(&path, &motor.run(STEP_S, &path));
     let measured =
@@ -145,6 +147,9 @@ fn a_motor_encoder_teaches_without_the_mode() {
         &settings(),
     )
     .expect("learns");
+    let runs = Runs { step_s: STEP_S, wanted, commanded, measured: &measured };
+    let refused = learn(&with_mode, &runs, &settings());
+    assert_eq!(refused, Err(FeedforwardError::NothingMeasured));
     let after = off(&path, &motor.run(STEP_S, &next.commanded[0]));
     assert!(rms(&after) < rms(&error) / 5.0, "{} {}", rms(&error), rms(&after));
 }

@@ -28,7 +28,12 @@ fn path(late_s: f64) -> Vec<Vec<f64>> {
     (0..6).map(|joint| times_s().iter().map(|t_s| at(t_s - late_s)[joint]).collect()).collect()
 }
 
-fn expected<'a>(arm: &'a Arm, times_s: &'a [f64], path: &'a [Vec<f64>], error: &'a [Vec<f64>]) -> Expected<'a> {
+fn expected<'a>(
+    arm: &'a Arm,
+    times_s: &'a [f64],
+    path: &'a [Vec<f64>],
+    error: &'a [Vec<f64>],
+) -> Expected<'a> {
     Expected { arm, times_s, motors: path, links: path, tool: path, error }
 }
 
@@ -83,7 +88,8 @@ fn points_in_an_unknown_frame_become_the_joints_that_move_the_tool_there() {
         q.iter_mut().zip(errors).for_each(|(q, error)| *q += error);
     }
     let off = |path: &[Vec<f64>]| {
-        let far = points(&arm, path).into_iter().zip(points(&arm, &wanted)).map(|(a, b)| a.distance(b));
+        let far =
+            points(&arm, path).into_iter().zip(points(&arm, &wanted)).map(|(a, b)| a.distance(b));
         far.fold(0.0, f64::max)
     };
     assert!(off(&corrected) < 0.1 * off(&reached), "{} {}", off(&reached), off(&corrected));

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use feedforward::learn::{Learned, Next, Runs, expected_error};
 use feedforward::measured::{Clock, Expected, Measured, Seen, links};
-use feedforward::plant::Plants;
+use feedforward::plant::{Plant, Plants, Uncertain};
 use feedforward::preview::{check_joint_limits, lead_s};
 use feedforward::{Settings, grid, learn};
 use physics::JointKind;
@@ -57,6 +57,8 @@ struct Report {
     /// What was added to the times of each measurement.
     clock_offsets_ms: Vec<f64>,
     joints: Vec<JointReport>,
+    /// From 1: nothing was measured of them, or only the motor of a joint with a mode.
+    not_learned: Vec<usize>,
     /// Of the mean of the runs.
     tool_before: OfTool,
     /// Of the next run, by the model.
@@ -71,8 +73,38 @@ struct JointReport {
     error_rms: f64,
     /// Standard deviation of one run from the mean; none of a single run.
     repeatability: Option<f64>,
+    /// The joint over time as this run showed it; none where the model explains the run about as well, and was used.
+    by_run: Option<ByRun>,
     #[serde(flatten)]
     next: OfJoint,
+}
+
+/// A joint over time, by a run.
+#[derive(Debug, Serialize)]
+struct ByRun {
+    delay_ms: f64,
+    lag_ms: f64,
+    #[serde(rename = "frequencies_Hz")]
+    frequencies_hz: Vec<f64>,
+    damping_ratios: Vec<f64>,
+}
+
+impl ByRun {
+    fn of(plant: &Plant) -> Self {
+        let ms = |numbers: &[Uncertain]| numbers.iter().map(|number| number.value * 1e3).sum();
+        Self {
+            delay_ms: ms(&plant.delays_s),
+            lag_ms: ms(&plant.lags_s),
+            frequencies_hz: plant.modes.iter().map(|mode| mode.frequency_hz.value).collect(),
+            damping_ratios: plant.modes.iter().map(|mode| mode.damping_ratio.value).collect(),
+        }
+    }
+
+    fn told(&self) -> String {
+        let Self { delay_ms, lag_ms, frequencies_hz, .. } = self;
+        let modes: Vec<String> = frequencies_hz.iter().map(|hz| format!(", {hz:.2} Hz")).collect();
+        format!("by this run delay {delay_ms:.2} ms, lag {lag_ms:.2} ms{}", modes.concat())
+    }
 }
 
 /// A path, what was wanted on it and what was commanded.
@@ -230,6 +262,7 @@ fn report(
             error: 1e3 * largest(&learned.error),
             error_rms: 1e3 * rms(&learned.error),
             repeatability: learned.repeatability.map(|deviation| 1e3 * deviation),
+            by_run: learned.refined.as_ref().map(ByRun::of),
             next: OfJoint::of(at, *kind, &learned.next),
         })
     });
@@ -239,6 +272,7 @@ fn report(
         step_ms: step_s * 1e3,
         clock_offsets_ms: measured.iter().map(|run| run.clock_offset_s * 1e3).collect(),
         joints: joints.collect(),
+        not_learned: (1..).zip(&next.joints).filter(|(_, j)| j.is_none()).map(|(n, _)| n).collect(),
         tool_before: tool(less(|learned| &learned.error)),
         tool_next: tool(less(|learned| &learned.next.left)),
     }
@@ -250,13 +284,21 @@ impl Report {
             self.clock_offsets_ms.iter().map(|ms| format!("{ms:.2} ms")).collect();
         let mut text = format!("clock offset        {}\n", offsets.join(", "));
         for joint in &self.joints {
-            let JointReport { measured, error, error_rms, repeatability, next } = joint;
+            let JointReport { measured, error, error_rms, repeatability, by_run, next } = joint;
             text += &next.told().replace('\n', "");
             text += &format!("; measured ({measured}) {error:.3} at most, {error_rms:.3} rms");
             if let Some(deviation) = repeatability {
                 text += &format!(", repeatable to {deviation:.4} rms");
             }
+            if let Some(by_run) = by_run {
+                text += &format!("; {}", by_run.told());
+            }
             text.push('\n');
+        }
+        for joint in &self.not_learned {
+            text += &format!(
+                "joint {joint}: not learned, nothing was measured of it but a motor that does not see its mode\n"
+            );
         }
         text += &self.tool_before.told("error measured");
         text += self.tool_next.told("next, by the model").trim_end();

@@ -1,0 +1,185 @@
+//! The numbers of a joint's plant from what it did on a run, with the model as prior.
+//!
+//! Minimises `Σ |(G(p) C − Y) H|² / s² + Σ ((p − p̂)/σ)²` over the bins of the band: C what was commanded, Y where the joint was, H a high pass that leaves static errors out, s² the
+//! mean power of the residual. Frequencies of modes are first looked for over the stated share around the model's, since a sharp peak is found from nearby alone; then Gauss and
+//! Newton's method with steps that are halved where they do not help.
+//!
+//! Promises: none where the run is not explained much better by the new numbers than by the model's; numbers stay above zero. Never: a new effect.
+
+use crate::fourier::{Transform, product};
+use crate::plant::{Plant, Uncertain};
+use nalgebra::{SMatrix, SVector};
+use realfft::num_complex::Complex64;
+
+/// Corner of the high pass, Hz: a static error changes over seconds.
+const STATIC_HZ: f64 = 0.5;
+/// New numbers must leave less than this share of the residual's power.
+const EXPLAINED: f64 = 0.5;
+/// Step of the search over frequencies, as a share: half the width of a peak with 1 % damping.
+const SEARCH: f64 = 0.005;
+/// Steps of Gauss and Newton's method.
+const STEPS: usize = 12;
+/// Plants with more numbers are left as they are.
+const NUMBERS_MAX: usize = 16;
+/// A number is believed no better than this, as a share: a plant is not quite linear.
+const SHARE_LEAST: f64 = 0.003;
+
+type Normal = SMatrix<f64, NUMBERS_MAX, NUMBERS_MAX>;
+type Numbers = SVector<f64, NUMBERS_MAX>;
+
+/// A run of one joint.
+pub(crate) struct Run<'a> {
+    pub(crate) transform: &'a Transform,
+    /// Frequencies of the transform's bins, Hz.
+    pub(crate) bins_hz: &'a [f64],
+    /// The spectrum of what was commanded.
+    pub(crate) commanded: &'a [Complex64],
+    /// Where the joint was, rad or m.
+    pub(crate) reached: &'a [f64],
+    /// Bins above do not count, Hz.
+    pub(crate) band_hz: f64,
+}
+
+/// The plant with the numbers of a run and their standard uncertainties; none where they explain it little better. `share`: how far frequencies of modes may be off.
+pub(crate) fn refined(plant: &Plant, run: &Run<'_>, share: f64) -> Option<Plant> {
+    let count = plant.clone().numbers().len();
+    if count == 0 || count > NUMBERS_MAX {
+        return None;
+    }
+    let by_model = power(&run.residual(plant));
+    let mut found = run.search(plant, share);
+    for _ in 0..STEPS {
+        found = run.improved(&found, plant);
+    }
+    if power(&run.residual(&found)) > EXPLAINED * by_model {
+        return None;
+    }
+    run.with_uncertainty(found, plant)
+}
+
+impl Run<'_> {
+    /// What the plant leaves of the run. A path runs back in its transform, which a plant's memory does not: the two are compared in time.
+    fn residual(&self, plant: &Plant) -> Vec<Complex64> {
+        let response: Vec<Complex64> = self.bins_hz.iter().map(|hz| plant.response(*hz)).collect();
+        let by_plant = self.transform.samples(product(self.commanded, &response));
+        let off: Vec<f64> = by_plant.iter().zip(self.reached).map(|(p, r)| p - r).collect();
+        let bins = self.transform.spectrum(&off).into_iter().zip(self.bins_hz).skip(1);
+        let high_pass = |hz: f64| hz / (hz * hz + STATIC_HZ * STATIC_HZ).sqrt();
+        bins.take_while(|(_, hz)| **hz <= self.band_hz)
+            .map(|(bin, hz)| bin * high_pass(*hz))
+            .collect()
+    }
+
+    /// Each mode's frequency where it explains the run best.
+    fn search(&self, plant: &Plant, share: f64) -> Plant {
+        let mut best = plant.clone();
+        let steps = (share / SEARCH).ceil() as i32;
+        for mode in 0..plant.modes.len() {
+            let at = |k: i32| {
+                let mut tried = best.clone();
+                tried.modes[mode].frequency_hz.value *= 1.0 + SEARCH * f64::from(k);
+                tried
+            };
+            let tried =
+                (-steps..=steps).map(at).map(|tried| (power(&self.residual(&tried)), tried));
+            if let Some((_, tried)) = tried.min_by(|a, b| a.0.total_cmp(&b.0)) {
+                best = tried;
+            }
+        }
+        best
+    }
+
+    /// One step of Gauss and Newton's method, as much of it as helps.
+    fn improved(&self, plant: &Plant, prior: &Plant) -> Plant {
+        let residual = self.residual(plant);
+        let scale = residual.len() as f64 / power(&residual).max(f64::MIN_POSITIVE);
+        let (normal, gradient) = self.normal(plant, prior, &residual, scale);
+        let Some(step) = normal.cholesky().map(|factor| factor.solve(&gradient)) else {
+            return plant.clone();
+        };
+        let cost = |plant: &Plant| scale * power(&self.residual(plant)) + off_prior(plant, prior);
+        let before = cost(plant);
+        let tried = (0..6).map(|halved| moved(plant, &step, 0.5_f64.powi(halved)));
+        tried.into_iter().find(|tried| cost(tried) < before).unwrap_or_else(|| plant.clone())
+    }
+
+    /// Normal matrix and negative gradient at a plant.
+    fn normal(
+        &self,
+        plant: &Plant,
+        prior: &Plant,
+        residual: &[Complex64],
+        scale: f64,
+    ) -> (Normal, Numbers) {
+        let count = plant.clone().numbers().len();
+        let columns: Vec<Vec<Complex64>> =
+            (0..count).map(|at| self.derivative(plant, at, residual)).collect();
+        let (mut normal, mut gradient) = (Normal::identity(), Numbers::zeros());
+        let (values, priors) = (values(plant), values_and_sigmas(prior));
+        for row in 0..count {
+            for column in 0..count {
+                let product = columns[row].iter().zip(&columns[column]);
+                normal[(row, column)] =
+                    scale * product.map(|(a, b)| (a.conj() * b).re).sum::<f64>();
+            }
+            let Uncertain { value, sigma } = priors[row];
+            let weight = 1.0 / (sigma * sigma).max(f64::MIN_POSITIVE);
+            normal[(row, row)] += weight;
+            let pull =
+                columns[row].iter().zip(residual).map(|(a, b)| (a.conj() * b).re).sum::<f64>();
+            gradient[row] = -scale * pull - weight * (values[row] - value);
+        }
+        (normal, gradient)
+    }
+
+    fn derivative(&self, plant: &Plant, at: usize, residual: &[Complex64]) -> Vec<Complex64> {
+        let mut moved = plant.clone();
+        let mut step = 0.0;
+        if let Some(number) = moved.numbers().into_iter().nth(at) {
+            step = 1e-5 * number.value.abs().max(1e-6);
+            number.value += step;
+        }
+        self.residual(&moved).iter().zip(residual).map(|(a, b)| (a - b) / step).collect()
+    }
+
+    fn with_uncertainty(&self, mut plant: Plant, prior: &Plant) -> Option<Plant> {
+        let residual = self.residual(&plant);
+        let scale = residual.len() as f64 / power(&residual).max(f64::MIN_POSITIVE);
+        let covariance = self.normal(&plant, prior, &residual, scale).0.try_inverse()?;
+        for (at, number) in plant.numbers().into_iter().enumerate() {
+            let sigma = covariance[(at, at)].max(0.0).sqrt();
+            number.sigma = sigma.max(SHARE_LEAST * number.value.abs()).min(number.sigma);
+        }
+        Some(plant)
+    }
+}
+
+fn power(residual: &[Complex64]) -> f64 {
+    residual.iter().map(Complex64::norm_sqr).sum()
+}
+
+fn values_and_sigmas(plant: &Plant) -> Vec<Uncertain> {
+    plant.clone().numbers().into_iter().map(|number| *number).collect()
+}
+
+fn values(plant: &Plant) -> Vec<f64> {
+    values_and_sigmas(plant).iter().map(|number| number.value).collect()
+}
+
+/// How far numbers are from those of the model, in standard uncertainties, squared.
+fn off_prior(plant: &Plant, prior: &Plant) -> f64 {
+    let pairs = values(plant).into_iter().zip(values_and_sigmas(prior));
+    let off = |(value, prior): (f64, Uncertain)| {
+        if value == prior.value { 0.0 } else { ((value - prior.value) / prior.sigma).powi(2) }
+    };
+    pairs.map(off).sum()
+}
+
+/// A share of a step; no number falls below a tenth of what it was.
+fn moved(plant: &Plant, step: &Numbers, share: f64) -> Plant {
+    let mut moved = plant.clone();
+    for (number, step) in moved.numbers().into_iter().zip(step.iter()) {
+        number.value = (number.value + share * step).max(0.1 * number.value);
+    }
+    moved
+}
