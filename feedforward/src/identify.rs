@@ -1,7 +1,7 @@
 //! The numbers of a joint's plant from what it did on a run, with the model as prior.
 //!
 //! Minimises `Σ |(G(p) C − Y) H|² / s² + Σ ((p − p̂)/σ)²` over the bins of the band: C what was commanded, Y where the joint was, H a high pass that leaves static errors out, s² the
-//! mean power of the residual. Frequencies of modes are first looked for over the stated share around the model's, since a sharp peak is found from nearby alone; then Gauss and
+//! mean power of the residual. Frequencies of modes are first looked for around the model's, since a sharp peak is found from nearby alone; then Gauss and
 //! Newton's method with steps that are halved where they do not help.
 //!
 //! Promises: none where the run is not explained much better by the new numbers than by the model's; numbers stay above zero. Never: a new effect.
@@ -17,6 +17,8 @@ const STATIC_HZ: f64 = 0.5;
 const EXPLAINED: f64 = 0.5;
 /// Step of the search over frequencies, as a share: half the width of a peak with 1 % damping.
 const SEARCH: f64 = 0.005;
+/// How far it goes, as a share of the model's frequency: beyond what a model is ever guarded against.
+const SEARCH_MOST: f64 = 0.5;
 /// Steps of Gauss and Newton's method.
 const STEPS: usize = 12;
 /// Plants with more numbers are left as they are.
@@ -40,21 +42,32 @@ pub(crate) struct Run<'a> {
     pub(crate) band_hz: f64,
 }
 
-/// The plant with the numbers of a run and their standard uncertainties; none where they explain it little better. `share`: how far frequencies of modes may be off.
-pub(crate) fn refined(plant: &Plant, run: &Run<'_>, share: f64) -> Option<Plant> {
+/// A plant by a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Refined {
+    /// The plant with the numbers of the run and their standard uncertainties.
+    pub plant: Plant,
+    /// What is left of the run by it, as a share of what the model leaves (root mean squares).
+    pub unexplained: f64,
+}
+
+/// The plant by a run; none where that explains it little better than the model.
+pub(crate) fn refined(plant: &Plant, run: &Run<'_>) -> Option<Refined> {
     let count = plant.clone().numbers().len();
     if count == 0 || count > NUMBERS_MAX {
         return None;
     }
     let by_model = power(&run.residual(plant));
-    let mut found = run.search(plant, share);
+    let mut found = run.search(plant);
     for _ in 0..STEPS {
         found = run.improved(&found, plant);
     }
-    if power(&run.residual(&found)) > EXPLAINED * by_model {
+    let share = power(&run.residual(&found)) / by_model;
+    if by_model == 0.0 || share > EXPLAINED {
         return None;
     }
-    run.with_uncertainty(found, plant)
+    let plant = run.with_uncertainty(found, plant)?;
+    Some(Refined { plant, unexplained: share.sqrt() })
 }
 
 impl Run<'_> {
@@ -71,9 +84,9 @@ impl Run<'_> {
     }
 
     /// Each mode's frequency where it explains the run best.
-    fn search(&self, plant: &Plant, share: f64) -> Plant {
+    fn search(&self, plant: &Plant) -> Plant {
         let mut best = plant.clone();
-        let steps = (share / SEARCH).ceil() as i32;
+        let steps = (SEARCH_MOST / SEARCH).ceil() as i32;
         for mode in 0..plant.modes.len() {
             let at = |k: i32| {
                 let mut tried = best.clone();

@@ -4,11 +4,12 @@
 //! share. At each frequency the error counts by the share that stands above the noise (Wiener's filter): of several runs of the same commands the noise is how they differ,
 //! of one run what is left far above the band. What differs between runs cannot be learned and is told as repeatability.
 //!
-//! The run also says what the plant's numbers are (`identify`); where they explain it much better than the model's they are used for this step.
+//! The run also says what the plant's numbers are (`identify`); where they explain it much better than the model's they are used for this step,
+//! and the share by which they may be off shrinks with what is left unexplained.
 
 use crate::FeedforwardError;
 use crate::fourier::Transform;
-use crate::identify::{self, refined};
+use crate::identify::{self, Refined, refined};
 use crate::measured::{Measured, Seen};
 use crate::plant::{Plant, Plants};
 use crate::preview::{joint_of, settle_s};
@@ -18,6 +19,8 @@ use realfft::num_complex::Complex64;
 
 /// Bins over which the power of an error is averaged, to each side.
 const BINS_ABOUT: usize = 12;
+/// Of the stated share by which numbers may be off at least this part stays for a plant that a run showed.
+const KNOWN_LEAST: f64 = 0.25;
 /// From so many times the bandwidth on an error counts as noise.
 const NOISE_BANDS: f64 = 2.0;
 
@@ -46,7 +49,7 @@ pub struct Learned {
     /// Standard deviation of one run from the mean, rad or m; none of a single run.
     pub repeatability: Option<f64>,
     /// The joint's plant by this run, where that explains it much better than the model's; else none.
-    pub refined: Option<Plant>,
+    pub refined: Option<Refined>,
 }
 
 /// The next run.
@@ -98,8 +101,11 @@ pub fn learn(
             reached: &reached,
             band_hz: settings.bandwidth_hz,
         };
-        let refined = refined(plant, &run, settings.robust_to);
-        let used = refined.as_ref().unwrap_or(plant);
+        let refined = refined(plant, &run);
+        let used = refined.as_ref().map_or(plant, |refined| &refined.plant);
+        let unexplained = refined.as_ref().map_or(1.0, |refined| refined.unexplained);
+        let robust_to = settings.robust_to * unexplained.max(KNOWN_LEAST);
+        let settings = &Settings { robust_to, ..*settings };
         let joint = joint_of(used, &transform, runs.step_s, settings);
         let before: Vec<f64> = commanded.iter().zip(wanted).map(|(c, w)| c - w).collect();
         let trusted = trusted(&transform, &errors, &error, settings);

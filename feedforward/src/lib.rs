@@ -9,7 +9,7 @@
 //! Sources: Bristow, Tharayil, Alleyne, "A survey of iterative learning control", IEEE Control Systems 26(3), 2006 (norm-optimal ILC, robust monotonic
 //! convergence `|1 − L G| < 1`); Wiener's filter for what noise hides.
 //!
-//! Read in this order: [`plant`], [`inverse`], [`step`], [`mod@preview`], `identify` (a plant's numbers from a run), [`grid`], [`measured`], [`mod@learn`], [`tool`].
+//! Read in this order: [`plant`], [`inverse`], [`step`], [`mod@preview`], [`identify`], [`grid`], [`measured`], [`mod@learn`], [`tool`].
 //!
 //! Promises: same input, same bits. Never: a file, a clock, a cycle of the daemon. Couplings between joints through inertia are not modelled;
 //! what of the model is left out is listed ([`plant::Plants::left_out`]).
@@ -17,7 +17,7 @@
 pub mod error;
 mod fourier;
 pub mod grid;
-mod identify;
+pub mod identify;
 pub mod inverse;
 pub mod learn;
 pub mod measured;

@@ -1,3 +1,5 @@
+//! Even rows, rests at both ends, and what is refused.
+
 use super::*;
 
 fn recording(times_s: &[f64], position: impl Fn(f64) -> f64) -> Recording {

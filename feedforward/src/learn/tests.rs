@@ -1,3 +1,5 @@
+//! Learning on a joint that is integrated in time: it converges, never diverges, and leaves noise alone.
+
 use super::*;
 use crate::plant::{Mode, Plant, Uncertain};
 use crate::virtual_joint::{VirtualJoint, corners, largest, off, rms};
@@ -108,6 +110,29 @@ fn three_runs_after_a_preview_leave_a_tenth() {
             largest(&after)
         );
     }
+}
+
+#[test]
+fn a_run_shows_the_plant_that_made_it() {
+    let path = corners(STEP_S, &[(0.1, 1.0), (-0.1, 0.8), (0.05, 0.7)]);
+    let off = |value: f64| value * 0.8;
+    let believed = VirtualJoint {
+        delay_s: off(JOINT.delay_s),
+        lag_s: off(JOINT.lag_s),
+        frequency_hz: off(JOINT.frequency_hz),
+        ..JOINT
+    };
+    let plants = plants(&believed, 0.1);
+    let mut cell =
+        Cell { truth: JOINT, plants: &plants, path: &path, noise: Noise(7), sigma: 1e-5 };
+    let commanded = previewed(&plants, &path);
+    let learned = cell.next(&commanded, 1).joints.remove(0).expect("learned");
+    let found = learned.refined.expect("the model explains it far worse").plant;
+    let near = |found: f64, truth: f64, share: f64| {
+        assert!((found / truth - 1.0).abs() < share, "{found} {truth}")
+    };
+    near(found.modes[0].frequency_hz.value, JOINT.frequency_hz, 0.01);
+    near(found.delays_s[0].value + found.lags_s[0].value, JOINT.delay_s + JOINT.lag_s, 0.01);
 }
 
 #[test]

@@ -1,3 +1,5 @@
+//! Clocks, frames and what is refused of a measurement.
+
 use super::*;
 use physics::frame::rotation_from_vector;
 use recording::model::RobotModel;

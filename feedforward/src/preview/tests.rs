@@ -1,3 +1,5 @@
+//! Preview compensation on a joint that is integrated in time: what it inverts, what it never makes worse, which limits hold.
+
 use super::*;
 use crate::plant::{Mode, Uncertain};
 use crate::virtual_joint::{VirtualJoint, corners, largest, off, rms};

@@ -262,7 +262,7 @@ fn report(
             error: 1e3 * largest(&learned.error),
             error_rms: 1e3 * rms(&learned.error),
             repeatability: learned.repeatability.map(|deviation| 1e3 * deviation),
-            by_run: learned.refined.as_ref().map(ByRun::of),
+            by_run: learned.refined.as_ref().map(|refined| ByRun::of(&refined.plant)),
             next: OfJoint::of(at, *kind, &learned.next),
         })
     });
