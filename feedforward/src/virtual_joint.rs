@@ -1,5 +1,7 @@
 //! A joint in the time domain, for tests: a delay line, lags and modes integrated by Runge and Kutta's method. No line of it is shared with the inverse.
 
+use crate::Settings;
+
 /// The numbers of a joint with one lag and one mode.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct VirtualJoint {
@@ -8,6 +10,23 @@ pub(crate) struct VirtualJoint {
     pub(crate) frequency_hz: f64,
     pub(crate) damping_ratio: f64,
     pub(crate) participation: f64,
+}
+
+/// Of the tests' paths, s.
+pub(crate) const STEP_S: f64 = 4e-3;
+
+/// The joint of the tests: 30 ms of delay and lag, a mode of 8 Hz.
+pub(crate) const JOINT: VirtualJoint = VirtualJoint {
+    delay_s: 0.0177,
+    lag_s: 0.0123,
+    frequency_hz: 8.0,
+    damping_ratio: 0.02,
+    participation: 1.0,
+};
+
+/// The defaults of the command line.
+pub(crate) fn settings() -> Settings {
+    Settings::with_limits(0.2, 1.0, 5000.0).expect("sound")
 }
 
 /// Steps of the integration in one sample.

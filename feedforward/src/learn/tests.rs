@@ -2,21 +2,8 @@
 
 use super::*;
 use crate::plant::{Mode, Plant, Uncertain};
-use crate::virtual_joint::{VirtualJoint, corners, largest, off, rms};
+use crate::virtual_joint::{JOINT, STEP_S, VirtualJoint, corners, largest, off, rms, settings};
 use proptest::prelude::*;
-
-const STEP_S: f64 = 4e-3;
-const JOINT: VirtualJoint = VirtualJoint {
-    delay_s: 0.0177,
-    lag_s: 0.0123,
-    frequency_hz: 8.0,
-    damping_ratio: 0.02,
-    participation: 1.0,
-};
-
-fn settings() -> Settings {
-    Settings::with_limits(0.2, 1.0, 5000.0).expect("sound")
-}
 
 fn plants(of: &VirtualJoint, sigma: f64) -> Plants {
     let number = |value: f64| Uncertain { value, sigma: sigma * value };

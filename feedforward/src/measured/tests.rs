@@ -1,19 +1,15 @@
 //! Clocks, frames and what is refused of a measurement.
 
 use super::*;
+use crate::virtual_joint::{STEP_S, settings};
 use physics::frame::rotation_from_vector;
 use recording::model::RobotModel;
 use std::path::Path;
 
-const STEP_S: f64 = 4e-3;
 const ROWS: usize = 600;
 
 fn arm() -> Arm {
     RobotModel::read(Path::new("irb1600-6-145")).expect("a preset").physics.arm
-}
-
-fn settings() -> Settings {
-    Settings::with_limits(0.2, 1.0, 5000.0).expect("sound")
 }
 
 fn times_s() -> Vec<f64> {

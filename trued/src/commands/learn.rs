@@ -12,6 +12,7 @@ use feedforward::plant::{Plant, Plants, Uncertain};
 use feedforward::preview::{check_joint_limits, lead_s};
 use feedforward::{Settings, grid, learn};
 use physics::JointKind;
+use recording::cell::CellConfig;
 use recording::series::{self, Need, Recording};
 use recording::unit::Unit;
 use serde::Serialize;
@@ -32,6 +33,9 @@ use crate::output::Console;
 pub(crate) struct Learn {
     #[command(flatten)]
     reading: Reading,
+    /// The cell that PATH was corrected in, where `trued correct` was given one
+    #[arg(long, value_name = "CELL.toml")]
+    config: Option<PathBuf>,
     /// Where the next commands go; if not given, `NAME.next.csv` in the present folder
     #[arg(long, value_name = "FILE.csv")]
     out: Option<PathBuf>,
@@ -119,14 +123,16 @@ impl Learn {
         let out = self.out.clone().unwrap_or_else(|| next_to(&self.path));
         let mut outputs = console.outputs().file(&out);
         let inputs = [&self.path].into_iter().chain(&self.measured);
-        outputs.check(inputs.chain(self.reading.files()))?;
+        outputs.check(inputs.chain(self.reading.files()).chain(&self.config))?;
         let settings = self.in_time.settings()?;
         // The table is ours; the mapping is of what was measured.
         let ours = Reading { mapping: None, ..self.reading.clone() };
-        let mut input = ours.read(&self.path, None)?;
+        let cell = self.config.as_deref().map(CellConfig::read).transpose().map_err(unusable)?;
+        let fallback = cell.as_ref().map(|cell| cell.model.as_path());
+        let mut input = ours.read(&self.path, fallback)?;
         let plants = plants(&input, &settings)?;
         let commanded = put_on_grid(&mut input, &plants, &settings)?;
-        let mut corrections = correct(&input, cycle(None, None, &input)?)?;
+        let mut corrections = correct(&input, cycle(self.config.as_deref(), cell, &input)?)?;
         let wanted = settled(&corrections)?;
         let commanded = commanded.unwrap_or_else(|| wanted.clone());
         let step_s = grid::median_step_s(&input.recording.t_s).map_err(Failure::input)?;
